@@ -1,0 +1,1 @@
+# Install and export rules: see the helper of this file's name.

@@ -1,0 +1,94 @@
+#pragma once
+
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "inceres/export.h"
+
+namespace inceres {
+
+/// How an ambient Jacobian of one variable becomes a tangent one at the current linearisation point:
+/// J_tangent = J_ambient · M with M = ∂(x ⊞ δ)/∂δ (ambient_size × tangent_size). The graph classifies M once per variable and
+/// linearisation, so that the common cases cost a copy instead of a product.
+struct TangentMap {
+  enum class Kind : unsigned char {
+    kConstant,   ///< the variable is held constant: its Jacobian must not be written
+    kIdentity,   ///< M = I: copy
+    kSelection,  ///< every column of M is a unit vector: column j is ambient column selection[j]
+    kDense,      ///< anything else: multiply by plus_jacobian
+  };
+  Kind kind = Kind::kIdentity;
+  int ambient_size = 0;
+  int tangent_size = 0;
+  const double* plus_jacobian = nullptr;  ///< M, row-major; kSelection and kDense only
+  const int* selection = nullptr;         ///< tangent_size indices; kSelection only
+};
+
+/// Where the tangent Jacobians of one slot go: entry (r, c) of factor i is data[i · factor_stride + r · row_stride + c].
+/// row_stride ≥ tangent size; the columns beyond the tangent size are zero and must stay so.
+struct JacobianView {
+  double* data = nullptr;
+  std::ptrdiff_t factor_stride = 0;
+  int row_stride = 0;
+};
+
+/// One call's worth of work: the factors [begin, end) of a family. Index i below always counts from the family's first factor.
+struct FactorBatch {
+  int begin = 0;
+  int end = 0;
+  const double* const* parameters = nullptr;         ///< parameters[i · num_slots + s]: the ambient values of slot s
+  const TangentMap* const* tangent_maps = nullptr;   ///< same index; null for a cost-only evaluation
+  double* residuals = nullptr;                       ///< residuals[i · residual_size + r], to be written
+  const JacobianView* jacobians = nullptr;           ///< one view a slot, to be written; null for a cost-only evaluation
+};
+
+/// Names the factor that could not be evaluated; `factor` is negative on success.
+struct EvaluationFailure {
+  int factor = -1;
+  const char* reason = "";  ///< static string
+  bool failed() const { return factor >= 0; }
+};
+
+/// Like factors stored together: same residual size, same ambient and tangent size in every slot. This is the seam between
+/// the solver and every kind of measurement: one virtual call evaluates a *range* of factors, so built-in families loop over
+/// plain arrays and foreign ones (a user's cost functions) pay one indirect call a range.
+///
+/// A family owns the measurements; the FactorGraph owns the connections (which variables factor i touches) and the losses.
+/// Evaluate writes residuals and *tangent* Jacobians, both before any robust loss. A family whose formulas give ambient
+/// Jacobians derives from AmbientFamily (graph/ambient_family.h), which projects.
+///
+/// Threads: Evaluate is called concurrently, on disjoint ranges, when the solver runs with several threads, and only from the
+/// solving thread when it runs with one.
+class INCERES_EXPORT FactorFamily {
+ public:
+  struct Slot {
+    int ambient_size = 0;
+    int tangent_size = 0;
+  };
+
+  FactorFamily(int residual_size, std::vector<Slot> slots) : residual_size_(residual_size), slots_(std::move(slots)) {}
+  virtual ~FactorFamily() = default;
+  FactorFamily(const FactorFamily&) = delete;
+  FactorFamily& operator=(const FactorFamily&) = delete;
+
+  int residual_size() const { return residual_size_; }
+  int num_slots() const { return static_cast<int>(slots_.size()); }
+  const Slot& slot(int s) const { return slots_[static_cast<std::size_t>(s)]; }
+
+  /// Number of factors whose measurements the family holds.
+  virtual int size() const = 0;
+
+  /// What error messages call a factor of this family, for example "BAL reprojection".
+  virtual const char* Name() const = 0;
+
+  /// Evaluates the factors [batch.begin, batch.end). Must write every residual, and every Jacobian of a variable that is not
+  /// constant. On failure names the first factor that failed; what was written is then ignored.
+  virtual EvaluationFailure Evaluate(const FactorBatch& batch) const = 0;
+
+ private:
+  int residual_size_;
+  std::vector<Slot> slots_;
+};
+
+}  // namespace inceres

@@ -1,0 +1,92 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "inceres/export.h"
+
+namespace inceres {
+
+enum class Termination {
+  kConvergence,    ///< a tolerance was reached
+  kNoConvergence,  ///< iteration or time limit; the state is the best found
+  kFailure,        ///< the state is what it was before the solve; `message` names the cause
+  kUserSuccess,    ///< an observer asked to stop and keep the result
+  kUserFailure,    ///< an observer asked to abort: the state is what it was before the solve
+};
+
+/// "CONVERGENCE", "NO_CONVERGENCE", … as Ceres prints them.
+INCERES_EXPORT const char* ToString(Termination termination);
+
+/// One line of the trace. Fields mean what ceres::IterationSummary's do (Ceres 2.1), iteration 0 being the start.
+struct INCERES_EXPORT IterationSummary {
+  int iteration = 0;
+  bool step_is_valid = false;
+  bool step_is_successful = false;
+  bool step_is_nonmonotonic = false;
+  double cost = 0.0;               ///< of the new state if accepted, of the candidate if rejected; with fixed cost
+  double cost_change = 0.0;        ///< cost before − candidate cost
+  double gradient_max_norm = 0.0;  ///< max |x − (x ⊞ −g)|
+  double gradient_norm = 0.0;      ///< ‖x − (x ⊞ −g)‖
+  double step_norm = 0.0;          ///< ‖x − candidate‖, ambient
+  double relative_decrease = 0.0;  ///< actual / predicted decrease
+  double trust_region_radius = 0.0;
+  double eta = 0.0;
+  int linear_solver_iterations = 0;
+  double iteration_time_in_seconds = 0.0;
+  double step_solver_time_in_seconds = 0.0;
+  double cumulative_time_in_seconds = 0.0;
+};
+
+/// Seconds per stage of the solve, named as the folders that do the work.
+struct INCERES_EXPORT StageSeconds {
+  double setup = 0.0;              ///< layout, patterns, symbolic analysis
+  double residuals = 0.0;          ///< cost-only evaluations
+  double jacobians = 0.0;          ///< evaluations with Jacobians, loss correction
+  double hessian = 0.0;            ///< H and gradient from Jacobians
+  double elimination = 0.0;        ///< landmarks into S and b
+  double factorization = 0.0;      ///< Cholesky (or QR) of the reduced system, its solve
+  double back_substitution = 0.0;  ///< landmark steps
+  double model_cost = 0.0;         ///< the pass over J that predicts the decrease
+  double total = 0.0;
+};
+
+/// How much work a solve was: counts that do not depend on the machine.
+struct INCERES_EXPORT WorkCounts {
+  int num_residual_evaluations = 0;  ///< cost-only passes over the factors
+  int num_jacobian_evaluations = 0;
+  int num_linear_solves = 0;
+  int num_factorizations = 0;
+  int num_frames = 0;                ///< variable frames in the reduced system
+  int num_landmarks = 0;             ///< eliminated landmarks
+  int reduced_size = 0;              ///< scalar unknowns of the reduced system
+  std::int64_t num_schur_products = 0;        ///< block products per elimination
+  std::int64_t num_dynamic_size_factors = 0;  ///< factors served by the dynamic instead of a compile-time kernel
+  std::int64_t bytes = 0;                     ///< arrays of the solver: Jacobians, H, S, factor
+};
+
+/// What happened. Everything a caller needs to act on a failure is here; nothing is only logged.
+struct INCERES_EXPORT Summary {
+  Termination termination = Termination::kFailure;
+  std::string message = "inceres::Solve was not called.";
+  double initial_cost = -1.0;  ///< with fixed cost; -1 if the start could not be evaluated
+  double final_cost = -1.0;
+  double fixed_cost = 0.0;
+  std::vector<IterationSummary> iterations;
+  int num_successful_steps = -1;
+  int num_unsuccessful_steps = -1;
+  std::string reduced_solver;  ///< name of the solver of the reduced system
+  const char* kernels = "";    ///< instruction set of the kernels used: "generic", "avx2", "avx512"
+  WorkCounts work;
+  StageSeconds seconds;
+
+  bool IsSolutionUsable() const {
+    return termination == Termination::kConvergence || termination == Termination::kNoConvergence ||
+           termination == Termination::kUserSuccess;
+  }
+  /// Termination, costs, iterations, counts and seconds as one JSON object.
+  std::string ToJson() const;
+};
+
+}  // namespace inceres
