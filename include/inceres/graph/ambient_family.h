@@ -99,7 +99,8 @@ class AmbientFamily : public FactorFamily {
       if (!derived.EvaluateOne(i, parameters, residuals, nullptr)) {
         return {i, "the cost function returned false"};
       }
-      return IsValid(residuals, residual_size()) ? EvaluationFailure{} : EvaluationFailure{i, "a residual is not finite or was not written"};
+      return IsValid(residuals, residual_size()) ? EvaluationFailure{}
+                                                 : EvaluationFailure{i, "a residual is not finite or was not written"};
     }
     const TangentMap* const* maps = batch.tangent_maps + first_slot;
     for (int s = 0; s < num_slots(); ++s) {

@@ -30,18 +30,20 @@ enum class Role : std::uint8_t { kFrame, kLandmark };
 /// Source: algorithms.md section 1; Dellaert & Kaess, "Factor Graphs for Robot Perception", 2017.
 class INCERES_EXPORT FactorGraph {
  public:
-  /// Adds a variable with ambient_size values, which are copied. A null manifold means Euclidean.
-  VariableId AddVariable(const double* values, int ambient_size, Role role,
-                         std::shared_ptr<const Manifold> manifold = nullptr);
+  /// Adds a variable with ambient_size values, which are copied (they must not lie in this graph's own state). A null manifold
+  /// means Euclidean. Cost: no allocation beyond the growth of two vectors.
+  VariableId AddVariable(const double* values, int ambient_size, Role role, std::shared_ptr<const Manifold> manifold = nullptr);
 
-  /// Adds a constant whose values are *borrowed*: read in place at each evaluation, never written. `values` must outlive the graph's last solve.
+  /// Adds a constant whose values are *borrowed*: read in place at each evaluation, never written. `values` must outlive the
+  /// graph's last solve. Its tangent size is 0 and it stays constant whatever SetConstant says.
   VariableId AddBorrowedConstant(const double* values, int ambient_size);
 
   /// Adds a family; its factors are connected with Connect, in the family's order.
   FamilyId AddFamily(std::shared_ptr<const FactorFamily> family);
 
   /// Connects the family's next factor to one variable per slot, with a loss (null: ½‖f‖²). Returns the factor's index in the
-  /// family. `variables` has family.num_slots() entries.
+  /// family. `variables` has family.num_slots() entries. Cost: no allocation beyond the growth of a vector; losses cost nothing
+  /// while no factor of the family has one.
   int Connect(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss = nullptr);
 
   /// Adds the measurement to a built-in family and connects it: graph.AddFactor(id, family, measurement, {camera, point}, loss).
@@ -54,6 +56,7 @@ class INCERES_EXPORT FactorGraph {
 
   void SetConstant(VariableId id, bool constant) { variables_[Index(id)].constant = constant; }
   void SetRole(VariableId id, Role role) { variables_[Index(id)].role = role; }
+  /// Overwrites the values of a variable the graph owns; borrowed values are their owner's to change, so those are left alone.
   void SetValues(VariableId id, const double* values);
   void Reserve(int num_variables, int num_values);
 
@@ -65,17 +68,25 @@ class INCERES_EXPORT FactorGraph {
   int TangentSize(VariableId id) const { return variables_[Index(id)].tangent_size; }
   Role role(VariableId id) const { return variables_[Index(id)].role; }
   /// True if held constant by SetConstant, borrowed, or of tangent size 0.
-  bool IsConstant(VariableId id) const;
+  bool IsConstant(VariableId id) const { return variables_[Index(id)].constant || variables_[Index(id)].tangent_size == 0; }
   const Manifold* manifold(VariableId id) const { return variables_[Index(id)].manifold.get(); }
-  const double* Values(VariableId id) const;
+  const double* Values(VariableId id) const { return ValuesIn(state_.data(), id); }
 
   const FactorFamily& family(FamilyId id) const { return *families_[Index(id)].family; }
   /// Number of *connected* factors of the family.
-  int NumFactors(FamilyId id) const;
+  int NumFactors(FamilyId id) const { return families_[Index(id)].num_factors; }
   /// The variables of factor i: num_slots entries.
-  const VariableId* Variables(FamilyId id, int factor) const;
-  const Loss* loss(FamilyId id, int factor) const { return families_[Index(id)].losses[Index(factor)].get(); }
-  bool HasLosses(FamilyId id) const { return families_[Index(id)].has_losses; }
+  const VariableId* Variables(FamilyId id, int factor) const {
+    const FamilyRecord& record = families_[Index(id)];
+    return record.variables.data() + Index(factor) * Index(record.family->num_slots());
+  }
+  /// The factor's loss; null means ½‖f‖².
+  const Loss* loss(FamilyId id, int factor) const {
+    const FamilyRecord& record = families_[Index(id)];
+    return record.losses.empty() ? nullptr : record.losses[Index(factor)].get();
+  }
+  /// True if any factor of the family has a loss.
+  bool HasLosses(FamilyId id) const { return !families_[Index(id)].losses.empty(); }
 
   /// All owned values, one variable after the other in order of addition: what the solver copies, moves and writes back.
   const std::vector<double>& state() const { return state_; }
@@ -83,11 +94,15 @@ class INCERES_EXPORT FactorGraph {
   /// Offset of the variable's values in the state, or -1 if they are borrowed.
   std::int64_t StateOffset(VariableId id) const { return variables_[Index(id)].offset; }
   /// The values of a variable in a given state vector (in borrowed memory for a borrowed constant).
-  const double* ValuesIn(const double* state, VariableId id) const;
+  const double* ValuesIn(const double* state, VariableId id) const {
+    const VariableRecord& variable = variables_[Index(id)];
+    return variable.offset < 0 ? variable.borrowed : state + variable.offset;
+  }
 
-  /// Everything that makes the graph unsolvable, first culprit named: ids out of range, sizes that do not match a slot, a
-  /// variable twice in a factor, two variable landmarks in a factor, a landmark of tangent size above 4, values that are not finite.
-  /// Cost: one pass over factors and values.
+  /// Everything that makes the graph unsolvable, first culprit named: ids out of range, sizes that do not match a slot (of a
+  /// constant only the ambient size counts) or the manifold, a variable twice in a factor, two variable landmarks in a factor, a
+  /// variable landmark of tangent size above 4, values that are null or not finite, a family that holds more or fewer
+  /// measurements than were connected. Cost: one pass over factors and values; allocates for the message only.
   Status Validate() const;
 
   /// "factor 7 of BAL reprojection (variables 3, 112)": for messages.
@@ -95,7 +110,7 @@ class INCERES_EXPORT FactorGraph {
 
  private:
   struct VariableRecord {
-    std::int64_t offset = 0;            // into state_, or -1
+    std::int64_t offset = 0;  // into state_, or -1
     const double* borrowed = nullptr;
     std::shared_ptr<const Manifold> manifold;
     int ambient_size = 0;
@@ -105,13 +120,22 @@ class INCERES_EXPORT FactorGraph {
   };
   struct FamilyRecord {
     std::shared_ptr<const FactorFamily> family;
-    std::vector<VariableId> variables;  // factor-major, num_slots each
-    std::vector<std::shared_ptr<const Loss>> losses;
-    bool has_losses = false;
+    std::vector<VariableId> variables;                // factor-major, num_slots each
+    std::vector<std::shared_ptr<const Loss>> losses;  // empty while no factor has one, else one a factor
+    int num_factors = 0;
+  };
+  enum class Fault : std::uint8_t { kNone, kDanglingId, kAmbientSize, kTangentSize, kRepeated, kTwoLandmarks };
+  struct FactorFault {
+    Fault fault = Fault::kNone;
+    int slot = 0;  // the slot at fault; for a pair the later one
   };
 
   static std::size_t Index(std::int32_t id) { return static_cast<std::size_t>(id); }
-  Status ValidateFactor(FamilyId id, int factor) const;
+  FactorFault FindFault(const FamilyRecord& record, int factor) const;
+  Status ValidateVariable(VariableId id) const;
+  Status ValidateValues() const;
+  Status ValidateFamily(FamilyId id) const;
+  Status DescribeFault(FamilyId id, int factor, FactorFault fault) const;
 
   std::vector<VariableRecord> variables_;
   std::vector<FamilyRecord> families_;
