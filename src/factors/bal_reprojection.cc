@@ -1,0 +1,193 @@
+#include "inceres/factors/bal_reprojection.h"
+
+#include <cmath>
+#include <cstdint>
+
+#include "inceres/graph/ambient_family.h"
+#include "inceres/graph/rotation.h"
+
+namespace inceres {
+namespace {
+
+constexpr int kCameraSize = 9;
+constexpr int kPointSize = 3;
+
+struct CameraRotation {
+  double R[9];    // Exp(w)
+  double J_l[9];  // left Jacobian: ∂(Exp(w) X)/∂w = −[Exp(w) X]× J_l
+};
+
+// Remembers the rotations of the cameras seen last, so that most factors need no sine. Direct-mapped by address and valid for
+// one Evaluate call only: parameters do not change within a call, but may between calls.
+template <bool kWithJacobians>
+class RotationCache {
+ public:
+  const CameraRotation& Get(const double* camera) {
+    // Fibonacci hashing: cameras lie at regular distances in the state, and a product spreads those evenly.
+    const std::uint64_t hash = (reinterpret_cast<std::uintptr_t>(camera) >> 3) * std::uint64_t{0x9E3779B97F4A7C15};
+    const std::size_t entry = static_cast<std::size_t>(hash >> (64 - kBits));
+    if (keys_[entry] != camera) {
+      keys_[entry] = camera;
+      Compute(camera, rotations_[entry]);
+    }
+    return rotations_[entry];
+  }
+
+ private:
+  static constexpr int kBits = 7;
+
+  static void Compute(const double* w, CameraRotation& rotation) {
+    const RotationCoefficients k = CoefficientsOfAngle(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+    RotationPolynomial(w, k.sinc, k.cosc, rotation.R);
+    if (kWithJacobians) {
+      RotationPolynomial(w, k.cosc, k.sinq, rotation.J_l);
+    }
+  }
+
+  const double* keys_[1 << kBits] = {};
+  CameraRotation rotations_[1 << kBits];  // not initialised: an entry is read after its key was set
+};
+
+// The values of one projection that both the residual and the Jacobians need.
+struct Projection {
+  double Y[3];  // R X
+  double minus_inverse_depth;
+  double p[2];
+  double r2;
+  double distortion;
+};
+
+inline Projection Project(const CameraRotation& rotation, const double* camera, const double* X) {
+  Projection v;
+  MultiplyMatrixVector(rotation.R, X, v.Y);
+  v.minus_inverse_depth = -1.0 / (v.Y[2] + camera[5]);
+  v.p[0] = (v.Y[0] + camera[3]) * v.minus_inverse_depth;
+  v.p[1] = (v.Y[1] + camera[4]) * v.minus_inverse_depth;
+  v.r2 = v.p[0] * v.p[0] + v.p[1] * v.p[1];
+  v.distortion = 1.0 + v.r2 * (camera[7] + camera[8] * v.r2);
+  return v;
+}
+
+// A[r] = ∂residual_r/∂P. With D = 1 + k1 r² + k2 r⁴ and D' = dD/d(r²):
+//     ∂residual/∂p = f (D I + 2 D' p pᵀ),   ∂p/∂P = −1/P_z [I | p].
+inline void DifferentiateProjection(const Projection& v, const double* camera, double A[2][3]) {
+  const double f = camera[6];
+  const double two_slope = 2.0 * (camera[7] + 2.0 * camera[8] * v.r2);
+  const double scale = f * v.minus_inverse_depth;
+  const double diagonal = scale * v.distortion;
+  const double s0 = scale * two_slope * v.p[0];
+  const double s1 = scale * two_slope * v.p[1];
+  A[0][0] = diagonal + s0 * v.p[0];
+  A[0][1] = A[1][0] = s0 * v.p[1];
+  A[1][1] = diagonal + s1 * v.p[1];
+  A[0][2] = A[0][0] * v.p[0] + A[0][1] * v.p[1];
+  A[1][2] = A[1][0] * v.p[0] + A[1][1] * v.p[1];
+}
+
+// row = aᵀ M for a row-major 3×3 matrix; returns the sum of the entries, which is finite only if all are.
+inline double MultiplyRow(const double a[3], const double M[9], double* row) {
+  const double r0 = a[0] * M[0] + a[1] * M[3] + a[2] * M[6];
+  const double r1 = a[0] * M[1] + a[1] * M[4] + a[2] * M[7];
+  const double r2 = a[0] * M[2] + a[1] * M[5] + a[2] * M[8];
+  row[0] = r0;
+  row[1] = r1;
+  row[2] = r2;
+  return r0 + r1 + r2;
+}
+
+// One row of the camera's Jacobian: a = ∂residual_r/∂P, and aᵀ(−[Y]×) J_l = (Y × a)ᵀ J_l.
+inline double WriteCameraRow(const Projection& v, const CameraRotation& rotation, double f, const double a[3], double p,
+                             double* row) {
+  double torque[3];
+  Cross(v.Y, a, torque);
+  double sum = MultiplyRow(torque, rotation.J_l, row);
+  row[3] = a[0];
+  row[4] = a[1];
+  row[5] = a[2];
+  row[6] = v.distortion * p;
+  row[7] = f * v.r2 * p;
+  row[8] = row[7] * v.r2;
+  sum += (a[0] + a[1] + a[2]) + (row[6] + row[7] + row[8]);
+  return sum;
+}
+
+// Where a formula writes the ambient Jacobian of a slot: at its destination if the tangent map is the identity.
+struct Target {
+  Target(const TangentMap& tangent_map, const JacobianView& view, int factor, double* scratch, int ambient_size)
+      : map(tangent_map), destination(view.data + factor * view.factor_stride), destination_stride(view.row_stride) {
+    const bool direct = map.kind == TangentMap::Kind::kIdentity;
+    ambient = direct ? destination : scratch;
+    ambient_stride = direct ? destination_stride : ambient_size;
+  }
+  bool wanted() const { return map.kind != TangentMap::Kind::kConstant; }
+  void Finish() const {
+    if (ambient != destination) {
+      ProjectToTangentSpace(map, ambient, 2, destination, destination_stride);
+    }
+  }
+
+  const TangentMap& map;
+  double* destination;
+  double* ambient;
+  int destination_stride;
+  int ambient_stride;
+};
+
+// Returns a sum over the Jacobian entries written, which is finite only if all are.
+inline double WriteJacobians(const FactorBatch& batch, int i, const Projection& v, const CameraRotation& rotation,
+                             const double* camera) {
+  double A[2][3];
+  DifferentiateProjection(v, camera, A);
+  double sum = 0.0;
+  double scratch[2 * kCameraSize];
+  const TangentMap* const* maps = batch.tangent_maps + 2 * static_cast<std::ptrdiff_t>(i);
+  const Target camera_target(*maps[0], batch.jacobians[0], i, scratch, kCameraSize);
+  if (camera_target.wanted()) {
+    sum += WriteCameraRow(v, rotation, camera[6], A[0], v.p[0], camera_target.ambient);
+    sum += WriteCameraRow(v, rotation, camera[6], A[1], v.p[1], camera_target.ambient + camera_target.ambient_stride);
+    camera_target.Finish();
+  }
+  const Target point_target(*maps[1], batch.jacobians[1], i, scratch, kPointSize);
+  if (point_target.wanted()) {
+    sum += MultiplyRow(A[0], rotation.R, point_target.ambient);
+    sum += MultiplyRow(A[1], rotation.R, point_target.ambient + point_target.ambient_stride);
+    point_target.Finish();
+  }
+  return sum;
+}
+
+template <bool kWithJacobians>
+EvaluationFailure EvaluateRange(const BalReprojectionFamily::Measurement* measurements, const FactorBatch& batch) {
+  RotationCache<kWithJacobians> cache;
+  for (int i = batch.begin; i < batch.end; ++i) {
+    const double* camera = batch.parameters[2 * static_cast<std::ptrdiff_t>(i)];
+    const double* X = batch.parameters[2 * static_cast<std::ptrdiff_t>(i) + 1];
+    const CameraRotation& rotation = cache.Get(camera);
+    const Projection v = Project(rotation, camera, X);
+    double* residual = batch.residuals + 2 * static_cast<std::ptrdiff_t>(i);
+    const double focal = camera[6] * v.distortion;
+    residual[0] = focal * v.p[0] - measurements[i].x;
+    residual[1] = focal * v.p[1] - measurements[i].y;
+    if (!std::isfinite(residual[0] + residual[1])) {
+      const bool in_plane = v.Y[2] + camera[5] == 0.0;
+      return {i, in_plane ? "the point lies in the camera's plane (depth 0)" : "a residual is not finite"};
+    }
+    if (kWithJacobians && !std::isfinite(WriteJacobians(batch, i, v, rotation, camera))) {
+      return {i, "a Jacobian entry is not finite"};
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+BalReprojectionFamily::BalReprojectionFamily(int camera_tangent_size, int point_tangent_size)
+    : FactorFamily(2, {{kCameraSize, camera_tangent_size}, {kPointSize, point_tangent_size}}) {
+}
+
+EvaluationFailure BalReprojectionFamily::Evaluate(const FactorBatch& batch) const {
+  return batch.jacobians == nullptr ? EvaluateRange<false>(measurements_.data(), batch)
+                                    : EvaluateRange<true>(measurements_.data(), batch);
+}
+
+}  // namespace inceres
