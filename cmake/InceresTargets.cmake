@@ -12,7 +12,7 @@ function(inceres_set_defaults target)
   endif()
 endfunction()
 
-# One folder of src/: an object library that sees the public headers and src/.
+# One folder of src/ that becomes part of inceres::core: an object library that sees the public headers and src/.
 function(inceres_add_room name)
   add_library(inceres_${name} OBJECT ${ARGN})
   inceres_set_defaults(inceres_${name})

@@ -1,0 +1,67 @@
+#!/usr/bin/env bash
+# Installs what building and testing inceres needs on Debian 12, and makes the serial OpenBLAS the BLAS and LAPACK that programs
+# load. Does nothing, quickly, when all is there. Runs as root or through sudo; asks nothing.
+#
+#   tools/install_packages.sh
+set -euo pipefail
+
+packages=(
+  build-essential cmake ninja-build git pkg-config curl python3 ca-certificates
+  libceres-dev libeigen3-dev libsuitesparse-dev libtbb-dev libopenblas0-serial
+  libgoogle-glog-dev libgflags-dev nlohmann-json3-dev zlib1g-dev libbz2-dev
+  libgtest-dev libgmock-dev libbenchmark-dev
+  clang-format clang-tidy
+)
+
+# as_root COMMAND…: runs it with the rights to change the system.
+as_root() {
+  if [[ $(id -u) == 0 ]]; then
+    "$@"
+  elif command -v sudo > /dev/null; then
+    sudo --non-interactive env DEBIAN_FRONTEND=noninteractive "$@"
+  else
+    echo "install_packages.sh: neither root nor sudo; run as root: $*" >&2
+    return 1
+  fi
+}
+
+is_installed() {
+  [[ $(dpkg-query --show --showformat='${db:Status-Status}' "$1" 2> /dev/null) == installed ]]
+}
+
+install_missing() {
+  local package missing=()
+  for package in "${packages[@]}"; do
+    is_installed "$package" || missing+=("$package")
+  done
+  if ((${#missing[@]} == 0)); then
+    echo "install_packages.sh: all ${#packages[@]} packages are installed"
+    return
+  fi
+  echo "install_packages.sh: installing ${missing[*]}"
+  export DEBIAN_FRONTEND=noninteractive
+  as_root apt-get -qq -o DPkg::Lock::Timeout=300 update
+  as_root apt-get -qq -y -o DPkg::Lock::Timeout=300 -o Dpkg::Use-Pty=0 --no-install-recommends install "${missing[@]}" > /dev/null
+}
+
+# use_serial LIBRARY: programs load LIBRARY (libblas.so.3, liblapack.so.3) from the serial OpenBLAS. A threaded BLAS would fight
+# with the solver's own threads and make timings and last bits depend on the machine.
+use_serial() {
+  local library=$1 triplet link wanted
+  triplet=$(dpkg-architecture -qDEB_HOST_MULTIARCH 2> /dev/null || gcc -print-multiarch)
+  link=/usr/lib/$triplet/$library
+  wanted=/usr/lib/$triplet/openblas-serial/$library
+  if [[ $(readlink -f "$link") != $(readlink -f "$wanted") ]]; then
+    echo "install_packages.sh: $library was $(readlink -f "$link"); undo with: update-alternatives --auto $library-$triplet"
+    as_root update-alternatives --quiet --set "$library-$triplet" "$wanted"
+  fi
+  if [[ $(readlink -f "$link") != $(readlink -f "$wanted") ]]; then
+    echo "install_packages.sh: $link is $(readlink -f "$link"), not the serial OpenBLAS ($wanted)" >&2
+    return 1
+  fi
+  echo "install_packages.sh: $library is the serial OpenBLAS"
+}
+
+install_missing
+use_serial libblas.so.3
+use_serial liblapack.so.3

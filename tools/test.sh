@@ -1,0 +1,33 @@
+#!/usr/bin/env bash
+# Installs what is missing, builds everything and runs all tests. From any directory, from a fresh clone. Exit code 0: all passed.
+#
+#   tools/test.sh [--preset default|dev|asan|tsan] [--tests REGEX] [--without REGEX] [--warnings-as-errors] [--no-install]
+#
+# --tests and --without choose among the names that `ctest --preset NAME --show-only` prints.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+preset=default
+build_options=()
+test_options=()
+while (($# > 0)); do
+  case $1 in
+    --preset) preset=${2:?--preset needs a name}; shift ;;
+    --tests) test_options+=(--tests-regex "${2:?--tests needs a regular expression}"); shift ;;
+    --without) test_options+=(--exclude-regex "${2:?--without needs a regular expression}"); shift ;;
+    --warnings-as-errors | --no-install) build_options+=("$1") ;;
+    --help) sed -n '2,/^set/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"; exit 0 ;;
+    *) echo "test.sh: unknown option $1 (see --help)" >&2; exit 2 ;;
+  esac
+  shift
+done
+
+if ! tools/build.sh --preset "$preset" "${build_options[@]}"; then
+  echo "test.sh: FAILED to build preset $preset" >&2
+  exit 1
+fi
+if ! ctest --preset "$preset" --parallel "$(nproc)" "${test_options[@]}"; then
+  echo "test.sh: FAILED, preset $preset: the failed tests are listed above" >&2
+  exit 1
+fi
+echo "test.sh: all tests of preset $preset passed in ${SECONDS} s"
