@@ -1,0 +1,143 @@
+#include <algorithm>
+#include <climits>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "inceres/io/bal.h"
+#include "io/byte_source.h"
+#include "io/text_scanner.h"
+
+namespace inceres {
+namespace internal {
+namespace {
+
+// A count in a header may be wrong: what it says is not allocated before that much data has really come.
+constexpr std::int64_t kMaxReserved = std::int64_t{1} << 20;
+
+constexpr const char* kCameraFields[] = {"angle-axis x", "angle-axis y", "angle-axis z", "t x", "t y", "t z", "f", "k1", "k2"};
+constexpr const char* kPointFields[] = {"x", "y", "z"};
+
+class BalReader {
+ public:
+  BalReader(const std::string& path, std::unique_ptr<ByteSource> source) : scanner_(path, std::move(source)) {}
+
+  Status Read(BalProblem* problem) {
+    if (Status status = ReadHeader(problem); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadObservations(problem); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadBlocks("camera", problem->num_cameras, kCameraFields, BalProblem::kCameraSize, &problem->cameras);
+        !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadBlocks("point", problem->num_points, kPointFields, BalProblem::kPointSize, &problem->points);
+        !status.ok()) {
+      return status;
+    }
+    return scanner_.AtEnd() ? Status::Ok() : scanner_.Failure("after the last point (are the counts of the header right?)");
+  }
+
+ private:
+  Status ReadHeader(BalProblem* problem) {
+    if (Status status = ReadCount("number of cameras", &problem->num_cameras); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadCount("number of points", &problem->num_points); !status.ok()) {
+      return status;
+    }
+    return ReadCount("number of observations", &num_observations_);
+  }
+
+  Status ReadCount(const char* field, int* count) {
+    std::int64_t value = 0;
+    if (!scanner_.ScanInteger(&value)) {
+      return scanner_.Failure(field);
+    }
+    if (value < 1 || value > INT_MAX) {
+      return scanner_.FailureAt(scanner_.line(), std::string(field) + ": " + std::to_string(value) + " is not between 1 and " +
+                                                     std::to_string(INT_MAX));
+    }
+    *count = static_cast<int>(value);
+    return Status::Ok();
+  }
+
+  Status ReadObservations(BalProblem* problem) {
+    problem->observations.reserve(static_cast<std::size_t>(std::min<std::int64_t>(num_observations_, kMaxReserved)));
+    for (int i = 0; i < num_observations_; ++i) {
+      BalObservation observation;
+      if (!ReadIndex(problem->num_cameras, &observation.camera)) {
+        return IndexFailure(i, "camera", problem->num_cameras);
+      }
+      if (!ReadIndex(problem->num_points, &observation.point)) {
+        return IndexFailure(i, "point", problem->num_points);
+      }
+      if (!scanner_.ScanDouble(&observation.x)) {
+        return scanner_.Failure(Entry("observation", i, "x"));
+      }
+      if (!scanner_.ScanDouble(&observation.y)) {
+        return scanner_.Failure(Entry("observation", i, "y"));
+      }
+      problem->observations.push_back(observation);
+    }
+    return Status::Ok();
+  }
+
+  bool ReadIndex(int size, int* index) {
+    index_scanned_ = scanner_.ScanInteger(&last_index_);
+    *index = static_cast<int>(last_index_);
+    return index_scanned_ && last_index_ >= 0 && last_index_ < size;
+  }
+
+  Status IndexFailure(int observation, const char* field, int size) const {
+    const std::string entry = Entry("observation", observation, field);
+    if (!index_scanned_) {
+      return scanner_.Failure(entry);
+    }
+    return scanner_.FailureAt(
+        scanner_.line(), entry + ": index " + std::to_string(last_index_) + " is not between 0 and " + std::to_string(size - 1));
+  }
+
+  Status ReadBlocks(const char* what, int count, const char* const* fields, int size, std::vector<double>* values) {
+    values->reserve(static_cast<std::size_t>(std::min<std::int64_t>(std::int64_t{count} * size, kMaxReserved)));
+    for (int i = 0; i < count; ++i) {
+      for (int k = 0; k < size; ++k) {
+        double value = 0.0;
+        if (!scanner_.ScanDouble(&value)) {
+          return scanner_.Failure(Entry(what, i, fields[k]));
+        }
+        values->push_back(value);
+      }
+    }
+    return Status::Ok();
+  }
+
+  static std::string Entry(const char* what, int index, const char* field) {
+    return std::string(what) + " " + std::to_string(index) + ": " + field;
+  }
+
+  TextScanner scanner_;
+  int num_observations_ = 0;
+  std::int64_t last_index_ = 0;
+  bool index_scanned_ = false;
+};
+
+}  // namespace
+}  // namespace internal
+
+Status ReadBal(const std::string& path, BalProblem* problem) {
+  std::unique_ptr<internal::ByteSource> source;
+  if (Status status = internal::OpenByteSource(path, &source); !status.ok()) {
+    return status;
+  }
+  BalProblem result;
+  if (Status status = internal::BalReader(path, std::move(source)).Read(&result); !status.ok()) {
+    return status;
+  }
+  *problem = std::move(result);
+  return Status::Ok();
+}
+
+}  // namespace inceres

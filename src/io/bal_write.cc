@@ -1,0 +1,133 @@
+#include <charconv>
+#include <climits>
+#include <cmath>
+#include <memory>
+#include <string>
+
+#include "inceres/io/bal.h"
+#include "io/byte_sink.h"
+
+namespace inceres {
+namespace internal {
+namespace {
+
+constexpr std::size_t kFlushSize = std::size_t{1} << 18;
+
+// Collects text and hands it on in large pieces. The first error stays; Finish() returns it.
+class TextWriter {
+ public:
+  explicit TextWriter(ByteSink* sink) : sink_(sink) { text_.reserve(kFlushSize + 64); }
+
+  // An int or a double, in the shortest form that reads back as the same value, and what follows it.
+  template <typename Number>
+  void Put(Number value, char separator) {
+    char digits[40];
+    const auto result = std::to_chars(digits, digits + sizeof(digits), value);
+    text_.append(digits, result.ptr);
+    text_.push_back(separator);
+    if (text_.size() >= kFlushSize) {
+      Flush();
+    }
+  }
+
+  Status Finish() {
+    Flush();
+    return status_.ok() ? sink_->Finish() : status_;
+  }
+
+ private:
+  void Flush() {
+    if (status_.ok()) {
+      status_ = sink_->Write(text_.data(), text_.size());
+    }
+    text_.clear();
+  }
+
+  ByteSink* sink_;
+  std::string text_;
+  Status status_;
+};
+
+Status Invalid(const std::string& what) {
+  return Status::Error(StatusCode::kInvalidArgument, "BalProblem: " + what);
+}
+
+Status CheckIndex(std::size_t observation, const char* field, int index, int size) {
+  if (index >= 0 && index < size) {
+    return Status::Ok();
+  }
+  return Invalid("observations[" + std::to_string(observation) + "]." + field + " is " + std::to_string(index) +
+                 ", not between 0 and " + std::to_string(size - 1));
+}
+
+Status CheckValues(const char* field, const std::vector<double>& values, int count, int size) {
+  const std::size_t expected = static_cast<std::size_t>(count) * static_cast<std::size_t>(size);
+  if (values.size() != expected) {
+    return Invalid(std::string(field) + " has " + std::to_string(values.size()) + " values instead of " +
+                   std::to_string(expected));
+  }
+  for (std::size_t i = 0; i < expected; ++i) {
+    if (!std::isfinite(values[i])) {
+      return Invalid(std::string(field) + "[" + std::to_string(i) + "] is not finite");
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+}  // namespace internal
+
+Status BalProblem::Validate() const {
+  if (num_cameras < 1 || num_points < 1) {
+    return internal::Invalid("needs at least one camera and one point, has " + std::to_string(num_cameras) + " and " +
+                             std::to_string(num_points));
+  }
+  if (observations.empty() || observations.size() > INT_MAX) {
+    return internal::Invalid("has " + std::to_string(observations.size()) + " observations, not between 1 and " +
+                             std::to_string(INT_MAX));
+  }
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    const BalObservation& observation = observations[i];
+    if (Status status = internal::CheckIndex(i, "camera", observation.camera, num_cameras); !status.ok()) {
+      return status;
+    }
+    if (Status status = internal::CheckIndex(i, "point", observation.point, num_points); !status.ok()) {
+      return status;
+    }
+    if (!std::isfinite(observation.x) || !std::isfinite(observation.y)) {
+      return internal::Invalid("observations[" + std::to_string(i) + "] is not finite");
+    }
+  }
+  if (Status status = internal::CheckValues("cameras", cameras, num_cameras, kCameraSize); !status.ok()) {
+    return status;
+  }
+  return internal::CheckValues("points", points, num_points, kPointSize);
+}
+
+Status WriteBal(const std::string& path, const BalProblem& problem) {
+  if (Status status = problem.Validate(); !status.ok()) {
+    return status;
+  }
+  std::unique_ptr<internal::ByteSink> sink;
+  if (Status status = internal::OpenByteSink(path, &sink); !status.ok()) {
+    return status;
+  }
+  internal::TextWriter writer(sink.get());
+  writer.Put(problem.num_cameras, ' ');
+  writer.Put(problem.num_points, ' ');
+  writer.Put(problem.observations.size(), '\n');
+  for (const BalObservation& observation : problem.observations) {
+    writer.Put(observation.camera, ' ');
+    writer.Put(observation.point, ' ');
+    writer.Put(observation.x, ' ');
+    writer.Put(observation.y, '\n');
+  }
+  for (const std::vector<double>* values : {&problem.cameras, &problem.points}) {
+    for (const double value : *values) {
+      writer.Put(value, '\n');
+    }
+  }
+  return writer.Finish();
+}
+
+}  // namespace inceres

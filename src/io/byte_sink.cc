@@ -1,0 +1,79 @@
+#include "io/byte_sink.h"
+
+#include <cerrno>
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+#include "io/byte_source.h"
+
+namespace inceres::internal {
+
+FileSink::~FileSink() {
+  if (file_ != nullptr) {
+    std::fclose(file_);
+    if (!partial_.empty()) {
+      std::remove(partial_.c_str());
+    }
+  }
+}
+
+Status FileSink::Failure(const std::string& what) const {
+  return Status::Error(StatusCode::kIo, path_ + ": " + what + ": " + SystemError());
+}
+
+Status FileSink::Open(const std::string& path) {
+  path_ = path;
+  std::error_code error;
+  const std::filesystem::file_status existing = std::filesystem::status(path, error);
+  if (std::filesystem::is_directory(existing)) {
+    return Status::Error(StatusCode::kIo, path + ": cannot write: is a directory");
+  }
+  const bool direct = std::filesystem::exists(existing) && !std::filesystem::is_regular_file(existing);
+  if (!direct) {
+    // A link keeps pointing where it points: the file behind it is what is replaced.
+    if (std::filesystem::path target = std::filesystem::canonical(path, error); !error) {
+      path_ = target.string();
+    }
+    partial_ = path_ + ".partial";
+  }
+  file_ = std::fopen(direct ? path_.c_str() : partial_.c_str(), "wb");
+  return file_ != nullptr ? Status::Ok() : Failure("cannot open for writing");
+}
+
+Status FileSink::Write(const char* data, std::size_t size) {
+  return std::fwrite(data, 1, size, file_) == size ? Status::Ok() : Failure("cannot write");
+}
+
+Status FileSink::Finish() {
+  if (std::fflush(file_) != 0) {
+    return Failure("cannot write");
+  }
+  // Closing may be what reports a full quota or a lost network disk.
+  const bool closed = std::fclose(std::exchange(file_, nullptr)) == 0;
+  if (closed && (partial_.empty() || std::rename(partial_.c_str(), path_.c_str()) == 0)) {
+    return Status::Ok();
+  }
+  Status failure = Failure(closed ? "cannot rename the finished file to this name" : "cannot write");
+  if (!partial_.empty()) {
+    std::remove(partial_.c_str());
+  }
+  return failure;
+}
+
+Status OpenByteSink(const std::string& path, std::unique_ptr<ByteSink>* sink) {
+  auto file = std::make_unique<FileSink>();
+  if (Status status = file->Open(path); !status.ok()) {
+    return status;
+  }
+  if (EndsWith(path, ".gz")) {
+    *sink = MakeGzipSink(std::move(file));
+  } else if (EndsWith(path, ".bz2")) {
+    *sink = MakeBzip2Sink(std::move(file));
+  } else {
+    *sink = std::move(file);
+  }
+  return Status::Ok();
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "inceres/status.h"
+
+namespace inceres::internal {
+
+/// A stream of bytes to read from: a file, or a decoder on top of one.
+class ByteSource {
+ public:
+  virtual ~ByteSource() = default;
+  /// Fills up to `capacity` bytes and sets `*size`; 0 means the end. An error is kIo and its message does not name the file:
+  /// the caller knows where in the text it happened.
+  virtual Status Read(char* buffer, std::size_t capacity, std::size_t* size) = 0;
+};
+
+/// The bytes of a file as they are.
+class FileSource : public ByteSource {
+ public:
+  ~FileSource() override;
+  Status Open(const std::string& path);
+  Status Read(char* buffer, std::size_t capacity, std::size_t* size) override;
+
+ private:
+  std::FILE* file_ = nullptr;
+};
+
+std::unique_ptr<ByteSource> MakeGzipSource(std::unique_ptr<ByteSource> compressed);
+std::unique_ptr<ByteSource> MakeBzip2Source(std::unique_ptr<ByteSource> compressed);
+
+/// Opens a file for reading, with the decoder its name asks for (.gz, .bz2). The message of a failure names the file.
+Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source);
+
+/// How the system explains the current errno.
+std::string SystemError();
+
+bool EndsWith(const std::string& text, const std::string& suffix);
+
+}  // namespace inceres::internal

@@ -1,0 +1,158 @@
+#include <bzlib.h>
+
+#include <algorithm>
+#include <array>
+#include <climits>
+#include <string>
+#include <utility>
+
+#include "io/byte_sink.h"
+#include "io/byte_source.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr std::size_t kBufferSize = std::size_t{1} << 16;
+constexpr int kBlockSize = 9;  // x 100 kB, the default of the bzip2 command
+
+unsigned Clamp(std::size_t size) {
+  return static_cast<unsigned>(std::min<std::size_t>(size, INT_MAX));
+}
+
+// One or several bzip2 streams, one after the other, as parallel compressors write them.
+class Bzip2Source : public ByteSource {
+ public:
+  explicit Bzip2Source(std::unique_ptr<ByteSource> compressed) : compressed_(std::move(compressed)) {}
+  ~Bzip2Source() override { BZ2_bzDecompressEnd(&stream_); }
+
+  Status Read(char* buffer, std::size_t capacity, std::size_t* size) override {
+    *size = 0;
+    stream_.next_out = buffer;
+    stream_.avail_out = Clamp(capacity);
+    const unsigned wanted = stream_.avail_out;
+    while (stream_.avail_out == wanted) {
+      if (Status status = Refill(); !status.ok()) {
+        return status;
+      }
+      if (stream_.avail_in == 0) {  // end of the file
+        return any_stream_ && !running_ ? Status::Ok() : Status::Error(StatusCode::kIo, "the bzip2 data is truncated");
+      }
+      if (Status status = Start(); !status.ok()) {
+        return status;
+      }
+      const int result = BZ2_bzDecompress(&stream_);
+      if (result == BZ_STREAM_END) {
+        running_ = false;
+      } else if (result != BZ_OK) {
+        return Status::Error(StatusCode::kIo, "the bzip2 data is corrupt" + Reason(result));
+      }
+    }
+    *size = wanted - stream_.avail_out;
+    return Status::Ok();
+  }
+
+ private:
+  // The library has no reset: each stream gets a fresh decoder, which keeps the place in the input and output.
+  Status Start() {
+    if (running_) {
+      return Status::Ok();
+    }
+    bz_stream place = stream_;
+    BZ2_bzDecompressEnd(&stream_);
+    stream_ = bz_stream{};
+    if (BZ2_bzDecompressInit(&stream_, 0, 0) != BZ_OK) {
+      return Status::Error(StatusCode::kIo, "libbz2 cannot start (out of memory?)");
+    }
+    stream_.next_in = place.next_in;
+    stream_.avail_in = place.avail_in;
+    stream_.next_out = place.next_out;
+    stream_.avail_out = place.avail_out;
+    running_ = any_stream_ = true;
+    return Status::Ok();
+  }
+
+  Status Refill() {
+    if (stream_.avail_in > 0) {
+      return Status::Ok();
+    }
+    std::size_t size = 0;
+    Status status = compressed_->Read(input_.data(), input_.size(), &size);
+    stream_.next_in = input_.data();
+    stream_.avail_in = static_cast<unsigned>(size);
+    return status;
+  }
+
+  static std::string Reason(int result) {
+    return result == BZ_DATA_ERROR_MAGIC ? " (no bzip2 header)" : result == BZ_DATA_ERROR ? " (checksum or block)" : "";
+  }
+
+  std::unique_ptr<ByteSource> compressed_;
+  bz_stream stream_{};
+  bool running_ = false;     // inside a stream
+  bool any_stream_ = false;  // an empty file is no bzip2 file
+  std::array<char, kBufferSize> input_;
+};
+
+class Bzip2Sink : public ByteSink {
+ public:
+  explicit Bzip2Sink(std::unique_ptr<ByteSink> file) : file_(std::move(file)) {
+    ready_ = BZ2_bzCompressInit(&stream_, kBlockSize, 0, 0) == BZ_OK;
+  }
+  ~Bzip2Sink() override { BZ2_bzCompressEnd(&stream_); }
+
+  Status Write(const char* data, std::size_t size) override {
+    while (size > 0) {
+      const unsigned piece = Clamp(size);
+      stream_.next_in = const_cast<char*>(data);
+      stream_.avail_in = piece;
+      while (stream_.avail_in > 0) {
+        if (Status status = Compress(BZ_RUN, nullptr); !status.ok()) {
+          return status;
+        }
+      }
+      data += piece;
+      size -= piece;
+    }
+    return Status::Ok();
+  }
+
+  Status Finish() override {
+    for (bool done = false; !done;) {
+      if (Status status = Compress(BZ_FINISH, &done); !status.ok()) {
+        return status;
+      }
+    }
+    return file_->Finish();
+  }
+
+ private:
+  Status Compress(int action, bool* done) {
+    stream_.next_out = output_.data();
+    stream_.avail_out = kBufferSize;
+    const int result = ready_ ? BZ2_bzCompress(&stream_, action) : BZ_MEM_ERROR;
+    if (result < 0) {
+      return Status::Error(StatusCode::kIo, "libbz2 cannot compress (out of memory?)");
+    }
+    if (done != nullptr) {
+      *done = result == BZ_STREAM_END;
+    }
+    return file_->Write(output_.data(), kBufferSize - stream_.avail_out);
+  }
+
+  std::unique_ptr<ByteSink> file_;
+  bz_stream stream_{};
+  bool ready_ = false;
+  std::array<char, kBufferSize> output_;
+};
+
+}  // namespace
+
+std::unique_ptr<ByteSource> MakeBzip2Source(std::unique_ptr<ByteSource> compressed) {
+  return std::make_unique<Bzip2Source>(std::move(compressed));
+}
+
+std::unique_ptr<ByteSink> MakeBzip2Sink(std::unique_ptr<ByteSink> file) {
+  return std::make_unique<Bzip2Sink>(std::move(file));
+}
+
+}  // namespace inceres::internal

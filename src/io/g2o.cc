@@ -1,0 +1,247 @@
+#include "inceres/io/g2o.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <unordered_set>
+#include <utility>
+
+#include "io/byte_source.h"
+#include "io/text_scanner.h"
+
+namespace inceres {
+namespace internal {
+namespace {
+
+constexpr const char* kPoseFields2d[] = {"x", "y", "theta"};
+constexpr const char* kPoseFields3d[] = {"x", "y", "z", "qx", "qy", "qz", "qw"};
+
+class G2oReader {
+ public:
+  G2oReader(const std::string& path, std::unique_ptr<ByteSource> source) : scanner_(path, std::move(source)) {}
+
+  Status Read(PoseGraph* graph) {
+    graph_ = graph;
+    while (!scanner_.AtEnd()) {
+      if (Status status = ReadLine(); !status.ok()) {
+        return status;
+      }
+    }
+    if (graph_->ids.empty()) {
+      return scanner_.FailureAt(scanner_.line(), "the file has no vertices");
+    }
+    return ResolveIds();
+  }
+
+ private:
+  // An edge or FIX names vertices by their ids in the file, which may come later.
+  struct PendingEdge {
+    std::int64_t from, to, line;
+  };
+  struct PendingFix {
+    std::int64_t id, line;
+  };
+
+  Status ReadLine() {
+    std::string_view word;
+    if (!scanner_.ScanWord(&word)) {
+      return scanner_.Failure("tag");
+    }
+    if (word.front() == '#') {
+      scanner_.SkipLine();
+      return Status::Ok();
+    }
+    tag_ = word;
+    scanner_.StayInLine();
+    Status status = ReadFields();
+    if (status.ok() && !scanner_.AtEnd()) {
+      status = scanner_.Failure(tag_ + ": after the last field");
+    }
+    scanner_.LeaveLine();
+    return status;
+  }
+
+  Status ReadFields() {
+    if (tag_ == "FIX") {
+      return ReadFix();
+    }
+    const bool vertex = tag_ == "VERTEX_SE2" || tag_ == "VERTEX_SE3:QUAT";
+    if (!vertex && tag_ != "EDGE_SE2" && tag_ != "EDGE_SE3:QUAT") {
+      return FailField("tag", "not known; known are VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX");
+    }
+    const int dimension = tag_.find("SE2") != std::string::npos ? 2 : 3;
+    if (graph_->dimension != 0 && graph_->dimension != dimension) {
+      return FailField("tag", "planar and spatial poses in one file");
+    }
+    graph_->dimension = dimension;
+    return vertex ? ReadVertex() : ReadEdge();
+  }
+
+  Status ReadFix() {
+    do {
+      std::int64_t id = 0;
+      if (Status status = ReadId("id", &id); !status.ok()) {
+        return status;
+      }
+      fixed_.push_back({id, scanner_.line()});
+    } while (!scanner_.AtEnd());
+    return Status::Ok();
+  }
+
+  Status ReadVertex() {
+    std::int64_t id = 0;
+    if (Status status = ReadId("id", &id); !status.ok()) {
+      return status;
+    }
+    if (!index_of_id_.emplace(id, graph_->NumVertices()).second) {
+      return FailField("id", "vertex " + std::to_string(id) + " is in the file twice");
+    }
+    std::array<double, 7> pose{};
+    if (Status status = ReadPose(&pose); !status.ok()) {
+      return status;
+    }
+    graph_->ids.push_back(id);
+    graph_->poses.insert(graph_->poses.end(), pose.begin(), pose.begin() + graph_->PoseSize());
+    return Status::Ok();
+  }
+
+  Status ReadEdge() {
+    PendingEdge pending{0, 0, scanner_.line()};
+    if (Status status = ReadId("from", &pending.from); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadId("to", &pending.to); !status.ok()) {
+      return status;
+    }
+    if (pending.from == pending.to) {
+      return FailField("to", "an edge from vertex " + std::to_string(pending.to) + " to itself");
+    }
+    PoseGraphEdge edge;
+    if (Status status = ReadPose(&edge.measurement); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadInformation(&edge.information); !status.ok()) {
+      return status;
+    }
+    graph_->edges.push_back(edge);
+    pending_edges_.push_back(pending);
+    return Status::Ok();
+  }
+
+  Status ReadId(const char* field, std::int64_t* id) {
+    if (!scanner_.ScanInteger(id)) {
+      return scanner_.Failure(tag_ + ": " + field);
+    }
+    return *id >= 0 ? Status::Ok() : FailField(field, std::to_string(*id) + " is negative");
+  }
+
+  Status ReadPose(std::array<double, 7>* pose) {
+    const char* const* fields = graph_->dimension == 2 ? kPoseFields2d : kPoseFields3d;
+    for (int k = 0; k < graph_->PoseSize(); ++k) {
+      if (!scanner_.ScanDouble(&(*pose)[static_cast<std::size_t>(k)])) {
+        return scanner_.Failure(tag_ + ": " + fields[k]);
+      }
+    }
+    return graph_->dimension == 2 ? Status::Ok() : NormaliseQuaternion(pose->data() + 3);
+  }
+
+  Status NormaliseQuaternion(double* q) {
+    const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    if (!(norm > 1e-12) || !std::isfinite(norm)) {
+      return FailField("quaternion", "its length is " + std::to_string(norm));
+    }
+    std::for_each(q, q + 4, [norm](double& value) { value /= norm; });
+    return Status::Ok();
+  }
+
+  Status ReadInformation(std::array<double, 36>* information) {
+    const int size = graph_->TangentSize();
+    for (int row = 0; row < size; ++row) {
+      for (int column = row; column < size; ++column) {
+        double value = 0.0;
+        if (!scanner_.ScanDouble(&value)) {
+          return scanner_.Failure(tag_ + ": " + Cell(row, column));
+        }
+        if (row == column && value < 0.0) {
+          return FailField(Cell(row, column), "negative on the diagonal");
+        }
+        (*information)[static_cast<std::size_t>(row * size + column)] = value;
+        (*information)[static_cast<std::size_t>(column * size + row)] = value;
+      }
+    }
+    return Status::Ok();
+  }
+
+  Status ResolveIds() {
+    for (std::size_t i = 0; i < pending_edges_.size(); ++i) {
+      const PendingEdge& pending = pending_edges_[i];
+      const std::string tag = graph_->dimension == 2 ? "EDGE_SE2" : "EDGE_SE3:QUAT";
+      if (!Lookup(pending.from, &graph_->edges[i].from)) {
+        return UnknownVertex(pending.line, tag + ": from", pending.from);
+      }
+      if (!Lookup(pending.to, &graph_->edges[i].to)) {
+        return UnknownVertex(pending.line, tag + ": to", pending.to);
+      }
+    }
+    std::unordered_set<int> seen;
+    for (const PendingFix& pending : fixed_) {
+      int index = 0;
+      if (!Lookup(pending.id, &index)) {
+        return UnknownVertex(pending.line, "FIX: id", pending.id);
+      }
+      if (seen.insert(index).second) {
+        graph_->fixed.push_back(index);
+      }
+    }
+    return Status::Ok();
+  }
+
+  bool Lookup(std::int64_t id, int* index) const {
+    const auto found = index_of_id_.find(id);
+    if (found == index_of_id_.end()) {
+      return false;
+    }
+    *index = found->second;
+    return true;
+  }
+
+  Status UnknownVertex(std::int64_t line, const std::string& field, std::int64_t id) const {
+    return scanner_.FailureAt(line, field + ": the file has no vertex " + std::to_string(id));
+  }
+
+  Status FailField(const std::string& field, const std::string& what) const {
+    return scanner_.FailureAt(scanner_.line(), tag_ + ": " + field + ": " + what);
+  }
+
+  static std::string Cell(int row, int column) {
+    return "information(" + std::to_string(row) + ", " + std::to_string(column) + ")";
+  }
+
+  TextScanner scanner_;
+  PoseGraph* graph_ = nullptr;
+  std::string tag_;
+  std::unordered_map<std::int64_t, int> index_of_id_;
+  std::vector<PendingEdge> pending_edges_;
+  std::vector<PendingFix> fixed_;
+};
+
+}  // namespace
+}  // namespace internal
+
+Status ReadG2o(const std::string& path, PoseGraph* graph) {
+  std::unique_ptr<internal::ByteSource> source;
+  if (Status status = internal::OpenByteSource(path, &source); !status.ok()) {
+    return status;
+  }
+  PoseGraph result;
+  if (Status status = internal::G2oReader(path, std::move(source)).Read(&result); !status.ok()) {
+    return status;
+  }
+  *graph = std::move(result);
+  return Status::Ok();
+}
+
+}  // namespace inceres

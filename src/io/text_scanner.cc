@@ -1,0 +1,205 @@
+#include "io/text_scanner.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+constexpr std::size_t kBufferSize = std::size_t{1} << 18;  // stays in the second-level cache
+constexpr std::ptrdiff_t kMaxToken = 512;                  // longer than any sensible number
+
+bool IsLineEnd(char c) {
+  return c == '\n' || c == '\r';
+}
+bool IsBlank(char c) {
+  return c == ' ' || c == '\t' || c == '\v' || c == '\f';
+}
+bool IsSpace(char c) {
+  return IsBlank(c) || IsLineEnd(c);
+}
+
+// Whether a number beyond the range of double is too small rather than too large: 1e-400, or 0.000...01. Absurdly long ones
+// with an exponent count as too large, which is an error rather than a wrong value.
+bool IsUnderflow(const char* first, const char* last) {
+  const char* exponent = std::find_if(first, last, [](char c) { return c == 'e' || c == 'E'; });
+  if (exponent != last) {
+    return exponent[1] == '-' && last - first < 300;
+  }
+  const char digit = *first == '-' ? first[1] : *first;
+  return digit == '0' || digit == '.';
+}
+
+}  // namespace
+
+TextScanner::TextScanner(std::string path, std::unique_ptr<ByteSource> source)
+    : path_(std::move(path)), source_(std::move(source)), buffer_(kBufferSize + 1) {
+  position_ = end_ = buffer_.data();
+}
+
+// Moves what is unread to the front and fills the rest. False if nothing new came.
+bool TextScanner::Refill() {
+  const std::size_t unread = static_cast<std::size_t>(end_ - position_);
+  std::memmove(buffer_.data(), position_, unread);
+  position_ = buffer_.data();
+  std::size_t filled = unread;
+  while (!source_ended_ && filled < kBufferSize) {
+    std::size_t size = 0;
+    source_status_ = source_->Read(buffer_.data() + filled, kBufferSize - filled, &size);
+    source_ended_ = !source_status_.ok() || size == 0;
+    filled += size;
+  }
+  end_ = buffer_.data() + filled;
+  buffer_[filled] = '\0';  // a line end may be looked at one byte ahead
+  return filled > unread;
+}
+
+// Moves to the start of the next token and makes sure that all of it is in the buffer. False at the end of the file, or of the
+// line.
+bool TextScanner::SkipSpace() {
+  for (;;) {
+    while (position_ != end_ && IsBlank(*position_)) {
+      ++position_;
+    }
+    if (end_ - position_ < kMaxToken && !source_ended_) {
+      Refill();
+      continue;
+    }
+    if (position_ == end_) {
+      problem_ = Problem::kEndOfFile;
+      return false;
+    }
+    if (!IsLineEnd(*position_)) {
+      return true;
+    }
+    if (in_line_) {
+      problem_ = Problem::kEndOfLine;
+      return false;
+    }
+    // LF, CR LF and CR all end one line.
+    line_ += *position_ == '\n' || position_[1] != '\n';
+    ++position_;
+  }
+}
+
+bool TextScanner::AtEnd() {
+  if (SkipSpace()) {
+    problem_ = Problem::kUnexpected;
+    return false;
+  }
+  return source_status_.ok();
+}
+
+void TextScanner::SkipLine() {
+  in_line_ = true;
+  while (SkipSpace()) {
+    while (position_ != end_ && !IsSpace(*position_)) {
+      ++position_;
+    }
+  }
+  in_line_ = false;
+}
+
+bool TextScanner::Reject(Problem problem) {
+  problem_ = problem;
+  return false;
+}
+
+const char* TextScanner::TokenLimit() const {
+  return position_ + std::min(kMaxToken, end_ - position_);
+}
+
+bool TextScanner::IsTokenEnd(const char* position) const {
+  return position == end_ || IsSpace(*position);
+}
+
+// std::from_chars does not know '+'.
+const char* TextScanner::SkipPlus() const {
+  const bool skip = *position_ == '+' && position_ + 1 != end_ && position_[1] != '-' && position_[1] != '+';
+  return skip ? position_ + 1 : position_;
+}
+
+bool TextScanner::ScanInteger(std::int64_t* value) {
+  if (!SkipSpace()) {
+    return false;
+  }
+  const auto [next, error] = std::from_chars(SkipPlus(), TokenLimit(), *value);
+  if (error == std::errc::invalid_argument || !IsTokenEnd(next)) {
+    return Reject(Problem::kNotInteger);
+  }
+  if (error != std::errc()) {
+    return Reject(Problem::kTooLarge);
+  }
+  position_ = next;
+  return true;
+}
+
+bool TextScanner::ScanDouble(double* value) {
+  if (!SkipSpace()) {
+    return false;
+  }
+  const char* first = SkipPlus();
+  const auto [next, error] = std::from_chars(first, TokenLimit(), *value);
+  if (error == std::errc::invalid_argument || !IsTokenEnd(next)) {
+    return Reject(Problem::kNotNumber);
+  }
+  if (error == std::errc::result_out_of_range) {
+    if (!IsUnderflow(first, next)) {
+      return Reject(Problem::kTooLarge);
+    }
+    *value = *first == '-' ? -0.0 : 0.0;
+  } else if (!std::isfinite(*value)) {
+    return Reject(Problem::kNotFinite);
+  }
+  position_ = next;
+  return true;
+}
+
+bool TextScanner::ScanWord(std::string_view* word) {
+  if (!SkipSpace()) {
+    return false;
+  }
+  const char* next = std::find_if(position_, TokenLimit(), IsSpace);
+  *word = std::string_view(position_, static_cast<std::size_t>(next - position_));
+  position_ = next;
+  return true;
+}
+
+Status TextScanner::FailureAt(std::int64_t line, const std::string& what) const {
+  return Status::Error(StatusCode::kIo, path_ + ":" + std::to_string(line) + ": " + what);
+}
+
+Status TextScanner::Failure(const std::string& field) const {
+  const char* token_end = std::find_if(position_, end_, IsSpace);
+  if (!source_status_.ok() && token_end == end_) {  // the token may have been cut off
+    return FailureAt(line_, field + ": " + source_status_.message);
+  }
+  const char* cut_off = source_ended_ && token_end == end_ && position_ != end_ ? ", the file ends here" : "";
+  std::string token(position_, std::min(token_end, position_ + 40));
+  std::replace_if(
+      token.begin(), token.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  switch (problem_) {
+    case Problem::kEndOfFile:
+      return FailureAt(line_, field + ": missing, the file ends here");
+    case Problem::kEndOfLine:
+      return FailureAt(line_, field + ": missing, the line ends here");
+    case Problem::kNotInteger:
+      return FailureAt(line_, field + ": '" + token + "' is not an integer" + cut_off);
+    case Problem::kNotNumber:
+      return FailureAt(line_, field + ": '" + token + "' is not a number" + cut_off);
+    case Problem::kNotFinite:
+      return FailureAt(line_, field + ": '" + token + "' is not a finite number");
+    case Problem::kTooLarge:
+      return FailureAt(line_, field + ": '" + token + "' is too large");
+    case Problem::kUnexpected:
+      return FailureAt(line_, field + ": unexpected '" + token + "'");
+    case Problem::kNone:
+      break;
+  }
+  return FailureAt(line_, field + ": not acceptable");
+}
+
+}  // namespace inceres::internal
