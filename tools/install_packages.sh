@@ -40,8 +40,9 @@ install_missing() {
   fi
   echo "install_packages.sh: installing ${missing[*]}"
   export DEBIAN_FRONTEND=noninteractive
-  as_root apt-get -qq -o DPkg::Lock::Timeout=300 update
-  as_root apt-get -qq -y -o DPkg::Lock::Timeout=300 -o Dpkg::Use-Pty=0 --no-install-recommends install "${missing[@]}" > /dev/null
+  as_root apt-get -qq -o Acquire::Retries=3 -o DPkg::Lock::Timeout=300 update
+  as_root apt-get -qq -y -o Acquire::Retries=3 -o DPkg::Lock::Timeout=300 -o Dpkg::Use-Pty=0 --no-install-recommends \
+    install "${missing[@]}" > /dev/null
 }
 
 # use_serial LIBRARY: programs load LIBRARY (libblas.so.3, liblapack.so.3) from the serial OpenBLAS. A threaded BLAS would fight
