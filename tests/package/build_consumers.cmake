@@ -11,7 +11,7 @@ endfunction()
 # consume(NAME OPTIONS…): OPTIONS go to the consumer's configure step.
 function(consume name)
   set(build ${WORK_DIR}/${name})
-  run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/${name} -B ${build} -G ${GENERATOR}
+  run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/${name} -B ${build} -G ${GENERATOR} --no-warn-unused-cli
     -DCMAKE_CXX_COMPILER=${CXX_COMPILER} "-DCMAKE_CXX_FLAGS=${CXX_FLAGS}" -DCMAKE_BUILD_TYPE=Release
     -DCMAKE_PREFIX_PATH=${WORK_DIR}/prefix -DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF ${ARGN})
   run(${CMAKE_COMMAND} --build ${build})

@@ -1,0 +1,95 @@
+#include "base/executor.h"
+
+#include <atomic>
+#include <numeric>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kCount = 20000;
+
+// y[i] = x[n − 1 − i] + 1, range by range: every task reads what other tasks of the call before wrote.
+void ReverseAndIncrement(const Executor& executor, int grain, const std::vector<int>& x, std::vector<int>* y) {
+  executor.For(kCount, grain, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) {
+      (*y)[static_cast<std::size_t>(i)] = x[static_cast<std::size_t>(kCount - 1 - i)] + 1;
+    }
+  });
+}
+
+class ExecutorThreads : public testing::TestWithParam<int> {};
+
+TEST_P(ExecutorThreads, CoverEveryIndexOnce) {
+  const Executor executor(GetParam());
+  EXPECT_EQ(executor.num_threads(), GetParam());
+  for (const int count : {1, 2, 7, 64, 1000}) {
+    for (const int grain : {1, 3, 64, 2000}) {
+      std::vector<std::atomic<int>> visits(static_cast<std::size_t>(count));
+      executor.For(count, grain, [&](int begin, int end) {
+        for (int i = begin; i < end; ++i) {
+          ++visits[static_cast<std::size_t>(i)];
+        }
+      });
+      for (const std::atomic<int>& visit : visits) {
+        ASSERT_EQ(visit, 1) << "count " << count << ", grain " << grain;
+      }
+    }
+  }
+}
+
+TEST_P(ExecutorThreads, NeverCallTheBodyForNothing) {
+  const Executor executor(GetParam());
+  int calls = 0;
+  executor.For(0, 1, [&](int, int) { ++calls; });
+  EXPECT_EQ(calls, 0);
+}
+
+TEST_P(ExecutorThreads, SeeWhatTheCallBeforeWrote) {
+  const Executor executor(GetParam());
+  std::vector<int> x(kCount), y(kCount);
+  std::iota(x.begin(), x.end(), 0);
+  for (int round = 0; round < 50; ++round) {
+    ReverseAndIncrement(executor, 100, x, &y);
+    x.swap(y);
+  }
+  // An even number of reversals and fifty increments; the caller reads without any synchronisation of its own.
+  for (int i = 0; i < kCount; ++i) {
+    ASSERT_EQ(x[static_cast<std::size_t>(i)], i + 50);
+  }
+}
+
+TEST_P(ExecutorThreads, DoNotMixTwoSolvesAtTheSameTime) {
+  const auto work = [](std::vector<int>* x) {
+    const Executor executor(GetParam());
+    std::vector<int> y(x->size());
+    for (int round = 0; round < 20; ++round) {
+      ReverseAndIncrement(executor, 100, *x, &y);
+      x->swap(y);
+    }
+  };
+  std::vector<int> first(kCount, 0), second(kCount, 1000);
+  std::thread other(work, &first);
+  work(&second);
+  other.join();
+  EXPECT_EQ(first, std::vector<int>(kCount, 20));
+  EXPECT_EQ(second, std::vector<int>(kCount, 1020));
+}
+
+INSTANTIATE_TEST_SUITE_P(Counts, ExecutorThreads, testing::Values(1, 2, 4));
+
+TEST(Executor, KeepsToTheCallingThreadWhenItHasOne) {
+  const Executor executor(1);
+  std::vector<std::thread::id> callers;
+  executor.For(kCount, 10, [&](int, int) { callers.push_back(std::this_thread::get_id()); });
+  for (const std::thread::id caller : callers) {
+    EXPECT_EQ(caller, std::this_thread::get_id());
+  }
+  EXPECT_FALSE(callers.empty());
+}
+
+}  // namespace
+}  // namespace inceres::internal
