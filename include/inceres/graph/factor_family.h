@@ -37,10 +37,10 @@ struct JacobianView {
 struct FactorBatch {
   int begin = 0;
   int end = 0;
-  const double* const* parameters = nullptr;         ///< parameters[i · num_slots + s]: the ambient values of slot s
-  const TangentMap* const* tangent_maps = nullptr;   ///< same index; null for a cost-only evaluation
-  double* residuals = nullptr;                       ///< residuals[i · residual_size + r], to be written
-  const JacobianView* jacobians = nullptr;           ///< one view a slot, to be written; null for a cost-only evaluation
+  const double* const* parameters = nullptr;        ///< parameters[i · num_slots + s]: the ambient values of slot s
+  const TangentMap* const* tangent_maps = nullptr;  ///< same index; null for a cost-only evaluation
+  double* residuals = nullptr;                      ///< residuals[i · residual_size + r], to be written
+  const JacobianView* jacobians = nullptr;          ///< one view a slot, to be written; null for a cost-only evaluation
 };
 
 /// Names the factor that could not be evaluated; `factor` is negative on success.

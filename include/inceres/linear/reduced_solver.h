@@ -1,31 +1,16 @@
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <memory>
-#include <vector>
 
+#include "inceres/block/block_pattern.h"
 #include "inceres/export.h"
 #include "inceres/status.h"
 
 namespace inceres {
 
-/// Where the blocks of the symmetric reduced matrix S are: the lower triangle, block rows in order, columns ascending within a
-/// row, the diagonal block always present and last in its row. Block (i, j) is d_i × d_j, row-major, without padding, at
-/// values[value_begin[k]]; of a diagonal block the whole square is stored.
-struct BlockPattern {
-  std::vector<int> offsets;                ///< first scalar row of each block row; one more entry than blocks: the total size
-  std::vector<int> row_begin;              ///< blocks of row i are [row_begin[i], row_begin[i + 1])
-  std::vector<int> columns;                ///< block column of each block
-  std::vector<std::int64_t> value_begin;   ///< offset of each block's values; one more entry: the total count
-
-  int num_blocks() const { return static_cast<int>(offsets.size()) - 1; }
-  int size() const { return offsets.back(); }
-  int block_size(int i) const { return offsets[static_cast<std::size_t>(i) + 1] - offsets[static_cast<std::size_t>(i)]; }
-};
-
-/// The open interface for S δ = b. The built-in solvers (dense Cholesky, CHOLMOD) implement it; implement it to plug in your own and
-/// hand a factory to SolverOptions::reduced_solver_factory. See docs/reduced_solver.md for a worked example.
+/// The open interface for S δ = b. The built-in solvers (dense Cholesky, CHOLMOD) implement it; implement it to plug in your own
+/// and hand a factory to SolverOptions::reduced_solver_factory. See docs/reduced_solver.md for a worked example.
 ///
 /// Call order: Analyze once per pattern, then any number of Factorize, each followed by any number of Solve. One thread calls.
 class INCERES_EXPORT ReducedSolver {
@@ -44,6 +29,13 @@ class INCERES_EXPORT ReducedSolver {
 
   /// x = (S + diag(diagonal))⁻¹ b; pattern.size() entries each, not aliased.
   virtual Status Solve(const double* b, double* x) = 0;
+};
+
+/// Which built-in solver takes the reduced system.
+enum class ReducedSolverKind {
+  kAutomatic,  ///< the cheaper of the two by predicted flops
+  kDense,      ///< dense Cholesky of our own
+  kSparse,     ///< CHOLMOD; AMD or nested dissection, whichever predicts fewer flops
 };
 
 using ReducedSolverFactory = std::function<std::unique_ptr<ReducedSolver>()>;

@@ -20,14 +20,8 @@ enum class LinearModelKind {
   kDenseQr,    ///< Householder QR of the stacked, scaled Jacobian: does not square the condition number; small problems only
 };
 
-enum class ReducedSolverKind {
-  kAutomatic,  ///< the cheaper of the two by predicted flops
-  kDense,      ///< dense Cholesky of our own
-  kSparse,     ///< CHOLMOD; AMD or nested dissection, whichever predicts fewer flops
-};
-
-/// Options of a batch solve in exact mode. Names, defaults and meanings are those of ceres::Solver::Options 2.1, so a trace can be
-/// compared line by line.
+/// Options of a batch solve in exact mode. Names, defaults and meanings are those of ceres::Solver::Options 2.1, so a trace can
+/// be compared line by line.
 struct INCERES_EXPORT SolverOptions {
   TrustRegionStrategyKind strategy = TrustRegionStrategyKind::kLevenbergMarquardt;
   LinearModelKind linear_model = LinearModelKind::kAutomatic;
@@ -39,23 +33,23 @@ struct INCERES_EXPORT SolverOptions {
   /// Upper bound on threads, ≥ 1. With 1 nothing of the user's is ever called concurrently. The result does not depend on it.
   int num_threads = 1;
 
-  int max_num_iterations = 50;                  ///< ≥ 0; 0 evaluates the start and returns
-  double max_solver_time_in_seconds = 1e9;      ///< ≥ 0; looked at between iterations only
-  double function_tolerance = 1e-6;             ///< stop if |ΔF| ≤ function_tolerance · F
-  double gradient_tolerance = 1e-10;            ///< stop if max |x − (x ⊞ −g)| ≤ gradient_tolerance
-  double parameter_tolerance = 1e-8;            ///< stop if ‖Δx‖ ≤ parameter_tolerance · (‖x‖ + parameter_tolerance)
+  int max_num_iterations = 50;              ///< ≥ 0; 0 evaluates the start and returns
+  double max_solver_time_in_seconds = 1e9;  ///< ≥ 0; looked at between iterations only
+  double function_tolerance = 1e-6;         ///< stop if |ΔF| ≤ function_tolerance · F
+  double gradient_tolerance = 1e-10;        ///< stop if max |x − (x ⊞ −g)| ≤ gradient_tolerance
+  double parameter_tolerance = 1e-8;        ///< stop if ‖Δx‖ ≤ parameter_tolerance · (‖x‖ + parameter_tolerance)
 
-  double initial_trust_region_radius = 1e4;     ///< > 0; for Levenberg–Marquardt 1/radius is the damping
-  double max_trust_region_radius = 1e16;        ///< ≥ min; Levenberg–Marquardt only, as in Ceres
-  double min_trust_region_radius = 1e-32;       ///< > 0; stop at or below
-  double min_relative_decrease = 1e-3;          ///< accept a step iff (actual decrease) / (predicted decrease) exceeds it
-  double min_lm_diagonal = 1e-6;                ///< clamp on the squared column norms of the scaled Jacobian
+  double initial_trust_region_radius = 1e4;  ///< > 0; for Levenberg–Marquardt 1/radius is the damping
+  double max_trust_region_radius = 1e16;     ///< ≥ min; Levenberg–Marquardt only, as in Ceres
+  double min_trust_region_radius = 1e-32;    ///< > 0; stop at or below
+  double min_relative_decrease = 1e-3;       ///< accept a step iff (actual decrease) / (predicted decrease) exceeds it
+  double min_lm_diagonal = 1e-6;             ///< clamp on the squared column norms of the scaled Jacobian
   double max_lm_diagonal = 1e32;
-  int max_num_consecutive_invalid_steps = 5;    ///< ≥ 0
-  bool jacobi_scaling = true;                   ///< scale by 1/(1 + column norm) as measured at iteration 0
-  bool use_nonmonotonic_steps = false;          ///< accept some increases (Conn, Gould & Toint, section 10.1); the best state is returned
-  int max_consecutive_nonmonotonic_steps = 5;   ///< > 0 if use_nonmonotonic_steps
-  double eta = 0.1;                             ///< reported in IterationSummary only (no iterative linear solver in exact mode)
+  int max_num_consecutive_invalid_steps = 5;  ///< ≥ 0
+  bool jacobi_scaling = true;                 ///< scale by 1/(1 + column norm) as measured at iteration 0
+  bool use_nonmonotonic_steps = false;  ///< accept some increases (Conn, Gould & Toint, section 10.1); the best state is returned
+  int max_consecutive_nonmonotonic_steps = 5;  ///< > 0 if use_nonmonotonic_steps
+  double eta = 0.1;                            ///< reported in IterationSummary only (no iterative linear solver in exact mode)
 
   /// Cost of terms that cannot move; added to every reported cost, never to a decision.
   double fixed_cost = 0.0;

@@ -16,8 +16,8 @@ class INCERES_EXPORT SolveObserver {
  public:
   virtual ~SolveObserver() = default;
 
-  /// Before residuals (and Jacobians, if `jacobians`) are evaluated at `state`. `new_point` is false only when Jacobians are asked for
-  /// at the accepted candidate whose cost is already known.
+  /// Before residuals (and Jacobians, if `jacobians`) are evaluated at `state`. `new_point` is false only when Jacobians are
+  /// asked for at the accepted candidate whose cost is already known.
   virtual void BeforeEvaluation(const double* /*state*/, bool /*jacobians*/, bool /*new_point*/) {}
 
   /// At the end of iteration 0 and of every completed iteration; `best_state` is what a stop here would return.

@@ -57,10 +57,9 @@ struct INCERES_EXPORT WorkCounts {
   int num_residual_evaluations = 0;  ///< cost-only passes over the factors
   int num_jacobian_evaluations = 0;
   int num_linear_solves = 0;
-  int num_factorizations = 0;
-  int num_frames = 0;                ///< variable frames in the reduced system
-  int num_landmarks = 0;             ///< eliminated landmarks
-  int reduced_size = 0;              ///< scalar unknowns of the reduced system
+  int num_frames = 0;                         ///< variable frames in the reduced system
+  int num_landmarks = 0;                      ///< eliminated landmarks
+  int reduced_size = 0;                       ///< scalar unknowns of the reduced system
   std::int64_t num_schur_products = 0;        ///< block products per elimination
   std::int64_t num_dynamic_size_factors = 0;  ///< factors served by the dynamic instead of a compile-time kernel
   std::int64_t bytes = 0;                     ///< arrays of the solver: Jacobians, H, S, factor

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <memory>
+#include <type_traits>
+
+namespace inceres::internal {
+
+/// Runs independent tasks on up to num_threads threads of oneTBB, inside an arena of its own. With one thread, or one task,
+/// everything runs on the calling thread and oneTBB is never touched.
+///
+/// Callers cut their work into tasks without looking at num_threads and let each task write its own output: then the result
+/// is the same to the last bit for any number of threads.
+class Executor {
+ public:
+  explicit Executor(int num_threads);
+  ~Executor();
+  Executor(const Executor&) = delete;
+  Executor& operator=(const Executor&) = delete;
+
+  int num_threads() const { return num_threads_; }
+
+  /// Calls body(begin, end) on ranges that cover [0, count) once, none shorter than `grain` but the last.
+  template <typename Body>
+  void For(int count, int grain, Body&& body) const {
+    if (num_threads_ == 1 || count <= grain) {
+      if (count > 0) {
+        body(0, count);
+      }
+      return;
+    }
+    using Function = std::remove_reference_t<Body>;
+    RunParallel(
+        count, grain, [](void* context, int begin, int end) { (*static_cast<Function*>(context))(begin, end); }, &body);
+  }
+
+ private:
+  using Callback = void (*)(void* context, int begin, int end);
+  struct Arena;
+
+  void RunParallel(int count, int grain, Callback callback, const void* context) const;
+
+  int num_threads_;
+  std::unique_ptr<Arena> arena_;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,125 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace inceres::internal {
+
+/// Everything a kernel reads is padded to a multiple of four doubles: a row of a Jacobian, a row of Y, a variable in a tangent
+/// vector. The padding is zero. Offsets of blocks are counted in such quads, so 32 bits reach 64 GiB.
+constexpr int kQuad = 4;
+static constexpr int PadToQuad(int size) {
+  return (size + kQuad - 1) / kQuad * kQuad;
+}
+
+/// Where the two factors of a block product start, in quads from the two base pointers.
+struct ProductTerm {
+  std::int32_t a;
+  std::int32_t b;
+};
+
+/// C += sign Σ_p B_pᵀ A_p, the one product behind both H_ij = Σ J_iᵀ J_j and S_ij = C_ij − Σ_l Y_il Y_jlᵀ.
+/// A_p is depth × a_size and B_p depth × b_size, row-major, rows padded to quads. C is b_size × a_size with rows padded to quads.
+struct BlockProducts {
+  const double* a = nullptr;
+  const double* b = nullptr;
+  const ProductTerm* terms = nullptr;
+  int count = 0;
+  int depth = 0;  // residual size for H, landmark size for S
+  int a_size = 0;
+  int b_size = 0;
+};
+
+/// One term of y += sign Σ_p A_pᵀ v_p: A_p at `a` quads, v_p at `v` doubles.
+struct VectorTerm {
+  std::int32_t a;
+  std::int32_t v;
+};
+
+/// y += sign Σ_p A_pᵀ v_p: gradients (A = J, v = f) and the right hand side b (A = Yᵀ, v = z). y has PadToQuad(a_size) entries.
+struct VectorProducts {
+  const double* a = nullptr;
+  const double* v = nullptr;
+  const VectorTerm* terms = nullptr;
+  int count = 0;
+  int depth = 0;
+  int a_size = 0;
+};
+
+/// The Jacobians of one slot over a family: block i starts at data + i · factor_stride, rows row_stride apart (a multiple of 4).
+struct SlotJacobians {
+  double* data = nullptr;
+  std::ptrdiff_t factor_stride = 0;
+  int row_stride = 0;
+};
+
+/// The factors of one landmark within one family, seen from its elimination.
+struct LandmarkFactors {
+  const std::int32_t* factors = nullptr;
+  int count = 0;
+  int residual_size = 0;
+  int landmark_slot = 0;
+  int num_slots = 0;
+  const SlotJacobians* jacobians = nullptr;  // per slot
+  const double* residuals = nullptr;         // residual_size per factor
+  /// Per factor and slot: 2 · (quad offset of the Y block) + 1 if the block was begun by an earlier factor; -1: no frame here.
+  const std::int32_t* y_targets = nullptr;
+};
+
+/// The factors [begin, end) of a family for products with J.
+struct FactorRows {
+  int begin = 0;
+  int end = 0;
+  int residual_size = 0;
+  int num_slots = 0;
+  const SlotJacobians* jacobians = nullptr;
+  const double* residuals = nullptr;
+  const std::int32_t* tangent_offsets = nullptr;  // per factor and slot: quad offset into the padded tangent vector, or -1
+};
+
+/// What a pass over J yields for a tangent vector v.
+struct RowProducts {
+  double model_decrease = 0.0;  // −(Jv)ᵀ(f + Jv/2)
+  double squared_norm = 0.0;    // ‖Jv‖²
+};
+
+/// One landmark's share of the frame step: y −= Y_qᵀ δ_f over its incidences.
+struct Incidence {
+  std::int32_t y;      // quad offset of Y_q (landmark_size rows)
+  std::int32_t frame;  // quad offset of the frame in the padded tangent vector
+  std::int32_t quads;  // quads of one row of Y_q
+};
+
+/// The instruction-set-dependent inner loops. One table an instruction set; all give equal results up to rounding, and each
+/// gives the same bits whenever it is called with the same operands.
+struct Kernels {
+  const char* name;
+
+  void (*accumulate_products)(const BlockProducts& products, double sign, double* C);
+  void (*accumulate_vectors)(const VectorProducts& products, double sign, double* y);
+
+  /// P += Σ J_lᵀJ_l (rows four apart), eta += −Σ J_lᵀf, for a landmark of tangent size 1 to 4.
+  void (*landmark_gram)(int landmark_size, const LandmarkFactors& factors, double* P, double* eta);
+  /// Y_q = Σ J_fᵀ (J_l U_invᵀ): U_inv = L⁻¹ with L Lᵀ = P + Λ, lower triangular, rows four apart.
+  void (*eliminate)(int landmark_size, const LandmarkFactors& factors, const double* U_inv, double* Y);
+  /// y −= Σ_q Y_qᵀ δ_f(q).
+  void (*back_substitute)(int landmark_size, const Incidence* incidences, int count, const double* Y, const double* delta,
+                          double* y);
+
+  RowProducts (*row_products)(const FactorRows& rows, const double* v);
+
+  /// C −= A Bᵀ on column-major storage: C is rows × cols, A rows × depth, B cols × depth. The work of a dense Cholesky.
+  void (*subtract_outer)(int rows, int cols, int depth, const double* A, int lda, const double* B, int ldb, double* C, int ldc);
+  /// X := X L⁻ᵀ for the lower triangular size × size L, X rows × size; column-major.
+  void (*solve_lower_transposed)(int rows, int size, const double* L, int ldl, double* X, int ldx);
+};
+
+enum class InstructionSet { kGeneric, kAvx2, kAvx512 };
+
+/// The table of an instruction set, or null where the build or the processor has none.
+const Kernels* KernelsFor(InstructionSet set);
+
+/// The best table for this processor.
+const Kernels& BestKernels();
+
+}  // namespace inceres::internal

@@ -1,0 +1,54 @@
+#include "linear/select_solver.h"
+
+#include "linear/dense_cholesky.h"
+#include "linear/sparse_cholesky.h"
+
+namespace inceres::internal {
+namespace {
+
+// Measured on S of BAL and pose-graph problems: below this size, or above this share of blocks present, the sparse factor never
+// wins.
+constexpr int kAlwaysDenseSize = 300;
+constexpr double kAlwaysDenseFill = 0.5;
+// Beyond this the dense matrix alone would take gigabytes.
+constexpr int kNeverDenseSize = 12000;
+// A sparse multiply-add costs about this many dense ones (indices, small supernodes).
+constexpr double kSparsePenalty = 2.5;
+
+double Fill(const BlockPattern& pattern) {
+  const auto n = static_cast<double>(pattern.size());
+  return static_cast<double>(pattern.value_begin.back()) / (0.5 * n * (n + 1.0));
+}
+
+}  // namespace
+
+std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const ReducedSolverFactory& factory,
+                                                 const BlockPattern& pattern, const Executor& executor, Status* status) {
+  const auto analysed = [&](std::unique_ptr<ReducedSolver> solver) {
+    *status = solver->Analyze(pattern);
+    return solver;
+  };
+  if (factory) {
+    std::unique_ptr<ReducedSolver> custom = factory();
+    if (custom == nullptr) {
+      *status = Status::Error(StatusCode::kInvalidArgument, "SolverOptions::reduced_solver_factory returned null");
+      return nullptr;
+    }
+    return analysed(std::move(custom));
+  }
+  const bool clearly_dense =
+      pattern.size() <= kAlwaysDenseSize || (pattern.size() < kNeverDenseSize && Fill(pattern) >= kAlwaysDenseFill);
+  if (kind == ReducedSolverKind::kDense || (kind == ReducedSolverKind::kAutomatic && clearly_dense)) {
+    return analysed(std::make_unique<DenseCholesky>(executor));
+  }
+  auto sparse = std::make_unique<SparseCholesky>();
+  *status = sparse->Analyze(pattern);
+  const auto n = static_cast<double>(pattern.size());
+  const bool dense_is_cheaper = pattern.size() < kNeverDenseSize && n * n * n / 3.0 < kSparsePenalty * sparse->PredictedFlops();
+  if (kind == ReducedSolverKind::kAutomatic && (!status->ok() || dense_is_cheaper) && pattern.size() < kNeverDenseSize) {
+    return analysed(std::make_unique<DenseCholesky>(executor));
+  }
+  return sparse;
+}
+
+}  // namespace inceres::internal

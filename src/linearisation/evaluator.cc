@@ -1,0 +1,277 @@
+#include "linearisation/evaluator.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "linearisation/robustify.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kChunkSize = 256;        // factors per task: a few tens of microseconds of Jacobians
+constexpr double kImpossible = 1e302;  // Ceres's mark of an entry nobody wrote
+
+bool IsIdentity(const TangentMap& map) {
+  if (map.ambient_size != map.tangent_size) {
+    return false;
+  }
+  for (int r = 0; r < map.ambient_size; ++r) {
+    for (int c = 0; c < map.tangent_size; ++c) {
+      if (map.plus_jacobian[r * map.tangent_size + c] != (r == c ? 1.0 : 0.0)) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+// Finds for each column its single unit entry; false if there is a column without that form.
+bool FindSelection(const TangentMap& map, int* selection) {
+  for (int c = 0; c < map.tangent_size; ++c) {
+    selection[c] = -1;
+    for (int r = 0; r < map.ambient_size; ++r) {
+      const double entry = map.plus_jacobian[r * map.tangent_size + c];
+      if (entry == 0.0) {
+        continue;
+      }
+      if (entry != 1.0 || selection[c] >= 0) {
+        return false;
+      }
+      selection[c] = r;
+    }
+    if (selection[c] < 0) {
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+FactorRows FamilyCache::Rows(int begin, int end) const {
+  FactorRows rows;
+  rows.begin = begin;
+  rows.end = end;
+  rows.residual_size = family->residual_size();
+  rows.num_slots = family->num_slots();
+  rows.jacobians = slots.data();
+  rows.residuals = residuals.data();
+  rows.tangent_offsets = tangent_offsets.data();
+  return rows;
+}
+
+Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor)
+    : graph_(graph), layout_(layout), executor_(executor), current_(graph.state()), candidate_(graph.state()) {
+  BuildMaps();
+  families_.resize(static_cast<std::size_t>(graph.num_families()));
+  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    BuildFamily(id);
+    const int num_factors = families_[static_cast<std::size_t>(id)].num_factors;
+    for (int begin = 0; begin < num_factors; begin += kChunkSize) {
+      chunks_.push_back({id, begin, std::min(begin + kChunkSize, num_factors)});
+    }
+  }
+  chunk_costs_.resize(chunks_.size());
+  chunk_failures_.resize(chunks_.size());
+}
+
+void Evaluator::BuildFamily(FamilyId id) {
+  FamilyCache& cache = families_[static_cast<std::size_t>(id)];
+  const FactorFamily& family = graph_.family(id);
+  cache.family = &family;
+  cache.id = id;
+  cache.num_factors = graph_.NumFactors(id);
+  cache.has_losses = graph_.HasLosses(id);
+  const auto n = static_cast<std::size_t>(cache.num_factors);
+  const auto rows = static_cast<std::size_t>(family.residual_size());
+  cache.residuals.resize(n * rows);
+  cache.candidate_residuals.resize(n * rows);
+
+  std::size_t total = 0;
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const int row_stride = PadToQuad(family.slot(s).tangent_size);
+    cache.slots.push_back({nullptr, static_cast<std::ptrdiff_t>(rows) * row_stride, row_stride});
+    total += n * rows * static_cast<std::size_t>(row_stride);
+  }
+  cache.jacobian_values.resize(total);
+  double* next = cache.jacobian_values.data();
+  for (SlotJacobians& slot : cache.slots) {
+    slot.data = next;
+    next += static_cast<std::ptrdiff_t>(n) * slot.factor_stride;
+    cache.views.push_back({slot.data, slot.factor_stride, slot.row_stride});
+  }
+
+  const std::size_t num_entries = n * static_cast<std::size_t>(family.num_slots());
+  cache.parameters.resize(num_entries);
+  cache.candidate_parameters.resize(num_entries);
+  cache.tangent_maps.resize(num_entries);
+  cache.tangent_offsets.resize(num_entries);
+  const VariableId* ids = num_entries > 0 ? graph_.Variables(id, 0) : nullptr;
+  for (std::size_t k = 0; k < num_entries; ++k) {
+    cache.parameters[k] = graph_.ValuesIn(current_.data(), ids[k]);
+    cache.candidate_parameters[k] = graph_.ValuesIn(candidate_.data(), ids[k]);
+    cache.tangent_maps[k] = &maps_[static_cast<std::size_t>(ids[k])];
+    const int position = layout_.position[static_cast<std::size_t>(ids[k])];
+    cache.tangent_offsets[k] = position < 0 ? -1 : layout_.quad_offset[static_cast<std::size_t>(position)];
+  }
+}
+
+void Evaluator::BuildMaps() {
+  maps_.resize(static_cast<std::size_t>(graph_.num_variables()));
+  for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    TangentMap& map = maps_[static_cast<std::size_t>(id)];
+    map.ambient_size = graph_.AmbientSize(id);
+    map.tangent_size = graph_.TangentSize(id);
+    map.kind = layout_.position[static_cast<std::size_t>(id)] < 0 ? TangentMap::Kind::kConstant : TangentMap::Kind::kIdentity;
+  }
+  std::int64_t num_entries = 0;
+  std::int64_t num_columns = 0;
+  for (std::size_t i = 0; i < layout_.variables.size(); ++i) {
+    const VariableId id = layout_.variables[i];
+    if (graph_.manifold(id) != nullptr) {
+      curved_.push_back(static_cast<int>(i));
+      plus_jacobian_offset_.push_back(num_entries);
+      selection_offset_.push_back(num_columns);
+      num_entries += static_cast<std::int64_t>(graph_.AmbientSize(id)) * graph_.TangentSize(id);
+      num_columns += graph_.TangentSize(id);
+    }
+  }
+  plus_jacobians_.resize(static_cast<std::size_t>(num_entries));
+  candidate_plus_jacobians_.resize(static_cast<std::size_t>(num_entries));
+  selections_.resize(static_cast<std::size_t>(num_columns));
+}
+
+bool Evaluator::ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values) {
+  for (std::size_t k = 0; k < curved_.size(); ++k) {
+    const VariableId id = layout_.variables[static_cast<std::size_t>(curved_[k])];
+    double* out = values->data() + plus_jacobian_offset_[k];
+    const int count = graph_.AmbientSize(id) * graph_.TangentSize(id);
+    std::fill(out, out + count, kImpossible);
+    if (!graph_.manifold(id)->PlusJacobian(graph_.ValuesIn(state.data(), id), out)) {
+      return false;
+    }
+    if (!std::all_of(out, out + count, [](double entry) { return std::isfinite(entry) && entry != kImpossible; })) {
+      return false;
+    }
+  }
+  return true;
+}
+
+void Evaluator::ClassifyMaps() {
+  for (std::size_t k = 0; k < curved_.size(); ++k) {
+    const VariableId id = layout_.variables[static_cast<std::size_t>(curved_[k])];
+    TangentMap& map = maps_[static_cast<std::size_t>(id)];
+    map.plus_jacobian = plus_jacobians_.data() + plus_jacobian_offset_[k];
+    int* selection = selections_.data() + selection_offset_[k];
+    if (IsIdentity(map)) {
+      map.kind = TangentMap::Kind::kIdentity;
+    } else if (FindSelection(map, selection)) {
+      map.kind = TangentMap::Kind::kSelection;
+      map.selection = selection;
+    } else {
+      map.kind = TangentMap::Kind::kDense;
+    }
+  }
+}
+
+bool Evaluator::MoveCandidate(const double* delta) {
+  for (std::size_t i = 0; i < layout_.variables.size(); ++i) {
+    const VariableId id = layout_.variables[i];
+    const std::int64_t offset = graph_.StateOffset(id);
+    const double* x = current_.data() + offset;
+    double* moved = candidate_.data() + offset;
+    const double* step = delta + layout_.packed_offset[i];
+    if (const Manifold* manifold = graph_.manifold(id)) {
+      if (!manifold->Plus(x, step, moved)) {
+        return false;
+      }
+      continue;
+    }
+    for (int k = 0; k < graph_.AmbientSize(id); ++k) {
+      moved[k] = x[k] + step[k];
+    }
+  }
+  return true;
+}
+
+double Evaluator::EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFailure* failure) {
+  FamilyCache& cache = families_[static_cast<std::size_t>(chunk.family)];
+  FactorBatch batch;
+  batch.begin = chunk.begin;
+  batch.end = chunk.end;
+  batch.parameters = jacobians ? cache.parameters.data() : cache.candidate_parameters.data();
+  batch.residuals = jacobians ? cache.residuals.data() : cache.candidate_residuals.data();
+  if (jacobians) {
+    batch.tangent_maps = cache.tangent_maps.data();
+    batch.jacobians = cache.views.data();
+  }
+  *failure = cache.family->Evaluate(batch);
+  if (failure->failed()) {
+    return 0.0;
+  }
+  const int rows = cache.family->residual_size();
+  const int num_slots = cache.family->num_slots();
+  double cost = 0.0;
+  for (int i = chunk.begin; i < chunk.end; ++i) {
+    double* f = batch.residuals + static_cast<std::ptrdiff_t>(i) * rows;
+    const Loss* loss = cache.has_losses ? graph_.loss(cache.id, i) : nullptr;
+    cost += loss != nullptr && jacobians
+                ? RobustifyFactor(*loss, rows, num_slots, cache.slots.data(), i,
+                                  cache.tangent_offsets.data() + static_cast<std::ptrdiff_t>(i) * num_slots, f)
+                : RobustCost(loss, f, rows);
+  }
+  return cost;
+}
+
+Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
+  executor_.For(static_cast<int>(chunks_.size()), 1, [&](int begin, int end) {
+    for (int k = begin; k < end; ++k) {
+      const auto index = static_cast<std::size_t>(k);
+      chunk_costs_[index] = EvaluateChunk(chunks_[index], jacobians, &chunk_failures_[index]);
+    }
+  });
+  *cost = 0.0;
+  for (std::size_t k = 0; k < chunks_.size(); ++k) {
+    const EvaluationFailure& failure = chunk_failures_[k];
+    if (failure.failed()) {
+      return Status::Error(StatusCode::kEvaluationFailed,
+                           graph_.DescribeFactor(chunks_[k].family, failure.factor) + ": " + failure.reason);
+    }
+    *cost += chunk_costs_[k];
+  }
+  return Status::Ok();
+}
+
+Status Evaluator::EvaluateCandidateCost(double* cost) {
+  if (!ComputePlusJacobians(candidate_, &candidate_plus_jacobians_)) {
+    return Status::Error(StatusCode::kEvaluationFailed, "a manifold's PlusJacobian failed or is not finite");
+  }
+  return EvaluateAll(/*jacobians=*/false, cost);
+}
+
+void Evaluator::AcceptCandidate() {
+  current_.swap(candidate_);
+  plus_jacobians_.swap(candidate_plus_jacobians_);
+  for (FamilyCache& cache : families_) {
+    cache.parameters.swap(cache.candidate_parameters);
+  }
+}
+
+Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
+  if (!known_point && !ComputePlusJacobians(current_, &plus_jacobians_)) {
+    return Status::Error(StatusCode::kEvaluationFailed, "a manifold's PlusJacobian failed or is not finite");
+  }
+  ClassifyMaps();
+  return EvaluateAll(/*jacobians=*/true, cost);
+}
+
+std::int64_t Evaluator::Bytes() const {
+  std::int64_t bytes = 0;
+  for (const FamilyCache& cache : families_) {
+    bytes += static_cast<std::int64_t>(sizeof(double) * (cache.residuals.size() * 2 + cache.jacobian_values.size()));
+    bytes += static_cast<std::int64_t>(cache.parameters.size() * (3 * sizeof(void*) + sizeof(std::int32_t)));
+  }
+  return bytes + static_cast<std::int64_t>(sizeof(double) * (current_.size() * 2 + plus_jacobians_.size() * 2));
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,101 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/aligned_vector.h"
+#include "base/executor.h"
+#include "block/kernels.h"
+#include "inceres/graph/factor_graph.h"
+#include "linearisation/layout.h"
+
+namespace inceres::internal {
+
+/// Residuals and tangent Jacobians of one family at the current point, after the correction for the loss.
+struct FamilyCache {
+  const FactorFamily* family = nullptr;
+  FamilyId id = 0;
+  int num_factors = 0;
+  bool has_losses = false;
+  AlignedVector<double> residuals;
+  AlignedVector<double> candidate_residuals;
+  AlignedVector<double> jacobian_values;  // all slots, one after the other
+  std::vector<SlotJacobians> slots;
+  std::vector<JacobianView> views;        // the same places, as the public interface calls them
+  std::vector<const double*> parameters;  // per factor and slot, at the current point
+  std::vector<const double*> candidate_parameters;
+  std::vector<const TangentMap*> tangent_maps;  // per factor and slot
+  std::vector<std::int32_t> tangent_offsets;    // per factor and slot: quads into the padded tangent vector, or -1
+
+  FactorRows Rows(int begin, int end) const;
+};
+
+/// Owns the two points of a trust-region iteration, current and candidate, and evaluates the factors at them.
+///
+/// Order of evaluation, calls to PlusJacobian and the correction for losses follow Ceres 2.1 (ceres_contract.md 4.3): project to
+/// the tangent space first, then correct residuals and Jacobians (Triggs 1999) so that the rest sees plain least squares.
+/// Sums are taken over fixed chunks of factors, so the cost is the same to the last bit for any number of threads.
+class Evaluator {
+ public:
+  Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor);
+
+  const std::vector<double>& current() const { return current_; }
+  const std::vector<double>& candidate() const { return candidate_; }
+  std::vector<FamilyCache>& families() { return families_; }
+  const std::vector<FamilyCache>& families() const { return families_; }
+  const FactorGraph& graph() const { return graph_; }
+  const Layout& layout() const { return layout_; }
+  const Executor& executor() const { return executor_; }
+
+  /// candidate := current ⊞ delta (packed). False if a manifold's Plus fails; blocks before it are then already overwritten.
+  bool MoveCandidate(const double* delta);
+
+  /// ½ Σ ρ at the candidate, residuals only.
+  Status EvaluateCandidateCost(double* cost);
+
+  /// current := candidate, with its tangent maps.
+  void AcceptCandidate();
+
+  /// Residuals, Jacobians and cost at the current point. `known_point`: its tangent maps were computed by EvaluateCandidateCost.
+  Status EvaluateJacobians(bool known_point, double* cost);
+
+  std::int64_t Bytes() const;
+
+ private:
+  struct Chunk {
+    int family;
+    int begin;
+    int end;
+  };
+  struct ChunkFailure {
+    EvaluationFailure failure;
+    int chunk = -1;
+  };
+
+  void BuildFamily(FamilyId id);
+  void BuildMaps();
+  bool ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values);
+  void ClassifyMaps();
+  double EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFailure* failure);
+  Status EvaluateAll(bool jacobians, double* cost);
+
+  const FactorGraph& graph_;
+  const Layout& layout_;
+  const Executor& executor_;
+  std::vector<double> current_;
+  std::vector<double> candidate_;
+  std::vector<FamilyCache> families_;
+  std::vector<Chunk> chunks_;
+  std::vector<double> chunk_costs_;
+  std::vector<EvaluationFailure> chunk_failures_;
+
+  std::vector<TangentMap> maps_;                    // per VariableId
+  std::vector<int> curved_;                         // indices into layout_.variables of those with a manifold
+  std::vector<std::int64_t> plus_jacobian_offset_;  // per entry of curved_
+  std::vector<std::int64_t> selection_offset_;
+  std::vector<double> plus_jacobians_;
+  std::vector<double> candidate_plus_jacobians_;
+  std::vector<int> selections_;
+};
+
+}  // namespace inceres::internal

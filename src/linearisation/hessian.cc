@@ -1,0 +1,132 @@
+#include "linearisation/hessian.h"
+
+#include <algorithm>
+
+#include "linearisation/block_scratch.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kBlockGrain = 8;
+constexpr int kLandmarkGrain = 64;
+constexpr int kFrameGrain = 4;
+
+}  // namespace
+
+Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans)
+    : evaluator_(evaluator), incidences_(incidences), plans_(plans), kernels_(BestKernels()) {
+  const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
+  C_.resize(static_cast<std::size_t>(plans.pattern.value_begin.back()));
+  P_.resize(num_landmarks * kLandmarkStride);
+  landmark_eta_.resize(num_landmarks * kQuad);
+  gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
+  diagonal_.resize(gradient_.size());
+  BuildGradientTerms();
+}
+
+void Hessian::BuildGradientTerms() {
+  // The diagonal blocks' terms are exactly the (factor, slot) pairs of each frame.
+  const BlockPattern& pattern = plans_.pattern;
+  gradient_segments_begin_.push_back(0);
+  for (int frame = 0; frame < pattern.num_blocks(); ++frame) {
+    const auto block = static_cast<std::size_t>(pattern.row_begin[static_cast<std::size_t>(frame) + 1]) - 1;
+    for (int k = plans_.hessian.segments_begin[block]; k < plans_.hessian.segments_begin[block + 1]; ++k) {
+      const ProductPlan::Segment& segment = plans_.hessian.segments[static_cast<std::size_t>(k)];
+      const FramePlans::HessianSource& source = plans_.hessian_sources[static_cast<std::size_t>(segment.source)];
+      const FamilyCache& cache = evaluator_.families()[static_cast<std::size_t>(source.family)];
+      const auto quads = static_cast<std::int32_t>(cache.slots[static_cast<std::size_t>(source.row_slot)].factor_stride / kQuad);
+      gradient_segments_.push_back({source.family, source.row_slot, static_cast<int>(gradient_terms_.size()), segment.count});
+      for (int n = 0; n < segment.count; ++n) {
+        const std::int32_t offset = plans_.hessian.terms[static_cast<std::size_t>(segment.first_term + n)].b;
+        gradient_terms_.push_back({offset, offset / quads * cache.family->residual_size()});
+      }
+    }
+    gradient_segments_begin_.push_back(static_cast<int>(gradient_segments_.size()));
+  }
+}
+
+void Hessian::Accumulate() {
+  const Executor& executor = evaluator_.executor();
+  executor.For(static_cast<int>(plans_.block_row.size()), kBlockGrain, [&](int b, int e) { AccumulateFrameBlocks(b, e); });
+  executor.For(plans_.pattern.num_blocks(), kFrameGrain, [&](int b, int e) { AccumulateFrameGradients(b, e); });
+  executor.For(incidences_.num_landmarks(), kLandmarkGrain, [&](int b, int e) { AccumulateLandmarks(b, e); });
+}
+
+void Hessian::AccumulateFrameBlocks(int begin, int end) {
+  const BlockPattern& pattern = plans_.pattern;
+  BlockScratch scratch;
+  for (int block = begin; block < end; ++block) {
+    const auto k = static_cast<std::size_t>(block);
+    const int rows = pattern.block_size(plans_.block_row[k]);
+    const int columns = pattern.block_size(pattern.columns[k]);
+    const int stride = PadToQuad(columns);
+    double* sum = scratch.Zeroed(rows, columns);
+    for (int s = plans_.hessian.segments_begin[k]; s < plans_.hessian.segments_begin[k + 1]; ++s) {
+      const ProductPlan::Segment& segment = plans_.hessian.segments[static_cast<std::size_t>(s)];
+      const FramePlans::HessianSource& source = plans_.hessian_sources[static_cast<std::size_t>(segment.source)];
+      const FamilyCache& cache = evaluator_.families()[static_cast<std::size_t>(source.family)];
+      BlockProducts products;
+      products.a = cache.slots[static_cast<std::size_t>(source.column_slot)].data;
+      products.b = cache.slots[static_cast<std::size_t>(source.row_slot)].data;
+      products.terms = plans_.hessian.terms.data() + segment.first_term;
+      products.count = segment.count;
+      products.depth = cache.family->residual_size();
+      products.a_size = columns;
+      products.b_size = rows;
+      kernels_.accumulate_products(products, 1.0, sum);
+    }
+    double* out = C_.data() + pattern.value_begin[k];
+    for (int r = 0; r < rows; ++r) {
+      std::copy(sum + r * stride, sum + r * stride + columns, out + r * columns);
+    }
+  }
+}
+
+void Hessian::AccumulateFrameGradients(int begin, int end) {
+  const BlockPattern& pattern = plans_.pattern;
+  BlockScratch scratch;
+  for (int frame = begin; frame < end; ++frame) {
+    const auto i = static_cast<std::size_t>(frame);
+    const int size = pattern.block_size(frame);
+    double* sum = scratch.Zeroed(1, size);
+    for (int s = gradient_segments_begin_[i]; s < gradient_segments_begin_[i + 1]; ++s) {
+      const GradientSegment& segment = gradient_segments_[static_cast<std::size_t>(s)];
+      const FamilyCache& cache = evaluator_.families()[static_cast<std::size_t>(segment.family)];
+      VectorProducts products;
+      products.a = cache.slots[static_cast<std::size_t>(segment.slot)].data;
+      products.v = cache.residuals.data();
+      products.terms = gradient_terms_.data() + segment.first_term;
+      products.count = segment.count;
+      products.depth = cache.family->residual_size();
+      products.a_size = size;
+      kernels_.accumulate_vectors(products, 1.0, sum);
+    }
+    std::copy(sum, sum + size, gradient_.data() + pattern.offsets[i]);
+    const double* C_ii = C_.data() + pattern.value_begin[static_cast<std::size_t>(pattern.row_begin[i + 1]) - 1];
+    for (int k = 0; k < size; ++k) {
+      diagonal_[static_cast<std::size_t>(pattern.offsets[i] + k)] = C_ii[k * size + k];
+    }
+  }
+}
+
+void Hessian::AccumulateLandmarks(int begin, int end) {
+  const Layout& layout = evaluator_.layout();
+  for (int l = begin; l < end; ++l) {
+    const auto i = static_cast<std::size_t>(l);
+    double* P = P_.data() + static_cast<std::ptrdiff_t>(l) * kLandmarkStride;
+    double* eta = landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad;
+    std::fill(P, P + kLandmarkStride, 0.0);
+    std::fill(eta, eta + kQuad, 0.0);
+    const int size = incidences_.sizes[i];
+    for (int k = incidences_.factors_begin[i]; k < incidences_.factors_begin[i + 1]; ++k) {
+      kernels_.landmark_gram(size, incidences_.factors[static_cast<std::size_t>(k)], P, eta);
+    }
+    const auto offset = static_cast<std::size_t>(layout.packed_offset[static_cast<std::size_t>(layout.num_frames) + i]);
+    for (int c = 0; c < size; ++c) {
+      gradient_[offset + static_cast<std::size_t>(c)] = -eta[c];
+      diagonal_[offset + static_cast<std::size_t>(c)] = P[c * kQuad + c];
+    }
+  }
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <vector>
+
+#include "base/aligned_vector.h"
+#include "linearisation/product_plan.h"
+
+namespace inceres::internal {
+
+/// H and η = −Jᵀf, undamped and unscaled, in three parts: C (frame blocks, in the pattern of the frame system), P (one block a
+/// landmark) and η. W is not stored: the elimination takes J_fᵀJ_l P⁻¹ straight from the Jacobians.
+class Hessian {
+ public:
+  Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans);
+
+  /// Sums H and η from the evaluator's current residuals and Jacobians. Every block and every entry is summed by one task in a
+  /// fixed order.
+  void Accumulate();
+
+  const std::vector<double>& C() const { return C_; }
+  /// P of landmark l: rows four apart.
+  const double* P(int l) const { return P_.data() + static_cast<std::ptrdiff_t>(l) * kLandmarkStride; }
+  /// η of landmark l.
+  const double* LandmarkEta(int l) const { return landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad; }
+  /// Jᵀf, packed: the gradient of the cost.
+  const std::vector<double>& gradient() const { return gradient_; }
+  /// diag(H), packed: the squared column norms of J.
+  const std::vector<double>& diagonal() const { return diagonal_; }
+
+  static constexpr int kLandmarkStride = 4 * kQuad;
+
+ private:
+  void AccumulateFrameBlocks(int begin, int end);
+  void AccumulateFrameGradients(int begin, int end);
+  void AccumulateLandmarks(int begin, int end);
+  void BuildGradientTerms();
+
+  struct GradientSegment {
+    int family;
+    int slot;
+    int first_term;
+    int count;
+  };
+
+  const Evaluator& evaluator_;
+  const LandmarkIncidences& incidences_;
+  const FramePlans& plans_;
+  const Kernels& kernels_;
+  std::vector<double> C_;
+  AlignedVector<double> P_;
+  AlignedVector<double> landmark_eta_;
+  std::vector<double> gradient_;
+  std::vector<double> diagonal_;
+  std::vector<VectorTerm> gradient_terms_;
+  std::vector<GradientSegment> gradient_segments_;
+  std::vector<int> gradient_segments_begin_;  // per frame, one more
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,164 @@
+#include "linearisation/incidences.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace inceres::internal {
+namespace {
+
+// Landmark of each factor through one slot, or -1.
+std::vector<std::int32_t> LandmarksThroughSlot(const FamilyCache& cache, const FactorGraph& graph, const Layout& layout, int slot,
+                                               bool* any) {
+  const int num_slots = cache.family->num_slots();
+  std::vector<std::int32_t> landmark(static_cast<std::size_t>(cache.num_factors), -1);
+  *any = false;
+  for (int i = 0; i < cache.num_factors; ++i) {
+    const int l = layout.LandmarkOf(graph.Variables(cache.id, 0)[static_cast<std::ptrdiff_t>(i) * num_slots + slot]);
+    landmark[static_cast<std::size_t>(i)] = l;
+    *any |= l >= 0;
+  }
+  return landmark;
+}
+
+}  // namespace
+
+LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator) {
+  const Layout& layout = evaluator.layout();
+  const int num_landmarks = layout.num_landmarks();
+  sizes.resize(static_cast<std::size_t>(num_landmarks));
+  for (int l = 0; l < num_landmarks; ++l) {
+    sizes[static_cast<std::size_t>(l)] = static_cast<char>(layout.TangentSize(layout.num_frames + l));
+  }
+  CollectFactors(evaluator);
+  CollectIncidences(evaluator);
+  PlaceBlocks(layout);
+  SetTargets();
+}
+
+void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
+  const Layout& layout = evaluator.layout();
+  const auto num_landmarks = static_cast<std::size_t>(layout.num_landmarks());
+  std::vector<std::pair<int, LandmarkFactors>> found;  // landmark, its factors in one family
+  y_targets_.resize(evaluator.families().size());
+  for (const FamilyCache& cache : evaluator.families()) {
+    auto& targets = y_targets_[static_cast<std::size_t>(cache.id)];
+    for (int slot = 0; slot < cache.family->num_slots(); ++slot) {
+      bool any = false;
+      const std::vector<std::int32_t> landmark = LandmarksThroughSlot(cache, evaluator.graph(), layout, slot, &any);
+      if (!any) {
+        continue;
+      }
+      targets.resize(static_cast<std::size_t>(cache.num_factors) * static_cast<std::size_t>(cache.family->num_slots()), -1);
+      std::vector<int> start(num_landmarks + 1, 0);
+      for (const int l : landmark) {
+        if (l >= 0) {
+          ++start[static_cast<std::size_t>(l) + 1];
+        }
+      }
+      std::partial_sum(start.begin(), start.end(), start.begin());
+      std::vector<std::int32_t>& list = factor_lists_.emplace_back(static_cast<std::size_t>(start.back()));
+      std::vector<int> next(start.begin(), start.end() - 1);
+      for (int i = 0; i < cache.num_factors; ++i) {
+        const int l = landmark[static_cast<std::size_t>(i)];
+        if (l >= 0) {
+          list[static_cast<std::size_t>(next[static_cast<std::size_t>(l)]++)] = i;
+        }
+      }
+      for (std::size_t l = 0; l < num_landmarks; ++l) {
+        if (start[l + 1] > start[l]) {
+          LandmarkFactors entry;
+          entry.factors = list.data() + start[l];
+          entry.count = start[l + 1] - start[l];
+          entry.residual_size = cache.family->residual_size();
+          entry.landmark_slot = slot;
+          entry.num_slots = cache.family->num_slots();
+          entry.jacobians = cache.slots.data();
+          entry.residuals = cache.residuals.data();
+          entry.y_targets = targets.data();
+          found.emplace_back(static_cast<int>(l), entry);
+        }
+      }
+    }
+  }
+  if (factor_lists_.size() > 1) {
+    std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  }
+  factors_begin.assign(num_landmarks + 1, 0);
+  factors.reserve(found.size());
+  for (const auto& [landmark, entry] : found) {
+    ++factors_begin[static_cast<std::size_t>(landmark) + 1];
+    factors.push_back(entry);
+  }
+  std::partial_sum(factors_begin.begin(), factors_begin.end(), factors_begin.begin());
+}
+
+// Numbers the incidences and notes in y_targets_, for the time being, 2 · incidence + (not the first factor there).
+void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
+  const Layout& layout = evaluator.layout();
+  const FactorGraph& graph = evaluator.graph();
+  std::vector<int> last_seen(static_cast<std::size_t>(layout.num_frames), -1);  // incidence of the frame's last landmark
+  begin.push_back(0);
+  for (std::size_t l = 0; l < sizes.size(); ++l) {
+    for (int k = factors_begin[l]; k < factors_begin[l + 1]; ++k) {
+      const LandmarkFactors& entry = factors[static_cast<std::size_t>(k)];
+      const auto owner = std::find_if(evaluator.families().begin(), evaluator.families().end(),
+                                      [&](const FamilyCache& cache) { return cache.slots.data() == entry.jacobians; });
+      auto& targets = y_targets_[static_cast<std::size_t>(owner->id)];
+      for (int n = 0; n < entry.count; ++n) {
+        const auto first = static_cast<std::ptrdiff_t>(entry.factors[n]) * entry.num_slots;
+        for (int s = 0; s < entry.num_slots; ++s) {
+          const int frame = layout.FrameOf(graph.Variables(owner->id, 0)[first + s]);
+          if (frame < 0) {
+            continue;
+          }
+          int& seen = last_seen[static_cast<std::size_t>(frame)];
+          const bool known = seen >= begin.back();
+          if (!known) {
+            seen = static_cast<int>(incidences.size());
+            const auto f = static_cast<std::size_t>(frame);
+            incidences.push_back({0, layout.quad_offset[f], layout.quad_offset[f + 1] - layout.quad_offset[f]});
+            frames.push_back(frame);
+            landmarks.push_back(static_cast<std::int32_t>(l));
+          }
+          targets[static_cast<std::size_t>(first + s)] = 2 * seen + (known ? 1 : 0);
+        }
+      }
+    }
+    begin.push_back(static_cast<int>(incidences.size()));
+  }
+}
+
+void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
+  frame_begin.assign(static_cast<std::size_t>(layout.num_frames) + 1, 0);
+  for (const int frame : frames) {
+    ++frame_begin[static_cast<std::size_t>(frame) + 1];
+  }
+  std::partial_sum(frame_begin.begin(), frame_begin.end(), frame_begin.begin());
+  frame_incidences.resize(incidences.size());
+  std::vector<int> next(frame_begin.begin(), frame_begin.end() - 1);
+  for (char size = 1; size <= 4; ++size) {
+    for (std::size_t q = 0; q < incidences.size(); ++q) {
+      if (sizes[static_cast<std::size_t>(landmarks[q])] == size) {
+        frame_incidences[static_cast<std::size_t>(next[static_cast<std::size_t>(frames[q])]++)] = static_cast<int>(q);
+      }
+    }
+  }
+  for (const int q : frame_incidences) {
+    Incidence& incidence = incidences[static_cast<std::size_t>(q)];
+    incidence.y = static_cast<std::int32_t>(y_quads);
+    y_quads +=
+        static_cast<std::int64_t>(incidence.quads) * sizes[static_cast<std::size_t>(landmarks[static_cast<std::size_t>(q)])];
+  }
+}
+
+void LandmarkIncidences::SetTargets() {
+  for (auto& targets : y_targets_) {
+    for (std::int32_t& target : targets) {
+      if (target >= 0) {
+        target = 2 * incidences[static_cast<std::size_t>(target >> 1)].y + (target & 1);
+      }
+    }
+  }
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,69 @@
+#include "linearisation/robustify.h"
+
+#include <cmath>
+
+namespace inceres::internal {
+namespace {
+
+double SquaredNorm(const double* f, int size) {
+  double sum = 0.0;
+  for (int i = 0; i < size; ++i) {
+    sum += f[i] * f[i];
+  }
+  return sum;
+}
+
+// J := √ρ' (I − a f fᵀ) J, column by column; a = α/s.
+void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, int row_stride, double* J) {
+  for (int c = 0; c < row_stride; ++c) {
+    double f_J = 0.0;
+    if (a != 0.0) {
+      for (int r = 0; r < rows; ++r) {
+        f_J += f[r] * J[r * row_stride + c];
+      }
+    }
+    for (int r = 0; r < rows; ++r) {
+      J[r * row_stride + c] = sqrt_rho1 * (J[r * row_stride + c] - a * f[r] * f_J);
+    }
+  }
+}
+
+}  // namespace
+
+double RobustCost(const Loss* loss, const double* f, int residual_size) {
+  const double s = SquaredNorm(f, residual_size);
+  if (loss == nullptr) {
+    return 0.5 * s;
+  }
+  double rho[3];
+  loss->Evaluate(s, rho);
+  return 0.5 * rho[0];
+}
+
+double RobustifyFactor(const Loss& loss, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
+                       const std::int32_t* tangent_offsets, double* f) {
+  const double s = SquaredNorm(f, residual_size);
+  double rho[3];
+  loss.Evaluate(s, rho);
+  const double sqrt_rho1 = std::sqrt(rho[1]);
+  double residual_scale = sqrt_rho1;
+  double a = 0.0;
+  if (s > 0.0 && rho[2] > 0.0) {
+    const double alpha = 1.0 - std::sqrt(1.0 + 2.0 * s * rho[2] / rho[1]);
+    residual_scale = sqrt_rho1 / (1.0 - alpha);
+    a = alpha / s;
+  }
+  if (sqrt_rho1 != 1.0 || a != 0.0) {
+    for (int k = 0; k < num_slots; ++k) {
+      if (tangent_offsets[k] >= 0) {
+        CorrectJacobian(sqrt_rho1, a, f, residual_size, slots[k].row_stride, slots[k].data + factor * slots[k].factor_stride);
+      }
+    }
+    for (int i = 0; i < residual_size; ++i) {
+      f[i] *= residual_scale;
+    }
+  }
+  return 0.5 * rho[0];
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,219 @@
+#include "schur/elimination.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+
+#include "linearisation/block_scratch.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kBlockGrain = 4;
+constexpr int kLandmarkGrain = 64;
+constexpr int kFrameGrain = 2;
+
+// U_inv = L⁻¹ with L Lᵀ = P + diag(damping), for size ≤ 4; rows four apart. False if a pivot is not positive and finite.
+bool InvertCholeskyFactor(int size, const double* P, const double* damping, double* U_inv) {
+  double L[4][4];
+  for (int j = 0; j < size; ++j) {
+    double pivot = P[j * kQuad + j] + damping[j];
+    for (int k = 0; k < j; ++k) {
+      pivot -= L[j][k] * L[j][k];
+    }
+    if (!(pivot > 0.0) || !std::isfinite(pivot)) {
+      return false;
+    }
+    L[j][j] = std::sqrt(pivot);
+    for (int i = j + 1; i < size; ++i) {
+      double sum = P[i * kQuad + j];
+      for (int k = 0; k < j; ++k) {
+        sum -= L[i][k] * L[j][k];
+      }
+      L[i][j] = sum / L[j][j];
+    }
+  }
+  for (int j = 0; j < size; ++j) {
+    U_inv[j * kQuad + j] = 1.0 / L[j][j];
+    for (int i = j + 1; i < size; ++i) {
+      double sum = 0.0;
+      for (int k = j; k < i; ++k) {
+        sum -= L[i][k] * U_inv[k * kQuad + j];
+      }
+      U_inv[i * kQuad + j] = sum / L[i][i];
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans,
+                         const Hessian& hessian)
+    : evaluator_(evaluator), incidences_(incidences), plans_(plans), hessian_(hessian), kernels_(BestKernels()) {
+  const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
+  U_inv_.resize(num_landmarks * Hessian::kLandmarkStride);
+  z_.resize(num_landmarks * kQuad);
+  Y_.resize(static_cast<std::size_t>(incidences.y_quads) * kQuad);
+  S_.resize(static_cast<std::size_t>(plans.pattern.value_begin.back()));
+  b_.resize(static_cast<std::size_t>(plans.pattern.size()));
+  const Layout& layout = evaluator.layout();
+  padded_frame_step_.resize(static_cast<std::size_t>(layout.quad_offset[static_cast<std::size_t>(layout.num_frames)]) * kQuad);
+  rhs_terms_.reserve(incidences.frame_incidences.size());
+  for (const int q : incidences.frame_incidences) {
+    const auto k = static_cast<std::size_t>(q);
+    rhs_terms_.push_back({incidences.incidences[k].y, incidences.landmarks[k] * kQuad});
+  }
+}
+
+int Elimination::DampingOffset(int landmark) const {
+  const Layout& layout = evaluator_.layout();
+  return layout.packed_offset[static_cast<std::size_t>(layout.num_frames + landmark)] - layout.frame_size();
+}
+
+bool Elimination::EliminateLandmark(int landmark, const double* damping) {
+  const auto l = static_cast<std::size_t>(landmark);
+  const int size = incidences_.sizes[l];
+  double* U_inv = U_inv_.data() + static_cast<std::ptrdiff_t>(landmark) * Hessian::kLandmarkStride;
+  if (!InvertCholeskyFactor(size, hessian_.P(landmark), damping, U_inv)) {
+    return false;
+  }
+  const double* eta = hessian_.LandmarkEta(landmark);
+  double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
+  for (int k = 0; k < size; ++k) {
+    z[k] = 0.0;
+    for (int c = 0; c <= k; ++c) {
+      z[k] += U_inv[k * kQuad + c] * eta[c];
+    }
+  }
+  for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
+    kernels_.eliminate(size, incidences_.factors[static_cast<std::size_t>(k)], U_inv, Y_.data());
+  }
+  return true;
+}
+
+Status Elimination::Eliminate(const double* landmark_damping) {
+  const Executor& executor = evaluator_.executor();
+  const int num_landmarks = incidences_.num_landmarks();
+  std::atomic<int> singular{num_landmarks};
+  executor.For(num_landmarks, kLandmarkGrain, [&](int begin, int end) {
+    for (int l = begin; l < end; ++l) {
+      if (!EliminateLandmark(l, landmark_damping + DampingOffset(l))) {
+        int lowest = singular.load();
+        while (l < lowest && !singular.compare_exchange_weak(lowest, l)) {
+        }
+        return;
+      }
+    }
+  });
+  if (singular.load() < num_landmarks) {
+    const Layout& layout = evaluator_.layout();
+    const VariableId id = layout.variables[static_cast<std::size_t>(layout.num_frames + singular.load())];
+    return Status::Error(StatusCode::kSingular, "the block of landmark variable " + std::to_string(id) +
+                                                    " is not positive definite: its factors do not determine it");
+  }
+  executor.For(static_cast<int>(plans_.block_row.size()), kBlockGrain, [&](int b, int e) { FormBlocks(b, e); });
+  executor.For(plans_.pattern.num_blocks(), kFrameGrain, [&](int b, int e) { FormRightHandSide(b, e); });
+  return Status::Ok();
+}
+
+void Elimination::FormBlocks(int begin, int end) {
+  const BlockPattern& pattern = plans_.pattern;
+  BlockScratch scratch;
+  for (int block = begin; block < end; ++block) {
+    const auto k = static_cast<std::size_t>(block);
+    const int rows = pattern.block_size(plans_.block_row[k]);
+    const int columns = pattern.block_size(pattern.columns[k]);
+    const int stride = PadToQuad(columns);
+    const double* C = hessian_.C().data() + pattern.value_begin[k];
+    double* out = S_.data() + pattern.value_begin[k];
+    if (plans_.schur.segments_begin[k] == plans_.schur.segments_begin[k + 1]) {
+      std::copy(C, C + rows * columns, out);
+      continue;
+    }
+    double* sum = scratch.Zeroed(rows, columns);
+    for (int s = plans_.schur.segments_begin[k]; s < plans_.schur.segments_begin[k + 1]; ++s) {
+      const ProductPlan::Segment& segment = plans_.schur.segments[static_cast<std::size_t>(s)];
+      BlockProducts products;
+      products.a = Y_.data();
+      products.b = Y_.data();
+      products.terms = plans_.schur.terms.data() + segment.first_term;
+      products.count = segment.count;
+      products.depth = segment.source;
+      products.a_size = columns;
+      products.b_size = rows;
+      kernels_.accumulate_products(products, -1.0, sum);
+    }
+    for (int r = 0; r < rows; ++r) {
+      for (int c = 0; c < columns; ++c) {
+        out[r * columns + c] = C[r * columns + c] + sum[r * stride + c];
+      }
+    }
+  }
+}
+
+void Elimination::FormRightHandSide(int begin, int end) {
+  const BlockPattern& pattern = plans_.pattern;
+  BlockScratch scratch;
+  for (int frame = begin; frame < end; ++frame) {
+    const auto i = static_cast<std::size_t>(frame);
+    const int size = pattern.block_size(frame);
+    double* sum = scratch.Zeroed(1, size);
+    for (int first = incidences_.frame_begin[i]; first < incidences_.frame_begin[i + 1];) {
+      const auto size_of = [&](int k) {
+        const int q = incidences_.frame_incidences[static_cast<std::size_t>(k)];
+        return incidences_.sizes[static_cast<std::size_t>(incidences_.landmarks[static_cast<std::size_t>(q)])];
+      };
+      int last = first;
+      while (last < incidences_.frame_begin[i + 1] && size_of(last) == size_of(first)) {
+        ++last;
+      }
+      VectorProducts products;
+      products.a = Y_.data();
+      products.v = z_.data();
+      products.terms = rhs_terms_.data() + first;
+      products.count = last - first;
+      products.depth = size_of(first);
+      products.a_size = size;
+      kernels_.accumulate_vectors(products, -1.0, sum);
+      first = last;
+    }
+    for (int k = 0; k < size; ++k) {
+      const auto at = static_cast<std::size_t>(pattern.offsets[i] + k);
+      b_[at] = sum[k] - hessian_.gradient()[at];
+    }
+  }
+}
+
+void Elimination::BackSubstitute(const double* frame_step, double* landmark_step) {
+  const Layout& layout = evaluator_.layout();
+  for (int i = 0; i < layout.num_frames; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    std::copy(frame_step + layout.packed_offset[k], frame_step + layout.packed_offset[k + 1],
+              padded_frame_step_.data() + static_cast<std::ptrdiff_t>(layout.quad_offset[k]) * kQuad);
+  }
+  evaluator_.executor().For(incidences_.num_landmarks(), kLandmarkGrain, [&](int begin, int end) {
+    for (int landmark = begin; landmark < end; ++landmark) {
+      const auto l = static_cast<std::size_t>(landmark);
+      const int size = incidences_.sizes[l];
+      const double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
+      const double* U_inv = U_inv_.data() + static_cast<std::ptrdiff_t>(landmark) * Hessian::kLandmarkStride;
+      double y[kQuad] = {z[0], z[1], z[2], z[3]};
+      kernels_.back_substitute(size, incidences_.incidences.data() + incidences_.begin[l],
+                               incidences_.begin[l + 1] - incidences_.begin[l], Y_.data(), padded_frame_step_.data(), y);
+      double* step = landmark_step + DampingOffset(landmark);
+      for (int c = 0; c < size; ++c) {
+        step[c] = 0.0;
+        for (int k = c; k < size; ++k) {
+          step[c] += U_inv[k * kQuad + c] * y[k];
+        }
+      }
+    }
+  });
+}
+
+std::int64_t Elimination::Bytes() const {
+  return static_cast<std::int64_t>(sizeof(double) * (U_inv_.size() + z_.size() + Y_.size() + S_.size() + b_.size()));
+}
+
+}  // namespace inceres::internal

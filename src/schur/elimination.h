@@ -1,0 +1,54 @@
+#pragma once
+
+#include <vector>
+
+#include "base/aligned_vector.h"
+#include "linearisation/hessian.h"
+
+namespace inceres::internal {
+
+/// Eliminates the landmarks from (H + Λ) δ = η (algorithms.md section 1):
+///
+///     [ P + Λ_l   Wᵀ     ] [δ_l]   [l]      U_invᵀ U_inv = (P + Λ_l)⁻¹,  Y = W U_invᵀ,  z = U_inv l
+///     [ W         C + Λ_c ] [δ_c] = [c]      S = C − Y Yᵀ,  b = c − Y z,  δ_l = U_invᵀ (z − Yᵀ δ_c)
+///
+/// Λ_c is left to the factorisation of S. Each block of S is accumulated in registers over all landmarks its two frames share,
+/// so S is written once and never read back. Source: Triggs et al. 1999, section 6.1.
+class Elimination {
+ public:
+  Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans, const Hessian& hessian);
+
+  /// Forms S and b with Λ_l = diag(landmark_damping) (packed, landmarks only). kSingular names the variable whose block
+  /// P + Λ_l has no Cholesky factor.
+  Status Eliminate(const double* landmark_damping);
+
+  /// Values of S in the pattern of the frame system.
+  const double* S() const { return S_.data(); }
+  const double* b() const { return b_.data(); }
+
+  /// δ_l (packed, landmarks only) from δ_c (packed).
+  void BackSubstitute(const double* frame_step, double* landmark_step);
+
+  std::int64_t Bytes() const;
+
+ private:
+  bool EliminateLandmark(int landmark, const double* damping);
+  void FormBlocks(int begin, int end);
+  void FormRightHandSide(int begin, int end);
+  int DampingOffset(int landmark) const;
+
+  const Evaluator& evaluator_;
+  const LandmarkIncidences& incidences_;
+  const FramePlans& plans_;
+  const Hessian& hessian_;
+  const Kernels& kernels_;
+  AlignedVector<double> U_inv_;  // per landmark: rows four apart
+  AlignedVector<double> z_;      // per landmark: four entries
+  AlignedVector<double> Y_;
+  std::vector<double> S_;
+  std::vector<double> b_;
+  AlignedVector<double> padded_frame_step_;
+  std::vector<VectorTerm> rhs_terms_;  // per frame incidence, in the order of frame_incidences
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,140 @@
+#include "solver/dogleg.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace inceres::internal {
+namespace {
+
+constexpr double kMinMu = 1e-8;
+constexpr double kMaxMu = 1.0;
+constexpr double kMuIncrease = 10.0;
+constexpr double kShrinkBelow = 0.25;
+constexpr double kGrowAbove = 0.75;
+
+double Dot(const std::vector<double>& a, const std::vector<double>& b) {
+  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+}
+
+double Norm(const std::vector<double>& a) {
+  return std::sqrt(Dot(a, a));
+}
+
+}  // namespace
+
+Dogleg::Dogleg(const SolverOptions& options, const std::vector<double>& scale)
+    : scale_(scale),
+      radius_(options.initial_trust_region_radius),
+      min_diagonal_(options.min_lm_diagonal),
+      max_diagonal_(options.max_lm_diagonal),
+      mu_(kMinMu),
+      w_(scale.size()),
+      gradient_(scale.size()),
+      gauss_newton_(scale.size()),
+      scratch_(scale.size()) {
+}
+
+Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
+  if (!reuse_) {
+    reuse_ = true;
+    const std::vector<double>& H_diagonal = model->Diagonal();
+    for (std::size_t j = 0; j < w_.size(); ++j) {
+      w_[j] = std::sqrt(std::clamp(scale_[j] * scale_[j] * H_diagonal[j], min_diagonal_, max_diagonal_)) / scale_[j];
+    }
+    ComputeCauchyPoint(model);
+    const Status solved = ComputeGaussNewtonStep(model, num_solves);
+    if (!solved.ok()) {
+      return solved;
+    }
+  }
+  Interpolate(step);
+  return Status::Ok();
+}
+
+void Dogleg::ComputeCauchyPoint(LinearModel* model) {
+  const std::vector<double>& g = model->Gradient();
+  for (std::size_t j = 0; j < w_.size(); ++j) {
+    gradient_[j] = g[j] / w_[j];
+    scratch_[j] = gradient_[j] / w_[j];
+  }
+  alpha_ = Dot(gradient_, gradient_) / model->Quadratic(scratch_.data());
+}
+
+Status Dogleg::ComputeGaussNewtonStep(LinearModel* model, int* num_solves) {
+  Status solved = Status::Error(StatusCode::kSingular, "the Gauss-Newton system stays singular up to the largest regularisation");
+  while (mu_ < kMaxMu) {
+    for (std::size_t j = 0; j < w_.size(); ++j) {
+      scratch_[j] = mu_ * w_[j] * w_[j];
+    }
+    ++*num_solves;
+    solved = model->Solve(scratch_.data(), gauss_newton_.data());
+    if (solved.ok() && IsFinite(gauss_newton_)) {
+      for (std::size_t j = 0; j < w_.size(); ++j) {
+        gauss_newton_[j] *= w_[j];
+      }
+      return solved;
+    }
+    if (!solved.ok() && solved.code != StatusCode::kSingular) {
+      return solved;
+    }
+    mu_ *= kMuIncrease;
+  }
+  if (solved.ok()) {
+    solved = Status::Error(StatusCode::kSingular, "the Gauss-Newton step is not finite");
+  }
+  return solved;
+}
+
+void Dogleg::Interpolate(double* step) {
+  const double gauss_newton_norm = Norm(gauss_newton_);
+  const double gradient_norm = Norm(gradient_);
+  double along_gradient = 0.0;  // coefficients of g̃ and of the Gauss–Newton step
+  double along_gauss_newton = 0.0;
+  if (gauss_newton_norm <= radius_) {
+    along_gauss_newton = 1.0;
+  } else if (gradient_norm * alpha_ >= radius_) {
+    along_gradient = -radius_ / gradient_norm;
+  } else {
+    // The point of the segment from the Cauchy point a to the Gauss–Newton point b on the sphere: Ceres's two-branch formula
+    // avoids cancellation.
+    const double b_dot_a = -alpha_ * Dot(gradient_, gauss_newton_);
+    const double a2 = std::pow(alpha_ * gradient_norm, 2);
+    const double b_minus_a2 = a2 - 2.0 * b_dot_a + gauss_newton_norm * gauss_newton_norm;
+    const double c = b_dot_a - a2;
+    const double d = std::sqrt(c * c + b_minus_a2 * (radius_ * radius_ - a2));
+    const double beta = c <= 0.0 ? (d - c) / b_minus_a2 : (radius_ * radius_ - a2) / (d + c);
+    along_gradient = -alpha_ * (1.0 - beta);
+    along_gauss_newton = beta;
+  }
+  double squared_norm = 0.0;
+  for (std::size_t j = 0; j < w_.size(); ++j) {
+    const double p = along_gradient * gradient_[j] + along_gauss_newton * gauss_newton_[j];
+    squared_norm += p * p;
+    step[j] = p / w_[j];
+  }
+  step_norm_ = along_gauss_newton == 0.0 ? radius_ : std::sqrt(squared_norm);
+}
+
+void Dogleg::StepAccepted(double quality) {
+  if (quality < kShrinkBelow) {
+    radius_ *= 0.5;
+  }
+  if (quality > kGrowAbove) {
+    radius_ = std::max(radius_, 3.0 * step_norm_);
+  }
+  mu_ = std::max(kMinMu, 2.0 * mu_ / kMuIncrease);
+  reuse_ = false;
+}
+
+void Dogleg::StepRejected() {
+  radius_ *= 0.5;
+  reuse_ = true;
+}
+
+void Dogleg::StepIsInvalid() {
+  mu_ *= kMuIncrease;
+  reuse_ = false;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,41 @@
+#pragma once
+
+#include "solver/strategy.h"
+
+namespace inceres::internal {
+
+/// Powell's traditional Dog-Leg in the metric D = clamp(s² diag H)^½ of the scaled columns. With w = D/s everything is said in
+/// unscaled variables: g̃ = g/w, Cauchy step −α g̃ with α = ‖g̃‖²/‖J g̃/w‖², Gauss–Newton step w δ_gn, result δ = p/w.
+///
+/// The Gauss–Newton step is regularised by μ w² on the diagonal, μ starting at 1e-8 and rising when the system cannot be
+/// factored. Source: Nocedal & Wright, section 4.1; constants of Ceres 2.1's DoglegStrategy.
+class Dogleg final : public TrustRegionStrategy {
+ public:
+  Dogleg(const SolverOptions& options, const std::vector<double>& scale);
+
+  Status ComputeStep(LinearModel* model, double* step, int* num_solves) override;
+  void StepAccepted(double quality) override;
+  void StepRejected() override;
+  void StepIsInvalid() override;
+  double Radius() const override { return radius_; }
+
+ private:
+  void ComputeCauchyPoint(LinearModel* model);
+  Status ComputeGaussNewtonStep(LinearModel* model, int* num_solves);
+  void Interpolate(double* step);
+
+  const std::vector<double>& scale_;
+  double radius_;
+  double min_diagonal_;
+  double max_diagonal_;
+  double mu_;
+  bool reuse_ = false;
+  double alpha_ = 0.0;      // length of the Cauchy step along −g̃
+  double step_norm_ = 0.0;  // ‖w δ‖ of the last step
+  std::vector<double> w_;
+  std::vector<double> gradient_;      // g̃
+  std::vector<double> gauss_newton_;  // w δ_gn
+  std::vector<double> scratch_;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,85 @@
+#include "solver/schur_model.h"
+
+#include <algorithm>
+
+#include "base/stopwatch.h"
+#include "linear/select_solver.h"
+
+namespace inceres::internal {
+
+PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator, StageSeconds* seconds, Status* status)
+    : LinearModel(evaluator),
+      incidences_(evaluator),
+      plans_(evaluator, incidences_),
+      hessian_(evaluator, incidences_, plans_),
+      seconds_(seconds) {
+  *status = Status::Ok();
+  if (plans_.pattern.size() > 0) {
+    reduced_solver_ =
+        MakeReducedSolver(options.reduced_solver, options.reduced_solver_factory, plans_.pattern, evaluator.executor(), status);
+  }
+}
+
+void PlainModel::Refresh() {
+  const StageTimer timer(&seconds_->hessian);
+  hessian_.Accumulate();
+}
+
+Status PlainModel::SolveReduced(const double* S, const double* b, const double* damping, double* step) {
+  const StageTimer timer(&seconds_->factorization);
+  if (!reduced_solver_) {
+    return Status::Ok();
+  }
+  const Status factored = reduced_solver_->Factorize(S, damping);
+  return factored.ok() ? reduced_solver_->Solve(b, step) : factored;
+}
+
+Status PlainModel::Solve(const double* damping, double* step) {
+  b_.resize(Gradient().size());
+  std::transform(Gradient().begin(), Gradient().end(), b_.begin(), [](double g) { return -g; });
+  return SolveReduced(hessian_.C().data(), b_.data(), damping, step);
+}
+
+void PlainModel::Describe(WorkCounts* work) const {
+  work->num_frames = plans_.pattern.num_blocks();
+  work->reduced_size = plans_.pattern.size();
+  work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
+                 static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() + plans_.schur.terms.size()));
+  for (const FamilyCache& cache : evaluator_.families()) {
+    // Kernels are sized at compile time up to residuals of 4; longer ones take the loop of run-time length.
+    if (cache.family->residual_size() > 4) {
+      work->num_dynamic_size_factors += cache.num_factors;
+    }
+  }
+}
+
+SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator, StageSeconds* seconds, Status* status)
+    : PlainModel(options, evaluator, seconds, status), elimination_(evaluator, incidences_, plans_, hessian_) {
+}
+
+Status SchurModel::Solve(const double* damping, double* step) {
+  const int frame_size = plans_.pattern.size();
+  {
+    const StageTimer timer(&seconds_->elimination);
+    const Status eliminated = elimination_.Eliminate(damping + frame_size);
+    if (!eliminated.ok()) {
+      return eliminated;
+    }
+  }
+  const Status solved = SolveReduced(elimination_.S(), elimination_.b(), damping, step);
+  if (!solved.ok()) {
+    return solved;
+  }
+  const StageTimer timer(&seconds_->back_substitution);
+  elimination_.BackSubstitute(step, step + frame_size);
+  return Status::Ok();
+}
+
+void SchurModel::Describe(WorkCounts* work) const {
+  PlainModel::Describe(work);
+  work->num_landmarks = incidences_.num_landmarks();
+  work->num_schur_products = static_cast<std::int64_t>(plans_.schur.terms.size());
+  work->bytes += elimination_.Bytes();
+}
+
+}  // namespace inceres::internal

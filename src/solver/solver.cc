@@ -1,0 +1,78 @@
+#include "inceres/solver/solver.h"
+
+#include <algorithm>
+
+#include "base/executor.h"
+#include "base/stopwatch.h"
+#include "block/kernels.h"
+#include "linearisation/evaluator.h"
+#include "solver/linear_model.h"
+#include "solver/trust_region_minimizer.h"
+
+namespace inceres {
+namespace {
+
+using namespace internal;  // NOLINT(google-build-using-namespace): the one place where the public solver meets its parts
+
+// Ceres's rule: the lowest cost seen, rejected candidates included.
+double FinalCost(const Summary& summary) {
+  double cost = summary.initial_cost;
+  for (const IterationSummary& iteration : summary.iterations) {
+    cost = std::min(cost, iteration.cost);
+  }
+  return cost;
+}
+
+void SolveValid(const SolverOptions& options, FactorGraph* graph, Summary* summary, double start) {
+  const bool eliminate = options.linear_model == LinearModelKind::kAutomatic || options.linear_model == LinearModelKind::kSchur;
+  const Layout layout(*graph, eliminate);
+  if (layout.variables.empty()) {
+    summary->termination = Termination::kConvergence;
+    summary->message = "Function tolerance reached. No non-constant parameter blocks found.";
+    summary->initial_cost = summary->final_cost = options.fixed_cost;
+    return;
+  }
+  const Executor executor(options.num_threads);
+  Evaluator evaluator(*graph, layout, executor);
+  Status status;
+  const std::unique_ptr<LinearModel> model = MakeLinearModel(options, evaluator, &summary->seconds, &status);
+  if (!status.ok()) {
+    summary->message = status.message;
+    return;
+  }
+  summary->reduced_solver = model->SolverName();
+  summary->work.bytes = evaluator.Bytes();
+  model->Describe(&summary->work);
+  summary->seconds.setup = NowInSeconds() - start;
+
+  SolverOptions minimizer_options = options;
+  minimizer_options.seconds_spent_before += summary->seconds.setup;
+  TrustRegionMinimizer minimizer(minimizer_options, &evaluator, model.get(), summary);
+  minimizer.Minimize();
+  summary->final_cost = FinalCost(*summary);
+  if (summary->IsSolutionUsable()) {
+    graph->mutable_state() = minimizer.best_state();
+  }
+}
+
+}  // namespace
+
+Summary Solve(const SolverOptions& options, FactorGraph* graph) {
+  const double start = NowInSeconds();
+  Summary summary;
+  summary.fixed_cost = options.fixed_cost;
+  summary.kernels = BestKernels().name;
+  Status status = options.Validate();
+  if (status.ok()) {
+    status = graph->Validate();
+  }
+  if (status.ok()) {
+    SolveValid(options, graph, &summary, start);
+  } else {
+    summary.message = status.message;
+  }
+  summary.seconds.total = NowInSeconds() - start;
+  return summary;
+}
+
+}  // namespace inceres

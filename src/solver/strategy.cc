@@ -1,0 +1,30 @@
+#include "solver/strategy.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "solver/dogleg.h"
+#include "solver/levenberg_marquardt.h"
+
+namespace inceres::internal {
+
+std::vector<double> JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling) {
+  std::vector<double> scale(diagonal.size(), 1.0);
+  if (jacobi_scaling) {
+    std::transform(diagonal.begin(), diagonal.end(), scale.begin(), [](double n2) { return 1.0 / (1.0 + std::sqrt(n2)); });
+  }
+  return scale;
+}
+
+std::unique_ptr<TrustRegionStrategy> MakeStrategy(const SolverOptions& options, const std::vector<double>& scale) {
+  if (options.strategy == TrustRegionStrategyKind::kDogleg) {
+    return std::make_unique<Dogleg>(options, scale);
+  }
+  return std::make_unique<LevenbergMarquardt>(options, scale);
+}
+
+bool IsFinite(const std::vector<double>& step) {
+  return std::all_of(step.begin(), step.end(), [](double entry) { return std::isfinite(entry); });
+}
+
+}  // namespace inceres::internal

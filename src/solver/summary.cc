@@ -1,0 +1,154 @@
+#include "inceres/solver/summary.h"
+
+#include <cmath>
+#include <sstream>
+
+namespace inceres {
+namespace {
+
+// A JSON object under construction. Numbers keep 17 digits; what JSON has no number for becomes null.
+class JsonObject {
+ public:
+  JsonObject() {
+    text_ << std::boolalpha << '{';
+    text_.precision(17);
+  }
+
+  JsonObject& Add(const char* name, double value) {
+    Name(name);
+    if (std::isfinite(value)) {
+      text_ << value;
+    } else {
+      text_ << "null";
+    }
+    return *this;
+  }
+  JsonObject& Add(const char* name, std::int64_t value) {
+    Name(name) << value;
+    return *this;
+  }
+  JsonObject& Add(const char* name, int value) { return Add(name, static_cast<std::int64_t>(value)); }
+  JsonObject& Add(const char* name, bool value) {
+    Name(name) << value;
+    return *this;
+  }
+  JsonObject& AddString(const char* name, const std::string& value) {
+    Name(name) << '"';
+    for (const char c : value) {
+      if (c == '"' || c == '\\') {
+        text_ << '\\' << c;
+      } else if (static_cast<unsigned char>(c) < 0x20) {
+        text_ << ' ';
+      } else {
+        text_ << c;
+      }
+    }
+    text_ << '"';
+    return *this;
+  }
+  JsonObject& AddRaw(const char* name, const std::string& json) {
+    Name(name) << json;
+    return *this;
+  }
+  std::string Close() {
+    text_ << '}';
+    return text_.str();
+  }
+
+ private:
+  std::ostream& Name(const char* name) {
+    if (!first_) {
+      text_ << ", ";
+    }
+    first_ = false;
+    return text_ << '"' << name << "\": ";
+  }
+
+  std::ostringstream text_;
+  bool first_ = true;
+};
+
+std::string ToJson(const IterationSummary& iteration) {
+  return JsonObject()
+      .Add("iteration", iteration.iteration)
+      .Add("cost", iteration.cost)
+      .Add("cost_change", iteration.cost_change)
+      .Add("gradient_max_norm", iteration.gradient_max_norm)
+      .Add("step_norm", iteration.step_norm)
+      .Add("relative_decrease", iteration.relative_decrease)
+      .Add("trust_region_radius", iteration.trust_region_radius)
+      .Add("successful", iteration.step_is_successful)
+      .Add("seconds", iteration.iteration_time_in_seconds)
+      .Add("cumulative_seconds", iteration.cumulative_time_in_seconds)
+      .Close();
+}
+
+std::string ToJson(const StageSeconds& seconds) {
+  return JsonObject()
+      .Add("setup", seconds.setup)
+      .Add("residuals", seconds.residuals)
+      .Add("jacobians", seconds.jacobians)
+      .Add("hessian", seconds.hessian)
+      .Add("elimination", seconds.elimination)
+      .Add("factorization", seconds.factorization)
+      .Add("back_substitution", seconds.back_substitution)
+      .Add("model_cost", seconds.model_cost)
+      .Add("total", seconds.total)
+      .Close();
+}
+
+std::string ToJson(const WorkCounts& work) {
+  return JsonObject()
+      .Add("num_residual_evaluations", work.num_residual_evaluations)
+      .Add("num_jacobian_evaluations", work.num_jacobian_evaluations)
+      .Add("num_linear_solves", work.num_linear_solves)
+      .Add("num_frames", work.num_frames)
+      .Add("num_landmarks", work.num_landmarks)
+      .Add("reduced_size", work.reduced_size)
+      .Add("num_schur_products", work.num_schur_products)
+      .Add("num_dynamic_size_factors", work.num_dynamic_size_factors)
+      .Add("bytes", work.bytes)
+      .Close();
+}
+
+}  // namespace
+
+const char* ToString(Termination termination) {
+  switch (termination) {
+    case Termination::kConvergence:
+      return "CONVERGENCE";
+    case Termination::kNoConvergence:
+      return "NO_CONVERGENCE";
+    case Termination::kFailure:
+      return "FAILURE";
+    case Termination::kUserSuccess:
+      return "USER_SUCCESS";
+    case Termination::kUserFailure:
+      return "USER_FAILURE";
+  }
+  return "UNKNOWN";
+}
+
+std::string Summary::ToJson() const {
+  std::string trace = "[";
+  for (const IterationSummary& iteration : iterations) {
+    trace += (trace.size() > 1 ? ", " : "") + inceres::ToJson(iteration);
+  }
+  trace += "]";
+  return JsonObject()
+      .AddString("termination", ToString(termination))
+      .AddString("message", message)
+      .Add("initial_cost", initial_cost)
+      .Add("final_cost", final_cost)
+      .Add("fixed_cost", fixed_cost)
+      .Add("num_successful_steps", num_successful_steps)
+      .Add("num_unsuccessful_steps", num_unsuccessful_steps)
+      .AddString("reduced_solver", reduced_solver)
+      .AddString("kernels", kernels)
+      .AddRaw("work", inceres::ToJson(work))
+      .AddRaw("seconds", inceres::ToJson(seconds))
+      .AddRaw("iterations", trace)
+      .Close();
+}
+
+}  // namespace inceres

@@ -1,0 +1,296 @@
+#include "solver/trust_region_minimizer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+#include <limits>
+
+#include "base/stopwatch.h"
+
+namespace inceres::internal {
+
+TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, Evaluator* evaluator, LinearModel* model,
+                                           Summary* summary)
+    : options_(options),
+      evaluator_(*evaluator),
+      model_(*model),
+      summary_(*summary),
+      graph_(evaluator->graph()),
+      start_time_(NowInSeconds()),
+      best_state_(evaluator->current()),
+      step_(static_cast<std::size_t>(evaluator->layout().size())),
+      negative_gradient_(step_.size()),
+      best_cost_(std::numeric_limits<double>::max()) {
+}
+
+void TrustRegionMinimizer::Minimize() {
+  iteration_start_time_ = start_time_;
+  summary_.num_successful_steps = 0;
+  summary_.num_unsuccessful_steps = 0;
+  if (!EvaluateStart()) {
+    return;
+  }
+  while (FinalizeIterationAndContinue()) {
+    iteration_start_time_ = NowInSeconds();
+    const IterationSummary previous = iteration_;
+    iteration_ = IterationSummary();
+    iteration_.iteration = previous.iteration + 1;
+    iteration_.gradient_norm = previous.gradient_norm;
+    iteration_.gradient_max_norm = previous.gradient_max_norm;
+    if (!ComputeStep()) {
+      return;
+    }
+    if (!iteration_.step_is_valid) {
+      if (!HandleInvalidStep()) {
+        return;
+      }
+      continue;
+    }
+    ComputeCandidate();
+    if (ParameterToleranceReached() || FunctionToleranceReached()) {
+      return;
+    }
+    iteration_.relative_decrease = quality_->Evaluate(candidate_cost_, model_decrease_);
+    if (iteration_.relative_decrease > options_.min_relative_decrease) {
+      if (!AcceptStep()) {
+        return;
+      }
+    } else {
+      RejectStep();
+    }
+  }
+}
+
+bool TrustRegionMinimizer::EvaluateStart() {
+  iteration_ = IterationSummary();
+  if (!EvaluateGradientAndJacobian(/*new_point=*/true)) {
+    return false;
+  }
+  scale_ = JacobiScale(model_.Diagonal(), options_.jacobi_scaling);
+  strategy_ = MakeStrategy(options_, scale_);
+  quality_ =
+      std::make_unique<StepQuality>(cost_, options_.use_nonmonotonic_steps ? options_.max_consecutive_nonmonotonic_steps : 0);
+  summary_.initial_cost = cost_ + options_.fixed_cost;
+  iteration_.cost = summary_.initial_cost;
+  iteration_.eta = options_.eta;
+  iteration_.step_is_valid = true;
+  iteration_.step_is_successful = true;
+  return true;
+}
+
+bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
+  if (iteration_.step_is_successful) {
+    ++summary_.num_successful_steps;
+    iteration_.step_is_nonmonotonic = !(cost_ < best_cost_);
+    if (!iteration_.step_is_nonmonotonic) {
+      best_cost_ = cost_;
+      best_state_ = evaluator_.current();
+    }
+  } else {
+    ++summary_.num_unsuccessful_steps;
+  }
+  iteration_.trust_region_radius = strategy_->Radius();
+  const double now = NowInSeconds();
+  iteration_.iteration_time_in_seconds = now - iteration_start_time_;
+  iteration_.cumulative_time_in_seconds = now - start_time_ + options_.seconds_spent_before;
+  summary_.iterations.push_back(iteration_);
+
+  if (!CallbacksContinue()) {
+    return false;
+  }
+  const double elapsed = NowInSeconds() - start_time_ + options_.seconds_spent_before;
+  if (elapsed >= options_.max_solver_time_in_seconds) {
+    return Finish(Termination::kNoConvergence, "Maximum solver time reached. Total solver time: %e >= %e.", elapsed,
+                  options_.max_solver_time_in_seconds);
+  }
+  if (iteration_.iteration >= options_.max_num_iterations) {
+    return Finish(Termination::kNoConvergence, "Maximum number of iterations reached. Number of iterations: %d.",
+                  iteration_.iteration);
+  }
+  if (iteration_.step_is_successful && iteration_.gradient_max_norm <= options_.gradient_tolerance) {
+    return Finish(Termination::kConvergence, "Gradient tolerance reached. Gradient max norm: %e <= %e",
+                  iteration_.gradient_max_norm, options_.gradient_tolerance);
+  }
+  if (iteration_.trust_region_radius <= options_.min_trust_region_radius) {
+    return Finish(Termination::kConvergence, "Minimum trust region radius reached. Trust region radius: %e <= %e",
+                  iteration_.trust_region_radius, options_.min_trust_region_radius);
+  }
+  return true;
+}
+
+bool TrustRegionMinimizer::CallbacksContinue() {
+  if (options_.observer == nullptr) {
+    return true;
+  }
+  switch (options_.observer->EndOfIteration(iteration_, best_state_.data())) {
+    case ObserverAction::kTerminateSuccessfully:
+      return Finish(Termination::kUserSuccess, "User callback returned SOLVER_TERMINATE_SUCCESSFULLY.");
+    case ObserverAction::kAbort:
+      return Finish(Termination::kUserFailure, "User callback returned SOLVER_ABORT.");
+    case ObserverAction::kContinue:
+      break;
+  }
+  return true;
+}
+
+// False only on an unrecoverable failure; otherwise iteration_.step_is_valid tells.
+bool TrustRegionMinimizer::ComputeStep() {
+  const double start = NowInSeconds();
+  int num_solves = 0;
+  const Status solved = strategy_->ComputeStep(&model_, step_.data(), &num_solves);
+  iteration_.step_solver_time_in_seconds = NowInSeconds() - start;
+  iteration_.linear_solver_iterations = num_solves > 0 && summary_.work.reduced_size > 0 ? 1 : 0;
+  summary_.work.num_linear_solves += num_solves;
+  if (!solved.ok() && solved.code != StatusCode::kSingular) {
+    return Finish(Termination::kFailure,
+                  "Linear solver failed due to unrecoverable non-numeric causes. Please see the error log for clues. %s",
+                  solved.message.c_str());
+  }
+  if (!solved.ok() || !IsFinite(step_)) {
+    return true;
+  }
+  const StageTimer timer(&summary_.seconds.model_cost);
+  model_decrease_ = model_.ModelDecrease(step_.data());
+  iteration_.step_is_valid = model_decrease_ > 0.0;
+  if (iteration_.step_is_valid) {
+    num_consecutive_invalid_steps_ = 0;
+  }
+  return true;
+}
+
+bool TrustRegionMinimizer::HandleInvalidStep() {
+  if (++num_consecutive_invalid_steps_ >= options_.max_num_consecutive_invalid_steps) {
+    return Finish(Termination::kFailure,
+                  "Number of consecutive invalid steps more than Solver::Options::max_num_consecutive_invalid_steps: %d",
+                  options_.max_num_consecutive_invalid_steps);
+  }
+  strategy_->StepIsInvalid();
+  iteration_.cost = cost_ + options_.fixed_cost;
+  iteration_.eta = options_.eta;
+  return true;
+}
+
+void TrustRegionMinimizer::ComputeCandidate() {
+  candidate_cost_ = std::numeric_limits<double>::max();
+  if (!evaluator_.MoveCandidate(step_.data())) {
+    return;
+  }
+  if (options_.observer != nullptr) {
+    options_.observer->BeforeEvaluation(evaluator_.candidate().data(), /*jacobians=*/false, /*new_point=*/true);
+  }
+  const StageTimer timer(&summary_.seconds.residuals);
+  ++summary_.work.num_residual_evaluations;
+  double cost = 0.0;
+  if (evaluator_.EvaluateCandidateCost(&cost).ok()) {
+    candidate_cost_ = cost;
+  }
+}
+
+bool TrustRegionMinimizer::ParameterToleranceReached() {
+  iteration_.step_norm = StateDistance(evaluator_.current(), evaluator_.candidate(), nullptr);
+  const double tolerance = options_.parameter_tolerance;
+  if (iteration_.step_norm > tolerance * (state_norm_ + tolerance)) {
+    return false;
+  }
+  Finish(Termination::kConvergence, "Parameter tolerance reached. Relative step_norm: %e <= %e.",
+         iteration_.step_norm / (state_norm_ + tolerance), tolerance);
+  return true;
+}
+
+bool TrustRegionMinimizer::FunctionToleranceReached() {
+  iteration_.cost_change = cost_ - candidate_cost_;
+  // Written so that a NaN cost counts as converged: Ceres up to 2.1 does the same.
+  if (std::fabs(iteration_.cost_change) > options_.function_tolerance * cost_) {
+    return false;
+  }
+  Finish(Termination::kConvergence, "Function tolerance reached. |cost_change|/cost: %e <= %e",
+         std::fabs(iteration_.cost_change) / cost_, options_.function_tolerance);
+  return true;
+}
+
+bool TrustRegionMinimizer::AcceptStep() {
+  evaluator_.AcceptCandidate();
+  state_norm_ = StateNorm();
+  if (!EvaluateGradientAndJacobian(/*new_point=*/false)) {
+    return false;
+  }
+  iteration_.step_is_successful = true;
+  iteration_.cost = cost_ + options_.fixed_cost;
+  strategy_->StepAccepted(iteration_.relative_decrease);
+  quality_->StepAccepted(candidate_cost_, model_decrease_);
+  return true;
+}
+
+void TrustRegionMinimizer::RejectStep() {
+  iteration_.cost = candidate_cost_ + options_.fixed_cost;
+  strategy_->StepRejected();
+}
+
+bool TrustRegionMinimizer::EvaluateGradientAndJacobian(bool new_point) {
+  if (options_.observer != nullptr) {
+    options_.observer->BeforeEvaluation(evaluator_.current().data(), /*jacobians=*/true, new_point);
+  }
+  ++summary_.work.num_jacobian_evaluations;
+  {
+    const StageTimer timer(&summary_.seconds.jacobians);
+    const Status evaluated = evaluator_.EvaluateJacobians(/*known_point=*/!new_point, &cost_);
+    if (!evaluated.ok()) {
+      return Finish(Termination::kFailure, "Residual and Jacobian evaluation failed. %s", evaluated.message.c_str());
+    }
+  }
+  model_.Refresh();
+  return ComputeGradientNorms();
+}
+
+bool TrustRegionMinimizer::ComputeGradientNorms() {
+  const std::vector<double>& g = model_.Gradient();
+  std::transform(g.begin(), g.end(), negative_gradient_.begin(), [](double entry) { return -entry; });
+  if (!evaluator_.MoveCandidate(negative_gradient_.data())) {
+    return Finish(Termination::kFailure, "projected_gradient_step = Plus(x, -gradient) failed.");
+  }
+  iteration_.gradient_norm = StateDistance(evaluator_.current(), evaluator_.candidate(), &iteration_.gradient_max_norm);
+  return true;
+}
+
+double TrustRegionMinimizer::StateNorm() const {
+  double sum = 0.0;
+  for (const VariableId id : evaluator_.layout().variables) {
+    const double* x = evaluator_.current().data() + graph_.StateOffset(id);
+    for (int k = 0; k < graph_.AmbientSize(id); ++k) {
+      sum += x[k] * x[k];
+    }
+  }
+  return std::sqrt(sum);
+}
+
+// ‖a − b‖₂ over the variables that move, and the largest difference.
+double TrustRegionMinimizer::StateDistance(const std::vector<double>& a, const std::vector<double>& b, double* max_norm) const {
+  double sum = 0.0;
+  double largest = 0.0;
+  for (const VariableId id : evaluator_.layout().variables) {
+    const auto offset = static_cast<std::size_t>(graph_.StateOffset(id));
+    for (std::size_t k = offset; k < offset + static_cast<std::size_t>(graph_.AmbientSize(id)); ++k) {
+      const double difference = a[k] - b[k];
+      sum += difference * difference;
+      largest = std::max(largest, std::fabs(difference));
+    }
+  }
+  if (max_norm != nullptr) {
+    *max_norm = largest;
+  }
+  return std::sqrt(sum);
+}
+
+bool TrustRegionMinimizer::Finish(Termination termination, const char* format, ...) {
+  char text[512];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(text, sizeof(text), format, arguments);
+  va_end(arguments);
+  summary_.termination = termination;
+  summary_.message = text;
+  return false;
+}
+
+}  // namespace inceres::internal

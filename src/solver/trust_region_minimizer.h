@@ -1,0 +1,73 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "inceres/solver/options.h"
+#include "inceres/solver/solver.h"
+#include "inceres/solver/summary.h"
+#include "linearisation/evaluator.h"
+#include "solver/linear_model.h"
+#include "solver/step_quality.h"
+#include "solver/strategy.h"
+
+namespace inceres::internal {
+
+/// The trust-region loop in exact mode: Ceres 2.1's order of evaluations, tests, callbacks and messages (ceres_contract.md 4.4).
+///
+///     evaluate the start
+///     while not finished:  step -> candidate -> cost -> tolerances -> accept (evaluate Jacobians) or reject
+///
+/// Tolerances end the loop before the candidate is accepted, and the state returned is the cheapest accepted one.
+class TrustRegionMinimizer {
+ public:
+  TrustRegionMinimizer(const SolverOptions& options, Evaluator* evaluator, LinearModel* model, Summary* summary);
+
+  /// Runs to termination. On a usable solution best_state() is the result.
+  void Minimize();
+
+  const std::vector<double>& best_state() const { return best_state_; }
+
+ private:
+  bool EvaluateStart();
+  bool FinalizeIterationAndContinue();
+  bool ComputeStep();
+  bool HandleInvalidStep();
+  void ComputeCandidate();
+  bool ParameterToleranceReached();
+  bool FunctionToleranceReached();
+  bool AcceptStep();
+  void RejectStep();
+
+  bool EvaluateGradientAndJacobian(bool new_point);
+  bool ComputeGradientNorms();
+  double StateNorm() const;
+  double StateDistance(const std::vector<double>& a, const std::vector<double>& b, double* max_norm) const;
+  bool CallbacksContinue();
+  bool Finish(Termination termination, const char* format, ...) __attribute__((format(printf, 3, 4)));
+
+  const SolverOptions& options_;
+  Evaluator& evaluator_;
+  LinearModel& model_;
+  Summary& summary_;
+  const FactorGraph& graph_;
+  const double start_time_;
+
+  std::vector<double> scale_;
+  std::unique_ptr<TrustRegionStrategy> strategy_;
+  std::unique_ptr<StepQuality> quality_;
+  IterationSummary iteration_;
+  double iteration_start_time_ = 0.0;
+
+  std::vector<double> best_state_;
+  std::vector<double> step_;
+  std::vector<double> negative_gradient_;
+  double cost_ = 0.0;  // at the current point, without fixed cost
+  double candidate_cost_ = 0.0;
+  double best_cost_;
+  double model_decrease_ = 0.0;
+  double state_norm_ = -1.0;  // unknown until a step was accepted, as in Ceres up to 2.1
+  int num_consecutive_invalid_steps_ = 0;
+};
+
+}  // namespace inceres::internal
