@@ -115,7 +115,8 @@ def check_file(root, path):
             continue
         target = resolve(root, path, header)
         if target is None:
-            if bracket == '"' or package == "inceres":
+            # Above the core, quotes may also name a generated header.
+            if package == "inceres" or (in_core and bracket == '"'):
                 yield number, header, "no such file in this project (system headers go in <>)"
             continue
         if bracket == "<" and package != "inceres":
