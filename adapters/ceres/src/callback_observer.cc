@@ -1,0 +1,29 @@
+#include "adapters/ceres/src/callback_observer.h"
+
+#include "adapters/ceres/src/progress_logger.h"
+#include "adapters/ceres/src/summary_writer.h"
+
+namespace inceres::internal {
+
+ObserverAction CallbackObserver::EndOfIteration(const IterationSummary& iteration, const double* best_state) {
+  if (options_.update_state_every_iteration) {
+    WriteToUser(blocks_, best_state);
+  }
+  const ceres::IterationSummary summary = ToCeres(iteration);
+  if (options_.logging_type != ceres::SILENT) {
+    LogProgress(summary, options_.minimizer_progress_to_stdout);
+  }
+  for (ceres::IterationCallback* callback : options_.callbacks) {
+    switch ((*callback)(summary)) {
+      case ceres::SOLVER_CONTINUE:
+        break;
+      case ceres::SOLVER_TERMINATE_SUCCESSFULLY:
+        return ObserverAction::kTerminateSuccessfully;
+      case ceres::SOLVER_ABORT:
+        return ObserverAction::kAbort;
+    }
+  }
+  return ObserverAction::kContinue;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,95 @@
+#include "adapters/ceres/src/exact_solve.h"
+
+#include <utility>
+
+#include <glog/logging.h>
+
+#include "adapters/ceres/src/callback_observer.h"
+#include "adapters/ceres/src/factor_shapes.h"
+#include "adapters/ceres/src/fixed_cost.h"
+#include "adapters/ceres/src/graph_builder.h"
+#include "adapters/ceres/src/landmark_selection.h"
+#include "adapters/ceres/src/option_mapping.h"
+#include "adapters/ceres/src/summary_writer.h"
+#include "inceres/solver/solver.h"
+
+namespace inceres::internal {
+namespace {
+
+LandmarkSelection FindLandmarks(const ExactSolveInput& input, const ShapeTable& shapes, ceres::LinearSolverType type) {
+  if (type == ceres::DENSE_QR) {
+    LandmarkSelection none;
+    none.is_landmark.assign(input.view.blocks.size(), 0);
+    return none;
+  }
+  if (IsSchurType(type) && input.ordering.group_sizes.size() > 1) {
+    return LandmarksOfFirstGroup(input.view, input.ordering);
+  }
+  return ChooseLandmarks(input.view, shapes);
+}
+
+void WriteReport(const ExactSolveInput& input, const LandmarkSelection& landmarks, Summary core, SolveReport* report) {
+  if (report != nullptr) {
+    report->options_without_effect = OptionsWithoutEffect(input.options, landmarks);
+    report->num_landmarks = landmarks.num_landmarks;
+    report->num_frames = input.view.reduced.num_parameter_blocks - landmarks.num_landmarks;
+    report->core = std::move(core);
+  }
+}
+
+void Minimize(const ExactSolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+  const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
+  const ShapeTable shapes = FindShapes(input.view);
+  const LandmarkSelection landmarks = FindLandmarks(input, shapes, type);
+  FactorGraph graph;
+  const std::vector<StateBlock> blocks = BuildGraph(input.view, shapes, landmarks, &graph);
+  WriteLinearSolver(input.view, input.ordering, landmarks, type, summary);
+
+  CallbackObserver observer(input.options, blocks);
+  SolverOptions options = MapOptions(input.options, type);
+  options.num_threads = summary->num_threads_used;
+  options.observer = &observer;
+  options.fixed_cost = summary->fixed_cost;
+  options.seconds_spent_before = input.clock.Seconds();
+  summary->preprocessor_time_in_seconds = options.seconds_spent_before;
+  Summary core = Solve(options, &graph);
+  // After a failure the graph still holds the start, and an update_state_every_iteration is undone.
+  WriteToUser(blocks, graph.state().data());
+  summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;
+  WriteSolution(core, summary);
+  WriteReport(input, landmarks, std::move(core), report);
+}
+
+}  // namespace
+
+void SolveExactly(const ExactSolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+  WriteGiven(input.options, input.view, summary);
+  summary->num_threads_used = NumThreads(input.options);
+  const FixedCost fixed = EvaluateFixedCost(input.view);
+  summary->fixed_cost = fixed.cost;
+  const bool anything_to_solve = fixed.error.empty() && input.view.reduced.num_parameter_blocks > 0;
+  if (anything_to_solve) {
+    Minimize(input, summary, report);
+  } else {
+    summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
+    summary->preprocessor_time_in_seconds = input.clock.Seconds();
+    summary->message = fixed.error;
+    if (fixed.error.empty()) {
+      WriteNothingToSolve(fixed.cost, summary);
+      summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;
+    }
+    LandmarkSelection none;
+    WriteReport(input, none, Summary(), report);
+  }
+  const double postprocessor_start = input.clock.Seconds();
+  if (fixed.error.empty()) {
+    WriteReduced(input.view, summary);
+  }
+  if (summary->termination_type == ceres::FAILURE) {
+    LOG(ERROR) << "Terminating: " << summary->message;
+  }
+  summary->total_time_in_seconds = input.clock.Seconds();
+  summary->postprocessor_time_in_seconds = summary->total_time_in_seconds - postprocessor_start;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,60 @@
+#include "adapters/ceres/src/fixed_cost.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <ceres/cost_function.h>
+#include <ceres/loss_function.h>
+
+namespace inceres::internal {
+namespace {
+
+constexpr double kImpossibleValue = 1e302;
+
+// cost = ½ρ(‖f‖²); false if the residual block cannot be evaluated. As in Ceres 2.1 the loss's own output is not checked.
+bool EvaluateCost(const ProblemView& view, const ResidualBlockView& residual, std::vector<const double*>* parameters,
+                  std::vector<double>* values, double* cost) {
+  parameters->clear();
+  for (int s = 0; s < residual.num_slots; ++s) {
+    parameters->push_back(view.block(view.SlotsOf(residual)[s]).values);
+  }
+  values->assign(static_cast<std::size_t>(residual.num_residuals), kImpossibleValue);
+  const bool evaluated = residual.cost->Evaluate(parameters->data(), values->data(), nullptr);
+  const auto valid = [](double value) { return std::isfinite(value) && value != kImpossibleValue; };
+  if (!evaluated || !std::all_of(values->begin(), values->end(), valid)) {
+    return false;
+  }
+  double squared_norm = 0.0;
+  for (const double value : *values) {
+    squared_norm += value * value;
+  }
+  double rho[3] = {squared_norm, 1.0, 0.0};
+  if (residual.loss != nullptr) {
+    residual.loss->Evaluate(squared_norm, rho);
+  }
+  *cost = 0.5 * rho[0];
+  return true;
+}
+
+}  // namespace
+
+FixedCost EvaluateFixedCost(const ProblemView& view) {
+  FixedCost result;
+  std::vector<const double*> parameters;
+  std::vector<double> values;
+  for (std::size_t r = 0; r < view.residuals.size(); ++r) {
+    if (!view.residuals[r].fixed) {
+      continue;
+    }
+    double cost = 0.0;
+    if (!EvaluateCost(view, view.residuals[r], &parameters, &values, &cost)) {
+      result.error = "Evaluation of the residual " + std::to_string(r) + " failed during removal of fixed residual blocks.";
+      return result;
+    }
+    result.cost += cost;
+  }
+  return result;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+
+#include "adapters/ceres/src/introspection.h"
+
+namespace inceres::internal {
+
+/// The part of the cost that cannot move.
+struct FixedCost {
+  double cost = 0.0;  ///< ½ Σ ρ over the residual blocks that touch no variable block; up to the failure, if one failed
+  std::string error;  ///< Ceres's message if a residual block could not be evaluated, else empty
+};
+
+/// Evaluates, in program order and without Jacobians, the residual blocks all of whose parameter blocks are constant.
+FixedCost EvaluateFixedCost(const ProblemView& view);
+
+}  // namespace inceres::internal

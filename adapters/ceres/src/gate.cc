@@ -1,0 +1,121 @@
+#include "adapters/ceres/src/gate.h"
+
+#include <algorithm>
+
+namespace inceres::internal {
+namespace {
+
+// Blocks that share a residual block may not both be eliminated first.
+bool IsIndependent(const ProblemView& view, const std::vector<int>& group) {
+  std::vector<char> in_group(view.blocks.size(), 0);
+  for (const int b : group) {
+    in_group[static_cast<std::size_t>(b)] = 1;
+  }
+  for (const ResidualBlockView& residual : view.residuals) {
+    const int* slots = view.SlotsOf(residual);
+    const auto count =
+        std::count_if(slots, slots + residual.num_slots, [&](int b) { return in_group[static_cast<std::size_t>(b)] != 0; });
+    if (count > 1) {
+      return false;
+    }
+  }
+  return true;
+}
+
+std::string OrderingObstacle(const ProblemView& view, const OrderingView& ordering, ceres::LinearSolverType type) {
+  if (!ordering.given || !(IsSchurType(type) || type == ceres::SPARSE_NORMAL_CHOLESKY)) {
+    return "";
+  }
+  if (ordering.has_unknown) {
+    return "linear_solver_ordering contains an address that is no parameter block of the problem";
+  }
+  if (ordering.num_elements != view.reduced.num_parameter_blocks) {
+    return "linear_solver_ordering has " + std::to_string(ordering.num_elements) + " of the " +
+           std::to_string(view.reduced.num_parameter_blocks) + " variable parameter blocks";
+  }
+  if (IsSchurType(type) && ordering.group_sizes.size() > 1 && !IsIndependent(view, ordering.first_group)) {
+    return "the first group of linear_solver_ordering is not an independent set";
+  }
+  return "";
+}
+
+std::string BoundsObstacle(const ProblemView& view, bool infeasible) {
+  for (const ParameterBlockView& block : view.blocks) {
+    if (infeasible && block.constant && block.bounds == BoundsKind::kInfeasible) {
+      return Describe(block) + " is constant outside its bounds";
+    }
+    if (!infeasible && !block.constant && block.bounds != BoundsKind::kNone) {
+      return "bounds: " + Describe(block) + " has some";
+    }
+  }
+  return "";
+}
+
+std::string QrObstacle(const ProblemView& view) {
+  const double columns = view.reduced.num_effective_parameters;
+  const double rows = view.reduced.num_residuals + columns;
+  if (rows * columns <= kMaxDenseQrEntries) {
+    return "";
+  }
+  return "DENSE_QR of " + std::to_string(static_cast<long>(rows)) + " x " + std::to_string(static_cast<long>(columns)) +
+         " entries exceeds the limit of " + std::to_string(static_cast<long>(kMaxDenseQrEntries));
+}
+
+}  // namespace
+
+std::string OptionsObstacle(const ceres::Solver::Options& options) {
+  std::string error;
+  if (!options.IsValid(&error)) {
+    return "the options are invalid: " + error;
+  }
+  if (options.minimizer_type != ceres::TRUST_REGION) {
+    return "minimizer_type LINE_SEARCH";
+  }
+  if (options.use_inner_iterations) {
+    return "use_inner_iterations";
+  }
+  if (options.check_gradients) {
+    return "check_gradients";
+  }
+  if (!options.trust_region_minimizer_iterations_to_dump.empty()) {
+    return "trust_region_minimizer_iterations_to_dump";
+  }
+  if (options.linear_solver_type == ceres::ITERATIVE_SCHUR || options.linear_solver_type == ceres::CGNR) {
+    return std::string("linear_solver_type ") + ceres::LinearSolverTypeToString(options.linear_solver_type);
+  }
+  if (options.linear_solver_ordering != nullptr && options.linear_solver_ordering->NumElements() == 0) {
+    return "linear_solver_ordering is empty";
+  }
+  if (options.dynamic_sparsity) {
+    return "dynamic_sparsity";
+  }
+  if (options.min_lm_diagonal <= 0.0) {
+    return "min_lm_diagonal 0";
+  }
+  if (options.trust_region_strategy_type == ceres::DOGLEG && options.dogleg_type == ceres::SUBSPACE_DOGLEG) {
+    return "dogleg_type SUBSPACE_DOGLEG";
+  }
+  return "";
+}
+
+std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering) {
+  if (!view.defect.empty()) {
+    return view.defect;
+  }
+  std::string obstacle = BoundsObstacle(view, /*infeasible=*/true);
+  if (!obstacle.empty() || view.reduced.num_parameter_blocks == 0) {
+    // Nothing to solve for: ordering and linear solver do not matter, but an infeasible bound still does.
+    return obstacle.empty() ? BoundsObstacle(view, /*infeasible=*/false) : obstacle;
+  }
+  const ceres::LinearSolverType type = EffectiveLinearSolver(options, ordering);
+  obstacle = OrderingObstacle(view, ordering, type);
+  if (obstacle.empty()) {
+    obstacle = BoundsObstacle(view, /*infeasible=*/false);
+  }
+  if (obstacle.empty() && type == ceres::DENSE_QR) {
+    obstacle = QrObstacle(view);
+  }
+  return obstacle;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+
+#include <ceres/solver.h>
+
+#include "adapters/ceres/src/introspection.h"
+#include "adapters/ceres/src/ordering.h"
+
+namespace inceres::internal {
+
+/// Largest Jacobian, rows × columns with the damping rows, that DENSE_QR is solved for here: 32 MB. Above it the problem goes to
+/// stock Ceres; QR is never replaced by normal equations.
+inline constexpr double kMaxDenseQrEntries = 4.0 * 1024 * 1024;
+
+/// Why these options cannot be honoured here, or an empty string. Looks at nothing but the options.
+std::string OptionsObstacle(const ceres::Solver::Options& options);
+
+/// Why this problem cannot be solved here under these options, or an empty string. Nothing of the user's has been called yet.
+///
+/// Not seen: an evaluation callback in ceres::Problem::Options, which Ceres 2.1 shows to nobody (docs/swap.md).
+std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering);
+
+}  // namespace inceres::internal

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <ceres/problem.h>
+
+#include "adapters/ceres/src/ceres_version.h"
+#include "adapters/ceres/src/pointer_index.h"
+
+namespace inceres::internal {
+
+/// A parameter block as seen through the problem's public getters.
+struct ParameterBlockView {
+  double* values = nullptr;
+  const ceres::Manifold* manifold = nullptr;
+  int ambient_size = 0;
+  int tangent_size = 0;
+  int degree = 0;         ///< residual blocks that touch it and at least one variable block
+  bool constant = false;  ///< set constant by the user, or of tangent size 0
+  BoundsKind bounds = BoundsKind::kNone;
+
+  /// Whether the solver moves it: variable and touched by a residual block. Ceres calls what is left the reduced program.
+  bool reduced() const { return !constant && degree > 0; }
+};
+
+struct ResidualBlockView {
+  const ceres::CostFunction* cost = nullptr;
+  const ceres::LossFunction* loss = nullptr;  ///< null: plain squared norm
+  int num_residuals = 0;
+  int first_slot = 0;  ///< into ProblemView::slots
+  int num_slots = 0;
+  bool fixed = true;  ///< touches no variable block
+};
+
+/// Sizes as Ceres's summary counts them.
+struct ProblemTotals {
+  int num_parameter_blocks = 0;
+  int num_parameters = 0;
+  int num_effective_parameters = 0;
+  int num_residual_blocks = 0;
+  int num_residuals = 0;
+};
+
+/// All the shim knows of a ceres::Problem: one pass through its public API. Nothing of the user's but the memory of its parameter
+/// blocks and size getters is touched; no cost function is evaluated.
+struct ProblemView {
+  std::vector<ParameterBlockView> blocks;    ///< by address (the only order Ceres shows)
+  std::vector<ResidualBlockView> residuals;  ///< in program order
+  std::vector<int> slots;                    ///< block of each slot of each residual block
+  PointerIndex index;                        ///< address to index in `blocks`
+  ProblemTotals all;
+  ProblemTotals reduced;
+  std::string defect;  ///< the first thing no solver but stock should look at (a block twice in a residual block, …); else empty
+
+  const int* SlotsOf(const ResidualBlockView& residual) const { return slots.data() + residual.first_slot; }
+  const ParameterBlockView& block(int i) const { return blocks[static_cast<std::size_t>(i)]; }
+  bool IsReduced(int i) const { return block(i).reduced(); }
+};
+
+/// Reads the problem. Cost: linear in slots, plus a few map lookups per parameter block inside Ceres (two per bound).
+ProblemView Introspect(const ceres::Problem& problem);
+
+/// "parameter block 0x55… of size 7", for messages.
+std::string Describe(const ParameterBlockView& block);
+
+}  // namespace inceres::internal

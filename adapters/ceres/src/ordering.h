@@ -1,0 +1,27 @@
+#pragma once
+
+#include <vector>
+
+#include <ceres/solver.h>
+
+#include "adapters/ceres/src/introspection.h"
+
+namespace inceres::internal {
+
+/// The user's linear_solver_ordering after the blocks that Ceres removes (constant, untouched) are gone. The caller's object is
+/// only read; stock Ceres edits it.
+struct OrderingView {
+  bool given = false;
+  int num_elements = 0;              ///< what is left, addresses that are no parameter block included
+  bool has_unknown = false;          ///< some address is no parameter block of the problem
+  bool first_group_emptied = false;  ///< removal emptied the lowest group
+  std::vector<int> group_sizes;      ///< of the groups left, by increasing id
+  std::vector<int> first_group;      ///< block indices of the lowest group left
+};
+
+OrderingView ReadOrdering(const ceres::Solver::Options& options, const ProblemView& view);
+
+/// The type Ceres would end up with: a Schur type whose first group was emptied becomes the type without elimination.
+ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering);
+
+}  // namespace inceres::internal

@@ -1,0 +1,146 @@
+#include "adapters/ceres/src/introspection.h"
+
+#include <algorithm>
+#include <limits>
+
+#include <gtest/gtest.h>
+
+#include "adapters/test_problems.h"
+
+namespace inceres::internal {
+namespace {
+
+using testing::MakeWindow;
+using testing::ShapeOnlyCost;
+using testing::TestProblem;
+
+const ParameterBlockView& BlockAt(const ProblemView& view, const double* values) {
+  return view.block(view.index.Find(values));
+}
+
+TEST(PointerIndex, FindsEveryPointerAndNoOther) {
+  std::vector<double> memory(5000);
+  std::vector<double*> pointers;
+  for (std::size_t i = 0; i < memory.size(); i += 3) {
+    pointers.push_back(&memory[i]);
+  }
+  PointerIndex index;
+  EXPECT_EQ(index.Find(memory.data()), -1);
+  index.Build(pointers);
+  for (std::size_t i = 0; i < memory.size(); ++i) {
+    EXPECT_EQ(index.Find(&memory[i]), i % 3 == 0 ? static_cast<int>(i / 3) : -1);
+  }
+}
+
+TEST(Introspection, SeesLocalParameterizations) {
+  const auto test = MakeWindow(3, 4, false);
+  const ProblemView view = Introspect(test->problem);
+  const ParameterBlockView& pose = BlockAt(view, test->blocks[2].data());
+  EXPECT_EQ(pose.ambient_size, 7);
+  EXPECT_EQ(pose.tangent_size, 6);
+  ASSERT_NE(pose.manifold, nullptr);
+  double plus_jacobian[42];
+  EXPECT_TRUE(pose.manifold->PlusJacobian(pose.values, plus_jacobian));
+  EXPECT_TRUE(view.defect.empty()) << view.defect;
+}
+
+TEST(Introspection, SeesManifoldsAndTangentSizeZero) {
+  TestProblem test;
+  double* q = test.Add({1, 0, 0, 0});
+  double* frozen = test.Add({1, 2, 3});
+  test.problem.AddParameterBlock(q, 4, new ceres::QuaternionManifold());
+  test.problem.AddParameterBlock(frozen, 3, new ceres::SubsetManifold(3, {0, 1, 2}));
+  test.problem.AddResidualBlock(new ShapeOnlyCost(2, {4, 3}), nullptr, q, frozen);
+  const ProblemView view = Introspect(test.problem);
+  EXPECT_EQ(BlockAt(view, q).tangent_size, 3);
+  EXPECT_TRUE(BlockAt(view, q).reduced());
+  EXPECT_EQ(BlockAt(view, frozen).tangent_size, 0);
+  EXPECT_TRUE(BlockAt(view, frozen).constant);
+}
+
+TEST(Introspection, CountsConstantsFixedResidualsAndUnusedBlocks) {
+  const auto test = MakeWindow(3, 4, false);
+  const ProblemView view = Introspect(test->problem);
+  EXPECT_EQ(view.all.num_parameter_blocks, test->problem.NumParameterBlocks());
+  EXPECT_EQ(view.all.num_parameters, test->problem.NumParameters());
+  EXPECT_EQ(view.all.num_residual_blocks, test->problem.NumResidualBlocks());
+  EXPECT_EQ(view.all.num_residuals, test->problem.NumResiduals());
+  // Left out: the constant pose, the constant extrinsic, the block nothing touches; the residual block of the extrinsic alone.
+  EXPECT_EQ(view.reduced.num_parameter_blocks, view.all.num_parameter_blocks - 3);
+  EXPECT_EQ(view.reduced.num_residual_blocks, view.all.num_residual_blocks - 1);
+  EXPECT_EQ(view.all.num_effective_parameters, view.all.num_parameters - 4);
+  const ParameterBlockView& unused = BlockAt(view, test->blocks.back().data());
+  EXPECT_EQ(unused.degree, 0);
+  EXPECT_FALSE(unused.reduced());
+}
+
+TEST(Introspection, KeepsProgramOrderOfResiduals) {
+  TestProblem test;
+  double* x = test.Add({0.0});
+  std::vector<const ceres::CostFunction*> costs;
+  for (int k = 0; k < 20; ++k) {
+    costs.push_back(new ShapeOnlyCost(1, {1}));
+    test.problem.AddResidualBlock(const_cast<ceres::CostFunction*>(costs.back()), nullptr, x);
+  }
+  const ProblemView view = Introspect(test.problem);
+  ASSERT_EQ(view.residuals.size(), costs.size());
+  for (std::size_t k = 0; k < costs.size(); ++k) {
+    EXPECT_EQ(view.residuals[k].cost, costs[k]);
+  }
+}
+
+TEST(Introspection, TellsBoundsApart) {
+  TestProblem test;
+  double* x = test.Add({0.5, 0.5});
+  double* y = test.Add({5.0, 0.5});
+  double* z = test.Add({0.5});
+  test.problem.AddParameterBlock(x, 2);
+  test.problem.AddParameterBlock(y, 2);
+  test.problem.AddParameterBlock(z, 1);
+  test.problem.SetParameterUpperBound(x, 1, 1.0);
+  test.problem.SetParameterUpperBound(y, 0, 1.0);
+  test.problem.SetParameterLowerBound(z, 0, -std::numeric_limits<double>::infinity());
+  const ProblemView view = Introspect(test.problem);
+  EXPECT_EQ(BlockAt(view, x).bounds, BoundsKind::kFeasible);
+  EXPECT_EQ(BlockAt(view, y).bounds, BoundsKind::kInfeasible);
+  EXPECT_EQ(BlockAt(view, z).bounds, BoundsKind::kNone) << "an infinite bound is none";
+}
+
+TEST(Introspection, NamesDefects) {
+  {
+    TestProblem test;
+    double* x = test.Add({1.0, std::numeric_limits<double>::quiet_NaN()});
+    test.problem.AddParameterBlock(x, 2);
+    EXPECT_NE(Introspect(test.problem).defect.find("not finite"), std::string::npos);
+  }
+  ceres::Problem::Options unsafe;
+  unsafe.disable_all_safety_checks = true;
+  std::vector<double> memory(8, 1.0);
+  {
+    ceres::Problem problem(unsafe);
+    problem.AddResidualBlock(new ShapeOnlyCost(1, {2, 2}), nullptr, memory.data(), memory.data());
+    EXPECT_NE(Introspect(problem).defect.find("twice"), std::string::npos);
+  }
+  {
+    ceres::Problem problem(unsafe);
+    problem.AddResidualBlock(new ShapeOnlyCost(1, {4, 4}), nullptr, memory.data(), memory.data() + 2);
+    EXPECT_NE(Introspect(problem).defect.find("overlaps"), std::string::npos);
+  }
+}
+
+TEST(Introspection, NoticesACostFunctionThatChangedItsSizes) {
+  class Mutable : public ShapeOnlyCost {
+   public:
+    using ShapeOnlyCost::ShapeOnlyCost;
+    void Resize(int size) { (*mutable_parameter_block_sizes())[0] = size; }
+  };
+  TestProblem test;
+  auto* cost = new Mutable(1, std::vector<int>{3});
+  test.problem.AddResidualBlock(cost, nullptr, test.Add({1, 2, 3}));
+  EXPECT_EQ(Introspect(test.problem).defect, "");
+  cost->Resize(2);
+  EXPECT_NE(Introspect(test.problem).defect.find("another size"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace inceres::internal

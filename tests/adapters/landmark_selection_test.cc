@@ -1,0 +1,275 @@
+#include "adapters/ceres/src/landmark_selection.h"
+
+#include <algorithm>
+
+#include <gtest/gtest.h>
+
+#include "adapters/test_problems.h"
+
+namespace inceres::internal {
+namespace {
+
+using testing::ShapeOnlyCost;
+using testing::TestProblem;
+
+// Structure only: the cost functions are never called.
+class Structure {
+ public:
+  double* Block(int size) { return test_.Add(std::vector<double>(static_cast<std::size_t>(size), 1.0)); }
+  std::vector<double*> Blocks(int count, int size) {
+    std::vector<double*> blocks;
+    for (int k = 0; k < count; ++k) {
+      blocks.push_back(Block(size));
+    }
+    return blocks;
+  }
+  void Factor(int num_residuals, const std::vector<double*>& blocks) {
+    std::vector<int> sizes;
+    for (const double* block : blocks) {
+      const auto found = std::find_if(test_.blocks.begin(), test_.blocks.end(), [&](const auto& b) { return b.data() == block; });
+      sizes.push_back(static_cast<int>(found->size()));
+    }
+    test_.problem.AddResidualBlock(new ShapeOnlyCost(num_residuals, sizes), nullptr, blocks);
+  }
+  void SetManifold(double* block, ceres::Manifold* manifold) { test_.problem.SetManifold(block, manifold); }
+  ceres::Problem& problem() { return test_.problem; }
+
+  // The chosen landmarks, after checking that they are independent.
+  std::vector<const double*> Choose() {
+    const ProblemView view = Introspect(test_.problem);
+    const LandmarkSelection selection = ChooseLandmarks(view, FindShapes(view));
+    for (const ResidualBlockView& residual : view.residuals) {
+      const int* slots = view.SlotsOf(residual);
+      EXPECT_LE(std::count_if(slots, slots + residual.num_slots, [&](int b) { return selection.Contains(b); }), 1);
+    }
+    std::vector<const double*> chosen;
+    for (std::size_t b = 0; b < view.blocks.size(); ++b) {
+      if (selection.is_landmark[b] != 0) {
+        chosen.push_back(view.blocks[b].values);
+      }
+    }
+    EXPECT_EQ(static_cast<int>(chosen.size()), selection.num_landmarks);
+    return chosen;
+  }
+
+ private:
+  TestProblem test_;
+};
+
+std::vector<const double*> Sorted(const std::vector<double*>& blocks) {
+  std::vector<const double*> sorted(blocks.begin(), blocks.end());
+  std::sort(sorted.begin(), sorted.end());
+  return sorted;
+}
+
+TEST(LandmarkSelection, BundleAdjustmentTakesAllPoints) {
+  Structure s;
+  const std::vector<double*> cameras = s.Blocks(6, 9);
+  const std::vector<double*> points = s.Blocks(60, 3);
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      s.Factor(2, {cameras[(p + k) % cameras.size()], points[p]});
+    }
+  }
+  EXPECT_EQ(s.Choose(), Sorted(points));
+}
+
+// Camera split into quaternion, translation and focal length, all as small as a point: only the points may go.
+TEST(LandmarkSelection, SplitCamerasStayFrames) {
+  Structure s;
+  const std::vector<double*> rotations = s.Blocks(8, 4);
+  const std::vector<double*> translations = s.Blocks(8, 3);
+  const std::vector<double*> focals = s.Blocks(8, 1);
+  const std::vector<double*> points = s.Blocks(80, 3);
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      const std::size_t c = (p + k) % rotations.size();
+      s.Factor(2, {rotations[c], translations[c], points[p], focals[c]});
+    }
+  }
+  for (double* rotation : rotations) {
+    s.SetManifold(rotation, new ceres::QuaternionManifold());
+  }
+  EXPECT_EQ(s.Choose(), Sorted(points));
+}
+
+TEST(LandmarkSelection, WindowTakesInverseDepthsButNotTheTimeOffset) {
+  Structure s;
+  const std::vector<double*> poses = s.Blocks(11, 7);
+  const std::vector<double*> speed_biases = s.Blocks(11, 9);
+  double* extrinsic = s.Block(7);
+  double* time_offset = s.Block(1);
+  const std::vector<double*> depths = s.Blocks(120, 1);
+  for (std::size_t f = 0; f < depths.size(); ++f) {
+    for (std::size_t k = 1; k < 5; ++k) {
+      s.Factor(2, {poses[f % 7], poses[f % 7 + k], extrinsic, depths[f], time_offset});
+    }
+  }
+  for (std::size_t i = 0; i + 1 < poses.size(); ++i) {
+    s.Factor(15, {poses[i], speed_biases[i], poses[i + 1], speed_biases[i + 1]});
+  }
+  std::vector<double*> prior = poses;
+  prior.push_back(extrinsic);
+  prior.push_back(time_offset);
+  s.Factor(78, prior);
+  EXPECT_EQ(s.Choose(), Sorted(depths));
+}
+
+TEST(LandmarkSelection, HomogeneousPointsOnAManifoldAreTaken) {
+  Structure s;
+  const std::vector<double*> poses = s.Blocks(8, 7);
+  const std::vector<double*> landmarks = s.Blocks(50, 4);
+  double* extrinsic = s.Block(7);
+  for (std::size_t l = 0; l < landmarks.size(); ++l) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      s.Factor(2, {poses[(l + k) % 8], landmarks[l], extrinsic});
+    }
+  }
+  for (double* landmark : landmarks) {
+    s.SetManifold(landmark, new ceres::SphereManifold<4>());
+  }
+  EXPECT_EQ(s.Choose(), Sorted(landmarks));
+}
+
+TEST(LandmarkSelection, PlanarPoseGraphHasNone) {
+  Structure s;
+  const std::vector<double*> poses = s.Blocks(100, 3);
+  for (std::size_t i = 0; i + 1 < poses.size(); ++i) {
+    s.Factor(3, {poses[i], poses[i + 1]});
+  }
+  for (std::size_t i = 0; i + 20 < poses.size(); i += 7) {
+    s.Factor(3, {poses[i + 20], poses[i]});
+  }
+  EXPECT_TRUE(s.Choose().empty());
+}
+
+TEST(LandmarkSelection, SplitPoseGraphHasNone) {
+  Structure s;
+  const std::vector<double*> translations = s.Blocks(60, 3);
+  const std::vector<double*> rotations = s.Blocks(60, 4);
+  for (std::size_t i = 0; i + 1 < translations.size(); ++i) {
+    s.Factor(6, {translations[i], rotations[i], translations[i + 1], rotations[i + 1]});
+  }
+  for (double* rotation : rotations) {
+    s.SetManifold(rotation, new ceres::EigenQuaternionManifold());
+  }
+  EXPECT_TRUE(s.Choose().empty());
+}
+
+TEST(LandmarkSelection, FullPoseGraphHasNone) {
+  Structure s;
+  const std::vector<double*> poses = s.Blocks(60, 7);
+  for (std::size_t i = 0; i + 1 < poses.size(); ++i) {
+    s.Factor(6, {poses[i], poses[i + 1]});
+  }
+  EXPECT_TRUE(s.Choose().empty());
+}
+
+TEST(LandmarkSelection, CurveFittingAndPowellHaveNone) {
+  for (const auto& test : {testing::MakeCurveFit(0.0), testing::MakePowell()}) {
+    const ProblemView view = Introspect(test->problem);
+    EXPECT_EQ(ChooseLandmarks(view, FindShapes(view)).num_landmarks, 0);
+  }
+}
+
+TEST(LandmarkSelection, FewCurvePointsHaveNoneEither) {
+  Structure s;
+  double* m = s.Block(1);
+  double* c = s.Block(1);
+  for (int k = 0; k < 5; ++k) {
+    s.Factor(1, {m, c});
+  }
+  EXPECT_TRUE(s.Choose().empty()) << "too few residual blocks for the rule of a fifth: the predicted cost decides";
+}
+
+TEST(LandmarkSelection, ABlockThatTouchesAFifthOfTheResidualsStaysAFrame) {
+  for (const int num_others : {39, 41}) {
+    Structure s;
+    const std::vector<double*> poses = s.Blocks(10, 6);
+    double* point = s.Block(3);
+    for (std::size_t k = 0; k < 10; ++k) {
+      s.Factor(2, {poses[k], point});
+    }
+    for (int k = 0; k < num_others; ++k) {
+      s.Factor(6, {poses[static_cast<std::size_t>(k) % 10], poses[static_cast<std::size_t>(k + 1) % 10]});
+    }
+    EXPECT_EQ(s.Choose().size(), num_others == 41 ? 1u : 0u) << num_others;
+  }
+}
+
+TEST(LandmarkSelection, PointsTiedToEachOtherStayFrames) {
+  Structure s;
+  const std::vector<double*> cameras = s.Blocks(6, 6);
+  std::vector<double*> points = s.Blocks(40, 3);
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      s.Factor(2, {cameras[(p + k) % 6], points[p]});
+    }
+  }
+  s.Factor(1, {points[38], points[39]});
+  points.resize(38);
+  EXPECT_EQ(s.Choose(), Sorted(points));
+}
+
+TEST(LandmarkSelection, ConstantPointsAreNoLandmarks) {
+  Structure s;
+  const std::vector<double*> cameras = s.Blocks(4, 6);
+  const std::vector<double*> points = s.Blocks(30, 3);
+  for (double* point : points) {
+    for (double* camera : cameras) {
+      s.Factor(2, {camera, point});
+    }
+    s.problem().SetParameterBlockConstant(point);
+  }
+  EXPECT_TRUE(s.Choose().empty());
+}
+
+TEST(LandmarkSelection, ConstantCamerasLeaveThePoints) {
+  Structure s;
+  const std::vector<double*> cameras = s.Blocks(4, 6);
+  const std::vector<double*> points = s.Blocks(30, 3);
+  for (double* point : points) {
+    for (double* camera : cameras) {
+      s.Factor(2, {camera, point});
+    }
+  }
+  for (double* camera : cameras) {
+    s.problem().SetParameterBlockConstant(camera);
+  }
+  EXPECT_EQ(s.Choose(), Sorted(points));
+}
+
+TEST(LandmarkSelection, UsersFirstGroupIsTakenAsFarAsItIsSmall) {
+  Structure s;
+  const std::vector<double*> cameras = s.Blocks(3, 6);
+  const std::vector<double*> points = s.Blocks(5, 3);
+  double* large = s.Block(5);
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  for (double* camera : cameras) {
+    options.linear_solver_ordering->AddElementToGroup(camera, 1);
+    for (double* point : points) {
+      s.Factor(2, {camera, point});
+    }
+    s.Factor(2, {camera, large});
+  }
+  for (double* point : points) {
+    options.linear_solver_ordering->AddElementToGroup(point, 0);
+  }
+  options.linear_solver_ordering->AddElementToGroup(large, 0);
+  s.problem().SetParameterBlockConstant(points[0]);
+
+  const ProblemView view = Introspect(s.problem());
+  const OrderingView ordering = ReadOrdering(options, view);
+  EXPECT_EQ(ordering.group_sizes, (std::vector<int>{5, 3}));
+  const LandmarkSelection selection = LandmarksOfFirstGroup(view, ordering);
+  EXPECT_EQ(selection.num_landmarks, 4);
+  EXPECT_EQ(selection.num_too_large, 1);
+  EXPECT_FALSE(selection.Contains(view.index.Find(points[0]))) << "constant";
+  EXPECT_FALSE(selection.Contains(view.index.Find(large)));
+  EXPECT_EQ(options.linear_solver_ordering->NumElements(), 9) << "the caller's ordering is not edited";
+}
+
+}  // namespace
+}  // namespace inceres::internal
