@@ -1,7 +1,7 @@
 #include "inceres/graph/losses.h"
 
 #include <cmath>
-#include <limits>
+#include <ostream>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -14,6 +14,11 @@ struct LossCase {
   std::shared_ptr<const Loss> loss;
   double kink;  // the s where the third derivative jumps, or negative
 };
+
+// What GoogleTest and CTest call the instance.
+void PrintTo(const LossCase& loss_case, std::ostream* stream) {
+  *stream << loss_case.name;
+}
 
 std::vector<LossCase> AllLosses() {
   const auto huber = std::make_shared<HuberLoss>(1.3);

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <ostream>
 #include <random>
 #include <string>
 #include <vector>
@@ -55,6 +56,11 @@ struct ManifoldCase {
   int tangent_size;
   std::function<std::vector<double>(Random&)> random_point;
 };
+
+// What GoogleTest and CTest call the instance.
+inline void PrintTo(const ManifoldCase& manifold_case, std::ostream* stream) {
+  *stream << manifold_case.name;
+}
 
 inline std::vector<ManifoldCase> AllManifolds() {
   const auto vector_of = [](int size) { return [size](Random& random) { return RandomVector(random, size); }; };
