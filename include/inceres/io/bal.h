@@ -69,4 +69,8 @@ INCERES_EXPORT Status ReadBal(const std::string& path, BalProblem* problem);
 /// kIo with the system's reason. Threads: no shared state.
 INCERES_EXPORT Status WriteBal(const std::string& path, const BalProblem& problem);
 
+/// Root mean square of the distance between observed and predicted image points, in pixels: sqrt(sum |e_i|^2 / n). The cost of a
+/// least-squares solver is n / 2 times its square. Requires a problem that Validate()s; not finite if a point has depth 0.
+INCERES_EXPORT double ReprojectionRms(const BalProblem& problem);
+
 }  // namespace inceres

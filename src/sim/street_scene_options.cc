@@ -1,0 +1,114 @@
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "inceres/sim/street_scene.h"
+#include "sim/street_limits.h"
+
+namespace inceres {
+namespace {
+
+struct Preset {
+  const char* name;
+  int num_cameras, num_points, num_observations;
+  double laps, loop_fraction;
+};
+
+// The sizes of problems that the literature reports on; the scenes are ours.
+constexpr Preset kPresets[] = {
+    {"ladybug-like", 49, 7776, 31843, 0.0, 0.3},
+    {"venice11", 11, 8366, 20271, 0.0, 0.3},
+    {"cathedral", 92, 57957, 422163, 2.0, 0.7},
+};
+
+Status Invalid(const std::string& what) {
+  return Status::Error(StatusCode::kInvalidArgument, "StreetSceneOptions: " + what);
+}
+
+std::string Text(double value) {
+  std::string text = std::to_string(value);
+  const std::size_t last = text.find_last_not_of('0');
+  return text.find('.') == std::string::npos ? text : text.substr(0, text[last] == '.' ? last : last + 1);
+}
+
+Status CheckRange(const char* field, double value, double low, double high) {
+  if (value >= low && value <= high) {  // false for NaN
+    return Status::Ok();
+  }
+  return Invalid(std::string(field) + " is " + Text(value) + ", not between " + Text(low) + " and " + Text(high));
+}
+
+Status CheckSizes(const StreetSceneOptions& options) {
+  const std::int64_t cameras = options.num_cameras, points = options.num_points, observations = options.num_observations;
+  if (observations < 2 * points || observations > cameras * points) {
+    return Invalid("num_observations is " + std::to_string(observations) + ", not between two per point (" +
+                   std::to_string(2 * points) + ") and every point in every camera (" + std::to_string(cameras * points) + ")");
+  }
+  if (2 * observations + 7 < 9 * cameras + 3 * points) {  // seven are the free choice of the coordinate frame
+    return Invalid("num_observations is " + std::to_string(observations) +
+                   ": two equations each are fewer than the unknowns of " + std::to_string(cameras) + " cameras and " +
+                   std::to_string(points) + " points");
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
+Status StreetSceneOptions::Validate() const {
+  const struct {
+    const char* name;
+    double value, low, high;
+  } ranges[] = {
+      {"num_cameras", static_cast<double>(num_cameras), 2, 1e6},
+      {"num_points", static_cast<double>(num_points), 1, std::numeric_limits<int>::max()},
+      {"laps", laps, 0, 1000},
+      {"loop_fraction", loop_fraction, 0, 1},
+      {"camera_spacing", camera_spacing, 0, 10},
+      {"pixel_noise", pixel_noise, 0, 1e6},
+      {"rotation_noise", rotation_noise, 0, 1},
+      {"position_noise", position_noise, 0, 1e6},
+      {"focal_noise", focal_noise, 0, 1},
+      {"distortion_noise", distortion_noise, 0, 1},
+      {"point_noise", point_noise, 0, 1e6},
+      {"outlier_fraction", outlier_fraction, 0, 1},
+      {"outlier_pixels", outlier_pixels, 0, 1e6},
+  };
+  for (const auto& range : ranges) {
+    if (Status status = CheckRange(range.name, range.value, range.low, range.high); !status.ok()) {
+      return status;
+    }
+  }
+  const double circumference = laps > 0.0 ? camera_spacing * num_cameras / laps : 0.0;
+  if (circumference > 0.0 && circumference < internal::kMinCircumference) {
+    return Invalid("camera_spacing is " + Text(camera_spacing) + ": a circuit of " + Text(circumference) + " m, at least " +
+                   Text(internal::kMinCircumference) + " m are needed");
+  }
+  return CheckSizes(*this);
+}
+
+std::vector<std::string> StreetScenePresets() {
+  std::vector<std::string> names;
+  for (const Preset& preset : kPresets) {
+    names.emplace_back(preset.name);
+  }
+  return names;
+}
+
+Status GetStreetScenePreset(const std::string& name, StreetSceneOptions* options) {
+  std::string known;
+  for (const Preset& preset : kPresets) {
+    if (name == preset.name) {
+      *options = StreetSceneOptions();
+      options->num_cameras = preset.num_cameras;
+      options->num_points = preset.num_points;
+      options->num_observations = preset.num_observations;
+      options->laps = preset.laps;
+      options->loop_fraction = preset.loop_fraction;
+      return Status::Ok();
+    }
+    known += std::string(known.empty() ? "" : ", ") + preset.name;
+  }
+  return Status::Error(StatusCode::kInvalidArgument, "no preset '" + name + "'; known are " + known);
+}
+
+}  // namespace inceres
