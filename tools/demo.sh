@@ -15,7 +15,6 @@ fi
 
 arguments=("$@")
 if [[ " $* " != *" --problem"[\ =]* ]]; then
-  bundled=$(ls -S "$root"/bal_data/street-*.txt* | head -n 1)
-  arguments=(--problem "bal:$bundled" --repeats 5 "$@")
+  arguments=(--problem "bal:$root/bal_data/street-16-1200-pre.txt" --repeats 5 "$@")
 fi
 "$root"/build/bin/ab_compare "${arguments[@]}"
