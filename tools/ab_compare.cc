@@ -1,0 +1,205 @@
+// Ours and stock Ceres on one problem, side by side.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <gflags/gflags.h>
+#include <glog/logging.h>
+
+#include "tools/common/ab_protocol.h"
+#include "tools/common/ab_report.h"
+#include "tools/common/command_line.h"
+#include "tools/common/environment.h"
+#include "tools/common/problem_source.h"
+#include "tools/common/run_solver.h"
+#include "tools/common/solver_flags.h"
+#include "tools/common/text_file.h"
+
+DEFINE_string(problem, "", "The problem: bal:FILE (text, .gz or .bz2) or g2o:FILE.");
+DEFINE_int32(repeats, 11, "Rounds in which every solver runs once, at least 1.");
+DEFINE_string(configurations, "",
+              "Comma-separated stock configurations to run, without the pre-pass that drops slow ones: dense_schur, "
+              "dense_schur_points_first, sparse_schur, sparse_schur_points_first, iterative_schur (BAL), sparse_normal_cholesky. "
+              "By default all but iterative_schur that make sense for the problem.");
+DEFINE_double(
+    tolerance, 1e-6,
+    "Exit with code 3 if our final cost is above the lowest of stock by more than this, relative. Negative: it must be lower.");
+DEFINE_string(json, "", "Also write the report to this file as JSON.");
+
+namespace inceres::tools {
+namespace {
+
+constexpr char kUsage[] =
+    "solves a problem with inceres and with stock Ceres in each of its sensible configurations, in interleaved repeats from the "
+    "same\n"
+    "start values, and compares seconds, costs and parameters.\n\n"
+    "  ab_compare --problem bal:problem-49-7776-pre.txt --json ab.json\n"
+    "  ab_compare --problem g2o:sphere.g2o --repeats 5 --trust_region dogleg\n"
+    "  ab_compare --problem bal:FILE --function_tolerance 0 --gradient_tolerance 0 --parameter_tolerance 0   (all 50 "
+    "iterations)\n\n"
+    "Each run builds the ceres::Problem anew, untimed, and times the whole Solve call. Exit code: 0 success, 1 failure, 2 usage, "
+    "3 our\n"
+    "final cost is higher than the best stock run's by more than --tolerance, 4 inceres handed the problem to stock Ceres.";
+
+struct Configuration {
+  const char* name;
+  ceres::LinearSolverType linear_solver;
+  bool landmarks_first;
+  bool needs_landmarks;
+  bool by_default;  // among problems with (Schur) or without (others) landmarks
+};
+
+constexpr Configuration kConfigurations[] = {
+    {"dense_schur", ceres::DENSE_SCHUR, false, true, true},
+    {"dense_schur_points_first", ceres::DENSE_SCHUR, true, true, true},
+    {"sparse_schur", ceres::SPARSE_SCHUR, false, true, true},
+    {"sparse_schur_points_first", ceres::SPARSE_SCHUR, true, true, true},
+    {"iterative_schur", ceres::ITERATIVE_SCHUR, false, true, false},
+    {"sparse_normal_cholesky", ceres::SPARSE_NORMAL_CHOLESKY, false, false, true},
+};
+
+Status ChooseConfigurations(const std::string& list, bool has_landmarks, std::vector<Configuration>* chosen) {
+  if (list.empty()) {
+    std::copy_if(std::begin(kConfigurations), std::end(kConfigurations), std::back_inserter(*chosen),
+                 [=](const Configuration& c) { return c.by_default && c.needs_landmarks == has_landmarks; });
+    return Status::Ok();
+  }
+  std::istringstream names(list);
+  for (std::string name; std::getline(names, name, ',');) {
+    const auto* found = std::find_if(std::begin(kConfigurations), std::end(kConfigurations),
+                                     [&](const Configuration& c) { return c.name == name; });
+    if (found == std::end(kConfigurations) || (found->needs_landmarks && !has_landmarks)) {
+      return Status::Error(StatusCode::kInvalidArgument,
+                           "--configurations: '" + name + "' is " +
+                               (found == std::end(kConfigurations) ? "unknown" : "for problems with landmarks") + "; see --help");
+    }
+    chosen->push_back(*found);
+  }
+  return Status::Ok();
+}
+
+Contender MakeContender(const RunPlan& plan, const std::string& configuration, const ProblemSource& source) {
+  const auto run = [plan, &source](std::optional<int> iteration_limit, RunOutcome* outcome) {
+    RunPlan limited = plan;
+    limited.settings.max_num_iterations =
+        std::min(plan.settings.max_num_iterations, iteration_limit.value_or(plan.settings.max_num_iterations));
+    return Run(limited, source, outcome);
+  };
+  return {plan.engine == Engine::kStock ? "ceres" : "inceres", configuration, run};
+}
+
+Contender MakeOurs(const SolverSettings& settings, const ProblemSource& source) {
+  RunPlan plan;
+  plan.settings = settings;
+  plan.engine = settings.builtin_factors ? Engine::kCore : Engine::kShim;
+  plan.linear_solver = LinearSolverOr(settings, source.HasLandmarks() ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY);
+  const std::string name = settings.builtin_factors && !settings.linear_solver ? "auto" : FlagName(plan.linear_solver);
+  return MakeContender(plan, settings.builtin_factors ? name + " builtin_factors" : name, source);
+}
+
+// What each flag allows but not all together.
+Status CheckCombination(const SolverSettings& settings, const ProblemSource& source) {
+  if (!settings.builtin_factors) {
+    ceres::Solver::Options unused;
+    return ToCeresOptions(settings, LinearSolverOr(settings, ceres::SPARSE_NORMAL_CHOLESKY), &unused);
+  }
+  if (!source.HasLandmarks()) {
+    return Status::Error(StatusCode::kInvalidArgument, "--builtin_factors: there are built-in factors for BAL problems only");
+  }
+  SolverOptions unused;
+  return ToCoreOptions(settings, &unused);
+}
+
+std::vector<Contender> MakeStock(const SolverSettings& settings, const std::vector<Configuration>& configurations,
+                                 const ProblemSource& source) {
+  std::vector<Contender> stock;
+  for (const Configuration& configuration : configurations) {
+    RunPlan plan;
+    plan.settings = settings;
+    plan.engine = Engine::kStock;
+    plan.linear_solver = configuration.linear_solver;
+    plan.landmarks_first = configuration.landmarks_first;
+    stock.push_back(MakeContender(plan, configuration.name, source));
+  }
+  return stock;
+}
+
+// Prints and writes the report, and decides.
+int Report(const SolverSettings& settings, const ProblemSource& source, const AbResult& result) {
+  AbContext context;
+  context.problem = FLAGS_problem;
+  context.description = source.Describe();
+  context.threads = settings.num_threads;
+  context.settings = settings;
+  context.difference = source.Difference(result.ours.parameters, result.FastestStock().parameters);
+  context.environment = DescribeEnvironment();
+  std::fputs(AbTable(context, result).c_str(), stdout);
+  for (const std::string& option : result.ours.first().options_without_effect) {
+    std::printf("note: inceres accepts this option without effect: %s\n", option.c_str());
+  }
+  if (!BlasIsSerial()) {
+    std::puts("WARNING: the BLAS of this process starts threads of its own; times and threads are not comparable.");
+  }
+  if (!FLAGS_json.empty()) {
+    const Status status = WriteTextFile(FLAGS_json, AbJson(context, result).dump(2) + "\n");
+    if (!status.ok()) {
+      return Fail(kExitFailure, "--json " + status.message);
+    }
+  }
+  if (!(result.RelativeCostDifference() <= FLAGS_tolerance)) {
+    std::ostringstream message;
+    message << "our final cost is higher than the best stock run's: by " << result.RelativeCostDifference() << ", --tolerance is "
+            << FLAGS_tolerance << " (relative)";
+    return Fail(kExitWorse, message.str());
+  }
+  return kExitSuccess;
+}
+
+int Main() {
+  SolverSettings settings;
+  Status status = ReadSolverFlags(&settings);
+  if (!status.ok()) {
+    return Fail(kExitUsage, status.message);
+  }
+  if (FLAGS_repeats < 1 || !std::isfinite(FLAGS_tolerance)) {
+    return Fail(kExitUsage, "--repeats must be at least 1 and --tolerance a finite number");
+  }
+  std::unique_ptr<ProblemSource> source;
+  status = OpenProblem(FLAGS_problem, &source);
+  if (!status.ok()) {
+    return Fail(status.code == StatusCode::kInvalidArgument ? kExitUsage : kExitFailure, status.message);
+  }
+  std::vector<Configuration> configurations;
+  status = ChooseConfigurations(FLAGS_configurations, source->HasLandmarks(), &configurations);
+  status = status.ok() ? CheckCombination(settings, *source) : status;
+  if (!status.ok()) {
+    return Fail(kExitUsage, status.message);
+  }
+  AbOptions options;
+  options.repeats = FLAGS_repeats;
+  options.drop_slow = FLAGS_configurations.empty();
+  AbResult result;
+  status = RunComparison(
+      MakeOurs(settings, *source), MakeStock(settings, configurations, *source), options,
+      [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); }, &result);
+  if (!status.ok()) {
+    return Fail(status.code == StatusCode::kUnavailable ? kExitUsedStock : kExitFailure, status.message);
+  }
+  return Report(settings, *source, result);
+}
+
+}  // namespace
+}  // namespace inceres::tools
+
+int main(int argc, char** argv) {
+  google::InitGoogleLogging(argv[0]);
+  FLAGS_logtostderr = true;
+  const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kUsage, &argc, &argv);
+  return exit_code ? *exit_code : inceres::tools::Main();
+}

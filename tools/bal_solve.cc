@@ -1,0 +1,174 @@
+// Solves a BAL file with inceres or stock Ceres.
+
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include <gflags/gflags.h>
+#include <glog/logging.h>
+#include <nlohmann/json.hpp>
+
+#include "inceres/io/bal.h"
+#include "tools/common/bal_ceres_problem.h"
+#include "tools/common/bal_picture.h"
+#include "tools/common/command_line.h"
+#include "tools/common/problem_source.h"
+#include "tools/common/run_solver.h"
+#include "tools/common/solver_flags.h"
+#include "tools/common/text_file.h"
+
+DEFINE_string(input, "", "The BAL file to solve: text, .gz or .bz2. Required.");
+DEFINE_string(solver, "inceres", "inceres, or ceres for stock Ceres.");
+DEFINE_string(output, "", "Write the solved problem to this BAL file (.gz and .bz2 compress).");
+DEFINE_string(json, "", "Write sizes, costs, seconds and the cost of every iteration to this file as JSON.");
+DEFINE_string(picture, "", "Draw cameras and points before and after and the cost curve to this SVG file.");
+
+namespace inceres::tools {
+namespace {
+
+constexpr char kUsage[] =
+    "solves a bundle-adjustment problem in BAL format and says what became of it: a line an iteration, a table at the end.\n\n"
+    "  bal_solve --input problem-49-7776-pre.txt\n"
+    "  bal_solve --input problem.txt.bz2 --trust_region dogleg --robust huber:1.5 --output solved.txt --picture solved.svg\n"
+    "  bal_solve --input problem.txt --solver ceres --linear_solver sparse_schur --num_threads 4 --json solved.json\n\n"
+    "Exit code: 0 solved (also if stopped by --max_num_iterations), 1 failure, 2 usage.";
+
+struct Solved {
+  BalProblem before;
+  BalProblem after;
+  SolveRecord record;
+  std::string description;
+  std::string solver;
+};
+
+Status ReadPlan(RunPlan* plan) {
+  Status status = ReadSolverFlags(&plan->settings);
+  if (!status.ok()) {
+    return status;
+  }
+  if (FLAGS_input.empty()) {
+    return Status::Error(StatusCode::kInvalidArgument, "--input FILE is required; see --help");
+  }
+  if (FLAGS_solver != "inceres" && FLAGS_solver != "ceres") {
+    return Status::Error(StatusCode::kInvalidArgument, "--solver '" + FLAGS_solver + "': use inceres or ceres");
+  }
+  if (FLAGS_solver == "ceres" && plan->settings.builtin_factors) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "--builtin_factors needs --solver inceres: stock Ceres knows only cost functions");
+  }
+  plan->engine = FLAGS_solver == "ceres" ? Engine::kStock : plan->settings.builtin_factors ? Engine::kCore : Engine::kShim;
+  plan->strict = true;  // who asks for inceres gets inceres or an error
+  return Status::Ok();
+}
+
+// A dense reduced system is the faster one up to a few hundred cameras.
+ceres::LinearSolverType AutomaticLinearSolver(const BalProblem& bal) {
+  constexpr int kMaxDenseCameras = 200;
+  return bal.num_cameras <= kMaxDenseCameras ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+}
+
+void PrintTable(const Solved& solved) {
+  const SolveRecord& record = solved.record;
+  std::printf("\n%-22s %s\n%-22s %s (%s)\n", "problem", solved.description.c_str(), "solver", solved.solver.c_str(),
+              record.linear_solver.c_str());
+  std::printf("%-22s %.10e -> %.10e\n", "cost", record.initial_cost, record.final_cost);
+  std::printf("%-22s %.6f -> %.6f px\n", "RMS reprojection error", RmsReprojectionError(solved.before),
+              RmsReprojectionError(solved.after));
+  std::printf("%-22s %d\n%-22s %s: %s\n", "iterations", record.iterations, "termination", record.termination.c_str(),
+              record.message.c_str());
+  std::printf("%-22s %.6f s\n", "time", record.seconds);
+  for (const auto& [stage, seconds] : record.stage_seconds) {
+    std::printf("  %-20s %.6f s\n", stage.c_str(), seconds);
+  }
+  for (const std::string& option : record.options_without_effect) {
+    std::printf("note: accepted without effect: %s\n", option.c_str());
+  }
+}
+
+nlohmann::json ToJson(const SolverSettings& settings, const Solved& solved) {
+  const SolveRecord& record = solved.record;
+  nlohmann::json iterations = nlohmann::json::array();
+  for (const CostSample& sample : record.trace) {
+    iterations.push_back({{"seconds", sample.seconds}, {"cost", sample.cost}, {"accepted", sample.accepted}});
+  }
+  nlohmann::json stages = nlohmann::json::object();
+  for (const auto& [stage, seconds] : record.stage_seconds) {
+    stages[stage] = seconds;
+  }
+  return {{"input", FLAGS_input},
+          {"solver", solved.solver},
+          {"linear_solver", record.linear_solver},
+          {"threads", settings.num_threads},
+          {"robust", ToString(settings.robust)},
+          {"num_cameras", solved.before.num_cameras},
+          {"num_points", solved.before.num_points},
+          {"num_observations", solved.before.observations.size()},
+          {"initial_cost", record.initial_cost},
+          {"final_cost", record.final_cost},
+          {"initial_rms_pixels", RmsReprojectionError(solved.before)},
+          {"final_rms_pixels", RmsReprojectionError(solved.after)},
+          {"iterations", record.iterations},
+          {"termination", record.termination},
+          {"message", record.message},
+          {"seconds", record.seconds},
+          {"stage_seconds", stages},
+          {"trace", iterations},
+          {"options_without_effect", record.options_without_effect}};
+}
+
+// Writes what was asked for; the first failure ends it.
+Status WriteFiles(const SolverSettings& settings, const Solved& solved) {
+  Status status;
+  if (!FLAGS_output.empty()) {
+    status = WriteBal(FLAGS_output, solved.after);
+  }
+  if (status.ok() && !FLAGS_json.empty()) {
+    status = WriteTextFile(FLAGS_json, ToJson(settings, solved).dump(2) + "\n");
+  }
+  if (status.ok() && !FLAGS_picture.empty()) {
+    const std::string title = FLAGS_input.substr(FLAGS_input.rfind('/') + 1) + ": " + solved.description;
+    status = WriteTextFile(FLAGS_picture, BalPictureSvg(title, solved.before, solved.after, solved.record.trace));
+  }
+  return status;
+}
+
+int Main() {
+  RunPlan plan;
+  Status status = ReadPlan(&plan);
+  if (!status.ok()) {
+    return Fail(kExitUsage, status.message);
+  }
+  BalProblem bal;
+  status = ReadBal(FLAGS_input, &bal);
+  if (!status.ok()) {
+    return Fail(kExitFailure, status.message);
+  }
+  plan.linear_solver = LinearSolverOr(plan.settings, AutomaticLinearSolver(bal));
+  ProgressTable progress;
+  plan.progress = &progress;
+  const BalSource source(std::move(bal));
+  RunOutcome outcome;
+  status = Run(plan, source, &outcome);
+  if (!status.ok()) {
+    return Fail(kExitUsage, status.message);
+  }
+  if (!outcome.record.usable) {
+    return Fail(kExitFailure, "not solved: " + outcome.record.termination + ": " + outcome.record.message);
+  }
+  Solved solved{source.bal(), source.WithParameters(outcome.parameters), outcome.record, source.Describe(),
+                FLAGS_solver + (plan.settings.builtin_factors ? " with built-in factors" : "")};
+  PrintTable(solved);
+  status = WriteFiles(plan.settings, solved);
+  return status.ok() ? static_cast<int>(kExitSuccess) : Fail(kExitFailure, status.message);
+}
+
+}  // namespace
+}  // namespace inceres::tools
+
+int main(int argc, char** argv) {
+  google::InitGoogleLogging(argv[0]);
+  FLAGS_logtostderr = true;
+  const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kUsage, &argc, &argv);
+  return exit_code ? *exit_code : inceres::tools::Main();
+}

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+namespace inceres::tools {
+
+/// Exit codes of the tools.
+enum ExitCode {
+  kExitSuccess = 0,
+  kExitFailure = 1,    ///< a file could not be read or written, a problem not solved
+  kExitUsage = 2,      ///< a flag or argument makes no sense
+  kExitWorse = 3,      ///< ab_compare: our final cost is above the best stock run's
+  kExitUsedStock = 4,  ///< ab_compare: the shim handed the problem to stock Ceres
+};
+
+/// Parses the command line with gflags. Returns the exit code if the program is to end now: after --help (only this project's
+/// flags, on standard output), --version, or a surplus argument. `usage` is what the program does, with examples.
+/// A flag gflags does not know or cannot convert ends the process with code 1, as gflags does.
+std::optional<int> ParseCommandLine(const std::string& usage, int* argc, char*** argv);
+
+/// Prints "tool: message" on standard error and returns `code`.
+int Fail(ExitCode code, const std::string& message);
+
+}  // namespace inceres::tools

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdio>
+
+#include <ceres/iteration_callback.h>
+
+#include "inceres/solver/solver.h"
+
+namespace inceres::tools {
+
+/// Prints one line an iteration on standard output, in the format of Ceres's own progress table, whoever solves: as a callback of
+/// Ceres (stock and shim) and as an observer of the core.
+class ProgressTable : public ceres::IterationCallback, public SolveObserver {
+ public:
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    Print(summary);
+    return ceres::SOLVER_CONTINUE;
+  }
+
+  ObserverAction EndOfIteration(const IterationSummary& summary, const double* /*best_state*/) override {
+    Print(summary);
+    return ObserverAction::kContinue;
+  }
+
+ private:
+  // The two summaries have the same field names.
+  template <typename AnySummary>
+  static void Print(const AnySummary& s) {
+    if (s.iteration == 0) {
+      std::puts("iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  iter_time  total_time");
+    }
+    std::printf("% 4d % 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e     % 4d   % 3.2e   % 3.2e\n", s.iteration, s.cost,
+                s.cost_change, s.gradient_max_norm, s.step_norm, s.relative_decrease, s.trust_region_radius,
+                s.linear_solver_iterations, s.iteration_time_in_seconds, s.cumulative_time_in_seconds);
+    std::fflush(stdout);
+  }
+};
+
+}  // namespace inceres::tools
