@@ -138,6 +138,7 @@ std::string Summary::ToJson() const {
   return JsonObject()
       .AddString("termination", ToString(termination))
       .AddString("message", message)
+      .AddString("detail", detail)
       .Add("initial_cost", initial_cost)
       .Add("final_cost", final_cost)
       .Add("fixed_cost", fixed_cost)

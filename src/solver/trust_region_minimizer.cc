@@ -143,11 +143,12 @@ bool TrustRegionMinimizer::ComputeStep() {
   iteration_.linear_solver_iterations = num_solves > 0 && summary_.work.reduced_size > 0 ? 1 : 0;
   summary_.work.num_linear_solves += num_solves;
   if (!solved.ok() && solved.code != StatusCode::kSingular) {
+    summary_.detail = solved.message;
     return Finish(Termination::kFailure,
-                  "Linear solver failed due to unrecoverable non-numeric causes. Please see the error log for clues. %s",
-                  solved.message.c_str());
+                  "Linear solver failed due to unrecoverable non-numeric causes. Please see the error log for clues. ");
   }
   if (!solved.ok() || !IsFinite(step_)) {
+    summary_.detail = solved.ok() ? "the step is not finite" : solved.message;
     return true;
   }
   const StageTimer timer(&summary_.seconds.model_cost);
@@ -236,7 +237,8 @@ bool TrustRegionMinimizer::EvaluateGradientAndJacobian(bool new_point) {
     const StageTimer timer(&summary_.seconds.jacobians);
     const Status evaluated = evaluator_.EvaluateJacobians(/*known_point=*/!new_point, &cost_);
     if (!evaluated.ok()) {
-      return Finish(Termination::kFailure, "Residual and Jacobian evaluation failed. %s", evaluated.message.c_str());
+      summary_.detail = evaluated.message;
+      return Finish(Termination::kFailure, "Residual and Jacobian evaluation failed.");
     }
   }
   model_.Refresh();

@@ -68,7 +68,8 @@ struct INCERES_EXPORT WorkCounts {
 /// What happened. Everything a caller needs to act on a failure is here; nothing is only logged.
 struct INCERES_EXPORT Summary {
   Termination termination = Termination::kFailure;
-  std::string message = "inceres::Solve was not called.";
+  std::string message = "inceres::Solve was not called.";  ///< in Ceres's words where Ceres has them
+  std::string detail;          ///< the culprit behind a failure or the last invalid step: which factor or variable, and why
   double initial_cost = -1.0;  ///< with fixed cost; -1 if the start could not be evaluated
   double final_cost = -1.0;
   double fixed_cost = 0.0;
