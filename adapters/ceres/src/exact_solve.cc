@@ -53,6 +53,9 @@ void Minimize(const ExactSolveInput& input, ceres::Solver::Summary* summary, Sol
   options.seconds_spent_before = input.clock.Seconds();
   summary->preprocessor_time_in_seconds = options.seconds_spent_before;
   Summary core = Solve(options, &graph);
+  if (core.termination == Termination::kFailure) {
+    LOG(ERROR) << "Terminating: " << core.message << (core.detail.empty() ? "" : " ") << core.detail;
+  }
   // After a failure the graph still holds the start, and an update_state_every_iteration is undone.
   WriteToUser(blocks, graph.state().data());
   summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;
@@ -73,8 +76,10 @@ void SolveExactly(const ExactSolveInput& input, ceres::Solver::Summary* summary,
   } else {
     summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
     summary->preprocessor_time_in_seconds = input.clock.Seconds();
-    summary->message = fixed.error;
-    if (fixed.error.empty()) {
+    if (!fixed.error.empty()) {
+      summary->message = fixed.error;
+      LOG(ERROR) << "Terminating: " << summary->message;
+    } else {
       WriteNothingToSolve(fixed.cost, summary);
       summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;
     }
@@ -84,9 +89,6 @@ void SolveExactly(const ExactSolveInput& input, ceres::Solver::Summary* summary,
   const double postprocessor_start = input.clock.Seconds();
   if (fixed.error.empty()) {
     WriteReduced(input.view, summary);
-  }
-  if (summary->termination_type == ceres::FAILURE) {
-    LOG(ERROR) << "Terminating: " << summary->message;
   }
   summary->total_time_in_seconds = input.clock.Seconds();
   summary->postprocessor_time_in_seconds = summary->total_time_in_seconds - postprocessor_start;

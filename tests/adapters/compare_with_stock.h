@@ -1,0 +1,31 @@
+#pragma once
+
+#include <vector>
+
+#include "adapters/test_problems.h"
+#include "inceres/ceres/solve.h"
+
+namespace inceres::testing {
+
+/// The same recipe solved by both, each on its own copy.
+struct BothSolved {
+  std::unique_ptr<TestProblem> stock_problem;
+  std::unique_ptr<TestProblem> our_problem;
+  ceres::Solver::Summary stock;
+  ceres::Solver::Summary ours;
+  SolveReport report;
+};
+
+/// Changes options that depend on the copy (an ordering, callbacks). May be null.
+using Adjust = std::function<void(TestProblem*, ceres::Solver::Options*)>;
+
+BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options, const Adjust& adjust = nullptr);
+
+/// Every field of the summaries but times; costs and norms of the trace to a relative tolerance. Elimination order and Schur
+/// structure only if `same_elimination`.
+void ExpectSameSummary(const BothSolved& both, double tolerance, bool same_elimination);
+
+/// The parameters both ended with.
+void ExpectSameParameters(const BothSolved& both, double tolerance);
+
+}  // namespace inceres::testing

@@ -1,0 +1,254 @@
+// How and when cost functions and manifolds are called, and what happens when they fail; stock Ceres is the oracle.
+#include <cmath>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include "adapters/compare_with_stock.h"
+
+namespace inceres {
+namespace {
+
+using testing::BothSolved;
+using testing::MakeWindow;
+using testing::SolveBoth;
+using testing::TargetCost;
+using testing::TestProblem;
+using Options = ceres::Solver::Options;
+
+// Calls a user's cost function saw, in order.
+struct Calls {
+  int num_cost_only = 0;
+  int num_jacobian = 0;
+};
+
+enum class Misbehaviour { kReturnsFalse, kNaN, kInfinity, kUnwritten };
+
+// A quadratic with one block that misbehaves in the given cost-only call or the given call with Jacobians (counted from 1; 0:
+// never).
+testing::Recipe Misbehaving(Misbehaviour kind, int bad_cost_only, int bad_jacobian) {
+  return [=] {
+    auto test = std::make_unique<TestProblem>();
+    auto calls = std::make_shared<Calls>();
+    auto hook = [=](double const* const*, double* residuals, double** jacobians) {
+      const bool bad = jacobians == nullptr ? ++calls->num_cost_only == bad_cost_only : ++calls->num_jacobian == bad_jacobian;
+      if (!bad) {
+        return true;
+      }
+      double* victim = jacobians != nullptr ? &jacobians[0][1] : &residuals[1];
+      if (kind != Misbehaviour::kReturnsFalse) {
+        *victim = kind == Misbehaviour::kNaN ? std::nan("") : kind == Misbehaviour::kInfinity ? INFINITY : 1e302;
+      }
+      return kind != Misbehaviour::kReturnsFalse;
+    };
+    test->problem.AddResidualBlock(new TargetCost({1.0, 2.0, 3.0}, hook), nullptr, test->Add({5.0, -4.0, 3.5}));
+    return test;
+  };
+}
+
+Options Tight() {
+  Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.function_tolerance = 0.0;
+  options.max_num_iterations = 10;
+  return options;
+}
+
+class Misbehaviours : public ::testing::TestWithParam<Misbehaviour> {};
+
+TEST_P(Misbehaviours, AtTheStart) {
+  const BothSolved both = SolveBoth(Misbehaving(GetParam(), 0, 1), Tight());
+  ExpectSameSummary(both, 1e-9, true);
+  EXPECT_EQ(both.ours.termination_type, ceres::FAILURE);
+  EXPECT_EQ(both.ours.message, "Residual and Jacobian evaluation failed.");
+  EXPECT_EQ(both.ours.initial_cost, -1.0);
+  EXPECT_EQ(both.our_problem->blocks, Misbehaving(GetParam(), 0, 0)()->blocks);
+}
+
+TEST_P(Misbehaviours, AtATrialPoint) {
+  const BothSolved both = SolveBoth(Misbehaving(GetParam(), 2, 0), Tight());
+  ExpectSameSummary(both, 1e-9, true);
+  EXPECT_EQ(both.ours.num_unsuccessful_steps, 1) << "a step that cannot be evaluated is rejected, no more";
+  EXPECT_EQ(both.ours.iterations[2].cost, both.stock.iterations[2].cost);
+  EXPECT_TRUE(both.ours.IsSolutionUsable());
+  ExpectSameParameters(both, 1e-9);
+}
+
+TEST_P(Misbehaviours, AtTheJacobianOfAnAcceptedPoint) {
+  const BothSolved both = SolveBoth(Misbehaving(GetParam(), 0, 3), Tight());
+  ExpectSameSummary(both, 1e-9, true);
+  EXPECT_EQ(both.ours.termination_type, ceres::FAILURE);
+  EXPECT_EQ(both.our_problem->blocks, Misbehaving(GetParam(), 0, 0)()->blocks) << "all progress is discarded";
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Misbehaviours,
+                         ::testing::Values(Misbehaviour::kReturnsFalse, Misbehaviour::kNaN, Misbehaviour::kInfinity,
+                                           Misbehaviour::kUnwritten));
+
+TEST(Evaluation, FixedResidualThatFails) {
+  const auto recipe = [] {
+    auto test = Misbehaving(Misbehaviour::kReturnsFalse, 0, 0)();
+    double* constant = test->Add({1.0, 2.0});
+    auto fails = [](double const* const*, double*, double**) { return false; };
+    test->problem.AddResidualBlock(new TargetCost({0.0, 0.0}), nullptr, constant);
+    test->problem.AddResidualBlock(new TargetCost({0.0, 0.0}, fails), nullptr, constant);
+    test->problem.SetParameterBlockConstant(constant);
+    return test;
+  };
+  const BothSolved both = SolveBoth(recipe, Tight());
+  ExpectSameSummary(both, 1e-9, true);
+  EXPECT_EQ(both.ours.message, both.stock.message);
+  EXPECT_EQ(both.ours.message, "Evaluation of the residual 2 failed during removal of fixed residual blocks.");
+  EXPECT_EQ(both.our_problem->blocks, recipe()->blocks);
+}
+
+// Euclidean, but fails in the given call of Plus or PlusJacobian (counted from 1; 0: never).
+class FailingManifold : public ceres::Manifold {
+ public:
+  FailingManifold(int bad_plus, int bad_jacobian) : bad_plus_(bad_plus), bad_jacobian_(bad_jacobian) {}
+  int AmbientSize() const override { return 3; }
+  int TangentSize() const override { return 3; }
+  bool Plus(const double* x, const double* delta, double* out) const override {
+    return euclidean_.Plus(x, delta, out) && ++num_plus_ != bad_plus_;
+  }
+  bool PlusJacobian(const double* x, double* jacobian) const override {
+    return euclidean_.PlusJacobian(x, jacobian) && ++num_jacobian_ != bad_jacobian_;
+  }
+  bool Minus(const double*, const double*, double*) const override { return false; }
+  bool MinusJacobian(const double*, double*) const override { return false; }
+
+ private:
+  ceres::EuclideanManifold<3> euclidean_;
+  int bad_plus_, bad_jacobian_;
+  mutable int num_plus_ = 0;
+  mutable int num_jacobian_ = 0;
+};
+
+testing::Recipe WithFailingManifold(int bad_plus, int bad_jacobian) {
+  return [=] {
+    auto test = Misbehaving(Misbehaviour::kReturnsFalse, 0, 0)();
+    test->problem.SetManifold(test->blocks[0].data(), new FailingManifold(bad_plus, bad_jacobian));
+    return test;
+  };
+}
+
+// The first call moves along the gradient, the second makes the first candidate, the third moves along the gradient there.
+TEST(Evaluation, PlusThatFails) {
+  for (const int bad_plus : {1, 2, 3}) {
+    SCOPED_TRACE(bad_plus);
+    const BothSolved both = SolveBoth(WithFailingManifold(bad_plus, 0), Tight());
+    ExpectSameSummary(both, 1e-9, true);
+    EXPECT_EQ(both.ours.termination_type == ceres::FAILURE, bad_plus != 2) << both.ours.message;
+    ExpectSameParameters(both, 1e-9);
+  }
+}
+
+// The first call is made by SetManifold. At the next one stock Ceres aborts the process.
+TEST(Evaluation, PlusJacobianThatFailsIsAFailureNotAnAbort) {
+  const auto test = WithFailingManifold(0, 2)();
+  ceres::Solver::Summary summary;
+  inceres::Solve(Tight(), &test->problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(summary.message, "Residual and Jacobian evaluation failed.");
+  EXPECT_EQ(test->blocks, WithFailingManifold(0, 0)()->blocks);
+}
+
+// Pointers a cost function is given.
+TEST(Evaluation, ConstantsGetNullJacobiansAndTheUsersMemory) {
+  class Pair : public ceres::SizedCostFunction<1, 1, 1> {
+   public:
+    Pair(const double* variable, const double* constant, int* num_calls)
+        : variable_(variable), constant_(constant), num_calls_(num_calls) {}
+    bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+      ++*num_calls_;
+      EXPECT_NE(parameters[0], variable_) << "variables are the solver's own copies";
+      EXPECT_EQ(parameters[1], constant_);
+      residuals[0] = parameters[0][0] * parameters[1][0] - 1.0;
+      if (jacobians != nullptr) {
+        EXPECT_NE(jacobians[0], nullptr);
+        EXPECT_EQ(jacobians[1], nullptr);
+        jacobians[0][0] = parameters[1][0];
+      }
+      return true;
+    }
+
+   private:
+    const double* variable_;
+    const double* constant_;
+    int* num_calls_;
+  };
+  int num_calls = 0;
+  {
+    TestProblem test;
+    double* x = test.Add({3.0});
+    double* c = test.Add({2.0});
+    test.problem.AddResidualBlock(new Pair(x, c, &num_calls), nullptr, x, c);
+    test.problem.SetParameterBlockConstant(c);
+    ceres::Solver::Summary summary;
+    inceres::Solve(Options(), &test.problem, &summary);
+    EXPECT_EQ(num_calls, summary.num_residual_evaluations + summary.num_jacobian_evaluations);
+    EXPECT_NEAR(x[0], 0.5, 1e-6);
+    EXPECT_EQ(c[0], 2.0);
+    num_calls = 0;
+  }
+  EXPECT_EQ(num_calls, 0) << "nothing is evaluated once Solve has returned";
+}
+
+TEST(Evaluation, OneThreadMeansTheCallersThread) {
+  const auto test = MakeWindow(5, 40, true);
+  const std::thread::id caller = std::this_thread::get_id();
+  int num_elsewhere = 0;
+  for (int k = 0; k < 200; ++k) {
+    auto hook = [&](auto...) {
+      num_elsewhere += std::this_thread::get_id() == caller ? 0 : 1;
+      return true;
+    };
+    test->problem.AddResidualBlock(new TargetCost(std::vector<double>(9, 0.0), hook), nullptr, test->blocks[1].data());
+  }
+  Options options;
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  ceres::Solver::Summary summary;
+  inceres::Solve(options, &test->problem, &summary);
+  EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+  EXPECT_EQ(num_elsewhere, 0);
+}
+
+// The value of one entry at each call: Ceres's sequence of points and of kinds of calls, call by call.
+TEST(Evaluation, CallsComeInCeressOrder) {
+  std::vector<std::pair<bool, double>> calls[2];
+  int which = 0;
+  const auto recipe = [&] {
+    auto test = testing::MakeCurveFit(0.0);
+    auto hook = [&calls, k = which++](double const* const* parameters, double*, double** jacobians) {
+      calls[k].emplace_back(jacobians != nullptr, parameters[0][0]);
+      return true;
+    };
+    test->problem.AddResidualBlock(new TargetCost({0.1}, hook), nullptr, test->blocks[0].data());
+    return test;
+  };
+  const BothSolved both = SolveBoth(recipe, Tight());
+  ASSERT_EQ(calls[0].size(), calls[1].size());
+  for (std::size_t k = 0; k < calls[0].size(); ++k) {
+    EXPECT_EQ(calls[0][k].first, calls[1][k].first) << "call " << k;
+    EXPECT_NEAR(calls[0][k].second, calls[1][k].second, 1e-8) << "call " << k;
+  }
+}
+
+TEST(Evaluation, ExceptionsLeaveTheUsersMemoryAlone) {
+  auto test = std::make_unique<TestProblem>();
+  int num_calls = 0;
+  auto hook = [&](double const* const*, double*, double**) -> bool {
+    if (++num_calls == 4) {
+      throw std::runtime_error("from the cost function");
+    }
+    return true;
+  };
+  double* x = test->Add({5.0, 4.0});
+  test->problem.AddResidualBlock(new TargetCost({1.0, 2.0}, hook), nullptr, x);
+  ceres::Solver::Summary summary;
+  EXPECT_THROW(inceres::Solve(Tight(), &test->problem, &summary), std::runtime_error);
+  EXPECT_EQ(test->blocks[0], (std::vector<double>{5.0, 4.0}));
+}
+
+}  // namespace
+}  // namespace inceres

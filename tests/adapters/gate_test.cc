@@ -1,0 +1,310 @@
+// Everything that goes to stock Ceres: the reason, stock's result, and that a strict caller gets an error with nothing touched.
+#include "adapters/ceres/src/gate.h"
+
+#include <limits>
+
+#include <glog/logging.h>
+#include <gtest/gtest.h>
+
+#include "adapters/compare_with_stock.h"
+
+namespace inceres {
+namespace {
+
+using testing::Adjust;
+using testing::MakeBundle;
+using testing::ShapeOnlyCost;
+using testing::TargetCost;
+using testing::TestProblem;
+using Options = ceres::Solver::Options;
+
+// Counts the lines that tell of a fallback.
+class FallbackLines : public google::LogSink {
+ public:
+  FallbackLines() { google::AddLogSink(this); }
+  ~FallbackLines() override { google::RemoveLogSink(this); }
+  void send(google::LogSeverity, const char*, const char*, int, const tm*, const char* message, std::size_t length) override {
+    const std::string text(message, length);
+    if (text.rfind("inceres: handed to stock Ceres: ", 0) == 0) {
+      ++count;
+      last = text;
+    }
+  }
+  int count = 0;
+  std::string last;
+};
+
+std::unique_ptr<TestProblem> MakeProblem() {
+  return MakeBundle(3, 20, true);
+}
+
+void ExpectStrictRefuses(const Adjust& adjust, const std::string& reason) {
+  const auto test = MakeProblem();
+  Options options;
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  adjust(test.get(), &options);
+  int num_calls = 0;
+  test->problem.AddResidualBlock(new TargetCost({1.0}, [&](auto...) { return ++num_calls > 0; }), nullptr, test->Add({0.0}));
+  if (options.linear_solver_ordering != nullptr && options.linear_solver_ordering->NumElements() > 0) {
+    options.linear_solver_ordering->AddElementToGroup(test->blocks.back().data(), 1);
+  }
+  const auto before = test->blocks;
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  report.strict = true;
+  FallbackLines lines;
+  inceres::Solve(options, &test->problem, &summary, &report);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_NE(summary.message.find(reason), std::string::npos) << summary.message;
+  EXPECT_NE(report.fallback_reason.find(reason), std::string::npos) << report.fallback_reason;
+  EXPECT_FALSE(report.used_stock);
+  EXPECT_TRUE(report.strict) << "what the caller set stays";
+  EXPECT_EQ(summary.initial_cost, -1.0);
+  EXPECT_TRUE(summary.iterations.empty());
+  EXPECT_EQ(num_calls, 0);
+  EXPECT_EQ(lines.count, 0);
+  for (std::size_t b = 0; b < before.size(); ++b) {
+    for (std::size_t k = 0; k < before[b].size(); ++k) {
+      EXPECT_TRUE(before[b][k] == test->blocks[b][k] || std::isnan(before[b][k]));
+    }
+  }
+}
+
+void ExpectStockSolves(const Adjust& adjust, const std::string& reason) {
+  Options options;
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  const auto stock_problem = MakeProblem();
+  const auto our_problem = MakeProblem();
+  Options stock_options = options;
+  Options our_options = options;
+  adjust(stock_problem.get(), &stock_options);
+  adjust(our_problem.get(), &our_options);
+  ceres::Solver::Summary stock, ours;
+  ceres::Solve(stock_options, &stock_problem->problem, &stock);
+  SolveReport report;
+  FallbackLines lines;
+  inceres::Solve(our_options, &our_problem->problem, &ours, &report);
+  EXPECT_TRUE(report.used_stock);
+  EXPECT_NE(report.fallback_reason.find(reason), std::string::npos) << report.fallback_reason;
+  EXPECT_EQ(lines.count, 1);
+  EXPECT_NE(lines.last.find(reason), std::string::npos) << lines.last;
+  EXPECT_EQ(ours.termination_type, stock.termination_type);
+  EXPECT_EQ(ours.final_cost, stock.final_cost);
+  EXPECT_EQ(ours.iterations.size(), stock.iterations.size());
+  EXPECT_EQ(ours.num_residual_evaluations, stock.num_residual_evaluations);
+}
+
+void ExpectHandedOver(const Adjust& adjust, const std::string& reason) {
+  ExpectStrictRefuses(adjust, reason);
+  ExpectStockSolves(adjust, reason);
+}
+
+// Options.
+
+TEST(Gate, InvalidOptions) {
+  ExpectHandedOver([](TestProblem*, Options* o) { o->max_num_iterations = -1; }, "the options are invalid: ");
+}
+
+TEST(Gate, LineSearch) {
+  ExpectHandedOver([](TestProblem*, Options* o) { o->minimizer_type = ceres::LINE_SEARCH; }, "LINE_SEARCH");
+}
+
+TEST(Gate, InnerIterations) {
+  ExpectHandedOver([](TestProblem*, Options* o) { o->use_inner_iterations = true; }, "use_inner_iterations");
+}
+
+TEST(Gate, CheckGradients) {
+  ExpectHandedOver([](TestProblem*, Options* o) { o->check_gradients = true; }, "check_gradients");
+}
+
+TEST(Gate, IterationsToDump) {
+  const auto adjust = [](TestProblem*, Options* o) {
+    o->trust_region_minimizer_iterations_to_dump = {1};
+    o->trust_region_problem_dump_directory = ::testing::TempDir();
+  };
+  ExpectHandedOver(adjust, "trust_region_minimizer_iterations_to_dump");
+}
+
+TEST(Gate, IterativeSolvers) {
+  ExpectHandedOver([](TestProblem*, Options* o) { o->linear_solver_type = ceres::ITERATIVE_SCHUR; }, "ITERATIVE_SCHUR");
+  ExpectHandedOver([](TestProblem*, Options* o) { o->linear_solver_type = ceres::CGNR; }, "CGNR");
+}
+
+TEST(Gate, SubspaceDogleg) {
+  const auto subspace = [](TestProblem*, Options* o) {
+    o->trust_region_strategy_type = ceres::DOGLEG;
+    o->dogleg_type = ceres::SUBSPACE_DOGLEG;
+  };
+  ExpectHandedOver(subspace, "SUBSPACE_DOGLEG");
+}
+
+TEST(Gate, DynamicSparsity) {
+  const auto dynamic = [](TestProblem*, Options* o) {
+    o->linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    o->dynamic_sparsity = true;
+  };
+  ExpectHandedOver(dynamic, "dynamic_sparsity");
+}
+
+// Stock Ceres aborts on these two, so only the strict way can be looked at.
+TEST(Gate, WhatStockAbortsOn) {
+  ExpectStrictRefuses([](TestProblem*, Options* o) { o->min_lm_diagonal = 0.0; }, "min_lm_diagonal");
+  const auto empty_ordering = [](TestProblem*, Options* o) {
+    o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  };
+  ExpectStrictRefuses(empty_ordering, "linear_solver_ordering is empty");
+}
+
+// Problems.
+
+TEST(Gate, BoundsOnAVariableBlock) {
+  ExpectHandedOver([](TestProblem* t, Options*) { t->problem.SetParameterLowerBound(t->blocks[5].data(), 1, -10.0); }, "bounds");
+}
+
+TEST(Gate, FeasibleBoundsOnAConstantBlockAreNoObstacle) {
+  const auto test = MakeProblem();
+  test->problem.SetParameterLowerBound(test->blocks[0].data(), 0, -1e3);
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  inceres::Solve(Options(), &test->problem, &summary, &report);
+  EXPECT_FALSE(report.used_stock) << report.fallback_reason;
+}
+
+TEST(Gate, ConstantOutsideItsBounds) {
+  ExpectHandedOver([](TestProblem* t, Options*) { t->problem.SetParameterLowerBound(t->blocks[0].data(), 0, 1e3); },
+                   "constant outside its bounds");
+}
+
+TEST(Gate, ValueThatIsNotFinite) {
+  ExpectHandedOver([](TestProblem* t, Options*) { t->blocks[5][1] = std::numeric_limits<double>::quiet_NaN(); }, "not finite");
+  ExpectHandedOver([](TestProblem* t, Options*) { t->blocks[5][1] = 1e302; }, "not finite");
+}
+
+TEST(Gate, OrderingWithAForeignAddress) {
+  static double foreign = 0.0;
+  const auto adjust = [](TestProblem* t, Options* o) {
+    o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    o->linear_solver_ordering->AddElementToGroup(&foreign, 0);
+    for (auto& block : t->blocks) {
+      o->linear_solver_ordering->AddElementToGroup(block.data(), block.size() == 3 ? 0 : 1);
+    }
+  };
+  ExpectHandedOver(adjust, "no parameter block of the problem");
+}
+
+TEST(Gate, OrderingThatLacksABlock) {
+  const auto adjust = [](TestProblem* t, Options* o) {
+    o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (std::size_t b = 0; b + 1 < t->blocks.size(); ++b) {
+      o->linear_solver_ordering->AddElementToGroup(t->blocks[b].data(), t->blocks[b].size() == 3 ? 0 : 1);
+    }
+  };
+  ExpectHandedOver(adjust, "variable parameter blocks");
+}
+
+TEST(Gate, FirstGroupThatIsNotIndependent) {
+  const auto adjust = [](TestProblem* t, Options* o) {
+    o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (std::size_t b = 0; b < t->blocks.size(); ++b) {
+      o->linear_solver_ordering->AddElementToGroup(t->blocks[b].data(), b == 1 || t->blocks[b].size() == 3 ? 0 : 1);
+    }
+  };
+  ExpectHandedOver(adjust, "not an independent set");
+}
+
+// An ordering is not looked at where Ceres does not look at it.
+TEST(Gate, OddOrderingUnderDenseQrIsNoObstacle) {
+  const auto test = MakeProblem();
+  Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  options.linear_solver_ordering->AddElementToGroup(test->blocks[1].data(), 0);
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  inceres::Solve(options, &test->problem, &summary, &report);
+  EXPECT_FALSE(report.used_stock) << report.fallback_reason;
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+}
+
+std::string ReasonFor(const Options& options, ceres::Problem* problem) {
+  const internal::ProblemView view = internal::Introspect(*problem);
+  return internal::ProblemObstacle(options, view, internal::ReadOrdering(options, view));
+}
+
+TEST(Gate, DenseQrAboveItsLimit) {
+  for (const int num_residuals : {3000, 30000}) {
+    TestProblem test;
+    double* x = test.Add(std::vector<double>(500, 1.0));
+    test.problem.AddResidualBlock(new ShapeOnlyCost(num_residuals, {500}), nullptr, x);
+    Options options;
+    options.linear_solver_type = ceres::DENSE_QR;
+    EXPECT_EQ(ReasonFor(options, &test.problem).find("DENSE_QR of 30500 x 500") == 0, num_residuals == 30000);
+    options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    EXPECT_EQ(ReasonFor(options, &test.problem), "");
+  }
+}
+
+TEST(Gate, BlockTwiceAndOverlappingBlocks) {
+  ceres::Problem::Options unsafe;
+  unsafe.disable_all_safety_checks = true;
+  std::vector<double> memory(8, 1.0);
+  ceres::Problem twice(unsafe);
+  twice.AddResidualBlock(new ShapeOnlyCost(1, {2, 2}), nullptr, memory.data(), memory.data());
+  EXPECT_NE(ReasonFor(Options(), &twice).find("twice"), std::string::npos);
+  ceres::Problem overlap(unsafe);
+  overlap.AddResidualBlock(new ShapeOnlyCost(1, {4, 4}), nullptr, memory.data(), memory.data() + 2);
+  EXPECT_NE(ReasonFor(Options(), &overlap).find("overlaps"), std::string::npos);
+}
+
+// Modes.
+
+TEST(Gate, IncrementalIsNotAvailableYet) {
+  const auto test = MakeProblem();
+  const auto before = test->blocks;
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  report.mode = SolveMode::kIncremental;
+  report.strict = true;
+  inceres::Solve(Options(), &test->problem, &summary, &report);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_NE(summary.message.find("kIncremental is not available yet"), std::string::npos);
+  EXPECT_EQ(test->blocks, before);
+  report.strict = false;
+  inceres::Solve(Options(), &test->problem, &summary, &report);
+  EXPECT_TRUE(report.used_stock);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+}
+
+TEST(Gate, StockOnRequestIsNoFallback) {
+  const auto test = MakeProblem();
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  report.mode = SolveMode::kStock;
+  report.strict = true;
+  FallbackLines lines;
+  inceres::Solve(Options(), &test->problem, &summary, &report);
+  EXPECT_TRUE(report.used_stock);
+  EXPECT_EQ(lines.count, 0);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+}
+
+TEST(Gate, WithoutAReportStockStillSolvesAndTheLogSaysSo) {
+  const auto test = MakeProblem();
+  Options options;
+  options.linear_solver_type = ceres::CGNR;
+  ceres::Solver::Summary summary;
+  FallbackLines lines;
+  inceres::Solve(options, &test->problem, &summary);
+  EXPECT_EQ(lines.count, 1);
+  EXPECT_EQ(summary.linear_solver_type_used, ceres::CGNR);
+}
+
+TEST(Gate, NullArgumentsDieAsInCeres) {
+  ceres::Problem problem;
+  ceres::Solver::Summary summary;
+  EXPECT_DEATH(inceres::Solve(Options(), nullptr, &summary), "problem");
+  EXPECT_DEATH(inceres::Solve(Options(), &problem, nullptr), "summary");
+}
+
+}  // namespace
+}  // namespace inceres

@@ -1,0 +1,128 @@
+#include "adapters/ceres/src/option_mapping.h"
+
+#include <algorithm>
+
+#include <gtest/gtest.h>
+
+#include "adapters/compare_with_stock.h"
+
+namespace inceres::internal {
+namespace {
+
+using Options = ceres::Solver::Options;
+using Names = std::vector<std::string>;
+
+Names WithoutEffect(const Options& options) {
+  return OptionsWithoutEffect(options, LandmarkSelection());
+}
+
+TEST(OptionsWithoutEffect, DefaultsHaveNone) {
+  EXPECT_EQ(WithoutEffect(Options()), Names{});
+}
+
+TEST(OptionsWithoutEffect, NamesEachThatWasSet) {
+  Options options;
+  options.max_lbfgs_rank = 7;
+  options.eta = 0.5;
+  options.use_mixed_precision_solves = true;
+  options.max_num_line_search_step_size_iterations = 3;
+  options.gradient_check_relative_precision = 1e-3;
+  EXPECT_EQ(WithoutEffect(options), (Names{"max_lbfgs_rank", "max_num_line_search_step_size_iterations", "eta",
+                                           "use_mixed_precision_solves", "gradient_check_relative_precision"}));
+}
+
+TEST(OptionsWithoutEffect, DependsOnWhatElseIsSet) {
+  Options options;
+  options.dogleg_type = ceres::SUBSPACE_DOGLEG;
+  options.max_trust_region_radius = 1e20;
+  EXPECT_EQ(WithoutEffect(options), Names{"dogleg_type"});
+  options.trust_region_strategy_type = ceres::DOGLEG;
+  EXPECT_EQ(WithoutEffect(options), Names{"max_trust_region_radius"});
+  options = Options();
+  options.max_consecutive_nonmonotonic_steps = 9;
+  EXPECT_EQ(WithoutEffect(options), Names{"max_consecutive_nonmonotonic_steps"});
+  options.use_nonmonotonic_steps = true;
+  EXPECT_EQ(WithoutEffect(options), Names{});
+}
+
+TEST(OptionsWithoutEffect, OrderingsAreReadByTheSchurTypesOnly) {
+  double x[3];
+  Options options;
+  options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  options.linear_solver_ordering->AddElementToGroup(&x[0], 0);
+  options.linear_solver_ordering->AddElementToGroup(&x[1], 1);
+  EXPECT_EQ(WithoutEffect(options), Names{"linear_solver_ordering"});
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  EXPECT_EQ(WithoutEffect(options), Names{});
+  options.linear_solver_ordering->AddElementToGroup(&x[2], 2);
+  EXPECT_EQ(WithoutEffect(options), Names{"linear_solver_ordering: the order of groups after the first"});
+}
+
+TEST(OptionsWithoutEffect, AreInTheReport) {
+  Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.eta = 0.2;
+  const testing::BothSolved both = testing::SolveBoth(testing::MakePowell, options);
+  EXPECT_EQ(both.report.options_without_effect, Names{"eta"});
+}
+
+TEST(MapOptions, CopiesWhatTheCoreReads) {
+  Options options;
+  options.trust_region_strategy_type = ceres::DOGLEG;
+  options.max_num_iterations = 3;
+  options.max_solver_time_in_seconds = 4.0;
+  options.function_tolerance = 0.01;
+  options.gradient_tolerance = 0.02;
+  options.parameter_tolerance = 0.03;
+  options.initial_trust_region_radius = 5.0;
+  options.max_trust_region_radius = 6.0;
+  options.min_trust_region_radius = 0.5;
+  options.min_relative_decrease = 0.25;
+  options.min_lm_diagonal = 0.125;
+  options.max_lm_diagonal = 7.0;
+  options.max_num_consecutive_invalid_steps = 8;
+  options.jacobi_scaling = false;
+  options.use_nonmonotonic_steps = true;
+  options.max_consecutive_nonmonotonic_steps = 9;
+  options.eta = 0.75;
+  const SolverOptions core = MapOptions(options, ceres::DENSE_QR);
+  EXPECT_EQ(core.strategy, TrustRegionStrategyKind::kDogleg);
+  EXPECT_EQ(core.linear_model, LinearModelKind::kDenseQr);
+  EXPECT_EQ(core.max_num_iterations, 3);
+  EXPECT_EQ(core.max_solver_time_in_seconds, 4.0);
+  EXPECT_EQ(core.function_tolerance, 0.01);
+  EXPECT_EQ(core.gradient_tolerance, 0.02);
+  EXPECT_EQ(core.parameter_tolerance, 0.03);
+  EXPECT_EQ(core.initial_trust_region_radius, 5.0);
+  EXPECT_EQ(core.max_trust_region_radius, 6.0);
+  EXPECT_EQ(core.min_trust_region_radius, 0.5);
+  EXPECT_EQ(core.min_relative_decrease, 0.25);
+  EXPECT_EQ(core.min_lm_diagonal, 0.125);
+  EXPECT_EQ(core.max_lm_diagonal, 7.0);
+  EXPECT_EQ(core.max_num_consecutive_invalid_steps, 8);
+  EXPECT_FALSE(core.jacobi_scaling);
+  EXPECT_TRUE(core.use_nonmonotonic_steps);
+  EXPECT_EQ(core.max_consecutive_nonmonotonic_steps, 9);
+  EXPECT_EQ(core.eta, 0.75);
+  EXPECT_EQ(MapOptions(options, ceres::DENSE_SCHUR).linear_model, LinearModelKind::kAutomatic);
+}
+
+// The core's defaults are Ceres's, so that a solve by either starts from the same numbers.
+TEST(MapOptions, DefaultsAgree) {
+  const SolverOptions mapped = MapOptions(Options(), ceres::SPARSE_NORMAL_CHOLESKY);
+  const SolverOptions defaults;
+  EXPECT_EQ(mapped.max_num_iterations, defaults.max_num_iterations);
+  EXPECT_EQ(mapped.function_tolerance, defaults.function_tolerance);
+  EXPECT_EQ(mapped.gradient_tolerance, defaults.gradient_tolerance);
+  EXPECT_EQ(mapped.parameter_tolerance, defaults.parameter_tolerance);
+  EXPECT_EQ(mapped.initial_trust_region_radius, defaults.initial_trust_region_radius);
+  EXPECT_EQ(mapped.max_trust_region_radius, defaults.max_trust_region_radius);
+  EXPECT_EQ(mapped.min_trust_region_radius, defaults.min_trust_region_radius);
+  EXPECT_EQ(mapped.min_lm_diagonal, defaults.min_lm_diagonal);
+  EXPECT_EQ(mapped.max_lm_diagonal, defaults.max_lm_diagonal);
+  EXPECT_EQ(mapped.jacobi_scaling, defaults.jacobi_scaling);
+  EXPECT_EQ(mapped.max_num_consecutive_invalid_steps, defaults.max_num_consecutive_invalid_steps);
+}
+
+}  // namespace
+}  // namespace inceres::internal

@@ -1,0 +1,218 @@
+// Every field of the summary against stock Ceres.
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include "adapters/compare_with_stock.h"
+
+namespace inceres {
+namespace {
+
+using testing::BothSolved;
+using testing::ExpectSameParameters;
+using testing::ExpectSameSummary;
+using testing::MakeBundle;
+using testing::MakeCurveFit;
+using testing::MakePowell;
+using testing::MakeWindow;
+using testing::SolveBoth;
+using testing::TestProblem;
+
+ceres::Solver::Options WithSolver(ceres::LinearSolverType type,
+                                  ceres::TrustRegionStrategyType strategy = ceres::LEVENBERG_MARQUARDT) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = type;
+  options.trust_region_strategy_type = strategy;
+  return options;
+}
+
+// The counts of section 3.1 of the contract; for Levenberg–Marquardt only.
+void ExpectCountIdentities(const ceres::Solver::Summary& summary) {
+  int num_invalid = 0;
+  for (const ceres::IterationSummary& iteration : summary.iterations) {
+    num_invalid += iteration.step_is_valid ? 0 : 1;
+  }
+  const bool by_tolerance =
+      summary.message.rfind("Function tolerance", 0) == 0 || summary.message.rfind("Parameter tolerance", 0) == 0;
+  const int S = summary.num_successful_steps;
+  const int U = summary.num_unsuccessful_steps;
+  EXPECT_EQ(S + U, static_cast<int>(summary.iterations.size()));
+  EXPECT_EQ(summary.num_jacobian_evaluations, S);
+  EXPECT_EQ(summary.num_residual_evaluations, S - 1 + U - num_invalid + by_tolerance);
+  EXPECT_EQ(summary.num_linear_solves, S - 1 + U + by_tolerance);
+}
+
+TEST(Summary, Powell) {
+  for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
+    const BothSolved both = SolveBoth(MakePowell, WithSolver(ceres::DENSE_QR, strategy));
+    ExpectSameSummary(both, 1e-9, true);
+    ExpectSameParameters(both, 1e-9);
+  }
+}
+
+TEST(Summary, CurveFitWithAndWithoutLoss) {
+  for (const double width : {0.0, 0.5}) {
+    for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
+      const BothSolved both = SolveBoth([&] { return MakeCurveFit(width); }, WithSolver(ceres::DENSE_QR, strategy));
+      ExpectSameSummary(both, 1e-9, true);
+      ExpectSameParameters(both, 1e-9);
+      EXPECT_EQ(both.report.num_landmarks, 0);
+    }
+  }
+}
+
+TEST(Summary, Bundle) {
+  const auto recipe = [] { return MakeBundle(6, 60, true); };
+  for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR}) {
+    const BothSolved both = SolveBoth(recipe, WithSolver(type));
+    ExpectSameSummary(both, 1e-9, true);
+    ExpectSameParameters(both, 1e-5);
+    EXPECT_EQ(both.ours.schur_structure_used, "2,3,9");
+    EXPECT_EQ(both.report.num_landmarks, 60);
+    EXPECT_EQ(both.report.num_frames, 5);
+    ExpectCountIdentities(both.ours);
+  }
+}
+
+TEST(Summary, BundleWithUsersOrdering) {
+  const auto order = [](TestProblem* test, ceres::Solver::Options* options) {
+    options->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (auto& block : test->blocks) {
+      options->linear_solver_ordering->AddElementToGroup(block.data(), block.size() == 3 ? 0 : 1);
+    }
+  };
+  for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY}) {
+    const BothSolved both = SolveBoth([] { return MakeBundle(6, 60, true); }, WithSolver(type), order);
+    ExpectSameSummary(both, 1e-9, true);
+    EXPECT_EQ(both.report.num_landmarks, 60);
+  }
+}
+
+// Constants empty the first group: Ceres switches to a solver without elimination.
+TEST(Summary, EmptiedFirstGroupSwitchesTheLinearSolver) {
+  const auto order = [](TestProblem* test, ceres::Solver::Options* options) {
+    options->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (auto& block : test->blocks) {
+      options->linear_solver_ordering->AddElementToGroup(block.data(), block.size() == 3 ? 0 : 1);
+      if (block.size() == 3) {
+        test->problem.SetParameterBlockConstant(block.data());
+      }
+    }
+  };
+  const BothSolved dense = SolveBoth([] { return MakeBundle(3, 20, true); }, WithSolver(ceres::DENSE_SCHUR), order);
+  ExpectSameSummary(dense, 1e-9, true);
+  EXPECT_EQ(dense.ours.linear_solver_type_used, ceres::DENSE_QR);
+  const BothSolved sparse = SolveBoth([] { return MakeBundle(3, 20, true); }, WithSolver(ceres::SPARSE_SCHUR), order);
+  ExpectSameSummary(sparse, 1e-9, true);
+  EXPECT_EQ(sparse.ours.linear_solver_type_used, ceres::SPARSE_NORMAL_CHOLESKY);
+}
+
+TEST(Summary, WindowWithLocalParameterizationsConstantsAndFixedCost) {
+  for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
+    for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_NORMAL_CHOLESKY}) {
+      const BothSolved both = SolveBoth([] { return MakeWindow(5, 30, true); }, WithSolver(type, strategy));
+      ExpectSameSummary(both, 1e-8, false);
+      ExpectSameParameters(both, 1e-6);
+      EXPECT_GT(both.ours.fixed_cost, 0.0);
+      EXPECT_EQ(both.report.num_landmarks, 30);
+    }
+  }
+}
+
+TEST(Summary, RejectedAndNonmonotonicSteps) {
+  ceres::Solver::Options options = WithSolver(ceres::DENSE_QR);
+  options.initial_trust_region_radius = 1e10;  // the first steps overshoot
+  for (const bool nonmonotonic : {false, true}) {
+    options.use_nonmonotonic_steps = nonmonotonic;
+    const BothSolved both = SolveBoth([] { return MakeCurveFit(0.0); }, options);
+    ExpectSameSummary(both, 1e-9, true);
+    EXPECT_GT(both.ours.num_unsuccessful_steps, 0);
+    ExpectCountIdentities(both.ours);
+  }
+}
+
+TEST(Summary, LimitsOfIterationsAndTime) {
+  ceres::Solver::Options options = WithSolver(ceres::DENSE_QR);
+  for (const int iterations : {0, 1, 3}) {
+    options.max_num_iterations = iterations;
+    const BothSolved both = SolveBoth(MakePowell, options);
+    ExpectSameSummary(both, 1e-9, true);
+    ExpectSameParameters(both, 1e-12);
+    EXPECT_EQ(both.ours.termination_type, ceres::NO_CONVERGENCE);
+    EXPECT_EQ(both.ours.message, both.stock.message);
+  }
+  options = WithSolver(ceres::DENSE_QR);
+  options.max_solver_time_in_seconds = 0.0;
+  const BothSolved both = SolveBoth(MakePowell, options);
+  ExpectSameSummary(both, 1e-9, true);
+  EXPECT_EQ(both.ours.message.rfind("Maximum solver time reached. Total solver time: ", 0), 0u) << both.ours.message;
+}
+
+TEST(Summary, TimeSpentBeforeTheLoopCounts) {
+  const auto test = MakePowell();
+  ceres::Solver::Summary summary;
+  inceres::Solve(WithSolver(ceres::DENSE_QR), &test->problem, &summary);
+  ASSERT_FALSE(summary.iterations.empty());
+  EXPECT_GE(summary.iterations[0].cumulative_time_in_seconds, summary.preprocessor_time_in_seconds);
+  EXPECT_GE(summary.total_time_in_seconds, summary.preprocessor_time_in_seconds + summary.minimizer_time_in_seconds);
+}
+
+TEST(Summary, NothingToSolve) {
+  const auto empty = [] { return std::make_unique<TestProblem>(); };
+  const auto without_residuals = [] {
+    auto test = std::make_unique<TestProblem>();
+    test->problem.AddParameterBlock(test->Add({1.0, 2.0}), 2);
+    return test;
+  };
+  const auto all_constant = [] {
+    auto test = MakeWindow(3, 5, true);
+    for (auto& block : test->blocks) {
+      test->problem.SetParameterBlockConstant(block.data());
+    }
+    return test;
+  };
+  const auto no_freedom = [] {
+    auto test = std::make_unique<TestProblem>();
+    double* x = test->Add({1.0, 2.0});
+    test->problem.AddResidualBlock(new testing::TargetCost({0.0, 0.0}), nullptr, x);
+    test->problem.SetManifold(x, new ceres::SubsetManifold(2, {0, 1}));
+    return test;
+  };
+  for (const testing::Recipe& recipe :
+       {testing::Recipe(empty), testing::Recipe(without_residuals), testing::Recipe(all_constant), testing::Recipe(no_freedom)}) {
+    const BothSolved both = SolveBoth(recipe, WithSolver(ceres::DENSE_SCHUR));
+    ExpectSameSummary(both, 1e-14, true);
+    EXPECT_EQ(both.ours.message, "Function tolerance reached. No non-constant parameter blocks found.");
+    EXPECT_EQ(both.ours.BriefReport(), both.stock.BriefReport());
+    ExpectSameParameters(both, 0.0);
+  }
+}
+
+// Up to its times the long report is Ceres's, character by character.
+TEST(Summary, Reports) {
+  const BothSolved both = SolveBoth([] { return MakeBundle(6, 60, true); }, WithSolver(ceres::DENSE_SCHUR));
+  EXPECT_EQ(both.ours.BriefReport(), both.stock.BriefReport());
+  const auto up_to_times = [](const std::string& report) { return report.substr(0, report.find("Time (in seconds)")); };
+  const auto without_change = [](std::string report) { return report.erase(report.find("Change"), 40); };
+  EXPECT_EQ(without_change(up_to_times(both.ours.FullReport())), without_change(up_to_times(both.stock.FullReport())));
+  EXPECT_NE(both.ours.FullReport().find("Termination:                      CONVERGENCE"), std::string::npos);
+}
+
+TEST(Summary, ThreadsAreBoundedByTheMachine) {
+  ceres::Solver::Options options = WithSolver(ceres::DENSE_SCHUR);
+  options.num_threads = 1000;
+  const BothSolved both = SolveBoth([] { return MakeBundle(3, 20, true); }, options);
+  EXPECT_EQ(both.ours.num_threads_given, 1000);
+  EXPECT_EQ(both.ours.num_threads_used, static_cast<int>(std::thread::hardware_concurrency()));
+  EXPECT_EQ(both.ours.num_threads_used, both.stock.num_threads_used);
+}
+
+TEST(Summary, ReportOfTheCore) {
+  const BothSolved both = SolveBoth([] { return MakeBundle(3, 20, true); }, WithSolver(ceres::DENSE_SCHUR));
+  EXPECT_TRUE(both.report.fallback_reason.empty());
+  EXPECT_EQ(both.report.core.work.num_landmarks, 20);
+  EXPECT_EQ(both.report.core.iterations.size(), both.ours.iterations.size());
+}
+
+}  // namespace
+}  // namespace inceres
