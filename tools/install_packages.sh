@@ -7,7 +7,7 @@ set -euo pipefail
 
 packages=(
   build-essential cmake ninja-build git pkg-config curl python3 ca-certificates
-  libceres-dev libeigen3-dev libsuitesparse-dev libtbb-dev libopenblas0-serial
+  libceres-dev libeigen3-dev libsuitesparse-dev libtbb-dev libopenblas0-serial libopenblas-serial-dev
   libgoogle-glog-dev libgflags-dev nlohmann-json3-dev zlib1g-dev libbz2-dev
   libgtest-dev libgmock-dev libbenchmark-dev
   clang-format clang-tidy
@@ -45,8 +45,9 @@ install_missing() {
     install "${missing[@]}" > /dev/null
 }
 
-# use_serial LIBRARY: programs load LIBRARY (libblas.so.3, liblapack.so.3) from the serial OpenBLAS. A threaded BLAS would fight
-# with the solver's own threads and make timings and last bits depend on the machine.
+# use_serial LIBRARY: LIBRARY (libblas.so and liblapack.so for the linker, with .3 for running programs) is the serial OpenBLAS. A
+# threaded BLAS would fight with the solver's own threads and make timings and last bits depend on the machine; Debian's Ceres
+# brings ATLAS, to which programs would be linked by name if the linker's libraries were left alone.
 use_serial() {
   local library=$1 triplet link wanted
   triplet=$(dpkg-architecture -qDEB_HOST_MULTIARCH 2> /dev/null || gcc -print-multiarch)
@@ -64,5 +65,6 @@ use_serial() {
 }
 
 install_missing
-use_serial libblas.so.3
-use_serial liblapack.so.3
+for library in libblas.so.3 liblapack.so.3 libblas.so liblapack.so; do
+  use_serial "$library"
+done
