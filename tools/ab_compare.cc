@@ -143,8 +143,8 @@ int Report(const SolverSettings& settings, const ProblemSource& source, const Ab
   for (const std::string& option : result.ours.first().options_without_effect) {
     std::printf("note: inceres accepts this option without effect: %s\n", option.c_str());
   }
-  if (!BlasIsSerial()) {
-    std::puts("WARNING: the BLAS of this process starts threads of its own; times and threads are not comparable.");
+  if (!BlasIsSerialOpenBlas()) {
+    std::puts("WARNING: the BLAS of this process is not the serial OpenBLAS; do not compare these times with others.");
   }
   if (!FLAGS_json.empty()) {
     const Status status = WriteTextFile(FLAGS_json, AbJson(context, result).dump(2) + "\n");

@@ -21,7 +21,7 @@ class AbReportTest : public testing::Test {
  protected:
   AbReportTest() {
     result_.ours = {"inceres", "dense_schur", {Record(1.0, 10.0), Record(2.0, 10.0), Record(3.0, 10.0)}, {}};
-    result_.stock = {{"ceres", "sparse_schur", {Record(4.0, 10.1), Record(4.0, 10.1), Record(4.0, 10.1)}, {}}};
+    result_.stock = {{"ceres", "sparse_schur", {Record(4.0, 10.1), Record(4.0, 10.1), Record(4.0, 10.5)}, {}}};
     result_.dropped = {{"dense_schur", "hopelessly slow"}};
     context_.problem = "bal:street.txt";
     context_.description = "2 cameras";
@@ -46,6 +46,8 @@ TEST_F(AbReportTest, JsonHasTheAgreedFields) {
   EXPECT_EQ(ours.at("seconds").at("max"), 3.0);
   EXPECT_EQ(ours.at("initial_cost"), 100.0);
   EXPECT_EQ(ours.at("final_cost"), 10.0);
+  EXPECT_EQ(ours.at("final_cost_spread"), 0.0);
+  EXPECT_NEAR(report.at("runs")[1].at("final_cost_spread").get<double>(), 0.4, 1e-12);
   EXPECT_EQ(ours.at("iterations"), 2);
   EXPECT_EQ(ours.at("termination"), "CONVERGENCE");
   EXPECT_EQ(report.at("ratio_to_best_stock").at("median"), 0.5);

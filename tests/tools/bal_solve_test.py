@@ -57,8 +57,6 @@ class BalSolveTest(unittest.TestCase):
 
     def test_bundled_problem(self):
         problem = bundled_problem(BAL_DATA)
-        if problem is None:
-            self.skipTest(f"needs a BAL problem in {BAL_DATA}")
         output, report = self.solve("--max_num_iterations", "4", "--num_threads", "2", problem=problem)
         self.assertLess(report["final_rms_pixels"], report["initial_rms_pixels"])
         self.assertIn(f"{report['num_cameras']} cameras", output)

@@ -36,9 +36,9 @@ def project(camera, point):
 
 
 def bundled_problem(bal_data):
-    """The smallest BAL problem that ships with the repository; None if there is none."""
+    """The smallest BAL problem that ships with the repository."""
     files = glob.glob(os.path.join(bal_data, "*.txt")) + glob.glob(os.path.join(bal_data, "*.txt.*"))
-    return min(files, key=os.path.getsize) if files else None
+    return min(files, key=os.path.getsize)
 
 
 def run(*command, code=0):

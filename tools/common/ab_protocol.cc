@@ -127,6 +127,15 @@ Spread ContenderRuns::Seconds() const {
   return Summarize(std::move(seconds));
 }
 
+double ContenderRuns::FinalCostSpread() const {
+  std::vector<double> costs;
+  for (const SolveRecord& record : rounds) {
+    costs.push_back(record.final_cost);
+  }
+  const Spread spread = Summarize(std::move(costs));
+  return spread.max - spread.min;
+}
+
 double ContenderRuns::SecondsPerIteration() const {
   return Seconds().median / std::max(1, first().iterations);
 }

@@ -28,6 +28,8 @@ struct ContenderRuns {
 
   const SolveRecord& first() const { return rounds.front(); }
   Spread Seconds() const;
+  /// Largest − smallest final cost over the rounds: zero for a solver whose result is the same every time.
+  double FinalCostSpread() const;
   /// Median seconds of one iteration, the share of the set-up included.
   double SecondsPerIteration() const;
 };

@@ -70,6 +70,7 @@ json RunJson(const ContenderRuns& runs, double lowest_cost) {
           {"seconds_per_iteration", runs.SecondsPerIteration()},
           {"initial_cost", record.initial_cost},
           {"final_cost", record.final_cost},
+          {"final_cost_spread", runs.FinalCostSpread()},
           {"iterations", record.iterations},
           {"termination", record.termination},
           {"message", record.message},

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
@@ -11,7 +9,9 @@
 #include <ceres/rotation.h>
 
 #include "tools/common/bal_ceres_problem.h"
+#include "tools/common/cost_curve_svg.h"
 #include "tools/common/gauge.h"
+#include "tools/common/svg_text.h"
 
 namespace inceres::tools {
 namespace {
@@ -28,35 +28,6 @@ constexpr double kCurveLeft = 110.0;
 constexpr double kWidth = 2.0 * kPanel + 3.0 * kMargin;
 constexpr double kHeight = kCurveTop + kCurveHeight + 50.0;
 constexpr std::size_t kMaxPoints = 20000;
-
-[[gnu::format(printf, 2, 3)]] void Append(std::string* svg, const char* format, ...) {
-  char text[512];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof(text), format, arguments);
-  va_end(arguments);
-  *svg += text;
-}
-
-std::string Escape(const std::string& text) {
-  std::string escaped;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        escaped += "&amp;";
-        break;
-      case '<':
-        escaped += "&lt;";
-        break;
-      case '>':
-        escaped += "&gt;";
-        break;
-      default:
-        escaped += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-    }
-  }
-  return escaped;
-}
 
 // A direction of the camera's frame in the world: Rᵀ d.
 Vector3d InWorld(const BalProblem& bal, int camera, const Vector3d& direction) {
@@ -141,7 +112,7 @@ void AppendPoints(const View& view, const std::vector<Vector3d>& points, std::st
   for (std::size_t i = 0; i < points.size(); i += stride) {
     const Vector2d p = view.Apply(points[i]);
     if (IsVisible(p)) {
-      Append(svg, "M%.1f %.1fh0", p.x(), p.y());
+      AppendFormat(svg, "M%.1f %.1fh0", p.x(), p.y());
     }
   }
   *svg += "\"/>\n";
@@ -156,73 +127,20 @@ void AppendCamera(const View& view, const BalProblem& bal, int camera, const Vec
   const Vector2d across(-0.45 * along.y(), 0.45 * along.x());
   const Vector2d a = apex + along + across;
   const Vector2d b = apex + along - across;
-  Append(svg, "<path class=\"camera\" d=\"M%.1f %.1fL%.1f %.1fL%.1f %.1fz\"/>\n", apex.x(), apex.y(), a.x(), a.y(), b.x(), b.y());
+  AppendFormat(svg, "<path class=\"camera\" d=\"M%.1f %.1fL%.1f %.1fL%.1f %.1fz\"/>\n", apex.x(), apex.y(), a.x(), a.y(), b.x(),
+               b.y());
 }
 
 void AppendPanel(const char* id, double left, const View& view, const BalProblem& bal, std::string* svg) {
   const SceneGeometry scene = GeometryOf(bal);
-  Append(svg, "<g id=\"%s\" transform=\"translate(%.0f %.0f)\">\n<rect class=\"frame\" width=\"%.0f\" height=\"%.0f\"/>\n", id,
-         left, kTop, kPanel, kPanel);
+  AppendFormat(svg, "<g id=\"%s\" transform=\"translate(%.0f %.0f)\">\n<rect class=\"frame\" width=\"%.0f\" height=\"%.0f\"/>\n",
+               id, left, kTop, kPanel, kPanel);
   *svg += "<g clip-path=\"url(#panel)\">\n";
   AppendPoints(view, scene.points, svg);
   for (int i = 0; i < bal.num_cameras; ++i) {
     AppendCamera(view, bal, i, scene.centres[static_cast<std::size_t>(i)], svg);
   }
-  Append(svg, "</g>\n<text x=\"12\" y=\"26\">%s: %.4g px RMS</text>\n</g>\n", id, RmsReprojectionError(bal));
-}
-
-// Positions in the cost curve: iterations to the right, logarithm of the cost upwards.
-struct CurveScale {
-  double low;   // log10
-  double high;  // log10
-  std::size_t last_iteration;
-
-  double X(std::size_t iteration) const {
-    return kCurveLeft + (kWidth - kMargin - kCurveLeft) * static_cast<double>(iteration) /
-                            static_cast<double>(std::max<std::size_t>(1, last_iteration));
-  }
-  double Y(double cost) const {
-    const double clamped = std::clamp(std::log10(std::max(cost, 1e-300)), low, high);
-    return kCurveTop + kCurveHeight * (high - clamped) / (high - low);
-  }
-};
-
-CurveScale ChooseScale(const std::vector<CostSample>& trace) {
-  double low = 300.0;
-  double high = -300.0;
-  for (const CostSample& sample : trace) {
-    if (sample.accepted) {
-      const double exponent = std::log10(std::max(sample.cost, 1e-300));
-      low = std::min(low, exponent);
-      high = std::max(high, exponent);
-    }
-  }
-  const double margin = std::max(0.05 * (high - low), 1e-3);
-  return {low - margin, high + margin, trace.empty() ? 0 : trace.size() - 1};
-}
-
-void AppendCurve(const std::vector<CostSample>& trace, std::string* svg) {
-  const CurveScale scale = ChooseScale(trace);
-  *svg += "<g id=\"cost\">\n";
-  constexpr int kLines = 4;
-  for (int k = 0; k <= kLines; ++k) {
-    const double cost = std::pow(10.0, scale.low + (scale.high - scale.low) * k / kLines);
-    Append(svg, "<path class=\"grid\" d=\"M%.0f %.1fH%.0f\"/><text class=\"tick\" x=\"%.0f\" y=\"%.1f\">%.4g</text>\n",
-           kCurveLeft, scale.Y(cost), kWidth - kMargin, kCurveLeft - 8.0, scale.Y(cost) + 4.0, cost);
-  }
-  std::string line;
-  std::string dots;
-  for (std::size_t i = 0; i < trace.size(); ++i) {
-    const double x = scale.X(i);
-    const double y = scale.Y(trace[i].cost);
-    if (trace[i].accepted) {
-      Append(&line, "%s%.1f %.1f", line.empty() ? "M" : "L", x, y);
-    }
-    Append(&dots, "<circle class=\"%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"3\"/>\n", trace[i].accepted ? "accepted" : "rejected", x, y);
-  }
-  *svg += "<path class=\"curve\" d=\"" + line + "\"/>\n" + dots;
-  Append(svg, "<text x=\"%.0f\" y=\"%.0f\">cost (logarithmic) over %zu iterations; hollow: rejected steps</text>\n</g>\n",
-         kCurveLeft, kCurveTop + kCurveHeight + 30.0, scale.last_iteration);
+  AppendFormat(svg, "</g>\n<text x=\"12\" y=\"26\">%s: %.4g px RMS</text>\n</g>\n", id, RmsReprojectionError(bal));
 }
 
 }  // namespace
@@ -230,8 +148,8 @@ void AppendCurve(const std::vector<CostSample>& trace, std::string* svg) {
 std::string BalPictureSvg(const std::string& title, const BalProblem& before, const BalProblem& after,
                           const std::vector<CostSample>& trace) {
   std::string svg = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
-  Append(&svg, "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" height=\"%.0f\">\n", kWidth,
-         kHeight, kWidth, kHeight);
+  AppendFormat(&svg, "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" height=\"%.0f\">\n",
+               kWidth, kHeight, kWidth, kHeight);
   svg +=
       "<style>\n"
       "text{font:15px sans-serif;fill:#333} .title{font-size:20px} .tick{font-size:12px;text-anchor:end;fill:#666}\n"
@@ -241,13 +159,13 @@ std::string BalPictureSvg(const std::string& title, const BalProblem& before, co
       ".grid{stroke:#e4e4e0;fill:none} .curve{stroke:#d9541e;stroke-width:2;fill:none}\n"
       ".accepted{fill:#d9541e} .rejected{fill:#fff;stroke:#999}\n"
       "</style>\n";
-  Append(&svg, "<clipPath id=\"panel\"><rect width=\"%.0f\" height=\"%.0f\"/></clipPath>\n", kPanel, kPanel);
-  Append(&svg, "<rect width=\"%.0f\" height=\"%.0f\" fill=\"#fff\"/>\n", kWidth, kHeight);
-  svg += "<text class=\"title\" x=\"20\" y=\"42\">" + Escape(title) + "</text>\n";
+  AppendFormat(&svg, "<clipPath id=\"panel\"><rect width=\"%.0f\" height=\"%.0f\"/></clipPath>\n", kPanel, kPanel);
+  AppendFormat(&svg, "<rect width=\"%.0f\" height=\"%.0f\" fill=\"#fff\"/>\n", kWidth, kHeight);
+  svg += "<text class=\"title\" x=\"20\" y=\"42\">" + EscapeXml(title) + "</text>\n";
   const View view = ChooseView(after);
   AppendPanel("before", kMargin, view, before, &svg);
   AppendPanel("after", kPanel + 2.0 * kMargin, view, after, &svg);
-  AppendCurve(trace, &svg);
+  svg += CostCurveSvg(trace, {kCurveLeft, kCurveTop, kWidth - kMargin - kCurveLeft, kCurveHeight});
   return svg + "</svg>\n";
 }
 

@@ -75,9 +75,9 @@ std::vector<std::pair<std::string, std::string>> DescribeEnvironment() {
           {"date", Now()}};
 }
 
-bool BlasIsSerial() {
+bool BlasIsSerialOpenBlas() {
   auto* get_parallel = FindBlasFunction<int()>("openblas_get_parallel");
-  return get_parallel == nullptr || get_parallel() == 0;
+  return get_parallel != nullptr && get_parallel() == 0;
 }
 
 }  // namespace inceres::tools

@@ -11,7 +11,7 @@ namespace inceres::tools {
 /// "blas", "blas_config", "date".
 std::vector<std::pair<std::string, std::string>> DescribeEnvironment();
 
-/// True unless the BLAS of this process is known to start threads of its own.
-bool BlasIsSerial();
+/// True if this process uses an OpenBLAS that starts no threads of its own, which measurements are meant to be taken with.
+bool BlasIsSerialOpenBlas();
 
 }  // namespace inceres::tools
