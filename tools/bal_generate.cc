@@ -1,5 +1,6 @@
 // Writes a BAL problem of a simulated street: see bal_generate --help.
 
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <optional>
@@ -58,10 +59,10 @@ bool IsSet(const char* flag) {
 }
 
 Status ToCount(const char* what, double value, int* count) {
-  if (!(value >= 0.0 && value <= 2147483647.0)) {
+  if (!(value >= 0.0 && value <= 2147483646.0)) {
     return Status::Error(StatusCode::kInvalidArgument, std::string(what) + " would be " + std::to_string(value));
   }
-  *count = static_cast<int>(value + 0.5);
+  *count = static_cast<int>(std::lround(value));
   return Status::Ok();
 }
 

@@ -158,9 +158,9 @@ class G2oReader {
   }
 
   Status ReadInformation(std::array<double, 36>* information) {
-    const int size = graph_->TangentSize();
-    for (int row = 0; row < size; ++row) {
-      for (int column = row; column < size; ++column) {
+    const std::size_t size = static_cast<std::size_t>(graph_->TangentSize());
+    for (std::size_t row = 0; row < size; ++row) {
+      for (std::size_t column = row; column < size; ++column) {
         double value = 0.0;
         if (!scanner_.ScanDouble(&value)) {
           return scanner_.Failure(tag_ + ": " + Cell(row, column));
@@ -168,8 +168,8 @@ class G2oReader {
         if (row == column && value < 0.0) {
           return FailField(Cell(row, column), "negative on the diagonal");
         }
-        (*information)[static_cast<std::size_t>(row * size + column)] = value;
-        (*information)[static_cast<std::size_t>(column * size + row)] = value;
+        (*information)[row * size + column] = value;
+        (*information)[column * size + row] = value;
       }
     }
     return Status::Ok();
@@ -216,7 +216,7 @@ class G2oReader {
     return scanner_.FailureAt(scanner_.line(), tag_ + ": " + field + ": " + what);
   }
 
-  static std::string Cell(int row, int column) {
+  static std::string Cell(std::size_t row, std::size_t column) {
     return "information(" + std::to_string(row) + ", " + std::to_string(column) + ")";
   }
 

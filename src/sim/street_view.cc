@@ -105,7 +105,8 @@ bool StreetView::ChoosePartner(int anchor, Random* random, StreetPoint* point) c
   std::vector<int>& candidates = point->candidates;
   const int size = static_cast<int>(candidates.size());
   for (int i = size - 1; i > 1; --i) {
-    std::swap(candidates[static_cast<std::size_t>(i)], candidates[static_cast<std::size_t>(1 + random->Below(i))]);
+    const int other = 1 + random->Below(i);
+    std::swap(candidates[static_cast<std::size_t>(i)], candidates[static_cast<std::size_t>(other)]);
   }
   const Vector3 a = point->position - cameras_[static_cast<std::size_t>(anchor)].centre;
   for (std::size_t i = 1; i < candidates.size(); ++i) {

@@ -23,7 +23,7 @@ struct INCERES_EXPORT StreetSceneOptions {
   double laps = 0.0;
   /// Share of the points that are recognised when the camera comes by again, 0 .. 1. Without effect if no place is revisited.
   double loop_fraction = 0.3;
-  /// Distance between consecutive cameras. 0: chosen so that points have the tracks that the three sizes ask for.
+  /// Distance between consecutive cameras, at most 10. 0: chosen so that points have the tracks that the three sizes ask for.
   double camera_spacing = 0.0;
 
   double pixel_noise = 0.5;         ///< on each image coordinate
