@@ -58,6 +58,20 @@ TEST(OptionsWithoutEffect, OrderingsAreReadByTheSchurTypesOnly) {
   EXPECT_EQ(WithoutEffect(options), Names{"linear_solver_ordering: the order of groups after the first"});
 }
 
+TEST(OptionsWithoutEffect, BlocksTooLargeForALandmark) {
+  double x[2];
+  Options options;
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  options.linear_solver_ordering->AddElementToGroup(&x[0], 0);
+  options.linear_solver_ordering->AddElementToGroup(&x[1], 1);
+  LandmarkSelection landmarks;
+  landmarks.num_too_large = 2;
+  const Names names = OptionsWithoutEffect(options, landmarks);
+  ASSERT_EQ(names.size(), 1u);
+  EXPECT_NE(names[0].find("2 blocks of the first group have a tangent size above 4"), std::string::npos) << names[0];
+}
+
 TEST(OptionsWithoutEffect, AreInTheReport) {
   Options options;
   options.linear_solver_type = ceres::DENSE_QR;

@@ -119,6 +119,43 @@ TEST(Summary, WindowWithLocalParameterizationsConstantsAndFixedCost) {
   }
 }
 
+// Constant cameras: every block is a landmark and the reduced system is empty.
+TEST(Summary, OnlyLandmarks) {
+  const auto recipe = [] {
+    auto test = MakeBundle(6, 40, true);
+    for (std::size_t c = 0; c < 6; ++c) {
+      test->problem.SetParameterBlockConstant(test->blocks[c].data());
+    }
+    return test;
+  };
+  const BothSolved both = SolveBoth(recipe, WithSolver(ceres::DENSE_SCHUR));
+  ExpectSameSummary(both, 1e-9, true);
+  ExpectSameParameters(both, 1e-8);
+  EXPECT_EQ(both.report.num_landmarks, 40);
+  EXPECT_EQ(both.report.num_frames, 0);
+}
+
+TEST(Summary, SchurTypeWithoutLandmarks) {
+  const BothSolved both = SolveBoth([] { return MakeWindow(5, 0, false); }, WithSolver(ceres::DENSE_SCHUR, ceres::DOGLEG));
+  ExpectSameSummary(both, 1e-8, false);
+  ExpectSameParameters(both, 1e-6);
+  EXPECT_EQ(both.report.num_landmarks, 0);
+}
+
+TEST(Summary, ResultDoesNotDependOnThreads) {
+  std::deque<std::vector<double>> results[2];
+  for (const int num_threads : {1, 2}) {
+    ceres::Solver::Options options = WithSolver(ceres::DENSE_SCHUR);
+    options.num_threads = num_threads;
+    const auto test = MakeWindow(6, 200, true);
+    ceres::Solver::Summary summary;
+    inceres::Solve(options, &test->problem, &summary);
+    EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+    results[num_threads - 1] = test->blocks;
+  }
+  EXPECT_EQ(results[0], results[1]) << "to the last bit";
+}
+
 TEST(Summary, RejectedAndNonmonotonicSteps) {
   ceres::Solver::Options options = WithSolver(ceres::DENSE_QR);
   options.initial_trust_region_radius = 1e10;  // the first steps overshoot
