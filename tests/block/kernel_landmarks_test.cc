@@ -1,0 +1,192 @@
+// The three kernels of the elimination against plain loops: landmark sizes 1 to 4, residuals from 1 to beyond a slice, several
+// slots of different sizes, a frame that is touched twice, a slot without a frame.
+#include <cmath>
+
+#include "block/kernel_fixture.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr double kTolerance = 1e-13;
+constexpr int kResidualSizes[] = {1, 2, 3, 4, 5, 6, 15, 16, 17, 33};
+
+// Five factors of a family with slots: frame of size 6, the landmark, frame of size 9, frame of size 3. Three of them, in an
+// order of their own, see the landmark; the third slot of the last has no frame; the fourth slot is the same frame in all.
+struct LandmarkCase {
+  LandmarkCase(int landmark_size, int residual_size, test::Random* random) : size(landmark_size), rows(residual_size) {
+    sizes = {6, landmark_size, 9, 3};
+    for (const int slot_size : sizes) {
+      AlignedVector<double>& values =
+          storage.emplace_back(static_cast<std::size_t>(kNumFactors * rows * PadToQuad(slot_size)), 0.0);
+      for (int r = 0; r < kNumFactors * rows; ++r) {
+        for (int c = 0; c < slot_size; ++c) {
+          values[static_cast<std::size_t>(r * PadToQuad(slot_size) + c)] = random->Unit();
+        }
+      }
+      jacobians.push_back({values.data(), std::ptrdiff_t{rows} * PadToQuad(slot_size), PadToQuad(slot_size)});
+    }
+    residuals = random->Vector(static_cast<std::size_t>(kNumFactors * rows));
+    PlaceY();
+    factors.factors = seen.data();
+    factors.count = static_cast<int>(seen.size());
+    factors.residual_size = rows;
+    factors.landmark_slot = kLandmarkSlot;
+    factors.num_slots = static_cast<int>(sizes.size());
+    factors.jacobians = jacobians.data();
+    factors.residuals = residuals.data();
+    factors.y_targets = targets.data();
+  }
+
+  void PlaceY() {
+    int next = 0;
+    int shared = -1;
+    targets.assign(static_cast<std::size_t>(kNumFactors) * sizes.size(), -1);
+    for (const std::int32_t factor : seen) {
+      for (int s = 0; s < static_cast<int>(sizes.size()); ++s) {
+        if (s == kLandmarkSlot || (factor == seen.back() && s == 2)) {
+          continue;
+        }
+        std::int32_t& target = targets[static_cast<std::size_t>(factor) * sizes.size() + static_cast<std::size_t>(s)];
+        if (s == 3 && shared >= 0) {
+          target = 2 * shared + 1;
+          continue;
+        }
+        target = 2 * next;
+        shared = s == 3 ? next : shared;
+        next += size * PadToQuad(sizes[static_cast<std::size_t>(s)]) / kQuad;
+      }
+    }
+    y_size = static_cast<std::size_t>(next * kQuad);
+  }
+
+  double J(int slot, int factor, int row, int column) const {
+    const SlotJacobians& view = jacobians[static_cast<std::size_t>(slot)];
+    return view.data[factor * view.factor_stride + row * view.row_stride + column];
+  }
+  double f(int factor, int row) const { return residuals[static_cast<std::size_t>(factor * rows + row)]; }
+
+  static constexpr int kNumFactors = 5;
+  static constexpr int kLandmarkSlot = 1;
+  int size;
+  int rows;
+  std::vector<int> sizes;
+  std::vector<std::int32_t> seen = {3, 0, 4};
+  std::vector<AlignedVector<double>> storage;
+  std::vector<SlotJacobians> jacobians;
+  std::vector<double> residuals;
+  std::vector<std::int32_t> targets;
+  std::size_t y_size = 0;
+  LandmarkFactors factors;
+};
+
+class LandmarkKernels : public KernelTest {
+ protected:
+  template <typename Check>
+  void ForAllSizes(Check&& check) {
+    for (int size = 1; size <= 4; ++size) {
+      for (const int rows : kResidualSizes) {
+        const LandmarkCase problem(size, rows, &random_);
+        check(problem, "landmark size " + std::to_string(size) + ", residual size " + std::to_string(rows));
+        if (HasFatalFailure()) {
+          return;
+        }
+      }
+    }
+  }
+};
+
+TEST_P(LandmarkKernels, GramAddsHAndEtaToWhatIsThere) {
+  ForAllSizes([&](const LandmarkCase& problem, const std::string& what) {
+    const AlignedVector<double> P_start = PaddedRows(4, problem.size);
+    const AlignedVector<double> eta_start = PaddedRows(1, problem.size);
+    AlignedVector<double> P = P_start;
+    AlignedVector<double> eta = eta_start;
+    AlignedVector<double> P_expected = P_start;
+    AlignedVector<double> eta_expected = eta_start;
+    for (const int factor : problem.seen) {
+      for (int i = 0; i < problem.rows; ++i) {
+        for (int r = 0; r < problem.size; ++r) {
+          for (int c = 0; c < problem.size; ++c) {
+            P_expected[static_cast<std::size_t>(r * kQuad + c)] += problem.J(1, factor, i, r) * problem.J(1, factor, i, c);
+          }
+          eta_expected[static_cast<std::size_t>(r)] -= problem.J(1, factor, i, r) * problem.f(factor, i);
+        }
+      }
+    }
+    kernels().landmark_gram(problem.size, problem.factors, P.data(), eta.data());
+    ExpectClose(P, P_expected, 3.0 * problem.rows, kTolerance, what + ": P");
+    ExpectClose(eta, eta_expected, 3.0 * problem.rows, kTolerance, what + ": eta");
+  });
+}
+
+// Also: a block that is begun is overwritten, whatever stood there before.
+TEST_P(LandmarkKernels, EliminateWritesYForEveryFrame) {
+  ForAllSizes([&](const LandmarkCase& problem, const std::string& what) {
+    double U_inv[16] = {};
+    for (int r = 0; r < problem.size; ++r) {
+      for (int c = 0; c <= r; ++c) {
+        U_inv[r * kQuad + c] = random_.Unit();
+      }
+    }
+    AlignedVector<double> expected(problem.y_size, 0.0);
+    for (const int factor : problem.seen) {
+      for (int s = 0; s < 4; ++s) {
+        const int target = problem.targets[static_cast<std::size_t>(factor * 4 + s)];
+        if (target < 0) {
+          continue;
+        }
+        const int stride = PadToQuad(problem.sizes[static_cast<std::size_t>(s)]);
+        for (int k = 0; k < problem.size; ++k) {
+          for (int c = 0; c < stride; ++c) {
+            for (int i = 0; i < problem.rows; ++i) {
+              for (int e = 0; e <= k; ++e) {
+                expected[static_cast<std::size_t>((target >> 1) * kQuad + k * stride + c)] +=
+                    problem.J(s, factor, i, c) * problem.J(1, factor, i, e) * U_inv[k * kQuad + e];
+              }
+            }
+          }
+        }
+      }
+    }
+    AlignedVector<double> Y(problem.y_size, 1e300);
+    kernels().eliminate(problem.size, problem.factors, U_inv, Y.data());
+    ExpectClose(Y, expected, 12.0 * problem.rows, kTolerance, what);
+    AlignedVector<double> Y_generic(problem.y_size, -7.0);
+    generic().eliminate(problem.size, problem.factors, U_inv, Y_generic.data());
+    ExpectClose(Y, Y_generic, 12.0 * problem.rows, kTolerance, what + ", against generic");
+  });
+}
+
+TEST_P(LandmarkKernels, BackSubstituteSubtractsYTransposedDelta) {
+  for (int size = 1; size <= 4; ++size) {
+    for (int frame_size = 1; frame_size <= 16; ++frame_size) {
+      const int stride = PadToQuad(frame_size);
+      const AlignedVector<double> Y = PaddedRows(6 * size, frame_size);
+      const AlignedVector<double> delta = PaddedRows(8, frame_size);
+      std::vector<Incidence> incidences;
+      std::vector<double> y = random_.Vector(4);
+      std::vector<double> expected = y;
+      for (const int frame : {5, 0, 7}) {
+        const int block = frame % 6;
+        incidences.push_back({block * size * stride / kQuad, frame * stride / kQuad, stride / kQuad});
+        for (int k = 0; k < size; ++k) {
+          for (int c = 0; c < frame_size; ++c) {
+            expected[static_cast<std::size_t>(k)] -= Y[static_cast<std::size_t>((block * size + k) * stride + c)] *
+                                                     delta[static_cast<std::size_t>(frame * stride + c)];
+          }
+        }
+      }
+      kernels().back_substitute(size, incidences.data(), 3, Y.data(), delta.data(), y.data());
+      ExpectClose(y, expected, 3.0 * frame_size, kTolerance,
+                  "landmark size " + std::to_string(size) + ", frame size " + std::to_string(frame_size));
+      if (HasFatalFailure()) {
+        return;
+      }
+    }
+  }
+}
+
+INCERES_FOR_ALL_INSTRUCTION_SETS(LandmarkKernels);
+
+}  // namespace
+}  // namespace inceres::internal

@@ -1,0 +1,145 @@
+// C += sign Σ BᵀA and y += sign Σ Aᵀv against plain loops, for every size and instruction set.
+#include <tuple>
+
+#include "block/kernel_fixture.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr double kTolerance = 1e-13;
+constexpr int kNumStored = 9;  // blocks to choose terms from
+
+class ProductKernels : public KernelTest {
+ protected:
+  // Terms in an order that is not the one in memory, with repetitions.
+  std::vector<ProductTerm> MakeTerms(int count, int depth, int a_size, int b_size) {
+    std::vector<ProductTerm> terms;
+    for (int p = 0; p < count; ++p) {
+      terms.push_back({random_.Below(kNumStored) * depth * PadToQuad(a_size) / kQuad,
+                       random_.Below(kNumStored) * depth * PadToQuad(b_size) / kQuad});
+    }
+    return terms;
+  }
+
+  static AlignedVector<double> NaiveProducts(const BlockProducts& products, double sign, AlignedVector<double> C) {
+    const int a_stride = PadToQuad(products.a_size);
+    const int b_stride = PadToQuad(products.b_size);
+    for (int p = 0; p < products.count; ++p) {
+      for (int k = 0; k < products.depth; ++k) {
+        const double* a = products.a + products.terms[p].a * kQuad + k * a_stride;
+        const double* b = products.b + products.terms[p].b * kQuad + k * b_stride;
+        for (int r = 0; r < products.b_size; ++r) {
+          for (int c = 0; c < products.a_size; ++c) {
+            C[static_cast<std::size_t>(r * a_stride + c)] += sign * b[r] * a[c];
+          }
+        }
+      }
+    }
+    return C;
+  }
+
+  void ExpectProducts(int depth, int a_size, int b_size, int count, double sign) {
+    const AlignedVector<double> A = PaddedRows(kNumStored * depth, a_size);
+    const AlignedVector<double> B = PaddedRows(kNumStored * depth, b_size);
+    const std::vector<ProductTerm> terms = MakeTerms(count, depth, a_size, b_size);
+    const BlockProducts products{A.data(), B.data(), terms.data(), count, depth, a_size, b_size};
+    const AlignedVector<double> start = PaddedRows(b_size, a_size);
+    AlignedVector<double> C = start;
+    kernels().accumulate_products(products, sign, C.data());
+    AlignedVector<double> C_generic = start;
+    generic().accumulate_products(products, sign, C_generic.data());
+    const std::string what = "depth " + std::to_string(depth) + ", " + std::to_string(b_size) + " x " + std::to_string(a_size) +
+                             ", " + std::to_string(count) + " terms";
+    const double scale = 1.0 + count * depth;
+    ExpectClose(C, NaiveProducts(products, sign, start), scale, kTolerance, what);
+    ExpectClose(C, C_generic, scale, kTolerance, what + ", against generic");
+  }
+};
+
+TEST_P(ProductKernels, EqualPlainLoopsForEverySize) {
+  for (int depth = 1; depth <= 7; ++depth) {
+    for (int a_size = 1; a_size <= 16; ++a_size) {
+      for (int b_size = 1; b_size <= 16; ++b_size) {
+        ExpectProducts(depth, a_size, b_size, 5, depth % 2 == 0 ? 1.0 : -1.0);
+        if (HasFatalFailure()) {
+          return;
+        }
+      }
+    }
+  }
+}
+
+TEST_P(ProductKernels, EqualPlainLoopsForLongResidualsAndLargeFrames) {
+  for (const auto& [depth, a_size, b_size] : {std::tuple{15, 15, 15}, {17, 6, 9}, {31, 4, 1}, {2, 33, 20}, {3, 21, 40}}) {
+    ExpectProducts(depth, a_size, b_size, 3, 1.0);
+  }
+}
+
+TEST_P(ProductKernels, NoTermsLeaveTheBlockAsItIs) {
+  ExpectProducts(3, 9, 9, 0, -1.0);
+}
+
+TEST_P(ProductKernels, ManyTermsInOneCall) {
+  ExpectProducts(3, 9, 9, 1000, -1.0);
+  ExpectProducts(2, 6, 7, 1000, 1.0);
+}
+
+TEST_P(ProductKernels, SameBitsOnEveryCall) {
+  const AlignedVector<double> A = PaddedRows(kNumStored * 2, 9);
+  const std::vector<ProductTerm> terms = MakeTerms(20, 2, 9, 9);
+  const BlockProducts products{A.data(), A.data(), terms.data(), 20, 2, 9, 9};
+  AlignedVector<double> first(9 * 12, 0.0);
+  AlignedVector<double> second(9 * 12, 0.0);
+  kernels().accumulate_products(products, 1.0, first.data());
+  kernels().accumulate_products(products, 1.0, second.data());
+  EXPECT_EQ(first, second);
+}
+
+TEST_P(ProductKernels, VectorProductsEqualPlainLoops) {
+  for (const int depth : {1, 2, 3, 4, 5, 6, 7, 17}) {
+    for (int size = 1; size <= 30; ++size) {
+      const AlignedVector<double> A = PaddedRows(kNumStored * depth, size);
+      const std::vector<double> v = random_.Vector(static_cast<std::size_t>(kNumStored * depth));
+      std::vector<VectorTerm> terms;
+      for (int p = 0; p < 7; ++p) {
+        terms.push_back({random_.Below(kNumStored) * depth * PadToQuad(size) / kQuad, random_.Below(kNumStored) * depth});
+      }
+      const VectorProducts products{A.data(), v.data(), terms.data(), 7, depth, size};
+      const AlignedVector<double> start = PaddedRows(1, size);
+      AlignedVector<double> expected = start;
+      for (const VectorTerm& term : terms) {
+        for (int k = 0; k < depth; ++k) {
+          for (int c = 0; c < size; ++c) {
+            expected[static_cast<std::size_t>(c)] -=
+                A[static_cast<std::size_t>(term.a * kQuad + k * PadToQuad(size) + c)] * v[static_cast<std::size_t>(term.v + k)];
+          }
+        }
+      }
+      AlignedVector<double> y = start;
+      kernels().accumulate_vectors(products, -1.0, y.data());
+      ExpectClose(y, expected, 7.0 * depth, kTolerance, "size " + std::to_string(size) + ", depth " + std::to_string(depth));
+      if (HasFatalFailure()) {
+        return;
+      }
+    }
+  }
+}
+
+INCERES_FOR_ALL_INSTRUCTION_SETS(ProductKernels);
+
+TEST(Kernels, TheBestSetIsOneOfTheSets) {
+  const Kernels* best = &BestKernels();
+  EXPECT_TRUE(best == KernelsFor(InstructionSet::kGeneric) || best == KernelsFor(InstructionSet::kAvx2) ||
+              best == KernelsFor(InstructionSet::kAvx512));
+  EXPECT_STREQ(KernelsFor(InstructionSet::kGeneric)->name, "generic");
+}
+
+TEST(Kernels, PaddingIsTheNextMultipleOfFour) {
+  EXPECT_EQ(PadToQuad(0), 0);
+  EXPECT_EQ(PadToQuad(1), 4);
+  EXPECT_EQ(PadToQuad(4), 4);
+  EXPECT_EQ(PadToQuad(9), 12);
+}
+
+}  // namespace
+}  // namespace inceres::internal

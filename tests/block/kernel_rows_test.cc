@@ -1,0 +1,81 @@
+// What a pass over J yields for a vector: −(Jv)ᵀ(f + Jv/2) and ‖Jv‖².
+#include "block/kernel_fixture.h"
+
+namespace inceres::internal {
+namespace {
+
+class RowKernels : public KernelTest {
+ protected:
+  // Factors of three slots (sizes 9, 3 and frame_size); variables stand in the tangent vector in an order of their own, and the
+  // third slot of every other factor is a constant.
+  void ExpectRowProducts(int rows, int frame_size) {
+    constexpr int kNumFactors = 7;
+    const int sizes[3] = {9, 3, frame_size};
+    std::vector<AlignedVector<double>> storage;
+    std::vector<SlotJacobians> jacobians;
+    for (const int size : sizes) {
+      storage.push_back(PaddedRows(kNumFactors * rows, size));
+      jacobians.push_back({storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size), PadToQuad(size)});
+    }
+    const std::vector<double> f = random_.Vector(static_cast<std::size_t>(kNumFactors * rows));
+    // Two variables a slot: quads 0 and 3 for size 9, 6 and 7 for size 3, then those of frame_size.
+    const int quads = PadToQuad(frame_size) / kQuad;
+    const AlignedVector<double> nine = PaddedRows(2, 9);
+    const AlignedVector<double> three = PaddedRows(2, 3);
+    const AlignedVector<double> last = PaddedRows(2, frame_size);
+    AlignedVector<double> v;
+    for (const AlignedVector<double>* part : {&nine, &three, &last}) {
+      v.insert(v.end(), part->begin(), part->end());
+    }
+    std::vector<std::int32_t> offsets;
+    for (int i = 0; i < kNumFactors; ++i) {
+      offsets.push_back(i % 2 == 0 ? 3 : 0);
+      offsets.push_back(i % 3 == 0 ? 6 : 7);
+      offsets.push_back(i % 2 == 0 ? -1 : 8 + (i % 3 == 0 ? quads : 0));
+    }
+    double decrease = 0.0;
+    double squared_norm = 0.0;
+    for (int i = 2; i < 6; ++i) {
+      for (int r = 0; r < rows; ++r) {
+        double Jv = 0.0;
+        for (int s = 0; s < 3; ++s) {
+          const int offset = offsets[static_cast<std::size_t>(3 * i + s)];
+          for (int c = 0; offset >= 0 && c < sizes[s]; ++c) {
+            Jv += storage[static_cast<std::size_t>(s)][static_cast<std::size_t>((i * rows + r) * PadToQuad(sizes[s]) + c)] *
+                  v[static_cast<std::size_t>(offset * kQuad + c)];
+          }
+        }
+        decrease -= Jv * (f[static_cast<std::size_t>(i * rows + r)] + 0.5 * Jv);
+        squared_norm += Jv * Jv;
+      }
+    }
+    const FactorRows factor_rows{2, 6, rows, 3, jacobians.data(), f.data(), offsets.data()};
+    const RowProducts actual = kernels().row_products(factor_rows, v.data());
+    const double scale = 100.0 * rows * frame_size;
+    EXPECT_NEAR(actual.model_decrease, decrease, 1e-13 * scale) << rows << " rows, frame size " << frame_size;
+    EXPECT_NEAR(actual.squared_norm, squared_norm, 1e-13 * scale) << rows << " rows, frame size " << frame_size;
+    const RowProducts reference = generic().row_products(factor_rows, v.data());
+    EXPECT_NEAR(actual.model_decrease, reference.model_decrease, 1e-13 * scale);
+    EXPECT_NEAR(actual.squared_norm, reference.squared_norm, 1e-13 * scale);
+  }
+};
+
+TEST_P(RowKernels, EqualPlainLoopsForEverySize) {
+  for (const int rows : {1, 2, 3, 4, 5, 6, 15, 17}) {
+    for (int frame_size = 1; frame_size <= 16; ++frame_size) {
+      ExpectRowProducts(rows, frame_size);
+    }
+  }
+}
+
+TEST_P(RowKernels, NoFactorsYieldZero) {
+  const FactorRows rows;
+  const RowProducts actual = kernels().row_products(rows, nullptr);
+  EXPECT_EQ(actual.model_decrease, 0.0);
+  EXPECT_EQ(actual.squared_norm, 0.0);
+}
+
+INCERES_FOR_ALL_INSTRUCTION_SETS(RowKernels);
+
+}  // namespace
+}  // namespace inceres::internal

@@ -1,0 +1,119 @@
+// What cannot be evaluated is named: the factor with its variables, or the manifold.
+#include <cmath>
+#include <limits>
+
+#include <gtest/gtest.h>
+
+#include "support/core_pipeline.h"
+#include "support/test_families.h"
+
+namespace inceres::internal {
+namespace {
+
+using test::CorePipeline;
+using test::FunctionFamily;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+// 600 factors (three chunks) in one variable, f = x; `spoil` may change what factor i returns.
+class FailingFactors : public testing::Test {
+ protected:
+  using Spoil = std::function<bool(int i, double* residuals, double** jacobians)>;
+
+  void Build(Spoil spoil) {
+    auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
+                                                   [spoil](int i, const double* const* x, double* residuals, double** jacobians) {
+                                                     residuals[0] = x[0][0];
+                                                     if (jacobians != nullptr && jacobians[0] != nullptr) {
+                                                       jacobians[0][0] = 1.0;
+                                                     }
+                                                     return spoil(i, residuals, jacobians);
+                                                   });
+    const double one = 1.0;
+    const VariableId x = graph_.AddVariable(&one, 1, Role::kFrame);
+    const FamilyId id = graph_.AddFamily(family);
+    for (int i = 0; i < 600; ++i) {
+      graph_.AddFactor(id, *family, 0, {x});
+    }
+  }
+
+  void ExpectFailure(const std::string& expected) {
+    for (const int num_threads : {1, 4}) {
+      const CorePipeline core(graph_, true, num_threads);
+      EXPECT_EQ(core.status.code, StatusCode::kEvaluationFailed);
+      EXPECT_EQ(core.status.message, expected);
+    }
+  }
+
+  FactorGraph graph_;
+};
+
+TEST_F(FailingFactors, FalseNamesTheFirstFactor) {
+  Build([](int i, double*, double**) { return i != 300 && i != 550; });
+  ExpectFailure("factor 300 of function (variables 0): the cost function returned false");
+}
+
+TEST_F(FailingFactors, ResidualsThatAreNotFinite) {
+  Build([](int i, double* residuals, double**) {
+    residuals[0] = i == 17 ? kNaN : residuals[0];
+    return true;
+  });
+  ExpectFailure("factor 17 of function (variables 0): a residual is not finite or was not written");
+}
+
+TEST_F(FailingFactors, JacobiansThatAreNotFinite) {
+  Build([](int i, double*, double** jacobians) {
+    if (jacobians != nullptr && i == 599) {
+      jacobians[0][0] = std::numeric_limits<double>::infinity();
+    }
+    return true;
+  });
+  ExpectFailure("factor 599 of function (variables 0): a Jacobian entry is not finite or was not written");
+}
+
+// x with a manifold whose PlusJacobian is what the test says.
+class OddManifold final : public Manifold {
+ public:
+  OddManifold(bool defined, double entry) : defined_(defined), entry_(entry) {}
+  int AmbientSize() const override { return 1; }
+  int TangentSize() const override { return 1; }
+  bool Plus(const double* x, const double* delta, double* out) const override {
+    out[0] = x[0] + delta[0];
+    return delta[0] < 10.0;
+  }
+  bool PlusJacobian(const double*, double* J) const override {
+    if (!std::isnan(entry_)) {
+      J[0] = entry_;
+    }
+    return defined_;
+  }
+
+ private:
+  bool defined_;
+  double entry_;  // NaN: not written
+};
+
+Status EvaluateOn(std::shared_ptr<const Manifold> manifold) {
+  FactorGraph graph;
+  auto family = std::make_shared<test::SmoothFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}});
+  test::Random random(1);
+  const double one = 1.0;
+  const VariableId x = graph.AddVariable(&one, 1, Role::kFrame, std::move(manifold));
+  graph.AddFactor(graph.AddFamily(family), *family, family->MakeMeasurement(&random), {x});
+  CorePipeline core(graph);
+  double cost = 0.0;
+  EXPECT_EQ(core.evaluator.EvaluateCandidateCost(&cost).ok(), core.status.ok()) << "cost-only evaluations ask as well";
+  const double far = 100.0;
+  EXPECT_FALSE(core.evaluator.MoveCandidate(&far));
+  return core.status;
+}
+
+TEST(FailingManifolds, PlusJacobianFalseInfiniteOrNotWritten) {
+  EXPECT_TRUE(EvaluateOn(std::make_shared<OddManifold>(true, 1.0)).ok());
+  EXPECT_EQ(EvaluateOn(std::make_shared<OddManifold>(false, 1.0)).code, StatusCode::kEvaluationFailed);
+  EXPECT_EQ(EvaluateOn(std::make_shared<OddManifold>(true, HUGE_VAL)).code, StatusCode::kEvaluationFailed);
+  EXPECT_EQ(EvaluateOn(std::make_shared<OddManifold>(true, kNaN)).code, StatusCode::kEvaluationFailed);
+}
+
+}  // namespace
+}  // namespace inceres::internal

@@ -1,0 +1,168 @@
+#include "linearisation/incidences.h"
+
+#include <algorithm>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "support/core_pipeline.h"
+#include "support/random_graph.h"
+
+namespace inceres::internal {
+namespace {
+
+using test::BundleOptions;
+using test::CorePipeline;
+using test::MakeBundle;
+using test::RandomGraph;
+
+// Mixed sizes, hosts, losses and constants; landmarks of sizes 1 to 4.
+BundleOptions MixedBundle(unsigned seed) {
+  BundleOptions options;
+  options.seed = seed;
+  options.num_frames = 9;
+  options.num_landmarks = 40;
+  options.frame_sizes = {6, 9, 15, 3, 1};
+  options.landmark_sizes = {3, 1, 4, 2};
+  options.residual_sizes = {2, 3, 1};
+  options.hosted = seed % 2 == 1;
+  options.constants = true;
+  return options;
+}
+
+// (landmark, frame) pairs that share a factor, by looking at every factor.
+std::set<std::pair<int, int>> SharedPairs(const FactorGraph& graph, const Layout& layout) {
+  std::set<std::pair<int, int>> pairs;
+  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    const int num_slots = graph.family(id).num_slots();
+    for (int i = 0; i < graph.NumFactors(id); ++i) {
+      const VariableId* ids = graph.Variables(id, i);
+      for (int a = 0; a < num_slots; ++a) {
+        for (int b = 0; b < num_slots; ++b) {
+          if (layout.LandmarkOf(ids[a]) >= 0 && layout.FrameOf(ids[b]) >= 0) {
+            pairs.emplace(layout.LandmarkOf(ids[a]), layout.FrameOf(ids[b]));
+          }
+        }
+      }
+    }
+  }
+  return pairs;
+}
+
+class Incidences : public testing::TestWithParam<unsigned> {
+ protected:
+  Incidences() : bundle_(MakeBundle(MixedBundle(GetParam()))), core_(bundle_->graph()) {}
+  std::unique_ptr<RandomGraph> bundle_;
+  CorePipeline core_;
+};
+
+TEST_P(Incidences, OnePerLandmarkAndFrameThatShareAFactor) {
+  const LandmarkIncidences& all = core_.incidences;
+  std::set<std::pair<int, int>> found;
+  for (int l = 0; l < all.num_landmarks(); ++l) {
+    for (int q = all.begin[static_cast<std::size_t>(l)]; q < all.begin[static_cast<std::size_t>(l) + 1]; ++q) {
+      EXPECT_EQ(all.landmarks[static_cast<std::size_t>(q)], l);
+      EXPECT_TRUE(found.emplace(l, all.frames[static_cast<std::size_t>(q)]).second) << "twice the same frame";
+    }
+  }
+  EXPECT_EQ(found, SharedPairs(bundle_->graph(), core_.layout));
+}
+
+TEST_P(Incidences, BlocksOfYLieSideBySideByFrameAndNeverOverlap) {
+  const LandmarkIncidences& all = core_.incidences;
+  ASSERT_EQ(all.frame_incidences.size(), all.incidences.size());
+  std::int64_t next = 0;
+  for (int frame = 0; frame < core_.layout.num_frames; ++frame) {
+    std::pair<int, int> last{0, -1};
+    const auto f = static_cast<std::size_t>(frame);
+    for (int k = all.frame_begin[f]; k < all.frame_begin[f + 1]; ++k) {
+      const auto q = static_cast<std::size_t>(all.frame_incidences[static_cast<std::size_t>(k)]);
+      const int landmark = all.landmarks[q];
+      const int size = all.sizes[static_cast<std::size_t>(landmark)];
+      EXPECT_EQ(all.frames[q], frame);
+      EXPECT_LT(last, std::make_pair(size, landmark)) << "not sorted by landmark size, then landmark";
+      last = {size, landmark};
+      EXPECT_EQ(all.incidences[q].y, next);
+      EXPECT_EQ(all.incidences[q].frame, core_.layout.quad_offset[f]);
+      EXPECT_EQ(all.incidences[q].quads, PadToQuad(core_.layout.TangentSize(frame)) / kQuad);
+      next += std::int64_t{size} * all.incidences[q].quads;
+    }
+  }
+  EXPECT_EQ(next, all.y_quads);
+}
+
+// Walks the factors as the elimination does: the first that reaches a block begins it, later ones add to it.
+TEST_P(Incidences, TargetsBeginEachBlockOnceAndCoverEveryFactor) {
+  const LandmarkIncidences& all = core_.incidences;
+  const FactorGraph& graph = bundle_->graph();
+  int num_factors = 0;
+  for (int l = 0; l < all.num_landmarks(); ++l) {
+    std::set<std::int32_t> begun;
+    for (int k = all.factors_begin[static_cast<std::size_t>(l)]; k < all.factors_begin[static_cast<std::size_t>(l) + 1]; ++k) {
+      const LandmarkFactors& entry = all.factors[static_cast<std::size_t>(k)];
+      const auto& families = core_.evaluator.families();
+      const auto owner = std::find_if(families.begin(), families.end(),
+                                      [&](const FamilyCache& cache) { return cache.slots.data() == entry.jacobians; });
+      ASSERT_NE(owner, families.end());
+      EXPECT_EQ(entry.residual_size, owner->family->residual_size());
+      EXPECT_EQ(entry.residuals, owner->residuals.data());
+      for (int n = 0; n < entry.count; ++n, ++num_factors) {
+        const VariableId* ids = graph.Variables(owner->id, entry.factors[n]);
+        EXPECT_EQ(core_.layout.LandmarkOf(ids[entry.landmark_slot]), l);
+        for (int s = 0; s < entry.num_slots; ++s) {
+          const std::int32_t target = entry.y_targets[entry.factors[n] * entry.num_slots + s];
+          ASSERT_EQ(target >= 0, core_.layout.FrameOf(ids[s]) >= 0);
+          if (target >= 0) {
+            EXPECT_EQ((target & 1) == 0, begun.insert(target >> 1).second);
+          }
+        }
+      }
+    }
+    EXPECT_EQ(begun.size(),
+              static_cast<std::size_t>(all.begin[static_cast<std::size_t>(l) + 1] - all.begin[static_cast<std::size_t>(l)]));
+  }
+  int expected = 0;
+  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    for (int i = 0; i < graph.NumFactors(id); ++i) {
+      const VariableId* ids = graph.Variables(id, i);
+      expected += std::any_of(ids, ids + graph.family(id).num_slots(),
+                              [&](VariableId variable) { return core_.layout.LandmarkOf(variable) >= 0; });
+    }
+  }
+  EXPECT_EQ(num_factors, expected);
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, Incidences, testing::Values(1u, 2u, 3u, 4u));
+
+// Landmark 2 is the first slot of one factor and the second slot of another of the same family; landmark 3 has constant frames
+// only; landmark 4 is seen twice by frame 0.
+TEST(LandmarkIncidences, LandmarksInAnySlotWithConstantsAndTwiceTheSameFrame) {
+  RandomGraph random(5);
+  random.AddFrame(3);
+  random.graph().SetConstant(random.AddFrame(3), true);
+  random.AddLandmark(3);
+  random.AddLandmark(3);
+  random.AddLandmark(3);
+  random.Connect(2, {2, 0});
+  random.Connect(2, {0, 2});
+  random.Connect(2, {1, 3});
+  random.Connect(2, {0, 4});
+  random.Connect(2, {4, 0});
+  const CorePipeline core(random.graph());
+  ASSERT_TRUE(core.status.ok()) << core.status.message;
+  EXPECT_EQ(core.incidences.begin, (std::vector<int>{0, 1, 1, 2}));
+  EXPECT_EQ(core.incidences.frames, (std::vector<std::int32_t>{0, 0}));
+  EXPECT_EQ(core.incidences.factors_begin, (std::vector<int>{0, 2, 3, 5}));
+}
+
+TEST(LandmarkIncidences, WithoutLandmarksEverythingIsEmpty) {
+  RandomGraph random(5);
+  random.Connect(3, {random.AddFrame(3), random.AddFrame(2)});
+  const CorePipeline core(random.graph());
+  EXPECT_EQ(core.incidences.num_landmarks(), 0);
+  EXPECT_EQ(core.incidences.y_quads, 0);
+  EXPECT_TRUE(core.incidences.factors.empty());
+}
+
+}  // namespace
+}  // namespace inceres::internal

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <memory>
+
+#include <Eigen/Core>
+
+#include "base/executor.h"
+#include "linearisation/evaluator.h"
+#include "linearisation/hessian.h"
+#include "linearisation/incidences.h"
+#include "linearisation/layout.h"
+#include "linearisation/product_plan.h"
+
+namespace inceres::test {
+
+/// The parts of the core up to H, put together for one graph as the solver does it, with the Jacobians evaluated.
+struct CorePipeline {
+  explicit CorePipeline(const FactorGraph& graph, bool eliminate_landmarks = true, int num_threads = 1)
+      : executor(num_threads),
+        layout(graph, eliminate_landmarks),
+        evaluator(graph, layout, executor),
+        incidences(evaluator),
+        plans(evaluator, incidences),
+        hessian(evaluator, incidences, plans) {
+    status = evaluator.EvaluateJacobians(/*known_point=*/false, &cost);
+    hessian.Accumulate();
+  }
+
+  internal::Executor executor;
+  internal::Layout layout;
+  internal::Evaluator evaluator;
+  internal::LandmarkIncidences incidences;
+  internal::FramePlans plans;
+  internal::Hessian hessian;
+  Status status;
+  double cost = 0.0;
+};
+
+/// The symmetric matrix that `values` hold in a pattern.
+inline Eigen::MatrixXd ToDense(const BlockPattern& pattern, const double* values) {
+  using Block = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(pattern.size(), pattern.size());
+  for (int row = 0; row < pattern.num_blocks(); ++row) {
+    const auto r = static_cast<std::size_t>(row);
+    for (int k = pattern.row_begin[r]; k < pattern.row_begin[r + 1]; ++k) {
+      const auto c = static_cast<std::size_t>(pattern.columns[static_cast<std::size_t>(k)]);
+      const Block block(values + pattern.value_begin[static_cast<std::size_t>(k)], pattern.block_size(row),
+                        pattern.block_size(static_cast<int>(c)));
+      dense.block(pattern.offsets[r], pattern.offsets[c], block.rows(), block.cols()) = block;
+      dense.block(pattern.offsets[c], pattern.offsets[r], block.cols(), block.rows()) = block.transpose();
+    }
+  }
+  return dense;
+}
+
+}  // namespace inceres::test

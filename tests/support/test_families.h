@@ -1,0 +1,61 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "inceres/graph/ambient_family.h"
+#include "support/random_values.h"
+
+namespace inceres::test {
+
+/// A smooth nonlinear factor with an analytic Jacobian, any residual size and any slots:
+///
+///     f_r(x) = c_r + Σ_k (A_rk x_k + B_rk sin(x_k + φ_rk))
+///
+/// over the ambient entries x_k of all slots in turn. Dominated by A, so a least-squares problem of them has one clear minimum
+/// nearby.
+class SmoothFamily final : public AmbientFamily<SmoothFamily> {
+ public:
+  using Measurement = std::vector<double>;  // see MakeMeasurement
+
+  SmoothFamily(int residual_size, std::vector<Slot> slots);
+
+  /// Random A, B and φ of a factor, c zero.
+  Measurement MakeMeasurement(Random* random) const;
+  void Add(Measurement measurement) { measurements_.push_back(std::move(measurement)); }
+  /// Sets c so that f is `residuals` at these parameters.
+  void SetResiduals(int i, const double* const* parameters, const double* residuals);
+
+  int size() const override { return static_cast<int>(measurements_.size()); }
+  const char* Name() const override { return "smooth test factor"; }
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const;
+
+ private:
+  int num_entries_ = 0;  // of all slots
+  std::vector<Measurement> measurements_;
+};
+
+/// A family whose factors are all computed by one function, as tests write them down.
+class FunctionFamily final : public AmbientFamily<FunctionFamily> {
+ public:
+  using Measurement = int;  // ignored: the function knows factor i
+  using Function = std::function<bool(int i, const double* const* parameters, double* residuals, double** jacobians)>;
+
+  FunctionFamily(int residual_size, std::vector<Slot> slots, Function function)
+      : AmbientFamily(residual_size, std::move(slots)), function_(std::move(function)) {}
+
+  void Add(Measurement) { ++size_; }
+  int size() const override { return size_; }
+  const char* Name() const override { return "function"; }
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+    return function_(i, parameters, residuals, jacobians);
+  }
+
+ private:
+  Function function_;
+  int size_ = 0;
+};
+
+}  // namespace inceres::test
