@@ -1,6 +1,6 @@
 #include "inceres/ceres/solve.h"
 
-#include <utility>
+#include <string>
 
 #include <glog/logging.h>
 
@@ -23,8 +23,8 @@ SolveReport Cleared(const SolveReport& report) {
 
 // A problem we do not solve: stock Ceres does, unless the caller is strict. Nothing of the user's has been called or written so
 // far.
-void Decline(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary, std::string reason,
-             SolveReport* report) {
+void Decline(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
+             const std::string& reason, SolveReport* report) {
   if (report != nullptr) {
     report->fallback_reason = reason;
     if (report->strict) {
@@ -65,7 +65,7 @@ void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres
     obstacle = internal::ProblemObstacle(options, view, ordering);
   }
   if (!obstacle.empty()) {
-    Decline(options, problem, summary, std::move(obstacle), report);
+    Decline(options, problem, summary, obstacle, report);
     return;
   }
   internal::SolveExactly({options, view, ordering, clock}, summary, report);
