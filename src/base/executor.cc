@@ -3,8 +3,31 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
+#if defined(__SANITIZE_THREAD__)
+#include <sanitizer/tsan_interface.h>
+#endif
 
 namespace inceres::internal {
+
+namespace {
+
+// oneTBB's own synchronisation is not compiled with the thread sanitizer; these tell it what parallel_for guarantees: what the
+// caller did before happens before every task, and every task happens before the call returns.
+#if defined(__SANITIZE_THREAD__)
+void Acquire(char* token) {
+  __tsan_acquire(token);
+}
+void Release(char* token) {
+  __tsan_release(token);
+}
+#else
+void Acquire(char*) {
+}
+void Release(char*) {
+}
+#endif
+
+}  // namespace
 
 struct Executor::Arena {
   explicit Arena(int num_threads) : arena(num_threads) {}
@@ -21,10 +44,17 @@ Executor::~Executor() = default;
 
 void Executor::RunParallel(int count, int grain, Callback callback, const void* context) const {
   void* mutable_context = const_cast<void*>(context);
+  char started = 0;
+  char finished = 0;
+  Release(&started);
   arena_->arena.execute([&] {
-    tbb::parallel_for(tbb::blocked_range<int>(0, count, grain),
-                      [&](const tbb::blocked_range<int>& range) { callback(mutable_context, range.begin(), range.end()); });
+    tbb::parallel_for(tbb::blocked_range<int>(0, count, grain), [&](const tbb::blocked_range<int>& range) {
+      Acquire(&started);
+      callback(mutable_context, range.begin(), range.end());
+      Release(&finished);
+    });
   });
+  Acquire(&finished);
 }
 
 }  // namespace inceres::internal

@@ -19,7 +19,7 @@ class Executor {
 
   int num_threads() const { return num_threads_; }
 
-  /// Calls body(begin, end) on ranges that cover [0, count) once, none shorter than `grain` but the last.
+  /// Calls body(begin, end) on ranges that cover [0, count) once, of about `grain` or more.
   template <typename Body>
   void For(int count, int grain, Body&& body) const {
     if (num_threads_ == 1 || count <= grain) {

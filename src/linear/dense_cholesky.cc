@@ -23,7 +23,7 @@ Status DenseCholesky::Analyze(const BlockPattern& pattern) {
   if (stride_ % 128 == 0) {
     stride_ += kQuad;
   }
-  L_.assign(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(size_), 0.0);
+  L_.assign(stride_ * static_cast<std::size_t>(size_), 0.0);
   return Status::Ok();
 }
 
@@ -33,14 +33,13 @@ void DenseCholesky::CopyIn(const double* values, const double* diagonal) {
   }
   for (int row = 0; row < pattern_->num_blocks(); ++row) {
     const int rows = pattern_->block_size(row);
-    const int first_row = pattern_->offsets[static_cast<std::size_t>(row)];
-    for (int k = pattern_->row_begin[static_cast<std::size_t>(row)]; k < pattern_->row_begin[static_cast<std::size_t>(row) + 1];
-         ++k) {
-      const int column = pattern_->columns[static_cast<std::size_t>(k)];
+    const int first_row = pattern_->offsets[row];
+    for (int k = pattern_->row_begin[row]; k < pattern_->row_begin[row + 1]; ++k) {
+      const int column = pattern_->columns[k];
       const int columns = pattern_->block_size(column);
-      const double* block = values + pattern_->value_begin[static_cast<std::size_t>(k)];
+      const double* block = values + pattern_->value_begin[k];
       for (int c = 0; c < columns; ++c) {
-        double* out = Column(pattern_->offsets[static_cast<std::size_t>(column)] + c) + first_row;
+        double* out = Column(pattern_->offsets[column] + c) + first_row;
         for (int r = row == column ? c : 0; r < rows; ++r) {
           out[r] = block[r * columns + c];
         }

@@ -114,13 +114,11 @@ struct SparseCholesky::Cholmod {
   // Calls visit(row, first column, count) for each stretch of the lower triangle of block row i, row by row.
   template <typename Visit>
   void ForEachRow(int i, Visit&& visit) const {
-    const int first_row = pattern->offsets[static_cast<std::size_t>(i)];
+    const int first_row = pattern->offsets[i];
     for (int r = 0; r < pattern->block_size(i); ++r) {
-      for (int k = pattern->row_begin[static_cast<std::size_t>(i)]; k < pattern->row_begin[static_cast<std::size_t>(i) + 1];
-           ++k) {
-        const int column = pattern->columns[static_cast<std::size_t>(k)];
-        visit(first_row + r, pattern->offsets[static_cast<std::size_t>(column)],
-              column == i ? r + 1 : pattern->block_size(column));
+      for (int k = pattern->row_begin[i]; k < pattern->row_begin[i + 1]; ++k) {
+        const int column = pattern->columns[k];
+        visit(first_row + r, pattern->offsets[column], column == i ? r + 1 : pattern->block_size(column));
       }
     }
   }
@@ -129,14 +127,13 @@ struct SparseCholesky::Cholmod {
     double* out = static_cast<double*>(matrix.get()->x);
     for (int i = 0; i < pattern->num_blocks(); ++i) {
       for (int r = 0; r < pattern->block_size(i); ++r) {
-        for (int k = pattern->row_begin[static_cast<std::size_t>(i)]; k < pattern->row_begin[static_cast<std::size_t>(i) + 1];
-             ++k) {
-          const int column = pattern->columns[static_cast<std::size_t>(k)];
+        for (int k = pattern->row_begin[i]; k < pattern->row_begin[i + 1]; ++k) {
+          const int column = pattern->columns[k];
           const int columns = pattern->block_size(column);
-          const double* row = values + pattern->value_begin[static_cast<std::size_t>(k)] + r * columns;
+          const double* row = values + pattern->value_begin[k] + r * columns;
           out = std::copy(row, row + (column == i ? r + 1 : columns), out);
         }
-        out[-1] += diagonal[pattern->offsets[static_cast<std::size_t>(i)] + r];
+        out[-1] += diagonal[pattern->offsets[i] + r];
       }
     }
   }
@@ -181,10 +178,10 @@ Status SparseCholesky::Analyze(const BlockPattern& pattern) {
     return Status::Error(StatusCode::kSingular, "CHOLMOD could not order the reduced system (out of memory?)");
   }
   std::vector<int> permutation;
-  permutation.reserve(static_cast<std::size_t>(pattern.size()));
+  permutation.reserve(pattern.size());
   for (const int block : best.permutation) {
     for (int k = 0; k < pattern.block_size(block); ++k) {
-      permutation.push_back(pattern.offsets[static_cast<std::size_t>(block)] + k);
+      permutation.push_back(pattern.offsets[block] + k);
     }
   }
   c.BuildMatrix();

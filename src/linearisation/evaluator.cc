@@ -63,10 +63,10 @@ FactorRows FamilyCache::Rows(int begin, int end) const {
 Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor)
     : graph_(graph), layout_(layout), executor_(executor), current_(graph.state()), candidate_(graph.state()) {
   BuildMaps();
-  families_.resize(static_cast<std::size_t>(graph.num_families()));
+  families_.resize(graph.num_families());
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     BuildFamily(id);
-    const int num_factors = families_[static_cast<std::size_t>(id)].num_factors;
+    const int num_factors = families_[id].num_factors;
     for (int begin = 0; begin < num_factors; begin += kChunkSize) {
       chunks_.push_back({id, begin, std::min(begin + kChunkSize, num_factors)});
     }
@@ -76,7 +76,7 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
 }
 
 void Evaluator::BuildFamily(FamilyId id) {
-  FamilyCache& cache = families_[static_cast<std::size_t>(id)];
+  FamilyCache& cache = families_[id];
   const FactorFamily& family = graph_.family(id);
   cache.family = &family;
   cache.id = id;
@@ -110,19 +110,19 @@ void Evaluator::BuildFamily(FamilyId id) {
   for (std::size_t k = 0; k < num_entries; ++k) {
     cache.parameters[k] = graph_.ValuesIn(current_.data(), ids[k]);
     cache.candidate_parameters[k] = graph_.ValuesIn(candidate_.data(), ids[k]);
-    cache.tangent_maps[k] = &maps_[static_cast<std::size_t>(ids[k])];
-    const int position = layout_.position[static_cast<std::size_t>(ids[k])];
-    cache.tangent_offsets[k] = position < 0 ? -1 : layout_.quad_offset[static_cast<std::size_t>(position)];
+    cache.tangent_maps[k] = &maps_[ids[k]];
+    const int position = layout_.position[ids[k]];
+    cache.tangent_offsets[k] = position < 0 ? -1 : layout_.quad_offset[position];
   }
 }
 
 void Evaluator::BuildMaps() {
-  maps_.resize(static_cast<std::size_t>(graph_.num_variables()));
+  maps_.resize(graph_.num_variables());
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
-    TangentMap& map = maps_[static_cast<std::size_t>(id)];
+    TangentMap& map = maps_[id];
     map.ambient_size = graph_.AmbientSize(id);
     map.tangent_size = graph_.TangentSize(id);
-    map.kind = layout_.position[static_cast<std::size_t>(id)] < 0 ? TangentMap::Kind::kConstant : TangentMap::Kind::kIdentity;
+    map.kind = layout_.position[id] < 0 ? TangentMap::Kind::kConstant : TangentMap::Kind::kIdentity;
   }
   std::int64_t num_entries = 0;
   std::int64_t num_columns = 0;
@@ -136,14 +136,14 @@ void Evaluator::BuildMaps() {
       num_columns += graph_.TangentSize(id);
     }
   }
-  plus_jacobians_.resize(static_cast<std::size_t>(num_entries));
-  candidate_plus_jacobians_.resize(static_cast<std::size_t>(num_entries));
-  selections_.resize(static_cast<std::size_t>(num_columns));
+  plus_jacobians_.resize(num_entries);
+  candidate_plus_jacobians_.resize(num_entries);
+  selections_.resize(num_columns);
 }
 
 bool Evaluator::ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values) {
   for (std::size_t k = 0; k < curved_.size(); ++k) {
-    const VariableId id = layout_.variables[static_cast<std::size_t>(curved_[k])];
+    const VariableId id = layout_.variables[curved_[k]];
     double* out = values->data() + plus_jacobian_offset_[k];
     const int count = graph_.AmbientSize(id) * graph_.TangentSize(id);
     std::fill(out, out + count, kImpossible);
@@ -159,8 +159,8 @@ bool Evaluator::ComputePlusJacobians(const std::vector<double>& state, std::vect
 
 void Evaluator::ClassifyMaps() {
   for (std::size_t k = 0; k < curved_.size(); ++k) {
-    const VariableId id = layout_.variables[static_cast<std::size_t>(curved_[k])];
-    TangentMap& map = maps_[static_cast<std::size_t>(id)];
+    const VariableId id = layout_.variables[curved_[k]];
+    TangentMap& map = maps_[id];
     map.plus_jacobian = plus_jacobians_.data() + plus_jacobian_offset_[k];
     int* selection = selections_.data() + selection_offset_[k];
     if (IsIdentity(map)) {
@@ -195,7 +195,7 @@ bool Evaluator::MoveCandidate(const double* delta) {
 }
 
 double Evaluator::EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFailure* failure) {
-  FamilyCache& cache = families_[static_cast<std::size_t>(chunk.family)];
+  FamilyCache& cache = families_[chunk.family];
   FactorBatch batch;
   batch.begin = chunk.begin;
   batch.end = chunk.end;

@@ -16,7 +16,7 @@ constexpr int kFrameGrain = 4;
 Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans)
     : evaluator_(evaluator), incidences_(incidences), plans_(plans), kernels_(BestKernels()) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
-  C_.resize(static_cast<std::size_t>(plans.pattern.value_begin.back()));
+  C_.resize(plans.pattern.value_begin.back());
   P_.resize(num_landmarks * kLandmarkStride);
   landmark_eta_.resize(num_landmarks * kQuad);
   gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
@@ -29,15 +29,15 @@ void Hessian::BuildGradientTerms() {
   const BlockPattern& pattern = plans_.pattern;
   gradient_segments_begin_.push_back(0);
   for (int frame = 0; frame < pattern.num_blocks(); ++frame) {
-    const auto block = static_cast<std::size_t>(pattern.row_begin[static_cast<std::size_t>(frame) + 1]) - 1;
+    const auto block = static_cast<std::size_t>(pattern.row_begin[frame + 1]) - 1;
     for (int k = plans_.hessian.segments_begin[block]; k < plans_.hessian.segments_begin[block + 1]; ++k) {
-      const ProductPlan::Segment& segment = plans_.hessian.segments[static_cast<std::size_t>(k)];
-      const FramePlans::HessianSource& source = plans_.hessian_sources[static_cast<std::size_t>(segment.source)];
-      const FamilyCache& cache = evaluator_.families()[static_cast<std::size_t>(source.family)];
-      const auto quads = static_cast<std::int32_t>(cache.slots[static_cast<std::size_t>(source.row_slot)].factor_stride / kQuad);
+      const ProductPlan::Segment& segment = plans_.hessian.segments[k];
+      const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
+      const FamilyCache& cache = evaluator_.families()[source.family];
+      const auto quads = static_cast<std::int32_t>(cache.slots[source.row_slot].factor_stride / kQuad);
       gradient_segments_.push_back({source.family, source.row_slot, static_cast<int>(gradient_terms_.size()), segment.count});
       for (int n = 0; n < segment.count; ++n) {
-        const std::int32_t offset = plans_.hessian.terms[static_cast<std::size_t>(segment.first_term + n)].b;
+        const std::int32_t offset = plans_.hessian.terms[segment.first_term + n].b;
         gradient_terms_.push_back({offset, offset / quads * cache.family->residual_size()});
       }
     }
@@ -62,12 +62,12 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     const int stride = PadToQuad(columns);
     double* sum = scratch.Zeroed(rows, columns);
     for (int s = plans_.hessian.segments_begin[k]; s < plans_.hessian.segments_begin[k + 1]; ++s) {
-      const ProductPlan::Segment& segment = plans_.hessian.segments[static_cast<std::size_t>(s)];
-      const FramePlans::HessianSource& source = plans_.hessian_sources[static_cast<std::size_t>(segment.source)];
-      const FamilyCache& cache = evaluator_.families()[static_cast<std::size_t>(source.family)];
+      const ProductPlan::Segment& segment = plans_.hessian.segments[s];
+      const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
+      const FamilyCache& cache = evaluator_.families()[source.family];
       BlockProducts products;
-      products.a = cache.slots[static_cast<std::size_t>(source.column_slot)].data;
-      products.b = cache.slots[static_cast<std::size_t>(source.row_slot)].data;
+      products.a = cache.slots[source.column_slot].data;
+      products.b = cache.slots[source.row_slot].data;
       products.terms = plans_.hessian.terms.data() + segment.first_term;
       products.count = segment.count;
       products.depth = cache.family->residual_size();
@@ -90,10 +90,10 @@ void Hessian::AccumulateFrameGradients(int begin, int end) {
     const int size = pattern.block_size(frame);
     double* sum = scratch.Zeroed(1, size);
     for (int s = gradient_segments_begin_[i]; s < gradient_segments_begin_[i + 1]; ++s) {
-      const GradientSegment& segment = gradient_segments_[static_cast<std::size_t>(s)];
-      const FamilyCache& cache = evaluator_.families()[static_cast<std::size_t>(segment.family)];
+      const GradientSegment& segment = gradient_segments_[s];
+      const FamilyCache& cache = evaluator_.families()[segment.family];
       VectorProducts products;
-      products.a = cache.slots[static_cast<std::size_t>(segment.slot)].data;
+      products.a = cache.slots[segment.slot].data;
       products.v = cache.residuals.data();
       products.terms = gradient_terms_.data() + segment.first_term;
       products.count = segment.count;
@@ -102,9 +102,9 @@ void Hessian::AccumulateFrameGradients(int begin, int end) {
       kernels_.accumulate_vectors(products, 1.0, sum);
     }
     std::copy(sum, sum + size, gradient_.data() + pattern.offsets[i]);
-    const double* C_ii = C_.data() + pattern.value_begin[static_cast<std::size_t>(pattern.row_begin[i + 1]) - 1];
+    const double* C_ii = C_.data() + pattern.value_begin[pattern.row_begin[i + 1] - 1];
     for (int k = 0; k < size; ++k) {
-      diagonal_[static_cast<std::size_t>(pattern.offsets[i] + k)] = C_ii[k * size + k];
+      diagonal_[pattern.offsets[i] + k] = C_ii[k * size + k];
     }
   }
 }
@@ -119,12 +119,12 @@ void Hessian::AccumulateLandmarks(int begin, int end) {
     std::fill(eta, eta + kQuad, 0.0);
     const int size = incidences_.sizes[i];
     for (int k = incidences_.factors_begin[i]; k < incidences_.factors_begin[i + 1]; ++k) {
-      kernels_.landmark_gram(size, incidences_.factors[static_cast<std::size_t>(k)], P, eta);
+      kernels_.landmark_gram(size, incidences_.factors[k], P, eta);
     }
-    const auto offset = static_cast<std::size_t>(layout.packed_offset[static_cast<std::size_t>(layout.num_frames) + i]);
+    const int offset = layout.packed_offset[layout.num_frames + l];
     for (int c = 0; c < size; ++c) {
-      gradient_[offset + static_cast<std::size_t>(c)] = -eta[c];
-      diagonal_[offset + static_cast<std::size_t>(c)] = P[c * kQuad + c];
+      gradient_[offset + c] = -eta[c];
+      diagonal_[offset + c] = P[c * kQuad + c];
     }
   }
 }

@@ -10,11 +10,11 @@ namespace {
 std::vector<std::int32_t> LandmarksThroughSlot(const FamilyCache& cache, const FactorGraph& graph, const Layout& layout, int slot,
                                                bool* any) {
   const int num_slots = cache.family->num_slots();
-  std::vector<std::int32_t> landmark(static_cast<std::size_t>(cache.num_factors), -1);
+  std::vector<std::int32_t> landmark(cache.num_factors, -1);
   *any = false;
   for (int i = 0; i < cache.num_factors; ++i) {
     const int l = layout.LandmarkOf(graph.Variables(cache.id, 0)[static_cast<std::ptrdiff_t>(i) * num_slots + slot]);
-    landmark[static_cast<std::size_t>(i)] = l;
+    landmark[i] = l;
     *any |= l >= 0;
   }
   return landmark;
@@ -25,9 +25,9 @@ std::vector<std::int32_t> LandmarksThroughSlot(const FamilyCache& cache, const F
 LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator) {
   const Layout& layout = evaluator.layout();
   const int num_landmarks = layout.num_landmarks();
-  sizes.resize(static_cast<std::size_t>(num_landmarks));
+  sizes.resize(num_landmarks);
   for (int l = 0; l < num_landmarks; ++l) {
-    sizes[static_cast<std::size_t>(l)] = static_cast<char>(layout.TangentSize(layout.num_frames + l));
+    sizes[l] = static_cast<char>(layout.TangentSize(layout.num_frames + l));
   }
   CollectFactors(evaluator);
   CollectIncidences(evaluator);
@@ -41,27 +41,27 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
   std::vector<std::pair<int, LandmarkFactors>> found;  // landmark, its factors in one family
   y_targets_.resize(evaluator.families().size());
   for (const FamilyCache& cache : evaluator.families()) {
-    auto& targets = y_targets_[static_cast<std::size_t>(cache.id)];
+    auto& targets = y_targets_[cache.id];
     for (int slot = 0; slot < cache.family->num_slots(); ++slot) {
       bool any = false;
       const std::vector<std::int32_t> landmark = LandmarksThroughSlot(cache, evaluator.graph(), layout, slot, &any);
       if (!any) {
         continue;
       }
-      targets.resize(static_cast<std::size_t>(cache.num_factors) * static_cast<std::size_t>(cache.family->num_slots()), -1);
+      targets.resize(cache.num_factors * static_cast<std::size_t>(cache.family->num_slots()), -1);
       std::vector<int> start(num_landmarks + 1, 0);
       for (const int l : landmark) {
         if (l >= 0) {
-          ++start[static_cast<std::size_t>(l) + 1];
+          ++start[l + 1];
         }
       }
       std::partial_sum(start.begin(), start.end(), start.begin());
       std::vector<std::int32_t>& list = factor_lists_.emplace_back(static_cast<std::size_t>(start.back()));
       std::vector<int> next(start.begin(), start.end() - 1);
       for (int i = 0; i < cache.num_factors; ++i) {
-        const int l = landmark[static_cast<std::size_t>(i)];
+        const int l = landmark[i];
         if (l >= 0) {
-          list[static_cast<std::size_t>(next[static_cast<std::size_t>(l)]++)] = i;
+          list[next[l]++] = i;
         }
       }
       for (std::size_t l = 0; l < num_landmarks; ++l) {
@@ -86,7 +86,7 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
   factors_begin.assign(num_landmarks + 1, 0);
   factors.reserve(found.size());
   for (const auto& [landmark, entry] : found) {
-    ++factors_begin[static_cast<std::size_t>(landmark) + 1];
+    ++factors_begin[landmark + 1];
     factors.push_back(entry);
   }
   std::partial_sum(factors_begin.begin(), factors_begin.end(), factors_begin.begin());
@@ -96,14 +96,14 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
 void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   const Layout& layout = evaluator.layout();
   const FactorGraph& graph = evaluator.graph();
-  std::vector<int> last_seen(static_cast<std::size_t>(layout.num_frames), -1);  // incidence of the frame's last landmark
+  std::vector<int> last_seen(layout.num_frames, -1);  // incidence of the frame's last landmark
   begin.push_back(0);
   for (std::size_t l = 0; l < sizes.size(); ++l) {
     for (int k = factors_begin[l]; k < factors_begin[l + 1]; ++k) {
-      const LandmarkFactors& entry = factors[static_cast<std::size_t>(k)];
+      const LandmarkFactors& entry = factors[k];
       const auto owner = std::find_if(evaluator.families().begin(), evaluator.families().end(),
                                       [&](const FamilyCache& cache) { return cache.slots.data() == entry.jacobians; });
-      auto& targets = y_targets_[static_cast<std::size_t>(owner->id)];
+      auto& targets = y_targets_[owner->id];
       for (int n = 0; n < entry.count; ++n) {
         const auto first = static_cast<std::ptrdiff_t>(entry.factors[n]) * entry.num_slots;
         for (int s = 0; s < entry.num_slots; ++s) {
@@ -111,7 +111,7 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
           if (frame < 0) {
             continue;
           }
-          int& seen = last_seen[static_cast<std::size_t>(frame)];
+          int& seen = last_seen[frame];
           const bool known = seen >= begin.back();
           if (!known) {
             seen = static_cast<int>(incidences.size());
@@ -120,7 +120,7 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
             frames.push_back(frame);
             landmarks.push_back(static_cast<std::int32_t>(l));
           }
-          targets[static_cast<std::size_t>(first + s)] = 2 * seen + (known ? 1 : 0);
+          targets[first + s] = 2 * seen + (known ? 1 : 0);
         }
       }
     }
@@ -129,25 +129,24 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
 }
 
 void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
-  frame_begin.assign(static_cast<std::size_t>(layout.num_frames) + 1, 0);
+  frame_begin.assign(layout.num_frames + 1, 0);
   for (const int frame : frames) {
-    ++frame_begin[static_cast<std::size_t>(frame) + 1];
+    ++frame_begin[frame + 1];
   }
   std::partial_sum(frame_begin.begin(), frame_begin.end(), frame_begin.begin());
   frame_incidences.resize(incidences.size());
   std::vector<int> next(frame_begin.begin(), frame_begin.end() - 1);
   for (char size = 1; size <= 4; ++size) {
     for (std::size_t q = 0; q < incidences.size(); ++q) {
-      if (sizes[static_cast<std::size_t>(landmarks[q])] == size) {
-        frame_incidences[static_cast<std::size_t>(next[static_cast<std::size_t>(frames[q])]++)] = static_cast<int>(q);
+      if (sizes[landmarks[q]] == size) {
+        frame_incidences[next[frames[q]]++] = static_cast<int>(q);
       }
     }
   }
   for (const int q : frame_incidences) {
-    Incidence& incidence = incidences[static_cast<std::size_t>(q)];
+    Incidence& incidence = incidences[q];
     incidence.y = static_cast<std::int32_t>(y_quads);
-    y_quads +=
-        static_cast<std::int64_t>(incidence.quads) * sizes[static_cast<std::size_t>(landmarks[static_cast<std::size_t>(q)])];
+    y_quads += static_cast<std::int64_t>(incidence.quads) * sizes[landmarks[q]];
   }
 }
 
@@ -155,7 +154,7 @@ void LandmarkIncidences::SetTargets() {
   for (auto& targets : y_targets_) {
     for (std::int32_t& target : targets) {
       if (target >= 0) {
-        target = 2 * incidences[static_cast<std::size_t>(target >> 1)].y + (target & 1);
+        target = 2 * incidences[target >> 1].y + (target & 1);
       }
     }
   }

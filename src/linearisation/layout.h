@@ -22,10 +22,8 @@ struct Layout {
 
   int num_landmarks() const { return static_cast<int>(variables.size()) - num_frames; }
   int size() const { return packed_offset.back(); }
-  int frame_size() const { return packed_offset[static_cast<std::size_t>(num_frames)]; }
-  int TangentSize(int index) const {
-    return packed_offset[static_cast<std::size_t>(index) + 1] - packed_offset[static_cast<std::size_t>(index)];
-  }
+  int frame_size() const { return packed_offset[num_frames]; }
+  int TangentSize(int index) const { return packed_offset[index + 1] - packed_offset[index]; }
   /// Index of the variable among frames / landmarks, or -1.
   int FrameOf(VariableId id) const;
   int LandmarkOf(VariableId id) const;

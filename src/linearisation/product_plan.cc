@@ -18,21 +18,21 @@ SlotAdjacency FactorsByFrame(const FamilyCache& cache, const FactorGraph& graph,
   const int num_slots = cache.family->num_slots();
   const VariableId* ids = graph.Variables(cache.id, 0);
   SlotAdjacency adjacency;
-  adjacency.begin.assign(static_cast<std::size_t>(layout.num_frames) + 1, 0);
+  adjacency.begin.assign(layout.num_frames + 1, 0);
   const auto frame_of = [&](int i) { return layout.FrameOf(ids[static_cast<std::ptrdiff_t>(i) * num_slots + slot]); };
   for (int i = 0; i < cache.num_factors; ++i) {
     const int frame = frame_of(i);
     if (frame >= 0) {
-      ++adjacency.begin[static_cast<std::size_t>(frame) + 1];
+      ++adjacency.begin[frame + 1];
     }
   }
   std::partial_sum(adjacency.begin.begin(), adjacency.begin.end(), adjacency.begin.begin());
-  adjacency.factors.resize(static_cast<std::size_t>(adjacency.begin.back()));
+  adjacency.factors.resize(adjacency.begin.back());
   std::vector<int> next(adjacency.begin.begin(), adjacency.begin.end() - 1);
   for (int i = 0; i < cache.num_factors; ++i) {
     const int frame = frame_of(i);
     if (frame >= 0) {
-      adjacency.factors[static_cast<std::size_t>(next[static_cast<std::size_t>(frame)]++)] = i;
+      adjacency.factors[next[frame]++] = i;
     }
   }
   return adjacency;
@@ -52,9 +52,9 @@ class RowTerms {
 
   // Appends the row to the plan. slot_of_column maps a column to its place among the row's num_columns blocks.
   void AppendTo(const std::vector<int>& slot_of_column, int num_columns, ProductPlan* plan) {
-    start_.assign(static_cast<std::size_t>(num_columns) + 1, 0);
+    start_.assign(num_columns + 1, 0);
     for (const Entry& entry : entries_) {
-      ++start_[static_cast<std::size_t>(slot_of_column[static_cast<std::size_t>(entry.column)]) + 1];
+      ++start_[slot_of_column[entry.column] + 1];
     }
     std::partial_sum(start_.begin(), start_.end(), start_.begin());
     const std::size_t base = plan->terms.size();
@@ -62,7 +62,7 @@ class RowTerms {
     sources_.resize(entries_.size());
     next_.assign(start_.begin(), start_.end() - 1);
     for (const Entry& entry : entries_) {
-      const auto column = static_cast<std::size_t>(slot_of_column[static_cast<std::size_t>(entry.column)]);
+      const auto column = static_cast<std::size_t>(slot_of_column[entry.column]);
       const auto place = static_cast<std::size_t>(next_[column]++);
       plan->terms[base + place] = entry.term;
       sources_[place] = entry.source;
@@ -71,10 +71,10 @@ class RowTerms {
       plan->segments_begin.push_back(static_cast<int>(plan->segments.size()));
       for (int first = start_[c]; first < start_[c + 1];) {
         int last = first;
-        while (last < start_[c + 1] && sources_[static_cast<std::size_t>(last)] == sources_[static_cast<std::size_t>(first)]) {
+        while (last < start_[c + 1] && sources_[last] == sources_[first]) {
           ++last;
         }
-        plan->segments.push_back({sources_[static_cast<std::size_t>(first)], static_cast<int>(base) + first, last - first});
+        plan->segments.push_back({sources_[first], static_cast<int>(base) + first, last - first});
         first = last;
       }
     }
@@ -111,17 +111,17 @@ class PlanBuilder {
     pattern.offsets.assign(layout_.packed_offset.begin(), layout_.packed_offset.begin() + num_frames + 1);
     pattern.row_begin.push_back(0);
     pattern.value_begin.push_back(0);
-    std::vector<int> marked(static_cast<std::size_t>(num_frames), -1);
-    std::vector<int> slot_of_column(static_cast<std::size_t>(num_frames), 0);
+    std::vector<int> marked(num_frames, -1);
+    std::vector<int> slot_of_column(num_frames, 0);
     std::vector<int> columns;
     for (int row = 0; row < num_frames; ++row) {
       CollectHessianTerms(row);
       CollectSchurTerms(row);
       columns.assign(1, row);
-      marked[static_cast<std::size_t>(row)] = row;
+      marked[row] = row;
       const auto mark = [&](int column) {
-        if (marked[static_cast<std::size_t>(column)] != row) {
-          marked[static_cast<std::size_t>(column)] = row;
+        if (marked[column] != row) {
+          marked[column] = row;
           columns.push_back(column);
         }
       };
@@ -129,7 +129,7 @@ class PlanBuilder {
       schur_row_.ForEachColumn(mark);
       std::sort(columns.begin(), columns.end());
       for (std::size_t c = 0; c < columns.size(); ++c) {
-        slot_of_column[static_cast<std::size_t>(columns[c])] = static_cast<int>(c);
+        slot_of_column[columns[c]] = static_cast<int>(c);
         pattern.columns.push_back(columns[c]);
         pattern.value_begin.push_back(pattern.value_begin.back() +
                                       static_cast<std::int64_t>(pattern.block_size(row)) * pattern.block_size(columns[c]));
@@ -156,11 +156,11 @@ class PlanBuilder {
   void CollectHessianTerms(int row) {
     for (const FamilyCache& cache : evaluator_.families()) {
       const int num_slots = cache.family->num_slots();
-      const auto& slots = adjacency_[static_cast<std::size_t>(cache.id)];
+      const auto& slots = adjacency_[cache.id];
       for (int r = 0; r < num_slots && !slots.empty(); ++r) {
-        const SlotAdjacency& adjacency = slots[static_cast<std::size_t>(r)];
-        const int begin = adjacency.begin[static_cast<std::size_t>(row)];
-        const int end = adjacency.begin[static_cast<std::size_t>(row) + 1];
+        const SlotAdjacency& adjacency = slots[r];
+        const int begin = adjacency.begin[row];
+        const int end = adjacency.begin[row + 1];
         for (int c = 0; begin < end && c < num_slots; ++c) {
           CollectSlotPair(cache, row, r, c, adjacency.factors.data() + begin, end - begin);
         }
@@ -170,8 +170,8 @@ class PlanBuilder {
 
   void CollectSlotPair(const FamilyCache& cache, int row, int r, int c, const std::int32_t* factors, int count) {
     const VariableId* ids = evaluator_.graph().Variables(cache.id, 0);
-    const auto row_quads = static_cast<std::int32_t>(cache.slots[static_cast<std::size_t>(r)].factor_stride / kQuad);
-    const auto column_quads = static_cast<std::int32_t>(cache.slots[static_cast<std::size_t>(c)].factor_stride / kQuad);
+    const auto row_quads = static_cast<std::int32_t>(cache.slots[r].factor_stride / kQuad);
+    const auto column_quads = static_cast<std::int32_t>(cache.slots[c].factor_stride / kQuad);
     int source = -1;
     for (int n = 0; n < count; ++n) {
       const std::int32_t i = factors[n];
@@ -187,15 +187,13 @@ class PlanBuilder {
   }
 
   void CollectSchurTerms(int row) {
-    for (int k = incidences_.frame_begin[static_cast<std::size_t>(row)];
-         k < incidences_.frame_begin[static_cast<std::size_t>(row) + 1]; ++k) {
-      const auto q = static_cast<std::size_t>(incidences_.frame_incidences[static_cast<std::size_t>(k)]);
+    for (int k = incidences_.frame_begin[row]; k < incidences_.frame_begin[row + 1]; ++k) {
+      const auto q = static_cast<std::size_t>(incidences_.frame_incidences[k]);
       const auto l = static_cast<std::size_t>(incidences_.landmarks[q]);
       for (int other = incidences_.begin[l]; other < incidences_.begin[l + 1]; ++other) {
-        const int column = incidences_.frames[static_cast<std::size_t>(other)];
+        const int column = incidences_.frames[other];
         if (column <= row) {
-          schur_row_.Add(column, incidences_.sizes[l],
-                         {incidences_.incidences[static_cast<std::size_t>(other)].y, incidences_.incidences[q].y});
+          schur_row_.Add(column, incidences_.sizes[l], {incidences_.incidences[other].y, incidences_.incidences[q].y});
         }
       }
     }

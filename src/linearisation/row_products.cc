@@ -12,12 +12,11 @@ RowProducts MultiplyJacobian(const Evaluator& evaluator, const double* v) {
   RowProducts total;
   for (const FamilyCache& cache : evaluator.families()) {
     const int num_chunks = (cache.num_factors + kChunkSize - 1) / kChunkSize;
-    std::vector<RowProducts> partial(static_cast<std::size_t>(num_chunks));
+    std::vector<RowProducts> partial(num_chunks);
     evaluator.executor().For(num_chunks, 1, [&](int begin, int end) {
       for (int chunk = begin; chunk < end; ++chunk) {
         const int first = chunk * kChunkSize;
-        partial[static_cast<std::size_t>(chunk)] =
-            kernels.row_products(cache.Rows(first, std::min(first + kChunkSize, cache.num_factors)), padded.data());
+        partial[chunk] = kernels.row_products(cache.Rows(first, std::min(first + kChunkSize, cache.num_factors)), padded.data());
       }
     });
     for (const RowProducts& chunk : partial) {

@@ -54,11 +54,11 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
   U_inv_.resize(num_landmarks * Hessian::kLandmarkStride);
   z_.resize(num_landmarks * kQuad);
-  Y_.resize(static_cast<std::size_t>(incidences.y_quads) * kQuad);
-  S_.resize(static_cast<std::size_t>(plans.pattern.value_begin.back()));
-  b_.resize(static_cast<std::size_t>(plans.pattern.size()));
+  Y_.resize(incidences.y_quads * kQuad);
+  S_.resize(plans.pattern.value_begin.back());
+  b_.resize(plans.pattern.size());
   const Layout& layout = evaluator.layout();
-  padded_frame_step_.resize(static_cast<std::size_t>(layout.quad_offset[static_cast<std::size_t>(layout.num_frames)]) * kQuad);
+  padded_frame_step_.resize(layout.quad_offset[layout.num_frames] * kQuad);
   rhs_terms_.reserve(incidences.frame_incidences.size());
   for (const int q : incidences.frame_incidences) {
     const auto k = static_cast<std::size_t>(q);
@@ -68,7 +68,7 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
 
 int Elimination::DampingOffset(int landmark) const {
   const Layout& layout = evaluator_.layout();
-  return layout.packed_offset[static_cast<std::size_t>(layout.num_frames + landmark)] - layout.frame_size();
+  return layout.packed_offset[layout.num_frames + landmark] - layout.frame_size();
 }
 
 bool Elimination::EliminateLandmark(int landmark, const double* damping) {
@@ -87,7 +87,7 @@ bool Elimination::EliminateLandmark(int landmark, const double* damping) {
     }
   }
   for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
-    kernels_.eliminate(size, incidences_.factors[static_cast<std::size_t>(k)], U_inv, Y_.data());
+    kernels_.eliminate(size, incidences_.factors[k], U_inv, Y_.data());
   }
   return true;
 }
@@ -108,7 +108,7 @@ Status Elimination::Eliminate(const double* landmark_damping) {
   });
   if (singular.load() < num_landmarks) {
     const Layout& layout = evaluator_.layout();
-    const VariableId id = layout.variables[static_cast<std::size_t>(layout.num_frames + singular.load())];
+    const VariableId id = layout.variables[layout.num_frames + singular.load()];
     return Status::Error(StatusCode::kSingular, "the block of landmark variable " + std::to_string(id) +
                                                     " is not positive definite: its factors do not determine it");
   }
@@ -133,7 +133,7 @@ void Elimination::FormBlocks(int begin, int end) {
     }
     double* sum = scratch.Zeroed(rows, columns);
     for (int s = plans_.schur.segments_begin[k]; s < plans_.schur.segments_begin[k + 1]; ++s) {
-      const ProductPlan::Segment& segment = plans_.schur.segments[static_cast<std::size_t>(s)];
+      const ProductPlan::Segment& segment = plans_.schur.segments[s];
       BlockProducts products;
       products.a = Y_.data();
       products.b = Y_.data();
@@ -161,8 +161,8 @@ void Elimination::FormRightHandSide(int begin, int end) {
     double* sum = scratch.Zeroed(1, size);
     for (int first = incidences_.frame_begin[i]; first < incidences_.frame_begin[i + 1];) {
       const auto size_of = [&](int k) {
-        const int q = incidences_.frame_incidences[static_cast<std::size_t>(k)];
-        return incidences_.sizes[static_cast<std::size_t>(incidences_.landmarks[static_cast<std::size_t>(q)])];
+        const int q = incidences_.frame_incidences[k];
+        return incidences_.sizes[incidences_.landmarks[q]];
       };
       int last = first;
       while (last < incidences_.frame_begin[i + 1] && size_of(last) == size_of(first)) {
@@ -179,7 +179,7 @@ void Elimination::FormRightHandSide(int begin, int end) {
       first = last;
     }
     for (int k = 0; k < size; ++k) {
-      const auto at = static_cast<std::size_t>(pattern.offsets[i] + k);
+      const int at = pattern.offsets[i] + k;
       b_[at] = sum[k] - hessian_.gradient()[at];
     }
   }

@@ -13,13 +13,13 @@ DenseQrModel::DenseQrModel(const Evaluator& evaluator, StageSeconds* seconds) : 
   for (const FamilyCache& cache : evaluator.families()) {
     num_residuals_ += cache.num_factors * cache.family->residual_size();
   }
-  packed_of_quad_.assign(static_cast<std::size_t>(layout.quad_offset.back()), 0);
+  packed_of_quad_.assign(layout.quad_offset.back(), 0);
   for (std::size_t i = 0; i < layout.variables.size(); ++i) {
-    packed_of_quad_[static_cast<std::size_t>(layout.quad_offset[i])] = layout.packed_offset[i];
+    packed_of_quad_[layout.quad_offset[i]] = layout.packed_offset[i];
   }
   J_.resize(num_residuals_, layout.size());
   f_.resize(num_residuals_);
-  gradient_.resize(static_cast<std::size_t>(layout.size()));
+  gradient_.resize(layout.size());
   diagonal_.resize(gradient_.size());
 }
 
@@ -40,9 +40,9 @@ void DenseQrModel::Refresh() {
         if (offset < 0) {
           continue;
         }
-        const SlotJacobians& slot = cache.slots[static_cast<std::size_t>(s)];
+        const SlotJacobians& slot = cache.slots[s];
         const double* block = slot.data + i * slot.factor_stride;
-        const int column = packed_of_quad_[static_cast<std::size_t>(offset)];
+        const int column = packed_of_quad_[offset];
         for (int r = 0; r < rows; ++r) {
           for (int c = 0; c < cache.family->slot(s).tangent_size; ++c) {
             J_(row + r, column + c) = block[r * slot.row_stride + c];
