@@ -62,6 +62,9 @@ struct SparseCholesky::Cholmod {
     const int n = pattern->num_blocks();
     cholmod_sparse* graph = cholmod_allocate_sparse(static_cast<std::size_t>(n), static_cast<std::size_t>(n),
                                                     pattern->columns.size(), 1, 1, 1, CHOLMOD_PATTERN, &common);
+    if (graph == nullptr) {
+      return OwnedSparse(&common);
+    }
     std::copy(pattern->row_begin.begin(), pattern->row_begin.end(), static_cast<int*>(graph->p));
     std::copy(pattern->columns.begin(), pattern->columns.end(), static_cast<int*>(graph->i));
     return OwnedSparse(&common, graph);
@@ -73,7 +76,7 @@ struct SparseCholesky::Cholmod {
     common.method[0].ordering = method;
     common.postorder = 1;
     Ordering ordering;
-    OwnedFactor analysis(&common, cholmod_analyze(graph, &common));
+    OwnedFactor analysis(&common, graph == nullptr ? nullptr : cholmod_analyze(graph, &common));
     if (analysis.get() != nullptr) {
       const int* permutation = static_cast<const int*>(analysis.get()->Perm);
       ordering.permutation.assign(permutation, permutation + analysis.get()->n);
@@ -209,6 +212,10 @@ Status SparseCholesky::Factorize(const double* values, const double* diagonal) {
     return Status::Error(StatusCode::kSingular, numeric ? "the reduced system is not positive definite (CHOLMOD, column " +
                                                               std::to_string(c.factor.get()->minor) + ")"
                                                         : "CHOLMOD failed with status " + std::to_string(c.common.status));
+  }
+  // CHOLMOD lets a NaN pass for a positive pivot; its condition estimate does not.
+  if (cholmod_rcond(c.factor.get(), &c.common) == 0.0) {
+    return Status::Error(StatusCode::kSingular, "the reduced system is not positive definite (an entry is not finite)");
   }
   return Status::Ok();
 }
