@@ -1,0 +1,144 @@
+// A user's own reduced solver through SolverOptions, as docs/reduced_solver.md shows it.
+#include <atomic>
+#include <memory>
+
+#include <gtest/gtest.h>
+
+#include "inceres/solver/solver.h"
+#include "linear/eigen_ldlt_solver.h"
+#include "support/random_graph.h"
+
+namespace inceres {
+namespace {
+
+using test::BundleOptions;
+using test::MakeBundle;
+
+// [quoted in docs/reduced_solver.md]
+SolverOptions OptionsWithOwnSolver() {
+  SolverOptions options;
+  options.reduced_solver_factory = [] { return std::make_unique<EigenLdltSolver>(); };
+  return options;
+}
+// [end of quote]
+
+BundleOptions Problem() {
+  BundleOptions options;
+  options.perturbation = 0.3;
+  return options;
+}
+
+TEST(CustomReducedSolver, GivesTheSameResultAsTheBuiltIn) {
+  const auto ours = MakeBundle(Problem());
+  const auto theirs = MakeBundle(Problem());
+  SolverOptions tight;
+  tight.function_tolerance = 1e-14;
+  const Summary expected = Solve(tight, &ours->graph());
+  SolverOptions options = OptionsWithOwnSolver();
+  options.function_tolerance = 1e-14;
+  const Summary summary = Solve(options, &theirs->graph());
+  ASSERT_EQ(expected.termination, Termination::kConvergence) << expected.message;
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_EQ(summary.reduced_solver, "Eigen LDLT");
+  EXPECT_NE(expected.reduced_solver, "Eigen LDLT");
+  EXPECT_EQ(summary.iterations.size(), expected.iterations.size());
+  EXPECT_NEAR(summary.final_cost, expected.final_cost, 1e-10 * expected.final_cost);
+  for (std::size_t k = 0; k < ours->graph().state().size(); ++k) {
+    EXPECT_NEAR(theirs->graph().state()[k], ours->graph().state()[k], 1e-6);
+  }
+}
+
+// Counts its calls, and misbehaves on request.
+class CountingSolver final : public ReducedSolver {
+ public:
+  struct Record {
+    int num_analyses = 0;
+    int num_factorizations = 0;
+    int num_solves = 0;
+    Status analysis;
+    Status factorization;
+  };
+  explicit CountingSolver(Record* record) : record_(*record) {}
+  const char* Name() const override { return "counting"; }
+  Status Analyze(const BlockPattern& pattern) override {
+    ++record_.num_analyses;
+    return record_.analysis.ok() ? solver_.Analyze(pattern) : record_.analysis;
+  }
+  Status Factorize(const double* values, const double* diagonal) override {
+    ++record_.num_factorizations;
+    return record_.factorization.ok() ? solver_.Factorize(values, diagonal) : record_.factorization;
+  }
+  Status Solve(const double* b, double* x) override {
+    ++record_.num_solves;
+    return solver_.Solve(b, x);
+  }
+
+ private:
+  Record& record_;
+  EigenLdltSolver solver_;
+};
+
+Summary SolveCounting(CountingSolver::Record* record, FactorGraph* graph) {
+  SolverOptions options;
+  options.reduced_solver_factory = [record] { return std::make_unique<CountingSolver>(record); };
+  return Solve(options, graph);
+}
+
+TEST(CustomReducedSolver, IsAnalysedOnceAndFactoredForEveryLinearSolve) {
+  const auto bundle = MakeBundle(Problem());
+  CountingSolver::Record record;
+  const Summary summary = SolveCounting(&record, &bundle->graph());
+  ASSERT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_EQ(record.num_analyses, 1);
+  EXPECT_GT(record.num_factorizations, 0);
+  EXPECT_EQ(record.num_factorizations, summary.work.num_linear_solves);
+  EXPECT_EQ(record.num_solves, record.num_factorizations);
+}
+
+TEST(CustomReducedSolver, AFailedAnalysisFailsTheSolveAndLeavesTheState) {
+  const auto bundle = MakeBundle(Problem());
+  const std::vector<double> state = bundle->graph().state();
+  CountingSolver::Record record;
+  record.analysis = Status::Error(StatusCode::kUnavailable, "no licence");
+  const Summary summary = SolveCounting(&record, &bundle->graph());
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_NE(summary.message.find("no licence"), std::string::npos) << summary.message;
+  EXPECT_EQ(bundle->graph().state(), state);
+  EXPECT_EQ(record.num_factorizations, 0);
+}
+
+// kSingular means "more damping, please"; anything else ends the solve at once.
+TEST(CustomReducedSolver, SingularIsAnInvalidStepOtherErrorsAreFatal) {
+  const auto bundle = MakeBundle(Problem());
+  const std::vector<double> state = bundle->graph().state();
+  CountingSolver::Record record;
+  record.factorization = Status::Error(StatusCode::kSingular, "not today");
+  Summary summary = SolveCounting(&record, &bundle->graph());
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_EQ(record.num_factorizations, SolverOptions().max_num_consecutive_invalid_steps);
+  EXPECT_NE(summary.message.find("consecutive invalid steps"), std::string::npos) << summary.message;
+  EXPECT_EQ(summary.detail, "not today");
+  EXPECT_EQ(bundle->graph().state(), state);
+
+  record = {};
+  record.factorization = Status::Error(StatusCode::kUnavailable, "the GPU is gone");
+  summary = SolveCounting(&record, &bundle->graph());
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_EQ(record.num_factorizations, 1);
+  EXPECT_EQ(summary.detail, "the GPU is gone");
+  EXPECT_EQ(bundle->graph().state(), state);
+}
+
+TEST(CustomReducedSolver, AFactoryThatReturnsNullFailsTheSolve) {
+  const auto bundle = MakeBundle(Problem());
+  const std::vector<double> state = bundle->graph().state();
+  SolverOptions options;
+  options.reduced_solver_factory = [] { return std::unique_ptr<ReducedSolver>(); };
+  const Summary summary = Solve(options, &bundle->graph());
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_NE(summary.message.find("reduced_solver_factory"), std::string::npos) << summary.message;
+  EXPECT_EQ(bundle->graph().state(), state);
+}
+
+}  // namespace
+}  // namespace inceres

@@ -1,0 +1,69 @@
+#include "linear/select_solver.h"
+
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "linear/eigen_ldlt_solver.h"
+#include "linear/random_system.h"
+
+namespace inceres::internal {
+namespace {
+
+using Fill = RandomSystem::Fill;
+
+class SelectSolver : public testing::Test {
+ protected:
+  std::string NameFor(ReducedSolverKind kind, const BlockPattern& pattern) {
+    Status status = Status::Error(StatusCode::kUnavailable, "not set");
+    const auto solver = MakeReducedSolver(kind, nullptr, pattern, executor_, &status);
+    EXPECT_TRUE(status.ok()) << status.message;
+    return solver->Name();
+  }
+
+  static RandomSystem Blocks(int count, Fill fill) { return {std::vector<int>(static_cast<std::size_t>(count), 6), fill}; }
+
+  Executor executor_{1};
+};
+
+TEST_F(SelectSolver, AutomaticIsDenseForSmallSystems) {
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(20, Fill::kBand).pattern), "dense Cholesky");
+}
+
+TEST_F(SelectSolver, AutomaticIsDenseForFullSystems) {
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(70, Fill::kDense).pattern), "dense Cholesky");
+}
+
+TEST_F(SelectSolver, AutomaticIsSparseForLongBands) {
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(100, Fill::kBand).pattern).substr(0, 7), "CHOLMOD");
+}
+
+TEST_F(SelectSolver, AWishIsGranted) {
+  EXPECT_EQ(NameFor(ReducedSolverKind::kDense, Blocks(100, Fill::kBand).pattern), "dense Cholesky");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kSparse, Blocks(3, Fill::kDense).pattern).substr(0, 7), "CHOLMOD");
+}
+
+TEST_F(SelectSolver, TheFactoryGoesBeforeEveryKind) {
+  const RandomSystem system = Blocks(3, Fill::kDense);
+  for (const auto kind : {ReducedSolverKind::kAutomatic, ReducedSolverKind::kDense, ReducedSolverKind::kSparse}) {
+    Status status;
+    const auto solver = MakeReducedSolver(
+        kind, [] { return std::make_unique<EigenLdltSolver>(); }, system.pattern, executor_, &status);
+    ASSERT_TRUE(status.ok());
+    EXPECT_STREQ(solver->Name(), "Eigen LDLT");
+    EXPECT_TRUE(solver->Factorize(system.values.data(), system.diagonal.data()).ok()) << "is analysed already";
+  }
+}
+
+TEST_F(SelectSolver, AFactoryThatReturnsNullIsNamed) {
+  const RandomSystem system = Blocks(3, Fill::kDense);
+  Status status;
+  const auto solver = MakeReducedSolver(
+      ReducedSolverKind::kAutomatic, [] { return std::unique_ptr<ReducedSolver>(); }, system.pattern, executor_, &status);
+  EXPECT_EQ(solver, nullptr);
+  EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(status.message, "SolverOptions::reduced_solver_factory returned null");
+}
+
+}  // namespace
+}  // namespace inceres::internal

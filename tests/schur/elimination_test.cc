@@ -1,0 +1,233 @@
+// S, b and back-substitution against the dense system (H + Λ) δ = −g.
+#include "schur/elimination.h"
+
+#include <algorithm>
+#include <limits>
+
+#include <Eigen/Cholesky>
+#include <gtest/gtest.h>
+
+#include "inceres/graph/losses.h"
+#include "inceres/graph/manifolds.h"
+#include "support/core_pipeline.h"
+#include "support/dense_oracle.h"
+#include "support/random_graph.h"
+
+namespace inceres::internal {
+namespace {
+
+using test::BundleOptions;
+using test::CorePipeline;
+using test::DenseOracle;
+using test::MakeBundle;
+using test::RandomGraph;
+using test::RelativeError;
+
+Eigen::VectorXd Solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
+  return A.size() == 0 ? Eigen::VectorXd() : Eigen::VectorXd(A.llt().solve(b));
+}
+
+// Landmarks eliminated by the core, the reduced system solved by Eigen, against everything solved by Eigen.
+void ExpectDenseStep(const FactorGraph& graph, const Eigen::VectorXd& damping) {
+  const CorePipeline core(graph);
+  ASSERT_TRUE(core.status.ok()) << core.status.message;
+  const DenseOracle oracle(graph, core.layout.variables);
+  const int n_c = core.layout.frame_size();
+  const int n_l = core.layout.size() - n_c;
+  ASSERT_EQ(damping.size(), n_c + n_l);
+  Elimination elimination(core.evaluator, core.incidences, core.plans, core.hessian);
+  const Status eliminated = elimination.Eliminate(damping.data() + n_c);
+  ASSERT_TRUE(eliminated.ok()) << eliminated.message;
+
+  Eigen::MatrixXd H = oracle.H;
+  H.diagonal() += damping;
+  const Eigen::MatrixXd W = H.topRightCorner(n_c, n_l);
+  const Eigen::LLT<Eigen::MatrixXd> P(H.bottomRightCorner(n_l, n_l));
+  const Eigen::MatrixXd S_expected = oracle.H.topLeftCorner(n_c, n_c) - W * P.solve(W.transpose());
+  const Eigen::MatrixXd S = test::ToDense(core.plans.pattern, elimination.S());
+  EXPECT_LT(RelativeError(S, S_expected), 1e-10);
+  const Eigen::VectorXd b_expected = -oracle.g.head(n_c) + W * P.solve(oracle.g.tail(n_l));
+  const Eigen::Map<const Eigen::VectorXd> b(elimination.b(), n_c);
+  EXPECT_LT(RelativeError(b, b_expected), 1e-9);
+
+  Eigen::VectorXd step(n_c + n_l);
+  step.head(n_c) = Solve(S + Eigen::MatrixXd(damping.head(n_c).asDiagonal()), b);
+  elimination.BackSubstitute(step.data(), step.data() + n_c);
+  EXPECT_LT(RelativeError(step, Solve(H, -oracle.g)), 1e-9);
+  EXPECT_GT(elimination.Bytes(), 0);
+}
+
+void ExpectDenseStep(const FactorGraph& graph) {
+  const Layout layout(graph, true);
+  ExpectDenseStep(graph, Eigen::VectorXd::Constant(layout.size(), 1e-3));
+  Eigen::VectorXd uneven(layout.size());
+  for (int k = 0; k < layout.size(); ++k) {
+    uneven[k] = 0.01 * (1 + k % 7);
+  }
+  ExpectDenseStep(graph, uneven);
+}
+
+class EliminationOfBundle : public testing::TestWithParam<unsigned> {
+ protected:
+  EliminationOfBundle() { options_.seed = GetParam(); }
+  BundleOptions options_;
+};
+
+TEST_P(EliminationOfBundle, OneLandmarkSizeAtATime) {
+  for (const int size : {1, 2, 3, 4}) {
+    options_.landmark_sizes = {size};
+    ExpectDenseStep(MakeBundle(options_)->graph());
+  }
+}
+
+TEST_P(EliminationOfBundle, MixedSizes) {
+  options_.num_frames = 8;
+  options_.num_landmarks = 60;
+  options_.frame_sizes = {6, 9, 15, 3, 1, 7};
+  options_.landmark_sizes = {1, 2, 3, 4};
+  options_.residual_sizes = {2, 3, 1, 4, 5, 17};
+  ExpectDenseStep(MakeBundle(options_)->graph());
+}
+
+TEST_P(EliminationOfBundle, ManifoldsLossesConstantsAndHosts) {
+  options_.num_frames = 12;
+  options_.num_landmarks = 80;
+  options_.landmark_sizes = {1, 3};
+  options_.hosted = true;
+  options_.manifolds = true;
+  options_.losses = true;
+  options_.constants = true;
+  ExpectDenseStep(MakeBundle(options_)->graph());
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, EliminationOfBundle, testing::Values(31u, 32u, 33u));
+
+TEST(Elimination, LandmarksSeenInEveryUnusualWay) {
+  RandomGraph random(41);
+  const VariableId frame = random.AddFrame(6);
+  const VariableId other = random.AddFrame(std::make_shared<PoseManifold>());
+  const VariableId still = random.AddFrame(6);
+  random.graph().SetConstant(still, true);
+  const VariableId twice = random.AddLandmark(3);
+  const VariableId unmoved = random.AddLandmark(3);
+  const VariableId prior = random.AddLandmark(2);
+  const VariableId single = random.AddLandmark(4);
+  random.Connect(2, {frame, twice}, std::make_shared<CauchyLoss>(0.2));
+  random.Connect(2, {frame, twice});
+  random.Connect(3, {twice, frame});
+  random.Connect(2, {still, unmoved});
+  random.Connect(3, {prior});
+  random.Connect(2, {frame, prior, other});
+  random.Connect(5, {other, single});
+  random.Connect(7, {frame, other});
+  ExpectDenseStep(random.graph());
+}
+
+TEST(Elimination, EveryFrameConstant) {
+  RandomGraph random(42);
+  const VariableId still = random.AddFrame(6);
+  random.graph().SetConstant(still, true);
+  for (int l = 0; l < 5; ++l) {
+    const VariableId landmark = random.AddLandmark(1 + l % 4);
+    random.Connect(2, {still, landmark});
+    random.Connect(3, {still, landmark});
+  }
+  ExpectDenseStep(random.graph());
+}
+
+// A landmark without information: singular without damping, harmless with it.
+class SingularLandmarks : public testing::Test {
+ protected:
+  // Landmarks 1, 2, 3 of size 3; number 2 is seen once (rank 2), number 3 has Jacobian zero.
+  SingularLandmarks() {
+    random_.AddFrame(6);
+    for (int l = 0; l < 3; ++l) {
+      random_.AddLandmark(3);
+    }
+    random_.Connect(6, {0});
+    for (int n = 0; n < 3; ++n) {
+      random_.Connect(2, {0, 1});
+    }
+    random_.Connect(2, {0, 2});
+    auto blind = std::make_shared<test::FunctionFamily>(2, std::vector<FactorFamily::Slot>{{6, 6}, {3, 3}},
+                                                        [](int, const double* const* x, double* residuals, double** jacobians) {
+                                                          std::copy_n(x[0], 2, residuals);
+                                                          if (jacobians != nullptr) {
+                                                            std::fill_n(jacobians[0], 12, 0.0);
+                                                            jacobians[0][0] = jacobians[0][7] = 1.0;
+                                                            std::fill_n(jacobians[1], 6, 0.0);
+                                                          }
+                                                          return true;
+                                                        });
+    random_.graph().AddFactor(random_.graph().AddFamily(blind), *blind, 0, {0, 3});
+  }
+  RandomGraph random_{43};
+};
+
+TEST_F(SingularLandmarks, AreNamedByTheirVariableTheFirstOneFirst) {
+  for (const int num_threads : {1, 4}) {
+    const CorePipeline core(random_.graph(), true, num_threads);
+    Elimination elimination(core.evaluator, core.incidences, core.plans, core.hessian);
+    std::vector<double> damping(9, 0.0);
+    for (int k = 3; k < 6; ++k) {
+      damping[static_cast<std::size_t>(k)] = 1.0;  // landmark 2 is saved
+    }
+    const Status status = elimination.Eliminate(damping.data());
+    EXPECT_EQ(status.code, StatusCode::kSingular);
+    EXPECT_NE(status.message.find("landmark variable 3 "), std::string::npos) << status.message;
+  }
+}
+
+TEST_F(SingularLandmarks, DampingMakesThemHarmless) {
+  ExpectDenseStep(random_.graph());
+}
+
+TEST_F(SingularLandmarks, EliminationWorksAgainAfterAFailure) {
+  const CorePipeline core(random_.graph());
+  Elimination elimination(core.evaluator, core.incidences, core.plans, core.hessian);
+  const std::vector<double> none(9, 0.0);
+  const std::vector<double> some(9, 0.1);
+  ASSERT_EQ(elimination.Eliminate(none.data()).code, StatusCode::kSingular);
+  ASSERT_TRUE(elimination.Eliminate(some.data()).ok());
+  Elimination fresh(core.evaluator, core.incidences, core.plans, core.hessian);
+  ASSERT_TRUE(fresh.Eliminate(some.data()).ok());
+  EXPECT_TRUE(std::equal(fresh.S(), fresh.S() + core.plans.pattern.value_begin.back(), elimination.S()));
+  EXPECT_TRUE(std::equal(fresh.b(), fresh.b() + 6, elimination.b()));
+}
+
+TEST_F(SingularLandmarks, DampingThatIsNotFiniteIsSingularToo) {
+  const CorePipeline core(random_.graph());
+  Elimination elimination(core.evaluator, core.incidences, core.plans, core.hessian);
+  std::vector<double> damping(9, 0.1);
+  damping[0] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(elimination.Eliminate(damping.data()).code, StatusCode::kSingular);
+  damping[0] = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(elimination.Eliminate(damping.data()).code, StatusCode::kSingular);
+}
+
+TEST(Elimination, SameBitsForAnyNumberOfThreads) {
+  BundleOptions options;
+  options.num_frames = 20;
+  options.num_landmarks = 600;
+  options.landmark_sizes = {3, 1};
+  const auto bundle = MakeBundle(options);
+  const CorePipeline one(bundle->graph(), true, 1);
+  const std::vector<double> damping(static_cast<std::size_t>(one.layout.size()), 0.01);
+  Elimination expected(one.evaluator, one.incidences, one.plans, one.hessian);
+  ASSERT_TRUE(expected.Eliminate(damping.data()).ok());
+  std::vector<double> expected_step(damping.size(), 0.5);
+  expected.BackSubstitute(expected_step.data(), expected_step.data() + one.layout.frame_size());
+  for (const int num_threads : {2, 4}) {
+    const CorePipeline many(bundle->graph(), true, num_threads);
+    Elimination actual(many.evaluator, many.incidences, many.plans, many.hessian);
+    ASSERT_TRUE(actual.Eliminate(damping.data()).ok());
+    EXPECT_TRUE(std::equal(expected.S(), expected.S() + one.plans.pattern.value_begin.back(), actual.S()));
+    EXPECT_TRUE(std::equal(expected.b(), expected.b() + one.layout.frame_size(), actual.b()));
+    std::vector<double> step(damping.size(), 0.5);
+    actual.BackSubstitute(step.data(), step.data() + many.layout.frame_size());
+    EXPECT_EQ(step, expected_step);
+  }
+}
+
+}  // namespace
+}  // namespace inceres::internal
