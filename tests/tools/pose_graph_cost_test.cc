@@ -78,6 +78,18 @@ TEST_P(PoseGraphSolve, AnIndefiniteInformationMatrixIsAnErrorThatNamesTheEdge) {
   EXPECT_EQ(problem, nullptr);
 }
 
+TEST_P(PoseGraphSolve, EveryEdgeHasTheLoss) {
+  PoseGraph graph = SmallPoseGraph(GetParam());
+  std::unique_ptr<ceres::Problem> problem;
+  ASSERT_TRUE(BuildPoseGraphCeresProblem(graph, LossSpec{LossSpec::Kind::kHuber, 1.0}, graph.poses.data(), &problem).ok());
+  std::vector<ceres::ResidualBlockId> edges;
+  problem->GetResidualBlocks(&edges);
+  ASSERT_EQ(edges.size(), graph.edges.size());
+  for (const ceres::ResidualBlockId edge : edges) {
+    EXPECT_NE(problem->GetLossFunctionForResidualBlock(edge), nullptr);
+  }
+}
+
 TEST_P(PoseGraphSolve, TheFilesFixedPosesAreConstantInsteadOfTheFirst) {
   PoseGraph graph = SmallPoseGraph(GetParam());
   graph.fixed = {3};

@@ -83,20 +83,20 @@ Status BuildPoseGraphCeresProblem(const PoseGraph& graph, const LossSpec& loss, 
     return Status::Error(StatusCode::kInvalidArgument, "the pose graph has no edges");
   }
   auto result = std::make_unique<ceres::Problem>();
+  // The problem owns the loss from the first block on that uses it, and counts its uses.
   std::unique_ptr<ceres::LossFunction> owned_loss = MakeCeresLoss(loss);
+  ceres::LossFunction* shared_loss = owned_loss.get();
   for (std::size_t i = 0; i < graph.edges.size(); ++i) {
     const PoseGraphEdge& edge = graph.edges[i];
     double* from = poses + static_cast<std::ptrdiff_t>(edge.from) * graph.PoseSize();
     double* to = poses + static_cast<std::ptrdiff_t>(edge.to) * graph.PoseSize();
-    const bool added = graph.dimension == 2 ? AddPlanarEdge(edge, owned_loss.get(), from, to, result.get())
-                                            : AddSpatialEdge(edge, owned_loss.get(), from, to, result.get());
-    if (i == 0 && added) {
-      owned_loss.release();  // the problem counts the uses of the loss from now on
-    }
+    const bool added = graph.dimension == 2 ? AddPlanarEdge(edge, shared_loss, from, to, result.get())
+                                            : AddSpatialEdge(edge, shared_loss, from, to, result.get());
     if (!added) {
       return Status::Error(StatusCode::kInvalidArgument,
                            "edge " + std::to_string(i) + ": the information matrix is not positive definite");
     }
+    owned_loss.release();
   }
   SetManifoldsAndConstants(graph, poses, result.get());
   *problem = std::move(result);
