@@ -112,6 +112,11 @@ struct Kernels {
   void (*subtract_outer)(int rows, int cols, int depth, const double* A, int lda, const double* B, int ldb, double* C, int ldc);
   /// X := X L⁻ᵀ for the lower triangular size × size L, X rows × size; column-major.
   void (*solve_lower_transposed)(int rows, int size, const double* L, int ldl, double* X, int ldx);
+
+  /// C −= A Bᵀ on row-major storage, as dot products along the rows: C is rows × cols, A rows × depth, B cols × depth. The work
+  /// of a Cholesky factorisation row by row.
+  void (*subtract_row_dots)(int rows, int cols, int depth, const double* A, int lda, const double* B, int ldb, double* C,
+                            int ldc);
 };
 
 enum class InstructionSet { kGeneric, kAvx2, kAvx512 };

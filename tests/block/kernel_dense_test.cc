@@ -106,6 +106,33 @@ TEST_P(DenseKernels, SolveLowerTransposedForOddSizes) {
   }
 }
 
+// Row-major A Bᵀ is what the column-major Matrix gives when its columns are read as rows.
+TEST_P(DenseKernels, SubtractRowDotsForOddSizes) {
+  for (const int rows : {0, 1, 2, 3, 4, 6, 7, 9}) {
+    for (const int cols : {1, 2, 3, 5, 6, 9}) {
+      for (const int depth : {0, 1, 3, 4, 5, 8, 31}) {
+        const Matrix A(depth, rows, &random_);
+        const Matrix B(depth, cols, &random_);
+        Matrix C(cols, rows, &random_);
+        Matrix expected = C;
+        for (int r = 0; r < rows; ++r) {
+          for (int c = 0; c < cols; ++c) {
+            double sum = 0.0;
+            for (int k = 0; k < depth; ++k) {
+              sum += A(k, r) * B(k, c);
+            }
+            expected(c, r) -= sum;
+          }
+        }
+        kernels().subtract_row_dots(rows, cols, depth, A.values.data(), A.stride, B.values.data(), B.stride, C.values.data(),
+                                    C.stride);
+        ExpectClose(C.values, expected.values, 1.0 + depth, 1e-13,
+                    std::to_string(rows) + " x " + std::to_string(cols) + ", depth " + std::to_string(depth));
+      }
+    }
+  }
+}
+
 INCERES_FOR_ALL_INSTRUCTION_SETS(DenseKernels);
 
 }  // namespace

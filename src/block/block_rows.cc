@@ -1,0 +1,87 @@
+#include "block/block_rows.h"
+
+#include <algorithm>
+
+namespace inceres::internal {
+namespace {
+
+bool BeforeColumn(const SymmetricBlockRows::Entry& entry, int column) {
+  return entry.column < column;
+}
+
+std::size_t QuadsOf(int rows, int columns) {
+  return static_cast<std::size_t>(rows) * PadToQuad(columns) / kQuad;
+}
+
+}  // namespace
+
+int SymmetricBlockRows::AddRow(int size) {
+  const int row = num_rows();
+  sizes_.push_back(size);
+  rows_.push_back({{row, Allocate(size, size)}});
+  return row;
+}
+
+void SymmetricBlockRows::RemoveRow(int row) {
+  for (const Entry& entry : rows_[row]) {
+    Release(entry.offset, sizes_[row], sizes_[entry.column]);
+  }
+  rows_[row].clear();
+  for (int below = row + 1; below < num_rows(); ++below) {
+    auto& entries = rows_[below];
+    const auto entry = std::lower_bound(entries.begin(), entries.end(), row, BeforeColumn);
+    if (entry != entries.end() && entry->column == row) {
+      Release(entry->offset, sizes_[below], sizes_[row]);
+      entries.erase(entry);
+    }
+  }
+  sizes_[row] = 0;
+}
+
+std::int64_t SymmetricBlockRows::FindOrAdd(int row, int column) {
+  auto& entries = rows_[row];
+  const auto entry = std::lower_bound(entries.begin(), entries.end(), column, BeforeColumn);
+  if (entry != entries.end() && entry->column == column) {
+    return entry->offset;
+  }
+  const std::int64_t offset = Allocate(sizes_[row], sizes_[column]);
+  entries.insert(entry, {column, offset});
+  return offset;
+}
+
+std::int64_t SymmetricBlockRows::Find(int row, int column) const {
+  const auto& entries = rows_[row];
+  const auto entry = std::lower_bound(entries.begin(), entries.end(), column, BeforeColumn);
+  return entry != entries.end() && entry->column == column ? entry->offset : -1;
+}
+
+std::int64_t SymmetricBlockRows::Allocate(int rows, int columns) {
+  const std::size_t quads = QuadsOf(rows, columns);
+  if (quads < free_.size() && !free_[quads].empty()) {
+    const std::int64_t offset = free_[quads].back();
+    free_[quads].pop_back();
+    std::fill_n(values_.begin() + offset, quads * kQuad, 0.0);
+    return offset;
+  }
+  const auto offset = static_cast<std::int64_t>(values_.size());
+  values_.resize(values_.size() + quads * kQuad, 0.0);
+  return offset;
+}
+
+void SymmetricBlockRows::Release(std::int64_t offset, int rows, int columns) {
+  const std::size_t quads = QuadsOf(rows, columns);
+  if (quads >= free_.size()) {
+    free_.resize(quads + 1);
+  }
+  free_[quads].push_back(offset);
+}
+
+std::int64_t SymmetricBlockRows::Bytes() const {
+  auto bytes = static_cast<std::int64_t>(values_.size() * sizeof(double));
+  for (const auto& entries : rows_) {
+    bytes += static_cast<std::int64_t>(entries.capacity() * sizeof(Entry));
+  }
+  return bytes;
+}
+
+}  // namespace inceres::internal

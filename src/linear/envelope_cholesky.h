@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/aligned_vector.h"
+#include "block/block_rows.h"
+#include "inceres/status.h"
+
+namespace inceres::internal {
+
+/// L Lᵀ = S + diag(damping), row by row inside the envelope (a row is stored from its first nonzero column on), made to be
+/// resumed: row i of L depends on rows ≤ i of S alone. New frames ordered last leave every earlier row exact, and a change of S
+/// from block row r on costs only rows ≥ r. A frame that closes a loop has a long row; its neighbours keep their short ones.
+///
+/// Resumed or from scratch, a row is computed by the same operations in the same order: the bits are the same.
+/// Cost of row i: its length times the lengths of the rows it spans. Threads: the calling one.
+/// Source: George & Liu, "Computer Solution of Large Sparse Positive Definite Systems", 1981, chapter 4 (the envelope method).
+class EnvelopeCholesky {
+ public:
+  /// Brings L up to date with S, whose block rows < first_changed are as they were at the last call, with the same damping. Rows
+  /// may have been appended. `damping` is packed, one entry a scalar row, ≥ 0. kSingular names the block row whose pivot is not
+  /// positive and finite; rows before it are then exact, num_valid_rows() tells how many.
+  Status Factorize(const SymmetricBlockRows& S, const double* damping, int first_changed);
+
+  /// x = (S + diag(damping))⁻¹ b, packed.
+  void Solve(const double* b, double* x) const;
+
+  int num_valid_rows() const { return num_valid_rows_; }
+  /// First scalar row of each block row, one more: the total.
+  const std::vector<int>& offsets() const { return offsets_; }
+  /// Scalars of L inside the envelope.
+  std::int64_t NumEntries() const;
+
+ private:
+  struct Row {
+    int start = 0;   // first scalar column stored: a multiple of four, so that rows meet on vector boundaries
+    int stride = 0;  // distance between the block row's scalar rows
+    AlignedVector<double> values;
+  };
+
+  void CopyRow(const SymmetricBlockRows& S, const double* damping, int i);
+  bool FactorRow(int i);
+  int BlockSize(int i) const { return offsets_[i + 1] - offsets_[i]; }
+
+  std::vector<Row> rows_;
+  std::vector<int> offsets_{0};
+  int num_valid_rows_ = 0;
+};
+
+}  // namespace inceres::internal
