@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "linearisation/robustify.h"
 
@@ -141,20 +142,22 @@ void Evaluator::BuildMaps() {
   selections_.resize(num_columns);
 }
 
-bool Evaluator::ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values) {
+Status Evaluator::ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values) {
   for (std::size_t k = 0; k < curved_.size(); ++k) {
     const VariableId id = layout_.variables[curved_[k]];
     double* out = values->data() + plus_jacobian_offset_[k];
     const int count = graph_.AmbientSize(id) * graph_.TangentSize(id);
     std::fill(out, out + count, kImpossible);
     if (!graph_.manifold(id)->PlusJacobian(graph_.ValuesIn(state.data(), id), out)) {
-      return false;
+      return Status::Error(StatusCode::kEvaluationFailed,
+                           "PlusJacobian of the manifold of variable " + std::to_string(id) + " returned false");
     }
     if (!std::all_of(out, out + count, [](double entry) { return std::isfinite(entry) && entry != kImpossible; })) {
-      return false;
+      return Status::Error(StatusCode::kEvaluationFailed, "PlusJacobian of the manifold of variable " + std::to_string(id) +
+                                                              " has an entry that is not finite or was not written");
     }
   }
-  return true;
+  return Status::Ok();
 }
 
 void Evaluator::ClassifyMaps() {
@@ -243,10 +246,8 @@ Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
 }
 
 Status Evaluator::EvaluateCandidateCost(double* cost) {
-  if (!ComputePlusJacobians(candidate_, &candidate_plus_jacobians_)) {
-    return Status::Error(StatusCode::kEvaluationFailed, "a manifold's PlusJacobian failed or is not finite");
-  }
-  return EvaluateAll(/*jacobians=*/false, cost);
+  const Status status = ComputePlusJacobians(candidate_, &candidate_plus_jacobians_);
+  return status.ok() ? EvaluateAll(/*jacobians=*/false, cost) : status;
 }
 
 void Evaluator::AcceptCandidate() {
@@ -258,8 +259,11 @@ void Evaluator::AcceptCandidate() {
 }
 
 Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
-  if (!known_point && !ComputePlusJacobians(current_, &plus_jacobians_)) {
-    return Status::Error(StatusCode::kEvaluationFailed, "a manifold's PlusJacobian failed or is not finite");
+  if (!known_point) {
+    Status status = ComputePlusJacobians(current_, &plus_jacobians_);
+    if (!status.ok()) {
+      return status;
+    }
   }
   ClassifyMaps();
   return EvaluateAll(/*jacobians=*/true, cost);

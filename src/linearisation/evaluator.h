@@ -67,14 +67,10 @@ class Evaluator {
     int begin;
     int end;
   };
-  struct ChunkFailure {
-    EvaluationFailure failure;
-    int chunk = -1;
-  };
 
   void BuildFamily(FamilyId id);
   void BuildMaps();
-  bool ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values);
+  Status ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values);
   void ClassifyMaps();
   double EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFailure* failure);
   Status EvaluateAll(bool jacobians, double* cost);
