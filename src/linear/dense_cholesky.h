@@ -8,7 +8,7 @@ namespace inceres::internal {
 
 /// L Lᵀ = S + diag, dense, column-major lower triangle, by panels of our own kernels: no BLAS, whose threads are process-wide and
 /// would break both "one thread" and "same bits". Left-looking; the row strips of a panel are independent tasks. Cost: n³/3
-/// multiply-adds. Source: Golub & Van Loan, section 4.2.
+/// flops. Source: Golub & Van Loan, section 4.2.
 class DenseCholesky final : public ReducedSolver {
  public:
   explicit DenseCholesky(const Executor& executor) : executor_(executor) {}

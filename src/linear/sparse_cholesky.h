@@ -21,7 +21,7 @@ class SparseCholesky final : public ReducedSolver {
   Status Factorize(const double* values, const double* diagonal) override;
   Status Solve(const double* b, double* x) override;
 
-  /// Multiply-adds of one factorisation, as predicted by the analysis.
+  /// Flops of one factorisation, as predicted by the analysis.
   double PredictedFlops() const;
 
  private:
