@@ -26,6 +26,8 @@ Status SolverOptions::Validate() const {
       Require(gradient_tolerance >= 0.0, "gradient_tolerance", gradient_tolerance, ">= 0"),
       Require(parameter_tolerance >= 0.0, "parameter_tolerance", parameter_tolerance, ">= 0"),
       Require(min_trust_region_radius > 0.0, "min_trust_region_radius", min_trust_region_radius, "> 0"),
+      Require(max_trust_region_radius >= min_trust_region_radius, "max_trust_region_radius", max_trust_region_radius,
+              ">= min_trust_region_radius"),
       Require(initial_trust_region_radius >= min_trust_region_radius && initial_trust_region_radius <= max_trust_region_radius,
               "initial_trust_region_radius", initial_trust_region_radius,
               "between min_trust_region_radius and max_trust_region_radius"),

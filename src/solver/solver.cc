@@ -23,13 +23,27 @@ double FinalCost(const Summary& summary) {
   return cost;
 }
 
+// Nothing moves: the cost is that of the factors as they stand.
+void SummarizeStandstill(const SolverOptions& options, const FactorGraph& graph, const Layout& layout, Summary* summary) {
+  const Executor executor(options.num_threads);
+  Evaluator evaluator(graph, layout, executor);
+  double cost = 0.0;
+  const Status evaluated = evaluator.EvaluateCandidateCost(&cost);
+  if (!evaluated.ok()) {
+    summary->message = "Residual and Jacobian evaluation failed.";
+    summary->detail = evaluated.message;
+    return;
+  }
+  summary->termination = Termination::kConvergence;
+  summary->message = "Function tolerance reached. No non-constant parameter blocks found.";
+  summary->initial_cost = summary->final_cost = cost + options.fixed_cost;
+}
+
 void SolveValid(const SolverOptions& options, FactorGraph* graph, Summary* summary, double start) {
   const bool eliminate = options.linear_model == LinearModelKind::kAutomatic || options.linear_model == LinearModelKind::kSchur;
   const Layout layout(*graph, eliminate);
   if (layout.variables.empty()) {
-    summary->termination = Termination::kConvergence;
-    summary->message = "Function tolerance reached. No non-constant parameter blocks found.";
-    summary->initial_cost = summary->final_cost = options.fixed_cost;
+    SummarizeStandstill(options, *graph, layout, summary);
     return;
   }
   const Executor executor(options.num_threads);

@@ -1,6 +1,7 @@
 #include "inceres/solver/summary.h"
 
 #include <cmath>
+#include <locale>
 #include <sstream>
 
 namespace inceres {
@@ -10,6 +11,7 @@ namespace {
 class JsonObject {
  public:
   JsonObject() {
+    text_.imbue(std::locale::classic());  // a decimal point, whatever the program's locale
     text_ << std::boolalpha << '{';
     text_.precision(17);
   }
