@@ -1,0 +1,82 @@
+// The same bits for any number of threads and on every run: state, costs and every iteration.
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "inceres/solver/solver.h"
+#include "support/random_graph.h"
+
+namespace inceres {
+namespace {
+
+using test::BundleOptions;
+using test::MakeBundle;
+
+BundleOptions LargeBundle() {
+  BundleOptions options;
+  options.num_frames = 40;
+  options.num_landmarks = 900;
+  options.frame_sizes = {6, 9};
+  options.landmark_sizes = {3, 1};
+  options.losses = options.manifolds = options.constants = true;
+  options.perturbation = 0.5;
+  return options;
+}
+
+void ExpectSameBits(const Summary& a, const Summary& b) {
+  EXPECT_EQ(a.termination, b.termination);
+  EXPECT_EQ(a.message, b.message);
+  EXPECT_EQ(a.initial_cost, b.initial_cost);
+  EXPECT_EQ(a.final_cost, b.final_cost);
+  ASSERT_EQ(a.iterations.size(), b.iterations.size());
+  for (std::size_t k = 0; k < a.iterations.size(); ++k) {
+    const IterationSummary& p = a.iterations[k];
+    const IterationSummary& q = b.iterations[k];
+    EXPECT_EQ(p.cost, q.cost) << "iteration " << k;
+    EXPECT_EQ(p.cost_change, q.cost_change) << "iteration " << k;
+    EXPECT_EQ(p.gradient_norm, q.gradient_norm) << "iteration " << k;
+    EXPECT_EQ(p.gradient_max_norm, q.gradient_max_norm) << "iteration " << k;
+    EXPECT_EQ(p.step_norm, q.step_norm) << "iteration " << k;
+    EXPECT_EQ(p.relative_decrease, q.relative_decrease) << "iteration " << k;
+    EXPECT_EQ(p.trust_region_radius, q.trust_region_radius) << "iteration " << k;
+    EXPECT_EQ(p.step_is_successful, q.step_is_successful) << "iteration " << k;
+  }
+}
+
+class SameBits : public testing::TestWithParam<TrustRegionStrategyKind> {
+ protected:
+  Summary SolveWith(int num_threads, ReducedSolverKind kind, std::vector<double>* state) const {
+    const auto bundle = MakeBundle(LargeBundle());
+    SolverOptions options;
+    options.strategy = GetParam();
+    options.reduced_solver = kind;
+    options.num_threads = num_threads;
+    options.max_num_iterations = 6;
+    Summary summary = Solve(options, &bundle->graph());
+    EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+    *state = bundle->graph().state();
+    return summary;
+  }
+};
+
+TEST_P(SameBits, ForAnyNumberOfThreadsAndEveryRun) {
+  for (const auto kind : {ReducedSolverKind::kDense, ReducedSolverKind::kSparse}) {
+    std::vector<double> expected_state;
+    const Summary expected = SolveWith(1, kind, &expected_state);
+    for (const int num_threads : {1, 2, 4, 2}) {
+      SCOPED_TRACE(std::string(expected.reduced_solver) + ", " + std::to_string(num_threads) + " threads");
+      std::vector<double> state;
+      ExpectSameBits(SolveWith(num_threads, kind, &state), expected);
+      EXPECT_EQ(state, expected_state);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Strategies, SameBits,
+                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg),
+                         [](const auto& instance) {
+                           return instance.param == TrustRegionStrategyKind::kDogleg ? "Dogleg" : "LevenbergMarquardt";
+                         });
+
+}  // namespace
+}  // namespace inceres
