@@ -111,5 +111,53 @@ TEST(Rotation, LogInvertsExp) {
   }
 }
 
+// J_l⁻¹ = I − ½[φ]× + c[φ]×² undoes J_l; across the switch from the series to the closed form.
+TEST(Rotation, InverseLeftJacobianInvertsTheLeftJacobian) {
+  std::mt19937_64 random(9);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  for (int n = 0; n < 1000; ++n) {
+    const double size = n % 4 == 0 ? 0.08 : n % 4 == 1 ? 1e-8 : 1.8;
+    const double phi[3] = {size * uniform(random), size * uniform(random), size * uniform(random)};
+    const RotationCoefficients k = CoefficientsOfAngle(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
+    double J[9], J_inverse[9];
+    RotationPolynomial(phi, k.cosc, k.sinq, J);
+    RotationPolynomial(phi, -0.5, InverseLeftJacobianCoefficient(phi), J_inverse);
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) {
+        const double product = J[3 * r] * J_inverse[c] + J[3 * r + 1] * J_inverse[3 + c] + J[3 * r + 2] * J_inverse[6 + c];
+        ASSERT_NEAR(product, r == c ? 1.0 : 0.0, 1e-14) << n;
+      }
+    }
+  }
+  const double zero[3] = {0.0, 0.0, 0.0};
+  EXPECT_EQ(InverseLeftJacobianCoefficient(zero), 1.0 / 12.0);
+}
+
+TEST(Rotation, MatrixToQuaternionUndoesQuaternionToMatrix) {
+  std::mt19937_64 random(10);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  for (int n = 0; n < 1000; ++n) {
+    // Near 0, at and near half turns about the axes, and anywhere.
+    double phi[3] = {uniform(random), uniform(random), uniform(random)};
+    if (n % 4 == 0) {
+      phi[n / 4 % 3] = M_PI - 1e-9 * n;
+      phi[(n / 4 + 1) % 3] = phi[(n / 4 + 2) % 3] = 1e-5 * uniform(random);
+    }
+    double q[4], R[9], back[4];
+    ExpQuaternion(phi, q);
+    QuaternionToMatrix(q, R);
+    MatrixToQuaternion(R, back);
+    const double sign = q[3] < 0.0 ? -1.0 : 1.0;
+    for (int k = 0; k < 4; ++k) {
+      ASSERT_NEAR(back[k], sign * q[k], 1e-14) << n;
+    }
+  }
+  const double half_turn[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
+  double q[4];
+  MatrixToQuaternion(half_turn, q);
+  EXPECT_EQ(q[0], 1.0);
+  EXPECT_EQ(q[3], 0.0);
+}
+
 }  // namespace
 }  // namespace inceres

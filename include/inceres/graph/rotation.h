@@ -54,6 +54,18 @@ inline void RotationPolynomial(const double phi[3], double a, double b, double M
   M[8] = 1.0 - b * (x * x + y * y);
 }
 
+/// The scalar c of the inverse left Jacobian J_l⁻¹(φ) = I − ½[φ]× + c·[φ]×², at ‖φ‖ < 2π; J_r⁻¹(φ) = J_l⁻¹(−φ):
+///     c = (1 − (θ/2) cot(θ/2)) / θ².
+inline double InverseLeftJacobianCoefficient(const double phi[3]) {
+  const double t = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2];
+  if (t < 0.01) {
+    // The first term left out is below 1e-18 of the sum.
+    return 1.0 / 12.0 * (1.0 + t / 60.0 * (1.0 + t / 42.0 * (1.0 + t / 40.0 * (1.0 + t * (5.0 / 198.0)))));
+  }
+  const double half = 0.5 * std::sqrt(t);
+  return (1.0 - half * std::cos(half) / std::sin(half)) / t;
+}
+
 /// c = a × b. c must not alias.
 inline void Cross(const double a[3], const double b[3], double c[3]) {
   c[0] = a[1] * b[2] - a[2] * b[1];
@@ -104,6 +116,29 @@ inline void QuaternionToMatrix(const double q[4], double R[9]) {
   R[6] = 2.0 * (x * z - w * y);
   R[7] = 2.0 * (y * z + w * x);
   R[8] = 1.0 - 2.0 * (x * x + y * y);
+}
+
+/// The unit quaternion x, y, z, w ≥ 0 of a row-major rotation matrix; of a matrix that is one only up to a few digits, a rotation
+/// that close. Source: Shepperd, "Quaternion from rotation matrix", 1978: divides by the largest component.
+inline void MatrixToQuaternion(const double R[9], double q[4]) {
+  // Four times the squares of x, y, z, w.
+  const double squares[4] = {1.0 + R[0] - R[4] - R[8], 1.0 - R[0] + R[4] - R[8], 1.0 - R[0] - R[4] + R[8],
+                             1.0 + R[0] + R[4] + R[8]};
+  int largest = 0;
+  for (int k = 1; k < 4; ++k) {
+    largest = squares[k] > squares[largest] ? k : largest;
+  }
+  // Row l holds four times the products of component l with x, y, z, w.
+  const double xy = R[1] + R[3], xz = R[2] + R[6], yz = R[5] + R[7];
+  const double xw = R[7] - R[5], yw = R[2] - R[6], zw = R[3] - R[1];
+  const double products[4][4] = {
+      {squares[0], xy, xz, xw}, {xy, squares[1], yz, yw}, {xz, yz, squares[2], zw}, {xw, yw, zw, squares[3]}};
+  const double* row = products[largest];
+  double norm = std::sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2] + row[3] * row[3]);
+  norm = row[3] < 0.0 ? -norm : norm;
+  for (int k = 0; k < 4; ++k) {
+    q[k] = row[k] / norm;
+  }
 }
 
 /// y = M v for a row-major 3×3 matrix. y must not alias v.

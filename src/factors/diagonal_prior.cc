@@ -1,0 +1,61 @@
+#include "inceres/factors/diagonal_prior.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "inceres/graph/ambient_family.h"
+
+namespace inceres {
+
+void DiagonalPriorFamily::Add(const Measurement& measurement) {
+  assert(static_cast<int>(measurement.mean.size()) == residual_size());
+  assert(static_cast<int>(measurement.sqrt_information.size()) == residual_size());
+  means_.insert(means_.end(), measurement.mean.begin(), measurement.mean.end());
+  sqrt_information_.insert(sqrt_information_.end(), measurement.sqrt_information.begin(), measurement.sqrt_information.end());
+}
+
+void DiagonalPriorFamily::WriteJacobian(const double* sqrt_information, const TangentMap& map, double* J, int row_stride) const {
+  const int size = residual_size();
+  if (map.kind == TangentMap::Kind::kDense) {
+    std::vector<double> ambient(static_cast<std::size_t>(size) * static_cast<std::size_t>(map.ambient_size), 0.0);
+    for (int r = 0; r < size; ++r) {
+      ambient[static_cast<std::size_t>(r * map.ambient_size + r)] = sqrt_information[r];
+    }
+    ProjectToTangentSpace(map, ambient.data(), size, J, row_stride);
+    return;
+  }
+  for (int r = 0; r < size; ++r) {
+    std::fill_n(J + r * row_stride, map.tangent_size, 0.0);
+  }
+  for (int c = 0; c < map.tangent_size; ++c) {
+    const int k = map.kind == TangentMap::Kind::kSelection ? map.selection[c] : c;
+    if (k < size) {
+      J[k * row_stride + c] = sqrt_information[k];
+    }
+  }
+}
+
+EvaluationFailure DiagonalPriorFamily::Evaluate(const FactorBatch& batch) const {
+  const int size = residual_size();
+  for (int i = batch.begin; i < batch.end; ++i) {
+    const double* x = batch.parameters[i];
+    const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(i) * size;
+    const double* sqrt_information = sqrt_information_.data() + first;
+    double sum = 0.0;
+    for (int r = 0; r < size; ++r) {
+      batch.residuals[first + r] = sqrt_information[r] * (x[r] - means_[static_cast<std::size_t>(first + r)]);
+      sum += batch.residuals[first + r];
+    }
+    if (!std::isfinite(sum)) {
+      return {i, "a residual is not finite"};
+    }
+    if (batch.jacobians != nullptr && batch.tangent_maps[i]->kind != TangentMap::Kind::kConstant) {
+      const JacobianView& view = batch.jacobians[0];
+      WriteJacobian(sqrt_information, *batch.tangent_maps[i], view.data + i * view.factor_stride, view.row_stride);
+    }
+  }
+  return {};
+}
+
+}  // namespace inceres

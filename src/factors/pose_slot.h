@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cassert>
+
+#include "inceres/graph/factor_family.h"
+
+namespace inceres::internal {
+
+/// Asserts that a pose slot's tangent is PoseManifold's, the one the factors' formulas are written in: δp first, added as it is,
+/// then q ⊗ Exp(φ), whose derivative at row x, column φ_x is q_w / 2. Maps that merely select columns are a wrapper's own doing.
+inline void AssertPoseManifold(const TangentMap& map, const double* pose) {
+  assert(map.kind != TangentMap::Kind::kDense ||
+         (map.plus_jacobian[0] == 1.0 && map.plus_jacobian[7] == 1.0 && map.plus_jacobian[3 * 6 + 3] == 0.5 * pose[6]));
+  static_cast<void>(map);
+  static_cast<void>(pose);
+}
+
+/// y = Mᵀ v for a row-major 3×3 matrix. y must not alias v.
+inline void MultiplyTransposed(const double M[9], const double v[3], double y[3]) {
+  for (int c = 0; c < 3; ++c) {
+    y[c] = M[c] * v[0] + M[3 + c] * v[1] + M[6 + c] * v[2];
+  }
+}
+
+}  // namespace inceres::internal

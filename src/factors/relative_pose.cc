@@ -1,0 +1,145 @@
+#include "inceres/factors/relative_pose.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "factors/pose_slot.h"
+#include "inceres/graph/rotation.h"
+
+namespace inceres {
+namespace {
+
+using internal::MultiplyTransposed;
+
+// The residual before whitening and what the Jacobians share with it.
+struct Difference {
+  double R_b[9];
+  double t[3];  // R_bᵀ (p_a − p_b)
+  double e[6];  // [Log(R_aᵀ R_b R_abᵀ); t − p_ab]
+};
+
+inline void Conjugate(const double q[4], double conjugate[4]) {
+  conjugate[0] = -q[0];
+  conjugate[1] = -q[1];
+  conjugate[2] = -q[2];
+  conjugate[3] = q[3];
+}
+
+void Compare(const RelativePoseFamily::Measurement& measurement, const double* a, const double* b, Difference& v) {
+  double q_a_conjugate[4], q_ab_conjugate[4], q[4], error[4];
+  Conjugate(a + 3, q_a_conjugate);
+  Conjugate(measurement.q_ab, q_ab_conjugate);
+  MultiplyQuaternions(q_a_conjugate, b + 3, q);
+  MultiplyQuaternions(q, q_ab_conjugate, error);
+  LogQuaternion(error, v.e);
+  const double baseline[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+  QuaternionToMatrix(b + 3, v.R_b);
+  MultiplyTransposed(v.R_b, baseline, v.t);
+  for (int k = 0; k < 3; ++k) {
+    v.e[3 + k] = v.t[k] - measurement.p_ab[k];
+  }
+}
+
+// J = U E for 6×6 matrices, U upper triangular; rows of J are row_stride apart. Returns the sum of the entries of J, which is
+// finite only if all are.
+double Whiten(const double* U, const double E[6][6], double* J, int row_stride) {
+  double sum = 0.0;
+  for (int r = 0; r < 6; ++r) {
+    double row[6] = {};
+    for (int k = r; k < 6; ++k) {
+      for (int c = 0; c < 6; ++c) {
+        row[c] += U[6 * r + k] * E[k][c];
+      }
+    }
+    for (int c = 0; c < 6; ++c) {
+      sum += row[c];
+    }
+    std::copy_n(row, 6, J + r * row_stride);
+  }
+  return sum;
+}
+
+// With right perturbations R Exp(φ) the rotation error E = R_aᵀ R_b R_abᵀ becomes Exp(−φ_a) E and E Exp(R_ab φ_b), so with
+// r = Log E:
+//     ∂r/∂φ_a = −J_l⁻¹(r),        ∂r/∂φ_b = J_r⁻¹(r) R_ab = J_l⁻¹(−r) R_ab,
+//     ∂t/∂p_a = R_bᵀ = −∂t/∂p_b,  ∂t/∂φ_b = [t]×.
+void DifferentiateA(const Difference& v, double E[6][6]) {
+  double J_l_inverse[9];
+  RotationPolynomial(v.e, -0.5, InverseLeftJacobianCoefficient(v.e), J_l_inverse);
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) {
+      E[r][3 + c] = -J_l_inverse[3 * r + c];
+      E[3 + r][c] = v.R_b[3 * c + r];
+    }
+  }
+}
+
+void DifferentiateB(const Difference& v, const double* q_ab, double E[6][6]) {
+  double R_ab[9], J_r_inverse[9];
+  QuaternionToMatrix(q_ab, R_ab);
+  RotationPolynomial(v.e, 0.5, InverseLeftJacobianCoefficient(v.e), J_r_inverse);
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) {
+      for (int k = 0; k < 3; ++k) {
+        E[r][3 + c] += J_r_inverse[3 * r + k] * R_ab[3 * k + c];
+      }
+      E[3 + r][c] = -v.R_b[3 * c + r];
+    }
+  }
+  E[3][4] = -v.t[2];
+  E[3][5] = v.t[1];
+  E[4][3] = v.t[2];
+  E[4][5] = -v.t[0];
+  E[5][3] = -v.t[1];
+  E[5][4] = v.t[0];
+}
+
+double WriteJacobians(const FactorBatch& batch, int i, const RelativePoseFamily::Measurement& measurement, const Difference& v) {
+  double sum = 0.0;
+  for (int s = 0; s < 2; ++s) {
+    const std::ptrdiff_t index = 2 * static_cast<std::ptrdiff_t>(i) + s;
+    const TangentMap& map = *batch.tangent_maps[index];
+    if (map.kind == TangentMap::Kind::kConstant) {
+      continue;
+    }
+    internal::AssertPoseManifold(map, batch.parameters[index]);
+    double E[6][6] = {};
+    if (s == 0) {
+      DifferentiateA(v, E);
+    } else {
+      DifferentiateB(v, measurement.q_ab, E);
+    }
+    const JacobianView& view = batch.jacobians[s];
+    sum += Whiten(measurement.sqrt_information, E, view.data + i * view.factor_stride, view.row_stride);
+  }
+  return sum;
+}
+
+}  // namespace
+
+EvaluationFailure RelativePoseFamily::Evaluate(const FactorBatch& batch) const {
+  for (int i = batch.begin; i < batch.end; ++i) {
+    const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
+    const double* const* parameters = batch.parameters + 2 * static_cast<std::ptrdiff_t>(i);
+    Difference v;
+    Compare(measurement, parameters[0], parameters[1], v);
+    double* residual = batch.residuals + 6 * static_cast<std::ptrdiff_t>(i);
+    double sum = 0.0;
+    for (int r = 0; r < 6; ++r) {
+      residual[r] = 0.0;
+      for (int k = r; k < 6; ++k) {
+        residual[r] += measurement.sqrt_information[6 * r + k] * v.e[k];
+      }
+      sum += residual[r];
+    }
+    if (!std::isfinite(sum)) {
+      return {i, "a residual is not finite"};
+    }
+    if (batch.jacobians != nullptr && !std::isfinite(WriteJacobians(batch, i, measurement, v))) {
+      return {i, "a Jacobian entry is not finite"};
+    }
+  }
+  return {};
+}
+
+}  // namespace inceres
