@@ -1,0 +1,334 @@
+#include "inceres/io/keyframes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+
+#include "inceres/factors/sqrt_information.h"
+#include "inceres/graph/rotation.h"
+#include "io/byte_source.h"
+#include "io/text_scanner.h"
+
+namespace inceres {
+namespace internal {
+namespace {
+
+class KeyframeReader {
+ public:
+  KeyframeReader(const std::string& path, std::unique_ptr<ByteSource> source) : scanner_(path, std::move(source)) {}
+
+  Status Read(KeyframeSequence* sequence) {
+    sequence_ = sequence;
+    while (!scanner_.AtEnd()) {
+      if (Status status = ReadLine(); !status.ok()) {
+        return status;
+      }
+    }
+    return sequence_->keyframes.empty() ? scanner_.FailureAt(scanner_.line(), "the file has no keyframes") : Status::Ok();
+  }
+
+ private:
+  Status ReadLine() {
+    std::string_view word;
+    if (!scanner_.ScanWord(&word)) {
+      return scanner_.Failure("tag");
+    }
+    if (word.front() == '#') {
+      scanner_.SkipLine();
+      return Status::Ok();
+    }
+    tag_ = word;
+    scanner_.StayInLine();
+    Status status = ReadRecord();
+    if (status.ok() && !scanner_.AtEnd()) {
+      status = scanner_.Failure(tag_ + ": after the last field");
+    }
+    scanner_.LeaveLine();
+    return status;
+  }
+
+  Status ReadRecord() {
+    if (tag_ == "KEYFRAME") {
+      return ReadKeyframe();
+    }
+    if (tag_ != "DEPTH_GUESS" && tag_ != "FEATURE" && tag_ != "OBS" && tag_ != "BETWEEN") {
+      return Fail("tag", "not known; known are KEYFRAME, DEPTH_GUESS, FEATURE, OBS and BETWEEN");
+    }
+    if (sequence_->keyframes.empty()) {
+      return Fail("tag", "before the first KEYFRAME");
+    }
+    return tag_ == "DEPTH_GUESS" ? ReadDepthGuess()
+           : tag_ == "FEATURE"   ? ReadFeature()
+           : tag_ == "OBS"       ? ReadObservation()
+                                 : ReadBetween();
+  }
+
+  Status ReadKeyframe() {
+    int number = 0;
+    if (Status status = ReadIndex("i", &number); !status.ok()) {
+      return status;
+    }
+    if (number != NumKeyframes()) {
+      return Fail("i", "keyframe " + std::to_string(number) + " where " + std::to_string(NumKeyframes()) + " comes next");
+    }
+    Keyframe keyframe;
+    double q_cw[4];
+    if (Status status = ReadRotation(q_cw); !status.ok()) {
+      return status;
+    }
+    // The file has camera_from_world; its inverse is the conjugate.
+    keyframe.pose = {0.0, 0.0, 0.0, -q_cw[0], -q_cw[1], -q_cw[2], q_cw[3]};
+    if (Status status = ReadNumbers("p", 3, keyframe.pose.data()); !status.ok()) {
+      return status;
+    }
+    sequence_->keyframes.push_back(std::move(keyframe));
+    return Status::Ok();
+  }
+
+  Status ReadDepthGuess() {
+    KeyframeDepthGuess guess;
+    int anchor = 0;
+    if (Status status = ReadKeyframeNumber("i", &anchor); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadFeatureOf(anchor, &guess.feature); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadNumbers("d", 1, &guess.inverse_depth); !status.ok()) {
+      return status;
+    }
+    if (!(guess.inverse_depth > 0.0)) {
+      return Fail("d", "not positive");
+    }
+    current().depth_guesses.push_back(guess);
+    return Status::Ok();
+  }
+
+  Status ReadFeature() {
+    KeyframeFeature feature;
+    if (Status status = ReadCurrentKeyframe(); !status.ok()) {
+      return status;
+    }
+    feature.anchor = NumKeyframes() - 1;
+    if (Status status = ReadIndex("k", &feature.index); !status.ok()) {
+      return status;
+    }
+    const int position = static_cast<int>(sequence_->features.size());
+    if (!feature_of_key_.emplace(Key(feature.anchor, feature.index), position).second) {
+      return Fail("k", "feature " + std::to_string(feature.index) + " is twice in keyframe " + std::to_string(feature.anchor));
+    }
+    if (Status status = ReadImagePoint(&feature.x, &feature.y, &feature.inverse_depth); !status.ok()) {
+      return status;
+    }
+    current().features.push_back(position);
+    sequence_->features.push_back(feature);
+    return Status::Ok();
+  }
+
+  Status ReadObservation() {
+    KeyframeObservation observation;
+    int anchor = 0;
+    if (Status status = ReadCurrentKeyframe(); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadKeyframeNumber("a", &anchor); !status.ok()) {
+      return status;
+    }
+    if (anchor == NumKeyframes() - 1) {
+      return Fail("a", "the observing keyframe itself");
+    }
+    if (Status status = ReadFeatureOf(anchor, &observation.feature); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadImagePoint(&observation.x, &observation.y, &observation.inverse_depth); !status.ok()) {
+      return status;
+    }
+    double* w = observation.information.data();
+    for (const char* field : {"w00", "w01", "w11"}) {
+      if (Status status = ReadNumbers(field, 1, w++); !status.ok()) {
+        return status;
+      }
+    }
+    const std::array<double, 3>& v = observation.information;
+    const double matrix[4] = {v[0], v[1], v[1], v[2]};
+    double ignored[4];
+    if (!SqrtInformation(matrix, 2, ignored)) {
+      return Fail("w", "not positive definite");
+    }
+    current().observations.push_back(observation);
+    return Status::Ok();
+  }
+
+  Status ReadBetween() {
+    KeyframeBetween between;
+    if (Status status = ReadKeyframeNumber("a", &between.a); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadKeyframeNumber("b", &between.b); !status.ok()) {
+      return status;
+    }
+    if (between.a == between.b) {
+      return Fail("b", "keyframe " + std::to_string(between.b) + " with itself");
+    }
+    if (Status status = ReadRotation(between.q_ab.data()); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadNumbers("p", 3, between.p_ab.data()); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadNumbers("w", 36, between.information.data()); !status.ok()) {
+      return status;
+    }
+    if (Status status = CheckInformation(between.information); !status.ok()) {
+      return status;
+    }
+    current().betweens.push_back(between);
+    return Status::Ok();
+  }
+
+  Status CheckInformation(const std::array<double, 36>& w) const {
+    for (std::size_t r = 0; r < 6; ++r) {
+      for (std::size_t c = 0; c < r; ++c) {
+        if (std::fabs(w[6 * r + c] - w[6 * c + r]) > 1e-5 * std::sqrt(std::fabs(w[7 * r] * w[7 * c]))) {
+          return Fail("w", "not symmetric: row " + std::to_string(r) + ", column " + std::to_string(c));
+        }
+      }
+    }
+    double ignored[36];
+    return SqrtInformation(w.data(), 6, ignored) ? Status::Ok() : Fail("w", "not positive definite");
+  }
+
+  Status ReadIndex(const char* field, int* index) {
+    std::int64_t value = 0;
+    if (!scanner_.ScanInteger(&value)) {
+      return scanner_.Failure(tag_ + ": " + field);
+    }
+    if (value < 0 || value > std::numeric_limits<int>::max()) {
+      return Fail(field, std::to_string(value) + (value < 0 ? " is negative" : " is too large"));
+    }
+    *index = static_cast<int>(value);
+    return Status::Ok();
+  }
+
+  Status ReadKeyframeNumber(const char* field, int* number) {
+    if (Status status = ReadIndex(field, number); !status.ok()) {
+      return status;
+    }
+    return *number < NumKeyframes() ? Status::Ok() : Fail(field, "keyframe " + std::to_string(*number) + " has not arrived yet");
+  }
+
+  Status ReadCurrentKeyframe() {
+    int number = 0;
+    if (Status status = ReadIndex("i", &number); !status.ok()) {
+      return status;
+    }
+    const int expected = NumKeyframes() - 1;
+    return number == expected ? Status::Ok()
+                              : Fail("i", std::to_string(number) + " is not the keyframe above, " + std::to_string(expected));
+  }
+
+  Status ReadFeatureOf(int anchor, int* feature) {
+    int index = 0;
+    if (Status status = ReadIndex("k", &index); !status.ok()) {
+      return status;
+    }
+    const auto found = feature_of_key_.find(Key(anchor, index));
+    if (found == feature_of_key_.end()) {
+      return Fail("k", "keyframe " + std::to_string(anchor) + " has no feature " + std::to_string(index));
+    }
+    *feature = found->second;
+    return Status::Ok();
+  }
+
+  Status ReadImagePoint(double* x, double* y, double* inverse_depth) {
+    if (Status status = ReadNumbers("x", 1, x); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadNumbers("y", 1, y); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadNumbers("d_obs", 1, inverse_depth); !status.ok()) {
+      return status;
+    }
+    return *inverse_depth >= 0.0 ? Status::Ok() : Fail("d_obs", "negative");
+  }
+
+  // `field` names a vector: its entries are called field(0), field(1), …, the only entry of a scalar just field.
+  Status ReadNumbers(const std::string& field, int count, double* values) {
+    for (int k = 0; k < count; ++k) {
+      if (!scanner_.ScanDouble(values + k)) {
+        return scanner_.Failure(tag_ + ": " + field + (count > 1 ? "(" + std::to_string(k) + ")" : ""));
+      }
+    }
+    return Status::Ok();
+  }
+
+  Status ReadRotation(double q[4]) {
+    double R[9];
+    if (Status status = ReadNumbers("R", 9, R); !status.ok()) {
+      return status;
+    }
+    MatrixToQuaternion(R, q);
+    double nearest[9];
+    QuaternionToMatrix(q, nearest);
+    for (int k = 0; k < 9; ++k) {
+      if (!(std::fabs(R[k] - nearest[k]) < 1e-4)) {
+        return Fail("R", "not a rotation matrix");
+      }
+    }
+    return Status::Ok();
+  }
+
+  Status Fail(const std::string& field, const std::string& what) const {
+    return scanner_.FailureAt(scanner_.line(), tag_ + ": " + field + ": " + what);
+  }
+
+  int NumKeyframes() const { return static_cast<int>(sequence_->keyframes.size()); }
+  Keyframe& current() { return sequence_->keyframes.back(); }
+  static std::int64_t Key(int anchor, int index) { return (static_cast<std::int64_t>(anchor) << 32) | index; }
+
+  TextScanner scanner_;
+  KeyframeSequence* sequence_ = nullptr;
+  std::string tag_;
+  std::unordered_map<std::int64_t, int> feature_of_key_;
+};
+
+}  // namespace
+}  // namespace internal
+
+int KeyframeSequence::NumObservations() const {
+  std::size_t count = 0;
+  for (const Keyframe& keyframe : keyframes) {
+    count += keyframe.observations.size();
+  }
+  return static_cast<int>(count);
+}
+
+int KeyframeSequence::NumBetweens() const {
+  std::size_t count = 0;
+  for (const Keyframe& keyframe : keyframes) {
+    count += keyframe.betweens.size();
+  }
+  return static_cast<int>(count);
+}
+
+Status ReadKeyframes(const std::string& path, KeyframeSequence* sequence) {
+  std::unique_ptr<internal::ByteSource> source;
+  if (Status status = internal::OpenByteSource(path, &source); !status.ok()) {
+    return status;
+  }
+  KeyframeSequence result;
+  if (Status status = internal::KeyframeReader(path, std::move(source)).Read(&result); !status.ok()) {
+    return status;
+  }
+  *sequence = std::move(result);
+  return Status::Ok();
+}
+
+}  // namespace inceres
