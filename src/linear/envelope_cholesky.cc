@@ -85,7 +85,7 @@ bool EnvelopeCholesky::FactorRow(int i) {
   const Kernels& kernels = BestKernels();
   Row& row = rows_[i];
   const int size = BlockSize(i);
-  const auto first_block = std::upper_bound(offsets_.begin(), offsets_.begin() + i, row.start) - offsets_.begin() - 1;
+  const auto first_block = std::upper_bound(offsets_.begin(), offsets_.begin() + i + 1, row.start) - offsets_.begin() - 1;
   for (int j = static_cast<int>(first_block); j < i; ++j) {
     const Row& other = rows_[j];
     const int columns = BlockSize(j);
