@@ -24,7 +24,7 @@ using test::RandomGraph;
 using test::RelativeError;
 
 Eigen::VectorXd Solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
-  return A.size() == 0 ? Eigen::VectorXd() : Eigen::VectorXd(A.llt().solve(b));
+  return A.llt().solve(b);
 }
 
 // Landmarks eliminated by the core, the reduced system solved by Eigen, against everything solved by Eigen.
@@ -41,17 +41,19 @@ void ExpectDenseStep(const FactorGraph& graph, const Eigen::VectorXd& damping) {
 
   Eigen::MatrixXd H = oracle.H;
   H.diagonal() += damping;
-  const Eigen::MatrixXd W = H.topRightCorner(n_c, n_l);
-  const Eigen::LLT<Eigen::MatrixXd> P(H.bottomRightCorner(n_l, n_l));
-  const Eigen::MatrixXd S_expected = oracle.H.topLeftCorner(n_c, n_c) - W * P.solve(W.transpose());
   const Eigen::MatrixXd S = test::ToDense(core.plans.pattern, elimination.S());
-  EXPECT_LT(RelativeError(S, S_expected), 1e-10);
-  const Eigen::VectorXd b_expected = -oracle.g.head(n_c) + W * P.solve(oracle.g.tail(n_l));
   const Eigen::Map<const Eigen::VectorXd> b(elimination.b(), n_c);
-  EXPECT_LT(RelativeError(b, b_expected), 1e-9);
+  if (n_c > 0) {
+    const Eigen::MatrixXd W = H.topRightCorner(n_c, n_l);
+    const Eigen::LLT<Eigen::MatrixXd> P(H.bottomRightCorner(n_l, n_l));
+    EXPECT_LT(RelativeError(S, oracle.H.topLeftCorner(n_c, n_c) - W * P.solve(W.transpose())), 1e-10);
+    EXPECT_LT(RelativeError(b, -oracle.g.head(n_c) + W * P.solve(oracle.g.tail(n_l))), 1e-9);
+  }
 
   Eigen::VectorXd step(n_c + n_l);
-  step.head(n_c) = Solve(S + Eigen::MatrixXd(damping.head(n_c).asDiagonal()), b);
+  if (n_c > 0) {
+    step.head(n_c) = Solve(S + Eigen::MatrixXd(damping.head(n_c).asDiagonal()), b);
+  }
   elimination.BackSubstitute(step.data(), step.data() + n_c);
   EXPECT_LT(RelativeError(step, Solve(H, -oracle.g)), 1e-9);
   EXPECT_GT(elimination.Bytes(), 0);
