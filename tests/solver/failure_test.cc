@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "inceres/solver/solver.h"
+#include "linear/eigen_ldlt_solver.h"
 #include "support/classic_problems.h"
 #include "support/dense_oracle.h"
 #include "support/random_graph.h"
@@ -208,6 +209,34 @@ TEST(InvalidSteps, EndTheSolveAndRestoreTheState) {
     EXPECT_EQ(summary.final_cost, 0.5);
     EXPECT_EQ(graph.state()[0], 4.0);
   }
+}
+
+// Refuses every other factorisation.
+class FlakySolver final : public ReducedSolver {
+ public:
+  const char* Name() const override { return "flaky"; }
+  Status Analyze(const BlockPattern& pattern) override { return solver_.Analyze(pattern); }
+  Status Factorize(const double* values, const double* diagonal) override {
+    return num_calls_++ % 2 == 0 ? Status::Error(StatusCode::kSingular, "not this time") : solver_.Factorize(values, diagonal);
+  }
+  Status Solve(const double* b, double* x) override { return solver_.Solve(b, x); }
+
+ private:
+  int num_calls_ = 0;
+  EigenLdltSolver solver_;
+};
+
+TEST(InvalidSteps, OnlyThoseInARowCount) {
+  FactorGraph graph;
+  test::MakeCurveFit(&graph);
+  SolverOptions options;
+  options.max_num_consecutive_invalid_steps = 2;
+  options.reduced_solver_factory = [] { return std::make_unique<FlakySolver>(); };
+  const Summary summary = Solve(options, &graph);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_GE(summary.num_unsuccessful_steps, 3);
+  EXPECT_EQ(summary.detail, "not this time");
+  EXPECT_NEAR(graph.state()[0], 0.3, 0.02);
 }
 
 TEST(InvalidSteps, NoGradientIsConvergence) {
