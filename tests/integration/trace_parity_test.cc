@@ -1,0 +1,192 @@
+// Whole solves next to stock Ceres, on problems on which two configurations of stock Ceres agree with each other.
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "integration/problems.h"
+#include "integration/runs.h"
+#include "integration/trace_comparison.h"
+#include "support/test_data.h"
+
+namespace inceres::test {
+namespace {
+
+// Where these do not hold, a difference between two solvers says nothing about either.
+constexpr double kStockAgreesWithItself = 1e-10;
+constexpr double kLeastChange = 1e-9;
+constexpr double kLeastThresholdDistance = 1e-5;
+constexpr std::size_t kLeastIterations = 4;  // the start included
+
+constexpr double kCostBar = 1e-9;
+constexpr double kFinalCostBar = 1e-8;
+constexpr double kRadiusBar = 1e-6;
+constexpr double kParameterBar = 1e-6;
+
+struct Problem {
+  std::string name;
+  Factory make;
+  tools::LossSpec loss;  // of the robust variant
+  Configuration stock;   // ours gets the same options
+  Configuration other;   // stock again, rounding differently
+  int lm_iterations;     // of the runs with zero tolerances: as long as steps change the cost by more than rounding
+  int dogleg_iterations;
+  std::string data = {};  // of the public data sets, if it needs one
+};
+
+struct Case {
+  Problem problem;
+  ceres::TrustRegionStrategyType strategy;
+  bool robust;
+  bool zero_tolerances;
+};
+
+std::string NameOf(const Case& c) {
+  return c.problem.name + (c.strategy == ceres::DOGLEG ? "_Dogleg" : "_Lm") + (c.robust ? "_Huber" : "_Squared") +
+         (c.zero_tolerances ? "_ZeroTolerances" : "_DefaultTolerances");
+}
+
+void PrintTo(const Case& c, std::ostream* stream) {
+  *stream << NameOf(c);
+}
+
+class TraceParity : public ::testing::TestWithParam<Case> {
+ protected:
+  static Solved SolveBy(Who who, const Configuration& configuration) {
+    const auto& [problem, strategy, robust, zero_tolerances] = GetParam();
+    const int num_iterations = strategy == ceres::DOGLEG ? problem.dogleg_iterations : problem.lm_iterations;
+    const ceres::Solver::Options options =
+        zero_tolerances ? ZeroToleranceOptions(strategy, num_iterations) : DefaultOptions(strategy);
+    return Solve(who, configuration, options, problem.make, robust ? problem.loss : tools::LossSpec());
+  }
+};
+
+TEST_P(TraceParity, FollowsStock) {
+  const Problem& problem = GetParam().problem;
+  if (!problem.data.empty() && FindData(problem.data).empty()) {
+    GTEST_SKIP() << MissingData(problem.data);
+  }
+  const Solved stock = SolveBy(Who::kStock, problem.stock);
+  const Solved other = SolveBy(Who::kStock, problem.other);
+  const Solved ours = SolveBy(Who::kInceres, problem.stock);
+  const TraceDifference spread = CompareTraces(stock.summary, other.summary);
+  const TraceDifference difference = CompareTraces(stock.summary, ours.summary);
+  RecordProperty("stock_cost_difference", Printed(spread.cost));
+  RecordProperty("cost_difference", Printed(difference.cost));
+  RecordProperty("radius_difference", Printed(difference.radius));
+
+  ASSERT_TRUE(stock.summary.IsSolutionUsable()) << stock.summary.message;
+  ASSERT_GE(stock.summary.iterations.size(), kLeastIterations);
+  ASSERT_EQ(stock.summary.termination_type, other.summary.termination_type);
+  ASSERT_EQ(stock.summary.iterations.size(), other.summary.iterations.size());
+  ASSERT_TRUE(spread.same_decisions);
+  ASSERT_LE(spread.cost, kStockAgreesWithItself);
+  ASSERT_GE(SmallestChange(stock.summary), kLeastChange);
+  ASSERT_GE(DistanceFromThresholds(stock.summary), kLeastThresholdDistance);
+
+  EXPECT_EQ(stock.summary.termination_type, ours.summary.termination_type) << ours.summary.message;
+  EXPECT_NEAR(static_cast<double>(stock.summary.iterations.size()), static_cast<double>(ours.summary.iterations.size()), 1.0);
+  EXPECT_TRUE(difference.same_decisions);
+  EXPECT_LE(difference.cost, kCostBar);
+  EXPECT_LE(difference.radius, kRadiusBar);
+  EXPECT_LE(RelativeDifference(stock.summary.final_cost, ours.summary.final_cost), kFinalCostBar);
+  EXPECT_LE(LargestDifference(stock.x, ours.x), kParameterBar);
+  if (stock.summary.iterations.size() == ours.summary.iterations.size()) {
+    ExpectSameCounts(stock.summary, ours.summary);
+  }
+}
+
+const char kStreet[] = "street-16-1200-pre.txt";
+const char kLoop[] = "loop-24-1800-pre.txt.gz";
+
+const Configuration kDenseSchur{ceres::DENSE_SCHUR};
+const Configuration kSparseSchur{ceres::SPARSE_SCHUR};
+const Configuration kDenseSchurLandmarksFirst{ceres::DENSE_SCHUR, true};
+const Configuration kSparseSchurLandmarksFirst{ceres::SPARSE_SCHUR, true};
+
+Factory StreetFactory(Gauge gauge) {
+  return [gauge](const tools::LossSpec& loss) {
+    return MakeBal(SmallStreet(3, 3.0), tools::BalCameraModel::kAngleAxis, gauge, loss);
+  };
+}
+
+Factory BundledFactory(const std::string& file, Gauge gauge) {
+  return [file, gauge](const tools::LossSpec& loss) {
+    return MakeBal(BundledBal(file), tools::BalCameraModel::kAngleAxis, gauge, loss);
+  };
+}
+
+Factory HomogeneousFactory(Gauge gauge) {
+  return [gauge](const tools::LossSpec& loss) { return MakeHomogeneous(SmallStreet(5, 1.0), gauge, loss); };
+}
+
+Factory InverseDepthFactory(PoseUpdate update) {
+  return [update](const tools::LossSpec& loss) { return MakeInverseDepth(update, loss); };
+}
+
+Problem PoseGraphProblem(const std::string& name, const std::string& file, int lm_iterations, int dogleg_iterations) {
+  const Configuration automatic{ceres::SPARSE_NORMAL_CHOLESKY};
+  const auto make = [file](const tools::LossSpec& loss) { return MakePoseGraph(FindData(file), loss); };
+  return {name, make, Huber(2.0), automatic, kSparseSchur, lm_iterations, dogleg_iterations, file};
+}
+
+// Both strategies, with and without Huber, with default and with zero tolerances.
+std::vector<Problem> WellConditioned() {
+  const Configuration dense_qr{ceres::DENSE_QR};
+  const Configuration lapack_qr{ceres::DENSE_QR, false, ceres::LAPACK};
+  const Gauge held = Gauge::kTwoCamerasConstant;
+  return {
+      {"GeneratedStreet", StreetFactory(held), Huber(1.0), kDenseSchur, kSparseSchurLandmarksFirst, 5, 4},
+      {"BundledStreet", BundledFactory(kStreet, held), Huber(1.0), kSparseSchur, kDenseSchurLandmarksFirst, 5, 4},
+      {"BundledLoop", BundledFactory(kLoop, held), Huber(1.0), kDenseSchurLandmarksFirst, kSparseSchur, 5, 5},
+      {"InverseDepthManifold", InverseDepthFactory(PoseUpdate::kManifold), Huber(1.0), kDenseSchur, kSparseSchurLandmarksFirst, 5,
+       4},
+      {"InverseDepthLocalParameterization", InverseDepthFactory(PoseUpdate::kLocalParameterization), Huber(1.0), kDenseSchur,
+       kSparseSchurLandmarksFirst, 5, 4},
+      {"Homogeneous", HomogeneousFactory(held), Huber(1.0), kSparseSchur, kDenseSchurLandmarksFirst, 5, 3},
+      PoseGraphProblem("M3500", "pose_graph/M3500.g2o", 12, 6),
+      {"Powell", MakePowell, Huber(1.0), dense_qr, lapack_qr, 12, 12},
+      {"CurveFit", MakeCurveFit, Huber(0.5), dense_qr, lapack_qr, 12, 12},
+  };
+}
+
+// With their seven freedoms: for Levenberg-Marquardt only.
+std::vector<Problem> GaugeFree() {
+  const Gauge free = Gauge::kFree;
+  return {
+      {"FreeGeneratedStreet", StreetFactory(free), Huber(1.0), kDenseSchur, kSparseSchurLandmarksFirst, 5, 0},
+      {"FreeBundledStreet", BundledFactory(kStreet, free), Huber(1.0), kSparseSchur, kDenseSchurLandmarksFirst, 5, 0},
+      {"FreeBundledLoop", BundledFactory(kLoop, free), Huber(1.0), kDenseSchurLandmarksFirst, kSparseSchur, 5, 0},
+      {"FreeHomogeneous", HomogeneousFactory(free), Huber(1.0), kSparseSchur, kDenseSchurLandmarksFirst, 5, 0},
+  };
+}
+
+std::vector<Case> Cases() {
+  std::vector<Case> cases;
+  for (const bool robust : {false, true}) {
+    for (const bool zero_tolerances : {false, true}) {
+      for (const Problem& problem : WellConditioned()) {
+        cases.push_back({problem, ceres::LEVENBERG_MARQUARDT, robust, zero_tolerances});
+        cases.push_back({problem, ceres::DOGLEG, robust, zero_tolerances});
+      }
+      for (const Problem& problem : GaugeFree()) {
+        cases.push_back({problem, ceres::LEVENBERG_MARQUARDT, robust, zero_tolerances});
+      }
+    }
+  }
+  // Large. Dog-Leg from the start of the file is a matter for lockstep: stock Ceres differs from itself by 2e-9.
+  const Problem sphere = PoseGraphProblem("Sphere", "pose_graph/sphere.g2o", 5, 0);
+  cases.push_back({sphere, ceres::LEVENBERG_MARQUARDT, false, false});
+  cases.push_back({sphere, ceres::LEVENBERG_MARQUARDT, true, true});
+  return cases;
+}
+
+std::string NameOfInstance(const ::testing::TestParamInfo<Case>& instance) {
+  return NameOf(instance.param);
+}
+
+INSTANTIATE_TEST_SUITE_P(Exact, TraceParity, ::testing::ValuesIn(Cases()), NameOfInstance);
+
+}  // namespace
+}  // namespace inceres::test
