@@ -51,6 +51,7 @@ struct SlotJacobians {
   double* data = nullptr;
   std::ptrdiff_t factor_stride = 0;
   int row_stride = 0;
+  int columns = 0;  // the slot's tangent size: what of a row is not padding
 };
 
 /// The factors of one landmark within one family, seen from its elimination.

@@ -5,47 +5,13 @@
 #include <string>
 
 #include "linearisation/robustify.h"
+#include "linearisation/tangent_classes.h"
 
 namespace inceres::internal {
 namespace {
 
 constexpr int kChunkSize = 256;        // factors per task: a few tens of microseconds of Jacobians
 constexpr double kImpossible = 1e302;  // Ceres's mark of an entry nobody wrote
-
-bool IsIdentity(const TangentMap& map) {
-  if (map.ambient_size != map.tangent_size) {
-    return false;
-  }
-  for (int r = 0; r < map.ambient_size; ++r) {
-    for (int c = 0; c < map.tangent_size; ++c) {
-      if (map.plus_jacobian[r * map.tangent_size + c] != (r == c ? 1.0 : 0.0)) {
-        return false;
-      }
-    }
-  }
-  return true;
-}
-
-// Finds for each column its single unit entry; false if there is a column without that form.
-bool FindSelection(const TangentMap& map, int* selection) {
-  for (int c = 0; c < map.tangent_size; ++c) {
-    selection[c] = -1;
-    for (int r = 0; r < map.ambient_size; ++r) {
-      const double entry = map.plus_jacobian[r * map.tangent_size + c];
-      if (entry == 0.0) {
-        continue;
-      }
-      if (entry != 1.0 || selection[c] >= 0) {
-        return false;
-      }
-      selection[c] = r;
-    }
-    if (selection[c] < 0) {
-      return false;
-    }
-  }
-  return true;
-}
 
 }  // namespace
 
@@ -91,7 +57,7 @@ void Evaluator::BuildFamily(FamilyId id) {
   std::size_t total = 0;
   for (int s = 0; s < family.num_slots(); ++s) {
     const int row_stride = PadToQuad(family.slot(s).tangent_size);
-    cache.slots.push_back({nullptr, static_cast<std::ptrdiff_t>(rows) * row_stride, row_stride});
+    cache.slots.push_back({nullptr, static_cast<std::ptrdiff_t>(rows) * row_stride, row_stride, family.slot(s).tangent_size});
     total += n * rows * static_cast<std::size_t>(row_stride);
   }
   cache.jacobian_values.resize(total);
@@ -162,18 +128,9 @@ Status Evaluator::ComputePlusJacobians(const std::vector<double>& state, std::ve
 
 void Evaluator::ClassifyMaps() {
   for (std::size_t k = 0; k < curved_.size(); ++k) {
-    const VariableId id = layout_.variables[curved_[k]];
-    TangentMap& map = maps_[id];
+    TangentMap& map = maps_[layout_.variables[curved_[k]]];
     map.plus_jacobian = plus_jacobians_.data() + plus_jacobian_offset_[k];
-    int* selection = selections_.data() + selection_offset_[k];
-    if (IsIdentity(map)) {
-      map.kind = TangentMap::Kind::kIdentity;
-    } else if (FindSelection(map, selection)) {
-      map.kind = TangentMap::Kind::kSelection;
-      map.selection = selection;
-    } else {
-      map.kind = TangentMap::Kind::kDense;
-    }
+    ClassifyTangentMap(&map, selections_.data() + selection_offset_[k]);
   }
 }
 

@@ -14,8 +14,11 @@ double SquaredNorm(const double* f, int size) {
 }
 
 // J := √ρ' (I − a f fᵀ) J, column by column; a = α/s.
-void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, int row_stride, double* J) {
-  for (int c = 0; c < row_stride; ++c) {
+// The padding is left alone: a loss that gives NaN must not outlive its evaluation.
+void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, const SlotJacobians& slot, int factor) {
+  double* J = slot.data + factor * slot.factor_stride;
+  const int row_stride = slot.row_stride;
+  for (int c = 0; c < slot.columns; ++c) {
     double f_J = 0.0;
     if (a != 0.0) {
       for (int r = 0; r < rows; ++r) {
@@ -56,7 +59,7 @@ double RobustifyFactor(const Loss& loss, int residual_size, int num_slots, const
   if (sqrt_rho1 != 1.0 || a != 0.0) {
     for (int k = 0; k < num_slots; ++k) {
       if (tangent_offsets[k] >= 0) {
-        CorrectJacobian(sqrt_rho1, a, f, residual_size, slots[k].row_stride, slots[k].data + factor * slots[k].factor_stride);
+        CorrectJacobian(sqrt_rho1, a, f, residual_size, slots[k], factor);
       }
     }
     for (int i = 0; i < residual_size; ++i) {

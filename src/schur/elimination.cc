@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "linearisation/block_scratch.h"
+#include "schur/landmark_factor.h"
 
 namespace inceres::internal {
 namespace {
@@ -12,39 +13,6 @@ namespace {
 constexpr int kBlockGrain = 4;
 constexpr int kLandmarkGrain = 64;
 constexpr int kFrameGrain = 2;
-
-// U_inv = L⁻¹ with L Lᵀ = P + diag(damping), for size ≤ 4; rows four apart. False if a pivot is not positive and finite.
-bool InvertCholeskyFactor(int size, const double* P, const double* damping, double* U_inv) {
-  double L[4][4];
-  for (int j = 0; j < size; ++j) {
-    double pivot = P[j * kQuad + j] + damping[j];
-    for (int k = 0; k < j; ++k) {
-      pivot -= L[j][k] * L[j][k];
-    }
-    if (!(pivot > 0.0) || !std::isfinite(pivot)) {
-      return false;
-    }
-    L[j][j] = std::sqrt(pivot);
-    for (int i = j + 1; i < size; ++i) {
-      double sum = P[i * kQuad + j];
-      for (int k = 0; k < j; ++k) {
-        sum -= L[i][k] * L[j][k];
-      }
-      L[i][j] = sum / L[j][j];
-    }
-  }
-  for (int j = 0; j < size; ++j) {
-    U_inv[j * kQuad + j] = 1.0 / L[j][j];
-    for (int i = j + 1; i < size; ++i) {
-      double sum = 0.0;
-      for (int k = j; k < i; ++k) {
-        sum -= L[i][k] * U_inv[k * kQuad + j];
-      }
-      U_inv[i * kQuad + j] = sum / L[i][i];
-    }
-  }
-  return true;
-}
 
 }  // namespace
 
@@ -80,12 +48,7 @@ bool Elimination::EliminateLandmark(int landmark, const double* damping) {
   }
   const double* eta = hessian_.LandmarkEta(landmark);
   double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
-  for (int k = 0; k < size; ++k) {
-    z[k] = 0.0;
-    for (int c = 0; c <= k; ++c) {
-      z[k] += U_inv[k * kQuad + c] * eta[c];
-    }
-  }
+  MultiplyLower(size, U_inv, eta, z);
   for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
     kernels_.eliminate(size, incidences_.factors[k], U_inv, Y_.data());
   }
@@ -202,12 +165,7 @@ void Elimination::BackSubstitute(const double* frame_step, double* landmark_step
       kernels_.back_substitute(size, incidences_.incidences.data() + incidences_.begin[l],
                                incidences_.begin[l + 1] - incidences_.begin[l], Y_.data(), padded_frame_step_.data(), y);
       double* step = landmark_step + DampingOffset(landmark);
-      for (int c = 0; c < size; ++c) {
-        step[c] = 0.0;
-        for (int k = c; k < size; ++k) {
-          step[c] += U_inv[k * kQuad + c] * y[k];
-        }
-      }
+      MultiplyLowerTransposed(size, U_inv, y, step);
     }
   });
 }

@@ -19,7 +19,7 @@ Status Require(bool condition, const char* name, const T& value, const char* rul
 
 Status SolverOptions::Validate() const {
   const Status checks[] = {
-      Require(num_threads >= 1, "num_threads", num_threads, ">= 1"),
+      Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads, "between 1 and 1024"),
       Require(max_num_iterations >= 0, "max_num_iterations", max_num_iterations, ">= 0"),
       Require(max_solver_time_in_seconds >= 0.0, "max_solver_time_in_seconds", max_solver_time_in_seconds, ">= 0"),
       Require(function_tolerance >= 0.0, "function_tolerance", function_tolerance, ">= 0"),

@@ -13,11 +13,26 @@ PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator,
       plans_(evaluator, incidences_),
       hessian_(evaluator, incidences_, plans_),
       seconds_(seconds) {
-  *status = Status::Ok();
-  if (plans_.pattern.size() > 0) {
+  *status = CheckOffsets();
+  if (status->ok() && plans_.pattern.size() > 0) {
     reduced_solver_ =
         MakeReducedSolver(options.reduced_solver, options.reduced_solver_factory, plans_.pattern, evaluator.executor(), status);
   }
+}
+
+// Blocks are found by 32-bit counts of quads; a target in Y spends one bit on a flag.
+Status PlainModel::CheckOffsets() const {
+  constexpr std::int64_t kMaxQuads = std::int64_t{1} << 30;
+  std::int64_t largest = incidences_.y_quads;
+  for (const FamilyCache& cache : evaluator_.families()) {
+    for (const SlotJacobians& slot : cache.slots) {
+      largest = std::max<std::int64_t>(largest, cache.num_factors * (slot.factor_stride / kQuad));
+    }
+  }
+  return largest < kMaxQuads
+             ? Status::Ok()
+             : Status::Error(StatusCode::kInvalidArgument,
+                             "the problem is too large: the Jacobians of one family, or the landmark blocks, exceed 32 GiB");
 }
 
 void PlainModel::Refresh() {

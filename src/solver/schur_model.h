@@ -31,6 +31,8 @@ class PlainModel : public LinearModel {
   StageSeconds* seconds_;
 
  private:
+  Status CheckOffsets() const;
+
   std::unique_ptr<ReducedSolver> reduced_solver_;
   std::vector<double> b_;
 };

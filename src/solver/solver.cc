@@ -1,6 +1,7 @@
 #include "inceres/solver/solver.h"
 
 #include <algorithm>
+#include <new>
 
 #include "base/executor.h"
 #include "base/stopwatch.h"
@@ -80,10 +81,16 @@ Summary Solve(const SolverOptions& options, FactorGraph* graph) {
   if (status.ok()) {
     status = graph->Validate();
   }
-  if (status.ok()) {
-    SolveValid(options, graph, &summary, start);
-  } else {
-    summary.message = status.message;
+  try {
+    if (status.ok()) {
+      SolveValid(options, graph, &summary, start);
+    } else {
+      summary.message = status.message;
+    }
+  } catch (const std::bad_alloc&) {
+    // The graph's state is written last, so it is untouched. What a user's factor throws is his and passes through.
+    summary.termination = Termination::kFailure;
+    summary.message = "Out of memory.";
   }
   summary.seconds.total = NowInSeconds() - start;
   return summary;

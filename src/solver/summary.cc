@@ -76,10 +76,13 @@ std::string ToJson(const IterationSummary& iteration) {
       .Add("cost", iteration.cost)
       .Add("cost_change", iteration.cost_change)
       .Add("gradient_max_norm", iteration.gradient_max_norm)
+      .Add("gradient_norm", iteration.gradient_norm)
       .Add("step_norm", iteration.step_norm)
       .Add("relative_decrease", iteration.relative_decrease)
       .Add("trust_region_radius", iteration.trust_region_radius)
+      .Add("valid", iteration.step_is_valid)
       .Add("successful", iteration.step_is_successful)
+      .Add("nonmonotonic", iteration.step_is_nonmonotonic)
       .Add("seconds", iteration.iteration_time_in_seconds)
       .Add("cumulative_seconds", iteration.cumulative_time_in_seconds)
       .Close();

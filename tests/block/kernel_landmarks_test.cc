@@ -23,7 +23,7 @@ struct LandmarkCase {
           values[static_cast<std::size_t>(r * PadToQuad(slot_size) + c)] = random->Unit();
         }
       }
-      jacobians.push_back({values.data(), std::ptrdiff_t{rows} * PadToQuad(slot_size), PadToQuad(slot_size)});
+      jacobians.push_back({values.data(), std::ptrdiff_t{rows} * PadToQuad(slot_size), PadToQuad(slot_size), slot_size});
     }
     residuals = random->Vector(static_cast<std::size_t>(kNumFactors * rows));
     PlaceY();

@@ -15,7 +15,7 @@ class RowKernels : public KernelTest {
     std::vector<SlotJacobians> jacobians;
     for (const int size : sizes) {
       storage.push_back(PaddedRows(kNumFactors * rows, size));
-      jacobians.push_back({storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size), PadToQuad(size)});
+      jacobians.push_back({storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size), PadToQuad(size), size});
     }
     const std::vector<double> f = random_.Vector(static_cast<std::size_t>(kNumFactors * rows));
     // Two variables a slot: quads 0 and 3 for size 9, 6 and 7 for size 3, then those of frame_size.

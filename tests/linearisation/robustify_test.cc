@@ -2,6 +2,7 @@
 #include "linearisation/robustify.h"
 
 #include <cmath>
+#include <limits>
 #include <memory>
 
 #include <Eigen/Core>
@@ -45,7 +46,7 @@ struct Case {
   }
 
   double Correct(const Loss& loss) {
-    const SlotJacobians slots[2] = {{J[0].data(), kRows * kStride, kStride}, {J[1].data(), kRows * 4, 4}};
+    const SlotJacobians slots[2] = {{J[0].data(), kRows * kStride, kStride, 6}, {J[1].data(), kRows * 4, 4, 3}};
     const std::int32_t offsets[2] = {7, -1};
     return RobustifyFactor(loss, kRows, 2, slots, 1, offsets, f.data());
   }
@@ -119,6 +120,14 @@ TEST(RobustifyFactor, OtherFactorsConstantsAndPaddingStayAsTheyWere) {
   EXPECT_EQ(after.J[1], before.J[1]);
   EXPECT_TRUE(std::equal(before.J[0].begin(), before.J[0].begin() + kRows * kStride, after.J[0].begin()));
   EXPECT_NE(after.J[0], before.J[0]);
+  EXPECT_EQ(after.FirstSlot().rightCols(2), Matrix::Zero(kRows, 2));
+}
+
+// Nobody writes the padding again: what a broken loss leaves there would stay.
+TEST(RobustifyFactor, ALossThatGivesNaNDoesNotReachThePadding) {
+  Case after(1.0);
+  after.Correct(ScaledLoss(nullptr, std::numeric_limits<double>::quiet_NaN()));
+  EXPECT_TRUE(std::isnan(after.FirstSlot()(0, 0)));
   EXPECT_EQ(after.FirstSlot().rightCols(2), Matrix::Zero(kRows, 2));
 }
 

@@ -30,7 +30,8 @@ struct INCERES_EXPORT SolverOptions {
   /// If set, makes the solver for S δ_c = b instead of a built-in one.
   ReducedSolverFactory reduced_solver_factory;
 
-  /// Upper bound on threads, ≥ 1. With 1 nothing of the user's is ever called concurrently. The result does not depend on it.
+  /// Upper bound on threads, 1 to 1024. With 1 nothing of the user's is ever called concurrently. The result does not depend on
+  /// it.
   int num_threads = 1;
 
   int max_num_iterations = 50;              ///< ≥ 0; 0 evaluates the start and returns

@@ -26,8 +26,9 @@ class INCERES_EXPORT SolveObserver {
   }
 };
 
-/// Minimises the graph's cost; on a usable solution the graph's state is the best one found, otherwise it is untouched. The
-/// summary names what happened.
+/// Minimises the graph's cost (factors whose variables are all constant included: put what cannot move into
+/// SolverOptions::fixed_cost instead if it should not weigh on the relative tolerances); on a usable solution the graph's state
+/// is the best one found, otherwise it is untouched. The summary names what happened.
 ///
 /// Cost: each iteration is linear in factors and block products plus the factorisation of the reduced system. Threads: up to
 /// options.num_threads; the result is the same to the last bit for any number.

@@ -1,0 +1,54 @@
+#include "linearisation/tangent_classes.h"
+
+namespace inceres::internal {
+namespace {
+
+bool IsIdentity(const TangentMap& map) {
+  if (map.ambient_size != map.tangent_size) {
+    return false;
+  }
+  for (int r = 0; r < map.ambient_size; ++r) {
+    for (int c = 0; c < map.tangent_size; ++c) {
+      if (map.plus_jacobian[r * map.tangent_size + c] != (r == c ? 1.0 : 0.0)) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+// Finds for each column its single unit entry; false if there is a column without that form.
+bool FindSelection(const TangentMap& map, int* selection) {
+  for (int c = 0; c < map.tangent_size; ++c) {
+    selection[c] = -1;
+    for (int r = 0; r < map.ambient_size; ++r) {
+      const double entry = map.plus_jacobian[r * map.tangent_size + c];
+      if (entry == 0.0) {
+        continue;
+      }
+      if (entry != 1.0 || selection[c] >= 0) {
+        return false;
+      }
+      selection[c] = r;
+    }
+    if (selection[c] < 0) {
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+void ClassifyTangentMap(TangentMap* map, int* selection) {
+  if (IsIdentity(*map)) {
+    map->kind = TangentMap::Kind::kIdentity;
+  } else if (FindSelection(*map, selection)) {
+    map->kind = TangentMap::Kind::kSelection;
+    map->selection = selection;
+  } else {
+    map->kind = TangentMap::Kind::kDense;
+  }
+}
+
+}  // namespace inceres::internal
