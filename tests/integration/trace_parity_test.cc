@@ -51,30 +51,31 @@ void PrintTo(const Case& c, std::ostream* stream) {
   *stream << NameOf(c);
 }
 
-class TraceParity : public ::testing::TestWithParam<Case> {
- protected:
-  static Solved SolveBy(Who who, const Configuration& configuration) {
-    const auto& [problem, strategy, robust, zero_tolerances] = GetParam();
-    const int num_iterations = strategy == ceres::DOGLEG ? problem.dogleg_iterations : problem.lm_iterations;
-    const ceres::Solver::Options options =
-        zero_tolerances ? ZeroToleranceOptions(strategy, num_iterations) : DefaultOptions(strategy);
-    return Solve(who, configuration, options, problem.make, robust ? problem.loss : tools::LossSpec());
-  }
+ceres::Solver::Options OptionsOf(const Case& c) {
+  const int num_iterations = c.strategy == ceres::DOGLEG ? c.problem.dogleg_iterations : c.problem.lm_iterations;
+  return c.zero_tolerances ? ZeroToleranceOptions(c.strategy, num_iterations) : DefaultOptions(c.strategy);
+}
+
+// Two solves by stock Ceres that round differently, and ours.
+struct Solves {
+  Solved stock;
+  Solved other;
+  Solved ours;
 };
 
-TEST_P(TraceParity, FollowsStock) {
-  const Problem& problem = GetParam().problem;
-  if (!problem.data.empty() && FindData(problem.data).empty()) {
-    GTEST_SKIP() << MissingData(problem.data);
-  }
-  const Solved stock = SolveBy(Who::kStock, problem.stock);
-  const Solved other = SolveBy(Who::kStock, problem.other);
-  const Solved ours = SolveBy(Who::kInceres, problem.stock);
+Solves SolveByAll(const Problem& problem, const tools::LossSpec& loss, const ceres::Solver::Options& options) {
+  return {Solve(Who::kStock, problem.stock, options, problem.make, loss),
+          Solve(Who::kStock, problem.other, options, problem.make, loss),
+          Solve(Who::kInceres, problem.stock, options, problem.make, loss)};
+}
+
+void ExpectOursFollowsStock(const Solves& solves) {
+  const auto& [stock, other, ours] = solves;
   const TraceDifference spread = CompareTraces(stock.summary, other.summary);
   const TraceDifference difference = CompareTraces(stock.summary, ours.summary);
-  RecordProperty("stock_cost_difference", Printed(spread.cost));
-  RecordProperty("cost_difference", Printed(difference.cost));
-  RecordProperty("radius_difference", Printed(difference.radius));
+  ::testing::Test::RecordProperty("stock_cost_difference", Printed(spread.cost));
+  ::testing::Test::RecordProperty("cost_difference", Printed(difference.cost));
+  ::testing::Test::RecordProperty("radius_difference", Printed(difference.radius));
 
   ASSERT_TRUE(stock.summary.IsSolutionUsable()) << stock.summary.message;
   ASSERT_GE(stock.summary.iterations.size(), kLeastIterations);
@@ -95,6 +96,16 @@ TEST_P(TraceParity, FollowsStock) {
   if (stock.summary.iterations.size() == ours.summary.iterations.size()) {
     ExpectSameCounts(stock.summary, ours.summary);
   }
+}
+
+class TraceParity : public ::testing::TestWithParam<Case> {};
+
+TEST_P(TraceParity, FollowsStock) {
+  const Case& c = GetParam();
+  if (!c.problem.data.empty() && FindData(c.problem.data).empty()) {
+    GTEST_SKIP() << MissingData(c.problem.data);
+  }
+  ExpectOursFollowsStock(SolveByAll(c.problem, c.robust ? c.problem.loss : tools::LossSpec(), OptionsOf(c)));
 }
 
 const char kStreet[] = "street-16-1200-pre.txt";
@@ -185,6 +196,29 @@ std::vector<Case> Cases() {
 std::string NameOfInstance(const ::testing::TestParamInfo<Case>& instance) {
   return NameOf(instance.param);
 }
+
+// Between the clamps the Jacobi scale cancels out of the damping; only where they bite does it show that it is frozen at the
+// start.
+class ClampedDamping : public ::testing::TestWithParam<bool> {};
+
+TEST_P(ClampedDamping, FollowsStock) {
+  for (const bool dogleg : {false, true}) {
+    SCOPED_TRACE(dogleg ? "Dog-Leg" : "Levenberg-Marquardt");
+    // A radius within which the steps hang on the damping.
+    const Problem street = WellConditioned().front();
+    ceres::Solver::Options options = ZeroToleranceOptions(dogleg ? ceres::DOGLEG : ceres::LEVENBERG_MARQUARDT, 6);
+    options.initial_trust_region_radius = 10.0;
+    options.jacobi_scaling = GetParam();
+    const Solved unclamped = Solve(Who::kInceres, street.stock, options, street.make, tools::LossSpec());
+    options.min_lm_diagonal = options.jacobi_scaling ? 0.5 : 1e3;
+    options.max_lm_diagonal = options.jacobi_scaling ? 0.9 : 1e5;
+    const Solves clamped = SolveByAll(street, tools::LossSpec(), options);
+    EXPECT_GT(CompareTraces(unclamped.summary, clamped.ours.summary).cost, 1e-3) << "the clamps do nothing here";
+    ExpectOursFollowsStock(clamped);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Exact, ClampedDamping, ::testing::Bool(), ::testing::PrintToStringParamName());
 
 INSTANTIATE_TEST_SUITE_P(Exact, TraceParity, ::testing::ValuesIn(Cases()), NameOfInstance);
 
