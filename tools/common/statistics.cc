@@ -27,6 +27,15 @@ Spread Summarize(std::vector<double> values) {
   return spread;
 }
 
+double Percentile(std::vector<double> values, double fraction) {
+  assert(!values.empty() && fraction > 0.0 && fraction <= 1.0);
+  // 0.95 · 20 is a little more than 19 in doubles, which must not become rank 20.
+  const double rank = std::ceil(fraction * static_cast<double>(values.size()) - 1e-9);
+  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(rank) - 1;
+  std::nth_element(values.begin(), nth, values.end());
+  return *nth;
+}
+
 Spread SummarizeRatios(const std::vector<double>& numerators, const std::vector<double>& denominators) {
   assert(numerators.size() == denominators.size());
   std::vector<double> ratios(numerators.size());

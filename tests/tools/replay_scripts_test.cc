@@ -1,0 +1,206 @@
+// The protocols of the two replays, counted on small problems.
+#include "tools/common/replay_scripts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "inceres/graph/rotation.h"
+#include "tools/small_keyframes.h"
+#include "tools/small_problems.h"
+
+namespace inceres::tools {
+namespace {
+
+using Kind = ReplayVariable::Kind;
+using Bal = BalReprojectionFamily::Measurement;
+using Prior = DiagonalPriorFamily::Measurement;
+using Reprojection = InverseDepthReprojectionFamily::Measurement;
+using RelativePose = RelativePoseFamily::Measurement;
+
+// Point p is seen by cameras p mod 4 and the next two, in an order that is not that of the cameras.
+BalProblem Chain() {
+  BalProblem bal = SmallBal(6, 8);
+  std::vector<BalObservation> kept;
+  for (auto it = bal.observations.rbegin(); it != bal.observations.rend(); ++it) {
+    const int offset = it->camera - it->point % 4;
+    if (offset >= 0 && offset <= 2) {
+      kept.push_back(*it);
+    }
+  }
+  bal.observations = kept;
+  return bal;
+}
+
+template <typename Measurement>
+int CountFactors(const ReplayStep& step) {
+  return static_cast<int>(std::count_if(step.factors.begin(), step.factors.end(), [](const ReplayFactor& factor) {
+    return std::holds_alternative<Measurement>(factor.measurement);
+  }));
+}
+
+TEST(BalReplay, PointsEnterWithTheirSecondCamera) {
+  const BalProblem bal = Chain();
+  const ReplayScript script = MakeBalReplay(bal, {});
+  EXPECT_FALSE(script.dogleg);
+  ASSERT_EQ(script.steps.size(), 5u);
+  // Points p with p mod 4 = c enter with camera c + 1: two of them, with two observations each; the third comes a step later.
+  const int points[5] = {2, 2, 2, 2, 0};
+  const int observations[5] = {4, 6, 6, 6, 2};
+  std::set<std::pair<double, double>> seen;
+  for (std::size_t i = 0; i < 5; ++i) {
+    const ReplayStep& step = script.steps[i];
+    const int cameras = i == 0 ? 2 : 1;
+    EXPECT_EQ(static_cast<int>(step.variables.size()), cameras + points[i]) << i;
+    EXPECT_EQ(CountFactors<Bal>(step), observations[i]) << i;
+    EXPECT_EQ(CountFactors<Prior>(step), 1 + points[i]) << i;  // the first camera, fixed, has none
+    EXPECT_FALSE(step.closes_loop);
+    for (const ReplayFactor& factor : step.factors) {
+      if (const Bal* measurement = std::get_if<Bal>(&factor.measurement)) {
+        EXPECT_EQ(factor.huber, 1.0);
+        EXPECT_TRUE(seen.emplace(measurement->x, measurement->y).second) << "an observation twice";
+      } else {
+        EXPECT_EQ(factor.huber, 0.0);
+      }
+    }
+  }
+  EXPECT_EQ(seen.size(), bal.observations.size());
+}
+
+TEST(BalReplay, FactorsNameTheVariablesOfTheirObservation) {
+  const BalProblem bal = Chain();
+  std::vector<ReplayVariable> variables;
+  for (const ReplayStep& step : MakeBalReplay(bal, {}).steps) {
+    variables.insert(variables.end(), step.variables.begin(), step.variables.end());
+    for (const ReplayFactor& factor : step.factors) {
+      for (const int variable : factor.variables) {
+        ASSERT_LT(static_cast<std::size_t>(variable), variables.size()) << "a variable before it arrived";
+      }
+      if (const Bal* m = std::get_if<Bal>(&factor.measurement)) {
+        // The observations are perfect, the start values near the truth: a wrong camera or point would be tens of pixels off.
+        double r[2];
+        BalReprojectionError{{m->x, m->y}}(variables[static_cast<std::size_t>(factor.variables[0])].start.data(),
+                                           variables[static_cast<std::size_t>(factor.variables[1])].start.data(), r);
+        EXPECT_LT(std::hypot(r[0], r[1]), 15.0);
+      }
+    }
+  }
+}
+
+TEST(BalReplay, NoiseAndPriors) {
+  const BalProblem bal = SmallBal(40, 200);
+  const ReplayScript script = MakeBalReplay(bal, {});
+  double sum[3] = {0.0, 0.0, 0.0};  // squares of rotation, translation and point noise over what the prior says they are
+  double count[3] = {0.0, 0.0, 0.0};
+  double sigma[3] = {0.0, 0.0, 0.0};
+  for (const ReplayStep& step : script.steps) {
+    for (const ReplayFactor& factor : step.factors) {
+      const Prior* prior = std::get_if<Prior>(&factor.measurement);
+      if (prior == nullptr) {
+        continue;
+      }
+      const bool camera = prior->mean.size() == 6;
+      ASSERT_EQ(prior->mean.size(), camera ? 6u : 3u);
+      // All cameras but the first come one by one after all points and two cameras arrived in step 1.
+      const int number = factor.variables[0];
+      const int index = camera ? (number == 1 ? 1 : number - 200) : number - 2;
+      const double* solved = camera ? bal.CameraData(index) : bal.PointData(index);
+      for (std::size_t k = 0; k < prior->mean.size(); ++k) {
+        const std::size_t kind = camera ? (k < 3 ? 0 : 1) : 2;
+        sigma[kind] = 0.1 / prior->sqrt_information[k];
+        const double noise = (prior->mean[k] - solved[k]) / sigma[kind];
+        if (camera || std::fabs(noise) < 10.0) {  // points come in the order of the observations, which is theirs
+          sum[kind] += noise * noise;
+          count[kind] += 1.0;
+        }
+      }
+    }
+  }
+  EXPECT_EQ(count[0], 3 * 39);
+  EXPECT_EQ(count[1], 3 * 39);
+  EXPECT_EQ(count[2], 3 * 200);
+  EXPECT_NEAR(sigma[0], 1e-3, 1e-15);
+  EXPECT_NEAR(sigma[2], 20.0 * sigma[1], 1e-12);
+  for (std::size_t kind = 0; kind < 3; ++kind) {
+    EXPECT_NEAR(std::sqrt(sum[kind] / count[kind]), 1.0, 0.2) << kind;
+  }
+}
+
+TEST(BalReplay, Options) {
+  const BalProblem bal = Chain();
+  const ReplayScript plain = MakeBalReplay(bal, {});
+  const auto start = [](const ReplayScript& script) { return script.steps[0].variables[1].start; };
+  EXPECT_EQ(plain.steps[0].variables[0].kind, Kind::kBalCameraPose);
+  EXPECT_TRUE(plain.steps[0].variables[0].constant);
+  EXPECT_FALSE(plain.steps[0].variables[1].constant);
+  EXPECT_TRUE(std::equal(bal.CameraData(0), bal.CameraData(0) + 9, plain.steps[0].variables[0].start.begin()));
+  EXPECT_NE(start(plain)[0], bal.CameraData(1)[0]);
+  EXPECT_EQ(start(plain)[6], bal.CameraData(1)[6]);
+
+  BalReplayOptions options;
+  EXPECT_EQ(start(MakeBalReplay(bal, options)), start(plain));
+  options.seed = 2;
+  EXPECT_NE(start(MakeBalReplay(bal, options)), start(plain));
+  options = {};
+  options.free_intrinsics = true;
+  options.priors = false;
+  const ReplayScript torture = MakeBalReplay(bal, options);
+  EXPECT_EQ(start(torture), start(plain));
+  EXPECT_EQ(torture.steps[0].variables[1].kind, Kind::kBalCamera);
+  for (const ReplayStep& step : torture.steps) {
+    EXPECT_EQ(CountFactors<Prior>(step), 0);
+  }
+}
+
+TEST(KeyframeReplay, FeaturesEnterAtTheirFirstObservation) {
+  KeyframeSequence sequence = SmallKeyframes(13);
+  const ReplayScript script = MakeKeyframeReplay(sequence);
+  EXPECT_TRUE(script.dogleg);
+  ASSERT_EQ(script.steps.size(), 12u);
+  EXPECT_TRUE(script.steps[0].variables[0].constant);
+  std::set<int> entered;
+  for (std::size_t i = 0; i < script.steps.size(); ++i) {
+    const ReplayStep& step = script.steps[i];
+    const Keyframe& keyframe = sequence.keyframes[i + 1];
+    int fresh = 0;
+    int measured = 0;
+    for (const KeyframeObservation& observation : keyframe.observations) {
+      if (entered.insert(observation.feature).second) {
+        ++fresh;
+        measured += sequence.features[static_cast<std::size_t>(observation.feature)].inverse_depth > 0.0 ? 1 : 0;
+      }
+    }
+    EXPECT_EQ(static_cast<int>(step.variables.size()), fresh + (i == 0 ? 2 : 1));
+    EXPECT_EQ(CountFactors<Reprojection>(step), static_cast<int>(keyframe.observations.size()));
+    EXPECT_EQ(CountFactors<RelativePose>(step), static_cast<int>(keyframe.betweens.size()));
+    EXPECT_EQ(CountFactors<Prior>(step), measured);
+    EXPECT_EQ(step.closes_loop, i == 11);  // keyframe 12 sees keyframe 0
+  }
+  EXPECT_GT(entered.size(), 10u);
+}
+
+TEST(KeyframeReplay, StartOfAnInverseDepth) {
+  KeyframeSequence sequence = SmallKeyframes(2);
+  sequence.keyframes[1].observations.resize(3);
+  for (int k = 0; k < 3; ++k) {
+    sequence.keyframes[1].observations[static_cast<std::size_t>(k)].feature = k;
+  }
+  sequence.features[0].inverse_depth = sequence.features[1].inverse_depth = 0.8;
+  sequence.features[2].inverse_depth = 0.0;
+  sequence.keyframes[1].depth_guesses = {{0, 0.3}};
+  const ReplayScript script = MakeKeyframeReplay(sequence);
+  ASSERT_EQ(script.steps[0].variables.size(), 5u);
+  EXPECT_EQ(script.steps[0].variables[2].start[0], 0.3);  // guessed
+  EXPECT_EQ(script.steps[0].variables[3].start[0], 0.8);  // measured
+  EXPECT_EQ(script.steps[0].variables[4].start[0], 0.5);  // neither
+  const auto prior = std::find_if(script.steps[0].factors.begin(), script.steps[0].factors.end(),
+                                  [](const ReplayFactor& factor) { return std::holds_alternative<Prior>(factor.measurement); });
+  ASSERT_NE(prior, script.steps[0].factors.end());
+  EXPECT_EQ(std::get<Prior>(prior->measurement).mean[0], 0.8);
+  EXPECT_DOUBLE_EQ(std::get<Prior>(prior->measurement).sqrt_information[0], 10.0);
+}
+
+}  // namespace
+}  // namespace inceres::tools

@@ -1,0 +1,138 @@
+#!/usr/bin/env python3
+"""replay as a user runs it. Arguments: the executable, the folder of bundled problems."""
+
+import json
+import os
+import re
+import sys
+import tempfile
+import unittest
+
+from tool_test_support import run, write_small_bal
+
+TOOL, BAL_DATA = sys.argv[1:3]
+
+IDENTITY = "1 0 0 0 1 0 0 0 1"
+
+
+def write_small_keyframes(path, num_keyframes=14):
+    """Cameras that move sideways past points 2 m away; each keyframe anchors 8 and sees those of the two before again."""
+    lines = ["# a wall"]
+    for i in range(num_keyframes):
+        lines.append(f"KEYFRAME {i} {IDENTITY} {0.2 * i + (0.01 if i else 0)} 0 0")
+        for k in range(8 if i else 0):
+            lines.append(f"DEPTH_GUESS {i - 1} {k} 0.4")
+        for k in range(8):
+            lines.append(f"FEATURE {i} {k} {0.1 * k - 0.4} {0.05 * (k % 3)} {0.5 if k % 2 else 0}")
+        for a in range(max(0, i - 2), i):
+            for k in range(8):
+                lines.append(f"OBS {i} {a} {k} {0.1 * k - 0.4 - 0.1 * (i - a)} {0.05 * (k % 3)} 0 2e5 0 2e5")
+        for a in {i - 1, i - 12} - {-1} if i else ():
+            if a >= 0:
+                information = " ".join("100" if k % 7 == 0 else "0" for k in range(36))
+                lines.append(f"BETWEEN {a} {i} {IDENTITY} {-0.2 * (i - a)} 0 0 {information}")
+    with open(path, "w", encoding="ascii") as file:
+        file.write("\n".join(lines) + "\n")
+
+
+class ReplayTest(unittest.TestCase):
+    def setUp(self):
+        self.directory = tempfile.TemporaryDirectory()
+        self.addCleanup(self.directory.cleanup)
+        self.bal = "bal:" + self.file("small.txt")
+        write_small_bal(self.file("small.txt"))
+        self.keyframes = "kf:" + self.file("small.kf")
+        write_small_keyframes(self.file("small.kf"))
+
+    def file(self, name):
+        return os.path.join(self.directory.name, name)
+
+    def play(self, problem, *flags):
+        """Plays and returns standard output and the JSON report."""
+        report = self.file("report.json")
+        output, _ = run(TOOL, "--problem", problem, "--json", report, *flags)
+        with open(report, encoding="utf-8") as file:
+            return output, json.load(file)
+
+    def fails(self, code, *flags):
+        _, message = run(TOOL, *flags, code=code)
+        return message
+
+    def check(self, report, steps):
+        self.assertEqual(report["steps"], steps)
+        self.assertEqual([row["step"] for row in report["rows"]], list(range(1, steps + 1)))
+        for side in ("ours", "stock"):
+            times = sorted(row[side]["ms"] for row in report["rows"])
+            self.assertAlmostEqual(report[side + "_ms"]["total"], sum(times), delta=1e-9 * sum(times))
+            self.assertEqual(report[side + "_ms"]["max"], times[-1])
+            self.assertEqual(report["failed_steps"][side], 0)
+        self.assertAlmostEqual(report["ratio_total"], report["ours_ms"]["total"] / report["stock_ms"]["total"], delta=1e-9)
+        self.assertAlmostEqual(report["ratio_median"], report["ours_ms"]["median"] / report["stock_ms"]["median"], delta=1e-9)
+
+    def test_bal(self):
+        for flags in ((), ("--autodiff",), ("--free_intrinsics",), ("--num_threads", "2"), ("--trust_region", "dogleg"),
+                      ("--stock_linear_solver", "sparse_schur"), ("--nopresolve",)):
+            output, report = self.play(self.bal, *flags)
+            self.check(report, 5)
+            self.assertLess(abs(report["max_relative_cost_excess"]), 1e-5, flags)
+            self.assertIn("ours / stock", output)
+            self.assertEqual(report["rows"][-1]["frames"], 6)
+            self.assertEqual(report["rows"][-1]["landmarks"], 40)
+            self.assertIsNone(report["worst_loop_ratio"])
+
+    def test_keyframes(self):
+        for flags in ((), ("--autodiff",), ("--trust_region", "lm")):
+            output, report = self.play(self.keyframes, *flags)
+            self.check(report, 13)
+            self.assertLess(abs(report["max_relative_cost_excess"]), 1e-5, flags)
+            self.assertEqual([row["step"] for row in report["rows"] if row["closes_loop"]], [12, 13])
+            self.assertEqual(len(re.findall(r"  loop$", output, re.MULTILINE)), 2)
+            self.assertGreater(report["worst_loop_ratio"], 0)
+
+    def test_flags_change_what_they_say(self):
+        _, plain = self.play(self.bal)
+        start = plain["rows"][0]["ours"]["initial_cost"]
+        _, same = self.play(self.bal)
+        self.assertEqual(same["rows"][0]["ours"]["initial_cost"], start)
+        for flags in (("--seed", "2"), ("--nopresolve",)):
+            _, other = self.play(self.bal, *flags)
+            self.assertNotEqual(other["rows"][0]["ours"]["initial_cost"], start, flags)
+        _, without = self.play(self.bal, "--no_priors")
+        self.assertLess(without["rows"][0]["factors"], plain["rows"][0]["factors"])
+        _, short = self.play(self.bal, "--steps", "2", "--nooptimum")
+        self.check(short, 2)
+        self.assertIsNone(short["max_relative_cost_excess"])
+        self.assertIsNone(short["rows"][0]["optimum_cost"])
+        for flags in (("--max_num_iterations", "1"), ("--function_tolerance", "0.5"), ("--parameter_tolerance", "0.5"),
+                      ("--gradient_tolerance", "1e9")):
+            _, early = self.play(self.bal, *flags)
+            iterations = [sum(row["stock"]["iterations"] for row in report["rows"]) for report in (plain, early)]
+            self.assertLess(iterations[1], iterations[0], flags)
+        output, _ = self.play(self.bal, "--print_every", "1")
+        self.assertEqual(len(re.findall(r"^ +\d+ +\d+ +\d+ +\d+ \|", output, re.MULTILINE)), 5)
+
+    def test_flags_that_make_no_sense(self):
+        for flag, value in (("--mode", "fast"), ("--trust_region", "newton"), ("--stock_linear_solver", "magic"), ("--seed", "-1"),
+                            ("--steps", "-1"), ("--num_threads", "0"), ("--max_num_iterations", "0"), ("--print_every", "0"),
+                            ("--function_tolerance", "-1"), ("--gradient_tolerance", "nan"), ("--parameter_tolerance", "inf")):
+            self.assertIn(flag, self.fails(2, "--problem", self.bal, flag, value))
+        for problem in ("", "bal:", "g2o:x", "small.txt"):
+            self.assertIn("--problem", self.fails(2, "--problem", problem))
+        self.assertIn("not available yet", self.fails(2, "--problem", self.bal, "--mode", "incremental"))
+        for flags in (("--no_priors",), ("--free_intrinsics",), ("--seed", "3"), ("--nopresolve",)):
+            self.assertIn("bal: problems only", self.fails(2, "--problem", self.keyframes, *flags))
+
+    def test_files_that_cannot_be_played(self):
+        self.assertIn("none.txt", self.fails(1, "--problem", "bal:" + self.file("none.txt")))
+        with open(self.file("bad.kf"), "w", encoding="ascii") as file:
+            file.write(f"KEYFRAME 0 {IDENTITY} 0 0 0\nFEATURE 0 0 x 0 0\n")
+        self.assertIn("bad.kf:2: FEATURE: x", self.fails(1, "--problem", "kf:" + self.file("bad.kf")))
+        write_small_keyframes(self.file("one.kf"), 1)
+        self.assertIn("two or more keyframes", self.fails(1, "--problem", "kf:" + self.file("one.kf")))
+        write_small_bal(self.file("one.txt"), num_cameras=1)
+        self.assertIn("two or more cameras", self.fails(1, "--problem", "bal:" + self.file("one.txt")))
+        self.assertIn("no/report.json", self.fails(1, "--problem", self.bal, "--json", self.file("no/report.json")))
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])

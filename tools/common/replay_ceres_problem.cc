@@ -1,0 +1,144 @@
+#include "tools/common/replay_ceres_problem.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <string>
+#include <utility>
+
+#include <ceres/loss_function.h>
+#include <ceres/manifold.h>
+#include <ceres/product_manifold.h>
+
+#include "tools/common/bal_cost.h"
+#include "tools/common/factor_cost_function.h"
+#include "tools/common/keyframe_cost.h"
+
+namespace inceres::tools {
+namespace {
+
+template <typename Family, typename... Arguments>
+ceres::CostFunction* MakeAnalyticCost(const typename Family::Measurement& measurement, Arguments... arguments) {
+  auto family = std::make_unique<Family>(arguments...);
+  family->Add(measurement);
+  return new FactorCostFunction(std::move(family));
+}
+
+}  // namespace
+
+ceres::Manifold* ReplayCeresProblem::ManifoldOf(ReplayVariable::Kind kind) {
+  using PlainPoseManifold = ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::EigenQuaternionManifold>;
+  const auto found = manifolds_.find(kind);
+  if (found != manifolds_.end()) {
+    return found->second;
+  }
+  ceres::Manifold* manifold = nullptr;
+  if (kind == ReplayVariable::Kind::kBalCameraPose) {
+    manifold = new ceres::SubsetManifold(9, {6, 7, 8});
+  } else if (kind == ReplayVariable::Kind::kPose) {
+    manifold = autodiff_ ? static_cast<ceres::Manifold*>(new PlainPoseManifold) : new PoseBlockManifold;
+  }
+  return manifolds_[kind] = manifold;
+}
+
+ceres::LossFunction* ReplayCeresProblem::LossOf(double huber) {
+  if (huber == 0.0) {
+    return nullptr;
+  }
+  ceres::LossFunction*& loss = losses_[huber];
+  if (loss == nullptr) {
+    loss = new ceres::HuberLoss(huber);
+  }
+  return loss;
+}
+
+ceres::CostFunction* ReplayCeresProblem::CostOf(const ReplayFactor& factor) const {
+  if (autodiff_) {
+    return AutoDiffCostOf(factor);
+  }
+  if (const auto* bal = std::get_if<BalReprojectionFamily::Measurement>(&factor.measurement)) {
+    return MakeAnalyticCost<BalReprojectionFamily>(*bal);
+  }
+  if (const auto* reprojection = std::get_if<InverseDepthReprojectionFamily::Measurement>(&factor.measurement)) {
+    return MakeAnalyticCost<InverseDepthReprojectionFamily>(*reprojection);
+  }
+  if (const auto* relative = std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
+    return MakeAnalyticCost<RelativePoseFamily>(*relative);
+  }
+  const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
+  const int ambient_size = AmbientSize(kinds_[static_cast<std::size_t>(factor.variables[0])]);
+  return MakeAnalyticCost<DiagonalPriorFamily>(prior, static_cast<int>(prior.mean.size()), ambient_size, ambient_size);
+}
+
+ceres::CostFunction* ReplayCeresProblem::AutoDiffCostOf(const ReplayFactor& factor) const {
+  if (const auto* bal = std::get_if<BalReprojectionFamily::Measurement>(&factor.measurement)) {
+    return BalReprojectionError::Create({0, 0, bal->x, bal->y});
+  }
+  if (const auto* reprojection = std::get_if<InverseDepthReprojectionFamily::Measurement>(&factor.measurement)) {
+    return InverseDepthReprojectionError::Create(*reprojection);
+  }
+  if (const auto* relative = std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
+    return RelativePoseError::Create(*relative);
+  }
+  const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
+  const double* mean = prior.mean.data();
+  const double* sqrt_information = prior.sqrt_information.data();
+  const int ambient_size = AmbientSize(kinds_[static_cast<std::size_t>(factor.variables[0])]);
+  switch (10 * prior.mean.size() + static_cast<std::size_t>(ambient_size)) {
+    case 11:
+      return DiagonalPriorError<1, 1>::Create(mean, sqrt_information);
+    case 33:
+      return DiagonalPriorError<3, 3>::Create(mean, sqrt_information);
+    case 69:
+      return DiagonalPriorError<6, 9>::Create(mean, sqrt_information);
+    default:
+      return nullptr;
+  }
+}
+
+Status ReplayCeresProblem::Add(const ReplayStep& step) {
+  for (const ReplayVariable& variable : step.variables) {
+    double* values = values_.emplace_back(variable.start).data();
+    kinds_.push_back(variable.kind);
+    problem_.AddParameterBlock(values, AmbientSize(variable.kind), ManifoldOf(variable.kind));
+    if (variable.constant) {
+      problem_.SetParameterBlockConstant(values);
+    }
+    ordering_.AddElementToGroup(values, IsLandmark(variable.kind) ? 0 : 1);
+  }
+  for (std::size_t i = 0; i < step.factors.size(); ++i) {
+    const ReplayFactor& factor = step.factors[i];
+    ceres::CostFunction* cost = CostOf(factor);
+    if (cost == nullptr) {
+      return Status::Error(StatusCode::kInvalidArgument,
+                           "factor " + std::to_string(i) + " of the step: a prior of this shape has no AutoDiff version");
+    }
+    std::vector<double*> blocks;
+    for (const int variable : factor.variables) {
+      blocks.push_back(values_[static_cast<std::size_t>(variable)].data());
+    }
+    problem_.AddResidualBlock(cost, LossOf(factor.huber), blocks);
+  }
+  return Status::Ok();
+}
+
+std::shared_ptr<ceres::ParameterBlockOrdering> ReplayCeresProblem::LandmarksFirst() const {
+  return std::make_shared<ceres::ParameterBlockOrdering>(ordering_);
+}
+
+std::vector<double> ReplayCeresProblem::State() const {
+  std::vector<double> state;
+  for (std::size_t i = 0; i < kinds_.size(); ++i) {
+    state.insert(state.end(), values_[i].begin(), values_[i].begin() + AmbientSize(kinds_[i]));
+  }
+  return state;
+}
+
+void ReplayCeresProblem::SetState(const std::vector<double>& state) {
+  auto next = state.begin();
+  for (std::size_t i = 0; i < kinds_.size(); ++i) {
+    std::copy_n(next, AmbientSize(kinds_[i]), values_[i].begin());
+    next += AmbientSize(kinds_[i]);
+  }
+}
+
+}  // namespace inceres::tools

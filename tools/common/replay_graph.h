@@ -1,0 +1,50 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <tuple>
+#include <vector>
+
+#include "inceres/graph/factor_graph.h"
+#include "inceres/graph/losses.h"
+#include "tools/common/replay_step.h"
+
+namespace inceres::tools {
+
+/// A factor graph of built-in analytic factors that grows by the steps of a replay. Variable ids are the replay's numbers, and
+/// the graph's state is laid out like a replay's.
+class ReplayGraph {
+ public:
+  void Add(const ReplayStep& step);
+  FactorGraph* graph() { return &graph_; }
+  const FactorGraph& graph() const { return graph_; }
+
+ private:
+  // A family and its id in the graph, made when first used.
+  template <typename Family>
+  struct Member {
+    FamilyId id = -1;
+    std::shared_ptr<Family> family;
+  };
+  using PriorShape = std::tuple<int, int, int>;  // rows, ambient size, tangent size
+
+  template <typename Family, typename... Arguments>
+  void AddTo(Member<Family>* member, const typename Family::Measurement& measurement, const ReplayFactor& factor,
+             Arguments... arguments);
+  void AddFactor(const ReplayFactor& factor);
+  std::shared_ptr<const Manifold> ManifoldOf(ReplayVariable::Kind kind);
+  std::shared_ptr<const Loss> LossOf(double huber);
+
+  FactorGraph graph_;
+  std::vector<ReplayVariable::Kind> kinds_;
+  std::vector<char> touched_;   // by a factor
+  std::vector<char> constant_;  // by the replay's wish
+  std::map<ReplayVariable::Kind, std::shared_ptr<const Manifold>> manifolds_;
+  std::map<double, std::shared_ptr<const Loss>> losses_;
+  std::map<int, Member<BalReprojectionFamily>> bal_;  // by tangent size of the camera
+  Member<InverseDepthReprojectionFamily> inverse_depth_;
+  Member<RelativePoseFamily> relative_pose_;
+  std::map<PriorShape, Member<DiagonalPriorFamily>> priors_;
+};
+
+}  // namespace inceres::tools

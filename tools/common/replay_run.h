@@ -1,0 +1,48 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "inceres/status.h"
+#include "tools/common/replay_solver.h"
+#include "tools/common/replay_step.h"
+
+namespace inceres::tools {
+
+/// What one side did in one step.
+struct ReplaySide {
+  ReplayOutcome outcome;
+  double growth_seconds = 0.0;  ///< AddStep
+  double cost = 0.0;            ///< of its state after the solve, evaluated by the judge
+};
+
+/// One step of a replay. Variables and factors are counted from the start of the replay.
+struct ReplayRow {
+  int step = 0;  ///< 1, 2, …
+  int num_frames = 0;
+  int num_landmarks = 0;
+  int num_factors = 0;
+  bool closes_loop = false;
+  ReplaySide ours;
+  ReplaySide stock;
+  /// The minimum stock Levenberg–Marquardt reaches from the state ours started the step with; absent if not asked for or if that
+  /// solve failed.
+  std::optional<double> optimum_cost;
+
+  /// (our cost − optimum) / optimum. Costs below 1e-16 of the step's initial cost are rounding and count as that.
+  std::optional<double> RelativeCostExcess() const;
+};
+
+struct ReplayRunOptions {
+  int max_steps = 0;         ///< 0: all
+  bool find_optimum = true;  ///< fill ReplayRow::optimum_cost: as slow as a cold stock solve each step, not timed
+};
+
+/// Plays the script to both sides in lockstep: each step both grow, then ours solves, then stock, then the judge looks. Each side
+/// goes on from its own state. A solve that fails is in its row and ends nothing; an error is a step that cannot be added.
+/// `on_row` is called after each step.
+Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, ReplaySolver* ours, ReplaySolver* stock,
+                 ReplayReference* judge, const std::function<void(const ReplayRow&)>& on_row, std::vector<ReplayRow>* rows);
+
+}  // namespace inceres::tools

@@ -1,0 +1,35 @@
+#pragma once
+
+#include "inceres/io/bal.h"
+#include "inceres/io/keyframes.h"
+#include "inceres/status.h"
+#include "tools/common/replay_step.h"
+
+namespace inceres::tools {
+
+/// How a BAL problem is replayed.
+struct BalReplayOptions {
+  bool free_intrinsics = false;  ///< else f, k1, k2 are held
+  bool priors = true;
+  unsigned seed = 1;
+};
+
+/// Moves the problem to its minimum: Huber(1), at most 400 iterations of the core's batch solver at its default tolerances (at
+/// tighter ones the points of low parallax run further off, and the rest shrinks). A failed solve is an error; running into the
+/// limit is not.
+Status SolveForReplay(int num_threads, BalProblem* bal);
+
+/// Cameras in index order, each step one (the first step two), with the points that two cameras so far see and all their
+/// observations by the cameras so far; Huber(1). A new camera or point starts at its value in `bal` plus seeded Gaussian noise of
+/// standard deviation 1e-3 rad (rotation), 1e-4 D (translation), 2e-3 D (points), where D is the median over the observations of
+/// the point's distance from the camera, and gets a prior there of ten times that. The first camera is fixed, without noise.
+/// Requires bal.Validate().ok() and two or more cameras. The same bits for the same seed.
+ReplayScript MakeBalReplay(const BalProblem& bal, const BalReplayOptions& options);
+
+/// Keyframes in order, each step one (the first step two), with the features they are the first to see again: inverse depth in
+/// the anchor, starting at its DEPTH_GUESS, else its measured value, else 0.5 1/m, with a prior of σ = 0.1 1/m on the measured
+/// value if there is one. Observations and BETWEEN are whitened by their information, Huber(1). The first keyframe is fixed. A
+/// step closes a loop if it has a BETWEEN of keyframes more than 10 apart. Requires two or more keyframes.
+ReplayScript MakeKeyframeReplay(const KeyframeSequence& sequence);
+
+}  // namespace inceres::tools

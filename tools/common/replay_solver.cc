@@ -1,0 +1,195 @@
+#include "tools/common/replay_solver.h"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+
+#include <ceres/solver.h>
+
+#include "inceres/ceres/solve.h"
+#include "inceres/solver/solver.h"
+#include "tools/common/replay_ceres_problem.h"
+#include "tools/common/replay_graph.h"
+
+namespace inceres::tools {
+namespace {
+
+template <typename Function>
+double Seconds(Function function) {
+  const auto start = std::chrono::steady_clock::now();
+  function();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+ceres::Solver::Options CeresOptions(const ReplaySettings& settings) {
+  ceres::Solver::Options options;
+  options.trust_region_strategy_type = settings.dogleg ? ceres::DOGLEG : ceres::LEVENBERG_MARQUARDT;
+  options.linear_solver_type = settings.dense_schur ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+  options.num_threads = settings.num_threads;
+  options.max_num_iterations = settings.max_num_iterations;
+  options.function_tolerance = settings.function_tolerance;
+  options.gradient_tolerance = settings.gradient_tolerance;
+  options.parameter_tolerance = settings.parameter_tolerance;
+  options.logging_type = ceres::SILENT;
+  return options;
+}
+
+SolverOptions CoreOptions(const ReplaySettings& settings) {
+  SolverOptions options;
+  options.strategy = settings.dogleg ? TrustRegionStrategyKind::kDogleg : TrustRegionStrategyKind::kLevenbergMarquardt;
+  options.num_threads = settings.num_threads;
+  options.max_num_iterations = settings.max_num_iterations;
+  options.function_tolerance = settings.function_tolerance;
+  options.gradient_tolerance = settings.gradient_tolerance;
+  options.parameter_tolerance = settings.parameter_tolerance;
+  return options;
+}
+
+ReplayOutcome OutcomeOf(const ceres::Solver::Summary& summary, double seconds) {
+  ReplayOutcome outcome;
+  outcome.usable = summary.IsSolutionUsable();
+  outcome.termination = ceres::TerminationTypeToString(summary.termination_type);
+  outcome.message = outcome.usable ? "" : summary.message;
+  outcome.seconds = seconds;
+  outcome.initial_cost = summary.initial_cost;
+  outcome.final_cost = summary.final_cost;
+  outcome.iterations = std::max(0, static_cast<int>(summary.iterations.size()) - 1);
+  outcome.work = {{"residual_evaluations", summary.num_residual_evaluations},
+                  {"jacobian_evaluations", summary.num_jacobian_evaluations},
+                  {"linear_solves", summary.num_linear_solves},
+                  {"unsuccessful_steps", summary.num_unsuccessful_steps}};
+  return outcome;
+}
+
+ReplayOutcome OutcomeOf(const Summary& summary, double seconds) {
+  ReplayOutcome outcome;
+  outcome.usable = summary.IsSolutionUsable();
+  outcome.termination = ToString(summary.termination);
+  outcome.message = outcome.usable ? "" : summary.message + (summary.detail.empty() ? "" : ": " + summary.detail);
+  outcome.seconds = seconds;
+  outcome.initial_cost = summary.initial_cost;
+  outcome.final_cost = summary.final_cost;
+  outcome.iterations = std::max(0, static_cast<int>(summary.iterations.size()) - 1);
+  outcome.work = {{"residual_evaluations", summary.work.num_residual_evaluations},
+                  {"jacobian_evaluations", summary.work.num_jacobian_evaluations},
+                  {"linear_solves", summary.work.num_linear_solves},
+                  {"unsuccessful_steps", summary.num_unsuccessful_steps},
+                  {"schur_products", summary.work.num_schur_products},
+                  {"bytes", summary.work.bytes}};
+  return outcome;
+}
+
+std::string Describe(const ReplaySettings& settings) {
+  return std::string(settings.dogleg ? "Dog-Leg" : "LM") + ", " + (settings.autodiff ? "AutoDiff" : "analytic factors");
+}
+
+// A ceres::Problem solved by stock Ceres or by the shim.
+class CeresReplaySolver : public ReplaySolver {
+ public:
+  CeresReplaySolver(const ReplaySettings& settings, bool shim) : settings_(settings), shim_(shim), living_(settings.autodiff) {}
+
+  std::string Name() const override {
+    return std::string(shim_                   ? "inceres (exact, ceres::Problem)"
+                       : settings_.dense_schur ? "Ceres (dense_schur, landmarks first)"
+                                               : "Ceres (sparse_schur, landmarks first)") +
+           ", " + Describe(settings_);
+  }
+  Status AddStep(const ReplayStep& step) override { return living_.Add(step); }
+
+  ReplayOutcome Solve() override {
+    ceres::Solver::Options options = CeresOptions(settings_);
+    options.linear_solver_ordering = living_.LandmarksFirst();
+    ceres::Solver::Summary summary;
+    SolveReport report;
+    report.strict = true;
+    const double seconds = Seconds([&] {
+      if (shim_) {
+        inceres::Solve(options, living_.problem(), &summary, &report);
+      } else {
+        ceres::Solve(options, living_.problem(), &summary);
+      }
+    });
+    return OutcomeOf(summary, seconds);
+  }
+
+  std::vector<double> State() const override { return living_.State(); }
+
+ private:
+  const ReplaySettings settings_;
+  const bool shim_;
+  ReplayCeresProblem living_;
+};
+
+// A factor graph of built-in factors solved by the core.
+class CoreReplaySolver : public ReplaySolver {
+ public:
+  explicit CoreReplaySolver(const ReplaySettings& settings) : settings_(settings) {}
+
+  std::string Name() const override { return "inceres (exact, factor graph), " + Describe(settings_); }
+  Status AddStep(const ReplayStep& step) override {
+    living_.Add(step);
+    return Status::Ok();
+  }
+  ReplayOutcome Solve() override {
+    Summary summary;
+    const double seconds = Seconds([&] { summary = inceres::Solve(CoreOptions(settings_), living_.graph()); });
+    return OutcomeOf(summary, seconds);
+  }
+  std::vector<double> State() const override { return living_.graph().state(); }
+
+ private:
+  const ReplaySettings settings_;
+  ReplayGraph living_;
+};
+
+}  // namespace
+
+std::unique_ptr<ReplaySolver> MakeStockReplaySolver(const ReplaySettings& settings) {
+  return std::make_unique<CeresReplaySolver>(settings, false);
+}
+
+std::unique_ptr<ReplaySolver> MakeExactReplaySolver(const ReplaySettings& settings) {
+  if (settings.autodiff) {
+    return std::make_unique<CeresReplaySolver>(settings, true);
+  }
+  return std::make_unique<CoreReplaySolver>(settings);
+}
+
+class ReplayReference::Impl {
+ public:
+  explicit Impl(const ReplaySettings& settings) : settings_(settings), living_(settings.autodiff) {
+    settings_.dogleg = false;
+    settings_.max_num_iterations = 500;
+    settings_.function_tolerance = settings_.gradient_tolerance = settings_.parameter_tolerance = 1e-12;
+  }
+
+  ReplaySettings settings_;
+  ReplayCeresProblem living_;
+};
+
+ReplayReference::ReplayReference(const ReplaySettings& settings) : impl_(std::make_unique<Impl>(settings)) {
+}
+
+ReplayReference::~ReplayReference() = default;
+
+Status ReplayReference::AddStep(const ReplayStep& step) {
+  return impl_->living_.Add(step);
+}
+
+double ReplayReference::CostAt(const std::vector<double>& state) {
+  impl_->living_.SetState(state);
+  double cost = 0.0;
+  const bool evaluated = impl_->living_.problem()->Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, nullptr, nullptr);
+  return evaluated ? cost : std::numeric_limits<double>::quiet_NaN();
+}
+
+ReplayOutcome ReplayReference::MinimumFrom(const std::vector<double>& state) {
+  impl_->living_.SetState(state);
+  ceres::Solver::Options options = CeresOptions(impl_->settings_);
+  options.linear_solver_ordering = impl_->living_.LandmarksFirst();
+  ceres::Solver::Summary summary;
+  const double seconds = Seconds([&] { ceres::Solve(options, impl_->living_.problem(), &summary); });
+  return OutcomeOf(summary, seconds);
+}
+
+}  // namespace inceres::tools

@@ -1,0 +1,227 @@
+// Plays a problem that arrives step by step to inceres and to stock Ceres, side by side.
+
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gflags/gflags.h>
+#include <glog/logging.h>
+
+#include "inceres/io/bal.h"
+#include "inceres/io/keyframes.h"
+#include "tools/common/command_line.h"
+#include "tools/common/environment.h"
+#include "tools/common/replay_report.h"
+#include "tools/common/replay_run.h"
+#include "tools/common/replay_scripts.h"
+#include "tools/common/text_file.h"
+
+DEFINE_string(problem, "", "bal:FILE or kf:FILE. Required.");
+DEFINE_string(mode, "exact", "How inceres solves: exact (its batch solver, warm). incremental is not available yet.");
+DEFINE_bool(autodiff, false, "Give both sides AutoDiff cost functions instead of the same analytic factors.");
+DEFINE_bool(free_intrinsics, false, "bal only: free the intrinsics; without it they are held.");
+DEFINE_bool(no_priors, false, "bal only: leave out the priors on new cameras and points.");
+DEFINE_bool(presolve, true, "bal only: solve the whole file first and start new cameras and points near the solution.");
+DEFINE_int32(seed, 1, "bal only: seed of the noise on start values, at least 0.");
+DEFINE_int32(steps, 0, "Stop after this many steps; 0: play all.");
+DEFINE_int32(num_threads, 1, "Threads of each solver, at least 1.");
+DEFINE_int32(max_num_iterations, 50, "Iterations a step at most, at least 1.");
+DEFINE_double(function_tolerance, 1e-6, "Stop a step's solve when the cost changes by less than this, relative; 0: never.");
+DEFINE_double(gradient_tolerance, 1e-10, "Stop when no entry of the gradient is larger; 0: never.");
+DEFINE_double(parameter_tolerance, 0.0,
+              "Stop when the step is shorter than this, relative to the parameters; 0: never. Ceres's default of 1e-8 is not for "
+              "BAL: a few points run off, and against their coordinates every step is short.");
+DEFINE_string(trust_region, "auto", "Strategy of both sides: lm, dogleg, or auto: lm for bal, dogleg for kf.");
+DEFINE_string(stock_linear_solver, "dense_schur", "Linear solver of stock Ceres: dense_schur or sparse_schur, landmarks first.");
+DEFINE_bool(optimum, true, "After each step look for the minimum that stock LM reaches at tolerances of 1e-12. Slow, not timed.");
+DEFINE_int32(print_every, 5, "Print every so many steps, at least 1; steps that close a loop or fail are always printed.");
+DEFINE_string(json, "", "Write all steps and the summary to this file as JSON.");
+
+namespace inceres::tools {
+namespace {
+
+constexpr char kUsage[] =
+    "plays a problem that grows step by step: inceres and stock Ceres solve it again, warm, after each step, in lockstep and at "
+    "the same tolerances; only the solve calls are timed.\n\n"
+    "  replay --problem bal:problem-49-7776-pre.txt\n"
+    "  replay --problem bal:problem.txt --no_priors --free_intrinsics --steps 20\n"
+    "  replay --problem kf:fr3_office.kf --autodiff --json report.json\n\n"
+    "bal: cameras in index order with the points that two of them see, near the solution of the whole file, with priors.\n"
+    "kf: a keyframe sequence with inverse-depth landmarks and loop closures.\n\n"
+    "Exit code: 0 all steps solved, 1 a file or one of our solves failed, 2 usage.";
+
+Status Invalid(const std::string& message) {
+  return Status::Error(StatusCode::kInvalidArgument, message);
+}
+
+Status CheckNumbers() {
+  const std::pair<const char*, std::pair<int, int>> integers[] = {{"--seed", {FLAGS_seed, 0}},
+                                                                  {"--steps", {FLAGS_steps, 0}},
+                                                                  {"--num_threads", {FLAGS_num_threads, 1}},
+                                                                  {"--max_num_iterations", {FLAGS_max_num_iterations, 1}},
+                                                                  {"--print_every", {FLAGS_print_every, 1}}};
+  for (const auto& [flag, range] : integers) {
+    if (range.first < range.second) {
+      return Invalid(std::string(flag) + " " + std::to_string(range.first) + ": must be at least " +
+                     std::to_string(range.second));
+    }
+  }
+  const std::pair<const char*, double> tolerances[] = {{"--function_tolerance", FLAGS_function_tolerance},
+                                                       {"--gradient_tolerance", FLAGS_gradient_tolerance},
+                                                       {"--parameter_tolerance", FLAGS_parameter_tolerance}};
+  for (const auto& [flag, value] : tolerances) {
+    if (!std::isfinite(value) || value < 0.0) {
+      return Invalid(std::string(flag) + " " + std::to_string(value) + ": must be a finite number, at least 0");
+    }
+  }
+  return Status::Ok();
+}
+
+// A flag that would change nothing is a mistake of the caller's.
+Status CheckKind(const std::string& kind) {
+  if (kind == "kf" && (FLAGS_free_intrinsics || FLAGS_no_priors || !FLAGS_presolve || FLAGS_seed != 1)) {
+    return Invalid("--free_intrinsics, --no_priors, --nopresolve and --seed are for bal: problems only");
+  }
+  return Status::Ok();
+}
+
+Status CheckFlags() {
+  if (FLAGS_mode == "incremental") {
+    return Status::Error(StatusCode::kUnavailable, "--mode incremental is not available yet: use --mode exact");
+  }
+  if (FLAGS_mode != "exact") {
+    return Invalid("--mode '" + FLAGS_mode + "': use exact (incremental is not available yet)");
+  }
+  if (FLAGS_trust_region != "auto" && FLAGS_trust_region != "lm" && FLAGS_trust_region != "dogleg") {
+    return Invalid("--trust_region '" + FLAGS_trust_region + "': use auto, lm or dogleg");
+  }
+  if (FLAGS_stock_linear_solver != "dense_schur" && FLAGS_stock_linear_solver != "sparse_schur") {
+    return Invalid("--stock_linear_solver '" + FLAGS_stock_linear_solver + "': use dense_schur or sparse_schur");
+  }
+  return CheckNumbers();
+}
+
+Status MakeBalScript(const std::string& path, ReplayScript* script) {
+  BalProblem bal;
+  Status status = ReadBal(path, &bal);
+  if (status.ok() && (bal.num_cameras < 2 || bal.observations.empty())) {
+    status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more cameras, and observations");
+  }
+  if (status.ok() && FLAGS_presolve) {
+    std::printf("solving %s first, not timed\n", path.c_str());
+    std::fflush(stdout);
+    status = SolveForReplay(FLAGS_num_threads, &bal);
+  }
+  if (status.ok()) {
+    BalReplayOptions options;
+    options.free_intrinsics = FLAGS_free_intrinsics;
+    options.priors = !FLAGS_no_priors;
+    options.seed = static_cast<unsigned>(FLAGS_seed);
+    *script = MakeBalReplay(bal, options);
+  }
+  return status;
+}
+
+Status MakeKeyframeScript(const std::string& path, ReplayScript* script) {
+  KeyframeSequence sequence;
+  Status status = ReadKeyframes(path, &sequence);
+  if (status.ok() && sequence.keyframes.size() < 2) {
+    status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more keyframes");
+  }
+  if (status.ok()) {
+    *script = MakeKeyframeReplay(sequence);
+  }
+  return status;
+}
+
+Status MakeScript(ReplayScript* script) {
+  const std::size_t colon = FLAGS_problem.find(':');
+  const std::string kind = FLAGS_problem.substr(0, colon);
+  if (colon == std::string::npos || colon + 1 == FLAGS_problem.size() || (kind != "bal" && kind != "kf")) {
+    return Invalid("--problem '" + FLAGS_problem + "': use bal:FILE or kf:FILE");
+  }
+  const Status status = CheckKind(kind);
+  if (!status.ok()) {
+    return status;
+  }
+  const std::string path = FLAGS_problem.substr(colon + 1);
+  return kind == "bal" ? MakeBalScript(path, script) : MakeKeyframeScript(path, script);
+}
+
+ReplaySettings Settings(const ReplayScript& script) {
+  ReplaySettings settings;
+  settings.autodiff = FLAGS_autodiff;
+  settings.dogleg = FLAGS_trust_region == "auto" ? script.dogleg : FLAGS_trust_region == "dogleg";
+  settings.dense_schur = FLAGS_stock_linear_solver == "dense_schur";
+  settings.num_threads = FLAGS_num_threads;
+  settings.max_num_iterations = FLAGS_max_num_iterations;
+  settings.function_tolerance = FLAGS_function_tolerance;
+  settings.gradient_tolerance = FLAGS_gradient_tolerance;
+  settings.parameter_tolerance = FLAGS_parameter_tolerance;
+  return settings;
+}
+
+void PrintRow(const ReplayRow& row) {
+  const bool failed = !row.ours.outcome.usable || !row.stock.outcome.usable;
+  if (row.step == 1 || row.step % FLAGS_print_every == 0 || row.closes_loop || failed) {
+    std::fputs(ReplayTableLine(row).c_str(), stdout);
+    std::fflush(stdout);
+  }
+}
+
+int Play(const ReplayScript& script) {
+  const ReplaySettings settings = Settings(script);
+  const std::unique_ptr<ReplaySolver> ours = MakeExactReplaySolver(settings);
+  const std::unique_ptr<ReplaySolver> stock = MakeStockReplaySolver(settings);
+  ReplayReference judge(settings);
+  std::printf("%s: %s\n%s", FLAGS_problem.c_str(), script.description.c_str(), ReplayTableHeader().c_str());
+  std::vector<ReplayRow> rows;
+  Status status = RunReplay(script, {FLAGS_steps, FLAGS_optimum}, ours.get(), stock.get(), &judge, PrintRow, &rows);
+  if (!status.ok()) {
+    return Fail(kExitFailure, status.message);
+  }
+  const ReplaySummary summary = Summarize(rows);
+  ReplayContext context;
+  context.problem = FLAGS_problem;
+  context.description = script.description;
+  context.ours = ours->Name();
+  context.stock = stock->Name();
+  context.threads = FLAGS_num_threads;
+  context.seed = static_cast<unsigned>(FLAGS_seed);
+  context.function_tolerance = FLAGS_function_tolerance;
+  context.parameter_tolerance = FLAGS_parameter_tolerance;
+  context.environment = DescribeEnvironment();
+  std::fputs(ReplaySummaryText(context, summary).c_str(), stdout);
+  if (!FLAGS_json.empty()) {
+    status = WriteTextFile(FLAGS_json, ReplayJson(context, summary, rows).dump(2) + "\n");
+    if (!status.ok()) {
+      return Fail(kExitFailure, status.message);
+    }
+  }
+  return summary.failed_ours == 0 ? static_cast<int>(kExitSuccess)
+                                  : Fail(kExitFailure, std::to_string(summary.failed_ours) + " of our solves failed");
+}
+
+int Main() {
+  ReplayScript script;
+  Status status = CheckFlags();
+  status = status.ok() ? MakeScript(&script) : status;
+  if (!status.ok()) {
+    const bool usage = status.code == StatusCode::kInvalidArgument || status.code == StatusCode::kUnavailable;
+    return Fail(usage ? kExitUsage : kExitFailure, status.message);
+  }
+  return Play(script);
+}
+
+}  // namespace
+}  // namespace inceres::tools
+
+int main(int argc, char** argv) {
+  google::InitGoogleLogging(argv[0]);
+  FLAGS_logtostderr = true;
+  const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kUsage, &argc, &argv);
+  return exit_code ? *exit_code : inceres::tools::Main();
+}
