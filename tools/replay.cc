@@ -20,7 +20,10 @@
 #include "tools/common/text_file.h"
 
 DEFINE_string(problem, "", "bal:FILE or kf:FILE. Required.");
-DEFINE_string(mode, "exact", "How inceres solves: exact (its batch solver, warm). incremental is not available yet.");
+DEFINE_string(
+    mode, "exact",
+    "How inceres solves: exact (its batch solver, warm) or incremental (the solver that remembers: analytic factors, one thread, "
+    "Levenberg-Marquardt in its own metric, stopped by --function_tolerance alone).");
 DEFINE_bool(autodiff, false, "Give both sides AutoDiff cost functions instead of the same analytic factors.");
 DEFINE_bool(free_intrinsics, false, "bal only: free the intrinsics; without it they are held.");
 DEFINE_bool(no_priors, false, "bal only: leave out the priors on new cameras and points.");
@@ -89,11 +92,11 @@ Status CheckKind(const std::string& kind) {
 }
 
 Status CheckFlags() {
-  if (FLAGS_mode == "incremental") {
-    return Status::Error(StatusCode::kUnavailable, "--mode incremental is not available yet: use --mode exact");
+  if (FLAGS_mode != "exact" && FLAGS_mode != "incremental") {
+    return Invalid("--mode '" + FLAGS_mode + "': use exact or incremental");
   }
-  if (FLAGS_mode != "exact") {
-    return Invalid("--mode '" + FLAGS_mode + "': use exact (incremental is not available yet)");
+  if (FLAGS_mode == "incremental" && (FLAGS_autodiff || FLAGS_num_threads != 1)) {
+    return Invalid("--mode incremental has analytic factors and one thread only: leave out --autodiff and --num_threads");
   }
   if (FLAGS_trust_region != "auto" && FLAGS_trust_region != "lm" && FLAGS_trust_region != "dogleg") {
     return Invalid("--trust_region '" + FLAGS_trust_region + "': use auto, lm or dogleg");
@@ -174,7 +177,8 @@ void PrintRow(const ReplayRow& row) {
 
 int Play(const ReplayScript& script) {
   const ReplaySettings settings = Settings(script);
-  const std::unique_ptr<ReplaySolver> ours = MakeExactReplaySolver(settings);
+  const std::unique_ptr<ReplaySolver> ours =
+      FLAGS_mode == "incremental" ? MakeIncrementalReplaySolver(settings) : MakeExactReplaySolver(settings);
   const std::unique_ptr<ReplaySolver> stock = MakeStockReplaySolver(settings);
   ReplayReference judge(settings);
   std::printf("%s: %s\n%s", FLAGS_problem.c_str(), script.description.c_str(), ReplayTableHeader().c_str());

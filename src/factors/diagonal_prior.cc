@@ -20,7 +20,7 @@ void DiagonalPriorFamily::WriteJacobian(const double* sqrt_information, const Ta
   if (map.kind == TangentMap::Kind::kDense) {
     std::vector<double> ambient(static_cast<std::size_t>(size) * static_cast<std::size_t>(map.ambient_size), 0.0);
     for (int r = 0; r < size; ++r) {
-      ambient[static_cast<std::size_t>(r * map.ambient_size + r)] = sqrt_information[r];
+      ambient[r * map.ambient_size + r] = sqrt_information[r];
     }
     ProjectToTangentSpace(map, ambient.data(), size, J, row_stride);
     return;

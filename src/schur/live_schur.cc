@@ -15,7 +15,7 @@ constexpr double kNoInformation = 1e-12;
 }  // namespace
 
 int LiveSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
-  frames_.push_back({id, quad, size, {}, {}});
+  frames_.push_back({id, quad, size, {}});
   offsets_.push_back(offsets_.back() + size);
   b_.resize(offsets_.back(), 0.0);
   c_.resize(offsets_.back(), 0.0);
@@ -50,7 +50,6 @@ void LiveSchur::Connect(FactorRef ref, const std::int32_t* frames, std::int32_t 
   for (int s = 0; s < num_slots; ++s) {
     if (frames[s] >= 0 && std::find(l.frames.begin(), l.frames.end(), frames[s]) == l.frames.end()) {
       l.frames.push_back(frames[s]);
-      frames_[frames[s]].leaves.push_back(landmark);
     }
   }
 }

@@ -28,7 +28,6 @@ class LiveSchur {
     std::int32_t quad;  // of its step
     int size;
     std::vector<FactorRef> factors;
-    std::vector<std::int32_t> leaves;  // landmarks seen from here
   };
   struct Landmark {
     VariableId id;
@@ -75,11 +74,10 @@ class LiveSchur {
   /// b, Σ −J_cᵀq alone, and diag(C), packed by block rows.
   const std::vector<double>& b() const { return b_; }
   const std::vector<double>& frame_eta() const { return c_; }
-  const std::vector<double>& C_diagonal() const { return C_diagonal_; }
+  const std::vector<double>& FrameDiagonal() const { return C_diagonal_; }
   int FrameOffset(int frame) const { return offsets_[frame]; }
 
-  std::vector<Frame>& frames() { return frames_; }
-  std::vector<Landmark>& landmarks() { return landmarks_; }
+  const std::vector<Frame>& frames() const { return frames_; }
   const std::vector<Landmark>& landmarks() const { return landmarks_; }
   std::int32_t FrameOfFactor(FactorRef ref, int slot) const { return frame_of_slot_[ref.family][Slot(ref, slot)]; }
   std::int32_t LandmarkOfFactor(FactorRef ref) const { return landmark_of_[ref.family][ref.factor]; }

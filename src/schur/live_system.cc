@@ -29,13 +29,13 @@ void LiveSystem::TakeUpAdditions() {
     families_.emplace_back(graph_, id);
     dirty_.emplace_back();
     touched_.emplace_back();
-    in_H_.emplace_back();
+    linearised_.emplace_back();
   }
   std::vector<std::int32_t> frames;
   for (LiveFamily& family : families_) {
     const int first = family.num_factors();
     family.Grow(&values_, tangents_);
-    for (std::vector<IndexSet>* sets : {&dirty_, &touched_, &in_H_}) {
+    for (std::vector<IndexSet>* sets : {&dirty_, &touched_, &linearised_}) {
       (*sets)[family.id()].Grow(family.num_factors());
     }
     for (int i = first; i < family.num_factors(); ++i) {
@@ -50,6 +50,14 @@ void LiveSystem::TakeUpAdditions() {
       dirty_[family.id()].Add(i);
     }
   }
+}
+
+int LiveSystem::NumDirtyFactors() const {
+  std::size_t count = 0;
+  for (const IndexSet& dirty : dirty_) {
+    count += dirty.indices().size();
+  }
+  return static_cast<int>(count);
 }
 
 void LiveSystem::Redamp(std::int32_t landmark) {
@@ -68,6 +76,7 @@ Status LiveSystem::Relinearise(double lambda) {
   for (const std::int32_t landmark : dirty_landmarks_.indices()) {
     schur_.PutIn(landmark, lambda);
   }
+  num_eliminated_ += static_cast<int>(dirty_landmarks_.indices().size());
   dirty_landmarks_.Clear();
   return Status::Ok();
 }
@@ -81,7 +90,7 @@ Status LiveSystem::LineariseFamily(LiveFamily* family) {
     if (landmark >= 0) {
       Redamp(landmark);
     }
-    if (in_H_[family->id()].Has(i)) {
+    if (linearised_[family->id()].Has(i)) {
       schur_.AddFactor(ref, -1.0);
       cost_ -= family->Cost(i);
     }
@@ -100,7 +109,7 @@ Status LiveSystem::LineariseFamily(LiveFamily* family) {
   }
   for (const std::int32_t i : dirty.indices()) {
     schur_.AddFactor({family->id(), i}, 1.0);
-    in_H_[family->id()].Add(i);
+    linearised_[family->id()].Add(i);
     cost_ += family->Cost(i);
   }
   dirty.Clear();
@@ -166,7 +175,7 @@ Status LiveSystem::EvaluateStep(double* change, double* predicted_decrease) {
   return Status::Ok();
 }
 
-void LiveSystem::Accept() {
+void LiveSystem::AcceptValues() {
   std::vector<double> q_change;
   for (LiveFamily& family : families_) {
     q_change.resize(family.residual_size());
@@ -196,7 +205,6 @@ void LiveSystem::Accept() {
   for (const std::int32_t l : visited_.indices()) {
     accept(schur_.landmarks()[l].id);
   }
-  EndStep();
 }
 
 void LiveSystem::Reject() {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "base/aligned_vector.h"
@@ -48,8 +49,19 @@ class LiveSystem {
   /// Evaluates the step: change of the cost, and the decrease the linearisations predict, over the factors it touches.
   Status EvaluateStep(double* change, double* predicted_decrease);
   /// Ends the step: the values move, and residuals, gradient shares and b follow; Jacobians stay. Or nothing moves.
-  void Accept();
+  void Accept() {
+    AcceptValues();
+    EndStep();
+  }
   void Reject();
+  /// Accept in two halves, for whoever wants to look at the touched factors in between.
+  void AcceptValues();
+  void EndStep();
+
+  bool FrameMoves(std::int32_t frame) const { return moved_.Has(frame); }
+  int NumDirtyFactors() const;
+  /// Landmarks eliminated since the last call.
+  int TakeNumEliminated() { return std::exchange(num_eliminated_, 0); }
 
   /// Calls visit(ref) for each factor the step touches; between EvaluateStep and Accept or Reject.
   template <typename Visit>
@@ -72,7 +84,6 @@ class LiveSystem {
   void TakeUpVariables();
   Status LineariseFamily(LiveFamily* family);
   void Move(VariableId id, std::int32_t quad, const std::vector<FactorRef>& factors);
-  void EndStep();
 
   const FactorGraph& graph_;
   LiveValues values_;
@@ -82,12 +93,13 @@ class LiveSystem {
   std::vector<int> frame_of_;     // per variable, or -1
   std::vector<int> landmark_of_;  // per variable, or -1
   double cost_ = 0.0;
+  int num_eliminated_ = 0;
 
-  std::vector<IndexSet> dirty_;    // per family: to be relinearised
-  std::vector<IndexSet> touched_;  // per family: with a variable that moves
-  std::vector<IndexSet> in_H_;     // per family: whose Jacobian is part of S
-  IndexSet dirty_landmarks_;       // out of S, to be eliminated anew
-  IndexSet stale_landmarks_;       // within Accept: whose right-hand side has changed
+  std::vector<IndexSet> dirty_;       // per family: to be relinearised
+  std::vector<IndexSet> touched_;     // per family: with a variable that moves
+  std::vector<IndexSet> linearised_;  // per family: whose Jacobian is part of S
+  IndexSet dirty_landmarks_;          // out of S, to be eliminated anew
+  IndexSet stale_landmarks_;          // within Accept: whose right-hand side has changed
   IndexSet visited_;
   IndexSet moved_;
   AlignedVector<double> step_;  // padded, all variables; zero where nothing moves

@@ -57,7 +57,7 @@ class Rebuild {
     }
     for (int i = 0; i < size_of_frames(); ++i) {
       ASSERT_LE(std::fabs(schur_.b()[i] - rhs_[i]), 1e-10 * std::sqrt(C_diagonal_[i] * (1.0 + squared_q_))) << "b(" << i << ")";
-      ASSERT_NEAR(schur_.C_diagonal()[i], C_diagonal_[i], 1e-10 * C_diagonal_[i]);
+      ASSERT_NEAR(schur_.FrameDiagonal()[i], C_diagonal_[i], 1e-10 * C_diagonal_[i]);
     }
   }
 

@@ -63,21 +63,40 @@ TEST(Replay, OursAndStockGoThroughTheSameCosts) {
   }
 }
 
+// The solver that remembers, against the minimum that stock reaches from the same state at tolerances of 1e-12.
+TEST(Replay, IncrementalStaysWithinItsToleranceOfTheMinimum) {
+  for (const ReplayScript& script : Scripts()) {
+    ReplaySettings settings;
+    settings.function_tolerance = 1e-8;
+    settings.parameter_tolerance = 0.0;
+    const std::unique_ptr<ReplaySolver> ours = MakeIncrementalReplaySolver(settings);
+    const std::vector<ReplayRow> rows = Play(script, settings, ours.get());
+    ASSERT_EQ(rows.size(), script.steps.size());
+    for (const ReplayRow& row : rows) {
+      ASSERT_TRUE(row.ours.outcome.usable) << row.ours.outcome.message;
+      EXPECT_NEAR(row.ours.outcome.final_cost, row.ours.cost, 1e-9 * row.ours.cost) << "what it reports is not its state's cost";
+      ASSERT_TRUE(row.RelativeCostExcess().has_value());
+      EXPECT_LT(*row.RelativeCostExcess(), 1e-6) << "step " << row.step;
+    }
+  }
+}
+
 TEST(Replay, GraphAndCeresProblemAgreeOnTheStateAndItsCost) {
   for (const ReplayScript& script : Scripts()) {
-    ReplayGraph graph;
+    FactorGraph graph;
+    ReplayGraph growing(&graph);
     ReplayCeresProblem analytic(false), autodiff(true);
     int factors = 0;
     for (const ReplayStep& step : script.steps) {
-      graph.Add(step);
+      growing.Add(step);
       ASSERT_TRUE(analytic.Add(step).ok());
       ASSERT_TRUE(autodiff.Add(step).ok());
       factors += static_cast<int>(step.factors.size());
     }
-    EXPECT_TRUE(graph.graph()->Validate().ok()) << graph.graph()->Validate().message;
-    EXPECT_EQ(graph.graph()->num_factors(), factors);
+    EXPECT_TRUE(graph.Validate().ok()) << graph.Validate().message;
+    EXPECT_EQ(graph.num_factors(), factors);
     EXPECT_EQ(analytic.problem()->NumResidualBlocks(), factors);
-    EXPECT_EQ(graph.graph()->state(), analytic.State());
+    EXPECT_EQ(graph.state(), analytic.State());
     double costs[2];
     ASSERT_TRUE(analytic.problem()->Evaluate({}, &costs[0], nullptr, nullptr, nullptr));
     ASSERT_TRUE(autodiff.problem()->Evaluate({}, &costs[1], nullptr, nullptr, nullptr));
@@ -95,7 +114,7 @@ class LazySolver : public ReplaySolver {
  public:
   std::string Name() const override { return "lazy"; }
   Status AddStep(const ReplayStep& step) override {
-    graph_.Add(step);
+    growing_.Add(step);
     return ++steps_ > 4 ? Status::Error(StatusCode::kSingular, "tired") : Status::Ok();
   }
   ReplayOutcome Solve() override {
@@ -105,10 +124,11 @@ class LazySolver : public ReplaySolver {
     outcome.seconds = 0.001 * steps_;
     return outcome;
   }
-  std::vector<double> State() const override { return graph_.graph().state(); }
+  std::vector<double> State() const override { return graph_.state(); }
 
  private:
-  ReplayGraph graph_;
+  FactorGraph graph_;
+  ReplayGraph growing_{&graph_};
   int steps_ = 0;
 };
 

@@ -118,7 +118,8 @@ class ReplayTest(unittest.TestCase):
             self.assertIn(flag, self.fails(2, "--problem", self.bal, flag, value))
         for problem in ("", "bal:", "g2o:x", "small.txt"):
             self.assertIn("--problem", self.fails(2, "--problem", problem))
-        self.assertIn("not available yet", self.fails(2, "--problem", self.bal, "--mode", "incremental"))
+        for flags in (("--autodiff",), ("--num_threads", "2")):
+            self.assertIn("--mode incremental", self.fails(2, "--problem", self.bal, "--mode", "incremental", *flags))
         for flags in (("--no_priors",), ("--free_intrinsics",), ("--seed", "3"), ("--nopresolve",)):
             self.assertIn("bal: problems only", self.fails(2, "--problem", self.keyframes, *flags))
 

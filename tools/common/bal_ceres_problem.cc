@@ -87,7 +87,7 @@ SceneGeometry GeometryOf(const BalProblem& bal) {
     const double inverse_rotation[3] = {-camera[0], -camera[1], -camera[2]};
     Eigen::Vector3d centre;
     ceres::AngleAxisRotatePoint(inverse_rotation, camera + 3, centre.data());
-    scene.centres.push_back(-centre);
+    scene.centres.emplace_back(-centre);
   }
   for (int i = 0; i < bal.num_points; ++i) {
     scene.points.emplace_back(Eigen::Map<const Eigen::Vector3d>(bal.PointData(i)));

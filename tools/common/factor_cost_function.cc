@@ -40,11 +40,11 @@ bool FactorCostFunction::Evaluate(double const* const* parameters, double* resid
   if (jacobians == nullptr) {
     return !family_->Evaluate(batch).failed();
   }
-  static const TangentMap constant{TangentMap::Kind::kConstant, 0, 0, nullptr, nullptr};
+  static const TangentMap kConstant{TangentMap::Kind::kConstant, 0, 0, nullptr, nullptr};
   const TangentMap* maps[kMaxSlots];
   JacobianView views[kMaxSlots];
   for (int s = 0; s < family_->num_slots(); ++s) {
-    maps[s] = jacobians[s] == nullptr ? &constant : &maps_[s];
+    maps[s] = jacobians[s] == nullptr ? &kConstant : &maps_[s];
     views[s] = {jacobians[s], 0, maps_[s].ambient_size};
     if (jacobians[s] != nullptr && maps_[s].tangent_size < maps_[s].ambient_size) {
       std::fill_n(jacobians[s], num_residuals() * maps_[s].ambient_size, 0.0);

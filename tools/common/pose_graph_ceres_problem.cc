@@ -96,7 +96,7 @@ Status BuildPoseGraphCeresProblem(const PoseGraph& graph, const LossSpec& loss, 
       return Status::Error(StatusCode::kInvalidArgument,
                            "edge " + std::to_string(i) + ": the information matrix is not positive definite");
     }
-    owned_loss.release();
+    static_cast<void>(owned_loss.release());  // the problem owns it now
   }
   SetManifoldsAndConstants(graph, poses, result.get());
   *problem = std::move(result);

@@ -58,19 +58,10 @@ void ReplayGraph::Add(const ReplayStep& step) {
     const Role role = IsLandmark(variable.kind) ? Role::kLandmark : Role::kFrame;
     const VariableId id = graph_.AddVariable(variable.start.data(), AmbientSize(variable.kind), role, ManifoldOf(variable.kind));
     kinds_.push_back(variable.kind);
-    touched_.push_back(0);
-    constant_.push_back(static_cast<char>(variable.constant));
-    graph_.SetConstant(id, true);  // until a factor touches it: nothing says where it belongs
+    graph_.SetConstant(id, variable.constant);
   }
   for (const ReplayFactor& factor : step.factors) {
     AddFactor(factor);
-    for (const int variable : factor.variables) {
-      const auto index = static_cast<std::size_t>(variable);
-      if (touched_[index] == 0) {
-        touched_[index] = 1;
-        graph_.SetConstant(variable, constant_[index] != 0);
-      }
-    }
   }
 }
 

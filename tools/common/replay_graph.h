@@ -15,9 +15,9 @@ namespace inceres::tools {
 /// the graph's state is laid out like a replay's.
 class ReplayGraph {
  public:
+  /// Grows this graph, empty so far, which outlives the object.
+  explicit ReplayGraph(FactorGraph* graph) : graph_(*graph) {}
   void Add(const ReplayStep& step);
-  FactorGraph* graph() { return &graph_; }
-  const FactorGraph& graph() const { return graph_; }
 
  private:
   // A family and its id in the graph, made when first used.
@@ -35,10 +35,8 @@ class ReplayGraph {
   std::shared_ptr<const Manifold> ManifoldOf(ReplayVariable::Kind kind);
   std::shared_ptr<const Loss> LossOf(double huber);
 
-  FactorGraph graph_;
+  FactorGraph& graph_;
   std::vector<ReplayVariable::Kind> kinds_;
-  std::vector<char> touched_;   // by a factor
-  std::vector<char> constant_;  // by the replay's wish
   std::map<ReplayVariable::Kind, std::shared_ptr<const Manifold>> manifolds_;
   std::map<double, std::shared_ptr<const Loss>> losses_;
   std::map<int, Member<BalReprojectionFamily>> bal_;  // by tangent size of the camera

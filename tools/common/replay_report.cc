@@ -12,6 +12,7 @@ namespace {
 
 ReplayLatency Latency(const std::vector<ReplayRow>& rows, ReplaySide ReplayRow::*side) {
   std::vector<double> milliseconds;
+  milliseconds.reserve(rows.size());
   for (const ReplayRow& row : rows) {
     milliseconds.push_back(1e3 * (row.*side).outcome.seconds);
   }

@@ -7,6 +7,7 @@
 #include <ceres/solver.h>
 
 #include "inceres/ceres/solve.h"
+#include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
 #include "tools/common/replay_ceres_problem.h"
 #include "tools/common/replay_graph.h"
@@ -123,7 +124,7 @@ class CeresReplaySolver : public ReplaySolver {
 // A factor graph of built-in factors solved by the core.
 class CoreReplaySolver : public ReplaySolver {
  public:
-  explicit CoreReplaySolver(const ReplaySettings& settings) : settings_(settings) {}
+  explicit CoreReplaySolver(const ReplaySettings& settings) : settings_(settings), living_(&graph_) {}
 
   std::string Name() const override { return "inceres (exact, factor graph), " + Describe(settings_); }
   Status AddStep(const ReplayStep& step) override {
@@ -132,13 +133,64 @@ class CoreReplaySolver : public ReplaySolver {
   }
   ReplayOutcome Solve() override {
     Summary summary;
-    const double seconds = Seconds([&] { summary = inceres::Solve(CoreOptions(settings_), living_.graph()); });
+    const double seconds = Seconds([&] { summary = inceres::Solve(CoreOptions(settings_), &graph_); });
     return OutcomeOf(summary, seconds);
   }
-  std::vector<double> State() const override { return living_.graph().state(); }
+  std::vector<double> State() const override { return graph_.state(); }
 
  private:
   const ReplaySettings settings_;
+  FactorGraph graph_;
+  ReplayGraph living_;
+};
+
+// The same graph in the solver that remembers.
+class IncrementalReplaySolver : public ReplaySolver {
+ public:
+  explicit IncrementalReplaySolver(const ReplaySettings& settings) : solver_(Options(settings)), living_(&solver_.graph()) {}
+
+  std::string Name() const override { return "inceres (incremental, factor graph), analytic factors"; }
+  Status AddStep(const ReplayStep& step) override {
+    living_.Add(step);
+    return Status::Ok();
+  }
+  ReplayOutcome Solve() override {
+    UpdateSummary summary;
+    ReplayOutcome outcome;
+    outcome.seconds = Seconds([&] { summary = solver_.Update(); });
+    outcome.usable = summary.termination != Termination::kFailure;
+    outcome.termination = ToString(summary.termination);
+    outcome.message = outcome.usable ? "" : summary.message;
+    outcome.initial_cost = summary.initial_cost;
+    outcome.final_cost = summary.final_cost;
+    outcome.iterations = summary.num_iterations;
+    outcome.work = {{"rejected_steps", summary.num_rejected_steps},
+                    {"relinearised_factors", summary.num_relinearised_factors},
+                    {"evaluated_factors", summary.num_evaluated_factors},
+                    {"eliminated_landmarks", summary.num_eliminated_landmarks},
+                    {"factored_rows", summary.num_factored_rows},
+                    {"visited_landmarks", summary.num_visited_landmarks},
+                    {"moved_frames", summary.num_moved_frames}};
+    return outcome;
+  }
+  std::vector<double> State() const override {
+    std::vector<double> state;
+    const FactorGraph& graph = solver_.graph();
+    for (VariableId id = 0; id < graph.num_variables(); ++id) {
+      state.insert(state.end(), solver_.Values(id), solver_.Values(id) + graph.AmbientSize(id));
+    }
+    return state;
+  }
+
+ private:
+  static IncrementalOptions Options(const ReplaySettings& settings) {
+    IncrementalOptions options;
+    options.max_num_iterations = settings.max_num_iterations;
+    options.function_tolerance = settings.function_tolerance;
+    return options;
+  }
+
+  IncrementalSolver solver_;
   ReplayGraph living_;
 };
 
@@ -155,16 +207,19 @@ std::unique_ptr<ReplaySolver> MakeExactReplaySolver(const ReplaySettings& settin
   return std::make_unique<CoreReplaySolver>(settings);
 }
 
-class ReplayReference::Impl {
- public:
-  explicit Impl(const ReplaySettings& settings) : settings_(settings), living_(settings.autodiff) {
-    settings_.dogleg = false;
-    settings_.max_num_iterations = 500;
-    settings_.function_tolerance = settings_.gradient_tolerance = settings_.parameter_tolerance = 1e-12;
+std::unique_ptr<ReplaySolver> MakeIncrementalReplaySolver(const ReplaySettings& settings) {
+  return std::make_unique<IncrementalReplaySolver>(settings);
+}
+
+struct ReplayReference::Impl {
+  explicit Impl(const ReplaySettings& ours) : settings(ours), living(ours.autodiff) {
+    settings.dogleg = false;
+    settings.max_num_iterations = 500;
+    settings.function_tolerance = settings.gradient_tolerance = settings.parameter_tolerance = 1e-12;
   }
 
-  ReplaySettings settings_;
-  ReplayCeresProblem living_;
+  ReplaySettings settings;
+  ReplayCeresProblem living;
 };
 
 ReplayReference::ReplayReference(const ReplaySettings& settings) : impl_(std::make_unique<Impl>(settings)) {
@@ -173,22 +228,22 @@ ReplayReference::ReplayReference(const ReplaySettings& settings) : impl_(std::ma
 ReplayReference::~ReplayReference() = default;
 
 Status ReplayReference::AddStep(const ReplayStep& step) {
-  return impl_->living_.Add(step);
+  return impl_->living.Add(step);
 }
 
 double ReplayReference::CostAt(const std::vector<double>& state) {
-  impl_->living_.SetState(state);
+  impl_->living.SetState(state);
   double cost = 0.0;
-  const bool evaluated = impl_->living_.problem()->Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, nullptr, nullptr);
+  const bool evaluated = impl_->living.problem()->Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, nullptr, nullptr);
   return evaluated ? cost : std::numeric_limits<double>::quiet_NaN();
 }
 
 ReplayOutcome ReplayReference::MinimumFrom(const std::vector<double>& state) {
-  impl_->living_.SetState(state);
-  ceres::Solver::Options options = CeresOptions(impl_->settings_);
-  options.linear_solver_ordering = impl_->living_.LandmarksFirst();
+  impl_->living.SetState(state);
+  ceres::Solver::Options options = CeresOptions(impl_->settings);
+  options.linear_solver_ordering = impl_->living.LandmarksFirst();
   ceres::Solver::Summary summary;
-  const double seconds = Seconds([&] { ceres::Solve(options, impl_->living_.problem(), &summary); });
+  const double seconds = Seconds([&] { ceres::Solve(options, impl_->living.problem(), &summary); });
   return OutcomeOf(summary, seconds);
 }
 

@@ -59,6 +59,10 @@ std::unique_ptr<ReplaySolver> MakeStockReplaySolver(const ReplaySettings& settin
 /// Ours in exact mode: the core's batch solver on the analytic factors, or the shim on AutoDiff cost functions.
 std::unique_ptr<ReplaySolver> MakeExactReplaySolver(const ReplaySettings& settings);
 
+/// The core's IncrementalSolver on the analytic factors. Single-threaded; Levenberg–Marquardt in its own metric, whatever the
+/// settings say of strategy and threads.
+std::unique_ptr<ReplaySolver> MakeIncrementalReplaySolver(const ReplaySettings& settings);
+
 /// The judge: the same problem in stock Ceres. Evaluates any state, and finds the minimum that stock Levenberg–Marquardt reaches
 /// from it at tolerances of 1e-12.
 class ReplayReference {
@@ -71,7 +75,7 @@ class ReplayReference {
   ReplayOutcome MinimumFrom(const std::vector<double>& state);
 
  private:
-  class Impl;
+  struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 

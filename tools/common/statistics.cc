@@ -49,6 +49,7 @@ std::optional<double> MedianOrNever(const std::vector<std::optional<double>>& va
     return std::nullopt;
   }
   std::vector<double> seconds;
+  seconds.reserve(values.size());
   for (const std::optional<double>& value : values) {
     seconds.push_back(value.value_or(std::numeric_limits<double>::infinity()));
   }

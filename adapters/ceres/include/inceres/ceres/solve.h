@@ -23,16 +23,17 @@ struct INCERES_EXPORT SolveReport {
   SolveMode mode = SolveMode::kExact;  ///< in
   bool strict = false;                 ///< in: fail with a message instead of handing the problem to stock Ceres
 
-  bool used_stock = false;             ///< out: stock Ceres solved it
-  std::string fallback_reason;         ///< out: why; empty if we solved it
+  bool used_stock = false;                          ///< out: stock Ceres solved it
+  std::string fallback_reason;                      ///< out: why; empty if we solved it
   std::vector<std::string> options_without_effect;  ///< out: options set away from their default that change nothing here
-  int num_landmarks = 0;               ///< out: blocks eliminated as landmarks
-  int num_frames = 0;                  ///< out: variable blocks kept in the reduced system
-  Summary core;                        ///< out: the core's own summary: work counts, seconds per stage
+  int num_landmarks = 0;                            ///< out: blocks eliminated as landmarks
+  int num_frames = 0;                               ///< out: variable blocks kept in the reduced system
+  Summary core;                                     ///< out: the core's own summary: work counts, seconds per stage
 };
 
-/// Solves a ceres::Problem: the same arguments, results and side effects as ceres::Solve, several times sooner. What this version does not
-/// support is decided before any side effect and handed to stock Ceres: one log line says so, and `report`, if given, says why.
+/// Solves a ceres::Problem: the same arguments, results and side effects as ceres::Solve, several times sooner. What this version
+/// does not support is decided before any side effect and handed to stock Ceres: one log line says so, and `report`, if given,
+/// says why.
 ///
 /// Requires what ceres::Solve requires. Cost functions are called directly, with Ceres's calling conventions, only during the
 /// call, and never concurrently when options.num_threads is 1. Re-entrant; no global state.
