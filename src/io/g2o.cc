@@ -25,10 +25,8 @@ class G2oReader {
 
   Status Read(PoseGraph* graph) {
     graph_ = graph;
-    while (!scanner_.AtEnd()) {
-      if (Status status = ReadLine(); !status.ok()) {
-        return status;
-      }
+    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadFields(); }); !status.ok()) {
+      return status;
     }
     if (graph_->ids.empty()) {
       return scanner_.FailureAt(scanner_.line(), "the file has no vertices");
@@ -44,25 +42,6 @@ class G2oReader {
   struct PendingFix {
     std::int64_t id, line;
   };
-
-  Status ReadLine() {
-    std::string_view word;
-    if (!scanner_.ScanWord(&word)) {
-      return scanner_.Failure("tag");
-    }
-    if (word.front() == '#') {
-      scanner_.SkipLine();
-      return Status::Ok();
-    }
-    tag_ = word;
-    scanner_.StayInLine();
-    Status status = ReadFields();
-    if (status.ok() && !scanner_.AtEnd()) {
-      status = scanner_.Failure(tag_ + ": after the last field");
-    }
-    scanner_.LeaveLine();
-    return status;
-  }
 
   Status ReadFields() {
     if (tag_ == "FIX") {

@@ -25,34 +25,13 @@ class KeyframeReader {
 
   Status Read(KeyframeSequence* sequence) {
     sequence_ = sequence;
-    while (!scanner_.AtEnd()) {
-      if (Status status = ReadLine(); !status.ok()) {
-        return status;
-      }
+    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); }); !status.ok()) {
+      return status;
     }
     return sequence_->keyframes.empty() ? scanner_.FailureAt(scanner_.line(), "the file has no keyframes") : Status::Ok();
   }
 
  private:
-  Status ReadLine() {
-    std::string_view word;
-    if (!scanner_.ScanWord(&word)) {
-      return scanner_.Failure("tag");
-    }
-    if (word.front() == '#') {
-      scanner_.SkipLine();
-      return Status::Ok();
-    }
-    tag_ = word;
-    scanner_.StayInLine();
-    Status status = ReadRecord();
-    if (status.ok() && !scanner_.AtEnd()) {
-      status = scanner_.Failure(tag_ + ": after the last field");
-    }
-    scanner_.LeaveLine();
-    return status;
-  }
-
   Status ReadRecord() {
     if (tag_ == "KEYFRAME") {
       return ReadKeyframe();

@@ -68,4 +68,31 @@ class TextScanner {
   Status source_status_;  // why reading stopped, if not at the end
 };
 
+/// Reads a file of tagged records, one a line: for each line that is not empty and no comment (#) sets *tag to its first word and
+/// calls read_fields(), which reads the rest; anything behind that is an error. Stops at the first failure.
+template <typename ReadFields>
+Status ForEachTaggedLine(TextScanner* scanner, std::string* tag, ReadFields&& read_fields) {
+  while (!scanner->AtEnd()) {
+    std::string_view word;
+    if (!scanner->ScanWord(&word)) {
+      return scanner->Failure("tag");
+    }
+    if (word.front() == '#') {
+      scanner->SkipLine();
+      continue;
+    }
+    *tag = word;
+    scanner->StayInLine();
+    Status status = read_fields();
+    if (status.ok() && !scanner->AtEnd()) {
+      status = scanner->Failure(*tag + ": after the last field");
+    }
+    if (!status.ok()) {
+      return status;
+    }
+    scanner->LeaveLine();
+  }
+  return Status::Ok();
+}
+
 }  // namespace inceres::internal
