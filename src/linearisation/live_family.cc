@@ -36,7 +36,7 @@ void LiveFamily::Grow(LiveValues* values, const LiveTangents& tangents) {
     slots_[s].data = jacobians_[s].data();
     views_[s] = {slots_[s].data, slots_[s].factor_stride, slots_[s].row_stride};
   }
-  for (std::vector<double>* residuals : {&f_, &candidate_f_, &predicted_f_, &q_}) {
+  for (std::vector<double>* residuals : {&f_, &candidate_f_, &predicted_f_, &J_step_, &q_}) {
     residuals->resize(n * residual_size_);
   }
   for (std::vector<double>* scalars : {&sqrt_w_, &current_w_, &cost_, &candidate_cost_}) {
@@ -133,8 +133,10 @@ void LiveFamily::Weigh(int factor) {
   }
 }
 
-void LiveFamily::MultiplyJacobian(int factor, const double* padded_step, double* J_step) const {
+double LiveFamily::PredictDecrease(int factor, const double* padded_step) {
+  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * residual_size_;
   const std::int32_t* quads = step_quads_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_;
+  double decrease = 0.0;
   for (int r = 0; r < residual_size_; ++r) {
     double sum = 0.0;
     for (int s = 0; s < num_slots_; ++s) {
@@ -143,21 +145,22 @@ void LiveFamily::MultiplyJacobian(int factor, const double* padded_step, double*
       }
       const double* row = Jacobian(factor, s) + static_cast<std::ptrdiff_t>(r) * slots_[s].row_stride;
       const double* step = padded_step + static_cast<std::ptrdiff_t>(quads[s]) * kQuad;
-      for (int k = 0; k < slots_[s].row_stride; ++k) {
+      for (int k = 0; k < slots_[s].columns; ++k) {
         sum += row[k] * step[k];
       }
     }
-    J_step[r] = sum;
+    J_step_[first + r] = sum;
+    decrease -= sum * (q_[first + r] + 0.5 * sum);
   }
+  return decrease;
 }
 
-void LiveFamily::Accept(int factor, const double* padded_step, double* q_change) {
+void LiveFamily::Accept(int factor, double* q_change) {
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * residual_size_;
   const double sqrt_w = sqrt_w_[factor];
-  MultiplyJacobian(factor, padded_step, q_change);
   double s = 0.0;
   for (int r = 0; r < residual_size_; ++r) {
-    predicted_f_[first + r] += sqrt_w > kNoWeight ? q_change[r] / sqrt_w : 0.0;
+    predicted_f_[first + r] += sqrt_w > kNoWeight ? J_step_[first + r] / sqrt_w : 0.0;
     f_[first + r] = candidate_f_[first + r];
     s += f_[first + r] * f_[first + r];
   }

@@ -39,10 +39,10 @@ class LiveFamily {
   double CandidateCost(int factor) const { return candidate_cost_[factor]; }
   double Cost(int factor) const { return cost_[factor]; }
 
-  /// J δ / √w of one factor, for a padded step.
-  void MultiplyJacobian(int factor, const double* padded_step, double* J_step) const;
-  /// The candidate was accepted: f := candidate f, f̂ += J δ / √w. Replaces q and writes the change to *q_change.
-  void Accept(int factor, const double* padded_step, double* q_change);
+  /// What the cached linearisation predicts for a padded step: −(Jδ)ᵀ(q + Jδ/2). Jδ is kept for Accept.
+  double PredictDecrease(int factor, const double* padded_step);
+  /// The step was accepted: f := candidate f, f̂ += J δ / √w. Replaces q and writes the change to *q_change.
+  void Accept(int factor, double* q_change);
   const double* q(int factor) const { return q_.data() + static_cast<std::ptrdiff_t>(factor) * residual_size_; }
   const double* f(int factor) const { return f_.data() + static_cast<std::ptrdiff_t>(factor) * residual_size_; }
 
@@ -73,6 +73,7 @@ class LiveFamily {
   std::vector<double> f_;
   std::vector<double> candidate_f_;
   std::vector<double> predicted_f_;
+  std::vector<double> J_step_;  // J δ of the step under construction
   std::vector<double> q_;
   std::vector<double> sqrt_w_;
   std::vector<double> current_w_;

@@ -35,8 +35,13 @@ void LiveSchur::Connect(FactorRef ref, const std::int32_t* frames, std::int32_t 
   const int num_slots = families_[ref.family].num_slots();
   frame_of_slot_.resize(families_.size());
   landmark_of_.resize(families_.size());
+  landmark_slot_.resize(families_.size());
   frame_of_slot_[ref.family].insert(frame_of_slot_[ref.family].end(), frames, frames + num_slots);
   landmark_of_[ref.family].push_back(landmark);
+  const VariableId* variables = families_[ref.family].variables(ref.factor);
+  const auto is_landmark = [&](VariableId id) { return landmark >= 0 && id == landmarks_[landmark].id; };
+  landmark_slot_[ref.family].push_back(
+      static_cast<std::int32_t>(std::find_if(variables, variables + num_slots, is_landmark) - variables));
   for (int s = 0; s < num_slots; ++s) {
     if (frames[s] >= 0) {
       frames_[frames[s]].factors.push_back(ref);
@@ -256,9 +261,7 @@ LandmarkFactors LiveSchur::FactorsOf(const FactorRef& ref) const {
   factors.jacobians = family.slots();
   factors.residuals = family.q_data();
   factors.y_targets = family.y_targets();
-  const VariableId landmark = landmarks_[LandmarkOfFactor(ref)].id;
-  const VariableId* variables = family.variables(ref.factor);
-  factors.landmark_slot = static_cast<int>(std::find(variables, variables + family.num_slots(), landmark) - variables);
+  factors.landmark_slot = landmark_slot_[ref.family][ref.factor];
   return factors;
 }
 

@@ -107,6 +107,7 @@ class LiveSchur {
   std::vector<Frame> frames_;
   std::vector<Landmark> landmarks_;
   std::vector<std::vector<std::int32_t>> frame_of_slot_;  // per family: per factor and slot
+  std::vector<std::vector<std::int32_t>> landmark_slot_;  // per family and factor: the landmark's slot
   std::vector<std::vector<std::int32_t>> landmark_of_;    // per family and factor
   SymmetricBlockRows S_;
   std::vector<int> offsets_{0};

@@ -154,7 +154,6 @@ Status LiveSystem::EvaluateStep(double* change, double* predicted_decrease) {
   }
   *change = 0.0;
   *predicted_decrease = 0.0;
-  std::vector<double> J_step;
   for (LiveFamily& family : families_) {
     IndexSet& touched = touched_[family.id()];
     touched.Sort();
@@ -163,13 +162,9 @@ Status LiveSystem::EvaluateStep(double* change, double* predicted_decrease) {
       return Status::Error(StatusCode::kEvaluationFailed,
                            graph_.DescribeFactor(family.id(), failure.factor) + ": " + failure.reason);
     }
-    J_step.resize(family.residual_size());
     for (const std::int32_t i : touched.indices()) {
       *change += family.CandidateCost(i) - family.Cost(i);
-      family.MultiplyJacobian(i, step_.data(), J_step.data());
-      for (int r = 0; r < family.residual_size(); ++r) {
-        *predicted_decrease -= J_step[r] * (family.q(i)[r] + 0.5 * J_step[r]);
-      }
+      *predicted_decrease += family.PredictDecrease(i, step_.data());
     }
   }
   return Status::Ok();
@@ -182,7 +177,7 @@ void LiveSystem::AcceptValues() {
     for (const std::int32_t i : touched_[family.id()].indices()) {
       const FactorRef ref{family.id(), i};
       cost_ -= family.Cost(i);
-      family.Accept(i, step_.data(), q_change.data());
+      family.Accept(i, q_change.data());
       cost_ += family.Cost(i);
       schur_.ChangeResidual(ref, q_change.data());
       const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
