@@ -67,8 +67,8 @@ class IncrementalSolver::Impl {
 
   UpdateSummary Update();
 
-  FactorGraph graph_;
-  std::unique_ptr<LiveSystem> system_;
+  FactorGraph graph;
+  std::unique_ptr<LiveSystem> live;
 
  private:
   void Restart();
@@ -80,9 +80,7 @@ class IncrementalSolver::Impl {
   void MarkStale();
   bool RefreshAll(double threshold);
   void Retreat();
-  double StaleThreshold() const {
-    return 2.0 * options_.function_tolerance * system_->cost() / std::max(1, graph_.num_factors());
-  }
+  double StaleThreshold() const { return 2.0 * options_.function_tolerance * live->cost() / std::max(1, graph.num_factors()); }
   bool Finish(Termination termination, std::string message);
 
   IncrementalOptions options_;
@@ -98,12 +96,12 @@ class IncrementalSolver::Impl {
 
 // A new system from the values held now: nothing cached survives.
 void IncrementalSolver::Impl::Restart() {
-  if (system_ != nullptr) {
-    for (VariableId id = 0; id < system_->values().num_variables(); ++id) {
-      graph_.SetValues(id, system_->values().current(id));
+  if (live != nullptr) {
+    for (VariableId id = 0; id < live->values().num_variables(); ++id) {
+      graph.SetValues(id, live->values().current(id));
     }
   }
-  system_ = std::make_unique<LiveSystem>(graph_);
+  live = std::make_unique<LiveSystem>(graph);
   cholesky_ = EnvelopeCholesky();
   factored_mu_ = -1.0;
 }
@@ -113,18 +111,18 @@ UpdateSummary IncrementalSolver::Impl::Update() {
   summary_ = UpdateSummary();
   Status status = options_.Validate();
   if (status.ok()) {
-    status = graph_.Validate();
+    status = graph.Validate();
   }
   if (status.ok()) {
-    system_->TakeUpAdditions();
+    live->TakeUpAdditions();
     mu_ = std::clamp(mu_, options_.min_damping, options_.initial_damping);
     nu_ = 2.0;
     Run(start);
   } else {
     Finish(Termination::kFailure, status.message);
   }
-  summary_.final_cost = system_->cost();
-  const auto& landmarks = system_->schur().landmarks();
+  summary_.final_cost = live->cost();
+  const auto& landmarks = live->schur().landmarks();
   summary_.num_parked_landmarks =
       static_cast<int>(std::count_if(landmarks.begin(), landmarks.end(), [](const auto& landmark) { return landmark.parked; }));
   summary_.seconds = internal::NowInSeconds() - start;
@@ -133,16 +131,16 @@ UpdateSummary IncrementalSolver::Impl::Update() {
 
 void IncrementalSolver::Impl::Run(double start) {
   for (bool first = true;; first = false) {
-    summary_.num_relinearised_factors += system_->NumDirtyFactors();
-    const Status linearised = system_->Relinearise(std::max(mu_, options_.min_damping));
+    summary_.num_relinearised_factors += live->NumDirtyFactors();
+    const Status linearised = live->Relinearise(std::max(mu_, options_.min_damping));
     if (!linearised.ok()) {
       Finish(Termination::kFailure, linearised.message);
       Restart();
       return;
     }
-    summary_.num_eliminated_landmarks += system_->TakeNumEliminated();
+    summary_.num_eliminated_landmarks += live->TakeNumEliminated();
     if (first) {
-      summary_.initial_cost = system_->cost();
+      summary_.initial_cost = live->cost();
     }
     if (summary_.num_iterations >= options_.max_num_iterations || internal::NowInSeconds() - start >= options_.max_seconds) {
       Finish(Termination::kNoConvergence, "Iteration or time limit reached.");
@@ -162,21 +160,21 @@ bool IncrementalSolver::Impl::Iterate() {
   bool accepted = false;
   if (SolveFrames()) {
     SelectActive();
-    const bool evaluated = system_->EvaluateStep(&change, &predicted).ok();
+    const bool evaluated = live->EvaluateStep(&change, &predicted).ok();
     CountTouched();
     const double ratio = evaluated && predicted > 0.0 ? -change / predicted : -1.0;
     accepted = ratio > options_.min_relative_decrease;
     if (accepted) {
       mu_ = std::max(options_.min_damping, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * ratio - 1.0, 3)));
       nu_ = 2.0;
-      system_->AcceptValues();
+      live->AcceptValues();
       MarkStale();
-      system_->EndStep();
+      live->EndStep();
     } else {
-      system_->Reject();
+      live->Reject();
     }
   }
-  const double tolerance = options_.function_tolerance * system_->cost();
+  const double tolerance = options_.function_tolerance * live->cost();
   if (std::fabs(change) <= tolerance || predicted <= tolerance) {
     // Refresh before success.
     return RefreshAll(kRefreshShare * StaleThreshold()) ? false
@@ -191,7 +189,7 @@ bool IncrementalSolver::Impl::Iterate() {
 
 // δ_c from (S + μ diag(C)) δ_c = b; the factor resumes at the first row that changed. False if there is no factor.
 bool IncrementalSolver::Impl::SolveFrames() {
-  LiveSchur& schur = system_->schur();
+  LiveSchur& schur = live->schur();
   const std::vector<double>& C_diagonal = schur.FrameDiagonal();
   damping_.resize(C_diagonal.size());
   frame_step_.resize(C_diagonal.size());
@@ -211,8 +209,8 @@ bool IncrementalSolver::Impl::SolveFrames() {
 // The active set (algorithms.md section 5): frames whose predicted gain counts, landmarks seen from them or with a gain of their
 // own.
 void IncrementalSolver::Impl::SelectActive() {
-  const LiveSchur& schur = system_->schur();
-  const double budget = options_.truncation_share * options_.function_tolerance * system_->cost();
+  const LiveSchur& schur = live->schur();
+  const double budget = options_.truncation_share * options_.function_tolerance * live->cost();
   const double frame_budget = budget / std::max(1, static_cast<int>(schur.frames().size()));
   const double landmark_budget = budget / std::max(1, static_cast<int>(schur.landmarks().size()));
   for (int i = 0; i < static_cast<int>(schur.frames().size()); ++i) {
@@ -225,33 +223,33 @@ void IncrementalSolver::Impl::SelectActive() {
     }
     if (gain > frame_budget) {
       ++summary_.num_moved_frames;
-      system_->SetFrameStep(i, delta);
+      live->SetFrameStep(i, delta);
     }
   }
   visited_.clear();
   for (int l = 0; l < static_cast<int>(schur.landmarks().size()); ++l) {
     const LiveSchur::Landmark& landmark = schur.landmarks()[l];
     const bool near_motion = std::any_of(landmark.frames.begin(), landmark.frames.end(),
-                                         [this](std::int32_t frame) { return system_->FrameMoves(frame); });
+                                         [this](std::int32_t frame) { return live->FrameMoves(frame); });
     if (near_motion || landmark.decrement > landmark_budget) {
       visited_.push_back(l);
-      system_->Visit(l);
+      live->Visit(l);
     }
   }
   summary_.num_visited_landmarks += static_cast<int>(visited_.size());
 }
 
 void IncrementalSolver::Impl::CountTouched() {
-  system_->ForEachTouched([this](FactorRef) { ++summary_.num_evaluated_factors; });
+  live->ForEachTouched([this](FactorRef) { ++summary_.num_evaluated_factors; });
 }
 
 // Marks for relinearisation the touched factors whose old linearisation errs too much, or whose weight has changed.
 void IncrementalSolver::Impl::MarkStale() {
   const double threshold = options_.relinearisation_share * StaleThreshold();
-  system_->ForEachTouched([&](FactorRef ref) {
-    const LiveFamily& family = system_->families()[ref.family];
+  live->ForEachTouched([&](FactorRef ref) {
+    const LiveFamily& family = live->families()[ref.family];
     if (family.SquaredError(ref.factor) > threshold || std::fabs(family.WeightRatio(ref.factor) - 1.0) > kWeightChange) {
-      system_->MarkDirty(ref);
+      live->MarkDirty(ref);
     }
   });
 }
@@ -259,10 +257,10 @@ void IncrementalSolver::Impl::MarkStale() {
 // Marks every factor whose old linearisation errs by more than the threshold. True if there are any.
 bool IncrementalSolver::Impl::RefreshAll(double threshold) {
   bool any = false;
-  for (const LiveFamily& family : system_->families()) {
+  for (const LiveFamily& family : live->families()) {
     for (std::int32_t i = 0; i < family.num_factors(); ++i) {
       if (family.SquaredError(i) > threshold) {
-        system_->MarkDirty({family.id(), i});
+        live->MarkDirty({family.id(), i});
         any = true;
       }
     }
@@ -280,8 +278,8 @@ void IncrementalSolver::Impl::Retreat() {
   mu_ *= nu_;
   nu_ *= 2.0;
   for (const std::int32_t landmark : visited_) {
-    if (system_->schur().landmarks()[landmark].lambda < mu_) {
-      system_->Redamp(landmark);
+    if (live->schur().landmarks()[landmark].lambda < mu_) {
+      live->Redamp(landmark);
     }
   }
 }
@@ -297,11 +295,11 @@ IncrementalSolver::IncrementalSolver(const IncrementalOptions& options) : impl_(
 IncrementalSolver::~IncrementalSolver() = default;
 
 FactorGraph& IncrementalSolver::graph() {
-  return impl_->graph_;
+  return impl_->graph;
 }
 
 const FactorGraph& IncrementalSolver::graph() const {
-  return impl_->graph_;
+  return impl_->graph;
 }
 
 UpdateSummary IncrementalSolver::Update() {
@@ -309,11 +307,11 @@ UpdateSummary IncrementalSolver::Update() {
 }
 
 const double* IncrementalSolver::Values(VariableId id) const {
-  return id < impl_->system_->values().num_variables() ? impl_->system_->values().current(id) : impl_->graph_.Values(id);
+  return id < impl_->live->values().num_variables() ? impl_->live->values().current(id) : impl_->graph.Values(id);
 }
 
 double IncrementalSolver::cost() const {
-  return impl_->system_->cost();
+  return impl_->live->cost();
 }
 
 }  // namespace inceres
