@@ -76,12 +76,4 @@ void SymmetricBlockRows::Release(std::int64_t offset, int rows, int columns) {
   free_[quads].push_back(offset);
 }
 
-std::int64_t SymmetricBlockRows::Bytes() const {
-  auto bytes = static_cast<std::int64_t>(values_.size() * sizeof(double));
-  for (const auto& entries : rows_) {
-    bytes += static_cast<std::int64_t>(entries.capacity() * sizeof(Entry));
-  }
-  return bytes;
-}
-
 }  // namespace inceres::internal

@@ -40,8 +40,6 @@ class SymmetricBlockRows {
   double* values(std::int64_t offset) { return values_.data() + offset; }
   const double* values(std::int64_t offset) const { return values_.data() + offset; }
 
-  std::int64_t Bytes() const;
-
  private:
   std::int64_t Allocate(int rows, int columns);
   void Release(std::int64_t offset, int rows, int columns);

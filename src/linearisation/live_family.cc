@@ -103,18 +103,29 @@ EvaluationFailure LiveFamily::Linearise(const std::vector<std::int32_t>& factors
   });
 }
 
-// w = ρ'(‖f‖²) now: J := √w J, q := √w f.
-void LiveFamily::Weigh(int factor) {
-  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * residual_size_;
+// ρ, ρ' and ρ'' at the residual now.
+void LiveFamily::EvaluateLoss(int factor, double rho[3]) const {
+  const double* f = f_.data() + static_cast<std::ptrdiff_t>(factor) * residual_size_;
   double s = 0.0;
   for (int r = 0; r < residual_size_; ++r) {
-    predicted_f_[first + r] = f_[first + r];
-    s += f_[first + r] * f_[first + r];
+    s += f[r] * f[r];
   }
-  double rho[3] = {s, 1.0, 0.0};
+  rho[0] = s;
+  rho[1] = 1.0;
+  rho[2] = 0.0;
   if (const Loss* loss = graph_->loss(id_, factor)) {
     loss->Evaluate(s, rho);
   }
+}
+
+// w = ρ'(‖f‖²) now: J := √w J, q := √w f.
+void LiveFamily::Weigh(int factor) {
+  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * residual_size_;
+  for (int r = 0; r < residual_size_; ++r) {
+    predicted_f_[first + r] = f_[first + r];
+  }
+  double rho[3];
+  EvaluateLoss(factor, rho);
   const double sqrt_w = std::sqrt(rho[1]);
   sqrt_w_[factor] = sqrt_w;
   current_w_[factor] = rho[1];
@@ -158,16 +169,12 @@ double LiveFamily::PredictDecrease(int factor, const double* padded_step) {
 void LiveFamily::Accept(int factor, double* q_change) {
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * residual_size_;
   const double sqrt_w = sqrt_w_[factor];
-  double s = 0.0;
   for (int r = 0; r < residual_size_; ++r) {
     predicted_f_[first + r] += sqrt_w > kNoWeight ? J_step_[first + r] / sqrt_w : 0.0;
     f_[first + r] = candidate_f_[first + r];
-    s += f_[first + r] * f_[first + r];
   }
-  double rho[3] = {s, 1.0, 0.0};
-  if (const Loss* loss = graph_->loss(id_, factor)) {
-    loss->Evaluate(s, rho);
-  }
+  double rho[3];
+  EvaluateLoss(factor, rho);
   cost_[factor] = 0.5 * rho[0];
   current_w_[factor] = rho[1];
   const double scale = sqrt_w > kNoWeight ? rho[1] / sqrt_w : 0.0;

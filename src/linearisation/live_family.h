@@ -44,7 +44,6 @@ class LiveFamily {
   /// The step was accepted: f := candidate f, f̂ += J δ / √w. Replaces q and writes the change to *q_change.
   void Accept(int factor, double* q_change);
   const double* q(int factor) const { return q_.data() + static_cast<std::ptrdiff_t>(factor) * residual_size_; }
-  const double* f(int factor) const { return f_.data() + static_cast<std::ptrdiff_t>(factor) * residual_size_; }
 
   /// w ‖f − f̂‖²: the squared error of the old linearisation in units of the objective.
   double SquaredError(int factor) const;
@@ -60,6 +59,7 @@ class LiveFamily {
   template <typename Evaluate>
   EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, Evaluate&& evaluate);
   void Weigh(int factor);
+  void EvaluateLoss(int factor, double rho[3]) const;
 
   const FactorGraph* graph_;
   const FactorFamily* family_;

@@ -18,7 +18,6 @@ int LiveSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
   frames_.push_back({id, quad, size, {}});
   offsets_.push_back(offsets_.back() + size);
   b_.resize(offsets_.back(), 0.0);
-  c_.resize(offsets_.back(), 0.0);
   C_diagonal_.resize(offsets_.back(), 0.0);
   return S_.AddRow(size);
 }
@@ -95,7 +94,6 @@ void LiveSchur::AddFactor(FactorRef ref, double sign) {
         gradient += entry * q[i];
         squared += entry * entry;
       }
-      c_[offsets_[row] + k] -= sign * gradient;
       b_[offsets_[row] + k] -= sign * gradient;
       C_diagonal_[offsets_[row] + k] += sign * squared;
     }
@@ -117,7 +115,6 @@ void LiveSchur::ChangeResidual(FactorRef ref, const double* q_change) {
       for (int i = 0; i < family.residual_size(); ++i) {
         change += J[i * stride + k] * q_change[i];
       }
-      c_[offsets_[row] + k] -= change;
       b_[offsets_[row] + k] -= change;
     }
   }
@@ -167,7 +164,7 @@ void LiveSchur::TakeOut(std::int32_t landmark) {
     AddToB(l, l.z, 1.0);
     l.in_S = false;
   }
-  SetDecrement(&l, 0.0);
+  l.decrement = 0.0;
 }
 
 void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
@@ -212,7 +209,7 @@ void LiveSchur::RefreshResidual(std::int32_t landmark) {
     decrement += 0.5 * l.z[k] * l.z[k];
   }
   AddToB(l, change, -1.0);
-  SetDecrement(&l, decrement);
+  l.decrement = decrement;
 }
 
 void LiveSchur::PlaceBlocks(std::int32_t landmark) {
@@ -282,11 +279,6 @@ void LiveSchur::EliminateLandmark(Landmark* landmark) {
   for (int k = 0; k < landmark->size; ++k) {
     decrement += 0.5 * landmark->z[k] * landmark->z[k];
   }
-  SetDecrement(landmark, decrement);
-}
-
-void LiveSchur::SetDecrement(Landmark* landmark, double decrement) {
-  total_decrement_ += decrement - landmark->decrement;
   landmark->decrement = decrement;
 }
 
@@ -325,10 +317,6 @@ void LiveSchur::ReleaseY(std::int32_t offset, std::int32_t quads) {
     free_y_.resize(quads + 1);
   }
   free_y_[quads].push_back(offset);
-}
-
-std::int64_t LiveSchur::Bytes() const {
-  return S_.Bytes() + static_cast<std::int64_t>(Y_.size() * sizeof(double) + landmarks_.size() * sizeof(Landmark));
 }
 
 }  // namespace inceres::internal

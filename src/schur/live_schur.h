@@ -71,9 +71,8 @@ class LiveSchur {
   void BackSubstitute(std::int32_t landmark, double* padded_step) const;
 
   const SymmetricBlockRows& S() const { return S_; }
-  /// b, Σ −J_cᵀq alone, and diag(C), packed by block rows.
+  /// b and diag(C), packed by block rows.
   const std::vector<double>& b() const { return b_; }
-  const std::vector<double>& frame_eta() const { return c_; }
   const std::vector<double>& FrameDiagonal() const { return C_diagonal_; }
   int FrameOffset(int frame) const { return offsets_[frame]; }
 
@@ -84,8 +83,6 @@ class LiveSchur {
 
   /// Smallest block row touched since the last call; num_rows if none.
   int TakeFirstChanged();
-  double total_decrement() const { return total_decrement_; }
-  std::int64_t Bytes() const;
 
  private:
   std::size_t Slot(FactorRef ref, int slot) const {
@@ -96,7 +93,6 @@ class LiveSchur {
   void PlaceBlocks(std::int32_t landmark);
   void SumLandmark(Landmark* landmark);
   void EliminateLandmark(Landmark* landmark);
-  void SetDecrement(Landmark* landmark, double decrement);
   LandmarkFactors FactorsOf(const FactorRef& ref) const;
   void Touch(int row) { first_changed_ = row < first_changed_ ? row : first_changed_; }
   std::int32_t AllocateY(std::int32_t quads);
@@ -112,12 +108,10 @@ class LiveSchur {
   SymmetricBlockRows S_;
   std::vector<int> offsets_{0};
   std::vector<double> b_;
-  std::vector<double> c_;
   std::vector<double> C_diagonal_;
   AlignedVector<double> Y_;
   std::vector<std::vector<std::int32_t>> free_y_;  // by quads
   int first_changed_ = 0;
-  double total_decrement_ = 0.0;
 };
 
 }  // namespace inceres::internal

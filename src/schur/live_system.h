@@ -74,7 +74,6 @@ class LiveSystem {
   }
 
   double cost() const { return cost_; }
-  const FactorGraph& graph() const { return graph_; }
   const LiveValues& values() const { return values_; }
   const std::vector<LiveFamily>& families() const { return families_; }
   LiveSchur& schur() { return schur_; }
