@@ -8,11 +8,20 @@
 
 namespace inceres {
 
-void DiagonalPriorFamily::Add(const Measurement& measurement) {
+void DiagonalPriorFamily::Place(int index, const Measurement& measurement) {
   assert(static_cast<int>(measurement.mean.size()) == residual_size());
   assert(static_cast<int>(measurement.sqrt_information.size()) == residual_size());
-  means_.insert(means_.end(), measurement.mean.begin(), measurement.mean.end());
-  sqrt_information_.insert(sqrt_information_.end(), measurement.sqrt_information.begin(), measurement.sqrt_information.end());
+  if (index < 0 || index > size()) {
+    return;  // FactorGraph::Check finds the family too small
+  }
+  const std::size_t first = static_cast<std::size_t>(index) * measurement.mean.size();
+  if (index == size()) {
+    means_.resize(first + measurement.mean.size());
+    sqrt_information_.resize(means_.size());
+  }
+  std::copy(measurement.mean.begin(), measurement.mean.end(), means_.begin() + static_cast<std::ptrdiff_t>(first));
+  std::copy(measurement.sqrt_information.begin(), measurement.sqrt_information.end(),
+            sqrt_information_.begin() + static_cast<std::ptrdiff_t>(first));
 }
 
 void DiagonalPriorFamily::WriteJacobian(const double* sqrt_information, const TangentMap& map, double* J, int row_stride) const {

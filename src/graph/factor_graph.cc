@@ -7,47 +7,89 @@
 
 namespace inceres {
 
-VariableId FactorGraph::AddVariable(const double* values, int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
-  VariableRecord& variable = variables_.emplace_back();
-  variable.offset = static_cast<std::int64_t>(state_.size());
+FactorGraph::VariableRecord FactorGraph::MakeOwned(int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
+  VariableRecord variable;
   variable.ambient_size = ambient_size;
   variable.tangent_size = manifold == nullptr ? ambient_size : manifold->TangentSize();
   variable.role = role;
   variable.manifold = std::move(manifold);
-  const std::size_t num_values = static_cast<std::size_t>(std::max(ambient_size, 0));
-  if (values != nullptr) {
-    state_.insert(state_.end(), values, values + num_values);
-  } else {
-    // Nothing is checked here: Validate() finds the NaN and names the variable.
-    state_.insert(state_.end(), num_values, std::numeric_limits<double>::quiet_NaN());
-  }
-  return num_variables() - 1;
+  return variable;
 }
 
-VariableId FactorGraph::AddBorrowedConstant(const double* values, int ambient_size) {
-  VariableRecord& variable = variables_.emplace_back();
+FactorGraph::VariableRecord FactorGraph::MakeBorrowed(const double* values, int ambient_size) {
+  VariableRecord variable;
   variable.offset = -1;
   variable.borrowed = values;
   variable.ambient_size = ambient_size;
   variable.constant = true;
+  return variable;
+}
+
+VariableId FactorGraph::AppendVariable(VariableRecord variable, const double* values) {
+  if (variable.offset >= 0) {
+    variable.offset = static_cast<std::int64_t>(state_.size());
+    const std::size_t num_values = static_cast<std::size_t>(std::max(variable.ambient_size, 0));
+    if (values != nullptr) {
+      state_.insert(state_.end(), values, values + num_values);
+    } else {
+      // Nothing is checked here: Validate() finds the NaN and names the variable.
+      state_.insert(state_.end(), num_values, std::numeric_limits<double>::quiet_NaN());
+    }
+  }
+  variables_.push_back(std::move(variable));
+  if (tracked_) {
+    first_touches_.emplace_back();
+  }
   return num_variables() - 1;
+}
+
+VariableId FactorGraph::AddVariable(const double* values, int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
+  ++revision_;
+  return AppendVariable(MakeOwned(ambient_size, role, std::move(manifold)), values);
+}
+
+VariableId FactorGraph::AddBorrowedConstant(const double* values, int ambient_size) {
+  ++revision_;
+  return AppendVariable(MakeBorrowed(values, ambient_size), nullptr);
 }
 
 FamilyId FactorGraph::AddFamily(std::shared_ptr<const FactorFamily> family) {
   assert(family != nullptr && "FactorGraph::AddFamily: null family");
+  ++revision_;
   families_.emplace_back().family = std::move(family);
   return num_families() - 1;
 }
 
 int FactorGraph::Connect(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss) {
   assert(family >= 0 && family < num_families() && "FactorGraph::Connect: no such family");
+  ++revision_;
+  return AppendFactor(family, variables, std::move(loss));
+}
+
+int FactorGraph::AppendFactor(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss) {
   FamilyRecord& record = families_[Index(family)];
   record.variables.insert(record.variables.end(), variables, variables + record.family->num_slots());
   if (loss != nullptr || !record.losses.empty()) {
     record.losses.resize(Index(record.num_factors));  // the first loss of the family: the factors before it have none
     record.losses.push_back(std::move(loss));
   }
-  return record.num_factors++;
+  if (!record.places.empty()) {
+    record.places.push_back(Place::kLive);
+  }
+  const int factor = record.num_factors++;
+  if (tracked_) {
+    record.links.resize(record.variables.size());
+    LinkFactor(family, factor);
+  }
+  return factor;
+}
+
+void FactorGraph::SetLoss(FamilyId family, int factor, std::shared_ptr<const Loss> loss) {
+  FamilyRecord& record = families_[Index(family)];
+  if (loss != nullptr || !record.losses.empty()) {
+    record.losses.resize(Index(record.num_factors));
+    record.losses[Index(factor)] = std::move(loss);
+  }
 }
 
 void FactorGraph::SetValues(VariableId id, const double* values) {
@@ -65,9 +107,30 @@ void FactorGraph::Reserve(int num_variables, int num_values) {
 int FactorGraph::num_factors() const {
   int count = 0;
   for (const FamilyRecord& record : families_) {
-    count += record.num_factors;
+    count += record.num_factors - static_cast<int>(record.free_places.size());
   }
   return count;
+}
+
+bool FactorGraph::HasFactor(FamilyId id, int factor) const {
+  if (id < 0 || id >= num_families()) {
+    return false;
+  }
+  const FamilyRecord& record = families_[Index(id)];
+  return factor >= 0 && factor < record.num_factors && (record.places.empty() || record.places[Index(factor)] == Place::kLive);
+}
+
+VariableId FactorGraph::FreeVariable(int ambient_size, bool borrowed, int k) const {
+  const auto found = ambient_size > 0 ? free_variables_.find(FreeKey(ambient_size, borrowed)) : free_variables_.end();
+  if (found == free_variables_.end() || Index(k) >= found->second.size()) {
+    return -1;
+  }
+  return found->second[found->second.size() - 1 - Index(k)];
+}
+
+std::int32_t FactorGraph::FreePlace(FamilyId id, int k) const {
+  const std::vector<std::int32_t>& places = families_[Index(id)].free_places;
+  return Index(k) < places.size() ? places[places.size() - 1 - Index(k)] : -1;
 }
 
 }  // namespace inceres

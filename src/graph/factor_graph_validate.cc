@@ -1,27 +1,24 @@
 #include <cmath>
 #include <string>
 
+#include "graph/find_fault.h"
 #include "inceres/graph/factor_graph.h"
 
 namespace inceres {
+
+using internal::AllFinite;
+using internal::FamilyName;
+using internal::Invalid;
+using internal::VariableName;
+
 namespace {
 
 constexpr int kMaxLandmarkTangentSize = 4;
 
-Status Invalid(std::string message) {
-  return Status::Error(StatusCode::kInvalidArgument, std::move(message));
-}
-
-std::string VariableName(VariableId id) {
-  return "variable " + std::to_string(id);
-}
-
-std::string FamilyName(FamilyId id, const FactorFamily& family) {
-  return "family " + std::to_string(id) + " (" + family.Name() + ")";
-}
+}  // namespace
 
 // x·0 is NaN for a NaN and for an infinity; four sums hide the latency of the addition.
-bool AllFinite(const double* values, std::size_t count) {
+bool internal::AllFinite(const double* values, std::size_t count) {
   double sums[4] = {0.0, 0.0, 0.0, 0.0};
   std::size_t k = 0;
   for (; k + 4 <= count; k += 4) {
@@ -35,17 +32,15 @@ bool AllFinite(const double* values, std::size_t count) {
   return (sums[0] + sums[1]) + (sums[2] + sums[3]) == 0.0;
 }
 
-}  // namespace
-
 Status FactorGraph::Validate() const {
   for (VariableId id = 0; id < num_variables(); ++id) {
     const VariableRecord& variable = variables_[Index(id)];
     const bool ordinary = variable.ambient_size > 0 && variable.manifold == nullptr && variable.offset >= 0 &&
                           (variable.role == Role::kFrame || variable.tangent_size <= kMaxLandmarkTangentSize);
-    if (ordinary) {
+    if (ordinary || variable.removed) {
       continue;
     }
-    Status status = ValidateVariable(id);
+    Status status = ValidateVariable(id, variable, IsConstant(id));
     if (!status.ok()) {
       return status;
     }
@@ -57,8 +52,7 @@ Status FactorGraph::Validate() const {
   return status;
 }
 
-Status FactorGraph::ValidateVariable(VariableId id) const {
-  const VariableRecord& variable = variables_[Index(id)];
+Status FactorGraph::ValidateVariable(VariableId id, const VariableRecord& variable, bool constant) {
   if (variable.ambient_size <= 0) {
     return Invalid(VariableName(id) + " has ambient size " + std::to_string(variable.ambient_size) + "; it must be positive");
   }
@@ -76,7 +70,7 @@ Status FactorGraph::ValidateVariable(VariableId id) const {
     return Invalid(VariableName(id) + " has tangent size " + std::to_string(variable.tangent_size) +
                    "; it must lie between 0 and its ambient size " + std::to_string(variable.ambient_size));
   }
-  if (variable.role == Role::kLandmark && !IsConstant(id) && variable.tangent_size > kMaxLandmarkTangentSize) {
+  if (variable.role == Role::kLandmark && !constant && variable.tangent_size > kMaxLandmarkTangentSize) {
     return Invalid(VariableName(id) + " is a landmark of tangent size " + std::to_string(variable.tangent_size) +
                    "; landmarks have at most " + std::to_string(kMaxLandmarkTangentSize) + ": make it a frame");
   }
@@ -86,7 +80,7 @@ Status FactorGraph::ValidateVariable(VariableId id) const {
 Status FactorGraph::ValidateValues() const {
   for (VariableId id = 0; id < num_variables(); ++id) {
     const VariableRecord& variable = variables_[Index(id)];
-    for (int k = 0; variable.offset >= 0 && k < variable.ambient_size; ++k) {
+    for (int k = 0; !variable.removed && variable.offset >= 0 && k < variable.ambient_size; ++k) {
       const double value = state_[static_cast<std::size_t>(variable.offset + k)];
       if (!std::isfinite(value)) {
         return Invalid("value " + std::to_string(k) + " of " + VariableName(id) + " is " + std::to_string(value));
@@ -103,64 +97,51 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
     return Invalid(FamilyName(id, family) + " has residual size " + std::to_string(family.residual_size()) +
                    "; it must be positive");
   }
-  if (family.size() != record.num_factors) {
+  if (family.size() < record.num_factors || (family.size() > record.num_factors && !edited_)) {
     return Invalid(FamilyName(id, family) + " holds " + std::to_string(family.size()) + " measurements but " +
                    std::to_string(record.num_factors) + " factors are connected");
   }
   for (int factor = 0; factor < record.num_factors; ++factor) {
-    const FactorFault fault = FindFault(record, factor);
+    if (!record.places.empty() && record.places[Index(factor)] == Place::kFree) {
+      continue;
+    }
+    const VariableId* ids = Variables(id, factor);
+    const FactorFault fault = FindFault(family, ids, [this](VariableId variable) { return See(variable); });
     if (fault.fault != Fault::kNone) {
-      return DescribeFault(id, factor, fault);
+      const VariableId culprit = ids[fault.slot];
+      const bool known = culprit >= 0 && culprit < num_variables();
+      return DescribeFault({id, factor}, ids, fault, known ? &variables_[Index(culprit)] : nullptr);
     }
   }
   return Status::Ok();
 }
 
-FactorGraph::FactorFault FactorGraph::FindFault(const FamilyRecord& record, int factor) const {
-  const FactorFamily& family = *record.family;
-  const int num_slots = family.num_slots();
-  const VariableId* ids = record.variables.data() + Index(factor) * Index(num_slots);
-  int num_landmarks = 0;
-  for (int s = 0; s < num_slots; ++s) {
-    if (ids[s] < 0 || ids[s] >= num_variables()) {
-      return {Fault::kDanglingId, s};
-    }
-    for (int other = 0; other < s; ++other) {
-      if (ids[other] == ids[s]) {
-        return {Fault::kRepeated, s};
-      }
-    }
-    const VariableRecord& variable = variables_[Index(ids[s])];
-    if (variable.ambient_size != family.slot(s).ambient_size) {
-      return {Fault::kAmbientSize, s};
-    }
-    if (variable.constant || variable.tangent_size == 0) {
-      continue;
-    }
-    if (variable.tangent_size != family.slot(s).tangent_size) {
-      return {Fault::kTangentSize, s};
-    }
-    if (variable.role == Role::kLandmark && ++num_landmarks > 1) {
-      return {Fault::kTwoLandmarks, s};
-    }
+FactorGraph::Sight FactorGraph::See(VariableId id) const {
+  if (id < 0 || id >= num_variables()) {
+    return {nullptr, false, Fault::kDanglingId};
   }
-  return {};
+  const VariableRecord& variable = variables_[Index(id)];
+  return {&variable, variable.constant, variable.removed ? Fault::kRemoved : Fault::kNone};
 }
 
-Status FactorGraph::DescribeFault(FamilyId id, int factor, FactorFault fault) const {
-  const FactorFamily::Slot& slot = family(id).slot(fault.slot);
-  const VariableId variable = Variables(id, factor)[fault.slot];
-  const std::string where = DescribeFactor(id, factor) + ": slot " + std::to_string(fault.slot);
+Status FactorGraph::DescribeFault(FactorId id, const VariableId* ids, FactorFault fault, const VariableRecord* culprit) const {
+  const FactorFamily::Slot& slot = family(id.family).slot(fault.slot);
+  const VariableId variable = ids[fault.slot];
+  const std::string where = DescribeFactor(id, ids) + ": slot " + std::to_string(fault.slot);
   switch (fault.fault) {
     case Fault::kDanglingId:
       return Invalid(where + " names variable " + std::to_string(variable) + ", but the graph has " +
                      std::to_string(num_variables()) + " variables");
+    case Fault::kRemoved:
+      return Invalid(where + " names " + VariableName(variable) + ", which has been removed");
+    case Fault::kGoing:
+      return Invalid(where + " names " + VariableName(variable) + ", which the same edit removes");
     case Fault::kAmbientSize:
       return Invalid(where + " has ambient size " + std::to_string(slot.ambient_size) + " but " + VariableName(variable) +
-                     " has " + std::to_string(AmbientSize(variable)) + " values");
+                     " has " + std::to_string(culprit->ambient_size) + " values");
     case Fault::kTangentSize:
       return Invalid(where + " has tangent size " + std::to_string(slot.tangent_size) + " but " + VariableName(variable) +
-                     " has " + std::to_string(TangentSize(variable)) + "; is the manifold the family expects set?");
+                     " has " + std::to_string(culprit->tangent_size) + "; is the manifold the family expects set?");
     case Fault::kRepeated:
       return Invalid(where + " repeats " + VariableName(variable));
     case Fault::kTwoLandmarks:
@@ -173,9 +154,12 @@ Status FactorGraph::DescribeFault(FamilyId id, int factor, FactorFault fault) co
 }
 
 std::string FactorGraph::DescribeFactor(FamilyId id, int factor) const {
-  const int num_slots = family(id).num_slots();
-  const VariableId* ids = Variables(id, factor);
-  std::string text = "factor " + std::to_string(factor) + " of " + family(id).Name() + " (variables ";
+  return DescribeFactor({id, factor}, Variables(id, factor));
+}
+
+std::string FactorGraph::DescribeFactor(FactorId id, const VariableId* ids) const {
+  const int num_slots = family(id.family).num_slots();
+  std::string text = "factor " + std::to_string(id.index) + " of " + family(id.family).Name() + " (variables ";
   for (int s = 0; s < num_slots; ++s) {
     text += (s == 0 ? "" : ", ") + std::to_string(ids[s]);
   }

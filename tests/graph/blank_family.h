@@ -15,6 +15,7 @@ class BlankFamily final : public FactorFamily {
   BlankFamily(int residual_size, std::vector<Slot> slots, int size = 0)
       : FactorFamily(residual_size, std::move(slots)), size_(size) {}
   void Add(const Measurement&) { ++size_; }
+  void Place(int index, const Measurement&) { size_ += index == size_ ? 1 : 0; }
   int size() const override { return size_; }
   const char* Name() const override { return "blank"; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override { return {batch.begin, "blank factors have no residual"}; }

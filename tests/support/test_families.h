@@ -25,6 +25,7 @@ class SmoothFamily final : public AmbientFamily<SmoothFamily> {
   /// Random A, B and φ of a factor, c zero.
   Measurement MakeMeasurement(Random* random) const;
   void Add(Measurement measurement) { measurements_.push_back(std::move(measurement)); }
+  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
   /// Sets c so that f is `residuals` at these parameters.
   void SetResiduals(int i, const double* const* parameters, const double* residuals);
 
@@ -47,6 +48,7 @@ class FunctionFamily final : public AmbientFamily<FunctionFamily> {
       : AmbientFamily(residual_size, std::move(slots)), function_(std::move(function)) {}
 
   void Add(Measurement) { ++size_; }
+  void Place(int index, Measurement) { size_ += index == size_ ? 1 : 0; }
   int size() const override { return size_; }
   const char* Name() const override { return "function"; }
   bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {

@@ -32,6 +32,8 @@ class INCERES_EXPORT BalReprojectionFamily final : public FactorFamily {
   explicit BalReprojectionFamily(int camera_tangent_size = 9, int point_tangent_size = 3);
 
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
+  /// Overwrites the measurement at `index`, or appends it if index == size().
+  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
 
   int size() const override { return static_cast<int>(measurements_.size()); }

@@ -30,7 +30,9 @@ class INCERES_EXPORT DiagonalPriorFamily final : public FactorFamily {
   DiagonalPriorFamily(int size, int ambient_size, int tangent_size) : FactorFamily(size, {{ambient_size, tangent_size}}) {}
 
   /// Requires vectors of the family's size.
-  void Add(const Measurement& measurement);
+  void Add(const Measurement& measurement) { Place(size(), measurement); }
+  /// Overwrites the measurement at `index`, or appends it if index == size(). Requires vectors of the family's size.
+  void Place(int index, const Measurement& measurement);
 
   int size() const override { return static_cast<int>(means_.size()) / residual_size(); }
   const char* Name() const override { return "diagonal prior"; }

@@ -29,6 +29,8 @@ class INCERES_EXPORT RelativePoseFamily final : public FactorFamily {
   RelativePoseFamily() : FactorFamily(6, {{7, 6}, {7, 6}}) {}
 
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
+  /// Overwrites the measurement at `index`, or appends it if index == size().
+  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
 
   int size() const override { return static_cast<int>(measurements_.size()); }

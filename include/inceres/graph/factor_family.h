@@ -86,6 +86,19 @@ class INCERES_EXPORT FactorFamily {
   /// constant. On failure names the first factor that failed; what was written is then ignored.
   virtual EvaluationFailure Evaluate(const FactorBatch& batch) const = 0;
 
+ protected:
+  /// What Place(index, measurement) does in a family that keeps a vector of measurements: overwrites, or appends at the end.
+  /// Beyond the end nothing is written, and FactorGraph::Check finds the family too small.
+  template <typename Measurement>
+  static void PlaceIn(std::vector<Measurement>* measurements, int index, const Measurement& measurement) {
+    const auto i = static_cast<std::size_t>(index);
+    if (i < measurements->size()) {
+      (*measurements)[i] = measurement;
+    } else if (i == measurements->size()) {
+      measurements->push_back(measurement);
+    }
+  }
+
  private:
   int residual_size_;
   std::vector<Slot> slots_;

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -16,6 +18,18 @@ namespace inceres {
 using VariableId = std::int32_t;
 using FamilyId = std::int32_t;
 
+/// Names a factor of a graph: its family and its place there. The place of a removed factor is given to a later one.
+struct FactorId {
+  FamilyId family = -1;
+  std::int32_t index = -1;
+};
+
+class GraphEdit;
+namespace internal {
+class EditCheck;
+class EditCommit;
+}  // namespace internal
+
 /// What the solver does with a variable: landmarks (tangent size 1 to 4, at most one a factor) are eliminated first, one small
 /// block each; frames (poses, velocities, calibrations, …) stay in the reduced system.
 enum class Role : std::uint8_t { kFrame, kLandmark };
@@ -25,6 +39,11 @@ enum class Role : std::uint8_t { kFrame, kLandmark };
 /// The graph owns the values of its variables (one contiguous *state*) and the connections of its factors. It checks nothing
 /// while it is built; Validate(), which every solve calls first, names what is wrong. Ids are dense: 0, 1, 2, … in order of
 /// addition.
+///
+/// A graph that lives on is changed by transactions (GraphEdit, graph_edit.h), which are checked as a whole and can remove. Ids
+/// then have gaps: what is removed leaves its id free, with its room in the state or its place in the family, for something later
+/// of the same size or family. num_variables() and NumFactors() go on counting ids and places, free ones included. Such a graph
+/// is for the IncrementalSolver; the batch Solve refuses one with free factor places.
 ///
 /// Threads: one writer; concurrent reads are fine. Two graphs share nothing.
 /// Source: algorithms.md section 1; Dellaert & Kaess, "Factor Graphs for Robot Perception", 2017.
@@ -56,26 +75,62 @@ class INCERES_EXPORT FactorGraph {
 
   void SetConstant(VariableId id, bool constant) { variables_[Index(id)].constant = constant; }
   void SetRole(VariableId id, Role role) { variables_[Index(id)].role = role; }
+  /// Null means ½‖f‖².
+  void SetLoss(FamilyId family, int factor, std::shared_ptr<const Loss> loss);
   /// Overwrites the values of a variable the graph owns; borrowed values are their owner's to change, so those are left alone.
   void SetValues(VariableId id, const double* values);
   void Reserve(int num_variables, int num_values);
 
+  /// Carries out an edit begun on this graph: Check, then Commit. On an error, which names the id at fault, nothing has changed.
+  /// Cost: proportional to the edit and the degrees of the variables it removes or frees; the first such edit makes one pass over
+  /// the factors (TrackFactors).
+  Status Apply(const GraphEdit& edit);
+  /// The first half of Apply, for a caller with caches: says whether the edit can be carried out, and which factors it removes,
+  /// those that go with their variables included, each once. Changes nothing that can be seen, but it reserves what Commit
+  /// needs; so it counts as writing. In the steady state it allocates nothing. `removed` is empty after an error.
+  Status Check(const GraphEdit& edit, std::vector<FactorId>* removed);
+  /// The second half: carries out an edit that Check has passed, with the factors it named; the graph must be as it was then.
+  /// Cannot fail, and allocates nothing of its own (a measurement set by the edit may).
+  void Commit(const GraphEdit& edit, const std::vector<FactorId>& removed);
+
+  /// Grows with every change of structure (AddVariable, AddFamily, Connect, Apply): an edit begun at another one is refused.
+  std::int64_t revision() const { return revision_; }
+
+  /// Keeps from now on a list of each variable's factors: two links a slot. One pass over the factors; later calls cost nothing.
+  void TrackFactors();
+  /// Calls f(FactorId) for every factor that touches the variable, the last connected first. Needs TrackFactors() before it.
+  template <typename F>
+  void ForEachFactorOf(VariableId id, F&& f) const {
+    for (Touch touch = first_touches_[Index(id)]; touch.family >= 0;) {
+      const FamilyRecord& record = families_[Index(touch.family)];
+      const Touch next = record.links[Index(touch.entry)].next;
+      f(FactorId{touch.family, touch.entry / record.family->num_slots()});
+      touch = next;
+    }
+  }
+
+  /// Ids given out, those of removed variables included.
   int num_variables() const { return static_cast<int>(variables_.size()); }
+  int num_live_variables() const { return num_variables() - num_removed_variables_; }
+  bool HasVariable(VariableId id) const { return id >= 0 && id < num_variables() && !variables_[Index(id)].removed; }
   int num_families() const { return static_cast<int>(families_.size()); }
+  /// Factors of all families; free places do not count.
   int num_factors() const;
 
   int AmbientSize(VariableId id) const { return variables_[Index(id)].ambient_size; }
   int TangentSize(VariableId id) const { return variables_[Index(id)].tangent_size; }
   Role role(VariableId id) const { return variables_[Index(id)].role; }
-  /// True if held constant by SetConstant, borrowed, or of tangent size 0.
+  /// True if held constant by SetConstant, borrowed, or of tangent size 0; of a removed variable too.
   bool IsConstant(VariableId id) const { return variables_[Index(id)].constant || variables_[Index(id)].tangent_size == 0; }
   const Manifold* manifold(VariableId id) const { return variables_[Index(id)].manifold.get(); }
   const double* Values(VariableId id) const { return ValuesIn(state_.data(), id); }
 
   const FactorFamily& family(FamilyId id) const { return *families_[Index(id)].family; }
-  /// Number of *connected* factors of the family.
+  /// Number of *connected* factors of the family: of its places, if some of them are free.
   int NumFactors(FamilyId id) const { return families_[Index(id)].num_factors; }
-  /// The variables of factor i: num_slots entries.
+  int NumFreePlaces(FamilyId id) const { return static_cast<int>(families_[Index(id)].free_places.size()); }
+  bool HasFactor(FamilyId id, int factor) const;
+  /// The variables of factor i: num_slots entries, all -1 at a free place.
   const VariableId* Variables(FamilyId id, int factor) const {
     const FamilyRecord& record = families_[Index(id)];
     return record.variables.data() + Index(factor) * Index(record.family->num_slots());
@@ -88,7 +143,13 @@ class INCERES_EXPORT FactorGraph {
   /// True if any factor of the family has a loss.
   bool HasLosses(FamilyId id) const { return !families_[Index(id)].losses.empty(); }
 
-  /// All owned values, one variable after the other in order of addition: what the solver copies, moves and writes back.
+  /// What the next edit takes: the id of the k-th removed variable of this ambient size, or the k-th free place of a family,
+  /// the one freed last first; -1 when there are no more.
+  VariableId FreeVariable(int ambient_size, bool borrowed, int k) const;
+  std::int32_t FreePlace(FamilyId id, int k) const;
+
+  /// All owned values, one variable after the other in order of addition: what the solver copies, moves and writes back. The room
+  /// of a removed variable holds zeros.
   const std::vector<double>& state() const { return state_; }
   std::vector<double>& mutable_state() { return state_; }
   /// Offset of the variable's values in the state, or -1 if they are borrowed.
@@ -102,13 +163,17 @@ class INCERES_EXPORT FactorGraph {
   /// Everything that makes the graph unsolvable, first culprit named: ids out of range, sizes that do not match a slot (of a
   /// constant only the ambient size counts) or the manifold, a variable twice in a factor, two variable landmarks in a factor, a
   /// variable landmark of tangent size above 4, values that are null or not finite, a family that holds more or fewer
-  /// measurements than were connected. Cost: one pass over factors and values; allocates for the message only.
+  /// measurements than were connected (more is fine once an edit was checked: a refused one may have placed some). Cost: one pass
+  /// over factors and values; allocates for the message only.
   Status Validate() const;
 
   /// "factor 7 of BAL reprojection (variables 3, 112)": for messages.
   std::string DescribeFactor(FamilyId id, int factor) const;
 
  private:
+  friend class internal::EditCheck;
+  friend class internal::EditCommit;
+
   struct VariableRecord {
     std::int64_t offset = 0;  // into state_, or -1
     const double* borrowed = nullptr;
@@ -117,29 +182,81 @@ class INCERES_EXPORT FactorGraph {
     int tangent_size = 0;
     Role role = Role::kFrame;
     bool constant = false;
+    bool removed = false;
   };
+  // One slot of one factor: entry = factor · num_slots + slot.
+  struct Touch {
+    FamilyId family = -1;
+    std::int32_t entry = -1;
+  };
+  // The neighbours of a touch in the list of its variable.
+  struct Link {
+    Touch previous;
+    Touch next;
+  };
+  // kGoing and kComing only while an edit is checked.
+  enum class Place : std::uint8_t { kLive, kFree, kGoing, kComing };
   struct FamilyRecord {
     std::shared_ptr<const FactorFamily> family;
     std::vector<VariableId> variables;                // factor-major, num_slots each
     std::vector<std::shared_ptr<const Loss>> losses;  // empty while no factor has one, else one a factor
-    int num_factors = 0;
+    int num_factors = 0;                              // places
+    std::vector<Place> places;                        // empty while no edit has looked at them, else one a place
+    std::vector<std::int32_t> free_places;            // the last one is given out first
+    std::vector<Link> links;                          // parallel to variables, once tracked
   };
-  enum class Fault : std::uint8_t { kNone, kDanglingId, kAmbientSize, kTangentSize, kRepeated, kTwoLandmarks };
+  // What the edit being checked does to a variable.
+  struct VariableMark {
+    std::int32_t new_variable = -1;  // index among the variables that come
+    bool going = false;
+    bool checked = false;
+    signed char constant = -1;  // set to 0 or 1
+  };
+  enum class Fault : std::uint8_t { kNone, kDanglingId, kRemoved, kGoing, kAmbientSize, kTangentSize, kRepeated, kTwoLandmarks };
   struct FactorFault {
     Fault fault = Fault::kNone;
     int slot = 0;  // the slot at fault; for a pair the later one
   };
+  // A variable as a factor finds it: now, or after an edit. No record if there is a fault.
+  struct Sight {
+    const VariableRecord* record = nullptr;
+    bool constant = false;
+    Fault fault = Fault::kNone;
+  };
 
   static std::size_t Index(std::int32_t id) { return static_cast<std::size_t>(id); }
-  FactorFault FindFault(const FamilyRecord& record, int factor) const;
-  Status ValidateVariable(VariableId id) const;
+  // Removed variables by their size: borrowed ones have no room of their own, so theirs are kept apart, as negative sizes.
+  static int FreeKey(int ambient_size, bool borrowed) { return borrowed ? -ambient_size : ambient_size; }
+  static VariableRecord MakeOwned(int ambient_size, Role role, std::shared_ptr<const Manifold> manifold);
+  static VariableRecord MakeBorrowed(const double* values, int ambient_size);
+  VariableId AppendVariable(VariableRecord variable, const double* values);
+  int AppendFactor(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss);
+  void LinkFactor(FamilyId family, int factor);
+  void UnlinkFactor(FamilyId family, int factor);
+
+  Sight See(VariableId id) const;
+  template <typename SeeVariable>
+  static FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see);
+  static Status ValidateVariable(VariableId id, const VariableRecord& variable, bool constant);
   Status ValidateValues() const;
   Status ValidateFamily(FamilyId id) const;
-  Status DescribeFault(FamilyId id, int factor, FactorFault fault) const;
+  Status DescribeFault(FactorId id, const VariableId* ids, FactorFault fault, const VariableRecord* culprit) const;
+  std::string DescribeFactor(FactorId id, const VariableId* ids) const;
 
   std::vector<VariableRecord> variables_;
   std::vector<FamilyRecord> families_;
   std::vector<double> state_;
+
+  // Of edited graphs only.
+  std::int64_t revision_ = 0;
+  bool edited_ = false;
+  int num_removed_variables_ = 0;
+  std::map<int, std::vector<VariableId>> free_variables_;  // by FreeKey; the last one is given out first
+  bool tracked_ = false;
+  bool untracked_ids_ = false;          // some factor names a variable that was not there when it was linked
+  std::vector<Touch> first_touches_;    // one a variable, once tracked
+  std::vector<VariableMark> marks_;     // scratch of Check
+  std::vector<VariableRecord> comers_;  // scratch of Check: the variables that come
 };
 
 }  // namespace inceres

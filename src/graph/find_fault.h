@@ -1,0 +1,57 @@
+#pragma once
+
+#include <string>
+
+#include "inceres/graph/factor_graph.h"
+
+namespace inceres {
+namespace internal {
+
+inline Status Invalid(std::string message) {
+  return Status::Error(StatusCode::kInvalidArgument, std::move(message));
+}
+
+inline std::string VariableName(VariableId id) {
+  return "variable " + std::to_string(id);
+}
+
+inline std::string FamilyName(FamilyId id, const FactorFamily& family) {
+  return "family " + std::to_string(id) + " (" + family.Name() + ")";
+}
+
+bool AllFinite(const double* values, std::size_t count);
+
+}  // namespace internal
+
+// The rules of a factor, whether it is there already or comes with an edit: see(id) is the variable as the factor finds it.
+template <typename SeeVariable>
+FactorGraph::FactorFault FactorGraph::FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see) {
+  int num_landmarks = 0;
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const Sight sight = see(ids[s]);
+    if (sight.fault != Fault::kNone) {
+      return {sight.fault, s};
+    }
+    for (int other = 0; other < s; ++other) {
+      if (ids[other] == ids[s]) {
+        return {Fault::kRepeated, s};
+      }
+    }
+    const VariableRecord& variable = *sight.record;
+    if (variable.ambient_size != family.slot(s).ambient_size) {
+      return {Fault::kAmbientSize, s};
+    }
+    if (sight.constant || variable.tangent_size == 0) {
+      continue;
+    }
+    if (variable.tangent_size != family.slot(s).tangent_size) {
+      return {Fault::kTangentSize, s};
+    }
+    if (variable.role == Role::kLandmark && ++num_landmarks > 1) {
+      return {Fault::kTwoLandmarks, s};
+    }
+  }
+  return {};
+}
+
+}  // namespace inceres
