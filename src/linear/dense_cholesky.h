@@ -18,6 +18,10 @@ class DenseCholesky final : public ReducedSolver {
   Status Factorize(const double* values, const double* diagonal) override;
   Status Solve(const double* b, double* x) override;
 
+  /// Flops of one factorisation.
+  double PredictedFlops() const { return static_cast<double>(size_) * size_ * size_ / 3.0; }
+  std::size_t Bytes() const { return L_.capacity() * sizeof(double); }
+
  private:
   void CopyIn(const double* values, const double* diagonal);
   void UpdatePanel(int first, int width);

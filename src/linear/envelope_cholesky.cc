@@ -8,20 +8,22 @@ namespace inceres::internal {
 namespace {
 
 // X := X L⁻ᵀ for a rows × size block X left of the lower triangular diagonal block L; both row-major.
-void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl, double* X, int ldx) {
-  for (int r = 0; r < rows; ++r, X += ldx) {
-    for (int c = 0; c < size; ++c) {
-      double sum = X[c];
+void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl, const double* inverse_pivots, double* X, int ldx) {
+  for (int c = 0; c < size; ++c) {
+    const double* L_row = L + static_cast<std::ptrdiff_t>(c) * ldl;
+    for (int r = 0; r < rows; ++r) {
+      double* row = X + static_cast<std::ptrdiff_t>(r) * ldx;
+      double sum = row[c];
       for (int k = 0; k < c; ++k) {
-        sum -= X[k] * L[c * ldl + k];
+        sum -= row[k] * L_row[k];
       }
-      X[c] = sum / L[c * ldl + c];
+      row[c] = sum * inverse_pivots[c];
     }
   }
 }
 
 // In-place Cholesky of a small block's lower triangle. False at a pivot that is not positive and finite.
-bool FactorDiagonal(int size, double* A, int lda) {
+bool FactorDiagonal(int size, double* A, int lda, double* inverse_pivots) {
   for (int i = 0; i < size; ++i) {
     for (int j = 0; j <= i; ++j) {
       double sum = A[i * lda + j];
@@ -29,9 +31,10 @@ bool FactorDiagonal(int size, double* A, int lda) {
         sum -= A[i * lda + k] * A[j * lda + k];
       }
       if (i > j) {
-        A[i * lda + j] = sum / A[j * lda + j];
+        A[i * lda + j] = sum * inverse_pivots[j];
       } else if (sum > 0.0 && std::isfinite(sum)) {
         A[i * lda + i] = std::sqrt(sum);
+        inverse_pivots[i] = 1.0 / A[i * lda + i];
       } else {
         return false;
       }
@@ -40,10 +43,26 @@ bool FactorDiagonal(int size, double* A, int lda) {
   return true;
 }
 
+bool IsHeld(const char* held, int row) {
+  return held != nullptr && held[row] != 0;
+}
+
+// The first block row that block row i of S is coupled to, held rows left out.
+int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, int i) {
+  if (!IsHeld(held, i)) {
+    for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
+      if (!IsHeld(held, entry.column)) {
+        return entry.column;
+      }
+    }
+  }
+  return i;
+}
+
 }  // namespace
 
-Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const double* damping, int first_changed) {
-  const int first = std::min(first_changed, num_valid_rows_);
+Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const double* damping, int first_changed, const char* held) {
+  const int first = std::min({first_changed, num_valid_rows_, S.num_rows()});
   rows_.resize(S.num_rows());
   offsets_.resize(first + 1);
   for (int i = first; i < S.num_rows(); ++i) {
@@ -51,7 +70,7 @@ Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const double* da
   }
   num_valid_rows_ = first;
   for (int i = first; i < S.num_rows(); ++i) {
-    CopyRow(S, damping, i);
+    CopyRow(S, damping, held, i);
     if (!FactorRow(i)) {
       return Status::Error(StatusCode::kSingular,
                            "the reduced system is not positive definite at block row " + std::to_string(i));
@@ -61,14 +80,20 @@ Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const double* da
   return Status::Ok();
 }
 
-void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const double* damping, int i) {
+void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const double* damping, const char* held, int i) {
   Row& row = rows_[i];
-  const auto& entries = S.row(i);
   const int size = BlockSize(i);
-  row.start = entries.empty() ? offsets_[i] : offsets_[entries.front().column] / kQuad * kQuad;
+  row.first_column = FirstFreeColumn(S, held, i);
+  row.held = IsHeld(held, i);
+  row.start = offsets_[row.first_column] / kQuad * kQuad;
   row.stride = PadToQuad(offsets_[i + 1] - row.start);
   row.values.assign(static_cast<std::size_t>(size) * row.stride, 0.0);
-  for (const SymmetricBlockRows::Entry& entry : entries) {
+  row.inverse_pivots.resize(size);
+  double* diagonal = row.values.data() + offsets_[i] - row.start;
+  for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
+    if (row.held || IsHeld(held, entry.column)) {
+      continue;
+    }
     const int columns = BlockSize(entry.column);
     const double* block = S.values(entry.offset);
     double* out = row.values.data() + offsets_[entry.column] - row.start;
@@ -77,7 +102,7 @@ void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const double* dampin
     }
   }
   for (int r = 0; r < size; ++r) {
-    row.values[static_cast<std::size_t>(r) * row.stride + (offsets_[i] + r - row.start)] += damping[offsets_[i] + r];
+    diagonal[static_cast<std::ptrdiff_t>(r) * row.stride + r] += row.held ? 1.0 : damping[offsets_[i] + r];
   }
 }
 
@@ -85,49 +110,97 @@ bool EnvelopeCholesky::FactorRow(int i) {
   const Kernels& kernels = BestKernels();
   Row& row = rows_[i];
   const int size = BlockSize(i);
-  const auto first_block = std::upper_bound(offsets_.begin(), offsets_.begin() + i + 1, row.start) - offsets_.begin() - 1;
-  for (int j = static_cast<int>(first_block); j < i; ++j) {
+  for (int j = row.first_column; j < i; ++j) {
     const Row& other = rows_[j];
     const int columns = BlockSize(j);
-    if (columns == 0 || offsets_[j] < row.start) {
-      continue;  // a removed row, or one that ends in the alignment gap before this row's first block
+    if (columns == 0) {
+      continue;  // a removed row
     }
     const int begin = std::max(row.start, other.start);
     double* block = row.values.data() + offsets_[j] - row.start;
     kernels.subtract_row_dots(size, columns, offsets_[j] - begin, row.values.data() + begin - row.start, row.stride,
                               other.values.data() + begin - other.start, other.stride, block, row.stride);
-    SolveAgainstDiagonal(size, columns, other.values.data() + offsets_[j] - other.start, other.stride, block, row.stride);
+    SolveAgainstDiagonal(size, columns, other.values.data() + offsets_[j] - other.start, other.stride,
+                         other.inverse_pivots.data(), block, row.stride);
   }
   double* diagonal = row.values.data() + offsets_[i] - row.start;
   kernels.subtract_row_dots(size, size, offsets_[i] - row.start, row.values.data(), row.stride, row.values.data(), row.stride,
                             diagonal, row.stride);
-  return FactorDiagonal(size, diagonal, row.stride);
+  return FactorDiagonal(size, diagonal, row.stride, row.inverse_pivots.data());
 }
 
 void EnvelopeCholesky::Solve(const double* b, double* x) const {
-  const int num_rows = static_cast<int>(rows_.size());
-  std::copy(b, b + offsets_.back(), x);
-  for (int i = 0; i < num_rows; ++i) {
+  ForwardSubstitute(b, 0, x);
+  for (int i = num_rows() - 1; i >= 0; --i) {
+    BackSubstituteRow(i, x, x);
+  }
+}
+
+void EnvelopeCholesky::ForwardSubstitute(const double* b, int first_row, double* y) const {
+  const Kernels& kernels = BestKernels();
+  for (int i = first_row; i < num_rows(); ++i) {
     const Row& row = rows_[i];
-    for (int r = offsets_[i]; r < offsets_[i + 1]; ++r) {
-      const double* L = row.values.data() + static_cast<std::ptrdiff_t>(r - offsets_[i]) * row.stride - row.start;
-      double sum = x[r];
-      for (int k = row.start; k < r; ++k) {
-        sum -= L[k] * x[k];
+    const int size = BlockSize(i);
+    double* y_i = y + offsets_[i];
+    if (row.held) {
+      std::fill_n(y_i, size, 0.0);
+      continue;
+    }
+    std::copy_n(b + offsets_[i], size, y_i);
+    const int length = offsets_[i] - row.start;
+    kernels.subtract_row_dots(size, 1, length, row.values.data(), row.stride, y + row.start, length, y_i, 1);
+    const double* L = row.values.data() + length;
+    for (int r = 0; r < size; ++r, L += row.stride) {
+      double sum = y_i[r];
+      for (int k = 0; k < r; ++k) {
+        sum -= L[k] * y_i[k];
       }
-      x[r] = sum / L[r];
+      y_i[r] = sum * row.inverse_pivots[r];
     }
   }
-  for (int i = num_rows - 1; i >= 0; --i) {
-    const Row& row = rows_[i];
-    for (int r = offsets_[i + 1] - 1; r >= offsets_[i]; --r) {
-      const double* L = row.values.data() + static_cast<std::ptrdiff_t>(r - offsets_[i]) * row.stride - row.start;
-      x[r] /= L[r];
-      for (int k = row.start; k < r; ++k) {
-        x[k] -= L[k] * x[r];
-      }
+}
+
+void EnvelopeCholesky::BackSubstituteRow(int i, double* rest, double* x) const {
+  const Row& row = rows_[i];
+  const int size = BlockSize(i);
+  if (size == 0) {
+    return;  // a removed row
+  }
+  const int length = offsets_[i] - row.start;
+  double* x_i = x + offsets_[i];
+  const double* rest_i = rest + offsets_[i];
+  for (int c = size - 1; c >= 0; --c) {
+    const double* L = row.values.data() + length + c;  // column c of the diagonal block
+    double sum = rest_i[c];
+    for (int r = c + 1; r < size; ++r) {
+      sum -= L[static_cast<std::ptrdiff_t>(r) * row.stride] * x_i[r];
+    }
+    x_i[c] = sum * row.inverse_pivots[c];
+  }
+  // The block row stored by rows is its transpose stored by columns.
+  BestKernels().subtract_outer(length, 1, size, row.values.data(), row.stride, x_i, 1, rest + row.start, length);
+}
+
+double EnvelopeCholesky::PredictFlops(const SymmetricBlockRows& S, const char* held, int first_changed) const {
+  const int first = std::min({first_changed, num_valid_rows_, S.num_rows()});
+  std::vector<int> tail{offsets_[first]};
+  std::vector<int> tail_columns;
+  for (int i = first; i < S.num_rows(); ++i) {
+    tail.push_back(tail.back() + S.size_of(i));
+    tail_columns.push_back(FirstFreeColumn(S, held, i));
+  }
+  const auto offset = [&](int i) { return i < first ? offsets_[i] : tail[i - first]; };
+  const auto first_column = [&](int i) { return i < first ? rows_[i].first_column : tail_columns[i - first]; };
+  double flops = 0.0;
+  for (int i = first; i < S.num_rows(); ++i) {
+    const double size = S.size_of(i);
+    for (int j = first_column(i); j <= i; ++j) {
+      const double columns = S.size_of(j);
+      const double depth = offset(j) - offset(std::max(first_column(i), first_column(j)));
+      flops += size * columns * (2.0 * depth + columns) * (j == i ? 0.5 : 1.0);
     }
   }
+  return flops;
 }
 
 std::int64_t EnvelopeCholesky::NumEntries() const {
@@ -136,6 +209,14 @@ std::int64_t EnvelopeCholesky::NumEntries() const {
     entries += static_cast<std::int64_t>(row.values.size());
   }
   return entries;
+}
+
+std::size_t EnvelopeCholesky::Bytes() const {
+  std::size_t bytes = rows_.capacity() * sizeof(Row) + offsets_.capacity() * sizeof(int);
+  for (const Row& row : rows_) {
+    bytes += (row.values.capacity() + row.inverse_pivots.capacity()) * sizeof(double);
+  }
+  return bytes;
 }
 
 }  // namespace inceres::internal

@@ -18,28 +18,47 @@ namespace inceres::internal {
 /// Source: George & Liu, "Computer Solution of Large Sparse Positive Definite Systems", 1981, chapter 4 (the envelope method).
 class EnvelopeCholesky {
  public:
-  /// Brings L up to date with S, whose block rows < first_changed are as they were at the last call, with the same damping. Rows
-  /// may have been appended. `damping` is packed, one entry a scalar row, ≥ 0. kSingular names the block row whose pivot is not
-  /// positive and finite; rows before it are then exact, num_valid_rows() tells how many.
-  Status Factorize(const SymmetricBlockRows& S, const double* damping, int first_changed);
+  /// Brings L up to date with S, whose block rows < first_changed are as they were at the last call, with the same damping and
+  /// mask. Rows may have been appended. `damping` is packed, one entry a scalar row, ≥ 0. held[i] != 0 makes block row i a row of
+  /// the identity, coupled to nothing; null: no row is held. kSingular names the block row whose pivot is not positive and
+  /// finite; rows before it are then exact, num_valid_rows() tells how many.
+  Status Factorize(const SymmetricBlockRows& S, const double* damping, int first_changed, const char* held = nullptr);
 
-  /// x = (S + diag(damping))⁻¹ b, packed.
+  /// x = (S + diag(damping))⁻¹ b, packed; 0 in held rows.
   void Solve(const double* b, double* x) const;
 
+  /// y = L⁻¹ b from block row first_row on; before it y is right already.
+  void ForwardSubstitute(const double* b, int first_row, double* y) const;
+
+  /// One block row of x = L⁻ᵀ y: `rest` is y less what the rows after i contribute. Writes x_i into `x` and takes its
+  /// contribution out of `rest` for the rows before i. x and rest may be the same vector.
+  void BackSubstituteRow(int i, double* rest, double* x) const;
+
+  /// Flops of Factorize from first_changed on, for this S and mask. Cost: one operation a block the rows span.
+  double PredictFlops(const SymmetricBlockRows& S, const char* held, int first_changed) const;
+
+  int num_rows() const { return static_cast<int>(rows_.size()); }
   int num_valid_rows() const { return num_valid_rows_; }
+  /// The first block row that block row i of L is coupled to; i itself if there is none.
+  int FirstColumn(int i) const { return rows_[i].first_column; }
   /// First scalar row of each block row, one more: the total.
   const std::vector<int>& offsets() const { return offsets_; }
   /// Scalars of L inside the envelope.
   std::int64_t NumEntries() const;
+  /// Memory held.
+  std::size_t Bytes() const;
 
  private:
   struct Row {
-    int start = 0;   // first scalar column stored: a multiple of four, so that rows meet on vector boundaries
-    int stride = 0;  // distance between the block row's scalar rows
+    int first_column = 0;  // block
+    int start = 0;         // first scalar column stored: a multiple of four, so that rows meet on vector boundaries
+    int stride = 0;        // distance between the block row's scalar rows
+    bool held = false;
     AlignedVector<double> values;
+    std::vector<double> inverse_pivots;
   };
 
-  void CopyRow(const SymmetricBlockRows& S, const double* damping, int i);
+  void CopyRow(const SymmetricBlockRows& S, const double* damping, const char* held, int i);
   bool FactorRow(int i);
   int BlockSize(int i) const { return offsets_[i + 1] - offsets_[i]; }
 

@@ -211,6 +211,12 @@ double SparseCholesky::PredictedFlops() const {
   return cholmod_->predicted_flops;
 }
 
+std::size_t SparseCholesky::Bytes() const {
+  const Cholmod& c = *cholmod_;
+  return c.common.memory_inuse + c.permutation.capacity() * sizeof(int) + c.source.capacity() * sizeof(std::uint32_t) +
+         c.permuted.capacity() * sizeof(double);
+}
+
 Status SparseCholesky::Analyze(const BlockPattern& pattern) {
   Cholmod& c = *cholmod_;
   c.pattern = &pattern;

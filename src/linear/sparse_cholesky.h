@@ -23,6 +23,7 @@ class SparseCholesky final : public ReducedSolver {
 
   /// Flops of one factorisation, as predicted by the analysis.
   double PredictedFlops() const;
+  std::size_t Bytes() const;
 
  private:
   struct Cholmod;
