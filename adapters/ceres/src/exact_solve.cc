@@ -16,19 +16,7 @@
 namespace inceres::internal {
 namespace {
 
-LandmarkSelection FindLandmarks(const ExactSolveInput& input, const ShapeTable& shapes, ceres::LinearSolverType type) {
-  if (type == ceres::DENSE_QR) {
-    LandmarkSelection none;
-    none.is_landmark.assign(input.view.blocks.size(), 0);
-    return none;
-  }
-  if (IsSchurType(type) && input.ordering.group_sizes.size() > 1) {
-    return LandmarksOfFirstGroup(input.view, input.ordering);
-  }
-  return ChooseLandmarks(input.view, shapes);
-}
-
-void WriteReport(const ExactSolveInput& input, const LandmarkSelection& landmarks, Summary core, SolveReport* report) {
+void WriteReport(const SolveInput& input, const LandmarkSelection& landmarks, Summary core, SolveReport* report) {
   if (report != nullptr) {
     report->options_without_effect = OptionsWithoutEffect(input.options, landmarks);
     report->num_landmarks = landmarks.num_landmarks;
@@ -37,10 +25,10 @@ void WriteReport(const ExactSolveInput& input, const LandmarkSelection& landmark
   }
 }
 
-void Minimize(const ExactSolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
   const ShapeTable shapes = FindShapes(input.view);
-  const LandmarkSelection landmarks = FindLandmarks(input, shapes, type);
+  const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
   FactorGraph graph;
   const std::vector<StateBlock> blocks = BuildGraph(input.view, shapes, landmarks, &graph);
   WriteLinearSolver(input.view, input.ordering, landmarks, type, summary);
@@ -65,7 +53,7 @@ void Minimize(const ExactSolveInput& input, ceres::Solver::Summary* summary, Sol
 
 }  // namespace
 
-void SolveExactly(const ExactSolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
   WriteGiven(input.options, input.view, summary);
   summary->num_threads_used = NumThreads(input.options);
   const FixedCost fixed = EvaluateFixedCost(input.view);

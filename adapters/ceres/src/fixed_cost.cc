@@ -39,7 +39,7 @@ bool EvaluateCost(const ProblemView& view, const ResidualBlockView& residual, st
 
 }  // namespace
 
-FixedCost EvaluateFixedCost(const ProblemView& view) {
+FixedCost EvaluateFixedCost(const ProblemView& view, const std::function<void(std::size_t, double)>& visit) {
   FixedCost result;
   std::vector<const double*> parameters;
   std::vector<double> values;
@@ -53,6 +53,9 @@ FixedCost EvaluateFixedCost(const ProblemView& view) {
       return result;
     }
     result.cost += cost;
+    if (visit) {
+      visit(r, cost);
+    }
   }
   return result;
 }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <string>
 
 #include "adapters/ceres/src/introspection.h"
@@ -13,6 +15,7 @@ struct FixedCost {
 };
 
 /// Evaluates, in program order and without Jacobians, the residual blocks all of whose parameter blocks are constant.
-FixedCost EvaluateFixedCost(const ProblemView& view);
+/// `visit`, if given, is told each one's index and cost.
+FixedCost EvaluateFixedCost(const ProblemView& view, const std::function<void(std::size_t, double)>& visit = nullptr);
 
 }  // namespace inceres::internal

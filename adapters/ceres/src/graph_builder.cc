@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <memory>
-#include <unordered_map>
 #include <utility>
 
+#include "adapters/ceres/src/adapter_cache.h"
 #include "adapters/ceres/src/ceres_adapters.h"
 #include "adapters/ceres/src/cost_function_family.h"
 
@@ -14,32 +14,6 @@ namespace {
 std::size_t At(std::int64_t i) {
   return static_cast<std::size_t>(i);
 }
-
-// One adapter for each distinct object of the user's; the last one is remembered, for neighbours mostly share.
-template <typename Base, typename Adapter, typename Foreign>
-class AdapterCache {
- public:
-  const std::shared_ptr<const Base>& Get(const Foreign* foreign) {
-    if (foreign == nullptr) {
-      return null_;
-    }
-    if (foreign != last_foreign_) {
-      std::shared_ptr<const Base>& adapter = adapters_[foreign];
-      if (adapter == nullptr) {
-        adapter = std::make_shared<Adapter>(foreign);
-      }
-      last_foreign_ = foreign;
-      last_ = &adapter;
-    }
-    return *last_;
-  }
-
- private:
-  std::unordered_map<const Foreign*, std::shared_ptr<const Base>> adapters_;
-  std::shared_ptr<const Base> null_;
-  const Foreign* last_foreign_ = nullptr;
-  const std::shared_ptr<const Base>* last_ = nullptr;
-};
 
 class Builder {
  public:

@@ -99,6 +99,7 @@ void ReadResidualBlocks(const ceres::Problem& problem, ProblemView* view) {
   std::vector<double*> pointers;
   for (const ceres::ResidualBlockId id : ids) {
     ResidualBlockView residual;
+    residual.id = id;
     residual.cost = problem.GetCostFunctionForResidualBlock(id);
     residual.loss = problem.GetLossFunctionForResidualBlock(id);
     residual.num_residuals = residual.cost->num_residuals();
@@ -137,21 +138,30 @@ std::string Describe(const ParameterBlockView& block) {
 
 ProblemView Introspect(const ceres::Problem& problem) {
   ProblemView view;
-  ReadParameterBlocks(problem, &view);
-  ReadResidualBlocks(problem, &view);
-  for (const ParameterBlockView& block : view.blocks) {
-    Count(block, &view.all);
-    if (block.reduced()) {
-      Count(block, &view.reduced);
-    }
-  }
-  for (const ResidualBlockView& residual : view.residuals) {
-    Count(residual, &view.all);
-    if (!residual.fixed) {
-      Count(residual, &view.reduced);
-    }
-  }
+  Introspect(problem, &view);
   return view;
+}
+
+void Introspect(const ceres::Problem& problem, ProblemView* view) {
+  view->blocks.clear();
+  view->residuals.clear();
+  view->slots.clear();
+  view->all = view->reduced = ProblemTotals();
+  view->defect.clear();
+  ReadParameterBlocks(problem, view);
+  ReadResidualBlocks(problem, view);
+  for (const ParameterBlockView& block : view->blocks) {
+    Count(block, &view->all);
+    if (block.reduced()) {
+      Count(block, &view->reduced);
+    }
+  }
+  for (const ResidualBlockView& residual : view->residuals) {
+    Count(residual, &view->all);
+    if (!residual.fixed) {
+      Count(residual, &view->reduced);
+    }
+  }
 }
 
 }  // namespace inceres::internal

@@ -25,6 +25,7 @@ struct ParameterBlockView {
 };
 
 struct ResidualBlockView {
+  ceres::ResidualBlockId id = nullptr;
   const ceres::CostFunction* cost = nullptr;
   const ceres::LossFunction* loss = nullptr;  ///< null: plain squared norm
   int num_residuals = 0;
@@ -60,6 +61,8 @@ struct ProblemView {
 
 /// Reads the problem. Cost: linear in slots, plus a few map lookups per parameter block inside Ceres (two per bound).
 ProblemView Introspect(const ceres::Problem& problem);
+/// The same into the memory of an earlier view.
+void Introspect(const ceres::Problem& problem, ProblemView* view);
 
 /// "parameter block 0x55… of size 7", for messages.
 std::string Describe(const ParameterBlockView& block);

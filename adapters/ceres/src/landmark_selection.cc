@@ -255,4 +255,14 @@ LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& sha
   return Chooser(view, shapes).Run();
 }
 
+LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering, const ShapeTable& shapes,
+                                  ceres::LinearSolverType type) {
+  if (type == ceres::DENSE_QR) {
+    LandmarkSelection none;
+    none.is_landmark.assign(view.blocks.size(), 0);
+    return none;
+  }
+  return LandmarksAreGiven(ordering, type) ? LandmarksOfFirstGroup(view, ordering) : ChooseLandmarks(view, shapes);
+}
+
 }  // namespace inceres::internal

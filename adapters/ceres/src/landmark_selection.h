@@ -43,4 +43,13 @@ LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingV
 /// Cost: linear in slots.
 LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& shapes);
 
+/// Which of the two, or neither for a QR factorisation, goes with a linear solver (the effective one).
+LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering, const ShapeTable& shapes,
+                                  ceres::LinearSolverType type);
+
+/// Whether the user has said which blocks to eliminate.
+inline bool LandmarksAreGiven(const OrderingView& ordering, ceres::LinearSolverType type) {
+  return IsSchurType(type) && ordering.group_sizes.size() > 1;
+}
+
 }  // namespace inceres::internal

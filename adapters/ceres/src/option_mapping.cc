@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <climits>
+#include <limits>
 #include <thread>
 
 #include <glog/logging.h>
@@ -19,10 +20,14 @@ class Differences {
   template <typename T>
   void Check(const char* name, T ceres::Solver::Options::*member) {
     if (options_.*member != defaults_.*member) {
-      names_.emplace_back(name);
+      Add(name);
     }
   }
-  void Add(std::string name) { names_.push_back(std::move(name)); }
+  void Add(std::string name) {
+    if (std::find(names_.begin(), names_.end(), name) == names_.end()) {
+      names_.push_back(std::move(name));
+    }
+  }
   std::vector<std::string> Take() { return std::move(names_); }
 
  private:
@@ -104,6 +109,13 @@ void CheckOrdering(const ceres::Solver::Options& options, const LandmarkSelectio
   }
 }
 
+void CheckCommon(const ceres::Solver::Options& options, const LandmarkSelection& landmarks, Differences* differences) {
+  CheckLineSearch(differences);
+  CheckLinearSolver(differences);
+  CheckFeaturesThatAreOff(options, differences);
+  CheckOrdering(options, landmarks, differences);
+}
+
 }  // namespace
 
 int NumThreads(const ceres::Solver::Options& options) {
@@ -142,10 +154,41 @@ SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSol
 
 std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkSelection& landmarks) {
   Differences differences(options);
-  CheckLineSearch(&differences);
-  CheckLinearSolver(&differences);
-  CheckFeaturesThatAreOff(options, &differences);
-  CheckOrdering(options, landmarks, &differences);
+  CheckCommon(options, landmarks, &differences);
+  return differences.Take();
+}
+
+IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, const IncrementalOptions& core,
+                                         double seconds_spent) {
+  IncrementalOptions result = core;
+  result.max_num_iterations = options.max_num_iterations;
+  result.max_seconds = std::max(options.max_solver_time_in_seconds - seconds_spent, std::numeric_limits<double>::min());
+  result.function_tolerance = options.function_tolerance;
+  result.min_relative_decrease = options.min_relative_decrease;
+  if (options.trust_region_strategy_type == ceres::LEVENBERG_MARQUARDT) {
+    result.initial_damping = std::clamp(1.0 / options.initial_trust_region_radius, core.min_damping, core.max_damping);
+  }
+  return result;
+}
+
+std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options,
+                                                         const LandmarkSelection& landmarks) {
+  using Options = ceres::Solver::Options;
+  Differences differences(options);
+  differences.Check("trust_region_strategy_type", &Options::trust_region_strategy_type);
+  differences.Check("gradient_tolerance", &Options::gradient_tolerance);
+  differences.Check("parameter_tolerance", &Options::parameter_tolerance);
+  differences.Check("max_trust_region_radius", &Options::max_trust_region_radius);
+  differences.Check("min_trust_region_radius", &Options::min_trust_region_radius);
+  differences.Check("min_lm_diagonal", &Options::min_lm_diagonal);
+  differences.Check("max_lm_diagonal", &Options::max_lm_diagonal);
+  differences.Check("max_num_consecutive_invalid_steps", &Options::max_num_consecutive_invalid_steps);
+  differences.Check("jacobi_scaling", &Options::jacobi_scaling);
+  differences.Check("num_threads", &Options::num_threads);
+  if (options.trust_region_strategy_type == ceres::DOGLEG) {
+    differences.Check("initial_trust_region_radius", &Options::initial_trust_region_radius);
+  }
+  CheckCommon(options, landmarks, &differences);
   return differences.Take();
 }
 

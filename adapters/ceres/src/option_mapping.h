@@ -6,6 +6,7 @@
 #include <ceres/solver.h>
 
 #include "adapters/ceres/src/landmark_selection.h"
+#include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/options.h"
 
 namespace inceres::internal {
@@ -19,5 +20,14 @@ SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSol
 
 /// Names of the options that the user set away from their defaults and that change nothing in a solve by the core.
 std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkSelection& landmarks);
+
+/// The options of an incremental solve: `core`, with what the user's options say in its place. The damping starts at
+/// 1 / initial_trust_region_radius, as Ceres's Levenberg-Marquardt does.
+IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, const IncrementalOptions& core,
+                                         double seconds_spent);
+
+/// Names of the options that the user set away from their defaults and that change nothing in an incremental solve.
+std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options,
+                                                         const LandmarkSelection& landmarks);
 
 }  // namespace inceres::internal

@@ -6,11 +6,12 @@
 
 namespace inceres::internal {
 
-/// Dense indices of addresses: an open-addressing hash table filled once. Cost of a lookup: about one cache line.
+/// Dense indices of addresses: an open-addressing hash table filled in one go. Cost of a lookup: about one cache line.
 class PointerIndex {
  public:
   /// Index i belongs to pointers[i]; the pointers are distinct and not null.
-  void Build(const std::vector<double*>& pointers) {
+  template <typename T>
+  void Build(const std::vector<T*>& pointers) {
     int bits = 4;
     while ((std::size_t{1} << bits) < 2 * pointers.size()) {
       ++bits;
@@ -28,7 +29,7 @@ class PointerIndex {
   }
 
   /// The index of a pointer, or -1.
-  int Find(const double* pointer) const {
+  int Find(const void* pointer) const {
     for (std::size_t place = Home(pointer);; place = (place + 1) & mask_) {
       const Entry& entry = entries_[place];
       if (entry.pointer == pointer || entry.pointer == nullptr) {
@@ -39,12 +40,12 @@ class PointerIndex {
 
  private:
   struct Entry {
-    const double* pointer = nullptr;
+    const void* pointer = nullptr;
     int index = -1;
   };
 
   // Fibonacci hashing: the high bits of the product depend on all address bits, also when blocks lie at a regular stride.
-  std::size_t Home(const double* pointer) const {
+  std::size_t Home(const void* pointer) const {
     return static_cast<std::size_t>((reinterpret_cast<std::uintptr_t>(pointer) * UINT64_C(0x9E3779B97F4A7C15)) >> shift_);
   }
 

@@ -7,6 +7,7 @@
 #include <ceres/solver.h>
 
 #include "inceres/export.h"
+#include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/summary.h"
 
 namespace inceres {
@@ -14,8 +15,22 @@ namespace inceres {
 /// How inceres::Solve treats a ceres::Problem.
 enum class SolveMode {
   kExact,        ///< follows Ceres's trace: same strategy, same decisions, same termination
-  kIncremental,  ///< not available yet: strict callers get an error, others stock Ceres
+  kIncremental,  ///< re-uses Jacobians and what follows from them while they are good enough: the same minimum within
+                 ///< function_tolerance, by another path and with less work
   kStock,        ///< hands everything to stock Ceres
+};
+
+/// What an incremental solve found different from what it remembered; at a first solve everything is new.
+struct INCERES_EXPORT ProblemChanges {
+  int num_added_variables = 0;
+  int num_removed_variables = 0;
+  int num_revalued_variables = 0;  ///< whose values the caller has changed
+  int num_toggled_constants = 0;   ///< made constant or variable
+  int num_added_factors = 0;
+  int num_removed_factors = 0;
+  int num_replaced_factors = 0;  ///< same parameter blocks, but not proved to be the same: linearised anew
+  int num_kept_factors = 0;      ///< taken over from the last solve
+  int num_changed_losses = 0;    ///< kept or replaced factors with another loss
 };
 
 /// Fourth argument of inceres::Solve: what the caller asks for (top) and what happened (bottom).
@@ -29,6 +44,8 @@ struct INCERES_EXPORT SolveReport {
   int num_landmarks = 0;                            ///< out: blocks eliminated as landmarks
   int num_frames = 0;                               ///< out: variable blocks kept in the reduced system
   Summary core;                                     ///< out: the core's own summary: work counts, seconds per stage
+  ProblemChanges changes;                           ///< out: incremental mode only
+  UpdateSummary update;                             ///< out: incremental mode only: the work done
 };
 
 /// Solves a ceres::Problem: the same arguments, results and side effects as ceres::Solve, several times sooner. What this version

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <memory>
+
+#include <ceres/problem.h>
+#include <ceres/solver.h>
+
+#include "inceres/ceres/solve.h"
+#include "inceres/export.h"
+#include "inceres/solver/incremental_solver.h"
+
+namespace inceres {
+
+/// What a CeresSession is told once.
+struct INCERES_EXPORT SessionOptions {
+  /// Thresholds and damping limits. What a ceres::Solver::Options says too is taken from there at each solve: max_num_iterations,
+  /// max_seconds, function_tolerance, min_relative_decrease, initial_damping.
+  IncrementalOptions core;
+
+  /// Whether a residual block that looks the same (same id, cost function, loss and parameter blocks) must prove it by evaluating
+  /// to the same residual before its Jacobian is used again. Turn it off only if no address of a cost function is ever used again
+  /// for another one and no cost function ever changes: nothing else is left to notice it.
+  bool verify_cached_factors = true;
+};
+
+/// Solves a living ceres::Problem again and again. Between two solves the caller adds and removes residual and parameter blocks,
+/// sets constants, moves values, as ever; the session finds out what changed and does the work of that, not of the whole problem.
+///
+///     inceres::CeresSession session;
+///     while (NextFrame(&problem)) {
+///       session.Solve(options, &problem, &summary);   // was: ceres::Solve(options, &problem, &summary)
+///     }
+///
+/// Nothing is believed because an address is the same, for addresses come back:
+/// - values are compared with those the session last wrote, bit by bit;
+/// - a cost function must evaluate (cost only, at the values of its last linearisation) to the residual it had there, bit by bit.
+///   A residual of zero proves nothing, nor does one that depends on whether Jacobians are asked for; such a residual block, like
+///   one that fails, is linearised anew in every solve;
+/// - a manifold must have the plus-Jacobian it had; a loss must give the values it gave at 25 arguments from 4⁻¹² to 4¹².
+/// What these tests cannot see, Forget and Reset tell.
+///
+/// The results are those of SolveMode::kIncremental: the same minimum within function_tolerance, not Ceres's trace. What that
+/// mode does not support goes to stock Ceres, for this one call. The problem may also be another one from call to call: what it
+/// shares with the last one is found by the same rules.
+///
+/// User code is called, and user memory touched, only during Solve. Cost: one pass over the problem, with one cost-only
+/// evaluation a residual block, plus the work of what changed. Memory: what the core keeps, and the parameters and residual of
+/// each residual block. Threads: one at a time; two sessions share nothing. Source: algorithms.md section 2; vio_usage.md section
+/// 0.2 of the design.
+class INCERES_EXPORT CeresSession {
+ public:
+  explicit CeresSession(const SessionOptions& options = SessionOptions());
+  ~CeresSession();
+  CeresSession(const CeresSession&) = delete;
+  CeresSession& operator=(const CeresSession&) = delete;
+
+  /// As inceres::Solve in incremental mode, whatever report->mode says (which is not changed). A failure, also an exception out
+  /// of user code, leaves user memory as it was and makes the session forget everything.
+  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
+             SolveReport* report = nullptr);
+
+  /// The next solve linearises the residual blocks with this cost function anew.
+  void Forget(const ceres::CostFunction* cost_function);
+  /// The next solve weighs the residual blocks with this loss anew.
+  void Forget(const ceres::LossFunction* loss_function);
+  /// The next solve starts from nothing, as the first one did.
+  void Reset();
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace inceres

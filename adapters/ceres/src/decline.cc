@@ -1,0 +1,33 @@
+#include "adapters/ceres/src/decline.h"
+
+#include <glog/logging.h>
+
+#include "adapters/ceres/src/stock_ceres.h"
+
+namespace inceres::internal {
+
+void ClearResults(SolveReport* report) {
+  if (report != nullptr) {
+    SolveReport cleared;
+    cleared.mode = report->mode;
+    cleared.strict = report->strict;
+    *report = cleared;
+  }
+}
+
+void Decline(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
+             const std::string& reason, SolveReport* report) {
+  if (report != nullptr) {
+    report->fallback_reason = reason;
+    if (report->strict) {
+      summary->termination_type = ceres::FAILURE;
+      summary->message = "inceres does not solve this problem, and strict forbids stock Ceres: " + reason;
+      return;
+    }
+    report->used_stock = true;
+  }
+  LOG(INFO) << "inceres: handed to stock Ceres: " << reason;
+  SolveWithStock(options, problem, summary);
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,169 @@
+#include "adapters/ceres/src/incremental_solve.h"
+
+#include <string>
+#include <utility>
+
+#include <glog/logging.h>
+
+#include "adapters/ceres/src/factor_shapes.h"
+#include "adapters/ceres/src/fixed_cost.h"
+#include "adapters/ceres/src/landmark_selection.h"
+#include "adapters/ceres/src/option_mapping.h"
+#include "adapters/ceres/src/progress_logger.h"
+#include "adapters/ceres/src/summary_writer.h"
+
+namespace inceres::internal {
+namespace {
+
+// Costs as Ceres reports them include all residual blocks; the solver's only those in its graph.
+struct Costs {
+  double fixed = 0.0;    // of what touches no variable block
+  double outside = 0.0;  // the part of it that is not in the graph
+  std::string error;     // Ceres's message
+};
+
+Costs FixedCosts(const ProblemView& view, const LivingProblem& living) {
+  Costs costs;
+  const FixedCost all = EvaluateFixedCost(view, [&](std::size_t r, double cost) {
+    if (!living.Holds(r)) {
+      costs.outside += cost;
+    }
+  });
+  costs.fixed = all.cost;
+  costs.error = all.error;
+  return costs;
+}
+
+Summary ToSummary(const UpdateSummary& update, const Costs& costs, double seconds_before) {
+  Summary core;
+  core.termination = update.termination;
+  core.message = update.message;
+  core.initial_cost = update.initial_cost + costs.outside;
+  core.final_cost = update.final_cost + costs.outside;
+  core.fixed_cost = costs.fixed;
+  core.num_unsuccessful_steps = update.num_rejected_steps;
+  core.num_successful_steps = update.num_iterations - update.num_rejected_steps + 1;
+  core.reduced_solver = "incremental";
+  core.work.num_residual_evaluations = core.work.num_jacobian_evaluations = -1;  // there are no whole passes to count
+  core.work.num_linear_solves = update.num_iterations;
+  core.seconds.total = update.seconds;
+  IterationSummary first;
+  first.step_is_valid = first.step_is_successful = true;
+  first.cost = core.initial_cost;
+  first.cumulative_time_in_seconds = seconds_before;
+  core.iterations.push_back(first);
+  if (update.num_iterations > 0) {
+    IterationSummary last = first;
+    last.iteration = update.num_iterations;
+    last.cost = core.final_cost;
+    last.cost_change = core.initial_cost - core.final_cost;
+    last.linear_solver_iterations = 1;
+    last.iteration_time_in_seconds = update.seconds;
+    last.cumulative_time_in_seconds = seconds_before + update.seconds;
+    core.iterations.push_back(last);
+  }
+  return core;
+}
+
+void WriteReport(const SolveInput& input, const LandmarkSelection& landmarks, int num_landmarks, const ProblemChanges& changes,
+                 const UpdateSummary& update, Summary core, SolveReport* report) {
+  if (report != nullptr) {
+    report->options_without_effect = IncrementalOptionsWithoutEffect(input.options, landmarks);
+    report->num_landmarks = num_landmarks;
+    report->num_frames = input.view.reduced.num_parameter_blocks - num_landmarks;
+    report->changes = changes;
+    report->update = update;
+    report->core = std::move(core);
+  }
+}
+
+bool Fail(const std::string& message, ceres::Solver::Summary* summary) {
+  summary->termination_type = ceres::FAILURE;
+  summary->message = message;
+  LOG(ERROR) << "Terminating: " << message;
+  return false;
+}
+
+bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, LivingProblem* living,
+              ceres::Solver::Summary* summary, SolveReport* report) {
+  const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
+  const ShapeTable shapes = FindShapes(input.view);
+  const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
+  ProblemChanges changes;
+  const Status status = living->Follow({input.view, shapes, landmarks, LandmarksAreGiven(input.ordering, type)}, &changes);
+  if (!status.ok()) {
+    return Fail(status.message, summary);
+  }
+  const Costs costs = FixedCosts(input.view, *living);
+  summary->fixed_cost = costs.fixed;
+  if (!costs.error.empty()) {
+    return Fail(costs.error, summary);
+  }
+  WriteLinearSolver(input.view, input.ordering, landmarks, type, summary);
+  const double seconds_before = input.clock.Seconds();
+  summary->preprocessor_time_in_seconds = seconds_before;
+  living->solver().SetOptions(MapIncrementalOptions(input.options, core_options, seconds_before));
+  const UpdateSummary update = living->solver().Update();
+  Summary core = ToSummary(update, costs, seconds_before);
+  const bool usable = core.IsSolutionUsable();
+  if (usable) {
+    living->WriteToUser(input.view);
+    living->Remember();
+  }
+  summary->minimizer_time_in_seconds = input.clock.Seconds() - seconds_before;
+  WriteSolution(core, summary);
+  for (const ceres::IterationSummary& iteration : summary->iterations) {
+    if (input.options.logging_type != ceres::SILENT) {
+      LogProgress(iteration, input.options.minimizer_progress_to_stdout);
+    }
+  }
+  WriteReport(input, landmarks, living->num_landmarks(), changes, update, std::move(core), report);
+  return usable || Fail(update.message, summary);
+}
+
+}  // namespace
+
+std::string IncrementalObstacle(const ceres::Solver::Options& options, const OrderingView& ordering) {
+  if (!options.callbacks.empty()) {
+    return "incremental mode: callbacks";
+  }
+  if (options.update_state_every_iteration) {
+    return "incremental mode: update_state_every_iteration";
+  }
+  if (options.use_nonmonotonic_steps) {
+    return "incremental mode: use_nonmonotonic_steps";
+  }
+  if (EffectiveLinearSolver(options, ordering) == ceres::DENSE_QR) {
+    return "incremental mode: linear_solver_type DENSE_QR, for it forms normal equations";
+  }
+  return "";
+}
+
+bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core, LivingProblem* living,
+                        ceres::Solver::Summary* summary, SolveReport* report) {
+  WriteGiven(input.options, input.view, summary);
+  summary->num_threads_used = 1;
+  bool solved = true;
+  if (input.view.reduced.num_parameter_blocks > 0) {
+    solved = Minimize(input, core, living, summary, report);
+  } else {
+    // What is living stays as it is: the next solve finds what has changed since.
+    const FixedCost fixed = EvaluateFixedCost(input.view);
+    summary->fixed_cost = fixed.cost;
+    summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
+    summary->preprocessor_time_in_seconds = input.clock.Seconds();
+    if (fixed.error.empty()) {
+      WriteNothingToSolve(fixed.cost, summary);
+    } else {
+      solved = Fail(fixed.error, summary);
+    }
+    WriteReport(input, LandmarkSelection(), 0, ProblemChanges(), UpdateSummary(), Summary(), report);
+  }
+  const double postprocessor_start = input.clock.Seconds();
+  WriteReduced(input.view, summary);
+  summary->total_time_in_seconds = input.clock.Seconds();
+  summary->postprocessor_time_in_seconds = summary->total_time_in_seconds - postprocessor_start;
+  return solved;
+}
+
+}  // namespace inceres::internal

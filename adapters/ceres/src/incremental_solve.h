@@ -1,0 +1,21 @@
+#pragma once
+
+#include <ceres/solver.h>
+
+#include "adapters/ceres/src/living_problem.h"
+#include "adapters/ceres/src/solve_input.h"
+#include "inceres/ceres/session.h"
+#include "inceres/ceres/solve.h"
+
+namespace inceres::internal {
+
+/// Why incremental mode cannot honour these options although exact mode can, or an empty string.
+std::string IncrementalObstacle(const ceres::Solver::Options& options, const OrderingView& ordering);
+
+/// Brings `living` to where the problem is, minimises, writes back what it moved if the result is usable, and fills the summary.
+/// False after a failure: user memory is as it was, and `living` is of no more use. `core` holds the thresholds; `report` may be
+/// null.
+bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core, LivingProblem* living,
+                        ceres::Solver::Summary* summary, SolveReport* report);
+
+}  // namespace inceres::internal

@@ -1,0 +1,47 @@
+#include "adapters/ceres/src/living_roles.h"
+
+#include <algorithm>
+
+namespace inceres::internal {
+namespace {
+
+std::size_t At(int i) {
+  return static_cast<std::size_t>(i);
+}
+
+// Where two variable landmarks meet, those that the selection does not want give way; at most one is left then.
+void Separate(const ProblemView& view, const LandmarkSelection& selection, std::vector<Role>* roles) {
+  const auto is_landmark = [&](int b) { return (*roles)[At(b)] == Role::kLandmark && !view.block(b).constant; };
+  for (const ResidualBlockView& residual : view.residuals) {
+    const int* begin = view.SlotsOf(residual);
+    const int* end = begin + residual.num_slots;
+    if (residual.fixed || std::count_if(begin, end, is_landmark) < 2) {
+      continue;
+    }
+    for (const int* b = begin; b != end; ++b) {
+      if (is_landmark(*b) && !selection.Contains(*b)) {
+        (*roles)[At(*b)] = Role::kFrame;
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<Role> ChooseLivingRoles(const ProblemView& view, const LandmarkSelection& selection, bool given,
+                                    const std::vector<PastRole>& past) {
+  std::vector<Role> roles(view.blocks.size(), Role::kFrame);
+  for (std::size_t b = 0; b < view.blocks.size(); ++b) {
+    const bool was_landmark = past[b] == PastRole::kLandmark;
+    const bool selected = selection.is_landmark[b] != 0;
+    if (view.blocks[b].constant ? was_landmark : (selected || (was_landmark && !given))) {
+      roles[b] = Role::kLandmark;
+    }
+  }
+  if (!given) {
+    Separate(view, selection, &roles);
+  }
+  return roles;
+}
+
+}  // namespace inceres::internal

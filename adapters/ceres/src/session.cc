@@ -1,0 +1,76 @@
+#include "inceres/ceres/session.h"
+
+#include <memory>
+#include <string>
+
+#include <glog/logging.h>
+
+#include "adapters/ceres/src/decline.h"
+#include "adapters/ceres/src/gate.h"
+#include "adapters/ceres/src/incremental_solve.h"
+
+namespace inceres {
+
+class CeresSession::Impl {
+ public:
+  explicit Impl(const SessionOptions& session_options) : options(session_options) {}
+
+  const SessionOptions options;
+  std::unique_ptr<internal::LivingProblem> living;
+  internal::ProblemView view;  // kept for its memory
+};
+
+CeresSession::CeresSession(const SessionOptions& options) : impl_(std::make_unique<Impl>(options)) {
+}
+
+CeresSession::~CeresSession() = default;
+
+void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
+                         SolveReport* report) {
+  const internal::WallClock clock;
+  CHECK(problem != nullptr);  // as ceres::Solve
+  CHECK(summary != nullptr);
+  *summary = ceres::Solver::Summary();
+  internal::ClearResults(report);
+  std::string obstacle = internal::OptionsObstacle(options);
+  internal::OrderingView ordering;
+  if (obstacle.empty()) {
+    internal::Introspect(*problem, &impl_->view);
+    ordering = internal::ReadOrdering(options, impl_->view);
+    obstacle = internal::ProblemObstacle(options, impl_->view, ordering);
+  }
+  if (obstacle.empty()) {
+    obstacle = internal::IncrementalObstacle(options, ordering);
+  }
+  if (!obstacle.empty()) {
+    internal::Decline(options, problem, summary, obstacle, report);
+    return;
+  }
+  // Out of the session while it works: a failure, or an exception out of user code, ends it.
+  std::unique_ptr<internal::LivingProblem> living = std::move(impl_->living);
+  if (living == nullptr) {
+    living = std::make_unique<internal::LivingProblem>(
+        impl_->options.core, impl_->options.verify_cached_factors ? internal::Trust::kVerified : internal::Trust::kAddresses);
+  }
+  if (internal::SolveIncrementally({options, impl_->view, ordering, clock}, impl_->options.core, living.get(), summary, report)) {
+    impl_->living = std::move(living);
+  }
+}
+
+void CeresSession::Forget(const ceres::CostFunction* cost_function) {
+  if (impl_->living != nullptr) {
+    impl_->living->Forget(cost_function);
+  }
+}
+
+void CeresSession::Forget(const ceres::LossFunction* loss_function) {
+  if (impl_->living != nullptr) {
+    impl_->living->Forget(loss_function);
+  }
+}
+
+void CeresSession::Reset() {
+  impl_->living.reset();
+}
+
+}  // namespace inceres

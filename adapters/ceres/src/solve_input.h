@@ -1,0 +1,29 @@
+#pragma once
+
+#include <chrono>
+
+#include <ceres/solver.h>
+
+#include "adapters/ceres/src/introspection.h"
+#include "adapters/ceres/src/ordering.h"
+
+namespace inceres::internal {
+
+/// Wall time since construction.
+class WallClock {
+ public:
+  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// A problem that passed the gate.
+struct SolveInput {
+  const ceres::Solver::Options& options;
+  const ProblemView& view;
+  const OrderingView& ordering;
+  const WallClock& clock;  ///< started with the solve
+};
+
+}  // namespace inceres::internal
