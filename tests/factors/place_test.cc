@@ -1,0 +1,87 @@
+// Place(index, measurement) of the built-in families: overwrites, appends at the end, writes nothing beyond.
+#include <memory>
+
+#include <gtest/gtest.h>
+
+#include "inceres/factors/bal_reprojection.h"
+#include "inceres/factors/diagonal_prior.h"
+#include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/relative_pose.h"
+
+namespace inceres {
+namespace {
+
+// Residuals of all factors of the family, each at the same parameters.
+std::vector<double> Residuals(const FactorFamily& family, const std::vector<std::vector<double>>& values) {
+  std::vector<const double*> parameters;
+  for (int i = 0; i < family.size(); ++i) {
+    for (const std::vector<double>& slot : values) {
+      parameters.push_back(slot.data());
+    }
+  }
+  std::vector<double> residuals(static_cast<std::size_t>(family.size() * family.residual_size()));
+  FactorBatch batch;
+  batch.end = family.size();
+  batch.parameters = parameters.data();
+  batch.residuals = residuals.data();
+  EXPECT_FALSE(family.Evaluate(batch).failed());
+  return residuals;
+}
+
+template <typename Family>
+void ExpectPlaces(Family* added, Family* placed, const typename Family::Measurement& a, const typename Family::Measurement& b,
+                  const std::vector<std::vector<double>>& values) {
+  added->Add(a);
+  added->Add(b);
+  added->Add(a);
+  placed->Place(0, b);
+  placed->Place(1, a);
+  placed->Place(2, a);
+  placed->Place(4, b);
+  EXPECT_EQ(placed->size(), 3);
+  EXPECT_NE(Residuals(*placed, values), Residuals(*added, values));
+  placed->Place(0, a);
+  placed->Place(1, b);
+  EXPECT_EQ(placed->size(), 3);
+  EXPECT_EQ(Residuals(*placed, values), Residuals(*added, values));
+}
+
+const std::vector<double> kPoseA = {0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0};
+const std::vector<double> kPoseB = {1.1, -0.2, 0.4, 0.0, 0.6, 0.0, 0.8};
+
+TEST(Place, BalReprojection) {
+  BalReprojectionFamily added;
+  BalReprojectionFamily placed;
+  ExpectPlaces(&added, &placed, {1.0, 2.0}, {3.0, -4.0}, {{0.1, 0.2, 0.3, 0.0, 0.0, -5.0, 500.0, 0.0, 0.0}, {0.1, 0.2, 0.3}});
+}
+
+TEST(Place, DiagonalPrior) {
+  DiagonalPriorFamily added(2);
+  DiagonalPriorFamily placed(2);
+  ExpectPlaces(&added, &placed, {{1.0, 2.0}, {3.0, 4.0}}, {{-1.0, 0.0}, {2.0, 1.0}}, {{0.5, 0.25}});
+}
+
+TEST(Place, InverseDepthReprojection) {
+  InverseDepthReprojectionFamily added;
+  InverseDepthReprojectionFamily placed;
+  InverseDepthReprojectionFamily::Measurement b;
+  b.observed_point[0] = 0.3;
+  b.sqrt_information[0] = 2.0;
+  ExpectPlaces(&added, &placed, {}, b, {kPoseA, kPoseB, {0.5}});
+}
+
+TEST(Place, RelativePose) {
+  RelativePoseFamily added;
+  RelativePoseFamily placed;
+  RelativePoseFamily::Measurement a;
+  RelativePoseFamily::Measurement b;
+  for (int k = 0; k < 6; ++k) {
+    a.sqrt_information[7 * k] = 1.0;
+    b.sqrt_information[7 * k] = 2.0;
+  }
+  b.p_ab[1] = 0.7;
+  ExpectPlaces(&added, &placed, a, b, {kPoseA, kPoseB});
+}
+
+}  // namespace
+}  // namespace inceres
