@@ -1,8 +1,10 @@
 #include "linear/envelope_cholesky.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
+
+#include "linear/envelope_order.h"
+#include "linear/small_cholesky.h"
 
 namespace inceres::internal {
 namespace {
@@ -22,41 +24,8 @@ void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl, const do
   }
 }
 
-// In-place Cholesky of a small block's lower triangle. False at a pivot that is not positive and finite.
-bool FactorDiagonal(int size, double* A, int lda, double* inverse_pivots) {
-  for (int i = 0; i < size; ++i) {
-    for (int j = 0; j <= i; ++j) {
-      double sum = A[i * lda + j];
-      for (int k = 0; k < j; ++k) {
-        sum -= A[i * lda + k] * A[j * lda + k];
-      }
-      if (i > j) {
-        A[i * lda + j] = sum * inverse_pivots[j];
-      } else if (sum > 0.0 && std::isfinite(sum)) {
-        A[i * lda + i] = std::sqrt(sum);
-        inverse_pivots[i] = 1.0 / A[i * lda + i];
-      } else {
-        return false;
-      }
-    }
-  }
-  return true;
-}
-
 bool IsHeld(const char* held, int row) {
   return held != nullptr && held[row] != 0;
-}
-
-// The first block row that block row i of S is coupled to, held rows left out.
-int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, int i) {
-  if (!IsHeld(held, i)) {
-    for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
-      if (!IsHeld(held, entry.column)) {
-        return entry.column;
-      }
-    }
-  }
-  return i;
 }
 
 }  // namespace
@@ -126,7 +95,7 @@ bool EnvelopeCholesky::FactorRow(int i) {
   double* diagonal = row.values.data() + offsets_[i] - row.start;
   kernels.subtract_row_dots(size, size, offsets_[i] - row.start, row.values.data(), row.stride, row.values.data(), row.stride,
                             diagonal, row.stride);
-  return FactorDiagonal(size, diagonal, row.stride, row.inverse_pivots.data());
+  return FactorSmall(size, diagonal, row.stride, row.inverse_pivots.data());
 }
 
 void EnvelopeCholesky::Solve(const double* b, double* x) const {
@@ -179,28 +148,6 @@ void EnvelopeCholesky::BackSubstituteRow(int i, double* rest, double* x) const {
   }
   // The block row stored by rows is its transpose stored by columns.
   BestKernels().subtract_outer(length, 1, size, row.values.data(), row.stride, x_i, 1, rest + row.start, length);
-}
-
-double EnvelopeCholesky::PredictFlops(const SymmetricBlockRows& S, const char* held, int first_changed) const {
-  const int first = std::min({first_changed, num_valid_rows_, S.num_rows()});
-  std::vector<int> tail{offsets_[first]};
-  std::vector<int> tail_columns;
-  for (int i = first; i < S.num_rows(); ++i) {
-    tail.push_back(tail.back() + S.size_of(i));
-    tail_columns.push_back(FirstFreeColumn(S, held, i));
-  }
-  const auto offset = [&](int i) { return i < first ? offsets_[i] : tail[i - first]; };
-  const auto first_column = [&](int i) { return i < first ? rows_[i].first_column : tail_columns[i - first]; };
-  double flops = 0.0;
-  for (int i = first; i < S.num_rows(); ++i) {
-    const double size = S.size_of(i);
-    for (int j = first_column(i); j <= i; ++j) {
-      const double columns = S.size_of(j);
-      const double depth = offset(j) - offset(std::max(first_column(i), first_column(j)));
-      flops += size * columns * (2.0 * depth + columns) * (j == i ? 0.5 : 1.0);
-    }
-  }
-  return flops;
 }
 
 std::int64_t EnvelopeCholesky::NumEntries() const {

@@ -34,9 +34,6 @@ class EnvelopeCholesky {
   /// contribution out of `rest` for the rows before i. x and rest may be the same vector.
   void BackSubstituteRow(int i, double* rest, double* x) const;
 
-  /// Flops of Factorize from first_changed on, for this S and mask. Cost: one operation a block the rows span.
-  double PredictFlops(const SymmetricBlockRows& S, const char* held, int first_changed) const;
-
   int num_rows() const { return static_cast<int>(rows_.size()); }
   int num_valid_rows() const { return num_valid_rows_; }
   /// The first block row that block row i of L is coupled to; i itself if there is none.

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "linear/envelope_cholesky.h"
+#include "linear/envelope_order.h"
 #include "linear/live_reduced_solver.h"
 
 namespace inceres::internal {
@@ -28,10 +30,15 @@ class ResumedSolver final : public LiveReducedSolver {
 
   /// Flops a Factorize would take with this change.
   double PredictFlops(const SymmetricBlockRows& S, const char* held, const Change& change) const {
-    return cholesky_.PredictFlops(S, held, change.first_row);
+    return EnvelopeFlops(S, held, FirstRow(S, change));
   }
+  /// Another solver has written x since: the next Solve finds all of it anew.
+  void ForgetSolution() { num_passed_on_ = reached_before_ = 0; }
 
  private:
+  int FirstRow(const SymmetricBlockRows& S, const Change& change) const {
+    return std::min({change.first_row, cholesky_.num_valid_rows(), S.num_rows()});
+  }
   void GrowTo(int size);
   void CopyRest(int first_scalar, int* filled);
   bool HasChanged(int row, const Truncation& truncation, const double* x) const;

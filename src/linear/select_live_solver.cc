@@ -1,20 +1,23 @@
 #include "linear/select_live_solver.h"
 
-#include "linear/batch_solver.h"
+#include "linear/automatic_solver.h"
 #include "linear/dense_cholesky.h"
-#include "linear/resumed_solver.h"
-#include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {
 
-std::unique_ptr<LiveReducedSolver> MakeLiveReducedSolver(LiveReducedSolverKind kind, const Executor& executor) {
+std::unique_ptr<LiveReducedSolver> MakeLiveReducedSolver(LiveReducedSolverKind kind, const PcgOptions& pcg,
+                                                         const Executor& executor) {
   switch (kind) {
+    case LiveReducedSolverKind::kResumed:
+      return std::make_unique<ResumedSolver>();
     case LiveReducedSolverKind::kDense:
       return std::make_unique<BatchSolver<DenseCholesky>>(executor);
     case LiveReducedSolverKind::kSparse:
       return std::make_unique<BatchSolver<SparseCholesky>>();
+    case LiveReducedSolverKind::kPcg:
+      return std::make_unique<PcgSolver>(pcg);
     default:
-      return std::make_unique<ResumedSolver>();
+      return std::make_unique<AutomaticSolver>();
   }
 }
 

@@ -4,18 +4,21 @@
 
 #include "base/executor.h"
 #include "linear/live_reduced_solver.h"
+#include "linear/pcg_solver.h"
 
 namespace inceres::internal {
 
 /// Which solver takes the living reduced system.
 enum class LiveReducedSolverKind {
-  kAutomatic,  ///< per factorisation the cheapest of resumed, dense and sparse by predicted flops
+  kAutomatic,  ///< AutomaticSolver: per factorisation the cheaper of resumed and sparse
   kResumed,    ///< ResumedSolver
   kDense,      ///< DenseCholesky
   kSparse,     ///< SparseCholesky
+  kPcg,        ///< PcgSolver
 };
 
 /// The executor serves the dense factorisation and outlives the solver.
-std::unique_ptr<LiveReducedSolver> MakeLiveReducedSolver(LiveReducedSolverKind kind, const Executor& executor);
+std::unique_ptr<LiveReducedSolver> MakeLiveReducedSolver(LiveReducedSolverKind kind, const PcgOptions& pcg,
+                                                         const Executor& executor);
 
 }  // namespace inceres::internal

@@ -1,0 +1,104 @@
+#include "linear/block_jacobi.h"
+
+#include <algorithm>
+#include <string>
+
+#include "linear/small_cholesky.h"
+
+namespace inceres::internal {
+
+Status BlockJacobi::Update(const SymmetricBlockRows& S, const double* damping, const char* held,
+                           const LiveReducedSolver::Change& change) {
+  const int known_rows = std::min(num_rows(), S.num_rows());
+  const int first = std::min(change.first_row, known_rows);
+  blocks_.resize(S.num_rows());
+  FindOffsets(S, first);
+  if (change.rows != nullptr) {
+    stale_.insert(stale_.end(), change.rows->begin(), change.rows->end());
+  }
+  for (int row = change.rows != nullptr ? known_rows : first; row < S.num_rows(); ++row) {
+    stale_.push_back(row);
+  }
+  num_inverted_ = 0;
+  for (; !stale_.empty(); stale_.pop_back()) {
+    const int row = stale_.back();
+    if (row >= S.num_rows()) {
+      continue;  // the rows have been compacted since
+    }
+    blocks_[row].size = held != nullptr && held[row] != 0 ? 0 : S.size_of(row);
+    if (!Invert(S, damping, row)) {
+      return Status::Error(StatusCode::kSingular,
+                           "the reduced system is not positive definite at block row " + std::to_string(row));
+    }
+    num_inverted_ += IsFree(row);
+  }
+  return Status::Ok();
+}
+
+void BlockJacobi::FindOffsets(const SymmetricBlockRows& S, int first_row) {
+  packed_.resize(first_row + 1);
+  padded_.resize(first_row + 1);
+  for (int row = first_row; row < S.num_rows(); ++row) {
+    packed_.push_back(packed_.back() + S.size_of(row));
+    padded_.push_back(padded_.back() + PadToQuad(S.size_of(row)));
+  }
+}
+
+bool BlockJacobi::Invert(const SymmetricBlockRows& S, const double* damping, int row) {
+  Block& block = blocks_[row];
+  const int size = block.size;
+  const int stride = PadToQuad(size);
+  if (size == 0) {
+    return true;
+  }
+  const double* S_ii = S.values(S.row(row).back().offset);
+  block.M.assign(static_cast<std::size_t>(size) * stride, 0.0);
+  for (int r = 0; r < size; ++r) {
+    for (int c = 0; c <= r; ++c) {
+      block.M[r * stride + c] = block.M[c * stride + r] = S_ii[r * stride + c];
+    }
+    block.M[r * stride + r] += damping[packed_[row] + r];
+  }
+  AlignedVector<double> L = block.M;
+  AlignedVector<double> inverse_pivots(size);
+  if (!FactorSmall(size, L.data(), stride, inverse_pivots.data())) {
+    return false;
+  }
+  // The inverse is symmetric: its columns are found as rows.
+  block.minus_inverse.assign(block.M.size(), 0.0);
+  for (int r = 0; r < size; ++r) {
+    double* column = block.minus_inverse.data() + static_cast<std::ptrdiff_t>(r) * stride;
+    column[r] = -1.0;
+    SolveSmall(size, L.data(), stride, inverse_pivots.data(), column);
+  }
+  return true;
+}
+
+void BlockJacobi::SubtractProduct(const double* v, double* y) const {
+  const Kernels& kernels = BestKernels();
+  for (int i = 0; i < num_rows(); ++i) {
+    const int stride = PadToQuad(blocks_[i].size);
+    kernels.subtract_row_dots(blocks_[i].size, 1, stride, blocks_[i].M.data(), stride, v + padded_[i], stride, y + padded_[i], 1);
+  }
+}
+
+void BlockJacobi::Apply(const double* r, double* z) const {
+  const Kernels& kernels = BestKernels();
+  std::fill_n(z, padded_.back(), 0.0);
+  for (int i = 0; i < num_rows(); ++i) {
+    const int stride = PadToQuad(blocks_[i].size);
+    kernels.subtract_row_dots(blocks_[i].size, 1, stride, blocks_[i].minus_inverse.data(), stride, r + padded_[i], stride,
+                              z + padded_[i], 1);
+  }
+}
+
+std::size_t BlockJacobi::Bytes() const {
+  std::size_t bytes =
+      blocks_.capacity() * sizeof(Block) + (packed_.capacity() + padded_.capacity() + stale_.capacity()) * sizeof(int);
+  for (const Block& block : blocks_) {
+    bytes += (block.M.capacity() + block.minus_inverse.capacity()) * sizeof(double);
+  }
+  return bytes;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "base/aligned_vector.h"
+#include "linear/live_reduced_solver.h"
+
+namespace inceres::internal {
+
+/// The diagonal blocks M_i = S_ii + diag(damping_i) of a living S and their inverses, kept while they do not change. Vectors are
+/// padded: each block row starts on a quad, the padding is zero. Held rows have no block.
+class BlockJacobi {
+ public:
+  /// Inverts the blocks that changed. kSingular names a block row whose M_i is not positive definite; it is tried again next
+  /// time.
+  Status Update(const SymmetricBlockRows& S, const double* damping, const char* held, const LiveReducedSolver::Change& change);
+
+  /// y −= M v.
+  void SubtractProduct(const double* v, double* y) const;
+  /// z = M⁻¹ r.
+  void Apply(const double* r, double* z) const;
+
+  int num_rows() const { return static_cast<int>(blocks_.size()); }
+  bool IsFree(int row) const { return blocks_[row].size > 0; }
+  /// First scalar of each block row, packed and padded; one more: the totals.
+  const std::vector<int>& packed_offsets() const { return packed_; }
+  const std::vector<int>& padded_offsets() const { return padded_; }
+  /// Blocks inverted in the last Update.
+  int num_inverted() const { return num_inverted_; }
+  std::size_t Bytes() const;
+
+ private:
+  struct Block {
+    int size = 0;  // 0: held, or a removed row
+    AlignedVector<double> M;
+    AlignedVector<double> minus_inverse;
+  };
+
+  void FindOffsets(const SymmetricBlockRows& S, int first_row);
+  bool Invert(const SymmetricBlockRows& S, const double* damping, int row);
+
+  std::vector<Block> blocks_;
+  std::vector<int> packed_{0};
+  std::vector<int> padded_{0};
+  std::vector<int> stale_;  // block rows to be inverted
+  int num_inverted_ = 0;
+};
+
+}  // namespace inceres::internal

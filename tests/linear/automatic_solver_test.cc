@@ -1,0 +1,86 @@
+// The choice by predicted cost, and that solvers which stood aside catch up.
+#include "linear/automatic_solver.h"
+
+#include <cstring>
+#include <string>
+
+#include <Eigen/Cholesky>
+#include <gtest/gtest.h>
+
+#include "linear/growing_system.h"
+#include "support/dense_oracle.h"
+
+namespace inceres::internal {
+namespace {
+
+class AutomaticSolverTest : public testing::Test {
+ protected:
+  void Update(GrowingSystem* system, const LiveReducedSolver::Change& change, int first_b) {
+    const std::vector<double> weights(system->b.size(), 1.0);
+    ASSERT_TRUE(solver_.Factorize(system->S, system->damping.data(), system->held.data(), change).ok());
+    ASSERT_TRUE(solver_.Solve(system->b.data(), first_b, {weights.data(), 1e-22}, system->x.data()).ok());
+    const Eigen::VectorXd expected = system->Dense().llt().solve(system->FreeB());
+    EXPECT_LE(test::RelativeError(system->X(), expected), 1e-8);
+  }
+
+  AutomaticSolver solver_;
+};
+
+TEST_F(AutomaticSolverTest, APathIsResumed) {
+  GrowingSystem system(1);
+  for (int i = 0; i < 200; ++i) {
+    system.AddRow(6, 3, false);
+  }
+  Update(&system, {}, 0);
+  EXPECT_STREQ(solver_.Name(), "resumed Cholesky");
+}
+
+TEST_F(AutomaticSolverTest, AFullMatrixIsResumed) {
+  GrowingSystem system(1);
+  for (int i = 0; i < 100; ++i) {
+    system.AddRow(6, 100, false);
+  }
+  Update(&system, {}, 0);
+  EXPECT_STREQ(solver_.Name(), "resumed Cholesky");
+  system.Perturb(99);
+  Update(&system, {99, nullptr, false}, 100);
+  EXPECT_EQ(solver_.work().factored_rows, 1);
+}
+
+// A way there and back: it fills the envelope, but not the factor in a better order.
+GrowingSystem ThereAndBack(int count, int band) {
+  GrowingSystem system(1);
+  for (int i = 0; i < count; ++i) {
+    system.AddRow(6, band, false);
+    for (int far = count - i; far > count - i - band && far >= 0 && far < i; --far) {
+      system.Couple(i, far);
+    }
+  }
+  return system;
+}
+
+TEST_F(AutomaticSolverTest, AnAgedOrderIsSparse) {
+  GrowingSystem system = ThereAndBack(300, 1);
+  Update(&system, {}, 0);
+  EXPECT_EQ(std::strncmp(solver_.Name(), "CHOLMOD", 7), 0) << solver_.Name();
+}
+
+TEST_F(AutomaticSolverTest, SolversTakeTurns) {
+  GrowingSystem system = ThereAndBack(200, 10);
+  int turns = 0;
+  std::string last;
+  for (int step = 0; step < 12; ++step) {
+    const int row = step % 4 == 0 ? 0 : 197;
+    system.Perturb(row);
+    const int first_b = step % 3 == 0 ? 10 : 190;
+    system.b[static_cast<std::size_t>(system.OffsetOf(first_b))] += system.random.Unit();
+    Update(&system, {row, nullptr, step == 0}, first_b);
+    turns += last != solver_.Name();
+    last = solver_.Name();
+  }
+  EXPECT_GE(turns, 4);
+  EXPECT_GT(solver_.Bytes(), 0u);
+}
+
+}  // namespace
+}  // namespace inceres::internal
