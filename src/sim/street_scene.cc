@@ -58,7 +58,7 @@ class SceneBuilder {
 
   // 2 + a geometric distribution with the mean that is wanted: many short tracks and a few long ones, as in real data.
   int DrawLength(Random* random) const {
-    const double mean_extra = static_cast<double>(options_.num_observations) / options_.num_points - 2.0;
+    const double mean_extra = options_.MeanTrackLength() - 2.0;
     if (mean_extra <= 0.0) {
       return 2;
     }
@@ -67,8 +67,11 @@ class SceneBuilder {
     return 2 + static_cast<int>(std::min(extra, 1e6));
   }
 
-  // Rounds over the points that lengthen or shorten tracks by one until the total is what was asked for.
+  // Rounds over the points that lengthen or shorten tracks by one until the total is what was asked for, if it was.
   Status ChooseTrackLengths() {
+    if (options_.num_observations == 0) {
+      return Status::Ok();
+    }
     std::int64_t missing = options_.num_observations;
     for (const int length : lengths_) {
       missing -= length;
@@ -132,8 +135,7 @@ class SceneBuilder {
 
 // So that about twice as many cameras see a point as its mean track is long: room to make the counts exact.
 double WishedSpacing(const StreetSceneOptions& options) {
-  const double mean_length = static_cast<double>(options.num_observations) / options.num_points;
-  return kVisibleLength / (2.0 * mean_length + 2.0);
+  return kVisibleLength / (2.0 * options.MeanTrackLength() + 2.0);
 }
 
 }  // namespace

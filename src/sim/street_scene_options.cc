@@ -39,20 +39,27 @@ Status CheckRange(const char* field, double value, double low, double high) {
 }
 
 Status CheckSizes(const StreetSceneOptions& options) {
-  const std::int64_t cameras = options.num_cameras, points = options.num_points, observations = options.num_observations;
-  if (observations < 2 * points || observations > cameras * points) {
+  const std::int64_t cameras = options.num_cameras, points = options.num_points;
+  const bool exact = options.num_observations != 0;
+  const std::int64_t observations =
+      exact ? options.num_observations : static_cast<std::int64_t>(options.track_length * static_cast<double>(points));
+  if (exact && (observations < 2 * points || observations > cameras * points)) {
     return Invalid("num_observations is " + std::to_string(observations) + ", not between two per point (" +
                    std::to_string(2 * points) + ") and every point in every camera (" + std::to_string(cameras * points) + ")");
   }
   if (2 * observations + 7 < 9 * cameras + 3 * points) {  // seven are the free choice of the coordinate frame
-    return Invalid("num_observations is " + std::to_string(observations) +
-                   ": two equations each are fewer than the unknowns of " + std::to_string(cameras) + " cameras and " +
-                   std::to_string(points) + " points");
+    return Invalid((exact ? "num_observations is " : "track_length is " + Text(options.track_length) + ", observations about ") +
+                   std::to_string(observations) + ": two equations each are fewer than the unknowns of " +
+                   std::to_string(cameras) + " cameras and " + std::to_string(points) + " points");
   }
   return Status::Ok();
 }
 
 }  // namespace
+
+double StreetSceneOptions::MeanTrackLength() const {
+  return num_observations != 0 ? static_cast<double>(num_observations) / num_points : track_length;
+}
 
 Status StreetSceneOptions::Validate() const {
   const struct {
@@ -61,8 +68,10 @@ Status StreetSceneOptions::Validate() const {
   } ranges[] = {
       {"num_cameras", static_cast<double>(num_cameras), 2, 1e6},
       {"num_points", static_cast<double>(num_points), 1, std::numeric_limits<int>::max()},
+      {"track_length", track_length, 2, 1000},
       {"laps", laps, 0, 1000},
       {"loop_fraction", loop_fraction, 0, 1},
+      {"loop_stretch", loop_stretch, 0, 1},
       {"camera_spacing", camera_spacing, 0, 10},
       {"pixel_noise", pixel_noise, 0, 1e6},
       {"rotation_noise", rotation_noise, 0, 1},

@@ -18,6 +18,7 @@ constexpr int kMaxTries = 200;
 StreetView::StreetView(const StreetSceneOptions& options, double spacing)
     : spacing_(spacing),
       loop_fraction_(options.loop_fraction),
+      loop_stretch_(options.loop_stretch),
       num_laps_(static_cast<int>(std::ceil(options.laps))),
       path_(options.laps > 0.0 ? spacing * options.num_cameras / options.laps : 0.0) {
   Random random(options.seed, 1);
@@ -79,9 +80,15 @@ void StreetView::CollectPass(double s, int anchor, const Vector3& position, std:
   }
 }
 
+// Whether what is anchored at s may be seen by cameras of other laps.
+bool StreetView::IsRecognisable(double s) const {
+  const double laps = s / path_.circumference();
+  return laps - std::floor(laps) <= loop_stretch_;
+}
+
 bool StreetView::PlacePoint(int anchor, Random* random, StreetPoint* point) const {
   const StreetCamera& camera = cameras_[static_cast<std::size_t>(anchor)];
-  const bool recognised = path_.closed() && random->Uniform() < loop_fraction_;
+  const bool recognised = path_.closed() && random->Uniform() < loop_fraction_ && IsRecognisable(camera.s);
   for (int attempt = 0; attempt < kMaxTries; ++attempt) {
     const double s = camera.s + random->Uniform(kMinDepth, kVisibleRange);
     point->position = RandomPosition(s, random);

@@ -43,9 +43,11 @@ class StreetView {
   void CollectPass(double s, int anchor, const Vector3& position, std::vector<int>* candidates) const;
   bool ChoosePartner(int anchor, Random* random, StreetPoint* point) const;
   Vector3 RandomPosition(double s, Random* random) const;
+  bool IsRecognisable(double s) const;
 
   double spacing_;
   double loop_fraction_;
+  double loop_stretch_;
   int num_laps_;
   StreetPath path_;
   std::vector<StreetCamera> cameras_;

@@ -304,6 +304,44 @@ TEST(StreetScene, LoopsAndLocality) {
   EXPECT_EQ(LoopPairs(closed, 50), LoopPairs(closed, 150)) << "and nothing else does";
 }
 
+TEST(StreetScene, LoopStretchLimitsWhereThingsAreRecognised) {
+  StreetSceneOptions options;
+  options.num_cameras = 200;
+  options.num_points = 8000;
+  options.num_observations = 32000;
+  options.laps = 2.0;
+  const int everywhere = LoopPairs(Generate(options), 50);
+  options.loop_stretch = 0.1;
+  const StreetScene scene = Generate(options);
+  EXPECT_GT(LoopPairs(scene, 50), 20);
+  EXPECT_LT(LoopPairs(scene, 50), everywhere / 4);
+  options.loop_stretch = 0.0;
+  EXPECT_EQ(LoopPairs(Generate(options), 50), 0);
+}
+
+TEST(StreetScene, DrawnTracksAreAsLongAtTheEndAsAtTheStart) {
+  StreetSceneOptions options = Small();
+  options.num_cameras = 400;
+  options.num_points = 8000;
+  options.num_observations = 0;
+  options.track_length = 6.0;
+  const StreetScene scene = Generate(options);
+  ExpectWellPosed(scene);
+  double seen[4] = {0.0, 0.0, 0.0, 0.0};  // by quarters of the points
+  for (const BalObservation& observation : scene.truth.observations) {
+    seen[observation.point / 2000] += 1.0 / 2000;
+  }
+  EXPECT_NEAR(seen[1], 6.0, 0.5);
+  EXPECT_NEAR(seen[2], seen[1], 0.3);
+  options.track_length = 1.5;
+  EXPECT_EQ(options.Validate().message, "StreetSceneOptions: track_length is 1.5, not between 2 and 1000");
+  options.track_length = 2.0;
+  options.num_points = 500;
+  EXPECT_EQ(options.Validate().message,
+            "StreetSceneOptions: track_length is 2, observations about 1000: two equations each are fewer than the unknowns of "
+            "400 cameras and 500 points");
+}
+
 TEST(StreetScene, CameraSpacingIsObeyed) {
   StreetSceneOptions options = Small();
   options.num_observations = 2500;
@@ -352,7 +390,9 @@ TEST(StreetScene, ImpossibleWishesAreErrorsThatSaySo) {
 TEST(StreetScene, EveryOptionHasARange) {
   const std::pair<double StreetSceneOptions::*, const char*> fields[] = {
       {&StreetSceneOptions::laps, "laps"},
+      {&StreetSceneOptions::track_length, "track_length"},
       {&StreetSceneOptions::loop_fraction, "loop_fraction"},
+      {&StreetSceneOptions::loop_stretch, "loop_stretch"},
       {&StreetSceneOptions::camera_spacing, "camera_spacing"},
       {&StreetSceneOptions::pixel_noise, "pixel_noise"},
       {&StreetSceneOptions::rotation_noise, "rotation_noise"},

@@ -12,17 +12,24 @@ namespace inceres {
 
 /// What a simulated street looks like and how it is seen. Lengths in metres, angles in radians, image quantities in pixels.
 ///
-/// The three sizes come out exactly. The noise knobs are standard deviations; 0 switches a noise off.
+/// The three sizes come out exactly, unless num_observations is 0. The noise knobs are standard deviations; 0 switches a noise
+/// off.
 struct INCERES_EXPORT StreetSceneOptions {
   int num_cameras = 100;         ///< 2 .. 1,000,000
   int num_points = 10000;        ///< at least 1
-  int num_observations = 50000;  ///< at least two per point; at most what the street lets the cameras see
+  int num_observations = 50000;  ///< at least two per point; at most what the street lets the cameras see; or 0: see track_length
+  /// If num_observations is 0: the mean of the track lengths that are drawn, 2 .. 1000. A point that fewer cameras see has a
+  /// shorter track. No round over the points makes the number exact, so that the start of the street is like its end.
+  double track_length = 4.0;
 
   /// Rounds of a closed circuit. 0: an open, gently winding street. 1: the end comes back to the start. 2.5: every place is
   /// passed two or three times.
   double laps = 0.0;
   /// Share of the points that are recognised when the camera comes by again, 0 .. 1. Without effect if no place is revisited.
   double loop_fraction = 0.3;
+  /// Share of the circuit, from its start, along which points can be recognised, 0 .. 1: below 1 there is a loop to close once a
+  /// lap, with stretches in between where nothing is seen again.
+  double loop_stretch = 1.0;
   /// Distance between consecutive cameras, at most 10. 0: chosen so that points have the tracks that the three sizes ask for.
   double camera_spacing = 0.0;
 
@@ -38,6 +45,8 @@ struct INCERES_EXPORT StreetSceneOptions {
 
   std::uint64_t seed = 1;
 
+  /// Mean number of observations of a point, as asked for.
+  double MeanTrackLength() const;
   /// Ok, or kInvalidArgument naming the field, its value and the range.
   Status Validate() const;
 };
