@@ -1,5 +1,6 @@
 // Plays a problem that arrives step by step to inceres and to stock Ceres, side by side.
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -10,25 +11,25 @@
 #include <gflags/gflags.h>
 #include <glog/logging.h>
 
-#include "inceres/io/bal.h"
-#include "inceres/io/keyframes.h"
 #include "tools/common/command_line.h"
 #include "tools/common/environment.h"
+#include "tools/common/replay_flatness.h"
 #include "tools/common/replay_report.h"
 #include "tools/common/replay_run.h"
-#include "tools/common/replay_scripts.h"
 #include "tools/common/text_file.h"
+#include "tools/replay_problem.h"
 
-DEFINE_string(problem, "", "bal:FILE or kf:FILE. Required.");
-DEFINE_string(
-    mode, "exact",
-    "How inceres solves: exact (its batch solver, warm) or incremental (the solver that remembers: analytic factors, one thread, "
-    "Levenberg-Marquardt in its own metric, stopped by --function_tolerance alone).");
+DECLARE_string(problem);
+DECLARE_int32(seed);
+DEFINE_string(mode, "exact",
+              "How inceres solves: exact (its batch solver, warm) or incremental (the solver that remembers: one thread, "
+              "Levenberg-Marquardt in its own metric, stopped by --function_tolerance alone).");
 DEFINE_bool(autodiff, false, "Give both sides AutoDiff cost functions instead of the same analytic factors.");
-DEFINE_bool(free_intrinsics, false, "bal only: free the intrinsics; without it they are held.");
-DEFINE_bool(no_priors, false, "bal only: leave out the priors on new cameras and points.");
-DEFINE_bool(presolve, true, "bal only: solve the whole file first and start new cameras and points near the solution.");
-DEFINE_int32(seed, 1, "bal only: seed of the noise on start values, at least 0.");
+DEFINE_bool(stock_autodiff, false,
+            "Give stock AutoDiff cost functions, as its users write them, while ours keeps its built-in factors.");
+DEFINE_bool(stock, true,
+            "Let stock Ceres play too. Without it the report is ours alone, and no optimum is sought unless --optimum is given.");
+DEFINE_bool(flat, false, "Also compare the cost of a step around step 200 with that of the last hundred steps.");
 DEFINE_int32(steps, 0, "Stop after this many steps; 0: play all.");
 DEFINE_int32(num_threads, 1, "Threads of each solver, at least 1.");
 DEFINE_int32(max_num_iterations, 50, "Iterations a step at most, at least 1.");
@@ -51,9 +52,11 @@ constexpr char kUsage[] =
     "the same tolerances; only the solve calls are timed.\n\n"
     "  replay --problem bal:problem-49-7776-pre.txt\n"
     "  replay --problem bal:problem.txt --no_priors --free_intrinsics --steps 20\n"
-    "  replay --problem kf:fr3_office.kf --autodiff --json report.json\n\n"
+    "  replay --problem kf:fr3_office.kf --mode incremental --stock_autodiff --json report.json\n"
+    "  replay --problem path:2000 --mode incremental --nostock --flat\n\n"
     "bal: cameras in index order with the points that two of them see, near the solution of the whole file, with priors.\n"
-    "kf: a keyframe sequence with inverse-depth landmarks and loop closures.\n\n"
+    "kf: a keyframe sequence with inverse-depth landmarks and loop closures.\n"
+    "path: cameras along a generated path, each seeing about 40 points; with --loops it comes back to places seen before.\n\n"
     "Exit code: 0 all steps solved, 1 a file or one of our solves failed, 2 usage.";
 
 Status Invalid(const std::string& message) {
@@ -61,8 +64,7 @@ Status Invalid(const std::string& message) {
 }
 
 Status CheckNumbers() {
-  const std::pair<const char*, std::pair<int, int>> integers[] = {{"--seed", {FLAGS_seed, 0}},
-                                                                  {"--steps", {FLAGS_steps, 0}},
+  const std::pair<const char*, std::pair<int, int>> integers[] = {{"--steps", {FLAGS_steps, 0}},
                                                                   {"--num_threads", {FLAGS_num_threads, 1}},
                                                                   {"--max_num_iterations", {FLAGS_max_num_iterations, 1}},
                                                                   {"--print_every", {FLAGS_print_every, 1}}};
@@ -83,20 +85,16 @@ Status CheckNumbers() {
   return Status::Ok();
 }
 
-// A flag that would change nothing is a mistake of the caller's.
-Status CheckKind(const std::string& kind) {
-  if (kind == "kf" && (FLAGS_free_intrinsics || FLAGS_no_priors || !FLAGS_presolve || FLAGS_seed != 1)) {
-    return Invalid("--free_intrinsics, --no_priors, --nopresolve and --seed are for bal: problems only");
-  }
-  return Status::Ok();
-}
-
 Status CheckFlags() {
   if (FLAGS_mode != "exact" && FLAGS_mode != "incremental") {
     return Invalid("--mode '" + FLAGS_mode + "': use exact or incremental");
   }
-  if (FLAGS_mode == "incremental" && (FLAGS_autodiff || FLAGS_num_threads != 1)) {
-    return Invalid("--mode incremental has analytic factors and one thread only: leave out --autodiff and --num_threads");
+  if (FLAGS_mode == "incremental" && FLAGS_num_threads != 1) {
+    return Invalid("--mode incremental has one thread only: leave out --num_threads");
+  }
+  if (FLAGS_stock_autodiff && (FLAGS_autodiff || !FLAGS_stock)) {
+    return Invalid(std::string("--stock_autodiff: ") +
+                   (FLAGS_autodiff ? "--autodiff says that already" : "--nostock leaves it out"));
   }
   if (FLAGS_trust_region != "auto" && FLAGS_trust_region != "lm" && FLAGS_trust_region != "dogleg") {
     return Invalid("--trust_region '" + FLAGS_trust_region + "': use auto, lm or dogleg");
@@ -105,53 +103,6 @@ Status CheckFlags() {
     return Invalid("--stock_linear_solver '" + FLAGS_stock_linear_solver + "': use dense_schur or sparse_schur");
   }
   return CheckNumbers();
-}
-
-Status MakeBalScript(const std::string& path, ReplayScript* script) {
-  BalProblem bal;
-  Status status = ReadBal(path, &bal);
-  if (status.ok() && (bal.num_cameras < 2 || bal.observations.empty())) {
-    status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more cameras, and observations");
-  }
-  if (status.ok() && FLAGS_presolve) {
-    std::printf("solving %s first, not timed\n", path.c_str());
-    std::fflush(stdout);
-    status = SolveForReplay(FLAGS_num_threads, &bal);
-  }
-  if (status.ok()) {
-    BalReplayOptions options;
-    options.free_intrinsics = FLAGS_free_intrinsics;
-    options.priors = !FLAGS_no_priors;
-    options.seed = static_cast<unsigned>(FLAGS_seed);
-    *script = MakeBalReplay(bal, options);
-  }
-  return status;
-}
-
-Status MakeKeyframeScript(const std::string& path, ReplayScript* script) {
-  KeyframeSequence sequence;
-  Status status = ReadKeyframes(path, &sequence);
-  if (status.ok() && sequence.keyframes.size() < 2) {
-    status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more keyframes");
-  }
-  if (status.ok()) {
-    *script = MakeKeyframeReplay(sequence);
-  }
-  return status;
-}
-
-Status MakeScript(ReplayScript* script) {
-  const std::size_t colon = FLAGS_problem.find(':');
-  const std::string kind = FLAGS_problem.substr(0, colon);
-  if (colon == std::string::npos || colon + 1 == FLAGS_problem.size() || (kind != "bal" && kind != "kf")) {
-    return Invalid("--problem '" + FLAGS_problem + "': use bal:FILE or kf:FILE");
-  }
-  const Status status = CheckKind(kind);
-  if (!status.ok()) {
-    return status;
-  }
-  const std::string path = FLAGS_problem.substr(colon + 1);
-  return kind == "bal" ? MakeBalScript(path, script) : MakeKeyframeScript(path, script);
 }
 
 ReplaySettings Settings(const ReplayScript& script) {
@@ -168,51 +119,79 @@ ReplaySettings Settings(const ReplayScript& script) {
 }
 
 void PrintRow(const ReplayRow& row) {
-  const bool failed = !row.ours.outcome.usable || !row.stock.outcome.usable;
+  const bool failed = !row.ours.outcome.usable || (row.stock.has_value() && !row.stock->outcome.usable);
   if (row.step == 1 || row.step % FLAGS_print_every == 0 || row.closes_loop || failed) {
     std::fputs(ReplayTableLine(row).c_str(), stdout);
     std::fflush(stdout);
   }
 }
 
-int Play(const ReplayScript& script) {
-  const ReplaySettings settings = Settings(script);
-  const std::unique_ptr<ReplaySolver> ours =
-      FLAGS_mode == "incremental" ? MakeIncrementalReplaySolver(settings) : MakeExactReplaySolver(settings);
-  const std::unique_ptr<ReplaySolver> stock = MakeStockReplaySolver(settings);
-  ReplayReference judge(settings);
-  std::printf("%s: %s\n%s", FLAGS_problem.c_str(), script.description.c_str(), ReplayTableHeader().c_str());
-  std::vector<ReplayRow> rows;
-  Status status = RunReplay(script, {FLAGS_steps, FLAGS_optimum}, ours.get(), stock.get(), &judge, PrintRow, &rows);
-  if (!status.ok()) {
-    return Fail(kExitFailure, status.message);
-  }
-  const ReplaySummary summary = Summarize(rows);
+bool FindOptimum() {
+  return FLAGS_optimum && (FLAGS_stock || !gflags::GetCommandLineFlagInfoOrDie("optimum").is_default);
+}
+
+ReplayContext Context(const ReplayScript& script, const ReplaySolver& ours, const ReplaySolver* stock) {
   ReplayContext context;
   context.problem = FLAGS_problem;
   context.description = script.description;
-  context.ours = ours->Name();
-  context.stock = stock->Name();
+  context.ours = ours.Name();
+  context.stock = stock != nullptr ? stock->Name() : "";
   context.threads = FLAGS_num_threads;
   context.seed = static_cast<unsigned>(FLAGS_seed);
   context.function_tolerance = FLAGS_function_tolerance;
   context.parameter_tolerance = FLAGS_parameter_tolerance;
   context.environment = DescribeEnvironment();
+  return context;
+}
+
+Status Report(const ReplayContext& context, const ReplaySummary& summary, const std::vector<ReplayRow>& rows) {
   std::fputs(ReplaySummaryText(context, summary).c_str(), stdout);
-  if (!FLAGS_json.empty()) {
-    status = WriteTextFile(FLAGS_json, ReplayJson(context, summary, rows).dump(2) + "\n");
-    if (!status.ok()) {
-      return Fail(kExitFailure, status.message);
-    }
+  nlohmann::json json = FLAGS_json.empty() ? nlohmann::json() : ReplayJson(context, summary, rows);
+  if (FLAGS_flat) {
+    const ReplayFlatness flatness = MeasureFlatness(rows);
+    std::fputs(FlatnessText(flatness).c_str(), stdout);
+    json["flat"] = FlatnessJson(flatness);
   }
-  return summary.failed_ours == 0 ? static_cast<int>(kExitSuccess)
-                                  : Fail(kExitFailure, std::to_string(summary.failed_ours) + " of our solves failed");
+  return FLAGS_json.empty() ? Status::Ok() : WriteTextFile(FLAGS_json, json.dump(2) + "\n");
+}
+
+int Play(const ReplayScript& script) {
+  const ReplaySettings settings = Settings(script);
+  ReplaySettings stock_settings = settings;
+  stock_settings.autodiff = settings.autodiff || FLAGS_stock_autodiff;
+  const std::unique_ptr<ReplaySolver> ours =
+      FLAGS_mode == "incremental" ? MakeIncrementalReplaySolver(settings) : MakeExactReplaySolver(settings);
+  const std::unique_ptr<ReplaySolver> stock = FLAGS_stock ? MakeStockReplaySolver(stock_settings) : nullptr;
+  ReplayReference judge(settings);
+  std::printf("%s: %s\n%s", FLAGS_problem.c_str(), script.description.c_str(), ReplayTableHeader().c_str());
+  std::vector<ReplayRow> rows;
+  Status status = RunReplay(script, {FLAGS_steps, FindOptimum()}, ours.get(), stock.get(), &judge, PrintRow, &rows);
+  if (!status.ok()) {
+    return Fail(kExitFailure, status.message);
+  }
+  const ReplaySummary summary = Summarize(rows, FLAGS_function_tolerance);
+  status = Report(Context(script, *ours, stock.get()), summary, rows);
+  if (!status.ok()) {
+    return Fail(kExitFailure, status.message);
+  }
+  return summary.ours.failed.empty() ? static_cast<int>(kExitSuccess)
+                                     : Fail(kExitFailure, std::to_string(summary.ours.failed.size()) + " of our solves failed");
+}
+
+// --flat needs room for both of its windows.
+Status CheckLength(const ReplayScript& script) {
+  const int all = static_cast<int>(script.steps.size());
+  const int steps = FLAGS_steps > 0 ? std::min(FLAGS_steps, all) : all;
+  return !FLAGS_flat || steps >= kMinFlatnessSteps ? Status::Ok()
+                                                   : Invalid("--flat: " + std::to_string(steps) + " steps are too few, " +
+                                                             std::to_string(kMinFlatnessSteps) + " are needed");
 }
 
 int Main() {
   ReplayScript script;
   Status status = CheckFlags();
-  status = status.ok() ? MakeScript(&script) : status;
+  status = status.ok() ? MakeScriptFromFlags(FLAGS_num_threads, &script) : status;
+  status = status.ok() ? CheckLength(script) : status;
   if (!status.ok()) {
     const bool usage = status.code == StatusCode::kInvalidArgument || status.code == StatusCode::kUnavailable;
     return Fail(usage ? kExitUsage : kExitFailure, status.message);
@@ -226,6 +205,7 @@ int Main() {
 int main(int argc, char** argv) {
   google::InitGoogleLogging(argv[0]);
   FLAGS_logtostderr = true;
+  FLAGS_minloglevel = google::GLOG_ERROR;  // stock warns of every failed factorisation; the report counts them
   const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kUsage, &argc, &argv);
   return exit_code ? *exit_code : inceres::tools::Main();
 }

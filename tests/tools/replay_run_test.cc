@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "tools/common/replay_ceres_problem.h"
+#include "tools/common/replay_flatness.h"
 #include "tools/common/replay_graph.h"
 #include "tools/common/replay_report.h"
 #include "tools/common/replay_scripts.h"
@@ -48,13 +49,13 @@ TEST(Replay, OursAndStockGoThroughTheSameCosts) {
       ASSERT_EQ(rows.size(), script.steps.size());
       for (const ReplayRow& row : rows) {
         ASSERT_TRUE(row.ours.outcome.usable) << row.ours.outcome.message;
-        ASSERT_TRUE(row.stock.outcome.usable) << row.stock.outcome.message;
+        ASSERT_TRUE(row.stock->outcome.usable) << row.stock->outcome.message;
         EXPECT_LT(row.ours.cost, row.ours.outcome.initial_cost);
         EXPECT_NEAR(row.ours.outcome.final_cost, row.ours.cost, 1e-9 * row.ours.cost)
             << "what it reports is not its state's cost";
-        EXPECT_NEAR(row.stock.outcome.final_cost, row.stock.cost, 1e-9 * row.stock.cost);
-        EXPECT_NEAR(row.ours.outcome.initial_cost, row.stock.outcome.initial_cost, 1e-4 * row.stock.outcome.initial_cost);
-        EXPECT_NEAR(row.ours.cost, row.stock.cost, 1e-6 * row.stock.cost);
+        EXPECT_NEAR(row.stock->outcome.final_cost, row.stock->cost, 1e-9 * row.stock->cost);
+        EXPECT_NEAR(row.ours.outcome.initial_cost, row.stock->outcome.initial_cost, 1e-4 * row.stock->outcome.initial_cost);
+        EXPECT_NEAR(row.ours.cost, row.stock->cost, 1e-6 * row.stock->cost);
         ASSERT_TRUE(row.RelativeCostExcess().has_value());
         EXPECT_LT(std::fabs(*row.RelativeCostExcess()), 1e-6);
         EXPECT_GT(row.ours.outcome.iterations, 0);
@@ -64,12 +65,17 @@ TEST(Replay, OursAndStockGoThroughTheSameCosts) {
 }
 
 // The solver that remembers, against the minimum that stock reaches from the same state at tolerances of 1e-12.
-TEST(Replay, IncrementalStaysWithinItsToleranceOfTheMinimum) {
+class IncrementalReplay : public testing::TestWithParam<bool> {};
+
+TEST_P(IncrementalReplay, StaysWithinItsToleranceOfTheMinimum) {
+  const bool autodiff = GetParam();
   for (const ReplayScript& script : Scripts()) {
     ReplaySettings settings;
     settings.function_tolerance = 1e-8;
     settings.parameter_tolerance = 0.0;
+    settings.autodiff = autodiff;
     const std::unique_ptr<ReplaySolver> ours = MakeIncrementalReplaySolver(settings);
+    EXPECT_NE(ours->Name().find(autodiff ? "AutoDiff" : "analytic"), std::string::npos);
     const std::vector<ReplayRow> rows = Play(script, settings, ours.get());
     ASSERT_EQ(rows.size(), script.steps.size());
     for (const ReplayRow& row : rows) {
@@ -81,20 +87,62 @@ TEST(Replay, IncrementalStaysWithinItsToleranceOfTheMinimum) {
   }
 }
 
+INSTANTIATE_TEST_SUITE_P(AnalyticAndAutoDiff, IncrementalReplay, testing::Bool());
+
+TEST(Replay, APriorWithoutAnAutoDiffVersionIsAnError) {
+  ReplayStep step;
+  step.variables.emplace_back();  // a point
+  step.factors.push_back({DiagonalPriorFamily::Measurement{{1.0, 2.0}, {1.0, 1.0}}, {0}, 0.0});
+  FactorGraph graph;
+  EXPECT_EQ(ReplayGraph(true).Add(step, &graph).message, "factor 0 of the step: a prior of this shape has no AutoDiff version");
+  EXPECT_FALSE(ReplayCeresProblem(true).Add(step).ok());
+  FactorGraph other;
+  EXPECT_TRUE(ReplayGraph(false).Add(step, &other).ok());
+}
+
+TEST(Replay, WithoutStockTheJudgeLooksAtTheLastStep) {
+  const ReplayScript script = MakeBalReplay(SmallBal(6, 40), {});
+  const std::unique_ptr<ReplaySolver> ours = MakeExactReplaySolver({});
+  ReplayReference judge({});
+  std::vector<ReplayRow> rows;
+  const Status status = RunReplay(
+      script, {0, false}, ours.get(), nullptr, &judge, [](const ReplayRow&) {}, &rows);
+  ASSERT_TRUE(status.ok()) << status.message;
+  ASSERT_EQ(rows.size(), 5u);
+  for (const ReplayRow& row : rows) {
+    EXPECT_FALSE(row.stock.has_value());
+    EXPECT_FALSE(row.optimum_cost.has_value());
+    EXPECT_NEAR(row.ours.cost, row.ours.outcome.final_cost, 1e-12 * row.ours.cost);
+  }
+  EXPECT_EQ(rows[3].ours.cost, rows[3].ours.outcome.final_cost);
+  EXPECT_EQ(rows[4].ours.cost, judge.CostAt(ours->State()));
+  const ReplaySummary summary = Summarize(rows, 1e-6);
+  EXPECT_FALSE(summary.stock.has_value());
+  EXPECT_FALSE(summary.ratio_total.has_value());
+  const nlohmann::json json = ReplayJson({}, summary, rows);
+  EXPECT_TRUE(json["stock_ms"].is_null());
+  EXPECT_TRUE(json["rows"][0]["stock"].is_null());
+  EXPECT_TRUE(json["failed_steps"]["stock"].is_null());
+}
+
 TEST(Replay, GraphAndCeresProblemAgreeOnTheStateAndItsCost) {
   for (const ReplayScript& script : Scripts()) {
-    FactorGraph graph;
-    ReplayGraph growing(&graph);
+    FactorGraph graph, autodiff_graph;
+    ReplayGraph growing(false), autodiff_growing(true);
     ReplayCeresProblem analytic(false), autodiff(true);
     int factors = 0;
     for (const ReplayStep& step : script.steps) {
-      growing.Add(step);
+      ASSERT_TRUE(growing.Add(step, &graph).ok());
+      ASSERT_TRUE(autodiff_growing.Add(step, &autodiff_graph).ok());
       ASSERT_TRUE(analytic.Add(step).ok());
       ASSERT_TRUE(autodiff.Add(step).ok());
       factors += static_cast<int>(step.factors.size());
     }
     EXPECT_TRUE(graph.Validate().ok()) << graph.Validate().message;
+    EXPECT_TRUE(autodiff_graph.Validate().ok()) << autodiff_graph.Validate().message;
     EXPECT_EQ(graph.num_factors(), factors);
+    EXPECT_EQ(autodiff_graph.num_factors(), factors);
+    EXPECT_EQ(autodiff_graph.state(), graph.state());
     EXPECT_EQ(analytic.problem()->NumResidualBlocks(), factors);
     EXPECT_EQ(graph.state(), analytic.State());
     double costs[2];
@@ -114,7 +162,7 @@ class LazySolver : public ReplaySolver {
  public:
   std::string Name() const override { return "lazy"; }
   Status AddStep(const ReplayStep& step) override {
-    growing_.Add(step);
+    EXPECT_TRUE(growing_.Add(step, &graph_).ok());
     return ++steps_ > 4 ? Status::Error(StatusCode::kSingular, "tired") : Status::Ok();
   }
   ReplayOutcome Solve() override {
@@ -128,7 +176,7 @@ class LazySolver : public ReplaySolver {
 
  private:
   FactorGraph graph_;
-  ReplayGraph growing_{&graph_};
+  ReplayGraph growing_{false};
   int steps_ = 0;
 };
 
@@ -136,26 +184,32 @@ TEST(Replay, ASolverThatDoesNothingIsFoundOut) {
   LazySolver lazy;
   const std::vector<ReplayRow> rows = Play(MakeKeyframeReplay(SmallKeyframes(13)), {}, &lazy, 4);
   ASSERT_EQ(rows.size(), 4u);
-  const ReplaySummary summary = Summarize(rows);
+  const ReplaySummary summary = Summarize(rows, 1e-6);
   EXPECT_EQ(summary.steps, 4);
-  EXPECT_EQ(summary.failed_ours, 2);
-  EXPECT_EQ(summary.failed_stock, 0);
+  EXPECT_EQ(summary.ours.failed, (std::vector<int>{2, 4}));
+  ASSERT_TRUE(summary.stock.has_value());
+  EXPECT_TRUE(summary.stock->failed.empty());
+  EXPECT_EQ(summary.in_excess, (std::vector<int>{1, 2, 3, 4}));
+  EXPECT_EQ(summary.ours_lower, 0);
+  EXPECT_EQ(summary.stock_lower, 4);
   ASSERT_TRUE(summary.max_relative_cost_excess.has_value());
   EXPECT_GT(*summary.max_relative_cost_excess, 0.1);
-  EXPECT_DOUBLE_EQ(summary.ours.median, 2.5);
-  EXPECT_DOUBLE_EQ(summary.ours.p95, 4.0);
-  EXPECT_DOUBLE_EQ(summary.ours.max, 4.0);
-  EXPECT_DOUBLE_EQ(summary.ours.total, 10.0);
-  EXPECT_DOUBLE_EQ(summary.ratio_total, 10.0 / summary.stock.total);
-  EXPECT_DOUBLE_EQ(summary.ratio_median, 2.5 / summary.stock.median);
+  EXPECT_DOUBLE_EQ(summary.ours.ms.median, 2.5);
+  EXPECT_DOUBLE_EQ(summary.ours.ms.p95, 4.0);
+  EXPECT_DOUBLE_EQ(summary.ours.ms.max, 4.0);
+  EXPECT_DOUBLE_EQ(summary.ours.ms.total, 10.0);
+  EXPECT_DOUBLE_EQ(*summary.ratio_total, 10.0 / summary.stock->ms.total);
+  EXPECT_DOUBLE_EQ(*summary.ratio_median, 2.5 / summary.stock->ms.median);
   EXPECT_NE(ReplayTableLine(rows[1]).find("ours failed: no wish to"), std::string::npos);
   EXPECT_EQ(ReplayTableLine(rows[0]).find("failed"), std::string::npos);
 
   const nlohmann::json json = ReplayJson({}, summary, rows);
   EXPECT_EQ(json["failed_steps"]["ours"], 2);
+  EXPECT_EQ(json["ours_steps"]["failed"], (std::vector<int>{2, 4}));
+  EXPECT_EQ(json["steps_in_excess"].size(), 4u);
   EXPECT_EQ(json["rows"].size(), 4u);
   EXPECT_EQ(json["rows"][1]["ours"]["usable"], false);
-  EXPECT_EQ(json["ours_ms"]["total"], summary.ours.total);
+  EXPECT_EQ(json["ours_ms"]["total"], summary.ours.ms.total);
 }
 
 TEST(Replay, AStepThatCannotBeAddedEndsIt) {
@@ -187,16 +241,92 @@ TEST(Replay, RelativeCostExcess) {
 
 TEST(Replay, SummaryWithoutOptimumOrLoop) {
   ReplayRow row;
-  row.ours.outcome.seconds = row.stock.outcome.seconds = 1.0;
-  ReplaySummary summary = Summarize(std::vector<ReplayRow>{row});
+  row.stock.emplace();
+  row.ours.outcome.seconds = row.stock->outcome.seconds = 1.0;
+  ReplaySummary summary = Summarize(std::vector<ReplayRow>{row}, 1e-6);
   EXPECT_FALSE(summary.max_relative_cost_excess.has_value());
   EXPECT_FALSE(summary.worst_loop_ratio.has_value());
   EXPECT_TRUE(ReplayJson({}, summary, {row})["max_relative_cost_excess"].is_null());
   row.closes_loop = true;
   row.ours.outcome.seconds = 0.25;
-  summary = Summarize(std::vector<ReplayRow>{row});
+  summary = Summarize(std::vector<ReplayRow>{row}, 1e-6);
   EXPECT_DOUBLE_EQ(*summary.worst_loop_ratio, 0.25);
   EXPECT_NE(ReplayTableLine(row).find("loop"), std::string::npos);
+}
+
+TEST(Replay, SummaryNamesWhatWentWrong) {
+  std::vector<ReplayRow> rows(3);
+  for (ReplayRow& row : rows) {
+    row.stock.emplace();
+    for (ReplaySide* side : {&row.ours, &*row.stock}) {
+      side->outcome.usable = true;
+      side->outcome.termination = "CONVERGENCE";
+      side->outcome.iterations = 4;
+      side->cost = side->outcome.final_cost = 1.0;
+    }
+  }
+  rows[1].stock->outcome.termination = "NO_CONVERGENCE";
+  rows[1].stock->outcome.work = {{"invalid_steps", 3}};
+  rows[1].stock->cost = 2.0;
+  rows[2].stock->outcome.usable = false;
+  rows[2].stock->cost = std::nan("");
+  rows[2].ours.cost = 1.1;
+  const ReplaySummary summary = Summarize(rows, 1e-6);
+  EXPECT_EQ(summary.ours_lower, 2) << "a cost that cannot be evaluated is not lower";
+  EXPECT_EQ(summary.stock_lower, 0);
+  EXPECT_EQ(summary.stock->unconverged, 1);
+  EXPECT_EQ(summary.stock->invalid_steps, 3);
+  EXPECT_EQ(summary.stock->iterations, 12);
+  EXPECT_DOUBLE_EQ(summary.stock->max_report_error, 0.5);
+  EXPECT_NEAR(summary.ours.max_report_error, 0.1 / 1.1, 1e-15);
+  const std::string text = ReplaySummaryText({}, summary);
+  EXPECT_NE(text.find("stock: 1 steps whose solve failed: 3\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("stock: 1 steps ended before they converged\n"), std::string::npos);
+  EXPECT_NE(text.find("stock: 3 iterations of 12 whose linear solve or evaluation failed\n"), std::string::npos);
+  EXPECT_NE(text.find("ours: reports a cost that is not its state's"), std::string::npos);
+  EXPECT_EQ(text.find("ours: 1 steps"), std::string::npos);
+}
+
+TEST(Replay, StepList) {
+  EXPECT_EQ(StepList({}), "");
+  EXPECT_EQ(StepList({3, 5, 7, 8, 9, 12, 13}), "3, 5, 7-9, 12-13");
+  std::vector<int> many;
+  for (int k = 0; k < 20; ++k) {
+    many.push_back(2 * k);
+  }
+  EXPECT_EQ(StepList(many), "0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, ... (20 in all)");
+}
+
+// Latencies and counts that are the step's number; bytes that grow with it.
+TEST(Replay, Flatness) {
+  std::vector<ReplayRow> rows;
+  for (int step = 1; step <= 400; ++step) {
+    ReplayRow row;
+    row.step = step;
+    row.ours.outcome.seconds = 1e-3 * step;
+    row.ours.growth_seconds = 2e-3;
+    row.ours.outcome.iterations = 3;
+    row.ours.outcome.work = {{"visits", 10 * step}, {"rejected", 0}, {"bytes", 1000 * step}};
+    rows.push_back(row);
+  }
+  const ReplayFlatness flatness = MeasureFlatness(rows);
+  EXPECT_EQ(flatness.early.first, 150);
+  EXPECT_EQ(flatness.early.last, 250);
+  EXPECT_EQ(flatness.late.first, 301);
+  EXPECT_EQ(flatness.late.last, 400);
+  EXPECT_NEAR(flatness.early.ms, 200.0, 1e-9);
+  EXPECT_NEAR(flatness.late.ms, 350.5, 1e-9);
+  EXPECT_NEAR(*flatness.late.bytes_per_step, 1000.0, 1e-9);
+  const nlohmann::json json = FlatnessJson(flatness);
+  EXPECT_NEAR(json["growth_percent"]["ms"].get<double>(), 75.25, 1e-9);
+  EXPECT_NEAR(json["growth_percent"]["work"]["visits"].get<double>(), 75.25, 1e-9);
+  EXPECT_TRUE(json["growth_percent"]["work"]["rejected"].is_null());
+  EXPECT_EQ(json["growth_percent"]["iterations"], 0.0);
+  EXPECT_NEAR(json["growth_percent"]["bytes_per_step"].get<double>(), 0.0, 1e-9);
+  EXPECT_FALSE(json["early"]["work"].contains("bytes"));
+  const std::string text = FlatnessText(flatness);
+  EXPECT_NE(text.find("visits                                   2000           3505     +75.2 %\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("150-250        301-400"), std::string::npos);
 }
 
 TEST(Statistics, Percentile) {

@@ -202,5 +202,87 @@ TEST(KeyframeReplay, StartOfAnInverseDepth) {
   EXPECT_DOUBLE_EQ(std::get<Prior>(prior->measurement).sqrt_information[0], 10.0);
 }
 
+double MeanTrackOf(const ReplayScript& script, std::size_t first, std::size_t last) {
+  double observations = 0.0, points = 0.0;
+  for (std::size_t i = first; i < last; ++i) {
+    observations += CountFactors<Bal>(script.steps[i]);
+    points += static_cast<double>(std::count_if(script.steps[i].variables.begin(), script.steps[i].variables.end(),
+                                                [](const ReplayVariable& v) { return v.kind == Kind::kPoint; }));
+  }
+  return observations / points;
+}
+
+// How many cameras lie between the first and the last that a factor ties together through one point, at most.
+int LongestTie(const ReplayScript& script) {
+  std::vector<int> camera, first_seen;  // by variable
+  int cameras = 0, longest = 0;
+  for (const ReplayStep& step : script.steps) {
+    for (const ReplayVariable& variable : step.variables) {
+      camera.push_back(variable.kind == Kind::kPoint ? -1 : cameras++);
+      first_seen.push_back(1 << 30);
+    }
+    for (const ReplayFactor& factor : step.factors) {
+      if (factor.variables.size() == 2) {
+        const int by = camera[static_cast<std::size_t>(factor.variables[0])];
+        int& first = first_seen[static_cast<std::size_t>(factor.variables[1])];
+        first = std::min(first, by);
+        longest = std::max(longest, by - first);
+      }
+    }
+  }
+  return longest;
+}
+
+TEST(PathReplay, IsAlikeFromOneEndToTheOther) {
+  PathReplayOptions options;
+  options.num_cameras = 900;
+  ReplayScript script;
+  ASSERT_TRUE(MakePathReplay(options, &script).ok());
+  ASSERT_EQ(script.steps.size(), 899u);
+  EXPECT_LT(LongestTie(script), 30);
+  EXPECT_NEAR(MeanTrackOf(script, 100, 400), MeanTrackOf(script, 500, 800), 0.4);
+  EXPECT_NEAR(MeanTrackOf(script, 0, 899), 6.4, 0.3);
+  int factors = 0;
+  for (const ReplayStep& step : script.steps) {
+    EXPECT_FALSE(step.closes_loop);
+    factors += CountFactors<Bal>(step);
+  }
+  EXPECT_NEAR(factors / 900.0, 41.0, 3.0);
+  // Nowhere is the origin farther away than anywhere else: it would be a lever for noise in the rotations.
+  for (const ReplayStep& step : script.steps) {
+    const ReplayVariable& camera = *std::find_if(step.variables.rbegin(), step.variables.rend(),
+                                                 [](const ReplayVariable& v) { return v.kind != Kind::kPoint; });
+    EXPECT_NEAR(std::hypot(camera.start[3], camera.start[4], camera.start[5]), 200.0 / (2.0 * M_PI), 5.0);
+  }
+}
+
+TEST(PathReplay, LoopsAndSeeds) {
+  PathReplayOptions options;
+  options.num_cameras = 460;
+  options.loops = true;
+  ReplayScript script;
+  ASSERT_TRUE(MakePathReplay(options, &script).ok());
+  EXPECT_GT(LongestTie(script), 250) << "the third lap sees points of the first";
+  int before = 0, laps[3] = {0, 0, 0};
+  for (std::size_t i = 0; i < script.steps.size(); ++i) {
+    before += script.steps[i].closes_loop && i < 115 ? 1 : 0;
+    laps[std::min<std::size_t>(i / 145, 2)] += script.steps[i].closes_loop ? 1 : 0;
+  }
+  EXPECT_EQ(before, 0) << "nothing to come back to yet";
+  EXPECT_GT(laps[1] + laps[2], 20);
+  EXPECT_LT(laps[0] + laps[1] + laps[2], 150) << "most of the way there is no loop";
+
+  ReplayScript other;
+  ASSERT_TRUE(MakePathReplay(options, &other).ok());
+  EXPECT_EQ(other.steps[5].variables[0].start, script.steps[5].variables[0].start);
+  options.seed = 2;
+  ASSERT_TRUE(MakePathReplay(options, &other).ok());
+  EXPECT_NE(other.steps[5].variables[0].start, script.steps[5].variables[0].start);
+  options.num_cameras = 100;
+  const Status status = MakePathReplay(options, &other);
+  EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(status.message, "a path of 100 cameras: to close a loop it needs at least 165");
+}
+
 }  // namespace
 }  // namespace inceres::tools

@@ -89,6 +89,42 @@ class ReplayTest(unittest.TestCase):
             self.assertEqual(len(re.findall(r"  loop$", output, re.MULTILINE)), 2)
             self.assertGreater(report["worst_loop_ratio"], 0)
 
+    def test_incremental(self):
+        for problem, steps in ((self.bal, 5), (self.keyframes, 13), ("path:25", 24)):
+            for flags in ((), ("--autodiff",), ("--stock_autodiff",)):
+                _, report = self.play(problem, "--mode", "incremental", *flags)
+                self.check(report, steps)
+                self.assertLess(abs(report["max_relative_cost_excess"]), 1e-4, (problem, flags))
+                self.assertEqual("AutoDiff" in report["ours"], flags == ("--autodiff",))
+                self.assertEqual("AutoDiff" in report["stock"], flags != ())
+
+    def test_torture(self):
+        output, report = self.play(self.bal, "--mode", "incremental", "--no_priors", "--free_intrinsics")
+        self.assertEqual(report["failed_steps"]["ours"], 0)
+        self.assertEqual(report["failed_steps"]["stock"], len(report["stock_steps"]["failed"]))
+        self.assertNotIn("Linear solver failure", output)
+
+    def test_path_without_stock(self):
+        output, report = self.play("path:360", "--nostock", "--flat", "--mode", "incremental")
+        self.assertEqual(report["steps"], 359)
+        for key in ("stock", "stock_ms", "ratio_total", "ratio_median", "max_relative_cost_excess"):
+            self.assertIsNone(report[key], key)
+        self.assertLess(report["ours_steps"]["max_report_error"], 1e-9)
+        self.assertNotIn("stock:", output)
+        flat = report["flat"]
+        self.assertEqual([flat["early"]["first"], flat["early"]["last"], flat["late"]["first"], flat["late"]["last"]],
+                         [150, 250, 260, 359])
+        times = sorted(row["ours"]["ms"] for row in report["rows"][149:250])
+        self.assertAlmostEqual(flat["early"]["ms"], times[50], delta=1e-9)
+        self.assertIn("ours, median of steps", output)
+
+    def test_path_with_loops_and_optimum(self):
+        _, report = self.play("path:170", "--loops", "--nostock", "--mode", "exact")
+        self.assertGreater(sum(row["closes_loop"] for row in report["rows"]), 3)
+        self.assertIsNone(report["worst_loop_ratio"])
+        _, judged = self.play("path:25", "--nostock", "--optimum")
+        self.assertLess(judged["max_relative_cost_excess"], 1e-5)
+
     def test_flags_change_what_they_say(self):
         _, plain = self.play(self.bal)
         start = plain["rows"][0]["ours"]["initial_cost"]
@@ -116,12 +152,22 @@ class ReplayTest(unittest.TestCase):
                             ("--steps", "-1"), ("--num_threads", "0"), ("--max_num_iterations", "0"), ("--print_every", "0"),
                             ("--function_tolerance", "-1"), ("--gradient_tolerance", "nan"), ("--parameter_tolerance", "inf")):
             self.assertIn(flag, self.fails(2, "--problem", self.bal, flag, value))
-        for problem in ("", "bal:", "g2o:x", "small.txt"):
+        for problem in ("", "bal:", "g2o:x", "path:", "small.txt"):
             self.assertIn("--problem", self.fails(2, "--problem", problem))
-        for flags in (("--autodiff",), ("--num_threads", "2")):
-            self.assertIn("--mode incremental", self.fails(2, "--problem", self.bal, "--mode", "incremental", *flags))
-        for flags in (("--no_priors",), ("--free_intrinsics",), ("--seed", "3"), ("--nopresolve",)):
-            self.assertIn("bal: problems only", self.fails(2, "--problem", self.keyframes, *flags))
+        self.assertIn("--mode incremental", self.fails(2, "--problem", self.bal, "--mode", "incremental", "--num_threads", "2"))
+        for flags in (("--no_priors",), ("--free_intrinsics",), ("--seed", "3")):
+            self.assertIn("bal: and path: problems only", self.fails(2, "--problem", self.keyframes, *flags))
+        for problem in (self.keyframes, "path:30"):
+            self.assertIn("bal: problems only", self.fails(2, "--problem", problem, "--nopresolve"))
+        for problem in (self.keyframes, self.bal):
+            self.assertIn("path: problems only", self.fails(2, "--problem", problem, "--loops"))
+        for size in ("x", "-3", "3x", "99999999999"):
+            self.assertIn("a number of cameras", self.fails(2, "--problem", "path:" + size))
+        self.assertIn("at least 20", self.fails(2, "--problem", "path:7"))
+        self.assertIn("at least 165", self.fails(2, "--problem", "path:100", "--loops"))
+        self.assertIn("4 steps are too few", self.fails(2, "--problem", self.bal, "--flat", "--steps", "4"))
+        for flag in ("--autodiff", "--nostock"):
+            self.assertIn(flag, self.fails(2, "--problem", self.bal, "--stock_autodiff", flag))
 
     def test_files_that_cannot_be_played(self):
         self.assertIn("none.txt", self.fails(1, "--problem", "bal:" + self.file("none.txt")))

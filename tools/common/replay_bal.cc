@@ -97,6 +97,7 @@ class BalScript {
 
     for (const std::size_t i : sightings_.of_camera[static_cast<std::size_t>(camera)]) {
       const int point = bal_.observations[i].point;
+      step->closes_loop = step->closes_loop || WasLost(point, camera);
       if (point_variable_[static_cast<std::size_t>(point)] >= 0) {
         AddObservation(bal_.observations[i], step);
       } else if (SeenByAnotherBefore(point, camera)) {
@@ -108,6 +109,16 @@ class BalScript {
   bool SeenByAnotherBefore(int point, int camera) const {
     const std::vector<std::size_t>& all = sightings_.of_point[static_cast<std::size_t>(point)];
     return std::any_of(all.begin(), all.end(), [&](std::size_t i) { return bal_.observations[i].camera < camera; });
+  }
+
+  // Whether the point was seen before, but not lately.
+  bool WasLost(int point, int camera) const {
+    int last = -1;
+    for (const std::size_t i : sightings_.of_point[static_cast<std::size_t>(point)]) {
+      const int seen_by = bal_.observations[i].camera;
+      last = seen_by < camera ? std::max(last, seen_by) : last;
+    }
+    return options_.loop_gap > 0 && last >= 0 && camera - last > options_.loop_gap;
   }
 
   // The point with its observations by earlier cameras and the first by this one; the caller goes on with any others.

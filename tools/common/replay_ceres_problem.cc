@@ -9,9 +9,8 @@
 #include <ceres/manifold.h>
 #include <ceres/product_manifold.h>
 
-#include "tools/common/bal_cost.h"
 #include "tools/common/factor_cost_function.h"
-#include "tools/common/keyframe_cost.h"
+#include "tools/common/replay_autodiff.h"
 
 namespace inceres::tools {
 namespace {
@@ -53,7 +52,7 @@ ceres::LossFunction* ReplayCeresProblem::LossOf(double huber) {
 
 ceres::CostFunction* ReplayCeresProblem::CostOf(const ReplayFactor& factor) const {
   if (autodiff_) {
-    return AutoDiffCostOf(factor);
+    return MakeAutoDiffCost(factor, kinds_[static_cast<std::size_t>(factor.variables[0])]).release();
   }
   if (const auto* bal = std::get_if<BalReprojectionFamily::Measurement>(&factor.measurement)) {
     return MakeAnalyticCost<BalReprojectionFamily>(*bal);
@@ -67,32 +66,6 @@ ceres::CostFunction* ReplayCeresProblem::CostOf(const ReplayFactor& factor) cons
   const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
   const int ambient_size = AmbientSize(kinds_[static_cast<std::size_t>(factor.variables[0])]);
   return MakeAnalyticCost<DiagonalPriorFamily>(prior, static_cast<int>(prior.mean.size()), ambient_size, ambient_size);
-}
-
-ceres::CostFunction* ReplayCeresProblem::AutoDiffCostOf(const ReplayFactor& factor) const {
-  if (const auto* bal = std::get_if<BalReprojectionFamily::Measurement>(&factor.measurement)) {
-    return BalReprojectionError::Create({0, 0, bal->x, bal->y});
-  }
-  if (const auto* reprojection = std::get_if<InverseDepthReprojectionFamily::Measurement>(&factor.measurement)) {
-    return InverseDepthReprojectionError::Create(*reprojection);
-  }
-  if (const auto* relative = std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
-    return RelativePoseError::Create(*relative);
-  }
-  const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
-  const double* mean = prior.mean.data();
-  const double* sqrt_information = prior.sqrt_information.data();
-  const int ambient_size = AmbientSize(kinds_[static_cast<std::size_t>(factor.variables[0])]);
-  switch (10 * prior.mean.size() + static_cast<std::size_t>(ambient_size)) {
-    case 11:
-      return DiagonalPriorError<1, 1>::Create(mean, sqrt_information);
-    case 33:
-      return DiagonalPriorError<3, 3>::Create(mean, sqrt_information);
-    case 69:
-      return DiagonalPriorError<6, 9>::Create(mean, sqrt_information);
-    default:
-      return nullptr;
-  }
 }
 
 Status ReplayCeresProblem::Add(const ReplayStep& step) {

@@ -36,7 +36,6 @@ class ReplayCeresProblem {
   ceres::Manifold* ManifoldOf(ReplayVariable::Kind kind);
   ceres::LossFunction* LossOf(double huber);
   ceres::CostFunction* CostOf(const ReplayFactor& factor) const;
-  ceres::CostFunction* AutoDiffCostOf(const ReplayFactor& factor) const;
 
   const bool autodiff_;
   std::deque<std::array<double, 9>> values_;  // a deque keeps addresses as it grows

@@ -1,8 +1,11 @@
 #include "tools/common/replay_graph.h"
 
 #include <cstddef>
+#include <string>
+#include <utility>
 
 #include "inceres/graph/manifolds.h"
+#include "tools/common/replay_autodiff.h"
 
 namespace inceres::tools {
 
@@ -27,42 +30,90 @@ std::shared_ptr<const Loss> ReplayGraph::LossOf(double huber) {
   return loss;
 }
 
-template <typename Family, typename... Arguments>
-void ReplayGraph::AddTo(Member<Family>* member, const typename Family::Measurement& measurement, const ReplayFactor& factor,
-                        Arguments... arguments) {
-  if (member->family == nullptr) {
-    member->family = std::make_shared<Family>(arguments...);
-    member->id = graph_.AddFamily(member->family);
+template <typename Visit>
+Status ReplayGraph::VisitFamily(const ReplayFactor& factor, const Visit& visit) {
+  if (autodiff_) {
+    return VisitAutoDiffFamily(factor, visit);
   }
-  graph_.AddFactor(member->id, *member->family, measurement, factor.variables, LossOf(factor.huber));
-}
-
-void ReplayGraph::AddFactor(const ReplayFactor& factor) {
   const ReplayVariable::Kind first_kind = kinds_[static_cast<std::size_t>(factor.variables[0])];
   const int tangent_size = TangentSize(first_kind);
   if (const auto* bal = std::get_if<BalReprojectionFamily::Measurement>(&factor.measurement)) {
-    AddTo(&bal_[tangent_size], *bal, factor, tangent_size);
+    visit(&bal_[tangent_size], *bal, tangent_size);
   } else if (const auto* reprojection = std::get_if<InverseDepthReprojectionFamily::Measurement>(&factor.measurement)) {
-    AddTo(&inverse_depth_, *reprojection, factor);
+    visit(&inverse_depth_, *reprojection);
   } else if (const auto* relative = std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
-    AddTo(&relative_pose_, *relative, factor);
+    visit(&relative_pose_, *relative);
   } else {
     const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
-    const PriorShape shape{static_cast<int>(prior.mean.size()), AmbientSize(first_kind), tangent_size};
-    AddTo(&priors_[shape], prior, factor, std::get<0>(shape), std::get<1>(shape), std::get<2>(shape));
+    const int size = static_cast<int>(prior.mean.size());
+    const int ambient_size = AmbientSize(first_kind);
+    visit(&priors_[{size, ambient_size, tangent_size}], prior, size, ambient_size, tangent_size);
   }
+  return Status::Ok();
 }
 
-void ReplayGraph::Add(const ReplayStep& step) {
+template <typename Visit>
+Status ReplayGraph::VisitAutoDiffFamily(const ReplayFactor& factor, const Visit& visit) {
+  const std::shared_ptr<const ceres::CostFunction> cost =
+      MakeAutoDiffCost(factor, kinds_[static_cast<std::size_t>(factor.variables[0])]);
+  if (cost == nullptr) {
+    return Status::Error(StatusCode::kInvalidArgument, "a prior of this shape has no AutoDiff version");
+  }
+  std::vector<int> shape{cost->num_residuals()};
+  std::vector<FactorFamily::Slot> slots;
+  for (const int variable : factor.variables) {
+    const ReplayVariable::Kind kind = kinds_[static_cast<std::size_t>(variable)];
+    slots.push_back({AmbientSize(kind), TangentSize(kind)});
+    shape.insert(shape.end(), {slots.back().ambient_size, slots.back().tangent_size});
+  }
+  visit(&autodiff_families_[shape], cost, cost->num_residuals(), slots);
+  return Status::Ok();
+}
+
+template <typename Host>
+Status ReplayGraph::AddFamilies(const ReplayStep& step, Host* host) {
+  const auto add = [host](auto* member, const auto& /*measurement*/, const auto&... sizes) {
+    if (member->family == nullptr) {
+      using Family = typename std::remove_reference_t<decltype(member->family)>::element_type;
+      member->family = std::make_shared<Family>(sizes...);
+      member->id = host->AddFamily(member->family);
+    }
+  };
+  for (std::size_t i = 0; i < step.factors.size(); ++i) {
+    if (Status status = VisitFamily(step.factors[i], add); !status.ok()) {
+      status.message = "factor " + std::to_string(i) + " of the step: " + status.message;
+      return status;
+    }
+  }
+  return Status::Ok();
+}
+
+template <typename Target>
+Status ReplayGraph::AddStep(const ReplayStep& step, Target* target) {
   for (const ReplayVariable& variable : step.variables) {
     const Role role = IsLandmark(variable.kind) ? Role::kLandmark : Role::kFrame;
-    const VariableId id = graph_.AddVariable(variable.start.data(), AmbientSize(variable.kind), role, ManifoldOf(variable.kind));
-    kinds_.push_back(variable.kind);
-    graph_.SetConstant(id, variable.constant);
+    const VariableId id = target->AddVariable(variable.start.data(), AmbientSize(variable.kind), role, ManifoldOf(variable.kind));
+    if (variable.constant) {
+      target->SetConstant(id, true);
+    }
   }
   for (const ReplayFactor& factor : step.factors) {
-    AddFactor(factor);
+    const Status status = VisitFamily(factor, [&](auto* member, const auto& measurement, const auto&... /*sizes*/) {
+      target->AddFactor(member->id, *member->family, measurement, factor.variables, LossOf(factor.huber));
+    });
+    if (!status.ok()) {
+      return status;
+    }
   }
+  return Status::Ok();
+}
+
+Status ReplayGraph::Add(const ReplayStep& step, FactorGraph* graph) {
+  for (const ReplayVariable& variable : step.variables) {
+    kinds_.push_back(variable.kind);
+  }
+  const Status status = AddFamilies(step, graph);
+  return status.ok() ? AddStep(step, graph) : status;
 }
 
 }  // namespace inceres::tools

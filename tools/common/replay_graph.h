@@ -7,20 +7,23 @@
 
 #include "inceres/graph/factor_graph.h"
 #include "inceres/graph/losses.h"
+#include "tools/common/autodiff_family.h"
 #include "tools/common/replay_step.h"
 
 namespace inceres::tools {
 
-/// A factor graph of built-in analytic factors that grows by the steps of a replay. Variable ids are the replay's numbers, and
-/// the graph's state is laid out like a replay's.
+/// What a factor graph needs to grow by the steps of a replay: families, manifolds and losses, made when first used. The factors
+/// are the built-in analytic ones or the same as AutoDiff cost functions. Variable ids are the replay's numbers, and the graph's
+/// state is laid out like a replay's. One object grows one graph, which is empty at first.
 class ReplayGraph {
  public:
-  /// Grows this graph, empty so far, which outlives the object.
-  explicit ReplayGraph(FactorGraph* graph) : graph_(*graph) {}
-  void Add(const ReplayStep& step);
+  explicit ReplayGraph(bool autodiff) : autodiff_(autodiff) {}
+
+  /// kInvalidArgument names the first factor whose shape has no AutoDiff version; the graph then lacks the step's factors.
+  Status Add(const ReplayStep& step, FactorGraph* graph);
 
  private:
-  // A family and its id in the graph, made when first used.
+  // A family and its id in the graph.
   template <typename Family>
   struct Member {
     FamilyId id = -1;
@@ -28,14 +31,23 @@ class ReplayGraph {
   };
   using PriorShape = std::tuple<int, int, int>;  // rows, ambient size, tangent size
 
-  template <typename Family, typename... Arguments>
-  void AddTo(Member<Family>* member, const typename Family::Measurement& measurement, const ReplayFactor& factor,
-             Arguments... arguments);
-  void AddFactor(const ReplayFactor& factor);
+  // Calls visit(member, measurement, sizes…) with the member for factors of this shape, its measurement, and the arguments of
+  // the family's constructor.
+  template <typename Visit>
+  Status VisitFamily(const ReplayFactor& factor, const Visit& visit);
+  template <typename Visit>
+  Status VisitAutoDiffFamily(const ReplayFactor& factor, const Visit& visit);
+  // The step's new families, added to the host: a FactorGraph, or what plays its part.
+  template <typename Host>
+  Status AddFamilies(const ReplayStep& step, Host* host);
+  // The step itself, into a FactorGraph or an edit of one.
+  template <typename Target>
+  Status AddStep(const ReplayStep& step, Target* target);
+
   std::shared_ptr<const Manifold> ManifoldOf(ReplayVariable::Kind kind);
   std::shared_ptr<const Loss> LossOf(double huber);
 
-  FactorGraph& graph_;
+  const bool autodiff_;
   std::vector<ReplayVariable::Kind> kinds_;
   std::map<ReplayVariable::Kind, std::shared_ptr<const Manifold>> manifolds_;
   std::map<double, std::shared_ptr<const Loss>> losses_;
@@ -43,6 +55,7 @@ class ReplayGraph {
   Member<InverseDepthReprojectionFamily> inverse_depth_;
   Member<RelativePoseFamily> relative_pose_;
   std::map<PriorShape, Member<DiagonalPriorFamily>> priors_;
+  std::map<std::vector<int>, Member<AutoDiffFamily>> autodiff_families_;  // by residual size, then the sizes of each slot
 };
 
 }  // namespace inceres::tools

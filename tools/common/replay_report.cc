@@ -1,29 +1,13 @@
 #include "tools/common/replay_report.h"
 
-#include <algorithm>
-#include <cstdio>
-#include <numeric>
+#include <cstddef>
 
-#include "tools/common/statistics.h"
 #include "tools/common/svg_text.h"
 
 namespace inceres::tools {
 namespace {
 
-ReplayLatency Latency(const std::vector<ReplayRow>& rows, ReplaySide ReplayRow::*side) {
-  std::vector<double> milliseconds;
-  milliseconds.reserve(rows.size());
-  for (const ReplayRow& row : rows) {
-    milliseconds.push_back(1e3 * (row.*side).outcome.seconds);
-  }
-  const Spread spread = Summarize(milliseconds);
-  return {spread.median, Percentile(milliseconds, 0.95), spread.max,
-          std::accumulate(milliseconds.begin(), milliseconds.end(), 0.0)};
-}
-
-void RaiseTo(std::optional<double>* largest, double value) {
-  *largest = largest->has_value() ? std::max(**largest, value) : value;
-}
+constexpr std::size_t kListedRanges = 12;
 
 nlohmann::json OrNull(const std::optional<double>& value) {
   return value.has_value() ? nlohmann::json(*value) : nlohmann::json();
@@ -31,6 +15,14 @@ nlohmann::json OrNull(const std::optional<double>& value) {
 
 nlohmann::json ToJson(const ReplayLatency& latency) {
   return {{"median", latency.median}, {"p95", latency.p95}, {"max", latency.max}, {"total", latency.total}};
+}
+
+nlohmann::json StepsJson(const ReplaySideSummary& side) {
+  return {{"failed", side.failed},
+          {"unconverged", side.unconverged},
+          {"iterations", side.iterations},
+          {"invalid_steps", side.invalid_steps},
+          {"max_report_error", side.max_report_error}};
 }
 
 nlohmann::json ToJson(const ReplaySide& side) {
@@ -57,32 +49,32 @@ nlohmann::json ToJson(const ReplayRow& row) {
           {"factors", row.num_factors},
           {"closes_loop", row.closes_loop},
           {"ours", ToJson(row.ours)},
-          {"stock", ToJson(row.stock)},
+          {"stock", row.stock.has_value() ? ToJson(*row.stock) : nlohmann::json()},
           {"optimum_cost", OrNull(row.optimum_cost)},
           {"relative_cost_excess", OrNull(row.RelativeCostExcess())}};
 }
 
-}  // namespace
-
-ReplaySummary Summarize(const std::vector<ReplayRow>& rows) {
-  ReplaySummary summary;
-  summary.steps = static_cast<int>(rows.size());
-  summary.ours = Latency(rows, &ReplayRow::ours);
-  summary.stock = Latency(rows, &ReplayRow::stock);
-  summary.ratio_median = summary.ours.median / summary.stock.median;
-  summary.ratio_total = summary.ours.total / summary.stock.total;
-  for (const ReplayRow& row : rows) {
-    summary.failed_ours += row.ours.outcome.usable ? 0 : 1;
-    summary.failed_stock += row.stock.outcome.usable ? 0 : 1;
-    if (const std::optional<double> excess = row.RelativeCostExcess()) {
-      RaiseTo(&summary.max_relative_cost_excess, *excess);
-    }
-    if (row.closes_loop) {
-      RaiseTo(&summary.worst_loop_ratio, row.ours.outcome.seconds / row.stock.outcome.seconds);
-    }
+void AppendSide(std::string* text, const char* name, const ReplaySideSummary& side) {
+  if (!side.failed.empty()) {
+    AppendFormat(text, "%s: %zu steps whose solve failed: %s\n", name, side.failed.size(), StepList(side.failed).c_str());
   }
-  return summary;
+  if (side.unconverged > 0) {
+    AppendFormat(text, "%s: %d steps ended before they converged\n", name, side.unconverged);
+  }
+  if (side.invalid_steps > 0) {
+    AppendFormat(text, "%s: %lld iterations of %d whose linear solve or evaluation failed\n", name,
+                 static_cast<long long>(side.invalid_steps), side.iterations);
+  }
+  if (side.max_report_error > 1e-6) {
+    AppendFormat(text, "%s: reports a cost that is not its state's: off by up to %.1e, relative\n", name, side.max_report_error);
+  }
 }
+
+void AppendTimes(std::string* text, const char* name, const ReplayLatency& latency) {
+  AppendFormat(text, "%-30s %9.2f %9.2f %9.2f %10.1f\n", name, latency.median, latency.p95, latency.max, latency.total);
+}
+
+}  // namespace
 
 std::string ReplayTableHeader() {
   return "  step frames landmarks factors |  ours ms iter            cost | stock ms iter            cost | excess\n";
@@ -90,41 +82,69 @@ std::string ReplayTableHeader() {
 
 std::string ReplayTableLine(const ReplayRow& row) {
   const ReplayOutcome& ours = row.ours.outcome;
-  const ReplayOutcome& stock = row.stock.outcome;
   std::string line;
-  AppendFormat(&line, "%6d %6d %9d %7d | %8.2f %4d %15.8e | %8.2f %4d %15.8e |", row.step, row.num_frames, row.num_landmarks,
-               row.num_factors, 1e3 * ours.seconds, ours.iterations, row.ours.cost, 1e3 * stock.seconds, stock.iterations,
-               row.stock.cost);
+  AppendFormat(&line, "%6d %6d %9d %7d | %8.2f %4d %15.8e |", row.step, row.num_frames, row.num_landmarks, row.num_factors,
+               1e3 * ours.seconds, ours.iterations, row.ours.cost);
+  if (row.stock.has_value()) {
+    AppendFormat(&line, " %8.2f %4d %15.8e |", 1e3 * row.stock->outcome.seconds, row.stock->outcome.iterations, row.stock->cost);
+  } else {
+    AppendFormat(&line, " %8s %4s %15s |", "-", "-", "-");
+  }
   if (const std::optional<double> excess = row.RelativeCostExcess()) {
     AppendFormat(&line, " %+.1e", *excess);
   }
   line += row.closes_loop ? "  loop" : "";
-  for (const auto& [side, outcome] : {std::pair("ours", &ours), std::pair("stock", &stock)}) {
-    if (!outcome->usable) {
-      line += std::string("  ") + side + " failed: " + outcome->message;
-    }
+  line += ours.usable ? "" : "  ours failed: " + ours.message;
+  if (row.stock.has_value() && !row.stock->outcome.usable) {
+    line += "  stock failed: " + row.stock->outcome.message;
   }
   return line + "\n";
+}
+
+std::string StepList(const std::vector<int>& steps) {
+  std::string text;
+  std::size_t ranges = 0;
+  for (std::size_t i = 0; i < steps.size(); ++ranges) {
+    if (ranges == kListedRanges) {
+      return text + ", ... (" + std::to_string(steps.size()) + " in all)";
+    }
+    std::size_t last = i;
+    while (last + 1 < steps.size() && steps[last + 1] == steps[last] + 1) {
+      ++last;
+    }
+    text += (i == 0 ? "" : ", ") + std::to_string(steps[i]) + (last > i ? "-" + std::to_string(steps[last]) : "");
+    i = last + 1;
+  }
+  return text;
 }
 
 std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary& summary) {
   std::string text;
   AppendFormat(&text, "\n%d steps, %d threads, ms a step    median       p95       max      total\n", summary.steps,
                context.threads);
-  for (const auto& [name, latency] : {std::pair("ours", &summary.ours), std::pair("stock", &summary.stock)}) {
-    AppendFormat(&text, "%-30s %9.2f %9.2f %9.2f %10.1f\n", name, latency->median, latency->p95, latency->max, latency->total);
+  AppendTimes(&text, "ours", summary.ours.ms);
+  if (summary.stock.has_value()) {
+    AppendTimes(&text, "stock", summary.stock->ms);
+    AppendFormat(&text, "%-30s %9.4f %30.4f\n", "ours / stock", *summary.ratio_median, *summary.ratio_total);
   }
-  AppendFormat(&text, "%-30s %9.4f %30.4f\n", "ours / stock", summary.ratio_median, summary.ratio_total);
   if (summary.worst_loop_ratio.has_value()) {
     AppendFormat(&text, "ours / stock, worst step that closes a loop: %.4f\n", *summary.worst_loop_ratio);
   }
   if (summary.max_relative_cost_excess.has_value()) {
     AppendFormat(&text, "largest relative excess of our cost over the batch optimum: %.2e\n", *summary.max_relative_cost_excess);
   }
-  if (summary.failed_ours + summary.failed_stock > 0) {
-    AppendFormat(&text, "steps whose solve failed: ours %d, stock %d\n", summary.failed_ours, summary.failed_stock);
+  if (!summary.in_excess.empty()) {
+    AppendFormat(&text, "steps whose excess is above the tolerance: %s\n", StepList(summary.in_excess).c_str());
   }
-  return text + "ours:  " + context.ours + "\nstock: " + context.stock + "\n";
+  if (summary.ours_lower + summary.stock_lower > 0) {
+    AppendFormat(&text, "steps that left one side lower by more than the tolerance: ours %d, stock %d\n", summary.ours_lower,
+                 summary.stock_lower);
+  }
+  AppendSide(&text, "ours", summary.ours);
+  if (summary.stock.has_value()) {
+    AppendSide(&text, "stock", *summary.stock);
+  }
+  return text + "ours:  " + context.ours + "\n" + (summary.stock.has_value() ? "stock: " + context.stock + "\n" : "");
 }
 
 nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& summary, const std::vector<ReplayRow>& rows) {
@@ -136,22 +156,29 @@ nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& sum
   for (const ReplayRow& row : rows) {
     json_rows.push_back(ToJson(row));
   }
+  const bool both = summary.stock.has_value();
+  const nlohmann::json null;
   return {{"problem", context.problem},
           {"description", context.description},
           {"ours", context.ours},
-          {"stock", context.stock},
+          {"stock", both ? nlohmann::json(context.stock) : null},
           {"threads", context.threads},
           {"seed", context.seed},
           {"function_tolerance", context.function_tolerance},
           {"parameter_tolerance", context.parameter_tolerance},
           {"steps", summary.steps},
-          {"ours_ms", ToJson(summary.ours)},
-          {"stock_ms", ToJson(summary.stock)},
-          {"ratio_median", summary.ratio_median},
-          {"ratio_total", summary.ratio_total},
+          {"ours_ms", ToJson(summary.ours.ms)},
+          {"stock_ms", both ? ToJson(summary.stock->ms) : null},
+          {"ratio_median", OrNull(summary.ratio_median)},
+          {"ratio_total", OrNull(summary.ratio_total)},
           {"max_relative_cost_excess", OrNull(summary.max_relative_cost_excess)},
+          {"steps_in_excess", summary.in_excess},
           {"worst_loop_ratio", OrNull(summary.worst_loop_ratio)},
-          {"failed_steps", {{"ours", summary.failed_ours}, {"stock", summary.failed_stock}}},
+          {"lower", {{"ours", summary.ours_lower}, {"stock", summary.stock_lower}}},
+          {"failed_steps",
+           {{"ours", summary.ours.failed.size()}, {"stock", both ? nlohmann::json(summary.stock->failed.size()) : null}}},
+          {"ours_steps", StepsJson(summary.ours)},
+          {"stock_steps", both ? StepsJson(*summary.stock) : null},
           {"environment", environment},
           {"rows", json_rows}};
 }

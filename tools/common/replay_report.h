@@ -1,6 +1,5 @@
 #pragma once
 
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -8,32 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/common/replay_run.h"
+#include "tools/common/replay_summary.h"
 
 namespace inceres::tools {
-
-/// Milliseconds of one side's solves over the steps of a replay.
-struct ReplayLatency {
-  double median = 0.0;
-  double p95 = 0.0;  ///< the smallest latency that 95 % of the steps do not exceed
-  double max = 0.0;
-  double total = 0.0;
-};
-
-/// A replay in a few numbers.
-struct ReplaySummary {
-  int steps = 0;
-  ReplayLatency ours;
-  ReplayLatency stock;
-  double ratio_median = 0.0;  ///< our median over stock's
-  double ratio_total = 0.0;   ///< our total over stock's
-  int failed_ours = 0;        ///< steps whose solve was not usable
-  int failed_stock = 0;
-  std::optional<double> max_relative_cost_excess;  ///< of our costs over the optimum's; absent if no step has one
-  std::optional<double> worst_loop_ratio;          ///< largest ratio of latencies over the steps that close a loop
-};
-
-/// Requires one row or more.
-ReplaySummary Summarize(const std::vector<ReplayRow>& rows);
 
 /// The header of the table and a row's line, for people.
 std::string ReplayTableHeader();
@@ -52,12 +28,16 @@ struct ReplayContext {
   std::vector<std::pair<std::string, std::string>> environment;
 };
 
+/// "3, 5, 7-9": the first dozen ranges and how many steps there are in all.
+std::string StepList(const std::vector<int>& steps);
+
 /// The lines under the table.
 std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary& summary);
 
 /// The report for programs: {"steps", "ours_ms": {"median", "p95", "max", "total"}, "stock_ms": {…}, "ratio_median",
-/// "ratio_total", "max_relative_cost_excess" (null without), "worst_loop_ratio" (null without), "failed_steps": {"ours",
-/// "stock"}, …, "rows": [one object a step]}.
+/// "ratio_total", "max_relative_cost_excess", "steps_in_excess": [numbers], "worst_loop_ratio", "failed_steps": {"ours": how
+/// many, "stock"}, "ours_steps": {"failed": [numbers], "unconverged", "iterations", "invalid_steps"}, "stock_steps": {…}, …,
+/// "rows": [one object a step]}. What there is none of is null.
 nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& summary, const std::vector<ReplayRow>& rows);
 
 }  // namespace inceres::tools

@@ -26,6 +26,26 @@ void Count(const ReplayStep& step, ReplayRow* row) {
   row->closes_loop = step.closes_loop;
 }
 
+// `start`, if not null, is where ours began the step: the optimum is sought from there.
+void Judge(const std::vector<double>* start, const ReplaySolver& ours, const ReplaySolver* stock, ReplayReference* judge,
+           ReplayRow* row) {
+  row->optimum_cost.reset();
+  if (judge == nullptr) {
+    row->ours.cost = row->ours.outcome.final_cost;
+    return;
+  }
+  if (start != nullptr) {
+    const ReplayOutcome optimum = judge->MinimumFrom(*start);
+    if (optimum.usable) {
+      row->optimum_cost = optimum.final_cost;
+    }
+  }
+  if (stock != nullptr) {
+    row->stock->cost = judge->CostAt(stock->State());
+  }
+  row->ours.cost = judge->CostAt(ours.State());
+}
+
 }  // namespace
 
 std::optional<double> ReplayRow::RelativeCostExcess() const {
@@ -44,28 +64,26 @@ Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, Re
     count = std::min(count, static_cast<std::size_t>(options.max_steps));
   }
   ReplayRow row;
+  if (stock != nullptr) {
+    row.stock.emplace();
+  }
   for (std::size_t i = 0; i < count; ++i) {
     const ReplayStep& step = script.steps[i];
     Count(step, &row);
     Status status = Grow(step, ours, &row.ours);
-    status = status.ok() ? Grow(step, stock, &row.stock) : status;
+    status = status.ok() && stock != nullptr ? Grow(step, stock, &*row.stock) : status;
     status = status.ok() ? judge->AddStep(step) : status;
     if (!status.ok()) {
       status.message = "step " + std::to_string(row.step) + ": " + status.message;
       return status;
     }
-    const std::vector<double> start = ours->State();
+    const std::vector<double> start = options.find_optimum ? ours->State() : std::vector<double>();
     row.ours.outcome = ours->Solve();
-    row.stock.outcome = stock->Solve();
-    row.optimum_cost.reset();
-    if (options.find_optimum) {
-      const ReplayOutcome optimum = judge->MinimumFrom(start);
-      if (optimum.usable) {
-        row.optimum_cost = optimum.final_cost;
-      }
+    if (stock != nullptr) {
+      row.stock->outcome = stock->Solve();
     }
-    row.stock.cost = judge->CostAt(stock->State());
-    row.ours.cost = judge->CostAt(ours->State());
+    const bool look = stock != nullptr || options.find_optimum || i + 1 == count;
+    Judge(options.find_optimum ? &start : nullptr, *ours, stock, look ? judge : nullptr, &row);
     on_row(row);
     rows->push_back(row);
   }

@@ -14,7 +14,7 @@ namespace inceres::tools {
 struct ReplaySide {
   ReplayOutcome outcome;
   double growth_seconds = 0.0;  ///< AddStep
-  double cost = 0.0;            ///< of its state after the solve, evaluated by the judge
+  double cost = 0.0;            ///< of its state after the solve: by the judge, or as reported where the judge does not look
 };
 
 /// One step of a replay. Variables and factors are counted from the start of the replay.
@@ -25,7 +25,7 @@ struct ReplayRow {
   int num_factors = 0;
   bool closes_loop = false;
   ReplaySide ours;
-  ReplaySide stock;
+  std::optional<ReplaySide> stock;  ///< absent if stock does not play
   /// The minimum stock Levenberg–Marquardt reaches from the state ours started the step with; absent if not asked for or if that
   /// solve failed.
   std::optional<double> optimum_cost;
@@ -41,7 +41,8 @@ struct ReplayRunOptions {
 
 /// Plays the script to both sides in lockstep: each step both grow, then ours solves, then stock, then the judge looks. Each side
 /// goes on from its own state. A solve that fails is in its row and ends nothing; an error is a step that cannot be added.
-/// `on_row` is called after each step.
+/// `on_row` is called after each step. `stock` may be null: then, without find_optimum, the judge looks at the last step only,
+/// for its evaluation takes the time of the whole problem.
 Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, ReplaySolver* ours, ReplaySolver* stock,
                  ReplayReference* judge, const std::function<void(const ReplayRow&)>& on_row, std::vector<ReplayRow>* rows);
 

@@ -12,6 +12,7 @@ struct BalReplayOptions {
   bool free_intrinsics = false;  ///< else f, k1, k2 are held
   bool priors = true;
   unsigned seed = 1;
+  int loop_gap = 0;  ///< a step closes a loop if its camera sees a point that nobody saw for more cameras; 0: none does
 };
 
 /// Moves the problem to its minimum: Huber(1), at most 400 iterations of the core's batch solver at its default tolerances (at
@@ -25,6 +26,22 @@ Status SolveForReplay(int num_threads, BalProblem* bal);
 /// the point's distance from the camera, and gets a prior there of ten times that. The first camera is fixed, without noise.
 /// Requires bal.Validate().ok() and two or more cameras. The same bits for the same seed.
 ReplayScript MakeBalReplay(const BalProblem& bal, const BalReplayOptions& options);
+
+/// A camera on a simulated path, as a replay.
+struct PathReplayOptions {
+  int num_cameras = 100;  ///< 20 or more; with loops 165, that it comes round
+  bool loops = false;     ///< once a lap old points are seen again; else never
+  bool free_intrinsics = false;
+  bool priors = true;
+  unsigned seed = 1;
+};
+
+/// The protocol of MakeBalReplay on a generated path: a camera goes round a circuit of 200 m and sees about 40 points, each
+/// 6 times within 30 m in the mean. Nothing is recognised when it comes by again, or with loops 30 % of the points of one tenth
+/// of the circuit. The origin is in the middle of the circuit, so that no camera is farther from it than another: the steps of a
+/// path without loops are all alike. New cameras and points start near the truth; half a pixel of noise on the observations. The
+/// same bits for the same seed. Linear in the number of cameras. kInvalidArgument names what cannot be.
+Status MakePathReplay(const PathReplayOptions& options, ReplayScript* script);
 
 /// Keyframes in order, each step one (the first step two), with the features they are the first to see again: inverse depth in
 /// the anchor, starting at its DEPTH_GUESS, else its measured value, else 0.5 1/m, with a prior of σ = 0.1 1/m on the measured

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
 
 #include <ceres/solver.h>
@@ -46,6 +48,16 @@ SolverOptions CoreOptions(const ReplaySettings& settings) {
   return options;
 }
 
+// Iterations whose linear solve or evaluation failed; iteration 0 is the start.
+template <typename Iterations>
+std::int64_t CountInvalidSteps(const Iterations& iterations) {
+  std::int64_t count = 0;
+  for (std::size_t i = 1; i < iterations.size(); ++i) {
+    count += iterations[i].step_is_valid ? 0 : 1;
+  }
+  return count;
+}
+
 ReplayOutcome OutcomeOf(const ceres::Solver::Summary& summary, double seconds) {
   ReplayOutcome outcome;
   outcome.usable = summary.IsSolutionUsable();
@@ -58,7 +70,8 @@ ReplayOutcome OutcomeOf(const ceres::Solver::Summary& summary, double seconds) {
   outcome.work = {{"residual_evaluations", summary.num_residual_evaluations},
                   {"jacobian_evaluations", summary.num_jacobian_evaluations},
                   {"linear_solves", summary.num_linear_solves},
-                  {"unsuccessful_steps", summary.num_unsuccessful_steps}};
+                  {"unsuccessful_steps", summary.num_unsuccessful_steps},
+                  {"invalid_steps", CountInvalidSteps(summary.iterations)}};
   return outcome;
 }
 
@@ -75,6 +88,7 @@ ReplayOutcome OutcomeOf(const Summary& summary, double seconds) {
                   {"jacobian_evaluations", summary.work.num_jacobian_evaluations},
                   {"linear_solves", summary.work.num_linear_solves},
                   {"unsuccessful_steps", summary.num_unsuccessful_steps},
+                  {"invalid_steps", CountInvalidSteps(summary.iterations)},
                   {"schur_products", summary.work.num_schur_products},
                   {"bytes", summary.work.bytes}};
   return outcome;
@@ -124,13 +138,10 @@ class CeresReplaySolver : public ReplaySolver {
 // A factor graph of built-in factors solved by the core.
 class CoreReplaySolver : public ReplaySolver {
  public:
-  explicit CoreReplaySolver(const ReplaySettings& settings) : settings_(settings), living_(&graph_) {}
+  explicit CoreReplaySolver(const ReplaySettings& settings) : settings_(settings), living_(false) {}
 
   std::string Name() const override { return "inceres (exact, factor graph), " + Describe(settings_); }
-  Status AddStep(const ReplayStep& step) override {
-    living_.Add(step);
-    return Status::Ok();
-  }
+  Status AddStep(const ReplayStep& step) override { return living_.Add(step, &graph_); }
   ReplayOutcome Solve() override {
     Summary summary;
     const double seconds = Seconds([&] { summary = inceres::Solve(CoreOptions(settings_), &graph_); });
@@ -147,13 +158,13 @@ class CoreReplaySolver : public ReplaySolver {
 // The same graph in the solver that remembers.
 class IncrementalReplaySolver : public ReplaySolver {
  public:
-  explicit IncrementalReplaySolver(const ReplaySettings& settings) : solver_(Options(settings)), living_(&solver_.graph()) {}
+  explicit IncrementalReplaySolver(const ReplaySettings& settings)
+      : autodiff_(settings.autodiff), solver_(Options(settings)), living_(settings.autodiff) {}
 
-  std::string Name() const override { return "inceres (incremental, factor graph), analytic factors"; }
-  Status AddStep(const ReplayStep& step) override {
-    living_.Add(step);
-    return Status::Ok();
+  std::string Name() const override {
+    return std::string("inceres (incremental, factor graph), ") + (autodiff_ ? "AutoDiff" : "analytic factors");
   }
+  Status AddStep(const ReplayStep& step) override { return living_.Add(step, &solver_.graph()); }
   ReplayOutcome Solve() override {
     UpdateSummary summary;
     ReplayOutcome outcome;
@@ -190,6 +201,7 @@ class IncrementalReplaySolver : public ReplaySolver {
     return options;
   }
 
+  const bool autodiff_;
   IncrementalSolver solver_;
   ReplayGraph living_;
 };

@@ -1,0 +1,110 @@
+#include "tools/replay_problem.h"
+
+#include <cstdio>
+#include <cstdlib>
+#include <limits>
+#include <string>
+
+#include <gflags/gflags.h>
+
+#include "inceres/io/bal.h"
+#include "inceres/io/keyframes.h"
+#include "tools/common/replay_scripts.h"
+
+DEFINE_string(problem, "", "bal:FILE, kf:FILE, or path:N for N cameras along a generated path. Required.");
+DEFINE_bool(free_intrinsics, false, "bal and path only: free the intrinsics; without it they are held.");
+DEFINE_bool(no_priors, false, "bal and path only: leave out the priors on new cameras and points.");
+DEFINE_bool(presolve, true, "bal only: solve the whole file first and start new cameras and points near the solution.");
+DEFINE_bool(loops, false, "path only: the path comes back to a place seen before once a lap and sees old points again.");
+DEFINE_int32(seed, 1, "bal and path only: seed of the noise on start values, and of the path; at least 0.");
+
+namespace inceres::tools {
+namespace {
+
+Status Invalid(const std::string& message) {
+  return Status::Error(StatusCode::kInvalidArgument, message);
+}
+
+// A flag that would change nothing is a mistake of the caller's.
+Status CheckKind(const std::string& kind) {
+  if (FLAGS_seed < 0) {
+    return Invalid("--seed " + std::to_string(FLAGS_seed) + ": must be at least 0");
+  }
+  if (kind == "kf" && (FLAGS_free_intrinsics || FLAGS_no_priors || FLAGS_seed != 1)) {
+    return Invalid("--free_intrinsics, --no_priors and --seed are for bal: and path: problems only");
+  }
+  if (kind != "bal" && !FLAGS_presolve) {
+    return Invalid("--nopresolve is for bal: problems only");
+  }
+  if (kind != "path" && FLAGS_loops) {
+    return Invalid("--loops is for path: problems only; other problems have the loops they have");
+  }
+  return Status::Ok();
+}
+
+Status MakeBalScript(const std::string& path, int num_threads, ReplayScript* script) {
+  BalProblem bal;
+  Status status = ReadBal(path, &bal);
+  if (status.ok() && (bal.num_cameras < 2 || bal.observations.empty())) {
+    status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more cameras, and observations");
+  }
+  if (status.ok() && FLAGS_presolve) {
+    std::printf("solving %s first, not timed\n", path.c_str());
+    std::fflush(stdout);
+    status = SolveForReplay(num_threads, &bal);
+  }
+  if (status.ok()) {
+    BalReplayOptions options;
+    options.free_intrinsics = FLAGS_free_intrinsics;
+    options.priors = !FLAGS_no_priors;
+    options.seed = static_cast<unsigned>(FLAGS_seed);
+    *script = MakeBalReplay(bal, options);
+  }
+  return status;
+}
+
+Status MakeKeyframeScript(const std::string& path, ReplayScript* script) {
+  KeyframeSequence sequence;
+  Status status = ReadKeyframes(path, &sequence);
+  if (status.ok() && sequence.keyframes.size() < 2) {
+    status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more keyframes");
+  }
+  if (status.ok()) {
+    *script = MakeKeyframeReplay(sequence);
+  }
+  return status;
+}
+
+Status MakePathScript(const std::string& size, ReplayScript* script) {
+  char* end = nullptr;
+  const long num_cameras = std::strtol(size.c_str(), &end, 10);
+  if (*end != '\0' || num_cameras < 0 || num_cameras > std::numeric_limits<int>::max()) {
+    return Invalid("--problem path:" + size + ": a number of cameras is wanted");
+  }
+  PathReplayOptions options;
+  options.num_cameras = static_cast<int>(num_cameras);
+  options.loops = FLAGS_loops;
+  options.free_intrinsics = FLAGS_free_intrinsics;
+  options.priors = !FLAGS_no_priors;
+  options.seed = static_cast<unsigned>(FLAGS_seed);
+  return MakePathReplay(options, script);
+}
+
+}  // namespace
+
+Status MakeScriptFromFlags(int num_threads, ReplayScript* script) {
+  const std::size_t colon = FLAGS_problem.find(':');
+  const std::string kind = FLAGS_problem.substr(0, colon);
+  if (colon == std::string::npos || colon + 1 == FLAGS_problem.size() || (kind != "bal" && kind != "kf" && kind != "path")) {
+    return Invalid("--problem '" + FLAGS_problem + "': use bal:FILE, kf:FILE or path:N");
+  }
+  if (Status status = CheckKind(kind); !status.ok()) {
+    return status;
+  }
+  const std::string rest = FLAGS_problem.substr(colon + 1);
+  return kind == "bal"  ? MakeBalScript(rest, num_threads, script)
+         : kind == "kf" ? MakeKeyframeScript(rest, script)
+                        : MakePathScript(rest, script);
+}
+
+}  // namespace inceres::tools
