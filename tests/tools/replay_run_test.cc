@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "inceres/solver/solver.h"
 #include "tools/common/replay_ceres_problem.h"
 #include "tools/common/replay_flatness.h"
 #include "tools/common/replay_graph.h"
@@ -127,13 +128,16 @@ TEST(Replay, WithoutStockTheJudgeLooksAtTheLastStep) {
 
 TEST(Replay, GraphAndCeresProblemAgreeOnTheStateAndItsCost) {
   for (const ReplayScript& script : Scripts()) {
-    FactorGraph graph, autodiff_graph;
-    ReplayGraph growing(false), autodiff_growing(true);
+    FactorGraph graph, autodiff_graph, edited;
+    ReplayGraph growing(false), autodiff_growing(true), editing(false);
+    const auto add_family = [&](auto family) { return edited.AddFamily(std::move(family)); };
+    const auto apply = [&](const GraphEdit& edit) { return edited.Apply(edit); };
     ReplayCeresProblem analytic(false), autodiff(true);
     int factors = 0;
     for (const ReplayStep& step : script.steps) {
       ASSERT_TRUE(growing.Add(step, &graph).ok());
       ASSERT_TRUE(autodiff_growing.Add(step, &autodiff_graph).ok());
+      ASSERT_TRUE(editing.AddAsEdit(step, edited, add_family, apply).ok());
       ASSERT_TRUE(analytic.Add(step).ok());
       ASSERT_TRUE(autodiff.Add(step).ok());
       factors += static_cast<int>(step.factors.size());
@@ -143,6 +147,9 @@ TEST(Replay, GraphAndCeresProblemAgreeOnTheStateAndItsCost) {
     EXPECT_EQ(graph.num_factors(), factors);
     EXPECT_EQ(autodiff_graph.num_factors(), factors);
     EXPECT_EQ(autodiff_graph.state(), graph.state());
+    EXPECT_TRUE(edited.Validate().ok()) << edited.Validate().message;
+    EXPECT_EQ(edited.num_factors(), factors);
+    EXPECT_EQ(edited.state(), graph.state());
     EXPECT_EQ(analytic.problem()->NumResidualBlocks(), factors);
     EXPECT_EQ(graph.state(), analytic.State());
     double costs[2];
@@ -154,6 +161,8 @@ TEST(Replay, GraphAndCeresProblemAgreeOnTheStateAndItsCost) {
     std::reverse(moved.begin(), moved.end());
     autodiff.SetState(moved);
     EXPECT_EQ(autodiff.State(), moved);
+
+    EXPECT_EQ(Solve({}, &edited).final_cost, Solve({}, &graph).final_cost) << "not the same problem";
   }
 }
 

@@ -70,13 +70,15 @@ Status ReplayGraph::VisitAutoDiffFamily(const ReplayFactor& factor, const Visit&
   return Status::Ok();
 }
 
-template <typename Host>
-Status ReplayGraph::AddFamilies(const ReplayStep& step, Host* host) {
-  const auto add = [host](auto* member, const auto& /*measurement*/, const auto&... sizes) {
+Status ReplayGraph::Prepare(const ReplayStep& step, const AddFamilyFunction& add_family) {
+  for (const ReplayVariable& variable : step.variables) {
+    kinds_.push_back(variable.kind);
+  }
+  const auto add = [&add_family](auto* member, const auto& /*measurement*/, const auto&... sizes) {
     if (member->family == nullptr) {
       using Family = typename std::remove_reference_t<decltype(member->family)>::element_type;
       member->family = std::make_shared<Family>(sizes...);
-      member->id = host->AddFamily(member->family);
+      member->id = add_family(member->family);
     }
   };
   for (std::size_t i = 0; i < step.factors.size(); ++i) {
@@ -109,11 +111,19 @@ Status ReplayGraph::AddStep(const ReplayStep& step, Target* target) {
 }
 
 Status ReplayGraph::Add(const ReplayStep& step, FactorGraph* graph) {
-  for (const ReplayVariable& variable : step.variables) {
-    kinds_.push_back(variable.kind);
-  }
-  const Status status = AddFamilies(step, graph);
+  const Status status = Prepare(step, [graph](auto family) { return graph->AddFamily(std::move(family)); });
   return status.ok() ? AddStep(step, graph) : status;
+}
+
+Status ReplayGraph::AddAsEdit(const ReplayStep& step, const FactorGraph& graph, const AddFamilyFunction& add_family,
+                              const ApplyFunction& apply) {
+  Status status = Prepare(step, add_family);
+  if (!status.ok()) {
+    return status;
+  }
+  GraphEdit edit(graph);  // only now: adding a family is a change of the graph
+  status = AddStep(step, &edit);
+  return status.ok() ? apply(edit) : status;
 }
 
 }  // namespace inceres::tools

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <tuple>
 #include <vector>
 
 #include "inceres/graph/factor_graph.h"
+#include "inceres/graph/graph_edit.h"
 #include "inceres/graph/losses.h"
 #include "tools/common/autodiff_family.h"
 #include "tools/common/replay_step.h"
@@ -19,8 +21,15 @@ class ReplayGraph {
  public:
   explicit ReplayGraph(bool autodiff) : autodiff_(autodiff) {}
 
-  /// kInvalidArgument names the first factor whose shape has no AutoDiff version; the graph then lacks the step's factors.
+  /// kInvalidArgument names the first factor whose shape has no AutoDiff version; the graph then lacks the step.
   Status Add(const ReplayStep& step, FactorGraph* graph);
+
+  using AddFamilyFunction = std::function<FamilyId(std::shared_ptr<const FactorFamily>)>;
+  using ApplyFunction = std::function<Status(const GraphEdit&)>;
+  /// The same for a graph that changes by transactions, like an IncrementalSolver's: adds the step's new families, then applies
+  /// one edit of `graph` with everything else. Fails where Add or `apply` does.
+  Status AddAsEdit(const ReplayStep& step, const FactorGraph& graph, const AddFamilyFunction& add_family,
+                   const ApplyFunction& apply);
 
  private:
   // A family and its id in the graph.
@@ -37,9 +46,8 @@ class ReplayGraph {
   Status VisitFamily(const ReplayFactor& factor, const Visit& visit);
   template <typename Visit>
   Status VisitAutoDiffFamily(const ReplayFactor& factor, const Visit& visit);
-  // The step's new families, added to the host: a FactorGraph, or what plays its part.
-  template <typename Host>
-  Status AddFamilies(const ReplayStep& step, Host* host);
+  // Takes note of the step's variables and makes its new families.
+  Status Prepare(const ReplayStep& step, const AddFamilyFunction& add_family);
   // The step itself, into a FactorGraph or an edit of one.
   template <typename Target>
   Status AddStep(const ReplayStep& step, Target* target);
