@@ -38,6 +38,39 @@ void SymmetricBlockRows::RemoveRow(int row) {
   sizes_[row] = 0;
 }
 
+void SymmetricBlockRows::ReviveRow(int row, int size) {
+  sizes_[row] = size;
+  rows_[row].assign(1, {row, Allocate(size, size)});
+}
+
+void SymmetricBlockRows::ZeroRow(int row) {
+  const auto zero = [this](int i, const Entry& entry) {
+    std::fill_n(values_.begin() + entry.offset, QuadsOf(sizes_[i], sizes_[entry.column]) * kQuad, 0.0);
+  };
+  for (const Entry& entry : rows_[row]) {
+    zero(row, entry);
+  }
+  for (int below = row + 1; below < num_rows(); ++below) {
+    const auto& entries = rows_[below];
+    const auto entry = std::lower_bound(entries.begin(), entries.end(), row, BeforeColumn);
+    if (entry != entries.end() && entry->column == row) {
+      zero(below, *entry);
+    }
+  }
+}
+
+void SymmetricBlockRows::Zero() {
+  std::fill(values_.begin(), values_.end(), 0.0);
+}
+
+std::int64_t SymmetricBlockRows::Bytes() const {
+  std::size_t bytes = values_.capacity() * sizeof(double);
+  for (const std::vector<Entry>& row : rows_) {
+    bytes += sizeof(row) + row.capacity() * sizeof(Entry);
+  }
+  return static_cast<std::int64_t>(bytes);
+}
+
 std::int64_t SymmetricBlockRows::FindOrAdd(int row, int column) {
   auto& entries = rows_[row];
   const auto entry = std::lower_bound(entries.begin(), entries.end(), column, BeforeColumn);

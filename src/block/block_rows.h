@@ -28,14 +28,22 @@ class SymmetricBlockRows {
   /// Appends a row with a zero diagonal block; returns its index.
   int AddRow(int size);
 
-  /// Removes a row and all its blocks; the index stays, with size 0, until it is compacted away by its owner.
+  /// Removes a row and all its blocks; the index stays, with size 0, until ReviveRow.
   void RemoveRow(int row);
+  /// Gives a removed row a size and a zero diagonal block again.
+  void ReviveRow(int row, int size);
+
+  /// Zeroes all blocks (row, ·) and (·, row); or all of all rows.
+  void ZeroRow(int row);
+  void Zero();
 
   /// The block's values, adding a zero block if there is none; row ≥ column.
   std::int64_t FindOrAdd(int row, int column);
 
   /// Offset of the block, or -1.
   std::int64_t Find(int row, int column) const;
+
+  std::int64_t Bytes() const;
 
   double* values(std::int64_t offset) { return values_.data() + offset; }
   const double* values(std::int64_t offset) const { return values_.data() + offset; }

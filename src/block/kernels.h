@@ -109,6 +109,11 @@ struct Kernels {
 
   RowProducts (*row_products)(const FactorRows& rows, const double* v);
 
+  /// Jv_i = J_i v for the listed factors; result i at Jv + i · residual_size. `begin`, `end` and `residuals` are not read.
+  void (*multiply_rows)(const FactorRows& rows, const std::int32_t* factors, int count, const double* v, double* Jv);
+  /// y −= Σ J_iᵀ r_i over the listed factors, y laid out as v; r_i at r + i · residual_size.
+  void (*subtract_transposed)(const FactorRows& rows, const std::int32_t* factors, int count, const double* r, double* y);
+
   /// C −= A Bᵀ on column-major storage: C is rows × cols, A rows × depth, B cols × depth. The work of a dense Cholesky.
   void (*subtract_outer)(int rows, int cols, int depth, const double* A, int lda, const double* B, int ldb, double* C, int ldc);
   /// X := X L⁻ᵀ for the lower triangular size × size L, X rows × size; column-major.

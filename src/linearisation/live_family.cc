@@ -1,8 +1,8 @@
 #include "linearisation/live_family.h"
 
+#include <algorithm>
+#include <atomic>
 #include <cmath>
-
-#include "linearisation/robustify.h"
 
 namespace inceres::internal {
 namespace {
@@ -10,11 +10,15 @@ namespace {
 // Below this √w the linearisation says nothing about the residual any more.
 constexpr double kNoWeight = 1e-12;
 
+// Factors a task; a smaller list stays on the calling thread.
+constexpr int kGrain = 512;
+
 }  // namespace
 
 LiveFamily::LiveFamily(const FactorGraph& graph, FamilyId id)
     : graph_(&graph),
       family_(&graph.family(id)),
+      kernels_(&BestKernels()),
       id_(id),
       residual_size_(family_->residual_size()),
       num_slots_(family_->num_slots()),
@@ -27,51 +31,83 @@ LiveFamily::LiveFamily(const FactorGraph& graph, FamilyId id)
   }
 }
 
-void LiveFamily::Grow(LiveValues* values, const LiveTangents& tangents) {
-  const int old_count = num_factors_;
-  num_factors_ = graph_->NumFactors(id_);
-  const auto n = static_cast<std::size_t>(num_factors_);
+void LiveFamily::Grow(int num_places) {
+  num_places_ = num_places;
+  const auto n = static_cast<std::size_t>(num_places);
+  const std::size_t room = n > cost_.capacity() ? 2 * n : n;  // the arrays grow in step
   for (int s = 0; s < num_slots_; ++s) {
+    jacobians_[s].reserve(room * slots_[s].factor_stride);
     jacobians_[s].resize(n * slots_[s].factor_stride);
     slots_[s].data = jacobians_[s].data();
     views_[s] = {slots_[s].data, slots_[s].factor_stride, slots_[s].row_stride};
   }
   for (std::vector<double>* residuals : {&f_, &candidate_f_, &predicted_f_, &J_step_, &q_}) {
+    residuals->reserve(room * residual_size_);
     residuals->resize(n * residual_size_);
   }
-  for (std::vector<double>* scalars : {&sqrt_w_, &current_w_, &cost_, &candidate_cost_}) {
+  for (std::vector<double>* scalars :
+       {&sqrt_w_, &current_w_, &candidate_w_, &cost_, &candidate_cost_, &error_, &gradient_error_}) {
+    scalars->reserve(room);
     scalars->resize(n);
   }
+  linearised_.resize(n, 0);
+  parameters_.resize(n * num_slots_);
+  candidate_parameters_.resize(n * num_slots_);
+  maps_.resize(n * num_slots_);
+  step_quads_.resize(n * num_slots_, -1);
   y_targets_.resize(n * num_slots_, -1);
-  for (int i = old_count; i < num_factors_; ++i) {
-    for (int s = 0; s < num_slots_; ++s) {
-      const VariableId id = variables(i)[s];
-      parameters_.push_back(values->current(id));
-      candidate_parameters_.push_back(values->candidate(id));
-      maps_.push_back(&tangents.map(id));
-      step_quads_.push_back(tangents.quad(id));
-    }
+}
+
+void LiveFamily::Connect(int factor, LiveValues* values, const LiveTangents& tangents) {
+  if (factor >= num_places_) {
+    Grow(factor + 1);
+  }
+  linearised_[factor] = 0;
+  for (int s = 0; s < num_slots_; ++s) {
+    const VariableId id = variables(factor)[s];
+    const auto at = static_cast<std::size_t>(factor) * num_slots_ + s;
+    parameters_[at] = values->current(id);
+    candidate_parameters_[at] = values->candidate(id);
+    maps_[at] = &tangents.map(id);
+    step_quads_[at] = tangents.quad(id);
+    y_targets_[at] = -1;
   }
 }
 
+// One virtual call for each run of neighbours, cut at the tasks' borders. A failure found by any task is the first factor's.
 template <typename Evaluate>
-EvaluationFailure LiveFamily::ForRuns(const std::vector<std::int32_t>& factors, Evaluate&& evaluate) {
-  for (std::size_t k = 0; k < factors.size();) {
-    std::size_t end = k + 1;
-    while (end < factors.size() && factors[end] == factors[end - 1] + 1) {
-      ++end;
+EvaluationFailure LiveFamily::ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor,
+                                      Evaluate&& evaluate) const {
+  const auto run = [&](int begin, int end) -> EvaluationFailure {
+    for (int k = begin; k < end;) {
+      int next = k + 1;
+      while (next < end && factors[next] == factors[next - 1] + 1) {
+        ++next;
+      }
+      const EvaluationFailure failure = evaluate(factors[k], factors[next - 1] + 1);
+      if (failure.failed()) {
+        return failure;
+      }
+      k = next;
     }
-    const EvaluationFailure failure = evaluate(factors[k], factors[end - 1] + 1);
-    if (failure.failed()) {
-      return failure;
-    }
-    k = end;
+    return {};
+  };
+  const int count = static_cast<int>(factors.size());
+  if (executor.num_threads() == 1 || count <= kGrain) {
+    return run(0, count);
   }
-  return {};
+  std::vector<EvaluationFailure> failures((count + kGrain - 1) / kGrain);
+  executor.For(static_cast<int>(failures.size()), 1, [&](int begin, int end) {
+    for (int task = begin; task < end; ++task) {
+      failures[task] = run(task * kGrain, std::min(count, (task + 1) * kGrain));
+    }
+  });
+  const auto first = std::find_if(failures.begin(), failures.end(), [](const auto& failure) { return failure.failed(); });
+  return first == failures.end() ? EvaluationFailure() : *first;
 }
 
-EvaluationFailure LiveFamily::EvaluateCandidate(const std::vector<std::int32_t>& factors) {
-  return ForRuns(factors, [&](int begin, int end) {
+EvaluationFailure LiveFamily::EvaluateCandidate(const std::vector<std::int32_t>& factors, const Executor& executor) {
+  return ForRuns(factors, executor, [this](int begin, int end) {
     FactorBatch batch;
     batch.begin = begin;
     batch.end = end;
@@ -79,15 +115,14 @@ EvaluationFailure LiveFamily::EvaluateCandidate(const std::vector<std::int32_t>&
     batch.residuals = candidate_f_.data();
     const EvaluationFailure failure = family_->Evaluate(batch);
     for (int i = begin; i < end && !failure.failed(); ++i) {
-      candidate_cost_[i] =
-          RobustCost(graph_->loss(id_, i), candidate_f_.data() + static_cast<std::ptrdiff_t>(i) * residual_size_, residual_size_);
+      EvaluateLoss(i, candidate_f_.data() + First(i), &candidate_cost_[i], &candidate_w_[i]);
     }
     return failure;
   });
 }
 
-EvaluationFailure LiveFamily::Linearise(const std::vector<std::int32_t>& factors) {
-  return ForRuns(factors, [&](int begin, int end) {
+EvaluationFailure LiveFamily::Linearise(const std::vector<std::int32_t>& factors, const Executor& executor) {
+  return ForRuns(factors, executor, [this](int begin, int end) {
     FactorBatch batch;
     batch.begin = begin;
     batch.end = end;
@@ -103,101 +138,105 @@ EvaluationFailure LiveFamily::Linearise(const std::vector<std::int32_t>& factors
   });
 }
 
-// ρ, ρ' and ρ'' at the residual now.
-void LiveFamily::EvaluateLoss(int factor, double rho[3]) const {
-  const double* f = f_.data() + static_cast<std::ptrdiff_t>(factor) * residual_size_;
+// ½ρ and ρ' at a residual.
+void LiveFamily::EvaluateLoss(int factor, const double* f, double* cost, double* w) const {
   double s = 0.0;
   for (int r = 0; r < residual_size_; ++r) {
     s += f[r] * f[r];
   }
-  rho[0] = s;
-  rho[1] = 1.0;
-  rho[2] = 0.0;
-  if (const Loss* loss = graph_->loss(id_, factor)) {
-    loss->Evaluate(s, rho);
+  const Loss* loss = graph_->loss(id_, factor);
+  if (loss == nullptr) {
+    *cost = 0.5 * s;
+    *w = 1.0;
+    return;
   }
+  double rho[3];
+  loss->Evaluate(s, rho);
+  *cost = 0.5 * rho[0];
+  *w = rho[1];
 }
 
 // w = ρ'(‖f‖²) now: J := √w J, q := √w f.
 void LiveFamily::Weigh(int factor) {
-  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * residual_size_;
-  for (int r = 0; r < residual_size_; ++r) {
-    predicted_f_[first + r] = f_[first + r];
-  }
-  double rho[3];
-  EvaluateLoss(factor, rho);
-  const double sqrt_w = std::sqrt(rho[1]);
+  const double* f = f_.data() + First(factor);
+  EvaluateLoss(factor, f, &cost_[factor], &current_w_[factor]);
+  const double sqrt_w = std::sqrt(current_w_[factor]);
   sqrt_w_[factor] = sqrt_w;
-  current_w_[factor] = rho[1];
-  cost_[factor] = 0.5 * rho[0];
+  error_[factor] = 0.0;
+  gradient_error_[factor] = 0.0;
+  linearised_[factor] = 1;
   for (int r = 0; r < residual_size_; ++r) {
-    q_[first + r] = sqrt_w * f_[first + r];
+    predicted_f_[First(factor) + r] = f[r];
+    q_[First(factor) + r] = sqrt_w * f[r];
   }
   if (sqrt_w == 1.0) {
     return;
   }
-  for (int slot = 0; slot < num_slots_; ++slot) {
-    double* J = slots_[slot].data + factor * slots_[slot].factor_stride;
-    for (std::ptrdiff_t k = 0; k < slots_[slot].factor_stride; ++k) {
+  for (const SlotJacobians& slot : slots_) {
+    double* J = slot.data + factor * slot.factor_stride;
+    for (std::ptrdiff_t k = 0; k < slot.factor_stride; ++k) {
       J[k] *= sqrt_w;
     }
   }
 }
 
-double LiveFamily::PredictDecrease(int factor, const double* padded_step) {
-  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * residual_size_;
-  const std::int32_t* quads = step_quads_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_;
+FactorRows LiveFamily::Rows() const {
+  FactorRows rows;
+  rows.residual_size = residual_size_;
+  rows.num_slots = num_slots_;
+  rows.jacobians = slots_.data();
+  rows.tangent_offsets = step_quads_.data();
+  return rows;
+}
+
+double LiveFamily::PredictDecrease(const std::vector<std::int32_t>& factors, const double* padded_step) {
+  kernels_->multiply_rows(Rows(), factors.data(), static_cast<int>(factors.size()), padded_step, J_step_.data());
   double decrease = 0.0;
-  for (int r = 0; r < residual_size_; ++r) {
-    double sum = 0.0;
-    for (int s = 0; s < num_slots_; ++s) {
-      if (quads[s] < 0) {
-        continue;
-      }
-      const double* row = Jacobian(factor, s) + static_cast<std::ptrdiff_t>(r) * slots_[s].row_stride;
-      const double* step = padded_step + static_cast<std::ptrdiff_t>(quads[s]) * kQuad;
-      for (int k = 0; k < slots_[s].columns; ++k) {
-        sum += row[k] * step[k];
-      }
+  for (const std::int32_t factor : factors) {
+    for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size_; ++k) {
+      decrease -= J_step_[k] * (q_[k] + 0.5 * J_step_[k]);
     }
-    J_step_[first + r] = sum;
-    decrease -= sum * (q_[first + r] + 0.5 * sum);
   }
   return decrease;
 }
 
-void LiveFamily::Accept(int factor, double* q_change) {
-  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * residual_size_;
-  const double sqrt_w = sqrt_w_[factor];
-  for (int r = 0; r < residual_size_; ++r) {
-    predicted_f_[first + r] += sqrt_w > kNoWeight ? J_step_[first + r] / sqrt_w : 0.0;
-    f_[first + r] = candidate_f_[first + r];
+void LiveFamily::Accept(const std::vector<std::int32_t>& factors, double* padded_rhs) {
+  for (const std::int32_t factor : factors) {
+    const bool weighted = sqrt_w_[factor] > kNoWeight;
+    const double inverse = weighted ? 1.0 / sqrt_w_[factor] : 0.0;
+    const double scale = candidate_w_[factor] * inverse;
+    double error = 0.0;
+    double squared_norm = 0.0;
+    for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size_; ++k) {
+      predicted_f_[k] += inverse * J_step_[k];
+      f_[k] = candidate_f_[k];
+      const double difference = f_[k] - predicted_f_[k];
+      error += difference * difference;
+      squared_norm += f_[k] * f_[k];
+      const double q = scale * f_[k];
+      J_step_[k] = q - q_[k];
+      q_[k] = q;
+    }
+    cost_[factor] = candidate_cost_[factor];
+    current_w_[factor] = candidate_w_[factor];
+    error_[factor] = candidate_w_[factor] * error;
+    gradient_error_[factor] = candidate_w_[factor] * std::sqrt(error * squared_norm);
   }
-  double rho[3];
-  EvaluateLoss(factor, rho);
-  cost_[factor] = 0.5 * rho[0];
-  current_w_[factor] = rho[1];
-  const double scale = sqrt_w > kNoWeight ? rho[1] / sqrt_w : 0.0;
-  for (int r = 0; r < residual_size_; ++r) {
-    const double new_q = scale * f_[first + r];
-    q_change[r] = new_q - q_[first + r];
-    q_[first + r] = new_q;
-  }
-}
-
-double LiveFamily::SquaredError(int factor) const {
-  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * residual_size_;
-  double error = 0.0;
-  for (int r = 0; r < residual_size_; ++r) {
-    const double difference = f_[first + r] - predicted_f_[first + r];
-    error += difference * difference;
-  }
-  return current_w_[factor] * error;
+  kernels_->subtract_transposed(Rows(), factors.data(), static_cast<int>(factors.size()), J_step_.data(), padded_rhs);
 }
 
 double LiveFamily::WeightRatio(int factor) const {
   const double w = sqrt_w_[factor] * sqrt_w_[factor];
   return w > kNoWeight * kNoWeight ? current_w_[factor] / w : (current_w_[factor] > 0.0 ? HUGE_VAL : 1.0);
+}
+
+std::int64_t LiveFamily::Bytes() const {
+  std::size_t doubles = 5 * f_.capacity() + 7 * cost_.capacity();
+  for (const AlignedVector<double>& J : jacobians_) {
+    doubles += J.capacity();
+  }
+  return static_cast<std::int64_t>(doubles * sizeof(double) + linearised_.capacity() +
+                                   parameters_.capacity() * (3 * sizeof(void*) + 2 * sizeof(std::int32_t)));
 }
 
 }  // namespace inceres::internal

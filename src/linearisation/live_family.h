@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
+#include "base/executor.h"
 #include "block/kernels.h"
 #include "inceres/graph/factor_graph.h"
 #include "linearisation/live_tangents.h"
@@ -11,42 +12,53 @@
 
 namespace inceres::internal {
 
-/// What the incremental solver remembers of one family's factors (algorithms.md section 2). Arrays grow with the family.
+/// What the incremental solver remembers of one family's factors (algorithms.md section 2), by their places. Arrays grow with the
+/// family; the place of a removed factor serves a later one.
 ///
 /// Each factor keeps the Jacobian J of its last linearisation, multiplied by √w with w = ρ' at that time; the residual f now; the
 /// residual f̂ that the old linearisation predicts now; and q = ρ' f / √w, so that its gradient share is Jᵀq. ‖f − f̂‖ is the error
 /// of the old linearisation, known for nothing. The second-order term of losses with ρ'' > 0 is left out of H.
+///
+/// Lists of factors are ascending, without repeats. Evaluation runs on the executor's threads, each factor writing its own place;
+/// everything else on the calling one.
 class LiveFamily {
  public:
   LiveFamily(const FactorGraph& graph, FamilyId id);
 
   FamilyId id() const { return id_; }
   const FactorFamily& family() const { return *family_; }
-  int num_factors() const { return num_factors_; }
+  /// Places, free ones among them.
+  int num_places() const { return num_places_; }
   int residual_size() const { return residual_size_; }
   int num_slots() const { return num_slots_; }
   const VariableId* variables(int factor) const { return graph_->Variables(id_, factor); }
 
-  /// Takes over the factors the graph has gained.
-  void Grow(LiveValues* values, const LiveTangents& tangents);
+  /// Takes over the factor at a place, new or used again, or whose variables have got other tangent maps. Not linearised yet.
+  void Connect(int factor, LiveValues* values, const LiveTangents& tangents);
+  /// The factor at this place is gone, or does not count until it is linearised.
+  void Forget(int factor) { linearised_[factor] = 0; }
 
-  /// Evaluates at the candidate, cost only; *cost gets Σ ½ρ of the listed factors. `factors` ascending, no repeats.
-  EvaluationFailure EvaluateCandidate(const std::vector<std::int32_t>& factors);
+  /// Evaluates at the candidate, cost only.
+  EvaluationFailure EvaluateCandidate(const std::vector<std::int32_t>& factors, const Executor& executor);
   /// Linearises at the current values: f, f̂ = f, J, w, q and the cost.
-  EvaluationFailure Linearise(const std::vector<std::int32_t>& factors);
+  EvaluationFailure Linearise(const std::vector<std::int32_t>& factors, const Executor& executor);
 
   /// ½ρ at the candidate / now.
   double CandidateCost(int factor) const { return candidate_cost_[factor]; }
   double Cost(int factor) const { return cost_[factor]; }
 
-  /// What the cached linearisation predicts for a padded step: −(Jδ)ᵀ(q + Jδ/2). Jδ is kept for Accept.
-  double PredictDecrease(int factor, const double* padded_step);
-  /// The step was accepted: f := candidate f, f̂ += J δ / √w. Replaces q and writes the change to *q_change.
-  void Accept(int factor, double* q_change);
-  const double* q(int factor) const { return q_.data() + static_cast<std::ptrdiff_t>(factor) * residual_size_; }
+  /// What the cached linearisations predict for a padded step: −Σ (Jδ)ᵀ(q + Jδ/2). Jδ is kept for Accept.
+  double PredictDecrease(const std::vector<std::int32_t>& factors, const double* padded_step);
+  /// The step was accepted: f := candidate f, f̂ += J δ / √w, and the gradient follows q: padded_rhs −= Σ Jᵀ(q_new − q_old).
+  void Accept(const std::vector<std::int32_t>& factors, double* padded_rhs);
+  const double* q(int factor) const { return q_.data() + First(factor); }
 
+  /// The factor's Jacobian is part of H.
+  bool linearised(int factor) const { return linearised_[factor] != 0; }
   /// w ‖f − f̂‖²: the squared error of the old linearisation in units of the objective.
-  double SquaredError(int factor) const;
+  double SquaredError(int factor) const { return error_[factor]; }
+  /// w ‖f‖ ‖f − f̂‖: how far its Jacobian's age may mislead the gradient, over a step like the ones since.
+  double GradientError(int factor) const { return gradient_error_[factor]; }
   /// ρ' now over ρ' at the linearisation.
   double WeightRatio(int factor) const;
 
@@ -55,30 +67,40 @@ class LiveFamily {
   std::int32_t* y_targets() { return y_targets_.data(); }
   const double* Jacobian(int factor, int slot) const { return slots_[slot].data + factor * slots_[slot].factor_stride; }
 
+  std::int64_t Bytes() const;
+
  private:
+  std::ptrdiff_t First(int factor) const { return static_cast<std::ptrdiff_t>(factor) * residual_size_; }
+  void Grow(int num_places);
   template <typename Evaluate>
-  EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, Evaluate&& evaluate);
+  EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate) const;
+  void EvaluateLoss(int factor, const double* f, double* cost, double* w) const;
   void Weigh(int factor);
-  void EvaluateLoss(int factor, double rho[3]) const;
+  FactorRows Rows() const;
 
   const FactorGraph* graph_;
   const FactorFamily* family_;
+  const Kernels* kernels_;
   FamilyId id_;
   int residual_size_;
   int num_slots_;
-  int num_factors_ = 0;
+  int num_places_ = 0;
   std::vector<AlignedVector<double>> jacobians_;  // per slot
   std::vector<SlotJacobians> slots_;
   std::vector<JacobianView> views_;
   std::vector<double> f_;
   std::vector<double> candidate_f_;
   std::vector<double> predicted_f_;
-  std::vector<double> J_step_;  // J δ of the step under construction
+  std::vector<double> J_step_;  // J δ of the step under construction; within Accept the change of q
   std::vector<double> q_;
   std::vector<double> sqrt_w_;
   std::vector<double> current_w_;
+  std::vector<double> candidate_w_;
   std::vector<double> cost_;
   std::vector<double> candidate_cost_;
+  std::vector<double> error_;
+  std::vector<double> gradient_error_;
+  std::vector<char> linearised_;
   std::vector<const double*> parameters_;
   std::vector<const double*> candidate_parameters_;
   std::vector<const TangentMap*> maps_;

@@ -12,129 +12,81 @@ namespace {
 // landmarks).
 constexpr double kNoInformation = 1e-12;
 
+// How far a diagonal entry of C may fall below its peak before its row is summed anew. Rounding leaves about ε √(peak_i peak_j)
+// in S_ij, which is to stay below 1e-10 √(C_ii C_jj).
+constexpr double kDriftRatio = 1e4;
+
 }  // namespace
 
-int LiveSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
-  frames_.push_back({id, quad, size, {}});
-  offsets_.push_back(offsets_.back() + size);
-  b_.resize(offsets_.back(), 0.0);
-  C_diagonal_.resize(offsets_.back(), 0.0);
-  return S_.AddRow(size);
-}
-
-int LiveSchur::AddLandmark(VariableId id, std::int32_t quad, int size) {
-  Landmark& landmark = landmarks_.emplace_back();
-  landmark.id = id;
-  landmark.quad = quad;
-  landmark.size = size;
-  return static_cast<int>(landmarks_.size()) - 1;
-}
-
-void LiveSchur::Connect(FactorRef ref, const std::int32_t* frames, std::int32_t landmark) {
-  const int num_slots = families_[ref.family].num_slots();
-  frame_of_slot_.resize(families_.size());
-  landmark_of_.resize(families_.size());
-  landmark_slot_.resize(families_.size());
-  frame_of_slot_[ref.family].insert(frame_of_slot_[ref.family].end(), frames, frames + num_slots);
-  landmark_of_[ref.family].push_back(landmark);
-  const VariableId* variables = families_[ref.family].variables(ref.factor);
-  const auto is_landmark = [&](VariableId id) { return landmark >= 0 && id == landmarks_[landmark].id; };
-  landmark_slot_[ref.family].push_back(
-      static_cast<std::int32_t>(std::find_if(variables, variables + num_slots, is_landmark) - variables));
-  for (int s = 0; s < num_slots; ++s) {
-    if (frames[s] >= 0) {
-      frames_[frames[s]].factors.push_back(ref);
-    }
-  }
-  if (landmark < 0) {
-    return;
-  }
-  Landmark& l = landmarks_[landmark];
-  l.factors.push_back(ref);
-  for (int s = 0; s < num_slots; ++s) {
-    if (frames[s] >= 0 && std::find(l.frames.begin(), l.frames.end(), frames[s]) == l.frames.end()) {
-      l.frames.push_back(frames[s]);
-    }
-  }
-}
-
-void LiveSchur::AddFactor(FactorRef ref, double sign) {
+void LiveSchur::AddFactorTo(FactorRef ref, double sign, std::int32_t only) {
   const LiveFamily& family = families_[ref.family];
-  const int depth = family.residual_size();
-  const double* q = family.q(ref.factor);
+  BlockProducts products;
+  const ProductTerm term{0, 0};
+  products.terms = &term;
+  products.count = 1;
+  products.depth = family.residual_size();
   for (int r = 0; r < family.num_slots(); ++r) {
     const std::int32_t row = FrameOfFactor(ref, r);
     if (row < 0) {
       continue;
     }
-    const double* J_r = family.Jacobian(ref.factor, r);
-    const int size = frames_[row].size;
-    const int stride = PadToQuad(size);
+    products.b = family.Jacobian(ref.factor, r);
+    products.b_size = frames_[row].size;
     for (int c = 0; c < family.num_slots(); ++c) {
       const std::int32_t column = FrameOfFactor(ref, c);
-      if (column < 0 || column > row) {
+      if (column < 0 || column > row || (only != kAllRows && row != only && column != only)) {
         continue;
       }
-      const ProductTerm term{0, 0};
-      BlockProducts products;
       products.a = family.Jacobian(ref.factor, c);
-      products.b = J_r;
-      products.terms = &term;
-      products.count = 1;
-      products.depth = depth;
       products.a_size = frames_[column].size;
-      products.b_size = size;
       kernels_.accumulate_products(products, sign, S_.values(S_.FindOrAdd(row, column)));
     }
-    for (int k = 0; k < size; ++k) {
-      double gradient = 0.0;
-      double squared = 0.0;
-      for (int i = 0; i < depth; ++i) {
-        const double entry = J_r[i * stride + k];
-        gradient += entry * q[i];
-        squared += entry * entry;
-      }
-      b_[offsets_[row] + k] -= sign * gradient;
-      C_diagonal_[offsets_[row] + k] += sign * squared;
+    if (only == kAllRows || row == only) {
+      AddRowOfFactor(ref, r, sign);
     }
     Touch(row);
   }
 }
 
-void LiveSchur::ChangeResidual(FactorRef ref, const double* q_change) {
+// Share of b and diag(C).
+void LiveSchur::AddRowOfFactor(FactorRef ref, int slot, double sign) {
   const LiveFamily& family = families_[ref.family];
-  for (int s = 0; s < family.num_slots(); ++s) {
-    const std::int32_t row = FrameOfFactor(ref, s);
-    if (row < 0) {
-      continue;
+  const Frame& frame = frames_[FrameOfFactor(ref, slot)];
+  const double* J = family.Jacobian(ref.factor, slot);
+  const double* q = family.q(ref.factor);
+  const int stride = PadToQuad(frame.size);
+  double* b = Rhs(frame.quad);
+  double* C = C_diagonal_.data() + offsets_[&frame - frames_.data()];
+  double* peak = C_peak_.data() + (C - C_diagonal_.data());
+  for (int k = 0; k < frame.size; ++k) {
+    double gradient = 0.0;
+    double squared = 0.0;
+    for (int i = 0; i < family.residual_size(); ++i) {
+      const double entry = J[i * stride + k];
+      gradient += entry * q[i];
+      squared += entry * entry;
     }
-    const double* J = family.Jacobian(ref.factor, s);
-    const int stride = PadToQuad(frames_[row].size);
-    for (int k = 0; k < frames_[row].size; ++k) {
-      double change = 0.0;
-      for (int i = 0; i < family.residual_size(); ++i) {
-        change += J[i * stride + k] * q_change[i];
-      }
-      b_[offsets_[row] + k] -= change;
-    }
+    b[k] -= sign * gradient;
+    C[k] += sign * squared;
+    peak[k] = std::max(peak[k], C[k]);
   }
 }
 
 // New factors may have brought new frames since: the contribution is that of the incidences, the frames it went in with.
-void LiveSchur::AddToS(const Landmark& landmark, double sign) {
+void LiveSchur::AddProducts(const Landmark& landmark, double sign, std::int32_t only) {
+  BlockProducts products;
+  products.a = products.b = Y_.data();
+  products.count = 1;
+  products.depth = landmark.size;
   for (std::size_t r = 0; r < landmark.incidences.size(); ++r) {
     const std::int32_t row = landmark.frames[r];
     for (std::size_t c = 0; c < landmark.incidences.size(); ++c) {
       const std::int32_t column = landmark.frames[c];
-      if (column > row) {
+      if (column > row || (only != kAllRows && row != only && column != only)) {
         continue;
       }
       const ProductTerm term{landmark.incidences[c].y, landmark.incidences[r].y};
-      BlockProducts products;
-      products.a = products.b = Y_.data();
       products.terms = &term;
-      products.count = 1;
-      products.depth = landmark.size;
       products.a_size = frames_[column].size;
       products.b_size = frames_[row].size;
       kernels_.accumulate_products(products, sign, S_.values(S_.FindOrAdd(row, column)));
@@ -143,33 +95,43 @@ void LiveSchur::AddToS(const Landmark& landmark, double sign) {
   }
 }
 
-void LiveSchur::AddToB(const Landmark& landmark, const double* z, double sign) {
+void LiveSchur::AddToB(const Landmark& landmark, const double* z, double sign, std::int32_t only) {
   for (std::size_t r = 0; r < landmark.incidences.size(); ++r) {
+    if (only != kAllRows && landmark.frames[r] != only) {
+      continue;
+    }
     const Incidence& incidence = landmark.incidences[r];
-    const double* Y = Y_.data() + static_cast<std::ptrdiff_t>(incidence.y) * kQuad;
-    double* b = b_.data() + offsets_[landmark.frames[r]];
-    const int size = frames_[landmark.frames[r]].size;
+    const double* Y = Y_.data() + std::ptrdiff_t{incidence.y} * kQuad;
+    double* b = Rhs(incidence.frame);
+    const int width = incidence.quads * kQuad;
     for (int k = 0; k < landmark.size; ++k) {
-      for (int i = 0; i < size; ++i) {
-        b[i] += sign * Y[k * incidence.quads * kQuad + i] * z[k];
+      for (int i = 0; i < width; ++i) {
+        b[i] += sign * Y[k * width + i] * z[k];
       }
     }
+    TouchB(landmark.frames[r]);
   }
 }
 
 void LiveSchur::TakeOut(std::int32_t landmark) {
   Landmark& l = landmarks_[landmark];
-  if (l.in_S) {
-    AddToS(l, 1.0);
-    AddToB(l, l.z, 1.0);
-    l.in_S = false;
+  if (l.in_S && !rebuilding_) {
+    AddProducts(l, 1.0, kAllRows);
+    AddToB(l, l.z, 1.0, kAllRows);
   }
-  l.decrement = 0.0;
+  num_pairs_ -= l.in_S ? NumPairs(landmark) : 0;
+  l.in_S = false;
+  SetDecrement(landmark, 0.0);
 }
 
 void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
   Landmark& l = landmarks_[landmark];
+  num_parked_ -= l.parked ? 1 : 0;
+  l.parked = false;
   l.lambda = lambda;
+  if (l.held) {
+    return;
+  }
   SumLandmark(&l);
   double damping[4];
   double largest = 0.0;
@@ -184,13 +146,20 @@ void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
     l.parked = pivot < kNoInformation * largest;
   }
   if (l.parked) {
+    ++num_parked_;
     return;
   }
   PlaceBlocks(landmark);
   EliminateLandmark(&l);
-  AddToS(l, -1.0);
-  AddToB(l, l.z, -1.0);
+  AddProducts(l, -1.0, kAllRows);
+  AddToB(l, l.z, -1.0, kAllRows);
   l.in_S = true;
+  num_pairs_ += NumPairs(landmark);
+  double decrement = 0.0;
+  for (int k = 0; k < l.size; ++k) {
+    decrement += 0.5 * l.z[k] * l.z[k];
+  }
+  SetDecrement(landmark, decrement);
 }
 
 void LiveSchur::RefreshResidual(std::int32_t landmark) {
@@ -198,31 +167,89 @@ void LiveSchur::RefreshResidual(std::int32_t landmark) {
   if (!l.in_S) {
     return;
   }
-  double old_z[kQuad];
-  std::copy_n(l.z, kQuad, old_z);
-  SumLandmark(&l);
-  MultiplyLower(l.size, l.U_inv, l.eta, l.z);
+  double z[kQuad];
+  MultiplyLower(l.size, l.U_inv, eta(landmark), z);
   double change[kQuad];
   double decrement = 0.0;
   for (int k = 0; k < l.size; ++k) {
-    change[k] = l.z[k] - old_z[k];
-    decrement += 0.5 * l.z[k] * l.z[k];
+    change[k] = z[k] - l.z[k];
+    l.z[k] = z[k];
+    decrement += 0.5 * z[k] * z[k];
   }
-  AddToB(l, change, -1.0);
-  l.decrement = decrement;
+  AddToB(l, change, -1.0, kAllRows);
+  SetDecrement(landmark, decrement);
+}
+
+int LiveSchur::ResumDrifted() {
+  drifted_.clear();
+  touched_.ForEach([this](std::int32_t row) {
+    for (int k = offsets_[row]; k < offsets_[row] + frames_[row].size; ++k) {
+      if (C_peak_[k] > kDriftRatio * C_diagonal_[k]) {
+        drifted_.push_back(row);
+        return;
+      }
+    }
+  });
+  for (const std::int32_t row : drifted_) {
+    ResumFrame(row);
+  }
+  touched_.Clear();
+  return static_cast<int>(drifted_.size());
+}
+
+void LiveSchur::ResumFrame(std::int32_t frame) {
+  const Frame& f = frames_[frame];
+  S_.ZeroRow(frame);
+  std::fill_n(Rhs(f.quad), PadToQuad(f.size), 0.0);
+  std::fill_n(C_diagonal_.begin() + offsets_[frame], f.size, 0.0);
+  std::fill_n(C_peak_.begin() + offsets_[frame], f.size, 0.0);
+  for (const FactorRef& ref : f.factors) {
+    if (families_[ref.family].linearised(ref.factor)) {
+      AddFactorTo(ref, 1.0, frame);
+    }
+  }
+  for (const std::int32_t landmark : f.landmarks) {
+    if (landmarks_[landmark].in_S) {
+      AddProducts(landmarks_[landmark], -1.0, frame);
+      AddToB(landmarks_[landmark], landmarks_[landmark].z, -1.0, frame);
+    }
+  }
+  Touch(frame);
+}
+
+void LiveSchur::Rebuild() {
+  rebuilding_ = false;
+  S_.Zero();
+  std::fill(C_diagonal_.begin(), C_diagonal_.end(), 0.0);
+  std::fill(C_peak_.begin(), C_peak_.end(), 0.0);
+  for (const Frame& frame : frames_) {
+    if (frame.id >= 0) {
+      std::fill_n(Rhs(frame.quad), PadToQuad(frame.size), 0.0);
+    }
+  }
+  for (const LiveFamily& family : families_) {
+    for (std::int32_t i = 0; i < family.num_places(); ++i) {
+      if (family.linearised(i)) {
+        AddFactor({family.id(), i}, 1.0);
+      }
+    }
+  }
+  for (const Landmark& landmark : landmarks_) {
+    if (landmark.in_S) {
+      AddProducts(landmark, -1.0, kAllRows);
+      AddToB(landmark, landmark.z, -1.0, kAllRows);
+    }
+  }
+  first_changed_ = 0;
 }
 
 void LiveSchur::PlaceBlocks(std::int32_t landmark) {
   Landmark& l = landmarks_[landmark];
-  if (l.num_placed == l.factors.size()) {
+  if (l.placed) {
     return;
   }
-  l.num_placed = l.factors.size();
-  if (l.y_quads > 0) {
-    ReleaseY(l.incidences.front().y, l.y_quads);
-  }
-  l.incidences.clear();
-  l.y_quads = 0;
+  ReleaseBlocks(&l);
+  l.placed = true;
   for (const std::int32_t frame : l.frames) {
     const auto quads = static_cast<std::int32_t>(PadToQuad(frames_[frame].size) / kQuad);
     l.incidences.push_back({l.y_quads, frames_[frame].quad, quads});
@@ -232,8 +259,9 @@ void LiveSchur::PlaceBlocks(std::int32_t landmark) {
   for (Incidence& incidence : l.incidences) {
     incidence.y += base;
   }
-  // The first factor that reaches a block sets it, later ones add to it.
-  std::vector<char> begun(l.frames.size(), 0);
+  // The first factor that reaches a block sets it, later ones add to it: an odd target.
+  std::vector<std::int32_t>& begun = drifted_;  // scratch
+  begun.assign(l.frames.size(), 0);
   for (const FactorRef& ref : l.factors) {
     std::int32_t* targets = families_[ref.family].y_targets() + Slot(ref, 0);
     for (int s = 0; s < families_[ref.family].num_slots(); ++s) {
@@ -246,6 +274,16 @@ void LiveSchur::PlaceBlocks(std::int32_t landmark) {
       begun[at] = 1;
     }
   }
+}
+
+void LiveSchur::ReleaseBlocks(Landmark* landmark) {
+  if (landmark->y_quads > 0) {
+    free_y_.resize(std::max(free_y_.size(), static_cast<std::size_t>(landmark->y_quads) + 1));
+    free_y_[landmark->y_quads].push_back(landmark->incidences.front().y);
+  }
+  landmark->incidences.clear();
+  landmark->y_quads = 0;
+  landmark->placed = false;
 }
 
 LandmarkFactors LiveSchur::FactorsOf(const FactorRef& ref) const {
@@ -264,27 +302,23 @@ LandmarkFactors LiveSchur::FactorsOf(const FactorRef& ref) const {
 
 void LiveSchur::SumLandmark(Landmark* landmark) {
   std::fill_n(landmark->P, 4 * kQuad, 0.0);
-  std::fill_n(landmark->eta, kQuad, 0.0);
+  double eta[kQuad] = {0.0, 0.0, 0.0, 0.0};
   for (const FactorRef& ref : landmark->factors) {
-    kernels_.landmark_gram(landmark->size, FactorsOf(ref), landmark->P, landmark->eta);
+    kernels_.landmark_gram(landmark->size, FactorsOf(ref), landmark->P, eta);
   }
+  std::copy_n(eta, kQuad, Rhs(landmark->quad));
 }
 
 void LiveSchur::EliminateLandmark(Landmark* landmark) {
   for (const FactorRef& ref : landmark->factors) {
     kernels_.eliminate(landmark->size, FactorsOf(ref), landmark->U_inv, Y_.data());
   }
-  MultiplyLower(landmark->size, landmark->U_inv, landmark->eta, landmark->z);
-  double decrement = 0.0;
-  for (int k = 0; k < landmark->size; ++k) {
-    decrement += 0.5 * landmark->z[k] * landmark->z[k];
-  }
-  landmark->decrement = decrement;
+  MultiplyLower(landmark->size, landmark->U_inv, Rhs(landmark->quad), landmark->z);
 }
 
 void LiveSchur::BackSubstitute(std::int32_t landmark, double* padded_step) const {
   const Landmark& l = landmarks_[landmark];
-  double* step = padded_step + static_cast<std::ptrdiff_t>(l.quad) * kQuad;
+  double* step = padded_step + std::ptrdiff_t{l.quad} * kQuad;
   if (!l.in_S) {
     std::fill_n(step, l.size, 0.0);
     return;
@@ -295,10 +329,65 @@ void LiveSchur::BackSubstitute(std::int32_t landmark, double* padded_step) const
   MultiplyLowerTransposed(l.size, l.U_inv, y, step);
 }
 
+void LiveSchur::SetDecrement(std::int32_t landmark, double decrement) {
+  Landmark& l = landmarks_[landmark];
+  total_decrement_ += decrement - l.decrement;
+  ++decrement_changes_;
+  l.decrement = decrement;
+  if (decrement > eager_threshold_) {
+    eager_.Add(landmark);
+  }
+}
+
+// The sum is kept by difference and summed anew after as many changes as there are landmarks: rounding does not pile up.
+double LiveSchur::TotalDecrement() {
+  if (decrement_changes_ > static_cast<std::int64_t>(landmarks_.size())) {
+    decrement_changes_ = 0;
+    total_decrement_ = 0.0;
+    for (const Landmark& landmark : landmarks_) {
+      total_decrement_ += landmark.decrement;
+    }
+  }
+  return std::max(0.0, total_decrement_);
+}
+
+const std::vector<std::int32_t>& LiveSchur::EagerLandmarks(double threshold) {
+  if (threshold < eager_threshold_) {
+    eager_threshold_ = 0.1 * threshold;  // room to fall before all landmarks must be looked at again
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(landmarks_.size()); ++i) {
+      if (landmarks_[i].decrement > eager_threshold_) {
+        eager_.Add(i);
+      }
+    }
+  } else if (threshold > 100.0 * eager_threshold_) {
+    eager_threshold_ = 0.1 * threshold;
+  }
+  eager_list_.clear();
+  drifted_.clear();
+  eager_.ForEach([&](std::int32_t i) { (landmarks_[i].decrement > threshold ? eager_list_ : drifted_).push_back(i); });
+  for (const std::int32_t i : drifted_) {
+    if (landmarks_[i].decrement <= eager_threshold_) {
+      eager_.Remove(i);
+    }
+  }
+  return eager_list_;
+}
+
 int LiveSchur::TakeFirstChanged() {
   const int first = first_changed_;
   first_changed_ = S_.num_rows();
   return first;
+}
+
+int LiveSchur::TakeFirstChangedB() {
+  const int first = first_changed_b_;
+  first_changed_b_ = S_.num_rows();
+  return first;
+}
+
+std::int64_t LiveSchur::NumPairs(std::int32_t landmark) const {
+  const auto n = static_cast<std::int64_t>(landmarks_[landmark].incidences.size());
+  return n * (n + 1) / 2;
 }
 
 std::int32_t LiveSchur::AllocateY(std::int32_t quads) {
@@ -310,13 +399,6 @@ std::int32_t LiveSchur::AllocateY(std::int32_t quads) {
   const auto offset = static_cast<std::int32_t>(Y_.size() / kQuad);
   Y_.resize(Y_.size() + static_cast<std::size_t>(quads) * kQuad);
   return offset;
-}
-
-void LiveSchur::ReleaseY(std::int32_t offset, std::int32_t quads) {
-  if (quads >= static_cast<std::int32_t>(free_y_.size())) {
-    free_y_.resize(quads + 1);
-  }
-  free_y_[quads].push_back(offset);
 }
 
 }  // namespace inceres::internal

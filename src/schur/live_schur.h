@@ -6,6 +6,7 @@
 #include "base/aligned_vector.h"
 #include "block/block_rows.h"
 #include "linearisation/live_family.h"
+#include "schur/index_set.h"
 
 namespace inceres::internal {
 
@@ -13,38 +14,48 @@ struct FactorRef {
   std::int32_t family;
   std::int32_t factor;
 };
+inline bool operator==(const FactorRef& a, const FactorRef& b) {
+  return a.family == b.family && a.factor == b.factor;
+}
 
-/// S and b of a growing problem, kept up by difference (algorithms.md section 2, algorithms 3 and 4):
+/// S and b of a living problem, kept up by difference (algorithms.md section 2, algorithms 3 and 4):
 ///
 ///     S = Σ_factors J_cᵀJ_c − Σ_landmarks Y Yᵀ,   b = −Σ_factors J_cᵀq − Σ_landmarks Y z
 ///
 /// A landmark's contribution is taken out with the Y and z it went in with, its blocks P and η are re-summed from the cached
-/// Jacobians, and the new contribution goes in. Frames are block rows in order of arrival; the smallest row touched since the
-/// last factorisation is remembered, for the factor resumes there.
+/// Jacobians, and the new contribution goes in. Frames are block rows in order of arrival, the row of a removed one serves a
+/// later one once there are many; the smallest row touched since the last factorisation is remembered, for the factor resumes
+/// there. A constant is a mask: a held frame keeps its row, a held landmark its blocks outside S.
+///
+/// Drift: adding and subtracting leaves ε times the largest value a block ever held. A frame whose diagonal has shrunk far below
+/// its peak is summed anew from the caches (Resum).
 class LiveSchur {
  public:
   struct Frame {
-    VariableId id;
-    std::int32_t quad;  // of its step
-    int size;
+    VariableId id = -1;      // -1: a free row
+    std::int32_t quad = -1;  // of its step
+    int size = 0;
+    bool held = false;
     std::vector<FactorRef> factors;
+    std::vector<std::int32_t> landmarks;
   };
   struct Landmark {
-    VariableId id;
-    std::int32_t quad;
-    int size;
+    VariableId id = -1;  // -1: a free place
+    std::int32_t quad = -1;
+    int size = 0;
     bool in_S = false;    // its contribution is part of S and b
     bool parked = false;  // no information: left alone until a factor comes
+    bool held = false;
+    bool placed = false;  // its factors know their Y blocks
     double lambda = 0.0;
     double decrement = 0.0;  // ½ lᵀ(P + λD)⁻¹l: what the landmark could still gain by itself
     std::vector<FactorRef> factors;
     std::vector<std::int32_t> frames;   // its separator
-    std::vector<Incidence> incidences;  // Y blocks, one a frame
-    std::size_t num_placed = 0;         // factors that know their Y blocks
+    std::vector<std::int32_t> places;   // where each of them lists this landmark
+    std::vector<Incidence> incidences;  // Y blocks, one a frame, of the contribution in S
     std::int32_t y_quads = 0;           // room taken in Y
     alignas(32) double P[4 * kQuad];
     alignas(32) double U_inv[4 * kQuad];
-    double eta[kQuad];
     double z[kQuad];
   };
 
@@ -52,66 +63,132 @@ class LiveSchur {
 
   int AddFrame(VariableId id, std::int32_t quad, int size);
   int AddLandmark(VariableId id, std::int32_t quad, int size);
-  /// Registers a new factor with its frames (indices, -1 where none) and landmark (or -1). Its contribution is added later.
+  /// No factor may touch it any more.
+  void RemoveFrame(std::int32_t frame);
+  void RemoveLandmark(std::int32_t landmark);
+  /// A held frame keeps its row, for the solver of S to leave out; a held landmark is taken out, and put in again by PutIn.
+  void HoldFrame(std::int32_t frame, bool held);
+  void HoldLandmark(std::int32_t landmark, bool held);
+
+  /// Registers a factor with its frames (indices, -1 where none) and landmark (or -1). Its contribution is added later.
   void Connect(FactorRef ref, const std::int32_t* frames, std::int32_t landmark);
+  /// Forgets it; neither its contribution nor its landmark's is in S.
+  void Disconnect(FactorRef ref);
 
-  /// Frame part of a factor's share of S, b and the gradient, with the Jacobians cached now: sign +1 adds, -1 takes out.
-  void AddFactor(FactorRef ref, double sign);
-  /// The factor's q has changed by q_change: its share of the frames' b and gradient follows.
-  void ChangeResidual(FactorRef ref, const double* q_change);
-
+  /// Frame part of a factor's share of S and b, with the Jacobians cached now: sign +1 adds, -1 takes out.
+  void AddFactor(FactorRef ref, double sign) { AddFactorTo(ref, sign, kAllRows); }
   /// Takes the landmark's contribution out of S and b, if it is there.
   void TakeOut(std::int32_t landmark);
-  /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in; parks a landmark without information.
+  /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in; parks a landmark without information. A held
+  /// landmark stays outside.
   void PutIn(std::int32_t landmark, double lambda);
-  /// Only residuals changed: η and z are renewed and b follows.
+  /// Its entries of the padded right-hand side, η, have changed: z is renewed and b follows.
   void RefreshResidual(std::int32_t landmark);
+
+  /// Frames with a block of S touched since the last call are re-summed where cancellation has eaten digits. Returns how many.
+  int ResumDrifted();
+  /// S and b from the caches: every factor, and every landmark with the Y and z it has.
+  /// Between the two calls contributions taken out are only forgotten: nothing of the old S and b is read.
+  void BeginRebuild() { rebuilding_ = true; }
+  void Rebuild();
 
   /// δ_l from the padded step of the frames, into the same vector.
   void BackSubstitute(std::int32_t landmark, double* padded_step) const;
 
   const SymmetricBlockRows& S() const { return S_; }
-  /// b and diag(C), packed by block rows.
-  const std::vector<double>& b() const { return b_; }
+  /// diag(C), packed by block rows.
   const std::vector<double>& FrameDiagonal() const { return C_diagonal_; }
   int FrameOffset(int frame) const { return offsets_[frame]; }
+  int size() const { return offsets_.back(); }
+  /// One vector for all variables, by their quads: b for frames, η for landmarks.
+  double* padded_rhs() { return rhs_.data(); }
+  const double* b(int frame) const { return rhs_.data() + std::ptrdiff_t{frames_[frame].quad} * kQuad; }
+  const double* eta(int landmark) const { return rhs_.data() + std::ptrdiff_t{landmarks_[landmark].quad} * kQuad; }
 
   const std::vector<Frame>& frames() const { return frames_; }
   const std::vector<Landmark>& landmarks() const { return landmarks_; }
+  int num_frames() const { return num_frames_; }
+  int num_landmarks() const { return num_landmarks_; }
+  int num_parked() const { return num_parked_; }
   std::int32_t FrameOfFactor(FactorRef ref, int slot) const { return frame_of_slot_[ref.family][Slot(ref, slot)]; }
   std::int32_t LandmarkOfFactor(FactorRef ref) const { return landmark_of_[ref.family][ref.factor]; }
 
+  /// Σ decrement over the landmarks in S.
+  double TotalDecrement();
+  /// Landmarks whose decrement may be above the threshold. Cheap while the threshold does not fall far.
+  const std::vector<std::int32_t>& EagerLandmarks(double threshold);
+
   /// Smallest block row touched since the last call; num_rows if none.
   int TakeFirstChanged();
+  /// The same for entries of b. Whoever writes the padded right-hand side himself says so.
+  int TakeFirstChangedB();
+  void TouchB(std::int32_t row) { first_changed_b_ = row < first_changed_b_ ? row : first_changed_b_; }
+  /// Block products of all landmark contributions in S, and of one landmark's.
+  std::int64_t NumPairs() const { return num_pairs_; }
+  std::int64_t NumPairs(std::int32_t landmark) const;
+  std::int64_t Bytes() const;
 
  private:
+  static constexpr std::int32_t kAllRows = -1;
+
   std::size_t Slot(FactorRef ref, int slot) const {
     return static_cast<std::size_t>(ref.factor) * families_[ref.family].num_slots() + slot;
   }
-  void AddToS(const Landmark& landmark, double sign);
-  void AddToB(const Landmark& landmark, const double* z, double sign);
+  double* Rhs(std::int32_t quad) { return rhs_.data() + std::ptrdiff_t{quad} * kQuad; }
+  void MakeRoom(std::int32_t quad, int size);
+  void Unlist(std::int32_t frame, std::int32_t place);
+  void Separate(std::int32_t landmark, std::int32_t frame);
+  void UpdateOffsets(std::int32_t first);
+  void AddFactorTo(FactorRef ref, double sign, std::int32_t only);
+  void AddRowOfFactor(FactorRef ref, int slot, double sign);
+  void AddProducts(const Landmark& landmark, double sign, std::int32_t only);
+  void AddToB(const Landmark& landmark, const double* z, double sign, std::int32_t only);
+  void ResumFrame(std::int32_t frame);
   void PlaceBlocks(std::int32_t landmark);
+  void ReleaseBlocks(Landmark* landmark);
   void SumLandmark(Landmark* landmark);
   void EliminateLandmark(Landmark* landmark);
+  void SetDecrement(std::int32_t landmark, double decrement);
   LandmarkFactors FactorsOf(const FactorRef& ref) const;
-  void Touch(int row) { first_changed_ = row < first_changed_ ? row : first_changed_; }
+  void Touch(std::int32_t row) {
+    first_changed_ = row < first_changed_ ? row : first_changed_;
+    TouchB(row);
+    touched_.Add(row);
+  }
   std::int32_t AllocateY(std::int32_t quads);
-  void ReleaseY(std::int32_t offset, std::int32_t quads);
 
   std::vector<LiveFamily>& families_;
   const Kernels& kernels_;
   std::vector<Frame> frames_;
   std::vector<Landmark> landmarks_;
-  std::vector<std::vector<std::int32_t>> frame_of_slot_;  // per family: per factor and slot
-  std::vector<std::vector<std::int32_t>> landmark_slot_;  // per family and factor: the landmark's slot
-  std::vector<std::vector<std::int32_t>> landmark_of_;    // per family and factor
+  std::vector<std::int32_t> free_rows_;
+  std::vector<std::int32_t> free_landmarks_;
+  int num_frames_ = 0;
+  int num_landmarks_ = 0;
+  int num_parked_ = 0;
+  std::vector<std::vector<std::int32_t>> frame_of_slot_;   // per family: per factor and slot
+  std::vector<std::vector<std::int32_t>> place_in_frame_;  // per family: per factor and slot, where the frame lists the factor
+  std::vector<std::vector<std::int32_t>> landmark_slot_;   // per family and factor: the landmark's slot
+  std::vector<std::vector<std::int32_t>> landmark_of_;     // per family and factor
   SymmetricBlockRows S_;
   std::vector<int> offsets_{0};
-  std::vector<double> b_;
+  AlignedVector<double> rhs_;
   std::vector<double> C_diagonal_;
+  std::vector<double> C_peak_;  // the largest C_diagonal_ has been since its row was summed
   AlignedVector<double> Y_;
   std::vector<std::vector<std::int32_t>> free_y_;  // by quads
+  std::int64_t num_pairs_ = 0;
+  bool rebuilding_ = false;
   int first_changed_ = 0;
+  int first_changed_b_ = 0;
+  IndexSet touched_;  // rows, since ResumDrifted
+  std::vector<std::int32_t> drifted_;
+
+  double total_decrement_ = 0.0;
+  std::int64_t decrement_changes_ = 0;  // since the total was summed
+  double eager_threshold_ = 0.0;        // what IndexSet eager_ was collected with
+  IndexSet eager_;
+  std::vector<std::int32_t> eager_list_;
 };
 
 }  // namespace inceres::internal

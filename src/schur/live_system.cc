@@ -7,57 +7,12 @@
 
 namespace inceres::internal {
 
-void LiveSystem::TakeUpVariables() {
-  values_.Grow(graph_);
-  tangents_.Grow(graph_);
-  for (auto id = static_cast<VariableId>(frame_of_.size()); id < graph_.num_variables(); ++id) {
-    const bool moves = !graph_.IsConstant(id);
-    const bool landmark = graph_.role(id) == Role::kLandmark;
-    frame_of_.push_back(moves && !landmark ? schur_.AddFrame(id, tangents_.quad(id), graph_.TangentSize(id)) : -1);
-    landmark_of_.push_back(moves && landmark ? schur_.AddLandmark(id, tangents_.quad(id), graph_.TangentSize(id)) : -1);
-  }
-  dirty_landmarks_.Grow(schur_.landmarks().size());
-  stale_landmarks_.Grow(schur_.landmarks().size());
-  visited_.Grow(schur_.landmarks().size());
-  moved_.Grow(schur_.frames().size());
-  step_.resize(static_cast<std::size_t>(tangents_.num_quads()) * kQuad, 0.0);
-}
-
-void LiveSystem::TakeUpAdditions() {
-  TakeUpVariables();
-  for (auto id = static_cast<FamilyId>(families_.size()); id < graph_.num_families(); ++id) {
-    families_.emplace_back(graph_, id);
-    dirty_.emplace_back();
-    touched_.emplace_back();
-    linearised_.emplace_back();
-  }
-  std::vector<std::int32_t> frames;
-  for (LiveFamily& family : families_) {
-    const int first = family.num_factors();
-    family.Grow(&values_, tangents_);
-    for (std::vector<IndexSet>* sets : {&dirty_, &touched_, &linearised_}) {
-      (*sets)[family.id()].Grow(family.num_factors());
-    }
-    for (int i = first; i < family.num_factors(); ++i) {
-      frames.clear();
-      int landmark = -1;
-      for (int s = 0; s < family.num_slots(); ++s) {
-        const VariableId variable = family.variables(i)[s];
-        frames.push_back(frame_of_[variable]);
-        landmark = std::max(landmark, landmark_of_[variable]);
-      }
-      schur_.Connect({family.id(), i}, frames.data(), landmark);
-      dirty_[family.id()].Add(i);
-    }
-  }
-}
-
 int LiveSystem::NumDirtyFactors() const {
-  std::size_t count = 0;
+  int count = 0;
   for (const IndexSet& dirty : dirty_) {
-    count += dirty.indices().size();
+    count += dirty.count();
   }
-  return static_cast<int>(count);
+  return count;
 }
 
 void LiveSystem::Redamp(std::int32_t landmark) {
@@ -66,33 +21,62 @@ void LiveSystem::Redamp(std::int32_t landmark) {
   }
 }
 
-Status LiveSystem::Relinearise(double lambda) {
+// By difference a dirty factor is added twice, and its landmark goes out and in; anew, everything is added once.
+bool LiveSystem::RebuildIsCheaper() const {
+  std::int64_t difference = 0;
+  std::int64_t anew = num_factors_ + schur_.NumPairs();
+  for (const LiveFamily& family : families_) {
+    dirty_[family.id()].ForEach([&](std::int32_t i) {
+      difference += family.linearised(i) ? 1 : 0;
+      const std::int32_t landmark = schur_.LandmarkOfFactor({family.id(), i});
+      if (landmark >= 0 && !dirty_landmarks_.Has(landmark)) {
+        // Each of its factors asks for a share of what taking it out costs.
+        difference += schur_.NumPairs(landmark) / static_cast<std::int64_t>(schur_.landmarks()[landmark].factors.size());
+      }
+    });
+  }
+  return difference > anew;
+}
+
+Status LiveSystem::Relinearise(double lambda, RebuildRule rule, RelineariseWork* work) {
+  *work = RelineariseWork();
+  work->num_factors = NumDirtyFactors();
+  work->rebuilt =
+      rule == RebuildRule::kAlways || (rule == RebuildRule::kWhenCheaper && work->num_factors > 0 && RebuildIsCheaper());
+  if (work->rebuilt) {
+    schur_.BeginRebuild();
+  }
   for (LiveFamily& family : families_) {
-    const Status linearised = LineariseFamily(&family);
+    const Status linearised = LineariseFamily(&family, !work->rebuilt);
     if (!linearised.ok()) {
       return linearised;
     }
   }
-  for (const std::int32_t landmark : dirty_landmarks_.indices()) {
-    schur_.PutIn(landmark, lambda);
+  if (work->rebuilt) {
+    schur_.Rebuild();
   }
-  num_eliminated_ += static_cast<int>(dirty_landmarks_.indices().size());
+  dirty_landmarks_.ForEach([&](std::int32_t landmark) { schur_.PutIn(landmark, lambda); });
+  work->num_landmarks = dirty_landmarks_.count();
   dirty_landmarks_.Clear();
+  work->num_drifted_frames = schur_.ResumDrifted();
+  ResumCost();
   return Status::Ok();
 }
 
-Status LiveSystem::LineariseFamily(LiveFamily* family) {
+Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
   IndexSet& dirty = dirty_[family->id()];
-  dirty.Sort();
-  for (const std::int32_t i : dirty.indices()) {
+  dirty.CopyTo(&list_);
+  for (const std::int32_t i : list_) {
     const FactorRef ref{family->id(), i};
     const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
     if (landmark >= 0) {
       Redamp(landmark);
     }
-    if (linearised_[family->id()].Has(i)) {
-      schur_.AddFactor(ref, -1.0);
+    if (family->linearised(i)) {
       cost_ -= family->Cost(i);
+      if (by_difference) {
+        schur_.AddFactor(ref, -1.0);
+      }
     }
     for (int s = 0; s < family->num_slots(); ++s) {
       const VariableId id = family->variables(i)[s];
@@ -102,16 +86,18 @@ Status LiveSystem::LineariseFamily(LiveFamily* family) {
       }
     }
   }
-  const EvaluationFailure failure = family->Linearise(dirty.indices());
+  const EvaluationFailure failure = family->Linearise(list_, executor_);
   if (failure.failed()) {
     return Status::Error(StatusCode::kEvaluationFailed,
                          graph_.DescribeFactor(family->id(), failure.factor) + ": " + failure.reason);
   }
-  for (const std::int32_t i : dirty.indices()) {
-    schur_.AddFactor({family->id(), i}, 1.0);
-    linearised_[family->id()].Add(i);
+  for (const std::int32_t i : list_) {
     cost_ += family->Cost(i);
+    if (by_difference) {
+      schur_.AddFactor({family->id(), i}, 1.0);
+    }
   }
+  cost_changes_ += static_cast<std::int64_t>(list_.size());
   dirty.Clear();
   return Status::Ok();
 }
@@ -119,16 +105,17 @@ Status LiveSystem::LineariseFamily(LiveFamily* family) {
 void LiveSystem::SetFrameStep(std::int32_t frame, const double* step) {
   const LiveSchur::Frame& moved = schur_.frames()[frame];
   moved_.Add(frame);
-  std::copy_n(step, moved.size, step_.data() + static_cast<std::ptrdiff_t>(moved.quad) * kQuad);
+  std::copy_n(step, moved.size, step_.data() + std::ptrdiff_t{moved.quad} * kQuad);
 }
 
 void LiveSystem::Visit(std::int32_t landmark) {
-  visited_.Add(landmark);
-  schur_.BackSubstitute(landmark, step_.data());
+  if (visited_.Add(landmark)) {
+    schur_.BackSubstitute(landmark, step_.data());
+  }
 }
 
 void LiveSystem::Move(VariableId id, std::int32_t quad, const std::vector<FactorRef>& factors) {
-  const double* step = step_.data() + static_cast<std::ptrdiff_t>(quad) * kQuad;
+  const double* step = step_.data() + std::ptrdiff_t{quad} * kQuad;
   const double* x = values_.current(id);
   double* moved = values_.candidate(id);
   if (const Manifold* manifold = graph_.manifold(id)) {
@@ -144,71 +131,81 @@ void LiveSystem::Move(VariableId id, std::int32_t quad, const std::vector<Factor
 }
 
 Status LiveSystem::EvaluateStep(double* change, double* predicted_decrease) {
-  for (const std::int32_t i : moved_.indices()) {
+  moved_.ForEach([this](std::int32_t i) {
     const LiveSchur::Frame& frame = schur_.frames()[i];
     Move(frame.id, frame.quad, frame.factors);
-  }
-  for (const std::int32_t l : visited_.indices()) {
+  });
+  visited_.ForEach([this](std::int32_t l) {
     const LiveSchur::Landmark& landmark = schur_.landmarks()[l];
     Move(landmark.id, landmark.quad, landmark.factors);
-  }
+  });
   *change = 0.0;
   *predicted_decrease = 0.0;
   for (LiveFamily& family : families_) {
-    IndexSet& touched = touched_[family.id()];
-    touched.Sort();
-    const EvaluationFailure failure = family.EvaluateCandidate(touched.indices());
+    std::vector<std::int32_t>& touched = touched_lists_[family.id()];
+    touched_[family.id()].CopyTo(&touched);
+    const EvaluationFailure failure = family.EvaluateCandidate(touched, executor_);
     if (failure.failed()) {
       return Status::Error(StatusCode::kEvaluationFailed,
                            graph_.DescribeFactor(family.id(), failure.factor) + ": " + failure.reason);
     }
-    for (const std::int32_t i : touched.indices()) {
+    for (const std::int32_t i : touched) {
       *change += family.CandidateCost(i) - family.Cost(i);
-      *predicted_decrease += family.PredictDecrease(i, step_.data());
     }
+    *predicted_decrease += family.PredictDecrease(touched, step_.data());
   }
   return Status::Ok();
 }
 
-void LiveSystem::AcceptValues() {
-  std::vector<double> q_change;
+int LiveSystem::AcceptValues() {
   for (LiveFamily& family : families_) {
-    q_change.resize(family.residual_size());
-    for (const std::int32_t i : touched_[family.id()].indices()) {
+    const std::vector<std::int32_t>& touched = touched_lists_[family.id()];
+    for (const std::int32_t i : touched) {
+      cost_ += family.CandidateCost(i) - family.Cost(i);
       const FactorRef ref{family.id(), i};
-      cost_ -= family.Cost(i);
-      family.Accept(i, q_change.data());
-      cost_ += family.Cost(i);
-      schur_.ChangeResidual(ref, q_change.data());
       const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
       if (landmark >= 0) {
         stale_landmarks_.Add(landmark);
       }
+      for (int s = 0; s < family.num_slots(); ++s) {
+        if (schur_.FrameOfFactor(ref, s) >= 0) {
+          schur_.TouchB(schur_.FrameOfFactor(ref, s));
+        }
+      }
     }
+    cost_changes_ += static_cast<std::int64_t>(touched.size());
+    family.Accept(touched, schur_.padded_rhs());
   }
-  for (const std::int32_t landmark : stale_landmarks_.indices()) {
-    schur_.RefreshResidual(landmark);
-  }
+  stale_landmarks_.ForEach([this](std::int32_t landmark) { schur_.RefreshResidual(landmark); });
+  const int num_updated = stale_landmarks_.count();
   stale_landmarks_.Clear();
   const auto accept = [this](VariableId id) {
     values_.Accept(id);
     tangents_.MarkMoved(id);
   };
-  for (const std::int32_t i : moved_.indices()) {
-    accept(schur_.frames()[i].id);
+  moved_.ForEach([&](std::int32_t i) { accept(schur_.frames()[i].id); });
+  visited_.ForEach([&](std::int32_t l) { accept(schur_.landmarks()[l].id); });
+  ResumCost();
+  return num_updated;
+}
+
+// The cost is kept by difference and summed anew after as many changes as there are factors: rounding does not pile up.
+void LiveSystem::ResumCost() {
+  if (cost_changes_ <= num_factors_) {
+    return;
   }
-  for (const std::int32_t l : visited_.indices()) {
-    accept(schur_.landmarks()[l].id);
+  cost_changes_ = 0;
+  cost_ = 0.0;
+  for (const LiveFamily& family : families_) {
+    for (std::int32_t i = 0; i < family.num_places(); ++i) {
+      cost_ += family.linearised(i) ? family.Cost(i) : 0.0;
+    }
   }
 }
 
 void LiveSystem::Reject() {
-  for (const std::int32_t i : moved_.indices()) {
-    values_.Reject(schur_.frames()[i].id);
-  }
-  for (const std::int32_t l : visited_.indices()) {
-    values_.Reject(schur_.landmarks()[l].id);
-  }
+  moved_.ForEach([this](std::int32_t i) { values_.Reject(schur_.frames()[i].id); });
+  visited_.ForEach([this](std::int32_t l) { values_.Reject(schur_.landmarks()[l].id); });
   EndStep();
 }
 
@@ -216,17 +213,22 @@ void LiveSystem::EndStep() {
   const auto clear = [this](std::int32_t quad, int size) {
     std::fill_n(step_.begin() + std::ptrdiff_t{quad} * kQuad, size, 0.0);
   };
-  for (const std::int32_t i : moved_.indices()) {
-    clear(schur_.frames()[i].quad, schur_.frames()[i].size);
-  }
-  for (const std::int32_t l : visited_.indices()) {
-    clear(schur_.landmarks()[l].quad, schur_.landmarks()[l].size);
-  }
-  for (IndexSet& touched : touched_) {
-    touched.Clear();
+  moved_.ForEach([&](std::int32_t i) { clear(schur_.frames()[i].quad, schur_.frames()[i].size); });
+  visited_.ForEach([&](std::int32_t l) { clear(schur_.landmarks()[l].quad, schur_.landmarks()[l].size); });
+  for (const LiveFamily& family : families_) {
+    touched_[family.id()].Clear();
+    touched_lists_[family.id()].clear();
   }
   moved_.Clear();
   visited_.Clear();
+}
+
+std::int64_t LiveSystem::Bytes() const {
+  std::int64_t bytes = schur_.Bytes() + static_cast<std::int64_t>(step_.capacity() * sizeof(double));
+  for (const LiveFamily& family : families_) {
+    bytes += family.Bytes();
+  }
+  return bytes;
 }
 
 }  // namespace inceres::internal

@@ -1,10 +1,10 @@
 #pragma once
 
 #include <cstdint>
-#include <utility>
 #include <vector>
 
 #include "base/aligned_vector.h"
+#include "base/executor.h"
 #include "inceres/graph/factor_graph.h"
 #include "linearisation/live_family.h"
 #include "linearisation/live_tangents.h"
@@ -14,22 +14,42 @@
 
 namespace inceres::internal {
 
-/// A growing problem with everything that was ever computed for it: values, cached linearisations, S and b. What an incremental
+/// When S and b are summed anew instead of following by difference. The result is the same up to rounding.
+enum class RebuildRule { kWhenCheaper, kAlways, kNever };
+
+/// What a call of Relinearise did.
+struct RelineariseWork {
+  int num_factors = 0;         // linearised
+  int num_landmarks = 0;       // eliminated
+  int num_drifted_frames = 0;  // summed anew against cancellation
+  bool rebuilt = false;        // S and b summed anew
+};
+
+/// A living problem with everything that was ever computed for it: values, cached linearisations, S and b. What an incremental
 /// strategy drives:
 ///
-///     TakeUpAdditions -> Relinearise -> (solve S' δ_c = b elsewhere) -> SetFrameStep, Visit -> EvaluateStep -> Accept or Reject
+///     edits -> Relinearise -> (solve S' δ_c = b elsewhere) -> SetFrameStep, Visit -> EvaluateStep -> Accept or Reject
 ///
-/// The cost of each verb goes with the factors it touches, not with the size of the problem.
-/// Threads: the calling one. Source: algorithms.md section 2 (the thesis's algorithms 2 to 4).
+/// The cost of each verb goes with the factors it touches, not with the size of the problem. Edits follow those of the graph;
+/// removals come before the graph forgets, additions after it knows.
+/// Threads: evaluation runs on `num_threads`, with the same bits for any number; all else on the calling one.
+/// Source: algorithms.md section 2 (the thesis's algorithms 2 to 4).
 class LiveSystem {
  public:
-  /// The graph grows at its owner's hands; its state vector is read once, when a variable is taken up.
-  explicit LiveSystem(const FactorGraph& graph) : graph_(graph), schur_(&families_) {}
+  /// The graph belongs to the caller; it is asked to keep track of its variables' factors, and nothing else about it changes.
+  LiveSystem(FactorGraph& graph, int num_threads) : graph_(graph), executor_(num_threads), schur_(&families_) {}
   LiveSystem(const LiveSystem&) = delete;
   LiveSystem& operator=(const LiveSystem&) = delete;
 
-  /// Variables and factors the graph has gained since the last call; the new factors are dirty. Requires a graph that validates.
-  void TakeUpAdditions();
+  /// A variable that is constant when it comes stays outside the system until it is set free.
+  void AddVariable(VariableId id);
+  /// No factor may touch it any more.
+  void RemoveVariable(VariableId id);
+  void AddFactor(FactorRef ref);
+  void RemoveFactor(FactorRef ref);
+  /// Constancy as the graph has it now. The factors of a variable that was part of the system are not evaluated again.
+  void UpdateConstants(const std::vector<VariableId>& ids);
+  void SetValues(VariableId id, const double* values);
 
   /// Marks a factor for relinearisation.
   void MarkDirty(FactorRef ref) { dirty_[ref.family].Add(ref.factor); }
@@ -39,7 +59,7 @@ class LiveSystem {
   /// Algorithm 3: takes the old contributions of the dirty subgraph out of S and b, linearises its factors at the current values
   /// and puts the new ones in; its landmarks are damped by lambda · diag(P). On failure names the factor or variable; S and b are
   /// then incomplete.
-  Status Relinearise(double lambda);
+  Status Relinearise(double lambda, RebuildRule rule, RelineariseWork* work);
 
   /// The step under construction; what is not set does not move.
   void SetFrameStep(std::int32_t frame, const double* step);
@@ -55,53 +75,58 @@ class LiveSystem {
   }
   void Reject();
   /// Accept in two halves, for whoever wants to look at the touched factors in between.
-  void AcceptValues();
+  /// The first half tells how many landmarks' right-hand sides followed.
+  int AcceptValues();
   void EndStep();
 
   bool FrameMoves(std::int32_t frame) const { return moved_.Has(frame); }
+  bool Visited(std::int32_t landmark) const { return visited_.Has(landmark); }
   int NumDirtyFactors() const;
-  /// Landmarks eliminated since the last call.
-  int TakeNumEliminated() { return std::exchange(num_eliminated_, 0); }
-
-  /// Calls visit(ref) for each factor the step touches; between EvaluateStep and Accept or Reject.
-  template <typename Visit>
-  void ForEachTouched(Visit&& visit) const {
-    for (const LiveFamily& family : families_) {
-      for (const std::int32_t i : touched_[family.id()].indices()) {
-        visit(FactorRef{family.id(), i});
-      }
-    }
-  }
+  /// Per family, ascending: the factors the step touches; between EvaluateStep and EndStep.
+  const std::vector<std::int32_t>& Touched(int family) const { return touched_lists_[family]; }
 
   double cost() const { return cost_; }
+  int num_factors() const { return num_factors_; }
   const LiveValues& values() const { return values_; }
   const std::vector<LiveFamily>& families() const { return families_; }
   LiveSchur& schur() { return schur_; }
   const LiveSchur& schur() const { return schur_; }
+  const Executor& executor() const { return executor_; }
+  std::int64_t Bytes() const;
 
  private:
-  void TakeUpVariables();
-  Status LineariseFamily(LiveFamily* family);
+  void Enter(VariableId id);
+  void Attach(FactorRef ref);
+  void Detach(FactorRef ref);
+  void AdmitFamilies();
+  void GrowSets();
+  bool RebuildIsCheaper() const;
+  Status LineariseFamily(LiveFamily* family, bool by_difference);
   void Move(VariableId id, std::int32_t quad, const std::vector<FactorRef>& factors);
+  void ResumCost();
 
-  const FactorGraph& graph_;
+  FactorGraph& graph_;
+  Executor executor_;
   LiveValues values_;
   LiveTangents tangents_;
   std::vector<LiveFamily> families_;
   LiveSchur schur_;
   std::vector<int> frame_of_;     // per variable, or -1
   std::vector<int> landmark_of_;  // per variable, or -1
+  int num_factors_ = 0;
   double cost_ = 0.0;
-  int num_eliminated_ = 0;
+  std::int64_t cost_changes_ = 0;  // since the cost was summed
 
-  std::vector<IndexSet> dirty_;       // per family: to be relinearised
-  std::vector<IndexSet> touched_;     // per family: with a variable that moves
-  std::vector<IndexSet> linearised_;  // per family: whose Jacobian is part of S
-  IndexSet dirty_landmarks_;          // out of S, to be eliminated anew
-  IndexSet stale_landmarks_;          // within Accept: whose right-hand side has changed
+  std::vector<IndexSet> dirty_;    // per family: to be relinearised
+  std::vector<IndexSet> touched_;  // per family: with a variable that moves
+  std::vector<std::vector<std::int32_t>> touched_lists_;
+  IndexSet dirty_landmarks_;  // out of S, to be eliminated anew
+  IndexSet stale_landmarks_;  // within Accept: whose right-hand side has changed
   IndexSet visited_;
   IndexSet moved_;
   AlignedVector<double> step_;  // padded, all variables; zero where nothing moves
+  std::vector<std::int32_t> list_;
+  std::vector<std::int32_t> slots_;
 };
 
 }  // namespace inceres::internal

@@ -1,74 +1,12 @@
 #include "inceres/solver/summary.h"
 
-#include <cmath>
-#include <locale>
-#include <sstream>
+#include "base/json_object.h"
 
 namespace inceres {
+
+using internal::JsonObject;
+
 namespace {
-
-// A JSON object under construction. Numbers keep 17 digits; what JSON has no number for becomes null.
-class JsonObject {
- public:
-  JsonObject() {
-    text_.imbue(std::locale::classic());  // a decimal point, whatever the program's locale
-    text_ << std::boolalpha << '{';
-    text_.precision(17);
-  }
-
-  JsonObject& Add(const char* name, double value) {
-    Name(name);
-    if (std::isfinite(value)) {
-      text_ << value;
-    } else {
-      text_ << "null";
-    }
-    return *this;
-  }
-  JsonObject& Add(const char* name, std::int64_t value) {
-    Name(name) << value;
-    return *this;
-  }
-  JsonObject& Add(const char* name, int value) { return Add(name, static_cast<std::int64_t>(value)); }
-  JsonObject& Add(const char* name, bool value) {
-    Name(name) << value;
-    return *this;
-  }
-  JsonObject& AddString(const char* name, const std::string& value) {
-    Name(name) << '"';
-    for (const char c : value) {
-      if (c == '"' || c == '\\') {
-        text_ << '\\' << c;
-      } else if (static_cast<unsigned char>(c) < 0x20) {
-        text_ << ' ';
-      } else {
-        text_ << c;
-      }
-    }
-    text_ << '"';
-    return *this;
-  }
-  JsonObject& AddRaw(const char* name, const std::string& json) {
-    Name(name) << json;
-    return *this;
-  }
-  std::string Close() {
-    text_ << '}';
-    return text_.str();
-  }
-
- private:
-  std::ostream& Name(const char* name) {
-    if (!first_) {
-      text_ << ", ";
-    }
-    first_ = false;
-    return text_ << '"' << name << "\": ";
-  }
-
-  std::ostringstream text_;
-  bool first_ = true;
-};
 
 std::string ToJson(const IterationSummary& iteration) {
   return JsonObject()

@@ -36,7 +36,7 @@ class Street {
     EXPECT_TRUE(GenerateStreetScene(scene_options, &scene).ok());
     problem_ = scene.problem;
     std::copy_n(scene.truth.cameras.begin(), 2 * 9, problem_.cameras.begin());
-    family_ = solver.graph().AddFamily(reprojections_);
+    family_ = solver.AddFamily(reprojections_);
     points_.assign(problem_.num_points, -1);
     sightings_.resize(problem_.num_points);
   }
@@ -44,9 +44,10 @@ class Street {
   int num_cameras() const { return problem_.num_cameras; }
 
   void AddCamera() {
+    GraphEdit edit(solver.graph());
     const int camera = static_cast<int>(cameras_.size());
-    cameras_.push_back(solver.graph().AddVariable(problem_.cameras.data() + 9 * camera, 9, Role::kFrame));
-    solver.graph().SetConstant(cameras_.back(), camera < 2);
+    cameras_.push_back(edit.AddVariable(problem_.cameras.data() + 9 * camera, 9, Role::kFrame));
+    edit.SetConstant(cameras_.back(), camera < 2);
     for (const auto& observation : problem_.observations) {
       if (observation.camera != camera) {
         continue;
@@ -55,13 +56,15 @@ class Street {
       sightings.push_back({camera, observation.x, observation.y});
       VariableId& point = points_[observation.point];
       if (point >= 0) {
-        Observe(sightings.back(), point);
+        Observe(sightings.back(), point, &edit);
       } else if (sightings.size() == 2) {
-        point = solver.graph().AddVariable(problem_.points.data() + 3 * observation.point, 3, Role::kLandmark);
-        Observe(sightings[0], point);
-        Observe(sightings[1], point);
+        point = edit.AddVariable(problem_.points.data() + 3 * observation.point, 3, Role::kLandmark);
+        Observe(sightings[0], point, &edit);
+        Observe(sightings[1], point, &edit);
       }
     }
+    const Status status = solver.Apply(edit);
+    EXPECT_TRUE(status.ok()) << status.message;
   }
 
   // The minimum the batch solver finds from the values held now.
@@ -85,10 +88,8 @@ class Street {
     double y;
   };
 
-  void Observe(const Sighting& sighting, VariableId point) {
-    const VariableId variables[2] = {cameras_[sighting.camera], point};
-    reprojections_->Add({sighting.x, sighting.y});
-    solver.graph().Connect(family_, variables, loss_);
+  void Observe(const Sighting& sighting, VariableId point, GraphEdit* edit) {
+    edit->AddFactor(family_, *reprojections_, {sighting.x, sighting.y}, {cameras_[sighting.camera], point}, loss_);
   }
 
   BalProblem problem_;
@@ -106,7 +107,7 @@ TEST_P(IncrementalStreet, EveryStepEndsAtTheBatchMinimum) {
   IncrementalOptions options;
   options.function_tolerance = 1e-9;
   options.relinearisation_share = GetParam();
-  options.truncation_share = 0.1 * GetParam();
+  options.truncation_share = GetParam();
   Street street(options);
   street.AddCamera();
   for (int camera = 1; camera < street.num_cameras(); ++camera) {
@@ -121,7 +122,7 @@ TEST_P(IncrementalStreet, EveryStepEndsAtTheBatchMinimum) {
 }
 
 // 0: every factor that moved is linearised anew, and everything moves: the batch method.
-INSTANTIATE_TEST_SUITE_P(Shares, IncrementalStreet, testing::Values(0.0, 1.0));
+INSTANTIATE_TEST_SUITE_P(Shares, IncrementalStreet, testing::Values(0.0, 0.1));
 
 TEST(IncrementalSolver, DoesLessWhenLessHasChanged) {
   Street street(IncrementalOptions{});
@@ -134,8 +135,10 @@ TEST(IncrementalSolver, DoesLessWhenLessHasChanged) {
   EXPECT_EQ(nothing_new.termination, Termination::kConvergence);
   EXPECT_EQ(nothing_new.num_relinearised_factors, 0);
   EXPECT_EQ(nothing_new.num_eliminated_landmarks, 0);
-  EXPECT_EQ(nothing_new.num_iterations, 1);
-  EXPECT_NEAR(nothing_new.final_cost, first.final_cost, 1e-6 * first.final_cost);
+  EXPECT_EQ(nothing_new.num_iterations, 0);
+  EXPECT_EQ(nothing_new.num_evaluated_factors, 0);
+  EXPECT_EQ(nothing_new.final_cost, first.final_cost);
+  EXPECT_LT(nothing_new.seconds, 1e-3 * first.seconds);
   street.AddCamera();
   const UpdateSummary one_more = street.solver.Update();
   EXPECT_LT(one_more.num_relinearised_factors, first.num_relinearised_factors / 2);
@@ -169,9 +172,12 @@ TEST(IncrementalSolver, ParksALandmarkWithoutInformation) {
   };
   auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, blind);
   const double start = 7.0;
-  const VariableId frame = solver.graph().AddVariable(&start, 1, Role::kFrame);
-  const VariableId landmark = solver.graph().AddVariable(&start, 1, Role::kLandmark);
-  solver.graph().AddFactor(solver.graph().AddFamily(family), *family, 0, {frame, landmark});
+  const FamilyId id = solver.AddFamily(family);
+  GraphEdit edit(solver.graph());
+  const VariableId frame = edit.AddVariable(&start, 1, Role::kFrame);
+  const VariableId landmark = edit.AddVariable(&start, 1, Role::kLandmark);
+  edit.AddFactor(id, *family, 0, {frame, landmark});
+  ASSERT_TRUE(solver.Apply(edit).ok());
   const UpdateSummary summary = solver.Update();
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_EQ(summary.num_parked_landmarks, 1);
@@ -191,14 +197,18 @@ TEST(IncrementalSolver, AFactorThatFailsIsNamedAndMayRecover) {
   };
   auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, moody);
   const double start = 5.0;
-  const VariableId x = solver.graph().AddVariable(&start, 1, Role::kFrame);
-  const FamilyId id = solver.graph().AddFamily(family);
-  solver.graph().AddFactor(id, *family, 0, {x});
+  const FamilyId id = solver.AddFamily(family);
+  GraphEdit edit(solver.graph());
+  const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
+  edit.AddFactor(id, *family, 0, {x});
+  ASSERT_TRUE(solver.Apply(edit).ok());
   ASSERT_EQ(solver.Update().termination, Termination::kConvergence);
   EXPECT_NEAR(*solver.Values(x), 0.0, 1e-6);
 
   broken = true;
-  solver.graph().AddFactor(id, *family, 0, {x});
+  edit.Restart();
+  edit.AddFactor(id, *family, 0, {x});
+  ASSERT_TRUE(solver.Apply(edit).ok());
   const double before = *solver.Values(x);
   const UpdateSummary failed = solver.Update();
   EXPECT_EQ(failed.termination, Termination::kFailure);
@@ -207,16 +217,18 @@ TEST(IncrementalSolver, AFactorThatFailsIsNamedAndMayRecover) {
 
   broken = false;
   EXPECT_EQ(solver.Update().termination, Termination::kConvergence);
-  EXPECT_NEAR(*solver.Values(x), 0.5, 1e-6);
+  EXPECT_NEAR(*solver.Values(x), 0.5, 1e-3);  // within the function tolerance
 }
 
-TEST(IncrementalSolver, AGraphThatDoesNotValidateIsRefusedUntouched) {
+TEST(IncrementalSolver, AnEditThatCannotBeIsRefusedUntouched) {
   IncrementalSolver solver{IncrementalOptions{}};
   const double start = std::nan("");
-  solver.graph().AddVariable(&start, 1, Role::kFrame);
-  const UpdateSummary summary = solver.Update();
-  EXPECT_EQ(summary.termination, Termination::kFailure);
-  EXPECT_NE(summary.message.find("variable 0"), std::string::npos) << summary.message;
+  GraphEdit edit(solver.graph());
+  edit.AddVariable(&start, 1, Role::kFrame);
+  const Status status = solver.Apply(edit);
+  EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
+  EXPECT_NE(status.message.find("variable 0"), std::string::npos) << status.message;
+  EXPECT_EQ(solver.graph().num_variables(), 0);
 }
 
 TEST(IncrementalOptions, EachFieldIsValidatedByName) {
@@ -233,6 +245,8 @@ TEST(IncrementalOptions, EachFieldIsValidatedByName) {
   expect_named("max_seconds", [](IncrementalOptions* o) { o->max_seconds = 0.0; });
   expect_named("function_tolerance", [](IncrementalOptions* o) { o->function_tolerance = -1.0; });
   expect_named("min_relative_decrease", [](IncrementalOptions* o) { o->min_relative_decrease = std::nan(""); });
+  expect_named("max_factor_evaluations", [](IncrementalOptions* o) { o->max_factor_evaluations = 0; });
+  expect_named("num_threads", [](IncrementalOptions* o) { o->num_threads = 0; });
   expect_named("min_damping", [](IncrementalOptions* o) { o->min_damping = 0.0; });
   expect_named("initial_damping", [](IncrementalOptions* o) { o->initial_damping = 1e-12; });
   expect_named("max_damping", [](IncrementalOptions* o) { o->max_damping = 1e-6; });

@@ -164,7 +164,11 @@ class IncrementalReplaySolver : public ReplaySolver {
   std::string Name() const override {
     return std::string("inceres (incremental, factor graph), ") + (autodiff_ ? "AutoDiff" : "analytic factors");
   }
-  Status AddStep(const ReplayStep& step) override { return living_.Add(step, &solver_.graph()); }
+  Status AddStep(const ReplayStep& step) override {
+    return living_.AddAsEdit(
+        step, solver_.graph(), [this](auto family) { return solver_.AddFamily(std::move(family)); },
+        [this](const GraphEdit& edit) { return solver_.Apply(edit); });
+  }
   ReplayOutcome Solve() override {
     UpdateSummary summary;
     ReplayOutcome outcome;
@@ -180,8 +184,12 @@ class IncrementalReplaySolver : public ReplaySolver {
                     {"evaluated_factors", summary.num_evaluated_factors},
                     {"eliminated_landmarks", summary.num_eliminated_landmarks},
                     {"factored_rows", summary.num_factored_rows},
+                    {"updated_landmarks", summary.num_updated_landmarks},
+                    {"solved_rows", summary.num_solved_rows},
                     {"visited_landmarks", summary.num_visited_landmarks},
-                    {"moved_frames", summary.num_moved_frames}};
+                    {"moved_frames", summary.num_moved_frames},
+                    {"rebuilds", summary.num_rebuilds},
+                    {"bytes", summary.bytes}};
     return outcome;
   }
   std::vector<double> State() const override {
@@ -198,6 +206,7 @@ class IncrementalReplaySolver : public ReplaySolver {
     IncrementalOptions options;
     options.max_num_iterations = settings.max_num_iterations;
     options.function_tolerance = settings.function_tolerance;
+    options.num_threads = settings.num_threads;
     return options;
   }
 

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+#include "inceres/export.h"
+#include "inceres/status.h"
+
+namespace inceres {
+
+/// Who solves the reduced system S δ = b of an IncrementalSolver.
+enum class IncrementalReducedSolver {
+  kAutomatic,  ///< by predicted flops, call by call: resumed while little has changed, dense or sparse when much has
+  kResumed,    ///< envelope Cholesky, refactored only behind the first changed row
+  kDense,      ///< dense Cholesky of our own, from scratch
+  kSparse,     ///< CHOLMOD, symbolic analysis kept while the pattern stands
+  kPcg,        ///< preconditioned conjugate gradients that start from the last solution (ICE-BA)
+};
+
+/// Whether S and b follow a change by difference, or are summed anew from the cached Jacobians. The same up to rounding.
+enum class RebuildPolicy { kWhenCheaper, kAlways, kNever };
+
+/// When a factor that was moved is linearised anew.
+enum class RelinearisationRule {
+  kResidualError,  ///< the error of its old linearisation counts in units of the objective (algorithms.md section 2)
+  kStepSize,       ///< ‖δ_i‖_∞ of one of its variables since then reaches a threshold (the thesis, EIBA, ICE-BA)
+};
+
+/// Options of an IncrementalSolver. The thresholds are shares of what function_tolerance allows.
+struct INCERES_EXPORT IncrementalOptions {
+  int max_num_iterations = 50;  ///< per Update, ≥ 0
+  double max_seconds = 1e9;     ///< per Update, > 0, looked at between iterations; the best state so far is kept
+  /// Work budget per Update, > 0: factors evaluated, with or without Jacobians. Looked at between iterations.
+  std::int64_t max_factor_evaluations = std::numeric_limits<std::int64_t>::max();
+  /// ≥ 0: an Update ends when everything left undone, by the model from fresh enough Jacobians, is less than a share of this
+  /// times the cost.
+  double function_tolerance = 1e-6;
+  double min_relative_decrease = 1e-3;  ///< ≥ 0: accept a step iff (actual decrease) / (predicted decrease) exceeds it
+  double initial_damping = 1e-4;  ///< ≥ min_damping: μ at the first Update; later ones start from the last μ, at most this
+  double min_damping = 1e-8;      ///< > 0, for the gauge may be free
+  double max_damping = 1e8;       ///< ≥ initial_damping: an Update that needs more ends as a failure to converge
+  int num_threads = 1;            ///< ≥ 1: evaluation of factors; the result is the same to the last bit
+
+  RelinearisationRule relinearisation = RelinearisationRule::kResidualError;
+  /// θ_r of kResidualError: a factor is linearised anew when the squared error of its old linearisation exceeds this share of
+  /// function_tolerance · 2F / (number of factors). ≥ 0; 0 linearises every factor that moved.
+  double relinearisation_share = 0.1;
+  /// ε of kStepSize, > 0, in the units of the tangent spaces.
+  double relinearisation_step = 1e-3;
+
+  /// θ_a: frames whose steps together are worth less than this share of the predicted decrease (or of what function_tolerance
+  /// allows, if that is more) stay put, postponed to a later iteration or Update. In [0, 1); 0 moves all.
+  double truncation_share = 0.05;
+
+  RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;
+  IncrementalReducedSolver reduced_solver = IncrementalReducedSolver::kAutomatic;
+
+  /// What is wrong with these options, the first culprit named.
+  Status Validate() const;
+};
+
+}  // namespace inceres

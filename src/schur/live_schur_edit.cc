@@ -1,0 +1,221 @@
+// How LiveSchur grows and shrinks: frames, landmarks and the factors that connect them.
+
+#include <algorithm>
+
+#include "schur/live_schur.h"
+
+namespace inceres::internal {
+namespace {
+
+// A free row is used again only when there are as many as this beside as many as half the live ones: a new frame in an old row
+// makes the factor resume there, while rows at the end cost nothing.
+constexpr std::size_t kFreeRows = 4;
+
+}  // namespace
+
+void LiveSchur::MakeRoom(std::int32_t quad, int size) {
+  const std::size_t end = static_cast<std::size_t>(quad) * kQuad + PadToQuad(size);
+  if (end > rhs_.size()) {
+    rhs_.resize(end, 0.0);
+  }
+  std::fill_n(Rhs(quad), PadToQuad(size), 0.0);
+}
+
+void LiveSchur::UpdateOffsets(std::int32_t first) {
+  offsets_.resize(frames_.size() + 1);
+  for (std::size_t i = first; i < frames_.size(); ++i) {
+    offsets_[i + 1] = offsets_[i] + frames_[i].size;
+  }
+}
+
+int LiveSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
+  auto row = static_cast<std::int32_t>(frames_.size());
+  if (free_rows_.size() >= kFreeRows + static_cast<std::size_t>(num_frames_) / 2) {
+    const auto last = std::max_element(free_rows_.begin(), free_rows_.end());
+    row = *last;
+    free_rows_.erase(last);
+    S_.ReviveRow(row, size);
+  } else {
+    frames_.emplace_back();
+    S_.AddRow(size);
+    touched_.Grow(frames_.size());
+  }
+  Frame& frame = frames_[row];
+  frame.id = id;
+  frame.quad = quad;
+  frame.size = size;
+  frame.held = false;
+  ++num_frames_;
+  // The packed diagonal of the rows behind moves up.
+  UpdateOffsets(row);
+  C_diagonal_.insert(C_diagonal_.begin() + offsets_[row], size, 0.0);
+  C_peak_.insert(C_peak_.begin() + offsets_[row], size, 0.0);
+  MakeRoom(quad, size);
+  Touch(row);
+  return row;
+}
+
+void LiveSchur::RemoveFrame(std::int32_t row) {
+  Frame& frame = frames_[row];
+  C_diagonal_.erase(C_diagonal_.begin() + offsets_[row], C_diagonal_.begin() + offsets_[row] + frame.size);
+  C_peak_.erase(C_peak_.begin() + offsets_[row], C_peak_.begin() + offsets_[row] + frame.size);
+  S_.RemoveRow(row);
+  frame.id = -1;
+  frame.size = 0;
+  frame.held = false;
+  --num_frames_;
+  UpdateOffsets(row);
+  free_rows_.push_back(row);
+  Touch(row);
+}
+
+void LiveSchur::HoldFrame(std::int32_t row, bool held) {
+  frames_[row].held = held;
+  Touch(row);
+}
+
+void LiveSchur::HoldLandmark(std::int32_t index, bool held) {
+  TakeOut(index);
+  landmarks_[index].held = held;
+}
+
+int LiveSchur::AddLandmark(VariableId id, std::int32_t quad, int size) {
+  auto index = static_cast<std::int32_t>(landmarks_.size());
+  if (free_landmarks_.empty()) {
+    landmarks_.emplace_back();
+    eager_.Grow(landmarks_.size());
+  } else {
+    index = free_landmarks_.back();
+    free_landmarks_.pop_back();
+  }
+  Landmark& landmark = landmarks_[index];
+  landmark.id = id;
+  landmark.quad = quad;
+  landmark.size = size;
+  landmark.held = false;
+  ++num_landmarks_;
+  MakeRoom(quad, size);
+  return index;
+}
+
+void LiveSchur::RemoveLandmark(std::int32_t index) {
+  TakeOut(index);
+  Landmark& landmark = landmarks_[index];
+  ReleaseBlocks(&landmark);
+  num_parked_ -= landmark.parked ? 1 : 0;
+  landmark.parked = false;
+  landmark.id = -1;
+  --num_landmarks_;
+  free_landmarks_.push_back(index);
+}
+
+void LiveSchur::Connect(FactorRef ref, const std::int32_t* frames, std::int32_t landmark) {
+  for (auto* table : {&frame_of_slot_, &place_in_frame_, &landmark_of_, &landmark_slot_}) {
+    table->resize(families_.size());
+  }
+  const LiveFamily& family = families_[ref.family];
+  const int num_slots = family.num_slots();
+  const auto num_places = static_cast<std::size_t>(family.num_places());
+  if (landmark_of_[ref.family].size() < num_places) {
+    frame_of_slot_[ref.family].resize(num_places * num_slots, -1);
+    place_in_frame_[ref.family].resize(num_places * num_slots, -1);
+    landmark_of_[ref.family].resize(num_places, -1);
+    landmark_slot_[ref.family].resize(num_places, -1);
+  }
+  landmark_of_[ref.family][ref.factor] = landmark;
+  for (int s = 0; s < num_slots; ++s) {
+    frame_of_slot_[ref.family][Slot(ref, s)] = frames[s];
+    if (frames[s] >= 0) {
+      place_in_frame_[ref.family][Slot(ref, s)] = static_cast<std::int32_t>(frames_[frames[s]].factors.size());
+      frames_[frames[s]].factors.push_back(ref);
+    }
+  }
+  if (landmark < 0) {
+    return;
+  }
+  Landmark& l = landmarks_[landmark];
+  l.factors.push_back(ref);
+  l.placed = false;
+  for (int s = 0; s < num_slots; ++s) {
+    if (family.variables(ref.factor)[s] == l.id) {
+      landmark_slot_[ref.family][ref.factor] = s;
+    }
+    if (frames[s] >= 0 && std::find(l.frames.begin(), l.frames.end(), frames[s]) == l.frames.end()) {
+      l.frames.push_back(frames[s]);
+      l.places.push_back(static_cast<std::int32_t>(frames_[frames[s]].landmarks.size()));
+      frames_[frames[s]].landmarks.push_back(landmark);
+    }
+  }
+}
+
+// The last of the frame's factors takes the place.
+void LiveSchur::Unlist(std::int32_t frame, std::int32_t place) {
+  std::vector<FactorRef>& factors = frames_[frame].factors;
+  const FactorRef last = factors.back();
+  factors[place] = last;
+  factors.pop_back();
+  for (int s = 0; s < families_[last.family].num_slots(); ++s) {
+    if (FrameOfFactor(last, s) == frame) {
+      place_in_frame_[last.family][Slot(last, s)] = place;
+    }
+  }
+}
+
+// The frame is no longer one the landmark is seen from; the last of its landmarks takes the place.
+void LiveSchur::Separate(std::int32_t landmark, std::int32_t frame) {
+  const auto index_of = [this, frame](std::int32_t l) {
+    const std::vector<std::int32_t>& frames = landmarks_[l].frames;
+    return std::find(frames.begin(), frames.end(), frame) - frames.begin();
+  };
+  Landmark& l = landmarks_[landmark];
+  const auto at = index_of(landmark);
+  const std::int32_t place = l.places[at];
+  std::vector<std::int32_t>& listed = frames_[frame].landmarks;
+  listed[place] = listed.back();
+  landmarks_[listed[place]].places[index_of(listed[place])] = place;
+  listed.pop_back();
+  l.frames.erase(l.frames.begin() + at);
+  l.places.erase(l.places.begin() + at);
+}
+
+void LiveSchur::Disconnect(FactorRef ref) {
+  const int num_slots = families_[ref.family].num_slots();
+  for (int s = 0; s < num_slots; ++s) {
+    if (FrameOfFactor(ref, s) >= 0) {
+      Unlist(FrameOfFactor(ref, s), place_in_frame_[ref.family][Slot(ref, s)]);
+    }
+  }
+  const std::int32_t landmark = LandmarkOfFactor(ref);
+  if (landmark < 0) {
+    return;
+  }
+  Landmark& l = landmarks_[landmark];
+  l.factors.erase(std::find(l.factors.begin(), l.factors.end(), ref));
+  l.placed = false;
+  const auto sees = [this](const FactorRef& factor, std::int32_t frame) {
+    const std::int32_t* begin = frame_of_slot_[factor.family].data() + Slot(factor, 0);
+    const std::int32_t* end = begin + families_[factor.family].num_slots();
+    return std::find(begin, end, frame) != end;
+  };
+  for (int s = 0; s < num_slots; ++s) {
+    const std::int32_t frame = FrameOfFactor(ref, s);
+    if (frame >= 0 && std::none_of(l.factors.begin(), l.factors.end(), [&](const FactorRef& f) { return sees(f, frame); })) {
+      Separate(landmark, frame);
+    }
+  }
+}
+
+std::int64_t LiveSchur::Bytes() const {
+  std::size_t bytes = sizeof(double) * (rhs_.capacity() + Y_.capacity() + 2 * C_diagonal_.capacity()) +
+                      sizeof(Frame) * frames_.capacity() + sizeof(Landmark) * landmarks_.capacity();
+  for (const Landmark& l : landmarks_) {
+    bytes += l.factors.capacity() * sizeof(FactorRef) + l.frames.capacity() * sizeof(std::int32_t) +
+             l.incidences.capacity() * sizeof(Incidence);
+  }
+  for (const Frame& f : frames_) {
+    bytes += f.factors.capacity() * sizeof(FactorRef) + f.landmarks.capacity() * sizeof(std::int32_t);
+  }
+  return static_cast<std::int64_t>(bytes) + S_.Bytes();
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,158 @@
+// How a LiveSystem follows the edits of its graph.
+
+#include <algorithm>
+
+#include "schur/live_system.h"
+
+namespace inceres::internal {
+
+void LiveSystem::GrowSets() {
+  dirty_landmarks_.Grow(schur_.landmarks().size());
+  stale_landmarks_.Grow(schur_.landmarks().size());
+  visited_.Grow(schur_.landmarks().size());
+  moved_.Grow(schur_.frames().size());
+  const std::size_t entries = static_cast<std::size_t>(tangents_.num_quads()) * kQuad;
+  if (entries > step_.size()) {
+    step_.resize(entries, 0.0);
+  }
+}
+
+void LiveSystem::AddVariable(VariableId id) {
+  if (id >= static_cast<VariableId>(frame_of_.size())) {
+    frame_of_.resize(id + 1, -1);
+    landmark_of_.resize(id + 1, -1);
+  }
+  values_.Add(graph_, id);
+  if (graph_.IsConstant(id)) {
+    tangents_.Add(graph_, id, false);
+  } else {
+    Enter(id);
+  }
+}
+
+void LiveSystem::Enter(VariableId id) {
+  tangents_.Add(graph_, id, true);
+  if (graph_.role(id) == Role::kLandmark) {
+    landmark_of_[id] = schur_.AddLandmark(id, tangents_.quad(id), graph_.TangentSize(id));
+  } else {
+    frame_of_[id] = schur_.AddFrame(id, tangents_.quad(id), graph_.TangentSize(id));
+  }
+  GrowSets();
+}
+
+void LiveSystem::RemoveVariable(VariableId id) {
+  if (landmark_of_[id] >= 0) {
+    dirty_landmarks_.Remove(landmark_of_[id]);
+    schur_.RemoveLandmark(landmark_of_[id]);
+  } else if (frame_of_[id] >= 0) {
+    schur_.RemoveFrame(frame_of_[id]);
+  }
+  frame_of_[id] = landmark_of_[id] = -1;
+  tangents_.Remove(id);
+}
+
+void LiveSystem::AdmitFamilies() {
+  for (auto id = static_cast<FamilyId>(families_.size()); id < graph_.num_families(); ++id) {
+    families_.emplace_back(graph_, id);
+    dirty_.emplace_back();
+    touched_.emplace_back();
+    touched_lists_.emplace_back();
+  }
+}
+
+void LiveSystem::AddFactor(FactorRef ref) {
+  AdmitFamilies();
+  ++num_factors_;
+  Attach(ref);
+}
+
+void LiveSystem::Attach(FactorRef ref) {
+  LiveFamily& family = families_[ref.family];
+  family.Connect(ref.factor, &values_, tangents_);
+  dirty_[ref.family].Grow(family.num_places());
+  touched_[ref.family].Grow(family.num_places());
+  slots_.clear();
+  int landmark = -1;
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const VariableId variable = family.variables(ref.factor)[s];
+    slots_.push_back(frame_of_[variable]);
+    landmark = std::max(landmark, landmark_of_[variable]);
+  }
+  if (landmark >= 0) {
+    Redamp(landmark);
+  }
+  schur_.Connect(ref, slots_.data(), landmark);
+  dirty_[ref.family].Add(ref.factor);
+}
+
+void LiveSystem::RemoveFactor(FactorRef ref) {
+  Detach(ref);
+  --num_factors_;
+}
+
+void LiveSystem::Detach(FactorRef ref) {
+  LiveFamily& family = families_[ref.family];
+  const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
+  if (landmark >= 0) {
+    Redamp(landmark);
+  }
+  if (family.linearised(ref.factor)) {
+    schur_.AddFactor(ref, -1.0);
+    cost_ -= family.Cost(ref.factor);
+    ++cost_changes_;
+  }
+  schur_.Disconnect(ref);
+  family.Forget(ref.factor);
+  dirty_[ref.family].Remove(ref.factor);
+}
+
+void LiveSystem::UpdateConstants(const std::vector<VariableId>& ids) {
+  std::vector<VariableId> entering;
+  for (const VariableId id : ids) {
+    const bool constant = graph_.IsConstant(id);
+    if (frame_of_[id] >= 0) {
+      if (schur_.frames()[frame_of_[id]].held != constant) {
+        schur_.HoldFrame(frame_of_[id], constant);
+      }
+    } else if (landmark_of_[id] >= 0) {
+      if (schur_.landmarks()[landmark_of_[id]].held != constant) {
+        schur_.HoldLandmark(landmark_of_[id], constant);
+        dirty_landmarks_.Add(landmark_of_[id]);
+      }
+    } else if (!constant) {
+      entering.push_back(id);
+    }
+  }
+  if (entering.empty()) {
+    return;
+  }
+  // A variable that has been constant since it came: its factors have no Jacobian for it yet.
+  std::vector<FactorRef> factors;
+  graph_.TrackFactors();
+  for (const VariableId id : entering) {
+    graph_.ForEachFactorOf(id, [&](FactorId factor) { factors.push_back({factor.family, factor.index}); });
+  }
+  const auto before = [](const FactorRef& a, const FactorRef& b) {
+    return a.family != b.family ? a.family < b.family : a.factor < b.factor;
+  };
+  std::sort(factors.begin(), factors.end(), before);
+  factors.erase(std::unique(factors.begin(), factors.end()), factors.end());
+  for (const FactorRef& ref : factors) {
+    Detach(ref);
+  }
+  for (const VariableId id : entering) {
+    Enter(id);
+  }
+  for (const FactorRef& ref : factors) {
+    Attach(ref);
+  }
+}
+
+void LiveSystem::SetValues(VariableId id, const double* values) {
+  values_.Set(id, values);
+  tangents_.MarkMoved(id);
+  graph_.TrackFactors();
+  graph_.ForEachFactorOf(id, [this](FactorId factor) { MarkDirty({factor.family, factor.index}); });
+}
+
+}  // namespace inceres::internal

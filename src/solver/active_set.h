@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "schur/live_system.h"
+
+namespace inceres::internal {
+
+/// The active set of an incremental step (algorithms.md section 5): which frames and landmarks move, and what that leaves undone.
+///
+/// In the reduced quadratic, with every landmark that sees a moved frame substituted back, leaving the frames D where they are
+/// costs exactly ½ δ_Dᵀ S' δ_D. So the frames are taken in the order of their own gains δ_iᵀ S'_ii δ_i, and the longest leading
+/// part that costs no more than the budget stays put. Landmarks that see no moved frame are visited if they could gain a share of
+/// the budget by themselves.
+class ActiveSet {
+ public:
+  /// Sets the steps of the active variables in the system. `frame_step` solves S' δ = b, S' = S + diag(damping), both packed;
+  /// rows before first_row are as they were when they were last left, and stay. `budget`: what may be left undone.
+  void Select(const std::vector<double>& frame_step, const std::vector<double>& damping, int first_row, double budget,
+              LiveSystem* system);
+
+  void Clear() {
+    frames_.clear();
+    landmarks_.clear();
+  }
+  const std::vector<std::int32_t>& frames() const { return frames_; }
+  const std::vector<std::int32_t>& landmarks() const { return landmarks_; }
+
+ private:
+  void RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping, int first_row,
+                  const LiveSchur& schur);
+
+  std::vector<double> gains_;        // per row from first_row on
+  std::vector<std::int32_t> order_;  // those rows by gain
+  std::vector<std::int32_t> rank_;
+  std::vector<double> costs_;  // per rank: what leaving this frame behind too adds
+  std::vector<std::int32_t> frames_;
+  std::vector<std::int32_t> landmarks_;
+};
+
+}  // namespace inceres::internal

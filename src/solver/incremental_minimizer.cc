@@ -1,0 +1,304 @@
+#include "solver/incremental_minimizer.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/stopwatch.h"
+#include "linear/select_live_solver.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr double kExact = 1e-20;         // squared error above which a Jacobian is not simply the current one
+constexpr double kRefreshShare = 0.1;    // of the thresholds of an old linearisation: what convergence may rest on
+constexpr double kWeightChange = 0.1;    // relative change of ρ' beyond which a factor's weight in H is renewed
+constexpr double kTinyDiagonal = 1e-12;  // stands in for a diagonal entry of C that is zero
+constexpr double kGrid = 10.0;           // μ moves in these steps, so that it stands still near the solution
+constexpr double kGoodRatio = 0.25;      // gain ratio above which the damping may fall
+
+// Weight of the gradient's error against that of the model in relinearisation_share.
+constexpr double kGradientShare = 5.0;
+
+// An Update ends when the model sees less than this share of the tolerance left: with a robust loss the model undervalues what is
+// left (its Hessian has no ρ''), by a factor of 1.5 to 2 on our data.
+constexpr double kStopShare = 0.15;
+
+// A row of S is solved anew when its change is worth this share of what a frame may leave undone.
+constexpr double kWildfireShare = 1e-3;
+
+class StageClock {
+ public:
+  explicit StageClock(double* stage) : stage_(stage), start_(NowInSeconds()) {}
+  ~StageClock() { *stage_ += NowInSeconds() - start_; }
+  StageClock(const StageClock&) = delete;
+  StageClock& operator=(const StageClock&) = delete;
+
+ private:
+  double* stage_;
+  double start_;
+};
+
+RebuildRule RuleOf(RebuildPolicy policy) {
+  return policy == RebuildPolicy::kAlways  ? RebuildRule::kAlways
+         : policy == RebuildPolicy::kNever ? RebuildRule::kNever
+                                           : RebuildRule::kWhenCheaper;
+}
+
+LiveReducedSolverKind KindOf(IncrementalReducedSolver solver) {
+  switch (solver) {
+    case IncrementalReducedSolver::kAutomatic:
+      return LiveReducedSolverKind::kAutomatic;
+    case IncrementalReducedSolver::kResumed:
+      return LiveReducedSolverKind::kResumed;
+    case IncrementalReducedSolver::kDense:
+      return LiveReducedSolverKind::kDense;
+    case IncrementalReducedSolver::kSparse:
+      return LiveReducedSolverKind::kSparse;
+    case IncrementalReducedSolver::kPcg:
+      return LiveReducedSolverKind::kPcg;
+  }
+  return LiveReducedSolverKind::kAutomatic;
+}
+
+}  // namespace
+
+IncrementalMinimizer::IncrementalMinimizer(const IncrementalOptions& options, LiveSystem* system)
+    : options_(options),
+      system_(*system),
+      solver_(MakeLiveReducedSolver(KindOf(options.reduced_solver), PcgOptions(), system->executor())),
+      mu_(options.initial_damping) {
+}
+
+// How far an old linearisation may err before it is renewed, if every factor erred by as much. Its error e = ‖f − f̂‖ counts
+// twice: the model is off by w e², and the gradient by what the residual f makes of the old Jacobian, about w ‖f‖ e over the next
+// step. The first adds up over the factors, the second, of either sign, like a random walk.
+IncrementalMinimizer::ErrorLimits IncrementalMinimizer::LimitsOf(double share) const {
+  const double count = std::max(1, system_.num_factors());
+  return {share * 2.0 * Tolerance() / count, kGradientShare * share * Tolerance() / std::sqrt(count)};
+}
+
+void IncrementalMinimizer::Minimize(double start_seconds, const std::atomic<bool>& stop, UpdateSummary* summary) {
+  summary_ = summary;
+  mu_ = std::clamp(mu_, options_.min_damping, options_.initial_damping);
+  nu_ = 2.0;
+  active_.Clear();
+  const auto finish = [summary](Termination termination, const char* message) {
+    summary->termination = termination;
+    summary->message = message;
+  };
+  for (bool first = true;; first = false) {
+    if (!Relinearise()) {
+      return;
+    }
+    if (first) {
+      summary_->initial_cost = system_.cost();
+    }
+    if (OutOfBudget(start_seconds, stop)) {
+      return finish(Termination::kNoConvergence, "Stopped by a limit or by request; the state is the best so far.");
+    }
+    switch (Iterate()) {
+      case Verdict::kConverged:
+        return finish(Termination::kConvergence, "What is left undone is below the function tolerance.");
+      case Verdict::kStuck:
+        return finish(Termination::kNoConvergence, "No step lowers the cost at the largest damping.");
+      case Verdict::kGoOn:
+        break;
+    }
+  }
+}
+
+bool IncrementalMinimizer::OutOfBudget(double start_seconds, const std::atomic<bool>& stop) const {
+  return summary_->num_iterations >= options_.max_num_iterations || stop.load(std::memory_order_relaxed) ||
+         summary_->num_evaluated_factors + summary_->num_relinearised_factors >= options_.max_factor_evaluations ||
+         NowInSeconds() - start_seconds >= options_.max_seconds;
+}
+
+bool IncrementalMinimizer::Relinearise() {
+  const StageClock clock(&summary_->linearise_seconds);
+  RelineariseWork work;
+  const Status status = system_.Relinearise(std::max(mu_, options_.min_damping), RuleOf(options_.rebuild), &work);
+  summary_->num_relinearised_factors += work.num_factors;
+  summary_->num_eliminated_landmarks += work.num_landmarks;
+  summary_->num_rebuilds += work.rebuilt ? 1 : 0;
+  summary_->num_drifted_frames += work.num_drifted_frames;
+  if (!status.ok()) {
+    summary_->termination = Termination::kFailure;
+    summary_->message = status.message;
+  }
+  return status.ok();
+}
+
+IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
+  ++summary_->num_iterations;
+  if (!SolveFrames()) {
+    return Retreat(false);
+  }
+  const double undone = Undone();
+  summary_->undone = undone;
+  if (undone <= kStopShare * Tolerance()) {
+    // Refresh before success.
+    return RefreshAged() ? Verdict::kGoOn : Verdict::kConverged;
+  }
+  {
+    const StageClock clock(&summary_->select_seconds);
+    const double budget = std::max(options_.truncation_share * undone, 0.1 * kStopShare * Tolerance());
+    active_.Select(frame_step_, damping_, solver_->work().first_solved_row, options_.truncation_share > 0.0 ? budget : -1.0,
+                   &system_);
+    summary_->num_moved_frames += static_cast<int>(active_.frames().size());
+    summary_->num_visited_landmarks += static_cast<int>(active_.landmarks().size());
+  }
+  double ratio = 0.0;
+  if (EvaluateStep(&ratio) && ratio > options_.min_relative_decrease) {
+    Accept(ratio);
+    return Verdict::kGoOn;
+  }
+  const bool refreshed = RefreshTouched();
+  system_.Reject();
+  return Retreat(refreshed);
+}
+
+// δ_c from (S + μ diag(C)) δ_c = b. False if there is no factor.
+bool IncrementalMinimizer::SolveFrames() {
+  const StageClock clock(&summary_->solve_seconds);
+  LiveSchur& schur = system_.schur();
+  const std::vector<double>& C_diagonal = schur.FrameDiagonal();
+  damping_.resize(C_diagonal.size());
+  b_.resize(C_diagonal.size());
+  frame_step_.resize(C_diagonal.size(), 0.0);
+  held_.resize(schur.frames().size());
+  for (int i = 0; i < static_cast<int>(schur.frames().size()); ++i) {
+    const LiveSchur::Frame& frame = schur.frames()[i];
+    held_[i] = frame.held ? 1 : 0;
+    const int offset = schur.FrameOffset(i);
+    for (int k = 0; k < frame.size; ++k) {
+      damping_[offset + k] = mu_ * std::max(C_diagonal[offset + k], kTinyDiagonal);
+      b_[offset + k] = schur.b(i)[k];
+    }
+  }
+  LiveReducedSolver::Change change;
+  change.first_row = schur.TakeFirstChanged();
+  if (mu_ != solved_mu_) {
+    change.first_row = 0;
+  }
+  solved_mu_ = mu_;
+  const Status factored = solver_->Factorize(schur.S(), damping_.data(), held_.data(), change);
+  summary_->num_factored_rows += solver_->work().factored_rows;
+  if (!factored.ok()) {
+    return false;
+  }
+  LiveReducedSolver::Truncation truncation;
+  truncation.weights = C_diagonal.data();
+  truncation.threshold = kWildfireShare * Tolerance() / std::max(1, schur.num_frames());
+  const bool solved = solver_->Solve(b_.data(), schur.TakeFirstChangedB(), truncation, frame_step_.data()).ok();
+  summary_->num_solved_rows += solver_->work().solved_rows;
+  summary_->num_pcg_iterations += solver_->work().iterations;
+  return solved;
+}
+
+// What the model promises for the whole step, all of it still undone.
+double IncrementalMinimizer::Undone() {
+  double sum = system_.schur().TotalDecrement();
+  for (std::size_t k = 0; k < b_.size(); ++k) {
+    sum += 0.5 * b_[k] * frame_step_[k];
+  }
+  return sum;
+}
+
+bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
+  const StageClock clock(&summary_->evaluate_seconds);
+  double change = 0.0;
+  double predicted = 0.0;
+  const bool evaluated = system_.EvaluateStep(&change, &predicted).ok();
+  for (const LiveFamily& family : system_.families()) {
+    summary_->num_evaluated_factors += static_cast<std::int64_t>(system_.Touched(family.id()).size());
+  }
+  *gain_ratio = evaluated && predicted > 0.0 ? -change / predicted : -1.0;
+  return evaluated;
+}
+
+void IncrementalMinimizer::Accept(double gain_ratio) {
+  const StageClock clock(&summary_->accept_seconds);
+  if (gain_ratio > kGoodRatio) {
+    mu_ = std::max(options_.min_damping, mu_ / kGrid);
+  }
+  nu_ = 2.0;
+  summary_->num_updated_landmarks += system_.AcceptValues();
+  MarkStale();
+  TakeStepOff();
+  system_.EndStep();
+}
+
+// What was applied is no longer part of the step still to take.
+void IncrementalMinimizer::TakeStepOff() {
+  LiveSchur& schur = system_.schur();
+  for (const std::int32_t frame : active_.frames()) {
+    std::fill_n(frame_step_.begin() + schur.FrameOffset(frame), schur.frames()[frame].size, 0.0);
+    schur.TouchB(frame);
+  }
+}
+
+// Marks for relinearisation the touched factors whose old linearisation errs too much, or whose weight has changed.
+void IncrementalMinimizer::MarkStale() {
+  const ErrorLimits stale = LimitsOf(options_.relinearisation_share);
+  const ErrorLimits aged = LimitsOf(std::min(options_.relinearisation_share, kRefreshShare));
+  aged_.resize(system_.families().size());
+  for (const LiveFamily& family : system_.families()) {
+    aged_[family.id()].Grow(family.num_places());
+    for (const std::int32_t i : system_.Touched(family.id())) {
+      if (stale.ExceededBy(family, i) || std::fabs(family.WeightRatio(i) - 1.0) > kWeightChange) {
+        system_.MarkDirty({family.id(), i});
+      } else if (aged.ExceededBy(family, i)) {
+        aged_[family.id()].Add(i);
+      }
+    }
+  }
+}
+
+// Marks every factor whose old linearisation is not good enough to claim convergence on. True if there are any.
+bool IncrementalMinimizer::RefreshAged() {
+  const ErrorLimits limits = LimitsOf(std::min(options_.relinearisation_share, kRefreshShare));
+  bool any = false;
+  for (std::size_t family = 0; family < aged_.size(); ++family) {
+    const LiveFamily& factors = system_.families()[family];
+    aged_[family].ForEach([&](std::int32_t i) {
+      if (factors.linearised(i) && limits.ExceededBy(factors, i)) {
+        system_.MarkDirty({factors.id(), i});
+        any = true;
+      }
+    });
+    aged_[family].Clear();
+  }
+  return any;
+}
+
+// The step failed: with old Jacobians about it was perhaps their fault. True if any factor it touches had one.
+bool IncrementalMinimizer::RefreshTouched() {
+  bool any = false;
+  for (const LiveFamily& family : system_.families()) {
+    for (const std::int32_t i : system_.Touched(family.id())) {
+      if (family.SquaredError(i) > kExact) {
+        system_.MarkDirty({family.id(), i});
+        any = true;
+      }
+    }
+  }
+  return any;
+}
+
+// Refresh before retreat; then more damping, which the landmarks that would have moved take up too.
+IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
+  ++summary_->num_rejected_steps;
+  if (refreshed) {
+    return Verdict::kGoOn;
+  }
+  mu_ *= nu_;
+  nu_ *= 2.0;
+  for (const std::int32_t landmark : active_.landmarks()) {
+    if (system_.schur().landmarks()[landmark].lambda < mu_) {
+      system_.Redamp(landmark);
+    }
+  }
+  return mu_ > options_.max_damping ? Verdict::kStuck : Verdict::kGoOn;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <vector>
+
+#include "inceres/solver/incremental_options.h"
+#include "inceres/solver/update_summary.h"
+#include "linear/live_reduced_solver.h"
+#include "schur/live_system.h"
+#include "solver/active_set.h"
+
+namespace inceres::internal {
+
+/// The trust-region loop of the incremental solver: hybrid Levenberg–Marquardt on a LiveSystem (algorithms.md sections 2 to 5).
+/// What it keeps from one Update to the next is the damping, the factor of S, and the step not taken.
+class IncrementalMinimizer {
+ public:
+  IncrementalMinimizer(const IncrementalOptions& options, LiveSystem* system);
+
+  /// Minimises until what is left undone is below the tolerance, or a limit or `stop` says so. On failure the system is
+  /// incomplete.
+  void Minimize(double start_seconds, const std::atomic<bool>& stop, UpdateSummary* summary);
+
+ private:
+  enum class Verdict { kGoOn, kConverged, kStuck };
+  struct ErrorLimits {
+    double model;
+    double gradient;
+    bool ExceededBy(const LiveFamily& family, int factor) const {
+      return family.SquaredError(factor) > model || family.GradientError(factor) > gradient;
+    }
+  };
+
+  bool Relinearise();
+  bool OutOfBudget(double start_seconds, const std::atomic<bool>& stop) const;
+  Verdict Iterate();
+  bool SolveFrames();
+  void TakeStepOff();
+  double Undone();
+  bool EvaluateStep(double* gain_ratio);
+  void Accept(double gain_ratio);
+  void MarkStale();
+  bool RefreshAged();
+  bool RefreshTouched();
+  Verdict Retreat(bool refreshed);
+  ErrorLimits LimitsOf(double share) const;
+  double Tolerance() const { return options_.function_tolerance * system_.cost(); }
+
+  const IncrementalOptions options_;
+  LiveSystem& system_;
+  std::unique_ptr<LiveReducedSolver> solver_;
+  ActiveSet active_;
+  double mu_;
+  double nu_ = 2.0;
+  double solved_mu_ = -1.0;  // the damping the factor was computed with
+  std::vector<double> damping_;
+  std::vector<double> b_;
+  std::vector<double> frame_step_;  // in the form LiveReducedSolver asks for
+  std::vector<char> held_;
+  std::vector<IndexSet> aged_;  // per family: linearised too long ago to claim convergence on
+  std::vector<std::int32_t> list_;
+  UpdateSummary* summary_ = nullptr;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,49 @@
+#include "inceres/solver/incremental_options.h"
+
+#include <sstream>
+
+namespace inceres {
+
+Status IncrementalOptions::Validate() const {
+  const auto fail = [](const char* field, double value, const char* rule) {
+    std::ostringstream text;
+    text << "IncrementalOptions::" << field << " = " << value << " but must be " << rule;
+    return Status::Error(StatusCode::kInvalidArgument, text.str());
+  };
+  if (max_num_iterations < 0) {
+    return fail("max_num_iterations", max_num_iterations, ">= 0");
+  }
+  if (!(max_seconds > 0.0)) {
+    return fail("max_seconds", max_seconds, "> 0");
+  }
+  if (max_factor_evaluations <= 0) {
+    return fail("max_factor_evaluations", static_cast<double>(max_factor_evaluations), "> 0");
+  }
+  if (!(function_tolerance >= 0.0)) {
+    return fail("function_tolerance", function_tolerance, ">= 0");
+  }
+  if (!(min_relative_decrease >= 0.0)) {
+    return fail("min_relative_decrease", min_relative_decrease, ">= 0");
+  }
+  if (!(min_damping > 0.0)) {
+    return fail("min_damping", min_damping, "> 0");
+  }
+  if (!(initial_damping >= min_damping)) {
+    return fail("initial_damping", initial_damping, ">= min_damping");
+  }
+  if (!(max_damping >= initial_damping)) {
+    return fail("max_damping", max_damping, ">= initial_damping");
+  }
+  if (num_threads < 1) {
+    return fail("num_threads", num_threads, ">= 1");
+  }
+  if (!(relinearisation_share >= 0.0)) {
+    return fail("relinearisation_share", relinearisation_share, ">= 0");
+  }
+  if (!(truncation_share >= 0.0 && truncation_share < 1.0)) {
+    return fail("truncation_share", truncation_share, "in [0, 1)");
+  }
+  return Status::Ok();
+}
+
+}  // namespace inceres
