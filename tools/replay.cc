@@ -22,7 +22,7 @@
 DECLARE_string(problem);
 DECLARE_int32(seed);
 DEFINE_string(mode, "exact",
-              "How inceres solves: exact (its batch solver, warm) or incremental (the solver that remembers: one thread, "
+              "How inceres solves: exact (its batch solver, warm) or incremental (the solver that remembers: "
               "Levenberg-Marquardt in its own metric, stopped by --function_tolerance alone).");
 DEFINE_bool(autodiff, false, "Give both sides AutoDiff cost functions instead of the same analytic factors.");
 DEFINE_bool(stock_autodiff, false,
@@ -88,9 +88,6 @@ Status CheckNumbers() {
 Status CheckFlags() {
   if (FLAGS_mode != "exact" && FLAGS_mode != "incremental") {
     return Invalid("--mode '" + FLAGS_mode + "': use exact or incremental");
-  }
-  if (FLAGS_mode == "incremental" && FLAGS_num_threads != 1) {
-    return Invalid("--mode incremental has one thread only: leave out --num_threads");
   }
   if (FLAGS_stock_autodiff && (FLAGS_autodiff || !FLAGS_stock)) {
     return Invalid(std::string("--stock_autodiff: ") +

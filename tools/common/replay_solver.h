@@ -59,8 +59,8 @@ std::unique_ptr<ReplaySolver> MakeStockReplaySolver(const ReplaySettings& settin
 /// Ours in exact mode: the core's batch solver on the analytic factors, or the shim on AutoDiff cost functions.
 std::unique_ptr<ReplaySolver> MakeExactReplaySolver(const ReplaySettings& settings);
 
-/// The core's IncrementalSolver on a factor graph of analytic factors or AutoDiff cost functions. Single-threaded;
-/// Levenberg–Marquardt in its own metric, whatever the settings say of strategy and threads.
+/// The core's IncrementalSolver on a factor graph of analytic factors or AutoDiff cost functions.
+/// Levenberg–Marquardt in its own metric, whatever the settings say of the strategy.
 std::unique_ptr<ReplaySolver> MakeIncrementalReplaySolver(const ReplaySettings& settings);
 
 /// The judge: the same problem in stock Ceres. Evaluates any state, and finds the minimum that stock Levenberg–Marquardt reaches
