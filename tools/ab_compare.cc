@@ -99,7 +99,10 @@ Contender MakeOurs(const SolverSettings& settings, const ProblemSource& source) 
   plan.settings = settings;
   plan.engine = settings.builtin_factors ? Engine::kCore : Engine::kShim;
   plan.linear_solver = LinearSolverOr(settings, source.HasLandmarks() ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY);
-  const std::string name = settings.builtin_factors && !settings.linear_solver ? "auto" : FlagName(plan.linear_solver);
+  std::string name = settings.builtin_factors && !settings.linear_solver ? "auto" : FlagName(plan.linear_solver);
+  if (settings.incremental) {
+    name = "incremental";
+  }
   return MakeContender(plan, settings.builtin_factors ? name + " builtin_factors" : name, source);
 }
 
@@ -111,6 +114,11 @@ Status CheckCombination(const SolverSettings& settings, const ProblemSource& sou
   }
   if (!source.HasLandmarks()) {
     return Status::Error(StatusCode::kInvalidArgument, "--builtin_factors: there are built-in factors for BAL problems only");
+  }
+  if (settings.incremental) {
+    IncrementalOptions unused;
+    std::vector<std::string> unused_flags;
+    return ToIncrementalOptions(settings, &unused, &unused_flags);
   }
   SolverOptions unused;
   return ToCoreOptions(settings, &unused);

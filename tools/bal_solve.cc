@@ -31,6 +31,7 @@ constexpr char kUsage[] =
     "solves a bundle-adjustment problem in BAL format and says what became of it: a line an iteration, a table at the end.\n\n"
     "  bal_solve --input problem-49-7776-pre.txt\n"
     "  bal_solve --input problem.txt.bz2 --trust_region dogleg --robust huber:1.5 --output solved.txt --picture solved.svg\n"
+    "  bal_solve --input problem.txt --mode incremental --builtin_factors\n"
     "  bal_solve --input problem.txt --solver ceres --linear_solver sparse_schur --num_threads 4 --json solved.json\n\n"
     "Exit code: 0 solved (also if stopped by --max_num_iterations), 1 failure, 2 usage.";
 
@@ -57,6 +58,9 @@ Status ReadPlan(RunPlan* plan) {
     return Status::Error(StatusCode::kInvalidArgument,
                          "--builtin_factors needs --solver inceres: stock Ceres knows only cost functions");
   }
+  if (FLAGS_solver == "ceres" && plan->settings.incremental) {
+    return Status::Error(StatusCode::kInvalidArgument, "--mode incremental needs --solver inceres: stock Ceres has no such mode");
+  }
   plan->engine = FLAGS_solver == "ceres" ? Engine::kStock : plan->settings.builtin_factors ? Engine::kCore : Engine::kShim;
   plan->strict = true;  // who asks for inceres gets inceres or an error
   return Status::Ok();
@@ -81,6 +85,9 @@ void PrintTable(const Solved& solved) {
   for (const auto& [stage, seconds] : record.stage_seconds) {
     std::printf("  %-20s %.6f s\n", stage.c_str(), seconds);
   }
+  for (const auto& [name, count] : record.work) {
+    std::printf("  %-20s %lld\n", name.c_str(), static_cast<long long>(count));
+  }
   for (const std::string& option : record.options_without_effect) {
     std::printf("note: accepted without effect: %s\n", option.c_str());
   }
@@ -95,6 +102,10 @@ nlohmann::json ToJson(const SolverSettings& settings, const Solved& solved) {
   nlohmann::json stages = nlohmann::json::object();
   for (const auto& [stage, seconds] : record.stage_seconds) {
     stages[stage] = seconds;
+  }
+  nlohmann::json work = nlohmann::json::object();
+  for (const auto& [name, count] : record.work) {
+    work[name] = count;
   }
   return {{"input", FLAGS_input},
           {"solver", solved.solver},
@@ -113,6 +124,7 @@ nlohmann::json ToJson(const SolverSettings& settings, const Solved& solved) {
           {"message", record.message},
           {"seconds", record.seconds},
           {"stage_seconds", stages},
+          {"work", work},
           {"trace", iterations},
           {"options_without_effect", record.options_without_effect}};
 }
@@ -157,7 +169,8 @@ int Main() {
     return Fail(kExitFailure, "not solved: " + outcome.record.termination + ": " + outcome.record.message);
   }
   Solved solved{source.bal(), source.WithParameters(outcome.parameters), outcome.record, source.Describe(),
-                FLAGS_solver + (plan.settings.builtin_factors ? " with built-in factors" : "")};
+                FLAGS_solver + (plan.settings.incremental ? ", incremental" : "") +
+                    (plan.settings.builtin_factors ? ", with built-in factors" : "")};
   PrintTable(solved);
   status = WriteFiles(plan.settings, solved);
   return status.ok() ? static_cast<int>(kExitSuccess) : Fail(kExitFailure, status.message);

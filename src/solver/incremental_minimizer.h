@@ -18,6 +18,9 @@ class IncrementalMinimizer {
  public:
   IncrementalMinimizer(const IncrementalOptions& options, LiveSystem* system);
 
+  /// For the next Minimize; who solves the reduced system stays.
+  void SetOptions(const IncrementalOptions& options) { options_ = options; }
+
   /// Minimises until what is left undone is below the tolerance, or a limit or `stop` says so. On failure the system is
   /// incomplete.
   void Minimize(double start_seconds, const std::atomic<bool>& stop, UpdateSummary* summary);
@@ -47,7 +50,7 @@ class IncrementalMinimizer {
   ErrorLimits LimitsOf(double share) const;
   double Tolerance() const { return options_.function_tolerance * system_.cost(); }
 
-  const IncrementalOptions options_;
+  IncrementalOptions options_;
   LiveSystem& system_;
   std::unique_ptr<LiveReducedSolver> solver_;
   ActiveSet active_;

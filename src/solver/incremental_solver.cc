@@ -19,6 +19,7 @@ class IncrementalSolver::Impl {
     }
   }
 
+  void SetOptions(const IncrementalOptions& options);
   Status Apply(const GraphEdit& edit);
   UpdateSummary Update();
 
@@ -29,7 +30,7 @@ class IncrementalSolver::Impl {
  private:
   void Restart();
 
-  const IncrementalOptions options_;
+  IncrementalOptions options_;
   std::unique_ptr<IncrementalMinimizer> minimizer_;
   bool converged_ = false;  // and nothing edited since
   std::vector<FactorId> removed_;
@@ -55,6 +56,18 @@ void IncrementalSolver::Impl::Restart() {
         live->AddFactor({family, i});
       }
     }
+  }
+}
+
+void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
+  converged_ = converged_ && options.function_tolerance >= options_.function_tolerance;
+  const int num_threads = options_.num_threads;  // of the live system
+  options_ = options;
+  options_.num_threads = num_threads;
+  if (live == nullptr && options_.Validate().ok()) {
+    Restart();  // the options given first were not valid
+  } else if (live != nullptr) {
+    minimizer_->SetOptions(options_);
   }
 }
 
@@ -135,6 +148,10 @@ const FactorGraph& IncrementalSolver::graph() const {
 
 FamilyId IncrementalSolver::AddFamily(std::shared_ptr<const FactorFamily> family) {
   return impl_->graph.AddFamily(std::move(family));
+}
+
+void IncrementalSolver::SetOptions(const IncrementalOptions& options) {
+  impl_->SetOptions(options);
 }
 
 Status IncrementalSolver::Apply(const GraphEdit& edit) {

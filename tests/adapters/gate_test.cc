@@ -258,23 +258,6 @@ TEST(Gate, BlockTwiceAndOverlappingBlocks) {
 
 // Modes.
 
-TEST(Gate, IncrementalIsNotAvailableYet) {
-  const auto test = MakeProblem();
-  const auto before = test->blocks;
-  ceres::Solver::Summary summary;
-  SolveReport report;
-  report.mode = SolveMode::kIncremental;
-  report.strict = true;
-  inceres::Solve(Options(), &test->problem, &summary, &report);
-  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-  EXPECT_NE(summary.message.find("kIncremental is not available yet"), std::string::npos);
-  EXPECT_EQ(test->blocks, before);
-  report.strict = false;
-  inceres::Solve(Options(), &test->problem, &summary, &report);
-  EXPECT_TRUE(report.used_stock);
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-}
-
 TEST(Gate, StockOnRequestIsNoFallback) {
   const auto test = MakeProblem();
   ceres::Solver::Summary summary;

@@ -108,6 +108,13 @@ class AbCompareTest(unittest.TestCase):
         self.assertIn("builtin_factors", report["runs"][0]["configuration"])
         self.assertLess(abs(report["relative_cost_difference"]), 1e-6)
 
+    def test_incremental_mode(self):
+        for flags in ([], ["--builtin_factors"]):
+            _, report = self.compare("--mode", "incremental", "--robust", "huber:1", *flags)
+            self.assertIn("incremental", report["runs"][0]["configuration"])
+            self.assertLess(abs(report["relative_cost_difference"]), 1e-5)
+            self.assertLess(report["parameter_difference"]["largest"], 1e-1)
+
     def test_zero_tolerances_run_all_iterations(self):
         zero = [part for name in ("function", "gradient", "parameter") for part in (f"--{name}_tolerance", "0")]
         _, report = self.compare(*zero, "--max_num_iterations", "3", "--configurations", "dense_schur")
@@ -162,7 +169,7 @@ class AbCompareTest(unittest.TestCase):
         for flags in (["--problem", "toro:x"], [], bal + ["--configurations", "dense_schur,magic"],
                       ["--problem", "g2o:" + self.graph, "--configurations", "dense_schur"], bal + ["--repeats", "0"],
                       bal + ["--tolerance", "nan"], bal + ["--robust", "huber"], bal + ["--num_threads", "0"],
-                      bal + ["--mode", "incremental"], ["--problem", "g2o:" + self.graph, "--builtin_factors"],
+                      bal + ["--mode", "fast"], bal + ["--mode", "incremental", "--builtin_factors", "--linear_solver", "dense_qr"], ["--problem", "g2o:" + self.graph, "--builtin_factors"],
                       bal + ["--builtin_factors", "--linear_solver", "cgnr"], bal + ["surplus"],
                       bal + ["--linear_solver", "cgnr", "--trust_region", "dogleg"]):
             _, message = run(TOOL, *flags, code=2)

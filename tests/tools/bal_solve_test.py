@@ -82,7 +82,7 @@ class BalSolveTest(unittest.TestCase):
         _, plain = self.solve()
         changes = {
             "final_cost": (["--robust", "huber:0.1"], ["--robust", "cauchy:0.2"]),
-            "iterations": (["--max_num_iterations", "2"], ["--function_tolerance", "0.5"], ["--gradient_tolerance", "1e7"],
+            "iterations": (["--max_num_iterations", "2"], ["--initial_trust_region_radius", "1"], ["--function_tolerance", "0.5"], ["--gradient_tolerance", "1e7"],
                            ["--parameter_tolerance", "0.5"]),
             "linear_solver": (["--solver", "ceres", "--linear_solver", "sparse_schur"],
                               ["--solver", "ceres", "--linear_solver", "dense_normal_cholesky"],
@@ -105,6 +105,28 @@ class BalSolveTest(unittest.TestCase):
             for linear_solver in ("dense_schur", "sparse_schur", "sparse_normal_cholesky", "dense_normal_cholesky", "dense_qr"):
                 _, report = self.solve(*engine, "--linear_solver", linear_solver)
                 self.assertAlmostEqual(report["final_cost"], plain["final_cost"], delta=1e-8 * plain["final_cost"])
+
+    def test_incremental_mode_finds_the_same_minimum(self):
+        _, exact = self.solve("--function_tolerance", "1e-12")
+        for flags in ([], ["--builtin_factors"], ["--robust", "huber:0.5"], ["--builtin_factors", "--robust", "huber:0.5"]):
+            output, report = self.solve("--mode", "incremental", *flags)
+            if "--robust" not in flags:
+                self.assertAlmostEqual(report["final_cost"], exact["final_cost"], delta=1e-6 * exact["final_cost"])
+            self.assertEqual(report["linear_solver"], "incremental")
+            self.assertEqual(report["termination"], "CONVERGENCE")
+            self.assertEqual(report["iterations"], report["work"]["iterations"])
+            self.assertGreaterEqual(report["work"]["relinearised_factors"], report["num_observations"])
+            self.assertIn("relinearised_factors", output)
+            rms = (2 * report["final_cost"] / report["num_observations"]) ** 0.5
+            if "--robust" not in flags:
+                self.assertAlmostEqual(report["final_rms_pixels"], rms, delta=1e-9 * rms)
+
+    def test_incremental_mode_says_what_has_no_effect(self):
+        for flags in ([], ["--builtin_factors"]):
+            _, report = self.solve("--mode", "incremental", *flags, "--gradient_tolerance", "1e-3", "--trust_region", "dogleg")
+            names = [name.lstrip("-") for name in report["options_without_effect"]]
+            self.assertIn("gradient_tolerance", names)
+            self.assertTrue(any(name.startswith("trust_region") for name in names))
 
     def test_picture_is_xml_with_every_camera_before_and_after(self):
         picture = self.file("picture.svg")
@@ -137,6 +159,7 @@ class BalSolveTest(unittest.TestCase):
         for flag, value in (("--trust_region", "newton"), ("--linear_solver", "magic"), ("--num_threads", "0"),
                             ("--max_num_iterations", "-1"),
                             ("--function_tolerance", "-1"), ("--gradient_tolerance", "nan"), ("--parameter_tolerance", "inf"),
+                            ("--initial_trust_region_radius", "0"),
                             ("--robust", "huber:0"), ("--robust", "tukey:1"), ("--mode", "fast"), ("--solver", "g2o")):
             message = self.fails(2, "--input", self.small, flag, value)
             self.assertIn(flag, message)
@@ -146,7 +169,9 @@ class BalSolveTest(unittest.TestCase):
         self.assertIn("surplus", self.fails(2, self.small))
 
     def test_combinations_that_do_not_exist(self):
-        self.assertIn("not available yet", self.fails(2, "--input", self.small, "--mode", "incremental"))
+        self.assertIn("--mode", self.fails(2, "--input", self.small, "--solver", "ceres", "--mode", "incremental"))
+        message = self.fails(2, "--input", self.small, "--mode", "incremental", "--builtin_factors", "--linear_solver", "dense_qr")
+        self.assertIn("--linear_solver", message)
         self.assertIn("--builtin_factors", self.fails(2, "--input", self.small, "--solver", "ceres", "--builtin_factors"))
         self.assertIn("iterative", self.fails(2, "--input", self.small, "--builtin_factors", "--linear_solver", "cgnr"))
         self.assertIn("go together", self.fails(2, "--input", self.small, "--linear_solver", "cgnr", "--trust_region", "dogleg"))

@@ -2,9 +2,12 @@
 
 #include <chrono>
 #include <memory>
+#include <type_traits>
 #include <utility>
 
 #include "inceres/ceres/solve.h"
+#include "inceres/graph/graph_edit.h"
+#include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
 
 namespace inceres::tools {
@@ -31,7 +34,7 @@ Status RunCeres(const RunPlan& plan, const ProblemSource& source, RunOutcome* ou
   if (plan.landmarks_first) {
     options.linear_solver_ordering = instance.landmarks_first;
   }
-  if (plan.progress != nullptr) {
+  if (plan.progress != nullptr && !(plan.engine == Engine::kShim && plan.settings.incremental)) {
     options.callbacks.push_back(plan.progress);
   }
   ceres::Solver::Summary summary;
@@ -41,6 +44,7 @@ Status RunCeres(const RunPlan& plan, const ProblemSource& source, RunOutcome* ou
   } else {
     SolveReport report;
     report.strict = plan.strict;
+    report.mode = plan.settings.incremental ? SolveMode::kIncremental : SolveMode::kExact;
     const double seconds = Seconds([&] { inceres::Solve(options, instance.problem.get(), &summary, &report); });
     outcome->record = RecordOf(summary, report, seconds);
   }
@@ -67,10 +71,67 @@ Status RunCore(const RunPlan& plan, const ProblemSource& source, RunOutcome* out
   return Status::Ok();
 }
 
+// The whole graph as one edit. Families, manifolds and losses stay the graph's, which must outlive the solver.
+Status CopyInto(IncrementalSolver* solver, const FactorGraph& graph) {
+  const auto borrow = [](const auto* object) {
+    return std::shared_ptr<std::remove_pointer_t<decltype(object)>>(std::shared_ptr<void>(), object);
+  };
+  for (FamilyId family = 0; family < graph.num_families(); ++family) {
+    solver->AddFamily(borrow(&graph.family(family)));
+  }
+  GraphEdit edit(solver->graph());
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    edit.AddVariable(graph.Values(id), graph.AmbientSize(id), graph.role(id), borrow(graph.manifold(id)));
+    if (graph.IsConstant(id)) {
+      edit.SetConstant(id, true);
+    }
+  }
+  for (FamilyId family = 0; family < graph.num_families(); ++family) {
+    for (int i = 0; i < graph.NumFactors(family); ++i) {
+      edit.Connect(family, graph.Variables(family, i), borrow(graph.loss(family, i)));
+    }
+  }
+  return solver->Apply(edit);
+}
+
+Status RunIncrementalCore(const RunPlan& plan, const ProblemSource& source, RunOutcome* outcome) {
+  IncrementalOptions options;
+  std::vector<std::string> without_effect;
+  Status status = ToIncrementalOptions(plan.settings, &options, &without_effect);
+  std::unique_ptr<FactorGraph> graph;
+  if (status.ok()) {
+    status = source.MakeGraph(plan.settings.robust, &graph);
+  }
+  if (!status.ok()) {
+    return status;
+  }
+  IncrementalSolver solver(options);
+  UpdateSummary summary;
+  const double seconds = Seconds([&] {
+    status = CopyInto(&solver, *graph);
+    if (status.ok()) {
+      summary = solver.Update();
+    }
+  });
+  if (!status.ok()) {
+    return status;
+  }
+  outcome->record = RecordOf(summary, seconds);
+  outcome->record.options_without_effect = without_effect;
+  for (VariableId id = 0; id < graph->num_variables(); ++id) {
+    graph->SetValues(id, solver.Values(id));
+  }
+  outcome->parameters = source.ParametersOf(*graph);
+  return Status::Ok();
+}
+
 }  // namespace
 
 Status Run(const RunPlan& plan, const ProblemSource& source, RunOutcome* outcome) {
-  return plan.engine == Engine::kCore ? RunCore(plan, source, outcome) : RunCeres(plan, source, outcome);
+  if (plan.engine != Engine::kCore) {
+    return RunCeres(plan, source, outcome);
+  }
+  return plan.settings.incremental ? RunIncrementalCore(plan, source, outcome) : RunCore(plan, source, outcome);
 }
 
 }  // namespace inceres::tools

@@ -13,8 +13,8 @@ namespace inceres::tools {
 /// Who solves.
 enum class Engine {
   kStock,  ///< ceres::Solve
-  kShim,   ///< inceres::Solve on a ceres::Problem
-  kCore,   ///< inceres::Solve on a factor graph of built-in factors
+  kShim,   ///< inceres::Solve on a ceres::Problem, in the mode of the settings
+  kCore,   ///< inceres::Solve, or the IncrementalSolver, on a factor graph of built-in factors
 };
 
 /// How one solve is run.
@@ -24,7 +24,7 @@ struct RunPlan {
   ceres::LinearSolverType linear_solver = ceres::DENSE_SCHUR;  ///< for the core, settings.linear_solver decides
   bool landmarks_first = false;       ///< hand Ceres the explicit elimination ordering; requires landmarks
   bool strict = false;                ///< the shim fails where it would use stock Ceres
-  ProgressTable* progress = nullptr;  ///< prints a line an iteration; may be null
+  ProgressTable* progress = nullptr;  ///< prints a line an iteration; may be null; incremental mode has nobody to call it
 };
 
 /// What came of it.

@@ -29,6 +29,22 @@ void FillCoreStages(const StageSeconds& seconds, SolveRecord* record) {
                            {"total", seconds.total}};
 }
 
+// The stages and whole passes of an exact solve mean nothing here.
+void FillIncremental(const UpdateSummary& update, SolveRecord* record) {
+  record->iterations = update.num_iterations;
+  record->linear_solver = "incremental";
+  record->stage_seconds = {{"update", update.seconds}};
+  record->work = {{"iterations", update.num_iterations},
+                  {"rejected_steps", update.num_rejected_steps},
+                  {"relinearised_factors", update.num_relinearised_factors},
+                  {"evaluated_factors", update.num_evaluated_factors},
+                  {"eliminated_landmarks", update.num_eliminated_landmarks},
+                  {"factored_rows", update.num_factored_rows},
+                  {"visited_landmarks", update.num_visited_landmarks},
+                  {"moved_frames", update.num_moved_frames},
+                  {"parked_landmarks", update.num_parked_landmarks}};
+}
+
 }  // namespace
 
 SolveRecord RecordOf(const ceres::Solver::Summary& summary, double seconds) {
@@ -56,7 +72,9 @@ SolveRecord RecordOf(const ceres::Solver::Summary& summary, const SolveReport& r
   record.used_stock = report.used_stock;
   record.fallback_reason = report.fallback_reason;
   record.options_without_effect = report.options_without_effect;
-  if (!report.used_stock) {
+  if (!report.used_stock && report.mode == SolveMode::kIncremental) {
+    FillIncremental(report.update, &record);
+  } else if (!report.used_stock) {
     record.linear_solver = report.core.reduced_solver;
     FillCoreStages(report.core.seconds, &record);
   }
@@ -74,6 +92,19 @@ SolveRecord RecordOf(const Summary& summary, double seconds) {
   record.seconds = seconds;
   FillIterations(summary.iterations, &record);
   FillCoreStages(summary.seconds, &record);
+  return record;
+}
+
+SolveRecord RecordOf(const UpdateSummary& summary, double seconds) {
+  SolveRecord record;
+  record.usable = summary.termination != Termination::kFailure;
+  record.termination = ToString(summary.termination);
+  record.message = summary.message;
+  record.initial_cost = summary.initial_cost;
+  record.final_cost = summary.final_cost;
+  record.seconds = seconds;
+  record.trace = {{seconds - summary.seconds, summary.initial_cost, true}, {seconds, summary.final_cost, true}};
+  FillIncremental(summary, &record);
   return record;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
@@ -8,6 +9,7 @@
 #include <ceres/solver.h>
 
 #include "inceres/ceres/solve.h"
+#include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/summary.h"
 
 namespace inceres::tools {
@@ -31,7 +33,8 @@ struct SolveRecord {
   double seconds = 0.0;  ///< the whole Solve call, by our own clock
   std::vector<CostSample> trace;
   std::vector<std::pair<std::string, double>> stage_seconds;
-  bool used_stock = false;  ///< the shim handed the problem to stock Ceres
+  std::vector<std::pair<std::string, std::int64_t>> work;  ///< counts of an incremental solve
+  bool used_stock = false;                        ///< the shim handed the problem to stock Ceres
   std::string fallback_reason;
   std::vector<std::string> options_without_effect;
 };
@@ -44,6 +47,9 @@ SolveRecord RecordOf(const ceres::Solver::Summary& summary, const SolveReport& r
 
 /// Record of a solve by the core alone.
 SolveRecord RecordOf(const Summary& summary, double seconds);
+
+/// Record of an incremental solve by the core alone.
+SolveRecord RecordOf(const UpdateSummary& summary, double seconds);
 
 /// Seconds until the solve first held a state whose cost was at most (1 + gap) · reference_cost; empty if it never did.
 /// Rejected candidates do not count. Requires reference_cost ≥ 0.

@@ -19,9 +19,12 @@ DEFINE_int32(max_num_iterations, 50, "Stop after this many iterations, at least 
 DEFINE_double(function_tolerance, 1e-6, "Stop when the cost changes by less than this, relative; 0: never.");
 DEFINE_double(gradient_tolerance, 1e-10, "Stop when no entry of the gradient is larger; 0: never.");
 DEFINE_double(parameter_tolerance, 1e-8, "Stop when the step is shorter than this, relative to the parameters; 0: never.");
+DEFINE_double(initial_trust_region_radius, 1e4,
+              "First trust-region radius; the damping of lm starts at its reciprocal. Above 0.");
 DEFINE_string(robust, "none",
               "Robust loss: none, huber:A or cauchy:A, with the scale A in the units of the residual (BAL: pixels).");
-DEFINE_string(mode, "exact", "exact (follows the iterations of Ceres) or incremental (not available yet).");
+DEFINE_string(mode, "exact",
+              "exact (follows the iterations of Ceres) or incremental (re-uses Jacobians while they are good enough).");
 DEFINE_bool(builtin_factors, false,
             "Let inceres use its own analytic factors on its own factor graph instead of the AutoDiff cost functions; BAL only.");
 
@@ -59,11 +62,9 @@ Status ParseLinearSolver(const std::string& text, std::optional<ceres::LinearSol
       "or cgnr");
 }
 
-Status CheckMode(const std::string& text) {
-  if (text == "incremental") {
-    return Status::Error(StatusCode::kUnavailable, "--mode incremental is not available yet: use --mode exact");
-  }
-  return text == "exact" ? Status::Ok() : Invalid("--mode '" + text + "': use exact (incremental is not available yet)");
+Status ParseMode(const std::string& text, bool* incremental) {
+  *incremental = text == "incremental";
+  return *incremental || text == "exact" ? Status::Ok() : Invalid("--mode '" + text + "': use exact or incremental");
 }
 
 Status CheckNumbers() {
@@ -76,6 +77,10 @@ Status CheckNumbers() {
   const std::pair<const char*, double> tolerances[] = {{"--function_tolerance", FLAGS_function_tolerance},
                                                        {"--gradient_tolerance", FLAGS_gradient_tolerance},
                                                        {"--parameter_tolerance", FLAGS_parameter_tolerance}};
+  if (!std::isfinite(FLAGS_initial_trust_region_radius) || FLAGS_initial_trust_region_radius <= 0.0) {
+    return Invalid("--initial_trust_region_radius " + std::to_string(FLAGS_initial_trust_region_radius) +
+                   ": must be a finite number above 0");
+  }
   for (const auto& [flag, value] : tolerances) {
     if (!std::isfinite(value) || value < 0.0) {
       return Invalid(std::string(flag) + " " + std::to_string(value) + ": must be a finite number, at least 0");
@@ -93,7 +98,7 @@ Status ReadSolverFlags(SolverSettings* settings) {
     robust.message = "--robust " + robust.message;
   }
   for (Status& status :
-       std::vector<Status>{CheckMode(FLAGS_mode), ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
+       std::vector<Status>{ParseMode(FLAGS_mode, &read.incremental), ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
                            ParseLinearSolver(FLAGS_linear_solver, &read.linear_solver), CheckNumbers(), robust}) {
     if (!status.ok()) {
       return status;
@@ -104,6 +109,7 @@ Status ReadSolverFlags(SolverSettings* settings) {
   read.function_tolerance = FLAGS_function_tolerance;
   read.gradient_tolerance = FLAGS_gradient_tolerance;
   read.parameter_tolerance = FLAGS_parameter_tolerance;
+  read.initial_trust_region_radius = FLAGS_initial_trust_region_radius;
   read.builtin_factors = FLAGS_builtin_factors;
   *settings = read;
   return Status::Ok();
@@ -131,6 +137,7 @@ Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType ty
   result.function_tolerance = settings.function_tolerance;
   result.gradient_tolerance = settings.gradient_tolerance;
   result.parameter_tolerance = settings.parameter_tolerance;
+  result.initial_trust_region_radius = settings.initial_trust_region_radius;
   result.logging_type = ceres::SILENT;  // the tools print their own table
   std::string error;
   if (!result.IsValid(&error)) {
@@ -169,7 +176,36 @@ Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
   result.function_tolerance = settings.function_tolerance;
   result.gradient_tolerance = settings.gradient_tolerance;
   result.parameter_tolerance = settings.parameter_tolerance;
+  result.initial_trust_region_radius = settings.initial_trust_region_radius;
   Status status = result.Validate();
+  if (status.ok()) {
+    *options = result;
+  }
+  return status;
+}
+
+Status ToIncrementalOptions(const SolverSettings& settings, IncrementalOptions* options,
+                            std::vector<std::string>* without_effect) {
+  if (settings.linear_solver.has_value()) {
+    return Invalid("--linear_solver " + FlagName(*settings.linear_solver) +
+                   ": with --mode incremental --builtin_factors there is only one; leave it at auto");
+  }
+  const SolverSettings defaults;
+  const std::pair<const char*, bool> ignored[] = {
+      {"--trust_region", settings.trust_region != defaults.trust_region},
+      {"--gradient_tolerance", settings.gradient_tolerance != defaults.gradient_tolerance},
+      {"--parameter_tolerance", settings.parameter_tolerance != defaults.parameter_tolerance}};
+  for (const auto& [flag, set] : ignored) {
+    if (set) {
+      without_effect->emplace_back(flag);
+    }
+  }
+  IncrementalOptions result;
+  result.max_num_iterations = settings.max_num_iterations;
+  result.function_tolerance = settings.function_tolerance;
+  result.num_threads = settings.num_threads;
+  result.initial_damping = std::clamp(1.0 / settings.initial_trust_region_radius, result.min_damping, result.max_damping);
+  const Status status = result.Validate();
   if (status.ok()) {
     *options = result;
   }

@@ -99,6 +99,36 @@ std::string OptionsObstacle(const ceres::Solver::Options& options) {
 }
 
 std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering) {
+  const std::string obstacle = IncrementalProblemObstacle(options, view, ordering);
+  const bool nothing_to_solve = view.reduced.num_parameter_blocks == 0;
+  if (!obstacle.empty() || nothing_to_solve || EffectiveLinearSolver(options, ordering) != ceres::DENSE_QR) {
+    return obstacle;
+  }
+  return QrObstacle(view);
+}
+
+std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options) {
+  const std::string obstacle = OptionsObstacle(options);
+  if (!obstacle.empty()) {
+    return obstacle;
+  }
+  if (!options.callbacks.empty()) {
+    return "incremental mode: callbacks";
+  }
+  if (options.update_state_every_iteration) {
+    return "incremental mode: update_state_every_iteration";
+  }
+  if (options.use_nonmonotonic_steps) {
+    return "incremental mode: use_nonmonotonic_steps";
+  }
+  if (options.linear_solver_type == ceres::DENSE_QR) {
+    return "incremental mode: linear_solver_type DENSE_QR, for the normal equations are formed";
+  }
+  return "";
+}
+
+std::string IncrementalProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view,
+                                       const OrderingView& ordering) {
   if (!view.defect.empty()) {
     return view.defect;
   }
@@ -107,15 +137,8 @@ std::string ProblemObstacle(const ceres::Solver::Options& options, const Problem
     // Nothing to solve for: ordering and linear solver do not matter, but an infeasible bound still does.
     return obstacle.empty() ? BoundsObstacle(view, /*infeasible=*/false) : obstacle;
   }
-  const ceres::LinearSolverType type = EffectiveLinearSolver(options, ordering);
-  obstacle = OrderingObstacle(view, ordering, type);
-  if (obstacle.empty()) {
-    obstacle = BoundsObstacle(view, /*infeasible=*/false);
-  }
-  if (obstacle.empty() && type == ceres::DENSE_QR) {
-    obstacle = QrObstacle(view);
-  }
-  return obstacle;
+  obstacle = OrderingObstacle(view, ordering, EffectiveLinearSolver(options, ordering));
+  return obstacle.empty() ? BoundsObstacle(view, /*infeasible=*/false) : obstacle;
 }
 
 }  // namespace inceres::internal

@@ -21,4 +21,9 @@ std::string OptionsObstacle(const ceres::Solver::Options& options);
 /// Not seen: an evaluation callback in ceres::Problem::Options, which Ceres 2.1 shows to nobody (docs/swap.md).
 std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering);
 
+/// The same two questions for incremental mode: what exact mode cannot do either, and what only it can.
+std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options);
+std::string IncrementalProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view,
+                                       const OrderingView& ordering);
+
 }  // namespace inceres::internal

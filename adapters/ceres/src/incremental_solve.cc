@@ -1,5 +1,7 @@
 #include "adapters/ceres/src/incremental_solve.h"
 
+#include <algorithm>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -86,7 +88,7 @@ bool Fail(const std::string& message, ceres::Solver::Summary* summary) {
 
 bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, LivingProblem* living,
               ceres::Solver::Summary* summary, SolveReport* report) {
-  const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
+  const ceres::LinearSolverType type = input.options.linear_solver_type;
   const ShapeTable shapes = FindShapes(input.view);
   const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
   ProblemChanges changes;
@@ -102,7 +104,9 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, L
   WriteLinearSolver(input.view, input.ordering, landmarks, type, summary);
   const double seconds_before = input.clock.Seconds();
   summary->preprocessor_time_in_seconds = seconds_before;
-  living->solver().SetOptions(MapIncrementalOptions(input.options, core_options, seconds_before));
+  IncrementalOptions options = core_options;
+  options.max_seconds = std::max(options.max_seconds - seconds_before, std::numeric_limits<double>::min());
+  living->solver().SetOptions(options);
   const UpdateSummary update = living->solver().Update();
   Summary core = ToSummary(update, costs, seconds_before);
   const bool usable = core.IsSolutionUsable();
@@ -123,26 +127,10 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, L
 
 }  // namespace
 
-std::string IncrementalObstacle(const ceres::Solver::Options& options, const OrderingView& ordering) {
-  if (!options.callbacks.empty()) {
-    return "incremental mode: callbacks";
-  }
-  if (options.update_state_every_iteration) {
-    return "incremental mode: update_state_every_iteration";
-  }
-  if (options.use_nonmonotonic_steps) {
-    return "incremental mode: use_nonmonotonic_steps";
-  }
-  if (EffectiveLinearSolver(options, ordering) == ceres::DENSE_QR) {
-    return "incremental mode: linear_solver_type DENSE_QR, for it forms normal equations";
-  }
-  return "";
-}
-
 bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core, LivingProblem* living,
                         ceres::Solver::Summary* summary, SolveReport* report) {
   WriteGiven(input.options, input.view, summary);
-  summary->num_threads_used = 1;
+  summary->num_threads_used = core.num_threads;
   bool solved = true;
   if (input.view.reduced.num_parameter_blocks > 0) {
     solved = Minimize(input, core, living, summary, report);

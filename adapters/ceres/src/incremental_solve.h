@@ -9,12 +9,9 @@
 
 namespace inceres::internal {
 
-/// Why incremental mode cannot honour these options although exact mode can, or an empty string.
-std::string IncrementalObstacle(const ceres::Solver::Options& options, const OrderingView& ordering);
-
 /// Brings `living` to where the problem is, minimises, writes back what it moved if the result is usable, and fills the summary.
-/// False after a failure: user memory is as it was, and `living` is of no more use. `core` holds the thresholds; `report` may be
-/// null.
+/// False after a failure: user memory is as it was, and `living` is of no more use. `core` are the options
+/// mapped; `report` may be null.
 bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core, LivingProblem* living,
                         ceres::Solver::Summary* summary, SolveReport* report);
 

@@ -9,18 +9,21 @@ std::size_t At(int i) {
   return static_cast<std::size_t>(i);
 }
 
-// Where two variable landmarks meet, those that the selection does not want give way; at most one is left then.
+// Where two landmarks meet, those that the selection does not want give way; at most one is left then. A constant counts too: it
+// may be variable in the next solve.
 void Separate(const ProblemView& view, const LandmarkSelection& selection, std::vector<Role>* roles) {
-  const auto is_landmark = [&](int b) { return (*roles)[At(b)] == Role::kLandmark && !view.block(b).constant; };
+  const auto is_landmark = [&](int b) { return (*roles)[At(b)] == Role::kLandmark; };
   for (const ResidualBlockView& residual : view.residuals) {
     const int* begin = view.SlotsOf(residual);
     const int* end = begin + residual.num_slots;
-    if (residual.fixed || std::count_if(begin, end, is_landmark) < 2) {
+    if (std::count_if(begin, end, is_landmark) < 2) {
       continue;
     }
+    bool taken = std::any_of(begin, end, [&](int b) { return selection.Contains(b); });
     for (const int* b = begin; b != end; ++b) {
       if (is_landmark(*b) && !selection.Contains(*b)) {
-        (*roles)[At(*b)] = Role::kFrame;
+        (*roles)[At(*b)] = taken ? Role::kFrame : Role::kLandmark;
+        taken = true;
       }
     }
   }
@@ -38,9 +41,7 @@ std::vector<Role> ChooseLivingRoles(const ProblemView& view, const LandmarkSelec
       roles[b] = Role::kLandmark;
     }
   }
-  if (!given) {
-    Separate(view, selection, &roles);
-  }
+  Separate(view, selection, &roles);
   return roles;
 }
 

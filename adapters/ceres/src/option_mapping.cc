@@ -158,13 +158,13 @@ std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& opti
   return differences.Take();
 }
 
-IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, const IncrementalOptions& core,
-                                         double seconds_spent) {
+IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, const IncrementalOptions& core) {
   IncrementalOptions result = core;
   result.max_num_iterations = options.max_num_iterations;
-  result.max_seconds = std::max(options.max_solver_time_in_seconds - seconds_spent, std::numeric_limits<double>::min());
+  result.max_seconds = std::max(options.max_solver_time_in_seconds, std::numeric_limits<double>::min());
   result.function_tolerance = options.function_tolerance;
   result.min_relative_decrease = options.min_relative_decrease;
+  result.num_threads = NumThreads(options);
   if (options.trust_region_strategy_type == ceres::LEVENBERG_MARQUARDT) {
     result.initial_damping = std::clamp(1.0 / options.initial_trust_region_radius, core.min_damping, core.max_damping);
   }
@@ -184,7 +184,6 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
   differences.Check("max_lm_diagonal", &Options::max_lm_diagonal);
   differences.Check("max_num_consecutive_invalid_steps", &Options::max_num_consecutive_invalid_steps);
   differences.Check("jacobi_scaling", &Options::jacobi_scaling);
-  differences.Check("num_threads", &Options::num_threads);
   if (options.trust_region_strategy_type == ceres::DOGLEG) {
     differences.Check("initial_trust_region_radius", &Options::initial_trust_region_radius);
   }

@@ -23,8 +23,7 @@ std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& opti
 
 /// The options of an incremental solve: `core`, with what the user's options say in its place. The damping starts at
 /// 1 / initial_trust_region_radius, as Ceres's Levenberg-Marquardt does.
-IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, const IncrementalOptions& core,
-                                         double seconds_spent);
+IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, const IncrementalOptions& core);
 
 /// Names of the options that the user set away from their defaults and that change nothing in an incremental solve.
 std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options,

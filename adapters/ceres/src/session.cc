@@ -8,6 +8,7 @@
 #include "adapters/ceres/src/decline.h"
 #include "adapters/ceres/src/gate.h"
 #include "adapters/ceres/src/incremental_solve.h"
+#include "adapters/ceres/src/option_mapping.h"
 
 namespace inceres {
 
@@ -17,6 +18,7 @@ class CeresSession::Impl {
 
   const SessionOptions options;
   std::unique_ptr<internal::LivingProblem> living;
+  int num_threads = 0;         // of the living problem, which cannot change it
   internal::ProblemView view;  // kept for its memory
 };
 
@@ -32,15 +34,12 @@ void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* 
   CHECK(summary != nullptr);
   *summary = ceres::Solver::Summary();
   internal::ClearResults(report);
-  std::string obstacle = internal::OptionsObstacle(options);
+  std::string obstacle = internal::IncrementalOptionsObstacle(options);
   internal::OrderingView ordering;
   if (obstacle.empty()) {
     internal::Introspect(*problem, &impl_->view);
     ordering = internal::ReadOrdering(options, impl_->view);
-    obstacle = internal::ProblemObstacle(options, impl_->view, ordering);
-  }
-  if (obstacle.empty()) {
-    obstacle = internal::IncrementalObstacle(options, ordering);
+    obstacle = internal::IncrementalProblemObstacle(options, impl_->view, ordering);
   }
   if (!obstacle.empty()) {
     internal::Decline(options, problem, summary, obstacle, report);
@@ -48,11 +47,13 @@ void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* 
   }
   // Out of the session while it works: a failure, or an exception out of user code, ends it.
   std::unique_ptr<internal::LivingProblem> living = std::move(impl_->living);
-  if (living == nullptr) {
-    living = std::make_unique<internal::LivingProblem>(
-        impl_->options.core, impl_->options.verify_cached_factors ? internal::Trust::kVerified : internal::Trust::kAddresses);
+  const IncrementalOptions core = internal::MapIncrementalOptions(options, impl_->options.core);
+  if (living == nullptr || core.num_threads != impl_->num_threads) {
+    const auto trust = impl_->options.verify_cached_factors ? internal::Trust::kVerified : internal::Trust::kAddresses;
+    living = std::make_unique<internal::LivingProblem>(core, trust);
+    impl_->num_threads = core.num_threads;
   }
-  if (internal::SolveIncrementally({options, impl_->view, ordering, clock}, impl_->options.core, living.get(), summary, report)) {
+  if (internal::SolveIncrementally({options, impl_->view, ordering, clock}, core, living.get(), summary, report)) {
     impl_->living = std::move(living);
   }
 }

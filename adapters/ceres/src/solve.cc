@@ -7,7 +7,9 @@
 #include "adapters/ceres/src/decline.h"
 #include "adapters/ceres/src/exact_solve.h"
 #include "adapters/ceres/src/gate.h"
+#include "adapters/ceres/src/incremental_solve.h"
 #include "adapters/ceres/src/introspection.h"
+#include "adapters/ceres/src/option_mapping.h"
 #include "adapters/ceres/src/ordering.h"
 #include "adapters/ceres/src/stock_ceres.h"
 
@@ -26,22 +28,28 @@ void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres
     internal::SolveWithStock(options, problem, summary);
     return;
   }
-  std::string obstacle = internal::OptionsObstacle(options);
+  const bool incremental = mode == SolveMode::kIncremental;
+  std::string obstacle = incremental ? internal::IncrementalOptionsObstacle(options) : internal::OptionsObstacle(options);
   internal::ProblemView view;
   internal::OrderingView ordering;
   if (obstacle.empty()) {
     view = internal::Introspect(*problem);
     ordering = internal::ReadOrdering(options, view);
-    obstacle = internal::ProblemObstacle(options, view, ordering);
-  }
-  if (obstacle.empty() && mode == SolveMode::kIncremental) {
-    obstacle = "SolveMode::kIncremental is not available yet";
+    obstacle = incremental ? internal::IncrementalProblemObstacle(options, view, ordering)
+                           : internal::ProblemObstacle(options, view, ordering);
   }
   if (!obstacle.empty()) {
     internal::Decline(options, problem, summary, obstacle, report);
     return;
   }
-  internal::SolveExactly({options, view, ordering, clock}, summary, report);
+  const internal::SolveInput input{options, view, ordering, clock};
+  if (incremental) {
+    const IncrementalOptions core = internal::MapIncrementalOptions(options, IncrementalOptions());
+    internal::LivingProblem living(core, internal::Trust::kNothing);
+    internal::SolveIncrementally(input, core, &living, summary, report);
+  } else {
+    internal::SolveExactly(input, summary, report);
+  }
 }
 
 }  // namespace inceres

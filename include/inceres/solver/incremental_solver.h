@@ -37,6 +37,9 @@ class INCERES_EXPORT IncrementalSolver {
   /// as it was. No user code is called; what changed is evaluated in the next Update. Cost: proportional to the edit.
   Status Apply(const GraphEdit& edit);
 
+  /// Other options from the next Update on, but for num_threads and reduced_solver, which stay what they were.
+  void SetOptions(const IncrementalOptions& options);
+
   /// Minimises from the current state. A failure names its factor or variable; what was changed since the last Update then takes
   /// part again in the next one, from the values held now.
   UpdateSummary Update();

@@ -1,0 +1,264 @@
+// SolveMode::kIncremental: the same minimum as stock Ceres, the summary, and what it hands on.
+#include <algorithm>
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "adapters/ceres/src/gate.h"
+#include "adapters/ceres/src/living_roles.h"
+#include "adapters/ceres/src/option_mapping.h"
+#include "adapters/compare_with_stock.h"
+
+namespace inceres {
+namespace {
+
+using testing::MakeBundle;
+using testing::MakeCurveFit;
+using testing::MakeWindow;
+using testing::Recipe;
+using testing::TestProblem;
+using Options = ceres::Solver::Options;
+
+Options Quiet(ceres::LinearSolverType type) {
+  Options options;
+  options.linear_solver_type = type;
+  options.logging_type = ceres::SILENT;
+  options.max_num_iterations = 200;
+  return options;
+}
+
+void ExpectSameMinimum(const Recipe& recipe, ceres::LinearSolverType type) {
+  const auto stock = recipe();
+  const auto ours = recipe();
+  Options tight = Quiet(type);
+  tight.function_tolerance = tight.gradient_tolerance = tight.parameter_tolerance = 1e-14;
+  ceres::Solver::Summary expected;
+  ceres::Solve(tight, &stock->problem, &expected);
+  ASSERT_TRUE(expected.IsSolutionUsable());
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  report.mode = SolveMode::kIncremental;
+  report.strict = true;
+  inceres::Solve(Quiet(type), &ours->problem, &summary, &report);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
+  EXPECT_EQ(report.mode, SolveMode::kIncremental);
+  EXPECT_FALSE(report.used_stock);
+  EXPECT_NEAR(summary.initial_cost, expected.initial_cost, 1e-9 * expected.initial_cost);
+  EXPECT_NEAR(summary.fixed_cost, expected.fixed_cost, 1e-12 * expected.initial_cost);
+  EXPECT_NEAR(summary.final_cost, expected.final_cost, 1e-6 * expected.final_cost + 1e-12 * expected.initial_cost);
+  double cost = -1.0;
+  ours->problem.Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, nullptr, nullptr);
+  EXPECT_NEAR(cost, summary.final_cost, 1e-9 * summary.final_cost + 1e-15 * expected.initial_cost);
+  EXPECT_EQ(report.changes.num_added_factors, summary.num_residual_blocks_reduced);
+  EXPECT_EQ(summary.num_residual_blocks_reduced, expected.num_residual_blocks_reduced);
+  EXPECT_EQ(report.num_landmarks + report.num_frames, expected.num_parameter_blocks_reduced);
+  EXPECT_GT(report.update.num_iterations, 0);
+  ASSERT_EQ(summary.iterations.size(), 2U);
+  EXPECT_EQ(summary.iterations[1].iteration, report.update.num_iterations);
+  EXPECT_GE(summary.total_time_in_seconds, summary.minimizer_time_in_seconds);
+}
+
+TEST(IncrementalMode, SameMinimumAsStock) {
+  for (const ceres::LinearSolverType type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY}) {
+    SCOPED_TRACE(ceres::LinearSolverTypeToString(type));
+    ExpectSameMinimum([] { return MakeBundle(5, 60, true); }, type);
+    ExpectSameMinimum([] { return MakeWindow(6, 50, true); }, type);
+    ExpectSameMinimum([] { return MakeWindow(6, 50, false); }, type);
+    ExpectSameMinimum([] { return MakeCurveFit(0.5); }, type);
+  }
+}
+
+TEST(IncrementalMode, LandmarksOfTheFirstGroup) {
+  const auto test = MakeBundle(4, 30, true);
+  Options options = Quiet(ceres::DENSE_SCHUR);
+  options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  int num_points = 0;
+  for (std::vector<double>& block : test->blocks) {
+    const bool point = block.size() == 3 && num_points < 7;
+    num_points += point;
+    options.linear_solver_ordering->AddElementToGroup(block.data(), point ? 0 : 1);
+  }
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  report.mode = SolveMode::kIncremental;
+  inceres::Solve(options, &test->problem, &summary, &report);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
+  EXPECT_EQ(report.num_landmarks, 7);
+}
+
+TEST(IncrementalMode, AFailureLeavesTheProblemAsItWas) {
+  const auto test = MakeBundle(4, 30, true);
+  test->problem.AddResidualBlock(new testing::TargetCost({1.0}, [](auto...) { return false; }), nullptr, test->Add({0.0}));
+  const auto before = test->blocks;
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  report.mode = SolveMode::kIncremental;
+  inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, &report);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_FALSE(summary.message.empty());
+  EXPECT_EQ(test->blocks, before);
+}
+
+TEST(IncrementalMode, NothingToSolve) {
+  const auto test = MakeBundle(4, 30, true);
+  for (std::vector<double>& block : test->blocks) {
+    test->problem.SetParameterBlockConstant(block.data());
+  }
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  report.mode = SolveMode::kIncremental;
+  inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, &report);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(summary.final_cost, summary.fixed_cost);
+  EXPECT_GT(summary.fixed_cost, 0.0);
+}
+
+// What it hands on.
+
+class DoNothing : public ceres::IterationCallback {
+ public:
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override { return ceres::SOLVER_CONTINUE; }
+};
+
+TEST(IncrementalGate, OptionsOnlyExactModeHonours) {
+  DoNothing callback;
+  const std::vector<std::pair<std::string, std::function<void(Options*)>>> cases = {
+      {"callbacks", [&](Options* options) { options->callbacks.push_back(&callback); }},
+      {"update_state_every_iteration", [](Options* options) { options->update_state_every_iteration = true; }},
+      {"use_nonmonotonic_steps", [](Options* options) { options->use_nonmonotonic_steps = true; }},
+      {"DENSE_QR", [](Options* options) { options->linear_solver_type = ceres::DENSE_QR; }},
+      {"SUBSPACE_DOGLEG",
+       [](Options* options) {
+         options->trust_region_strategy_type = ceres::DOGLEG;
+         options->dogleg_type = ceres::SUBSPACE_DOGLEG;
+       }},
+      {"LINE_SEARCH", [](Options* options) { options->minimizer_type = ceres::LINE_SEARCH; }},
+      {"use_inner_iterations", [](Options* options) { options->use_inner_iterations = true; }},
+      {"ITERATIVE_SCHUR", [](Options* options) { options->linear_solver_type = ceres::ITERATIVE_SCHUR; }},
+  };
+  for (const auto& [reason, set] : cases) {
+    SCOPED_TRACE(reason);
+    const auto test = MakeBundle(3, 20, true);
+    const auto before = test->blocks;
+    Options options = Quiet(ceres::DENSE_SCHUR);
+    set(&options);
+    ceres::Solver::Summary summary;
+    SolveReport report;
+    report.mode = SolveMode::kIncremental;
+    report.strict = true;
+    inceres::Solve(options, &test->problem, &summary, &report);
+    EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+    EXPECT_NE(summary.message.find(reason), std::string::npos) << summary.message;
+    EXPECT_EQ(test->blocks, before);
+    report.strict = false;
+    inceres::Solve(options, &test->problem, &summary, &report);
+    EXPECT_TRUE(report.used_stock);
+    EXPECT_NE(report.fallback_reason.find(reason), std::string::npos) << report.fallback_reason;
+    EXPECT_LT(summary.final_cost, summary.initial_cost);
+  }
+}
+
+TEST(IncrementalGate, Bounds) {
+  const auto test = MakeBundle(3, 20, true);
+  test->problem.SetParameterLowerBound(test->blocks.back().data(), 0, -1e6);
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  report.mode = SolveMode::kIncremental;
+  inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, &report);
+  EXPECT_TRUE(report.used_stock);
+  EXPECT_EQ(report.fallback_reason.find("bounds"), 0U);
+}
+
+TEST(IncrementalGate, DefaultsPass) {
+  EXPECT_EQ(internal::IncrementalOptionsObstacle(Options()), "");
+  Options dogleg;
+  dogleg.trust_region_strategy_type = ceres::DOGLEG;
+  EXPECT_EQ(internal::IncrementalOptionsObstacle(dogleg), "");
+}
+
+// Options.
+
+TEST(IncrementalOptionMapping, TakesWhatTheUserSays) {
+  Options options;
+  options.max_num_iterations = 7;
+  options.max_solver_time_in_seconds = 3.0;
+  options.function_tolerance = 1e-3;
+  options.min_relative_decrease = 0.25;
+  options.initial_trust_region_radius = 100.0;
+  IncrementalOptions core;
+  core.truncation_share = 0.7;
+  IncrementalOptions mapped = internal::MapIncrementalOptions(options, core);
+  EXPECT_EQ(mapped.max_num_iterations, 7);
+  EXPECT_EQ(mapped.max_seconds, 3.0);
+  EXPECT_EQ(mapped.function_tolerance, 1e-3);
+  EXPECT_EQ(mapped.min_relative_decrease, 0.25);
+  EXPECT_EQ(mapped.initial_damping, 0.01);
+  EXPECT_EQ(mapped.num_threads, 1);
+  EXPECT_EQ(mapped.truncation_share, 0.7);
+  EXPECT_TRUE(mapped.Validate().ok());
+  options.max_solver_time_in_seconds = 0.0;
+  options.initial_trust_region_radius = 1e300;
+  mapped = internal::MapIncrementalOptions(options, core);
+  EXPECT_TRUE(mapped.Validate().ok()) << "no time and next to no damping are still valid";
+  EXPECT_EQ(mapped.initial_damping, core.min_damping);
+}
+
+TEST(IncrementalOptionMapping, NamesWhatHasNoEffect) {
+  const auto names = [](const Options& options) {
+    return internal::IncrementalOptionsWithoutEffect(options, internal::LandmarkSelection());
+  };
+  EXPECT_EQ(names(Options()), std::vector<std::string>{});
+  Options options;
+  options.gradient_tolerance = 1e-3;
+  options.parameter_tolerance = 1e-3;
+  options.jacobi_scaling = false;
+  options.initial_trust_region_radius = 1.0;
+  EXPECT_EQ(names(options), (std::vector<std::string>{"gradient_tolerance", "parameter_tolerance", "jacobi_scaling"}));
+  options = Options();
+  options.trust_region_strategy_type = ceres::DOGLEG;
+  options.initial_trust_region_radius = 1.0;
+  options.max_trust_region_radius = 1e3;
+  EXPECT_EQ(names(options),
+            (std::vector<std::string>{"trust_region_strategy_type", "max_trust_region_radius", "initial_trust_region_radius"}));
+}
+
+// Roles.
+
+TEST(LivingRoles, AreSticky) {
+  using internal::PastRole;
+  TestProblem test;
+  double* frame = test.Add({0.0, 0.0});
+  double* point = test.Add({0.0, 0.0});
+  double* other = test.Add({0.0, 0.0});
+  test.problem.AddResidualBlock(new testing::ShapeOnlyCost(1, {2, 2}), nullptr, frame, point);
+  test.problem.AddResidualBlock(new testing::ShapeOnlyCost(1, {2, 2}), nullptr, frame, other);
+  const auto roles = [&](std::vector<double*> selected, std::vector<double*> past_landmarks, bool given) {
+    const internal::ProblemView view = internal::Introspect(test.problem);
+    internal::LandmarkSelection selection;
+    selection.is_landmark.assign(3, 0);
+    std::vector<PastRole> past(3, PastRole::kFrame);
+    for (double* block : selected) {
+      selection.is_landmark[static_cast<std::size_t>(view.index.Find(block))] = 1;
+    }
+    for (double* block : past_landmarks) {
+      past[static_cast<std::size_t>(view.index.Find(block))] = PastRole::kLandmark;
+    }
+    const std::vector<Role> result = internal::ChooseLivingRoles(view, selection, given, past);
+    std::string text;
+    for (double* block : {frame, point, other}) {
+      text += result[static_cast<std::size_t>(view.index.Find(block))] == Role::kLandmark ? 'L' : 'F';
+    }
+    return text;
+  };
+  EXPECT_EQ(roles({point, other}, {}, false), "FLL") << "the selection";
+  EXPECT_EQ(roles({}, {point}, false), "FLF") << "landmarks stay";
+  EXPECT_EQ(roles({}, {point}, true), "FFF") << "but the user's word rules";
+  EXPECT_EQ(roles({frame}, {point, other}, false), "LFF") << "where two meet, those not selected give way";
+  test.problem.SetParameterBlockConstant(point);
+  EXPECT_EQ(roles({frame}, {point, other}, false), "LFF") << "a constant gives way too: it may be variable again";
+  EXPECT_EQ(roles({other}, {point}, false), "FLL") << "or else stays what it was";
+  EXPECT_EQ(roles({}, {point}, true), "FLF");
+}
+
+}  // namespace
+}  // namespace inceres

@@ -1,0 +1,107 @@
+// The life of a session: failures, stock in between, other problems, other options.
+#include <stdexcept>
+
+#include <gtest/gtest.h>
+
+#include "adapters/session_support.h"
+#include "adapters/test_problems.h"
+
+namespace inceres {
+namespace {
+
+using testing::Borrowing;
+using testing::Pull;
+using testing::Session;
+using testing::Tug;
+
+TEST(Session, ResetStartsFromNothing) {
+  Tug tug;
+  tug.session.session.Reset();
+  tug.Solve();
+  EXPECT_EQ(tug.session.changes().num_added_factors, 2);
+  EXPECT_NEAR(tug.x, 3.4, 1e-6);
+}
+
+TEST(Session, AFailureLeavesMemoryAsItWasAndForgets) {
+  Tug tug;
+  tug.b.fails = true;
+  tug.x = 7.0;
+  tug.Solve();
+  EXPECT_EQ(tug.session.summary.termination_type, ceres::FAILURE);
+  EXPECT_FALSE(tug.session.summary.message.empty());
+  EXPECT_EQ(tug.x, 7.0);
+  tug.b.fails = false;
+  tug.Solve();
+  EXPECT_EQ(tug.session.changes().num_added_factors, 2);
+  EXPECT_NEAR(tug.x, 3.4, 1e-6);
+}
+
+TEST(Session, AnExceptionOutOfUserCodeLeavesMemoryAsItWasAndForgets) {
+  Tug tug;
+  tug.b.on_call = [] { throw std::runtime_error("user"); };
+  tug.x = 7.0;
+  EXPECT_THROW(tug.Solve(), std::runtime_error);
+  EXPECT_EQ(tug.x, 7.0);
+  tug.b.on_call = nullptr;
+  tug.Solve();
+  EXPECT_EQ(tug.session.changes().num_added_factors, 2);
+  EXPECT_NEAR(tug.x, 3.4, 1e-6);
+}
+
+TEST(Session, StockMaySolveInBetween) {
+  Tug tug;
+  tug.b.target = 9.0;
+  ceres::Solver::Summary summary;
+  ceres::Solver::Options options;
+  options.logging_type = ceres::SILENT;
+  options.update_state_every_iteration = true;
+  options.function_tolerance = 1e-14;
+  SolveReport report;
+  tug.session.session.Solve(options, &tug.problem, &summary, &report);
+  EXPECT_TRUE(report.used_stock);
+  EXPECT_NE(report.fallback_reason.find("update_state_every_iteration"), std::string::npos);
+  EXPECT_NEAR(tug.x, 7.4, 1e-3);
+  tug.b.target = 4.0;
+  tug.Solve();
+  EXPECT_NEAR(tug.x, 3.4, 1e-6);
+}
+
+TEST(Session, GoesFromOneProblemToAnother) {
+  Tug tug;
+  Pull c(-1.0, 1.0);
+  double y = 0.0;
+  ceres::Problem other(Borrowing());
+  other.AddResidualBlock(&c, nullptr, &y);
+  tug.session.Solve(&other);
+  EXPECT_NEAR(y, -1.0, 1e-6);
+  EXPECT_EQ(tug.session.changes().num_removed_factors, 2);
+  tug.x = 0.0;
+  tug.Solve();
+  EXPECT_NEAR(tug.x, 3.4, 1e-6);
+}
+
+TEST(Session, NothingIsCalledAfterSolve) {
+  Tug tug;
+  const int calls = tug.a.num_cost_only_calls + tug.a.num_jacobian_calls;
+  tug.a.on_call = [] { ADD_FAILURE() << "a cost function was called outside Solve"; };
+  tug.session.session.Forget(&tug.a);
+  tug.session.session.Reset();
+  EXPECT_EQ(tug.a.num_cost_only_calls + tug.a.num_jacobian_calls, calls);
+}
+
+TEST(Session, OptionsMayDifferFromSolveToSolve) {
+  auto powell = testing::MakePowell();
+  Session session;
+  ceres::Solver::Options options;
+  options.max_num_iterations = 0;
+  session.Solve(&powell->problem, options);
+  EXPECT_EQ(session.summary.termination_type, ceres::NO_CONVERGENCE);
+  EXPECT_EQ(session.report.update.num_iterations, 0);
+  options.max_num_iterations = 2;
+  session.Solve(&powell->problem, options);
+  EXPECT_EQ(session.report.update.num_iterations, 2);
+  EXPECT_LT(session.summary.final_cost, session.summary.initial_cost);
+}
+
+}  // namespace
+}  // namespace inceres
