@@ -34,7 +34,7 @@ struct SolveRecord {
   std::vector<CostSample> trace;
   std::vector<std::pair<std::string, double>> stage_seconds;
   std::vector<std::pair<std::string, std::int64_t>> work;  ///< counts of an incremental solve
-  bool used_stock = false;                        ///< the shim handed the problem to stock Ceres
+  bool used_stock = false;                                 ///< the shim handed the problem to stock Ceres
   std::string fallback_reason;
   std::vector<std::string> options_without_effect;
 };
