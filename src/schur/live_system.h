@@ -6,6 +6,7 @@
 #include "base/aligned_vector.h"
 #include "base/executor.h"
 #include "inceres/graph/factor_graph.h"
+#include "inceres/graph/graph_edit.h"
 #include "linearisation/live_family.h"
 #include "linearisation/live_tangents.h"
 #include "linearisation/live_values.h"
@@ -40,6 +41,12 @@ class LiveSystem {
   LiveSystem(FactorGraph& graph, int num_threads) : graph_(graph), executor_(num_threads), schur_(&families_) {}
   LiveSystem(const LiveSystem&) = delete;
   LiveSystem& operator=(const LiveSystem&) = delete;
+
+  /// Carries out an edit of the graph and follows it, all or nothing: an error names the id at fault. What changed is evaluated
+  /// in the next Relinearise.
+  Status Apply(const GraphEdit& edit);
+
+  // What Apply is made of, and what follows a graph that is built without edits.
 
   /// A variable that is constant when it comes stays outside the system until it is set free.
   void AddVariable(VariableId id);
@@ -104,6 +111,8 @@ class LiveSystem {
   Status LineariseFamily(LiveFamily* family, bool by_difference);
   void Move(VariableId id, std::int32_t quad, const std::vector<FactorRef>& factors);
   void ResumCost();
+  void Hold(VariableId id, bool constant);
+  void Reattach();
 
   FactorGraph& graph_;
   Executor executor_;
@@ -127,6 +136,10 @@ class LiveSystem {
   AlignedVector<double> step_;  // padded, all variables; zero where nothing moves
   std::vector<std::int32_t> list_;
   std::vector<std::int32_t> slots_;
+  std::vector<FactorId> removed_;
+  std::vector<VariableId> toggled_;
+  std::vector<VariableId> entering_;
+  std::vector<FactorRef> reattached_;
 };
 
 }  // namespace inceres::internal

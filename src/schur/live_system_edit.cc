@@ -17,6 +17,41 @@ void LiveSystem::GrowSets() {
   }
 }
 
+Status LiveSystem::Apply(const GraphEdit& edit) {
+  const Status status = graph_.Check(edit, &removed_);
+  if (!status.ok()) {
+    return status;
+  }
+  for (const FactorId& id : removed_) {
+    RemoveFactor({id.family, id.index});
+  }
+  for (const VariableId id : edit.removed_variables()) {
+    RemoveVariable(id);
+  }
+  graph_.Commit(edit, removed_);
+  for (const GraphEdit::NewVariable& variable : edit.new_variables()) {
+    AddVariable(variable.id);
+  }
+  for (const GraphEdit::NewFactor& factor : edit.new_factors()) {
+    AddFactor({factor.id.family, factor.id.index});
+  }
+  for (const auto& [id, loss] : edit.losses()) {
+    MarkDirty({id.family, id.index});
+  }
+  for (const auto& [id, place] : edit.measurements()) {
+    MarkDirty({id.family, id.index});
+  }
+  toggled_.clear();
+  for (const auto& [id, constant] : edit.constants()) {
+    toggled_.push_back(id);
+  }
+  UpdateConstants(toggled_);
+  for (const auto& [id, offset] : edit.new_values()) {
+    SetValues(id, edit.values().data() + offset);
+  }
+  return Status::Ok();
+}
+
 void LiveSystem::AddVariable(VariableId id) {
   if (id >= static_cast<VariableId>(frame_of_.size())) {
     frame_of_.resize(id + 1, -1);
@@ -76,7 +111,10 @@ void LiveSystem::Attach(FactorRef ref) {
   for (int s = 0; s < family.num_slots(); ++s) {
     const VariableId variable = family.variables(ref.factor)[s];
     slots_.push_back(frame_of_[variable]);
-    landmark = std::max(landmark, landmark_of_[variable]);
+    // Of two landmarks in a factor one is constant.
+    if (landmark_of_[variable] >= 0 && (landmark < 0 || !graph_.IsConstant(variable))) {
+      landmark = landmark_of_[variable];
+    }
   }
   if (landmark >= 0) {
     Redamp(landmark);
@@ -107,43 +145,65 @@ void LiveSystem::Detach(FactorRef ref) {
 }
 
 void LiveSystem::UpdateConstants(const std::vector<VariableId>& ids) {
-  std::vector<VariableId> entering;
+  entering_.clear();
+  reattached_.clear();
+  graph_.TrackFactors();
   for (const VariableId id : ids) {
     const bool constant = graph_.IsConstant(id);
-    if (frame_of_[id] >= 0) {
-      if (schur_.frames()[frame_of_[id]].held != constant) {
-        schur_.HoldFrame(frame_of_[id], constant);
-      }
-    } else if (landmark_of_[id] >= 0) {
-      if (schur_.landmarks()[landmark_of_[id]].held != constant) {
-        schur_.HoldLandmark(landmark_of_[id], constant);
-        dirty_landmarks_.Add(landmark_of_[id]);
-      }
+    if (frame_of_[id] >= 0 || landmark_of_[id] >= 0) {
+      Hold(id, constant);
     } else if (!constant) {
-      entering.push_back(id);
+      // Constant since it came: its factors have no Jacobian for it yet.
+      entering_.push_back(id);
+      graph_.ForEachFactorOf(id, [this](FactorId factor) { reattached_.push_back({factor.family, factor.index}); });
     }
   }
-  if (entering.empty()) {
+  if (!entering_.empty() || !reattached_.empty()) {
+    Reattach();
+  }
+}
+
+void LiveSystem::Hold(VariableId id, bool constant) {
+  if (frame_of_[id] >= 0) {
+    if (schur_.frames()[frame_of_[id]].held != constant) {
+      schur_.HoldFrame(frame_of_[id], constant);
+    }
     return;
   }
-  // A variable that has been constant since it came: its factors have no Jacobian for it yet.
-  std::vector<FactorRef> factors;
-  graph_.TrackFactors();
-  for (const VariableId id : entering) {
-    graph_.ForEachFactorOf(id, [&](FactorId factor) { factors.push_back({factor.family, factor.index}); });
+  const std::int32_t landmark = landmark_of_[id];
+  if (schur_.landmarks()[landmark].held == constant) {
+    return;
   }
+  schur_.HoldLandmark(landmark, constant);
+  dirty_landmarks_.Add(landmark);
+  if (constant) {
+    return;
+  }
+  // A factor of two landmarks, one of them always constant, belongs to the free one.
+  graph_.ForEachFactorOf(id, [this, landmark](FactorId factor) {
+    const FactorRef ref{factor.family, factor.index};
+    if (schur_.LandmarkOfFactor(ref) != landmark) {
+      reattached_.push_back(ref);
+    }
+  });
+}
+
+// The entering variables get their places in the system, and the factors collected take part with theirs as they are now.
+void LiveSystem::Reattach() {
   const auto before = [](const FactorRef& a, const FactorRef& b) {
     return a.family != b.family ? a.family < b.family : a.factor < b.factor;
   };
-  std::sort(factors.begin(), factors.end(), before);
-  factors.erase(std::unique(factors.begin(), factors.end()), factors.end());
-  for (const FactorRef& ref : factors) {
+  std::sort(reattached_.begin(), reattached_.end(), before);
+  reattached_.erase(std::unique(reattached_.begin(), reattached_.end()), reattached_.end());
+  std::sort(entering_.begin(), entering_.end());
+  entering_.erase(std::unique(entering_.begin(), entering_.end()), entering_.end());
+  for (const FactorRef& ref : reattached_) {
     Detach(ref);
   }
-  for (const VariableId id : entering) {
+  for (const VariableId id : entering_) {
     Enter(id);
   }
-  for (const FactorRef& ref : factors) {
+  for (const FactorRef& ref : reattached_) {
     Attach(ref);
   }
 }

@@ -33,8 +33,6 @@ class IncrementalSolver::Impl {
   IncrementalOptions options_;
   std::unique_ptr<IncrementalMinimizer> minimizer_;
   bool converged_ = false;  // and nothing edited since
-  std::vector<FactorId> removed_;
-  std::vector<VariableId> toggled_;
 };
 
 // A new system from the values held now: nothing cached survives.
@@ -74,40 +72,10 @@ void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
 Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   Status status = options_.Validate();
   if (status.ok()) {
-    status = graph.Check(edit, &removed_);
+    status = live->Apply(edit);
   }
-  if (!status.ok()) {
-    return status;
-  }
-  converged_ = converged_ && edit.empty();
-  for (const FactorId& id : removed_) {
-    live->RemoveFactor({id.family, id.index});
-  }
-  for (const VariableId id : edit.removed_variables()) {
-    live->RemoveVariable(id);
-  }
-  graph.Commit(edit, removed_);
-  for (const GraphEdit::NewVariable& variable : edit.new_variables()) {
-    live->AddVariable(variable.id);
-  }
-  for (const GraphEdit::NewFactor& factor : edit.new_factors()) {
-    live->AddFactor({factor.id.family, factor.id.index});
-  }
-  for (const auto& [id, loss] : edit.losses()) {
-    live->MarkDirty({id.family, id.index});
-  }
-  for (const auto& [id, place] : edit.measurements()) {
-    live->MarkDirty({id.family, id.index});
-  }
-  toggled_.clear();
-  for (const auto& [id, constant] : edit.constants()) {
-    toggled_.push_back(id);
-  }
-  live->UpdateConstants(toggled_);
-  for (const auto& [id, offset] : edit.new_values()) {
-    live->SetValues(id, edit.values().data() + offset);
-  }
-  return Status::Ok();
+  converged_ = converged_ && (edit.empty() || !status.ok());
+  return status;
 }
 
 UpdateSummary IncrementalSolver::Impl::Update() {
