@@ -6,6 +6,11 @@
 #include <string>
 
 namespace inceres::internal {
+namespace {
+
+constexpr double kCostDrop = 1e4;
+
+}  // namespace
 
 int LiveSystem::NumDirtyFactors() const {
   int count = 0;
@@ -73,7 +78,7 @@ Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
       Redamp(landmark);
     }
     if (family->linearised(i)) {
-      cost_ -= family->Cost(i);
+      AddToCost(-family->Cost(i));
       if (by_difference) {
         schur_.AddFactor(ref, -1.0);
       }
@@ -92,12 +97,11 @@ Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
                          graph_.DescribeFactor(family->id(), failure.factor) + ": " + failure.reason);
   }
   for (const std::int32_t i : list_) {
-    cost_ += family->Cost(i);
+    AddToCost(family->Cost(i));
     if (by_difference) {
       schur_.AddFactor({family->id(), i}, 1.0);
     }
   }
-  cost_changes_ += static_cast<std::int64_t>(list_.size());
   dirty.Clear();
   return Status::Ok();
 }
@@ -161,7 +165,7 @@ int LiveSystem::AcceptValues() {
   for (LiveFamily& family : families_) {
     const std::vector<std::int32_t>& touched = touched_lists_[family.id()];
     for (const std::int32_t i : touched) {
-      cost_ += family.CandidateCost(i) - family.Cost(i);
+      AddToCost(family.CandidateCost(i) - family.Cost(i));
       const FactorRef ref{family.id(), i};
       const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
       if (landmark >= 0) {
@@ -173,7 +177,6 @@ int LiveSystem::AcceptValues() {
         }
       }
     }
-    cost_changes_ += static_cast<std::int64_t>(touched.size());
     family.Accept(touched, schur_.padded_rhs());
   }
   stale_landmarks_.ForEach([this](std::int32_t landmark) { schur_.RefreshResidual(landmark); });
@@ -189,9 +192,10 @@ int LiveSystem::AcceptValues() {
   return num_updated;
 }
 
-// The cost is kept by difference and summed anew after as many changes as there are factors: rounding does not pile up.
+// The cost is kept by difference and summed anew after as many changes as there are factors, so that rounding does not pile up,
+// and when it has fallen far, for what is left of it would be rounding.
 void LiveSystem::ResumCost() {
-  if (cost_changes_ <= num_factors_) {
+  if (cost_changes_ <= num_factors_ && cost_peak_ <= kCostDrop * cost_) {
     return;
   }
   cost_changes_ = 0;
@@ -201,6 +205,7 @@ void LiveSystem::ResumCost() {
       cost_ += family.linearised(i) ? family.Cost(i) : 0.0;
     }
   }
+  cost_peak_ = cost_;
 }
 
 void LiveSystem::Reject() {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -110,6 +111,11 @@ class LiveSystem {
   bool RebuildIsCheaper() const;
   Status LineariseFamily(LiveFamily* family, bool by_difference);
   void Move(VariableId id, std::int32_t quad, const std::vector<FactorRef>& factors);
+  void AddToCost(double change) {
+    cost_ += change;
+    cost_peak_ = std::max(cost_peak_, cost_);
+    ++cost_changes_;
+  }
   void ResumCost();
   void Hold(VariableId id, bool constant);
   void Reattach();
@@ -124,7 +130,8 @@ class LiveSystem {
   std::vector<int> landmark_of_;  // per variable, or -1
   int num_factors_ = 0;
   double cost_ = 0.0;
-  std::int64_t cost_changes_ = 0;  // since the cost was summed
+  double cost_peak_ = 0.0;         // the largest it has been since it was summed
+  std::int64_t cost_changes_ = 0;  // since then
 
   std::vector<IndexSet> dirty_;    // per family: to be relinearised
   std::vector<IndexSet> touched_;  // per family: with a variable that moves

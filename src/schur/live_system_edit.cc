@@ -136,8 +136,7 @@ void LiveSystem::Detach(FactorRef ref) {
   }
   if (family.linearised(ref.factor)) {
     schur_.AddFactor(ref, -1.0);
-    cost_ -= family.Cost(ref.factor);
-    ++cost_changes_;
+    AddToCost(-family.Cost(ref.factor));
   }
   schur_.Disconnect(ref);
   family.Forget(ref.factor);

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Dense>
+
+#include "inceres/graph/factor_graph.h"
+#include "schur/live_system.h"
+
+namespace inceres::internal {
+
+/// S and b of a living system, summed densely in long double from the Jacobians, weights and landmark dampings cached in it: what
+/// the incremental ones are judged by. Which variables a factor touches is asked of the graph, not of the system.
+class BatchSystem {
+ public:
+  using Matrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+  using Vector = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
+
+  BatchSystem(const FactorGraph& graph, const LiveSystem& system);
+
+  /// The law: |S − S_batch|_ij ≤ 1e-10 √(C_ii C_jj), |b − b_batch|_i ≤ 1e-10 √(C_ii Σ‖q‖²), diag(C) and the cost to 1e-10; and
+  /// exactly those landmarks take part that are free and have information.
+  void ExpectLaw() const;
+
+  /// (S + diag(damping)) δ = b over the frames that are not held; damping = mu · diag(C).
+  Vector SolveFrames(double mu) const;
+  /// Expects that the packed step of the frames, and what the system makes of it for the landmarks, is that of the batch, in the
+  /// metric of C.
+  void ExpectStep(const std::vector<double>& frame_step, double mu) const;
+
+ private:
+  struct Separator {
+    int row;
+    Matrix W;  // frame × landmark
+  };
+  struct Landmark {
+    Matrix P;
+    Vector l;
+    std::vector<Separator> separators;
+  };
+
+  int size() const { return system_.schur().size(); }
+  void SumFamily(const LiveFamily& family);
+  void SumFactor(const LiveFamily& family, int i);
+  void Eliminate(int landmark);
+  Matrix Damped(int landmark) const;
+  double LiveS(int row, int column, int r, int c) const;
+  void ExpectS() const;
+  void ExpectB() const;
+  void ExpectLandmarks() const;
+
+  const FactorGraph& graph_;
+  const LiveSystem& system_;
+  std::vector<int> row_of_;       // per variable, or -1
+  std::vector<int> landmark_of_;  // per variable, or -1
+  std::vector<Landmark> landmarks_;
+  Matrix S_;
+  Vector b_;
+  Vector C_diagonal_;
+  long double squared_q_ = 0.0;
+  long double cost_ = 0.0;
+  int num_factors_ = 0;
+};
+
+}  // namespace inceres::internal
