@@ -16,6 +16,9 @@ constexpr double kNoInformation = 1e-12;
 // in S_ij, which is to stay below 1e-10 √(C_ii C_jj).
 constexpr double kDriftRatio = 1e4;
 
+// All rows are looked at when the cost has fallen by this.
+constexpr double kCostDrop = 1e2;
+
 }  // namespace
 
 void LiveSchur::AddFactorTo(FactorRef ref, double sign, std::int32_t only) {
@@ -70,6 +73,15 @@ void LiveSchur::AddRowOfFactor(FactorRef ref, int slot, double sign) {
     C[k] += sign * squared;
     peak[k] = std::max(peak[k], C[k]);
   }
+  SampleB(FrameOfFactor(ref, slot));
+}
+
+void LiveSchur::SampleB(std::int32_t row) {
+  const double* b = this->b(row);
+  double* peak = b_peak_.data() + offsets_[row];
+  for (int k = 0; k < frames_[row].size; ++k) {
+    peak[k] = std::max(peak[k], std::fabs(b[k]));
+  }
 }
 
 // New factors may have brought new frames since: the contribution is that of the incidences, the frames it went in with.
@@ -109,6 +121,7 @@ void LiveSchur::AddToB(const Landmark& landmark, const double* z, double sign, s
         b[i] += sign * Y[k * width + i] * z[k];
       }
     }
+    SampleB(landmark.frames[r]);
     TouchB(landmark.frames[r]);
   }
 }
@@ -180,16 +193,34 @@ void LiveSchur::RefreshResidual(std::int32_t landmark) {
   SetDecrement(landmark, decrement);
 }
 
-int LiveSchur::ResumDrifted() {
-  drifted_.clear();
-  touched_.ForEach([this](std::int32_t row) {
-    for (int k = offsets_[row]; k < offsets_[row] + frames_[row].size; ++k) {
-      if (C_peak_[k] > kDriftRatio * C_diagonal_[k]) {
-        drifted_.push_back(row);
-        return;
-      }
+bool LiveSchur::HasDrifted(std::int32_t row, double cost) {
+  for (int k = offsets_[row]; k < offsets_[row + 1]; ++k) {
+    if (C_peak_[k] > kDriftRatio * C_diagonal_[k] || b_peak_[k] > kDriftRatio * std::sqrt(2.0 * cost * C_diagonal_[k])) {
+      return true;
     }
-  });
+  }
+  return false;
+}
+
+int LiveSchur::ResumDrifted(double cost) {
+  drifted_.clear();
+  const auto look_at = [this, cost](std::int32_t row) {
+    if (frames_[row].id >= 0) {
+      SampleB(row);
+    }
+    if (HasDrifted(row, cost)) {
+      drifted_.push_back(row);
+    }
+  };
+  if (kCostDrop * cost < drift_cost_) {
+    for (std::int32_t row = 0; row < static_cast<std::int32_t>(frames_.size()); ++row) {
+      look_at(row);
+    }
+    drift_cost_ = cost;
+  } else {
+    touched_.ForEach(look_at);
+    drift_cost_ = std::max(drift_cost_, cost);
+  }
   for (const std::int32_t row : drifted_) {
     ResumFrame(row);
   }
@@ -203,6 +234,7 @@ void LiveSchur::ResumFrame(std::int32_t frame) {
   std::fill_n(Rhs(f.quad), PadToQuad(f.size), 0.0);
   std::fill_n(C_diagonal_.begin() + offsets_[frame], f.size, 0.0);
   std::fill_n(C_peak_.begin() + offsets_[frame], f.size, 0.0);
+  std::fill_n(b_peak_.begin() + offsets_[frame], f.size, 0.0);
   for (const FactorRef& ref : f.factors) {
     if (families_[ref.family].linearised(ref.factor)) {
       AddFactorTo(ref, 1.0, frame);
@@ -222,6 +254,7 @@ void LiveSchur::Rebuild() {
   S_.Zero();
   std::fill(C_diagonal_.begin(), C_diagonal_.end(), 0.0);
   std::fill(C_peak_.begin(), C_peak_.end(), 0.0);
+  std::fill(b_peak_.begin(), b_peak_.end(), 0.0);
   for (const Frame& frame : frames_) {
     if (frame.id >= 0) {
       std::fill_n(Rhs(frame.quad), PadToQuad(frame.size), 0.0);

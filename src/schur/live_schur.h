@@ -27,8 +27,8 @@ inline bool operator==(const FactorRef& a, const FactorRef& b) {
 /// later one once there are many; the smallest row touched since the last factorisation is remembered, for the factor resumes
 /// there. A constant is a mask: a held frame keeps its row, a held landmark its blocks outside S.
 ///
-/// Drift: adding and subtracting leaves ε times the largest value a block ever held. A frame whose diagonal has shrunk far below
-/// its peak is summed anew from the caches (Resum).
+/// Drift: adding and subtracting leaves ε times the largest value an entry ever held. A frame whose diagonal of C has shrunk far
+/// below its peak, or whose b has been far above what the cost allows now, is summed anew from the caches (ResumDrifted).
 class LiveSchur {
  public:
   struct Frame {
@@ -85,8 +85,9 @@ class LiveSchur {
   /// Its entries of the padded right-hand side, η, have changed: z is renewed and b follows.
   void RefreshResidual(std::int32_t landmark);
 
-  /// Frames with a block of S touched since the last call are re-summed where cancellation has eaten digits. Returns how many.
-  int ResumDrifted();
+  /// Frames touched since the last call, or all when the cost has fallen far since, are re-summed where cancellation has eaten
+  /// digits: of S and C against C, of b against √(C · 2 cost). Returns how many.
+  int ResumDrifted(double cost);
   /// S and b from the caches: every factor, and every landmark with the Y and z it has.
   /// Between the two calls contributions taken out are only forgotten: nothing of the old S and b is read.
   void BeginRebuild() { rebuilding_ = true; }
@@ -122,7 +123,10 @@ class LiveSchur {
   int TakeFirstChanged();
   /// The same for entries of b. Whoever writes the padded right-hand side himself says so.
   int TakeFirstChangedB();
-  void TouchB(std::int32_t row) { first_changed_b_ = row < first_changed_b_ ? row : first_changed_b_; }
+  void TouchB(std::int32_t row) {
+    first_changed_b_ = row < first_changed_b_ ? row : first_changed_b_;
+    touched_.Add(row);
+  }
   /// Block products of all landmark contributions in S, and of one landmark's.
   std::int64_t NumPairs() const { return num_pairs_; }
   std::int64_t NumPairs(std::int32_t landmark) const;
@@ -153,8 +157,9 @@ class LiveSchur {
   void Touch(std::int32_t row) {
     first_changed_ = row < first_changed_ ? row : first_changed_;
     TouchB(row);
-    touched_.Add(row);
   }
+  bool HasDrifted(std::int32_t row, double cost);
+  void SampleB(std::int32_t row);
   std::int32_t AllocateY(std::int32_t quads);
 
   std::vector<LiveFamily>& families_;
@@ -175,13 +180,15 @@ class LiveSchur {
   AlignedVector<double> rhs_;
   std::vector<double> C_diagonal_;
   std::vector<double> C_peak_;  // the largest C_diagonal_ has been since its row was summed
+  std::vector<double> b_peak_;  // the largest |b| has been since its row was summed, packed
   AlignedVector<double> Y_;
   std::vector<std::vector<std::int32_t>> free_y_;  // by quads
   std::int64_t num_pairs_ = 0;
   bool rebuilding_ = false;
   int first_changed_ = 0;
   int first_changed_b_ = 0;
-  IndexSet touched_;  // rows, since ResumDrifted
+  IndexSet touched_;         // rows, since ResumDrifted
+  double drift_cost_ = 0.0;  // when all rows were looked at
   std::vector<std::int32_t> drifted_;
 
   double total_decrement_ = 0.0;

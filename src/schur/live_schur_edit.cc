@@ -48,8 +48,9 @@ int LiveSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
   ++num_frames_;
   // The packed diagonal of the rows behind moves up.
   UpdateOffsets(row);
-  C_diagonal_.insert(C_diagonal_.begin() + offsets_[row], size, 0.0);
-  C_peak_.insert(C_peak_.begin() + offsets_[row], size, 0.0);
+  for (std::vector<double>* packed : {&C_diagonal_, &C_peak_, &b_peak_}) {
+    packed->insert(packed->begin() + offsets_[row], size, 0.0);
+  }
   MakeRoom(quad, size);
   Touch(row);
   return row;
@@ -57,8 +58,9 @@ int LiveSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
 
 void LiveSchur::RemoveFrame(std::int32_t row) {
   Frame& frame = frames_[row];
-  C_diagonal_.erase(C_diagonal_.begin() + offsets_[row], C_diagonal_.begin() + offsets_[row] + frame.size);
-  C_peak_.erase(C_peak_.begin() + offsets_[row], C_peak_.begin() + offsets_[row] + frame.size);
+  for (std::vector<double>* packed : {&C_diagonal_, &C_peak_, &b_peak_}) {
+    packed->erase(packed->begin() + offsets_[row], packed->begin() + offsets_[row] + frame.size);
+  }
   S_.RemoveRow(row);
   frame.id = -1;
   frame.size = 0;
@@ -206,7 +208,7 @@ void LiveSchur::Disconnect(FactorRef ref) {
 }
 
 std::int64_t LiveSchur::Bytes() const {
-  std::size_t bytes = sizeof(double) * (rhs_.capacity() + Y_.capacity() + 2 * C_diagonal_.capacity()) +
+  std::size_t bytes = sizeof(double) * (rhs_.capacity() + Y_.capacity() + 3 * C_diagonal_.capacity()) +
                       sizeof(Frame) * frames_.capacity() + sizeof(Landmark) * landmarks_.capacity();
   for (const Landmark& l : landmarks_) {
     bytes += l.factors.capacity() * sizeof(FactorRef) + l.frames.capacity() * sizeof(std::int32_t) +

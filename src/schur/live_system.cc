@@ -63,8 +63,8 @@ Status LiveSystem::Relinearise(double lambda, RebuildRule rule, RelineariseWork*
   dirty_landmarks_.ForEach([&](std::int32_t landmark) { schur_.PutIn(landmark, lambda); });
   work->num_landmarks = dirty_landmarks_.count();
   dirty_landmarks_.Clear();
-  work->num_drifted_frames = schur_.ResumDrifted();
   ResumCost();
+  work->num_drifted_frames = schur_.ResumDrifted(cost_);
   return Status::Ok();
 }
 

@@ -18,7 +18,7 @@ class BatchSystem {
 
   BatchSystem(const FactorGraph& graph, const LiveSystem& system);
 
-  /// The law: |S − S_batch|_ij ≤ 1e-10 √(C_ii C_jj), |b − b_batch|_i ≤ 1e-10 √(C_ii Σ‖q‖²), diag(C) and the cost to 1e-10; and
+  /// The law: |S − S_batch|_ij ≤ 1e-10 √(C_ii C_jj), |b − b_batch|_i ≤ 1e-10 √(C_ii 2F), diag(C) and the cost to 1e-10; and
   /// exactly those landmarks take part that are free and have information.
   void ExpectLaw() const;
 
@@ -57,7 +57,6 @@ class BatchSystem {
   Matrix S_;
   Vector b_;
   Vector C_diagonal_;
-  long double squared_q_ = 0.0;
   long double cost_ = 0.0;
   int num_factors_ = 0;
 };

@@ -16,8 +16,9 @@ namespace inceres::internal {
 struct EditWorldOptions {
   unsigned seed = 1;
   bool landmarks = true;
-  bool heavy_priors = true;  ///< of weight 1e14, on frames and landmarks, now and then
-  int max_frames = 8;        ///< removed ones make room for others
+  bool heavy_priors = true;      ///< of weight 1e14, on frames and landmarks, now and then
+  bool permanent_frame = false;  ///< the first variable stays for good, and takes part in half of the factors
+  int max_frames = 8;            ///< removed ones make room for others
   int max_landmarks = 16;
 };
 
@@ -28,8 +29,7 @@ class EditWorld {
  public:
   explicit EditWorld(const EditWorldOptions& options);
 
-  /// An edit of one to four changes. False if the graph refused it: two free landmarks met in a factor, or something
-  /// is used that the same edit removes.
+  /// An edit of one to four changes. False if the graph refused it: two free landmarks met in a factor.
   bool Edit();
   /// Linearises what is dirty, under a random rule and a random damping of the landmarks.
   void Relinearise();
@@ -58,6 +58,7 @@ class EditWorld {
   void Rescan();
   void Compose();
   void AdmitPlacedMeasurements();
+  void Remove();
   void Change();
   void AddFrame();
   void AddLandmark();
@@ -86,11 +87,15 @@ class EditWorld {
   double mu_ = 1e-3;
   bool mu_changed_ = true;
   GraphEdit edit_;
+  bool descending_;
+  int frame_kinds_[3];                                    // 0: pose, 8: quaternion, else the size of a Euclidean variable
+  int landmark_kinds_[2];                                 // 0: on a sphere, else the size
   std::map<std::vector<int>, Family> families_;           // by residual size and sizes of the slots
   std::map<VariableId, std::vector<double>> new_values_;  // of variables the edit under construction adds
   std::map<VariableId, Shape> shapes_;
   std::vector<VariableId> frames_;
   std::vector<VariableId> landmarks_;
+  VariableId permanent_ = -1;
   std::vector<VariableId> removed_;  // by the edit under construction
   std::vector<VariableId> borrowed_;
   std::vector<FactorId> factors_;
