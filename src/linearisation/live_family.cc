@@ -200,6 +200,18 @@ double LiveFamily::PredictDecrease(const std::vector<std::int32_t>& factors, con
   return decrease;
 }
 
+void LiveFamily::Slope(int factor, double* slope, double* curvature) const {
+  *slope = *curvature = 0.0;
+  for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size_; ++k) {
+    *slope -= J_step_[k] * q_[k];
+    *curvature += J_step_[k] * J_step_[k];
+  }
+}
+
+void LiveFamily::SubtractGradient(const std::vector<std::int32_t>& factors, double* padded_rhs) const {
+  kernels_->subtract_transposed(Rows(), factors.data(), static_cast<int>(factors.size()), q_.data(), padded_rhs);
+}
+
 void LiveFamily::Accept(const std::vector<std::int32_t>& factors, double* padded_rhs) {
   for (const std::int32_t factor : factors) {
     const bool weighted = sqrt_w_[factor] > kNoWeight;

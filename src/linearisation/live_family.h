@@ -49,6 +49,10 @@ class LiveFamily {
 
   /// What the cached linearisations predict for a padded step: −Σ (Jδ)ᵀ(q + Jδ/2). Jδ is kept for Accept.
   double PredictDecrease(const std::vector<std::int32_t>& factors, const double* padded_step);
+  /// Of one factor, after PredictDecrease: −qᵀJδ and ‖Jδ‖².
+  void Slope(int factor, double* slope, double* curvature) const;
+  /// padded_rhs −= Σ Jᵀq of the listed factors.
+  void SubtractGradient(const std::vector<std::int32_t>& factors, double* padded_rhs) const;
   /// The step was accepted: f := candidate f, f̂ += J δ / √w, and the gradient follows q: padded_rhs −= Σ Jᵀ(q_new − q_old).
   void Accept(const std::vector<std::int32_t>& factors, double* padded_rhs);
   const double* q(int factor) const { return q_.data() + First(factor); }

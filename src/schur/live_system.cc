@@ -226,6 +226,7 @@ void LiveSystem::EndStep() {
   }
   moved_.Clear();
   visited_.Clear();
+  dogleg_prepared_ = false;
 }
 
 std::int64_t LiveSystem::Bytes() const {

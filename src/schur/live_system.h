@@ -76,6 +76,18 @@ class LiveSystem {
 
   /// Evaluates the step: change of the cost, and the decrease the linearisations predict, over the factors it touches.
   Status EvaluateStep(double* change, double* predicted_decrease);
+  /// ‖Dδ‖ of the step as it stands, D² = diag H.
+  double ScaledStepNorm() const;
+  /// Replaces the step evaluated last, taken as the Gauss–Newton step of its active set, by the point at this scaled norm on the
+  /// dog-leg path from the Cauchy point of the same active set to it. To be evaluated anew. The first call after a step prepares
+  /// the path with one pass over the touched factors.
+  void ShortenStep(double scaled_norm);
+
+  /// A step of these landmarks alone, each of which is accepted or not for itself. True if any was: the caller then ends the step
+  /// as after AcceptValues. A landmark whose cost falls faster than its model says, as on the far side of a robust loss, goes
+  /// further the next time. *num_evaluated gets the factors looked at.
+  bool StepLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
+
   /// Ends the step: the values move, and residuals, gradient shares and b follow; Jacobians stay. Or nothing moves.
   void Accept() {
     AcceptValues();
@@ -110,7 +122,22 @@ class LiveSystem {
   void GrowSets();
   bool RebuildIsCheaper() const;
   Status LineariseFamily(LiveFamily* family, bool by_difference);
+  // A landmark's own line search, from one StepLandmarks to the next.
+  struct LandmarkStep {
+    double stretch = 1.0;  // of its next step
+    double change = 0.0;
+    double slope = 0.0;
+    double curvature = 0.0;
+  };
+
+  template <typename Function>
+  void ForEachActive(Function&& visit) const;
+  void PrepareDogleg();
   void Move(VariableId id, std::int32_t quad, const std::vector<FactorRef>& factors);
+  void Stretch(std::int32_t landmark);
+  bool EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
+  bool AcceptLandmark(std::int32_t landmark);
+  void LeaveOut(std::int32_t landmark);
   void AddToCost(double change) {
     cost_ += change;
     cost_peak_ = std::max(cost_peak_, cost_);
@@ -141,6 +168,10 @@ class LiveSystem {
   IndexSet visited_;
   IndexSet moved_;
   AlignedVector<double> step_;  // padded, all variables; zero where nothing moves
+  bool dogleg_prepared_ = false;
+  AlignedVector<double> gauss_newton_;  // of the active set, padded like step_
+  AlignedVector<double> cauchy_;
+  std::vector<LandmarkStep> landmark_steps_;
   std::vector<std::int32_t> list_;
   std::vector<std::int32_t> slots_;
   std::vector<FactorId> removed_;

@@ -10,6 +10,7 @@ void LiveSystem::GrowSets() {
   dirty_landmarks_.Grow(schur_.landmarks().size());
   stale_landmarks_.Grow(schur_.landmarks().size());
   visited_.Grow(schur_.landmarks().size());
+  landmark_steps_.resize(schur_.landmarks().size());
   moved_.Grow(schur_.frames().size());
   const std::size_t entries = static_cast<std::size_t>(tangents_.num_quads()) * kQuad;
   if (entries > step_.size()) {

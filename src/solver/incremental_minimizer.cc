@@ -11,17 +11,30 @@ namespace {
 
 constexpr double kExact = 1e-20;         // squared error above which a Jacobian is not simply the current one
 constexpr double kRefreshShare = 0.1;    // of the thresholds of an old linearisation: what convergence may rest on
-constexpr double kWeightChange = 0.1;    // relative change of ρ' beyond which a factor's weight in H is renewed
+constexpr double kWeightChange = 2.0;    // factor by which ρ' may have changed before a factor's weight in H is renewed
 constexpr double kTinyDiagonal = 1e-12;  // stands in for a diagonal entry of C that is zero
 constexpr double kGrid = 10.0;           // μ moves in these steps, so that it stands still near the solution
-constexpr double kGoodRatio = 0.25;      // gain ratio above which the damping may fall
+constexpr double kGoodRatio = 0.25;      // gain ratio above which the damping may fall, below which the radius does
+constexpr double kGrowRatio = 0.75;      // gain ratio above which the radius grows
+constexpr double kShortening = 0.25;     // of the step, when it is tried again
+constexpr int kMaxShortenings = 3;
 
 // Weight of the gradient's error against that of the model in relinearisation_share.
-constexpr double kGradientShare = 5.0;
+constexpr double kGradientShare = 10.0;
 
 // An Update ends when the model sees less than this share of the tolerance left: with a robust loss the model undervalues what is
 // left (its Hessian has no ρ''), by a factor of 1.5 to 2 on our data.
-constexpr double kStopShare = 0.15;
+constexpr double kStopShare = 0.1;
+
+// Landmarks step by themselves while together they could gain more than this share of what an Update may leave undone, those of
+// them that exceed this share of the mean.
+constexpr double kLandmarkShare = 0.3;
+
+// They do so when they hold more than this share of all that is undone.
+constexpr double kLandmarkDominance = 0.5;
+
+// Less than this share of what an Update may leave undone is always left.
+constexpr double kTruncationFloor = 0.1;
 
 // A row of S is solved anew when its change is worth this share of what a frame may leave undone.
 constexpr double kWildfireShare = 1e-3;
@@ -37,6 +50,10 @@ class StageClock {
   double* stage_;
   double start_;
 };
+
+bool IsOff(double weight_ratio) {
+  return weight_ratio > kWeightChange || weight_ratio * kWeightChange < 1.0;
+}
 
 RebuildRule RuleOf(RebuildPolicy policy) {
   return policy == RebuildPolicy::kAlways  ? RebuildRule::kAlways
@@ -82,15 +99,19 @@ void IncrementalMinimizer::Minimize(double start_seconds, const std::atomic<bool
   mu_ = std::clamp(mu_, options_.min_damping, options_.initial_damping);
   nu_ = 2.0;
   active_.Clear();
+  radius_ = HUGE_VAL;
+  num_landmark_passes_ = 0;
+  frames_moved_ = false;  // the frames first
   const auto finish = [summary](Termination termination, const char* message) {
     summary->termination = termination;
     summary->message = message;
   };
+  mostly_new_ = 2 * system_.NumDirtyFactors() > system_.num_factors();
   for (bool first = true;; first = false) {
     if (!Relinearise()) {
       return;
     }
-    if (first) {
+    if (first && summary_->num_batch_iterations == 0) {
       summary_->initial_cost = system_.cost();
     }
     if (OutOfBudget(start_seconds, stop)) {
@@ -128,7 +149,32 @@ bool IncrementalMinimizer::Relinearise() {
   return status.ok();
 }
 
+// Landmarks that could still gain much by themselves, most of them outliers that a robust loss lets converge slowly, go ahead
+// without the frames: a pass costs their own factors only. True if any moved.
+bool IncrementalMinimizer::StepLandmarks() {
+  LiveSchur& schur = system_.schur();
+  const double gain = schur.TotalDecrement();
+  if (num_landmark_passes_ <= 0 || gain <= kLandmarkShare * kStopShare * Tolerance()) {
+    return false;
+  }
+  --num_landmark_passes_;
+  const StageClock clock(&summary_->landmark_seconds);
+  int num_evaluated = 0;
+  const bool moved =
+      system_.StepLandmarks(schur.EagerLandmarks(kLandmarkShare * gain / std::max(1, schur.num_landmarks())), &num_evaluated);
+  ++summary_->num_landmark_passes;
+  summary_->num_evaluated_factors += num_evaluated;
+  if (moved) {
+    MarkStale();
+    system_.EndStep();
+  }
+  return moved;
+}
+
 IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
+  if (StepLandmarks()) {
+    return Verdict::kGoOn;
+  }
   ++summary_->num_iterations;
   if (!SolveFrames()) {
     return Retreat(false);
@@ -139,22 +185,66 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
     // Refresh before success.
     return RefreshAged() ? Verdict::kGoOn : Verdict::kConverged;
   }
+  if (frames_moved_ && !mostly_new_ && system_.schur().TotalDecrement() > kLandmarkDominance * undone) {
+    frames_moved_ = false;
+    num_landmark_passes_ = options_.max_landmark_passes;
+    if (StepLandmarks()) {
+      return Verdict::kGoOn;
+    }
+  }
   {
     const StageClock clock(&summary_->select_seconds);
-    const double budget = std::max(options_.truncation_share * undone, 0.1 * kStopShare * Tolerance());
-    active_.Select(frame_step_, damping_, solver_->work().first_solved_row, options_.truncation_share > 0.0 ? budget : -1.0,
-                   &system_);
+    active_.Select(frame_step_, damping_, solver_->work().first_solved_row, TruncationBudget(undone), &system_);
     summary_->num_moved_frames += static_cast<int>(active_.frames().size());
     summary_->num_visited_landmarks += static_cast<int>(active_.landmarks().size());
   }
-  double ratio = 0.0;
-  if (EvaluateStep(&ratio) && ratio > options_.min_relative_decrease) {
-    Accept(ratio);
+  if (TakeStep()) {
     return Verdict::kGoOn;
   }
   const bool refreshed = RefreshTouched();
   system_.Reject();
   return Retreat(refreshed);
+}
+
+// What a step may leave undone. A problem that is new for the most part is far from its minimum, where half a step leads
+// elsewhere than a whole one: all of it moves. So it does if the user wants nothing truncated.
+double IncrementalMinimizer::TruncationBudget(double undone) const {
+  if (mostly_new_ || options_.truncation_share == 0.0) {
+    return -1.0;
+  }
+  return std::max(options_.truncation_share * undone, kTruncationFloor * kStopShare * Tolerance());
+}
+
+// Tries the step, within the trust region once there is one. A step that is refused although its Jacobians are fresh is tried
+// again along the dog-leg path: that costs an evaluation, where more damping costs a factorisation too.
+bool IncrementalMinimizer::TakeStep() {
+  double norm = system_.ScaledStepNorm();
+  if (norm > radius_) {
+    double ignored = 0.0;
+    EvaluateStep(&ignored);  // names the touched factors
+    norm = radius_;
+    system_.ShortenStep(norm);
+  }
+  for (int attempt = 0;; ++attempt) {
+    double ratio = 0.0;
+    if (EvaluateStep(&ratio) && ratio > options_.min_relative_decrease) {
+      if (ratio > kGrowRatio) {
+        radius_ = std::max(radius_, 3.0 * norm);
+      } else if (ratio < kGoodRatio) {
+        radius_ = 0.5 * norm;
+      }
+      Accept(ratio);
+      return true;
+    }
+    if (attempt >= kMaxShortenings || HasOldJacobians()) {
+      radius_ = HUGE_VAL;  // the damping takes over
+      return false;
+    }
+    ++summary_->num_shortened_steps;
+    norm *= kShortening;
+    radius_ = norm;
+    system_.ShortenStep(norm);
+  }
 }
 
 // δ_c from (S + μ diag(C)) δ_c = b. False if there is no factor.
@@ -218,12 +308,11 @@ bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
 
 void IncrementalMinimizer::Accept(double gain_ratio) {
   const StageClock clock(&summary_->accept_seconds);
-  if (gain_ratio > kGoodRatio) {
-    mu_ = std::max(options_.min_damping, mu_ / kGrid);
-  }
+  mu_ = std::max(options_.min_damping, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
   nu_ = 2.0;
   summary_->num_updated_landmarks += system_.AcceptValues();
   MarkStale();
+  frames_moved_ = true;
   TakeStepOff();
   system_.EndStep();
 }
@@ -245,7 +334,7 @@ void IncrementalMinimizer::MarkStale() {
   for (const LiveFamily& family : system_.families()) {
     aged_[family.id()].Grow(family.num_places());
     for (const std::int32_t i : system_.Touched(family.id())) {
-      if (stale.ExceededBy(family, i) || std::fabs(family.WeightRatio(i) - 1.0) > kWeightChange) {
+      if (stale.ExceededBy(family, i) || IsOff(family.WeightRatio(i))) {
         system_.MarkDirty({family.id(), i});
       } else if (aged.ExceededBy(family, i)) {
         aged_[family.id()].Add(i);
@@ -271,6 +360,16 @@ bool IncrementalMinimizer::RefreshAged() {
   return any;
 }
 
+bool IncrementalMinimizer::HasOldJacobians() const {
+  const auto is_old = [](const LiveFamily& family) {
+    return [&family](std::int32_t i) { return family.SquaredError(i) > kExact; };
+  };
+  return std::any_of(system_.families().begin(), system_.families().end(), [&](const LiveFamily& family) {
+    const std::vector<std::int32_t>& touched = system_.Touched(family.id());
+    return std::any_of(touched.begin(), touched.end(), is_old(family));
+  });
+}
+
 // The step failed: with old Jacobians about it was perhaps their fault. True if any factor it touches had one.
 bool IncrementalMinimizer::RefreshTouched() {
   bool any = false;
@@ -291,7 +390,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   if (refreshed) {
     return Verdict::kGoOn;
   }
-  mu_ *= nu_;
+  mu_ *= kGrid * nu_;
   nu_ *= 2.0;
   for (const std::int32_t landmark : active_.landmarks()) {
     if (system_.schur().landmarks()[landmark].lambda < mu_) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <cmath>
 #include <memory>
 #include <vector>
 
@@ -37,14 +38,18 @@ class IncrementalMinimizer {
 
   bool Relinearise();
   bool OutOfBudget(double start_seconds, const std::atomic<bool>& stop) const;
+  bool StepLandmarks();
   Verdict Iterate();
   bool SolveFrames();
   void TakeStepOff();
   double Undone();
+  double TruncationBudget(double undone) const;
+  bool TakeStep();
   bool EvaluateStep(double* gain_ratio);
   void Accept(double gain_ratio);
   void MarkStale();
   bool RefreshAged();
+  bool HasOldJacobians() const;
   bool RefreshTouched();
   Verdict Retreat(bool refreshed);
   ErrorLimits LimitsOf(double share) const;
@@ -56,7 +61,11 @@ class IncrementalMinimizer {
   ActiveSet active_;
   double mu_;
   double nu_ = 2.0;
-  double solved_mu_ = -1.0;  // the damping the factor was computed with
+  double radius_ = HUGE_VAL;     // of the trust region, in the norm ‖Dδ‖; acts after a rejection
+  bool mostly_new_ = false;      // this Update began with most factors new
+  bool frames_moved_ = false;    // since landmarks last stepped by themselves
+  int num_landmark_passes_ = 0;  // still allowed before the next step of the frames
+  double solved_mu_ = -1.0;      // the damping the factor was computed with
   std::vector<double> damping_;
   std::vector<double> b_;
   std::vector<double> frame_step_;  // in the form LiveReducedSolver asks for

@@ -34,6 +34,9 @@ Status IncrementalOptions::Validate() const {
   if (!(max_damping >= initial_damping)) {
     return fail("max_damping", max_damping, ">= initial_damping");
   }
+  if (!(batch_share >= 0.0)) {
+    return fail("batch_share", batch_share, ">= 0");
+  }
   if (num_threads < 1) {
     return fail("num_threads", num_threads, ">= 1");
   }
@@ -42,6 +45,9 @@ Status IncrementalOptions::Validate() const {
   }
   if (!(truncation_share >= 0.0 && truncation_share < 1.0)) {
     return fail("truncation_share", truncation_share, "in [0, 1)");
+  }
+  if (max_landmark_passes < 0) {
+    return fail("max_landmark_passes", max_landmark_passes, ">= 0");
   }
   return Status::Ok();
 }

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "base/stopwatch.h"
+#include "solver/batch_phase.h"
 #include "solver/incremental_minimizer.h"
 
 namespace inceres {
@@ -28,23 +29,31 @@ class IncrementalSolver::Impl {
   std::atomic<bool> stop{false};
 
  private:
+  void TakeValues();
   void Restart();
+  void SolveInBatch(UpdateSummary* summary);
 
   IncrementalOptions options_;
   std::unique_ptr<IncrementalMinimizer> minimizer_;
   bool converged_ = false;  // and nothing edited since
 };
 
+// The graph's state follows the values held now.
+void IncrementalSolver::Impl::TakeValues() {
+  for (VariableId id = 0; live != nullptr && id < graph.num_variables(); ++id) {
+    if (graph.HasVariable(id)) {
+      graph.SetValues(id, live->values().current(id));
+    }
+  }
+}
+
 // A new system from the values held now: nothing cached survives.
 void IncrementalSolver::Impl::Restart() {
-  const auto old = std::move(live);
+  TakeValues();
   live = std::make_unique<LiveSystem>(graph, options_.num_threads);
   minimizer_ = std::make_unique<IncrementalMinimizer>(options_, live.get());
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     if (graph.HasVariable(id)) {
-      if (old != nullptr) {
-        graph.SetValues(id, old->values().current(id));
-      }
       live->AddVariable(id);
     }
   }
@@ -78,6 +87,14 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   return status;
 }
 
+// The graph's state is where the batch solver works; the live system then starts anew from what it found.
+void IncrementalSolver::Impl::SolveInBatch(UpdateSummary* summary) {
+  TakeValues();
+  summary->termination = internal::RunBatchPhase(options_, stop, &graph, summary);
+  live.reset();
+  Restart();
+}
+
 UpdateSummary IncrementalSolver::Impl::Update() {
   const double start = internal::NowInSeconds();
   UpdateSummary summary;
@@ -94,13 +111,22 @@ UpdateSummary IncrementalSolver::Impl::Update() {
     summary.seconds = internal::NowInSeconds() - start;
     return summary;
   }
-  minimizer_->Minimize(start, stop, &summary);
+  const bool batch_only = options_.batch_share == 0.0;
+  const bool batch =
+      (batch_only || live->NumDirtyFactors() > options_.batch_share * graph.num_factors()) && internal::TakesBatchPhase(graph);
+  if (batch) {
+    SolveInBatch(&summary);
+  }
+  // Where the batch solver fails the state is what it was: the other one gets its chance, or names the culprit.
+  if (!batch || !batch_only) {
+    minimizer_->Minimize(start, stop, &summary);
+  }
   stop = false;
   converged_ = summary.termination == Termination::kConvergence;
   if (summary.termination == Termination::kFailure) {
     Restart();
   }
-  summary.final_cost = live->cost();
+  summary.final_cost = batch && batch_only ? summary.final_cost : live->cost();
   summary.num_parked_landmarks = live->schur().num_parked();
   summary.seconds = internal::NowInSeconds() - start;
   return summary;

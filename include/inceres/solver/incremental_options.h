@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "inceres/export.h"
+#include "inceres/solver/options.h"
 #include "inceres/status.h"
 
 namespace inceres {
@@ -39,7 +40,13 @@ struct INCERES_EXPORT IncrementalOptions {
   double initial_damping = 1e-4;  ///< ≥ min_damping: μ at the first Update; later ones start from the last μ, at most this
   double min_damping = 1e-8;      ///< > 0, for the gauge may be free
   double max_damping = 1e8;       ///< ≥ initial_damping: an Update that needs more ends as a failure to converge
-  int num_threads = 1;            ///< ≥ 1: evaluation of factors; the result is the same to the last bit
+  /// ≥ 0: an Update in which more than this share of the factors are new or changed goes to the batch solver first, which is
+  /// cheaper when everything moves; what its stopping rule leaves undone is then finished. 0: every Update is a batch solve and
+  /// nothing else, iterate for iterate that of inceres::Solve; 1 or more: no Update ever is. (A graph from which factors were
+  /// removed and whose places are still free is never solved in batch.)
+  double batch_share = 0.5;
+  TrustRegionStrategyKind batch_strategy = TrustRegionStrategyKind::kLevenbergMarquardt;  ///< of the batch solver
+  int num_threads = 1;  ///< ≥ 1: evaluation of factors; the result is the same to the last bit
 
   RelinearisationRule relinearisation = RelinearisationRule::kResidualError;
   /// θ_r of kResidualError: a factor is linearised anew when the squared error of its old linearisation exceeds this share of
@@ -50,7 +57,11 @@ struct INCERES_EXPORT IncrementalOptions {
 
   /// θ_a: frames whose steps together are worth less than this share of the predicted decrease (or of what function_tolerance
   /// allows, if that is more) stay put, postponed to a later iteration or Update. In [0, 1); 0 moves all.
-  double truncation_share = 0.05;
+  double truncation_share = 0.03;
+
+  /// ≥ 0: after a step of the frames, at most so many Gauss–Newton steps of landmarks alone, taken by those that could still gain
+  /// much by themselves (ICE-BA's embedded point iteration). Each evaluates their factors only.
+  int max_landmark_passes = 5;
 
   RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;
   IncrementalReducedSolver reduced_solver = IncrementalReducedSolver::kAutomatic;

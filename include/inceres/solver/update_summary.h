@@ -18,7 +18,9 @@ struct INCERES_EXPORT UpdateSummary {
   double undone = 0.0;
 
   int num_iterations = 0;
+  int num_batch_iterations = 0;  ///< of them by the batch solver
   int num_rejected_steps = 0;
+  int num_shortened_steps = 0;  ///< tried again along the dog-leg path
   int num_relinearised_factors = 0;
   std::int64_t num_evaluated_factors = 0;  ///< cost-only, at candidates
   int num_eliminated_landmarks = 0;        ///< taken out of S and put back with new blocks
@@ -26,6 +28,7 @@ struct INCERES_EXPORT UpdateSummary {
   int num_factored_rows = 0;               ///< block rows of the reduced system refactored
   int num_solved_rows = 0;                 ///< block rows substituted backwards
   int num_pcg_iterations = 0;
+  int num_landmark_passes = 0;    ///< steps of landmarks alone
   int num_visited_landmarks = 0;  ///< leaves back-substituted
   int num_moved_frames = 0;
   int num_rebuilds = 0;          ///< switch decisions: S and b summed anew
@@ -34,9 +37,11 @@ struct INCERES_EXPORT UpdateSummary {
   std::int64_t bytes = 0;        ///< of the caches, S and its factor
 
   double seconds = 0.0;
+  double batch_seconds = 0.0;      ///< in the batch solver
   double linearise_seconds = 0.0;  ///< evaluation with Jacobians, S and b
   double solve_seconds = 0.0;      ///< of the reduced system
   double select_seconds = 0.0;     ///< active set and back-substitution
+  double landmark_seconds = 0.0;   ///< steps of landmarks alone
   double evaluate_seconds = 0.0;   ///< of candidates
   double accept_seconds = 0.0;     ///< residuals, gradients and right-hand sides
 

@@ -1,0 +1,98 @@
+// Steps of single landmarks with the frames held: LiveSystem::StepLandmarks (the embedded point iteration of ICE-BA).
+
+#include <algorithm>
+
+#include "schur/live_system.h"
+
+namespace inceres::internal {
+namespace {
+
+// With a robust loss the Gauss–Newton model of an outlier is too stiff, and its cost falls along a line: a step of the length the
+// curvature seen allows is taken instead, within this bound.
+constexpr double kMaxStretch = 16.0;
+
+}  // namespace
+
+void LiveSystem::Stretch(std::int32_t landmark) {
+  const LiveSchur::Landmark& l = schur_.landmarks()[landmark];
+  double* step = step_.data() + std::ptrdiff_t{l.quad} * kQuad;
+  for (int k = 0; k < l.size; ++k) {
+    step[k] *= landmark_steps_[landmark].stretch;
+  }
+}
+
+bool LiveSystem::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
+  for (const std::int32_t landmark : landmarks) {
+    const LiveSchur::Landmark& l = schur_.landmarks()[landmark];
+    Visit(landmark);
+    Stretch(landmark);
+    Move(l.id, l.quad, l.factors);
+    LandmarkStep& step = landmark_steps_[landmark];
+    step.change = step.slope = step.curvature = 0.0;
+  }
+  for (LiveFamily& family : families_) {
+    std::vector<std::int32_t>& touched = touched_lists_[family.id()];
+    touched_[family.id()].CopyTo(&touched);
+    *num_evaluated += static_cast<int>(touched.size());
+    if (family.EvaluateCandidate(touched, executor_).failed()) {
+      return false;
+    }
+    family.PredictDecrease(touched, step_.data());
+    for (const std::int32_t i : touched) {
+      LandmarkStep& step = landmark_steps_[schur_.LandmarkOfFactor({family.id(), i})];
+      double slope = 0.0;
+      double curvature = 0.0;
+      family.Slope(i, &slope, &curvature);
+      step.change += family.CandidateCost(i) - family.Cost(i);
+      step.slope += slope;
+      step.curvature += curvature;
+    }
+  }
+  return true;
+}
+
+// Whether the landmark's step lowers its cost; and how long the next one is to be, from the curvature seen along this one.
+bool LiveSystem::AcceptLandmark(std::int32_t landmark) {
+  LandmarkStep& step = landmark_steps_[landmark];
+  if (!(step.change < 0.0) || !(step.curvature > 0.0)) {
+    step.stretch = 1.0;
+    return false;
+  }
+  const double seen = 2.0 * (step.slope + step.change);  // of the step as it was stretched, like `curvature`
+  step.stretch = std::clamp(step.curvature / std::max(seen, step.curvature / kMaxStretch), 1.0, kMaxStretch);
+  return true;
+}
+
+void LiveSystem::LeaveOut(std::int32_t landmark) {
+  const LiveSchur::Landmark& l = schur_.landmarks()[landmark];
+  values_.Reject(l.id);
+  visited_.Remove(landmark);
+  std::fill_n(step_.begin() + std::ptrdiff_t{l.quad} * kQuad, l.size, 0.0);
+  for (const FactorRef& ref : l.factors) {
+    touched_[ref.family].Remove(ref.factor);
+  }
+}
+
+bool LiveSystem::StepLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
+  *num_evaluated = 0;
+  if (!EvaluateLandmarks(landmarks, num_evaluated)) {
+    Reject();
+    return false;
+  }
+  for (const std::int32_t landmark : landmarks) {
+    if (!AcceptLandmark(landmark)) {
+      LeaveOut(landmark);
+    }
+  }
+  if (visited_.empty()) {
+    EndStep();
+    return false;
+  }
+  for (const LiveFamily& family : families_) {
+    touched_[family.id()].CopyTo(&touched_lists_[family.id()]);
+  }
+  AcceptValues();
+  return true;
+}
+
+}  // namespace inceres::internal
