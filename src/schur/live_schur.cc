@@ -8,8 +8,8 @@
 namespace inceres::internal {
 namespace {
 
-// A landmark whose block is this singular against its own scale carries no information (algorithms.md section 3, parked
-// landmarks).
+// A landmark whose block is this singular against the scale of its coordinates carries no information (algorithms.md section 3,
+// parked landmarks).
 constexpr double kNoInformation = 1e-12;
 
 // How far a diagonal entry of C may fall below its peak before its row is summed anew. Rounding leaves about ε √(peak_i peak_j)
@@ -156,7 +156,7 @@ void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
   for (int k = 0; k < l.size && !l.parked; ++k) {
     // 1/U_inv² is the pivot: what the other coordinates leave of the diagonal entry.
     const double pivot = 1.0 / (l.U_inv[k * kQuad + k] * l.U_inv[k * kQuad + k]);
-    l.parked = pivot < kNoInformation * largest;
+    l.parked = pivot < kNoInformation * l.P[k * kQuad + k];
   }
   if (l.parked) {
     ++num_parked_;
