@@ -20,6 +20,18 @@ int LiveSystem::NumDirtyFactors() const {
   return count;
 }
 
+double LiveSystem::LargestStep(FactorRef ref) const {
+  const LiveFamily& family = families_[ref.family];
+  double largest = 0.0;
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const VariableId id = family.variables(ref.factor)[s];
+    for (int k = 0; tangents_.quad(id) >= 0 && k < tangents_.tangent_size(id); ++k) {
+      largest = std::max(largest, std::fabs(step_[static_cast<std::size_t>(tangents_.quad(id)) * kQuad + k]));
+    }
+  }
+  return largest;
+}
+
 void LiveSystem::Redamp(std::int32_t landmark) {
   if (dirty_landmarks_.Add(landmark)) {
     schur_.TakeOut(landmark);

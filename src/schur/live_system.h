@@ -102,6 +102,8 @@ class LiveSystem {
   bool FrameMoves(std::int32_t frame) const { return moved_.Has(frame); }
   bool Visited(std::int32_t landmark) const { return visited_.Has(landmark); }
   int NumDirtyFactors() const;
+  /// ‖δ_i‖_∞ of the step over the factor's variables.
+  double LargestStep(FactorRef ref) const;
   /// Per family, ascending: the factors the step touches; between EvaluateStep and EndStep.
   const std::vector<std::int32_t>& Touched(int family) const { return touched_lists_[family]; }
 

@@ -24,7 +24,7 @@ constexpr double kGradientShare = 10.0;
 
 // An Update ends when the model sees less than this share of the tolerance left: with a robust loss the model undervalues what is
 // left (its Hessian has no ρ''), by a factor of 1.5 to 2 on our data.
-constexpr double kStopShare = 0.1;
+constexpr double kStopShare = 0.08;
 
 // Landmarks step by themselves while together they could gain more than this share of what an Update may leave undone, those of
 // them that exceed this share of the mean.
@@ -37,7 +37,7 @@ constexpr double kLandmarkDominance = 0.5;
 constexpr double kTruncationFloor = 0.1;
 
 // A row of S is solved anew when its change is worth this share of what a frame may leave undone.
-constexpr double kWildfireShare = 1e-3;
+constexpr double kWildfireShare = 0.3;
 
 class StageClock {
  public:
@@ -137,7 +137,8 @@ bool IncrementalMinimizer::OutOfBudget(double start_seconds, const std::atomic<b
 bool IncrementalMinimizer::Relinearise() {
   const StageClock clock(&summary_->linearise_seconds);
   RelineariseWork work;
-  const Status status = system_.Relinearise(std::max(mu_, options_.min_damping), RuleOf(options_.rebuild), &work);
+  const double landmark_damping = options_.damping == DampingForm::kThesis ? 0.0 : std::max(mu_, options_.min_damping);
+  const Status status = system_.Relinearise(landmark_damping, RuleOf(options_.rebuild), &work);
   summary_->num_relinearised_factors += work.num_factors;
   summary_->num_eliminated_landmarks += work.num_landmarks;
   summary_->num_rebuilds += work.rebuilt ? 1 : 0;
@@ -256,12 +257,15 @@ bool IncrementalMinimizer::SolveFrames() {
   b_.resize(C_diagonal.size());
   frame_step_.resize(C_diagonal.size(), 0.0);
   held_.resize(schur.frames().size());
+  const bool thesis = options_.damping == DampingForm::kThesis;
   for (int i = 0; i < static_cast<int>(schur.frames().size()); ++i) {
     const LiveSchur::Frame& frame = schur.frames()[i];
     held_[i] = frame.held ? 1 : 0;
     const int offset = schur.FrameOffset(i);
+    const double* S_diagonal = frame.size > 0 ? schur.S().values(schur.S().row(i).back().offset) : nullptr;
     for (int k = 0; k < frame.size; ++k) {
-      damping_[offset + k] = mu_ * std::max(C_diagonal[offset + k], kTinyDiagonal);
+      damping_[offset + k] =
+          mu_ * std::max(thesis ? S_diagonal[k * (PadToQuad(frame.size) + 1)] : C_diagonal[offset + k], kTinyDiagonal);
       b_[offset + k] = schur.b(i)[k];
     }
   }
@@ -334,7 +338,10 @@ void IncrementalMinimizer::MarkStale() {
   for (const LiveFamily& family : system_.families()) {
     aged_[family.id()].Grow(family.num_places());
     for (const std::int32_t i : system_.Touched(family.id())) {
-      if (stale.ExceededBy(family, i) || IsOff(family.WeightRatio(i))) {
+      const bool errs = options_.relinearisation == RelinearisationRule::kStepSize
+                            ? system_.LargestStep({family.id(), i}) >= options_.relinearisation_step
+                            : stale.ExceededBy(family, i);
+      if (errs || IsOff(family.WeightRatio(i))) {
         system_.MarkDirty({family.id(), i});
       } else if (aged.ExceededBy(family, i)) {
         aged_[family.id()].Add(i);
@@ -393,7 +400,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   mu_ *= kGrid * nu_;
   nu_ *= 2.0;
   for (const std::int32_t landmark : active_.landmarks()) {
-    if (system_.schur().landmarks()[landmark].lambda < mu_) {
+    if (options_.damping == DampingForm::kHybrid && system_.schur().landmarks()[landmark].lambda < mu_) {
       system_.Redamp(landmark);
     }
   }

@@ -20,6 +20,10 @@ class IncrementalMinimizer {
   IncrementalMinimizer(const IncrementalOptions& options, LiveSystem* system);
 
   /// For the next Minimize; who solves the reduced system stays.
+  std::int64_t Bytes() const {
+    return static_cast<std::int64_t>(solver_->Bytes() +
+                                     sizeof(double) * (damping_.capacity() + b_.capacity() + frame_step_.capacity()));
+  }
   void SetOptions(const IncrementalOptions& options) { options_ = options; }
 
   /// Minimises until what is left undone is below the tolerance, or a limit or `stop` says so. On failure the system is

@@ -43,6 +43,9 @@ Status IncrementalOptions::Validate() const {
   if (!(relinearisation_share >= 0.0)) {
     return fail("relinearisation_share", relinearisation_share, ">= 0");
   }
+  if (!(relinearisation_step > 0.0)) {
+    return fail("relinearisation_step", relinearisation_step, "> 0");
+  }
   if (!(truncation_share >= 0.0 && truncation_share < 1.0)) {
     return fail("truncation_share", truncation_share, "in [0, 1)");
   }

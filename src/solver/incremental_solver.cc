@@ -128,6 +128,7 @@ UpdateSummary IncrementalSolver::Impl::Update() {
   }
   summary.final_cost = batch && batch_only ? summary.final_cost : live->cost();
   summary.num_parked_landmarks = live->schur().num_parked();
+  summary.bytes = live->Bytes() + minimizer_->Bytes();
   summary.seconds = internal::NowInSeconds() - start;
   return summary;
 }

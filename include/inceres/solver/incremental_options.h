@@ -24,7 +24,13 @@ enum class RebuildPolicy { kWhenCheaper, kAlways, kNever };
 /// When a factor that was moved is linearised anew.
 enum class RelinearisationRule {
   kResidualError,  ///< the error of its old linearisation counts in units of the objective (algorithms.md section 2)
-  kStepSize,       ///< ‖δ_i‖_∞ of one of its variables since then reaches a threshold (the thesis, EIBA, ICE-BA)
+  kStepSize,       ///< ‖δ_i‖_∞ of one of its variables reaches a threshold in a step (the thesis, EIBA, ICE-BA)
+};
+
+/// Which matrix the damping μ is added to.
+enum class DampingForm {
+  kHybrid,  ///< μ diag(C) on the frames, and on a landmark the μ of its last elimination (algorithms.md section 3)
+  kThesis,  ///< μ diag(S) on the frames, none on landmarks: for comparison, it does not survive real data
 };
 
 /// Options of an IncrementalSolver. The thresholds are shares of what function_tolerance allows.
@@ -48,11 +54,13 @@ struct INCERES_EXPORT IncrementalOptions {
   TrustRegionStrategyKind batch_strategy = TrustRegionStrategyKind::kLevenbergMarquardt;  ///< of the batch solver
   int num_threads = 1;  ///< ≥ 1: evaluation of factors; the result is the same to the last bit
 
+  DampingForm damping = DampingForm::kHybrid;
   RelinearisationRule relinearisation = RelinearisationRule::kResidualError;
   /// θ_r of kResidualError: a factor is linearised anew when the squared error of its old linearisation exceeds this share of
   /// function_tolerance · 2F / (number of factors). ≥ 0; 0 linearises every factor that moved.
   double relinearisation_share = 0.1;
-  /// ε of kStepSize, > 0, in the units of the tangent spaces.
+  /// ε of kStepSize, > 0, in the units of the tangent spaces. Whatever the rule, convergence is declared on Jacobians that are
+  /// fresh enough by the first one only.
   double relinearisation_step = 1e-3;
 
   /// θ_a: frames whose steps together are worth less than this share of the predicted decrease (or of what function_tolerance
