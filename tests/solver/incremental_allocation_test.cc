@@ -1,0 +1,179 @@
+// In the steady state of a sliding window neither Apply nor Update allocates.
+#include <cstdlib>
+#include <memory>
+#include <new>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "inceres/factors/diagonal_prior.h"
+#include "inceres/graph/losses.h"
+#include "inceres/solver/incremental_solver.h"
+#include "support/random_values.h"
+#include "support/test_families.h"
+
+namespace {
+
+int num_allocations = 0;
+bool trap = false;
+
+void* Allocate(std::size_t size, std::size_t alignment) {
+  ++num_allocations;
+  if (trap) {
+    std::abort();  // for a debugger
+  }
+  size = (size + alignment) / alignment * alignment;
+  if (void* memory = std::aligned_alloc(alignment, size)) {
+    return memory;
+  }
+  throw std::bad_alloc();
+}
+
+}  // namespace
+
+void* operator new(std::size_t size) {
+  return Allocate(size, alignof(std::max_align_t));
+}
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  return Allocate(size, static_cast<std::size_t>(alignment));
+}
+void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::align_val_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
+  std::free(memory);
+}
+
+namespace inceres {
+namespace {
+
+constexpr int kFrames = 10;
+constexpr int kLandmarksPerFrame = 6;
+constexpr int kViews = 4;
+
+// Linear in all but a sine: f_r = x_r + y_r + 0.1 sin(x_r) − m_r. Its measurements allocate nothing.
+class ViewFamily final : public AmbientFamily<ViewFamily> {
+ public:
+  struct Measurement {
+    double m[2];
+  };
+  ViewFamily() : AmbientFamily(2, {{6, 6}, {3, 3}}) {}
+  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+  int size() const override { return static_cast<int>(measurements_.size()); }
+  const char* Name() const override { return "view"; }
+  bool EvaluateOne(int i, const double* const* x, double* residuals, double** jacobians) const {
+    for (int r = 0; r < 2; ++r) {
+      residuals[r] = 0.0;
+      for (int s = 0; s < 2; ++s) {
+        for (int k = 0; k < slot(s).ambient_size; ++k) {
+          const double phase = 1.0 + 7.0 * r + 3.0 * k + s + i % 13;  // of its own for every place
+          residuals[r] += std::sin(phase) * x[s][k] + 0.1 * std::sin(x[s][k] + phase);
+          if (jacobians != nullptr && jacobians[s] != nullptr) {
+            jacobians[s][r * slot(s).ambient_size + k] = std::sin(phase) + 0.1 * std::cos(x[s][k] + phase);
+          }
+        }
+      }
+      residuals[r] -= measurements_[static_cast<std::size_t>(i)].m[r];
+    }
+    return true;
+  }
+
+ private:
+  std::vector<Measurement> measurements_;
+};
+
+// A window of frames, each step one in and one out, with landmarks that are seen from the last few.
+class SlidingWindow {
+ public:
+  explicit SlidingWindow(const IncrementalOptions& options) : solver_(options) {}
+
+  void Step() {
+    edit_.Restart();
+    if (step_ >= kFrames) {
+      edit_.RemoveVariable(frames_[step_ % kFrames]);
+      for (VariableId& landmark : landmarks_[step_ % kFrames]) {
+        edit_.RemoveVariable(landmark);
+      }
+    }
+    const double start[6] = {random_.Unit(), random_.Unit(), random_.Unit(), random_.Unit(), random_.Unit(), random_.Unit()};
+    const VariableId frame = frames_[step_ % kFrames] = edit_.AddVariable(start, 6, Role::kFrame);
+    const VariableId alone[1] = {frame};
+    prior_.mean.assign(start, start + 6);
+    priors_->Place(edit_.Connect(prior_family_, alone).index, prior_);
+    for (VariableId& landmark : landmarks_[step_ % kFrames]) {
+      landmark = edit_.AddVariable(start, 3, Role::kLandmark);
+      for (int v = 0; v < kViews && v <= step_; ++v) {
+        const VariableId ids[2] = {frames_[(step_ - v) % kFrames], landmark};
+        if (step_ < kFrames || v < kFrames) {
+          views_->Place(edit_.Connect(view_family_, ids, loss_).index, {{random_.Unit(), random_.Unit()}});
+        }
+      }
+    }
+    if (step_ > 4) {
+      edit_.SetConstant(frames_[(step_ - 3) % kFrames], step_ % 2 == 0);
+      edit_.SetConstant(landmarks_[(step_ - 2) % kFrames][1], step_ % 3 == 0);
+    }
+    ++step_;
+    const Status status = solver_.Apply(edit_);
+    EXPECT_TRUE(status.ok()) << status.message;
+  }
+
+  UpdateSummary Update() { return solver_.Update(); }
+
+ private:
+  IncrementalSolver solver_;
+  std::shared_ptr<DiagonalPriorFamily> priors_ = std::make_shared<DiagonalPriorFamily>(6);
+  std::shared_ptr<ViewFamily> views_ = std::make_shared<ViewFamily>();
+  FamilyId prior_family_ = solver_.AddFamily(priors_);
+  FamilyId view_family_ = solver_.AddFamily(views_);
+  GraphEdit edit_{solver_.graph()};
+  std::shared_ptr<const Loss> loss_ = std::make_shared<HuberLoss>(0.5);
+  DiagonalPriorFamily::Measurement prior_{{}, std::vector<double>(6, 1.0)};
+  test::Random random_{13};
+  int step_ = 0;
+  VariableId frames_[kFrames];
+  VariableId landmarks_[kFrames][kLandmarksPerFrame];
+};
+
+class IncrementalAllocations : public testing::TestWithParam<IncrementalReducedSolver> {};
+
+TEST_P(IncrementalAllocations, NothingInASlidingWindow) {
+  IncrementalOptions options;
+  options.reduced_solver = GetParam();
+  SlidingWindow window(options);
+  for (int step = 0; step < 150; ++step) {
+    window.Step();
+    window.Update();
+  }
+  EXPECT_GT(num_allocations, 0);  // or the counter counts nothing
+  int num_iterations = 0;
+  for (int step = 0; step < 100; ++step) {
+    const bool check = std::getenv("INCERES_TRAP_ALLOCATIONS") != nullptr;
+    const int before = num_allocations;
+    trap = check;
+    window.Step();
+    trap = false;
+    EXPECT_EQ(num_allocations, before) << "Apply, step " << step;
+    const int before_update = num_allocations;
+    trap = check;
+    const UpdateSummary summary = window.Update();
+    trap = false;
+    EXPECT_EQ(num_allocations, before_update) << "Update, step " << step;
+    EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+    num_iterations += summary.num_iterations;
+  }
+  EXPECT_GT(num_iterations, 100);
+}
+
+INSTANTIATE_TEST_SUITE_P(Solvers, IncrementalAllocations,
+                         testing::Values(IncrementalReducedSolver::kAutomatic, IncrementalReducedSolver::kResumed,
+                                         IncrementalReducedSolver::kPcg));
+
+}  // namespace
+}  // namespace inceres

@@ -1,0 +1,68 @@
+// Whoever solves the reduced system, the minimum is the same; conjugate gradients included.
+
+#include <gtest/gtest.h>
+
+#include "inceres/graph/losses.h"
+#include "solver/living_bundle.h"
+
+namespace inceres {
+namespace {
+
+using test::LivingBundle;
+
+class IncrementalReducedSolvers : public testing::TestWithParam<IncrementalReducedSolver> {};
+
+TEST_P(IncrementalReducedSolvers, EndAtTheBatchMinimum) {
+  IncrementalOptions options;
+  options.function_tolerance = 1e-9;
+  options.max_num_iterations = 200;
+  options.batch_share = 1.0;
+  options.reduced_solver = GetParam();
+  LivingBundle bundle(options, 11);
+  const auto expect_minimum = [&bundle](const char* when) {
+    const UpdateSummary summary = bundle.solver.Update();
+    EXPECT_EQ(summary.termination, Termination::kConvergence) << when << ": " << summary.message;
+    const double minimum = bundle.SolveInBatch(true).final_cost;
+    EXPECT_LE(summary.final_cost - minimum, 1e-6 * minimum) << when;
+    EXPECT_EQ(summary.num_pcg_iterations > 0, GetParam() == IncrementalReducedSolver::kPcg) << when;
+  };
+  bundle.Grow(10, 60, 3);
+  expect_minimum("at first");
+  const FactorId pins[] = {bundle.AddPrior(bundle.frames()[0], 1e7), bundle.AddPrior(bundle.frames()[5], 1e7)};
+  bundle.Apply();
+  expect_minimum("with priors of weight 1e14");
+  bundle.Grow(4, 20, 3, std::make_shared<HuberLoss>(0.2));
+  expect_minimum("grown beside them");
+  bundle.SetConstant(bundle.frames()[2], true);
+  bundle.RemoveFactor(pins[0]);
+  bundle.Apply();
+  expect_minimum("without one of them, a frame held");
+  bundle.RemoveVariable(bundle.frames()[5]);
+  bundle.Apply();
+  expect_minimum("without a frame");
+}
+
+std::string NameOf(const testing::TestParamInfo<IncrementalReducedSolver>& info) {
+  switch (info.param) {
+    case IncrementalReducedSolver::kAutomatic:
+      return "Automatic";
+    case IncrementalReducedSolver::kResumed:
+      return "Resumed";
+    case IncrementalReducedSolver::kDense:
+      return "Dense";
+    case IncrementalReducedSolver::kSparse:
+      return "Sparse";
+    case IncrementalReducedSolver::kPcg:
+      return "Pcg";
+  }
+  return "";
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, IncrementalReducedSolvers,
+                         testing::Values(IncrementalReducedSolver::kAutomatic, IncrementalReducedSolver::kResumed,
+                                         IncrementalReducedSolver::kDense, IncrementalReducedSolver::kSparse,
+                                         IncrementalReducedSolver::kPcg),
+                         NameOf);
+
+}  // namespace
+}  // namespace inceres

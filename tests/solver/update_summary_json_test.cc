@@ -1,0 +1,114 @@
+#include <iterator>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "inceres/solver/update_summary.h"
+#include "solver/living_bundle.h"
+
+#ifdef INCERES_HAVE_NLOHMANN_JSON
+#include <nlohmann/json.hpp>
+#endif
+
+namespace inceres {
+namespace {
+
+// Every field its own number, in the order of the struct.
+UpdateSummary Numbered() {
+  UpdateSummary s;
+  s.termination = Termination::kConvergence;
+  s.message = "a \"quoted\" word";
+  double real = 0.5;
+  for (double* field : {&s.initial_cost, &s.final_cost, &s.undone, &s.seconds, &s.batch_seconds, &s.linearise_seconds,
+                        &s.solve_seconds, &s.select_seconds, &s.landmark_seconds, &s.evaluate_seconds, &s.accept_seconds}) {
+    *field = real++;
+  }
+  int count = 1000;
+  for (int* field : {&s.num_iterations, &s.num_batch_iterations, &s.num_rejected_steps, &s.num_shortened_steps,
+                     &s.num_relinearised_factors, &s.num_eliminated_landmarks, &s.num_updated_landmarks, &s.num_factored_rows,
+                     &s.num_solved_rows, &s.num_pcg_iterations, &s.num_landmark_passes, &s.num_visited_landmarks,
+                     &s.num_moved_frames, &s.num_rebuilds, &s.num_drifted_frames, &s.num_parked_landmarks}) {
+    *field = count++;
+  }
+  s.num_evaluated_factors = 5000000001;
+  s.bytes = 5000000002;
+  return s;
+}
+
+constexpr const char* kReals[] = {"initial_cost",     "final_cost",        "undone",        "seconds",
+                                  "batch_seconds",    "linearise_seconds", "solve_seconds", "select_seconds",
+                                  "landmark_seconds", "evaluate_seconds",  "accept_seconds"};
+constexpr const char* kCounts[] = {
+    "num_iterations",           "num_batch_iterations",  "num_rejected_steps", "num_shortened_steps", "num_relinearised_factors",
+    "num_eliminated_landmarks", "num_updated_landmarks", "num_factored_rows",  "num_solved_rows",     "num_pcg_iterations",
+    "num_landmark_passes",      "num_visited_landmarks", "num_moved_frames",   "num_rebuilds",        "num_drifted_frames",
+    "num_parked_landmarks"};
+
+// What the struct holds beside the fields in the lists is a termination, a message and two 64-bit counts. The counts lie in two
+// groups, each filled up to eight bytes.
+TEST(UpdateSummaryJson, IsTestedForEveryField) {
+  EXPECT_EQ(sizeof(UpdateSummary), sizeof(std::string) + 8 * (1 + std::size(kReals) + std::size(kCounts) / 2 + 1 + 2))
+      << "a field came or went: name it in the lists above and in ToJson";
+}
+
+#ifdef INCERES_HAVE_NLOHMANN_JSON
+
+TEST(UpdateSummaryJson, HoldsEveryField) {
+  const nlohmann::json json = nlohmann::json::parse(Numbered().ToJson());
+  EXPECT_EQ(json["termination"], "CONVERGENCE");
+  EXPECT_EQ(json["message"], "a \"quoted\" word");
+  double real = 0.5;
+  for (const char* name : kReals) {
+    ASSERT_TRUE(json.contains(name)) << name;
+    EXPECT_EQ(json[name].get<double>(), real++) << name;
+  }
+  int count = 1000;
+  for (const char* name : kCounts) {
+    ASSERT_TRUE(json.contains(name)) << name;
+    EXPECT_EQ(json[name].get<int>(), count++) << name;
+  }
+  EXPECT_EQ(json["num_evaluated_factors"].get<std::int64_t>(), 5000000001);
+  EXPECT_EQ(json["bytes"].get<std::int64_t>(), 5000000002);
+  EXPECT_EQ(json.size(), 2 + std::size(kReals) + std::size(kCounts) + 2);
+}
+
+#else
+
+TEST(UpdateSummaryJson, NamesEveryField) {
+  const std::string json = Numbered().ToJson();
+  for (const char* name : kReals) {
+    EXPECT_NE(json.find('"' + std::string(name) + "\": "), std::string::npos) << name;
+  }
+  for (const char* name : kCounts) {
+    EXPECT_NE(json.find('"' + std::string(name) + "\": "), std::string::npos) << name;
+  }
+}
+
+#endif
+
+// What an Update fills in, on a problem in which every stage has work.
+TEST(UpdateSummary, CountsWhatAnUpdateDid) {
+  IncrementalOptions options;
+  options.batch_share = 1.0;
+  test::LivingBundle bundle(options, 12);
+  bundle.Grow(10, 60, 3);
+  const UpdateSummary first = bundle.solver.Update();
+  EXPECT_EQ(first.termination, Termination::kConvergence);
+  EXPECT_GT(first.num_iterations, 0);
+  EXPECT_GE(first.num_relinearised_factors, bundle.num_factors());
+  EXPECT_GT(first.num_evaluated_factors, 0);
+  EXPECT_GE(first.num_eliminated_landmarks, 60);
+  EXPECT_GT(first.num_updated_landmarks, 0);
+  EXPECT_GE(first.num_factored_rows, 10);
+  EXPECT_GE(first.num_solved_rows, 10);
+  EXPECT_GT(first.num_visited_landmarks, 0);
+  EXPECT_GT(first.num_moved_frames, 0);
+  EXPECT_GT(first.bytes, 0);
+  EXPECT_GT(first.seconds, 0.0);
+  EXPECT_LE(first.linearise_seconds + first.solve_seconds + first.select_seconds + first.landmark_seconds +
+                first.evaluate_seconds + first.accept_seconds,
+            first.seconds);
+}
+
+}  // namespace
+}  // namespace inceres
