@@ -58,11 +58,11 @@ bool AutomaticSolver::SparseIsCheaper(const SymmetricBlockRows& S, const char* h
   return kSparsePenalty * sparse_.PredictedFlops() < resumed;
 }
 
-double AutomaticSolver::ResumedPrice(const SymmetricBlockRows& S, const char* held, const Change& change) const {
+double AutomaticSolver::ResumedPrice(const SymmetricBlockRows& S, const char* held, const Change& change) {
   const double all = resumed_.PredictFlops(S, held, missed_by_resumed_.change);
   const double now = missed_by_resumed_.change.first_row == change.first_row
                          ? all
-                         : std::min(all, EnvelopeFlops(S, held, std::min(change.first_row, S.num_rows())));
+                         : std::min(all, EnvelopeFlops(S, held, std::min(change.first_row, S.num_rows()), &workspace_));
   return now + kCatchingUpShare * (all - now);
 }
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "linear/batch_solver.h"
 #include "linear/resumed_solver.h"
 #include "linear/sparse_cholesky.h"
@@ -26,10 +28,11 @@ class AutomaticSolver final : public LiveReducedSolver {
   };
 
   bool SparseIsCheaper(const SymmetricBlockRows& S, const char* held, const Change& change);
-  double ResumedPrice(const SymmetricBlockRows& S, const char* held, const Change& change) const;
+  double ResumedPrice(const SymmetricBlockRows& S, const char* held, const Change& change);
   Missed& MissedBy(const LiveReducedSolver* solver) { return solver == &resumed_ ? missed_by_resumed_ : missed_by_sparse_; }
 
   ResumedSolver resumed_;
+  std::vector<int> workspace_;
   BatchSolver<SparseCholesky> sparse_;
   Missed missed_by_resumed_;
   Missed missed_by_sparse_;

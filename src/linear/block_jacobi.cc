@@ -59,9 +59,9 @@ bool BlockJacobi::Invert(const SymmetricBlockRows& S, const double* damping, int
     }
     block.M[r * stride + r] += damping[packed_[row] + r];
   }
-  AlignedVector<double> L = block.M;
-  AlignedVector<double> inverse_pivots(size);
-  if (!FactorSmall(size, L.data(), stride, inverse_pivots.data())) {
+  L_.assign(block.M.begin(), block.M.end());
+  inverse_pivots_.resize(size);
+  if (!FactorSmall(size, L_.data(), stride, inverse_pivots_.data())) {
     return false;
   }
   // The inverse is symmetric: its columns are found as rows.
@@ -69,7 +69,7 @@ bool BlockJacobi::Invert(const SymmetricBlockRows& S, const double* damping, int
   for (int r = 0; r < size; ++r) {
     double* column = block.minus_inverse.data() + static_cast<std::ptrdiff_t>(r) * stride;
     column[r] = -1.0;
-    SolveSmall(size, L.data(), stride, inverse_pivots.data(), column);
+    SolveSmall(size, L_.data(), stride, inverse_pivots_.data(), column);
   }
   return true;
 }

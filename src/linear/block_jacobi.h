@@ -43,6 +43,8 @@ class BlockJacobi {
   std::vector<Block> blocks_;
   std::vector<int> packed_{0};
   std::vector<int> padded_{0};
+  AlignedVector<double> L_;  // workspace
+  AlignedVector<double> inverse_pivots_;
   std::vector<int> stale_;  // block rows to be inverted
   int num_inverted_ = 0;
 };

@@ -113,16 +113,19 @@ int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, int i) {
   return i;
 }
 
-double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, int first_row) {
+double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, int first_row, std::vector<int>* workspace) {
   int lowest = S.num_rows();
   for (int i = first_row; i < S.num_rows(); ++i) {
     lowest = std::min(lowest, FirstFreeColumn(S, held, i));
   }
-  std::vector<int> offsets{0};
-  std::vector<int> first;
+  // Per row its offset and its first column; one offset more.
+  workspace->resize(2 * static_cast<std::size_t>(S.num_rows() - lowest) + 1);
+  int* offsets = workspace->data();
+  int* first = offsets + (S.num_rows() - lowest) + 1;
+  offsets[0] = 0;
   for (int i = lowest; i < S.num_rows(); ++i) {
-    offsets.push_back(offsets.back() + S.size_of(i));
-    first.push_back(std::max(lowest, FirstFreeColumn(S, held, i)));
+    offsets[i - lowest + 1] = offsets[i - lowest] + S.size_of(i);
+    first[i - lowest] = std::max(lowest, FirstFreeColumn(S, held, i));
   }
   return SumFlops(
       first_row, S.num_rows(), [&](int i) { return offsets[i - lowest]; }, [&](int i) { return first[i - lowest]; });

@@ -9,8 +9,13 @@ namespace inceres::internal {
 /// The first block row that block row i of S is coupled to, held rows left out (held may be null); i itself if there is none.
 int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, int i);
 
-/// Flops that EnvelopeCholesky takes for the block rows from first_row on. Cost: one operation a block that those rows span.
-double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, int first_row);
+/// Flops that EnvelopeCholesky takes for the block rows from first_row on. Cost: one operation a block that those rows span; no
+/// allocation beyond the growth of the workspace.
+double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, int first_row, std::vector<int>* workspace);
+inline double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, int first_row) {
+  std::vector<int> workspace;
+  return EnvelopeFlops(S, held, first_row, &workspace);
+}
 
 /// The same for all rows, if the rows were in this order: order[k] is the row that comes k-th. Rows not listed are left out.
 double EnvelopeFlops(const SymmetricBlockRows& S, const std::vector<int>& order);

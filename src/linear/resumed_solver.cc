@@ -7,7 +7,7 @@ namespace inceres::internal {
 Status ResumedSolver::Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) {
   const int first = FirstRow(S, change);
   work_ = Work();
-  work_.factor_flops = EnvelopeFlops(S, held, first);
+  work_.factor_flops = EnvelopeFlops(S, held, first, &workspace_);
   num_current_y_ = std::min(num_current_y_, first);
   num_passed_on_ = std::min(num_passed_on_, first);
   for (int i = first; i < cholesky_.num_rows(); ++i) {

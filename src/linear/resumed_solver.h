@@ -29,8 +29,8 @@ class ResumedSolver final : public LiveReducedSolver {
   std::size_t Bytes() const override;
 
   /// Flops a Factorize would take with this change.
-  double PredictFlops(const SymmetricBlockRows& S, const char* held, const Change& change) const {
-    return EnvelopeFlops(S, held, FirstRow(S, change));
+  double PredictFlops(const SymmetricBlockRows& S, const char* held, const Change& change) {
+    return EnvelopeFlops(S, held, FirstRow(S, change), &workspace_);
   }
   /// Another solver has written x since: the next Solve finds all of it anew.
   void ForgetSolution() { num_passed_on_ = reached_before_ = 0; }
@@ -49,7 +49,8 @@ class ResumedSolver final : public LiveReducedSolver {
   int reached_before_ = 0;  // first row coupled, at the last Solve, to a row of L that has changed since
   int num_passed_on_ = 0;   // leading rows of L that have not changed since the last Solve
   AlignedVector<double> y_;
-  AlignedVector<double> rest_;     // workspace: y less what later rows contribute
+  AlignedVector<double> rest_;  // workspace: y less what later rows contribute
+  std::vector<int> workspace_;
   std::vector<double> passed_on_;  // the x that the rows before it were computed with
 };
 

@@ -45,18 +45,18 @@ void LiveSystem::PrepareDogleg() {
     family.SubtractGradient(touched_lists_[family.id()], cauchy_.data());
   }
   // A touched factor has variables that stay put: their entries are no part of the direction.
-  AlignedVector<double> direction(step_.size(), 0.0);
+  direction_.assign(step_.size(), 0.0);
   double squared_gradient = 0.0;
   ForEachActive([&](std::ptrdiff_t first, int size, const auto& diagonal) {
     for (int k = 0; k < size; ++k) {
       const double eta = cauchy_[first + k];
-      direction[first + k] = eta / std::max(diagonal(k), kTinyDiagonal);
-      squared_gradient += eta * direction[first + k];
+      direction_[first + k] = eta / std::max(diagonal(k), kTinyDiagonal);
+      squared_gradient += eta * direction_[first + k];
     }
   });
   double curvature = 0.0;
   for (LiveFamily& family : families_) {
-    family.PredictDecrease(touched_lists_[family.id()], direction.data());
+    family.PredictDecrease(touched_lists_[family.id()], direction_.data());
     for (const std::int32_t i : touched_lists_[family.id()]) {
       double slope = 0.0;
       double squared = 0.0;
@@ -65,7 +65,7 @@ void LiveSystem::PrepareDogleg() {
     }
   }
   const double t = curvature > 0.0 ? squared_gradient / curvature : 0.0;
-  std::transform(direction.begin(), direction.end(), cauchy_.begin(), [t](double entry) { return t * entry; });
+  std::transform(direction_.begin(), direction_.end(), cauchy_.begin(), [t](double entry) { return t * entry; });
 }
 
 void LiveSystem::ShortenStep(double scaled_norm) {

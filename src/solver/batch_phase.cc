@@ -1,5 +1,7 @@
 #include "solver/batch_phase.h"
 
+#include <algorithm>
+
 #include "inceres/solver/solver.h"
 
 namespace inceres::internal {
@@ -32,7 +34,9 @@ Termination RunBatchPhase(const IncrementalOptions& options, const std::atomic<b
   SolverOptions batch;
   batch.strategy = options.batch_strategy;
   batch.num_threads = options.num_threads;
-  batch.max_num_iterations = options.max_num_iterations;
+  // An iteration evaluates every factor twice: a candidate, and its Jacobians.
+  const std::int64_t affordable = options.max_factor_evaluations / (2 * std::int64_t{graph->num_factors()});
+  batch.max_num_iterations = static_cast<int>(std::min<std::int64_t>(options.max_num_iterations, affordable));
   batch.max_solver_time_in_seconds = options.max_seconds;
   batch.function_tolerance = options.function_tolerance;
   batch.parameter_tolerance = 0.0;  // a few points run off in bundle adjustment, and against them every step is short
