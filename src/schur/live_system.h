@@ -173,6 +173,7 @@ class LiveSystem {
   bool dogleg_prepared_ = false;
   AlignedVector<double> gauss_newton_;  // of the active set, padded like step_
   AlignedVector<double> cauchy_;
+  AlignedVector<double> direction_;
   std::vector<LandmarkStep> landmark_steps_;
   std::vector<std::int32_t> list_;
   std::vector<std::int32_t> slots_;
