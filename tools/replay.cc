@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -42,6 +43,7 @@ DEFINE_string(trust_region, "auto", "Strategy of both sides: lm, dogleg, or auto
 DEFINE_string(stock_linear_solver, "dense_schur", "Linear solver of stock Ceres: dense_schur or sparse_schur, landmarks first.");
 DEFINE_bool(optimum, true, "After each step look for the minimum that stock LM reaches at tolerances of 1e-12. Slow, not timed.");
 DEFINE_int32(print_every, 5, "Print every so many steps, at least 1; steps that close a loop or fail are always printed.");
+DEFINE_int32(structure_step, 0, "Add to the JSON report the blocks of the reduced system after this step; 0: of none.");
 DEFINE_string(json, "", "Write all steps and the summary to this file as JSON.");
 
 namespace inceres::tools {
@@ -67,7 +69,8 @@ Status CheckNumbers() {
   const std::pair<const char*, std::pair<int, int>> integers[] = {{"--steps", {FLAGS_steps, 0}},
                                                                   {"--num_threads", {FLAGS_num_threads, 1}},
                                                                   {"--max_num_iterations", {FLAGS_max_num_iterations, 1}},
-                                                                  {"--print_every", {FLAGS_print_every, 1}}};
+                                                                  {"--print_every", {FLAGS_print_every, 1}},
+                                                                  {"--structure_step", {FLAGS_structure_step, 0}}};
   for (const auto& [flag, range] : integers) {
     if (range.first < range.second) {
       return Invalid(std::string(flag) + " " + std::to_string(range.first) + ": must be at least " +
@@ -98,6 +101,9 @@ Status CheckFlags() {
   }
   if (FLAGS_stock_linear_solver != "dense_schur" && FLAGS_stock_linear_solver != "sparse_schur") {
     return Invalid("--stock_linear_solver '" + FLAGS_stock_linear_solver + "': use dense_schur or sparse_schur");
+  }
+  if (FLAGS_structure_step > 0 && (FLAGS_mode != "incremental" || FLAGS_json.empty())) {
+    return Invalid("--structure_step: needs --mode incremental and --json");
   }
   return CheckNumbers();
 }
@@ -141,13 +147,17 @@ ReplayContext Context(const ReplayScript& script, const ReplaySolver& ours, cons
   return context;
 }
 
-Status Report(const ReplayContext& context, const ReplaySummary& summary, const std::vector<ReplayRow>& rows) {
+Status Report(const ReplayContext& context, const ReplaySummary& summary, const std::vector<ReplayRow>& rows,
+              const std::optional<ReducedStructure>& structure) {
   std::fputs(ReplaySummaryText(context, summary).c_str(), stdout);
   nlohmann::json json = FLAGS_json.empty() ? nlohmann::json() : ReplayJson(context, summary, rows);
   if (FLAGS_flat) {
     const ReplayFlatness flatness = MeasureFlatness(rows);
     std::fputs(FlatnessText(flatness).c_str(), stdout);
     json["flat"] = FlatnessJson(flatness);
+  }
+  if (structure.has_value()) {
+    json["structure"] = StructureJson(FLAGS_structure_step, *structure);
   }
   return FLAGS_json.empty() ? Status::Ok() : WriteTextFile(FLAGS_json, json.dump(2) + "\n");
 }
@@ -162,12 +172,19 @@ int Play(const ReplayScript& script) {
   ReplayReference judge(settings);
   std::printf("%s: %s\n%s", FLAGS_problem.c_str(), script.description.c_str(), ReplayTableHeader().c_str());
   std::vector<ReplayRow> rows;
-  Status status = RunReplay(script, {FLAGS_steps, FindOptimum()}, ours.get(), stock.get(), &judge, PrintRow, &rows);
+  std::optional<ReducedStructure> structure;
+  const auto look_at = [&](const ReplayRow& row) {
+    PrintRow(row);
+    if (row.step == FLAGS_structure_step) {
+      structure = ours->Structure();
+    }
+  };
+  Status status = RunReplay(script, {FLAGS_steps, FindOptimum()}, ours.get(), stock.get(), &judge, look_at, &rows);
   if (!status.ok()) {
     return Fail(kExitFailure, status.message);
   }
   const ReplaySummary summary = Summarize(rows, FLAGS_function_tolerance);
-  status = Report(Context(script, *ours, stock.get()), summary, rows);
+  status = Report(Context(script, *ours, stock.get()), summary, rows, structure);
   if (!status.ok()) {
     return Fail(kExitFailure, status.message);
   }
@@ -175,10 +192,14 @@ int Play(const ReplayScript& script) {
                                      : Fail(kExitFailure, std::to_string(summary.ours.failed.size()) + " of our solves failed");
 }
 
-// --flat needs room for both of its windows.
+// --flat needs room for both of its windows, --structure_step its step.
 Status CheckLength(const ReplayScript& script) {
   const int all = static_cast<int>(script.steps.size());
   const int steps = FLAGS_steps > 0 ? std::min(FLAGS_steps, all) : all;
+  if (FLAGS_structure_step > steps) {
+    return Invalid("--structure_step " + std::to_string(FLAGS_structure_step) + ": there are " + std::to_string(steps) +
+                   " steps");
+  }
   return !FLAGS_flat || steps >= kMinFlatnessSteps ? Status::Ok()
                                                    : Invalid("--flat: " + std::to_string(steps) + " steps are too few, " +
                                                              std::to_string(kMinFlatnessSteps) + " are needed");

@@ -121,6 +121,11 @@ class LiveSchur {
 
   /// Smallest block row touched since the last call; num_rows if none.
   int TakeFirstChanged();
+  /// The rows of S touched since the last call, ascending; the vector's memory is used again.
+  void TakeChangedRows(std::vector<std::int32_t>* rows) {
+    changed_rows_.CopyTo(rows);
+    changed_rows_.Clear();
+  }
   /// The same for entries of b. Whoever writes the padded right-hand side himself says so.
   int TakeFirstChangedB();
   void TouchB(std::int32_t row) {
@@ -156,6 +161,7 @@ class LiveSchur {
   LandmarkFactors FactorsOf(const FactorRef& ref) const;
   void Touch(std::int32_t row) {
     first_changed_ = row < first_changed_ ? row : first_changed_;
+    changed_rows_.Add(row);
     TouchB(row);
   }
   bool HasDrifted(std::int32_t row, double cost);
@@ -188,6 +194,7 @@ class LiveSchur {
   int first_changed_ = 0;
   int first_changed_b_ = 0;
   IndexSet touched_;         // rows, since ResumDrifted
+  IndexSet changed_rows_;    // of S, since TakeChangedRows
   double drift_cost_ = 0.0;  // when all rows were looked at
   std::vector<std::int32_t> drifted_;
 

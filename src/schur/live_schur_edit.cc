@@ -39,6 +39,7 @@ int LiveSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
     frames_.emplace_back();
     S_.AddRow(size);
     touched_.Grow(frames_.size());
+    changed_rows_.Grow(frames_.size());
   }
   Frame& frame = frames_[row];
   frame.id = id;

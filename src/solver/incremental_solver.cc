@@ -23,6 +23,7 @@ class IncrementalSolver::Impl {
   void SetOptions(const IncrementalOptions& options);
   Status Apply(const GraphEdit& edit);
   UpdateSummary Update();
+  ReducedStructure Structure() const;
 
   FactorGraph graph;
   std::unique_ptr<LiveSystem> live;
@@ -35,7 +36,8 @@ class IncrementalSolver::Impl {
 
   IncrementalOptions options_;
   std::unique_ptr<IncrementalMinimizer> minimizer_;
-  bool converged_ = false;  // and nothing edited since
+  bool converged_ = false;                  // and nothing edited since
+  std::vector<std::int32_t> changed_rows_;  // of S, by the last Update
 };
 
 // The graph's state follows the values held now.
@@ -104,6 +106,7 @@ UpdateSummary IncrementalSolver::Impl::Update() {
     return summary;
   }
   if (converged_) {
+    changed_rows_.clear();
     summary.termination = Termination::kConvergence;
     summary.message = "Nothing has changed since the last Update converged.";
     summary.initial_cost = summary.final_cost = live->cost();
@@ -122,6 +125,7 @@ UpdateSummary IncrementalSolver::Impl::Update() {
     minimizer_->Minimize(start, stop, &summary);
   }
   stop = false;
+  live->schur().TakeChangedRows(&changed_rows_);
   converged_ = summary.termination == Termination::kConvergence;
   if (summary.termination == Termination::kFailure) {
     Restart();
@@ -131,6 +135,30 @@ UpdateSummary IncrementalSolver::Impl::Update() {
   summary.bytes = live->Bytes() + minimizer_->Bytes();
   summary.seconds = internal::NowInSeconds() - start;
   return summary;
+}
+
+ReducedStructure IncrementalSolver::Impl::Structure() const {
+  ReducedStructure structure;
+  if (live == nullptr) {
+    return structure;
+  }
+  const internal::LiveSchur& schur = live->schur();
+  for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
+    structure.frames.push_back(schur.frames()[row].id);
+    for (const internal::SymmetricBlockRows::Entry& entry : schur.S().row(row)) {
+      if (entry.column != row) {
+        structure.blocks.push_back({row, entry.column});
+      }
+    }
+  }
+  structure.changed.assign(structure.frames.size(), false);
+  for (const std::int32_t row : changed_rows_) {
+    // A failed Update may have ended with another system.
+    if (row < static_cast<std::int32_t>(structure.changed.size())) {
+      structure.changed[row] = true;
+    }
+  }
+  return structure;
 }
 
 IncrementalSolver::IncrementalSolver(const IncrementalOptions& options) : impl_(std::make_unique<Impl>(options)) {
@@ -163,6 +191,10 @@ void IncrementalSolver::RequestStop() {
 
 const double* IncrementalSolver::Values(VariableId id) const {
   return impl_->live->values().current(id);
+}
+
+ReducedStructure IncrementalSolver::Structure() const {
+  return impl_->Structure();
 }
 
 double IncrementalSolver::cost() const {

@@ -105,6 +105,18 @@ class ReplayTest(unittest.TestCase):
             costs.append([row["ours"]["reported_cost"] for row in report["rows"]])
         self.assertEqual(costs[0], costs[1])
 
+    def test_structure(self):
+        _, report = self.play("path:70", "--mode", "incremental", "--nostock", "--structure_step", "60")
+        structure = report["structure"]
+        self.assertEqual(structure["step"], 60)
+        self.assertEqual(len(structure["frames"]), report["rows"][59]["frames"] - 1)  # the first camera is held
+        rows = set(range(len(structure["frames"])))
+        self.assertEqual(structure["blocks"], sorted([r, c] for r, c in structure["blocks"] if c < r and r in rows))
+        self.assertIn(max(rows), structure["changed_rows"])
+        self.assertLess(len(structure["changed_rows"]), len(rows))
+        _, without = self.play("path:70", "--mode", "incremental", "--nostock", "--steps", "3")
+        self.assertNotIn("structure", without)
+
     def test_torture(self):
         output, report = self.play(self.bal, "--mode", "incremental", "--no_priors", "--free_intrinsics")
         self.assertEqual(report["failed_steps"]["ours"], 0)
@@ -171,6 +183,10 @@ class ReplayTest(unittest.TestCase):
             self.assertIn("a number of cameras", self.fails(2, "--problem", "path:" + size))
         self.assertIn("at least 20", self.fails(2, "--problem", "path:7"))
         self.assertIn("at least 165", self.fails(2, "--problem", "path:100", "--loops"))
+        for flags in (("--mode", "exact"), ("--mode", "incremental")):
+            self.assertIn("--structure_step", self.fails(2, "--problem", "path:30", *flags, "--structure_step", "3"))
+        self.assertIn("there are 29 steps", self.fails(2, "--problem", "path:30", "--mode", "incremental", "--json",
+                                                       self.file("x.json"), "--structure_step", "30"))
         self.assertIn("4 steps are too few", self.fails(2, "--problem", self.bal, "--flat", "--steps", "4"))
         for flag in ("--autodiff", "--nostock"):
             self.assertIn(flag, self.fails(2, "--problem", self.bal, "--stock_autodiff", flag))

@@ -183,4 +183,18 @@ nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& sum
           {"rows", json_rows}};
 }
 
+nlohmann::json StructureJson(int step, const ReducedStructure& structure) {
+  nlohmann::json blocks = nlohmann::json::array();
+  for (const ReducedStructure::Block& block : structure.blocks) {
+    blocks.push_back({block.row, block.column});
+  }
+  nlohmann::json changed_rows = nlohmann::json::array();
+  for (std::size_t row = 0; row < structure.changed.size(); ++row) {
+    if (structure.changed[row]) {
+      changed_rows.push_back(row);
+    }
+  }
+  return {{"step", step}, {"frames", structure.frames}, {"blocks", blocks}, {"changed_rows", changed_rows}};
+}
+
 }  // namespace inceres::tools

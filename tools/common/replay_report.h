@@ -40,4 +40,7 @@ std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary&
 /// "rows": [one object a step]}. What there is none of is null.
 nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& summary, const std::vector<ReplayRow>& rows);
 
+/// {"step", "frames": [variable of each block row], "blocks": [[row, column], …] below the diagonal, "changed_rows": […]}
+nlohmann::json StructureJson(int step, const ReducedStructure& structure);
+
 }  // namespace inceres::tools

@@ -200,6 +200,7 @@ class IncrementalReplaySolver : public ReplaySolver {
     }
     return state;
   }
+  std::optional<ReducedStructure> Structure() const override { return solver_.Structure(); }
 
  private:
   static IncrementalOptions Options(const ReplaySettings& settings) {

@@ -2,10 +2,12 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "inceres/solver/reduced_structure.h"
 #include "inceres/status.h"
 #include "tools/common/replay_step.h"
 
@@ -39,6 +41,9 @@ class ReplaySolver {
 
   /// The ambient values of all variables so far, one after the other in order of arrival.
   virtual std::vector<double> State() const = 0;
+
+  /// The reduced system of the solver that remembers; of the others nothing.
+  virtual std::optional<ReducedStructure> Structure() const { return std::nullopt; }
 };
 
 /// How every side solves.

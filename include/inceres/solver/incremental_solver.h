@@ -6,6 +6,7 @@
 #include "inceres/graph/factor_graph.h"
 #include "inceres/graph/graph_edit.h"
 #include "inceres/solver/incremental_options.h"
+#include "inceres/solver/reduced_structure.h"
 #include "inceres/solver/update_summary.h"
 
 namespace inceres {
@@ -52,6 +53,9 @@ class INCERES_EXPORT IncrementalSolver {
   const double* Values(VariableId id) const;
   /// ½ Σ ρ at the current state, as of the last Update.
   double cost() const;
+
+  /// Which blocks S has, and which of its rows the last Update changed. Not during an Update. Cost: proportional to the blocks.
+  ReducedStructure Structure() const;
 
  private:
   class Impl;
