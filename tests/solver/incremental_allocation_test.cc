@@ -18,7 +18,8 @@ namespace {
 int num_allocations = 0;
 bool trap = false;
 
-void* Allocate(std::size_t size, std::size_t alignment) {
+// Not inlined: the compiler would wonder why what new returns is freed.
+[[gnu::noinline]] void* Allocate(std::size_t size, std::size_t alignment) {
   ++num_allocations;
   if (trap) {
     std::abort();  // for a debugger
@@ -30,6 +31,10 @@ void* Allocate(std::size_t size, std::size_t alignment) {
   throw std::bad_alloc();
 }
 
+[[gnu::noinline]] void Release(void* memory) {
+  std::free(memory);
+}
+
 }  // namespace
 
 void* operator new(std::size_t size) {
@@ -39,16 +44,16 @@ void* operator new(std::size_t size, std::align_val_t alignment) {
   return Allocate(size, static_cast<std::size_t>(alignment));
 }
 void operator delete(void* memory) noexcept {
-  std::free(memory);
+  Release(memory);
 }
 void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
+  Release(memory);
 }
 void operator delete(void* memory, std::align_val_t) noexcept {
-  std::free(memory);
+  Release(memory);
 }
 void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
-  std::free(memory);
+  Release(memory);
 }
 
 namespace inceres {
