@@ -94,7 +94,8 @@ IncrementalMinimizer::ErrorLimits IncrementalMinimizer::LimitsOf(double share) c
   return {share * 2.0 * Tolerance() / count, kGradientShare * share * Tolerance() / std::sqrt(count)};
 }
 
-void IncrementalMinimizer::Minimize(double start_seconds, const std::atomic<bool>& stop, UpdateSummary* summary) {
+void IncrementalMinimizer::Minimize(double start_seconds, bool mostly_new, const std::atomic<bool>& stop,
+                                    UpdateSummary* summary) {
   summary_ = summary;
   mu_ = std::clamp(mu_, options_.min_damping, options_.initial_damping);
   nu_ = 2.0;
@@ -106,7 +107,7 @@ void IncrementalMinimizer::Minimize(double start_seconds, const std::atomic<bool
     summary->termination = termination;
     summary->message = message;
   };
-  mostly_new_ = 2 * system_.NumDirtyFactors() > system_.num_factors();
+  mostly_new_ = mostly_new;
   for (bool first = true;; first = false) {
     if (!Relinearise()) {
       return;

@@ -28,7 +28,8 @@ class IncrementalMinimizer {
 
   /// Minimises until what is left undone is below the tolerance, or a limit or `stop` says so. On failure the system is
   /// incomplete.
-  void Minimize(double start_seconds, const std::atomic<bool>& stop, UpdateSummary* summary);
+  /// `mostly_new`: far from the minimum, where half a step leads elsewhere than a whole one; all of it moves.
+  void Minimize(double start_seconds, bool mostly_new, const std::atomic<bool>& stop, UpdateSummary* summary);
 
  private:
   enum class Verdict { kGoOn, kConverged, kStuck };

@@ -12,6 +12,13 @@ namespace inceres {
 using internal::IncrementalMinimizer;
 using internal::LiveSystem;
 
+namespace {
+
+// An Update with more than this share of new factors is far from its minimum.
+constexpr double kMostlyNew = 0.5;
+
+}  // namespace
+
 class IncrementalSolver::Impl {
  public:
   explicit Impl(const IncrementalOptions& options) : options_(options) {
@@ -24,6 +31,7 @@ class IncrementalSolver::Impl {
   Status Apply(const GraphEdit& edit);
   UpdateSummary Update();
   ReducedStructure Structure() const;
+  double cost() const { return cost_; }
 
   FactorGraph graph;
   std::unique_ptr<LiveSystem> live;
@@ -32,12 +40,14 @@ class IncrementalSolver::Impl {
  private:
   void TakeValues();
   void Restart();
-  void SolveInBatch(UpdateSummary* summary);
+  bool SolveInBatch(UpdateSummary* summary);
 
   IncrementalOptions options_;
   std::unique_ptr<IncrementalMinimizer> minimizer_;
-  bool converged_ = false;                  // and nothing edited since
   std::vector<std::int32_t> changed_rows_;  // of S, by the last Update
+  double cost_ = 0.0;
+  bool converged_ = false;  // and nothing edited since
+  int num_waiting_ = 0;     // factors dirty only because the batch solver was the last to move
 };
 
 // The graph's state follows the values held now.
@@ -89,12 +99,19 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   return status;
 }
 
-// The graph's state is where the batch solver works; the live system then starts anew from what it found.
-void IncrementalSolver::Impl::SolveInBatch(UpdateSummary* summary) {
+// The graph's state is where the batch solver works; the live system then starts anew from what it found. True if nothing is left
+// to do.
+bool IncrementalSolver::Impl::SolveInBatch(UpdateSummary* summary) {
   TakeValues();
-  summary->termination = internal::RunBatchPhase(options_, stop, &graph, summary);
+  const internal::BatchOutcome outcome = internal::RunBatchPhase(options_, stop, &graph, summary);
+  summary->termination = outcome.termination;
+  if (outcome.termination != Termination::kFailure) {
+    cost_ = summary->final_cost;
+  }
   live.reset();
   Restart();
+  num_waiting_ = live->NumDirtyFactors();
+  return outcome.finished;
 }
 
 UpdateSummary IncrementalSolver::Impl::Update() {
@@ -109,20 +126,24 @@ UpdateSummary IncrementalSolver::Impl::Update() {
     changed_rows_.clear();
     summary.termination = Termination::kConvergence;
     summary.message = "Nothing has changed since the last Update converged.";
-    summary.initial_cost = summary.final_cost = live->cost();
+    summary.initial_cost = summary.final_cost = cost_;
     summary.num_parked_landmarks = live->schur().num_parked();
     summary.seconds = internal::NowInSeconds() - start;
     return summary;
   }
+  // Factors that only wait to be linearised where the batch solver left them are nothing new.
+  const double num_new = live->NumDirtyFactors() - num_waiting_;
   const bool batch_only = options_.batch_share == 0.0;
-  const bool batch =
-      (batch_only || live->NumDirtyFactors() > options_.batch_share * graph.num_factors()) && internal::TakesBatchPhase(graph);
+  const bool batch = (batch_only || num_new > options_.batch_share * graph.num_factors()) && internal::TakesBatchPhase(graph);
+  bool finished = false;
   if (batch) {
-    SolveInBatch(&summary);
+    finished = SolveInBatch(&summary) || batch_only;
   }
   // Where the batch solver fails the state is what it was: the other one gets its chance, or names the culprit.
-  if (!batch || !batch_only) {
-    minimizer_->Minimize(start, stop, &summary);
+  if (!finished) {
+    minimizer_->Minimize(start, !batch && num_new > kMostlyNew * graph.num_factors(), stop, &summary);
+    cost_ = live->cost();
+    num_waiting_ = 0;
   }
   stop = false;
   live->schur().TakeChangedRows(&changed_rows_);
@@ -130,7 +151,7 @@ UpdateSummary IncrementalSolver::Impl::Update() {
   if (summary.termination == Termination::kFailure) {
     Restart();
   }
-  summary.final_cost = batch && batch_only ? summary.final_cost : live->cost();
+  summary.final_cost = cost_;
   summary.num_parked_landmarks = live->schur().num_parked();
   summary.bytes = live->Bytes() + minimizer_->Bytes();
   summary.seconds = internal::NowInSeconds() - start;
@@ -198,7 +219,7 @@ ReducedStructure IncrementalSolver::Structure() const {
 }
 
 double IncrementalSolver::cost() const {
-  return impl_->live->cost();
+  return impl_->cost();
 }
 
 }  // namespace inceres

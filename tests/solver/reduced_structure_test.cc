@@ -19,7 +19,7 @@ using test::FunctionFamily;
 // x_b − x_a = 1, x_0 = 0 and, from each of its frames, landmark − x_a = 2: all linear, so nothing is ever linearised twice.
 class Chain {
  public:
-  Chain() : solver(IncrementalOptions{}), edit(solver.graph()) {
+  Chain() : solver(NeverInBatch()), edit(solver.graph()) {
     ties_ = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, Difference);
     ties_id_ = solver.AddFamily(ties_);
     prior_ = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, Prior);
@@ -51,6 +51,12 @@ class Chain {
   GraphEdit edit;
 
  private:
+  // An Update that the batch solver ends leaves S to the next one.
+  static IncrementalOptions NeverInBatch() {
+    IncrementalOptions options;
+    options.batch_share = 1.0;
+    return options;
+  }
   static bool Difference(int, const double* const* x, double* residuals, double** jacobians) {
     residuals[0] = x[1][0] - x[0][0] - 1.0;
     if (jacobians != nullptr) {

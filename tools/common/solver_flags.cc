@@ -192,7 +192,6 @@ Status ToIncrementalOptions(const SolverSettings& settings, IncrementalOptions* 
   }
   const SolverSettings defaults;
   const std::pair<const char*, bool> ignored[] = {
-      {"--trust_region", settings.trust_region != defaults.trust_region},
       {"--gradient_tolerance", settings.gradient_tolerance != defaults.gradient_tolerance},
       {"--parameter_tolerance", settings.parameter_tolerance != defaults.parameter_tolerance}};
   for (const auto& [flag, set] : ignored) {
@@ -204,6 +203,8 @@ Status ToIncrementalOptions(const SolverSettings& settings, IncrementalOptions* 
   result.max_num_iterations = settings.max_num_iterations;
   result.function_tolerance = settings.function_tolerance;
   result.num_threads = settings.num_threads;
+  result.batch_strategy =
+      settings.trust_region == ceres::DOGLEG ? TrustRegionStrategyKind::kDogleg : TrustRegionStrategyKind::kLevenbergMarquardt;
   result.initial_damping = std::clamp(1.0 / settings.initial_trust_region_radius, result.min_damping, result.max_damping);
   const Status status = result.Validate();
   if (status.ok()) {

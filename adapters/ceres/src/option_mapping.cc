@@ -165,6 +165,8 @@ IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, 
   result.function_tolerance = options.function_tolerance;
   result.min_relative_decrease = options.min_relative_decrease;
   result.num_threads = NumThreads(options);
+  result.batch_strategy = options.trust_region_strategy_type == ceres::DOGLEG ? TrustRegionStrategyKind::kDogleg
+                                                                              : TrustRegionStrategyKind::kLevenbergMarquardt;
   if (options.trust_region_strategy_type == ceres::LEVENBERG_MARQUARDT) {
     result.initial_damping = std::clamp(1.0 / options.initial_trust_region_radius, core.min_damping, core.max_damping);
   }
@@ -175,7 +177,6 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
                                                          const LandmarkSelection& landmarks) {
   using Options = ceres::Solver::Options;
   Differences differences(options);
-  differences.Check("trust_region_strategy_type", &Options::trust_region_strategy_type);
   differences.Check("gradient_tolerance", &Options::gradient_tolerance);
   differences.Check("parameter_tolerance", &Options::parameter_tolerance);
   differences.Check("max_trust_region_radius", &Options::max_trust_region_radius);

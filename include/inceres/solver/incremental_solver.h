@@ -54,7 +54,8 @@ class INCERES_EXPORT IncrementalSolver {
   /// ½ Σ ρ at the current state, as of the last Update.
   double cost() const;
 
-  /// Which blocks S has, and which of its rows the last Update changed. Not during an Update. Cost: proportional to the blocks.
+  /// Which blocks S has, and which of its rows the last Update changed. Not during an Update. After one that the batch solver
+  /// ended by itself S waits to be formed by the next one. Cost: proportional to the blocks.
   ReducedStructure Structure() const;
 
  private:
