@@ -16,8 +16,8 @@ constexpr double kTinyDiagonal = 1e-12;  // stands in for a diagonal entry of C 
 constexpr double kGrid = 10.0;           // μ moves in these steps, so that it stands still near the solution
 constexpr double kGoodRatio = 0.25;      // gain ratio above which the damping may fall, below which the radius does
 constexpr double kGrowRatio = 0.75;      // gain ratio above which the radius grows
-constexpr double kShortening = 0.25;     // of the step, when it is tried again
-constexpr int kMaxShortenings = 3;
+constexpr double kShortening = 0.1;      // of the step, when it is tried again
+constexpr int kMaxShortenings = 1;
 
 // Weight of the gradient's error against that of the model in relinearisation_share.
 constexpr double kGradientShare = 10.0;
