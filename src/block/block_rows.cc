@@ -66,7 +66,7 @@ void SymmetricBlockRows::Zero() {
 std::int64_t SymmetricBlockRows::Bytes() const {
   std::size_t bytes = values_.capacity() * sizeof(double);
   for (const std::vector<Entry>& row : rows_) {
-    bytes += sizeof(row) + row.capacity() * sizeof(Entry);
+    bytes += sizeof(std::vector<Entry>) + row.capacity() * sizeof(Entry);
   }
   return static_cast<std::int64_t>(bytes);
 }

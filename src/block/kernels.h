@@ -109,8 +109,8 @@ struct Kernels {
 
   RowProducts (*row_products)(const FactorRows& rows, const double* v);
 
-  /// Jv_i = J_i v for the listed factors; result i at Jv + i · residual_size. `begin`, `end` and `residuals` are not read.
-  void (*multiply_rows)(const FactorRows& rows, const std::int32_t* factors, int count, const double* v, double* Jv);
+  /// out_i = J_i v for the listed factors; result i at out + i · residual_size. `begin`, `end` and `residuals` are not read.
+  void (*multiply_rows)(const FactorRows& rows, const std::int32_t* factors, int count, const double* v, double* out);
   /// y −= Σ J_iᵀ r_i over the listed factors, y laid out as v; r_i at r + i · residual_size.
   void (*subtract_transposed)(const FactorRows& rows, const std::int32_t* factors, int count, const double* r, double* y);
 

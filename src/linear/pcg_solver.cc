@@ -44,7 +44,7 @@ Status PcgSolver::Solve(const double* b, int /*first_changed_b*/, const Truncati
     return factored_;
   }
   const auto size = static_cast<std::size_t>(preconditioner_.padded_offsets().back());
-  for (AlignedVector<double>* vector : {&r_, &z_, &minus_Ap_}) {
+  for (AlignedVector<double>* vector : {&r_, &z_, &minus_product_}) {
     vector->resize(size);
   }
   PadFree(b, &b_);
@@ -78,9 +78,9 @@ Status PcgSolver::Iterate() {
   double rz = Dot(r_, z_);
   work_.converged = rz == 0.0;
   while (!work_.converged && static_cast<int>(gains_.size()) < options_.max_iterations) {
-    std::fill(minus_Ap_.begin(), minus_Ap_.end(), 0.0);
-    SubtractProduct(p_.data(), minus_Ap_.data());
-    const double curvature = -Dot(p_, minus_Ap_);
+    std::fill(minus_product_.begin(), minus_product_.end(), 0.0);
+    SubtractProduct(p_.data(), minus_product_.data());
+    const double curvature = -Dot(p_, minus_product_);
     if (!(curvature > 0.0)) {
       std::ostringstream text;
       text << "the reduced system is not positive definite: PCG met the curvature " << curvature << " at iteration "
@@ -89,7 +89,7 @@ Status PcgSolver::Iterate() {
     }
     const double alpha = rz / curvature;
     Add(alpha, p_, &x_);
-    Add(alpha, minus_Ap_, &r_);
+    Add(alpha, minus_product_, &r_);
     gains_.push_back(0.5 * alpha * rz);
     decrease_ += gains_.back();
     preconditioner_.Apply(r_.data(), z_.data());
@@ -155,7 +155,7 @@ void PcgSolver::Unpad(double* packed) const {
 
 std::size_t PcgSolver::Bytes() const {
   std::size_t bytes = preconditioner_.Bytes() + gains_.capacity() * sizeof(double);
-  for (const AlignedVector<double>* vector : {&b_, &x_, &r_, &z_, &p_, &minus_Ap_}) {
+  for (const AlignedVector<double>* vector : {&b_, &x_, &r_, &z_, &p_, &minus_product_}) {
     bytes += vector->capacity() * sizeof(double);
   }
   return bytes;

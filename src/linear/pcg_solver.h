@@ -54,7 +54,7 @@ class PcgSolver final : public LiveReducedSolver {
   AlignedVector<double> r_;  // b − A x
   AlignedVector<double> z_;  // M⁻¹ r
   AlignedVector<double> p_;  // direction
-  AlignedVector<double> minus_Ap_;
+  AlignedVector<double> minus_product_;
   double decrease_ = 0.0;      // bᵀx − ½ xᵀAx
   std::vector<double> gains_;  // of decrease_, by iteration
 };

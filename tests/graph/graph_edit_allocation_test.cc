@@ -12,6 +12,11 @@ namespace {
 
 int num_allocations = 0;
 
+// Not inlined: the compiler would see free() meet what operator new returned.
+[[gnu::noinline]] void Release(void* memory) {
+  std::free(memory);
+}
+
 }  // namespace
 
 void* operator new(std::size_t size) {
@@ -22,10 +27,10 @@ void* operator new(std::size_t size) {
   throw std::bad_alloc();
 }
 void operator delete(void* memory) noexcept {
-  std::free(memory);
+  Release(memory);
 }
 void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
+  Release(memory);
 }
 
 namespace inceres {

@@ -53,16 +53,16 @@ class INCERES_EXPORT GraphEdit {
   /// Removes the factor. Its measurement stays in the family, unused, until the place is given to another one.
   void RemoveFactor(FactorId id) { removed_factors_.push_back(id); }
 
-  void SetLoss(FactorId id, std::shared_ptr<const Loss> loss) { losses_.push_back({id, std::move(loss)}); }
+  void SetLoss(FactorId id, std::shared_ptr<const Loss> loss) { losses_.emplace_back(id, std::move(loss)); }
   /// Replaces the measurement of a built-in family's factor, when the edit is applied.
   template <typename Family>
   void SetMeasurement(FactorId id, Family& family, const typename Family::Measurement& measurement) {
-    measurements_.push_back({id, [&family, measurement, id] { family.Place(id.index, measurement); }});
+    measurements_.emplace_back(id, [&family, measurement, id] { family.Place(id.index, measurement); });
   }
   /// Tells that the caller has changed, in his own family, what the factor measures.
-  void MeasurementChanged(FactorId id) { measurements_.push_back({id, nullptr}); }
+  void MeasurementChanged(FactorId id) { measurements_.emplace_back(id, nullptr); }
   /// Thousands of these per edit are cheap: a constant is a mask over the system, its factors are not evaluated again.
-  void SetConstant(VariableId id, bool constant) { constants_.push_back({id, constant}); }
+  void SetConstant(VariableId id, bool constant) { constants_.emplace_back(id, constant); }
   /// New values for a variable the graph owns; its factors are linearised anew.
   void SetValues(VariableId id, const double* values);
 
