@@ -134,7 +134,7 @@ void LiveSchur::TakeOut(std::int32_t landmark) {
   }
   num_pairs_ -= l.in_S ? NumPairs(landmark) : 0;
   l.in_S = false;
-  SetDecrement(landmark, 0.0);
+  RenewDecrement(landmark);
 }
 
 void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
@@ -168,11 +168,7 @@ void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
   AddToB(l, l.z, -1.0, kAllRows);
   l.in_S = true;
   num_pairs_ += NumPairs(landmark);
-  double decrement = 0.0;
-  for (int k = 0; k < l.size; ++k) {
-    decrement += 0.5 * l.z[k] * l.z[k];
-  }
-  SetDecrement(landmark, decrement);
+  RenewDecrement(landmark);
 }
 
 void LiveSchur::RefreshResidual(std::int32_t landmark) {
@@ -183,14 +179,12 @@ void LiveSchur::RefreshResidual(std::int32_t landmark) {
   double z[kQuad];
   MultiplyLower(l.size, l.U_inv, eta(landmark), z);
   double change[kQuad];
-  double decrement = 0.0;
   for (int k = 0; k < l.size; ++k) {
     change[k] = z[k] - l.z[k];
     l.z[k] = z[k];
-    decrement += 0.5 * z[k] * z[k];
   }
   AddToB(l, change, -1.0, kAllRows);
-  SetDecrement(landmark, decrement);
+  RenewDecrement(landmark);
 }
 
 bool LiveSchur::HasDrifted(std::int32_t row, double cost) {
@@ -203,13 +197,13 @@ bool LiveSchur::HasDrifted(std::int32_t row, double cost) {
 }
 
 int LiveSchur::ResumDrifted(double cost) {
-  drifted_.clear();
+  scratch_.clear();
   const auto look_at = [this, cost](std::int32_t row) {
     if (frames_[row].id >= 0) {
       SampleB(row);
     }
     if (HasDrifted(row, cost)) {
-      drifted_.push_back(row);
+      scratch_.push_back(row);
     }
   };
   if (kCostDrop * cost < drift_cost_) {
@@ -221,11 +215,11 @@ int LiveSchur::ResumDrifted(double cost) {
     touched_.ForEach(look_at);
     drift_cost_ = std::max(drift_cost_, cost);
   }
-  for (const std::int32_t row : drifted_) {
+  for (const std::int32_t row : scratch_) {
     ResumFrame(row);
   }
   touched_.Clear();
-  return static_cast<int>(drifted_.size());
+  return static_cast<int>(scratch_.size());
 }
 
 void LiveSchur::ResumFrame(std::int32_t frame) {
@@ -293,7 +287,7 @@ void LiveSchur::PlaceBlocks(std::int32_t landmark) {
     incidence.y += base;
   }
   // The first factor that reaches a block sets it, later ones add to it: an odd target.
-  std::vector<std::int32_t>& begun = drifted_;  // scratch
+  std::vector<std::int32_t>& begun = scratch_;
   begun.assign(l.frames.size(), 0);
   for (const FactorRef& ref : l.factors) {
     std::int32_t* targets = families_[ref.family].y_targets() + Slot(ref, 0);
@@ -362,8 +356,12 @@ void LiveSchur::BackSubstitute(std::int32_t landmark, double* padded_step) const
   MultiplyLowerTransposed(l.size, l.U_inv, y, step);
 }
 
-void LiveSchur::SetDecrement(std::int32_t landmark, double decrement) {
+void LiveSchur::RenewDecrement(std::int32_t landmark) {
   Landmark& l = landmarks_[landmark];
+  double decrement = 0.0;
+  for (int k = 0; k < l.size && l.in_S; ++k) {
+    decrement += 0.5 * l.z[k] * l.z[k];
+  }
   total_decrement_ += decrement - l.decrement;
   ++decrement_changes_;
   l.decrement = decrement;
@@ -396,9 +394,9 @@ const std::vector<std::int32_t>& LiveSchur::EagerLandmarks(double threshold) {
     eager_threshold_ = 0.1 * threshold;
   }
   eager_list_.clear();
-  drifted_.clear();
-  eager_.ForEach([&](std::int32_t i) { (landmarks_[i].decrement > threshold ? eager_list_ : drifted_).push_back(i); });
-  for (const std::int32_t i : drifted_) {
+  scratch_.clear();
+  eager_.ForEach([&](std::int32_t i) { (landmarks_[i].decrement > threshold ? eager_list_ : scratch_).push_back(i); });
+  for (const std::int32_t i : scratch_) {
     if (landmarks_[i].decrement <= eager_threshold_) {
       eager_.Remove(i);
     }

@@ -157,7 +157,7 @@ class LiveSchur {
   void ReleaseBlocks(Landmark* landmark);
   void SumLandmark(Landmark* landmark);
   void EliminateLandmark(Landmark* landmark);
-  void SetDecrement(std::int32_t landmark, double decrement);
+  void RenewDecrement(std::int32_t landmark);
   LandmarkFactors FactorsOf(const FactorRef& ref) const;
   void Touch(std::int32_t row) {
     first_changed_ = row < first_changed_ ? row : first_changed_;
@@ -196,7 +196,7 @@ class LiveSchur {
   IndexSet touched_;         // rows, since ResumDrifted
   IndexSet changed_rows_;    // of S, since TakeChangedRows
   double drift_cost_ = 0.0;  // when all rows were looked at
-  std::vector<std::int32_t> drifted_;
+  std::vector<std::int32_t> scratch_;
 
   double total_decrement_ = 0.0;
   std::int64_t decrement_changes_ = 0;  // since the total was summed

@@ -13,8 +13,8 @@ constexpr double kExact = 1e-20;         // squared error above which a Jacobian
 constexpr double kRefreshShare = 0.1;    // of the thresholds of an old linearisation: what convergence may rest on
 constexpr double kWeightChange = 2.0;    // factor by which ρ' may have changed before a factor's weight in H is renewed
 constexpr double kTinyDiagonal = 1e-12;  // stands in for a diagonal entry of C that is zero
-constexpr double kGrid = 10.0;           // μ moves in these steps, so that it stands still near the solution
-constexpr double kGoodRatio = 0.25;      // gain ratio above which the damping may fall, below which the radius does
+constexpr double kRetreat = 10.0;        // times ν: growth of μ when a step is refused; from its floor doubling would take long
+constexpr double kGoodRatio = 0.25;      // gain ratio below which the radius falls
 constexpr double kGrowRatio = 0.75;      // gain ratio above which the radius grows
 constexpr double kShortening = 0.1;      // of the step, when it is tried again
 constexpr int kMaxShortenings = 1;
@@ -200,10 +200,10 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
     summary_->num_moved_frames += static_cast<int>(active_.frames().size());
     summary_->num_visited_landmarks += static_cast<int>(active_.landmarks().size());
   }
-  if (TakeStep()) {
+  bool refreshed = false;
+  if (TakeStep(&refreshed)) {
     return Verdict::kGoOn;
   }
-  const bool refreshed = RefreshTouched();
   system_.Reject();
   return Retreat(refreshed);
 }
@@ -219,7 +219,7 @@ double IncrementalMinimizer::TruncationBudget(double undone) const {
 
 // Tries the step, within the trust region once there is one. A step that is refused although its Jacobians are fresh is tried
 // again along the dog-leg path: that costs an evaluation, where more damping costs a factorisation too.
-bool IncrementalMinimizer::TakeStep() {
+bool IncrementalMinimizer::TakeStep(bool* refreshed) {
   double norm = system_.ScaledStepNorm();
   if (norm > radius_) {
     double ignored = 0.0;
@@ -238,7 +238,8 @@ bool IncrementalMinimizer::TakeStep() {
       Accept(ratio);
       return true;
     }
-    if (attempt >= kMaxShortenings || HasOldJacobians()) {
+    *refreshed = RefreshTouched();
+    if (*refreshed || attempt >= kMaxShortenings) {
       radius_ = HUGE_VAL;  // the damping takes over
       return false;
     }
@@ -368,16 +369,6 @@ bool IncrementalMinimizer::RefreshAged() {
   return any;
 }
 
-bool IncrementalMinimizer::HasOldJacobians() const {
-  const auto is_old = [](const LiveFamily& family) {
-    return [&family](std::int32_t i) { return family.SquaredError(i) > kExact; };
-  };
-  return std::any_of(system_.families().begin(), system_.families().end(), [&](const LiveFamily& family) {
-    const std::vector<std::int32_t>& touched = system_.Touched(family.id());
-    return std::any_of(touched.begin(), touched.end(), is_old(family));
-  });
-}
-
 // The step failed: with old Jacobians about it was perhaps their fault. True if any factor it touches had one.
 bool IncrementalMinimizer::RefreshTouched() {
   bool any = false;
@@ -398,7 +389,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   if (refreshed) {
     return Verdict::kGoOn;
   }
-  mu_ *= kGrid * nu_;
+  mu_ *= kRetreat * nu_;
   nu_ *= 2.0;
   for (const std::int32_t landmark : active_.landmarks()) {
     if (options_.damping == DampingForm::kHybrid && system_.schur().landmarks()[landmark].lambda < mu_) {

@@ -19,11 +19,11 @@ class IncrementalMinimizer {
  public:
   IncrementalMinimizer(const IncrementalOptions& options, LiveSystem* system);
 
-  /// For the next Minimize; who solves the reduced system stays.
   std::int64_t Bytes() const {
     return static_cast<std::int64_t>(solver_->Bytes() +
                                      sizeof(double) * (damping_.capacity() + b_.capacity() + frame_step_.capacity()));
   }
+  /// For the next Minimize; who solves the reduced system stays.
   void SetOptions(const IncrementalOptions& options) { options_ = options; }
 
   /// Minimises until what is left undone is below the tolerance, or a limit or `stop` says so. On failure the system is
@@ -49,12 +49,11 @@ class IncrementalMinimizer {
   void TakeStepOff();
   double Undone();
   double TruncationBudget(double undone) const;
-  bool TakeStep();
+  bool TakeStep(bool* refreshed);
   bool EvaluateStep(double* gain_ratio);
   void Accept(double gain_ratio);
   void MarkStale();
   bool RefreshAged();
-  bool HasOldJacobians() const;
   bool RefreshTouched();
   Verdict Retreat(bool refreshed);
   ErrorLimits LimitsOf(double share) const;
@@ -76,7 +75,6 @@ class IncrementalMinimizer {
   std::vector<double> frame_step_;  // in the form LiveReducedSolver asks for
   std::vector<char> held_;
   std::vector<IndexSet> aged_;  // per family: linearised too long ago to claim convergence on
-  std::vector<std::int32_t> list_;
   UpdateSummary* summary_ = nullptr;
 };
 
