@@ -76,8 +76,7 @@ void LiveFamily::Connect(int factor, LiveValues* values, const LiveTangents& tan
 
 // One virtual call for each run of neighbours, cut at the tasks' borders. A failure found by any task is the first factor's.
 template <typename Evaluate>
-EvaluationFailure LiveFamily::ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor,
-                                      Evaluate&& evaluate) const {
+EvaluationFailure LiveFamily::ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate) {
   const auto run = [&](int begin, int end) -> EvaluationFailure {
     for (int k = begin; k < end;) {
       int next = k + 1;
@@ -96,14 +95,14 @@ EvaluationFailure LiveFamily::ForRuns(const std::vector<std::int32_t>& factors, 
   if (executor.num_threads() == 1 || count <= kGrain) {
     return run(0, count);
   }
-  std::vector<EvaluationFailure> failures((count + kGrain - 1) / kGrain);
-  executor.For(static_cast<int>(failures.size()), 1, [&](int begin, int end) {
+  failures_.assign((count + kGrain - 1) / kGrain, EvaluationFailure());
+  executor.For(static_cast<int>(failures_.size()), 1, [&](int begin, int end) {
     for (int task = begin; task < end; ++task) {
-      failures[task] = run(task * kGrain, std::min(count, (task + 1) * kGrain));
+      failures_[task] = run(task * kGrain, std::min(count, (task + 1) * kGrain));
     }
   });
-  const auto first = std::find_if(failures.begin(), failures.end(), [](const auto& failure) { return failure.failed(); });
-  return first == failures.end() ? EvaluationFailure() : *first;
+  const auto first = std::find_if(failures_.begin(), failures_.end(), [](const auto& failure) { return failure.failed(); });
+  return first == failures_.end() ? EvaluationFailure() : *first;
 }
 
 EvaluationFailure LiveFamily::EvaluateCandidate(const std::vector<std::int32_t>& factors, const Executor& executor) {

@@ -77,7 +77,7 @@ class LiveFamily {
   std::ptrdiff_t First(int factor) const { return static_cast<std::ptrdiff_t>(factor) * residual_size_; }
   void Grow(int num_places);
   template <typename Evaluate>
-  EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate) const;
+  EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate);
   void EvaluateLoss(int factor, const double* f, double* cost, double* w) const;
   void Weigh(int factor);
   FactorRows Rows() const;
@@ -110,6 +110,7 @@ class LiveFamily {
   std::vector<const TangentMap*> maps_;
   std::vector<std::int32_t> step_quads_;  // per factor and slot: where the variable's step stands, or -1
   std::vector<std::int32_t> y_targets_;
+  std::vector<EvaluationFailure> failures_;  // per task of ForRuns; kept for its memory
 };
 
 }  // namespace inceres::internal

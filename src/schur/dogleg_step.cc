@@ -39,6 +39,7 @@ double LiveSystem::ScaledStepNorm() const {
 // The Cauchy point t D⁻²η with t = ‖D⁻¹η‖² / ‖J D⁻²η‖², over the active variables.
 void LiveSystem::PrepareDogleg() {
   dogleg_prepared_ = true;
+  NameTouched();
   gauss_newton_.assign(step_.begin(), step_.end());
   cauchy_.assign(step_.size(), 0.0);
   for (const LiveFamily& family : families_) {

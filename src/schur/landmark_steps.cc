@@ -26,7 +26,8 @@ bool LiveSystem::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, i
     const LiveSchur::Landmark& l = schur_.landmarks()[landmark];
     Visit(landmark);
     Stretch(landmark);
-    Move(l.id, l.quad, l.factors);
+    Move(l.id, l.quad);
+    Touch(l.factors);
     LandmarkStep& step = landmark_steps_[landmark];
     step.change = step.slope = step.curvature = 0.0;
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "schur/landmark_factor.h"
 
@@ -363,17 +364,16 @@ void LiveSchur::RenewDecrement(std::int32_t landmark) {
     decrement += 0.5 * l.z[k] * l.z[k];
   }
   total_decrement_ += decrement - l.decrement;
-  ++decrement_changes_;
+  decrement_error_ += std::numeric_limits<double>::epsilon() * (std::fabs(total_decrement_) + decrement + l.decrement);
   l.decrement = decrement;
   if (decrement > eager_threshold_) {
     eager_.Add(landmark);
   }
 }
 
-// The sum is kept by difference and summed anew after as many changes as there are landmarks: rounding does not pile up.
-double LiveSchur::TotalDecrement() {
-  if (decrement_changes_ > static_cast<std::int64_t>(landmarks_.size())) {
-    decrement_changes_ = 0;
+double LiveSchur::TotalDecrement(double accuracy) {
+  if (decrement_error_ > accuracy) {
+    decrement_error_ = 0.0;
     total_decrement_ = 0.0;
     for (const Landmark& landmark : landmarks_) {
       total_decrement_ += landmark.decrement;

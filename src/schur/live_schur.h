@@ -114,8 +114,8 @@ class LiveSchur {
   std::int32_t FrameOfFactor(FactorRef ref, int slot) const { return frame_of_slot_[ref.family][Slot(ref, slot)]; }
   std::int32_t LandmarkOfFactor(FactorRef ref) const { return landmark_of_[ref.family][ref.factor]; }
 
-  /// Σ decrement over the landmarks in S.
-  double TotalDecrement();
+  /// Σ decrement over the landmarks in S. Kept by difference, and summed anew when rounding may have eaten more than `accuracy`.
+  double TotalDecrement(double accuracy);
   /// Landmarks whose decrement may be above the threshold. Cheap while the threshold does not fall far.
   const std::vector<std::int32_t>& EagerLandmarks(double threshold);
 
@@ -199,8 +199,8 @@ class LiveSchur {
   std::vector<std::int32_t> scratch_;
 
   double total_decrement_ = 0.0;
-  std::int64_t decrement_changes_ = 0;  // since the total was summed
-  double eager_threshold_ = 0.0;        // what IndexSet eager_ was collected with
+  double decrement_error_ = 0.0;  // bound of its rounding error since it was summed
+  double eager_threshold_ = 0.0;  // what IndexSet eager_ was collected with
   IndexSet eager_;
   std::vector<std::int32_t> eager_list_;
 };

@@ -130,7 +130,7 @@ void LiveSystem::Visit(std::int32_t landmark) {
   }
 }
 
-void LiveSystem::Move(VariableId id, std::int32_t quad, const std::vector<FactorRef>& factors) {
+void LiveSystem::Move(VariableId id, std::int32_t quad) {
   const double* step = step_.data() + std::ptrdiff_t{quad} * kQuad;
   const double* x = values_.current(id);
   double* moved = values_.candidate(id);
@@ -141,25 +141,34 @@ void LiveSystem::Move(VariableId id, std::int32_t quad, const std::vector<Factor
   } else {
     std::transform(x, x + graph_.AmbientSize(id), step, moved, std::plus<>());
   }
+}
+
+void LiveSystem::Touch(const std::vector<FactorRef>& factors) {
   for (const FactorRef& ref : factors) {
     touched_[ref.family].Add(ref.factor);
   }
 }
 
+void LiveSystem::NameTouched() {
+  if (touched_named_) {
+    return;
+  }
+  touched_named_ = true;
+  moved_.ForEach([this](std::int32_t i) { Touch(schur_.frames()[i].factors); });
+  visited_.ForEach([this](std::int32_t l) { Touch(schur_.landmarks()[l].factors); });
+  for (const LiveFamily& family : families_) {
+    touched_[family.id()].CopyTo(&touched_lists_[family.id()]);
+  }
+}
+
 Status LiveSystem::EvaluateStep(double* change, double* predicted_decrease) {
-  moved_.ForEach([this](std::int32_t i) {
-    const LiveSchur::Frame& frame = schur_.frames()[i];
-    Move(frame.id, frame.quad, frame.factors);
-  });
-  visited_.ForEach([this](std::int32_t l) {
-    const LiveSchur::Landmark& landmark = schur_.landmarks()[l];
-    Move(landmark.id, landmark.quad, landmark.factors);
-  });
+  NameTouched();
+  moved_.ForEach([this](std::int32_t i) { Move(schur_.frames()[i].id, schur_.frames()[i].quad); });
+  visited_.ForEach([this](std::int32_t l) { Move(schur_.landmarks()[l].id, schur_.landmarks()[l].quad); });
   *change = 0.0;
   *predicted_decrease = 0.0;
   for (LiveFamily& family : families_) {
-    std::vector<std::int32_t>& touched = touched_lists_[family.id()];
-    touched_[family.id()].CopyTo(&touched);
+    const std::vector<std::int32_t>& touched = touched_lists_[family.id()];
     const EvaluationFailure failure = family.EvaluateCandidate(touched, executor_);
     if (failure.failed()) {
       return Status::Error(StatusCode::kEvaluationFailed,
@@ -238,6 +247,7 @@ void LiveSystem::EndStep() {
   }
   moved_.Clear();
   visited_.Clear();
+  touched_named_ = false;
   dogleg_prepared_ = false;
 }
 

@@ -78,9 +78,9 @@ class LiveSystem {
   Status EvaluateStep(double* change, double* predicted_decrease);
   /// ‖Dδ‖ of the step as it stands, D² = diag H.
   double ScaledStepNorm() const;
-  /// Replaces the step evaluated last, taken as the Gauss–Newton step of its active set, by the point at this scaled norm on the
-  /// dog-leg path from the Cauchy point of the same active set to it. To be evaluated anew. The first call after a step prepares
-  /// the path with one pass over the touched factors.
+  /// Replaces the step under construction, taken as the Gauss–Newton step of its active set, by the point at this scaled norm on
+  /// the dog-leg path from the Cauchy point of the same active set to it. To be evaluated anew. The first call after a step
+  /// prepares the path with one pass over the touched factors.
   void ShortenStep(double scaled_norm);
 
   /// A step of these landmarks alone, each of which is accepted or not for itself. True if any was: the caller then ends the step
@@ -135,7 +135,9 @@ class LiveSystem {
   template <typename Function>
   void ForEachActive(Function&& visit) const;
   void PrepareDogleg();
-  void Move(VariableId id, std::int32_t quad, const std::vector<FactorRef>& factors);
+  void Move(VariableId id, std::int32_t quad);
+  void Touch(const std::vector<FactorRef>& factors);
+  void NameTouched();
   void Stretch(std::int32_t landmark);
   bool EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
   bool AcceptLandmark(std::int32_t landmark);
@@ -165,8 +167,9 @@ class LiveSystem {
   std::vector<IndexSet> dirty_;    // per family: to be relinearised
   std::vector<IndexSet> touched_;  // per family: with a variable that moves
   std::vector<std::vector<std::int32_t>> touched_lists_;
-  IndexSet dirty_landmarks_;  // out of S, to be eliminated anew
-  IndexSet stale_landmarks_;  // within Accept: whose right-hand side has changed
+  bool touched_named_ = false;  // the two above are those of the step under construction
+  IndexSet dirty_landmarks_;    // out of S, to be eliminated anew
+  IndexSet stale_landmarks_;    // within Accept: whose right-hand side has changed
   IndexSet visited_;
   IndexSet moved_;
   AlignedVector<double> step_;  // padded, all variables; zero where nothing moves

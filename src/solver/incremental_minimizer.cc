@@ -36,20 +36,11 @@ constexpr double kLandmarkDominance = 0.5;
 // Less than this share of what an Update may leave undone is always left.
 constexpr double kTruncationFloor = 0.1;
 
+// To this share of what an Update may leave undone, sums that are kept by difference are exact.
+constexpr double kSumShare = 1e-3;
+
 // A row of S is solved anew when its change is worth this share of what a frame may leave undone.
 constexpr double kWildfireShare = 0.3;
-
-class StageClock {
- public:
-  explicit StageClock(double* stage) : stage_(stage), start_(NowInSeconds()) {}
-  ~StageClock() { *stage_ += NowInSeconds() - start_; }
-  StageClock(const StageClock&) = delete;
-  StageClock& operator=(const StageClock&) = delete;
-
- private:
-  double* stage_;
-  double start_;
-};
 
 bool IsOff(double weight_ratio) {
   return weight_ratio > kWeightChange || weight_ratio * kWeightChange < 1.0;
@@ -136,7 +127,7 @@ bool IncrementalMinimizer::OutOfBudget(double start_seconds, const std::atomic<b
 }
 
 bool IncrementalMinimizer::Relinearise() {
-  const StageClock clock(&summary_->linearise_seconds);
+  const StageTimer timer(&summary_->linearise_seconds);
   RelineariseWork work;
   const double landmark_damping = options_.damping == DampingForm::kThesis ? 0.0 : std::max(mu_, options_.min_damping);
   const Status status = system_.Relinearise(landmark_damping, RuleOf(options_.rebuild), &work);
@@ -155,12 +146,12 @@ bool IncrementalMinimizer::Relinearise() {
 // without the frames: a pass costs their own factors only. True if any moved.
 bool IncrementalMinimizer::StepLandmarks() {
   LiveSchur& schur = system_.schur();
-  const double gain = schur.TotalDecrement();
+  const double gain = LandmarkGain();
   if (num_landmark_passes_ <= 0 || gain <= kLandmarkShare * kStopShare * Tolerance()) {
     return false;
   }
   --num_landmark_passes_;
-  const StageClock clock(&summary_->landmark_seconds);
+  const StageTimer timer(&summary_->landmark_seconds);
   int num_evaluated = 0;
   const bool moved =
       system_.StepLandmarks(schur.EagerLandmarks(kLandmarkShare * gain / std::max(1, schur.num_landmarks())), &num_evaluated);
@@ -187,7 +178,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
     // Refresh before success.
     return RefreshAged() ? Verdict::kGoOn : Verdict::kConverged;
   }
-  if (frames_moved_ && !mostly_new_ && system_.schur().TotalDecrement() > kLandmarkDominance * undone) {
+  if (frames_moved_ && !mostly_new_ && LandmarkGain() > kLandmarkDominance * undone) {
     frames_moved_ = false;
     num_landmark_passes_ = options_.max_landmark_passes;
     if (StepLandmarks()) {
@@ -195,7 +186,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
     }
   }
   {
-    const StageClock clock(&summary_->select_seconds);
+    const StageTimer timer(&summary_->select_seconds);
     active_.Select(frame_step_, damping_, solver_->work().first_solved_row, TruncationBudget(undone), &system_);
     summary_->num_moved_frames += static_cast<int>(active_.frames().size());
     summary_->num_visited_landmarks += static_cast<int>(active_.landmarks().size());
@@ -222,8 +213,6 @@ double IncrementalMinimizer::TruncationBudget(double undone) const {
 bool IncrementalMinimizer::TakeStep(bool* refreshed) {
   double norm = system_.ScaledStepNorm();
   if (norm > radius_) {
-    double ignored = 0.0;
-    EvaluateStep(&ignored);  // names the touched factors
     norm = radius_;
     system_.ShortenStep(norm);
   }
@@ -252,7 +241,7 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
 
 // δ_c from (S + μ diag(C)) δ_c = b. False if there is no factor.
 bool IncrementalMinimizer::SolveFrames() {
-  const StageClock clock(&summary_->solve_seconds);
+  const StageTimer timer(&summary_->solve_seconds);
   LiveSchur& schur = system_.schur();
   const std::vector<double>& C_diagonal = schur.FrameDiagonal();
   damping_.resize(C_diagonal.size());
@@ -291,9 +280,14 @@ bool IncrementalMinimizer::SolveFrames() {
   return solved;
 }
 
+// What the landmarks could gain by themselves.
+double IncrementalMinimizer::LandmarkGain() {
+  return system_.schur().TotalDecrement(kSumShare * kStopShare * Tolerance());
+}
+
 // What the model promises for the whole step, all of it still undone.
 double IncrementalMinimizer::Undone() {
-  double sum = system_.schur().TotalDecrement();
+  double sum = LandmarkGain();
   for (std::size_t k = 0; k < b_.size(); ++k) {
     sum += 0.5 * b_[k] * frame_step_[k];
   }
@@ -301,7 +295,7 @@ double IncrementalMinimizer::Undone() {
 }
 
 bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
-  const StageClock clock(&summary_->evaluate_seconds);
+  const StageTimer timer(&summary_->evaluate_seconds);
   double change = 0.0;
   double predicted = 0.0;
   const bool evaluated = system_.EvaluateStep(&change, &predicted).ok();
@@ -313,7 +307,7 @@ bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
 }
 
 void IncrementalMinimizer::Accept(double gain_ratio) {
-  const StageClock clock(&summary_->accept_seconds);
+  const StageTimer timer(&summary_->accept_seconds);
   mu_ = std::max(options_.min_damping, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
   nu_ = 2.0;
   summary_->num_updated_landmarks += system_.AcceptValues();

@@ -47,6 +47,7 @@ class IncrementalMinimizer {
   Verdict Iterate();
   bool SolveFrames();
   void TakeStepOff();
+  double LandmarkGain();
   double Undone();
   double TruncationBudget(double undone) const;
   bool TakeStep(bool* refreshed);

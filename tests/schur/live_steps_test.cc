@@ -51,8 +51,8 @@ class Star {
 
   LiveSystem& system() { return system_; }
 
-  // The whole Gauss–Newton step, evaluated.
-  double Step() {
+  // The whole Gauss–Newton step.
+  void SetStep() {
     LiveSchur& schur = system_.schur();
     const double S = schur.S().values(schur.S().row(0).front().offset)[0];
     const double step = schur.b(0)[0] / S;
@@ -60,6 +60,11 @@ class Star {
     for (std::int32_t l = 0; l < static_cast<std::int32_t>(schur.landmarks().size()); ++l) {
       system_.Visit(l);
     }
+  }
+
+  // The same, evaluated.
+  double Step() {
+    SetStep();
     double change = 0.0;
     double predicted = 0.0;
     EXPECT_TRUE(system_.EvaluateStep(&change, &predicted).ok());
@@ -91,6 +96,24 @@ TEST(DoglegPath, HasTheNormAskedForAndGainsMoreTheLongerItIs) {
   EXPECT_NEAR(last_gain, full_gain, 1e-2 * full_gain);
   system.ShortenStep(10.0 * full_norm);
   EXPECT_NEAR(system.ScaledStepNorm(), full_norm, 1e-9 * full_norm) << "never beyond the step itself";
+}
+
+TEST(DoglegPath, AStepIsShortenedWithoutBeingEvaluatedFirst) {
+  Star evaluated(4);
+  evaluated.Step();
+  const double norm = 0.5 * evaluated.system().ScaledStepNorm();
+  Star fresh(4);
+  fresh.SetStep();
+  for (LiveSystem* system : {&evaluated.system(), &fresh.system()}) {
+    system->ShortenStep(norm);
+  }
+  double change[2] = {};
+  double predicted[2] = {};
+  ASSERT_TRUE(evaluated.system().EvaluateStep(&change[0], &predicted[0]).ok());
+  ASSERT_TRUE(fresh.system().EvaluateStep(&change[1], &predicted[1]).ok());
+  EXPECT_EQ(change[0], change[1]);
+  EXPECT_EQ(predicted[0], predicted[1]);
+  EXPECT_LT(change[0], 0.0);
 }
 
 TEST(DoglegPath, StartsDownTheGradient) {
@@ -141,6 +164,26 @@ TEST(LandmarkSteps, ThoseThatDoNotGainStayWhereTheyAre) {
   system.EndStep();
   EXPECT_NEAR(*system.values().current(1), settled, 1e-9);
   EXPECT_NE(*system.values().current(2), 3.0);
+}
+
+// What is kept by difference stays good to the accuracy asked for when the cost falls by many orders of magnitude.
+TEST(LandmarkSteps, TheGainOfAllIsRightAfterTheCostHasFallenFar) {
+  Star star(3);
+  LiveSystem& system = star.system();
+  const auto set = [&system](double value) {
+    system.SetValues(1, &value);
+    RelineariseWork work;
+    ASSERT_TRUE(system.Relinearise(0.0, RebuildRule::kNever, &work).ok());
+  };
+  set(3e9 + 1.0 / 3.0);
+  ASSERT_GT(system.schur().TotalDecrement(1e-9), 1e18);
+  set(2.0);
+  double sum = 0.0;
+  for (const LiveSchur::Landmark& landmark : system.schur().landmarks()) {
+    sum += landmark.decrement;
+  }
+  ASSERT_LT(sum, 1e3);
+  EXPECT_NEAR(system.schur().TotalDecrement(1e-9), sum, 1e-9);
 }
 
 }  // namespace
