@@ -123,6 +123,7 @@ BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options
     adjust(both.our_problem.get(), &our_options);
   }
   ceres::Solve(stock_options, &both.stock_problem->problem, &both.stock);
+  both.report.evaluation_callback = both.our_problem->evaluation_callback;
   inceres::Solve(our_options, &both.our_problem->problem, &both.ours, &both.report);
   EXPECT_FALSE(both.report.used_stock) << both.report.fallback_reason;
   return both;

@@ -19,6 +19,7 @@ struct BothSolved {
 /// Changes options that depend on the copy (an ordering, callbacks). May be null.
 using Adjust = std::function<void(TestProblem*, ceres::Solver::Options*)>;
 
+/// Each solved with its own evaluation callback, if it has one.
 BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options, const Adjust& adjust = nullptr);
 
 /// Every field of the summaries but times; costs and norms of the trace to a relative tolerance. Elimination order and Schur

@@ -14,7 +14,11 @@ namespace inceres::testing {
 /// A ceres::Problem with the memory of its parameter blocks. Built twice from the same recipe, it gives the same problem at other
 /// addresses.
 struct TestProblem {
+  explicit TestProblem(const ceres::Problem::Options& options = ceres::Problem::Options())
+      : problem(options), evaluation_callback(options.evaluation_callback) {}
+
   ceres::Problem problem;
+  ceres::EvaluationCallback* evaluation_callback;
   std::deque<std::vector<double>> blocks;
 
   double* Add(std::vector<double> values) { return blocks.emplace_back(std::move(values)).data(); }

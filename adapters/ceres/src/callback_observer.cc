@@ -5,6 +5,13 @@
 
 namespace inceres::internal {
 
+void CallbackObserver::BeforeEvaluation(const double* state, bool jacobians, bool new_point) {
+  if (evaluation_callback_ != nullptr) {
+    WriteToUser(blocks_, state);
+    evaluation_callback_->PrepareForEvaluation(jacobians, new_point);
+  }
+}
+
 ObserverAction CallbackObserver::EndOfIteration(const IterationSummary& iteration, const double* best_state) {
   if (options_.update_state_every_iteration) {
     WriteToUser(blocks_, best_state);

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include <ceres/evaluation_callback.h>
 #include <ceres/solver.h>
 
 #include "adapters/ceres/src/graph_builder.h"
@@ -10,17 +11,21 @@
 namespace inceres::internal {
 
 /// What Ceres does at the end of an iteration, in its order: copy the best state to the user's memory (if asked to), log the
-/// progress row (unless silent), call the user's callbacks until one of them stops the solve.
+/// progress row (unless silent), call the user's callbacks until one of them stops the solve. And, if the problem has an
+/// evaluation callback, before an evaluation: copy the point to the user's memory and call it.
 class CallbackObserver : public SolveObserver {
  public:
-  /// Borrows both for the length of a solve.
-  CallbackObserver(const ceres::Solver::Options& options, const std::vector<StateBlock>& blocks)
-      : options_(options), blocks_(blocks) {}
+  /// Borrows all for the length of a solve; `evaluation_callback` may be null.
+  CallbackObserver(const ceres::Solver::Options& options, ceres::EvaluationCallback* evaluation_callback,
+                   const std::vector<StateBlock>& blocks)
+      : options_(options), evaluation_callback_(evaluation_callback), blocks_(blocks) {}
 
+  void BeforeEvaluation(const double* state, bool jacobians, bool new_point) override;
   ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override;
 
  private:
   const ceres::Solver::Options& options_;
+  ceres::EvaluationCallback* const evaluation_callback_;
   const std::vector<StateBlock>& blocks_;
 };
 

@@ -11,6 +11,7 @@ void ClearResults(SolveReport* report) {
     SolveReport cleared;
     cleared.mode = report->mode;
     cleared.strict = report->strict;
+    cleared.evaluation_callback = report->evaluation_callback;
     *report = cleared;
   }
 }

@@ -33,7 +33,7 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   const std::vector<StateBlock> blocks = BuildGraph(input.view, shapes, landmarks, &graph);
   WriteLinearSolver(input.view, input.ordering, landmarks, type, summary);
 
-  CallbackObserver observer(input.options, blocks);
+  CallbackObserver observer(input.options, input.evaluation_callback, blocks);
   SolverOptions options = MapOptions(input.options, type);
   options.num_threads = summary->num_threads_used;
   options.observer = &observer;
@@ -56,7 +56,7 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
 void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
   WriteGiven(input.options, input.view, summary);
   summary->num_threads_used = NumThreads(input.options);
-  const FixedCost fixed = EvaluateFixedCost(input.view);
+  const FixedCost fixed = EvaluateFixedCost(input.view, input.evaluation_callback);
   summary->fixed_cost = fixed.cost;
   const bool anything_to_solve = fixed.error.empty() && input.view.reduced.num_parameter_blocks > 0;
   if (anything_to_solve) {

@@ -39,13 +39,18 @@ bool EvaluateCost(const ProblemView& view, const ResidualBlockView& residual, st
 
 }  // namespace
 
-FixedCost EvaluateFixedCost(const ProblemView& view, const std::function<void(std::size_t, double)>& visit) {
+FixedCost EvaluateFixedCost(const ProblemView& view, ceres::EvaluationCallback* callback,
+                            const std::function<void(std::size_t, double)>& visit) {
   FixedCost result;
   std::vector<const double*> parameters;
   std::vector<double> values;
   for (std::size_t r = 0; r < view.residuals.size(); ++r) {
     if (!view.residuals[r].fixed) {
       continue;
+    }
+    if (callback != nullptr) {
+      callback->PrepareForEvaluation(/*evaluate_jacobians=*/false, /*new_evaluation_point=*/true);
+      callback = nullptr;
     }
     double cost = 0.0;
     if (!EvaluateCost(view, view.residuals[r], &parameters, &values, &cost)) {

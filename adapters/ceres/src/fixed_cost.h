@@ -4,6 +4,8 @@
 #include <functional>
 #include <string>
 
+#include <ceres/evaluation_callback.h>
+
 #include "adapters/ceres/src/introspection.h"
 
 namespace inceres::internal {
@@ -15,7 +17,8 @@ struct FixedCost {
 };
 
 /// Evaluates, in program order and without Jacobians, the residual blocks all of whose parameter blocks are constant.
-/// `visit`, if given, is told each one's index and cost.
-FixedCost EvaluateFixedCost(const ProblemView& view, const std::function<void(std::size_t, double)>& visit = nullptr);
+/// `callback`, if given, is prepared once, before the first of them. `visit`, if given, is told each one's index and cost.
+FixedCost EvaluateFixedCost(const ProblemView& view, ceres::EvaluationCallback* callback,
+                            const std::function<void(std::size_t, double)>& visit = nullptr);
 
 }  // namespace inceres::internal

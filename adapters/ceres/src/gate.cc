@@ -107,10 +107,14 @@ std::string ProblemObstacle(const ceres::Solver::Options& options, const Problem
   return QrObstacle(view);
 }
 
-std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options) {
+std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options,
+                                       const ceres::EvaluationCallback* evaluation_callback) {
   const std::string obstacle = OptionsObstacle(options);
   if (!obstacle.empty()) {
     return obstacle;
+  }
+  if (evaluation_callback != nullptr) {
+    return "incremental mode: evaluation callback";
   }
   if (!options.callbacks.empty()) {
     return "incremental mode: callbacks";

@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include <ceres/evaluation_callback.h>
 #include <ceres/solver.h>
 
 #include "adapters/ceres/src/introspection.h"
@@ -17,12 +18,12 @@ inline constexpr double kMaxDenseQrEntries = 4.0 * 1024 * 1024;
 std::string OptionsObstacle(const ceres::Solver::Options& options);
 
 /// Why this problem cannot be solved here under these options, or an empty string. Nothing of the user's has been called yet.
-///
-/// Not seen: an evaluation callback in ceres::Problem::Options, which Ceres 2.1 shows to nobody (docs/swap.md).
 std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering);
 
-/// The same two questions for incremental mode: what exact mode cannot do either, and what only it can.
-std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options);
+/// The same two questions for incremental mode: what exact mode cannot do either, and what only it can. `evaluation_callback`
+/// is the problem's, or null.
+std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options,
+                                       const ceres::EvaluationCallback* evaluation_callback = nullptr);
 std::string IncrementalProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view,
                                        const OrderingView& ordering);
 

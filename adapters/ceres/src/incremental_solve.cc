@@ -26,7 +26,7 @@ struct Costs {
 
 Costs FixedCosts(const ProblemView& view, const LivingProblem& living) {
   Costs costs;
-  const FixedCost all = EvaluateFixedCost(view, [&](std::size_t r, double cost) {
+  const FixedCost all = EvaluateFixedCost(view, /*callback=*/nullptr, [&](std::size_t r, double cost) {
     if (!living.Holds(r)) {
       costs.outside += cost;
     }
@@ -136,7 +136,7 @@ bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core,
     solved = Minimize(input, core, living, summary, report);
   } else {
     // What is living stays as it is: the next solve finds what has changed since.
-    const FixedCost fixed = EvaluateFixedCost(input.view);
+    const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
     summary->fixed_cost = fixed.cost;
     summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
     summary->preprocessor_time_in_seconds = input.clock.Seconds();

@@ -34,7 +34,7 @@ void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* 
   CHECK(summary != nullptr);
   *summary = ceres::Solver::Summary();
   internal::ClearResults(report);
-  std::string obstacle = internal::IncrementalOptionsObstacle(options);
+  std::string obstacle = internal::IncrementalOptionsObstacle(options, report != nullptr ? report->evaluation_callback : nullptr);
   internal::OrderingView ordering;
   if (obstacle.empty()) {
     internal::Introspect(*problem, &impl_->view);
@@ -53,7 +53,7 @@ void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* 
     living = std::make_unique<internal::LivingProblem>(core, trust);
     impl_->num_threads = core.num_threads;
   }
-  if (internal::SolveIncrementally({options, impl_->view, ordering, clock}, core, living.get(), summary, report)) {
+  if (internal::SolveIncrementally({options, impl_->view, ordering, clock, nullptr}, core, living.get(), summary, report)) {
     impl_->living = std::move(living);
   }
 }

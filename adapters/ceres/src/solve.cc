@@ -29,7 +29,9 @@ void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres
     return;
   }
   const bool incremental = mode == SolveMode::kIncremental;
-  std::string obstacle = incremental ? internal::IncrementalOptionsObstacle(options) : internal::OptionsObstacle(options);
+  ceres::EvaluationCallback* const callback = report != nullptr ? report->evaluation_callback : nullptr;
+  std::string obstacle =
+      incremental ? internal::IncrementalOptionsObstacle(options, callback) : internal::OptionsObstacle(options);
   internal::ProblemView view;
   internal::OrderingView ordering;
   if (obstacle.empty()) {
@@ -42,7 +44,7 @@ void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres
     internal::Decline(options, problem, summary, obstacle, report);
     return;
   }
-  const internal::SolveInput input{options, view, ordering, clock};
+  const internal::SolveInput input{options, view, ordering, clock, callback};
   if (incremental) {
     const IncrementalOptions core = internal::MapIncrementalOptions(options, IncrementalOptions());
     internal::LivingProblem living(core, internal::Trust::kNothing);

@@ -2,6 +2,7 @@
 
 #include <chrono>
 
+#include <ceres/evaluation_callback.h>
 #include <ceres/solver.h>
 
 #include "adapters/ceres/src/introspection.h"
@@ -23,7 +24,8 @@ struct SolveInput {
   const ceres::Solver::Options& options;
   const ProblemView& view;
   const OrderingView& ordering;
-  const WallClock& clock;  ///< started with the solve
+  const WallClock& clock;                                    ///< started with the solve
+  ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< of the problem, if the caller has told
 };
 
 }  // namespace inceres::internal

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include <ceres/evaluation_callback.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
@@ -37,6 +38,12 @@ struct INCERES_EXPORT ProblemChanges {
 struct INCERES_EXPORT SolveReport {
   SolveMode mode = SolveMode::kExact;  ///< in
   bool strict = false;                 ///< in: fail with a message instead of handing the problem to stock Ceres
+
+  /// in: the problem's own ceres::Problem::Options::evaluation_callback, not owned. Ceres 2.1 shows it to nobody, so a problem
+  /// that has one must say so here, or it is not called. In exact mode it is called as in Ceres: the point is copied to the
+  /// user's memory before each evaluation. In incremental mode, and from a CeresSession, such a problem goes to stock Ceres,
+  /// which knows the callback by itself.
+  ceres::EvaluationCallback* evaluation_callback = nullptr;
 
   bool used_stock = false;                          ///< out: stock Ceres solved it
   std::string fallback_reason;                      ///< out: why; empty if we solved it

@@ -1,0 +1,199 @@
+// ceres::EvaluationCallback: what it is told, when, and what lies in the user's memory then, next to stock Ceres.
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "adapters/compare_with_stock.h"
+#include "inceres/ceres/session.h"
+
+namespace inceres {
+namespace {
+
+using testing::BothSolved;
+using testing::SolveBoth;
+using testing::TestProblem;
+using Options = ceres::Solver::Options;
+
+// Computes (x, y) ↦ (10 (y − x²), 1 − x) from the user's memory, as a callback does that shares work between cost functions.
+class SharedWork : public ceres::EvaluationCallback {
+ public:
+  struct Call {
+    bool jacobians;
+    bool new_point;
+    std::deque<std::vector<double>> memory;
+  };
+
+  void PrepareForEvaluation(bool evaluate_jacobians, bool new_evaluation_point) override {
+    calls.push_back({evaluate_jacobians, new_evaluation_point, test->blocks});
+    const double x = test->blocks[0][0];
+    const double y = test->blocks[1][0];
+    residuals = {10.0 * (y - x * x), 1.0 - x};
+    slopes = {-20.0 * x, -1.0};
+  }
+
+  TestProblem* test = nullptr;
+  std::vector<Call> calls;
+  std::vector<double> residuals = {1e6, 1e6};  // what a cost function reads that was not prepared
+  std::vector<double> slopes = {1.0, 1.0};
+};
+
+// Row `row` of the work above; reads no parameter of its own.
+class PreparedCost : public ceres::CostFunction {
+ public:
+  PreparedCost(const SharedWork* work, int row, double fail_beyond) : work_(work), row_(row), fail_beyond_(fail_beyond) {
+    set_num_residuals(1);
+    mutable_parameter_block_sizes()->assign(row == 0 ? 2 : 1, 1);
+  }
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    residuals[0] = work_->residuals[row_];
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      jacobians[0][0] = work_->slopes[row_];
+    }
+    if (jacobians != nullptr && row_ == 0 && jacobians[1] != nullptr) {
+      jacobians[1][0] = 10.0;
+    }
+    return std::abs(parameters[0][0]) < fail_beyond_;
+  }
+
+ private:
+  const SharedWork* work_;
+  std::size_t row_;
+  double fail_beyond_;
+};
+
+struct Case {
+  bool fixed_block = false;  // one residual block that touches only a constant
+  double fail_beyond = 1e9;  // trial points with a larger |x| cannot be evaluated
+};
+
+// Keeps the callbacks of both copies: stock's first.
+struct Callbacks {
+  std::vector<std::unique_ptr<SharedWork>> all;
+
+  testing::Recipe Recipe(const Case& which) {
+    return [this, which] {
+      SharedWork* work = all.emplace_back(std::make_unique<SharedWork>()).get();
+      ceres::Problem::Options options;
+      options.evaluation_callback = work;
+      auto test = std::make_unique<TestProblem>(options);
+      work->test = test.get();
+      double* x = test->Add({-1.2});
+      double* y = test->Add({1.0});
+      double* constant = test->Add({3.0});
+      test->problem.AddResidualBlock(new PreparedCost(work, 0, which.fail_beyond), nullptr, x, y);
+      test->problem.AddResidualBlock(new PreparedCost(work, 1, which.fail_beyond), new ceres::CauchyLoss(2.0), x);
+      if (which.fixed_block) {
+        test->problem.AddResidualBlock(new testing::TargetCost({1.0}), nullptr, constant);
+        test->problem.SetParameterBlockConstant(constant);
+      }
+      return test;
+    };
+  }
+};
+
+void ExpectSameCalls(const SharedWork& stock, const SharedWork& ours) {
+  ASSERT_EQ(stock.calls.size(), ours.calls.size());
+  for (std::size_t k = 0; k < stock.calls.size(); ++k) {
+    EXPECT_EQ(stock.calls[k].jacobians, ours.calls[k].jacobians) << "call " << k;
+    EXPECT_EQ(stock.calls[k].new_point, ours.calls[k].new_point) << "call " << k;
+    for (std::size_t b = 0; b < stock.calls[k].memory.size(); ++b) {
+      EXPECT_NEAR(stock.calls[k].memory[b][0], ours.calls[k].memory[b][0], 1e-8) << "call " << k << " block " << b;
+    }
+  }
+}
+
+Options Tight() {
+  Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = 100;
+  return options;
+}
+
+class EvaluationCallbacks : public ::testing::TestWithParam<Case> {};
+
+TEST_P(EvaluationCallbacks, AreToldWhatStockTells) {
+  for (const bool dogleg : {false, true}) {
+    Callbacks callbacks;
+    Options options = Tight();
+    options.trust_region_strategy_type = dogleg ? ceres::DOGLEG : ceres::LEVENBERG_MARQUARDT;
+    const BothSolved both = SolveBoth(callbacks.Recipe(GetParam()), options);
+    ExpectSameSummary(both, 1e-9, true);
+    ExpectSameParameters(both, 1e-8);
+    ExpectSameCalls(*callbacks.all[0], *callbacks.all[1]);
+    EXPECT_GT(both.ours.num_unsuccessful_steps, 0) << "the test wants rejected steps too";
+    const int extra = GetParam().fixed_block ? 1 : 0;
+    EXPECT_EQ(static_cast<int>(callbacks.all[1]->calls.size()),
+              both.ours.num_residual_evaluations + both.ours.num_jacobian_evaluations + extra);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Problems, EvaluationCallbacks, ::testing::Values(Case{}, Case{true, 1e9}, Case{true, 1.21}),
+                         [](const ::testing::TestParamInfo<Case>& instance) {
+                           return std::string(instance.param.fixed_block ? "FixedBlock" : "Plain") +
+                                  (instance.param.fail_beyond < 2.0 ? "FailingTrials" : "");
+                         });
+
+// Ends a solve at an iteration.
+class StopAt : public ceres::IterationCallback {
+ public:
+  StopAt(int iteration, ceres::CallbackReturnType with) : iteration_(iteration), with_(with) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    return summary.iteration == iteration_ ? with_ : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  int iteration_;
+  ceres::CallbackReturnType with_;
+};
+
+TEST(EvaluationCallback, MemoryAfterATerminationAndAnAbort) {
+  for (const auto with : {ceres::SOLVER_TERMINATE_SUCCESSFULLY, ceres::SOLVER_ABORT}) {
+    for (const int at : {0, 1, 4}) {
+      Callbacks callbacks;
+      StopAt stop(at, with);
+      Options options = Tight();
+      options.callbacks.push_back(&stop);
+      const BothSolved both = SolveBoth(callbacks.Recipe({}), options);
+      ExpectSameSummary(both, 1e-9, true);
+      ExpectSameParameters(both, 1e-9);
+      ExpectSameCalls(*callbacks.all[0], *callbacks.all[1]);
+      if (with == ceres::SOLVER_ABORT) {
+        EXPECT_EQ(both.our_problem->blocks[0][0], -1.2) << "to the last bit";
+      }
+    }
+  }
+}
+
+TEST(EvaluationCallback, FailureAtTheStartPutsTheStartBack) {
+  Callbacks callbacks;
+  const BothSolved both = SolveBoth(callbacks.Recipe({true, 0.5}), Tight());
+  EXPECT_EQ(both.ours.termination_type, ceres::FAILURE);
+  ExpectSameSummary(both, 1e-9, true);
+  ExpectSameCalls(*callbacks.all[0], *callbacks.all[1]);
+  EXPECT_EQ(both.our_problem->blocks, both.stock_problem->blocks);
+}
+
+TEST(EvaluationCallback, IncrementalModeAndSessionsHandItToStock) {
+  for (const bool session : {false, true}) {
+    Callbacks callbacks;
+    const auto test = callbacks.Recipe({})();
+    SolveReport report;
+    report.mode = SolveMode::kIncremental;
+    report.evaluation_callback = test->evaluation_callback;
+    Options options;
+    ceres::Solver::Summary summary;
+    if (session) {
+      CeresSession().Solve(options, &test->problem, &summary, &report);
+    } else {
+      Solve(options, &test->problem, &summary, &report);
+    }
+    EXPECT_TRUE(report.used_stock);
+    EXPECT_EQ(report.fallback_reason, "incremental mode: evaluation callback");
+    EXPECT_EQ(report.evaluation_callback, test->evaluation_callback) << "what goes in stays";
+    EXPECT_GT(callbacks.all[0]->calls.size(), 2u) << "stock knows it from the problem";
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  }
+}
+
+}  // namespace
+}  // namespace inceres
