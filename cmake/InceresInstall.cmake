@@ -6,7 +6,7 @@ set(INCERES_CONFIG_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/inceres)
 
 # In the order of their dependencies; a component that this build does not have is left out.
 set(INCERES_COMPONENTS)
-foreach(component core io ceres)
+foreach(component core io ceres dropin dropin_static)
   if(NOT TARGET inceres_${component})
     continue()
   endif()

@@ -1,0 +1,113 @@
+#include "adapters/ceres/dropin/src/dropin_solve.h"
+
+#include <memory>
+#include <string>
+
+#include <glog/logging.h>
+
+#include "adapters/ceres/dropin/src/ceres_symbols.h"
+#include "adapters/ceres/src/decline.h"
+#include "adapters/ceres/src/stock_ceres.h"
+#include "inceres/ceres/session.h"
+#include "inceres/ceres/solve.h"
+
+namespace inceres::internal {
+
+// The adapter's way to stock Ceres, in the drop-in: past our own ceres::Solver::Solve to the member function behind it. The next
+// *free* ceres::Solve would come back to us, for it calls the member by way of the dynamic linker.
+void SolveWithStock(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+  ceres::Solver solver;
+  Next().SolverSolve(&solver, options, problem, summary);
+}
+
+namespace {
+
+// A session in use by one solve at a time: a cost function may solve the Problem it is evaluated for, however odd that is.
+class Borrowed {
+ public:
+  explicit Borrowed(KnownProblem* known) : known_(known), mine_(!known->busy.exchange(true)) {}
+  ~Borrowed() {
+    if (mine_) {
+      known_->busy = false;
+    }
+  }
+  Borrowed(const Borrowed&) = delete;
+  Borrowed& operator=(const Borrowed&) = delete;
+  bool mine() const { return mine_; }
+
+ private:
+  KnownProblem* known_;
+  bool mine_;
+};
+
+// Which residual blocks are new is known from the calls that added them, whatever their addresses: their cost functions are
+// forgotten, so that a residual block removed and added again is linearised anew even where nothing that can be evaluated
+// differs (vio_usage.md 0.2, points 2 and 4).
+//
+// What no wrapped call tells is believed no more than in any CeresSession: the values of parameters are compared, and the cost
+// function of a residual block that stayed must still evaluate to its residual, bit by bit. For it may have changed where it
+// stands, by memory of its own (point 5) or of the user's that is no argument of it (point 6), and neither is an edit of the
+// Problem.
+void TellWhatIsNew(KnownProblem* known) {
+  for (const ceres::CostFunction* cost : known->added_cost_functions) {
+    known->session->Forget(cost);
+  }
+  known->added_cost_functions.clear();
+}
+
+SolveReport Asked(const KnownProblem& known, SolveMode mode) {
+  SolveReport report;
+  report.mode = mode;
+  report.evaluation_callback = known.evaluation_callback;
+  return report;
+}
+
+// Whether it was solved; if not, nothing has happened, for the report is strict. A Problem's first solve needs no session:
+// many Problems are solved once, on a stack. The second begins one.
+bool SolvedIncrementally(KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
+                         ceres::Solver::Summary* summary) {
+  SolveReport report = Asked(*known, SolveMode::kIncremental);
+  report.strict = true;
+  const Borrowed session(known);
+  if (known->num_solves == 0 || !session.mine()) {
+    inceres::Solve(options, problem, summary, &report);
+  } else {
+    if (known->session == nullptr) {
+      known->session = std::make_unique<CeresSession>();
+      known->added_cost_functions.clear();
+    }
+    TellWhatIsNew(known);
+    known->session->Solve(options, problem, summary, &report);
+  }
+  if (!report.fallback_reason.empty()) {
+    LOG(INFO) << "inceres: not incremental: " << report.fallback_reason;
+  }
+  return report.fallback_reason.empty();
+}
+
+void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
+                ceres::Solver::Summary* summary) {
+  const bool incremental = mode == DropinMode::kIncremental || (mode == DropinMode::kAuto && known->num_solves > 0);
+  if (!incremental || !SolvedIncrementally(known, options, problem, summary)) {
+    SolveReport report = Asked(*known, SolveMode::kExact);
+    inceres::Solve(options, problem, summary, &report);
+  }
+}
+
+}  // namespace
+
+void SolveInsteadOfCeres(const Environment& environment, KnownProblem* known, const ceres::Solver::Options& options,
+                         ceres::Problem* problem, ceres::Solver::Summary* summary) {
+  LOG_FIRST_N(INFO, 1) << "inceres: the drop-in solves for Ceres, mode " << ModeName(environment.mode) << ".";
+  CHECK(problem != nullptr);  // as ceres::Solve
+  CHECK(summary != nullptr);
+  if (known == nullptr) {
+    *summary = ceres::Solver::Summary();
+    Decline(options, problem, summary, "the problem's constructor was not seen, so it may have an evaluation callback", nullptr);
+    return;
+  }
+  SolveKnown(environment.mode, known, options, problem, summary);
+  ++known->num_solves;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,206 @@
+// The functions that stand in for Ceres's. Compiled twice: under Ceres's own symbols for the shared library, under __wrap_… for
+// a program linked with --wrap.
+#include "adapters/ceres/dropin/src/ceres_symbols.h"
+#include "adapters/ceres/dropin/src/dropin_solve.h"
+#include "adapters/ceres/dropin/src/environment.h"
+#include "adapters/ceres/dropin/src/registry.h"
+#include "inceres/ceres/dropin.h"
+
+namespace inceres::internal::interposed {
+
+#define INCERES_DECLARE_INTERPOSED(name, symbol, ...) \
+  [[gnu::visibility("default")]] std::remove_pointer_t<decltype(NextCeres::name)> name __asm__(INCERES_SYMBOL_PREFIX symbol);
+INCERES_CERES_SYMBOLS(INCERES_DECLARE_INTERPOSED)
+#undef INCERES_DECLARE_INTERPOSED
+
+namespace {
+
+// Whether anything but passing calls through is to be done at all.
+bool IsActive() {
+  static const bool active = TheEnvironment().mode != DropinMode::kStock && Next().is_ours;
+  return active;
+}
+
+// Whether edits are of interest.
+bool Remembers() {
+  static const bool remembers = IsActive() && TheEnvironment().mode != DropinMode::kExact;
+  return remembers;
+}
+
+void NoteEdit(const ceres::Problem* problem, const ceres::CostFunction* added) {
+  if (KnownProblem* known = Remembers() ? TheRegistry().Find(problem) : nullptr; known != nullptr) {
+    ++known->num_edits;
+    if (added != nullptr && known->session != nullptr) {
+      known->added_cost_functions.push_back(added);
+    }
+  }
+}
+
+template <typename... Parameters, typename... Arguments>
+void Edit(void (*next)(ceres::Problem*, Parameters...), ceres::Problem* problem, Arguments... arguments) {
+  next(problem, arguments...);
+  NoteEdit(problem, nullptr);
+}
+
+void NoteNew(const ceres::Problem* problem, ceres::EvaluationCallback* evaluation_callback) {
+  if (IsActive()) {
+    TheRegistry().Add(problem, evaluation_callback);
+  }
+}
+
+void NoteNew(const ceres::Problem* problem, const ceres::Problem::Options& options) {
+  if (IsActive()) {  // else the layout of the options may be another
+    TheRegistry().Add(problem, options.evaluation_callback);
+  }
+}
+
+void NoteMove(const ceres::Problem* from, const ceres::Problem* to) {
+  if (IsActive()) {
+    TheRegistry().Move(from, to);
+  }
+}
+
+// Before the destructor runs: another thread may construct a Problem at this address as soon as it is free.
+void NoteEnd(const ceres::Problem* problem) {
+  if (IsActive()) {
+    TheRegistry().Remove(problem);
+  }
+}
+
+}  // namespace
+
+void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+  if (IsActive()) {
+    SolveInsteadOfCeres(TheEnvironment(), TheRegistry().Find(problem), options, problem, summary);
+  } else {
+    Next().Solve(options, problem, summary);
+  }
+}
+
+void SolverSolve(ceres::Solver* solver, const ceres::Solver::Options& options, ceres::Problem* problem,
+                 ceres::Solver::Summary* summary) {
+  if (IsActive()) {
+    SolveInsteadOfCeres(TheEnvironment(), TheRegistry().Find(problem), options, problem, summary);
+  } else {
+    Next().SolverSolve(solver, options, problem, summary);
+  }
+}
+
+void MakeProblem(ceres::Problem* problem) {
+  Next().MakeProblem(problem);
+  NoteNew(problem, nullptr);
+}
+
+void MakeBaseProblem(ceres::Problem* problem) {
+  Next().MakeBaseProblem(problem);
+  NoteNew(problem, nullptr);
+}
+
+void MakeProblemWith(ceres::Problem* problem, const ceres::Problem::Options& options) {
+  Next().MakeProblemWith(problem, options);
+  NoteNew(problem, options);
+}
+
+void MakeBaseProblemWith(ceres::Problem* problem, const ceres::Problem::Options& options) {
+  Next().MakeBaseProblemWith(problem, options);
+  NoteNew(problem, options);
+}
+
+void MoveProblem(ceres::Problem* problem, ceres::Problem* from) {
+  Next().MoveProblem(problem, from);
+  NoteMove(from, problem);
+}
+
+void MoveBaseProblem(ceres::Problem* problem, ceres::Problem* from) {
+  Next().MoveBaseProblem(problem, from);
+  NoteMove(from, problem);
+}
+
+ceres::Problem* AssignProblem(ceres::Problem* problem, ceres::Problem* from) {
+  ceres::Problem* result = Next().AssignProblem(problem, from);
+  NoteMove(from, problem);
+  return result;
+}
+
+void EndProblem(ceres::Problem* problem) {
+  NoteEnd(problem);
+  Next().EndProblem(problem);
+}
+
+void EndBaseProblem(ceres::Problem* problem) {
+  NoteEnd(problem);
+  Next().EndBaseProblem(problem);
+}
+
+ceres::ResidualBlockId AddResidualBlock(ceres::Problem* problem, ceres::CostFunction* cost, ceres::LossFunction* loss,
+                                        double* const* blocks, int num_blocks) {
+  const ceres::ResidualBlockId id = Next().AddResidualBlock(problem, cost, loss, blocks, num_blocks);
+  NoteEdit(problem, cost);
+  return id;
+}
+
+ceres::ResidualBlockId AddResidualBlockOn(ceres::Problem* problem, ceres::CostFunction* cost, ceres::LossFunction* loss,
+                                          const std::vector<double*>& blocks) {
+  const ceres::ResidualBlockId id = Next().AddResidualBlockOn(problem, cost, loss, blocks);
+  NoteEdit(problem, cost);
+  return id;
+}
+
+void AddParameterBlock(ceres::Problem* problem, double* values, int size) {
+  Edit(Next().AddParameterBlock, problem, values, size);
+}
+
+void AddParameterBlockWithParameterization(ceres::Problem* problem, double* values, int size,
+                                           ceres::LocalParameterization* parameterization) {
+  Edit(Next().AddParameterBlockWithParameterization, problem, values, size, parameterization);
+}
+
+void AddParameterBlockWithManifold(ceres::Problem* problem, double* values, int size, ceres::Manifold* manifold) {
+  Edit(Next().AddParameterBlockWithManifold, problem, values, size, manifold);
+}
+
+void RemoveParameterBlock(ceres::Problem* problem, const double* values) {
+  Edit(Next().RemoveParameterBlock, problem, values);
+}
+
+void RemoveResidualBlock(ceres::Problem* problem, ceres::ResidualBlockId id) {
+  Edit(Next().RemoveResidualBlock, problem, id);
+}
+
+void SetParameterBlockConstant(ceres::Problem* problem, const double* values) {
+  Edit(Next().SetParameterBlockConstant, problem, values);
+}
+
+void SetParameterBlockVariable(ceres::Problem* problem, double* values) {
+  Edit(Next().SetParameterBlockVariable, problem, values);
+}
+
+void SetParameterization(ceres::Problem* problem, double* values, ceres::LocalParameterization* parameterization) {
+  Edit(Next().SetParameterization, problem, values, parameterization);
+}
+
+void SetManifold(ceres::Problem* problem, double* values, ceres::Manifold* manifold) {
+  Edit(Next().SetManifold, problem, values, manifold);
+}
+
+void SetParameterLowerBound(ceres::Problem* problem, double* values, int index, double bound) {
+  Edit(Next().SetParameterLowerBound, problem, values, index, bound);
+}
+
+void SetParameterUpperBound(ceres::Problem* problem, double* values, int index, double bound) {
+  Edit(Next().SetParameterUpperBound, problem, values, index, bound);
+}
+
+}  // namespace inceres::internal::interposed
+
+extern "C" {
+
+int inceres_dropin_is_active(void) {
+  return inceres::internal::interposed::IsActive() ? 1 : 0;
+}
+
+int inceres_dropin_num_problems(void) {
+  return inceres::internal::TheRegistry().size();
+}
+
+}  // extern "C"

@@ -1,0 +1,91 @@
+// The next Ceres of a process that loads the drop-in ahead of a shared Ceres.
+#include <dlfcn.h>
+#include <link.h>
+
+#include <cstring>
+#include <string>
+
+#include <glog/logging.h>
+
+#include "adapters/ceres/dropin/src/ceres_symbols.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr char kSoname[] = "libceres.so.3";  // Ceres 2.1's; 2.0 has libceres.so.2, 2.2 has libceres.so.4
+
+// What is known of the shared object that an address lies in.
+struct Library {
+  const void* base = nullptr;
+  std::string file;
+  std::string soname;
+};
+
+// DT_SONAME of a loaded object; empty if it has none.
+std::string SonameOf(const link_map& map) {
+  const char* strings = nullptr;
+  ElfW(Xword) offset = 0;
+  for (const ElfW(Dyn)* entry = map.l_ld; entry->d_tag != DT_NULL; ++entry) {
+    if (entry->d_tag == DT_STRTAB) {
+      // The loader has turned it into an address, on most machines.
+      const ElfW(Addr) address = entry->d_un.d_ptr < map.l_addr ? map.l_addr + entry->d_un.d_ptr : entry->d_un.d_ptr;
+      strings = reinterpret_cast<const char*>(address);
+    } else if (entry->d_tag == DT_SONAME) {
+      offset = entry->d_un.d_val;
+    }
+  }
+  return strings != nullptr && offset != 0 ? strings + offset : "";
+}
+
+Library LibraryOf(const void* address) {
+  Library library;
+  Dl_info info;
+  void* map = nullptr;
+  if (address != nullptr && dladdr1(address, &info, &map, RTLD_DL_LINKMAP) != 0 && map != nullptr) {
+    library.base = info.dli_fbase;
+    library.file = info.dli_fname != nullptr ? info.dli_fname : "";
+    library.soname = SonameOf(*static_cast<const link_map*>(map));
+  }
+  return library;
+}
+
+// Why the Ceres that `solve` belongs to is not the one whose headers we know, or an empty string.
+std::string Mismatch(const void* solve) {
+  const Library ceres = LibraryOf(solve);
+  if (ceres.base == nullptr) {
+    return "no shared library behind this one has ceres::Solver::Solve";
+  }
+  if (ceres.soname != kSoname) {
+    return ceres.file + " (" + (ceres.soname.empty() ? "no SONAME" : "SONAME " + ceres.soname) + ")";
+  }
+  // 2.1 alone has both ways to a manifold: 2.0 lacks the first of these, 2.2 the second.
+  for (const char* symbol : {"_ZNK5ceres7Problem11GetManifoldEPKd", "_ZNK5ceres7Problem19GetParameterizationEPKd"}) {
+    if (LibraryOf(dlsym(RTLD_NEXT, symbol)).base != ceres.base) {
+      return ceres.file + " (without " + symbol + ", so it is not Ceres 2.1)";
+    }
+  }
+  return "";
+}
+
+NextCeres FindNext() {
+  NextCeres next;
+#define INCERES_FIND_NEXT(name, symbol, ...) next.name = reinterpret_cast<decltype(next.name)>(dlsym(RTLD_NEXT, symbol));
+  INCERES_CERES_SYMBOLS(INCERES_FIND_NEXT)
+#undef INCERES_FIND_NEXT
+  const std::string found = Mismatch(reinterpret_cast<const void*>(next.SolverSolve));
+  next.is_ours = found.empty();
+  if (!next.is_ours) {
+    LOG(WARNING) << "inceres: the drop-in is for Ceres 2.1 (" << kSoname << ") and found " << found
+                 << "; it stands aside, and that Ceres solves everything.";
+  }
+  return next;
+}
+
+}  // namespace
+
+const NextCeres& Next() {
+  static const NextCeres next = FindNext();
+  return next;
+}
+
+}  // namespace inceres::internal

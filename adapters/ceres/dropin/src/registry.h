@@ -1,0 +1,59 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <unordered_map>
+#include <vector>
+
+#include <ceres/cost_function.h>
+#include <ceres/evaluation_callback.h>
+#include <ceres/problem.h>
+
+#include "inceres/ceres/session.h"
+
+namespace inceres::internal {
+
+/// What the drop-in has seen happen to a living ceres::Problem and what it keeps for it.
+///
+/// Threads: as Ceres's own Problem, one at a time; `busy` alone may be asked from several.
+struct KnownProblem {
+  ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< from Problem::Options, which Ceres 2.1 shows to nobody
+
+  std::int64_t num_edits =
+      0;  ///< calls that changed the problem so far; not counted in exact mode, which keeps nothing to go stale
+  std::int64_t num_solves = 0;  ///< of this Problem, by whichever solver
+
+  std::unique_ptr<CeresSession> session;  ///< from the second incremental solve on
+  /// Cost functions of residual blocks added since the session began or last solved. Their contents may have changed even if
+  /// residual block, address and residual are all those of a residual block removed before.
+  std::vector<const ceres::CostFunction*> added_cost_functions;
+  std::atomic<bool> busy{false};  ///< a solve uses the session: a solve nested in it, of the same Problem, may not
+};
+
+/// The living Problems of a process by address: all that the drop-in remembers. An entry is made by a Problem's constructor, goes
+/// with it when it is moved, and ends with its destructor, before the address can be used again.
+///
+/// Threads: any. Cost: a lock and a hash lookup a call.
+class Registry {
+ public:
+  /// A Problem has been constructed here. Whatever was known of this address is forgotten.
+  void Add(const ceres::Problem* problem, ceres::EvaluationCallback* evaluation_callback);
+  /// `to` has taken over what `from` was; `from` is an empty shell. Both may be the same.
+  void Move(const ceres::Problem* from, const ceres::Problem* to);
+  void Remove(const ceres::Problem* problem);
+
+  /// Null if its constructor has not been seen. Valid as long as the Problem lives.
+  KnownProblem* Find(const ceres::Problem* problem) const;
+  int size() const;
+
+ private:
+  mutable std::mutex mutex_;
+  std::unordered_map<const ceres::Problem*, std::unique_ptr<KnownProblem>> problems_;
+};
+
+/// The process's only one. It is never destroyed: static Problems may outlive everything.
+Registry& TheRegistry();
+
+}  // namespace inceres::internal

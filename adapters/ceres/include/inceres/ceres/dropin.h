@@ -1,0 +1,21 @@
+#ifndef INCERES_CERES_DROPIN_H_
+#define INCERES_CERES_DROPIN_H_
+
+/* What a program may ask the drop-in, in C, so that it can look for these with dlsym: `libinceres_dropin.so` exports them beside
+   the functions of Ceres that it stands in for. Threads: any. */
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* 1 if solves go to inceres; 0 if every call is passed through, because INCERES_MODE is `stock` or the Ceres found is not 2.1. */
+__attribute__((visibility("default"))) int inceres_dropin_is_active(void);
+
+/* How many ceres::Problems the drop-in has seen constructed and not destroyed. */
+__attribute__((visibility("default"))) int inceres_dropin_num_problems(void);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
