@@ -1,0 +1,126 @@
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+
+#include "common/run.h"
+
+namespace sliding_window {
+namespace {
+
+constexpr int kExitUsage = 2;
+constexpr char kFlags[] = R"(
+  --frames N              images to play, at least 20; 300
+  --features N            features that have a variable at a time, on average, 20 to 5000; 150
+  --seed N                of the simulation; 1
+  --free_extrinsics       estimate where the camera sits on the body; otherwise it is held
+  --ordering WHICH        auto: Ceres chooses what is eliminated; landmarks_first; auto
+  --linear_solver WHICH   dense_schur or sparse_schur; dense_schur
+  --max_iterations N      of a solve, at least 1; 8
+  --max_solver_time S     seconds for a solve; without it a run depends on nothing but its arguments
+  --json FILE             also write the report to this file
+  --help
+
+Prints, as JSON: frames; milliseconds of the calls of ceres::Solve (median, p95, max, total); the absolute trajectory error of the newest
+frame's position in metres, as evo_ape --align; the sum of the final costs. Exit code: 0 success, 1 failure, 2 usage.
+)";
+
+// Sets an option from the text of its value; false if the text is no such value.
+using Setter = std::function<bool(const std::string&)>;
+
+Setter ToInteger(std::int64_t low, std::int64_t high, const std::function<void(std::int64_t)>& set) {
+  return [=](const std::string& text) {
+    char* end = nullptr;
+    const long long value = std::strtoll(text.c_str(), &end, 10);
+    const bool fine = !text.empty() && *end == '\0' && value >= low && value <= high;
+    if (fine) {
+      set(value);
+    }
+    return fine;
+  };
+}
+
+Setter ToInt(int low, int high, int* to) {
+  return ToInteger(low, high, [to](std::int64_t value) { *to = static_cast<int>(value); });
+}
+
+Setter ToPositive(double* to) {
+  return [to](const std::string& text) {
+    char* end = nullptr;
+    const double value = std::strtod(text.c_str(), &end);
+    const bool fine = !text.empty() && *end == '\0' && value > 0.0;
+    *to = fine ? value : *to;
+    return fine;
+  };
+}
+
+template <typename T>
+Setter ToChoice(const std::map<std::string, T>& choices, T* to) {
+  return [=](const std::string& text) {
+    const auto found = choices.find(text);
+    if (found == choices.end()) {
+      return false;
+    }
+    *to = found->second;
+    return true;
+  };
+}
+
+std::map<std::string, Setter> MakeSetters(RunOptions* options) {
+  EstimatorOptions& estimator = options->estimator;
+  return {
+      {"--frames", ToInt(20, 1000000, &options->num_frames)},
+      {"--features", ToInt(20, 5000, &options->num_features)},
+      {"--seed", ToInteger(0, INT64_MAX, [options](std::int64_t seed) { options->simulator.seed = seed; })},
+      {"--ordering",
+       ToChoice<Ordering>({{"auto", Ordering::kAuto}, {"landmarks_first", Ordering::kLandmarksFirst}}, &estimator.ordering)},
+      {"--linear_solver",
+       ToChoice<ceres::LinearSolverType>({{"dense_schur", ceres::DENSE_SCHUR}, {"sparse_schur", ceres::SPARSE_SCHUR}},
+                                         &estimator.linear_solver)},
+      {"--max_iterations", ToInt(1, 1000000, &estimator.max_num_iterations)},
+      {"--max_solver_time", ToPositive(&estimator.max_solver_time)},
+      {"--json",
+       [options](const std::string& text) {
+         options->json = text;
+         return !text.empty();
+       }},
+  };
+}
+
+}  // namespace
+
+std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** argv, RunOptions* options) {
+  const std::map<std::string, Setter> setters = MakeSetters(options);
+  for (int i = 1; i < argc; ++i) {
+    std::string name = argv[i];
+    if (name == "--help") {
+      std::printf("%s\n%s", usage.c_str(), kFlags);
+      return 0;
+    }
+    if (name == "--free_extrinsics") {
+      options->estimator.free_extrinsics = true;
+      continue;
+    }
+    std::optional<std::string> value;
+    if (const std::size_t equals = name.find('='); equals != std::string::npos) {
+      value = name.substr(equals + 1);
+      name.resize(equals);
+    }
+    const auto setter = setters.find(name);
+    if (setter == setters.end()) {
+      std::fprintf(stderr, "%s: unknown argument '%s'; see --help\n", argv[0], argv[i]);
+      return kExitUsage;
+    }
+    if (!value && i + 1 < argc) {
+      value = argv[++i];
+    }
+    if (!value || !setter->second(*value)) {
+      std::fprintf(stderr, "%s: %s: '%s' is not a value it can have; see --help\n", argv[0], name.c_str(),
+                   value.value_or("").c_str());
+      return kExitUsage;
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace sliding_window

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/estimator_options.h"
+#include "common/frame.h"
+#include "common/simulator.h"
+
+namespace sliding_window {
+
+/// A run of an estimator through the simulated hall.
+struct RunOptions {
+  int num_frames = 300;
+  int num_features = 150;  // that have a variable at a time, on average
+  SimulatorOptions simulator;
+  EstimatorOptions estimator;
+  std::string json;  // file for the report; none if empty
+};
+
+struct RunReport {
+  int num_frames = 0;
+  std::vector<double> solve_ms;  // per solve
+  double ate_m = 0.0;            // as evo_ape --align
+  double final_cost_sum = 0.0;   // of all solves
+};
+
+/// Options from the command line. After --help, or a message on standard error that names what is wrong with an argument, the
+/// code to exit with.
+std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** argv, RunOptions* options);
+
+/// An estimator as the run sees it: takes a frame, tells where the newest one is.
+using AddFrame = std::function<ImuState(const Frame&)>;
+/// Makes an estimator that solves with `solve` and starts from that state and extrinsic calibration.
+using MakeEstimator = std::function<AddFrame(const EstimatorOptions&, const SolveFunction& solve, const ImuState& start,
+                                             const Pose& body_from_camera)>;
+
+/// Plays the frames. The estimator starts with a velocity a little wrong, biases of zero and, if it is to estimate it, a
+/// calibration that is off by a centimetre and half a degree. Times `solve`, everything that it does, and nothing else.
+RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator, const SolveFunction& solve);
+
+/// Prints the report, and writes the JSON file if one was asked for. False, with a message, if it cannot be written.
+bool Write(const RunOptions& options, const RunReport& report);
+
+}  // namespace sliding_window
