@@ -81,8 +81,10 @@ bool SolvedIncrementally(KnownProblem* known, const ceres::Solver::Options& opti
   }
   if (!report.fallback_reason.empty()) {
     LOG(INFO) << "inceres: not incremental: " << report.fallback_reason;
+    return false;
   }
-  return report.fallback_reason.empty();
+  TheRegistry().CountSolve();
+  return true;
 }
 
 void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
@@ -91,6 +93,9 @@ void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Optio
   if (!incremental || !SolvedIncrementally(known, options, problem, summary)) {
     SolveReport report = Asked(*known, SolveMode::kExact);
     inceres::Solve(options, problem, summary, &report);
+    if (!report.used_stock) {
+      TheRegistry().CountSolve();
+    }
   }
 }
 

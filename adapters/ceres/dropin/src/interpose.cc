@@ -199,6 +199,10 @@ int inceres_dropin_is_active(void) {
   return inceres::internal::interposed::IsActive() ? 1 : 0;
 }
 
+long long inceres_dropin_num_solves(void) {
+  return inceres::internal::TheRegistry().num_solves();
+}
+
 int inceres_dropin_num_problems(void) {
   return inceres::internal::TheRegistry().size();
 }

@@ -48,9 +48,14 @@ class Registry {
   KnownProblem* Find(const ceres::Problem* problem) const;
   int size() const;
 
+  /// inceres has solved one of them.
+  void CountSolve() { ++num_solves_; }
+  std::int64_t num_solves() const { return num_solves_; }
+
  private:
   mutable std::mutex mutex_;
   std::unordered_map<const ceres::Problem*, std::unique_ptr<KnownProblem>> problems_;
+  std::atomic<std::int64_t> num_solves_{0};
 };
 
 /// The process's only one. It is never destroyed: static Problems may outlive everything.

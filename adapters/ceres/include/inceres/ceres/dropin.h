@@ -11,6 +11,9 @@ extern "C" {
 /* 1 if solves go to inceres; 0 if every call is passed through, because INCERES_MODE is `stock` or the Ceres found is not 2.1. */
 __attribute__((visibility("default"))) int inceres_dropin_is_active(void);
 
+/* How many solves inceres has done so far, those handed to stock Ceres not counted. */
+__attribute__((visibility("default"))) long long inceres_dropin_num_solves(void);
+
 /* How many ceres::Problems the drop-in has seen constructed and not destroyed. */
 __attribute__((visibility("default"))) int inceres_dropin_num_problems(void);
 

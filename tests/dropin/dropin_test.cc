@@ -1,0 +1,211 @@
+// The drop-in from outside: a program that knows only Ceres, run bare and with the drop-in in front of Ceres.
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "dropin/run_program.h"
+
+namespace inceres::testing {
+namespace {
+
+// Every way a program has of solving that the program knows; with --wrap those that do not go through the virtual table.
+const std::vector<std::string> kWays = {"free",  "member", "virtual", "c_api", "derived", "evaluation_callback",
+                                        "moved", "living"};
+
+// The Ceres it would meet without us, whatever the environment of the test says.
+ProgramRun Bare(const std::string& way) {
+  return RunProgram(INCERES_PLAIN_PROGRAM, way, "");
+}
+
+ProgramRun Preloaded(const std::string& way, const std::string& environment = "") {
+  return RunProgram(INCERES_PLAIN_PROGRAM, way, "LD_PRELOAD=" INCERES_DROPIN " " + environment);
+}
+
+int NumSolved(const ProgramRun& run) {
+  const std::string text = "inceres solved ";
+  const std::size_t place = run.err.find(text);
+  return place == std::string::npos ? -1 : std::atoi(run.err.c_str() + place + text.size());
+}
+
+int CountOf(const std::string& text, const std::string& part) {
+  int count = 0;
+  for (std::size_t place = 0; (place = text.find(part, place)) != std::string::npos; place += part.size()) {
+    ++count;
+  }
+  return count;
+}
+
+// Ceres's own report and table, which the C interface prints, without their times.
+std::string WithoutTimes(const std::string& text) {
+  std::string result;
+  bool times = false;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    static const std::regex kRow(R"(^( +\d+( +\S+){7}) +\S+ +\S+$)");  // of the progress table
+    times = times || line == "Time (in seconds):";
+    if (!times) {
+      result += std::regex_replace(line, kRow, "$1") + "\n";
+    }
+    times = times && line.rfind("Total ", 0) != 0;
+  }
+  return result;
+}
+
+// Words must be equal and numbers close. What tells of the termination ends with a number of rounding's size.
+void ExpectSameOutput(const std::string& stock, const std::string& ours, double tolerance) {
+  std::istringstream a(WithoutTimes(stock));
+  std::istringstream b(WithoutTimes(ours));
+  std::string line_a;
+  std::string line_b;
+  while (std::getline(a, line_a)) {
+    ASSERT_TRUE(static_cast<bool>(std::getline(b, line_b))) << "missing: " << line_a;
+    if (line_a.find("ermination") != std::string::npos) {
+      EXPECT_EQ(line_a.substr(0, line_a.rfind(':')), line_b.substr(0, line_b.rfind(':')));
+      continue;
+    }
+    std::istringstream words_a(line_a);
+    std::istringstream words_b(line_b);
+    std::string word_a;
+    std::string word_b;
+    while (words_a >> word_a) {
+      ASSERT_TRUE(static_cast<bool>(words_b >> word_b)) << line_a << "\n" << line_b;
+      char* end_a = nullptr;
+      const double x = std::strtod(word_a.c_str(), &end_a);
+      const double y = std::strtod(word_b.c_str(), nullptr);
+      if (end_a == word_a.c_str()) {
+        EXPECT_EQ(word_a, word_b) << line_a;
+      } else {
+        EXPECT_LE(std::abs(x - y), tolerance * std::max(1.0, std::abs(x))) << line_a << "\n" << line_b;
+      }
+    }
+  }
+  EXPECT_FALSE(static_cast<bool>(std::getline(b, line_b))) << "more: " << line_b;
+}
+
+class EveryWay : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(EveryWay, PreloadedSolvesAsStockDoes) {
+  const ProgramRun stock = Bare(GetParam());
+  const ProgramRun ours = Preloaded(GetParam());
+  ASSERT_EQ(stock.exit_code, 0) << stock.err;
+  ASSERT_EQ(ours.exit_code, 0) << ours.err;
+  ASSERT_GT(stock.out.size(), 0u);
+  EXPECT_EQ(NumSolved(stock), -1);
+  EXPECT_GT(NumSolved(ours), 0) << ours.err;
+  EXPECT_EQ(CountOf(ours.err, "the drop-in solves for Ceres, mode exact"), 1) << ours.err;
+  EXPECT_EQ(CountOf(ours.err, "handed to stock"), 0) << ours.err;
+  ExpectSameOutput(stock.out, ours.out, 1e-8);
+}
+
+TEST_P(EveryWay, LinkedInCeresPlaceSolvesAsStockDoes) {
+  const ProgramRun ours = RunProgram(INCERES_LINKED_PROGRAM, GetParam(), "");
+  ASSERT_EQ(ours.exit_code, 0) << ours.err;
+  EXPECT_EQ(WithoutTimes(ours.out), WithoutTimes(Preloaded(GetParam()).out));
+  EXPECT_GT(NumSolved(ours), 0) << ours.err;
+}
+
+TEST_P(EveryWay, WrappedStaticCeresSolvesAsStockDoes) {
+  const ProgramRun ours = RunProgram(INCERES_WRAPPED_PROGRAM, GetParam(), "");
+  ASSERT_EQ(ours.exit_code, 0) << ours.err;
+  ExpectSameOutput(Bare(GetParam()).out, ours.out, 1e-8);
+  if (GetParam() == "virtual") {
+    EXPECT_EQ(NumSolved(ours), 0) << "the virtual table of a static Ceres can be wrapped after all: change the documentation";
+  } else {
+    EXPECT_GT(NumSolved(ours), 0) << ours.err;
+  }
+}
+
+TEST_P(EveryWay, StockModeIsIdenticalToStock) {
+  const ProgramRun stock = Bare(GetParam());
+  for (const ProgramRun& run :
+       {Preloaded(GetParam(), "INCERES_MODE=stock"), RunProgram(INCERES_LINKED_PROGRAM, GetParam(), "INCERES_MODE=stock")}) {
+    EXPECT_EQ(run.exit_code, 0);
+    EXPECT_EQ(WithoutTimes(run.out), WithoutTimes(stock.out));
+    EXPECT_EQ(run.err, "inceres solved 0 times\n");
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Dropin, EveryWay, ::testing::ValuesIn(kWays), [](const auto& way) { return way.param; });
+
+TEST(Dropin, IncrementalAndAutoEndWhereStockEnds) {
+  const ProgramRun stock = Bare("living");
+  for (const std::string mode : {"incremental", "auto"}) {
+    const ProgramRun ours = Preloaded("living", "INCERES_MODE=" + mode);
+    EXPECT_EQ(ours.exit_code, 0);
+    EXPECT_EQ(NumSolved(ours), 12) << ours.err;
+    EXPECT_EQ(CountOf(ours.err, "not incremental"), 0) << ours.err;
+    EXPECT_NE(ours.out, Preloaded("living").out) << mode << " took exact mode's path";
+    ExpectSameOutput(stock.out, ours.out, 1e-5);
+  }
+}
+
+// What incremental mode does not do exact mode does, before stock is asked.
+TEST(Dropin, IncrementalGivesWayToExact) {
+  const ProgramRun ours = Preloaded("evaluation_callback", "INCERES_MODE=incremental");
+  EXPECT_EQ(NumSolved(ours), 1) << ours.err;
+  EXPECT_EQ(CountOf(ours.err, "inceres: not incremental: "), 1) << ours.err;
+  EXPECT_EQ(ours.out, Preloaded("evaluation_callback").out);
+}
+
+TEST(Dropin, UnknownModeIsSaidOnceAndExactIsUsed) {
+  const ProgramRun ours = Preloaded("living", "INCERES_MODE=fast");
+  EXPECT_EQ(CountOf(ours.err, "INCERES_MODE is 'fast', which is none of exact, incremental, auto, stock; exact is used."), 1)
+      << ours.err;
+  EXPECT_EQ(ours.out, Preloaded("living").out);
+}
+
+TEST(Dropin, WhatGoesToStockIsStocksAndSaid) {
+  const ProgramRun ours = Preloaded("line_search");
+  EXPECT_EQ(ours.out, Bare("line_search").out);
+  EXPECT_EQ(NumSolved(ours), 0);
+  EXPECT_EQ(CountOf(ours.err, "inceres: handed to stock Ceres: minimizer_type LINE_SEARCH"), 1) << ours.err;
+}
+
+TEST(Dropin, AnotherCeresIsPassedThroughUnread) {
+  for (const std::string program : {INCERES_FOREIGN_SONAME_PROGRAM, INCERES_FOREIGN_FUNCTIONS_PROGRAM}) {
+    const ProgramRun bare = RunProgram(program, "", "");
+    ASSERT_EQ(bare.exit_code, 0) << bare.err;
+    ASSERT_EQ(bare.out, "problem 1\nresidual block of 3\nfree solve 1\nmember solve\nproblem ends\nreturned\n");
+    const ProgramRun ours = RunProgram(program, "", "LD_PRELOAD=" INCERES_DROPIN);
+    EXPECT_EQ(ours.exit_code, 0) << ours.err;
+    EXPECT_EQ(ours.out, bare.out);
+    EXPECT_EQ(CountOf(ours.err, "the drop-in is for Ceres 2.1 (libceres.so.3) and found "), 1) << ours.err;
+    const bool other_soname = program == INCERES_FOREIGN_SONAME_PROGRAM;
+    EXPECT_NE(ours.err.find(other_soname ? "SONAME libceres.so.4" : "GetParameterizationEPKd, so it is not Ceres 2.1"),
+              std::string::npos)
+        << ours.err;
+  }
+}
+
+std::set<std::string> DefinedSymbols(const std::string& library) {
+  std::set<std::string> symbols;
+  std::istringstream lines(RunProgram("nm", "-D --defined-only --format=posix '" + library + "'", "").out);
+  for (std::string line; std::getline(lines, line);) {
+    symbols.insert(line.substr(0, line.find_first_of(" @")));
+  }
+  return symbols;
+}
+
+// Both ways of solving, and whatever makes, changes or ends a Problem; Evaluate does neither.
+TEST(Dropin, ExportsWhatChangesAProblemAndNothingElse) {
+  std::set<std::string> expected = {"_ZN5ceres5SolveERKNS_6Solver7OptionsEPNS_7ProblemEPNS0_7SummaryE",
+                                    "_ZN5ceres6Solver5SolveERKNS0_7OptionsEPNS_7ProblemEPNS0_7SummaryE",
+                                    "inceres_dropin_is_active", "inceres_dropin_num_problems", "inceres_dropin_num_solves"};
+  for (const std::string& symbol : DefinedSymbols(INCERES_SHARED_CERES)) {
+    if (symbol.rfind("_ZN5ceres7Problem", 0) == 0 && symbol.rfind("_ZN5ceres7Problem8Evaluate", 0) != 0) {
+      expected.insert(symbol);
+    }
+  }
+  EXPECT_EQ(expected.size(), 27u);
+  EXPECT_EQ(DefinedSymbols(INCERES_DROPIN), expected);
+}
+
+}  // namespace
+}  // namespace inceres::testing

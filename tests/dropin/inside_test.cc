@@ -1,0 +1,219 @@
+// The drop-in from inside a program that knows only Ceres, and asks it by its C functions what it has seen. Linked both with the
+// shared Ceres and with a static one, and run in exact and in incremental mode.
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <ceres/ceres.h>
+#include <gtest/gtest.h>
+
+#include "dropin/plain_problems.h"
+#include "inceres/ceres/dropin.h"
+
+namespace {
+
+bool IsIncremental() {
+  const char* mode = std::getenv("INCERES_MODE");
+  return mode != nullptr && std::string(mode) == "incremental";
+}
+
+// x² − target, which tells how often it was called.
+class Square : public ceres::SizedCostFunction<1, 1> {
+ public:
+  explicit Square(double square) : target(square) {}
+  bool Evaluate(const double* const* x, double* residuals, double** jacobians) const override {
+    if (inside) {
+      inside();
+    }
+    residuals[0] = x[0][0] * x[0][0] - target;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      ++num_jacobians;
+      jacobians[0][0] = 2.0 * x[0][0];
+    }
+    return true;
+  }
+  double target;
+  std::function<void()> inside;
+  mutable std::atomic<int> num_jacobians{0};
+};
+
+ceres::Solver::Summary Solve(ceres::Problem* problem) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  options.function_tolerance = 1e-14;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, problem, &summary);
+  return summary;
+}
+
+TEST(DropinInside, IsActive) {
+  EXPECT_EQ(inceres_dropin_is_active(), 1);
+}
+
+TEST(DropinInside, AnEntryDiesWithItsProblem) {
+  const int before = inceres_dropin_num_problems();
+  {
+    ceres::Problem one;
+    ceres::Problem::Options options;
+    const auto two = std::make_unique<ceres::Problem>(options);
+    EXPECT_EQ(inceres_dropin_num_problems(), before + 2);
+    ceres::Problem three(std::move(one));
+    EXPECT_EQ(inceres_dropin_num_problems(), before + 2);
+    *two = std::move(three);
+    EXPECT_EQ(inceres_dropin_num_problems(), before + 1);
+    one = ceres::Problem();
+    EXPECT_EQ(inceres_dropin_num_problems(), before + 2);
+  }
+  EXPECT_EQ(inceres_dropin_num_problems(), before);
+}
+
+// A Problem that is solved again finds its Jacobians, also after it has moved; one that its caller removed and added again does
+// not, though nothing about it can be told apart from before.
+TEST(DropinInside, ALivingProblemIsRemembered) {
+  double x = 3.0;
+  ceres::Problem::Options options;
+  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  Square cost(2.5);
+  ceres::Problem problem(options);
+  ceres::ResidualBlockId id = problem.AddResidualBlock(&cost, nullptr, &x);
+  problem.AddResidualBlock(new Square(0.5), nullptr, &x);  // so that no residual is zero at the end
+  Solve(&problem);
+  Solve(&problem);  // begins to remember
+  const int first = cost.num_jacobians;
+  Solve(&problem);
+  EXPECT_GT(first, 1);
+  if (!IsIncremental()) {
+    EXPECT_GT(cost.num_jacobians, first);  // exact mode remembers nothing
+    return;
+  }
+  EXPECT_EQ(cost.num_jacobians, first);
+
+  ceres::Problem moved(std::move(problem));
+  Solve(&moved);
+  EXPECT_EQ(cost.num_jacobians, first);
+
+  moved.RemoveResidualBlock(id);
+  moved.AddResidualBlock(&cost, nullptr, &x);
+  Solve(&moved);
+  EXPECT_GT(cost.num_jacobians, first);
+}
+
+// Changed where it stands: no call of the Problem's tells.
+TEST(DropinInside, ACostFunctionThatChangesInPlaceIsNoticed) {
+  double x = 3.0;
+  ceres::Problem::Options options;
+  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  Square cost(2.0);
+  ceres::Problem problem(options);
+  problem.AddResidualBlock(&cost, nullptr, &x);
+  for (const double target : {2.0, 2.0, 2.0, 5.0, 3.0}) {
+    cost.target = target;
+    Solve(&problem);
+    EXPECT_NEAR(x, std::sqrt(target), 1e-6);
+  }
+}
+
+// A Problem at the address of another, with the other's arrays.
+TEST(DropinInside, AnAddressServesAnotherProblem) {
+  double x = 3.0;
+  const auto memory = std::make_unique<std::aligned_storage_t<sizeof(ceres::Problem), alignof(ceres::Problem)>>();
+  for (const double target : {2.0, 7.0, 11.0}) {
+    auto* problem = new (memory.get()) ceres::Problem;
+    problem->AddResidualBlock(new Square(target), nullptr, &x);
+    for (int k = 0; k < 3; ++k) {
+      Solve(problem);
+      EXPECT_NEAR(x, std::sqrt(target), 1e-6);
+    }
+    problem->~Problem();
+  }
+}
+
+TEST(DropinInside, ASolveInsideACostFunction) {
+  const long long before = inceres_dropin_num_solves();
+  double inner_x = 3.0;
+  ceres::Problem inner;
+  inner.AddResidualBlock(new Square(7.0), nullptr, &inner_x);
+  double x = 3.0;
+  ceres::Problem problem;
+  auto* cost = new Square(2.0);
+  cost->inside = [&] {
+    inner_x = 3.0;
+    Solve(&inner);
+    EXPECT_NEAR(inner_x, std::sqrt(7.0), 1e-6);
+  };
+  problem.AddResidualBlock(cost, nullptr, &x);
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_TRUE(Solve(&problem).IsSolutionUsable());
+    EXPECT_NEAR(x, std::sqrt(2.0), 1e-6);
+  }
+  EXPECT_GT(inceres_dropin_num_solves(), before + 6);
+}
+
+// Odd, but nothing of ours may break: the session is in use while its own Problem is solved again.
+TEST(DropinInside, ASolveInsideACostFunctionOfTheSameProblem) {
+  double x = 3.0;
+  ceres::Problem problem;
+  auto* cost = new Square(2.0);
+  bool nested = false;
+  cost->inside = [&] {
+    if (!nested) {
+      nested = true;
+      ceres::Solver::Options options;
+      options.max_num_iterations = 0;
+      ceres::Solver::Summary summary;
+      ceres::Solve(options, &problem, &summary);
+    }
+  };
+  problem.AddResidualBlock(cost, nullptr, &x);
+  for (int k = 0; k < 4; ++k) {
+    nested = false;
+    x = 3.0;
+    EXPECT_TRUE(Solve(&problem).IsSolutionUsable());
+    EXPECT_NEAR(x, std::sqrt(2.0), 1e-6);
+  }
+}
+
+// Threads that make, edit, solve, move and end Problems of their own, all at once; each gets what it would get alone.
+TEST(DropinInside, ConcurrentProblems) {
+  const auto run = [] {
+    std::vector<double> results;
+    for (int k = 0; k < 3; ++k) {
+      ceres::Problem problem;
+      plain::Chain chain;
+      for (int frame = 0; frame < 9; ++frame) {
+        chain.Grow(&problem);
+        ceres::Solver::Summary summary;
+        ceres::Solve(plain::ChainOptions(), &problem, &summary);
+        results.push_back(summary.final_cost);
+      }
+      ceres::Problem moved(std::move(problem));
+      ceres::Solver::Summary summary;
+      ceres::Solve(plain::ChainOptions(), &moved, &summary);
+      const std::vector<double> values = chain.Values();
+      results.insert(results.end(), values.begin(), values.end());
+    }
+    return results;
+  };
+  const int before = inceres_dropin_num_problems();
+  const std::vector<double> alone = run();
+  std::vector<std::vector<double>> together(4);
+  std::vector<std::thread> threads;
+  for (auto& results : together) {
+    threads.emplace_back([&results, &run] { results = run(); });
+  }
+  for (std::thread& thread : threads) {
+    thread.join();
+  }
+  for (const auto& results : together) {
+    EXPECT_EQ(results, alone);
+  }
+  EXPECT_EQ(inceres_dropin_num_problems(), before);
+}
+
+}  // namespace

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include <ceres/problem.h>
+#include <ceres/solver.h>
+
+/// Small problems for programs that know nothing but Ceres.
+namespace plain {
+
+/// y = exp(m t + c) + o through 53 points, three parameters.
+struct Curve {
+  void AddTo(ceres::Problem* problem);
+  void Restart();
+  std::vector<double> x = {0.0, 0.0, 0.0};
+};
+
+/// DENSE_QR, enough iterations.
+ceres::Solver::Options CurveOptions();
+
+/// Planar poses (x, y, θ) in a row, each bound to the one before and to what it sees; old ones leave. The residual blocks of one
+/// frame are removed, changed where they are, and added again.
+class Chain {
+ public:
+  Chain();
+  ~Chain();
+  void Grow(ceres::Problem* problem);
+  std::vector<double> Values() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+ceres::Solver::Options ChainOptions();
+
+}  // namespace plain
