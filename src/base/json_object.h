@@ -53,6 +53,18 @@ class JsonObject {
     Name(name) << json;
     return *this;
   }
+  /// An array of what to_json makes of each row.
+  template <typename Rows, typename ToJson>
+  JsonObject& AddArray(const char* name, const Rows& rows, ToJson&& to_json) {
+    Name(name) << '[';
+    const char* separator = "";
+    for (const auto& row : rows) {
+      text_ << separator << to_json(row);
+      separator = ", ";
+    }
+    text_ << ']';
+    return *this;
+  }
   std::string Close() {
     text_ << '}';
     return text_.str();

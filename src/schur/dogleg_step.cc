@@ -36,6 +36,16 @@ double LiveSystem::ScaledStepNorm() const {
   return std::sqrt(squared);
 }
 
+double LiveSystem::StepNorm() const {
+  double squared = 0.0;
+  ForEachActive([&](std::ptrdiff_t first, int size, const auto& /*diagonal*/) {
+    for (int k = 0; k < size; ++k) {
+      squared += step_[first + k] * step_[first + k];
+    }
+  });
+  return std::sqrt(squared);
+}
+
 // The Cauchy point t D⁻²η with t = ‖D⁻¹η‖² / ‖J D⁻²η‖², over the active variables.
 void LiveSystem::PrepareDogleg() {
   dogleg_prepared_ = true;

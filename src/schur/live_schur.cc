@@ -371,6 +371,25 @@ void LiveSchur::RenewDecrement(std::int32_t landmark) {
   }
 }
 
+void LiveSchur::RhsNorms(double* max_norm, double* norm) const {
+  double largest = 0.0;
+  double squared = 0.0;
+  const auto add = [&](const double* rhs, int size) {
+    for (int k = 0; k < size; ++k) {
+      largest = std::max(largest, std::fabs(rhs[k]));
+      squared += rhs[k] * rhs[k];
+    }
+  };
+  for (int i = 0; i < static_cast<int>(frames_.size()); ++i) {
+    add(b(i), frames_[i].held ? 0 : frames_[i].size);
+  }
+  for (int l = 0; l < static_cast<int>(landmarks_.size()); ++l) {
+    add(eta(l), landmarks_[l].in_S ? landmarks_[l].size : 0);
+  }
+  *max_norm = largest;
+  *norm = std::sqrt(squared);
+}
+
 double LiveSchur::TotalDecrement(double accuracy) {
   if (decrement_error_ > accuracy) {
     decrement_error_ = 0.0;

@@ -116,6 +116,8 @@ class LiveSchur {
 
   /// Σ decrement over the landmarks in S. Kept by difference, and summed anew when rounding may have eaten more than `accuracy`.
   double TotalDecrement(double accuracy);
+  /// Largest entry and norm of (b, η) over what can move. Cost: a pass over all variables.
+  void RhsNorms(double* max_norm, double* norm) const;
   /// Landmarks whose decrement may be above the threshold. Cheap while the threshold does not fall far.
   const std::vector<std::int32_t>& EagerLandmarks(double threshold);
 

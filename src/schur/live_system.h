@@ -78,6 +78,8 @@ class LiveSystem {
   Status EvaluateStep(double* change, double* predicted_decrease);
   /// ‖Dδ‖ of the step as it stands, D² = diag H.
   double ScaledStepNorm() const;
+  /// ‖δ‖ of the step as it stands.
+  double StepNorm() const;
   /// Replaces the step under construction, taken as the Gauss–Newton step of its active set, by the point at this scaled norm on
   /// the dog-leg path from the Cauchy point of the same active set to it. To be evaluated anew. The first call after a step
   /// prepares the path with one pass over the touched factors.

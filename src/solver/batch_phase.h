@@ -4,7 +4,7 @@
 
 #include "inceres/graph/factor_graph.h"
 #include "inceres/solver/incremental_options.h"
-#include "inceres/solver/update_summary.h"
+#include "solver/update_trace.h"
 
 namespace inceres::internal {
 
@@ -17,9 +17,10 @@ struct BatchOutcome {
   bool finished = false;
 };
 
-/// The part of an Update that the batch solver does: from the graph's state to what its own stopping rule leaves. Counts go into
-/// the summary; so does a failure, and the state is then what it was.
+/// The part of an Update that the batch solver does: from the graph's state to what its own stopping rule leaves. Counts and rows
+/// go into the trace and its summary; so does a failure, and the state is then what it was, as after an observer's kAbort.
+/// *shown_state is the best state so far while the observer is called, laid out as the graph's, otherwise null.
 BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<bool>& stop, FactorGraph* graph,
-                           UpdateSummary* summary);
+                           const double** shown_state, UpdateTrace* trace);
 
 }  // namespace inceres::internal

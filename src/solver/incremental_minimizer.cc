@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/stopwatch.h"
 #include "linear/select_live_solver.h"
@@ -85,45 +86,63 @@ IncrementalMinimizer::ErrorLimits IncrementalMinimizer::LimitsOf(double share) c
   return {share * 2.0 * Tolerance() / count, kGradientShare * share * Tolerance() / std::sqrt(count)};
 }
 
-void IncrementalMinimizer::Minimize(double start_seconds, bool mostly_new, const std::atomic<bool>& stop,
-                                    UpdateSummary* summary) {
-  summary_ = summary;
+void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& stop, UpdateTrace* trace) {
+  trace_ = trace;
+  summary_ = &trace->summary();
   mu_ = std::clamp(mu_, options_.min_damping, options_.initial_damping);
   nu_ = 2.0;
   active_.Clear();
   radius_ = HUGE_VAL;
   num_landmark_passes_ = 0;
   frames_moved_ = false;  // the frames first
-  const auto finish = [summary](Termination termination, const char* message) {
-    summary->termination = termination;
-    summary->message = message;
-  };
   mostly_new_ = mostly_new;
-  for (bool first = true;; first = false) {
-    if (!Relinearise()) {
+  if (!Relinearise()) {
+    return;
+  }
+  const bool begins = summary_->iterations.empty();  // or the batch solver has told of the start
+  if (begins) {
+    summary_->initial_cost = system_.cost();
+  }
+  for (bool go_on = !begins || EndIteration(); go_on; go_on = EndIteration()) {
+    if (OutOfBudget(stop)) {
+      return Finish(Termination::kNoConvergence, "Stopped by a limit or by request; the state is the best so far.");
+    }
+    const Verdict verdict = Iterate();
+    if (verdict == Verdict::kConverged) {
+      return Finish(Termination::kConvergence, "What is left undone is below the function tolerance.");
+    }
+    if (verdict == Verdict::kStuck) {
+      if (EndIteration()) {
+        Finish(Termination::kNoConvergence, "No step lowers the cost at the largest damping.");
+      }
       return;
     }
-    if (first && summary_->num_batch_iterations == 0) {
-      summary_->initial_cost = system_.cost();
-    }
-    if (OutOfBudget(start_seconds, stop)) {
-      return finish(Termination::kNoConvergence, "Stopped by a limit or by request; the state is the best so far.");
-    }
-    switch (Iterate()) {
-      case Verdict::kConverged:
-        return finish(Termination::kConvergence, "What is left undone is below the function tolerance.");
-      case Verdict::kStuck:
-        return finish(Termination::kNoConvergence, "No step lowers the cost at the largest damping.");
-      case Verdict::kGoOn:
-        break;
+    if (!Relinearise()) {
+      return;
     }
   }
 }
 
-bool IncrementalMinimizer::OutOfBudget(double start_seconds, const std::atomic<bool>& stop) const {
+void IncrementalMinimizer::Finish(Termination termination, const char* message) {
+  summary_->termination = termination;
+  summary_->message = message;
+}
+
+// False if the observer ends the Update.
+bool IncrementalMinimizer::EndIteration() {
+  UpdateIteration& row = trace_->row();
+  row.damping = mu_;
+  row.radius = radius_;
+  if (trace_->observed()) {
+    system_.schur().RhsNorms(&row.gradient_max_norm, &row.gradient_norm);
+  }
+  return trace_->EndRow(system_.cost());
+}
+
+bool IncrementalMinimizer::OutOfBudget(const std::atomic<bool>& stop) const {
   return summary_->num_iterations >= options_.max_num_iterations || stop.load(std::memory_order_relaxed) ||
          summary_->num_evaluated_factors + summary_->num_relinearised_factors >= options_.max_factor_evaluations ||
-         NowInSeconds() - start_seconds >= options_.max_seconds;
+         NowInSeconds() - trace_->start_seconds() >= options_.max_seconds;
 }
 
 bool IncrementalMinimizer::Relinearise() {
@@ -152,12 +171,18 @@ bool IncrementalMinimizer::StepLandmarks() {
   }
   --num_landmark_passes_;
   const StageTimer timer(&summary_->landmark_seconds);
+  const double cost = system_.cost();
   int num_evaluated = 0;
   const bool moved =
       system_.StepLandmarks(schur.EagerLandmarks(kLandmarkShare * gain / std::max(1, schur.num_landmarks())), &num_evaluated);
   ++summary_->num_landmark_passes;
   summary_->num_evaluated_factors += num_evaluated;
   if (moved) {
+    UpdateIteration& row = trace_->row();
+    row.step = UpdateStep::kLandmarks;
+    row.accepted = true;
+    row.cost_change = cost - system_.cost();
+    row.step_norm = system_.StepNorm();
     MarkStale();
     system_.EndStep();
   }
@@ -176,7 +201,8 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   summary_->undone = undone;
   if (undone <= kStopShare * Tolerance()) {
     // Refresh before success.
-    return RefreshAged() ? Verdict::kGoOn : Verdict::kConverged;
+    trace_->row().refreshed = RefreshAged();
+    return trace_->row().refreshed ? Verdict::kGoOn : Verdict::kConverged;
   }
   if (frames_moved_ && !mostly_new_ && LandmarkGain() > kLandmarkDominance * undone) {
     frames_moved_ = false;
@@ -215,6 +241,7 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
   if (norm > radius_) {
     norm = radius_;
     system_.ShortenStep(norm);
+    trace_->row().shortened = true;
   }
   for (int attempt = 0;; ++attempt) {
     double ratio = 0.0;
@@ -233,6 +260,7 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
       return false;
     }
     ++summary_->num_shortened_steps;
+    trace_->row().shortened = true;
     norm *= kShortening;
     radius_ = norm;
     system_.ShortenStep(norm);
@@ -277,6 +305,7 @@ bool IncrementalMinimizer::SolveFrames() {
   const bool solved = solver_->Solve(b_.data(), schur.TakeFirstChangedB(), truncation, frame_step_.data()).ok();
   summary_->num_solved_rows += solver_->work().solved_rows;
   summary_->num_pcg_iterations += solver_->work().iterations;
+  trace_->row().num_linear_solver_iterations = std::max(1, solver_->work().iterations);
   return solved;
 }
 
@@ -303,6 +332,12 @@ bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
     summary_->num_evaluated_factors += static_cast<std::int64_t>(system_.Touched(family.id()).size());
   }
   *gain_ratio = evaluated && predicted > 0.0 ? -change / predicted : -1.0;
+  UpdateIteration& row = trace_->row();
+  row.step = UpdateStep::kFrames;
+  row.step_norm = system_.StepNorm();
+  row.cost_change = evaluated ? -change : -std::numeric_limits<double>::max();
+  row.predicted_change = evaluated ? predicted : 0.0;
+  row.relative_decrease = evaluated ? *gain_ratio : std::numeric_limits<double>::lowest();
   return evaluated;
 }
 
@@ -310,6 +345,7 @@ void IncrementalMinimizer::Accept(double gain_ratio) {
   const StageTimer timer(&summary_->accept_seconds);
   mu_ = std::max(options_.min_damping, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
   nu_ = 2.0;
+  trace_->row().accepted = true;
   summary_->num_updated_landmarks += system_.AcceptValues();
   MarkStale();
   frames_moved_ = true;
@@ -380,6 +416,7 @@ bool IncrementalMinimizer::RefreshTouched() {
 // Refresh before retreat; then more damping, which the landmarks that would have moved take up too.
 IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   ++summary_->num_rejected_steps;
+  trace_->row().refreshed = refreshed;
   if (refreshed) {
     return Verdict::kGoOn;
   }

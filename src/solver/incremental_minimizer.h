@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "inceres/solver/incremental_options.h"
-#include "inceres/solver/update_summary.h"
 #include "linear/live_reduced_solver.h"
 #include "schur/live_system.h"
 #include "solver/active_set.h"
+#include "solver/update_trace.h"
 
 namespace inceres::internal {
 
@@ -26,10 +26,10 @@ class IncrementalMinimizer {
   /// For the next Minimize; who solves the reduced system stays.
   void SetOptions(const IncrementalOptions& options) { options_ = options; }
 
-  /// Minimises until what is left undone is below the tolerance, or a limit or `stop` says so. On failure the system is
-  /// incomplete.
+  /// Minimises until what is left undone is below the tolerance, or a limit, `stop` or the trace's observer says so. On failure
+  /// the system is incomplete.
   /// `mostly_new`: far from the minimum, where half a step leads elsewhere than a whole one; all of it moves.
-  void Minimize(double start_seconds, bool mostly_new, const std::atomic<bool>& stop, UpdateSummary* summary);
+  void Minimize(bool mostly_new, const std::atomic<bool>& stop, UpdateTrace* trace);
 
  private:
   enum class Verdict { kGoOn, kConverged, kStuck };
@@ -42,7 +42,9 @@ class IncrementalMinimizer {
   };
 
   bool Relinearise();
-  bool OutOfBudget(double start_seconds, const std::atomic<bool>& stop) const;
+  bool OutOfBudget(const std::atomic<bool>& stop) const;
+  bool EndIteration();
+  void Finish(Termination termination, const char* message);
   bool StepLandmarks();
   Verdict Iterate();
   bool SolveFrames();
@@ -75,8 +77,9 @@ class IncrementalMinimizer {
   std::vector<double> b_;
   std::vector<double> frame_step_;  // in the form LiveReducedSolver asks for
   std::vector<char> held_;
-  std::vector<IndexSet> aged_;  // per family: linearised too long ago to claim convergence on
-  UpdateSummary* summary_ = nullptr;
+  std::vector<IndexSet> aged_;        // per family: linearised too long ago to claim convergence on
+  UpdateTrace* trace_ = nullptr;      // of the Minimize under way
+  UpdateSummary* summary_ = nullptr;  // the trace's
 };
 
 }  // namespace inceres::internal

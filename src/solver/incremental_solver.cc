@@ -1,6 +1,7 @@
 #include "inceres/solver/incremental_solver.h"
 
 #include <atomic>
+#include <utility>
 #include <vector>
 
 #include "base/stopwatch.h"
@@ -11,11 +12,22 @@ namespace inceres {
 
 using internal::IncrementalMinimizer;
 using internal::LiveSystem;
+using internal::UpdateTrace;
 
 namespace {
 
 // An Update with more than this share of new factors is far from its minimum.
 constexpr double kMostlyNew = 0.5;
+
+// As if newly made, but for the memory it holds.
+void Clear(UpdateSummary* summary) {
+  UpdateSummary cleared;
+  cleared.message.swap(summary->message);
+  cleared.message.clear();
+  cleared.iterations.swap(summary->iterations);
+  cleared.iterations.clear();
+  *summary = std::move(cleared);
+}
 
 }  // namespace
 
@@ -29,9 +41,12 @@ class IncrementalSolver::Impl {
 
   void SetOptions(const IncrementalOptions& options);
   Status Apply(const GraphEdit& edit);
-  UpdateSummary Update();
+  void Update(UpdateSummary* summary, UpdateObserver* observer);
   ReducedStructure Structure() const;
   double cost() const { return cost_; }
+  const double* Values(VariableId id) const {
+    return shown_state_ != nullptr ? graph.ValuesIn(shown_state_, id) : live->values().current(id);
+  }
 
   FactorGraph graph;
   std::unique_ptr<LiveSystem> live;
@@ -40,11 +55,15 @@ class IncrementalSolver::Impl {
  private:
   void TakeValues();
   void Restart();
-  bool SolveInBatch(UpdateSummary* summary);
+  void Minimize(UpdateTrace* trace);
+  bool SolveInBatch(UpdateTrace* trace);
+  void PutBackStart();
 
   IncrementalOptions options_;
   std::unique_ptr<IncrementalMinimizer> minimizer_;
   std::vector<std::int32_t> changed_rows_;  // of S, by the last Update
+  std::vector<double> start_state_;         // of an Update with an observer, which may ask for it back
+  const double* shown_state_ = nullptr;     // the batch solver's, while the observer is called
   double cost_ = 0.0;
   bool converged_ = false;  // and nothing edited since
   int num_waiting_ = 0;     // factors dirty only because the batch solver was the last to move
@@ -101,12 +120,12 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
 
 // The graph's state is where the batch solver works; the live system then starts anew from what it found. True if nothing is left
 // to do.
-bool IncrementalSolver::Impl::SolveInBatch(UpdateSummary* summary) {
+bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   TakeValues();
-  const internal::BatchOutcome outcome = internal::RunBatchPhase(options_, stop, &graph, summary);
-  summary->termination = outcome.termination;
+  const internal::BatchOutcome outcome = internal::RunBatchPhase(options_, stop, &graph, &shown_state_, trace);
+  trace->summary().termination = outcome.termination;
   if (outcome.termination != Termination::kFailure) {
-    cost_ = summary->final_cost;
+    cost_ = trace->summary().final_cost;
   }
   live.reset();
   Restart();
@@ -114,48 +133,65 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateSummary* summary) {
   return outcome.finished;
 }
 
-UpdateSummary IncrementalSolver::Impl::Update() {
-  const double start = internal::NowInSeconds();
-  UpdateSummary summary;
+// From the values an Update with an observer began with, as if nothing had ever been computed for them.
+void IncrementalSolver::Impl::PutBackStart() {
+  graph.mutable_state() = start_state_;
+  live.reset();
+  Restart();
+  num_waiting_ = 0;
+}
+
+void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* observer) {
+  Clear(summary);
+  UpdateTrace trace(observer, summary);
   const Status valid = options_.Validate();
   if (!valid.ok()) {
-    summary.message = valid.message;
-    return summary;
+    summary->message = valid.message;
+    return;
   }
   if (converged_) {
     changed_rows_.clear();
-    summary.termination = Termination::kConvergence;
-    summary.message = "Nothing has changed since the last Update converged.";
-    summary.initial_cost = summary.final_cost = cost_;
-    summary.num_parked_landmarks = live->schur().num_parked();
-    summary.seconds = internal::NowInSeconds() - start;
-    return summary;
+    summary->termination = Termination::kConvergence;
+    summary->message = "Nothing has changed since the last Update converged.";
+    summary->initial_cost = cost_;
+    trace.EndRow(cost_);
+  } else {
+    if (observer != nullptr) {
+      TakeValues();
+      start_state_ = graph.state();
+    }
+    Minimize(&trace);
+    live->schur().TakeChangedRows(&changed_rows_);
+    converged_ = summary->termination == Termination::kConvergence;
+    if (summary->termination == Termination::kFailure) {
+      Restart();
+    } else if (summary->termination == Termination::kUserFailure) {
+      cost_ = summary->initial_cost;
+      PutBackStart();
+    }
+    summary->bytes = live->Bytes() + minimizer_->Bytes();
   }
+  summary->final_cost = cost_;
+  summary->num_parked_landmarks = live->schur().num_parked();
+  summary->seconds = internal::NowInSeconds() - trace.start_seconds();
+}
+
+void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
   // Factors that only wait to be linearised where the batch solver left them are nothing new.
   const double num_new = live->NumDirtyFactors() - num_waiting_;
   const bool batch_only = options_.batch_share == 0.0;
   const bool batch = (batch_only || num_new > options_.batch_share * graph.num_factors()) && internal::TakesBatchPhase(graph);
   bool finished = false;
   if (batch) {
-    finished = SolveInBatch(&summary) || batch_only;
+    finished = SolveInBatch(trace) || batch_only;
   }
   // Where the batch solver fails the state is what it was: the other one gets its chance, or names the culprit.
   if (!finished) {
-    minimizer_->Minimize(start, !batch && num_new > kMostlyNew * graph.num_factors(), stop, &summary);
+    minimizer_->Minimize(!batch && num_new > kMostlyNew * graph.num_factors(), stop, trace);
     cost_ = live->cost();
     num_waiting_ = 0;
   }
   stop = false;
-  live->schur().TakeChangedRows(&changed_rows_);
-  converged_ = summary.termination == Termination::kConvergence;
-  if (summary.termination == Termination::kFailure) {
-    Restart();
-  }
-  summary.final_cost = cost_;
-  summary.num_parked_landmarks = live->schur().num_parked();
-  summary.bytes = live->Bytes() + minimizer_->Bytes();
-  summary.seconds = internal::NowInSeconds() - start;
-  return summary;
 }
 
 ReducedStructure IncrementalSolver::Impl::Structure() const {
@@ -203,7 +239,13 @@ Status IncrementalSolver::Apply(const GraphEdit& edit) {
 }
 
 UpdateSummary IncrementalSolver::Update() {
-  return impl_->Update();
+  UpdateSummary summary;
+  impl_->Update(&summary, nullptr);
+  return summary;
+}
+
+void IncrementalSolver::Update(UpdateSummary* summary, UpdateObserver* observer) {
+  impl_->Update(summary, observer);
 }
 
 void IncrementalSolver::RequestStop() {
@@ -211,7 +253,7 @@ void IncrementalSolver::RequestStop() {
 }
 
 const double* IncrementalSolver::Values(VariableId id) const {
-  return impl_->live->values().current(id);
+  return impl_->Values(id);
 }
 
 ReducedStructure IncrementalSolver::Structure() const {

@@ -16,6 +16,7 @@ std::string ToJson(const IterationSummary& iteration) {
       .Add("gradient_max_norm", iteration.gradient_max_norm)
       .Add("gradient_norm", iteration.gradient_norm)
       .Add("step_norm", iteration.step_norm)
+      .Add("model_cost_change", iteration.model_cost_change)
       .Add("relative_decrease", iteration.relative_decrease)
       .Add("trust_region_radius", iteration.trust_region_radius)
       .Add("valid", iteration.step_is_valid)
@@ -73,11 +74,6 @@ const char* ToString(Termination termination) {
 }
 
 std::string Summary::ToJson() const {
-  std::string trace = "[";
-  for (const IterationSummary& iteration : iterations) {
-    trace += (trace.size() > 1 ? ", " : "") + inceres::ToJson(iteration);
-  }
-  trace += "]";
   return JsonObject()
       .AddString("termination", ToString(termination))
       .AddString("message", message)
@@ -91,7 +87,7 @@ std::string Summary::ToJson() const {
       .AddString("kernels", kernels)
       .AddRaw("work", inceres::ToJson(work))
       .AddRaw("seconds", inceres::ToJson(seconds))
-      .AddRaw("iterations", trace)
+      .AddArray("iterations", iterations, [](const IterationSummary& iteration) { return inceres::ToJson(iteration); })
       .Close();
 }
 

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "base/stopwatch.h"
+#include "solver/observer_verdict.h"
 
 namespace inceres::internal {
 
@@ -123,15 +124,8 @@ bool TrustRegionMinimizer::CallbacksContinue() {
   if (options_.observer == nullptr) {
     return true;
   }
-  switch (options_.observer->EndOfIteration(iteration_, best_state_.data())) {
-    case ObserverAction::kTerminateSuccessfully:
-      return Finish(Termination::kUserSuccess, "User callback returned SOLVER_TERMINATE_SUCCESSFULLY.");
-    case ObserverAction::kAbort:
-      return Finish(Termination::kUserFailure, "User callback returned SOLVER_ABORT.");
-    case ObserverAction::kContinue:
-      break;
-  }
-  return true;
+  const ObserverAction action = options_.observer->EndOfIteration(iteration_, best_state_.data());
+  return GoesOn(action, &summary_.termination, &summary_.message);
 }
 
 // False only on an unrecoverable failure; otherwise iteration_.step_is_valid tells.
@@ -155,6 +149,7 @@ bool TrustRegionMinimizer::ComputeStep() {
   model_decrease_ = model_.ModelDecrease(step_.data());
   iteration_.step_is_valid = model_decrease_ > 0.0;
   if (iteration_.step_is_valid) {
+    iteration_.model_cost_change = model_decrease_;
     num_consecutive_invalid_steps_ = 0;
   }
   return true;

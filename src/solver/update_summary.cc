@@ -4,8 +4,55 @@
 
 namespace inceres {
 
+using internal::JsonObject;
+
+namespace {
+
+std::string ToJson(const UpdateIteration& row) {
+  return JsonObject()
+      .Add("iteration", row.iteration)
+      .AddString("step", ToString(row.step))
+      .Add("accepted", row.accepted)
+      .Add("shortened", row.shortened)
+      .Add("refreshed", row.refreshed)
+      .Add("cost", row.cost)
+      .Add("cost_change", row.cost_change)
+      .Add("predicted_change", row.predicted_change)
+      .Add("relative_decrease", row.relative_decrease)
+      .Add("step_norm", row.step_norm)
+      .Add("gradient_max_norm", row.gradient_max_norm)
+      .Add("gradient_norm", row.gradient_norm)
+      .Add("damping", row.damping)
+      .Add("radius", row.radius)
+      .Add("num_moved_frames", row.num_moved_frames)
+      .Add("num_visited_landmarks", row.num_visited_landmarks)
+      .Add("num_relinearised_factors", row.num_relinearised_factors)
+      .Add("num_evaluated_factors", row.num_evaluated_factors)
+      .Add("num_linear_solver_iterations", row.num_linear_solver_iterations)
+      .Add("seconds", row.seconds)
+      .Add("solve_seconds", row.solve_seconds)
+      .Add("cumulative_seconds", row.cumulative_seconds)
+      .Close();
+}
+
+}  // namespace
+
+const char* ToString(UpdateStep step) {
+  switch (step) {
+    case UpdateStep::kNone:
+      return "none";
+    case UpdateStep::kBatch:
+      return "batch";
+    case UpdateStep::kFrames:
+      return "frames";
+    case UpdateStep::kLandmarks:
+      return "landmarks";
+  }
+  return "unknown";
+}
+
 std::string UpdateSummary::ToJson() const {
-  return internal::JsonObject()
+  return JsonObject()
       .AddString("termination", ToString(termination))
       .AddString("message", message)
       .Add("initial_cost", initial_cost)
@@ -37,6 +84,7 @@ std::string UpdateSummary::ToJson() const {
       .Add("landmark_seconds", landmark_seconds)
       .Add("evaluate_seconds", evaluate_seconds)
       .Add("accept_seconds", accept_seconds)
+      .AddArray("iterations", iterations, [](const UpdateIteration& row) { return inceres::ToJson(row); })
       .Close();
 }
 

@@ -1,5 +1,6 @@
 #include <iterator>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -32,6 +33,22 @@ UpdateSummary Numbered() {
   }
   s.num_evaluated_factors = 5000000001;
   s.bytes = 5000000002;
+  s.iterations.resize(2);
+  UpdateIteration& row = s.iterations[1];
+  row.step = UpdateStep::kLandmarks;
+  row.accepted = row.refreshed = true;
+  real = 100.5;
+  for (double* field :
+       {&row.cost, &row.cost_change, &row.predicted_change, &row.relative_decrease, &row.step_norm, &row.gradient_max_norm,
+        &row.gradient_norm, &row.damping, &row.radius, &row.seconds, &row.solve_seconds, &row.cumulative_seconds}) {
+    *field = real++;
+  }
+  count = 2000;
+  for (int* field : {&row.iteration, &row.num_moved_frames, &row.num_visited_landmarks, &row.num_relinearised_factors,
+                     &row.num_linear_solver_iterations}) {
+    *field = count++;
+  }
+  row.num_evaluated_factors = 5000000003;
   return s;
 }
 
@@ -44,11 +61,20 @@ constexpr const char* kCounts[] = {
     "num_landmark_passes",      "num_visited_landmarks", "num_moved_frames",   "num_rebuilds",        "num_drifted_frames",
     "num_parked_landmarks"};
 
-// What the struct holds beside the fields in the lists is a termination, a message and two 64-bit counts. The counts lie in two
-// groups, each filled up to eight bytes.
+constexpr const char* kRowReals[] = {"cost",      "cost_change",       "predicted_change", "relative_decrease",
+                                     "step_norm", "gradient_max_norm", "gradient_norm",    "damping",
+                                     "radius",    "seconds",           "solve_seconds",    "cumulative_seconds"};
+constexpr const char* kRowCounts[] = {"iteration", "num_moved_frames", "num_visited_landmarks", "num_relinearised_factors",
+                                      "num_linear_solver_iterations"};
+
+// What the struct holds beside the fields in the lists is a termination, a message, two 64-bit counts and the trace. The counts
+// lie in two groups, each filled up to eight bytes.
 TEST(UpdateSummaryJson, IsTestedForEveryField) {
-  EXPECT_EQ(sizeof(UpdateSummary), sizeof(std::string) + 8 * (1 + std::size(kReals) + std::size(kCounts) / 2 + 1 + 2))
+  EXPECT_EQ(sizeof(UpdateSummary), sizeof(std::string) + sizeof(std::vector<UpdateIteration>) +
+                                       8 * (1 + std::size(kReals) + std::size(kCounts) / 2 + 1 + 2))
       << "a field came or went: name it in the lists above and in ToJson";
+  // A step with three flags fills eight bytes with the first count, and so does the last count alone; in between are three.
+  EXPECT_EQ(sizeof(UpdateIteration), 8 * (std::size(kRowReals) + 2 + 2 + 1 + 1)) << "the same for a row of the trace";
 }
 
 #ifdef INCERES_HAVE_NLOHMANN_JSON
@@ -69,7 +95,30 @@ TEST(UpdateSummaryJson, HoldsEveryField) {
   }
   EXPECT_EQ(json["num_evaluated_factors"].get<std::int64_t>(), 5000000001);
   EXPECT_EQ(json["bytes"].get<std::int64_t>(), 5000000002);
-  EXPECT_EQ(json.size(), 2 + std::size(kReals) + std::size(kCounts) + 2);
+  EXPECT_EQ(json.size(), 2 + std::size(kReals) + std::size(kCounts) + 2 + 1);
+}
+
+TEST(UpdateSummaryJson, HoldsEveryFieldOfTheTrace) {
+  const nlohmann::json rows = nlohmann::json::parse(Numbered().ToJson())["iterations"];
+  ASSERT_EQ(rows.size(), 2U);
+  EXPECT_EQ(rows[0]["step"], "none");
+  const nlohmann::json& row = rows[1];
+  EXPECT_EQ(row["step"], "landmarks");
+  EXPECT_TRUE(row["accepted"].get<bool>());
+  EXPECT_FALSE(row["shortened"].get<bool>());
+  EXPECT_TRUE(row["refreshed"].get<bool>());
+  double real = 100.5;
+  for (const char* name : kRowReals) {
+    ASSERT_TRUE(row.contains(name)) << name;
+    EXPECT_EQ(row[name].get<double>(), real++) << name;
+  }
+  int count = 2000;
+  for (const char* name : kRowCounts) {
+    ASSERT_TRUE(row.contains(name)) << name;
+    EXPECT_EQ(row[name].get<int>(), count++) << name;
+  }
+  EXPECT_EQ(row["num_evaluated_factors"].get<std::int64_t>(), 5000000003);
+  EXPECT_EQ(row.size(), 4 + std::size(kRowReals) + std::size(kRowCounts) + 1);
 }
 
 #else
@@ -77,6 +126,12 @@ TEST(UpdateSummaryJson, HoldsEveryField) {
 TEST(UpdateSummaryJson, NamesEveryField) {
   const std::string json = Numbered().ToJson();
   for (const char* name : kReals) {
+    EXPECT_NE(json.find('"' + std::string(name) + "\": "), std::string::npos) << name;
+  }
+  for (const char* name : kRowReals) {
+    EXPECT_NE(json.find('"' + std::string(name) + "\": "), std::string::npos) << name;
+  }
+  for (const char* name : kRowCounts) {
     EXPECT_NE(json.find('"' + std::string(name) + "\": "), std::string::npos) << name;
   }
   for (const char* name : kCounts) {

@@ -7,6 +7,7 @@
 #include "inceres/graph/graph_edit.h"
 #include "inceres/solver/incremental_options.h"
 #include "inceres/solver/reduced_structure.h"
+#include "inceres/solver/update_observer.h"
 #include "inceres/solver/update_summary.h"
 
 namespace inceres {
@@ -46,12 +47,16 @@ class INCERES_EXPORT IncrementalSolver {
   /// Minimises from the current state. A failure names its factor or variable; what was changed since the last Update then takes
   /// part again in the next one, from the values held now.
   UpdateSummary Update();
+  /// The same into the memory of an earlier summary: in a steady state nothing is allocated. `observer`, which may be null, sees
+  /// every iteration and may end the Update; with one an Update costs a pass over all variables more, and one an iteration. After
+  /// its kAbort the values are those of before the Update, and the next one works as after a failure.
+  void Update(UpdateSummary* summary, UpdateObserver* observer = nullptr);
 
   /// From any thread: the Update that runs now, or else the next one, ends at its next iteration with the best state so far.
   void RequestStop();
 
-  /// Current values of a variable: what the last Update found, or what it was added with. (The graph's own state is the start
-  /// values.)
+  /// Current values of a variable: what the last Update found, or what it was added with; to an observer the best so far. (The
+  /// graph's own state is the start values.)
   const double* Values(VariableId id) const;
   /// ½ Σ ρ at the current state, as of the last Update.
   double cost() const;

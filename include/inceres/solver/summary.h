@@ -30,6 +30,7 @@ struct INCERES_EXPORT IterationSummary {
   double gradient_max_norm = 0.0;  ///< max |x − (x ⊞ −g)|
   double gradient_norm = 0.0;      ///< ‖x − (x ⊞ −g)‖
   double step_norm = 0.0;          ///< ‖x − candidate‖, ambient
+  double model_cost_change = 0.0;  ///< predicted decrease; not in Ceres's
   double relative_decrease = 0.0;  ///< actual / predicted decrease
   double trust_region_radius = 0.0;
   double eta = 0.0;

@@ -2,11 +2,54 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "inceres/export.h"
 #include "inceres/solver/summary.h"
 
 namespace inceres {
+
+/// What an iteration of an Update did.
+enum class UpdateStep {
+  kNone,       ///< no step: the start; the reduced system had no factor; or old Jacobians were renewed before success was claimed
+  kBatch,      ///< one of the batch solver's
+  kFrames,     ///< the frames of the active set and the landmarks behind them
+  kLandmarks,  ///< landmarks alone, each accepted or not for itself
+};
+
+/// "none", "batch", "frames", "landmarks".
+INCERES_EXPORT const char* ToString(UpdateStep step);
+
+/// One line of the trace of an Update, iteration 0 being the start. What follows from a step (residuals, gradients, the
+/// linearisations it asks for) counts as part of it. The last solve, which finds out that nothing is left to do, has no line.
+struct INCERES_EXPORT UpdateIteration {
+  int iteration = 0;
+  UpdateStep step = UpdateStep::kNone;
+  bool accepted = false;  ///< the state moved; true of the start
+  /// Cut to the radius, or refused and tried again, along the dog-leg path. What follows is of the last try.
+  bool shortened = false;
+  /// Old Jacobians were renewed, instead of more damping or before success was claimed.
+  bool refreshed = false;
+  double cost = 0.0;               ///< ½ Σ ρ of the state after it
+  double cost_change = 0.0;        ///< cost before − cost of the candidate, if refused too; −DBL_MAX if that has none
+  double predicted_change = 0.0;   ///< the same by the model; 0 of kLandmarks
+  double relative_decrease = 0.0;  ///< their ratio
+  double step_norm = 0.0;          ///< ‖δ‖ in the tangent spaces; ‖x − candidate‖ of kBatch
+  /// With an observer only, for it takes a pass over all variables: max and norm of (b, l), which is the gradient with the
+  /// frames' part as it is when the landmarks follow. Of kBatch as in IterationSummary, always.
+  double gradient_max_norm = 0.0;
+  double gradient_norm = 0.0;
+  double damping = 0.0;  ///< μ after it; 0 of the batch solver's Dog-Leg
+  double radius = 0.0;   ///< of the trust region after it: infinite unless a step was shortened; Ceres's of kBatch
+  int num_moved_frames = 0;
+  int num_visited_landmarks = 0;
+  int num_relinearised_factors = 0;
+  std::int64_t num_evaluated_factors = 0;
+  int num_linear_solver_iterations = 0;  ///< of PCG; 1 if a direct solver solved, 0 if there was nothing to solve
+  double seconds = 0.0;
+  double solve_seconds = 0.0;       ///< of them in the solver of the reduced system
+  double cumulative_seconds = 0.0;  ///< since the Update began
+};
 
 /// What one Update of an IncrementalSolver did: counts, which do not depend on the machine, and seconds.
 struct INCERES_EXPORT UpdateSummary {
@@ -44,6 +87,8 @@ struct INCERES_EXPORT UpdateSummary {
   double landmark_seconds = 0.0;   ///< steps of landmarks alone
   double evaluate_seconds = 0.0;   ///< of candidates
   double accept_seconds = 0.0;     ///< residuals, gradients and right-hand sides
+
+  std::vector<UpdateIteration> iterations;
 
   /// One JSON object with every field above.
   std::string ToJson() const;
