@@ -1,7 +1,5 @@
 // A VINS-style estimator on a simulated run: what a user's binary that links Ceres looks like.
 
-#include <memory>
-
 #include <ceres/solver.h>
 
 #include "common/run.h"

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -13,14 +14,14 @@ constexpr char kFlags[] = R"(
   --frames N              images to play, at least 20; 300
   --features N            features that have a variable at a time, on average, 20 to 5000; 150
   --seed N                of the simulation; 1
-  --free_extrinsics       estimate where the camera sits on the body; otherwise it is held
   --ordering WHICH        auto: Ceres chooses what is eliminated; landmarks_first; auto
   --linear_solver WHICH   dense_schur or sparse_schur; dense_schur
   --max_iterations N      of a solve, at least 1; 8
   --max_solver_time S     seconds for a solve; without it a run depends on nothing but its arguments
   --json FILE             also write the report to this file
-  --help
-
+  --help                  this text
+)";
+constexpr char kOutput[] = R"(
 Prints, as JSON: frames; milliseconds of the calls of ceres::Solve (median, p95, max, total); the absolute trajectory error of the newest
 frame's position in metres, as evo_ape --align; the sum of the final costs. Exit code: 0 success, 1 failure, 2 usage.
 )";
@@ -87,18 +88,31 @@ std::map<std::string, Setter> MakeSetters(RunOptions* options) {
   };
 }
 
+void PrintHelp(const std::string& usage, const std::vector<Switch>& switches) {
+  std::printf("%s\n%s", usage.c_str(), kFlags);
+  for (const Switch& known : switches) {
+    std::printf("  %-23s %s\n", known.name.c_str(), known.help.c_str());
+  }
+  std::fputs(kOutput, stdout);
+}
+
 }  // namespace
 
-std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** argv, RunOptions* options) {
+std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** argv, RunOptions* options,
+                                    const std::vector<Switch>& own_switches) {
+  std::vector<Switch> switches{{"--free_extrinsics", "estimate where the camera sits on the body; otherwise it is held",
+                                &options->estimator.free_extrinsics}};
+  switches.insert(switches.end(), own_switches.begin(), own_switches.end());
   const std::map<std::string, Setter> setters = MakeSetters(options);
   for (int i = 1; i < argc; ++i) {
     std::string name = argv[i];
     if (name == "--help") {
-      std::printf("%s\n%s", usage.c_str(), kFlags);
+      PrintHelp(usage, switches);
       return 0;
     }
-    if (name == "--free_extrinsics") {
-      options->estimator.free_extrinsics = true;
+    const auto known = std::find_if(switches.begin(), switches.end(), [&](const Switch& a) { return a.name == name; });
+    if (known != switches.end()) {
+      *known->value = true;
       continue;
     }
     std::optional<std::string> value;

@@ -22,6 +22,14 @@ inline Eigen::Quaterniond Exp(const Eigen::Vector3d& phi) {
   return {std::cos(half), scale * phi.x(), scale * phi.y(), scale * phi.z()};
 }
 
+/// The phi of length at most pi with Exp(phi) = q (or -q, the same rotation).
+inline Eigen::Vector3d Log(const Eigen::Quaterniond& q) {
+  const double sine = q.vec().norm();
+  // atan(sine / w) / sine, by its series where the division loses digits.
+  const double half = std::atan(sine / q.w());
+  return 2.0 * (sine < 1e-4 ? (1.0 - sine * sine / (3.0 * q.w() * q.w())) / q.w() : half / sine) * q.vec();
+}
+
 /// J_r with Exp(phi + d) = Exp(phi) Exp(J_r d) to first order in d.
 inline Eigen::Matrix3d RightJacobian(const Eigen::Vector3d& phi) {
   const double angle2 = phi.squaredNorm();

@@ -27,9 +27,16 @@ struct RunReport {
   double final_cost_sum = 0.0;   // of all solves
 };
 
+/// A flag without a value that only one program has.
+struct Switch {
+  std::string name, help;
+  bool* value;
+};
+
 /// Options from the command line. After --help, or a message on standard error that names what is wrong with an argument, the
 /// code to exit with.
-std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** argv, RunOptions* options);
+std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** argv, RunOptions* options,
+                                    const std::vector<Switch>& switches = {});
 
 /// An estimator as the run sees it: takes a frame, tells where the newest one is.
 using AddFrame = std::function<ImuState(const Frame&)>;

@@ -8,7 +8,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 std::optional<Vector3d> Triangulate(const std::vector<Sight>& sights) {
-  constexpr double kMinParallax2 = 1e-5;  // about 0.2 degrees, squared radians
+  constexpr double kMinParallax2 = 1e-3;  // squared radians: 2.6 degrees between two lines
   constexpr double kMinDepth = 0.1;
   Matrix3d A = Matrix3d::Zero();
   Vector3d b = Vector3d::Zero();
