@@ -42,7 +42,8 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   summary->preprocessor_time_in_seconds = options.seconds_spent_before;
   Summary core = Solve(options, &graph);
   if (core.termination == Termination::kFailure) {
-    LOG(ERROR) << "Terminating: " << core.message << (core.detail.empty() ? "" : " ") << core.detail;
+    LOG_IF(WARNING, !core.detail.empty()) << "inceres: " << core.detail;  // where Ceres prints the residual block's numbers
+    LOG(ERROR) << "Terminating: " << core.message;
   }
   // After a failure the graph still holds the start, and an update_state_every_iteration is undone.
   WriteToUser(blocks, graph.state().data());
@@ -65,8 +66,7 @@ void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, Solv
     summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
     summary->preprocessor_time_in_seconds = input.clock.Seconds();
     if (!fixed.error.empty()) {
-      summary->message = fixed.error;
-      LOG(ERROR) << "Terminating: " << summary->message;
+      summary->message = fixed.error;  // not logged: Ceres is silent about what fails before its loop
     } else {
       WriteNothingToSolve(fixed.cost, summary);
       summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;

@@ -122,8 +122,9 @@ int NumThreads(const ceres::Solver::Options& options) {
   const unsigned hardware = std::thread::hardware_concurrency();
   const int available = hardware == 0 ? INT_MAX : static_cast<int>(hardware);
   if (options.num_threads > available) {
-    LOG(WARNING) << "Specified options.num_threads: " << options.num_threads << " exceeds maximum available: " << available
-                 << ". Bounding to " << available << " threads.";
+    LOG(WARNING) << "Specified options.num_threads: " << options.num_threads
+                 << " exceeds maximum available from the threading model Ceres was compiled with: " << available
+                 << ".  Bounding to maximum number available.";
   }
   return std::min(options.num_threads, available);
 }
