@@ -1,0 +1,225 @@
+// Section 5.2 of the contract, continued: costs that overflow, ends by the user and by limits, bounds.
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <thread>
+
+#include "conformance/support.h"
+
+namespace conformance {
+namespace {
+
+// A finite residual whose square overflows: ∞ − ∞ is within every tolerance, up to Ceres 2.1.
+TEST(Case52, total_cost_overflows) {
+  World world;
+  double* x = world.Add({1.0});
+  world.problem.AddResidualBlock(Scalar([](double v) { return 1e200 + v; }, [](double) { return 1.0; }), nullptr, x);
+  const Summary summary = Solve(Small(), &world.problem).summary;
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_TRUE(StartsWith(summary.message, "Function tolerance reached. |cost_change|/cost: ")) << summary.message;
+  EXPECT_TRUE(std::isinf(summary.initial_cost));
+  EXPECT_EQ(x[0], 1.0);
+}
+
+// So large a column is scaled to zero, and no step is valid.
+TEST(Case52, a_column_whose_square_overflows) {
+  World world;
+  double* x = world.Add({1.0});
+  world.problem.AddResidualBlock(Target({0.0}, 1e200), nullptr, x);
+  const Summary summary = Solve(Small(), &world.problem).summary;
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_TRUE(StartsWith(summary.message, "Number of consecutive invalid steps more than ")) << summary.message;
+  EXPECT_EQ(summary.iterations.size(), 5u);
+  EXPECT_EQ(x[0], 1.0);
+}
+
+// A loss whose output is NaN.
+class NaNLoss : public ceres::LossFunction {
+ public:
+  void Evaluate(double, double rho[3]) const override {
+    rho[0] = std::numeric_limits<double>::quiet_NaN();
+    rho[1] = 1.0;
+    rho[2] = 0.0;
+  }
+};
+
+TEST(Case52, total_cost_is_nan) {
+  World world;
+  double* x = world.Add({1.0});
+  world.problem.AddResidualBlock(Target({0.0}), new NaNLoss, x);
+  const Summary summary = Solve(Small(), &world.problem).summary;
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << "up to Ceres 2.1";
+  EXPECT_TRUE(StartsWith(summary.message, "Function tolerance reached. |cost_change|/cost: ")) << summary.message;
+  EXPECT_TRUE(std::isnan(summary.initial_cost));
+  EXPECT_EQ(x[0], 1.0);
+}
+
+TEST(Case52, invalid_steps) {
+  for (const bool update : {false, true}) {
+    Line line;
+    double* x = line.Add({0.0});
+    line.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }), nullptr, x);
+    line.problem.SetParameterBlockConstant(line.x);
+    Options options = Small();
+    options.gradient_tolerance = 0.0;
+    options.update_state_every_iteration = update;
+    EXPECT_EQ(Solve(options, &line.problem).summary.termination_type, ceres::FAILURE);
+    EXPECT_EQ(x[0], 0.0);
+  }
+}
+
+// Stops Rosenbrock's problem at iteration 4, after three rows of progress.
+Summary StoppedAt4(Rosenbrock* rosenbrock, ceres::CallbackReturnType answer, bool update) {
+  Callback callback([&](const ceres::IterationSummary& iteration) {
+    if (iteration.iteration == 4) {
+      EXPECT_EQ(rosenbrock->x[0] != -1.2, update);
+      return answer;
+    }
+    return ceres::SOLVER_CONTINUE;
+  });
+  Options options = Small();
+  options.update_state_every_iteration = update;
+  options.callbacks.push_back(&callback);
+  return Solve(options, &rosenbrock->problem).summary;
+}
+
+TEST(Case52, callback_terminate_successfully) {
+  for (const bool update : {false, true}) {
+    Rosenbrock rosenbrock;
+    const Summary summary = StoppedAt4(&rosenbrock, ceres::SOLVER_TERMINATE_SUCCESSFULLY, update);
+    EXPECT_EQ(summary.termination_type, ceres::USER_SUCCESS);
+    EXPECT_EQ(summary.iterations.size(), 5u) << "its iteration included";
+    const double* x = rosenbrock.x;
+    const double cost = 0.5 * (std::pow(1.0 - x[0], 2) + 100.0 * std::pow(x[1] - x[0] * x[0], 2));
+    ExpectClose(cost, summary.final_cost);
+    EXPECT_LT(cost, 12.0);
+  }
+}
+
+TEST(Case52, callback_abort) {
+  for (const bool update : {false, true}) {
+    Rosenbrock rosenbrock;
+    const Summary summary = StoppedAt4(&rosenbrock, ceres::SOLVER_ABORT, update);
+    EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
+    EXPECT_EQ(summary.iterations.size(), 5u);
+    EXPECT_LT(summary.iterations[4].cost, 12.0);
+    EXPECT_EQ(rosenbrock.blocks[0], (std::vector<double>{-1.2, 1.0})) << "the start, even where the state was written meanwhile";
+  }
+}
+
+TEST(Case52, max_iterations_or_time) {
+  for (const bool time : {false, true}) {
+    Rosenbrock rosenbrock;
+    Options options = Small();
+    options.max_num_iterations = time ? 50 : 4;
+    options.max_solver_time_in_seconds = time ? 0.2 : 1e9;
+    Callback callback([&](const ceres::IterationSummary& iteration) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(time && iteration.iteration == 4 ? 250 : 0));
+      return ceres::SOLVER_CONTINUE;
+    });
+    options.callbacks.push_back(&callback);
+    const Summary summary = Solve(options, &rosenbrock.problem).summary;
+    EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
+    EXPECT_EQ(summary.iterations.size(), 5u);
+    const double* x = rosenbrock.x;
+    ExpectClose(0.5 * (std::pow(1.0 - x[0], 2) + 100.0 * std::pow(x[1] - x[0] * x[0], 2)), summary.final_cost);
+  }
+}
+
+// r = 10 − x in [2, 8] from 0.5: projected first, and the end is at the bound.
+TEST(Case52, bounds_and_an_infeasible_start) {
+  Line line;
+  line.problem.SetParameterLowerBound(line.x, 0, 2.0);
+  line.problem.SetParameterUpperBound(line.x, 0, 8.0);
+  const Summary summary = Solve(Small(), &line.problem, Solver::kAnyone).summary;
+  EXPECT_EQ(summary.initial_cost, 32.0);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(line.x[0], 8.0);
+  EXPECT_EQ(summary.final_cost, 2.0);
+}
+
+TEST(Case52, bounds_and_a_failure) {
+  Line line;
+  line.problem.SetParameterLowerBound(line.x, 0, 2.0);
+  Callback abort([](const ceres::IterationSummary&) { return ceres::SOLVER_ABORT; });
+  Options options = Small();
+  options.update_state_every_iteration = true;
+  options.callbacks.push_back(&abort);
+  EXPECT_EQ(Solve(options, &line.problem, Solver::kAnyone).summary.termination_type, ceres::USER_FAILURE);
+  EXPECT_EQ(line.x[0], 0.5) << "the original, infeasible value";
+}
+
+// An infinite bound is none.
+TEST(Case52, infinite_bounds) {
+  Line line;
+  line.problem.SetParameterLowerBound(line.x, 0, -std::numeric_limits<double>::infinity());
+  const Summary summary = Solve(Small(), &line.problem, Solver::kAnyone).summary;
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_NEAR(line.x[0], 10.0, 1e-6);
+}
+
+TEST(Case52, nonmonotonic) {
+  Rosenbrock rosenbrock;
+  Options options = Small();
+  options.use_nonmonotonic_steps = true;
+  double lowest = std::numeric_limits<double>::max();
+  double last = 0.0;
+  // Stop right after a step that went up: the minimum is returned, not the last iterate.
+  Callback callback([&](const ceres::IterationSummary& iteration) {
+    lowest = iteration.step_is_successful ? std::min(lowest, iteration.cost) : lowest;
+    last = iteration.cost;
+    return iteration.step_is_nonmonotonic ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
+  });
+  options.callbacks.push_back(&callback);
+  const Summary summary = Solve(options, &rosenbrock.problem).summary;
+  EXPECT_EQ(summary.termination_type, ceres::USER_SUCCESS);
+  EXPECT_GT(last, lowest);
+  const double* x = rosenbrock.x;
+  ExpectClose(0.5 * (std::pow(1.0 - x[0], 2) + 100.0 * std::pow(x[1] - x[0] * x[0], 2)), lowest);
+}
+
+// The user's memory is overwritten at every evaluation, and put back after a failure.
+TEST(Case52, evaluation_callback_present) {
+  class Watch : public ceres::EvaluationCallback {
+   public:
+    void PrepareForEvaluation(bool, bool) override { seen.push_back(*x); }
+    const double* x = nullptr;
+    std::vector<double> seen;
+  };
+  for (const bool aborts : {false, true}) {
+    Watch watch;
+    ceres::Problem::Options problem_options;
+    problem_options.evaluation_callback = &watch;
+    World world(problem_options);
+    double* x = world.Add({0.5});
+    watch.x = x;
+    world.problem.AddResidualBlock(Target({10.0}), nullptr, x);
+    Callback callback([&](const ceres::IterationSummary& iteration) {
+      return aborts && iteration.iteration == 1 ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+    });
+    Options options = Small();
+    options.callbacks.push_back(&callback);
+    Solve(options, &world.problem, Solver::kAnyone);
+    ASSERT_GE(watch.seen.size(), 3u);
+    EXPECT_EQ(watch.seen[0], 0.5);
+    EXPECT_NEAR(watch.seen[1], 10.0, 1e-3);
+    EXPECT_NEAR(x[0], aborts ? 0.5 : 10.0, 1e-6);
+  }
+}
+
+// Only blocks of the reduced program are ever written, and once, at the end.
+TEST(Case52, what_is_written) {
+  Line line;
+  double* c = line.Add({1.0, -0.0});
+  double* unused = line.Add({2.0, -0.0});
+  line.problem.AddResidualBlock(Target({2.0, 2.0}), nullptr, c);
+  line.problem.SetParameterBlockConstant(c);
+  line.problem.AddParameterBlock(unused, 2);
+  Solve(Small(), &line.problem);
+  EXPECT_TRUE(std::signbit(c[1]) && std::signbit(unused[1]));
+  EXPECT_EQ(c[0], 1.0);
+  EXPECT_EQ(unused[0], 2.0);
+}
+
+}  // namespace
+}  // namespace conformance

@@ -1,0 +1,182 @@
+// Section 2.4 of the contract: callbacks and what is in the user's memory when. Test names are the fields'.
+#include <iostream>
+#include <sstream>
+
+#include "conformance/support.h"
+
+namespace conformance {
+namespace {
+
+// What a callback sees of a solve of Rosenbrock's problem.
+struct Seen {
+  std::vector<ceres::IterationSummary> iterations;
+  std::vector<std::vector<double>> memory;
+  Summary summary;
+  std::vector<double> end;
+};
+
+Seen Watch(Options options) {
+  Seen seen;
+  Rosenbrock rosenbrock;
+  Callback callback([&](const ceres::IterationSummary& iteration) {
+    seen.iterations.push_back(iteration);
+    seen.memory.push_back(rosenbrock.blocks[0]);
+    return ceres::SOLVER_CONTINUE;
+  });
+  options.callbacks.push_back(&callback);
+  seen.summary = Solve(options, &rosenbrock.problem).summary;
+  seen.end = rosenbrock.blocks[0];
+  return seen;
+}
+
+double RosenbrockCost(const std::vector<double>& x) {
+  const double second = 10.0 * (x[1] - x[0] * x[0]);
+  return 0.5 * ((1.0 - x[0]) * (1.0 - x[0]) + second * second);
+}
+
+TEST(Options24, update_state_every_iteration) {
+  Options options = Small();
+  options.update_state_every_iteration = true;
+  options.use_nonmonotonic_steps = true;
+  const Seen seen = Watch(options);
+  ASSERT_GT(seen.iterations.size(), 5u);
+  double best = seen.iterations[0].cost;
+  for (std::size_t i = 0; i < seen.iterations.size(); ++i) {
+    if (seen.iterations[i].step_is_successful) {
+      best = std::min(best, seen.iterations[i].cost);
+    }
+    EXPECT_NEAR(RosenbrockCost(seen.memory[i]), best, 1e-12 + 1e-9 * best) << "the best so far, at iteration " << i;
+  }
+}
+
+TEST(Options24, update_state_every_iteration_is_off_by_default) {
+  const Seen seen = Watch(Small());
+  const std::vector<double> start = {-1.2, 1.0};
+  for (const auto& memory : seen.memory) {
+    EXPECT_EQ(memory, start);
+  }
+  EXPECT_NEAR(seen.end[0], 1.0, 1e-6);
+}
+
+TEST(Options24, callbacks) {
+  const Seen seen = Watch(Small());
+  ASSERT_EQ(seen.iterations.size(), seen.summary.iterations.size());
+  for (std::size_t i = 0; i < seen.iterations.size(); ++i) {
+    EXPECT_EQ(seen.iterations[i].iteration, static_cast<int>(i));
+    EXPECT_EQ(seen.iterations[i].cost, seen.summary.iterations[i].cost);
+    EXPECT_EQ(seen.iterations[i].cumulative_time_in_seconds, seen.summary.iterations[i].cumulative_time_in_seconds);
+  }
+}
+
+// In each iteration: state update, table, the user's in their order; the first that does not continue ends it.
+TEST(Options24, callbacks_order) {
+  Line line;
+  std::vector<double> memory;
+  Callback first([&](const ceres::IterationSummary& iteration) {
+    memory.push_back(line.x[0]);
+    std::cout << "first " << iteration.iteration << "\n";
+    return iteration.iteration == 1 ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
+  });
+  Callback second([&](const ceres::IterationSummary& iteration) {
+    std::cout << "second " << iteration.iteration << "\n";
+    return ceres::SOLVER_CONTINUE;
+  });
+  Options options = Small();
+  options.callbacks = {&first, &second};
+  options.minimizer_progress_to_stdout = options.update_state_every_iteration = true;
+  const Outcome outcome = Solve(options, &line.problem);
+  std::vector<std::string> starts;
+  std::istringstream lines(outcome.printed);
+  for (std::string text; std::getline(lines, text);) {
+    starts.push_back(text.substr(0, 8));
+  }
+  EXPECT_EQ(starts, (std::vector<std::string>{"iter    ", "   0  4.", "first 0", "second 0", "   1  4.", "first 1"}));
+  ASSERT_EQ(memory.size(), 2u);
+  EXPECT_EQ(memory[0], 0.5);
+  EXPECT_NEAR(memory[1], 10.0, 1e-3) << "written before the callbacks";
+  EXPECT_EQ(outcome.summary.termination_type, ceres::USER_SUCCESS);
+}
+
+// Evaluation callback.
+
+struct Prepared {
+  bool evaluate_jacobians;
+  bool new_evaluation_point;
+  double memory;
+};
+
+class Preparation : public ceres::EvaluationCallback {
+ public:
+  void PrepareForEvaluation(bool evaluate_jacobians, bool new_evaluation_point) override {
+    calls.push_back({evaluate_jacobians, new_evaluation_point, *watched});
+    prepared = *watched;
+  }
+  const double* watched = nullptr;
+  double prepared = 0.0;
+  std::vector<Prepared> calls;
+};
+
+// r = f(x) where f is taken from what the callback prepared: without its calls the result is wrong.
+struct PreparedWorld : World {
+  explicit PreparedWorld(Preparation* preparation) : World(WithCallback(preparation)), x(Add({-1.2})), y(Add({1.0})) {
+    preparation->watched = x;
+    problem.AddResidualBlock(Target({1.0}), nullptr, x);
+    auto* cost = new Cost(1, {1, 1}, [=](double const* const* p, double* residuals, double** jacobians) {
+      residuals[0] = 10.0 * (p[1][0] - preparation->prepared * preparation->prepared);
+      if (jacobians != nullptr) {
+        jacobians[0][0] = -20.0 * preparation->prepared;
+        jacobians[1][0] = 10.0;
+      }
+      return p[0][0] == preparation->prepared;
+    });
+    problem.AddResidualBlock(cost, nullptr, x, y);
+  }
+  static ceres::Problem::Options WithCallback(Preparation* preparation) {
+    ceres::Problem::Options options;
+    options.evaluation_callback = preparation;
+    return options;
+  }
+  double* x;
+  double* y;
+};
+
+TEST(Options24, evaluation_callback) {
+  Preparation preparation;
+  PreparedWorld world(&preparation);
+  const Summary summary = Solve(Small(), &world.problem, Solver::kAnyone).summary;
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
+  EXPECT_NEAR(world.x[0], 1.0, 1e-5);
+  EXPECT_GT(summary.num_unsuccessful_steps, 0);
+  // Every evaluation, the one that ended it by tolerance included.
+  EXPECT_EQ(static_cast<int>(preparation.calls.size()), summary.num_jacobian_evaluations + summary.num_residual_evaluations);
+  ASSERT_GT(preparation.calls.size(), 3u);
+  EXPECT_TRUE(preparation.calls[0].evaluate_jacobians && preparation.calls[0].new_evaluation_point);
+  EXPECT_EQ(preparation.calls[0].memory, -1.2);
+  for (std::size_t i = 1; i < preparation.calls.size(); ++i) {
+    const Prepared& call = preparation.calls[i];
+    EXPECT_NE(call.evaluate_jacobians, call.new_evaluation_point) << "only an accepted candidate is evaluated again";
+    if (!call.new_evaluation_point) {
+      EXPECT_EQ(call.memory, preparation.calls[i - 1].memory);
+    }
+  }
+}
+
+// Once, without Jacobians, before the first fixed residual.
+TEST(Options24, evaluation_callback_and_fixed_residuals) {
+  Preparation preparation;
+  PreparedWorld world(&preparation);
+  for (int k = 0; k < 2; ++k) {
+    double* c = world.Add({1.0});
+    world.problem.AddResidualBlock(Target({3.0}), nullptr, c);
+    world.problem.SetParameterBlockConstant(c);
+  }
+  const Summary summary = Solve(Small(), &world.problem, Solver::kAnyone).summary;
+  EXPECT_EQ(summary.fixed_cost, 4.0);
+  EXPECT_EQ(static_cast<int>(preparation.calls.size()), 1 + summary.num_jacobian_evaluations + summary.num_residual_evaluations);
+  ASSERT_GT(preparation.calls.size(), 1u);
+  EXPECT_TRUE(!preparation.calls[0].evaluate_jacobians && preparation.calls[0].new_evaluation_point);
+  EXPECT_TRUE(preparation.calls[1].evaluate_jacobians && preparation.calls[1].new_evaluation_point);
+}
+
+}  // namespace
+}  // namespace conformance

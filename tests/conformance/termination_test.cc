@@ -1,0 +1,202 @@
+// Section 3.4 of the contract: how a solve ends, and what its message says. Test names are the conditions'.
+#include <cmath>
+#include <limits>
+
+#include "conformance/support.h"
+
+namespace conformance {
+namespace {
+
+// `end` is the start of the message; a failure is logged with it.
+void ExpectEnd(const Outcome& outcome, ceres::TerminationType type, const std::string& end) {
+  EXPECT_EQ(outcome.summary.termination_type, type);
+  EXPECT_TRUE(StartsWith(outcome.summary.message, end)) << outcome.summary.message;
+  EXPECT_EQ(outcome.summary.IsSolutionUsable(), type != ceres::FAILURE && type != ceres::USER_FAILURE);
+  EXPECT_EQ(outcome.errors.size(), type == ceres::FAILURE ? 1u : 0u);
+  if (type == ceres::FAILURE && !outcome.errors.empty()) {
+    EXPECT_EQ(outcome.errors[0], "Terminating: " + outcome.summary.message);
+  }
+}
+
+TEST(Termination34, gradient) {
+  Line line(10.0);
+  ExpectEnd(Solve(Small(), &line.problem), ceres::CONVERGENCE,
+            "Gradient tolerance reached. Gradient max norm: 0.000000e+00 <= 1.000000e-10");
+}
+
+// ‖δ‖/(‖x‖ + tolerance) = 9.4987e-4/(9.99905 + 1e-3)
+TEST(Termination34, parameter) {
+  Line line;
+  Options options = Small();
+  options.parameter_tolerance = 1e-3;
+  const Outcome outcome = Solve(options, &line.problem);
+  ExpectEnd(outcome, ceres::CONVERGENCE, "Parameter tolerance reached. Relative step_norm: 9.498");
+  EXPECT_NE(outcome.summary.message.find(" <= 1.000000e-03."), std::string::npos) << outcome.summary.message;
+}
+
+TEST(Termination34, function) {
+  Bundle bundle;
+  const Outcome outcome = Solve(Schur(), &bundle.problem);
+  ExpectEnd(outcome, ceres::CONVERGENCE, "Function tolerance reached. |cost_change|/cost: ");
+  EXPECT_NE(outcome.summary.message.find(" <= 1.000000e-06"), std::string::npos) << outcome.summary.message;
+}
+
+TEST(Termination34, radius) {
+  World world;
+  double* x = world.Add({0.5});
+  auto* cost = new Cost(1, {1}, [](double const* const* p, double* residuals, double** jacobians) {
+    residuals[0] = 10.0 - p[0][0];
+    if (jacobians != nullptr) {
+      jacobians[0][0] = -1.0;
+    }
+    return p[0][0] == 0.5;
+  });
+  world.problem.AddResidualBlock(cost, nullptr, x);
+  Options options = Small();
+  options.min_trust_region_radius = 5e3;
+  ExpectEnd(Solve(options, &world.problem), ceres::CONVERGENCE,
+            "Minimum trust region radius reached. Trust region radius: 5.000000e+03 <= 5.000000e+03");
+}
+
+TEST(Termination34, no_variable_blocks) {
+  Line line;
+  line.problem.SetParameterBlockConstant(line.x);
+  const Outcome outcome = Solve(Small(), &line.problem);
+  ExpectEnd(outcome, ceres::CONVERGENCE, "Function tolerance reached. No non-constant parameter blocks found.");
+  EXPECT_EQ(outcome.summary.message, "Function tolerance reached. No non-constant parameter blocks found.");
+}
+
+TEST(Termination34, iterations) {
+  Line line;
+  Options options = Small();
+  options.max_num_iterations = 1;
+  const Outcome outcome = Solve(options, &line.problem);
+  ExpectEnd(outcome, ceres::NO_CONVERGENCE, "Maximum number of iterations reached. Number of iterations: 1.");
+  EXPECT_EQ(outcome.summary.message, "Maximum number of iterations reached. Number of iterations: 1.");
+}
+
+TEST(Termination34, time) {
+  Line line;
+  Options options = Small();
+  options.max_solver_time_in_seconds = 0.0;
+  const Outcome outcome = Solve(options, &line.problem);
+  ExpectEnd(outcome, ceres::NO_CONVERGENCE, "Maximum solver time reached. Total solver time: ");
+  EXPECT_NE(outcome.summary.message.find(" >= 0.000000e+00."), std::string::npos) << outcome.summary.message;
+  EXPECT_EQ(outcome.summary.iterations.size(), 1u);
+}
+
+// The order at the end of an iteration: callbacks, time, iteration count, gradient, radius.
+TEST(Termination34, order_of_the_tests) {
+  Line line(10.0);
+  Options options = Small();
+  options.min_trust_region_radius = options.initial_trust_region_radius;
+  ExpectEnd(Solve(options, &line.problem), ceres::CONVERGENCE, "Gradient tolerance reached.");
+  options.max_num_iterations = 0;
+  ExpectEnd(Solve(options, &line.problem), ceres::NO_CONVERGENCE, "Maximum number of iterations reached.");
+  options.max_solver_time_in_seconds = 0.0;
+  ExpectEnd(Solve(options, &line.problem), ceres::NO_CONVERGENCE, "Maximum solver time reached.");
+  Callback callback([](const ceres::IterationSummary&) { return ceres::SOLVER_TERMINATE_SUCCESSFULLY; });
+  options.callbacks.push_back(&callback);
+  ExpectEnd(Solve(options, &line.problem), ceres::USER_SUCCESS, "User callback returned SOLVER_TERMINATE_SUCCESSFULLY.");
+}
+
+TEST(Termination34, evaluation_failed_at_iteration_0) {
+  Line line;
+  line.problem.AddResidualBlock(new Cost(1, {1}, [](auto...) { return false; }), nullptr, line.x);
+  const Outcome outcome = Solve(Small(), &line.problem);
+  ExpectEnd(outcome, ceres::FAILURE, "Residual and Jacobian evaluation failed.");
+  EXPECT_EQ(outcome.summary.message, "Residual and Jacobian evaluation failed.");
+}
+
+TEST(Termination34, evaluation_failed_at_an_accepted_step) {
+  Line line;
+  int num_jacobians = 0;
+  auto* cost = new Cost(1, {1}, [&](double const* const*, double* residuals, double** jacobians) {
+    residuals[0] = 0.0;
+    if (jacobians != nullptr) {
+      jacobians[0][0] = 0.0;
+    }
+    return jacobians == nullptr || ++num_jacobians == 1;
+  });
+  line.problem.AddResidualBlock(cost, nullptr, line.x);
+  const Outcome outcome = Solve(Small(), &line.problem);
+  ExpectEnd(outcome, ceres::FAILURE, "Residual and Jacobian evaluation failed.");
+  EXPECT_EQ(outcome.summary.iterations.size(), 1u);
+  EXPECT_EQ(line.x[0], 0.5);
+}
+
+// R² whose Plus fails, or only when the step is zero.
+class Failing : public ceres::Manifold {
+ public:
+  explicit Failing(bool only_at_zero) : only_at_zero_(only_at_zero) {}
+  int AmbientSize() const override { return 2; }
+  int TangentSize() const override { return 2; }
+  bool Plus(const double* x, const double* delta, double* sum) const override {
+    sum[0] = x[0] + delta[0];
+    sum[1] = x[1] + delta[1];
+    return only_at_zero_ && (delta[0] != 0.0 || delta[1] != 0.0);
+  }
+  bool PlusJacobian(const double*, double* jacobian) const override {
+    const double identity[4] = {1.0, 0.0, 0.0, 1.0};
+    std::copy(identity, identity + 4, jacobian);
+    return true;
+  }
+  bool Minus(const double*, const double*, double*) const override { return false; }
+  bool MinusJacobian(const double*, double*) const override { return false; }
+
+ private:
+  bool only_at_zero_;
+};
+
+TEST(Termination34, plus_of_the_gradient_failed) {
+  World world;
+  double* x = world.Add({1.0, 2.0});
+  world.problem.AddResidualBlock(Target({0.0, 0.0}), nullptr, x);
+  world.problem.SetManifold(x, new Failing(false));
+  const Outcome outcome = Solve(Small(), &world.problem);
+  ExpectEnd(outcome, ceres::FAILURE, "projected_gradient_step = Plus(x, -gradient) failed.");
+  EXPECT_EQ(outcome.summary.message, "projected_gradient_step = Plus(x, -gradient) failed.");
+}
+
+TEST(Termination34, bounded_and_plus_of_zero_failed) {
+  World world;
+  double* x = world.Add({1.0, 2.0});
+  world.problem.AddResidualBlock(Target({0.0, 0.0}), nullptr, x);
+  world.problem.SetManifold(x, new Failing(true));
+  world.problem.SetParameterLowerBound(x, 0, -10.0);
+  const Outcome outcome = Solve(Small(), &world.problem, Solver::kAnyone);
+  ExpectEnd(outcome, ceres::FAILURE, "Unable to project initial point onto the feasible set.");
+  EXPECT_EQ(outcome.summary.message, "Unable to project initial point onto the feasible set.");
+}
+
+TEST(Termination34, invalid_steps) {
+  World world;
+  double* x = world.Add({0.0});
+  world.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }), nullptr, x);
+  Options options = Small();
+  options.gradient_tolerance = 0.0;
+  const Outcome outcome = Solve(options, &world.problem);
+  const std::string message =
+      "Number of consecutive invalid steps more than Solver::Options::max_num_consecutive_invalid_steps: 5";
+  ExpectEnd(outcome, ceres::FAILURE, message);
+  EXPECT_EQ(outcome.summary.message, message);
+}
+
+TEST(Termination34, user_success_and_user_failure) {
+  for (const auto answer : {ceres::SOLVER_TERMINATE_SUCCESSFULLY, ceres::SOLVER_ABORT}) {
+    Line line;
+    Callback callback([&](const ceres::IterationSummary&) { return answer; });
+    Options options = Small();
+    options.callbacks.push_back(&callback);
+    const Outcome outcome = Solve(options, &line.problem);
+    const bool success = answer == ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+    const std::string message =
+        success ? "User callback returned SOLVER_TERMINATE_SUCCESSFULLY." : "User callback returned SOLVER_ABORT.";
+    ExpectEnd(outcome, success ? ceres::USER_SUCCESS : ceres::USER_FAILURE, message);
+    EXPECT_EQ(outcome.summary.message, message);
+    EXPECT_EQ(outcome.summary.iterations.size(), 1u);
+  }
+}
+
+}  // namespace
+}  // namespace conformance
