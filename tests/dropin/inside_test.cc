@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <thread>
@@ -117,6 +118,74 @@ TEST(DropinInside, ACostFunctionThatChangesInPlaceIsNoticed) {
     Solve(&problem);
     EXPECT_NEAR(x, std::sqrt(target), 1e-6);
   }
+}
+
+// Each call that edits a living Problem takes effect at the next solve. Whatever edits, it does so when the session, if there is
+// one, knows the problem and would not look again.
+TEST(DropinInside, EveryEditIsSeen) {
+  ceres::Problem::Options options;
+  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem problem(options);
+  double x[2] = {3.0, 3.0};
+  double y = 1.0;
+  ceres::SubsetManifold second_held(2, {1});
+  // x₀ x₁ − 6 and small pulls towards (2, 3), so that there is one minimum, and it is not zero.
+  struct Product {
+    bool operator()(const double* const v, double* r) const {
+      r[0] = v[0] * v[1] - 6.0;
+      r[1] = 0.1 * (v[0] - 2.1);
+      r[2] = 0.1 * (v[1] - 3.0);
+      return true;
+    }
+  };
+  problem.AddResidualBlock(new ceres::NumericDiffCostFunction<Product, ceres::CENTRAL, 3, 2>(new Product), nullptr, x);
+  const auto settle = [&](double start) {
+    const ceres::Solver::Summary summary = Solve(&problem);
+    EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+    x[0] = x[1] = start;
+    return Solve(&problem).IsSolutionUsable();
+  };
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_TRUE(settle(3.0));
+    EXPECT_NEAR(x[0] * x[1], 6.0, 0.05);
+  }
+  problem.SetParameterBlockConstant(x);
+  EXPECT_TRUE(settle(3.5));
+  EXPECT_EQ(x[0], 3.5);
+  problem.SetParameterBlockVariable(x);
+  EXPECT_TRUE(settle(3.0));
+  EXPECT_NEAR(x[0] * x[1], 6.0, 0.05);
+  problem.SetManifold(x, &second_held);
+  EXPECT_TRUE(settle(4.0));
+  EXPECT_EQ(x[1], 4.0);
+  EXPECT_NEAR(x[0], 1.5, 0.05);
+  problem.SetManifold(x, nullptr);
+  EXPECT_TRUE(settle(3.0));
+  EXPECT_NE(x[1], 3.0);
+  problem.SetParameterUpperBound(x, 0, 1.0);
+  EXPECT_TRUE(settle(0.5));
+  EXPECT_LE(x[0], 1.0);
+  problem.SetParameterUpperBound(x, 0, std::numeric_limits<double>::max());
+  EXPECT_TRUE(settle(3.0));
+  EXPECT_GT(x[0], 1.0);
+  const ceres::ResidualBlockId other = problem.AddResidualBlock(new Square(4.0), nullptr, &y);
+  EXPECT_TRUE(settle(3.0));
+  EXPECT_NEAR(y, 2.0, 1e-6);
+  problem.RemoveResidualBlock(other);
+  y = 1.0;
+  EXPECT_TRUE(settle(3.0));
+  EXPECT_EQ(y, 1.0);
+  problem.AddResidualBlock(new Square(9.0), nullptr, &y);
+  EXPECT_TRUE(settle(3.0));
+  EXPECT_NEAR(y, 3.0, 1e-6);
+  problem.RemoveParameterBlock(&y);
+  y = std::numeric_limits<double>::quiet_NaN();  // nobody's any more
+  EXPECT_TRUE(settle(3.0));
+  x[0] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(Solve(&problem).termination_type, ceres::FAILURE);
+  EXPECT_TRUE(std::isnan(x[0]));
+  x[0] = 3.0;
+  EXPECT_TRUE(settle(3.0));
 }
 
 // A Problem at the address of another, with the other's arrays.

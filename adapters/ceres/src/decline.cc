@@ -12,6 +12,7 @@ void ClearResults(SolveReport* report) {
     cleared.mode = report->mode;
     cleared.strict = report->strict;
     cleared.evaluation_callback = report->evaluation_callback;
+    cleared.problem_unedited = report->problem_unedited;
     *report = cleared;
   }
 }

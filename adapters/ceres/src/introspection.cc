@@ -38,6 +38,12 @@ ParameterBlockView ReadParameterBlock(const ceres::Problem& problem, double* val
   return block;
 }
 
+void CheckValues(const ParameterBlockView& block, ProblemView* view) {
+  if (HasInvalidValue(block)) {
+    SetDefect(view, Describe(block) + " has a value that is not finite");
+  }
+}
+
 void ReadParameterBlocks(const ceres::Problem& problem, ProblemView* view) {
   std::vector<double*> pointers;
   problem.GetParameterBlocks(&pointers);
@@ -46,9 +52,7 @@ void ReadParameterBlocks(const ceres::Problem& problem, ProblemView* view) {
   for (double* values : pointers) {
     view->blocks.push_back(ReadParameterBlock(problem, values));
     const ParameterBlockView& block = view->blocks.back();
-    if (HasInvalidValue(block)) {
-      SetDefect(view, Describe(block) + " has a value that is not finite");
-    }
+    CheckValues(block, view);
     const std::size_t count = view->blocks.size();
     if (count > 1) {
       const ParameterBlockView& previous = view->blocks[count - 2];
@@ -160,6 +164,19 @@ void Introspect(const ceres::Problem& problem, ProblemView* view) {
     Count(residual, &view->all);
     if (!residual.fixed) {
       Count(residual, &view->reduced);
+    }
+  }
+}
+
+void IntrospectValues(const ceres::Problem& problem, ProblemView* view) {
+  if (!view->defect.empty()) {
+    Introspect(problem, view);  // whether it is one of values or of structure is not known any more
+    return;
+  }
+  for (ParameterBlockView& block : view->blocks) {
+    CheckValues(block, view);
+    if (block.bounds != BoundsKind::kNone) {
+      block.bounds = BoundsOf(problem, block.values, block.ambient_size);
     }
   }
 }

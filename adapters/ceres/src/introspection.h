@@ -64,6 +64,9 @@ ProblemView Introspect(const ceres::Problem& problem);
 /// The same into the memory of an earlier view.
 void Introspect(const ceres::Problem& problem, ProblemView* view);
 
+/// The same of a problem in which, since this view was taken, nothing but values has changed. Cost: linear in parameters.
+void IntrospectValues(const ceres::Problem& problem, ProblemView* view);
+
 /// "parameter block 0x55… of size 7", for messages.
 std::string Describe(const ParameterBlockView& block);
 

@@ -16,10 +16,20 @@ class CeresSession::Impl {
  public:
   explicit Impl(const SessionOptions& session_options) : options(session_options) {}
 
+  void Look(const ceres::Problem& problem) {
+    if (has_view) {
+      internal::IntrospectValues(problem, &view);
+    } else {
+      internal::Introspect(problem, &view);
+    }
+    has_view = true;
+  }
+
   const SessionOptions options;
   std::unique_ptr<internal::LivingProblem> living;
-  int num_threads = 0;         // of the living problem, which cannot change it
-  internal::ProblemView view;  // kept for its memory
+  int num_threads = 0;  // of the living problem, which cannot change it
+  internal::ProblemView view;
+  bool has_view = false;  // of the problem's structure as it is
 };
 
 CeresSession::CeresSession(const SessionOptions& options) : impl_(std::make_unique<Impl>(options)) {
@@ -34,10 +44,11 @@ void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* 
   CHECK(summary != nullptr);
   *summary = ceres::Solver::Summary();
   internal::ClearResults(report);
+  impl_->has_view = impl_->has_view && report != nullptr && report->problem_unedited;
   std::string obstacle = internal::IncrementalOptionsObstacle(options, report != nullptr ? report->evaluation_callback : nullptr);
   internal::OrderingView ordering;
   if (obstacle.empty()) {
-    internal::Introspect(*problem, &impl_->view);
+    impl_->Look(*problem);
     ordering = internal::ReadOrdering(options, impl_->view);
     obstacle = internal::IncrementalProblemObstacle(options, impl_->view, ordering);
   }

@@ -1,7 +1,7 @@
 #include "adapters/ceres/dropin/src/dropin_solve.h"
 
+#include <cstdint>
 #include <memory>
-#include <string>
 
 #include <glog/logging.h>
 
@@ -40,21 +40,6 @@ class Borrowed {
   bool mine_;
 };
 
-// Which residual blocks are new is known from the calls that added them, whatever their addresses: their cost functions are
-// forgotten, so that a residual block removed and added again is linearised anew even where nothing that can be evaluated
-// differs (vio_usage.md 0.2, points 2 and 4).
-//
-// What no wrapped call tells is believed no more than in any CeresSession: the values of parameters are compared, and the cost
-// function of a residual block that stayed must still evaluate to its residual, bit by bit. For it may have changed where it
-// stands, by memory of its own (point 5) or of the user's that is no argument of it (point 6), and neither is an edit of the
-// Problem.
-void TellWhatIsNew(KnownProblem* known) {
-  for (const ceres::CostFunction* cost : known->added_cost_functions) {
-    known->session->Forget(cost);
-  }
-  known->added_cost_functions.clear();
-}
-
 SolveReport Asked(const KnownProblem& known, SolveMode mode) {
   SolveReport report;
   report.mode = mode;
@@ -62,22 +47,46 @@ SolveReport Asked(const KnownProblem& known, SolveMode mode) {
   return report;
 }
 
+// Which residual blocks are new is known from the calls that added them, whatever their addresses: their cost functions are
+// forgotten, so that a residual block removed and added again is linearised anew even where nothing that can be evaluated
+// differs (vio_usage.md 0.2, points 2 and 4). And where no call has edited the problem, it is not looked through again.
+//
+// What no wrapped call tells is believed no more than in any CeresSession: the values of parameters are compared, and the cost
+// function of a residual block that stayed must still evaluate to its residual, bit by bit. For it may have changed where it
+// stands, by memory of its own (point 5) or of the user's that is no argument of it (point 6), and neither is an edit of the
+// Problem.
+void TellWhatIsNew(KnownProblem* known) {
+  if (known->session != nullptr) {
+    for (const ceres::CostFunction* cost : known->added_cost_functions) {
+      known->session->Forget(cost);
+    }
+  }
+  known->added_cost_functions.clear();
+}
+
+SolveReport AskSession(KnownProblem* known) {
+  SolveReport report = Asked(*known, SolveMode::kIncremental);
+  if (known->session == nullptr) {
+    known->session = std::make_unique<CeresSession>();
+  } else {
+    report.problem_unedited = !known->edited;
+  }
+  known->edited = false;
+  return report;
+}
+
 // Whether it was solved; if not, nothing has happened, for the report is strict. A Problem's first solve needs no session:
 // many Problems are solved once, on a stack. The second begins one.
 bool SolvedIncrementally(KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
                          ceres::Solver::Summary* summary) {
-  SolveReport report = Asked(*known, SolveMode::kIncremental);
+  const Borrowed borrowed(known);
+  const bool in_session = known->num_solves > 0 && borrowed.mine();
+  SolveReport report = in_session ? AskSession(known) : Asked(*known, SolveMode::kIncremental);
   report.strict = true;
-  const Borrowed session(known);
-  if (known->num_solves == 0 || !session.mine()) {
-    inceres::Solve(options, problem, summary, &report);
-  } else {
-    if (known->session == nullptr) {
-      known->session = std::make_unique<CeresSession>();
-      known->added_cost_functions.clear();
-    }
-    TellWhatIsNew(known);
+  if (in_session) {
     known->session->Solve(options, problem, summary, &report);
+  } else {
+    inceres::Solve(options, problem, summary, &report);
   }
   if (!report.fallback_reason.empty()) {
     LOG(INFO) << "inceres: not incremental: " << report.fallback_reason;
@@ -87,9 +96,18 @@ bool SolvedIncrementally(KnownProblem* known, const ceres::Solver::Options& opti
   return true;
 }
 
+// Auto: a living Problem of which at least half was there at its last solve. What is solved once, or has been replaced, gains
+// nothing from being remembered.
+bool IsIncremental(DropinMode mode, const KnownProblem& known, const ceres::Problem& problem) {
+  const auto num_old = problem.NumResidualBlocks() - static_cast<std::int64_t>(known.added_cost_functions.size());
+  return mode == DropinMode::kIncremental ||
+         (mode == DropinMode::kAuto && known.num_solves > 0 && 2 * num_old >= problem.NumResidualBlocks());
+}
+
 void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
                 ceres::Solver::Summary* summary) {
-  const bool incremental = mode == DropinMode::kIncremental || (mode == DropinMode::kAuto && known->num_solves > 0);
+  const bool incremental = IsIncremental(mode, *known, *problem);
+  TellWhatIsNew(known);
   if (!incremental || !SolvedIncrementally(known, options, problem, summary)) {
     SolveReport report = Asked(*known, SolveMode::kExact);
     inceres::Solve(options, problem, summary, &report);

@@ -27,12 +27,15 @@ bool Remembers() {
   return remembers;
 }
 
+// `added`: the cost function of a new residual block, else null. Before its first solve everything of a Problem is new.
 void NoteEdit(const ceres::Problem* problem, const ceres::CostFunction* added) {
-  if (KnownProblem* known = Remembers() ? TheRegistry().Find(problem) : nullptr; known != nullptr) {
-    ++known->num_edits;
-    if (added != nullptr && known->session != nullptr) {
-      known->added_cost_functions.push_back(added);
-    }
+  KnownProblem* known = Remembers() ? TheRegistry().Find(problem) : nullptr;
+  if (known == nullptr || known->num_solves == 0) {
+    return;
+  }
+  known->edited = true;
+  if (added != nullptr) {
+    known->added_cost_functions.push_back(added);
   }
 }
 

@@ -21,15 +21,16 @@ namespace inceres::internal {
 struct KnownProblem {
   ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< from Problem::Options, which Ceres 2.1 shows to nobody
 
-  std::int64_t num_edits =
-      0;  ///< calls that changed the problem so far; not counted in exact mode, which keeps nothing to go stale
   std::int64_t num_solves = 0;  ///< of this Problem, by whichever solver
 
-  std::unique_ptr<CeresSession> session;  ///< from the second incremental solve on
-  /// Cost functions of residual blocks added since the session began or last solved. Their contents may have changed even if
-  /// residual block, address and residual are all those of a residual block removed before.
+  // Kept in incremental and auto mode, from the first solve on.
+  bool edited = false;  ///< since the session was last asked: a block added or removed, a constant, manifold or bound set
+  /// Cost functions of the residual blocks added since the last solve. Their contents may have changed even if residual block,
+  /// address and residual are all those of a residual block removed before.
   std::vector<const ceres::CostFunction*> added_cost_functions;
-  std::atomic<bool> busy{false};  ///< a solve uses the session: a solve nested in it, of the same Problem, may not
+
+  std::unique_ptr<CeresSession> session;  ///< from the second solve on, if that is incremental
+  std::atomic<bool> busy{false};          ///< a solve uses the session: a solve nested in it, of the same Problem, may not
 };
 
 /// The living Problems of a process by address: all that the drop-in remembers. An entry is made by a Problem's constructor, goes

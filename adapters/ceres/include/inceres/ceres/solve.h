@@ -45,6 +45,10 @@ struct INCERES_EXPORT SolveReport {
   /// which knows the callback by itself.
   ceres::EvaluationCallback* evaluation_callback = nullptr;
 
+  /// in, CeresSession only: since its last solve, which was of this problem, nothing was added, removed, or made constant or
+  /// variable, and no manifold or bound was set. The session then does not look through the problem again; values may differ.
+  bool problem_unedited = false;
+
   bool used_stock = false;                          ///< out: stock Ceres solved it
   std::string fallback_reason;                      ///< out: why; empty if we solved it
   std::vector<std::string> options_without_effect;  ///< out: options set away from their default that change nothing here
