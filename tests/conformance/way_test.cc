@@ -11,8 +11,10 @@ TEST(Way, SolveComesFromTheLibraryThisRunIsAbout) {
 
 TEST(Way, CostFunctionsAreCalledByWhoSolves) {
   Line line;
-  const Outcome outcome = Solve(Small(), &line.problem, Solver::kOurs);
+  const Outcome outcome = Solve(Schur(), &line.problem, Solver::kOurs);
   EXPECT_EQ(outcome.summary.termination_type, ceres::CONVERGENCE);
+  // The incremental solver has no whole passes to count.
+  EXPECT_EQ(outcome.summary.num_residual_evaluations == -1, ThisRun() == Way::kIncremental);
 }
 
 }  // namespace
