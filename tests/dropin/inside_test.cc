@@ -1,5 +1,5 @@
 // The drop-in from inside a program that knows only Ceres, and asks it by its C functions what it has seen. Linked both with the
-// shared Ceres and with a static one, and run in exact and in incremental mode.
+// shared Ceres and with a static one, and run in exact, incremental and auto mode.
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
@@ -19,9 +19,10 @@
 
 namespace {
 
-bool IsIncremental() {
+// Whether a Problem that is solved again, and has not changed, is remembered.
+bool Remembers() {
   const char* mode = std::getenv("INCERES_MODE");
-  return mode != nullptr && std::string(mode) == "incremental";
+  return mode != nullptr && (std::string(mode) == "incremental" || std::string(mode) == "auto");
 }
 
 // x² − target, which tells how often it was called.
@@ -89,7 +90,7 @@ TEST(DropinInside, ALivingProblemIsRemembered) {
   const int first = cost.num_jacobians;
   Solve(&problem);
   EXPECT_GT(first, 1);
-  if (!IsIncremental()) {
+  if (!Remembers()) {
     EXPECT_GT(cost.num_jacobians, first);  // exact mode remembers nothing
     return;
   }

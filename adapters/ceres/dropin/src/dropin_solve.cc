@@ -92,16 +92,24 @@ bool SolvedIncrementally(KnownProblem* known, const ceres::Solver::Options& opti
     LOG(INFO) << "inceres: not incremental: " << report.fallback_reason;
     return false;
   }
+  const ProblemChanges& changes = report.changes;
+  VLOG(1) << "inceres: incremental: " << changes.num_added_factors << " residual blocks new, " << changes.num_removed_factors
+          << " removed, " << changes.num_replaced_factors << " not recognised, " << changes.num_kept_factors << " kept; "
+          << changes.num_revalued_variables << " parameter blocks revalued; " << report.update.num_relinearised_factors
+          << " linearised in " << report.update.num_iterations << " iterations.";
   TheRegistry().CountSolve();
   return true;
 }
 
-// Auto: a living Problem of which at least half was there at its last solve. What is solved once, or has been replaced, gains
-// nothing from being remembered.
+// Auto: a living Problem of which at most a twentieth is new since its last solve. What is solved once gains nothing from being
+// remembered; nor does a sliding window, whose states all move when a tenth of it is exchanged: each iteration linearises nearly
+// everything anew, and exact mode does that for less.
+constexpr std::int64_t kOldPerNew = 20;
+
 bool IsIncremental(DropinMode mode, const KnownProblem& known, const ceres::Problem& problem) {
-  const auto num_old = problem.NumResidualBlocks() - static_cast<std::int64_t>(known.added_cost_functions.size());
+  const auto num_new = static_cast<std::int64_t>(known.added_cost_functions.size());
   return mode == DropinMode::kIncremental ||
-         (mode == DropinMode::kAuto && known.num_solves > 0 && 2 * num_old >= problem.NumResidualBlocks());
+         (mode == DropinMode::kAuto && known.num_solves > 0 && kOldPerNew * num_new <= problem.NumResidualBlocks());
 }
 
 void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,

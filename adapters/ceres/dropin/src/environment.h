@@ -8,7 +8,7 @@ namespace inceres::internal {
 enum class DropinMode {
   kExact,        ///< inceres::SolveMode::kExact
   kIncremental,  ///< incremental wherever it can, exact where it cannot
-  kAuto,         ///< a Problem's first solve exact, its later ones incremental where they can be
+  kAuto,         ///< incremental for what lives on and changes little (IsIncremental has the rule), else exact
   kStock,        ///< nothing is looked at
 };
 
