@@ -199,7 +199,7 @@ TEST(Case52, evaluation_callback_present) {
     });
     Options options = Small();
     options.callbacks.push_back(&callback);
-    Solve(options, &world.problem, Solver::kAnyone);
+    Solve(options, &world.problem);
     ASSERT_GE(watch.seen.size(), 3u);
     EXPECT_EQ(watch.seen[0], 0.5);
     EXPECT_NEAR(watch.seen[1], 10.0, 1e-3);

@@ -143,7 +143,7 @@ struct PreparedWorld : World {
 TEST(Options24, evaluation_callback) {
   Preparation preparation;
   PreparedWorld world(&preparation);
-  const Summary summary = Solve(Small(), &world.problem, Solver::kAnyone).summary;
+  const Summary summary = Solve(Small(), &world.problem).summary;
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
   EXPECT_NEAR(world.x[0], 1.0, 1e-5);
   EXPECT_GT(summary.num_unsuccessful_steps, 0);
@@ -170,7 +170,7 @@ TEST(Options24, evaluation_callback_and_fixed_residuals) {
     world.problem.AddResidualBlock(Target({3.0}), nullptr, c);
     world.problem.SetParameterBlockConstant(c);
   }
-  const Summary summary = Solve(Small(), &world.problem, Solver::kAnyone).summary;
+  const Summary summary = Solve(Small(), &world.problem).summary;
   EXPECT_EQ(summary.fixed_cost, 4.0);
   EXPECT_EQ(static_cast<int>(preparation.calls.size()), 1 + summary.num_jacobian_evaluations + summary.num_residual_evaluations);
   ASSERT_GT(preparation.calls.size(), 1u);

@@ -15,8 +15,6 @@
 namespace conformance {
 namespace {
 
-constexpr const char* kOurLibrary = "inceres";
-
 std::atomic<int> num_calls_by_us{0};
 std::atomic<int> num_calls_by_stock{0};
 
@@ -32,7 +30,7 @@ void NoteCaller(const void* return_address) {
   if (return_address != last_address) {
     last_address = return_address;
     const std::string library = LibraryAt(return_address);
-    last_is_ours = library.substr(library.rfind('/') + 1).find(kOurLibrary) != std::string::npos;
+    last_is_ours = library.substr(library.rfind('/') + 1).find("inceres") != std::string::npos;
   }
   ++(last_is_ours ? num_calls_by_us : num_calls_by_stock);
 }

@@ -101,7 +101,7 @@ Summary ExpectNoEffect(const Options& base, const std::function<void(Options*)>&
 /// a = b to a relative tolerance.
 void ExpectClose(double a, double b, double tolerance = 1e-9);
 
-/// `text` with each number of a message replaced: compares messages whose numbers differ in their last digits.
+/// For messages whose numbers differ in their last digits.
 bool StartsWith(const std::string& text, const std::string& start);
 
 /// A callback made of a lambda.
