@@ -20,8 +20,8 @@ Environment ReadEnvironment() {
 }  // namespace
 
 const Environment& TheEnvironment() {
-  static const Environment environment = ReadEnvironment();
-  return environment;
+  static const Environment kEnvironment = ReadEnvironment();
+  return kEnvironment;
 }
 
 bool ParseMode(const char* text, DropinMode* mode) {

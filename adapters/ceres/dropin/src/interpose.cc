@@ -17,14 +17,14 @@ namespace {
 
 // Whether anything but passing calls through is to be done at all.
 bool IsActive() {
-  static const bool active = TheEnvironment().mode != DropinMode::kStock && Next().is_ours;
-  return active;
+  static const bool kActive = TheEnvironment().mode != DropinMode::kStock && Next().is_ours;
+  return kActive;
 }
 
 // Whether edits are of interest.
 bool Remembers() {
-  static const bool remembers = IsActive() && TheEnvironment().mode != DropinMode::kExact;
-  return remembers;
+  static const bool kRemembers = IsActive() && TheEnvironment().mode != DropinMode::kExact;
+  return kRemembers;
 }
 
 // `added`: the cost function of a new residual block, else null. Before its first solve everything of a Problem is new.

@@ -2,7 +2,7 @@
 #include <dlfcn.h>
 #include <link.h>
 
-#include <cstring>
+#include <cstddef>
 #include <string>
 
 #include <glog/logging.h>
@@ -29,7 +29,8 @@ std::string SonameOf(const link_map& map) {
     if (entry->d_tag == DT_STRTAB) {
       // The loader has turned it into an address, on most machines.
       const ElfW(Addr) address = entry->d_un.d_ptr < map.l_addr ? map.l_addr + entry->d_un.d_ptr : entry->d_un.d_ptr;
-      strings = reinterpret_cast<const char*>(address);
+      const auto from_here = static_cast<std::ptrdiff_t>(address - reinterpret_cast<ElfW(Addr)>(map.l_ld));
+      strings = reinterpret_cast<const char*>(map.l_ld) + from_here;
     } else if (entry->d_tag == DT_SONAME) {
       offset = entry->d_un.d_val;
     }
@@ -84,8 +85,8 @@ NextCeres FindNext() {
 }  // namespace
 
 const NextCeres& Next() {
-  static const NextCeres next = FindNext();
-  return next;
+  static const NextCeres kNext = FindNext();
+  return kNext;
 }
 
 }  // namespace inceres::internal

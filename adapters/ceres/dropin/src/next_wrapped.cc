@@ -22,8 +22,8 @@ NextCeres RealCeres() {
 }  // namespace
 
 const NextCeres& Next() {
-  static const NextCeres next = RealCeres();
-  return next;
+  static const NextCeres kNext = RealCeres();
+  return kNext;
 }
 
 }  // namespace inceres::internal

@@ -1,5 +1,4 @@
-#ifndef INCERES_CERES_DROPIN_H_
-#define INCERES_CERES_DROPIN_H_
+#pragma once
 
 /* What a program may ask the drop-in, in C, so that it can look for these with dlsym: `libinceres_dropin.so` exports them beside
    the functions of Ceres that it stands in for. Threads: any. */
@@ -19,6 +18,4 @@ __attribute__((visibility("default"))) int inceres_dropin_num_problems(void);
 
 #ifdef __cplusplus
 }
-#endif
-
 #endif
