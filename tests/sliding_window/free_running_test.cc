@@ -1,0 +1,88 @@
+// Both estimators on a whole run with inceres: the trajectory is as good as with stock Ceres.
+
+#include <memory>
+
+#include <gtest/gtest.h>
+
+#include "inceres/ceres/session.h"
+#include "inceres/ceres/solve.h"
+#include "okvis/okvis_run.h"
+#include "sliding_window/estimators.h"
+#include "sliding_window/scale.h"
+#include "vins/vins_run.h"
+
+namespace sliding_window {
+namespace {
+
+RunOptions Options(bool free_extrinsics) {
+  RunOptions options;
+  options.num_frames = kNumFramesOfRun;
+  options.estimator.free_extrinsics = free_extrinsics;
+  return options;
+}
+
+SolveFunction SolveBy(inceres::SolveMode mode) {
+  return [mode](const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+    inceres::SolveReport report;
+    report.mode = mode;
+    report.strict = true;
+    inceres::Solve(options, problem, summary, &report);
+    EXPECT_TRUE(summary->IsSolutionUsable()) << summary->message;
+  };
+}
+
+SolveFunction SolveBySession() {
+  auto session = std::make_shared<inceres::CeresSession>();
+  return [session](const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+    inceres::SolveReport report;
+    report.strict = true;
+    session->Solve(options, problem, summary, &report);
+    EXPECT_TRUE(summary->IsSolutionUsable()) << summary->message;
+  };
+}
+
+using Play = std::function<RunReport(const SolveFunction&)>;
+
+void ExpectAsGoodAsStock(const Play& play, const SolveFunction& ours, std::size_t num_solves) {
+  const RunReport stock = play(SolveWithStock);
+  const RunReport report = play(ours);
+  EXPECT_EQ(stock.solve_ms.size(), num_solves);
+  EXPECT_EQ(report.solve_ms.size(), num_solves);
+  EXPECT_LT(stock.ate_m, 0.25);  // the estimator itself does its work
+  EXPECT_LT(report.ate_m, 1.01 * stock.ate_m);
+  EXPECT_GT(report.ate_m, 0.99 * stock.ate_m);
+}
+
+Play Vins(bool free_extrinsics) {
+  return [=](const SolveFunction& solve) { return RunVins(Options(free_extrinsics), solve); };
+}
+
+Play Okvis(bool free_extrinsics, bool newest_first) {
+  return [=](const SolveFunction& solve) {
+    OkvisOptions okvis_options;
+    okvis_options.newest_first = newest_first;
+    return RunOkvis(Options(free_extrinsics), okvis_options, solve);
+  };
+}
+
+TEST(FreeRunning, VinsExact) {
+  ExpectAsGoodAsStock(Vins(false), SolveBy(inceres::SolveMode::kExact), kNumFramesOfRun - 10);
+}
+TEST(FreeRunning, VinsExactExtrinsicsFree) {
+  ExpectAsGoodAsStock(Vins(true), SolveBy(inceres::SolveMode::kExact), kNumFramesOfRun - 10);
+}
+TEST(FreeRunning, VinsIncremental) {
+  ExpectAsGoodAsStock(Vins(false), SolveBy(inceres::SolveMode::kIncremental), kNumFramesOfRun - 10);
+}
+TEST(FreeRunning, OkvisExact) {
+  ExpectAsGoodAsStock(Okvis(false, false), SolveBy(inceres::SolveMode::kExact), kNumFramesOfRun);
+}
+TEST(FreeRunning, OkvisSession) {
+  ExpectAsGoodAsStock(Okvis(false, false), SolveBySession(), kNumFramesOfRun);
+}
+TEST(FreeRunning, OkvisSessionConstantsToggled) {
+  ExpectAsGoodAsStock(Okvis(false, true), SolveBySession(), 2 * kNumFramesOfRun);
+}
+
+}  // namespace
+}  // namespace sliding_window
