@@ -91,6 +91,22 @@ struct Incidence {
   std::int32_t quads;  // quads of one row of Y_q
 };
 
+/// One block row's share A of a symmetric product Σ A_rᵀ A_c: depth × size, row-major, rows padded to quads.
+struct BlockRow {
+  const double* A;
+  std::int32_t frame;  // quad offset of the row in the padded tangent vector
+  std::int32_t quads;  // of one row of A
+  std::int32_t size;
+};
+
+/// What a landmark (A = Y, depth its size) or a factor (A = J, depth its residual's) adds to a symmetric block matrix and to
+/// vectors. Rows by ascending block row.
+struct Contribution {
+  const BlockRow* rows = nullptr;
+  int count = 0;
+  int depth = 0;
+};
+
 /// The instruction-set-dependent inner loops. One table an instruction set; all give equal results up to rounding, and each
 /// gives the same bits whenever it is called with the same operands.
 struct Kernels {
@@ -106,6 +122,13 @@ struct Kernels {
   /// y −= Σ_q Y_qᵀ δ_f(q).
   void (*back_substitute)(int landmark_size, const Incidence* incidences, int count, const double* Y, const double* delta,
                           double* y);
+
+  /// C_rc += sign A_rᵀ A_c for every pair c ≤ r. blocks: the quad offset of C_rc from `C`, row by row; negative: left out.
+  void (*add_outer)(const Contribution& contribution, double sign, const std::int32_t* blocks, double* C);
+  /// y_r += sign A_rᵀ v and peak_r = max(peak_r, |y_r|).
+  void (*add_transposed)(const Contribution& contribution, const double* v, double sign, double* y, double* peak);
+  /// y_r += sign diag(A_rᵀ A_r) and peak_r = max(peak_r, |y_r|).
+  void (*add_squares)(const Contribution& contribution, double sign, double* y, double* peak);
 
   RowProducts (*row_products)(const FactorRows& rows, const double* v);
 

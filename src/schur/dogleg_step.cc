@@ -17,7 +17,7 @@ constexpr double kTinyDiagonal = 1e-12;
 template <typename Function>
 void LiveSystem::ForEachActive(Function&& visit) const {
   moved_.ForEach([&](std::int32_t i) {
-    const double* C = schur_.FrameDiagonal().data() + schur_.FrameOffset(i);
+    const double* C = schur_.FrameDiagonal(i);
     visit(std::ptrdiff_t{schur_.frames()[i].quad} * kQuad, schur_.frames()[i].size, [C](int k) { return C[k]; });
   });
   visited_.ForEach([&](std::int32_t l) {

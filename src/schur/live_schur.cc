@@ -22,108 +22,81 @@ constexpr double kCostDrop = 1e2;
 
 }  // namespace
 
-void LiveSchur::AddFactorTo(FactorRef ref, double sign, std::int32_t only) {
+// The frames of a factor with their Jacobians, ascending, into rows_ and rows_of_.
+Contribution LiveSchur::RowsOfFactor(FactorRef ref) {
   const LiveFamily& family = families_[ref.family];
-  BlockProducts products;
-  const ProductTerm term{0, 0};
-  products.terms = &term;
-  products.count = 1;
-  products.depth = family.residual_size();
-  for (int r = 0; r < family.num_slots(); ++r) {
-    const std::int32_t row = FrameOfFactor(ref, r);
+  rows_.clear();
+  rows_of_.clear();
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const std::int32_t row = FrameOfFactor(ref, s);
     if (row < 0) {
       continue;
     }
-    products.b = family.Jacobian(ref.factor, r);
-    products.b_size = frames_[row].size;
-    for (int c = 0; c < family.num_slots(); ++c) {
-      const std::int32_t column = FrameOfFactor(ref, c);
-      if (column < 0 || column > row || (only != kAllRows && row != only && column != only)) {
-        continue;
-      }
-      products.a = family.Jacobian(ref.factor, c);
-      products.a_size = frames_[column].size;
-      kernels_.accumulate_products(products, sign, S_.values(S_.FindOrAdd(row, column)));
-    }
-    if (only == kAllRows || row == only) {
-      AddRowOfFactor(ref, r, sign);
-    }
-    Touch(row);
+    const auto at = std::upper_bound(rows_of_.begin(), rows_of_.end(), row) - rows_of_.begin();
+    const Frame& frame = frames_[row];
+    rows_of_.insert(rows_of_.begin() + at, row);
+    rows_.insert(rows_.begin() + at, {family.Jacobian(ref.factor, s), frame.quad, PadToQuad(frame.size) / kQuad, frame.size});
   }
-}
-
-// Share of b and diag(C).
-void LiveSchur::AddRowOfFactor(FactorRef ref, int slot, double sign) {
-  const LiveFamily& family = families_[ref.family];
-  const Frame& frame = frames_[FrameOfFactor(ref, slot)];
-  const double* J = family.Jacobian(ref.factor, slot);
-  const double* q = family.q(ref.factor);
-  const int stride = PadToQuad(frame.size);
-  double* b = Rhs(frame.quad);
-  double* C = C_diagonal_.data() + offsets_[&frame - frames_.data()];
-  double* peak = C_peak_.data() + (C - C_diagonal_.data());
-  for (int k = 0; k < frame.size; ++k) {
-    double gradient = 0.0;
-    double squared = 0.0;
-    for (int i = 0; i < family.residual_size(); ++i) {
-      const double entry = J[i * stride + k];
-      gradient += entry * q[i];
-      squared += entry * entry;
-    }
-    b[k] -= sign * gradient;
-    C[k] += sign * squared;
-    peak[k] = std::max(peak[k], C[k]);
-  }
-  SampleB(FrameOfFactor(ref, slot));
-}
-
-void LiveSchur::SampleB(std::int32_t row) {
-  const double* b = this->b(row);
-  double* peak = b_peak_.data() + offsets_[row];
-  for (int k = 0; k < frames_[row].size; ++k) {
-    peak[k] = std::max(peak[k], std::fabs(b[k]));
-  }
+  return {rows_.data(), static_cast<int>(rows_.size()), family.residual_size()};
 }
 
 // New factors may have brought new frames since: the contribution is that of the incidences, the frames it went in with.
-void LiveSchur::AddProducts(const Landmark& landmark, double sign, std::int32_t only) {
-  BlockProducts products;
-  products.a = products.b = Y_.data();
-  products.count = 1;
-  products.depth = landmark.size;
+Contribution LiveSchur::RowsOfLandmark(const Landmark& landmark) {
+  rows_.clear();
   for (std::size_t r = 0; r < landmark.incidences.size(); ++r) {
-    const std::int32_t row = landmark.frames[r];
-    for (std::size_t c = 0; c < landmark.incidences.size(); ++c) {
-      const std::int32_t column = landmark.frames[c];
-      if (column > row || (only != kAllRows && row != only && column != only)) {
-        continue;
-      }
-      const ProductTerm term{landmark.incidences[c].y, landmark.incidences[r].y};
-      products.terms = &term;
-      products.a_size = frames_[column].size;
-      products.b_size = frames_[row].size;
-      kernels_.accumulate_products(products, sign, S_.values(S_.FindOrAdd(row, column)));
+    const Incidence& incidence = landmark.incidences[r];
+    rows_.push_back(
+        {Y_.data() + std::ptrdiff_t{incidence.y} * kQuad, incidence.frame, incidence.quads, frames_[landmark.frames[r]].size});
+  }
+  return {rows_.data(), static_cast<int>(rows_.size()), landmark.size};
+}
+
+void LiveSchur::AddFactorTo(FactorRef ref, double sign, std::int32_t only) {
+  const Contribution contribution = RowsOfFactor(ref);
+  blocks_.clear();
+  for (int r = 0; r < contribution.count; ++r) {
+    for (int c = 0; c <= r; ++c) {
+      const bool left_out = only != kAllRows && rows_of_[r] != only && rows_of_[c] != only;
+      blocks_.push_back(left_out ? -1 : BlockOf(rows_of_[r], rows_of_[c]));
     }
-    Touch(row);
+    Touch(rows_of_[r]);
+  }
+  kernels_.add_outer(contribution, sign, blocks_.data(), S_.values(0));
+  const double* q = families_[ref.family].q(ref.factor);
+  for (int r = 0; r < contribution.count; ++r) {
+    if (only == kAllRows || rows_of_[r] == only) {
+      const Contribution row{contribution.rows + r, 1, contribution.depth};
+      kernels_.add_transposed(row, q, -sign, rhs_.data(), b_peak_.data());
+      kernels_.add_squares(row, sign, C_diagonal_.data(), C_peak_.data());
+    }
+  }
+}
+
+void LiveSchur::AddProducts(const Landmark& landmark, double sign, std::int32_t only) {
+  const std::int32_t* blocks = landmark.blocks.data();
+  if (only != kAllRows) {
+    blocks_.assign(landmark.blocks.begin(), landmark.blocks.end());
+    std::size_t at = 0;
+    for (std::size_t r = 0; r < landmark.incidences.size(); ++r) {
+      for (std::size_t c = 0; c <= r; ++c, ++at) {
+        blocks_[at] = landmark.frames[r] == only || landmark.frames[c] == only ? blocks_[at] : -1;
+      }
+    }
+    blocks = blocks_.data();
+  }
+  kernels_.add_outer(RowsOfLandmark(landmark), sign, blocks, S_.values(0));
+  for (std::size_t r = 0; r < landmark.incidences.size(); ++r) {
+    Touch(landmark.frames[r]);
   }
 }
 
 void LiveSchur::AddToB(const Landmark& landmark, const double* z, double sign, std::int32_t only) {
-  for (std::size_t r = 0; r < landmark.incidences.size(); ++r) {
-    if (only != kAllRows && landmark.frames[r] != only) {
-      continue;
+  const Contribution contribution = RowsOfLandmark(landmark);
+  for (int r = 0; r < contribution.count; ++r) {
+    if (only == kAllRows || landmark.frames[r] == only) {
+      kernels_.add_transposed({contribution.rows + r, 1, contribution.depth}, z, sign, rhs_.data(), b_peak_.data());
+      TouchB(landmark.frames[r]);
     }
-    const Incidence& incidence = landmark.incidences[r];
-    const double* Y = Y_.data() + std::ptrdiff_t{incidence.y} * kQuad;
-    double* b = Rhs(incidence.frame);
-    const int width = incidence.quads * kQuad;
-    for (int k = 0; k < landmark.size; ++k) {
-      for (int i = 0; i < width; ++i) {
-        b[i] += sign * Y[k * width + i] * z[k];
-      }
-    }
-    SampleB(landmark.frames[r]);
-    TouchB(landmark.frames[r]);
   }
 }
 
@@ -189,12 +162,21 @@ void LiveSchur::RefreshResidual(std::int32_t landmark) {
 }
 
 bool LiveSchur::HasDrifted(std::int32_t row, double cost) {
-  for (int k = offsets_[row]; k < offsets_[row + 1]; ++k) {
+  const Frame& frame = frames_[row];
+  for (std::ptrdiff_t k = std::ptrdiff_t{frame.quad} * kQuad; k < std::ptrdiff_t{frame.quad} * kQuad + frame.size; ++k) {
     if (C_peak_[k] > kDriftRatio * C_diagonal_[k] || b_peak_[k] > kDriftRatio * std::sqrt(2.0 * cost * C_diagonal_[k])) {
       return true;
     }
   }
   return false;
+}
+
+// The gradients of a family's factors go to b directly.
+void LiveSchur::SampleB(std::int32_t row) {
+  const Frame& frame = frames_[row];
+  for (std::ptrdiff_t k = std::ptrdiff_t{frame.quad} * kQuad; k < std::ptrdiff_t{frame.quad} * kQuad + frame.size; ++k) {
+    b_peak_[k] = std::max(b_peak_[k], std::fabs(rhs_[k]));
+  }
 }
 
 int LiveSchur::ResumDrifted(double cost) {
@@ -223,13 +205,16 @@ int LiveSchur::ResumDrifted(double cost) {
   return static_cast<int>(scratch_.size());
 }
 
+void LiveSchur::ZeroVectors(const Frame& frame) {
+  for (AlignedVector<double>* padded : {&rhs_, &C_diagonal_, &C_peak_, &b_peak_}) {
+    std::fill_n(padded->begin() + std::ptrdiff_t{frame.quad} * kQuad, PadToQuad(frame.size), 0.0);
+  }
+}
+
 void LiveSchur::ResumFrame(std::int32_t frame) {
   const Frame& f = frames_[frame];
   S_.ZeroRow(frame);
-  std::fill_n(Rhs(f.quad), PadToQuad(f.size), 0.0);
-  std::fill_n(C_diagonal_.begin() + offsets_[frame], f.size, 0.0);
-  std::fill_n(C_peak_.begin() + offsets_[frame], f.size, 0.0);
-  std::fill_n(b_peak_.begin() + offsets_[frame], f.size, 0.0);
+  ZeroVectors(f);
   for (const FactorRef& ref : f.factors) {
     if (families_[ref.family].linearised(ref.factor)) {
       AddFactorTo(ref, 1.0, frame);
@@ -247,12 +232,9 @@ void LiveSchur::ResumFrame(std::int32_t frame) {
 void LiveSchur::Rebuild() {
   rebuilding_ = false;
   S_.Zero();
-  std::fill(C_diagonal_.begin(), C_diagonal_.end(), 0.0);
-  std::fill(C_peak_.begin(), C_peak_.end(), 0.0);
-  std::fill(b_peak_.begin(), b_peak_.end(), 0.0);
   for (const Frame& frame : frames_) {
     if (frame.id >= 0) {
-      std::fill_n(Rhs(frame.quad), PadToQuad(frame.size), 0.0);
+      ZeroVectors(frame);
     }
   }
   for (const LiveFamily& family : families_) {
@@ -271,12 +253,24 @@ void LiveSchur::Rebuild() {
   first_changed_ = 0;
 }
 
+// By block row, as the lower triangle of S asks for.
+void LiveSchur::SortFrames(Landmark* landmark) {
+  std::vector<std::int32_t>& frames = landmark->frames;
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    for (std::size_t k = i; k > 0 && frames[k - 1] > frames[k]; --k) {
+      std::swap(frames[k - 1], frames[k]);
+      std::swap(landmark->places[k - 1], landmark->places[k]);
+    }
+  }
+}
+
 void LiveSchur::PlaceBlocks(std::int32_t landmark) {
   Landmark& l = landmarks_[landmark];
   if (l.placed) {
     return;
   }
   ReleaseBlocks(&l);
+  SortFrames(&l);
   l.placed = true;
   for (const std::int32_t frame : l.frames) {
     const auto quads = static_cast<std::int32_t>(PadToQuad(frames_[frame].size) / kQuad);
@@ -286,6 +280,11 @@ void LiveSchur::PlaceBlocks(std::int32_t landmark) {
   const std::int32_t base = AllocateY(l.y_quads);
   for (Incidence& incidence : l.incidences) {
     incidence.y += base;
+  }
+  for (std::size_t r = 0; r < l.frames.size(); ++r) {
+    for (std::size_t c = 0; c <= r; ++c) {
+      l.blocks.push_back(BlockOf(l.frames[r], l.frames[c]));
+    }
   }
   // The first factor that reaches a block sets it, later ones add to it: an odd target.
   std::vector<std::int32_t>& begun = scratch_;
@@ -310,6 +309,7 @@ void LiveSchur::ReleaseBlocks(Landmark* landmark) {
     free_y_[landmark->y_quads].push_back(landmark->incidences.front().y);
   }
   landmark->incidences.clear();
+  landmark->blocks.clear();
   landmark->y_quads = 0;
   landmark->placed = false;
 }

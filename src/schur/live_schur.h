@@ -53,6 +53,7 @@ class LiveSchur {
     std::vector<std::int32_t> frames;   // its separator
     std::vector<std::int32_t> places;   // where each of them lists this landmark
     std::vector<Incidence> incidences;  // Y blocks, one a frame, of the contribution in S
+    std::vector<std::int32_t> blocks;   // quad offsets of the blocks of S it goes to, row by row of its lower triangle
     std::int32_t y_quads = 0;           // room taken in Y
     alignas(32) double P[4 * kQuad];
     alignas(32) double U_inv[4 * kQuad];
@@ -97,8 +98,8 @@ class LiveSchur {
   void BackSubstitute(std::int32_t landmark, double* padded_step) const;
 
   const SymmetricBlockRows& S() const { return S_; }
-  /// diag(C), packed by block rows.
-  const std::vector<double>& FrameDiagonal() const { return C_diagonal_; }
+  /// The frame's entries of diag(C).
+  const double* FrameDiagonal(int frame) const { return C_diagonal_.data() + std::ptrdiff_t{frames_[frame].quad} * kQuad; }
   int FrameOffset(int frame) const { return offsets_[frame]; }
   int size() const { return offsets_.back(); }
   /// One vector for all variables, by their quads: b for frames, η for landmarks.
@@ -151,9 +152,16 @@ class LiveSchur {
   void Separate(std::int32_t landmark, std::int32_t frame);
   void UpdateOffsets(std::int32_t first);
   void AddFactorTo(FactorRef ref, double sign, std::int32_t only);
-  void AddRowOfFactor(FactorRef ref, int slot, double sign);
+  Contribution RowsOfFactor(FactorRef ref);
+  Contribution RowsOfLandmark(const Landmark& landmark);
   void AddProducts(const Landmark& landmark, double sign, std::int32_t only);
   void AddToB(const Landmark& landmark, const double* z, double sign, std::int32_t only);
+  void SortFrames(Landmark* landmark);
+  void ZeroVectors(const Frame& frame);
+  // Quad offset of a block of S, row ≥ column.
+  std::int32_t BlockOf(std::int32_t row, std::int32_t column) {
+    return static_cast<std::int32_t>(S_.FindOrAdd(row, column) / kQuad);
+  }
   void ResumFrame(std::int32_t frame);
   void PlaceBlocks(std::int32_t landmark);
   void ReleaseBlocks(Landmark* landmark);
@@ -186,9 +194,9 @@ class LiveSchur {
   SymmetricBlockRows S_;
   std::vector<int> offsets_{0};
   AlignedVector<double> rhs_;
-  std::vector<double> C_diagonal_;
-  std::vector<double> C_peak_;  // the largest C_diagonal_ has been since its row was summed
-  std::vector<double> b_peak_;  // the largest |b| has been since its row was summed, packed
+  AlignedVector<double> C_diagonal_;  // laid out as rhs_, and so the two below
+  AlignedVector<double> C_peak_;      // the largest C_diagonal_ has been since its row was summed
+  AlignedVector<double> b_peak_;      // the largest |b| has been since its row was summed
   AlignedVector<double> Y_;
   std::vector<std::vector<std::int32_t>> free_y_;  // by quads
   std::int64_t num_pairs_ = 0;
@@ -199,6 +207,9 @@ class LiveSchur {
   IndexSet changed_rows_;    // of S, since TakeChangedRows
   double drift_cost_ = 0.0;  // when all rows were looked at
   std::vector<std::int32_t> scratch_;
+  std::vector<BlockRow> rows_;         // of the contribution under way
+  std::vector<std::int32_t> rows_of_;  // their frames
+  std::vector<std::int32_t> blocks_;   // of a factor, or those of one frame alone
 
   double total_decrement_ = 0.0;
   double decrement_error_ = 0.0;  // bound of its rounding error since it was summed

@@ -16,9 +16,13 @@ constexpr std::size_t kFreeRows = 4;
 void LiveSchur::MakeRoom(std::int32_t quad, int size) {
   const std::size_t end = static_cast<std::size_t>(quad) * kQuad + PadToQuad(size);
   if (end > rhs_.size()) {
-    rhs_.resize(end, 0.0);
+    for (AlignedVector<double>* padded : {&rhs_, &C_diagonal_, &C_peak_, &b_peak_}) {
+      padded->resize(end, 0.0);
+    }
   }
-  std::fill_n(Rhs(quad), PadToQuad(size), 0.0);
+  for (AlignedVector<double>* padded : {&rhs_, &C_diagonal_, &C_peak_, &b_peak_}) {
+    std::fill_n(padded->begin() + std::ptrdiff_t{quad} * kQuad, PadToQuad(size), 0.0);
+  }
 }
 
 void LiveSchur::UpdateOffsets(std::int32_t first) {
@@ -47,11 +51,7 @@ int LiveSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
   frame.size = size;
   frame.held = false;
   ++num_frames_;
-  // The packed diagonal of the rows behind moves up.
   UpdateOffsets(row);
-  for (std::vector<double>* packed : {&C_diagonal_, &C_peak_, &b_peak_}) {
-    packed->insert(packed->begin() + offsets_[row], size, 0.0);
-  }
   MakeRoom(quad, size);
   Touch(row);
   return row;
@@ -59,9 +59,6 @@ int LiveSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
 
 void LiveSchur::RemoveFrame(std::int32_t row) {
   Frame& frame = frames_[row];
-  for (std::vector<double>* packed : {&C_diagonal_, &C_peak_, &b_peak_}) {
-    packed->erase(packed->begin() + offsets_[row], packed->begin() + offsets_[row] + frame.size);
-  }
   S_.RemoveRow(row);
   frame.id = -1;
   frame.size = 0;
@@ -209,11 +206,11 @@ void LiveSchur::Disconnect(FactorRef ref) {
 }
 
 std::int64_t LiveSchur::Bytes() const {
-  std::size_t bytes = sizeof(double) * (rhs_.capacity() + Y_.capacity() + 3 * C_diagonal_.capacity()) +
-                      sizeof(Frame) * frames_.capacity() + sizeof(Landmark) * landmarks_.capacity();
+  std::size_t bytes = sizeof(double) * (4 * rhs_.capacity() + Y_.capacity()) + sizeof(Frame) * frames_.capacity() +
+                      sizeof(Landmark) * landmarks_.capacity();
   for (const Landmark& l : landmarks_) {
     bytes += l.factors.capacity() * sizeof(FactorRef) + l.frames.capacity() * sizeof(std::int32_t) +
-             l.incidences.capacity() * sizeof(Incidence);
+             l.incidences.capacity() * sizeof(Incidence) + l.blocks.capacity() * sizeof(std::int32_t);
   }
   for (const Frame& f : frames_) {
     bytes += f.factors.capacity() * sizeof(FactorRef) + f.landmarks.capacity() * sizeof(std::int32_t);

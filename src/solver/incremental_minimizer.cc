@@ -271,10 +271,10 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
 bool IncrementalMinimizer::SolveFrames() {
   const StageTimer timer(&summary_->solve_seconds);
   LiveSchur& schur = system_.schur();
-  const std::vector<double>& C_diagonal = schur.FrameDiagonal();
-  damping_.resize(C_diagonal.size());
-  b_.resize(C_diagonal.size());
-  frame_step_.resize(C_diagonal.size(), 0.0);
+  weights_.resize(schur.size());
+  damping_.resize(schur.size());
+  b_.resize(schur.size());
+  frame_step_.resize(schur.size(), 0.0);
   held_.resize(schur.frames().size());
   const bool thesis = options_.damping == DampingForm::kThesis;
   for (int i = 0; i < static_cast<int>(schur.frames().size()); ++i) {
@@ -283,8 +283,9 @@ bool IncrementalMinimizer::SolveFrames() {
     const int offset = schur.FrameOffset(i);
     const double* S_diagonal = frame.size > 0 ? schur.S().values(schur.S().row(i).back().offset) : nullptr;
     for (int k = 0; k < frame.size; ++k) {
+      weights_[offset + k] = schur.FrameDiagonal(i)[k];
       damping_[offset + k] =
-          mu_ * std::max(thesis ? S_diagonal[k * (PadToQuad(frame.size) + 1)] : C_diagonal[offset + k], kTinyDiagonal);
+          mu_ * std::max(thesis ? S_diagonal[k * (PadToQuad(frame.size) + 1)] : weights_[offset + k], kTinyDiagonal);
       b_[offset + k] = schur.b(i)[k];
     }
   }
@@ -300,7 +301,7 @@ bool IncrementalMinimizer::SolveFrames() {
     return false;
   }
   LiveReducedSolver::Truncation truncation;
-  truncation.weights = C_diagonal.data();
+  truncation.weights = weights_.data();
   truncation.threshold = kWildfireShare * Tolerance() / std::max(1, schur.num_frames());
   const bool solved = solver_->Solve(b_.data(), schur.TakeFirstChangedB(), truncation, frame_step_.data()).ok();
   summary_->num_solved_rows += solver_->work().solved_rows;

@@ -20,8 +20,8 @@ class IncrementalMinimizer {
   IncrementalMinimizer(const IncrementalOptions& options, LiveSystem* system);
 
   std::int64_t Bytes() const {
-    return static_cast<std::int64_t>(solver_->Bytes() +
-                                     sizeof(double) * (damping_.capacity() + b_.capacity() + frame_step_.capacity()));
+    return static_cast<std::int64_t>(
+        solver_->Bytes() + sizeof(double) * (weights_.capacity() + damping_.capacity() + b_.capacity() + frame_step_.capacity()));
   }
   /// For the next Minimize; who solves the reduced system stays.
   void SetOptions(const IncrementalOptions& options) { options_ = options; }
@@ -73,6 +73,7 @@ class IncrementalMinimizer {
   bool frames_moved_ = false;    // since landmarks last stepped by themselves
   int num_landmark_passes_ = 0;  // still allowed before the next step of the frames
   double solved_mu_ = -1.0;      // the damping the factor was computed with
+  std::vector<double> weights_;  // diag(C), packed by block rows like the next three
   std::vector<double> damping_;
   std::vector<double> b_;
   std::vector<double> frame_step_;  // in the form LiveReducedSolver asks for

@@ -1,4 +1,6 @@
 // C += sign Σ BᵀA and y += sign Σ Aᵀv against plain loops, for every size and instruction set.
+#include <algorithm>
+#include <cmath>
 #include <tuple>
 
 #include "block/kernel_fixture.h"
@@ -120,6 +122,76 @@ TEST_P(ProductKernels, VectorProductsEqualPlainLoops) {
       ExpectClose(y, expected, 7.0 * depth, kTolerance, "size " + std::to_string(size) + ", depth " + std::to_string(depth));
       if (HasFatalFailure()) {
         return;
+      }
+    }
+  }
+}
+
+// Three block rows of different sizes; one block is left out, and what stands in C between the blocks stays.
+TEST_P(ProductKernels, ContributionsEqualPlainLoops) {
+  for (int depth = 1; depth <= 8; ++depth) {
+    for (int size = 1; size <= 13; ++size) {
+      const int sizes[3] = {6, size, 9};
+      std::vector<AlignedVector<double>> A;
+      std::vector<BlockRow> rows;
+      std::int32_t quads = 0;
+      for (const int row_size : sizes) {
+        A.push_back(PaddedRows(depth, row_size));
+        rows.push_back({A.back().data(), quads, PadToQuad(row_size) / kQuad, row_size});
+        quads += PadToQuad(row_size) / kQuad;
+      }
+      std::vector<std::int32_t> blocks;
+      std::int32_t room = 1;
+      for (int r = 0; r < 3; ++r) {
+        for (int c = 0; c <= r; ++c) {
+          const bool left_out = r == 2 && c == 1;
+          blocks.push_back(left_out ? -1 : room);
+          room += left_out ? 0 : sizes[r] * rows[c].quads + 1;
+        }
+      }
+      const AlignedVector<double> C_start = PaddedRows(1, room * kQuad);
+      const AlignedVector<double> y_start = PaddedRows(1, quads * kQuad);
+      const std::vector<double> v = random_.Vector(static_cast<std::size_t>(depth));
+      AlignedVector<double> C_expected = C_start;
+      AlignedVector<double> y_expected = y_start;
+      AlignedVector<double> squares_expected = y_start;
+      std::size_t at = 0;
+      for (std::size_t r = 0; r < 3; ++r) {
+        const auto entry = [&](std::size_t row, int k, int i) {
+          return A[row][static_cast<std::size_t>(k * rows[row].quads * kQuad + i)];
+        };
+        for (int k = 0; k < depth; ++k) {
+          for (int i = 0; i < sizes[r]; ++i) {
+            const auto place = static_cast<std::size_t>(rows[r].frame * kQuad + i);
+            y_expected[place] -= entry(r, k, i) * v[static_cast<std::size_t>(k)];
+            squares_expected[place] -= entry(r, k, i) * entry(r, k, i);
+          }
+        }
+        for (std::size_t c = 0; c <= r; ++c, ++at) {
+          for (int i = 0; i < sizes[r] && blocks[at] >= 0; ++i) {
+            for (int j = 0; j < sizes[c]; ++j) {
+              for (int k = 0; k < depth; ++k) {
+                C_expected[static_cast<std::size_t>((blocks[at] + i * rows[c].quads) * kQuad + j)] -=
+                    entry(r, k, i) * entry(c, k, j);
+              }
+            }
+          }
+        }
+      }
+      const std::string what = "size " + std::to_string(size) + ", depth " + std::to_string(depth);
+      const Contribution contribution{rows.data(), 3, depth};
+      AlignedVector<double> C = C_start;
+      kernels().add_outer(contribution, -1.0, blocks.data(), C.data());
+      ExpectClose(C, C_expected, depth + 1.0, kTolerance, what + ", outer");
+      AlignedVector<double> y = y_start;
+      AlignedVector<double> peak(y.size(), 0.25);
+      kernels().add_transposed(contribution, v.data(), -1.0, y.data(), peak.data());
+      ExpectClose(y, y_expected, depth + 1.0, kTolerance, what + ", transposed");
+      AlignedVector<double> squares = y_start;
+      kernels().add_squares(contribution, -1.0, squares.data(), peak.data());
+      ExpectClose(squares, squares_expected, depth + 1.0, kTolerance, what + ", squares");
+      for (std::size_t k = 0; k < peak.size(); ++k) {
+        ASSERT_EQ(peak[k], std::max({0.25, std::fabs(y[k]), std::fabs(squares[k])})) << what << ", entry " << k;
       }
     }
   }

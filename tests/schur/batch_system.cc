@@ -190,7 +190,7 @@ void BatchSystem::ExpectB() const {
       const auto C = static_cast<double>(C_diagonal_[i]);
       ASSERT_LE(std::fabs(schur.b(row)[r] - static_cast<double>(b_[i])), kLaw * std::sqrt(2.0 * C * static_cast<double>(cost_)))
           << "b(" << i << ") = " << b_[i] << ", row " << row;
-      ASSERT_LE(std::fabs(schur.FrameDiagonal()[i] - C), kLaw * C) << "C(" << i << ")";
+      ASSERT_LE(std::fabs(schur.FrameDiagonal(row)[r] - C), kLaw * C) << "C(" << i << ")";
     }
   }
 }

@@ -446,7 +446,7 @@ void EditWorld::ExpectLaw() {
   for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
     held.push_back(schur.frames()[row].held ? 1 : 0);
     for (int k = 0; k < schur.frames()[row].size; ++k) {
-      damping.push_back(mu_ * std::max(schur.FrameDiagonal()[schur.FrameOffset(row) + k], kTinyDiagonal));
+      damping.push_back(mu_ * std::max(schur.FrameDiagonal(row)[k], kTinyDiagonal));
       b.push_back(schur.b(row)[k]);
     }
   }
