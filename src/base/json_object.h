@@ -8,6 +8,18 @@
 
 namespace inceres::internal {
 
+/// The text as JSON writes it, in quotes; control characters become spaces.
+inline std::string JsonString(const std::string& value) {
+  std::string text = "\"";
+  for (const char c : value) {
+    if (c == '"' || c == '\\') {
+      text += '\\';
+    }
+    text += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+  }
+  return text + '"';
+}
+
 /// A JSON object under construction. Numbers keep 17 digits; what JSON has no number for becomes null.
 class JsonObject {
  public:
@@ -36,17 +48,7 @@ class JsonObject {
     return *this;
   }
   JsonObject& AddString(const char* name, const std::string& value) {
-    Name(name) << '"';
-    for (const char c : value) {
-      if (c == '"' || c == '\\') {
-        text_ << '\\' << c;
-      } else if (static_cast<unsigned char>(c) < 0x20) {
-        text_ << ' ';
-      } else {
-        text_ << c;
-      }
-    }
-    text_ << '"';
+    Name(name) << JsonString(value);
     return *this;
   }
   JsonObject& AddRaw(const char* name, const std::string& json) {

@@ -1,6 +1,7 @@
 #include "inceres/solver/summary.h"
 
 #include "base/json_object.h"
+#include "solver/summary_json.h"
 
 namespace inceres {
 
@@ -26,6 +27,10 @@ std::string ToJson(const IterationSummary& iteration) {
       .Add("cumulative_seconds", iteration.cumulative_time_in_seconds)
       .Close();
 }
+
+}  // namespace
+
+namespace internal {
 
 std::string ToJson(const StageSeconds& seconds) {
   return JsonObject()
@@ -55,7 +60,7 @@ std::string ToJson(const WorkCounts& work) {
       .Close();
 }
 
-}  // namespace
+}  // namespace internal
 
 const char* ToString(Termination termination) {
   switch (termination) {
@@ -85,8 +90,8 @@ std::string Summary::ToJson() const {
       .Add("num_unsuccessful_steps", num_unsuccessful_steps)
       .AddString("reduced_solver", reduced_solver)
       .AddString("kernels", kernels)
-      .AddRaw("work", inceres::ToJson(work))
-      .AddRaw("seconds", inceres::ToJson(seconds))
+      .AddRaw("work", internal::ToJson(work))
+      .AddRaw("seconds", internal::ToJson(seconds))
       .AddArray("iterations", iterations, [](const IterationSummary& iteration) { return inceres::ToJson(iteration); })
       .Close();
 }

@@ -5,26 +5,15 @@
 #include <climits>
 #include <cstdlib>
 #include <ctime>
-#include <fstream>
 #include <thread>
 
 #include <ceres/version.h>
 
 #include "inceres_tools_build_info.h"
+#include "src/base/cpu_model.h"
 
 namespace inceres::tools {
 namespace {
-
-std::string CpuModel() {
-  std::ifstream cpuinfo("/proc/cpuinfo");
-  for (std::string line; std::getline(cpuinfo, line);) {
-    const std::size_t colon = line.find(": ");
-    if (line.rfind("model name", 0) == 0 && colon != std::string::npos) {
-      return line.substr(colon + 2);
-    }
-  }
-  return "unknown";
-}
 
 // The file that supplies dgemm_ to CHOLMOD and Ceres, links resolved, last two components: the folder tells the flavours apart.
 std::string BlasLibrary() {
@@ -63,16 +52,11 @@ std::string Now() {
 }  // namespace
 
 std::vector<std::pair<std::string, std::string>> DescribeEnvironment() {
-  return {{"cpu", CpuModel()},
-          {"hardware_threads", std::to_string(std::thread::hardware_concurrency())},
-          {"compiler", kBuildCompiler},
-          {"flags", kBuildFlags},
-          {"build_type", kBuildType},
-          {"commit", kBuildCommit},
-          {"ceres", CERES_VERSION_STRING},
-          {"blas", BlasLibrary()},
-          {"blas_config", BlasConfig()},
-          {"date", Now()}};
+  return {{"cpu", internal::CpuModel()},   {"hardware_threads", std::to_string(std::thread::hardware_concurrency())},
+          {"compiler", kBuildCompiler},    {"flags", kBuildFlags},
+          {"build_type", kBuildType},      {"commit", kBuildCommit},
+          {"ceres", CERES_VERSION_STRING}, {"blas", BlasLibrary()},
+          {"blas_config", BlasConfig()},   {"date", Now()}};
 }
 
 bool BlasIsSerialOpenBlas() {
