@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "dropin/run_program.h"
+#include "support/temp_dir.h"
 
 namespace inceres::testing {
 namespace {
@@ -132,6 +133,23 @@ TEST_P(EveryWay, StockModeIsIdenticalToStock) {
   }
 }
 
+TEST_P(EveryWay, ComparesAndLogsUnnoticed) {
+  const test::TempDir folder;
+  const std::string log = folder.File("ab.jsonl");
+  const ProgramRun plain = Preloaded(GetParam());
+  const ProgramRun checked = Preloaded(GetParam(), "INCERES_CROSS_CHECK=1");
+  const ProgramRun logged = Preloaded(GetParam(), "INCERES_AB_LOG=" + log);
+  for (const ProgramRun& run : {checked, logged}) {
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    EXPECT_EQ(WithoutTimes(run.out), WithoutTimes(plain.out));
+    EXPECT_EQ(NumSolved(run), NumSolved(plain));
+    EXPECT_EQ(CountOf(run.err, "disagree"), 0) << run.err;
+  }
+  const std::string lines = test::ReadBytes(log);
+  EXPECT_EQ(CountOf(lines, "\n"), NumSolved(plain));
+  EXPECT_EQ(CountOf(lines, "\"difference\": null"), CountOf(lines, "has an evaluation callback")) << lines;
+}
+
 INSTANTIATE_TEST_SUITE_P(Dropin, EveryWay, ::testing::ValuesIn(kWays), [](const auto& way) { return way.param; });
 
 TEST(Dropin, IncrementalEndsWhereStockEnds) {
@@ -155,9 +173,21 @@ TEST(Dropin, IncrementalGivesWayToExact) {
   EXPECT_EQ(ours.out, Preloaded("evaluation_callback").out);
 }
 
+TEST(Dropin, ALogTellsOfSessionsAndOfWhatGoesToStock) {
+  const test::TempDir folder;
+  const std::string log = folder.File("ab.jsonl");
+  Preloaded("living", "INCERES_MODE=incremental INCERES_AB_LOG=" + log);
+  const std::string sessions = test::ReadBytes(log);
+  EXPECT_EQ(CountOf(sessions, "\"mode\": \"incremental\""), 12) << sessions;
+  EXPECT_EQ(CountOf(sessions, "\"violations\": []"), 12) << sessions;
+  Preloaded("line_search", "INCERES_AB_LOG=" + log);
+  EXPECT_EQ(CountOf(test::ReadBytes(log), "\"fallback_reason\": \"minimizer_type LINE_SEARCH\""), 1);
+}
+
 TEST(Dropin, UnknownModeIsSaidOnceAndExactIsUsed) {
   const ProgramRun ours = Preloaded("living", "INCERES_MODE=fast");
-  EXPECT_EQ(CountOf(ours.err, "INCERES_MODE is 'fast', which is none of exact, incremental, auto, stock; exact is used."), 1)
+  EXPECT_EQ(
+      CountOf(ours.err, "INCERES_MODE: \"fast\" means nothing here and is ignored; known are exact, incremental, auto, stock"), 1)
       << ours.err;
   EXPECT_EQ(ours.out, Preloaded("living").out);
 }

@@ -1,6 +1,7 @@
 #include "adapters/ceres/src/callback_observer.h"
 
 #include "adapters/ceres/src/progress_logger.h"
+#include "adapters/ceres/src/solve_input.h"
 #include "adapters/ceres/src/summary_writer.h"
 
 namespace inceres::internal {
@@ -21,7 +22,10 @@ ObserverAction CallbackObserver::EndOfIteration(const IterationSummary& iteratio
     LogProgress(summary, options_.minimizer_progress_to_stdout);
   }
   for (ceres::IterationCallback* callback : options_.callbacks) {
-    switch ((*callback)(summary)) {
+    const WallClock clock;
+    const ceres::CallbackReturnType answer = (*callback)(summary);
+    callback_seconds_ += clock.Seconds();
+    switch (answer) {
       case ceres::SOLVER_CONTINUE:
         break;
       case ceres::SOLVER_TERMINATE_SUCCESSFULLY:

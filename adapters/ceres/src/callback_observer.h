@@ -23,10 +23,14 @@ class CallbackObserver : public SolveObserver {
   void BeforeEvaluation(const double* state, bool jacobians, bool new_point) override;
   ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override;
 
+  /// Spent in the user's iteration callbacks so far.
+  double callback_seconds() const { return callback_seconds_; }
+
  private:
   const ceres::Solver::Options& options_;
   ceres::EvaluationCallback* const evaluation_callback_;
   const std::vector<StateBlock>& blocks_;
+  double callback_seconds_ = 0.0;
 };
 
 }  // namespace inceres::internal

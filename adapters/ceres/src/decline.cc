@@ -1,5 +1,7 @@
 #include "adapters/ceres/src/decline.h"
 
+#include <utility>
+
 #include <glog/logging.h>
 
 #include "adapters/ceres/src/stock_ceres.h"
@@ -13,7 +15,9 @@ void ClearResults(SolveReport* report) {
     cleared.strict = report->strict;
     cleared.evaluation_callback = report->evaluation_callback;
     cleared.problem_unedited = report->problem_unedited;
-    *report = cleared;
+    cleared.cross_check = report->cross_check;
+    cleared.ab_log = std::move(report->ab_log);
+    *report = std::move(cleared);
   }
 }
 

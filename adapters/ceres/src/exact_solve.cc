@@ -50,6 +50,9 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;
   WriteSolution(core, summary);
   WriteReport(input, landmarks, std::move(core), report);
+  if (report != nullptr) {
+    report->callback_seconds = observer.callback_seconds();
+  }
 }
 
 }  // namespace

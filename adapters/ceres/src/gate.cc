@@ -145,4 +145,15 @@ std::string IncrementalProblemObstacle(const ceres::Solver::Options& options, co
   return obstacle.empty() ? BoundsObstacle(view, /*infeasible=*/false) : obstacle;
 }
 
+std::string FindObstacle(const ceres::Solver::Options& options, const ceres::Problem& problem, bool incremental,
+                         const ceres::EvaluationCallback* evaluation_callback, ProblemView* view, OrderingView* ordering) {
+  const std::string obstacle = incremental ? IncrementalOptionsObstacle(options, evaluation_callback) : OptionsObstacle(options);
+  if (!obstacle.empty()) {
+    return obstacle;
+  }
+  Introspect(problem, view);
+  *ordering = ReadOrdering(options, *view);
+  return incremental ? IncrementalProblemObstacle(options, *view, *ordering) : ProblemObstacle(options, *view, *ordering);
+}
+
 }  // namespace inceres::internal

@@ -27,4 +27,9 @@ std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options,
 std::string IncrementalProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view,
                                        const OrderingView& ordering);
 
+/// Reads the problem and asks both questions: why it cannot be solved here, or an empty string. `view` and `ordering` are filled
+/// unless the options alone are an obstacle.
+std::string FindObstacle(const ceres::Solver::Options& options, const ceres::Problem& problem, bool incremental,
+                         const ceres::EvaluationCallback* evaluation_callback, ProblemView* view, OrderingView* ordering);
+
 }  // namespace inceres::internal

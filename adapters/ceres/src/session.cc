@@ -5,6 +5,7 @@
 
 #include <glog/logging.h>
 
+#include "adapters/ceres/src/cross_check.h"
 #include "adapters/ceres/src/decline.h"
 #include "adapters/ceres/src/gate.h"
 #include "adapters/ceres/src/incremental_solve.h"
@@ -25,12 +26,44 @@ class CeresSession::Impl {
     has_view = true;
   }
 
+  void SolveOnce(const ceres::Solver::Options& solver_options, ceres::Problem* problem, ceres::Solver::Summary* summary,
+                 SolveReport* report);
+
   const SessionOptions options;
   std::unique_ptr<internal::LivingProblem> living;
   int num_threads = 0;  // of the living problem, which cannot change it
   internal::ProblemView view;
   bool has_view = false;  // of the problem's structure as it is
 };
+
+void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options, ceres::Problem* problem,
+                                   ceres::Solver::Summary* summary, SolveReport* report) {
+  const internal::WallClock clock;
+  internal::OrderingView ordering;
+  has_view = has_view && report != nullptr && report->problem_unedited;
+  ceres::EvaluationCallback* const callback = report != nullptr ? report->evaluation_callback : nullptr;
+  std::string obstacle = internal::IncrementalOptionsObstacle(solver_options, callback);
+  if (obstacle.empty()) {
+    Look(*problem);
+    ordering = internal::ReadOrdering(solver_options, view);
+    obstacle = internal::IncrementalProblemObstacle(solver_options, view, ordering);
+  }
+  if (!obstacle.empty()) {
+    internal::Decline(solver_options, problem, summary, obstacle, report);
+    return;
+  }
+  // Out of the session while it works: a failure, or an exception out of user code, ends it.
+  std::unique_ptr<internal::LivingProblem> working = std::move(living);
+  const IncrementalOptions core = internal::MapIncrementalOptions(solver_options, options.core);
+  if (working == nullptr || core.num_threads != num_threads) {
+    const auto trust = options.verify_cached_factors ? internal::Trust::kVerified : internal::Trust::kAddresses;
+    working = std::make_unique<internal::LivingProblem>(core, trust);
+    num_threads = core.num_threads;
+  }
+  if (internal::SolveIncrementally({solver_options, view, ordering, clock, nullptr}, core, working.get(), summary, report)) {
+    living = std::move(working);
+  }
+}
 
 CeresSession::CeresSession(const SessionOptions& options) : impl_(std::make_unique<Impl>(options)) {
 }
@@ -39,33 +72,15 @@ CeresSession::~CeresSession() = default;
 
 void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
                          SolveReport* report) {
-  const internal::WallClock clock;
   CHECK(problem != nullptr);  // as ceres::Solve
   CHECK(summary != nullptr);
   *summary = ceres::Solver::Summary();
   internal::ClearResults(report);
-  impl_->has_view = impl_->has_view && report != nullptr && report->problem_unedited;
-  std::string obstacle = internal::IncrementalOptionsObstacle(options, report != nullptr ? report->evaluation_callback : nullptr);
-  internal::OrderingView ordering;
-  if (obstacle.empty()) {
-    impl_->Look(*problem);
-    ordering = internal::ReadOrdering(options, impl_->view);
-    obstacle = internal::IncrementalProblemObstacle(options, impl_->view, ordering);
-  }
-  if (!obstacle.empty()) {
-    internal::Decline(options, problem, summary, obstacle, report);
-    return;
-  }
-  // Out of the session while it works: a failure, or an exception out of user code, ends it.
-  std::unique_ptr<internal::LivingProblem> living = std::move(impl_->living);
-  const IncrementalOptions core = internal::MapIncrementalOptions(options, impl_->options.core);
-  if (living == nullptr || core.num_threads != impl_->num_threads) {
-    const auto trust = impl_->options.verify_cached_factors ? internal::Trust::kVerified : internal::Trust::kAddresses;
-    living = std::make_unique<internal::LivingProblem>(core, trust);
-    impl_->num_threads = core.num_threads;
-  }
-  if (internal::SolveIncrementally({options, impl_->view, ordering, clock, nullptr}, core, living.get(), summary, report)) {
-    impl_->living = std::move(living);
+  if (internal::WantsComparison(report)) {
+    const auto ours = [&] { impl_->SolveOnce(options, problem, summary, report); };
+    internal::SolveAndCompare(options, problem, summary, report, SolveMode::kIncremental, ours);
+  } else {
+    impl_->SolveOnce(options, problem, summary, report);
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <glog/logging.h>
 
+#include "adapters/ceres/src/cross_check.h"
 #include "adapters/ceres/src/decline.h"
 #include "adapters/ceres/src/exact_solve.h"
 #include "adapters/ceres/src/gate.h"
@@ -14,14 +15,11 @@
 #include "adapters/ceres/src/stock_ceres.h"
 
 namespace inceres {
+namespace {
 
-void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary, SolveReport* report) {
+void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary, SolveMode mode,
+               SolveReport* report) {
   const internal::WallClock clock;
-  CHECK(problem != nullptr);  // as ceres::Solve
-  CHECK(summary != nullptr);
-  *summary = ceres::Solver::Summary();
-  const SolveMode mode = report != nullptr ? report->mode : SolveMode::kExact;
-  internal::ClearResults(report);
   if (mode == SolveMode::kStock) {
     report->used_stock = true;
     report->fallback_reason = "SolveMode::kStock was asked for";
@@ -30,16 +28,9 @@ void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres
   }
   const bool incremental = mode == SolveMode::kIncremental;
   ceres::EvaluationCallback* const callback = report != nullptr ? report->evaluation_callback : nullptr;
-  std::string obstacle =
-      incremental ? internal::IncrementalOptionsObstacle(options, callback) : internal::OptionsObstacle(options);
   internal::ProblemView view;
   internal::OrderingView ordering;
-  if (obstacle.empty()) {
-    view = internal::Introspect(*problem);
-    ordering = internal::ReadOrdering(options, view);
-    obstacle = incremental ? internal::IncrementalProblemObstacle(options, view, ordering)
-                           : internal::ProblemObstacle(options, view, ordering);
-  }
+  const std::string obstacle = internal::FindObstacle(options, *problem, incremental, callback, &view, &ordering);
   if (!obstacle.empty()) {
     internal::Decline(options, problem, summary, obstacle, report);
     return;
@@ -51,6 +42,22 @@ void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres
     internal::SolveIncrementally(input, core, &living, summary, report);
   } else {
     internal::SolveExactly(input, summary, report);
+  }
+}
+
+}  // namespace
+
+void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary, SolveReport* report) {
+  CHECK(problem != nullptr);  // as ceres::Solve
+  CHECK(summary != nullptr);
+  *summary = ceres::Solver::Summary();
+  const SolveMode mode = report != nullptr ? report->mode : SolveMode::kExact;
+  internal::ClearResults(report);
+  if (internal::WantsComparison(report)) {
+    const auto ours = [&] { SolveOnce(options, problem, summary, mode, report); };
+    internal::SolveAndCompare(options, problem, summary, report, mode, ours);
+  } else {
+    SolveOnce(options, problem, summary, mode, report);
   }
 }
 

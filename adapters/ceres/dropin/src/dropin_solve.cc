@@ -6,7 +6,9 @@
 #include <glog/logging.h>
 
 #include "adapters/ceres/dropin/src/ceres_symbols.h"
+#include "adapters/ceres/src/cross_check.h"
 #include "adapters/ceres/src/decline.h"
+#include "adapters/ceres/src/environment.h"
 #include "adapters/ceres/src/stock_ceres.h"
 #include "inceres/ceres/session.h"
 #include "inceres/ceres/solve.h"
@@ -41,7 +43,7 @@ class Borrowed {
 };
 
 SolveReport Asked(const KnownProblem& known, SolveMode mode) {
-  SolveReport report;
+  SolveReport report = ReportFromEnvironment();
   report.mode = mode;
   report.evaluation_callback = known.evaluation_callback;
   return report;
@@ -125,6 +127,18 @@ void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Optio
   }
 }
 
+void DeclineUnknown(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+  const std::string reason = "the problem's constructor was not seen, so it may have an evaluation callback";
+  *summary = ceres::Solver::Summary();
+  SolveReport report = ReportFromEnvironment();
+  const auto decline = [&] { Decline(options, problem, summary, reason, &report); };
+  if (WantsComparison(&report)) {
+    SolveAndCompare(options, problem, summary, &report, SolveMode::kExact, decline, reason);
+  } else {
+    decline();
+  }
+}
+
 }  // namespace
 
 void SolveInsteadOfCeres(const Environment& environment, KnownProblem* known, const ceres::Solver::Options& options,
@@ -133,8 +147,7 @@ void SolveInsteadOfCeres(const Environment& environment, KnownProblem* known, co
   CHECK(problem != nullptr);  // as ceres::Solve
   CHECK(summary != nullptr);
   if (known == nullptr) {
-    *summary = ceres::Solver::Summary();
-    Decline(options, problem, summary, "the problem's constructor was not seen, so it may have an evaluation callback", nullptr);
+    DeclineUnknown(options, problem, summary);
     return;
   }
   SolveKnown(environment.mode, known, options, problem, summary);

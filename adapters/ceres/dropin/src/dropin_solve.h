@@ -3,7 +3,7 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
-#include "adapters/ceres/dropin/src/environment.h"
+#include "adapters/ceres/src/environment.h"
 #include "adapters/ceres/dropin/src/registry.h"
 
 namespace inceres::internal {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -7,6 +8,7 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
+#include "inceres/ceres/cross_check.h"
 #include "inceres/export.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/summary.h"
@@ -38,6 +40,10 @@ struct INCERES_EXPORT ProblemChanges {
 struct INCERES_EXPORT SolveReport {
   SolveMode mode = SolveMode::kExact;  ///< in
   bool strict = false;                 ///< in: fail with a message instead of handing the problem to stock Ceres
+  CrossCheckOptions cross_check;       ///< in: solve with stock Ceres too and compare
+  /// in: a file to which each solve appends one line of JSON with sizes, times and costs of both solvers; empty: none. Stock
+  /// solves too, as in a cross-check, and the two take turns in going first. docs/compare.md, tools/ab_report
+  std::string ab_log;
 
   /// in: the problem's own ceres::Problem::Options::evaluation_callback, not owned. Ceres 2.1 shows it to nobody, so a problem
   /// that has one must say so here, or it is not called. In exact mode it is called as in Ceres: the point is copied to the
@@ -54,9 +60,12 @@ struct INCERES_EXPORT SolveReport {
   std::vector<std::string> options_without_effect;  ///< out: options set away from their default that change nothing here
   int num_landmarks = 0;                            ///< out: blocks eliminated as landmarks
   int num_frames = 0;                               ///< out: variable blocks kept in the reduced system
+  double callback_seconds = 0.0;                    ///< out: spent in the caller's iteration callbacks
   Summary core;                                     ///< out: the core's own summary: work counts, seconds per stage
   ProblemChanges changes;                           ///< out: incremental mode only
   UpdateSummary update;                             ///< out: incremental mode only: the work done
+  /// out: what the cross-check found; null if neither it nor the log was asked for
+  std::shared_ptr<const CrossCheckResult> comparison;
 };
 
 /// Solves a ceres::Problem: the same arguments, results and side effects as ceres::Solve, several times sooner. What this version

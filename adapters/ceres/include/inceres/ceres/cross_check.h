@@ -1,0 +1,74 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <ceres/solver.h>
+
+#include "inceres/export.h"
+
+namespace inceres {
+
+enum class SolvedBy { kOurs, kStock };
+
+/// Asks that stock Ceres solves the same problem from the same start, and that the two results are compared. For a trial run: it
+/// takes the time of both.
+///
+/// Tolerances that are not set are the mode's own. Exact mode follows Ceres's trace, so the defaults are what two correct solvers
+/// keep to on a problem that does not amplify rounding (Ceres 2.1's solver contract, 4.12). Incremental mode promises only the
+/// minimum: ours must not end above stock by more than the function tolerance, and nothing else is judged unless it is set.
+struct INCERES_EXPORT CrossCheckOptions {
+  bool enabled = false;
+  /// Whose result stays in the parameter blocks and in the summary. A solve that the caller's callback ended stays ours.
+  SolvedBy keep = SolvedBy::kOurs;
+
+  /// Largest relative difference of costs, of each iteration and at the end: |a − b| / max(a, b, ε·initial cost), where ε is the
+  /// machine's epsilon. Exact 1e-9; incremental `function_tolerance`, and only upwards.
+  std::optional<double> cost_tolerance;
+  /// Largest difference of a component of a parameter block, relative to the largest magnitude in its block at the start or the
+  /// end (1e-3 if all are smaller). Exact 1e-6; incremental not judged.
+  std::optional<double> parameter_tolerance;
+  /// Largest difference of the numbers of iterations. Exact 1; incremental not judged. When one took more iterations than the
+  /// other within this tolerance, costs may differ by the function tolerance and parameters by the norms of the steps the other
+  /// lacks.
+  std::optional<int> iteration_tolerance;
+  /// Largest relative difference of trust-region radii, as far as rounding does not decide them. Exact mode only: 1e-6.
+  std::optional<double> radius_tolerance;
+
+  /// A message that names the field if a tolerance is negative or not a number; else empty.
+  std::string Validate() const;
+};
+
+/// The component in which the two solutions differ most, by the measure of CrossCheckOptions::parameter_tolerance.
+struct INCERES_EXPORT ParameterDifference {
+  const double* block = nullptr;  ///< the address the caller gave to Ceres; null if all parameters are the same to the last bit
+  int index = -1;                 ///< of the block among Problem::GetParameterBlocks
+  int size = 0;                   ///< of the block
+  int component = -1;
+  double ours = 0.0;
+  double stock = 0.0;
+  double relative = 0.0;  ///< |ours − stock| / scale of the block
+};
+
+/// What a cross-check found. Both summaries are whole, also of the solve that was not kept.
+struct INCERES_EXPORT CrossCheckResult {
+  bool compared = false;                ///< both solved it
+  std::string reason;                   ///< why not compared, or what was left out of the judgement; else empty
+  std::vector<std::string> violations;  ///< each names what differs, both values and the tolerance; empty: they agree
+  SolvedBy kept = SolvedBy::kOurs;
+  SolvedBy first = SolvedBy::kOurs;  ///< who solved it first
+
+  ceres::Solver::Summary ours;
+  ceres::Solver::Summary stock;
+  double our_seconds = 0.0;    ///< the whole call without the caller's iteration callbacks
+  double stock_seconds = 0.0;  ///< the whole call
+
+  double cost_difference = 0.0;  ///< (ours − stock) / max(ours, stock, ε·initial cost) of the final costs
+  ParameterDifference parameters;
+  int first_different_iteration = -1;  ///< the first one beyond tolerance; −1 if none, or if there is no trace to compare
+
+  bool agrees() const { return compared && violations.empty(); }
+};
+
+}  // namespace inceres

@@ -1,0 +1,21 @@
+#pragma once
+
+#include "inceres/ceres/solve.h"
+#include "inceres/export.h"
+
+namespace inceres {
+
+/// What the environment of this process asks for, as the "in" fields of a SolveReport; the drop-in solves with it, inceres::Solve
+/// only if handed it. The variables are read once, at the first call.
+///
+/// | variable | values |
+/// |---|---|
+/// | `INCERES_MODE` | `exact` (default), `incremental`, `stock`, `auto` (in the drop-in: a problem's first solve exact, later
+/// ones incremental where they can be; one solve here: exact) | | `INCERES_CROSS_CHECK` | `1`, `0`, or a list of `keep=ours`,
+/// `keep=stock`, `cost=X`, `parameters=X`, `iterations=N`, `radius=X` (the tolerances of CrossCheckOptions), which asks for the
+/// check too | | `INCERES_AB_LOG` | a file for the A/B log |
+///
+/// A value that is none of these is named in the log, once, and has no effect; the rest holds. Threads: safe.
+INCERES_EXPORT SolveReport ReportFromEnvironment();
+
+}  // namespace inceres

@@ -1,0 +1,57 @@
+// The examples of docs/compare.md, compiled and run as they stand there.
+
+#include <filesystem>
+#include <iostream>
+#include <string>
+
+#include <ceres/ceres.h>
+#include <gtest/gtest.h>
+
+// clang-format off
+// [quoted in docs/compare.md]
+#include <inceres/ceres/environment.h>
+// [end of quote]
+#include <inceres/ceres/solve.h>
+
+#include "adapters/test_problems.h"
+#include "support/temp_dir.h"
+
+namespace {
+
+bool Compare(const ceres::Solver::Options& options, ceres::Problem& problem) {
+  ceres::Solver::Summary summary;
+// [quoted in docs/compare.md]
+inceres::SolveReport report;
+report.cross_check.enabled = true;
+report.ab_log = "run.jsonl";                               // or leave it out: no log
+inceres::Solve(options, &problem, &summary, &report);
+if (!report.comparison->agrees()) {
+  for (const std::string& violation : report.comparison->violations) {
+    std::cerr << violation << '\n';
+  }
+}
+// [end of quote]
+  return summary.IsSolutionUsable() && report.comparison->agrees();
+}
+
+bool AskTheEnvironment(const ceres::Solver::Options& options, ceres::Problem& problem) {
+  ceres::Solver::Summary summary;
+// [quoted in docs/compare.md]
+inceres::SolveReport report = inceres::ReportFromEnvironment();
+inceres::Solve(options, &problem, &summary, &report);
+// [end of quote]
+  return summary.IsSolutionUsable();
+}
+// clang-format on
+
+TEST(CompareExamples, Run) {
+  const inceres::test::TempDir directory;
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(directory.path());
+  EXPECT_TRUE(Compare(ceres::Solver::Options(), inceres::testing::MakePowell()->problem));
+  std::filesystem::current_path(before);
+  EXPECT_TRUE(std::filesystem::exists(directory.File("run.jsonl")));
+  EXPECT_TRUE(AskTheEnvironment(ceres::Solver::Options(), inceres::testing::MakePowell()->problem));
+}
+
+}  // namespace

@@ -1,0 +1,420 @@
+// Cross-checks: what they find, and that nobody notices them otherwise.
+#include "inceres/ceres/cross_check.h"
+
+#include <chrono>
+#include <stdexcept>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/mman.h>
+
+#include "adapters/captured_log.h"
+#include "adapters/compare_with_stock.h"
+#include "adapters/two_faced_problem.h"
+#include "inceres/ceres/session.h"
+#include "inceres/ceres/solve.h"
+
+namespace inceres {
+namespace {
+
+using testing::CapturedLog;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using testing::MakeBundle;
+using testing::MakeCurveFit;
+using testing::MakePowell;
+using testing::MakeWindow;
+using testing::Recipe;
+using ::testing::SizeIs;
+using testing::TestProblem;
+using testing::TwoFacedProblem;
+using Options = ceres::Solver::Options;
+using CeresSummary = ceres::Solver::Summary;
+
+Options Quiet(ceres::LinearSolverType type = ceres::DENSE_SCHUR) {
+  Options options;
+  options.linear_solver_type = type;
+  options.logging_type = ceres::SILENT;
+  return options;
+}
+
+SolveReport Checked(SolveMode mode = SolveMode::kExact) {
+  SolveReport report;
+  report.mode = mode;
+  report.cross_check.enabled = true;
+  return report;
+}
+
+class Counter : public ceres::IterationCallback {
+ public:
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    iterations.push_back(summary.iteration);
+    return summary.iteration == stop_at ? stop_with : ceres::SOLVER_CONTINUE;
+  }
+  int stop_at = -1;
+  ceres::CallbackReturnType stop_with = ceres::SOLVER_CONTINUE;
+  std::vector<int> iterations;
+};
+
+void ExpectSameRun(const CeresSummary& a, const CeresSummary& b) {
+  EXPECT_EQ(a.termination_type, b.termination_type);
+  EXPECT_EQ(a.message, b.message);
+  EXPECT_EQ(a.final_cost, b.final_cost);
+  ASSERT_EQ(a.iterations.size(), b.iterations.size());
+  for (std::size_t k = 0; k < a.iterations.size(); ++k) {
+    EXPECT_EQ(a.iterations[k].cost, b.iterations[k].cost);
+  }
+}
+
+std::vector<Recipe> Recipes() {
+  return {MakePowell, [] { return MakeCurveFit(0.5); }, [] { return MakeBundle(5, 40, true); },
+          [] { return MakeWindow(5, 40, true); }};
+}
+
+// Memory, summary, callbacks and output are those of a solve that nobody checked.
+TEST(CrossCheck, ChangesNothingButTheTimeItTakes) {
+  for (const Recipe& recipe : Recipes()) {
+    for (const SolvedBy keep : {SolvedBy::kOurs, SolvedBy::kStock}) {
+      const auto plain = recipe();
+      const auto checked = recipe();
+      Options options;
+      options.linear_solver_type = ceres::DENSE_SCHUR;
+      options.minimizer_progress_to_stdout = true;
+      Counter counter;
+      CeresSummary expected;
+      if (keep == SolvedBy::kOurs) {
+        inceres::Solve(Quiet(), &plain->problem, &expected);
+      } else {
+        ceres::Solve(Quiet(), &plain->problem, &expected);
+      }
+      SolveReport report = Checked();
+      report.cross_check.keep = keep;
+      CeresSummary summary;
+      options.callbacks.push_back(&counter);
+      ::testing::internal::CaptureStdout();
+      inceres::Solve(options, &checked->problem, &summary, &report);
+      const std::string output = ::testing::internal::GetCapturedStdout();
+      ASSERT_NE(report.comparison, nullptr);
+      EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
+      EXPECT_EQ(report.comparison->reason, "");
+      EXPECT_EQ(report.comparison->kept, keep);
+      EXPECT_EQ(checked->blocks, plain->blocks);
+      ExpectSameRun(summary, expected);
+      EXPECT_EQ(counter.iterations.size(), report.comparison->ours.iterations.size());
+      EXPECT_EQ(std::count(output.begin(), output.end(), '\n'), static_cast<long>(counter.iterations.size()) + 1);
+      EXPECT_GT(report.comparison->our_seconds, 0.0);
+      EXPECT_GT(report.comparison->stock_seconds, 0.0);
+    }
+  }
+}
+
+TEST(CrossCheck, TheTimeInTheCallersCallbacksIsNotOurs) {
+  struct Sleeper : public ceres::IterationCallback {
+    ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      return ceres::SOLVER_CONTINUE;
+    }
+  };
+  const auto test = MakePowell();
+  Sleeper sleeper;
+  Options options = Quiet();
+  options.callbacks.push_back(&sleeper);
+  SolveReport report = Checked();
+  CeresSummary summary;
+  inceres::Solve(options, &test->problem, &summary, &report);
+  const double slept = 0.02 * static_cast<double>(summary.iterations.size());
+  EXPECT_GE(report.callback_seconds, slept);
+  EXPECT_LT(report.comparison->our_seconds, summary.total_time_in_seconds - 0.9 * slept);
+}
+
+TEST(CrossCheck, NothingIsReportedUnasked) {
+  const auto test = MakePowell();
+  SolveReport report;
+  CeresSummary summary;
+  inceres::Solve(Quiet(), &test->problem, &summary, &report);
+  EXPECT_EQ(report.comparison, nullptr);
+}
+
+TEST(CrossCheck, NamesTheIterationAndTheVariableThatDiffer) {
+  TwoFacedProblem faced([](int solve, int call, double* residual) {
+    residual[0] += solve == 2 && call >= 3 ? 0.5 : 0.0;
+    return true;
+  });
+  const CapturedLog log;
+  SolveReport report = Checked();
+  CeresSummary summary;
+  inceres::Solve(Quiet(ceres::DENSE_NORMAL_CHOLESKY), &faced.test->problem, &summary, &report);
+  EXPECT_EQ(faced.solve, 2);
+  const CrossCheckResult& result = *report.comparison;
+  EXPECT_TRUE(result.compared);
+  EXPECT_FALSE(result.agrees());
+  EXPECT_EQ(result.first_different_iteration, 3);
+  EXPECT_EQ(result.parameters.block, faced.block);
+  EXPECT_EQ(result.parameters.size, 1);
+  EXPECT_EQ(result.parameters.component, 0);
+  EXPECT_NEAR(result.parameters.ours, 3.0, 1e-3);
+  EXPECT_NEAR(result.parameters.stock, std::sqrt(8.5), 1e-2);
+  EXPECT_EQ(result.parameters.ours, *faced.block);
+  std::vector<double*> blocks;
+  faced.test->problem.GetParameterBlocks(&blocks);
+  EXPECT_EQ(blocks[static_cast<std::size_t>(result.parameters.index)], faced.block);
+  EXPECT_THAT(result.violations, Contains(HasSubstr("cost of iteration 3")));
+  ASSERT_THAT(log.messages(), SizeIs(1));
+  for (const char* part : {"ours and stock Ceres disagree", "cost of iteration 3", "first iteration that differs: 3",
+                           "component 0 of block 0x", "\n>    3 "}) {
+    EXPECT_THAT(log.messages()[0], HasSubstr(part));
+  }
+}
+
+TEST(CrossCheck, AFailureOfStockAloneIsAViolation) {
+  TwoFacedProblem faced([](int solve, int, double*) { return solve < 2; });
+  const CapturedLog log;
+  SolveReport report = Checked();
+  CeresSummary summary;
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  EXPECT_TRUE(summary.IsSolutionUsable());
+  EXPECT_EQ(report.comparison->stock.termination_type, ceres::FAILURE);
+  EXPECT_THAT(report.comparison->violations, Contains(HasSubstr("termination: ours CONVERGENCE")));
+  EXPECT_NEAR(*faced.block, 3.0, 1e-3);
+}
+
+TEST(CrossCheck, AFailureOfOursAloneIsAViolation) {
+  TwoFacedProblem faced([](int solve, int, double*) { return solve != 1; });
+  const CapturedLog log;
+  SolveReport report = Checked();
+  report.cross_check.keep = SolvedBy::kStock;
+  CeresSummary summary;
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  EXPECT_TRUE(summary.IsSolutionUsable());
+  EXPECT_THAT(report.comparison->violations, Contains(HasSubstr("termination: ours FAILURE")));
+  EXPECT_NEAR(*faced.block, 3.0, 1e-3);
+}
+
+TEST(CrossCheck, FailuresOfBothAgree) {
+  TwoFacedProblem faced([](int, int, double*) { return false; });
+  const auto before = faced.test->blocks;
+  SolveReport report = Checked();
+  CeresSummary summary;
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
+  EXPECT_EQ(faced.test->blocks, before);
+}
+
+TEST(CrossCheck, AnExceptionLeavesTheStart) {
+  for (const int thrower : {1, 2}) {
+    TwoFacedProblem faced([&](int solve, int call, double*) {
+      if (solve == thrower && call == 2) {
+        throw std::runtime_error("no more");
+      }
+      return true;
+    });
+    const auto before = faced.test->blocks;
+    SolveReport report = Checked();
+    CeresSummary summary;
+    EXPECT_THROW(inceres::Solve(Quiet(), &faced.test->problem, &summary, &report), std::runtime_error);
+    EXPECT_EQ(faced.test->blocks, before);
+  }
+}
+
+TEST(CrossCheck, WhatOursDeclinesIsSolvedOnce) {
+  TwoFacedProblem faced(nullptr);
+  Options options = Quiet();
+  options.minimizer_type = ceres::LINE_SEARCH;
+  Counter counter;
+  options.callbacks.push_back(&counter);
+  SolveReport report = Checked();
+  CeresSummary summary;
+  inceres::Solve(options, &faced.test->problem, &summary, &report);
+  EXPECT_TRUE(report.used_stock);
+  EXPECT_FALSE(report.comparison->compared);
+  EXPECT_FALSE(report.comparison->agrees());
+  EXPECT_EQ(report.comparison->reason, report.fallback_reason);
+  EXPECT_EQ(report.comparison->kept, SolvedBy::kStock);
+  EXPECT_EQ(counter.iterations.size(), summary.iterations.size());
+  report.strict = true;
+  inceres::Solve(options, &faced.test->problem, &summary, &report);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_FALSE(report.comparison->compared);
+}
+
+// A second solve would call it again.
+TEST(CrossCheck, AProblemWithAnEvaluationCallbackIsSolvedOnce) {
+  struct Callback : public ceres::EvaluationCallback {
+    void PrepareForEvaluation(bool, bool) override { ++calls; }
+    int calls = 0;
+  };
+  int calls[2];
+  for (const bool checked : {false, true}) {
+    Callback callback;
+    ceres::Problem::Options problem_options;
+    problem_options.evaluation_callback = &callback;
+    ceres::Problem problem(problem_options);
+    double x = 4.0;
+    problem.AddResidualBlock(new testing::TargetCost({1.0}), nullptr, &x);
+    SolveReport report;
+    report.evaluation_callback = &callback;
+    report.cross_check.enabled = checked;
+    CeresSummary summary;
+    inceres::Solve(Quiet(), &problem, &summary, &report);
+    EXPECT_FALSE(report.used_stock);
+    calls[checked ? 1 : 0] = callback.calls;
+    if (checked) {
+      EXPECT_THAT(report.comparison->reason, HasSubstr("evaluation callback"));
+    }
+  }
+  EXPECT_GT(calls[0], 0);
+  EXPECT_EQ(calls[1], calls[0]);
+}
+
+TEST(CrossCheck, StockModeIsStockAlone) {
+  TwoFacedProblem faced(nullptr);
+  SolveReport report = Checked(SolveMode::kStock);
+  CeresSummary summary;
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  EXPECT_EQ(faced.solve, 1);
+  EXPECT_FALSE(report.comparison->compared);
+}
+
+TEST(CrossCheck, ASolveThatTheCallbackEndedStaysOurs) {
+  for (const ceres::CallbackReturnType end : {ceres::SOLVER_TERMINATE_SUCCESSFULLY, ceres::SOLVER_ABORT}) {
+    const auto plain = MakePowell();
+    const auto checked = MakePowell();
+    Counter first, second;
+    first.stop_at = second.stop_at = 3;
+    first.stop_with = second.stop_with = end;
+    Options options = Quiet();
+    CeresSummary expected, summary;
+    options.callbacks = {&first};
+    inceres::Solve(options, &plain->problem, &expected);
+    options.callbacks = {&second};
+    SolveReport report = Checked();
+    report.cross_check.keep = SolvedBy::kStock;
+    inceres::Solve(options, &checked->problem, &summary, &report);
+    EXPECT_EQ(report.comparison->kept, SolvedBy::kOurs);
+    EXPECT_TRUE(report.comparison->agrees());
+    EXPECT_THAT(report.comparison->reason, HasSubstr("callback"));
+    EXPECT_EQ(checked->blocks, plain->blocks);
+    EXPECT_EQ(second.iterations, first.iterations);
+    ExpectSameRun(summary, expected);
+  }
+}
+
+TEST(CrossCheck, TheEndOfASolveThatTheClockEndedIsNotJudged) {
+  const auto test = MakeBundle(5, 40, true);
+  Options options = Quiet();
+  options.max_solver_time_in_seconds = 1e-9;
+  SolveReport report = Checked();
+  CeresSummary summary;
+  inceres::Solve(options, &test->problem, &summary, &report);
+  EXPECT_TRUE(report.comparison->agrees());
+  EXPECT_THAT(report.comparison->reason, HasSubstr("time limit"));
+}
+
+TEST(CrossCheck, TheOrderingStaysTheCallers) {
+  const auto test = MakeBundle(4, 20, true);
+  Options options = Quiet();
+  options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  for (std::vector<double>& block : test->blocks) {
+    options.linear_solver_ordering->AddElementToGroup(block.data(), block.size() == 3 ? 0 : 1);
+  }
+  const auto before = options.linear_solver_ordering->group_to_elements();
+  SolveReport report = Checked();
+  CeresSummary summary;
+  inceres::Solve(options, &test->problem, &summary, &report);
+  EXPECT_TRUE(report.comparison->agrees());
+  EXPECT_EQ(options.linear_solver_ordering->group_to_elements(), before);
+}
+
+TEST(CrossCheck, ConstantBlocksAreNeverWritten) {
+  const std::size_t bytes = 4096;
+  auto* page = static_cast<double*>(mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+  ASSERT_NE(page, MAP_FAILED);
+  page[0] = 2.0;
+  const auto test = MakePowell();
+  test->problem.AddResidualBlock(new testing::TargetCost({1.0}), nullptr, page);
+  test->problem.SetParameterBlockConstant(page);
+  ASSERT_EQ(mprotect(page, bytes, PROT_READ), 0);
+  SolveReport report = Checked();
+  CeresSummary summary;
+  inceres::Solve(Quiet(), &test->problem, &summary, &report);
+  EXPECT_TRUE(report.comparison->agrees());
+  EXPECT_EQ(report.comparison->ours.fixed_cost, 0.5);
+}
+
+TEST(CrossCheck, TolerancesAreTheCallers) {
+  const auto test = MakeBundle(5, 40, true);
+  const CapturedLog log;
+  SolveReport report = Checked();
+  report.cross_check.parameter_tolerance = 0.0;
+  CeresSummary summary;
+  inceres::Solve(Quiet(), &test->problem, &summary, &report);
+  ASSERT_THAT(report.comparison->violations, SizeIs(1));
+  EXPECT_THAT(report.comparison->violations[0], HasSubstr("parameter block 0x"));
+  EXPECT_GT(report.comparison->parameters.relative, 0.0);
+  EXPECT_EQ(report.cross_check.parameter_tolerance, 0.0);
+}
+
+TEST(CrossCheck, ATwistedToleranceIsNamedAndTheSolveGoesOn) {
+  TwoFacedProblem faced(nullptr);
+  const CapturedLog log;
+  SolveReport report = Checked();
+  report.cross_check.cost_tolerance = -1.0;
+  CeresSummary summary;
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  EXPECT_TRUE(summary.IsSolutionUsable());
+  EXPECT_EQ(faced.solve, 1);
+  EXPECT_THAT(report.comparison->reason, HasSubstr("cost_tolerance"));
+  EXPECT_THAT(log.messages(), Contains(HasSubstr("cost_tolerance")));
+}
+
+TEST(CrossCheck, WhatStockWouldAbortOnIsNotCompared) {
+  const auto test = MakePowell();
+  Options options = Quiet(ceres::SPARSE_NORMAL_CHOLESKY);
+  options.use_mixed_precision_solves = true;
+  SolveReport report = Checked();
+  CeresSummary summary;
+  inceres::Solve(options, &test->problem, &summary, &report);
+  EXPECT_TRUE(summary.IsSolutionUsable());
+  EXPECT_FALSE(report.comparison->compared);
+  EXPECT_THAT(report.comparison->reason, HasSubstr("mixed_precision"));
+}
+
+TEST(CrossCheck, IncrementalModeIsJudgedByItsCost) {
+  for (const Recipe& recipe : Recipes()) {
+    const auto test = recipe();
+    SolveReport report = Checked(SolveMode::kIncremental);
+    CeresSummary summary;
+    inceres::Solve(Quiet(), &test->problem, &summary, &report);
+    EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
+    EXPECT_EQ(report.comparison->first_different_iteration, -1);
+  }
+  const CapturedLog log;
+  TwoFacedProblem faced([](int solve, int, double* residual) {
+    residual[0] += solve == 1 ? 0.0 : 1.0;
+    return true;
+  });
+  faced.test->problem.AddResidualBlock(new testing::TargetCost({1.0}), nullptr, faced.block);
+  SolveReport report = Checked(SolveMode::kIncremental);
+  CeresSummary summary;
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  EXPECT_THAT(report.comparison->violations, Contains(HasSubstr("final cost")));
+}
+
+TEST(CrossCheck, ASessionGoesOnFromWhatItWrote) {
+  const auto test = MakeWindow(5, 40, true);
+  CeresSession session;
+  SolveReport report = Checked();
+  CeresSummary summary;
+  session.Solve(Quiet(), &test->problem, &summary, &report);
+  EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
+  session.Solve(Quiet(), &test->problem, &summary, &report);
+  EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
+  EXPECT_EQ(report.changes.num_revalued_variables, 0);
+  EXPECT_GT(report.changes.num_kept_factors, 0);
+}
+
+}  // namespace
+}  // namespace inceres

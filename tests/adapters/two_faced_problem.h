@@ -1,0 +1,48 @@
+#pragma once
+
+#include <functional>
+
+#include "adapters/test_problems.h"
+
+namespace inceres::testing {
+
+/// Powell's function beside one number that climbs from 1 to 3 under r = x² − 9, about which the hook decides: it is told which
+/// solve this is, from 1 (each begins with a Jacobian at the start), and how many cost-only calls it has made, and may change the
+/// residual or refuse.
+struct TwoFacedProblem {
+  using Hook = std::function<bool(int solve, int call, double* residual)>;
+
+  explicit TwoFacedProblem(Hook face) : test(MakePowell()), hook(std::move(face)) {
+    block = test->Add({kStart});
+    test->problem.AddResidualBlock(new Cost(this), nullptr, block);
+  }
+
+  static constexpr double kStart = 1.0;
+  std::unique_ptr<TestProblem> test;
+  Hook hook;
+  double* block = nullptr;
+  int solve = 0;
+  int call = 0;
+
+ private:
+  struct Cost : public ceres::SizedCostFunction<1, 1> {
+    explicit Cost(TwoFacedProblem* given) : owner(given) {}
+    bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+      const double x = parameters[0][0];
+      residuals[0] = x * x - 9.0;
+      if (jacobians != nullptr && jacobians[0] != nullptr) {
+        jacobians[0][0] = 2.0 * x;
+        if (x == kStart) {
+          ++owner->solve;
+          owner->call = 0;
+        }
+      } else {
+        ++owner->call;
+      }
+      return owner->hook == nullptr || owner->hook(owner->solve, owner->call, residuals);
+    }
+    TwoFacedProblem* owner;
+  };
+};
+
+}  // namespace inceres::testing
