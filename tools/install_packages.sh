@@ -2,7 +2,9 @@
 # Installs what building and testing inceres needs on Debian 12, and makes the serial OpenBLAS the BLAS and LAPACK that programs
 # load. Does nothing, quickly, when all is there. Runs as root or through sudo; asks nothing.
 #
-#   tools/install_packages.sh
+#   tools/install_packages.sh [--browser]
+#
+# --browser adds Chromium, 300 MB, in which one test looks at the page of tools/ab_report; without it that test is skipped.
 set -euo pipefail
 
 packages=(
@@ -12,6 +14,11 @@ packages=(
   libgtest-dev libgmock-dev libbenchmark-dev
   clang-format clang-tidy
 )
+case ${1:-} in
+  "") ;;
+  --browser) packages+=(chromium) ;;
+  *) echo "install_packages.sh: unknown option $1" >&2; exit 2 ;;
+esac
 
 # as_root COMMAND…: runs it with the rights to change the system.
 as_root() {
