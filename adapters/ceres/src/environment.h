@@ -12,7 +12,7 @@ namespace inceres::internal {
 enum class DropinMode {
   kExact,        ///< inceres::SolveMode::kExact
   kIncremental,  ///< incremental wherever it can, exact where it cannot
-  kAuto,         ///< a Problem's first solve exact, its later ones incremental where they can be
+  kAuto,         ///< a Problem's first solve exact, its later ones incremental where they can be and enough of it stayed
   kStock,        ///< nothing is looked at
 };
 
