@@ -12,7 +12,7 @@ namespace inceres::internal {
 enum class DropinMode {
   kExact,        ///< inceres::SolveMode::kExact
   kIncremental,  ///< incremental wherever it can, exact where it cannot
-  kAuto,         ///< a Problem's first solve exact, its later ones incremental where they can be and enough of it stayed
+  kAuto,         ///< incremental for what lives on and changes little (IsIncremental in the drop-in has the rule), else exact
   kStock,        ///< nothing is looked at
 };
 
