@@ -3,8 +3,8 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
-#include "adapters/ceres/src/environment.h"
 #include "adapters/ceres/dropin/src/registry.h"
+#include "adapters/ceres/src/environment.h"
 
 namespace inceres::internal {
 
