@@ -115,14 +115,14 @@ Environment ReadEnvironment(const std::function<const char*(const char*)>& varia
 }
 
 const Environment& TheEnvironment() {
-  static const Environment environment = [] {
+  static const Environment kEnvironment = [] {
     Environment read = ReadEnvironment([](const char* name) { return std::getenv(name); });
     for (const std::string& complaint : read.complaints) {
       LOG(WARNING) << "inceres: " << complaint;
     }
     return read;
   }();
-  return environment;
+  return kEnvironment;
 }
 
 }  // namespace internal
