@@ -80,59 +80,69 @@ TEST(Case52, cost_function_fails_at_the_jacobian_of_an_accepted_point) {
   }
 }
 
-// R² whose Plus or PlusJacobian fails when told to.
-class Obedient : public ceres::Manifold {
+// R² whose Plus leads, or whose PlusJacobian is asked for, to where |x₀| is too small.
+class Limited : public ceres::Manifold {
  public:
-  explicit Obedient(const bool* plus_fails, const bool* jacobian_fails)
-      : plus_fails_(plus_fails), jacobian_fails_(jacobian_fails) {}
+  Limited(const double* plus_limit, const double* jacobian_limit) : plus_limit_(plus_limit), jacobian_limit_(jacobian_limit) {}
   int AmbientSize() const override { return 2; }
   int TangentSize() const override { return 2; }
   bool Plus(const double* x, const double* delta, double* sum) const override {
     sum[0] = x[0] + delta[0];
     sum[1] = x[1] + delta[1];
-    return !(*plus_fails_ && std::abs(sum[0]) < 1.0);
+    return std::abs(sum[0]) >= *plus_limit_;
   }
-  bool PlusJacobian(const double*, double* jacobian) const override {
+  bool PlusJacobian(const double* x, double* jacobian) const override {
     const double identity[4] = {1.0, 0.0, 0.0, 1.0};
     std::copy(identity, identity + 4, jacobian);
-    return !*jacobian_fails_;
+    return std::abs(x[0]) >= *jacobian_limit_;
   }
   bool Minus(const double*, const double*, double*) const override { return false; }
   bool MinusJacobian(const double*, double*) const override { return false; }
 
  private:
-  const bool* plus_fails_;
-  const bool* jacobian_fails_;
+  const double* plus_limit_;
+  const double* jacobian_limit_;
 };
 
-TEST(Case52, plus_false_at_a_trial_point) {
-  bool plus_fails = false;
-  const bool never = false;
-  World world;
-  double* x = world.Add({5.0, 7.0});
-  world.problem.AddResidualBlock(Target({0.0, 0.0}, 0.2), nullptr,
-                                 x);  // the gradient's step leads to 0.96 x, the first to 1e-4 x
-  world.problem.SetManifold(x, new Obedient(&plus_fails, &never));
-  plus_fails = true;
+// From (5, 7) the gradient leads to 0.96 x and the first step to 1e-4 x; the sixth is the first that is short enough.
+void ExpectShorterSteps(const Limited& manifold, World* world) {
+  double* x = world->Add(kStart);
+  world->problem.AddResidualBlock(Target({0.0, 0.0}, 0.2), nullptr, x);
+  world->problem.SetManifold(x, new Limited(manifold));
   Options options = Small();
-  options.max_num_iterations = 6;  // the sixth step is the first that is short enough
-  const Summary summary = Solve(options, &world.problem).summary;
+  options.max_num_iterations = 6;
+  const Summary summary = Solve(options, &world->problem).summary;
   EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
-  ASSERT_GT(summary.iterations.size(), 2u);
+  ASSERT_EQ(summary.iterations.size(), 7u);
   EXPECT_EQ(summary.iterations[1].cost, std::numeric_limits<double>::max());
   EXPECT_FALSE(summary.iterations[1].step_is_successful);
+  EXPECT_TRUE(summary.iterations[6].step_is_successful);
   EXPECT_GE(x[0], 1.0);
   EXPECT_LT(x[0], 5.0);
 }
 
-TEST(Case52, plus_jacobian_false_or_invalid) {
+TEST(Case52, plus_false_at_a_trial_point) {
+  const double limit = 1.0;
+  const double never = 0.0;
   World world;
-  double* x = world.Add({5.0, 7.0});
-  bool jacobian_fails = false;
-  const bool never = false;
+  ExpectShorterSteps(Limited(&limit, &never), &world);
+}
+
+TEST(Case52, plus_jacobian_false_at_a_trial_point) {
+  const double limit = 1.0;
+  const double never = 0.0;
+  World world;
+  ExpectShorterSteps(Limited(&never, &limit), &world);
+}
+
+TEST(Case52, plus_jacobian_false_at_iteration_0) {
+  World world;
+  double* x = world.Add(kStart);
+  double limit = 0.0;
+  const double never = 0.0;
   world.problem.AddResidualBlock(Target({0.0, 0.0}), nullptr, x);
-  world.problem.SetManifold(x, new Obedient(&never, &jacobian_fails));
-  jacobian_fails = true;
+  world.problem.SetManifold(x, new Limited(&never, &limit));
+  limit = 100.0;
   const Summary summary = Solve(Small(), &world.problem).summary;
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
   EXPECT_EQ(summary.message, "Residual and Jacobian evaluation failed.");
