@@ -106,6 +106,7 @@ class EditCommit {
     variable.role = Role::kFrame;
     variable.constant = true;
     variable.removed = true;
+    graph_.bounds_.erase(id);
     ++graph_.num_removed_variables_;
   }
 

@@ -92,6 +92,23 @@ void FactorGraph::SetLoss(FamilyId family, int factor, std::shared_ptr<const Los
   }
 }
 
+void FactorGraph::SetBounds(VariableId id, const double* lower, const double* upper) {
+  constexpr double kMax = std::numeric_limits<double>::max();
+  assert(id >= 0 && id < num_variables() && "FactorGraph::SetBounds: no such variable");
+  const std::size_t size = Index(AmbientSize(id));
+  VariableBounds bounds;
+  bounds.lower = lower != nullptr ? std::vector<double>(lower, lower + size) : std::vector<double>(size, -kMax);
+  bounds.upper = upper != nullptr ? std::vector<double>(upper, upper + size) : std::vector<double>(size, kMax);
+  // A NaN stays, for Validate() to find.
+  const bool none = std::all_of(bounds.lower.begin(), bounds.lower.end(), [](double b) { return b <= -kMax; }) &&
+                    std::all_of(bounds.upper.begin(), bounds.upper.end(), [](double b) { return b >= kMax; });
+  if (none) {
+    bounds_.erase(id);
+  } else {
+    bounds_[id] = std::move(bounds);
+  }
+}
+
 void FactorGraph::SetValues(VariableId id, const double* values) {
   const VariableRecord& variable = variables_[Index(id)];
   if (variable.offset >= 0) {

@@ -46,6 +46,9 @@ Status FactorGraph::Validate() const {
     }
   }
   Status status = AllFinite(state_.data(), state_.size()) ? Status::Ok() : ValidateValues();
+  for (auto bounded = bounds_.begin(); status.ok() && bounded != bounds_.end(); ++bounded) {
+    status = ValidateBounds(bounded->first, bounded->second);
+  }
   for (FamilyId id = 0; status.ok() && id < num_families(); ++id) {
     status = ValidateFamily(id);
   }
@@ -85,6 +88,28 @@ Status FactorGraph::ValidateValues() const {
       if (!std::isfinite(value)) {
         return Invalid("value " + std::to_string(k) + " of " + VariableName(id) + " is " + std::to_string(value));
       }
+    }
+  }
+  return Status::Ok();
+}
+
+// As in Ceres: a variable starts anywhere, for it is projected; a constant cannot be.
+Status FactorGraph::ValidateBounds(VariableId id, const VariableBounds& bounds) const {
+  const double* values = Values(id);
+  for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
+    const double lower = bounds.lower[k];
+    const double upper = bounds.upper[k];
+    const std::string entry = "value " + std::to_string(k) + " of " + VariableName(id);
+    if (std::isnan(lower) || std::isnan(upper)) {
+      return Invalid(entry + " has a bound that is not a number");
+    }
+    if (!IsConstant(id) && !(lower < upper)) {
+      return Invalid(entry + " has the lower bound " + std::to_string(lower) + ", which is not below its upper bound " +
+                     std::to_string(upper));
+    }
+    if (IsConstant(id) && (values[k] < lower || values[k] > upper)) {
+      return Invalid(entry + " is constant at " + std::to_string(values[k]) + ", outside its bounds " + std::to_string(lower) +
+                     " and " + std::to_string(upper));
     }
   }
   return Status::Ok();

@@ -13,6 +13,13 @@ namespace {
 constexpr int kChunkSize = 256;        // factors per task: a few tens of microseconds of Jacobians
 constexpr double kImpossible = 1e302;  // Ceres's mark of an entry nobody wrote
 
+// A NaN stays one.
+void Clamp(const VariableBounds& bounds, double* x) {
+  for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
+    x[k] = std::min(std::max(x[k], bounds.lower[k]), bounds.upper[k]);
+  }
+}
+
 }  // namespace
 
 FactorRows FamilyCache::Rows(int begin, int end) const {
@@ -30,6 +37,7 @@ FactorRows FamilyCache::Rows(int begin, int end) const {
 Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor)
     : graph_(graph), layout_(layout), executor_(executor), current_(graph.state()), candidate_(graph.state()) {
   BuildMaps();
+  BuildBounds();
   families_.resize(graph.num_families());
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     BuildFamily(id);
@@ -108,6 +116,15 @@ void Evaluator::BuildMaps() {
   selections_.resize(num_columns);
 }
 
+void Evaluator::BuildBounds() {
+  for (std::size_t i = 0; graph_.HasBounds() && i < layout_.variables.size(); ++i) {
+    if (const VariableBounds* bounds = graph_.bounds(layout_.variables[i])) {
+      bounds_.resize(layout_.variables.size());
+      bounds_[i] = bounds;
+    }
+  }
+}
+
 Status Evaluator::ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values) {
   for (std::size_t k = 0; k < curved_.size(); ++k) {
     const VariableId id = layout_.variables[curved_[k]];
@@ -145,10 +162,13 @@ bool Evaluator::MoveCandidate(const double* delta) {
       if (!manifold->Plus(x, step, moved)) {
         return false;
       }
-      continue;
+    } else {
+      for (int k = 0; k < graph_.AmbientSize(id); ++k) {
+        moved[k] = x[k] + step[k];
+      }
     }
-    for (int k = 0; k < graph_.AmbientSize(id); ++k) {
-      moved[k] = x[k] + step[k];
+    if (IsConstrained() && bounds_[i] != nullptr) {
+      Clamp(*bounds_[i], moved);
     }
   }
   return true;
@@ -213,6 +233,10 @@ void Evaluator::AcceptCandidate() {
   for (FamilyCache& cache : families_) {
     cache.parameters.swap(cache.candidate_parameters);
   }
+}
+
+void Evaluator::SetCurrent(const std::vector<double>& state) {
+  std::copy(state.begin(), state.end(), current_.begin());  // in place: the families point into it
 }
 
 Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {

@@ -47,7 +47,11 @@ class Evaluator {
   const Layout& layout() const { return layout_; }
   const Executor& executor() const { return executor_; }
 
-  /// candidate := current ⊞ delta (packed). False if a manifold's Plus fails; blocks before it are then already overwritten.
+  /// Whether any variable that moves has bounds.
+  bool IsConstrained() const { return !bounds_.empty(); }
+
+  /// candidate := current ⊞ delta (packed), clamped to the bounds. False if a manifold's Plus fails; blocks before it are then
+  /// already overwritten.
   bool MoveCandidate(const double* delta);
 
   /// ½ Σ ρ at the candidate, residuals only.
@@ -55,6 +59,9 @@ class Evaluator {
 
   /// current := candidate, with its tangent maps.
   void AcceptCandidate();
+
+  /// current := these values, a state as the graph lays it out.
+  void SetCurrent(const std::vector<double>& state);
 
   /// Residuals, Jacobians and cost at the current point. `known_point`: its tangent maps were computed by EvaluateCandidateCost.
   Status EvaluateJacobians(bool known_point, double* cost);
@@ -70,6 +77,7 @@ class Evaluator {
 
   void BuildFamily(FamilyId id);
   void BuildMaps();
+  void BuildBounds();
   Status ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values);
   void ClassifyMaps();
   double EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFailure* failure);
@@ -85,6 +93,7 @@ class Evaluator {
   std::vector<double> chunk_costs_;
   std::vector<EvaluationFailure> chunk_failures_;
 
+  std::vector<const VariableBounds*> bounds_;       // per entry of layout_.variables, null if free; empty if all are
   std::vector<TangentMap> maps_;                    // per VariableId
   std::vector<int> curved_;                         // indices into layout_.variables of those with a manifold
   std::vector<std::int64_t> plus_jacobian_offset_;  // per entry of curved_

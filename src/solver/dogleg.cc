@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
 
 namespace inceres::internal {
@@ -32,7 +33,11 @@ Dogleg::Dogleg(const SolverOptions& options, const std::vector<double>& scale)
       w_(scale.size()),
       gradient_(scale.size()),
       gauss_newton_(scale.size()),
-      scratch_(scale.size()) {
+      scratch_(scale.size()),
+      p_(scale.size()) {
+  if (options.strategy == TrustRegionStrategyKind::kSubspaceDogleg) {
+    subspace_.emplace();
+  }
 }
 
 Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
@@ -47,8 +52,11 @@ Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
     if (!solved.ok()) {
       return solved;
     }
+    if (subspace_ && !subspace_->Build(w_, gradient_, gauss_newton_, *model)) {
+      return Status::Error(StatusCode::kSingular, "both the gradient and the Gauss-Newton step are zero");
+    }
   }
-  Interpolate(step);
+  ChooseWithinRadius(step);
   return Status::Ok();
 }
 
@@ -86,34 +94,38 @@ Status Dogleg::ComputeGaussNewtonStep(LinearModel* model, int* num_solves) {
   return solved;
 }
 
-void Dogleg::Interpolate(double* step) {
-  const double gauss_newton_norm = Norm(gauss_newton_);
-  const double gradient_norm = Norm(gradient_);
-  double along_gradient = 0.0;  // coefficients of g̃ and of the Gauss–Newton step
-  double along_gauss_newton = 0.0;
-  if (gauss_newton_norm <= radius_) {
-    along_gauss_newton = 1.0;
-  } else if (gradient_norm * alpha_ >= radius_) {
-    along_gradient = -radius_ / gradient_norm;
+void Dogleg::ChooseWithinRadius(double* step) {
+  gauss_newton_norm_ = Norm(gauss_newton_);
+  step_norm_ = gauss_newton_norm_;
+  if (step_norm_ <= radius_) {
+    p_ = gauss_newton_;
+  } else if (subspace_ && subspace_->MinimizeOnBoundary(radius_, gradient_, p_.data())) {
+    step_norm_ = radius_;
   } else {
-    // The point of the segment from the Cauchy point a to the Gauss–Newton point b on the sphere: Ceres's two-branch formula
-    // avoids cancellation.
-    const double b_dot_a = -alpha_ * Dot(gradient_, gauss_newton_);
-    const double a2 = std::pow(alpha_ * gradient_norm, 2);
-    const double b_minus_a2 = a2 - 2.0 * b_dot_a + gauss_newton_norm * gauss_newton_norm;
-    const double c = b_dot_a - a2;
-    const double d = std::sqrt(c * c + b_minus_a2 * (radius_ * radius_ - a2));
-    const double beta = c <= 0.0 ? (d - c) / b_minus_a2 : (radius_ * radius_ - a2) / (d + c);
-    along_gradient = -alpha_ * (1.0 - beta);
-    along_gauss_newton = beta;
+    FollowTraditionalPath();
   }
-  double squared_norm = 0.0;
-  for (std::size_t j = 0; j < w_.size(); ++j) {
-    const double p = along_gradient * gradient_[j] + along_gauss_newton * gauss_newton_[j];
-    squared_norm += p * p;
-    step[j] = p / w_[j];
+  std::transform(p_.begin(), p_.end(), w_.begin(), step, std::divides<>());
+}
+
+// From zero to the Cauchy point a, on towards the Gauss–Newton point b, which lies outside: where this leaves the sphere.
+void Dogleg::FollowTraditionalPath() {
+  const double gradient_norm = Norm(gradient_);
+  if (gradient_norm * alpha_ >= radius_) {
+    std::transform(gradient_.begin(), gradient_.end(), p_.begin(), [&](double g) { return -radius_ / gradient_norm * g; });
+    step_norm_ = radius_;
+    return;
   }
-  step_norm_ = along_gauss_newton == 0.0 ? radius_ : std::sqrt(squared_norm);
+  // Ceres's two-branch formula avoids cancellation.
+  const double b_dot_a = -alpha_ * Dot(gradient_, gauss_newton_);
+  const double a2 = std::pow(alpha_ * gradient_norm, 2);
+  const double b_minus_a2 = a2 - 2.0 * b_dot_a + gauss_newton_norm_ * gauss_newton_norm_;
+  const double c = b_dot_a - a2;
+  const double d = std::sqrt(c * c + b_minus_a2 * (radius_ * radius_ - a2));
+  const double beta = c <= 0.0 ? (d - c) / b_minus_a2 : (radius_ * radius_ - a2) / (d + c);
+  for (std::size_t j = 0; j < p_.size(); ++j) {
+    p_[j] = -alpha_ * (1.0 - beta) * gradient_[j] + beta * gauss_newton_[j];
+  }
+  step_norm_ = Norm(p_);
 }
 
 void Dogleg::StepAccepted(double quality) {

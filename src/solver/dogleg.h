@@ -1,11 +1,16 @@
 #pragma once
 
+#include <optional>
+
+#include "solver/dogleg_subspace.h"
 #include "solver/strategy.h"
 
 namespace inceres::internal {
 
-/// Powell's traditional Dog-Leg in the metric D = clamp(s² diag H)^½ of the scaled columns. With w = D/s everything is said in
-/// unscaled variables: g̃ = g/w, Cauchy step −α g̃ with α = ‖g̃‖²/‖J g̃/w‖², Gauss–Newton step w δ_gn, result δ = p/w.
+/// Powell's Dog-Leg in the metric D = clamp(s² diag H)^½ of the scaled columns. With w = D/s everything is said in
+/// unscaled variables: g̃ = g/w, Cauchy step −α g̃ with α = ‖g̃‖²/‖J g̃/w‖², Gauss–Newton step w δ_gn, result δ = p/w. A
+/// Gauss–Newton step that leaves the trust region is replaced by the traditional path's point on the sphere, or by the best one
+/// of the plane (DoglegSubspace).
 ///
 /// The Gauss–Newton step is regularised by μ w² on the diagonal, μ starting at 1e-8 and rising when the system cannot be
 /// factored. Source: Nocedal & Wright, section 4.1; constants of Ceres 2.1's DoglegStrategy.
@@ -22,7 +27,8 @@ class Dogleg final : public TrustRegionStrategy {
  private:
   void ComputeCauchyPoint(LinearModel* model);
   Status ComputeGaussNewtonStep(LinearModel* model, int* num_solves);
-  void Interpolate(double* step);
+  void ChooseWithinRadius(double* step);
+  void FollowTraditionalPath();
 
   const std::vector<double>& scale_;
   double radius_;
@@ -32,10 +38,13 @@ class Dogleg final : public TrustRegionStrategy {
   bool reuse_ = false;
   double alpha_ = 0.0;      // length of the Cauchy step along −g̃
   double step_norm_ = 0.0;  // ‖w δ‖ of the last step
+  double gauss_newton_norm_ = 0.0;
   std::vector<double> w_;
   std::vector<double> gradient_;      // g̃
   std::vector<double> gauss_newton_;  // w δ_gn
   std::vector<double> scratch_;
+  std::vector<double> p_;                   // the step in the metric
+  std::optional<DoglegSubspace> subspace_;  // if that is the kind
 };
 
 }  // namespace inceres::internal

@@ -38,6 +38,16 @@ Status SolverOptions::Validate() const {
               ">= 0"),
       Require(!use_nonmonotonic_steps || max_consecutive_nonmonotonic_steps > 0, "max_consecutive_nonmonotonic_steps",
               max_consecutive_nonmonotonic_steps, "> 0 with use_nonmonotonic_steps"),
+      Require(line_search_sufficient_function_decrease > 0.0 && line_search_sufficient_function_decrease < 1.0,
+              "line_search_sufficient_function_decrease", line_search_sufficient_function_decrease, "between 0 and 1"),
+      Require(max_line_search_step_contraction > 0.0 && max_line_search_step_contraction < 1.0,
+              "max_line_search_step_contraction", max_line_search_step_contraction, "between 0 and 1"),
+      Require(min_line_search_step_contraction > max_line_search_step_contraction && min_line_search_step_contraction <= 1.0,
+              "min_line_search_step_contraction", min_line_search_step_contraction,
+              "above max_line_search_step_contraction, at most 1"),
+      Require(min_line_search_step_size > 0.0, "min_line_search_step_size", min_line_search_step_size, "> 0"),
+      Require(max_num_line_search_step_size_iterations >= 0, "max_num_line_search_step_size_iterations",
+              max_num_line_search_step_size_iterations, ">= 0"),
   };
   for (const Status& check : checks) {
     if (!check.ok()) {

@@ -17,10 +17,10 @@ std::vector<double> JacobiScale(const std::vector<double>& diagonal, bool jacobi
 }
 
 std::unique_ptr<TrustRegionStrategy> MakeStrategy(const SolverOptions& options, const std::vector<double>& scale) {
-  if (options.strategy == TrustRegionStrategyKind::kDogleg) {
-    return std::make_unique<Dogleg>(options, scale);
+  if (options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt) {
+    return std::make_unique<LevenbergMarquardt>(options, scale);
   }
-  return std::make_unique<LevenbergMarquardt>(options, scale);
+  return std::make_unique<Dogleg>(options, scale);
 }
 
 bool IsFinite(const std::vector<double>& step) {

@@ -62,6 +62,20 @@ std::string ToJson(const WorkCounts& work) {
 
 }  // namespace internal
 
+namespace {
+
+std::string ToJson(const LineSearchSummary& search) {
+  return JsonObject()
+      .Add("num_steps", search.num_steps)
+      .Add("cost_seconds", search.cost_seconds)
+      .Add("gradient_seconds", search.gradient_seconds)
+      .Add("polynomial_seconds", search.polynomial_seconds)
+      .Add("total_seconds", search.total_seconds)
+      .Close();
+}
+
+}  // namespace
+
 const char* ToString(Termination termination) {
   switch (termination) {
     case Termination::kConvergence:
@@ -88,6 +102,8 @@ std::string Summary::ToJson() const {
       .Add("fixed_cost", fixed_cost)
       .Add("num_successful_steps", num_successful_steps)
       .Add("num_unsuccessful_steps", num_unsuccessful_steps)
+      .AddRaw("is_constrained", is_constrained ? "true" : "false")
+      .AddRaw("line_search", inceres::ToJson(line_search))
       .AddString("reduced_solver", reduced_solver)
       .AddString("kernels", kernels)
       .AddRaw("work", internal::ToJson(work))

@@ -29,7 +29,8 @@ void TrustRegionMinimizer::Minimize() {
   iteration_start_time_ = start_time_;
   summary_.num_successful_steps = 0;
   summary_.num_unsuccessful_steps = 0;
-  if (!EvaluateStart()) {
+  summary_.is_constrained = evaluator_.IsConstrained();
+  if ((summary_.is_constrained && !ProjectStart()) || !EvaluateStart()) {
     return;
   }
   while (FinalizeIterationAndContinue()) {
@@ -48,6 +49,9 @@ void TrustRegionMinimizer::Minimize() {
       }
       continue;
     }
+    if (summary_.is_constrained && options_.max_num_line_search_step_size_iterations > 0) {
+      SearchAlongStep();
+    }
     ComputeCandidate();
     if (ParameterToleranceReached() || FunctionToleranceReached()) {
       return;
@@ -61,6 +65,16 @@ void TrustRegionMinimizer::Minimize() {
       RejectStep();
     }
   }
+}
+
+bool TrustRegionMinimizer::ProjectStart() {
+  std::fill(step_.begin(), step_.end(), 0.0);
+  if (!evaluator_.MoveCandidate(step_.data())) {
+    return Finish(Termination::kFailure, "Unable to project initial point onto the feasible set.");
+  }
+  evaluator_.AcceptCandidate();
+  state_norm_ = StateNorm();
+  return true;
 }
 
 bool TrustRegionMinimizer::EvaluateStart() {
@@ -169,18 +183,19 @@ bool TrustRegionMinimizer::HandleInvalidStep() {
 
 void TrustRegionMinimizer::ComputeCandidate() {
   candidate_cost_ = std::numeric_limits<double>::max();
-  if (!evaluator_.MoveCandidate(step_.data())) {
-    return;
+  double cost = 0.0;
+  if (evaluator_.MoveCandidate(step_.data()) && EvaluateCandidate(&cost)) {
+    candidate_cost_ = cost;
   }
+}
+
+bool TrustRegionMinimizer::EvaluateCandidate(double* cost) {
   if (options_.observer != nullptr) {
     options_.observer->BeforeEvaluation(evaluator_.candidate().data(), /*jacobians=*/false, /*new_point=*/true);
   }
   const StageTimer timer(&summary_.seconds.residuals);
   ++summary_.work.num_residual_evaluations;
-  double cost = 0.0;
-  if (evaluator_.EvaluateCandidateCost(&cost).ok()) {
-    candidate_cost_ = cost;
-  }
+  return evaluator_.EvaluateCandidateCost(cost).ok();
 }
 
 bool TrustRegionMinimizer::ParameterToleranceReached() {

@@ -8,6 +8,7 @@
 #include "inceres/solver/summary.h"
 #include "linearisation/evaluator.h"
 #include "solver/linear_model.h"
+#include "solver/polynomial.h"
 #include "solver/step_quality.h"
 #include "solver/strategy.h"
 
@@ -17,6 +18,8 @@ namespace inceres::internal {
 ///
 ///     evaluate the start
 ///     while not finished:  step -> candidate -> cost -> tolerances -> accept (evaluate Jacobians) or reject
+///
+/// With bounds the start is projected first, and each step is shortened by a line search before it is tried.
 ///
 /// Tolerances end the loop before the candidate is accepted, and the state returned is the cheapest accepted one.
 class TrustRegionMinimizer {
@@ -29,16 +32,20 @@ class TrustRegionMinimizer {
   const std::vector<double>& best_state() const { return best_state_; }
 
  private:
+  bool ProjectStart();
   bool EvaluateStart();
   bool FinalizeIterationAndContinue();
   bool ComputeStep();
   bool HandleInvalidStep();
+  void SearchAlongStep();
+  FunctionSample SampleStep(double t);
   void ComputeCandidate();
   bool ParameterToleranceReached();
   bool FunctionToleranceReached();
   bool AcceptStep();
   void RejectStep();
 
+  bool EvaluateCandidate(double* cost);
   bool EvaluateGradientAndJacobian(bool new_point);
   bool ComputeGradientNorms();
   double StateNorm() const;
@@ -62,6 +69,8 @@ class TrustRegionMinimizer {
   std::vector<double> best_state_;
   std::vector<double> step_;
   std::vector<double> negative_gradient_;
+  std::unique_ptr<Evaluator> trial_;  // evaluates slopes along a step: the Jacobians of the current point are still needed
+  std::vector<double> scaled_step_;
   double cost_ = 0.0;  // at the current point, without fixed cost
   double candidate_cost_ = 0.0;
   double best_cost_;

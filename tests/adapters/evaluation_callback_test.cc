@@ -64,6 +64,7 @@ class PreparedCost : public ceres::CostFunction {
 struct Case {
   bool fixed_block = false;  // one residual block that touches only a constant
   double fail_beyond = 1e9;  // trial points with a larger |x| cannot be evaluated
+  bool bounded = false;      // x at most 0.5: a line search evaluates too, and the start is projected
 };
 
 // Keeps the callbacks of both copies: stock's first.
@@ -82,6 +83,10 @@ struct Callbacks {
       double* constant = test->Add({3.0});
       test->problem.AddResidualBlock(new PreparedCost(work, 0, which.fail_beyond), nullptr, x, y);
       test->problem.AddResidualBlock(new PreparedCost(work, 1, which.fail_beyond), new ceres::CauchyLoss(2.0), x);
+      if (which.bounded) {
+        test->problem.SetParameterUpperBound(x, 0, 0.5);
+        test->problem.SetParameterUpperBound(y, 0, 0.75);
+      }
       if (which.fixed_block) {
         test->problem.AddResidualBlock(new testing::TargetCost({1.0}), nullptr, constant);
         test->problem.SetParameterBlockConstant(constant);
@@ -120,17 +125,20 @@ TEST_P(EvaluationCallbacks, AreToldWhatStockTells) {
     ExpectSameSummary(both, 1e-9, true);
     ExpectSameParameters(both, 1e-8);
     ExpectSameCalls(*callbacks.all[0], *callbacks.all[1]);
-    EXPECT_GT(both.ours.num_unsuccessful_steps, 0) << "the test wants rejected steps too";
+    EXPECT_GT(both.ours.num_unsuccessful_steps + both.ours.num_line_search_steps, 0) << "the test wants refused points too";
     const int extra = GetParam().fixed_block ? 1 : 0;
     EXPECT_EQ(static_cast<int>(callbacks.all[1]->calls.size()),
               both.ours.num_residual_evaluations + both.ours.num_jacobian_evaluations + extra);
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Problems, EvaluationCallbacks, ::testing::Values(Case{}, Case{true, 1e9}, Case{true, 1.21}),
+INSTANTIATE_TEST_SUITE_P(Problems, EvaluationCallbacks,
+                         ::testing::Values(Case{}, Case{true, 1e9}, Case{true, 1.21}, Case{false, 1e9, true},
+                                           Case{true, 1.21, true}),
                          [](const ::testing::TestParamInfo<Case>& instance) {
                            return std::string(instance.param.fixed_block ? "FixedBlock" : "Plain") +
-                                  (instance.param.fail_beyond < 2.0 ? "FailingTrials" : "");
+                                  (instance.param.fail_beyond < 2.0 ? "FailingTrials" : "") +
+                                  (instance.param.bounded ? "Bounded" : "");
                          });
 
 // Ends a solve at an iteration.

@@ -127,11 +127,6 @@ TEST(IncrementalGate, OptionsOnlyExactModeHonours) {
       {"update_state_every_iteration", [](Options* options) { options->update_state_every_iteration = true; }},
       {"use_nonmonotonic_steps", [](Options* options) { options->use_nonmonotonic_steps = true; }},
       {"DENSE_QR", [](Options* options) { options->linear_solver_type = ceres::DENSE_QR; }},
-      {"SUBSPACE_DOGLEG",
-       [](Options* options) {
-         options->trust_region_strategy_type = ceres::DOGLEG;
-         options->dogleg_type = ceres::SUBSPACE_DOGLEG;
-       }},
       {"LINE_SEARCH", [](Options* options) { options->minimizer_type = ceres::LINE_SEARCH; }},
       {"use_inner_iterations", [](Options* options) { options->use_inner_iterations = true; }},
       {"ITERATIVE_SCHUR", [](Options* options) { options->linear_solver_type = ceres::ITERATIVE_SCHUR; }},
@@ -166,13 +161,14 @@ TEST(IncrementalGate, Bounds) {
   report.mode = SolveMode::kIncremental;
   inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, &report);
   EXPECT_TRUE(report.used_stock);
-  EXPECT_EQ(report.fallback_reason.find("bounds"), 0U);
+  EXPECT_EQ(report.fallback_reason.find("incremental mode: bounds"), 0U);
 }
 
 TEST(IncrementalGate, DefaultsPass) {
   EXPECT_EQ(internal::IncrementalOptionsObstacle(Options()), "");
   Options dogleg;
   dogleg.trust_region_strategy_type = ceres::DOGLEG;
+  dogleg.dogleg_type = ceres::SUBSPACE_DOGLEG;
   EXPECT_EQ(internal::IncrementalOptionsObstacle(dogleg), "");
 }
 

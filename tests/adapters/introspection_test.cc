@@ -94,6 +94,14 @@ TEST(Introspection, TellsBoundsApart) {
   double* x = test.Add({0.5, 0.5});
   double* y = test.Add({5.0, 0.5});
   double* z = test.Add({0.5});
+  double* crossed = test.Add({0.5});
+  double* constant = test.Add({0.5});
+  test.problem.AddParameterBlock(crossed, 1);
+  test.problem.SetParameterLowerBound(crossed, 0, 1.0);
+  test.problem.SetParameterUpperBound(crossed, 0, 1.0);
+  test.problem.AddParameterBlock(constant, 1);
+  test.problem.SetParameterBlockConstant(constant);
+  test.problem.SetParameterLowerBound(constant, 0, 1.0);
   test.problem.AddParameterBlock(x, 2);
   test.problem.AddParameterBlock(y, 2);
   test.problem.AddParameterBlock(z, 1);
@@ -101,8 +109,13 @@ TEST(Introspection, TellsBoundsApart) {
   test.problem.SetParameterUpperBound(y, 0, 1.0);
   test.problem.SetParameterLowerBound(z, 0, -std::numeric_limits<double>::infinity());
   const ProblemView view = Introspect(test.problem);
-  EXPECT_EQ(BlockAt(view, x).bounds, BoundsKind::kFeasible);
-  EXPECT_EQ(BlockAt(view, y).bounds, BoundsKind::kInfeasible);
+  EXPECT_EQ(BlockAt(view, x).bounds, BoundsKind::kBounded);
+  EXPECT_EQ(BlockAt(view, y).bounds, BoundsKind::kBounded) << "a variable may start outside";
+  EXPECT_EQ(BlockAt(view, crossed).bounds, BoundsKind::kInfeasible);
+  EXPECT_EQ(BlockAt(view, constant).bounds, BoundsKind::kInfeasible);
+  const double* lower = view.bounds.data() + BlockAt(view, x).first_bound;
+  constexpr double kMax = std::numeric_limits<double>::max();
+  EXPECT_EQ(std::vector<double>(lower, lower + 4), (std::vector<double>{-kMax, -kMax, kMax, 1.0}));
   EXPECT_EQ(BlockAt(view, z).bounds, BoundsKind::kNone) << "an infinite bound is none";
 }
 

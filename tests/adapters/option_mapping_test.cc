@@ -13,7 +13,7 @@ using Options = ceres::Solver::Options;
 using Names = std::vector<std::string>;
 
 Names WithoutEffect(const Options& options) {
-  return OptionsWithoutEffect(options, LandmarkSelection());
+  return OptionsWithoutEffect(options, LandmarkSelection(), /*is_constrained=*/false);
 }
 
 TEST(OptionsWithoutEffect, DefaultsHaveNone) {
@@ -27,7 +27,7 @@ TEST(OptionsWithoutEffect, NamesEachThatWasSet) {
   options.use_mixed_precision_solves = true;
   options.max_num_line_search_step_size_iterations = 3;
   options.gradient_check_relative_precision = 1e-3;
-  EXPECT_EQ(WithoutEffect(options), (Names{"max_lbfgs_rank", "max_num_line_search_step_size_iterations", "eta",
+  EXPECT_EQ(WithoutEffect(options), (Names{"max_num_line_search_step_size_iterations", "max_lbfgs_rank", "eta",
                                            "use_mixed_precision_solves", "gradient_check_relative_precision"}));
 }
 
@@ -67,7 +67,7 @@ TEST(OptionsWithoutEffect, BlocksTooLargeForALandmark) {
   options.linear_solver_ordering->AddElementToGroup(&x[1], 1);
   LandmarkSelection landmarks;
   landmarks.num_too_large = 2;
-  const Names names = OptionsWithoutEffect(options, landmarks);
+  const Names names = OptionsWithoutEffect(options, landmarks, /*is_constrained=*/false);
   ASSERT_EQ(names.size(), 1u);
   EXPECT_NE(names[0].find("2 blocks of the first group have a tangent size above 4"), std::string::npos) << names[0];
 }
@@ -99,6 +99,12 @@ TEST(MapOptions, CopiesWhatTheCoreReads) {
   options.use_nonmonotonic_steps = true;
   options.max_consecutive_nonmonotonic_steps = 9;
   options.eta = 0.75;
+  options.line_search_interpolation_type = ceres::QUADRATIC;
+  options.min_line_search_step_size = 0.0625;
+  options.line_search_sufficient_function_decrease = 0.375;
+  options.max_line_search_step_contraction = 0.3125;
+  options.min_line_search_step_contraction = 0.4375;
+  options.max_num_line_search_step_size_iterations = 11;
   const SolverOptions core = MapOptions(options, ceres::DENSE_QR);
   EXPECT_EQ(core.strategy, TrustRegionStrategyKind::kDogleg);
   EXPECT_EQ(core.linear_model, LinearModelKind::kDenseQr);
@@ -118,6 +124,16 @@ TEST(MapOptions, CopiesWhatTheCoreReads) {
   EXPECT_TRUE(core.use_nonmonotonic_steps);
   EXPECT_EQ(core.max_consecutive_nonmonotonic_steps, 9);
   EXPECT_EQ(core.eta, 0.75);
+  EXPECT_EQ(core.line_search_interpolation, LineSearchInterpolation::kQuadratic);
+  EXPECT_EQ(core.min_line_search_step_size, 0.0625);
+  EXPECT_EQ(core.line_search_sufficient_function_decrease, 0.375);
+  EXPECT_EQ(core.max_line_search_step_contraction, 0.3125);
+  EXPECT_EQ(core.min_line_search_step_contraction, 0.4375);
+  EXPECT_EQ(core.max_num_line_search_step_size_iterations, 11);
+  options.line_search_interpolation_type = ceres::BISECTION;
+  EXPECT_EQ(MapOptions(options, ceres::DENSE_QR).line_search_interpolation, LineSearchInterpolation::kBisection);
+  options.dogleg_type = ceres::SUBSPACE_DOGLEG;
+  EXPECT_EQ(MapOptions(options, ceres::DENSE_QR).strategy, TrustRegionStrategyKind::kSubspaceDogleg);
   EXPECT_EQ(MapOptions(options, ceres::DENSE_SCHUR).linear_model, LinearModelKind::kAutomatic);
 }
 
@@ -136,6 +152,12 @@ TEST(MapOptions, DefaultsAgree) {
   EXPECT_EQ(mapped.max_lm_diagonal, defaults.max_lm_diagonal);
   EXPECT_EQ(mapped.jacobi_scaling, defaults.jacobi_scaling);
   EXPECT_EQ(mapped.max_num_consecutive_invalid_steps, defaults.max_num_consecutive_invalid_steps);
+  EXPECT_EQ(mapped.line_search_interpolation, defaults.line_search_interpolation);
+  EXPECT_EQ(mapped.min_line_search_step_size, defaults.min_line_search_step_size);
+  EXPECT_EQ(mapped.line_search_sufficient_function_decrease, defaults.line_search_sufficient_function_decrease);
+  EXPECT_EQ(mapped.max_line_search_step_contraction, defaults.max_line_search_step_contraction);
+  EXPECT_EQ(mapped.min_line_search_step_contraction, defaults.min_line_search_step_contraction);
+  EXPECT_EQ(mapped.max_num_line_search_step_size_iterations, defaults.max_num_line_search_step_size_iterations);
 }
 
 }  // namespace

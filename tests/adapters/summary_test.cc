@@ -120,6 +120,15 @@ TEST(Summary, WindowWithLocalParameterizationsConstantsAndFixedCost) {
 }
 
 // Constant cameras: every block is a landmark and the reduced system is empty.
+TEST(Summary, DynamicSparsityIsSolvedWithAStaticPattern) {
+  ceres::Solver::Options options = WithSolver(ceres::SPARSE_NORMAL_CHOLESKY);
+  options.dynamic_sparsity = true;
+  const BothSolved both = SolveBoth([] { return MakeBundle(4, 25, true); }, options);
+  ExpectSameSummary(both, 1e-7, true);
+  ExpectSameParameters(both, 1e-6);
+  EXPECT_EQ(both.report.options_without_effect, std::vector<std::string>{"dynamic_sparsity"});
+}
+
 TEST(Summary, OnlyLandmarks) {
   const auto recipe = [] {
     auto test = MakeBundle(6, 40, true);

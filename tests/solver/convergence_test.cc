@@ -84,13 +84,14 @@ TEST_P(Converges, CurveFitWithOutliersNeedsTheLoss) {
 
 std::string ConfigurationName(const testing::TestParamInfo<Configuration>& info) {
   const char* models[] = {"Automatic", "Schur", "Plain", "DenseQr"};
-  return std::string(std::get<0>(info.param) == TrustRegionStrategyKind::kDogleg ? "Dogleg" : "LevenbergMarquardt") +
-         models[static_cast<int>(std::get<1>(info.param))];
+  const char* strategies[] = {"LevenbergMarquardt", "Dogleg", "SubspaceDogleg"};
+  return std::string(strategies[static_cast<int>(std::get<0>(info.param))]) + models[static_cast<int>(std::get<1>(info.param))];
 }
 
 INSTANTIATE_TEST_SUITE_P(Configurations, Converges,
                          testing::Combine(testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt,
-                                                          TrustRegionStrategyKind::kDogleg),
+                                                          TrustRegionStrategyKind::kDogleg,
+                                                          TrustRegionStrategyKind::kSubspaceDogleg),
                                           testing::Values(LinearModelKind::kAutomatic, LinearModelKind::kSchur,
                                                           LinearModelKind::kPlain, LinearModelKind::kDenseQr)),
                          ConfigurationName);

@@ -72,11 +72,15 @@ TEST_P(SameBits, ForAnyNumberOfThreadsAndEveryRun) {
   }
 }
 
+std::string StrategyName(const testing::TestParamInfo<TrustRegionStrategyKind>& info) {
+  const char* names[] = {"LevenbergMarquardt", "Dogleg", "SubspaceDogleg"};
+  return names[static_cast<int>(info.param)];
+}
+
 INSTANTIATE_TEST_SUITE_P(Strategies, SameBits,
-                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg),
-                         [](const auto& instance) {
-                           return instance.param == TrustRegionStrategyKind::kDogleg ? "Dogleg" : "LevenbergMarquardt";
-                         });
+                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg,
+                                         TrustRegionStrategyKind::kSubspaceDogleg),
+                         StrategyName);
 
 }  // namespace
 }  // namespace inceres

@@ -213,5 +213,66 @@ TEST_F(Strategies, DoglegRadius) {
   EXPECT_NEAR(strategy_->Radius(), 6.0, 1e-9);
 }
 
+// The step is the lowest point of the model among all of its length in the plane of g̃ and the Gauss–Newton step.
+TEST_F(Strategies, SubspaceDoglegIsTheMinimumOnTheCircle) {
+  options_.initial_trust_region_radius = 1e-2;
+  Make(TrustRegionStrategyKind::kSubspaceDogleg);
+  model_->answer = {3.0, -2.0, 4.0};
+  for (int shrink = 0; shrink < 6; ++shrink) {
+    ASSERT_TRUE(Step().ok());
+    const std::vector<double>& g = model_->Gradient();
+    const auto model_at = [&](const std::vector<double>& delta) {
+      double value = 0.5 * model_->Quadratic(delta.data());
+      for (std::size_t j = 0; j < 3; ++j) {
+        value += g[j] * delta[j];
+      }
+      return value;
+    };
+    std::vector<double> w(3);
+    double squared = 0.0;
+    for (std::size_t j = 0; j < 3; ++j) {
+      w[j] = std::sqrt(model_->dampings[0][j] / 1e-8);
+      squared += w[j] * w[j] * step_[j] * step_[j];
+    }
+    EXPECT_NEAR(std::sqrt(squared), strategy_->Radius(), 1e-6 * strategy_->Radius());
+    double lowest = 0.0;
+    for (int k = 0; k < 7200; ++k) {
+      const double angle = 3.14159265358979323846 * k / 3600.0;
+      std::vector<double> delta(3);
+      double norm = 0.0;
+      for (std::size_t j = 0; j < 3; ++j) {
+        const double p = std::cos(angle) * g[j] / w[j] + std::sin(angle) * w[j] * model_->answer[j];
+        norm += p * p;
+        delta[j] = p / w[j];
+      }
+      for (double& entry : delta) {
+        entry *= strategy_->Radius() / std::sqrt(norm);
+      }
+      lowest = std::min(lowest, model_at(delta));
+    }
+    EXPECT_LT(lowest, 0.0);
+    EXPECT_LE(model_at(step_), lowest + 1e-9 * std::abs(lowest));
+    EXPECT_GE(model_at(step_), lowest + 1e-3 * lowest) << "and it is of the circle";
+    strategy_->StepRejected();
+  }
+  EXPECT_EQ(num_solves_, 1) << "a rejected step asks for nothing new";
+}
+
+TEST_F(Strategies, SubspaceDoglegOnALineAndOfNothing) {
+  options_.initial_trust_region_radius = 1e-3;
+  Make(TrustRegionStrategyKind::kSubspaceDogleg);
+  const std::vector<double>& g = model_->Gradient();
+  std::vector<double> w2(3);
+  for (std::size_t j = 0; j < 3; ++j) {
+    w2[j] = std::max(scale_[j] * scale_[j] * model_->Diagonal()[j], 1e-6) / (scale_[j] * scale_[j]);
+    model_->answer[j] = -2.0 * g[j] / w2[j];
+  }
+  ASSERT_TRUE(Step().ok());
+  for (std::size_t j = 0; j < 3; ++j) {
+    EXPECT_NEAR(step_[j] / model_->answer[j], step_[0] / model_->answer[0], 1e-9) << "along the gradient";
+  }
+  EXPECT_GT(step_[0] / model_->answer[0], 0.0);
+}
+
 }  // namespace
 }  // namespace inceres::internal

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <cmath>
+#include <cstddef>
 #include <limits>
+#include <vector>
 
 #include <ceres/problem.h>
 #include <ceres/version.h>
@@ -19,26 +22,36 @@ inline const ceres::Manifold* ManifoldOf(const ceres::Problem& problem, const do
   return problem.GetManifold(values);
 }
 
-/// What the bounds of a block mean for a solver that knows no bounds.
+/// Bounds of a block as Ceres sees them.
 enum class BoundsKind {
-  kNone,        ///< no component is bounded
-  kFeasible,    ///< some component is bounded and every value lies within
-  kInfeasible,  ///< some value lies outside
+  kNone,        ///< no value is bounded
+  kBounded,     ///< some value is bounded
+  kInfeasible,  ///< nothing can be done: a constant lies outside, or a lower bound is not below its upper bound
 };
 
-/// Two map lookups a component: Ceres has no cheaper question. Unbounded is ∓max; infinities set by the user are unbounded too.
-inline BoundsKind BoundsOf(const ceres::Problem& problem, const double* values, int size) {
+/// Appends the block's lower bounds, then its upper bounds, to *bounds if any value is bounded. Two map lookups a value: Ceres
+/// has no cheaper question. Unbounded is ∓max; infinities set by the user are unbounded too, and so is NaN, as in Ceres.
+inline BoundsKind ReadBounds(const ceres::Problem& problem, const double* values, int size, bool constant,
+                             std::vector<double>* bounds) {
   constexpr double kMax = std::numeric_limits<double>::max();
+  const auto count = static_cast<std::size_t>(size);
+  const std::size_t first = bounds->size();
+  bounds->resize(first + 2 * count);
   BoundsKind kind = BoundsKind::kNone;
   for (int i = 0; i < size; ++i) {
     const double lower = problem.GetParameterLowerBound(values, i);
     const double upper = problem.GetParameterUpperBound(values, i);
-    if (lower > -kMax || upper < kMax) {
-      if (values[i] < lower || values[i] > upper) {
-        return BoundsKind::kInfeasible;
-      }
-      kind = BoundsKind::kFeasible;
+    if (constant ? values[i] < lower || values[i] > upper : lower >= upper) {
+      kind = BoundsKind::kInfeasible;
+    } else if (kind == BoundsKind::kNone && (lower > -kMax || upper < kMax)) {
+      kind = BoundsKind::kBounded;
     }
+    double* pair = bounds->data() + first + i;
+    pair[0] = std::isnan(lower) ? -kMax : lower;
+    pair[count] = std::isnan(upper) ? kMax : upper;
+  }
+  if (kind == BoundsKind::kNone) {
+    bounds->resize(first);
   }
   return kind;
 }

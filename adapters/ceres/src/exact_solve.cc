@@ -18,7 +18,7 @@ namespace {
 
 void WriteReport(const SolveInput& input, const LandmarkSelection& landmarks, Summary core, SolveReport* report) {
   if (report != nullptr) {
-    report->options_without_effect = OptionsWithoutEffect(input.options, landmarks);
+    report->options_without_effect = OptionsWithoutEffect(input.options, landmarks, core.is_constrained);
     report->num_landmarks = landmarks.num_landmarks;
     report->num_frames = input.view.reduced.num_parameter_blocks - landmarks.num_landmarks;
     report->core = std::move(core);

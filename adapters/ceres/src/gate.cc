@@ -39,16 +39,26 @@ std::string OrderingObstacle(const ProblemView& view, const OrderingView& orderi
   return "";
 }
 
-std::string BoundsObstacle(const ProblemView& view, bool infeasible) {
+std::string InfeasibleBounds(const ProblemView& view) {
   for (const ParameterBlockView& block : view.blocks) {
-    if (infeasible && block.constant && block.bounds == BoundsKind::kInfeasible) {
-      return Describe(block) + " is constant outside its bounds";
-    }
-    if (!infeasible && !block.constant && block.bounds != BoundsKind::kNone) {
-      return "bounds: " + Describe(block) + " has some";
+    if (block.bounds == BoundsKind::kInfeasible) {
+      return Describe(block) +
+             (block.constant ? " is constant outside its bounds" : " has a lower bound not below its upper bound");
     }
   }
   return "";
+}
+
+// What exact mode cannot do either.
+std::string CommonObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering) {
+  if (!view.defect.empty()) {
+    return view.defect;
+  }
+  const std::string obstacle = InfeasibleBounds(view);
+  if (!obstacle.empty() || view.reduced.num_parameter_blocks == 0) {
+    return obstacle;  // with nothing to solve for, ordering and linear solver do not matter
+  }
+  return OrderingObstacle(view, ordering, EffectiveLinearSolver(options, ordering));
 }
 
 std::string QrObstacle(const ProblemView& view) {
@@ -86,20 +96,14 @@ std::string OptionsObstacle(const ceres::Solver::Options& options) {
   if (options.linear_solver_ordering != nullptr && options.linear_solver_ordering->NumElements() == 0) {
     return "linear_solver_ordering is empty";
   }
-  if (options.dynamic_sparsity) {
-    return "dynamic_sparsity";
-  }
   if (options.min_lm_diagonal <= 0.0) {
     return "min_lm_diagonal 0";
-  }
-  if (options.trust_region_strategy_type == ceres::DOGLEG && options.dogleg_type == ceres::SUBSPACE_DOGLEG) {
-    return "dogleg_type SUBSPACE_DOGLEG";
   }
   return "";
 }
 
 std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering) {
-  const std::string obstacle = IncrementalProblemObstacle(options, view, ordering);
+  const std::string obstacle = CommonObstacle(options, view, ordering);
   const bool nothing_to_solve = view.reduced.num_parameter_blocks == 0;
   if (!obstacle.empty() || nothing_to_solve || EffectiveLinearSolver(options, ordering) != ceres::DENSE_QR) {
     return obstacle;
@@ -133,16 +137,16 @@ std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options,
 
 std::string IncrementalProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view,
                                        const OrderingView& ordering) {
-  if (!view.defect.empty()) {
-    return view.defect;
+  const std::string obstacle = CommonObstacle(options, view, ordering);
+  if (!obstacle.empty()) {
+    return obstacle;
   }
-  std::string obstacle = BoundsObstacle(view, /*infeasible=*/true);
-  if (!obstacle.empty() || view.reduced.num_parameter_blocks == 0) {
-    // Nothing to solve for: ordering and linear solver do not matter, but an infeasible bound still does.
-    return obstacle.empty() ? BoundsObstacle(view, /*infeasible=*/false) : obstacle;
+  for (const ParameterBlockView& block : view.blocks) {
+    if (block.reduced() && block.bounds != BoundsKind::kNone) {
+      return "incremental mode: bounds: " + Describe(block) + " has some";
+    }
   }
-  obstacle = OrderingObstacle(view, ordering, EffectiveLinearSolver(options, ordering));
-  return obstacle.empty() ? BoundsObstacle(view, /*infeasible=*/false) : obstacle;
+  return "";
 }
 
 std::string FindObstacle(const ceres::Solver::Options& options, const ceres::Problem& problem, bool incremental,

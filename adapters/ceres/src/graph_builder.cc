@@ -63,6 +63,10 @@ class Builder {
     }
     const VariableId id = graph_.AddVariable(block.values, block.ambient_size, role, manifolds_.Get(block.manifold));
     variable_of_[At(b)] = id;
+    if (block.bounds != BoundsKind::kNone) {
+      const double* lower = view_.bounds.data() + block.first_bound;
+      graph_.SetBounds(id, lower, lower + block.ambient_size);
+    }
     state_blocks_.push_back({block.values, graph_.StateOffset(id), block.ambient_size});
   }
 

@@ -27,14 +27,15 @@ void SetDefect(ProblemView* view, std::string text) {
   }
 }
 
-ParameterBlockView ReadParameterBlock(const ceres::Problem& problem, double* values) {
+ParameterBlockView ReadParameterBlock(const ceres::Problem& problem, double* values, std::vector<double>* bounds) {
   ParameterBlockView block;
   block.values = values;
   block.ambient_size = problem.ParameterBlockSize(values);
   block.manifold = ManifoldOf(problem, values);
   block.tangent_size = block.manifold != nullptr ? block.manifold->TangentSize() : block.ambient_size;
   block.constant = block.tangent_size == 0 || problem.IsParameterBlockConstant(values);
-  block.bounds = BoundsOf(problem, values, block.ambient_size);
+  block.first_bound = bounds->size();
+  block.bounds = ReadBounds(problem, values, block.ambient_size, block.constant, bounds);
   return block;
 }
 
@@ -50,7 +51,7 @@ void ReadParameterBlocks(const ceres::Problem& problem, ProblemView* view) {
   view->index.Build(pointers);
   view->blocks.reserve(pointers.size());
   for (double* values : pointers) {
-    view->blocks.push_back(ReadParameterBlock(problem, values));
+    view->blocks.push_back(ReadParameterBlock(problem, values, &view->bounds));
     const ParameterBlockView& block = view->blocks.back();
     CheckValues(block, view);
     const std::size_t count = view->blocks.size();
@@ -150,6 +151,7 @@ void Introspect(const ceres::Problem& problem, ProblemView* view) {
   view->blocks.clear();
   view->residuals.clear();
   view->slots.clear();
+  view->bounds.clear();
   view->all = view->reduced = ProblemTotals();
   view->defect.clear();
   ReadParameterBlocks(problem, view);
@@ -173,10 +175,12 @@ void IntrospectValues(const ceres::Problem& problem, ProblemView* view) {
     Introspect(problem, view);  // whether it is one of values or of structure is not known any more
     return;
   }
+  std::vector<double> known_bounds;
   for (ParameterBlockView& block : view->blocks) {
     CheckValues(block, view);
     if (block.bounds != BoundsKind::kNone) {
-      block.bounds = BoundsOf(problem, block.values, block.ambient_size);
+      known_bounds.clear();
+      block.bounds = ReadBounds(problem, block.values, block.ambient_size, block.constant, &known_bounds);
     }
   }
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,7 @@ struct ParameterBlockView {
   int degree = 0;         ///< residual blocks that touch it and at least one variable block
   bool constant = false;  ///< set constant by the user, or of tangent size 0
   BoundsKind bounds = BoundsKind::kNone;
+  std::size_t first_bound = 0;  ///< into ProblemView::bounds: its lower bounds, then its upper ones; if it has any
 
   /// Whether the solver moves it: variable and touched by a residual block. Ceres calls what is left the reduced program.
   bool reduced() const { return !constant && degree > 0; }
@@ -49,6 +51,7 @@ struct ProblemView {
   std::vector<ParameterBlockView> blocks;    ///< by address (the only order Ceres shows)
   std::vector<ResidualBlockView> residuals;  ///< in program order
   std::vector<int> slots;                    ///< block of each slot of each residual block
+  std::vector<double> bounds;                ///< of the bounded blocks
   PointerIndex index;                        ///< address to index in `blocks`
   ProblemTotals all;
   ProblemTotals reduced;

@@ -36,7 +36,7 @@ class Differences {
   std::vector<std::string> names_;
 };
 
-// Only read by the line-search minimiser, or by the projected line search of bounded problems.
+// Only read by the line-search minimiser.
 void CheckLineSearch(Differences* differences) {
   using Options = ceres::Solver::Options;
   differences->Check("line_search_direction_type", &Options::line_search_direction_type);
@@ -44,15 +44,20 @@ void CheckLineSearch(Differences* differences) {
   differences->Check("nonlinear_conjugate_gradient_type", &Options::nonlinear_conjugate_gradient_type);
   differences->Check("max_lbfgs_rank", &Options::max_lbfgs_rank);
   differences->Check("use_approximate_eigenvalue_bfgs_scaling", &Options::use_approximate_eigenvalue_bfgs_scaling);
+  differences->Check("max_num_line_search_direction_restarts", &Options::max_num_line_search_direction_restarts);
+  differences->Check("line_search_sufficient_curvature_decrease", &Options::line_search_sufficient_curvature_decrease);
+  differences->Check("max_line_search_step_expansion", &Options::max_line_search_step_expansion);
+}
+
+// Only read in the projected line search of problems with bounds.
+void CheckProjectedLineSearch(Differences* differences) {
+  using Options = ceres::Solver::Options;
   differences->Check("line_search_interpolation_type", &Options::line_search_interpolation_type);
   differences->Check("min_line_search_step_size", &Options::min_line_search_step_size);
   differences->Check("line_search_sufficient_function_decrease", &Options::line_search_sufficient_function_decrease);
   differences->Check("max_line_search_step_contraction", &Options::max_line_search_step_contraction);
   differences->Check("min_line_search_step_contraction", &Options::min_line_search_step_contraction);
   differences->Check("max_num_line_search_step_size_iterations", &Options::max_num_line_search_step_size_iterations);
-  differences->Check("max_num_line_search_direction_restarts", &Options::max_num_line_search_direction_restarts);
-  differences->Check("line_search_sufficient_curvature_decrease", &Options::line_search_sufficient_curvature_decrease);
-  differences->Check("max_line_search_step_expansion", &Options::max_line_search_step_expansion);
 }
 
 // Choices within Ceres's own linear algebra, and the iterative solvers.
@@ -66,6 +71,7 @@ void CheckLinearSolver(Differences* differences) {
   differences->Check("sparse_linear_algebra_library_type", &Options::sparse_linear_algebra_library_type);
   differences->Check("use_explicit_schur_complement", &Options::use_explicit_schur_complement);
   differences->Check("use_postordering", &Options::use_postordering);
+  differences->Check("dynamic_sparsity", &Options::dynamic_sparsity);
   differences->Check("use_mixed_precision_solves", &Options::use_mixed_precision_solves);
   differences->Check("max_num_refinement_iterations", &Options::max_num_refinement_iterations);
   differences->Check("min_linear_solver_iterations", &Options::min_linear_solver_iterations);
@@ -116,6 +122,26 @@ void CheckCommon(const ceres::Solver::Options& options, const LandmarkSelection&
   CheckOrdering(options, landmarks, differences);
 }
 
+TrustRegionStrategyKind StrategyOf(const ceres::Solver::Options& options) {
+  if (options.trust_region_strategy_type == ceres::LEVENBERG_MARQUARDT) {
+    return TrustRegionStrategyKind::kLevenbergMarquardt;
+  }
+  return options.dogleg_type == ceres::SUBSPACE_DOGLEG ? TrustRegionStrategyKind::kSubspaceDogleg
+                                                       : TrustRegionStrategyKind::kDogleg;
+}
+
+LineSearchInterpolation InterpolationOf(const ceres::Solver::Options& options) {
+  switch (options.line_search_interpolation_type) {
+    case ceres::BISECTION:
+      return LineSearchInterpolation::kBisection;
+    case ceres::QUADRATIC:
+      return LineSearchInterpolation::kQuadratic;
+    case ceres::CUBIC:
+      break;
+  }
+  return LineSearchInterpolation::kCubic;
+}
+
 }  // namespace
 
 int NumThreads(const ceres::Solver::Options& options) {
@@ -131,8 +157,7 @@ int NumThreads(const ceres::Solver::Options& options) {
 
 SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSolverType type) {
   SolverOptions core;
-  core.strategy = options.trust_region_strategy_type == ceres::DOGLEG ? TrustRegionStrategyKind::kDogleg
-                                                                      : TrustRegionStrategyKind::kLevenbergMarquardt;
+  core.strategy = StrategyOf(options);
   core.linear_model = type == ceres::DENSE_QR ? LinearModelKind::kDenseQr : LinearModelKind::kAutomatic;
   core.max_num_iterations = options.max_num_iterations;
   core.max_solver_time_in_seconds = options.max_solver_time_in_seconds;
@@ -150,11 +175,21 @@ SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSol
   core.use_nonmonotonic_steps = options.use_nonmonotonic_steps;
   core.max_consecutive_nonmonotonic_steps = options.max_consecutive_nonmonotonic_steps;
   core.eta = options.eta;
+  core.line_search_interpolation = InterpolationOf(options);
+  core.line_search_sufficient_function_decrease = options.line_search_sufficient_function_decrease;
+  core.max_line_search_step_contraction = options.max_line_search_step_contraction;
+  core.min_line_search_step_contraction = options.min_line_search_step_contraction;
+  core.min_line_search_step_size = options.min_line_search_step_size;
+  core.max_num_line_search_step_size_iterations = options.max_num_line_search_step_size_iterations;
   return core;
 }
 
-std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkSelection& landmarks) {
+std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkSelection& landmarks,
+                                              bool is_constrained) {
   Differences differences(options);
+  if (!is_constrained) {
+    CheckProjectedLineSearch(&differences);
+  }
   CheckCommon(options, landmarks, &differences);
   return differences.Take();
 }
@@ -166,8 +201,7 @@ IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, 
   result.function_tolerance = options.function_tolerance;
   result.min_relative_decrease = options.min_relative_decrease;
   result.num_threads = NumThreads(options);
-  result.batch_strategy = options.trust_region_strategy_type == ceres::DOGLEG ? TrustRegionStrategyKind::kDogleg
-                                                                              : TrustRegionStrategyKind::kLevenbergMarquardt;
+  result.batch_strategy = StrategyOf(options);
   if (options.trust_region_strategy_type == ceres::LEVENBERG_MARQUARDT) {
     result.initial_damping = std::clamp(1.0 / options.initial_trust_region_radius, core.min_damping, core.max_damping);
   }
@@ -189,6 +223,7 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
   if (options.trust_region_strategy_type == ceres::DOGLEG) {
     differences.Check("initial_trust_region_radius", &Options::initial_trust_region_radius);
   }
+  CheckProjectedLineSearch(&differences);
   CheckCommon(options, landmarks, &differences);
   return differences.Take();
 }

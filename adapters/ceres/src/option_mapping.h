@@ -19,7 +19,9 @@ int NumThreads(const ceres::Solver::Options& options);
 SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSolverType type);
 
 /// Names of the options that the user set away from their defaults and that change nothing in a solve by the core.
-std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkSelection& landmarks);
+/// `is_constrained`: some variable block has bounds.
+std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkSelection& landmarks,
+                                              bool is_constrained);
 
 /// The options of an incremental solve: `core`, with what the user's options say in its place. The damping starts at
 /// 1 / initial_trust_region_radius, as Ceres's Levenberg-Marquardt does.

@@ -104,6 +104,12 @@ void WriteSolution(const Summary& core, ceres::Solver::Summary* summary) {
     summary->iterations.push_back(ToCeres(iteration));
     summary->final_cost = std::min(summary->final_cost, iteration.cost);
   }
+  summary->is_constrained = core.is_constrained;
+  summary->num_line_search_steps = core.line_search.num_steps;
+  summary->line_search_cost_evaluation_time_in_seconds = core.line_search.cost_seconds;
+  summary->line_search_gradient_evaluation_time_in_seconds = core.line_search.gradient_seconds;
+  summary->line_search_polynomial_minimization_time_in_seconds = core.line_search.polynomial_seconds;
+  summary->line_search_total_time_in_seconds = core.line_search.total_seconds;
   summary->num_successful_steps = core.num_successful_steps;
   summary->num_unsuccessful_steps = core.num_unsuccessful_steps;
   summary->num_linear_solves = core.work.num_linear_solves;

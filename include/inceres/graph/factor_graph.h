@@ -24,6 +24,12 @@ struct FactorId {
   std::int32_t index = -1;
 };
 
+/// Bounds on the values of a variable, one entry a value: lower ≤ x ≤ upper. ∓infinity, or ∓the largest double, means none.
+struct VariableBounds {
+  std::vector<double> lower;
+  std::vector<double> upper;
+};
+
 class GraphEdit;
 namespace internal {
 class EditCheck;
@@ -75,6 +81,12 @@ class INCERES_EXPORT FactorGraph {
 
   void SetConstant(VariableId id, bool constant) { variables_[Index(id)].constant = constant; }
   void SetRole(VariableId id, Role role) { variables_[Index(id)].role = role; }
+  /// Keeps the variable's values within bounds of ambient size each, which are copied; null means none on that side, and both
+  /// null lift them. The batch Solve honours them: it projects the start, and every point it tries is x ⊞ δ clamped entry by
+  /// entry, so the values of a variable with a manifold stay within their bounds but may leave the manifold, as in Ceres. They go
+  /// with the variable when an edit removes it. Validate() refuses a lower bound that is not below its upper, and a constant
+  /// outside its bounds. Cost: one node of a map for a bounded variable.
+  void SetBounds(VariableId id, const double* lower, const double* upper);
   /// Null means ½‖f‖².
   void SetLoss(FamilyId family, int factor, std::shared_ptr<const Loss> loss);
   /// Overwrites the values of a variable the graph owns; borrowed values are their owner's to change, so those are left alone.
@@ -122,6 +134,12 @@ class INCERES_EXPORT FactorGraph {
   Role role(VariableId id) const { return variables_[Index(id)].role; }
   /// True if held constant by SetConstant, borrowed, or of tangent size 0; of a removed variable too.
   bool IsConstant(VariableId id) const { return variables_[Index(id)].constant || variables_[Index(id)].tangent_size == 0; }
+  /// Null if no value of the variable is bounded.
+  const VariableBounds* bounds(VariableId id) const {
+    const auto found = bounds_.find(id);
+    return found == bounds_.end() ? nullptr : &found->second;
+  }
+  bool HasBounds() const { return !bounds_.empty(); }
   const Manifold* manifold(VariableId id) const { return variables_[Index(id)].manifold.get(); }
   const double* Values(VariableId id) const { return ValuesIn(state_.data(), id); }
 
@@ -161,10 +179,10 @@ class INCERES_EXPORT FactorGraph {
   }
 
   /// Everything that makes the graph unsolvable, first culprit named: ids out of range, sizes that do not match a slot (of a
-  /// constant only the ambient size counts) or the manifold, a variable twice in a factor, two variable landmarks in a factor, a
-  /// variable landmark of tangent size above 4, values that are null or not finite, a family that holds more or fewer
-  /// measurements than were connected (more is fine once an edit was checked: a refused one may have placed some). Cost: one pass
-  /// over factors and values; allocates for the message only.
+  /// constant only the ambient size counts) or the manifold, bounds that nothing can meet, a variable twice in a factor, two
+  /// variable landmarks in a factor, a variable landmark of tangent size above 4, values that are null or not finite, a family
+  /// that holds more or fewer measurements than were connected (more is fine once an edit was checked: a refused one may have
+  /// placed some). Cost: one pass over factors and values; allocates for the message only.
   Status Validate() const;
 
   /// "factor 7 of BAL reprojection (variables 3, 112)": for messages.
@@ -239,6 +257,7 @@ class INCERES_EXPORT FactorGraph {
   static FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see);
   static Status ValidateVariable(VariableId id, const VariableRecord& variable, bool constant);
   Status ValidateValues() const;
+  Status ValidateBounds(VariableId id, const VariableBounds& bounds) const;
   Status ValidateFamily(FamilyId id) const;
   Status DescribeFault(FactorId id, const VariableId* ids, FactorFault fault, const VariableRecord* culprit) const;
   std::string DescribeFactor(FactorId id, const VariableId* ids) const;
@@ -246,6 +265,7 @@ class INCERES_EXPORT FactorGraph {
   std::vector<VariableRecord> variables_;
   std::vector<FamilyRecord> families_;
   std::vector<double> state_;
+  std::map<VariableId, VariableBounds> bounds_;  // of the bounded ones
 
   // Of edited graphs only.
   std::int64_t revision_ = 0;

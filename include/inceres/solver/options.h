@@ -11,6 +11,7 @@ class SolveObserver;
 enum class TrustRegionStrategyKind {
   kLevenbergMarquardt,  ///< Nocedal & Wright, section 10.3; radius update of Madsen, Nielsen & Tingleff 2004
   kDogleg,              ///< Powell's traditional Dog-Leg, Gauss–Newton step regularised by μ when needed
+  kSubspaceDogleg,      ///< the best step in the plane of gradient and Gauss–Newton step (Byrd, Schnabel & Shultz 1988)
 };
 
 enum class LinearModelKind {
@@ -18,6 +19,14 @@ enum class LinearModelKind {
   kSchur,      ///< landmarks eliminated block by block, reduced system S δ_c = b
   kPlain,      ///< landmarks treated as frames: S = H (pose graphs, curve fitting)
   kDenseQr,    ///< Householder QR of the stacked, scaled Jacobian: does not square the condition number; small problems only
+};
+
+/// Where a line search that has failed at one point tries the next: at half of it, or at the minimum of the polynomial through
+/// what is known.
+enum class LineSearchInterpolation {
+  kBisection,
+  kQuadratic,  ///< of cost and slope at the start and costs at the last two points
+  kCubic,      ///< of costs and slopes at all three: a Jacobian evaluation each
 };
 
 /// Options of a batch solve in exact mode. Names, defaults and meanings are those of ceres::Solver::Options 2.1, so a trace can
@@ -51,6 +60,15 @@ struct INCERES_EXPORT SolverOptions {
   bool use_nonmonotonic_steps = false;  ///< accept some increases (Conn, Gould & Toint, section 10.1); the best state is returned
   int max_consecutive_nonmonotonic_steps = 5;  ///< > 0 if use_nonmonotonic_steps
   double eta = 0.1;                            ///< reported in IterationSummary only (no iterative linear solver in exact mode)
+
+  /// Of graphs with bounds only: each step δ is shortened to t δ until the cost at x ⊞ t δ, clamped to the bounds, falls by at
+  /// least line_search_sufficient_function_decrease of what the slope at 0 promises (Armijo). If no t does, δ is tried as it is.
+  LineSearchInterpolation line_search_interpolation = LineSearchInterpolation::kCubic;
+  double line_search_sufficient_function_decrease = 1e-4;  ///< between 0 and 1
+  double max_line_search_step_contraction = 1e-3;          ///< the next t is at least this share of the last; between 0 and 1
+  double min_line_search_step_contraction = 0.6;           ///< and at most this; above the one before, at most 1
+  double min_line_search_step_size = 1e-9;                 ///< > 0; give up when t max |δ| falls below
+  int max_num_line_search_step_size_iterations = 20;       ///< ≥ 0; 0: no line search
 
   /// Cost of terms that cannot move; added to every reported cost, never to a decision.
   double fixed_cost = 0.0;

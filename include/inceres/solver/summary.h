@@ -66,6 +66,15 @@ struct INCERES_EXPORT WorkCounts {
   std::int64_t bytes = 0;                     ///< arrays of the solver: Jacobians, H, S, factor
 };
 
+/// The line search along clamped steps of a problem with bounds; its evaluations count among all others.
+struct INCERES_EXPORT LineSearchSummary {
+  int num_steps = 0;              ///< points found wanting
+  double cost_seconds = 0.0;      ///< evaluations without slope
+  double gradient_seconds = 0.0;  ///< with
+  double polynomial_seconds = 0.0;
+  double total_seconds = 0.0;
+};
+
 /// What happened. Everything a caller needs to act on a failure is here; nothing is only logged.
 struct INCERES_EXPORT Summary {
   Termination termination = Termination::kFailure;
@@ -77,6 +86,8 @@ struct INCERES_EXPORT Summary {
   std::vector<IterationSummary> iterations;
   int num_successful_steps = -1;
   int num_unsuccessful_steps = -1;
+  bool is_constrained = false;  ///< some variable that moves has bounds
+  LineSearchSummary line_search;
   std::string reduced_solver;  ///< name of the solver of the reduced system
   const char* kernels = "";    ///< instruction set of the kernels used: "generic", "avx2", "avx512"
   WorkCounts work;
