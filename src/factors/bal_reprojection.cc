@@ -119,7 +119,7 @@ struct Target {
     ambient = direct ? destination : scratch;
     ambient_stride = direct ? destination_stride : ambient_size;
   }
-  bool wanted() const { return map.kind != TangentMap::Kind::kConstant; }
+  bool wanted() const { return map.wanted(); }
   void Finish() const {
     if (ambient != destination) {
       ProjectToTangentSpace(map, ambient, 2, destination, destination_stride);

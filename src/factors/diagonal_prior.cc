@@ -59,7 +59,7 @@ EvaluationFailure DiagonalPriorFamily::Evaluate(const FactorBatch& batch) const 
     if (!std::isfinite(sum)) {
       return {i, "a residual is not finite"};
     }
-    if (batch.jacobians != nullptr && batch.tangent_maps[i]->kind != TangentMap::Kind::kConstant) {
+    if (batch.jacobians != nullptr && batch.tangent_maps[i]->wanted()) {
       const JacobianView& view = batch.jacobians[0];
       WriteJacobian(sqrt_information, *batch.tangent_maps[i], view.data + i * view.factor_stride, view.row_stride);
     }

@@ -123,7 +123,7 @@ double WriteJacobians(const FactorBatch& batch, int i, const PosePair& pair, con
   bool wanted[3];
   for (int s = 0; s < 3; ++s) {
     const TangentMap& map = *batch.tangent_maps[first + s];
-    wanted[s] = map.kind != TangentMap::Kind::kConstant;
+    wanted[s] = map.wanted();
     if (s < 2 && wanted[s]) {
       internal::AssertPoseManifold(map, batch.parameters[first + s]);
     }

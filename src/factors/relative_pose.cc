@@ -99,7 +99,7 @@ double WriteJacobians(const FactorBatch& batch, int i, const RelativePoseFamily:
   for (int s = 0; s < 2; ++s) {
     const std::ptrdiff_t index = 2 * static_cast<std::ptrdiff_t>(i) + s;
     const TangentMap& map = *batch.tangent_maps[index];
-    if (map.kind == TangentMap::Kind::kConstant) {
+    if (!map.wanted()) {
       continue;
     }
     internal::AssertPoseManifold(map, batch.parameters[index]);

@@ -56,6 +56,7 @@ void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, doub
 void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
   switch (map.kind) {
     case TangentMap::Kind::kConstant:
+    case TangentMap::Kind::kUnwanted:
       return;
     case TangentMap::Kind::kIdentity:
       return CopyRows(J_ambient, num_rows, map.tangent_size, J_tangent, row_stride);

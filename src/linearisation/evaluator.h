@@ -54,6 +54,9 @@ class Evaluator {
   /// already overwritten.
   bool MoveCandidate(const double* delta);
 
+  /// The candidate itself, for who moves variables without a manifold one by one.
+  std::vector<double>& mutable_candidate() { return candidate_; }
+
   /// ½ Σ ρ at the candidate, residuals only.
   Status EvaluateCandidateCost(double* cost);
 

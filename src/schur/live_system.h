@@ -58,6 +58,8 @@ class LiveSystem {
   /// Constancy as the graph has it now. The factors of a variable that was part of the system are not evaluated again.
   void UpdateConstants(const std::vector<VariableId>& ids);
   void SetValues(VariableId id, const double* values);
+  /// All values as the graph has them now. Every factor must be dirty.
+  void TakeValues();
 
   /// Marks a factor for relinearisation.
   void MarkDirty(FactorRef ref) { dirty_[ref.family].Add(ref.factor); }

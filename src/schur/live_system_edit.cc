@@ -208,6 +208,15 @@ void LiveSystem::Reattach() {
   }
 }
 
+void LiveSystem::TakeValues() {
+  for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    if (graph_.HasVariable(id)) {
+      values_.Set(id, graph_.Values(id));
+      tangents_.MarkMoved(id);
+    }
+  }
+}
+
 void LiveSystem::SetValues(VariableId id, const double* values) {
   values_.Set(id, values);
   tangents_.MarkMoved(id);

@@ -1,7 +1,7 @@
 #include "solver/batch_phase.h"
 
 #include <algorithm>
-#include <vector>
+#include <cmath>
 
 #include "inceres/solver/solver.h"
 
@@ -11,8 +11,12 @@ namespace {
 // What may be left, as a share of the function tolerance.
 constexpr double kSettledShare = 0.1;
 
-// Counts the work, writes the trace, and ends the solve when the Update's observer says so, on request, or when the work budget
-// is spent.
+// Below this ratio of two gains the last one is taken for the end of a fast convergence; gains that fall slower prove little.
+constexpr double kFastRatio = 0.3;
+constexpr double kGoodModel = 0.5;  // actual decrease over predicted
+
+// Counts the work, writes the trace, and ends the solve when the Update's observer says so, on request, when the work budget is
+// spent, and, before one more step proves it, where good steps gain so fast less that what is left is below the tolerance.
 class BatchObserver final : public SolveObserver {
  public:
   BatchObserver(const IncrementalOptions& options, const std::atomic<bool>& stop, int num_factors, const double** shown_state,
@@ -42,14 +46,28 @@ class BatchObserver final : public SolveObserver {
       ended_by_user_ = true;
       return summary.termination == Termination::kUserSuccess ? ObserverAction::kTerminateSuccessfully : ObserverAction::kAbort;
     }
-    const bool enough = stop_.load(std::memory_order_relaxed) ||
+    settled_ = HasJustSettled(iteration);
+    const bool enough = settled_ || stop_.load(std::memory_order_relaxed) ||
                         summary.num_evaluated_factors + summary.num_relinearised_factors >= options_.max_factor_evaluations;
     return enough ? ObserverAction::kTerminateSuccessfully : ObserverAction::kContinue;
   }
 
   bool ended_by_user() const { return ended_by_user_; }
+  bool settled() const { return settled_; }
 
  private:
+  bool HasJustSettled(const IterationSummary& iteration) {
+    const bool good = iteration.iteration > 0 && iteration.step_is_successful && iteration.relative_decrease > kGoodModel;
+    const double gain = good ? iteration.cost_change : 0.0;
+    const double allowed = kSettledShare * options_.function_tolerance * iteration.cost;
+    // Steps whose gains fall by a ratio r leave gain · r / (1 − r) undone.
+    const double ratio = gain / previous_gain_;
+    const bool settled =
+        options_.batch_share > 0.0 && good && gain >= 0.0 && ratio < kFastRatio && gain * ratio / (1.0 - ratio) <= allowed;
+    previous_gain_ = gain;
+    return settled;
+  }
+
   void WriteRow(const IterationSummary& iteration) {
     UpdateIteration& row = trace_.row();
     row.step = iteration.iteration > 0 && iteration.step_is_valid ? UpdateStep::kBatch : UpdateStep::kNone;
@@ -72,26 +90,27 @@ class BatchObserver final : public SolveObserver {
   const int num_factors_;
   const double** const shown_state_;
   UpdateTrace& trace_;
-  double cost_ = 0.0;  // of the state
+  double cost_ = 0.0;           // of the state
+  double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
   bool ended_by_user_ = false;
+  bool settled_ = false;
 };
 
-// Ceres's rule looks at the last step alone. Steps whose gains fall by a ratio r leave gain · r / (1 − r) undone.
+// Ceres's rule looks at the last step alone, and does not take it. What it would have gained, and steps like it would go on to
+// gain, is left undone.
 bool HasSettled(const Summary& summary, double function_tolerance) {
   if (summary.termination != Termination::kConvergence) {
     return false;
   }
-  std::vector<double> gains;
+  double last_gain = 0.0;
   for (const IterationSummary& iteration : summary.iterations) {
     if (iteration.iteration > 0 && iteration.step_is_successful) {
-      gains.push_back(iteration.cost_change);
+      last_gain = iteration.cost_change;
     }
   }
-  if (gains.size() < 2 || !(gains.back() >= 0.0) || !(gains[gains.size() - 2] > 0.0)) {
-    return summary.final_cost == 0.0;
-  }
-  const double ratio = gains.back() / gains[gains.size() - 2];
-  return ratio < 1.0 && gains.back() * ratio / (1.0 - ratio) <= kSettledShare * function_tolerance * summary.final_cost;
+  const double gain = std::fabs(summary.discarded_cost_change);
+  const double allowed = kSettledShare * function_tolerance * summary.final_cost;
+  return summary.final_cost == 0.0 || (gain < last_gain && gain / (1.0 - gain / last_gain) <= allowed);
 }
 
 }  // namespace
@@ -117,6 +136,7 @@ BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<
   batch.parameter_tolerance = 0.0;  // a few points run off in bundle adjustment, and against them every step is short
   batch.initial_trust_region_radius = 1.0 / options.initial_damping;
   batch.min_relative_decrease = options.min_relative_decrease;
+  batch.use_inner_iterations = options.batch_share > 0.0 && options.max_landmark_passes > 0;
   BatchObserver observer(options, stop, graph->num_factors(), shown_state, trace);
   batch.observer = &observer;
   const Summary solved = Solve(batch, graph);
@@ -129,6 +149,10 @@ BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<
   summary->message = solved.detail.empty() ? solved.message : solved.message + ": " + solved.detail;
   if (observer.ended_by_user()) {
     return {solved.termination, true};
+  }
+  if (observer.settled()) {
+    summary->message = "What is left undone is below the function tolerance.";
+    return {Termination::kConvergence, true};
   }
   if (solved.termination == Termination::kUserSuccess || solved.termination == Termination::kNoConvergence) {
     summary->message = "Stopped by a limit or by request; the state is the best so far.";

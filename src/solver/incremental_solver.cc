@@ -118,8 +118,8 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   return status;
 }
 
-// The graph's state is where the batch solver works; the live system then starts anew from what it found. True if nothing is left
-// to do.
+// The graph's state is where the batch solver works; the live system then starts from what it found. True if nothing is left to
+// do.
 bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   TakeValues();
   const internal::BatchOutcome outcome = internal::RunBatchPhase(options_, stop, &graph, &shown_state_, trace);
@@ -127,8 +127,12 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   if (outcome.termination != Termination::kFailure) {
     cost_ = trace->summary().final_cost;
   }
-  live.reset();
-  Restart();
+  if (live->NumDirtyFactors() == graph.num_factors()) {
+    live->TakeValues();
+  } else {
+    live.reset();
+    Restart();
+  }
   num_waiting_ = live->NumDirtyFactors();
   return outcome.finished;
 }

@@ -10,6 +10,12 @@
 #include "solver/observer_verdict.h"
 
 namespace inceres::internal {
+namespace {
+
+// A landmark moves by itself if it gains more than this share of what the function tolerance allows all of them together.
+constexpr double kInnerShare = 0.01;
+
+}  // namespace
 
 TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, Evaluator* evaluator, LinearModel* model,
                                            Summary* summary)
@@ -23,6 +29,10 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, Evaluat
       step_(static_cast<std::size_t>(evaluator->layout().size())),
       negative_gradient_(step_.size()),
       best_cost_(std::numeric_limits<double>::max()) {
+  if (options.use_inner_iterations && evaluator->layout().num_landmarks() > 0) {
+    inner_iterations_ = std::make_unique<InnerIterations>(evaluator);
+    summary->work.bytes += inner_iterations_->Bytes();
+  }
 }
 
 void TrustRegionMinimizer::Minimize() {
@@ -186,6 +196,9 @@ void TrustRegionMinimizer::ComputeCandidate() {
   double cost = 0.0;
   if (evaluator_.MoveCandidate(step_.data()) && EvaluateCandidate(&cost)) {
     candidate_cost_ = cost;
+    if (inner_iterations_ != nullptr) {
+      RunInnerIterations();
+    }
   }
 }
 
@@ -196,6 +209,16 @@ bool TrustRegionMinimizer::EvaluateCandidate(double* cost) {
   const StageTimer timer(&summary_.seconds.residuals);
   ++summary_.work.num_residual_evaluations;
   return evaluator_.EvaluateCandidateCost(cost).ok();
+}
+
+// What the landmarks gain by themselves counts as promised, as in Ceres: it says nothing about the step's model.
+void TrustRegionMinimizer::RunInnerIterations() {
+  const double min_gain = kInnerShare * options_.function_tolerance * cost_ / evaluator_.layout().num_landmarks();
+  const double gain = inner_iterations_->Run(min_gain);
+  summary_.work.num_inner_iterations += inner_iterations_->num_moved();
+  candidate_cost_ -= gain;
+  model_decrease_ += gain;
+  iteration_.model_cost_change = model_decrease_;
 }
 
 bool TrustRegionMinimizer::ParameterToleranceReached() {
@@ -215,6 +238,7 @@ bool TrustRegionMinimizer::FunctionToleranceReached() {
   if (std::fabs(iteration_.cost_change) > options_.function_tolerance * cost_) {
     return false;
   }
+  summary_.discarded_cost_change = iteration_.cost_change;
   Finish(Termination::kConvergence, "Function tolerance reached. |cost_change|/cost: %e <= %e",
          std::fabs(iteration_.cost_change) / cost_, options_.function_tolerance);
   return true;
@@ -225,6 +249,9 @@ bool TrustRegionMinimizer::AcceptStep() {
   state_norm_ = StateNorm();
   if (!EvaluateGradientAndJacobian(/*new_point=*/false)) {
     return false;
+  }
+  if (inner_iterations_ != nullptr) {
+    candidate_cost_ = cost_;  // summed anew, where gains had been taken off
   }
   iteration_.step_is_successful = true;
   iteration_.cost = cost_ + options_.fixed_cost;

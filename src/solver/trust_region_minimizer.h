@@ -7,6 +7,7 @@
 #include "inceres/solver/solver.h"
 #include "inceres/solver/summary.h"
 #include "linearisation/evaluator.h"
+#include "schur/inner_iterations.h"
 #include "solver/linear_model.h"
 #include "solver/polynomial.h"
 #include "solver/step_quality.h"
@@ -40,6 +41,7 @@ class TrustRegionMinimizer {
   void SearchAlongStep();
   FunctionSample SampleStep(double t);
   void ComputeCandidate();
+  void RunInnerIterations();
   bool ParameterToleranceReached();
   bool FunctionToleranceReached();
   bool AcceptStep();
@@ -63,6 +65,7 @@ class TrustRegionMinimizer {
   std::vector<double> scale_;
   std::unique_ptr<TrustRegionStrategy> strategy_;
   std::unique_ptr<StepQuality> quality_;
+  std::unique_ptr<InnerIterations> inner_iterations_;  // null: none
   IterationSummary iteration_;
   double iteration_start_time_ = 0.0;
 

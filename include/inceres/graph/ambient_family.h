@@ -9,7 +9,7 @@
 namespace inceres {
 
 /// Writes J_tangent (num_rows × map.tangent_size, rows row_stride apart) = J_ambient (row-major, contiguous) · M.
-/// Does nothing for a constant. Cost: a copy for identity and selection maps.
+/// Does nothing where no Jacobian is wanted. Cost: a copy for identity and selection maps.
 INCERES_EXPORT void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
                                           int row_stride);
 
@@ -113,6 +113,7 @@ class AmbientFamily : public FactorFamily {
                                                  : EvaluationFailure{i, "a residual is not finite or was not written"};
     }
     const TangentMap* const* maps = batch.tangent_maps + first_slot;
+    // What is unwanted is asked for all the same: code that never met a constant may not look for a null pointer.
     for (int s = 0; s < num_slots(); ++s) {
       const bool constant = maps[s]->kind == TangentMap::Kind::kConstant;
       scratch.requested[s] = constant ? nullptr : scratch.blocks[s];
@@ -127,7 +128,7 @@ class AmbientFamily : public FactorFamily {
       return {i, "a residual is not finite or was not written"};
     }
     for (int s = 0; s < num_slots(); ++s) {
-      if (scratch.requested[s] == nullptr) {
+      if (!maps[s]->wanted()) {
         continue;
       }
       if (!IsValid(scratch.blocks[s], residual_size() * slot(s).ambient_size)) {

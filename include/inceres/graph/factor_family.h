@@ -17,12 +17,16 @@ struct TangentMap {
     kIdentity,   ///< M = I: copy
     kSelection,  ///< every column of M is a unit vector: column j is ambient column selection[j]
     kDense,      ///< anything else: multiply by plus_jacobian
+    kUnwanted,   ///< not constant, but its Jacobian is of no use this time: it must not be written
   };
   Kind kind = Kind::kIdentity;
   int ambient_size = 0;
   int tangent_size = 0;
   const double* plus_jacobian = nullptr;  ///< M, row-major; kSelection and kDense only
   const int* selection = nullptr;         ///< tangent_size indices; kSelection only
+
+  /// Whether a Jacobian is to be written.
+  bool wanted() const { return kind != Kind::kConstant && kind != Kind::kUnwanted; }
 };
 
 /// Where the tangent Jacobians of one slot go: entry (r, c) of factor i is data[i · factor_stride + r · row_stride + c].
@@ -82,8 +86,8 @@ class INCERES_EXPORT FactorFamily {
   /// What error messages call a factor of this family, for example "BAL reprojection".
   virtual const char* Name() const = 0;
 
-  /// Evaluates the factors [batch.begin, batch.end). Must write every residual, and every Jacobian of a variable that is not
-  /// constant. On failure names the first factor that failed; what was written is then ignored.
+  /// Evaluates the factors [batch.begin, batch.end). Must write every residual, and every Jacobian that is wanted. On failure
+  /// names the first factor that failed; what was written is then ignored.
   virtual EvaluationFailure Evaluate(const FactorBatch& batch) const = 0;
 
  protected:

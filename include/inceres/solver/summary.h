@@ -58,6 +58,7 @@ struct INCERES_EXPORT WorkCounts {
   int num_residual_evaluations = 0;  ///< cost-only passes over the factors
   int num_jacobian_evaluations = 0;
   int num_linear_solves = 0;
+  std::int64_t num_inner_iterations = 0;      ///< steps of single landmarks, SolverOptions::use_inner_iterations
   int num_frames = 0;                         ///< variable frames in the reduced system
   int num_landmarks = 0;                      ///< eliminated landmarks
   int reduced_size = 0;                       ///< scalar unknowns of the reduced system
@@ -83,6 +84,7 @@ struct INCERES_EXPORT Summary {
   double initial_cost = -1.0;  ///< with fixed cost; -1 if the start could not be evaluated
   double final_cost = -1.0;
   double fixed_cost = 0.0;
+  double discarded_cost_change = 0.0;  ///< of the last step if it ended the solve by the function tolerance: it was not taken
   std::vector<IterationSummary> iterations;
   int num_successful_steps = -1;
   int num_unsuccessful_steps = -1;

@@ -1,0 +1,166 @@
+// Landmarks that improve by themselves with the frames held.
+
+#include "schur/inner_iterations.h"
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "inceres/solver/solver.h"
+#include "support/core_pipeline.h"
+#include "support/random_graph.h"
+
+namespace inceres::internal {
+namespace {
+
+using test::BundleOptions;
+using test::CorePipeline;
+using test::FunctionFamily;
+using test::MakeBundle;
+
+BundleOptions Bundle() {
+  BundleOptions options;
+  options.num_frames = 12;
+  options.num_landmarks = 200;
+  options.landmark_sizes = {3, 1, 2};
+  options.losses = options.constants = true;
+  options.perturbation = 0.3;
+  return options;
+}
+
+double CandidateCost(Evaluator* evaluator) {
+  double cost = 0.0;
+  EXPECT_TRUE(evaluator->EvaluateCandidateCost(&cost).ok());
+  return cost;
+}
+
+TEST(InnerIterations, WhatTheySayTheyGainIsWhatTheCostFalls) {
+  const auto bundle = MakeBundle(Bundle());
+  CorePipeline core(bundle->graph());
+  InnerIterations inner(&core.evaluator);
+  double cost = CandidateCost(&core.evaluator);
+  for (int pass = 0; pass < 4; ++pass) {
+    const double gain = inner.Run(0.0);
+    const double after = CandidateCost(&core.evaluator);
+    EXPECT_GT(inner.num_moved(), 0);
+    EXPECT_GT(gain, 0.0);
+    EXPECT_NEAR(cost - after, gain, 1e-12 * cost);
+    cost = after;
+  }
+}
+
+TEST(InnerIterations, FramesStayAndPassesEndWhereEachLandmarkIsAtItsMinimum) {
+  const auto bundle = MakeBundle(Bundle());
+  CorePipeline core(bundle->graph());
+  InnerIterations inner(&core.evaluator);
+  for (int pass = 0; pass < 400; ++pass) {
+    inner.Run(1e-15);
+  }
+  core.evaluator.AcceptCandidate();
+  ASSERT_TRUE(core.evaluator.EvaluateJacobians(/*known_point=*/false, &core.cost).ok());
+  core.hessian.Accumulate();
+  const std::vector<double>& gradient = core.hessian.gradient();
+  for (int k = core.layout.frame_size(); k < core.layout.size(); ++k) {
+    EXPECT_NEAR(gradient[k], 0.0, 1e-3 * std::sqrt(core.hessian.diagonal()[k])) << "entry " << k;
+  }
+  for (int i = 0; i < core.layout.num_frames; ++i) {
+    const VariableId id = core.layout.variables[i];
+    for (int k = 0; k < core.evaluator.graph().AmbientSize(id); ++k) {
+      EXPECT_EQ(core.evaluator.graph().ValuesIn(core.evaluator.current().data(), id)[k], core.evaluator.graph().Values(id)[k]);
+    }
+  }
+}
+
+TEST(InnerIterations, LeaveAloneWhatPromisesTooLittle) {
+  const auto bundle = MakeBundle(Bundle());
+  CorePipeline core(bundle->graph());
+  InnerIterations inner(&core.evaluator);
+  EXPECT_EQ(inner.Run(std::numeric_limits<double>::max()), 0.0);
+  EXPECT_EQ(inner.num_moved(), 0);
+  EXPECT_EQ(core.evaluator.candidate(), core.evaluator.current());
+}
+
+TEST(InnerIterations, LandmarksOnAManifoldStay) {
+  BundleOptions options = Bundle();
+  options.manifolds = true;
+  const auto bundle = MakeBundle(options);
+  CorePipeline core(bundle->graph());
+  InnerIterations inner(&core.evaluator);
+  EXPECT_GT(inner.Run(0.0), 0.0);
+  int num_curved = 0;
+  for (int l = 0; l < core.layout.num_landmarks(); ++l) {
+    const VariableId id = core.layout.variables[core.layout.num_frames + l];
+    if (core.evaluator.graph().manifold(id) == nullptr) {
+      continue;
+    }
+    ++num_curved;
+    for (int k = 0; k < core.evaluator.graph().AmbientSize(id); ++k) {
+      EXPECT_EQ(core.evaluator.graph().ValuesIn(core.evaluator.candidate().data(), id)[k], core.evaluator.graph().Values(id)[k]);
+    }
+  }
+  EXPECT_GT(num_curved, 0);
+}
+
+// A landmark y with the residual exp(y) − 1, which cannot be evaluated below `floor`.
+struct Cliff {
+  explicit Cliff(double floor) {
+    const auto evaluate = [floor](int, const double* const* x, double* residuals, double** jacobians) {
+      residuals[0] = std::exp(x[1][0]) - 1.0 + 0.0 * x[0][0];
+      if (jacobians != nullptr) {
+        jacobians[0][0] = 0.0;
+        jacobians[1][0] = std::exp(x[1][0]);
+      }
+      return x[1][0] >= floor;
+    };
+    const auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, evaluate);
+    const FamilyId id = graph.AddFamily(family);
+    const double zero = 0.0;
+    const double start = 2.0;
+    const VariableId frame = graph.AddVariable(&zero, 1, Role::kFrame);
+    landmark = graph.AddVariable(&start, 1, Role::kLandmark);
+    graph.AddFactor(id, *family, 0, {frame, landmark});
+  }
+  FactorGraph graph;
+  VariableId landmark;
+};
+
+TEST(InnerIterations, AStepThatCannotBeEvaluatedIsTakenBackAndTheNextIsShorter) {
+  Cliff cliff(/*floor=*/1.5);  // the full step goes to 2 − (1 − e⁻²) = 1.14
+  CorePipeline core(cliff.graph);
+  InnerIterations inner(&core.evaluator);
+  const double* y = cliff.graph.ValuesIn(core.evaluator.candidate().data(), cliff.landmark);
+  EXPECT_EQ(inner.Run(0.0), 0.0);
+  EXPECT_EQ(*y, 2.0);
+  for (int pass = 0; pass < 8; ++pass) {
+    inner.Run(0.0);
+  }
+  EXPECT_LT(*y, 2.0);
+  EXPECT_GE(*y, 1.5);
+}
+
+TEST(InnerIterations, SolvesEndAtTheSameMinimumWithTheSameBitsForAnyNumberOfThreads) {
+  const auto plain = MakeBundle(Bundle());
+  SolverOptions options;
+  options.max_num_iterations = 200;
+  options.function_tolerance = 1e-14;
+  const Summary expected = Solve(options, &plain->graph());
+  options.use_inner_iterations = true;
+  std::vector<double> state;
+  for (const int num_threads : {1, 2, 4}) {
+    const auto bundle = MakeBundle(Bundle());
+    options.num_threads = num_threads;
+    const Summary summary = Solve(options, &bundle->graph());
+    EXPECT_GT(summary.work.num_inner_iterations, 0);
+    EXPECT_NEAR(summary.final_cost, expected.final_cost, 1e-9 * expected.final_cost);
+    if (num_threads == 1) {
+      state = bundle->graph().state();
+    }
+    EXPECT_EQ(bundle->graph().state(), state) << num_threads << " threads";
+  }
+}
+
+}  // namespace
+}  // namespace inceres::internal
