@@ -145,6 +145,9 @@ LineSearchInterpolation InterpolationOf(const ceres::Solver::Options& options) {
 }  // namespace
 
 int NumThreads(const ceres::Solver::Options& options) {
+  if (options.num_threads == 1) {
+    return 1;  // to ask for the hardware takes longer than a small solve
+  }
   const unsigned hardware = std::thread::hardware_concurrency();
   const int available = hardware == 0 ? INT_MAX : static_cast<int>(hardware);
   if (options.num_threads > available) {
