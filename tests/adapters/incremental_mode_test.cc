@@ -30,7 +30,8 @@ Options Quiet(ceres::LinearSolverType type) {
 void ExpectSameMinimum(const Recipe& recipe, ceres::LinearSolverType type) {
   const auto stock = recipe();
   const auto ours = recipe();
-  Options tight = Quiet(type);
+  // Stock's conjugate gradients do not get there.
+  Options tight = Quiet(internal::IsIterative(type) ? ceres::SPARSE_NORMAL_CHOLESKY : type);
   tight.function_tolerance = tight.gradient_tolerance = tight.parameter_tolerance = 1e-14;
   ceres::Solver::Summary expected;
   ceres::Solve(tight, &stock->problem, &expected);
@@ -53,13 +54,17 @@ void ExpectSameMinimum(const Recipe& recipe, ceres::LinearSolverType type) {
   EXPECT_EQ(summary.num_residual_blocks_reduced, expected.num_residual_blocks_reduced);
   EXPECT_EQ(report.num_landmarks + report.num_frames, expected.num_parameter_blocks_reduced);
   EXPECT_GT(report.update.num_iterations, 0);
-  ASSERT_EQ(summary.iterations.size(), 2U);
-  EXPECT_EQ(summary.iterations[1].iteration, report.update.num_iterations);
+  ASSERT_EQ(summary.iterations.size(), report.update.iterations.size());
+  EXPECT_GT(summary.iterations.size(), 1U);
+  EXPECT_EQ(summary.num_successful_steps + summary.num_unsuccessful_steps, static_cast<int>(summary.iterations.size()));
+  EXPECT_EQ(summary.iterations[0].cost, summary.initial_cost);
+  EXPECT_NEAR(summary.iterations.back().cost, summary.final_cost, 1e-9 * expected.initial_cost);
   EXPECT_GE(summary.total_time_in_seconds, summary.minimizer_time_in_seconds);
 }
 
 TEST(IncrementalMode, SameMinimumAsStock) {
-  for (const ceres::LinearSolverType type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY}) {
+  for (const ceres::LinearSolverType type :
+       {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY, ceres::ITERATIVE_SCHUR, ceres::CGNR}) {
     SCOPED_TRACE(ceres::LinearSolverTypeToString(type));
     ExpectSameMinimum([] { return MakeBundle(5, 60, true); }, type);
     ExpectSameMinimum([] { return MakeWindow(6, 50, true); }, type);
@@ -115,21 +120,12 @@ TEST(IncrementalMode, NothingToSolve) {
 
 // What it hands on.
 
-class DoNothing : public ceres::IterationCallback {
- public:
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override { return ceres::SOLVER_CONTINUE; }
-};
-
 TEST(IncrementalGate, OptionsOnlyExactModeHonours) {
-  DoNothing callback;
   const std::vector<std::pair<std::string, std::function<void(Options*)>>> cases = {
-      {"callbacks", [&](Options* options) { options->callbacks.push_back(&callback); }},
-      {"update_state_every_iteration", [](Options* options) { options->update_state_every_iteration = true; }},
       {"use_nonmonotonic_steps", [](Options* options) { options->use_nonmonotonic_steps = true; }},
       {"DENSE_QR", [](Options* options) { options->linear_solver_type = ceres::DENSE_QR; }},
       {"LINE_SEARCH", [](Options* options) { options->minimizer_type = ceres::LINE_SEARCH; }},
       {"use_inner_iterations", [](Options* options) { options->use_inner_iterations = true; }},
-      {"ITERATIVE_SCHUR", [](Options* options) { options->linear_solver_type = ceres::ITERATIVE_SCHUR; }},
   };
   for (const auto& [reason, set] : cases) {
     SCOPED_TRACE(reason);

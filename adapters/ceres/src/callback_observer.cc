@@ -17,14 +17,19 @@ ObserverAction CallbackObserver::EndOfIteration(const IterationSummary& iteratio
   if (options_.update_state_every_iteration) {
     WriteToUser(blocks_, best_state);
   }
+  return ReportIteration(options_, iteration, &callback_seconds_);
+}
+
+ObserverAction ReportIteration(const ceres::Solver::Options& options, const IterationSummary& iteration,
+                               double* callback_seconds) {
   const ceres::IterationSummary summary = ToCeres(iteration);
-  if (options_.logging_type != ceres::SILENT) {
-    LogProgress(summary, options_.minimizer_progress_to_stdout);
+  if (options.logging_type != ceres::SILENT) {
+    LogProgress(summary, options.minimizer_progress_to_stdout);
   }
-  for (ceres::IterationCallback* callback : options_.callbacks) {
+  for (ceres::IterationCallback* callback : options.callbacks) {
     const WallClock clock;
     const ceres::CallbackReturnType answer = (*callback)(summary);
-    callback_seconds_ += clock.Seconds();
+    *callback_seconds += clock.Seconds();
     switch (answer) {
       case ceres::SOLVER_CONTINUE:
         break;

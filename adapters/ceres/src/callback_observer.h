@@ -10,9 +10,14 @@
 
 namespace inceres::internal {
 
-/// What Ceres does at the end of an iteration, in its order: copy the best state to the user's memory (if asked to), log the
-/// progress row (unless silent), call the user's callbacks until one of them stops the solve. And, if the problem has an
-/// evaluation callback, before an evaluation: copy the point to the user's memory and call it.
+/// What Ceres does at the end of an iteration once the user's memory is as it is to be: log the progress row (unless silent),
+/// call the user's callbacks until one of them stops the solve. Adds the seconds these took to `*callback_seconds`.
+ObserverAction ReportIteration(const ceres::Solver::Options& options, const IterationSummary& iteration,
+                               double* callback_seconds);
+
+/// What Ceres does at the end of an iteration, in its order: copy the best state to the user's memory (if asked to), then
+/// ReportIteration. And, if the problem has an evaluation callback, before an evaluation: copy the point to the user's memory
+/// and call it.
 class CallbackObserver : public SolveObserver {
  public:
   /// Borrows all for the length of a solve; `evaluation_callback` may be null.

@@ -71,9 +71,8 @@ std::string QrObstacle(const ProblemView& view) {
          " entries exceeds the limit of " + std::to_string(static_cast<long>(kMaxDenseQrEntries));
 }
 
-}  // namespace
-
-std::string OptionsObstacle(const ceres::Solver::Options& options) {
+// In either mode.
+std::string CommonOptionsObstacle(const ceres::Solver::Options& options) {
   std::string error;
   if (!options.IsValid(&error)) {
     return "the options are invalid: " + error;
@@ -90,9 +89,6 @@ std::string OptionsObstacle(const ceres::Solver::Options& options) {
   if (!options.trust_region_minimizer_iterations_to_dump.empty()) {
     return "trust_region_minimizer_iterations_to_dump";
   }
-  if (options.linear_solver_type == ceres::ITERATIVE_SCHUR || options.linear_solver_type == ceres::CGNR) {
-    return std::string("linear_solver_type ") + ceres::LinearSolverTypeToString(options.linear_solver_type);
-  }
   if (options.linear_solver_ordering != nullptr && options.linear_solver_ordering->NumElements() == 0) {
     return "linear_solver_ordering is empty";
   }
@@ -100,6 +96,16 @@ std::string OptionsObstacle(const ceres::Solver::Options& options) {
     return "min_lm_diagonal 0";
   }
   return "";
+}
+
+}  // namespace
+
+std::string OptionsObstacle(const ceres::Solver::Options& options) {
+  const std::string obstacle = CommonOptionsObstacle(options);
+  if (obstacle.empty() && IsIterative(options.linear_solver_type)) {
+    return std::string("linear_solver_type ") + ceres::LinearSolverTypeToString(options.linear_solver_type);
+  }
+  return obstacle;
 }
 
 std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering) {
@@ -113,18 +119,12 @@ std::string ProblemObstacle(const ceres::Solver::Options& options, const Problem
 
 std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options,
                                        const ceres::EvaluationCallback* evaluation_callback) {
-  const std::string obstacle = OptionsObstacle(options);
+  const std::string obstacle = CommonOptionsObstacle(options);
   if (!obstacle.empty()) {
     return obstacle;
   }
   if (evaluation_callback != nullptr) {
     return "incremental mode: evaluation callback";
-  }
-  if (!options.callbacks.empty()) {
-    return "incremental mode: callbacks";
-  }
-  if (options.update_state_every_iteration) {
-    return "incremental mode: update_state_every_iteration";
   }
   if (options.use_nonmonotonic_steps) {
     return "incremental mode: use_nonmonotonic_steps";

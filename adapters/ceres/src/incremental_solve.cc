@@ -4,14 +4,15 @@
 #include <limits>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <glog/logging.h>
 
 #include "adapters/ceres/src/factor_shapes.h"
 #include "adapters/ceres/src/fixed_cost.h"
+#include "adapters/ceres/src/incremental_observer.h"
 #include "adapters/ceres/src/landmark_selection.h"
 #include "adapters/ceres/src/option_mapping.h"
-#include "adapters/ceres/src/progress_logger.h"
 #include "adapters/ceres/src/summary_writer.h"
 
 namespace inceres::internal {
@@ -36,34 +37,21 @@ Costs FixedCosts(const ProblemView& view, const LivingProblem& living) {
   return costs;
 }
 
-Summary ToSummary(const UpdateSummary& update, const Costs& costs, double seconds_before) {
+Summary ToSummary(const UpdateSummary& update, const Costs& costs, std::vector<IterationSummary> trace) {
   Summary core;
   core.termination = update.termination;
   core.message = update.message;
   core.initial_cost = update.initial_cost + costs.outside;
   core.final_cost = update.final_cost + costs.outside;
   core.fixed_cost = costs.fixed;
-  core.num_unsuccessful_steps = update.num_rejected_steps;
-  core.num_successful_steps = update.num_iterations - update.num_rejected_steps + 1;
+  core.iterations = std::move(trace);
+  const auto successful = [](const IterationSummary& iteration) { return iteration.step_is_successful; };
+  core.num_successful_steps = static_cast<int>(std::count_if(core.iterations.begin(), core.iterations.end(), successful));
+  core.num_unsuccessful_steps = static_cast<int>(core.iterations.size()) - core.num_successful_steps;
   core.reduced_solver = "incremental";
   core.work.num_residual_evaluations = core.work.num_jacobian_evaluations = -1;  // there are no whole passes to count
   core.work.num_linear_solves = update.num_iterations;
   core.seconds.total = update.seconds;
-  IterationSummary first;
-  first.step_is_valid = first.step_is_successful = true;
-  first.cost = core.initial_cost;
-  first.cumulative_time_in_seconds = seconds_before;
-  core.iterations.push_back(first);
-  if (update.num_iterations > 0) {
-    IterationSummary last = first;
-    last.iteration = update.num_iterations;
-    last.cost = core.final_cost;
-    last.cost_change = core.initial_cost - core.final_cost;
-    last.linear_solver_iterations = 1;
-    last.iteration_time_in_seconds = update.seconds;
-    last.cumulative_time_in_seconds = seconds_before + update.seconds;
-    core.iterations.push_back(last);
-  }
   return core;
 }
 
@@ -107,22 +95,24 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, L
   IncrementalOptions options = core_options;
   options.max_seconds = std::max(options.max_seconds - seconds_before, std::numeric_limits<double>::min());
   living->solver().SetOptions(options);
-  const UpdateSummary update = living->solver().Update();
-  Summary core = ToSummary(update, costs, seconds_before);
+  IncrementalObserver observer(input.options, input.view, *living, {costs.outside, seconds_before});
+  UpdateSummary update;
+  living->solver().Update(&update, &observer);
+  Summary core = ToSummary(update, costs, observer.TakeTrace());
   const bool usable = core.IsSolutionUsable();
   if (usable) {
+    observer.Keep();
     living->WriteToUser(input.view);
     living->Remember();
   }
   summary->minimizer_time_in_seconds = input.clock.Seconds() - seconds_before;
   WriteSolution(core, summary);
-  for (const ceres::IterationSummary& iteration : summary->iterations) {
-    if (input.options.logging_type != ceres::SILENT) {
-      LogProgress(iteration, input.options.minimizer_progress_to_stdout);
-    }
-  }
+  const bool failed = core.termination == Termination::kFailure;
   WriteReport(input, landmarks, living->num_landmarks(), changes, update, std::move(core), report);
-  return usable || Fail(update.message, summary);
+  if (report != nullptr) {
+    report->callback_seconds = observer.callback_seconds();
+  }
+  return failed ? Fail(update.message, summary) : usable;
 }
 
 }  // namespace

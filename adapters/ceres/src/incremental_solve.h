@@ -10,7 +10,7 @@
 namespace inceres::internal {
 
 /// Brings `living` to where the problem is, minimises, writes back what it moved if the result is usable, and fills the summary.
-/// False after a failure: user memory is as it was, and `living` is of no more use. `core` are the options
+/// False after a failure or a callback's abort: user memory is as it was, and `living` is of no more use. `core` are the options
 /// mapped; `report` may be null.
 bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core, LivingProblem* living,
                         ceres::Solver::Summary* summary, SolveReport* report);

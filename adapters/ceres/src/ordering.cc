@@ -41,6 +41,9 @@ ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& opti
   if (ordering.first_group_emptied && options.linear_solver_type == ceres::SPARSE_SCHUR) {
     return ceres::SPARSE_NORMAL_CHOLESKY;
   }
+  if (ordering.first_group_emptied && options.linear_solver_type == ceres::ITERATIVE_SCHUR) {
+    return ceres::CGNR;
+  }
   return options.linear_solver_type;
 }
 

@@ -21,6 +21,11 @@ struct OrderingView {
 
 OrderingView ReadOrdering(const ceres::Solver::Options& options, const ProblemView& view);
 
+/// Whether Ceres would solve for each step by conjugate gradients.
+inline bool IsIterative(ceres::LinearSolverType type) {
+  return type == ceres::ITERATIVE_SCHUR || type == ceres::CGNR;
+}
+
 /// The type Ceres would end up with: a Schur type whose first group was emptied becomes the type without elimination.
 ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering);
 

@@ -9,6 +9,7 @@
 #include "adapters/ceres/src/decline.h"
 #include "adapters/ceres/src/gate.h"
 #include "adapters/ceres/src/incremental_solve.h"
+#include "adapters/ceres/src/iterative_choice.h"
 #include "adapters/ceres/src/option_mapping.h"
 
 namespace inceres {
@@ -31,7 +32,9 @@ class CeresSession::Impl {
 
   const SessionOptions options;
   std::unique_ptr<internal::LivingProblem> living;
-  int num_threads = 0;  // of the living problem, which cannot change it
+  // Of the living problem, which cannot change them.
+  int num_threads = 0;
+  IncrementalReducedSolver reduced_solver = IncrementalReducedSolver::kAutomatic;
   internal::ProblemView view;
   bool has_view = false;  // of the problem's structure as it is
 };
@@ -54,11 +57,13 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
   }
   // Out of the session while it works: a failure, or an exception out of user code, ends it.
   std::unique_ptr<internal::LivingProblem> working = std::move(living);
-  const IncrementalOptions core = internal::MapIncrementalOptions(solver_options, options.core);
-  if (working == nullptr || core.num_threads != num_threads) {
+  IncrementalOptions core = internal::MapIncrementalOptions(solver_options, options.core);
+  internal::ChooseIterativeSolver(solver_options, view, ordering, internal::kMaxDirectSize, &core);
+  if (working == nullptr || core.num_threads != num_threads || core.reduced_solver != reduced_solver) {
     const auto trust = options.verify_cached_factors ? internal::Trust::kVerified : internal::Trust::kAddresses;
     working = std::make_unique<internal::LivingProblem>(core, trust);
     num_threads = core.num_threads;
+    reduced_solver = core.reduced_solver;
   }
   if (internal::SolveIncrementally({solver_options, view, ordering, clock, nullptr}, core, working.get(), summary, report)) {
     living = std::move(working);

@@ -10,6 +10,7 @@
 #include "adapters/ceres/src/gate.h"
 #include "adapters/ceres/src/incremental_solve.h"
 #include "adapters/ceres/src/introspection.h"
+#include "adapters/ceres/src/iterative_choice.h"
 #include "adapters/ceres/src/option_mapping.h"
 #include "adapters/ceres/src/ordering.h"
 #include "adapters/ceres/src/stock_ceres.h"
@@ -37,7 +38,8 @@ void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, c
   }
   const internal::SolveInput input{options, view, ordering, clock, callback};
   if (incremental) {
-    const IncrementalOptions core = internal::MapIncrementalOptions(options, IncrementalOptions());
+    IncrementalOptions core = internal::MapIncrementalOptions(options, IncrementalOptions());
+    internal::ChooseIterativeSolver(options, view, ordering, internal::kMaxDirectSize, &core);
     internal::LivingProblem living(core, internal::Trust::kNothing);
     internal::SolveIncrementally(input, core, &living, summary, report);
   } else {

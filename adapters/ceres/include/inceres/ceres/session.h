@@ -54,8 +54,8 @@ class INCERES_EXPORT CeresSession {
   CeresSession(const CeresSession&) = delete;
   CeresSession& operator=(const CeresSession&) = delete;
 
-  /// As inceres::Solve in incremental mode, whatever report->mode says (which is not changed). A failure, also an exception out
-  /// of user code, leaves user memory as it was and makes the session forget everything.
+  /// As inceres::Solve in incremental mode, whatever report->mode says (which is not changed). A failure, a callback's abort and
+  /// an exception out of user code leave user memory as it was and make the session forget everything.
   void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
              SolveReport* report = nullptr);
 
