@@ -11,7 +11,8 @@ namespace {
 // What may be left, as a share of the function tolerance.
 constexpr double kSettledShare = 0.1;
 
-// Below this ratio of two gains the last one is taken for the end of a fast convergence; gains that fall slower prove little.
+// Two ratios of gains in a row below this one are taken for the end of a fast convergence; gains that fall slower prove little,
+// and so does one ratio, for the first step from a far start gains incomparably more than the next.
 constexpr double kFastRatio = 0.3;
 constexpr double kGoodModel = 0.5;  // actual decrease over predicted
 
@@ -62,9 +63,11 @@ class BatchObserver final : public SolveObserver {
     const double allowed = kSettledShare * options_.function_tolerance * iteration.cost;
     // Steps whose gains fall by a ratio r leave gain · r / (1 − r) undone.
     const double ratio = gain / previous_gain_;
-    const bool settled =
-        options_.batch_share > 0.0 && good && gain >= 0.0 && ratio < kFastRatio && gain * ratio / (1.0 - ratio) <= allowed;
+    const double slower = std::max(ratio, previous_ratio_);
+    const bool fast = ratio < kFastRatio && previous_ratio_ < kFastRatio;
+    const bool settled = options_.batch_share > 0.0 && good && gain >= 0.0 && fast && gain * slower / (1.0 - slower) <= allowed;
     previous_gain_ = gain;
+    previous_ratio_ = ratio;
     return settled;
   }
 
@@ -92,6 +95,7 @@ class BatchObserver final : public SolveObserver {
   UpdateTrace& trace_;
   double cost_ = 0.0;           // of the state
   double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
+  double previous_ratio_ = HUGE_VAL;
   bool ended_by_user_ = false;
   bool settled_ = false;
 };
