@@ -131,7 +131,7 @@ TEST(Case52, bounds_and_an_infeasible_start) {
   Line line;
   line.problem.SetParameterLowerBound(line.x, 0, 2.0);
   line.problem.SetParameterUpperBound(line.x, 0, 8.0);
-  const Summary summary = Solve(Small(), &line.problem, Solver::kAnyone).summary;
+  const Summary summary = Solve(Small(), &line.problem).summary;
   EXPECT_EQ(summary.initial_cost, 32.0);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   EXPECT_EQ(line.x[0], 8.0);
@@ -145,7 +145,7 @@ TEST(Case52, bounds_and_a_failure) {
   Options options = Small();
   options.update_state_every_iteration = true;
   options.callbacks.push_back(&abort);
-  EXPECT_EQ(Solve(options, &line.problem, Solver::kAnyone).summary.termination_type, ceres::USER_FAILURE);
+  EXPECT_EQ(Solve(options, &line.problem).summary.termination_type, ceres::USER_FAILURE);
   EXPECT_EQ(line.x[0], 0.5) << "the original, infeasible value";
 }
 
@@ -153,7 +153,7 @@ TEST(Case52, bounds_and_a_failure) {
 TEST(Case52, infinite_bounds) {
   Line line;
   line.problem.SetParameterLowerBound(line.x, 0, -std::numeric_limits<double>::infinity());
-  const Summary summary = Solve(Small(), &line.problem, Solver::kAnyone).summary;
+  const Summary summary = Solve(Small(), &line.problem).summary;
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   EXPECT_NEAR(line.x[0], 10.0, 1e-6);
 }

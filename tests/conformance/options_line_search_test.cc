@@ -96,7 +96,7 @@ Summary OneStep(Overshoot* world, const std::function<void(Options*)>& change = 
   if (change) {
     change(&options);
   }
-  return Solve(options, &world->problem, Solver::kAnyone).summary;
+  return Solve(options, &world->problem).summary;
 }
 
 void ExpectTrials(const Overshoot& world, const std::vector<double>& fractions) {

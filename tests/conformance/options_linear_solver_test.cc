@@ -177,7 +177,7 @@ TEST(Options23, dynamic_sparsity) {
   Bundle bundle;
   Options options;
   options.dynamic_sparsity = true;
-  const Summary summary = Solve(options, &bundle.problem, Solver::kAnyone).summary;
+  const Summary summary = Solve(options, &bundle.problem).summary;
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   ExpectClose(summary.final_cost, 3.36913424893, 1e-6);
 }

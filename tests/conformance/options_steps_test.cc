@@ -143,7 +143,7 @@ TEST(Options22, parameter_tolerance_with_bounds) {
   line.problem.SetParameterLowerBound(line.x, 0, -100.0);
   Options options = Small();
   options.parameter_tolerance = 0.5;
-  const Summary summary = Solve(options, &line.problem, Solver::kAnyone).summary;
+  const Summary summary = Solve(options, &line.problem).summary;
   EXPECT_TRUE(StartsWith(summary.message, "Parameter tolerance reached. Relative step_norm: ")) << summary.message;
   EXPECT_EQ(summary.iterations.size(), 1u);
   EXPECT_EQ(line.x[0], 9.99);

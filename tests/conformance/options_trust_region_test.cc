@@ -39,7 +39,7 @@ TEST(Options22, dogleg_type) {
     options.trust_region_strategy_type = ceres::DOGLEG;
     options.dogleg_type = type;
     options.initial_trust_region_radius = 1.0;
-    const Summary summary = Solve(options, &rosenbrock.problem, Solver::kAnyone).summary;
+    const Summary summary = Solve(options, &rosenbrock.problem).summary;
     EXPECT_EQ(summary.dogleg_type, type);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
     EXPECT_NEAR(rosenbrock.x[1], 1.0, 1e-6);

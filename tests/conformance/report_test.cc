@@ -96,7 +96,7 @@ TEST(Report33, FullReportWithAManifold) {
 TEST(Report33, FullReportWithBounds) {
   Line line;
   line.problem.SetParameterUpperBound(line.x, 0, 100.0);
-  const std::string report = Solve(Small(), &line.problem, Solver::kAnyone).summary.FullReport();
+  const std::string report = Solve(Small(), &line.problem).summary.FullReport();
   EXPECT_NE(report.find("Line search steps                           0\n"), std::string::npos) << report;
 }
 

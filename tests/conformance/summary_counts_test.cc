@@ -39,7 +39,7 @@ TEST(Summary31, initial_cost) {
 TEST(Summary31, initial_cost_is_that_of_the_projected_start) {
   Line line;
   line.problem.SetParameterLowerBound(line.x, 0, 8.0);
-  const Summary summary = Solve(Small(), &line.problem, Solver::kAnyone).summary;
+  const Summary summary = Solve(Small(), &line.problem).summary;
   EXPECT_EQ(summary.initial_cost, 2.0);
   EXPECT_NEAR(line.x[0], 10.0, 1e-6);
 }

@@ -165,7 +165,7 @@ TEST(Summary31, is_constrained) {
   EXPECT_FALSE(Solve(Small(), &none.problem).summary.is_constrained);
   Line bounded;
   bounded.problem.SetParameterUpperBound(bounded.x, 0, 1e6);
-  EXPECT_TRUE(Solve(Small(), &bounded.problem, Solver::kAnyone).summary.is_constrained);
+  EXPECT_TRUE(Solve(Small(), &bounded.problem).summary.is_constrained);
   Line elsewhere;  // on a constant block, and on one without residuals
   double* c = elsewhere.Add({1.0});
   double* unused = elsewhere.Add({1.0});
@@ -174,7 +174,7 @@ TEST(Summary31, is_constrained) {
   elsewhere.problem.AddParameterBlock(unused, 1);
   elsewhere.problem.SetParameterUpperBound(c, 0, 10.0);
   elsewhere.problem.SetParameterUpperBound(unused, 0, 10.0);
-  EXPECT_FALSE(Solve(Small(), &elsewhere.problem, Solver::kAnyone).summary.is_constrained);
+  EXPECT_FALSE(Solve(Small(), &elsewhere.problem).summary.is_constrained);
 }
 
 TEST(Summary31, linear_solver_ordering_used) {

@@ -164,7 +164,7 @@ TEST(Termination34, bounded_and_plus_of_zero_failed) {
   world.problem.AddResidualBlock(Target({0.0, 0.0}), nullptr, x);
   world.problem.SetManifold(x, new Failing(true));
   world.problem.SetParameterLowerBound(x, 0, -10.0);
-  const Outcome outcome = Solve(Small(), &world.problem, Solver::kAnyone);
+  const Outcome outcome = Solve(Small(), &world.problem);
   ExpectEnd(outcome, ceres::FAILURE, "Unable to project initial point onto the feasible set.");
   EXPECT_EQ(outcome.summary.message, "Unable to project initial point onto the feasible set.");
 }

@@ -47,7 +47,7 @@ struct INCERES_EXPORT IncrementalOptions {
   double min_damping = 1e-8;      ///< > 0, for the gauge may be free
   double max_damping = 1e8;       ///< ≥ initial_damping: an Update that needs more ends as a failure to converge
   /// ≥ 0: an Update in which more than this share of the factors are new or changed goes to the batch solver first, which is
-  /// cheaper when everything moves; what its stopping rule leaves undone is then finished. 0: every Update is a batch solve and
+  /// cheaper when everything moves; what is then left undone beyond the tolerance is finished. 0: every Update is a batch solve and
   /// nothing else, iterate for iterate that of inceres::Solve; 1 or more: no Update ever is. (A graph from which factors were
   /// removed and whose places are still free is never solved in batch.)
   double batch_share = 0.5;
@@ -68,7 +68,8 @@ struct INCERES_EXPORT IncrementalOptions {
   double truncation_share = 0.03;
 
   /// ≥ 0: after a step of the frames, at most so many Gauss–Newton steps of landmarks alone, taken by those that could still gain
-  /// much by themselves (ICE-BA's embedded point iteration). Each evaluates their factors only.
+  /// much by themselves (ICE-BA's embedded point iteration). Each evaluates their factors only. Unless 0, a batch solve takes one
+  /// after each step, of all landmarks (SolverOptions::use_inner_iterations), except with batch_share 0.
   int max_landmark_passes = 5;
 
   RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;
