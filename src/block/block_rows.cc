@@ -19,22 +19,26 @@ int SymmetricBlockRows::AddRow(int size) {
   const int row = num_rows();
   sizes_.push_back(size);
   rows_.push_back({{row, Allocate(size, size)}});
+  below_.emplace_back();
   return row;
 }
 
 void SymmetricBlockRows::RemoveRow(int row) {
   for (const Entry& entry : rows_[row]) {
     Release(entry.offset, sizes_[row], sizes_[entry.column]);
-  }
-  rows_[row].clear();
-  for (int below = row + 1; below < num_rows(); ++below) {
-    auto& entries = rows_[below];
-    const auto entry = std::lower_bound(entries.begin(), entries.end(), row, BeforeColumn);
-    if (entry != entries.end() && entry->column == row) {
-      Release(entry->offset, sizes_[below], sizes_[row]);
-      entries.erase(entry);
+    if (entry.column != row) {
+      std::vector<int>& below = below_[entry.column];
+      below.erase(std::lower_bound(below.begin(), below.end(), row));
     }
   }
+  rows_[row].clear();
+  for (const int below : below_[row]) {
+    auto& entries = rows_[below];
+    const auto entry = std::lower_bound(entries.begin(), entries.end(), row, BeforeColumn);
+    Release(entry->offset, sizes_[below], sizes_[row]);
+    entries.erase(entry);
+  }
+  below_[row].clear();
   sizes_[row] = 0;
 }
 
@@ -44,18 +48,14 @@ void SymmetricBlockRows::ReviveRow(int row, int size) {
 }
 
 void SymmetricBlockRows::ZeroRow(int row) {
-  const auto zero = [this](int i, const Entry& entry) {
-    std::fill_n(values_.begin() + entry.offset, QuadsOf(sizes_[i], sizes_[entry.column]) * kQuad, 0.0);
+  const auto zero = [this](std::int64_t offset, int rows, int columns) {
+    std::fill_n(values_.begin() + offset, QuadsOf(rows, columns) * kQuad, 0.0);
   };
   for (const Entry& entry : rows_[row]) {
-    zero(row, entry);
+    zero(entry.offset, sizes_[row], sizes_[entry.column]);
   }
-  for (int below = row + 1; below < num_rows(); ++below) {
-    const auto& entries = rows_[below];
-    const auto entry = std::lower_bound(entries.begin(), entries.end(), row, BeforeColumn);
-    if (entry != entries.end() && entry->column == row) {
-      zero(below, *entry);
-    }
+  for (const int below : below_[row]) {
+    zero(Find(below, row), sizes_[below], sizes_[row]);
   }
 }
 
@@ -68,6 +68,9 @@ std::int64_t SymmetricBlockRows::Bytes() const {
   for (const std::vector<Entry>& row : rows_) {
     bytes += sizeof(std::vector<Entry>) + row.capacity() * sizeof(Entry);
   }
+  for (const std::vector<int>& below : below_) {
+    bytes += sizeof(std::vector<int>) + below.capacity() * sizeof(int);
+  }
   return static_cast<std::int64_t>(bytes);
 }
 
@@ -79,6 +82,8 @@ std::int64_t SymmetricBlockRows::FindOrAdd(int row, int column) {
   }
   const std::int64_t offset = Allocate(sizes_[row], sizes_[column]);
   entries.insert(entry, {column, offset});
+  std::vector<int>& below = below_[column];
+  below.insert(std::lower_bound(below.begin(), below.end(), row), row);
   return offset;
 }
 

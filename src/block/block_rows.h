@@ -10,7 +10,7 @@ namespace inceres::internal {
 
 /// A symmetric block-sparse matrix that grows: block rows are appended, blocks are added where two rows become coupled, and the
 /// room of removed rows is used again. Only the lower triangle is stored, a row's blocks sorted by column, its diagonal block
-/// last.
+/// last. Of the upper one it is known where blocks are.
 ///
 /// Block (i, j) is d_i × d_j, row-major with rows padded to quads (the padding zero), so that a kernel can add into it directly.
 class SymmetricBlockRows {
@@ -24,6 +24,8 @@ class SymmetricBlockRows {
   int size_of(int row) const { return sizes_[row]; }
   /// Blocks (row, column ≤ row), by column; empty for a row that was removed.
   const std::vector<Entry>& row(int row) const { return rows_[row]; }
+  /// The rows > column with a block in this column, ascending.
+  const std::vector<int>& below(int column) const { return below_[column]; }
 
   /// Appends a row with a zero diagonal block; returns its index.
   int AddRow(int size);
@@ -33,7 +35,7 @@ class SymmetricBlockRows {
   /// Gives a removed row a size and a zero diagonal block again.
   void ReviveRow(int row, int size);
 
-  /// Zeroes all blocks (row, ·) and (·, row); or all of all rows.
+  /// Zeroes all blocks (row, ·) and (·, row); or all of all rows. Like RemoveRow it costs what the row's blocks do.
   void ZeroRow(int row);
   void Zero();
 
@@ -54,6 +56,7 @@ class SymmetricBlockRows {
 
   std::vector<int> sizes_;
   std::vector<std::vector<Entry>> rows_;
+  std::vector<std::vector<int>> below_;
   AlignedVector<double> values_;
   std::vector<std::vector<std::int64_t>> free_;  // released blocks, by their length in quads
 };

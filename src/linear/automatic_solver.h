@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "linear/batch_solver.h"
 #include "linear/resumed_solver.h"
 #include "linear/sparse_cholesky.h"
@@ -10,34 +8,24 @@ namespace inceres::internal {
 
 /// Takes each factorisation to the cheaper of the resumed and the sparse Cholesky, by predicted flops and what a flop costs each.
 /// While the changes are near the end of S that is the resumed factor; a change of everything, in an S whose envelope loops have
-/// filled, goes to the sparse one. The resumed factor then falls behind, and catching up counts half: later calls gain by it.
+/// filled, goes to the sparse one. The resumed factor then falls behind, and catching up counts half: later calls gain by it. So
+/// does reordering.
 /// (The dense Cholesky is no candidate: it never takes fewer flops than the envelope, whose long rows run as fast.)
 class AutomaticSolver final : public LiveReducedSolver {
  public:
   /// Of the solver that took the last factorisation.
   const char* Name() const override { return chosen_->Name(); }
   Status Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) override;
-  Status Solve(const double* b, int first_changed_b, const Truncation& truncation, double* x) override;
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
   std::size_t Bytes() const override { return resumed_.Bytes() + sparse_.Bytes(); }
 
  private:
-  // What a solver has missed while the other worked.
-  struct Missed {
-    Change change;
-    int first_b = 0;
-  };
-
-  bool SparseIsCheaper(const SymmetricBlockRows& S, const char* held, const Change& change);
-  double ResumedPrice(const SymmetricBlockRows& S, const char* held, const Change& change);
-  Missed& MissedBy(const LiveReducedSolver* solver) { return solver == &resumed_ ? missed_by_resumed_ : missed_by_sparse_; }
+  bool SparseIsCheaper(const SymmetricBlockRows& S, const ResumedSolver::Plan& plan);
 
   ResumedSolver resumed_;
-  std::vector<int> workspace_;
   BatchSolver<SparseCholesky> sparse_;
-  Missed missed_by_resumed_;
-  Missed missed_by_sparse_;
+  Change missed_by_sparse_;  // while the other worked
   LiveReducedSolver* chosen_ = &resumed_;
-  const LiveReducedSolver* solved_last_ = &resumed_;
 };
 
 }  // namespace inceres::internal

@@ -67,7 +67,7 @@ class BatchSolver final : public LiveReducedSolver {
     return factored_;
   }
 
-  Status Solve(const double* b, int /*first_changed_b*/, const Truncation& /*truncation*/, double* x) override {
+  Status Solve(const double* b, const Rows& /*changed_b*/, const Truncation& /*truncation*/, double* x) override {
     if (!factored_.ok() || system_.pattern().num_blocks() == 0) {
       return factored_;
     }

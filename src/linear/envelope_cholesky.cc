@@ -30,48 +30,74 @@ bool IsHeld(const char* held, int row) {
 
 }  // namespace
 
-Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const double* damping, int first_changed, const char* held) {
-  const int first = std::min({first_changed, num_valid_rows_, S.num_rows()});
-  rows_.resize(S.num_rows());
+Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& order, const double* damping, int first_changed,
+                                   const char* held) {
+  const int num_rows = order.num_places();
+  const int first = std::min({first_changed, num_valid_rows_, num_rows});
+  rows_.resize(num_rows);
   offsets_.resize(first + 1);
-  for (int i = first; i < S.num_rows(); ++i) {
-    offsets_.push_back(offsets_.back() + S.size_of(i));
+  for (int i = first; i < num_rows; ++i) {
+    offsets_.push_back(offsets_.back() + S.size_of(order.row(i)));
   }
   num_valid_rows_ = first;
-  for (int i = first; i < S.num_rows(); ++i) {
-    CopyRow(S, damping, held, i);
+  for (int i = first; i < num_rows; ++i) {
+    CopyRow(S, order, damping, held, i);
     if (!FactorRow(i)) {
       return Status::Error(StatusCode::kSingular,
-                           "the reduced system is not positive definite at block row " + std::to_string(i));
+                           "the reduced system is not positive definite at block row " + std::to_string(order.row(i)));
     }
     num_valid_rows_ = i + 1;
   }
   return Status::Ok();
 }
 
-void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const double* damping, const char* held, int i) {
+void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& order, const double* damping, const char* held,
+                               int i) {
   Row& row = rows_[i];
   const int size = BlockSize(i);
-  row.first_column = FirstFreeColumn(S, held, i);
-  row.held = IsHeld(held, i);
+  row.first_column = FirstFreeColumn(S, held, order, i);
+  row.held = IsHeld(held, order.row(i));
   row.start = offsets_[row.first_column] / kQuad * kQuad;
   row.stride = PadToQuad(offsets_[i + 1] - row.start);
   row.values.assign(static_cast<std::size_t>(size) * row.stride, 0.0);
   row.inverse_pivots.resize(size);
+  if (!row.held) {
+    CopyBlocks(S, order, held, i);
+  }
   double* diagonal = row.values.data() + offsets_[i] - row.start;
-  for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
-    if (row.held || IsHeld(held, entry.column)) {
+  for (int r = 0; r < size; ++r) {
+    diagonal[static_cast<std::ptrdiff_t>(r) * row.stride + r] += row.held ? 1.0 : damping[offsets_[i] + r];
+  }
+}
+
+// The blocks that row i of S shares with rows that come before it or are it.
+void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& order, const char* held, int i) {
+  Row& row = rows_[i];
+  const int size = BlockSize(i);
+  for (const SymmetricBlockRows::Entry& entry : S.row(order.row(i))) {
+    const int j = order.place(entry.column);
+    if (j > i || IsHeld(held, entry.column)) {
       continue;
     }
-    const int columns = BlockSize(entry.column);
+    const int columns = BlockSize(j);
     const double* block = S.values(entry.offset);
-    double* out = row.values.data() + offsets_[entry.column] - row.start;
+    double* out = row.values.data() + offsets_[j] - row.start;
     for (int r = 0; r < size; ++r) {
       std::copy_n(block + r * PadToQuad(columns), columns, out + static_cast<std::ptrdiff_t>(r) * row.stride);
     }
   }
-  for (int r = 0; r < size; ++r) {
-    diagonal[static_cast<std::ptrdiff_t>(r) * row.stride + r] += row.held ? 1.0 : damping[offsets_[i] + r];
+  for (const int other : S.below(order.row(i))) {
+    const int j = order.place(other);
+    if (j > i || IsHeld(held, other)) {
+      continue;
+    }
+    const double* block = S.values(S.Find(other, order.row(i)));  // the transpose
+    double* out = row.values.data() + offsets_[j] - row.start;
+    for (int c = 0; c < BlockSize(j); ++c) {
+      for (int r = 0; r < size; ++r) {
+        out[static_cast<std::ptrdiff_t>(r) * row.stride + c] = block[c * PadToQuad(size) + r];
+      }
+    }
   }
 }
 
@@ -82,9 +108,6 @@ bool EnvelopeCholesky::FactorRow(int i) {
   for (int j = row.first_column; j < i; ++j) {
     const Row& other = rows_[j];
     const int columns = BlockSize(j);
-    if (columns == 0) {
-      continue;  // a removed row
-    }
     const int begin = std::max(row.start, other.start);
     double* block = row.values.data() + offsets_[j] - row.start;
     kernels.subtract_row_dots(size, columns, offsets_[j] - begin, row.values.data() + begin - row.start, row.stride,
@@ -132,9 +155,6 @@ void EnvelopeCholesky::ForwardSubstitute(const double* b, int first_row, double*
 void EnvelopeCholesky::BackSubstituteRow(int i, double* rest, double* x) const {
   const Row& row = rows_[i];
   const int size = BlockSize(i);
-  if (size == 0) {
-    return;  // a removed row
-  }
   const int length = offsets_[i] - row.start;
   double* x_i = x + offsets_[i];
   const double* rest_i = rest + offsets_[i];

@@ -6,23 +6,28 @@
 #include "base/aligned_vector.h"
 #include "block/block_rows.h"
 #include "inceres/status.h"
+#include "linear/row_order.h"
 
 namespace inceres::internal {
 
 /// L Lᵀ = S + diag(damping), row by row inside the envelope (a row is stored from its first nonzero column on), made to be
-/// resumed: row i of L depends on rows ≤ i of S alone. New frames ordered last leave every earlier row exact, and a change of S
-/// from block row r on costs only rows ≥ r. A frame that closes a loop has a long row; its neighbours keep their short ones.
+/// resumed: with the rows of S in some order, row i of L depends on rows ≤ i of S alone. New frames ordered last leave every
+/// earlier row exact, and a change of S from block row i on costs only rows ≥ i. A frame that closes a loop has a long row; its
+/// neighbours keep their short ones. Rows and vectors are numbered and packed in that order throughout: row i is the one at
+/// place i.
 ///
 /// Resumed or from scratch, a row is computed by the same operations in the same order: the bits are the same.
 /// Cost of row i: its length times the lengths of the rows it spans. Threads: the calling one.
 /// Source: George & Liu, "Computer Solution of Large Sparse Positive Definite Systems", 1981, chapter 4 (the envelope method).
 class EnvelopeCholesky {
  public:
-  /// Brings L up to date with S, whose block rows < first_changed are as they were at the last call, with the same damping and
-  /// mask. Rows may have been appended. `damping` is packed, one entry a scalar row, ≥ 0. held[i] != 0 makes block row i a row of
-  /// the identity, coupled to nothing; null: no row is held. kSingular names the block row whose pivot is not positive and
-  /// finite; rows before it are then exact, num_valid_rows() tells how many.
-  Status Factorize(const SymmetricBlockRows& S, const double* damping, int first_changed, const char* held = nullptr);
+  /// Brings L up to date with S in this order, whose rows < first_changed are as they were at the last call, in the same places,
+  /// with the same damping and mask. `damping` has one entry a scalar row, ≥ 0; those of the rows before first_changed are not
+  /// looked at. held[r] != 0 makes row r of S a row of the identity, coupled to nothing; null: no row is held. kSingular names
+  /// the row of S whose pivot is not positive and finite; rows at places before it are then exact, num_valid_rows() tells how
+  /// many.
+  Status Factorize(const SymmetricBlockRows& S, const RowOrder& order, const double* damping, int first_changed,
+                   const char* held = nullptr);
 
   /// x = (S + diag(damping))⁻¹ b, packed; 0 in held rows.
   void Solve(const double* b, double* x) const;
@@ -55,7 +60,8 @@ class EnvelopeCholesky {
     std::vector<double> inverse_pivots;
   };
 
-  void CopyRow(const SymmetricBlockRows& S, const double* damping, const char* held, int i);
+  void CopyRow(const SymmetricBlockRows& S, const RowOrder& order, const double* damping, const char* held, int i);
+  void CopyBlocks(const SymmetricBlockRows& S, const RowOrder& order, const char* held, int i);
   bool FactorRow(int i);
   int BlockSize(int i) const { return offsets_[i + 1] - offsets_[i]; }
 

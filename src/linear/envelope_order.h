@@ -3,30 +3,48 @@
 #include <vector>
 
 #include "block/block_rows.h"
+#include "linear/row_order.h"
 
 namespace inceres::internal {
 
-/// The first block row that block row i of S is coupled to, held rows left out (held may be null); i itself if there is none.
-int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, int i);
+/// The first place whose row of S is coupled to the row at place k, held rows left out (held may be null); k itself if none
+/// before it is.
+int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int k);
 
-/// Flops that EnvelopeCholesky takes for the block rows from first_row on. Cost: one operation a block that those rows span; no
+/// Flops that EnvelopeCholesky takes for the rows from first_place on. Cost: one operation a block that those rows span; no
 /// allocation beyond the growth of the workspace.
-double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, int first_row, std::vector<int>* workspace);
-inline double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, int first_row) {
+double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int first_place,
+                     std::vector<int>* workspace);
+inline double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int first_place) {
   std::vector<int> workspace;
-  return EnvelopeFlops(S, held, first_row, &workspace);
+  return EnvelopeFlops(S, held, order, first_place, &workspace);
 }
 
-/// The same for all rows, if the rows were in this order: order[k] is the row that comes k-th. Rows not listed are left out.
-double EnvelopeFlops(const SymmetricBlockRows& S, const std::vector<int>& order);
-
-/// An order of the living rows that keeps the envelope small, for when the order of arrival has aged (old frames seen again):
-/// order[k] is the row that comes k-th. The num_newest ≥ 1 newest rows come last, as they arrived, so that the next changes find
-/// the end of the factor; the others by their distance from them in S (Cuthill-McKee, reversed). A row coupled to very many
-/// (shared intrinsics) comes after all: there it lengthens its own row only. Compare with the order as it is by EnvelopeFlops: it
-/// need not be better.
+/// An order of the rows from some place on that keeps the envelope small, for when the order as it is has aged (old frames seen
+/// again). The given rows come last, in the order they have, so that a change like theirs finds the end of the factor; the others
+/// by their distance from those in S (Cuthill-McKee, reversed). A row coupled to very many (shared intrinsics) comes after all:
+/// there it lengthens its own row only. Compare by EnvelopeFlops: it need not be better.
 ///
-/// Cost: that of sorting the neighbours of every row. Deterministic. Source: Cuthill & McKee 1969; George & Liu 1981, chapter 4.
-std::vector<int> EnvelopeOrder(const SymmetricBlockRows& S, int num_newest);
+/// Cost: that of sorting the neighbours of every row. Deterministic; no allocation beyond the growth of what it keeps. Source:
+/// Cuthill & McKee 1969; George & Liu 1981, chapter 4.
+class EnvelopeOrdering {
+ public:
+  /// The rows that have the places from first_place on, in their new order. `last`: at least one of them, or, if none of it is,
+  /// the newest row; rows that have no such place are passed over.
+  const std::vector<int>& Reorder(const SymmetricBlockRows& S, const RowOrder& order, int first_place,
+                                  const std::vector<int>& last);
+
+ private:
+  void Begin(const SymmetricBlockRows& S, const RowOrder& order, int first_place);
+  void TakeDenseRows(const SymmetricBlockRows& S, const RowOrder& order, int first_place);
+  void TakeConnected(const SymmetricBlockRows& S);
+  void Take(int row);
+
+  std::vector<char> taken_;  // per row of S; rows before the first place are taken from the start
+  std::vector<int> rows_;    // backwards, from the last place
+  std::size_t next_ = 0;     // the row of rows_ whose neighbours come next
+  std::vector<int> near_;
+  std::vector<int> last_places_;
+};
 
 }  // namespace inceres::internal

@@ -15,14 +15,19 @@ namespace inceres::internal {
 /// last Solve. Threads: one caller. The same calls give the same bits.
 class LiveReducedSolver {
  public:
-  /// What differs from the last Factorize, in S (values, blocks, rows appended or removed), damping or held. Block rows before
-  /// first_row are as they were. A block row stands for what is stored in it: the blocks (row, column ≤ row).
-  struct Change {
+  /// Some block rows of S: none before first_row, and of those the listed ones, in any order; null: perhaps all.
+  struct Rows {
     int first_row = 0;
-    /// The block rows that changed, all of them, in any order; null: perhaps every row from first_row on.
     const std::vector<int>* rows = nullptr;
-    /// A block or a row came or went.
-    bool pattern = true;
+  };
+
+  /// What differs from the last Factorize, in S (values, blocks, rows appended or removed), damping or held. A block row stands
+  /// for what is stored in it: the blocks (row, column ≤ row). A removed row changed too.
+  struct Change : Rows {
+    Change() = default;
+    Change(int first, const std::vector<int>* listed, bool with_pattern) : Rows{first, listed}, pattern(with_pattern) {}
+
+    bool pattern = true;  ///< a block or a row came or went
   };
 
   /// Where a solution may be left as it was: a block row has hardly changed if Σ weights[k] · change_k² ≤ threshold over its
@@ -37,8 +42,9 @@ class LiveReducedSolver {
     int factored_rows = 0;      // block rows of the factor computed, or preconditioner blocks inverted
     int forward_rows = 0;       // block rows substituted forwards
     int solved_rows = 0;        // block rows substituted backwards
-    int first_solved_row = 0;   // x before this block row was left as it was
+    Rows solved;                // x of other block rows was left as it was; the list is good until the next call
     int iterations = 0;         // of PCG
+    int reorderings = 0;        // of the rows of S, before or in Factorize
     bool converged = true;      // PCG: the tolerance was reached; if not, x is still a step downhill
     double factor_flops = 0.0;  // of Factorize, as predicted from the pattern; 0 for PCG
   };
@@ -54,9 +60,9 @@ class LiveReducedSolver {
   virtual Status Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) = 0;
 
   /// x = (S + diag(damping))⁻¹ b, 0 in held rows. In: the last solution, less what the caller has applied of it since; it is what
-  /// rows left out keep and what an iteration starts from. b before first_changed_b (a block row) is as in the last Solve, and a
-  /// row whose part of x was applied counts as changed.
-  virtual Status Solve(const double* b, int first_changed_b, const Truncation& truncation, double* x) = 0;
+  /// rows left out keep and what an iteration starts from. b outside changed_b is as in the last Solve, and a row whose part of x
+  /// was applied counts as changed. After a row was removed or came back, all of x is written.
+  virtual Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) = 0;
 
   const Work& work() const { return work_; }
 

@@ -39,7 +39,7 @@ Status PcgSolver::Factorize(const SymmetricBlockRows& S, const double* damping, 
   return factored_;
 }
 
-Status PcgSolver::Solve(const double* b, int /*first_changed_b*/, const Truncation& /*truncation*/, double* x) {
+Status PcgSolver::Solve(const double* b, const Rows& /*changed_b*/, const Truncation& /*truncation*/, double* x) {
   if (!factored_.ok()) {
     return factored_;
   }

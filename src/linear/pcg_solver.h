@@ -33,7 +33,7 @@ class PcgSolver final : public LiveReducedSolver {
   const char* Name() const override { return "incremental PCG"; }
   Status Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) override;
   /// Truncation is not for an iteration: all of x is written.
-  Status Solve(const double* b, int first_changed_b, const Truncation& truncation, double* x) override;
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
   std::size_t Bytes() const override;
 
  private:

@@ -3,49 +3,153 @@
 #include <algorithm>
 
 namespace inceres::internal {
+namespace {
 
-Status ResumedSolver::Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) {
-  const int first = FirstRow(S, change);
+// Flops a block of S to be refactored below which another order is not looked for. Looking takes about a tenth of the time of so
+// many. A chain of frames, each of 6 and coupled to 15 others, takes a third of it.
+constexpr double kLookFlops = 1e4;
+
+// How much dearer than another order the present one has to be. What changes next is a guess, and an order that is hardly better
+// now may be worse then: on a path of 600 cameras with four laps and loops the Updates took 4.0e11 flops without
+// reordering, 2.7e11, 2.4e11 and 2.2e11 with factors of 1.05, 1.25 and 1.6 (497, 156 and 24 reorderings).
+constexpr double kAgeing = 1.6;
+
+}  // namespace
+
+// The number of places if none of the rows has one.
+int ResumedSolver::FirstPlace(const Rows& rows) const {
+  int first = order_.num_places();
+  const auto look_at = [this, &first](int row) {
+    const int place = order_.place(row);
+    first = place >= 0 ? std::min(first, place) : first;
+  };
+  if (rows.rows != nullptr) {
+    std::for_each(rows.rows->begin(), rows.rows->end(), look_at);
+  } else if (rows.first_row <= 0) {
+    first = 0;
+  } else {
+    for (int row = rows.first_row; row < static_cast<int>(row_offsets_.size()) - 1; ++row) {
+      look_at(row);
+    }
+  }
+  return first;
+}
+
+// Where a row has gone or come back, x of the rows behind it is no longer where it was.
+void ResumedSolver::FollowPacking(const SymmetricBlockRows& S) {
+  const std::size_t known = row_offsets_.size();
+  row_offsets_.resize(S.num_rows() + 1);
+  int offset = 0;
+  for (int row = 0; row < S.num_rows(); ++row) {
+    offset += S.size_of(row);
+    if (static_cast<std::size_t>(row) + 1 < known && row_offsets_[row + 1] != offset) {
+      ForgetSolution();
+    }
+    row_offsets_[row + 1] = offset;
+  }
+}
+
+ResumedSolver::Plan ResumedSolver::PlanFor(const SymmetricBlockRows& S, const char* held, const Change& change) {
+  num_exact_ = std::min({num_exact_, FirstPlace(change), cholesky_.num_valid_rows()});
+  num_current_y_ = std::min(num_current_y_, num_exact_);
+  num_passed_on_ = std::min(num_passed_on_, num_exact_);
+  order_.Follow(S, num_exact_);
+  FollowPacking(S);
+  plan_ = Predict(S, held, FirstPlace(change));
+  if (OrderMayHaveAged(S)) {
+    Reorder(S, held, change);
+  }
+  return plan_;
+}
+
+ResumedSolver::Plan ResumedSolver::Predict(const SymmetricBlockRows& S, const char* held, int first_changed) {
+  const double flops = EnvelopeFlops(S, held, order_, num_exact_, &workspace_);
+  return {flops, first_changed <= num_exact_ ? flops : EnvelopeFlops(S, held, order_, first_changed, &workspace_)};
+}
+
+bool ResumedSolver::OrderMayHaveAged(const SymmetricBlockRows& S) const {
+  std::size_t blocks = 0;
+  for (int place = num_exact_; place < order_.num_places(); ++place) {
+    blocks += S.row(order_.row(place)).size();
+  }
+  return plan_.flops > kLookFlops * static_cast<double>(blocks);
+}
+
+void ResumedSolver::Reorder(const SymmetricBlockRows& S, const char* held, const Change& change) {
+  tail_.assign(order_.rows().begin() + num_exact_, order_.rows().end());
+  if (change.rows != nullptr && 2 * change.rows->size() <= tail_.size()) {
+    last_ = *change.rows;
+  } else {
+    last_.assign(1, *std::max_element(tail_.begin(), tail_.end()));  // the newest
+  }
+  order_.SetTail(ordering_.Reorder(S, order_, num_exact_, last_));
+  const Plan fresh = Predict(S, held, FirstPlace(change));
+  if (kAgeing * (fresh.flops + fresh.again) < plan_.flops + plan_.again) {
+    plan_ = fresh;
+    ++reorderings_;
+  } else {
+    order_.SetTail(tail_);
+  }
+}
+
+Status ResumedSolver::FactorizeAsPlanned(const SymmetricBlockRows& S, const double* damping, const char* held) {
   work_ = Work();
-  work_.factor_flops = EnvelopeFlops(S, held, first, &workspace_);
-  num_current_y_ = std::min(num_current_y_, first);
-  num_passed_on_ = std::min(num_passed_on_, first);
-  for (int i = first; i < cholesky_.num_rows(); ++i) {
+  work_.factor_flops = plan_.flops;
+  work_.reorderings = reorderings_;
+  reorderings_ = 0;
+  for (int i = num_exact_; i < cholesky_.num_rows(); ++i) {
     reached_before_ = std::min(reached_before_, cholesky_.FirstColumn(i));  // a row held now may have been coupled to many
   }
-  factored_ = cholesky_.Factorize(S, damping, first, held);
-  work_.factored_rows = cholesky_.num_valid_rows() - first;
+  damping_.resize(row_offsets_.back());
+  int offset = cholesky_.offsets()[num_exact_];
+  for (int place = num_exact_; place < order_.num_places(); ++place) {
+    const int row = order_.row(place);
+    std::copy(damping + row_offsets_[row], damping + row_offsets_[row + 1], damping_.begin() + offset);
+    offset += S.size_of(row);
+  }
+  factored_ = cholesky_.Factorize(S, order_, damping_.data(), num_exact_, held);
+  work_.factored_rows = cholesky_.num_valid_rows() - num_exact_;
+  num_exact_ = cholesky_.num_valid_rows();
   return factored_;
 }
 
-Status ResumedSolver::Solve(const double* b, int first_changed_b, const Truncation& truncation, double* x) {
+void ResumedSolver::MissSolve(const Rows& changed_b) {
+  num_current_y_ = std::min(num_current_y_, FirstPlace(changed_b));
+  ForgetSolution();
+}
+
+Status ResumedSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) {
   if (!factored_.ok()) {
     return factored_;
   }
-  const int num_rows = cholesky_.num_rows();
+  const int num_rows = order_.num_places();
   const std::vector<int>& offsets = cholesky_.offsets();
-  const int first = std::min({num_current_y_, first_changed_b, num_rows});
+  const int first = std::min(num_current_y_, FirstPlace(changed_b));
   GrowTo(offsets.back());
-  cholesky_.ForwardSubstitute(b, first, y_.data());
+  for (int place = first; place < num_rows; ++place) {
+    const double* b_row = b + row_offsets_[order_.row(place)];
+    std::copy(b_row, b_row + offsets[place + 1] - offsets[place], b_.begin() + offsets[place]);
+  }
+  cholesky_.ForwardSubstitute(b_.data(), first, y_.data());
   num_current_y_ = num_rows;
 
   int filled = offsets.back();                     // rest_ is set up from here on
   int reached = std::min(first, reached_before_);  // the first row that must be found anew, as far as is known
-  int row = num_rows;
-  while (row > reached) {
-    --row;
-    CopyRest(offsets[cholesky_.FirstColumn(row)], &filled);
-    cholesky_.BackSubstituteRow(row, rest_.data(), x);
-    if (row >= num_passed_on_ || HasChanged(row, truncation, x)) {
-      std::copy(x + offsets[row], x + offsets[row + 1], passed_on_.begin() + offsets[row]);
-      reached = std::min(reached, cholesky_.FirstColumn(row));
+  int place = num_rows;
+  while (place > reached) {
+    --place;
+    CopyRest(offsets[cholesky_.FirstColumn(place)], &filled);
+    cholesky_.BackSubstituteRow(place, rest_.data(), x_.data());
+    if (place >= num_passed_on_ || HasChanged(place, truncation)) {
+      std::copy(x_.begin() + offsets[place], x_.begin() + offsets[place + 1], passed_on_.begin() + offsets[place]);
+      reached = std::min(reached, cholesky_.FirstColumn(place));
     }
   }
   num_passed_on_ = num_rows;
   reached_before_ = num_rows;
   work_.forward_rows = num_rows - first;
-  work_.solved_rows = num_rows - row;
-  work_.first_solved_row = row;
+  work_.solved_rows = num_rows - place;
+  HandOut(place, x);
   return Status::Ok();
 }
 
@@ -56,30 +160,46 @@ void ResumedSolver::CopyRest(int first_scalar, int* filled) {
   *filled = begin;
 }
 
-bool ResumedSolver::HasChanged(int row, const Truncation& truncation, const double* x) const {
-  const int begin = cholesky_.offsets()[row];
-  const int end = cholesky_.offsets()[row + 1];
+bool ResumedSolver::HasChanged(int place, const Truncation& truncation) const {
+  const int begin = cholesky_.offsets()[place];
+  const int end = cholesky_.offsets()[place + 1];
   if (truncation.threshold <= 0.0) {
-    return !std::equal(x + begin, x + end, passed_on_.begin() + begin);
+    return !std::equal(x_.begin() + begin, x_.begin() + end, passed_on_.begin() + begin);
   }
+  const double* weights = truncation.weights + row_offsets_[order_.row(place)];
   double change = 0.0;
   for (int k = begin; k < end; ++k) {
-    const double difference = x[k] - passed_on_[k];
-    change += truncation.weights[k] * difference * difference;
+    const double difference = x_[k] - passed_on_[k];
+    change += weights[k - begin] * difference * difference;
   }
   return !(change <= truncation.threshold);
 }
 
+// The rows of x from this place on, to where the caller has them.
+void ResumedSolver::HandOut(int first_place, double* x) {
+  solved_.clear();
+  for (int place = first_place; place < order_.num_places(); ++place) {
+    const int row = order_.row(place);
+    solved_.push_back(row);
+    std::copy_n(x_.begin() + cholesky_.offsets()[place], row_offsets_[row + 1] - row_offsets_[row], x + row_offsets_[row]);
+  }
+  std::sort(solved_.begin(), solved_.end());
+  work_.solved = {solved_.empty() ? order_.num_places() : solved_.front(), &solved_};
+}
+
 void ResumedSolver::GrowTo(int size) {
   if (static_cast<int>(y_.size()) < size) {
+    b_.resize(size);
     y_.resize(size);
     rest_.resize(size);
+    x_.resize(size);
     passed_on_.resize(size);
   }
 }
 
 std::size_t ResumedSolver::Bytes() const {
-  return cholesky_.Bytes() + (y_.capacity() + rest_.capacity() + passed_on_.capacity()) * sizeof(double);
+  return cholesky_.Bytes() + sizeof(double) * (damping_.capacity() + b_.capacity() + y_.capacity() + rest_.capacity() +
+                                               x_.capacity() + passed_on_.capacity());
 }
 
 }  // namespace inceres::internal

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <vector>
 
 #include "linear/envelope_cholesky.h"
@@ -18,40 +17,77 @@ namespace inceres::internal {
 /// Substituting backwards without a gap, one may stop as soon as no such row is coupled to the rows before. x_i is compared
 /// with the value the rows before it were last computed with, so that many small changes add up and are noticed.
 ///
-/// Without truncation: the same bits as EnvelopeCholesky from scratch. With it, every row of Lᵀx = y holds up to the changes of x
-/// that were not passed on, each at most twice the threshold. Cost of a call: the rows from the first changed on and the rows
-/// those reach. Source: Kaess et al., "iSAM2", IJRR 31(2), 2012, algorithm 7 (wildfire), in an envelope instead of a tree.
+/// New rows of S come last in the factor. A loop makes that order age: its long rows fill the envelope, and old rows that change
+/// again have everything behind them refactored, each time. But what is to be refactored may as well come in another order, so
+/// when a Factorize is dear another order of those rows is looked for, with the changed ones last, and taken if it makes this
+/// Factorize and one like it cheaper by a good deal. The reordering itself costs no factorisation, and the next change there
+/// finds the end of the factor; so it does not repeat itself.
+///
+/// Without truncation: the same bits as EnvelopeCholesky from scratch in order(). With it, every row of Lᵀx = y holds up to the
+/// changes of x that were not passed on, each at most twice the threshold. Cost of a call: the rows from the first changed on and
+/// the rows those reach. Source: Kaess et al., "iSAM2", IJRR 31(2), 2012, algorithm 7 (wildfire) and section 4.3 (reordering what
+/// is eliminated anew), in an envelope instead of a tree.
 class ResumedSolver final : public LiveReducedSolver {
  public:
   const char* Name() const override { return "resumed Cholesky"; }
-  Status Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) override;
-  Status Solve(const double* b, int first_changed_b, const Truncation& truncation, double* x) override;
+  Status Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) override {
+    PlanFor(S, held, change);
+    return FactorizeAsPlanned(S, damping, held);
+  }
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
   std::size_t Bytes() const override;
 
-  /// Flops a Factorize would take with this change.
-  double PredictFlops(const SymmetricBlockRows& S, const char* held, const Change& change) {
-    return EnvelopeFlops(S, held, FirstRow(S, change), &workspace_);
-  }
-  /// Another solver has written x since: the next Solve finds all of it anew.
-  void ForgetSolution() { num_passed_on_ = reached_before_ = 0; }
+  // Factorize in two halves, for who wants to know what it costs before. The second may be left out: the next first half counts
+  // its change too.
+
+  struct Plan {
+    double flops = 0.0;  // of the second half
+    double again = 0.0;  // of taking up the same change once more after it
+  };
+  Plan PlanFor(const SymmetricBlockRows& S, const char* held, const Change& change);
+  Status FactorizeAsPlanned(const SymmetricBlockRows& S, const double* damping, const char* held);
+
+  /// Another solver takes this b and writes x.
+  void MissSolve(const Rows& changed_b);
+
+  const RowOrder& order() const { return order_; }
 
  private:
-  int FirstRow(const SymmetricBlockRows& S, const Change& change) const {
-    return std::min({change.first_row, cholesky_.num_valid_rows(), S.num_rows()});
-  }
+  int FirstPlace(const Rows& rows) const;
+  void FollowPacking(const SymmetricBlockRows& S);
+  Plan Predict(const SymmetricBlockRows& S, const char* held, int first_changed);
+  bool OrderMayHaveAged(const SymmetricBlockRows& S) const;
+  void Reorder(const SymmetricBlockRows& S, const char* held, const Change& change);
+  void ForgetSolution() { num_passed_on_ = reached_before_ = 0; }
   void GrowTo(int size);
   void CopyRest(int first_scalar, int* filled);
-  bool HasChanged(int row, const Truncation& truncation, const double* x) const;
+  bool HasChanged(int place, const Truncation& truncation) const;
+  void HandOut(int first_place, double* x);
 
+  RowOrder order_;
   EnvelopeCholesky cholesky_;
+  int num_exact_ = 0;  // leading rows of L that S, as last seen, leaves as they are
+  Plan plan_;
+  int reorderings_ = 0;  // since the last factorisation
   Status factored_;
-  int num_current_y_ = 0;   // leading rows of y that belong to the factor and the last b
-  int reached_before_ = 0;  // first row coupled, at the last Solve, to a row of L that has changed since
-  int num_passed_on_ = 0;   // leading rows of L that have not changed since the last Solve
+  int num_current_y_ = 0;            // leading rows of y that belong to the factor and the last b
+  int reached_before_ = 0;           // first row coupled, at the last Solve, to a row of L that has changed since
+  int num_passed_on_ = 0;            // leading rows of L that have not changed since the last Solve
+  std::vector<int> row_offsets_{0};  // by rows of S: the packing of the caller's vectors
+  std::vector<int> solved_;
+
+  // By places.
+  std::vector<double> damping_;
+  std::vector<double> b_;
   AlignedVector<double> y_;
   AlignedVector<double> rest_;  // workspace: y less what later rows contribute
-  std::vector<int> workspace_;
+  std::vector<double> x_;
   std::vector<double> passed_on_;  // the x that the rows before it were computed with
+
+  EnvelopeOrdering ordering_;
+  std::vector<int> last_;
+  std::vector<int> tail_;
+  std::vector<int> workspace_;
 };
 
 }  // namespace inceres::internal

@@ -232,9 +232,10 @@ void LiveSchur::ResumFrame(std::int32_t frame) {
 void LiveSchur::Rebuild() {
   rebuilding_ = false;
   S_.Zero();
-  for (const Frame& frame : frames_) {
-    if (frame.id >= 0) {
-      ZeroVectors(frame);
+  for (std::int32_t row = 0; row < static_cast<std::int32_t>(frames_.size()); ++row) {
+    if (frames_[row].id >= 0) {
+      ZeroVectors(frames_[row]);
+      Touch(row);
     }
   }
   for (const LiveFamily& family : families_) {
@@ -250,7 +251,6 @@ void LiveSchur::Rebuild() {
       AddToB(landmark, landmark.z, -1.0, kAllRows);
     }
   }
-  first_changed_ = 0;
 }
 
 // By block row, as the lower triangle of S asks for.
@@ -421,18 +421,6 @@ const std::vector<std::int32_t>& LiveSchur::EagerLandmarks(double threshold) {
     }
   }
   return eager_list_;
-}
-
-int LiveSchur::TakeFirstChanged() {
-  const int first = first_changed_;
-  first_changed_ = S_.num_rows();
-  return first;
-}
-
-int LiveSchur::TakeFirstChangedB() {
-  const int first = first_changed_b_;
-  first_changed_b_ = S_.num_rows();
-  return first;
 }
 
 std::int64_t LiveSchur::NumPairs(std::int32_t landmark) const {

@@ -24,8 +24,8 @@ inline bool operator==(const FactorRef& a, const FactorRef& b) {
 ///
 /// A landmark's contribution is taken out with the Y and z it went in with, its blocks P and η are re-summed from the cached
 /// Jacobians, and the new contribution goes in. Frames are block rows in order of arrival, the row of a removed one serves a
-/// later one once there are many; the smallest row touched since the last factorisation is remembered, for the factor resumes
-/// there. A constant is a mask: a held frame keeps its row, a held landmark its blocks outside S.
+/// later one once there are many; the rows touched since the last factorisation are remembered, for the factor resumes at the
+/// first of them. A constant is a mask: a held frame keeps its row, a held landmark its blocks outside S.
 ///
 /// Drift: adding and subtracting leaves ε times the largest value an entry ever held. A frame whose diagonal of C has shrunk far
 /// below its peak, or whose b has been far above what the cost allows now, is summed anew from the caches (ResumDrifted).
@@ -122,17 +122,13 @@ class LiveSchur {
   /// Landmarks whose decrement may be above the threshold. Cheap while the threshold does not fall far.
   const std::vector<std::int32_t>& EagerLandmarks(double threshold);
 
-  /// Smallest block row touched since the last call; num_rows if none.
-  int TakeFirstChanged();
   /// The rows of S touched since the last call, ascending; the vector's memory is used again.
-  void TakeChangedRows(std::vector<std::int32_t>* rows) {
-    changed_rows_.CopyTo(rows);
-    changed_rows_.Clear();
-  }
-  /// The same for entries of b. Whoever writes the padded right-hand side himself says so.
-  int TakeFirstChangedB();
+  void TakeChangedRows(std::vector<std::int32_t>* rows) { Take(&changed_rows_, rows); }
+  /// The same for whoever factors S, and for entries of b. Whoever writes the padded right-hand side himself says so.
+  void TakeUnfactoredRows(std::vector<std::int32_t>* rows) { Take(&unfactored_rows_, rows); }
+  void TakeUnsolvedRows(std::vector<std::int32_t>* rows) { Take(&unsolved_rows_, rows); }
   void TouchB(std::int32_t row) {
-    first_changed_b_ = row < first_changed_b_ ? row : first_changed_b_;
+    unsolved_rows_.Add(row);
     touched_.Add(row);
   }
   /// Block products of all landmark contributions in S, and of one landmark's.
@@ -169,9 +165,13 @@ class LiveSchur {
   void EliminateLandmark(Landmark* landmark);
   void RenewDecrement(std::int32_t landmark);
   LandmarkFactors FactorsOf(const FactorRef& ref) const;
+  static void Take(IndexSet* set, std::vector<std::int32_t>* rows) {
+    set->CopyTo(rows);
+    set->Clear();
+  }
   void Touch(std::int32_t row) {
-    first_changed_ = row < first_changed_ ? row : first_changed_;
     changed_rows_.Add(row);
+    unfactored_rows_.Add(row);
     TouchB(row);
   }
   bool HasDrifted(std::int32_t row, double cost);
@@ -201,11 +201,11 @@ class LiveSchur {
   std::vector<std::vector<std::int32_t>> free_y_;  // by quads
   std::int64_t num_pairs_ = 0;
   bool rebuilding_ = false;
-  int first_changed_ = 0;
-  int first_changed_b_ = 0;
-  IndexSet touched_;         // rows, since ResumDrifted
-  IndexSet changed_rows_;    // of S, since TakeChangedRows
-  double drift_cost_ = 0.0;  // when all rows were looked at
+  IndexSet touched_;          // rows, since ResumDrifted
+  IndexSet changed_rows_;     // of S, since TakeChangedRows
+  IndexSet unfactored_rows_;  // of S, since TakeUnfactoredRows
+  IndexSet unsolved_rows_;    // of b, since TakeUnsolvedRows
+  double drift_cost_ = 0.0;   // when all rows were looked at
   std::vector<std::int32_t> scratch_;
   std::vector<BlockRow> rows_;         // of the contribution under way
   std::vector<std::int32_t> rows_of_;  // their frames

@@ -42,8 +42,9 @@ int LiveSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
   } else {
     frames_.emplace_back();
     S_.AddRow(size);
-    touched_.Grow(frames_.size());
-    changed_rows_.Grow(frames_.size());
+    for (IndexSet* set : {&touched_, &changed_rows_, &unfactored_rows_, &unsolved_rows_}) {
+      set->Grow(frames_.size());
+    }
   }
   Frame& frame = frames_[row];
   frame.id = id;

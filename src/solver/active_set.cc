@@ -1,6 +1,7 @@
 #include "solver/active_set.h"
 
 #include <algorithm>
+#include <numeric>
 
 namespace inceres::internal {
 namespace {
@@ -20,15 +21,14 @@ double Product(int rows, int columns, const double* u, const double* B, const do
 
 }  // namespace
 
-void ActiveSet::RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping, int first_row,
-                           const LiveSchur& schur) {
+void ActiveSet::RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping, const LiveSchur& schur) {
   const SymmetricBlockRows& S = schur.S();
-  const int num_rows = S.num_rows();
-  const int count = num_rows - first_row;
+  const auto count = static_cast<int>(candidates_.size());
   gains_.assign(count, 0.0);
   order_.resize(count);
-  for (int i = first_row; i < num_rows; ++i) {
-    order_[i - first_row] = i - first_row;
+  for (int at = 0; at < count; ++at) {
+    order_[at] = at;
+    const int i = candidates_[at];
     const int offset = schur.FrameOffset(i);
     const double* delta = frame_step.data() + offset;
     if (S.size_of(i) == 0) {
@@ -38,33 +38,42 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step, const std::vec
     for (int k = 0; k < S.size_of(i); ++k) {
       gain += damping[offset + k] * delta[k] * delta[k];
     }
-    gains_[i - first_row] = gain;
+    gains_[at] = gain;
   }
   std::sort(order_.begin(), order_.end(),
             [this](std::int32_t a, std::int32_t b) { return gains_[a] != gains_[b] ? gains_[a] < gains_[b] : a < b; });
-  rank_.resize(count);
+  rank_.resize(S.num_rows(), -1);
   costs_.assign(count, 0.0);
   for (int r = 0; r < count; ++r) {
-    rank_[order_[r]] = r;
+    rank_[candidates_[order_[r]]] = r;
     costs_[r] = 0.5 * gains_[order_[r]];
   }
-  for (int i = first_row; i < num_rows; ++i) {
+  for (const std::int32_t i : candidates_) {
     const double* delta = frame_step.data() + schur.FrameOffset(i);
     for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
-      if (entry.column < first_row || entry.column == i) {
+      if (rank_[entry.column] < 0 || entry.column == i) {
         continue;
       }
       const double product = Product(S.size_of(i), S.size_of(entry.column), delta, S.values(entry.offset),
                                      frame_step.data() + schur.FrameOffset(entry.column));
-      costs_[std::max(rank_[i - first_row], rank_[entry.column - first_row])] += product;
+      costs_[std::max(rank_[i], rank_[entry.column])] += product;
     }
+  }
+  for (const std::int32_t i : candidates_) {
+    rank_[i] = -1;
   }
 }
 
-void ActiveSet::Select(const std::vector<double>& frame_step, const std::vector<double>& damping, int first_row, double budget,
-                       LiveSystem* system) {
+void ActiveSet::Select(const std::vector<double>& frame_step, const std::vector<double>& damping,
+                       const LiveReducedSolver::Rows& solved, double budget, LiveSystem* system) {
   LiveSchur& schur = system->schur();
-  RankFrames(frame_step, damping, first_row, schur);
+  if (solved.rows != nullptr) {
+    candidates_ = *solved.rows;
+  } else {
+    candidates_.resize(std::max(0, schur.S().num_rows() - solved.first_row));
+    std::iota(candidates_.begin(), candidates_.end(), solved.first_row);
+  }
+  RankFrames(frame_step, damping, schur);
   double undone = 0.0;
   std::size_t left = 0;
   while (left < order_.size() && undone + costs_[left] <= budget) {
@@ -73,7 +82,7 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const std::vector<
   frames_.clear();
   landmarks_.clear();
   for (std::size_t r = left; r < order_.size(); ++r) {
-    const std::int32_t frame = order_[r] + first_row;
+    const std::int32_t frame = candidates_[order_[r]];
     if (schur.frames()[frame].size > 0 && !schur.frames()[frame].held) {
       frames_.push_back(frame);
       system->SetFrameStep(frame, frame_step.data() + schur.FrameOffset(frame));

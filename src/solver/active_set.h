@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "linear/live_reduced_solver.h"
 #include "schur/live_system.h"
 
 namespace inceres::internal {
@@ -16,9 +17,9 @@ namespace inceres::internal {
 class ActiveSet {
  public:
   /// Sets the steps of the active variables in the system. `frame_step` solves S' δ = b, S' = S + diag(damping), both packed;
-  /// rows before first_row are as they were when they were last left, and stay. `budget`: what may be left undone.
-  void Select(const std::vector<double>& frame_step, const std::vector<double>& damping, int first_row, double budget,
-              LiveSystem* system);
+  /// rows that were not solved anew are as they were when they were last left, and stay. `budget`: what may be left undone.
+  void Select(const std::vector<double>& frame_step, const std::vector<double>& damping, const LiveReducedSolver::Rows& solved,
+              double budget, LiveSystem* system);
 
   void Clear() {
     frames_.clear();
@@ -28,13 +29,13 @@ class ActiveSet {
   const std::vector<std::int32_t>& landmarks() const { return landmarks_; }
 
  private:
-  void RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping, int first_row,
-                  const LiveSchur& schur);
+  void RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping, const LiveSchur& schur);
 
-  std::vector<double> gains_;        // per row from first_row on
-  std::vector<std::int32_t> order_;  // those rows by gain
-  std::vector<std::int32_t> rank_;
-  std::vector<double> costs_;  // per rank: what leaving this frame behind too adds
+  std::vector<std::int32_t> candidates_;  // the rows that were solved anew, ascending
+  std::vector<double> gains_;             // per candidate
+  std::vector<std::int32_t> order_;       // candidates by gain
+  std::vector<std::int32_t> rank_;        // per row of S; -1: no candidate
+  std::vector<double> costs_;             // per rank: what leaving this frame behind too adds
   std::vector<std::int32_t> frames_;
   std::vector<std::int32_t> landmarks_;
 };

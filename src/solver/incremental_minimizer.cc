@@ -69,6 +69,10 @@ LiveReducedSolverKind KindOf(IncrementalReducedSolver solver) {
   return LiveReducedSolverKind::kAutomatic;
 }
 
+int FirstOf(const std::vector<std::int32_t>& ascending_rows, const LiveSchur& schur) {
+  return ascending_rows.empty() ? schur.S().num_rows() : ascending_rows.front();
+}
+
 }  // namespace
 
 IncrementalMinimizer::IncrementalMinimizer(const IncrementalOptions& options, LiveSystem* system)
@@ -213,7 +217,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   }
   {
     const StageTimer timer(&summary_->select_seconds);
-    active_.Select(frame_step_, damping_, solver_->work().first_solved_row, TruncationBudget(undone), &system_);
+    active_.Select(frame_step_, damping_, solver_->work().solved, TruncationBudget(undone), &system_);
     summary_->num_moved_frames += static_cast<int>(active_.frames().size());
     summary_->num_visited_landmarks += static_cast<int>(active_.landmarks().size());
   }
@@ -289,21 +293,24 @@ bool IncrementalMinimizer::SolveFrames() {
       b_[offset + k] = schur.b(i)[k];
     }
   }
-  LiveReducedSolver::Change change;
-  change.first_row = schur.TakeFirstChanged();
+  schur.TakeUnfactoredRows(&changed_rows_);
+  LiveReducedSolver::Change change(FirstOf(changed_rows_, schur), &changed_rows_, true);
   if (mu_ != solved_mu_) {
-    change.first_row = 0;
+    change = LiveReducedSolver::Change();  // of everything
   }
   solved_mu_ = mu_;
   const Status factored = solver_->Factorize(schur.S(), damping_.data(), held_.data(), change);
   summary_->num_factored_rows += solver_->work().factored_rows;
+  summary_->num_reorderings += solver_->work().reorderings;
   if (!factored.ok()) {
     return false;
   }
   LiveReducedSolver::Truncation truncation;
   truncation.weights = weights_.data();
   truncation.threshold = kWildfireShare * Tolerance() / std::max(1, schur.num_frames());
-  const bool solved = solver_->Solve(b_.data(), schur.TakeFirstChangedB(), truncation, frame_step_.data()).ok();
+  schur.TakeUnsolvedRows(&changed_rows_);
+  const LiveReducedSolver::Rows changed_b{FirstOf(changed_rows_, schur), &changed_rows_};
+  const bool solved = solver_->Solve(b_.data(), changed_b, truncation, frame_step_.data()).ok();
   summary_->num_solved_rows += solver_->work().solved_rows;
   summary_->num_pcg_iterations += solver_->work().iterations;
   trace_->row().num_linear_solver_iterations = std::max(1, solver_->work().iterations);

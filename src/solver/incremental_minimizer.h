@@ -78,6 +78,7 @@ class IncrementalMinimizer {
   std::vector<double> b_;
   std::vector<double> frame_step_;  // in the form LiveReducedSolver asks for
   std::vector<char> held_;
+  std::vector<std::int32_t> changed_rows_;
   std::vector<IndexSet> aged_;        // per family: linearised too long ago to claim convergence on
   UpdateTrace* trace_ = nullptr;      // of the Minimize under way
   UpdateSummary* summary_ = nullptr;  // the trace's

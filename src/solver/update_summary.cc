@@ -67,6 +67,7 @@ std::string UpdateSummary::ToJson() const {
       .Add("num_eliminated_landmarks", num_eliminated_landmarks)
       .Add("num_updated_landmarks", num_updated_landmarks)
       .Add("num_factored_rows", num_factored_rows)
+      .Add("num_reorderings", num_reorderings)
       .Add("num_solved_rows", num_solved_rows)
       .Add("num_pcg_iterations", num_pcg_iterations)
       .Add("num_landmark_passes", num_landmark_passes)

@@ -113,7 +113,7 @@ TEST(EnvelopeCholesky, SolvesLikeTheDenseOracle) {
     }
     const Eigen::VectorXd damping = Eigen::VectorXd::Constant(system.size(), 0.25);
     EnvelopeCholesky cholesky;
-    ASSERT_TRUE(cholesky.Factorize(system.S(), damping.data(), 0).ok());
+    ASSERT_TRUE(cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0).ok());
     ExpectSolves(cholesky, system, damping);
   }
 }
@@ -127,9 +127,9 @@ TEST(EnvelopeCholesky, ResumedIsBitwiseTheSameAsFromScratch) {
     const int changed = static_cast<int>(engine() % static_cast<unsigned>(system.S().num_rows()));
     system.Perturb(changed);
     const Eigen::VectorXd damping = Eigen::VectorXd::Constant(system.size(), 1e-3);
-    ASSERT_TRUE(resumed.Factorize(system.S(), damping.data(), changed).ok());
+    ASSERT_TRUE(resumed.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), changed).ok());
     EnvelopeCholesky scratch;
-    ASSERT_TRUE(scratch.Factorize(system.S(), damping.data(), 0).ok());
+    ASSERT_TRUE(scratch.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0).ok());
     const Eigen::VectorXd b = system.RandomVector();
     Eigen::VectorXd x(b.size());
     Eigen::VectorXd y(b.size());
@@ -150,10 +150,10 @@ TEST(EnvelopeCholesky, ALoopLengthensOnlyItsOwnRow) {
   EnvelopeCholesky chain_factor;
   EnvelopeCholesky loop_factor;
   const std::vector<double> damping(600, 0.0);
-  ASSERT_TRUE(chain_factor.Factorize(chain.S(), damping.data(), 0).ok());
+  ASSERT_TRUE(chain_factor.Factorize(chain.S(), ArrivalOrder(chain.S()), damping.data(), 0).ok());
   double* block = loop.S().values(loop.S().FindOrAdd(60, 0));
   block[0] = 0.1;
-  ASSERT_TRUE(loop_factor.Factorize(loop.S(), damping.data(), 0).ok());
+  ASSERT_TRUE(loop_factor.Factorize(loop.S(), ArrivalOrder(loop.S()), damping.data(), 0).ok());
   EXPECT_EQ(loop_factor.NumEntries() - chain_factor.NumEntries(), 6 * (58 * 6));
 }
 
@@ -167,12 +167,12 @@ TEST(EnvelopeCholesky, NamesTheSingularRowAndRecovers) {
   double& pivot = system.S().values(system.S().FindOrAdd(8, 8))[0];
   const double good = pivot;
   pivot = -1.0;
-  const Status failed = cholesky.Factorize(system.S(), damping.data(), 0);
+  const Status failed = cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0);
   EXPECT_EQ(failed.code, StatusCode::kSingular);
   EXPECT_NE(failed.message.find("block row 8"), std::string::npos) << failed.message;
   EXPECT_EQ(cholesky.num_valid_rows(), 8);
   pivot = good;
-  ASSERT_TRUE(cholesky.Factorize(system.S(), damping.data(), 8).ok());
+  ASSERT_TRUE(cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 8).ok());
   ExpectSolves(cholesky, system, Eigen::VectorXd::Zero(36));
 }
 
@@ -184,7 +184,7 @@ TEST(EnvelopeCholesky, SkipsRemovedRows) {
   system.S().RemoveRow(6);
   const Eigen::VectorXd damping = Eigen::VectorXd::Zero(system.size());
   EnvelopeCholesky cholesky;
-  ASSERT_TRUE(cholesky.Factorize(system.S(), damping.data(), 0).ok());
+  ASSERT_TRUE(cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0).ok());
   ExpectSolves(cholesky, system, damping);
 }
 

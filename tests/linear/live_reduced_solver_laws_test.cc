@@ -22,7 +22,7 @@ class LiveReducedSolverLaws : public testing::TestWithParam<Kind> {
 
   Status Update(GrowingSystem* system, const LiveReducedSolver::Change& change, int first_b) {
     const Status status = solver_->Factorize(system->S, system->damping.data(), system->held.data(), change);
-    return status.ok() ? solver_->Solve(system->b.data(), first_b, kExact, system->x.data()) : status;
+    return status.ok() ? solver_->Solve(system->b.data(), {first_b}, kExact, system->x.data()) : status;
   }
 
   static void ExpectSolved(const GrowingSystem& system) {
@@ -100,7 +100,7 @@ TEST_P(LiveReducedSolverLaws, NotPositiveDefiniteIsSingularAndTheSolverWorksAgai
     const Status failed = Update(&system, {10, nullptr, false}, 20);
     EXPECT_EQ(failed.code, StatusCode::kSingular);
     EXPECT_NE(failed.message.find("not positive definite"), std::string::npos) << failed.message;
-    EXPECT_FALSE(solver_->Solve(system.b.data(), 20, kExact, system.x.data()).ok());
+    EXPECT_FALSE(solver_->Solve(system.b.data(), {20}, kExact, system.x.data()).ok());
     system.damping[31] = 0.25;
     ASSERT_TRUE(Update(&system, {10, nullptr, false}, 20).ok());
     ExpectSolved(system);

@@ -16,7 +16,7 @@ constexpr LiveReducedSolver::Truncation kExact;
 
 Status Update(PcgSolver* solver, GrowingSystem* system, const LiveReducedSolver::Change& change) {
   const Status status = solver->Factorize(system->S, system->damping.data(), system->held.data(), change);
-  return status.ok() ? solver->Solve(system->b.data(), 0, kExact, system->x.data()) : status;
+  return status.ok() ? solver->Solve(system->b.data(), {}, kExact, system->x.data()) : status;
 }
 
 // ‖x − A⁻¹b‖_A / ‖A⁻¹b‖_A, in long double: in double the oracle itself would err by more.

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "linear/growing_system.h"
+#include "support/dense_oracle.h"
 
 namespace inceres::internal {
 namespace {
@@ -17,15 +18,27 @@ constexpr LiveReducedSolver::Truncation kExact;
 Status Update(LiveReducedSolver* solver, GrowingSystem* system, const LiveReducedSolver::Change& change, int first_b,
               const LiveReducedSolver::Truncation& truncation = kExact) {
   const Status status = solver->Factorize(system->S, system->damping.data(), system->held.data(), change);
-  return status.ok() ? solver->Solve(system->b.data(), first_b, truncation, system->x.data()) : status;
+  return status.ok() ? solver->Solve(system->b.data(), {first_b}, truncation, system->x.data()) : status;
 }
 
-std::vector<double> FromScratch(const GrowingSystem& system) {
+// In the order that the solver has come to.
+std::vector<double> FromScratch(const GrowingSystem& system, const RowOrder& order) {
+  const auto permute = [&](const std::vector<double>& from, bool to_places) {
+    std::vector<double> to(from.size());
+    int at = 0;
+    for (const int row : order.rows()) {
+      const int offset = system.OffsetOf(row);
+      for (int k = 0; k < system.S.size_of(row); ++k, ++at) {
+        to[static_cast<std::size_t>(to_places ? at : offset + k)] = from[static_cast<std::size_t>(to_places ? offset + k : at)];
+      }
+    }
+    return to;
+  };
   EnvelopeCholesky cholesky;
-  EXPECT_TRUE(cholesky.Factorize(system.S, system.damping.data(), 0, system.held.data()).ok());
+  EXPECT_TRUE(cholesky.Factorize(system.S, order, permute(system.damping, true).data(), 0, system.held.data()).ok());
   std::vector<double> x(system.b.size());
-  cholesky.Solve(system.b.data(), x.data());
-  return x;
+  cholesky.Solve(permute(system.b, true).data(), x.data());
+  return permute(x, false);
 }
 
 GrowingSystem Chain(int length, int size = 6) {
@@ -43,7 +56,7 @@ TEST(ResumedSolver, SameBitsAsFromScratchUnderRandomChanges) {
     for (int step = 0; step < 60; ++step) {
       const RandomChange edit(&system, /*may_hold=*/true);
       ASSERT_TRUE(Update(&solver, &system, edit.change, edit.first_b).ok());
-      ASSERT_EQ(system.x, FromScratch(system)) << "seed " << seed << ", step " << step;
+      ASSERT_EQ(system.x, FromScratch(system, solver.order())) << "seed " << seed << ", step " << step;
     }
     const Eigen::VectorXd expected = system.Dense().llt().solve(system.FreeB());
     EXPECT_LE((system.X() - expected).norm(), 1e-12 * expected.norm());
@@ -59,8 +72,8 @@ TEST(ResumedSolver, FactorsOftenerThanItSolves) {
     first_b = std::min(first_b, edit.first_b);
     ASSERT_TRUE(solver.Factorize(system.S, system.damping.data(), system.held.data(), edit.change).ok());
     if (step % 5 == 4) {
-      ASSERT_TRUE(solver.Solve(system.b.data(), first_b, kExact, system.x.data()).ok());
-      ASSERT_EQ(system.x, FromScratch(system)) << step;
+      ASSERT_TRUE(solver.Solve(system.b.data(), {first_b}, kExact, system.x.data()).ok());
+      ASSERT_EQ(system.x, FromScratch(system, solver.order())) << step;
       first_b = system.num_rows();
     }
   }
@@ -87,13 +100,13 @@ TEST(ResumedSolver, AnAppendedRowTouchesTheTailOnly) {
   ResumedSolver solver;
   ASSERT_TRUE(Update(&solver, &system, {}, 0).ok());
   EXPECT_EQ(solver.work().factored_rows, 500);
-  EXPECT_EQ(solver.work().first_solved_row, 0);
+  EXPECT_EQ(solver.work().solved.first_row, 0);
   system.AddRow(6, 2, false);
   ASSERT_TRUE(Update(&solver, &system, {500, nullptr, true}, 500, {system.damping.data(), 1e-14}).ok());
   EXPECT_EQ(solver.work().factored_rows, 1);
   EXPECT_EQ(solver.work().forward_rows, 1);
   EXPECT_LT(solver.work().solved_rows, 20);
-  EXPECT_EQ(solver.work().first_solved_row, 501 - solver.work().solved_rows);
+  EXPECT_EQ(solver.work().solved.first_row, 501 - solver.work().solved_rows);
   EXPECT_LT(solver.work().factor_flops, 6000.0);
 }
 
@@ -118,8 +131,8 @@ TEST(ResumedSolver, ALoopCarriesTheChangeToItsEnd) {
   system.Perturb(299);
   ASSERT_TRUE(Update(&solver, &system, {299, nullptr, false}, 300, truncation).ok());
   EXPECT_EQ(solver.work().factored_rows, 1);
-  EXPECT_LE(solver.work().first_solved_row, 100);
-  EXPECT_GT(solver.work().first_solved_row, 70);
+  EXPECT_LE(solver.work().solved.first_row, 100);
+  EXPECT_GT(solver.work().solved.first_row, 70);
 }
 
 // Many steps, each of which truncates: the error does not add up. Weights 1: the bound on a row's change is sqrt(threshold).
@@ -138,7 +151,7 @@ TEST(ResumedSolver, TheErrorOfTruncationStaysBounded) {
     system.b[static_cast<std::size_t>(system.OffsetOf(row))] += 1e-4;
     const std::vector<double> weights(system.b.size(), 1.0);
     ASSERT_TRUE(Update(&solver, &system, {step == 0 ? 0 : row, nullptr, false}, row, {weights.data(), kThreshold}).ok());
-    left_out += solver.work().first_solved_row > 0;
+    left_out += solver.work().solved.first_row > 0;
     const Eigen::VectorXd expected = system.Dense().llt().solve(system.FreeB());
     ASSERT_LE((system.X() - expected).lpNorm<Eigen::Infinity>(), 2.0 * std::sqrt(kThreshold)) << step;
   }
@@ -160,7 +173,7 @@ TEST(ResumedSolver, GoesOnFromAPartlyAppliedSolution) {
     system.x[k] = 0.0;
   }
   ASSERT_TRUE(Update(&solver, &system, {60, nullptr, false}, 48, {weights.data(), 1e-20}).ok());
-  EXPECT_GT(solver.work().first_solved_row, 20);
+  EXPECT_GT(solver.work().solved.first_row, 20);
   EXPECT_LE((system.X() - system.Dense().llt().solve(b)).lpNorm<Eigen::Infinity>(), 1e-9);
 }
 
@@ -172,11 +185,11 @@ TEST(ResumedSolver, RecoversFromASingularRow) {
   const Status failed = Update(&solver, &system, {8, nullptr, false}, 12);
   EXPECT_EQ(failed.code, StatusCode::kSingular);
   EXPECT_NE(failed.message.find("block row 8"), std::string::npos) << failed.message;
-  EXPECT_EQ(solver.Solve(system.b.data(), 12, kExact, system.x.data()).code, StatusCode::kSingular);
+  EXPECT_EQ(solver.Solve(system.b.data(), {12}, kExact, system.x.data()).code, StatusCode::kSingular);
   system.damping[24] = 0.25;
   ASSERT_TRUE(Update(&solver, &system, {8, nullptr, false}, 12).ok());
   EXPECT_EQ(solver.work().factored_rows, 4);
-  EXPECT_EQ(system.x, FromScratch(system));
+  EXPECT_EQ(system.x, FromScratch(system, solver.order()));
 }
 
 // Against a count of the multiplications and additions of a textbook factorisation inside the envelope.
@@ -186,13 +199,131 @@ TEST(ResumedSolver, PredictsTheFlopsOfADenseFactor) {
     system.AddRow(4, 30, false);
   }
   ResumedSolver solver;
-  EXPECT_NEAR(solver.PredictFlops(system.S, nullptr, {}), 120.0 * 120.0 * 120.0 / 3.0, 0.05 * 120.0 * 120.0 * 120.0 / 3.0);
+  EXPECT_NEAR(solver.PlanFor(system.S, nullptr, {}).flops, 120.0 * 120.0 * 120.0 / 3.0, 0.05 * 120.0 * 120.0 * 120.0 / 3.0);
   ASSERT_TRUE(Update(&solver, &system, {}, 0).ok());
   const double all = solver.work().factor_flops;
-  EXPECT_EQ(solver.PredictFlops(system.S, nullptr, {30, nullptr, false}), 0.0);
-  const double tail = solver.PredictFlops(system.S, nullptr, {15, nullptr, false});
+  EXPECT_EQ(solver.PlanFor(system.S, nullptr, {30, nullptr, false}).flops, 0.0);
+  const double tail = solver.PlanFor(system.S, nullptr, {15, nullptr, false}).flops;
   EXPECT_NEAR(tail / all, 7.0 / 8.0, 0.02);
   EXPECT_GT(solver.Bytes(), 120u * 120u / 2u * sizeof(double));
+}
+
+// A way there and back, with few landmarks in common between: what the loops of a long path do to the order of arrival.
+class AgedOrder : public testing::Test {
+ protected:
+  static constexpr int kTurn = 150;
+  static constexpr int kBand = 4;
+
+  // One frame more; it sees those of the way there where it passes them, and they change with it.
+  void Arrive() {
+    const int row = system_.num_rows();
+    system_.AddRow(6, kBand, false);
+    rows_ = {row};
+    for (int near = 1; near <= kBand && near <= row; ++near) {
+      rows_.push_back(row - near);
+    }
+    for (int old = 2 * kTurn - row; row > kTurn + kBand && old > 2 * kTurn - row - kBand && old >= 0; --old) {
+      system_.Couple(row, old);
+      rows_.push_back(old);
+    }
+    for (const int changed : rows_) {
+      if (system_.S.size_of(changed) > 0) {
+        system_.Perturb(changed);
+      }
+    }
+    Follow();
+  }
+
+  // The rows changed are rows_; b anew in them.
+  void Follow() {
+    std::sort(rows_.begin(), rows_.end());
+    for (const int row : rows_) {
+      for (int k = 0; k < system_.S.size_of(row); ++k) {
+        system_.b[static_cast<std::size_t>(system_.OffsetOf(row) + k)] = system_.random.Unit();
+      }
+    }
+    const LiveReducedSolver::Change change(rows_.front(), &rows_, true);
+    const LiveReducedSolver::Rows changed_b{rows_.front(), &rows_};
+    ASSERT_TRUE(solver_.Factorize(system_.S, system_.damping.data(), system_.held.data(), change).ok());
+    reorderings_ += solver_.work().reorderings;
+    flops_ += solver_.work().factor_flops;
+    arrival_flops_ += EnvelopeFlops(system_.S, system_.held.data(), arrival_, ArrivalPlace());
+    ASSERT_TRUE(solver_.Solve(system_.b.data(), changed_b, {system_.damping.data(), 1e-24}, system_.x.data()).ok());
+  }
+
+  int ArrivalPlace() {
+    arrival_ = ArrivalOrder(system_.S);
+    int first = arrival_.num_places();
+    for (const int row : rows_) {
+      first = arrival_.place(row) < 0 ? 0 : std::min(first, arrival_.place(row));
+    }
+    return first;
+  }
+
+  void ExpectSolved() const {
+    const Eigen::VectorXd expected = system_.Dense().llt().solve(system_.FreeB());
+    EXPECT_LE(test::RelativeError(system_.X(), expected), 1e-10) << system_.num_rows() << " rows";
+  }
+
+  GrowingSystem system_{1};
+  ResumedSolver solver_;
+  RowOrder arrival_;
+  std::vector<int> rows_;
+  int reorderings_ = 0;
+  double flops_ = 0.0;
+  double arrival_flops_ = 0.0;
+};
+
+TEST_F(AgedOrder, IsRenewedNowAndThen) {
+  while (system_.num_rows() < kTurn + kBand) {
+    Arrive();
+  }
+  EXPECT_EQ(reorderings_, 0);
+  EXPECT_EQ(flops_, arrival_flops_);
+  while (system_.num_rows() < 2 * kTurn) {
+    Arrive();
+    if (system_.num_rows() % 15 == 0) {
+      ExpectSolved();
+    }
+  }
+  EXPECT_GE(reorderings_, 1);
+  EXPECT_LE(reorderings_, kTurn / 5);
+  EXPECT_LT(flops_, 0.3 * arrival_flops_);
+  // The envelope is smaller.
+  EXPECT_LT(EnvelopeFlops(system_.S, nullptr, solver_.order(), 0), 0.3 * EnvelopeFlops(system_.S, nullptr, arrival_, 0));
+}
+
+TEST_F(AgedOrder, SurvivesRemovalsAndHeldRows) {
+  while (system_.num_rows() < 2 * kTurn) {
+    Arrive();
+    const int row = system_.num_rows() - 1;
+    if (row > kTurn && row % 3 == 0) {
+      const int gone = (7 * row) % kTurn;
+      if (system_.S.size_of(gone) > 0) {
+        system_.RemoveRow(gone);
+        rows_ = {gone};
+        Follow();
+        EXPECT_EQ(solver_.order().place(gone), -1);
+      }
+      const int held = (11 * row) % kTurn;
+      system_.held[static_cast<std::size_t>(held)] ^= 1;
+      rows_ = {held};
+      Follow();
+    }
+    if (row % 15 == 0) {
+      ExpectSolved();
+    }
+  }
+  EXPECT_GE(reorderings_, 1);
+  std::vector<int> living;
+  for (int row = 0; row < system_.num_rows(); ++row) {
+    if (system_.S.size_of(row) > 0) {
+      living.push_back(row);
+    }
+  }
+  std::vector<int> placed = solver_.order().rows();
+  std::sort(placed.begin(), placed.end());
+  EXPECT_EQ(placed, living);
 }
 
 }  // namespace

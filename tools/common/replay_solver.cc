@@ -184,6 +184,7 @@ class IncrementalReplaySolver : public ReplaySolver {
                     {"evaluated_factors", summary.num_evaluated_factors},
                     {"eliminated_landmarks", summary.num_eliminated_landmarks},
                     {"factored_rows", summary.num_factored_rows},
+                    {"reorderings", summary.num_reorderings},
                     {"updated_landmarks", summary.num_updated_landmarks},
                     {"solved_rows", summary.num_solved_rows},
                     {"visited_landmarks", summary.num_visited_landmarks},

@@ -14,8 +14,8 @@ struct ReducedStructure {
     int row;
     int column;
   };
-  /// The frame of each block row, in order of arrival: the order in which the resumed Cholesky eliminates them. −1: a frame was
-  /// removed and its row is not in use again yet. A frame that is held constant keeps its row.
+  /// The frame of each block row, in order of arrival: the order in which the resumed Cholesky eliminates them too until loops
+  /// have aged it. −1: a frame was removed and its row is not in use again yet. A frame that is held constant keeps its row.
   std::vector<VariableId> frames;
   /// Sorted by row, then by column.
   std::vector<Block> blocks;

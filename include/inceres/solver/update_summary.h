@@ -69,6 +69,7 @@ struct INCERES_EXPORT UpdateSummary {
   int num_eliminated_landmarks = 0;        ///< taken out of S and put back with new blocks
   int num_updated_landmarks = 0;           ///< whose right-hand side alone followed
   int num_factored_rows = 0;               ///< block rows of the reduced system refactored
+  int num_reorderings = 0;                 ///< of the reduced system's rows, whose order had aged (loops)
   int num_solved_rows = 0;                 ///< block rows substituted backwards
   int num_pcg_iterations = 0;
   int num_landmark_passes = 0;    ///< steps of landmarks alone
