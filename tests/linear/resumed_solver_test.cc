@@ -192,6 +192,18 @@ TEST(ResumedSolver, RecoversFromASingularRow) {
   EXPECT_EQ(system.x, FromScratch(system, solver.order()));
 }
 
+// Another solver had the last b and wrote x.
+TEST(ResumedSolver, CatchesUpWithASolveItMissed) {
+  GrowingSystem system = Chain(30);
+  ResumedSolver solver;
+  ASSERT_TRUE(Update(&solver, &system, {}, 0).ok());
+  system.b[static_cast<std::size_t>(system.OffsetOf(20))] += 1.0;
+  solver.MissSolve({20});
+  std::fill(system.x.begin(), system.x.end(), 77.0);
+  ASSERT_TRUE(solver.Solve(system.b.data(), {30}, kExact, system.x.data()).ok());
+  EXPECT_EQ(system.x, FromScratch(system, solver.order()));
+}
+
 // Against a count of the multiplications and additions of a textbook factorisation inside the envelope.
 TEST(ResumedSolver, PredictsTheFlopsOfADenseFactor) {
   GrowingSystem system = Chain(1, 4);
