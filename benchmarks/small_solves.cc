@@ -129,12 +129,14 @@ void Compare(const SmallProblem& small, int num_rounds) {
   }
   std::printf("%s\n", small.name.c_str());
   for (std::size_t k = 0; k < types.size(); ++k) {
-    std::printf("  %-24s ours %7.1f us, stock %7.1f us, ratio %5.3f, to the fastest stock %5.3f; iterations %zu, %zu; cost %.12g, %.12g\n",
-                ceres::LinearSolverTypeToString(types[k]), Summarize(ours[k].microseconds).median,
-                Summarize(stock[k].microseconds).median,
-                inceres::tools::SummarizeRatios(ours[k].microseconds, stock[k].microseconds).median,
-                Summarize(ours[k].microseconds).median / fastest, ours[k].num_iterations, stock[k].num_iterations, ours[k].cost,
-                stock[k].cost);
+    std::printf(
+        "  %-24s ours %7.1f us, stock %7.1f us, ratio %5.3f, to the fastest stock %5.3f; iterations %zu, %zu; cost %.12g, "
+        "%.12g\n",
+        ceres::LinearSolverTypeToString(types[k]), Summarize(ours[k].microseconds).median,
+        Summarize(stock[k].microseconds).median,
+        inceres::tools::SummarizeRatios(ours[k].microseconds, stock[k].microseconds).median,
+        Summarize(ours[k].microseconds).median / fastest, ours[k].num_iterations, stock[k].num_iterations, ours[k].cost,
+        stock[k].cost);
   }
 }
 

@@ -21,7 +21,7 @@ Statistics Summarize(std::vector<double> values) {
   }
   std::sort(values.begin(), values.end());
   const auto at = [&values](double part) {
-    return values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1) + 0.5)];
+    return values[static_cast<std::size_t>(std::lround(part * static_cast<double>(values.size() - 1)))];
   };
   return {at(0.5), at(0.95), values.back(), std::accumulate(values.begin(), values.end(), 0.0)};
 }

@@ -46,12 +46,14 @@ void MarginalizationError::Add(const ceres::Problem& problem, ceres::ResidualBlo
   std::vector<double*> addresses;
   problem.GetParameterBlocksForResidualBlock(residual, &addresses);
   std::vector<int> connected;  // into blocks_, -1 for a constant
+  connected.reserve(addresses.size());
   for (double* address : addresses) {
     connected.push_back(problem.IsParameterBlockConstant(address)
                             ? -1
                             : FindOrConnect(address, problem.ParameterBlockSize(address), problem.GetManifold(address)));
   }
   std::vector<const double*> x;
+  x.reserve(addresses.size());
   for (std::size_t i = 0; i < addresses.size(); ++i) {
     x.push_back(connected[i] < 0 ? addresses[i] : blocks_[connected[i]].x_0.data());
   }

@@ -47,8 +47,8 @@ struct INCERES_EXPORT IncrementalOptions {
   double min_damping = 1e-8;      ///< > 0, for the gauge may be free
   double max_damping = 1e8;       ///< ≥ initial_damping: an Update that needs more ends as a failure to converge
   /// ≥ 0: an Update in which more than this share of the factors are new or changed goes to the batch solver first, which is
-  /// cheaper when everything moves; what is then left undone beyond the tolerance is finished. 0: every Update is a batch solve and
-  /// nothing else, iterate for iterate that of inceres::Solve; 1 or more: no Update ever is. (A graph from which factors were
+  /// cheaper when everything moves; what is then left undone beyond the tolerance is finished. 0: every Update is a batch solve
+  /// and nothing else, iterate for iterate that of inceres::Solve; 1 or more: no Update ever is. (A graph from which factors were
   /// removed and whose places are still free is never solved in batch.)
   double batch_share = 0.5;
   TrustRegionStrategyKind batch_strategy = TrustRegionStrategyKind::kLevenbergMarquardt;  ///< of the batch solver
