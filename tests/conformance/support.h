@@ -44,6 +44,7 @@ Cost* Coupled(int num_residuals, const std::vector<int>& sizes, int seed);
 /// A problem with the memory of its parameter blocks.
 struct World {
   explicit World(const ceres::Problem::Options& options = ceres::Problem::Options()) : problem(options) {}
+  virtual ~World() = default;  // ExpectNoEffect holds what derives from it by a pointer to this
   double* Add(std::vector<double> values) { return blocks.emplace_back(std::move(values)).data(); }
 
   std::deque<std::vector<double>> blocks;

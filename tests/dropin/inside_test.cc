@@ -82,9 +82,10 @@ TEST(DropinInside, ALivingProblemIsRemembered) {
   ceres::Problem::Options options;
   options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   Square cost(2.5);
+  Square other(0.5);  // so that no residual is zero at the end
   ceres::Problem problem(options);
   ceres::ResidualBlockId id = problem.AddResidualBlock(&cost, nullptr, &x);
-  problem.AddResidualBlock(new Square(0.5), nullptr, &x);  // so that no residual is zero at the end
+  problem.AddResidualBlock(&other, nullptr, &x);
   Solve(&problem);
   Solve(&problem);  // begins to remember
   const int first = cost.num_jacobians;
