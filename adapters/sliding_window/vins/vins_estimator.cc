@@ -49,6 +49,7 @@ void VinsEstimator::AddFrame(const Frame& frame) {
 
 void VinsEstimator::Optimize() {
   std::vector<Pose> cameras;
+  cameras.reserve(kNumFrames);
   for (int k = 0; k < kNumFrames; ++k) {
     cameras.push_back(CameraPose(k));
   }
