@@ -235,6 +235,17 @@ void Evaluator::AcceptCandidate() {
   }
 }
 
+int Evaluator::Recentre() {
+  int num_changed = 0;
+  for (const FamilyCache& cache : families_) {
+    const std::ptrdiff_t num_slots = cache.family->num_slots();
+    for (int i = 0; cache.family->Recentres() && i < cache.num_factors; ++i) {
+      num_changed += cache.family->Recentre(i, cache.parameters.data() + i * num_slots) ? 1 : 0;
+    }
+  }
+  return num_changed;
+}
+
 void Evaluator::SetCurrent(const std::vector<double>& state) {
   std::copy(state.begin(), state.end(), current_.begin());  // in place: the families point into it
 }

@@ -63,6 +63,10 @@ class Evaluator {
   /// current := candidate, with its tangent maps.
   void AcceptCandidate();
 
+  /// Lets the families move their factors' expansion points to the current values (FactorFamily::Recentre). Returns the number
+  /// of factors that are another function now: costs and Jacobians computed before are then of no use.
+  int Recentre();
+
   /// current := these values, a state as the graph lays it out.
   void SetCurrent(const std::vector<double>& state);
 

@@ -38,6 +38,11 @@ class LiveFamily {
   /// The factor at this place is gone, or does not count until it is linearised.
   void Forget(int factor) { linearised_[factor] = 0; }
 
+  /// Lets the factor move its expansion point to the current values; true if it did and wants to be linearised anew.
+  bool Recentre(int factor) const {
+    return family_->Recentre(factor, parameters_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_);
+  }
+
   /// Evaluates at the candidate, cost only.
   EvaluationFailure EvaluateCandidate(const std::vector<std::int32_t>& factors, const Executor& executor);
   /// Linearises at the current values: f, f̂ = f, J, w, q and the cost.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <string>
+#include <utility>
 
 namespace inceres::internal {
 namespace {
@@ -57,6 +58,11 @@ bool LiveSystem::RebuildIsCheaper() const {
 
 Status LiveSystem::Relinearise(double lambda, RebuildRule rule, RelineariseWork* work) {
   *work = RelineariseWork();
+  for (const LiveFamily& family : families_) {
+    dirty_[family.id()].CopyTo(&list_);
+    Recentre(family, list_);
+  }
+  work->num_recentred = std::exchange(num_recentred_, 0);
   work->num_factors = NumDirtyFactors();
   work->rebuilt =
       rule == RebuildRule::kAlways || (rule == RebuildRule::kWhenCheaper && work->num_factors > 0 && RebuildIsCheaper());
@@ -78,6 +84,19 @@ Status LiveSystem::Relinearise(double lambda, RebuildRule rule, RelineariseWork*
   ResumCost();
   work->num_drifted_frames = schur_.ResumDrifted(cost_);
   return Status::Ok();
+}
+
+// Factors whose variables have new values may move their expansion points, and are other functions then.
+void LiveSystem::Recentre(const LiveFamily& family, const std::vector<std::int32_t>& factors) {
+  if (!family.family().Recentres()) {
+    return;
+  }
+  for (const std::int32_t i : factors) {
+    if (family.Recentre(i)) {
+      ++num_recentred_;
+      MarkDirty({family.id(), i});
+    }
+  }
 }
 
 Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
@@ -209,6 +228,9 @@ int LiveSystem::AcceptValues() {
   };
   moved_.ForEach([&](std::int32_t i) { accept(schur_.frames()[i].id); });
   visited_.ForEach([&](std::int32_t l) { accept(schur_.landmarks()[l].id); });
+  for (const LiveFamily& family : families_) {
+    Recentre(family, touched_lists_[family.id()]);
+  }
   ResumCost();
   return num_updated;
 }

@@ -23,6 +23,7 @@ enum class RebuildRule { kWhenCheaper, kAlways, kNever };
 struct RelineariseWork {
   int num_factors = 0;         // linearised
   int num_landmarks = 0;       // eliminated
+  int num_recentred = 0;       // expansion points moved since the last call
   int num_drifted_frames = 0;  // summed anew against cancellation
   bool rebuilt = false;        // S and b summed anew
 };
@@ -127,6 +128,7 @@ class LiveSystem {
   void AdmitFamilies();
   void GrowSets();
   bool RebuildIsCheaper() const;
+  void Recentre(const LiveFamily& family, const std::vector<std::int32_t>& factors);
   Status LineariseFamily(LiveFamily* family, bool by_difference);
   // A landmark's own line search, from one StepLandmarks to the next.
   struct LandmarkStep {
@@ -164,6 +166,7 @@ class LiveSystem {
   std::vector<int> frame_of_;     // per variable, or -1
   std::vector<int> landmark_of_;  // per variable, or -1
   int num_factors_ = 0;
+  int num_recentred_ = 0;  // since the last Relinearise
   double cost_ = 0.0;
   double cost_peak_ = 0.0;         // the largest it has been since it was summed
   std::int64_t cost_changes_ = 0;  // since then

@@ -149,6 +149,7 @@ BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<
   summary->num_batch_iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
   summary->num_iterations = summary->num_batch_iterations;
   summary->num_rejected_steps = solved.num_unsuccessful_steps;
+  summary->num_recentred_factors = solved.work.num_recentred_factors;
   summary->batch_seconds = solved.seconds.total;
   summary->message = solved.detail.empty() ? solved.message : solved.message + ": " + solved.detail;
   if (observer.ended_by_user()) {

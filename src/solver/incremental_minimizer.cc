@@ -155,6 +155,7 @@ bool IncrementalMinimizer::Relinearise() {
   const double landmark_damping = options_.damping == DampingForm::kThesis ? 0.0 : std::max(mu_, options_.min_damping);
   const Status status = system_.Relinearise(landmark_damping, RuleOf(options_.rebuild), &work);
   summary_->num_relinearised_factors += work.num_factors;
+  summary_->num_recentred_factors += work.num_recentred;
   summary_->num_eliminated_landmarks += work.num_landmarks;
   summary_->num_rebuilds += work.rebuilt ? 1 : 0;
   summary_->num_drifted_frames += work.num_drifted_frames;

@@ -1,6 +1,7 @@
 #include "inceres/solver/solver.h"
 
 #include <algorithm>
+#include <limits>
 #include <new>
 #include <string>
 
@@ -16,11 +17,12 @@ namespace {
 
 using namespace internal;  // NOLINT(google-build-using-namespace): the one place where the public solver meets its parts
 
-// Ceres's rule: the lowest cost seen, rejected candidates included.
-double FinalCost(const Summary& summary) {
-  double cost = summary.initial_cost;
+// Ceres's rule: the lowest cost seen, rejected candidates included; from the first iteration on whose cost is that of the factors
+// as they are now.
+double FinalCost(const Summary& summary, int first_iteration) {
+  double cost = first_iteration == 0 ? summary.initial_cost : std::numeric_limits<double>::max();
   for (const IterationSummary& iteration : summary.iterations) {
-    cost = std::min(cost, iteration.cost);
+    cost = iteration.iteration >= first_iteration ? std::min(cost, iteration.cost) : cost;
   }
   return cost;
 }
@@ -80,7 +82,7 @@ void SolveValid(const SolverOptions& options, FactorGraph* graph, Summary* summa
   minimizer_options.seconds_spent_before += summary->seconds.setup;
   TrustRegionMinimizer minimizer(minimizer_options, &evaluator, model.get(), summary);
   minimizer.Minimize();
-  summary->final_cost = FinalCost(*summary);
+  summary->final_cost = FinalCost(*summary, minimizer.first_comparable_iteration());
   if (summary->IsSolutionUsable()) {
     graph->mutable_state() = minimizer.best_state();
   }

@@ -89,13 +89,13 @@ bool TrustRegionMinimizer::ProjectStart() {
 
 bool TrustRegionMinimizer::EvaluateStart() {
   iteration_ = IterationSummary();
+  Recentre();
   if (!EvaluateGradientAndJacobian(/*new_point=*/true)) {
     return false;
   }
   scale_ = JacobiScale(model_.Diagonal(), options_.jacobi_scaling);
   strategy_ = MakeStrategy(options_, scale_);
-  quality_ =
-      std::make_unique<StepQuality>(cost_, options_.use_nonmonotonic_steps ? options_.max_consecutive_nonmonotonic_steps : 0);
+  quality_ = JudgeFromHere();
   summary_.initial_cost = cost_ + options_.fixed_cost;
   iteration_.cost = summary_.initial_cost;
   iteration_.eta = options_.eta;
@@ -247,6 +247,7 @@ bool TrustRegionMinimizer::FunctionToleranceReached() {
 bool TrustRegionMinimizer::AcceptStep() {
   evaluator_.AcceptCandidate();
   state_norm_ = StateNorm();
+  const bool recentred = Recentre();
   if (!EvaluateGradientAndJacobian(/*new_point=*/false)) {
     return false;
   }
@@ -256,8 +257,28 @@ bool TrustRegionMinimizer::AcceptStep() {
   iteration_.step_is_successful = true;
   iteration_.cost = cost_ + options_.fixed_cost;
   strategy_->StepAccepted(iteration_.relative_decrease);
-  quality_->StepAccepted(candidate_cost_, model_decrease_);
+  if (recentred) {
+    quality_ = JudgeFromHere();
+  } else {
+    quality_->StepAccepted(candidate_cost_, model_decrease_);
+  }
   return true;
+}
+
+// At a point just accepted. True if the cost is another function from now on: the best state is then looked for anew.
+bool TrustRegionMinimizer::Recentre() {
+  const int num_recentred = evaluator_.Recentre();
+  if (num_recentred == 0) {
+    return false;
+  }
+  summary_.work.num_recentred_factors += num_recentred;
+  best_cost_ = std::numeric_limits<double>::max();
+  first_comparable_iteration_ = iteration_.iteration;
+  return true;
+}
+
+std::unique_ptr<StepQuality> TrustRegionMinimizer::JudgeFromHere() const {
+  return std::make_unique<StepQuality>(cost_, options_.use_nonmonotonic_steps ? options_.max_consecutive_nonmonotonic_steps : 0);
 }
 
 void TrustRegionMinimizer::RejectStep() {

@@ -32,6 +32,9 @@ class TrustRegionMinimizer {
 
   const std::vector<double>& best_state() const { return best_state_; }
 
+  /// Costs of iterations before this one are of another function: factors have moved their expansion points since.
+  int first_comparable_iteration() const { return first_comparable_iteration_; }
+
  private:
   bool ProjectStart();
   bool EvaluateStart();
@@ -41,6 +44,8 @@ class TrustRegionMinimizer {
   void SearchAlongStep();
   FunctionSample SampleStep(double t);
   void ComputeCandidate();
+  bool Recentre();
+  std::unique_ptr<StepQuality> JudgeFromHere() const;
   void RunInnerIterations();
   bool ParameterToleranceReached();
   bool FunctionToleranceReached();
@@ -80,6 +85,7 @@ class TrustRegionMinimizer {
   double model_decrease_ = 0.0;
   double state_norm_ = -1.0;  // unknown until a step was accepted, as in Ceres up to 2.1
   int num_consecutive_invalid_steps_ = 0;
+  int first_comparable_iteration_ = 0;
 };
 
 }  // namespace inceres::internal

@@ -63,6 +63,7 @@ std::string UpdateSummary::ToJson() const {
       .Add("num_rejected_steps", num_rejected_steps)
       .Add("num_shortened_steps", num_shortened_steps)
       .Add("num_relinearised_factors", num_relinearised_factors)
+      .Add("num_recentred_factors", num_recentred_factors)
       .Add("num_evaluated_factors", num_evaluated_factors)
       .Add("num_eliminated_landmarks", num_eliminated_landmarks)
       .Add("num_updated_landmarks", num_updated_landmarks)

@@ -27,9 +27,9 @@ UpdateSummary Numbered() {
   int count = 1000;
   for (int* field :
        {&s.num_iterations, &s.num_batch_iterations, &s.num_rejected_steps, &s.num_shortened_steps, &s.num_relinearised_factors,
-        &s.num_eliminated_landmarks, &s.num_updated_landmarks, &s.num_factored_rows, &s.num_reorderings, &s.num_solved_rows,
-        &s.num_pcg_iterations, &s.num_landmark_passes, &s.num_visited_landmarks, &s.num_moved_frames, &s.num_rebuilds,
-        &s.num_drifted_frames, &s.num_parked_landmarks}) {
+        &s.num_recentred_factors, &s.num_eliminated_landmarks, &s.num_updated_landmarks, &s.num_factored_rows, &s.num_reorderings,
+        &s.num_solved_rows, &s.num_pcg_iterations, &s.num_landmark_passes, &s.num_visited_landmarks, &s.num_moved_frames,
+        &s.num_rebuilds, &s.num_drifted_frames, &s.num_parked_landmarks}) {
     *field = count++;
   }
   s.num_evaluated_factors = 5000000001;
@@ -56,12 +56,12 @@ UpdateSummary Numbered() {
 constexpr const char* kReals[] = {"initial_cost",     "final_cost",        "undone",        "seconds",
                                   "batch_seconds",    "linearise_seconds", "solve_seconds", "select_seconds",
                                   "landmark_seconds", "evaluate_seconds",  "accept_seconds"};
-constexpr const char* kCounts[] = {"num_iterations",        "num_batch_iterations",     "num_rejected_steps",
-                                   "num_shortened_steps",   "num_relinearised_factors", "num_eliminated_landmarks",
-                                   "num_updated_landmarks", "num_factored_rows",        "num_reorderings",
-                                   "num_solved_rows",       "num_pcg_iterations",       "num_landmark_passes",
-                                   "num_visited_landmarks", "num_moved_frames",         "num_rebuilds",
-                                   "num_drifted_frames",    "num_parked_landmarks"};
+constexpr const char* kCounts[] = {
+    "num_iterations",           "num_batch_iterations",  "num_rejected_steps",       "num_shortened_steps",
+    "num_relinearised_factors", "num_recentred_factors", "num_eliminated_landmarks", "num_updated_landmarks",
+    "num_factored_rows",        "num_reorderings",       "num_solved_rows",          "num_pcg_iterations",
+    "num_landmark_passes",      "num_visited_landmarks", "num_moved_frames",         "num_rebuilds",
+    "num_drifted_frames",       "num_parked_landmarks"};
 
 constexpr const char* kRowReals[] = {"cost",      "cost_change",       "predicted_change", "relative_decrease",
                                      "step_norm", "gradient_max_norm", "gradient_norm",    "damping",
@@ -69,11 +69,10 @@ constexpr const char* kRowReals[] = {"cost",      "cost_change",       "predicte
 constexpr const char* kRowCounts[] = {"iteration", "num_moved_frames", "num_visited_landmarks", "num_relinearised_factors",
                                       "num_linear_solver_iterations"};
 
-// What the struct holds beside the fields in the lists is a termination, a message, two 64-bit counts and the trace. The counts
-// lie in two groups, the first one filled up to eight bytes.
+// What the struct holds beside the fields in the lists is a termination, a message, two 64-bit counts and the trace.
 TEST(UpdateSummaryJson, IsTestedForEveryField) {
-  EXPECT_EQ(sizeof(UpdateSummary), sizeof(std::string) + sizeof(std::vector<UpdateIteration>) +
-                                       8 * (1 + std::size(kReals) + std::size(kCounts) / 2 + 1 + 2))
+  EXPECT_EQ(sizeof(UpdateSummary),
+            sizeof(std::string) + sizeof(std::vector<UpdateIteration>) + 8 * (1 + std::size(kReals) + std::size(kCounts) / 2 + 2))
       << "a field came or went: name it in the lists above and in ToJson";
   // A step with three flags fills eight bytes with the first count, and so does the last count alone; in between are three.
   EXPECT_EQ(sizeof(UpdateIteration), 8 * (std::size(kRowReals) + 2 + 2 + 1 + 1)) << "the same for a row of the trace";

@@ -90,6 +90,19 @@ class INCERES_EXPORT FactorFamily {
   /// names the first factor that failed; what was written is then ignored.
   virtual EvaluationFailure Evaluate(const FactorBatch& batch) const = 0;
 
+  /// Whether Recentre may ever do anything: solvers ask before they call it.
+  virtual bool Recentres() const { return false; }
+
+  /// For factors whose formula is an expansion about a point of their own, as a preintegrated IMU measurement is about the biases
+  /// it was integrated at: moves that point of one factor to the values its variables have now (num_slots() pointers), if they
+  /// have gone too far from it. Returns whether it did; Evaluate then computes another function than before.
+  ///
+  /// Solvers call it between two iterations only: at the start of a solve and at each accepted point, for the factors whose
+  /// variables have moved, on the solving thread and never while Evaluate runs. They linearise a factor that has changed anew,
+  /// and compare no cost from before with one from after. It is const because the measurement stays what it is; but two graphs
+  /// that are solved at the same time must not share a family whose expansion points move.
+  virtual bool Recentre(int /*factor*/, const double* const* /*parameters*/) const { return false; }
+
  protected:
   /// What Place(index, measurement) does in a family that keeps a vector of measurements: overwrites, or appends at the end.
   /// Beyond the end nothing is written, and FactorGraph::Check finds the family too small.

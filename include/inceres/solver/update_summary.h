@@ -65,6 +65,7 @@ struct INCERES_EXPORT UpdateSummary {
   int num_rejected_steps = 0;
   int num_shortened_steps = 0;  ///< tried again along the dog-leg path
   int num_relinearised_factors = 0;
+  int num_recentred_factors = 0;           ///< whose expansion point moved between iterations, FactorFamily::Recentre
   std::int64_t num_evaluated_factors = 0;  ///< cost-only, at candidates
   int num_eliminated_landmarks = 0;        ///< taken out of S and put back with new blocks
   int num_updated_landmarks = 0;           ///< whose right-hand side alone followed
