@@ -1,14 +1,47 @@
 #include "inceres/graph/ambient_family.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstring>
 
 namespace inceres {
 namespace {
 
-void CopyRows(const double* J_ambient, int num_rows, int size, double* J_tangent, int row_stride) {
-  for (int r = 0; r < num_rows; ++r) {
-    std::copy_n(J_ambient + static_cast<std::ptrdiff_t>(r) * size, size, J_tangent + static_cast<std::ptrdiff_t>(r) * row_stride);
+constexpr double kImpossible = 1e302;
+
+// The first tangent_size columns. Rows of the usual lengths are copied without a call.
+template <int kSize>
+void CopyRowsOf(int ambient_size, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  for (int r = 0; r < num_rows; ++r, J_ambient += ambient_size, J_tangent += row_stride) {
+    std::memcpy(J_tangent, J_ambient, kSize * sizeof(double));
   }
+}
+
+void CopyRows(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  switch (map.tangent_size) {
+    case 1:
+      return CopyRowsOf<1>(map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+    case 3:
+      return CopyRowsOf<3>(map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+    case 6:
+      return CopyRowsOf<6>(map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+    case 9:
+      return CopyRowsOf<9>(map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+    default:
+      break;
+  }
+  for (int r = 0; r < num_rows; ++r, J_ambient += map.ambient_size, J_tangent += row_stride) {
+    std::copy_n(J_ambient, map.tangent_size, J_tangent);
+  }
+}
+
+// VINS and OKVIS poses: M = [I; 0].
+bool SelectsFirstColumns(const TangentMap& map) {
+  int c = 0;
+  while (c < map.tangent_size && map.selection[c] == c) {
+    ++c;
+  }
+  return c == map.tangent_size;
 }
 
 void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
@@ -53,15 +86,38 @@ void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, doub
 
 }  // namespace
 
+void MarkUnwritten(double* values, int count) {
+  std::fill_n(values, count, kImpossible);
+}
+
+bool AreWritten(const double* values, int count) {
+  // Almost every entry is ordinary: a sum of magnitudes below the impossible value proves it. NaN and infinity fail it too.
+  double sums[4] = {};
+  int k = 0;
+  for (; k + 4 <= count; k += 4) {
+    for (int lane = 0; lane < 4; ++lane) {
+      sums[lane] += std::fabs(values[k + lane]);
+    }
+  }
+  for (; k < count; ++k) {
+    sums[0] += std::fabs(values[k]);
+  }
+  if ((sums[0] + sums[1]) + (sums[2] + sums[3]) < 0.01 * kImpossible) {
+    return true;
+  }
+  return std::all_of(values, values + count, [](double value) { return std::isfinite(value) && value != kImpossible; });
+}
+
 void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
   switch (map.kind) {
     case TangentMap::Kind::kConstant:
     case TangentMap::Kind::kUnwanted:
       return;
     case TangentMap::Kind::kIdentity:
-      return CopyRows(J_ambient, num_rows, map.tangent_size, J_tangent, row_stride);
+      return CopyRows(map, J_ambient, num_rows, J_tangent, row_stride);
     case TangentMap::Kind::kSelection:
-      return SelectColumns(map, J_ambient, num_rows, J_tangent, row_stride);
+      return SelectsFirstColumns(map) ? CopyRows(map, J_ambient, num_rows, J_tangent, row_stride)
+                                      : SelectColumns(map, J_ambient, num_rows, J_tangent, row_stride);
     case TangentMap::Kind::kDense:
       return Multiply(map, J_ambient, num_rows, J_tangent, row_stride);
   }

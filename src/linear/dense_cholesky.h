@@ -25,6 +25,7 @@ class DenseCholesky final : public ReducedSolver {
  private:
   void CopyIn(const double* values, const double* diagonal);
   void UpdatePanel(int first, int width);
+  bool FactorTriangle(int first, int width, int* failed);
   bool FactorDiagonalBlock(int first, int width, int* failed);
   void SolvePanel(int first, int width);
   double* Column(int j) { return L_.data() + static_cast<std::ptrdiff_t>(j) * stride_; }
@@ -32,8 +33,10 @@ class DenseCholesky final : public ReducedSolver {
   const Executor& executor_;
   const BlockPattern* pattern_ = nullptr;
   int size_ = 0;
+  int padded_size_ = 0;  // to whole quads; below size_ the columns are zero
   int stride_ = 0;
   AlignedVector<double> L_;
+  AlignedVector<double> solution_;
 };
 
 }  // namespace inceres::internal

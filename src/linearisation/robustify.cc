@@ -13,6 +13,17 @@ double SquaredNorm(const double* f, int size) {
   return sum;
 }
 
+// J := √ρ' J, all at once: the padding is zero and stays so, for the factor is finite.
+void ScaleJacobian(double sqrt_rho1, const SlotJacobians& slot, int factor) {
+  double* J = slot.data + factor * slot.factor_stride;
+  double* const end = J + slot.factor_stride;
+  for (; J != end; J += kQuad) {
+    for (int lane = 0; lane < kQuad; ++lane) {
+      J[lane] *= sqrt_rho1;
+    }
+  }
+}
+
 // J := √ρ' (I − a f fᵀ) J, column by column; a = α/s.
 // The padding is left alone: a loss that gives NaN must not outlive its evaluation.
 void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, const SlotJacobians& slot, int factor) {
@@ -20,10 +31,8 @@ void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, cons
   const int row_stride = slot.row_stride;
   for (int c = 0; c < slot.columns; ++c) {
     double f_J = 0.0;
-    if (a != 0.0) {
-      for (int r = 0; r < rows; ++r) {
-        f_J += f[r] * J[r * row_stride + c];
-      }
+    for (int r = 0; r < rows && a != 0.0; ++r) {
+      f_J += f[r] * J[r * row_stride + c];
     }
     for (int r = 0; r < rows; ++r) {
       J[r * row_stride + c] = sqrt_rho1 * (J[r * row_stride + c] - a * f[r] * f_J);
@@ -57,7 +66,13 @@ double RobustifyFactor(const Loss& loss, int residual_size, int num_slots, const
     a = alpha / s;
   }
   if (sqrt_rho1 != 1.0 || a != 0.0) {
-    for (int k = 0; k < num_slots; ++k) {
+    const bool only_scale = a == 0.0 && std::isfinite(sqrt_rho1);
+    for (int k = 0; k < num_slots && only_scale; ++k) {
+      if (tangent_offsets[k] >= 0) {
+        ScaleJacobian(sqrt_rho1, slots[k], factor);
+      }
+    }
+    for (int k = 0; k < num_slots && !only_scale; ++k) {
       if (tangent_offsets[k] >= 0) {
         CorrectJacobian(sqrt_rho1, a, f, residual_size, slots[k], factor);
       }

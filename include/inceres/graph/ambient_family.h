@@ -1,7 +1,7 @@
 #pragma once
 
-#include <cmath>
-#include <cstdint>
+#include <cstddef>
+#include <memory>
 #include <vector>
 
 #include "inceres/graph/factor_family.h"
@@ -12,6 +12,12 @@ namespace inceres {
 /// Does nothing where no Jacobian is wanted. Cost: a copy for identity and selection maps.
 INCERES_EXPORT void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
                                           int row_stride);
+
+/// Fills `values` with an impossible value, so that AreWritten finds what was forgotten.
+INCERES_EXPORT void MarkUnwritten(double* values, int count);
+
+/// Whether every entry is finite and has been written since MarkUnwritten.
+INCERES_EXPORT bool AreWritten(const double* values, int count);
 
 /// A family of factors given one at a time with ambient Jacobians, as a user of Ceres writes them. Derived supplies
 ///
@@ -38,9 +44,8 @@ class AmbientFamily : public FactorFamily {
   }
 
  private:
-  static constexpr double kImpossible = 1e302;
-
-  // Ambient Jacobians of one factor. Up to kInline doubles live on the stack: small factors allocate nothing.
+  // Ambient Jacobians of one factor, those of its variables one after the other. Up to kInline doubles live on the stack: small
+  // factors allocate nothing.
   struct Scratch {
     static constexpr std::size_t kInline = 512;
     static constexpr std::size_t kInlineSlots = 16;
@@ -50,92 +55,69 @@ class AmbientFamily : public FactorFamily {
       for (int s = 0; s < family.num_slots(); ++s) {
         size += static_cast<std::size_t>(family.residual_size()) * static_cast<std::size_t>(family.slot(s).ambient_size);
       }
-      const auto num_slots = static_cast<std::size_t>(family.num_slots());
       if (size > kInline) {
-        heap.resize(size);
+        heap.reset(new double[size]);  // not make_unique: it is filled before every use
+        values = heap.get();
       }
+      const auto num_slots = static_cast<std::size_t>(family.num_slots());
       if (num_slots > kInlineSlots) {
-        heap_pointers.resize(2 * num_slots);
-      }
-      double* next = size > kInline ? heap.data() : stack;
-      blocks = num_slots > kInlineSlots ? heap_pointers.data() : stack_pointers;
-      requested = blocks + num_slots;
-      for (int s = 0; s < family.num_slots(); ++s) {
-        blocks[s] = next;
-        next += family.residual_size() * family.slot(s).ambient_size;
+        heap_blocks.resize(num_slots);
+        blocks = heap_blocks.data();
       }
     }
     Scratch(const Scratch&) = delete;
     Scratch& operator=(const Scratch&) = delete;
 
-    double stack[kInline];
-    double* stack_pointers[2 * kInlineSlots];
-    std::vector<double> heap;
-    std::vector<double*> heap_pointers;
-    double** blocks;     // where the ambient Jacobian of each slot goes
-    double** requested;  // the same, null for constants: what the user's code sees
-  };
-
-  static void Fill(double* values, int count) {
-    for (int k = 0; k < count; ++k) {
-      values[k] = kImpossible;
-    }
-  }
-
-  static bool IsValid(const double* values, int count) {
-    // Almost every entry is ordinary: one comparison each, in whole vectors. NaN fails it too.
-    std::int64_t ordinary = -1;
-    for (int k = 0; k < count; ++k) {
-      ordinary &= -static_cast<std::int64_t>(std::fabs(values[k]) < 1e300);
-    }
-    if (ordinary != 0) {
-      return true;
-    }
-    for (int k = 0; k < count; ++k) {
-      if (!std::isfinite(values[k]) || values[k] == kImpossible) {
-        return false;
+    // Points each slot to its place, constants to null, and returns how many doubles that makes.
+    int Arrange(const FactorFamily& family, const TangentMap* const* maps) {
+      const int rows = family.residual_size();
+      int size = 0;
+      for (int s = 0; s < family.num_slots(); ++s) {
+        // What is unwanted is asked for all the same: code that never met a constant may not look for a null pointer.
+        const bool constant = maps[s]->kind == TangentMap::Kind::kConstant;
+        blocks[s] = constant ? nullptr : values + size;
+        size += constant ? 0 : rows * family.slot(s).ambient_size;
       }
+      return size;
     }
-    return true;
-  }
+
+    double stack[kInline];
+    double* stack_blocks[kInlineSlots];
+    std::unique_ptr<double[]> heap;
+    std::vector<double*> heap_blocks;
+    double* values = stack;
+    double** blocks = stack_blocks;  // what the user's code sees
+  };
 
   EvaluationFailure EvaluateAndProject(int i, const FactorBatch& batch, Scratch& scratch) const {
     const Derived& derived = static_cast<const Derived&>(*this);
+    const int rows = residual_size();
     const std::ptrdiff_t first_slot = static_cast<std::ptrdiff_t>(i) * num_slots();
     const double* const* parameters = batch.parameters + first_slot;
-    double* residuals = batch.residuals + static_cast<std::ptrdiff_t>(i) * residual_size();
-    Fill(residuals, residual_size());
-    if (batch.jacobians == nullptr) {
-      if (!derived.EvaluateOne(i, parameters, residuals, nullptr)) {
-        return {i, "the cost function returned false"};
-      }
-      return IsValid(residuals, residual_size()) ? EvaluationFailure{}
-                                                 : EvaluationFailure{i, "a residual is not finite or was not written"};
-    }
-    const TangentMap* const* maps = batch.tangent_maps + first_slot;
-    // What is unwanted is asked for all the same: code that never met a constant may not look for a null pointer.
-    for (int s = 0; s < num_slots(); ++s) {
-      const bool constant = maps[s]->kind == TangentMap::Kind::kConstant;
-      scratch.requested[s] = constant ? nullptr : scratch.blocks[s];
-      if (!constant) {
-        Fill(scratch.blocks[s], residual_size() * slot(s).ambient_size);
-      }
-    }
-    if (!derived.EvaluateOne(i, parameters, residuals, scratch.requested)) {
+    double* residuals = batch.residuals + static_cast<std::ptrdiff_t>(i) * rows;
+    const TangentMap* const* maps = batch.jacobians == nullptr ? nullptr : batch.tangent_maps + first_slot;
+    const int jacobian_size = maps == nullptr ? 0 : scratch.Arrange(*this, maps);
+    MarkUnwritten(residuals, rows);
+    MarkUnwritten(scratch.values, jacobian_size);
+    if (!derived.EvaluateOne(i, parameters, residuals, maps == nullptr ? nullptr : scratch.blocks)) {
       return {i, "the cost function returned false"};
     }
-    if (!IsValid(residuals, residual_size())) {
+    if (!AreWritten(residuals, rows)) {
       return {i, "a residual is not finite or was not written"};
     }
+    if (maps == nullptr) {
+      return {};
+    }
+    const bool all_written = AreWritten(scratch.values, jacobian_size);
     for (int s = 0; s < num_slots(); ++s) {
       if (!maps[s]->wanted()) {
         continue;
       }
-      if (!IsValid(scratch.blocks[s], residual_size() * slot(s).ambient_size)) {
+      if (!all_written && !AreWritten(scratch.blocks[s], rows * slot(s).ambient_size)) {
         return {i, "a Jacobian entry is not finite or was not written"};
       }
       const JacobianView& view = batch.jacobians[s];
-      ProjectToTangentSpace(*maps[s], scratch.blocks[s], residual_size(), view.data + i * view.factor_stride, view.row_stride);
+      ProjectToTangentSpace(*maps[s], scratch.blocks[s], rows, view.data + i * view.factor_stride, view.row_stride);
     }
     return {};
   }
