@@ -1,15 +1,16 @@
 #include "inceres/factors/relative_pose.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "factors/pose_slot.h"
+#include "factors/whiten.h"
 #include "inceres/graph/rotation.h"
 
 namespace inceres {
 namespace {
 
 using internal::MultiplyTransposed;
+using internal::MultiplyUpper;
 
 // The residual before whitening and what the Jacobians share with it.
 struct Difference {
@@ -18,17 +19,10 @@ struct Difference {
   double e[6];  // [Log(R_aᵀ R_b R_abᵀ); t − p_ab]
 };
 
-inline void Conjugate(const double q[4], double conjugate[4]) {
-  conjugate[0] = -q[0];
-  conjugate[1] = -q[1];
-  conjugate[2] = -q[2];
-  conjugate[3] = q[3];
-}
-
 void Compare(const RelativePoseFamily::Measurement& measurement, const double* a, const double* b, Difference& v) {
   double q_a_conjugate[4], q_ab_conjugate[4], q[4], error[4];
-  Conjugate(a + 3, q_a_conjugate);
-  Conjugate(measurement.q_ab, q_ab_conjugate);
+  ConjugateQuaternion(a + 3, q_a_conjugate);
+  ConjugateQuaternion(measurement.q_ab, q_ab_conjugate);
   MultiplyQuaternions(q_a_conjugate, b + 3, q);
   MultiplyQuaternions(q, q_ab_conjugate, error);
   LogQuaternion(error, v.e);
@@ -38,25 +32,6 @@ void Compare(const RelativePoseFamily::Measurement& measurement, const double* a
   for (int k = 0; k < 3; ++k) {
     v.e[3 + k] = v.t[k] - measurement.p_ab[k];
   }
-}
-
-// J = U E for 6×6 matrices, U upper triangular; rows of J are row_stride apart. Returns the sum of the entries of J, which is
-// finite only if all are.
-double Whiten(const double* U, const double E[6][6], double* J, int row_stride) {
-  double sum = 0.0;
-  for (int r = 0; r < 6; ++r) {
-    double row[6] = {};
-    for (int k = r; k < 6; ++k) {
-      for (int c = 0; c < 6; ++c) {
-        row[c] += U[6 * r + k] * E[k][c];
-      }
-    }
-    for (int c = 0; c < 6; ++c) {
-      sum += row[c];
-    }
-    std::copy_n(row, 6, J + r * row_stride);
-  }
-  return sum;
 }
 
 // With right perturbations R Exp(φ) the rotation error E = R_aᵀ R_b R_abᵀ becomes Exp(−φ_a) E and E Exp(R_ab φ_b), so with
@@ -110,7 +85,7 @@ double WriteJacobians(const FactorBatch& batch, int i, const RelativePoseFamily:
       DifferentiateB(v, measurement.q_ab, E);
     }
     const JacobianView& view = batch.jacobians[s];
-    sum += Whiten(measurement.sqrt_information, E, view.data + i * view.factor_stride, view.row_stride);
+    sum += MultiplyUpper<6, 6>(measurement.sqrt_information, E[0], view.data + i * view.factor_stride, view.row_stride);
   }
   return sum;
 }
@@ -124,15 +99,7 @@ EvaluationFailure RelativePoseFamily::Evaluate(const FactorBatch& batch) const {
     Difference v;
     Compare(measurement, parameters[0], parameters[1], v);
     double* residual = batch.residuals + 6 * static_cast<std::ptrdiff_t>(i);
-    double sum = 0.0;
-    for (int r = 0; r < 6; ++r) {
-      residual[r] = 0.0;
-      for (int k = r; k < 6; ++k) {
-        residual[r] += measurement.sqrt_information[6 * r + k] * v.e[k];
-      }
-      sum += residual[r];
-    }
-    if (!std::isfinite(sum)) {
+    if (!std::isfinite(MultiplyUpper<6, 1>(measurement.sqrt_information, v.e, residual, 1))) {
       return {i, "a residual is not finite"};
     }
     if (batch.jacobians != nullptr && !std::isfinite(WriteJacobians(batch, i, measurement, v))) {

@@ -109,6 +109,28 @@ bool PoseManifold::PlusJacobian(const double* x, double* jacobian) const {
   return true;
 }
 
+bool LeftPoseManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  for (int k = 0; k < 3; ++k) {
+    x_plus_delta[k] = x[k] + delta[k];
+  }
+  const double half[3] = {0.5 * delta[3], 0.5 * delta[4], 0.5 * delta[5]};
+  PlusOnTheLeft<EigenOrder>(x + 3, half, x_plus_delta + 3);
+  return true;
+}
+
+bool LeftPoseManifold::PlusJacobian(const double* x, double* jacobian) const {
+  double of_q[12];
+  PlusJacobianOnTheLeft<EigenOrder>(x + 3, of_q);
+  std::fill_n(jacobian, 42, 0.0);
+  for (int k = 0; k < 3; ++k) {
+    jacobian[7 * k] = 1.0;
+  }
+  for (int k = 0; k < 12; ++k) {
+    jacobian[(3 + k / 3) * 6 + 3 + k % 3] = 0.5 * of_q[k];
+  }
+  return true;
+}
+
 bool SE3Manifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
   const double* phi = delta + 3;
   const RotationCoefficients k = CoefficientsOfAngle(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);

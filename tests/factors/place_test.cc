@@ -5,7 +5,9 @@
 
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
+#include "inceres/factors/imu_factor.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
 
 namespace inceres {
@@ -81,6 +83,37 @@ TEST(Place, RelativePose) {
   }
   b.p_ab[1] = 0.7;
   ExpectPlaces(&added, &placed, a, b, {kPoseA, kPoseB});
+}
+
+TEST(Place, PosePrior) {
+  PosePriorFamily added;
+  PosePriorFamily placed;
+  PosePriorFamily::Measurement b;
+  b.sqrt_information[0] = 2.0;
+  ExpectPlaces(&added, &placed, {}, b, {kPoseA});
+}
+
+TEST(Place, SpeedBiasPrior) {
+  SpeedBiasPriorFamily added;
+  SpeedBiasPriorFamily placed;
+  SpeedBiasPriorFamily::Measurement b;
+  b.sqrt_information[8] = 2.0;
+  ExpectPlaces(&added, &placed, {}, b, {std::vector<double>(9, 0.3)});
+}
+
+TEST(Place, ImuFactor) {
+  ImuFactorFamily added;
+  ImuFactorFamily placed;
+  ImuPreintegrator imu[2];
+  for (const int k : {0, 1}) {
+    std::vector<ImuSample> samples(3);
+    samples[1].time = 0.1;
+    samples[2].time = 0.2 + 0.1 * k;
+    const double bias[3] = {0.0, 0.0, 0.0};
+    ASSERT_TRUE(imu[k].Integrate(samples, bias, bias).ok());
+  }
+  const std::vector<double> speed_bias(9, 0.01);
+  ExpectPlaces(&added, &placed, imu[0], imu[1], {kPoseA, speed_bias, kPoseB, speed_bias});
 }
 
 }  // namespace

@@ -84,6 +84,7 @@ inline std::vector<ManifoldCase> AllManifolds() {
       {"EigenQuaternion", std::make_shared<EigenQuaternionManifold>(), 4, 3, RandomQuaternion},
       {"RotationQuaternion", std::make_shared<RotationQuaternionManifold>(), 4, 3, RandomQuaternion},
       {"Pose", std::make_shared<PoseManifold>(), 7, 6, RandomPose},
+      {"LeftPose", std::make_shared<LeftPoseManifold>(), 7, 6, RandomPose},
       {"SE3", std::make_shared<SE3Manifold>(), 7, 6, RandomPose},
       {"SE2", std::make_shared<SE2Manifold>(), 3, 3, vector_of(3)},
       {"Product", product, 13, 9, product_point},

@@ -88,6 +88,22 @@ TEST(ManifoldOracle, PoseMovesRotationAndPositionApart) {
   }
 }
 
+TEST(ManifoldOracle, LeftPoseTurnsOnTheLeft) {
+  Random random(2);
+  const LeftPoseManifold manifold;
+  for (int k = 0; k < 300; ++k) {
+    const std::vector<double> x = RandomPose(random);
+    const std::vector<double> delta = RandomVector(random, 6, 2.5);
+    double moved[7];
+    ASSERT_TRUE(manifold.Plus(x.data(), delta.data(), moved));
+    const Square turn = Exponential(TwistMatrix(kOrigin, delta.data() + 3), 4);
+    ExpectEqual(PoseMatrix(kOrigin, moved + 3), Multiply(turn, PoseMatrix(kOrigin, x.data() + 3), 4), 1e-13);
+    for (std::size_t c = 0; c < 3; ++c) {
+      EXPECT_EQ(moved[c], x[c] + delta[c]);
+    }
+  }
+}
+
 TEST(ManifoldOracle, RotationQuaternionTurnsOnTheRight) {
   Random random(3);
   const RotationQuaternionManifold manifold;

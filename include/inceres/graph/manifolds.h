@@ -116,6 +116,16 @@ class INCERES_EXPORT PoseManifold final : public Manifold {
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
 };
 
+/// PoseManifold perturbed on the left: storage p (3), q (x, y, z, w); δ = (δp, φ), both in the world frame; p + δp, Exp(φ) ⊗ q.
+/// The convention of OKVIS.
+class INCERES_EXPORT LeftPoseManifold final : public Manifold {
+ public:
+  int AmbientSize() const override { return 7; }
+  int TangentSize() const override { return 6; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+};
+
 /// Pose as a rigid motion T = (R, p): storage p (3), q (x, y, z, w); ξ = (ρ, φ), translation first; T Exp(ξ):
 ///     p + R J_l(φ) ρ,   q ⊗ Exp(φ).
 class INCERES_EXPORT SE3Manifold final : public Manifold {

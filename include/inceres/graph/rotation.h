@@ -104,6 +104,14 @@ inline void MultiplyQuaternions(const double a[4], const double b[4], double c[4
   c[3] = a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2];
 }
 
+/// The inverse of a unit quaternion x, y, z, w. conjugate may be q.
+inline void ConjugateQuaternion(const double q[4], double conjugate[4]) {
+  conjugate[0] = -q[0];
+  conjugate[1] = -q[1];
+  conjugate[2] = -q[2];
+  conjugate[3] = q[3];
+}
+
 /// The rotation matrix of a unit quaternion x, y, z, w; row-major.
 inline void QuaternionToMatrix(const double q[4], double R[9]) {
   const double x = q[0], y = q[1], z = q[2], w = q[3];

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <vector>
+
+#include "inceres/export.h"
+#include "inceres/graph/factor_family.h"
+
+namespace inceres {
+
+/// A prior on a pose [p(3), q(x, y, z, w)], with analytic Jacobians:
+///
+///     residual = U [p − p_0; Log(R_0ᵀ R)]   on PoseManifold (R Exp(φ)),
+///     residual = U [p − p_0; Log(R R_0ᵀ)]   on LeftPoseManifold (Exp(φ) R)     (6 rows: metres, then radians; whitened)
+///
+/// so that U is the square root of an information matrix in the manifold's own tangent. No other manifold will do. Smooth
+/// wherever the rotation residual is below π. Fails to evaluate where a result is not finite.
+///
+/// Cost: a 6×6 triangular product and one arc tangent a factor, nothing allocated. Threads: as FactorFamily; Add is for one
+/// writer. Source: Sola, Deray & Atchuthan, "A micro Lie theory for state estimation in robotics", 2018, appendix B.
+class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
+ public:
+  enum class Side : unsigned char { kRight, kLeft };
+
+  struct Measurement {
+    double pose[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};  ///< p_0, then R_0 as a unit quaternion x, y, z, w
+    double sqrt_information[36] = {};                      ///< U, row-major, upper triangular, see SqrtInformation
+  };
+
+  explicit PosePriorFamily(Side side = Side::kRight) : FactorFamily(6, {{7, 6}}), side_(side) {}
+
+  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
+  /// Overwrites the measurement at `index`, or appends it if index == size().
+  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+
+  int size() const override { return static_cast<int>(measurements_.size()); }
+  const char* Name() const override { return "pose prior"; }
+  EvaluationFailure Evaluate(const FactorBatch& batch) const override;
+
+ private:
+  Side side_;
+  std::vector<Measurement> measurements_;
+};
+
+/// A prior on a velocity and biases, [v(3), biases(6)], or on anything else with nine Euclidean coordinates:
+///
+///     residual = U (x − x_0)                                                  (9 rows, whitened)
+///
+/// A diagonal U is cheaper as DiagonalPriorFamily(9). Fails to evaluate where a residual is not finite.
+///
+/// Cost: a 9×9 triangular copy a factor, nothing allocated. Threads: as FactorFamily; Add is for one writer.
+class INCERES_EXPORT SpeedBiasPriorFamily final : public FactorFamily {
+ public:
+  struct Measurement {
+    double speed_bias[9] = {};         ///< x_0
+    double sqrt_information[81] = {};  ///< U, row-major, upper triangular, see SqrtInformation
+  };
+
+  SpeedBiasPriorFamily() : FactorFamily(9, {{9, 9}}) {}
+
+  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
+  /// Overwrites the measurement at `index`, or appends it if index == size().
+  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+
+  int size() const override { return static_cast<int>(measurements_.size()); }
+  const char* Name() const override { return "speed-bias prior"; }
+  EvaluationFailure Evaluate(const FactorBatch& batch) const override;
+
+ private:
+  std::vector<Measurement> measurements_;
+};
+
+}  // namespace inceres

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "inceres/graph/rotation.h"
+
+namespace inceres::internal {
+
+/// Row-major, like the arrays of the public headers, which Eigen::Map then reads in place.
+template <int rows, int columns>
+using Matrix = Eigen::Matrix<double, rows, columns, columns == 1 ? Eigen::ColMajor : Eigen::RowMajor>;
+using Matrix3 = Matrix<3, 3>;
+using Vector3 = Matrix<3, 1>;
+
+inline Eigen::Map<const Vector3> AsVector(const double v[3]) {
+  return Eigen::Map<const Vector3>(v);
+}
+
+inline Matrix3 Skew(const Vector3& v) {
+  Matrix3 M;
+  M << 0.0, -v[2], v[1], v[2], 0.0, -v[0], -v[1], v[0], 0.0;
+  return M;
+}
+
+inline Matrix3 RotationOf(const double q[4]) {
+  Matrix3 R;
+  QuaternionToMatrix(q, R.data());
+  return R;
+}
+
+/// J_r with Exp(φ + δ) ≈ Exp(φ) Exp(J_r(φ) δ).
+inline Matrix3 RightJacobian(const Vector3& phi) {
+  const RotationCoefficients k = CoefficientsOfAngle(phi.squaredNorm());
+  Matrix3 J;
+  RotationPolynomial(phi.data(), -k.cosc, k.sinq, J.data());
+  return J;
+}
+
+/// How the parts of a preintegrated motion stand in ImuDelta: errors (φ, v, p), then the biases.
+inline constexpr int kDeltaPhi = 0, kDeltaV = 3, kDeltaP = 6, kDeltaGyrBias = 9, kDeltaAccBias = 12;
+
+}  // namespace inceres::internal

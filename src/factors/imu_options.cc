@@ -1,0 +1,82 @@
+#include "inceres/factors/imu_options.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+namespace inceres {
+namespace {
+
+ImuConventions WithOrder(const ImuPart (&order)[5], double gravity_norm) {
+  ImuConventions conventions;
+  std::copy_n(order, 5, conventions.residual_order);
+  conventions.gravity[2] = -gravity_norm;
+  return conventions;
+}
+
+Status Invalid(const std::string& message) {
+  return Status::Error(StatusCode::kInvalidArgument, message);
+}
+
+}  // namespace
+
+ImuConventions ImuConventions::Vins(double gravity_norm) {
+  ImuConventions vins =
+      WithOrder({ImuPart::kPosition, ImuPart::kRotation, ImuPart::kVelocity, ImuPart::kAccBias, ImuPart::kGyrBias}, gravity_norm);
+  vins.rotation_residual = RotationResidual::kTwiceVector;
+  vins.bias_order = BiasOrder::kAccFirst;
+  vins.noise = Noise::kPerSample;
+  return vins;
+}
+
+ImuConventions ImuConventions::Okvis(double gravity_norm) {
+  ImuConventions okvis =
+      WithOrder({ImuPart::kPosition, ImuPart::kRotation, ImuPart::kVelocity, ImuPart::kGyrBias, ImuPart::kAccBias}, gravity_norm);
+  okvis.perturbation = Perturbation::kLeft;
+  okvis.rotation_residual = RotationResidual::kTwiceVector;
+  okvis.sign = Sign::kMeasuredMinusState;
+  return okvis;
+}
+
+ImuConventions ImuConventions::Xrslam(double gravity_norm) {
+  ImuConventions xrslam =
+      WithOrder({ImuPart::kRotation, ImuPart::kPosition, ImuPart::kVelocity, ImuPart::kGyrBias, ImuPart::kAccBias}, gravity_norm);
+  xrslam.integration = Integration::kEuler;
+  xrslam.bias_walks_while_integrating = false;
+  return xrslam;
+}
+
+Status ImuConventions::Validate() const {
+  bool seen[5] = {};
+  for (const ImuPart part : residual_order) {
+    const auto index = static_cast<unsigned>(part);
+    if (index >= 5 || seen[index]) {
+      return Invalid("ImuConventions::residual_order must name each of the five parts once");
+    }
+    seen[index] = true;
+  }
+  if (!std::all_of(gravity, gravity + 3, [](double g) { return std::isfinite(g); })) {
+    return Invalid("ImuConventions::gravity is not finite");
+  }
+  return Status::Ok();
+}
+
+Status ImuOptions::Validate() const {
+  const std::pair<const char*, double> deviations[] = {
+      {"gyr", noise.gyr}, {"acc", noise.acc}, {"gyr_bias_walk", noise.gyr_bias_walk}, {"acc_bias_walk", noise.acc_bias_walk}};
+  for (const auto& [name, value] : deviations) {
+    if (!(value > 0.0) || !std::isfinite(value)) {
+      return Invalid("ImuNoise::" + std::string(name) + " = " + std::to_string(value) +
+                     " must be positive and finite: without noise there is no information matrix");
+    }
+  }
+  if (!(max_rotation_change >= 0.0)) {
+    return Invalid("ImuOptions::max_rotation_change = " + std::to_string(max_rotation_change) + " must be at least 0");
+  }
+  if (!(max_speed_change >= 0.0)) {
+    return Invalid("ImuOptions::max_speed_change = " + std::to_string(max_speed_change) + " must be at least 0");
+  }
+  return conventions.Validate();
+}
+
+}  // namespace inceres

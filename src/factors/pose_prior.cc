@@ -1,0 +1,90 @@
+#include "inceres/factors/pose_prior.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "factors/pose_slot.h"
+#include "factors/whiten.h"
+#include "inceres/graph/rotation.h"
+
+namespace inceres {
+
+using internal::MultiplyUpper;
+
+namespace {
+
+// With r = Log E: E Exp(φ) on the right moves it by J_r⁻¹(r) φ, Exp(φ) E on the left by J_l⁻¹(r) φ.
+void Compare(const double* pose, const double* prior, bool left, double e[6]) {
+  double back[4], error[4];
+  ConjugateQuaternion(prior + 3, back);
+  if (left) {
+    MultiplyQuaternions(pose + 3, back, error);
+  } else {
+    MultiplyQuaternions(back, pose + 3, error);
+  }
+  for (int k = 0; k < 3; ++k) {
+    e[k] = pose[k] - prior[k];
+  }
+  LogQuaternion(error, e + 3);
+}
+
+void Differentiate(const double e[6], bool left, double E[36]) {
+  double J_inverse[9];
+  RotationPolynomial(e + 3, left ? -0.5 : 0.5, InverseLeftJacobianCoefficient(e + 3), J_inverse);
+  std::fill_n(E, 36, 0.0);
+  for (int r = 0; r < 3; ++r) {
+    E[7 * r] = 1.0;
+    std::copy_n(J_inverse + 3 * r, 3, E + 6 * (3 + r) + 3);
+  }
+}
+
+}  // namespace
+
+EvaluationFailure PosePriorFamily::Evaluate(const FactorBatch& batch) const {
+  const bool left = side_ == Side::kLeft;
+  for (int i = batch.begin; i < batch.end; ++i) {
+    const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
+    double e[6];
+    Compare(batch.parameters[i], measurement.pose, left, e);
+    double* residual = batch.residuals + 6 * static_cast<std::ptrdiff_t>(i);
+    if (!std::isfinite(MultiplyUpper<6, 1>(measurement.sqrt_information, e, residual, 1))) {
+      return {i, "a residual is not finite"};
+    }
+    if (batch.jacobians != nullptr && batch.tangent_maps[i]->wanted()) {
+      internal::AssertPoseManifold(*batch.tangent_maps[i], batch.parameters[i], left);
+      double E[36];
+      Differentiate(e, left, E);
+      const JacobianView& view = batch.jacobians[0];
+      if (!std::isfinite(
+              MultiplyUpper<6, 6>(measurement.sqrt_information, E, view.data + i * view.factor_stride, view.row_stride))) {
+        return {i, "a Jacobian entry is not finite"};
+      }
+    }
+  }
+  return {};
+}
+
+EvaluationFailure SpeedBiasPriorFamily::Evaluate(const FactorBatch& batch) const {
+  for (int i = batch.begin; i < batch.end; ++i) {
+    const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
+    double e[9];
+    for (int k = 0; k < 9; ++k) {
+      e[k] = batch.parameters[i][k] - measurement.speed_bias[k];
+    }
+    double* residual = batch.residuals + 9 * static_cast<std::ptrdiff_t>(i);
+    if (!std::isfinite(MultiplyUpper<9, 1>(measurement.sqrt_information, e, residual, 1))) {
+      return {i, "a residual is not finite"};
+    }
+    if (batch.jacobians != nullptr && batch.tangent_maps[i]->wanted()) {
+      assert(batch.tangent_maps[i]->kind == TangentMap::Kind::kIdentity);
+      const JacobianView& view = batch.jacobians[0];
+      for (int r = 0; r < 9; ++r) {
+        std::copy_n(measurement.sqrt_information + 9 * r, 9, view.data + i * view.factor_stride + r * view.row_stride);
+      }
+    }
+  }
+  return {};
+}
+
+}  // namespace inceres
