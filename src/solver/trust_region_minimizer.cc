@@ -91,6 +91,9 @@ bool TrustRegionMinimizer::EvaluateStart() {
   iteration_ = IterationSummary();
   Recentre();
   if (!EvaluateGradientAndJacobian(/*new_point=*/true)) {
+    if (options_.rules == CeresRules::k22) {
+      Finish(Termination::kFailure, "Initial residual and Jacobian evaluation failed.");
+    }
     return false;
   }
   scale_ = JacobiScale(model_.Diagonal(), options_.jacobi_scaling);
@@ -208,7 +211,11 @@ bool TrustRegionMinimizer::EvaluateCandidate(double* cost) {
   }
   const StageTimer timer(&summary_.seconds.residuals);
   ++summary_.work.num_residual_evaluations;
-  return evaluator_.EvaluateCandidateCost(cost).ok();
+  return evaluator_.EvaluateCandidateCost(cost).ok() && IsCostUsable(*cost);
+}
+
+bool TrustRegionMinimizer::IsCostUsable(double cost) const {
+  return options_.rules == CeresRules::k21 || std::isfinite(cost);
 }
 
 // What the landmarks gain by themselves counts as promised, as in Ceres: it says nothing about the step's model.
@@ -222,6 +229,9 @@ void TrustRegionMinimizer::RunInnerIterations() {
 }
 
 bool TrustRegionMinimizer::ParameterToleranceReached() {
+  if (options_.rules == CeresRules::k22 && !any_step_accepted_) {
+    return false;
+  }
   iteration_.step_norm = StateDistance(evaluator_.current(), evaluator_.candidate(), nullptr);
   const double tolerance = options_.parameter_tolerance;
   if (iteration_.step_norm > tolerance * (state_norm_ + tolerance)) {
@@ -234,7 +244,7 @@ bool TrustRegionMinimizer::ParameterToleranceReached() {
 
 bool TrustRegionMinimizer::FunctionToleranceReached() {
   iteration_.cost_change = cost_ - candidate_cost_;
-  // Written so that a NaN cost counts as converged: Ceres up to 2.1 does the same.
+  // Written so that a NaN cost counts as converged (CeresRules::k21).
   if (std::fabs(iteration_.cost_change) > options_.function_tolerance * cost_) {
     return false;
   }
@@ -245,6 +255,7 @@ bool TrustRegionMinimizer::FunctionToleranceReached() {
 }
 
 bool TrustRegionMinimizer::AcceptStep() {
+  any_step_accepted_ = true;
   evaluator_.AcceptCandidate();
   state_norm_ = StateNorm();
   const bool recentred = Recentre();
@@ -294,8 +305,8 @@ bool TrustRegionMinimizer::EvaluateGradientAndJacobian(bool new_point) {
   {
     const StageTimer timer(&summary_.seconds.jacobians);
     const Status evaluated = evaluator_.EvaluateJacobians(/*known_point=*/!new_point, &cost_);
-    if (!evaluated.ok()) {
-      summary_.detail = evaluated.message;
+    if (!evaluated.ok() || !IsCostUsable(cost_)) {
+      summary_.detail = evaluated.ok() ? "the sum of all costs is not finite" : evaluated.message;
       return Finish(Termination::kFailure, "Residual and Jacobian evaluation failed.");
     }
   }

@@ -15,7 +15,7 @@
 
 namespace inceres::internal {
 
-/// The trust-region loop in exact mode: Ceres 2.1's order of evaluations, tests, callbacks and messages (ceres_contract.md 4.4).
+/// The trust-region loop in exact mode: Ceres's order of evaluations, tests, callbacks and messages (ceres_contract.md 4.4).
 ///
 ///     evaluate the start
 ///     while not finished:  step -> candidate -> cost -> tolerances -> accept (evaluate Jacobians) or reject
@@ -53,6 +53,7 @@ class TrustRegionMinimizer {
   void RejectStep();
 
   bool EvaluateCandidate(double* cost);
+  bool IsCostUsable(double cost) const;
   bool EvaluateGradientAndJacobian(bool new_point);
   bool ComputeGradientNorms();
   double StateNorm() const;
@@ -83,7 +84,8 @@ class TrustRegionMinimizer {
   double candidate_cost_ = 0.0;
   double best_cost_;
   double model_decrease_ = 0.0;
-  double state_norm_ = -1.0;  // unknown until a step was accepted, as in Ceres up to 2.1
+  double state_norm_ = -1.0;  // unknown until a step was accepted (CeresRules::k21)
+  bool any_step_accepted_ = false;
   int num_consecutive_invalid_steps_ = 0;
   int first_comparable_iteration_ = 0;
 };

@@ -29,6 +29,14 @@ enum class LineSearchInterpolation {
   kCubic,      ///< of costs and slopes at all three: a Jacobian evaluation each
 };
 
+/// Where releases of Ceres differ in the loop: whose trace is to be matched.
+enum class CeresRules {
+  k21,  ///< up to 2.1: an infinite or NaN cost counts as converged; parameter_tolerance waits for the first accepted step, unless
+        ///< there are bounds
+  k22,  ///< from 2.2: such a cost is a failed evaluation; parameter_tolerance always waits, and step_norm is 0 as long as it
+        ///< does; a start that cannot be evaluated has a message of its own
+};
+
 /// Options of a batch solve in exact mode. Names, defaults and meanings are those of ceres::Solver::Options 2.1, so a trace can
 /// be compared line by line.
 struct INCERES_EXPORT SolverOptions {
@@ -64,6 +72,8 @@ struct INCERES_EXPORT SolverOptions {
   /// angle then need a third of the iterations. Changes the trace: Ceres's inner iterations minimise each block to the end.
   /// Leaves landmarks on a manifold alone. Source: Jeong et al. 2012 (embedded point iterations).
   bool use_inner_iterations = false;
+
+  CeresRules rules = CeresRules::k21;
 
   double eta = 0.1;  ///< reported in IterationSummary only (no iterative linear solver in exact mode)
 
