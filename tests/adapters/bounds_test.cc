@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "adapters/compare_with_stock.h"
+#include "support/ceres_manifolds.h"
 
 namespace inceres {
 namespace {
@@ -103,7 +104,7 @@ Problem BoundedWindow() {
       test->problem.SetParameterLowerBound(block.data(), 0, 0.16);
     } else if (block.size() == 9) {
       test->problem.SetParameterUpperBound(block.data(), 4, 0.12);
-    } else if (block.size() == 7 && test->problem.HasManifold(block.data()) &&
+    } else if (block.size() == 7 && manifolds::Has(test->problem, block.data()) &&
                !test->problem.IsParameterBlockConstant(block.data())) {
       test->problem.SetParameterUpperBound(block.data(), 1, block[1] + 0.005);
       test->problem.SetParameterLowerBound(block.data(), 5, block[5] - 1e-4);

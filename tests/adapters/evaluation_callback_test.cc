@@ -1,6 +1,7 @@
 // ceres::EvaluationCallback: what it is told, when, and what lies in the user's memory then, next to stock Ceres.
 #include <cmath>
 
+#include <ceres/version.h>
 #include <gtest/gtest.h>
 
 #include "adapters/compare_with_stock.h"
@@ -179,6 +180,18 @@ TEST(EvaluationCallback, FailureAtTheStartPutsTheStartBack) {
   ExpectSameSummary(both, 1e-9, true);
   ExpectSameCalls(*callbacks.all[0], *callbacks.all[1]);
   EXPECT_EQ(both.our_problem->blocks, both.stock_problem->blocks);
+}
+
+// Ceres shows it from 2.2 on. Before, who does not tell has cost functions that were never prepared.
+TEST(EvaluationCallback, NotTold) {
+  Callbacks callbacks;
+  const auto test = callbacks.Recipe({})();
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  Solve(Tight(), &test->problem, &summary, &report);
+  EXPECT_FALSE(report.used_stock) << report.fallback_reason;
+  EXPECT_EQ(callbacks.all[0]->calls.empty(), CERES_VERSION_MINOR < 2);
+  EXPECT_EQ(summary.initial_cost < 100.0, CERES_VERSION_MINOR >= 2);
 }
 
 TEST(EvaluationCallback, IncrementalModeAndSessionsHandItToStock) {

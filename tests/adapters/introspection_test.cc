@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "adapters/test_problems.h"
+#include "support/ceres_manifolds.h"
 
 namespace inceres::internal {
 namespace {
@@ -40,7 +41,7 @@ TEST(Introspection, SeesLocalParameterizations) {
   EXPECT_EQ(pose.tangent_size, 6);
   ASSERT_NE(pose.manifold, nullptr);
   double plus_jacobian[42];
-  EXPECT_TRUE(pose.manifold->PlusJacobian(pose.values, plus_jacobian));
+  EXPECT_TRUE(PlusJacobianOf(*pose.manifold, pose.values, plus_jacobian));
   EXPECT_TRUE(view.defect.empty()) << view.defect;
 }
 
@@ -48,8 +49,8 @@ TEST(Introspection, SeesManifoldsAndTangentSizeZero) {
   TestProblem test;
   double* q = test.Add({1, 0, 0, 0});
   double* frozen = test.Add({1, 2, 3});
-  test.problem.AddParameterBlock(q, 4, new ceres::QuaternionManifold());
-  test.problem.AddParameterBlock(frozen, 3, new ceres::SubsetManifold(3, {0, 1, 2}));
+  test.problem.AddParameterBlock(q, 4, new manifolds::QuaternionManifold());
+  test.problem.AddParameterBlock(frozen, 3, new manifolds::SubsetManifold(3, {0, 1, 2}));
   test.problem.AddResidualBlock(new ShapeOnlyCost(2, {4, 3}), nullptr, q, frozen);
   const ProblemView view = Introspect(test.problem);
   EXPECT_EQ(BlockAt(view, q).tangent_size, 3);

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "adapters/test_problems.h"
+#include "support/ceres_manifolds.h"
 
 namespace inceres::internal {
 namespace {
@@ -31,7 +32,7 @@ class Structure {
     }
     test_.problem.AddResidualBlock(new ShapeOnlyCost(num_residuals, sizes), nullptr, blocks);
   }
-  void SetManifold(double* block, ceres::Manifold* manifold) { test_.problem.SetManifold(block, manifold); }
+  void SetManifold(double* block, manifolds::AnyManifold* manifold) { manifolds::Set(&test_.problem, block, manifold); }
   ceres::Problem& problem() { return test_.problem; }
 
   // The chosen landmarks, after checking that they are independent.
@@ -88,7 +89,7 @@ TEST(LandmarkSelection, SplitCamerasStayFrames) {
     }
   }
   for (double* rotation : rotations) {
-    s.SetManifold(rotation, new ceres::QuaternionManifold());
+    s.SetManifold(rotation, new manifolds::QuaternionManifold());
   }
   EXPECT_EQ(s.Choose(), Sorted(points));
 }
@@ -126,7 +127,7 @@ TEST(LandmarkSelection, HomogeneousPointsOnAManifoldAreTaken) {
     }
   }
   for (double* landmark : landmarks) {
-    s.SetManifold(landmark, new ceres::SphereManifold<4>());
+    s.SetManifold(landmark, new manifolds::SphereManifold<4>());
   }
   EXPECT_EQ(s.Choose(), Sorted(landmarks));
 }
@@ -151,7 +152,7 @@ TEST(LandmarkSelection, SplitPoseGraphHasNone) {
     s.Factor(6, {translations[i], rotations[i], translations[i + 1], rotations[i + 1]});
   }
   for (double* rotation : rotations) {
-    s.SetManifold(rotation, new ceres::EigenQuaternionManifold());
+    s.SetManifold(rotation, new manifolds::EigenQuaternionManifold());
   }
   EXPECT_TRUE(s.Choose().empty());
 }

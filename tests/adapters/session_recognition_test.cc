@@ -6,6 +6,7 @@
 
 #include "adapters/session_support.h"
 #include "adapters/test_problems.h"
+#include "support/ceres_manifolds.h"
 
 namespace inceres {
 namespace {
@@ -223,7 +224,7 @@ TEST(SessionRecognition, ACostThatWasNeverVariableCountsAsFixed) {
 }
 
 // Moves in the plane along one direction only, which the test can turn.
-class Direction : public ceres::Manifold {
+class Direction : public manifolds::Manifold {
  public:
   int AmbientSize() const override { return 2; }
   int TangentSize() const override { return 1; }

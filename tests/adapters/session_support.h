@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "inceres/ceres/session.h"
+#include "support/ceres_manifolds.h"
 
 namespace inceres::testing {
 
@@ -41,7 +42,7 @@ inline ceres::Problem::Options Borrowing() {
   ceres::Problem::Options options;
   options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  manifolds::Borrow(&options);
   return options;
 }
 

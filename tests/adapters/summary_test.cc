@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "adapters/compare_with_stock.h"
+#include "support/ceres_manifolds.h"
 
 namespace inceres {
 namespace {
@@ -221,7 +222,7 @@ TEST(Summary, NothingToSolve) {
     auto test = std::make_unique<TestProblem>();
     double* x = test->Add({1.0, 2.0});
     test->problem.AddResidualBlock(new testing::TargetCost({0.0, 0.0}), nullptr, x);
-    test->problem.SetManifold(x, new ceres::SubsetManifold(2, {0, 1}));
+    manifolds::Set(&test->problem, x, new manifolds::SubsetManifold(2, {0, 1}));
     return test;
   };
   for (const testing::Recipe& recipe :

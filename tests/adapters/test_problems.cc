@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include <ceres/rotation.h>
+#include <ceres/version.h>
 
 namespace inceres::testing {
 namespace {
@@ -115,9 +116,15 @@ std::vector<double> PoseOf(int i) {
   return {0.4 * i, 0.05 * i * i, 0.1 * std::sin(i), q.x(), q.y(), q.z(), q.w()};
 }
 
+#if CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR < 2
 ceres::LocalParameterization* MakePoseParameterization() {
   return new ceres::ProductParameterization(new ceres::IdentityParameterization(3), new ceres::EigenQuaternionParameterization());
 }
+#else
+ceres::Manifold* MakePoseParameterization() {
+  return new ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::EigenQuaternionManifold>();
+}
+#endif
 
 Eigen::Vector3d InCamera(const std::vector<double>& pose, const std::vector<double>& extrinsic, const Eigen::Vector3d& world) {
   const auto rotation = [](const std::vector<double>& x) { return Eigen::Quaterniond(x[6], x[3], x[4], x[5]); };

@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "conformance/support.h"
+#include "support/ceres_manifolds.h"
 
 namespace conformance {
 namespace {
@@ -39,8 +40,8 @@ TEST(Case52, cost_function_fails_at_iteration_0) {
     FaultyWorld world([](const double*, bool) { return true; }, kind);
     const Outcome outcome = Solve(Small(), &world.problem);
     EXPECT_EQ(outcome.summary.termination_type, ceres::FAILURE) << "kind " << kind;
-    EXPECT_EQ(outcome.summary.message, "Residual and Jacobian evaluation failed.");
-    EXPECT_EQ(outcome.errors, std::vector<std::string>{"Terminating: Residual and Jacobian evaluation failed."});
+    EXPECT_EQ(outcome.summary.message, kStartFailed);
+    EXPECT_EQ(outcome.errors, std::vector<std::string>{std::string("Terminating: ") + kStartFailed});
     EXPECT_TRUE(kind == 0 || outcome.warnings.size() == 1u) << "what is wrong with the residual block";
     EXPECT_TRUE(outcome.summary.iterations.empty());
     EXPECT_EQ(outcome.summary.num_successful_steps, 0);
@@ -81,7 +82,7 @@ TEST(Case52, cost_function_fails_at_the_jacobian_of_an_accepted_point) {
 }
 
 // R² whose Plus leads, or whose PlusJacobian is asked for, to where |x₀| is too small.
-class Limited : public ceres::Manifold {
+class Limited : public manifolds::Manifold {
  public:
   Limited(const double* plus_limit, const double* jacobian_limit) : plus_limit_(plus_limit), jacobian_limit_(jacobian_limit) {}
   int AmbientSize() const override { return 2; }
@@ -108,7 +109,7 @@ class Limited : public ceres::Manifold {
 void ExpectShorterSteps(const Limited& manifold, World* world) {
   double* x = world->Add(kStart);
   world->problem.AddResidualBlock(Target({0.0, 0.0}, 0.2), nullptr, x);
-  world->problem.SetManifold(x, new Limited(manifold));
+  manifolds::Set(&world->problem, x, new Limited(manifold));
   Options options = Small();
   options.max_num_iterations = 6;
   const Summary summary = Solve(options, &world->problem).summary;
@@ -141,11 +142,11 @@ TEST(Case52, plus_jacobian_false_at_iteration_0) {
   double limit = 0.0;
   const double never = 0.0;
   world.problem.AddResidualBlock(Target({0.0, 0.0}), nullptr, x);
-  world.problem.SetManifold(x, new Limited(&never, &limit));
+  manifolds::Set(&world.problem, x, new Limited(&never, &limit));
   limit = 100.0;
   const Summary summary = Solve(Small(), &world.problem).summary;
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-  EXPECT_EQ(summary.message, "Residual and Jacobian evaluation failed.");
+  EXPECT_EQ(summary.message, kStartFailed);
   EXPECT_EQ(world.blocks[0], kStart);
 }
 

@@ -9,20 +9,33 @@
 namespace conformance {
 namespace {
 
-// A finite residual whose square overflows: ∞ − ∞ is within every tolerance, up to Ceres 2.1.
+// A cost that is no number: up to Ceres 2.1 every difference from it is within the tolerance, from 2.2 on it cannot be evaluated.
+void ExpectEndAtNoNumber(const Summary& summary) {
+  if (kRelease >= 202) {
+    EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+    EXPECT_EQ(summary.message, kStartFailed);
+    EXPECT_EQ(summary.initial_cost, -1.0);
+  } else {
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+    EXPECT_TRUE(StartsWith(summary.message, "Function tolerance reached. |cost_change|/cost: ")) << summary.message;
+    EXPECT_FALSE(std::isfinite(summary.initial_cost));
+  }
+}
+
+// A finite residual whose square overflows.
 TEST(Case52, total_cost_overflows) {
   World world;
   double* x = world.Add({1.0});
   world.problem.AddResidualBlock(Scalar([](double v) { return 1e200 + v; }, [](double) { return 1.0; }), nullptr, x);
-  const Summary summary = Solve(Small(), &world.problem).summary;
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_TRUE(StartsWith(summary.message, "Function tolerance reached. |cost_change|/cost: ")) << summary.message;
-  EXPECT_TRUE(std::isinf(summary.initial_cost));
+  ExpectEndAtNoNumber(Solve(Small(), &world.problem).summary);
   EXPECT_EQ(x[0], 1.0);
 }
 
 // So large a column is scaled to zero, and no step is valid.
 TEST(Case52, a_column_whose_square_overflows) {
+  if (kRelease >= 202) {
+    GTEST_SKIP() << "from Ceres 2.2 on a start of infinite cost ends the solve before its first step";
+  }
   World world;
   double* x = world.Add({1.0});
   world.problem.AddResidualBlock(Target({0.0}, 1e200), nullptr, x);
@@ -47,10 +60,7 @@ TEST(Case52, total_cost_is_nan) {
   World world;
   double* x = world.Add({1.0});
   world.problem.AddResidualBlock(Target({0.0}), new NaNLoss, x);
-  const Summary summary = Solve(Small(), &world.problem).summary;
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << "up to Ceres 2.1";
-  EXPECT_TRUE(StartsWith(summary.message, "Function tolerance reached. |cost_change|/cost: ")) << summary.message;
-  EXPECT_TRUE(std::isnan(summary.initial_cost));
+  ExpectEndAtNoNumber(Solve(Small(), &world.problem).summary);
   EXPECT_EQ(x[0], 1.0);
 }
 

@@ -1,5 +1,6 @@
 // Section 5.2 of the contract: the case table. Test names follow its rows; each looks at the user's memory afterwards.
 #include "conformance/support.h"
+#include "support/ceres_manifolds.h"
 
 namespace conformance {
 namespace {
@@ -65,7 +66,7 @@ TEST(Case52, all_blocks_constant) {
 }
 
 // R² without a degree of freedom; its Plus and PlusJacobian may not be called during the solve.
-class Frozen : public ceres::Manifold {
+class Frozen : public manifolds::Manifold {
  public:
   explicit Frozen(int* num_calls) : num_calls_(num_calls) {}
   int AmbientSize() const override { return 2; }
@@ -88,7 +89,7 @@ TEST(Case52, all_tangents_of_size_0) {
   World world;
   double* x = world.Add({1.0, 2.0});
   world.problem.AddResidualBlock(Target({3.0, 2.0}), nullptr, x);
-  world.problem.SetManifold(x, new Frozen(&num_calls));
+  manifolds::Set(&world.problem, x, new Frozen(&num_calls));
   num_calls = 0;
   ExpectNothingToSolve(&world, 2.0);
   EXPECT_EQ(num_calls, 0);
@@ -107,7 +108,7 @@ TEST(Case52, tangent_of_size_0) {
     return true;
   });
   line.problem.AddResidualBlock(cost, nullptr, line.x, y);
-  line.problem.SetManifold(y, new Frozen(&num_calls));
+  manifolds::Set(&line.problem, y, new Frozen(&num_calls));
   num_calls = 0;
   EXPECT_EQ(Solve(Small(), &line.problem).summary.termination_type, ceres::CONVERGENCE);
   EXPECT_EQ(num_calls, 0);

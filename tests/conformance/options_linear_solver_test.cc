@@ -86,15 +86,25 @@ TEST(Options23, dense_linear_algebra_library_type_that_is_not_there) {
   options.dense_linear_algebra_library_type = ceres::CUDA;
   const Outcome outcome = Solve(options, &bundle.problem);
   EXPECT_EQ(outcome.summary.termination_type, ceres::FAILURE);
-  EXPECT_EQ(outcome.summary.message,
-            "Can't use DENSE_SCHUR with Solver::Options::dense_linear_algebra_library_type = CUDA because CUDA was not enabled "
+  EXPECT_EQ(
+      outcome.summary.message,
+      kRelease >= 202
+          ? "Can't use DENSE_SCHUR with dense_linear_algebra_library_type = CUDA because support not enabled when Ceres was "
+            "built."
+          : "Can't use DENSE_SCHUR with Solver::Options::dense_linear_algebra_library_type = CUDA because CUDA was not enabled "
             "when Ceres was built.");
 }
 
 TEST(Options23, sparse_linear_algebra_library_type) {
   Options options;
   options.linear_solver_type = ceres::SPARSE_SCHUR;
-  for (const auto library : {ceres::SUITE_SPARSE, ceres::CX_SPARSE, ceres::EIGEN_SPARSE}) {
+  for (const auto library : {
+         ceres::SUITE_SPARSE,
+#if CERES_VERSION_MINOR < 2
+             ceres::CX_SPARSE,
+#endif
+             ceres::EIGEN_SPARSE
+       }) {
     const Summary summary = ExpectNoEffect(options, [&](Options* o) { o->sparse_linear_algebra_library_type = library; });
     EXPECT_EQ(summary.sparse_linear_algebra_library_type, library);
   }
@@ -108,7 +118,7 @@ TEST(Options23, sparse_linear_algebra_library_type_that_is_not_there) {
     options.sparse_linear_algebra_library_type = library;
     const Summary summary = Solve(options, &bundle.problem).summary;
     EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-    EXPECT_TRUE(StartsWith(summary.message, "Can't use SPARSE_SCHUR with ")) << summary.message;
+    EXPECT_TRUE(StartsWith(summary.message, "Can't use SPARSE_SCHUR ")) << summary.message;
   }
 }
 
@@ -167,11 +177,31 @@ TEST(Options23, use_explicit_schur_complement) {
   ExpectNoEffect(Schur(), [](Options* o) { o->use_explicit_schur_complement = true; });
 }
 
+#if CERES_VERSION_MINOR < 2
 TEST(Options23, use_postordering) {
   Options options;
   options.linear_solver_type = ceres::SPARSE_SCHUR;
   ExpectNoEffect(options, [](Options* o) { o->use_postordering = true; });
 }
+#else
+TEST(Options23, linear_solver_ordering_type) {
+  Options options;
+  options.linear_solver_type = ceres::SPARSE_SCHUR;
+  options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
+  EXPECT_EQ(ExpectNoEffect(options, [](Options*) {}).linear_solver_ordering_type, ceres::AMD);
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  const Summary summary = ExpectNoEffect(options, [](Options* o) { o->linear_solver_ordering_type = ceres::NESDIS; });
+  EXPECT_EQ(summary.linear_solver_ordering_type, ceres::NESDIS);
+}
+
+TEST(Options23, options_of_the_power_series_preconditioner) {
+  ExpectNoEffect(Schur(), [](Options* o) {
+    o->max_num_spse_iterations = 7;
+    o->use_spse_initialization = true;
+    o->spse_tolerance = 0.5;
+  });
+}
+#endif
 
 TEST(Options23, dynamic_sparsity) {
   Bundle bundle;

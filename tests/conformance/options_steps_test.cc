@@ -28,7 +28,8 @@ double FirstStep(const std::function<void(Options*)>& change) {
   options.initial_trust_region_radius = 1.0;
   options.max_num_iterations = 1;
   change(&options);
-  return Solve(options, &line.problem).summary.iterations[1].step_norm;
+  Solve(options, &line.problem);
+  return line.x[0] - 0.5;
 }
 
 // Without scaling the diagonal is 1 and (1 + clamp(1)/radius) δ = 9.5.
@@ -126,7 +127,7 @@ TEST(Options22, gradient_tolerance_at_successful_iterations_only) {
   EXPECT_EQ(summary.iterations.size(), 1u);
 }
 
-// Up to Ceres 2.1 it cannot fire before a step was accepted: ‖x‖ is −1 until then.
+// It cannot fire before a step was accepted: up to Ceres 2.1 because ‖x‖ is −1 until then, from 2.2 on because it is not asked.
 TEST(Options22, parameter_tolerance) {
   Line line(9.99);
   Options options = Small();
@@ -137,7 +138,7 @@ TEST(Options22, parameter_tolerance) {
   EXPECT_EQ(summary.iterations.size(), 2u) << "the step that ends it is not in the trace, the one before was taken";
 }
 
-// With bounds ‖x‖ is known from the start.
+// With bounds ‖x‖ is known from the start, and up to Ceres 2.1 that is enough.
 TEST(Options22, parameter_tolerance_with_bounds) {
   Line line(9.99);
   line.problem.SetParameterLowerBound(line.x, 0, -100.0);
@@ -145,8 +146,9 @@ TEST(Options22, parameter_tolerance_with_bounds) {
   options.parameter_tolerance = 0.5;
   const Summary summary = Solve(options, &line.problem).summary;
   EXPECT_TRUE(StartsWith(summary.message, "Parameter tolerance reached. Relative step_norm: ")) << summary.message;
-  EXPECT_EQ(summary.iterations.size(), 1u);
-  EXPECT_EQ(line.x[0], 9.99);
+  const bool waits = kRelease >= 202;
+  EXPECT_EQ(summary.iterations.size(), waits ? 2u : 1u);
+  EXPECT_EQ(line.x[0] == 9.99, !waits);
 }
 
 TEST(Options22, eta) {

@@ -165,7 +165,7 @@ TEST(Options22, initial_trust_region_radius) {
   options.initial_trust_region_radius = 1.0;
   const Summary summary = Solve(options, &line.problem).summary;
   EXPECT_EQ(summary.iterations[0].trust_region_radius, 1.0);
-  ExpectClose(summary.iterations[1].step_norm, 4.75);  // (1 + 1) δ = 9.5
+  ExpectClose(summary.iterations[1].cost, 0.5 * 4.75 * 4.75);  // (1 + 1) δ = 9.5
 }
 
 TEST(Options22, max_trust_region_radius) {

@@ -2,6 +2,7 @@
 #include <regex>
 
 #include "conformance/support.h"
+#include "support/ceres_manifolds.h"
 
 namespace conformance {
 namespace {
@@ -28,47 +29,50 @@ TEST(Report33, FullReport) {
   Line line;
   Options options = Small();
   options.max_num_iterations = 1;
-  EXPECT_EQ(WithoutNumbersOfTheMachine(Solve(options, &line.problem).summary.FullReport()),
-            "\n"
-            "Solver Summary (VERSION)\n"
-            "\n"
-            "                                     Original                  Reduced\n"
-            "Parameter blocks                            1                        1\n"
-            "Parameters                                  1                        1\n"
-            "Residual blocks                             1                        1\n"
-            "Residuals                                   1                        1\n"
-            "\n"
-            "Minimizer                        TRUST_REGION\n"
-            "\n"
-            "Dense linear algebra library            EIGEN\n"
-            "Trust region strategy     LEVENBERG_MARQUARDT\n"
-            "\n"
-            "                                        Given                     Used\n"
-            "Linear solver                        DENSE_QR                 DENSE_QR\n"
-            "Threads                                     1                        1\n"
-            "Linear solver ordering              AUTOMATIC                        1\n"
-            "\n"
-            "Cost:\n"
-            "Initial                          4.512500e+01\n"
-            "Final                            4.511598e-07\n"
-            "Change                           4.512500e+01\n"
-            "\n"
-            "Minimizer iterations                        2\n"
-            "Successful steps                            2\n"
-            "Unsuccessful steps                          0\n"
-            "\n"
-            "Time (in seconds):\n"
-            "Preprocessor TIME\n"
-            "\n"
-            "  Residual only evaluation TIME (1)\n"
-            "  Jacobian & residual evaluation TIME (2)\n"
-            "  Linear solver TIME (1)\n"
-            "Minimizer TIME\n"
-            "\n"
-            "Postprocessor TIME\n"
-            "Total TIME\n"
-            "\n"
-            "Termination:                   NO_CONVERGENCE (Maximum number of iterations reached. Number of iterations: 1.)\n");
+  // From 2.2 on the library may be followed by "(Mixed Precision)", and the empty line is gone.
+  const std::string library = kRelease >= 202 ? "EIGEN \nTrust region strategy     LEVENBERG_MARQUARDT\n"
+                                              : "EIGEN\nTrust region strategy     LEVENBERG_MARQUARDT\n\n";
+  EXPECT_EQ(
+      WithoutNumbersOfTheMachine(Solve(options, &line.problem).summary.FullReport()),
+      "\n"
+      "Solver Summary (VERSION)\n"
+      "\n"
+      "                                     Original                  Reduced\n"
+      "Parameter blocks                            1                        1\n"
+      "Parameters                                  1                        1\n"
+      "Residual blocks                             1                        1\n"
+      "Residuals                                   1                        1\n"
+      "\n"
+      "Minimizer                        TRUST_REGION\n"
+      "\n"
+      "Dense linear algebra library            " +
+          library +
+          "                                        Given                     Used\n"
+          "Linear solver                        DENSE_QR                 DENSE_QR\n"
+          "Threads                                     1                        1\n"
+          "Linear solver ordering              AUTOMATIC                        1\n"
+          "\n"
+          "Cost:\n"
+          "Initial                          4.512500e+01\n"
+          "Final                            4.511598e-07\n"
+          "Change                           4.512500e+01\n"
+          "\n"
+          "Minimizer iterations                        2\n"
+          "Successful steps                            2\n"
+          "Unsuccessful steps                          0\n"
+          "\n"
+          "Time (in seconds):\n"
+          "Preprocessor TIME\n"
+          "\n"
+          "  Residual only evaluation TIME (1)\n"
+          "  Jacobian & residual evaluation TIME (2)\n"
+          "  Linear solver TIME (1)\n"
+          "Minimizer TIME\n"
+          "\n"
+          "Postprocessor TIME\n"
+          "Total TIME\n"
+          "\n"
+          "Termination:                   NO_CONVERGENCE (Maximum number of iterations reached. Number of iterations: 1.)\n");
 }
 
 TEST(Report33, FullReportOfASchurType) {
@@ -82,13 +86,14 @@ TEST(Report33, FullReportOfASchurType) {
   EXPECT_NE(report.find("Trust region strategy                  DOGLEG (TRADITIONAL)"), std::string::npos);
   EXPECT_NE(report.find("Linear solver                     DENSE_SCHUR              DENSE_SCHUR\n"), std::string::npos);
   EXPECT_NE(report.find("Linear solver ordering              AUTOMATIC                      8,2\n"), std::string::npos);
-  EXPECT_NE(report.find("Schur structure                         2,3,6                    2,3,6\n"), std::string::npos);
+  EXPECT_NE(report.find("Schur structure                         2,3,6                    " + Specialised("2,3,6") + "\n"),
+            std::string::npos);
   EXPECT_EQ(report.find("Line search steps"), std::string::npos) << report;
 }
 
 TEST(Report33, FullReportWithAManifold) {
   Rosenbrock rosenbrock;
-  rosenbrock.problem.SetManifold(rosenbrock.x, new ceres::SubsetManifold(2, {1}));
+  manifolds::Set(&rosenbrock.problem, rosenbrock.x, new manifolds::SubsetManifold(2, {1}));
   const std::string report = Solve(Small(), &rosenbrock.problem).summary.FullReport();
   EXPECT_NE(report.find("Effective parameters                        1                        1\n"), std::string::npos) << report;
 }
@@ -106,8 +111,7 @@ TEST(Report33, FullReportOfAFailure) {
   const std::string report = Solve(Small(), &line.problem).summary.FullReport();
   EXPECT_EQ(report.find("Final "), std::string::npos) << report;
   EXPECT_EQ(report.find("Change "), std::string::npos);
-  EXPECT_NE(report.find("Termination:                          FAILURE (Residual and Jacobian evaluation failed.)\n"),
-            std::string::npos)
+  EXPECT_NE(report.find(std::string("Termination:                          FAILURE (") + kStartFailed + ")\n"), std::string::npos)
       << report;
 }
 

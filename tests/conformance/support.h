@@ -16,6 +16,24 @@ namespace conformance {
 using Options = ceres::Solver::Options;
 using Summary = ceres::Solver::Summary;
 
+/// Ceres's release as 100 major + minor.
+inline constexpr int kRelease = 100 * CERES_VERSION_MAJOR + CERES_VERSION_MINOR;
+
+/// The message of a solve whose start cannot be evaluated.
+inline constexpr const char* kStartFailed =
+    kRelease >= 202 ? "Initial residual and Jacobian evaluation failed." : "Residual and Jacobian evaluation failed.";
+
+/// A Schur structure that Ceres has an eliminator for, as it reports it: unless it was built without any.
+#ifdef CERES_RESTRICT_SCHUR_SPECIALIZATION
+inline std::string Specialised(const std::string& /*sizes*/) {
+  return "d,d,d";
+}
+#else
+inline std::string Specialised(const std::string& sizes) {
+  return sizes;
+}
+#endif
+
 /// What the environment variable INCERES_CONFORMANCE says this run is.
 enum class Way { kBare, kFallback, kActive, kIncremental };
 Way ThisRun();

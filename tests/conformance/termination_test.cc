@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "conformance/support.h"
+#include "support/ceres_manifolds.h"
 
 namespace conformance {
 namespace {
@@ -104,8 +105,8 @@ TEST(Termination34, evaluation_failed_at_iteration_0) {
   Line line;
   line.problem.AddResidualBlock(new Cost(1, {1}, [](auto...) { return false; }), nullptr, line.x);
   const Outcome outcome = Solve(Small(), &line.problem);
-  ExpectEnd(outcome, ceres::FAILURE, "Residual and Jacobian evaluation failed.");
-  EXPECT_EQ(outcome.summary.message, "Residual and Jacobian evaluation failed.");
+  ExpectEnd(outcome, ceres::FAILURE, kStartFailed);
+  EXPECT_EQ(outcome.summary.message, kStartFailed);
 }
 
 TEST(Termination34, evaluation_failed_at_an_accepted_step) {
@@ -126,7 +127,7 @@ TEST(Termination34, evaluation_failed_at_an_accepted_step) {
 }
 
 // R² whose Plus fails, or only when the step is zero.
-class Failing : public ceres::Manifold {
+class Failing : public manifolds::Manifold {
  public:
   explicit Failing(bool only_at_zero) : only_at_zero_(only_at_zero) {}
   int AmbientSize() const override { return 2; }
@@ -152,17 +153,19 @@ TEST(Termination34, plus_of_the_gradient_failed) {
   World world;
   double* x = world.Add({1.0, 2.0});
   world.problem.AddResidualBlock(Target({0.0, 0.0}), nullptr, x);
-  world.problem.SetManifold(x, new Failing(false));
+  manifolds::Set(&world.problem, x, new Failing(false));
   const Outcome outcome = Solve(Small(), &world.problem);
-  ExpectEnd(outcome, ceres::FAILURE, "projected_gradient_step = Plus(x, -gradient) failed.");
-  EXPECT_EQ(outcome.summary.message, "projected_gradient_step = Plus(x, -gradient) failed.");
+  // From 2.2 on whatever fails at the start has one message.
+  const std::string message = kRelease >= 202 ? kStartFailed : "projected_gradient_step = Plus(x, -gradient) failed.";
+  ExpectEnd(outcome, ceres::FAILURE, message);
+  EXPECT_EQ(outcome.summary.message, message);
 }
 
 TEST(Termination34, bounded_and_plus_of_zero_failed) {
   World world;
   double* x = world.Add({1.0, 2.0});
   world.problem.AddResidualBlock(Target({0.0, 0.0}), nullptr, x);
-  world.problem.SetManifold(x, new Failing(true));
+  manifolds::Set(&world.problem, x, new Failing(true));
   world.problem.SetParameterLowerBound(x, 0, -10.0);
   const Outcome outcome = Solve(Small(), &world.problem);
   ExpectEnd(outcome, ceres::FAILURE, "Unable to project initial point onto the feasible set.");

@@ -1,4 +1,5 @@
-// A library with some of Ceres's symbols that is not Ceres 2.1: another SONAME, or one function short. It says what reaches it.
+// A library with some of Ceres's symbols that is not the Ceres compiled for: by its SONAME, or by what else it has. It says what
+// reaches it.
 #include "dropin/foreign_ceres.h"
 
 #include <cstdio>
@@ -28,14 +29,14 @@ void* AddResidualBlock(Opaque* problem, Opaque* /*cost*/, Opaque* /*loss*/, doub
   return problem;
 }
 
-// What tells one version from another.
-void GetManifold() __asm__("_ZNK5ceres7Problem11GetManifoldEPKd");
-void GetManifold() {
+// What tells one release from another.
+void FunctionOfAnotherRelease() __asm__(INCERES_FUNCTION_OF_ANOTHER_RELEASE);
+void FunctionOfAnotherRelease() {
 }
 
 }  // namespace foreign
 
-// What the loader must find when this library has Ceres 2.1's SONAME: the virtual table of ceres::Solver.
+// What the loader must find when this library has that Ceres's SONAME: the virtual table of ceres::Solver.
 extern "C" {
 extern const void* const _ZTVN5ceres6SolverE[8];
 const void* const _ZTVN5ceres6SolverE[8] = {};

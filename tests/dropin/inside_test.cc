@@ -16,6 +16,7 @@
 
 #include "dropin/plain_problems.h"
 #include "inceres/ceres/dropin.h"
+#include "support/ceres_manifolds.h"
 
 namespace {
 
@@ -126,11 +127,11 @@ TEST(DropinInside, ACostFunctionThatChangesInPlaceIsNoticed) {
 // one, knows the problem and would not look again.
 TEST(DropinInside, EveryEditIsSeen) {
   ceres::Problem::Options options;
-  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  manifolds::Borrow(&options);
   ceres::Problem problem(options);
   double x[2] = {3.0, 3.0};
   double y = 1.0;
-  ceres::SubsetManifold second_held(2, {1});
+  manifolds::SubsetManifold second_held(2, {1});
   // x₀ x₁ − 6 and small pulls towards (2, 3), so that there is one minimum, and it is not zero.
   struct Product {
     bool operator()(const double* const v, double* r) const {
@@ -157,11 +158,11 @@ TEST(DropinInside, EveryEditIsSeen) {
   problem.SetParameterBlockVariable(x);
   EXPECT_TRUE(settle(3.0));
   EXPECT_NEAR(x[0] * x[1], 6.0, 0.05);
-  problem.SetManifold(x, &second_held);
+  manifolds::Set(&problem, x, &second_held);
   EXPECT_TRUE(settle(4.0));
   EXPECT_EQ(x[1], 4.0);
   EXPECT_NEAR(x[0], 1.5, 0.05);
-  problem.SetManifold(x, nullptr);
+  manifolds::Set(&problem, x, nullptr);
   EXPECT_TRUE(settle(3.0));
   EXPECT_NE(x[1], 3.0);
   problem.SetParameterUpperBound(x, 0, 1.0);

@@ -6,10 +6,10 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <ceres/autodiff_cost_function.h>
-#include <ceres/local_parameterization.h>
 #include <ceres/manifold.h>
 #include <ceres/product_manifold.h>
 
+#include "adapters/sliding_window/vins/local_parameterization.h"
 #include "integration/problems.h"
 #include "support/random_values.h"
 
@@ -45,7 +45,7 @@ struct InverseDepthError {
 using AmbientCost = ceres::AutoDiffCostFunction<InverseDepthError, 2, 7, 7, 1>;
 
 // [p + δp, q ⊗ [δθ/2; 1] normalised] with [I; 0] for its Jacobian: honest only together with TangentCost.
-class VinsPoseParameterization : public ceres::LocalParameterization {
+class VinsPoseParameterization : public sliding_window::LocalParameterization {
  public:
   bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
     Eigen::Map<Eigen::Vector3d>{x_plus_delta} = Eigen::Map<const Eigen::Vector3d>(x) + Eigen::Map<const Eigen::Vector3d>(delta);

@@ -1,28 +1,28 @@
 #pragma once
 
 #include <ceres/loss_function.h>
-#include <ceres/manifold.h>
 
+#include "adapters/ceres/src/ceres_version.h"
 #include "inceres/graph/loss.h"
 #include "inceres/graph/manifold.h"
 
 namespace inceres::internal {
 
-/// A ceres::Manifold behind the core's interface. Minus is never called: Ceres's adapter for LocalParameterizations aborts there.
+/// A user's manifold behind the core's interface.
 class CeresManifold : public Manifold {
  public:
-  explicit CeresManifold(const ceres::Manifold* manifold) : manifold_(manifold) {}
-  int AmbientSize() const override { return manifold_->AmbientSize(); }
-  int TangentSize() const override { return manifold_->TangentSize(); }
+  explicit CeresManifold(const UserManifold* manifold) : manifold_(manifold) {}
+  int AmbientSize() const override { return AmbientSizeOf(*manifold_); }
+  int TangentSize() const override { return TangentSizeOf(*manifold_); }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
     return manifold_->Plus(x, delta, x_plus_delta);
   }
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override {
-    return manifold_->PlusJacobian(x, jacobian);
+    return PlusJacobianOf(*manifold_, x, jacobian);
   }
 
  private:
-  const ceres::Manifold* manifold_;
+  const UserManifold* manifold_;
 };
 
 /// A ceres::LossFunction behind the core's interface.

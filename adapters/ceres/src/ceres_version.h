@@ -5,22 +5,110 @@
 #include <limits>
 #include <vector>
 
+#include <ceres/evaluation_callback.h>
 #include <ceres/problem.h>
+#include <ceres/solver.h>
 #include <ceres/version.h>
 
-// Everything that differs between Ceres versions is in this file. Ceres 2.1 calls manifolds' sizes "tangent", shows bounds, and
-// turns a LocalParameterization into a Manifold of its own, so no other file names a LocalParameterization.
-#if CERES_VERSION_MAJOR != 2 || CERES_VERSION_MINOR != 1
-#error "The Ceres adapter of inceres is written for Ceres 2.1; see adapters/ceres/src/ceres_version.h"
+#include "inceres/solver/options.h"
+
+// Everything that differs between releases of Ceres is in this file and in dropin/src/ceres_symbols.h. 2.0 has
+// LocalParameterizations only and 2.2 Manifolds only; 2.1 has both and shows a LocalParameterization as a Manifold of its own.
+#define INCERES_CERES_RELEASE (100 * CERES_VERSION_MAJOR + CERES_VERSION_MINOR)
+#if INCERES_CERES_RELEASE < 200 || INCERES_CERES_RELEASE > 202
+#error "The Ceres adapter of inceres is written for Ceres 2.0, 2.1 and 2.2; see adapters/ceres/src/ceres_version.h"
+#endif
+#define INCERES_CERES_HAS_MANIFOLDS (INCERES_CERES_RELEASE >= 201)
+#define INCERES_CERES_HAS_LOCAL_PARAMETERIZATIONS (INCERES_CERES_RELEASE <= 201)
+
+#if INCERES_CERES_HAS_MANIFOLDS
+#include <ceres/manifold.h>
+#else
+#include <ceres/local_parameterization.h>
 #endif
 
 namespace inceres::internal {
 
-/// The manifold of a block, whichever of the two ways the user set it; null if Euclidean. Only Plus, PlusJacobian and the sizes
-/// may be called: Minus of an adapted LocalParameterization aborts in Ceres 2.1.
-inline const ceres::Manifold* ManifoldOf(const ceres::Problem& problem, const double* values) {
+#if INCERES_CERES_HAS_MANIFOLDS
+
+/// What the user makes of a block's tangent space. Only the functions below may be asked of it: Minus of a LocalParameterization
+/// aborts in Ceres 2.1.
+using UserManifold = ceres::Manifold;
+
+/// Of a block, whichever way the user set it; null if Euclidean.
+inline const UserManifold* ManifoldOf(const ceres::Problem& problem, const double* values) {
   return problem.GetManifold(values);
 }
+inline int AmbientSizeOf(const UserManifold& manifold) {
+  return manifold.AmbientSize();
+}
+inline int TangentSizeOf(const UserManifold& manifold) {
+  return manifold.TangentSize();
+}
+inline bool PlusJacobianOf(const UserManifold& manifold, const double* x, double* jacobian) {
+  return manifold.PlusJacobian(x, jacobian);
+}
+
+#else
+
+using UserManifold = ceres::LocalParameterization;
+
+inline const UserManifold* ManifoldOf(const ceres::Problem& problem, const double* values) {
+  return problem.GetParameterization(values);
+}
+inline int AmbientSizeOf(const UserManifold& manifold) {
+  return manifold.GlobalSize();
+}
+inline int TangentSizeOf(const UserManifold& manifold) {
+  return manifold.LocalSize();
+}
+inline bool PlusJacobianOf(const UserManifold& manifold, const double* x, double* jacobian) {
+  return manifold.ComputeJacobian(x, jacobian);
+}
+
+#endif
+
+/// The evaluation callback that the problem was made with. Ceres shows it from 2.2 on; before, it is what the caller tells.
+inline ceres::EvaluationCallback* EvaluationCallbackOf([[maybe_unused]] const ceres::Problem& problem,
+                                                       [[maybe_unused]] ceres::EvaluationCallback* told) {
+#if INCERES_CERES_RELEASE >= 202
+  return problem.options().evaluation_callback;
+#else
+  return told;
+#endif
+}
+
+/// Whose trace exact mode follows.
+constexpr CeresRules kCeresRules = INCERES_CERES_RELEASE >= 202 ? CeresRules::k22 : CeresRules::k21;
+
+/// check(name, member) for each option that only some releases have. Only Ceres's own linear algebra reads them.
+template <typename Check>
+void ForEachOptionOfThisRelease(const Check& check) {
+  using Options = ceres::Solver::Options;
+#if INCERES_CERES_RELEASE >= 202
+  check("linear_solver_ordering_type", &Options::linear_solver_ordering_type);
+  check("max_num_spse_iterations", &Options::max_num_spse_iterations);
+  check("use_spse_initialization", &Options::use_spse_initialization);
+  check("spse_tolerance", &Options::spse_tolerance);
+#else
+  check("use_postordering", &Options::use_postordering);
+#endif
+}
+
+/// Copies to the summary what Ceres copies of the options that only some releases have.
+inline void WriteOptionsOfThisRelease([[maybe_unused]] const ceres::Solver::Options& options,
+                                      [[maybe_unused]] ceres::Solver::Summary* summary) {
+#if INCERES_CERES_RELEASE >= 202
+  summary->linear_solver_ordering_type = options.linear_solver_ordering_type;
+#endif
+}
+
+/// Whether this Ceres was built with its Schur eliminators for fixed block sizes, as it is by default.
+#ifdef CERES_RESTRICT_SCHUR_SPECIALIZATION
+constexpr bool kCeresHasSchurSpecialisations = false;
+#else
+constexpr bool kCeresHasSchurSpecialisations = true;
+#endif
 
 /// Bounds of a block as Ceres sees them.
 enum class BoundsKind {

@@ -7,6 +7,7 @@
 #include <glog/logging.h>
 
 #include "adapters/ceres/src/ab_log.h"
+#include "adapters/ceres/src/ceres_version.h"
 #include "adapters/ceres/src/compare_solves.h"
 #include "adapters/ceres/src/disagreement.h"
 #include "adapters/ceres/src/gate.h"
@@ -123,7 +124,7 @@ std::string ComparisonObstacle(const Call& call, SolveMode mode) {
   if (call.options.use_mixed_precision_solves && call.options.sparse_linear_algebra_library_type == ceres::SUITE_SPARSE) {
     return "stock Ceres aborts the process on use_mixed_precision_solves with SUITE_SPARSE";
   }
-  ceres::EvaluationCallback* const callback = call.report->evaluation_callback;
+  ceres::EvaluationCallback* const callback = EvaluationCallbackOf(*call.problem, call.report->evaluation_callback);
   ProblemView view;
   OrderingView ordering;
   const std::string obstacle =

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kImpossibleValue = 1e302;
 
-// cost = ½ρ(‖f‖²); false if the residual block cannot be evaluated. As in Ceres 2.1 the loss's own output is not checked.
+// cost = ½ρ(‖f‖²); false if the residual block cannot be evaluated. As in Ceres the loss's own output is not checked.
 bool EvaluateCost(const ProblemView& view, const ResidualBlockView& residual, std::vector<const double*>* parameters,
                   std::vector<double>* values, double* cost) {
   parameters->clear();

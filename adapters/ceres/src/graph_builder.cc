@@ -150,7 +150,7 @@ class Builder {
   VariableId first_landmark_ = 0;
   std::vector<int> landmark_slot_;  // per residual block
   std::vector<int> order_;          // residual blocks by landmark
-  AdapterCache<Manifold, CeresManifold, ceres::Manifold> manifolds_;
+  AdapterCache<Manifold, CeresManifold, UserManifold> manifolds_;
   AdapterCache<Loss, CeresLoss, ceres::LossFunction> losses_;
   std::vector<StateBlock> state_blocks_;
 };

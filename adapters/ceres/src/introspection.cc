@@ -4,7 +4,6 @@
 #include <cstdio>
 
 #include <ceres/cost_function.h>
-#include <ceres/manifold.h>
 
 namespace inceres::internal {
 namespace {
@@ -32,7 +31,7 @@ ParameterBlockView ReadParameterBlock(const ceres::Problem& problem, double* val
   block.values = values;
   block.ambient_size = problem.ParameterBlockSize(values);
   block.manifold = ManifoldOf(problem, values);
-  block.tangent_size = block.manifold != nullptr ? block.manifold->TangentSize() : block.ambient_size;
+  block.tangent_size = block.manifold != nullptr ? TangentSizeOf(*block.manifold) : block.ambient_size;
   block.constant = block.tangent_size == 0 || problem.IsParameterBlockConstant(values);
   block.first_bound = bounds->size();
   block.bounds = ReadBounds(problem, values, block.ambient_size, block.constant, bounds);

@@ -14,7 +14,7 @@ namespace inceres::internal {
 /// A parameter block as seen through the problem's public getters.
 struct ParameterBlockView {
   double* values = nullptr;
-  const ceres::Manifold* manifold = nullptr;
+  const UserManifold* manifold = nullptr;
   int ambient_size = 0;
   int tangent_size = 0;
   int degree = 0;         ///< residual blocks that touch it and at least one variable block

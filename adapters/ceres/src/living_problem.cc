@@ -16,9 +16,9 @@ bool SameBits(const double* a, const double* b, int size) {
 }
 
 // ∂(x ⊞ δ)/∂δ; empty if there is none.
-void ReadPlusJacobian(const ceres::Manifold& manifold, const double* x, std::vector<double>* jacobian) {
-  jacobian->assign(At(manifold.AmbientSize()) * At(manifold.TangentSize()), 0.0);
-  if (!manifold.PlusJacobian(x, jacobian->data())) {
+void ReadPlusJacobian(const UserManifold& manifold, const double* x, std::vector<double>* jacobian) {
+  jacobian->assign(At(AmbientSizeOf(manifold)) * At(TangentSizeOf(manifold)), 0.0);
+  if (!PlusJacobianOf(manifold, x, jacobian->data())) {
     jacobian->clear();
   }
 }

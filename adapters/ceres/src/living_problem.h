@@ -66,7 +66,7 @@ class LivingProblem {
   struct Variable {
     VariableId id = -1;
     double* user = nullptr;
-    const ceres::Manifold* manifold = nullptr;
+    const UserManifold* manifold = nullptr;
     int ambient_size = 0;
     int tangent_size = 0;
     Role role = Role::kFrame;
@@ -141,7 +141,7 @@ class LivingProblem {
   std::vector<int> family_of_;        // per residual block: into families_; -1 if fixed
   std::vector<int> family_at_;        // per place of the shapes, as ChooseFamilies numbers them
   std::vector<NewFactor> new_factors_;
-  AdapterCache<Manifold, CeresManifold, ceres::Manifold> manifolds_;
+  AdapterCache<Manifold, CeresManifold, UserManifold> manifolds_;
   std::vector<ceres::ResidualBlockId> old_blocks_;
   PointerIndex old_index_;
   bool old_index_built_ = false;

@@ -7,6 +7,7 @@
 
 #include <glog/logging.h>
 
+#include "adapters/ceres/src/ceres_version.h"
 #include "adapters/ceres/src/ordering.h"
 
 namespace inceres::internal {
@@ -70,12 +71,12 @@ void CheckLinearSolver(Differences* differences) {
   differences->Check("dense_linear_algebra_library_type", &Options::dense_linear_algebra_library_type);
   differences->Check("sparse_linear_algebra_library_type", &Options::sparse_linear_algebra_library_type);
   differences->Check("use_explicit_schur_complement", &Options::use_explicit_schur_complement);
-  differences->Check("use_postordering", &Options::use_postordering);
   differences->Check("dynamic_sparsity", &Options::dynamic_sparsity);
   differences->Check("use_mixed_precision_solves", &Options::use_mixed_precision_solves);
   differences->Check("max_num_refinement_iterations", &Options::max_num_refinement_iterations);
   differences->Check("min_linear_solver_iterations", &Options::min_linear_solver_iterations);
   differences->Check("max_linear_solver_iterations", &Options::max_linear_solver_iterations);
+  ForEachOptionOfThisRelease([&](const char* name, auto member) { differences->Check(name, member); });
 }
 
 // Features that are off: with any of them on, the problem would have gone to stock Ceres.
@@ -160,6 +161,7 @@ int NumThreads(const ceres::Solver::Options& options) {
 
 SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSolverType type) {
   SolverOptions core;
+  core.rules = kCeresRules;
   core.strategy = StrategyOf(options);
   core.linear_model = type == ceres::DENSE_QR ? LinearModelKind::kDenseQr : LinearModelKind::kAutomatic;
   core.max_num_iterations = options.max_num_iterations;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "adapters/ceres/src/ceres_version.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -26,8 +28,11 @@ std::string ToText(const Sizes& sizes) {
   return text;
 }
 
-// The template specialisations Ceres 2.1 was built with.
+// Of the template specialisations Ceres has, from 2.0 to 2.2, if it was built with any.
 Sizes BestSpecialisation(const Sizes& sizes) {
+  if (!kCeresHasSchurSpecialisations) {
+    return {kDynamic, kDynamic, kDynamic};
+  }
   constexpr std::array<Sizes, 14> kExact = {{{2, 2, 2},
                                              {2, 2, 3},
                                              {2, 2, 4},

@@ -5,6 +5,7 @@
 
 #include <glog/logging.h>
 
+#include "adapters/ceres/src/ceres_version.h"
 #include "adapters/ceres/src/cross_check.h"
 #include "adapters/ceres/src/decline.h"
 #include "adapters/ceres/src/gate.h"
@@ -44,7 +45,8 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
   const internal::WallClock clock;
   internal::OrderingView ordering;
   has_view = has_view && report != nullptr && report->problem_unedited;
-  ceres::EvaluationCallback* const callback = report != nullptr ? report->evaluation_callback : nullptr;
+  ceres::EvaluationCallback* const callback =
+      internal::EvaluationCallbackOf(*problem, report != nullptr ? report->evaluation_callback : nullptr);
   std::string obstacle = internal::IncrementalOptionsObstacle(solver_options, callback);
   if (obstacle.empty()) {
     Look(*problem);

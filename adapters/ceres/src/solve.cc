@@ -4,6 +4,7 @@
 
 #include <glog/logging.h>
 
+#include "adapters/ceres/src/ceres_version.h"
 #include "adapters/ceres/src/cross_check.h"
 #include "adapters/ceres/src/decline.h"
 #include "adapters/ceres/src/exact_solve.h"
@@ -28,7 +29,8 @@ void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, c
     return;
   }
   const bool incremental = mode == SolveMode::kIncremental;
-  ceres::EvaluationCallback* const callback = report != nullptr ? report->evaluation_callback : nullptr;
+  ceres::EvaluationCallback* const callback =
+      internal::EvaluationCallbackOf(*problem, report != nullptr ? report->evaluation_callback : nullptr);
   internal::ProblemView view;
   internal::OrderingView ordering;
   const std::string obstacle = internal::FindObstacle(options, *problem, incremental, callback, &view, &ordering);

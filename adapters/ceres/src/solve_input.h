@@ -25,7 +25,7 @@ struct SolveInput {
   const ProblemView& view;
   const OrderingView& ordering;
   const WallClock& clock;                                    ///< started with the solve
-  ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< of the problem, if the caller has told
+  ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< of the problem, if Ceres shows it or the caller told
 };
 
 }  // namespace inceres::internal

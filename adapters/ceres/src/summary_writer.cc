@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "adapters/ceres/src/ceres_version.h"
 #include "adapters/ceres/src/schur_structure.h"
 
 namespace inceres::internal {
@@ -43,6 +44,7 @@ void WriteOptions(const ceres::Solver::Options& options, ceres::Solver::Summary*
   summary->linear_solver_ordering_given = GroupSizes(options.linear_solver_ordering.get());
   summary->inner_iteration_ordering_given = GroupSizes(options.inner_iteration_ordering.get());
   summary->inner_iteration_ordering_used = summary->inner_iteration_ordering_given;
+  WriteOptionsOfThisRelease(options, summary);
 }
 
 }  // namespace

@@ -153,14 +153,30 @@ void AddParameterBlock(ceres::Problem* problem, double* values, int size) {
   Edit(Next().AddParameterBlock, problem, values, size);
 }
 
+#if INCERES_CERES_HAS_LOCAL_PARAMETERIZATIONS
+
 void AddParameterBlockWithParameterization(ceres::Problem* problem, double* values, int size,
                                            ceres::LocalParameterization* parameterization) {
   Edit(Next().AddParameterBlockWithParameterization, problem, values, size, parameterization);
 }
 
+void SetParameterization(ceres::Problem* problem, double* values, ceres::LocalParameterization* parameterization) {
+  Edit(Next().SetParameterization, problem, values, parameterization);
+}
+
+#endif
+
+#if INCERES_CERES_HAS_MANIFOLDS
+
 void AddParameterBlockWithManifold(ceres::Problem* problem, double* values, int size, ceres::Manifold* manifold) {
   Edit(Next().AddParameterBlockWithManifold, problem, values, size, manifold);
 }
+
+void SetManifold(ceres::Problem* problem, double* values, ceres::Manifold* manifold) {
+  Edit(Next().SetManifold, problem, values, manifold);
+}
+
+#endif
 
 void RemoveParameterBlock(ceres::Problem* problem, const double* values) {
   Edit(Next().RemoveParameterBlock, problem, values);
@@ -176,14 +192,6 @@ void SetParameterBlockConstant(ceres::Problem* problem, const double* values) {
 
 void SetParameterBlockVariable(ceres::Problem* problem, double* values) {
   Edit(Next().SetParameterBlockVariable, problem, values);
-}
-
-void SetParameterization(ceres::Problem* problem, double* values, ceres::LocalParameterization* parameterization) {
-  Edit(Next().SetParameterization, problem, values, parameterization);
-}
-
-void SetManifold(ceres::Problem* problem, double* values, ceres::Manifold* manifold) {
-  Edit(Next().SetManifold, problem, values, manifold);
 }
 
 void SetParameterLowerBound(ceres::Problem* problem, double* values, int index, double bound) {

@@ -12,7 +12,22 @@
 namespace inceres::internal {
 namespace {
 
-constexpr char kSoname[] = "libceres.so.3";  // Ceres 2.1's; 2.0 has libceres.so.2, 2.2 has libceres.so.4
+constexpr char kSoname[] = INCERES_CERES_SONAME;  // of the release that was compiled for
+
+// What it is called in messages.
+std::string Release() {
+  return "Ceres " + std::to_string(CERES_VERSION_MAJOR) + "." + std::to_string(CERES_VERSION_MINOR);
+}
+
+// What tells releases apart: functions that it must have, and must not have.
+struct Feature {
+  const char* symbol;
+  bool expected;
+};
+constexpr Feature kFeatures[] = {
+    {"_ZNK5ceres7Problem11GetManifoldEPKd", INCERES_CERES_HAS_MANIFOLDS},
+    {"_ZNK5ceres7Problem19GetParameterizationEPKd", INCERES_CERES_HAS_LOCAL_PARAMETERIZATIONS},
+};
 
 // What is known of the shared object that an address lies in.
 struct Library {
@@ -59,10 +74,10 @@ std::string Mismatch(const void* solve) {
   if (ceres.soname != kSoname) {
     return ceres.file + " (" + (ceres.soname.empty() ? "no SONAME" : "SONAME " + ceres.soname) + ")";
   }
-  // 2.1 alone has both ways to a manifold: 2.0 lacks the first of these, 2.2 the second.
-  for (const char* symbol : {"_ZNK5ceres7Problem11GetManifoldEPKd", "_ZNK5ceres7Problem19GetParameterizationEPKd"}) {
-    if (LibraryOf(dlsym(RTLD_NEXT, symbol)).base != ceres.base) {
-      return ceres.file + " (without " + symbol + ", so it is not Ceres 2.1)";
+  for (const Feature& feature : kFeatures) {
+    const bool found = LibraryOf(dlsym(RTLD_NEXT, feature.symbol)).base == ceres.base;
+    if (found != feature.expected) {
+      return ceres.file + (found ? " (with " : " (without ") + feature.symbol + ", so it is not " + Release() + ")";
     }
   }
   return "";
@@ -76,7 +91,7 @@ NextCeres FindNext() {
   const std::string found = Mismatch(reinterpret_cast<const void*>(next.SolverSolve));
   next.is_ours = found.empty();
   if (!next.is_ours) {
-    LOG(WARNING) << "inceres: the drop-in is for Ceres 2.1 (" << kSoname << ") and found " << found
+    LOG(WARNING) << "inceres: the drop-in is for " << Release() << " (" << kSoname << ") and found " << found
                  << "; it stands aside, and that Ceres solves everything.";
   }
   return next;

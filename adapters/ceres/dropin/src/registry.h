@@ -19,7 +19,7 @@ namespace inceres::internal {
 ///
 /// Threads: as Ceres's own Problem, one at a time; `busy` alone may be asked from several.
 struct KnownProblem {
-  ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< from Problem::Options, which Ceres 2.1 shows to nobody
+  ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< from Problem::Options, which Ceres up to 2.1 shows to nobody
 
   std::int64_t num_solves = 0;  ///< of this Problem, by whichever solver
 

@@ -45,10 +45,10 @@ struct INCERES_EXPORT SolveReport {
   /// solves too, as in a cross-check, and the two take turns in going first. docs/compare.md, tools/ab_report
   std::string ab_log;
 
-  /// in: the problem's own ceres::Problem::Options::evaluation_callback, not owned. Ceres 2.1 shows it to nobody, so a problem
-  /// that has one must say so here, or it is not called. In exact mode it is called as in Ceres: the point is copied to the
-  /// user's memory before each evaluation. In incremental mode, and from a CeresSession, such a problem goes to stock Ceres,
-  /// which knows the callback by itself.
+  /// in: the problem's own ceres::Problem::Options::evaluation_callback, not owned. Ceres up to 2.1 shows it to nobody, so a
+  /// problem that has one must say so here, or it is not called; from 2.2 on it is seen, and this is not looked at. In exact mode
+  /// it is called as in Ceres: the point is copied to the user's memory before each evaluation. In incremental mode, and from a
+  /// CeresSession, such a problem goes to stock Ceres, which knows the callback by itself.
   ceres::EvaluationCallback* evaluation_callback = nullptr;
 
   /// in, CeresSession only: since its last solve, which was of this problem, nothing was added, removed, or made constant or
