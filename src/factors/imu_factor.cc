@@ -5,6 +5,7 @@
 #include "factors/imu_correction.h"
 #include "factors/imu_layout.h"
 #include "factors/pose_slot.h"
+#include "factors/whiten.h"
 
 namespace inceres {
 
@@ -191,10 +192,8 @@ class Derivatives {
 // Writes U E. Returns the sum of its entries, which is finite only if all are.
 template <typename E>
 double Whiten(const Matrix<15, 15>& U, const E& jacobian, const JacobianView& view, int i) {
-  const E whitened = U.triangularView<Eigen::Upper>() * jacobian;
-  Eigen::Map<E, 0, Eigen::OuterStride<>>(view.data + i * view.factor_stride, 15, E::ColsAtCompileTime,
-                                         Eigen::OuterStride<>(view.row_stride)) = whitened;
-  return whitened.sum();
+  return internal::MultiplyUpper<15, E::ColsAtCompileTime>(U.data(), jacobian.data(), view.data + i * view.factor_stride,
+                                                           view.row_stride);
 }
 
 double WriteJacobians(const FactorBatch& batch, int i, const Derivatives& derivatives, const Matrix<15, 15>& U, bool left) {
@@ -257,9 +256,8 @@ EvaluationFailure ImuFactorFamily::Evaluate(const FactorBatch& batch) const {
     Comparison comparison;
     const bool jacobians = batch.jacobians != nullptr;
     Compare(factor.imu, factor.layout, batch.parameters + 4 * static_cast<std::ptrdiff_t>(i), jacobians, &comparison);
-    Eigen::Map<Matrix<15, 1>> residual(batch.residuals + 15 * static_cast<std::ptrdiff_t>(i));
-    residual = factor.U.triangularView<Eigen::Upper>() * comparison.e;
-    if (!std::isfinite(residual.sum())) {
+    double* residual = batch.residuals + 15 * static_cast<std::ptrdiff_t>(i);
+    if (!std::isfinite(internal::MultiplyUpper<15, 1>(factor.U.data(), comparison.e.data(), residual, 1))) {
       return {i, "a residual is not finite"};
     }
     if (jacobians) {
