@@ -371,6 +371,10 @@ TEST(CrossCheck, ATwistedToleranceIsNamedAndTheSolveGoesOn) {
 }
 
 TEST(CrossCheck, WhatStockWouldAbortOnIsNotCompared) {
+  if (CERES_VERSION_MINOR >= 2) {
+    GTEST_SKIP()
+        << "from Ceres 2.2 on use_mixed_precision_solves with SUITE_SPARSE is an invalid option, and goes to stock as such";
+  }
   const auto test = MakePowell();
   Options options = Quiet(ceres::SPARSE_NORMAL_CHOLESKY);
   options.use_mixed_precision_solves = true;

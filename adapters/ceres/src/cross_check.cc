@@ -121,7 +121,8 @@ std::string ComparisonObstacle(const Call& call, SolveMode mode) {
   if (mode == SolveMode::kStock) {
     return "SolveMode::kStock was asked for";
   }
-  if (call.options.use_mixed_precision_solves && call.options.sparse_linear_algebra_library_type == ceres::SUITE_SPARSE) {
+  if (INCERES_CERES_RELEASE < 202 && call.options.use_mixed_precision_solves &&
+      call.options.sparse_linear_algebra_library_type == ceres::SUITE_SPARSE) {
     return "stock Ceres aborts the process on use_mixed_precision_solves with SUITE_SPARSE";
   }
   ceres::EvaluationCallback* const callback = EvaluationCallbackOf(*call.problem, call.report->evaluation_callback);
