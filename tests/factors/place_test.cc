@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "inceres/factors/bal_reprojection.h"
+#include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/imu_factor.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
@@ -70,6 +71,14 @@ TEST(Place, InverseDepthReprojection) {
   b.observed_point[0] = 0.3;
   b.sqrt_information[0] = 2.0;
   ExpectPlaces(&added, &placed, {}, b, {kPoseA, kPoseB, {0.5}});
+}
+
+TEST(Place, BodyReprojection) {
+  BodyReprojectionFamily added;
+  BodyReprojectionFamily placed;
+  BodyReprojectionFamily::Measurement b;
+  b.point_j[0] = 0.3;
+  ExpectPlaces(&added, &placed, {}, b, {kPoseA, kPoseB, kPoseA, {0.5}});
 }
 
 TEST(Place, RelativePose) {
