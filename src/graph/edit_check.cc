@@ -61,6 +61,7 @@ Status EditCheck::Run() {
   then(&EditCheck::CheckFreedVariables);
   then(&EditCheck::CheckFactorSettings);
   then(&EditCheck::CheckNewValues);
+  then(&EditCheck::CheckPins);
   if (status.ok()) {
     ReserveVariables();
     ReserveFactors();
@@ -171,6 +172,18 @@ Status EditCheck::CheckNewValues() const {
     }
   }
   return Status::Ok();
+}
+
+Status EditCheck::CheckPins() const {
+  Status status;
+  for (std::size_t i = 0; status.ok() && i < edit_.pins().size(); ++i) {
+    const auto& [id, offset] = edit_.pins()[i];
+    status = CheckVariableId("PinLinearisation", id, /*may_come=*/true);
+    if (status.ok() && offset != GraphEdit::kNoValues) {
+      status = CheckFinite("PinLinearisation", id, edit_.values().data() + offset, See(id).record->ambient_size);
+    }
+  }
+  return status;
 }
 
 }  // namespace internal

@@ -35,6 +35,7 @@ class EditCheck {
   Status CheckFreedFactors(VariableId id) const;
   Status CheckFactorSettings() const;
   Status CheckNewValues() const;
+  Status CheckPins() const;
   void ReserveVariables() const;
   void ReserveFactors() const;
 

@@ -107,6 +107,7 @@ class EditCommit {
     variable.constant = true;
     variable.removed = true;
     graph_.bounds_.erase(id);
+    graph_.pins_.erase(id);
     ++graph_.num_removed_variables_;
   }
 
@@ -160,6 +161,9 @@ class EditCommit {
     }
     for (const auto& [id, offset] : edit_.new_values()) {
       graph_.SetValues(id, edit_.values().data() + offset);
+    }
+    for (const auto& [id, offset] : edit_.pins()) {
+      graph_.PinLinearisation(id, offset == GraphEdit::kNoValues ? nullptr : edit_.values().data() + offset);
     }
   }
 

@@ -109,6 +109,15 @@ void FactorGraph::SetBounds(VariableId id, const double* lower, const double* up
   }
 }
 
+void FactorGraph::PinLinearisation(VariableId id, const double* values) {
+  assert(id >= 0 && id < num_variables() && "FactorGraph::PinLinearisation: no such variable");
+  if (values == nullptr) {
+    pins_.erase(id);
+  } else {
+    pins_[id].assign(values, values + AmbientSize(id));
+  }
+}
+
 void FactorGraph::SetValues(VariableId id, const double* values) {
   const VariableRecord& variable = variables_[Index(id)];
   if (variable.offset >= 0) {

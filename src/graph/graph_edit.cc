@@ -26,6 +26,7 @@ void GraphEdit::Restart() {
   measurements_.clear();
   constants_.clear();
   new_values_.clear();
+  pins_.clear();
 }
 
 VariableId GraphEdit::NextVariable(int ambient_size, bool borrowed) {
@@ -90,19 +91,27 @@ int GraphEdit::AmbientSize(VariableId id) const {
   return found == new_variables_.rend() ? -1 : found->ambient_size;
 }
 
-void GraphEdit::SetValues(VariableId id, const double* values) {
+std::size_t GraphEdit::Store(VariableId id, const double* values) {
   const int size = AmbientSize(id);
   if (values == nullptr || size < 0) {
-    new_values_.emplace_back(id, kNoValues);
-    return;
+    return kNoValues;
   }
-  new_values_.emplace_back(id, values_.size());
+  const std::size_t offset = values_.size();
   values_.insert(values_.end(), values, values + size);
+  return offset;
+}
+
+void GraphEdit::SetValues(VariableId id, const double* values) {
+  new_values_.emplace_back(id, Store(id, values));
+}
+
+void GraphEdit::PinLinearisation(VariableId id, const double* values) {
+  pins_.emplace_back(id, Store(id, values));
 }
 
 bool GraphEdit::empty() const {
   return new_variables_.empty() && new_factors_.empty() && removed_variables_.empty() && removed_factors_.empty() &&
-         losses_.empty() && measurements_.empty() && constants_.empty() && new_values_.empty();
+         losses_.empty() && measurements_.empty() && constants_.empty() && new_values_.empty() && pins_.empty();
 }
 
 }  // namespace inceres

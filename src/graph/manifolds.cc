@@ -25,6 +25,13 @@ bool EuclideanManifold::PlusJacobian(const double* /*x*/, double* jacobian) cons
   return true;
 }
 
+bool EuclideanManifold::Minus(const double* y, const double* x, double* delta) const {
+  for (int k = 0; k < size_; ++k) {
+    delta[k] = y[k] - x[k];
+  }
+  return true;
+}
+
 SubsetManifold::SubsetManifold(int size, const std::vector<int>& constant_indices) : size_(size) {
   std::vector<char> constant(static_cast<std::size_t>(std::max(size, 0)), 0);
   for (const int index : constant_indices) {
@@ -58,6 +65,13 @@ bool SubsetManifold::PlusJacobian(const double* /*x*/, double* jacobian) const {
   return valid_;
 }
 
+bool SubsetManifold::Minus(const double* y, const double* x, double* delta) const {
+  for (const int k : free_) {
+    *delta++ = y[k] - x[k];
+  }
+  return valid_;
+}
+
 ProductManifold::ProductManifold(std::vector<std::shared_ptr<const Manifold>> components) : components_(std::move(components)) {
   for (const std::shared_ptr<const Manifold>& component : components_) {
     if (component != nullptr) {
@@ -81,6 +95,18 @@ bool ProductManifold::Plus(const double* x, const double* delta, double* x_plus_
     x += component->AmbientSize();
     delta += component->TangentSize();
     x_plus_delta += component->AmbientSize();
+  }
+  return true;
+}
+
+bool ProductManifold::Minus(const double* y, const double* x, double* delta) const {
+  for (const std::shared_ptr<const Manifold>& component : components_) {
+    if (component == nullptr || (component->TangentSize() > 0 && !component->Minus(y, x, delta))) {
+      return false;
+    }
+    y += component->AmbientSize();
+    x += component->AmbientSize();
+    delta += component->TangentSize();
   }
   return true;
 }
@@ -163,6 +189,32 @@ bool SphereManifold::PlusJacobian(const double* x, double* jacobian) const {
     }
   }
   return basis.norm > 0.0;
+}
+
+// With s = Bᵀ y / ‖y‖ and c = u · y / ‖y‖ the angle between x and y is atan2(‖s‖, c), along s.
+bool SphereManifold::Minus(const double* y, const double* x, double* delta) const {
+  const int n = size_;
+  const Complement basis(x, n);
+  double y_norm = 0.0;
+  double cosine = 0.0;
+  double v_dot_y = 0.0;
+  for (int i = 0; i < n; ++i) {
+    const double u = x[i] / basis.norm;
+    y_norm = std::hypot(y_norm, y[i]);
+    cosine += u * y[i];
+    v_dot_y += (u + (i == n - 1 ? basis.sign : 0.0)) * y[i];
+  }
+  double sine = 0.0;
+  for (int j = 0; j < n - 1; ++j) {
+    delta[j] = y[j] - x[j] / basis.norm * basis.scale * v_dot_y;
+    sine = std::hypot(sine, delta[j]);
+  }
+  const bool defined = basis.norm > 0.0 && y_norm > 0.0 && (sine > 0.0 || cosine > 0.0);
+  const double stretch = sine > 0.0 ? std::atan2(sine, cosine) / sine : 1.0 / y_norm;
+  for (int j = 0; j < n - 1; ++j) {
+    delta[j] *= stretch;
+  }
+  return defined;
 }
 
 }  // namespace inceres

@@ -42,6 +42,19 @@ void PlusJacobianOnTheLeft(const double* q, double* jacobian) {
   std::copy_n(rows[3], 3, jacobian + 3 * Order::w);
 }
 
+// ½ Log(p ⊗ q⁻¹): the inverse of PlusOnTheLeft.
+template <typename Order>
+void MinusOnTheLeft(const double* p, const double* q, double* delta) {
+  const double to[4] = {p[Order::x], p[Order::y], p[Order::z], p[Order::w]};
+  const double from_inverse[4] = {-q[Order::x], -q[Order::y], -q[Order::z], q[Order::w]};
+  double step[4];
+  MultiplyQuaternions(to, from_inverse, step);
+  LogQuaternion(step, delta);
+  for (int k = 0; k < 3; ++k) {
+    delta[k] *= 0.5;
+  }
+}
+
 // q ⊗ Exp(φ), x, y, z, w.
 void PlusOnTheRight(const double* q, const double* phi, double* q_plus_phi) {
   double step[4];
@@ -49,6 +62,14 @@ void PlusOnTheRight(const double* q, const double* phi, double* q_plus_phi) {
   ExpQuaternion(phi, step);
   MultiplyQuaternions(q, step, to);
   std::copy_n(to, 4, q_plus_phi);
+}
+
+// Log(q⁻¹ ⊗ p), x, y, z, w.
+void MinusOnTheRight(const double* p, const double* q, double* phi) {
+  const double q_inverse[4] = {-q[0], -q[1], -q[2], q[3]};
+  double step[4];
+  MultiplyQuaternions(q_inverse, p, step);
+  LogQuaternion(step, phi);
 }
 
 // q ⊗ (φ/2, 0), column by column; rows of the result are row_stride apart.
@@ -72,6 +93,11 @@ bool QuaternionManifold::PlusJacobian(const double* x, double* jacobian) const {
   return true;
 }
 
+bool QuaternionManifold::Minus(const double* y, const double* x, double* delta) const {
+  MinusOnTheLeft<ScalarFirst>(y, x, delta);
+  return true;
+}
+
 bool EigenQuaternionManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
   PlusOnTheLeft<EigenOrder>(x, delta, x_plus_delta);
   return true;
@@ -82,6 +108,11 @@ bool EigenQuaternionManifold::PlusJacobian(const double* x, double* jacobian) co
   return true;
 }
 
+bool EigenQuaternionManifold::Minus(const double* y, const double* x, double* delta) const {
+  MinusOnTheLeft<EigenOrder>(y, x, delta);
+  return true;
+}
+
 bool RotationQuaternionManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
   PlusOnTheRight(x, delta, x_plus_delta);
   return true;
@@ -89,6 +120,11 @@ bool RotationQuaternionManifold::Plus(const double* x, const double* delta, doub
 
 bool RotationQuaternionManifold::PlusJacobian(const double* x, double* jacobian) const {
   PlusJacobianOnTheRight(x, jacobian, 3);
+  return true;
+}
+
+bool RotationQuaternionManifold::Minus(const double* y, const double* x, double* delta) const {
+  MinusOnTheRight(y, x, delta);
   return true;
 }
 
@@ -106,6 +142,14 @@ bool PoseManifold::PlusJacobian(const double* x, double* jacobian) const {
     jacobian[7 * k] = 1.0;
   }
   PlusJacobianOnTheRight(x + 3, jacobian + 3 * 6 + 3, 6);
+  return true;
+}
+
+bool PoseManifold::Minus(const double* y, const double* x, double* delta) const {
+  for (int k = 0; k < 3; ++k) {
+    delta[k] = y[k] - x[k];
+  }
+  MinusOnTheRight(y + 3, x + 3, delta + 3);
   return true;
 }
 
@@ -127,6 +171,17 @@ bool LeftPoseManifold::PlusJacobian(const double* x, double* jacobian) const {
   }
   for (int k = 0; k < 12; ++k) {
     jacobian[(3 + k / 3) * 6 + 3 + k % 3] = 0.5 * of_q[k];
+  }
+  return true;
+}
+
+bool LeftPoseManifold::Minus(const double* y, const double* x, double* delta) const {
+  for (int k = 0; k < 3; ++k) {
+    delta[k] = y[k] - x[k];
+  }
+  MinusOnTheLeft<EigenOrder>(y + 3, x + 3, delta + 3);
+  for (int k = 3; k < 6; ++k) {
+    delta[k] *= 2.0;
   }
   return true;
 }
@@ -160,6 +215,21 @@ bool SE3Manifold::PlusJacobian(const double* x, double* jacobian) const {
   return true;
 }
 
+bool SE3Manifold::Minus(const double* y, const double* x, double* delta) const {
+  double* phi = delta + 3;
+  MinusOnTheRight(y + 3, x + 3, phi);
+  double J_l_inv[9];
+  double R_inv[9];
+  RotationPolynomial(phi, -0.5, InverseLeftJacobianCoefficient(phi), J_l_inv);
+  const double q_inverse[4] = {-x[3], -x[4], -x[5], x[6]};
+  QuaternionToMatrix(q_inverse, R_inv);
+  const double moved[3] = {y[0] - x[0], y[1] - x[1], y[2] - x[2]};
+  double turned_back[3];
+  MultiplyMatrixVector(R_inv, moved, turned_back);
+  MultiplyMatrixVector(J_l_inv, turned_back, delta);
+  return true;
+}
+
 bool SE2Manifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
   const double omega = delta[2];
   // sin ω / ω and (1 − cos ω)/ω = sin(ω/2) · sinc(ω/2), both without cancellation.
@@ -181,6 +251,20 @@ bool SE2Manifold::PlusJacobian(const double* x, double* jacobian) const {
   const double rows[9] = {c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0};
   std::copy_n(rows, 9, jacobian);
   return true;
+}
+
+bool SE2Manifold::Minus(const double* y, const double* x, double* delta) const {
+  const double omega = y[2] - x[2];
+  const double a = Sinc(omega * omega, omega);
+  const double b = std::sin(0.5 * omega) * Sinc(0.25 * omega * omega, 0.5 * omega);
+  const double determinant = a * a + b * b;  // of V(ω): zero after a full turn
+  const double c = std::cos(x[2]);
+  const double s = std::sin(x[2]);
+  const double turned_back[2] = {c * (y[0] - x[0]) + s * (y[1] - x[1]), c * (y[1] - x[1]) - s * (y[0] - x[0])};
+  delta[0] = (a * turned_back[0] + b * turned_back[1]) / determinant;
+  delta[1] = (a * turned_back[1] - b * turned_back[0]) / determinant;
+  delta[2] = omega;
+  return determinant > 0.0;
 }
 
 }  // namespace inceres

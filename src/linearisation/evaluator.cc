@@ -41,13 +41,26 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
   families_.resize(graph.num_families());
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     BuildFamily(id);
-    const int num_factors = families_[id].num_factors;
-    for (int begin = 0; begin < num_factors; begin += kChunkSize) {
-      chunks_.push_back({id, begin, std::min(begin + kChunkSize, num_factors)});
-    }
+    BuildChunks(id);
   }
   chunk_costs_.resize(chunks_.size());
   chunk_failures_.resize(chunks_.size());
+}
+
+// Chunks end at free places, which nobody evaluates: their residuals and Jacobians stay zero.
+void Evaluator::BuildChunks(FamilyId id) {
+  const int num_factors = families_[id].num_factors;
+  const bool gaps = graph_.NumFreePlaces(id) > 0;
+  for (int begin = 0; begin < num_factors;) {
+    int end = std::min(begin + kChunkSize, num_factors);
+    for (int i = begin; gaps && i < end; ++i) {
+      end = graph_.HasFactor(id, i) ? end : i;
+    }
+    if (end > begin) {
+      chunks_.push_back({id, begin, end});
+    }
+    begin = std::max(end, begin + 1);
+  }
 }
 
 void Evaluator::BuildFamily(FamilyId id) {
@@ -83,12 +96,22 @@ void Evaluator::BuildFamily(FamilyId id) {
   cache.tangent_offsets.resize(num_entries);
   const VariableId* ids = num_entries > 0 ? graph_.Variables(id, 0) : nullptr;
   for (std::size_t k = 0; k < num_entries; ++k) {
+    if (ids[k] < 0) {
+      cache.tangent_offsets[k] = -1;  // a free place
+      continue;
+    }
     cache.parameters[k] = graph_.ValuesIn(current_.data(), ids[k]);
     cache.candidate_parameters[k] = graph_.ValuesIn(candidate_.data(), ids[k]);
     cache.tangent_maps[k] = &maps_[ids[k]];
     const int position = layout_.position[ids[k]];
     cache.tangent_offsets[k] = position < 0 ? -1 : layout_.quad_offset[position];
+    const double* pinned = graph_.HasPins() && position >= 0 ? graph_.PinnedValues(ids[k]) : nullptr;
+    if (pinned != nullptr) {
+      cache.pins.resize(num_entries, nullptr);
+      cache.pins[k] = pinned;
+    }
   }
+  cache.jacobian_parameters.resize(cache.pins.size());
 }
 
 void Evaluator::BuildMaps() {
@@ -131,7 +154,8 @@ Status Evaluator::ComputePlusJacobians(const std::vector<double>& state, std::ve
     double* out = values->data() + plus_jacobian_offset_[k];
     const int count = graph_.AmbientSize(id) * graph_.TangentSize(id);
     std::fill(out, out + count, kImpossible);
-    if (!graph_.manifold(id)->PlusJacobian(graph_.ValuesIn(state.data(), id), out)) {
+    const double* pinned = graph_.HasPins() ? graph_.PinnedValues(id) : nullptr;
+    if (!graph_.manifold(id)->PlusJacobian(pinned != nullptr ? pinned : graph_.ValuesIn(state.data(), id), out)) {
       return Status::Error(StatusCode::kEvaluationFailed,
                            "PlusJacobian of the manifold of variable " + std::to_string(id) + " returned false");
     }
@@ -174,6 +198,31 @@ bool Evaluator::MoveCandidate(const double* delta) {
   return true;
 }
 
+// Jacobians at the pinned values, then residuals where the variables are.
+EvaluationFailure Evaluator::EvaluatePinned(const Chunk& chunk, FactorBatch batch) {
+  FamilyCache& cache = families_[chunk.family];
+  const int num_slots = cache.family->num_slots();
+  const auto first = static_cast<std::ptrdiff_t>(chunk.begin) * num_slots;
+  const auto last = static_cast<std::ptrdiff_t>(chunk.end) * num_slots;
+  for (std::ptrdiff_t k = first; k < last; ++k) {
+    cache.jacobian_parameters[k] = cache.pins[k] != nullptr ? cache.pins[k] : cache.parameters[k];
+  }
+  batch.parameters = cache.jacobian_parameters.data();
+  EvaluationFailure failure = cache.family->Evaluate(batch);
+  batch.parameters = cache.parameters.data();
+  batch.tangent_maps = nullptr;
+  batch.jacobians = nullptr;
+  for (int i = chunk.begin; i < chunk.end && !failure.failed(); ++i) {
+    const auto pins = cache.pins.begin() + static_cast<std::ptrdiff_t>(i) * num_slots;
+    if (std::any_of(pins, pins + num_slots, [](const double* pin) { return pin != nullptr; })) {
+      batch.begin = i;
+      batch.end = i + 1;
+      failure = cache.family->Evaluate(batch);
+    }
+  }
+  return failure;
+}
+
 double Evaluator::EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFailure* failure) {
   FamilyCache& cache = families_[chunk.family];
   FactorBatch batch;
@@ -185,7 +234,7 @@ double Evaluator::EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFa
     batch.tangent_maps = cache.tangent_maps.data();
     batch.jacobians = cache.views.data();
   }
-  *failure = cache.family->Evaluate(batch);
+  *failure = jacobians && !cache.pins.empty() ? EvaluatePinned(chunk, batch) : cache.family->Evaluate(batch);
   if (failure->failed()) {
     return 0.0;
   }
@@ -240,7 +289,8 @@ int Evaluator::Recentre() {
   for (const FamilyCache& cache : families_) {
     const std::ptrdiff_t num_slots = cache.family->num_slots();
     for (int i = 0; cache.family->Recentres() && i < cache.num_factors; ++i) {
-      num_changed += cache.family->Recentre(i, cache.parameters.data() + i * num_slots) ? 1 : 0;
+      const bool there = graph_.NumFreePlaces(cache.id) == 0 || graph_.HasFactor(cache.id, i);
+      num_changed += there && cache.family->Recentre(i, cache.parameters.data() + i * num_slots) ? 1 : 0;
     }
   }
   return num_changed;

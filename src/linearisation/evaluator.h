@@ -24,8 +24,10 @@ struct FamilyCache {
   std::vector<JacobianView> views;        // the same places, as the public interface calls them
   std::vector<const double*> parameters;  // per factor and slot, at the current point
   std::vector<const double*> candidate_parameters;
-  std::vector<const TangentMap*> tangent_maps;  // per factor and slot
-  std::vector<std::int32_t> tangent_offsets;    // per factor and slot: quads into the padded tangent vector, or -1
+  std::vector<const double*> pins;  // per factor and slot: where it is linearised, null if where it is; empty without any
+  std::vector<const double*> jacobian_parameters;  // scratch of the same size
+  std::vector<const TangentMap*> tangent_maps;     // per factor and slot
+  std::vector<std::int32_t> tangent_offsets;       // per factor and slot: quads into the padded tangent vector, or -1
 
   FactorRows Rows(int begin, int end) const;
 };
@@ -34,7 +36,8 @@ struct FamilyCache {
 ///
 /// Order of evaluation, calls to PlusJacobian and the correction for losses follow Ceres 2.1 (ceres_contract.md 4.3): project to
 /// the tangent space first, then correct residuals and Jacobians (Triggs 1999) so that the rest sees plain least squares.
-/// Sums are taken over fixed chunks of factors, so the cost is the same to the last bit for any number of threads.
+/// Pinned variables (FactorGraph::PinLinearisation) are linearised where they are pinned; free places of an edited graph are
+/// passed over. Sums are taken over fixed chunks of factors, so the cost is the same to the last bit for any number of threads.
 class Evaluator {
  public:
   Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor);
@@ -83,10 +86,12 @@ class Evaluator {
   };
 
   void BuildFamily(FamilyId id);
+  void BuildChunks(FamilyId id);
   void BuildMaps();
   void BuildBounds();
   Status ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values);
   void ClassifyMaps();
+  EvaluationFailure EvaluatePinned(const Chunk& chunk, FactorBatch batch);
   double EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFailure* failure);
   Status EvaluateAll(bool jacobians, double* cost);
 

@@ -16,6 +16,9 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
     const VariableId* ids = num_entries > 0 ? graph.Variables(f, 0) : nullptr;
     for (std::int64_t k = 0; k < num_entries; ++k) {
       const VariableId id = ids[k];
+      if (id < 0) {
+        continue;  // a free place
+      }
       char& seen = touched[id];
       if (seen == 0 && eliminate_landmarks && graph.role(id) == Role::kLandmark && !graph.IsConstant(id)) {
         landmarks.push_back(id);
@@ -46,12 +49,12 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
 }
 
 int Layout::FrameOf(VariableId id) const {
-  const int index = position[id];
+  const int index = Position(id);
   return index < num_frames ? index : -1;
 }
 
 int Layout::LandmarkOf(VariableId id) const {
-  const int index = position[id];
+  const int index = Position(id);
   return index >= num_frames ? index - num_frames : -1;
 }
 

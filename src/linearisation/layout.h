@@ -24,7 +24,9 @@ struct Layout {
   int size() const { return packed_offset.back(); }
   int frame_size() const { return packed_offset[num_frames]; }
   int TangentSize(int index) const { return packed_offset[index + 1] - packed_offset[index]; }
-  /// Index of the variable among frames / landmarks, or -1.
+  /// Index of the variable among frames / landmarks, or -1; -1 too for the id -1, which stands at the free places of an edited
+  /// graph.
+  int Position(VariableId id) const { return id < 0 ? -1 : position[id]; }
   int FrameOf(VariableId id) const;
   int LandmarkOf(VariableId id) const;
 

@@ -20,6 +20,7 @@ LiveFamily::LiveFamily(const FactorGraph& graph, FamilyId id)
       family_(&graph.family(id)),
       kernels_(&BestKernels()),
       id_(id),
+      constant_jacobian_(family_->HasConstantJacobian()),
       residual_size_(family_->residual_size()),
       num_slots_(family_->num_slots()),
       jacobians_(num_slots_),
@@ -52,6 +53,8 @@ void LiveFamily::Grow(int num_places) {
   }
   linearised_.resize(n, 0);
   parameters_.resize(n * num_slots_);
+  jacobian_parameters_.resize(n * num_slots_);
+  pinned_.resize(n, 0);
   candidate_parameters_.resize(n * num_slots_);
   maps_.resize(n * num_slots_);
   step_quads_.resize(n * num_slots_, -1);
@@ -63,10 +66,16 @@ void LiveFamily::Connect(int factor, LiveValues* values, const LiveTangents& tan
     Grow(factor + 1);
   }
   linearised_[factor] = 0;
+  pinned_[factor] = 0;
   for (int s = 0; s < num_slots_; ++s) {
     const VariableId id = variables(factor)[s];
     const auto at = static_cast<std::size_t>(factor) * num_slots_ + s;
-    parameters_[at] = values->current(id);
+    parameters_[at] = jacobian_parameters_[at] = values->current(id);
+    const double* pinned = graph_->HasPins() && tangents.map(id).wanted() ? graph_->PinnedValues(id) : nullptr;
+    if (pinned != nullptr) {
+      jacobian_parameters_[at] = pinned;
+      pinned_[factor] = 1;
+    }
     candidate_parameters_[at] = values->candidate(id);
     maps_[at] = &tangents.map(id);
     step_quads_[at] = tangents.quad(id);
@@ -125,16 +134,33 @@ EvaluationFailure LiveFamily::Linearise(const std::vector<std::int32_t>& factors
     FactorBatch batch;
     batch.begin = begin;
     batch.end = end;
-    batch.parameters = parameters_.data();
+    batch.parameters = jacobian_parameters_.data();
     batch.tangent_maps = maps_.data();
     batch.residuals = f_.data();
     batch.jacobians = views_.data();
-    const EvaluationFailure failure = family_->Evaluate(batch);
+    EvaluationFailure failure = family_->Evaluate(batch);
+    failure = failure.failed() ? failure : EvaluatePinned(batch);
     for (int i = begin; i < end && !failure.failed(); ++i) {
       Weigh(i);
     }
     return failure;
   });
+}
+
+// Residuals, where the variables are, of the batch's factors that were linearised elsewhere.
+EvaluationFailure LiveFamily::EvaluatePinned(FactorBatch batch) const {
+  batch.parameters = parameters_.data();
+  batch.tangent_maps = nullptr;
+  batch.jacobians = nullptr;
+  EvaluationFailure failure;
+  for (int i = batch.begin, end = batch.end; i < end && !failure.failed(); ++i) {
+    if (pinned_[i] != 0) {
+      batch.begin = i;
+      batch.end = i + 1;
+      failure = family_->Evaluate(batch);
+    }
+  }
+  return failure;
 }
 
 // ½ρ and ρ' at a residual.
@@ -219,8 +245,8 @@ void LiveFamily::Accept(const std::vector<std::int32_t>& factors, double* padded
     double error = 0.0;
     double squared_norm = 0.0;
     for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size_; ++k) {
-      predicted_f_[k] += inverse * J_step_[k];
       f_[k] = candidate_f_[k];
+      predicted_f_[k] = constant_jacobian_ ? f_[k] : predicted_f_[k] + inverse * J_step_[k];
       const double difference = f_[k] - predicted_f_[k];
       error += difference * difference;
       squared_norm += f_[k] * f_[k];
@@ -236,6 +262,20 @@ void LiveFamily::Accept(const std::vector<std::int32_t>& factors, double* padded
   kernels_->subtract_transposed(Rows(), factors.data(), static_cast<int>(factors.size()), J_step_.data(), padded_rhs);
 }
 
+bool LiveFamily::HasCurvedLoss(int factor) const {
+  const Loss* loss = graph_->loss(id_, factor);
+  if (loss == nullptr) {
+    return false;
+  }
+  double s = 0.0;
+  for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size_; ++k) {
+    s += f_[k] * f_[k];
+  }
+  double rho[3];
+  loss->Evaluate(s, rho);
+  return rho[2] > 0.0;
+}
+
 double LiveFamily::WeightRatio(int factor) const {
   const double w = sqrt_w_[factor] * sqrt_w_[factor];
   return w > kNoWeight * kNoWeight ? current_w_[factor] / w : (current_w_[factor] > 0.0 ? HUGE_VAL : 1.0);
@@ -247,7 +287,7 @@ std::int64_t LiveFamily::Bytes() const {
     doubles += J.capacity();
   }
   return static_cast<std::int64_t>(doubles * sizeof(double) + linearised_.capacity() +
-                                   parameters_.capacity() * (3 * sizeof(void*) + 2 * sizeof(std::int32_t)));
+                                   parameters_.capacity() * (4 * sizeof(void*) + 2 * sizeof(std::int32_t)));
 }
 
 }  // namespace inceres::internal

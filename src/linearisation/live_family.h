@@ -17,7 +17,8 @@ namespace inceres::internal {
 ///
 /// Each factor keeps the Jacobian J of its last linearisation, multiplied by √w with w = ρ' at that time; the residual f now; the
 /// residual f̂ that the old linearisation predicts now; and q = ρ' f / √w, so that its gradient share is Jᵀq. ‖f − f̂‖ is the error
-/// of the old linearisation, known for nothing. The second-order term of losses with ρ'' > 0 is left out of H.
+/// of the old linearisation, known for nothing; it is zero by definition where the family's Jacobian is constant. The
+/// second-order term of losses with ρ'' > 0 is left out of H.
 ///
 /// Lists of factors are ascending, without repeats. Evaluation runs on the executor's threads, each factor writing its own place;
 /// everything else on the calling one.
@@ -29,6 +30,7 @@ class LiveFamily {
   const FactorFamily& family() const { return *family_; }
   /// Places, free ones among them.
   int num_places() const { return num_places_; }
+  bool constant_jacobian() const { return constant_jacobian_; }
   int residual_size() const { return residual_size_; }
   int num_slots() const { return num_slots_; }
   const VariableId* variables(int factor) const { return graph_->Variables(id_, factor); }
@@ -45,7 +47,7 @@ class LiveFamily {
 
   /// Evaluates at the candidate, cost only.
   EvaluationFailure EvaluateCandidate(const std::vector<std::int32_t>& factors, const Executor& executor);
-  /// Linearises at the current values: f, f̂ = f, J, w, q and the cost.
+  /// Linearises at the current values: f, f̂ = f, J (of pinned variables: where they are pinned), w, q and the cost.
   EvaluationFailure Linearise(const std::vector<std::int32_t>& factors, const Executor& executor);
 
   /// ½ρ at the candidate / now.
@@ -71,6 +73,9 @@ class LiveFamily {
   /// ρ' now over ρ' at the linearisation.
   double WeightRatio(int factor) const;
 
+  /// Whether the factor's loss has a second-order term at its present residual, ρ'' > 0.
+  bool HasCurvedLoss(int factor) const;
+
   const SlotJacobians* slots() const { return slots_.data(); }
   const double* q_data() const { return q_.data(); }
   std::int32_t* y_targets() { return y_targets_.data(); }
@@ -83,6 +88,7 @@ class LiveFamily {
   void Grow(int num_places);
   template <typename Evaluate>
   EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate);
+  EvaluationFailure EvaluatePinned(FactorBatch batch) const;
   void EvaluateLoss(int factor, const double* f, double* cost, double* w) const;
   void Weigh(int factor);
   FactorRows Rows() const;
@@ -91,6 +97,7 @@ class LiveFamily {
   const FactorFamily* family_;
   const Kernels* kernels_;
   FamilyId id_;
+  bool constant_jacobian_;
   int residual_size_;
   int num_slots_;
   int num_places_ = 0;
@@ -112,6 +119,8 @@ class LiveFamily {
   std::vector<char> linearised_;
   std::vector<const double*> parameters_;
   std::vector<const double*> candidate_parameters_;
+  std::vector<const double*> jacobian_parameters_;  // where it is linearised: pinned variables elsewhere
+  std::vector<char> pinned_;                        // per factor: whether the two differ
   std::vector<const TangentMap*> maps_;
   std::vector<std::int32_t> step_quads_;  // per factor and slot: where the variable's step stands, or -1
   std::vector<std::int32_t> y_targets_;

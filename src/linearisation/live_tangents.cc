@@ -60,7 +60,8 @@ bool LiveTangents::Refresh(const FactorGraph& graph, const LiveValues& values, V
   if (stale_[id] == 0 || jacobian.empty()) {
     return true;
   }
-  if (!graph.manifold(id)->PlusJacobian(values.current(id), jacobian.data()) ||
+  const double* pinned = graph.HasPins() ? graph.PinnedValues(id) : nullptr;
+  if (!graph.manifold(id)->PlusJacobian(pinned != nullptr ? pinned : values.current(id), jacobian.data()) ||
       !std::all_of(jacobian.begin(), jacobian.end(), [](double entry) { return std::isfinite(entry); })) {
     return false;
   }

@@ -25,7 +25,8 @@ class LiveTangents {
   std::int32_t num_quads() const { return num_quads_; }
 
   void MarkMoved(VariableId id) { stale_[id] = 1; }
-  /// Brings the map up to date with the current values. False if the manifold's PlusJacobian fails.
+  /// Brings the map up to date with the current values, or those the variable is pinned to. False if the manifold's PlusJacobian
+  /// fails.
   bool Refresh(const FactorGraph& graph, const LiveValues& values, VariableId id);
 
  private:

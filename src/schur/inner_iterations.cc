@@ -44,7 +44,7 @@ void InnerIterations::BuildJacobians(const FamilyCache& cache) {
     for (int s = 0; s < num_slots; ++s) {
       const VariableId id = graph.Variables(cache.id, i)[s];
       const TangentMap*& map = jacobians.maps[std::size_t(i) * num_slots + s];
-      if (layout_.position[id] < 0) {
+      if (layout_.Position(id) < 0) {
         map = &constant_;
       } else if (layout_.LandmarkOf(id) < 0 || graph.manifold(id) != nullptr || graph.bounds(id) != nullptr) {
         map = &unwanted_;

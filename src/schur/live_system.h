@@ -107,6 +107,7 @@ class LiveSystem {
   bool FrameMoves(std::int32_t frame) const { return moved_.Has(frame); }
   bool Visited(std::int32_t landmark) const { return visited_.Has(landmark); }
   int NumDirtyFactors() const;
+  bool IsDirty(FactorRef ref) const { return dirty_[ref.family].Has(ref.factor); }
   /// ‖δ_i‖_∞ of the step over the factor's variables.
   double LargestStep(FactorRef ref) const;
   /// Per family, ascending: the factors the step touches; between EvaluateStep and EndStep.
@@ -155,6 +156,7 @@ class LiveSystem {
   }
   void ResumCost();
   void Hold(VariableId id, bool constant);
+  void FollowPin(VariableId id);
   void Reattach();
 
   FactorGraph& graph_;

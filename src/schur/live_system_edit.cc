@@ -50,7 +50,20 @@ Status LiveSystem::Apply(const GraphEdit& edit) {
   for (const auto& [id, offset] : edit.new_values()) {
     SetValues(id, edit.values().data() + offset);
   }
+  for (const auto& [id, offset] : edit.pins()) {
+    FollowPin(id);
+  }
   return Status::Ok();
+}
+
+// Its factors are linearised at the graph's pin from now on, or no longer.
+void LiveSystem::FollowPin(VariableId id) {
+  entering_.clear();
+  reattached_.clear();
+  tangents_.MarkMoved(id);
+  graph_.TrackFactors();
+  graph_.ForEachFactorOf(id, [this](FactorId factor) { reattached_.push_back({factor.family, factor.index}); });
+  Reattach();
 }
 
 void LiveSystem::AddVariable(VariableId id) {

@@ -379,7 +379,7 @@ void IncrementalMinimizer::MarkStale() {
   for (const LiveFamily& family : system_.families()) {
     aged_[family.id()].Grow(family.num_places());
     for (const std::int32_t i : system_.Touched(family.id())) {
-      const bool errs = options_.relinearisation == RelinearisationRule::kStepSize
+      const bool errs = options_.relinearisation == RelinearisationRule::kStepSize && !family.constant_jacobian()
                             ? system_.LargestStep({family.id(), i}) >= options_.relinearisation_step
                             : stale.ExceededBy(family, i);
       if (errs || IsOff(family.WeightRatio(i))) {

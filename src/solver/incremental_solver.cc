@@ -1,12 +1,15 @@
 #include "inceres/solver/incremental_solver.h"
 
+#include <algorithm>
 #include <atomic>
 #include <utility>
 #include <vector>
 
 #include "base/stopwatch.h"
 #include "solver/batch_phase.h"
+#include "solver/cached_rows.h"
 #include "solver/incremental_minimizer.h"
+#include "solver/marginalize.h"
 
 namespace inceres {
 
@@ -18,6 +21,9 @@ namespace {
 
 // An Update with more than this share of new factors is far from its minimum.
 constexpr double kMostlyNew = 0.5;
+
+// Of the thresholds of an old linearisation: what marginalisation may rest on.
+constexpr double kFreshShare = 0.1;
 
 // As if newly made, but for the memory it holds.
 void Clear(UpdateSummary* summary) {
@@ -41,6 +47,7 @@ class IncrementalSolver::Impl {
 
   void SetOptions(const IncrementalOptions& options);
   Status Apply(const GraphEdit& edit);
+  MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options);
   void Update(UpdateSummary* summary, UpdateObserver* observer);
   ReducedStructure Structure() const;
   double cost() const { return cost_; }
@@ -116,6 +123,25 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   }
   converged_ = converged_ && (edit.empty() || !status.ok());
   return status;
+}
+
+MarginalizationSummary IncrementalSolver::Impl::Marginalize(const MarginalizationRequest& request,
+                                                            const MarginalizationOptions& options) {
+  MarginalizationSummary refused;
+  refused.status = options_.Validate();
+  if (!refused.status.ok()) {
+    return refused;
+  }
+  const double share = std::min(options_.relinearisation_share, kFreshShare);
+  internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance * cost_ / std::max(1, graph.num_factors()));
+  internal::MarginalizationTarget target;
+  target.graph = &graph;
+  target.values = [this](VariableId id) { return live->values().current(id); };
+  target.cached = [&](FactorId id, const auto& wanted, internal::LinearisedFactor* rows) {
+    return cached.Find(id, wanted, rows);
+  };
+  target.apply = [this](const GraphEdit& edit) { return Apply(edit); };
+  return internal::MarginalizeOn(target, request, options);
 }
 
 // The graph's state is where the batch solver works; the live system then starts from what it found. True if nothing is left to
@@ -240,6 +266,11 @@ void IncrementalSolver::SetOptions(const IncrementalOptions& options) {
 
 Status IncrementalSolver::Apply(const GraphEdit& edit) {
   return impl_->Apply(edit);
+}
+
+MarginalizationSummary IncrementalSolver::Marginalize(const MarginalizationRequest& request,
+                                                      const MarginalizationOptions& options) {
+  return impl_->Marginalize(request, options);
 }
 
 UpdateSummary IncrementalSolver::Update() {

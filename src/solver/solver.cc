@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <limits>
 #include <new>
-#include <string>
 
 #include "base/executor.h"
 #include "base/stopwatch.h"
@@ -25,21 +24,6 @@ double FinalCost(const Summary& summary, int first_iteration) {
     cost = iteration.iteration >= first_iteration ? std::min(cost, iteration.cost) : cost;
   }
   return cost;
-}
-
-// The batch solver's arrays are as long as the families: a free place among them has nothing to be evaluated with. (Removed
-// variables are no trouble: no factor touches them.)
-Status ValidateNoGaps(const FactorGraph& graph) {
-  for (FamilyId id = 0; id < graph.num_families(); ++id) {
-    if (graph.NumFreePlaces(id) > 0) {
-      return Status::Error(StatusCode::kInvalidArgument,
-                           "factor " + std::to_string(graph.FreePlace(id, 0)) + " of family " + std::to_string(id) + " (" +
-                               graph.family(id).Name() + ") has been removed and its place is free (" +
-                               std::to_string(graph.NumFreePlaces(id)) +
-                               " free places in all): solve such a graph with the IncrementalSolver");
-    }
-  }
-  return Status::Ok();
 }
 
 // Nothing moves: the cost is that of the factors as they stand.
@@ -98,9 +82,6 @@ Summary Solve(const SolverOptions& options, FactorGraph* graph) {
   Status status = options.Validate();
   if (status.ok()) {
     status = graph->Validate();
-  }
-  if (status.ok()) {
-    status = ValidateNoGaps(*graph);
   }
   try {
     if (status.ok()) {

@@ -17,6 +17,9 @@ inline std::string Dump(const FactorGraph& graph) {
          << graph.TangentSize(id) << " role " << static_cast<int>(graph.role(id)) << " constant " << graph.IsConstant(id)
          << " manifold " << graph.manifold(id) << " offset " << graph.StateOffset(id);
     text << " borrowed " << (graph.StateOffset(id) < 0 ? graph.Values(id) : nullptr);
+    for (int k = 0; graph.PinnedValues(id) != nullptr && k < graph.AmbientSize(id); ++k) {
+      text << (k == 0 ? " pinned" : "") << ' ' << graph.PinnedValues(id)[k];
+    }
   }
   text << "\nstate";
   for (const double value : graph.state()) {

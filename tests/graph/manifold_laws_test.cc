@@ -120,8 +120,71 @@ TEST_P(ManifoldLaws, StepsAreSmoothAcrossTheBranches) {
   }
 }
 
+// δ ↦ x ⊞ δ ↦ δ, up to turns just short of half a circle (the left quaternions turn by twice ‖δ‖).
+TEST_P(ManifoldLaws, MinusUndoesPlus) {
+  const auto d = static_cast<std::size_t>(manifold().TangentSize());
+  for (const double limit : {1e-300, 1e-160, 1e-9, 1e-3, 0.1, 0.85}) {
+    for (int k = 0; k < 100; ++k) {
+      const std::vector<double> x = GetParam().random_point(random_);
+      const std::vector<double> delta = RandomDelta(limit);
+      const std::vector<double> y = Plus(x, delta);
+      std::vector<double> found(d, 1e30);
+      ASSERT_TRUE(manifold().Minus(y.data(), x.data(), found.data()));
+      for (std::size_t c = 0; c < d; ++c) {
+        ASSERT_NEAR(found[c], delta[c], 2e-14) << "limit " << limit << ", entry " << c;
+      }
+    }
+  }
+}
+
+TEST_P(ManifoldLaws, MinusOfTheSamePointIsZero) {
+  for (int k = 0; k < 100; ++k) {
+    const std::vector<double> x = GetParam().random_point(random_);
+    std::vector<double> found(static_cast<std::size_t>(manifold().TangentSize()), 1e30);
+    ASSERT_TRUE(manifold().Minus(x.data(), x.data(), found.data()));
+    for (const double entry : found) {
+      ASSERT_NEAR(entry, 0.0, 1e-15);
+    }
+  }
+}
+
+// What a manifold of a user's own inherits finds the same as the closed forms.
+TEST_P(ManifoldLaws, MinusWithoutAClosedForm) {
+  const auto d = static_cast<std::size_t>(manifold().TangentSize());
+  for (int k = 0; k < 100; ++k) {
+    const std::vector<double> x = GetParam().random_point(random_);
+    const std::vector<double> delta = RandomDelta(k % 2 == 0 ? 0.5 : 1e-4);
+    const std::vector<double> y = Plus(x, delta);
+    std::vector<double> found(d, 1e30);
+    ASSERT_TRUE(manifold().Manifold::Minus(y.data(), x.data(), found.data())) << k;
+    for (std::size_t c = 0; c < d; ++c) {
+      ASSERT_NEAR(found[c], delta[c], 1e-12) << "entry " << c;
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(BuiltIn, ManifoldLaws, testing::ValuesIn(AllManifolds()),
                          [](const testing::TestParamInfo<ManifoldCase>& instance) { return instance.param.name; });
+
+TEST(PoseManifolds, MinusTakesBothSignsOfAQuaternionForOne) {
+  const double x[7] = {1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8};
+  const double y[7] = {1.5, 2.0, 3.0, 0.0, 0.0, -0.6, -0.8};
+  double delta[6];
+  for (const std::shared_ptr<const Manifold>& manifold : {std::shared_ptr<const Manifold>(std::make_shared<PoseManifold>()),
+                                                          std::shared_ptr<const Manifold>(std::make_shared<SE3Manifold>())}) {
+    ASSERT_TRUE(manifold->Minus(y, x, delta));
+    EXPECT_NEAR(std::hypot(delta[3], delta[4], delta[5]), 0.0, 1e-15);
+    EXPECT_NEAR(std::hypot(delta[0], delta[1], delta[2]), 0.5, 1e-15);
+  }
+}
+
+TEST(SphereManifold, MinusFailsAtTheAntipode) {
+  const SphereManifold manifold(3);
+  const double x[3] = {0.0, 0.0, 2.0};
+  const double antipode[3] = {0.0, 0.0, -2.0};
+  double delta[2];
+  EXPECT_FALSE(manifold.Minus(antipode, x, delta));
+}
 
 TEST(SubsetManifold, AllConstantHasNoTangent) {
   const SubsetManifold manifold(2, {0, 1});

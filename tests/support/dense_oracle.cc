@@ -75,8 +75,9 @@ FamilyRows EvaluateFamily(const FactorGraph& graph, FamilyId id, const std::vect
   for (int i = 0; i < graph.NumFactors(id); ++i) {
     for (int s = 0; s < family.num_slots(); ++s) {
       const VariableId variable = graph.Variables(id, i)[s];
-      parameters.push_back(graph.ValuesIn(state.data(), variable));
-      map_of.push_back(maps == nullptr ? nullptr : &maps->maps[static_cast<std::size_t>(variable)]);
+      const bool gap = variable < 0;  // the rows of a free place stay zero
+      parameters.push_back(gap ? nullptr : graph.ValuesIn(state.data(), variable));
+      map_of.push_back(maps == nullptr || gap ? nullptr : &maps->maps[static_cast<std::size_t>(variable)]);
     }
   }
   std::vector<JacobianView> views;
@@ -87,15 +88,24 @@ FamilyRows EvaluateFamily(const FactorGraph& graph, FamilyId id, const std::vect
     views.push_back({rows.jacobians.back().data(), stride, size});
   }
   FactorBatch batch;
-  batch.end = graph.NumFactors(id);
   batch.parameters = parameters.data();
   batch.residuals = rows.residuals.data();
   if (maps != nullptr) {
     batch.tangent_maps = map_of.data();
     batch.jacobians = views.data();
   }
-  const EvaluationFailure failure = family.Evaluate(batch);
-  EXPECT_FALSE(failure.failed()) << failure.reason;
+  for (batch.begin = 0; batch.begin < graph.NumFactors(id); batch.begin = batch.end) {
+    // Up to the next free place, or over one.
+    batch.end = batch.begin + 1;
+    if (!graph.HasFactor(id, batch.begin)) {
+      continue;
+    }
+    while (graph.HasFactor(id, batch.end)) {
+      ++batch.end;
+    }
+    const EvaluationFailure failure = family.Evaluate(batch);
+    EXPECT_FALSE(failure.failed()) << failure.reason;
+  }
   return rows;
 }
 
@@ -117,6 +127,10 @@ DenseOracle::DenseOracle(const FactorGraph& graph, const std::vector<VariableId>
     const int size = family.residual_size();
     const FamilyRows rows = EvaluateFamily(graph, id, graph.state(), &maps);
     for (int i = 0; i < graph.NumFactors(id); ++i, row += size) {
+      if (!graph.HasFactor(id, i)) {
+        f.segment(row, size).setZero();
+        continue;
+      }
       f.segment(row, size) = Eigen::Map<const Eigen::VectorXd>(rows.residuals.data() + std::ptrdiff_t{i} * size, size);
       for (int s = 0; s < family.num_slots(); ++s) {
         const int first = column[static_cast<std::size_t>(graph.Variables(id, i)[s])];
@@ -139,6 +153,9 @@ double CostAt(const FactorGraph& graph, const std::vector<double>& state) {
     const int size = graph.family(id).residual_size();
     FamilyRows rows = EvaluateFamily(graph, id, state, nullptr);
     for (int i = 0; i < graph.NumFactors(id); ++i) {
+      if (!graph.HasFactor(id, i)) {
+        continue;
+      }
       Eigen::Map<Eigen::VectorXd> f(rows.residuals.data() + std::ptrdiff_t{i} * size, size);
       Eigen::MatrixXd nothing(size, 0);
       cost += Correct(graph.loss(id, i), f, nothing);

@@ -103,6 +103,9 @@ class INCERES_EXPORT FactorFamily {
   /// that are solved at the same time must not share a family whose expansion points move.
   virtual bool Recentre(int /*factor*/, const double* const* /*parameters*/) const { return false; }
 
+  /// True if the tangent Jacobians that Evaluate writes do not depend on the values: the incremental solver then forms JᵀJ once.
+  virtual bool HasConstantJacobian() const { return false; }
+
  protected:
   /// What Place(index, measurement) does in a family that keeps a vector of measurements: overwrites, or appends at the end.
   /// Beyond the end nothing is written, and FactorGraph::Check finds the family too small.

@@ -48,8 +48,7 @@ enum class Role : std::uint8_t { kFrame, kLandmark };
 ///
 /// A graph that lives on is changed by transactions (GraphEdit, graph_edit.h), which are checked as a whole and can remove. Ids
 /// then have gaps: what is removed leaves its id free, with its room in the state or its place in the family, for something later
-/// of the same size or family. num_variables() and NumFactors() go on counting ids and places, free ones included. Such a graph
-/// is for the IncrementalSolver; the batch Solve refuses one with free factor places.
+/// of the same size or family. num_variables() and NumFactors() go on counting ids and places, free ones included.
 ///
 /// Threads: one writer; concurrent reads are fine. Two graphs share nothing.
 /// Source: algorithms.md section 1; Dellaert & Kaess, "Factor Graphs for Robot Perception", 2017.
@@ -87,6 +86,13 @@ class INCERES_EXPORT FactorGraph {
   /// with the variable when an edit removes it. Validate() refuses a lower bound that is not below its upper, and a constant
   /// outside its bounds. Cost: one node of a map for a bounded variable.
   void SetBounds(VariableId id, const double* lower, const double* upper);
+  /// First-estimate Jacobians: from now on factors are linearised with this variable at these values (ambient size, copied) and
+  /// the others where they are or are pinned; residuals and costs stay those of the current values. Null lets go of it. What it
+  /// is for: a variable that a marginalisation prior holds is linearised in one point only, so that no information appears along
+  /// directions that nothing measured. A pinned variable costs its factors a second, cost-only evaluation a linearisation. Its
+  /// tangent coordinates at both points must mean the same, as in vector spaces and groups; those of a SphereManifold do not.
+  /// Source: Huang, Mourikis & Roumeliotis, "A first-estimates Jacobian EKF for improving SLAM consistency", 2008.
+  void PinLinearisation(VariableId id, const double* values);
   /// Null means ½‖f‖².
   void SetLoss(FamilyId family, int factor, std::shared_ptr<const Loss> loss);
   /// Overwrites the values of a variable the graph owns; borrowed values are their owner's to change, so those are left alone.
@@ -110,6 +116,7 @@ class INCERES_EXPORT FactorGraph {
 
   /// Keeps from now on a list of each variable's factors: two links a slot. One pass over the factors; later calls cost nothing.
   void TrackFactors();
+  bool TracksFactors() const { return tracked_ && !untracked_ids_; }
   /// Calls f(FactorId) for every factor that touches the variable, the last connected first. Needs TrackFactors() before it.
   template <typename F>
   void ForEachFactorOf(VariableId id, F&& f) const {
@@ -141,6 +148,14 @@ class INCERES_EXPORT FactorGraph {
   }
   bool HasBounds() const { return !bounds_.empty(); }
   const Manifold* manifold(VariableId id) const { return variables_[Index(id)].manifold.get(); }
+  /// For whoever outlives the graph or the variable.
+  const std::shared_ptr<const Manifold>& shared_manifold(VariableId id) const { return variables_[Index(id)].manifold; }
+  /// Where the variable is linearised; null if where it is.
+  const double* PinnedValues(VariableId id) const {
+    const auto found = pins_.find(id);
+    return found == pins_.end() ? nullptr : found->second.data();
+  }
+  bool HasPins() const { return !pins_.empty(); }
   const double* Values(VariableId id) const { return ValuesIn(state_.data(), id); }
 
   const FactorFamily& family(FamilyId id) const { return *families_[Index(id)].family; }
@@ -265,7 +280,8 @@ class INCERES_EXPORT FactorGraph {
   std::vector<VariableRecord> variables_;
   std::vector<FamilyRecord> families_;
   std::vector<double> state_;
-  std::map<VariableId, VariableBounds> bounds_;  // of the bounded ones
+  std::map<VariableId, VariableBounds> bounds_;     // of the bounded ones
+  std::map<VariableId, std::vector<double>> pins_;  // of the pinned ones: their linearisation points
 
   // Of edited graphs only.
   std::int64_t revision_ = 0;

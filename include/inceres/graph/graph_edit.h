@@ -17,8 +17,8 @@ namespace inceres {
 /// use them; they belong to the graph only after Apply. One edit at a time: an edit begun before another one was applied is
 /// refused.
 ///
-/// Order within an edit: factors go, variables go, variables and factors come, then losses, measurements, constants and values
-/// are set. So room that this edit frees is used by the next one.
+/// Order within an edit: factors go, variables go, variables and factors come, then losses, measurements, constants, values and
+/// pins are set. So room that this edit frees is used by the next one.
 ///
 /// Threads: one writer. Nothing here touches the graph, but AddFactor writes the measurement into the family at once, at a place
 /// no factor uses.
@@ -65,6 +65,8 @@ class INCERES_EXPORT GraphEdit {
   void SetConstant(VariableId id, bool constant) { constants_.emplace_back(id, constant); }
   /// New values for a variable the graph owns; its factors are linearised anew.
   void SetValues(VariableId id, const double* values);
+  /// As FactorGraph::PinLinearisation; the variable's factors are linearised anew. A null pointer lets go of it.
+  void PinLinearisation(VariableId id, const double* values);
 
   bool empty() const;
 
@@ -95,6 +97,8 @@ class INCERES_EXPORT GraphEdit {
   const std::vector<std::pair<VariableId, bool>>& constants() const { return constants_; }
   /// Offsets into values(), kNoValues where the caller passed null or an id that is not there.
   const std::vector<std::pair<VariableId, std::size_t>>& new_values() const { return new_values_; }
+  /// The same; kNoValues lets go.
+  const std::vector<std::pair<VariableId, std::size_t>>& pins() const { return pins_; }
   static constexpr std::size_t kNoValues = static_cast<std::size_t>(-1);
   const FactorGraph& graph() const { return *graph_; }
   /// The graph's revision when the edit began.
@@ -105,6 +109,7 @@ class INCERES_EXPORT GraphEdit {
   std::int32_t NextPlace(FamilyId family);
   FactorId Connect(FamilyId family, const VariableId* variables, std::size_t num_variables, std::shared_ptr<const Loss> loss);
   int AmbientSize(VariableId id) const;
+  std::size_t Store(VariableId id, const double* values);
 
   const FactorGraph* graph_;
   std::int64_t revision_;
@@ -121,6 +126,7 @@ class INCERES_EXPORT GraphEdit {
   std::vector<std::pair<FactorId, std::function<void()>>> measurements_;
   std::vector<std::pair<VariableId, bool>> constants_;
   std::vector<std::pair<VariableId, std::size_t>> new_values_;
+  std::vector<std::pair<VariableId, std::size_t>> pins_;
 };
 
 }  // namespace inceres

@@ -11,7 +11,10 @@ namespace inceres {
 /// The built-in manifolds. Angles are radians; quaternions are unit Hamilton quaternions. Nothing here normalises a quaternion: ⊞
 /// keeps the norm it finds up to rounding, so that x ⊞ 0 = x to the last bit and PlusJacobian is exact at any x.
 ///
-/// None allocates in Plus or PlusJacobian; all are immutable and may be shared by variables, graphs and threads.
+/// Minus is a closed form everywhere: of rotations the one by at most π, with q and −q the same point; false at the antipode of a
+/// sphere, and where ⊞ itself is undefined. What a SubsetManifold holds constant is not looked at.
+///
+/// None allocates in Plus, PlusJacobian or Minus; all are immutable and may be shared by variables, graphs and threads.
 /// Source: Hertzberg et al., "Integrating generic sensor fusion algorithms with sound state representations through encapsulation
 /// of manifolds", 2013; Sola, Deray & Atchuthan, "A micro Lie theory for state estimation in robotics", 2018.
 
@@ -23,6 +26,7 @@ class INCERES_EXPORT EuclideanManifold final : public Manifold {
   int TangentSize() const override { return size_; }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 
  private:
   int size_;
@@ -37,6 +41,7 @@ class INCERES_EXPORT SubsetManifold final : public Manifold {
   int TangentSize() const override { return static_cast<int>(free_.size()); }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 
  private:
   int size_;
@@ -53,6 +58,7 @@ class INCERES_EXPORT ProductManifold final : public Manifold {
   int TangentSize() const override { return tangent_size_; }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 
  private:
   std::vector<std::shared_ptr<const Manifold>> components_;
@@ -72,6 +78,7 @@ class INCERES_EXPORT SphereManifold final : public Manifold {
   int TangentSize() const override { return size_ - 1; }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 
  private:
   int size_;
@@ -86,6 +93,7 @@ class INCERES_EXPORT QuaternionManifold final : public Manifold {
   int TangentSize() const override { return 3; }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
 
 /// QuaternionManifold with Eigen's storage x, y, z, w: Ceres 2.1's EigenQuaternionManifold.
@@ -95,6 +103,7 @@ class INCERES_EXPORT EigenQuaternionManifold final : public Manifold {
   int TangentSize() const override { return 3; }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
 
 /// Rotation with a right perturbation by a rotation vector, q ⊞ φ = q ⊗ Exp(φ): R Exp(φ), the convention of VINS, XRSLAM and most
@@ -105,6 +114,7 @@ class INCERES_EXPORT RotationQuaternionManifold final : public Manifold {
   int TangentSize() const override { return 3; }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
 
 /// Pose as SO(3) × R³: storage p (3), q (x, y, z, w); δ = (δp, φ); p + δp, q ⊗ Exp(φ).
@@ -114,6 +124,7 @@ class INCERES_EXPORT PoseManifold final : public Manifold {
   int TangentSize() const override { return 6; }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
 
 /// PoseManifold perturbed on the left: storage p (3), q (x, y, z, w); δ = (δp, φ), both in the world frame; p + δp, Exp(φ) ⊗ q.
@@ -124,6 +135,7 @@ class INCERES_EXPORT LeftPoseManifold final : public Manifold {
   int TangentSize() const override { return 6; }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
 
 /// Pose as a rigid motion T = (R, p): storage p (3), q (x, y, z, w); ξ = (ρ, φ), translation first; T Exp(ξ):
@@ -134,6 +146,7 @@ class INCERES_EXPORT SE3Manifold final : public Manifold {
   int TangentSize() const override { return 6; }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
 
 /// Planar pose: storage x, y, θ; ξ = (ρ (2), ω); T Exp(ξ):
@@ -145,6 +158,7 @@ class INCERES_EXPORT SE2Manifold final : public Manifold {
   int TangentSize() const override { return 3; }
   [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
 
 }  // namespace inceres

@@ -6,6 +6,7 @@
 #include "inceres/graph/factor_graph.h"
 #include "inceres/graph/graph_edit.h"
 #include "inceres/solver/incremental_options.h"
+#include "inceres/solver/marginalization.h"
 #include "inceres/solver/reduced_structure.h"
 #include "inceres/solver/update_observer.h"
 #include "inceres/solver/update_summary.h"
@@ -40,6 +41,11 @@ class INCERES_EXPORT IncrementalSolver {
   /// Carries out an edit, begun with GraphEdit(solver.graph()), all or nothing: an error names the id at fault, and the solver is
   /// as it was. No user code is called; what changed is evaluated in the next Update. Cost: proportional to the edit.
   Status Apply(const GraphEdit& edit);
+
+  /// Takes variables out and keeps what their factors say about others as a prior factor: Marginalize (marginalization.h) at the
+  /// current values, all or nothing, with the cached Jacobians wherever an Update would still call them good enough to converge
+  /// on; so best after one that converged. The next Update starts from where everything is.
+  MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options);
 
   /// Other options from the next Update on, but for num_threads and reduced_solver, which stay what they were.
   void SetOptions(const IncrementalOptions& options);

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <vector>
+
+#include "inceres/export.h"
+#include "inceres/graph/factor_graph.h"
+#include "inceres/status.h"
+
+namespace inceres {
+
+/// Which directions of a prior are cut off as noise: those whose eigenvalue λ of its information JᵀJ is small.
+enum class PriorThreshold {
+  kNone,      ///< none: the QR factor is kept as it is, which is exact; directions without information are rows of zeros
+  kAbsolute,  ///< λ ≤ epsilon (VINS: 1e-8)
+  kRelative,  ///< λ ≤ epsilon · n · λ_max of the matrix scaled to a unit diagonal (OKVIS: epsilon of double)
+};
+
+/// Options of Marginalize.
+struct INCERES_EXPORT MarginalizationOptions {
+  PriorThreshold threshold = PriorThreshold::kNone;
+  double epsilon = 1e-8;  ///< of the threshold, ≥ 0
+  /// A marginalised variable with a direction that no factor measures makes the call fail with its id. If allowed, what is
+  /// measured is used and the rest left out, which is the same as the pseudo-inverse of VINS and OKVIS: right for the others, to
+  /// whom a point seen once says nothing.
+  bool allow_rank_loss = false;
+  /// In [0, 1): a column of the marginalised variables counts as unmeasured when elimination leaves less than this share of it.
+  double rank_tolerance = 1e-12;
+  /// Constants among the neighbours are exactly known to a prior, which says nothing about them if they are set free later. If
+  /// kept, their columns are part of it (as VINS keeps its extrinsics); borrowed constants never are.
+  bool keep_constants = false;
+  /// Pins the variables that the prior keeps to where they are linearised now (FactorGraph::PinLinearisation), but for those
+  /// pinned before.
+  bool first_estimate_jacobians = false;
+
+  /// What is wrong with these options, the first culprit named.
+  Status Validate() const;
+};
+
+/// What goes, and how. Nothing may be named twice.
+struct INCERES_EXPORT MarginalizationRequest {
+  std::vector<VariableId> marginalized;   ///< removed; what their factors say about others becomes a prior
+  std::vector<VariableId> dropped;        ///< removed with all their factors, whose information is lost
+  std::vector<FactorId> dropped_factors;  ///< removed, their information lost
+  /// The prior's order: variables named here come first, in this order, where the prior has them; then the others by id.
+  std::vector<VariableId> order;
+};
+
+/// What Marginalize did.
+struct INCERES_EXPORT MarginalizationSummary {
+  Status status;
+  std::vector<VariableId> offenders;  ///< of a status that is not ok: the ids at fault, where there are any
+  FactorId prior;                     ///< the new factor; family -1 if nothing is left to say or nobody to say it about
+  std::vector<VariableId> kept;       ///< the prior's variables in its order
+  int rank = 0;                       ///< rows of the prior that say something
+  int num_truncated = 0;              ///< directions cut off by the threshold
+  int num_factors = 0;                ///< that went into the prior
+  int num_cached_factors = 0;         ///< of them with the Jacobians of a live solver, not evaluated
+  double fixed_cost = 0.0;  ///< ½‖·‖² of their residuals that no variable can change any more: the cost falls by it
+};
+
+/// Takes variables out of a graph and keeps what their factors say about the neighbours r as one LinearPrior factor: with the
+/// marginalised ones m,
+///
+///     JᵀJ = H_rr − H_rm H_mm⁻¹ H_mr,   −Jᵀe₀ = η_r − H_rm H_mm⁻¹ η_m,
+///
+/// by QR of the stacked Jacobians [J_m J_r f], landmarks first with one small QR each, then frames; H is never formed, so a
+/// factor of weight 1e14 beside one of 1e-2 costs no digits. Residuals and Jacobians are taken at the current values (Jacobians
+/// of pinned variables where they are pinned), corrected for robust losses as the solver does; damping plays no part. J stays
+/// what it is (linear_prior.h).
+///
+/// A transaction: on an error nothing has changed. kInvalidArgument: an id or option is wrong, or the prior would join two
+/// landmarks that are not constant (offenders: those; marginalise them too, or drop their factors). kSingular: rank loss
+/// (offenders: the variables without enough information; all landmarks at fault, or all frames). kEvaluationFailed: as in a
+/// solve. A constant can be marginalised: it is fixed where it is. Free places that removed factors leave are used again.
+///
+/// Priors of like shape share a family, so that a window that slides for ever does not grow.
+///
+/// Cost: rows · columns² of the factors and variables concerned, plus (this overload) one check of the whole graph. One thread.
+/// Source: algorithms.md section 7; Leutenegger et al. 2015 and Qin, Li & Shen, "VINS-Mono", 2018, for what it replaces.
+INCERES_EXPORT MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options,
+                                                  FactorGraph* graph);
+
+}  // namespace inceres

@@ -1,0 +1,54 @@
+#include "solver/cached_rows.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace inceres::internal {
+
+bool CachedRows::IsGood(const LiveFamily& family, FactorRef ref) const {
+  if (ref.factor >= family.num_places() || !family.linearised(ref.factor) || system_.IsDirty(ref) ||
+      !(family.SquaredError(ref.factor) <= limit_)) {
+    return false;
+  }
+  const double ratio = family.WeightRatio(ref.factor);
+  return ratio > 0.0 && std::isfinite(ratio) && !family.HasCurvedLoss(ref.factor);
+}
+
+bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted, LinearisedFactor* result) {
+  const FactorRef ref{id.family, id.index};
+  if (id.family >= static_cast<FamilyId>(system_.families().size()) || !IsGood(system_.families()[id.family], ref)) {
+    return false;
+  }
+  const LiveFamily& family = system_.families()[id.family];
+  const LiveSchur& schur = system_.schur();
+  const std::int32_t landmark = schur.LandmarkOfFactor(ref);
+  // Cached are √w_then J and q = ρ' f / √w_then; the factor's share of the least-squares problem now is √ρ' J and √ρ' f.
+  const double scale = std::sqrt(family.WeightRatio(id.index));
+  slots_.resize(family.num_slots());
+  jacobians_.resize(std::max(jacobians_.size(), slots_.size()));
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const VariableId variable = family.variables(id.index)[s];
+    const SlotJacobians& cached = family.slots()[s];
+    slots_[s] = {nullptr, cached.factor_stride, cached.row_stride, cached.columns};
+    if (!wanted(variable)) {
+      continue;
+    }
+    if (schur.FrameOfFactor(ref, s) < 0 && (landmark < 0 || schur.landmarks()[landmark].id != variable)) {
+      return false;
+    }
+    const double* J = family.Jacobian(id.index, s);
+    jacobians_[s].assign(J, J + cached.factor_stride);
+    for (double& entry : jacobians_[s]) {
+      entry *= scale;
+    }
+    slots_[s].data = jacobians_[s].data();
+  }
+  f_.assign(family.q(id.index), family.q(id.index) + family.residual_size());
+  for (double& entry : f_) {
+    entry /= scale;
+  }
+  *result = {family.residual_size(), f_.data(), slots_.data()};
+  return true;
+}
+
+}  // namespace inceres::internal
