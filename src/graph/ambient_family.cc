@@ -7,8 +7,6 @@
 namespace inceres {
 namespace {
 
-constexpr double kImpossible = 1e302;
-
 // The first tangent_size columns. Rows of the usual lengths are copied without a call.
 template <int kSize>
 void CopyRowsOf(int ambient_size, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
@@ -86,11 +84,7 @@ void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, doub
 
 }  // namespace
 
-void MarkUnwritten(double* values, int count) {
-  std::fill_n(values, count, kImpossible);
-}
-
-bool AreWritten(const double* values, int count) {
+bool AreAllWritten(const double* values, int count) {
   // Almost every entry is ordinary: a sum of magnitudes below the impossible value proves it. NaN and infinity fail it too.
   double sums[4] = {};
   int k = 0;
@@ -102,10 +96,10 @@ bool AreWritten(const double* values, int count) {
   for (; k < count; ++k) {
     sums[0] += std::fabs(values[k]);
   }
-  if ((sums[0] + sums[1]) + (sums[2] + sums[3]) < 0.01 * kImpossible) {
+  if ((sums[0] + sums[1]) + (sums[2] + sums[3]) < 0.01 * kUnwritten) {
     return true;
   }
-  return std::all_of(values, values + count, [](double value) { return std::isfinite(value) && value != kImpossible; });
+  return std::all_of(values, values + count, [](double value) { return std::isfinite(value) && value != kUnwritten; });
 }
 
 void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {

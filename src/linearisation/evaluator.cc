@@ -1,17 +1,16 @@
 #include "linearisation/evaluator.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 
+#include "inceres/graph/ambient_family.h"
 #include "linearisation/robustify.h"
 #include "linearisation/tangent_classes.h"
 
 namespace inceres::internal {
 namespace {
 
-constexpr int kChunkSize = 256;        // factors per task: a few tens of microseconds of Jacobians
-constexpr double kImpossible = 1e302;  // Ceres's mark of an entry nobody wrote
+constexpr int kChunkSize = 256;  // factors per task: a few tens of microseconds of Jacobians
 
 // A NaN stays one.
 void Clamp(const VariableBounds& bounds, double* x) {
@@ -35,7 +34,7 @@ FactorRows FamilyCache::Rows(int begin, int end) const {
 }
 
 Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor)
-    : graph_(graph), layout_(layout), executor_(executor), current_(graph.state()), candidate_(graph.state()) {
+    : graph_(&graph), layout_(layout), executor_(executor), current_(graph.state()), candidate_(graph.state()) {
   BuildMaps();
   BuildBounds();
   families_.resize(graph.num_families());
@@ -50,11 +49,11 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
 // Chunks end at free places, which nobody evaluates: their residuals and Jacobians stay zero.
 void Evaluator::BuildChunks(FamilyId id) {
   const int num_factors = families_[id].num_factors;
-  const bool gaps = graph_.NumFreePlaces(id) > 0;
+  const bool gaps = graph_->NumFreePlaces(id) > 0;
   for (int begin = 0; begin < num_factors;) {
     int end = std::min(begin + kChunkSize, num_factors);
     for (int i = begin; gaps && i < end; ++i) {
-      end = graph_.HasFactor(id, i) ? end : i;
+      end = graph_->HasFactor(id, i) ? end : i;
     }
     if (end > begin) {
       chunks_.push_back({id, begin, end});
@@ -63,13 +62,22 @@ void Evaluator::BuildChunks(FamilyId id) {
   }
 }
 
+void Evaluator::Rebind(const FactorGraph& graph) {
+  graph_ = &graph;
+  SetCurrent(graph.state());
+  std::copy(graph.state().begin(), graph.state().end(), candidate_.begin());
+  bounds_.clear();
+  BuildBounds();
+  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    BindFamily(id);
+  }
+}
+
 void Evaluator::BuildFamily(FamilyId id) {
   FamilyCache& cache = families_[id];
-  const FactorFamily& family = graph_.family(id);
-  cache.family = &family;
+  const FactorFamily& family = graph_->family(id);
   cache.id = id;
-  cache.num_factors = graph_.NumFactors(id);
-  cache.has_losses = graph_.HasLosses(id);
+  cache.num_factors = graph_->NumFactors(id);
   const auto n = static_cast<std::size_t>(cache.num_factors);
   const auto rows = static_cast<std::size_t>(family.residual_size());
   cache.residuals.resize(n * rows);
@@ -94,18 +102,35 @@ void Evaluator::BuildFamily(FamilyId id) {
   cache.candidate_parameters.resize(num_entries);
   cache.tangent_maps.resize(num_entries);
   cache.tangent_offsets.resize(num_entries);
-  const VariableId* ids = num_entries > 0 ? graph_.Variables(id, 0) : nullptr;
+  const VariableId* ids = num_entries > 0 ? graph_->Variables(id, 0) : nullptr;
   for (std::size_t k = 0; k < num_entries; ++k) {
     if (ids[k] < 0) {
       cache.tangent_offsets[k] = -1;  // a free place
       continue;
     }
-    cache.parameters[k] = graph_.ValuesIn(current_.data(), ids[k]);
-    cache.candidate_parameters[k] = graph_.ValuesIn(candidate_.data(), ids[k]);
     cache.tangent_maps[k] = &maps_[ids[k]];
     const int position = layout_.position[ids[k]];
     cache.tangent_offsets[k] = position < 0 ? -1 : layout_.quad_offset[position];
-    const double* pinned = graph_.HasPins() && position >= 0 ? graph_.PinnedValues(ids[k]) : nullptr;
+  }
+  BindFamily(id);
+}
+
+// What of a family's cache is the graph's own.
+void Evaluator::BindFamily(FamilyId id) {
+  FamilyCache& cache = families_[id];
+  cache.family = &graph_->family(id);
+  cache.has_losses = graph_->HasLosses(id);
+  const std::size_t num_entries = cache.parameters.size();
+  const VariableId* ids = num_entries > 0 ? graph_->Variables(id, 0) : nullptr;
+  cache.pins.clear();
+  for (std::size_t k = 0; k < num_entries; ++k) {
+    if (ids[k] < 0) {
+      continue;  // a free place
+    }
+    cache.parameters[k] = graph_->ValuesIn(current_.data(), ids[k]);
+    cache.candidate_parameters[k] = graph_->ValuesIn(candidate_.data(), ids[k]);
+    const bool moves = layout_.position[ids[k]] >= 0;
+    const double* pinned = graph_->HasPins() && moves ? graph_->PinnedValues(ids[k]) : nullptr;
     if (pinned != nullptr) {
       cache.pins.resize(num_entries, nullptr);
       cache.pins[k] = pinned;
@@ -115,23 +140,23 @@ void Evaluator::BuildFamily(FamilyId id) {
 }
 
 void Evaluator::BuildMaps() {
-  maps_.resize(graph_.num_variables());
-  for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+  maps_.resize(graph_->num_variables());
+  for (VariableId id = 0; id < graph_->num_variables(); ++id) {
     TangentMap& map = maps_[id];
-    map.ambient_size = graph_.AmbientSize(id);
-    map.tangent_size = graph_.TangentSize(id);
+    map.ambient_size = graph_->AmbientSize(id);
+    map.tangent_size = graph_->TangentSize(id);
     map.kind = layout_.position[id] < 0 ? TangentMap::Kind::kConstant : TangentMap::Kind::kIdentity;
   }
   std::int64_t num_entries = 0;
   std::int64_t num_columns = 0;
   for (std::size_t i = 0; i < layout_.variables.size(); ++i) {
     const VariableId id = layout_.variables[i];
-    if (graph_.manifold(id) != nullptr) {
+    if (graph_->manifold(id) != nullptr) {
       curved_.push_back(static_cast<int>(i));
       plus_jacobian_offset_.push_back(num_entries);
       selection_offset_.push_back(num_columns);
-      num_entries += static_cast<std::int64_t>(graph_.AmbientSize(id)) * graph_.TangentSize(id);
-      num_columns += graph_.TangentSize(id);
+      num_entries += static_cast<std::int64_t>(graph_->AmbientSize(id)) * graph_->TangentSize(id);
+      num_columns += graph_->TangentSize(id);
     }
   }
   plus_jacobians_.resize(num_entries);
@@ -140,8 +165,8 @@ void Evaluator::BuildMaps() {
 }
 
 void Evaluator::BuildBounds() {
-  for (std::size_t i = 0; graph_.HasBounds() && i < layout_.variables.size(); ++i) {
-    if (const VariableBounds* bounds = graph_.bounds(layout_.variables[i])) {
+  for (std::size_t i = 0; graph_->HasBounds() && i < layout_.variables.size(); ++i) {
+    if (const VariableBounds* bounds = graph_->bounds(layout_.variables[i])) {
       bounds_.resize(layout_.variables.size());
       bounds_[i] = bounds;
     }
@@ -152,14 +177,14 @@ Status Evaluator::ComputePlusJacobians(const std::vector<double>& state, std::ve
   for (std::size_t k = 0; k < curved_.size(); ++k) {
     const VariableId id = layout_.variables[curved_[k]];
     double* out = values->data() + plus_jacobian_offset_[k];
-    const int count = graph_.AmbientSize(id) * graph_.TangentSize(id);
-    std::fill(out, out + count, kImpossible);
-    const double* pinned = graph_.HasPins() ? graph_.PinnedValues(id) : nullptr;
-    if (!graph_.manifold(id)->PlusJacobian(pinned != nullptr ? pinned : graph_.ValuesIn(state.data(), id), out)) {
+    const int count = graph_->AmbientSize(id) * graph_->TangentSize(id);
+    MarkUnwritten(out, count);
+    const double* pinned = graph_->HasPins() ? graph_->PinnedValues(id) : nullptr;
+    if (!graph_->manifold(id)->PlusJacobian(pinned != nullptr ? pinned : graph_->ValuesIn(state.data(), id), out)) {
       return Status::Error(StatusCode::kEvaluationFailed,
                            "PlusJacobian of the manifold of variable " + std::to_string(id) + " returned false");
     }
-    if (!std::all_of(out, out + count, [](double entry) { return std::isfinite(entry) && entry != kImpossible; })) {
+    if (!AreWritten(out, count)) {
       return Status::Error(StatusCode::kEvaluationFailed, "PlusJacobian of the manifold of variable " + std::to_string(id) +
                                                               " has an entry that is not finite or was not written");
     }
@@ -178,16 +203,16 @@ void Evaluator::ClassifyMaps() {
 bool Evaluator::MoveCandidate(const double* delta) {
   for (std::size_t i = 0; i < layout_.variables.size(); ++i) {
     const VariableId id = layout_.variables[i];
-    const std::int64_t offset = graph_.StateOffset(id);
+    const std::int64_t offset = graph_->StateOffset(id);
     const double* x = current_.data() + offset;
     double* moved = candidate_.data() + offset;
     const double* step = delta + layout_.packed_offset[i];
-    if (const Manifold* manifold = graph_.manifold(id)) {
+    if (const Manifold* manifold = graph_->manifold(id)) {
       if (!manifold->Plus(x, step, moved)) {
         return false;
       }
     } else {
-      for (int k = 0; k < graph_.AmbientSize(id); ++k) {
+      for (int k = 0; k < graph_->AmbientSize(id); ++k) {
         moved[k] = x[k] + step[k];
       }
     }
@@ -243,7 +268,7 @@ double Evaluator::EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFa
   double cost = 0.0;
   for (int i = chunk.begin; i < chunk.end; ++i) {
     double* f = batch.residuals + static_cast<std::ptrdiff_t>(i) * rows;
-    const Loss* loss = cache.has_losses ? graph_.loss(cache.id, i) : nullptr;
+    const Loss* loss = cache.has_losses ? graph_->loss(cache.id, i) : nullptr;
     cost += loss != nullptr && jacobians
                 ? RobustifyFactor(*loss, rows, num_slots, cache.slots.data(), i,
                                   cache.tangent_offsets.data() + static_cast<std::ptrdiff_t>(i) * num_slots, f)
@@ -264,7 +289,7 @@ Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
     const EvaluationFailure& failure = chunk_failures_[k];
     if (failure.failed()) {
       return Status::Error(StatusCode::kEvaluationFailed,
-                           graph_.DescribeFactor(chunks_[k].family, failure.factor) + ": " + failure.reason);
+                           graph_->DescribeFactor(chunks_[k].family, failure.factor) + ": " + failure.reason);
     }
     *cost += chunk_costs_[k];
   }
@@ -289,7 +314,7 @@ int Evaluator::Recentre() {
   for (const FamilyCache& cache : families_) {
     const std::ptrdiff_t num_slots = cache.family->num_slots();
     for (int i = 0; cache.family->Recentres() && i < cache.num_factors; ++i) {
-      const bool there = graph_.NumFreePlaces(cache.id) == 0 || graph_.HasFactor(cache.id, i);
+      const bool there = graph_->NumFreePlaces(cache.id) == 0 || graph_->HasFactor(cache.id, i);
       num_changed += there && cache.family->Recentre(i, cache.parameters.data() + i * num_slots) ? 1 : 0;
     }
   }

@@ -42,11 +42,15 @@ class Evaluator {
  public:
   Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor);
 
+  /// From now on for this graph, at its values; its structure (solver/structure.h) is that of the one before. Nothing computed
+  /// for that one is used again.
+  void Rebind(const FactorGraph& graph);
+
   const std::vector<double>& current() const { return current_; }
   const std::vector<double>& candidate() const { return candidate_; }
   std::vector<FamilyCache>& families() { return families_; }
   const std::vector<FamilyCache>& families() const { return families_; }
-  const FactorGraph& graph() const { return graph_; }
+  const FactorGraph& graph() const { return *graph_; }
   const Layout& layout() const { return layout_; }
   const Executor& executor() const { return executor_; }
 
@@ -87,6 +91,7 @@ class Evaluator {
 
   void BuildFamily(FamilyId id);
   void BuildChunks(FamilyId id);
+  void BindFamily(FamilyId id);
   void BuildMaps();
   void BuildBounds();
   Status ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values);
@@ -95,7 +100,7 @@ class Evaluator {
   double EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFailure* failure);
   Status EvaluateAll(bool jacobians, double* cost);
 
-  const FactorGraph& graph_;
+  const FactorGraph* graph_;
   const Layout& layout_;
   const Executor& executor_;
   std::vector<double> current_;

@@ -4,22 +4,23 @@
 
 namespace inceres::internal {
 
-RowProducts MultiplyJacobian(const Evaluator& evaluator, const double* v) {
+RowProducts JacobianProduct::Multiply(const double* v) {
   constexpr int kChunkSize = 1024;
-  AlignedVector<double> padded(static_cast<std::size_t>(evaluator.layout().quad_offset.back()) * kQuad);
-  evaluator.layout().Pad(v, padded.data());
+  padded_.resize(static_cast<std::size_t>(evaluator_.layout().quad_offset.back()) * kQuad);  // zeros, where Pad leaves them
+  evaluator_.layout().Pad(v, padded_.data());
   const Kernels& kernels = BestKernels();
   RowProducts total;
-  for (const FamilyCache& cache : evaluator.families()) {
+  for (const FamilyCache& cache : evaluator_.families()) {
     const int num_chunks = (cache.num_factors + kChunkSize - 1) / kChunkSize;
-    std::vector<RowProducts> partial(num_chunks);
-    evaluator.executor().For(num_chunks, 1, [&](int begin, int end) {
+    partial_.resize(num_chunks);
+    evaluator_.executor().For(num_chunks, 1, [&](int begin, int end) {
       for (int chunk = begin; chunk < end; ++chunk) {
         const int first = chunk * kChunkSize;
-        partial[chunk] = kernels.row_products(cache.Rows(first, std::min(first + kChunkSize, cache.num_factors)), padded.data());
+        partial_[chunk] =
+            kernels.row_products(cache.Rows(first, std::min(first + kChunkSize, cache.num_factors)), padded_.data());
       }
     });
-    for (const RowProducts& chunk : partial) {
+    for (const RowProducts& chunk : partial_) {
       total.model_decrease += chunk.model_decrease;
       total.squared_norm += chunk.squared_norm;
     }

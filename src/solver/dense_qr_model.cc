@@ -8,7 +8,7 @@
 
 namespace inceres::internal {
 
-DenseQrModel::DenseQrModel(const Evaluator& evaluator, StageSeconds* seconds) : LinearModel(evaluator), seconds_(seconds) {
+DenseQrModel::DenseQrModel(const Evaluator& evaluator) : LinearModel(evaluator) {
   const Layout& layout = evaluator.layout();
   for (const FamilyCache& cache : evaluator.families()) {
     num_residuals_ += cache.num_factors * cache.family->residual_size();

@@ -13,7 +13,7 @@ namespace inceres::internal {
 /// Van Loan, section 5.3.
 class DenseQrModel final : public LinearModel {
  public:
-  DenseQrModel(const Evaluator& evaluator, StageSeconds* seconds);
+  explicit DenseQrModel(const Evaluator& evaluator);
 
   void Refresh() override;
   const std::vector<double>& Gradient() const override { return gradient_; }
@@ -23,7 +23,6 @@ class DenseQrModel final : public LinearModel {
   void Describe(WorkCounts* work) const override;
 
  private:
-  StageSeconds* seconds_;
   int num_residuals_ = 0;
   std::vector<int> packed_of_quad_;  // first packed entry of the variable that starts at a quad offset
   Eigen::MatrixXd J_;                // rows of the evaluator's factors, family by family

@@ -52,7 +52,7 @@ Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
     if (!solved.ok()) {
       return solved;
     }
-    if (subspace_ && !subspace_->Build(w_, gradient_, gauss_newton_, *model)) {
+    if (subspace_ && !subspace_->Build(w_, gradient_, gauss_newton_, model)) {
       return Status::Error(StatusCode::kSingular, "both the gradient and the Gauss-Newton step are zero");
     }
   }

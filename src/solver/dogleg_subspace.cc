@@ -22,12 +22,12 @@ Eigen::Map<const Eigen::VectorXd> AsVector(const std::vector<double>& v) {
 }
 
 // VᵀHV. The mixed entry comes from columns of equal length in H, so that it is as exact as a dot product of the columns of JV.
-Matrix2d Restrict(const LinearModel& model, const Eigen::MatrixX2d& V) {
-  const Vector2d lengths(std::sqrt(model.Quadratic(V.col(0).data())), std::sqrt(model.Quadratic(V.col(1).data())));
+Matrix2d Restrict(LinearModel* model, const Eigen::MatrixX2d& V) {
+  const Vector2d lengths(std::sqrt(model->Quadratic(V.col(0).data())), std::sqrt(model->Quadratic(V.col(1).data())));
   double cosine = 0.0;
   if (lengths.minCoeff() > 0.0) {
     const Eigen::VectorXd sum = V.col(0) / lengths[0] + V.col(1) / lengths[1];
-    cosine = 0.5 * model.Quadratic(sum.data()) - 1.0;
+    cosine = 0.5 * model->Quadratic(sum.data()) - 1.0;
   }
   Matrix2d B;
   B << lengths[0] * lengths[0], cosine * lengths[0] * lengths[1], cosine * lengths[0] * lengths[1], lengths[1] * lengths[1];
@@ -48,7 +48,7 @@ std::vector<double> MultiplierPolynomial(const Matrix2d& B, const Vector2d& g, d
 }  // namespace
 
 bool DoglegSubspace::Build(const std::vector<double>& w, const std::vector<double>& gradient,
-                           const std::vector<double>& gauss_newton, const LinearModel& model) {
+                           const std::vector<double>& gauss_newton, LinearModel* model) {
   const auto n = static_cast<Eigen::Index>(w.size());
   Eigen::MatrixX2d vectors(n, 2);
   vectors << AsVector(gradient), AsVector(gauss_newton);

@@ -19,7 +19,7 @@ class DoglegSubspace {
  public:
   /// `w` is the metric of the Dog-Leg, so that g̃ = g/w and p = w δ. Costs three passes over J. False if both vectors are zero.
   bool Build(const std::vector<double>& w, const std::vector<double>& gradient, const std::vector<double>& gauss_newton,
-             const LinearModel& model);
+             LinearModel* model);
 
   /// p := the minimum on the sphere of this radius, n entries; along −g̃ if the plane is but a line. False if no root of the
   /// quartic gives one: a traditional Dog-Leg step is due.

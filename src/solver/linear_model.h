@@ -6,6 +6,7 @@
 #include "inceres/solver/options.h"
 #include "inceres/solver/summary.h"
 #include "linearisation/evaluator.h"
+#include "linearisation/row_products.h"
 
 namespace inceres::internal {
 
@@ -14,6 +15,9 @@ namespace inceres::internal {
 class LinearModel {
  public:
   virtual ~LinearModel() = default;
+
+  /// Where the stages' times are added from now on.
+  void TimeInto(StageSeconds* seconds) { seconds_ = seconds; }
 
   /// Takes over the evaluator's new residuals and Jacobians.
   virtual void Refresh() = 0;
@@ -34,19 +38,23 @@ class LinearModel {
   virtual void Describe(WorkCounts* work) const = 0;
 
   /// vᵀHv = ‖Jv‖².
-  double Quadratic(const double* v) const;
+  double Quadratic(const double* v) { return jacobian_.Multiply(v).squared_norm; }
 
   /// L(0) − L(v) = −(Jv)ᵀ(f + Jv/2), as a pass over J: near the optimum its sign decides, and the cheaper ηᵀv − ½vᵀHv cancels.
-  double ModelDecrease(const double* v) const;
+  double ModelDecrease(const double* v) { return jacobian_.Multiply(v).model_decrease; }
 
  protected:
-  explicit LinearModel(const Evaluator& evaluator) : evaluator_(evaluator) {}
+  explicit LinearModel(const Evaluator& evaluator) : evaluator_(evaluator), jacobian_(evaluator) {}
+
   const Evaluator& evaluator_;
+  StageSeconds* seconds_ = nullptr;
+
+ private:
+  JacobianProduct jacobian_;
 };
 
-/// Makes the model that options.linear_model asks for; kAutomatic means Schur where there are landmarks. The stage timers of
-/// `seconds` are kept up by the model. Fails if the reduced solver cannot be set up.
-std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, const Evaluator& evaluator, StageSeconds* seconds,
-                                             Status* status);
+/// Makes the model that options.linear_model asks for; kAutomatic means Schur where there are landmarks. It wants TimeInto before
+/// its first use. Fails if the reduced solver cannot be set up.
+std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, const Evaluator& evaluator, Status* status);
 
 }  // namespace inceres::internal

@@ -7,12 +7,8 @@
 
 namespace inceres::internal {
 
-PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator, StageSeconds* seconds, Status* status)
-    : LinearModel(evaluator),
-      incidences_(evaluator),
-      plans_(evaluator, incidences_),
-      hessian_(evaluator, incidences_, plans_),
-      seconds_(seconds) {
+PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
+    : LinearModel(evaluator), incidences_(evaluator), plans_(evaluator, incidences_), hessian_(evaluator, incidences_, plans_) {
   *status = CheckOffsets();
   if (status->ok() && plans_.pattern.size() > 0) {
     reduced_solver_ =
@@ -68,8 +64,8 @@ void PlainModel::Describe(WorkCounts* work) const {
   }
 }
 
-SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator, StageSeconds* seconds, Status* status)
-    : PlainModel(options, evaluator, seconds, status), elimination_(evaluator, incidences_, plans_, hessian_) {
+SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
+    : PlainModel(options, evaluator, status), elimination_(evaluator, incidences_, plans_, hessian_) {
 }
 
 Status SchurModel::Solve(const double* damping, double* step) {

@@ -12,7 +12,7 @@ namespace inceres::internal {
 /// S = H: nothing to eliminate (pose graphs, curve fitting). Also the frame half of the Schur model.
 class PlainModel : public LinearModel {
  public:
-  PlainModel(const SolverOptions& options, const Evaluator& evaluator, StageSeconds* seconds, Status* status);
+  PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status);
 
   void Refresh() override;
   const std::vector<double>& Gradient() const override { return hessian_.gradient(); }
@@ -28,7 +28,6 @@ class PlainModel : public LinearModel {
   LandmarkIncidences incidences_;
   FramePlans plans_;
   Hessian hessian_;
-  StageSeconds* seconds_;
 
  private:
   Status CheckOffsets() const;
@@ -40,7 +39,7 @@ class PlainModel : public LinearModel {
 /// Landmarks eliminated block by block, δ_c from the reduced system, δ_l by back-substitution.
 class SchurModel final : public PlainModel {
  public:
-  SchurModel(const SolverOptions& options, const Evaluator& evaluator, StageSeconds* seconds, Status* status);
+  SchurModel(const SolverOptions& options, const Evaluator& evaluator, Status* status);
 
   Status Solve(const double* damping, double* step) override;
   void Describe(WorkCounts* work) const override;

@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <limits>
 #include <new>
+#include <optional>
+#include <utility>
 
 #include "base/executor.h"
 #include "base/stopwatch.h"
 #include "block/kernels.h"
 #include "linearisation/evaluator.h"
 #include "solver/linear_model.h"
+#include "solver/structure.h"
 #include "solver/trust_region_minimizer.h"
 
 namespace inceres {
@@ -42,39 +45,117 @@ void SummarizeStandstill(const SolverOptions& options, const FactorGraph& graph,
   summary->initial_cost = summary->final_cost = cost + options.fixed_cost;
 }
 
-void SolveValid(const SolverOptions& options, FactorGraph* graph, Summary* summary, double start) {
-  const bool eliminate = options.linear_model == LinearModelKind::kAutomatic || options.linear_model == LinearModelKind::kSchur;
-  const Layout layout(*graph, eliminate);
-  if (layout.variables.empty()) {
-    SummarizeStandstill(options, *graph, layout, summary);
-    return;
+// What a structure is set up with.
+struct Workspace {
+  Workspace(const SolverOptions& options, const FactorGraph& graph)
+      : layout(graph, EliminatesLandmarks(options)),
+        executor(options.num_threads),
+        linear_model(options.linear_model),
+        reduced_solver(options.reduced_solver) {}
+
+  static bool EliminatesLandmarks(const SolverOptions& options) {
+    return options.linear_model == LinearModelKind::kAutomatic || options.linear_model == LinearModelKind::kSchur;
   }
-  const Executor executor(options.num_threads);
-  Evaluator evaluator(*graph, layout, executor);
+
+  // False, with a status, if the reduced solver cannot be set up.
+  bool Build(const SolverOptions& options, const FactorGraph& graph, Status* status) {
+    evaluator.emplace(graph, layout, executor);
+    model = MakeLinearModel(options, *evaluator, status);
+    return status->ok();
+  }
+
+  bool Suits(const SolverOptions& options, const FactorGraph& graph) const {
+    return !options.reduced_solver_factory && options.num_threads == executor.num_threads() &&
+           options.linear_model == linear_model && options.reduced_solver == reduced_solver && structure.has_value() &&
+           structure->IsThatOf(graph);
+  }
+
+  std::int64_t Bytes() const {
+    WorkCounts work;
+    model->Describe(&work);
+    return evaluator->Bytes() + work.bytes + (structure.has_value() ? structure->Bytes() : 0);
+  }
+
+  std::optional<Structure> structure;  // taken when the first solve is over: who solves once does not pay for it
+  Layout layout;
+  Executor executor;
+  LinearModelKind linear_model;
+  ReducedSolverKind reduced_solver;
+  std::optional<Evaluator> evaluator;
+  std::unique_ptr<LinearModel> model;
+};
+
+}  // namespace
+
+class Solver::Impl {
+ public:
+  explicit Impl(bool remembers) : remembers_(remembers) {}
+
+  Summary Solve(const SolverOptions& options, FactorGraph* graph);
+  bool IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
+    return workspace_ != nullptr && workspace_->Suits(options, graph);
+  }
+  std::int64_t Bytes() const { return workspace_ == nullptr ? 0 : workspace_->Bytes(); }
+
+ private:
+  std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const FactorGraph& graph, Summary* summary);
+  void SolveValid(const SolverOptions& options, FactorGraph* graph, Summary* summary, double start);
+
+  bool remembers_;
+  std::unique_ptr<Workspace> workspace_;
+};
+
+// The old workspace, bound to the graph, or a new one; null, with the reason in the summary, if there is nothing to solve with.
+std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options, const FactorGraph& graph, Summary* summary) {
+  std::unique_ptr<Workspace> workspace = std::move(workspace_);
+  summary->structure_reused = workspace != nullptr && workspace->Suits(options, graph);
+  if (summary->structure_reused) {
+    workspace->evaluator->Rebind(graph);
+    return workspace;
+  }
+  workspace.reset();  // its memory serves the new one
+  workspace = std::make_unique<Workspace>(options, graph);
+  if (workspace->layout.variables.empty()) {
+    SummarizeStandstill(options, graph, workspace->layout, summary);
+    return nullptr;
+  }
   Status status;
-  const std::unique_ptr<LinearModel> model = MakeLinearModel(options, evaluator, &summary->seconds, &status);
-  if (!status.ok()) {
+  if (!workspace->Build(options, graph, &status)) {
     summary->message = status.message;
+    return nullptr;
+  }
+  return workspace;
+}
+
+void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, Summary* summary, double start) {
+  std::unique_ptr<Workspace> workspace = Prepare(options, *graph, summary);
+  if (workspace == nullptr) {
     return;
   }
-  summary->reduced_solver = model->SolverName();
-  summary->work.bytes = evaluator.Bytes();
-  model->Describe(&summary->work);
+  LinearModel& model = *workspace->model;
+  model.TimeInto(&summary->seconds);
+  summary->reduced_solver = model.SolverName();
+  summary->work.bytes = workspace->evaluator->Bytes();
+  model.Describe(&summary->work);
   summary->seconds.setup = NowInSeconds() - start;
 
   SolverOptions minimizer_options = options;
   minimizer_options.seconds_spent_before += summary->seconds.setup;
-  TrustRegionMinimizer minimizer(minimizer_options, &evaluator, model.get(), summary);
+  TrustRegionMinimizer minimizer(minimizer_options, &*workspace->evaluator, &model, summary);
   minimizer.Minimize();
   summary->final_cost = FinalCost(*summary, minimizer.first_comparable_iteration());
   if (summary->IsSolutionUsable()) {
     graph->mutable_state() = minimizer.best_state();
   }
+  if (remembers_) {
+    if (!workspace->structure.has_value()) {
+      workspace->structure.emplace(*graph);
+    }
+    workspace_ = std::move(workspace);  // not if something was thrown on the way
+  }
 }
 
-}  // namespace
-
-Summary Solve(const SolverOptions& options, FactorGraph* graph) {
+Summary Solver::Impl::Solve(const SolverOptions& options, FactorGraph* graph) {
   const double start = NowInSeconds();
   Summary summary;
   summary.fixed_cost = options.fixed_cost;
@@ -96,6 +177,28 @@ Summary Solve(const SolverOptions& options, FactorGraph* graph) {
   }
   summary.seconds.total = NowInSeconds() - start;
   return summary;
+}
+
+Solver::Solver() : impl_(std::make_unique<Impl>(/*remembers=*/true)) {
+}
+Solver::~Solver() = default;
+Solver::Solver(Solver&&) noexcept = default;
+Solver& Solver::operator=(Solver&&) noexcept = default;
+
+Summary Solver::Solve(const SolverOptions& options, FactorGraph* graph) {
+  return impl_->Solve(options, graph);
+}
+
+bool Solver::IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
+  return impl_->IsReadyFor(options, graph);
+}
+
+std::int64_t Solver::Bytes() const {
+  return impl_->Bytes();
+}
+
+Summary Solve(const SolverOptions& options, FactorGraph* graph) {
+  return Solver::Impl(/*remembers=*/false).Solve(options, graph);
 }
 
 }  // namespace inceres

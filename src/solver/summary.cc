@@ -107,6 +107,7 @@ std::string Summary::ToJson() const {
       .Add("num_unsuccessful_steps", num_unsuccessful_steps)
       .AddRaw("is_constrained", is_constrained ? "true" : "false")
       .AddRaw("line_search", inceres::ToJson(line_search))
+      .AddRaw("structure_reused", structure_reused ? "true" : "false")
       .AddString("reduced_solver", reduced_solver)
       .AddString("kernels", kernels)
       .AddRaw("work", internal::ToJson(work))

@@ -1,5 +1,6 @@
 #include "adapters/ceres/src/exact_solve.h"
 
+#include <memory>
 #include <utility>
 
 #include <glog/logging.h>
@@ -10,8 +11,8 @@
 #include "adapters/ceres/src/graph_builder.h"
 #include "adapters/ceres/src/landmark_selection.h"
 #include "adapters/ceres/src/option_mapping.h"
+#include "adapters/ceres/src/solver_pool.h"
 #include "adapters/ceres/src/summary_writer.h"
-#include "inceres/solver/solver.h"
 
 namespace inceres::internal {
 namespace {
@@ -40,7 +41,9 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   options.fixed_cost = summary->fixed_cost;
   options.seconds_spent_before = input.clock.Seconds();
   summary->preprocessor_time_in_seconds = options.seconds_spent_before;
-  Summary core = Solve(options, &graph);
+  std::unique_ptr<Solver> solver = SolverPool::Global().Take(options, graph);
+  Summary core = solver->Solve(options, &graph);
+  SolverPool::Global().GiveBack(std::move(solver));
   if (core.termination == Termination::kFailure) {
     LOG_IF(WARNING, !core.detail.empty()) << "inceres: " << core.detail;  // where Ceres prints the residual block's numbers
     LOG(ERROR) << "Terminating: " << core.message;

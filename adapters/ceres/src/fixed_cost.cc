@@ -1,16 +1,14 @@
 #include "adapters/ceres/src/fixed_cost.h"
 
-#include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include <ceres/cost_function.h>
 #include <ceres/loss_function.h>
 
+#include "inceres/graph/ambient_family.h"
+
 namespace inceres::internal {
 namespace {
-
-constexpr double kImpossibleValue = 1e302;
 
 // cost = ½ρ(‖f‖²); false if the residual block cannot be evaluated. As in Ceres the loss's own output is not checked.
 bool EvaluateCost(const ProblemView& view, const ResidualBlockView& residual, std::vector<const double*>* parameters,
@@ -19,10 +17,10 @@ bool EvaluateCost(const ProblemView& view, const ResidualBlockView& residual, st
   for (int s = 0; s < residual.num_slots; ++s) {
     parameters->push_back(view.block(view.SlotsOf(residual)[s]).values);
   }
-  values->assign(static_cast<std::size_t>(residual.num_residuals), kImpossibleValue);
+  values->resize(static_cast<std::size_t>(residual.num_residuals));
+  MarkUnwritten(values->data(), residual.num_residuals);
   const bool evaluated = residual.cost->Evaluate(parameters->data(), values->data(), nullptr);
-  const auto valid = [](double value) { return std::isfinite(value) && value != kImpossibleValue; };
-  if (!evaluated || !std::all_of(values->begin(), values->end(), valid)) {
+  if (!evaluated || !AreWritten(values->data(), residual.num_residuals)) {
     return false;
   }
   double squared_norm = 0.0;

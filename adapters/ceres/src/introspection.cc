@@ -1,24 +1,13 @@
 #include "adapters/ceres/src/introspection.h"
 
-#include <cmath>
 #include <cstdio>
 
 #include <ceres/cost_function.h>
 
+#include "inceres/graph/ambient_family.h"
+
 namespace inceres::internal {
 namespace {
-
-// What Ceres fills outputs with and rejects as input.
-constexpr double kImpossibleValue = 1e302;
-
-bool HasInvalidValue(const ParameterBlockView& block) {
-  for (int i = 0; i < block.ambient_size; ++i) {
-    if (!std::isfinite(block.values[i]) || block.values[i] == kImpossibleValue) {
-      return true;
-    }
-  }
-  return false;
-}
 
 void SetDefect(ProblemView* view, std::string text) {
   if (view->defect.empty()) {
@@ -39,7 +28,7 @@ ParameterBlockView ReadParameterBlock(const ceres::Problem& problem, double* val
 }
 
 void CheckValues(const ParameterBlockView& block, ProblemView* view) {
-  if (HasInvalidValue(block)) {
+  if (!AreWritten(block.values, block.ambient_size)) {  // what Ceres fills outputs with it rejects as input
     SetDefect(view, Describe(block) + " has a value that is not finite");
   }
 }

@@ -7,8 +7,6 @@
 namespace inceres::internal {
 namespace {
 
-constexpr double kImpossibleValue = 1e302;
-
 // How far, relative, the residuals of a cost-only and of a Jacobian call may lie apart and still be one function's: rounding,
 // cancellation between prediction and measurement included.
 constexpr double kRounding = 1e-6;
@@ -78,7 +76,7 @@ bool RememberingFamily::EvaluateCostOnly(const ceres::CostFunction& cost, const 
     pointers_[At(s)] = values;
     values += slot(s).ambient_size;
   }
-  std::fill(residual_.begin(), residual_.end(), kImpossibleValue);
+  MarkUnwritten(residual_.data(), static_cast<int>(residual_.size()));
   return cost.Evaluate(pointers_.data(), residual_.data(), nullptr);
 }
 

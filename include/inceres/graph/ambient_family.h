@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <memory>
 #include <vector>
@@ -13,11 +14,27 @@ namespace inceres {
 INCERES_EXPORT void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
                                           int row_stride);
 
-/// Fills `values` with an impossible value, so that AreWritten finds what was forgotten.
-INCERES_EXPORT void MarkUnwritten(double* values, int count);
+/// What entries nobody has written yet hold.
+constexpr double kUnwritten = 1e302;
+
+/// Fills `values` with kUnwritten, so that AreWritten finds what was forgotten.
+inline void MarkUnwritten(double* values, int count) {
+  for (int k = 0; k < count; ++k) {
+    values[k] = kUnwritten;
+  }
+}
 
 /// Whether every entry is finite and has been written since MarkUnwritten.
-INCERES_EXPORT bool AreWritten(const double* values, int count);
+INCERES_EXPORT bool AreAllWritten(const double* values, int count);
+
+/// The same; a few ordinary entries, as most residuals are, need no call.
+inline bool AreWritten(const double* values, int count) {
+  double sum = 0.0;
+  for (int k = 0; k < count && count <= 4; ++k) {
+    sum += std::fabs(values[k]);
+  }
+  return (count <= 4 && sum < 0.01 * kUnwritten) || AreAllWritten(values, count);
+}
 
 /// A family of factors given one at a time with ambient Jacobians, as a user of Ceres writes them. Derived supplies
 ///

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstdint>
+#include <memory>
+
 #include "inceres/export.h"
 #include "inceres/graph/factor_graph.h"
 #include "inceres/solver/options.h"
@@ -34,5 +37,35 @@ class INCERES_EXPORT SolveObserver {
 /// options.num_threads; the result is the same to the last bit for any number.
 /// Source: Ceres 2.1's trust-region minimiser, restated in design terms in algorithms.md sections 1, 4 and 6.
 INCERES_EXPORT Summary Solve(const SolverOptions& options, FactorGraph* graph);
+
+/// The batch solver for who solves again and again: problems of one structure, the same graph or another one, find layout,
+/// elimination order, symbolic factorisation, arrays and threads ready. Structure is compared by content (sizes, roles,
+/// constants, connections), never by address, and no number computed for one solve is used in the next: the result is that of
+/// Solve, to the last bit. Summary::structure_reused tells. A graph of another structure, another number of threads, linear model
+/// or reduced solver is set up anew, and what was there is given back; so it is with a reduced_solver_factory each time.
+///
+/// Between solves only the solver's own arrays are held (Bytes); of the graph nothing is touched any more. Threads: one solve at
+/// a time.
+class INCERES_EXPORT Solver {
+ public:
+  Solver();
+  ~Solver();
+  Solver(Solver&&) noexcept;
+  Solver& operator=(Solver&&) noexcept;
+
+  /// As the free function.
+  Summary Solve(const SolverOptions& options, FactorGraph* graph);
+
+  /// Whether a solve with these options would find its structure ready. Cost: a comparison, up to the first difference.
+  bool IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const;
+
+  /// What is held from solve to solve.
+  std::int64_t Bytes() const;
+
+ private:
+  friend Summary Solve(const SolverOptions& options, FactorGraph* graph);
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 }  // namespace inceres

@@ -91,8 +91,9 @@ struct INCERES_EXPORT Summary {
   int num_unsuccessful_steps = -1;
   bool is_constrained = false;  ///< some variable that moves has bounds
   LineSearchSummary line_search;
-  std::string reduced_solver;  ///< name of the solver of the reduced system
-  const char* kernels = "";    ///< instruction set of the kernels used: "generic", "avx2", "avx512"
+  bool structure_reused = false;  ///< set up by an earlier solve of the same Solver
+  std::string reduced_solver;     ///< name of the solver of the reduced system
+  const char* kernels = "";       ///< instruction set of the kernels used: "generic", "avx2", "avx512"
   WorkCounts work;
   StageSeconds seconds;
 

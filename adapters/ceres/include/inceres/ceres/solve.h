@@ -73,9 +73,16 @@ struct INCERES_EXPORT SolveReport {
 /// says why.
 ///
 /// Requires what ceres::Solve requires. Cost functions are called directly, with Ceres's calling conventions, only during the
-/// call, and never concurrently when options.num_threads is 1. Re-entrant; no global state.
+/// call, and never concurrently when options.num_threads is 1. Re-entrant.
+///
+/// A problem built anew with the structure of an earlier one (the same sizes, constants and connections; addresses do not matter)
+/// finds elimination order, symbolic factorisation, arrays and threads ready: exact mode keeps the solvers of the last few small
+/// problems, 64 MiB at most in all, until ForgetStructures. No number is used again. SolveReport::core.structure_reused tells.
 /// Source: design of the shim in docs/swap.md; Ceres 2.1.0's solver contract.
 INCERES_EXPORT void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
                           SolveReport* report = nullptr);
+
+/// Gives back what Solve keeps for problems of a structure it has seen. Threads: at any time.
+INCERES_EXPORT void ForgetStructures();
 
 }  // namespace inceres

@@ -1,0 +1,96 @@
+// A problem that is built anew every frame: a structure met before is found again by content, and no number of an earlier solve
+// survives.
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "adapters/test_problems.h"
+#include "inceres/ceres/solve.h"
+
+namespace inceres {
+namespace {
+
+using testing::MakeBundle;
+using testing::MakeCurveFit;
+using testing::MakePowell;
+using testing::Recipe;
+using testing::TestProblem;
+
+struct Outcome {
+  bool reused = false;
+  double cost = 0.0;
+  std::vector<std::vector<double>> values;
+};
+
+Outcome SolveNew(const Recipe& recipe, int num_threads = 1) {
+  const std::unique_ptr<TestProblem> test = recipe();
+  ceres::Solver::Options options;
+  options.num_threads = num_threads;
+  options.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  report.strict = true;
+  Solve(options, &test->problem, &summary, &report);
+  EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message << report.fallback_reason;
+  return {report.core.structure_reused, summary.final_cost, {test->blocks.begin(), test->blocks.end()}};
+}
+
+class RebuiltProblem : public ::testing::Test {
+ protected:
+  RebuiltProblem() { ForgetStructures(); }
+  ~RebuiltProblem() override { ForgetStructures(); }
+};
+
+TEST_F(RebuiltProblem, FindsItsStructureAndHasTheBitsOfTheFirst) {
+  const std::vector<Recipe> recipes = {[] { return MakePowell(); }, [] { return MakeCurveFit(0.5); },
+                                       [] { return MakeBundle(6, 40, true); }};
+  for (const Recipe& recipe : recipes) {
+    const Outcome first = SolveNew(recipe);
+    const Outcome second = SolveNew(recipe);
+    EXPECT_FALSE(first.reused);
+    EXPECT_TRUE(second.reused);
+    EXPECT_EQ(first.cost, second.cost);
+    EXPECT_EQ(first.values, second.values);
+  }
+}
+
+TEST_F(RebuiltProblem, OfAnotherStructureIsSetUpAnew) {
+  EXPECT_FALSE(SolveNew([] { return MakeBundle(6, 40, true); }).reused);
+  EXPECT_FALSE(SolveNew([] { return MakeBundle(6, 40, false); }).reused);
+  EXPECT_FALSE(SolveNew([] { return MakeBundle(6, 41, true); }).reused);
+  EXPECT_FALSE(SolveNew([] { return MakeBundle(6, 40, true); }, /*num_threads=*/2).reused);
+  EXPECT_TRUE(SolveNew([] { return MakeBundle(6, 40, true); }).reused);
+}
+
+TEST_F(RebuiltProblem, IsForgottenOnRequestAndWhenOthersComeBetween) {
+  const Recipe recipe = [] { return MakePowell(); };
+  SolveNew(recipe);
+  ForgetStructures();
+  EXPECT_FALSE(SolveNew(recipe).reused);
+  for (int num_points = 20; num_points < 24; ++num_points) {
+    SolveNew([num_points] { return MakeBundle(4, num_points, true); });
+  }
+  EXPECT_FALSE(SolveNew(recipe).reused);
+}
+
+TEST_F(RebuiltProblem, ConcurrentSolvesTakeASolverEach) {
+  const Recipe recipe = [] { return MakeBundle(6, 40, true); };
+  const Outcome expected = SolveNew(recipe);
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 3; ++t) {
+    threads.emplace_back([&] {
+      for (int k = 0; k < 5; ++k) {
+        const Outcome outcome = SolveNew(recipe);
+        EXPECT_EQ(outcome.cost, expected.cost);
+        EXPECT_EQ(outcome.values, expected.values);
+      }
+    });
+  }
+  for (std::thread& thread : threads) {
+    thread.join();
+  }
+}
+
+}  // namespace
+}  // namespace inceres
