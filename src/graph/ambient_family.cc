@@ -7,29 +7,29 @@
 namespace inceres {
 namespace {
 
-// The first tangent_size columns. Rows of the usual lengths are copied without a call.
+// The first columns as they are. Rows of the usual lengths are copied without a call.
 template <int kSize>
-void CopyRowsOf(int ambient_size, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+void CopyColumnsOf(int ambient_size, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
   for (int r = 0; r < num_rows; ++r, J_ambient += ambient_size, J_tangent += row_stride) {
     std::memcpy(J_tangent, J_ambient, kSize * sizeof(double));
   }
 }
 
-void CopyRows(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
-  switch (map.tangent_size) {
+void CopyColumns(int count, int ambient_size, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  switch (count) {
     case 1:
-      return CopyRowsOf<1>(map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+      return CopyColumnsOf<1>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
     case 3:
-      return CopyRowsOf<3>(map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+      return CopyColumnsOf<3>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
     case 6:
-      return CopyRowsOf<6>(map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+      return CopyColumnsOf<6>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
     case 9:
-      return CopyRowsOf<9>(map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+      return CopyColumnsOf<9>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
     default:
       break;
   }
-  for (int r = 0; r < num_rows; ++r, J_ambient += map.ambient_size, J_tangent += row_stride) {
-    std::copy_n(J_ambient, map.tangent_size, J_tangent);
+  for (int r = 0; r < num_rows; ++r, J_ambient += ambient_size, J_tangent += row_stride) {
+    std::copy_n(J_ambient, count, J_tangent);
   }
 }
 
@@ -52,15 +52,15 @@ void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows,
   }
 }
 
-// kWidth columns of the product from column `first` on, summed in registers. The sum over k runs upwards from zero, as in a
-// plain matrix product, so that results agree with Ceres's to the last bit.
+// kWidth columns of the product from column `first` on, summed in registers. The sum over k runs upwards, as in a plain matrix
+// product, so that results agree with Ceres's to the last bit; where M is the identity there is nothing to add.
 template <int kWidth>
 void MultiplyColumns(const TangentMap& map, int first, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
   for (int r = 0; r < num_rows; ++r) {
     const double* from = J_ambient + static_cast<std::ptrdiff_t>(r) * map.ambient_size;
-    const double* M = map.plus_jacobian + first;
+    const double* M = map.plus_jacobian + static_cast<std::ptrdiff_t>(map.num_identity_columns) * map.tangent_size + first;
     double sum[kWidth] = {};
-    for (int k = 0; k < map.ambient_size; ++k, M += map.tangent_size) {
+    for (int k = map.num_identity_columns; k < map.ambient_size; ++k, M += map.tangent_size) {
       for (int c = 0; c < kWidth; ++c) {
         sum[c] += from[k] * M[c];
       }
@@ -70,7 +70,10 @@ void MultiplyColumns(const TangentMap& map, int first, const double* J_ambient, 
 }
 
 void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
-  int c = 0;
+  int c = map.num_identity_columns;
+  if (c > 0) {
+    CopyColumns(c, map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+  }
   for (; c + 6 <= map.tangent_size; c += 6) {
     MultiplyColumns<6>(map, c, J_ambient, num_rows, J_tangent, row_stride);
   }
@@ -108,10 +111,11 @@ void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int n
     case TangentMap::Kind::kUnwanted:
       return;
     case TangentMap::Kind::kIdentity:
-      return CopyRows(map, J_ambient, num_rows, J_tangent, row_stride);
+      return CopyColumns(map.tangent_size, map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
     case TangentMap::Kind::kSelection:
-      return SelectsFirstColumns(map) ? CopyRows(map, J_ambient, num_rows, J_tangent, row_stride)
-                                      : SelectColumns(map, J_ambient, num_rows, J_tangent, row_stride);
+      return SelectsFirstColumns(map)
+                 ? CopyColumns(map.tangent_size, map.ambient_size, J_ambient, num_rows, J_tangent, row_stride)
+                 : SelectColumns(map, J_ambient, num_rows, J_tangent, row_stride);
     case TangentMap::Kind::kDense:
       return Multiply(map, J_ambient, num_rows, J_tangent, row_stride);
   }

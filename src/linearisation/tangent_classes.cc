@@ -38,6 +38,30 @@ bool FindSelection(const TangentMap& map, int* selection) {
   return true;
 }
 
+// Row and column k of M are those of the identity.
+bool IsUnit(const TangentMap& map, int k) {
+  for (int r = 0; r < map.ambient_size; ++r) {
+    if (map.plus_jacobian[r * map.tangent_size + k] != (r == k ? 1.0 : 0.0)) {
+      return false;
+    }
+  }
+  const double* row = map.plus_jacobian + k * map.tangent_size;
+  for (int c = 0; c < map.tangent_size; ++c) {
+    if (row[c] != (c == k ? 1.0 : 0.0)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+int CountIdentityColumns(const TangentMap& map) {
+  int count = 0;
+  while (count < map.tangent_size && count < map.ambient_size && IsUnit(map, count)) {
+    ++count;
+  }
+  return count;
+}
+
 }  // namespace
 
 void ClassifyTangentMap(TangentMap* map, int* selection) {
@@ -48,6 +72,7 @@ void ClassifyTangentMap(TangentMap* map, int* selection) {
     map->selection = selection;
   } else {
     map->kind = TangentMap::Kind::kDense;
+    map->num_identity_columns = CountIdentityColumns(*map);
   }
 }
 

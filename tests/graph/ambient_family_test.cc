@@ -55,6 +55,25 @@ TEST_P(Projection, DenseIsTheProduct) {
   }
 }
 
+TEST_P(Projection, LeadingIdentityColumnsAreCopied) {
+  const int dense_columns = GetParam();
+  for (const int identity_columns : {1, 2, 3, 6}) {
+    TangentMap map{TangentMap::Kind::kDense, identity_columns + dense_columns + 1, identity_columns + dense_columns, nullptr,
+                   nullptr};
+    map.num_identity_columns = identity_columns;
+    std::vector<double> M = RandomValues(map.ambient_size * map.tangent_size);
+    for (int r = 0; r < map.ambient_size; ++r) {
+      for (int c = 0; c < map.tangent_size; ++c) {
+        if (r < identity_columns || c < identity_columns) {
+          M[static_cast<std::size_t>(r * map.tangent_size + c)] = r == c ? 1.0 : 0.0;
+        }
+      }
+    }
+    map.plus_jacobian = M.data();
+    ExpectProduct(map, M, 3);
+  }
+}
+
 TEST_P(Projection, IdentityIsACopy) {
   const int size = GetParam();
   std::vector<double> M(static_cast<std::size_t>(size * size), 0.0);

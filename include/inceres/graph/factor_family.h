@@ -24,6 +24,9 @@ struct TangentMap {
   int tangent_size = 0;
   const double* plus_jacobian = nullptr;  ///< M, row-major; kSelection and kDense only
   const int* selection = nullptr;         ///< tangent_size indices; kSelection only
+  /// kDense only: the first columns of M that are unit vectors of the same index, in rows without another entry (a pose of
+  /// translation and quaternion has three): there too the product is a copy.
+  int num_identity_columns = 0;
 
   /// Whether a Jacobian is to be written.
   bool wanted() const { return kind != Kind::kConstant && kind != Kind::kUnwanted; }
