@@ -183,6 +183,21 @@ TEST(RepeatedSolve, BorrowedConstantsBoundsAndLossesAreTheNewGraphs) {
   EXPECT_LT(summary.initial_cost, 2.0);             // Huber's; the plain cost is 37
 }
 
+TEST(RepeatedSolve, PinsAreTheNewGraphs) {
+  Solver solver;
+  SolveBothWays(TenIterations(), Options(), &solver);
+  const auto ours = MakeBundle(Options());
+  const auto fresh = MakeBundle(Options());
+  for (FactorGraph* graph : {&ours->graph(), &fresh->graph()}) {
+    const std::vector<double> pinned(graph->Values(0), graph->Values(0) + graph->AmbientSize(0));
+    graph->PinLinearisation(0, pinned.data());
+  }
+  const Summary summary = solver.Solve(TenIterations(), &ours->graph());
+  EXPECT_TRUE(summary.structure_reused);
+  ExpectSameBits(summary, Solve(TenIterations(), &fresh->graph()));
+  SolveBothWays(TenIterations(), Options(), &solver);  // and without one again
+}
+
 TEST(RepeatedSolve, GoesOnAfterAFailureAndAfterAnException) {
   const double b[2] = {1.0, 2.0};
   Solver solver;
