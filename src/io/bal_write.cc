@@ -1,4 +1,3 @@
-#include <charconv>
 #include <climits>
 #include <cmath>
 #include <memory>
@@ -6,47 +5,11 @@
 
 #include "inceres/io/bal.h"
 #include "io/byte_sink.h"
+#include "io/text_writer.h"
 
 namespace inceres {
 namespace internal {
 namespace {
-
-constexpr std::size_t kFlushSize = std::size_t{1} << 18;
-
-// Collects text and hands it on in large pieces. The first error stays; Finish() returns it.
-class TextWriter {
- public:
-  explicit TextWriter(ByteSink* sink) : sink_(sink) { text_.reserve(kFlushSize + 64); }
-
-  // An int or a double, in the shortest form that reads back as the same value, and what follows it.
-  template <typename Number>
-  void Put(Number value, char separator) {
-    char digits[40];
-    const auto result = std::to_chars(digits, digits + sizeof(digits), value);
-    text_.append(digits, result.ptr);
-    text_.push_back(separator);
-    if (text_.size() >= kFlushSize) {
-      Flush();
-    }
-  }
-
-  Status Finish() {
-    Flush();
-    return status_.ok() ? sink_->Finish() : status_;
-  }
-
- private:
-  void Flush() {
-    if (status_.ok()) {
-      status_ = sink_->Write(text_.data(), text_.size());
-    }
-    text_.clear();
-  }
-
-  ByteSink* sink_;
-  std::string text_;
-  Status status_;
-};
 
 Status Invalid(const std::string& what) {
   return Status::Error(StatusCode::kInvalidArgument, "BalProblem: " + what);

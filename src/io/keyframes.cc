@@ -1,27 +1,25 @@
 #include "inceres/io/keyframes.h"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <memory>
 #include <string>
-#include <string_view>
 #include <unordered_map>
 #include <utility>
 
 #include "inceres/factors/sqrt_information.h"
 #include "inceres/graph/rotation.h"
 #include "io/byte_source.h"
+#include "io/record_reader.h"
 #include "io/text_scanner.h"
 
 namespace inceres {
 namespace internal {
 namespace {
 
-class KeyframeReader {
+class KeyframeReader : private RecordReader {
  public:
-  KeyframeReader(const std::string& path, std::unique_ptr<ByteSource> source) : scanner_(path, std::move(source)) {}
+  KeyframeReader(const std::string& path, std::unique_ptr<ByteSource> source) : RecordReader(path, std::move(source)) {}
 
   Status Read(KeyframeSequence* sequence) {
     sequence_ = sequence;
@@ -183,18 +181,6 @@ class KeyframeReader {
     return SqrtInformation(w.data(), 6, ignored) ? Status::Ok() : Fail("w", "not positive definite");
   }
 
-  Status ReadIndex(const char* field, int* index) {
-    std::int64_t value = 0;
-    if (!scanner_.ScanInteger(&value)) {
-      return scanner_.Failure(tag_ + ": " + field);
-    }
-    if (value < 0 || value > std::numeric_limits<int>::max()) {
-      return Fail(field, std::to_string(value) + (value < 0 ? " is negative" : " is too large"));
-    }
-    *index = static_cast<int>(value);
-    return Status::Ok();
-  }
-
   Status ReadKeyframeNumber(const char* field, int* number) {
     if (Status status = ReadIndex(field, number); !status.ok()) {
       return status;
@@ -238,16 +224,6 @@ class KeyframeReader {
     return *inverse_depth >= 0.0 ? Status::Ok() : Fail("d_obs", "negative");
   }
 
-  // `field` names a vector: its entries are called field(0), field(1), …, the only entry of a scalar just field.
-  Status ReadNumbers(const std::string& field, int count, double* values) {
-    for (int k = 0; k < count; ++k) {
-      if (!scanner_.ScanDouble(values + k)) {
-        return scanner_.Failure(tag_ + ": " + field + (count > 1 ? "(" + std::to_string(k) + ")" : ""));
-      }
-    }
-    return Status::Ok();
-  }
-
   Status ReadRotation(double q[4]) {
     double R[9];
     if (Status status = ReadNumbers("R", 9, R); !status.ok()) {
@@ -264,17 +240,11 @@ class KeyframeReader {
     return Status::Ok();
   }
 
-  Status Fail(const std::string& field, const std::string& what) const {
-    return scanner_.FailureAt(scanner_.line(), tag_ + ": " + field + ": " + what);
-  }
-
   int NumKeyframes() const { return static_cast<int>(sequence_->keyframes.size()); }
   Keyframe& current() { return sequence_->keyframes.back(); }
   static std::int64_t Key(int anchor, int index) { return (static_cast<std::int64_t>(anchor) << 32) | index; }
 
-  TextScanner scanner_;
   KeyframeSequence* sequence_ = nullptr;
-  std::string tag_;
   std::unordered_map<std::int64_t, int> feature_of_key_;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sim/random_subset.h"
 namespace inceres::internal {
 namespace {
 
@@ -50,21 +51,14 @@ void PerturbPixels(const StreetSceneOptions& options, BalProblem* problem) {
   }
 }
 
-// Chooses exactly the wanted number, each subset with the same probability (Knuth, The Art of Computer Programming 2, 3.4.2, S).
 void DisplaceOutliers(const StreetSceneOptions& options, StreetScene* scene) {
   Random random(options.seed, kOutlierStream);
   std::vector<BalObservation>& observations = scene->problem.observations;
-  const double size = static_cast<double>(observations.size());
-  double wanted = std::floor(options.outlier_fraction * size + 0.5);
-  for (std::size_t i = 0; wanted > 0.0; ++i) {
-    if (random.Uniform() * (size - static_cast<double>(i)) >= wanted) {
-      continue;
-    }
-    wanted -= 1.0;
+  ForRandomSubset(options.outlier_fraction, observations.size(), &random, [&](std::size_t i) {
     observations[i].x += random.Uniform(-options.outlier_pixels, options.outlier_pixels);
     observations[i].y += random.Uniform(-options.outlier_pixels, options.outlier_pixels);
     scene->outliers.push_back(static_cast<int>(i));
-  }
+  });
 }
 
 }  // namespace

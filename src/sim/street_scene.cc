@@ -8,6 +8,7 @@
 #include "sim/scene_noise.h"
 #include "sim/street_limits.h"
 #include "sim/street_view.h"
+#include "sim/track_lengths.h"
 
 namespace inceres {
 namespace internal {
@@ -51,43 +52,21 @@ class SceneBuilder {
         return Infeasible("camera " + std::to_string(anchor) +
                           " finds no point that another camera sees from a different direction");
       }
-      lengths_.push_back(std::min(DrawLength(&random), static_cast<int>(points_[i].candidates.size())));
+      lengths_.push_back(
+          std::min(DrawTrackLength(options_.MeanTrackLength(), &random), static_cast<int>(points_[i].candidates.size())));
     }
     return Status::Ok();
   }
 
-  // 2 + a geometric distribution with the mean that is wanted: many short tracks and a few long ones, as in real data.
-  int DrawLength(Random* random) const {
-    const double mean_extra = options_.MeanTrackLength() - 2.0;
-    if (mean_extra <= 0.0) {
-      return 2;
-    }
-    const double log_continue = PortableLog(mean_extra / (1.0 + mean_extra));
-    const double extra = std::floor(PortableLog(1.0 - random->Uniform()) / log_continue);
-    return 2 + static_cast<int>(std::min(extra, 1e6));
-  }
-
-  // Rounds over the points that lengthen or shorten tracks by one until the total is what was asked for, if it was.
   Status ChooseTrackLengths() {
     if (options_.num_observations == 0) {
       return Status::Ok();
     }
-    std::int64_t missing = options_.num_observations;
-    for (const int length : lengths_) {
-      missing -= length;
+    std::vector<int> longest;
+    for (const StreetPoint& point : points_) {
+      longest.push_back(static_cast<int>(point.candidates.size()));
     }
-    const int step = missing > 0 ? 1 : -1;
-    for (bool moved = true; missing != 0 && moved;) {
-      moved = false;
-      for (std::size_t i = 0; i < points_.size() && missing != 0; ++i) {
-        const int length = lengths_[i] + step;
-        if (length >= 2 && length <= static_cast<int>(points_[i].candidates.size())) {
-          lengths_[i] = length;
-          missing -= step;
-          moved = true;
-        }
-      }
-    }
+    const std::int64_t missing = AdjustTrackLengths(options_.num_observations, longest, &lengths_);
     return missing == 0
                ? Status::Ok()
                : Infeasible("in this street the cameras make at most " + std::to_string(options_.num_observations - missing) +

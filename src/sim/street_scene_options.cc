@@ -3,6 +3,7 @@
 #include <string>
 
 #include "inceres/sim/street_scene.h"
+#include "sim/option_range.h"
 #include "sim/street_limits.h"
 
 namespace inceres {
@@ -25,19 +26,6 @@ Status Invalid(const std::string& what) {
   return Status::Error(StatusCode::kInvalidArgument, "StreetSceneOptions: " + what);
 }
 
-std::string Text(double value) {
-  std::string text = std::to_string(value);
-  const std::size_t last = text.find_last_not_of('0');
-  return text.find('.') == std::string::npos ? text : text.substr(0, text[last] == '.' ? last : last + 1);
-}
-
-Status CheckRange(const char* field, double value, double low, double high) {
-  if (value >= low && value <= high) {  // false for NaN
-    return Status::Ok();
-  }
-  return Invalid(std::string(field) + " is " + Text(value) + ", not between " + Text(low) + " and " + Text(high));
-}
-
 Status CheckSizes(const StreetSceneOptions& options) {
   const std::int64_t cameras = options.num_cameras, points = options.num_points;
   const bool exact = options.num_observations != 0;
@@ -48,7 +36,8 @@ Status CheckSizes(const StreetSceneOptions& options) {
                    std::to_string(2 * points) + ") and every point in every camera (" + std::to_string(cameras * points) + ")");
   }
   if (2 * observations + 7 < 9 * cameras + 3 * points) {  // seven are the free choice of the coordinate frame
-    return Invalid((exact ? "num_observations is " : "track_length is " + Text(options.track_length) + ", observations about ") +
+    return Invalid((exact ? "num_observations is "
+                          : "track_length is " + internal::ShortNumber(options.track_length) + ", observations about ") +
                    std::to_string(observations) + ": two equations each are fewer than the unknowns of " +
                    std::to_string(cameras) + " cameras and " + std::to_string(points) + " points");
   }
@@ -62,10 +51,7 @@ double StreetSceneOptions::MeanTrackLength() const {
 }
 
 Status StreetSceneOptions::Validate() const {
-  const struct {
-    const char* name;
-    double value, low, high;
-  } ranges[] = {
+  const internal::OptionRange ranges[] = {
       {"num_cameras", static_cast<double>(num_cameras), 2, 1e6},
       {"num_points", static_cast<double>(num_points), 1, std::numeric_limits<int>::max()},
       {"track_length", track_length, 2, 1000},
@@ -82,15 +68,14 @@ Status StreetSceneOptions::Validate() const {
       {"outlier_fraction", outlier_fraction, 0, 1},
       {"outlier_pixels", outlier_pixels, 0, 1e6},
   };
-  for (const auto& range : ranges) {
-    if (Status status = CheckRange(range.name, range.value, range.low, range.high); !status.ok()) {
-      return status;
-    }
+  if (Status status = internal::CheckRanges("StreetSceneOptions", ranges); !status.ok()) {
+    return status;
   }
   const double circumference = laps > 0.0 ? camera_spacing * num_cameras / laps : 0.0;
   if (circumference > 0.0 && circumference < internal::kMinCircumference) {
-    return Invalid("camera_spacing is " + Text(camera_spacing) + ": a circuit of " + Text(circumference) + " m, at least " +
-                   Text(internal::kMinCircumference) + " m are needed");
+    return Invalid("camera_spacing is " + internal::ShortNumber(camera_spacing) + ": a circuit of " +
+                   internal::ShortNumber(circumference) + " m, at least " + internal::ShortNumber(internal::kMinCircumference) +
+                   " m are needed");
   }
   return CheckSizes(*this);
 }
