@@ -1,0 +1,35 @@
+#include "io/vio_checks.h"
+
+namespace inceres::internal {
+
+std::string FaultOf(const VioCamera& camera) {
+  if (camera.width < 1 || camera.height < 1) {
+    return std::string(camera.width < 1 ? "width" : "height") + ": not positive";
+  }
+  if (!AllFinite(camera.intrinsics) || !AllFinite(camera.distortion) || !AllFinite(camera.imu_from_camera)) {
+    return "intrinsics, distortion or imu_from_camera: not finite";
+  }
+  if (!(camera.intrinsics[0] > 0.0 && camera.intrinsics[1] > 0.0)) {
+    return std::string(camera.intrinsics[0] > 0.0 ? "f_y" : "f_x") + ": not positive";
+  }
+  return IsUnitQuaternion(camera.imu_from_camera.data() + 3) ? "" : "q_bc: not a unit quaternion";
+}
+
+std::string FaultOf(double pixel_noise, const ImuNoise& noise) {
+  const struct {
+    const char* name;
+    double value;
+  } fields[] = {{"pixel", pixel_noise},
+                {"gyr", noise.gyr},
+                {"acc", noise.acc},
+                {"gyr_bias_walk", noise.gyr_bias_walk},
+                {"acc_bias_walk", noise.acc_bias_walk}};
+  for (const auto& field : fields) {
+    if (!(field.value > 0.0 && std::isfinite(field.value))) {
+      return std::string(field.name) + ": not positive";
+    }
+  }
+  return "";
+}
+
+}  // namespace inceres::internal

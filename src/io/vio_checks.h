@@ -1,0 +1,40 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "inceres/io/vio_sequence.h"
+
+namespace inceres::internal {
+
+// What is wrong with parts of a sequence, for its Validate() and for its reader, which knows the line.
+
+template <typename Values>
+bool AllFinite(const Values& values) {
+  return std::all_of(std::begin(values), std::end(values), [](double value) { return std::isfinite(value); });
+}
+
+inline bool IsFinite(const ImuSample& sample) {
+  return std::isfinite(sample.time) && AllFinite(sample.gyr) && AllFinite(sample.acc);
+}
+
+inline bool IsSame(const ImuSample& a, const ImuSample& b) {
+  return a.time == b.time && std::equal(a.gyr, a.gyr + 3, b.gyr) && std::equal(a.acc, a.acc + 3, b.acc);
+}
+
+/// Whether x, y, z, w is of length 1, up to what nine printed digits leave.
+inline bool IsUnitQuaternion(const double* q) {
+  return std::fabs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0) < 1e-8;
+}
+
+inline bool IsGood(const VioState& state) {
+  return AllFinite(state.pose) && AllFinite(state.velocity) && AllFinite(state.gyr_bias) && AllFinite(state.acc_bias) &&
+         IsUnitQuaternion(state.pose.data() + 3);
+}
+
+/// "field: what is wrong", or empty.
+std::string FaultOf(const VioCamera& camera);
+std::string FaultOf(double pixel_noise, const ImuNoise& noise);
+
+}  // namespace inceres::internal

@@ -1,0 +1,256 @@
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "inceres/io/vio_sequence.h"
+#include "io/byte_source.h"
+#include "io/record_reader.h"
+#include "io/vio_checks.h"
+
+namespace inceres {
+namespace internal {
+namespace {
+
+class VioReader : private RecordReader {
+ public:
+  VioReader(const std::string& path, std::unique_ptr<ByteSource> source) : RecordReader(path, std::move(source)) {}
+
+  Status Read(VioSequence* sequence) {
+    sequence_ = sequence;
+    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); }); !status.ok()) {
+      return status;
+    }
+    if (sequence_->frames.empty()) {
+      return scanner_.FailureAt(scanner_.line(), "the file has no frames");
+    }
+    return samples_.size() > 1 ? scanner_.FailureAt(scanner_.line(), "IMU samples after the last frame") : Status::Ok();
+  }
+
+ private:
+  Status ReadRecord() {
+    if (!versioned_) {
+      return ReadVersion();
+    }
+    const struct {
+      const char* tag;
+      Status (VioReader::*read)();
+      bool* seen;  // of what stands in the header, once
+    } kinds[] = {{"CAMERA", &VioReader::ReadCamera, &has_camera_},
+                 {"NOISE", &VioReader::ReadNoise, &has_noise_},
+                 {"GRAVITY", &VioReader::ReadGravity, &has_gravity_},
+                 {"POINT", &VioReader::ReadPoint, nullptr},
+                 {"IMU", &VioReader::ReadSample, nullptr},
+                 {"FRAME", &VioReader::ReadFrame, nullptr},
+                 {"OBS", &VioReader::ReadObservation, nullptr}};
+    for (const auto& kind : kinds) {
+      if (tag_ != kind.tag) {
+        continue;
+      }
+      if (kind.seen != nullptr && std::exchange(*kind.seen, true)) {
+        return Fail("tag", "in the file twice");
+      }
+      return (this->*kind.read)();
+    }
+    return Fail("tag", "not known; known are CAMERA, NOISE, GRAVITY, POINT, IMU, FRAME and OBS");
+  }
+
+  Status ReadVersion() {
+    if (tag_ != "VIO") {
+      return Fail("tag", "where the file should begin with VIO 1");
+    }
+    int version = 0;
+    if (Status status = ReadIndex("version", &version); !status.ok()) {
+      return status;
+    }
+    versioned_ = true;
+    return version == 1 ? Status::Ok() : Fail("version", std::to_string(version) + " is not known, only 1");
+  }
+
+  Status ReadCamera() {
+    VioCamera& camera = sequence_->camera;
+    if (Status status = ReadIndex("width", &camera.width); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadIndex("height", &camera.height); !status.ok()) {
+      return status;
+    }
+    const struct {
+      const char* name;
+      int size;
+      double* values;
+    } fields[] = {{"intrinsics", 4, camera.intrinsics.data()},
+                  {"distortion", 4, camera.distortion.data()},
+                  {"p_bc", 3, camera.imu_from_camera.data()},
+                  {"q_bc", 4, camera.imu_from_camera.data() + 3}};
+    for (const auto& field : fields) {
+      if (Status status = ReadNumbers(field.name, field.size, field.values); !status.ok()) {
+        return status;
+      }
+    }
+    return FailIf(FaultOf(camera));
+  }
+
+  Status ReadNoise() {
+    ImuNoise& noise = sequence_->imu_noise;
+    const struct {
+      const char* name;
+      double* value;
+    } fields[] = {{"pixel", &sequence_->pixel_noise},
+                  {"gyr", &noise.gyr},
+                  {"acc", &noise.acc},
+                  {"gyr_bias_walk", &noise.gyr_bias_walk},
+                  {"acc_bias_walk", &noise.acc_bias_walk}};
+    for (const auto& field : fields) {
+      if (Status status = ReadNumbers(field.name, 1, field.value); !status.ok()) {
+        return status;
+      }
+    }
+    return FailIf(FaultOf(sequence_->pixel_noise, noise));
+  }
+
+  Status ReadGravity() { return ReadNumbers("g", 3, sequence_->gravity.data()); }
+
+  Status ReadPoint() {
+    if (Status status = ReadNumber("k", sequence_->points.size()); !status.ok()) {
+      return status;
+    }
+    VioPoint point;
+    if (Status status = ReadNumbers("start", 3, point.start.data()); !status.ok()) {
+      return status;
+    }
+    sequence_->points.push_back(point);
+    return ReadNumbers("truth", 3, sequence_->points.back().truth.data());
+  }
+
+  Status ReadSample() {
+    if (!has_camera_ || !has_noise_ || !has_gravity_) {
+      return Fail("tag", std::string("before ") + (!has_camera_ ? "CAMERA" : !has_noise_ ? "NOISE" : "GRAVITY"));
+    }
+    ImuSample sample;
+    if (Status status = ReadNumbers("t", 1, &sample.time); !status.ok()) {
+      return status;
+    }
+    if (!samples_.empty() && !(sample.time > samples_.back().time)) {
+      return Fail("t",
+                  std::to_string(sample.time) + " is not after the sample's before, " + std::to_string(samples_.back().time));
+    }
+    if (Status status = ReadNumbers("gyr", 3, sample.gyr); !status.ok()) {
+      return status;
+    }
+    samples_.push_back(sample);
+    return ReadNumbers("acc", 3, samples_.back().acc);
+  }
+
+  Status ReadFrame() {
+    if (Status status = ReadNumber("i", sequence_->frames.size()); !status.ok()) {
+      return status;
+    }
+    VioFrame frame;
+    if (Status status = ReadNumbers("t", 1, &frame.time); !status.ok()) {
+      return status;
+    }
+    const bool stands_still = !sequence_->frames.empty() && samples_.size() < 2;
+    if (samples_.empty() || stands_still || samples_.back().time != frame.time) {
+      return Fail("t", "the last IMU sample above is not one at the time of this frame, " + std::to_string(frame.time));
+    }
+    if (Status status = ReadState("start", &frame.start); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadState("truth", &frame.truth); !status.ok()) {
+      return status;
+    }
+    frame.imu = std::exchange(samples_, {samples_.back()});
+    sequence_->frames.push_back(std::move(frame));
+    return Status::Ok();
+  }
+
+  Status ReadState(const std::string& name, VioState* state) {
+    const struct {
+      const char* name;
+      int size;
+      double* values;
+    } fields[] = {{"p", 3, state->pose.data()},
+                  {"q", 4, state->pose.data() + 3},
+                  {"v", 3, state->velocity.data()},
+                  {"b_g", 3, state->gyr_bias.data()},
+                  {"b_a", 3, state->acc_bias.data()}};
+    for (const auto& field : fields) {
+      if (Status status = ReadNumbers(name + " " + field.name, field.size, field.values); !status.ok()) {
+        return status;
+      }
+    }
+    return IsUnitQuaternion(state->pose.data() + 3) ? Status::Ok() : Fail(name + " q", "not a unit quaternion");
+  }
+
+  Status ReadObservation() {
+    if (sequence_->frames.empty()) {
+      return Fail("tag", "before the first FRAME");
+    }
+    std::vector<VioObservation>& observations = sequence_->frames.back().observations;
+    VioObservation observation;
+    if (Status status = ReadIndex("k", &observation.point); !status.ok()) {
+      return status;
+    }
+    if (observation.point >= static_cast<int>(sequence_->points.size())) {
+      return Fail("k", "point " + std::to_string(observation.point) + " has not arrived yet");
+    }
+    if (!observations.empty() && observation.point <= observations.back().point) {
+      return Fail("k", "point " + std::to_string(observation.point) + " after point " +
+                           std::to_string(observations.back().point) + "; a frame sees points once, in ascending order");
+    }
+    if (Status status = ReadNumbers("x", 1, &observation.x); !status.ok()) {
+      return status;
+    }
+    if (Status status = ReadNumbers("y", 1, &observation.y); !status.ok()) {
+      return status;
+    }
+    int outlier = 0;
+    if (Status status = ReadIndex("outlier", &outlier); !status.ok()) {
+      return status;
+    }
+    if (outlier > 1) {
+      return Fail("outlier", std::to_string(outlier) + " is neither 0 nor 1");
+    }
+    observation.outlier = outlier == 1;
+    observations.push_back(observation);
+    return Status::Ok();
+  }
+
+  // The number of a record that is counted from 0.
+  Status ReadNumber(const char* field, std::size_t next) {
+    int number = 0;
+    if (Status status = ReadIndex(field, &number); !status.ok()) {
+      return status;
+    }
+    return static_cast<std::size_t>(number) == next
+               ? Status::Ok()
+               : Fail(field, std::to_string(number) + " where " + std::to_string(next) + " comes next");
+  }
+
+  // Fault: "field: what", or empty.
+  Status FailIf(const std::string& fault) const {
+    return fault.empty() ? Status::Ok() : scanner_.FailureAt(scanner_.line(), tag_ + ": " + fault);
+  }
+
+  VioSequence* sequence_ = nullptr;
+  bool versioned_ = false, has_camera_ = false, has_noise_ = false, has_gravity_ = false;
+  std::vector<ImuSample> samples_;  // since the last frame, its own sample first
+};
+
+}  // namespace
+}  // namespace internal
+
+Status ReadVioSequence(const std::string& path, VioSequence* sequence) {
+  std::unique_ptr<internal::ByteSource> source;
+  if (Status status = internal::OpenByteSource(path, &source); !status.ok()) {
+    return status;
+  }
+  VioSequence result;
+  if (Status status = internal::VioReader(path, std::move(source)).Read(&result); !status.ok()) {
+    return status;
+  }
+  *sequence = std::move(result);
+  return Status::Ok();
+}
+
+}  // namespace inceres

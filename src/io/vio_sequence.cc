@@ -1,0 +1,132 @@
+#include "inceres/io/vio_sequence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+
+#include "inceres/graph/rotation.h"
+#include "io/vio_checks.h"
+
+namespace inceres {
+namespace {
+
+Status Invalid(const std::string& what) {
+  return Status::Error(StatusCode::kInvalidArgument, "VioSequence: " + what);
+}
+
+Status CheckHeader(const VioSequence& sequence) {
+  if (std::string fault = internal::FaultOf(sequence.camera); !fault.empty()) {
+    return Invalid("camera." + fault);
+  }
+  if (std::string fault = internal::FaultOf(sequence.pixel_noise, sequence.imu_noise); !fault.empty()) {
+    return Invalid("noise: " + fault);
+  }
+  return internal::AllFinite(sequence.gravity) ? Status::Ok() : Invalid("gravity is not finite");
+}
+
+Status CheckImu(const VioSequence& sequence, std::size_t i) {
+  const VioFrame& frame = sequence.frames[i];
+  const std::string name = "frames[" + std::to_string(i) + "].imu";
+  if (frame.imu.empty() || frame.imu.back().time != frame.time) {
+    return Invalid(name + " has no sample at the time of the frame");
+  }
+  for (std::size_t k = 0; k < frame.imu.size(); ++k) {
+    const ImuSample& sample = frame.imu[k];
+    if (!internal::IsFinite(sample)) {
+      return Invalid(name + "[" + std::to_string(k) + "] is not finite");
+    }
+    if (k > 0 && !(sample.time > frame.imu[k - 1].time)) {
+      return Invalid(name + "[" + std::to_string(k) + "].time is not after the sample's before");
+    }
+  }
+  if (i > 0 && !(frame.imu.size() > 1 && internal::IsSame(frame.imu.front(), sequence.frames[i - 1].imu.back()))) {
+    return Invalid(name + " does not go on from the last sample of the frame before");
+  }
+  return Status::Ok();
+}
+
+Status CheckFrame(const VioSequence& sequence, std::size_t i) {
+  const VioFrame& frame = sequence.frames[i];
+  const std::string name = "frames[" + std::to_string(i) + "]";
+  for (const VioState* state : {&frame.start, &frame.truth}) {
+    if (!internal::IsGood(*state)) {
+      return Invalid(name + (state == &frame.start ? ".start" : ".truth") + " is not finite, or its q no unit quaternion");
+    }
+  }
+  if (Status status = CheckImu(sequence, i); !status.ok()) {
+    return status;
+  }
+  int last = -1;
+  for (const VioObservation& observation : frame.observations) {
+    if (observation.point <= last || observation.point >= static_cast<int>(sequence.points.size())) {
+      return Invalid(name + ".observations: point " + std::to_string(observation.point) +
+                     " is not there, or out of order, or seen twice");
+    }
+    last = observation.point;
+    if (!std::isfinite(observation.x) || !std::isfinite(observation.y)) {
+      return Invalid(name + ".observations: point " + std::to_string(last) + " is seen where it is not finite");
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
+int VioSequence::NumObservations() const {
+  std::size_t count = 0;
+  for (const VioFrame& frame : frames) {
+    count += frame.observations.size();
+  }
+  return static_cast<int>(count);
+}
+
+int VioSequence::NumOutliers() const {
+  std::ptrdiff_t count = 0;
+  for (const VioFrame& frame : frames) {
+    count += std::count_if(frame.observations.begin(), frame.observations.end(), [](const auto& o) { return o.outlier; });
+  }
+  return static_cast<int>(count);
+}
+
+bool VioSequence::Project(const std::array<double, 7>& pose, const std::array<double, 3>& point, double* x, double* y) const {
+  double place[3] = {point[0], point[1], point[2]};
+  for (const double* frame : {pose.data(), camera.imu_from_camera.data()}) {  // world to IMU, IMU to camera
+    double q[4], R[9];
+    ConjugateQuaternion(frame + 3, q);
+    QuaternionToMatrix(q, R);
+    const double from_origin[3] = {place[0] - frame[0], place[1] - frame[1], place[2] - frame[2]};
+    MultiplyMatrixVector(R, from_origin, place);
+  }
+  if (!(place[2] > 0.0)) {
+    return false;
+  }
+  const auto& [k1, k2, p1, p2] = camera.distortion;
+  const double a = place[0] / place[2], b = place[1] / place[2];
+  const double r2 = a * a + b * b;
+  const double s = 1.0 + r2 * (k1 + r2 * k2);
+  *x = camera.intrinsics[0] * (s * a + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a)) + camera.intrinsics[2];
+  *y = camera.intrinsics[1] * (s * b + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b) + camera.intrinsics[3];
+  return true;
+}
+
+Status VioSequence::Validate() const {
+  if (Status status = CheckHeader(*this); !status.ok()) {
+    return status;
+  }
+  if (frames.empty()) {
+    return Invalid("no frames");
+  }
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    if (!internal::AllFinite(points[k].start) || !internal::AllFinite(points[k].truth)) {
+      return Invalid("points[" + std::to_string(k) + "] is not finite");
+    }
+  }
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (Status status = CheckFrame(*this, i); !status.ok()) {
+      return status;
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace inceres
