@@ -15,9 +15,12 @@ VioSceneOptions Cubic() {
   options.num_observations = 789;
   options.frame_rate = 4.0;
   options.imu_per_frame = 50;
-  options.position_drift = 0.02;
-  options.rotation_drift = 0.002;
-  options.point_noise = 0.02;
+  // A start as far off as the one reported: the whitened cost is 2.8e3, 2.5e3, 2.8e3 for seeds 1 to 3; there it was 2.514e3.
+  options.initial_gyr_bias = 5e-4;
+  options.initial_acc_bias = 5e-3;
+  options.position_drift = 0.006;
+  options.rotation_drift = 5e-4;
+  options.point_noise = 0.01;
   return options;
 }
 
