@@ -122,6 +122,9 @@ struct Kernels {
   /// y −= Σ_q Y_qᵀ δ_f(q).
   void (*back_substitute)(int landmark_size, const Incidence* incidences, int count, const double* Y, const double* delta,
                           double* y);
+  /// y_f(q) −= Y_q v for every incidence: what a change v of the landmark's z does to b.
+  void (*subtract_incidences)(int landmark_size, const Incidence* incidences, int count, const double* Y, const double* v,
+                              double* y);
 
   /// C_rc += sign A_rᵀ A_c for every pair c ≤ r. blocks: the quad offset of C_rc from `C`, row by row; negative: left out.
   void (*add_outer)(const Contribution& contribution, double sign, const std::int32_t* blocks, double* C);
@@ -134,6 +137,10 @@ struct Kernels {
 
   /// out_i = J_i v for the listed factors; result i at out + i · residual_size. `begin`, `end` and `residuals` are not read.
   void (*multiply_rows)(const FactorRows& rows, const std::int32_t* factors, int count, const double* v, double* out);
+  /// The two products of a trial step v in one pass over the listed factors: out_i = J_i v, and y −= Σ J_iᵀ(p_i − q_i) with
+  /// q = rows.residuals and p the same after the step. Returns −Σ out_iᵀ(q_i + out_i/2). `begin` and `end` are not read.
+  double (*try_rows)(const FactorRows& rows, const std::int32_t* factors, int count, const double* v, const double* p,
+                     double* out, double* y);
   /// y −= Σ J_iᵀ r_i over the listed factors, y laid out as v; r_i at r + i · residual_size.
   void (*subtract_transposed)(const FactorRows& rows, const std::int32_t* factors, int count, const double* r, double* y);
 

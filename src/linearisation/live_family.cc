@@ -35,22 +35,19 @@ LiveFamily::LiveFamily(const FactorGraph& graph, FamilyId id)
 void LiveFamily::Grow(int num_places) {
   num_places_ = num_places;
   const auto n = static_cast<std::size_t>(num_places);
-  const std::size_t room = n > cost_.capacity() ? 2 * n : n;  // the arrays grow in step
+  const std::size_t room = n > states_.capacity() ? 2 * n : n;  // the arrays grow in step
   for (int s = 0; s < num_slots_; ++s) {
     jacobians_[s].reserve(room * slots_[s].factor_stride);
     jacobians_[s].resize(n * slots_[s].factor_stride);
     slots_[s].data = jacobians_[s].data();
     views_[s] = {slots_[s].data, slots_[s].factor_stride, slots_[s].row_stride};
   }
-  for (std::vector<double>* residuals : {&f_, &candidate_f_, &predicted_f_, &J_step_, &q_}) {
+  for (std::vector<double>* residuals : {&f_, &candidate_f_, &predicted_f_, &J_step_, &q_, &candidate_q_}) {
     residuals->reserve(room * residual_size_);
     residuals->resize(n * residual_size_);
   }
-  for (std::vector<double>* scalars :
-       {&sqrt_w_, &current_w_, &candidate_w_, &cost_, &candidate_cost_, &error_, &gradient_error_}) {
-    scalars->reserve(room);
-    scalars->resize(n);
-  }
+  states_.reserve(room);
+  states_.resize(n);
   linearised_.resize(n, 0);
   parameters_.resize(n * num_slots_);
   jacobian_parameters_.resize(n * num_slots_);
@@ -123,7 +120,7 @@ EvaluationFailure LiveFamily::EvaluateCandidate(const std::vector<std::int32_t>&
     batch.residuals = candidate_f_.data();
     const EvaluationFailure failure = family_->Evaluate(batch);
     for (int i = begin; i < end && !failure.failed(); ++i) {
-      EvaluateLoss(i, candidate_f_.data() + First(i), &candidate_cost_[i], &candidate_w_[i]);
+      EvaluateCandidateLoss(i);
     }
     return failure;
   });
@@ -181,14 +178,27 @@ void LiveFamily::EvaluateLoss(int factor, const double* f, double* cost, double*
   *w = rho[1];
 }
 
+// q at the candidate is ρ' f / √w, with the w of the Jacobian.
+void LiveFamily::EvaluateCandidateLoss(int factor) {
+  State& state = states_[factor];
+  const double* f = candidate_f_.data() + First(factor);
+  EvaluateLoss(factor, f, &state.candidate_cost, &state.candidate_w);
+  const double scale = state.candidate_w * state.inverse_sqrt_w;
+  double* q = candidate_q_.data() + First(factor);
+  for (int r = 0; r < residual_size_; ++r) {
+    q[r] = scale * f[r];
+  }
+}
+
 // w = ρ'(‖f‖²) now: J := √w J, q := √w f.
 void LiveFamily::Weigh(int factor) {
   const double* f = f_.data() + First(factor);
-  EvaluateLoss(factor, f, &cost_[factor], &current_w_[factor]);
-  const double sqrt_w = std::sqrt(current_w_[factor]);
-  sqrt_w_[factor] = sqrt_w;
-  error_[factor] = 0.0;
-  gradient_error_[factor] = 0.0;
+  State& state = states_[factor];
+  EvaluateLoss(factor, f, &state.cost, &state.w);
+  const double sqrt_w = std::sqrt(state.w);
+  state.linearised_w = state.w;
+  state.inverse_sqrt_w = sqrt_w > kNoWeight ? 1.0 / sqrt_w : 0.0;
+  state.error = state.squared_gradient_error = 0.0;
   linearised_[factor] = 1;
   for (int r = 0; r < residual_size_; ++r) {
     predicted_f_[First(factor) + r] = f[r];
@@ -237,29 +247,12 @@ void LiveFamily::SubtractGradient(const std::vector<std::int32_t>& factors, doub
   kernels_->subtract_transposed(Rows(), factors.data(), static_cast<int>(factors.size()), q_.data(), padded_rhs);
 }
 
-void LiveFamily::Accept(const std::vector<std::int32_t>& factors, double* padded_rhs) {
+double LiveFamily::CandidateChange(const std::vector<std::int32_t>& factors) const {
+  double change = 0.0;
   for (const std::int32_t factor : factors) {
-    const bool weighted = sqrt_w_[factor] > kNoWeight;
-    const double inverse = weighted ? 1.0 / sqrt_w_[factor] : 0.0;
-    const double scale = candidate_w_[factor] * inverse;
-    double error = 0.0;
-    double squared_norm = 0.0;
-    for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size_; ++k) {
-      f_[k] = candidate_f_[k];
-      predicted_f_[k] = constant_jacobian_ ? f_[k] : predicted_f_[k] + inverse * J_step_[k];
-      const double difference = f_[k] - predicted_f_[k];
-      error += difference * difference;
-      squared_norm += f_[k] * f_[k];
-      const double q = scale * f_[k];
-      J_step_[k] = q - q_[k];
-      q_[k] = q;
-    }
-    cost_[factor] = candidate_cost_[factor];
-    current_w_[factor] = candidate_w_[factor];
-    error_[factor] = candidate_w_[factor] * error;
-    gradient_error_[factor] = candidate_w_[factor] * std::sqrt(error * squared_norm);
+    change += states_[factor].candidate_cost - states_[factor].cost;
   }
-  kernels_->subtract_transposed(Rows(), factors.data(), static_cast<int>(factors.size()), J_step_.data(), padded_rhs);
+  return change;
 }
 
 bool LiveFamily::HasCurvedLoss(int factor) const {
@@ -276,13 +269,53 @@ bool LiveFamily::HasCurvedLoss(int factor) const {
   return rho[2] > 0.0;
 }
 
-double LiveFamily::WeightRatio(int factor) const {
-  const double w = sqrt_w_[factor] * sqrt_w_[factor];
-  return w > kNoWeight * kNoWeight ? current_w_[factor] / w : (current_w_[factor] > 0.0 ? HUGE_VAL : 1.0);
+double LiveFamily::TryStep(const std::vector<std::int32_t>& factors, const double* padded_step, double* padded_rhs) {
+  FactorRows rows = Rows();
+  rows.residuals = q_.data();
+  return kernels_->try_rows(rows, factors.data(), static_cast<int>(factors.size()), padded_step, candidate_q_.data(),
+                            J_step_.data(), padded_rhs);
+}
+
+template <int kSize>
+double LiveFamily::AcceptSized(const std::vector<std::int32_t>& factors) {
+  const int size = kSize > 0 ? kSize : residual_size_;
+  double change = 0.0;
+  for (const std::int32_t factor : factors) {
+    State& state = states_[factor];
+    double error = 0.0;
+    double squared_norm = 0.0;
+    const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * size;
+    for (std::ptrdiff_t k = first; k < first + size; ++k) {
+      const double f = candidate_f_[k];
+      const double predicted = constant_jacobian_ ? f : predicted_f_[k] + state.inverse_sqrt_w * J_step_[k];
+      predicted_f_[k] = predicted;
+      f_[k] = f;
+      q_[k] = candidate_q_[k];
+      error += (f - predicted) * (f - predicted);
+      squared_norm += f * f;
+    }
+    change += state.candidate_cost - state.cost;
+    state.cost = state.candidate_cost;
+    state.w = state.candidate_w;
+    state.error = state.w * error;
+    state.squared_gradient_error = state.w * state.error * squared_norm;
+  }
+  return change;
+}
+
+double LiveFamily::Accept(const std::vector<std::int32_t>& factors) {
+  switch (residual_size_) {
+    case 1:
+      return AcceptSized<1>(factors);
+    case 2:
+      return AcceptSized<2>(factors);
+    default:
+      return AcceptSized<0>(factors);
+  }
 }
 
 std::int64_t LiveFamily::Bytes() const {
-  std::size_t doubles = 5 * f_.capacity() + 7 * cost_.capacity();
+  std::size_t doubles = 6 * f_.capacity() + sizeof(State) / sizeof(double) * states_.capacity();
   for (const AlignedVector<double>& J : jacobians_) {
     doubles += J.capacity();
   }

@@ -51,8 +51,10 @@ class LiveFamily {
   EvaluationFailure Linearise(const std::vector<std::int32_t>& factors, const Executor& executor);
 
   /// ½ρ at the candidate / now.
-  double CandidateCost(int factor) const { return candidate_cost_[factor]; }
-  double Cost(int factor) const { return cost_[factor]; }
+  double CandidateCost(int factor) const { return states_[factor].candidate_cost; }
+  double Cost(int factor) const { return states_[factor].cost; }
+  /// Σ of the first less the second.
+  double CandidateChange(const std::vector<std::int32_t>& factors) const;
 
   /// What the cached linearisations predict for a padded step: −Σ (Jδ)ᵀ(q + Jδ/2). Jδ is kept for Accept.
   double PredictDecrease(const std::vector<std::int32_t>& factors, const double* padded_step);
@@ -60,18 +62,29 @@ class LiveFamily {
   void Slope(int factor, double* slope, double* curvature) const;
   /// padded_rhs −= Σ Jᵀq of the listed factors.
   void SubtractGradient(const std::vector<std::int32_t>& factors, double* padded_rhs) const;
-  /// The step was accepted: f := candidate f, f̂ += J δ / √w, and the gradient follows q: padded_rhs −= Σ Jᵀ(q_new − q_old).
-  void Accept(const std::vector<std::int32_t>& factors, double* padded_rhs);
+  /// PredictDecrease of a step whose candidate was evaluated, with what accepting it does to the gradient, in one pass over the
+  /// Jacobians: padded_rhs −= Σ Jᵀ(q_candidate − q).
+  double TryStep(const std::vector<std::int32_t>& factors, const double* padded_step, double* padded_rhs);
+  /// The step tried last was accepted: f := candidate f, f̂ += J δ / √w, q := candidate q. Returns the change of the cost.
+  double Accept(const std::vector<std::int32_t>& factors);
   const double* q(int factor) const { return q_.data() + First(factor); }
 
   /// The factor's Jacobian is part of H.
   bool linearised(int factor) const { return linearised_[factor] != 0; }
   /// w ‖f − f̂‖²: the squared error of the old linearisation in units of the objective.
-  double SquaredError(int factor) const { return error_[factor]; }
-  /// w ‖f‖ ‖f − f̂‖: how far its Jacobian's age may mislead the gradient, over a step like the ones since.
-  double GradientError(int factor) const { return gradient_error_[factor]; }
-  /// ρ' now over ρ' at the linearisation.
-  double WeightRatio(int factor) const;
+  double SquaredError(int factor) const { return states_[factor].error; }
+  /// The square of w ‖f‖ ‖f − f̂‖: how far its Jacobian's age may mislead the gradient, over a step like the ones since.
+  double SquaredGradientError(int factor) const { return states_[factor].squared_gradient_error; }
+  /// ρ' now over ρ' at the linearisation; 0 if there was no weight to speak of.
+  double WeightRatio(int factor) const {
+    const State& state = states_[factor];
+    return state.w * state.inverse_sqrt_w * state.inverse_sqrt_w;
+  }
+  /// Whether ρ' is now more than `ratio` times ρ' at the linearisation, or less than the inverse of it.
+  bool WeightIsOff(int factor, double ratio) const {
+    const State& state = states_[factor];
+    return state.w > ratio * state.linearised_w || ratio * state.w < state.linearised_w;
+  }
 
   /// Whether the factor's loss has a second-order term at its present residual, ρ'' > 0.
   bool HasCurvedLoss(int factor) const;
@@ -84,13 +97,28 @@ class LiveFamily {
   std::int64_t Bytes() const;
 
  private:
+  // What a factor keeps besides its residuals: one cache line.
+  struct alignas(64) State {
+    double cost;  // ½ρ and ρ' now
+    double w;
+    double candidate_cost;  // and at the candidate
+    double candidate_w;
+    double linearised_w;    // ρ' at the linearisation
+    double inverse_sqrt_w;  // of the same; 0 if there is no weight to speak of
+    double error;
+    double squared_gradient_error;
+  };
+
   std::ptrdiff_t First(int factor) const { return static_cast<std::ptrdiff_t>(factor) * residual_size_; }
   void Grow(int num_places);
   template <typename Evaluate>
   EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate);
   EvaluationFailure EvaluatePinned(FactorBatch batch) const;
   void EvaluateLoss(int factor, const double* f, double* cost, double* w) const;
+  void EvaluateCandidateLoss(int factor);
   void Weigh(int factor);
+  template <int kSize>
+  double AcceptSized(const std::vector<std::int32_t>& factors);
   FactorRows Rows() const;
 
   const FactorGraph* graph_;
@@ -107,15 +135,10 @@ class LiveFamily {
   std::vector<double> f_;
   std::vector<double> candidate_f_;
   std::vector<double> predicted_f_;
-  std::vector<double> J_step_;  // J δ of the step under construction; within Accept the change of q
+  std::vector<double> J_step_;  // J δ of the step under construction
   std::vector<double> q_;
-  std::vector<double> sqrt_w_;
-  std::vector<double> current_w_;
-  std::vector<double> candidate_w_;
-  std::vector<double> cost_;
-  std::vector<double> candidate_cost_;
-  std::vector<double> error_;
-  std::vector<double> gradient_error_;
+  std::vector<double> candidate_q_;
+  AlignedVector<State> states_;
   std::vector<char> linearised_;
   std::vector<const double*> parameters_;
   std::vector<const double*> candidate_parameters_;

@@ -89,8 +89,9 @@ bool LiveSystem::StepLandmarks(const std::vector<std::int32_t>& landmarks, int* 
     EndStep();
     return false;
   }
-  for (const LiveFamily& family : families_) {
-    touched_[family.id()].CopyTo(&touched_lists_[family.id()]);
+  NameTouched();
+  for (LiveFamily& family : families_) {
+    family.TryStep(touched_lists_[family.id()], step_.data(), schur_.padded_change());
   }
   AcceptValues();
   return true;

@@ -147,6 +147,7 @@ void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
 
 void LiveSchur::RefreshResidual(std::int32_t landmark) {
   Landmark& l = landmarks_[landmark];
+  AddChange(l.quad, l.size);
   if (!l.in_S) {
     return;
   }
@@ -157,8 +158,23 @@ void LiveSchur::RefreshResidual(std::int32_t landmark) {
     change[k] = z[k] - l.z[k];
     l.z[k] = z[k];
   }
-  AddToB(l, change, -1.0, kAllRows);
+  kernels_.subtract_incidences(l.size, l.incidences.data(), static_cast<int>(l.incidences.size()), Y_.data(), change,
+                               rhs_.data());
   RenewDecrement(landmark);
+}
+
+void LiveSchur::AddChange(std::int32_t quad, int size) {
+  double* change = rhs_change_.data() + std::ptrdiff_t{quad} * kQuad;
+  double* rhs = Rhs(quad);
+  for (int k = 0; k < size; ++k) {
+    rhs[k] += change[k];
+    change[k] = 0.0;
+  }
+}
+
+void LiveSchur::TakeChange(int frame) {
+  AddChange(frames_[frame].quad, frames_[frame].size);
+  TouchB(frame);
 }
 
 bool LiveSchur::HasDrifted(std::int32_t row, double cost) {
@@ -171,7 +187,7 @@ bool LiveSchur::HasDrifted(std::int32_t row, double cost) {
   return false;
 }
 
-// The gradients of a family's factors go to b directly.
+// What accepted steps change goes to b directly.
 void LiveSchur::SampleB(std::int32_t row) {
   const Frame& frame = frames_[row];
   for (std::ptrdiff_t k = std::ptrdiff_t{frame.quad} * kQuad; k < std::ptrdiff_t{frame.quad} * kQuad + frame.size; ++k) {
@@ -215,12 +231,14 @@ void LiveSchur::ResumFrame(std::int32_t frame) {
   const Frame& f = frames_[frame];
   S_.ZeroRow(frame);
   ZeroVectors(f);
-  for (const FactorRef& ref : f.factors) {
+  const auto add_factor = [this, frame](const FactorRef& ref) {
     if (families_[ref.family].linearised(ref.factor)) {
       AddFactorTo(ref, 1.0, frame);
     }
-  }
+  };
+  std::for_each(f.factors.begin(), f.factors.end(), add_factor);
   for (const std::int32_t landmark : f.landmarks) {
+    ForEachFactorBetween(landmark, frame, add_factor);
     if (landmarks_[landmark].in_S) {
       AddProducts(landmarks_[landmark], -1.0, frame);
       AddToB(landmarks_[landmark], landmarks_[landmark].z, -1.0, frame);
@@ -335,6 +353,8 @@ void LiveSchur::SumLandmark(Landmark* landmark) {
     kernels_.landmark_gram(landmark->size, FactorsOf(ref), landmark->P, eta);
   }
   std::copy_n(eta, kQuad, Rhs(landmark->quad));
+  // A factor of two landmarks belongs to one and writes changes to both: those to the other, held one are nobody's.
+  ZeroChange(landmark->quad, landmark->size);
 }
 
 void LiveSchur::EliminateLandmark(Landmark* landmark) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -36,8 +37,8 @@ class LiveSchur {
     std::int32_t quad = -1;  // of its step
     int size = 0;
     bool held = false;
-    std::vector<FactorRef> factors;
-    std::vector<std::int32_t> landmarks;
+    std::vector<FactorRef> factors;       // those that touch no landmark
+    std::vector<std::int32_t> landmarks;  // which have the others
   };
   struct Landmark {
     VariableId id = -1;  // -1: a free place
@@ -83,7 +84,7 @@ class LiveSchur {
   /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in; parks a landmark without information. A held
   /// landmark stays outside.
   void PutIn(std::int32_t landmark, double lambda);
-  /// Its entries of the padded right-hand side, η, have changed: z is renewed and b follows.
+  /// η takes over its change, z is renewed, and b follows. Who touches b otherwise says so.
   void RefreshResidual(std::int32_t landmark);
 
   /// Frames touched since the last call, or all when the cost has fallen far since, are re-summed where cancellation has eaten
@@ -104,6 +105,12 @@ class LiveSchur {
   int size() const { return offsets_.back(); }
   /// One vector for all variables, by their quads: b for frames, η for landmarks.
   double* padded_rhs() { return rhs_.data(); }
+  /// What a step under trial does to it: zero but for what whoever tries the step has written. TakeChange and RefreshResidual
+  /// take it over and DropChange forgets it, variable by variable.
+  double* padded_change() { return rhs_change_.data(); }
+  void TakeChange(int frame);
+  void DropFrameChange(int frame) { ZeroChange(frames_[frame].quad, frames_[frame].size); }
+  void DropLandmarkChange(int landmark) { ZeroChange(landmarks_[landmark].quad, landmarks_[landmark].size); }
   const double* b(int frame) const { return rhs_.data() + std::ptrdiff_t{frames_[frame].quad} * kQuad; }
   const double* eta(int landmark) const { return rhs_.data() + std::ptrdiff_t{landmarks_[landmark].quad} * kQuad; }
 
@@ -113,6 +120,29 @@ class LiveSchur {
   int num_landmarks() const { return num_landmarks_; }
   int num_parked() const { return num_parked_; }
   std::int32_t FrameOfFactor(FactorRef ref, int slot) const { return frame_of_slot_[ref.family][Slot(ref, slot)]; }
+  bool Touches(FactorRef ref, std::int32_t frame) const {
+    const std::int32_t* begin = frame_of_slot_[ref.family].data() + Slot(ref, 0);
+    const std::int32_t* end = begin + families_[ref.family].num_slots();
+    return std::find(begin, end, frame) != end;
+  }
+  /// Calls visit(frame) for the factor's frames.
+  template <typename Visit>
+  void ForEachFrameOf(FactorRef ref, Visit&& visit) const {
+    for (int s = 0; s < families_[ref.family].num_slots(); ++s) {
+      if (FrameOfFactor(ref, s) >= 0) {
+        visit(FrameOfFactor(ref, s));
+      }
+    }
+  }
+  /// Calls visit(ref) for the factors that touch both.
+  template <typename Visit>
+  void ForEachFactorBetween(std::int32_t landmark, std::int32_t frame, Visit&& visit) const {
+    for (const FactorRef& ref : landmarks_[landmark].factors) {
+      if (Touches(ref, frame)) {
+        visit(ref);
+      }
+    }
+  }
   std::int32_t LandmarkOfFactor(FactorRef ref) const { return landmark_of_[ref.family][ref.factor]; }
 
   /// Σ decrement over the landmarks in S. Kept by difference, and summed anew when rounding may have eaten more than `accuracy`.
@@ -141,6 +171,10 @@ class LiveSchur {
 
   std::size_t Slot(FactorRef ref, int slot) const {
     return static_cast<std::size_t>(ref.factor) * families_[ref.family].num_slots() + slot;
+  }
+  void AddChange(std::int32_t quad, int size);
+  void ZeroChange(std::int32_t quad, int size) {
+    std::fill_n(rhs_change_.begin() + std::ptrdiff_t{quad} * kQuad, PadToQuad(size), 0.0);
   }
   double* Rhs(std::int32_t quad) { return rhs_.data() + std::ptrdiff_t{quad} * kQuad; }
   void MakeRoom(std::int32_t quad, int size);
@@ -187,16 +221,18 @@ class LiveSchur {
   int num_frames_ = 0;
   int num_landmarks_ = 0;
   int num_parked_ = 0;
-  std::vector<std::vector<std::int32_t>> frame_of_slot_;   // per family: per factor and slot
-  std::vector<std::vector<std::int32_t>> place_in_frame_;  // per family: per factor and slot, where the frame lists the factor
-  std::vector<std::vector<std::int32_t>> landmark_slot_;   // per family and factor: the landmark's slot
-  std::vector<std::vector<std::int32_t>> landmark_of_;     // per family and factor
+  std::vector<std::vector<std::int32_t>> frame_of_slot_;  // per family: per factor and slot
+  std::vector<std::vector<std::int32_t>>
+      place_in_frame_;  // per family: per factor and slot, where the frame lists a factor without landmark
+  std::vector<std::vector<std::int32_t>> landmark_slot_;  // per family and factor: the landmark's slot
+  std::vector<std::vector<std::int32_t>> landmark_of_;    // per family and factor
   SymmetricBlockRows S_;
   std::vector<int> offsets_{0};
   AlignedVector<double> rhs_;
-  AlignedVector<double> C_diagonal_;  // laid out as rhs_, and so the two below
-  AlignedVector<double> C_peak_;      // the largest C_diagonal_ has been since its row was summed
-  AlignedVector<double> b_peak_;      // the largest |b| has been since its row was summed
+  AlignedVector<double> rhs_change_;  // laid out as rhs_, and so the three below
+  AlignedVector<double> C_diagonal_;
+  AlignedVector<double> C_peak_;  // the largest C_diagonal_ has been since its row was summed
+  AlignedVector<double> b_peak_;  // the largest |b| has been since its row was summed
   AlignedVector<double> Y_;
   std::vector<std::vector<std::int32_t>> free_y_;  // by quads
   std::int64_t num_pairs_ = 0;

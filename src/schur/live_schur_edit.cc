@@ -16,11 +16,11 @@ constexpr std::size_t kFreeRows = 4;
 void LiveSchur::MakeRoom(std::int32_t quad, int size) {
   const std::size_t end = static_cast<std::size_t>(quad) * kQuad + PadToQuad(size);
   if (end > rhs_.size()) {
-    for (AlignedVector<double>* padded : {&rhs_, &C_diagonal_, &C_peak_, &b_peak_}) {
+    for (AlignedVector<double>* padded : {&rhs_, &rhs_change_, &C_diagonal_, &C_peak_, &b_peak_}) {
       padded->resize(end, 0.0);
     }
   }
-  for (AlignedVector<double>* padded : {&rhs_, &C_diagonal_, &C_peak_, &b_peak_}) {
+  for (AlignedVector<double>* padded : {&rhs_, &rhs_change_, &C_diagonal_, &C_peak_, &b_peak_}) {
     std::fill_n(padded->begin() + std::ptrdiff_t{quad} * kQuad, PadToQuad(size), 0.0);
   }
 }
@@ -126,7 +126,7 @@ void LiveSchur::Connect(FactorRef ref, const std::int32_t* frames, std::int32_t 
   landmark_of_[ref.family][ref.factor] = landmark;
   for (int s = 0; s < num_slots; ++s) {
     frame_of_slot_[ref.family][Slot(ref, s)] = frames[s];
-    if (frames[s] >= 0) {
+    if (frames[s] >= 0 && landmark < 0) {
       place_in_frame_[ref.family][Slot(ref, s)] = static_cast<std::int32_t>(frames_[frames[s]].factors.size());
       frames_[frames[s]].factors.push_back(ref);
     }
@@ -181,33 +181,28 @@ void LiveSchur::Separate(std::int32_t landmark, std::int32_t frame) {
 
 void LiveSchur::Disconnect(FactorRef ref) {
   const int num_slots = families_[ref.family].num_slots();
-  for (int s = 0; s < num_slots; ++s) {
+  const std::int32_t landmark = LandmarkOfFactor(ref);
+  for (int s = 0; s < num_slots && landmark < 0; ++s) {
     if (FrameOfFactor(ref, s) >= 0) {
       Unlist(FrameOfFactor(ref, s), place_in_frame_[ref.family][Slot(ref, s)]);
     }
   }
-  const std::int32_t landmark = LandmarkOfFactor(ref);
   if (landmark < 0) {
     return;
   }
   Landmark& l = landmarks_[landmark];
   l.factors.erase(std::find(l.factors.begin(), l.factors.end(), ref));
   l.placed = false;
-  const auto sees = [this](const FactorRef& factor, std::int32_t frame) {
-    const std::int32_t* begin = frame_of_slot_[factor.family].data() + Slot(factor, 0);
-    const std::int32_t* end = begin + families_[factor.family].num_slots();
-    return std::find(begin, end, frame) != end;
-  };
   for (int s = 0; s < num_slots; ++s) {
     const std::int32_t frame = FrameOfFactor(ref, s);
-    if (frame >= 0 && std::none_of(l.factors.begin(), l.factors.end(), [&](const FactorRef& f) { return sees(f, frame); })) {
+    if (frame >= 0 && std::none_of(l.factors.begin(), l.factors.end(), [&](const FactorRef& f) { return Touches(f, frame); })) {
       Separate(landmark, frame);
     }
   }
 }
 
 std::int64_t LiveSchur::Bytes() const {
-  std::size_t bytes = sizeof(double) * (4 * rhs_.capacity() + Y_.capacity()) + sizeof(Frame) * frames_.capacity() +
+  std::size_t bytes = sizeof(double) * (5 * rhs_.capacity() + Y_.capacity()) + sizeof(Frame) * frames_.capacity() +
                       sizeof(Landmark) * landmarks_.capacity();
   for (const Landmark& l : landmarks_) {
     bytes += l.factors.capacity() * sizeof(FactorRef) + l.frames.capacity() * sizeof(std::int32_t) +

@@ -168,13 +168,35 @@ void LiveSystem::Touch(const std::vector<FactorRef>& factors) {
   }
 }
 
+// A frame that moves reaches its factors; with them, through their landmarks, other frames' right-hand sides.
 void LiveSystem::NameTouched() {
   if (touched_named_) {
     return;
   }
   touched_named_ = true;
-  moved_.ForEach([this](std::int32_t i) { Touch(schur_.frames()[i].factors); });
-  visited_.ForEach([this](std::int32_t l) { Touch(schur_.landmarks()[l].factors); });
+  moved_.ForEach([this](std::int32_t i) {
+    const LiveSchur::Frame& frame = schur_.frames()[i];
+    Touch(frame.factors);
+    for (const FactorRef& ref : frame.factors) {
+      schur_.ForEachFrameOf(ref, [this](std::int32_t other) { reached_.Add(other); });
+    }
+    for (const std::int32_t l : frame.landmarks) {
+      if (!visited_.Has(l)) {
+        schur_.ForEachFactorBetween(l, i, [this](const FactorRef& ref) { touched_[ref.family].Add(ref.factor); });
+        stale_landmarks_.Add(l);
+      }
+    }
+  });
+  const auto reach_frames = [this](std::int32_t l) {
+    for (const std::int32_t frame : schur_.landmarks()[l].frames) {
+      reached_.Add(frame);
+    }
+  };
+  visited_.ForEach([&](std::int32_t l) {
+    Touch(schur_.landmarks()[l].factors);
+    reach_frames(l);
+  });
+  stale_landmarks_.ForEach(reach_frames);
   for (const LiveFamily& family : families_) {
     touched_[family.id()].CopyTo(&touched_lists_[family.id()]);
   }
@@ -182,6 +204,7 @@ void LiveSystem::NameTouched() {
 
 Status LiveSystem::EvaluateStep(double* change, double* predicted_decrease) {
   NameTouched();
+  DropChanges();
   moved_.ForEach([this](std::int32_t i) { Move(schur_.frames()[i].id, schur_.frames()[i].quad); });
   visited_.ForEach([this](std::int32_t l) { Move(schur_.landmarks()[l].id, schur_.landmarks()[l].quad); });
   *change = 0.0;
@@ -193,35 +216,27 @@ Status LiveSystem::EvaluateStep(double* change, double* predicted_decrease) {
       return Status::Error(StatusCode::kEvaluationFailed,
                            graph_.DescribeFactor(family.id(), failure.factor) + ": " + failure.reason);
     }
-    for (const std::int32_t i : touched) {
-      *change += family.CandidateCost(i) - family.Cost(i);
-    }
-    *predicted_decrease += family.PredictDecrease(touched, step_.data());
+    *change += family.CandidateChange(touched);
+    *predicted_decrease += family.TryStep(touched, step_.data(), schur_.padded_change());
   }
   return Status::Ok();
 }
 
+// Takes back what an earlier try has written of the changes of the right-hand sides.
+void LiveSystem::DropChanges() {
+  reached_.ForEach([this](std::int32_t i) { schur_.DropFrameChange(i); });
+  visited_.ForEach([this](std::int32_t l) { schur_.DropLandmarkChange(l); });
+  stale_landmarks_.ForEach([this](std::int32_t l) { schur_.DropLandmarkChange(l); });
+}
+
 int LiveSystem::AcceptValues() {
   for (LiveFamily& family : families_) {
-    const std::vector<std::int32_t>& touched = touched_lists_[family.id()];
-    for (const std::int32_t i : touched) {
-      AddToCost(family.CandidateCost(i) - family.Cost(i));
-      const FactorRef ref{family.id(), i};
-      const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
-      if (landmark >= 0) {
-        stale_landmarks_.Add(landmark);
-      }
-      for (int s = 0; s < family.num_slots(); ++s) {
-        if (schur_.FrameOfFactor(ref, s) >= 0) {
-          schur_.TouchB(schur_.FrameOfFactor(ref, s));
-        }
-      }
-    }
-    family.Accept(touched, schur_.padded_rhs());
+    AddToCost(family.Accept(touched_lists_[family.id()]));
   }
-  stale_landmarks_.ForEach([this](std::int32_t landmark) { schur_.RefreshResidual(landmark); });
-  const int num_updated = stale_landmarks_.count();
-  stale_landmarks_.Clear();
+  reached_.ForEach([this](std::int32_t i) { schur_.TakeChange(i); });
+  visited_.ForEach([this](std::int32_t l) { schur_.RefreshResidual(l); });
+  stale_landmarks_.ForEach([this](std::int32_t l) { schur_.RefreshResidual(l); });
+  const int num_updated = visited_.count() + stale_landmarks_.count();
   const auto accept = [this](VariableId id) {
     values_.Accept(id);
     tangents_.MarkMoved(id);
@@ -252,6 +267,7 @@ void LiveSystem::ResumCost() {
 }
 
 void LiveSystem::Reject() {
+  DropChanges();
   moved_.ForEach([this](std::int32_t i) { values_.Reject(schur_.frames()[i].id); });
   visited_.ForEach([this](std::int32_t l) { values_.Reject(schur_.landmarks()[l].id); });
   EndStep();
@@ -269,6 +285,8 @@ void LiveSystem::EndStep() {
   }
   moved_.Clear();
   visited_.Clear();
+  stale_landmarks_.Clear();
+  reached_.Clear();
   touched_named_ = false;
   dogleg_prepared_ = false;
 }

@@ -145,6 +145,7 @@ class LiveSystem {
   void Move(VariableId id, std::int32_t quad);
   void Touch(const std::vector<FactorRef>& factors);
   void NameTouched();
+  void DropChanges();
   void Stretch(std::int32_t landmark);
   bool EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
   bool AcceptLandmark(std::int32_t landmark);
@@ -176,9 +177,10 @@ class LiveSystem {
   std::vector<IndexSet> dirty_;    // per family: to be relinearised
   std::vector<IndexSet> touched_;  // per family: with a variable that moves
   std::vector<std::vector<std::int32_t>> touched_lists_;
-  bool touched_named_ = false;  // the two above are those of the step under construction
+  bool touched_named_ = false;  // the two above and the two below are those of the step under construction
   IndexSet dirty_landmarks_;    // out of S, to be eliminated anew
-  IndexSet stale_landmarks_;    // within Accept: whose right-hand side has changed
+  IndexSet stale_landmarks_;    // not visited, but seen from a frame that moves
+  IndexSet reached_;            // frames of touched factors and of their landmarks
   IndexSet visited_;
   IndexSet moved_;
   AlignedVector<double> step_;  // padded, all variables; zero where nothing moves

@@ -12,6 +12,7 @@ void LiveSystem::GrowSets() {
   visited_.Grow(schur_.landmarks().size());
   landmark_steps_.resize(schur_.landmarks().size());
   moved_.Grow(schur_.frames().size());
+  reached_.Grow(schur_.frames().size());
   const std::size_t entries = static_cast<std::size_t>(tangents_.num_quads()) * kQuad;
   if (entries > step_.size()) {
     step_.resize(entries, 0.0);

@@ -43,10 +43,6 @@ constexpr double kSumShare = 1e-3;
 // A row of S is solved anew when its change is worth this share of what a frame may leave undone.
 constexpr double kWildfireShare = 0.3;
 
-bool IsOff(double weight_ratio) {
-  return weight_ratio > kWeightChange || weight_ratio * kWeightChange < 1.0;
-}
-
 RebuildRule RuleOf(RebuildPolicy policy) {
   return policy == RebuildPolicy::kAlways  ? RebuildRule::kAlways
          : policy == RebuildPolicy::kNever ? RebuildRule::kNever
@@ -87,7 +83,8 @@ IncrementalMinimizer::IncrementalMinimizer(const IncrementalOptions& options, Li
 // step. The first adds up over the factors, the second, of either sign, like a random walk.
 IncrementalMinimizer::ErrorLimits IncrementalMinimizer::LimitsOf(double share) const {
   const double count = std::max(1, system_.num_factors());
-  return {share * 2.0 * Tolerance() / count, kGradientShare * share * Tolerance() / std::sqrt(count)};
+  const double gradient = kGradientShare * share * Tolerance();
+  return {share * 2.0 * Tolerance() / count, gradient * gradient / count};
 }
 
 void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& stop, UpdateTrace* trace) {
@@ -382,7 +379,7 @@ void IncrementalMinimizer::MarkStale() {
       const bool errs = options_.relinearisation == RelinearisationRule::kStepSize && !family.constant_jacobian()
                             ? system_.LargestStep({family.id(), i}) >= options_.relinearisation_step
                             : stale.ExceededBy(family, i);
-      if (errs || IsOff(family.WeightRatio(i))) {
+      if (errs || family.WeightIsOff(i, kWeightChange)) {
         system_.MarkDirty({family.id(), i});
       } else if (aged.ExceededBy(family, i)) {
         aged_[family.id()].Add(i);

@@ -35,9 +35,9 @@ class IncrementalMinimizer {
   enum class Verdict { kGoOn, kConverged, kStuck };
   struct ErrorLimits {
     double model;
-    double gradient;
+    double squared_gradient;
     bool ExceededBy(const LiveFamily& family, int factor) const {
-      return family.SquaredError(factor) > model || family.GradientError(factor) > gradient;
+      return family.SquaredError(factor) > model || family.SquaredGradientError(factor) > squared_gradient;
     }
   };
 

@@ -186,6 +186,35 @@ TEST_P(LandmarkKernels, BackSubstituteSubtractsYTransposedDelta) {
   }
 }
 
+TEST_P(LandmarkKernels, SubtractIncidencesIsTheTransposeOfBackSubstitute) {
+  for (int size = 1; size <= 4; ++size) {
+    for (int frame_size = 1; frame_size <= 16; ++frame_size) {
+      const int stride = PadToQuad(frame_size);
+      const AlignedVector<double> Y = PaddedRows(6 * size, frame_size);
+      const std::vector<double> v = random_.Vector(4);
+      AlignedVector<double> y = PaddedRows(8, frame_size);
+      AlignedVector<double> expected = y;
+      std::vector<Incidence> incidences;
+      for (const int frame : {5, 0, 7}) {
+        const int block = frame % 6;
+        incidences.push_back({block * size * stride / kQuad, frame * stride / kQuad, stride / kQuad});
+        for (int k = 0; k < size; ++k) {
+          for (int c = 0; c < frame_size; ++c) {
+            expected[static_cast<std::size_t>(frame * stride + c)] -=
+                Y[static_cast<std::size_t>((block * size + k) * stride + c)] * v[static_cast<std::size_t>(k)];
+          }
+        }
+      }
+      kernels().subtract_incidences(size, incidences.data(), 3, Y.data(), v.data(), y.data());
+      ExpectClose(y, expected, 4.0, kTolerance,
+                  "landmark size " + std::to_string(size) + ", frame size " + std::to_string(frame_size));
+      if (HasFatalFailure()) {
+        return;
+      }
+    }
+  }
+}
+
 INCERES_FOR_ALL_INSTRUCTION_SETS(LandmarkKernels);
 
 }  // namespace

@@ -1,4 +1,4 @@
-// What a pass over J yields for a vector: −(Jv)ᵀ(f + Jv/2) and ‖Jv‖².
+// What a pass over J yields for a vector: −(Jv)ᵀ(f + Jv/2) and ‖Jv‖²; and with it the change Jᵀ(f − p) of a gradient.
 #include "block/kernel_fixture.h"
 
 namespace inceres::internal {
@@ -57,6 +57,31 @@ class RowKernels : public KernelTest {
     const RowProducts reference = generic().row_products(factor_rows, v.data());
     EXPECT_NEAR(actual.model_decrease, reference.model_decrease, 1e-13 * scale);
     EXPECT_NEAR(actual.squared_norm, reference.squared_norm, 1e-13 * scale);
+    ExpectTriedRows(factor_rows, {2, 3, 4, 5}, v, decrease);
+    ExpectTriedRows(factor_rows, {}, v, 0.0);
+  }
+
+  // try_rows is multiply_rows, the decrease, and subtract_transposed of p − f, in one pass.
+  void ExpectTriedRows(const FactorRows& rows, const std::vector<std::int32_t>& factors, const AlignedVector<double>& v,
+                       double decrease) {
+    constexpr std::size_t kNumFactors = 7;
+    const std::size_t size = kNumFactors * static_cast<std::size_t>(rows.residual_size);
+    const std::vector<double> p = random_.Vector(size);
+    std::vector<double> change(size);
+    for (std::size_t k = 0; k < size; ++k) {
+      change[k] = p[k] - rows.residuals[k];
+    }
+    const auto count = static_cast<int>(factors.size());
+    std::vector<double> product(size, 0.5);
+    AlignedVector<double> y = PaddedRows(static_cast<int>(v.size()) / kQuad, kQuad);
+    std::vector<double> expected_product = product;
+    AlignedVector<double> expected_y = y;
+    generic().multiply_rows(rows, factors.data(), count, v.data(), expected_product.data());
+    generic().subtract_transposed(rows, factors.data(), count, change.data(), expected_y.data());
+    const double actual = kernels().try_rows(rows, factors.data(), count, v.data(), p.data(), product.data(), y.data());
+    EXPECT_NEAR(actual, decrease, 1e-11 * rows.residual_size * static_cast<double>(v.size()));
+    ExpectClose(product, expected_product, static_cast<double>(v.size()), 1e-13, "J v");
+    ExpectClose(y, expected_y, static_cast<double>(size), 1e-13, "y");
   }
 };
 
