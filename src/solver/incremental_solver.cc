@@ -39,28 +39,28 @@ void Clear(UpdateSummary* summary) {
 
 class IncrementalSolver::Impl {
  public:
-  explicit Impl(const IncrementalOptions& options) : options_(options) {
-    if (options_.Validate().ok()) {
-      Restart();
-    }
-  }
+  explicit Impl(const IncrementalOptions& options) : options_(options) {}
 
   void SetOptions(const IncrementalOptions& options);
   Status Apply(const GraphEdit& edit);
   MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options);
   void Update(UpdateSummary* summary, UpdateObserver* observer);
-  ReducedStructure Structure() const;
+  ReducedStructure Structure();
   double cost() const { return cost_; }
   const double* Values(VariableId id) const {
-    return shown_state_ != nullptr ? graph.ValuesIn(shown_state_, id) : live->values().current(id);
+    return shown_state_ != nullptr ? graph.ValuesIn(shown_state_, id)
+           : live != nullptr       ? live->values().current(id)
+                                   : graph.Values(id);
   }
 
   FactorGraph graph;
+  // Null until it is needed: a problem that is solved once, in batch, never needs it.
   std::unique_ptr<LiveSystem> live;
   std::atomic<bool> stop{false};
 
  private:
   void TakeValues();
+  void Form();
   void Restart();
   void Minimize(UpdateTrace* trace);
   bool SolveInBatch(UpdateTrace* trace);
@@ -73,6 +73,8 @@ class IncrementalSolver::Impl {
   const double* shown_state_ = nullptr;     // the batch solver's, while the observer is called
   double cost_ = 0.0;
   bool converged_ = false;  // and nothing edited since
+  bool begun_ = false;      // an Update was made
+  bool in_batch_ = false;   // the batch solver was the last to move, and there was no living system
   int num_waiting_ = 0;     // factors dirty only because the batch solver was the last to move
 };
 
@@ -82,6 +84,14 @@ void IncrementalSolver::Impl::TakeValues() {
     if (graph.HasVariable(id)) {
       graph.SetValues(id, live->values().current(id));
     }
+  }
+}
+
+void IncrementalSolver::Impl::Form() {
+  if (live == nullptr) {
+    Restart();
+    num_waiting_ = in_batch_ ? live->NumDirtyFactors() : 0;
+    in_batch_ = false;
   }
 }
 
@@ -109,17 +119,22 @@ void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
   const int num_threads = options_.num_threads;  // of the live system
   options_ = options;
   options_.num_threads = num_threads;
-  if (live == nullptr && options_.Validate().ok()) {
-    Restart();  // the options given first were not valid
-  } else if (live != nullptr) {
+  if (live != nullptr) {
     minimizer_->SetOptions(options_);
   }
 }
 
 Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   Status status = options_.Validate();
-  if (status.ok()) {
+  if (status.ok() && (begun_ || live != nullptr)) {
+    Form();
     status = live->Apply(edit);
+  } else if (status.ok()) {
+    std::vector<FactorId> removed;
+    status = graph.Check(edit, &removed);
+    if (status.ok()) {
+      graph.Commit(edit, removed);
+    }
   }
   converged_ = converged_ && (edit.empty() || !status.ok());
   return status;
@@ -132,6 +147,7 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
   if (!refused.status.ok()) {
     return refused;
   }
+  Form();
   const double share = std::min(options_.relinearisation_share, kFreshShare);
   internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance * cost_ / std::max(1, graph.num_factors()));
   internal::MarginalizationTarget target;
@@ -153,6 +169,10 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   if (outcome.termination != Termination::kFailure) {
     cost_ = trace->summary().final_cost;
   }
+  if (live == nullptr) {
+    in_batch_ = true;
+    return outcome.finished;
+  }
   if (live->NumDirtyFactors() == graph.num_factors()) {
     live->TakeValues();
   } else {
@@ -167,8 +187,7 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
 void IncrementalSolver::Impl::PutBackStart() {
   graph.mutable_state() = start_state_;
   live.reset();
-  Restart();
-  num_waiting_ = 0;
+  in_batch_ = false;
 }
 
 void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* observer) {
@@ -191,24 +210,28 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
       start_state_ = graph.state();
     }
     Minimize(&trace);
-    live->schur().TakeChangedRows(&changed_rows_);
+    changed_rows_.clear();
+    if (live != nullptr) {
+      live->schur().TakeChangedRows(&changed_rows_);
+    }
     converged_ = summary->termination == Termination::kConvergence;
-    if (summary->termination == Termination::kFailure) {
+    if (summary->termination == Termination::kFailure && live != nullptr) {
       Restart();
     } else if (summary->termination == Termination::kUserFailure) {
       cost_ = summary->initial_cost;
       PutBackStart();
     }
-    summary->bytes = live->Bytes() + minimizer_->Bytes();
+    summary->bytes = live != nullptr ? live->Bytes() + minimizer_->Bytes() : 0;
   }
   summary->final_cost = cost_;
-  summary->num_parked_landmarks = live->schur().num_parked();
+  summary->num_parked_landmarks = live != nullptr ? live->schur().num_parked() : 0;
   summary->seconds = internal::NowInSeconds() - trace.start_seconds();
 }
 
 void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
   // Factors that only wait to be linearised where the batch solver left them are nothing new.
-  const double num_new = live->NumDirtyFactors() - num_waiting_;
+  const double num_new = live != nullptr ? live->NumDirtyFactors() - num_waiting_ : in_batch_ ? 0 : graph.num_factors();
+  begun_ = true;
   const bool batch_only = options_.batch_share == 0.0;
   const bool batch = (batch_only || num_new > options_.batch_share * graph.num_factors()) && internal::TakesBatchPhase(graph);
   bool finished = false;
@@ -217,6 +240,7 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
   }
   // Where the batch solver fails the state is what it was: the other one gets its chance, or names the culprit.
   if (!finished) {
+    Form();
     minimizer_->Minimize(!batch && num_new > kMostlyNew * graph.num_factors(), stop, trace);
     cost_ = live->cost();
     num_waiting_ = 0;
@@ -224,11 +248,12 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
   stop = false;
 }
 
-ReducedStructure IncrementalSolver::Impl::Structure() const {
+ReducedStructure IncrementalSolver::Impl::Structure() {
   ReducedStructure structure;
-  if (live == nullptr) {
+  if (!options_.Validate().ok()) {
     return structure;
   }
+  Form();
   const internal::LiveSchur& schur = live->schur();
   for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
     structure.frames.push_back(schur.frames()[row].id);
