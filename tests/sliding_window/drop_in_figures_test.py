@@ -35,7 +35,7 @@ def row(output, name):
 class Played(unittest.TestCase):
     def test_ratios_are_those_of_the_reports(self):
         with tempfile.TemporaryDirectory() as folder:
-            result = run("--repetitions", 2, "--frames", 14, "--only", "1,000 features, extrinsics free", "--keep", folder)
+            result = run("--repetitions", 2, "--frames", 30, "--only", "1,000 features, extrinsics free", "--keep", folder)
             self.assertIn(result.returncode, (0, 1), result.stderr)
             (kept,) = pathlib.Path(folder).iterdir()
             reports = json.loads(kept.read_text(encoding="utf-8"))
@@ -48,14 +48,15 @@ class Played(unittest.TestCase):
         self.assertEqual([len(runs) for runs in reports.values()], [2] * len(reports))
 
     def test_the_drop_in_solves_what_stock_solves(self):
-        result = run("--repetitions", 1, "--frames", 14, "--only", "VINS-style, 150 features, extrinsics free")
+        result = run("--repetitions", 1, "--frames", 30, "--only", "VINS-style, 150 features, extrinsics free")
         stock_cost = float(row(result.stdout, "DENSE_SCHUR, auto")[6])
-        self.assertAlmostEqual(float(row(result.stdout, "drop-in, exact")[6]) / stock_cost, 1.0, delta=1e-6)
+        # Every solve starts where the one before ended, so that rounding grows from frame to frame.
+        self.assertAlmostEqual(float(row(result.stdout, "drop-in, exact")[6]) / stock_cost, 1.0, delta=1e-3)
 
     def test_nothing_to_play_is_an_error(self):
         self.assertEqual(run("--only", "no such figure").returncode, 2)
         with tempfile.TemporaryDirectory() as empty:
-            result = run("--frames", 14, build=empty)
+            result = run("--frames", 30, build=empty)
             self.assertEqual(result.returncode, 2)
             self.assertRegex(result.stderr, re.escape(empty))
 
