@@ -76,7 +76,7 @@ Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>
       Block& block = blocks_[{a, b}];
       block.rows = graph.TangentSize(a);
       block.columns = graph.TangentSize(b);
-      block.values.assign(static_cast<std::size_t>(block.rows * block.columns), 0.0);
+      block.values.assign(static_cast<std::size_t>(block.rows) * static_cast<std::size_t>(block.columns), 0.0);
       if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
         using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
         Eigen::Map<RowMajor>(block.values.data(), block.rows, block.columns) = system.Product(a, b);
@@ -102,7 +102,7 @@ bool Covariance::Get(VariableId a, VariableId b, double* covariance) const {
   const Block& block = found->second;
   for (int r = 0; r < block.columns; ++r) {
     for (int c = 0; c < block.rows; ++c) {
-      covariance[r * block.rows + c] = block.values[static_cast<std::size_t>(c * block.columns + r)];
+      covariance[r * block.rows + c] = block.values.data()[static_cast<std::ptrdiff_t>(c) * block.columns + r];
     }
   }
   return true;

@@ -10,8 +10,8 @@ namespace inceres {
 namespace internal {
 
 SolverPool& SolverPool::Global() {
-  static SolverPool* const pool = new SolverPool;
-  return *pool;
+  static auto& kPool = *new SolverPool;
+  return kPool;
 }
 
 std::unique_ptr<Solver> SolverPool::Take(const SolverOptions& options, const FactorGraph& graph) {
