@@ -70,12 +70,6 @@ struct Workspace {
            structure->IsThatOf(graph);
   }
 
-  std::int64_t Bytes() const {
-    WorkCounts work;
-    model->Describe(&work);
-    return evaluator->Bytes() + work.bytes + (structure.has_value() ? structure->Bytes() : 0);
-  }
-
   std::optional<Structure> structure;  // taken when the first solve is over: who solves once does not pay for it
   Layout layout;
   Executor executor;
@@ -83,6 +77,7 @@ struct Workspace {
   ReducedSolverKind reduced_solver;
   std::optional<Evaluator> evaluator;
   std::unique_ptr<LinearModel> model;
+  std::int64_t bytes = 0;  // of it all, counted while the graph was there
 };
 
 }  // namespace
@@ -95,7 +90,7 @@ class Solver::Impl {
   bool IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
     return workspace_ != nullptr && workspace_->Suits(options, graph);
   }
-  std::int64_t Bytes() const { return workspace_ == nullptr ? 0 : workspace_->Bytes(); }
+  std::int64_t Bytes() const { return workspace_ == nullptr ? 0 : workspace_->bytes; }
 
  private:
   std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const FactorGraph& graph, Summary* summary);
@@ -151,6 +146,7 @@ void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, 
     if (!workspace->structure.has_value()) {
       workspace->structure.emplace(*graph);
     }
+    workspace->bytes = summary->work.bytes + workspace->structure->Bytes();
     workspace_ = std::move(workspace);  // not if something was thrown on the way
   }
 }
