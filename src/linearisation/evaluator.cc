@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "inceres/graph/ambient_family.h"
+#include "linearisation/moved_factors.h"
 #include "linearisation/robustify.h"
 #include "linearisation/tangent_classes.h"
 
@@ -177,16 +177,12 @@ Status Evaluator::ComputePlusJacobians(const std::vector<double>& state, std::ve
   for (std::size_t k = 0; k < curved_.size(); ++k) {
     const VariableId id = layout_.variables[curved_[k]];
     double* out = values->data() + plus_jacobian_offset_[k];
-    const int count = graph_->AmbientSize(id) * graph_->TangentSize(id);
-    MarkUnwritten(out, count);
     const double* pinned = graph_->HasPins() ? graph_->PinnedValues(id) : nullptr;
-    if (!graph_->manifold(id)->PlusJacobian(pinned != nullptr ? pinned : graph_->ValuesIn(state.data(), id), out)) {
+    const double* x = pinned != nullptr ? pinned : graph_->ValuesIn(state.data(), id);
+    const int count = graph_->AmbientSize(id) * graph_->TangentSize(id);
+    if (const char* fault = EvaluatePlusJacobian(*graph_->manifold(id), x, count, out)) {
       return Status::Error(StatusCode::kEvaluationFailed,
-                           "PlusJacobian of the manifold of variable " + std::to_string(id) + " returned false");
-    }
-    if (!AreWritten(out, count)) {
-      return Status::Error(StatusCode::kEvaluationFailed, "PlusJacobian of the manifold of variable " + std::to_string(id) +
-                                                              " has an entry that is not finite or was not written");
+                           "PlusJacobian of the manifold of variable " + std::to_string(id) + " " + fault);
     }
   }
   return Status::Ok();
@@ -233,19 +229,12 @@ EvaluationFailure Evaluator::EvaluatePinned(const Chunk& chunk, FactorBatch batc
     cache.jacobian_parameters[k] = cache.pins[k] != nullptr ? cache.pins[k] : cache.parameters[k];
   }
   batch.parameters = cache.jacobian_parameters.data();
-  EvaluationFailure failure = cache.family->Evaluate(batch);
-  batch.parameters = cache.parameters.data();
-  batch.tangent_maps = nullptr;
-  batch.jacobians = nullptr;
-  for (int i = chunk.begin; i < chunk.end && !failure.failed(); ++i) {
+  const EvaluationFailure failure = cache.family->Evaluate(batch);
+  const auto is_pinned = [&](int i) {
     const auto pins = cache.pins.begin() + static_cast<std::ptrdiff_t>(i) * num_slots;
-    if (std::any_of(pins, pins + num_slots, [](const double* pin) { return pin != nullptr; })) {
-      batch.begin = i;
-      batch.end = i + 1;
-      failure = cache.family->Evaluate(batch);
-    }
-  }
-  return failure;
+    return std::any_of(pins, pins + num_slots, [](const double* pin) { return pin != nullptr; });
+  };
+  return failure.failed() ? failure : EvaluateMoved(*cache.family, batch, cache.parameters.data(), is_pinned);
 }
 
 double Evaluator::EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFailure* failure) {

@@ -1,10 +1,10 @@
 #include "linearisation/factor_lineariser.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 #include <utility>
 
+#include "linearisation/moved_factors.h"
 #include "linearisation/robustify.h"
 #include "linearisation/tangent_classes.h"
 
@@ -29,10 +29,10 @@ Status FactorLineariser::MapOf(VariableId id, const TangentMap** map) {
     return Status::Ok();
   }
   const double* pinned = graph_.PinnedValues(id);
-  tangent.plus_jacobian.assign(static_cast<std::size_t>(tangent.map.ambient_size) * tangent.map.tangent_size, std::nan(""));
+  const int count = tangent.map.ambient_size * tangent.map.tangent_size;
+  tangent.plus_jacobian.resize(count);
   tangent.selection.resize(tangent.map.tangent_size);
-  if (!manifold->PlusJacobian(pinned != nullptr ? pinned : values_(id), tangent.plus_jacobian.data()) ||
-      !std::all_of(tangent.plus_jacobian.begin(), tangent.plus_jacobian.end(), [](double v) { return std::isfinite(v); })) {
+  if (EvaluatePlusJacobian(*manifold, pinned != nullptr ? pinned : values_(id), count, tangent.plus_jacobian.data()) != nullptr) {
     tangents_.erase(found);
     return Status::Error(StatusCode::kEvaluationFailed,
                          "the manifold of variable " + std::to_string(id) + " has no Jacobian here");
@@ -95,11 +95,8 @@ Status FactorLineariser::Evaluate(FactorId id) {
   batch.jacobians = views_.data();
   const FactorFamily& family = graph_.family(id.family);
   EvaluationFailure failure = family.Evaluate(batch);
-  if (!failure.failed() && pinned_) {
-    batch.parameters = parameters_.data();
-    batch.tangent_maps = nullptr;
-    batch.jacobians = nullptr;
-    failure = family.Evaluate(batch);
+  if (!failure.failed()) {
+    failure = EvaluateMoved(family, batch, parameters_.data(), [this](int) { return pinned_; });
   }
   return failure.failed()
              ? Status::Error(StatusCode::kEvaluationFailed, graph_.DescribeFactor(id.family, id.index) + ": " + failure.reason)

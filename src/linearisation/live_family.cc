@@ -4,6 +4,8 @@
 #include <atomic>
 #include <cmath>
 
+#include "linearisation/moved_factors.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -136,28 +138,14 @@ EvaluationFailure LiveFamily::Linearise(const std::vector<std::int32_t>& factors
     batch.residuals = f_.data();
     batch.jacobians = views_.data();
     EvaluationFailure failure = family_->Evaluate(batch);
-    failure = failure.failed() ? failure : EvaluatePinned(batch);
+    if (!failure.failed()) {
+      failure = EvaluateMoved(*family_, batch, parameters_.data(), [this](int i) { return pinned_[i] != 0; });
+    }
     for (int i = begin; i < end && !failure.failed(); ++i) {
       Weigh(i);
     }
     return failure;
   });
-}
-
-// Residuals, where the variables are, of the batch's factors that were linearised elsewhere.
-EvaluationFailure LiveFamily::EvaluatePinned(FactorBatch batch) const {
-  batch.parameters = parameters_.data();
-  batch.tangent_maps = nullptr;
-  batch.jacobians = nullptr;
-  EvaluationFailure failure;
-  for (int i = batch.begin, end = batch.end; i < end && !failure.failed(); ++i) {
-    if (pinned_[i] != 0) {
-      batch.begin = i;
-      batch.end = i + 1;
-      failure = family_->Evaluate(batch);
-    }
-  }
-  return failure;
 }
 
 // ½ρ and ρ' at a residual.

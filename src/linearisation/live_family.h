@@ -113,7 +113,6 @@ class LiveFamily {
   void Grow(int num_places);
   template <typename Evaluate>
   EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate);
-  EvaluationFailure EvaluatePinned(FactorBatch batch) const;
   void EvaluateLoss(int factor, const double* f, double* cost, double* w) const;
   void EvaluateCandidateLoss(int factor);
   void Weigh(int factor);

@@ -1,7 +1,6 @@
 #include "linearisation/live_tangents.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "block/kernels.h"
 #include "linearisation/tangent_classes.h"
@@ -61,8 +60,8 @@ bool LiveTangents::Refresh(const FactorGraph& graph, const LiveValues& values, V
     return true;
   }
   const double* pinned = graph.HasPins() ? graph.PinnedValues(id) : nullptr;
-  if (!graph.manifold(id)->PlusJacobian(pinned != nullptr ? pinned : values.current(id), jacobian.data()) ||
-      !std::all_of(jacobian.begin(), jacobian.end(), [](double entry) { return std::isfinite(entry); })) {
+  if (EvaluatePlusJacobian(*graph.manifold(id), pinned != nullptr ? pinned : values.current(id),
+                           static_cast<int>(jacobian.size()), jacobian.data()) != nullptr) {
     return false;
   }
   maps_[id].plus_jacobian = jacobian.data();

@@ -1,5 +1,7 @@
 #include "linearisation/tangent_classes.h"
 
+#include "inceres/graph/ambient_family.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -63,6 +65,14 @@ int CountIdentityColumns(const TangentMap& map) {
 }
 
 }  // namespace
+
+const char* EvaluatePlusJacobian(const Manifold& manifold, const double* x, int count, double* M) {
+  MarkUnwritten(M, count);
+  if (!manifold.PlusJacobian(x, M)) {
+    return "returned false";
+  }
+  return AreWritten(M, count) ? nullptr : "has an entry that is not finite or was not written";
+}
 
 void ClassifyTangentMap(TangentMap* map, int* selection) {
   if (IsIdentity(*map)) {
