@@ -10,10 +10,11 @@ namespace {
 
 using internal::MultiplyTransposed;
 
-enum Slot { kPoseI, kPoseJ, kCamera, kInverseDepth, kTimeOffset };
+enum Slot { kPoseI, kPoseJ, kCamera, kFeature, kTimeOffset };
 
 // The values of one projection, stage by stage, that both the residual and the Jacobians need.
 struct Projection {
+  double lambda;
   double R_i[9], R_j[9], R_c[9];
   double baseline[3];  // p_i − p_j
   double m[3];
@@ -23,14 +24,17 @@ struct Projection {
   double u[2];    // h_xy / h_z
 };
 
-void Project(const double* const* x, double tau, const BodyReprojectionFamily::Measurement& measurement, Projection* v) {
-  const double lambda = x[kInverseDepth][0];
+void Project(const double* const* x, bool has_bearing, double tau, const BodyReprojectionFamily::Measurement& measurement,
+             Projection* v) {
+  const double* bearing = has_bearing ? x[kFeature] : measurement.point_i;
+  const double lambda = x[kFeature][has_bearing ? 2 : 0];
+  v->lambda = lambda;
   const double* t_c = x[kCamera];
   QuaternionToMatrix(x[kPoseI] + 3, v->R_i);
   QuaternionToMatrix(x[kPoseJ] + 3, v->R_j);
   QuaternionToMatrix(x[kCamera] + 3, v->R_c);
   for (int k = 0; k < 2; ++k) {
-    v->m[k] = measurement.point_i[k] - (tau - measurement.offset_i) * measurement.velocity_i[k];
+    v->m[k] = bearing[k] - (tau - measurement.offset_i) * measurement.velocity_i[k];
   }
   v->m[2] = 1.0;
   double world[3], on_body[3];
@@ -60,7 +64,7 @@ double Dot(const double a[3], const double b[3]) {
 // world, a_i = R_iᵀ a_w for b_i, a_m = R_cᵀ a_i for m. With right perturbations R Exp(φ), where ∂(R v)/∂φ = −R[v]× and ∂(Rᵀv)/∂φ
 // = [Rᵀv]×:
 //     p_i: λ a_w = −p_j,   φ_i: b_i × a_i,   φ_j: a_b × b_j,   t_c: λ (a_i − a_b),   φ_c: m × a_m + a × h,
-//     λ: a_i·t_c + a_w·(p_i − p_j) − a_b·t_c,   τ: −a_m·ṁ_i, and what the observation itself moves by, U ż_j.
+//     m: a_m,   λ: a_i·t_c + a_w·(p_i − p_j) − a_b·t_c,   τ: −a_m·ṁ_i, and what the observation itself moves by, U ż_j.
 class Rows {
  public:
   Rows(const Projection& v, const double* const* x, const double a[3]) : v_(v), x_(x), a_(a) {
@@ -91,13 +95,19 @@ class Rows {
       row[3 + k] = at_i[k] + at_j[k];
     }
   }
-  void InverseDepth(double* row) const { row[0] = Dot(a_i_, x_[kCamera]) + Dot(a_w_, v_.baseline) - Dot(a_b_, x_[kCamera]); }
+  void Feature(bool has_bearing, double* row) const {
+    if (has_bearing) {
+      row[0] = a_m_[0];
+      row[1] = a_m_[1];
+    }
+    row[has_bearing ? 2 : 0] = Dot(a_i_, x_[kCamera]) + Dot(a_w_, v_.baseline) - Dot(a_b_, x_[kCamera]);
+  }
   void TimeOffset(const double velocity_i[2], double weighted_velocity_j, double* row) const {
     row[0] = weighted_velocity_j - a_m_[0] * velocity_i[0] - a_m_[1] * velocity_i[1];
   }
 
  private:
-  double lambda() const { return x_[kInverseDepth][0]; }
+  double lambda() const { return v_.lambda; }
 
   const Projection& v_;
   const double* const* x_;
@@ -133,8 +143,8 @@ double WriteJacobians(const FactorBatch& batch, int i, int num_slots, const Body
         case kCamera:
           rows.Camera(row);
           break;
-        case kInverseDepth:
-          rows.InverseDepth(row);
+        case kFeature:
+          rows.Feature(map.tangent_size > 1, row);
           break;
         default:
           rows.TimeOffset(measurement.velocity_i, u_0 * measurement.velocity_j[0] + u_1 * measurement.velocity_j[1], row);
@@ -150,8 +160,9 @@ double WriteJacobians(const FactorBatch& batch, int i, int num_slots, const Body
   return sum;
 }
 
-std::vector<FactorFamily::Slot> SlotsOf(BodyReprojectionFamily::TimeOffset offset) {
-  std::vector<FactorFamily::Slot> slots{{7, 6}, {7, 6}, {7, 6}, {1, 1}};
+std::vector<FactorFamily::Slot> SlotsOf(BodyReprojectionFamily::TimeOffset offset, BodyReprojectionFamily::Feature feature) {
+  const int size = feature == BodyReprojectionFamily::Feature::kBearing ? 3 : 1;
+  std::vector<FactorFamily::Slot> slots{{7, 6}, {7, 6}, {7, 6}, {size, size}};
   if (offset == BodyReprojectionFamily::TimeOffset::kEstimated) {
     slots.push_back({1, 1});
   }
@@ -160,7 +171,7 @@ std::vector<FactorFamily::Slot> SlotsOf(BodyReprojectionFamily::TimeOffset offse
 
 }  // namespace
 
-BodyReprojectionFamily::BodyReprojectionFamily(TimeOffset offset) : FactorFamily(2, SlotsOf(offset)) {
+BodyReprojectionFamily::BodyReprojectionFamily(TimeOffset offset, Feature feature) : FactorFamily(2, SlotsOf(offset, feature)) {
 }
 
 EvaluationFailure BodyReprojectionFamily::Evaluate(const FactorBatch& batch) const {
@@ -171,7 +182,7 @@ EvaluationFailure BodyReprojectionFamily::Evaluate(const FactorBatch& batch) con
     Projection v;
     // Without an offset the features stay where they are.
     const double tau = estimated ? x[kTimeOffset][0] : measurement.offset_i;
-    Project(x, tau, measurement, &v);
+    Project(x, slot(kFeature).ambient_size > 1, tau, measurement, &v);
     double e[2];
     for (int k = 0; k < 2; ++k) {
       e[k] = v.u[k] - measurement.point_j[k] + (estimated ? (tau - measurement.offset_j) * measurement.velocity_j[k] : 0.0);

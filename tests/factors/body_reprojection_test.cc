@@ -87,6 +87,30 @@ TEST(BodyReprojection, IsTheCamerasReprojectionAndJacobiansAreNumericOnes) {
   }
 }
 
+TEST(BodyReprojection, ABearingThatIsEstimatedIsTheSameFunctionOfOneVariableMore) {
+  test::Random random(62);
+  int index = 0;
+  for (const test::ReprojectionState& s : test::ThousandReprojectionStates()) {
+    const bool with_offset = index % 2 == 0;
+    BodyState body = OnBody(random, s, with_offset);
+    const TimeOffset offset = with_offset ? TimeOffset::kEstimated : TimeOffset::kNone;
+    BodyReprojectionFamily exact(offset), bearing(offset, BodyReprojectionFamily::Feature::kBearing);
+    exact.Add(body.measurement);
+    const FactorValues expected = EvaluateFactor(exact, body.state);
+    const double* m = body.measurement.point_i;
+    body.state.parameters[3] = {m[0], m[1], body.state.parameters[3][0]};
+    body.measurement.point_i[0] = body.measurement.point_i[1] = 1e3;  // not looked at
+    bearing.Add(body.measurement);
+    const FactorValues values = EvaluateFactor(bearing, body.state);
+    EXPECT_EQ(values.residuals, expected.residuals);
+    EXPECT_EQ(values.jacobians[0], expected.jacobians[0]);
+    for (std::size_t r = 0; r < 2; ++r) {
+      EXPECT_EQ(values.jacobians[3][3 * r + 2], expected.jacobians[3][r]);
+    }
+    test::ExpectNumericJacobians(bearing, body.state, 1e-6, index++);
+  }
+}
+
 TEST(BodyReprojection, FailsInTheCamerasPlaneAndOnNonFiniteValues) {
   BodyReprojectionFamily family;
   family.Add({});

@@ -16,6 +16,10 @@ namespace inceres {
 ///     h = R_cᵀ (R_jᵀ (R_i (R_c m + λ t_c) + λ (p_i − p_j)) − λ t_c)            λ times the point in the camera at j
 ///     residual = U (h_xy / h_z − z)                                            (2 rows, whitened)
 ///
+/// m_i taken as exact, as VINS does, has all observations of a feature share an error that nobody accounts for: covariances then
+/// come out too small. With Feature::kBearing slot 3 is (m_x, m_y, λ), three Euclidean values; where the feature was seen at i is
+/// then a measurement like the others: DiagonalPriorFamily(2, 3, 3) on that variable.
+///
 /// h is smooth at λ = 0, a point at infinity. Fails to evaluate where h_z = 0 or a result is not finite; points behind the camera
 /// evaluate, as in the model. Without a time offset m = m_i and z = z_j.
 ///
@@ -26,10 +30,14 @@ namespace inceres {
 class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
  public:
   enum class TimeOffset : unsigned char { kNone, kEstimated };
+  enum class Feature : unsigned char {
+    kInverseDepth,  ///< slot 3 is λ; its bearing at i is the measurement's
+    kBearing,       ///< slot 3 is (m_x, m_y, λ): the bearing is estimated too
+  };
 
   /// Image points are normalised (plane z = 1) unless U says otherwise.
   struct Measurement {
-    double point_i[2] = {0.0, 0.0};                ///< m_i: where the feature was first seen; taken as exact
+    double point_i[2] = {0.0, 0.0};                ///< m_i: where the feature was first seen; with kBearing of no use
     double point_j[2] = {0.0, 0.0};                ///< z_j: where it is seen at j
     double velocity_i[2] = {0.0, 0.0};             ///< ṁ_i, 1/s; without a time offset of no use
     double velocity_j[2] = {0.0, 0.0};             ///< ż_j, 1/s
@@ -38,7 +46,7 @@ class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
     double sqrt_information[3] = {1.0, 0.0, 1.0};  ///< U = [u00 u01; 0 u11], see SqrtInformation
   };
 
-  explicit BodyReprojectionFamily(TimeOffset offset = TimeOffset::kNone);
+  explicit BodyReprojectionFamily(TimeOffset offset = TimeOffset::kNone, Feature feature = Feature::kInverseDepth);
 
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
