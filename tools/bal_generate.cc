@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <optional>
 #include <string>
 #include <utility>
 
@@ -163,13 +162,5 @@ Status Run() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (const std::optional<int> exit_code = inceres::tools::ParseCommandLine(kUsage, &argc, &argv)) {
-    return *exit_code;
-  }
-  const Status status = Run();
-  if (!status.ok()) {
-    const bool usage = status.code == StatusCode::kInvalidArgument;
-    return inceres::tools::Fail(usage ? inceres::tools::kExitUsage : inceres::tools::kExitFailure, status.message);
-  }
-  return inceres::tools::kExitSuccess;
+  return inceres::tools::RunTool(kUsage, argc, argv, Run);
 }

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <optional>
 #include <string>
 
 #include <gflags/gflags.h>
@@ -166,13 +165,5 @@ Status Run() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (const std::optional<int> exit_code = inceres::tools::ParseCommandLine(kUsage, &argc, &argv)) {
-    return *exit_code;
-  }
-  const Status status = Run();
-  if (!status.ok()) {
-    const bool usage = status.code == StatusCode::kInvalidArgument;
-    return inceres::tools::Fail(usage ? inceres::tools::kExitUsage : inceres::tools::kExitFailure, status.message);
-  }
-  return inceres::tools::kExitSuccess;
+  return inceres::tools::RunTool(kUsage, argc, argv, Run);
 }

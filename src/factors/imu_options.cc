@@ -5,7 +5,12 @@
 #include <string>
 #include <utility>
 
+#include "graph/find_fault.h"
+
 namespace inceres {
+
+using internal::Invalid;
+
 namespace {
 
 ImuConventions WithOrder(const ImuPart (&order)[5], double gravity_norm) {
@@ -13,10 +18,6 @@ ImuConventions WithOrder(const ImuPart (&order)[5], double gravity_norm) {
   std::copy_n(order, 5, conventions.residual_order);
   conventions.gravity[2] = -gravity_norm;
   return conventions;
-}
-
-Status Invalid(const std::string& message) {
-  return Status::Error(StatusCode::kInvalidArgument, message);
 }
 
 }  // namespace
@@ -56,7 +57,7 @@ Status ImuConventions::Validate() const {
     }
     seen[index] = true;
   }
-  if (!std::all_of(gravity, gravity + 3, [](double g) { return std::isfinite(g); })) {
+  if (!internal::AllFinite(gravity, 3)) {
     return Invalid("ImuConventions::gravity is not finite");
   }
   return Status::Ok();

@@ -9,10 +9,13 @@
 
 #include "factors/imu_layout.h"
 #include "factors/imu_step.h"
+#include "graph/find_fault.h"
 
 namespace inceres {
 
+using internal::AllFinite;
 using internal::AsVector;
+using internal::Invalid;
 using internal::Matrix;
 using internal::Matrix3;
 
@@ -22,20 +25,12 @@ namespace {
 // an integrated random walk, which positions are of velocities, a quarter is left.
 constexpr double kSingular = 1e-13;
 
-bool AreFinite(const double* values, int count) {
-  return std::all_of(values, values + count, [](double value) { return std::isfinite(value); });
-}
-
-Status Invalid(const std::string& message) {
-  return Status::Error(StatusCode::kInvalidArgument, message);
-}
-
 // All finite, times increasing; `before` is the sample they follow, or null.
 Status CheckSamples(const std::vector<ImuSample>& samples, const ImuSample* before) {
   for (std::size_t k = 0; k < samples.size(); ++k) {
     const ImuSample& sample = samples[k];
     const std::string name = "IMU sample " + std::to_string(k) + " of " + std::to_string(samples.size());
-    if (!std::isfinite(sample.time) || !AreFinite(sample.gyr, 3) || !AreFinite(sample.acc, 3)) {
+    if (!std::isfinite(sample.time) || !AllFinite(sample.gyr, 3) || !AllFinite(sample.acc, 3)) {
       return Invalid(name + " (time " + std::to_string(sample.time) + ") is not finite");
     }
     if (before != nullptr && !(sample.time > before->time)) {
@@ -48,10 +43,10 @@ Status CheckSamples(const std::vector<ImuSample>& samples, const ImuSample* befo
 }
 
 Status CheckBiases(const double* gyr_bias, const double* acc_bias) {
-  if (!AreFinite(gyr_bias, 3)) {
+  if (!AllFinite(gyr_bias, 3)) {
     return Invalid("the gyroscope bias to integrate at is not finite");
   }
-  return AreFinite(acc_bias, 3) ? Status::Ok() : Invalid("the accelerometer bias to integrate at is not finite");
+  return AllFinite(acc_bias, 3) ? Status::Ok() : Invalid("the accelerometer bias to integrate at is not finite");
 }
 
 void StepAll(const ImuOptions& options, const ImuSample* before, const std::vector<ImuSample>& samples, ImuDelta* delta) {
@@ -64,8 +59,8 @@ void StepAll(const ImuOptions& options, const ImuSample* before, const std::vect
 }
 
 Status CheckResult(const ImuDelta& delta) {
-  const bool finite = AreFinite(delta.q, 4) && AreFinite(delta.v, 3) && AreFinite(delta.p, 3) &&
-                      AreFinite(delta.bias_jacobian, 54) && AreFinite(delta.covariance, 225);
+  const bool finite = AllFinite(delta.q, 4) && AllFinite(delta.v, 3) && AllFinite(delta.p, 3) &&
+                      AllFinite(delta.bias_jacobian, 54) && AllFinite(delta.covariance, 225);
   return finite ? Status::Ok()
                 : Status::Error(StatusCode::kEvaluationFailed,
                                 "IMU preintegration overflows: rates, forces or time steps are beyond any sensor's");

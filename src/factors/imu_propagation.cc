@@ -3,10 +3,12 @@
 
 #include "factors/imu_correction.h"
 #include "factors/imu_layout.h"
+#include "graph/find_fault.h"
 #include "inceres/factors/imu_preintegrator.h"
 
 namespace inceres {
 
+using internal::AllFinite;
 using internal::AsVector;
 using internal::CorrectedDelta;
 using internal::ImuLayout;
@@ -16,10 +18,6 @@ using internal::Skew;
 using internal::Vector3;
 
 namespace {
-
-bool AreFinite(const double* values, int count) {
-  return std::all_of(values, values + count, [](double value) { return std::isfinite(value); });
-}
 
 // Of the step in the parts' own order, (φ, v, p, b_g, b_a) perturbed on the right:
 //     F = ∂(state j)/∂(state i),   G = ∂(state j)/∂(error of Δ).
@@ -42,10 +40,10 @@ void Linearise(const CorrectedDelta& delta, const Matrix3& R_i, double dt, Matri
 Status PropagateImu(const ImuPreintegrator& imu, const double* pose, const double* speed_bias, const double* covariance,
                     double* next_pose, double* next_speed_bias, double* next_covariance) {
   if (imu.samples().empty()) {
-    return Status::Error(StatusCode::kInvalidArgument, "nothing was integrated to propagate a state with");
+    return internal::Invalid("nothing was integrated to propagate a state with");
   }
-  if (!AreFinite(pose, 7) || !AreFinite(speed_bias, 9) || (covariance != nullptr && !AreFinite(covariance, 225))) {
-    return Status::Error(StatusCode::kInvalidArgument, "the state to propagate, or its covariance, is not finite");
+  if (!AllFinite(pose, 7) || !AllFinite(speed_bias, 9) || (covariance != nullptr && !AllFinite(covariance, 225))) {
+    return internal::Invalid("the state to propagate, or its covariance, is not finite");
   }
   const ImuConventions& conventions = imu.options().conventions;
   const ImuLayout rows = internal::StateLayoutOf(conventions);

@@ -6,6 +6,7 @@
 
 #include "inceres/io/bal.h"
 #include "io/byte_source.h"
+#include "io/read_file.h"
 #include "io/text_scanner.h"
 
 namespace inceres {
@@ -128,16 +129,7 @@ class BalReader {
 }  // namespace internal
 
 Status ReadBal(const std::string& path, BalProblem* problem) {
-  std::unique_ptr<internal::ByteSource> source;
-  if (Status status = internal::OpenByteSource(path, &source); !status.ok()) {
-    return status;
-  }
-  BalProblem result;
-  if (Status status = internal::BalReader(path, std::move(source)).Read(&result); !status.ok()) {
-    return status;
-  }
-  *problem = std::move(result);
-  return Status::Ok();
+  return internal::ReadFile<internal::BalReader>(path, problem);
 }
 
 }  // namespace inceres

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "io/byte_source.h"
+#include "io/read_file.h"
 #include "io/text_scanner.h"
 
 namespace inceres {
@@ -211,16 +212,7 @@ class G2oReader {
 }  // namespace internal
 
 Status ReadG2o(const std::string& path, PoseGraph* graph) {
-  std::unique_ptr<internal::ByteSource> source;
-  if (Status status = internal::OpenByteSource(path, &source); !status.ok()) {
-    return status;
-  }
-  PoseGraph result;
-  if (Status status = internal::G2oReader(path, std::move(source)).Read(&result); !status.ok()) {
-    return status;
-  }
-  *graph = std::move(result);
-  return Status::Ok();
+  return internal::ReadFile<internal::G2oReader>(path, graph);
 }
 
 }  // namespace inceres

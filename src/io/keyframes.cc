@@ -10,6 +10,7 @@
 #include "inceres/factors/sqrt_information.h"
 #include "inceres/graph/rotation.h"
 #include "io/byte_source.h"
+#include "io/read_file.h"
 #include "io/record_reader.h"
 #include "io/text_scanner.h"
 
@@ -268,16 +269,7 @@ int KeyframeSequence::NumBetweens() const {
 }
 
 Status ReadKeyframes(const std::string& path, KeyframeSequence* sequence) {
-  std::unique_ptr<internal::ByteSource> source;
-  if (Status status = internal::OpenByteSource(path, &source); !status.ok()) {
-    return status;
-  }
-  KeyframeSequence result;
-  if (Status status = internal::KeyframeReader(path, std::move(source)).Read(&result); !status.ok()) {
-    return status;
-  }
-  *sequence = std::move(result);
-  return Status::Ok();
+  return internal::ReadFile<internal::KeyframeReader>(path, sequence);
 }
 
 }  // namespace inceres

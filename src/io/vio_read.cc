@@ -4,6 +4,7 @@
 
 #include "inceres/io/vio_sequence.h"
 #include "io/byte_source.h"
+#include "io/read_file.h"
 #include "io/record_reader.h"
 #include "io/vio_checks.h"
 
@@ -241,16 +242,7 @@ class VioReader : private RecordReader {
 }  // namespace internal
 
 Status ReadVioSequence(const std::string& path, VioSequence* sequence) {
-  std::unique_ptr<internal::ByteSource> source;
-  if (Status status = internal::OpenByteSource(path, &source); !status.ok()) {
-    return status;
-  }
-  VioSequence result;
-  if (Status status = internal::VioReader(path, std::move(source)).Read(&result); !status.ok()) {
-    return status;
-  }
-  *sequence = std::move(result);
-  return Status::Ok();
+  return internal::ReadFile<internal::VioReader>(path, sequence);
 }
 
 }  // namespace inceres

@@ -221,11 +221,10 @@ class LiveSchur {
   int num_frames_ = 0;
   int num_landmarks_ = 0;
   int num_parked_ = 0;
-  std::vector<std::vector<std::int32_t>> frame_of_slot_;  // per family: per factor and slot
-  std::vector<std::vector<std::int32_t>>
-      place_in_frame_;  // per family: per factor and slot, where the frame lists a factor without landmark
-  std::vector<std::vector<std::int32_t>> landmark_slot_;  // per family and factor: the landmark's slot
-  std::vector<std::vector<std::int32_t>> landmark_of_;    // per family and factor
+  std::vector<std::vector<std::int32_t>> frame_of_slot_;   // per family: per factor and slot
+  std::vector<std::vector<std::int32_t>> place_in_frame_;  // the same: where the frame lists it; of factors without landmark
+  std::vector<std::vector<std::int32_t>> landmark_slot_;   // per family and factor: the landmark's slot
+  std::vector<std::vector<std::int32_t>> landmark_of_;     // per family and factor
   SymmetricBlockRows S_;
   std::vector<int> offsets_{0};
   AlignedVector<double> rhs_;

@@ -4,6 +4,7 @@
 
 #include "inceres/sim/street_scene.h"
 #include "sim/option_range.h"
+#include "sim/preset_names.h"
 #include "sim/street_limits.h"
 
 namespace inceres {
@@ -81,28 +82,21 @@ Status StreetSceneOptions::Validate() const {
 }
 
 std::vector<std::string> StreetScenePresets() {
-  std::vector<std::string> names;
-  for (const Preset& preset : kPresets) {
-    names.emplace_back(preset.name);
-  }
-  return names;
+  return internal::PresetNames(kPresets);
 }
 
 Status GetStreetScenePreset(const std::string& name, StreetSceneOptions* options) {
-  std::string known;
-  for (const Preset& preset : kPresets) {
-    if (name == preset.name) {
-      *options = StreetSceneOptions();
-      options->num_cameras = preset.num_cameras;
-      options->num_points = preset.num_points;
-      options->num_observations = preset.num_observations;
-      options->laps = preset.laps;
-      options->loop_fraction = preset.loop_fraction;
-      return Status::Ok();
-    }
-    known += std::string(known.empty() ? "" : ", ") + preset.name;
+  const Preset* preset = nullptr;
+  if (Status status = internal::FindPreset(kPresets, name, &preset); !status.ok()) {
+    return status;
   }
-  return Status::Error(StatusCode::kInvalidArgument, "no preset '" + name + "'; known are " + known);
+  *options = StreetSceneOptions();
+  options->num_cameras = preset->num_cameras;
+  options->num_points = preset->num_points;
+  options->num_observations = preset->num_observations;
+  options->laps = preset->laps;
+  options->loop_fraction = preset->loop_fraction;
+  return Status::Ok();
 }
 
 }  // namespace inceres

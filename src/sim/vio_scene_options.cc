@@ -4,6 +4,7 @@
 #include "inceres/sim/vio_scene.h"
 #include "io/vio_checks.h"
 #include "sim/option_range.h"
+#include "sim/preset_names.h"
 
 namespace inceres {
 namespace {
@@ -47,10 +48,12 @@ VioSceneOptions Ellipse() {
   return options;
 }
 
-constexpr struct {
+struct Preset {
   const char* name;
   VioSceneOptions (*make)();
-} kPresets[] = {{"cubic", Cubic}, {"figure_eight", FigureEight}, {"ellipse", Ellipse}};
+};
+
+constexpr Preset kPresets[] = {{"cubic", Cubic}, {"figure_eight", FigureEight}, {"ellipse", Ellipse}};
 
 Status Invalid(const std::string& what) {
   return Status::Error(StatusCode::kInvalidArgument, "VioSceneOptions: " + what);
@@ -101,23 +104,16 @@ Status VioSceneOptions::Validate() const {
 }
 
 std::vector<std::string> VioScenePresets() {
-  std::vector<std::string> names;
-  for (const auto& preset : kPresets) {
-    names.emplace_back(preset.name);
-  }
-  return names;
+  return internal::PresetNames(kPresets);
 }
 
 Status GetVioScenePreset(const std::string& name, VioSceneOptions* options) {
-  std::string known;
-  for (const auto& preset : kPresets) {
-    if (name == preset.name) {
-      *options = preset.make();
-      return Status::Ok();
-    }
-    known += std::string(known.empty() ? "" : ", ") + preset.name;
+  const Preset* preset = nullptr;
+  if (Status status = internal::FindPreset(kPresets, name, &preset); !status.ok()) {
+    return status;
   }
-  return Status::Error(StatusCode::kInvalidArgument, "no preset '" + name + "'; known are " + known);
+  *options = preset->make();
+  return Status::Ok();
 }
 
 }  // namespace inceres

@@ -4,17 +4,13 @@
 #include <new>
 #include <string>
 
+#include "graph/find_fault.h"
 #include "inceres/solver/incremental_solver.h"
 #include "solver/covariance_system.h"
 
 namespace inceres {
-namespace {
 
-Status Invalid(std::string message) {
-  return Status::Error(StatusCode::kInvalidArgument, std::move(message));
-}
-
-}  // namespace
+using internal::Invalid;
 
 Status CovarianceOptions::Validate() const {
   if (num_threads < 1) {

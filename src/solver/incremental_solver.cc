@@ -130,11 +130,7 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
     Form();
     status = live->Apply(edit);
   } else if (status.ok()) {
-    std::vector<FactorId> removed;
-    status = graph.Check(edit, &removed);
-    if (status.ok()) {
-      graph.Commit(edit, removed);
-    }
+    status = graph.Apply(edit);
   }
   converged_ = converged_ && (edit.empty() || !status.ok());
   return status;

@@ -8,6 +8,7 @@
 #include <tuple>
 #include <utility>
 
+#include "graph/find_fault.h"
 #include "inceres/solver/linear_prior.h"
 #include "solver/marginal_system.h"
 #include "solver/marginalize.h"
@@ -15,12 +16,11 @@
 namespace inceres {
 
 Status MarginalizationOptions::Validate() const {
-  const auto invalid = [](const char* what) { return Status::Error(StatusCode::kInvalidArgument, what); };
   if (!(epsilon >= 0.0) || !std::isfinite(epsilon)) {
-    return invalid("MarginalizationOptions::epsilon must be finite and not negative");
+    return internal::Invalid("MarginalizationOptions::epsilon must be finite and not negative");
   }
   if (!(rank_tolerance >= 0.0 && rank_tolerance < 1.0)) {
-    return invalid("MarginalizationOptions::rank_tolerance must lie in [0, 1)");
+    return internal::Invalid("MarginalizationOptions::rank_tolerance must lie in [0, 1)");
   }
   return Status::Ok();
 }

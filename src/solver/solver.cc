@@ -30,11 +30,9 @@ double FinalCost(const Summary& summary, int first_iteration) {
 }
 
 // Nothing moves: the cost is that of the factors as they stand.
-void SummarizeStandstill(const SolverOptions& options, const FactorGraph& graph, const Layout& layout, Summary* summary) {
-  const Executor executor(options.num_threads);
-  Evaluator evaluator(graph, layout, executor);
+void SummarizeStandstill(double fixed_cost, Evaluator* evaluator, Summary* summary) {
   double cost = 0.0;
-  const Status evaluated = evaluator.EvaluateCandidateCost(&cost);
+  const Status evaluated = evaluator->EvaluateCandidateCost(&cost);
   if (!evaluated.ok()) {
     summary->message = "Residual and Jacobian evaluation failed.";
     summary->detail = evaluated.message;
@@ -42,7 +40,7 @@ void SummarizeStandstill(const SolverOptions& options, const FactorGraph& graph,
   }
   summary->termination = Termination::kConvergence;
   summary->message = "Function tolerance reached. No non-constant parameter blocks found.";
-  summary->initial_cost = summary->final_cost = cost + options.fixed_cost;
+  summary->initial_cost = summary->final_cost = cost + fixed_cost;
 }
 
 // What a structure is set up with.
@@ -51,17 +49,11 @@ struct Workspace {
       : layout(graph, EliminatesLandmarks(options)),
         executor(options.num_threads),
         linear_model(options.linear_model),
-        reduced_solver(options.reduced_solver) {}
+        reduced_solver(options.reduced_solver),
+        evaluator(graph, layout, executor) {}
 
   static bool EliminatesLandmarks(const SolverOptions& options) {
     return options.linear_model == LinearModelKind::kAutomatic || options.linear_model == LinearModelKind::kSchur;
-  }
-
-  // False, with a status, if the reduced solver cannot be set up.
-  bool Build(const SolverOptions& options, const FactorGraph& graph, Status* status) {
-    evaluator.emplace(graph, layout, executor);
-    model = MakeLinearModel(options, *evaluator, status);
-    return status->ok();
   }
 
   bool Suits(const SolverOptions& options, const FactorGraph& graph) const {
@@ -75,7 +67,7 @@ struct Workspace {
   Executor executor;
   LinearModelKind linear_model;
   ReducedSolverKind reduced_solver;
-  std::optional<Evaluator> evaluator;
+  Evaluator evaluator;
   std::unique_ptr<LinearModel> model;
   std::int64_t bytes = 0;  // of it all, counted while the graph was there
 };
@@ -105,17 +97,18 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options, c
   std::unique_ptr<Workspace> workspace = std::move(workspace_);
   summary->structure_reused = workspace != nullptr && workspace->Suits(options, graph);
   if (summary->structure_reused) {
-    workspace->evaluator->Rebind(graph);
+    workspace->evaluator.Rebind(graph);
     return workspace;
   }
   workspace.reset();  // its memory serves the new one
   workspace = std::make_unique<Workspace>(options, graph);
   if (workspace->layout.variables.empty()) {
-    SummarizeStandstill(options, graph, workspace->layout, summary);
+    SummarizeStandstill(options.fixed_cost, &workspace->evaluator, summary);
     return nullptr;
   }
   Status status;
-  if (!workspace->Build(options, graph, &status)) {
+  workspace->model = MakeLinearModel(options, workspace->evaluator, &status);
+  if (!status.ok()) {
     summary->message = status.message;
     return nullptr;
   }
@@ -130,13 +123,13 @@ void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, 
   LinearModel& model = *workspace->model;
   model.TimeInto(&summary->seconds);
   summary->reduced_solver = model.SolverName();
-  summary->work.bytes = workspace->evaluator->Bytes();
+  summary->work.bytes = workspace->evaluator.Bytes();
   model.Describe(&summary->work);
   summary->seconds.setup = NowInSeconds() - start;
 
   SolverOptions minimizer_options = options;
   minimizer_options.seconds_spent_before += summary->seconds.setup;
-  TrustRegionMinimizer minimizer(minimizer_options, &*workspace->evaluator, &model, summary);
+  TrustRegionMinimizer minimizer(minimizer_options, &workspace->evaluator, &model, summary);
   minimizer.Minimize();
   summary->final_cost = FinalCost(*summary, minimizer.first_comparable_iteration());
   if (summary->IsSolutionUsable()) {

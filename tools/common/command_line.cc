@@ -48,6 +48,17 @@ std::optional<int> ParseCommandLine(const std::string& usage, int* argc, char***
   return std::nullopt;
 }
 
+int RunTool(const std::string& usage, int argc, char** argv, const std::function<Status()>& run) {
+  if (const std::optional<int> exit_code = ParseCommandLine(usage, &argc, &argv)) {
+    return *exit_code;
+  }
+  const Status status = run();
+  if (!status.ok()) {
+    return Fail(status.code == StatusCode::kInvalidArgument ? kExitUsage : kExitFailure, status.message);
+  }
+  return kExitSuccess;
+}
+
 int Fail(ExitCode code, const std::string& message) {
   std::fflush(stdout);
   std::fprintf(stderr, "%s: %s\n", gflags::ProgramInvocationShortName(), message.c_str());

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
+
+#include "inceres/status.h"
 
 namespace inceres::tools {
 
@@ -18,6 +21,10 @@ enum ExitCode {
 /// flags, on standard output), --version, or a surplus argument. `usage` is what the program does, with examples.
 /// A flag gflags does not know or cannot convert ends the process with code 1, as gflags does.
 std::optional<int> ParseCommandLine(const std::string& usage, int* argc, char*** argv);
+
+/// What main() returns of a tool that does one thing: parses the command line, runs, and says what went wrong; an invalid
+/// argument is a usage error.
+int RunTool(const std::string& usage, int argc, char** argv, const std::function<Status()>& run);
 
 /// Prints "tool: message" on standard error and returns `code`.
 int Fail(ExitCode code, const std::string& message);
