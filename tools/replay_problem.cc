@@ -9,6 +9,7 @@
 
 #include "inceres/io/bal.h"
 #include "inceres/io/keyframes.h"
+#include "tools/common/read_progress.h"
 #include "tools/common/replay_scripts.h"
 
 DEFINE_string(problem, "", "bal:FILE, kf:FILE, or path:N for N cameras along a generated path. Required.");
@@ -44,7 +45,7 @@ Status CheckKind(const std::string& kind) {
 
 Status MakeBalScript(const std::string& path, int num_threads, ReplayScript* script) {
   BalProblem bal;
-  Status status = ReadBal(path, &bal);
+  Status status = ReadBal(path, &bal, ReadProgressPrinter(path, stderr));
   if (status.ok() && (bal.num_cameras < 2 || bal.observations.empty())) {
     status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more cameras, and observations");
   }

@@ -128,8 +128,8 @@ class BalReader {
 }  // namespace
 }  // namespace internal
 
-Status ReadBal(const std::string& path, BalProblem* problem) {
-  return internal::ReadFile<internal::BalReader>(path, problem);
+Status ReadBal(const std::string& path, BalProblem* problem, const ReadProgress& progress) {
+  return internal::ReadFile<internal::BalReader>(path, problem, progress);
 }
 
 }  // namespace inceres

@@ -1,6 +1,7 @@
 #include "io/byte_source.h"
 
 #include <cerrno>
+#include <filesystem>
 #include <system_error>
 #include <utility>
 
@@ -20,11 +21,15 @@ FileSource::~FileSource() {
   }
 }
 
-Status FileSource::Open(const std::string& path) {
+Status FileSource::Open(const std::string& path, ByteProgress progress) {
   file_ = std::fopen(path.c_str(), "rb");
   if (file_ == nullptr) {
     return Status::Error(StatusCode::kIo, path + ": cannot open for reading: " + SystemError());
   }
+  progress_ = std::move(progress);
+  std::error_code no_regular_file;
+  const std::uintmax_t size = std::filesystem::file_size(path, no_regular_file);
+  file_bytes_ = no_regular_file ? 0 : static_cast<std::int64_t>(size);
   std::setvbuf(file_, nullptr, _IONBF, 0);  // our callers read large pieces
   return Status::Ok();
 }
@@ -34,12 +39,16 @@ Status FileSource::Read(char* buffer, std::size_t capacity, std::size_t* size) {
   if (*size == 0 && std::ferror(file_) != 0) {
     return Status::Error(StatusCode::kIo, "cannot read: " + SystemError());
   }
+  bytes_read_ += static_cast<std::int64_t>(*size);
+  if (progress_) {
+    progress_(bytes_read_, file_bytes_);
+  }
   return Status::Ok();
 }
 
-Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source) {
+Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source, ByteProgress progress) {
   auto file = std::make_unique<FileSource>();
-  if (Status status = file->Open(path); !status.ok()) {
+  if (Status status = file->Open(path, std::move(progress)); !status.ok()) {
     return status;
   }
   if (EndsWith(path, ".gz")) {

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <cstdio>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -18,22 +20,28 @@ class ByteSource {
   virtual Status Read(char* buffer, std::size_t capacity, std::size_t* size) = 0;
 };
 
+/// Called after each piece of a file: bytes read so far, and of how many (0: not known).
+using ByteProgress = std::function<void(std::int64_t, std::int64_t)>;
+
 /// The bytes of a file as they are.
 class FileSource : public ByteSource {
  public:
   ~FileSource() override;
-  Status Open(const std::string& path);
+  Status Open(const std::string& path, ByteProgress progress = nullptr);
   Status Read(char* buffer, std::size_t capacity, std::size_t* size) override;
 
  private:
   std::FILE* file_ = nullptr;
+  ByteProgress progress_;
+  std::int64_t bytes_read_ = 0;
+  std::int64_t file_bytes_ = 0;
 };
 
 std::unique_ptr<ByteSource> MakeGzipSource(std::unique_ptr<ByteSource> compressed);
 std::unique_ptr<ByteSource> MakeBzip2Source(std::unique_ptr<ByteSource> compressed);
 
 /// Opens a file for reading, with the decoder its name asks for (.gz, .bz2). The message of a failure names the file.
-Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source);
+Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source, ByteProgress progress = nullptr);
 
 /// How the system explains the current errno.
 std::string SystemError();

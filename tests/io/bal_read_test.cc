@@ -1,6 +1,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -178,6 +179,21 @@ TEST_F(BalReadTest, MissingFileAndDirectory) {
   status = ReadBal(dir_.path(), &problem_);
   EXPECT_EQ(status.code, StatusCode::kIo);
   EXPECT_NE(status.message.find("directory"), std::string::npos) << status.message;
+}
+
+TEST_F(BalReadTest, ProgressIsOfTheFileAndEndsAtItsEnd) {
+  const std::string text = std::string(1 << 20, ' ') + kSmall;  // four buffers of it
+  WriteBytes(dir_.File("large.txt"), text);
+  std::vector<std::int64_t> steps;
+  const auto record = [&](std::int64_t bytes_read, std::int64_t file_bytes) {
+    EXPECT_EQ(file_bytes, static_cast<std::int64_t>(text.size()));
+    EXPECT_GE(bytes_read, steps.empty() ? 1 : steps.back());
+    steps.push_back(bytes_read);
+  };
+  ASSERT_TRUE(ReadBal(dir_.File("large.txt"), &problem_, record).ok());
+  ASSERT_GE(steps.size(), 4u);
+  EXPECT_LT(steps.front(), static_cast<std::int64_t>(text.size()) / 2);
+  EXPECT_EQ(steps.back(), static_cast<std::int64_t>(text.size()));
 }
 
 TEST_F(BalReadTest, Ladybug49) {

@@ -6,6 +6,7 @@
 #include "inceres/io/g2o.h"
 #include "tools/common/bal_ceres_problem.h"
 #include "tools/common/pose_graph_ceres_problem.h"
+#include "tools/common/read_progress.h"
 
 namespace inceres::tools {
 namespace {
@@ -123,7 +124,7 @@ Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSour
   const std::string path = specification.substr(colon + 1);
   if (kind == "bal") {
     BalProblem bal;
-    Status status = ReadBal(path, &bal);
+    Status status = ReadBal(path, &bal, ReadProgressPrinter(path, stderr));
     status = status.ok() ? CheckConnected(bal) : status;
     if (status.ok()) {
       *source = std::make_unique<BalSource>(std::move(bal));

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -47,6 +49,10 @@ struct INCERES_EXPORT BalProblem {
   Status Validate() const;
 };
 
+/// Told how far a read has come: bytes of the file (as they are on disk) read so far, and of how many; 0 if that is not known, as
+/// of a pipe.
+using ReadProgress = std::function<void(std::int64_t bytes_read, std::int64_t file_bytes)>;
+
 /// Reads a BAL file: text, or text compressed with gzip (name ends in .gz) or bzip2 (name ends in .bz2).
 ///
 /// The text is a stream of numbers separated by any white space (spaces, tabs, LF, CR LF or CR line ends, also several or none
@@ -57,8 +63,10 @@ struct INCERES_EXPORT BalProblem {
 /// compression, a truncated file, a count that is not a positive integer, an index out of range, NaN, infinity or a number
 /// beyond the range of double, anything that is not a number, and data after the last point. `*problem` is then unchanged.
 ///
+/// `progress`, if given, is called from the reading thread after each piece (at most 256 kB of the file).
+///
 /// Cost: one pass over the file through a buffer of fixed size; memory is that of the result. Threads: no shared state.
-INCERES_EXPORT Status ReadBal(const std::string& path, BalProblem* problem);
+INCERES_EXPORT Status ReadBal(const std::string& path, BalProblem* problem, const ReadProgress& progress = nullptr);
 
 /// Writes a BAL file, compressed if the name ends in .gz or .bz2. Numbers are written in the shortest form that reads back
 /// as the same double.

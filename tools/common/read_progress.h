@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <string>
+
+namespace inceres::tools {
+
+/// Says how far the reading of a file is, one line a second once it has taken a second: `reading FILE: 25 % of 812 MB`. Give it
+/// to ReadBal.
+class ReadProgressPrinter {
+ public:
+  ReadProgressPrinter(std::string path, std::FILE* out, double every_seconds = 1.0);
+  void operator()(std::int64_t bytes_read, std::int64_t file_bytes);
+
+ private:
+  std::string path_;
+  std::FILE* out_;
+  double every_seconds_;
+  double next_;
+};
+
+}  // namespace inceres::tools
