@@ -100,12 +100,10 @@ bool VioSequence::Project(const std::array<double, 7>& pose, const std::array<do
   if (!(place[2] > 0.0)) {
     return false;
   }
-  const auto& [k1, k2, p1, p2] = camera.distortion;
-  const double a = place[0] / place[2], b = place[1] / place[2];
-  const double r2 = a * a + b * b;
-  const double s = 1.0 + r2 * (k1 + r2 * k2);
-  *x = camera.intrinsics[0] * (s * a + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a)) + camera.intrinsics[2];
-  *y = camera.intrinsics[1] * (s * b + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b) + camera.intrinsics[3];
+  double pixel[2];
+  camera.Pinhole().Project(place[0] / place[2], place[1] / place[2], pixel);
+  *x = pixel[0];
+  *y = pixel[1];
   return true;
 }
 

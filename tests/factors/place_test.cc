@@ -4,12 +4,15 @@
 #include <gtest/gtest.h>
 
 #include "inceres/factors/bal_reprojection.h"
+#include "inceres/factors/bearing.h"
 #include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/imu_factor.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/point_reprojection.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
+#include "inceres/factors/stereo_reprojection.h"
 
 namespace inceres {
 namespace {
@@ -79,6 +82,21 @@ TEST(Place, BodyReprojection) {
   BodyReprojectionFamily::Measurement b;
   b.point_j[0] = 0.3;
   ExpectPlaces(&added, &placed, {}, b, {kPoseA, kPoseB, kPoseA, {0.5}});
+}
+
+TEST(Place, PointFamilies) {
+  const std::vector<std::vector<double>> values{kPoseA, kPoseB, {0.5, 0.7, 4.0}};
+  PointReprojectionFamily added(PinholeCamera{});
+  PointReprojectionFamily placed(PinholeCamera{});
+  ExpectPlaces(&added, &placed, {}, {{0.3, 0.1}, {1.0, 0.0, 1.0}}, values);
+  StereoReprojectionFamily stereo_added(StereoCamera{});
+  StereoReprojectionFamily stereo_placed(StereoCamera{});
+  StereoObservation stereo;
+  stereo.right_u = 0.2;
+  ExpectPlaces(&stereo_added, &stereo_placed, {}, stereo, values);
+  BearingFamily bearing_added;
+  BearingFamily bearing_placed;
+  ExpectPlaces(&bearing_added, &bearing_placed, {}, {{0.3, 0.1, 1.0}, {1.0, 0.0, 1.0}}, values);
 }
 
 TEST(Place, RelativePose) {

@@ -7,9 +7,12 @@
 #include <gtest/gtest.h>
 
 #include "inceres/factors/imu_factor.h"
+#include "inceres/factors/point_reprojection.h"
 #include "inceres/factors/pose_prior.h"
+#include "inceres/graph/losses.h"
 #include "inceres/graph/manifolds.h"
 #include "inceres/solver/incremental_solver.h"
+#include "inceres/solver/solver.h"
 
 namespace {
 
@@ -93,6 +96,41 @@ edit.AddFactor(imu_family, *imu_factors, imu, {i.pose_id, i.speed_bias_id, j.pos
   EXPECT_NE(summary.termination, inceres::Termination::kFailure) << summary.message;
   EXPECT_GT(summary.num_recentred_factors, 0) << "the gyroscope's bias was not that integrated at";
   EXPECT_NEAR(solver.Values(i.speed_bias_id)[8], 0.05, 0.01);
+}
+
+TEST(VisualInertialPage, ALandmarkSeenByADistortedCamera) {
+  inceres::FactorGraph graph;
+  const double body_pose[7] = {0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
+  const double camera_on_body[7] = {0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0};
+  const double homogeneous_point[4] = {0.2, 0.3, 4.0, 1.0};
+  const double u = 380.0, v = 270.0;
+  // clang-format off
+// [quoted in docs/visual_inertial.md]
+inceres::PinholeCamera camera;
+camera.f_x = camera.f_y = 458.0;
+camera.c_x = 367.0;
+camera.c_y = 248.0;
+camera.k1 = -0.283;
+camera.k2 = 0.0739;
+auto seen = std::make_shared<inceres::PointReprojectionFamily>(camera, inceres::LandmarkKind::kHomogeneous,
+                                                               inceres::Perturbation::kLeft);
+const inceres::FamilyId seen_family = graph.AddFamily(seen);
+auto left_pose = std::make_shared<inceres::LeftPoseManifold>();
+const inceres::VariableId T_wb = graph.AddVariable(body_pose, 7, inceres::Role::kFrame, left_pose);
+const inceres::VariableId T_bc = graph.AddVariable(camera_on_body, 7, inceres::Role::kFrame, left_pose);
+const inceres::VariableId point =
+    graph.AddVariable(homogeneous_point, 4, inceres::Role::kLandmark, std::make_shared<inceres::SubsetManifold>(4, std::vector<int>{3}));
+graph.SetConstant(T_bc, true);
+graph.AddFactor(seen_family, *seen, {{u, v}, {1.0, 0.0, 1.0}}, {T_wb, T_bc, point}, std::make_shared<inceres::CauchyLoss>(1.0));
+// [end of quote]
+  // clang-format on
+  inceres::SolverOptions options;
+  options.function_tolerance = 0.0;
+  const inceres::Summary summary = inceres::Solve(options, &graph);
+  ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
+  EXPECT_GT(summary.initial_cost, 0.1);
+  EXPECT_LT(summary.final_cost, 1e-12);
+  EXPECT_EQ(graph.Values(point)[3], 1.0);
 }
 
 }  // namespace

@@ -7,35 +7,46 @@
 
 namespace inceres {
 
-/// Reprojection of a feature between two poses of a body that carries the camera, with analytic Jacobians: what VINS estimates.
-/// Slots 0 and 1 are the poses of the body (the IMU) at i, which stores the feature as a bearing and an inverse depth, and at j ≠
-/// i; slot 2 is the camera on the body, body_from_camera (t_c, R_c); slot 3 the inverse depth λ (1, 1/m) in the camera at i; slot
-/// 4, if it is estimated, the time offset τ (1, s). Poses are [p(3), q(x, y, z, w)] on PoseManifold; no other manifold will do.
+/// Reprojection of an inverse-depth feature between cameras on a body, with analytic Jacobians: what VINS estimates. Frame i
+/// stores the feature as a bearing and an inverse depth λ (1, 1/m) in its camera, frame j sees it. Slots, by `Views`:
+///
+///     kTwoPoses             pose i, pose j, camera, λ             one camera; VINS's ProjectionFactor, TwoFrameOneCam
+///     kTwoPosesTwoCameras   pose i, pose j, camera i, camera j, λ                              TwoFrameTwoCam
+///     kOnePoseTwoCameras    camera i, camera j, λ                 at one time; OneFrameTwoCam
+///
+/// and, if it is estimated, the time offset τ (1, s) at the end. With Feature::kBearing the bearing is estimated too and λ's slot
+/// is (m_x, m_y, λ), three Euclidean values: m_i taken as exact, as VINS does, has all observations of a feature share an error
+/// that nobody accounts for, and covariances come out too small. Where the feature was seen at i is then a measurement like the
+/// others: DiagonalPriorFamily(2, 3, 3) on that variable. A pose (p, R) is that of the body (the IMU) in the world, a camera
+/// (t_c, R_c) is body_from_camera; both [p(3), q(x, y, z, w)] on PoseManifold; no other manifold will do. No two slots of a
+/// factor may be one variable.
 ///
 ///     m = m_i − (τ − τ_i) ṁ_i,   z = z_j − (τ − τ_j) ż_j                       (features move on as the clocks disagree)
-///     h = R_cᵀ (R_jᵀ (R_i (R_c m + λ t_c) + λ (p_i − p_j)) − λ t_c)            λ times the point in the camera at j
-///     residual = U (h_xy / h_z − z)                                            (2 rows, whitened)
+///     h = R_cjᵀ (R_jᵀ (R_i (R_ci m + λ t_ci) + λ (p_i − p_j)) − λ t_cj)        λ times the point in camera j
+///     residual = U (h_xy / h_z − z)                                            kPlane: 2 rows, whitened
+///     residual = U B (h / ‖h‖ − (z, 1) / ‖(z, 1)‖)                             kUnitSphere: 2 rows, whitened
 ///
-/// m_i taken as exact, as VINS does, has all observations of a feature share an error that nobody accounts for: covariances then
-/// come out too small. With Feature::kBearing slot 3 is (m_x, m_y, λ), three Euclidean values; where the feature was seen at i is
-/// then a measurement like the others: DiagonalPriorFamily(2, 3, 3) on that variable.
+/// With one pose R_jᵀ R_i = I and p_i = p_j. B (2×3) spans the tangent plane of the sphere at z_j, its rows near the image's x
+/// and y when z_j is near the axis: VINS's UNIT_SPHERE_ERROR, for wide lenses; it is 0 in the opposite direction as well.
 ///
-/// h is smooth at λ = 0, a point at infinity. Fails to evaluate where h_z = 0 or a result is not finite; points behind the camera
-/// evaluate, as in the model. Without a time offset m = m_i and z = z_j.
+/// h is smooth at λ = 0, a point at infinity. Fails to evaluate where h_z = 0 (kUnitSphere: h = 0) or a result is not finite;
+/// points behind the camera evaluate, as in the model. Without a time offset m = m_i and z = z_j.
 ///
 /// Cost: about 250 multiplications a factor with Jacobians, no transcendental function, nothing allocated. Threads: as
 /// FactorFamily; Add is for one writer.
-/// Source: Qin & Shen, "Online Temporal Calibration for Monocular Visual-Inertial Systems", 2018; derived in
-/// body_reprojection.cc.
+/// Source: Qin & Shen, "Online Temporal Calibration for Monocular Visual-Inertial Systems", 2018; Qin, Li & Shen, "VINS-Mono",
+/// 2018, eq. 25 (the unit sphere); derived in inverse_depth_chain.h.
 class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
  public:
   enum class TimeOffset : unsigned char { kNone, kEstimated };
   enum class Feature : unsigned char {
-    kInverseDepth,  ///< slot 3 is λ; its bearing at i is the measurement's
-    kBearing,       ///< slot 3 is (m_x, m_y, λ): the bearing is estimated too
+    kInverseDepth,  ///< λ; its bearing at i is the measurement's
+    kBearing,       ///< (m_x, m_y, λ)
   };
+  enum class Views : unsigned char { kTwoPoses, kTwoPosesTwoCameras, kOnePoseTwoCameras };
+  enum class Error : unsigned char { kPlane, kUnitSphere };
 
-  /// Image points are normalised (plane z = 1) unless U says otherwise.
+  /// Image points are in the plane z = 1, without distortion.
   struct Measurement {
     double point_i[2] = {0.0, 0.0};                ///< m_i: where the feature was first seen; with kBearing of no use
     double point_j[2] = {0.0, 0.0};                ///< z_j: where it is seen at j
@@ -46,7 +57,8 @@ class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
     double sqrt_information[3] = {1.0, 0.0, 1.0};  ///< U = [u00 u01; 0 u11], see SqrtInformation
   };
 
-  explicit BodyReprojectionFamily(TimeOffset offset = TimeOffset::kNone, Feature feature = Feature::kInverseDepth);
+  explicit BodyReprojectionFamily(TimeOffset offset = TimeOffset::kNone, Feature feature = Feature::kInverseDepth,
+                                  Views views = Views::kTwoPoses, Error error = Error::kPlane);
 
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
@@ -58,6 +70,13 @@ class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:
+  template <int poses, int cameras>
+  EvaluationFailure EvaluateViews(const FactorBatch& batch) const;
+
+  TimeOffset offset_;
+  Feature feature_;
+  Views views_;
+  Error error_;
   std::vector<Measurement> measurements_;
 };
 

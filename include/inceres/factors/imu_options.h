@@ -1,6 +1,7 @@
 #pragma once
 
 #include "inceres/export.h"
+#include "inceres/factors/perturbation.h"
 #include "inceres/status.h"
 
 namespace inceres {
@@ -27,11 +28,9 @@ enum class ImuPart : unsigned char { kRotation, kPosition, kVelocity, kGyrBias, 
 /// How an estimator writes its inertial terms. None of it changes what is estimated, but for the noise; all of it changes what
 /// the numbers look like, and a user who moves over wants to find his own. The default is that of docs/visual_inertial.md.
 struct INCERES_EXPORT ImuConventions {
-  /// Which way a small rotation φ perturbs a pose, and so in which frame the rotation residual stands.
-  enum class Perturbation : unsigned char {
-    kRight,  ///< R Exp(φ): PoseManifold; residual Log(ΔRᵀ R_iᵀ R_j), in the frame of j
-    kLeft,   ///< Exp(φ) R: LeftPoseManifold; residual Log(R_iᵀ R_j ΔRᵀ), in the frame of i
-  };
+  /// Which way a small rotation φ perturbs a pose, and so in which frame the rotation residual stands: kRight Log(ΔRᵀ R_iᵀ R_j),
+  /// in the frame of j; kLeft Log(R_iᵀ R_j ΔRᵀ), in the frame of i.
+  using Perturbation = inceres::Perturbation;
   enum class RotationResidual : unsigned char {
     kLog,          ///< the rotation vector
     kTwiceVector,  ///< 2 vec(q), q the quaternion with w ≥ 0: the same to third order, flat at π

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "inceres/export.h"
+#include "inceres/factors/perturbation.h"
 #include "inceres/graph/factor_family.h"
 
 namespace inceres {
@@ -19,7 +20,7 @@ namespace inceres {
 /// writer. Source: Sola, Deray & Atchuthan, "A micro Lie theory for state estimation in robotics", 2018, appendix B.
 class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
  public:
-  enum class Side : unsigned char { kRight, kLeft };
+  using Side = Perturbation;
 
   struct Measurement {
     double pose[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};  ///< p_0, then R_0 as a unit quaternion x, y, z, w

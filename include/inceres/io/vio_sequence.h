@@ -6,14 +6,13 @@
 
 #include "inceres/export.h"
 #include "inceres/factors/imu_options.h"
+#include "inceres/factors/pinhole_camera.h"
 #include "inceres/status.h"
 
 namespace inceres {
 
-/// A pinhole camera with radial-tangential distortion, and its place on the IMU. A point x_b in the frame of the IMU is seen at
-///
-///     x_c = R_bcᵀ (x_b − p_bc),   (a, b) = (x_c, y_c) / z_c,   r² = a² + b²,   s = 1 + k1 r² + k2 r⁴
-///     u = f_x (s a + 2 p1 a b + p2 (r² + 2a²)) + c_x,   v = f_y (s b + p1 (r² + 2b²) + 2 p2 a b) + c_y
+/// A pinhole camera with radial-tangential distortion (factors/pinhole_camera.h), and its place on the IMU: a point x_b in the
+/// frame of the IMU is at x_c = R_bcᵀ (x_b − p_bc) in the camera's.
 struct VioCamera {
   int width = 640;  ///< pixels; u from 0 to width
   int height = 480;
@@ -21,6 +20,11 @@ struct VioCamera {
   std::array<double, 4> distortion{};                            ///< k1, k2, p1, p2
   /// imu_from_camera [p_bc(3), q_bc(x, y, z, w)]; by default the camera looks along the x axis of the IMU, its right is −y.
   std::array<double, 7> imu_from_camera{0.1, 0.0, 0.05, -0.5, 0.5, -0.5, 0.5};
+
+  PinholeCamera Pinhole() const {
+    return {intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3],
+            distortion[0], distortion[1], distortion[2], distortion[3]};
+  }
 };
 
 /// What an estimator estimates of a frame.
