@@ -1,15 +1,20 @@
 // The README's examples, compiled and run as they stand there.
 
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <memory>
+#include <vector>
 
 #include <ceres/ceres.h>
 #include <gtest/gtest.h>
 
+#include "inceres/ceres/cost_family.h"
 #include "inceres/ceres/solve.h"
 #include "inceres/factors/bal_reprojection.h"
+#include "inceres/graph/ambient_family.h"
 #include "inceres/graph/losses.h"
+#include "inceres/graph/manifolds.h"
 #include "inceres/solver/solver.h"
 
 namespace {
@@ -56,6 +61,56 @@ const inceres::Summary summary = inceres::Solve(inceres::SolverOptions(), &graph
 // [end of quote]
   return summary;
 }
+
+// [quoted in README.md]
+struct RangeError {  // as for Ceres: how far X is from the pose's centre, against what was measured
+  double range;
+  template <typename T>
+  bool operator()(const T* pose, const T* X, T* residual) const {
+    const T d[3] = {X[0] - pose[0], X[1] - pose[1], X[2] - pose[2]};
+    using std::sqrt;
+    residual[0] = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) - range;
+    return true;
+  }
+};
+// [end of quote]
+
+// [quoted in README.md]
+class HeightFamily : public inceres::AmbientFamily<HeightFamily> {  // a barometer: 10 (p_z - height)
+ public:
+  using Measurement = double;
+  HeightFamily() : AmbientFamily(1, {{7, 6}}) {}  // residuals; ambient and tangent size of each variable
+
+  void Add(double height) { heights_.push_back(height); }
+  void Place(int index, double height) { PlaceIn(&heights_, index, height); }  // for edits
+  int size() const override { return static_cast<int>(heights_.size()); }
+  const char* Name() const override { return "height"; }
+
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+    residuals[0] = 10.0 * (parameters[0][2] - heights_[static_cast<std::size_t>(i)]);
+    if (jacobians != nullptr && jacobians[0] != nullptr) {  // null: cost only, or a constant
+      std::fill_n(jacobians[0], 7, 0.0);
+      jacobians[0][2] = 10.0;
+    }
+    return true;
+  }
+
+ private:
+  std::vector<double> heights_;
+};
+// [end of quote]
+
+void AddOwnFactors(inceres::VariableId pose, inceres::VariableId beacon, inceres::FactorGraph& graph) {
+// [quoted in README.md]
+auto ranges = std::make_shared<inceres::CeresCostFamily>(1, std::vector<inceres::FactorFamily::Slot>{{7, 6}, {3, 3}});
+auto heights = std::make_shared<HeightFamily>();
+const inceres::FamilyId range_family = graph.AddFamily(ranges);
+const inceres::FamilyId height_family = graph.AddFamily(heights);
+auto cost = std::make_shared<ceres::AutoDiffCostFunction<RangeError, 1, 7, 3>>(new RangeError{5.0});
+graph.AddFactor(range_family, *ranges, cost, {pose, beacon});
+graph.AddFactor(height_family, *heights, 1.5, {pose});
+// [end of quote]
+}
 // clang-format on
 
 TEST(ReadmeExamples, SwapTheSolver) {
@@ -90,6 +145,22 @@ TEST(ReadmeExamples, SolveWithTheCore) {
   const inceres::Summary summary = SolveWithTheCore(camera, point, 11.0, 19.0);
   EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
   EXPECT_LT(summary.final_cost, 1e-6 * summary.initial_cost);
+}
+
+TEST(ReadmeExamples, OwnFactors) {
+  inceres::FactorGraph graph;
+  const double start[7] = {0.5, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0};
+  const double place[3] = {4.0, 0.0, 1.5};
+  const inceres::VariableId pose = graph.AddVariable(start, 7, inceres::Role::kFrame, std::make_shared<inceres::PoseManifold>());
+  const inceres::VariableId beacon = graph.AddVariable(place, 3, inceres::Role::kLandmark);
+  graph.SetConstant(beacon, true);
+  AddOwnFactors(pose, beacon, graph);
+  const inceres::Summary summary = inceres::Solve(inceres::SolverOptions(), &graph);
+  ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
+  EXPECT_LT(summary.final_cost, 1e-10 * summary.initial_cost);
+  const double* p = graph.Values(pose);
+  EXPECT_NEAR(p[2], 1.5, 1e-6);
+  EXPECT_NEAR(std::hypot(p[0] - 4.0, p[1], p[2] - 1.5), 5.0, 1e-6);
 }
 
 }  // namespace

@@ -6,10 +6,10 @@
 #include <tuple>
 #include <vector>
 
+#include "inceres/ceres/cost_family.h"
 #include "inceres/graph/factor_graph.h"
 #include "inceres/graph/graph_edit.h"
 #include "inceres/graph/losses.h"
-#include "tools/common/autodiff_family.h"
 #include "tools/common/replay_step.h"
 
 namespace inceres::tools {
@@ -63,7 +63,7 @@ class ReplayGraph {
   Member<InverseDepthReprojectionFamily> inverse_depth_;
   Member<RelativePoseFamily> relative_pose_;
   std::map<PriorShape, Member<DiagonalPriorFamily>> priors_;
-  std::map<std::vector<int>, Member<AutoDiffFamily>> autodiff_families_;  // by residual size, then the sizes of each slot
+  std::map<std::vector<int>, Member<CeresCostFamily>> autodiff_families_;  // by residual size, then the sizes of each slot
 };
 
 }  // namespace inceres::tools
