@@ -285,6 +285,10 @@ Status SparseCholesky::Solve(const double* b, double* x) {
   const int ok =
       cholmod_solve2(CHOLMOD_A, c.factor.get(), &rhs, nullptr, &solution, nullptr, &c.workspace_y, &c.workspace_e, &c.common);
   c.solution.Reset(solution);
+  if (c.workspace_y != nullptr && c.workspace_y->ncol > 0) {
+    // A simplicial solve allocates 4 x n, leaves it as 1 x n, and would not know it again next time.
+    c.workspace_y->nrow = c.workspace_y->d = c.workspace_y->nzmax / c.workspace_y->ncol;
+  }
   if (ok == 0) {
     return Status::Error(StatusCode::kSingular, "CHOLMOD's solve failed with status " + std::to_string(c.common.status));
   }

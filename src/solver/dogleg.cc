@@ -24,17 +24,17 @@ double Norm(const std::vector<double>& a) {
 
 }  // namespace
 
-Dogleg::Dogleg(const SolverOptions& options, const std::vector<double>& scale)
-    : scale_(scale),
-      radius_(options.initial_trust_region_radius),
-      min_diagonal_(options.min_lm_diagonal),
-      max_diagonal_(options.max_lm_diagonal),
-      mu_(kMinMu),
-      w_(scale.size()),
-      gradient_(scale.size()),
-      gauss_newton_(scale.size()),
-      scratch_(scale.size()),
-      p_(scale.size()) {
+void Dogleg::Start(const SolverOptions& options, const std::vector<double>& scale) {
+  scale_ = &scale;
+  radius_ = options.initial_trust_region_radius;
+  min_diagonal_ = options.min_lm_diagonal;
+  max_diagonal_ = options.max_lm_diagonal;
+  mu_ = kMinMu;
+  reuse_ = false;
+  for (std::vector<double>* vector : {&w_, &gradient_, &gauss_newton_, &scratch_, &p_}) {
+    vector->resize(scale.size());
+  }
+  subspace_.reset();
   if (options.strategy == TrustRegionStrategyKind::kSubspaceDogleg) {
     subspace_.emplace();
   }
@@ -44,8 +44,9 @@ Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
   if (!reuse_) {
     reuse_ = true;
     const std::vector<double>& H_diagonal = model->Diagonal();
+    const std::vector<double>& scale = *scale_;
     for (std::size_t j = 0; j < w_.size(); ++j) {
-      w_[j] = std::sqrt(std::clamp(scale_[j] * scale_[j] * H_diagonal[j], min_diagonal_, max_diagonal_)) / scale_[j];
+      w_[j] = std::sqrt(std::clamp(scale[j] * scale[j] * H_diagonal[j], min_diagonal_, max_diagonal_)) / scale[j];
     }
     ComputeCauchyPoint(model);
     const Status solved = ComputeGaussNewtonStep(model, num_solves);
@@ -70,7 +71,10 @@ void Dogleg::ComputeCauchyPoint(LinearModel* model) {
 }
 
 Status Dogleg::ComputeGaussNewtonStep(LinearModel* model, int* num_solves) {
-  Status solved = Status::Error(StatusCode::kSingular, "the Gauss-Newton system stays singular up to the largest regularisation");
+  if (mu_ >= kMaxMu) {
+    return Status::Error(StatusCode::kSingular, "the Gauss-Newton system stays singular up to the largest regularisation");
+  }
+  Status solved;
   while (mu_ < kMaxMu) {
     for (std::size_t j = 0; j < w_.size(); ++j) {
       scratch_[j] = mu_ * w_[j] * w_[j];

@@ -16,8 +16,8 @@ namespace inceres::internal {
 /// factored. Source: Nocedal & Wright, section 4.1; constants of Ceres 2.1's DoglegStrategy.
 class Dogleg final : public TrustRegionStrategy {
  public:
-  Dogleg(const SolverOptions& options, const std::vector<double>& scale);
-
+  bool Serves(TrustRegionStrategyKind kind) const override { return kind != TrustRegionStrategyKind::kLevenbergMarquardt; }
+  void Start(const SolverOptions& options, const std::vector<double>& scale) override;
   Status ComputeStep(LinearModel* model, double* step, int* num_solves) override;
   void StepAccepted(double quality) override;
   void StepRejected() override;
@@ -30,11 +30,11 @@ class Dogleg final : public TrustRegionStrategy {
   void ChooseWithinRadius(double* step);
   void FollowTraditionalPath();
 
-  const std::vector<double>& scale_;
-  double radius_;
-  double min_diagonal_;
-  double max_diagonal_;
-  double mu_;
+  const std::vector<double>* scale_ = nullptr;
+  double radius_ = 0.0;
+  double min_diagonal_ = 0.0;
+  double max_diagonal_ = 0.0;
+  double mu_ = 0.0;
   bool reuse_ = false;
   double alpha_ = 0.0;      // length of the Cauchy step along −g̃
   double step_norm_ = 0.0;  // ‖w δ‖ of the last step

@@ -5,19 +5,20 @@
 
 namespace inceres::internal {
 
-LevenbergMarquardt::LevenbergMarquardt(const SolverOptions& options, const std::vector<double>& scale)
-    : scale_(scale),
-      radius_(options.initial_trust_region_radius),
-      max_radius_(options.max_trust_region_radius),
-      min_diagonal_(options.min_lm_diagonal),
-      max_diagonal_(options.max_lm_diagonal),
-      damping_(scale.size()) {
+void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<double>& scale) {
+  scale_ = &scale;
+  radius_ = options.initial_trust_region_radius;
+  max_radius_ = options.max_trust_region_radius;
+  min_diagonal_ = options.min_lm_diagonal;
+  max_diagonal_ = options.max_lm_diagonal;
+  decrease_factor_ = 2.0;
+  damping_.resize(scale.size());
 }
 
 Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* num_solves) {
   const std::vector<double>& H_diagonal = model->Diagonal();
   for (std::size_t j = 0; j < damping_.size(); ++j) {
-    const double s2 = scale_[j] * scale_[j];
+    const double s2 = (*scale_)[j] * (*scale_)[j];
     damping_[j] = std::clamp(s2 * H_diagonal[j], min_diagonal_, max_diagonal_) / (radius_ * s2);
   }
   ++*num_solves;

@@ -8,8 +8,8 @@ namespace inceres::internal {
 /// Radius rules: Madsen, Nielsen & Tingleff, "Methods for Non-linear Least Squares Problems", 2004, algorithm 3.16.
 class LevenbergMarquardt final : public TrustRegionStrategy {
  public:
-  LevenbergMarquardt(const SolverOptions& options, const std::vector<double>& scale);
-
+  bool Serves(TrustRegionStrategyKind kind) const override { return kind == TrustRegionStrategyKind::kLevenbergMarquardt; }
+  void Start(const SolverOptions& options, const std::vector<double>& scale) override;
   Status ComputeStep(LinearModel* model, double* step, int* num_solves) override;
   void StepAccepted(double quality) override;
   void StepRejected() override;
@@ -17,11 +17,11 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   double Radius() const override { return radius_; }
 
  private:
-  const std::vector<double>& scale_;
-  double radius_;
-  double max_radius_;
-  double min_diagonal_;
-  double max_diagonal_;
+  const std::vector<double>* scale_ = nullptr;
+  double radius_ = 0.0;
+  double max_radius_ = 0.0;
+  double min_diagonal_ = 0.0;
+  double max_diagonal_ = 0.0;
   double decrease_factor_ = 2.0;
   std::vector<double> damping_;
 };

@@ -69,6 +69,7 @@ struct Workspace {
   ReducedSolverKind reduced_solver;
   Evaluator evaluator;
   std::unique_ptr<LinearModel> model;
+  TrustRegionMemory memory;
   std::int64_t bytes = 0;  // of it all, counted while the graph was there
 };
 
@@ -78,7 +79,7 @@ class Solver::Impl {
  public:
   explicit Impl(bool remembers) : remembers_(remembers) {}
 
-  Summary Solve(const SolverOptions& options, FactorGraph* graph);
+  void Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary);
   bool IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
     return workspace_ != nullptr && workspace_->Suits(options, graph);
   }
@@ -129,7 +130,7 @@ void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, 
 
   SolverOptions minimizer_options = options;
   minimizer_options.seconds_spent_before += summary->seconds.setup;
-  TrustRegionMinimizer minimizer(minimizer_options, &workspace->evaluator, &model, summary);
+  TrustRegionMinimizer minimizer(minimizer_options, &workspace->evaluator, &model, &workspace->memory, summary);
   minimizer.Minimize();
   summary->final_cost = FinalCost(*summary, minimizer.first_comparable_iteration());
   if (summary->IsSolutionUsable()) {
@@ -144,28 +145,28 @@ void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, 
   }
 }
 
-Summary Solver::Impl::Solve(const SolverOptions& options, FactorGraph* graph) {
+void Solver::Impl::Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary) {
+  static const Summary kBlank;
   const double start = NowInSeconds();
-  Summary summary;
-  summary.fixed_cost = options.fixed_cost;
-  summary.kernels = BestKernels().name;
+  *summary = kBlank;  // a copy, which keeps the memory of texts and iterations
+  summary->fixed_cost = options.fixed_cost;
+  summary->kernels = BestKernels().name;
   Status status = options.Validate();
   if (status.ok()) {
     status = graph->Validate();
   }
   try {
     if (status.ok()) {
-      SolveValid(options, graph, &summary, start);
+      SolveValid(options, graph, summary, start);
     } else {
-      summary.message = status.message;
+      summary->message = status.message;
     }
   } catch (const std::bad_alloc&) {
     // The graph's state is written last, so it is untouched. What a user's factor throws is his and passes through.
-    summary.termination = Termination::kFailure;
-    summary.message = "Out of memory.";
+    summary->termination = Termination::kFailure;
+    summary->message = "Out of memory.";
   }
-  summary.seconds.total = NowInSeconds() - start;
-  return summary;
+  summary->seconds.total = NowInSeconds() - start;
 }
 
 Solver::Solver() : impl_(std::make_unique<Impl>(/*remembers=*/true)) {
@@ -175,7 +176,13 @@ Solver::Solver(Solver&&) noexcept = default;
 Solver& Solver::operator=(Solver&&) noexcept = default;
 
 Summary Solver::Solve(const SolverOptions& options, FactorGraph* graph) {
-  return impl_->Solve(options, graph);
+  Summary summary;
+  Solve(options, graph, &summary);
+  return summary;
+}
+
+void Solver::Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary) {
+  impl_->Solve(options, graph, summary);
 }
 
 bool Solver::IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
@@ -187,7 +194,9 @@ std::int64_t Solver::Bytes() const {
 }
 
 Summary Solve(const SolverOptions& options, FactorGraph* graph) {
-  return Solver::Impl(/*remembers=*/false).Solve(options, graph);
+  Summary summary;
+  Solver::Impl(/*remembers=*/false).Solve(options, graph, &summary);
+  return summary;
 }
 
 }  // namespace inceres

@@ -8,19 +8,23 @@
 
 namespace inceres::internal {
 
-std::vector<double> JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling) {
-  std::vector<double> scale(diagonal.size(), 1.0);
+void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling, std::vector<double>* scale) {
+  scale->assign(diagonal.size(), 1.0);
   if (jacobi_scaling) {
-    std::transform(diagonal.begin(), diagonal.end(), scale.begin(), [](double n2) { return 1.0 / (1.0 + std::sqrt(n2)); });
+    std::transform(diagonal.begin(), diagonal.end(), scale->begin(), [](double n2) { return 1.0 / (1.0 + std::sqrt(n2)); });
   }
-  return scale;
 }
 
-std::unique_ptr<TrustRegionStrategy> MakeStrategy(const SolverOptions& options, const std::vector<double>& scale) {
-  if (options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt) {
-    return std::make_unique<LevenbergMarquardt>(options, scale);
+void StartStrategy(const SolverOptions& options, const std::vector<double>& scale,
+                   std::unique_ptr<TrustRegionStrategy>* strategy) {
+  if (*strategy == nullptr || !(*strategy)->Serves(options.strategy)) {
+    if (options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt) {
+      *strategy = std::make_unique<LevenbergMarquardt>();
+    } else {
+      *strategy = std::make_unique<Dogleg>();
+    }
   }
-  return std::make_unique<Dogleg>(options, scale);
+  (*strategy)->Start(options, scale);
 }
 
 bool IsFinite(const std::vector<double>& step) {

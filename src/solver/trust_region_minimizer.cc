@@ -18,17 +18,23 @@ constexpr double kInnerShare = 0.01;
 }  // namespace
 
 TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, Evaluator* evaluator, LinearModel* model,
-                                           Summary* summary)
+                                           TrustRegionMemory* memory, Summary* summary)
     : options_(options),
       evaluator_(*evaluator),
       model_(*model),
       summary_(*summary),
       graph_(evaluator->graph()),
       start_time_(NowInSeconds()),
-      best_state_(evaluator->current()),
-      step_(static_cast<std::size_t>(evaluator->layout().size())),
-      negative_gradient_(step_.size()),
+      scale_(memory->scale),
+      best_state_(memory->best_state),
+      step_(memory->step),
+      scaled_step_(memory->scaled_step),
+      negative_gradient_(memory->negative_gradient),
+      strategy_(memory->strategy),
       best_cost_(std::numeric_limits<double>::max()) {
+  best_state_ = evaluator->current();
+  step_.assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);
+  negative_gradient_.resize(step_.size());
   if (options.use_inner_iterations && evaluator->layout().num_landmarks() > 0) {
     inner_iterations_ = std::make_unique<InnerIterations>(evaluator);
     summary->work.bytes += inner_iterations_->Bytes();
@@ -96,8 +102,8 @@ bool TrustRegionMinimizer::EvaluateStart() {
     }
     return false;
   }
-  scale_ = JacobiScale(model_.Diagonal(), options_.jacobi_scaling);
-  strategy_ = MakeStrategy(options_, scale_);
+  JacobiScale(model_.Diagonal(), options_.jacobi_scaling, &scale_);
+  StartStrategy(options_, scale_, &strategy_);
   quality_ = JudgeFromHere();
   summary_.initial_cost = cost_ + options_.fixed_cost;
   iteration_.cost = summary_.initial_cost;
@@ -288,8 +294,8 @@ bool TrustRegionMinimizer::Recentre() {
   return true;
 }
 
-std::unique_ptr<StepQuality> TrustRegionMinimizer::JudgeFromHere() const {
-  return std::make_unique<StepQuality>(cost_, options_.use_nonmonotonic_steps ? options_.max_consecutive_nonmonotonic_steps : 0);
+StepQuality TrustRegionMinimizer::JudgeFromHere() const {
+  return {cost_, options_.use_nonmonotonic_steps ? options_.max_consecutive_nonmonotonic_steps : 0};
 }
 
 void TrustRegionMinimizer::RejectStep() {

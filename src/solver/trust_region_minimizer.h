@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "inceres/solver/options.h"
@@ -15,6 +16,16 @@
 
 namespace inceres::internal {
 
+/// What a minimiser works in. Handed on to the next one of the same sizes, which then asks for no memory.
+struct TrustRegionMemory {
+  std::vector<double> scale;
+  std::vector<double> best_state;
+  std::vector<double> step;
+  std::vector<double> scaled_step;
+  std::vector<double> negative_gradient;
+  std::unique_ptr<TrustRegionStrategy> strategy;
+};
+
 /// The trust-region loop in exact mode: Ceres's order of evaluations, tests, callbacks and messages (ceres_contract.md 4.4).
 ///
 ///     evaluate the start
@@ -25,7 +36,8 @@ namespace inceres::internal {
 /// Tolerances end the loop before the candidate is accepted, and the state returned is the cheapest accepted one.
 class TrustRegionMinimizer {
  public:
-  TrustRegionMinimizer(const SolverOptions& options, Evaluator* evaluator, LinearModel* model, Summary* summary);
+  TrustRegionMinimizer(const SolverOptions& options, Evaluator* evaluator, LinearModel* model, TrustRegionMemory* memory,
+                       Summary* summary);
 
   /// Runs to termination. On a usable solution best_state() is the result.
   void Minimize();
@@ -45,7 +57,7 @@ class TrustRegionMinimizer {
   FunctionSample SampleStep(double t);
   void ComputeCandidate();
   bool Recentre();
-  std::unique_ptr<StepQuality> JudgeFromHere() const;
+  StepQuality JudgeFromHere() const;
   void RunInnerIterations();
   bool ParameterToleranceReached();
   bool FunctionToleranceReached();
@@ -68,19 +80,19 @@ class TrustRegionMinimizer {
   const FactorGraph& graph_;
   const double start_time_;
 
-  std::vector<double> scale_;
-  std::unique_ptr<TrustRegionStrategy> strategy_;
-  std::unique_ptr<StepQuality> quality_;
+  std::vector<double>& scale_;
+  std::vector<double>& best_state_;
+  std::vector<double>& step_;
+  std::vector<double>& scaled_step_;
+  std::vector<double>& negative_gradient_;
+  std::unique_ptr<TrustRegionStrategy>& strategy_;
+  std::optional<StepQuality> quality_;
   std::unique_ptr<InnerIterations> inner_iterations_;  // null: none
   IterationSummary iteration_;
   double iteration_start_time_ = 0.0;
 
-  std::vector<double> best_state_;
-  std::vector<double> step_;
-  std::vector<double> negative_gradient_;
   std::unique_ptr<Evaluator> trial_;  // evaluates slopes along a step: the Jacobians of the current point are still needed
-  std::vector<double> scaled_step_;
-  double cost_ = 0.0;  // at the current point, without fixed cost
+  double cost_ = 0.0;                 // at the current point, without fixed cost
   double candidate_cost_ = 0.0;
   double best_cost_;
   double model_decrease_ = 0.0;

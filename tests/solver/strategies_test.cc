@@ -46,13 +46,13 @@ class Strategies : public testing::Test {
     core_ = std::make_unique<test::CorePipeline>(random_.graph());
     model_ = std::make_unique<RecordingModel>(*core_);
     model_->answer = {0.1, -0.2, 0.3};
-    scale_ = JacobiScale(model_->Diagonal(), true);
+    JacobiScale(model_->Diagonal(), true, &scale_);
     step_.resize(3);
   }
 
   void Make(TrustRegionStrategyKind kind) {
     options_.strategy = kind;
-    strategy_ = MakeStrategy(options_, scale_);
+    StartStrategy(options_, scale_, &strategy_);
   }
   Status Step() { return strategy_->ComputeStep(model_.get(), step_.data(), &num_solves_); }
 
@@ -67,8 +67,11 @@ class Strategies : public testing::Test {
 };
 
 TEST_F(Strategies, JacobiScale) {
-  EXPECT_EQ(JacobiScale({0.0, 9.0}, true), (std::vector<double>{1.0, 0.25}));
-  EXPECT_EQ(JacobiScale({0.0, 9.0}, false), (std::vector<double>{1.0, 1.0}));
+  std::vector<double> scale(5, 7.0);
+  JacobiScale({0.0, 9.0}, true, &scale);
+  EXPECT_EQ(scale, (std::vector<double>{1.0, 0.25}));
+  JacobiScale({0.0, 9.0}, false, &scale);
+  EXPECT_EQ(scale, (std::vector<double>{1.0, 1.0}));
 }
 
 TEST_F(Strategies, IsFinite) {
