@@ -9,48 +9,98 @@
 namespace inceres::internal {
 namespace {
 
-constexpr int kPanel = 16;
-constexpr int kTriangle = 4;   // what of a panel is factored by hand
-constexpr int kRowStrip = 96;  // rows a task: a multiple of every kernel's tile height, so tasks do not change the arithmetic
+// Columns a panel: few lose little to the rounding of row starts, more read a matrix beyond the caches less often.
+constexpr int kNarrowPanel = 12;
+constexpr int kWidePanel = 24;
+constexpr int kWidePanelSize = 600;
+constexpr int kTriangle = 4;        // what of a panel is factored by hand
+constexpr int kGranule = 12;        // rows whose first column is looked at together: a multiple of every kernel's tile height
+constexpr int kRowStrip = 96;       // rows a task: whole granules, so tasks do not change the arithmetic
 constexpr int kParallelSize = 128;  // smaller matrices are not worth waking a thread
 
 }  // namespace
 
 Status DenseCholesky::Analyze(const BlockPattern& pattern) {
   pattern_ = &pattern;
+  order_ = OrderForEnvelope(pattern);
   size_ = pattern.size();
   padded_size_ = PadToQuad(size_);
+  panel_ = size_ < kWidePanelSize ? kNarrowPanel : kWidePanel;
   stride_ = padded_size_;
   // A power-of-two distance between columns would map them all to the same few cache sets.
   if (stride_ % 128 == 0) {
     stride_ += kQuad;
   }
   L_.assign(stride_ * static_cast<std::size_t>(size_), 0.0);
-  solution_.assign(padded_size_, 0.0);
+  right_side_.assign(padded_size_, 0.0);
+  FindRowStarts();
   return Status::Ok();
+}
+
+void DenseCholesky::FindRowStarts() {
+  offset_of_.resize(pattern_->num_blocks());
+  quad_start_.assign(padded_size_ / kQuad, padded_size_);
+  for (int place = 0; place < pattern_->num_blocks(); ++place) {
+    offset_of_[order_.blocks[place]] = order_.offsets[place];
+    const int start = order_.offsets[order_.first[place]] / panel_ * panel_;
+    for (int row = order_.offsets[place]; row < order_.offsets[place + 1]; ++row) {
+      quad_start_[row / kQuad] = std::min(quad_start_[row / kQuad], start);
+    }
+  }
+}
+
+int DenseCholesky::StartOf(int top, int bottom) const {
+  return *std::min_element(quad_start_.begin() + top / kQuad, quad_start_.begin() + PadToQuad(bottom) / kQuad);
+}
+
+void DenseCholesky::CutStrips(int top, int first, int end) {
+  strips_.clear();
+  for (; top < padded_size_; top += kGranule) {
+    const int bottom = std::min(top + kGranule, padded_size_);
+    const int start = std::max(first, StartOf(top, bottom));
+    if (start >= end) {
+      continue;
+    }
+    const bool joins =
+        !strips_.empty() && strips_.back().bottom == top && strips_.back().start == start && top - strips_.back().top < kRowStrip;
+    if (joins) {
+      strips_.back().bottom = bottom;
+    } else {
+      strips_.push_back(Strip{top, bottom, start});
+    }
+  }
+}
+
+// The blocks of S keep to one side of the diagonal; in another order some belong on the other. Of those on it the lower triangle
+// is read.
+void DenseCholesky::CopyBlock(const double* block, int rows, int columns, int first_row, int first_column) {
+  if (first_row < first_column) {
+    for (int r = 0; r < rows; ++r) {
+      std::copy_n(block + static_cast<std::ptrdiff_t>(r) * columns, columns, Column(first_row + r) + first_column);
+    }
+    return;
+  }
+  for (int c = 0; c < columns; ++c) {
+    double* out = Column(first_column + c) + first_row;
+    for (int r = first_row == first_column ? c : 0; r < rows; ++r) {
+      out[r] = block[r * columns + c];
+    }
+  }
 }
 
 void DenseCholesky::CopyIn(const double* values, const double* diagonal) {
   for (int j = 0; j < size_; ++j) {
-    std::fill(Column(j) + j / kPanel * kPanel, Column(j) + padded_size_, 0.0);
+    std::fill(Column(j) + j / panel_ * panel_, Column(j) + padded_size_, 0.0);
   }
   for (int row = 0; row < pattern_->num_blocks(); ++row) {
     const int rows = pattern_->block_size(row);
-    const int first_row = pattern_->offsets[row];
     for (int k = pattern_->row_begin[row]; k < pattern_->row_begin[row + 1]; ++k) {
       const int column = pattern_->columns[k];
-      const int columns = pattern_->block_size(column);
-      const double* block = values + pattern_->value_begin[k];
-      for (int c = 0; c < columns; ++c) {
-        double* out = Column(pattern_->offsets[column] + c) + first_row;
-        for (int r = row == column ? c : 0; r < rows; ++r) {
-          out[r] = block[r * columns + c];
-        }
-      }
+      CopyBlock(values + pattern_->value_begin[k], rows, pattern_->block_size(column), offset_of_[row], offset_of_[column]);
     }
-  }
-  for (int j = 0; j < size_; ++j) {
-    Column(j)[j] += diagonal[j];
+    for (int r = 0; r < rows; ++r) {
+      Column(offset_of_[row] + r)[offset_of_[row] + r] += diagonal[pattern_->offsets[row] + r];
+    }
   }
 }
 
@@ -58,13 +108,14 @@ void DenseCholesky::CopyIn(const double* values, const double* diagonal) {
 // is nothing left over for the kernels to do one by one.
 void DenseCholesky::UpdatePanel(int first, int width) {
   const Kernels& kernels = BestKernels();
-  const int rows = padded_size_ - first;
-  const int num_strips = (rows + kRowStrip - 1) / kRowStrip;
-  executor_.For(size_ >= kParallelSize ? num_strips : 1, 1, [&](int begin, int end) {
-    const int top = begin * kRowStrip;
-    const int bottom = size_ >= kParallelSize ? std::min(end * kRowStrip, rows) : rows;
-    kernels.subtract_outer(bottom - top, width, first, L_.data() + first + top, stride_, L_.data() + first, stride_,
-                           Column(first) + first + top, stride_);
+  CutStrips(first, StartOf(first, first + width), first);
+  const int num_strips = static_cast<int>(strips_.size());
+  executor_.For(num_strips, size_ >= kParallelSize ? 1 : num_strips, [&](int begin, int end) {
+    for (int k = begin; k < end; ++k) {
+      const auto [top, bottom, start] = strips_[k];
+      kernels.subtract_outer(bottom - top, width, first - start, Column(start) + top, stride_, Column(start) + first, stride_,
+                             Column(first) + top, stride_);
+    }
   });
 }
 
@@ -110,24 +161,23 @@ bool DenseCholesky::FactorDiagonalBlock(int first, int width, int* failed) {
 }
 
 void DenseCholesky::SolvePanel(int first, int width) {
-  const int below = first + width;
-  if (below < size_) {
-    BestKernels().solve_lower_transposed(padded_size_ - below, width, Column(first) + first, stride_, Column(first) + below,
-                                         stride_);
+  CutStrips(first + width, first, first + width);
+  for (const Strip& strip : strips_) {
+    BestKernels().solve_lower_transposed(strip.bottom - strip.top, width, Column(first) + first, stride_,
+                                         Column(first) + strip.top, stride_);
   }
 }
 
 Status DenseCholesky::Factorize(const double* values, const double* diagonal) {
   CopyIn(values, diagonal);
-  for (int first = 0; first < size_; first += kPanel) {
-    const int width = std::min(kPanel, size_ - first);
+  for (int first = 0; first < size_; first += panel_) {
+    const int width = std::min(panel_, size_ - first);
     int failed = 0;
     UpdatePanel(first, width);
     if (!FactorDiagonalBlock(first, width, &failed)) {
-      const auto block =
-          std::upper_bound(pattern_->offsets.begin(), pattern_->offsets.end(), failed) - pattern_->offsets.begin() - 1;
+      const auto place = std::upper_bound(order_.offsets.begin(), order_.offsets.end(), failed) - order_.offsets.begin() - 1;
       return Status::Error(StatusCode::kSingular,
-                           "the reduced system is not positive definite at frame " + std::to_string(block));
+                           "the reduced system is not positive definite at frame " + std::to_string(order_.blocks[place]));
     }
     SolvePanel(first, width);
   }
@@ -137,10 +187,12 @@ Status DenseCholesky::Factorize(const double* values, const double* diagonal) {
 // A panel at a time: its own triangle by hand, what is below by a kernel.
 Status DenseCholesky::Solve(const double* b, double* x) {
   const Kernels& kernels = BestKernels();
-  double* y = solution_.data();
-  std::copy(b, b + size_, y);
-  for (int first = 0; first < size_; first += kPanel) {
-    const int below = std::min(first + kPanel, size_);
+  double* y = right_side_.data();
+  for (int block = 0; block < pattern_->num_blocks(); ++block) {
+    std::copy_n(b + pattern_->offsets[block], pattern_->block_size(block), y + offset_of_[block]);
+  }
+  for (int first = 0; first < size_; first += panel_) {
+    const int below = std::min(first + panel_, size_);
     for (int j = first; j < below; ++j) {
       const double* column = Column(j);
       y[j] /= column[j];
@@ -148,15 +200,16 @@ Status DenseCholesky::Solve(const double* b, double* x) {
         y[i] -= column[i] * y[j];
       }
     }
-    if (below < size_) {
-      kernels.subtract_outer(padded_size_ - below, 1, below - first, Column(first) + below, stride_, y + first, 1, y + below,
-                             padded_size_);
+    CutStrips(below, first, below);
+    for (const auto& [top, bottom, start] : strips_) {
+      kernels.subtract_outer(bottom - top, 1, below - first, Column(first) + top, stride_, y + first, 1, y + top, padded_size_);
     }
   }
-  for (int first = (size_ - 1) / kPanel * kPanel; first >= 0; first -= kPanel) {
-    const int below = std::min(first + kPanel, size_);
-    if (below < size_) {
-      kernels.subtract_row_dots(below - first, 1, size_ - below, Column(first) + below, stride_, y + below, size_, y + first, 1);
+  for (int first = (size_ - 1) / panel_ * panel_; first >= 0; first -= panel_) {
+    const int below = std::min(first + panel_, size_);
+    CutStrips(below, first, below);
+    for (const auto& [top, bottom, start] : strips_) {
+      kernels.subtract_row_dots(below - first, 1, bottom - top, Column(first) + top, stride_, y + top, size_, y + first, 1);
     }
     for (int j = below - 1; j >= first; --j) {
       const double* column = Column(j);
@@ -166,7 +219,9 @@ Status DenseCholesky::Solve(const double* b, double* x) {
       y[j] /= column[j];
     }
   }
-  std::copy(y, y + size_, x);
+  for (int block = 0; block < pattern_->num_blocks(); ++block) {
+    std::copy_n(y + offset_of_[block], pattern_->block_size(block), x + pattern_->offsets[block]);
+  }
   return Status::Ok();
 }
 

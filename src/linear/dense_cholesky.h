@@ -1,14 +1,18 @@
 #pragma once
 
+#include <vector>
+
 #include "base/aligned_vector.h"
 #include "base/executor.h"
 #include "inceres/linear/reduced_solver.h"
+#include "linear/dense_order.h"
 
 namespace inceres::internal {
 
 /// L Lᵀ = S + diag, dense, column-major lower triangle, by panels of our own kernels: no BLAS, whose threads are process-wide and
-/// would break both "one thread" and "same bits". Left-looking; the row strips of a panel are independent tasks. Cost: n³/3
-/// flops. Source: Golub & Van Loan, section 4.2.
+/// would break both "one thread" and "same bits". Left-looking; the row strips of a panel are independent tasks. What stays zero
+/// ahead of each row's first block is left out, in the order of OrderForEnvelope. Cost: at most n³/3 flops. Source: Golub & Van
+/// Loan, section 4.2.
 class DenseCholesky final : public ReducedSolver {
  public:
   explicit DenseCholesky(const Executor& executor) : executor_(executor) {}
@@ -19,10 +23,20 @@ class DenseCholesky final : public ReducedSolver {
   Status Solve(const double* b, double* x) override;
 
   /// Flops of one factorisation.
-  double PredictedFlops() const { return static_cast<double>(size_) * size_ * size_ / 3.0; }
+  double PredictedFlops() const { return order_.flops; }
   std::size_t Bytes() const { return L_.capacity() * sizeof(double); }
 
  private:
+  /// Rows [top, bottom), in whole quads, that have something from column start on.
+  struct Strip {
+    int top, bottom, start;
+  };
+
+  void FindRowStarts();
+  int StartOf(int top, int bottom) const;
+  /// strips_ are those below `top` that have something in the columns [first, end).
+  void CutStrips(int top, int first, int end);
+  void CopyBlock(const double* block, int rows, int columns, int first_row, int first_column);
   void CopyIn(const double* values, const double* diagonal);
   void UpdatePanel(int first, int width);
   bool FactorTriangle(int first, int width, int* failed);
@@ -32,11 +46,16 @@ class DenseCholesky final : public ReducedSolver {
 
   const Executor& executor_;
   const BlockPattern* pattern_ = nullptr;
+  DenseOrder order_;
+  std::vector<int> offset_of_;   // per block of the pattern: its first scalar row in the order
+  std::vector<int> quad_start_;  // per quad of rows: first column of its first panel
+  std::vector<Strip> strips_;
   int size_ = 0;
   int padded_size_ = 0;  // to whole quads; below size_ the columns are zero
   int stride_ = 0;
+  int panel_ = 0;
   AlignedVector<double> L_;
-  AlignedVector<double> solution_;
+  AlignedVector<double> right_side_;
 };
 
 }  // namespace inceres::internal

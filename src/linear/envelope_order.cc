@@ -40,6 +40,19 @@ int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, const RowOrde
   return first;
 }
 
+double FlopsOfRows(const int* first, const int* offset, int begin, int end) {
+  double flops = 0.0;
+  for (int i = begin; i < end; ++i) {
+    const double rows = offset[i + 1] - offset[i];
+    for (int j = first[i]; j <= i; ++j) {
+      const double columns = offset[j + 1] - offset[j];
+      const double depth = offset[j] - offset[std::max(first[i], first[j])];
+      flops += rows * columns * (2.0 * depth + columns) * (j == i ? 0.5 : 1.0);
+    }
+  }
+  return flops;
+}
+
 double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int first_place,
                      std::vector<int>* workspace) {
   const int num_places = order.num_places();
@@ -59,16 +72,7 @@ double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrd
   for (int i = lowest; i < num_places; ++i) {
     offset[i + 1] = offset[i] + S.size_of(order.row(i));
   }
-  double flops = 0.0;
-  for (int i = first_place; i < num_places; ++i) {
-    const double rows = offset[i + 1] - offset[i];
-    for (int j = first[i]; j <= i; ++j) {
-      const double columns = offset[j + 1] - offset[j];
-      const double depth = offset[j] - offset[std::max(first[i], first[j])];
-      flops += rows * columns * (2.0 * depth + columns) * (j == i ? 0.5 : 1.0);
-    }
-  }
-  return flops;
+  return FlopsOfRows(first, offset, first_place, num_places);
 }
 
 const std::vector<int>& EnvelopeOrdering::Reorder(const SymmetricBlockRows& S, const RowOrder& order, int first_place,

@@ -11,6 +11,10 @@ namespace inceres::internal {
 /// before it is.
 int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int k);
 
+/// Flops of the rows [begin, end) of a Cholesky factor whose block row i begins in block column first[i]; offset[i] is its first
+/// scalar row, of all up to offset[end].
+double FlopsOfRows(const int* first, const int* offset, int begin, int end);
+
 /// Flops that EnvelopeCholesky takes for the rows from first_place on. Cost: one operation a block that those rows span; no
 /// allocation beyond the growth of the workspace.
 double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int first_place,

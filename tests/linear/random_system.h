@@ -1,5 +1,8 @@
 #pragma once
 
+#include <set>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -15,7 +18,26 @@ struct RandomSystem {
   enum class Fill { kDense, kBand, kDiagonal };
 
   /// Blocks of `sizes`. kBand has the blocks beside the diagonal, some at distance five, and a last row that is full.
-  RandomSystem(const std::vector<int>& sizes, Fill fill, unsigned seed = 1) : random(seed) {
+  RandomSystem(const std::vector<int>& sizes, Fill fill, unsigned seed = 1)
+      : RandomSystem(
+            sizes,
+            [fill, n = static_cast<int>(sizes.size())](int i, int j) {
+              const bool near = i - j <= 1 || (i - j == 5 && i % 3 == 0) || i == n - 1;
+              return fill == Fill::kDense || (fill == Fill::kBand && near);
+            },
+            seed) {}
+
+  /// With the blocks (row, column < row) of `coupled`, and the diagonal.
+  RandomSystem(const std::vector<int>& sizes, const std::set<std::pair<int, int>>& coupled, unsigned seed = 1)
+      : RandomSystem(
+            sizes,
+            [&coupled](int i, int j) {
+              return coupled.count({i, j}) > 0;
+            },
+            seed) {}
+
+  template <typename HasBlock, typename = std::enable_if_t<std::is_invocable_r_v<bool, HasBlock, int, int>>>
+  RandomSystem(const std::vector<int>& sizes, const HasBlock& has_block, unsigned seed) : random(seed) {
     const int n = static_cast<int>(sizes.size());
     pattern.offsets = {0};
     pattern.row_begin = {0};
@@ -23,8 +45,7 @@ struct RandomSystem {
     for (int i = 0; i < n; ++i) {
       pattern.offsets.push_back(pattern.offsets.back() + sizes[static_cast<std::size_t>(i)]);
       for (int j = 0; j <= i; ++j) {
-        const bool near = i - j <= 1 || (i - j == 5 && i % 3 == 0) || i == n - 1;
-        if (i == j || fill == Fill::kDense || (fill == Fill::kBand && near)) {
+        if (i == j || has_block(i, j)) {
           pattern.columns.push_back(j);
           pattern.value_begin.push_back(pattern.value_begin.back() +
                                         std::int64_t{sizes[static_cast<std::size_t>(i)]} * sizes[static_cast<std::size_t>(j)]);

@@ -1,0 +1,109 @@
+#include "linear/dense_order.h"
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+#include "linear/envelope_order.h"
+
+namespace inceres::internal {
+namespace {
+
+// The graph of S: per block row the others it is coupled to.
+class FrontOrdering {
+ public:
+  explicit FrontOrdering(const BlockPattern& pattern)
+      : pattern_(pattern),
+        coupled_(pattern.num_blocks()),
+        growth_(pattern.num_blocks(), 0),
+        state_(pattern.num_blocks(), kAhead) {
+    for (int row = 0; row < pattern.num_blocks(); ++row) {
+      for (int k = pattern.row_begin[row]; k + 1 < pattern.row_begin[row + 1]; ++k) {
+        const int column = pattern.columns[k];
+        coupled_[row].push_back(column);
+        coupled_[column].push_back(row);
+        growth_[row] += pattern.block_size(column);
+        growth_[column] += pattern.block_size(row);
+      }
+    }
+  }
+
+  std::vector<int> Order() {
+    std::vector<int> order;
+    order.reserve(coupled_.size());
+    while (order.size() < coupled_.size()) {
+      const int next = SmallestGrowth(front_size_ > 0 ? kInFront : kAhead);
+      EnterFront(next);
+      for (const int other : coupled_[next]) {
+        EnterFront(other);
+      }
+      state_[next] = kDone;
+      --front_size_;
+      order.push_back(next);
+    }
+    return order;
+  }
+
+ private:
+  enum State : char { kAhead, kInFront, kDone };
+
+  int SmallestGrowth(State state) const {
+    int best = -1;
+    for (int block = 0; block < pattern_.num_blocks(); ++block) {
+      if (state_[block] == state && (best < 0 || growth_[block] < growth_[best])) {
+        best = block;
+      }
+    }
+    return best;
+  }
+
+  void EnterFront(int block) {
+    if (state_[block] == kAhead) {
+      state_[block] = kInFront;
+      ++front_size_;
+      for (const int other : coupled_[block]) {
+        growth_[other] -= pattern_.block_size(block);
+      }
+    }
+  }
+
+  const BlockPattern& pattern_;
+  std::vector<std::vector<int>> coupled_;
+  std::vector<int> growth_;  // scalar rows that would enter the front if it were next
+  std::vector<State> state_;
+  int front_size_ = 0;
+};
+
+DenseOrder InOrder(const BlockPattern& pattern, std::vector<int> blocks) {
+  DenseOrder order;
+  order.offsets.assign(1, 0);
+  order.first.resize(blocks.size());
+  std::iota(order.first.begin(), order.first.end(), 0);
+  std::vector<int> place(blocks.size());
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    place[blocks[k]] = static_cast<int>(k);
+    order.offsets.push_back(order.offsets.back() + pattern.block_size(blocks[k]));
+  }
+  for (int row = 0; row < pattern.num_blocks(); ++row) {
+    for (int k = pattern.row_begin[row]; k < pattern.row_begin[row + 1]; ++k) {
+      const int a = place[row], b = place[pattern.columns[k]];
+      int& first = order.first[std::max(a, b)];
+      first = std::min(first, std::min(a, b));
+    }
+  }
+  order.blocks = std::move(blocks);
+  order.flops = FlopsOfRows(order.first.data(), order.offsets.data(), 0, pattern.num_blocks());
+  return order;
+}
+
+}  // namespace
+
+DenseOrder OrderForEnvelope(const BlockPattern& pattern) {
+  std::vector<int> own(pattern.num_blocks());
+  std::iota(own.begin(), own.end(), 0);
+  DenseOrder order = InOrder(pattern, std::move(own));
+  DenseOrder other = InOrder(pattern, FrontOrdering(pattern).Order());
+  return other.flops < order.flops ? other : order;
+}
+
+}  // namespace inceres::internal
