@@ -2,9 +2,10 @@
 # Installs what building and testing inceres needs on Debian 12, and makes the serial OpenBLAS the BLAS and LAPACK that programs
 # load. Does nothing, quickly, when all is there. Runs as root or through sudo; asks nothing.
 #
-#   tools/install_packages.sh [--browser]
+#   tools/install_packages.sh [--browser] [--arm64]
 #
-# --browser adds Chromium, 300 MB, in which one test looks at the page of tools/ab_report; without it that test is skipped.
+# --browser adds Chromium, 300 MB, in which one test looks at the page of tools/ab_report; without it that test is skipped. --arm64
+# adds a cross compiler and an emulator, with which the kernels for arm64 are tested.
 set -euo pipefail
 
 packages=(
@@ -14,11 +15,13 @@ packages=(
   libgtest-dev libgmock-dev libbenchmark-dev
   clang-format clang-tidy
 )
-case ${1:-} in
-  "") ;;
-  --browser) packages+=(chromium) ;;
-  *) echo "install_packages.sh: unknown option $1" >&2; exit 2 ;;
-esac
+for option in "$@"; do
+  case $option in
+    --browser) packages+=(chromium) ;;
+    --arm64) packages+=(g++-aarch64-linux-gnu qemu-user) ;;
+    *) echo "install_packages.sh: unknown option $option" >&2; exit 2 ;;
+  esac
+done
 
 # as_root COMMAND…: runs it with the rights to change the system.
 as_root() {

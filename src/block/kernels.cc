@@ -7,6 +7,11 @@ namespace inceres::internal {
 namespace kernels_generic {
 extern const Kernels kKernels;
 }
+#ifdef INCERES_ARM64_KERNELS
+namespace kernels_neon {
+extern const Kernels kKernels;
+}
+#endif
 #ifdef INCERES_X86_KERNELS
 namespace kernels_avx2 {
 extern const Kernels kKernels;
@@ -28,13 +33,17 @@ const Kernels* KernelsFor(InstructionSet set) {
                  ? &kernels_avx512::kKernels
                  : nullptr;
 #endif
+#ifdef INCERES_ARM64_KERNELS
+    case InstructionSet::kNeon:
+      return &kernels_neon::kKernels;
+#endif
     default:
       return nullptr;
   }
 }
 
 const Kernels& BestKernels() {
-  for (const InstructionSet set : {InstructionSet::kAvx512, InstructionSet::kAvx2}) {
+  for (const InstructionSet set : {InstructionSet::kAvx512, InstructionSet::kAvx2, InstructionSet::kNeon}) {
     if (const Kernels* kernels = KernelsFor(set)) {
       return *kernels;
     }

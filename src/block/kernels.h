@@ -155,7 +155,7 @@ struct Kernels {
                             int ldc);
 };
 
-enum class InstructionSet { kGeneric, kAvx2, kAvx512 };
+enum class InstructionSet { kGeneric, kAvx2, kAvx512, kNeon };
 
 /// The table of an instruction set, or null where the build or the processor has none.
 const Kernels* KernelsFor(InstructionSet set);

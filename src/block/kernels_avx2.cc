@@ -2,4 +2,5 @@
 #define INCERES_KERNEL_NAME "avx2"
 #define INCERES_VECTOR_WIDTH 4
 #define INCERES_MAX_COLUMNS 4
+#define INCERES_MAX_QUADS 3
 #include "block/kernels_body.inc"

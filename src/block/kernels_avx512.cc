@@ -3,4 +3,5 @@
 #define INCERES_KERNEL_NAME "avx512"
 #define INCERES_VECTOR_WIDTH 4
 #define INCERES_MAX_COLUMNS 9
+#define INCERES_MAX_QUADS 3
 #include "block/kernels_body.inc"

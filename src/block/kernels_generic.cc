@@ -2,4 +2,5 @@
 #define INCERES_KERNEL_NAME "generic"
 #define INCERES_VECTOR_WIDTH 2
 #define INCERES_MAX_COLUMNS 4
+#define INCERES_MAX_QUADS 1
 #include "block/kernels_body.inc"

@@ -58,13 +58,16 @@ inline std::string InstructionSetName(const testing::TestParamInfo<InstructionSe
       return "Avx2";
     case InstructionSet::kAvx512:
       return "Avx512";
+    case InstructionSet::kNeon:
+      return "Neon";
   }
   return "Unknown";
 }
 
-#define INCERES_FOR_ALL_INSTRUCTION_SETS(Fixture)                                                                     \
-  INSTANTIATE_TEST_SUITE_P(Sets, Fixture,                                                                             \
-                           testing::Values(InstructionSet::kGeneric, InstructionSet::kAvx2, InstructionSet::kAvx512), \
-                           InstructionSetName)
+#define INCERES_FOR_ALL_INSTRUCTION_SETS(Fixture)                                                                       \
+  INSTANTIATE_TEST_SUITE_P(                                                                                             \
+      Sets, Fixture,                                                                                                    \
+      testing::Values(InstructionSet::kGeneric, InstructionSet::kAvx2, InstructionSet::kAvx512, InstructionSet::kNeon), \
+      InstructionSetName)
 
 }  // namespace inceres::internal

@@ -202,7 +202,10 @@ INCERES_FOR_ALL_INSTRUCTION_SETS(ProductKernels);
 TEST(Kernels, TheBestSetIsOneOfTheSets) {
   const Kernels* best = &BestKernels();
   EXPECT_TRUE(best == KernelsFor(InstructionSet::kGeneric) || best == KernelsFor(InstructionSet::kAvx2) ||
-              best == KernelsFor(InstructionSet::kAvx512));
+              best == KernelsFor(InstructionSet::kAvx512) || best == KernelsFor(InstructionSet::kNeon));
+#ifdef __aarch64__
+  EXPECT_STREQ(best->name, "neon");
+#endif
   EXPECT_STREQ(KernelsFor(InstructionSet::kGeneric)->name, "generic");
 }
 

@@ -93,7 +93,7 @@ struct INCERES_EXPORT Summary {
   LineSearchSummary line_search;
   bool structure_reused = false;  ///< set up by an earlier solve of the same Solver
   std::string reduced_solver;     ///< name of the solver of the reduced system
-  const char* kernels = "";       ///< instruction set of the kernels used: "generic", "avx2", "avx512"
+  const char* kernels = "";       ///< instruction set of the kernels used: "generic", "avx2", "avx512", "neon"
   WorkCounts work;
   StageSeconds seconds;
 
