@@ -14,7 +14,7 @@ constexpr int kFrameGrain = 4;
 }  // namespace
 
 Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans)
-    : evaluator_(evaluator), incidences_(incidences), plans_(plans), kernels_(BestKernels()) {
+    : evaluator_(evaluator), incidences_(incidences), plans_(plans), kernels_(BestKernels()), kept_(evaluator, plans) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
   C_.resize(plans.pattern.value_begin.back());
   P_.resize(num_landmarks * kLandmarkStride);
@@ -47,6 +47,7 @@ void Hessian::BuildGradientTerms() {
 
 void Hessian::Accumulate() {
   const Executor& executor = evaluator_.executor();
+  kept_.Observe();
   executor.For(static_cast<int>(plans_.block_row.size()), kBlockGrain, [&](int b, int e) { AccumulateFrameBlocks(b, e); });
   executor.For(plans_.pattern.num_blocks(), kFrameGrain, [&](int b, int e) { AccumulateFrameGradients(b, e); });
   executor.For(incidences_.num_landmarks(), kLandmarkGrain, [&](int b, int e) { AccumulateLandmarks(b, e); });
@@ -62,23 +63,38 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     const int stride = PadToQuad(columns);
     double* sum = scratch.Zeroed(rows, columns);
     for (int s = plans_.hessian.segments_begin[k]; s < plans_.hessian.segments_begin[k + 1]; ++s) {
-      const ProductPlan::Segment& segment = plans_.hessian.segments[s];
-      const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
-      const FamilyCache& cache = evaluator_.families()[source.family];
-      BlockProducts products;
-      products.a = cache.slots[source.column_slot].data;
-      products.b = cache.slots[source.row_slot].data;
-      products.terms = plans_.hessian.terms.data() + segment.first_term;
-      products.count = segment.count;
-      products.depth = cache.family->residual_size();
-      products.a_size = columns;
-      products.b_size = rows;
-      kernels_.accumulate_products(products, 1.0, sum);
+      AddSegment(s, rows, columns, sum);
     }
     double* out = C_.data() + pattern.value_begin[k];
     for (int r = 0; r < rows; ++r) {
       std::copy(sum + r * stride, sum + r * stride + columns, out + r * columns);
     }
+  }
+}
+
+// A kept product is summed apart, whether it is formed now or was before: the bits are the same.
+void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
+  const ProductPlan::Segment& segment = plans_.hessian.segments[s];
+  const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
+  const FamilyCache& cache = evaluator_.families()[source.family];
+  const int size = rows * PadToQuad(columns);
+  double* const kept = kept_.Find(s);
+  if (kept == nullptr || kept_.IsStale(source.family)) {
+    BlockProducts products;
+    products.a = cache.slots[source.column_slot].data;
+    products.b = cache.slots[source.row_slot].data;
+    products.terms = plans_.hessian.terms.data() + segment.first_term;
+    products.count = segment.count;
+    products.depth = cache.family->residual_size();
+    products.a_size = columns;
+    products.b_size = rows;
+    if (kept != nullptr) {
+      std::fill(kept, kept + size, 0.0);
+    }
+    kernels_.accumulate_products(products, 1.0, kept != nullptr ? kept : sum);
+  }
+  for (int k = 0; k < size && kept != nullptr; ++k) {
+    sum[k] += kept[k];
   }
 }
 

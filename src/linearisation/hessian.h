@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
+#include "linearisation/kept_products.h"
 #include "linearisation/product_plan.h"
 
 namespace inceres::internal {
@@ -31,6 +32,7 @@ class Hessian {
 
  private:
   void AccumulateFrameBlocks(int begin, int end);
+  void AddSegment(int segment, int rows, int columns, double* sum);
   void AccumulateFrameGradients(int begin, int end);
   void AccumulateLandmarks(int begin, int end);
   void BuildGradientTerms();
@@ -46,6 +48,7 @@ class Hessian {
   const LandmarkIncidences& incidences_;
   const FramePlans& plans_;
   const Kernels& kernels_;
+  KeptProducts kept_;
   std::vector<double> C_;
   AlignedVector<double> P_;
   AlignedVector<double> landmark_eta_;

@@ -48,7 +48,7 @@ Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
     for (std::size_t j = 0; j < w_.size(); ++j) {
       w_[j] = std::sqrt(std::clamp(scale[j] * scale[j] * H_diagonal[j], min_diagonal_, max_diagonal_)) / scale[j];
     }
-    ComputeCauchyPoint(model);
+    ComputeGradient(*model);
     const Status solved = ComputeGaussNewtonStep(model, num_solves);
     if (!solved.ok()) {
       return solved;
@@ -57,17 +57,23 @@ Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
       return Status::Error(StatusCode::kSingular, "both the gradient and the Gauss-Newton step are zero");
     }
   }
-  ChooseWithinRadius(step);
+  ChooseWithinRadius(model, step);
   return Status::Ok();
 }
 
-void Dogleg::ComputeCauchyPoint(LinearModel* model) {
-  const std::vector<double>& g = model->Gradient();
-  for (std::size_t j = 0; j < w_.size(); ++j) {
-    gradient_[j] = g[j] / w_[j];
-    scratch_[j] = gradient_[j] / w_[j];
+void Dogleg::ComputeGradient(const LinearModel& model) {
+  const std::vector<double>& g = model.Gradient();
+  std::transform(g.begin(), g.end(), w_.begin(), gradient_.begin(), std::divides<>());
+  alpha_.reset();
+}
+
+// Of a Gauss–Newton step inside the radius nobody asks for it, and it takes a pass over the Jacobians.
+double Dogleg::CauchyStep(LinearModel* model) {
+  if (!alpha_) {
+    std::transform(gradient_.begin(), gradient_.end(), w_.begin(), scratch_.begin(), std::divides<>());
+    alpha_ = Dot(gradient_, gradient_) / model->Quadratic(scratch_.data());
   }
-  alpha_ = Dot(gradient_, gradient_) / model->Quadratic(scratch_.data());
+  return *alpha_;
 }
 
 Status Dogleg::ComputeGaussNewtonStep(LinearModel* model, int* num_solves) {
@@ -98,7 +104,7 @@ Status Dogleg::ComputeGaussNewtonStep(LinearModel* model, int* num_solves) {
   return solved;
 }
 
-void Dogleg::ChooseWithinRadius(double* step) {
+void Dogleg::ChooseWithinRadius(LinearModel* model, double* step) {
   gauss_newton_norm_ = Norm(gauss_newton_);
   step_norm_ = gauss_newton_norm_;
   if (step_norm_ <= radius_) {
@@ -106,28 +112,28 @@ void Dogleg::ChooseWithinRadius(double* step) {
   } else if (subspace_ && subspace_->MinimizeOnBoundary(radius_, gradient_, p_.data())) {
     step_norm_ = radius_;
   } else {
-    FollowTraditionalPath();
+    FollowTraditionalPath(CauchyStep(model));
   }
   std::transform(p_.begin(), p_.end(), w_.begin(), step, std::divides<>());
 }
 
 // From zero to the Cauchy point a, on towards the Gauss–Newton point b, which lies outside: where this leaves the sphere.
-void Dogleg::FollowTraditionalPath() {
+void Dogleg::FollowTraditionalPath(double alpha) {
   const double gradient_norm = Norm(gradient_);
-  if (gradient_norm * alpha_ >= radius_) {
+  if (gradient_norm * alpha >= radius_) {
     std::transform(gradient_.begin(), gradient_.end(), p_.begin(), [&](double g) { return -radius_ / gradient_norm * g; });
     step_norm_ = radius_;
     return;
   }
   // Ceres's two-branch formula avoids cancellation.
-  const double b_dot_a = -alpha_ * Dot(gradient_, gauss_newton_);
-  const double a2 = std::pow(alpha_ * gradient_norm, 2);
+  const double b_dot_a = -alpha * Dot(gradient_, gauss_newton_);
+  const double a2 = std::pow(alpha * gradient_norm, 2);
   const double b_minus_a2 = a2 - 2.0 * b_dot_a + gauss_newton_norm_ * gauss_newton_norm_;
   const double c = b_dot_a - a2;
   const double d = std::sqrt(c * c + b_minus_a2 * (radius_ * radius_ - a2));
   const double beta = c <= 0.0 ? (d - c) / b_minus_a2 : (radius_ * radius_ - a2) / (d + c);
   for (std::size_t j = 0; j < p_.size(); ++j) {
-    p_[j] = -alpha_ * (1.0 - beta) * gradient_[j] + beta * gauss_newton_[j];
+    p_[j] = -alpha * (1.0 - beta) * gradient_[j] + beta * gauss_newton_[j];
   }
   step_norm_ = Norm(p_);
 }

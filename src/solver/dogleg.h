@@ -25,10 +25,11 @@ class Dogleg final : public TrustRegionStrategy {
   double Radius() const override { return radius_; }
 
  private:
-  void ComputeCauchyPoint(LinearModel* model);
+  void ComputeGradient(const LinearModel& model);
+  double CauchyStep(LinearModel* model);
   Status ComputeGaussNewtonStep(LinearModel* model, int* num_solves);
-  void ChooseWithinRadius(double* step);
-  void FollowTraditionalPath();
+  void ChooseWithinRadius(LinearModel* model, double* step);
+  void FollowTraditionalPath(double alpha);
 
   const std::vector<double>* scale_ = nullptr;
   double radius_ = 0.0;
@@ -36,8 +37,8 @@ class Dogleg final : public TrustRegionStrategy {
   double max_diagonal_ = 0.0;
   double mu_ = 0.0;
   bool reuse_ = false;
-  double alpha_ = 0.0;      // length of the Cauchy step along −g̃
-  double step_norm_ = 0.0;  // ‖w δ‖ of the last step
+  std::optional<double> alpha_;  // length of the Cauchy step along −g̃, once it is needed
+  double step_norm_ = 0.0;       // ‖w δ‖ of the last step
   double gauss_newton_norm_ = 0.0;
   std::vector<double> w_;
   std::vector<double> gradient_;      // g̃
