@@ -21,12 +21,14 @@
 #include "tools/common/solver_flags.h"
 #include "tools/common/text_file.h"
 
-DEFINE_string(problem, "", "The problem: bal:FILE (text, .gz or .bz2) or g2o:FILE.");
+DEFINE_string(problem, "",
+              "The problem: bal:FILE (text, .gz or .bz2), g2o:FILE, vio:FILE or vio:PRESET (cubic, figure_eight, ellipse).");
 DEFINE_int32(repeats, 11, "Rounds in which every solver runs once, at least 1.");
-DEFINE_string(configurations, "",
-              "Comma-separated stock configurations to run, without the pre-pass that drops slow ones: dense_schur, "
-              "dense_schur_points_first, sparse_schur, sparse_schur_points_first, iterative_schur (BAL), sparse_normal_cholesky. "
-              "By default all but iterative_schur that make sense for the problem.");
+DEFINE_string(
+    configurations, "",
+    "Comma-separated stock configurations to run, without the pre-pass that drops slow ones: dense_schur, "
+    "dense_schur_points_first, sparse_schur, sparse_schur_points_first, iterative_schur (bal and vio), sparse_normal_cholesky. "
+    "By default all but iterative_schur that make sense for the problem.");
 DEFINE_double(
     tolerance, 1e-6,
     "Exit with code 3 if our final cost is above the lowest of stock by more than this, relative. Negative: it must be lower.");
@@ -41,6 +43,7 @@ constexpr char kUsage[] =
     "start values, and compares seconds, costs and parameters.\n\n"
     "  ab_compare --problem bal:problem-49-7776-pre.txt --json ab.json\n"
     "  ab_compare --problem g2o:sphere.g2o --repeats 5 --trust_region dogleg\n"
+    "  ab_compare --problem vio:cubic --trust_region dogleg\n"
     "  ab_compare --problem bal:FILE --function_tolerance 0 --gradient_tolerance 0 --parameter_tolerance 0   (all 50 "
     "iterations)\n\n"
     "Each run builds the ceres::Problem anew, untimed, and times the whole Solve call. Exit code: 0 success, 1 failure, 2 usage, "
@@ -113,7 +116,8 @@ Status CheckCombination(const SolverSettings& settings, const ProblemSource& sou
     return ToCeresOptions(settings, LinearSolverOr(settings, ceres::SPARSE_NORMAL_CHOLESKY), &unused);
   }
   if (!source.HasLandmarks()) {
-    return Status::Error(StatusCode::kInvalidArgument, "--builtin_factors: there are built-in factors for BAL problems only");
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "--builtin_factors: there are built-in factors for bal: and vio: problems only");
   }
   if (settings.incremental) {
     IncrementalOptions unused;

@@ -39,7 +39,7 @@ DEFINE_double(gradient_tolerance, 1e-10, "Stop when no entry of the gradient is 
 DEFINE_double(parameter_tolerance, 0.0,
               "Stop when the step is shorter than this, relative to the parameters; 0: never. Ceres's default of 1e-8 is not for "
               "BAL: a few points run off, and against their coordinates every step is short.");
-DEFINE_string(trust_region, "auto", "Strategy of both sides: lm, dogleg, or auto: lm for bal, dogleg for kf.");
+DEFINE_string(trust_region, "auto", "Strategy of both sides: lm, dogleg, or auto: lm for bal and path, dogleg for kf and vio.");
 DEFINE_string(stock_linear_solver, "dense_schur", "Linear solver of stock Ceres: dense_schur or sparse_schur, landmarks first.");
 DEFINE_bool(optimum, true, "After each step look for the minimum that stock LM reaches at tolerances of 1e-12. Slow, not timed.");
 DEFINE_int32(print_every, 5, "Print every so many steps, at least 1; steps that close a loop or fail are always printed.");
@@ -58,6 +58,7 @@ constexpr char kUsage[] =
     "  replay --problem path:2000 --mode incremental --nostock --flat\n\n"
     "bal: cameras in index order with the points that two of them see, near the solution of the whole file, with priors.\n"
     "kf: a keyframe sequence with inverse-depth landmarks and loop closures.\n"
+    "vio: frames of a visual-inertial sequence, with points in the world; analytic factors only.\n"
     "path: cameras along a generated path, each seeing about 40 points; with --loops it comes back to places seen before.\n\n"
     "Exit code: 0 all steps solved, 1 a file or one of our solves failed, 2 usage.";
 

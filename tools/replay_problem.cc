@@ -11,8 +11,11 @@
 #include "inceres/io/keyframes.h"
 #include "tools/common/read_progress.h"
 #include "tools/common/replay_scripts.h"
+#include "tools/common/vio_source.h"
 
-DEFINE_string(problem, "", "bal:FILE, kf:FILE, or path:N for N cameras along a generated path. Required.");
+DEFINE_string(problem, "",
+              "bal:FILE, kf:FILE, vio:FILE, vio:PRESET (cubic, figure_eight, ellipse), or path:N for N cameras along a generated "
+              "path. Required.");
 DEFINE_bool(free_intrinsics, false, "bal and path only: free the intrinsics; without it they are held.");
 DEFINE_bool(no_priors, false, "bal and path only: leave out the priors on new cameras and points.");
 DEFINE_bool(presolve, true, "bal only: solve the whole file first and start new cameras and points near the solution.");
@@ -31,7 +34,7 @@ Status CheckKind(const std::string& kind) {
   if (FLAGS_seed < 0) {
     return Invalid("--seed " + std::to_string(FLAGS_seed) + ": must be at least 0");
   }
-  if (kind == "kf" && (FLAGS_free_intrinsics || FLAGS_no_priors || FLAGS_seed != 1)) {
+  if ((kind == "kf" || kind == "vio") && (FLAGS_free_intrinsics || FLAGS_no_priors || FLAGS_seed != 1)) {
     return Invalid("--free_intrinsics, --no_priors and --seed are for bal: and path: problems only");
   }
   if (kind != "bal" && !FLAGS_presolve) {
@@ -76,6 +79,12 @@ Status MakeKeyframeScript(const std::string& path, ReplayScript* script) {
   return status;
 }
 
+Status MakeVioScript(const std::string& name, ReplayScript* script) {
+  VioSequence sequence;
+  const Status status = OpenVioSequence(name, &sequence);
+  return status.ok() ? MakeVioReplay(sequence, VioReplayOptions(), script) : status;
+}
+
 Status MakePathScript(const std::string& size, ReplayScript* script) {
   char* end = nullptr;
   const long num_cameras = std::strtol(size.c_str(), &end, 10);
@@ -96,16 +105,18 @@ Status MakePathScript(const std::string& size, ReplayScript* script) {
 Status MakeScriptFromFlags(int num_threads, ReplayScript* script) {
   const std::size_t colon = FLAGS_problem.find(':');
   const std::string kind = FLAGS_problem.substr(0, colon);
-  if (colon == std::string::npos || colon + 1 == FLAGS_problem.size() || (kind != "bal" && kind != "kf" && kind != "path")) {
-    return Invalid("--problem '" + FLAGS_problem + "': use bal:FILE, kf:FILE or path:N");
+  if (colon == std::string::npos || colon + 1 == FLAGS_problem.size() ||
+      (kind != "bal" && kind != "kf" && kind != "vio" && kind != "path")) {
+    return Invalid("--problem '" + FLAGS_problem + "': use bal:FILE, kf:FILE, vio:FILE, vio:PRESET or path:N");
   }
   if (Status status = CheckKind(kind); !status.ok()) {
     return status;
   }
   const std::string rest = FLAGS_problem.substr(colon + 1);
-  return kind == "bal"  ? MakeBalScript(rest, num_threads, script)
-         : kind == "kf" ? MakeKeyframeScript(rest, script)
-                        : MakePathScript(rest, script);
+  return kind == "bal"   ? MakeBalScript(rest, num_threads, script)
+         : kind == "kf"  ? MakeKeyframeScript(rest, script)
+         : kind == "vio" ? MakeVioScript(rest, script)
+                         : MakePathScript(rest, script);
 }
 
 }  // namespace inceres::tools

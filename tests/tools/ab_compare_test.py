@@ -115,6 +115,15 @@ class AbCompareTest(unittest.TestCase):
             self.assertLess(abs(report["relative_cost_difference"]), 1e-5)
             self.assertLess(report["parameter_difference"]["largest"], 1e-1)
 
+    def test_visual_inertial(self):
+        for flags in ([], ["--builtin_factors"], ["--mode", "incremental", "--builtin_factors", "--robust", "huber:1"]):
+            _, report = self.compare("--trust_region", "dogleg", *flags, problem="vio:cubic")
+            self.assertEqual(report["description"], "50 frames, 163 points, 789 observations, 49 IMU factors")
+            self.assertLess(abs(report["relative_cost_difference"]), 1e-6 if "--mode" in flags else 1e-11)
+            self.assertLess(report["parameter_difference"]["largest"], 1e-2 if "--mode" in flags else 1e-9)
+        _, message = run(TOOL, "--problem", "vio:cube", code=1)
+        self.assertIn("cube", message)
+
     def test_zero_tolerances_run_all_iterations(self):
         zero = [part for name in ("function", "gradient", "parameter") for part in (f"--{name}_tolerance", "0")]
         _, report = self.compare(*zero, "--max_num_iterations", "3", "--configurations", "dense_schur")

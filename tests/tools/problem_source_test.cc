@@ -1,7 +1,15 @@
 #include "tools/common/problem_source.h"
 
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <ceres/solver.h>
 #include <gtest/gtest.h>
 
+#include "inceres/io/vio_sequence.h"
+#include "inceres/sim/vio_scene.h"
+#include "inceres/solver/solver.h"
 #include "tests/support/temp_dir.h"
 #include "tests/tools/small_problems.h"
 
@@ -35,6 +43,69 @@ TEST(OpenProblem, NamesWhatIsWrong) {
     EXPECT_EQ(status.code, StatusCode::kIo) << text;
     EXPECT_NE(status.message.find("/nowhere/a.txt"), std::string::npos) << status.message;
   }
+}
+
+TEST(OpenProblem, KnowsPresetsAndFilesOfVisualInertialSequences) {
+  const test::TempDir directory;
+  VioSceneOptions options;
+  VioSequence sequence;
+  ASSERT_TRUE(GetVioScenePreset("cubic", &options).ok());
+  ASSERT_TRUE(GenerateVioScene(options, &sequence).ok());
+  ASSERT_TRUE(WriteVioSequence(directory.File("cubic"), sequence).ok());
+  std::vector<double> start;
+  for (const std::string& name : {std::string("cubic"), directory.File("cubic")}) {
+    std::unique_ptr<ProblemSource> source;
+    const Status status = OpenProblem("vio:" + name, &source);
+    ASSERT_TRUE(status.ok()) << status.message;
+    EXPECT_EQ(source->Describe(), "50 frames, 163 points, 789 observations, 49 IMU factors");
+    EXPECT_TRUE(source->HasLandmarks());
+    ProblemSource::CeresInstance instance;
+    ASSERT_TRUE(source->MakeCeresInstance(LossSpec{}, &instance).ok());
+    EXPECT_TRUE(start.empty() || start == instance.parameters) << "what was written is what is simulated";
+    start = instance.parameters;
+  }
+  std::unique_ptr<ProblemSource> source;
+  const Status status = OpenProblem("vio:/nowhere/a.vio", &source);
+  EXPECT_EQ(status.code, StatusCode::kIo);
+  EXPECT_NE(status.message.find("/nowhere/a.vio"), std::string::npos) << status.message;
+  sequence.frames.resize(1);
+  sequence.frames[0].observations.clear();
+  sequence.points.clear();
+  ASSERT_TRUE(WriteVioSequence(directory.File("one.vio"), sequence).ok());
+  EXPECT_NE(OpenProblem("vio:" + directory.File("one.vio"), &source).message.find("two or more frames"), std::string::npos);
+}
+
+// Stock and ours minimise one function: the same cost, and the same gradient, to the last digits.
+TEST(VioSource, CeresAndTheCoreHaveTheSameProblem) {
+  std::unique_ptr<ProblemSource> source;
+  ASSERT_TRUE(OpenProblem("vio:cubic", &source).ok());
+  for (const LossSpec& loss : {LossSpec{}, LossSpec{LossSpec::Kind::kHuber, 1.0}}) {
+    ProblemSource::CeresInstance instance;
+    std::unique_ptr<FactorGraph> graph;
+    ASSERT_TRUE(source->MakeCeresInstance(loss, &instance).ok());
+    ASSERT_TRUE(source->MakeGraph(loss, &graph).ok());
+    EXPECT_EQ(source->ParametersOf(*graph), instance.parameters);
+    EXPECT_EQ(instance.problem->NumResidualBlocks(), 789 + 49);
+    EXPECT_EQ(graph->num_factors(), 789 + 49);
+    EXPECT_EQ(instance.landmarks_first->GroupSize(0), 163);
+    ceres::Solver::Options stock;
+    stock.max_num_iterations = 0;
+    ceres::Solver::Summary expected;
+    ceres::Solve(stock, instance.problem.get(), &expected);
+    SolverOptions options;
+    options.max_num_iterations = 0;
+    const Summary summary = Solve(options, graph.get());
+    EXPECT_NEAR(summary.initial_cost, expected.initial_cost, 1e-12 * expected.initial_cost);
+    const double gradient_norm = expected.iterations[0].gradient_norm;
+    EXPECT_GT(gradient_norm, 1.0);
+    EXPECT_NEAR(summary.iterations[0].gradient_norm, gradient_norm, 1e-10 * gradient_norm);
+  }
+  ProblemSource::CeresInstance instance;
+  ASSERT_TRUE(source->MakeCeresInstance(LossSpec{}, &instance).ok());
+  EXPECT_EQ(source->Difference(instance.parameters, instance.parameters).Largest(), 0.0);
+  std::vector<double> a = instance.parameters;
+  a[7] += 1.0;  // the first pose comes after the camera
+  EXPECT_GT(source->Difference(a, instance.parameters).positions, 0.01);
 }
 
 TEST(BalSource, EveryInstanceStartsFromTheFile) {

@@ -93,9 +93,9 @@ INSTANTIATE_TEST_SUITE_P(AnalyticAndAutoDiff, IncrementalReplay, testing::Bool()
 TEST(Replay, APriorWithoutAnAutoDiffVersionIsAnError) {
   ReplayStep step;
   step.variables.emplace_back();  // a point
-  step.factors.push_back({DiagonalPriorFamily::Measurement{{1.0, 2.0}, {1.0, 1.0}}, {0}, 0.0});
+  step.factors.push_back({DiagonalPriorFamily::Measurement{{1.0, 2.0}, {1.0, 1.0}}, {0}, {}});
   FactorGraph graph;
-  EXPECT_EQ(ReplayGraph(true).Add(step, &graph).message, "factor 0 of the step: a prior of this shape has no AutoDiff version");
+  EXPECT_EQ(ReplayGraph(true).Add(step, &graph).message, "factor 0 of the step: it has no AutoDiff version");
   EXPECT_FALSE(ReplayCeresProblem(true).Add(step).ok());
   FactorGraph other;
   EXPECT_TRUE(ReplayGraph(false).Add(step, &other).ok());

@@ -3,11 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <memory>
 #include <set>
 
 #include <gtest/gtest.h>
 
 #include "inceres/graph/rotation.h"
+#include "inceres/sim/vio_scene.h"
+#include "inceres/solver/solver.h"
+#include "tools/common/replay_graph.h"
 #include "tools/small_keyframes.h"
 #include "tools/small_problems.h"
 
@@ -59,10 +64,10 @@ TEST(BalReplay, PointsEnterWithTheirSecondCamera) {
     EXPECT_FALSE(step.closes_loop);
     for (const ReplayFactor& factor : step.factors) {
       if (const Bal* measurement = std::get_if<Bal>(&factor.measurement)) {
-        EXPECT_EQ(factor.huber, 1.0);
+        EXPECT_EQ(ToString(factor.loss), "huber:1");
         EXPECT_TRUE(seen.emplace(measurement->x, measurement->y).second) << "an observation twice";
       } else {
-        EXPECT_EQ(factor.huber, 0.0);
+        EXPECT_EQ(ToString(factor.loss), "none");
       }
     }
   }
@@ -200,6 +205,97 @@ TEST(KeyframeReplay, StartOfAnInverseDepth) {
   ASSERT_NE(prior, script.steps[0].factors.end());
   EXPECT_EQ(std::get<Prior>(prior->measurement).mean[0], 0.8);
   EXPECT_DOUBLE_EQ(std::get<Prior>(prior->measurement).sqrt_information[0], 10.0);
+}
+
+VioSequence SmallVio() {
+  VioSceneOptions options;
+  options.num_frames = 20;
+  options.num_points = 60;
+  options.trajectory.period = 4.0;
+  VioSequence sequence;
+  EXPECT_TRUE(GenerateVioScene(options, &sequence).ok());
+  return sequence;
+}
+
+TEST(VioReplay, PointsEnterWithTheirSecondFrameAndFramesWithTheirImuFactor) {
+  const VioSequence sequence = SmallVio();
+  ReplayScript script;
+  ASSERT_TRUE(MakeVioReplay(sequence, {}, &script).ok());
+  EXPECT_TRUE(script.dogleg);
+  ASSERT_EQ(script.steps.size(), 19u);
+  EXPECT_TRUE(script.steps[0].variables[0].constant) << "the camera on the IMU";
+  EXPECT_TRUE(script.steps[0].variables[1].constant) << "the first pose";
+  EXPECT_FALSE(script.steps[0].variables[2].constant);
+  std::map<int, int> sightings;  // of each point so far
+  std::vector<Kind> kinds;
+  int observations = 0;
+  for (std::size_t i = 0; i < script.steps.size(); ++i) {
+    const ReplayStep& step = script.steps[i];
+    int fresh = 0, due = 0;
+    for (std::size_t f = i == 0 ? 0 : i + 1; f <= i + 1; ++f) {
+      for (const VioObservation& observation : sequence.frames[f].observations) {
+        const int count = ++sightings[observation.point];
+        fresh += count == 2 ? 1 : 0;
+        due += count == 2 ? 2 : count > 2 ? 1 : 0;
+      }
+    }
+    EXPECT_EQ(static_cast<int>(step.variables.size()), fresh + (i == 0 ? 5 : 2)) << i;
+    EXPECT_EQ(CountFactors<PointSighting>(step), due) << i;
+    EXPECT_EQ(CountFactors<std::shared_ptr<const ImuPreintegrator>>(step), 1) << i;
+    EXPECT_EQ(CountFactors<Prior>(step), i == 0 ? 1 : 0) << i;
+    observations += due;
+    for (const ReplayVariable& variable : step.variables) {
+      kinds.push_back(variable.kind);
+    }
+    for (const ReplayFactor& factor : step.factors) {
+      const bool sighting = std::holds_alternative<PointSighting>(factor.measurement);
+      EXPECT_EQ(ToString(factor.loss), sighting ? "huber:1" : "none");
+      for (const int variable : factor.variables) {
+        ASSERT_LT(static_cast<std::size_t>(variable), kinds.size()) << "a variable before it arrived";
+      }
+      if (sighting) {
+        EXPECT_EQ(kinds[static_cast<std::size_t>(factor.variables[2])], Kind::kPoint);
+      }
+    }
+  }
+  EXPECT_EQ(observations, sequence.NumObservations());
+}
+
+// At the truth what is left is the noise: about half a unit of cost a residual.
+TEST(VioReplay, FactorsNameTheVariablesOfTheirMeasurement) {
+  VioSequence sequence = SmallVio();
+  for (VioFrame& frame : sequence.frames) {
+    frame.start = frame.truth;
+  }
+  for (VioPoint& point : sequence.points) {
+    point.start = point.truth;
+  }
+  VioReplayOptions options;
+  options.prior = false;
+  options.loss = LossSpec();
+  ReplayScript script;
+  ASSERT_TRUE(MakeVioReplay(sequence, options, &script).ok());
+  FactorGraph graph;
+  ReplayGraph builder(false);
+  for (const ReplayStep& step : script.steps) {
+    EXPECT_EQ(CountFactors<Prior>(step), 0);
+    ASSERT_TRUE(builder.Add(step, &graph).ok());
+  }
+  SolverOptions solver_options;
+  solver_options.max_num_iterations = 0;
+  const Summary summary = Solve(solver_options, &graph);
+  const int residuals = 2 * sequence.NumObservations() + 15 * 19;
+  EXPECT_NEAR(summary.initial_cost, 0.5 * residuals, 3.0 * std::sqrt(0.5 * residuals));
+}
+
+TEST(VioReplay, NamesTheFrameWhoseSamplesCannotBeIntegrated) {
+  VioSequence sequence = SmallVio();
+  sequence.frames[7].imu[3].time = sequence.frames[7].imu[2].time;
+  ReplayScript script;
+  const Status status = MakeVioReplay(sequence, {}, &script);
+  EXPECT_FALSE(status.ok());
+  EXPECT_EQ(status.message.substr(0, 9), "frame 7: ") << status.message;
+  EXPECT_TRUE(script.steps.empty());
 }
 
 double MeanTrackOf(const ReplayScript& script, std::size_t first, std::size_t last) {

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <tuple>
 
 #include <ceres/loss_function.h>
 
@@ -15,6 +16,8 @@ struct LossSpec {
   enum class Kind { kNone, kHuber, kCauchy };
   Kind kind = Kind::kNone;
   double scale = 0.0;
+
+  friend bool operator<(const LossSpec& a, const LossSpec& b) { return std::tie(a.kind, a.scale) < std::tie(b.kind, b.scale); }
 };
 
 /// Parses `text`; on failure the message quotes it and `spec` is unchanged.

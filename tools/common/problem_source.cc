@@ -7,6 +7,7 @@
 #include "tools/common/bal_ceres_problem.h"
 #include "tools/common/pose_graph_ceres_problem.h"
 #include "tools/common/read_progress.h"
+#include "tools/common/vio_source.h"
 
 namespace inceres::tools {
 namespace {
@@ -27,7 +28,8 @@ class PoseGraphSource : public ProblemSource {
     return BuildPoseGraphCeresProblem(graph_, loss, instance->parameters.data(), &instance->problem);
   }
   Status MakeGraph(const LossSpec& /*loss*/, std::unique_ptr<FactorGraph>* /*graph*/) const override {
-    return Status::Error(StatusCode::kInvalidArgument, "--builtin_factors: there are built-in factors for BAL problems only");
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "--builtin_factors: there are built-in factors for bal: and vio: problems only");
   }
   std::vector<double> ParametersOf(const FactorGraph& graph) const override { return graph.state(); }
 
@@ -118,8 +120,9 @@ GeometryDifference BalSource::Difference(const std::vector<double>& a, const std
 Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSource>* source) {
   const std::size_t colon = specification.find(':');
   const std::string kind = specification.substr(0, colon);
-  if (colon == std::string::npos || colon + 1 == specification.size() || (kind != "bal" && kind != "g2o")) {
-    return Status::Error(StatusCode::kInvalidArgument, "--problem '" + specification + "': use bal:FILE or g2o:FILE");
+  if (colon == std::string::npos || colon + 1 == specification.size() || (kind != "bal" && kind != "g2o" && kind != "vio")) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "--problem '" + specification + "': use bal:FILE, g2o:FILE, vio:FILE or vio:PRESET");
   }
   const std::string path = specification.substr(colon + 1);
   if (kind == "bal") {
@@ -130,6 +133,11 @@ Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSour
       *source = std::make_unique<BalSource>(std::move(bal));
     }
     return status;
+  }
+  if (kind == "vio") {
+    VioSequence sequence;
+    const Status status = OpenVioSequence(path, &sequence);
+    return status.ok() ? MakeVioSource(sequence, source) : status;
   }
   PoseGraph graph;
   Status status = ReadG2o(path, &graph);

@@ -66,7 +66,7 @@ class BalSource : public ProblemSource {
   BalProblem bal_;
 };
 
-/// Opens "bal:FILE" or "g2o:FILE".
+/// Opens "bal:FILE", "g2o:FILE", "vio:FILE" or "vio:PRESET".
 Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSource>* source);
 
 }  // namespace inceres::tools

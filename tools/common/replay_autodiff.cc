@@ -33,8 +33,8 @@ std::unique_ptr<ceres::CostFunction> MakeAutoDiffCost(const ReplayFactor& factor
     cost = InverseDepthReprojectionError::Create(*reprojection);
   } else if (const auto* relative = std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
     cost = RelativePoseError::Create(*relative);
-  } else {
-    cost = MakePrior(std::get<DiagonalPriorFamily::Measurement>(factor.measurement), AmbientSize(first));
+  } else if (const auto* prior = std::get_if<DiagonalPriorFamily::Measurement>(&factor.measurement)) {
+    cost = MakePrior(*prior, AmbientSize(first));
   }
   return std::unique_ptr<ceres::CostFunction>(cost);
 }

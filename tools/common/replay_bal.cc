@@ -141,7 +141,7 @@ class BalScript {
     step->factors.push_back({BalReprojectionFamily::Measurement{observation.x, observation.y},
                              {camera_variable_[static_cast<std::size_t>(observation.camera)],
                               point_variable_[static_cast<std::size_t>(observation.point)]},
-                             1.0});
+                             kUnitHuber});
   }
 
   // Adds noise to the leading coordinates, the variable to the step, and the prior. Returns the variable's number.
@@ -155,7 +155,7 @@ class BalScript {
         prior.sqrt_information.push_back(1.0 / (kPriorFactor * sigmas[k]));
       }
       if (options_.priors) {
-        step->factors.push_back({prior, {number}, 0.0});
+        step->factors.push_back({prior, {number}, {}});
       }
     }
     step->variables.push_back(variable);
@@ -177,10 +177,7 @@ class BalScript {
 Status SolveForReplay(int num_threads, BalProblem* bal) {
   const BalSource source(*bal);
   std::unique_ptr<FactorGraph> graph;
-  LossSpec huber;
-  huber.kind = LossSpec::Kind::kHuber;
-  huber.scale = 1.0;
-  Status status = source.MakeGraph(huber, &graph);
+  Status status = source.MakeGraph(kUnitHuber, &graph);
   if (!status.ok()) {
     return status;
   }

@@ -5,10 +5,10 @@
 #include <string>
 #include <utility>
 
-#include <ceres/loss_function.h>
 #include <ceres/manifold.h>
 #include <ceres/product_manifold.h>
 
+#include "inceres/factors/imu_factor.h"
 #include "tools/common/factor_cost_function.h"
 #include "tools/common/replay_autodiff.h"
 
@@ -16,7 +16,7 @@ namespace inceres::tools {
 namespace {
 
 template <typename Family, typename... Arguments>
-ceres::CostFunction* MakeAnalyticCost(const typename Family::Measurement& measurement, Arguments... arguments) {
+ceres::CostFunction* MakeAnalyticCost(const typename Family::Measurement& measurement, const Arguments&... arguments) {
   auto family = std::make_unique<Family>(arguments...);
   family->Add(measurement);
   return new FactorCostFunction(std::move(family));
@@ -39,13 +39,13 @@ ceres::Manifold* ReplayCeresProblem::ManifoldOf(ReplayVariable::Kind kind) {
   return manifolds_[kind] = manifold;
 }
 
-ceres::LossFunction* ReplayCeresProblem::LossOf(double huber) {
-  if (huber == 0.0) {
+ceres::LossFunction* ReplayCeresProblem::LossOf(const LossSpec& spec) {
+  if (spec.kind == LossSpec::Kind::kNone) {
     return nullptr;
   }
-  ceres::LossFunction*& loss = losses_[huber];
+  ceres::LossFunction*& loss = losses_[spec];
   if (loss == nullptr) {
-    loss = new ceres::HuberLoss(huber);
+    loss = MakeCeresLoss(spec).release();
   }
   return loss;
 }
@@ -63,18 +63,36 @@ ceres::CostFunction* ReplayCeresProblem::CostOf(const ReplayFactor& factor) cons
   if (const auto* relative = std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
     return MakeAnalyticCost<RelativePoseFamily>(*relative);
   }
+  if (const auto* sighting = std::get_if<PointSighting>(&factor.measurement)) {
+    return MakeAnalyticCost<PointReprojectionFamily>(sighting->seen, *sighting->camera);
+  }
+  if (const auto* imu = std::get_if<std::shared_ptr<const ImuPreintegrator>>(&factor.measurement)) {
+    return MakeAnalyticCost<ImuFactorFamily>(**imu);
+  }
   const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
   const int ambient_size = AmbientSize(kinds_[static_cast<std::size_t>(factor.variables[0])]);
   return MakeAnalyticCost<DiagonalPriorFamily>(prior, static_cast<int>(prior.mean.size()), ambient_size, ambient_size);
 }
 
+double* ReplayCeresProblem::Place(const ReplayVariable& variable) {
+  double* values = storage_;
+  if (storage_ == nullptr) {
+    values = owned_.emplace_back().data();
+  } else {
+    storage_ += AmbientSize(variable.kind);
+  }
+  std::copy_n(variable.start.data(), AmbientSize(variable.kind), values);
+  values_.push_back(values);
+  return values;
+}
+
 Status ReplayCeresProblem::Add(const ReplayStep& step) {
   for (const ReplayVariable& variable : step.variables) {
-    double* values = values_.emplace_back(variable.start).data();
+    double* values = Place(variable);
     kinds_.push_back(variable.kind);
-    problem_.AddParameterBlock(values, AmbientSize(variable.kind), ManifoldOf(variable.kind));
+    problem_->AddParameterBlock(values, AmbientSize(variable.kind), ManifoldOf(variable.kind));
     if (variable.constant) {
-      problem_.SetParameterBlockConstant(values);
+      problem_->SetParameterBlockConstant(values);
     }
     ordering_.AddElementToGroup(values, IsLandmark(variable.kind) ? 0 : 1);
   }
@@ -83,13 +101,13 @@ Status ReplayCeresProblem::Add(const ReplayStep& step) {
     ceres::CostFunction* cost = CostOf(factor);
     if (cost == nullptr) {
       return Status::Error(StatusCode::kInvalidArgument,
-                           "factor " + std::to_string(i) + " of the step: a prior of this shape has no AutoDiff version");
+                           "factor " + std::to_string(i) + " of the step: it has no AutoDiff version");
     }
     std::vector<double*> blocks;
     for (const int variable : factor.variables) {
-      blocks.push_back(values_[static_cast<std::size_t>(variable)].data());
+      blocks.push_back(values_[static_cast<std::size_t>(variable)]);
     }
-    problem_.AddResidualBlock(cost, LossOf(factor.huber), blocks);
+    problem_->AddResidualBlock(cost, LossOf(factor.loss), blocks);
   }
   return Status::Ok();
 }
@@ -101,7 +119,7 @@ std::shared_ptr<ceres::ParameterBlockOrdering> ReplayCeresProblem::LandmarksFirs
 std::vector<double> ReplayCeresProblem::State() const {
   std::vector<double> state;
   for (std::size_t i = 0; i < kinds_.size(); ++i) {
-    state.insert(state.end(), values_[i].begin(), values_[i].begin() + AmbientSize(kinds_[i]));
+    state.insert(state.end(), values_[i], values_[i] + AmbientSize(kinds_[i]));
   }
   return state;
 }
@@ -109,7 +127,7 @@ std::vector<double> ReplayCeresProblem::State() const {
 void ReplayCeresProblem::SetState(const std::vector<double>& state) {
   auto next = state.begin();
   for (std::size_t i = 0; i < kinds_.size(); ++i) {
-    std::copy_n(next, AmbientSize(kinds_[i]), values_[i].begin());
+    std::copy_n(next, AmbientSize(kinds_[i]), values_[i]);
     next += AmbientSize(kinds_[i]);
   }
 }

@@ -4,6 +4,7 @@
 #include <deque>
 #include <map>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include <ceres/ordered_groups.h>
@@ -14,17 +15,21 @@
 
 namespace inceres::tools {
 
-/// A ceres::Problem that grows by the steps of a replay and owns its parameter values.
+/// A ceres::Problem that grows by the steps of a replay.
 class ReplayCeresProblem {
  public:
-  explicit ReplayCeresProblem(bool autodiff) : autodiff_(autodiff) {}
+  /// Owns the values of the variables or, with `storage`, puts them there, one variable after the other: room for all, which must
+  /// outlive the problem.
+  explicit ReplayCeresProblem(bool autodiff, double* storage = nullptr) : autodiff_(autodiff), storage_(storage) {}
   ReplayCeresProblem(const ReplayCeresProblem&) = delete;
   ReplayCeresProblem& operator=(const ReplayCeresProblem&) = delete;
 
-  /// kInvalidArgument names the first factor whose shape has no AutoDiff version; the step is then partly added.
+  /// kInvalidArgument names the first factor that has no AutoDiff version; the step is then partly added.
   Status Add(const ReplayStep& step);
 
-  ceres::Problem* problem() { return &problem_; }
+  ceres::Problem* problem() { return problem_.get(); }
+  /// The problem of a script that is complete, together with what it needs but for the values.
+  std::unique_ptr<ceres::Problem> TakeProblem() { return std::move(problem_); }
   /// A copy, as solves need one of their own: landmarks in group 0, frames in group 1, constants and unused variables too.
   std::shared_ptr<ceres::ParameterBlockOrdering> LandmarksFirst() const;
 
@@ -33,18 +38,21 @@ class ReplayCeresProblem {
   void SetState(const std::vector<double>& state);
 
  private:
+  double* Place(const ReplayVariable& variable);
   ceres::Manifold* ManifoldOf(ReplayVariable::Kind kind);
-  ceres::LossFunction* LossOf(double huber);
+  ceres::LossFunction* LossOf(const LossSpec& spec);
   ceres::CostFunction* CostOf(const ReplayFactor& factor) const;
 
   const bool autodiff_;
-  std::deque<std::array<double, 9>> values_;  // a deque keeps addresses as it grows
+  double* storage_;                          // where the next variable goes; null: to owned_
+  std::deque<std::array<double, 9>> owned_;  // a deque keeps addresses as it grows
+  std::vector<double*> values_;              // of each variable
   std::vector<ReplayVariable::Kind> kinds_;
   // The problem owns these; each is made when first used.
   std::map<ReplayVariable::Kind, ceres::Manifold*> manifolds_;
-  std::map<double, ceres::LossFunction*> losses_;
+  std::map<LossSpec, ceres::LossFunction*> losses_;
   ceres::ParameterBlockOrdering ordering_;
-  ceres::Problem problem_;
+  std::unique_ptr<ceres::Problem> problem_ = std::make_unique<ceres::Problem>();
 };
 
 }  // namespace inceres::tools

@@ -19,13 +19,10 @@ std::shared_ptr<const Manifold> ReplayGraph::ManifoldOf(ReplayVariable::Kind kin
   return manifold;
 }
 
-std::shared_ptr<const Loss> ReplayGraph::LossOf(double huber) {
-  if (huber == 0.0) {
-    return nullptr;
-  }
-  std::shared_ptr<const Loss>& loss = losses_[huber];
+std::shared_ptr<const Loss> ReplayGraph::LossOf(const LossSpec& spec) {
+  std::shared_ptr<const Loss>& loss = losses_[spec];
   if (loss == nullptr) {
-    loss = std::make_shared<HuberLoss>(huber);
+    loss = MakeCoreLoss(spec);  // null again for none
   }
   return loss;
 }
@@ -43,6 +40,10 @@ Status ReplayGraph::VisitFamily(const ReplayFactor& factor, const Visit& visit) 
     visit(&inverse_depth_, *reprojection);
   } else if (const auto* relative = std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
     visit(&relative_pose_, *relative);
+  } else if (const auto* sighting = std::get_if<PointSighting>(&factor.measurement)) {
+    visit(&points_[sighting->camera.get()], sighting->seen, *sighting->camera);
+  } else if (const auto* imu = std::get_if<std::shared_ptr<const ImuPreintegrator>>(&factor.measurement)) {
+    visit(&imu_, **imu);
   } else {
     const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
     const int size = static_cast<int>(prior.mean.size());
@@ -57,7 +58,7 @@ Status ReplayGraph::VisitAutoDiffFamily(const ReplayFactor& factor, const Visit&
   const std::shared_ptr<const ceres::CostFunction> cost =
       MakeAutoDiffCost(factor, kinds_[static_cast<std::size_t>(factor.variables[0])]);
   if (cost == nullptr) {
-    return Status::Error(StatusCode::kInvalidArgument, "a prior of this shape has no AutoDiff version");
+    return Status::Error(StatusCode::kInvalidArgument, "it has no AutoDiff version");
   }
   std::vector<int> shape{cost->num_residuals()};
   std::vector<FactorFamily::Slot> slots;
@@ -101,7 +102,7 @@ Status ReplayGraph::AddStep(const ReplayStep& step, Target* target) {
   }
   for (const ReplayFactor& factor : step.factors) {
     const Status status = VisitFamily(factor, [&](auto* member, const auto& measurement, const auto&... /*sizes*/) {
-      target->AddFactor(member->id, *member->family, measurement, factor.variables, LossOf(factor.huber));
+      target->AddFactor(member->id, *member->family, measurement, factor.variables, LossOf(factor.loss));
     });
     if (!status.ok()) {
       return status;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "inceres/ceres/cost_family.h"
+#include "inceres/factors/imu_factor.h"
 #include "inceres/graph/factor_graph.h"
 #include "inceres/graph/graph_edit.h"
 #include "inceres/graph/losses.h"
@@ -53,15 +54,17 @@ class ReplayGraph {
   Status AddStep(const ReplayStep& step, Target* target);
 
   std::shared_ptr<const Manifold> ManifoldOf(ReplayVariable::Kind kind);
-  std::shared_ptr<const Loss> LossOf(double huber);
+  std::shared_ptr<const Loss> LossOf(const LossSpec& spec);
 
   const bool autodiff_;
   std::vector<ReplayVariable::Kind> kinds_;
   std::map<ReplayVariable::Kind, std::shared_ptr<const Manifold>> manifolds_;
-  std::map<double, std::shared_ptr<const Loss>> losses_;
+  std::map<LossSpec, std::shared_ptr<const Loss>> losses_;
   std::map<int, Member<BalReprojectionFamily>> bal_;  // by tangent size of the camera
   Member<InverseDepthReprojectionFamily> inverse_depth_;
   Member<RelativePoseFamily> relative_pose_;
+  std::map<const PinholeCamera*, Member<PointReprojectionFamily>> points_;
+  Member<ImuFactorFamily> imu_;
   std::map<PriorShape, Member<DiagonalPriorFamily>> priors_;
   std::map<std::vector<int>, Member<CeresCostFamily>> autodiff_families_;  // by residual size, then the sizes of each slot
 };

@@ -58,7 +58,7 @@ class KeyframeScript {
     variable_[feature] = num_variables_++;
     step->variables.push_back(inverse_depth);
     if (measured > 0.0) {
-      step->factors.push_back({DiagonalPriorFamily::Measurement{{measured}, {1.0 / kDepthSigma}}, {variable_[feature]}, 0.0});
+      step->factors.push_back({DiagonalPriorFamily::Measurement{{measured}, {1.0 / kDepthSigma}}, {variable_[feature]}, {}});
     }
   }
 
@@ -73,7 +73,7 @@ class KeyframeScript {
     step->factors.push_back({measurement,
                              {pose_variable_[static_cast<std::size_t>(feature.anchor)], pose_variable_.back(),
                               variable_[static_cast<std::size_t>(observation.feature)]},
-                             1.0});
+                             kUnitHuber});
   }
 
   void AddBetween(const KeyframeBetween& between, ReplayStep* step) {
@@ -84,7 +84,7 @@ class KeyframeScript {
     step->factors.push_back(
         {measurement,
          {pose_variable_[static_cast<std::size_t>(between.a)], pose_variable_[static_cast<std::size_t>(between.b)]},
-         1.0});
+         kUnitHuber});
     step->closes_loop = step->closes_loop || std::abs(between.a - between.b) > kLoopGap;
   }
 

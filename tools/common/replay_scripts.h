@@ -2,6 +2,7 @@
 
 #include "inceres/io/bal.h"
 #include "inceres/io/keyframes.h"
+#include "inceres/io/vio_sequence.h"
 #include "inceres/status.h"
 #include "tools/common/replay_step.h"
 
@@ -48,5 +49,21 @@ Status MakePathReplay(const PathReplayOptions& options, ReplayScript* script);
 /// value if there is one. Observations and BETWEEN are whitened by their information, Huber(1). The first keyframe is fixed. A
 /// step closes a loop if it has a BETWEEN of keyframes more than 10 apart. Requires two or more keyframes.
 ReplayScript MakeKeyframeReplay(const KeyframeSequence& sequence);
+
+/// How a visual-inertial sequence becomes a problem.
+struct VioReplayOptions {
+  /// Of the first frame's velocity and biases, at their start: σ = 0.1 m/s, 0.02 rad/s, 0.2 m/s². Two frames do not tell them.
+  bool prior = true;
+  LossSpec loss = kUnitHuber;  ///< of reprojections
+};
+
+/// Frames in order, each step one (the first step two), with the IMU factor that leads to it and the points that it is the second
+/// to see, with all their observations so far. A frame is two variables, pose and speed-bias, a point one, in the world; all
+/// begin at the sequence's start values. The camera on the IMU and the first pose are fixed. Reprojections are
+/// PointReprojectionFamily's, of standard deviation `pixel_noise`; IMU samples are integrated at the start biases of the earlier
+/// frame and stay so, without which Ceres and we would not minimise the same function. A step closes a loop if it sees a point
+/// that more than 10 frames did not. Requires Validate() and two or more frames. Errors: samples that cannot be integrated, by
+/// frame.
+Status MakeVioReplay(const VioSequence& sequence, const VioReplayOptions& options, ReplayScript* script);
 
 }  // namespace inceres::tools

@@ -6,6 +6,7 @@ int AmbientSize(ReplayVariable::Kind kind) {
   switch (kind) {
     case ReplayVariable::Kind::kBalCamera:
     case ReplayVariable::Kind::kBalCameraPose:
+    case ReplayVariable::Kind::kSpeedBias:
       return 9;
     case ReplayVariable::Kind::kPoint:
       return 3;

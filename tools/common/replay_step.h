@@ -1,14 +1,18 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <string>
 #include <variant>
 #include <vector>
 
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
+#include "inceres/factors/imu_preintegrator.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/point_reprojection.h"
 #include "inceres/factors/relative_pose.h"
+#include "tools/common/loss_spec.h"
 
 namespace inceres::tools {
 
@@ -19,8 +23,9 @@ struct ReplayVariable {
     kBalCamera,      ///< 9: rotation vector, translation, f, k1, k2
     kBalCameraPose,  ///< the same with f, k1, k2 held constant
     kPoint,          ///< 3, a landmark
-    kPose,           ///< 7 on PoseManifold: centre, world_from_camera quaternion x, y, z, w
-    kInverseDepth,   ///< 1, a landmark
+    kPose,       ///< 7 on PoseManifold: place and quaternion x, y, z, w of a camera or a body in the world, or of a camera on it
+    kSpeedBias,  ///< 9: velocity, biases of the gyroscope and the accelerometer
+    kInverseDepth,  ///< 1, a landmark
   };
   Kind kind = Kind::kPoint;
   std::array<double, 9> start{};  ///< only the first AmbientSize(kind) entries are used
@@ -31,12 +36,21 @@ int AmbientSize(ReplayVariable::Kind kind);
 int TangentSize(ReplayVariable::Kind kind);
 bool IsLandmark(ReplayVariable::Kind kind);
 
+/// The loss of what is measured, not known beforehand, in all replays.
+inline constexpr LossSpec kUnitHuber{LossSpec::Kind::kHuber, 1.0};
+
+/// A landmark seen by a camera that many sightings share, of PointReprojectionFamily.
+struct PointSighting {
+  PixelObservation seen;
+  std::shared_ptr<const PinholeCamera> camera;
+};
+
 struct ReplayFactor {
   std::variant<BalReprojectionFamily::Measurement, InverseDepthReprojectionFamily::Measurement, RelativePoseFamily::Measurement,
-               DiagonalPriorFamily::Measurement>
+               DiagonalPriorFamily::Measurement, PointSighting, std::shared_ptr<const ImuPreintegrator>>
       measurement;
   std::vector<int> variables;  ///< one per slot of the family
-  double huber = 0.0;          ///< scale of the Huber loss; 0: no loss
+  LossSpec loss;
 };
 
 struct ReplayStep {

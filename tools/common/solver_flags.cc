@@ -11,7 +11,7 @@ DEFINE_string(trust_region, "lm", "Trust-region strategy: lm (Levenberg-Marquard
 DEFINE_string(
     linear_solver, "auto",
     "Linear solver: auto, dense_schur, sparse_schur, iterative_schur, sparse_normal_cholesky, dense_normal_cholesky, "
-    "dense_qr or cgnr, as Ceres names them. auto: a Schur solver for BAL, sparse_normal_cholesky for pose graphs. "
+    "dense_qr or cgnr, as Ceres names them. auto: a Schur solver for bal and vio, sparse_normal_cholesky for pose graphs. "
     "inceres refuses the iterative ones; of the Cholesky and Schur ones on a ceres::Problem it takes whichever it predicts to "
     "be cheapest, with --builtin_factors the one named. In ab_compare this is for inceres; stock runs in --configurations.");
 DEFINE_int32(num_threads, 1, "Threads of the solver, at least 1.");
@@ -26,7 +26,7 @@ DEFINE_string(robust, "none",
 DEFINE_string(mode, "exact",
               "exact (follows the iterations of Ceres) or incremental (re-uses Jacobians while they are good enough).");
 DEFINE_bool(builtin_factors, false,
-            "Let inceres use its own analytic factors on its own factor graph instead of the AutoDiff cost functions; BAL only.");
+            "Let inceres use its own analytic factors on its own factor graph instead of cost functions; bal and vio only.");
 
 namespace inceres::tools {
 namespace {
