@@ -14,9 +14,11 @@
 
 DEFINE_string(output, "", "the file to write: .txt, or compressed as .txt.gz or .txt.bz2 (required)");
 DEFINE_string(truth, "", "also write the true cameras and points with exact observations, as a BAL file of the same order");
-DEFINE_string(preset, "",
-              "sizes of a well-known problem: ladybug-like (49 cameras, 7776 points, 31843 observations), "
-              "venice11 (11, 8366, 20271), cathedral (92, 57957, 422163). Other flags given as well take precedence");
+DEFINE_string(
+    preset, "",
+    "sizes of a well-known problem: ladybug-like (49 cameras, 7776 points, 31843 observations), "
+    "venice11 (11, 8366, 20271), cathedral (92, 57957, 422163); and paths with loops: path-1000 (40000, 200000), path-10000 "
+    "(400000, 2000000). Other flags given as well take precedence");
 DEFINE_int32(num_cameras, 100, "cameras along the path, 2 to 1000000");
 DEFINE_double(points_per_camera, 100.0, "number of points = this times num_cameras, unless num_points is given");
 DEFINE_double(track_length, 4.0,

@@ -13,14 +13,15 @@ namespace {
 struct Preset {
   const char* name;
   int num_cameras, num_points, num_observations;
-  double laps, loop_fraction;
+  double laps, loop_fraction, loop_stretch;
 };
 
-// The sizes of problems that the literature reports on; the scenes are ours.
+// The sizes of problems that the literature reports on; the scenes are ours. Then paths on which the growth of time and memory
+// with size can be seen: each place is passed twice, and recognised along a tenth of the circuit.
 constexpr Preset kPresets[] = {
-    {"ladybug-like", 49, 7776, 31843, 0.0, 0.3},
-    {"venice11", 11, 8366, 20271, 0.0, 0.3},
-    {"cathedral", 92, 57957, 422163, 2.0, 0.7},
+    {"ladybug-like", 49, 7776, 31843, 0.0, 0.3, 1.0},      {"venice11", 11, 8366, 20271, 0.0, 0.3, 1.0},
+    {"cathedral", 92, 57957, 422163, 2.0, 0.7, 1.0},       {"path-1000", 1000, 40000, 200000, 2.0, 0.3, 0.1},
+    {"path-10000", 10000, 400000, 2000000, 2.0, 0.3, 0.1},
 };
 
 Status Invalid(const std::string& what) {
@@ -96,6 +97,7 @@ Status GetStreetScenePreset(const std::string& name, StreetSceneOptions* options
   options->num_observations = preset->num_observations;
   options->laps = preset->laps;
   options->loop_fraction = preset->loop_fraction;
+  options->loop_stretch = preset->loop_stretch;
   return Status::Ok();
 }
 

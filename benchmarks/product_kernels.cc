@@ -1,0 +1,101 @@
+// Block products and sums: what H, the gradient, S and b are made of.
+//
+//   build/bin/kernels_benchmark --benchmark_filter=Products
+
+#include "benchmarks/kernel_benchmark.h"
+
+namespace inceres::bench {
+namespace {
+
+using namespace internal;  // NOLINT(google-build-using-namespace): benchmarks of internal parts
+
+constexpr int kCommon = 100;  // landmarks that two cameras of Ladybug-49 share, on average
+
+std::vector<ProductTerm> ConsecutiveTerms(int count, int quads) {
+  std::vector<ProductTerm> terms;
+  for (int p = 0; p < count; ++p) {
+    terms.push_back({p * quads, (count + p) * quads});
+  }
+  return terms;
+}
+
+// One block of the arguments' frame size: depth 2 (residuals of reprojections) is a block of H, depth 3 (points) and 1 (inverse
+// depths) one of S.
+void BM_BlockProducts(benchmark::State& state) {
+  const Kernels* kernels = KernelsOrSkip(state);
+  if (kernels == nullptr) {
+    return;
+  }
+  const int size = static_cast<int>(state.range(1));
+  const int depth = static_cast<int>(state.range(2));
+  const int quads = depth * PadToQuad(size) / kQuad;
+  const AlignedVector<double> Y = Random(std::int64_t{2} * kCommon * quads * kQuad);
+  const std::vector<ProductTerm> terms = ConsecutiveTerms(kCommon, quads);
+  const BlockProducts products{Y.data(), Y.data(), terms.data(), kCommon, depth, size, size};
+  AlignedVector<double> C(static_cast<std::size_t>(size * PadToQuad(size)));
+  for (auto _ : state) {
+    kernels->accumulate_products(products, -1.0, C.data());
+    benchmark::DoNotOptimize(C.data());
+  }
+  CountWork(state, 2.0 * kCommon * depth * size * size, 8.0 * (2.0 * kCommon * depth * size + 2.0 * size * size));
+}
+BENCHMARK(BM_BlockProducts)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 9, 15}, {1, 2, 3}});
+
+// One frame's part of the gradient (depth 2) or of b (depth 3).
+void BM_VectorProducts(benchmark::State& state) {
+  const Kernels* kernels = KernelsOrSkip(state);
+  if (kernels == nullptr) {
+    return;
+  }
+  constexpr int kFactors = 650;  // of one camera of Ladybug-49
+  const int size = static_cast<int>(state.range(1));
+  const int depth = static_cast<int>(state.range(2));
+  const int quads = depth * PadToQuad(size) / kQuad;
+  const AlignedVector<double> A = Random(std::int64_t{kFactors} * quads * kQuad);
+  const AlignedVector<double> v = Random(std::int64_t{kFactors} * depth);
+  std::vector<VectorTerm> terms;
+  for (int p = 0; p < kFactors; ++p) {
+    terms.push_back({p * quads, p * depth});
+  }
+  const VectorProducts products{A.data(), v.data(), terms.data(), kFactors, depth, size};
+  AlignedVector<double> y(static_cast<std::size_t>(PadToQuad(size)));
+  for (auto _ : state) {
+    kernels->accumulate_vectors(products, 1.0, y.data());
+    benchmark::DoNotOptimize(y.data());
+  }
+  CountWork(state, 2.0 * kFactors * depth * size, 8.0 * kFactors * depth * (size + 1.0));
+}
+BENCHMARK(BM_VectorProducts)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 9}, {2, 3}});
+
+// What one landmark seen from eight frames adds to a living S.
+void BM_AddOuter(benchmark::State& state) {
+  const Kernels* kernels = KernelsOrSkip(state);
+  if (kernels == nullptr) {
+    return;
+  }
+  constexpr int kFrames = 8;
+  const int size = static_cast<int>(state.range(1));
+  const int depth = static_cast<int>(state.range(2));
+  const int quads = PadToQuad(size) / kQuad;
+  const AlignedVector<double> Y = Random(std::int64_t{kFrames} * depth * quads * kQuad);
+  std::vector<BlockRow> rows;
+  std::vector<std::int32_t> blocks;
+  for (int r = 0; r < kFrames; ++r) {
+    rows.push_back({Y.data() + std::ptrdiff_t{r} * depth * quads * kQuad, r * quads, quads, size});
+    for (int c = 0; c <= r; ++c) {
+      blocks.push_back(static_cast<std::int32_t>(blocks.size()) * size * quads);
+    }
+  }
+  const Contribution contribution{rows.data(), kFrames, depth};
+  AlignedVector<double> C(blocks.size() * static_cast<std::size_t>(size * quads * kQuad));
+  for (auto _ : state) {
+    kernels->add_outer(contribution, -1.0, blocks.data(), C.data());
+    benchmark::DoNotOptimize(C.data());
+  }
+  const auto num_blocks = static_cast<double>(blocks.size());
+  CountWork(state, 2.0 * num_blocks * depth * size * size, 8.0 * (2.0 * num_blocks * size * size + kFrames * depth * size));
+}
+BENCHMARK(BM_AddOuter)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 15}, {1, 3}});
+
+}  // namespace
+}  // namespace inceres::bench

@@ -1,0 +1,223 @@
+// The stages of a solve on a simulated problem of Ladybug-49's size, on one thread, as the solver runs them: with the flops and
+// the bytes that the mathematics asks for, and the share of the machine's peak.
+//
+//   build/bin/stages_benchmark
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <benchmark/benchmark.h>
+
+#include "benchmarks/roofline.h"
+#include "inceres/graph/ambient_family.h"
+#include "inceres/io/bal.h"
+#include "inceres/sim/street_scene.h"
+#include "linear/dense_cholesky.h"
+#include "linear/sparse_cholesky.h"
+#include "linearisation/robustify.h"
+#include "linearisation/row_products.h"
+#include "schur/elimination.h"
+#include "support/core_pipeline.h"
+#include "support/test_data.h"
+#include "tools/common/problem_source.h"
+
+namespace inceres::bench {
+namespace {
+
+using namespace internal;  // NOLINT(google-build-using-namespace): benchmarks of internal parts
+
+// A problem with all parts of the core up to the elimination, linearised at its start.
+struct Linearised {
+  explicit Linearised(const BalProblem& problem) {
+    if (tools::BalSource(problem).MakeGraph({}, &graph).ok()) {
+      core = std::make_unique<test::CorePipeline>(*graph);
+      elimination = std::make_unique<Elimination>(core->evaluator, core->incidences, core->plans, core->hessian);
+      for (int j = 0; j < core->layout.size(); ++j) {
+        damping.push_back(1e-4 * core->hessian.diagonal()[static_cast<std::size_t>(j)] + 1e-6);
+      }
+    }
+  }
+  bool ok() const { return core != nullptr && core->status.ok(); }
+  double num_factors() const { return graph->NumFactors(0); }
+  const double* LandmarkDamping() const { return damping.data() + core->layout.frame_size(); }
+  std::vector<double> Step() const { return std::vector<double>(static_cast<std::size_t>(core->layout.size()), 1e-3); }
+
+  std::unique_ptr<FactorGraph> graph;
+  std::unique_ptr<test::CorePipeline> core;
+  std::unique_ptr<Elimination> elimination;
+  std::vector<double> damping;
+};
+
+constexpr double kCamera = 9.0;
+constexpr double kPoint = 3.0;
+constexpr double kRows = 2.0;
+constexpr double kEntries = kRows * (kCamera + kPoint);  // of one factor's Jacobian
+
+BalProblem Street(const std::string& preset) {
+  StreetSceneOptions options;
+  StreetScene scene;
+  const bool fine = GetStreetScenePreset(preset, &options).ok() && GenerateStreetScene(options, &scene).ok();
+  return fine ? scene.problem : BalProblem();
+}
+
+BalProblem ReadLadybug() {
+  BalProblem problem;
+  const std::string path = test::FindData("bal/problem-49-7776-pre.txt");
+  return !path.empty() && ReadBal(path, &problem).ok() ? problem : Street("ladybug-like");
+}
+
+Linearised& Ladybug() {
+  static Linearised problem(ReadLadybug());
+  return problem;
+}
+
+template <typename Run>
+void Measure(benchmark::State& state, double flops, double bytes, const Run& run) {
+  if (!Ladybug().ok()) {
+    state.SkipWithError("the scene could not be generated");
+    return;
+  }
+  for (auto _ : state) {
+    run();
+  }
+  CountWork(state, flops, bytes);
+}
+
+// Residuals alone. The arithmetic is that of the camera model, about 60 flops a factor.
+void BM_EvaluateResiduals(benchmark::State& state) {
+  double cost = 0.0;
+  Evaluator& evaluator = Ladybug().core->evaluator;
+  Measure(state, 60.0 * Ladybug().num_factors(), 8.0 * Ladybug().num_factors() * (kRows + kPoint),
+          [&] { benchmark::DoNotOptimize(evaluator.EvaluateCandidateCost(&cost).ok()); });
+}
+BENCHMARK(BM_EvaluateResiduals)->Unit(benchmark::kMicrosecond);
+
+// Residuals and tangent Jacobians: about 300 flops a factor.
+void BM_EvaluateJacobians(benchmark::State& state) {
+  double cost = 0.0;
+  Evaluator& evaluator = Ladybug().core->evaluator;
+  Measure(state, 300.0 * Ladybug().num_factors(), 8.0 * Ladybug().num_factors() * (kRows + kPoint + kEntries),
+          [&] { benchmark::DoNotOptimize(evaluator.EvaluateJacobians(/*known_point=*/false, &cost).ok()); });
+}
+BENCHMARK(BM_EvaluateJacobians)->Unit(benchmark::kMicrosecond);
+
+void BM_AccumulateHessian(benchmark::State& state) {
+  Hessian& hessian = Ladybug().core->hessian;
+  const double products = kRows * (kCamera * kCamera + kPoint * kPoint + kCamera + kPoint);
+  Measure(state, 2.0 * products * Ladybug().num_factors(), 8.0 * (kEntries + kRows) * Ladybug().num_factors(),
+          [&] { hessian.Accumulate(); });
+}
+BENCHMARK(BM_AccumulateHessian)->Unit(benchmark::kMicrosecond);
+
+// Y of all landmarks, S and b: the products of S are most of it.
+void BM_Eliminate(benchmark::State& state) {
+  Linearised& ladybug = Ladybug();
+  const auto products = static_cast<double>(ladybug.core->plans.schur.terms.size());
+  const double flops = 2.0 * (products * kPoint * kCamera * kCamera + ladybug.num_factors() * kPoint * (kRows * kCamera + 12.0));
+  const double bytes =
+      8.0 * (ladybug.num_factors() * (kEntries + kPoint * kCamera) + static_cast<double>(ladybug.core->hessian.C().size()));
+  Measure(state, flops, bytes, [&] { benchmark::DoNotOptimize(ladybug.elimination->Eliminate(ladybug.LandmarkDamping()).ok()); });
+  state.counters["block_products"] = products;
+}
+BENCHMARK(BM_Eliminate)->Unit(benchmark::kMicrosecond);
+
+void BM_BackSubstitute(benchmark::State& state) {
+  Linearised& ladybug = Ladybug();
+  if (!ladybug.ok() || !ladybug.elimination->Eliminate(ladybug.LandmarkDamping()).ok()) {
+    state.SkipWithError("the landmarks could not be eliminated");
+    return;
+  }
+  std::vector<double> step = ladybug.Step();
+  Measure(state, 2.0 * ladybug.num_factors() * kPoint * kCamera, 8.0 * ladybug.num_factors() * kPoint * kCamera,
+          [&] { ladybug.elimination->BackSubstitute(step.data(), step.data() + ladybug.core->layout.frame_size()); });
+}
+BENCHMARK(BM_BackSubstitute)->Unit(benchmark::kMicrosecond);
+
+void BM_PredictDecrease(benchmark::State& state) {
+  Linearised& ladybug = Ladybug();
+  const std::vector<double> step = ladybug.Step();
+  JacobianProduct product(ladybug.core->evaluator);
+  Measure(state, 2.0 * kEntries * ladybug.num_factors(), 8.0 * (kEntries + kRows) * ladybug.num_factors(),
+          [&] { benchmark::DoNotOptimize(product.Multiply(step.data()).model_decrease); });
+}
+BENCHMARK(BM_PredictDecrease)->Unit(benchmark::kMicrosecond);
+
+template <typename Solver>
+void MeasureFactorization(benchmark::State& state, Linearised* problem, Solver* solver) {
+  if (!problem->ok() || !problem->elimination->Eliminate(problem->LandmarkDamping()).ok() ||
+      !solver->Analyze(problem->core->plans.pattern).ok()) {
+    state.SkipWithError("the reduced system could not be formed");
+    return;
+  }
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(solver->Factorize(problem->elimination->S(), problem->damping.data()).ok());
+  }
+  CountWork(state, solver->PredictedFlops(), 8.0 * static_cast<double>(problem->core->plans.pattern.value_begin.back()));
+  state.counters["unknowns"] = problem->core->plans.pattern.size();
+}
+
+void BM_DenseCholesky(benchmark::State& state) {
+  DenseCholesky solver(Ladybug().core->executor);
+  MeasureFactorization(state, &Ladybug(), &solver);
+}
+BENCHMARK(BM_DenseCholesky)->Unit(benchmark::kMicrosecond);
+
+// On a street where most pairs of cameras see nothing in common.
+void BM_SparseCholesky(benchmark::State& state) {
+  static Linearised path(Street("path-1000"));
+  SparseCholesky solver;
+  MeasureFactorization(state, &path, &solver);
+}
+BENCHMARK(BM_SparseCholesky)->Unit(benchmark::kMicrosecond);
+
+// The ambient Jacobian of a pose (quaternion and translation) into its tangent space, or copied where it is the same.
+void BM_ProjectToTangentSpace(benchmark::State& state) {
+  constexpr int kAmbient = 7;
+  constexpr int kTangent = 6;
+  constexpr int kStride = 8;
+  constexpr int kResidual = 2;
+  TangentMap map;
+  map.kind = state.range(0) == 0 ? TangentMap::Kind::kIdentity : TangentMap::Kind::kDense;
+  map.ambient_size = map.kind == TangentMap::Kind::kIdentity ? kTangent : kAmbient;
+  map.tangent_size = kTangent;
+  const std::vector<double> M(kAmbient * kTangent, 0.5);
+  map.plus_jacobian = M.data();
+  const std::vector<double> J(kResidual * kAmbient, 0.25);
+  double out[kResidual * kStride] = {};
+  for (auto _ : state) {
+    ProjectToTangentSpace(map, J.data(), kResidual, out, kStride);
+    benchmark::DoNotOptimize(out);
+  }
+  const double flops = map.kind == TangentMap::Kind::kDense ? 2.0 * kResidual * kAmbient * kTangent : 0.0;
+  CountWork(state, flops, 8.0 * (kResidual * (map.ambient_size + kTangent) + (flops > 0.0 ? kAmbient * kTangent : 0)));
+  state.SetLabel(flops > 0.0 ? "dense" : "identity");
+}
+BENCHMARK(BM_ProjectToTangentSpace)->Arg(0)->Arg(1);
+
+// A loss that weighs every factor by almost one: its Jacobians are rewritten, and stay of the same size however often.
+class AlmostSquare final : public Loss {
+ public:
+  void Evaluate(double s, double rho[3]) const override {
+    rho[0] = s;
+    rho[1] = 1.0 + 1e-15;
+    rho[2] = -1e-15;
+  }
+};
+
+void BM_Robustify(benchmark::State& state) {
+  Linearised& ladybug = Ladybug();
+  FamilyCache& cache = ladybug.core->evaluator.families()[0];
+  const AlmostSquare loss;
+  Measure(state, (kEntries + 2.0 * kRows) * ladybug.num_factors(), 16.0 * (kEntries + kRows) * ladybug.num_factors(), [&] {
+    for (int i = 0; i < cache.num_factors; ++i) {
+      benchmark::DoNotOptimize(RobustifyFactor(loss, 2, 2, cache.slots.data(), i,
+                                               cache.tangent_offsets.data() + std::ptrdiff_t{2} * i,
+                                               cache.residuals.data() + std::ptrdiff_t{2} * i));
+    }
+  });
+}
+BENCHMARK(BM_Robustify)->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace inceres::bench
