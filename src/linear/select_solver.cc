@@ -1,5 +1,7 @@
 #include "linear/select_solver.h"
 
+#include <limits>
+
 #include "linear/dense_cholesky.h"
 #include "linear/sparse_cholesky.h"
 
@@ -16,6 +18,9 @@ constexpr int kNeverDenseSize = 12000;
 // 1,500 cameras, one thread): at equal predicted flops the sparse factor takes this much longer. The break-even was at 900
 // unknowns.
 constexpr double kSparsePenalty = 15.0;
+// Flops that an entry of the dense matrix is worth before any arithmetic: it is cleared, at some 10 GB/s. Without it thin bands
+// would go to the dense kernels, which leave out what stays zero.
+constexpr double kFlopsPerDenseEntry = 12.0;
 
 double Fill(const BlockPattern& pattern) {
   const auto n = static_cast<double>(pattern.size());
@@ -46,9 +51,16 @@ std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const R
   auto sparse = std::make_unique<SparseCholesky>();
   *status = sparse->Analyze(pattern);
   const auto n = static_cast<double>(pattern.size());
-  const bool dense_is_cheaper = pattern.size() < kNeverDenseSize && n * n * n / 3.0 < kSparsePenalty * sparse->PredictedFlops();
-  if (kind == ReducedSolverKind::kAutomatic && (!status->ok() || dense_is_cheaper) && pattern.size() < kNeverDenseSize) {
-    return analysed(std::make_unique<DenseCholesky>(executor));
+  const double fixed_flops = kFlopsPerDenseEntry * 0.5 * n * n;
+  // Ordering for the dense factor costs less than this too, so that it is asked only where it may win.
+  const double sparse_flops = status->ok() ? kSparsePenalty * sparse->PredictedFlops() : std::numeric_limits<double>::infinity();
+  if (kind == ReducedSolverKind::kAutomatic && pattern.size() < kNeverDenseSize && fixed_flops < sparse_flops) {
+    auto dense = std::make_unique<DenseCholesky>(executor);
+    const Status dense_status = dense->Analyze(pattern);
+    if (fixed_flops + dense->PredictedFlops() < sparse_flops) {
+      *status = dense_status;
+      return dense;
+    }
   }
   return sparse;
 }

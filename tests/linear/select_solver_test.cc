@@ -1,6 +1,9 @@
 #include "linear/select_solver.h"
 
+#include <set>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -35,7 +38,29 @@ TEST_F(SelectSolver, AutomaticIsDenseForFullSystems) {
 }
 
 TEST_F(SelectSolver, AutomaticIsSparseForLongBands) {
-  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(100, Fill::kBand).pattern).substr(0, 7), "CHOLMOD");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(1000, Fill::kBand).pattern).substr(0, 7), "CHOLMOD");
+}
+
+// Poses that share landmarks over ten frames, speeds and biases that know their neighbours in time: far from full, but the dense
+// factor leaves out what stays zero.
+TEST_F(SelectSolver, AutomaticIsDenseForAWindowOfInertialFrames) {
+  constexpr int kFrames = 50;
+  std::vector<int> sizes;
+  std::set<std::pair<int, int>> coupled;
+  for (int i = 0; i < kFrames; ++i) {
+    const int pose = 2 * i, speed_bias = 2 * i + 1;
+    sizes.insert(sizes.end(), {6, 9});
+    coupled.emplace(speed_bias, pose);
+    for (int j = i - 10; j < i; ++j) {
+      if (j >= 0) {
+        coupled.emplace(pose, 2 * j);
+      }
+    }
+    if (i > 0) {
+      coupled.insert({{pose, speed_bias - 2}, {speed_bias, pose - 2}, {speed_bias, speed_bias - 2}});
+    }
+  }
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, RandomSystem(sizes, coupled).pattern), "dense Cholesky");
 }
 
 TEST_F(SelectSolver, AWishIsGranted) {
