@@ -205,5 +205,31 @@ TEST_F(VioSequenceTest, ProjectsAsDocumented) {
   EXPECT_FALSE(sequence_.Project({0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0}, {0.0, 0.0, 1.0}, &x, &y)) << "in the camera's plane";
 }
 
+TEST_F(VioSequenceTest, UnprojectsWhatItProjects) {
+  ASSERT_TRUE(ReadText(kFirst).ok());
+  for (const std::array<double, 4>& distortion : {std::array<double, 4>{}, {-0.28, 0.07, 2e-4, -3e-4}, {0.1, 0.2, 0.01, 0.02}}) {
+    sequence_.camera.distortion = distortion;
+    for (double a = -0.7; a < 0.75; a += 0.1) {
+      for (double b = -0.5; b < 0.55; b += 0.1) {
+        // Camera and IMU as one.
+        sequence_.camera.imu_from_camera = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
+        double x = 0.0, y = 0.0;
+        ASSERT_TRUE(sequence_.Project({0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0}, {2.0 * a, 2.0 * b, 2.0}, &x, &y));
+        std::array<double, 2> point{};
+        const double pixel[2] = {x, y};
+        ASSERT_TRUE(sequence_.camera.Pinhole().Unproject(pixel, point.data())) << a << ", " << b;
+        EXPECT_NEAR(point[0], a, 1e-13);
+        EXPECT_NEAR(point[1], b, 1e-13);
+      }
+    }
+  }
+  // r (1 − 0.4 r²) has a maximum: nothing is seen further out than that, and nothing said of it.
+  sequence_.camera.distortion = {-0.4, 0.0, 0.0, 0.0};
+  std::array<double, 2> point{7.0, 7.0};
+  const double outside[2] = {1e4, 240.0};
+  EXPECT_FALSE(sequence_.camera.Pinhole().Unproject(outside, point.data()));
+  EXPECT_EQ(point[0], 7.0);
+}
+
 }  // namespace
 }  // namespace inceres

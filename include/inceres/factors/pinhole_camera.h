@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+
 namespace inceres {
 
 /// A pinhole camera with radial-tangential distortion: z > 0 is in front, x right and y down in the image, pixels from its upper
@@ -30,6 +32,30 @@ struct PinholeCamera {
       J[2] = f_y * mixed;
       J[3] = f_y * (s + b * b * t + 6.0 * p1 * b + 2.0 * p2 * a);
     }
+  }
+
+  /// The point (a, b) of the plane z = 1 that is seen at a pixel: Project backwards, by Newton's method, to the rounding of the
+  /// pixel. False, `point` untouched, where that does not converge: beyond where the distortion folds the image.
+  [[nodiscard]] bool Unproject(const double pixel[2], double point[2]) const {
+    const double tolerance = 1e-14 * (std::fabs(pixel[0]) + std::fabs(pixel[1]) + f_x + f_y);
+    double a = (pixel[0] - c_x) / f_x, b = (pixel[1] - c_y) / f_y;
+    for (int i = 0; i < 20; ++i) {
+      double seen[2], J[4];
+      Project(a, b, seen, J);
+      const double error[2] = {seen[0] - pixel[0], seen[1] - pixel[1]};
+      const double determinant = J[0] * J[3] - J[1] * J[2];
+      if (!(J[0] > 0.0 && determinant > 0.0)) {
+        return false;
+      }
+      if (std::fabs(error[0]) + std::fabs(error[1]) <= tolerance) {
+        point[0] = a;
+        point[1] = b;
+        return true;
+      }
+      a -= (J[3] * error[0] - J[1] * error[1]) / determinant;
+      b -= (J[0] * error[1] - J[2] * error[0]) / determinant;
+    }
+    return false;
   }
 };
 

@@ -1,0 +1,63 @@
+#include "inceres/estimator/sliding_window_options.h"
+
+#include <cmath>
+#include <string>
+#include <utility>
+
+namespace inceres {
+namespace {
+
+Status Invalid(std::string message) {
+  return Status::Error(StatusCode::kInvalidArgument, "SlidingWindowOptions: " + std::move(message));
+}
+
+bool IsPositive(double value) {
+  return value > 0.0 && std::isfinite(value);
+}
+
+// Also of infinity, which means never or always.
+bool IsNotNegative(double value) {
+  return value >= 0.0;
+}
+
+Status ValidateCamera(const std::array<double, 7>& pose) {
+  double norm = 0.0;
+  for (std::size_t k = 0; k < 7; ++k) {
+    if (!std::isfinite(pose[k])) {
+      return Invalid("body_from_camera is not finite");
+    }
+    norm += k < 3 ? 0.0 : pose[k] * pose[k];
+  }
+  return std::fabs(norm - 1.0) < 1e-6 ? Status::Ok() : Invalid("the quaternion of body_from_camera is not of unit length");
+}
+
+}  // namespace
+
+Status SlidingWindowOptions::Validate() const {
+  if (size < 3 || size > 1000) {
+    return Invalid("size is " + std::to_string(size) + ", not between 3 and 1000");
+  }
+  if (min_tracked < 0 || !IsNotNegative(min_parallax)) {
+    return Invalid("min_tracked and min_parallax must not be negative");
+  }
+  const std::pair<const char*, double> positive[] = {{"feature_sigma[0]", feature_sigma[0]},
+                                                     {"feature_sigma[1]", feature_sigma[1]},
+                                                     {"min_triangulation_parallax", min_triangulation_parallax}};
+  for (const auto& [name, value] : positive) {
+    if (!IsPositive(value)) {
+      return Invalid(std::string(name) + " must be positive and finite");
+    }
+  }
+  if (!(max_imu_seconds > 0.0) || !(max_mean_error > 0.0)) {
+    return Invalid("max_imu_seconds and max_mean_error must be positive");
+  }
+  if (imu.conventions.perturbation != ImuConventions::Perturbation::kRight) {
+    return Invalid("imu.conventions.perturbation is kLeft; the reprojections are written for kRight");
+  }
+  Status status = ValidateCamera(body_from_camera);
+  status = status.ok() ? imu.Validate() : status;
+  status = status.ok() ? solver.Validate() : status;
+  return status.ok() ? marginalization.Validate() : status;
+}
+
+}  // namespace inceres

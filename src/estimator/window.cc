@@ -1,0 +1,91 @@
+#include "estimator/window.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "estimator/window_input.h"
+
+namespace inceres::internal {
+
+const FrameRecord& Window::FrameNumbered(std::int64_t number) const {
+  return *std::find_if(frames_.begin(), frames_.end(), [number](const FrameRecord& frame) { return frame.number == number; });
+}
+
+Status Window::Start(const WindowStart& start, const std::vector<WindowObservation>& observations) {
+  Status status = options_.Validate();
+  if (status.ok() && !frames_.empty()) {
+    status = Status::Error(StatusCode::kInvalidArgument, "SlidingWindowEstimator: Start was called before");
+  }
+  status = status.ok() ? CheckStart(start) : status;
+  status = status.ok() ? CheckObservations(start.state.time, observations) : status;
+  if (!status.ok()) {
+    return status;
+  }
+  GraphEdit edit(graph_.solver.graph());
+  const FrameRecord record = graph_.AddFrame(next_number_, start.state, &edit);
+  graph_.AddStart(start, record, &edit);
+  status = graph_.solver.Apply(edit);
+  if (status.ok()) {
+    ++next_number_;
+    frames_.push_back(record);
+    for (const WindowObservation& seen : observations) {
+      tracks_.all()[seen.track].views.push_back({record.number, seen.point, {}});
+    }
+  }
+  return status;
+}
+
+Status Window::Solve(WindowSummary* summary) {
+  graph_.solver.Update(&summary->update);
+  if (summary->update.termination != Termination::kFailure) {
+    return RejectLandmarks(summary);
+  }
+  // What has come last is at fault, or else the next solve fails as well: the views of the newest frame go.
+  GraphEdit edit(graph_.solver.graph());
+  WindowTracks tracks = tracks_;
+  DropViewsFrom(frames_.back().number, &tracks, &edit, summary);
+  if (graph_.solver.Apply(edit).ok()) {
+    tracks_ = std::move(tracks);
+  }
+  return Status::Error(StatusCode::kEvaluationFailed,
+                       "the solve failed, and the frame's views are dropped: " + summary->update.message);
+}
+
+// Whether a landmark is behind a camera that sees it, or its views err too much.
+bool Window::IsWrong(const Track& track) const {
+  const View& anchor_view = track.views.front();
+  const FrameRecord& anchor = FrameNumbered(anchor_view.frame);
+  const Feature feature = graph_.FeatureOf(track.landmark, anchor_view);
+  double sum = std::hypot((feature.m[0] - anchor_view.point[0]) / options_.feature_sigma[0],
+                          (feature.m[1] - anchor_view.point[1]) / options_.feature_sigma[1]);
+  for (auto view = track.views.begin() + 1; view != track.views.end(); ++view) {
+    std::array<double, 2> point{};
+    if (!graph_.CameraBetween(anchor, FrameNumbered(view->frame)).Project(feature, &point)) {
+      return true;
+    }
+    sum += std::hypot((point[0] - view->point[0]) / options_.feature_sigma[0],
+                      (point[1] - view->point[1]) / options_.feature_sigma[1]);
+  }
+  return feature.lambda <= 0.0 || !(sum <= options_.max_mean_error * static_cast<double>(track.views.size()));
+}
+
+Status Window::RejectLandmarks(WindowSummary* summary) {
+  GraphEdit edit(graph_.solver.graph());
+  WindowTracks tracks = tracks_;
+  for (auto entry = tracks.all().begin(); entry != tracks.all().end();) {
+    const bool wrong = entry->second.has_landmark() && IsWrong(entry->second);
+    if (wrong) {
+      edit.RemoveVariable(entry->second.landmark);
+      ++summary->num_rejected_landmarks;
+    }
+    entry = wrong ? tracks.all().erase(entry) : std::next(entry);
+  }
+  const Status status = edit.empty() ? Status::Ok() : graph_.solver.Apply(edit);
+  if (status.ok()) {
+    tracks_ = std::move(tracks);
+  }
+  return status;
+}
+
+}  // namespace inceres::internal

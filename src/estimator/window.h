@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "estimator/window_graph.h"
+#include "estimator/window_tracks.h"
+
+namespace inceres::internal {
+
+/// What a SlidingWindowEstimator does, phase by phase: AddFrame is Admit, Solve and Slide, one after the other. A phase that
+/// fails leaves frames, tracks and graph in step with each other.
+class Window {
+ public:
+  explicit Window(const SlidingWindowOptions& options) : options_(options), graph_(options_) {}
+
+  Status Start(const WindowStart& start, const std::vector<WindowObservation>& observations);
+
+  /// Takes up a frame where the IMU predicts it, with its views of landmarks, and makes new ones. (window_frames.cc)
+  Status Admit(const WindowFrame& frame, WindowSummary* summary);
+  /// Minimises within the budget; then takes out landmarks that are wrong.
+  Status Solve(WindowSummary* summary);
+  /// Takes frames out until the window has its size. (window_slide.cc)
+  Status Slide(WindowSummary* summary);
+
+  const SlidingWindowOptions& options() const { return options_; }
+  /// That some view in the window is from.
+  const FrameRecord& FrameNumbered(std::int64_t number) const;
+  const std::vector<FrameRecord>& frames() const { return frames_; }
+  const WindowTracks& tracks() const { return tracks_; }
+  const WindowGraph& graph() const { return graph_; }
+  WindowGraph& mutable_graph() { return graph_; }
+  /// The prior of what has left; family −1 before there is one.
+  FactorId prior() const { return prior_; }
+
+ private:
+  bool BeginsKeyframe(const WindowFrame& frame, const ImuPreintegrator& imu) const;
+  Status Predict(const WindowFrame& frame, ImuPreintegrator* imu, WindowState* state) const;
+  Status Connect(const WindowFrame& frame, const ImuPreintegrator& imu, const WindowState& predicted);
+  Status CreateLandmarks(WindowSummary* summary);
+  bool Triangulate(const Track& track, Feature* feature) const;
+
+  bool IsWrong(const Track& track) const;
+  Status RejectLandmarks(WindowSummary* summary);
+
+  Status MarginalizeOldest(WindowSummary* summary);
+  Status Reanchor(WindowSummary* summary);
+  Status DropSecondNewest(WindowSummary* summary);
+  void DropViewsFrom(std::int64_t frame, WindowTracks* tracks, GraphEdit* edit, WindowSummary* summary) const;
+  Status Marginalize(const MarginalizationOptions& options, MarginalizationRequest* request, WindowSummary* summary);
+  bool IsInPrior(VariableId id) const;
+
+  const SlidingWindowOptions options_;
+  WindowGraph graph_;
+  std::vector<FrameRecord> frames_;  // oldest first
+  WindowTracks tracks_;
+  std::int64_t next_number_ = 0;
+  bool keeps_second_newest_ = true;  // as the newest frame says
+  FactorId prior_;
+  std::vector<VariableId> in_prior_;
+  std::vector<VariableId> left_over_;  // of frames that have left but could not be marginalised yet
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,96 @@
+#include "estimator/window_input.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <string>
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+std::string Text(double value) {
+  std::ostringstream text;
+  text.precision(15);
+  text << value;
+  return text.str();
+}
+
+Status Invalid(double time, const std::string& what) {
+  return Status::Error(StatusCode::kInvalidArgument, "frame at " + Text(time) + " s: " + what);
+}
+
+template <typename Values>
+bool AllFinite(const Values& values) {
+  return std::all_of(std::begin(values), std::end(values), [](double value) { return std::isfinite(value); });
+}
+
+template <typename Values>
+bool AllPositive(const Values& values) {
+  return std::all_of(std::begin(values), std::end(values), [](double value) { return value > 0.0 && std::isfinite(value); });
+}
+
+Status CheckSamples(double time, const std::vector<ImuSample>& samples) {
+  if (samples.empty()) {
+    return Invalid(time, "no IMU samples lead to it");
+  }
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const ImuSample& sample = samples[i];
+    if (!std::isfinite(sample.time) || !AllFinite(sample.gyr) || !AllFinite(sample.acc)) {
+      return Invalid(time, "IMU sample " + std::to_string(i) + " is not finite");
+    }
+    if (i > 0 && !(sample.time > samples[i - 1].time)) {
+      return Invalid(time, "IMU sample " + std::to_string(i) + ", at " + Text(sample.time) +
+                               " s, does not come after the one at " + Text(samples[i - 1].time) + " s");
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
+Status CheckStart(const WindowStart& start) {
+  const WindowState& state = start.state;
+  if (!std::isfinite(state.time) || !AllFinite(state.pose) || !AllFinite(state.velocity) || !AllFinite(state.gyr_bias) ||
+      !AllFinite(state.acc_bias)) {
+    return Invalid(state.time, "the state at the start is not finite");
+  }
+  double norm = 0.0;
+  for (std::size_t k = 3; k < 7; ++k) {
+    norm += state.pose[k] * state.pose[k];
+  }
+  if (!(std::fabs(norm - 1.0) < 1e-6)) {
+    return Invalid(state.time, "the quaternion at the start is not of unit length");
+  }
+  if (!AllPositive(start.pose_sigma) || !AllPositive(start.velocity_sigma) || !AllPositive(start.gyr_bias_sigma) ||
+      !AllPositive(start.acc_bias_sigma)) {
+    return Invalid(state.time, "a standard deviation of the start is not positive and finite");
+  }
+  return Status::Ok();
+}
+
+Status CheckObservations(double time, const std::vector<WindowObservation>& observations) {
+  std::vector<std::int64_t> tracks;
+  for (const WindowObservation& seen : observations) {
+    if (!AllFinite(seen.point)) {
+      return Invalid(time, "the observation of track " + std::to_string(seen.track) + " is not finite");
+    }
+    tracks.push_back(seen.track);
+  }
+  std::sort(tracks.begin(), tracks.end());
+  const auto twice = std::adjacent_find(tracks.begin(), tracks.end());
+  return twice == tracks.end() ? Status::Ok() : Invalid(time, "track " + std::to_string(*twice) + " is observed twice");
+}
+
+Status CheckFrame(double last_time, const WindowFrame& frame) {
+  if (!std::isfinite(frame.time)) {
+    return Invalid(frame.time, "its time is not finite");
+  }
+  if (!(frame.time > last_time)) {
+    return Invalid(frame.time, "does not come after the last one, at " + Text(last_time) + " s");
+  }
+  const Status status = CheckSamples(frame.time, frame.imu);
+  return status.ok() ? CheckObservations(frame.time, frame.observations) : status;
+}
+
+}  // namespace inceres::internal
