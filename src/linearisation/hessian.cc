@@ -9,7 +9,6 @@ namespace {
 
 constexpr int kBlockGrain = 8;
 constexpr int kLandmarkGrain = 64;
-constexpr int kFrameGrain = 4;
 
 }  // namespace
 
@@ -49,10 +48,10 @@ void Hessian::Accumulate() {
   const Executor& executor = evaluator_.executor();
   kept_.Observe();
   executor.For(static_cast<int>(plans_.block_row.size()), kBlockGrain, [&](int b, int e) { AccumulateFrameBlocks(b, e); });
-  executor.For(plans_.pattern.num_blocks(), kFrameGrain, [&](int b, int e) { AccumulateFrameGradients(b, e); });
   executor.For(incidences_.num_landmarks(), kLandmarkGrain, [&](int b, int e) { AccumulateLandmarks(b, e); });
 }
 
+// With a diagonal block goes the gradient of its frame: the Jacobians are then still in the cache.
 void Hessian::AccumulateFrameBlocks(int begin, int end) {
   const BlockPattern& pattern = plans_.pattern;
   BlockScratch scratch;
@@ -68,6 +67,9 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     double* out = C_.data() + pattern.value_begin[k];
     for (int r = 0; r < rows; ++r) {
       std::copy(sum + r * stride, sum + r * stride + columns, out + r * columns);
+    }
+    if (pattern.columns[k] == plans_.block_row[k]) {
+      AccumulateGradient(plans_.block_row[k]);
     }
   }
 }
@@ -98,30 +100,28 @@ void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
   }
 }
 
-void Hessian::AccumulateFrameGradients(int begin, int end) {
+void Hessian::AccumulateGradient(int frame) {
   const BlockPattern& pattern = plans_.pattern;
+  const auto i = static_cast<std::size_t>(frame);
+  const int size = pattern.block_size(frame);
   BlockScratch scratch;
-  for (int frame = begin; frame < end; ++frame) {
-    const auto i = static_cast<std::size_t>(frame);
-    const int size = pattern.block_size(frame);
-    double* sum = scratch.Zeroed(1, size);
-    for (int s = gradient_segments_begin_[i]; s < gradient_segments_begin_[i + 1]; ++s) {
-      const GradientSegment& segment = gradient_segments_[s];
-      const FamilyCache& cache = evaluator_.families()[segment.family];
-      VectorProducts products;
-      products.a = cache.slots[segment.slot].data;
-      products.v = cache.residuals.data();
-      products.terms = gradient_terms_.data() + segment.first_term;
-      products.count = segment.count;
-      products.depth = cache.family->residual_size();
-      products.a_size = size;
-      kernels_.accumulate_vectors(products, 1.0, sum);
-    }
-    std::copy(sum, sum + size, gradient_.data() + pattern.offsets[i]);
-    const double* C_ii = C_.data() + pattern.value_begin[pattern.row_begin[i + 1] - 1];
-    for (int k = 0; k < size; ++k) {
-      diagonal_[pattern.offsets[i] + k] = C_ii[k * size + k];
-    }
+  double* sum = scratch.Zeroed(1, size);
+  for (int s = gradient_segments_begin_[i]; s < gradient_segments_begin_[i + 1]; ++s) {
+    const GradientSegment& segment = gradient_segments_[s];
+    const FamilyCache& cache = evaluator_.families()[segment.family];
+    VectorProducts products;
+    products.a = cache.slots[segment.slot].data;
+    products.v = cache.residuals.data();
+    products.terms = gradient_terms_.data() + segment.first_term;
+    products.count = segment.count;
+    products.depth = cache.family->residual_size();
+    products.a_size = size;
+    kernels_.accumulate_vectors(products, 1.0, sum);
+  }
+  std::copy(sum, sum + size, gradient_.data() + pattern.offsets[i]);
+  const double* C_ii = C_.data() + pattern.value_begin[pattern.row_begin[i + 1] - 1];
+  for (int k = 0; k < size; ++k) {
+    diagonal_[pattern.offsets[i] + k] = C_ii[k * size + k];
   }
 }
 

@@ -33,7 +33,7 @@ class Hessian {
  private:
   void AccumulateFrameBlocks(int begin, int end);
   void AddSegment(int segment, int rows, int columns, double* sum);
-  void AccumulateFrameGradients(int begin, int end);
+  void AccumulateGradient(int frame);
   void AccumulateLandmarks(int begin, int end);
   void BuildGradientTerms();
 

@@ -12,7 +12,6 @@ namespace {
 
 constexpr int kBlockGrain = 4;
 constexpr int kLandmarkGrain = 64;
-constexpr int kFrameGrain = 2;
 
 }  // namespace
 
@@ -76,75 +75,78 @@ Status Elimination::Eliminate(const double* landmark_damping) {
                                                     " is not positive definite: its factors do not determine it");
   }
   executor.For(static_cast<int>(plans_.block_row.size()), kBlockGrain, [&](int b, int e) { FormBlocks(b, e); });
-  executor.For(plans_.pattern.num_blocks(), kFrameGrain, [&](int b, int e) { FormRightHandSide(b, e); });
   return Status::Ok();
 }
 
+// The diagonal block comes last in its row: what b takes is then still in the cache.
 void Elimination::FormBlocks(int begin, int end) {
-  const BlockPattern& pattern = plans_.pattern;
-  BlockScratch scratch;
   for (int block = begin; block < end; ++block) {
-    const auto k = static_cast<std::size_t>(block);
-    const int rows = pattern.block_size(plans_.block_row[k]);
-    const int columns = pattern.block_size(pattern.columns[k]);
-    const int stride = PadToQuad(columns);
-    const double* C = hessian_.C().data() + pattern.value_begin[k];
-    double* out = S_.data() + pattern.value_begin[k];
-    if (plans_.schur.segments_begin[k] == plans_.schur.segments_begin[k + 1]) {
-      std::copy(C, C + rows * columns, out);
-      continue;
-    }
-    double* sum = scratch.Zeroed(rows, columns);
-    for (int s = plans_.schur.segments_begin[k]; s < plans_.schur.segments_begin[k + 1]; ++s) {
-      const ProductPlan::Segment& segment = plans_.schur.segments[s];
-      BlockProducts products;
-      products.a = Y_.data();
-      products.b = Y_.data();
-      products.terms = plans_.schur.terms.data() + segment.first_term;
-      products.count = segment.count;
-      products.depth = segment.source;
-      products.a_size = columns;
-      products.b_size = rows;
-      kernels_.accumulate_products(products, -1.0, sum);
-    }
-    for (int r = 0; r < rows; ++r) {
-      for (int c = 0; c < columns; ++c) {
-        out[r * columns + c] = C[r * columns + c] + sum[r * stride + c];
-      }
+    FormBlock(block);
+    const int row = plans_.block_row[block];
+    if (plans_.pattern.columns[block] == row) {
+      FormRightHandSide(row);
     }
   }
 }
 
-void Elimination::FormRightHandSide(int begin, int end) {
+void Elimination::FormBlock(int block) {
   const BlockPattern& pattern = plans_.pattern;
+  const auto k = static_cast<std::size_t>(block);
+  const int rows = pattern.block_size(plans_.block_row[k]);
+  const int columns = pattern.block_size(pattern.columns[k]);
+  const int stride = PadToQuad(columns);
+  const double* C = hessian_.C().data() + pattern.value_begin[k];
+  double* out = S_.data() + pattern.value_begin[k];
+  if (plans_.schur.segments_begin[k] == plans_.schur.segments_begin[k + 1]) {
+    std::copy(C, C + rows * columns, out);
+    return;
+  }
   BlockScratch scratch;
-  for (int frame = begin; frame < end; ++frame) {
-    const auto i = static_cast<std::size_t>(frame);
-    const int size = pattern.block_size(frame);
-    double* sum = scratch.Zeroed(1, size);
-    for (int first = incidences_.frame_begin[i]; first < incidences_.frame_begin[i + 1];) {
-      const auto size_of = [&](int k) {
-        const int q = incidences_.frame_incidences[k];
-        return incidences_.sizes[incidences_.landmarks[q]];
-      };
-      int last = first;
-      while (last < incidences_.frame_begin[i + 1] && size_of(last) == size_of(first)) {
-        ++last;
-      }
-      VectorProducts products;
-      products.a = Y_.data();
-      products.v = z_.data();
-      products.terms = rhs_terms_.data() + first;
-      products.count = last - first;
-      products.depth = size_of(first);
-      products.a_size = size;
-      kernels_.accumulate_vectors(products, -1.0, sum);
-      first = last;
+  double* sum = scratch.Zeroed(rows, columns);
+  for (int s = plans_.schur.segments_begin[k]; s < plans_.schur.segments_begin[k + 1]; ++s) {
+    const ProductPlan::Segment& segment = plans_.schur.segments[s];
+    BlockProducts products;
+    products.a = Y_.data();
+    products.b = Y_.data();
+    products.terms = plans_.schur.terms.data() + segment.first_term;
+    products.count = segment.count;
+    products.depth = segment.source;
+    products.a_size = columns;
+    products.b_size = rows;
+    kernels_.accumulate_products(products, -1.0, sum);
+  }
+  for (int r = 0; r < rows; ++r) {
+    for (int c = 0; c < columns; ++c) {
+      out[r * columns + c] = C[r * columns + c] + sum[r * stride + c];
     }
-    for (int k = 0; k < size; ++k) {
-      const int at = pattern.offsets[i] + k;
-      b_[at] = sum[k] - hessian_.gradient()[at];
+  }
+}
+
+void Elimination::FormRightHandSide(int frame) {
+  const BlockPattern& pattern = plans_.pattern;
+  const auto i = static_cast<std::size_t>(frame);
+  const int size = pattern.block_size(frame);
+  BlockScratch scratch;
+  double* sum = scratch.Zeroed(1, size);
+  const auto size_of = [&](int k) { return incidences_.sizes[incidences_.landmarks[incidences_.frame_incidences[k]]]; };
+  for (int first = incidences_.frame_begin[i]; first < incidences_.frame_begin[i + 1];) {
+    int last = first;
+    while (last < incidences_.frame_begin[i + 1] && size_of(last) == size_of(first)) {
+      ++last;
     }
+    VectorProducts products;
+    products.a = Y_.data();
+    products.v = z_.data();
+    products.terms = rhs_terms_.data() + first;
+    products.count = last - first;
+    products.depth = size_of(first);
+    products.a_size = size;
+    kernels_.accumulate_vectors(products, -1.0, sum);
+    first = last;
+  }
+  for (int k = 0; k < size; ++k) {
+    const int at = pattern.offsets[i] + k;
+    b_[at] = sum[k] - hessian_.gradient()[at];
   }
 }
 

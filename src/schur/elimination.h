@@ -34,7 +34,8 @@ class Elimination {
  private:
   bool EliminateLandmark(int landmark, const double* damping);
   void FormBlocks(int begin, int end);
-  void FormRightHandSide(int begin, int end);
+  void FormBlock(int block);
+  void FormRightHandSide(int frame);
   int DampingOffset(int landmark) const;
 
   const Evaluator& evaluator_;
