@@ -29,7 +29,8 @@ def run(program, arguments):
                    f"--benchmark_repetitions={arguments.repetitions}", f"--benchmark_min_time={arguments.min_time}",
                    "--benchmark_enable_random_interleaving=true"]
         subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        return json.loads(report.read_text(encoding="utf-8"))
+        text = report.read_text(encoding="utf-8")
+        return json.loads(text) if text else {"context": {}, "benchmarks": []}  # nothing matched the filter
 
 
 def build_settings(build):
@@ -65,7 +66,7 @@ def main():
         result = {"commit": commit(), **build_settings(arguments.build), "benchmarks": []}
         for name in names:
             report = run(arguments.build / "bin" / f"{name}_benchmark", arguments)
-            result["context"] = report["context"]
+            result["context"] = report["context"] or result.get("context", {})
             result["benchmarks"] += [{**benchmark, "name": f"{name}: {benchmark['name']}"} for benchmark in report["benchmarks"]
                                      if benchmark["run_type"] == "iteration" and not benchmark.get("error_occurred", False)]
         if not result["benchmarks"]:
