@@ -8,8 +8,35 @@
 #include <string>
 #include <vector>
 
+// Of the OpenMP runtime that CHOLMOD brings along, if it does.
+extern "C" {
+__attribute__((weak)) int omp_get_max_active_levels();
+__attribute__((weak)) void omp_set_max_active_levels(int levels);
+}
+
 namespace inceres::internal {
 namespace {
+
+// While one lives, CHOLMOD stays on the calling thread. Its supernodal loops ask OpenMP for four threads whatever the machine and
+// the caller have, and waking them costs more than the small supernodes of S win. The setting is the calling thread's own.
+class OnOneThread {
+ public:
+  OnOneThread() : levels_(omp_get_max_active_levels != nullptr ? omp_get_max_active_levels() : 0) {
+    if (omp_set_max_active_levels != nullptr) {
+      omp_set_max_active_levels(0);
+    }
+  }
+  ~OnOneThread() {
+    if (omp_set_max_active_levels != nullptr) {
+      omp_set_max_active_levels(levels_);
+    }
+  }
+  OnOneThread(const OnOneThread&) = delete;
+  OnOneThread& operator=(const OnOneThread&) = delete;
+
+ private:
+  int levels_;
+};
 
 // METIS takes tens of milliseconds where AMD takes one: only a factor this expensive may win that back within a solve.
 constexpr double kMinFlopsForNestedDissection = 3e7;
@@ -174,14 +201,39 @@ struct SparseCholesky::Cholmod {
     starts[pattern->size()] = entry;
   }
 
+  // The lower triangle in the place of the upper one: the supernodal factorisation would form it anew each time. False if out of
+  // memory.
+  bool TurnMatrix() {
+    cholmod_sparse* lower = cholmod_transpose(matrix.get(), 0, &common);
+    if (lower == nullptr) {
+      return false;
+    }
+    const int* starts = static_cast<const int*>(matrix.get()->p);
+    const int* rows = static_cast<const int*>(matrix.get()->i);
+    const int* lower_starts = static_cast<const int*>(lower->p);
+    std::vector<int> next(lower_starts, lower_starts + lower->ncol);
+    std::vector<std::uint32_t> turned(source.size());
+    for (int column = 0; column < pattern->size(); ++column) {
+      for (int k = starts[column]; k < starts[column + 1]; ++k) {
+        turned[static_cast<std::size_t>(next[rows[k]]++)] = source[static_cast<std::size_t>(k)];
+      }
+    }
+    source = std::move(turned);
+    matrix.Reset(lower);
+    cholmod_sparse_xtype(CHOLMOD_REAL, lower, &common);
+    return common.status == CHOLMOD_OK;
+  }
+
   void CopyValues(const double* values, const double* diagonal) {
     double* out = static_cast<double*>(matrix.get()->x);
     const int* starts = static_cast<const int*>(matrix.get()->p);
     for (std::size_t k = 0; k < source.size(); ++k) {
       out[k] = values[source[k]];
     }
+    const bool lower = matrix.get()->stype < 0;
     for (int column = 0; column < pattern->size(); ++column) {
-      out[starts[column + 1] - 1] += diagonal[permutation[column]];  // the diagonal entry is a column's last
+      // The diagonal entry is the first of a column of the lower triangle, the last of the upper one.
+      out[lower ? starts[column] : starts[column + 1] - 1] += diagonal[permutation[column]];
     }
   }
 
@@ -247,11 +299,15 @@ Status SparseCholesky::Analyze(const BlockPattern& pattern) {
     return Status::Error(StatusCode::kSingular, "CHOLMOD could not analyse the reduced system (out of memory?)");
   }
   c.predicted_flops = c.common.fl;
+  if (c.factor.get()->is_super != 0 && !c.TurnMatrix()) {
+    return Status::Error(StatusCode::kSingular, "CHOLMOD could not turn the reduced system (out of memory?)");
+  }
   return Status::Ok();
 }
 
 Status SparseCholesky::Factorize(const double* values, const double* diagonal) {
   Cholmod& c = *cholmod_;
+  const OnOneThread on_one_thread;
   c.CopyValues(values, diagonal);
   cholmod_factorize(c.matrix.get(), c.factor.get(), &c.common);
   if (c.common.status != CHOLMOD_OK || c.factor.get()->minor < c.factor.get()->n) {
