@@ -1,0 +1,65 @@
+#!/usr/bin/env python3
+"""benchmarks/scale.py and memory_figures.py: the arithmetic, and small runs. Arguments: the folder benchmarks/, the build directory."""
+
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+BENCHMARKS, BUILD = (pathlib.Path(argument) for argument in sys.argv[1:3])
+sys.path.insert(0, str(BENCHMARKS))
+
+import scale  # noqa: E402
+
+
+class ArithmeticTest(unittest.TestCase):
+    def test_exponent_of_powers(self):
+        self.assertAlmostEqual(scale.exponent([(size, 3.0 * size**1.5) for size in (10, 100, 1000)]), 1.5)
+        self.assertIsNone(scale.exponent([(10, 1.0)]))
+
+    def test_time_until_the_cost_is_reached(self):
+        trace = [{"seconds": 0.1, "cost": 9.0, "accepted": True}, {"seconds": 0.2, "cost": 4.0, "accepted": False},
+                 {"seconds": 0.3, "cost": 4.5, "accepted": True}]
+        report = {"trace": trace, "final_cost": 4.0, "seconds": 0.5}
+        self.assertEqual(scale.seconds_to(report, 5.0), 0.3)
+        self.assertEqual(scale.seconds_to(report, 4.2), 0.5)  # by the last step, which ended the solve
+        self.assertIsNone(scale.seconds_to(report, 3.0))
+
+
+class RunTest(unittest.TestCase):
+    def run_script(self, name, *arguments):
+        return subprocess.run([sys.executable, BENCHMARKS / name, "--build", BUILD, *map(str, arguments)], capture_output=True,
+                              text=True, timeout=300, check=False, env={**os.environ, "INCERES_DATA_DIR": "/nowhere"})
+
+    def test_small_paths(self):
+        with tempfile.TemporaryDirectory() as folder:
+            report, plot = pathlib.Path(folder) / "scale.json", pathlib.Path(folder) / "scale.svg"
+            result = self.run_script("scale.py", "--sizes", "30,60", "--solvers", "built-in,SPARSE", "--json", report, "--svg", plot)
+            self.assertEqual((result.returncode, result.stderr), (0, ""))
+            rows = json.loads(report.read_text(encoding="utf-8"))
+            self.assertEqual([(row["cameras"], row["solver"]) for row in rows],
+                             [(size, name) for size in (30, 60) for name in ("ours, built-in factors", "stock, SPARSE_SCHUR")])
+            self.assertTrue(all(row["peak_bytes"] > 1e6 and row["seconds_to_cost"] > 0.0 for row in rows))
+            self.assertRegex(result.stdout, r"\| ours, built-in factors \| cameras\^-?\d\.\d\d \| cameras\^-?\d\.\d\d \|")
+            self.assertEqual(len(re.findall("<polyline", plot.read_text(encoding="utf-8"))), 4)
+
+    def test_a_build_without_tools_is_an_error(self):
+        result = subprocess.run([sys.executable, BENCHMARKS / "scale.py", "--build", "/nowhere"], capture_output=True, text=True,
+                                timeout=60, check=False)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("scale.py: ", result.stderr)
+
+    def test_memory_beside_stock(self):
+        result = self.run_script("memory_figures.py", "--limit", "1000", "--preset", "venice11")
+        self.assertEqual((result.returncode, result.stderr), (0, ""))
+        self.assertIn("Ladybug-49: skipped", result.stdout)
+        self.assertEqual(len(re.findall(r"^\| venice11 \|.*\| yes \|$", result.stdout, re.MULTILINE)), 2)
+        self.assertEqual(self.run_script("memory_figures.py", "--limit", "0.01", "--preset", "venice11").returncode, 1)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
