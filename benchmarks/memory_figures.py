@@ -12,6 +12,7 @@ it that problem is skipped by name. Two iterations each: memory does not grow wi
 import argparse
 import os
 import pathlib
+import subprocess
 import sys
 import tempfile
 
@@ -56,7 +57,7 @@ def main():
             generated = pathlib.Path(folder) / "generated.txt"
             generate(arguments.build, ["--preset", arguments.preset], generated)
             fine = measure(arguments.build, arguments.preset, generated, arguments.limit) and fine
-    except (OSError, RuntimeError) as error:
+    except (OSError, RuntimeError, subprocess.CalledProcessError) as error:
         print(f"memory_figures.py: {error}", file=sys.stderr)
         return 2
     return 0 if fine else 1

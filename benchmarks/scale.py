@@ -16,6 +16,7 @@ import json
 import math
 import pathlib
 import statistics
+import subprocess
 import sys
 import tempfile
 
@@ -166,15 +167,15 @@ def main():
         sizes = [int(size) for size in arguments.sizes.split(",")]
         wanted = arguments.solvers.split(",")
         solvers = [name for name in SOLVERS if any(text in name for text in wanted)]
-        if not solvers or min(sizes) < 20:
-            parser.error("--solvers names none, or --sizes has one below 20")
+        if not solvers or min(sizes) < 100:
+            parser.error("--solvers names none, or --sizes has one below 100")
         rows = measure(arguments.build, sizes, solvers, arguments.iterative_up_to)
         print_exponents(rows)
         if arguments.json is not None:
             arguments.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
         if arguments.svg is not None:
             arguments.svg.write_text(picture(rows), encoding="utf-8")
-    except (OSError, RuntimeError) as error:
+    except (OSError, RuntimeError, subprocess.CalledProcessError) as error:
         print(f"scale.py: {error}", file=sys.stderr)
         return 2
     return 0
