@@ -14,10 +14,12 @@ constexpr int kAlwaysDenseSize = 300;
 constexpr double kAlwaysDenseFill = 0.5;
 // Beyond this the dense matrix alone would take gigabytes.
 constexpr int kNeverDenseSize = 12000;
-// CHOLMOD reaches about 1 GFlop/s on the small supernodes of S where the dense kernels reach 10 to 28 (path problems of 11 to
-// 1,500 cameras, one thread): at equal predicted flops the sparse factor takes this much longer. The break-even was at 900
-// unknowns.
-constexpr double kSparsePenalty = 15.0;
+// At equal predicted flops the sparse factor takes this much longer, on one thread. With supernodes it reaches 8 to 14 GFlop/s
+// where the dense kernels reach 13 to 20 (paths of 100 to 1,200 cameras; break-even at 3,600 unknowns with loops, at 1,800
+// without); where CHOLMOD finds supernodes not worth it, or they are those of a window, 1 GFlop/s.
+constexpr double kSupernodalPenalty = 1.4;
+constexpr int kMinSupernodalSize = 1000;
+constexpr double kSimplicialPenalty = 15.0;
 // Flops that an entry of the dense matrix is worth before any arithmetic: it is cleared, at some 10 GB/s. Without it thin bands
 // would go to the dense kernels, which leave out what stays zero.
 constexpr double kFlopsPerDenseEntry = 12.0;
@@ -53,7 +55,9 @@ std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const R
   const auto n = static_cast<double>(pattern.size());
   const double fixed_flops = kFlopsPerDenseEntry * 0.5 * n * n;
   // Ordering for the dense factor costs less than this too, so that it is asked only where it may win.
-  const double sparse_flops = status->ok() ? kSparsePenalty * sparse->PredictedFlops() : std::numeric_limits<double>::infinity();
+  const bool supernodal = sparse->IsSupernodal() && pattern.size() >= kMinSupernodalSize;
+  const double penalty = supernodal ? kSupernodalPenalty : kSimplicialPenalty;
+  const double sparse_flops = status->ok() ? penalty * sparse->PredictedFlops() : std::numeric_limits<double>::infinity();
   if (kind == ReducedSolverKind::kAutomatic && pattern.size() < kNeverDenseSize && fixed_flops < sparse_flops) {
     auto dense = std::make_unique<DenseCholesky>(executor);
     const Status dense_status = dense->Analyze(pattern);

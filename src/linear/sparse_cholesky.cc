@@ -263,6 +263,10 @@ double SparseCholesky::PredictedFlops() const {
   return cholmod_->predicted_flops;
 }
 
+bool SparseCholesky::IsSupernodal() const {
+  return cholmod_->factor.get() != nullptr && cholmod_->factor.get()->is_super != 0;
+}
+
 std::size_t SparseCholesky::Bytes() const {
   const Cholmod& c = *cholmod_;
   return c.common.memory_inuse + c.permutation.capacity() * sizeof(int) + c.source.capacity() * sizeof(std::uint32_t) +
