@@ -14,6 +14,8 @@ constexpr int kAlwaysDenseSize = 300;
 constexpr double kAlwaysDenseFill = 0.5;
 // Beyond this the dense matrix alone would take gigabytes.
 constexpr int kNeverDenseSize = 12000;
+// Beyond this, 128 MB of a dense matrix that is mostly zeros, speed would have to be much better than it is.
+constexpr int kMostlyZerosSize = 4000;
 // At equal predicted flops the sparse factor takes this much longer, on one thread. With supernodes it reaches 8 to 14 GFlop/s
 // where the dense kernels reach 13 to 20 (paths of 100 to 1,200 cameras; break-even at 3,600 unknowns with loops, at 1,800
 // without); where CHOLMOD finds supernodes not worth it, or they are those of a window, 1 GFlop/s.
@@ -58,7 +60,7 @@ std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const R
   const bool supernodal = sparse->IsSupernodal() && pattern.size() >= kMinSupernodalSize;
   const double penalty = supernodal ? kSupernodalPenalty : kSimplicialPenalty;
   const double sparse_flops = status->ok() ? penalty * sparse->PredictedFlops() : std::numeric_limits<double>::infinity();
-  if (kind == ReducedSolverKind::kAutomatic && pattern.size() < kNeverDenseSize && fixed_flops < sparse_flops) {
+  if (kind == ReducedSolverKind::kAutomatic && pattern.size() < kMostlyZerosSize && fixed_flops < sparse_flops) {
     auto dense = std::make_unique<DenseCholesky>(executor);
     const Status dense_status = dense->Analyze(pattern);
     if (fixed_flops + dense->PredictedFlops() < sparse_flops) {

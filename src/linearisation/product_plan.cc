@@ -108,6 +108,7 @@ class PlanBuilder {
   void Build() {
     BlockPattern& pattern = plans_->pattern;
     const int num_frames = layout_.num_frames;
+    ReserveTerms();
     pattern.offsets.assign(layout_.packed_offset.begin(), layout_.packed_offset.begin() + num_frames + 1);
     pattern.row_begin.push_back(0);
     pattern.value_begin.push_back(0);
@@ -144,6 +145,23 @@ class PlanBuilder {
   }
 
  private:
+  // There are millions of terms: growing by doubling would take up to three times their memory.
+  void ReserveTerms() {
+    std::size_t num_schur_terms = 0;
+    for (std::size_t l = 0; l + 1 < incidences_.begin.size(); ++l) {
+      const auto views = static_cast<std::size_t>(incidences_.begin[l + 1] - incidences_.begin[l]);
+      num_schur_terms += views * (views + 1) / 2;
+    }
+    plans_->schur.terms.reserve(num_schur_terms);
+    std::size_t num_hessian_terms = 0;
+    for (const std::vector<SlotAdjacency>& slots : adjacency_) {
+      for (const SlotAdjacency& slot : slots) {
+        num_hessian_terms += slot.factors.size();  // what is off the diagonal is added where it is found
+      }
+    }
+    plans_->hessian.terms.reserve(num_hessian_terms);
+  }
+
   int SourceIndex(int family, int row_slot, int column_slot) {
     const auto key = std::make_tuple(family, row_slot, column_slot);
     const auto [entry, inserted] = source_index_.try_emplace(key, static_cast<int>(plans_->hessian_sources.size()));

@@ -14,8 +14,9 @@ bool ForEachNumber(const FactorGraph& graph, const Visit& visit) {
     const bool landmark = graph.role(id) == Role::kLandmark;
     const bool curved = graph.manifold(id) != nullptr;
     const int flags = (landmark ? 1 : 0) + (graph.IsConstant(id) ? 2 : 0) + (curved ? 4 : 0);
-    const std::int64_t sizes = (static_cast<std::int64_t>(graph.AmbientSize(id)) << 32) + graph.TangentSize(id);
-    if (!visit(flags) || !visit(sizes) || !visit(graph.StateOffset(id))) {
+    const std::int64_t offset = graph.StateOffset(id);
+    if (!visit(flags) || !visit(graph.AmbientSize(id)) || !visit(graph.TangentSize(id)) ||
+        !visit(static_cast<std::int32_t>(offset)) || !visit(static_cast<std::int32_t>(offset >> 32))) {
       return false;
     }
   }
@@ -43,16 +44,22 @@ bool ForEachNumber(const FactorGraph& graph, const Visit& visit) {
 }  // namespace
 
 Structure::Structure(const FactorGraph& graph) {
-  ForEachNumber(graph, [this](std::int64_t number) {
+  std::size_t count = 0;
+  ForEachNumber(graph, [&count](std::int32_t /*number*/) {
+    ++count;
+    return true;
+  });
+  numbers_.reserve(count);  // taken when a solve has all its memory: no more than needed, then
+  ForEachNumber(graph, [this](std::int32_t number) {
     numbers_.push_back(number);
     return true;
   });
 }
 
 bool Structure::IsThatOf(const FactorGraph& graph) const {
-  const std::int64_t* next = numbers_.data();
-  const std::int64_t* const end = next + numbers_.size();
-  return ForEachNumber(graph, [&](std::int64_t number) { return next != end && *next++ == number; }) && next == end;
+  const std::int32_t* next = numbers_.data();
+  const std::int32_t* const end = next + numbers_.size();
+  return ForEachNumber(graph, [&](std::int32_t number) { return next != end && *next++ == number; }) && next == end;
 }
 
 }  // namespace inceres::internal

@@ -18,10 +18,10 @@ class Structure {
   explicit Structure(const FactorGraph& graph);
 
   bool IsThatOf(const FactorGraph& graph) const;
-  std::int64_t Bytes() const { return static_cast<std::int64_t>(numbers_.capacity() * sizeof(std::int64_t)); }
+  std::int64_t Bytes() const { return static_cast<std::int64_t>(numbers_.capacity() * sizeof(std::int32_t)); }
 
  private:
-  std::vector<std::int64_t> numbers_;
+  std::vector<std::int32_t> numbers_;
 };
 
 }  // namespace inceres::internal
