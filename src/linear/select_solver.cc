@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "linear/dense_cholesky.h"
+#include "linear/lagged_pcg.h"
 #include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {
@@ -51,6 +52,9 @@ std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const R
       pattern.size() <= kAlwaysDenseSize || (pattern.size() < kNeverDenseSize && Fill(pattern) >= kAlwaysDenseFill);
   if (kind == ReducedSolverKind::kDense || (kind == ReducedSolverKind::kAutomatic && clearly_dense)) {
     return analysed(std::make_unique<DenseCholesky>(executor));
+  }
+  if (kind == ReducedSolverKind::kPcg) {
+    return analysed(std::make_unique<LaggedPcg>(executor));
   }
   auto sparse = std::make_unique<SparseCholesky>();
   *status = sparse->Analyze(pattern);

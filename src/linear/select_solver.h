@@ -8,7 +8,7 @@
 namespace inceres::internal {
 
 /// Makes the solver of the reduced system, already analysed: the caller's own if he gave a factory, otherwise dense or sparse
-/// Cholesky as asked, and under kAutomatic the one with the lower predicted cost. Returns the analysis' failure, if any, through
+/// Cholesky or conjugate gradients as asked, and under kAutomatic the one with the lower predicted cost. Returns the analysis' failure, if any, through
 /// *status.
 std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const ReducedSolverFactory& factory,
                                                  const BlockPattern& pattern, const Executor& executor, Status* status);

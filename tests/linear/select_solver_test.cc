@@ -65,6 +65,7 @@ TEST_F(SelectSolver, AutomaticIsDenseForAWindowOfInertialFrames) {
 
 TEST_F(SelectSolver, AWishIsGranted) {
   EXPECT_EQ(NameFor(ReducedSolverKind::kDense, Blocks(100, Fill::kBand).pattern), "dense Cholesky");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kPcg, Blocks(3, Fill::kDense).pattern).substr(0, 3), "PCG");
   EXPECT_EQ(NameFor(ReducedSolverKind::kSparse, Blocks(3, Fill::kDense).pattern).substr(0, 7), "CHOLMOD");
 }
 

@@ -42,7 +42,7 @@ class SameBits : public testing::TestWithParam<TrustRegionStrategyKind> {
 };
 
 TEST_P(SameBits, ForAnyNumberOfThreadsAndEveryRun) {
-  for (const auto kind : {ReducedSolverKind::kDense, ReducedSolverKind::kSparse}) {
+  for (const auto kind : {ReducedSolverKind::kDense, ReducedSolverKind::kSparse, ReducedSolverKind::kPcg}) {
     std::vector<double> expected_state;
     const Summary expected = SolveWith(1, kind, &expected_state);
     for (const int num_threads : {1, 2, 4, 2}) {

@@ -129,6 +129,15 @@ TEST(RepeatedSolve, OptionsThatSetUpDependsOnCount) {
   EXPECT_TRUE(SolveBothWays(options, Options(), &solver).structure_reused);
 }
 
+// Conjugate gradients remember a factor, which a solve from nothing does not have.
+TEST(RepeatedSolve, AReducedSolverThatRemembersIsMadeAnew) {
+  Solver solver;
+  SolverOptions options = TenIterations();
+  options.reduced_solver = ReducedSolverKind::kPcg;
+  SolveBothWays(options, Options(), &solver);
+  EXPECT_FALSE(SolveBothWays(options, Options(), &solver).structure_reused);
+}
+
 TEST(RepeatedSolve, SetConstantIsAnotherStructure) {
   Solver solver;
   const auto bundle = MakeBundle(Options());

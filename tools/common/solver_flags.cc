@@ -12,7 +12,8 @@ DEFINE_string(
     linear_solver, "auto",
     "Linear solver: auto, dense_schur, sparse_schur, iterative_schur, sparse_normal_cholesky, dense_normal_cholesky, "
     "dense_qr or cgnr, as Ceres names them. auto: a Schur solver for bal and vio, sparse_normal_cholesky for pose graphs. "
-    "inceres refuses the iterative ones; of the Cholesky and Schur ones on a ceres::Problem it takes whichever it predicts to "
+    "inceres refuses the iterative ones on a ceres::Problem (iterative_schur with --builtin_factors is its PCG); of the Cholesky "
+    "and Schur ones on a ceres::Problem it takes whichever it predicts to "
     "be cheapest, with --builtin_factors the one named. In ab_compare this is for inceres; stock runs in --configurations.");
 DEFINE_int32(num_threads, 1, "Threads of the solver, at least 1.");
 DEFINE_int32(max_num_iterations, 50, "Stop after this many iterations, at least 0.");
@@ -153,6 +154,7 @@ Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
     switch (*settings.linear_solver) {
       case ceres::DENSE_SCHUR:
       case ceres::SPARSE_SCHUR:
+      case ceres::ITERATIVE_SCHUR:
         result.linear_model = LinearModelKind::kSchur;
         break;
       case ceres::DENSE_NORMAL_CHOLESKY:
@@ -167,7 +169,9 @@ Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
                        " is iterative: not available with --builtin_factors");
     }
     const bool dense = *settings.linear_solver == ceres::DENSE_SCHUR || *settings.linear_solver == ceres::DENSE_NORMAL_CHOLESKY;
-    result.reduced_solver = dense ? ReducedSolverKind::kDense : ReducedSolverKind::kSparse;
+    result.reduced_solver = *settings.linear_solver == ceres::ITERATIVE_SCHUR ? ReducedSolverKind::kPcg
+                            : dense                                           ? ReducedSolverKind::kDense
+                                                                              : ReducedSolverKind::kSparse;
   }
   result.strategy =
       settings.trust_region == ceres::DOGLEG ? TrustRegionStrategyKind::kDogleg : TrustRegionStrategyKind::kLevenbergMarquardt;

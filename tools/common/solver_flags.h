@@ -39,7 +39,8 @@ ceres::LinearSolverType LinearSolverOr(const SolverSettings& settings, ceres::Li
 /// "dense_schur", "sparse_normal_cholesky", …: what --linear_solver reads.
 std::string FlagName(ceres::LinearSolverType type);
 
-/// The settings as options of Ceres (stock and shim), and of the core. The core refuses iterative linear solvers.
+/// The settings as options of Ceres (stock and shim), and of the core. ITERATIVE_SCHUR is the core's PCG; it
+/// refuses CGNR.
 Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType type, ceres::Solver::Options* options);
 Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options);
 

@@ -33,9 +33,13 @@ class INCERES_EXPORT ReducedSolver {
 
 /// Which built-in solver takes the reduced system.
 enum class ReducedSolverKind {
-  kAutomatic,  ///< the cheaper of the two by predicted flops
+  kAutomatic,  ///< the cheaper of dense and sparse by predicted flops
   kDense,      ///< dense Cholesky of our own
   kSparse,     ///< CHOLMOD; AMD or nested dissection, whichever predicts fewer flops
+  /// Conjugate gradients, preconditioned by the Cholesky factor of an earlier S, which is renewed when they take long. Steps are
+  /// right to 1e-4 in the norm of the energy, the cost they promise to 1e-8: the iterations are Ceres's to that accuracy only,
+  /// and there is nothing to gain where forming S costs more than factoring it.
+  kPcg,
 };
 
 using ReducedSolverFactory = std::function<std::unique_ptr<ReducedSolver>()>;
