@@ -23,6 +23,8 @@
 
 DEFINE_string(problem, "",
               "The problem: bal:FILE (text, .gz or .bz2), g2o:FILE, vio:FILE or vio:PRESET (cubic, figure_eight, ellipse).");
+DEFINE_bool(analytic, false,
+            "bal only: give stock, and inceres on a ceres::Problem, our analytic factors as cost functions instead of AutoDiff.");
 DEFINE_int32(repeats, 11, "Rounds in which every solver runs once, at least 1.");
 DEFINE_string(
     configurations, "",
@@ -183,7 +185,10 @@ int Main() {
     return Fail(kExitUsage, "--repeats must be at least 1 and --tolerance a finite number");
   }
   std::unique_ptr<ProblemSource> source;
-  status = OpenProblem(FLAGS_problem, &source);
+  if (FLAGS_analytic && FLAGS_problem.rfind("bal:", 0) != 0) {
+    return Fail(kExitUsage, "--analytic: for bal: problems only; others have one kind of cost functions");
+  }
+  status = OpenProblem(FLAGS_problem, &source, FLAGS_analytic ? BalJacobians::kAnalytic : BalJacobians::kAutoDiff);
   if (!status.ok()) {
     return Fail(status.code == StatusCode::kInvalidArgument ? kExitUsage : kExitFailure, status.message);
   }

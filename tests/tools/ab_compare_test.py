@@ -115,6 +115,15 @@ class AbCompareTest(unittest.TestCase):
             self.assertLess(abs(report["relative_cost_difference"]), 1e-5)
             self.assertLess(report["parameter_difference"]["largest"], 1e-1)
 
+    def test_analytic_cost_functions(self):
+        _, autodiff = self.compare()
+        for flags in ([], ["--builtin_factors"], ["--builtin_factors", "--linear_solver", "iterative_schur"]):
+            _, report = self.compare("--analytic", "--trust_region", "dogleg", *flags)
+            self.assertLess(abs(report["relative_cost_difference"]), 1e-7)
+            self.assertAlmostEqual(report["runs"][1]["initial_cost"] / autodiff["runs"][1]["initial_cost"], 1.0, delta=1e-12)
+        _, message = run(TOOL, "--problem", "vio:cubic", "--analytic", code=2)
+        self.assertIn("--analytic", message)
+
     def test_visual_inertial(self):
         for flags in ([], ["--builtin_factors"], ["--mode", "incremental", "--builtin_factors", "--robust", "huber:1"]):
             _, report = self.compare("--trust_region", "dogleg", *flags, problem="vio:cubic")

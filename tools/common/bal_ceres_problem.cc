@@ -1,6 +1,7 @@
 #include "tools/common/bal_ceres_problem.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <cstddef>
 
@@ -8,7 +9,9 @@
 #include <ceres/product_manifold.h>
 #include <ceres/rotation.h>
 
+#include "inceres/factors/bal_reprojection.h"
 #include "tools/common/bal_cost.h"
+#include "tools/common/factor_cost_function.h"
 
 namespace inceres::tools {
 namespace {
@@ -17,6 +20,15 @@ using QuaternionCameraManifold = ceres::ProductManifold<ceres::QuaternionManifol
 
 double* Block(double* blocks, int index, int size) {
   return blocks + static_cast<std::ptrdiff_t>(index) * size;
+}
+
+ceres::CostFunction* CostOf(const BalObservation& observation, BalCameraModel model, BalJacobians jacobians) {
+  if (jacobians == BalJacobians::kAnalytic) {
+    assert(model == BalCameraModel::kAngleAxis);
+    return MakeFactorCost<BalReprojectionFamily>({observation.x, observation.y});
+  }
+  return model == BalCameraModel::kAngleAxis ? BalReprojectionError::Create(observation)
+                                             : BalQuaternionReprojectionError::Create(observation);
 }
 
 }  // namespace
@@ -39,13 +51,12 @@ std::vector<double> CamerasIn(const BalProblem& bal, BalCameraModel model) {
 }
 
 std::unique_ptr<ceres::Problem> BuildBalCeresProblem(const BalProblem& bal, const LossSpec& loss, double* cameras, double* points,
-                                                     BalCameraModel model) {
+                                                     BalCameraModel model, BalJacobians jacobians) {
   auto problem = std::make_unique<ceres::Problem>();
   ceres::LossFunction* shared_loss = MakeCeresLoss(loss).release();  // owned by the problem, which counts its uses
   for (const BalObservation& observation : bal.observations) {
-    ceres::CostFunction* cost = model == BalCameraModel::kAngleAxis ? BalReprojectionError::Create(observation)
-                                                                    : BalQuaternionReprojectionError::Create(observation);
-    problem->AddResidualBlock(cost, shared_loss, Block(cameras, observation.camera, CameraSize(model)),
+    problem->AddResidualBlock(CostOf(observation, model, jacobians), shared_loss,
+                              Block(cameras, observation.camera, CameraSize(model)),
                               Block(points, observation.point, BalProblem::kPointSize));
   }
   if (model == BalCameraModel::kQuaternion) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include <ceres/cost_function.h>
@@ -28,6 +29,14 @@ class FactorCostFunction : public ceres::CostFunction {
   TangentMap maps_[kMaxSlots];        // of slots that are not constant
   std::vector<int> leading_columns_;  // 0, 1, 2, …
 };
+
+/// A cost function of one factor with that measurement, of a Family made with these arguments. The caller owns it.
+template <typename Family, typename... Arguments>
+ceres::CostFunction* MakeFactorCost(const typename Family::Measurement& measurement, const Arguments&... arguments) {
+  auto family = std::make_unique<Family>(arguments...);
+  family->Add(measurement);
+  return new FactorCostFunction(std::move(family));
+}
 
 /// PoseManifold (graph/manifolds.h) for the blocks of FactorCostFunction: the same ⊞, but a PlusJacobian of [I; 0], which turns
 /// the tangent Jacobians that the cost functions hand out as ambient ones into what they are. Of no use with other cost

@@ -4,7 +4,6 @@
 
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/io/g2o.h"
-#include "tools/common/bal_ceres_problem.h"
 #include "tools/common/pose_graph_ceres_problem.h"
 #include "tools/common/read_progress.h"
 #include "tools/common/vio_source.h"
@@ -74,7 +73,7 @@ Status BalSource::MakeCeresInstance(const LossSpec& loss, CeresInstance* instanc
   instance->parameters = Parameters();
   double* cameras = instance->parameters.data();
   double* points = cameras + bal_.cameras.size();
-  instance->problem = BuildBalCeresProblem(bal_, loss, cameras, points);
+  instance->problem = BuildBalCeresProblem(bal_, loss, cameras, points, BalCameraModel::kAngleAxis, jacobians_);
   instance->landmarks_first = PointsFirstOrdering(bal_, cameras, points);
   return Status::Ok();
 }
@@ -117,7 +116,7 @@ GeometryDifference BalSource::Difference(const std::vector<double>& a, const std
   return DifferenceUpToSimilarity(GeometryOf(WithParameters(a)), GeometryOf(WithParameters(b)));
 }
 
-Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSource>* source) {
+Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSource>* source, BalJacobians jacobians) {
   const std::size_t colon = specification.find(':');
   const std::string kind = specification.substr(0, colon);
   if (colon == std::string::npos || colon + 1 == specification.size() || (kind != "bal" && kind != "g2o" && kind != "vio")) {
@@ -130,7 +129,7 @@ Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSour
     Status status = ReadBal(path, &bal, ReadProgressPrinter(path, stderr));
     status = status.ok() ? CheckConnected(bal) : status;
     if (status.ok()) {
-      *source = std::make_unique<BalSource>(std::move(bal));
+      *source = std::make_unique<BalSource>(std::move(bal), jacobians);
     }
     return status;
   }

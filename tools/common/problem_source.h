@@ -10,6 +10,7 @@
 #include "inceres/graph/factor_graph.h"
 #include "inceres/io/bal.h"
 #include "inceres/status.h"
+#include "tools/common/bal_ceres_problem.h"
 #include "tools/common/gauge.h"
 #include "tools/common/loss_spec.h"
 
@@ -46,8 +47,9 @@ class ProblemSource {
 /// A BAL problem; parameters are the cameras, then the points.
 class BalSource : public ProblemSource {
  public:
-  /// Requires bal.Validate().ok().
-  explicit BalSource(BalProblem bal) : bal_(std::move(bal)) {}
+  /// Requires bal.Validate().ok(). `jacobians` are those of the cost functions for Ceres.
+  explicit BalSource(BalProblem bal, BalJacobians jacobians = BalJacobians::kAutoDiff)
+      : bal_(std::move(bal)), jacobians_(jacobians) {}
 
   const BalProblem& bal() const { return bal_; }
   /// The problem with other parameter values.
@@ -64,9 +66,12 @@ class BalSource : public ProblemSource {
   std::vector<double> Parameters() const;
 
   BalProblem bal_;
+  BalJacobians jacobians_;
 };
 
-/// Opens "bal:FILE", "g2o:FILE", "vio:FILE" or "vio:PRESET".
-Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSource>* source);
+/// Opens "bal:FILE", "g2o:FILE", "vio:FILE" or "vio:PRESET". `jacobians` are for bal: the cost functions of vio: are analytic,
+/// those of g2o: AutoDiff.
+Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSource>* source,
+                   BalJacobians jacobians = BalJacobians::kAutoDiff);
 
 }  // namespace inceres::tools

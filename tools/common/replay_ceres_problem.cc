@@ -13,17 +13,6 @@
 #include "tools/common/replay_autodiff.h"
 
 namespace inceres::tools {
-namespace {
-
-template <typename Family, typename... Arguments>
-ceres::CostFunction* MakeAnalyticCost(const typename Family::Measurement& measurement, const Arguments&... arguments) {
-  auto family = std::make_unique<Family>(arguments...);
-  family->Add(measurement);
-  return new FactorCostFunction(std::move(family));
-}
-
-}  // namespace
-
 ceres::Manifold* ReplayCeresProblem::ManifoldOf(ReplayVariable::Kind kind) {
   using PlainPoseManifold = ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::EigenQuaternionManifold>;
   const auto found = manifolds_.find(kind);
@@ -55,23 +44,23 @@ ceres::CostFunction* ReplayCeresProblem::CostOf(const ReplayFactor& factor) cons
     return MakeAutoDiffCost(factor, kinds_[static_cast<std::size_t>(factor.variables[0])]).release();
   }
   if (const auto* bal = std::get_if<BalReprojectionFamily::Measurement>(&factor.measurement)) {
-    return MakeAnalyticCost<BalReprojectionFamily>(*bal);
+    return MakeFactorCost<BalReprojectionFamily>(*bal);
   }
   if (const auto* reprojection = std::get_if<InverseDepthReprojectionFamily::Measurement>(&factor.measurement)) {
-    return MakeAnalyticCost<InverseDepthReprojectionFamily>(*reprojection);
+    return MakeFactorCost<InverseDepthReprojectionFamily>(*reprojection);
   }
   if (const auto* relative = std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
-    return MakeAnalyticCost<RelativePoseFamily>(*relative);
+    return MakeFactorCost<RelativePoseFamily>(*relative);
   }
   if (const auto* sighting = std::get_if<PointSighting>(&factor.measurement)) {
-    return MakeAnalyticCost<PointReprojectionFamily>(sighting->seen, *sighting->camera);
+    return MakeFactorCost<PointReprojectionFamily>(sighting->seen, *sighting->camera);
   }
   if (const auto* imu = std::get_if<std::shared_ptr<const ImuPreintegrator>>(&factor.measurement)) {
-    return MakeAnalyticCost<ImuFactorFamily>(**imu);
+    return MakeFactorCost<ImuFactorFamily>(**imu);
   }
   const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
   const int ambient_size = AmbientSize(kinds_[static_cast<std::size_t>(factor.variables[0])]);
-  return MakeAnalyticCost<DiagonalPriorFamily>(prior, static_cast<int>(prior.mean.size()), ambient_size, ambient_size);
+  return MakeFactorCost<DiagonalPriorFamily>(prior, static_cast<int>(prior.mean.size()), ambient_size, ambient_size);
 }
 
 double* ReplayCeresProblem::Place(const ReplayVariable& variable) {
