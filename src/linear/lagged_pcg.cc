@@ -21,7 +21,7 @@ Status LaggedPcg::Analyze(const BlockPattern& pattern) {
   num_iterations_ = num_factorisations_ = 0;
   values_.resize(pattern.value_begin.back());
   diagonal_.resize(pattern.size());
-  for (std::vector<double>* vector : {&r_, &z_, &p_, &Ap_}) {
+  for (std::vector<double>* vector : {&r_, &z_, &p_, &q_}) {
     vector->resize(pattern.size());
   }
   Status status;
@@ -69,15 +69,15 @@ bool LaggedPcg::Iterate(const double* b, double* x) {
       return false;
     }
     ++num_iterations_;
-    Multiply(p_.data(), Ap_.data());
-    const double curvature = Dot(p_, Ap_);
+    Multiply(p_.data(), q_.data());
+    const double curvature = Dot(p_, q_);
     if (!(curvature > 0.0)) {
       return false;
     }
     const double alpha = rz / curvature;
     for (std::size_t k = 0; k < r_.size(); ++k) {
       x[k] += alpha * p_[k];
-      r_[k] -= alpha * Ap_[k];
+      r_[k] -= alpha * q_[k];
     }
     if (!factor_->Solve(r_.data(), z_.data()).ok()) {
       return false;

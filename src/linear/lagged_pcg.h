@@ -51,7 +51,7 @@ class LaggedPcg final : public ReducedSolver {
   bool factored_ = false;                  // some A, perhaps an earlier one
   int num_iterations_ = 0;
   int num_factorisations_ = 0;
-  std::vector<double> r_, z_, p_, Ap_;
+  std::vector<double> r_, z_, p_, q_;  // residual, preconditioned, direction, A times it
 };
 
 }  // namespace inceres::internal
