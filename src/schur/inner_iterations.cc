@@ -16,6 +16,8 @@ constexpr double kInitialDamping = 1e-6;
 constexpr double kMinDamping = 1e-10;
 constexpr double kMaxDamping = 1e3;
 constexpr double kDampingFactor = 10.0;
+// Of the step's gain: a run takes a fifth of an iteration. Points that creep gain 0.2 to 0.8, those of a window 0.01 to 0.06.
+constexpr double kWorthwhileShare = 0.1;
 
 }  // namespace
 
@@ -83,6 +85,15 @@ void InnerIterations::BuildStretches() {
     stretches_.insert(stretches_.end(), stretches.begin(), stretches.end());
     stretches_begin_.push_back(static_cast<int>(stretches_.size()));
   }
+}
+
+bool InnerIterations::IsDue() {
+  return to_go_ == 0 || to_go_-- == 0;
+}
+
+void InnerIterations::Pace(double gain, double step_gain) {
+  rest_ = gain < kWorthwhileShare * step_gain ? std::max(1, 2 * rest_) : 0;
+  to_go_ = rest_;
 }
 
 double InnerIterations::Run(double min_gain) {

@@ -30,6 +30,12 @@ class InnerIterations {
   /// promises less than `min_gain`.
   double Run(double min_gain);
 
+  /// Whether it is worth running after this step: asked once a step. Where the landmarks gained little beside the step they
+  /// followed (Pace), they rest for a step, then for two, four, …
+  bool IsDue();
+  /// What a Run gained, and the step before it.
+  void Pace(double gain, double step_gain);
+
   /// Landmarks that the last Run moved.
   int num_moved() const { return num_moved_; }
   std::int64_t Bytes() const;
@@ -73,6 +79,8 @@ class InnerIterations {
   std::vector<double> damping_;  // λ per landmark
   std::vector<double> gains_;    // of the last Run, per landmark
   int num_moved_ = 0;
+  int rest_ = 0;   // steps that the last rest lasted
+  int to_go_ = 0;  // of it
 };
 
 }  // namespace inceres::internal

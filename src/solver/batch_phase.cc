@@ -136,7 +136,8 @@ BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<
   batch.num_threads = options.num_threads;
   batch.max_num_iterations = options.max_num_iterations;
   batch.max_solver_time_in_seconds = options.max_seconds;
-  batch.function_tolerance = options.function_tolerance;
+  // Down to what may be left: one more iteration here costs less than to linearise everything for the living system.
+  batch.function_tolerance = (options.batch_share > 0.0 ? kSettledShare : 1.0) * options.function_tolerance;
   batch.parameter_tolerance = 0.0;  // a few points run off in bundle adjustment, and against them every step is short
   batch.initial_trust_region_radius = 1.0 / options.initial_damping;
   batch.min_relative_decrease = options.min_relative_decrease;

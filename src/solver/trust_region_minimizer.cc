@@ -205,7 +205,7 @@ void TrustRegionMinimizer::ComputeCandidate() {
   double cost = 0.0;
   if (evaluator_.MoveCandidate(step_.data()) && EvaluateCandidate(&cost)) {
     candidate_cost_ = cost;
-    if (inner_iterations_ != nullptr) {
+    if (inner_iterations_ != nullptr && inner_iterations_->IsDue()) {
       RunInnerIterations();
     }
   }
@@ -229,6 +229,7 @@ void TrustRegionMinimizer::RunInnerIterations() {
   const double min_gain = kInnerShare * options_.function_tolerance * cost_ / evaluator_.layout().num_landmarks();
   const double gain = inner_iterations_->Run(min_gain);
   summary_.work.num_inner_iterations += inner_iterations_->num_moved();
+  inner_iterations_->Pace(gain, cost_ - candidate_cost_);
   candidate_cost_ -= gain;
   model_decrease_ += gain;
   iteration_.model_cost_change = model_decrease_;

@@ -141,6 +141,31 @@ TEST(InnerIterations, AStepThatCannotBeEvaluatedIsTakenBackAndTheNextIsShorter) 
   EXPECT_GE(*y, 1.5);
 }
 
+// The landmarks rest one step, then two, then four, while they gain little; a gain that counts ends that.
+TEST(InnerIterations, RestWhereLandmarksGainLittleBesideTheStep) {
+  const auto bundle = MakeBundle(Bundle());
+  CorePipeline core(bundle->graph());
+  InnerIterations inner(&core.evaluator);
+  const auto steps_until_due = [&] {
+    int steps = 1;
+    while (!inner.IsDue()) {
+      ++steps;
+    }
+    return steps;
+  };
+  EXPECT_EQ(steps_until_due(), 1);
+  for (const int expected : {2, 3, 5}) {
+    inner.Pace(0.01, 1.0);
+    EXPECT_EQ(steps_until_due(), expected);
+  }
+  inner.Pace(0.5, 1.0);
+  EXPECT_EQ(steps_until_due(), 1);
+  inner.Pace(0.01, -1.0);  // the step itself went uphill
+  EXPECT_EQ(steps_until_due(), 1);
+  inner.Pace(0.01, 1.0);
+  EXPECT_EQ(steps_until_due(), 2);
+}
+
 TEST(InnerIterations, SolvesEndAtTheSameMinimumWithTheSameBitsForAnyNumberOfThreads) {
   const auto plain = MakeBundle(Bundle());
   SolverOptions options;
