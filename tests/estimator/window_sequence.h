@@ -99,8 +99,9 @@ inline WindowStart GoodStart() {
 
 /// A window on a sequence from a good start.
 struct WindowRun {
-  WindowRun(const VioSequence& played, const SlidingWindowOptions& options) : sequence(played), estimator(options) {
-    Random random(7);
+  WindowRun(const VioSequence& played, const SlidingWindowOptions& options, unsigned seed = 7)
+      : sequence(played), estimator(options) {
+    Random random(seed);
     const Status status = estimator.Start(DrawnStart(sequence, &random, GoodStart()), WindowFrameOf(sequence, 0).observations);
     EXPECT_TRUE(status.ok()) << status.message;
   }
