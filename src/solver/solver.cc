@@ -59,9 +59,8 @@ struct Workspace {
   bool Suits(const SolverOptions& options, const FactorGraph& graph) const {
     // A reduced solver that remembers what it solved, or that may, would take a second solve another way than the first.
     const bool remembers = options.reduced_solver_factory || options.reduced_solver == ReducedSolverKind::kPcg;
-    return !remembers && options.num_threads == executor.num_threads() &&
-           options.linear_model == linear_model && options.reduced_solver == reduced_solver && structure.has_value() &&
-           structure->IsThatOf(graph);
+    return !remembers && options.num_threads == executor.num_threads() && options.linear_model == linear_model &&
+           options.reduced_solver == reduced_solver && structure.has_value() && structure->IsThatOf(graph);
   }
 
   std::optional<Structure> structure;  // taken when the first solve is over: who solves once does not pay for it
