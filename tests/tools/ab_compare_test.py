@@ -128,8 +128,10 @@ class AbCompareTest(unittest.TestCase):
         for flags in ([], ["--builtin_factors"], ["--mode", "incremental", "--builtin_factors", "--robust", "huber:1"]):
             _, report = self.compare("--trust_region", "dogleg", *flags, problem="vio:cubic")
             self.assertEqual(report["description"], "50 frames, 163 points, 789 observations, 49 IMU factors")
-            self.assertLess(abs(report["relative_cost_difference"]), 1e-6 if "--mode" in flags else 1e-11)
-            self.assertLess(report["parameter_difference"]["largest"], 1e-2 if "--mode" in flags else 1e-9)
+            incremental = "--mode" in flags  # ends within the tolerance of the optimum, and so below where stock's rule stops
+            self.assertLess(report["relative_cost_difference"], 1e-6 if incremental else 1e-11)
+            self.assertGreater(report["relative_cost_difference"], -1e-5 if incremental else -1e-11)
+            self.assertLess(report["parameter_difference"]["largest"], 1e-2 if incremental else 1e-9)
         _, message = run(TOOL, "--problem", "vio:cube", code=1)
         self.assertIn("cube", message)
 
