@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Installs what is missing, builds everything and runs all tests. From any directory, from a fresh clone. Exit code 0: all passed.
 #
-#   tools/test.sh [--preset default|dev|asan|tsan] [--tests REGEX] [--without REGEX] [--warnings-as-errors] [--no-install]
+#   tools/test.sh [--preset default|dev|asan|tsan] [--target NAME]... [--tests REGEX] [--without REGEX] [--warnings-as-errors]
+#                 [--no-install]
 #
-# --tests and --without choose among the names that `ctest --preset NAME --show-only` prints.
+# --tests and --without choose among the names that `ctest --preset NAME --show-only` prints; --target builds no more than these.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -13,6 +14,7 @@ test_options=()
 while (($# > 0)); do
   case $1 in
     --preset) preset=${2:?--preset needs a name}; shift ;;
+    --target) build_options+=(--target "${2:?--target needs a name}"); shift ;;
     --tests) test_options+=(--tests-regex "${2:?--tests needs a regular expression}"); shift ;;
     --without) test_options+=(--exclude-regex "${2:?--without needs a regular expression}"); shift ;;
     --warnings-as-errors | --no-install) build_options+=("$1") ;;
