@@ -4,6 +4,9 @@
 #include <string>
 #include <utility>
 
+#include "estimator/window_input.h"
+#include "graph/find_fault.h"
+
 namespace inceres {
 namespace {
 
@@ -21,14 +24,10 @@ bool IsNotNegative(double value) {
 }
 
 Status ValidateCamera(const std::array<double, 7>& pose) {
-  double norm = 0.0;
-  for (std::size_t k = 0; k < 7; ++k) {
-    if (!std::isfinite(pose[k])) {
-      return Invalid("body_from_camera is not finite");
-    }
-    norm += k < 3 ? 0.0 : pose[k] * pose[k];
+  if (!internal::AllFinite(pose.data(), pose.size())) {
+    return Invalid("body_from_camera is not finite");
   }
-  return std::fabs(norm - 1.0) < 1e-6 ? Status::Ok() : Invalid("the quaternion of body_from_camera is not of unit length");
+  return internal::HasUnitQuaternion(pose) ? Status::Ok() : Invalid("the quaternion of body_from_camera is not of unit length");
 }
 
 }  // namespace

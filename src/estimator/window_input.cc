@@ -6,6 +6,8 @@
 #include <string>
 #include <utility>
 
+#include "graph/find_fault.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -21,8 +23,8 @@ Status Invalid(double time, const std::string& what) {
 }
 
 template <typename Values>
-bool AllFinite(const Values& values) {
-  return std::all_of(std::begin(values), std::end(values), [](double value) { return std::isfinite(value); });
+bool IsFinite(const Values& values) {
+  return AllFinite(std::data(values), std::size(values));
 }
 
 template <typename Values>
@@ -36,7 +38,7 @@ Status CheckSamples(double time, const std::vector<ImuSample>& samples) {
   }
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const ImuSample& sample = samples[i];
-    if (!std::isfinite(sample.time) || !AllFinite(sample.gyr) || !AllFinite(sample.acc)) {
+    if (!std::isfinite(sample.time) || !IsFinite(sample.gyr) || !IsFinite(sample.acc)) {
       return Invalid(time, "IMU sample " + std::to_string(i) + " is not finite");
     }
     if (i > 0 && !(sample.time > samples[i - 1].time)) {
@@ -49,17 +51,21 @@ Status CheckSamples(double time, const std::vector<ImuSample>& samples) {
 
 }  // namespace
 
-Status CheckStart(const WindowStart& start) {
-  const WindowState& state = start.state;
-  if (!std::isfinite(state.time) || !AllFinite(state.pose) || !AllFinite(state.velocity) || !AllFinite(state.gyr_bias) ||
-      !AllFinite(state.acc_bias)) {
-    return Invalid(state.time, "the state at the start is not finite");
-  }
+bool HasUnitQuaternion(const std::array<double, 7>& pose) {
   double norm = 0.0;
   for (std::size_t k = 3; k < 7; ++k) {
-    norm += state.pose[k] * state.pose[k];
+    norm += pose[k] * pose[k];
   }
-  if (!(std::fabs(norm - 1.0) < 1e-6)) {
+  return std::fabs(norm - 1.0) < 1e-6;
+}
+
+Status CheckStart(const WindowStart& start) {
+  const WindowState& state = start.state;
+  if (!std::isfinite(state.time) || !IsFinite(state.pose) || !IsFinite(state.velocity) || !IsFinite(state.gyr_bias) ||
+      !IsFinite(state.acc_bias)) {
+    return Invalid(state.time, "the state at the start is not finite");
+  }
+  if (!HasUnitQuaternion(state.pose)) {
     return Invalid(state.time, "the quaternion at the start is not of unit length");
   }
   if (!AllPositive(start.pose_sigma) || !AllPositive(start.velocity_sigma) || !AllPositive(start.gyr_bias_sigma) ||
@@ -72,7 +78,7 @@ Status CheckStart(const WindowStart& start) {
 Status CheckObservations(double time, const std::vector<WindowObservation>& observations) {
   std::vector<std::int64_t> tracks;
   for (const WindowObservation& seen : observations) {
-    if (!AllFinite(seen.point)) {
+    if (!IsFinite(seen.point)) {
       return Invalid(time, "the observation of track " + std::to_string(seen.track) + " is not finite");
     }
     tracks.push_back(seen.track);

@@ -1,10 +1,14 @@
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "inceres/estimator/sliding_window_estimator.h"
 
 namespace inceres::internal {
+
+/// Whether the quaternion of [p(3), q(x, y, z, w)] is of length 1, to 1e-6.
+bool HasUnitQuaternion(const std::array<double, 7>& pose);
 
 /// kInvalidArgument naming what is not finite, or a standard deviation that is not positive.
 Status CheckStart(const WindowStart& start);

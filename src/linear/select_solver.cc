@@ -64,7 +64,9 @@ std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const R
   const bool supernodal = sparse->IsSupernodal() && pattern.size() >= kMinSupernodalSize;
   const double penalty = supernodal ? kSupernodalPenalty : kSimplicialPenalty;
   const double sparse_flops = status->ok() ? penalty * sparse->PredictedFlops() : std::numeric_limits<double>::infinity();
-  if (kind == ReducedSolverKind::kAutomatic && pattern.size() < kMostlyZerosSize && fixed_flops < sparse_flops) {
+  // Where there is no sparse factor at all, the dense one may take more memory.
+  const int largest_dense = status->ok() ? kMostlyZerosSize : kNeverDenseSize;
+  if (kind == ReducedSolverKind::kAutomatic && pattern.size() < largest_dense && fixed_flops < sparse_flops) {
     auto dense = std::make_unique<DenseCholesky>(executor);
     const Status dense_status = dense->Analyze(pattern);
     if (fixed_flops + dense->PredictedFlops() < sparse_flops) {

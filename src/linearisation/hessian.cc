@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "linearisation/block_scratch.h"
-
 namespace inceres::internal {
 namespace {
 
@@ -69,7 +67,7 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
       std::copy(sum + r * stride, sum + r * stride + columns, out + r * columns);
     }
     if (pattern.columns[k] == plans_.block_row[k]) {
-      AccumulateGradient(plans_.block_row[k]);
+      AccumulateGradient(plans_.block_row[k], &scratch);
     }
   }
 }
@@ -100,12 +98,11 @@ void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
   }
 }
 
-void Hessian::AccumulateGradient(int frame) {
+void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
   const BlockPattern& pattern = plans_.pattern;
   const auto i = static_cast<std::size_t>(frame);
   const int size = pattern.block_size(frame);
-  BlockScratch scratch;
-  double* sum = scratch.Zeroed(1, size);
+  double* sum = scratch->Zeroed(1, size);
   for (int s = gradient_segments_begin_[i]; s < gradient_segments_begin_[i + 1]; ++s) {
     const GradientSegment& segment = gradient_segments_[s];
     const FamilyCache& cache = evaluator_.families()[segment.family];

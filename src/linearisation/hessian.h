@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
+#include "linearisation/block_scratch.h"
 #include "linearisation/kept_products.h"
 #include "linearisation/product_plan.h"
 
@@ -33,7 +34,7 @@ class Hessian {
  private:
   void AccumulateFrameBlocks(int begin, int end);
   void AddSegment(int segment, int rows, int columns, double* sum);
-  void AccumulateGradient(int frame);
+  void AccumulateGradient(int frame, BlockScratch* scratch);
   void AccumulateLandmarks(int begin, int end);
   void BuildGradientTerms();
 

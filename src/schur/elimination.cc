@@ -4,7 +4,6 @@
 #include <atomic>
 #include <cmath>
 
-#include "linearisation/block_scratch.h"
 #include "schur/landmark_factor.h"
 
 namespace inceres::internal {
@@ -80,16 +79,17 @@ Status Elimination::Eliminate(const double* landmark_damping) {
 
 // The diagonal block comes last in its row: what b takes is then still in the cache.
 void Elimination::FormBlocks(int begin, int end) {
+  BlockScratch scratch;
   for (int block = begin; block < end; ++block) {
-    FormBlock(block);
+    FormBlock(block, &scratch);
     const int row = plans_.block_row[block];
     if (plans_.pattern.columns[block] == row) {
-      FormRightHandSide(row);
+      FormRightHandSide(row, &scratch);
     }
   }
 }
 
-void Elimination::FormBlock(int block) {
+void Elimination::FormBlock(int block, BlockScratch* scratch) {
   const BlockPattern& pattern = plans_.pattern;
   const auto k = static_cast<std::size_t>(block);
   const int rows = pattern.block_size(plans_.block_row[k]);
@@ -101,8 +101,7 @@ void Elimination::FormBlock(int block) {
     std::copy(C, C + rows * columns, out);
     return;
   }
-  BlockScratch scratch;
-  double* sum = scratch.Zeroed(rows, columns);
+  double* sum = scratch->Zeroed(rows, columns);
   for (int s = plans_.schur.segments_begin[k]; s < plans_.schur.segments_begin[k + 1]; ++s) {
     const ProductPlan::Segment& segment = plans_.schur.segments[s];
     BlockProducts products;
@@ -122,12 +121,11 @@ void Elimination::FormBlock(int block) {
   }
 }
 
-void Elimination::FormRightHandSide(int frame) {
+void Elimination::FormRightHandSide(int frame, BlockScratch* scratch) {
   const BlockPattern& pattern = plans_.pattern;
   const auto i = static_cast<std::size_t>(frame);
   const int size = pattern.block_size(frame);
-  BlockScratch scratch;
-  double* sum = scratch.Zeroed(1, size);
+  double* sum = scratch->Zeroed(1, size);
   const auto size_of = [&](int k) { return incidences_.sizes[incidences_.landmarks[incidences_.frame_incidences[k]]]; };
   for (int first = incidences_.frame_begin[i]; first < incidences_.frame_begin[i + 1];) {
     int last = first;

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
+#include "linearisation/block_scratch.h"
 #include "linearisation/hessian.h"
 
 namespace inceres::internal {
@@ -34,8 +35,8 @@ class Elimination {
  private:
   bool EliminateLandmark(int landmark, const double* damping);
   void FormBlocks(int begin, int end);
-  void FormBlock(int block);
-  void FormRightHandSide(int frame);
+  void FormBlock(int block, BlockScratch* scratch);
+  void FormRightHandSide(int frame, BlockScratch* scratch);
   int DampingOffset(int landmark) const;
 
   const Evaluator& evaluator_;

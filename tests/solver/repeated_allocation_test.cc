@@ -1,45 +1,23 @@
 // A second solve of a structure asks for no memory at all, of whatever library.
 #include <cstdint>
-#include <string>
 
 #include <gtest/gtest.h>
 
 #include "inceres/solver/solver.h"
+#include "solver/solver_way.h"
 #include "support/allocations.h"
-#include "support/random_graph.h"
 
 namespace inceres {
 namespace {
 
-using test::BundleOptions;
 using test::MakeBundle;
-
-struct Way {
-  const char* name;
-  LinearModelKind model;
-  ReducedSolverKind reduced;
-  TrustRegionStrategyKind strategy;
-  int num_threads;
-};
+using Way = test::SolverWay;
 
 class RepeatedAllocations : public testing::TestWithParam<Way> {
  protected:
-  static BundleOptions Problem() {
-    BundleOptions options;
-    options.num_frames = 12;
-    options.num_landmarks = 300;
-    options.frame_sizes = {6, 9};
-    options.landmark_sizes = {3, 1};
-    options.losses = options.manifolds = options.constants = true;
-    options.perturbation = 0.5;
-    return options;
-  }
   static SolverOptions Iterations(int count) {
     SolverOptions options;
-    options.linear_model = GetParam().model;
-    options.reduced_solver = GetParam().reduced;
-    options.strategy = GetParam().strategy;
-    options.num_threads = GetParam().num_threads;
+    GetParam().Choose(&options);
     options.max_num_iterations = count;
     options.function_tolerance = options.gradient_tolerance = options.parameter_tolerance = 0.0;
     return options;
@@ -60,8 +38,8 @@ TEST_P(RepeatedAllocations, NoneInASecondSolve) {
   if (!test::CanCountAllocations()) {
     GTEST_SKIP() << "this build has an allocator of its own";
   }
-  const auto first = MakeBundle(Problem());
-  const auto second = MakeBundle(Problem());
+  const auto first = MakeBundle(test::MixedBundle(300));
+  const auto second = MakeBundle(test::MixedBundle(300));
   EXPECT_GT(Count(Iterations(20), &first->graph()), 100);  // or the counter counts nothing
   EXPECT_FALSE(summary_.structure_reused);
   {
@@ -82,7 +60,7 @@ INSTANTIATE_TEST_SUITE_P(
         Way{"SchurTwoThreads", LinearModelKind::kSchur, ReducedSolverKind::kDense, TrustRegionStrategyKind::kLevenbergMarquardt,
             2},
         Way{"Plain", LinearModelKind::kPlain, ReducedSolverKind::kDense, TrustRegionStrategyKind::kLevenbergMarquardt, 1}),
-    [](const auto& way) { return std::string(way.param.name); });
+    test::NameOf);
 
 }  // namespace
 }  // namespace inceres

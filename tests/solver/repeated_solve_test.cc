@@ -11,6 +11,7 @@
 #include "inceres/linear/reduced_solver.h"
 #include "inceres/solver/solver.h"
 #include "solver/same_bits.h"
+#include "solver/solver_way.h"
 #include "support/random_graph.h"
 
 namespace inceres {
@@ -19,16 +20,10 @@ namespace {
 using test::BundleOptions;
 using test::ExpectSameBits;
 using test::MakeBundle;
+using Way = test::SolverWay;
 
 BundleOptions Options() {
-  BundleOptions options;
-  options.num_frames = 12;
-  options.num_landmarks = 80;
-  options.frame_sizes = {6, 9};
-  options.landmark_sizes = {3, 1};
-  options.losses = options.manifolds = options.constants = true;
-  options.perturbation = 0.5;
-  return options;
+  return test::MixedBundle(80);
 }
 
 // The same structure, other numbers throughout.
@@ -58,22 +53,11 @@ Summary SolveBothWays(const SolverOptions& options, const BundleOptions& bundle_
   return summary;
 }
 
-struct Way {
-  const char* name;
-  LinearModelKind model;
-  ReducedSolverKind reduced;
-  TrustRegionStrategyKind strategy;
-  int num_threads;
-};
-
 class RepeatedSolve : public testing::TestWithParam<Way> {
  protected:
   static SolverOptions GivenOptions() {
     SolverOptions options = TenIterations();
-    options.linear_model = GetParam().model;
-    options.reduced_solver = GetParam().reduced;
-    options.strategy = GetParam().strategy;
-    options.num_threads = GetParam().num_threads;
+    GetParam().Choose(&options);
     return options;
   }
 };
@@ -94,7 +78,7 @@ INSTANTIATE_TEST_SUITE_P(
         Way{"SchurTwoThreads", LinearModelKind::kSchur, ReducedSolverKind::kDense, TrustRegionStrategyKind::kDogleg, 2},
         Way{"Plain", LinearModelKind::kPlain, ReducedSolverKind::kDense, TrustRegionStrategyKind::kLevenbergMarquardt, 1},
         Way{"Qr", LinearModelKind::kDenseQr, ReducedSolverKind::kAutomatic, TrustRegionStrategyKind::kLevenbergMarquardt, 1}),
-    [](const auto& way) { return std::string(way.param.name); });
+    test::NameOf);
 
 TEST(RepeatedSolve, AnotherStructureIsSetUpAnew) {
   Solver solver;
