@@ -22,7 +22,7 @@ std::vector<std::int32_t> LandmarksThroughSlot(const FamilyCache& cache, const F
 
 }  // namespace
 
-LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator) {
+LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t quads_per_chunk) {
   const Layout& layout = evaluator.layout();
   const int num_landmarks = layout.num_landmarks();
   sizes.resize(num_landmarks);
@@ -31,6 +31,7 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator) {
   }
   CollectFactors(evaluator);
   CollectIncidences(evaluator);
+  CutIntoChunks(quads_per_chunk);
   PlaceBlocks(layout);
   SetTargets();
 }
@@ -128,6 +129,26 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   }
 }
 
+void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk) {
+  chunk_begin.assign(1, 0);
+  std::int64_t chunk_quads = 0;
+  for (int l = 0; l < num_landmarks(); ++l) {
+    std::int64_t quads = 0;
+    for (int q = begin[l]; q < begin[l + 1]; ++q) {
+      quads += static_cast<std::int64_t>(incidences[q].quads) * sizes[l];
+    }
+    if (chunk_quads > 0 && chunk_quads + quads > quads_per_chunk) {
+      chunk_begin.push_back(l);
+      chunk_quads = 0;
+    }
+    chunk_quads += quads;
+    y_quads = std::max(y_quads, chunk_quads);
+  }
+  if (num_landmarks() > 0) {
+    chunk_begin.push_back(num_landmarks());
+  }
+}
+
 void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
   frame_begin.assign(layout.num_frames + 1, 0);
   for (const int frame : frames) {
@@ -136,17 +157,28 @@ void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
   std::partial_sum(frame_begin.begin(), frame_begin.end(), frame_begin.begin());
   frame_incidences.resize(incidences.size());
   std::vector<int> next(frame_begin.begin(), frame_begin.end() - 1);
-  for (char size = 1; size <= 4; ++size) {
-    for (std::size_t q = 0; q < incidences.size(); ++q) {
-      if (sizes[landmarks[q]] == size) {
-        frame_incidences[next[frames[q]]++] = static_cast<int>(q);
+  for (int chunk = 0; chunk < num_chunks(); ++chunk) {
+    const int first = begin[chunk_begin[chunk]];
+    const int last = begin[chunk_begin[chunk + 1]];
+    for (char size = 1; size <= kMaxLandmarkSize; ++size) {
+      for (int q = first; q < last; ++q) {
+        if (sizes[landmarks[q]] == size) {
+          frame_incidences[next[frames[q]]++] = q;
+        }
       }
     }
   }
-  for (const int q : frame_incidences) {
-    Incidence& incidence = incidences[q];
-    incidence.y = static_cast<std::int32_t>(y_quads);
-    y_quads += static_cast<std::int64_t>(incidence.quads) * sizes[landmarks[q]];
+  std::vector<std::int64_t> chunk_quads(num_chunks(), 0);
+  for (int frame = 0; frame < layout.num_frames; ++frame) {
+    std::size_t chunk = 0;
+    for (int k = frame_begin[frame]; k < frame_begin[frame + 1]; ++k) {
+      const int q = frame_incidences[k];
+      while (landmarks[q] >= chunk_begin[chunk + 1]) {
+        ++chunk;
+      }
+      incidences[q].y = static_cast<std::int32_t>(chunk_quads[chunk]);
+      chunk_quads[chunk] += static_cast<std::int64_t>(incidences[q].quads) * sizes[landmarks[q]];
+    }
   }
 }
 

@@ -13,17 +13,28 @@ namespace inceres::internal {
 /// Every pair (landmark l, frame i) that shares a factor has one block Y_li = W_li U_invᵀ, stored as landmark-size rows of padded
 /// frame-size entries. Blocks of one frame lie together, so that forming a block S_ij walks through two short, sorted
 /// stretches of memory.
+///
+/// Landmarks are eliminated in chunks, one after the other, that all use the same memory for their Y: large problems would
+/// otherwise spend a quarter of theirs on it. A chunk is as long as its Y takes no more than quads_per_chunk, but at least one
+/// landmark.
 struct LandmarkIncidences {
-  explicit LandmarkIncidences(const Evaluator& evaluator);
+  static constexpr int kMaxLandmarkSize = 4;
+  static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 19;  // 16 MiB
+
+  explicit LandmarkIncidences(const Evaluator& evaluator, std::int64_t quads_per_chunk = kQuadsPerChunk);
 
   int num_landmarks() const { return static_cast<int>(begin.size()) - 1; }
+  int num_chunks() const { return static_cast<int>(chunk_begin.size()) - 1; }
 
   // Per landmark: its incidences, in order of first appearance.
   std::vector<int> begin;  // num_landmarks + 1
   std::vector<Incidence> incidences;
   std::vector<std::int32_t> frames;  // frame index per incidence
 
-  // Per frame: the same incidences, sorted by landmark size, then landmark.
+  // First landmark of each chunk, and the number of landmarks.
+  std::vector<int> chunk_begin;
+
+  // Per frame: the same incidences, sorted by chunk, then landmark size, then landmark.
   std::vector<int> frame_begin;         // num_frames + 1
   std::vector<int> frame_incidences;    // incidence index
   std::vector<std::int32_t> landmarks;  // landmark index per incidence
@@ -33,11 +44,12 @@ struct LandmarkIncidences {
   std::vector<LandmarkFactors> factors;
 
   std::vector<char> sizes;   // tangent size per landmark
-  std::int64_t y_quads = 0;  // size of Y in quads
+  std::int64_t y_quads = 0;  // size of the largest chunk's Y in quads
 
  private:
   void CollectFactors(const Evaluator& evaluator);
   void CollectIncidences(const Evaluator& evaluator);
+  void CutIntoChunks(std::int64_t quads_per_chunk);
   void PlaceBlocks(const Layout& layout);
   void SetTargets();
 

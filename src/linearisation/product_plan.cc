@@ -106,6 +106,11 @@ class PlanBuilder {
   }
 
   void Build() {
+    for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
+      for (int size = 1; size <= LandmarkIncidences::kMaxLandmarkSize; ++size) {
+        plans_->schur_sources.push_back({chunk, size});
+      }
+    }
     BlockPattern& pattern = plans_->pattern;
     const int num_frames = layout_.num_frames;
     ReserveTerms();
@@ -205,13 +210,18 @@ class PlanBuilder {
   }
 
   void CollectSchurTerms(int row) {
+    int chunk = 0;
     for (int k = incidences_.frame_begin[row]; k < incidences_.frame_begin[row + 1]; ++k) {
       const auto q = static_cast<std::size_t>(incidences_.frame_incidences[k]);
       const auto l = static_cast<std::size_t>(incidences_.landmarks[q]);
+      while (incidences_.landmarks[q] >= incidences_.chunk_begin[chunk + 1]) {
+        ++chunk;
+      }
+      const int source = LandmarkIncidences::kMaxLandmarkSize * chunk + incidences_.sizes[l] - 1;
       for (int other = incidences_.begin[l]; other < incidences_.begin[l + 1]; ++other) {
         const int column = incidences_.frames[other];
         if (column <= row) {
-          schur_row_.Add(column, incidences_.sizes[l], {incidences_.incidences[other].y, incidences_.incidences[q].y});
+          schur_row_.Add(column, source, {incidences_.incidences[other].y, incidences_.incidences[q].y});
         }
       }
     }

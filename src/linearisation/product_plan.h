@@ -35,10 +35,17 @@ struct FramePlans {
     int column_slot;
   };
 
+  /// A source of the Schur plan: the landmarks of one size in one chunk. By ascending chunk.
+  struct SchurSource {
+    int chunk;
+    int landmark_size;
+  };
+
   BlockPattern pattern;
   ProductPlan hessian;  // sources: indices into hessian_sources
-  ProductPlan schur;    // sources: landmark sizes
+  ProductPlan schur;    // sources: indices into schur_sources
   std::vector<HessianSource> hessian_sources;
+  std::vector<SchurSource> schur_sources;
   std::vector<int> block_row;  // per block of the pattern
 };
 

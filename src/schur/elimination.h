@@ -13,8 +13,9 @@ namespace inceres::internal {
 ///     [ P + Λ_l   Wᵀ     ] [δ_l]   [l]      U_invᵀ U_inv = (P + Λ_l)⁻¹,  Y = W U_invᵀ,  z = U_inv l
 ///     [ W         C + Λ_c ] [δ_c] = [c]      S = C − Y Yᵀ,  b = c − Y z,  δ_l = U_invᵀ (z − Yᵀ δ_c)
 ///
-/// Λ_c is left to the factorisation of S. Each block of S is accumulated in registers over all landmarks its two frames share,
-/// so S is written once and never read back. Source: Triggs et al. 1999, section 6.1.
+/// Λ_c is left to the factorisation of S. Each block of S is accumulated in registers over all landmarks of a chunk that its two
+/// frames share: where all landmarks are one chunk, S is written once and never read back. Y is kept for one chunk at a time; the
+/// way back forms those of the others again. Source: Triggs et al. 1999, section 6.1.
 class Elimination {
  public:
   Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans, const Hessian& hessian);
@@ -27,16 +28,20 @@ class Elimination {
   const double* S() const { return S_.data(); }
   const double* b() const { return b_.data(); }
 
-  /// δ_l (packed, landmarks only) from δ_c (packed).
+  /// δ_l (packed, landmarks only) from δ_c (packed). The Jacobians must still be those of Eliminate.
   void BackSubstitute(const double* frame_step, double* landmark_step);
 
   std::int64_t Bytes() const;
 
  private:
-  bool EliminateLandmark(int landmark, const double* damping);
-  void FormBlocks(int begin, int end);
-  void FormBlock(int block, BlockScratch* scratch);
-  void FormRightHandSide(int frame, BlockScratch* scratch);
+  bool FactorLandmark(int landmark, const double* damping);
+  void FormY(int landmark);
+  void FormBlocks(int chunk, int begin, int end);
+  void FormBlock(int chunk, int block, BlockScratch* scratch);
+  void FormRightHandSide(int chunk, int frame, BlockScratch* scratch);
+  void BackSubstituteLandmark(int landmark, double* landmark_step);
+  template <typename Function>
+  void ForLandmarks(int chunk, Function&& function);
   int DampingOffset(int landmark) const;
 
   const Evaluator& evaluator_;
@@ -46,7 +51,8 @@ class Elimination {
   const Kernels& kernels_;
   AlignedVector<double> U_inv_;  // per landmark: rows four apart
   AlignedVector<double> z_;      // per landmark: four entries
-  AlignedVector<double> Y_;
+  AlignedVector<double> Y_;      // of chunk_in_Y_
+  int chunk_in_Y_ = -1;
   std::vector<double> S_;
   std::vector<double> b_;
   AlignedVector<double> padded_frame_step_;

@@ -27,8 +27,9 @@ Status PlainModel::CheckOffsets() const {
   }
   return largest < kMaxQuads
              ? Status::Ok()
-             : Status::Error(StatusCode::kInvalidArgument,
-                             "the problem is too large: the Jacobians of one family, or the landmark blocks, exceed 32 GiB");
+             : Status::Error(
+                   StatusCode::kInvalidArgument,
+                   "the problem is too large: the Jacobians of one family, or the blocks of one landmark, exceed 32 GiB");
 }
 
 void PlainModel::Refresh() {

@@ -1,7 +1,11 @@
 #include "linearisation/incidences.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <set>
+#include <tuple>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -49,9 +53,14 @@ std::set<std::pair<int, int>> SharedPairs(const FactorGraph& graph, const Layout
   return pairs;
 }
 
-class Incidences : public testing::TestWithParam<unsigned> {
+// Seed of the problem, quads of Y a chunk.
+class Incidences : public testing::TestWithParam<std::pair<unsigned, std::int64_t>> {
  protected:
-  Incidences() : bundle_(MakeBundle(MixedBundle(GetParam()))), core_(bundle_->graph()) {}
+  Incidences() : bundle_(MakeBundle(MixedBundle(GetParam().first))), core_(bundle_->graph(), true, 1, GetParam().second) {}
+  int ChunkOf(int landmark) const {
+    const std::vector<int>& begin = core_.incidences.chunk_begin;
+    return static_cast<int>(std::upper_bound(begin.begin(), begin.end(), landmark) - begin.begin()) - 1;
+  }
   std::unique_ptr<RandomGraph> bundle_;
   CorePipeline core_;
 };
@@ -68,27 +77,58 @@ TEST_P(Incidences, OnePerLandmarkAndFrameThatShareAFactor) {
   EXPECT_EQ(found, SharedPairs(bundle_->graph(), core_.layout));
 }
 
+TEST_P(Incidences, ChunksAreAsLongAsTheirYAllows) {
+  const LandmarkIncidences& all = core_.incidences;
+  const auto quads_of = [&](int landmark) {
+    std::int64_t quads = 0;
+    for (int q = all.begin[static_cast<std::size_t>(landmark)]; q < all.begin[static_cast<std::size_t>(landmark) + 1]; ++q) {
+      quads += all.incidences[static_cast<std::size_t>(q)].quads * all.sizes[static_cast<std::size_t>(landmark)];
+    }
+    return quads;
+  };
+  EXPECT_EQ(all.chunk_begin.front(), 0);
+  EXPECT_EQ(all.chunk_begin.back(), all.num_landmarks());
+  std::int64_t largest = 0;
+  for (std::size_t chunk = 0; chunk + 1 < all.chunk_begin.size(); ++chunk) {
+    const int end = all.chunk_begin[chunk + 1];
+    ASSERT_LT(all.chunk_begin[chunk], end);
+    std::int64_t quads = 0;
+    for (int l = all.chunk_begin[chunk]; l < end; ++l) {
+      quads += quads_of(l);
+    }
+    EXPECT_TRUE(quads <= GetParam().second || end == all.chunk_begin[chunk] + 1);
+    if (end < all.num_landmarks()) {
+      EXPECT_GT(quads + quads_of(end), GetParam().second) << "the next landmark would have fitted";
+    }
+    largest = std::max(largest, quads);
+  }
+  EXPECT_EQ(all.y_quads, largest);
+  EXPECT_EQ(all.num_chunks() > 1, GetParam().second < LandmarkIncidences::kQuadsPerChunk);
+}
+
 TEST_P(Incidences, BlocksOfYLieSideBySideByFrameAndNeverOverlap) {
   const LandmarkIncidences& all = core_.incidences;
   ASSERT_EQ(all.frame_incidences.size(), all.incidences.size());
-  std::int64_t next = 0;
+  std::vector<std::int64_t> next(static_cast<std::size_t>(all.num_chunks()), 0);
   for (int frame = 0; frame < core_.layout.num_frames; ++frame) {
-    std::pair<int, int> last{0, -1};
+    std::tuple<int, int, int> last{0, 0, -1};
     const auto f = static_cast<std::size_t>(frame);
     for (int k = all.frame_begin[f]; k < all.frame_begin[f + 1]; ++k) {
       const auto q = static_cast<std::size_t>(all.frame_incidences[static_cast<std::size_t>(k)]);
       const int landmark = all.landmarks[q];
       const int size = all.sizes[static_cast<std::size_t>(landmark)];
       EXPECT_EQ(all.frames[q], frame);
-      EXPECT_LT(last, std::make_pair(size, landmark)) << "not sorted by landmark size, then landmark";
-      last = {size, landmark};
-      EXPECT_EQ(all.incidences[q].y, next);
+      const int chunk = ChunkOf(landmark);
+      EXPECT_LT(last, std::make_tuple(chunk, size, landmark)) << "not sorted by chunk, then landmark size, then landmark";
+      last = {chunk, size, landmark};
+      std::int64_t& place = next[static_cast<std::size_t>(chunk)];
+      EXPECT_EQ(all.incidences[q].y, place);
       EXPECT_EQ(all.incidences[q].frame, core_.layout.quad_offset[f]);
       EXPECT_EQ(all.incidences[q].quads, PadToQuad(core_.layout.TangentSize(frame)) / kQuad);
-      next += std::int64_t{size} * all.incidences[q].quads;
+      place += std::int64_t{size} * all.incidences[q].quads;
     }
   }
-  EXPECT_EQ(next, all.y_quads);
+  EXPECT_EQ(*std::max_element(next.begin(), next.end()), all.y_quads);
 }
 
 // Walks the factors as the elimination does: the first that reaches a block begins it, later ones add to it.
@@ -132,7 +172,11 @@ TEST_P(Incidences, TargetsBeginEachBlockOnceAndCoverEveryFactor) {
   EXPECT_EQ(num_factors, expected);
 }
 
-INSTANTIATE_TEST_SUITE_P(Seeds, Incidences, testing::Values(1u, 2u, 3u, 4u));
+constexpr std::int64_t kDefault = LandmarkIncidences::kQuadsPerChunk;
+INSTANTIATE_TEST_SUITE_P(Seeds, Incidences,
+                         testing::Values(std::pair{1u, kDefault}, std::pair{2u, kDefault}, std::pair{3u, kDefault},
+                                         std::pair{4u, kDefault}, std::pair{1u, std::int64_t{1}}, std::pair{2u, std::int64_t{90}},
+                                         std::pair{3u, std::int64_t{300}}));
 
 // Landmark 2 is the first slot of one factor and the second slot of another of the same family; landmark 3 has constant frames
 // only; landmark 4 is seen twice by frame 0.
@@ -160,6 +204,7 @@ TEST(LandmarkIncidences, WithoutLandmarksEverythingIsEmpty) {
   random.Connect(3, {random.AddFrame(3), random.AddFrame(2)});
   const CorePipeline core(random.graph());
   EXPECT_EQ(core.incidences.num_landmarks(), 0);
+  EXPECT_EQ(core.incidences.num_chunks(), 0);
   EXPECT_EQ(core.incidences.y_quads, 0);
   EXPECT_TRUE(core.incidences.factors.empty());
 }

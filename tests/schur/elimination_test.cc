@@ -2,7 +2,9 @@
 #include "schur/elimination.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <limits>
+#include <vector>
 
 #include <Eigen/Cholesky>
 #include <gtest/gtest.h>
@@ -27,9 +29,11 @@ Eigen::VectorXd Solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
   return A.llt().solve(b);
 }
 
+constexpr std::int64_t kOneChunk = LandmarkIncidences::kQuadsPerChunk;
+
 // Landmarks eliminated by the core, the reduced system solved by Eigen, against everything solved by Eigen.
-void ExpectDenseStep(const FactorGraph& graph, const Eigen::VectorXd& damping) {
-  const CorePipeline core(graph);
+void ExpectDenseStep(const FactorGraph& graph, const Eigen::VectorXd& damping, std::int64_t quads_per_chunk) {
+  const CorePipeline core(graph, true, 1, quads_per_chunk);
   ASSERT_TRUE(core.status.ok()) << core.status.message;
   const DenseOracle oracle(graph, core.layout.variables);
   const int n_c = core.layout.frame_size();
@@ -61,12 +65,14 @@ void ExpectDenseStep(const FactorGraph& graph, const Eigen::VectorXd& damping) {
 
 void ExpectDenseStep(const FactorGraph& graph) {
   const Layout layout(graph, true);
-  ExpectDenseStep(graph, Eigen::VectorXd::Constant(layout.size(), 1e-3));
+  ExpectDenseStep(graph, Eigen::VectorXd::Constant(layout.size(), 1e-3), kOneChunk);
   Eigen::VectorXd uneven(layout.size());
   for (int k = 0; k < layout.size(); ++k) {
     uneven[k] = 0.01 * (1 + k % 7);
   }
-  ExpectDenseStep(graph, uneven);
+  for (const std::int64_t quads_per_chunk : {kOneChunk, std::int64_t{100}, std::int64_t{1}}) {
+    ExpectDenseStep(graph, uneven, quads_per_chunk);
+  }
 }
 
 class EliminationOfBundle : public testing::TestWithParam<unsigned> {
@@ -207,20 +213,45 @@ TEST_F(SingularLandmarks, DampingThatIsNotFiniteIsSingularToo) {
   EXPECT_EQ(elimination.Eliminate(damping.data()).code, StatusCode::kSingular);
 }
 
-TEST(Elimination, SameBitsForAnyNumberOfThreads) {
+// The way back forms Y again where it is not that of the last elimination any more.
+TEST(Elimination, ChunksGiveTheSameStepAgain) {
+  BundleOptions options;
+  options.num_frames = 20;
+  options.num_landmarks = 300;
+  options.landmark_sizes = {3, 1};
+  const auto bundle = MakeBundle(options);
+  const CorePipeline core(bundle->graph(), true, 1, 500);
+  ASSERT_GT(core.incidences.num_chunks(), 5);
+  const auto frame_size = static_cast<std::size_t>(core.layout.frame_size());
+  const std::vector<double> damping(static_cast<std::size_t>(core.layout.size()), 0.01);
+  Elimination elimination(core.evaluator, core.incidences, core.plans, core.hessian);
+  ASSERT_TRUE(elimination.Eliminate(damping.data()).ok());
+  std::vector<double> first(damping.size(), 0.5);
+  elimination.BackSubstitute(first.data(), first.data() + frame_size);
+  std::vector<double> again(damping.size(), 0.5);
+  elimination.BackSubstitute(again.data(), again.data() + frame_size);
+  EXPECT_EQ(first, again);
+  const std::vector<double> b(elimination.b(), elimination.b() + frame_size);
+  ASSERT_TRUE(elimination.Eliminate(damping.data()).ok());
+  EXPECT_EQ(b, std::vector<double>(elimination.b(), elimination.b() + frame_size));
+}
+
+class EliminationByThreads : public testing::TestWithParam<std::int64_t> {};
+
+TEST_P(EliminationByThreads, SameBitsForAnyNumberOfThreads) {
   BundleOptions options;
   options.num_frames = 20;
   options.num_landmarks = 600;
   options.landmark_sizes = {3, 1};
   const auto bundle = MakeBundle(options);
-  const CorePipeline one(bundle->graph(), true, 1);
+  const CorePipeline one(bundle->graph(), true, 1, GetParam());
   const std::vector<double> damping(static_cast<std::size_t>(one.layout.size()), 0.01);
   Elimination expected(one.evaluator, one.incidences, one.plans, one.hessian);
   ASSERT_TRUE(expected.Eliminate(damping.data()).ok());
   std::vector<double> expected_step(damping.size(), 0.5);
   expected.BackSubstitute(expected_step.data(), expected_step.data() + one.layout.frame_size());
   for (const int num_threads : {2, 4}) {
-    const CorePipeline many(bundle->graph(), true, num_threads);
+    const CorePipeline many(bundle->graph(), true, num_threads, GetParam());
     Elimination actual(many.evaluator, many.incidences, many.plans, many.hessian);
     ASSERT_TRUE(actual.Eliminate(damping.data()).ok());
     EXPECT_TRUE(std::equal(expected.S(), expected.S() + one.plans.pattern.value_begin.back(), actual.S()));
@@ -230,6 +261,8 @@ TEST(Elimination, SameBitsForAnyNumberOfThreads) {
     EXPECT_EQ(step, expected_step);
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Chunks, EliminationByThreads, testing::Values(kOneChunk, 1000));
 
 }  // namespace
 }  // namespace inceres::internal

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 
 #include <Eigen/Core>
@@ -15,11 +16,12 @@ namespace inceres::test {
 
 /// The parts of the core up to H, put together for one graph as the solver does it, with the Jacobians evaluated.
 struct CorePipeline {
-  explicit CorePipeline(const FactorGraph& graph, bool eliminate_landmarks = true, int num_threads = 1)
+  explicit CorePipeline(const FactorGraph& graph, bool eliminate_landmarks = true, int num_threads = 1,
+                        std::int64_t quads_per_chunk = internal::LandmarkIncidences::kQuadsPerChunk)
       : executor(num_threads),
         layout(graph, eliminate_landmarks),
         evaluator(graph, layout, executor),
-        incidences(evaluator),
+        incidences(evaluator, quads_per_chunk),
         plans(evaluator, incidences),
         hessian(evaluator, incidences, plans) {
     status = evaluator.EvaluateJacobians(/*known_point=*/false, &cost);
