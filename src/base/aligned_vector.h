@@ -27,7 +27,8 @@ struct CacheLineAllocator {
     void* memory = ::operator new(count * sizeof(T), Alignment(count));
 #ifdef __linux__
     if (IsLarge(count)) {
-      madvise(memory, count * sizeof(T), MADV_HUGEPAGE);  // a wish: where it is not granted nothing changes
+      // A wish: where it is not granted nothing changes. The last page may be mostly empty and stays a small one.
+      madvise(memory, count * sizeof(T) / kHugePage * kHugePage, MADV_HUGEPAGE);
     }
 #endif
     return static_cast<T*>(memory);

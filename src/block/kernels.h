@@ -65,6 +65,7 @@ struct LandmarkFactors {
   const double* residuals = nullptr;         // residual_size per factor
   /// Per factor and slot: 2 · (quad offset of the Y block) + 1 if the block was begun by an earlier factor; -1: no frame here.
   const std::int32_t* y_targets = nullptr;
+  const std::int32_t* tangent_offsets = nullptr;  // as those of FactorRows; multiply_coupling alone reads them
 };
 
 /// The factors [begin, end) of a family for products with J.
@@ -122,6 +123,8 @@ struct Kernels {
   /// y −= Σ_q Y_qᵀ δ_f(q).
   void (*back_substitute)(int landmark_size, const Incidence* incidences, int count, const double* Y, const double* delta,
                           double* y);
+  /// w += Wᵀ δ = Σ J_lᵀ Σ_f J_f δ_f: what back_substitute needs where Y is not kept. w has four entries.
+  void (*multiply_coupling)(const LandmarkFactors& factors, const double* delta, double* w);
   /// y_f(q) −= Y_q v for every incidence: what a change v of the landmark's z does to b.
   void (*subtract_incidences)(int landmark_size, const Incidence* incidences, int count, const double* Y, const double* v,
                               double* y);

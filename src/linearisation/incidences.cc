@@ -76,6 +76,7 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
           entry.jacobians = cache.slots.data();
           entry.residuals = cache.residuals.data();
           entry.y_targets = targets.data();
+          entry.tangent_offsets = cache.tangent_offsets.data();
           found.emplace_back(static_cast<int>(l), entry);
         }
       }

@@ -19,7 +19,7 @@ namespace inceres::internal {
 /// landmark.
 struct LandmarkIncidences {
   static constexpr int kMaxLandmarkSize = 4;
-  static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 19;  // 16 MiB
+  static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 17;  // 4 MiB
 
   explicit LandmarkIncidences(const Evaluator& evaluator, std::int64_t quads_per_chunk = kQuadsPerChunk);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <numeric>
 
 #include "schur/landmark_factor.h"
 
@@ -30,6 +31,30 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
     const auto k = static_cast<std::size_t>(q);
     rhs_terms_.push_back({incidences.incidences[k].y, incidences.landmarks[k] * kQuad});
   }
+  CollectChunkBlocks();
+}
+
+void Elimination::CollectChunkBlocks() {
+  const auto num_blocks = static_cast<int>(plans_.block_row.size());
+  const auto visit = [&](const auto& add) {
+    for (int block = 0; block < num_blocks; ++block) {
+      add(0, ChunkBlock{block, plans_.schur.segments_begin[block]});
+      int last = 0;
+      for (int s = plans_.schur.segments_begin[block]; s < plans_.schur.segments_begin[block + 1]; ++s) {
+        const int chunk = plans_.schur_sources[plans_.schur.segments[s].source].chunk;
+        if (chunk != last) {
+          add(chunk, ChunkBlock{block, s});
+          last = chunk;
+        }
+      }
+    }
+  };
+  chunk_blocks_begin_.assign(std::max(incidences_.num_chunks(), 1) + 1, 0);
+  visit([&](int chunk, const ChunkBlock&) { ++chunk_blocks_begin_[chunk + 1]; });
+  std::partial_sum(chunk_blocks_begin_.begin(), chunk_blocks_begin_.end(), chunk_blocks_begin_.begin());
+  chunk_blocks_.resize(chunk_blocks_begin_.back());
+  std::vector<int> next(chunk_blocks_begin_.begin(), chunk_blocks_begin_.end() - 1);
+  visit([&](int chunk, const ChunkBlock& place) { chunk_blocks_[next[chunk]++] = place; });
 }
 
 int Elimination::DampingOffset(int landmark) const {
@@ -37,7 +62,7 @@ int Elimination::DampingOffset(int landmark) const {
   return layout.packed_offset[layout.num_frames + landmark] - layout.frame_size();
 }
 
-bool Elimination::FactorLandmark(int landmark, const double* damping) {
+bool Elimination::EliminateLandmark(int landmark, const double* damping) {
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
   double* U_inv = U_inv_.data() + static_cast<std::ptrdiff_t>(landmark) * Hessian::kLandmarkStride;
@@ -47,44 +72,34 @@ bool Elimination::FactorLandmark(int landmark, const double* damping) {
   const double* eta = hessian_.LandmarkEta(landmark);
   double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
   MultiplyLower(size, U_inv, eta, z);
-  return true;
-}
-
-void Elimination::FormY(int landmark) {
-  const auto l = static_cast<std::size_t>(landmark);
-  const double* U_inv = U_inv_.data() + static_cast<std::ptrdiff_t>(landmark) * Hessian::kLandmarkStride;
   for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
-    kernels_.eliminate(incidences_.sizes[l], incidences_.factors[k], U_inv, Y_.data());
+    kernels_.eliminate(size, incidences_.factors[k], U_inv, Y_.data());
   }
-}
-
-// Calls function(first, last) for stretches of the chunk's landmarks, possibly concurrently.
-template <typename Function>
-void Elimination::ForLandmarks(int chunk, Function&& function) {
-  const int first = incidences_.chunk_begin[chunk];
-  evaluator_.executor().For(incidences_.chunk_begin[chunk + 1] - first, kLandmarkGrain,
-                            [&](int begin, int end) { function(first + begin, first + end); });
+  return true;
 }
 
 Status Elimination::Eliminate(const double* landmark_damping) {
   const Executor& executor = evaluator_.executor();
-  const auto num_blocks = static_cast<int>(plans_.block_row.size());
   const int num_landmarks = incidences_.num_landmarks();
+  const auto form_blocks = [&](int chunk) {
+    const int first = chunk_blocks_begin_[chunk];
+    executor.For(chunk_blocks_begin_[chunk + 1] - first, kBlockGrain,
+                 [&](int begin, int end) { FormBlocks(chunk, first + begin, first + end); });
+  };
   if (num_landmarks == 0) {
-    executor.For(num_blocks, kBlockGrain, [&](int begin, int end) { FormBlocks(0, begin, end); });
+    form_blocks(0);
   }
   for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
     std::atomic<int> singular{num_landmarks};
-    chunk_in_Y_ = chunk;
-    ForLandmarks(chunk, [&](int begin, int end) {
-      for (int l = begin; l < end; ++l) {
-        if (!FactorLandmark(l, landmark_damping + DampingOffset(l))) {
+    const int first = incidences_.chunk_begin[chunk];
+    executor.For(incidences_.chunk_begin[chunk + 1] - first, kLandmarkGrain, [&](int begin, int end) {
+      for (int l = first + begin; l < first + end; ++l) {
+        if (!EliminateLandmark(l, landmark_damping + DampingOffset(l))) {
           int lowest = singular.load();
           while (l < lowest && !singular.compare_exchange_weak(lowest, l)) {
           }
           return;
         }
-        FormY(l);
       }
     });
     if (singular.load() < num_landmarks) {
@@ -93,7 +108,7 @@ Status Elimination::Eliminate(const double* landmark_damping) {
       return Status::Error(StatusCode::kSingular, "the block of landmark variable " + std::to_string(id) +
                                                       " is not positive definite: its factors do not determine it");
     }
-    executor.For(num_blocks, kBlockGrain, [&](int begin, int end) { FormBlocks(chunk, begin, end); });
+    form_blocks(chunk);
   }
   return Status::Ok();
 }
@@ -101,37 +116,32 @@ Status Elimination::Eliminate(const double* landmark_damping) {
 // The diagonal block comes last in its row: what b takes is then still in the cache.
 void Elimination::FormBlocks(int chunk, int begin, int end) {
   BlockScratch scratch;
-  for (int block = begin; block < end; ++block) {
-    FormBlock(chunk, block, &scratch);
-    const int row = plans_.block_row[block];
-    if (plans_.pattern.columns[block] == row) {
+  for (int k = begin; k < end; ++k) {
+    const ChunkBlock& place = chunk_blocks_[k];
+    FormBlock(chunk, place, &scratch);
+    const int row = plans_.block_row[place.block];
+    if (plans_.pattern.columns[place.block] == row) {
       FormRightHandSide(chunk, row, &scratch);
     }
   }
 }
 
-void Elimination::FormBlock(int chunk, int block, BlockScratch* scratch) {
+void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* scratch) {
   const BlockPattern& pattern = plans_.pattern;
-  const auto k = static_cast<std::size_t>(block);
+  const auto k = static_cast<std::size_t>(place.block);
   const int rows = pattern.block_size(plans_.block_row[k]);
   const int columns = pattern.block_size(pattern.columns[k]);
   const int stride = PadToQuad(columns);
   double* out = S_.data() + pattern.value_begin[k];
   const double* before = chunk == 0 ? hessian_.C().data() + pattern.value_begin[k] : out;
   const auto source_of = [&](int s) { return plans_.schur_sources[plans_.schur.segments[s].source]; };
-  int first = plans_.schur.segments_begin[k];
   const int end = plans_.schur.segments_begin[k + 1];
-  while (first < end && source_of(first).chunk < chunk) {
-    ++first;
-  }
-  if (first == end || source_of(first).chunk > chunk) {
-    if (chunk == 0) {
-      std::copy(before, before + rows * columns, out);
-    }
+  if (place.first_segment == end || source_of(place.first_segment).chunk != chunk) {
+    std::copy(before, before + rows * columns, out);  // the first chunk adds nothing here
     return;
   }
   double* sum = scratch->Zeroed(rows, columns);
-  for (int s = first; s < end && source_of(s).chunk == chunk; ++s) {
+  for (int s = place.first_segment; s < end && source_of(s).chunk == chunk; ++s) {
     const ProductPlan::Segment& segment = plans_.schur.segments[s];
     BlockProducts products;
     products.a = Y_.data();
@@ -198,28 +208,33 @@ void Elimination::BackSubstitute(const double* frame_step, double* landmark_step
     std::copy(frame_step + layout.packed_offset[k], frame_step + layout.packed_offset[k + 1],
               padded_frame_step_.data() + static_cast<std::ptrdiff_t>(layout.quad_offset[k]) * kQuad);
   }
-  for (int chunk = incidences_.num_chunks() - 1; chunk >= 0; --chunk) {  // Y is that of the last
-    const bool is_in_Y = chunk == chunk_in_Y_;
-    chunk_in_Y_ = chunk;
-    ForLandmarks(chunk, [&](int begin, int end) {
-      for (int landmark = begin; landmark < end; ++landmark) {
-        if (!is_in_Y) {
-          FormY(landmark);
-        }
-        BackSubstituteLandmark(landmark, landmark_step);
-      }
-    });
-  }
+  evaluator_.executor().For(incidences_.num_landmarks(), kLandmarkGrain, [&](int begin, int end) {
+    for (int landmark = begin; landmark < end; ++landmark) {
+      BackSubstituteLandmark(landmark, landmark_step);
+    }
+  });
 }
 
-void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) {
+void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) const {
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
   const double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
   const double* U_inv = U_inv_.data() + static_cast<std::ptrdiff_t>(landmark) * Hessian::kLandmarkStride;
   double y[kQuad] = {z[0], z[1], z[2], z[3]};
-  kernels_.back_substitute(size, incidences_.incidences.data() + incidences_.begin[l],
-                           incidences_.begin[l + 1] - incidences_.begin[l], Y_.data(), padded_frame_step_.data(), y);
+  if (incidences_.num_chunks() == 1) {
+    kernels_.back_substitute(size, incidences_.incidences.data() + incidences_.begin[l],
+                             incidences_.begin[l + 1] - incidences_.begin[l], Y_.data(), padded_frame_step_.data(), y);
+  } else {
+    double w[kQuad] = {};
+    double U_inv_w[kQuad] = {};
+    for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
+      kernels_.multiply_coupling(incidences_.factors[k], padded_frame_step_.data(), w);
+    }
+    MultiplyLower(size, U_inv, w, U_inv_w);
+    for (int k = 0; k < size; ++k) {
+      y[k] -= U_inv_w[k];
+    }
+  }
   MultiplyLowerTransposed(size, U_inv, y, landmark_step + DampingOffset(landmark));
 }
 

@@ -14,8 +14,8 @@ namespace inceres::internal {
 ///     [ W         C + Λ_c ] [δ_c] = [c]      S = C − Y Yᵀ,  b = c − Y z,  δ_l = U_invᵀ (z − Yᵀ δ_c)
 ///
 /// Λ_c is left to the factorisation of S. Each block of S is accumulated in registers over all landmarks of a chunk that its two
-/// frames share: where all landmarks are one chunk, S is written once and never read back. Y is kept for one chunk at a time; the
-/// way back forms those of the others again. Source: Triggs et al. 1999, section 6.1.
+/// frames share: where all landmarks are one chunk, S is written once and never read back. Y is kept for one chunk at a time;
+/// where there are more, the way back takes Wᵀδ_c from the Jacobians. Source: Triggs et al. 1999, section 6.1.
 class Elimination {
  public:
   Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans, const Hessian& hessian);
@@ -34,14 +34,17 @@ class Elimination {
   std::int64_t Bytes() const;
 
  private:
-  bool FactorLandmark(int landmark, const double* damping);
-  void FormY(int landmark);
+  // A block of S that a chunk adds to: all of them for the first chunk, which begins them.
+  struct ChunkBlock {
+    int block;
+    int first_segment;  // of the chunk, if it has one there
+  };
+  void CollectChunkBlocks();
+  bool EliminateLandmark(int landmark, const double* damping);
   void FormBlocks(int chunk, int begin, int end);
-  void FormBlock(int chunk, int block, BlockScratch* scratch);
+  void FormBlock(int chunk, const ChunkBlock& place, BlockScratch* scratch);
   void FormRightHandSide(int chunk, int frame, BlockScratch* scratch);
-  void BackSubstituteLandmark(int landmark, double* landmark_step);
-  template <typename Function>
-  void ForLandmarks(int chunk, Function&& function);
+  void BackSubstituteLandmark(int landmark, double* landmark_step) const;
   int DampingOffset(int landmark) const;
 
   const Evaluator& evaluator_;
@@ -51,12 +54,13 @@ class Elimination {
   const Kernels& kernels_;
   AlignedVector<double> U_inv_;  // per landmark: rows four apart
   AlignedVector<double> z_;      // per landmark: four entries
-  AlignedVector<double> Y_;      // of chunk_in_Y_
-  int chunk_in_Y_ = -1;
+  AlignedVector<double> Y_;      // of one chunk
   std::vector<double> S_;
   std::vector<double> b_;
   AlignedVector<double> padded_frame_step_;
-  std::vector<VectorTerm> rhs_terms_;  // per frame incidence, in the order of frame_incidences
+  std::vector<ChunkBlock> chunk_blocks_;  // by chunk, then block
+  std::vector<int> chunk_blocks_begin_;   // per chunk, at least one, and one more
+  std::vector<VectorTerm> rhs_terms_;     // per frame incidence, in the order of frame_incidences
 };
 
 }  // namespace inceres::internal

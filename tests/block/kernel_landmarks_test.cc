@@ -1,6 +1,8 @@
 // The three kernels of the elimination against plain loops: landmark sizes 1 to 4, residuals from 1 to beyond a slice, several
 // slots of different sizes, a frame that is touched twice, a slot without a frame.
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "block/kernel_fixture.h"
 
@@ -35,15 +37,23 @@ struct LandmarkCase {
     factors.jacobians = jacobians.data();
     factors.residuals = residuals.data();
     factors.y_targets = targets.data();
+    factors.tangent_offsets = tangent_offsets.data();
   }
 
   void PlaceY() {
     int next = 0;
     int shared = -1;
     targets.assign(static_cast<std::size_t>(kNumFactors) * sizes.size(), -1);
+    tangent_offsets = targets;
     for (const std::int32_t factor : seen) {
       for (int s = 0; s < static_cast<int>(sizes.size()); ++s) {
-        if (s == kLandmarkSlot || (factor == seen.back() && s == 2)) {
+        if (factor == seen.back() && s == 2) {
+          continue;
+        }
+        // A place for each frame; the landmark where nothing of a frame's step is.
+        tangent_offsets[static_cast<std::size_t>(factor) * sizes.size() + static_cast<std::size_t>(s)] =
+            s == kLandmarkSlot ? kLandmarkQuad : 4 * s + (s == 3 ? 0 : 16 * factor);
+        if (s == kLandmarkSlot) {
           continue;
         }
         std::int32_t& target = targets[static_cast<std::size_t>(factor) * sizes.size() + static_cast<std::size_t>(s)];
@@ -67,6 +77,8 @@ struct LandmarkCase {
 
   static constexpr int kNumFactors = 5;
   static constexpr int kLandmarkSlot = 1;
+  static constexpr int kLandmarkQuad = 90;
+  static constexpr int kNumQuads = 91;
   int size;
   int rows;
   std::vector<int> sizes;
@@ -75,6 +87,7 @@ struct LandmarkCase {
   std::vector<SlotJacobians> jacobians;
   std::vector<double> residuals;
   std::vector<std::int32_t> targets;
+  std::vector<std::int32_t> tangent_offsets;
   std::size_t y_size = 0;
   LandmarkFactors factors;
 };
@@ -154,6 +167,34 @@ TEST_P(LandmarkKernels, EliminateWritesYForEveryFrame) {
     AlignedVector<double> Y_generic(problem.y_size, -7.0);
     generic().eliminate(problem.size, problem.factors, U_inv, Y_generic.data());
     ExpectClose(Y, Y_generic, 12.0 * problem.rows, kTolerance, what + ", against generic");
+  });
+}
+
+// The landmark's own part of the vector is not read: it may be anything.
+TEST_P(LandmarkKernels, MultiplyCouplingAddsWTransposedDelta) {
+  ForAllSizes([&](const LandmarkCase& problem, const std::string& what) {
+    std::vector<double> delta = random_.Vector(LandmarkCase::kNumQuads * kQuad);
+    std::fill(delta.end() - kQuad, delta.end(), std::numeric_limits<double>::quiet_NaN());
+    AlignedVector<double> w = PaddedRows(1, problem.size);
+    AlignedVector<double> expected = w;
+    for (const int factor : problem.seen) {
+      for (int s = 0; s < 4; ++s) {
+        const int offset = problem.tangent_offsets[static_cast<std::size_t>(factor * 4 + s)];
+        if (s == LandmarkCase::kLandmarkSlot || offset < 0) {
+          continue;
+        }
+        for (int i = 0; i < problem.rows; ++i) {
+          for (int c = 0; c < problem.sizes[static_cast<std::size_t>(s)]; ++c) {
+            for (int k = 0; k < problem.size; ++k) {
+              expected[static_cast<std::size_t>(k)] +=
+                  problem.J(1, factor, i, k) * problem.J(s, factor, i, c) * delta[static_cast<std::size_t>(offset * kQuad + c)];
+            }
+          }
+        }
+      }
+    }
+    kernels().multiply_coupling(problem.factors, delta.data(), w.data());
+    ExpectClose(w, expected, 54.0 * problem.rows, kTolerance, what);
   });
 }
 

@@ -213,8 +213,8 @@ TEST_F(SingularLandmarks, DampingThatIsNotFiniteIsSingularToo) {
   EXPECT_EQ(elimination.Eliminate(damping.data()).code, StatusCode::kSingular);
 }
 
-// The way back forms Y again where it is not that of the last elimination any more.
-TEST(Elimination, ChunksGiveTheSameStepAgain) {
+// Nothing of a chunk is left over for the next elimination, nor for the next way back.
+TEST(Elimination, ChunksGiveTheSameAgain) {
   BundleOptions options;
   options.num_frames = 20;
   options.num_landmarks = 300;
