@@ -7,41 +7,6 @@
 namespace inceres {
 namespace {
 
-// The first columns as they are. Rows of the usual lengths are copied without a call.
-template <int kSize>
-void CopyColumnsOf(int ambient_size, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
-  for (int r = 0; r < num_rows; ++r, J_ambient += ambient_size, J_tangent += row_stride) {
-    std::memcpy(J_tangent, J_ambient, kSize * sizeof(double));
-  }
-}
-
-void CopyColumns(int count, int ambient_size, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
-  switch (count) {
-    case 1:
-      return CopyColumnsOf<1>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
-    case 3:
-      return CopyColumnsOf<3>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
-    case 6:
-      return CopyColumnsOf<6>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
-    case 9:
-      return CopyColumnsOf<9>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
-    default:
-      break;
-  }
-  for (int r = 0; r < num_rows; ++r, J_ambient += ambient_size, J_tangent += row_stride) {
-    std::copy_n(J_ambient, count, J_tangent);
-  }
-}
-
-// VINS and OKVIS poses: M = [I; 0].
-bool SelectsFirstColumns(const TangentMap& map) {
-  int c = 0;
-  while (c < map.tangent_size && map.selection[c] == c) {
-    ++c;
-  }
-  return c == map.tangent_size;
-}
-
 void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
   for (int r = 0; r < num_rows; ++r) {
     const double* from = J_ambient + static_cast<std::ptrdiff_t>(r) * map.ambient_size;
@@ -113,9 +78,7 @@ void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int n
     case TangentMap::Kind::kIdentity:
       return CopyColumns(map.tangent_size, map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
     case TangentMap::Kind::kSelection:
-      return SelectsFirstColumns(map)
-                 ? CopyColumns(map.tangent_size, map.ambient_size, J_ambient, num_rows, J_tangent, row_stride)
-                 : SelectColumns(map, J_ambient, num_rows, J_tangent, row_stride);
+      return SelectColumns(map, J_ambient, num_rows, J_tangent, row_stride);
     case TangentMap::Kind::kDense:
       return Multiply(map, J_ambient, num_rows, J_tangent, row_stride);
   }

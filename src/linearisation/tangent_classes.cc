@@ -80,6 +80,7 @@ void ClassifyTangentMap(TangentMap* map, int* selection) {
   } else if (FindSelection(*map, selection)) {
     map->kind = TangentMap::Kind::kSelection;
     map->selection = selection;
+    map->num_identity_columns = CountIdentityColumns(*map);
   } else {
     map->kind = TangentMap::Kind::kDense;
     map->num_identity_columns = CountIdentityColumns(*map);

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #include <memory>
 #include <vector>
 
@@ -13,6 +15,32 @@ namespace inceres {
 /// Does nothing where no Jacobian is wanted. Cost: a copy for identity and selection maps.
 INCERES_EXPORT void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
                                           int row_stride);
+
+template <int kCount>
+void CopyColumnsOf(int ambient_size, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  for (int r = 0; r < num_rows; ++r, J_ambient += ambient_size, J_tangent += row_stride) {
+    std::memcpy(J_tangent, J_ambient, kCount * sizeof(double));
+  }
+}
+
+/// The product with M = [I; 0]: the first `count` columns as they are. The usual sizes need no call.
+inline void CopyColumns(int count, int ambient_size, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  switch (count) {
+    case 1:
+      return CopyColumnsOf<1>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+    case 3:
+      return CopyColumnsOf<3>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+    case 6:
+      return CopyColumnsOf<6>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+    case 9:
+      return CopyColumnsOf<9>(ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+    default:
+      break;
+  }
+  for (int r = 0; r < num_rows; ++r, J_ambient += ambient_size, J_tangent += row_stride) {
+    std::copy_n(J_ambient, count, J_tangent);
+  }
+}
 
 /// What entries nobody has written yet hold.
 constexpr double kUnwritten = 1e302;
@@ -134,7 +162,12 @@ class AmbientFamily : public FactorFamily {
         return {i, "a Jacobian entry is not finite or was not written"};
       }
       const JacobianView& view = batch.jacobians[s];
-      ProjectToTangentSpace(*maps[s], scratch.blocks[s], rows, view.data + i * view.factor_stride, view.row_stride);
+      double* J_tangent = view.data + i * view.factor_stride;
+      if (maps[s]->copies()) {
+        CopyColumns(maps[s]->tangent_size, maps[s]->ambient_size, scratch.blocks[s], rows, J_tangent, view.row_stride);
+      } else {
+        ProjectToTangentSpace(*maps[s], scratch.blocks[s], rows, J_tangent, view.row_stride);
+      }
     }
     return {};
   }

@@ -24,12 +24,14 @@ struct TangentMap {
   int tangent_size = 0;
   const double* plus_jacobian = nullptr;  ///< M, row-major; kSelection and kDense only
   const int* selection = nullptr;         ///< tangent_size indices; kSelection only
-  /// kDense only: the first columns of M that are unit vectors of the same index, in rows without another entry (a pose of
-  /// translation and quaternion has three): there too the product is a copy.
+  /// kSelection and kDense only: the first columns of M that are unit vectors of the same index, in rows without another entry (a
+  /// pose of translation and quaternion has three, one of VINS all six): there the product is a copy.
   int num_identity_columns = 0;
 
   /// Whether a Jacobian is to be written.
   bool wanted() const { return kind != Kind::kConstant && kind != Kind::kUnwanted; }
+  /// Whether M = [I; 0]: the tangent Jacobian is the first columns of the ambient one.
+  bool copies() const { return kind == Kind::kIdentity || (kind == Kind::kSelection && num_identity_columns == tangent_size); }
 };
 
 /// Where the tangent Jacobians of one slot go: entry (r, c) of factor i is data[i · factor_stride + r · row_stride + c].
