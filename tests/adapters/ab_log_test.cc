@@ -86,6 +86,8 @@ TEST(AbLog, ALineTellsOfBothSolves) {
   EXPECT_EQ(line["difference"]["cost"], result.cost_difference);
   EXPECT_EQ(line["difference"]["parameter"], result.parameters.relative);
   EXPECT_TRUE(line["difference"]["violations"].empty());
+  EXPECT_EQ(line["difference"]["tolerances"]["cost"], 1e-9);
+  EXPECT_EQ(line["difference"]["tolerances"]["iterations"], 1.0);
   EXPECT_FALSE(line["machine"]["cpu"].get<std::string>().empty());
   EXPECT_THAT(line["time"].get<std::string>(), ::testing::MatchesRegex("20..-..-..T..:..:......Z"));
 }

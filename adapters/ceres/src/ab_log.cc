@@ -15,6 +15,7 @@
 #include <ceres/version.h>
 #include <glog/logging.h>
 
+#include "adapters/ceres/src/compare_solves.h"
 #include "src/base/cpu_model.h"
 #include "src/base/json_object.h"
 #include "src/solver/summary_json.h"
@@ -126,7 +127,16 @@ std::string OurOutcome(const SolveReport& report, SolveMode mode) {
   return json.Close();
 }
 
-std::string Differences(const CrossCheckResult& result) {
+std::string Judged(const JudgedTolerances& tolerances) {
+  return JsonObject()
+      .Add("cost", tolerances.cost)
+      .Add("parameters", tolerances.parameters)
+      .Add("iterations", tolerances.iterations)
+      .Add("radius", tolerances.radius)
+      .Close();
+}
+
+std::string Differences(const CrossCheckResult& result, const JudgedTolerances& tolerances) {
   return JsonObject()
       .Add("cost", result.cost_difference)
       .Add("parameter", result.parameters.relative)
@@ -137,6 +147,7 @@ std::string Differences(const CrossCheckResult& result) {
       .Add("first_iteration", result.first_different_iteration)
       .AddArray("violations", result.violations, JsonString)
       .AddString("note", result.reason)
+      .AddRaw("tolerances", Judged(tolerances))
       .Close();
 }
 
@@ -179,7 +190,7 @@ std::string LogLine(const SolveReport& report, SolveMode mode, const ceres::Solv
       .AddRaw("structure", Structure(report, kept))
       .AddRaw("ours", solved_by_ours ? OurOutcome(report, mode) : "null")
       .AddRaw("stock", solved_by_stock ? Outcome(result.stock, result.stock_seconds).Close() : "null")
-      .AddRaw("difference", result.compared ? Differences(result) : "null")
+      .AddRaw("difference", result.compared ? Differences(result, TolerancesFor(mode, report.cross_check, options)) : "null")
       .AddString("first", Name(result.first))
       .AddString("kept", Name(result.kept))
       .AddString("fallback_reason", report.fallback_reason)
