@@ -22,7 +22,8 @@ def line(k, ours=0.003, stock=0.008, cost=1234.5, cost_difference=1e-13, fallbac
     """One line; ours None: stock alone."""
     difference = None if ours is None else {
         "cost": cost_difference, "parameter": 1e3 * abs(cost_difference), "parameter_block": 7, "parameter_block_size": 7, "component": 2,
-        "iterations": 0, "first_iteration": 3 if violations else -1, "violations": list(violations), "note": ""}
+        "iterations": 0, "first_iteration": 3 if violations else -1, "violations": list(violations), "note": "",
+        "tolerances": {"cost": 1e-9, "parameters": 1e-6, "iterations": 1.0, "radius": 1e-6}}
     return {"time": f"2026-05-04T10:{k // 600 % 60:02d}:{k // 10 % 60:02d}.{100 * (k % 10):03d}Z", "process": 4711, "solve": k, "mode": "exact",
             "function_tolerance": 1e-6,
             "sizes": {"parameter_blocks": 172, "parameters": 350 + k % 7, "effective_parameters": 321 + k % 7, "residual_blocks": 615 + k % 31,
