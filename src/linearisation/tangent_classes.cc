@@ -80,7 +80,10 @@ void ClassifyTangentMap(TangentMap* map, int* selection) {
   } else if (FindSelection(*map, selection)) {
     map->kind = TangentMap::Kind::kSelection;
     map->selection = selection;
-    map->num_identity_columns = CountIdentityColumns(*map);
+    map->num_identity_columns = 0;
+    while (map->num_identity_columns < map->tangent_size && selection[map->num_identity_columns] == map->num_identity_columns) {
+      ++map->num_identity_columns;
+    }
   } else {
     map->kind = TangentMap::Kind::kDense;
     map->num_identity_columns = CountIdentityColumns(*map);
