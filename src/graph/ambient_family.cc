@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 namespace inceres {
 namespace {
@@ -37,7 +36,7 @@ void MultiplyColumns(const TangentMap& map, int first, const double* J_ambient, 
 void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
   int c = map.num_identity_columns;
   if (c > 0) {
-    CopyColumns(c, map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+    internal::CopyColumns(c, map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
   }
   for (; c + 6 <= map.tangent_size; c += 6) {
     MultiplyColumns<6>(map, c, J_ambient, num_rows, J_tangent, row_stride);
@@ -71,12 +70,14 @@ bool AreAllWritten(const double* values, int count) {
 }
 
 void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  if (map.copies()) {
+    return internal::CopyColumns(map.tangent_size, map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+  }
   switch (map.kind) {
     case TangentMap::Kind::kConstant:
     case TangentMap::Kind::kUnwanted:
+    case TangentMap::Kind::kIdentity:  // is a copy
       return;
-    case TangentMap::Kind::kIdentity:
-      return CopyColumns(map.tangent_size, map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
     case TangentMap::Kind::kSelection:
       return SelectColumns(map, J_ambient, num_rows, J_tangent, row_stride);
     case TangentMap::Kind::kDense:

@@ -145,9 +145,11 @@ void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk) {
     chunk_quads += quads;
     y_quads = std::max(y_quads, chunk_quads);
   }
-  if (num_landmarks() > 0) {
-    chunk_begin.push_back(num_landmarks());
-  }
+  chunk_begin.push_back(num_landmarks());
+}
+
+int LandmarkIncidences::ChunkOf(int landmark) const {
+  return static_cast<int>(std::upper_bound(chunk_begin.begin(), chunk_begin.end(), landmark) - chunk_begin.begin()) - 1;
 }
 
 void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
@@ -170,16 +172,10 @@ void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
     }
   }
   std::vector<std::int64_t> chunk_quads(num_chunks(), 0);
-  for (int frame = 0; frame < layout.num_frames; ++frame) {
-    std::size_t chunk = 0;
-    for (int k = frame_begin[frame]; k < frame_begin[frame + 1]; ++k) {
-      const int q = frame_incidences[k];
-      while (landmarks[q] >= chunk_begin[chunk + 1]) {
-        ++chunk;
-      }
-      incidences[q].y = static_cast<std::int32_t>(chunk_quads[chunk]);
-      chunk_quads[chunk] += static_cast<std::int64_t>(incidences[q].quads) * sizes[landmarks[q]];
-    }
+  for (const int q : frame_incidences) {
+    std::int64_t& next_quad = chunk_quads[ChunkOf(landmarks[q])];
+    incidences[q].y = static_cast<std::int32_t>(next_quad);
+    next_quad += static_cast<std::int64_t>(incidences[q].quads) * sizes[landmarks[q]];
   }
 }
 

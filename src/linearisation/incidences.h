@@ -25,13 +25,14 @@ struct LandmarkIncidences {
 
   int num_landmarks() const { return static_cast<int>(begin.size()) - 1; }
   int num_chunks() const { return static_cast<int>(chunk_begin.size()) - 1; }
+  int ChunkOf(int landmark) const;
 
   // Per landmark: its incidences, in order of first appearance.
   std::vector<int> begin;  // num_landmarks + 1
   std::vector<Incidence> incidences;
   std::vector<std::int32_t> frames;  // frame index per incidence
 
-  // First landmark of each chunk, and the number of landmarks.
+  // First landmark of each chunk, of which there is at least one, and the number of landmarks.
   std::vector<int> chunk_begin;
 
   // Per frame: the same incidences, sorted by chunk, then landmark size, then landmark.

@@ -210,14 +210,11 @@ class PlanBuilder {
   }
 
   void CollectSchurTerms(int row) {
-    int chunk = 0;
     for (int k = incidences_.frame_begin[row]; k < incidences_.frame_begin[row + 1]; ++k) {
       const auto q = static_cast<std::size_t>(incidences_.frame_incidences[k]);
       const auto l = static_cast<std::size_t>(incidences_.landmarks[q]);
-      while (incidences_.landmarks[q] >= incidences_.chunk_begin[chunk + 1]) {
-        ++chunk;
-      }
-      const int source = LandmarkIncidences::kMaxLandmarkSize * chunk + incidences_.sizes[l] - 1;
+      const int chunk = incidences_.ChunkOf(incidences_.landmarks[q]);
+      const int source = LandmarkIncidences::kMaxLandmarkSize * chunk + incidences_.sizes[l] - 1;  // see Build
       for (int other = incidences_.begin[l]; other < incidences_.begin[l + 1]; ++other) {
         const int column = incidences_.frames[other];
         if (column <= row) {

@@ -49,7 +49,7 @@ void Elimination::CollectChunkBlocks() {
       }
     }
   };
-  chunk_blocks_begin_.assign(std::max(incidences_.num_chunks(), 1) + 1, 0);
+  chunk_blocks_begin_.assign(incidences_.num_chunks() + 1, 0);
   visit([&](int chunk, const ChunkBlock&) { ++chunk_blocks_begin_[chunk + 1]; });
   std::partial_sum(chunk_blocks_begin_.begin(), chunk_blocks_begin_.end(), chunk_blocks_begin_.begin());
   chunk_blocks_.resize(chunk_blocks_begin_.back());
@@ -81,14 +81,6 @@ bool Elimination::EliminateLandmark(int landmark, const double* damping) {
 Status Elimination::Eliminate(const double* landmark_damping) {
   const Executor& executor = evaluator_.executor();
   const int num_landmarks = incidences_.num_landmarks();
-  const auto form_blocks = [&](int chunk) {
-    const int first = chunk_blocks_begin_[chunk];
-    executor.For(chunk_blocks_begin_[chunk + 1] - first, kBlockGrain,
-                 [&](int begin, int end) { FormBlocks(chunk, first + begin, first + end); });
-  };
-  if (num_landmarks == 0) {
-    form_blocks(0);
-  }
   for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
     std::atomic<int> singular{num_landmarks};
     const int first = incidences_.chunk_begin[chunk];
@@ -108,7 +100,9 @@ Status Elimination::Eliminate(const double* landmark_damping) {
       return Status::Error(StatusCode::kSingular, "the block of landmark variable " + std::to_string(id) +
                                                       " is not positive definite: its factors do not determine it");
     }
-    form_blocks(chunk);
+    const int first_block = chunk_blocks_begin_[chunk];
+    executor.For(chunk_blocks_begin_[chunk + 1] - first_block, kBlockGrain,
+                 [&](int begin, int end) { FormBlocks(chunk, first_block + begin, first_block + end); });
   }
   return Status::Ok();
 }
@@ -165,22 +159,16 @@ void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch)
   const auto i = static_cast<std::size_t>(frame);
   const int size = pattern.block_size(frame);
   double* sum = scratch->Zeroed(1, size);
-  const auto landmark_of = [&](int k) { return incidences_.landmarks[incidences_.frame_incidences[k]]; };
-  const auto size_of = [&](int k) { return incidences_.sizes[landmark_of(k)]; };
-  int first = incidences_.frame_begin[i];
-  int end = incidences_.frame_begin[i + 1];
-  if (incidences_.num_chunks() > 1) {
-    const auto begin_of = [&](int k) {
-      const auto* all = incidences_.frame_incidences.data();
-      const int landmark = incidences_.chunk_begin[k];
-      return static_cast<int>(std::partition_point(all + incidences_.frame_begin[i], all + incidences_.frame_begin[i + 1],
-                                                   [&](int q) { return incidences_.landmarks[q] < landmark; }) -
-                              all);
-    };
-    first = begin_of(chunk);
-    end = begin_of(chunk + 1);
-  }
-  while (first < end) {
+  const auto size_of = [&](int k) { return incidences_.sizes[incidences_.landmarks[incidences_.frame_incidences[k]]]; };
+  const auto begin_of = [&](int of_chunk) {
+    const int* all = incidences_.frame_incidences.data();
+    const int landmark = incidences_.chunk_begin[of_chunk];
+    return static_cast<int>(std::partition_point(all + incidences_.frame_begin[i], all + incidences_.frame_begin[i + 1],
+                                                 [&](int q) { return incidences_.landmarks[q] < landmark; }) -
+                            all);
+  };
+  const int end = begin_of(chunk + 1);
+  for (int first = begin_of(chunk); first < end;) {
     int last = first;
     while (last < end && size_of(last) == size_of(first)) {
       ++last;

@@ -59,7 +59,7 @@ class Elimination {
   std::vector<double> b_;
   AlignedVector<double> padded_frame_step_;
   std::vector<ChunkBlock> chunk_blocks_;  // by chunk, then block
-  std::vector<int> chunk_blocks_begin_;   // per chunk, at least one, and one more
+  std::vector<int> chunk_blocks_begin_;   // per chunk, and one more
   std::vector<VectorTerm> rhs_terms_;     // per frame incidence, in the order of frame_incidences
 };
 

@@ -1,5 +1,5 @@
-// The three kernels of the elimination against plain loops: landmark sizes 1 to 4, residuals from 1 to beyond a slice, several
-// slots of different sizes, a frame that is touched twice, a slot without a frame.
+// The kernels of the elimination and of the way back against plain loops: landmark sizes 1 to 4, residuals from 1 to beyond a
+// slice, several slots of different sizes, a frame that is touched twice, a slot without a frame.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -28,7 +28,7 @@ struct LandmarkCase {
       jacobians.push_back({values.data(), std::ptrdiff_t{rows} * PadToQuad(slot_size), PadToQuad(slot_size), slot_size});
     }
     residuals = random->Vector(static_cast<std::size_t>(kNumFactors * rows));
-    PlaceY();
+    Place();
     factors.factors = seen.data();
     factors.count = static_cast<int>(seen.size());
     factors.residual_size = rows;
@@ -40,7 +40,8 @@ struct LandmarkCase {
     factors.tangent_offsets = tangent_offsets.data();
   }
 
-  void PlaceY() {
+  // Where Y and the steps of the variables are.
+  void Place() {
     int next = 0;
     int shared = -1;
     targets.assign(static_cast<std::size_t>(kNumFactors) * sizes.size(), -1);

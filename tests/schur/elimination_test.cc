@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -213,24 +214,31 @@ TEST_F(SingularLandmarks, DampingThatIsNotFiniteIsSingularToo) {
   EXPECT_EQ(elimination.Eliminate(damping.data()).code, StatusCode::kSingular);
 }
 
-// Nothing of a chunk is left over for the next elimination, nor for the next way back.
-TEST(Elimination, ChunksGiveTheSameAgain) {
+std::unique_ptr<RandomGraph> TwentyFrames(int num_landmarks) {
   BundleOptions options;
   options.num_frames = 20;
-  options.num_landmarks = 300;
+  options.num_landmarks = num_landmarks;
   options.landmark_sizes = {3, 1};
-  const auto bundle = MakeBundle(options);
+  return MakeBundle(options);
+}
+
+std::vector<double> LandmarkSteps(const CorePipeline& core, Elimination* elimination) {
+  std::vector<double> step(static_cast<std::size_t>(core.layout.size()), 0.5);
+  elimination->BackSubstitute(step.data(), step.data() + core.layout.frame_size());
+  return step;
+}
+
+// Nothing of a chunk is left over for the next elimination, nor for the next way back.
+TEST(Elimination, ChunksGiveTheSameAgain) {
+  const auto bundle = TwentyFrames(300);
   const CorePipeline core(bundle->graph(), true, 1, 500);
   ASSERT_GT(core.incidences.num_chunks(), 5);
   const auto frame_size = static_cast<std::size_t>(core.layout.frame_size());
   const std::vector<double> damping(static_cast<std::size_t>(core.layout.size()), 0.01);
   Elimination elimination(core.evaluator, core.incidences, core.plans, core.hessian);
   ASSERT_TRUE(elimination.Eliminate(damping.data()).ok());
-  std::vector<double> first(damping.size(), 0.5);
-  elimination.BackSubstitute(first.data(), first.data() + frame_size);
-  std::vector<double> again(damping.size(), 0.5);
-  elimination.BackSubstitute(again.data(), again.data() + frame_size);
-  EXPECT_EQ(first, again);
+  const std::vector<double> first = LandmarkSteps(core, &elimination);
+  EXPECT_EQ(first, LandmarkSteps(core, &elimination));
   const std::vector<double> b(elimination.b(), elimination.b() + frame_size);
   ASSERT_TRUE(elimination.Eliminate(damping.data()).ok());
   EXPECT_EQ(b, std::vector<double>(elimination.b(), elimination.b() + frame_size));
@@ -239,26 +247,19 @@ TEST(Elimination, ChunksGiveTheSameAgain) {
 class EliminationByThreads : public testing::TestWithParam<std::int64_t> {};
 
 TEST_P(EliminationByThreads, SameBitsForAnyNumberOfThreads) {
-  BundleOptions options;
-  options.num_frames = 20;
-  options.num_landmarks = 600;
-  options.landmark_sizes = {3, 1};
-  const auto bundle = MakeBundle(options);
+  const auto bundle = TwentyFrames(600);
   const CorePipeline one(bundle->graph(), true, 1, GetParam());
   const std::vector<double> damping(static_cast<std::size_t>(one.layout.size()), 0.01);
   Elimination expected(one.evaluator, one.incidences, one.plans, one.hessian);
   ASSERT_TRUE(expected.Eliminate(damping.data()).ok());
-  std::vector<double> expected_step(damping.size(), 0.5);
-  expected.BackSubstitute(expected_step.data(), expected_step.data() + one.layout.frame_size());
+  const std::vector<double> expected_step = LandmarkSteps(one, &expected);
   for (const int num_threads : {2, 4}) {
     const CorePipeline many(bundle->graph(), true, num_threads, GetParam());
     Elimination actual(many.evaluator, many.incidences, many.plans, many.hessian);
     ASSERT_TRUE(actual.Eliminate(damping.data()).ok());
     EXPECT_TRUE(std::equal(expected.S(), expected.S() + one.plans.pattern.value_begin.back(), actual.S()));
     EXPECT_TRUE(std::equal(expected.b(), expected.b() + one.layout.frame_size(), actual.b()));
-    std::vector<double> step(damping.size(), 0.5);
-    actual.BackSubstitute(step.data(), step.data() + many.layout.frame_size());
-    EXPECT_EQ(step, expected_step);
+    EXPECT_EQ(LandmarkSteps(many, &actual), expected_step);
   }
 }
 

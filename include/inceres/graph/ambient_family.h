@@ -11,10 +11,7 @@
 
 namespace inceres {
 
-/// Writes J_tangent (num_rows × map.tangent_size, rows row_stride apart) = J_ambient (row-major, contiguous) · M.
-/// Does nothing where no Jacobian is wanted. Cost: a copy for identity and selection maps.
-INCERES_EXPORT void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
-                                          int row_stride);
+namespace internal {
 
 template <int kCount>
 void CopyColumnsOf(int ambient_size, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
@@ -41,6 +38,13 @@ inline void CopyColumns(int count, int ambient_size, const double* J_ambient, in
     std::copy_n(J_ambient, count, J_tangent);
   }
 }
+
+}  // namespace internal
+
+/// Writes J_tangent (num_rows × map.tangent_size, rows row_stride apart) = J_ambient (row-major, contiguous) · M.
+/// Does nothing where no Jacobian is wanted. Cost: a copy for identity and selection maps.
+INCERES_EXPORT void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
+                                          int row_stride);
 
 /// What entries nobody has written yet hold.
 constexpr double kUnwritten = 1e302;
@@ -163,8 +167,8 @@ class AmbientFamily : public FactorFamily {
       }
       const JacobianView& view = batch.jacobians[s];
       double* J_tangent = view.data + i * view.factor_stride;
-      if (maps[s]->copies()) {
-        CopyColumns(maps[s]->tangent_size, maps[s]->ambient_size, scratch.blocks[s], rows, J_tangent, view.row_stride);
+      if (maps[s]->copies()) {  // as most are: without a call
+        internal::CopyColumns(maps[s]->tangent_size, maps[s]->ambient_size, scratch.blocks[s], rows, J_tangent, view.row_stride);
       } else {
         ProjectToTangentSpace(*maps[s], scratch.blocks[s], rows, J_tangent, view.row_stride);
       }
