@@ -41,6 +41,27 @@ void BM_BlockProducts(benchmark::State& state) {
 }
 BENCHMARK(BM_BlockProducts)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 9, 15}, {1, 2, 3}});
 
+// The same for cameras of 9 whose blocks have their last column apart, as those of Y have.
+void BM_BlockProductsWithTail(benchmark::State& state) {
+  const Kernels* kernels = KernelsOrSkip(state);
+  if (kernels == nullptr) {
+    return;
+  }
+  constexpr int kSize = 9;
+  constexpr int kDepth = 3;
+  constexpr int kQuads = QuadsWithTail(kDepth, kSize);
+  const AlignedVector<double> Y = Random(std::int64_t{2} * kCommon * kQuads * kQuad);
+  const std::vector<ProductTerm> terms = ConsecutiveTerms(kCommon, kQuads);
+  const BlockProducts products{Y.data(), Y.data(), terms.data(), kCommon, kDepth, kSize, kSize, true};
+  AlignedVector<double> C(static_cast<std::size_t>(kSize * PadToQuad(kSize)));
+  for (auto _ : state) {
+    kernels->accumulate_products(products, -1.0, C.data());
+    benchmark::DoNotOptimize(C.data());
+  }
+  CountWork(state, 2.0 * kCommon * kDepth * kSize * kSize, 8.0 * (2.0 * kCommon * kDepth * kSize + 2.0 * kSize * kSize));
+}
+BENCHMARK(BM_BlockProductsWithTail)->ArgNames({"set"})->ArgsProduct({AllSets()});
+
 // One frame's part of the gradient (depth 2) or of b (depth 3).
 void BM_VectorProducts(benchmark::State& state) {
   const Kernels* kernels = KernelsOrSkip(state);

@@ -12,6 +12,16 @@ static constexpr int PadToQuad(int size) {
   return (size + kQuad - 1) / kQuad * kQuad;
 }
 
+/// Whether blocks of Y with rows of so many entries may be kept with their last column apart, as one quad behind the rows: three
+/// rows of 9, the camera of a BAL problem, then take 7 quads instead of 9. Of residuals or landmarks of size 4 at most.
+static constexpr bool MayHaveTail(int size) {
+  return size == 5 || size == 9 || size == 13;
+}
+/// Quads of such a block.
+static constexpr int QuadsWithTail(int depth, int size) {
+  return depth * (size / kQuad) + 1;
+}
+
 /// Where the two factors of a block product start, in quads from the two base pointers.
 struct ProductTerm {
   std::int32_t a;
@@ -19,7 +29,8 @@ struct ProductTerm {
 };
 
 /// C += sign Σ_p B_pᵀ A_p, the one product behind both H_ij = Σ J_iᵀ J_j and S_ij = C_ij − Σ_l Y_il Y_jlᵀ.
-/// A_p is depth × a_size and B_p depth × b_size, row-major, rows padded to quads. C is b_size × a_size with rows padded to quads.
+/// A_p is depth × a_size and B_p depth × b_size, row-major, rows padded to quads, or both with their last column apart (`tail`:
+/// then a_size equals b_size, and depth is 4 at most). C is b_size × a_size with rows padded to quads.
 struct BlockProducts {
   const double* a = nullptr;
   const double* b = nullptr;
@@ -28,6 +39,7 @@ struct BlockProducts {
   int depth = 0;  // residual size for H, landmark size for S
   int a_size = 0;
   int b_size = 0;
+  bool tail = false;
 };
 
 /// One term of y += sign Σ_p A_pᵀ v_p: A_p at `a` quads, v_p at `v` doubles.
@@ -37,6 +49,7 @@ struct VectorTerm {
 };
 
 /// y += sign Σ_p A_pᵀ v_p: gradients (A = J, v = f) and the right hand side b (A = Yᵀ, v = z). y has PadToQuad(a_size) entries.
+/// Where the last column of A is apart (`tail`), v_p is a quad, zero beyond depth.
 struct VectorProducts {
   const double* a = nullptr;
   const double* v = nullptr;
@@ -44,6 +57,7 @@ struct VectorProducts {
   int count = 0;
   int depth = 0;
   int a_size = 0;
+  bool tail = false;
 };
 
 /// The Jacobians of one slot over a family: block i starts at data + i · factor_stride, rows row_stride apart (a multiple of 4).
@@ -66,6 +80,7 @@ struct LandmarkFactors {
   /// Per factor and slot: 2 · (quad offset of the Y block) + 1 if the block was begun by an earlier factor; -1: no frame here.
   const std::int32_t* y_targets = nullptr;
   const std::int32_t* tangent_offsets = nullptr;  // as those of FactorRows; multiply_coupling alone reads them
+  bool y_tail = false;                            // all blocks of Y have their last column apart
 };
 
 /// The factors [begin, end) of a family for products with J.

@@ -13,12 +13,25 @@ constexpr int kLandmarkGrain = 64;
 Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans)
     : evaluator_(evaluator), incidences_(incidences), plans_(plans), kernels_(BestKernels()), kept_(evaluator, plans) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
-  C_.resize(plans.pattern.value_begin.back());
+  PlaceFrameBlocks();
   P_.resize(num_landmarks * kLandmarkStride);
   landmark_eta_.resize(num_landmarks * kQuad);
   gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
   diagonal_.resize(gradient_.size());
   BuildGradientTerms();
+}
+
+void Hessian::PlaceFrameBlocks() {
+  const BlockPattern& pattern = plans_.pattern;
+  C_begin_.assign(pattern.columns.size(), -1);
+  std::int64_t size = 0;
+  for (std::size_t k = 0; k < pattern.columns.size(); ++k) {
+    if (plans_.hessian.segments_begin[k + 1] > plans_.hessian.segments_begin[k] || pattern.columns[k] == plans_.block_row[k]) {
+      C_begin_[k] = size;
+      size += pattern.value_begin[k + 1] - pattern.value_begin[k];
+    }
+  }
+  C_.resize(size);
 }
 
 void Hessian::BuildGradientTerms() {
@@ -55,6 +68,9 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
   BlockScratch scratch;
   for (int block = begin; block < end; ++block) {
     const auto k = static_cast<std::size_t>(block);
+    if (C_begin_[k] < 0) {
+      continue;
+    }
     const int rows = pattern.block_size(plans_.block_row[k]);
     const int columns = pattern.block_size(pattern.columns[k]);
     const int stride = PadToQuad(columns);
@@ -62,7 +78,7 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     for (int s = plans_.hessian.segments_begin[k]; s < plans_.hessian.segments_begin[k + 1]; ++s) {
       AddSegment(s, rows, columns, sum);
     }
-    double* out = C_.data() + pattern.value_begin[k];
+    double* out = C_.data() + C_begin_[k];
     for (int r = 0; r < rows; ++r) {
       std::copy(sum + r * stride, sum + r * stride + columns, out + r * columns);
     }
@@ -116,7 +132,7 @@ void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
     kernels_.accumulate_vectors(products, 1.0, sum);
   }
   std::copy(sum, sum + size, gradient_.data() + pattern.offsets[i]);
-  const double* C_ii = C_.data() + pattern.value_begin[pattern.row_begin[i + 1] - 1];
+  const double* C_ii = FrameBlock(pattern.row_begin[i + 1] - 1);
   for (int k = 0; k < size; ++k) {
     diagonal_[pattern.offsets[i] + k] = C_ii[k * size + k];
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "base/aligned_vector.h"
@@ -9,8 +10,9 @@
 
 namespace inceres::internal {
 
-/// H and η = −Jᵀf, undamped and unscaled, in three parts: C (frame blocks, in the pattern of the frame system), P (one block a
-/// landmark) and η. W is not stored: the elimination takes J_fᵀJ_l P⁻¹ straight from the Jacobians.
+/// H and η = −Jᵀf, undamped and unscaled, in three parts: C (frame blocks), P (one block a landmark) and η. Of the pattern of the
+/// frame system C has the blocks that factors reach and the diagonal ones: all of them where there are no landmarks, few where
+/// frames share landmarks only. W is not stored: the elimination takes J_fᵀJ_l P⁻¹ straight from the Jacobians.
 class Hessian {
  public:
   Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans);
@@ -19,7 +21,10 @@ class Hessian {
   /// fixed order.
   void Accumulate();
 
+  /// The blocks of C one after the other, in the order of the pattern.
   const std::vector<double>& C() const { return C_; }
+  /// A block of the pattern, or null where C has none: all zeros.
+  const double* FrameBlock(int block) const { return C_begin_[block] < 0 ? nullptr : C_.data() + C_begin_[block]; }
   /// P of landmark l: rows four apart.
   const double* P(int l) const { return P_.data() + static_cast<std::ptrdiff_t>(l) * kLandmarkStride; }
   /// η of landmark l.
@@ -32,6 +37,7 @@ class Hessian {
   static constexpr int kLandmarkStride = 4 * kQuad;
 
  private:
+  void PlaceFrameBlocks();
   void AccumulateFrameBlocks(int begin, int end);
   void AddSegment(int segment, int rows, int columns, double* sum);
   void AccumulateGradient(int frame, BlockScratch* scratch);
@@ -51,6 +57,7 @@ class Hessian {
   const Kernels& kernels_;
   KeptProducts kept_;
   std::vector<double> C_;
+  std::vector<std::int64_t> C_begin_;  // per block of the pattern; -1: C has none
   AlignedVector<double> P_;
   AlignedVector<double> landmark_eta_;
   std::vector<double> gradient_;

@@ -31,6 +31,7 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t 
   }
   CollectFactors(evaluator);
   CollectIncidences(evaluator);
+  ChooseStorage(layout);
   CutIntoChunks(quads_per_chunk);
   PlaceBlocks(layout);
   SetTargets();
@@ -130,13 +131,28 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   }
 }
 
+void LandmarkIncidences::ChooseStorage(const Layout& layout) {
+  const int size = frames.empty() ? 0 : layout.TangentSize(frames[0]);
+  tail = MayHaveTail(size) &&
+         std::all_of(frames.begin(), frames.end(), [&](std::int32_t frame) { return layout.TangentSize(frame) == size; });
+  for (LandmarkFactors& entry : factors) {
+    entry.y_tail = tail;
+  }
+}
+
+int LandmarkIncidences::QuadsOfBlock(int incidence) const {
+  const int depth = sizes[landmarks[incidence]];
+  const int row_quads = incidences[incidence].quads;
+  return tail ? QuadsWithTail(depth, row_quads * kQuad - 3) : depth * row_quads;
+}
+
 void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk) {
   chunk_begin.assign(1, 0);
   std::int64_t chunk_quads = 0;
   for (int l = 0; l < num_landmarks(); ++l) {
     std::int64_t quads = 0;
     for (int q = begin[l]; q < begin[l + 1]; ++q) {
-      quads += static_cast<std::int64_t>(incidences[q].quads) * sizes[l];
+      quads += QuadsOfBlock(q);
     }
     if (chunk_quads > 0 && chunk_quads + quads > quads_per_chunk) {
       chunk_begin.push_back(l);
@@ -175,7 +191,7 @@ void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
   for (const int q : frame_incidences) {
     std::int64_t& next_quad = chunk_quads[ChunkOf(landmarks[q])];
     incidences[q].y = static_cast<std::int32_t>(next_quad);
-    next_quad += static_cast<std::int64_t>(incidences[q].quads) * sizes[landmarks[q]];
+    next_quad += QuadsOfBlock(q);
   }
 }
 

@@ -11,7 +11,8 @@ namespace inceres::internal {
 /// Which frames each landmark is seen from (its separator) and by which factors: the symbolic half of the elimination.
 ///
 /// Every pair (landmark l, frame i) that shares a factor has one block Y_li = W_li U_invᵀ, stored as landmark-size rows of padded
-/// frame-size entries. Blocks of one frame lie together, so that forming a block S_ij walks through two short, sorted
+/// frame-size entries, or, where that saves memory and all frames are alike, with their last column apart (`tail`; see
+/// MayHaveTail). Blocks of one frame lie together, so that forming a block S_ij walks through two short, sorted
 /// stretches of memory.
 ///
 /// Landmarks are eliminated in chunks, one after the other, that all use the same memory for their Y: large problems would
@@ -46,10 +47,13 @@ struct LandmarkIncidences {
 
   std::vector<char> sizes;   // tangent size per landmark
   std::int64_t y_quads = 0;  // size of the largest chunk's Y in quads
+  bool tail = false;         // blocks of Y have their last column apart
 
  private:
   void CollectFactors(const Evaluator& evaluator);
   void CollectIncidences(const Evaluator& evaluator);
+  void ChooseStorage(const Layout& layout);
+  int QuadsOfBlock(int incidence) const;
   void CutIntoChunks(std::int64_t quads_per_chunk);
   void PlaceBlocks(const Layout& layout);
   void SetTargets();

@@ -127,12 +127,18 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
   const int columns = pattern.block_size(pattern.columns[k]);
   const int stride = PadToQuad(columns);
   double* out = S_.data() + pattern.value_begin[k];
-  const double* before = chunk == 0 ? hessian_.C().data() + pattern.value_begin[k] : out;
+  if (chunk == 0) {
+    const double* C_ij = hessian_.FrameBlock(place.block);
+    if (C_ij != nullptr) {
+      std::copy(C_ij, C_ij + rows * columns, out);
+    } else {
+      std::fill(out, out + rows * columns, 0.0);
+    }
+  }
   const auto source_of = [&](int s) { return plans_.schur_sources[plans_.schur.segments[s].source]; };
   const int end = plans_.schur.segments_begin[k + 1];
   if (place.first_segment == end || source_of(place.first_segment).chunk != chunk) {
-    std::copy(before, before + rows * columns, out);  // the first chunk adds nothing here
-    return;
+    return;  // the first chunk adds nothing here
   }
   double* sum = scratch->Zeroed(rows, columns);
   for (int s = place.first_segment; s < end && source_of(s).chunk == chunk; ++s) {
@@ -145,11 +151,12 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
     products.depth = source_of(s).landmark_size;
     products.a_size = columns;
     products.b_size = rows;
+    products.tail = incidences_.tail;
     kernels_.accumulate_products(products, -1.0, sum);
   }
   for (int r = 0; r < rows; ++r) {
     for (int c = 0; c < columns; ++c) {
-      out[r * columns + c] = before[r * columns + c] + sum[r * stride + c];
+      out[r * columns + c] += sum[r * stride + c];
     }
   }
 }
@@ -180,6 +187,7 @@ void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch)
     products.count = last - first;
     products.depth = size_of(first);
     products.a_size = size;
+    products.tail = incidences_.tail;
     kernels_.accumulate_vectors(products, -1.0, sum);
     first = last;
   }
@@ -209,7 +217,7 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) co
   const double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
   const double* U_inv = U_inv_.data() + static_cast<std::ptrdiff_t>(landmark) * Hessian::kLandmarkStride;
   double y[kQuad] = {z[0], z[1], z[2], z[3]};
-  if (incidences_.num_chunks() == 1) {
+  if (incidences_.num_chunks() == 1 && !incidences_.tail) {
     kernels_.back_substitute(size, incidences_.incidences.data() + incidences_.begin[l],
                              incidences_.begin[l + 1] - incidences_.begin[l], Y_.data(), padded_frame_step_.data(), y);
   } else {

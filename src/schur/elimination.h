@@ -15,7 +15,7 @@ namespace inceres::internal {
 ///
 /// Λ_c is left to the factorisation of S. Each block of S is accumulated in registers over all landmarks of a chunk that its two
 /// frames share: where all landmarks are one chunk, S is written once and never read back. Y is kept for one chunk at a time;
-/// where there are more, the way back takes Wᵀδ_c from the Jacobians. Source: Triggs et al. 1999, section 6.1.
+/// where there are more, or Y is stored for products alone, the way back takes Wᵀδ_c from the Jacobians. Source: Triggs et al. 1999, section 6.1.
 class Elimination {
  public:
   Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans, const Hessian& hessian);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -30,6 +31,24 @@ class KernelTest : public testing::TestWithParam<InstructionSet> {
     for (int r = 0; r < rows; ++r) {
       for (int c = 0; c < size; ++c) {
         values[static_cast<std::size_t>(r * PadToQuad(size) + c)] = random_.Unit();
+      }
+    }
+    return values;
+  }
+
+  // The same blocks of `depth` padded rows, each with its last column apart.
+  static AlignedVector<double> WithTail(const AlignedVector<double>& padded, int depth, int size) {
+    const std::size_t row = static_cast<std::size_t>(size / kQuad * kQuad);
+    const std::size_t padded_row = row + kQuad;
+    const std::size_t block = static_cast<std::size_t>(QuadsWithTail(depth, size) * kQuad);
+    const auto rows = static_cast<std::size_t>(depth);
+    const std::size_t num_blocks = padded.size() / (rows * padded_row);
+    AlignedVector<double> values(num_blocks * block, 0.0);
+    for (std::size_t b = 0; b < num_blocks; ++b) {
+      for (std::size_t r = 0; r < rows; ++r) {
+        const double* from = padded.data() + (b * rows + r) * padded_row;
+        std::copy(from, from + row, values.data() + b * block + r * row);
+        values[b * block + rows * row + r] = from[row];
       }
     }
     return values;

@@ -1,6 +1,7 @@
 // The kernels of the elimination and of the way back against plain loops: landmark sizes 1 to 4, residuals from 1 to beyond a
 // slice, several slots of different sizes, a frame that is touched twice, a slot without a frame.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -12,11 +13,13 @@ namespace {
 constexpr double kTolerance = 1e-13;
 constexpr int kResidualSizes[] = {1, 2, 3, 4, 5, 6, 15, 16, 17, 33};
 
-// Five factors of a family with slots: frame of size 6, the landmark, frame of size 9, frame of size 3. Three of them, in an
-// order of their own, see the landmark; the third slot of the last has no frame; the fourth slot is the same frame in all.
+// Five factors of a family with slots: frame of size 6, the landmark, frame of size 9, frame of size 3, unless told. Three of
+// them, in an order of their own, see the landmark; the third slot of the last has no frame; the fourth slot is the same frame in
+// all.
 struct LandmarkCase {
-  LandmarkCase(int landmark_size, int residual_size, test::Random* random) : size(landmark_size), rows(residual_size) {
-    sizes = {6, landmark_size, 9, 3};
+  LandmarkCase(int landmark_size, int residual_size, test::Random* random, std::array<int, 3> frame_sizes = {6, 9, 3})
+      : size(landmark_size), rows(residual_size) {
+    sizes = {frame_sizes[0], landmark_size, frame_sizes[1], frame_sizes[2]};
     for (const int slot_size : sizes) {
       AlignedVector<double>& values =
           storage.emplace_back(static_cast<std::size_t>(kNumFactors * rows * PadToQuad(slot_size)), 0.0);
@@ -169,6 +172,33 @@ TEST_P(LandmarkKernels, EliminateWritesYForEveryFrame) {
     generic().eliminate(problem.size, problem.factors, U_inv, Y_generic.data());
     ExpectClose(Y, Y_generic, 12.0 * problem.rows, kTolerance, what + ", against generic");
   });
+}
+
+TEST_P(LandmarkKernels, EliminateWritesTheLastColumnApart) {
+  for (const int frame_size : {5, 9, 13}) {
+    for (int size = 1; size <= 4; ++size) {
+      for (const int rows : kResidualSizes) {
+        LandmarkCase problem(size, rows, &random_, {frame_size, frame_size, frame_size});
+        const AlignedVector<double> U_inv = PaddedRows(4, size);  // the upper half is not read
+        AlignedVector<double> padded(problem.y_size, 1e300);
+        kernels().eliminate(size, problem.factors, U_inv.data(), padded.data());
+        const int padded_quads = size * PadToQuad(frame_size) / kQuad;
+        for (std::int32_t& target : problem.targets) {
+          target = target < 0 ? target : 2 * (target / 2 / padded_quads * QuadsWithTail(size, frame_size)) + target % 2;
+        }
+        problem.factors.y_tail = true;
+        const AlignedVector<double> expected = WithTail(padded, size, frame_size);
+        AlignedVector<double> Y(expected.size(), 1e300);
+        kernels().eliminate(size, problem.factors, U_inv.data(), Y.data());
+        ExpectClose(Y, expected, 12.0 * rows, kTolerance,
+                    "frames of " + std::to_string(frame_size) + ", landmark size " + std::to_string(size) + ", residual size " +
+                        std::to_string(rows));
+        if (HasFatalFailure()) {
+          return;
+        }
+      }
+    }
+  }
 }
 
 // The landmark's own part of the vector is not read: it may be anything.

@@ -86,6 +86,35 @@ TEST_P(ProductKernels, ManyTermsInOneCall) {
   ExpectProducts(2, 6, 7, 1000, 1.0);
 }
 
+TEST_P(ProductKernels, BlocksWithTheirLastColumnApartGiveTheSame) {
+  for (int size = 1; size <= 16; ++size) {
+    for (int depth = 1; depth <= 4 && MayHaveTail(size); ++depth) {
+      for (const int count : {0, 1, 5, 100}) {
+        const AlignedVector<double> A = PaddedRows(kNumStored * depth, size);
+        const AlignedVector<double> B = PaddedRows(kNumStored * depth, size);
+        const AlignedVector<double> A_apart = WithTail(A, depth, size);
+        const AlignedVector<double> B_apart = WithTail(B, depth, size);
+        const std::vector<ProductTerm> terms = MakeTerms(count, depth, size, size);
+        std::vector<ProductTerm> terms_apart = terms;
+        const int padded_quads = depth * PadToQuad(size) / kQuad;
+        for (ProductTerm& term : terms_apart) {
+          term = {term.a / padded_quads * QuadsWithTail(depth, size), term.b / padded_quads * QuadsWithTail(depth, size)};
+        }
+        const BlockProducts products{A.data(), B.data(), terms.data(), count, depth, size, size};
+        const BlockProducts apart{A_apart.data(), B_apart.data(), terms_apart.data(), count, depth, size, size, true};
+        const AlignedVector<double> start = PaddedRows(size, size);
+        AlignedVector<double> C = start;
+        kernels().accumulate_products(apart, -1.0, C.data());
+        ExpectClose(C, NaiveProducts(products, -1.0, start), 1.0 + count * depth, kTolerance,
+                    "size " + std::to_string(size) + ", depth " + std::to_string(depth) + ", terms " + std::to_string(count));
+        if (HasFatalFailure()) {
+          return;
+        }
+      }
+    }
+  }
+}
+
 TEST_P(ProductKernels, SameBitsOnEveryCall) {
   const AlignedVector<double> A = PaddedRows(kNumStored * 2, 9);
   const std::vector<ProductTerm> terms = MakeTerms(20, 2, 9, 9);
@@ -123,6 +152,29 @@ TEST_P(ProductKernels, VectorProductsEqualPlainLoops) {
       if (HasFatalFailure()) {
         return;
       }
+    }
+  }
+}
+
+TEST_P(ProductKernels, VectorProductsOfBlocksWithTheirLastColumnApart) {
+  for (const int size : {5, 9, 13}) {
+    for (int depth = 1; depth <= 4; ++depth) {
+      const AlignedVector<double> A = PaddedRows(kNumStored * depth, size);
+      const AlignedVector<double> A_apart = WithTail(A, depth, size);
+      const AlignedVector<double> v = PaddedRows(kNumStored, depth);
+      std::vector<VectorTerm> terms;
+      std::vector<VectorTerm> terms_apart;
+      for (int p = 0; p < 7; ++p) {
+        const int block = random_.Below(kNumStored);
+        const int vector = random_.Below(kNumStored);
+        terms.push_back({block * depth * PadToQuad(size) / kQuad, vector * kQuad});
+        terms_apart.push_back({block * QuadsWithTail(depth, size), vector * kQuad});
+      }
+      AlignedVector<double> y = PaddedRows(1, size);
+      AlignedVector<double> expected = y;
+      kernels().accumulate_vectors({A.data(), v.data(), terms.data(), 7, depth, size}, -1.0, expected.data());
+      kernels().accumulate_vectors({A_apart.data(), v.data(), terms_apart.data(), 7, depth, size, true}, -1.0, y.data());
+      ExpectClose(y, expected, 7.0 * depth, kTolerance, "size " + std::to_string(size) + ", depth " + std::to_string(depth));
     }
   }
 }

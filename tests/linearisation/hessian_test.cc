@@ -29,7 +29,7 @@ void ExpectEqualsOracle(const FactorGraph& graph, bool eliminate_landmarks) {
   const DenseOracle oracle(graph, core.layout.variables);
   EXPECT_NEAR(core.cost, oracle.cost, kTolerance * oracle.cost);
   const int num_frame_columns = core.layout.frame_size();
-  EXPECT_LT(RelativeError(test::ToDense(core.plans.pattern, core.hessian.C().data()),
+  EXPECT_LT(RelativeError(test::ToDense(core.plans.pattern, test::FrameHessian(core).data()),
                           oracle.H.topLeftCorner(num_frame_columns, num_frame_columns)),
             kTolerance);
   const Eigen::Map<const Eigen::VectorXd> gradient(core.hessian.gradient().data(), core.layout.size());
@@ -170,6 +170,18 @@ TEST(DenseOracle, GradientEqualsCentralDifferences) {
     const double behind = test::CostAt(graph, evaluator.candidate());
     EXPECT_NEAR((ahead - behind) / (2.0 * h), oracle.g[k], 1e-7 * (1.0 + oracle.g.norm())) << "direction " << k;
   }
+}
+
+// Each frame with itself and with the next; frames that share landmarks only have no block of C between them, though S has one.
+TEST(Hessian, StoresOnlyTheBlocksThatFactorsReach) {
+  BundleOptions options;
+  options.num_frames = 5;
+  options.frame_sizes = {6};
+  const std::unique_ptr<RandomGraph> bundle = MakeBundle(options);
+  const CorePipeline core(bundle->graph());
+  ASSERT_TRUE(core.status.ok()) << core.status.message;
+  EXPECT_EQ(core.hessian.C().size(), 9u * 36u);
+  EXPECT_GT(core.plans.pattern.value_begin.back(), 9 * 36);
 }
 
 }  // namespace

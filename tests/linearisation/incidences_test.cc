@@ -20,13 +20,20 @@ using test::CorePipeline;
 using test::MakeBundle;
 using test::RandomGraph;
 
-// Mixed sizes, hosts, losses and constants; landmarks of sizes 1 to 4.
-BundleOptions MixedBundle(unsigned seed) {
+struct Case {
+  unsigned seed;
+  std::int64_t quads_per_chunk = LandmarkIncidences::kQuadsPerChunk;
+  std::vector<int> frame_sizes = {6, 9, 15, 3, 1};
+};
+
+// Hosts, losses and constants; landmarks of sizes 1 to 4.
+BundleOptions MixedBundle(const Case& a_case) {
+  const unsigned seed = a_case.seed;
   BundleOptions options;
   options.seed = seed;
   options.num_frames = 9;
   options.num_landmarks = 40;
-  options.frame_sizes = {6, 9, 15, 3, 1};
+  options.frame_sizes = a_case.frame_sizes;
   options.landmark_sizes = {3, 1, 4, 2};
   options.residual_sizes = {2, 3, 1};
   options.hosted = seed % 2 == 1;
@@ -53,10 +60,17 @@ std::set<std::pair<int, int>> SharedPairs(const FactorGraph& graph, const Layout
   return pairs;
 }
 
-// Seed of the problem, quads of Y a chunk.
-class Incidences : public testing::TestWithParam<std::pair<unsigned, std::int64_t>> {
+class Incidences : public testing::TestWithParam<Case> {
  protected:
-  Incidences() : bundle_(MakeBundle(MixedBundle(GetParam().first))), core_(bundle_->graph(), true, 1, GetParam().second) {}
+  Incidences() : bundle_(MakeBundle(MixedBundle(GetParam()))), core_(bundle_->graph(), true, 1, GetParam().quads_per_chunk) {}
+
+  std::int64_t QuadsOf(int incidence) const {
+    const LandmarkIncidences& all = core_.incidences;
+    const int frame_size = core_.layout.TangentSize(all.frames[static_cast<std::size_t>(incidence)]);
+    const int depth = all.sizes[static_cast<std::size_t>(all.landmarks[static_cast<std::size_t>(incidence)])];
+    return all.tail ? QuadsWithTail(depth, frame_size) : depth * PadToQuad(frame_size) / kQuad;
+  }
+
   std::unique_ptr<RandomGraph> bundle_;
   CorePipeline core_;
 };
@@ -78,7 +92,7 @@ TEST_P(Incidences, ChunksAreAsLongAsTheirYAllows) {
   const auto quads_of = [&](int landmark) {
     std::int64_t quads = 0;
     for (int q = all.begin[static_cast<std::size_t>(landmark)]; q < all.begin[static_cast<std::size_t>(landmark) + 1]; ++q) {
-      quads += all.incidences[static_cast<std::size_t>(q)].quads * all.sizes[static_cast<std::size_t>(landmark)];
+      quads += QuadsOf(q);
     }
     return quads;
   };
@@ -93,14 +107,14 @@ TEST_P(Incidences, ChunksAreAsLongAsTheirYAllows) {
       EXPECT_EQ(all.ChunkOf(l), static_cast<int>(chunk));
       quads += quads_of(l);
     }
-    EXPECT_TRUE(quads <= GetParam().second || end == all.chunk_begin[chunk] + 1);
+    EXPECT_TRUE(quads <= GetParam().quads_per_chunk || end == all.chunk_begin[chunk] + 1);
     if (end < all.num_landmarks()) {
-      EXPECT_GT(quads + quads_of(end), GetParam().second) << "the next landmark would have fitted";
+      EXPECT_GT(quads + quads_of(end), GetParam().quads_per_chunk) << "the next landmark would have fitted";
     }
     largest = std::max(largest, quads);
   }
   EXPECT_EQ(all.y_quads, largest);
-  EXPECT_EQ(all.num_chunks() > 1, GetParam().second < LandmarkIncidences::kQuadsPerChunk);
+  EXPECT_EQ(all.num_chunks() > 1, GetParam().quads_per_chunk < LandmarkIncidences::kQuadsPerChunk);
 }
 
 TEST_P(Incidences, BlocksOfYLieSideBySideByFrameAndNeverOverlap) {
@@ -122,7 +136,7 @@ TEST_P(Incidences, BlocksOfYLieSideBySideByFrameAndNeverOverlap) {
       EXPECT_EQ(all.incidences[q].y, place);
       EXPECT_EQ(all.incidences[q].frame, core_.layout.quad_offset[f]);
       EXPECT_EQ(all.incidences[q].quads, PadToQuad(core_.layout.TangentSize(frame)) / kQuad);
-      place += std::int64_t{size} * all.incidences[q].quads;
+      place += QuadsOf(static_cast<int>(q));
     }
   }
   EXPECT_EQ(*std::max_element(next.begin(), next.end()), all.y_quads);
@@ -169,11 +183,15 @@ TEST_P(Incidences, TargetsBeginEachBlockOnceAndCoverEveryFactor) {
   EXPECT_EQ(num_factors, expected);
 }
 
-constexpr std::int64_t kDefault = LandmarkIncidences::kQuadsPerChunk;
+TEST_P(Incidences, LastColumnsAreApartWhereAllFramesAreOfASizeThatSavesThePadding) {
+  const std::vector<int>& sizes = GetParam().frame_sizes;
+  EXPECT_EQ(core_.incidences.tail, sizes == std::vector<int>{9} || sizes == std::vector<int>{13});
+}
+
 INSTANTIATE_TEST_SUITE_P(Seeds, Incidences,
-                         testing::Values(std::pair{1u, kDefault}, std::pair{2u, kDefault}, std::pair{3u, kDefault},
-                                         std::pair{4u, kDefault}, std::pair{1u, std::int64_t{1}}, std::pair{2u, std::int64_t{90}},
-                                         std::pair{3u, std::int64_t{300}}));
+                         testing::Values(Case{1}, Case{2}, Case{3}, Case{4}, Case{1, 1}, Case{2, 90}, Case{3, 300},
+                                         Case{1, 80, {9}}, Case{2, LandmarkIncidences::kQuadsPerChunk, {13}}, Case{3, 80, {7}},
+                                         Case{4, 80, {9, 5}}));
 
 // Landmark 2 is the first slot of one factor and the second slot of another of the same family; landmark 3 has constant frames
 // only; landmark 4 is seen twice by frame 0.

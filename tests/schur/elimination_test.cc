@@ -89,6 +89,15 @@ TEST_P(EliminationOfBundle, OneLandmarkSizeAtATime) {
   }
 }
 
+TEST_P(EliminationOfBundle, FramesWhoseBlocksHaveTheirLastColumnApart) {
+  options_.landmark_sizes = {3, 1, 4, 2};
+  options_.residual_sizes = {2, 3, 5};
+  for (const int size : {5, 9, 13}) {
+    options_.frame_sizes = {size};
+    ExpectDenseStep(MakeBundle(options_)->graph());
+  }
+}
+
 TEST_P(EliminationOfBundle, MixedSizes) {
   options_.num_frames = 8;
   options_.num_landmarks = 60;

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -37,6 +39,18 @@ struct CorePipeline {
   Status status;
   double cost = 0.0;
 };
+
+/// C in the pattern of the frame system, with the zeros that are not stored.
+inline std::vector<double> FrameHessian(const CorePipeline& core) {
+  const BlockPattern& pattern = core.plans.pattern;
+  std::vector<double> values(static_cast<std::size_t>(pattern.value_begin.back()), 0.0);
+  for (std::size_t k = 0; k < pattern.columns.size(); ++k) {
+    if (const double* block = core.hessian.FrameBlock(static_cast<int>(k))) {
+      std::copy(block, block + (pattern.value_begin[k + 1] - pattern.value_begin[k]), values.begin() + pattern.value_begin[k]);
+    }
+  }
+  return values;
+}
 
 /// The symmetric matrix that `values` hold in a pattern.
 inline Eigen::MatrixXd ToDense(const BlockPattern& pattern, const double* values) {
