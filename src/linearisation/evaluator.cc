@@ -1,6 +1,7 @@
 #include "linearisation/evaluator.h"
 
 #include <algorithm>
+#include <functional>
 #include <string>
 
 #include "linearisation/moved_factors.h"
@@ -68,6 +69,9 @@ void Evaluator::Rebind(const FactorGraph& graph) {
   std::copy(graph.state().begin(), graph.state().end(), candidate_.begin());
   bounds_.clear();
   BuildBounds();
+  for (Chunk& chunk : chunks_) {
+    chunk.at_candidate = false;
+  }
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     BindFamily(id);
   }
@@ -99,7 +103,6 @@ void Evaluator::BuildFamily(FamilyId id) {
 
   const std::size_t num_entries = n * static_cast<std::size_t>(family.num_slots());
   cache.parameters.resize(num_entries);
-  cache.candidate_parameters.resize(num_entries);
   cache.tangent_maps.resize(num_entries);
   cache.tangent_offsets.resize(num_entries);
   const VariableId* ids = num_entries > 0 ? graph_->Variables(id, 0) : nullptr;
@@ -128,7 +131,6 @@ void Evaluator::BindFamily(FamilyId id) {
       continue;  // a free place
     }
     cache.parameters[k] = graph_->ValuesIn(current_.data(), ids[k]);
-    cache.candidate_parameters[k] = graph_->ValuesIn(candidate_.data(), ids[k]);
     const bool moves = layout_.position[ids[k]] >= 0;
     const double* pinned = graph_->HasPins() && moves ? graph_->PinnedValues(ids[k]) : nullptr;
     if (pinned != nullptr) {
@@ -219,6 +221,31 @@ bool Evaluator::MoveCandidate(const double* delta) {
   return true;
 }
 
+// Parameters that are not of the state, constants in the user's memory, stay where they are.
+void Evaluator::PointTo(bool candidate, Chunk* chunk) {
+  if (chunk->at_candidate == candidate) {
+    return;
+  }
+  chunk->at_candidate = candidate;
+  FamilyCache& cache = families_[chunk->family];
+  const std::vector<double>& from = candidate ? current_ : candidate_;
+  const std::vector<double>& to = candidate ? candidate_ : current_;
+  const std::less<> before;
+  const std::ptrdiff_t num_slots = cache.family->num_slots();
+  for (std::ptrdiff_t k = chunk->begin * num_slots; k < chunk->end * num_slots; ++k) {
+    const double*& p = cache.parameters[k];
+    if (!before(p, from.data()) && before(p, from.data() + from.size())) {
+      p = to.data() + (p - from.data());
+    }
+  }
+}
+
+void Evaluator::PointToCandidate() {
+  for (Chunk& chunk : chunks_) {
+    PointTo(/*candidate=*/true, &chunk);
+  }
+}
+
 // Jacobians at the pinned values, then residuals where the variables are.
 EvaluationFailure Evaluator::EvaluatePinned(const Chunk& chunk, FactorBatch batch) {
   FamilyCache& cache = families_[chunk.family];
@@ -237,25 +264,26 @@ EvaluationFailure Evaluator::EvaluatePinned(const Chunk& chunk, FactorBatch batc
   return failure.failed() ? failure : EvaluateMoved(*cache.family, batch, cache.parameters.data(), is_pinned);
 }
 
-double Evaluator::EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFailure* failure) {
-  FamilyCache& cache = families_[chunk.family];
+double Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk, EvaluationFailure* failure) {
+  PointTo(!jacobians, chunk);
+  FamilyCache& cache = families_[chunk->family];
   FactorBatch batch;
-  batch.begin = chunk.begin;
-  batch.end = chunk.end;
-  batch.parameters = jacobians ? cache.parameters.data() : cache.candidate_parameters.data();
+  batch.begin = chunk->begin;
+  batch.end = chunk->end;
+  batch.parameters = cache.parameters.data();
   batch.residuals = jacobians ? cache.residuals.data() : cache.candidate_residuals.data();
   if (jacobians) {
     batch.tangent_maps = cache.tangent_maps.data();
     batch.jacobians = cache.views.data();
   }
-  *failure = jacobians && !cache.pins.empty() ? EvaluatePinned(chunk, batch) : cache.family->Evaluate(batch);
+  *failure = jacobians && !cache.pins.empty() ? EvaluatePinned(*chunk, batch) : cache.family->Evaluate(batch);
   if (failure->failed()) {
     return 0.0;
   }
   const int rows = cache.family->residual_size();
   const int num_slots = cache.family->num_slots();
   double cost = 0.0;
-  for (int i = chunk.begin; i < chunk.end; ++i) {
+  for (int i = chunk->begin; i < chunk->end; ++i) {
     double* f = batch.residuals + static_cast<std::ptrdiff_t>(i) * rows;
     const Loss* loss = cache.has_losses ? graph_->loss(cache.id, i) : nullptr;
     cost += loss != nullptr && jacobians
@@ -270,7 +298,7 @@ Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
   executor_.For(static_cast<int>(chunks_.size()), 1, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
       const auto index = static_cast<std::size_t>(k);
-      chunk_costs_[index] = EvaluateChunk(chunks_[index], jacobians, &chunk_failures_[index]);
+      chunk_costs_[index] = EvaluateChunk(jacobians, &chunks_[index], &chunk_failures_[index]);
     }
   });
   *cost = 0.0;
@@ -293,13 +321,18 @@ Status Evaluator::EvaluateCandidateCost(double* cost) {
 void Evaluator::AcceptCandidate() {
   current_.swap(candidate_);
   plus_jacobians_.swap(candidate_plus_jacobians_);
-  for (FamilyCache& cache : families_) {
-    cache.parameters.swap(cache.candidate_parameters);
+  for (Chunk& chunk : chunks_) {
+    chunk.at_candidate = !chunk.at_candidate;
   }
 }
 
 int Evaluator::Recentre() {
   int num_changed = 0;
+  for (Chunk& chunk : chunks_) {
+    if (families_[chunk.family].family->Recentres()) {
+      PointTo(/*candidate=*/false, &chunk);
+    }
+  }
   for (const FamilyCache& cache : families_) {
     const std::ptrdiff_t num_slots = cache.family->num_slots();
     for (int i = 0; cache.family->Recentres() && i < cache.num_factors; ++i) {
@@ -329,7 +362,7 @@ std::int64_t Evaluator::Bytes() const {
   std::int64_t bytes = 0;
   for (const FamilyCache& cache : families_) {
     bytes += static_cast<std::int64_t>(sizeof(double) * (cache.residuals.size() * 2 + cache.jacobian_values.size()));
-    bytes += static_cast<std::int64_t>(cache.parameters.size() * (3 * sizeof(void*) + sizeof(std::int32_t)));
+    bytes += static_cast<std::int64_t>(cache.parameters.size() * (2 * sizeof(void*) + sizeof(std::int32_t)));
   }
   return bytes + static_cast<std::int64_t>(sizeof(double) * (current_.size() * 2 + plus_jacobians_.size() * 2));
 }

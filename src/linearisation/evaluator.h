@@ -22,9 +22,8 @@ struct FamilyCache {
   AlignedVector<double> jacobian_values;  // all slots, one after the other
   std::vector<SlotJacobians> slots;
   std::vector<JacobianView> views;        // the same places, as the public interface calls them
-  std::vector<const double*> parameters;  // per factor and slot, at the current point
-  std::vector<const double*> candidate_parameters;
-  std::vector<const double*> pins;  // per factor and slot: where it is linearised, null if where it is; empty without any
+  std::vector<const double*> parameters;  // per factor and slot, at the point where their chunk was evaluated last
+  std::vector<const double*> pins;        // per factor and slot: where it is linearised, null if where it is; empty without any
   std::vector<const double*> jacobian_parameters;  // scratch of the same size
   std::vector<const TangentMap*> tangent_maps;     // per factor and slot
   std::vector<std::int32_t> tangent_offsets;       // per factor and slot: quads into the padded tangent vector, or -1
@@ -64,6 +63,9 @@ class Evaluator {
   /// The candidate itself, for who moves variables without a manifold one by one.
   std::vector<double>& mutable_candidate() { return candidate_; }
 
+  /// Points the families' parameters to the candidate, for who evaluates factors there by himself.
+  void PointToCandidate();
+
   /// ½ Σ ρ at the candidate, residuals only.
   Status EvaluateCandidateCost(double* cost);
 
@@ -87,6 +89,7 @@ class Evaluator {
     int family;
     int begin;
     int end;
+    bool at_candidate = false;  // where the parameters of its factors point; to where it is evaluated, once it is
   };
 
   void BuildFamily(FamilyId id);
@@ -96,8 +99,9 @@ class Evaluator {
   void BuildBounds();
   Status ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values);
   void ClassifyMaps();
+  void PointTo(bool candidate, Chunk* chunk);
   EvaluationFailure EvaluatePinned(const Chunk& chunk, FactorBatch batch);
-  double EvaluateChunk(const Chunk& chunk, bool jacobians, EvaluationFailure* failure);
+  double EvaluateChunk(bool jacobians, Chunk* chunk, EvaluationFailure* failure);
   Status EvaluateAll(bool jacobians, double* cost);
 
   const FactorGraph* graph_;

@@ -8,13 +8,22 @@ namespace {
 constexpr int kBlockGrain = 8;
 constexpr int kLandmarkGrain = 64;
 
+std::ptrdiff_t LargestSize(const LandmarkIncidences& incidences) {
+  return incidences.sizes.empty() ? 0 : *std::max_element(incidences.sizes.begin(), incidences.sizes.end());
+}
+
 }  // namespace
 
 Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans)
-    : evaluator_(evaluator), incidences_(incidences), plans_(plans), kernels_(BestKernels()), kept_(evaluator, plans) {
+    : evaluator_(evaluator),
+      incidences_(incidences),
+      plans_(plans),
+      kernels_(BestKernels()),
+      kept_(evaluator, plans),
+      landmark_stride_(LargestSize(incidences) * kQuad) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
   PlaceFrameBlocks();
-  P_.resize(num_landmarks * kLandmarkStride);
+  P_.resize(num_landmarks * landmark_stride_);
   landmark_eta_.resize(num_landmarks * kQuad);
   gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
   diagonal_.resize(gradient_.size());
@@ -142,9 +151,9 @@ void Hessian::AccumulateLandmarks(int begin, int end) {
   const Layout& layout = evaluator_.layout();
   for (int l = begin; l < end; ++l) {
     const auto i = static_cast<std::size_t>(l);
-    double* P = P_.data() + static_cast<std::ptrdiff_t>(l) * kLandmarkStride;
+    double* P = P_.data() + l * landmark_stride_;
     double* eta = landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad;
-    std::fill(P, P + kLandmarkStride, 0.0);
+    std::fill(P, P + landmark_stride_, 0.0);
     std::fill(eta, eta + kQuad, 0.0);
     const int size = incidences_.sizes[i];
     for (int k = incidences_.factors_begin[i]; k < incidences_.factors_begin[i + 1]; ++k) {

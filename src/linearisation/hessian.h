@@ -26,7 +26,7 @@ class Hessian {
   /// A block of the pattern, or null where C has none: all zeros.
   const double* FrameBlock(int block) const { return C_begin_[block] < 0 ? nullptr : C_.data() + C_begin_[block]; }
   /// P of landmark l: rows four apart.
-  const double* P(int l) const { return P_.data() + static_cast<std::ptrdiff_t>(l) * kLandmarkStride; }
+  const double* P(int l) const { return P_.data() + l * landmark_stride_; }
   /// η of landmark l.
   const double* LandmarkEta(int l) const { return landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad; }
   /// Jᵀf, packed: the gradient of the cost.
@@ -34,7 +34,8 @@ class Hessian {
   /// diag(H), packed: the squared column norms of J.
   const std::vector<double>& diagonal() const { return diagonal_; }
 
-  static constexpr int kLandmarkStride = 4 * kQuad;
+  /// Entries from one P to the next: as many rows of a quad as the largest landmark has.
+  std::ptrdiff_t landmark_stride() const { return landmark_stride_; }
 
  private:
   void PlaceFrameBlocks();
@@ -58,6 +59,7 @@ class Hessian {
   KeptProducts kept_;
   std::vector<double> C_;
   std::vector<std::int64_t> C_begin_;  // per block of the pattern; -1: C has none
+  std::ptrdiff_t landmark_stride_;
   AlignedVector<double> P_;
   AlignedVector<double> landmark_eta_;
   std::vector<double> gradient_;

@@ -20,7 +20,7 @@ namespace inceres::internal {
 /// landmark.
 struct LandmarkIncidences {
   static constexpr int kMaxLandmarkSize = 4;
-  static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 17;  // 4 MiB
+  static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 16;  // 2 MiB
 
   explicit LandmarkIncidences(const Evaluator& evaluator, std::int64_t quads_per_chunk = kQuadsPerChunk);
 

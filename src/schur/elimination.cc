@@ -19,7 +19,7 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
                          const Hessian& hessian)
     : evaluator_(evaluator), incidences_(incidences), plans_(plans), hessian_(hessian), kernels_(BestKernels()) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
-  U_inv_.resize(num_landmarks * Hessian::kLandmarkStride);
+  U_inv_.resize(num_landmarks * hessian.landmark_stride());
   z_.resize(num_landmarks * kQuad);
   Y_.resize(incidences.y_quads * kQuad);
   S_.resize(plans.pattern.value_begin.back());
@@ -65,7 +65,7 @@ int Elimination::DampingOffset(int landmark) const {
 bool Elimination::EliminateLandmark(int landmark, const double* damping) {
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
-  double* U_inv = U_inv_.data() + static_cast<std::ptrdiff_t>(landmark) * Hessian::kLandmarkStride;
+  double* U_inv = U_inv_.data() + landmark * hessian_.landmark_stride();
   if (!InvertCholeskyFactor(size, hessian_.P(landmark), damping, U_inv)) {
     return false;
   }
@@ -215,7 +215,7 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) co
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
   const double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
-  const double* U_inv = U_inv_.data() + static_cast<std::ptrdiff_t>(landmark) * Hessian::kLandmarkStride;
+  const double* U_inv = U_inv_.data() + landmark * hessian_.landmark_stride();
   double y[kQuad] = {z[0], z[1], z[2], z[3]};
   if (incidences_.num_chunks() == 1 && !incidences_.tail) {
     kernels_.back_substitute(size, incidences_.incidences.data() + incidences_.begin[l],

@@ -15,7 +15,8 @@ namespace inceres::internal {
 ///
 /// Λ_c is left to the factorisation of S. Each block of S is accumulated in registers over all landmarks of a chunk that its two
 /// frames share: where all landmarks are one chunk, S is written once and never read back. Y is kept for one chunk at a time;
-/// where there are more, or Y is stored for products alone, the way back takes Wᵀδ_c from the Jacobians. Source: Triggs et al. 1999, section 6.1.
+/// where there are more, or Y is stored for products alone, the way back takes Wᵀδ_c from the Jacobians. Source: Triggs et al.
+/// 1999, section 6.1.
 class Elimination {
  public:
   Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans, const Hessian& hessian);
@@ -52,7 +53,7 @@ class Elimination {
   const FramePlans& plans_;
   const Hessian& hessian_;
   const Kernels& kernels_;
-  AlignedVector<double> U_inv_;  // per landmark: rows four apart
+  AlignedVector<double> U_inv_;  // per landmark, as P: rows four apart
   AlignedVector<double> z_;      // per landmark: four entries
   AlignedVector<double> Y_;      // of one chunk
   std::vector<double> S_;

@@ -97,6 +97,7 @@ void InnerIterations::Pace(double gain, double step_gain) {
 }
 
 double InnerIterations::Run(double min_gain) {
+  evaluator_.PointToCandidate();
   evaluator_.executor().For(layout_.num_landmarks(), kLandmarkGrain, [&](int begin, int end) {
     for (int l = begin; l < end; ++l) {
       gains_[l] = Improve(l, min_gain);
@@ -148,7 +149,7 @@ bool InnerIterations::Evaluate(const Stretch& stretch, bool jacobians) {
   FactorBatch batch;
   batch.begin = stretch.begin;
   batch.end = stretch.end;
-  batch.parameters = cache.candidate_parameters.data();
+  batch.parameters = cache.parameters.data();  // Run has pointed them to the candidate
   batch.residuals = cache.candidate_residuals.data();
   if (jacobians) {
     batch.tangent_maps = jacobians_[stretch.family].maps.data();

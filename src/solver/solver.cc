@@ -78,7 +78,7 @@ struct Workspace {
 
 class Solver::Impl {
  public:
-  explicit Impl(bool remembers) : remembers_(remembers) {}
+  explicit Impl(std::int64_t max_bytes) : max_bytes_(max_bytes) {}
 
   void Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary);
   bool IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
@@ -90,7 +90,7 @@ class Solver::Impl {
   std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const FactorGraph& graph, Summary* summary);
   void SolveValid(const SolverOptions& options, FactorGraph* graph, Summary* summary, double start);
 
-  bool remembers_;
+  std::int64_t max_bytes_;  // to be held from solve to solve
   std::unique_ptr<Workspace> workspace_;
 };
 
@@ -137,12 +137,14 @@ void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, 
   if (summary->IsSolutionUsable()) {
     graph->mutable_state() = minimizer.best_state();
   }
-  if (remembers_) {
+  if (summary->work.bytes <= max_bytes_) {
     if (!workspace->structure.has_value()) {
       workspace->structure.emplace(*graph);
     }
     workspace->bytes = summary->work.bytes + workspace->structure->Bytes();
-    workspace_ = std::move(workspace);  // not if something was thrown on the way
+    if (workspace->bytes <= max_bytes_) {
+      workspace_ = std::move(workspace);  // not if something was thrown on the way
+    }
   }
 }
 
@@ -170,7 +172,7 @@ void Solver::Impl::Solve(const SolverOptions& options, FactorGraph* graph, Summa
   summary->seconds.total = NowInSeconds() - start;
 }
 
-Solver::Solver() : impl_(std::make_unique<Impl>(/*remembers=*/true)) {
+Solver::Solver(std::int64_t max_bytes) : impl_(std::make_unique<Impl>(max_bytes)) {
 }
 Solver::~Solver() = default;
 Solver::Solver(Solver&&) noexcept = default;
@@ -196,7 +198,7 @@ std::int64_t Solver::Bytes() const {
 
 Summary Solve(const SolverOptions& options, FactorGraph* graph) {
   Summary summary;
-  Solver::Impl(/*remembers=*/false).Solve(options, graph, &summary);
+  Solver::Impl(/*max_bytes=*/0).Solve(options, graph, &summary);
   return summary;
 }
 

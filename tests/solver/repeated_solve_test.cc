@@ -222,5 +222,20 @@ TEST(RepeatedSolve, AUsersOwnReducedSolverIsMadeForEachSolve) {
   EXPECT_EQ(solver.Bytes(), 0);
 }
 
+TEST(RepeatedSolve, HoldsNoMoreThanItMay) {
+  Solver unlimited;
+  const auto first = MakeBundle(Options());
+  unlimited.Solve(TenIterations(), &first->graph());
+  const std::int64_t bytes = unlimited.Bytes();
+  ASSERT_GT(bytes, 0);
+  for (const std::int64_t limit : {bytes, bytes - 1, std::int64_t{0}}) {
+    Solver limited(limit);
+    const auto bundle = MakeBundle(Options());
+    EXPECT_TRUE(limited.Solve(TenIterations(), &bundle->graph()).IsSolutionUsable());
+    EXPECT_EQ(limited.Bytes(), limit == bytes ? bytes : 0);
+    EXPECT_EQ(limited.IsReadyFor(TenIterations(), bundle->graph()), limit == bytes);
+  }
+}
+
 }  // namespace
 }  // namespace inceres

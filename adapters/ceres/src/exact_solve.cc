@@ -26,13 +26,22 @@ void WriteReport(const SolveInput& input, const LandmarkSelection& landmarks, Su
   }
 }
 
+// The problem as a graph, of which the view then keeps the parameter blocks and totals only.
+std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type, FactorGraph* graph,
+                                  LandmarkSelection* landmarks, ceres::Solver::Summary* summary) {
+  const ShapeTable shapes = FindShapes(input.view);
+  *landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
+  std::vector<StateBlock> blocks = BuildGraph(input.view, shapes, *landmarks, graph);
+  WriteLinearSolver(input.view, input.ordering, *landmarks, type, summary);
+  input.view.ForgetResidualBlocks();
+  return blocks;
+}
+
 void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
-  const ShapeTable shapes = FindShapes(input.view);
-  const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
   FactorGraph graph;
-  const std::vector<StateBlock> blocks = BuildGraph(input.view, shapes, landmarks, &graph);
-  WriteLinearSolver(input.view, input.ordering, landmarks, type, summary);
+  LandmarkSelection landmarks;
+  const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &landmarks, summary);
 
   CallbackObserver observer(input.options, input.evaluation_callback, blocks);
   SolverOptions options = MapOptions(input.options, type);

@@ -57,6 +57,13 @@ struct ProblemView {
   ProblemTotals reduced;
   std::string defect;  ///< the first thing no solver but stock should look at (a block twice in a residual block, …); else empty
 
+  /// Gives back the memory of residual blocks, slots and index, most of the view, for who has built a graph of them.
+  void ForgetResidualBlocks() {
+    std::vector<ResidualBlockView>().swap(residuals);
+    std::vector<int>().swap(slots);
+    index = PointerIndex();
+  }
+
   const int* SlotsOf(const ResidualBlockView& residual) const { return slots.data() + residual.first_slot; }
   const ParameterBlockView& block(int i) const { return blocks[static_cast<std::size_t>(i)]; }
   bool IsReduced(int i) const { return block(i).reduced(); }

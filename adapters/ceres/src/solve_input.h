@@ -22,7 +22,7 @@ class WallClock {
 /// A problem that passed the gate.
 struct SolveInput {
   const ceres::Solver::Options& options;
-  const ProblemView& view;
+  ProblemView& view;  ///< a solver may give back what it no longer needs of it
   const OrderingView& ordering;
   const WallClock& clock;                                    ///< started with the solve
   ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< of the problem, if Ceres shows it or the caller told

@@ -19,7 +19,7 @@ std::unique_ptr<Solver> SolverPool::Take(const SolverOptions& options, const Fac
   const auto found =
       std::find_if(idle_.rbegin(), idle_.rend(), [&](const auto& solver) { return solver->IsReadyFor(options, graph); });
   if (found == idle_.rend()) {
-    return std::make_unique<Solver>();
+    return std::make_unique<Solver>(kMaxIdleBytes);
   }
   std::unique_ptr<Solver> solver = std::move(*found);
   idle_.erase(std::next(found).base());
@@ -27,7 +27,7 @@ std::unique_ptr<Solver> SolverPool::Take(const SolverOptions& options, const Fac
 }
 
 void SolverPool::GiveBack(std::unique_ptr<Solver> solver) {
-  if (solver->Bytes() == 0 || solver->Bytes() > kMaxIdleBytes) {
+  if (solver->Bytes() == 0) {
     return;
   }
   std::unique_ptr<Solver> oldest;  // destroyed when the lock is free again

@@ -12,7 +12,7 @@ namespace inceres::internal {
 
 /// Solvers of the core that wait for the next problem of their structure: a window estimator builds a new ceres::Problem every
 /// frame, often of a shape it had before. Guarded: concurrent solves each take a solver of their own. At most kMaxIdle wait, and
-/// none that holds more than kMaxIdleBytes: where set-up is a small share, memory is worth more.
+/// none holds more than kMaxIdleBytes: where set-up is a small share, memory is worth more.
 class SolverPool {
  public:
   static constexpr std::size_t kMaxIdle = 4;

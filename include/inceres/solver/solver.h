@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 
 #include "inceres/export.h"
@@ -48,7 +49,8 @@ INCERES_EXPORT Summary Solve(const SolverOptions& options, FactorGraph* graph);
 /// a time.
 class INCERES_EXPORT Solver {
  public:
-  Solver();
+  /// Holds nothing from one solve to the next where that would take more than max_bytes.
+  explicit Solver(std::int64_t max_bytes = std::numeric_limits<std::int64_t>::max());
   ~Solver();
   Solver(Solver&&) noexcept;
   Solver& operator=(Solver&&) noexcept;
