@@ -25,16 +25,18 @@ struct CacheLineAllocator {
 
   T* allocate(std::size_t count) {
     void* memory = ::operator new(count * sizeof(T), Alignment(count));
+    AskForHugePages(memory, count);
+    return static_cast<T*>(memory);
+  }
+  void deallocate(T* pointer, std::size_t count) { ::operator delete(pointer, Alignment(count)); }
+
+  /// A wish: where it is not granted nothing changes. The last page may be mostly empty and stays a small one.
+  static void AskForHugePages([[maybe_unused]] void* memory, [[maybe_unused]] std::size_t count) {
 #ifdef __linux__
     if (IsLarge(count)) {
-      // A wish: where it is not granted nothing changes. The last page may be mostly empty and stays a small one.
       madvise(memory, count * sizeof(T) / kHugePage * kHugePage, MADV_HUGEPAGE);
     }
 #endif
-    return static_cast<T*>(memory);
-  }
-  void deallocate(T* pointer, std::size_t count) {
-    ::operator delete(pointer, Alignment(count));
   }
 
   static bool IsLarge(std::size_t count) {

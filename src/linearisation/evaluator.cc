@@ -93,7 +93,7 @@ void Evaluator::BuildFamily(FamilyId id) {
     cache.slots.push_back({nullptr, static_cast<std::ptrdiff_t>(rows) * row_stride, row_stride, family.slot(s).tangent_size});
     total += n * rows * static_cast<std::size_t>(row_stride);
   }
-  cache.jacobian_values.resize(total);
+  cache.jacobian_values = ZeroedArray(total);
   double* next = cache.jacobian_values.data();
   for (SlotJacobians& slot : cache.slots) {
     slot.data = next;

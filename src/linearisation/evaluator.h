@@ -5,6 +5,7 @@
 
 #include "base/aligned_vector.h"
 #include "base/executor.h"
+#include "base/zeroed_array.h"
 #include "block/kernels.h"
 #include "inceres/graph/factor_graph.h"
 #include "linearisation/layout.h"
@@ -19,7 +20,7 @@ struct FamilyCache {
   bool has_losses = false;
   AlignedVector<double> residuals;
   AlignedVector<double> candidate_residuals;
-  AlignedVector<double> jacobian_values;  // all slots, one after the other
+  ZeroedArray jacobian_values;  // all slots, one after the other
   std::vector<SlotJacobians> slots;
   std::vector<JacobianView> views;        // the same places, as the public interface calls them
   std::vector<const double*> parameters;  // per factor and slot, at the point where their chunk was evaluated last

@@ -39,11 +39,11 @@ KeptProducts::KeptProducts(const Evaluator& evaluator, const FramePlans& plans)
 
 void KeptProducts::Observe() {
   for (std::size_t k = 0; k < families_.size(); ++k) {
-    const AlignedVector<double>& J = evaluator_.families()[families_[k]].jacobian_values;
+    const ZeroedArray& J = evaluator_.families()[families_[k]].jacobian_values;
     const bool same = J_[k].size() == J.size() && std::memcmp(J_[k].data(), J.data(), J.size() * sizeof(double)) == 0;
     is_stale_[families_[k]] = same ? 0 : 1;
     if (!same) {
-      J_[k] = J;
+      J_[k].assign(J.data(), J.data() + J.size());
     }
   }
 }

@@ -1,4 +1,5 @@
 // A Solver that has met a structure sets up nothing again and remembers no number: the same bits as a solve from nothing.
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <stdexcept>
