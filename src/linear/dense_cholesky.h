@@ -24,6 +24,8 @@ class DenseCholesky final : public ReducedSolver {
 
   /// Flops of one factorisation.
   double PredictedFlops() const { return order_.flops; }
+  /// Entries of the factor that may not be zero.
+  double PredictedEntries() const { return order_.entries; }
   std::size_t Bytes() const { return L_.capacity() * sizeof(double); }
 
  private:

@@ -13,6 +13,7 @@ struct DenseOrder {
   std::vector<int> offsets;  ///< per place, and one more: its first scalar row
   std::vector<int> first;    ///< per place: the first place with a block in its row; itself if none before it has
   double flops = 0.0;        ///< of the factorisation
+  double entries = 0.0;      ///< of the factor that may not be zero
 };
 
 /// The order that takes fewer flops of two: the pattern's own, and always next the row that lets the fewest scalar rows enter the

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <numeric>
+#include <utility>
 
 #include "linear/select_solver.h"
 
@@ -15,7 +16,12 @@ double Dot(const std::vector<double>& a, const std::vector<double>& b) {
 
 }  // namespace
 
-Status LaggedPcg::Analyze(const BlockPattern& pattern) {
+LaggedPcg::LaggedPcg(const Executor& executor, const BlockPattern& pattern, std::unique_ptr<ReducedSolver> factor)
+    : executor_(executor), factor_(std::move(factor)) {
+  Prepare(pattern);
+}
+
+void LaggedPcg::Prepare(const BlockPattern& pattern) {
   pattern_ = &pattern;
   factored_ = false;
   num_iterations_ = num_factorisations_ = 0;
@@ -24,6 +30,10 @@ Status LaggedPcg::Analyze(const BlockPattern& pattern) {
   for (std::vector<double>* vector : {&r_, &z_, &p_, &q_}) {
     vector->resize(pattern.size());
   }
+}
+
+Status LaggedPcg::Analyze(const BlockPattern& pattern) {
+  Prepare(pattern);
   Status status;
   factor_ = MakeReducedSolver(ReducedSolverKind::kAutomatic, nullptr, pattern, executor_, &status);
   return status;

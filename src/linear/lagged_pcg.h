@@ -26,6 +26,8 @@ class LaggedPcg final : public ReducedSolver {
   static constexpr int kMaxIterations = 24;   // it is renewed at once
 
   explicit LaggedPcg(const Executor& executor) : executor_(executor) {}
+  /// Analysed: `factor` has analysed this pattern.
+  LaggedPcg(const Executor& executor, const BlockPattern& pattern, std::unique_ptr<ReducedSolver> factor);
 
   const char* Name() const override { return "PCG with an earlier factor"; }
   Status Analyze(const BlockPattern& pattern) override;
@@ -38,6 +40,7 @@ class LaggedPcg final : public ReducedSolver {
   int num_factorisations() const { return num_factorisations_; }
 
  private:
+  void Prepare(const BlockPattern& pattern);
   Status Renew();
   /// False if it did not end, or met a direction of curvature ≤ 0.
   bool Iterate(const double* b, double* x);

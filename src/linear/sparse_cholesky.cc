@@ -248,6 +248,7 @@ struct SparseCholesky::Cholmod {
   cholmod_dense* workspace_y = nullptr;
   cholmod_dense* workspace_e = nullptr;
   double predicted_flops = 0.0;
+  double predicted_entries = 0.0;
   bool nested_dissection = false;
 };
 
@@ -261,6 +262,10 @@ const char* SparseCholesky::Name() const {
 
 double SparseCholesky::PredictedFlops() const {
   return cholmod_->predicted_flops;
+}
+
+double SparseCholesky::PredictedEntries() const {
+  return cholmod_->predicted_entries;
 }
 
 bool SparseCholesky::IsSupernodal() const {
@@ -303,6 +308,7 @@ Status SparseCholesky::Analyze(const BlockPattern& pattern) {
     return Status::Error(StatusCode::kSingular, "CHOLMOD could not analyse the reduced system (out of memory?)");
   }
   c.predicted_flops = c.common.fl;
+  c.predicted_entries = c.common.lnz;
   if (c.factor.get()->is_super != 0 && !c.TurnMatrix()) {
     return Status::Error(StatusCode::kSingular, "CHOLMOD could not turn the reduced system (out of memory?)");
   }

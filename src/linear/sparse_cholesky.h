@@ -23,6 +23,8 @@ class SparseCholesky final : public ReducedSolver {
 
   /// Flops of one factorisation, as predicted by the analysis.
   double PredictedFlops() const;
+  /// Entries of the factor.
+  double PredictedEntries() const;
   /// Whether the analysis found supernodes worth it: the arithmetic is then that of dense blocks.
   bool IsSupernodal() const;
   std::size_t Bytes() const;

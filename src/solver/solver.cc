@@ -58,7 +58,8 @@ struct Workspace {
 
   bool Suits(const SolverOptions& options, const FactorGraph& graph) const {
     // A reduced solver that remembers what it solved, or that may, would take a second solve another way than the first.
-    const bool remembers = options.reduced_solver_factory || options.reduced_solver == ReducedSolverKind::kPcg;
+    const bool remembers = options.reduced_solver_factory || options.reduced_solver == ReducedSolverKind::kPcg ||
+                           options.reduced_solver == ReducedSolverKind::kAutomaticInexact;
     return !remembers && options.num_threads == executor.num_threads() && options.linear_model == linear_model &&
            options.reduced_solver == reduced_solver && structure.has_value() && structure->IsThatOf(graph);
   }

@@ -63,6 +63,26 @@ TEST_F(SelectSolver, AutomaticIsDenseForAWindowOfInertialFrames) {
   EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, RandomSystem(sizes, coupled).pattern), "dense Cholesky");
 }
 
+TEST_F(SelectSolver, AutomaticInexactIteratesWhereFactoringWouldTakeLonger) {
+  const auto kind = ReducedSolverKind::kAutomaticInexact;
+  EXPECT_EQ(NameFor(kind, Blocks(20, Fill::kBand).pattern), "dense Cholesky");
+  EXPECT_EQ(NameFor(kind, Blocks(1000, Fill::kBand).pattern).substr(0, 7), "CHOLMOD");
+  EXPECT_EQ(NameFor(kind, Blocks(400, Fill::kDense).pattern).substr(0, 3), "PCG");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(400, Fill::kDense).pattern), "dense Cholesky");
+}
+
+// What the choice has analysed serves as the factor.
+TEST_F(SelectSolver, PcgIsReadyToFactorize) {
+  const RandomSystem system = Blocks(3, Fill::kDense);
+  Status status;
+  const auto solver = MakeReducedSolver(ReducedSolverKind::kPcg, nullptr, system.pattern, executor_, &status);
+  ASSERT_TRUE(status.ok());
+  ASSERT_TRUE(solver->Factorize(system.values.data(), system.diagonal.data()).ok());
+  std::vector<double> x(static_cast<std::size_t>(system.pattern.size()));
+  const std::vector<double> b(x.size(), 1.0);
+  EXPECT_TRUE(solver->Solve(b.data(), x.data()).ok());
+}
+
 TEST_F(SelectSolver, AWishIsGranted) {
   EXPECT_EQ(NameFor(ReducedSolverKind::kDense, Blocks(100, Fill::kBand).pattern), "dense Cholesky");
   EXPECT_EQ(NameFor(ReducedSolverKind::kPcg, Blocks(3, Fill::kDense).pattern).substr(0, 3), "PCG");

@@ -14,7 +14,8 @@ DEFINE_string(
     "dense_qr or cgnr, as Ceres names them. auto: a Schur solver for bal and vio, sparse_normal_cholesky for pose graphs. "
     "inceres refuses the iterative ones on a ceres::Problem (iterative_schur with --builtin_factors is its PCG); of the Cholesky "
     "and Schur ones on a ceres::Problem it takes whichever it predicts to "
-    "be cheapest, with --builtin_factors the one named. In ab_compare this is for inceres; stock runs in --configurations.");
+    "be cheapest, with --builtin_factors the one named, and for auto the cheapest, PCG among them. In ab_compare this is for "
+    "inceres; stock runs in --configurations.");
 DEFINE_int32(num_threads, 1, "Threads of the solver, at least 1.");
 DEFINE_int32(max_num_iterations, 50, "Stop after this many iterations, at least 0.");
 DEFINE_double(function_tolerance, 1e-6, "Stop when the cost changes by less than this, relative; 0: never.");
@@ -150,6 +151,7 @@ Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType ty
 
 Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
   SolverOptions result;
+  result.reduced_solver = ReducedSolverKind::kAutomaticInexact;
   if (settings.linear_solver.has_value()) {
     switch (*settings.linear_solver) {
       case ceres::DENSE_SCHUR:

@@ -40,6 +40,7 @@ enum class ReducedSolverKind {
   /// right to 1e-4 in the norm of the energy, the cost they promise to 1e-8: the iterations are Ceres's to that accuracy only,
   /// and there is nothing to gain where forming S costs more than factoring it.
   kPcg,
+  kAutomaticInexact,  ///< as kAutomatic, or kPcg where that is predicted to take less
 };
 
 using ReducedSolverFactory = std::function<std::unique_ptr<ReducedSolver>()>;
