@@ -1,7 +1,7 @@
 #include "linearisation/evaluator.h"
 
 #include <algorithm>
-#include <functional>
+#include <cstdint>
 #include <string>
 
 #include "linearisation/moved_factors.h"
@@ -228,15 +228,14 @@ void Evaluator::PointTo(bool candidate, Chunk* chunk) {
   }
   chunk->at_candidate = candidate;
   FamilyCache& cache = families_[chunk->family];
-  const std::vector<double>& from = candidate ? current_ : candidate_;
-  const std::vector<double>& to = candidate ? candidate_ : current_;
-  const std::less<> before;
+  const auto address = [](const double* p) { return reinterpret_cast<std::uintptr_t>(p); };
+  const std::uintptr_t from = address(candidate ? current_.data() : candidate_.data());
+  const std::uintptr_t shift = address(candidate ? candidate_.data() : current_.data()) - from;
+  const std::uintptr_t size = current_.size() * sizeof(double);
   const std::ptrdiff_t num_slots = cache.family->num_slots();
   for (std::ptrdiff_t k = chunk->begin * num_slots; k < chunk->end * num_slots; ++k) {
-    const double*& p = cache.parameters[k];
-    if (!before(p, from.data()) && before(p, from.data() + from.size())) {
-      p = to.data() + (p - from.data());
-    }
+    const std::uintptr_t p = address(cache.parameters[k]);
+    cache.parameters[k] = reinterpret_cast<const double*>(p + (p - from < size ? shift : 0));
   }
 }
 

@@ -1,9 +1,9 @@
 #include "linearisation/product_plan.h"
 
 #include <algorithm>
-#include <map>
 #include <numeric>
-#include <tuple>
+#include <utility>
+#include <vector>
 
 namespace inceres::internal {
 namespace {
@@ -38,187 +38,222 @@ SlotAdjacency FactorsByFrame(const FamilyCache& cache, const FactorGraph& graph,
   return adjacency;
 }
 
-// The terms of one block row, collected in a fixed order and then sorted by column, order kept.
-class RowTerms {
- public:
-  void Add(int column, int source, ProductTerm term) { entries_.push_back({column, source, term}); }
-
-  template <typename Function>
-  void ForEachColumn(Function&& function) const {
-    for (const Entry& entry : entries_) {
-      function(entry.column);
-    }
+// How much of a plan falls to one block.
+struct Share {
+  void Add(int source) {
+    ++num_terms;
+    num_segments += last_source != source ? 1 : 0;
+    last_source = source;
   }
 
-  // Appends the row to the plan. slot_of_column maps a column to its place among the row's num_columns blocks.
-  void AppendTo(const std::vector<int>& slot_of_column, int num_columns, ProductPlan* plan) {
-    start_.assign(num_columns + 1, 0);
-    for (const Entry& entry : entries_) {
-      ++start_[slot_of_column[entry.column] + 1];
-    }
-    std::partial_sum(start_.begin(), start_.end(), start_.begin());
-    const std::size_t base = plan->terms.size();
-    plan->terms.resize(base + entries_.size());
-    sources_.resize(entries_.size());
-    next_.assign(start_.begin(), start_.end() - 1);
-    for (const Entry& entry : entries_) {
-      const auto column = static_cast<std::size_t>(slot_of_column[entry.column]);
-      const auto place = static_cast<std::size_t>(next_[column]++);
-      plan->terms[base + place] = entry.term;
-      sources_[place] = entry.source;
-    }
-    for (std::size_t c = 0; c < static_cast<std::size_t>(num_columns); ++c) {
-      plan->segments_begin.push_back(static_cast<int>(plan->segments.size()));
-      for (int first = start_[c]; first < start_[c + 1];) {
-        int last = first;
-        while (last < start_[c + 1] && sources_[last] == sources_[first]) {
-          ++last;
-        }
-        plan->segments.push_back({sources_[first], static_cast<int>(base) + first, last - first});
-        first = last;
-      }
-    }
-    entries_.clear();
-  }
-
- private:
-  struct Entry {
-    int column;
-    int source;
-    ProductTerm term;
-  };
-  std::vector<Entry> entries_;
-  std::vector<int> start_;
-  std::vector<int> next_;
-  std::vector<int> sources_;
+  int num_terms = 0;
+  int num_segments = 0;
+  int last_source = -1;
 };
 
+// A block of a row.
+struct CountedBlock {
+  int column = -1;
+  Share hessian;
+  Share schur;
+};
+
+// Rows are counted, then every block is given its place, then rows are filled in: the rows of either pass are independent tasks,
+// and nothing is stored twice. Both passes meet the terms of a block in the same order, by source.
 class PlanBuilder {
  public:
   PlanBuilder(const Evaluator& evaluator, const LandmarkIncidences& incidences, FramePlans* plans)
       : evaluator_(evaluator), layout_(evaluator.layout()), incidences_(incidences), plans_(plans) {
     for (const FamilyCache& cache : evaluator.families()) {
       auto& slots = adjacency_.emplace_back();
+      first_source_.push_back(static_cast<int>(plans->hessian_sources.size()));
       for (int s = 0; cache.num_factors > 0 && s < cache.family->num_slots(); ++s) {
         slots.push_back(FactorsByFrame(cache, evaluator.graph(), layout_, s));
+        for (int c = 0; c < cache.family->num_slots(); ++c) {
+          plans->hessian_sources.push_back({cache.id, s, c});
+        }
+      }
+    }
+    for (int chunk = 0; chunk < incidences.num_chunks(); ++chunk) {
+      for (int size = 1; size <= LandmarkIncidences::kMaxLandmarkSize; ++size) {
+        plans->schur_sources.push_back({chunk, size});
       }
     }
   }
 
   void Build() {
-    for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
-      for (int size = 1; size <= LandmarkIncidences::kMaxLandmarkSize; ++size) {
-        plans_->schur_sources.push_back({chunk, size});
-      }
-    }
-    BlockPattern& pattern = plans_->pattern;
     const int num_frames = layout_.num_frames;
-    ReserveTerms();
-    pattern.offsets.assign(layout_.packed_offset.begin(), layout_.packed_offset.begin() + num_frames + 1);
-    pattern.row_begin.push_back(0);
-    pattern.value_begin.push_back(0);
-    std::vector<int> marked(num_frames, -1);
-    std::vector<int> slot_of_column(num_frames, 0);
-    std::vector<int> columns;
-    for (int row = 0; row < num_frames; ++row) {
-      CollectHessianTerms(row);
-      CollectSchurTerms(row);
-      columns.assign(1, row);
-      marked[row] = row;
-      const auto mark = [&](int column) {
-        if (marked[column] != row) {
-          marked[column] = row;
-          columns.push_back(column);
-        }
-      };
-      hessian_row_.ForEachColumn(mark);
-      schur_row_.ForEachColumn(mark);
-      std::sort(columns.begin(), columns.end());
-      for (std::size_t c = 0; c < columns.size(); ++c) {
-        slot_of_column[columns[c]] = static_cast<int>(c);
-        pattern.columns.push_back(columns[c]);
-        pattern.value_begin.push_back(pattern.value_begin.back() +
-                                      static_cast<std::int64_t>(pattern.block_size(row)) * pattern.block_size(columns[c]));
-        plans_->block_row.push_back(row);
-      }
-      pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
-      hessian_row_.AppendTo(slot_of_column, static_cast<int>(columns.size()), &plans_->hessian);
-      schur_row_.AppendTo(slot_of_column, static_cast<int>(columns.size()), &plans_->schur);
-    }
-    plans_->hessian.segments_begin.push_back(static_cast<int>(plans_->hessian.segments.size()));
-    plans_->schur.segments_begin.push_back(static_cast<int>(plans_->schur.segments.size()));
+    rows_.resize(num_frames);
+    const int grain = std::max(1, num_frames / kTasks);
+    const Executor& executor = evaluator_.executor();
+    executor.For(num_frames, grain, [this](int begin, int end) { CountRows(begin, end); });
+    Place();
+    executor.For(num_frames, grain, [this](int begin, int end) { FillRows(begin, end); });
   }
 
  private:
-  // There are millions of terms: growing by doubling would take up to three times their memory.
-  void ReserveTerms() {
-    std::size_t num_schur_terms = 0;
-    for (std::size_t l = 0; l + 1 < incidences_.begin.size(); ++l) {
-      const auto views = static_cast<std::size_t>(incidences_.begin[l + 1] - incidences_.begin[l]);
-      num_schur_terms += views * (views + 1) / 2;
+  static constexpr int kTasks = 32;
+
+  void CountRows(int begin, int end) {
+    std::vector<CountedBlock> by_column(layout_.num_frames);
+    std::vector<int> columns;
+    for (int row = begin; row < end; ++row) {
+      const auto block = [&](int column) -> CountedBlock& {
+        CountedBlock& counted = by_column[column];
+        if (counted.column < 0) {
+          counted.column = column;
+          columns.push_back(column);
+        }
+        return counted;
+      };
+      block(row);  // whatever there is, it has a diagonal
+      ForEachHessianTerm(row, [&](int column, int source, ProductTerm) { block(column).hessian.Add(source); });
+      ForEachSchurTerm(row, [&](int column, int source, ProductTerm) { block(column).schur.Add(source); });
+      std::sort(columns.begin(), columns.end());
+      rows_[row].reserve(columns.size());
+      for (const int column : columns) {
+        rows_[row].push_back(std::exchange(by_column[column], CountedBlock()));
+      }
+      columns.clear();
     }
-    plans_->schur.terms.reserve(num_schur_terms);
-    std::size_t num_hessian_terms = 0;
-    for (const std::vector<SlotAdjacency>& slots : adjacency_) {
-      for (const SlotAdjacency& slot : slots) {
-        num_hessian_terms += slot.factors.size();  // what is off the diagonal is added where it is found
+  }
+
+  // The pattern, and where in the plans each block begins.
+  void Place() {
+    BlockPattern& pattern = plans_->pattern;
+    pattern.offsets.assign(layout_.packed_offset.begin(), layout_.packed_offset.begin() + layout_.num_frames + 1);
+    pattern.row_begin.push_back(0);
+    pattern.value_begin.push_back(0);
+    for (int row = 0; row < layout_.num_frames; ++row) {
+      for (const CountedBlock& block : rows_[row]) {
+        pattern.columns.push_back(block.column);
+        pattern.value_begin.push_back(pattern.value_begin.back() +
+                                      static_cast<std::int64_t>(pattern.block_size(row)) * pattern.block_size(block.column));
+        plans_->block_row.push_back(row);
+        hessian_.Place(block.hessian, &plans_->hessian);
+        schur_.Place(block.schur, &plans_->schur);
+      }
+      pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
+      std::vector<CountedBlock>().swap(rows_[row]);
+    }
+    hessian_.Allocate(&plans_->hessian);
+    schur_.Allocate(&plans_->schur);
+  }
+
+  void FillRows(int begin, int end) {
+    const BlockPattern& pattern = plans_->pattern;
+    Filling hessian(hessian_, layout_.num_frames, &plans_->hessian);
+    Filling schur(schur_, layout_.num_frames, &plans_->schur);
+    for (int row = begin; row < end; ++row) {
+      for (int block = pattern.row_begin[row]; block < pattern.row_begin[row + 1]; ++block) {
+        hessian.Begin(pattern.columns[block], block);
+        schur.Begin(pattern.columns[block], block);
+      }
+      ForEachHessianTerm(row, [&](int column, int source, ProductTerm term) { hessian.Add(column, source, term); });
+      ForEachSchurTerm(row, [&](int column, int source, ProductTerm term) { schur.Add(column, source, term); });
+      for (int block = pattern.row_begin[row]; block < pattern.row_begin[row + 1]; ++block) {
+        hessian.End(pattern.columns[block], block);
+        schur.End(pattern.columns[block], block);
       }
     }
-    plans_->hessian.terms.reserve(num_hessian_terms);
   }
 
-  int SourceIndex(int family, int row_slot, int column_slot) {
-    const auto key = std::make_tuple(family, row_slot, column_slot);
-    const auto [entry, inserted] = source_index_.try_emplace(key, static_cast<int>(plans_->hessian_sources.size()));
-    if (inserted) {
-      plans_->hessian_sources.push_back({family, row_slot, column_slot});
+  // Where the terms of each block begin.
+  struct Places {
+    void Place(const Share& share, ProductPlan* plan) {
+      first_term.push_back(num_terms);
+      plan->segments_begin.push_back(num_segments);
+      num_terms += share.num_terms;
+      num_segments += share.num_segments;
     }
-    return entry->second;
-  }
+    void Allocate(ProductPlan* plan) const {
+      plan->segments_begin.push_back(num_segments);
+      plan->terms.resize(num_terms);
+      plan->segments.resize(num_segments);
+    }
+    std::vector<int> first_term;
+    int num_terms = 0;
+    int num_segments = 0;
+  };
 
-  void CollectHessianTerms(int row) {
+  // Writes the terms of a row's blocks to their places.
+  class Filling {
+   public:
+    Filling(const Places& places, int num_columns, ProductPlan* plan) : places_(places), plan_(plan), next_(num_columns) {}
+
+    void Begin(int column, int block) { next_[column] = {places_.first_term[block], plan_->segments_begin[block], -1}; }
+    void Add(int column, int source, ProductTerm term) {
+      Next& next = next_[column];
+      if (next.source != source) {
+        plan_->segments[next.segment++] = {source, next.term, 0};
+        next.source = source;
+      }
+      plan_->terms[next.term++] = term;
+    }
+    void End(int column, int block) {
+      int end = next_[column].term;
+      for (int s = plan_->segments_begin[block + 1] - 1; s >= plan_->segments_begin[block]; --s) {
+        plan_->segments[s].count = end - plan_->segments[s].first_term;
+        end = plan_->segments[s].first_term;
+      }
+    }
+
+   private:
+    struct Next {
+      int term = 0;
+      int segment = 0;
+      int source = -1;
+    };
+    const Places& places_;
+    ProductPlan* plan_;
+    std::vector<Next> next_;  // per column
+  };
+
+  template <typename Visit>
+  void ForEachHessianTerm(int row, const Visit& visit) const {
     for (const FamilyCache& cache : evaluator_.families()) {
-      const int num_slots = cache.family->num_slots();
-      const auto& slots = adjacency_[cache.id];
-      for (int r = 0; r < num_slots && !slots.empty(); ++r) {
-        const SlotAdjacency& adjacency = slots[r];
-        const int begin = adjacency.begin[row];
-        const int end = adjacency.begin[row + 1];
+      const std::vector<SlotAdjacency>& slots = adjacency_[cache.id];
+      const auto num_slots = static_cast<int>(slots.size());
+      for (int r = 0; r < num_slots; ++r) {
+        const std::int32_t* begin = slots[r].factors.data() + slots[r].begin[row];
+        const std::int32_t* end = slots[r].factors.data() + slots[r].begin[row + 1];
         for (int c = 0; begin < end && c < num_slots; ++c) {
-          CollectSlotPair(cache, row, r, c, adjacency.factors.data() + begin, end - begin);
+          ForEachTermOfSlots(cache, row, r, c, begin, end, visit);
         }
       }
     }
   }
 
-  void CollectSlotPair(const FamilyCache& cache, int row, int r, int c, const std::int32_t* factors, int count) {
-    const VariableId* ids = evaluator_.graph().Variables(cache.id, 0);
+  template <typename Visit>
+  void ForEachTermOfSlots(const FamilyCache& cache, int row, int r, int c, const std::int32_t* begin, const std::int32_t* end,
+                          const Visit& visit) const {
+    const VariableId* ids = evaluator_.graph().Variables(cache.id, 0) + c;
     const auto row_quads = static_cast<std::int32_t>(cache.slots[r].factor_stride / kQuad);
     const auto column_quads = static_cast<std::int32_t>(cache.slots[c].factor_stride / kQuad);
-    int source = -1;
-    for (int n = 0; n < count; ++n) {
-      const std::int32_t i = factors[n];
-      const int column = layout_.FrameOf(ids[static_cast<std::ptrdiff_t>(i) * cache.family->num_slots() + c]);
-      if (column < 0 || column > row) {
-        continue;
+    const int num_slots = cache.family->num_slots();
+    const int source = first_source_[cache.id] + r * num_slots + c;
+    for (const std::int32_t* i = begin; i < end; ++i) {
+      const int column = layout_.FrameOf(ids[static_cast<std::ptrdiff_t>(*i) * num_slots]);
+      if (column >= 0 && column <= row) {
+        visit(column, source, ProductTerm{*i * column_quads, *i * row_quads});
       }
-      if (source < 0) {
-        source = SourceIndex(cache.id, r, c);
-      }
-      hessian_row_.Add(column, source, {i * column_quads, i * row_quads});
     }
   }
 
-  void CollectSchurTerms(int row) {
+  template <typename Visit>
+  void ForEachSchurTerm(int row, const Visit& visit) const {
+    int chunk = 0;  // a frame's incidences are sorted by it
     for (int k = incidences_.frame_begin[row]; k < incidences_.frame_begin[row + 1]; ++k) {
-      const auto q = static_cast<std::size_t>(incidences_.frame_incidences[k]);
-      const auto l = static_cast<std::size_t>(incidences_.landmarks[q]);
-      const int chunk = incidences_.ChunkOf(incidences_.landmarks[q]);
-      const int source = LandmarkIncidences::kMaxLandmarkSize * chunk + incidences_.sizes[l] - 1;  // see Build
+      const int q = incidences_.frame_incidences[k];
+      const int l = incidences_.landmarks[q];
+      while (l >= incidences_.chunk_begin[chunk + 1]) {
+        ++chunk;
+      }
+      const int source = LandmarkIncidences::kMaxLandmarkSize * chunk + incidences_.sizes[l] - 1;
       for (int other = incidences_.begin[l]; other < incidences_.begin[l + 1]; ++other) {
         const int column = incidences_.frames[other];
         if (column <= row) {
-          schur_row_.Add(column, source, {incidences_.incidences[other].y, incidences_.incidences[q].y});
+          visit(column, source, ProductTerm{incidences_.incidences[other].y, incidences_.incidences[q].y});
         }
       }
     }
@@ -229,9 +264,10 @@ class PlanBuilder {
   const LandmarkIncidences& incidences_;
   FramePlans* plans_;
   std::vector<std::vector<SlotAdjacency>> adjacency_;  // per family and slot
-  std::map<std::tuple<int, int, int>, int> source_index_;
-  RowTerms hessian_row_;
-  RowTerms schur_row_;
+  std::vector<int> first_source_;                      // per family: of its slot pairs among hessian_sources
+  std::vector<std::vector<CountedBlock>> rows_;
+  Places hessian_;
+  Places schur_;
 };
 
 }  // namespace
