@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <cstdlib>
 #include <memory>
 #include <new>
@@ -22,8 +21,9 @@ class ZeroedArray {
     if (memory_ == nullptr) {
       throw std::bad_alloc();
     }
-    const auto address = reinterpret_cast<std::uintptr_t>(memory_.get());
-    data_ = reinterpret_cast<double*>((address + alignment - 1) / alignment * alignment);
+    void* aligned = memory_.get();
+    std::size_t room = size * sizeof(double) + alignment;
+    data_ = static_cast<double*>(std::align(alignment, size * sizeof(double), aligned, room));
     Allocator::AskForHugePages(data_, size);
   }
 

@@ -228,14 +228,16 @@ void Evaluator::PointTo(bool candidate, Chunk* chunk) {
   }
   chunk->at_candidate = candidate;
   FamilyCache& cache = families_[chunk->family];
+  const double* const from = candidate ? current_.data() : candidate_.data();
+  const double* const to = candidate ? candidate_.data() : current_.data();
   const auto address = [](const double* p) { return reinterpret_cast<std::uintptr_t>(p); };
-  const std::uintptr_t from = address(candidate ? current_.data() : candidate_.data());
-  const std::uintptr_t shift = address(candidate ? candidate_.data() : current_.data()) - from;
   const std::uintptr_t size = current_.size() * sizeof(double);
   const std::ptrdiff_t num_slots = cache.family->num_slots();
   for (std::ptrdiff_t k = chunk->begin * num_slots; k < chunk->end * num_slots; ++k) {
-    const std::uintptr_t p = address(cache.parameters[k]);
-    cache.parameters[k] = reinterpret_cast<const double*>(p + (p - from < size ? shift : 0));
+    const double* const p = cache.parameters[k];
+    if (address(p) - address(from) < size) {
+      cache.parameters[k] = to + (p - from);
+    }
   }
 }
 
