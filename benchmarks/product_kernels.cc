@@ -19,19 +19,15 @@ std::vector<ProductTerm> ConsecutiveTerms(int count, int quads) {
   return terms;
 }
 
-// One block of the arguments' frame size: depth 2 (residuals of reprojections) is a block of H, depth 3 (points) and 1 (inverse
-// depths) one of S.
-void BM_BlockProducts(benchmark::State& state) {
+void MeasureBlockProducts(benchmark::State& state, int size, int depth, bool tail) {
   const Kernels* kernels = KernelsOrSkip(state);
   if (kernels == nullptr) {
     return;
   }
-  const int size = static_cast<int>(state.range(1));
-  const int depth = static_cast<int>(state.range(2));
-  const int quads = depth * PadToQuad(size) / kQuad;
+  const int quads = tail ? QuadsWithTail(depth, size) : depth * PadToQuad(size) / kQuad;
   const AlignedVector<double> Y = Random(std::int64_t{2} * kCommon * quads * kQuad);
   const std::vector<ProductTerm> terms = ConsecutiveTerms(kCommon, quads);
-  const BlockProducts products{Y.data(), Y.data(), terms.data(), kCommon, depth, size, size};
+  const BlockProducts products{Y.data(), Y.data(), terms.data(), kCommon, depth, size, size, tail};
   AlignedVector<double> C(static_cast<std::size_t>(size * PadToQuad(size)));
   for (auto _ : state) {
     kernels->accumulate_products(products, -1.0, C.data());
@@ -39,26 +35,17 @@ void BM_BlockProducts(benchmark::State& state) {
   }
   CountWork(state, 2.0 * kCommon * depth * size * size, 8.0 * (2.0 * kCommon * depth * size + 2.0 * size * size));
 }
+
+// One block of the arguments' frame size: depth 2 (residuals of reprojections) is a block of H, depth 3 (points) and 1 (inverse
+// depths) one of S.
+void BM_BlockProducts(benchmark::State& state) {
+  MeasureBlockProducts(state, static_cast<int>(state.range(1)), static_cast<int>(state.range(2)), /*tail=*/false);
+}
 BENCHMARK(BM_BlockProducts)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 9, 15}, {1, 2, 3}});
 
 // The same for cameras of 9 whose blocks have their last column apart, as those of Y have.
 void BM_BlockProductsWithTail(benchmark::State& state) {
-  const Kernels* kernels = KernelsOrSkip(state);
-  if (kernels == nullptr) {
-    return;
-  }
-  constexpr int kSize = 9;
-  constexpr int kDepth = 3;
-  constexpr int kQuads = QuadsWithTail(kDepth, kSize);
-  const AlignedVector<double> Y = Random(std::int64_t{2} * kCommon * kQuads * kQuad);
-  const std::vector<ProductTerm> terms = ConsecutiveTerms(kCommon, kQuads);
-  const BlockProducts products{Y.data(), Y.data(), terms.data(), kCommon, kDepth, kSize, kSize, true};
-  AlignedVector<double> C(static_cast<std::size_t>(kSize * PadToQuad(kSize)));
-  for (auto _ : state) {
-    kernels->accumulate_products(products, -1.0, C.data());
-    benchmark::DoNotOptimize(C.data());
-  }
-  CountWork(state, 2.0 * kCommon * kDepth * kSize * kSize, 8.0 * (2.0 * kCommon * kDepth * kSize + 2.0 * kSize * kSize));
+  MeasureBlockProducts(state, 9, 3, /*tail=*/true);
 }
 BENCHMARK(BM_BlockProductsWithTail)->ArgNames({"set"})->ArgsProduct({AllSets()});
 

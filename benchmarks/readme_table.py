@@ -25,6 +25,8 @@ ROWS = [
     ("the same, 2 threads", LADYBUG, FIFTY + ["--num_threads", "2"]),
     ("the same, our built-in factors, 1 thread", LADYBUG, FIFTY + ["--builtin_factors"]),
     ("the same, our built-in factors, 2 threads", LADYBUG, FIFTY + ["--builtin_factors", "--num_threads", "2"]),
+    ("the same, analytic cost functions for both, 1 thread", LADYBUG, FIFTY + ["--analytic"]),
+    ("the same, analytic cost functions for both, 2 threads", LADYBUG, FIFTY + ["--analytic", "--num_threads", "2"]),
     ("Ladybug-49, Dog-Leg, 50 iterations, AutoDiff, 1 thread", LADYBUG, FIFTY + ["--trust_region", "dogleg"]),
     ("bundled street, 16 cameras, LM, AutoDiff, 1 thread", f"bal:{ROOT}/bal_data/street-16-1200-pre.txt", []),
     ("sphere.g2o, Dog-Leg, AutoDiff, 1 thread", f"g2o:{DATA}/pose_graph/sphere.g2o", ["--trust_region", "dogleg"]),

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/CholmodSupport>
 #include <benchmark/benchmark.h>
 
 #include "benchmarks/roofline.h"
@@ -164,13 +165,55 @@ void BM_DenseCholesky(benchmark::State& state) {
 }
 BENCHMARK(BM_DenseCholesky)->Unit(benchmark::kMicrosecond);
 
-// On a street where most pairs of cameras see nothing in common.
-void BM_SparseCholesky(benchmark::State& state) {
+// A street where most pairs of cameras see nothing in common.
+Linearised& Path() {
   static Linearised path(Street("path-1000"));
-  SparseCholesky solver;
-  MeasureFactorization(state, &path, &solver);
+  return path;
+}
+
+void BM_SparseCholesky(benchmark::State& state) {
+  SparseCholesky solver(Path().core->executor);
+  MeasureFactorization(state, &Path(), &solver);
 }
 BENCHMARK(BM_SparseCholesky)->Unit(benchmark::kMicrosecond);
+
+Eigen::SparseMatrix<double> LowerTriangle(const BlockPattern& pattern, const double* values,
+                                          const std::vector<double>& diagonal) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int i = 0; i < pattern.num_blocks(); ++i) {
+    for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
+      const double* value = values + pattern.value_begin[k];
+      for (int row = pattern.offsets[i]; row < pattern.offsets[i + 1]; ++row) {
+        for (int column = pattern.offsets[pattern.columns[k]]; column < pattern.offsets[pattern.columns[k] + 1]; ++column) {
+          entries.emplace_back(row, column, *value++ + (row == column ? diagonal[static_cast<std::size_t>(row)] : 0.0));
+        }
+      }
+    }
+  }
+  Eigen::SparseMatrix<double> S(pattern.size(), pattern.size());
+  S.setFromTriplets(entries.begin(), entries.end());
+  return S.triangularView<Eigen::Lower>();
+}
+
+// CHOLMOD on the same S, as Ceres's SPARSE_SCHUR runs it. It asks OpenMP for four threads whatever the machine has; with
+// OMP_MAX_ACTIVE_LEVELS=0 it stays on one.
+void BM_Cholmod(benchmark::State& state) {
+  Linearised& path = Path();
+  if (!path.ok() || !path.elimination->Eliminate(path.LandmarkDamping()).ok()) {
+    state.SkipWithError("the reduced system could not be formed");
+    return;
+  }
+  const Eigen::SparseMatrix<double> S = LowerTriangle(path.core->plans.pattern, path.elimination->S(), path.damping);
+  Eigen::CholmodDecomposition<Eigen::SparseMatrix<double>> factor;
+  factor.analyzePattern(S);
+  for (auto _ : state) {
+    factor.factorize(S);
+  }
+  if (factor.info() != Eigen::Success) {
+    state.SkipWithError("CHOLMOD could not factor the reduced system");
+  }
+}
+BENCHMARK(BM_Cholmod)->Unit(benchmark::kMicrosecond);
 
 // The ambient Jacobian of a pose (quaternion and translation) into its tangent space, or copied where it is the same.
 void BM_ProjectToTangentSpace(benchmark::State& state) {

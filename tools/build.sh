@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs what is missing, configures a preset and builds it. From any directory, from a fresh clone.
 #
-#   tools/build.sh [--preset default|dev|asan|tsan] [--target NAME]... [--warnings-as-errors] [--no-install]
+#   tools/build.sh [--preset default|dev|asan|tsan] [--target NAME]... [--benchmarks] [--warnings-as-errors] [--no-install]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -13,6 +13,7 @@ while (($# > 0)); do
   case $1 in
     --preset) preset=${2:?--preset needs a name}; shift ;;
     --target) targets+=(--target "${2:?--target needs a name}"); shift ;;
+    --benchmarks) definitions+=(-DINCERES_BUILD_BENCHMARKS=ON) ;;
     --warnings-as-errors) definitions+=(-DINCERES_WARNINGS_AS_ERRORS=ON) ;;
     --no-install) install=no ;;
     --help) sed -n '2,/^set/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"; exit 0 ;;

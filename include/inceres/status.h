@@ -14,7 +14,7 @@ enum class StatusCode {
   kEvaluationFailed,  ///< a factor returned false, or a residual or Jacobian is not finite
   kSingular,          ///< a block or the reduced system has no Cholesky factor
   kIo,                ///< a file is missing, truncated or malformed
-  kUnavailable,       ///< asked for something this build or version does not have
+  kUnavailable,       ///< asked for something this build or version does not have, or that there is no memory for
 };
 
 /// Outcome of an operation that data can make fail. The library throws no exceptions of its own and never aborts on data:

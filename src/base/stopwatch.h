@@ -22,4 +22,24 @@ class StageTimer {
   double start_;
 };
 
+/// Shares time out among stages that follow one another: one reading of the clock ends a stage and begins the next, where a
+/// StageTimer takes two (35 ns each, a tenth of what a small problem takes).
+class StageClock {
+ public:
+  /// The last reading.
+  double now() const { return now_; }
+
+  /// Reads the clock; the time since the last reading belongs to no stage.
+  double Read() { return now_ = NowInSeconds(); }
+
+  /// Reads the clock and adds the time since the last reading to a stage's *seconds.
+  void Charge(double* seconds) {
+    const double before = now_;
+    *seconds += Read() - before;
+  }
+
+ private:
+  double now_ = NowInSeconds();
+};
+
 }  // namespace inceres::internal

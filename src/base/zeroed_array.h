@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdlib>
 #include <memory>
@@ -10,7 +11,7 @@
 namespace inceres::internal {
 
 /// Zeros that cost nothing until they are touched: what is as large as all Jacobians comes from the system as zero pages, and the
-/// threads that write it first share the work of providing them. Aligned as an AlignedVector. Allocated once.
+/// threads that write it first share the work of providing them. Aligned as an AlignedVector; of a size once and for all.
 class ZeroedArray {
  public:
   ZeroedArray() = default;
@@ -29,6 +30,12 @@ class ZeroedArray {
 
   double* data() const { return data_; }
   std::size_t size() const { return size_; }
+  const double* begin() const { return data_; }
+  const double* end() const { return data_ + size_; }
+
+  friend bool operator==(const ZeroedArray& a, const ZeroedArray& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end());
+  }
 
  private:
   struct Free {

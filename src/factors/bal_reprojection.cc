@@ -17,6 +17,32 @@ struct CameraRotation {
   double J_l[9];  // left Jacobian: ∂(Exp(w) X)/∂w = −[Exp(w) X]× J_l
 };
 
+template <bool kWithJacobians>
+void ComputeRotation(const double* w, CameraRotation& rotation) {
+  const RotationCoefficients k = CoefficientsOfAngle(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+  RotationPolynomial(w, k.sinc, k.cosc, rotation.R);
+  if (kWithJacobians) {
+    RotationPolynomial(w, k.cosc, k.sinq, rotation.J_l);
+  }
+}
+
+// For few factors: remembers the rotation of the last camera. As the cache below, valid for one Evaluate call.
+template <bool kWithJacobians>
+class LastRotation {
+ public:
+  const CameraRotation& Get(const double* camera) {
+    if (camera_ != camera) {
+      camera_ = camera;
+      ComputeRotation<kWithJacobians>(camera, rotation_);
+    }
+    return rotation_;
+  }
+
+ private:
+  const double* camera_ = nullptr;
+  CameraRotation rotation_ = {};
+};
+
 // Remembers the rotations of the cameras seen last, so that most factors need no sine. Direct-mapped by address and valid for
 // one Evaluate call only: parameters do not change within a call, but may between calls.
 template <bool kWithJacobians>
@@ -28,21 +54,13 @@ class RotationCache {
     const std::size_t entry = static_cast<std::size_t>(hash >> (64 - kBits));
     if (keys_[entry] != camera) {
       keys_[entry] = camera;
-      Compute(camera, rotations_[entry]);
+      ComputeRotation<kWithJacobians>(camera, rotations_[entry]);
     }
     return rotations_[entry];
   }
 
  private:
   static constexpr int kBits = 7;
-
-  static void Compute(const double* w, CameraRotation& rotation) {
-    const RotationCoefficients k = CoefficientsOfAngle(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
-    RotationPolynomial(w, k.sinc, k.cosc, rotation.R);
-    if (kWithJacobians) {
-      RotationPolynomial(w, k.cosc, k.sinq, rotation.J_l);
-    }
-  }
 
   const double* keys_[1 << kBits] = {};
   CameraRotation rotations_[1 << kBits];  // not initialised: an entry is read after its key was set
@@ -156,13 +174,16 @@ inline double WriteJacobians(const FactorBatch& batch, int i, const Projection& 
   return sum;
 }
 
-template <bool kWithJacobians>
-EvaluationFailure EvaluateRange(const BalReprojectionFamily::Measurement* measurements, const FactorBatch& batch) {
-  RotationCache<kWithJacobians> cache;
+// The cache pays from a few factors on: it is 19 KiB to clear in part and to spread over.
+constexpr int kFewFactors = 8;
+
+template <bool kWithJacobians, typename Rotations>
+EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measurements, const FactorBatch& batch) {
+  Rotations rotations;
   for (int i = batch.begin; i < batch.end; ++i) {
     const double* camera = batch.parameters[2 * static_cast<std::ptrdiff_t>(i)];
     const double* X = batch.parameters[2 * static_cast<std::ptrdiff_t>(i) + 1];
-    const CameraRotation& rotation = cache.Get(camera);
+    const CameraRotation& rotation = rotations.Get(camera);
     const Projection v = Project(rotation, camera, X);
     double* residual = batch.residuals + 2 * static_cast<std::ptrdiff_t>(i);
     const double focal = camera[6] * v.distortion;
@@ -177,6 +198,12 @@ EvaluationFailure EvaluateRange(const BalReprojectionFamily::Measurement* measur
     }
   }
   return {};
+}
+
+template <bool kWithJacobians>
+EvaluationFailure EvaluateRange(const BalReprojectionFamily::Measurement* measurements, const FactorBatch& batch) {
+  return batch.end - batch.begin < kFewFactors ? EvaluateWith<kWithJacobians, LastRotation<kWithJacobians>>(measurements, batch)
+                                               : EvaluateWith<kWithJacobians, RotationCache<kWithJacobians>>(measurements, batch);
 }
 
 }  // namespace

@@ -2,9 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+
+#include "block/kernels.h"
 
 namespace inceres {
 namespace {
+
+double CopyAny(int ambient_size, int columns, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  for (int r = 0; r < num_rows; ++r) {
+    std::copy_n(J_ambient + static_cast<std::ptrdiff_t>(r) * ambient_size, columns,
+                J_tangent + static_cast<std::ptrdiff_t>(r) * row_stride);
+  }
+  return AreAllWritten(J_ambient, num_rows * ambient_size) ? 0.0 : kUnwritten;
+}
 
 void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
   for (int r = 0; r < num_rows; ++r) {
@@ -33,10 +44,31 @@ void MultiplyColumns(const TangentMap& map, int first, const double* J_ambient, 
   }
 }
 
+// The same sums where all sizes are known: M has kIdentity identity columns.
+template <int kAmbient, int kTangent, int kIdentity>
+void MultiplyFixed(const double* M, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  for (int r = 0; r < num_rows; ++r, J_ambient += kAmbient, J_tangent += row_stride) {
+    double sum[kTangent - kIdentity] = {};
+    for (int k = kIdentity; k < kAmbient; ++k) {
+      for (int c = kIdentity; c < kTangent; ++c) {
+        sum[c - kIdentity] += J_ambient[k] * M[k * kTangent + c];
+      }
+    }
+    std::memcpy(J_tangent, J_ambient, kIdentity * sizeof(double));
+    std::memcpy(J_tangent + kIdentity, sum, sizeof(sum));
+  }
+}
+
 void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  if (map.ambient_size == 7 && map.tangent_size == 6 && map.num_identity_columns == 3) {  // position and quaternion
+    return MultiplyFixed<7, 6, 3>(map.plus_jacobian, J_ambient, num_rows, J_tangent, row_stride);
+  }
+  if (map.ambient_size == 4 && map.tangent_size == 3 && map.num_identity_columns == 0) {  // quaternion
+    return MultiplyFixed<4, 3, 0>(map.plus_jacobian, J_ambient, num_rows, J_tangent, row_stride);
+  }
   int c = map.num_identity_columns;
   if (c > 0) {
-    internal::CopyColumns(c, map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+    internal::FindCopy(map.ambient_size, c)(map.ambient_size, c, J_ambient, num_rows, J_tangent, row_stride);
   }
   for (; c + 6 <= map.tangent_size; c += 6) {
     MultiplyColumns<6>(map, c, J_ambient, num_rows, J_tangent, row_stride);
@@ -50,6 +82,11 @@ void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, doub
 }
 
 }  // namespace
+
+internal::CopyFunction internal::FindCopy(int ambient_size, int columns) {
+  const CopyFunction copy = BestKernels().find_copy(ambient_size, columns);
+  return copy != nullptr ? copy : CopyAny;
+}
 
 bool AreAllWritten(const double* values, int count) {
   // Almost every entry is ordinary: a sum of magnitudes below the impossible value proves it. NaN and infinity fail it too.
@@ -71,7 +108,9 @@ bool AreAllWritten(const double* values, int count) {
 
 void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
   if (map.copies()) {
-    return internal::CopyColumns(map.tangent_size, map.ambient_size, J_ambient, num_rows, J_tangent, row_stride);
+    const internal::CopyFunction copy = internal::FindCopy(map.ambient_size, map.tangent_size);
+    copy(map.ambient_size, map.tangent_size, J_ambient, num_rows, J_tangent, row_stride);
+    return;
   }
   switch (map.kind) {
     case TangentMap::Kind::kConstant:

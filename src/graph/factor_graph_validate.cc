@@ -141,14 +141,6 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
   return Status::Ok();
 }
 
-FactorGraph::Sight FactorGraph::See(VariableId id) const {
-  if (id < 0 || id >= num_variables()) {
-    return {nullptr, false, Fault::kDanglingId};
-  }
-  const VariableRecord& variable = variables_[Index(id)];
-  return {&variable, variable.constant, variable.removed ? Fault::kRemoved : Fault::kNone};
-}
-
 Status FactorGraph::DescribeFault(FactorId id, const VariableId* ids, FactorFault fault, const VariableRecord* culprit) const {
   const FactorFamily::Slot& slot = family(id.family).slot(fault.slot);
   const VariableId variable = ids[fault.slot];

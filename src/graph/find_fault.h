@@ -23,6 +23,14 @@ bool AllFinite(const double* values, std::size_t count);
 
 }  // namespace internal
 
+inline FactorGraph::Sight FactorGraph::See(VariableId id) const {
+  if (id < 0 || id >= num_variables()) {
+    return {nullptr, false, Fault::kDanglingId};
+  }
+  const VariableRecord& variable = variables_[Index(id)];
+  return {&variable, variable.constant, variable.removed ? Fault::kRemoved : Fault::kNone};
+}
+
 // The rules of a factor, whether it is there already or comes with an edit: see(id) is the variable as the factor finds it.
 template <typename SeeVariable>
 FactorGraph::FactorFault FactorGraph::FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see) {

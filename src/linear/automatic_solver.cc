@@ -5,12 +5,12 @@
 namespace inceres::internal {
 namespace {
 
-// CHOLMOD reaches 1 to 5 GFlop/s on S where the envelope's rows reach 10 to 30 (frames of 6, paths of 150 to 1,000 frames with
-// loops, one thread): at equal predicted flops the sparse factor took 2 to 25 times as long, 7 in the middle.
-constexpr double kSparsePenalty = 7.0;
+// At equal predicted flops the sparse factor takes this much longer: 14 to 25 GFlop/s where the envelope's long rows reach 10
+// to 30.
+constexpr double kSparsePenalty = 1.5;
 
-// Flops one could do in the time that the analysis takes for a block of S (1 to 2 microseconds).
-constexpr double kAnalysisFlops = 3e4;
+// Flops one could do in the time that the analysis takes for a block of S (half a microsecond).
+constexpr double kAnalysisFlops = 1e4;
 // Flops below which looking further would cost more than it saves.
 constexpr double kCheap = 3e7;
 
@@ -22,23 +22,21 @@ double AnalysisPrice(const SymmetricBlockRows& S) {
   return kAnalysisFlops * static_cast<double>(blocks);
 }
 
-// What is done for later calls too, catching up with what the other solver did or reordering, counts half.
-double PriceOf(const ResumedSolver::Plan& plan) {
-  return plan.again + 0.5 * (plan.flops - plan.again);
-}
-
 }  // namespace
 
 Status AutomaticSolver::Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) {
   missed_by_sparse_.first_row = std::min(missed_by_sparse_.first_row, change.first_row);
   missed_by_sparse_.pattern |= change.pattern;
   Status status;
-  if (SparseIsCheaper(S, resumed_.PlanFor(S, held, change))) {
+  const ResumedSolver::Plan plan = resumed_.PlanFor(S, held, change);
+  if (SparseIsCheaper(S, plan)) {
     chosen_ = &sparse_;
+    saving_ += std::max(0.0, kSparsePenalty * sparse_.PredictedFlops() - plan.again);
     status = sparse_.Factorize(S, damping, held, missed_by_sparse_);
     missed_by_sparse_ = {S.num_rows(), nullptr, false};
   } else {
     chosen_ = &resumed_;
+    saving_ = 0.0;
     status = resumed_.FactorizeAsPlanned(S, damping, held);
   }
   work_ = chosen_->work();
@@ -47,7 +45,7 @@ Status AutomaticSolver::Factorize(const SymmetricBlockRows& S, const double* dam
 
 // The analysis that the prediction takes is the one that the factorisation needs; it is risked where there is much to win.
 bool AutomaticSolver::SparseIsCheaper(const SymmetricBlockRows& S, const ResumedSolver::Plan& plan) {
-  const double resumed = PriceOf(plan);
+  const double resumed = plan.again + std::max(0.0, plan.flops - plan.again - saving_);
   if (resumed <= kCheap) {
     return false;
   }

@@ -1,10 +1,10 @@
 #include "linear/dense_cholesky.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 
 #include "block/kernels.h"
+#include "linear/dense_panel.h"
 
 namespace inceres::internal {
 namespace {
@@ -13,7 +13,6 @@ namespace {
 constexpr int kNarrowPanel = 12;
 constexpr int kWidePanel = 24;
 constexpr int kWidePanelSize = 600;
-constexpr int kTriangle = 4;        // what of a panel is factored by hand
 constexpr int kGranule = 12;        // rows whose first column is looked at together: a multiple of every kernel's tile height
 constexpr int kRowStrip = 96;       // rows a task: whole granules, so tasks do not change the arithmetic
 constexpr int kParallelSize = 128;  // smaller matrices are not worth waking a thread
@@ -31,7 +30,10 @@ Status DenseCholesky::Analyze(const BlockPattern& pattern) {
   if (stride_ % 128 == 0) {
     stride_ += kQuad;
   }
-  L_.assign(stride_ * static_cast<std::size_t>(size_), 0.0);
+  const std::size_t room = stride_ * static_cast<std::size_t>(size_);
+  if (L_.size() < room) {
+    L_ = ZeroedArray(room);
+  }
   right_side_.assign(padded_size_, 0.0);
   FindRowStarts();
   return Status::Ok();
@@ -71,23 +73,7 @@ void DenseCholesky::CutStrips(int top, int first, int end) {
   }
 }
 
-// The blocks of S keep to one side of the diagonal; in another order some belong on the other. Of those on it the lower triangle
-// is read.
-void DenseCholesky::CopyBlock(const double* block, int rows, int columns, int first_row, int first_column) {
-  if (first_row < first_column) {
-    for (int r = 0; r < rows; ++r) {
-      std::copy_n(block + static_cast<std::ptrdiff_t>(r) * columns, columns, Column(first_row + r) + first_column);
-    }
-    return;
-  }
-  for (int c = 0; c < columns; ++c) {
-    double* out = Column(first_column + c) + first_row;
-    for (int r = first_row == first_column ? c : 0; r < rows; ++r) {
-      out[r] = block[r * columns + c];
-    }
-  }
-}
-
+// The blocks of S keep to one side of the diagonal; in another order some belong on the other.
 void DenseCholesky::CopyIn(const double* values, const double* diagonal) {
   for (int j = 0; j < size_; ++j) {
     std::fill(Column(j) + j / panel_ * panel_, Column(j) + padded_size_, 0.0);
@@ -96,7 +82,8 @@ void DenseCholesky::CopyIn(const double* values, const double* diagonal) {
     const int rows = pattern_->block_size(row);
     for (int k = pattern_->row_begin[row]; k < pattern_->row_begin[row + 1]; ++k) {
       const int column = pattern_->columns[k];
-      CopyBlock(values + pattern_->value_begin[k], rows, pattern_->block_size(column), offset_of_[row], offset_of_[column]);
+      PlaceBlock(values + pattern_->value_begin[k], rows, pattern_->block_size(column), offset_of_[row], offset_of_[column],
+                 L_.data(), stride_);
     }
     for (int r = 0; r < rows; ++r) {
       Column(offset_of_[row] + r)[offset_of_[row] + r] += diagonal[pattern_->offsets[row] + r];
@@ -119,47 +106,6 @@ void DenseCholesky::UpdatePanel(int first, int width) {
   });
 }
 
-bool DenseCholesky::FactorTriangle(int first, int width, int* failed) {
-  for (int j = first; j < first + width; ++j) {
-    double* column = Column(j);
-    for (int k = first; k < j; ++k) {
-      const double* other = Column(k);
-      for (int i = j; i < first + width; ++i) {
-        column[i] -= other[i] * other[j];
-      }
-    }
-    if (!(column[j] > 0.0) || !std::isfinite(column[j])) {
-      *failed = j;
-      return false;
-    }
-    const double root = std::sqrt(column[j]);
-    column[j] = root;
-    for (int i = j + 1; i < first + width; ++i) {
-      column[i] /= root;
-    }
-  }
-  return true;
-}
-
-// Right-looking: a small triangle, the rows below it, what they take from the rest of the block.
-bool DenseCholesky::FactorDiagonalBlock(int first, int width, int* failed) {
-  const Kernels& kernels = BestKernels();
-  for (int j = first; j < first + width; j += kTriangle) {
-    const int size = std::min(kTriangle, first + width - j);
-    const int below = j + size;
-    const int rows = first + width - below;
-    if (!FactorTriangle(j, size, failed)) {
-      return false;
-    }
-    if (rows > 0) {
-      const double* left = Column(j) + below;
-      kernels.solve_lower_transposed(rows, size, Column(j) + j, stride_, Column(j) + below, stride_);
-      kernels.subtract_outer(rows, rows, size, left, stride_, left, stride_, Column(below) + below, stride_);
-    }
-  }
-  return true;
-}
-
 void DenseCholesky::SolvePanel(int first, int width) {
   CutStrips(first + width, first, first + width);
   for (const Strip& strip : strips_) {
@@ -174,8 +120,9 @@ Status DenseCholesky::Factorize(const double* values, const double* diagonal) {
     const int width = std::min(panel_, size_ - first);
     int failed = 0;
     UpdatePanel(first, width);
-    if (!FactorDiagonalBlock(first, width, &failed)) {
-      const auto place = std::upper_bound(order_.offsets.begin(), order_.offsets.end(), failed) - order_.offsets.begin() - 1;
+    if (!FactorDiagonalBlock(Column(first) + first, stride_, width, &failed)) {
+      const auto place =
+          std::upper_bound(order_.offsets.begin(), order_.offsets.end(), first + failed) - order_.offsets.begin() - 1;
       return Status::Error(StatusCode::kSingular,
                            "the reduced system is not positive definite at frame " + std::to_string(order_.blocks[place]));
     }
@@ -184,7 +131,7 @@ Status DenseCholesky::Factorize(const double* values, const double* diagonal) {
   return Status::Ok();
 }
 
-// A panel at a time: its own triangle by hand, what is below by a kernel.
+// A panel at a time: its own triangle, then what is below by a kernel.
 Status DenseCholesky::Solve(const double* b, double* x) {
   const Kernels& kernels = BestKernels();
   double* y = right_side_.data();
@@ -193,13 +140,7 @@ Status DenseCholesky::Solve(const double* b, double* x) {
   }
   for (int first = 0; first < size_; first += panel_) {
     const int below = std::min(first + panel_, size_);
-    for (int j = first; j < below; ++j) {
-      const double* column = Column(j);
-      y[j] /= column[j];
-      for (int i = j + 1; i < below; ++i) {
-        y[i] -= column[i] * y[j];
-      }
-    }
+    SolveTriangle(Column(first) + first, stride_, below - first, y + first);
     CutStrips(below, first, below);
     for (const auto& [top, bottom, start] : strips_) {
       kernels.subtract_outer(bottom - top, 1, below - first, Column(first) + top, stride_, y + first, 1, y + top, padded_size_);
@@ -211,13 +152,7 @@ Status DenseCholesky::Solve(const double* b, double* x) {
     for (const auto& [top, bottom, start] : strips_) {
       kernels.subtract_row_dots(below - first, 1, bottom - top, Column(first) + top, stride_, y + top, size_, y + first, 1);
     }
-    for (int j = below - 1; j >= first; --j) {
-      const double* column = Column(j);
-      for (int i = j + 1; i < below; ++i) {
-        y[j] -= column[i] * y[i];
-      }
-      y[j] /= column[j];
-    }
+    SolveTransposedTriangle(Column(first) + first, stride_, below - first, y + first);
   }
   for (int block = 0; block < pattern_->num_blocks(); ++block) {
     std::copy_n(y + offset_of_[block], pattern_->block_size(block), x + pattern_->offsets[block]);

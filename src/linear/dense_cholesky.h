@@ -4,6 +4,7 @@
 
 #include "base/aligned_vector.h"
 #include "base/executor.h"
+#include "base/zeroed_array.h"
 #include "inceres/linear/reduced_solver.h"
 #include "linear/dense_order.h"
 
@@ -26,7 +27,7 @@ class DenseCholesky final : public ReducedSolver {
   double PredictedFlops() const { return order_.flops; }
   /// Entries of the factor that may not be zero.
   double PredictedEntries() const { return order_.entries; }
-  std::size_t Bytes() const { return L_.capacity() * sizeof(double); }
+  std::size_t Bytes() const { return L_.size() * sizeof(double); }
 
  private:
   /// Rows [top, bottom), in whole quads, that have something from column start on.
@@ -38,11 +39,8 @@ class DenseCholesky final : public ReducedSolver {
   int StartOf(int top, int bottom) const;
   /// strips_ are those below `top` that have something in the columns [first, end).
   void CutStrips(int top, int first, int end);
-  void CopyBlock(const double* block, int rows, int columns, int first_row, int first_column);
   void CopyIn(const double* values, const double* diagonal);
   void UpdatePanel(int first, int width);
-  bool FactorTriangle(int first, int width, int* failed);
-  bool FactorDiagonalBlock(int first, int width, int* failed);
   void SolvePanel(int first, int width);
   double* Column(int j) { return L_.data() + static_cast<std::ptrdiff_t>(j) * stride_; }
 
@@ -56,7 +54,7 @@ class DenseCholesky final : public ReducedSolver {
   int padded_size_ = 0;  // to whole quads; below size_ the columns are zero
   int stride_ = 0;
   int panel_ = 0;
-  AlignedVector<double> L_;
+  ZeroedArray L_;
   AlignedVector<double> right_side_;
 };
 

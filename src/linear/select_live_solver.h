@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "base/executor.h"
+#include "inceres/linear/reduced_solver.h"
 #include "linear/live_reduced_solver.h"
 #include "linear/pcg_solver.h"
 
@@ -17,8 +18,8 @@ enum class LiveReducedSolverKind {
   kPcg,        ///< PcgSolver
 };
 
-/// The executor serves the dense factorisation and outlives the solver.
-std::unique_ptr<LiveReducedSolver> MakeLiveReducedSolver(LiveReducedSolverKind kind, const PcgOptions& pcg,
-                                                         const Executor& executor);
+/// One of the factory's, if there is one, goes before every kind. The executor serves the factorisations and outlives the solver.
+std::unique_ptr<LiveReducedSolver> MakeLiveReducedSolver(LiveReducedSolverKind kind, const ReducedSolverFactory& factory,
+                                                         const PcgOptions& pcg, const Executor& executor);
 
 }  // namespace inceres::internal

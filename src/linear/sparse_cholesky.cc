@@ -1,368 +1,337 @@
 #include "linear/sparse_cholesky.h"
 
-#include <cholmod.h>
-
 #include <algorithm>
-#include <cstdint>
-#include <limits>
+#include <functional>
 #include <string>
-#include <vector>
 
-// Of the OpenMP runtime that CHOLMOD brings along, if it does.
-extern "C" {
-__attribute__((weak)) int omp_get_max_active_levels();
-__attribute__((weak)) void omp_set_max_active_levels(int levels);
-}
+#include "block/kernels.h"
+#include "linear/dense_panel.h"
 
 namespace inceres::internal {
 namespace {
 
-// While one lives, CHOLMOD stays on the calling thread. Its supernodal loops ask OpenMP for four threads whatever the machine and
-// the caller have, and waking them costs more than the small supernodes of S win. The setting is the calling thread's own.
-class OnOneThread {
+constexpr int kNone = -1;
+constexpr int kPanel = 24;  // columns that the kernels take at a time; whole quads
+// Rows a task: a multiple of every kernel's tile height, so that tasks do not change the arithmetic.
+constexpr int kRowStrip = 96;
+
+// What is worth a task of its own: a subtree of so many flops, and of such a share of all; a front's strips.
+constexpr double kHeavyFlops = 1e6;
+constexpr double kHeavyShare = 1.0 / 32;
+constexpr double kParallelFrontFlops = 2e6;
+
+// Memory of update matrices: the lowest gap, while the others wait.
+class UpdatePlanner {
  public:
-  OnOneThread() : levels_(omp_get_max_active_levels != nullptr ? omp_get_max_active_levels() : 0) {
-    if (omp_set_max_active_levels != nullptr) {
-      omp_set_max_active_levels(0);
+  std::size_t Place(std::size_t size) {
+    if (size == 0) {
+      return 0;  // of a root, which no parent frees
     }
-  }
-  ~OnOneThread() {
-    if (omp_set_max_active_levels != nullptr) {
-      omp_set_max_active_levels(levels_);
+    std::size_t begin = 0;
+    auto at = waiting_.begin();
+    for (; at != waiting_.end() && at->begin < begin + size; ++at) {
+      begin = at->end;
     }
+    waiting_.insert(at, {begin, begin + size});
+    peak_ = std::max(peak_, begin + size);
+    return begin;
   }
-  OnOneThread(const OnOneThread&) = delete;
-  OnOneThread& operator=(const OnOneThread&) = delete;
+  void Free(std::size_t begin) {
+    waiting_.erase(std::find_if(waiting_.begin(), waiting_.end(), [begin](const Piece& piece) { return piece.begin == begin; }));
+  }
+  std::size_t peak() const { return peak_; }
 
  private:
-  int levels_;
-};
-
-// METIS takes tens of milliseconds where AMD takes one: only a factor this expensive may win that back within a solve.
-constexpr double kMinFlopsForNestedDissection = 3e7;
-
-// An owned CHOLMOD object, freed with the function of its type.
-template <typename T, int (*Free)(T**, cholmod_common*)>
-class Owned {
- public:
-  explicit Owned(cholmod_common* common, T* object = nullptr) : common_(common), object_(object) {}
-  ~Owned() { Free(&object_, common_); }
-  Owned(const Owned&) = delete;
-  Owned& operator=(const Owned&) = delete;
-  void Reset(T* object) {
-    Free(&object_, common_);
-    object_ = object;
-  }
-  void Release() { object_ = nullptr; }
-  T* get() const { return object_; }
-
- private:
-  cholmod_common* common_;
-  T* object_;
-};
-using OwnedSparse = Owned<cholmod_sparse, cholmod_free_sparse>;
-using OwnedFactor = Owned<cholmod_factor, cholmod_free_factor>;
-using OwnedDense = Owned<cholmod_dense, cholmod_free_dense>;
-
-double MeanCubedBlockSize(const BlockPattern& pattern) {
-  const double mean = static_cast<double>(pattern.size()) / std::max(1, pattern.num_blocks());
-  return mean * mean * mean;
-}
-
-struct Ordering {
-  std::vector<int> permutation;  // of blocks
-  double flops = 0.0;            // on the block graph
+  struct Piece {
+    std::size_t begin, end;
+  };
+  std::vector<Piece> waiting_;  // ascending
+  std::size_t peak_ = 0;
 };
 
 }  // namespace
 
-struct SparseCholesky::Cholmod {
-  Cholmod() {
-    cholmod_start(&common);
-    common.print = 0;
-    common.quick_return_if_not_posdef = 1;
-  }
-  ~Cholmod() {
-    factor.Reset(nullptr);
-    matrix.Reset(nullptr);
-    solution.Reset(nullptr);
-    cholmod_free_dense(&workspace_y, &common);
-    cholmod_free_dense(&workspace_e, &common);
-    cholmod_finish(&common);
-  }
-  Cholmod(const Cholmod&) = delete;
-  Cholmod& operator=(const Cholmod&) = delete;
-
-  OwnedSparse BlockGraph() {
-    const int n = pattern->num_blocks();
-    cholmod_sparse* graph = cholmod_allocate_sparse(static_cast<std::size_t>(n), static_cast<std::size_t>(n),
-                                                    pattern->columns.size(), 1, 1, 1, CHOLMOD_PATTERN, &common);
-    if (graph == nullptr) {
-      return OwnedSparse(&common);
-    }
-    std::copy(pattern->row_begin.begin(), pattern->row_begin.end(), static_cast<int*>(graph->p));
-    std::copy(pattern->columns.begin(), pattern->columns.end(), static_cast<int*>(graph->i));
-    return OwnedSparse(&common, graph);
-  }
-
-  // Orders the block graph by one method and predicts the flops of the factor.
-  Ordering Order(cholmod_sparse* graph, int method) {
-    common.nmethods = 1;
-    common.method[0].ordering = method;
-    common.postorder = 1;
-    Ordering ordering;
-    OwnedFactor analysis(&common, graph == nullptr ? nullptr : cholmod_analyze(graph, &common));
-    if (analysis.get() != nullptr) {
-      const int* order = static_cast<const int*>(analysis.get()->Perm);
-      ordering.permutation.assign(order, order + analysis.get()->n);
-      ordering.flops = common.fl;
-    }
-    return ordering;
-  }
-
-  // The upper triangle of the permuted S by columns, and where each entry is found among the values of the pattern: CHOLMOD is
-  // then told that the order is natural, and neither permutes nor transposes at every factorisation.
-  bool BuildMatrix(const std::vector<int>& block_order) {
-    const int num_blocks = pattern->num_blocks();
-    std::vector<int> position(num_blocks);
-    permutation.clear();
-    for (int at = 0; at < num_blocks; ++at) {
-      position[block_order[at]] = at;
-      for (int k = 0; k < pattern->block_size(block_order[at]); ++k) {
-        permutation.push_back(pattern->offsets[block_order[at]] + k);
-      }
-    }
-    const std::vector<std::vector<Piece>> columns = PiecesByColumn(position);
-    std::size_t num_entries = 0;
-    for (int at = 0; at < num_blocks; ++at) {
-      const auto size = static_cast<std::size_t>(pattern->block_size(block_order[at]));
-      for (const Piece& piece : columns[at]) {
-        num_entries += piece.position == at ? size * (size + 1) / 2 : size * pattern->block_size(block_order[piece.position]);
-      }
-    }
-    const auto n = static_cast<std::size_t>(pattern->size());
-    matrix.Reset(cholmod_allocate_sparse(n, n, num_entries, 1, 1, 1, CHOLMOD_REAL, &common));
-    if (matrix.get() == nullptr) {
-      return false;
-    }
-    FillMatrix(block_order, columns);
-    return true;
-  }
-
-  // A block of the permuted upper triangle: entry (r, c) is values[first + r · row_step + c · column_step].
-  struct Piece {
-    int position;
-    std::int64_t first;
-    int row_step;
-    int column_step;
-  };
-
-  std::vector<std::vector<Piece>> PiecesByColumn(const std::vector<int>& position) const {
-    std::vector<std::vector<Piece>> columns(pattern->num_blocks());
-    for (int i = 0; i < pattern->num_blocks(); ++i) {
-      for (int k = pattern->row_begin[i]; k < pattern->row_begin[i + 1]; ++k) {
-        const int j = pattern->columns[k];
-        const int stride = pattern->block_size(j);
-        if (position[j] <= position[i]) {
-          columns[position[i]].push_back({position[j], pattern->value_begin[k], 1, stride});
-        } else {
-          columns[position[j]].push_back({position[i], pattern->value_begin[k], stride, 1});
-        }
-      }
-    }
-    for (std::vector<Piece>& pieces : columns) {
-      std::sort(pieces.begin(), pieces.end(), [](const Piece& a, const Piece& b) { return a.position < b.position; });
-    }
-    return columns;
-  }
-
-  void FillMatrix(const std::vector<int>& block_order, const std::vector<std::vector<Piece>>& columns) {
-    int* starts = static_cast<int*>(matrix.get()->p);
-    int* indices = static_cast<int*>(matrix.get()->i);
-    std::vector<int> offsets{0};  // of the blocks, in their new order
-    for (const int block : block_order) {
-      offsets.push_back(offsets.back() + pattern->block_size(block));
-    }
-    source.clear();
-    source.reserve(matrix.get()->nzmax);
-    int entry = 0;
-    for (int at = 0; at < pattern->num_blocks(); ++at) {
-      for (int c = 0; c < offsets[at + 1] - offsets[at]; ++c) {
-        starts[offsets[at] + c] = entry;
-        for (const Piece& piece : columns[at]) {
-          const int rows = piece.position == at ? c + 1 : offsets[piece.position + 1] - offsets[piece.position];
-          for (int r = 0; r < rows; ++r) {
-            indices[entry++] = offsets[piece.position] + r;
-            source.push_back(static_cast<std::uint32_t>(piece.first + r * piece.row_step + c * piece.column_step));
-          }
-        }
-      }
-    }
-    starts[pattern->size()] = entry;
-  }
-
-  // The lower triangle in the place of the upper one: the supernodal factorisation would form it anew each time. False if out of
-  // memory.
-  bool TurnMatrix() {
-    cholmod_sparse* lower = cholmod_transpose(matrix.get(), 0, &common);
-    if (lower == nullptr) {
-      return false;
-    }
-    const int* starts = static_cast<const int*>(matrix.get()->p);
-    const int* rows = static_cast<const int*>(matrix.get()->i);
-    const int* lower_starts = static_cast<const int*>(lower->p);
-    std::vector<int> next(lower_starts, lower_starts + lower->ncol);
-    std::vector<std::uint32_t> turned(source.size());
-    for (int column = 0; column < pattern->size(); ++column) {
-      for (int k = starts[column]; k < starts[column + 1]; ++k) {
-        turned[static_cast<std::size_t>(next[rows[k]]++)] = source[static_cast<std::size_t>(k)];
-      }
-    }
-    source = std::move(turned);
-    matrix.Reset(lower);
-    cholmod_sparse_xtype(CHOLMOD_REAL, lower, &common);
-    return common.status == CHOLMOD_OK;
-  }
-
-  void CopyValues(const double* values, const double* diagonal) {
-    double* out = static_cast<double*>(matrix.get()->x);
-    const int* starts = static_cast<const int*>(matrix.get()->p);
-    for (std::size_t k = 0; k < source.size(); ++k) {
-      out[k] = values[source[k]];
-    }
-    const bool lower = matrix.get()->stype < 0;
-    for (int column = 0; column < pattern->size(); ++column) {
-      // The diagonal entry is the first of a column of the lower triangle, the last of the upper one.
-      out[lower ? starts[column] : starts[column + 1] - 1] += diagonal[permutation[column]];
-    }
-  }
-
-  cholmod_common common;
-  const BlockPattern* pattern = nullptr;
-  std::vector<int> permutation;       // scalar row of S per row of the matrix
-  std::vector<std::uint32_t> source;  // per entry of the matrix: index into the pattern's values
-  std::vector<double> permuted;
-  OwnedSparse matrix{&common};
-  OwnedFactor factor{&common};
-  OwnedDense solution{&common};
-  cholmod_dense* workspace_y = nullptr;
-  cholmod_dense* workspace_e = nullptr;
-  double predicted_flops = 0.0;
-  double predicted_entries = 0.0;
-  bool nested_dissection = false;
-};
-
-SparseCholesky::SparseCholesky() : cholmod_(std::make_unique<Cholmod>()) {
-}
-SparseCholesky::~SparseCholesky() = default;
-
 const char* SparseCholesky::Name() const {
-  return cholmod_->nested_dissection ? "CHOLMOD, nested dissection" : "CHOLMOD, AMD";
-}
-
-double SparseCholesky::PredictedFlops() const {
-  return cholmod_->predicted_flops;
-}
-
-double SparseCholesky::PredictedEntries() const {
-  return cholmod_->predicted_entries;
-}
-
-bool SparseCholesky::IsSupernodal() const {
-  return cholmod_->factor.get() != nullptr && cholmod_->factor.get()->is_super != 0;
+  return tree_.dissected ? "sparse Cholesky, dissected" : "sparse Cholesky, AMD";
 }
 
 std::size_t SparseCholesky::Bytes() const {
-  const Cholmod& c = *cholmod_;
-  return c.common.memory_inuse + c.permutation.capacity() * sizeof(int) + c.source.capacity() * sizeof(std::uint32_t) +
-         c.permuted.capacity() * sizeof(double);
+  return tree_.Bytes() + (L_.size() + updates_.size() + vectors_.capacity()) * sizeof(double);
 }
 
 Status SparseCholesky::Analyze(const BlockPattern& pattern) {
-  Cholmod& c = *cholmod_;
-  c.pattern = &pattern;
-  OwnedSparse graph = c.BlockGraph();
-  Ordering best = c.Order(graph.get(), CHOLMOD_AMD);
-  c.nested_dissection = false;
-  if (best.flops * MeanCubedBlockSize(pattern) >= kMinFlopsForNestedDissection) {
-    Ordering dissection = c.Order(graph.get(), CHOLMOD_METIS);
-    if (!dissection.permutation.empty() && dissection.flops < best.flops) {
-      best = std::move(dissection);
-      c.nested_dissection = true;
+  pattern_ = &pattern;
+  const Status built = BuildFrontTree(pattern, &tree_);
+  if (built.ok()) {
+    CutIntoSegments();
+    PlanMemory();
+  }
+  return built;
+}
+
+// A heavy subtree beside another one begins a segment; everything else goes with its parent.
+void SparseCholesky::CutIntoSegments() {
+  const auto num_fronts = static_cast<int>(tree_.fronts.size());
+  std::vector<double> flops(tree_.fronts.size(), 0.0);     // of subtrees
+  std::vector<int> num_heavy(tree_.fronts.size() + 1, 0);  // children, and last the roots
+  const auto parent_or_last = [&](int f) { return tree_.fronts[f].parent < 0 ? num_fronts : tree_.fronts[f].parent; };
+  const auto is_heavy = [&](int f) { return flops[f] > std::max(kHeavyFlops, kHeavyShare * tree_.flops); };
+  for (int f = 0; f < num_fronts; ++f) {
+    flops[f] += tree_.fronts[f].flops();
+    num_heavy[parent_or_last(f)] += is_heavy(f) ? 1 : 0;
+    if (tree_.fronts[f].parent >= 0) {
+      flops[tree_.fronts[f].parent] += flops[f];
     }
   }
-  if (best.permutation.empty()) {
-    return Status::Error(StatusCode::kSingular, "CHOLMOD could not order the reduced system (out of memory?)");
+  segments_.assign(1, Segment());
+  std::vector<int> segment_of(tree_.fronts.size() + 1, 0);
+  for (int f = num_fronts - 1; f >= 0; --f) {
+    const int parent = parent_or_last(f);
+    segment_of[f] = segment_of[parent];
+    if (is_heavy(f) && num_heavy[parent] > 1) {
+      segment_of[f] = static_cast<int>(segments_.size());
+      segments_[segment_of[parent]].before.push_back(segment_of[f]);
+      segments_.emplace_back();
+    }
   }
-  if (pattern.value_begin.back() > std::numeric_limits<std::uint32_t>::max()) {
-    return Status::Error(StatusCode::kInvalidArgument, "the reduced system is too large: its blocks exceed 32 GiB");
+  for (int f = 0; f < num_fronts; ++f) {
+    segments_[segment_of[f]].fronts.push_back(f);
   }
-  const bool built = c.BuildMatrix(best.permutation);
-  c.common.nmethods = 1;
-  c.common.method[0].ordering = CHOLMOD_NATURAL;
-  c.common.postorder = 0;  // the block order is a postorder of the blocks already
-  c.common.supernodal = CHOLMOD_AUTO;
-  c.common.final_ll = 1;
-  c.factor.Reset(built ? cholmod_analyze(c.matrix.get(), &c.common) : nullptr);
-  if (c.factor.get() == nullptr) {
-    return Status::Error(StatusCode::kSingular, "CHOLMOD could not analyse the reduced system (out of memory?)");
+}
+
+void SparseCholesky::PlanMemory() {
+  factor_begin_.clear();
+  vector_begin_.clear();
+  std::size_t factor_size = 0;
+  std::size_t vectors_size = 0;
+  for (const Front& front : tree_.fronts) {
+    factor_begin_.push_back(factor_size);
+    vector_begin_.push_back(vectors_size);
+    factor_size += static_cast<std::size_t>(front.stride()) * front.width;
+    vectors_size += static_cast<std::size_t>(front.num_rows());
   }
-  c.predicted_flops = c.common.fl;
-  c.predicted_entries = c.common.lnz;
-  if (c.factor.get()->is_super != 0 && !c.TurnMatrix()) {
-    return Status::Error(StatusCode::kSingular, "CHOLMOD could not turn the reduced system (out of memory?)");
+  update_begin_.assign(tree_.fronts.size(), 0);
+  std::size_t updates_size = 0;
+  for (const Segment& segment : segments_) {
+    updates_size += PlanUpdates(segment, updates_size);
   }
-  return Status::Ok();
+  if (L_.size() < factor_size) {
+    L_ = ZeroedArray(factor_size);
+  }
+  if (updates_.size() < updates_size) {
+    updates_ = ZeroedArray(updates_size);
+  }
+  vectors_.assign(vectors_size, 0.0);
+}
+
+// Places the update matrices of a segment's fronts from `begin` on; those of children in other segments stay where they are. What
+// they take.
+std::size_t SparseCholesky::PlanUpdates(const Segment& segment, std::size_t begin) {
+  UpdatePlanner planner;
+  for (const int f : segment.fronts) {
+    const Front& front = tree_.fronts[f];
+    update_begin_[f] = begin + planner.Place(static_cast<std::size_t>(front.update_stride()) * front.height);
+    for (int k = front.child_begin; k < front.child_end; ++k) {
+      const int child = tree_.children[k];
+      if (std::binary_search(segment.fronts.begin(), segment.fronts.end(), child)) {
+        planner.Free(update_begin_[child] - begin);
+      }
+    }
+  }
+  return planner.peak();
 }
 
 Status SparseCholesky::Factorize(const double* values, const double* diagonal) {
-  Cholmod& c = *cholmod_;
-  const OnOneThread on_one_thread;
-  c.CopyValues(values, diagonal);
-  cholmod_factorize(c.matrix.get(), c.factor.get(), &c.common);
-  if (c.common.status != CHOLMOD_OK || c.factor.get()->minor < c.factor.get()->n) {
-    const bool numeric =
-        c.common.status == CHOLMOD_OK || c.common.status == CHOLMOD_NOT_POSDEF || c.common.status == CHOLMOD_DSMALL;
-    return Status::Error(StatusCode::kSingular, numeric ? "the reduced system is not positive definite (CHOLMOD, column " +
-                                                              std::to_string(c.factor.get()->minor) + ")"
-                                                        : "CHOLMOD failed with status " + std::to_string(c.common.status));
+  FactorSegment(&segments_.front(), values, diagonal);
+  const int failed = segments_.front().failed;
+  return failed == kNone ? Status::Ok()
+                         : Status::Error(StatusCode::kSingular,
+                                         "the reduced system is not positive definite at frame " + std::to_string(failed));
+}
+
+template <typename Body>
+void SparseCholesky::ForSegmentsBefore(const Segment& segment, const Body& body) const {
+  executor_.For(static_cast<int>(segment.before.size()), 1,
+                [&](int begin, int end) { std::for_each(segment.before.begin() + begin, segment.before.begin() + end, body); });
+}
+
+void SparseCholesky::FactorSegment(Segment* segment, const double* values, const double* diagonal) {
+  ForSegmentsBefore(*segment, [&](int before) { FactorSegment(&segments_[before], values, diagonal); });
+  segment->failed = kNone;
+  for (const int before : segment->before) {
+    if (segment->failed == kNone) {
+      segment->failed = segments_[before].failed;
+    }
   }
-  // CHOLMOD lets a NaN pass for a positive pivot; its condition estimate does not.
-  if (cholmod_rcond(c.factor.get(), &c.common) == 0.0) {
-    return Status::Error(StatusCode::kSingular, "the reduced system is not positive definite (an entry is not finite)");
+  for (auto f = segment->fronts.begin(); f != segment->fronts.end() && segment->failed == kNone; ++f) {
+    Assemble(*f, values, diagonal);
+    segment->failed = Eliminate(*f);
   }
-  return Status::Ok();
+}
+
+void SparseCholesky::Assemble(int f, const double* values, const double* diagonal) {
+  const Front& front = tree_.fronts[f];
+  for (int j = 0; j < front.width; ++j) {
+    std::fill(Column(f, j) + j / kPanel * kPanel, Column(f, j) + front.num_rows(), 0.0);
+  }
+  for (int j = 0; j < front.height; ++j) {
+    double* column = Update(f) + static_cast<std::ptrdiff_t>(j) * front.update_stride();
+    std::fill(column + j / kPanel * kPanel, column + front.update_stride(), 0.0);
+  }
+  for (int k = front.piece_begin; k < front.piece_end; ++k) {
+    const FrontPiece& piece = tree_.pieces[k];
+    PlaceBlock(values + piece.values, piece.rows, piece.columns, piece.row, piece.column, Column(f, 0), front.stride());
+  }
+  int pivot = 0;
+  for (int at = front.position_begin; at < front.position_end; ++at) {
+    const int block = tree_.order[at];
+    for (int row = pattern_->offsets[block]; row < pattern_->offsets[block + 1]; ++row, ++pivot) {
+      Column(f, pivot)[pivot] += diagonal[row];
+    }
+  }
+  for (int k = front.child_begin; k < front.child_end; ++k) {
+    AddUpdate(tree_.children[k], f);
+  }
+}
+
+void SparseCholesky::AddUpdate(int child, int f) {
+  const Front& from = tree_.fronts[child];
+  const Front& to = tree_.fronts[f];
+  for (int run = from.run_begin; run < from.run_end; ++run) {
+    const FrontRun& columns = tree_.runs[run];
+    for (int c = 0; c < columns.length; ++c) {
+      const int j = columns.to + c;
+      const double* source = Update(child) + static_cast<std::ptrdiff_t>(columns.from + c) * from.update_stride();
+      double* target = j < to.below() ? Column(f, j)
+                                      : Update(f) + static_cast<std::ptrdiff_t>(j - to.below()) * to.update_stride() - to.below();
+      for (int r = c; r < columns.length; ++r) {
+        target[columns.to + r] += source[columns.from + r];
+      }
+      for (int other = run + 1; other < from.run_end; ++other) {
+        const FrontRun& rows = tree_.runs[other];
+        for (int r = 0; r < rows.length; ++r) {
+          target[rows.to + r] += source[rows.from + r];
+        }
+      }
+    }
+  }
+}
+
+template <typename Body>
+void SparseCholesky::ForStrips(const Front& front, int begin, int end, int strip, const Body& body) const {
+  const int count = (end - begin + strip - 1) / strip;
+  executor_.For(count, front.flops() > kParallelFrontFlops ? 1 : count, [&](int first, int last) {
+    for (int k = first; k < last; ++k) {
+      body(begin + k * strip, std::min(begin + (k + 1) * strip, end));
+    }
+  });
+}
+
+// Left-looking within the pivots, then the update matrix at once.
+int SparseCholesky::Eliminate(int f) {
+  const Kernels& kernels = BestKernels();
+  const Front& front = tree_.fronts[f];
+  const int stride = front.stride();
+  for (int first = 0; first < front.width; first += kPanel) {
+    const int width = std::min(kPanel, front.width - first);
+    double* panel = Column(f, first);
+    if (first > 0) {
+      ForStrips(front, first, front.num_rows(), kRowStrip, [&](int top, int bottom) {
+        kernels.subtract_outer(bottom - top, width, first, Column(f, 0) + top, stride, Column(f, 0) + first, stride, panel + top,
+                               stride);
+      });
+    }
+    int failed = 0;
+    if (!FactorDiagonalBlock(panel + first, stride, width, &failed)) {
+      return BlockAtPivot(front, first + failed);
+    }
+    const int below = std::min(first + kPanel, front.below());
+    ForStrips(front, below, front.num_rows(), kRowStrip, [&](int top, int bottom) {
+      kernels.solve_lower_transposed(bottom - top, width, panel + first, stride, panel + top, stride);
+    });
+  }
+  const double* rows = Column(f, 0) + front.below();
+  ForStrips(front, 0, front.height, kPanel, [&](int first, int end) {
+    kernels.subtract_outer(front.update_stride() - first, end - first, front.width, rows + first, stride, rows + first, stride,
+                           Update(f) + static_cast<std::ptrdiff_t>(first) * front.update_stride() + first, front.update_stride());
+  });
+  return kNone;
+}
+
+int SparseCholesky::BlockAtPivot(const Front& front, int pivot) const {
+  int at = front.position_begin;
+  while (pivot >= pattern_->block_size(tree_.order[at])) {
+    pivot -= pattern_->block_size(tree_.order[at++]);
+  }
+  return tree_.order[at];
 }
 
 Status SparseCholesky::Solve(const double* b, double* x) {
-  Cholmod& c = *cholmod_;
-  cholmod_dense rhs = {};
-  rhs.nrow = c.factor.get()->n;
-  rhs.ncol = 1;
-  rhs.nzmax = rhs.nrow;
-  rhs.d = rhs.nrow;
-  c.permuted.resize(rhs.nrow);
-  std::transform(c.permutation.begin(), c.permutation.end(), c.permuted.begin(), [b](int row) { return b[row]; });
-  rhs.x = c.permuted.data();
-  rhs.xtype = CHOLMOD_REAL;
-  rhs.dtype = CHOLMOD_DOUBLE;
-  cholmod_dense* solution = c.solution.get();
-  c.solution.Release();
-  const int ok =
-      cholmod_solve2(CHOLMOD_A, c.factor.get(), &rhs, nullptr, &solution, nullptr, &c.workspace_y, &c.workspace_e, &c.common);
-  c.solution.Reset(solution);
-  if (c.workspace_y != nullptr && c.workspace_y->ncol > 0) {
-    // A simplicial solve allocates 4 x n, leaves it as 1 x n, and would not know it again next time.
-    c.workspace_y->nrow = c.workspace_y->d = c.workspace_y->nzmax / c.workspace_y->ncol;
-  }
-  if (ok == 0) {
-    return Status::Error(StatusCode::kSingular, "CHOLMOD's solve failed with status " + std::to_string(c.common.status));
-  }
-  const double* result = static_cast<const double*>(solution->x);
-  for (std::size_t k = 0; k < rhs.nrow; ++k) {
-    x[c.permutation[k]] = result[k];
-  }
+  SolveForward(segments_.front(), b);
+  SolveBackward(segments_.front(), x);
   return Status::Ok();
+}
+
+void SparseCholesky::SolveForward(const Segment& segment, const double* b) {
+  ForSegmentsBefore(segment, [&](int before) { SolveForward(segments_[before], b); });
+  for (const int f : segment.fronts) {
+    SolveForward(f, b);
+  }
+}
+
+void SparseCholesky::SolveBackward(const Segment& segment, double* x) {
+  for (auto f = segment.fronts.rbegin(); f != segment.fronts.rend(); ++f) {
+    SolveBackward(*f, x);
+  }
+  ForSegmentsBefore(segment, [&](int before) { SolveBackward(segments_[before], x); });
+}
+
+void SparseCholesky::SolveForward(int f, const double* b) {
+  const Front& front = tree_.fronts[f];
+  double* y = Vector(f);
+  double* pivot = y;
+  for (int at = front.position_begin; at < front.position_end; ++at) {
+    const int block = tree_.order[at];
+    pivot = std::copy_n(b + pattern_->offsets[block], pattern_->block_size(block), pivot);
+  }
+  std::fill(pivot, y + front.num_rows(), 0.0);
+  for (int k = front.child_begin; k < front.child_end; ++k) {
+    const Front& child = tree_.fronts[tree_.children[k]];
+    const double* update = Vector(tree_.children[k]) + child.below();
+    for (int run = child.run_begin; run < child.run_end; ++run) {
+      const auto [from, to, length] = tree_.runs[run];
+      std::transform(update + from, update + from + length, y + to, y + to, std::plus<>());
+    }
+  }
+  for (int first = 0; first < front.width; first += kPanel) {
+    const int width = std::min(kPanel, front.width - first);
+    const int below = std::min(first + kPanel, front.below());
+    SolveTriangle(Column(f, first) + first, front.stride(), width, y + first);
+    BestKernels().subtract_outer(front.num_rows() - below, 1, width, Column(f, first) + below, front.stride(), y + first, 1,
+                                 y + below, front.num_rows());
+  }
+}
+
+void SparseCholesky::SolveBackward(int f, double* x) {
+  const Front& front = tree_.fronts[f];
+  double* y = Vector(f);
+  for (int run = front.run_begin; run < front.run_end; ++run) {
+    const auto [from, to, length] = tree_.runs[run];
+    std::copy_n(Vector(front.parent) + to, length, y + front.below() + from);
+  }
+  for (int first = (front.width - 1) / kPanel * kPanel; first >= 0; first -= kPanel) {
+    const int width = std::min(kPanel, front.width - first);
+    const int below = std::min(first + kPanel, front.below());
+    BestKernels().subtract_row_dots(width, 1, front.num_rows() - below, Column(f, first) + below, front.stride(), y + below,
+                                    front.num_rows(), y + first, 1);
+    SolveTransposedTriangle(Column(f, first) + first, front.stride(), width, y + first);
+  }
+  const double* pivot = y;
+  for (int at = front.position_begin; at < front.position_end; ++at) {
+    const int block = tree_.order[at];
+    std::copy_n(pivot, pattern_->block_size(block), x + pattern_->offsets[block]);
+    pivot += pattern_->block_size(block);
+  }
 }
 
 }  // namespace inceres::internal

@@ -11,7 +11,12 @@
 namespace inceres::internal {
 namespace {
 
-constexpr int kChunkSize = 256;  // factors per task: a few tens of microseconds of Jacobians
+constexpr int kChunkSize = 256;    // factors per task: a few tens of microseconds of Jacobians
+constexpr int kEntryGrain = 8192;  // connections per task, a few nanoseconds each
+
+// What whole rows serve.
+constexpr int kMaxWholeColumns = 16;
+constexpr std::int64_t kMaxWholeRows = 1024;
 
 // A NaN stays one.
 void Clamp(const VariableBounds& bounds, double* x) {
@@ -22,20 +27,40 @@ void Clamp(const VariableBounds& bounds, double* x) {
 
 }  // namespace
 
+JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
+  std::int64_t num_rows = 0;
+  bool whole = layout.num_landmarks() == 0 && layout.size() <= kMaxWholeColumns;
+  for (FamilyId id = 0; whole && id < graph.num_families(); ++id) {
+    const std::int64_t num_factors = graph.NumFactors(id);
+    num_rows += num_factors * graph.family(id).residual_size();
+    whole = num_rows <= kMaxWholeRows && graph.NumFreePlaces(id) == 0;
+    if (whole && num_factors > 1) {
+      const VariableId* ids = graph.Variables(id, 0);
+      whole = std::equal(ids, ids + (num_factors - 1) * graph.family(id).num_slots(), graph.Variables(id, 1));
+    }
+  }
+  return whole ? JacobianStorage::kWholeRows : JacobianStorage::kBySlot;
+}
+
 FactorRows FamilyCache::Rows(int begin, int end) const {
   FactorRows rows;
   rows.begin = begin;
   rows.end = end;
-  rows.residual_size = family->residual_size();
-  rows.num_slots = family->num_slots();
+  rows.residual_size = rows_per_block();
+  rows.num_slots = static_cast<int>(slots.size());
   rows.jacobians = slots.data();
   rows.residuals = residuals.data();
   rows.tangent_offsets = tangent_offsets.data();
   return rows;
 }
 
-Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor)
-    : graph_(&graph), layout_(layout), executor_(executor), current_(graph.state()), candidate_(graph.state()) {
+Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor, JacobianStorage storage)
+    : graph_(&graph),
+      layout_(layout),
+      executor_(executor),
+      storage_(storage),
+      current_(graph.state()),
+      candidate_(graph.state()) {
   BuildMaps();
   BuildBounds();
   families_.resize(graph.num_families());
@@ -81,41 +106,71 @@ void Evaluator::BuildFamily(FamilyId id) {
   FamilyCache& cache = families_[id];
   const FactorFamily& family = graph_->family(id);
   cache.id = id;
+  cache.family = &family;
+  cache.storage = storage_;
   cache.num_factors = graph_->NumFactors(id);
   const auto n = static_cast<std::size_t>(cache.num_factors);
   const auto rows = static_cast<std::size_t>(family.residual_size());
-  cache.residuals.resize(n * rows);
-  cache.candidate_residuals.resize(n * rows);
-
-  std::size_t total = 0;
-  for (int s = 0; s < family.num_slots(); ++s) {
-    const int row_stride = PadToQuad(family.slot(s).tangent_size);
-    cache.slots.push_back({nullptr, static_cast<std::ptrdiff_t>(rows) * row_stride, row_stride, family.slot(s).tangent_size});
-    total += n * rows * static_cast<std::size_t>(row_stride);
-  }
-  cache.jacobian_values = ZeroedArray(total);
-  double* next = cache.jacobian_values.data();
-  for (SlotJacobians& slot : cache.slots) {
-    slot.data = next;
-    next += static_cast<std::ptrdiff_t>(n) * slot.factor_stride;
-    cache.views.push_back({slot.data, slot.factor_stride, slot.row_stride});
-  }
+  cache.residuals = ZeroedArray(n * rows);
+  cache.candidate_residuals = ZeroedArray(n * rows);
 
   const std::size_t num_entries = n * static_cast<std::size_t>(family.num_slots());
   cache.parameters.resize(num_entries);
   cache.tangent_maps.resize(num_entries);
-  cache.tangent_offsets.resize(num_entries);
   const VariableId* ids = num_entries > 0 ? graph_->Variables(id, 0) : nullptr;
-  for (std::size_t k = 0; k < num_entries; ++k) {
-    if (ids[k] < 0) {
-      cache.tangent_offsets[k] = -1;  // a free place
-      continue;
+  executor_.For(static_cast<int>(num_entries), kEntryGrain, [&](int begin, int end) {
+    for (int k = begin; k < end; ++k) {
+      cache.tangent_maps[k] = ids[k] < 0 ? nullptr : &maps_[ids[k]];  // null at a free place
     }
-    cache.tangent_maps[k] = &maps_[ids[k]];
-    const int position = layout_.position[ids[k]];
-    cache.tangent_offsets[k] = position < 0 ? -1 : layout_.quad_offset[position];
+  });
+  if (storage_ == JacobianStorage::kBySlot) {
+    PlaceSlots(&cache);
+  } else {
+    PlaceWholeRows(&cache);
   }
   BindFamily(id);
+}
+
+void Evaluator::PlaceSlots(FamilyCache* cache) const {
+  const FactorFamily& family = *cache->family;
+  const std::ptrdiff_t n = cache->num_factors;
+  std::ptrdiff_t total = 0;
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const int row_stride = PadToQuad(family.slot(s).tangent_size);
+    const std::ptrdiff_t factor_stride = std::ptrdiff_t{family.residual_size()} * row_stride;
+    cache->slots.push_back({nullptr, factor_stride, row_stride, family.slot(s).tangent_size});
+    total += n * factor_stride;
+  }
+  cache->jacobian_values = ZeroedArray(static_cast<std::size_t>(total));
+  double* next = cache->jacobian_values.data();
+  for (SlotJacobians& slot : cache->slots) {
+    slot.data = next;
+    next += n * slot.factor_stride;
+    cache->views.push_back({slot.data, slot.factor_stride, slot.row_stride});
+  }
+  const std::size_t num_entries = cache->parameters.size();
+  cache->tangent_offsets.resize(num_entries);
+  const VariableId* ids = num_entries > 0 ? graph_->Variables(cache->id, 0) : nullptr;
+  executor_.For(static_cast<int>(num_entries), kEntryGrain, [&](int begin, int end) {
+    for (int k = begin; k < end; ++k) {
+      const int position = ids[k] < 0 ? -1 : layout_.position[ids[k]];  // a free place has none
+      cache->tangent_offsets[k] = position < 0 ? -1 : layout_.quad_offset[position];
+    }
+  });
+}
+
+void Evaluator::PlaceWholeRows(FamilyCache* cache) const {
+  const FactorFamily& family = *cache->family;
+  const int row_stride = PadToQuad(layout_.size());
+  const std::ptrdiff_t factor_stride = std::ptrdiff_t{family.residual_size()} * row_stride;
+  cache->jacobian_values = ZeroedArray(static_cast<std::size_t>(cache->num_factors * factor_stride));
+  double* const J = cache->jacobian_values.data();
+  cache->slots.push_back({J, factor_stride, row_stride, layout_.size()});
+  cache->tangent_offsets.push_back(0);
+  for (int s = 0; cache->num_factors > 0 && s < family.num_slots(); ++s) {
+    const int position = layout_.position[graph_->Variables(cache->id, 0)[s]];
+    cache->views.push_back({J + (position < 0 ? 0 : layout_.packed_offset[position]), factor_stride, row_stride});
+  }
 }
 
 // What of a family's cache is the graph's own.
@@ -125,14 +180,17 @@ void Evaluator::BindFamily(FamilyId id) {
   cache.has_losses = graph_->HasLosses(id);
   const std::size_t num_entries = cache.parameters.size();
   const VariableId* ids = num_entries > 0 ? graph_->Variables(id, 0) : nullptr;
-  cache.pins.clear();
-  for (std::size_t k = 0; k < num_entries; ++k) {
-    if (ids[k] < 0) {
-      continue;  // a free place
+  executor_.For(static_cast<int>(num_entries), kEntryGrain, [&](int begin, int end) {
+    for (int k = begin; k < end; ++k) {
+      if (ids[k] >= 0) {  // not a free place
+        cache.parameters[k] = graph_->ValuesIn(current_.data(), ids[k]);
+      }
     }
-    cache.parameters[k] = graph_->ValuesIn(current_.data(), ids[k]);
-    const bool moves = layout_.position[ids[k]] >= 0;
-    const double* pinned = graph_->HasPins() && moves ? graph_->PinnedValues(ids[k]) : nullptr;
+  });
+  cache.pins.clear();
+  for (std::size_t k = 0; graph_->HasPins() && k < num_entries; ++k) {
+    const bool moves = ids[k] >= 0 && layout_.position[ids[k]] >= 0;
+    const double* pinned = moves ? graph_->PinnedValues(ids[k]) : nullptr;
     if (pinned != nullptr) {
       cache.pins.resize(num_entries, nullptr);
       cache.pins[k] = pinned;
@@ -282,15 +340,18 @@ double Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk, EvaluationFailure*
     return 0.0;
   }
   const int rows = cache.family->residual_size();
-  const int num_slots = cache.family->num_slots();
+  if (!cache.has_losses) {
+    return PlainCost(batch.residuals + static_cast<std::ptrdiff_t>(chunk->begin) * rows, rows, chunk->end - chunk->begin);
+  }
+  const auto num_slots = static_cast<int>(cache.slots.size());
+  const std::ptrdiff_t offset_stride = cache.storage == JacobianStorage::kBySlot ? num_slots : 0;
   double cost = 0.0;
   for (int i = chunk->begin; i < chunk->end; ++i) {
     double* f = batch.residuals + static_cast<std::ptrdiff_t>(i) * rows;
-    const Loss* loss = cache.has_losses ? graph_->loss(cache.id, i) : nullptr;
-    cost += loss != nullptr && jacobians
-                ? RobustifyFactor(*loss, rows, num_slots, cache.slots.data(), i,
-                                  cache.tangent_offsets.data() + static_cast<std::ptrdiff_t>(i) * num_slots, f)
-                : RobustCost(loss, f, rows);
+    const Loss* loss = graph_->loss(cache.id, i);
+    cost += loss != nullptr && jacobians ? RobustifyFactor(*loss, rows, num_slots, cache.slots.data(), i,
+                                                           cache.tangent_offsets.data() + i * offset_stride, f)
+                                         : RobustCost(loss, f, rows);
   }
   return cost;
 }

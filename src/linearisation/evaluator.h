@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -12,23 +13,38 @@
 
 namespace inceres::internal {
 
+/// How the tangent Jacobians of a family's factors lie in memory.
+enum class JacobianStorage {
+  kBySlot,     ///< those of each slot together: factors touch what they like
+  kWholeRows,  ///< rows of J with all columns: a small problem whose factors touch the same variables
+};
+
+/// Whole rows where there are no landmarks, at most 16 unknowns and 1,024 residuals, and within each family all factors touch the
+/// same variables, as in curve fitting and calibration: then J is one small dense matrix.
+JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout);
+
 /// Residuals and tangent Jacobians of one family at the current point, after the correction for the loss.
 struct FamilyCache {
   const FactorFamily* family = nullptr;
   FamilyId id = 0;
   int num_factors = 0;
   bool has_losses = false;
-  AlignedVector<double> residuals;
-  AlignedVector<double> candidate_residuals;
-  ZeroedArray jacobian_values;  // all slots, one after the other
-  std::vector<SlotJacobians> slots;
-  std::vector<JacobianView> views;        // the same places, as the public interface calls them
+  JacobianStorage storage = JacobianStorage::kBySlot;
+  ZeroedArray residuals;
+  ZeroedArray candidate_residuals;
+  ZeroedArray jacobian_values;            // all slots, one after the other, or whole rows
+  std::vector<SlotJacobians> slots;       // of whole rows there is one
+  std::vector<JacobianView> views;        // the same places slot by slot, as the public interface calls them
   std::vector<const double*> parameters;  // per factor and slot, at the point where their chunk was evaluated last
   std::vector<const double*> pins;        // per factor and slot: where it is linearised, null if where it is; empty without any
   std::vector<const double*> jacobian_parameters;  // scratch of the same size
   std::vector<const TangentMap*> tangent_maps;     // per factor and slot
-  std::vector<std::int32_t> tangent_offsets;       // per factor and slot: quads into the padded tangent vector, or -1
+  // Per factor and slot: quads into the padded tangent vector, or -1; of whole rows: 0.
+  std::vector<std::int32_t> tangent_offsets;
 
+  /// What products with J take for one factor: all of a family's whole rows are one.
+  int num_blocks() const { return storage == JacobianStorage::kBySlot ? num_factors : std::min(num_factors, 1); }
+  int rows_per_block() const { return family->residual_size() * (storage == JacobianStorage::kBySlot ? 1 : num_factors); }
   FactorRows Rows(int begin, int end) const;
 };
 
@@ -40,7 +56,8 @@ struct FamilyCache {
 /// passed over. Sums are taken over fixed chunks of factors, so the cost is the same to the last bit for any number of threads.
 class Evaluator {
  public:
-  Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor);
+  Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor,
+            JacobianStorage storage = JacobianStorage::kBySlot);
 
   /// From now on for this graph, at its values; its structure (solver/structure.h) is that of the one before. Nothing computed
   /// for that one is used again.
@@ -53,6 +70,7 @@ class Evaluator {
   const FactorGraph& graph() const { return *graph_; }
   const Layout& layout() const { return layout_; }
   const Executor& executor() const { return executor_; }
+  JacobianStorage storage() const { return storage_; }
 
   /// Whether any variable that moves has bounds.
   bool IsConstrained() const { return !bounds_.empty(); }
@@ -94,6 +112,8 @@ class Evaluator {
   };
 
   void BuildFamily(FamilyId id);
+  void PlaceSlots(FamilyCache* cache) const;
+  void PlaceWholeRows(FamilyCache* cache) const;
   void BuildChunks(FamilyId id);
   void BindFamily(FamilyId id);
   void BuildMaps();
@@ -108,6 +128,7 @@ class Evaluator {
   const FactorGraph* graph_;
   const Layout& layout_;
   const Executor& executor_;
+  const JacobianStorage storage_;
   std::vector<double> current_;
   std::vector<double> candidate_;
   std::vector<FamilyCache> families_;

@@ -23,8 +23,8 @@ Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidence
       landmark_stride_(LargestSize(incidences) * kQuad) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
   PlaceFrameBlocks();
-  P_.resize(num_landmarks * landmark_stride_);
-  landmark_eta_.resize(num_landmarks * kQuad);
+  P_ = ZeroedArray(num_landmarks * landmark_stride_);
+  landmark_eta_ = ZeroedArray(num_landmarks * kQuad);
   gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
   diagonal_.resize(gradient_.size());
   BuildGradientTerms();
@@ -40,7 +40,7 @@ void Hessian::PlaceFrameBlocks() {
       size += pattern.value_begin[k + 1] - pattern.value_begin[k];
     }
   }
-  C_.resize(size);
+  C_ = ZeroedArray(size);
 }
 
 void Hessian::BuildGradientTerms() {

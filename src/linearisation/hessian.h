@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/aligned_vector.h"
+#include "base/zeroed_array.h"
 #include "linearisation/block_scratch.h"
 #include "linearisation/kept_products.h"
 #include "linearisation/product_plan.h"
@@ -22,7 +22,7 @@ class Hessian {
   void Accumulate();
 
   /// The blocks of C one after the other, in the order of the pattern.
-  const std::vector<double>& C() const { return C_; }
+  const ZeroedArray& C() const { return C_; }
   /// A block of the pattern, or null where C has none: all zeros.
   const double* FrameBlock(int block) const { return C_begin_[block] < 0 ? nullptr : C_.data() + C_begin_[block]; }
   /// P of landmark l: rows four apart.
@@ -57,11 +57,11 @@ class Hessian {
   const FramePlans& plans_;
   const Kernels& kernels_;
   KeptProducts kept_;
-  std::vector<double> C_;
+  ZeroedArray C_;
   std::vector<std::int64_t> C_begin_;  // per block of the pattern; -1: C has none
   std::ptrdiff_t landmark_stride_;
-  AlignedVector<double> P_;
-  AlignedVector<double> landmark_eta_;
+  ZeroedArray P_;
+  ZeroedArray landmark_eta_;
   std::vector<double> gradient_;
   std::vector<double> diagonal_;
   std::vector<VectorTerm> gradient_terms_;

@@ -143,7 +143,7 @@ void LandmarkIncidences::ChooseStorage(const Layout& layout) {
 int LandmarkIncidences::QuadsOfBlock(int incidence) const {
   const int depth = sizes[landmarks[incidence]];
   const int row_quads = incidences[incidence].quads;
-  return tail ? QuadsWithTail(depth, row_quads * kQuad - 3) : depth * row_quads;
+  return tail ? QuadsWithTail(depth, (row_quads - 1) * kQuad + 1) : depth * row_quads;
 }
 
 void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk) {

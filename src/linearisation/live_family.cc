@@ -121,8 +121,8 @@ EvaluationFailure LiveFamily::EvaluateCandidate(const std::vector<std::int32_t>&
     batch.parameters = candidate_parameters_.data();
     batch.residuals = candidate_f_.data();
     const EvaluationFailure failure = family_->Evaluate(batch);
-    for (int i = begin; i < end && !failure.failed(); ++i) {
-      EvaluateCandidateLoss(i);
+    if (!failure.failed()) {
+      WeighCandidates(begin, end);
     }
     return failure;
   });
@@ -167,14 +167,39 @@ void LiveFamily::EvaluateLoss(int factor, const double* f, double* cost, double*
 }
 
 // q at the candidate is ρ' f / √w, with the w of the Jacobian.
-void LiveFamily::EvaluateCandidateLoss(int factor) {
-  State& state = states_[factor];
-  const double* f = candidate_f_.data() + First(factor);
-  EvaluateLoss(factor, f, &state.candidate_cost, &state.candidate_w);
-  const double scale = state.candidate_w * state.inverse_sqrt_w;
-  double* q = candidate_q_.data() + First(factor);
-  for (int r = 0; r < residual_size_; ++r) {
-    q[r] = scale * f[r];
+template <int kSize>
+void LiveFamily::WeighCandidatesSized(int begin, int end) {
+  const int size = kSize > 0 ? kSize : residual_size_;
+  const bool has_losses = graph_->HasLosses(id_);
+  const double* f = candidate_f_.data() + First(begin);
+  double* q = candidate_q_.data() + First(begin);
+  for (int i = begin; i < end; ++i, f += size, q += size) {
+    double s = 0.0;
+    for (int r = 0; r < size; ++r) {
+      s += f[r] * f[r];
+    }
+    double rho[3] = {s, 1.0, 0.0};
+    if (const Loss* loss = has_losses ? graph_->loss(id_, i) : nullptr) {
+      loss->Evaluate(s, rho);
+    }
+    State& state = states_[i];
+    state.candidate_cost = 0.5 * rho[0];
+    state.candidate_w = rho[1];
+    const double scale = rho[1] * state.inverse_sqrt_w;
+    for (int r = 0; r < size; ++r) {
+      q[r] = scale * f[r];
+    }
+  }
+}
+
+void LiveFamily::WeighCandidates(int begin, int end) {
+  switch (residual_size_) {
+    case 1:
+      return WeighCandidatesSized<1>(begin, end);
+    case 2:
+      return WeighCandidatesSized<2>(begin, end);
+    default:
+      return WeighCandidatesSized<0>(begin, end);
   }
 }
 

@@ -114,7 +114,9 @@ class LiveFamily {
   template <typename Evaluate>
   EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate);
   void EvaluateLoss(int factor, const double* f, double* cost, double* w) const;
-  void EvaluateCandidateLoss(int factor);
+  template <int kSize>
+  void WeighCandidatesSized(int begin, int end);
+  void WeighCandidates(int begin, int end);
   void Weigh(int factor);
   template <int kSize>
   double AcceptSized(const std::vector<std::int32_t>& factors);

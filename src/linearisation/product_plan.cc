@@ -75,8 +75,12 @@ class PlanBuilder {
       }
     }
     for (int chunk = 0; chunk < incidences.num_chunks(); ++chunk) {
+      const auto first_source = static_cast<int>(plans->schur_sources.size());
       for (int size = 1; size <= LandmarkIncidences::kMaxLandmarkSize; ++size) {
         plans->schur_sources.push_back({chunk, size});
+      }
+      for (int l = incidences.chunk_begin[chunk]; l < incidences.chunk_begin[chunk + 1]; ++l) {
+        source_of_landmark_.push_back(first_source + incidences.sizes[l] - 1);
       }
     }
   }
@@ -242,14 +246,10 @@ class PlanBuilder {
 
   template <typename Visit>
   void ForEachSchurTerm(int row, const Visit& visit) const {
-    int chunk = 0;  // a frame's incidences are sorted by it
     for (int k = incidences_.frame_begin[row]; k < incidences_.frame_begin[row + 1]; ++k) {
       const int q = incidences_.frame_incidences[k];
       const int l = incidences_.landmarks[q];
-      while (l >= incidences_.chunk_begin[chunk + 1]) {
-        ++chunk;
-      }
-      const int source = LandmarkIncidences::kMaxLandmarkSize * chunk + incidences_.sizes[l] - 1;
+      const int source = source_of_landmark_[l];
       for (int other = incidences_.begin[l]; other < incidences_.begin[l + 1]; ++other) {
         const int column = incidences_.frames[other];
         if (column <= row) {
@@ -265,6 +265,7 @@ class PlanBuilder {
   FramePlans* plans_;
   std::vector<std::vector<SlotAdjacency>> adjacency_;  // per family and slot
   std::vector<int> first_source_;                      // per family: of its slot pairs among hessian_sources
+  std::vector<int> source_of_landmark_;                // among schur_sources
   std::vector<std::vector<CountedBlock>> rows_;
   Places hessian_;
   Places schur_;

@@ -5,23 +5,16 @@
 namespace inceres::internal {
 namespace {
 
-double SquaredNorm(const double* f, int size) {
-  double sum = 0.0;
-  for (int i = 0; i < size; ++i) {
+// Most residuals are of size 1 or 2: without a loop.
+inline double SquaredNorm(const double* f, int size) {
+  double sum = f[0] * f[0];
+  if (size == 2) {
+    return sum + f[1] * f[1];
+  }
+  for (int i = 1; i < size; ++i) {
     sum += f[i] * f[i];
   }
   return sum;
-}
-
-// J := √ρ' J, all at once: the padding is zero and stays so, for the factor is finite.
-void ScaleJacobian(double sqrt_rho1, const SlotJacobians& slot, int factor) {
-  double* J = slot.data + factor * slot.factor_stride;
-  double* const end = J + slot.factor_stride;
-  for (; J != end; J += kQuad) {
-    for (int lane = 0; lane < kQuad; ++lane) {
-      J[lane] *= sqrt_rho1;
-    }
-  }
 }
 
 // J := √ρ' (I − a f fᵀ) J, column by column; a = α/s.
@@ -41,6 +34,14 @@ void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, cons
 }
 
 }  // namespace
+
+double PlainCost(const double* f, int residual_size, int num_factors) {
+  double cost = 0.0;
+  for (int i = 0; i < num_factors; ++i, f += residual_size) {
+    cost += 0.5 * SquaredNorm(f, residual_size);
+  }
+  return cost;
+}
 
 double RobustCost(const Loss* loss, const double* f, int residual_size) {
   const double s = SquaredNorm(f, residual_size);
@@ -67,10 +68,8 @@ double RobustifyFactor(const Loss& loss, int residual_size, int num_slots, const
   }
   if (sqrt_rho1 != 1.0 || a != 0.0) {
     const bool only_scale = a == 0.0 && std::isfinite(sqrt_rho1);
-    for (int k = 0; k < num_slots && only_scale; ++k) {
-      if (tangent_offsets[k] >= 0) {
-        ScaleJacobian(sqrt_rho1, slots[k], factor);
-      }
+    if (only_scale) {  // all at once: the padding is zero and stays so, for the factor is finite
+      BestKernels().scale_factor(slots, num_slots, factor, tangent_offsets, sqrt_rho1);
     }
     for (int k = 0; k < num_slots && !only_scale; ++k) {
       if (tangent_offsets[k] >= 0) {

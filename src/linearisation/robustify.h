@@ -7,6 +7,9 @@
 
 namespace inceres::internal {
 
+/// Σ ½‖f‖² of factors without a loss, one after the other.
+double PlainCost(const double* f, int residual_size, int num_factors);
+
 /// ½ρ(‖f‖²), or ½‖f‖² without a loss.
 double RobustCost(const Loss* loss, const double* f, int residual_size);
 

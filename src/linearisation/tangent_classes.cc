@@ -1,5 +1,7 @@
 #include "linearisation/tangent_classes.h"
 
+#include <algorithm>
+
 #include "inceres/graph/ambient_family.h"
 
 namespace inceres::internal {
@@ -19,16 +21,18 @@ bool IsIdentity(const TangentMap& map) {
   return true;
 }
 
-// Finds for each column its single unit entry; false if there is a column without that form.
+// Finds for each column its single unit entry; false if there is a column without that form, of which and those after it nothing
+// is known.
 bool FindSelection(const TangentMap& map, int* selection) {
+  std::fill_n(selection, map.tangent_size, -1);
   for (int c = 0; c < map.tangent_size; ++c) {
-    selection[c] = -1;
     for (int r = 0; r < map.ambient_size; ++r) {
       const double entry = map.plus_jacobian[r * map.tangent_size + c];
       if (entry == 0.0) {
         continue;
       }
       if (entry != 1.0 || selection[c] >= 0) {
+        selection[c] = -1;
         return false;
       }
       selection[c] = r;
@@ -40,25 +44,21 @@ bool FindSelection(const TangentMap& map, int* selection) {
   return true;
 }
 
-// Row and column k of M are those of the identity.
-bool IsUnit(const TangentMap& map, int k) {
-  for (int r = 0; r < map.ambient_size; ++r) {
-    if (map.plus_jacobian[r * map.tangent_size + k] != (r == k ? 1.0 : 0.0)) {
-      return false;
-    }
-  }
+// Row k of M is that of the identity, whose entry there is known.
+bool IsUnitRow(const TangentMap& map, int k) {
   const double* row = map.plus_jacobian + k * map.tangent_size;
   for (int c = 0; c < map.tangent_size; ++c) {
-    if (row[c] != (c == k ? 1.0 : 0.0)) {
+    if (c != k && row[c] != 0.0) {
       return false;
     }
   }
   return true;
 }
 
-int CountIdentityColumns(const TangentMap& map) {
+// Of the columns whose unit entry is known.
+int CountIdentityColumns(const TangentMap& map, const int* selection) {
   int count = 0;
-  while (count < map.tangent_size && count < map.ambient_size && IsUnit(map, count)) {
+  while (count < map.tangent_size && selection[count] == count && IsUnitRow(map, count)) {
     ++count;
   }
   return count;
@@ -86,7 +86,7 @@ void ClassifyTangentMap(TangentMap* map, int* selection) {
     }
   } else {
     map->kind = TangentMap::Kind::kDense;
-    map->num_identity_columns = CountIdentityColumns(*map);
+    map->num_identity_columns = CountIdentityColumns(*map, selection);
   }
 }
 

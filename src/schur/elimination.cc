@@ -19,10 +19,10 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
                          const Hessian& hessian)
     : evaluator_(evaluator), incidences_(incidences), plans_(plans), hessian_(hessian), kernels_(BestKernels()) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
-  U_inv_.resize(num_landmarks * hessian.landmark_stride());
-  z_.resize(num_landmarks * kQuad);
-  Y_.resize(incidences.y_quads * kQuad);
-  S_.resize(plans.pattern.value_begin.back());
+  U_inv_ = ZeroedArray(num_landmarks * hessian.landmark_stride());
+  z_ = ZeroedArray(num_landmarks * kQuad);
+  Y_ = ZeroedArray(incidences.y_quads * kQuad);
+  S_ = ZeroedArray(plans.pattern.value_begin.back());
   b_.resize(plans.pattern.size());
   const Layout& layout = evaluator.layout();
   padded_frame_step_.resize(layout.quad_offset[layout.num_frames] * kQuad);

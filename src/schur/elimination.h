@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
+#include "base/zeroed_array.h"
 #include "linearisation/block_scratch.h"
 #include "linearisation/hessian.h"
 
@@ -53,10 +54,10 @@ class Elimination {
   const FramePlans& plans_;
   const Hessian& hessian_;
   const Kernels& kernels_;
-  AlignedVector<double> U_inv_;  // per landmark, as P: rows four apart
-  AlignedVector<double> z_;      // per landmark: four entries
-  AlignedVector<double> Y_;      // of one chunk
-  std::vector<double> S_;
+  ZeroedArray U_inv_;  // per landmark, as P: rows four apart
+  ZeroedArray z_;      // per landmark: four entries
+  ZeroedArray Y_;      // of one chunk
+  ZeroedArray S_;
   std::vector<double> b_;
   AlignedVector<double> padded_frame_step_;
   std::vector<ChunkBlock> chunk_blocks_;  // by chunk, then block

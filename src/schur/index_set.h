@@ -20,11 +20,14 @@ class IndexSet {
   bool Add(std::int32_t index) {
     std::uint64_t& word = words_[Word(index)];
     const std::uint64_t bit = Bit(index);
-    if ((word & bit) != 0) {
+    const std::uint64_t before = word;
+    if ((before & bit) != 0) {
       return false;
     }
-    word |= bit;
-    summary_[Word(index) / 64] |= std::uint64_t{1} << (Word(index) % 64);
+    word = before | bit;
+    if (before == 0) {
+      summary_[Word(index) / 64] |= std::uint64_t{1} << (Word(index) % 64);
+    }
     ++count_;
     return true;
   }
@@ -52,8 +55,9 @@ class IndexSet {
 
   /// The members in ascending order, into a vector whose memory is used again.
   void CopyTo(std::vector<std::int32_t>* indices) const {
-    indices->clear();
-    ForEach([indices](std::int32_t index) { indices->push_back(index); });
+    indices->resize(static_cast<std::size_t>(count_));
+    std::int32_t* next = indices->data();
+    ForEach([&next](std::int32_t index) { *next++ = index; });
   }
 
   void Clear() {

@@ -1,9 +1,11 @@
 #include "schur/inner_iterations.h"
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "linearisation/robustify.h"
 #include "schur/landmark_factor.h"
@@ -12,6 +14,7 @@ namespace inceres::internal {
 namespace {
 
 constexpr int kLandmarkGrain = 64;
+constexpr int kFactorGrain = 1024;
 constexpr double kInitialDamping = 1e-6;
 constexpr double kMinDamping = 1e-10;
 constexpr double kMaxDamping = 1e3;
@@ -22,7 +25,11 @@ constexpr double kWorthwhileShare = 0.1;
 }  // namespace
 
 InnerIterations::InnerIterations(Evaluator* evaluator)
-    : evaluator_(*evaluator), layout_(evaluator->layout()), identity_(kQuad + 1), jacobians_(evaluator->families().size()) {
+    : evaluator_(*evaluator),
+      layout_(evaluator->layout()),
+      kernels_(BestKernels()),
+      identity_(kQuad + 1),
+      jacobians_(evaluator->families().size()) {
   constant_.kind = TangentMap::Kind::kConstant;
   unwanted_.kind = TangentMap::Kind::kUnwanted;
   for (int size = 0; size <= kQuad; ++size) {
@@ -31,9 +38,9 @@ InnerIterations::InnerIterations(Evaluator* evaluator)
   for (const FamilyCache& cache : evaluator_.families()) {
     BuildJacobians(cache);
   }
-  BuildStretches();
+  BuildGroups();
   damping_.assign(layout_.num_landmarks(), kInitialDamping);
-  gains_.resize(layout_.num_landmarks());
+  trials_.resize(layout_.num_landmarks());
 }
 
 void InnerIterations::BuildJacobians(const FamilyCache& cache) {
@@ -41,6 +48,7 @@ void InnerIterations::BuildJacobians(const FamilyCache& cache) {
   const int num_slots = cache.family->num_slots();
   LandmarkJacobians& jacobians = jacobians_[cache.id];
   jacobians.maps.resize(std::size_t(cache.num_factors) * num_slots);
+  jacobians.landmarks.assign(cache.num_factors, -1);
   bool any = false;
   for (int i = 0; i < cache.num_factors; ++i) {
     for (int s = 0; s < num_slots; ++s) {
@@ -52,6 +60,7 @@ void InnerIterations::BuildJacobians(const FamilyCache& cache) {
         map = &unwanted_;
       } else {
         map = &identity_[graph.TangentSize(id)];
+        jacobians.landmarks[i] = layout_.LandmarkOf(id);
         any = true;
       }
     }
@@ -59,31 +68,39 @@ void InnerIterations::BuildJacobians(const FamilyCache& cache) {
   const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache.family->residual_size()} * kQuad;
   jacobians.values.resize(any ? cache.num_factors * factor_stride : 0);
   jacobians.views.assign(num_slots, {jacobians.values.data(), factor_stride, kQuad});
+  jacobians.blocks = {jacobians.values.data(), factor_stride, kQuad, kQuad};
 }
 
-void InnerIterations::BuildStretches() {
-  std::vector<std::vector<Stretch>> of_landmark(layout_.num_landmarks());
-  for (const FamilyCache& cache : evaluator_.families()) {
-    const int num_slots = cache.family->num_slots();
-    for (int i = 0; i < cache.num_factors; ++i) {
-      const VariableId* variables = evaluator_.graph().Variables(cache.id, i);
-      for (int s = 0; s < num_slots; ++s) {
-        if (!jacobians_[cache.id].maps[std::size_t(i) * num_slots + s]->wanted()) {
-          continue;
-        }
-        std::vector<Stretch>& stretches = of_landmark[layout_.LandmarkOf(variables[s])];
-        if (!stretches.empty() && stretches.back().family == cache.id && stretches.back().end == i) {
-          ++stretches.back().end;
-        } else {
-          stretches.push_back({cache.id, i, i + 1});
+// By landmark, of each by family, of each ascending: counted, then placed.
+void InnerIterations::BuildGroups() {
+  const auto for_each_sighting = [this](const auto& visit) {
+    for (const LandmarkJacobians& jacobians : jacobians_) {
+      for (std::size_t i = 0; i < jacobians.landmarks.size(); ++i) {
+        if (jacobians.landmarks[i] >= 0) {
+          visit(jacobians.landmarks[i], static_cast<FamilyId>(&jacobians - jacobians_.data()), static_cast<std::int32_t>(i));
         }
       }
     }
-  }
-  stretches_begin_.push_back(0);
-  for (const std::vector<Stretch>& stretches : of_landmark) {
-    stretches_.insert(stretches_.end(), stretches.begin(), stretches.end());
-    stretches_begin_.push_back(static_cast<int>(stretches_.size()));
+  };
+  std::vector<int> next(layout_.num_landmarks() + 1, 0);
+  for_each_sighting([&](int landmark, FamilyId /*family*/, std::int32_t /*factor*/) { ++next[landmark + 1]; });
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  sightings_.resize(next.back());
+  std::vector<FamilyId> families(next.back());
+  for_each_sighting([&](int landmark, FamilyId family, std::int32_t factor) {
+    families[next[landmark]] = family;
+    sightings_[next[landmark]++] = factor;
+  });
+  groups_begin_.push_back(0);
+  for (int landmark = 0, at = 0; landmark < layout_.num_landmarks(); ++landmark) {
+    while (at < next[landmark]) {
+      const int begin = at;
+      while (at < next[landmark] && families[at] == families[begin]) {
+        ++at;
+      }
+      groups_.push_back({families[begin], begin, at});
+    }
+    groups_begin_.push_back(static_cast<int>(groups_.size()));
   }
 }
 
@@ -97,125 +114,187 @@ void InnerIterations::Pace(double gain, double step_gain) {
 }
 
 double InnerIterations::Run(double min_gain) {
+  const Executor& executor = evaluator_.executor();
+  const int num_landmarks = layout_.num_landmarks();
   evaluator_.PointToCandidate();
-  evaluator_.executor().For(layout_.num_landmarks(), kLandmarkGrain, [&](int begin, int end) {
+  Evaluate(/*jacobians=*/true, [](int landmark) { return landmark >= 0; });
+  executor.For(num_landmarks, kLandmarkGrain, [&](int begin, int end) {
     for (int l = begin; l < end; ++l) {
-      gains_[l] = Improve(l, min_gain);
+      Propose(l, min_gain);
     }
   });
-  num_moved_ = static_cast<int>(std::count_if(gains_.begin(), gains_.end(), [](double gain) { return gain > 0.0; }));
-  return std::accumulate(gains_.begin(), gains_.end(), 0.0);
+  Evaluate(/*jacobians=*/false, [this](int landmark) { return landmark >= 0 && trials_[landmark].moves; });
+  executor.For(num_landmarks, kLandmarkGrain, [&](int begin, int end) {
+    for (int l = begin; l < end; ++l) {
+      Judge(l);
+    }
+  });
+  num_moved_ = 0;
+  double sum = 0.0;
+  for (const Trial& trial : trials_) {
+    num_moved_ += trial.gain > 0.0 ? 1 : 0;
+    sum += trial.gain;
+  }
+  return sum;
 }
 
-double InnerIterations::Improve(int landmark, double min_gain) {
-  NormalEquations equations;
-  if (!Linearise(landmark, &equations)) {
-    return 0.0;
+// The factors whose landmark is selected, at the candidate, run by run.
+template <typename Selected>
+void InnerIterations::Evaluate(bool jacobians, const Selected& selected) {
+  for (const FamilyCache& cache : evaluator_.families()) {
+    const std::vector<std::int32_t>& landmarks = jacobians_[cache.id].landmarks;
+    evaluator_.executor().For(static_cast<int>(landmarks.size()), kFactorGrain, [&](int begin, int end) {
+      for (int i = begin; i < end;) {
+        if (!selected(landmarks[i])) {
+          ++i;
+          continue;
+        }
+        const int first = i;
+        while (i < end && selected(landmarks[i])) {
+          ++i;
+        }
+        EvaluateRun(cache.id, first, i, jacobians);
+      }
+    });
   }
-  const int position = layout_.num_frames + landmark;
-  const int size = layout_.TangentSize(position);
+}
+
+// A factor that cannot be evaluated gets a residual that is not a number: its landmark will stay.
+void InnerIterations::EvaluateRun(FamilyId family, int begin, int end, bool jacobians) {
+  FamilyCache& cache = evaluator_.families()[family];
+  FactorBatch batch;
+  batch.begin = begin;
+  batch.end = end;
+  batch.parameters = cache.parameters.data();  // Run has pointed them to the candidate
+  batch.residuals = cache.candidate_residuals.data();
+  if (jacobians) {
+    batch.tangent_maps = jacobians_[family].maps.data();
+    batch.jacobians = jacobians_[family].views.data();
+  }
+  const EvaluationFailure failure = cache.family->Evaluate(batch);
+  if (!failure.failed()) {
+    return;
+  }
+  // Of such a batch nothing counts.
+  if (failure.factor > begin) {
+    EvaluateRun(family, begin, failure.factor, jacobians);
+  }
+  const int rows = cache.family->residual_size();
+  std::fill_n(cache.candidate_residuals.data() + std::ptrdiff_t{failure.factor} * rows, rows,
+              std::numeric_limits<double>::quiet_NaN());
+  if (failure.factor + 1 < end) {
+    EvaluateRun(family, failure.factor + 1, end, jacobians);
+  }
+}
+
+double* InnerIterations::Values(int landmark) {
+  const VariableId id = layout_.variables[layout_.num_frames + landmark];
+  return evaluator_.mutable_candidate().data() + evaluator_.graph().StateOffset(id);
+}
+
+// Moves the landmark if its step promises enough.
+void InnerIterations::Propose(int landmark, double min_gain) {
+  Trial& trial = trials_[landmark];
+  trial.moves = false;
+  trial.gain = 0.0;
+  NormalEquations equations;
+  const int size = layout_.TangentSize(layout_.num_frames + landmark);
+  for (int k = groups_begin_[landmark]; k < groups_begin_[landmark + 1]; ++k) {
+    Accumulate(groups_[k], size, &equations);
+  }
   double scaled[kQuad];
   double U_inv[kQuad * kQuad];
   double z[kQuad];
-  double step[kQuad];  // of the other sign
+  double step[kQuad];
   for (int k = 0; k < size; ++k) {
     scaled[k] = damping_[landmark] * equations.P[k * kQuad + k];
   }
   if (!InvertCholeskyFactor(size, equations.P, scaled, U_inv)) {
-    return 0.0;
+    return;
   }
-  MultiplyLower(size, U_inv, equations.g, z);
+  MultiplyLower(size, U_inv, equations.eta, z);
   MultiplyLowerTransposed(size, U_inv, z, step);
   // gᵀ(P + Λ)⁻¹g is at most twice what the model promises.
   if (!(0.5 * std::inner_product(z, z + size, z, 0.0) > min_gain)) {
-    return 0.0;
+    return;
   }
-  double* x = evaluator_.mutable_candidate().data() + evaluator_.graph().StateOffset(layout_.variables[position]);
-  double before[kQuad];
-  std::copy_n(x, size, before);
-  std::transform(x, x + size, step, x, std::minus<>());
-  const double gain = equations.cost - Cost(landmark);
+  trial.moves = true;
+  trial.cost = equations.cost;
+  double* x = Values(landmark);
+  std::copy_n(x, size, trial.start);
+  std::transform(x, x + size, step, x, std::plus<>());
+}
+
+// Puts a landmark back that has not gained; one whose cost is not a number has not.
+void InnerIterations::Judge(int landmark) {
+  Trial& trial = trials_[landmark];
+  if (!trial.moves) {
+    return;
+  }
+  const double gain = trial.cost - Cost(landmark);
   if (gain > 0.0) {
     damping_[landmark] = std::max(kMinDamping, damping_[landmark] / kDampingFactor);
-    return gain;
+    trial.gain = gain;
+    return;
   }
   damping_[landmark] = std::min(kMaxDamping, damping_[landmark] * kDampingFactor);
-  std::copy_n(before, size, x);
-  return 0.0;
+  std::copy_n(trial.start, layout_.TangentSize(layout_.num_frames + landmark), Values(landmark));
 }
 
-bool InnerIterations::Evaluate(const Stretch& stretch, bool jacobians) {
-  FamilyCache& cache = evaluator_.families()[stretch.family];
-  FactorBatch batch;
-  batch.begin = stretch.begin;
-  batch.end = stretch.end;
-  batch.parameters = cache.parameters.data();  // Run has pointed them to the candidate
-  batch.residuals = cache.candidate_residuals.data();
-  if (jacobians) {
-    batch.tangent_maps = jacobians_[stretch.family].maps.data();
-    batch.jacobians = jacobians_[stretch.family].views.data();
-  }
-  return !cache.family->Evaluate(batch).failed();
-}
-
-bool InnerIterations::Linearise(int landmark, NormalEquations* equations) {
-  const int size = layout_.TangentSize(layout_.num_frames + landmark);
-  for (int k = stretches_begin_[landmark]; k < stretches_begin_[landmark + 1]; ++k) {
-    const Stretch& stretch = stretches_[k];
-    if (!Evaluate(stretch, /*jacobians=*/true)) {
-      return false;
-    }
-    for (int i = stretch.begin; i < stretch.end; ++i) {
-      Accumulate(evaluator_.families()[stretch.family], i, size, equations);
-    }
-  }
-  return true;
-}
-
-void InnerIterations::Accumulate(const FamilyCache& cache, int factor, int size, NormalEquations* equations) const {
+// J_l := √ρ' J_l and f := √ρ' f, with ρ' at f. Returns ½ρ.
+double InnerIterations::Weigh(const FamilyCache& cache, int factor) {
   const int rows = cache.family->residual_size();
-  const double* f = cache.candidate_residuals.data() + std::ptrdiff_t{factor} * rows;
-  const Loss* loss = cache.has_losses ? evaluator_.graph().loss(cache.id, factor) : nullptr;
+  double* f = evaluator_.families()[cache.id].candidate_residuals.data() + std::ptrdiff_t{factor} * rows;
   const double s = std::inner_product(f, f + rows, f, 0.0);
-  double rho[3] = {s, 1.0, 0.0};
-  if (loss != nullptr) {
-    loss->Evaluate(s, rho);
+  const Loss* loss = cache.has_losses ? evaluator_.graph().loss(cache.id, factor) : nullptr;
+  if (loss == nullptr) {
+    return 0.5 * s;
   }
-  equations->cost += 0.5 * rho[0];
-  const double* J = jacobians_[cache.id].values.data() + std::ptrdiff_t{factor} * rows * kQuad;
-  for (int r = 0; r < rows; ++r, J += kQuad) {
-    for (int a = 0; a < size; ++a) {
-      const double weighted = rho[1] * J[a];
-      equations->g[a] += weighted * f[r];
-      for (int b = 0; b < size; ++b) {
-        equations->P[a * kQuad + b] += weighted * J[b];
-      }
-    }
+  double rho[3];
+  loss->Evaluate(s, rho);
+  const double sqrt_weight = std::sqrt(rho[1]);
+  if (sqrt_weight != 1.0) {
+    const auto scale = [sqrt_weight](double entry) { return sqrt_weight * entry; };
+    double* J = jacobians_[cache.id].values.data() + std::ptrdiff_t{factor} * rows * kQuad;
+    std::transform(f, f + rows, f, scale);
+    std::transform(J, J + std::ptrdiff_t{rows} * kQuad, J, scale);
   }
+  return 0.5 * rho[0];
 }
 
-// Infinite where a factor cannot be evaluated.
-double InnerIterations::Cost(int landmark) {
+void InnerIterations::Accumulate(const Group& group, int size, NormalEquations* equations) {
+  const FamilyCache& cache = evaluator_.families()[group.family];
+  for (int k = group.begin; k < group.end; ++k) {
+    equations->cost += Weigh(cache, sightings_[k]);
+  }
+  LandmarkFactors factors;
+  factors.factors = sightings_.data() + group.begin;
+  factors.count = group.end - group.begin;
+  factors.residual_size = cache.family->residual_size();
+  factors.jacobians = &jacobians_[group.family].blocks;
+  factors.residuals = cache.candidate_residuals.data();
+  kernels_.landmark_gram(size, factors, equations->P, equations->eta);
+}
+
+double InnerIterations::Cost(int landmark) const {
   double cost = 0.0;
-  for (int k = stretches_begin_[landmark]; k < stretches_begin_[landmark + 1]; ++k) {
-    const Stretch& stretch = stretches_[k];
-    if (!Evaluate(stretch, /*jacobians=*/false)) {
-      return std::numeric_limits<double>::infinity();
-    }
-    const FamilyCache& cache = evaluator_.families()[stretch.family];
+  for (int k = groups_begin_[landmark]; k < groups_begin_[landmark + 1]; ++k) {
+    const FamilyCache& cache = evaluator_.families()[groups_[k].family];
     const int rows = cache.family->residual_size();
-    for (int i = stretch.begin; i < stretch.end; ++i) {
-      const Loss* loss = cache.has_losses ? evaluator_.graph().loss(cache.id, i) : nullptr;
-      cost += RobustCost(loss, cache.candidate_residuals.data() + std::ptrdiff_t{i} * rows, rows);
+    for (int at = groups_[k].begin; at < groups_[k].end; ++at) {
+      const Loss* loss = cache.has_losses ? evaluator_.graph().loss(cache.id, sightings_[at]) : nullptr;
+      cost += RobustCost(loss, cache.candidate_residuals.data() + std::ptrdiff_t{sightings_[at]} * rows, rows);
     }
   }
   return cost;
 }
 
 std::int64_t InnerIterations::Bytes() const {
-  std::int64_t bytes = static_cast<std::int64_t>(stretches_.size() * sizeof(Stretch) + 2 * sizeof(double) * gains_.size());
+  std::int64_t bytes = static_cast<std::int64_t>(groups_.size() * sizeof(Group) + sightings_.size() * sizeof(std::int32_t) +
+                                                 (sizeof(double) + sizeof(Trial)) * trials_.size());
   for (const LandmarkJacobians& jacobians : jacobians_) {
-    bytes += static_cast<std::int64_t>(jacobians.values.size() * sizeof(double) + jacobians.maps.size() * sizeof(void*));
+    bytes += static_cast<std::int64_t>(jacobians.values.size() * sizeof(double) + jacobians.maps.size() * sizeof(void*) +
+                                       jacobians.landmarks.size() * sizeof(std::int32_t));
   }
   return bytes;
 }

@@ -20,8 +20,8 @@ namespace inceres::internal {
 /// only, creeps towards them for tens of iterations. Source: Jeong et al., "Pushing the Envelope of Modern Methods for Bundle
 /// Adjustment", 2012 (embedded point iterations); Ceres's inner iterations.
 ///
-/// Cost: of the landmarks' factors one evaluation with the landmark's Jacobian, and one without for those that move. The same
-/// bits for any number of threads.
+/// Cost: of the landmarks' factors one evaluation with the landmark's Jacobian, and one without for those that move, in runs of
+/// neighbours, as families like it best. The same bits for any number of threads.
 class InnerIterations {
  public:
   explicit InnerIterations(Evaluator* evaluator);
@@ -41,8 +41,8 @@ class InnerIterations {
   std::int64_t Bytes() const;
 
  private:
-  /// The factors [begin, end) of a family: neighbours that see one landmark.
-  struct Stretch {
+  /// The factors of a family that see one landmark: a part of sightings_.
+  struct Group {
     FamilyId family;
     int begin;
     int end;
@@ -50,34 +50,50 @@ class InnerIterations {
   /// What a family is evaluated with when only landmarks move. A factor sees one landmark at most, so that its slots share the
   /// memory of one Jacobian, rows four apart.
   struct LandmarkJacobians {
+    std::vector<std::int32_t> landmarks;  // per factor, -1: none that could move
     std::vector<const TangentMap*> maps;  // per factor and slot
     AlignedVector<double> values;
     std::vector<JacobianView> views;  // per slot
+    SlotJacobians blocks;             // the same, as kernels call them
   };
   struct NormalEquations {
-    double P[kQuad * kQuad] = {};  // rows four apart
-    double g[kQuad] = {};
+    alignas(32) double P[kQuad * kQuad] = {};  // rows four apart
+    double eta[kQuad] = {};                    // −g
     double cost = 0.0;
   };
 
+  /// What becomes of a landmark in a Run.
+  struct Trial {
+    double cost = 0.0;    // of its factors, before
+    double start[kQuad];  // its values then
+    double gain = 0.0;
+    bool moves = false;
+  };
+
   void BuildJacobians(const FamilyCache& cache);
-  void BuildStretches();
-  double Improve(int landmark, double min_gain);
-  bool Evaluate(const Stretch& stretch, bool jacobians);
-  bool Linearise(int landmark, NormalEquations* equations);
-  double Cost(int landmark);
-  void Accumulate(const FamilyCache& cache, int factor, int size, NormalEquations* equations) const;
+  void BuildGroups();
+  template <typename Selected>
+  void Evaluate(bool jacobians, const Selected& selected);
+  void EvaluateRun(FamilyId family, int begin, int end, bool jacobians);
+  void Propose(int landmark, double min_gain);
+  void Judge(int landmark);
+  double Cost(int landmark) const;
+  double Weigh(const FamilyCache& cache, int factor);
+  void Accumulate(const Group& group, int size, NormalEquations* equations);
+  double* Values(int landmark);
 
   Evaluator& evaluator_;
   const Layout& layout_;
+  const Kernels& kernels_;
   TangentMap constant_;
   TangentMap unwanted_;
   std::vector<TangentMap> identity_;          // per size
   std::vector<LandmarkJacobians> jacobians_;  // per family
-  std::vector<int> stretches_begin_;          // per landmark, one more
-  std::vector<Stretch> stretches_;
+  std::vector<int> groups_begin_;             // per landmark, one more
+  std::vector<Group> groups_;
+  std::vector<std::int32_t> sightings_;
   std::vector<double> damping_;  // λ per landmark
-  std::vector<double> gains_;    // of the last Run, per landmark
+  std::vector<Trial> trials_;    // of the last Run, per landmark
   int num_moved_ = 0;
   int rest_ = 0;   // steps that the last rest lasted
   int to_go_ = 0;  // of it

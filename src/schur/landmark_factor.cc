@@ -2,8 +2,6 @@
 
 #include <cmath>
 
-#include "block/kernels.h"
-
 namespace inceres::internal {
 
 namespace {
@@ -53,24 +51,6 @@ bool InvertCholeskyFactor(int size, const double* P, const double* damping, doub
       return InvertFactorOf<3>(P, damping, U_inv);
     default:
       return InvertFactorOf<4>(P, damping, U_inv);
-  }
-}
-
-void MultiplyLower(int size, const double* U_inv, const double* x, double* z) {
-  for (int k = 0; k < size; ++k) {
-    z[k] = 0.0;
-    for (int c = 0; c <= k; ++c) {
-      z[k] += U_inv[k * kQuad + c] * x[c];
-    }
-  }
-}
-
-void MultiplyLowerTransposed(int size, const double* U_inv, const double* y, double* x) {
-  for (int c = 0; c < size; ++c) {
-    x[c] = 0.0;
-    for (int k = c; k < size; ++k) {
-      x[c] += U_inv[k * kQuad + c] * y[k];
-    }
   }
 }
 

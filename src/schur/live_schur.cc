@@ -32,10 +32,13 @@ Contribution LiveSchur::RowsOfFactor(FactorRef ref) {
     if (row < 0) {
       continue;
     }
-    const auto at = std::upper_bound(rows_of_.begin(), rows_of_.end(), row) - rows_of_.begin();
     const Frame& frame = frames_[row];
-    rows_of_.insert(rows_of_.begin() + at, row);
-    rows_.insert(rows_.begin() + at, {family.Jacobian(ref.factor, s), frame.quad, PadToQuad(frame.size) / kQuad, frame.size});
+    rows_of_.push_back(row);
+    rows_.push_back({family.Jacobian(ref.factor, s), frame.quad, PadToQuad(frame.size) / kQuad, frame.size});
+    for (std::size_t k = rows_.size() - 1; k > 0 && rows_of_[k - 1] > row; --k) {
+      std::swap(rows_of_[k - 1], rows_of_[k]);
+      std::swap(rows_[k - 1], rows_[k]);
+    }
   }
   return {rows_.data(), static_cast<int>(rows_.size()), family.residual_size()};
 }
@@ -51,60 +54,83 @@ Contribution LiveSchur::RowsOfLandmark(const Landmark& landmark) {
   return {rows_.data(), static_cast<int>(rows_.size()), landmark.size};
 }
 
-void LiveSchur::AddFactorTo(FactorRef ref, double sign, std::int32_t only) {
+// Where the factor's products go. A block of S stays where it is while its frames do.
+const std::int32_t* LiveSchur::BlocksOfFactor(FactorRef ref) {
+  const int num_slots = families_[ref.family].num_slots();
+  const int num_pairs = num_slots * (num_slots + 1) / 2;
+  std::int32_t* blocks = factor_blocks_[ref.family].data() + std::ptrdiff_t{ref.factor} * num_pairs;
+  if (blocks[0] < 0) {
+    for (std::size_t r = 0, at = 0; r < rows_of_.size(); ++r) {
+      for (std::size_t c = 0; c <= r; ++c, ++at) {
+        blocks[at] = BlockOf(rows_of_[r], rows_of_[c]);
+      }
+    }
+  }
+  return blocks;
+}
+
+void LiveSchur::AddFactor(FactorRef ref, double sign) {
+  const Contribution contribution = RowsOfFactor(ref);
+  if (contribution.count == 0) {
+    return;
+  }
+  const std::int32_t* blocks = BlocksOfFactor(ref);  // S may grow
+  kernels_.add_outer(contribution, sign, blocks, S_.values(0));
+  kernels_.add_transposed(contribution, families_[ref.family].q(ref.factor), -sign, rhs_.data(), b_peak_.data());
+  kernels_.add_squares(contribution, sign, C_diagonal_.data(), C_peak_.data());
+  std::for_each(rows_of_.begin(), rows_of_.end(), [this](std::int32_t row) { Touch(row); });
+}
+
+void LiveSchur::AddFactorToRow(FactorRef ref, std::int32_t only) {
   const Contribution contribution = RowsOfFactor(ref);
   blocks_.clear();
   for (int r = 0; r < contribution.count; ++r) {
     for (int c = 0; c <= r; ++c) {
-      const bool left_out = only != kAllRows && rows_of_[r] != only && rows_of_[c] != only;
+      const bool left_out = rows_of_[r] != only && rows_of_[c] != only;
       blocks_.push_back(left_out ? -1 : BlockOf(rows_of_[r], rows_of_[c]));
     }
     Touch(rows_of_[r]);
   }
-  kernels_.add_outer(contribution, sign, blocks_.data(), S_.values(0));
+  kernels_.add_outer(contribution, 1.0, blocks_.data(), S_.values(0));
   const double* q = families_[ref.family].q(ref.factor);
   for (int r = 0; r < contribution.count; ++r) {
-    if (only == kAllRows || rows_of_[r] == only) {
+    if (rows_of_[r] == only) {
       const Contribution row{contribution.rows + r, 1, contribution.depth};
-      kernels_.add_transposed(row, q, -sign, rhs_.data(), b_peak_.data());
-      kernels_.add_squares(row, sign, C_diagonal_.data(), C_peak_.data());
+      kernels_.add_transposed(row, q, -1.0, rhs_.data(), b_peak_.data());
+      kernels_.add_squares(row, 1.0, C_diagonal_.data(), C_peak_.data());
     }
   }
 }
 
-void LiveSchur::AddProducts(const Landmark& landmark, double sign, std::int32_t only) {
-  const std::int32_t* blocks = landmark.blocks.data();
-  if (only != kAllRows) {
-    blocks_.assign(landmark.blocks.begin(), landmark.blocks.end());
-    std::size_t at = 0;
-    for (std::size_t r = 0; r < landmark.incidences.size(); ++r) {
-      for (std::size_t c = 0; c <= r; ++c, ++at) {
-        blocks_[at] = landmark.frames[r] == only || landmark.frames[c] == only ? blocks_[at] : -1;
-      }
-    }
-    blocks = blocks_.data();
-  }
-  kernels_.add_outer(RowsOfLandmark(landmark), sign, blocks, S_.values(0));
-  for (std::size_t r = 0; r < landmark.incidences.size(); ++r) {
+void LiveSchur::AddContribution(const Landmark& landmark, double sign) {
+  const Contribution contribution = RowsOfLandmark(landmark);
+  kernels_.add_outer(contribution, sign, landmark.blocks.data(), S_.values(0));
+  kernels_.add_transposed(contribution, landmark.z, sign, rhs_.data(), b_peak_.data());
+  for (int r = 0; r < contribution.count; ++r) {
     Touch(landmark.frames[r]);
   }
 }
 
-void LiveSchur::AddToB(const Landmark& landmark, const double* z, double sign, std::int32_t only) {
+void LiveSchur::SubtractLandmarkFromRow(const Landmark& landmark, std::int32_t only) {
   const Contribution contribution = RowsOfLandmark(landmark);
+  blocks_.assign(landmark.blocks.begin(), landmark.blocks.end());
+  std::size_t at = 0;
   for (int r = 0; r < contribution.count; ++r) {
-    if (only == kAllRows || landmark.frames[r] == only) {
-      kernels_.add_transposed({contribution.rows + r, 1, contribution.depth}, z, sign, rhs_.data(), b_peak_.data());
-      TouchB(landmark.frames[r]);
+    for (int c = 0; c <= r; ++c, ++at) {
+      blocks_[at] = landmark.frames[r] == only || landmark.frames[c] == only ? blocks_[at] : -1;
     }
+    if (landmark.frames[r] == only) {
+      kernels_.add_transposed({contribution.rows + r, 1, contribution.depth}, landmark.z, -1.0, rhs_.data(), b_peak_.data());
+    }
+    Touch(landmark.frames[r]);
   }
+  kernels_.add_outer(contribution, -1.0, blocks_.data(), S_.values(0));
 }
 
 void LiveSchur::TakeOut(std::int32_t landmark) {
   Landmark& l = landmarks_[landmark];
   if (l.in_S && !rebuilding_) {
-    AddProducts(l, 1.0, kAllRows);
-    AddToB(l, l.z, 1.0, kAllRows);
+    AddContribution(l, 1.0);
   }
   num_pairs_ -= l.in_S ? NumPairs(landmark) : 0;
   l.in_S = false;
@@ -138,8 +164,7 @@ void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
   }
   PlaceBlocks(landmark);
   EliminateLandmark(&l);
-  AddProducts(l, -1.0, kAllRows);
-  AddToB(l, l.z, -1.0, kAllRows);
+  AddContribution(l, -1.0);
   l.in_S = true;
   num_pairs_ += NumPairs(landmark);
   RenewDecrement(landmark);
@@ -233,15 +258,14 @@ void LiveSchur::ResumFrame(std::int32_t frame) {
   ZeroVectors(f);
   const auto add_factor = [this, frame](const FactorRef& ref) {
     if (families_[ref.family].linearised(ref.factor)) {
-      AddFactorTo(ref, 1.0, frame);
+      AddFactorToRow(ref, frame);
     }
   };
   std::for_each(f.factors.begin(), f.factors.end(), add_factor);
   for (const std::int32_t landmark : f.landmarks) {
     ForEachFactorBetween(landmark, frame, add_factor);
     if (landmarks_[landmark].in_S) {
-      AddProducts(landmarks_[landmark], -1.0, frame);
-      AddToB(landmarks_[landmark], landmarks_[landmark].z, -1.0, frame);
+      SubtractLandmarkFromRow(landmarks_[landmark], frame);
     }
   }
   Touch(frame);
@@ -265,8 +289,7 @@ void LiveSchur::Rebuild() {
   }
   for (const Landmark& landmark : landmarks_) {
     if (landmark.in_S) {
-      AddProducts(landmark, -1.0, kAllRows);
-      AddToB(landmark, landmark.z, -1.0, kAllRows);
+      AddContribution(landmark, -1.0);
     }
   }
 }

@@ -78,7 +78,7 @@ class LiveSchur {
   void Disconnect(FactorRef ref);
 
   /// Frame part of a factor's share of S and b, with the Jacobians cached now: sign +1 adds, -1 takes out.
-  void AddFactor(FactorRef ref, double sign) { AddFactorTo(ref, sign, kAllRows); }
+  void AddFactor(FactorRef ref, double sign);
   /// Takes the landmark's contribution out of S and b, if it is there.
   void TakeOut(std::int32_t landmark);
   /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in; parks a landmark without information. A held
@@ -167,8 +167,6 @@ class LiveSchur {
   std::int64_t Bytes() const;
 
  private:
-  static constexpr std::int32_t kAllRows = -1;
-
   std::size_t Slot(FactorRef ref, int slot) const {
     return static_cast<std::size_t>(ref.factor) * families_[ref.family].num_slots() + slot;
   }
@@ -181,11 +179,12 @@ class LiveSchur {
   void Unlist(std::int32_t frame, std::int32_t place);
   void Separate(std::int32_t landmark, std::int32_t frame);
   void UpdateOffsets(std::int32_t first);
-  void AddFactorTo(FactorRef ref, double sign, std::int32_t only);
+  void AddFactorToRow(FactorRef ref, std::int32_t only);
+  const std::int32_t* BlocksOfFactor(FactorRef ref);
   Contribution RowsOfFactor(FactorRef ref);
   Contribution RowsOfLandmark(const Landmark& landmark);
-  void AddProducts(const Landmark& landmark, double sign, std::int32_t only);
-  void AddToB(const Landmark& landmark, const double* z, double sign, std::int32_t only);
+  void AddContribution(const Landmark& landmark, double sign);
+  void SubtractLandmarkFromRow(const Landmark& landmark, std::int32_t only);
   void SortFrames(Landmark* landmark);
   void ZeroVectors(const Frame& frame);
   // Quad offset of a block of S, row ≥ column.
@@ -225,6 +224,8 @@ class LiveSchur {
   std::vector<std::vector<std::int32_t>> place_in_frame_;  // the same: where the frame lists it; of factors without landmark
   std::vector<std::vector<std::int32_t>> landmark_slot_;   // per family and factor: the landmark's slot
   std::vector<std::vector<std::int32_t>> landmark_of_;     // per family and factor
+  // Per family, factor and pair of its frames, ascending: quad offset of the block of S; the first -1: not looked up yet.
+  std::vector<std::vector<std::int32_t>> factor_blocks_;
   SymmetricBlockRows S_;
   std::vector<int> offsets_{0};
   AlignedVector<double> rhs_;
@@ -244,7 +245,7 @@ class LiveSchur {
   std::vector<std::int32_t> scratch_;
   std::vector<BlockRow> rows_;         // of the contribution under way
   std::vector<std::int32_t> rows_of_;  // their frames
-  std::vector<std::int32_t> blocks_;   // of a factor, or those of one frame alone
+  std::vector<std::int32_t> blocks_;   // those of one frame alone
 
   double total_decrement_ = 0.0;
   double decrement_error_ = 0.0;  // bound of its rounding error since it was summed

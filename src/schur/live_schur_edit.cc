@@ -111,7 +111,7 @@ void LiveSchur::RemoveLandmark(std::int32_t index) {
 }
 
 void LiveSchur::Connect(FactorRef ref, const std::int32_t* frames, std::int32_t landmark) {
-  for (auto* table : {&frame_of_slot_, &place_in_frame_, &landmark_of_, &landmark_slot_}) {
+  for (auto* table : {&frame_of_slot_, &place_in_frame_, &landmark_of_, &landmark_slot_, &factor_blocks_}) {
     table->resize(families_.size());
   }
   const LiveFamily& family = families_[ref.family];
@@ -124,6 +124,11 @@ void LiveSchur::Connect(FactorRef ref, const std::int32_t* frames, std::int32_t 
     landmark_slot_[ref.family].resize(num_places, -1);
   }
   landmark_of_[ref.family][ref.factor] = landmark;
+  const std::size_t num_pairs = static_cast<std::size_t>(num_slots) * (num_slots + 1) / 2;
+  if (factor_blocks_[ref.family].size() < num_places * num_pairs) {
+    factor_blocks_[ref.family].resize(num_places * num_pairs, -1);
+  }
+  factor_blocks_[ref.family][ref.factor * num_pairs] = -1;
   for (int s = 0; s < num_slots; ++s) {
     frame_of_slot_[ref.family][Slot(ref, s)] = frames[s];
     if (frames[s] >= 0 && landmark < 0) {
@@ -207,6 +212,9 @@ std::int64_t LiveSchur::Bytes() const {
   for (const Landmark& l : landmarks_) {
     bytes += l.factors.capacity() * sizeof(FactorRef) + l.frames.capacity() * sizeof(std::int32_t) +
              l.incidences.capacity() * sizeof(Incidence) + l.blocks.capacity() * sizeof(std::int32_t);
+  }
+  for (const std::vector<std::int32_t>& blocks : factor_blocks_) {
+    bytes += blocks.capacity() * sizeof(std::int32_t);
   }
   for (const Frame& f : frames_) {
     bytes += f.factors.capacity() * sizeof(FactorRef) + f.landmarks.capacity() * sizeof(std::int32_t);

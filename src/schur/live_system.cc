@@ -188,6 +188,9 @@ void LiveSystem::NameTouched() {
     }
   });
   const auto reach_frames = [this](std::int32_t l) {
+    if (reached_.count() == schur_.num_frames()) {
+      return;  // all there are, as late in an Update
+    }
     for (const std::int32_t frame : schur_.landmarks()[l].frames) {
       reached_.Add(frame);
     }

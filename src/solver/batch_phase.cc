@@ -133,6 +133,7 @@ BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<
   UpdateSummary* summary = &trace->summary();
   SolverOptions batch;
   batch.strategy = options.batch_strategy;
+  batch.reduced_solver_factory = options.reduced_solver_factory;
   batch.num_threads = options.num_threads;
   batch.max_num_iterations = options.max_num_iterations;
   batch.max_solver_time_in_seconds = options.max_seconds;
@@ -152,6 +153,7 @@ BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<
   summary->num_rejected_steps = solved.num_unsuccessful_steps;
   summary->num_recentred_factors = solved.work.num_recentred_factors;
   summary->batch_seconds = solved.seconds.total;
+  summary->batch_stages = solved.seconds;
   summary->message = solved.detail.empty() ? solved.message : solved.message + ": " + solved.detail;
   if (observer.ended_by_user()) {
     return {solved.termination, true};

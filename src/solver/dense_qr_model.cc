@@ -4,8 +4,6 @@
 
 #include <Eigen/QR>
 
-#include "base/stopwatch.h"
-
 namespace inceres::internal {
 
 DenseQrModel::DenseQrModel(const Evaluator& evaluator) : LinearModel(evaluator) {
@@ -24,7 +22,6 @@ DenseQrModel::DenseQrModel(const Evaluator& evaluator) : LinearModel(evaluator) 
 }
 
 void DenseQrModel::Refresh() {
-  const StageTimer timer(&seconds_->hessian);
   J_.setZero();
   int row = 0;
   for (const FamilyCache& cache : evaluator_.families()) {
@@ -53,10 +50,10 @@ void DenseQrModel::Refresh() {
   }
   Eigen::Map<Eigen::VectorXd>(gradient_.data(), J_.cols()) = J_.transpose() * f_;
   Eigen::Map<Eigen::VectorXd>(diagonal_.data(), J_.cols()) = J_.colwise().squaredNorm().transpose();
+  clock_->Charge(&seconds_->hessian);
 }
 
 Status DenseQrModel::Solve(const double* damping, double* step) {
-  const StageTimer timer(&seconds_->factorization);
   const Eigen::Index n = J_.cols();
   stacked_.resize(num_residuals_ + n, n);
   stacked_.topRows(num_residuals_) = J_;
@@ -66,6 +63,7 @@ Status DenseQrModel::Solve(const double* damping, double* step) {
   const Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(stacked_);
   Eigen::Map<Eigen::VectorXd> solution(step, n);
   solution = qr.solve(rhs);
+  clock_->Charge(&seconds_->factorization);
   if (!solution.allFinite()) {
     return Status::Error(StatusCode::kSingular, "the columns of the Jacobian are linearly dependent");
   }

@@ -27,6 +27,12 @@ constexpr double kGradientShare = 10.0;
 // left (its Hessian has no ρ''), by a factor of 1.5 to 2 on our data.
 constexpr double kStopShare = 0.08;
 
+// It also ends when the steps so far let expect that all to come together gain less than this share of it; promises have to fall
+// by more than the factor, from one step to the next.
+constexpr double kRestShare = 0.3;
+constexpr double kSteadyFactor = 0.5;
+constexpr double kCreepingLandmarks = 4.0;
+
 // Landmarks step by themselves while together they could gain more than this share of what an Update may leave undone, those of
 // them that exceed this share of the mean.
 constexpr double kLandmarkShare = 0.3;
@@ -74,7 +80,8 @@ int FirstOf(const std::vector<std::int32_t>& ascending_rows, const LiveSchur& sc
 IncrementalMinimizer::IncrementalMinimizer(const IncrementalOptions& options, LiveSystem* system)
     : options_(options),
       system_(*system),
-      solver_(MakeLiveReducedSolver(KindOf(options.reduced_solver), PcgOptions(), system->executor())),
+      solver_(MakeLiveReducedSolver(KindOf(options.reduced_solver), options.reduced_solver_factory, PcgOptions(),
+                                    system->executor())),
       mu_(options.initial_damping) {
 }
 
@@ -97,6 +104,7 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
   num_landmark_passes_ = 0;
   frames_moved_ = false;  // the frames first
   mostly_new_ = mostly_new;
+  last_promise_ = 0.0;
   if (!Relinearise()) {
     return;
   }
@@ -109,6 +117,9 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
       return Finish(Termination::kNoConvergence, "Stopped by a limit or by request; the state is the best so far.");
     }
     const Verdict verdict = Iterate();
+    if (verdict == Verdict::kFailed) {
+      return;  // with the reason in the summary
+    }
     if (verdict == Verdict::kConverged) {
       return Finish(Termination::kConvergence, "What is left undone is below the function tolerance.");
     }
@@ -157,8 +168,7 @@ bool IncrementalMinimizer::Relinearise() {
   summary_->num_rebuilds += work.rebuilt ? 1 : 0;
   summary_->num_drifted_frames += work.num_drifted_frames;
   if (!status.ok()) {
-    summary_->termination = Termination::kFailure;
-    summary_->message = status.message;
+    Finish(Termination::kFailure, status.message.c_str());
   }
   return status.ok();
 }
@@ -196,12 +206,17 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
     return Verdict::kGoOn;
   }
   ++summary_->num_iterations;
-  if (!SolveFrames()) {
+  const Status solved = SolveFrames();
+  if (solved.code == StatusCode::kSingular) {
     return Retreat(false);
+  }
+  if (!solved.ok()) {
+    Finish(Termination::kFailure, solved.message.c_str());
+    return Verdict::kFailed;
   }
   const double undone = Undone();
   summary_->undone = undone;
-  if (undone <= kStopShare * Tolerance()) {
+  if (undone <= kStopShare * Tolerance() || NextStepsGainLittle(undone)) {
     // Refresh before success.
     trace_->row().refreshed = RefreshAged();
     return trace_->row().refreshed ? Verdict::kGoOn : Verdict::kConverged;
@@ -227,6 +242,19 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   return Retreat(refreshed);
 }
 
+// Steps tell how much their model undervalues: the last gained `last_gain_ratio_` times what it promised, and what is promised
+// has fallen by a factor since. Steps like that go on to gain the sum of a geometric series. Landmarks that creep are counted
+// more than once.
+bool IncrementalMinimizer::NextStepsGainLittle(double undone) {
+  if (!(last_promise_ > 0.0) || mostly_new_) {
+    return false;
+  }
+  const double factor = undone / last_promise_;
+  const double landmarks = kCreepingLandmarks * LandmarkGain();
+  return factor < kSteadyFactor &&
+         std::max(1.0, last_gain_ratio_) * undone / (1.0 - factor) + landmarks <= kRestShare * Tolerance();
+}
+
 // What a step may leave undone. A problem that is new for the most part is far from its minimum, where half a step leads
 // elsewhere than a whole one: all of it moves. So it does if the user wants nothing truncated.
 double IncrementalMinimizer::TruncationBudget(double undone) const {
@@ -239,15 +267,22 @@ double IncrementalMinimizer::TruncationBudget(double undone) const {
 // Tries the step, within the trust region once there is one. A step that is refused although its Jacobians are fresh is tried
 // again along the dog-leg path: that costs an evaluation, where more damping costs a factorisation too.
 bool IncrementalMinimizer::TakeStep(bool* refreshed) {
-  double norm = system_.ScaledStepNorm();
-  if (norm > radius_) {
-    norm = radius_;
-    system_.ShortenStep(norm);
-    trace_->row().shortened = true;
+  double norm = -1.0;  // looked for when it is needed: mostly the radius is infinite
+  if (radius_ < HUGE_VAL) {
+    norm = system_.ScaledStepNorm();
+    if (norm > radius_) {
+      norm = radius_;
+      system_.ShortenStep(norm);
+      trace_->row().shortened = true;
+    }
   }
   for (int attempt = 0;; ++attempt) {
     double ratio = 0.0;
-    if (EvaluateStep(&ratio) && ratio > options_.min_relative_decrease) {
+    const bool accepted = EvaluateStep(&ratio) && ratio > options_.min_relative_decrease;
+    if (norm < 0.0 && !(accepted && ratio > kGrowRatio)) {
+      norm = system_.ScaledStepNorm();
+    }
+    if (accepted) {
       if (ratio > kGrowRatio) {
         radius_ = std::max(radius_, 3.0 * norm);
       } else if (ratio < kGoodRatio) {
@@ -269,8 +304,8 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
   }
 }
 
-// δ_c from (S + μ diag(C)) δ_c = b. False if there is no factor.
-bool IncrementalMinimizer::SolveFrames() {
+// δ_c from (S + μ diag(C)) δ_c = b. kSingular if there is no factor.
+Status IncrementalMinimizer::SolveFrames() {
   const StageTimer timer(&summary_->solve_seconds);
   LiveSchur& schur = system_.schur();
   weights_.resize(schur.size());
@@ -301,14 +336,14 @@ bool IncrementalMinimizer::SolveFrames() {
   summary_->num_factored_rows += solver_->work().factored_rows;
   summary_->num_reorderings += solver_->work().reorderings;
   if (!factored.ok()) {
-    return false;
+    return factored;
   }
   LiveReducedSolver::Truncation truncation;
   truncation.weights = weights_.data();
   truncation.threshold = kWildfireShare * Tolerance() / std::max(1, schur.num_frames());
   schur.TakeUnsolvedRows(&changed_rows_);
   const LiveReducedSolver::Rows changed_b{FirstOf(changed_rows_, schur), &changed_rows_};
-  const bool solved = solver_->Solve(b_.data(), changed_b, truncation, frame_step_.data()).ok();
+  Status solved = solver_->Solve(b_.data(), changed_b, truncation, frame_step_.data());
   summary_->num_solved_rows += solver_->work().solved_rows;
   summary_->num_pcg_iterations += solver_->work().iterations;
   trace_->row().num_linear_solver_iterations = std::max(1, solver_->work().iterations);
@@ -355,6 +390,8 @@ void IncrementalMinimizer::Accept(double gain_ratio) {
   summary_->num_updated_landmarks += system_.AcceptValues();
   MarkStale();
   frames_moved_ = true;
+  last_promise_ = trace_->row().shortened ? 0.0 : summary_->undone;
+  last_gain_ratio_ = gain_ratio;
   TakeStepOff();
   system_.EndStep();
 }

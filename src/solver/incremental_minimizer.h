@@ -32,7 +32,7 @@ class IncrementalMinimizer {
   void Minimize(bool mostly_new, const std::atomic<bool>& stop, UpdateTrace* trace);
 
  private:
-  enum class Verdict { kGoOn, kConverged, kStuck };
+  enum class Verdict { kGoOn, kConverged, kStuck, kFailed };
   struct ErrorLimits {
     double model;
     double squared_gradient;
@@ -47,10 +47,11 @@ class IncrementalMinimizer {
   void Finish(Termination termination, const char* message);
   bool StepLandmarks();
   Verdict Iterate();
-  bool SolveFrames();
+  Status SolveFrames();
   void TakeStepOff();
   double LandmarkGain();
   double Undone();
+  bool NextStepsGainLittle(double undone);
   double TruncationBudget(double undone) const;
   bool TakeStep(bool* refreshed);
   bool EvaluateStep(double* gain_ratio);
@@ -68,12 +69,14 @@ class IncrementalMinimizer {
   ActiveSet active_;
   double mu_;
   double nu_ = 2.0;
-  double radius_ = HUGE_VAL;     // of the trust region, in the norm ‖Dδ‖; acts after a rejection
-  bool mostly_new_ = false;      // this Update began with most factors new
-  bool frames_moved_ = false;    // since landmarks last stepped by themselves
-  int num_landmark_passes_ = 0;  // still allowed before the next step of the frames
-  double solved_mu_ = -1.0;      // the damping the factor was computed with
-  std::vector<double> weights_;  // diag(C), packed by block rows like the next three
+  double radius_ = HUGE_VAL;      // of the trust region, in the norm ‖Dδ‖; acts after a rejection
+  bool mostly_new_ = false;       // this Update began with most factors new
+  bool frames_moved_ = false;     // since landmarks last stepped by themselves
+  int num_landmark_passes_ = 0;   // still allowed before the next step of the frames
+  double last_promise_ = 0.0;     // what was undone before the last step of the frames; 0: none, or not all of it was taken
+  double last_gain_ratio_ = 1.0;  // of that step
+  double solved_mu_ = -1.0;       // the damping the factor was computed with
+  std::vector<double> weights_;   // diag(C), packed by block rows like the next three
   std::vector<double> damping_;
   std::vector<double> b_;
   std::vector<double> frame_step_;  // in the form LiveReducedSolver asks for

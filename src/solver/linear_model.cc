@@ -1,12 +1,18 @@
 #include "solver/linear_model.h"
 
+#include "solver/dense_model.h"
 #include "solver/dense_qr_model.h"
 #include "solver/schur_model.h"
 
 namespace inceres::internal {
 
 std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, const Evaluator& evaluator, Status* status) {
-  if (options.linear_model == LinearModelKind::kDenseQr) {
+  const bool by_qr = options.linear_model == LinearModelKind::kDenseQr;
+  if (evaluator.storage() == JacobianStorage::kWholeRows) {
+    *status = Status::Ok();
+    return by_qr ? std::make_unique<DenseRowsQrModel>(evaluator) : std::make_unique<DenseModel>(evaluator);
+  }
+  if (by_qr) {
     *status = Status::Ok();
     return std::make_unique<DenseQrModel>(evaluator);
   }

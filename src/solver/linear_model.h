@@ -3,6 +3,7 @@
 #include <memory>
 #include <vector>
 
+#include "base/stopwatch.h"
 #include "inceres/solver/options.h"
 #include "inceres/solver/summary.h"
 #include "linearisation/evaluator.h"
@@ -16,8 +17,11 @@ class LinearModel {
  public:
   virtual ~LinearModel() = default;
 
-  /// Where the stages' times are added from now on.
-  void TimeInto(StageSeconds* seconds) { seconds_ = seconds; }
+  /// Where the stages' times are added from now on, by a clock that has just been read when a stage begins.
+  void TimeInto(StageSeconds* seconds, StageClock* clock) {
+    seconds_ = seconds;
+    clock_ = clock;
+  }
 
   /// Takes over the evaluator's new residuals and Jacobians.
   virtual void Refresh() = 0;
@@ -48,6 +52,7 @@ class LinearModel {
 
   const Evaluator& evaluator_;
   StageSeconds* seconds_ = nullptr;
+  StageClock* clock_ = nullptr;
 
  private:
   JacobianProduct jacobian_;

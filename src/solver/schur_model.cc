@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "base/stopwatch.h"
 #include "linear/select_solver.h"
 
 namespace inceres::internal {
@@ -33,17 +32,20 @@ Status PlainModel::CheckOffsets() const {
 }
 
 void PlainModel::Refresh() {
-  const StageTimer timer(&seconds_->hessian);
   hessian_.Accumulate();
+  clock_->Charge(&seconds_->hessian);
 }
 
 Status PlainModel::SolveReduced(const double* S, const double* b, const double* damping, double* step) {
-  const StageTimer timer(&seconds_->factorization);
   if (!reduced_solver_) {
     return Status::Ok();
   }
-  const Status factored = reduced_solver_->Factorize(S, damping);
-  return factored.ok() ? reduced_solver_->Solve(b, step) : factored;
+  Status solved = reduced_solver_->Factorize(S, damping);
+  if (solved.ok()) {
+    solved = reduced_solver_->Solve(b, step);
+  }
+  clock_->Charge(&seconds_->factorization);
+  return solved;
 }
 
 Status PlainModel::Solve(const double* damping, double* step) {
@@ -71,19 +73,17 @@ SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator,
 
 Status SchurModel::Solve(const double* damping, double* step) {
   const int frame_size = plans_.pattern.size();
-  {
-    const StageTimer timer(&seconds_->elimination);
-    const Status eliminated = elimination_.Eliminate(damping + frame_size);
-    if (!eliminated.ok()) {
-      return eliminated;
-    }
+  const Status eliminated = elimination_.Eliminate(damping + frame_size);
+  clock_->Charge(&seconds_->elimination);
+  if (!eliminated.ok()) {
+    return eliminated;
   }
   const Status solved = SolveReduced(elimination_.S(), elimination_.b(), damping, step);
   if (!solved.ok()) {
     return solved;
   }
-  const StageTimer timer(&seconds_->back_substitution);
   elimination_.BackSubstitute(step, step + frame_size);
+  clock_->Charge(&seconds_->back_substitution);
   return Status::Ok();
 }
 

@@ -50,10 +50,16 @@ struct Workspace {
         executor(options.num_threads),
         linear_model(options.linear_model),
         reduced_solver(options.reduced_solver),
-        evaluator(graph, layout, executor) {}
+        evaluator(graph, layout, executor, StorageOf(options, graph, layout)) {}
 
   static bool EliminatesLandmarks(const SolverOptions& options) {
     return options.linear_model == LinearModelKind::kAutomatic || options.linear_model == LinearModelKind::kSchur;
+  }
+
+  // A reduced solver that was asked for is given the blocks of its system.
+  static JacobianStorage StorageOf(const SolverOptions& options, const FactorGraph& graph, const Layout& layout) {
+    const bool free = options.reduced_solver == ReducedSolverKind::kAutomatic && !options.reduced_solver_factory;
+    return free ? StorageFor(graph, layout) : JacobianStorage::kBySlot;
   }
 
   bool Suits(const SolverOptions& options, const FactorGraph& graph) const {
@@ -124,7 +130,6 @@ void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, 
     return;
   }
   LinearModel& model = *workspace->model;
-  model.TimeInto(&summary->seconds);
   summary->reduced_solver = model.SolverName();
   summary->work.bytes = workspace->evaluator.Bytes();
   model.Describe(&summary->work);

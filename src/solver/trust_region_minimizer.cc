@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <limits>
 
-#include "base/stopwatch.h"
 #include "solver/observer_verdict.h"
 
 namespace inceres::internal {
@@ -24,7 +23,7 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, Evaluat
       model_(*model),
       summary_(*summary),
       graph_(evaluator->graph()),
-      start_time_(NowInSeconds()),
+      start_time_(clock_.now()),
       scale_(memory->scale),
       best_state_(memory->best_state),
       step_(memory->step),
@@ -32,6 +31,7 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, Evaluat
       negative_gradient_(memory->negative_gradient),
       strategy_(memory->strategy),
       best_cost_(std::numeric_limits<double>::max()) {
+  model->TimeInto(&summary->seconds, &clock_);
   best_state_ = evaluator->current();
   step_.assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);
   negative_gradient_.resize(step_.size());
@@ -50,7 +50,7 @@ void TrustRegionMinimizer::Minimize() {
     return;
   }
   while (FinalizeIterationAndContinue()) {
-    iteration_start_time_ = NowInSeconds();
+    iteration_start_time_ = clock_.now();
     const IterationSummary previous = iteration_;
     iteration_ = IterationSummary();
     iteration_.iteration = previous.iteration + 1;
@@ -125,7 +125,7 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
     ++summary_.num_unsuccessful_steps;
   }
   iteration_.trust_region_radius = strategy_->Radius();
-  const double now = NowInSeconds();
+  const double now = clock_.Read();
   iteration_.iteration_time_in_seconds = now - iteration_start_time_;
   iteration_.cumulative_time_in_seconds = now - start_time_ + options_.seconds_spent_before;
   summary_.iterations.push_back(iteration_);
@@ -133,7 +133,7 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
   if (!CallbacksContinue()) {
     return false;
   }
-  const double elapsed = NowInSeconds() - start_time_ + options_.seconds_spent_before;
+  const double elapsed = clock_.now() - start_time_ + options_.seconds_spent_before;
   if (elapsed >= options_.max_solver_time_in_seconds) {
     return Finish(Termination::kNoConvergence, "Maximum solver time reached. Total solver time: %e >= %e.", elapsed,
                   options_.max_solver_time_in_seconds);
@@ -158,15 +158,16 @@ bool TrustRegionMinimizer::CallbacksContinue() {
     return true;
   }
   const ObserverAction action = options_.observer->EndOfIteration(iteration_, best_state_.data());
+  clock_.Read();
   return GoesOn(action, &summary_.termination, &summary_.message);
 }
 
 // False only on an unrecoverable failure; otherwise iteration_.step_is_valid tells.
 bool TrustRegionMinimizer::ComputeStep() {
-  const double start = NowInSeconds();
+  const double start = clock_.now();
   int num_solves = 0;
   const Status solved = strategy_->ComputeStep(&model_, step_.data(), &num_solves);
-  iteration_.step_solver_time_in_seconds = NowInSeconds() - start;
+  iteration_.step_solver_time_in_seconds = clock_.Read() - start;
   iteration_.linear_solver_iterations = num_solves > 0 && summary_.work.reduced_size > 0 ? 1 : 0;
   summary_.work.num_linear_solves += num_solves;
   if (!solved.ok() && solved.code != StatusCode::kSingular) {
@@ -178,8 +179,8 @@ bool TrustRegionMinimizer::ComputeStep() {
     summary_.detail = solved.ok() ? "the step is not finite" : solved.message;
     return true;
   }
-  const StageTimer timer(&summary_.seconds.model_cost);
   model_decrease_ = model_.ModelDecrease(step_.data());
+  clock_.Charge(&summary_.seconds.model_cost);
   iteration_.step_is_valid = model_decrease_ > 0.0;
   if (iteration_.step_is_valid) {
     iteration_.model_cost_change = model_decrease_;
@@ -215,9 +216,10 @@ bool TrustRegionMinimizer::EvaluateCandidate(double* cost) {
   if (options_.observer != nullptr) {
     options_.observer->BeforeEvaluation(evaluator_.candidate().data(), /*jacobians=*/false, /*new_point=*/true);
   }
-  const StageTimer timer(&summary_.seconds.residuals);
   ++summary_.work.num_residual_evaluations;
-  return evaluator_.EvaluateCandidateCost(cost).ok() && IsCostUsable(*cost);
+  const Status evaluated = evaluator_.EvaluateCandidateCost(cost);
+  clock_.Charge(&summary_.seconds.residuals);
+  return evaluated.ok() && IsCostUsable(*cost);
 }
 
 bool TrustRegionMinimizer::IsCostUsable(double cost) const {
@@ -309,13 +311,11 @@ bool TrustRegionMinimizer::EvaluateGradientAndJacobian(bool new_point) {
     options_.observer->BeforeEvaluation(evaluator_.current().data(), /*jacobians=*/true, new_point);
   }
   ++summary_.work.num_jacobian_evaluations;
-  {
-    const StageTimer timer(&summary_.seconds.jacobians);
-    const Status evaluated = evaluator_.EvaluateJacobians(/*known_point=*/!new_point, &cost_);
-    if (!evaluated.ok() || !IsCostUsable(cost_)) {
-      summary_.detail = evaluated.ok() ? "the sum of all costs is not finite" : evaluated.message;
-      return Finish(Termination::kFailure, "Residual and Jacobian evaluation failed.");
-    }
+  const Status evaluated = evaluator_.EvaluateJacobians(/*known_point=*/!new_point, &cost_);
+  clock_.Charge(&summary_.seconds.jacobians);
+  if (!evaluated.ok() || !IsCostUsable(cost_)) {
+    summary_.detail = evaluated.ok() ? "the sum of all costs is not finite" : evaluated.message;
+    return Finish(Termination::kFailure, "Residual and Jacobian evaluation failed.");
   }
   model_.Refresh();
   return ComputeGradientNorms();

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "base/stopwatch.h"
 #include "inceres/solver/options.h"
 #include "inceres/solver/solver.h"
 #include "inceres/solver/summary.h"
@@ -78,6 +79,7 @@ class TrustRegionMinimizer {
   LinearModel& model_;
   Summary& summary_;
   const FactorGraph& graph_;
+  StageClock clock_;
   const double start_time_;
 
   std::vector<double>& scale_;

@@ -1,6 +1,7 @@
 #include "inceres/solver/update_summary.h"
 
 #include "base/json_object.h"
+#include "solver/summary_json.h"
 
 namespace inceres {
 
@@ -86,6 +87,7 @@ std::string UpdateSummary::ToJson() const {
       .Add("landmark_seconds", landmark_seconds)
       .Add("evaluate_seconds", evaluate_seconds)
       .Add("accept_seconds", accept_seconds)
+      .AddRaw("batch_stages", internal::ToJson(batch_stages))
       .AddArray("iterations", iterations, [](const UpdateIteration& row) { return inceres::ToJson(row); })
       .Close();
 }

@@ -52,6 +52,13 @@ void ExpectSameMinimum(const Recipe& recipe, ceres::LinearSolverType type) {
   double cost = -1.0;
   ours->problem.Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, nullptr, nullptr);
   EXPECT_NEAR(cost, summary.final_cost, 1e-9 * summary.final_cost + 1e-15 * expected.initial_cost);
+  for (const double seconds : {summary.residual_evaluation_time_in_seconds, summary.jacobian_evaluation_time_in_seconds,
+                               summary.linear_solver_time_in_seconds}) {
+    EXPECT_GT(seconds, 0.0);
+  }
+  EXPECT_LE(summary.residual_evaluation_time_in_seconds + summary.jacobian_evaluation_time_in_seconds +
+                summary.linear_solver_time_in_seconds,
+            summary.minimizer_time_in_seconds);
   EXPECT_EQ(report.changes.num_added_factors, summary.num_residual_blocks_reduced);
   EXPECT_EQ(summary.num_residual_blocks_reduced, expected.num_residual_blocks_reduced);
   EXPECT_EQ(report.num_landmarks + report.num_frames, expected.num_parameter_blocks_reduced);

@@ -19,5 +19,24 @@ TEST(StageTimer, AddsItsLifetimeToWhatIsThere) {
   EXPECT_LE(seconds - 100.0, NowInSeconds() - start + 1e-9);
 }
 
+TEST(StageClock, SharesItsLifetimeOutAmongStages) {
+  const auto sleep = [] { std::this_thread::sleep_for(std::chrono::milliseconds(5)); };
+  StageClock clock;
+  const double start = clock.now();
+  double first = 100.0;
+  double second = 0.0;
+  sleep();
+  clock.Charge(&first);
+  EXPECT_GE(first, 100.005);
+  EXPECT_NEAR(first - 100.0, clock.now() - start, 1e-9);
+  sleep();
+  clock.Read();  // nobody's
+  const double before = clock.now();
+  sleep();
+  clock.Charge(&second);
+  EXPECT_GE(second, 0.005);
+  EXPECT_EQ(second, clock.now() - before);
+}
+
 }  // namespace
 }  // namespace inceres::internal

@@ -1,4 +1,7 @@
 // What a pass over J yields for a vector: −(Jv)ᵀ(f + Jv/2) and ‖Jv‖²; and with it the change Jᵀ(f − p) of a gradient.
+#include <cmath>
+#include <utility>
+
 #include "block/kernel_fixture.h"
 
 namespace inceres::internal {
@@ -91,6 +94,64 @@ TEST_P(RowKernels, EqualPlainLoopsForEverySize) {
       ExpectRowProducts(rows, frame_size);
     }
   }
+}
+
+// And what is not copied stays as it was.
+TEST_P(RowKernels, CopiesColumnsAndSumsMagnitudes) {
+  for (int ambient_size = 1; ambient_size <= 20; ++ambient_size) {
+    for (int columns = 1; columns <= ambient_size; ++columns) {
+      const ColumnCopy copy = kernels().find_copy(ambient_size, columns);
+      for (const int rows : {0, 1, 2, 15}) {
+        const std::size_t count = static_cast<std::size_t>(rows * ambient_size);
+        std::vector<double> J = random_.Vector(count);
+        const int stride = columns + 3;
+        std::vector<double> out(static_cast<std::size_t>(rows * stride), 77.0);
+        std::vector<double> expected = out;
+        double sum = 0.0;
+        for (std::size_t k = 0; k < count; ++k) {
+          const int column = static_cast<int>(k) % ambient_size;
+          if (column < columns) {
+            expected[k / static_cast<std::size_t>(ambient_size) * static_cast<std::size_t>(stride) +
+                     static_cast<std::size_t>(column)] = J[k];
+          }
+          sum += std::fabs(J[k]);
+        }
+        if (copy == nullptr) {
+          continue;
+        }
+        const double actual = copy(ambient_size, columns, J.data(), rows, out.data(), stride);
+        EXPECT_EQ(out, expected) << ambient_size << " to " << columns;
+        EXPECT_GE(actual, sum * (1.0 - 1e-14));
+        EXPECT_LE(actual, 2.0 * sum);
+        for (std::size_t k = 0; k < count; ++k) {
+          const double entry = std::exchange(J[k], std::nan(""));
+          EXPECT_TRUE(std::isnan(copy(ambient_size, columns, J.data(), rows, out.data(), stride))) << "entry " << k;
+          J[k] = entry;
+        }
+      }
+    }
+  }
+  EXPECT_NE(kernels().find_copy(7, 6), nullptr);
+}
+
+TEST_P(RowKernels, ScaleTheSlotsThatHaveAnOffset) {
+  constexpr int kRows = 2;
+  const int sizes[3] = {9, 3, 6};
+  const std::int32_t offsets[3] = {4, -1, 0};
+  std::vector<AlignedVector<double>> storage;
+  std::vector<SlotJacobians> jacobians;
+  for (const int size : sizes) {
+    storage.push_back(PaddedRows(3 * kRows, size));
+    jacobians.push_back({storage.back().data(), std::ptrdiff_t{kRows} * PadToQuad(size), PadToQuad(size), size});
+  }
+  std::vector<AlignedVector<double>> expected = storage;
+  for (const std::size_t s : {0, 2}) {
+    for (std::ptrdiff_t k = jacobians[s].factor_stride; k < 2 * jacobians[s].factor_stride; ++k) {
+      expected[s][static_cast<std::size_t>(k)] *= 0.3;
+    }
+  }
+  kernels().scale_factor(jacobians.data(), 3, 1, offsets, 0.3);
+  EXPECT_EQ(storage, expected);
 }
 
 TEST_P(RowKernels, NoFactorsYieldZero) {

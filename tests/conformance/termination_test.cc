@@ -4,6 +4,7 @@
 
 #include "conformance/support.h"
 #include "support/ceres_manifolds.h"
+#include "support/cholmod_memory.h"
 
 namespace conformance {
 namespace {
@@ -183,6 +184,48 @@ TEST(Termination34, invalid_steps) {
       "Number of consecutive invalid steps more than Solver::Options::max_num_consecutive_invalid_steps: 5";
   ExpectEnd(outcome, ceres::FAILURE, message);
   EXPECT_EQ(outcome.summary.message, message);
+}
+
+// CHOLMOD gets no memory from the end of iteration 0 on. Ours has asked it for the last time by then: it goes on.
+TEST(Termination34, fatal_linear_solver_error) {
+  for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
+    World world;  // a chain, and long: a sparse factorisation is right for it
+    for (int i = 0; i < 100; ++i) {
+      double* x = world.Add(std::vector<double>(6, 0.1 * i));
+      world.problem.AddResidualBlock(Target(std::vector<double>(6, 1.0)), nullptr, x);
+      if (i > 0) {
+        world.problem.AddResidualBlock(Coupled(6, {6, 6}, i), nullptr, world.blocks[static_cast<std::size_t>(i - 1)].data(), x);
+      }
+    }
+    const auto start = world.blocks;
+    inceres::test::CholmodMemory memory;
+    if (!memory.IsReachable()) {
+      GTEST_SKIP() << "this SuiteSparse does not let its allocator be replaced";
+    }
+    Callback callback([&](const ceres::IterationSummary&) {
+      memory.Deny();
+      return ceres::SOLVER_CONTINUE;
+    });
+    Options options;
+    options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    options.trust_region_strategy_type = strategy;
+    options.callbacks.push_back(&callback);
+    const Outcome outcome = Solve(options, &world.problem);
+    memory.Grant();
+    if (ThisRun() == Way::kActive) {
+      ExpectEnd(outcome, ceres::CONVERGENCE, "");
+      continue;
+    }
+    const std::string message =
+        "Linear solver failed due to unrecoverable non-numeric causes. Please see the error log for clues. ";
+    ExpectEnd(outcome, ceres::FAILURE, message);
+    EXPECT_EQ(outcome.summary.message, message);
+    EXPECT_EQ(outcome.summary.iterations.size(), 1u);
+    EXPECT_EQ(outcome.summary.num_successful_steps, 1);
+    EXPECT_EQ(outcome.summary.num_unsuccessful_steps, 0);
+    EXPECT_EQ(outcome.summary.num_linear_solves, 1);
+    EXPECT_EQ(world.blocks, start);
+  }
 }
 
 TEST(Termination34, user_success_and_user_failure) {

@@ -1,7 +1,11 @@
 // The drop-in from outside: a program that knows only Ceres, run bare and with the drop-in in front of Ceres.
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
+#include <optional>
 #include <regex>
 #include <set>
 #include <sstream>
@@ -9,6 +13,7 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include "dropin/run_program.h"
 #include "support/temp_dir.h"
@@ -27,6 +32,12 @@ ProgramRun Bare(const std::string& way) {
 
 ProgramRun Preloaded(const std::string& way, const std::string& environment = "") {
   return RunProgram(INCERES_PLAIN_PROGRAM, way, "LD_PRELOAD=" INCERES_DROPIN " " + environment);
+}
+
+// As a plugin of a program that has no Ceres. `scope`: as plugin_host.cc has it.
+ProgramRun AsPlugin(const std::string& plugin, const std::string& way, const std::string& environment = "",
+                    const std::string& scope = "local") {
+  return RunProgram(INCERES_PLUGIN_HOST, plugin + " " + scope + " " + way, environment);
 }
 
 int NumSolved(const ProgramRun& run) {
@@ -126,6 +137,55 @@ TEST_P(EveryWay, WrappedStaticCeresSolvesAsStockDoes) {
   }
 }
 
+// Among what the loader looks through for a plugin, the program and what was preloaded into it come first.
+TEST_P(EveryWay, PluginIsCaughtWhereTheProgramIsPreloaded) {
+  const ProgramRun stock = AsPlugin(INCERES_PLAIN_PLUGIN, GetParam());
+  ASSERT_EQ(stock.exit_code, 0) << stock.err;
+  EXPECT_EQ(WithoutTimes(stock.out), WithoutTimes(Bare(GetParam()).out));
+  EXPECT_EQ(NumSolved(stock), -1);
+  const ProgramRun ours = AsPlugin(INCERES_PLAIN_PLUGIN, GetParam(), "LD_PRELOAD=" INCERES_DROPIN);
+  ASSERT_EQ(ours.exit_code, 0) << ours.err;
+  EXPECT_EQ(WithoutTimes(ours.out), WithoutTimes(Preloaded(GetParam()).out));
+  EXPECT_EQ(NumSolved(ours), NumSolved(Preloaded(GetParam()))) << ours.err;
+}
+
+// Nothing is preloaded: the drop-in, and Ceres behind it, are known to the plugin alone.
+TEST_P(EveryWay, PluginLinkedInCeresPlaceSolvesAsStockDoes) {
+  const ProgramRun ours = AsPlugin(INCERES_LINKED_PLUGIN, GetParam());
+  ASSERT_EQ(ours.exit_code, 0) << ours.err;
+  EXPECT_EQ(WithoutTimes(ours.out), WithoutTimes(Preloaded(GetParam()).out));
+  EXPECT_EQ(NumSolved(ours), NumSolved(Preloaded(GetParam()))) << ours.err;
+}
+
+// RTLD_DEEPBIND: the plugin makes its Problem in its own Ceres, past us. When Ceres then passes the solve to us we know nothing
+// of that Problem; solved by the member function it does not come to us at all. A Problem of the C interface is made inside
+// Ceres, which is bound to us.
+TEST_P(EveryWay, PluginBoundToItsOwnCeresFirstIsStocks) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "the sanitizers forbid RTLD_DEEPBIND";
+#endif
+  const ProgramRun run = AsPlugin(INCERES_PLAIN_PLUGIN, GetParam(), "LD_PRELOAD=" INCERES_DROPIN, "deep");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  if (GetParam() == "c_api") {
+    EXPECT_EQ(NumSolved(run), 1) << run.err;
+  } else {
+    EXPECT_EQ(WithoutTimes(run.out), WithoutTimes(Bare(GetParam()).out));
+    EXPECT_EQ(NumSolved(run), 0) << run.err;
+    const bool comes_to_us = CountOf(run.err, "handed to stock Ceres: the problem's constructor was not seen") > 0;
+    EXPECT_EQ(comes_to_us, GetParam() != "member") << run.err;
+  }
+}
+
+TEST_P(EveryWay, PluginWithAStaticCeresInsideIsNotSeen) {
+  if (INCERES_CERES_IS_STATIC == 0) {
+    GTEST_SKIP() << "Ceres::ceres is shared here";
+  }
+  const ProgramRun stock = AsPlugin(INCERES_STATIC_PLUGIN, GetParam(), "LD_PRELOAD=" INCERES_DROPIN);
+  ASSERT_EQ(stock.exit_code, 0) << stock.err;
+  EXPECT_EQ(WithoutTimes(stock.out), WithoutTimes(Bare(GetParam()).out));
+  EXPECT_EQ(stock.err, "inceres solved 0 times\n");
+}
+
 TEST_P(EveryWay, StockModeIsIdenticalToStock) {
   const ProgramRun stock = Bare(GetParam());
   for (const ProgramRun& run :
@@ -220,6 +280,52 @@ TEST(Dropin, AnotherCeresIsPassedThroughUnread) {
         other_soname ? "SONAME " INCERES_FOREIGN_SONAME : INCERES_FOREIGN_FUNCTIONS ", so it is not Ceres " INCERES_CERES_RELEASE;
     EXPECT_NE(ours.err.find("(" + reason + ")"), std::string::npos) << ours.err;
   }
+}
+
+// A group other than that of this process which it may give its files to.
+std::optional<gid_t> AnotherGroup() {
+  constexpr gid_t kNobody = 65534;
+  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, getgroups(0, nullptr))));
+  groups.resize(static_cast<std::size_t>(std::max(0, getgroups(static_cast<int>(groups.size()), groups.data()))));
+  if (geteuid() == 0) {
+    groups.push_back(kNobody);
+  }
+  const auto other = std::find_if(groups.begin(), groups.end(), [](gid_t group) { return group != getgid(); });
+  return other == groups.end() ? std::nullopt : std::optional<gid_t>(*other);
+}
+
+// A program that runs with rights its user has not: the loader ignores LD_PRELOAD there, and a drop-in it is linked with must not
+// do what the environment asks, which could be to write to any file.
+TEST(Dropin, WithAnothersRightsTheEnvironmentIsIgnored) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "the sanitizers need what such a program is refused";
+#endif
+  const std::optional<gid_t> group = AnotherGroup();
+  if (!group) {
+    GTEST_SKIP() << "who runs this test is in one group only, so no program of his can be setgid";
+  }
+  const test::TempDir folder;
+  const auto setgid = [&](const std::string& program) {
+    const std::string copy = folder.File(std::filesystem::path(program).filename());
+    std::filesystem::copy_file(program, copy);
+    EXPECT_EQ(chown(copy.c_str(), static_cast<uid_t>(-1), *group), 0);
+    EXPECT_EQ(chmod(copy.c_str(), 02755), 0);
+    return copy;
+  };
+  const std::string plain = setgid(INCERES_PLAIN_PROGRAM);
+  if (!RunProgram(plain, "free", "LD_PRELOAD=/not/there.so").err.empty()) {
+    GTEST_SKIP() << "setgid has no effect here: the loader still looks at LD_PRELOAD";
+  }
+  const ProgramRun preloaded = RunProgram(plain, "free", "LD_PRELOAD=" INCERES_DROPIN);
+  EXPECT_EQ(preloaded.exit_code, 0);
+  EXPECT_EQ(preloaded.out, Bare("free").out);
+  EXPECT_EQ(preloaded.err, "");
+
+  const std::string log = folder.File("ab.jsonl");
+  const ProgramRun linked = RunProgram(setgid(INCERES_LINKED_PROGRAM), "free", "INCERES_MODE=stock INCERES_AB_LOG=" + log);
+  EXPECT_EQ(linked.exit_code, 0) << linked.err;
+  EXPECT_EQ(NumSolved(linked), 1) << linked.err;
+  EXPECT_FALSE(std::filesystem::exists(log));
 }
 
 std::set<std::string> DefinedSymbols(const std::string& library) {

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include <ceres/version.h>
 #include <gtest/gtest.h>
 
 #include "integration/problems.h"
@@ -14,7 +15,8 @@ namespace inceres::test {
 namespace {
 
 // Where these do not hold, a difference between two solvers says nothing about either.
-constexpr double kStockAgreesWithItself = 1e-10;
+// (Stock's two ways through M3500 by Dog-Leg: up to 9e-11 apart with 2.1, 4e-10 with 2.2.)
+constexpr double kStockAgreesWithItself = 100 * CERES_VERSION_MAJOR + CERES_VERSION_MINOR >= 202 ? 5e-10 : 1e-10;
 constexpr double kLeastChange = 1e-9;
 constexpr double kLeastThresholdDistance = 1e-5;
 constexpr std::size_t kLeastIterations = 4;  // the start included

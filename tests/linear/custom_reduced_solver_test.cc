@@ -125,6 +125,8 @@ TEST(CustomReducedSolver, SingularIsAnInvalidStepOtherErrorsAreFatal) {
   summary = SolveCounting(&record, &bundle->graph());
   EXPECT_EQ(summary.termination, Termination::kFailure);
   EXPECT_EQ(record.num_factorizations, 1);
+  EXPECT_EQ(summary.message,
+            "Linear solver failed due to unrecoverable non-numeric causes. Please see the error log for clues. ");
   EXPECT_EQ(summary.detail, "the GPU is gone");
   EXPECT_EQ(bundle->graph().state(), state);
 }

@@ -18,7 +18,7 @@ constexpr LiveReducedSolver::Truncation kExact;
 
 class LiveReducedSolverLaws : public testing::TestWithParam<Kind> {
  protected:
-  LiveReducedSolverLaws() : solver_(MakeLiveReducedSolver(GetParam(), {1e-12, 1000}, executor_)) {}
+  LiveReducedSolverLaws() : solver_(MakeLiveReducedSolver(GetParam(), nullptr, {1e-12, 1000}, executor_)) {}
 
   Status Update(GrowingSystem* system, const LiveReducedSolver::Change& change, int first_b) {
     const Status status = solver_->Factorize(system->S, system->damping.data(), system->held.data(), change);
@@ -42,7 +42,7 @@ class LiveReducedSolverLaws : public testing::TestWithParam<Kind> {
 TEST_P(LiveReducedSolverLaws, AgreesWithADenseOracleUnderRandomChanges) {
   for (unsigned seed = 0; seed < 6; ++seed) {
     GrowingSystem system(seed);
-    solver_ = MakeLiveReducedSolver(GetParam(), {1e-12, 1000}, executor_);
+    solver_ = MakeLiveReducedSolver(GetParam(), nullptr, {1e-12, 1000}, executor_);
     for (int step = 0; step < 40; ++step) {
       const RandomChange edit(&system, /*may_hold=*/true);
       const Status status = Update(&system, edit.change, edit.first_b);
@@ -69,7 +69,7 @@ TEST_P(LiveReducedSolverLaws, TheSameCallsGiveTheSameBits) {
   std::vector<double> results[2];
   for (std::vector<double>& result : results) {
     GrowingSystem system(5);
-    solver_ = MakeLiveReducedSolver(GetParam(), {}, executor_);
+    solver_ = MakeLiveReducedSolver(GetParam(), nullptr, {}, executor_);
     for (int step = 0; step < 30; ++step) {
       const RandomChange edit(&system, /*may_hold=*/true);
       ASSERT_TRUE(Update(&system, edit.change, edit.first_b).ok());

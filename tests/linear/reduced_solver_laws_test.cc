@@ -147,10 +147,10 @@ TEST_P(ReducedSolverLaws, HasAName) {
 
 INSTANTIATE_TEST_SUITE_P(
     Solvers, ReducedSolverLaws,
-    testing::Values(SolverCase{"DenseCholesky",
-                               [](const Executor& executor) { return std::make_unique<DenseCholesky>(executor); }},
-                    SolverCase{"SparseCholesky", [](const Executor&) { return std::make_unique<SparseCholesky>(); }},
-                    SolverCase{"EigenLdlt", [](const Executor&) { return std::make_unique<EigenLdltSolver>(); }}),
+    testing::Values(
+        SolverCase{"DenseCholesky", [](const Executor& executor) { return std::make_unique<DenseCholesky>(executor); }},
+        SolverCase{"SparseCholesky", [](const Executor& executor) { return std::make_unique<SparseCholesky>(executor); }},
+        SolverCase{"EigenLdlt", [](const Executor&) { return std::make_unique<EigenLdltSolver>(); }}),
     [](const auto& instance) { return instance.param.name; });
 
 }  // namespace

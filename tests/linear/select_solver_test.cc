@@ -38,12 +38,11 @@ TEST_F(SelectSolver, AutomaticIsDenseForFullSystems) {
 }
 
 TEST_F(SelectSolver, AutomaticIsSparseForLongBands) {
-  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(1000, Fill::kBand).pattern).substr(0, 7), "CHOLMOD");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(1000, Fill::kBand).pattern).substr(0, 15), "sparse Cholesky");
 }
 
-// Poses that share landmarks over ten frames, speeds and biases that know their neighbours in time: far from full, but the dense
-// factor leaves out what stays zero.
-TEST_F(SelectSolver, AutomaticIsDenseForAWindowOfInertialFrames) {
+// Poses that share landmarks over ten frames, speeds and biases that know their neighbours in time: far from full.
+TEST_F(SelectSolver, AutomaticIsSparseForAWindowOfInertialFrames) {
   constexpr int kFrames = 50;
   std::vector<int> sizes;
   std::set<std::pair<int, int>> coupled;
@@ -60,13 +59,13 @@ TEST_F(SelectSolver, AutomaticIsDenseForAWindowOfInertialFrames) {
       coupled.insert({{pose, speed_bias - 2}, {speed_bias, pose - 2}, {speed_bias, speed_bias - 2}});
     }
   }
-  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, RandomSystem(sizes, coupled).pattern), "dense Cholesky");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, RandomSystem(sizes, coupled).pattern).substr(0, 15), "sparse Cholesky");
 }
 
 TEST_F(SelectSolver, AutomaticInexactIteratesWhereFactoringWouldTakeLonger) {
   const auto kind = ReducedSolverKind::kAutomaticInexact;
   EXPECT_EQ(NameFor(kind, Blocks(20, Fill::kBand).pattern), "dense Cholesky");
-  EXPECT_EQ(NameFor(kind, Blocks(1000, Fill::kBand).pattern).substr(0, 7), "CHOLMOD");
+  EXPECT_EQ(NameFor(kind, Blocks(1000, Fill::kBand).pattern).substr(0, 15), "sparse Cholesky");
   EXPECT_EQ(NameFor(kind, Blocks(400, Fill::kDense).pattern).substr(0, 3), "PCG");
   EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(400, Fill::kDense).pattern), "dense Cholesky");
 }
@@ -86,7 +85,7 @@ TEST_F(SelectSolver, PcgIsReadyToFactorize) {
 TEST_F(SelectSolver, AWishIsGranted) {
   EXPECT_EQ(NameFor(ReducedSolverKind::kDense, Blocks(100, Fill::kBand).pattern), "dense Cholesky");
   EXPECT_EQ(NameFor(ReducedSolverKind::kPcg, Blocks(3, Fill::kDense).pattern).substr(0, 3), "PCG");
-  EXPECT_EQ(NameFor(ReducedSolverKind::kSparse, Blocks(3, Fill::kDense).pattern).substr(0, 7), "CHOLMOD");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kSparse, Blocks(3, Fill::kDense).pattern).substr(0, 15), "sparse Cholesky");
 }
 
 TEST_F(SelectSolver, TheFactoryGoesBeforeEveryKind) {

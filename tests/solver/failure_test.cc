@@ -7,6 +7,7 @@
 
 #include "inceres/solver/solver.h"
 #include "linear/eigen_ldlt_solver.h"
+#include "support/cholmod_memory.h"
 #include "support/classic_problems.h"
 #include "support/dense_oracle.h"
 #include "support/random_graph.h"
@@ -313,6 +314,32 @@ TEST(NotFinite, OverflowingCostEndsWithoutMoving) {
   const Summary summary = Solve(SolverOptions(), &graph);
   EXPECT_NE(summary.termination, Termination::kNoConvergence) << summary.message;
   EXPECT_EQ(graph.state()[0], 1.0);
+}
+
+// A path long enough for the sparse factorisation, whose order is CHOLMOD's.
+TEST(OutOfMemory, BeforeTheFirstIterationNothingHasHappened) {
+  test::RandomGraph path(1);
+  VariableId last = path.AddFrame(6);
+  path.Connect(6, {last});
+  for (int k = 1; k < 100; ++k) {
+    const VariableId next = path.AddFrame(6);
+    path.Connect(6, {last, next});
+    last = next;
+  }
+  path.Perturb(0.1);
+  const std::vector<double> start = path.graph().state();
+  test::CholmodMemory memory;
+  if (!memory.IsReachable()) {
+    GTEST_SKIP() << "this SuiteSparse does not let its allocator be replaced";
+  }
+  memory.Deny();
+  const Summary summary = Solve(SolverOptions(), &path.graph());
+  memory.Grant();
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_NE(summary.message.find("out of memory"), std::string::npos) << summary.message;
+  EXPECT_TRUE(summary.iterations.empty());
+  EXPECT_EQ(path.graph().state(), start);
+  EXPECT_TRUE(Solve(SolverOptions(), &path.graph()).IsSolutionUsable());
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "inceres/graph/losses.h"
+#include "linear/eigen_ldlt_solver.h"
 #include "solver/living_bundle.h"
 
 namespace inceres {
@@ -63,6 +64,77 @@ INSTANTIATE_TEST_SUITE_P(Kinds, IncrementalReducedSolvers,
                                          IncrementalReducedSolver::kDense, IncrementalReducedSolver::kSparse,
                                          IncrementalReducedSolver::kPcg),
                          NameOf);
+
+IncrementalOptions OptionsWith(const ReducedSolverFactory& factory) {
+  IncrementalOptions options;
+  options.function_tolerance = 1e-9;
+  options.max_num_iterations = 200;
+  options.batch_share = 1.0;
+  options.reduced_solver_factory = factory;
+  return options;
+}
+
+TEST(IncrementalReducedSolverFactory, EndsAtTheBatchMinimumAsEditsComeAndGo) {
+  int num_made = 0;
+  LivingBundle bundle(OptionsWith([&num_made] {
+                        ++num_made;
+                        return std::make_unique<EigenLdltSolver>();
+                      }),
+                      11);
+  for (int round = 0; round < 3; ++round) {
+    bundle.Grow(4, 25, 3);
+    bundle.SetConstant(bundle.frames()[1], round == 1);
+    bundle.Apply();
+    const UpdateSummary summary = bundle.solver.Update();
+    EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+    const double minimum = bundle.SolveInBatch(true).final_cost;
+    EXPECT_LE(summary.final_cost - minimum, 1e-6 * minimum) << round;
+  }
+  EXPECT_EQ(num_made, 1);
+}
+
+TEST(IncrementalReducedSolverFactory, ServesTheBatchSolverToo) {
+  int num_made = 0;
+  IncrementalOptions options = OptionsWith([&num_made] {
+    ++num_made;
+    return std::make_unique<EigenLdltSolver>();
+  });
+  options.batch_share = 0.0;
+  LivingBundle bundle(options, 11);
+  bundle.Grow(4, 25, 3);
+  EXPECT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
+  EXPECT_EQ(num_made, 1);
+}
+
+// Broken for good, which more damping would not mend.
+class BrokenSolver final : public ReducedSolver {
+ public:
+  const char* Name() const override { return "broken"; }
+  Status Analyze(const BlockPattern& /*pattern*/) override { return Status::Ok(); }
+  Status Factorize(const double* /*values*/, const double* /*diagonal*/) override {
+    return Status::Error(StatusCode::kUnavailable, "no device");
+  }
+  Status Solve(const double* /*b*/, double* /*x*/) override { return Status::Ok(); }
+};
+
+TEST(IncrementalReducedSolverFactory, WhatIsNotSingularEndsTheUpdateAndTheStateIsKept) {
+  LivingBundle bundle(OptionsWith([] { return std::make_unique<BrokenSolver>(); }), 11);
+  bundle.Grow(4, 25, 3);
+  const std::vector<double> before = bundle.solver.graph().state();
+  const UpdateSummary summary = bundle.solver.Update();
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_EQ(summary.message, "no device");
+  EXPECT_EQ(summary.num_iterations, 1);
+  EXPECT_EQ(bundle.solver.graph().state(), before);
+}
+
+TEST(IncrementalReducedSolverFactory, OneThatReturnsNullIsNamed) {
+  LivingBundle bundle(OptionsWith([] { return std::unique_ptr<ReducedSolver>(); }), 11);
+  bundle.Grow(4, 25, 3);
+  const UpdateSummary summary = bundle.solver.Update();
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_EQ(summary.message, "IncrementalOptions::reduced_solver_factory returned null");
+}
 
 }  // namespace
 }  // namespace inceres

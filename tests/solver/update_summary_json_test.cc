@@ -32,6 +32,7 @@ UpdateSummary Numbered() {
         &s.num_rebuilds, &s.num_drifted_frames, &s.num_parked_landmarks}) {
     *field = count++;
   }
+  s.batch_stages.elimination = 77.5;
   s.num_evaluated_factors = 5000000001;
   s.bytes = 5000000002;
   s.iterations.resize(2);
@@ -69,10 +70,10 @@ constexpr const char* kRowReals[] = {"cost",      "cost_change",       "predicte
 constexpr const char* kRowCounts[] = {"iteration", "num_moved_frames", "num_visited_landmarks", "num_relinearised_factors",
                                       "num_linear_solver_iterations"};
 
-// What the struct holds beside the fields in the lists is a termination, a message, two 64-bit counts and the trace.
+// What the struct holds beside the fields in the lists is a termination, a message, two 64-bit counts, stages and the trace.
 TEST(UpdateSummaryJson, IsTestedForEveryField) {
-  EXPECT_EQ(sizeof(UpdateSummary),
-            sizeof(std::string) + sizeof(std::vector<UpdateIteration>) + 8 * (1 + std::size(kReals) + std::size(kCounts) / 2 + 2))
+  EXPECT_EQ(sizeof(UpdateSummary), sizeof(std::string) + sizeof(std::vector<UpdateIteration>) + sizeof(StageSeconds) +
+                                       8 * (1 + std::size(kReals) + std::size(kCounts) / 2 + 2))
       << "a field came or went: name it in the lists above and in ToJson";
   // A step with three flags fills eight bytes with the first count, and so does the last count alone; in between are three.
   EXPECT_EQ(sizeof(UpdateIteration), 8 * (std::size(kRowReals) + 2 + 2 + 1 + 1)) << "the same for a row of the trace";
@@ -96,7 +97,8 @@ TEST(UpdateSummaryJson, HoldsEveryField) {
   }
   EXPECT_EQ(json["num_evaluated_factors"].get<std::int64_t>(), 5000000001);
   EXPECT_EQ(json["bytes"].get<std::int64_t>(), 5000000002);
-  EXPECT_EQ(json.size(), 2 + std::size(kReals) + std::size(kCounts) + 2 + 1);
+  EXPECT_EQ(json["batch_stages"]["elimination"].get<double>(), 77.5);
+  EXPECT_EQ(json.size(), 2 + std::size(kReals) + std::size(kCounts) + 2 + 1 + 1);
 }
 
 TEST(UpdateSummaryJson, HoldsEveryFieldOfTheTrace) {

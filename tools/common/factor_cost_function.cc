@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cstddef>
-#include <numeric>
+#include <iterator>
 #include <utility>
 
 #include "inceres/graph/manifolds.h"
@@ -11,24 +11,21 @@
 
 namespace inceres::tools {
 
-FactorCostFunction::FactorCostFunction(std::unique_ptr<const FactorFamily> family) : family_(std::move(family)) {
-  assert(family_->size() == 1 && family_->num_slots() <= kMaxSlots);
+namespace {
+
+constexpr int kLeadingColumns[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
+}  // namespace
+
+FactorCostFunction::FactorCostFunction(std::unique_ptr<const FactorFamily> family)
+    : family_(std::move(family)), num_slots_(family_->num_slots()) {
+  assert(family_->size() == 1 && num_slots_ <= kMaxSlots);
   set_num_residuals(family_->residual_size());
-  int largest = 0;
-  for (int s = 0; s < family_->num_slots(); ++s) {
-    largest = std::max(largest, family_->slot(s).tangent_size);
-  }
-  leading_columns_.resize(static_cast<std::size_t>(largest));
-  std::iota(leading_columns_.begin(), leading_columns_.end(), 0);
-  for (int s = 0; s < family_->num_slots(); ++s) {
+  for (int s = 0; s < num_slots_; ++s) {
     const FactorFamily::Slot& slot = family_->slot(s);
+    assert(slot.tangent_size == slot.ambient_size || slot.tangent_size <= static_cast<int>(std::size(kLeadingColumns)));
     mutable_parameter_block_sizes()->push_back(slot.ambient_size);
-    maps_[s].ambient_size = slot.ambient_size;
-    maps_[s].tangent_size = slot.tangent_size;
-    if (slot.tangent_size < slot.ambient_size) {
-      maps_[s].kind = TangentMap::Kind::kSelection;
-      maps_[s].selection = leading_columns_.data();
-    }
+    sizes_[s] = {static_cast<std::int16_t>(slot.ambient_size), static_cast<std::int16_t>(slot.tangent_size)};
   }
 }
 
@@ -40,17 +37,25 @@ bool FactorCostFunction::Evaluate(double const* const* parameters, double* resid
   if (jacobians == nullptr) {
     return !family_->Evaluate(batch).failed();
   }
-  static const TangentMap kConstant{TangentMap::Kind::kConstant, 0, 0, nullptr, nullptr};
-  const TangentMap* maps[kMaxSlots];
+  TangentMap maps[kMaxSlots];
+  const TangentMap* map_of_slot[kMaxSlots];
   JacobianView views[kMaxSlots];
-  for (int s = 0; s < family_->num_slots(); ++s) {
-    maps[s] = jacobians[s] == nullptr ? &kConstant : &maps_[s];
-    views[s] = {jacobians[s], 0, maps_[s].ambient_size};
-    if (jacobians[s] != nullptr && maps_[s].tangent_size < maps_[s].ambient_size) {
-      std::fill_n(jacobians[s], num_residuals() * maps_[s].ambient_size, 0.0);
+  for (int s = 0; s < num_slots_; ++s) {
+    const auto [ambient, tangent] = sizes_[s];
+    const bool is_part = tangent < ambient;
+    map_of_slot[s] = &maps[s];
+    views[s] = {jacobians[s], 0, ambient};
+    maps[s].ambient_size = ambient;
+    maps[s].tangent_size = tangent;
+    if (jacobians[s] == nullptr) {
+      maps[s].kind = TangentMap::Kind::kConstant;
+    } else if (is_part) {
+      maps[s].kind = TangentMap::Kind::kSelection;
+      maps[s].selection = kLeadingColumns;
+      std::fill_n(jacobians[s], num_residuals() * ambient, 0.0);
     }
   }
-  batch.tangent_maps = maps;
+  batch.tangent_maps = map_of_slot;
   batch.jacobians = views;
   return !family_->Evaluate(batch).failed();
 }

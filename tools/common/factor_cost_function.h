@@ -1,8 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <utility>
-#include <vector>
 
 #include <ceres/cost_function.h>
 #include <ceres/manifold.h>
@@ -24,10 +24,13 @@ class FactorCostFunction : public ceres::CostFunction {
 
  private:
   static constexpr int kMaxSlots = 4;
+  struct SlotSize {
+    std::int16_t ambient = 0, tangent = 0;
+  };
 
   std::unique_ptr<const FactorFamily> family_;
-  TangentMap maps_[kMaxSlots];        // of slots that are not constant
-  std::vector<int> leading_columns_;  // 0, 1, 2, …
+  int num_slots_;
+  SlotSize sizes_[kMaxSlots];  // here, because an evaluation waits for every other place it has to look at
 };
 
 /// A cost function of one factor with that measurement, of a Family made with these arguments. The caller owns it.

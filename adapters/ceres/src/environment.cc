@@ -116,7 +116,9 @@ Environment ReadEnvironment(const std::function<const char*(const char*)>& varia
 
 const Environment& TheEnvironment() {
   static const Environment kEnvironment = [] {
-    Environment read = ReadEnvironment([](const char* name) { return std::getenv(name); });
+    // Nothing where the program has rights that its user has not (setuid, setgid, capabilities): with them he could have a log
+    // written to any file.
+    Environment read = ReadEnvironment([](const char* name) -> const char* { return secure_getenv(name); });
     for (const std::string& complaint : read.complaints) {
       LOG(WARNING) << "inceres: " << complaint;
     }

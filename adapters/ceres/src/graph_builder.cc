@@ -81,6 +81,15 @@ class Builder {
   void SortByLandmark() {
     const std::size_t num_residuals = view_.residuals.size();
     landmark_slot_.assign(num_residuals, -1);
+    if (landmarks_.num_landmarks == 0) {
+      order_.reserve(num_residuals);
+      for (std::size_t r = 0; r < num_residuals; ++r) {
+        if (!view_.residuals[r].fixed) {
+          order_.push_back(static_cast<int>(r));
+        }
+      }
+      return;
+    }
     std::vector<int> bucket_of(num_residuals, -1);
     std::vector<int> next(At(landmarks_.num_landmarks) + 2, 0);
     for (std::size_t r = 0; r < num_residuals; ++r) {

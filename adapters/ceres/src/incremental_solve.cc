@@ -51,6 +51,12 @@ Summary ToSummary(const UpdateSummary& update, const Costs& costs, std::vector<I
   core.reduced_solver = "incremental";
   core.work.num_residual_evaluations = core.work.num_jacobian_evaluations = -1;  // there are no whole passes to count
   core.work.num_linear_solves = update.num_iterations;
+  core.seconds = update.batch_stages;
+  core.seconds.residuals += update.evaluate_seconds + update.landmark_seconds;
+  core.seconds.jacobians += update.linearise_seconds;
+  core.seconds.hessian += update.accept_seconds;  // gradients and right-hand sides
+  core.seconds.factorization += update.solve_seconds;
+  core.seconds.back_substitution += update.select_seconds;
   core.seconds.total = update.seconds;
   return core;
 }

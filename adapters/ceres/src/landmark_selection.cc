@@ -51,7 +51,7 @@ class Chooser {
   LandmarkSelection Run() {
     LandmarkSelection selection;
     selection.is_landmark.assign(view_.blocks.size(), 0);
-    if (MarkCandidates() == 0) {
+    if (NothingIsWorthIt() || MarkCandidates() == 0) {
       return selection;
     }
     FindKinds();
@@ -69,6 +69,9 @@ class Chooser {
   }
 
  private:
+  // The densest factorisation of all there is costs less than handling one landmark.
+  bool NothingIsWorthIt() const { return std::pow(view_.reduced.num_effective_parameters, 3) / 3.0 <= kHandling; }
+
   int MarkCandidates() {
     const int num_residuals = view_.reduced.num_residual_blocks;
     int count = 0;

@@ -9,8 +9,8 @@
 
 namespace inceres {
 
-/// The open interface for S δ = b. The built-in solvers (dense Cholesky, CHOLMOD) implement it; implement it to plug in your own
-/// and hand a factory to SolverOptions::reduced_solver_factory. See docs/reduced_solver.md for a worked example.
+/// The open interface for S δ = b. The built-in solvers (dense and sparse Cholesky, PCG) implement it; implement it to plug in
+/// your own and hand a factory to SolverOptions::reduced_solver_factory. See docs/reduced_solver.md for a worked example.
 ///
 /// Call order: Analyze once per pattern, then any number of Factorize, each followed by any number of Solve. One thread calls.
 class INCERES_EXPORT ReducedSolver {
@@ -33,9 +33,9 @@ class INCERES_EXPORT ReducedSolver {
 
 /// Which built-in solver takes the reduced system.
 enum class ReducedSolverKind {
-  kAutomatic,  ///< the cheaper of dense and sparse by predicted flops
+  kAutomatic,  ///< dense for small or full systems, else sparse
   kDense,      ///< dense Cholesky of our own
-  kSparse,     ///< CHOLMOD; AMD or nested dissection, whichever predicts fewer flops
+  kSparse,     ///< sparse Cholesky of our own, multifrontal, on as many threads as the solve has
   /// Conjugate gradients, preconditioned by the Cholesky factor of an earlier S, which is renewed when they take long. Steps are
   /// right to 1e-4 in the norm of the energy, the cost they promise to 1e-8: the iterations are Ceres's to that accuracy only,
   /// and there is nothing to gain where forming S costs more than factoring it.

@@ -14,7 +14,7 @@ enum class IncrementalReducedSolver {
   kAutomatic,  ///< by predicted flops, call by call: resumed while little has changed, dense or sparse when much has
   kResumed,    ///< envelope Cholesky, refactored only behind the first changed row
   kDense,      ///< dense Cholesky of our own, from scratch
-  kSparse,     ///< CHOLMOD, symbolic analysis kept while the pattern stands
+  kSparse,     ///< sparse Cholesky of our own, symbolic analysis kept while the pattern stands
   kPcg,        ///< preconditioned conjugate gradients that start from the last solution (ICE-BA)
 };
 
@@ -74,6 +74,10 @@ struct INCERES_EXPORT IncrementalOptions {
 
   RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;
   IncrementalReducedSolver reduced_solver = IncrementalReducedSolver::kAutomatic;
+  /// If set, makes the solver for S δ = b instead of a built-in one, for the batch solver too (docs/reduced_solver.md). It
+  /// factors all of S each time; Analyze is called again when a block or a frame came or went. Read by the constructor of
+  /// IncrementalSolver.
+  ReducedSolverFactory reduced_solver_factory;
 
   /// What is wrong with these options, the first culprit named.
   Status Validate() const;

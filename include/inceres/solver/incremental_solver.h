@@ -47,7 +47,7 @@ class INCERES_EXPORT IncrementalSolver {
   /// on; so best after one that converged. The next Update starts from where everything is.
   MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options);
 
-  /// Other options from the next Update on, but for num_threads and reduced_solver, which stay what they were.
+  /// Other options from the next Update on, but for num_threads, reduced_solver and its factory, which stay what they were.
   void SetOptions(const IncrementalOptions& options);
 
   /// Minimises from the current state. A failure names its factor or variable; what was changed since the last Update then takes

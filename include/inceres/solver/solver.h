@@ -60,8 +60,8 @@ class INCERES_EXPORT Solver {
 
   /// The same into a summary that has served before, whose memory is used again: a solve that finds its structure ready then
   /// asks for no memory at all (LM or traditional Dog-Leg; what the graph's families and observers do is theirs). Exempt,
-  /// because rare and set up anew each time: dense QR, the subspace Dog-Leg, inner iterations, line searches along bounds, the
-  /// text of an error; and the workspace that CHOLMOD takes for itself while it factors a large system.
+  /// because rare and set up anew each time: dense QR, the subspace Dog-Leg, inner iterations, line searches along bounds, and
+  /// the text of an error.
   void Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary);
 
   /// Whether a solve with these options would find its structure ready. Cost: a comparison, up to the first difference.

@@ -89,6 +89,7 @@ struct INCERES_EXPORT UpdateSummary {
   double landmark_seconds = 0.0;   ///< steps of landmarks alone
   double evaluate_seconds = 0.0;   ///< of candidates
   double accept_seconds = 0.0;     ///< residuals, gradients and right-hand sides
+  StageSeconds batch_stages;       ///< of batch_seconds
 
   std::vector<UpdateIteration> iterations;
 

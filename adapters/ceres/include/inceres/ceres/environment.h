@@ -15,7 +15,8 @@ namespace inceres {
 /// `keep=stock`, `cost=X`, `parameters=X`, `iterations=N`, `radius=X` (the tolerances of CrossCheckOptions), which asks for the
 /// check too | | `INCERES_AB_LOG` | a file for the A/B log |
 ///
-/// A value that is none of these is named in the log, once, and has no effect; the rest holds. Threads: safe.
+/// A value that is none of these is named in the log, once, and has no effect; the rest holds. In a program that runs with rights
+/// its user has not (setuid, setgid, capabilities) none is looked at. Threads: safe.
 INCERES_EXPORT SolveReport ReportFromEnvironment();
 
 }  // namespace inceres
