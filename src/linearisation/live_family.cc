@@ -256,6 +256,13 @@ void LiveFamily::Slope(int factor, double* slope, double* curvature) const {
   }
 }
 
+double LiveFamily::UnforeseenCost(int factor) const {
+  double slope = 0.0;
+  double curvature = 0.0;
+  Slope(factor, &slope, &curvature);
+  return states_[factor].candidate_cost - states_[factor].cost + slope - 0.5 * curvature;
+}
+
 void LiveFamily::SubtractGradient(const std::vector<std::int32_t>& factors, double* padded_rhs) const {
   kernels_->subtract_transposed(Rows(), factors.data(), static_cast<int>(factors.size()), q_.data(), padded_rhs);
 }

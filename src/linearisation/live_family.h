@@ -60,6 +60,8 @@ class LiveFamily {
   double PredictDecrease(const std::vector<std::int32_t>& factors, const double* padded_step);
   /// Of one factor, after PredictDecrease: −qᵀJδ and ‖Jδ‖².
   void Slope(int factor, double* slope, double* curvature) const;
+  /// Of one factor, after TryStep: by how much its cost rises more, or falls less, than its linearisation predicts.
+  double UnforeseenCost(int factor) const;
   /// padded_rhs −= Σ Jᵀq of the listed factors.
   void SubtractGradient(const std::vector<std::int32_t>& factors, double* padded_rhs) const;
   /// PredictDecrease of a step whose candidate was evaluated, with what accepting it does to the gradient, in one pass over the

@@ -39,17 +39,18 @@ void LiveSystem::Redamp(std::int32_t landmark) {
   }
 }
 
-// By difference a dirty factor is added twice, and its landmark goes out and in; anew, everything is added once.
+// By difference a dirty factor goes out and in, and with it its landmark; anew, everything goes in once.
 bool LiveSystem::RebuildIsCheaper() const {
-  std::int64_t difference = 0;
-  std::int64_t anew = num_factors_ + schur_.NumPairs();
+  double difference = 0.0;
+  const auto anew = static_cast<double>(num_factors_ + schur_.NumPairs());
   for (const LiveFamily& family : families_) {
     dirty_[family.id()].ForEach([&](std::int32_t i) {
-      difference += family.linearised(i) ? 1 : 0;
+      difference += family.linearised(i) ? 2.0 : 1.0;
       const std::int32_t landmark = schur_.LandmarkOfFactor({family.id(), i});
       if (landmark >= 0 && !dirty_landmarks_.Has(landmark)) {
-        // Each of its factors asks for a share of what taking it out costs.
-        difference += schur_.NumPairs(landmark) / static_cast<std::int64_t>(schur_.landmarks()[landmark].factors.size());
+        // Each of its factors asks for a share of what taking it out and putting it in costs.
+        difference += 2.0 * static_cast<double>(schur_.NumPairs(landmark)) /
+                      static_cast<double>(schur_.landmarks()[landmark].factors.size());
       }
     });
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "base/stopwatch.h"
 #include "linear/select_live_solver.h"
@@ -19,6 +20,10 @@ constexpr double kGoodRatio = 0.25;      // gain ratio below which the radius fa
 constexpr double kGrowRatio = 0.75;      // gain ratio above which the radius grows
 constexpr double kShortening = 0.1;      // of the step, when it is tried again
 constexpr int kMaxShortenings = 1;
+
+// A refused step is laid to the old Jacobians of the factor whose cost rose furthest above its prediction, and of those that come
+// up to this share of it.
+constexpr double kBlameShare = 0.1;
 
 // Weight of the gradient's error against that of the model in relinearisation_share.
 constexpr double kGradientShare = 10.0;
@@ -105,6 +110,7 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
   frames_moved_ = false;  // the frames first
   mostly_new_ = mostly_new;
   last_promise_ = 0.0;
+  blamed_few_ = false;
   if (!Relinearise()) {
     return;
   }
@@ -390,6 +396,7 @@ void IncrementalMinimizer::Accept(double gain_ratio) {
   summary_->num_updated_landmarks += system_.AcceptValues();
   MarkStale();
   frames_moved_ = true;
+  blamed_few_ = false;
   last_promise_ = trace_->row().shortened ? 0.0 : summary_->undone;
   last_gain_ratio_ = gain_ratio;
   TakeStepOff();
@@ -442,17 +449,32 @@ bool IncrementalMinimizer::RefreshAged() {
   return any;
 }
 
-// The step failed: with old Jacobians about it was perhaps their fault. True if any factor it touches had one.
+// The step failed: with old Jacobians about it was perhaps their fault. True if any are marked: those whose factors' costs rose
+// furthest above what was predicted of them, and all if the step before failed like this.
 bool IncrementalMinimizer::RefreshTouched() {
-  bool any = false;
-  for (const LiveFamily& family : system_.families()) {
-    for (const std::int32_t i : system_.Touched(family.id())) {
-      if (family.SquaredError(i) > kExact) {
-        system_.MarkDirty({family.id(), i});
-        any = true;
+  const auto for_each_old = [this](auto&& visit) {
+    for (const LiveFamily& family : system_.families()) {
+      for (const std::int32_t i : system_.Touched(family.id())) {
+        if (family.SquaredError(i) > kExact) {
+          visit(FactorRef{family.id(), i}, family.UnforeseenCost(i));
+        }
       }
     }
+  };
+  double blamed = -HUGE_VAL;
+  const bool evaluated = trace_->row().predicted_change > 0.0;
+  if (!std::exchange(blamed_few_, true) && evaluated) {
+    double worst = 0.0;
+    for_each_old([&worst](FactorRef /*factor*/, double unforeseen) { worst = std::max(worst, unforeseen); });
+    blamed = kBlameShare * worst;
   }
+  bool any = false;
+  for_each_old([&](FactorRef factor, double unforeseen) {
+    if (unforeseen > blamed) {
+      system_.MarkDirty(factor);
+      any = true;
+    }
+  });
   return any;
 }
 

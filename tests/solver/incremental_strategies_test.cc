@@ -128,6 +128,21 @@ TEST(RebuildPolicy, SaysHowSFollows) {
   EXPECT_GE(rebuilds, iterations);
 }
 
+TEST(RebuildPolicy, WhenCheaperRebuildsAfterStepsOfAllAndNotForOneNewFactor) {
+  IncrementalOptions options;
+  options.batch_share = 1.0;
+  options.function_tolerance = 1e-9;
+  LivingBundle bundle(options, 4);
+  bundle.Grow(8, 60, 3);
+  EXPECT_GT(bundle.solver.Update().num_rebuilds, 0);
+  options.max_num_iterations = 0;
+  bundle.solver.SetOptions(options);
+  bundle.Grow(0, 1, 3);
+  const UpdateSummary one_landmark = bundle.solver.Update();
+  EXPECT_GT(one_landmark.num_relinearised_factors, 0);
+  EXPECT_EQ(one_landmark.num_rebuilds, 0);
+}
+
 // An outlier under a robust loss slides along a line, Gauss–Newton step by Gauss–Newton step; by itself the landmark gets there
 // in few steps of the frames.
 TEST(LandmarkPasses, BringOutliersHomeInFewerIterations) {
