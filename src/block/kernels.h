@@ -123,17 +123,22 @@ struct Contribution {
   int depth = 0;
 };
 
-/// Copies the first `columns` of J (rows × ambient_size, contiguous) to rows row_stride apart and returns the sum of the
-/// magnitudes of all its entries, some of them counted twice.
-using ColumnCopy = double (*)(int ambient_size, int columns, const double* J, int rows, double* out, int row_stride);
+/// What an entry of a Jacobian holds that nobody has written yet; a sum of magnitudes below a hundredth of it proves that none of
+/// them is such an entry, infinite or NaN.
+constexpr double kUnwrittenEntry = 1e302;
+
+/// Takes over a user's Jacobian J (rows × ambient_size, contiguous): copies its first `columns` to rows row_stride apart and
+/// fills J with kUnwrittenEntry. If the sum of the magnitudes of J does not prove its entries ordinary, J stays and the result is
+/// false.
+using ColumnTake = bool (*)(int ambient_size, int columns, double* J, int rows, double* out, int row_stride);
 
 /// The instruction-set-dependent inner loops. One table an instruction set; all give equal results up to rounding, and each
 /// gives the same bits whenever it is called with the same operands.
 struct Kernels {
   const char* name;
 
-  /// The copy for the sizes; null if there is none of them.
-  ColumnCopy (*find_copy)(int ambient_size, int columns);
+  /// For the sizes; null if there is none of them.
+  ColumnTake (*find_take)(int rows, int ambient_size, int columns);
   /// J_s := scale · J_s of one factor, padding included, for the slots with a tangent offset.
   void (*scale_factor)(const SlotJacobians* jacobians, int num_slots, int factor, const std::int32_t* tangent_offsets,
                        double scale);

@@ -9,12 +9,23 @@
 namespace inceres {
 namespace {
 
-double CopyAny(int ambient_size, int columns, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+static_assert(kUnwritten == internal::kUnwrittenEntry);
+
+void CopyColumns(int ambient_size, int columns, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
   for (int r = 0; r < num_rows; ++r) {
     std::copy_n(J_ambient + static_cast<std::ptrdiff_t>(r) * ambient_size, columns,
                 J_tangent + static_cast<std::ptrdiff_t>(r) * row_stride);
   }
-  return AreAllWritten(J_ambient, num_rows * ambient_size) ? 0.0 : kUnwritten;
+}
+
+bool TakeAny(int ambient_size, int columns, double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  const int count = num_rows * ambient_size;
+  if (!AreAllWritten(J_ambient, count)) {
+    return false;
+  }
+  CopyColumns(ambient_size, columns, J_ambient, num_rows, J_tangent, row_stride);
+  MarkUnwritten(J_ambient, count);
+  return true;
 }
 
 void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
@@ -68,7 +79,7 @@ void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, doub
   }
   int c = map.num_identity_columns;
   if (c > 0) {
-    internal::FindCopy(map.ambient_size, c)(map.ambient_size, c, J_ambient, num_rows, J_tangent, row_stride);
+    CopyColumns(map.ambient_size, c, J_ambient, num_rows, J_tangent, row_stride);
   }
   for (; c + 6 <= map.tangent_size; c += 6) {
     MultiplyColumns<6>(map, c, J_ambient, num_rows, J_tangent, row_stride);
@@ -83,9 +94,9 @@ void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, doub
 
 }  // namespace
 
-internal::CopyFunction internal::FindCopy(int ambient_size, int columns) {
-  const CopyFunction copy = BestKernels().find_copy(ambient_size, columns);
-  return copy != nullptr ? copy : CopyAny;
+internal::TakeFunction internal::FindTake(int num_rows, int ambient_size, int columns) {
+  const TakeFunction take = BestKernels().find_take(num_rows, ambient_size, columns);
+  return take != nullptr ? take : TakeAny;
 }
 
 bool AreAllWritten(const double* values, int count) {
@@ -108,8 +119,7 @@ bool AreAllWritten(const double* values, int count) {
 
 void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
   if (map.copies()) {
-    const internal::CopyFunction copy = internal::FindCopy(map.ambient_size, map.tangent_size);
-    copy(map.ambient_size, map.tangent_size, J_ambient, num_rows, J_tangent, row_stride);
+    CopyColumns(map.ambient_size, map.tangent_size, J_ambient, num_rows, J_tangent, row_stride);
     return;
   }
   switch (map.kind) {

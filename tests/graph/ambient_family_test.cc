@@ -1,8 +1,10 @@
 #include "inceres/graph/ambient_family.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
+#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -206,6 +208,121 @@ TEST_F(AmbientFamilyTest, NamesTheFactorAndTheFault) {
     EXPECT_NE(std::string(failure.reason).find(c.word), std::string::npos) << failure.reason;
   }
   EXPECT_FALSE(Evaluate(Fault::kNanJacobian, false).failed());  // a cost-only call asks for no Jacobian
+}
+
+// f = a x + b y of one row over x (size 2), a constant and y (1): Jacobians that may be written straight to their places.
+class RowFamily final : public AmbientFamily<RowFamily> {
+ public:
+  explicit RowFamily(Fault fault) : AmbientFamily(1, {{2, 2}, {1, 1}, {1, 1}}), fault_(fault) {}
+  int size() const override { return 5; }
+  const char* Name() const override { return "row"; }
+
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+    const bool broken = i == 2;
+    if (!(broken && fault_ == Fault::kForgottenResidual)) {
+      residuals[0] = broken && fault_ == Fault::kInfiniteResidual ? HUGE_VAL : i * parameters[0][0] + parameters[2][0];
+    }
+    if (jacobians != nullptr) {
+      EXPECT_EQ(jacobians[1], nullptr);
+      jacobians[0][0] = i;
+      if (!(broken && fault_ == Fault::kForgottenJacobian)) {
+        jacobians[0][1] = 0.5;
+      }
+      jacobians[2][0] = broken && fault_ == Fault::kNanJacobian ? std::nan("") : -1.0;
+    }
+    return !(broken && fault_ == Fault::kReturnsFalse) && !(i == 4 && fault_ != Fault::kNone);
+  }
+
+ private:
+  Fault fault_;
+};
+
+class RowFamilyTest : public testing::Test {
+ protected:
+  // Rows four apart of x and y side by side, or those of each by themselves; the maps of factor 3 are other objects or the same.
+  EvaluationFailure Evaluate(Fault fault, bool together, bool same_maps) {
+    J_.assign(40, kUntouched);
+    const JacobianView together_views[3] = {{J_.data(), 4, 4}, {J_.data(), 4, 4}, {J_.data() + 2, 4, 4}};
+    const JacobianView apart_views[3] = {{J_.data(), 4, 4}, {J_.data(), 4, 4}, {J_.data() + 20, 4, 4}};
+    const TangentMap maps[2][3] = {{Map(2), constant_, Map(1)}, {Map(2), constant_, Map(1)}};
+    std::vector<const TangentMap*> pointers;
+    std::vector<const double*> parameters;
+    for (int i = 0; i < 5; ++i) {
+      for (int s = 0; s < 3; ++s) {
+        pointers.push_back(&maps[i == 3 && !same_maps][s]);
+        parameters.push_back(values_);
+      }
+    }
+    return RowFamily(fault).Evaluate(
+        {1, 5, parameters.data(), pointers.data(), residuals_, together ? together_views : apart_views});
+  }
+
+  static TangentMap Map(int size) { return {TangentMap::Kind::kIdentity, size, size, nullptr, nullptr}; }
+
+  const TangentMap constant_{TangentMap::Kind::kConstant, 1, 0, nullptr, nullptr};
+  const double values_[2] = {3.0, 4.0};
+  double residuals_[5] = {};
+  std::vector<double> J_;
+};
+
+TEST_F(RowFamilyTest, WritesRows) {
+  for (const bool together : {false, true}) {
+    for (const bool same_maps : {false, true}) {
+      ASSERT_FALSE(Evaluate(Fault::kNone, together, same_maps).failed());
+      for (std::size_t i = 0; i < 5; ++i) {
+        const auto value = static_cast<double>(i);
+        EXPECT_EQ(residuals_[i], i == 0 ? 0.0 : 3.0 * value + 3.0);
+        const std::size_t y = together ? 4 * i + 2 : 20 + 4 * i;
+        EXPECT_EQ(J_[4 * i], i == 0 ? kUntouched : value);
+        EXPECT_EQ(J_[4 * i + 1], i == 0 ? kUntouched : 0.5);
+        EXPECT_EQ(J_[y], i == 0 ? kUntouched : -1.0);
+        EXPECT_EQ(J_[y + 1], kUntouched);
+      }
+    }
+  }
+}
+
+// Whatever a later factor does.
+TEST_F(RowFamilyTest, NamesTheFirstFactorAtFault) {
+  struct Case {
+    Fault fault;
+    const char* word;
+  };
+  for (const Case& c : {Case{Fault::kReturnsFalse, "false"}, Case{Fault::kForgottenResidual, "residual"},
+                        Case{Fault::kInfiniteResidual, "residual"}, Case{Fault::kForgottenJacobian, "Jacobian"},
+                        Case{Fault::kNanJacobian, "Jacobian"}}) {
+    for (const bool together : {false, true}) {
+      for (const bool same_maps : {false, true}) {
+        const EvaluationFailure failure = Evaluate(c.fault, together, same_maps);
+        EXPECT_EQ(failure.factor, 2);
+        EXPECT_NE(std::string(failure.reason).find(c.word), std::string::npos) << failure.reason;
+      }
+    }
+  }
+}
+
+// Entries whose sum proves nothing are looked at one by one.
+TEST(AmbientFamily, TakesLargeEntriesForWhatTheyAre) {
+  class LargeFamily final : public AmbientFamily<LargeFamily> {
+   public:
+    LargeFamily() : AmbientFamily(2, {{3, 3}}) {}
+    int size() const override { return 2; }
+    const char* Name() const override { return "large"; }
+    bool EvaluateOne(int, const double* const*, double* residuals, double** jacobians) const {
+      residuals[0] = residuals[1] = 1e301;
+      std::fill_n(jacobians[0], 6, -1e301);
+      return true;
+    }
+  };
+  const double x[3] = {};
+  const double* parameters[2] = {x, x};
+  const TangentMap identity{TangentMap::Kind::kIdentity, 3, 3, nullptr, nullptr};
+  const TangentMap* maps[2] = {&identity, &identity};
+  std::vector<double> residuals(4);
+  std::vector<double> J(12);
+  const JacobianView view = {J.data(), 6, 3};
+  ASSERT_FALSE(LargeFamily().Evaluate({0, 2, parameters, maps, residuals.data(), &view}).failed());
+  EXPECT_EQ(J, std::vector<double>(12, -1e301));
 }
 
 // More slots and larger Jacobians than the scratch on the stack holds.

@@ -13,14 +13,13 @@ namespace inceres {
 
 namespace internal {
 
-/// Copies the first `columns` of an ambient Jacobian (num_rows × ambient_size, contiguous) to rows row_stride apart and returns
-/// the sum of the magnitudes of all its entries: one pass is the product with M = [I; 0] and the proof that the entries are
-/// ordinary.
-using CopyFunction = double (*)(int ambient_size, int columns, const double* J_ambient, int num_rows, double* J_tangent,
-                                int row_stride);
+/// Takes over an ambient Jacobian (num_rows × ambient_size, contiguous): copies its first `columns` to rows row_stride apart, the
+/// product with M = [I; 0], and marks it as unwritten, for the next factor to write. False, and J_ambient as it was, if the sum
+/// of the magnitudes of its entries does not prove that they are ordinary.
+using TakeFunction = bool (*)(int ambient_size, int columns, double* J_ambient, int num_rows, double* J_tangent, int row_stride);
 
 /// The fastest for the sizes.
-INCERES_EXPORT CopyFunction FindCopy(int ambient_size, int columns);
+INCERES_EXPORT TakeFunction FindTake(int num_rows, int ambient_size, int columns);
 
 }  // namespace internal
 
@@ -89,23 +88,30 @@ class AmbientFamily : public FactorFamily {
   using FactorFamily::FactorFamily;
 
   EvaluationFailure Evaluate(const FactorBatch& batch) const override {
-    return batch.jacobians == nullptr ? EvaluateResiduals(batch) : EvaluateAndProject(batch);
+    if (batch.jacobians == nullptr) {
+      return EvaluateResiduals(batch);
+    }
+    return IsInPlace(batch) ? EvaluateInPlace(batch) : EvaluateAndProject(batch);
   }
 
  private:
-  // Ambient Jacobians of one factor, those of its variables one after the other, and what to do with each. Up to kInline doubles
+  static constexpr const char* kReturnedFalse = "the cost function returned false";
+  static constexpr const char* kBadResidual = "a residual is not finite or was not written";
+  static constexpr const char* kBadJacobian = "a Jacobian entry is not finite or was not written";
+  static constexpr std::size_t kInlineSlots = 16;
+
+  // Where the ambient Jacobians of one factor are written, always marked as unwritten when a factor begins. Up to kInline doubles
   // live on the stack: small factors allocate nothing.
   struct Scratch {
     static constexpr std::size_t kInline = 512;
-    static constexpr std::size_t kInlineSlots = 16;
     struct Slot {
+      double* values;
       int size;
-      internal::CopyFunction copy;
-      bool is_row;  // ambient and tangent Jacobian are one row of the same size
+      internal::TakeFunction take;
     };
 
-    explicit Scratch(const FactorFamily& family) : num_slots(family.num_slots()) {
-      const auto count = static_cast<std::size_t>(num_slots);
+    explicit Scratch(const FactorFamily& family) {
+      const auto count = static_cast<std::size_t>(family.num_slots());
       if (count > kInlineSlots) {
         heap_blocks.resize(count);
         heap_slots.resize(count);
@@ -113,118 +119,205 @@ class AmbientFamily : public FactorFamily {
         slots = heap_slots.data();
       }
       std::size_t size = 0;
-      for (int s = 0; s < num_slots; ++s) {
+      for (int s = 0; s < family.num_slots(); ++s) {
         const FactorFamily::Slot& slot = family.slot(s);
-        slots[s] = {family.residual_size() * slot.ambient_size, internal::FindCopy(slot.ambient_size, slot.tangent_size),
-                    family.residual_size() == 1 && slot.ambient_size == slot.tangent_size};
+        slots[s] = {nullptr, family.residual_size() * slot.ambient_size,
+                    internal::FindTake(family.residual_size(), slot.ambient_size, slot.tangent_size)};
         size += static_cast<std::size_t>(slots[s].size);
       }
       if (size > kInline) {
-        heap.reset(new double[size]);  // not make_unique: it is filled before every use
-        values = heap.get();
+        heap.reset(new double[size]);  // not make_unique: it is filled at once
+      }
+      double* next = size > kInline ? heap.get() : stack;
+      MarkUnwritten(next, static_cast<int>(size));
+      for (std::size_t s = 0; s < count; ++s) {
+        slots[s].values = next;
+        next += slots[s].size;
       }
     }
     Scratch(const Scratch&) = delete;
     Scratch& operator=(const Scratch&) = delete;
 
-    // Points each slot to where its ambient Jacobian goes and marks that as unwritten. What is the tangent one goes to its place.
-    void Prepare(int i, const TangentMap* const* maps, const JacobianView* views) {
-      int size = 0;
-      for (int s = 0; s < num_slots; ++s) {
-        const TangentMap::Kind kind = maps[s]->kind;
-        if (kind == TangentMap::Kind::kIdentity && slots[s].is_row) {
-          blocks[s] = views[s].data + i * views[s].factor_stride;
-          MarkUnwritten(blocks[s], slots[s].size);
-        } else {
-          // What is unwanted is asked for all the same: code that never met a constant may not look for a null pointer.
-          const bool constant = kind == TangentMap::Kind::kConstant;
-          blocks[s] = constant ? nullptr : values + size;
-          size += constant ? 0 : slots[s].size;
-        }
-      }
-      MarkUnwritten(values, size);
-    }
-
-    // Whether all that is wanted has been written and is finite.
-    bool IsWritten(const TangentMap* const* maps) const {
-      bool written = true;
-      for (int s = 0; s < num_slots; ++s) {
-        written = written && (!maps[s]->wanted() || AreAllWritten(blocks[s], slots[s].size));
-      }
-      return written;
-    }
-
-    int num_slots;
     double stack[kInline];
     double* stack_blocks[kInlineSlots];
     Slot stack_slots[kInlineSlots];
     std::unique_ptr<double[]> heap;
     std::vector<double*> heap_blocks;
     std::vector<Slot> heap_slots;
-    double* values = stack;
     double** blocks = stack_blocks;  // what the user's code sees
     Slot* slots = stack_slots;
   };
 
   EvaluationFailure EvaluateResiduals(const FactorBatch& batch) const {
-    const std::ptrdiff_t rows = residual_size();
-    const std::ptrdiff_t slots = num_slots();
-    for (std::ptrdiff_t i = batch.begin; i < batch.end; ++i) {
-      const auto factor = static_cast<int>(i);
-      if (const char* fault = EvaluateChecked(factor, batch.parameters + i * slots, batch.residuals + i * rows, nullptr)) {
-        return {factor, fault};
+    MarkResiduals(batch);
+    const double* const* parameters = Parameters(batch);
+    double* residuals = Residuals(batch);
+    const int num_slots = this->num_slots();
+    const int rows = residual_size();
+    for (int i = batch.begin; i < batch.end; ++i, parameters += num_slots, residuals += rows) {
+      if (!derived().EvaluateOne(i, parameters, residuals, nullptr)) {
+        return FirstFault(batch, i, {i, kReturnedFalse});
       }
     }
-    return {};
+    return FirstFault(batch, batch.end, {});
   }
 
   EvaluationFailure EvaluateAndProject(const FactorBatch& batch) const {
-    const std::ptrdiff_t rows = residual_size();
-    const std::ptrdiff_t slots = num_slots();
     Scratch scratch(*this);
-    for (std::ptrdiff_t i = batch.begin; i < batch.end; ++i) {
-      const auto factor = static_cast<int>(i);
-      const TangentMap* const* maps = batch.tangent_maps + i * slots;
-      scratch.Prepare(factor, maps, batch.jacobians);
-      const double* const* parameters = batch.parameters + i * slots;
-      const char* fault = EvaluateChecked(factor, parameters, batch.residuals + i * rows, scratch.blocks);
-      if (fault == nullptr && !Project(factor, maps, scratch, batch.jacobians)) {
-        fault = "a Jacobian entry is not finite or was not written";
+    MarkResiduals(batch);
+    const double* const* parameters = Parameters(batch);
+    double* residuals = Residuals(batch);
+    const TangentMap* const* maps = Maps(batch);
+    const int num_slots = this->num_slots();
+    const int rows = residual_size();
+    for (int i = batch.begin; i < batch.end; ++i, parameters += num_slots, residuals += rows, maps += num_slots) {
+      for (int s = 0; s < num_slots; ++s) {
+        // What is unwanted is asked for all the same: code that never met a constant may not look for a null pointer.
+        scratch.blocks[s] = maps[s]->kind == TangentMap::Kind::kConstant ? nullptr : scratch.slots[s].values;
       }
-      if (fault != nullptr) {
-        return {factor, fault};
+      if (!derived().EvaluateOne(i, parameters, residuals, scratch.blocks)) {
+        return FirstFault(batch, i, {i, kReturnedFalse});
+      }
+      for (int s = 0; s < num_slots; ++s) {
+        const JacobianView& view = batch.jacobians[s];
+        if (!TakeOver(*maps[s], scratch.slots[s], rows, view.data + i * view.factor_stride, view.row_stride)) {
+          return FirstFault(batch, i + 1, {i, kBadJacobian});
+        }
       }
     }
-    return {};
+    return FirstFault(batch, batch.end, {});
   }
 
-  // Null, or what is wrong.
-  const char* EvaluateChecked(int i, const double* const* parameters, double* residuals, double** jacobians) const {
-    MarkUnwritten(residuals, residual_size());
-    if (!static_cast<const Derived&>(*this).EvaluateOne(i, parameters, residuals, jacobians)) {
-      return "the cost function returned false";
+  // Whether all factors touch the same variables by Jacobians of one row that are their own tangent ones, as in curve fitting.
+  bool IsInPlace(const FactorBatch& batch) const {
+    const int num_slots = this->num_slots();
+    if (residual_size() != 1 || num_slots > static_cast<int>(kInlineSlots) || batch.begin == batch.end) {
+      return false;
     }
-    return AreWritten(residuals, residual_size()) ? nullptr : "a residual is not finite or was not written";
+    const TangentMap* const* maps = Maps(batch);
+    for (int s = 0; s < num_slots; ++s) {
+      if (maps[s]->kind != TangentMap::Kind::kIdentity && maps[s]->kind != TangentMap::Kind::kConstant) {
+        return false;
+      }
+    }
+    return std::equal(maps, maps + static_cast<std::ptrdiff_t>(batch.end - batch.begin - 1) * num_slots, maps + num_slots);
+  }
+
+  // Neighbouring entries of the rows of such Jacobians.
+  struct Run {
+    double* first;  // of the batch's first factor
+    std::ptrdiff_t stride;
+    int size;
+  };
+
+  // As few runs as cover all wanted Jacobians; returns their number.
+  int FindRuns(const FactorBatch& batch, Run* runs) const {
+    int num_runs = 0;
+    for (int s = 0; s < num_slots(); ++s) {
+      if (!Maps(batch)[s]->wanted()) {
+        continue;
+      }
+      const JacobianView& view = batch.jacobians[s];
+      const Run run = {view.data + batch.begin * view.factor_stride, view.factor_stride, slot(s).ambient_size};
+      Run* const last = num_runs > 0 ? &runs[num_runs - 1] : nullptr;
+      if (last != nullptr && last->first + last->size == run.first && last->stride == run.stride) {
+        last->size += run.size;
+      } else {
+        runs[num_runs++] = run;
+      }
+    }
+    return num_runs;
+  }
+
+  // Such Jacobians are written straight to their places.
+  EvaluationFailure EvaluateInPlace(const FactorBatch& batch) const {
+    const int num_slots = std::min(this->num_slots(), static_cast<int>(kInlineSlots));  // as IsInPlace has seen
+    double* blocks[kInlineSlots];
+    std::ptrdiff_t strides[kInlineSlots];
+    for (int s = 0; s < num_slots; ++s) {
+      const bool wanted = Maps(batch)[s]->wanted();
+      strides[s] = wanted ? batch.jacobians[s].factor_stride : 0;
+      blocks[s] = wanted ? batch.jacobians[s].data + batch.begin * strides[s] : nullptr;
+    }
+    Run runs[kInlineSlots];
+    const int num_runs = FindRuns(batch, runs);
+    for (const Run* run = runs; run != runs + num_runs; ++run) {
+      double* row = run->first;
+      for (int i = batch.begin; i < batch.end; ++i, row += run->stride) {
+        MarkUnwritten(row, run->size);
+      }
+    }
+    MarkResiduals(batch);
+    const double* const* parameters = Parameters(batch);
+    double* residual = Residuals(batch);
+    for (int i = batch.begin; i < batch.end; ++i, parameters += num_slots, ++residual) {
+      if (!derived().EvaluateOne(i, parameters, residual, blocks)) {
+        return FirstFaultInPlace(batch, runs, num_runs, i, {i, kReturnedFalse});
+      }
+      for (int s = 0; s < num_slots; ++s) {
+        blocks[s] += strides[s];
+      }
+    }
+    return FirstFaultInPlace(batch, runs, num_runs, batch.end, {});
+  }
+
+  // Of the batch's first factor.
+  const double* const* Parameters(const FactorBatch& batch) const {
+    return batch.parameters + static_cast<std::ptrdiff_t>(batch.begin) * num_slots();
+  }
+  const TangentMap* const* Maps(const FactorBatch& batch) const {
+    return batch.tangent_maps + static_cast<std::ptrdiff_t>(batch.begin) * num_slots();
+  }
+  double* Residuals(const FactorBatch& batch) const {
+    return batch.residuals + static_cast<std::ptrdiff_t>(batch.begin) * residual_size();
+  }
+  const Derived& derived() const { return static_cast<const Derived&>(*this); }
+
+  void MarkResiduals(const FactorBatch& batch) const {
+    MarkUnwritten(Residuals(batch), (batch.end - batch.begin) * residual_size());
+  }
+
+  // The first factor before `end` with a bad residual; without one `failure`, which is of a factor behind them.
+  EvaluationFailure FirstFault(const FactorBatch& batch, int end, EvaluationFailure failure) const {
+    const double* residuals = Residuals(batch);
+    if (AreAllWritten(residuals, (end - batch.begin) * residual_size())) {
+      return failure;
+    }
+    int i = batch.begin;
+    while (AreAllWritten(residuals, residual_size())) {
+      ++i;
+      residuals += residual_size();
+    }
+    return {i, kBadResidual};
+  }
+
+  EvaluationFailure FirstFaultInPlace(const FactorBatch& batch, const Run* runs, int num_runs, int end,
+                                      EvaluationFailure failure) const {
+    int first_bad = end;
+    for (const Run* run = runs; run != runs + num_runs; ++run) {
+      const double* row = run->first;
+      for (int i = batch.begin; i < first_bad; ++i, row += run->stride) {
+        if (!AreWritten(row, run->size)) {
+          first_bad = i;
+        }
+      }
+    }
+    return first_bad == end ? FirstFault(batch, end, failure) : FirstFault(batch, first_bad + 1, {first_bad, kBadJacobian});
   }
 
   // False if an entry of a Jacobian that is wanted is not finite or was not written.
-  bool Project(int i, const TangentMap* const* maps, const Scratch& scratch, const JacobianView* views) const {
-    double sum = 0.0;
-    for (int s = 0; s < scratch.num_slots; ++s) {
-      const TangentMap& map = *maps[s];
-      const double* J_ambient = scratch.blocks[s];
-      double* J_tangent = views[s].data + i * views[s].factor_stride;
-      if (map.copies() && J_ambient == J_tangent) {
-        sum += AreWritten(J_tangent, scratch.slots[s].size) ? 0.0 : kUnwritten;
-      } else if (map.copies()) {  // as most do
-        sum +=
-            scratch.slots[s].copy(map.ambient_size, map.tangent_size, J_ambient, residual_size(), J_tangent, views[s].row_stride);
-      } else if (map.wanted()) {
-        ProjectToTangentSpace(map, J_ambient, residual_size(), J_tangent, views[s].row_stride);
-        sum += AreAllWritten(J_ambient, scratch.slots[s].size) ? 0.0 : kUnwritten;
-      }
+  static bool TakeOver(const TangentMap& map, const typename Scratch::Slot& slot, int rows, double* J_tangent, int row_stride) {
+    if (map.copies() && slot.take(map.ambient_size, map.tangent_size, slot.values, rows, J_tangent, row_stride)) {
+      return true;  // as most do
     }
-    return AreOrdinary(sum) || scratch.IsWritten(maps);
+    if (map.wanted()) {
+      if (!AreAllWritten(slot.values, slot.size)) {
+        return false;
+      }
+      ProjectToTangentSpace(map, slot.values, rows, J_tangent, row_stride);
+    }
+    MarkUnwritten(slot.values, slot.size);
+    return true;
   }
 };
 
