@@ -9,44 +9,78 @@
 
 namespace inceres::internal {
 
-DenseModel::DenseModel(const Evaluator& evaluator)
-    : LinearModel(evaluator), size_(evaluator.layout().size()), stride_(PadToQuad(size_)) {
-  H_.resize(static_cast<std::size_t>(size_ + 1) * stride_);
-  L_.resize(static_cast<std::size_t>(size_) * stride_);
-  inverse_pivots_.resize(size_);
-  gradient_.resize(size_);
-  diagonal_.resize(size_);
+DenseModel::DenseModel(const Evaluator& evaluator) : LinearModel(evaluator), size_(evaluator.layout().size()) {
+  for (const FamilyCache& cache : evaluator.families()) {
+    num_rows_ += cache.num_blocks() * cache.rows_per_block();
+  }
+  stride_ = DampedColumnStride(num_rows_, size_);
+  const auto size = static_cast<std::size_t>(size_);
+  columns_.resize((static_cast<std::size_t>(PadToQuad(size_)) + 1) * stride_);
+  H_.resize((size + 1) * size);
+  L_.resize(size * size);
+  inverse_pivots_.resize(size);
+  gradient_.resize(size);
+  diagonal_.resize(size);
+  product_.resize(PadToQuad(num_rows_));
 }
 
 void DenseModel::Refresh() {
-  const Kernels& kernels = BestKernels();
-  double* const g = H_.data() + static_cast<std::ptrdiff_t>(size_) * stride_;
-  std::fill(H_.begin(), H_.end(), 0.0);
+  double* top = columns_.data();
+  const int stride = stride_;
   for (const FamilyCache& cache : evaluator_.families()) {
-    const double* J = cache.slots[0].data;
-    const ProductTerm whole{0, 0};
-    const VectorTerm all{0, 0};
-    const int rows = cache.rows_per_block();
-    kernels.accumulate_products({J, J, &whole, cache.num_blocks(), rows, size_, size_}, 1.0, H_.data());
-    kernels.accumulate_vectors({J, cache.residuals.data(), &all, cache.num_blocks(), rows, size_}, 1.0, g);
+    const int rows = cache.num_blocks() * cache.rows_per_block();
+    const int row_stride = cache.slots[0].row_stride;
+    for (int c = 0; c < size_; c += kQuad) {  // a quad of columns, of which those beyond J's are overwritten or of no use
+      const double* J = cache.slots[0].data + c;
+      double* const columns = top + static_cast<std::ptrdiff_t>(c) * stride;
+      for (int r = 0; r < rows; ++r, J += row_stride) {
+        columns[r] = J[0];
+        columns[stride + r] = J[1];
+        columns[2 * stride + r] = J[2];
+        columns[3 * stride + r] = J[3];
+      }
+    }
+    std::copy_n(cache.residuals.data(), rows, top + static_cast<std::ptrdiff_t>(size_) * stride);
+    top += rows;
   }
-  std::copy_n(g, size_, gradient_.begin());
+  std::fill(H_.begin(), H_.end(), 0.0);
+  BestKernels().subtract_row_dots(size_ + 1, size_, PadToQuad(num_rows_), columns_.data(), stride, columns_.data(), stride,
+                                  H_.data(), size_);
   for (int k = 0; k < size_; ++k) {
-    diagonal_[k] = H_[k * (stride_ + 1)];
+    gradient_[k] = -H_[size_ * size_ + k];
+    diagonal_[k] = -H_[k * (size_ + 1)];
   }
   clock_->Charge(&seconds_->hessian);
 }
 
+RowProducts DenseModel::MultiplyJacobian(const double* v) {
+  const int rows = static_cast<int>(product_.size());
+  std::fill(product_.begin(), product_.end(), 0.0);
+  BestKernels().subtract_outer(rows, 1, size_, columns_.data(), stride_, v, 1, product_.data(), rows);
+  const double* f = columns_.data() + static_cast<std::ptrdiff_t>(size_) * stride_;
+  double products[kQuad] = {};
+  double squares[kQuad] = {};
+  for (int r = 0; r < rows; r += kQuad) {
+    for (int lane = 0; lane < kQuad; ++lane) {
+      const double negated = product_[r + lane];
+      products[lane] += negated * (f[r + lane] - 0.5 * negated);
+      squares[lane] += negated * negated;
+    }
+  }
+  return {(products[0] + products[1]) + (products[2] + products[3]), (squares[0] + squares[1]) + (squares[2] + squares[3])};
+}
+
 Status DenseModel::Solve(const double* damping, double* step) {
-  std::copy_n(H_.begin(), L_.size(), L_.begin());
+  std::transform(H_.begin(), H_.begin() + static_cast<std::ptrdiff_t>(L_.size()), L_.begin(),
+                 [](double entry) { return -entry; });
   for (int k = 0; k < size_; ++k) {
-    L_[k * (stride_ + 1)] += damping[k];
+    L_[k * (size_ + 1)] += damping[k];
   }
   std::fill(inverse_pivots_.begin(), inverse_pivots_.end(), 0.0);
-  const bool factored = FactorSmall(size_, L_.data(), stride_, inverse_pivots_.data());
+  const bool factored = FactorSmall(size_, L_.data(), size_, inverse_pivots_.data());
   if (factored) {
     std::transform(gradient_.begin(), gradient_.end(), step, [](double entry) { return -entry; });
-    SolveSmall(size_, L_.data(), stride_, inverse_pivots_.data(), step);
+    SolveSmall(size_, L_.data(), size_, inverse_pivots_.data(), step);
   }
   clock_->Charge(&seconds_->factorization);
   if (factored) {
@@ -66,31 +100,20 @@ VariableId DenseModel::VariableAt(int column) const {
 void DenseModel::Describe(WorkCounts* work) const {
   work->num_frames = static_cast<int>(evaluator_.layout().variables.size());
   work->reduced_size = size_;
-  work->bytes += static_cast<std::int64_t>(sizeof(double) * (H_.size() + L_.size()));
+  work->bytes += static_cast<std::int64_t>(sizeof(double) * (columns_.size() + product_.size() + H_.size() + L_.size()));
 }
 
-DenseRowsQrModel::DenseRowsQrModel(const Evaluator& evaluator) : DenseModel(evaluator), stride_(PadToQuad(size_ + 1)) {
-  for (const FamilyCache& cache : evaluator.families()) {
-    num_rows_ += cache.num_blocks() * cache.rows_per_block();
-  }
-  rows_.resize(static_cast<std::size_t>(num_rows_ + size_) * stride_);
-  scratch_.resize(num_rows_ + size_);
+DenseColumnsQrModel::DenseColumnsQrModel(const Evaluator& evaluator) : DenseModel(evaluator) {
+  reflected_.resize(static_cast<std::size_t>(size_ + 1) * stride_);
+  scratch_.resize(2 * size_ + 1);
 }
 
-Status DenseRowsQrModel::Solve(const double* damping, double* step) {
-  double* row = rows_.data();
-  for (const FamilyCache& cache : evaluator_.families()) {
-    const double* J = cache.slots[0].data;
-    for (int r = 0; r < cache.num_blocks() * cache.rows_per_block(); ++r, J += cache.slots[0].row_stride, row += stride_) {
-      std::copy_n(J, size_, row);
-      row[size_] = cache.residuals.data()[r];
-    }
+Status DenseColumnsQrModel::Solve(const double* damping, double* step) {
+  std::copy_n(columns_.begin(), reflected_.size(), reflected_.begin());
+  for (int k = 0; k < size_; ++k) {
+    reflected_[static_cast<std::size_t>(k) * stride_ + num_rows_ + k] = std::sqrt(damping[k]);
   }
-  std::fill(row, rows_.data() + rows_.size(), 0.0);
-  for (int k = 0; k < size_; ++k, row += stride_) {
-    row[k] = std::sqrt(damping[k]);
-  }
-  SolveDampedRows(num_rows_, size_, rows_.data(), stride_, scratch_.data(), step);
+  SolveDampedColumns(num_rows_, size_, reflected_.data(), scratch_.data(), step);
   clock_->Charge(&seconds_->factorization);
   if (!std::all_of(step, step + size_, [](double entry) { return std::isfinite(entry); })) {
     return Status::Error(StatusCode::kSingular, "the columns of the Jacobian are linearly dependent");

@@ -7,8 +7,8 @@
 
 namespace inceres::internal {
 
-/// H = JᵀJ of a small problem whose Jacobians are whole rows (JacobianStorage::kWholeRows): one product a family, one small
-/// Cholesky factor, and nothing to be planned. Single-threaded.
+/// H = JᵀJ of a small problem whose Jacobians are whole rows (JacobianStorage::kWholeRows): [J f] is kept as columns, of which
+/// everything is a dot product or a sum, and nothing is to be planned. Single-threaded.
 class DenseModel : public LinearModel {
  public:
   explicit DenseModel(const Evaluator& evaluator);
@@ -22,30 +22,32 @@ class DenseModel : public LinearModel {
 
  protected:
   int size_;
+  int num_rows_ = 0;               // of J
+  int stride_;                     // of columns_
+  AlignedVector<double> columns_;  // of [J f], zeros below; with room for whole quads of columns of J
 
  private:
+  RowProducts MultiplyJacobian(const double* v) override;
   VariableId VariableAt(int column) const;
 
-  int stride_;               // of H and L: whole quads
-  AlignedVector<double> H_;  // row-major, and Jᵀf as one more row
-  AlignedVector<double> L_;
+  std::vector<double> H_;  // row-major, and Jᵀf as one more row; all of it negative
+  std::vector<double> L_;
   std::vector<double> inverse_pivots_;
   std::vector<double> gradient_;
   std::vector<double> diagonal_;
+  AlignedVector<double> product_;  // −Jv
 };
 
 /// The same for DENSE_QR: the step is that of the rows, not of H (see DenseQrModel).
-class DenseRowsQrModel final : public DenseModel {
+class DenseColumnsQrModel final : public DenseModel {
  public:
-  explicit DenseRowsQrModel(const Evaluator& evaluator);
+  explicit DenseColumnsQrModel(const Evaluator& evaluator);
 
   Status Solve(const double* damping, double* step) override;
   const char* SolverName() const override { return "dense QR"; }
 
  private:
-  int num_rows_ = 0;            // of J
-  int stride_;                  // of rows_: whole quads
-  AlignedVector<double> rows_;  // [J f; √Λ 0]
+  AlignedVector<double> reflected_;  // [J f; √Λ 0]
   std::vector<double> scratch_;
 };
 

@@ -10,7 +10,7 @@ std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, const
   const bool by_qr = options.linear_model == LinearModelKind::kDenseQr;
   if (evaluator.storage() == JacobianStorage::kWholeRows) {
     *status = Status::Ok();
-    return by_qr ? std::make_unique<DenseRowsQrModel>(evaluator) : std::make_unique<DenseModel>(evaluator);
+    return by_qr ? std::make_unique<DenseColumnsQrModel>(evaluator) : std::make_unique<DenseModel>(evaluator);
   }
   if (by_qr) {
     *status = Status::Ok();

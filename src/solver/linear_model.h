@@ -42,10 +42,10 @@ class LinearModel {
   virtual void Describe(WorkCounts* work) const = 0;
 
   /// vᵀHv = ‖Jv‖².
-  double Quadratic(const double* v) { return jacobian_.Multiply(v).squared_norm; }
+  double Quadratic(const double* v) { return MultiplyJacobian(v).squared_norm; }
 
   /// L(0) − L(v) = −(Jv)ᵀ(f + Jv/2), as a pass over J: near the optimum its sign decides, and the cheaper ηᵀv − ½vᵀHv cancels.
-  double ModelDecrease(const double* v) { return jacobian_.Multiply(v).model_decrease; }
+  double ModelDecrease(const double* v) { return MultiplyJacobian(v).model_decrease; }
 
  protected:
   explicit LinearModel(const Evaluator& evaluator) : evaluator_(evaluator), jacobian_(evaluator) {}
@@ -55,6 +55,8 @@ class LinearModel {
   StageClock* clock_ = nullptr;
 
  private:
+  virtual RowProducts MultiplyJacobian(const double* v) { return jacobian_.Multiply(v); }
+
   JacobianProduct jacobian_;
 };
 

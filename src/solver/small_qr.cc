@@ -1,61 +1,44 @@
 #include "solver/small_qr.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 
 #include "block/kernels.h"
 
 namespace inceres::internal {
-namespace {
 
-// A quad of columns of all rows: rows −= v (2 / ‖v‖²) vᵀ rows.
-void ReflectQuad(const double* v, int num_rows, double two_over_v2, double* rows, int stride) {
-  double w[kQuad] = {};
-  const double* from = rows;
-  for (int r = 0; r < num_rows; ++r, from += stride) {
-    for (int c = 0; c < kQuad; ++c) {
-      w[c] += v[r] * from[c];
-    }
-  }
-  for (double& entry : w) {
-    entry *= two_over_v2;
-  }
-  for (int r = 0; r < num_rows; ++r, rows += stride) {
-    for (int c = 0; c < kQuad; ++c) {
-      rows[c] -= v[r] * w[c];
-    }
-  }
-}
-
-}  // namespace
-
-void SolveDampedRows(int num_rows, int num_columns, double* rows, int stride, double* scratch, double* x) {
+void SolveDampedColumns(int num_rows, int num_columns, double* columns, double* scratch, double* x) {
+  const Kernels& kernels = BestKernels();
+  const int stride = DampedColumnStride(num_rows, num_columns);
+  const int height = PadToQuad(num_rows + 1);
+  const auto column = [&](int c) { return columns + static_cast<std::ptrdiff_t>(c) * stride; };
+  double* const diagonal = scratch;
+  double* const dots = scratch + num_columns;  // −vᵀ each column from v's own on, then 2 / ‖v‖² vᵀ each column
   for (int k = 0; k < num_columns; ++k) {
-    // Column k from row k on; of √Λ the rows up to k: those below still are as they were.
-    const int height = num_rows + 1;
-    double* const pivot_row = rows + static_cast<std::ptrdiff_t>(k) * stride;
-    double* const v = scratch;
-    double below = 0.0;
-    for (int r = 0; r < height; ++r) {
-      v[r] = pivot_row[static_cast<std::ptrdiff_t>(r) * stride + k];
-      below += r == 0 ? 0.0 : v[r] * v[r];
+    // Column k from row k on: it has J's rows and one of √Λ, then zeros, against which others count for nothing.
+    double* const v = column(k) + k;
+    const int width = num_columns + 1 - k;
+    std::fill_n(dots, width, 0.0);
+    kernels.subtract_row_dots(1, width, height, v, stride, v, stride, dots, width);
+    const double norm = std::sqrt(-dots[0]);
+    diagonal[k] = v[0] > 0.0 ? -norm : norm;
+    const double two_over_v2 = 1.0 / (norm * norm + norm * std::fabs(v[0]));
+    if (norm > 0.0) {
+      v[0] -= diagonal[k];
+      for (int c = 1; c < width; ++c) {
+        dots[c] = -two_over_v2 * (dots[c] + diagonal[k] * v[static_cast<std::ptrdiff_t>(c) * stride]);
+      }
+      kernels.subtract_outer(height, width - 1, 1, v, stride, dots + 1, width, v + stride, stride);
     }
-    const double norm = std::sqrt(v[0] * v[0] + below);
-    const double reflected = v[0] > 0.0 ? -norm : norm;
-    v[0] -= reflected;
-    const double v2 = v[0] * v[0] + below;
-    for (int c = k / kQuad * kQuad; c <= num_columns && v2 > 0.0; c += kQuad) {
-      ReflectQuad(v, height, 2.0 / v2, pivot_row + c, stride);
-    }
-    pivot_row[k] = reflected;
   }
+  const double* const rhs = column(num_columns);
   for (int k = num_columns - 1; k >= 0; --k) {
-    const double* row = rows + static_cast<std::ptrdiff_t>(k) * stride;
-    double sum = -row[num_columns];
+    double sum = -rhs[k];
     for (int c = k + 1; c < num_columns; ++c) {
-      sum -= row[c] * x[c];
+      sum -= column(c)[k] * x[c];
     }
-    x[k] = sum / row[k];
+    x[k] = sum / diagonal[k];
   }
 }
 

@@ -1,11 +1,19 @@
 #pragma once
 
+#include "block/kernels.h"
+
 namespace inceres::internal {
 
-/// Minimises ‖J x + f‖² + ‖√Λ x‖² by Householder reflections of the rows [J f; √Λ 0], row-major, `stride` ≥ num_columns + 1
-/// apart, a multiple of four: first num_rows of J, then the num_columns of √Λ, whose zeros are known to be there. Overwrites the
-/// rows. x is not finite if the rows have not full column rank. `scratch` has num_rows + num_columns entries. Cost: two passes
-/// over the rows a column, so for few columns. Source: Golub & Van Loan, "Matrix Computations", 2013, sections 5.1.2 and 5.3.2.
-void SolveDampedRows(int num_rows, int num_columns, double* rows, int stride, double* scratch, double* x);
+/// Entries from one column to the next in what SolveDampedColumns works on.
+constexpr int DampedColumnStride(int num_rows, int num_columns) {
+  return PadToQuad(num_rows + 1) + num_columns;
+}
+
+/// Minimises ‖J x + f‖² + ‖√Λ x‖² by Householder reflections of [J f; √Λ 0], column by column, which it overwrites: num_columns +
+/// 1 columns, each of J's num_rows, then the num_columns of √Λ, then zeros up to the stride. x is not finite if there is not full
+/// column rank. `scratch` has 2 num_columns + 1 entries. Cost: two passes over the columns behind it for each column, as far
+/// as it is not zero, along the columns: fast for few of them.
+/// Source: Golub & Van Loan, "Matrix Computations", 2013, sections 5.1.2 and 5.3.2.
+void SolveDampedColumns(int num_rows, int num_columns, double* columns, double* scratch, double* x);
 
 }  // namespace inceres::internal
