@@ -66,6 +66,26 @@ int FactorGraph::Connect(FamilyId family, const VariableId* variables, std::shar
   return AppendFactor(family, variables, std::move(loss));
 }
 
+void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables,
+                              std::vector<std::shared_ptr<const Loss>> losses) {
+  assert(family >= 0 && family < num_families() && "FactorGraph::ConnectMany: no such family");
+  FamilyRecord& record = families_[Index(family)];
+  const std::size_t num_slots = Index(record.family->num_slots());
+  const std::size_t count = variables.size() / num_slots;
+  assert(count * num_slots == variables.size() && "FactorGraph::ConnectMany: an incomplete factor");
+  assert((losses.empty() || losses.size() == count) && "FactorGraph::ConnectMany: a loss for each factor, or none at all");
+  if (record.num_factors > 0 || tracked_) {
+    for (std::size_t i = 0; i < count; ++i) {
+      Connect(family, variables.data() + i * num_slots, losses.empty() ? nullptr : std::move(losses[i]));
+    }
+    return;
+  }
+  ++revision_;
+  record.variables = std::move(variables);
+  record.losses = std::move(losses);
+  record.num_factors = static_cast<int>(count);
+}
+
 int FactorGraph::AppendFactor(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss) {
   FamilyRecord& record = families_[Index(family)];
   const int num_slots = record.family->num_slots();

@@ -121,6 +121,46 @@ TEST(FactorGraph, LossesBelongToTheirFactors) {
   EXPECT_EQ(graph.loss(id, 3), nullptr);
 }
 
+TEST(FactorGraph, ConnectManyIsConnectOneAfterTheOther) {
+  const auto huber = std::make_shared<HuberLoss>(1.0);
+  const std::vector<VariableId> variables = {0, 1, 1, 2, 2, 0};
+  const std::vector<std::shared_ptr<const Loss>> losses = {nullptr, huber, nullptr};
+  for (const bool with_losses : {false, true}) {
+    for (const bool tracked : {false, true}) {
+      FactorGraph many;
+      FactorGraph single;
+      for (FactorGraph* graph : {&many, &single}) {
+        for (int k = 0; k < 3; ++k) {
+          graph->AddVariable(kValues + k, 1, Role::kFrame);
+        }
+        graph->AddFamily(std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, 6));
+        if (tracked) {
+          graph->TrackFactors();
+        }
+      }
+      for (int time = 0; time < 2; ++time) {  // to none, then to some
+        many.ConnectMany(0, variables, with_losses ? losses : std::vector<std::shared_ptr<const Loss>>());
+        for (std::size_t i = 0; i < 3; ++i) {
+          single.Connect(0, variables.data() + 2 * i, with_losses ? losses[i] : nullptr);
+        }
+        ASSERT_EQ(many.NumFactors(0), single.NumFactors(0));
+        ASSERT_EQ(many.HasLosses(0), single.HasLosses(0));
+        for (int i = 0; i < many.NumFactors(0); ++i) {
+          EXPECT_EQ(many.Variables(0, i)[0], single.Variables(0, i)[0]);
+          EXPECT_EQ(many.Variables(0, i)[1], single.Variables(0, i)[1]);
+          EXPECT_EQ(many.loss(0, i), single.loss(0, i));
+        }
+        int num_touches = 0;
+        many.TrackFactors();
+        many.ForEachFactorOf(1, [&](FactorId) { ++num_touches; });
+        EXPECT_EQ(num_touches, 2 * (time + 1));
+      }
+      EXPECT_TRUE(many.Validate().ok());
+      EXPECT_GT(many.revision(), 0);
+    }
+  }
+}
+
 TEST(FactorGraph, ReserveChangesNothingButCapacity) {
   FactorGraph graph;
   graph.Reserve(10, 100);

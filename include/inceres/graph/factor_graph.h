@@ -70,6 +70,10 @@ class INCERES_EXPORT FactorGraph {
   /// while no factor of the family has one.
   int Connect(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss = nullptr);
 
+  /// Connects several of the family's next factors at once, in less time than one after the other: num_slots variables each, and
+  /// a loss each or no losses at all. Takes the vectors' memory over where the family has no factors yet.
+  void ConnectMany(FamilyId family, std::vector<VariableId> variables, std::vector<std::shared_ptr<const Loss>> losses = {});
+
   /// Adds the measurement to a built-in family and connects it: graph.AddFactor(id, family, measurement, {camera, point}, loss).
   template <typename Family>
   int AddFactor(FamilyId id, Family& family, const typename Family::Measurement& measurement,
