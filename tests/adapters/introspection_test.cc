@@ -90,6 +90,31 @@ TEST(Introspection, KeepsProgramOrderOfResiduals) {
   }
 }
 
+TEST(Introspection, SeesWhichResidualBlocksAreLikeTheirNeighbours) {
+  TestProblem test;
+  double* x = test.Add({0.0});
+  double* y = test.Add({0.0});
+  const auto add = [&](int num_residuals, const std::vector<double*>& blocks) {
+    const std::vector<int> sizes(blocks.size(), 1);
+    test.problem.AddResidualBlock(new ShapeOnlyCost(num_residuals, sizes), nullptr, blocks);
+  };
+  add(1, {x, y});
+  add(1, {x, y});
+  add(2, {x, y});
+  add(2, {y, x});
+  add(2, {y});
+  add(2, {y, x});
+  const ProblemView view = Introspect(test.problem);
+  std::vector<bool> like;
+  for (const ResidualBlockView& residual : view.residuals) {
+    like.push_back(residual.like_previous);
+  }
+  EXPECT_EQ(like, (std::vector<bool>{false, true, false, false, false, false}));
+  const int first = view.slots[0];
+  EXPECT_EQ(view.slots, (std::vector<int>{first, 1 - first, first, 1 - first, first, 1 - first, 1 - first, first, 1 - first,
+                                          1 - first, first}));
+}
+
 TEST(Introspection, TellsBoundsApart) {
   TestProblem test;
   double* x = test.Add({0.5, 0.5});

@@ -56,7 +56,8 @@ ShapeTable FindShapes(const ProblemView& view) {
     if (residual.fixed) {
       continue;
     }
-    if (previous < 0 || !HasShape(view, residual, table.shapes[static_cast<std::size_t>(previous)])) {
+    if (!residual.like_previous &&
+        (previous < 0 || !HasShape(view, residual, table.shapes[static_cast<std::size_t>(previous)]))) {
       const std::uint64_t hash = HashShape(view, residual);
       const auto [first, last] = shapes_by_hash.equal_range(hash);
       previous = -1;

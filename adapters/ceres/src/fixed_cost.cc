@@ -42,7 +42,8 @@ FixedCost EvaluateFixedCost(const ProblemView& view, ceres::EvaluationCallback* 
   FixedCost result;
   std::vector<const double*> parameters;
   std::vector<double> values;
-  for (std::size_t r = 0; r < view.residuals.size(); ++r) {
+  const bool any = view.all.num_residual_blocks > view.reduced.num_residual_blocks;
+  for (std::size_t r = 0; any && r < view.residuals.size(); ++r) {
     if (!view.residuals[r].fixed) {
       continue;
     }

@@ -36,7 +36,8 @@ class Builder {
     landmark_blocks.reserve(At(landmarks_.num_landmarks));
     constexpr VariableId kWaiting = -2;
     for (const ResidualBlockView& residual : view_.residuals) {
-      for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
+      const bool brings_blocks = !residual.fixed && !residual.like_previous;
+      for (int s = 0; brings_blocks && s < residual.num_slots; ++s) {
         const int b = view_.SlotsOf(residual)[s];
         if (variable_of_[At(b)] != -1) {
           continue;
@@ -82,10 +83,11 @@ class Builder {
     const std::size_t num_residuals = view_.residuals.size();
     landmark_slot_.assign(num_residuals, -1);
     if (landmarks_.num_landmarks == 0) {
-      order_.reserve(num_residuals);
+      order_.resize(At(view_.reduced.num_residual_blocks));
+      int* next = order_.data();
       for (std::size_t r = 0; r < num_residuals; ++r) {
         if (!view_.residuals[r].fixed) {
-          order_.push_back(static_cast<int>(r));
+          *next++ = static_cast<int>(r);
         }
       }
       return;
@@ -114,17 +116,32 @@ class Builder {
   }
 
   void AddFamilies() {
+    if (shapes_.shapes.size() == 1 && landmarks_.num_landmarks == 0) {
+      AddFamily(order_);  // as the rest would find
+      return;
+    }
     // A family for each shape and slot of the landmark (slot -1: none): place numbers of the shapes, one more for each shape.
     std::vector<int> family_at(At(shapes_.num_places) + shapes_.shapes.size(), -1);
+    std::vector<int> family_of(order_.size());
     std::vector<std::vector<int>> members;
-    for (const int r : order_) {
-      const int shape = shapes_.shape_of[At(r)];
-      int& family = family_at[At(shapes_.shapes[At(shape)].first_place + shape + 1 + landmark_slot_[At(r)])];
+    std::vector<std::size_t> sizes;
+    for (std::size_t k = 0; k < order_.size(); ++k) {
+      const std::size_t r = At(order_[k]);
+      const int shape = shapes_.shape_of[r];
+      int& family = family_at[At(shapes_.shapes[At(shape)].first_place + shape + 1 + landmark_slot_[r])];
       if (family < 0) {
-        family = static_cast<int>(members.size());
-        members.emplace_back();
+        family = static_cast<int>(sizes.size());
+        sizes.push_back(0);
       }
-      members[At(family)].push_back(r);
+      family_of[k] = family;
+      ++sizes[At(family)];
+    }
+    members.resize(sizes.size());
+    for (std::size_t family = 0; family < sizes.size(); ++family) {
+      members[family].reserve(sizes[family]);
+    }
+    for (std::size_t k = 0; k < order_.size(); ++k) {
+      members[At(family_of[k])].push_back(order_[k]);
     }
     for (const std::vector<int>& residuals : members) {
       AddFamily(residuals);
@@ -134,21 +151,29 @@ class Builder {
   void AddFamily(const std::vector<int>& residuals) {
     const FactorShape& shape = shapes_.ShapeOf(At(residuals.front()));
     std::vector<const ceres::CostFunction*> costs;
+    std::vector<VariableId> variables(residuals.size() * shape.slots.size());
+    VariableId* variable = variables.data();
+    std::vector<std::shared_ptr<const Loss>> losses;  // as many as factors up to the last that has one
     costs.reserve(residuals.size());
-    for (const int r : residuals) {
-      costs.push_back(view_.residuals[At(r)].cost);
-    }
-    const FamilyId id =
-        graph_.AddFamily(std::make_shared<CostFunctionFamily>(shape.num_residuals, shape.slots, std::move(costs)));
-    std::vector<VariableId> variables(shape.slots.size());
     for (const int r : residuals) {
       const ResidualBlockView& residual = view_.residuals[At(r)];
       const int* slots = view_.SlotsOf(residual);
-      for (std::size_t s = 0; s < variables.size(); ++s) {
-        variables[s] = variable_of_[At(slots[s])];
+      costs.push_back(residual.cost);
+      for (int s = 0; s < residual.num_slots; ++s) {
+        *variable++ = variable_of_[At(slots[s])];
       }
-      graph_.Connect(id, variables.data(), losses_.Get(residual.loss));
+      if (residual.loss != nullptr) {
+        losses.reserve(residuals.size());
+        losses.resize(costs.size());
+        losses.back() = losses_.Get(residual.loss);
+      }
     }
+    if (!losses.empty()) {
+      losses.resize(residuals.size());
+    }
+    const FamilyId id =
+        graph_.AddFamily(std::make_shared<CostFunctionFamily>(shape.num_residuals, shape.slots, std::move(costs)));
+    graph_.ConnectMany(id, std::move(variables), std::move(losses));
   }
 
   const ProblemView& view_;

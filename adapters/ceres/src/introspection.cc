@@ -52,63 +52,93 @@ void ReadParameterBlocks(const ceres::Problem& problem, ProblemView* view) {
   }
 }
 
-// Names the residual block in program order, which is the order Ceres's own messages use.
-std::string ResidualText(const ProblemView& view) {
-  return "residual block " + std::to_string(view.residuals.size());
-}
+class ResidualReader {
+ public:
+  explicit ResidualReader(ProblemView* view) : view_(*view), last_residual_(view->blocks.size(), -1) {}
 
-// last_residual[b] is the last residual block seen to touch b: a block twice in one residual block shows at once.
-void ReadSlots(const std::vector<double*>& pointers, ResidualBlockView* residual, std::vector<int>* last_residual,
-               ProblemView* view) {
-  const std::vector<std::int32_t>& sizes = residual->cost->parameter_block_sizes();
-  const int this_residual = static_cast<int>(view->residuals.size());
-  residual->first_slot = static_cast<int>(view->slots.size());
-  residual->num_slots = static_cast<int>(pointers.size());
-  if (sizes.size() != pointers.size()) {
-    SetDefect(view, "the cost function of " + ResidualText(*view) + " has changed its number of parameter blocks");
-  }
-  for (std::size_t s = 0; s < pointers.size(); ++s) {
-    const int b = view->index.Find(pointers[s]);
-    view->slots.push_back(b);
-    ParameterBlockView& block = view->blocks[static_cast<std::size_t>(b)];
-    residual->fixed = residual->fixed && block.constant;
-    int& last = (*last_residual)[static_cast<std::size_t>(b)];
-    if (last == this_residual) {
-      SetDefect(view, Describe(block) + " appears twice in " + ResidualText(*view));
-    }
-    last = this_residual;
-    if (s < sizes.size() && sizes[s] != block.ambient_size) {
-      SetDefect(view, "the cost function of " + ResidualText(*view) + " expects another size than that of " + Describe(block));
-    }
-  }
-}
-
-void ReadResidualBlocks(const ceres::Problem& problem, ProblemView* view) {
-  std::vector<ceres::ResidualBlockId> ids;
-  problem.GetResidualBlocks(&ids);
-  view->residuals.reserve(ids.size());
-  view->slots.reserve(3 * ids.size());
-  std::vector<int> last_residual(view->blocks.size(), -1);
-  std::vector<double*> pointers;
-  for (const ceres::ResidualBlockId id : ids) {
-    ResidualBlockView residual;
-    residual.id = id;
-    residual.cost = problem.GetCostFunctionForResidualBlock(id);
-    residual.loss = problem.GetLossFunctionForResidualBlock(id);
-    residual.num_residuals = residual.cost->num_residuals();
-    problem.GetParameterBlocksForResidualBlock(id, &pointers);
-    ReadSlots(pointers, &residual, &last_residual, view);
-    if (residual.num_residuals <= 0) {
-      SetDefect(view, ResidualText(*view) + " has no residuals");
-    }
-    if (!residual.fixed) {
-      for (int s = 0; s < residual.num_slots; ++s) {
-        ++view->blocks[static_cast<std::size_t>(view->SlotsOf(residual)[s])].degree;
+  void Run(const ceres::Problem& problem) {
+    std::vector<ceres::ResidualBlockId> ids;
+    problem.GetResidualBlocks(&ids);
+    view_.residuals.reserve(ids.size());
+    view_.slots.reserve(3 * ids.size());
+    for (const ceres::ResidualBlockId id : ids) {
+      ResidualBlockView& residual = view_.residuals.emplace_back();
+      residual.id = id;
+      residual.cost = problem.GetCostFunctionForResidualBlock(id);
+      residual.loss = problem.GetLossFunctionForResidualBlock(id);
+      residual.num_residuals = residual.cost->num_residuals();
+      previous_.swap(pointers_);
+      problem.GetParameterBlocksForResidualBlock(id, &pointers_);
+      ReadSlots(&residual);
+      if (residual.num_residuals <= 0) {
+        SetDefect(&view_, ThisResidual() + " has no residuals");
       }
     }
-    view->residuals.push_back(residual);
   }
-}
+
+ private:
+  // Names the residual block in program order, which is the order Ceres's own messages use.
+  std::string ThisResidual() const { return "residual block " + std::to_string(view_.residuals.size() - 1); }
+
+  void ReadSlots(ResidualBlockView* residual) {
+    const std::vector<std::int32_t>& sizes = residual->cost->parameter_block_sizes();
+    residual->first_slot = static_cast<int>(view_.slots.size());
+    residual->num_slots = static_cast<int>(pointers_.size());
+    if (sizes.size() != pointers_.size()) {
+      SetDefect(&view_, "the cost function of " + ThisResidual() + " has changed its number of parameter blocks");
+    }
+    if (view_.residuals.size() > 1 && pointers_ == previous_) {
+      RepeatSlots(residual);
+    } else {
+      FindSlots(residual);
+    }
+    const int* slots = view_.SlotsOf(*residual);
+    for (std::size_t s = 0; s < pointers_.size(); ++s) {
+      ParameterBlockView& block = view_.blocks[static_cast<std::size_t>(slots[s])];
+      block.degree += residual->fixed ? 0 : 1;
+      if (s < sizes.size() && sizes[s] != block.ambient_size) {
+        SetDefect(&view_, "the cost function of " + ThisResidual() + " expects another size than that of " + Describe(block));
+      }
+    }
+  }
+
+  // The blocks of the residual block before, of which nothing new is to be found.
+  void RepeatSlots(ResidualBlockView* residual) {
+    const ResidualBlockView& before = view_.residuals.end()[-2];
+    residual->fixed = before.fixed;
+    residual->like_previous = residual->num_residuals == before.num_residuals;
+    for (int s = 0; s < before.num_slots; ++s) {
+      const int b = view_.SlotsOf(before)[s];
+      view_.slots.push_back(b);
+    }
+  }
+
+  void FindSlots(ResidualBlockView* residual) {
+    const std::size_t first_of_previous = view_.slots.size() - previous_.size();
+    for (std::size_t s = 0; s < pointers_.size(); ++s) {
+      const bool as_before = s < previous_.size() && previous_[s] == pointers_[s];  // as neighbours often have
+      const int b = as_before ? view_.slots[first_of_previous + s] : view_.index.Find(pointers_[s]);
+      view_.slots.push_back(b);
+      residual->fixed = residual->fixed && view_.block(b).constant;
+      Meet(b);
+    }
+  }
+
+  // A block twice in one residual block shows at once.
+  void Meet(int b) {
+    const int this_residual = static_cast<int>(view_.residuals.size()) - 1;
+    int& last = last_residual_[static_cast<std::size_t>(b)];
+    if (last == this_residual) {
+      SetDefect(&view_, Describe(view_.block(b)) + " appears twice in " + ThisResidual());
+    }
+    last = this_residual;
+  }
+
+  ProblemView& view_;
+  std::vector<int> last_residual_;  // per block: the last residual block seen to touch it
+  std::vector<double*> pointers_;
+  std::vector<double*> previous_;  // those of the residual block before
+};
 
 void Count(const ParameterBlockView& block, ProblemTotals* totals) {
   ++totals->num_parameter_blocks;
@@ -143,7 +173,7 @@ void Introspect(const ceres::Problem& problem, ProblemView* view) {
   view->all = view->reduced = ProblemTotals();
   view->defect.clear();
   ReadParameterBlocks(problem, view);
-  ReadResidualBlocks(problem, view);
+  ResidualReader(view).Run(problem);
   for (const ParameterBlockView& block : view->blocks) {
     Count(block, &view->all);
     if (block.reduced()) {

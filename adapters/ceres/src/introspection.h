@@ -33,7 +33,8 @@ struct ResidualBlockView {
   int num_residuals = 0;
   int first_slot = 0;  ///< into ProblemView::slots
   int num_slots = 0;
-  bool fixed = true;  ///< touches no variable block
+  bool fixed = true;           ///< touches no variable block
+  bool like_previous = false;  ///< as many residuals of the same blocks as the residual block before: of one family
 };
 
 /// Sizes as Ceres's summary counts them.
