@@ -341,7 +341,8 @@ double Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk, EvaluationFailure*
   }
   const int rows = cache.family->residual_size();
   if (!cache.has_losses) {
-    return PlainCost(batch.residuals + static_cast<std::ptrdiff_t>(chunk->begin) * rows, rows, chunk->end - chunk->begin);
+    return PlainCost(batch.residuals + static_cast<std::ptrdiff_t>(chunk->begin) * rows,
+                     static_cast<std::ptrdiff_t>(chunk->end - chunk->begin) * rows);
   }
   const auto num_slots = static_cast<int>(cache.slots.size());
   const std::ptrdiff_t offset_stride = cache.storage == JacobianStorage::kBySlot ? num_slots : 0;

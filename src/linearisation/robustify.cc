@@ -35,12 +35,19 @@ void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, cons
 
 }  // namespace
 
-double PlainCost(const double* f, int residual_size, int num_factors) {
-  double cost = 0.0;
-  for (int i = 0; i < num_factors; ++i, f += residual_size) {
-    cost += 0.5 * SquaredNorm(f, residual_size);
+double PlainCost(const double* f, std::ptrdiff_t count) {
+  constexpr std::ptrdiff_t kLanes = 4;
+  double sums[kLanes] = {};
+  std::ptrdiff_t i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    for (std::ptrdiff_t lane = 0; lane < kLanes; ++lane) {
+      sums[lane] += f[i + lane] * f[i + lane];
+    }
   }
-  return cost;
+  for (; i < count; ++i) {
+    sums[0] += f[i] * f[i];
+  }
+  return 0.5 * ((sums[0] + sums[1]) + (sums[2] + sums[3]));
 }
 
 double RobustCost(const Loss* loss, const double* f, int residual_size) {

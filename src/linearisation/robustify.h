@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "block/kernels.h"
@@ -7,8 +8,8 @@
 
 namespace inceres::internal {
 
-/// Σ ½‖f‖² of factors without a loss, one after the other.
-double PlainCost(const double* f, int residual_size, int num_factors);
+/// ½‖f‖² of all residuals of factors without a loss, one after the other: `count` entries.
+double PlainCost(const double* f, std::ptrdiff_t count);
 
 /// ½ρ(‖f‖²), or ½‖f‖² without a loss.
 double RobustCost(const Loss* loss, const double* f, int residual_size);

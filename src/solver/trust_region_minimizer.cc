@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <limits>
+#include <string>
 
+#include "base/scientific.h"
 #include "solver/observer_verdict.h"
 
 namespace inceres::internal {
@@ -13,6 +13,8 @@ namespace {
 
 // A landmark moves by itself if it gains more than this share of what the function tolerance allows all of them together.
 constexpr double kInnerShare = 0.01;
+
+constexpr std::size_t kExpectedIterations = 16;
 
 }  // namespace
 
@@ -46,6 +48,7 @@ void TrustRegionMinimizer::Minimize() {
   summary_.num_successful_steps = 0;
   summary_.num_unsuccessful_steps = 0;
   summary_.is_constrained = evaluator_.IsConstrained();
+  summary_.iterations.reserve(kExpectedIterations);
   if ((summary_.is_constrained && !ProjectStart()) || !EvaluateStart()) {
     return;
   }
@@ -86,7 +89,7 @@ void TrustRegionMinimizer::Minimize() {
 bool TrustRegionMinimizer::ProjectStart() {
   std::fill(step_.begin(), step_.end(), 0.0);
   if (!evaluator_.MoveCandidate(step_.data())) {
-    return Finish(Termination::kFailure, "Unable to project initial point onto the feasible set.");
+    return Finish(Termination::kFailure, {"Unable to project initial point onto the feasible set."});
   }
   evaluator_.AcceptCandidate();
   state_norm_ = StateNorm();
@@ -98,7 +101,7 @@ bool TrustRegionMinimizer::EvaluateStart() {
   Recentre();
   if (!EvaluateGradientAndJacobian(/*new_point=*/true)) {
     if (options_.rules == CeresRules::k22) {
-      Finish(Termination::kFailure, "Initial residual and Jacobian evaluation failed.");
+      Finish(Termination::kFailure, {"Initial residual and Jacobian evaluation failed."});
     }
     return false;
   }
@@ -135,20 +138,23 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
   }
   const double elapsed = clock_.now() - start_time_ + options_.seconds_spent_before;
   if (elapsed >= options_.max_solver_time_in_seconds) {
-    return Finish(Termination::kNoConvergence, "Maximum solver time reached. Total solver time: %e >= %e.", elapsed,
-                  options_.max_solver_time_in_seconds);
+    return Finish(Termination::kNoConvergence, {"Maximum solver time reached. Total solver time: ", Scientific(elapsed).text(),
+                                                " >= ", Scientific(options_.max_solver_time_in_seconds).text(), "."});
   }
   if (iteration_.iteration >= options_.max_num_iterations) {
-    return Finish(Termination::kNoConvergence, "Maximum number of iterations reached. Number of iterations: %d.",
-                  iteration_.iteration);
+    return Finish(
+        Termination::kNoConvergence,
+        {"Maximum number of iterations reached. Number of iterations: ", std::to_string(iteration_.iteration).c_str(), "."});
   }
   if (iteration_.step_is_successful && iteration_.gradient_max_norm <= options_.gradient_tolerance) {
-    return Finish(Termination::kConvergence, "Gradient tolerance reached. Gradient max norm: %e <= %e",
-                  iteration_.gradient_max_norm, options_.gradient_tolerance);
+    return Finish(Termination::kConvergence,
+                  {"Gradient tolerance reached. Gradient max norm: ", Scientific(iteration_.gradient_max_norm).text(),
+                   " <= ", Scientific(options_.gradient_tolerance).text()});
   }
   if (iteration_.trust_region_radius <= options_.min_trust_region_radius) {
-    return Finish(Termination::kConvergence, "Minimum trust region radius reached. Trust region radius: %e <= %e",
-                  iteration_.trust_region_radius, options_.min_trust_region_radius);
+    return Finish(Termination::kConvergence, {"Minimum trust region radius reached. Trust region radius: ",
+                                              Scientific(iteration_.trust_region_radius).text(),
+                                              " <= ", Scientific(options_.min_trust_region_radius).text()});
   }
   return true;
 }
@@ -167,13 +173,13 @@ bool TrustRegionMinimizer::ComputeStep() {
   const double start = clock_.now();
   int num_solves = 0;
   const Status solved = strategy_->ComputeStep(&model_, step_.data(), &num_solves);
-  iteration_.step_solver_time_in_seconds = clock_.Read() - start;
+  iteration_.step_solver_time_in_seconds = clock_.now() - start;  // the model has read it last
   iteration_.linear_solver_iterations = num_solves > 0 && summary_.work.reduced_size > 0 ? 1 : 0;
   summary_.work.num_linear_solves += num_solves;
   if (!solved.ok() && solved.code != StatusCode::kSingular) {
     summary_.detail = solved.message;
     return Finish(Termination::kFailure,
-                  "Linear solver failed due to unrecoverable non-numeric causes. Please see the error log for clues. ");
+                  {"Linear solver failed due to unrecoverable non-numeric causes. Please see the error log for clues. "});
   }
   if (!solved.ok() || !IsFinite(step_)) {
     summary_.detail = solved.ok() ? "the step is not finite" : solved.message;
@@ -192,8 +198,8 @@ bool TrustRegionMinimizer::ComputeStep() {
 bool TrustRegionMinimizer::HandleInvalidStep() {
   if (++num_consecutive_invalid_steps_ >= options_.max_num_consecutive_invalid_steps) {
     return Finish(Termination::kFailure,
-                  "Number of consecutive invalid steps more than Solver::Options::max_num_consecutive_invalid_steps: %d",
-                  options_.max_num_consecutive_invalid_steps);
+                  {"Number of consecutive invalid steps more than Solver::Options::max_num_consecutive_invalid_steps: ",
+                   std::to_string(options_.max_num_consecutive_invalid_steps).c_str()});
   }
   strategy_->StepIsInvalid();
   iteration_.cost = cost_ + options_.fixed_cost;
@@ -246,8 +252,9 @@ bool TrustRegionMinimizer::ParameterToleranceReached() {
   if (iteration_.step_norm > tolerance * (state_norm_ + tolerance)) {
     return false;
   }
-  Finish(Termination::kConvergence, "Parameter tolerance reached. Relative step_norm: %e <= %e.",
-         iteration_.step_norm / (state_norm_ + tolerance), tolerance);
+  Finish(Termination::kConvergence,
+         {"Parameter tolerance reached. Relative step_norm: ",
+          Scientific(iteration_.step_norm / (state_norm_ + tolerance)).text(), " <= ", Scientific(tolerance).text(), "."});
   return true;
 }
 
@@ -258,8 +265,9 @@ bool TrustRegionMinimizer::FunctionToleranceReached() {
     return false;
   }
   summary_.discarded_cost_change = iteration_.cost_change;
-  Finish(Termination::kConvergence, "Function tolerance reached. |cost_change|/cost: %e <= %e",
-         std::fabs(iteration_.cost_change) / cost_, options_.function_tolerance);
+  Finish(Termination::kConvergence,
+         {"Function tolerance reached. |cost_change|/cost: ", Scientific(std::fabs(iteration_.cost_change) / cost_).text(),
+          " <= ", Scientific(options_.function_tolerance).text()});
   return true;
 }
 
@@ -315,7 +323,7 @@ bool TrustRegionMinimizer::EvaluateGradientAndJacobian(bool new_point) {
   clock_.Charge(&summary_.seconds.jacobians);
   if (!evaluated.ok() || !IsCostUsable(cost_)) {
     summary_.detail = evaluated.ok() ? "the sum of all costs is not finite" : evaluated.message;
-    return Finish(Termination::kFailure, "Residual and Jacobian evaluation failed.");
+    return Finish(Termination::kFailure, {"Residual and Jacobian evaluation failed."});
   }
   model_.Refresh();
   return ComputeGradientNorms();
@@ -325,7 +333,7 @@ bool TrustRegionMinimizer::ComputeGradientNorms() {
   const std::vector<double>& g = model_.Gradient();
   std::transform(g.begin(), g.end(), negative_gradient_.begin(), [](double entry) { return -entry; });
   if (!evaluator_.MoveCandidate(negative_gradient_.data())) {
-    return Finish(Termination::kFailure, "projected_gradient_step = Plus(x, -gradient) failed.");
+    return Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
   }
   iteration_.gradient_norm = StateDistance(evaluator_.current(), evaluator_.candidate(), &iteration_.gradient_max_norm);
   return true;
@@ -360,14 +368,13 @@ double TrustRegionMinimizer::StateDistance(const std::vector<double>& a, const s
   return std::sqrt(sum);
 }
 
-bool TrustRegionMinimizer::Finish(Termination termination, const char* format, ...) {
-  char text[512];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof(text), format, arguments);
-  va_end(arguments);
+bool TrustRegionMinimizer::Finish(Termination termination, std::initializer_list<const char*> words) {
   summary_.termination = termination;
-  summary_.message = text;
+  summary_.message.clear();
+  summary_.message.reserve(120);  // as long as most
+  for (const char* word : words) {
+    summary_.message += word;
+  }
   return false;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -72,7 +73,7 @@ class TrustRegionMinimizer {
   double StateNorm() const;
   double StateDistance(const std::vector<double>& a, const std::vector<double>& b, double* max_norm) const;
   bool CallbacksContinue();
-  bool Finish(Termination termination, const char* format, ...) __attribute__((format(printf, 3, 4)));
+  bool Finish(Termination termination, std::initializer_list<const char*> words);
 
   const SolverOptions& options_;
   Evaluator& evaluator_;

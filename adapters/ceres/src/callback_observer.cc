@@ -6,6 +6,11 @@
 
 namespace inceres::internal {
 
+bool CallbackObserver::IsNeeded() const {
+  return evaluation_callback_ != nullptr || options_.update_state_every_iteration || !options_.callbacks.empty() ||
+         (options_.logging_type != ceres::SILENT && LogsProgress(options_.minimizer_progress_to_stdout));
+}
+
 void CallbackObserver::BeforeEvaluation(const double* state, bool jacobians, bool new_point) {
   if (evaluation_callback_ != nullptr) {
     WriteToUser(blocks_, state);

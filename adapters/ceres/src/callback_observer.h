@@ -25,6 +25,9 @@ class CallbackObserver : public SolveObserver {
                    const std::vector<StateBlock>& blocks)
       : options_(options), evaluation_callback_(evaluation_callback), blocks_(blocks) {}
 
+  /// False if nobody would notice that the solve goes on without it.
+  bool IsNeeded() const;
+
   void BeforeEvaluation(const double* state, bool jacobians, bool new_point) override;
   ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override;
 

@@ -46,7 +46,7 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   CallbackObserver observer(input.options, input.evaluation_callback, blocks);
   SolverOptions options = MapOptions(input.options, type);
   options.num_threads = summary->num_threads_used;
-  options.observer = &observer;
+  options.observer = observer.IsNeeded() ? &observer : nullptr;
   options.fixed_cost = summary->fixed_cost;
   options.seconds_spent_before = input.clock.Seconds();
   summary->preprocessor_time_in_seconds = options.seconds_spent_before;

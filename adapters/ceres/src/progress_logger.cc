@@ -18,6 +18,10 @@ std::string ProgressText(const ceres::IterationSummary& iteration) {
   return iteration.iteration == 0 ? std::string(heading) + row : row;
 }
 
+bool LogsProgress(bool to_stdout) {
+  return to_stdout || VLOG_IS_ON(1);
+}
+
 void LogProgress(const ceres::IterationSummary& iteration, bool to_stdout) {
   if (to_stdout) {
     std::cout << ProgressText(iteration) << std::endl;
