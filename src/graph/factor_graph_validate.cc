@@ -127,11 +127,12 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
                    std::to_string(record.num_factors) + " factors are connected");
   }
   const int num_slots = family.num_slots();
-  for (int factor = 0; factor < record.num_factors; ++factor) {
-    if (!record.places.empty() && record.places[Index(factor)] == Place::kFree) {
+  const bool all_live = record.places.empty();
+  const VariableId* ids = record.variables.data();
+  for (int factor = 0; factor < record.num_factors; ++factor, ids += num_slots) {
+    if (!all_live && record.places[Index(factor)] == Place::kFree) {
       continue;
     }
-    const VariableId* ids = Variables(id, factor);
     bool as_before = factor > 0 && num_slots > 0 && ids[0] >= 0;  // then that one was found to be in order
     for (int s = 0; as_before && s < num_slots; ++s) {
       as_before = ids[s] == ids[s - num_slots];

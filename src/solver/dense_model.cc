@@ -58,7 +58,7 @@ RowProducts DenseModel::MultiplyJacobian(const double* v) {
   std::fill(product_.begin(), product_.end(), 0.0);
   BestKernels().subtract_outer(rows, 1, size_, columns_.data(), stride_, v, 1, product_.data(), rows);
   const double* f = columns_.data() + static_cast<std::ptrdiff_t>(size_) * stride_;
-  double products[kQuad] = {};
+  double products[kQuad] = {};  // summed row by row, so that what overflows is an infinite decrease and not none
   double squares[kQuad] = {};
   for (int r = 0; r < rows; r += kQuad) {
     for (int lane = 0; lane < kQuad; ++lane) {

@@ -87,19 +87,33 @@ class ResidualReader {
     if (sizes.size() != pointers_.size()) {
       SetDefect(&view_, "the cost function of " + ThisResidual() + " has changed its number of parameter blocks");
     }
-    if (view_.residuals.size() > 1 && pointers_ == previous_) {
+    if (view_.residuals.size() > 1 && HasBlocksOfPrevious()) {
       RepeatSlots(residual);
     } else {
       FindSlots(residual);
     }
     const int* slots = view_.SlotsOf(*residual);
-    for (std::size_t s = 0; s < pointers_.size(); ++s) {
-      ParameterBlockView& block = view_.blocks[static_cast<std::size_t>(slots[s])];
-      block.degree += residual->fixed ? 0 : 1;
-      if (s < sizes.size() && sizes[s] != block.ambient_size) {
+    const int touch = residual->fixed ? 0 : 1;
+    const std::int32_t* const expected = sizes.data();
+    const std::size_t num_expected = sizes.size();
+    const std::size_t num_slots = pointers_.size();
+    ParameterBlockView* const blocks = view_.blocks.data();
+    for (std::size_t s = 0; s < num_slots; ++s) {
+      ParameterBlockView& block = blocks[slots[s]];
+      block.degree += touch;
+      if (s < num_expected && expected[s] != block.ambient_size) {
         SetDefect(&view_, "the cost function of " + ThisResidual() + " expects another size than that of " + Describe(block));
       }
     }
+  }
+
+  // By a loop: to call a comparison of memory takes longer than to compare a few.
+  bool HasBlocksOfPrevious() const {
+    bool same = pointers_.size() == previous_.size();
+    for (std::size_t s = 0; same && s < pointers_.size(); ++s) {
+      same = pointers_[s] == previous_[s];
+    }
+    return same;
   }
 
   // The blocks of the residual block before, of which nothing new is to be found.
