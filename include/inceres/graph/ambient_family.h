@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstring>
 #include <memory>
+#include <type_traits>
 #include <vector>
 
 #include "inceres/graph/factor_family.h"
@@ -80,7 +81,8 @@ inline bool AreWritten(const double* values, int count) {
 ///
 /// with Ceres's conventions: `jacobians` is null for a cost-only call; jacobians[s] is null for a constant, otherwise
 /// row-major residual_size × ambient_size; false means "cannot be evaluated here". Outputs are filled beforehand with an
-/// impossible value and checked afterwards, so a forgotten entry, a NaN or an infinity is reported with the factor's index.
+/// impossible value and checked afterwards, so a forgotten entry, a NaN or an infinity is reported with the factor's index, that
+/// of the first factor at fault; but later ones of the same call may have been evaluated by then.
 /// Source: the obligations of ceres::CostFunction::Evaluate (Ceres 2.1, residual_block.cc).
 template <typename Derived>
 class AmbientFamily : public FactorFamily {
@@ -106,11 +108,14 @@ class AmbientFamily : public FactorFamily {
     static constexpr std::size_t kInline = 512;
     struct Slot {
       double* values;
+      double* J_tangent;  // of the next factor
+      std::ptrdiff_t factor_stride;
+      int row_stride;
       int size;
       internal::TakeFunction take;
     };
 
-    explicit Scratch(const FactorFamily& family) {
+    Scratch(const FactorFamily& family, const FactorBatch& batch) {
       const auto count = static_cast<std::size_t>(family.num_slots());
       if (count > kInlineSlots) {
         heap_blocks.resize(count);
@@ -121,7 +126,12 @@ class AmbientFamily : public FactorFamily {
       std::size_t size = 0;
       for (int s = 0; s < family.num_slots(); ++s) {
         const FactorFamily::Slot& slot = family.slot(s);
-        slots[s] = {nullptr, family.residual_size() * slot.ambient_size,
+        const JacobianView& view = batch.jacobians[s];
+        slots[s] = {nullptr,
+                    view.data + batch.begin * view.factor_stride,
+                    view.factor_stride,
+                    view.row_stride,
+                    family.residual_size() * slot.ambient_size,
                     internal::FindTake(family.residual_size(), slot.ambient_size, slot.tangent_size)};
         size += static_cast<std::size_t>(slots[s].size);
       }
@@ -163,7 +173,7 @@ class AmbientFamily : public FactorFamily {
   }
 
   EvaluationFailure EvaluateAndProject(const FactorBatch& batch) const {
-    Scratch scratch(*this);
+    Scratch scratch(*this, batch);
     MarkResiduals(batch);
     const double* const* parameters = Parameters(batch);
     double* residuals = Residuals(batch);
@@ -179,10 +189,11 @@ class AmbientFamily : public FactorFamily {
         return FirstFault(batch, i, {i, kReturnedFalse});
       }
       for (int s = 0; s < num_slots; ++s) {
-        const JacobianView& view = batch.jacobians[s];
-        if (!TakeOver(*maps[s], scratch.slots[s], rows, view.data + i * view.factor_stride, view.row_stride)) {
+        typename Scratch::Slot& slot = scratch.slots[s];
+        if (!TakeOver(*maps[s], slot, rows)) {
           return FirstFault(batch, i + 1, {i, kBadJacobian});
         }
+        slot.J_tangent += slot.factor_stride;
       }
     }
     return FirstFault(batch, batch.end, {});
@@ -209,6 +220,21 @@ class AmbientFamily : public FactorFamily {
     std::ptrdiff_t stride;
     int size;
   };
+
+  // Calls visit(size), which is a constant where it is small.
+  template <typename Visit>
+  static void WithSize(int size, const Visit& visit) {
+    switch (size) {
+      case 1:
+        return visit(std::integral_constant<int, 1>());
+      case 2:
+        return visit(std::integral_constant<int, 2>());
+      case 3:
+        return visit(std::integral_constant<int, 3>());
+      default:
+        return visit(size);
+    }
+  }
 
   // As few runs as cover all wanted Jacobians; returns their number.
   int FindRuns(const FactorBatch& batch, Run* runs) const {
@@ -242,10 +268,12 @@ class AmbientFamily : public FactorFamily {
     Run runs[kInlineSlots];
     const int num_runs = FindRuns(batch, runs);
     for (const Run* run = runs; run != runs + num_runs; ++run) {
-      double* row = run->first;
-      for (int i = batch.begin; i < batch.end; ++i, row += run->stride) {
-        MarkUnwritten(row, run->size);
-      }
+      WithSize(run->size, [run, &batch](auto size) {
+        double* row = run->first;
+        for (int i = batch.begin; i < batch.end; ++i, row += run->stride) {
+          MarkUnwritten(row, size);
+        }
+      });
     }
     MarkResiduals(batch);
     const double* const* parameters = Parameters(batch);
@@ -295,26 +323,28 @@ class AmbientFamily : public FactorFamily {
                                       EvaluationFailure failure) const {
     int first_bad = end;
     for (const Run* run = runs; run != runs + num_runs; ++run) {
-      const double* row = run->first;
-      for (int i = batch.begin; i < first_bad; ++i, row += run->stride) {
-        if (!AreWritten(row, run->size)) {
-          first_bad = i;
+      WithSize(run->size, [run, &batch, &first_bad](auto size) {
+        const double* row = run->first;
+        for (int i = batch.begin; i < first_bad; ++i, row += run->stride) {
+          if (!AreWritten(row, size)) {
+            first_bad = i;
+          }
         }
-      }
+      });
     }
     return first_bad == end ? FirstFault(batch, end, failure) : FirstFault(batch, first_bad + 1, {first_bad, kBadJacobian});
   }
 
   // False if an entry of a Jacobian that is wanted is not finite or was not written.
-  static bool TakeOver(const TangentMap& map, const typename Scratch::Slot& slot, int rows, double* J_tangent, int row_stride) {
-    if (map.copies() && slot.take(map.ambient_size, map.tangent_size, slot.values, rows, J_tangent, row_stride)) {
+  static bool TakeOver(const TangentMap& map, const typename Scratch::Slot& slot, int rows) {
+    if (map.copies() && slot.take(map.ambient_size, map.tangent_size, slot.values, rows, slot.J_tangent, slot.row_stride)) {
       return true;  // as most do
     }
     if (map.wanted()) {
       if (!AreAllWritten(slot.values, slot.size)) {
         return false;
       }
-      ProjectToTangentSpace(map, slot.values, rows, J_tangent, row_stride);
+      ProjectToTangentSpace(map, slot.values, rows, slot.J_tangent, slot.row_stride);
     }
     MarkUnwritten(slot.values, slot.size);
     return true;
