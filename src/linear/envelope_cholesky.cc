@@ -34,7 +34,8 @@ Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& 
                                    const char* held) {
   const int num_rows = order.num_places();
   const int first = std::min({first_changed, num_valid_rows_, num_rows});
-  rows_.resize(num_rows);
+  rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(num_rows)));
+  num_rows_ = num_rows;
   offsets_.resize(first + 1);
   for (int i = first; i < num_rows; ++i) {
     offsets_.push_back(offsets_.back() + S.size_of(order.row(i)));
@@ -49,6 +50,15 @@ Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& 
     num_valid_rows_ = i + 1;
   }
   return Status::Ok();
+}
+
+void EnvelopeCholesky::Reserve(int num_rows, int row_entries, int size) {
+  rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(num_rows)));
+  for (Row& row : rows_) {
+    row.values.reserve(row_entries);
+    row.inverse_pivots.reserve(size);
+  }
+  offsets_.reserve(static_cast<std::size_t>(num_rows) + 1);
 }
 
 void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& order, const double* damping, const char* held,
@@ -70,13 +80,13 @@ void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& orde
   }
 }
 
-// The blocks that row i of S shares with rows that come before it or are it.
+// The blocks that row i of S shares with rows that come before it or are it. Those that have no place (-1) are left out.
 void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& order, const char* held, int i) {
   Row& row = rows_[i];
   const int size = BlockSize(i);
   for (const SymmetricBlockRows::Entry& entry : S.row(order.row(i))) {
     const int j = order.place(entry.column);
-    if (j > i || IsHeld(held, entry.column)) {
+    if (j < 0 || j > i || IsHeld(held, entry.column)) {
       continue;
     }
     const int columns = BlockSize(j);
@@ -88,7 +98,7 @@ void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& o
   }
   for (const int other : S.below(order.row(i))) {
     const int j = order.place(other);
-    if (j > i || IsHeld(held, other)) {
+    if (j < 0 || j > i || IsHeld(held, other)) {
       continue;
     }
     const double* block = S.values(S.Find(other, order.row(i)));  // the transpose
@@ -172,8 +182,8 @@ void EnvelopeCholesky::BackSubstituteRow(int i, double* rest, double* x) const {
 
 std::int64_t EnvelopeCholesky::NumEntries() const {
   std::int64_t entries = 0;
-  for (const Row& row : rows_) {
-    entries += static_cast<std::int64_t>(row.values.size());
+  for (int i = 0; i < num_rows_; ++i) {
+    entries += static_cast<std::int64_t>(rows_[i].values.size());
   }
   return entries;
 }

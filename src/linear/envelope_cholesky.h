@@ -21,13 +21,16 @@ namespace inceres::internal {
 /// Source: George & Liu, "Computer Solution of Large Sparse Positive Definite Systems", 1981, chapter 4 (the envelope method).
 class EnvelopeCholesky {
  public:
-  /// Brings L up to date with S in this order, whose rows < first_changed are as they were at the last call, in the same places,
-  /// with the same damping and mask. `damping` has one entry a scalar row, ≥ 0; those of the rows before first_changed are not
-  /// looked at. held[r] != 0 makes row r of S a row of the identity, coupled to nothing; null: no row is held. kSingular names
-  /// the row of S whose pivot is not positive and finite; rows at places before it are then exact, num_valid_rows() tells how
-  /// many.
+  /// Brings L up to date with S in this order (rows of S that have no place are left out), whose rows < first_changed are as they
+  /// were at the last call, in the same places, with the same damping and mask. `damping` has one entry a scalar row, ≥ 0; those
+  /// of the rows before first_changed are not looked at. held[r] != 0 makes row r of S a row of the identity, coupled to nothing;
+  /// null: no row is held. kSingular names the row of S whose pivot is not positive and finite; rows at places before it are then
+  /// exact, num_valid_rows() tells how many.
   Status Factorize(const SymmetricBlockRows& S, const RowOrder& order, const double* damping, int first_changed,
                    const char* held = nullptr);
+
+  /// Room for so many block rows of so many entries each and `size` scalars: no Factorize within it allocates.
+  void Reserve(int num_rows, int row_entries, int size);
 
   /// x = (S + diag(damping))⁻¹ b, packed; 0 in held rows.
   void Solve(const double* b, double* x) const;
@@ -39,7 +42,7 @@ class EnvelopeCholesky {
   /// contribution out of `rest` for the rows before i. x and rest may be the same vector.
   void BackSubstituteRow(int i, double* rest, double* x) const;
 
-  int num_rows() const { return static_cast<int>(rows_.size()); }
+  int num_rows() const { return num_rows_; }
   int num_valid_rows() const { return num_valid_rows_; }
   /// The first block row that block row i of L is coupled to; i itself if there is none.
   int FirstColumn(int i) const { return rows_[i].first_column; }
@@ -65,7 +68,8 @@ class EnvelopeCholesky {
   bool FactorRow(int i);
   int BlockSize(int i) const { return offsets_[i + 1] - offsets_[i]; }
 
-  std::vector<Row> rows_;
+  std::vector<Row> rows_;  // those from num_rows_ on are kept for their memory
+  int num_rows_ = 0;
   std::vector<int> offsets_{0};
   int num_valid_rows_ = 0;
 };

@@ -27,8 +27,9 @@ int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, const RowOrde
   }
   int first = k;
   const auto look_at = [&](int other) {
-    if (order.place(other) < first && !IsHeld(held, other)) {
-      first = order.place(other);
+    const int place = order.place(other);
+    if (place >= 0 && place < first && !IsHeld(held, other)) {
+      first = place;
     }
   };
   for (const SymmetricBlockRows::Entry& entry : S.row(row)) {

@@ -7,9 +7,9 @@
 
 namespace inceres::internal {
 
-/// The order in which the living block rows of S are factored: each has a place, places have no gaps. What comes at one place
-/// says nothing about the places before it, so everything from some place on may be put in another order while a factor stays
-/// right before it.
+/// The order in which block rows of S are factored: all living ones, or some. Each has a place, places have no gaps. What comes
+/// at one place says nothing about the places before it, so everything from some place on may be put in another order while a
+/// factor stays right before it.
 class RowOrder {
  public:
   int num_places() const { return static_cast<int>(rows_.size()); }
@@ -35,6 +35,21 @@ class RowOrder {
         rows_.push_back(row);
       }
     }
+  }
+
+  /// No row has a place.
+  void Clear() {
+    for (const int row : rows_) {
+      places_[row] = -1;
+    }
+    rows_.clear();
+  }
+  /// Gives a row that has none the next place. `num_rows`: of S.
+  void Append(int row, int num_rows) {
+    places_.resize(num_rows, -1);
+    rows_.reserve(num_rows);
+    places_[row] = num_places();
+    rows_.push_back(row);
   }
 
   /// Another order of the rows that have the last tail.size() places.

@@ -53,8 +53,9 @@ class IndexSet {
     }
   }
 
-  /// The members in ascending order, into a vector whose memory is used again.
+  /// The members in ascending order, into a vector whose memory is used again: it gets room for all indices at once.
   void CopyTo(std::vector<std::int32_t>* indices) const {
+    indices->reserve(64 * words_.capacity());
     indices->resize(static_cast<std::size_t>(count_));
     std::int32_t* next = indices->data();
     ForEach([&next](std::int32_t index) { *next++ = index; });

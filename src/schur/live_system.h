@@ -74,6 +74,8 @@ class LiveSystem {
 
   /// The step under construction; what is not set does not move.
   void SetFrameStep(std::int32_t frame, const double* step);
+  /// As it stands.
+  const double* FrameStep(std::int32_t frame) const { return step_.data() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad; }
   /// Back-substitutes a landmark from the frame steps set so far.
   void Visit(std::int32_t landmark);
 

@@ -24,6 +24,10 @@ double Product(int rows, int columns, const double* u, const double* B, const do
 void ActiveSet::RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping, const LiveSchur& schur) {
   const SymmetricBlockRows& S = schur.S();
   const auto count = static_cast<int>(candidates_.size());
+  for (std::vector<double>* ranked : {&gains_, &costs_}) {
+    ranked->reserve(S.num_rows());  // how many are ranked is not the same from step to step
+  }
+  order_.reserve(S.num_rows());
   gains_.assign(count, 0.0);
   order_.resize(count);
   for (int at = 0; at < count; ++at) {
@@ -64,29 +68,64 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step, const std::vec
   }
 }
 
-void ActiveSet::Select(const std::vector<double>& frame_step, const std::vector<double>& damping,
-                       const LiveReducedSolver::Rows& solved, double budget, LiveSystem* system) {
-  LiveSchur& schur = system->schur();
-  if (solved.rows != nullptr) {
-    candidates_ = *solved.rows;
-  } else {
-    candidates_.resize(std::max(0, schur.S().num_rows() - solved.first_row));
-    std::iota(candidates_.begin(), candidates_.end(), solved.first_row);
-  }
+// All of the step but for the longest leading part of the ranks that costs no more than the budget.
+void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<double>& damping, double budget,
+                       LiveSystem* system) {
+  const LiveSchur& schur = system->schur();
   RankFrames(frame_step, damping, schur);
   double undone = 0.0;
   std::size_t left = 0;
   while (left < order_.size() && undone + costs_[left] <= budget) {
     undone += costs_[left++];
   }
-  frames_.clear();
-  landmarks_.clear();
   for (std::size_t r = left; r < order_.size(); ++r) {
     const std::int32_t frame = candidates_[order_[r]];
     if (schur.frames()[frame].size > 0 && !schur.frames()[frame].held) {
       frames_.push_back(frame);
       system->SetFrameStep(frame, frame_step.data() + schur.FrameOffset(frame));
     }
+  }
+}
+
+// Rows that were not solved anew may still have much of their step to take.
+void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const LiveReducedSolver::Rows& solved, double negligible,
+                               const LiveSchur& schur) {
+  const auto num_rows = static_cast<std::int32_t>(schur.frames().size());
+  candidates_.clear();
+  candidates_.reserve(num_rows);
+  std::size_t next = 0;
+  for (std::int32_t i = 0; i < num_rows; ++i) {
+    bool listed = solved.rows == nullptr && i >= solved.first_row;
+    if (solved.rows != nullptr && next < solved.rows->size() && (*solved.rows)[next] == i) {
+      listed = true;
+      ++next;
+    }
+    double square = 0.0;
+    for (int k = 0; k < schur.frames()[i].size && !listed; ++k) {
+      const double delta = frame_step[schur.FrameOffset(i) + k];
+      square += schur.FrameDiagonal(i)[k] * delta * delta;
+    }
+    if (listed || square > negligible) {
+      candidates_.push_back(i);
+    }
+  }
+}
+
+void ActiveSet::Select(const std::vector<double>& frame_step, const std::vector<double>& damping,
+                       const LiveReducedSolver::Rows& solved, const Limits& limits, LiveSystem* system) {
+  LiveSchur& schur = system->schur();
+  frames_.clear();
+  frames_.reserve(schur.frames().size());
+  landmarks_.clear();
+  landmarks_.reserve(schur.landmarks().size());
+  if (limits.undone >= 0.0 && partial_step_.Find(schur, damping, limits.frame_gain - limits.undone)) {
+    for (int k = 0; k < partial_step_.num_frames(); ++k) {
+      frames_.push_back(partial_step_.frame(k));
+      system->SetFrameStep(frames_.back(), partial_step_.step(k));
+    }
+  } else {
+    NameCandidates(frame_step, solved, limits.negligible, schur);
+    CutOff(frame_step, damping, limits.undone, system);
   }
   const auto visit = [&](std::int32_t landmark) {
     if (schur.landmarks()[landmark].in_S && !system->Visited(landmark)) {
@@ -97,7 +136,7 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const std::vector<
   for (const std::int32_t frame : frames_) {
     std::for_each(schur.frames()[frame].landmarks.begin(), schur.frames()[frame].landmarks.end(), visit);
   }
-  const double share = budget / std::max(1, schur.num_landmarks());
+  const double share = limits.undone / std::max(1, schur.num_landmarks());
   const std::vector<std::int32_t>& eager = schur.EagerLandmarks(share);
   std::for_each(eager.begin(), eager.end(), visit);
 }

@@ -236,7 +236,8 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   }
   {
     const StageTimer timer(&summary_->select_seconds);
-    active_.Select(frame_step_, damping_, solver_->work().solved, TruncationBudget(undone), &system_);
+    active_.Select(frame_step_, damping_, solver_->work().solved, {TruncationBudget(undone), Wildfire(), undone - LandmarkGain()},
+                   &system_);
     summary_->num_moved_frames += static_cast<int>(active_.frames().size());
     summary_->num_visited_landmarks += static_cast<int>(active_.landmarks().size());
   }
@@ -346,7 +347,7 @@ Status IncrementalMinimizer::SolveFrames() {
   }
   LiveReducedSolver::Truncation truncation;
   truncation.weights = weights_.data();
-  truncation.threshold = kWildfireShare * Tolerance() / std::max(1, schur.num_frames());
+  truncation.threshold = Wildfire();
   schur.TakeUnsolvedRows(&changed_rows_);
   const LiveReducedSolver::Rows changed_b{FirstOf(changed_rows_, schur), &changed_rows_};
   Status solved = solver_->Solve(b_.data(), changed_b, truncation, frame_step_.data());
@@ -354,6 +355,10 @@ Status IncrementalMinimizer::SolveFrames() {
   summary_->num_pcg_iterations += solver_->work().iterations;
   trace_->row().num_linear_solver_iterations = std::max(1, solver_->work().iterations);
   return solved;
+}
+
+double IncrementalMinimizer::Wildfire() const {
+  return kWildfireShare * Tolerance() / std::max(1, system_.schur().num_frames());
 }
 
 // What the landmarks could gain by themselves.
@@ -407,7 +412,11 @@ void IncrementalMinimizer::Accept(double gain_ratio) {
 void IncrementalMinimizer::TakeStepOff() {
   LiveSchur& schur = system_.schur();
   for (const std::int32_t frame : active_.frames()) {
-    std::fill_n(frame_step_.begin() + schur.FrameOffset(frame), schur.frames()[frame].size, 0.0);
+    const double* applied = system_.FrameStep(frame);
+    double* step = frame_step_.data() + schur.FrameOffset(frame);
+    for (int k = 0; k < schur.frames()[frame].size; ++k) {
+      step[k] -= applied[k];
+    }
     schur.TouchB(frame);
   }
 }

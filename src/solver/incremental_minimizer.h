@@ -20,8 +20,9 @@ class IncrementalMinimizer {
   IncrementalMinimizer(const IncrementalOptions& options, LiveSystem* system);
 
   std::int64_t Bytes() const {
-    return static_cast<std::int64_t>(
-        solver_->Bytes() + sizeof(double) * (weights_.capacity() + damping_.capacity() + b_.capacity() + frame_step_.capacity()));
+    return static_cast<std::int64_t>(solver_->Bytes() + active_.Bytes() +
+                                     sizeof(double) *
+                                         (weights_.capacity() + damping_.capacity() + b_.capacity() + frame_step_.capacity()));
   }
   /// For the next Minimize; who solves the reduced system stays.
   void SetOptions(const IncrementalOptions& options) { options_ = options; }
@@ -49,6 +50,7 @@ class IncrementalMinimizer {
   Verdict Iterate();
   Status SolveFrames();
   void TakeStepOff();
+  double Wildfire() const;
   double LandmarkGain();
   double Undone();
   bool NextStepsGainLittle(double undone);

@@ -1,0 +1,183 @@
+#include "solver/partial_step.h"
+
+#include <algorithm>
+
+namespace inceres::internal {
+namespace {
+
+// Frames that are pulled at by more than this share of the strongest pull join A together.
+constexpr double kPullShare = 0.2;
+
+// Less than this share of the strongest is no pull.
+constexpr double kNoPull = 1e-4;
+
+// Scalars of A beyond which its factor costs more than what standing still saves.
+constexpr int kMaxScalars = 180;
+
+// y −= B x for a block with padded rows.
+void SubtractProduct(int rows, int columns, const double* B, const double* x, double* y) {
+  for (int r = 0; r < rows; ++r, B += PadToQuad(columns)) {
+    double sum = 0.0;
+    for (int c = 0; c < columns; ++c) {
+      sum += B[c] * x[c];
+    }
+    y[r] -= sum;
+  }
+}
+
+// y −= Bᵀ x.
+void SubtractTransposedProduct(int rows, int columns, const double* B, const double* x, double* y) {
+  for (int r = 0; r < rows; ++r, B += PadToQuad(columns)) {
+    for (int c = 0; c < columns; ++c) {
+      y[c] -= B[c] * x[r];
+    }
+  }
+}
+
+}  // namespace
+
+bool PartialStep::Find(const LiveSchur& schur, const std::vector<double>& damping, double gain) {
+  Begin(schur, damping);
+  double gained = 0.0;
+  while (gained < gain) {
+    const int num_before = num_frames();
+    if (num_before > 0) {
+      TakeOutOfRest(schur);
+    }
+    Grow(schur, damping);
+    if (num_frames() == num_before || static_cast<int>(b_.size()) > kMaxScalars ||
+        !cholesky_.Factorize(schur.S(), order_, damping_.data(), num_before).ok()) {
+      return false;
+    }
+    cholesky_.ForwardSubstitute(b_.data(), num_before, y_.data());
+    for (std::size_t k = cholesky_.offsets()[num_before]; k < y_.size(); ++k) {
+      gained += 0.5 * y_[k] * y_[k];
+    }
+    BackSubstitute();
+  }
+  return true;
+}
+
+// What the frame's scalars could gain of the rest one by one, twice.
+double PartialStep::Pull(const LiveSchur& schur, const std::vector<double>& damping, std::int32_t frame) const {
+  const LiveSchur::Frame& pulled = schur.frames()[frame];
+  if (pulled.size == 0 || pulled.held || order_.place(frame) >= 0) {
+    return 0.0;
+  }
+  const double* diagonal = schur.S().values(schur.S().row(frame).back().offset);
+  const int offset = schur.FrameOffset(frame);
+  double pull = 0.0;
+  for (int k = 0; k < pulled.size; ++k, diagonal += PadToQuad(pulled.size) + 1) {
+    pull += rest_[offset + k] * rest_[offset + k] / (*diagonal + damping[offset + k]);
+  }
+  return pull;
+}
+
+// For the largest A there may be: how A grows is not the same from step to step, and a steady window is not to allocate.
+void PartialStep::MakeRoom(const LiveSchur& schur) {
+  if (schur.size() == size_with_room_) {
+    return;
+  }
+  size_with_room_ = schur.size();
+  int smallest = schur.size();
+  int largest = 0;
+  for (const LiveSchur::Frame& frame : schur.frames()) {
+    smallest = frame.size > 0 ? std::min(smallest, frame.size) : smallest;
+    largest = std::max(largest, frame.size);
+  }
+  const int scalars = std::min(schur.size(), kMaxScalars);
+  const int row_entries = largest * PadToQuad(scalars + kQuad);
+  cholesky_.Reserve(scalars / std::max(1, smallest), row_entries, largest);
+  for (std::vector<double>* packed : {&b_, &damping_, &y_, &remainder_, &x_}) {
+    packed->reserve(schur.size());  // A is found too large when it is there
+  }
+}
+
+void PartialStep::Begin(const LiveSchur& schur, const std::vector<double>& damping) {
+  MakeRoom(schur);
+  order_.Clear();
+  b_.clear();
+  damping_.clear();
+  const auto num_rows = static_cast<std::int32_t>(schur.frames().size());
+  pulled_.Grow(num_rows);
+  rest_.resize(schur.size());
+  pulls_.resize(num_rows);
+  double strongest = 0.0;
+  for (std::int32_t i = 0; i < num_rows; ++i) {
+    std::copy_n(schur.b(i), schur.frames()[i].size, rest_.begin() + schur.FrameOffset(i));
+    pulls_[i] = Pull(schur, damping, i);
+    strongest = std::max(strongest, pulls_[i]);
+  }
+  pulled_.Clear();
+  for (std::int32_t i = 0; i < num_rows; ++i) {
+    if (pulls_[i] > kNoPull * strongest) {
+      pulled_.Add(i);
+    }
+  }
+}
+
+void PartialStep::Grow(const LiveSchur& schur, const std::vector<double>& damping) {
+  double strongest = 0.0;
+  pulled_.ForEach([&](std::int32_t i) {
+    pulls_[i] = Pull(schur, damping, i);
+    strongest = std::max(strongest, pulls_[i]);
+  });
+  pulled_.ForEach([&](std::int32_t i) {
+    if (pulls_[i] > 0.0 && pulls_[i] >= kPullShare * strongest) {
+      const int offset = schur.FrameOffset(i);
+      const int size = schur.frames()[i].size;
+      order_.Append(i, static_cast<int>(schur.frames().size()));
+      b_.insert(b_.end(), schur.b(i), schur.b(i) + size);
+      damping_.insert(damping_.end(), damping.begin() + offset, damping.begin() + offset + size);
+    }
+  });
+  y_.resize(b_.size());
+  x_.resize(b_.size());
+}
+
+void PartialStep::BackSubstitute() {
+  remainder_.assign(y_.begin(), y_.end());
+  for (int k = num_frames() - 1; k >= 0; --k) {
+    cholesky_.BackSubstituteRow(k, remainder_.data(), x_.data());
+  }
+}
+
+// rest := b − S x at the neighbours of A.
+void PartialStep::TakeOutOfRest(const LiveSchur& schur) {
+  const SymmetricBlockRows& S = schur.S();
+  const auto begin_anew = [&](std::int32_t other) {
+    std::copy_n(schur.b(other), S.size_of(other), rest_.begin() + schur.FrameOffset(other));
+    pulled_.Add(other);
+  };
+  for (const int i : order_.rows()) {
+    for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
+      begin_anew(entry.column);
+    }
+    std::for_each(S.below(i).begin(), S.below(i).end(), begin_anew);
+  }
+  for (int k = 0; k < num_frames(); ++k) {
+    const int i = frame(k);
+    for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
+      if (order_.place(entry.column) < 0) {
+        SubtractTransposedProduct(S.size_of(i), S.size_of(entry.column), S.values(entry.offset), step(k),
+                                  rest_.data() + schur.FrameOffset(entry.column));
+      }
+    }
+    for (const int below : S.below(i)) {
+      if (order_.place(below) < 0) {
+        SubtractProduct(S.size_of(below), S.size_of(i), S.values(S.Find(below, i)), step(k),
+                        rest_.data() + schur.FrameOffset(below));
+      }
+    }
+  }
+}
+
+std::size_t PartialStep::Bytes() const {
+  std::size_t doubles = 0;
+  for (const std::vector<double>* numbers : {&rest_, &pulls_, &b_, &damping_, &y_, &remainder_, &x_}) {
+    doubles += numbers->capacity();
+  }
+  return cholesky_.Bytes() + sizeof(double) * doubles;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "linear/envelope_cholesky.h"
+#include "linear/row_order.h"
+#include "schur/index_set.h"
+#include "schur/live_schur.h"
+
+namespace inceres::internal {
+
+/// The step of a few frames A while all others, D, stay:
+///
+///     S'_AA x_A = b_A,   which gains ½ b_Aᵀ x_A in the reduced quadratic.
+///
+/// With δ the step of all frames, that falls short of the whole gain by ½ δ_Dᵀ (S'_DD − S'_DA S'_AA⁻¹ S'_AD) δ_D: the frames of A
+/// make up for those that stay. So a part of the graph that would only be carried along as one piece, as what lies behind a weak
+/// link is, costs next to nothing to leave, where cutting δ itself off there would tear it from its neighbours.
+class PartialStep {
+ public:
+  /// Grows A, from the frames that b pulls at most, until its step gains this much; in each round by those at which what is left
+  /// of b then pulls most. `damping`: of S' = S + diag(damping), packed. False if that takes too many frames, or S'_AA has no
+  /// factor. Cost: that of a small Cholesky factor and of the blocks of A's rows, and a pass over b; no allocation beyond the
+  /// growth of what it keeps.
+  bool Find(const LiveSchur& schur, const std::vector<double>& damping, double gain);
+
+  int num_frames() const { return order_.num_places(); }
+  std::int32_t frame(int k) const { return order_.row(k); }
+  const double* step(int k) const { return x_.data() + cholesky_.offsets()[k]; }
+  std::size_t Bytes() const;
+
+ private:
+  double Pull(const LiveSchur& schur, const std::vector<double>& damping, std::int32_t frame) const;
+  void MakeRoom(const LiveSchur& schur);
+  void Begin(const LiveSchur& schur, const std::vector<double>& damping);
+  void Grow(const LiveSchur& schur, const std::vector<double>& damping);
+  void BackSubstitute();
+  void TakeOutOfRest(const LiveSchur& schur);
+
+  int size_with_room_ = -1;  // of S
+  RowOrder order_;           // A, as it has grown
+  EnvelopeCholesky cholesky_;
+  std::vector<double> rest_;   // b − S'x of the frames outside A, packed like S
+  std::vector<double> pulls_;  // per row of S
+  IndexSet pulled_;            // rows outside A with a pull to speak of, among others
+  // Packed like A:
+  std::vector<double> b_;
+  std::vector<double> damping_;
+  std::vector<double> y_;
+  std::vector<double> remainder_;
+  std::vector<double> x_;
+};
+
+}  // namespace inceres::internal
