@@ -21,6 +21,8 @@ constexpr double kMaxDamping = 1e3;
 constexpr double kDampingFactor = 10.0;
 // Of the step's gain: a run takes a fifth of an iteration. Points that creep gain 0.2 to 0.8, those of a window 0.01 to 0.06.
 constexpr double kWorthwhileShare = 0.1;
+// Steps creep when they gain more than this share of what the one before gained.
+constexpr double kCreepShare = 0.2;
 
 }  // namespace
 
@@ -104,8 +106,9 @@ void InnerIterations::BuildGroups() {
   }
 }
 
-bool InnerIterations::IsDue() {
-  return to_go_ == 0 || to_go_-- == 0;
+bool InnerIterations::IsDue(double step_gain) {
+  const bool creeps = step_gain > kCreepShare * std::exchange(last_step_gain_, step_gain);
+  return creeps && (to_go_ == 0 || to_go_-- == 0);
 }
 
 void InnerIterations::Pace(double gain, double step_gain) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -30,9 +31,10 @@ class InnerIterations {
   /// promises less than `min_gain`.
   double Run(double min_gain);
 
-  /// Whether it is worth running after this step: asked once a step. Where the landmarks gained little beside the step they
-  /// followed (Pace), they rest for a step, then for two, four, …
-  bool IsDue();
+  /// Whether it is worth running after a step that gained this much: asked once a step. It is while steps creep, each gaining
+  /// more than a fifth of what the one before did. Where the landmarks gained little beside the step they followed (Pace), they
+  /// rest for a step, then for two, four, …
+  bool IsDue(double step_gain);
   /// What a Run gained, and the step before it.
   void Pace(double gain, double step_gain);
 
@@ -95,8 +97,9 @@ class InnerIterations {
   std::vector<double> damping_;  // λ per landmark
   std::vector<Trial> trials_;    // of the last Run, per landmark
   int num_moved_ = 0;
-  int rest_ = 0;   // steps that the last rest lasted
-  int to_go_ = 0;  // of it
+  double last_step_gain_ = HUGE_VAL;  // the first step does not creep
+  int rest_ = 0;                      // steps that the last rest lasted
+  int to_go_ = 0;                     // of it
 };
 
 }  // namespace inceres::internal

@@ -36,6 +36,11 @@ class BatchObserver final : public SolveObserver {
     }
   }
 
+  bool IsLast(const IterationSummary& iteration) override {
+    settled_ = HasJustSettled(iteration);
+    return settled_;
+  }
+
   ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override {
     cost_ = iteration.step_is_successful ? iteration.cost : cost_;
     WriteRow(iteration);
@@ -47,7 +52,10 @@ class BatchObserver final : public SolveObserver {
       ended_by_user_ = true;
       return summary.termination == Termination::kUserSuccess ? ObserverAction::kTerminateSuccessfully : ObserverAction::kAbort;
     }
-    settled_ = HasJustSettled(iteration);
+    if (iteration.iteration == 0 || !iteration.step_is_successful) {
+      previous_gain_ = 0.0;
+      previous_ratio_ = HUGE_VAL;
+    }
     const bool enough = settled_ || stop_.load(std::memory_order_relaxed) ||
                         summary.num_evaluated_factors + summary.num_relinearised_factors >= options_.max_factor_evaluations;
     return enough ? ObserverAction::kTerminateSuccessfully : ObserverAction::kContinue;
@@ -58,7 +66,7 @@ class BatchObserver final : public SolveObserver {
 
  private:
   bool HasJustSettled(const IterationSummary& iteration) {
-    const bool good = iteration.iteration > 0 && iteration.step_is_successful && iteration.relative_decrease > kGoodModel;
+    const bool good = iteration.relative_decrease > kGoodModel;
     const double gain = good ? iteration.cost_change : 0.0;
     const double allowed = kSettledShare * options_.function_tolerance * iteration.cost;
     // Steps whose gains fall by a ratio r leave gain · r / (1 − r) undone.

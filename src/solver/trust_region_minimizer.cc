@@ -212,7 +212,7 @@ void TrustRegionMinimizer::ComputeCandidate() {
   double cost = 0.0;
   if (evaluator_.MoveCandidate(step_.data()) && EvaluateCandidate(&cost)) {
     candidate_cost_ = cost;
-    if (inner_iterations_ != nullptr && inner_iterations_->IsDue()) {
+    if (inner_iterations_ != nullptr && inner_iterations_->IsDue(cost_ - cost)) {
       RunInnerIterations();
     }
   }
@@ -276,13 +276,17 @@ bool TrustRegionMinimizer::AcceptStep() {
   evaluator_.AcceptCandidate();
   state_norm_ = StateNorm();
   const bool recentred = Recentre();
+  iteration_.step_is_successful = true;
+  iteration_.cost = candidate_cost_ + options_.fixed_cost;
+  if (!recentred && options_.observer != nullptr && options_.observer->IsLast(iteration_)) {
+    return FinishHere();
+  }
   if (!EvaluateGradientAndJacobian(/*new_point=*/false)) {
     return false;
   }
   if (inner_iterations_ != nullptr) {
     candidate_cost_ = cost_;  // summed anew, where gains had been taken off
   }
-  iteration_.step_is_successful = true;
   iteration_.cost = cost_ + options_.fixed_cost;
   strategy_->StepAccepted(iteration_.relative_decrease);
   if (recentred) {
@@ -291,6 +295,13 @@ bool TrustRegionMinimizer::AcceptStep() {
     quality_->StepAccepted(candidate_cost_, model_decrease_);
   }
   return true;
+}
+
+// The observer wants no more than the point just accepted: without Jacobians there. False.
+bool TrustRegionMinimizer::FinishHere() {
+  cost_ = candidate_cost_;
+  return FinalizeIterationAndContinue() &&
+         GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
 }
 
 // At a point just accepted. True if the cost is another function from now on: the best state is then looked for anew.

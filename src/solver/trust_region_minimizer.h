@@ -64,6 +64,7 @@ class TrustRegionMinimizer {
   bool ParameterToleranceReached();
   bool FunctionToleranceReached();
   bool AcceptStep();
+  bool FinishHere();
   void RejectStep();
 
   bool EvaluateCandidate(double* cost);

@@ -148,11 +148,12 @@ TEST(InnerIterations, RestWhereLandmarksGainLittleBesideTheStep) {
   InnerIterations inner(&core.evaluator);
   const auto steps_until_due = [&] {
     int steps = 1;
-    while (!inner.IsDue()) {
+    while (!inner.IsDue(1.0)) {
       ++steps;
     }
     return steps;
   };
+  EXPECT_FALSE(inner.IsDue(1.0)) << "nothing creeps yet";
   EXPECT_EQ(steps_until_due(), 1);
   for (const int expected : {2, 3, 5}) {
     inner.Pace(0.01, 1.0);
@@ -164,6 +165,16 @@ TEST(InnerIterations, RestWhereLandmarksGainLittleBesideTheStep) {
   EXPECT_EQ(steps_until_due(), 1);
   inner.Pace(0.01, 1.0);
   EXPECT_EQ(steps_until_due(), 2);
+}
+
+TEST(InnerIterations, WaitUntilStepsCreep) {
+  const auto bundle = MakeBundle(Bundle());
+  CorePipeline core(bundle->graph());
+  InnerIterations inner(&core.evaluator);
+  EXPECT_FALSE(inner.IsDue(1e6));
+  EXPECT_FALSE(inner.IsDue(1e4)) << "Newton's method gets there without them";
+  EXPECT_FALSE(inner.IsDue(1e2));
+  EXPECT_TRUE(inner.IsDue(50.0));
 }
 
 TEST(InnerIterations, SolvesEndAtTheSameMinimumWithTheSameBitsForAnyNumberOfThreads) {

@@ -21,6 +21,7 @@ class Recorder final : public SolveObserver {
     EXPECT_TRUE(new_point || jacobians);
     evaluated.emplace_back(state, state + graph_.state().size());
   }
+  bool IsLast(const IterationSummary& summary) override { return summary.iteration == last; }
   ObserverAction EndOfIteration(const IterationSummary& summary, const double* best_state) override {
     log += "|";
     iterations.push_back(summary);
@@ -33,6 +34,7 @@ class Recorder final : public SolveObserver {
   std::vector<std::vector<double>> evaluated;
   std::vector<std::vector<double>> best;
   int at = -1;
+  int last = -1;
   ObserverAction action = ObserverAction::kContinue;
 
  private:
@@ -52,6 +54,23 @@ class Observer : public testing::Test {
   std::vector<double> start_;
   SolverOptions options_;
 };
+
+TEST_F(Observer, EndsWithAStepWithoutJacobiansThere) {
+  const Summary whole = Solve(options_, &graph_);
+  ASSERT_GT(whole.num_successful_steps, 4);
+  for (recorder_.last = 1; !whole.iterations[recorder_.last].step_is_successful; ++recorder_.last) {
+  }
+  recorder_.log.clear();
+  graph_.mutable_state() = start_;
+  const Summary summary = Solve(options_, &graph_);
+  EXPECT_EQ(summary.termination, Termination::kUserSuccess) << summary.message;
+  EXPECT_EQ(recorder_.log.substr(recorder_.log.size() - 2), "r|");
+  ASSERT_EQ(static_cast<int>(summary.iterations.size()), recorder_.last + 1);
+  EXPECT_EQ(summary.final_cost, whole.iterations[recorder_.last].cost);
+  EXPECT_EQ(summary.iterations.back().gradient_norm, summary.iterations[recorder_.last - 1].gradient_norm);
+  EXPECT_EQ(graph_.state(), recorder_.best.back());
+  EXPECT_NE(graph_.state(), start_);
+}
 
 // "J|" for the start, then "rj|" for an accepted and "r|" for a rejected step.
 TEST_F(Observer, SeesEveryEvaluationAndEveryIteration) {

@@ -24,6 +24,11 @@ class INCERES_EXPORT SolveObserver {
   /// asked for at the accepted candidate whose cost is already known.
   virtual void BeforeEvaluation(const double* /*state*/, bool /*jacobians*/, bool /*new_point*/) {}
 
+  /// Asked of every step that is accepted, before Jacobians are evaluated there: true ends the solve with it, successfully and
+  /// without them. The summary of that iteration has the gradient norms of the one before. Not asked of a step that made factors
+  /// move their expansion points.
+  virtual bool IsLast(const IterationSummary& /*summary*/) { return false; }
+
   /// At the end of iteration 0 and of every completed iteration; `best_state` is what a stop here would return.
   virtual ObserverAction EndOfIteration(const IterationSummary& /*summary*/, const double* /*best_state*/) {
     return ObserverAction::kContinue;
