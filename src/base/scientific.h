@@ -1,7 +1,8 @@
 #pragma once
 
+#include <langinfo.h>
+
 #include <charconv>
-#include <clocale>
 #include <cstdio>
 #include <cstring>
 
@@ -11,7 +12,7 @@ namespace inceres::internal {
 class Scientific {
  public:
   explicit Scientific(double value) {
-    if (std::strcmp(std::localeconv()->decimal_point, ".") != 0) {
+    if (std::strcmp(nl_langinfo(RADIXCHAR), ".") != 0) {
       std::snprintf(text_, sizeof(text_), "%e", value);  // in the words of the user's locale, as Ceres's
     } else {
       *std::to_chars(text_, text_ + sizeof(text_) - 1, value, std::chars_format::scientific, 6).ptr = '\0';

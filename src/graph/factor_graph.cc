@@ -69,8 +69,12 @@ int FactorGraph::Connect(FamilyId family, const VariableId* variables, std::shar
 void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables,
                               std::vector<std::shared_ptr<const Loss>> losses) {
   assert(family >= 0 && family < num_families() && "FactorGraph::ConnectMany: no such family");
+  if (variables.empty()) {
+    return;
+  }
   FamilyRecord& record = families_[Index(family)];
   const std::size_t num_slots = Index(record.family->num_slots());
+  assert(num_slots > 0 && "FactorGraph::ConnectMany: factors without variables");
   const std::size_t count = variables.size() / num_slots;
   assert(count * num_slots == variables.size() && "FactorGraph::ConnectMany: an incomplete factor");
   assert((losses.empty() || losses.size() == count) && "FactorGraph::ConnectMany: a loss for each factor, or none at all");

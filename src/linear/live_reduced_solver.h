@@ -15,7 +15,7 @@ namespace inceres::internal {
 /// last Solve. Threads: one caller. The same calls give the same bits.
 class LiveReducedSolver {
  public:
-  /// Some block rows of S: none before first_row, and of those the listed ones, in any order; null: perhaps all.
+  /// Some block rows of S: none before first_row, and of those the listed ones, ascending; null: perhaps all.
   struct Rows {
     int first_row = 0;
     const std::vector<int>* rows = nullptr;

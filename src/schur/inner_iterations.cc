@@ -178,15 +178,13 @@ void InnerIterations::EvaluateRun(FamilyId family, int begin, int end, bool jaco
   if (!failure.failed()) {
     return;
   }
-  // Of such a batch nothing counts.
-  if (failure.factor > begin) {
-    EvaluateRun(family, begin, failure.factor, jacobians);
+  if (end == begin + 1) {
+    const int rows = cache.family->residual_size();
+    std::fill_n(cache.candidate_residuals.data() + std::ptrdiff_t{begin} * rows, rows, std::numeric_limits<double>::quiet_NaN());
+    return;
   }
-  const int rows = cache.family->residual_size();
-  std::fill_n(cache.candidate_residuals.data() + std::ptrdiff_t{failure.factor} * rows, rows,
-              std::numeric_limits<double>::quiet_NaN());
-  if (failure.factor + 1 < end) {
-    EvaluateRun(family, failure.factor + 1, end, jacobians);
+  for (int i = begin; i < end; ++i) {  // of such a batch nothing counts
+    EvaluateRun(family, i, i + 1, jacobians);
   }
 }
 

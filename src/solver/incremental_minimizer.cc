@@ -271,7 +271,7 @@ double IncrementalMinimizer::TruncationBudget(double undone) const {
   return std::max(options_.truncation_share * undone, kTruncationFloor * kStopShare * Tolerance());
 }
 
-// Tries the step, within the trust region once there is one. A step that is refused although its Jacobians are fresh is tried
+// Tries the step, within the trust region once there is one. A step that is refused with no old Jacobian to blame is tried
 // again along the dog-leg path: that costs an evaluation, where more damping costs a factorisation too.
 bool IncrementalMinimizer::TakeStep(bool* refreshed) {
   double norm = -1.0;  // looked for when it is needed: mostly the radius is infinite
@@ -465,21 +465,23 @@ bool IncrementalMinimizer::RefreshTouched() {
     for (const LiveFamily& family : system_.families()) {
       for (const std::int32_t i : system_.Touched(family.id())) {
         if (family.SquaredError(i) > kExact) {
-          visit(FactorRef{family.id(), i}, family.UnforeseenCost(i));
+          visit(FactorRef{family.id(), i});
         }
       }
     }
   };
-  double blamed = -HUGE_VAL;
+  const auto unforeseen = [this](FactorRef ref) { return system_.families()[ref.family].UnforeseenCost(ref.factor); };
   const bool evaluated = trace_->row().predicted_change > 0.0;
-  if (!std::exchange(blamed_few_, true) && evaluated) {
-    double worst = 0.0;
-    for_each_old([&worst](FactorRef /*factor*/, double unforeseen) { worst = std::max(worst, unforeseen); });
-    blamed = kBlameShare * worst;
+  const bool all = std::exchange(blamed_few_, true) || !evaluated;
+  double worst = 0.0;
+  if (!all) {
+    for_each_old([&](FactorRef factor) { worst = std::max(worst, unforeseen(factor)); });
   }
+  // Written so that a cost that is not finite is to blame.
+  const double blameless = std::min(kBlameShare * worst, std::numeric_limits<double>::max());
   bool any = false;
-  for_each_old([&](FactorRef factor, double unforeseen) {
-    if (unforeseen > blamed) {
+  for_each_old([&](FactorRef factor) {
+    if (all || !(unforeseen(factor) <= blameless)) {
       system_.MarkDirty(factor);
       any = true;
     }

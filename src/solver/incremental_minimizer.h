@@ -73,7 +73,7 @@ class IncrementalMinimizer {
   double nu_ = 2.0;
   double radius_ = HUGE_VAL;      // of the trust region, in the norm ‖Dδ‖; acts after a rejection
   bool mostly_new_ = false;       // this Update began with most factors new
-  bool blamed_few_ = false;       // the last step of the frames failed, and only the worst of its factors are linearised anew
+  bool blamed_few_ = false;       // the last step of the frames failed, and only its worst factors, or none, are linearised anew
   bool frames_moved_ = false;     // since landmarks last stepped by themselves
   int num_landmark_passes_ = 0;   // still allowed before the next step of the frames
   double last_promise_ = 0.0;     // what was undone before the last step of the frames; 0: none, or not all of it was taken

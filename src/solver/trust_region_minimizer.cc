@@ -173,7 +173,7 @@ bool TrustRegionMinimizer::ComputeStep() {
   const double start = clock_.now();
   int num_solves = 0;
   const Status solved = strategy_->ComputeStep(&model_, step_.data(), &num_solves);
-  iteration_.step_solver_time_in_seconds = clock_.now() - start;  // the model has read it last
+  iteration_.step_solver_time_in_seconds = clock_.Read() - start;
   iteration_.linear_solver_iterations = num_solves > 0 && summary_.work.reduced_size > 0 ? 1 : 0;
   summary_.work.num_linear_solves += num_solves;
   if (!solved.ok() && solved.code != StatusCode::kSingular) {
