@@ -118,7 +118,8 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const std::vector<
   frames_.reserve(schur.frames().size());
   landmarks_.clear();
   landmarks_.reserve(schur.landmarks().size());
-  if (limits.undone >= 0.0 && partial_step_.Find(schur, damping, limits.frame_gain - limits.undone)) {
+  if (limits.undone >= 0.0 && PartialStep::IsWorthwhile(schur) &&
+      partial_step_.Find(schur, damping, limits.frame_gain - limits.undone)) {
     for (int k = 0; k < partial_step_.num_frames(); ++k) {
       frames_.push_back(partial_step_.frame(k));
       system->SetFrameStep(frames_.back(), partial_step_.step(k));

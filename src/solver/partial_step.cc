@@ -36,6 +36,10 @@ void SubtractTransposedProduct(int rows, int columns, const double* B, const dou
 
 }  // namespace
 
+bool PartialStep::IsWorthwhile(const LiveSchur& schur) {
+  return schur.size() > kMaxScalars;
+}
+
 bool PartialStep::Find(const LiveSchur& schur, const std::vector<double>& damping, double gain) {
   Begin(schur, damping);
   double gained = 0.0;

@@ -19,6 +19,9 @@ namespace inceres::internal {
 /// link is, costs next to nothing to leave, where cutting δ itself off there would tear it from its neighbours.
 class PartialStep {
  public:
+  /// Whether S is larger than A may become: of a small window nearly all moves.
+  static bool IsWorthwhile(const LiveSchur& schur);
+
   /// Grows A, from the frames that b pulls at most, until its step gains this much; in each round by those at which what is left
   /// of b then pulls most. `damping`: of S' = S + diag(damping), packed. False if that takes too many frames, or S'_AA has no
   /// factor. Cost: that of a small Cholesky factor and of the blocks of A's rows, and a pass over b; no allocation beyond the
