@@ -37,6 +37,7 @@ class BatchObserver final : public SolveObserver {
   }
 
   bool IsLast(const IterationSummary& iteration) override {
+    last_judged_ = iteration.iteration;
     settled_ = HasJustSettled(iteration);
     return settled_;
   }
@@ -52,7 +53,7 @@ class BatchObserver final : public SolveObserver {
       ended_by_user_ = true;
       return summary.termination == Termination::kUserSuccess ? ObserverAction::kTerminateSuccessfully : ObserverAction::kAbort;
     }
-    if (iteration.iteration == 0 || !iteration.step_is_successful) {
+    if (iteration.iteration != last_judged_) {  // the start, a refused step, or one that made the cost another function
       previous_gain_ = 0.0;
       previous_ratio_ = HUGE_VAL;
     }
@@ -104,6 +105,7 @@ class BatchObserver final : public SolveObserver {
   double cost_ = 0.0;           // of the state
   double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
   double previous_ratio_ = HUGE_VAL;
+  int last_judged_ = -1;
   bool ended_by_user_ = false;
   bool settled_ = false;
 };
