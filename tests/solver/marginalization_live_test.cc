@@ -162,7 +162,8 @@ TEST(LiveMarginalization, CachedRowsAreThoseOfTheFactors) {
     EXPECT_EQ(fresh.num_cached_factors, 0);
     const LinearPrior& cached = *FindLinearPrior(bundle.solver.graph(), live.prior);
     const LinearPrior& evaluated = *FindLinearPrior(copy, fresh.prior);
-    const double tolerance = exact ? 1e-10 : 1e-4;
+    // A last step whose error rounds to zero leaves the rows as they were before it.
+    const double tolerance = exact ? 1e-8 : 1e-4;
     EXPECT_LT(RelativeError(InformationOf(cached), InformationOf(evaluated)), tolerance);
     EXPECT_LT(RelativeError(GradientOf(cached), GradientOf(evaluated)), tolerance);
   }
