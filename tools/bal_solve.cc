@@ -22,6 +22,8 @@
 DEFINE_string(input, "", "The BAL file to solve: text, .gz or .bz2. Required.");
 DEFINE_string(solver, "inceres", "inceres, or ceres for stock Ceres.");
 DEFINE_string(output, "", "Write the solved problem to this BAL file (.gz and .bz2 compress).");
+DEFINE_bool(landmarks_first, false,
+            "Put points before cameras in the ordering of the ceres::Problem, instead of leaving the order to the solver.");
 DEFINE_string(json, "", "Write sizes, costs, seconds and the cost of every iteration to this file as JSON.");
 DEFINE_string(picture, "", "Draw cameras and points before and after and the cost curve to this SVG file.");
 
@@ -59,10 +61,15 @@ Status ReadPlan(RunPlan* plan) {
     return Status::Error(StatusCode::kInvalidArgument,
                          "--builtin_factors needs --solver inceres: stock Ceres knows only cost functions");
   }
+  if (FLAGS_landmarks_first && plan->settings.builtin_factors) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "--landmarks_first is for cost functions: built-in factors need no ordering");
+  }
   if (FLAGS_solver == "ceres" && plan->settings.incremental) {
     return Status::Error(StatusCode::kInvalidArgument, "--mode incremental needs --solver inceres: stock Ceres has no such mode");
   }
   plan->engine = FLAGS_solver == "ceres" ? Engine::kStock : plan->settings.builtin_factors ? Engine::kCore : Engine::kShim;
+  plan->landmarks_first = FLAGS_landmarks_first;
   plan->strict = true;  // who asks for inceres gets inceres or an error
   return Status::Ok();
 }

@@ -106,6 +106,13 @@ class BalSolveTest(unittest.TestCase):
                 _, report = self.solve(*engine, "--linear_solver", linear_solver)
                 self.assertAlmostEqual(report["final_cost"], plain["final_cost"], delta=1e-8 * plain["final_cost"])
 
+    def test_landmarks_first_is_an_order_not_another_problem(self):
+        for engine in SOLVERS[:2]:
+            _, plain = self.solve(*engine)
+            _, ordered = self.solve(*engine, "--landmarks_first")
+            self.assertAlmostEqual(ordered["final_cost"], plain["final_cost"], delta=1e-8 * plain["final_cost"])
+        self.assertIn("--landmarks_first", self.fails(2, "--input", self.small, "--builtin_factors", "--landmarks_first"))
+
     def test_incremental_mode_finds_the_same_minimum(self):
         _, exact = self.solve("--function_tolerance", "1e-12")
         for flags in ([], ["--builtin_factors"], ["--robust", "huber:0.5"], ["--builtin_factors", "--robust", "huber:0.5"]):

@@ -7,13 +7,10 @@
 #include "adapters/ceres/src/adapter_cache.h"
 #include "adapters/ceres/src/ceres_adapters.h"
 #include "adapters/ceres/src/cost_function_family.h"
+#include "adapters/ceres/src/index.h"
 
 namespace inceres::internal {
 namespace {
-
-std::size_t At(std::int64_t i) {
-  return static_cast<std::size_t>(i);
-}
 
 class Builder {
  public:

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "adapters/ceres/src/index.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -11,10 +13,6 @@ constexpr int kMinResidualsForShareRule = 10;
 constexpr int kShareRule = 5;  // a landmark touches less than one in this many residual blocks
 constexpr double kHandling = 100.0;
 constexpr double kSparseFactor = 4.0;
-
-std::size_t At(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 // Kinds of blocks, by union-find over "stood in the same slot of the same shape".
 class KindFinder {

@@ -1,14 +1,11 @@
 // The factors of a living problem.
 #include <algorithm>
 
+#include "adapters/ceres/src/index.h"
 #include "adapters/ceres/src/living_problem.h"
 
 namespace inceres::internal {
 namespace {
-
-std::size_t At(std::int64_t i) {
-  return static_cast<std::size_t>(i);
-}
 
 bool SameSlots(const std::vector<FactorFamily::Slot>& a, const std::vector<FactorFamily::Slot>& b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const FactorFamily::Slot& x, const FactorFamily::Slot& y) {

@@ -4,12 +4,10 @@
 #include <algorithm>
 #include <cstring>
 
+#include "adapters/ceres/src/index.h"
+
 namespace inceres::internal {
 namespace {
-
-std::size_t At(std::int64_t i) {
-  return static_cast<std::size_t>(i);
-}
 
 bool SameBits(const double* a, const double* b, int size) {
   return std::memcmp(a, b, At(size) * sizeof(double)) == 0;

@@ -2,12 +2,10 @@
 
 #include <algorithm>
 
+#include "adapters/ceres/src/index.h"
+
 namespace inceres::internal {
 namespace {
-
-std::size_t At(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 // Where two landmarks meet, those that the selection does not want give way; at most one is left then. A constant counts too: it
 // may be variable in the next solve.

@@ -4,16 +4,14 @@
 #include <cmath>
 #include <cstring>
 
+#include "adapters/ceres/src/index.h"
+
 namespace inceres::internal {
 namespace {
 
 // How far, relative, the residuals of a cost-only and of a Jacobian call may lie apart and still be one function's: rounding,
 // cancellation between prediction and measurement included.
 constexpr double kRounding = 1e-6;
-
-std::size_t At(int i) {
-  return static_cast<std::size_t>(i);
-}
 
 }  // namespace
 

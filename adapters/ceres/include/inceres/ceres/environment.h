@@ -8,12 +8,11 @@ namespace inceres {
 /// What the environment of this process asks for, as the "in" fields of a SolveReport; the drop-in solves with it, inceres::Solve
 /// only if handed it. The variables are read once, at the first call.
 ///
-/// | variable | values |
-/// |---|---|
-/// | `INCERES_MODE` | `exact` (default), `incremental`, `stock`, `auto` (in the drop-in: a problem's first solve exact, later
-/// ones incremental where they can be; one solve here: exact) | | `INCERES_CROSS_CHECK` | `1`, `0`, or a list of `keep=ours`,
-/// `keep=stock`, `cost=X`, `parameters=X`, `iterations=N`, `radius=X` (the tolerances of CrossCheckOptions), which asks for the
-/// check too | | `INCERES_AB_LOG` | a file for the A/B log |
+/// - `INCERES_MODE`: `exact` (default), `incremental`, `stock`, `auto` (in the drop-in: a problem's first solve exact, later ones
+///   incremental where they can be; one solve here: exact).
+/// - `INCERES_CROSS_CHECK`: `1`, `0`, or what asks for the check with these CrossCheckOptions: a list of `keep=ours`,
+///   `keep=stock`, `cost=X`, `parameters=X`, `iterations=N`, `radius=X`.
+/// - `INCERES_AB_LOG`: a file for the A/B log.
 ///
 /// A value that is none of these is named in the log, once, and has no effect; the rest holds. In a program that runs with rights
 /// its user has not (setuid, setgid, capabilities) none is looked at. Threads: safe.

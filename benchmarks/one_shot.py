@@ -1,0 +1,83 @@
+#!/usr/bin/env python3
+"""One solve of Ladybug-49 from the file's start: ours in incremental mode against the time stock Ceres needs to get as close.
+
+    benchmarks/one_shot.py [--repeats 11]
+
+Ours ends by its own function tolerance (1e-6); stock runs on (LM, function tolerance 0) in each of its configurations, and counts until
+its cost is within 1e-5 of 13,344.24. One process a run, in turn, one thread, the time of the solve call. Needs build/bin/bal_solve and
+the data of INCERES_DATA_DIR (or ../shared/data beside the repository). Leave the machine alone meanwhile.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import statistics
+import subprocess
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+DATA = pathlib.Path(os.environ.get("INCERES_DATA_DIR", ROOT.parent / "shared" / "data"))
+LADYBUG = DATA / "bal/problem-49-7776-pre.txt"
+MINIMUM = 13344.24
+CLOSE = 1e-5
+
+OURS = {
+    "ours, built-in factors": ["--mode", "incremental", "--max_num_iterations", "100", "--builtin_factors"],
+    "ours, AutoDiff": ["--mode", "incremental", "--max_num_iterations", "100"],
+}
+STOCK = {
+    f"stock, {solver}{text}": ["--solver", "ceres", "--linear_solver", solver, "--max_num_iterations", "34", "--function_tolerance", "0", *flag]
+    for solver in ("dense_schur", "sparse_schur")
+    for text, flag in (("", []), (", landmarks first", ["--landmarks_first"]))
+}
+
+
+def solve(flags):
+    with tempfile.TemporaryDirectory() as folder:
+        report = pathlib.Path(folder) / "report.json"
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "GLOG_minloglevel": "2"}
+        command = [str(ROOT / "build/bin/bal_solve"), "--input", str(LADYBUG), "--json", str(report), *flags]
+        subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        return json.loads(report.read_text(encoding="utf-8"))
+
+
+def is_close(cost):
+    return cost <= MINIMUM * (1.0 + CLOSE)
+
+
+def seconds_until_close(report):
+    for row in report["trace"]:
+        if is_close(row["cost"]):
+            return row["seconds"]
+    raise SystemExit(f"{report['solver']} came no closer than {report['final_cost']}")
+
+
+def compare(repeats):
+    seconds = {name: [] for name in (*OURS, *STOCK)}
+    costs = {}
+    for _ in range(repeats):
+        for name, flags in {**OURS, **STOCK}.items():
+            report = solve(flags)
+            seconds[name].append(report["seconds"] if name in OURS else seconds_until_close(report))
+            costs[name] = report["final_cost"]
+            if not is_close(report["final_cost"]):
+                raise SystemExit(f"{name} ended at {report['final_cost']}, which is not within {CLOSE} of {MINIMUM}")
+    medians = {name: statistics.median(values) for name, values in seconds.items()}
+    best = min(STOCK, key=medians.get)
+    print("| solver | median | ratio to the fastest stock | final cost |\n|---|---|---|---|")
+    for name, median in medians.items():
+        print(f"| {name} | {1e3 * median:.0f} ms | **{median / medians[best]:.3f}** | {costs[name]:.2f} |")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeats", type=int, default=11)
+    arguments = parser.parse_args()
+    compare(arguments.repeats)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
