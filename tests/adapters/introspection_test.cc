@@ -106,13 +106,17 @@ TEST(Introspection, SeesWhichResidualBlocksAreLikeTheirNeighbours) {
   add(2, {y, x});
   const ProblemView view = Introspect(test.problem);
   std::vector<bool> like;
+  std::vector<int> slots;
   for (const ResidualBlockView& residual : view.residuals) {
     like.push_back(residual.like_previous);
+    slots.insert(slots.end(), view.SlotsOf(residual), view.SlotsOf(residual) + residual.num_slots);
   }
   EXPECT_EQ(like, (std::vector<bool>{false, true, false, false, false, false}));
-  const int first = view.slots[0];
-  EXPECT_EQ(view.slots, (std::vector<int>{first, 1 - first, first, 1 - first, first, 1 - first, 1 - first, first, 1 - first,
-                                          1 - first, first}));
+  const int first = slots[0];
+  EXPECT_EQ(slots, (std::vector<int>{first, 1 - first, first, 1 - first, first, 1 - first, 1 - first, first, 1 - first, 1 - first,
+                                     first}));
+  EXPECT_EQ(view.block(first).degree, 5);
+  EXPECT_EQ(view.block(1 - first).degree, 6);
 }
 
 TEST(Introspection, TellsBoundsApart) {

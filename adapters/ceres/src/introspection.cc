@@ -61,86 +61,95 @@ class ResidualReader {
     problem.GetResidualBlocks(&ids);
     view_.residuals.reserve(ids.size());
     view_.slots.reserve(3 * ids.size());
+    ResidualBlockView residual;  // keeps what its neighbour repeats
+    int num_repeats = 0;
     for (const ceres::ResidualBlockId id : ids) {
-      ResidualBlockView& residual = view_.residuals.emplace_back();
+      const int num_residuals_before = residual.num_residuals;
       residual.id = id;
       residual.cost = problem.GetCostFunctionForResidualBlock(id);
       residual.loss = problem.GetLossFunctionForResidualBlock(id);
       residual.num_residuals = residual.cost->num_residuals();
-      previous_.swap(pointers_);
       problem.GetParameterBlocksForResidualBlock(id, &pointers_);
-      ReadSlots(&residual);
+      if (RepeatsSlots(residual)) {
+        residual.like_previous = residual.num_residuals == num_residuals_before;
+        ++num_repeats;
+      } else {
+        Touch(residual, num_repeats);
+        ReadSlots(&residual);
+        num_repeats = 1;
+      }
       if (residual.num_residuals <= 0) {
         SetDefect(&view_, ThisResidual() + " has no residuals");
       }
+      view_.residuals.push_back(residual);
     }
+    Touch(residual, num_repeats);
   }
 
  private:
   // Names the residual block in program order, which is the order Ceres's own messages use.
-  std::string ThisResidual() const { return "residual block " + std::to_string(view_.residuals.size() - 1); }
+  std::string ThisResidual() const { return "residual block " + std::to_string(view_.residuals.size()); }
+
+  // Whether the slots, which are still those of the residual block before, are right for this one too; its neighbours' often are.
+  bool RepeatsSlots(const ResidualBlockView& residual) const {
+    const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
+    const auto num_slots = static_cast<std::size_t>(residual.num_slots);
+    if (view_.residuals.empty() || pointers_.size() != num_slots || sizes.size() != num_slots) {
+      return false;
+    }
+    const int* slots = view_.SlotsOf(residual);
+    for (std::size_t s = 0; s < num_slots; ++s) {
+      const ParameterBlockView& block = view_.block(slots[s]);
+      if (pointers_[s] != block.values || sizes[s] != block.ambient_size) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  // Counts the blocks of as many residual blocks with the same slots.
+  void Touch(const ResidualBlockView& residual, int count) {
+    for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
+      view_.blocks[static_cast<std::size_t>(view_.SlotsOf(residual)[s])].degree += count;
+    }
+  }
 
   void ReadSlots(ResidualBlockView* residual) {
     const std::vector<std::int32_t>& sizes = residual->cost->parameter_block_sizes();
+    const ResidualBlockView previous = *residual;
     residual->first_slot = static_cast<int>(view_.slots.size());
     residual->num_slots = static_cast<int>(pointers_.size());
+    residual->fixed = true;
+    residual->like_previous = false;
     if (sizes.size() != pointers_.size()) {
       SetDefect(&view_, "the cost function of " + ThisResidual() + " has changed its number of parameter blocks");
     }
-    if (view_.residuals.size() > 1 && HasBlocksOfPrevious()) {
-      RepeatSlots(residual);
-    } else {
-      FindSlots(residual);
-    }
-    const int* slots = view_.SlotsOf(*residual);
-    const int touch = residual->fixed ? 0 : 1;
-    const std::int32_t* const expected = sizes.data();
-    const std::size_t num_expected = sizes.size();
-    const std::size_t num_slots = pointers_.size();
-    ParameterBlockView* const blocks = view_.blocks.data();
-    for (std::size_t s = 0; s < num_slots; ++s) {
-      ParameterBlockView& block = blocks[slots[s]];
-      block.degree += touch;
-      if (s < num_expected && expected[s] != block.ambient_size) {
+    for (std::size_t s = 0; s < pointers_.size(); ++s) {
+      const int b = FindBlock(previous, s);
+      const ParameterBlockView& block = view_.block(b);
+      view_.slots.push_back(b);
+      residual->fixed = residual->fixed && block.constant;
+      Meet(b);
+      if (s < sizes.size() && sizes[s] != block.ambient_size) {
         SetDefect(&view_, "the cost function of " + ThisResidual() + " expects another size than that of " + Describe(block));
       }
     }
   }
 
-  // By a loop: to call a comparison of memory takes longer than to compare a few.
-  bool HasBlocksOfPrevious() const {
-    bool same = pointers_.size() == previous_.size();
-    for (std::size_t s = 0; same && s < pointers_.size(); ++s) {
-      same = pointers_[s] == previous_[s];
+  // Of slot s, where the residual block before often has the same.
+  int FindBlock(const ResidualBlockView& previous, std::size_t s) const {
+    if (static_cast<int>(s) < previous.num_slots) {
+      const int b = view_.SlotsOf(previous)[s];
+      if (view_.block(b).values == pointers_[s]) {
+        return b;
+      }
     }
-    return same;
-  }
-
-  // The blocks of the residual block before, of which nothing new is to be found.
-  void RepeatSlots(ResidualBlockView* residual) {
-    const ResidualBlockView& before = view_.residuals.end()[-2];
-    residual->fixed = before.fixed;
-    residual->like_previous = residual->num_residuals == before.num_residuals;
-    for (int s = 0; s < before.num_slots; ++s) {
-      const int b = view_.SlotsOf(before)[s];
-      view_.slots.push_back(b);
-    }
-  }
-
-  void FindSlots(ResidualBlockView* residual) {
-    const std::size_t first_of_previous = view_.slots.size() - previous_.size();
-    for (std::size_t s = 0; s < pointers_.size(); ++s) {
-      const bool as_before = s < previous_.size() && previous_[s] == pointers_[s];  // as neighbours often have
-      const int b = as_before ? view_.slots[first_of_previous + s] : view_.index.Find(pointers_[s]);
-      view_.slots.push_back(b);
-      residual->fixed = residual->fixed && view_.block(b).constant;
-      Meet(b);
-    }
+    return view_.index.Find(pointers_[s]);
   }
 
   // A block twice in one residual block shows at once.
   void Meet(int b) {
-    const int this_residual = static_cast<int>(view_.residuals.size()) - 1;
+    const int this_residual = static_cast<int>(view_.residuals.size());
     int& last = last_residual_[static_cast<std::size_t>(b)];
     if (last == this_residual) {
       SetDefect(&view_, Describe(view_.block(b)) + " appears twice in " + ThisResidual());
@@ -150,8 +159,7 @@ class ResidualReader {
 
   ProblemView& view_;
   std::vector<int> last_residual_;  // per block: the last residual block seen to touch it
-  std::vector<double*> pointers_;
-  std::vector<double*> previous_;  // those of the residual block before
+  std::vector<double*> pointers_;   // of this residual block
 };
 
 void Count(const ParameterBlockView& block, ProblemTotals* totals) {

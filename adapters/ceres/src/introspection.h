@@ -31,7 +31,7 @@ struct ResidualBlockView {
   const ceres::CostFunction* cost = nullptr;
   const ceres::LossFunction* loss = nullptr;  ///< null: plain squared norm
   int num_residuals = 0;
-  int first_slot = 0;  ///< into ProblemView::slots
+  int first_slot = 0;  ///< into ProblemView::slots; neighbours of the same blocks share them
   int num_slots = 0;
   bool fixed = true;           ///< touches no variable block
   bool like_previous = false;  ///< as many residuals of the same blocks as the residual block before: of one family
@@ -51,7 +51,7 @@ struct ProblemTotals {
 struct ProblemView {
   std::vector<ParameterBlockView> blocks;    ///< by address (the only order Ceres shows)
   std::vector<ResidualBlockView> residuals;  ///< in program order
-  std::vector<int> slots;                    ///< block of each slot of each residual block
+  std::vector<int> slots;                    ///< block of each slot of the residual blocks, see SlotsOf
   std::vector<double> bounds;                ///< of the bounded blocks
   PointerIndex index;                        ///< address to index in `blocks`
   ProblemTotals all;
