@@ -186,6 +186,12 @@ struct Kernels {
   /// of a Cholesky factorisation row by row.
   void (*subtract_row_dots)(int rows, int cols, int depth, const double* A, int lda, const double* B, int ldb, double* C,
                             int ldc);
+
+  /// The first `columns` columns of J (rows row_stride apart), each contiguous and `stride` after the one before.
+  void (*rows_to_columns)(int rows, int columns, const double* J, int row_stride, double* out, int stride);
+  /// row_products where [J f] is columns, each `stride` after the one before; rows is a multiple of 4 and there are
+  /// columns. Decreases are summed row by row, so that what overflows is an infinite decrease and not none.
+  RowProducts (*column_products)(int rows, int columns, const double* J_f, int stride, const double* v);
 };
 
 enum class InstructionSet { kGeneric, kAvx2, kAvx512, kNeon };

@@ -15,13 +15,12 @@ DenseModel::DenseModel(const Evaluator& evaluator) : LinearModel(evaluator), siz
   }
   stride_ = DampedColumnStride(num_rows_, size_);
   const auto size = static_cast<std::size_t>(size_);
-  columns_.resize((static_cast<std::size_t>(PadToQuad(size_)) + 1) * stride_);
+  columns_.resize((size + 1) * stride_);
   H_.resize((size + 1) * size);
   L_.resize(size * size);
   inverse_pivots_.resize(size);
   gradient_.resize(size);
   diagonal_.resize(size);
-  product_.resize(PadToQuad(num_rows_));
 }
 
 void DenseModel::Refresh() {
@@ -29,17 +28,7 @@ void DenseModel::Refresh() {
   const int stride = stride_;
   for (const FamilyCache& cache : evaluator_.families()) {
     const int rows = cache.num_blocks() * cache.rows_per_block();
-    const int row_stride = cache.slots[0].row_stride;
-    for (int c = 0; c < size_; c += kQuad) {  // a quad of columns, of which those beyond J's are overwritten or of no use
-      const double* J = cache.slots[0].data + c;
-      double* const columns = top + static_cast<std::ptrdiff_t>(c) * stride;
-      for (int r = 0; r < rows; ++r, J += row_stride) {
-        columns[r] = J[0];
-        columns[stride + r] = J[1];
-        columns[2 * stride + r] = J[2];
-        columns[3 * stride + r] = J[3];
-      }
-    }
+    BestKernels().rows_to_columns(rows, size_, cache.slots[0].data, cache.slots[0].row_stride, top, stride);
     std::copy_n(cache.residuals.data(), rows, top + static_cast<std::ptrdiff_t>(size_) * stride);
     top += rows;
   }
@@ -54,20 +43,7 @@ void DenseModel::Refresh() {
 }
 
 RowProducts DenseModel::MultiplyJacobian(const double* v) {
-  const int rows = static_cast<int>(product_.size());
-  std::fill(product_.begin(), product_.end(), 0.0);
-  BestKernels().subtract_outer(rows, 1, size_, columns_.data(), stride_, v, 1, product_.data(), rows);
-  const double* f = columns_.data() + static_cast<std::ptrdiff_t>(size_) * stride_;
-  double products[kQuad] = {};  // summed row by row, so that what overflows is an infinite decrease and not none
-  double squares[kQuad] = {};
-  for (int r = 0; r < rows; r += kQuad) {
-    for (int lane = 0; lane < kQuad; ++lane) {
-      const double negated = product_[r + lane];
-      products[lane] += negated * (f[r + lane] - 0.5 * negated);
-      squares[lane] += negated * negated;
-    }
-  }
-  return {(products[0] + products[1]) + (products[2] + products[3]), (squares[0] + squares[1]) + (squares[2] + squares[3])};
+  return BestKernels().column_products(PadToQuad(num_rows_), size_, columns_.data(), stride_, v);
 }
 
 Status DenseModel::Solve(const double* damping, double* step) {
@@ -100,7 +76,7 @@ VariableId DenseModel::VariableAt(int column) const {
 void DenseModel::Describe(WorkCounts* work) const {
   work->num_frames = static_cast<int>(evaluator_.layout().variables.size());
   work->reduced_size = size_;
-  work->bytes += static_cast<std::int64_t>(sizeof(double) * (columns_.size() + product_.size() + H_.size() + L_.size()));
+  work->bytes += static_cast<std::int64_t>(sizeof(double) * (columns_.size() + H_.size() + L_.size()));
 }
 
 DenseColumnsQrModel::DenseColumnsQrModel(const Evaluator& evaluator) : DenseModel(evaluator) {

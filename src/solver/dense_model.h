@@ -24,7 +24,7 @@ class DenseModel : public LinearModel {
   int size_;
   int num_rows_ = 0;               // of J
   int stride_;                     // of columns_
-  AlignedVector<double> columns_;  // of [J f], zeros below; with room for whole quads of columns of J
+  AlignedVector<double> columns_;  // of [J f], zeros below
 
  private:
   RowProducts MultiplyJacobian(const double* v) override;
@@ -35,7 +35,6 @@ class DenseModel : public LinearModel {
   std::vector<double> inverse_pivots_;
   std::vector<double> gradient_;
   std::vector<double> diagonal_;
-  AlignedVector<double> product_;  // −Jv
 };
 
 /// The same for DENSE_QR: the step is that of the rows, not of H (see DenseQrModel).

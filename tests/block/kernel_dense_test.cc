@@ -1,4 +1,4 @@
-// The two kernels of the dense Cholesky on odd sizes and strides; what lies outside the given rows stays as it was.
+// The kernels of dense matrices on odd sizes and strides; what lies outside the given rows stays as it was.
 #include "block/kernel_fixture.h"
 
 namespace inceres::internal {
@@ -129,6 +129,45 @@ TEST_P(DenseKernels, SubtractRowDotsForOddSizes) {
         ExpectClose(C.values, expected.values, 1.0 + depth, 1e-13,
                     std::to_string(rows) + " x " + std::to_string(cols) + ", depth " + std::to_string(depth));
       }
+    }
+  }
+}
+
+TEST_P(DenseKernels, RowsToColumnsForOddSizes) {
+  for (const int rows : {0, 1, 3, 4, 5, 8, 53}) {
+    for (const int columns : {1, 2, 3, 4, 7, 16}) {
+      const Matrix J(columns, rows, &random_);  // its columns read as rows
+      Matrix actual(rows, columns, &random_);
+      Matrix expected = actual;
+      for (int r = 0; r < rows; ++r) {
+        for (int c = 0; c < columns; ++c) {
+          expected(r, c) = J(c, r);
+        }
+      }
+      kernels().rows_to_columns(rows, columns, J.values.data(), J.stride, actual.values.data(), actual.stride);
+      EXPECT_EQ(actual.values, expected.values) << rows << " x " << columns;
+    }
+  }
+}
+
+TEST_P(DenseKernels, ColumnProductsForOddSizes) {
+  for (const int rows : {0, 4, 12, 16, 20, 56}) {
+    for (const int columns : {1, 2, 3, 5, 16}) {
+      const Matrix J_f(rows, columns + 1, &random_);
+      const std::vector<double> v = random_.Vector(static_cast<std::size_t>(columns));
+      RowProducts expected;
+      for (int r = 0; r < rows; ++r) {
+        double Jv = 0.0;
+        for (int c = 0; c < columns; ++c) {
+          Jv += J_f(r, c) * v[static_cast<std::size_t>(c)];
+        }
+        expected.model_decrease -= Jv * (J_f(r, columns) + 0.5 * Jv);
+        expected.squared_norm += Jv * Jv;
+      }
+      const RowProducts actual = kernels().column_products(rows, columns, J_f.values.data(), J_f.stride, v.data());
+      const double tolerance = 1e-13 * (1.0 + rows * columns);
+      EXPECT_NEAR(actual.model_decrease, expected.model_decrease, tolerance) << rows << " x " << columns;
+      EXPECT_NEAR(actual.squared_norm, expected.squared_norm, tolerance) << rows << " x " << columns;
     }
   }
 }
