@@ -139,6 +139,8 @@ struct Kernels {
 
   /// For the sizes; null if there is none of them.
   ColumnTake (*find_take)(int rows, int ambient_size, int columns);
+  /// Whether the sum of the magnitudes of the values proves that none of them is kUnwrittenEntry, infinite or NaN.
+  bool (*are_ordinary)(const double* values, int count);
   /// J_s := scale · J_s of one factor, padding included, for the slots with a tangent offset.
   void (*scale_factor)(const SlotJacobians* jacobians, int num_slots, int factor, const std::int32_t* tangent_offsets,
                        double scale);

@@ -100,19 +100,8 @@ internal::TakeFunction internal::FindTake(int num_rows, int ambient_size, int co
 }
 
 bool AreAllWritten(const double* values, int count) {
-  // Almost every entry is ordinary: a sum of magnitudes below the impossible value proves it. NaN and infinity fail it too.
-  double sums[4] = {};
-  int k = 0;
-  for (; k + 4 <= count; k += 4) {
-    for (int lane = 0; lane < 4; ++lane) {
-      sums[lane] += std::fabs(values[k + lane]);
-    }
-  }
-  for (; k < count; ++k) {
-    sums[0] += std::fabs(values[k]);
-  }
-  if ((sums[0] + sums[1]) + (sums[2] + sums[3]) < 0.01 * kUnwritten) {
-    return true;
+  if (internal::BestKernels().are_ordinary(values, count)) {
+    return true;  // as almost all are; NaN and infinity are not
   }
   return std::all_of(values, values + count, [](double value) { return std::isfinite(value) && value != kUnwritten; });
 }

@@ -1,6 +1,8 @@
 // What a pass over J yields for a vector: −(Jv)ᵀ(f + Jv/2) and ‖Jv‖²; and with it the change Jᵀ(f − p) of a gradient.
 #include <cmath>
 #include <cstring>
+#include <limits>
+#include <vector>
 
 #include "block/kernel_fixture.h"
 
@@ -161,6 +163,22 @@ TEST_P(RowKernels, NoFactorsYieldZero) {
   const RowProducts actual = kernels().row_products(rows, nullptr);
   EXPECT_EQ(actual.model_decrease, 0.0);
   EXPECT_EQ(actual.squared_norm, 0.0);
+}
+
+TEST_P(RowKernels, FindWhatIsNotOrdinaryWhereverItIs) {
+  for (const int count : {0, 1, 2, 3, 4, 5, 15, 16, 17, 37}) {
+    std::vector<double> values = random_.Vector(static_cast<std::size_t>(count));
+    EXPECT_TRUE(kernels().are_ordinary(values.data(), count)) << count;
+    for (double& value : values) {
+      const double kept = value;
+      for (const double bad : {kUnwrittenEntry, -kUnwrittenEntry, std::numeric_limits<double>::quiet_NaN(),
+                               -std::numeric_limits<double>::infinity()}) {
+        value = bad;
+        EXPECT_FALSE(kernels().are_ordinary(values.data(), count)) << count;
+      }
+      value = kept;
+    }
+  }
 }
 
 INCERES_FOR_ALL_INSTRUCTION_SETS(RowKernels);

@@ -276,17 +276,18 @@ class AmbientFamily : public FactorFamily {
       });
     }
     MarkResiduals(batch);
-    const double* const* parameters = Parameters(batch);
-    double* residual = Residuals(batch);
-    for (int i = batch.begin; i < batch.end; ++i, parameters += num_slots, ++residual) {
-      if (!derived().EvaluateOne(i, parameters, residual, blocks)) {
-        return FirstFaultInPlace(batch, runs, num_runs, i, {i, kReturnedFalse});
+    int i = batch.begin;
+    WithSize(num_slots, [this, &batch, &blocks, &strides, &i](auto count) {
+      const double* const* parameters = Parameters(batch);
+      double* residual = Residuals(batch);
+      for (; i < batch.end && derived().EvaluateOne(i, parameters, residual, blocks); ++i, parameters += count, ++residual) {
+        for (int s = 0; s < count; ++s) {
+          blocks[s] += strides[s];
+        }
       }
-      for (int s = 0; s < num_slots; ++s) {
-        blocks[s] += strides[s];
-      }
-    }
-    return FirstFaultInPlace(batch, runs, num_runs, batch.end, {});
+    });
+    const EvaluationFailure returned_false = {i, kReturnedFalse};
+    return FirstFaultInPlace(batch, runs, num_runs, i, i < batch.end ? returned_false : EvaluationFailure());
   }
 
   // Of the batch's first factor.
@@ -323,6 +324,9 @@ class AmbientFamily : public FactorFamily {
                                       EvaluationFailure failure) const {
     int first_bad = end;
     for (const Run* run = runs; run != runs + num_runs; ++run) {
+      if (IsOrdinary(*run, end - batch.begin)) {
+        continue;
+      }
       WithSize(run->size, [run, &batch, &first_bad](auto size) {
         const double* row = run->first;
         for (int i = batch.begin; i < first_bad; ++i, row += run->stride) {
@@ -333,6 +337,11 @@ class AmbientFamily : public FactorFamily {
       });
     }
     return first_bad == end ? FirstFault(batch, end, failure) : FirstFault(batch, first_bad + 1, {first_bad, kBadJacobian});
+  }
+
+  // Whether that is shown by a look at all that lies between its first entry and its last, where it is little more than its own.
+  static bool IsOrdinary(const Run& run, int num_rows) {
+    return run.stride <= 4 * run.size && AreAllWritten(run.first, (num_rows - 1) * static_cast<int>(run.stride) + run.size);
   }
 
   // False if an entry of a Jacobian that is wanted is not finite or was not written.
