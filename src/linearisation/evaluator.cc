@@ -116,6 +116,7 @@ void Evaluator::BuildFamily(FamilyId id) {
 
   const std::size_t num_entries = n * static_cast<std::size_t>(family.num_slots());
   cache.parameters.resize(num_entries);
+  cache.candidate_parameters.resize(storage_ == JacobianStorage::kWholeRows ? num_entries : 0);
   cache.tangent_maps.resize(num_entries);
   const VariableId* ids = num_entries > 0 ? graph_->Variables(id, 0) : nullptr;
   executor_.For(static_cast<int>(num_entries), kEntryGrain, [&](int begin, int end) {
@@ -178,15 +179,10 @@ void Evaluator::BindFamily(FamilyId id) {
   FamilyCache& cache = families_[id];
   cache.family = &graph_->family(id);
   cache.has_losses = graph_->HasLosses(id);
+  FindParameters(current_, id, &cache.parameters);
+  FindParameters(candidate_, id, &cache.candidate_parameters);
   const std::size_t num_entries = cache.parameters.size();
   const VariableId* ids = num_entries > 0 ? graph_->Variables(id, 0) : nullptr;
-  executor_.For(static_cast<int>(num_entries), kEntryGrain, [&](int begin, int end) {
-    for (int k = begin; k < end; ++k) {
-      if (ids[k] >= 0) {  // not a free place
-        cache.parameters[k] = graph_->ValuesIn(current_.data(), ids[k]);
-      }
-    }
-  });
   cache.pins.clear();
   for (std::size_t k = 0; graph_->HasPins() && k < num_entries; ++k) {
     const bool moves = ids[k] >= 0 && layout_.position[ids[k]] >= 0;
@@ -197,6 +193,22 @@ void Evaluator::BindFamily(FamilyId id) {
     }
   }
   cache.jacobian_parameters.resize(cache.pins.size());
+}
+
+// Of all factors of the family, or of none where there is no room for them.
+void Evaluator::FindParameters(const std::vector<double>& state, FamilyId id, std::vector<const double*>* parameters) const {
+  const int num_slots = graph_->family(id).num_slots();
+  const VariableId* ids = parameters->empty() ? nullptr : graph_->Variables(id, 0);
+  executor_.For(static_cast<int>(parameters->size()), kEntryGrain, [&](int begin, int end) {
+    const double** const result = parameters->data();
+    for (int k = begin; k < end; ++k) {
+      if (k - num_slots >= begin && ids[k] == ids[k - num_slots]) {  // as that of the factor before, as many are
+        result[k] = result[k - num_slots];
+      } else if (ids[k] >= 0) {  // not a free place
+        result[k] = graph_->ValuesIn(state.data(), ids[k]);
+      }
+    }
+  });
 }
 
 void Evaluator::BuildMaps() {
@@ -279,9 +291,9 @@ bool Evaluator::MoveCandidate(const double* delta) {
   return true;
 }
 
-// Parameters that are not of the state, constants in the user's memory, stay where they are.
+// Parameters that are not of the state, constants in the user's memory, stay where they are. Whole rows keep both points'.
 void Evaluator::PointTo(bool candidate, Chunk* chunk) {
-  if (chunk->at_candidate == candidate) {
+  if (storage_ == JacobianStorage::kWholeRows || chunk->at_candidate == candidate) {
     return;
   }
   chunk->at_candidate = candidate;
@@ -329,7 +341,8 @@ double Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk, EvaluationFailure*
   FactorBatch batch;
   batch.begin = chunk->begin;
   batch.end = chunk->end;
-  batch.parameters = cache.parameters.data();
+  batch.parameters =
+      jacobians || cache.candidate_parameters.empty() ? cache.parameters.data() : cache.candidate_parameters.data();
   batch.residuals = jacobians ? cache.residuals.data() : cache.candidate_residuals.data();
   if (jacobians) {
     batch.tangent_maps = cache.tangent_maps.data();
@@ -387,6 +400,11 @@ void Evaluator::AcceptCandidate() {
   for (Chunk& chunk : chunks_) {
     chunk.at_candidate = !chunk.at_candidate;
   }
+  if (storage_ == JacobianStorage::kWholeRows) {
+    for (FamilyCache& cache : families_) {
+      cache.parameters.swap(cache.candidate_parameters);
+    }
+  }
 }
 
 int Evaluator::Recentre() {
@@ -426,6 +444,7 @@ std::int64_t Evaluator::Bytes() const {
   for (const FamilyCache& cache : families_) {
     bytes += static_cast<std::int64_t>(sizeof(double) * (cache.residuals.size() * 2 + cache.jacobian_values.size()));
     bytes += static_cast<std::int64_t>(cache.parameters.size() * (2 * sizeof(void*) + sizeof(std::int32_t)));
+    bytes += static_cast<std::int64_t>(cache.candidate_parameters.size() * sizeof(void*));
   }
   return bytes + static_cast<std::int64_t>(sizeof(double) * (current_.size() * 2 + plus_jacobians_.size() * 2));
 }

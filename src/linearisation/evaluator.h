@@ -32,11 +32,12 @@ struct FamilyCache {
   JacobianStorage storage = JacobianStorage::kBySlot;
   ZeroedArray residuals;
   ZeroedArray candidate_residuals;
-  ZeroedArray jacobian_values;            // all slots, one after the other, or whole rows
-  std::vector<SlotJacobians> slots;       // of whole rows there is one
-  std::vector<JacobianView> views;        // the same places slot by slot, as the public interface calls them
-  std::vector<const double*> parameters;  // per factor and slot, at the point where their chunk was evaluated last
-  std::vector<const double*> pins;        // per factor and slot: where it is linearised, null if where it is; empty without any
+  ZeroedArray jacobian_values;                      // all slots, one after the other, or whole rows
+  std::vector<SlotJacobians> slots;                 // of whole rows there is one
+  std::vector<JacobianView> views;                  // the same places slot by slot, as the public interface calls them
+  std::vector<const double*> parameters;            // per factor and slot, at the point where their chunk was evaluated last
+  std::vector<const double*> candidate_parameters;  // of whole rows only, whose others are at the current point throughout
+  std::vector<const double*> pins;  // per factor and slot: where it is linearised, null if where it is; empty without any
   std::vector<const double*> jacobian_parameters;  // scratch of the same size
   std::vector<const TangentMap*> tangent_maps;     // per factor and slot
   // Per factor and slot: quads into the padded tangent vector, or -1; of whole rows: 0.
@@ -82,7 +83,7 @@ class Evaluator {
   /// The candidate itself, for who moves variables without a manifold one by one.
   std::vector<double>& mutable_candidate() { return candidate_; }
 
-  /// Points the families' parameters to the candidate, for who evaluates factors there by himself.
+  /// Points the families' parameters to the candidate, for who evaluates factors there by himself. Not of whole rows.
   void PointToCandidate();
 
   /// ½ Σ ρ at the candidate, residuals only.
@@ -116,6 +117,7 @@ class Evaluator {
   void PlaceWholeRows(FamilyCache* cache) const;
   void BuildChunks(FamilyId id);
   void BindFamily(FamilyId id);
+  void FindParameters(const std::vector<double>& state, FamilyId id, std::vector<const double*>* parameters) const;
   void BuildMaps();
   void BuildBounds();
   Status ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values);
