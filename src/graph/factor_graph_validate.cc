@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -129,7 +130,9 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
   const int num_slots = family.num_slots();
   const bool all_live = record.places.empty();
   const VariableId* ids = record.variables.data();
-  for (int factor = 0; factor < record.num_factors; ++factor, ids += num_slots) {
+  const bool all_alike = all_live && record.num_factors > 0 && std::equal(ids + num_slots, ids + record.variables.size(), ids);
+  const int num_different = all_alike ? 1 : record.num_factors;
+  for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
     if (!all_live && record.places[Index(factor)] == Place::kFree) {
       continue;
     }

@@ -1,12 +1,14 @@
 #include "solver/structure.h"
 
+#include <algorithm>
+
 namespace inceres::internal {
 namespace {
 
-// visit(number) for each number of the structure, in a fixed order, until it returns false. Every list is preceded by its length,
-// so that equal sequences mean equal structures.
+// visit(number), or visit(first, count) for many, for each number of the structure, in a fixed order, until it returns false.
+// Every list is preceded by its length, so that equal sequences mean equal structures.
 template <typename Visit>
-bool ForEachNumber(const FactorGraph& graph, const Visit& visit) {
+bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
   if (!visit(graph.num_variables()) || !visit(graph.num_families())) {
     return false;
   }
@@ -31,35 +33,61 @@ bool ForEachNumber(const FactorGraph& graph, const Visit& visit) {
       }
     }
     const std::int64_t num_entries = static_cast<std::int64_t>(graph.NumFactors(id)) * family.num_slots();
-    const VariableId* variables = num_entries > 0 ? graph.Variables(id, 0) : nullptr;
-    for (std::int64_t k = 0; k < num_entries; ++k) {
-      if (!visit(variables[k])) {
-        return false;
-      }
+    if (num_entries > 0 && !visit(graph.Variables(id, 0), num_entries)) {
+      return false;
     }
   }
   return true;
 }
 
+struct Counter {
+  bool operator()(std::int32_t /*number*/) {
+    ++count;
+    return true;
+  }
+  bool operator()(const std::int32_t* /*first*/, std::int64_t num_numbers) {
+    count += num_numbers;
+    return true;
+  }
+  std::int64_t count = 0;
+};
+
+struct Collector {
+  bool operator()(std::int32_t number) {
+    numbers.push_back(number);
+    return true;
+  }
+  bool operator()(const std::int32_t* first, std::int64_t count) {
+    numbers.insert(numbers.end(), first, first + count);
+    return true;
+  }
+  std::vector<std::int32_t>& numbers;
+};
+
+// Goes along a list.
+struct Comparer {
+  bool operator()(std::int32_t number) { return next != end && *next++ == number; }
+  bool operator()(const std::int32_t* first, std::int64_t count) {
+    const std::int32_t* const begin = next;
+    next += std::min<std::int64_t>(count, end - begin);
+    return std::equal(begin, next, first, first + count);
+  }
+  const std::int32_t* next;
+  const std::int32_t* end;
+};
+
 }  // namespace
 
 Structure::Structure(const FactorGraph& graph) {
-  std::size_t count = 0;
-  ForEachNumber(graph, [&count](std::int32_t /*number*/) {
-    ++count;
-    return true;
-  });
-  numbers_.reserve(count);  // taken when a solve has all its memory: no more than needed, then
-  ForEachNumber(graph, [this](std::int32_t number) {
-    numbers_.push_back(number);
-    return true;
-  });
+  Counter counter;
+  ForEachNumber(graph, counter);
+  numbers_.reserve(static_cast<std::size_t>(counter.count));  // taken when a solve has all its memory: no more than needed, then
+  ForEachNumber(graph, Collector{numbers_});
 }
 
 bool Structure::IsThatOf(const FactorGraph& graph) const {
-  const std::int32_t* next = numbers_.data();
-  const std::int32_t* const end = next + numbers_.size();
-  return ForEachNumber(graph, [&](std::int32_t number) { return next != end && *next++ == number; }) && next == end;
+  Comparer comparer{numbers_.data(), numbers_.data() + numbers_.size()};
+  return ForEachNumber(graph, comparer) && comparer.next == comparer.end;
 }
 
 }  // namespace inceres::internal

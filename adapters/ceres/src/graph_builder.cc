@@ -147,26 +147,21 @@ class Builder {
 
   void AddFamily(const std::vector<int>& residuals) {
     const FactorShape& shape = shapes_.ShapeOf(At(residuals.front()));
-    std::vector<const ceres::CostFunction*> costs;
+    std::vector<const ceres::CostFunction*> costs(residuals.size());
     std::vector<VariableId> variables(residuals.size() * shape.slots.size());
+    std::vector<std::shared_ptr<const Loss>> losses;  // none, or one for each factor
     VariableId* variable = variables.data();
-    std::vector<std::shared_ptr<const Loss>> losses;  // as many as factors up to the last that has one
-    costs.reserve(residuals.size());
-    for (const int r : residuals) {
-      const ResidualBlockView& residual = view_.residuals[At(r)];
+    for (std::size_t k = 0; k < residuals.size(); ++k) {
+      const ResidualBlockView& residual = view_.residuals[At(residuals[k])];
       const int* slots = view_.SlotsOf(residual);
-      costs.push_back(residual.cost);
+      costs[k] = residual.cost;
       for (int s = 0; s < residual.num_slots; ++s) {
         *variable++ = variable_of_[At(slots[s])];
       }
       if (residual.loss != nullptr) {
-        losses.reserve(residuals.size());
-        losses.resize(costs.size());
-        losses.back() = losses_.Get(residual.loss);
+        losses.resize(residuals.size());
+        losses[k] = losses_.Get(residual.loss);
       }
-    }
-    if (!losses.empty()) {
-      losses.resize(residuals.size());
     }
     const FamilyId id =
         graph_.AddFamily(std::make_shared<CostFunctionFamily>(shape.num_residuals, shape.slots, std::move(costs)));
