@@ -38,6 +38,7 @@ FactorShape MakeShape(const ProblemView& view, const ResidualBlockView& residual
   FactorShape shape;
   shape.num_residuals = residual.num_residuals;
   shape.first_place = first_place;
+  shape.slots.reserve(static_cast<std::size_t>(residual.num_slots));
   for (int s = 0; s < residual.num_slots; ++s) {
     shape.slots.push_back(SlotOf(view.block(view.SlotsOf(residual)[s])));
   }

@@ -30,6 +30,9 @@ class PointerIndex {
 
   /// The index of a pointer, or -1.
   int Find(const void* pointer) const {
+    if (entries_.empty()) {
+      return -1;
+    }
     for (std::size_t place = Home(pointer);; place = (place + 1) & mask_) {
       const Entry& entry = entries_[place];
       if (entry.pointer == pointer || entry.pointer == nullptr) {
@@ -49,9 +52,9 @@ class PointerIndex {
     return static_cast<std::size_t>((reinterpret_cast<std::uintptr_t>(pointer) * UINT64_C(0x9E3779B97F4A7C15)) >> shift_);
   }
 
-  std::vector<Entry> entries_ = std::vector<Entry>(16);
-  std::size_t mask_ = 15;
-  int shift_ = 60;
+  std::vector<Entry> entries_;
+  std::size_t mask_ = 0;
+  int shift_ = 0;
 };
 
 }  // namespace inceres::internal
