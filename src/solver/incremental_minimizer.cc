@@ -21,6 +21,9 @@ constexpr double kGrowRatio = 0.75;      // gain ratio above which the radius gr
 constexpr double kShortening = 0.1;      // of the step, when it is tried again
 constexpr int kMaxShortenings = 1;
 
+// Of a landmark, relative: without it a far point, which parallax hardly holds, runs away along its ray and never comes back.
+constexpr double kMinLandmarkDamping = 1e-6;
+
 // A refused step is laid to the old Jacobians of the factor whose cost rose furthest above its prediction, and of those that come
 // up to this share of it.
 constexpr double kBlameShare = 0.1;
@@ -166,7 +169,7 @@ bool IncrementalMinimizer::OutOfBudget(const std::atomic<bool>& stop) const {
 bool IncrementalMinimizer::Relinearise() {
   const StageTimer timer(&summary_->linearise_seconds);
   RelineariseWork work;
-  const double landmark_damping = options_.damping == DampingForm::kThesis ? 0.0 : std::max(mu_, options_.min_damping);
+  const double landmark_damping = options_.damping == DampingForm::kThesis ? 0.0 : std::max(mu_, kMinLandmarkDamping);
   const Status status = system_.Relinearise(landmark_damping, RuleOf(options_.rebuild), &work);
   summary_->num_relinearised_factors += work.num_factors;
   summary_->num_recentred_factors += work.num_recentred;
