@@ -7,8 +7,8 @@
 namespace inceres::internal {
 namespace {
 
-// With a robust loss the Gauss–Newton model of an outlier is too stiff, and its cost falls along a line: a step of the length the
-// curvature seen allows is taken instead, within this bound.
+// With a robust loss the Gauss–Newton model of an outlier is too stiff, and damping holds a far point back: the next step is
+// taken as long as the slope and the curvature seen along this one ask for, within this bound.
 constexpr double kMaxStretch = 16.0;
 
 }  // namespace
@@ -29,7 +29,7 @@ bool LiveSystem::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, i
     Move(l.id, l.quad);
     Touch(l.factors);
     LandmarkStep& step = landmark_steps_[landmark];
-    step.change = step.slope = step.curvature = 0.0;
+    step.change = step.slope = 0.0;
   }
   for (LiveFamily& family : families_) {
     std::vector<std::int32_t>& touched = touched_lists_[family.id()];
@@ -46,21 +46,22 @@ bool LiveSystem::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, i
       family.Slope(i, &slope, &curvature);
       step.change += family.CandidateCost(i) - family.Cost(i);
       step.slope += slope;
-      step.curvature += curvature;
     }
   }
   return true;
 }
 
-// Whether the landmark's step lowers its cost; and how long the next one is to be, from the curvature seen along this one.
+// Whether the landmark's step lowers its cost; and how long the next one is to be, as a multiple of what its model says.
 bool LiveSystem::AcceptLandmark(std::int32_t landmark) {
   LandmarkStep& step = landmark_steps_[landmark];
-  if (!(step.change < 0.0) || !(step.curvature > 0.0)) {
+  if (!(step.change < 0.0) || !(step.slope > 0.0)) {
     step.stretch = 1.0;
     return false;
   }
-  const double seen = 2.0 * (step.slope + step.change);  // of the step as it was stretched, like `curvature`
-  step.stretch = std::clamp(step.curvature / std::max(seen, step.curvature / kMaxStretch), 1.0, kMaxStretch);
+  // The cost along the step is − slope t + ½ curvature t² and `change` at t = 1.
+  const double curvature = 2.0 * (step.slope + step.change);
+  const double best = step.slope / std::max(curvature, step.slope / kMaxStretch);
+  step.stretch = std::clamp(step.stretch * best, 1.0, kMaxStretch);
   return true;
 }
 

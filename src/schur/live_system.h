@@ -138,7 +138,6 @@ class LiveSystem {
     double stretch = 1.0;  // of its next step
     double change = 0.0;
     double slope = 0.0;
-    double curvature = 0.0;
   };
 
   template <typename Function>
