@@ -98,6 +98,10 @@ void Evaluator::Rebind(const FactorGraph& graph) {
     chunk.at_candidate = false;
   }
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    if (storage_ == JacobianStorage::kWholeRows) {  // a loss that was not finite may have left 0 · ∞ in columns nobody writes
+      ZeroedArray& J = families_[id].jacobian_values;
+      std::fill_n(J.data(), J.size(), 0.0);
+    }
     BindFamily(id);
   }
 }

@@ -150,6 +150,7 @@ class LiveSystem {
   void Stretch(std::int32_t landmark);
   bool EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
   bool AcceptLandmark(std::int32_t landmark);
+  void ForgetSteps(VariableId id);
   void LeaveOut(std::int32_t landmark);
   void AddToCost(double change) {
     cost_ += change;

@@ -80,6 +80,13 @@ void LiveSystem::AddVariable(VariableId id) {
   }
 }
 
+// What the steps of a landmark alone have shown does not hold from other values.
+void LiveSystem::ForgetSteps(VariableId id) {
+  if (landmark_of_[id] >= 0) {
+    landmark_steps_[landmark_of_[id]] = {};
+  }
+}
+
 void LiveSystem::Enter(VariableId id) {
   tangents_.Add(graph_, id, true);
   if (graph_.role(id) == Role::kLandmark) {
@@ -88,6 +95,7 @@ void LiveSystem::Enter(VariableId id) {
     frame_of_[id] = schur_.AddFrame(id, tangents_.quad(id), graph_.TangentSize(id));
   }
   GrowSets();
+  ForgetSteps(id);
 }
 
 void LiveSystem::RemoveVariable(VariableId id) {
@@ -233,6 +241,7 @@ void LiveSystem::TakeValues() {
 
 void LiveSystem::SetValues(VariableId id, const double* values) {
   values_.Set(id, values);
+  ForgetSteps(id);
   tangents_.MarkMoved(id);
   graph_.TrackFactors();
   graph_.ForEachFactorOf(id, [this](FactorId factor) { MarkDirty({factor.family, factor.index}); });

@@ -163,6 +163,38 @@ TEST(Evaluation, PlusJacobianThatFailsIsAFailure) {
   EXPECT_EQ(test->blocks, WithFailingManifold(0, 0)()->blocks);
 }
 
+// A wrapper may hand the array on in another order to what it wraps: it is given a fresh one for each residual block.
+TEST(Evaluation, TheArrayOfJacobiansIsTheCostFunctionsToChange) {
+  class Exchanged : public ceres::SizedCostFunction<1, 1, 1> {
+   public:
+    explicit Exchanged(double target) : target_(target) {}
+    bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
+      residuals[0] = 3.0 * x[0][0] + x[0][0] * x[1][0] - target_;
+      if (jacobians != nullptr) {
+        jacobians[0][0] = 3.0 + x[1][0];
+        std::swap(jacobians[0], jacobians[1]);
+        jacobians[0][0] = x[0][0];
+      }
+      return true;
+    }
+
+   private:
+    double target_;
+  };
+  const auto recipe = [] {
+    auto test = std::make_unique<TestProblem>();
+    double* x = test->Add({1.0});
+    double* y = test->Add({2.0});
+    for (const double target : {4.0, 5.0, 7.0}) {
+      test->problem.AddResidualBlock(new Exchanged(target), nullptr, x, y);
+    }
+    return test;
+  };
+  const BothSolved both = SolveBoth(recipe, Tight());
+  ExpectSameSummary(both, 1e-9, true);
+  ExpectSameParameters(both, 1e-9);
+}
+
 // Pointers a cost function is given.
 TEST(Evaluation, ConstantsGetNullJacobiansAndTheUsersMemory) {
   class Pair : public ceres::SizedCostFunction<1, 1, 1> {

@@ -1,5 +1,6 @@
 // A problem that is built anew every frame: a structure met before is found again by content, and no number of an earlier solve
 // survives.
+#include <cmath>
 #include <thread>
 #include <vector>
 
@@ -53,6 +54,40 @@ TEST_F(RebuiltProblem, FindsItsStructureAndHasTheBitsOfTheFirst) {
     EXPECT_EQ(first.cost, second.cost);
     EXPECT_EQ(first.values, second.values);
   }
+}
+
+// A loss that is not finite spoils more of the Jacobian than the columns its residual block has.
+TEST_F(RebuiltProblem, IsSolvedAfterOneWhoseLossWasNotFinite) {
+  class Loss : public ceres::LossFunction {
+   public:
+    explicit Loss(bool fails) : fails_(fails) {}
+    void Evaluate(double s, double out[3]) const override {
+      out[0] = s;
+      out[1] = fails_ ? std::nan("") : 1.0;
+      out[2] = 0.0;
+    }
+
+   private:
+    bool fails_;
+  };
+  const auto solve = [](bool fails) {
+    TestProblem test;
+    double* a = test.Add({1.0, 2.0, 3.0});
+    double* b = test.Add({4.0});
+    for (int i = 0; i < 10; ++i) {
+      test.problem.AddResidualBlock(new testing::TargetCost({1.0 * i, 0.0, 1.0}), new Loss(fails), a);
+    }
+    test.problem.AddResidualBlock(new testing::TargetCost({2.0}), nullptr, b);
+    ceres::Solver::Options options;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    SolveReport report;
+    Solve(options, &test.problem, &summary, &report);
+    EXPECT_FALSE(report.used_stock) << report.fallback_reason;
+    return summary.IsSolutionUsable();
+  };
+  EXPECT_FALSE(solve(true));
+  EXPECT_TRUE(solve(false));
 }
 
 TEST_F(RebuiltProblem, OfAnotherStructureIsSetUpAnew) {

@@ -13,9 +13,9 @@ namespace inceres::internal {
 namespace {
 
 // A symmetric positive definite matrix of mixed block sizes: a band of couplings to recent rows and a few to far ones.
-class GrowingSystem {
+class GrowingEnvelope {
  public:
-  explicit GrowingSystem(unsigned seed) : engine_(seed) {}
+  explicit GrowingEnvelope(unsigned seed) : engine_(seed) {}
 
   void AddRow(int size, int band, bool loop) {
     const int row = S_.AddRow(size);
@@ -95,7 +95,7 @@ class GrowingSystem {
   SymmetricBlockRows S_;
 };
 
-void ExpectSolves(const EnvelopeCholesky& cholesky, GrowingSystem& system, const Eigen::VectorXd& damping) {
+void ExpectSolves(const EnvelopeCholesky& cholesky, GrowingEnvelope& system, const Eigen::VectorXd& damping) {
   const Eigen::VectorXd b = system.RandomVector();
   Eigen::VectorXd x(b.size());
   cholesky.Solve(b.data(), x.data());
@@ -107,7 +107,7 @@ void ExpectSolves(const EnvelopeCholesky& cholesky, GrowingSystem& system, const
 
 TEST(EnvelopeCholesky, SolvesLikeTheDenseOracle) {
   for (const int num_rows : {1, 2, 7, 40}) {
-    GrowingSystem system(static_cast<unsigned>(num_rows));
+    GrowingEnvelope system(static_cast<unsigned>(num_rows));
     for (int i = 0; i < num_rows; ++i) {
       system.AddRow(1 + i * 5 % 9, 3, i % 6 == 5);
     }
@@ -119,7 +119,7 @@ TEST(EnvelopeCholesky, SolvesLikeTheDenseOracle) {
 }
 
 TEST(EnvelopeCholesky, ResumedIsBitwiseTheSameAsFromScratch) {
-  GrowingSystem system(7);
+  GrowingEnvelope system(7);
   EnvelopeCholesky resumed;
   std::mt19937 engine(3);
   for (int step = 0; step < 60; ++step) {
@@ -141,8 +141,8 @@ TEST(EnvelopeCholesky, ResumedIsBitwiseTheSameAsFromScratch) {
 }
 
 TEST(EnvelopeCholesky, ALoopLengthensOnlyItsOwnRow) {
-  GrowingSystem chain(1);
-  GrowingSystem loop(1);
+  GrowingEnvelope chain(1);
+  GrowingEnvelope loop(1);
   for (int i = 0; i < 100; ++i) {
     chain.AddRow(6, 2, false);
     loop.AddRow(6, 2, false);
@@ -158,7 +158,7 @@ TEST(EnvelopeCholesky, ALoopLengthensOnlyItsOwnRow) {
 }
 
 TEST(EnvelopeCholesky, NamesTheSingularRowAndRecovers) {
-  GrowingSystem system(5);
+  GrowingEnvelope system(5);
   for (int i = 0; i < 12; ++i) {
     system.AddRow(3, 2, false);
   }
@@ -177,7 +177,7 @@ TEST(EnvelopeCholesky, NamesTheSingularRowAndRecovers) {
 }
 
 TEST(EnvelopeCholesky, SkipsRemovedRows) {
-  GrowingSystem system(9);
+  GrowingEnvelope system(9);
   for (int i = 0; i < 15; ++i) {
     system.AddRow(1 + i % 7, 4, false);
   }

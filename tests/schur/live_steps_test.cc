@@ -18,7 +18,8 @@ using test::FunctionFamily;
 // One frame x and landmarks l_i with residuals (x − 1, 3 (l_i − x) + l_i² / 10).
 class Star {
  public:
-  explicit Star(int num_landmarks, std::shared_ptr<const Loss> loss = nullptr) : system_(graph_, 1) {
+  explicit Star(int num_landmarks, std::shared_ptr<const Loss> loss = nullptr, double landmark_damping = 0.0)
+      : system_(graph_, 1) {
     const auto view = [](int, const double* const* x, double* residuals, double** jacobians) {
       residuals[0] = x[0][0] - 1.0;
       residuals[1] = 3.0 * (x[1][0] - x[0][0]) + 0.1 * x[1][0] * x[1][0];
@@ -46,7 +47,7 @@ class Star {
       system_.AddFactor({id, i});
     }
     RelineariseWork work;
-    EXPECT_TRUE(system_.Relinearise(0.0, RebuildRule::kNever, &work).ok());
+    EXPECT_TRUE(system_.Relinearise(landmark_damping, RebuildRule::kNever, &work).ok());
   }
 
   LiveSystem& system() { return system_; }
@@ -144,6 +145,27 @@ TEST(LandmarkSteps, LowerTheCostAndMoveNoFrame) {
     sum += system.families()[0].Cost(i);
   }
   EXPECT_NEAR(system.cost(), sum, 1e-12 * before);
+}
+
+// A damping of 9 leaves a tenth of the step; the next one is as long as the slope and the curvature seen ask for.
+TEST(LandmarkSteps, DampingDoesNotMakeThemCreep) {
+  constexpr double kDamping = 9.0;
+  const double minimum = 5.0 * (std::sqrt(13.8) - 3.0);  // of 3 (l − 4) + l² / 10
+  Star star(1, nullptr, kDamping);
+  LiveSystem& system = star.system();
+  const double start = *system.values().current(1);
+  RelineariseWork work;
+  int num_evaluated = 0;
+  for (int pass = 0; pass < 2; ++pass) {
+    ASSERT_TRUE(system.StepLandmarks({0}, &num_evaluated));
+    system.MarkDirty({0, 0});
+    system.EndStep();
+    ASSERT_TRUE(system.Relinearise(kDamping, RebuildRule::kNever, &work).ok());
+    if (pass == 0) {
+      EXPECT_LT(*system.values().current(1) - start, 0.2 * (minimum - start));
+    }
+  }
+  EXPECT_NEAR(*system.values().current(1), minimum, 0.2 * (minimum - start));
 }
 
 TEST(LandmarkSteps, ThoseThatDoNotGainStayWhereTheyAre) {

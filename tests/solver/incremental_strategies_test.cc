@@ -205,5 +205,56 @@ TEST(LandmarkPasses, BringOutliersHomeInFewerIterations) {
   EXPECT_LE(with.final_cost, without.final_cost * (1.0 + 1e-6));
 }
 
+// Two cameras close together see a point so that their rays part: it is best at infinity. A third, far from them, then sees it
+// well.
+TEST(LandmarkDamping, AFarPointDoesNotRunAway) {
+  constexpr double kFocal = 500.0;
+  // Residuals: how far the camera is from where the prior has it, and the point (X, Z) in the image; slots: camera, point.
+  const auto camera_at = [](double position, double seen) {
+    return std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {2, 2}},
+                                            [position, seen](int, const double* const* x, double* residuals, double** jacobians) {
+                                              const double X = x[1][0] - position - x[0][0];
+                                              const double Z = x[1][1];
+                                              residuals[0] = 1e4 * x[0][0];
+                                              residuals[1] = kFocal * (X / Z - seen);
+                                              if (jacobians != nullptr) {
+                                                jacobians[0][0] = 1e4;
+                                                jacobians[0][1] = -kFocal / Z;
+                                                jacobians[1][0] = jacobians[1][1] = 0.0;
+                                                jacobians[1][2] = kFocal / Z;
+                                                jacobians[1][3] = -kFocal * X / (Z * Z);
+                                              }
+                                              return true;
+                                            });
+  };
+  IncrementalOptions options;
+  options.batch_share = 1.0;  // never in batch
+  IncrementalSolver solver(options);
+  const std::vector<double> start = {10.0, 10.0};
+  VariableId point = -1;
+  const auto see = [&](double position, double seen) {
+    const double zero = 0.0;
+    const auto family = camera_at(position, seen);
+    const FamilyId id = solver.AddFamily(family);
+    GraphEdit edit(solver.graph());
+    const VariableId camera = edit.AddVariable(&zero, 1, Role::kFrame);
+    if (point < 0) {
+      point = edit.AddVariable(start.data(), 2, Role::kLandmark);
+    }
+    edit.AddFactor(id, *family, 0, {camera, point});
+    ASSERT_TRUE(solver.Apply(edit).ok());
+  };
+  see(0.0, 1.0);
+  see(1e-3, 1.0 + 1e-4);
+  for (int k = 0; k < 5; ++k) {
+    solver.Update();
+  }
+  EXPECT_GT(solver.Values(point)[1], 20.0);
+  EXPECT_LT(solver.Values(point)[1], 1e3);
+  see(1.0, 0.9);
+  ASSERT_EQ(solver.Update().termination, Termination::kConvergence);
+  EXPECT_NEAR(solver.Values(point)[1], 10.0, 0.1);
+}
+
 }  // namespace
 }  // namespace inceres

@@ -258,12 +258,13 @@ class AmbientFamily : public FactorFamily {
   // Such Jacobians are written straight to their places.
   EvaluationFailure EvaluateInPlace(const FactorBatch& batch) const {
     const int num_slots = std::min(this->num_slots(), static_cast<int>(kInlineSlots));  // as IsInPlace has seen
-    double* blocks[kInlineSlots];
+    double* blocks[kInlineSlots] = {};  // of one factor, whose function may change the array
+    double* next[kInlineSlots];
     std::ptrdiff_t strides[kInlineSlots];
     for (int s = 0; s < num_slots; ++s) {
       const bool wanted = Maps(batch)[s]->wanted();
       strides[s] = wanted ? batch.jacobians[s].factor_stride : 0;
-      blocks[s] = wanted ? batch.jacobians[s].data + batch.begin * strides[s] : nullptr;
+      next[s] = wanted ? batch.jacobians[s].data + batch.begin * strides[s] : nullptr;
     }
     Run runs[kInlineSlots];
     const int num_runs = FindRuns(batch, runs);
@@ -277,12 +278,16 @@ class AmbientFamily : public FactorFamily {
     }
     MarkResiduals(batch);
     int i = batch.begin;
-    WithSize(num_slots, [this, &batch, &blocks, &strides, &i](auto count) {
+    WithSize(num_slots, [this, &batch, &blocks, &next, &strides, &i](auto count) {
       const double* const* parameters = Parameters(batch);
       double* residual = Residuals(batch);
-      for (; i < batch.end && derived().EvaluateOne(i, parameters, residual, blocks); ++i, parameters += count, ++residual) {
+      for (; i < batch.end; ++i, parameters += count, ++residual) {
         for (int s = 0; s < count; ++s) {
-          blocks[s] += strides[s];
+          blocks[s] = next[s];
+          next[s] += strides[s];
+        }
+        if (!derived().EvaluateOne(i, parameters, residual, blocks)) {
+          break;
         }
       }
     });

@@ -35,7 +35,8 @@ struct TangentMap {
 };
 
 /// Where the tangent Jacobians of one slot go: entry (r, c) of factor i is data[i · factor_stride + r · row_stride + c].
-/// row_stride ≥ tangent size; the columns beyond the tangent size are zero and must stay so.
+/// row_stride ≥ tangent size; the columns beyond the tangent size are zero and must stay so. What lies between two factors' may
+/// be read, by the thread that evaluates them, but is not written.
 struct JacobianView {
   double* data = nullptr;
   std::ptrdiff_t factor_stride = 0;

@@ -29,7 +29,7 @@ enum class RelinearisationRule {
 
 /// Which matrix the damping μ is added to.
 enum class DampingForm {
-  kHybrid,  ///< μ diag(C) on the frames, and on a landmark the μ of its last elimination (algorithms.md section 3)
+  kHybrid,  ///< μ diag(C) on the frames, and on a landmark the μ of its last elimination, ≥ 1e-6 (algorithms.md section 3)
   kThesis,  ///< μ diag(S) on the frames, none on landmarks: for comparison, it does not survive real data
 };
 
