@@ -35,7 +35,8 @@ class InnerIterations {
   /// more than a fifth of what the one before did. Where the landmarks gained little beside the step they followed (Pace), they
   /// rest for a step, then for two, four, …
   bool IsDue(double step_gain);
-  /// What a Run gained, and the step before it.
+  /// What a Run gained, and the step before it. Where that was worth it, the next Run asks only the landmarks that brought it:
+  /// those that creep are few. As soon as they gain little, it asks all again.
   void Pace(double gain, double step_gain);
 
   /// Landmarks that the last Run moved.
@@ -96,6 +97,8 @@ class InnerIterations {
   std::vector<std::int32_t> sightings_;
   std::vector<double> damping_;  // λ per landmark
   std::vector<Trial> trials_;    // of the last Run, per landmark
+  std::vector<char> chosen_;     // per landmark: whether the next Run asks it
+  bool all_are_chosen_ = true;
   int num_moved_ = 0;
   double last_step_gain_ = HUGE_VAL;  // the first step does not creep
   int rest_ = 0;                      // steps that the last rest lasted

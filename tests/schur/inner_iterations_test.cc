@@ -164,7 +164,25 @@ TEST(InnerIterations, RestWhereLandmarksGainLittleBesideTheStep) {
   inner.Pace(0.01, -1.0);  // the step itself went uphill
   EXPECT_EQ(steps_until_due(), 1);
   inner.Pace(0.01, 1.0);
+  EXPECT_EQ(steps_until_due(), 1) << "all are asked before they rest";
+  inner.Pace(0.01, 1.0);
   EXPECT_EQ(steps_until_due(), 2);
+}
+
+TEST(InnerIterations, LandmarksThatBroughtTheGainAreAskedAgainUntilTheyGainLittle) {
+  const auto bundle = MakeBundle(Bundle());
+  CorePipeline core(bundle->graph());
+  InnerIterations inner(&core.evaluator);
+  const double gain_of_all = inner.Run(0.0);
+  const int num_all = inner.num_moved();
+  inner.Pace(gain_of_all, gain_of_all);
+  const double gain = inner.Run(0.0);
+  EXPECT_GT(gain, 0.0);
+  EXPECT_GT(inner.num_moved(), 0);
+  EXPECT_LT(inner.num_moved(), num_all);
+  inner.Pace(gain, 1e6 * gain);
+  inner.Run(0.0);
+  EXPECT_GT(inner.num_moved(), num_all / 2);
 }
 
 TEST(InnerIterations, WaitUntilStepsCreep) {
