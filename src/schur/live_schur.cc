@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "schur/landmark_factor.h"
 
@@ -315,7 +316,7 @@ void LiveSchur::PlaceBlocks(std::int32_t landmark) {
   l.placed = true;
   for (const std::int32_t frame : l.frames) {
     const auto quads = static_cast<std::int32_t>(PadToQuad(frames_[frame].size) / kQuad);
-    l.incidences.push_back({l.y_quads, frames_[frame].quad, quads});
+    Append(&l.incidences, {l.y_quads, frames_[frame].quad, quads});
     l.y_quads += quads * l.size;
   }
   const std::int32_t base = AllocateY(l.y_quads);
@@ -324,7 +325,7 @@ void LiveSchur::PlaceBlocks(std::int32_t landmark) {
   }
   for (std::size_t r = 0; r < l.frames.size(); ++r) {
     for (std::size_t c = 0; c <= r; ++c) {
-      l.blocks.push_back(BlockOf(l.frames[r], l.frames[c]));
+      Append(&l.blocks, BlockOf(l.frames[r], l.frames[c]));
     }
   }
   // The first factor that reaches a block sets it, later ones add to it: an odd target.
@@ -406,9 +407,9 @@ void LiveSchur::RenewDecrement(std::int32_t landmark) {
   for (int k = 0; k < l.size && l.in_S; ++k) {
     decrement += 0.5 * l.z[k] * l.z[k];
   }
-  total_decrement_ += decrement - l.decrement;
-  decrement_error_ += std::numeric_limits<double>::epsilon() * (std::fabs(total_decrement_) + decrement + l.decrement);
-  l.decrement = decrement;
+  total_decrement_ += decrement - decrements_[landmark];
+  decrement_error_ += std::numeric_limits<double>::epsilon() * (std::fabs(total_decrement_) + decrement + decrements_[landmark]);
+  decrements_[landmark] = decrement;
   if (decrement > eager_threshold_) {
     eager_.Add(landmark);
   }
@@ -436,10 +437,7 @@ void LiveSchur::RhsNorms(double* max_norm, double* norm) const {
 double LiveSchur::TotalDecrement(double accuracy) {
   if (decrement_error_ > accuracy) {
     decrement_error_ = 0.0;
-    total_decrement_ = 0.0;
-    for (const Landmark& landmark : landmarks_) {
-      total_decrement_ += landmark.decrement;
-    }
+    total_decrement_ = std::accumulate(decrements_.begin(), decrements_.end(), 0.0);
   }
   return std::max(0.0, total_decrement_);
 }
@@ -448,7 +446,7 @@ const std::vector<std::int32_t>& LiveSchur::EagerLandmarks(double threshold) {
   if (threshold < eager_threshold_) {
     eager_threshold_ = 0.1 * threshold;  // room to fall before all landmarks must be looked at again
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(landmarks_.size()); ++i) {
-      if (landmarks_[i].decrement > eager_threshold_) {
+      if (decrements_[i] > eager_threshold_) {
         eager_.Add(i);
       }
     }
@@ -457,9 +455,9 @@ const std::vector<std::int32_t>& LiveSchur::EagerLandmarks(double threshold) {
   }
   eager_list_.clear();
   scratch_.clear();
-  eager_.ForEach([&](std::int32_t i) { (landmarks_[i].decrement > threshold ? eager_list_ : scratch_).push_back(i); });
+  eager_.ForEach([&](std::int32_t i) { (decrements_[i] > threshold ? eager_list_ : scratch_).push_back(i); });
   for (const std::int32_t i : scratch_) {
-    if (landmarks_[i].decrement <= eager_threshold_) {
+    if (decrements_[i] <= eager_threshold_) {
       eager_.Remove(i);
     }
   }

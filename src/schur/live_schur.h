@@ -49,7 +49,6 @@ class LiveSchur {
     bool held = false;
     bool placed = false;  // its factors know their Y blocks
     double lambda = 0.0;
-    double decrement = 0.0;  // ½ lᵀ(P + λD)⁻¹l: what the landmark could still gain by itself
     std::vector<FactorRef> factors;
     std::vector<std::int32_t> frames;   // its separator
     std::vector<std::int32_t> places;   // where each of them lists this landmark
@@ -101,6 +100,7 @@ class LiveSchur {
   const SymmetricBlockRows& S() const { return S_; }
   /// The frame's entries of diag(C).
   const double* FrameDiagonal(int frame) const { return C_diagonal_.data() + std::ptrdiff_t{frames_[frame].quad} * kQuad; }
+  /// In a vector packed by rows; that of the row after the last is the vector's size.
   int FrameOffset(int frame) const { return offsets_[frame]; }
   int size() const { return offsets_.back(); }
   /// One vector for all variables, by their quads: b for frames, η for landmarks.
@@ -145,7 +145,9 @@ class LiveSchur {
   }
   std::int32_t LandmarkOfFactor(FactorRef ref) const { return landmark_of_[ref.family][ref.factor]; }
 
-  /// Σ decrement over the landmarks in S. Kept by difference, and summed anew when rounding may have eaten more than `accuracy`.
+  /// ½ ηᵀ(P + λD)⁻¹η: what the landmark could still gain by itself; 0 outside S.
+  double decrement(int landmark) const { return decrements_[landmark]; }
+  /// Their sum. Kept by difference, and summed anew when rounding may have eaten more than `accuracy`.
   double TotalDecrement(double accuracy);
   /// Largest entry and norm of (b, η) over what can move. Cost: a pass over all variables.
   void RhsNorms(double* max_norm, double* norm) const;
@@ -157,8 +159,11 @@ class LiveSchur {
   /// The same for whoever factors S, and for entries of b. Whoever writes the padded right-hand side himself says so.
   void TakeUnfactoredRows(std::vector<std::int32_t>* rows) { Take(&unfactored_rows_, rows); }
   void TakeUnsolvedRows(std::vector<std::int32_t>* rows) { Take(&unsolved_rows_, rows); }
+  /// And for whoever packs b and the diagonals: also rows that are held now or no longer, or have another offset.
+  void TakeUnreadRows(std::vector<std::int32_t>* rows) { Take(&unread_rows_, rows); }
   void TouchB(std::int32_t row) {
     unsolved_rows_.Add(row);
+    unread_rows_.Add(row);
     touched_.Add(row);
   }
   /// Block products of all landmark contributions in S, and of one landmark's.
@@ -167,6 +172,12 @@ class LiveSchur {
   std::int64_t Bytes() const;
 
  private:
+  template <typename T>
+  void Append(std::vector<T>* list, const T& value) {
+    const std::size_t before = list->capacity();
+    list->push_back(value);
+    list_bytes_ += sizeof(T) * (list->capacity() - before);
+  }
   std::size_t Slot(FactorRef ref, int slot) const {
     return static_cast<std::size_t>(ref.factor) * families_[ref.family].num_slots() + slot;
   }
@@ -220,6 +231,7 @@ class LiveSchur {
   int num_frames_ = 0;
   int num_landmarks_ = 0;
   int num_parked_ = 0;
+  std::size_t list_bytes_ = 0;                             // of the lists of frames and landmarks
   std::vector<std::vector<std::int32_t>> frame_of_slot_;   // per family: per factor and slot
   std::vector<std::vector<std::int32_t>> place_in_frame_;  // the same: where the frame lists it; of factors without landmark
   std::vector<std::vector<std::int32_t>> landmark_slot_;   // per family and factor: the landmark's slot
@@ -241,12 +253,14 @@ class LiveSchur {
   IndexSet changed_rows_;     // of S, since TakeChangedRows
   IndexSet unfactored_rows_;  // of S, since TakeUnfactoredRows
   IndexSet unsolved_rows_;    // of b, since TakeUnsolvedRows
+  IndexSet unread_rows_;      // since TakeUnreadRows
   double drift_cost_ = 0.0;   // when all rows were looked at
   std::vector<std::int32_t> scratch_;
   std::vector<BlockRow> rows_;         // of the contribution under way
   std::vector<std::int32_t> rows_of_;  // their frames
   std::vector<std::int32_t> blocks_;   // those of one frame alone
 
+  std::vector<double> decrements_;  // per landmark
   double total_decrement_ = 0.0;
   double decrement_error_ = 0.0;  // bound of its rounding error since it was summed
   double eager_threshold_ = 0.0;  // what IndexSet eager_ was collected with

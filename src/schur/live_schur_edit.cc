@@ -29,6 +29,7 @@ void LiveSchur::UpdateOffsets(std::int32_t first) {
   offsets_.resize(frames_.size() + 1);
   for (std::size_t i = first; i < frames_.size(); ++i) {
     offsets_[i + 1] = offsets_[i] + frames_[i].size;
+    unread_rows_.Add(static_cast<std::int32_t>(i));
   }
 }
 
@@ -42,7 +43,7 @@ int LiveSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
   } else {
     frames_.emplace_back();
     S_.AddRow(size);
-    for (IndexSet* set : {&touched_, &changed_rows_, &unfactored_rows_, &unsolved_rows_}) {
+    for (IndexSet* set : {&touched_, &changed_rows_, &unfactored_rows_, &unsolved_rows_, &unread_rows_}) {
       set->Grow(frames_.size());
     }
   }
@@ -84,6 +85,7 @@ int LiveSchur::AddLandmark(VariableId id, std::int32_t quad, int size) {
   auto index = static_cast<std::int32_t>(landmarks_.size());
   if (free_landmarks_.empty()) {
     landmarks_.emplace_back();
+    decrements_.push_back(0.0);
     eager_.Grow(landmarks_.size());
   } else {
     index = free_landmarks_.back();
@@ -133,23 +135,23 @@ void LiveSchur::Connect(FactorRef ref, const std::int32_t* frames, std::int32_t 
     frame_of_slot_[ref.family][Slot(ref, s)] = frames[s];
     if (frames[s] >= 0 && landmark < 0) {
       place_in_frame_[ref.family][Slot(ref, s)] = static_cast<std::int32_t>(frames_[frames[s]].factors.size());
-      frames_[frames[s]].factors.push_back(ref);
+      Append(&frames_[frames[s]].factors, ref);
     }
   }
   if (landmark < 0) {
     return;
   }
   Landmark& l = landmarks_[landmark];
-  l.factors.push_back(ref);
+  Append(&l.factors, ref);
   l.placed = false;
   for (int s = 0; s < num_slots; ++s) {
     if (family.variables(ref.factor)[s] == l.id) {
       landmark_slot_[ref.family][ref.factor] = s;
     }
     if (frames[s] >= 0 && std::find(l.frames.begin(), l.frames.end(), frames[s]) == l.frames.end()) {
-      l.frames.push_back(frames[s]);
-      l.places.push_back(static_cast<std::int32_t>(frames_[frames[s]].landmarks.size()));
-      frames_[frames[s]].landmarks.push_back(landmark);
+      Append(&l.frames, frames[s]);
+      Append(&l.places, static_cast<std::int32_t>(frames_[frames[s]].landmarks.size()));
+      Append(&frames_[frames[s]].landmarks, landmark);
     }
   }
 }
@@ -208,16 +210,9 @@ void LiveSchur::Disconnect(FactorRef ref) {
 
 std::int64_t LiveSchur::Bytes() const {
   std::size_t bytes = sizeof(double) * (5 * rhs_.capacity() + Y_.capacity()) + sizeof(Frame) * frames_.capacity() +
-                      sizeof(Landmark) * landmarks_.capacity();
-  for (const Landmark& l : landmarks_) {
-    bytes += l.factors.capacity() * sizeof(FactorRef) + l.frames.capacity() * sizeof(std::int32_t) +
-             l.incidences.capacity() * sizeof(Incidence) + l.blocks.capacity() * sizeof(std::int32_t);
-  }
+                      (sizeof(Landmark) + sizeof(double)) * landmarks_.capacity() + list_bytes_;
   for (const std::vector<std::int32_t>& blocks : factor_blocks_) {
     bytes += blocks.capacity() * sizeof(std::int32_t);
-  }
-  for (const Frame& f : frames_) {
-    bytes += f.factors.capacity() * sizeof(FactorRef) + f.landmarks.capacity() * sizeof(std::int32_t);
   }
   return static_cast<std::int64_t>(bytes) + S_.Bytes();
 }

@@ -88,8 +88,8 @@ void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<
 }
 
 // Rows that were not solved anew may still have much of their step to take.
-void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const LiveReducedSolver::Rows& solved, double negligible,
-                               const LiveSchur& schur) {
+void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const ReducedVectors& reduced,
+                               const LiveReducedSolver::Rows& solved, double negligible, const LiveSchur& schur) {
   const auto num_rows = static_cast<std::int32_t>(schur.frames().size());
   candidates_.clear();
   candidates_.reserve(num_rows);
@@ -101,9 +101,8 @@ void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const Live
       ++next;
     }
     double square = 0.0;
-    for (int k = 0; k < schur.frames()[i].size && !listed; ++k) {
-      const double delta = frame_step[schur.FrameOffset(i) + k];
-      square += schur.FrameDiagonal(i)[k] * delta * delta;
+    for (int k = schur.FrameOffset(i); k < schur.FrameOffset(i + 1) && !listed; ++k) {
+      square += reduced.weights()[k] * frame_step[k] * frame_step[k];
     }
     if (listed || square > negligible) {
       candidates_.push_back(i);
@@ -111,7 +110,7 @@ void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const Live
   }
 }
 
-void ActiveSet::Select(const std::vector<double>& frame_step, const std::vector<double>& damping,
+void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVectors& reduced,
                        const LiveReducedSolver::Rows& solved, const Limits& limits, LiveSystem* system) {
   LiveSchur& schur = system->schur();
   frames_.clear();
@@ -119,14 +118,14 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const std::vector<
   landmarks_.clear();
   landmarks_.reserve(schur.landmarks().size());
   if (limits.undone >= 0.0 && PartialStep::IsWorthwhile(schur) &&
-      partial_step_.Find(schur, damping, limits.frame_gain - limits.undone)) {
+      partial_step_.Find(schur, reduced, limits.frame_gain - limits.undone)) {
     for (int k = 0; k < partial_step_.num_frames(); ++k) {
       frames_.push_back(partial_step_.frame(k));
       system->SetFrameStep(frames_.back(), partial_step_.step(k));
     }
   } else {
-    NameCandidates(frame_step, solved, limits.negligible, schur);
-    CutOff(frame_step, damping, limits.undone, system);
+    NameCandidates(frame_step, reduced, solved, limits.negligible, schur);
+    CutOff(frame_step, reduced.damping(), limits.undone, system);
   }
   const auto visit = [&](std::int32_t landmark) {
     if (schur.landmarks()[landmark].in_S && !system->Visited(landmark)) {

@@ -6,6 +6,7 @@
 #include "linear/live_reduced_solver.h"
 #include "schur/live_system.h"
 #include "solver/partial_step.h"
+#include "solver/reduced_vectors.h"
 
 namespace inceres::internal {
 
@@ -23,9 +24,9 @@ class ActiveSet {
     double negligible;  // a row that was not solved anew stays if δ_iᵀ diag(C)_i δ_i is no more
     double frame_gain;  // ½ bᵀδ
   };
-  /// Sets the steps of the active variables in the system. `frame_step` solves S' δ = b, S' = S + diag(damping), both packed;
-  /// what rows that were not solved anew have of it is what was left of their step before.
-  void Select(const std::vector<double>& frame_step, const std::vector<double>& damping, const LiveReducedSolver::Rows& solved,
+  /// Sets the steps of the active variables in the system. `frame_step` solves S' δ = b, S' = S + diag(damping), packed; what
+  /// rows that were not solved anew have of it is what was left of their step before.
+  void Select(const std::vector<double>& frame_step, const ReducedVectors& reduced, const LiveReducedSolver::Rows& solved,
               const Limits& limits, LiveSystem* system);
 
   void Clear() {
@@ -37,8 +38,8 @@ class ActiveSet {
   std::size_t Bytes() const { return partial_step_.Bytes(); }
 
  private:
-  void NameCandidates(const std::vector<double>& frame_step, const LiveReducedSolver::Rows& solved, double negligible,
-                      const LiveSchur& schur);
+  void NameCandidates(const std::vector<double>& frame_step, const ReducedVectors& reduced, const LiveReducedSolver::Rows& solved,
+                      double negligible, const LiveSchur& schur);
   void CutOff(const std::vector<double>& frame_step, const std::vector<double>& damping, double budget, LiveSystem* system);
   void RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping, const LiveSchur& schur);
 

@@ -11,14 +11,13 @@
 namespace inceres::internal {
 namespace {
 
-constexpr double kExact = 1e-20;         // squared error above which a Jacobian is not simply the current one
-constexpr double kRefreshShare = 0.1;    // of the thresholds of an old linearisation: what convergence may rest on
-constexpr double kWeightChange = 2.0;    // factor by which ρ' may have changed before a factor's weight in H is renewed
-constexpr double kTinyDiagonal = 1e-12;  // stands in for a diagonal entry of C that is zero
-constexpr double kRetreat = 10.0;        // times ν: growth of μ when a step is refused; from its floor doubling would take long
-constexpr double kGoodRatio = 0.25;      // gain ratio below which the radius falls
-constexpr double kGrowRatio = 0.75;      // gain ratio above which the radius grows
-constexpr double kShortening = 0.1;      // of the step, when it is tried again
+constexpr double kExact = 1e-20;       // squared error above which a Jacobian is not simply the current one
+constexpr double kRefreshShare = 0.1;  // of the thresholds of an old linearisation: what convergence may rest on
+constexpr double kWeightChange = 2.0;  // factor by which ρ' may have changed before a factor's weight in H is renewed
+constexpr double kRetreat = 10.0;      // times ν: growth of μ when a step is refused; from its floor doubling would take long
+constexpr double kGoodRatio = 0.25;    // gain ratio below which the radius falls
+constexpr double kGrowRatio = 0.75;    // gain ratio above which the radius grows
+constexpr double kShortening = 0.1;    // of the step, when it is tried again
 constexpr int kMaxShortenings = 1;
 
 // Of a landmark, relative: without it a far point, which parallax hardly holds, runs away along its ray and never comes back.
@@ -239,7 +238,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   }
   {
     const StageTimer timer(&summary_->select_seconds);
-    active_.Select(frame_step_, damping_, solver_->work().solved, {TruncationBudget(undone), Wildfire(), undone - LandmarkGain()},
+    active_.Select(frame_step_, reduced_, solver_->work().solved, {TruncationBudget(undone), Wildfire(), undone - LandmarkGain()},
                    &system_);
     summary_->num_moved_frames += static_cast<int>(active_.frames().size());
     summary_->num_visited_landmarks += static_cast<int>(active_.landmarks().size());
@@ -318,42 +317,26 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
 Status IncrementalMinimizer::SolveFrames() {
   const StageTimer timer(&summary_->solve_seconds);
   LiveSchur& schur = system_.schur();
-  weights_.resize(schur.size());
-  damping_.resize(schur.size());
-  b_.resize(schur.size());
+  reduced_.Refresh(options_.damping, mu_, &schur);
   frame_step_.resize(schur.size(), 0.0);
-  held_.resize(schur.frames().size());
-  const bool thesis = options_.damping == DampingForm::kThesis;
-  for (int i = 0; i < static_cast<int>(schur.frames().size()); ++i) {
-    const LiveSchur::Frame& frame = schur.frames()[i];
-    held_[i] = frame.held ? 1 : 0;
-    const int offset = schur.FrameOffset(i);
-    const double* S_diagonal = frame.size > 0 ? schur.S().values(schur.S().row(i).back().offset) : nullptr;
-    for (int k = 0; k < frame.size; ++k) {
-      weights_[offset + k] = schur.FrameDiagonal(i)[k];
-      damping_[offset + k] =
-          mu_ * std::max(thesis ? S_diagonal[k * (PadToQuad(frame.size) + 1)] : weights_[offset + k], kTinyDiagonal);
-      b_[offset + k] = schur.b(i)[k];
-    }
-  }
   schur.TakeUnfactoredRows(&changed_rows_);
   LiveReducedSolver::Change change(FirstOf(changed_rows_, schur), &changed_rows_, true);
   if (mu_ != solved_mu_) {
     change = LiveReducedSolver::Change();  // of everything
   }
   solved_mu_ = mu_;
-  const Status factored = solver_->Factorize(schur.S(), damping_.data(), held_.data(), change);
+  const Status factored = solver_->Factorize(schur.S(), reduced_.damping().data(), reduced_.held().data(), change);
   summary_->num_factored_rows += solver_->work().factored_rows;
   summary_->num_reorderings += solver_->work().reorderings;
   if (!factored.ok()) {
     return factored;
   }
   LiveReducedSolver::Truncation truncation;
-  truncation.weights = weights_.data();
+  truncation.weights = reduced_.weights().data();
   truncation.threshold = Wildfire();
   schur.TakeUnsolvedRows(&changed_rows_);
   const LiveReducedSolver::Rows changed_b{FirstOf(changed_rows_, schur), &changed_rows_};
-  Status solved = solver_->Solve(b_.data(), changed_b, truncation, frame_step_.data());
+  Status solved = solver_->Solve(reduced_.b().data(), changed_b, truncation, frame_step_.data());
   summary_->num_solved_rows += solver_->work().solved_rows;
   summary_->num_pcg_iterations += solver_->work().iterations;
   trace_->row().num_linear_solver_iterations = std::max(1, solver_->work().iterations);
@@ -372,8 +355,8 @@ double IncrementalMinimizer::LandmarkGain() {
 // What the model promises for the whole step, all of it still undone.
 double IncrementalMinimizer::Undone() {
   double sum = LandmarkGain();
-  for (std::size_t k = 0; k < b_.size(); ++k) {
-    sum += 0.5 * b_[k] * frame_step_[k];
+  for (std::size_t k = 0; k < frame_step_.size(); ++k) {
+    sum += 0.5 * reduced_.b()[k] * frame_step_[k];
   }
   return sum;
 }

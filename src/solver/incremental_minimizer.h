@@ -9,6 +9,7 @@
 #include "linear/live_reduced_solver.h"
 #include "schur/live_system.h"
 #include "solver/active_set.h"
+#include "solver/reduced_vectors.h"
 #include "solver/update_trace.h"
 
 namespace inceres::internal {
@@ -20,9 +21,8 @@ class IncrementalMinimizer {
   IncrementalMinimizer(const IncrementalOptions& options, LiveSystem* system);
 
   std::int64_t Bytes() const {
-    return static_cast<std::int64_t>(solver_->Bytes() + active_.Bytes() +
-                                     sizeof(double) *
-                                         (weights_.capacity() + damping_.capacity() + b_.capacity() + frame_step_.capacity()));
+    return static_cast<std::int64_t>(solver_->Bytes() + active_.Bytes() + reduced_.Bytes() +
+                                     sizeof(double) * frame_step_.capacity());
   }
   /// For the next Minimize; who solves the reduced system stays.
   void SetOptions(const IncrementalOptions& options) { options_ = options; }
@@ -79,11 +79,8 @@ class IncrementalMinimizer {
   double last_promise_ = 0.0;     // what was undone before the last step of the frames; 0: none, or not all of it was taken
   double last_gain_ratio_ = 1.0;  // of that step
   double solved_mu_ = -1.0;       // the damping the factor was computed with
-  std::vector<double> weights_;   // diag(C), packed by block rows like the next three
-  std::vector<double> damping_;
-  std::vector<double> b_;
-  std::vector<double> frame_step_;  // in the form LiveReducedSolver asks for
-  std::vector<char> held_;
+  ReducedVectors reduced_;
+  std::vector<double> frame_step_;  // packed by block rows, in the form LiveReducedSolver asks for
   std::vector<std::int32_t> changed_rows_;
   std::vector<IndexSet> aged_;        // per family: linearised too long ago to claim convergence on
   UpdateTrace* trace_ = nullptr;      // of the Minimize under way

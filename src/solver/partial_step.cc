@@ -40,15 +40,15 @@ bool PartialStep::IsWorthwhile(const LiveSchur& schur) {
   return schur.size() > kMaxScalars;
 }
 
-bool PartialStep::Find(const LiveSchur& schur, const std::vector<double>& damping, double gain) {
-  Begin(schur, damping);
+bool PartialStep::Find(const LiveSchur& schur, const ReducedVectors& reduced, double gain) {
+  Begin(schur, reduced);
   double gained = 0.0;
   while (gained < gain) {
     const int num_before = num_frames();
     if (num_before > 0) {
-      TakeOutOfRest(schur);
+      TakeOutOfRest(schur, reduced);
     }
-    Grow(schur, damping);
+    Grow(schur, reduced);
     if (num_frames() == num_before || static_cast<int>(b_.size()) > kMaxScalars ||
         !cholesky_.Factorize(schur.S(), order_, damping_.data(), num_before).ok()) {
       return false;
@@ -60,21 +60,6 @@ bool PartialStep::Find(const LiveSchur& schur, const std::vector<double>& dampin
     BackSubstitute();
   }
   return true;
-}
-
-// What the frame's scalars could gain of the rest one by one, twice.
-double PartialStep::Pull(const LiveSchur& schur, const std::vector<double>& damping, std::int32_t frame) const {
-  const LiveSchur::Frame& pulled = schur.frames()[frame];
-  if (pulled.size == 0 || pulled.held || order_.place(frame) >= 0) {
-    return 0.0;
-  }
-  const double* diagonal = schur.S().values(schur.S().row(frame).back().offset);
-  const int offset = schur.FrameOffset(frame);
-  double pull = 0.0;
-  for (int k = 0; k < pulled.size; ++k, diagonal += PadToQuad(pulled.size) + 1) {
-    pull += rest_[offset + k] * rest_[offset + k] / (*diagonal + damping[offset + k]);
-  }
-  return pull;
 }
 
 // For the largest A there may be: how A grows is not the same from step to step, and a steady window is not to allocate.
@@ -97,42 +82,43 @@ void PartialStep::MakeRoom(const LiveSchur& schur) {
   }
 }
 
-void PartialStep::Begin(const LiveSchur& schur, const std::vector<double>& damping) {
+void PartialStep::Begin(const LiveSchur& schur, const ReducedVectors& reduced) {
   MakeRoom(schur);
   order_.Clear();
   b_.clear();
   damping_.clear();
-  const auto num_rows = static_cast<std::int32_t>(schur.frames().size());
-  pulled_.Grow(num_rows);
-  rest_.resize(schur.size());
-  pulls_.resize(num_rows);
-  double strongest = 0.0;
-  for (std::int32_t i = 0; i < num_rows; ++i) {
-    std::copy_n(schur.b(i), schur.frames()[i].size, rest_.begin() + schur.FrameOffset(i));
-    pulls_[i] = Pull(schur, damping, i);
-    strongest = std::max(strongest, pulls_[i]);
-  }
+  const std::vector<double>& pulls = reduced.pulls();
+  pulled_.Grow(pulls.size());
   pulled_.Clear();
-  for (std::int32_t i = 0; i < num_rows; ++i) {
-    if (pulls_[i] > kNoPull * strongest) {
-      pulled_.Add(i);
+  rest_.resize(schur.size());
+  pulls_.resize(pulls.size());
+  const double least = pulls.empty() ? 0.0 : kNoPull * *std::max_element(pulls.begin(), pulls.end());
+  for (std::size_t i = 0; i < pulls.size(); ++i) {
+    if (pulls[i] > least) {
+      BeginRest(schur, reduced, static_cast<std::int32_t>(i));
     }
   }
 }
 
-void PartialStep::Grow(const LiveSchur& schur, const std::vector<double>& damping) {
+void PartialStep::BeginRest(const LiveSchur& schur, const ReducedVectors& reduced, std::int32_t frame) {
+  std::copy(reduced.b().begin() + schur.FrameOffset(frame), reduced.b().begin() + schur.FrameOffset(frame + 1),
+            rest_.begin() + schur.FrameOffset(frame));
+  pulled_.Add(frame);
+}
+
+void PartialStep::Grow(const LiveSchur& schur, const ReducedVectors& reduced) {
   double strongest = 0.0;
   pulled_.ForEach([&](std::int32_t i) {
-    pulls_[i] = Pull(schur, damping, i);
+    pulls_[i] = order_.place(i) >= 0 ? 0.0 : reduced.Pull(schur, i, rest_.data() + schur.FrameOffset(i));
     strongest = std::max(strongest, pulls_[i]);
   });
   pulled_.ForEach([&](std::int32_t i) {
     if (pulls_[i] > 0.0 && pulls_[i] >= kPullShare * strongest) {
-      const int offset = schur.FrameOffset(i);
-      const int size = schur.frames()[i].size;
-      order_.Append(i, static_cast<int>(schur.frames().size()));
-      b_.insert(b_.end(), schur.b(i), schur.b(i) + size);
-      damping_.insert(damping_.end(), damping.begin() + offset, damping.begin() + offset + size);
+      const int begin = schur.FrameOffset(i);
+      const int end = schur.FrameOffset(i + 1);
+      order_.Append(i, static_cast<int>(pulls_.size()));
+      b_.insert(b_.end(), reduced.b().begin() + begin, reduced.b().begin() + end);
+      damping_.insert(damping_.end(), reduced.damping().begin() + begin, reduced.damping().begin() + end);
     }
   });
   y_.resize(b_.size());
@@ -147,12 +133,9 @@ void PartialStep::BackSubstitute() {
 }
 
 // rest := b − S x at the neighbours of A.
-void PartialStep::TakeOutOfRest(const LiveSchur& schur) {
+void PartialStep::TakeOutOfRest(const LiveSchur& schur, const ReducedVectors& reduced) {
   const SymmetricBlockRows& S = schur.S();
-  const auto begin_anew = [&](std::int32_t other) {
-    std::copy_n(schur.b(other), S.size_of(other), rest_.begin() + schur.FrameOffset(other));
-    pulled_.Add(other);
-  };
+  const auto begin_anew = [&](std::int32_t other) { BeginRest(schur, reduced, other); };
   for (const int i : order_.rows()) {
     for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
       begin_anew(entry.column);

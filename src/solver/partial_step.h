@@ -7,6 +7,7 @@
 #include "linear/row_order.h"
 #include "schur/index_set.h"
 #include "schur/live_schur.h"
+#include "solver/reduced_vectors.h"
 
 namespace inceres::internal {
 
@@ -23,10 +24,10 @@ class PartialStep {
   static bool IsWorthwhile(const LiveSchur& schur);
 
   /// Grows A, from the frames that b pulls at most, until its step gains this much; in each round by those at which what is left
-  /// of b then pulls most. `damping`: of S' = S + diag(damping), packed. False if that takes too many frames, or S'_AA has no
-  /// factor. Cost: that of a small Cholesky factor and of the blocks of A's rows, and a pass over b; no allocation beyond the
-  /// growth of what it keeps.
-  bool Find(const LiveSchur& schur, const std::vector<double>& damping, double gain);
+  /// of b then pulls most. False if that takes too many frames, or S'_AA = S_AA + diag(damping) has no factor. Cost: that of a
+  /// small Cholesky factor and of the blocks of A's rows, and a pass over the pulls; no allocation beyond the growth of what it
+  /// keeps.
+  bool Find(const LiveSchur& schur, const ReducedVectors& reduced, double gain);
 
   int num_frames() const { return order_.num_places(); }
   std::int32_t frame(int k) const { return order_.row(k); }
@@ -34,19 +35,19 @@ class PartialStep {
   std::size_t Bytes() const;
 
  private:
-  double Pull(const LiveSchur& schur, const std::vector<double>& damping, std::int32_t frame) const;
   void MakeRoom(const LiveSchur& schur);
-  void Begin(const LiveSchur& schur, const std::vector<double>& damping);
-  void Grow(const LiveSchur& schur, const std::vector<double>& damping);
+  void Begin(const LiveSchur& schur, const ReducedVectors& reduced);
+  void BeginRest(const LiveSchur& schur, const ReducedVectors& reduced, std::int32_t frame);
+  void Grow(const LiveSchur& schur, const ReducedVectors& reduced);
   void BackSubstitute();
-  void TakeOutOfRest(const LiveSchur& schur);
+  void TakeOutOfRest(const LiveSchur& schur, const ReducedVectors& reduced);
 
   int size_with_room_ = -1;  // of S
   RowOrder order_;           // A, as it has grown
   EnvelopeCholesky cholesky_;
-  std::vector<double> rest_;   // b − S'x of the frames outside A, packed like S
-  std::vector<double> pulls_;  // per row of S
   IndexSet pulled_;            // rows outside A with a pull to speak of, among others
+  std::vector<double> rest_;   // of those: b − S'x, packed like S
+  std::vector<double> pulls_;  // of those: at the rest
   // Packed like A:
   std::vector<double> b_;
   std::vector<double> damping_;

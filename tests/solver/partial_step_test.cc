@@ -54,11 +54,11 @@ class Reduced {
         }
       }
       for (int k = 0; k < size; ++k) {
-        damping_.push_back(kMu * schur.FrameDiagonal(i)[k]);
+        S_(schur.FrameOffset(i) + k, schur.FrameOffset(i) + k) += kMu * schur.FrameDiagonal(i)[k];
         b_[schur.FrameOffset(i) + k] = schur.b(i)[k];
       }
     }
-    S_.diagonal() += Eigen::Map<const Eigen::VectorXd>(damping_.data(), b_.size());
+    vectors_.Refresh(DampingForm::kHybrid, kMu, &system_.schur());
   }
 
   // x_A and the gain of these frames, all others held.
@@ -87,13 +87,13 @@ class Reduced {
 
   const LiveSchur& schur() const { return system_.schur(); }
   LiveSchur& schur() { return system_.schur(); }
-  const std::vector<double>& damping() const { return damping_; }
+  const ReducedVectors& vectors() const { return vectors_; }
 
  private:
   LiveSystem system_;
   Eigen::MatrixXd S_;
   Eigen::VectorXd b_;
-  std::vector<double> damping_;
+  ReducedVectors vectors_;
 };
 
 std::vector<int> FramesOf(const PartialStep& partial) {
@@ -133,7 +133,7 @@ TEST(PartialStep, IsThatOfTheFramesItTakesAndGainsWhatIsAsked) {
     const double whole = reduced.WholeGain();
     int num_before = 0;
     for (const double share : {0.3, 0.9, 0.97, 0.9999}) {
-      ASSERT_TRUE(partial.Find(reduced.schur(), reduced.damping(), share * whole)) << seed << ": " << share;
+      ASSERT_TRUE(partial.Find(reduced.schur(), reduced.vectors(), share * whole)) << seed << ": " << share;
       ExpectStep(reduced, partial, share * whole);
       EXPECT_GE(partial.num_frames(), num_before);
       num_before = partial.num_frames();
@@ -146,9 +146,9 @@ TEST(PartialStep, TakesNoFrameWhereNothingIsAskedAndFailsWhereTooMuchIs) {
   Reduced reduced(graph.get());
   ASSERT_NO_FATAL_FAILURE(reduced.Linearise());
   PartialStep partial;
-  EXPECT_TRUE(partial.Find(reduced.schur(), reduced.damping(), 0.0));
+  EXPECT_TRUE(partial.Find(reduced.schur(), reduced.vectors(), 0.0));
   EXPECT_EQ(partial.num_frames(), 0);
-  EXPECT_FALSE(partial.Find(reduced.schur(), reduced.damping(), 1.01 * reduced.WholeGain()));
+  EXPECT_FALSE(partial.Find(reduced.schur(), reduced.vectors(), 1.01 * reduced.WholeGain()));
 }
 
 TEST(PartialStep, StopsWhereTheFactorWouldGrowTooLarge) {
@@ -159,7 +159,7 @@ TEST(PartialStep, StopsWhereTheFactorWouldGrowTooLarge) {
   Reduced reduced(graph.get());
   ASSERT_NO_FATAL_FAILURE(reduced.Linearise());
   PartialStep partial;
-  EXPECT_FALSE(partial.Find(reduced.schur(), reduced.damping(), (1.0 - 1e-12) * reduced.WholeGain()));
+  EXPECT_FALSE(partial.Find(reduced.schur(), reduced.vectors(), (1.0 - 1e-12) * reduced.WholeGain()));
 }
 
 // A chain at rest but for its last link: the frames near it make the step.
@@ -178,7 +178,7 @@ TEST(PartialStep, TakesFewFramesWhereThePullIsLocal) {
   ASSERT_NO_FATAL_FAILURE(reduced.Linearise());
   PartialStep partial;
   const double asked = 0.97 * reduced.WholeGain();
-  ASSERT_TRUE(partial.Find(reduced.schur(), reduced.damping(), asked));
+  ASSERT_TRUE(partial.Find(reduced.schur(), reduced.vectors(), asked));
   ExpectStep(reduced, partial, asked);
   EXPECT_LE(partial.num_frames(), kFrames / 4);
   const std::vector<int> taken = FramesOf(partial);
