@@ -450,6 +450,13 @@ void EditWorld::ExpectLaw() {
       b.push_back(schur.b(row)[k]);
     }
   }
+  reduced_.Refresh(DampingForm::kHybrid, mu_, &schur);
+  ASSERT_EQ(reduced_.b(), b);
+  ASSERT_EQ(reduced_.damping(), damping);
+  ASSERT_EQ(reduced_.held(), held);
+  for (int row = 0; row < static_cast<int>(held.size()); ++row) {
+    ASSERT_EQ(reduced_.pulls()[row], reduced_.Pull(schur, row, b.data() + schur.FrameOffset(row))) << "row " << row;
+  }
   // Now and then the solver is told no more than the first of the rows.
   const auto rows_of = [this, &schur](const std::vector<std::int32_t>& rows) -> LiveReducedSolver::Rows {
     return {rows.empty() ? schur.S().num_rows() : rows.front(), random_.Below(3) == 0 ? nullptr : &rows};

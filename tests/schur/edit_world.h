@@ -8,6 +8,7 @@
 #include "inceres/graph/graph_edit.h"
 #include "linear/resumed_solver.h"
 #include "schur/live_system.h"
+#include "solver/reduced_vectors.h"
 #include "support/random_values.h"
 #include "support/test_families.h"
 
@@ -37,7 +38,7 @@ class EditWorld {
   void MarkSome();
   /// A random step of some variables, accepted or rejected.
   void Step();
-  /// The law, and the same step as batch from the resumed factor.
+  /// The law, the packed vectors, and the same step as batch from the resumed factor.
   void ExpectLaw();
   /// The law against a system that begins now: same cost at the same values.
   void ExpectFreshCost();
@@ -83,6 +84,7 @@ class EditWorld {
   FactorGraph graph_;
   LiveSystem system_;
   ResumedSolver solver_;
+  ReducedVectors reduced_;
   std::vector<double> frame_step_;
   double mu_ = 1e-3;
   bool mu_changed_ = true;
