@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "linearisation/moved_factors.h"
+#include "linearisation/robustify.h"
 
 namespace inceres::internal {
 namespace {
@@ -12,8 +13,22 @@ namespace {
 // Below this √w the linearisation says nothing about the residual any more.
 constexpr double kNoWeight = 1e-12;
 
+// Of the curvature along f that ρ' alone gives, the share that stays at least: with less H loses its grip.
+constexpr double kLeastCurvature = 0.5;
+
+// A residual that changes by less than this share of itself is steady enough for the curvature of its loss to count.
+constexpr double kSteadyShare = 1.0 / 3.0;
+
 // Factors a task; a smaller list stays on the calling thread.
 constexpr int kGrain = 512;
+
+double Dot(const double* a, const double* b, int size) {
+  double sum = 0.0;
+  for (int r = 0; r < size; ++r) {
+    sum += a[r] * b[r];
+  }
+  return sum;
+}
 
 }  // namespace
 
@@ -44,13 +59,13 @@ void LiveFamily::Grow(int num_places) {
     slots_[s].data = jacobians_[s].data();
     views_[s] = {slots_[s].data, slots_[s].factor_stride, slots_[s].row_stride};
   }
-  for (std::vector<double>* residuals : {&f_, &candidate_f_, &predicted_f_, &J_step_, &q_, &candidate_q_}) {
+  for (std::vector<double>* residuals : {&f_, &candidate_f_, &predicted_f_, &J_step_, &q_, &candidate_q_, &correction_}) {
     residuals->reserve(room * residual_size_);
     residuals->resize(n * residual_size_);
   }
   states_.reserve(room);
   states_.resize(n);
-  linearised_.resize(n, 0);
+  linearised_.resize(n, Linearised::kNot);
   parameters_.resize(n * num_slots_);
   jacobian_parameters_.resize(n * num_slots_);
   pinned_.resize(n, 0);
@@ -64,8 +79,9 @@ void LiveFamily::Connect(int factor, LiveValues* values, const LiveTangents& tan
   if (factor >= num_places_) {
     Grow(factor + 1);
   }
-  linearised_[factor] = 0;
+  linearised_[factor] = Linearised::kNot;
   pinned_[factor] = 0;
+  std::fill_n(J_step_.begin() + First(factor), residual_size_, 0.0);
   for (int s = 0; s < num_slots_; ++s) {
     const VariableId id = variables(factor)[s];
     const auto at = static_cast<std::size_t>(factor) * num_slots_ + s;
@@ -148,25 +164,19 @@ EvaluationFailure LiveFamily::Linearise(const std::vector<std::int32_t>& factors
   });
 }
 
-// ½ρ and ρ' at a residual.
-void LiveFamily::EvaluateLoss(int factor, const double* f, double* cost, double* w) const {
-  double s = 0.0;
-  for (int r = 0; r < residual_size_; ++r) {
-    s += f[r] * f[r];
+// ρ, ρ' and ρ'' at a residual, and its squared norm.
+double LiveFamily::EvaluateLoss(int factor, const double* f, double* rho) const {
+  const double s = Dot(f, f, residual_size_);
+  rho[0] = s;
+  rho[1] = 1.0;
+  rho[2] = 0.0;
+  if (const Loss* loss = graph_->loss(id_, factor)) {
+    loss->Evaluate(s, rho);
   }
-  const Loss* loss = graph_->loss(id_, factor);
-  if (loss == nullptr) {
-    *cost = 0.5 * s;
-    *w = 1.0;
-    return;
-  }
-  double rho[3];
-  loss->Evaluate(s, rho);
-  *cost = 0.5 * rho[0];
-  *w = rho[1];
+  return s;
 }
 
-// q at the candidate is ρ' f / √w, with the w of the Jacobian.
+// q at the candidate, with the w, n and β of the Jacobian.
 template <int kSize>
 void LiveFamily::WeighCandidatesSized(int begin, int end) {
   const int size = kSize > 0 ? kSize : residual_size_;
@@ -189,6 +199,13 @@ void LiveFamily::WeighCandidatesSized(int begin, int end) {
     for (int r = 0; r < size; ++r) {
       q[r] = scale * f[r];
     }
+    if (IsCorrected(i)) {
+      const double* m = correction_.data() + First(i);
+      const double along = Dot(m, q, size);
+      for (int r = 0; r < size; ++r) {
+        q[r] += along * m[r];
+      }
+    }
   }
 }
 
@@ -203,24 +220,53 @@ void LiveFamily::WeighCandidates(int begin, int end) {
   }
 }
 
-// w = ρ'(‖f‖²) now: J := √w J, q := √w f.
+// 1 − α of a factor about to be linearised again, from its last step.
+double LiveFamily::RootOfCurvature(int factor, double s, const double* rho) const {
+  if (!linearised(factor) || !(s > 0.0 && rho[1] > 0.0 && rho[2] < 0.0)) {
+    return 1.0;
+  }
+  const double* J_step = J_step_.data() + First(factor);
+  double squared_change = Dot(J_step, J_step, residual_size_);
+  if (IsCorrected(factor)) {
+    const double* m = correction_.data() + First(factor);
+    const double along = Dot(m, J_step, residual_size_);
+    squared_change += along * along * (2.0 + Dot(m, m, residual_size_));
+  }
+  squared_change *= states_[factor].inverse_sqrt_w * states_[factor].inverse_sqrt_w;
+  const bool steady = squared_change > 0.0 && squared_change <= kSteadyShare * kSteadyShare * s;
+  return steady ? std::sqrt(std::max(kLeastCurvature, 1.0 + 2.0 * s * rho[2] / rho[1])) : 1.0;
+}
+
+// w = ρ'(‖f‖²) now: J := √w (I − α n nᵀ) J, q := √w f / (1 − α).
 void LiveFamily::Weigh(int factor) {
   const double* f = f_.data() + First(factor);
+  double rho[3];
+  const double s = EvaluateLoss(factor, f, rho);
+  const double root = RootOfCurvature(factor, s, rho);
+  const bool corrected = root < 1.0;
+  const double sqrt_w = std::sqrt(rho[1]);
   State& state = states_[factor];
-  EvaluateLoss(factor, f, &state.cost, &state.w);
-  const double sqrt_w = std::sqrt(state.w);
-  state.linearised_w = state.w;
+  state.cost = 0.5 * rho[0];
+  state.w = state.linearised_w = rho[1];
   state.inverse_sqrt_w = sqrt_w > kNoWeight ? 1.0 / sqrt_w : 0.0;
   state.error = state.squared_gradient_error = 0.0;
-  linearised_[factor] = 1;
+  linearised_[factor] = corrected ? Linearised::kCorrected : Linearised::kPlainly;
+  const double sqrt_beta = std::sqrt(1.0 / root - 1.0);
   for (int r = 0; r < residual_size_; ++r) {
     predicted_f_[First(factor) + r] = f[r];
-    q_[First(factor) + r] = sqrt_w * f[r];
+    q_[First(factor) + r] = sqrt_w / root * f[r];
+    if (corrected) {
+      correction_[First(factor) + r] = sqrt_beta * f[r] / std::sqrt(s);
+    }
   }
-  if (sqrt_w == 1.0) {
+  if (sqrt_w == 1.0 && !corrected) {
     return;
   }
   for (const SlotJacobians& slot : slots_) {
+    if (corrected) {
+      CorrectJacobian(sqrt_w, (1.0 - root) / s, f, residual_size_, slot, factor);
+      continue;
+    }
     double* J = slot.data + factor * slot.factor_stride;
     for (std::ptrdiff_t k = 0; k < slot.factor_stride; ++k) {
       J[k] *= sqrt_w;
@@ -276,16 +322,8 @@ double LiveFamily::CandidateChange(const std::vector<std::int32_t>& factors) con
 }
 
 bool LiveFamily::HasCurvedLoss(int factor) const {
-  const Loss* loss = graph_->loss(id_, factor);
-  if (loss == nullptr) {
-    return false;
-  }
-  double s = 0.0;
-  for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size_; ++k) {
-    s += f_[k] * f_[k];
-  }
   double rho[3];
-  loss->Evaluate(s, rho);
+  EvaluateLoss(factor, f_.data() + First(factor), rho);
   return rho[2] > 0.0;
 }
 
@@ -305,9 +343,12 @@ double LiveFamily::AcceptSized(const std::vector<std::int32_t>& factors) {
     double error = 0.0;
     double squared_norm = 0.0;
     const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * size;
+    const bool corrected = IsCorrected(factor);
+    const double along = corrected ? Dot(correction_.data() + first, J_step_.data() + first, size) : 0.0;
     for (std::ptrdiff_t k = first; k < first + size; ++k) {
       const double f = candidate_f_[k];
-      const double predicted = constant_jacobian_ ? f : predicted_f_[k] + state.inverse_sqrt_w * J_step_[k];
+      const double J_delta = J_step_[k] + (corrected ? along * correction_[k] : 0.0);
+      const double predicted = constant_jacobian_ ? f : predicted_f_[k] + state.inverse_sqrt_w * J_delta;
       predicted_f_[k] = predicted;
       f_[k] = f;
       q_[k] = candidate_q_[k];
@@ -335,7 +376,7 @@ double LiveFamily::Accept(const std::vector<std::int32_t>& factors) {
 }
 
 std::int64_t LiveFamily::Bytes() const {
-  std::size_t doubles = 6 * f_.capacity() + sizeof(State) / sizeof(double) * states_.capacity();
+  std::size_t doubles = 7 * f_.capacity() + sizeof(State) / sizeof(double) * states_.capacity();
   for (const AlignedVector<double>& J : jacobians_) {
     doubles += J.capacity();
   }

@@ -15,10 +15,15 @@ namespace inceres::internal {
 /// What the incremental solver remembers of one family's factors (algorithms.md section 2), by their places. Arrays grow with the
 /// family; the place of a removed factor serves a later one.
 ///
-/// Each factor keeps the Jacobian J of its last linearisation, multiplied by √w with w = ρ' at that time; the residual f now; the
-/// residual f̂ that the old linearisation predicts now; and q = ρ' f / √w, so that its gradient share is Jᵀq. ‖f − f̂‖ is the error
-/// of the old linearisation, known for nothing; it is zero by definition where the family's Jacobian is constant. The
-/// second-order term of losses with ρ'' > 0 is left out of H.
+/// Each factor keeps the Jacobian J of its last linearisation, multiplied by √w (I − α n nᵀ) with w = ρ' and n = f/‖f‖ at that
+/// time; the residual f now; the residual f̂ that the old linearisation predicts now; and q = ρ' (I + β n nᵀ) f / √w, where
+/// β = α/(1 − α), so that its gradient share is Jᵀq. ‖f − f̂‖ is the error of the old linearisation, known for nothing; it is zero
+/// by definition where the family's Jacobian is constant.
+///
+/// α takes the second-order term of losses with ρ'' < 0, as far as H stays well-conditioned (Triggs et al., "Bundle Adjustment: A
+/// Modern Synthesis", 1999, section 4.3): without it each step falls short by what the outliers let it, and the steps converge
+/// linearly. It is 0 while a factor's residual changes much from step to step, for far from the minimum the curvature at a point
+/// tells little of a robust loss; and where ρ'' ≥ 0.
 ///
 /// Lists of factors are ascending, without repeats. Evaluation runs on the executor's threads, each factor writing its own place;
 /// everything else on the calling one.
@@ -38,7 +43,7 @@ class LiveFamily {
   /// Takes over the factor at a place, new or used again, or whose variables have got other tangent maps. Not linearised yet.
   void Connect(int factor, LiveValues* values, const LiveTangents& tangents);
   /// The factor at this place is gone, or does not count until it is linearised.
-  void Forget(int factor) { linearised_[factor] = 0; }
+  void Forget(int factor) { linearised_[factor] = Linearised::kNot; }
 
   /// Lets the factor move its expansion point to the current values; true if it did and wants to be linearised anew.
   bool Recentre(int factor) const {
@@ -72,7 +77,7 @@ class LiveFamily {
   const double* q(int factor) const { return q_.data() + First(factor); }
 
   /// The factor's Jacobian is part of H.
-  bool linearised(int factor) const { return linearised_[factor] != 0; }
+  bool linearised(int factor) const { return linearised_[factor] != Linearised::kNot; }
   /// w ‖f − f̂‖²: the squared error of the old linearisation in units of the objective.
   double SquaredError(int factor) const { return states_[factor].error; }
   /// The square of w ‖f‖ ‖f − f̂‖: how far its Jacobian's age may mislead the gradient, over a step like the ones since.
@@ -90,6 +95,8 @@ class LiveFamily {
 
   /// Whether the factor's loss has a second-order term at its present residual, ρ'' > 0.
   bool HasCurvedLoss(int factor) const;
+  /// Whether α ≠ 0: then its Jacobian is not √w times the plain one.
+  bool IsCorrected(int factor) const { return linearised_[factor] == Linearised::kCorrected; }
 
   const SlotJacobians* slots() const { return slots_.data(); }
   const double* q_data() const { return q_.data(); }
@@ -99,6 +106,8 @@ class LiveFamily {
   std::int64_t Bytes() const;
 
  private:
+  enum class Linearised : char { kNot, kPlainly, kCorrected };
+
   // What a factor keeps besides its residuals: one cache line.
   struct alignas(64) State {
     double cost;  // ½ρ and ρ' now
@@ -115,7 +124,8 @@ class LiveFamily {
   void Grow(int num_places);
   template <typename Evaluate>
   EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate);
-  void EvaluateLoss(int factor, const double* f, double* cost, double* w) const;
+  double EvaluateLoss(int factor, const double* f, double* rho) const;
+  double RootOfCurvature(int factor, double s, const double* rho) const;
   template <int kSize>
   void WeighCandidatesSized(int begin, int end);
   void WeighCandidates(int begin, int end);
@@ -140,9 +150,10 @@ class LiveFamily {
   std::vector<double> predicted_f_;
   std::vector<double> J_step_;  // J δ of the step under construction
   std::vector<double> q_;
+  std::vector<double> correction_;  // √β n of the factors that are corrected
   std::vector<double> candidate_q_;
   AlignedVector<State> states_;
-  std::vector<char> linearised_;
+  std::vector<Linearised> linearised_;
   std::vector<const double*> parameters_;
   std::vector<const double*> candidate_parameters_;
   std::vector<const double*> jacobian_parameters_;  // where it is linearised: pinned variables elsewhere

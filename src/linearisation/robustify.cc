@@ -17,7 +17,8 @@ inline double SquaredNorm(const double* f, int size) {
   return sum;
 }
 
-// J := √ρ' (I − a f fᵀ) J, column by column; a = α/s.
+}  // namespace
+
 // The padding is left alone: a loss that gives NaN must not outlive its evaluation.
 void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, const SlotJacobians& slot, int factor) {
   double* J = slot.data + factor * slot.factor_stride;
@@ -32,8 +33,6 @@ void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, cons
     }
   }
 }
-
-}  // namespace
 
 double PlainCost(const double* f, std::ptrdiff_t count) {
   constexpr std::ptrdiff_t kLanes = 4;

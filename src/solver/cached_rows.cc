@@ -11,7 +11,7 @@ bool CachedRows::IsGood(const LiveFamily& family, FactorRef ref) const {
     return false;
   }
   const double ratio = family.WeightRatio(ref.factor);
-  return ratio > 0.0 && std::isfinite(ratio) && !family.HasCurvedLoss(ref.factor);
+  return ratio > 0.0 && std::isfinite(ratio) && !family.HasCurvedLoss(ref.factor) && !family.IsCorrected(ref.factor);
 }
 
 bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted, LinearisedFactor* result) {

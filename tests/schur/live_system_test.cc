@@ -192,6 +192,102 @@ TEST(LiveSystem, TheErrorOfALinearisationIsThatOfItsPrediction) {
   EXPECT_NEAR(errors[0] / errors[1], 4.0, 0.5) << "the error is of second order in the step";
 }
 
+// f = x, far out in the linear part of a Huber loss: its second derivative is ρ' across f, and nothing along it.
+class Outlier {
+ public:
+  Outlier() {
+    const auto measure = [](int, const double* const* x, double* residuals, double** jacobians) {
+      for (int k = 0; k < 2; ++k) {
+        residuals[k] = x[0][k];
+        if (jacobians != nullptr) {
+          jacobians[0][2 * k] = 1.0 - k;
+          jacobians[0][2 * k + 1] = k;
+        }
+      }
+      return true;
+    };
+    const auto family = std::make_shared<test::FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}}, measure);
+    const double start[2] = {3.0, 4.0};
+    const VariableId frame = graph_.AddVariable(start, 2, Role::kFrame);
+    graph_.AddFactor(graph_.AddFamily(family), *family, 0, {frame}, std::make_shared<HuberLoss>(0.1));
+    system_ = std::make_unique<LiveSystem>(graph_, 1);
+    Follower().TakeUp(graph_, system_.get());
+    Relinearise();
+  }
+
+  void Relinearise() {
+    system_->MarkDirty({0, 0});
+    RelineariseWork work;
+    ASSERT_TRUE(system_->Relinearise(0.0, RebuildRule::kNever, &work).ok());
+  }
+
+  void Move(double dx, double dy) {
+    const double step[2] = {dx, dy};
+    system_->SetFrameStep(0, step);
+    double change = 0.0;
+    double predicted = 0.0;
+    ASSERT_TRUE(system_->EvaluateStep(&change, &predicted).ok());
+    system_->Accept();
+  }
+
+  // Jᵀq is the gradient ρ' f.
+  void ExpectGradient() const {
+    const double* x = system_->values().current(0);
+    const double w = 0.1 / std::hypot(x[0], x[1]);
+    const double* J = family().Jacobian(0, 0);
+    for (int k = 0; k < 2; ++k) {
+      EXPECT_NEAR(J[k] * family().q(0)[0] + J[kQuad + k] * family().q(0)[1], w * x[k], 1e-15);
+      EXPECT_NEAR(system_->schur().b(0)[k], -w * x[k], 1e-15);
+    }
+  }
+
+  // ‖J d‖² over that of √ρ' times the plain Jacobian, d of length 1.
+  double Curvature(double x, double y) const {
+    const double* J = family().Jacobian(0, 0);
+    const double w = 0.1 / std::hypot(system_->values().current(0)[0], system_->values().current(0)[1]);
+    return (std::pow(J[0] * x + J[1] * y, 2) + std::pow(J[kQuad] * x + J[kQuad + 1] * y, 2)) / w;
+  }
+
+  const LiveFamily& family() const { return system_->families()[0]; }
+
+ private:
+  FactorGraph graph_;
+  std::unique_ptr<LiveSystem> system_;
+};
+
+TEST(CorrectedLinearisation, HasLessCurvatureAlongTheResidualAndTheSameGradient) {
+  Outlier outlier;
+  EXPECT_FALSE(outlier.family().IsCorrected(0)) << "nothing has moved yet";
+  EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 1.0, 1e-14);
+  outlier.Move(0.03, 0.04);
+  outlier.Relinearise();
+  EXPECT_TRUE(outlier.family().IsCorrected(0));
+  EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 0.5, 1e-14);
+  EXPECT_NEAR(outlier.Curvature(-0.8, 0.6), 1.0, 1e-14);
+  outlier.ExpectGradient();
+}
+
+TEST(CorrectedLinearisation, KeepsTheGradientAndPredictsResidualsWhileItIsKept) {
+  Outlier outlier;
+  outlier.Move(0.03, 0.04);
+  outlier.Relinearise();
+  outlier.Move(-0.2, 0.5);
+  EXPECT_TRUE(outlier.family().IsCorrected(0));
+  outlier.ExpectGradient();
+  EXPECT_NEAR(outlier.family().SquaredError(0), 0.0, 1e-28) << "the factor is linear";
+}
+
+TEST(CorrectedLinearisation, IsNotThatOfAFactorWhoseResidualChangesMuch) {
+  Outlier outlier;
+  outlier.Move(0.03, 0.04);
+  outlier.Relinearise();
+  outlier.Move(-1.8, -2.4);
+  outlier.Relinearise();
+  EXPECT_FALSE(outlier.family().IsCorrected(0));
+  EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 1.0, 1e-14);
+  outlier.ExpectGradient();
+}
+
 // A landmark's coordinates have units of their own: a strong prior on one of them leaves the others their information.
 TEST(LiveSystem, AStrongPriorOnOneCoordinateDoesNotParkALandmark) {
   FactorGraph graph;
