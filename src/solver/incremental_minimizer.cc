@@ -31,7 +31,7 @@ constexpr double kBlameShare = 0.1;
 constexpr double kGradientShare = 10.0;
 
 // An Update ends when the model sees less than this share of the tolerance left: with a robust loss the model undervalues what is
-// left (its Hessian has no ρ''), by a factor of 1.5 to 2 on our data.
+// left (its Hessian has half of ρ'' at most), by a factor of 1.2 to 2 on our data.
 constexpr double kStopShare = 0.08;
 
 // It also ends when the steps so far let expect that all to come together gain less than this share of it; promises have to fall
