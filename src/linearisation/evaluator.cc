@@ -18,6 +18,16 @@ constexpr int kEntryGrain = 8192;  // connections per task, a few nanoseconds ea
 constexpr int kMaxWholeColumns = 16;
 constexpr std::int64_t kMaxWholeRows = 1024;
 
+// Whether the values of any variable lie in memory that is not the graph's.
+bool BorrowsValues(const FactorGraph& graph) {
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    if (graph.StateOffset(id) < 0) {
+      return true;
+    }
+  }
+  return false;
+}
+
 // A NaN stays one.
 void Clamp(const VariableBounds& bounds, double* x) {
   for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
@@ -94,10 +104,15 @@ void Evaluator::Rebind(const FactorGraph& graph) {
   std::copy(graph.state().begin(), graph.state().end(), candidate_.begin());
   bounds_.clear();
   BuildBounds();
+  // Without borrowed values all parameters are where they were: in the two states, at offsets of the structure.
+  const bool borrows = BorrowsValues(graph);
   for (Chunk& chunk : chunks_) {
-    chunk.at_candidate = false;
+    chunk.at_candidate = chunk.at_candidate && !borrows;
   }
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    if (borrows) {
+      FindAllParameters(id);
+    }
     if (storage_ == JacobianStorage::kWholeRows) {  // a loss that was not finite may have left 0 · ∞ in columns nobody writes
       ZeroedArray& J = families_[id].jacobian_values;
       std::fill_n(J.data(), J.size(), 0.0);
@@ -133,6 +148,7 @@ void Evaluator::BuildFamily(FamilyId id) {
   } else {
     PlaceWholeRows(&cache);
   }
+  FindAllParameters(id);
   BindFamily(id);
 }
 
@@ -183,8 +199,6 @@ void Evaluator::BindFamily(FamilyId id) {
   FamilyCache& cache = families_[id];
   cache.family = &graph_->family(id);
   cache.has_losses = graph_->HasLosses(id);
-  FindParameters(current_, id, &cache.parameters);
-  FindParameters(candidate_, id, &cache.candidate_parameters);
   const std::size_t num_entries = cache.parameters.size();
   const VariableId* ids = num_entries > 0 ? graph_->Variables(id, 0) : nullptr;
   cache.pins.clear();
@@ -197,6 +211,12 @@ void Evaluator::BindFamily(FamilyId id) {
     }
   }
   cache.jacobian_parameters.resize(cache.pins.size());
+}
+
+void Evaluator::FindAllParameters(FamilyId id) {
+  FamilyCache& cache = families_[id];
+  FindParameters(current_, id, &cache.parameters);
+  FindParameters(candidate_, id, &cache.candidate_parameters);
 }
 
 // Of all factors of the family, or of none where there is no room for them.

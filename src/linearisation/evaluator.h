@@ -117,6 +117,7 @@ class Evaluator {
   void PlaceWholeRows(FamilyCache* cache) const;
   void BuildChunks(FamilyId id);
   void BindFamily(FamilyId id);
+  void FindAllParameters(FamilyId id);
   void FindParameters(const std::vector<double>& state, FamilyId id, std::vector<const double*>* parameters) const;
   void BuildMaps();
   void BuildBounds();
