@@ -8,6 +8,7 @@
 
 #include "adapters/test_problems.h"
 #include "inceres/ceres/solve.h"
+#include "support/ceres_manifolds.h"
 
 namespace inceres {
 namespace {
@@ -88,6 +89,137 @@ TEST_F(RebuiltProblem, IsSolvedAfterOneWhoseLossWasNotFinite) {
   };
   solve(true);
   EXPECT_NEAR(solve(false), 2.0, 1e-3);
+}
+
+// Ways in which problems of the same few blocks and residual blocks can differ, one at a time.
+struct Difference {
+  bool constant = false;
+  bool manifold = false;
+  bool bounds = false;
+  bool loss = false;
+  bool swapped_slots = false;
+  bool other_neighbour = false;
+  bool more_residuals = false;
+  bool longer_block = false;
+  bool fixed_residual_block = false;
+  std::vector<std::size_t> first_group;
+  bool qr = false;
+  double shift = 0.0;
+};
+
+// r = (weighted sum of all entries) − target in each row, with other weights for other targets, rows and places.
+class SumCost : public ceres::CostFunction {
+ public:
+  SumCost(int num_residuals, std::vector<int> sizes, double target) : target_(target) {
+    set_num_residuals(num_residuals);
+    mutable_parameter_block_sizes()->assign(sizes.begin(), sizes.end());
+  }
+  bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
+    const std::vector<int>& sizes = parameter_block_sizes();
+    for (int row = 0; row < num_residuals(); ++row) {
+      residuals[row] = -target_;
+      for (std::size_t s = 0; s < sizes.size(); ++s) {
+        for (int k = 0; k < sizes[s]; ++k) {
+          const double weight = 1.0 + std::sin(target_ + 3.0 * row + 5.0 * static_cast<double>(s) + k);
+          residuals[row] += weight * x[s][k];
+          if (jacobians != nullptr && jacobians[s] != nullptr) {
+            jacobians[s][row * sizes[s] + k] = weight;
+          }
+        }
+      }
+    }
+    return true;
+  }
+
+ private:
+  double target_;
+};
+
+// Blocks lie in one array, so that their order by address is the same each time, and are touched by chains of residual blocks.
+std::vector<double> SolveWith(const Difference& difference) {
+  std::vector<double> memory(10, 0.3);
+  const std::vector<int> sizes = {2, 2, difference.longer_block ? 4 : 3};
+  const std::vector<double*> blocks = {memory.data(), memory.data() + 2, memory.data() + 4};
+  ceres::Problem problem;
+  const int num_residuals = difference.more_residuals ? 2 : 1;
+  for (int i = 0; i < 12; ++i) {
+    std::size_t a = 0;
+    std::size_t b = i % 2 == 0 ? 1 : 2;
+    if (difference.other_neighbour && i == 7) {
+      b = 1;
+    }
+    if (difference.swapped_slots && i > 4) {
+      std::swap(a, b);
+    }
+    problem.AddResidualBlock(new SumCost(num_residuals, {sizes[a], sizes[b]}, 0.1 * i + difference.shift),
+                             difference.loss && i % 3 == 0 ? new ceres::CauchyLoss(0.5) : nullptr, blocks[a], blocks[b]);
+  }
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    problem.AddResidualBlock(new SumCost(sizes[b], {sizes[b]}, 1.0), nullptr, blocks[b]);
+  }
+  if (difference.fixed_residual_block) {
+    double* const alone = memory.data() + 9;
+    problem.AddResidualBlock(new SumCost(1, {1}, 2.0), nullptr, alone);
+    problem.SetParameterBlockConstant(alone);
+  }
+  if (difference.constant) {
+    problem.SetParameterBlockConstant(blocks[1]);
+  }
+  if (difference.manifold) {
+    manifolds::Set(&problem, blocks[0], new manifolds::SubsetManifold(2, {1}));
+  }
+  if (difference.bounds) {
+    problem.SetParameterUpperBound(blocks[1], 0, 0.31);
+  }
+  ceres::Solver::Options options;
+  options.logging_type = ceres::SILENT;
+  options.linear_solver_type = difference.qr ? ceres::DENSE_QR : ceres::DENSE_SCHUR;
+  if (!difference.first_group.empty()) {
+    options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (double* const block : blocks) {
+      options.linear_solver_ordering->AddElementToGroup(block, 1);
+    }
+    for (const std::size_t b : difference.first_group) {
+      options.linear_solver_ordering->AddElementToGroup(blocks[b], 0);
+    }
+  }
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  Solve(options, &problem, &summary, &report);
+  EXPECT_FALSE(report.used_stock) << report.fallback_reason;
+  EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+  memory.push_back(summary.final_cost);
+  memory.push_back(report.num_landmarks);
+  return memory;
+}
+
+// What is kept of one problem must not serve another that only looks like it.
+TEST_F(RebuiltProblem, HasTheBitsOfTheFirstAfterAnyOther) {
+  std::vector<Difference> all(14);
+  all[1].constant = true;
+  all[2].manifold = true;
+  all[3].bounds = true;
+  all[4].loss = true;
+  all[5].swapped_slots = true;
+  all[6].other_neighbour = true;
+  all[7].more_residuals = true;
+  all[8].longer_block = true;
+  all[9].fixed_residual_block = true;
+  all[10].first_group = {1, 2};
+  all[11].qr = true;
+  all[12].first_group = {1};
+  all[13].shift = 0.7;
+  std::vector<std::vector<double>> alone;
+  for (const Difference& difference : all) {
+    ForgetStructures();
+    alone.push_back(SolveWith(difference));
+  }
+  for (std::size_t before = 0; before < all.size(); ++before) {
+    for (std::size_t after = 0; after < all.size(); ++after) {
+      SolveWith(all[before]);
+      EXPECT_EQ(SolveWith(all[after]), alone[after]) << after << " after " << before;
+    }
+  }
 }
 
 TEST_F(RebuiltProblem, OfAnotherStructureIsSetUpAnew) {

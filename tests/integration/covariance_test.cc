@@ -22,7 +22,8 @@ struct Translation {
   explicit Translation(const ceres::Problem& problem) {
     const internal::ProblemView view = internal::Introspect(problem);
     const internal::ShapeTable shapes = internal::FindShapes(view);
-    const auto blocks = internal::BuildGraph(view, shapes, internal::ChooseLandmarks(view, shapes), &graph);
+    const auto blocks =
+        internal::BuildGraph(view, internal::PlanGraph(view, shapes, internal::ChooseLandmarks(view, shapes)), &graph);
     for (const internal::StateBlock& block : blocks) {
       for (VariableId id = 0; id < graph.num_variables(); ++id) {
         if (graph.StateOffset(id) == block.offset) {

@@ -6,18 +6,18 @@
 #include <glog/logging.h>
 
 #include "adapters/ceres/src/callback_observer.h"
-#include "adapters/ceres/src/factor_shapes.h"
 #include "adapters/ceres/src/fixed_cost.h"
 #include "adapters/ceres/src/graph_builder.h"
 #include "adapters/ceres/src/landmark_selection.h"
 #include "adapters/ceres/src/option_mapping.h"
+#include "adapters/ceres/src/plan_pool.h"
 #include "adapters/ceres/src/solver_pool.h"
 #include "adapters/ceres/src/summary_writer.h"
 
 namespace inceres::internal {
 namespace {
 
-void WriteReport(const SolveInput& input, const LandmarkSelection& landmarks, Summary core, SolveReport* report) {
+void WriteReport(const SolveInput& input, const LandmarkCounts& landmarks, Summary core, SolveReport* report) {
   if (report != nullptr) {
     report->options_without_effect = OptionsWithoutEffect(input.options, landmarks, core.is_constrained);
     report->num_landmarks = landmarks.num_landmarks;
@@ -28,11 +28,11 @@ void WriteReport(const SolveInput& input, const LandmarkSelection& landmarks, Su
 
 // The problem as a graph, of which the view then keeps the parameter blocks and totals only.
 std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type, FactorGraph* graph,
-                                  LandmarkSelection* landmarks, ceres::Solver::Summary* summary) {
-  const ShapeTable shapes = FindShapes(input.view);
-  *landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
-  std::vector<StateBlock> blocks = BuildGraph(input.view, shapes, *landmarks, graph);
-  WriteLinearSolver(input.view, input.ordering, *landmarks, type, summary);
+                                  LandmarkCounts* landmarks, ceres::Solver::Summary* summary) {
+  const std::shared_ptr<const GraphPlan> plan = PlanPool::Global().Get(input.view, input.ordering, type);
+  *landmarks = plan->landmarks;
+  std::vector<StateBlock> blocks = BuildGraph(input.view, *plan, graph);
+  WriteLinearSolver(input.view, input.ordering, plan->landmarks, type, summary);
   input.view.ForgetResidualBlocks();
   return blocks;
 }
@@ -40,7 +40,7 @@ std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverTy
 void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
   FactorGraph graph;
-  LandmarkSelection landmarks;
+  LandmarkCounts landmarks;
   const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &landmarks, summary);
 
   CallbackObserver observer(input.options, input.evaluation_callback, blocks);
@@ -86,8 +86,7 @@ void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, Solv
       WriteNothingToSolve(fixed.cost, summary);
       summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;
     }
-    LandmarkSelection none;
-    WriteReport(input, none, Summary(), report);
+    WriteReport(input, LandmarkCounts(), Summary(), report);
   }
   const double postprocessor_start = input.clock.Seconds();
   if (fixed.error.empty()) {

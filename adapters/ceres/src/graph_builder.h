@@ -3,9 +3,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "adapters/ceres/src/factor_shapes.h"
+#include "adapters/ceres/src/graph_plan.h"
 #include "adapters/ceres/src/introspection.h"
-#include "adapters/ceres/src/landmark_selection.h"
 #include "inceres/graph/factor_graph.h"
 
 namespace inceres::internal {
@@ -17,13 +16,11 @@ struct StateBlock {
   int size = 0;
 };
 
-/// Adds to an empty graph the blocks the solver moves (frames, then landmarks, both in order of first appearance, so that nothing
-/// depends on addresses), the constants they meet (borrowed), and the residual blocks, one family for each shape and landmark
-/// slot, the factors of one landmark next to each other.
+/// Adds to an empty graph what the plan says: the blocks the solver moves, the constants they meet (borrowed), and the residual
+/// blocks. The plan is one of a problem of this structure.
 ///
 /// Returns where each moved block lies. The graph borrows cost functions, losses, manifolds and constants. Cost: linear.
-std::vector<StateBlock> BuildGraph(const ProblemView& view, const ShapeTable& shapes, const LandmarkSelection& landmarks,
-                                   FactorGraph* graph);
+std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& plan, FactorGraph* graph);
 
 /// user memory := state, for every block the solver moves and nothing else.
 void WriteToUser(const std::vector<StateBlock>& blocks, const double* state);

@@ -26,14 +26,18 @@ struct ParameterBlockView {
   bool reduced() const { return !constant && degree > 0; }
 };
 
-struct ResidualBlockView {
-  ceres::ResidualBlockId id = nullptr;
-  const ceres::CostFunction* cost = nullptr;
-  const ceres::LossFunction* loss = nullptr;  ///< null: plain squared norm
+/// Sizes and blocks of a residual block.
+struct ResidualBlockShape {
   int num_residuals = 0;
   int first_slot = 0;  ///< into ProblemView::slots; neighbours of the same blocks share them
   int num_slots = 0;
-  bool fixed = true;           ///< touches no variable block
+};
+
+struct ResidualBlockView : ResidualBlockShape {
+  ceres::ResidualBlockId id = nullptr;
+  const ceres::CostFunction* cost = nullptr;
+  const ceres::LossFunction* loss = nullptr;  ///< null: plain squared norm
+  bool fixed = true;                          ///< touches no variable block
   bool like_previous = false;  ///< as many residuals of the same blocks as the residual block before: of one family
 };
 

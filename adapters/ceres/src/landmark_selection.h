@@ -11,11 +11,14 @@ namespace inceres::internal {
 /// Largest tangent size of a landmark.
 inline constexpr int kMaxLandmarkSize = 4;
 
-/// Which blocks are eliminated before the reduced system is formed: at most one in any residual block.
-struct LandmarkSelection {
-  std::vector<char> is_landmark;  ///< per parameter block
+struct LandmarkCounts {
   int num_landmarks = 0;
   int num_too_large = 0;  ///< blocks of the user's first group that stay frames because their tangent size exceeds the largest
+};
+
+/// Which blocks are eliminated before the reduced system is formed: at most one in any residual block.
+struct LandmarkSelection : LandmarkCounts {
+  std::vector<char> is_landmark;  ///< per parameter block
 
   bool Contains(int block) const { return is_landmark[static_cast<std::size_t>(block)] != 0; }
 };

@@ -99,7 +99,7 @@ void CheckFeaturesThatAreOff(const ceres::Solver::Options& options, Differences*
   }
 }
 
-void CheckOrdering(const ceres::Solver::Options& options, const LandmarkSelection& landmarks, Differences* differences) {
+void CheckOrdering(const ceres::Solver::Options& options, const LandmarkCounts& landmarks, Differences* differences) {
   if (options.linear_solver_ordering == nullptr) {
     return;
   }
@@ -116,7 +116,7 @@ void CheckOrdering(const ceres::Solver::Options& options, const LandmarkSelectio
   }
 }
 
-void CheckCommon(const ceres::Solver::Options& options, const LandmarkSelection& landmarks, Differences* differences) {
+void CheckCommon(const ceres::Solver::Options& options, const LandmarkCounts& landmarks, Differences* differences) {
   CheckLineSearch(differences);
   CheckLinearSolver(differences);
   CheckFeaturesThatAreOff(options, differences);
@@ -189,7 +189,7 @@ SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSol
   return core;
 }
 
-std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkSelection& landmarks,
+std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks,
                                               bool is_constrained) {
   Differences differences(options);
   if (!is_constrained) {
@@ -213,8 +213,7 @@ IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, 
   return result;
 }
 
-std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options,
-                                                         const LandmarkSelection& landmarks) {
+std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks) {
   using Options = ceres::Solver::Options;
   Differences differences(options);
   differences.Check("gradient_tolerance", &Options::gradient_tolerance);

@@ -20,7 +20,7 @@ SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSol
 
 /// Names of the options that the user set away from their defaults and that change nothing in a solve by the core.
 /// `is_constrained`: some variable block has bounds.
-std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkSelection& landmarks,
+std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks,
                                               bool is_constrained);
 
 /// The options of an incremental solve: `core`, with what the user's options say in its place. The damping starts at
@@ -28,7 +28,6 @@ std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& opti
 IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, const IncrementalOptions& core);
 
 /// Names of the options that the user set away from their defaults and that change nothing in an incremental solve.
-std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options,
-                                                         const LandmarkSelection& landmarks);
+std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks);
 
 }  // namespace inceres::internal

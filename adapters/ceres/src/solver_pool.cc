@@ -4,6 +4,7 @@
 #include <iterator>
 #include <utility>
 
+#include "adapters/ceres/src/plan_pool.h"
 #include "inceres/ceres/solve.h"
 
 namespace inceres {
@@ -48,6 +49,7 @@ void SolverPool::Clear() {
 }  // namespace internal
 
 void ForgetStructures() {
+  internal::PlanPool::Global().Clear();
   internal::SolverPool::Global().Clear();
 }
 
