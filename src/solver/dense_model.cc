@@ -3,11 +3,33 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <type_traits>
 
 #include "linear/small_cholesky.h"
 #include "solver/small_qr.h"
 
 namespace inceres::internal {
+
+namespace {
+
+// Calls visit(size), which is a constant where it is small: then loops are unrolled, in the same order.
+template <typename Visit>
+void WithSize(int size, const Visit& visit) {
+  switch (size) {
+    case 1:
+      return visit(std::integral_constant<int, 1>());
+    case 2:
+      return visit(std::integral_constant<int, 2>());
+    case 3:
+      return visit(std::integral_constant<int, 3>());
+    case 4:
+      return visit(std::integral_constant<int, 4>());
+    default:
+      return visit(size);
+  }
+}
+
+}  // namespace
 
 DenseModel::DenseModel(const Evaluator& evaluator) : LinearModel(evaluator), size_(evaluator.layout().size()) {
   for (const FamilyCache& cache : evaluator.families()) {
@@ -47,17 +69,8 @@ RowProducts DenseModel::MultiplyJacobian(const double* v) {
 }
 
 Status DenseModel::Solve(const double* damping, double* step) {
-  std::transform(H_.begin(), H_.begin() + static_cast<std::ptrdiff_t>(L_.size()), L_.begin(),
-                 [](double entry) { return -entry; });
-  for (int k = 0; k < size_; ++k) {
-    L_[k * (size_ + 1)] += damping[k];
-  }
-  std::fill(inverse_pivots_.begin(), inverse_pivots_.end(), 0.0);
-  const bool factored = FactorSmall(size_, L_.data(), size_, inverse_pivots_.data());
-  if (factored) {
-    std::transform(gradient_.begin(), gradient_.end(), step, [](double entry) { return -entry; });
-    SolveSmall(size_, L_.data(), size_, inverse_pivots_.data(), step);
-  }
+  bool factored = false;
+  WithSize(size_, [&](auto size) { factored = FactorAndSolve(size, damping, step); });
   clock_->Charge(&seconds_->factorization);
   if (factored) {
     return Status::Ok();
@@ -65,6 +78,27 @@ Status DenseModel::Solve(const double* damping, double* step) {
   const auto failed = std::find(inverse_pivots_.begin(), inverse_pivots_.end(), 0.0) - inverse_pivots_.begin();
   return Status::Error(StatusCode::kSingular, "the normal equations are not positive definite at variable " +
                                                   std::to_string(VariableAt(static_cast<int>(failed))));
+}
+
+// L Lᵀ = H + Λ and the step; false, with the inverse pivots up to there, at a pivot that is not positive and finite. Size is an
+// int or a constant.
+template <typename Size>
+bool DenseModel::FactorAndSolve(Size size, const double* damping, double* step) {
+  for (int k = 0; k < size * size; ++k) {
+    L_[k] = -H_[k];
+  }
+  for (int k = 0; k < size; ++k) {
+    L_[k * (size + 1)] += damping[k];
+    inverse_pivots_[k] = 0.0;
+  }
+  if (!FactorSmall(size, L_.data(), size, inverse_pivots_.data())) {
+    return false;
+  }
+  for (int k = 0; k < size; ++k) {
+    step[k] = -gradient_[k];
+  }
+  SolveSmall(size, L_.data(), size, inverse_pivots_.data(), step);
+  return true;
 }
 
 VariableId DenseModel::VariableAt(int column) const {

@@ -28,6 +28,8 @@ class DenseModel : public LinearModel {
 
  private:
   RowProducts MultiplyJacobian(const double* v) override;
+  template <typename Size>
+  bool FactorAndSolve(Size size, const double* damping, double* step);
   VariableId VariableAt(int column) const;
 
   std::vector<double> H_;  // row-major, and Jᵀf as one more row; all of it negative
