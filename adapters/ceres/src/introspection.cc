@@ -62,7 +62,7 @@ class ResidualReader {
     view_.residuals.reserve(ids.size());
     view_.slots.reserve(3 * ids.size());
     ResidualBlockView residual;  // keeps what its neighbour repeats
-    int num_repeats = 0;
+    Repeats repeats;
     for (const ceres::ResidualBlockId id : ids) {
       const int num_residuals_before = residual.num_residuals;
       residual.id = id;
@@ -72,21 +72,28 @@ class ResidualReader {
       problem.GetParameterBlocksForResidualBlock(id, &pointers_);
       if (RepeatsSlots(residual)) {
         residual.like_previous = residual.num_residuals == num_residuals_before;
-        ++num_repeats;
       } else {
-        Touch(residual, num_repeats);
+        Count(residual, repeats);
+        repeats = Repeats();
         ReadSlots(&residual);
-        num_repeats = 1;
       }
+      ++repeats.num_residual_blocks;
+      repeats.num_residuals += residual.num_residuals;
       if (residual.num_residuals <= 0) {
         SetDefect(&view_, ThisResidual() + " has no residuals");
       }
       view_.residuals.push_back(residual);
     }
-    Touch(residual, num_repeats);
+    Count(residual, repeats);
   }
 
  private:
+  // Neighbouring residual blocks with the same slots.
+  struct Repeats {
+    int num_residual_blocks = 0;
+    int num_residuals = 0;
+  };
+
   // Names the residual block in program order, which is the order Ceres's own messages use.
   std::string ThisResidual() const { return "residual block " + std::to_string(view_.residuals.size()); }
 
@@ -107,10 +114,18 @@ class ResidualReader {
     return true;
   }
 
-  // Counts the blocks of as many residual blocks with the same slots.
-  void Touch(const ResidualBlockView& residual, int count) {
-    for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
-      view_.blocks[static_cast<std::size_t>(view_.SlotsOf(residual)[s])].degree += count;
+  // Counts residual blocks with the same slots as this one, and the blocks they touch.
+  void Count(const ResidualBlockView& residual, const Repeats& repeats) {
+    const auto add = [&repeats](ProblemTotals* totals) {
+      totals->num_residual_blocks += repeats.num_residual_blocks;
+      totals->num_residuals += repeats.num_residuals;
+    };
+    add(&view_.all);
+    if (!residual.fixed) {
+      add(&view_.reduced);
+      for (int s = 0; s < residual.num_slots; ++s) {
+        view_.blocks[static_cast<std::size_t>(view_.SlotsOf(residual)[s])].degree += repeats.num_residual_blocks;
+      }
     }
   }
 
@@ -168,11 +183,6 @@ void Count(const ParameterBlockView& block, ProblemTotals* totals) {
   totals->num_effective_parameters += block.tangent_size;
 }
 
-void Count(const ResidualBlockView& residual, ProblemTotals* totals) {
-  ++totals->num_residual_blocks;
-  totals->num_residuals += residual.num_residuals;
-}
-
 }  // namespace
 
 std::string Describe(const ParameterBlockView& block) {
@@ -200,12 +210,6 @@ void Introspect(const ceres::Problem& problem, ProblemView* view) {
     Count(block, &view->all);
     if (block.reduced()) {
       Count(block, &view->reduced);
-    }
-  }
-  for (const ResidualBlockView& residual : view->residuals) {
-    Count(residual, &view->all);
-    if (!residual.fixed) {
-      Count(residual, &view->reduced);
     }
   }
 }
