@@ -197,13 +197,17 @@ ProblemView Introspect(const ceres::Problem& problem) {
   return view;
 }
 
+void ProblemView::Clear() {
+  blocks.clear();
+  residuals.clear();
+  slots.clear();
+  bounds.clear();
+  all = reduced = ProblemTotals();
+  defect.clear();
+}
+
 void Introspect(const ceres::Problem& problem, ProblemView* view) {
-  view->blocks.clear();
-  view->residuals.clear();
-  view->slots.clear();
-  view->bounds.clear();
-  view->all = view->reduced = ProblemTotals();
-  view->defect.clear();
+  view->Clear();
   ReadParameterBlocks(problem, view);
   ResidualReader(view).Run(problem);
   for (const ParameterBlockView& block : view->blocks) {

@@ -62,8 +62,18 @@ struct ProblemView {
   ProblemTotals reduced;
   std::string defect;  ///< the first thing no solver but stock should look at (a block twice in a residual block, …); else empty
 
-  /// Gives back the memory of residual blocks, slots and index, most of the view, for who has built a graph of them.
+  /// Whether its memory is worth keeping.
+  bool IsSmall() const { return blocks.capacity() + residuals.capacity() + slots.capacity() <= 4096; }
+
+  /// Empties it; the memory stays.
+  void Clear();
+
+  /// Gives back the memory of residual blocks, slots and index, most of the view, for who has built a graph of them; unless it is
+  /// small.
   void ForgetResidualBlocks() {
+    if (IsSmall()) {
+      return;
+    }
     std::vector<ResidualBlockView>().swap(residuals);
     std::vector<int>().swap(slots);
     index = PointerIndex();

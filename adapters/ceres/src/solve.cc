@@ -1,6 +1,8 @@
 #include "inceres/ceres/solve.h"
 
+#include <memory>
 #include <string>
+#include <utility>
 
 #include <glog/logging.h>
 
@@ -15,6 +17,7 @@
 #include "adapters/ceres/src/option_mapping.h"
 #include "adapters/ceres/src/ordering.h"
 #include "adapters/ceres/src/stock_ceres.h"
+#include "adapters/ceres/src/view_pool.h"
 
 namespace inceres {
 namespace {
@@ -31,7 +34,8 @@ void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, c
   const bool incremental = mode == SolveMode::kIncremental;
   ceres::EvaluationCallback* const callback =
       internal::EvaluationCallbackOf(*problem, report != nullptr ? report->evaluation_callback : nullptr);
-  internal::ProblemView view;
+  std::unique_ptr<internal::ProblemView> view_memory = internal::ViewPool::Global().Take();
+  internal::ProblemView& view = *view_memory;
   internal::OrderingView ordering;
   const std::string obstacle = internal::FindObstacle(options, *problem, incremental, callback, &view, &ordering);
   if (!obstacle.empty()) {
@@ -47,6 +51,7 @@ void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, c
   } else {
     internal::SolveExactly(input, summary, report);
   }
+  internal::ViewPool::Global().GiveBack(std::move(view_memory));  // not if something was thrown on the way
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "adapters/ceres/src/plan_pool.h"
+#include "adapters/ceres/src/view_pool.h"
 #include "inceres/ceres/solve.h"
 
 namespace inceres {
@@ -51,6 +52,7 @@ void SolverPool::Clear() {
 void ForgetStructures() {
   internal::PlanPool::Global().Clear();
   internal::SolverPool::Global().Clear();
+  internal::ViewPool::Global().Clear();
 }
 
 }  // namespace inceres
