@@ -222,6 +222,24 @@ TEST_F(RebuiltProblem, HasTheBitsOfTheFirstAfterAnyOther) {
   }
 }
 
+// A QR factorisation eliminates no landmarks, where others of the same problem do.
+TEST_F(RebuiltProblem, HasTheLandmarksOfItsLinearSolver) {
+  const std::unique_ptr<TestProblem> test = MakeBundle(6, 40, true);  // once: its blocks stay in order of address
+  const auto num_landmarks = [&test](ceres::LinearSolverType type) {
+    ceres::Solver::Options options;
+    options.linear_solver_type = type;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    SolveReport report;
+    Solve(options, &test->problem, &summary, &report);
+    EXPECT_FALSE(report.used_stock) << report.fallback_reason;
+    return report.num_landmarks;
+  };
+  EXPECT_EQ(num_landmarks(ceres::DENSE_SCHUR), 40);
+  EXPECT_EQ(num_landmarks(ceres::DENSE_QR), 0);
+  EXPECT_EQ(num_landmarks(ceres::DENSE_SCHUR), 40);
+}
+
 TEST_F(RebuiltProblem, OfAnotherStructureIsSetUpAnew) {
   EXPECT_FALSE(SolveNew([] { return MakeBundle(6, 40, true); }).reused);
   EXPECT_FALSE(SolveNew([] { return MakeBundle(6, 40, false); }).reused);
