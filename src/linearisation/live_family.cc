@@ -69,6 +69,7 @@ void LiveFamily::Grow(int num_places) {
   parameters_.resize(n * num_slots_);
   jacobian_parameters_.resize(n * num_slots_);
   pinned_.resize(n, 0);
+  steady_.resize(n, 0);
   candidate_parameters_.resize(n * num_slots_);
   maps_.resize(n * num_slots_);
   step_quads_.resize(n * num_slots_, -1);
@@ -81,7 +82,7 @@ void LiveFamily::Connect(int factor, LiveValues* values, const LiveTangents& tan
   }
   linearised_[factor] = Linearised::kNot;
   pinned_[factor] = 0;
-  std::fill_n(J_step_.begin() + First(factor), residual_size_, 0.0);
+  steady_[factor] = 0;
   for (int s = 0; s < num_slots_; ++s) {
     const VariableId id = variables(factor)[s];
     const auto at = static_cast<std::size_t>(factor) * num_slots_ + s;
@@ -220,21 +221,12 @@ void LiveFamily::WeighCandidates(int begin, int end) {
   }
 }
 
-// 1 − α of a factor about to be linearised again, from its last step.
+// 1 − α of a factor about to be linearised.
 double LiveFamily::RootOfCurvature(int factor, double s, const double* rho) const {
-  if (!linearised(factor) || !(s > 0.0 && rho[1] > 0.0 && rho[2] < 0.0)) {
+  if (steady_[factor] == 0 || !(s > 0.0 && rho[1] > 0.0 && rho[2] < 0.0)) {
     return 1.0;
   }
-  const double* J_step = J_step_.data() + First(factor);
-  double squared_change = Dot(J_step, J_step, residual_size_);
-  if (IsCorrected(factor)) {
-    const double* m = correction_.data() + First(factor);
-    const double along = Dot(m, J_step, residual_size_);
-    squared_change += along * along * (2.0 + Dot(m, m, residual_size_));
-  }
-  squared_change *= states_[factor].inverse_sqrt_w * states_[factor].inverse_sqrt_w;
-  const bool steady = squared_change > 0.0 && squared_change <= kSteadyShare * kSteadyShare * s;
-  return steady ? std::sqrt(std::max(kLeastCurvature, 1.0 + 2.0 * s * rho[2] / rho[1])) : 1.0;
+  return std::sqrt(std::max(kLeastCurvature, 1.0 + 2.0 * s * rho[2] / rho[1]));
 }
 
 // w = ρ'(‖f‖²) now: J := √w (I − α n nᵀ) J, q := √w f / (1 − α).
@@ -342,19 +334,22 @@ double LiveFamily::AcceptSized(const std::vector<std::int32_t>& factors) {
     State& state = states_[factor];
     double error = 0.0;
     double squared_norm = 0.0;
+    double squared_change = 0.0;
     const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * size;
     const bool corrected = IsCorrected(factor);
     const double along = corrected ? Dot(correction_.data() + first, J_step_.data() + first, size) : 0.0;
     for (std::ptrdiff_t k = first; k < first + size; ++k) {
       const double f = candidate_f_[k];
-      const double J_delta = J_step_[k] + (corrected ? along * correction_[k] : 0.0);
-      const double predicted = constant_jacobian_ ? f : predicted_f_[k] + state.inverse_sqrt_w * J_delta;
+      const double foreseen = state.inverse_sqrt_w * (J_step_[k] + (corrected ? along * correction_[k] : 0.0));
+      const double predicted = constant_jacobian_ ? f : predicted_f_[k] + foreseen;
       predicted_f_[k] = predicted;
       f_[k] = f;
       q_[k] = candidate_q_[k];
       error += (f - predicted) * (f - predicted);
       squared_norm += f * f;
+      squared_change += foreseen * foreseen;
     }
+    steady_[factor] = squared_change > 0.0 && squared_change <= kSteadyShare * kSteadyShare * squared_norm ? 1 : 0;
     change += state.candidate_cost - state.cost;
     state.cost = state.candidate_cost;
     state.w = state.candidate_w;
@@ -380,7 +375,7 @@ std::int64_t LiveFamily::Bytes() const {
   for (const AlignedVector<double>& J : jacobians_) {
     doubles += J.capacity();
   }
-  return static_cast<std::int64_t>(doubles * sizeof(double) + linearised_.capacity() +
+  return static_cast<std::int64_t>(doubles * sizeof(double) + linearised_.capacity() + steady_.capacity() +
                                    parameters_.capacity() * (4 * sizeof(void*) + 2 * sizeof(std::int32_t)));
 }
 

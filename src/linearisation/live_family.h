@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -22,8 +23,8 @@ namespace inceres::internal {
 ///
 /// α takes the second-order term of losses with ρ'' < 0, as far as H stays well-conditioned (Triggs et al., "Bundle Adjustment: A
 /// Modern Synthesis", 1999, section 4.3): without it each step falls short by what the outliers let it, and the steps converge
-/// linearly. It is 0 while a factor's residual changes much from step to step, for far from the minimum the curvature at a point
-/// tells little of a robust loss; and where ρ'' ≥ 0.
+/// linearly. It is 0 unless the factor's last step has changed its residual little, for far from the minimum the curvature at a
+/// point tells little of a robust loss; and where ρ'' ≥ 0.
 ///
 /// Lists of factors are ascending, without repeats. Evaluation runs on the executor's threads, each factor writing its own place;
 /// everything else on the calling one.
@@ -44,6 +45,9 @@ class LiveFamily {
   void Connect(int factor, LiveValues* values, const LiveTangents& tangents);
   /// The factor at this place is gone, or does not count until it is linearised.
   void Forget(int factor) { linearised_[factor] = Linearised::kNot; }
+  /// Its residual is another than its last step has led to: the next linearisation takes no second-order term.
+  void Unsettle(int factor) { steady_[factor] = 0; }
+  void UnsettleAll() { std::fill(steady_.begin(), steady_.end(), 0); }
 
   /// Lets the factor move its expansion point to the current values; true if it did and wants to be linearised anew.
   bool Recentre(int factor) const {
@@ -72,7 +76,8 @@ class LiveFamily {
   /// PredictDecrease of a step whose candidate was evaluated, with what accepting it does to the gradient, in one pass over the
   /// Jacobians: padded_rhs −= Σ Jᵀ(q_candidate − q).
   double TryStep(const std::vector<std::int32_t>& factors, const double* padded_step, double* padded_rhs);
-  /// The step tried last was accepted: f := candidate f, f̂ += J δ / √w, q := candidate q. Returns the change of the cost.
+  /// The step tried last was accepted: f := candidate f, f̂ += (I + β n nᵀ) J δ / √w, q := candidate q. Returns the change of the
+  /// cost.
   double Accept(const std::vector<std::int32_t>& factors);
   const double* q(int factor) const { return q_.data() + First(factor); }
 
@@ -93,10 +98,12 @@ class LiveFamily {
     return state.w > ratio * state.linearised_w || ratio * state.w < state.linearised_w;
   }
 
-  /// Whether the factor's loss has a second-order term at its present residual, ρ'' > 0.
+  /// Whether the factor's loss has a positive second-order term at its present residual, ρ'' > 0, which H leaves out.
   bool HasCurvedLoss(int factor) const;
   /// Whether α ≠ 0: then its Jacobian is not √w times the plain one.
   bool IsCorrected(int factor) const { return linearised_[factor] == Linearised::kCorrected; }
+  /// √β n of a factor that is corrected: the plain √w J is (I + β n nᵀ) times the one kept.
+  const double* correction(int factor) const { return correction_.data() + First(factor); }
 
   const SlotJacobians* slots() const { return slots_.data(); }
   const double* q_data() const { return q_.data(); }
@@ -154,6 +161,7 @@ class LiveFamily {
   std::vector<double> candidate_q_;
   AlignedVector<State> states_;
   std::vector<Linearised> linearised_;
+  std::vector<char> steady_;  // per factor: its last step changed its residual little, and nothing else has since
   std::vector<const double*> parameters_;
   std::vector<const double*> candidate_parameters_;
   std::vector<const double*> jacobian_parameters_;  // where it is linearised: pinned variables elsewhere

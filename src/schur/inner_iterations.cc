@@ -115,7 +115,7 @@ bool InnerIterations::IsDue(double step_gain) {
 }
 
 void InnerIterations::Pace(double gain, double step_gain) {
-  const bool worthwhile = gain >= kWorthwhileShare * step_gain;
+  const bool worthwhile = gain > 0.0 && gain >= kWorthwhileShare * step_gain;
   const bool all_were_asked = std::exchange(all_are_chosen_, !worthwhile);
   const double min_gain = worthwhile ? kChosenShare * gain / layout_.num_landmarks() : -1.0;
   std::transform(trials_.begin(), trials_.end(), chosen_.begin(),

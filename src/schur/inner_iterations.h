@@ -21,8 +21,8 @@ namespace inceres::internal {
 /// only, creeps towards them for tens of iterations. Source: Jeong et al., "Pushing the Envelope of Modern Methods for Bundle
 /// Adjustment", 2012 (embedded point iterations); Ceres's inner iterations.
 ///
-/// Cost: of the landmarks' factors one evaluation with the landmark's Jacobian, and one without for those that move, in runs of
-/// neighbours, as families like it best. The same bits for any number of threads.
+/// Cost: of the factors of the landmarks asked (Pace) one evaluation with the landmark's Jacobian, and one without for those that
+/// move, in runs of neighbours, as families like it best. The same bits for any number of threads.
 class InnerIterations {
  public:
   explicit InnerIterations(Evaluator* evaluator);

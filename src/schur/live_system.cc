@@ -95,7 +95,7 @@ void LiveSystem::Recentre(const LiveFamily& family, const std::vector<std::int32
   for (const std::int32_t i : factors) {
     if (family.Recentre(i)) {
       ++num_recentred_;
-      MarkDirty({family.id(), i});
+      MarkChanged({family.id(), i});
     }
   }
 }

@@ -64,6 +64,11 @@ class LiveSystem {
 
   /// Marks a factor for relinearisation.
   void MarkDirty(FactorRef ref) { dirty_[ref.family].Add(ref.factor); }
+  /// The same for a factor that is another function now, or where a step has not led it.
+  void MarkChanged(FactorRef ref) {
+    families_[ref.family].Unsettle(ref.factor);
+    MarkDirty(ref);
+  }
   /// Marks a landmark for elimination anew, to take up another damping.
   void Redamp(std::int32_t landmark);
 

@@ -38,10 +38,10 @@ Status LiveSystem::Apply(const GraphEdit& edit) {
     AddFactor({factor.id.family, factor.id.index});
   }
   for (const auto& [id, loss] : edit.losses()) {
-    MarkDirty({id.family, id.index});
+    MarkChanged({id.family, id.index});
   }
   for (const auto& [id, place] : edit.measurements()) {
-    MarkDirty({id.family, id.index});
+    MarkChanged({id.family, id.index});
   }
   toggled_.clear();
   for (const auto& [id, constant] : edit.constants()) {
@@ -237,6 +237,9 @@ void LiveSystem::TakeValues() {
       tangents_.MarkMoved(id);
     }
   }
+  for (LiveFamily& family : families_) {
+    family.UnsettleAll();
+  }
 }
 
 void LiveSystem::SetValues(VariableId id, const double* values) {
@@ -244,7 +247,7 @@ void LiveSystem::SetValues(VariableId id, const double* values) {
   ForgetSteps(id);
   tangents_.MarkMoved(id);
   graph_.TrackFactors();
-  graph_.ForEachFactorOf(id, [this](FactorId factor) { MarkDirty({factor.family, factor.index}); });
+  graph_.ForEachFactorOf(id, [this](FactorId factor) { MarkChanged({factor.family, factor.index}); });
 }
 
 }  // namespace inceres::internal

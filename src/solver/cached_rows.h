@@ -11,7 +11,7 @@ namespace inceres::internal {
 /// Rows of a live system's factors from its caches: the Jacobians of their last linearisation with the residuals and loss weights
 /// of now. Where they would mislead there are none, and the factor is to be linearised: it has never been, or has changed; its
 /// old linearisation errs by more than `limit` (squared, in units of the objective); its loss has lost all weight or has a
-/// second-order term, which the caches leave out or take their own way; or a Jacobian is asked for that they do not have.
+/// positive second-order term, which the caches leave out; or a Jacobian is asked for that they do not have.
 class CachedRows {
  public:
   CachedRows(const LiveSystem& system, double limit) : system_(system), limit_(limit) {}

@@ -14,10 +14,12 @@ namespace {
 constexpr double kExact = 1e-20;       // squared error above which a Jacobian is not simply the current one
 constexpr double kRefreshShare = 0.1;  // of the thresholds of an old linearisation: what convergence may rest on
 constexpr double kWeightChange = 2.0;  // factor by which ρ' may have changed before a factor's weight in H is renewed
-constexpr double kRetreat = 10.0;      // times ν: growth of μ when a step is refused; from its floor doubling would take long
-constexpr double kGoodRatio = 0.25;    // gain ratio below which the radius falls
-constexpr double kGrowRatio = 0.75;    // gain ratio above which the radius grows
-constexpr double kShortening = 0.1;    // of the step, when it is tried again
+// The same where H has half the curvature already: a step may not meet less than a quarter of it.
+constexpr double kCorrectedWeightChange = 1.4;
+constexpr double kRetreat = 10.0;    // times ν: growth of μ when a step is refused; from its floor doubling would take long
+constexpr double kGoodRatio = 0.25;  // gain ratio below which the radius falls
+constexpr double kGrowRatio = 0.75;  // gain ratio above which the radius grows
+constexpr double kShortening = 0.1;  // of the step, when it is tried again
 constexpr int kMaxShortenings = 1;
 
 // Of a landmark, relative: without it a far point, which parallax hardly holds, runs away along its ray and never comes back.
@@ -31,7 +33,7 @@ constexpr double kBlameShare = 0.1;
 constexpr double kGradientShare = 10.0;
 
 // An Update ends when the model sees less than this share of the tolerance left: with a robust loss the model undervalues what is
-// left (its Hessian has half of ρ'' at most), by a factor of 1.2 to 2 on our data.
+// left (its Hessian takes ρ'' down to half the curvature, and of steady factors only), by a factor of 1.2 to 2 on our data.
 constexpr double kStopShare = 0.08;
 
 // It also ends when the steps so far let expect that all to come together gain less than this share of it; promises have to fall
@@ -317,14 +319,13 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
 Status IncrementalMinimizer::SolveFrames() {
   const StageTimer timer(&summary_->solve_seconds);
   LiveSchur& schur = system_.schur();
-  reduced_.Refresh(options_.damping, mu_, &schur);
+  const bool damped_anew = reduced_.Refresh(options_.damping, mu_, &schur);
   frame_step_.resize(schur.size(), 0.0);
   schur.TakeUnfactoredRows(&changed_rows_);
   LiveReducedSolver::Change change(FirstOf(changed_rows_, schur), &changed_rows_, true);
-  if (mu_ != solved_mu_) {
+  if (damped_anew) {
     change = LiveReducedSolver::Change();  // of everything
   }
-  solved_mu_ = mu_;
   const Status factored = solver_->Factorize(schur.S(), reduced_.damping().data(), reduced_.held().data(), change);
   summary_->num_factored_rows += solver_->work().factored_rows;
   summary_->num_reorderings += solver_->work().reorderings;
@@ -418,7 +419,7 @@ void IncrementalMinimizer::MarkStale() {
       const bool errs = options_.relinearisation == RelinearisationRule::kStepSize && !family.constant_jacobian()
                             ? system_.LargestStep({family.id(), i}) >= options_.relinearisation_step
                             : stale.ExceededBy(family, i);
-      if (errs || family.WeightIsOff(i, kWeightChange)) {
+      if (errs || family.WeightIsOff(i, family.IsCorrected(i) ? kCorrectedWeightChange : kWeightChange)) {
         system_.MarkDirty({family.id(), i});
       } else if (aged.ExceededBy(family, i)) {
         aged_[family.id()].Add(i);

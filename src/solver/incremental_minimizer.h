@@ -78,7 +78,6 @@ class IncrementalMinimizer {
   int num_landmark_passes_ = 0;   // still allowed before the next step of the frames
   double last_promise_ = 0.0;     // what was undone before the last step of the frames; 0: none, or not all of it was taken
   double last_gain_ratio_ = 1.0;  // of that step
-  double solved_mu_ = -1.0;       // the damping the factor was computed with
   ReducedVectors reduced_;
   std::vector<double> frame_step_;  // packed by block rows, in the form LiveReducedSolver asks for
   std::vector<std::int32_t> changed_rows_;

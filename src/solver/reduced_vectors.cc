@@ -10,7 +10,7 @@ constexpr double kTinyDiagonal = 1e-12;
 
 }  // namespace
 
-void ReducedVectors::Refresh(DampingForm form, double mu, LiveSchur* schur) {
+bool ReducedVectors::Refresh(DampingForm form, double mu, LiveSchur* schur) {
   const auto num_rows = static_cast<std::int32_t>(schur->frames().size());
   for (std::vector<double>* packed : {&weights_, &diagonal_, &damping_, &b_}) {
     packed->resize(schur->size());
@@ -27,11 +27,12 @@ void ReducedVectors::Refresh(DampingForm form, double mu, LiveSchur* schur) {
     for (std::int32_t row = 0; row < num_rows; ++row) {
       Damp(*schur, row);
     }
-    return;
+    return true;
   }
   for (const std::int32_t row : changed_) {
     Damp(*schur, row);
   }
+  return false;
 }
 
 void ReducedVectors::Read(const LiveSchur& schur, std::int32_t row) {

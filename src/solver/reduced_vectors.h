@@ -12,8 +12,8 @@ namespace inceres::internal {
 /// the rows that have changed, and a pass over all when μ has.
 class ReducedVectors {
  public:
-  /// Takes over what has changed since the last call.
-  void Refresh(DampingForm form, double mu, LiveSchur* schur);
+  /// Takes over what has changed since the last call. True if the damping of all rows has: μ or its form is another.
+  bool Refresh(DampingForm form, double mu, LiveSchur* schur);
 
   const std::vector<double>& weights() const { return weights_; }  ///< diag(C)
   const std::vector<double>& damping() const { return damping_; }  ///< μ diag(C), the thesis's form μ diag(S)

@@ -12,6 +12,7 @@
 #include "inceres/graph/losses.h"
 #include "inceres/graph/manifolds.h"
 #include "schur/batch_system.h"
+#include "solver/cached_rows.h"
 #include "support/random_graph.h"
 
 namespace inceres::internal {
@@ -230,6 +231,11 @@ class Outlier {
     system_->Accept();
   }
 
+  void Put(double x, double y) {
+    const double values[2] = {x, y};
+    system_->SetValues(0, values);
+  }
+
   // Jᵀq is the gradient ρ' f.
   void ExpectGradient() const {
     const double* x = system_->values().current(0);
@@ -249,6 +255,7 @@ class Outlier {
   }
 
   const LiveFamily& family() const { return system_->families()[0]; }
+  const LiveSystem& system() const { return *system_; }
 
  private:
   FactorGraph graph_;
@@ -275,6 +282,44 @@ TEST(CorrectedLinearisation, KeepsTheGradientAndPredictsResidualsWhileItIsKept) 
   EXPECT_TRUE(outlier.family().IsCorrected(0));
   outlier.ExpectGradient();
   EXPECT_NEAR(outlier.family().SquaredError(0), 0.0, 1e-28) << "the factor is linear";
+}
+
+TEST(CorrectedLinearisation, IsTheSameWhenItIsMadeAgain) {
+  Outlier outlier;
+  outlier.Move(0.9, 1.2);
+  for (int time = 0; time < 2; ++time) {
+    outlier.Relinearise();
+    EXPECT_TRUE(outlier.family().IsCorrected(0));
+    EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 0.5, 1e-14);
+  }
+}
+
+TEST(CorrectedLinearisation, IsNotThatOfAFactorPutElsewhere) {
+  Outlier outlier;
+  outlier.Move(0.03, 0.04);
+  outlier.Put(-30.0, 50.0);
+  outlier.Relinearise();
+  EXPECT_FALSE(outlier.family().IsCorrected(0));
+}
+
+TEST(CorrectedLinearisation, IsTakenBackWhereRowsAreAskedFor) {
+  Outlier outlier;
+  outlier.Move(0.03, 0.04);
+  outlier.Relinearise();
+  outlier.Move(-0.02, 0.05);
+  ASSERT_TRUE(outlier.family().IsCorrected(0));
+  CachedRows rows(outlier.system(), 1.0);
+  LinearisedFactor factor;
+  ASSERT_TRUE(rows.Find(
+      {0, 0}, [](VariableId) { return true; }, &factor));
+  const double* x = outlier.system().values().current(0);
+  const double sqrt_w = std::sqrt(0.1 / std::hypot(x[0], x[1]));
+  for (int r = 0; r < 2; ++r) {
+    EXPECT_NEAR(factor.f[r], sqrt_w * x[r], 1e-14);
+    for (int c = 0; c < 2; ++c) {
+      EXPECT_NEAR(factor.slots[0].data[r * factor.slots[0].row_stride + c], r == c ? sqrt_w : 0.0, 1e-14);
+    }
+  }
 }
 
 TEST(CorrectedLinearisation, IsNotThatOfAFactorWhoseResidualChangesMuch) {

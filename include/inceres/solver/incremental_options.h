@@ -68,8 +68,8 @@ struct INCERES_EXPORT IncrementalOptions {
   double truncation_share = 0.03;
 
   /// ≥ 0: after a step of the frames, at most so many Gauss–Newton steps of landmarks alone, taken by those that could still gain
-  /// much by themselves (ICE-BA's embedded point iteration). Each evaluates their factors only. Unless 0, a batch solve takes one
-  /// after each step, of all landmarks (SolverOptions::use_inner_iterations), except with batch_share 0.
+  /// much by themselves (ICE-BA's embedded point iteration). Each evaluates their factors only. Unless 0, a batch solve takes
+  /// some too, after steps that creep (SolverOptions::use_inner_iterations), except with batch_share 0.
   int max_landmark_passes = 5;
 
   RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;

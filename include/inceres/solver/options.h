@@ -68,11 +68,11 @@ struct INCERES_EXPORT SolverOptions {
   bool use_nonmonotonic_steps = false;  ///< accept some increases (Conn, Gould & Toint, section 10.1); the best state is returned
   int max_consecutive_nonmonotonic_steps = 5;  ///< > 0 if use_nonmonotonic_steps
 
-  /// After steps that creep, gaining more than a fifth of what the step before gained, improve the landmarks one by one, each by
-  /// one Gauss–Newton step with the frames held. Points seen at a small
-  /// angle then need a third of the iterations. Changes the trace: Ceres's inner iterations minimise each block to the end.
-  /// Leaves landmarks on a manifold alone. Left out of the next step, then of two, four, …, while it gains less than a tenth of
-  /// what the step itself does. Source: Jeong et al. 2012 (embedded point iterations).
+  /// After steps that creep, gaining more than a fifth of what the step before gained, improve landmarks one by one, each by one
+  /// Gauss–Newton step with the frames held: all of them first, then those that brought the gain, and all again once those gain
+  /// less than a tenth of what the step itself does; where all gain less, none after the next step, then after two, four, …
+  /// Points seen at a small angle then need a third of the iterations. Leaves landmarks on a manifold alone. Changes the trace:
+  /// Ceres's inner iterations minimise each block to the end. Source: Jeong et al. 2012 (embedded point iterations).
   bool use_inner_iterations = false;
 
   CeresRules rules = CeresRules::k21;
