@@ -450,6 +450,17 @@ void EditWorld::ExpectLaw() {
       b.push_back(schur.b(row)[k]);
     }
   }
+  if (random_.Below(4) == 0) {  // the thesis's form in between
+    reduced_.Refresh(DampingForm::kThesis, mu_, &schur);
+    for (int row = 0; row < static_cast<int>(held.size()); ++row) {
+      const int size = schur.frames()[row].size;
+      const double* S = size > 0 ? schur.S().values(schur.S().row(row).back().offset) : nullptr;
+      for (int k = 0; k < size; ++k) {
+        ASSERT_EQ(reduced_.damping()[schur.FrameOffset(row) + k], mu_ * std::max(S[k * (PadToQuad(size) + 1)], kTinyDiagonal));
+      }
+    }
+    ASSERT_TRUE(reduced_.Refresh(DampingForm::kHybrid, mu_, &schur)) << "all rows are damped anew";
+  }
   reduced_.Refresh(DampingForm::kHybrid, mu_, &schur);
   ASSERT_EQ(reduced_.b(), b);
   ASSERT_EQ(reduced_.damping(), damping);
