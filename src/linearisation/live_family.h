@@ -80,6 +80,9 @@ class LiveFamily {
   /// cost.
   double Accept(const std::vector<std::int32_t>& factors);
   const double* q(int factor) const { return q_.data() + First(factor); }
+  /// f and ρ' now.
+  const double* residual(int factor) const { return f_.data() + First(factor); }
+  double weight(int factor) const { return states_[factor].w; }
 
   /// The factor's Jacobian is part of H.
   bool linearised(int factor) const { return linearised_[factor] != Linearised::kNot; }

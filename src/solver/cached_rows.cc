@@ -2,22 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
-#include <numeric>
 
 namespace inceres::internal {
-
 namespace {
 
-// v := v + share · m (mᵀ v), column by column of rows `stride` apart.
-void AddAlong(const double* m, double share, int rows, int columns, std::ptrdiff_t stride, double* v) {
-  for (int c = 0; c < columns; ++c) {
+// J := (I + m mᵀ) J, which takes back a correction.
+void AddAlong(const double* m, int rows, const SlotJacobians& slot, double* J) {
+  for (int c = 0; c < slot.columns; ++c) {
     double along = 0.0;
     for (int r = 0; r < rows; ++r) {
-      along += m[r] * v[r * stride + c];
+      along += m[r] * J[r * slot.row_stride + c];
     }
     for (int r = 0; r < rows; ++r) {
-      v[r * stride + c] += share * along * m[r];
+      J[r * slot.row_stride + c] += along * m[r];
     }
   }
 }
@@ -41,9 +38,7 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
   const LiveFamily& family = system_.families()[id.family];
   const LiveSchur& schur = system_.schur();
   const std::int32_t landmark = schur.LandmarkOfFactor(ref);
-  // Cached are √w_then J and q = ρ' f / √w_then, the one without and the other with what H takes of the loss's second-order term
-  // (LiveFamily); the factor's share of the least-squares problem now is √ρ' J and √ρ' f.
-  const double* correction = family.IsCorrected(id.index) ? family.correction(id.index) : nullptr;
+  // Cached is √w_then J, corrected or not (LiveFamily); the factor's share of the least-squares problem now is √ρ' J and √ρ' f.
   const double scale = std::sqrt(family.WeightRatio(id.index));
   slots_.resize(family.num_slots());
   jacobians_.resize(std::max(jacobians_.size(), slots_.size()));
@@ -62,18 +57,14 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
     for (double& entry : jacobians_[s]) {
       entry *= scale;
     }
-    if (correction != nullptr) {
-      AddAlong(correction, 1.0, family.residual_size(), cached.columns, cached.row_stride, jacobians_[s].data());
+    if (family.IsCorrected(id.index)) {
+      AddAlong(family.correction(id.index), family.residual_size(), cached, jacobians_[s].data());
     }
     slots_[s].data = jacobians_[s].data();
   }
-  f_.assign(family.q(id.index), family.q(id.index) + family.residual_size());
+  f_.assign(family.residual(id.index), family.residual(id.index) + family.residual_size());
   for (double& entry : f_) {
-    entry /= scale;
-  }
-  if (correction != nullptr) {
-    const double squared_norm = std::inner_product(correction, correction + family.residual_size(), correction, 0.0);
-    AddAlong(correction, -1.0 / (1.0 + squared_norm), family.residual_size(), 1, 1, f_.data());
+    entry *= std::sqrt(family.weight(id.index));
   }
   *result = {family.residual_size(), f_.data(), slots_.data()};
   return true;

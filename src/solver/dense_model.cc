@@ -9,7 +9,6 @@
 #include "solver/small_qr.h"
 
 namespace inceres::internal {
-
 namespace {
 
 // Calls visit(size), which is a constant where it is small: then loops are unrolled, in the same order.
