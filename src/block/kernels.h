@@ -141,9 +141,9 @@ struct Kernels {
   ColumnTake (*find_take)(int rows, int ambient_size, int columns);
   /// Whether the sum of the magnitudes of the values proves that none of them is kUnwrittenEntry, infinite or NaN.
   bool (*are_ordinary)(const double* values, int count);
-  /// J_s := scale · J_s of one factor, padding included, for the slots with a tangent offset.
-  void (*scale_factor)(const SlotJacobians* jacobians, int num_slots, int factor, const std::int32_t* tangent_offsets,
-                       double scale);
+  /// J_s := scale (I − a f fᵀ) J_s of one factor, padding included, for the slots with a tangent offset.
+  void (*correct_factor)(const SlotJacobians* jacobians, int num_slots, int factor, const std::int32_t* tangent_offsets,
+                         const double* f, int residual_size, double scale, double a);
 
   void (*accumulate_products)(const BlockProducts& products, double sign, double* C);
   void (*accumulate_vectors)(const VectorProducts& products, double sign, double* y);

@@ -251,18 +251,9 @@ void LiveFamily::Weigh(int factor) {
       correction_[First(factor) + r] = sqrt_beta * f[r] / std::sqrt(s);
     }
   }
-  if (sqrt_w == 1.0 && !corrected) {
-    return;
-  }
-  for (const SlotJacobians& slot : slots_) {
-    if (corrected) {
-      CorrectJacobian(sqrt_w, (1.0 - root) / s, f, residual_size_, slot, factor);
-      continue;
-    }
-    double* J = slot.data + factor * slot.factor_stride;
-    for (std::ptrdiff_t k = 0; k < slot.factor_stride; ++k) {
-      J[k] *= sqrt_w;
-    }
+  if (sqrt_w != 1.0 || corrected) {
+    CorrectJacobians(sqrt_w, corrected ? (1.0 - root) / s : 0.0, f, residual_size_, num_slots_, slots_.data(), factor,
+                     step_quads_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_);
   }
 }
 

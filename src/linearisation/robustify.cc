@@ -17,9 +17,7 @@ inline double SquaredNorm(const double* f, int size) {
   return sum;
 }
 
-}  // namespace
-
-// The padding is left alone: a loss that gives NaN must not outlive its evaluation.
+// The padding is left alone.
 void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, const SlotJacobians& slot, int factor) {
   double* J = slot.data + factor * slot.factor_stride;
   const int row_stride = slot.row_stride;
@@ -30,6 +28,21 @@ void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, cons
     }
     for (int r = 0; r < rows; ++r) {
       J[r * row_stride + c] = sqrt_rho1 * (J[r * row_stride + c] - a * f[r] * f_J);
+    }
+  }
+}
+
+}  // namespace
+
+// All at once: the padding is zero and stays so. But a loss that gives NaN must not outlive its evaluation.
+void CorrectJacobians(double sqrt_rho1, double a, const double* f, int residual_size, int num_slots, const SlotJacobians* slots,
+                      int factor, const std::int32_t* tangent_offsets) {
+  if (std::isfinite(sqrt_rho1) && std::isfinite(a)) {
+    return BestKernels().correct_factor(slots, num_slots, factor, tangent_offsets, f, residual_size, sqrt_rho1, a);
+  }
+  for (int k = 0; k < num_slots; ++k) {
+    if (tangent_offsets[k] >= 0) {
+      CorrectJacobian(sqrt_rho1, a, f, residual_size, slots[k], factor);
     }
   }
 }
@@ -73,15 +86,7 @@ double RobustifyFactor(const Loss& loss, int residual_size, int num_slots, const
     a = alpha / s;
   }
   if (sqrt_rho1 != 1.0 || a != 0.0) {
-    const bool only_scale = a == 0.0 && std::isfinite(sqrt_rho1);
-    if (only_scale) {  // all at once: the padding is zero and stays so, for the factor is finite
-      BestKernels().scale_factor(slots, num_slots, factor, tangent_offsets, sqrt_rho1);
-    }
-    for (int k = 0; k < num_slots && !only_scale; ++k) {
-      if (tangent_offsets[k] >= 0) {
-        CorrectJacobian(sqrt_rho1, a, f, residual_size, slots[k], factor);
-      }
-    }
+    CorrectJacobians(sqrt_rho1, a, f, residual_size, num_slots, slots, factor, tangent_offsets);
     for (int i = 0; i < residual_size; ++i) {
       f[i] *= residual_scale;
     }

@@ -20,7 +20,8 @@ double RobustCost(const Loss* loss, const double* f, int residual_size);
 double RobustifyFactor(const Loss& loss, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
                        const std::int32_t* tangent_offsets, double* f);
 
-/// J := √ρ' (I − a f fᵀ) J of one slot.
-void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, const SlotJacobians& slot, int factor);
+/// J := √ρ' (I − a f fᵀ) J of one factor, for the slots with a tangent offset.
+void CorrectJacobians(double sqrt_rho1, double a, const double* f, int residual_size, int num_slots, const SlotJacobians* slots,
+                      int factor, const std::int32_t* tangent_offsets);
 
 }  // namespace inceres::internal

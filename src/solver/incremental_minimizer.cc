@@ -56,7 +56,7 @@ constexpr double kTruncationFloor = 0.1;
 constexpr double kSumShare = 1e-3;
 
 // A row of S is solved anew when its change is worth this share of what a frame may leave undone.
-constexpr double kWildfireShare = 0.3;
+constexpr double kWildfireShare = 0.5;
 
 RebuildRule RuleOf(RebuildPolicy policy) {
   return policy == RebuildPolicy::kAlways  ? RebuildRule::kAlways

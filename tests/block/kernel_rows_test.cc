@@ -138,24 +138,40 @@ TEST_P(RowKernels, TakeColumnsAndMarkWhereTheyWere) {
   EXPECT_NE(kernels().find_take(2, 7, 6), nullptr);
 }
 
-TEST_P(RowKernels, ScaleTheSlotsThatHaveAnOffset) {
-  constexpr int kRows = 2;
+TEST_P(RowKernels, CorrectTheSlotsThatHaveAnOffset) {
   const int sizes[3] = {9, 3, 6};
   const std::int32_t offsets[3] = {4, -1, 0};
-  std::vector<AlignedVector<double>> storage;
-  std::vector<SlotJacobians> jacobians;
-  for (const int size : sizes) {
-    storage.push_back(PaddedRows(3 * kRows, size));
-    jacobians.push_back({storage.back().data(), std::ptrdiff_t{kRows} * PadToQuad(size), PadToQuad(size), size});
-  }
-  std::vector<AlignedVector<double>> expected = storage;
-  for (const std::size_t s : {0, 2}) {
-    for (std::ptrdiff_t k = jacobians[s].factor_stride; k < 2 * jacobians[s].factor_stride; ++k) {
-      expected[s][static_cast<std::size_t>(k)] *= 0.3;
+  const double f[3] = {0.5, -1.5, 0.25};
+  for (const int rows : {1, 2, 3}) {
+    for (const double a : {0.0, 0.2}) {
+      std::vector<AlignedVector<double>> storage;
+      std::vector<SlotJacobians> jacobians;
+      for (const int size : sizes) {
+        storage.push_back(PaddedRows(3 * rows, size));
+        jacobians.push_back({storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size), PadToQuad(size), size});
+      }
+      std::vector<AlignedVector<double>> expected = storage;
+      for (const std::size_t s : {0, 2}) {
+        double* J = expected[s].data() + jacobians[s].factor_stride;
+        for (int c = 0; c < sizes[s]; ++c) {
+          double along = 0.0;
+          for (int r = 0; r < rows; ++r) {
+            along += a * f[r] * J[r * jacobians[s].row_stride + c];
+          }
+          for (int r = 0; r < rows; ++r) {
+            double& entry = J[r * jacobians[s].row_stride + c];
+            entry = 0.3 * (entry - f[r] * along);
+          }
+        }
+      }
+      kernels().correct_factor(jacobians.data(), 3, 1, offsets, f, rows, 0.3, a);
+      for (std::size_t s = 0; s < 3; ++s) {
+        for (std::size_t k = 0; k < storage[s].size(); ++k) {
+          EXPECT_NEAR(storage[s][k], expected[s][k], 1e-15) << rows << " rows, a " << a << ", slot " << s;
+        }
+      }
     }
   }
-  kernels().scale_factor(jacobians.data(), 3, 1, offsets, 0.3);
-  EXPECT_EQ(storage, expected);
 }
 
 TEST_P(RowKernels, NoFactorsYieldZero) {
