@@ -89,12 +89,12 @@ void BM_AddOuter(benchmark::State& state) {
   std::vector<BlockRow> rows;
   std::vector<std::int32_t> blocks;
   for (int r = 0; r < kFrames; ++r) {
-    rows.push_back({Y.data() + std::ptrdiff_t{r} * depth * quads * kQuad, r * quads, quads, size});
+    rows.push_back({Y.data() + std::ptrdiff_t{r} * depth * quads * kQuad, r * quads, quads, size, nullptr});
     for (int c = 0; c <= r; ++c) {
       blocks.push_back(static_cast<std::int32_t>(blocks.size()) * size * quads);
     }
   }
-  const Contribution contribution{rows.data(), kFrames, depth};
+  const Contribution contribution{rows.data(), kFrames, depth, false};
   AlignedVector<double> C(blocks.size() * static_cast<std::size_t>(size * quads * kQuad));
   for (auto _ : state) {
     kernels->add_outer(contribution, -1.0, blocks.data(), C.data());

@@ -113,14 +113,16 @@ struct BlockRow {
   std::int32_t frame;  // quad offset of the row in the padded tangent vector
   std::int32_t quads;  // of one row of A
   std::int32_t size;
+  const double* out = nullptr;  // what A replaces, of its shape
 };
 
 /// What a landmark (A = Y, depth its size) or a factor (A = J, depth its residual's) adds to a symmetric block matrix and to
-/// vectors. Rows by ascending block row.
+/// vectors. Rows by ascending block row. If it replaces what was added before, that goes out in the same pass.
 struct Contribution {
   const BlockRow* rows = nullptr;
   int count = 0;
   int depth = 0;
+  bool replaces = false;  // every row has an `out`
 };
 
 /// What an entry of a Jacobian holds that nobody has written yet; a sum of magnitudes below a hundredth of it proves that none of
@@ -163,8 +165,9 @@ struct Kernels {
 
   /// C_rc += sign A_rᵀ A_c for every pair c ≤ r. blocks: the quad offset of C_rc from `C`, row by row; negative: left out.
   void (*add_outer)(const Contribution& contribution, double sign, const std::int32_t* blocks, double* C);
-  /// y_r += sign A_rᵀ v and peak_r = max(peak_r, |y_r|).
-  void (*add_transposed)(const Contribution& contribution, const double* v, double sign, double* y, double* peak);
+  /// y_r += sign A_rᵀ v and peak_r = max(peak_r, |y_r|). v_out: what v replaces, if A does.
+  void (*add_transposed)(const Contribution& contribution, const double* v, const double* v_out, double sign, double* y,
+                         double* peak);
   /// y_r += sign diag(A_rᵀ A_r) and peak_r = max(peak_r, |y_r|).
   void (*add_squares)(const Contribution& contribution, double sign, double* y, double* peak);
 

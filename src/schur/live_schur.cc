@@ -70,16 +70,55 @@ const std::int32_t* LiveSchur::BlocksOfFactor(FactorRef ref) {
   return blocks;
 }
 
+// The frame part of a factor's share, in place of the one with q_out if there is one.
+void LiveSchur::AddRows(const Contribution& contribution, const double* q, const double* q_out, double sign,
+                        const std::int32_t* blocks) {
+  kernels_.add_outer(contribution, sign, blocks, S_.values(0));
+  kernels_.add_transposed(contribution, q, q_out, -sign, rhs_.data(), b_peak_.data());
+  kernels_.add_squares(contribution, sign, C_diagonal_.data(), C_peak_.data());
+  std::for_each(rows_of_.begin(), rows_of_.end(), [this](std::int32_t row) { Touch(row); });
+}
+
 void LiveSchur::AddFactor(FactorRef ref, double sign) {
   const Contribution contribution = RowsOfFactor(ref);
+  if (contribution.count > 0) {
+    const std::int32_t* blocks = BlocksOfFactor(ref);  // S may grow
+    AddRows(contribution, families_[ref.family].q(ref.factor), nullptr, sign, blocks);
+  }
+}
+
+double* LiveSchur::KeepRoom(std::ptrdiff_t count) {
+  if (num_kept_ + count > static_cast<std::ptrdiff_t>(kept_.size())) {
+    kept_.resize(static_cast<std::size_t>(2 * (num_kept_ + count)));
+  }
+  double* room = kept_.data() + num_kept_;
+  num_kept_ += PadToQuad(static_cast<int>(count));
+  return room;
+}
+
+std::ptrdiff_t LiveSchur::KeepFactor(FactorRef ref) {
+  const std::ptrdiff_t kept = num_kept_;
+  const Contribution contribution = RowsOfFactor(ref);
+  const auto size_of = [&](const BlockRow& row) { return std::ptrdiff_t{contribution.depth} * row.quads * kQuad; };
+  for (const BlockRow& row : rows_) {
+    std::copy_n(row.A, size_of(row), KeepRoom(size_of(row)));
+  }
+  std::copy_n(families_[ref.family].q(ref.factor), contribution.depth, KeepRoom(contribution.depth));
+  return kept;
+}
+
+void LiveSchur::ReplaceFactor(FactorRef ref, std::ptrdiff_t kept) {
+  Contribution contribution = RowsOfFactor(ref);
   if (contribution.count == 0) {
     return;
   }
-  const std::int32_t* blocks = BlocksOfFactor(ref);  // S may grow
-  kernels_.add_outer(contribution, sign, blocks, S_.values(0));
-  kernels_.add_transposed(contribution, families_[ref.family].q(ref.factor), -sign, rhs_.data(), b_peak_.data());
-  kernels_.add_squares(contribution, sign, C_diagonal_.data(), C_peak_.data());
-  std::for_each(rows_of_.begin(), rows_of_.end(), [this](std::int32_t row) { Touch(row); });
+  const double* out = kept_.data() + kept;
+  for (BlockRow& row : rows_) {
+    row.out = out;
+    out += std::ptrdiff_t{contribution.depth} * row.quads * kQuad;
+  }
+  contribution.replaces = true;
+  AddRows(contribution, families_[ref.family].q(ref.factor), out, 1.0, BlocksOfFactor(ref));
 }
 
 void LiveSchur::AddFactorToRow(FactorRef ref, std::int32_t only) {
@@ -97,7 +136,7 @@ void LiveSchur::AddFactorToRow(FactorRef ref, std::int32_t only) {
   for (int r = 0; r < contribution.count; ++r) {
     if (rows_of_[r] == only) {
       const Contribution row{contribution.rows + r, 1, contribution.depth};
-      kernels_.add_transposed(row, q, -1.0, rhs_.data(), b_peak_.data());
+      kernels_.add_transposed(row, q, nullptr, -1.0, rhs_.data(), b_peak_.data());
       kernels_.add_squares(row, 1.0, C_diagonal_.data(), C_peak_.data());
     }
   }
@@ -106,9 +145,24 @@ void LiveSchur::AddFactorToRow(FactorRef ref, std::int32_t only) {
 void LiveSchur::AddContribution(const Landmark& landmark, double sign) {
   const Contribution contribution = RowsOfLandmark(landmark);
   kernels_.add_outer(contribution, sign, landmark.blocks.data(), S_.values(0));
-  kernels_.add_transposed(contribution, landmark.z, sign, rhs_.data(), b_peak_.data());
+  kernels_.add_transposed(contribution, landmark.z, nullptr, sign, rhs_.data(), b_peak_.data());
   for (int r = 0; r < contribution.count; ++r) {
     Touch(landmark.frames[r]);
+  }
+}
+
+// The landmark's contribution in place of that of Y_out, laid out as Y, and z_out.
+void LiveSchur::ReplaceContribution(const Landmark& landmark, const double* Y_out, const double* z_out) {
+  Contribution contribution = RowsOfLandmark(landmark);
+  const double* Y = Y_.data() + std::ptrdiff_t{landmark.incidences.front().y} * kQuad;
+  for (BlockRow& row : rows_) {
+    row.out = Y_out + (row.A - Y);
+  }
+  contribution.replaces = true;
+  kernels_.add_outer(contribution, -1.0, landmark.blocks.data(), S_.values(0));
+  kernels_.add_transposed(contribution, landmark.z, z_out, -1.0, rhs_.data(), b_peak_.data());
+  for (const std::int32_t frame : landmark.frames) {
+    Touch(frame);
   }
 }
 
@@ -121,7 +175,8 @@ void LiveSchur::SubtractLandmarkFromRow(const Landmark& landmark, std::int32_t o
       blocks_[at] = landmark.frames[r] == only || landmark.frames[c] == only ? blocks_[at] : -1;
     }
     if (landmark.frames[r] == only) {
-      kernels_.add_transposed({contribution.rows + r, 1, contribution.depth}, landmark.z, -1.0, rhs_.data(), b_peak_.data());
+      kernels_.add_transposed({contribution.rows + r, 1, contribution.depth}, landmark.z, nullptr, -1.0, rhs_.data(),
+                              b_peak_.data());
     }
     Touch(landmark.frames[r]);
   }
@@ -161,13 +216,24 @@ void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
   }
   if (l.parked) {
     ++num_parked_;
-    return;
+    return TakeOut(landmark);
   }
-  PlaceBlocks(landmark);
-  EliminateLandmark(&l);
-  AddContribution(l, -1.0);
-  l.in_S = true;
-  num_pairs_ += NumPairs(landmark);
+  if (l.in_S && l.y_quads > 0) {
+    double z_out[kQuad];
+    std::copy_n(l.z, kQuad, z_out);
+    const std::ptrdiff_t size = std::ptrdiff_t{l.y_quads} * kQuad;
+    double* Y_out = KeepRoom(size);
+    std::copy_n(Y_.data() + std::ptrdiff_t{l.incidences.front().y} * kQuad, size, Y_out);
+    EliminateLandmark(&l);
+    ReplaceContribution(l, Y_out, z_out);
+    DropKept();
+  } else {
+    PlaceBlocks(landmark);
+    EliminateLandmark(&l);
+    AddContribution(l, -1.0);
+    num_pairs_ += l.in_S ? 0 : NumPairs(landmark);
+    l.in_S = true;
+  }
   RenewDecrement(landmark);
 }
 

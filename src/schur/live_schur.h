@@ -23,10 +23,11 @@ inline bool operator==(const FactorRef& a, const FactorRef& b) {
 ///
 ///     S = Σ_factors J_cᵀJ_c − Σ_landmarks Y Yᵀ,   b = −Σ_factors J_cᵀq − Σ_landmarks Y z
 ///
-/// A landmark's contribution is taken out with the Y and z it went in with, its blocks P and η are re-summed from the cached
-/// Jacobians, and the new contribution goes in. Frames are block rows in order of arrival, the row of a removed one serves a
-/// later one once there are many; the rows touched since the last factorisation are remembered, for the factor resumes at the
-/// first of them. A constant is a mask: a held frame keeps its row, a held landmark its blocks outside S.
+/// A landmark's contribution goes out with the Y and z it went in with: its blocks P and η are re-summed from the cached
+/// Jacobians, and the new contribution takes the place of the old in one pass over S. So it is with a factor's. Frames are block
+/// rows in order of arrival, the row of a removed one serves a later one once there are many; the rows touched since the last
+/// factorisation are remembered, for the factor resumes at the first of them. A constant is a mask: a held frame keeps its row, a
+/// held landmark its blocks outside S.
 ///
 /// Drift: adding and subtracting leaves ε times the largest value an entry ever held. A frame whose diagonal of C has shrunk far
 /// below its peak, or whose b has been far above what the cost allows now, is summed anew from the caches (ResumDrifted).
@@ -78,10 +79,14 @@ class LiveSchur {
 
   /// Frame part of a factor's share of S and b, with the Jacobians cached now: sign +1 adds, -1 takes out.
   void AddFactor(FactorRef ref, double sign);
-  /// Takes the landmark's contribution out of S and b, if it is there.
+  /// The same with Jacobians about to change: KeepFactor before, ReplaceFactor after, with what it gave. DropKept ends the lot.
+  std::ptrdiff_t KeepFactor(FactorRef ref);
+  void ReplaceFactor(FactorRef ref, std::ptrdiff_t kept);
+  void DropKept() { num_kept_ = 0; }
+  /// Takes the landmark's contribution out of S and b, if it is there: before factors are connected or disconnected, or for good.
   void TakeOut(std::int32_t landmark);
-  /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in; parks a landmark without information. A held
-  /// landmark stays outside.
+  /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in, in place of the one that is there; parks a
+  /// landmark without information. A held landmark stays outside.
   void PutIn(std::int32_t landmark, double lambda);
   /// η takes over its change, z is renewed, and b follows. Who touches b otherwise says so.
   void RefreshResidual(std::int32_t landmark);
@@ -194,7 +199,10 @@ class LiveSchur {
   const std::int32_t* BlocksOfFactor(FactorRef ref);
   Contribution RowsOfFactor(FactorRef ref);
   Contribution RowsOfLandmark(const Landmark& landmark);
+  void AddRows(const Contribution& contribution, const double* q, const double* q_out, double sign, const std::int32_t* blocks);
   void AddContribution(const Landmark& landmark, double sign);
+  void ReplaceContribution(const Landmark& landmark, const double* Y_out, const double* z_out);
+  double* KeepRoom(std::ptrdiff_t count);
   void SubtractLandmarkFromRow(const Landmark& landmark, std::int32_t only);
   void SortFrames(Landmark* landmark);
   void ZeroVectors(const Frame& frame);
@@ -257,6 +265,8 @@ class LiveSchur {
   double drift_cost_ = 0.0;   // when all rows were looked at
   std::vector<std::int32_t> scratch_;
   std::vector<BlockRow> rows_;         // of the contribution under way
+  AlignedVector<double> kept_;         // rows and q of factors, and Y, as they are in S
+  std::ptrdiff_t num_kept_ = 0;        // entries of it in use
   std::vector<std::int32_t> rows_of_;  // their frames
   std::vector<std::int32_t> blocks_;   // those of one frame alone
 

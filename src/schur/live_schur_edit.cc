@@ -209,8 +209,9 @@ void LiveSchur::Disconnect(FactorRef ref) {
 }
 
 std::int64_t LiveSchur::Bytes() const {
-  std::size_t bytes = sizeof(double) * (5 * rhs_.capacity() + Y_.capacity()) + sizeof(Frame) * frames_.capacity() +
-                      (sizeof(Landmark) + sizeof(double)) * landmarks_.capacity() + list_bytes_;
+  std::size_t bytes = sizeof(double) * (5 * rhs_.capacity() + Y_.capacity() + kept_.capacity()) +
+                      sizeof(Frame) * frames_.capacity() + (sizeof(Landmark) + sizeof(double)) * landmarks_.capacity() +
+                      list_bytes_;
   for (const std::vector<std::int32_t>& blocks : factor_blocks_) {
     bytes += blocks.capacity() * sizeof(std::int32_t);
   }

@@ -11,6 +11,9 @@ namespace {
 
 constexpr double kCostDrop = 1e4;
 
+// What replacing a contribution to S costs, against adding it.
+constexpr double kReplaceCost = 1.5;
+
 }  // namespace
 
 int LiveSystem::NumDirtyFactors() const {
@@ -33,23 +36,17 @@ double LiveSystem::LargestStep(FactorRef ref) const {
   return largest;
 }
 
-void LiveSystem::Redamp(std::int32_t landmark) {
-  if (dirty_landmarks_.Add(landmark)) {
-    schur_.TakeOut(landmark);
-  }
-}
-
-// By difference a dirty factor goes out and in, and with it its landmark; anew, everything goes in once.
+// By difference a dirty factor takes its old one's place, and with it its landmark; anew, everything goes in once.
 bool LiveSystem::RebuildIsCheaper() const {
   double difference = 0.0;
   const auto anew = static_cast<double>(num_factors_ + schur_.NumPairs());
   for (const LiveFamily& family : families_) {
     dirty_[family.id()].ForEach([&](std::int32_t i) {
-      difference += family.linearised(i) ? 2.0 : 1.0;
+      difference += family.linearised(i) ? kReplaceCost : 1.0;
       const std::int32_t landmark = schur_.LandmarkOfFactor({family.id(), i});
-      if (landmark >= 0 && !dirty_landmarks_.Has(landmark)) {
-        // Each of its factors asks for a share of what taking it out and putting it in costs.
-        difference += 2.0 * static_cast<double>(schur_.NumPairs(landmark)) /
+      if (landmark >= 0 && schur_.landmarks()[landmark].in_S) {
+        // Each of its factors asks for a share of what replacing its contribution costs.
+        difference += kReplaceCost * static_cast<double>(schur_.NumPairs(landmark)) /
                       static_cast<double>(schur_.landmarks()[landmark].factors.size());
       }
     });
@@ -77,6 +74,7 @@ Status LiveSystem::Relinearise(double lambda, RebuildRule rule, RelineariseWork*
     }
   }
   if (work->rebuilt) {
+    dirty_landmarks_.ForEach([this](std::int32_t landmark) { schur_.TakeOut(landmark); });
     schur_.Rebuild();
   }
   dirty_landmarks_.ForEach([&](std::int32_t landmark) { schur_.PutIn(landmark, lambda); });
@@ -103,6 +101,7 @@ void LiveSystem::Recentre(const LiveFamily& family, const std::vector<std::int32
 Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
   IndexSet& dirty = dirty_[family->id()];
   dirty.CopyTo(&list_);
+  kept_.clear();
   for (const std::int32_t i : list_) {
     const FactorRef ref{family->id(), i};
     const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
@@ -111,9 +110,9 @@ Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
     }
     if (family->linearised(i)) {
       AddToCost(-family->Cost(i));
-      if (by_difference) {
-        schur_.AddFactor(ref, -1.0);
-      }
+    }
+    if (by_difference) {
+      kept_.push_back(family->linearised(i) ? schur_.KeepFactor(ref) : -1);
     }
     for (int s = 0; s < family->num_slots(); ++s) {
       const VariableId id = family->variables(i)[s];
@@ -130,10 +129,16 @@ Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
   }
   for (const std::int32_t i : list_) {
     AddToCost(family->Cost(i));
-    if (by_difference) {
-      schur_.AddFactor({family->id(), i}, 1.0);
+  }
+  for (std::size_t k = 0; k < kept_.size(); ++k) {
+    const FactorRef ref{family->id(), list_[k]};
+    if (kept_[k] >= 0) {
+      schur_.ReplaceFactor(ref, kept_[k]);
+    } else {
+      schur_.AddFactor(ref, 1.0);
     }
   }
+  schur_.DropKept();
   dirty.Clear();
   return Status::Ok();
 }

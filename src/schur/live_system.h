@@ -70,7 +70,7 @@ class LiveSystem {
     MarkDirty(ref);
   }
   /// Marks a landmark for elimination anew, to take up another damping.
-  void Redamp(std::int32_t landmark);
+  void Redamp(std::int32_t landmark) { dirty_landmarks_.Add(landmark); }
 
   /// Algorithm 3: takes the old contributions of the dirty subgraph out of S and b, linearises its factors at the current values
   /// and puts the new ones in; its landmarks are damped by lambda · diag(P). On failure names the factor or variable; S and b are
@@ -133,6 +133,11 @@ class LiveSystem {
   void Enter(VariableId id);
   void Attach(FactorRef ref);
   void Detach(FactorRef ref);
+  // Of S, for its factors are about to be others.
+  void TakeOut(std::int32_t landmark) {
+    dirty_landmarks_.Add(landmark);
+    schur_.TakeOut(landmark);
+  }
   void AdmitFamilies();
   void GrowSets();
   bool RebuildIsCheaper() const;
@@ -185,7 +190,7 @@ class LiveSystem {
   std::vector<IndexSet> touched_;  // per family: with a variable that moves
   std::vector<std::vector<std::int32_t>> touched_lists_;
   bool touched_named_ = false;  // the two above and the two below are those of the step under construction
-  IndexSet dirty_landmarks_;    // out of S, to be eliminated anew
+  IndexSet dirty_landmarks_;    // to be eliminated anew
   IndexSet stale_landmarks_;    // not visited, but seen from a frame that moves
   IndexSet reached_;            // frames of touched factors and of their landmarks
   IndexSet visited_;
@@ -197,6 +202,7 @@ class LiveSystem {
   AlignedVector<double> direction_;
   std::vector<LandmarkStep> landmark_steps_;
   std::vector<std::int32_t> list_;
+  std::vector<std::ptrdiff_t> kept_;  // of the listed factors: where S keeps their old contributions; -1: none
   std::vector<std::int32_t> slots_;
   std::vector<FactorId> removed_;
   std::vector<VariableId> toggled_;

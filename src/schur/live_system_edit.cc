@@ -140,7 +140,7 @@ void LiveSystem::Attach(FactorRef ref) {
     }
   }
   if (landmark >= 0) {
-    Redamp(landmark);
+    TakeOut(landmark);
   }
   schur_.Connect(ref, slots_.data(), landmark);
   dirty_[ref.family].Add(ref.factor);
@@ -155,7 +155,7 @@ void LiveSystem::Detach(FactorRef ref) {
   LiveFamily& family = families_[ref.family];
   const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
   if (landmark >= 0) {
-    Redamp(landmark);
+    TakeOut(landmark);
   }
   if (family.linearised(ref.factor)) {
     schur_.AddFactor(ref, -1.0);

@@ -179,6 +179,68 @@ TEST_P(ProductKernels, VectorProductsOfBlocksWithTheirLastColumnApart) {
   }
 }
 
+// What replaces goes in while the old goes out.
+TEST_P(ProductKernels, ReplacedContributionsEqualTwoPasses) {
+  constexpr int kSizes[3] = {6, 9, 3};
+  for (int depth = 1; depth <= 8; ++depth) {
+    std::vector<AlignedVector<double>> stored;
+    std::vector<BlockRow> rows;
+    std::vector<BlockRow> old_rows;
+    std::vector<std::int32_t> blocks;
+    std::int32_t quads = 0;
+    std::int32_t room = 0;
+    for (const int size : kSizes) {
+      const std::int32_t row_quads = PadToQuad(size) / kQuad;
+      stored.push_back(PaddedRows(depth, size));
+      const double* old = stored.back().data();
+      stored.push_back(PaddedRows(depth, size));
+      rows.push_back({stored.back().data(), quads, row_quads, size, old});
+      old_rows.push_back({old, quads, row_quads, size});
+      quads += row_quads;
+      for (const BlockRow& column : rows) {
+        blocks.push_back(rows.size() == 3 && column.size == 9 ? -1 : room);
+        room += size * column.quads;
+      }
+    }
+    const std::vector<double> v = random_.Vector(static_cast<std::size_t>(depth));
+    const std::vector<double> v_old = random_.Vector(static_cast<std::size_t>(depth));
+    const Contribution in{rows.data(), 3, depth};
+    const Contribution out{old_rows.data(), 3, depth};
+    const Contribution replacing{rows.data(), 3, depth, true};
+    const auto check = [&](std::int32_t size, auto&& in_two, auto&& at_once, const char* what) {
+      AlignedVector<double> expected = PaddedRows(1, size * kQuad);
+      AlignedVector<double> actual = expected;
+      in_two(&expected);
+      at_once(&actual);
+      ExpectClose(actual, expected, 2.0 * depth + 1.0, kTolerance, what + std::to_string(depth));
+    };
+    AlignedVector<double> peak(static_cast<std::size_t>(quads) * kQuad, 0.0);
+    using Vector = AlignedVector<double>*;
+    check(
+        room,
+        [&](Vector C) {
+          kernels().add_outer(out, 1.0, blocks.data(), C->data());
+          kernels().add_outer(in, -1.0, blocks.data(), C->data());
+        },
+        [&](Vector C) { kernels().add_outer(replacing, -1.0, blocks.data(), C->data()); }, "outer, depth ");
+    check(
+        quads,
+        [&](Vector y) {
+          kernels().add_transposed(out, v_old.data(), nullptr, 1.0, y->data(), peak.data());
+          kernels().add_transposed(in, v.data(), nullptr, -1.0, y->data(), peak.data());
+        },
+        [&](Vector y) { kernels().add_transposed(replacing, v.data(), v_old.data(), -1.0, y->data(), peak.data()); },
+        "transposed, depth ");
+    check(
+        quads,
+        [&](Vector y) {
+          kernels().add_squares(out, 1.0, y->data(), peak.data());
+          kernels().add_squares(in, -1.0, y->data(), peak.data());
+        },
+        [&](Vector y) { kernels().add_squares(replacing, -1.0, y->data(), peak.data()); }, "squares, depth ");
+  }
+}
+
 // Three block rows of different sizes; one block is left out, and what stands in C between the blocks stays.
 TEST_P(ProductKernels, ContributionsEqualPlainLoops) {
   for (int depth = 1; depth <= 8; ++depth) {
@@ -237,7 +299,7 @@ TEST_P(ProductKernels, ContributionsEqualPlainLoops) {
       ExpectClose(C, C_expected, depth + 1.0, kTolerance, what + ", outer");
       AlignedVector<double> y = y_start;
       AlignedVector<double> peak(y.size(), 0.25);
-      kernels().add_transposed(contribution, v.data(), -1.0, y.data(), peak.data());
+      kernels().add_transposed(contribution, v.data(), nullptr, -1.0, y.data(), peak.data());
       ExpectClose(y, y_expected, depth + 1.0, kTolerance, what + ", transposed");
       AlignedVector<double> squares = y_start;
       kernels().add_squares(contribution, -1.0, squares.data(), peak.data());
