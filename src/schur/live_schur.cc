@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "schur/landmark_factor.h"
 
@@ -193,13 +194,14 @@ void LiveSchur::TakeOut(std::int32_t landmark) {
   RenewDecrement(landmark);
 }
 
-void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
+// P, η and U_inv anew; false of a landmark that is held or has no information.
+bool LiveSchur::InvertDamped(std::int32_t landmark, double lambda) {
   Landmark& l = landmarks_[landmark];
   num_parked_ -= l.parked ? 1 : 0;
   l.parked = false;
   l.lambda = lambda;
   if (l.held) {
-    return;
+    return false;
   }
   SumLandmark(&l);
   double damping[4];
@@ -214,8 +216,13 @@ void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
     const double pivot = 1.0 / (l.U_inv[k * kQuad + k] * l.U_inv[k * kQuad + k]);
     l.parked = pivot < kNoInformation * l.P[k * kQuad + k];
   }
-  if (l.parked) {
-    ++num_parked_;
+  num_parked_ += l.parked ? 1 : 0;
+  return !l.parked;
+}
+
+void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
+  Landmark& l = landmarks_[landmark];
+  if (!InvertDamped(landmark, lambda)) {
     return TakeOut(landmark);
   }
   if (l.in_S && l.y_quads > 0) {
@@ -235,6 +242,41 @@ void LiveSchur::PutIn(std::int32_t landmark, double lambda) {
     l.in_S = true;
   }
   RenewDecrement(landmark);
+}
+
+void LiveSchur::PutIntoRows(std::int32_t landmark, double lambda, const IndexSet& rows) {
+  Landmark& l = landmarks_[landmark];
+  if (InvertDamped(landmark, lambda)) {
+    PlaceBlocks(landmark);
+    EliminateLandmark(&l);
+    AddToRows(l, -1.0, rows);
+    l.partly = true;
+  }
+}
+
+void LiveSchur::TakeOutOfRows(std::int32_t landmark, const IndexSet& rows) {
+  Landmark& l = landmarks_[landmark];
+  if (std::exchange(l.partly, false)) {
+    AddToRows(l, 1.0, rows);
+  }
+}
+
+void LiveSchur::AddToRows(const Landmark& landmark, double sign, const IndexSet& rows) {
+  const Contribution contribution = RowsOfLandmark(landmark);
+  blocks_.assign(landmark.blocks.begin(), landmark.blocks.end());
+  std::size_t at = 0;
+  for (int r = 0; r < contribution.count; ++r) {
+    const bool in = rows.Has(landmark.frames[r]);
+    for (int c = 0; c <= r; ++c, ++at) {
+      blocks_[at] = in && rows.Has(landmark.frames[c]) ? blocks_[at] : -1;
+    }
+    if (in) {
+      kernels_.add_transposed({contribution.rows + r, 1, contribution.depth}, landmark.z, nullptr, sign, rhs_.data(),
+                              b_peak_.data());
+      Touch(landmark.frames[r]);
+    }
+  }
+  kernels_.add_outer(contribution, sign, blocks_.data(), S_.values(0));
 }
 
 void LiveSchur::RefreshResidual(std::int32_t landmark) {
@@ -457,7 +499,7 @@ void LiveSchur::EliminateLandmark(Landmark* landmark) {
 void LiveSchur::BackSubstitute(std::int32_t landmark, double* padded_step) const {
   const Landmark& l = landmarks_[landmark];
   double* step = padded_step + std::ptrdiff_t{l.quad} * kQuad;
-  if (!l.in_S) {
+  if (!l.in_S && !l.partly) {
     std::fill_n(step, l.size, 0.0);
     return;
   }

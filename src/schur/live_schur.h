@@ -49,6 +49,7 @@ class LiveSchur {
     bool parked = false;  // no information: left alone until a factor comes
     bool held = false;
     bool placed = false;  // its factors know their Y blocks
+    bool partly = false;  // eliminated, but its contribution is part of some rows only (PutIntoRows)
     double lambda = 0.0;
     std::vector<FactorRef> factors;
     std::vector<std::int32_t> frames;   // its separator
@@ -88,6 +89,9 @@ class LiveSchur {
   /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in, in place of the one that is there; parks a
   /// landmark without information. A held landmark stays outside.
   void PutIn(std::int32_t landmark, double lambda);
+  /// The same of a landmark that is not in S, but into the blocks and entries of these rows alone; and out of them again.
+  void PutIntoRows(std::int32_t landmark, double lambda, const IndexSet& rows);
+  void TakeOutOfRows(std::int32_t landmark, const IndexSet& rows);
   /// η takes over its change, z is renewed, and b follows. Who touches b otherwise says so.
   void RefreshResidual(std::int32_t landmark);
 
@@ -204,6 +208,8 @@ class LiveSchur {
   void ReplaceContribution(const Landmark& landmark, const double* Y_out, const double* z_out);
   double* KeepRoom(std::ptrdiff_t count);
   void SubtractLandmarkFromRow(const Landmark& landmark, std::int32_t only);
+  void AddToRows(const Landmark& landmark, double sign, const IndexSet& rows);
+  bool InvertDamped(std::int32_t landmark, double lambda);
   void SortFrames(Landmark* landmark);
   void ZeroVectors(const Frame& frame);
   // Quad offset of a block of S, row ≥ column.

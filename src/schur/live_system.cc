@@ -54,24 +54,42 @@ bool LiveSystem::RebuildIsCheaper() const {
   return difference > anew;
 }
 
-Status LiveSystem::Relinearise(double lambda, RebuildRule rule, RelineariseWork* work) {
-  *work = RelineariseWork();
+void LiveSystem::RecentreDirty(RelineariseWork* work) {
   for (const LiveFamily& family : families_) {
     dirty_[family.id()].CopyTo(&list_);
     Recentre(family, list_);
   }
   work->num_recentred = std::exchange(num_recentred_, 0);
   work->num_factors = NumDirtyFactors();
+}
+
+Status LiveSystem::LineariseFamilies(bool by_difference) {
+  for (LiveFamily& family : families_) {
+    Status linearised = LineariseFamily(&family, by_difference);
+    if (!linearised.ok()) {
+      return linearised;
+    }
+  }
+  return Status::Ok();
+}
+
+Status LiveSystem::LineariseDirty(RelineariseWork* work) {
+  *work = RelineariseWork();
+  RecentreDirty(work);
+  return LineariseFamilies(true);
+}
+
+Status LiveSystem::Relinearise(double lambda, RebuildRule rule, RelineariseWork* work) {
+  *work = RelineariseWork();
+  RecentreDirty(work);
   work->rebuilt =
       rule == RebuildRule::kAlways || (rule == RebuildRule::kWhenCheaper && work->num_factors > 0 && RebuildIsCheaper());
   if (work->rebuilt) {
     schur_.BeginRebuild();
   }
-  for (LiveFamily& family : families_) {
-    const Status linearised = LineariseFamily(&family, !work->rebuilt);
-    if (!linearised.ok()) {
-      return linearised;
-    }
+  Status linearised = LineariseFamilies(!work->rebuilt);
+  if (!linearised.ok()) {
+    return linearised;
   }
   if (work->rebuilt) {
     dirty_landmarks_.ForEach([this](std::int32_t landmark) { schur_.TakeOut(landmark); });
@@ -141,6 +159,17 @@ Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
   schur_.DropKept();
   dirty.Clear();
   return Status::Ok();
+}
+
+void LiveSystem::TakeNewFrames(IndexSet* frames) {
+  frames->Grow(schur_.frames().size());
+  frames->Clear();
+  for (const VariableId id : entered_) {
+    if (frame_of_[id] >= 0 && !schur_.frames()[frame_of_[id]].held) {
+      frames->Add(frame_of_[id]);
+    }
+  }
+  entered_.clear();
 }
 
 void LiveSystem::SetFrameStep(std::int32_t frame, const double* step) {

@@ -77,6 +77,12 @@ class LiveSystem {
   /// then incomplete.
   Status Relinearise(double lambda, RebuildRule rule, RelineariseWork* work);
 
+  /// The first half of it, by difference: what is dirty is linearised, and its landmarks wait to be eliminated anew.
+  Status LineariseDirty(RelineariseWork* work);
+
+  /// The frames that have come since the last call and are still there, held ones left out.
+  void TakeNewFrames(IndexSet* frames);
+
   /// The step under construction; what is not set does not move.
   void SetFrameStep(std::int32_t frame, const double* step);
   /// As it stands.
@@ -142,7 +148,9 @@ class LiveSystem {
   void GrowSets();
   bool RebuildIsCheaper() const;
   void Recentre(const LiveFamily& family, const std::vector<std::int32_t>& factors);
+  Status LineariseFamilies(bool by_difference);
   Status LineariseFamily(LiveFamily* family, bool by_difference);
+  void RecentreDirty(RelineariseWork* work);
   // A landmark's own line search, from one StepLandmarks to the next.
   struct LandmarkStep {
     double stretch = 1.0;  // of its next step
@@ -207,6 +215,7 @@ class LiveSystem {
   std::vector<FactorId> removed_;
   std::vector<VariableId> toggled_;
   std::vector<VariableId> entering_;
+  std::vector<VariableId> entered_;  // frames, since TakeNewFrames
   std::vector<FactorRef> reattached_;
 };
 

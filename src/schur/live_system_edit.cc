@@ -93,6 +93,7 @@ void LiveSystem::Enter(VariableId id) {
     landmark_of_[id] = schur_.AddLandmark(id, tangents_.quad(id), graph_.TangentSize(id));
   } else {
     frame_of_[id] = schur_.AddFrame(id, tangents_.quad(id), graph_.TangentSize(id));
+    entered_.push_back(id);
   }
   GrowSets();
   ForgetSteps(id);

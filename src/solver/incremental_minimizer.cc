@@ -38,7 +38,7 @@ constexpr double kStopShare = 0.08;
 
 // It also ends when the steps so far let expect that all to come together gain less than this share of it; promises have to fall
 // by more than the factor, from one step to the next.
-constexpr double kRestShare = 0.3;
+constexpr double kRestShare = 0.5;
 constexpr double kSteadyFactor = 0.5;
 constexpr double kCreepingLandmarks = 4.0;
 
@@ -115,14 +115,19 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
   mostly_new_ = mostly_new;
   last_promise_ = 0.0;
   blamed_few_ = false;
-  if (!Relinearise()) {
+  const bool begins = summary_->iterations.empty();  // or the batch solver has told of the start
+  const bool new_frames_first = TakesNewFrameSteps();
+  if (!(new_frames_first ? LineariseDirty() : Relinearise())) {
     return;
   }
-  const bool begins = summary_->iterations.empty();  // or the batch solver has told of the start
   if (begins) {
     summary_->initial_cost = system_.cost();
   }
-  for (bool go_on = !begins || EndIteration(); go_on; go_on = EndIteration()) {
+  bool go_on = !begins || EndIteration();
+  if (go_on && new_frames_first) {
+    go_on = StepNewFrames(stop) && Relinearise();
+  }
+  for (; go_on; go_on = EndIteration()) {
     if (OutOfBudget(stop)) {
       return Finish(Termination::kNoConvergence, "Stopped by a limit or by request; the state is the best so far.");
     }
@@ -167,11 +172,24 @@ bool IncrementalMinimizer::OutOfBudget(const std::atomic<bool>& stop) const {
          NowInSeconds() - trace_->start_seconds() >= options_.max_seconds;
 }
 
+double IncrementalMinimizer::LandmarkDamping() const {
+  return options_.damping == DampingForm::kThesis ? 0.0 : std::max(mu_, kMinLandmarkDamping);
+}
+
 bool IncrementalMinimizer::Relinearise() {
   const StageTimer timer(&summary_->linearise_seconds);
   RelineariseWork work;
-  const double landmark_damping = options_.damping == DampingForm::kThesis ? 0.0 : std::max(mu_, kMinLandmarkDamping);
-  const Status status = system_.Relinearise(landmark_damping, RuleOf(options_.rebuild), &work);
+  return Count(system_.Relinearise(LandmarkDamping(), RuleOf(options_.rebuild), &work), work);
+}
+
+bool IncrementalMinimizer::LineariseDirty() {
+  const StageTimer timer(&summary_->linearise_seconds);
+  RelineariseWork work;
+  return Count(system_.LineariseDirty(&work), work);
+}
+
+// False if the linearisation failed.
+bool IncrementalMinimizer::Count(const Status& status, const RelineariseWork& work) {
   summary_->num_relinearised_factors += work.num_factors;
   summary_->num_recentred_factors += work.num_recentred;
   summary_->num_eliminated_landmarks += work.num_landmarks;
@@ -319,11 +337,11 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
 Status IncrementalMinimizer::SolveFrames() {
   const StageTimer timer(&summary_->solve_seconds);
   LiveSchur& schur = system_.schur();
-  const bool damped_anew = reduced_.Refresh(options_.damping, mu_, &schur);
+  damped_anew_ |= reduced_.Refresh(options_.damping, mu_, &schur);
   frame_step_.resize(schur.size(), 0.0);
   schur.TakeUnfactoredRows(&changed_rows_);
   LiveReducedSolver::Change change(FirstOf(changed_rows_, schur), &changed_rows_, true);
-  if (damped_anew) {
+  if (std::exchange(damped_anew_, false)) {
     change = LiveReducedSolver::Change();  // of everything
   }
   const Status factored = solver_->Factorize(schur.S(), reduced_.damping().data(), reduced_.held().data(), change);
@@ -380,19 +398,24 @@ bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
   return evaluated;
 }
 
-void IncrementalMinimizer::Accept(double gain_ratio) {
+// The step moves the state, and what it touched is looked at.
+void IncrementalMinimizer::AcceptStep() {
   const StageTimer timer(&summary_->accept_seconds);
-  mu_ = std::max(options_.min_damping, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
-  nu_ = 2.0;
   trace_->row().accepted = true;
   summary_->num_updated_landmarks += system_.AcceptValues();
   MarkStale();
+  TakeStepOff();
+  system_.EndStep();
+}
+
+void IncrementalMinimizer::Accept(double gain_ratio) {
+  AcceptStep();
+  mu_ = std::max(options_.min_damping, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
+  nu_ = 2.0;
   frames_moved_ = true;
   blamed_few_ = false;
   last_promise_ = trace_->row().shortened ? 0.0 : summary_->undone;
   last_gain_ratio_ = gain_ratio;
-  TakeStepOff();
-  system_.EndStep();
 }
 
 // What was applied is no longer part of the step still to take.

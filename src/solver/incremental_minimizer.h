@@ -9,6 +9,7 @@
 #include "linear/live_reduced_solver.h"
 #include "schur/live_system.h"
 #include "solver/active_set.h"
+#include "solver/partial_step.h"
 #include "solver/reduced_vectors.h"
 #include "solver/update_trace.h"
 
@@ -21,7 +22,7 @@ class IncrementalMinimizer {
   IncrementalMinimizer(const IncrementalOptions& options, LiveSystem* system);
 
   std::int64_t Bytes() const {
-    return static_cast<std::int64_t>(solver_->Bytes() + active_.Bytes() + reduced_.Bytes() +
+    return static_cast<std::int64_t>(solver_->Bytes() + active_.Bytes() + reduced_.Bytes() + new_frame_step_.Bytes() +
                                      sizeof(double) * frame_step_.capacity());
   }
   /// For the next Minimize; who solves the reduced system stays.
@@ -43,6 +44,12 @@ class IncrementalMinimizer {
   };
 
   bool Relinearise();
+  bool LineariseDirty();
+  bool Count(const Status& status, const RelineariseWork& work);
+  double LandmarkDamping() const;
+  bool TakesNewFrameSteps();
+  bool FindNewFrameStep();
+  bool StepNewFrames(const std::atomic<bool>& stop);
   bool OutOfBudget(const std::atomic<bool>& stop) const;
   bool EndIteration();
   void Finish(Termination termination, const char* message);
@@ -57,6 +64,7 @@ class IncrementalMinimizer {
   double TruncationBudget(double undone) const;
   bool TakeStep(bool* refreshed);
   bool EvaluateStep(double* gain_ratio);
+  void AcceptStep();
   void Accept(double gain_ratio);
   void MarkStale();
   bool RefreshAged();
@@ -79,6 +87,10 @@ class IncrementalMinimizer {
   double last_promise_ = 0.0;     // what was undone before the last step of the frames; 0: none, or not all of it was taken
   double last_gain_ratio_ = 1.0;  // of that step
   ReducedVectors reduced_;
+  bool damped_anew_ = false;  // since S was factored: μ or its form is another
+  IndexSet new_frames_;       // since the last Update
+  IndexSet new_landmarks_;    // seen from them
+  PartialStep new_frame_step_;
   std::vector<double> frame_step_;  // packed by block rows, in the form LiveReducedSolver asks for
   std::vector<std::int32_t> changed_rows_;
   std::vector<IndexSet> aged_;        // per family: linearised too long ago to claim convergence on

@@ -52,6 +52,9 @@ Status IncrementalOptions::Validate() const {
   if (max_landmark_passes < 0) {
     return fail("max_landmark_passes", max_landmark_passes, ">= 0");
   }
+  if (max_new_frame_steps < 0) {
+    return fail("max_new_frame_steps", max_new_frame_steps, ">= 0");
+  }
   return Status::Ok();
 }
 

@@ -62,6 +62,35 @@ bool PartialStep::Find(const LiveSchur& schur, const ReducedVectors& reduced, do
   return true;
 }
 
+bool PartialStep::Solve(const LiveSchur& schur, const ReducedVectors& reduced, const IndexSet& frames) {
+  MakeRoom(schur);
+  order_.Clear();
+  b_.clear();
+  damping_.clear();
+  int scalars = 0;
+  frames.ForEach([&](std::int32_t i) { scalars += schur.FrameOffset(i + 1) - schur.FrameOffset(i); });
+  if (scalars > kMaxScalars) {
+    return false;
+  }
+  frames.ForEach([&](std::int32_t i) { Append(schur, reduced, i); });
+  y_.resize(b_.size());
+  x_.resize(b_.size());
+  if (!cholesky_.Factorize(schur.S(), order_, damping_.data(), 0).ok()) {
+    return false;
+  }
+  cholesky_.ForwardSubstitute(b_.data(), 0, y_.data());
+  BackSubstitute();
+  return true;
+}
+
+void PartialStep::Append(const LiveSchur& schur, const ReducedVectors& reduced, std::int32_t frame) {
+  const int begin = schur.FrameOffset(frame);
+  const int end = schur.FrameOffset(frame + 1);
+  order_.Append(frame, schur.S().num_rows());
+  b_.insert(b_.end(), reduced.b().begin() + begin, reduced.b().begin() + end);
+  damping_.insert(damping_.end(), reduced.damping().begin() + begin, reduced.damping().begin() + end);
+}
+
 // For the largest A there may be: how A grows is not the same from step to step, and a steady window is not to allocate.
 void PartialStep::MakeRoom(const LiveSchur& schur) {
   if (schur.size() == size_with_room_) {
@@ -114,11 +143,7 @@ void PartialStep::Grow(const LiveSchur& schur, const ReducedVectors& reduced) {
   });
   pulled_.ForEach([&](std::int32_t i) {
     if (pulls_[i] > 0.0 && pulls_[i] >= kPullShare * strongest) {
-      const int begin = schur.FrameOffset(i);
-      const int end = schur.FrameOffset(i + 1);
-      order_.Append(i, static_cast<int>(pulls_.size()));
-      b_.insert(b_.end(), reduced.b().begin() + begin, reduced.b().begin() + end);
-      damping_.insert(damping_.end(), reduced.damping().begin() + begin, reduced.damping().begin() + end);
+      Append(schur, reduced, i);
     }
   });
   y_.resize(b_.size());

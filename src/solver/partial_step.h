@@ -29,6 +29,9 @@ class PartialStep {
   /// keeps.
   bool Find(const LiveSchur& schur, const ReducedVectors& reduced, double gain);
 
+  /// A as given. False if these are too many frames, or there is no factor.
+  bool Solve(const LiveSchur& schur, const ReducedVectors& reduced, const IndexSet& frames);
+
   int num_frames() const { return order_.num_places(); }
   std::int32_t frame(int k) const { return order_.row(k); }
   const double* step(int k) const { return x_.data() + cholesky_.offsets()[k]; }
@@ -36,6 +39,7 @@ class PartialStep {
 
  private:
   void MakeRoom(const LiveSchur& schur);
+  void Append(const LiveSchur& schur, const ReducedVectors& reduced, std::int32_t frame);
   void Begin(const LiveSchur& schur, const ReducedVectors& reduced);
   void BeginRest(const LiveSchur& schur, const ReducedVectors& reduced, std::int32_t frame);
   void Grow(const LiveSchur& schur, const ReducedVectors& reduced);

@@ -72,6 +72,11 @@ struct INCERES_EXPORT IncrementalOptions {
   /// some too, after steps that creep (SolverOptions::use_inner_iterations), except with batch_share 0.
   int max_landmark_passes = 5;
 
+  /// ≥ 0: an Update begins with at most so many steps of the frames that have come since the last one and of the landmarks they
+  /// see, all other frames held, while these gain much: a new frame mostly starts far from where it belongs, and until it is
+  /// there all else need not follow. Not taken if much is new, nor with truncation_share 0 or the thesis's damping.
+  int max_new_frame_steps = 3;
+
   RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;
   IncrementalReducedSolver reduced_solver = IncrementalReducedSolver::kAutomatic;
   /// If set, makes the solver for S δ = b instead of a built-in one, for the batch solver too (docs/reduced_solver.md). It
