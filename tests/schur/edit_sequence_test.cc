@@ -22,6 +22,7 @@ constexpr int kRounds = 15;
 
 void PlayRound(EditWorld* world) {
   world->Edit();
+  ASSERT_NO_FATAL_FAILURE(world->StepNewFrames());
   ASSERT_NO_FATAL_FAILURE(world->Relinearise());
   ASSERT_NO_FATAL_FAILURE(world->ExpectLaw()) << "edited";
   ASSERT_NO_FATAL_FAILURE(world->Step());

@@ -390,6 +390,43 @@ void EditWorld::Relinearise() {
   EXPECT_EQ(system_.NumDirtyFactors(), 0);
 }
 
+void EditWorld::StepNewFrames() {
+  RelineariseWork work;
+  ASSERT_TRUE(system_.LineariseDirty(&work).ok());
+  IndexSet frames;
+  system_.TakeNewFrames(&frames);
+  LiveSchur& schur = system_.schur();
+  std::vector<std::int32_t> landmarks;
+  frames.ForEach([&](std::int32_t frame) {
+    for (const std::int32_t landmark : schur.frames()[frame].landmarks) {
+      EXPECT_FALSE(schur.landmarks()[landmark].in_S) << "it has a new factor";
+      landmarks.push_back(landmark);
+    }
+  });
+  std::sort(landmarks.begin(), landmarks.end());
+  landmarks.erase(std::unique(landmarks.begin(), landmarks.end()), landmarks.end());
+  for (const std::int32_t landmark : landmarks) {
+    schur.PutIntoRows(landmark, 1e-3, frames);
+  }
+  frames.ForEach([&](std::int32_t frame) {
+    std::vector<double> step = random_.Vector(schur.frames()[frame].size);
+    std::transform(step.begin(), step.end(), step.begin(), [](double entry) { return 1e-2 * entry; });
+    system_.SetFrameStep(frame, step.data());
+  });
+  for (const std::int32_t landmark : landmarks) {
+    system_.Visit(landmark);
+    schur.TakeOutOfRows(landmark, frames);
+  }
+  double change = 0.0;
+  double predicted = 0.0;
+  ASSERT_TRUE(system_.EvaluateStep(&change, &predicted).ok());
+  if (random_.Below(3) == 0) {
+    system_.Reject();
+  } else {
+    system_.Accept();
+  }
+}
+
 void EditWorld::MarkSome() {
   for (const LiveFamily& family : system_.families()) {
     for (int i = 0; i < family.num_places(); ++i) {

@@ -34,6 +34,8 @@ class EditWorld {
   bool Edit();
   /// Linearises what is dirty, under a random rule and a random damping of the landmarks.
   void Relinearise();
+  /// A step of the frames that have come and of the landmarks they see, on S as far as these frames are concerned.
+  void StepNewFrames();
   /// Linearises some factors anew and damps some landmarks anew.
   void MarkSome();
   /// A random step of some variables, accepted or rejected.

@@ -257,6 +257,7 @@ TEST(IncrementalOptions, EachFieldIsValidatedByName) {
   expect_named("initial_damping", [](IncrementalOptions* o) { o->initial_damping = 1e-12; });
   expect_named("max_damping", [](IncrementalOptions* o) { o->max_damping = 1e-6; });
   expect_named("relinearisation_share", [](IncrementalOptions* o) { o->relinearisation_share = -0.5; });
+  expect_named("max_new_frame_steps", [](IncrementalOptions* o) { o->max_new_frame_steps = -1; });
   expect_named("truncation_share", [](IncrementalOptions* o) { o->truncation_share = -0.5; });
 }
 

@@ -94,6 +94,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(Variant{"ThesisDamping", [](IncrementalOptions* o) { o->damping = DampingForm::kThesis; }},
                     Variant{"StepSizeRule", [](IncrementalOptions* o) { o->relinearisation = RelinearisationRule::kStepSize; }},
                     Variant{"NoLandmarkPasses", [](IncrementalOptions* o) { o->max_landmark_passes = 0; }},
+                    Variant{"NoNewFrameSteps", [](IncrementalOptions* o) { o->max_new_frame_steps = 0; }},
                     Variant{"NothingTruncated", [](IncrementalOptions* o) { o->truncation_share = 0.0; }},
                     Variant{"AlwaysRebuilt", [](IncrementalOptions* o) { o->rebuild = RebuildPolicy::kAlways; }},
                     Variant{"NeverRebuilt", [](IncrementalOptions* o) { o->rebuild = RebuildPolicy::kNever; }}),
@@ -203,6 +204,67 @@ TEST(LandmarkPasses, BringOutliersHomeInFewerIterations) {
   EXPECT_GT(with.num_landmark_passes, 0);
   EXPECT_LE(with.num_iterations, without.num_iterations);
   EXPECT_LE(with.final_cost, without.final_cost * (1.0 + 1e-6));
+}
+
+// A converged problem gets a frame that sees landmarks together with older ones.
+struct Arrival {
+  UpdateSummary summary;
+  std::vector<double> frame;
+  std::vector<double> others;  // the older frames
+};
+Arrival ArriveWith(int max_new_frame_steps, int max_num_iterations, bool hold_others) {
+  IncrementalOptions options;
+  options.batch_share = 1.0;
+  LivingBundle bundle(options, 6);
+  bundle.Grow(12, 80, 3);
+  for (int k = 0; k < 4; ++k) {
+    bundle.solver.Update();
+  }
+  options.max_new_frame_steps = max_new_frame_steps;
+  options.max_num_iterations = max_num_iterations;
+  bundle.solver.SetOptions(options);
+  const std::vector<VariableId> others = bundle.frames();
+  for (const VariableId id : others) {
+    bundle.SetConstant(id, hold_others);
+  }
+  const VariableId frame = bundle.AddFrame();
+  for (int k = 0; k < 6; ++k) {
+    bundle.AddLandmark({others[others.size() - 2], others.back(), frame});
+  }
+  bundle.Apply();
+  Arrival arrival;
+  arrival.summary = bundle.solver.Update();
+  const auto append = [&](VariableId id, std::vector<double>* values) {
+    values->insert(values->end(), bundle.solver.Values(id), bundle.solver.Values(id) + bundle.solver.graph().AmbientSize(id));
+  };
+  append(frame, &arrival.frame);
+  for (const VariableId id : others) {
+    append(id, &arrival.others);
+  }
+  return arrival;
+}
+
+TEST(NewFrameSteps, AreThoseOfTheNewFrameWithAllOthersHeld) {
+  const std::vector<double> before = ArriveWith(0, 0, false).others;
+  const Arrival stepped = ArriveWith(1, 1, false);
+  const Arrival held = ArriveWith(0, 1, true);
+  EXPECT_EQ(stepped.others, before);
+  ASSERT_EQ(stepped.frame.size(), held.frame.size());
+  for (std::size_t k = 0; k < held.frame.size(); ++k) {
+    EXPECT_NEAR(stepped.frame[k], held.frame[k], 1e-9) << "entry " << k;
+  }
+  EXPECT_EQ(stepped.summary.num_moved_frames, 1);
+  EXPECT_EQ(stepped.summary.num_factored_rows, 0);
+  EXPECT_LT(stepped.summary.final_cost, stepped.summary.initial_cost);
+}
+
+TEST(NewFrameSteps, SpareTheReducedSystem) {
+  const UpdateSummary with = ArriveWith(3, 50, false).summary;
+  const UpdateSummary without = ArriveWith(0, 50, false).summary;
+  EXPECT_EQ(with.termination, Termination::kConvergence);
+  EXPECT_EQ(without.termination, Termination::kConvergence);
+  EXPECT_LT(with.num_factored_rows, without.num_factored_rows);
+  EXPECT_NEAR(with.final_cost, without.final_cost, 1e-6 * without.final_cost);
 }
 
 // Two cameras close together see a point so that their rays part: it is best at infinity. A third, far from them, then sees it
