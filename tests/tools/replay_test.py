@@ -120,10 +120,10 @@ class ReplayTest(unittest.TestCase):
         self.assertEqual(costs[0], costs[1])
 
     def test_structure(self):
-        _, report = self.play("path:70", "--mode", "incremental", "--nostock", "--structure_step", "60")
+        _, report = self.play("path:70", "--mode", "incremental", "--nostock", "--structure_step", "65")
         structure = report["structure"]
-        self.assertEqual(structure["step"], 60)
-        self.assertEqual(len(structure["frames"]), report["rows"][59]["frames"] - 1)  # the first camera is held
+        self.assertEqual(structure["step"], 65)
+        self.assertEqual(len(structure["frames"]), report["rows"][64]["frames"] - 1)  # the first camera is held
         rows = set(range(len(structure["frames"])))
         self.assertEqual(structure["blocks"], sorted([r, c] for r, c in structure["blocks"] if c < r and r in rows))
         self.assertIn(max(rows), structure["changed_rows"])
