@@ -42,8 +42,9 @@ bool IncrementalMinimizer::FindNewFrameStep() {
     system_.SetFrameStep(new_frame_step_.frame(k), new_frame_step_.step(k));
   }
   new_landmarks_.ForEach([&](std::int32_t landmark) {
-    if (solved) {
+    if (solved && schur.landmarks()[landmark].partly) {  // neither held nor parked
       system_.Visit(landmark);
+      ++summary_->num_visited_landmarks;
     }
     schur.TakeOutOfRows(landmark, new_frames_);
   });
@@ -63,7 +64,6 @@ bool IncrementalMinimizer::StepNewFrames(const std::atomic<bool>& stop) {
     }
     ++summary_->num_iterations;
     summary_->num_moved_frames += new_frames_.count();
-    summary_->num_visited_landmarks += new_landmarks_.count();
     double ratio = 0.0;
     const bool accepted = EvaluateStep(&ratio) && ratio > options_.min_relative_decrease;
     if (accepted) {

@@ -414,7 +414,9 @@ void EditWorld::StepNewFrames() {
     system_.SetFrameStep(frame, step.data());
   });
   for (const std::int32_t landmark : landmarks) {
-    system_.Visit(landmark);
+    if (schur.landmarks()[landmark].partly) {
+      system_.Visit(landmark);
+    }
     schur.TakeOutOfRows(landmark, frames);
   }
   double change = 0.0;

@@ -258,6 +258,33 @@ TEST(NewFrameSteps, AreThoseOfTheNewFrameWithAllOthersHeld) {
   EXPECT_LT(stepped.summary.final_cost, stepped.summary.initial_cost);
 }
 
+// A landmark held constant does not even get its own value written anew.
+TEST(NewFrameSteps, LeaveWhatIsHeld) {
+  IncrementalOptions options;
+  options.batch_share = 1.0;
+  LivingBundle bundle(options, 6);
+  bundle.Grow(12, 80, 3);
+  bundle.solver.Update();
+  const std::vector<VariableId> frames = bundle.frames();
+  const VariableId frame = bundle.AddFrame();
+  const VariableId landmark = bundle.AddLandmark({frames.back(), frame});
+  const VariableId held = bundle.AddLandmark({frames.back(), frame});
+  bundle.Apply();
+  bundle.SetConstant(held, true);
+  bundle.Apply();
+  const auto values_of = [&](VariableId id) {
+    const double* values = bundle.solver.Values(id);
+    return std::vector<double>(values, values + bundle.solver.graph().AmbientSize(id));
+  };
+  const std::vector<double> before = values_of(held);
+  const std::vector<double> other_before = values_of(landmark);
+  options.max_num_iterations = 1;
+  bundle.solver.SetOptions(options);
+  EXPECT_EQ(bundle.solver.Update().num_visited_landmarks, 1);
+  EXPECT_EQ(values_of(held), before);
+  EXPECT_NE(values_of(landmark), other_before);
+}
+
 TEST(NewFrameSteps, SpareTheReducedSystem) {
   const UpdateSummary with = ArriveWith(3, 50, false).summary;
   const UpdateSummary without = ArriveWith(0, 50, false).summary;
