@@ -76,7 +76,9 @@ Status LiveSystem::LineariseFamilies(bool by_difference) {
 Status LiveSystem::LineariseDirty(RelineariseWork* work) {
   *work = RelineariseWork();
   RecentreDirty(work);
-  return LineariseFamilies(true);
+  Status linearised = LineariseFamilies(true);
+  ResumCost();
+  return linearised;
 }
 
 Status LiveSystem::Relinearise(double lambda, RebuildRule rule, RelineariseWork* work) {

@@ -80,8 +80,13 @@ class LiveSystem {
   /// The first half of it, by difference: what is dirty is linearised, and its landmarks wait to be eliminated anew.
   Status LineariseDirty(RelineariseWork* work);
 
+  /// Whether summing S and b anew is cheaper than following what is dirty by difference.
+  bool RebuildIsCheaper() const;
+
   /// The frames that have come since the last call and are still there, held ones left out.
   void TakeNewFrames(IndexSet* frames);
+  /// Those that have come so far are nothing new.
+  void ForgetNewFrames() { entered_.clear(); }
 
   /// The step under construction; what is not set does not move.
   void SetFrameStep(std::int32_t frame, const double* step);
@@ -146,7 +151,6 @@ class LiveSystem {
   }
   void AdmitFamilies();
   void GrowSets();
-  bool RebuildIsCheaper() const;
   void Recentre(const LiveFamily& family, const std::vector<std::int32_t>& factors);
   Status LineariseFamilies(bool by_difference);
   Status LineariseFamily(LiveFamily* family, bool by_difference);

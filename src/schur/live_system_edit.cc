@@ -232,6 +232,7 @@ void LiveSystem::Reattach() {
 }
 
 void LiveSystem::TakeValues() {
+  ForgetNewFrames();
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
     if (graph_.HasVariable(id)) {
       values_.Set(id, graph_.Values(id));

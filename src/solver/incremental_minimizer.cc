@@ -50,7 +50,7 @@ constexpr double kLandmarkShare = 0.3;
 constexpr double kLandmarkDominance = 0.5;
 
 // Less than this share of what an Update may leave undone is always left.
-constexpr double kTruncationFloor = 0.75;
+constexpr double kTruncationFloor = 0.1;
 
 // To this share of what an Update may leave undone, sums that are kept by difference are exact.
 constexpr double kSumShare = 1e-3;

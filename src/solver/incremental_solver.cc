@@ -112,6 +112,7 @@ void IncrementalSolver::Impl::Restart() {
       }
     }
   }
+  live->ForgetNewFrames();
 }
 
 void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {

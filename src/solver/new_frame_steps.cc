@@ -17,7 +17,8 @@ bool IncrementalMinimizer::TakesNewFrameSteps() {
   system_.TakeNewFrames(&new_frames_);
   return options_.max_new_frame_steps > 0 && !mostly_new_ && options_.truncation_share > 0.0 &&
          options_.damping == DampingForm::kHybrid && !new_frames_.empty() &&
-         2 * new_frames_.count() <= system_.schur().num_frames();
+         2 * new_frames_.count() <= system_.schur().num_frames() && PartialStep::HasRoomFor(system_.schur(), new_frames_) &&
+         !(options_.rebuild == RebuildPolicy::kWhenCheaper && system_.RebuildIsCheaper());
 }
 
 // The landmarks seen from a new frame are out of S, for it has brought factors to each of them; here they go in only as far as
@@ -35,13 +36,13 @@ bool IncrementalMinimizer::FindNewFrameStep() {
   });
   const double damping = LandmarkDamping();
   new_landmarks_.ForEach([&](std::int32_t landmark) { schur.PutIntoRows(landmark, damping, new_frames_); });
-  summary_->num_eliminated_landmarks += new_landmarks_.count();
   damped_anew_ |= reduced_.Refresh(options_.damping, mu_, &schur);
   const bool solved = new_frame_step_.Solve(schur, reduced_, new_frames_);
   for (int k = 0; solved && k < new_frame_step_.num_frames(); ++k) {
     system_.SetFrameStep(new_frame_step_.frame(k), new_frame_step_.step(k));
   }
   new_landmarks_.ForEach([&](std::int32_t landmark) {
+    summary_->num_eliminated_landmarks += schur.landmarks()[landmark].partly ? 1 : 0;
     if (solved && schur.landmarks()[landmark].partly) {  // neither held nor parked
       system_.Visit(landmark);
       ++summary_->num_visited_landmarks;
@@ -52,10 +53,12 @@ bool IncrementalMinimizer::FindNewFrameStep() {
   return solved;
 }
 
-// False if the Update ends: with an error, or because the observer says so.
+// At least one iteration is left to the others. False if the Update ends: with an error, or because the observer says so.
 bool IncrementalMinimizer::StepNewFrames(const std::atomic<bool>& stop) {
   double first_gain = 0.0;
-  for (int n = 0; n < options_.max_new_frame_steps && !OutOfBudget(stop); ++n) {
+  for (int n = 0;
+       n < options_.max_new_frame_steps && summary_->num_iterations + 1 < options_.max_num_iterations && !OutOfBudget(stop);
+       ++n) {
     if (n > 0 && !LineariseDirty()) {
       return false;
     }

@@ -62,16 +62,17 @@ bool PartialStep::Find(const LiveSchur& schur, const ReducedVectors& reduced, do
   return true;
 }
 
+bool PartialStep::HasRoomFor(const LiveSchur& schur, const IndexSet& frames) {
+  int scalars = 0;
+  frames.ForEach([&](std::int32_t i) { scalars += schur.frames()[i].size; });
+  return scalars <= kMaxScalars;
+}
+
 bool PartialStep::Solve(const LiveSchur& schur, const ReducedVectors& reduced, const IndexSet& frames) {
   MakeRoom(schur);
   order_.Clear();
   b_.clear();
   damping_.clear();
-  int scalars = 0;
-  frames.ForEach([&](std::int32_t i) { scalars += schur.FrameOffset(i + 1) - schur.FrameOffset(i); });
-  if (scalars > kMaxScalars) {
-    return false;
-  }
   frames.ForEach([&](std::int32_t i) { Append(schur, reduced, i); });
   y_.resize(b_.size());
   x_.resize(b_.size());

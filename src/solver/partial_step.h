@@ -29,7 +29,8 @@ class PartialStep {
   /// keeps.
   bool Find(const LiveSchur& schur, const ReducedVectors& reduced, double gain);
 
-  /// A as given. False if these are too many frames, or there is no factor.
+  static bool HasRoomFor(const LiveSchur& schur, const IndexSet& frames);
+  /// A as given; there is room for it. False if there is no factor.
   bool Solve(const LiveSchur& schur, const ReducedVectors& reduced, const IndexSet& frames);
 
   int num_frames() const { return order_.num_places(); }

@@ -212,7 +212,8 @@ struct Arrival {
   std::vector<double> frame;
   std::vector<double> others;  // the older frames
 };
-Arrival ArriveWith(int max_new_frame_steps, int max_num_iterations, bool hold_others) {
+Arrival ArriveWith(int max_new_frame_steps, int max_num_iterations, bool hold_others,
+                   std::int64_t max_factor_evaluations = IncrementalOptions().max_factor_evaluations) {
   IncrementalOptions options;
   options.batch_share = 1.0;
   LivingBundle bundle(options, 6);
@@ -222,6 +223,7 @@ Arrival ArriveWith(int max_new_frame_steps, int max_num_iterations, bool hold_ot
   }
   options.max_new_frame_steps = max_new_frame_steps;
   options.max_num_iterations = max_num_iterations;
+  options.max_factor_evaluations = max_factor_evaluations;
   bundle.solver.SetOptions(options);
   const std::vector<VariableId> others = bundle.frames();
   for (const VariableId id : others) {
@@ -245,8 +247,10 @@ Arrival ArriveWith(int max_new_frame_steps, int max_num_iterations, bool hold_ot
 }
 
 TEST(NewFrameSteps, AreThoseOfTheNewFrameWithAllOthersHeld) {
-  const std::vector<double> before = ArriveWith(0, 0, false).others;
-  const Arrival stepped = ArriveWith(1, 1, false);
+  const Arrival unsolved = ArriveWith(0, 0, false);
+  const std::vector<double>& before = unsolved.others;
+  // The budget ends the Update after the step.
+  const Arrival stepped = ArriveWith(1, 50, false, unsolved.summary.num_relinearised_factors + 1);
   const Arrival held = ArriveWith(0, 1, true);
   EXPECT_EQ(stepped.others, before);
   ASSERT_EQ(stepped.frame.size(), held.frame.size());
@@ -278,11 +282,19 @@ TEST(NewFrameSteps, LeaveWhatIsHeld) {
   };
   const std::vector<double> before = values_of(held);
   const std::vector<double> other_before = values_of(landmark);
-  options.max_num_iterations = 1;
-  bundle.solver.SetOptions(options);
-  EXPECT_EQ(bundle.solver.Update().num_visited_landmarks, 1);
+  const UpdateSummary summary = bundle.solver.Update();
+  ASSERT_GT(summary.iterations.size(), 1U);
+  EXPECT_EQ(summary.iterations[1].num_moved_frames, 1);
+  EXPECT_EQ(summary.iterations[1].num_visited_landmarks, 1);
   EXPECT_EQ(values_of(held), before);
   EXPECT_NE(values_of(landmark), other_before);
+}
+
+TEST(NewFrameSteps, LeaveAnIterationToTheOthers) {
+  const Arrival one = ArriveWith(3, 1, false);
+  EXPECT_NE(one.others, ArriveWith(0, 0, false).others);
+  EXPECT_EQ(one.summary.num_iterations, 1);
+  EXPECT_GT(one.summary.num_factored_rows, 0);
 }
 
 TEST(NewFrameSteps, SpareTheReducedSystem) {

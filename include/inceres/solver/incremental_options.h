@@ -74,7 +74,8 @@ struct INCERES_EXPORT IncrementalOptions {
 
   /// ≥ 0: an Update begins with at most so many steps of the frames that have come since the last one and of the landmarks they
   /// see, all other frames held, while these gain much: a new frame mostly starts far from where it belongs, and until it is
-  /// there all else need not follow. Not taken if much is new, nor with truncation_share 0 or the thesis's damping.
+  /// there all else need not follow. One of max_num_iterations is left to the others. Not taken if half is new, nor with
+  /// truncation_share 0.
   int max_new_frame_steps = 3;
 
   RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;

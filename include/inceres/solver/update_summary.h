@@ -13,7 +13,7 @@ namespace inceres {
 enum class UpdateStep {
   kNone,       ///< no step: the start; the reduced system had no factor; or old Jacobians were renewed before success was claimed
   kBatch,      ///< one of the batch solver's
-  kFrames,     ///< the frames of the active set and the landmarks behind them
+  kFrames,     ///< frames of the active set, or new ones alone, and the landmarks behind them
   kLandmarks,  ///< landmarks alone, each accepted or not for itself
 };
 
@@ -35,8 +35,8 @@ struct INCERES_EXPORT UpdateIteration {
   double predicted_change = 0.0;   ///< the same by the model; 0 of kLandmarks
   double relative_decrease = 0.0;  ///< their ratio
   double step_norm = 0.0;          ///< ‖δ‖ in the tangent spaces; ‖x − candidate‖ of kBatch
-  /// With an observer only, for it takes a pass over all variables: max and norm of (b, l), which is the gradient with the
-  /// frames' part as it is when the landmarks follow. Of kBatch as in IterationSummary, always.
+  /// With an observer only: max and norm of (b, l), the gradient with the frames' part as it is when the landmarks follow; at the
+  /// start and after steps of new frames without the landmarks these see. Of kBatch as in IterationSummary, always.
   double gradient_max_norm = 0.0;
   double gradient_norm = 0.0;
   double damping = 0.0;  ///< μ after it; 0 of the batch solver's Dog-Leg
