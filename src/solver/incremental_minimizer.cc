@@ -114,6 +114,7 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
   frames_moved_ = false;  // the frames first
   mostly_new_ = mostly_new;
   last_promise_ = 0.0;
+  landmark_creep_ = 1.0;
   blamed_few_ = false;
   const bool begins = summary_->iterations.empty();  // or the batch solver has told of the start
   const bool new_frames_first = TakesNewFrameSteps();
@@ -222,6 +223,7 @@ bool IncrementalMinimizer::StepLandmarks() {
     row.step = UpdateStep::kLandmarks;
     row.accepted = true;
     row.cost_change = cost - system_.cost();
+    landmark_creep_ = std::max(1.0, row.cost_change / gain);
     row.step_norm = system_.StepNorm();
     MarkStale();
     system_.EndStep();
@@ -244,7 +246,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   }
   const double undone = Undone();
   summary_->undone = undone;
-  if (undone <= kStopShare * Tolerance() || NextStepsGainLittle(undone)) {
+  if (undone + (landmark_creep_ - 1.0) * LandmarkGain() <= kStopShare * Tolerance() || NextStepsGainLittle(undone)) {
     // Refresh before success.
     trace_->row().refreshed = RefreshAged();
     return trace_->row().refreshed ? Verdict::kGoOn : Verdict::kConverged;
@@ -279,7 +281,7 @@ bool IncrementalMinimizer::NextStepsGainLittle(double undone) {
     return false;
   }
   const double factor = undone / last_promise_;
-  const double landmarks = kCreepingLandmarks * LandmarkGain();
+  const double landmarks = std::max(kCreepingLandmarks, landmark_creep_) * LandmarkGain();
   return factor < kSteadyFactor &&
          std::max(1.0, last_gain_ratio_) * undone / (1.0 - factor) + landmarks <= kRestShare * Tolerance();
 }

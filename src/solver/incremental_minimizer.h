@@ -86,6 +86,7 @@ class IncrementalMinimizer {
   int num_landmark_passes_ = 0;   // still allowed before the next step of the frames
   double last_promise_ = 0.0;     // what was undone before the last step of the frames; 0: none, or not all of it was taken
   double last_gain_ratio_ = 1.0;  // of that step
+  double landmark_creep_ = 1.0;   // what landmarks gained by themselves, in the last pass, over what they promised; ≥ 1
   ReducedVectors reduced_;
   bool damped_anew_ = false;  // since S was factored: μ or its form is another
   IndexSet new_frames_;       // since the last Update

@@ -49,8 +49,8 @@ void ExpectAsGoodAsStock(const Play& play, const SolveFunction& ours, std::size_
   EXPECT_EQ(stock.solve_ms.size(), num_solves);
   EXPECT_EQ(report.solve_ms.size(), num_solves);
   EXPECT_LT(stock.ate_m, 0.25);  // the estimator itself does its work
-  EXPECT_LT(report.ate_m, 1.01 * stock.ate_m);
-  EXPECT_GT(report.ate_m, 0.99 * stock.ate_m);
+  EXPECT_LT(report.ate_m, (1.0 + kAteTolerance) * stock.ate_m);
+  EXPECT_GT(report.ate_m, (1.0 - kAteTolerance) * stock.ate_m);
 }
 
 Play Vins(bool free_extrinsics) {
