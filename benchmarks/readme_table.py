@@ -32,6 +32,8 @@ ROWS = [
     ("sphere.g2o, Dog-Leg, AutoDiff, 1 thread", f"g2o:{DATA}/pose_graph/sphere.g2o", ["--trust_region", "dogleg"]),
     ("M3500.g2o, LM, AutoDiff, 1 thread", f"g2o:{DATA}/pose_graph/M3500.g2o", []),
     ("M3500.g2o, Dog-Leg, AutoDiff, 1 thread", f"g2o:{DATA}/pose_graph/M3500.g2o", ["--trust_region", "dogleg"]),
+    ("sphere.g2o, incremental mode, Dog-Leg", f"g2o:{DATA}/pose_graph/sphere.g2o", ["--mode", "incremental", "--trust_region", "dogleg"]),
+    ("M3500.g2o, incremental mode, Dog-Leg", f"g2o:{DATA}/pose_graph/M3500.g2o", ["--mode", "incremental", "--trust_region", "dogleg"]),
 ]
 
 

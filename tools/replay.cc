@@ -22,9 +22,10 @@
 
 DECLARE_string(problem);
 DECLARE_int32(seed);
-DEFINE_string(mode, "exact",
-              "How inceres solves: exact (its batch solver, warm) or incremental (the solver that remembers: "
-              "Levenberg-Marquardt in its own metric, stopped by --function_tolerance alone).");
+DEFINE_string(
+    mode, "incremental",
+    "How inceres solves: incremental (the solver that remembers: Levenberg-Marquardt in its own metric, stopped by "
+    "--function_tolerance alone; the other tolerances and --trust_region are stock's then) or exact (its batch solver, warm).");
 DEFINE_bool(autodiff, false, "Give both sides AutoDiff cost functions instead of the same analytic factors.");
 DEFINE_bool(stock_autodiff, false,
             "Give stock AutoDiff cost functions, as its users write them, while ours keeps its built-in factors.");
@@ -35,11 +36,15 @@ DEFINE_int32(steps, 0, "Stop after this many steps; 0: play all.");
 DEFINE_int32(num_threads, 1, "Threads of each solver, at least 1.");
 DEFINE_int32(max_num_iterations, 50, "Iterations a step at most, at least 1.");
 DEFINE_double(function_tolerance, 1e-6, "Stop a step's solve when the cost changes by less than this, relative; 0: never.");
-DEFINE_double(gradient_tolerance, 1e-10, "Stop when no entry of the gradient is larger; 0: never.");
+DEFINE_double(gradient_tolerance, 1e-10,
+              "Stock, and ours with --mode exact: stop when no entry of the gradient is larger; 0: never.");
 DEFINE_double(parameter_tolerance, 0.0,
-              "Stop when the step is shorter than this, relative to the parameters; 0: never. Ceres's default of 1e-8 is not for "
+              "As --gradient_tolerance: stop when the step is shorter than this, relative to the parameters; 0: never. Ceres's "
+              "default of 1e-8 is not for "
               "BAL: a few points run off, and against their coordinates every step is short.");
-DEFINE_string(trust_region, "auto", "Strategy of both sides: lm, dogleg, or auto: lm for bal and path, dogleg for kf and vio.");
+DEFINE_string(
+    trust_region, "auto",
+    "Strategy of stock, and of ours with --mode exact: lm, dogleg, or auto: lm for bal and path, dogleg for kf and vio.");
 DEFINE_string(stock_linear_solver, "dense_schur", "Linear solver of stock Ceres: dense_schur or sparse_schur, landmarks first.");
 DEFINE_bool(optimum, true, "After each step look for the minimum that stock LM reaches at tolerances of 1e-12. Slow, not timed.");
 DEFINE_int32(print_every, 5, "Print every so many steps, at least 1; steps that close a loop or fail are always printed.");
@@ -51,11 +56,11 @@ namespace {
 
 constexpr char kUsage[] =
     "plays a problem that grows step by step: inceres and stock Ceres solve it again, warm, after each step, in lockstep and at "
-    "the same tolerances; only the solve calls are timed.\n\n"
+    "the same tolerances; the solve calls are timed, and apart from them what it takes to add a step to each side's problem.\n\n"
     "  replay --problem bal:problem-49-7776-pre.txt\n"
     "  replay --problem bal:problem.txt --no_priors --free_intrinsics --steps 20\n"
-    "  replay --problem kf:fr3_office.kf --mode incremental --stock_autodiff --json report.json\n"
-    "  replay --problem path:2000 --mode incremental --nostock --flat\n\n"
+    "  replay --problem kf:fr3_office.kf --stock_autodiff --json report.json\n"
+    "  replay --problem path:2000 --nostock --flat\n\n"
     "bal: cameras in index order with the points that two of them see, near the solution of the whole file, with priors.\n"
     "kf: a keyframe sequence with inverse-depth landmarks and loop closures.\n"
     "vio: frames of a visual-inertial sequence, with points in the world; analytic factors only.\n"

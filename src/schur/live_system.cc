@@ -122,6 +122,7 @@ Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
   IndexSet& dirty = dirty_[family->id()];
   dirty.CopyTo(&list_);
   kept_.clear();
+  const double cost = cost_;
   for (const std::int32_t i : list_) {
     const FactorRef ref{family->id(), i};
     const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
@@ -144,6 +145,7 @@ Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
   }
   const EvaluationFailure failure = family->Linearise(list_, executor_);
   if (failure.failed()) {
+    cost_ = cost;
     return Status::Error(StatusCode::kEvaluationFailed,
                          graph_.DescribeFactor(family->id(), failure.factor) + ": " + failure.reason);
   }

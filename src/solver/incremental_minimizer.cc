@@ -246,7 +246,9 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   }
   const double undone = Undone();
   summary_->undone = undone;
-  if (undone + (landmark_creep_ - 1.0) * LandmarkGain() <= kStopShare * Tolerance() || NextStepsGainLittle(undone)) {
+  const bool little_left =
+      undone + (landmark_creep_ - 1.0) * LandmarkGain() <= kStopShare * Tolerance() || NextStepsGainLittle(undone);
+  if (little_left && solver_->work().converged) {  // a solve that was cut short does not know all there is to gain
     // Refresh before success.
     trace_->row().refreshed = RefreshAged();
     return trace_->row().refreshed ? Verdict::kGoOn : Verdict::kConverged;

@@ -117,9 +117,11 @@ void IncrementalSolver::Impl::Restart() {
 
 void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
   converged_ = converged_ && options.function_tolerance >= options_.function_tolerance;
-  const int num_threads = options_.num_threads;  // of the live system
+  IncrementalOptions kept = options_;
   options_ = options;
-  options_.num_threads = num_threads;
+  options_.num_threads = kept.num_threads;
+  options_.reduced_solver = kept.reduced_solver;
+  options_.reduced_solver_factory = std::move(kept.reduced_solver_factory);
   if (live != nullptr) {
     minimizer_->SetOptions(options_);
   }
@@ -201,6 +203,7 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
     summary->message = "Nothing has changed since the last Update converged.";
     summary->initial_cost = cost_;
     trace.EndRow(cost_);
+    stop = false;
   } else {
     if (observer != nullptr) {
       TakeValues();
@@ -238,8 +241,11 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
   // Where the batch solver fails the state is what it was: the other one gets its chance, or names the culprit.
   if (!finished) {
     Form();
+    const std::size_t rows_before = trace->summary().iterations.size();
     minimizer_->Minimize(!batch && num_new > kMostlyNew * graph.num_factors(), stop, trace);
-    cost_ = live->cost();
+    const bool failed_at_once =
+        trace->summary().termination == Termination::kFailure && trace->summary().iterations.size() == rows_before;
+    cost_ = failed_at_once ? cost_ : live->cost();  // what could not be evaluated has no cost
     num_waiting_ = 0;
   }
   stop = false;

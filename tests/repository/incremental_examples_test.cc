@@ -71,7 +71,7 @@ inceres::UpdateSummary Update(inceres::IncrementalSolver* updated, VariableId ca
 // [quoted in docs/incremental.md]
 const inceres::UpdateSummary summary = solver.Update();
 if (summary.termination == inceres::Termination::kFailure) {
-  std::cerr << summary.message << '\n';  // names the factor; the values are those of before
+  std::cerr << summary.message << '\n';  // names the factor; the values are those of the last accepted step
 }
 const double* camera_now = solver.Values(camera);
 // [end of quote]

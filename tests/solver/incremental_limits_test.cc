@@ -117,6 +117,16 @@ TEST(IncrementalLimits, AStopAskedForBeforeAnUpdateEndsThatOneOnly) {
   }
 }
 
+TEST(IncrementalLimits, AStopAskedForBeforeAnUpdateWithNothingToDoEndsThatOne) {
+  LivingBundle bundle(WithoutBatch(), 10);
+  bundle.Grow(10, 60, 3);
+  ASSERT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
+  bundle.solver.RequestStop();
+  EXPECT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
+  bundle.Grow(2, 10, 3);
+  EXPECT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
+}
+
 // One variable that creeps towards its minimum: every evaluation waits until the other thread has asked for the stop.
 TEST(IncrementalLimits, AStopFromAnotherThreadEndsTheUpdateThatRuns) {
   std::atomic<bool> running{false};

@@ -216,10 +216,13 @@ TEST(IncrementalSolver, AFactorThatFailsIsNamedAndMayRecover) {
   edit.AddFactor(id, *family, 0, {x});
   ASSERT_TRUE(solver.Apply(edit).ok());
   const double before = *solver.Values(x);
+  const double cost = solver.cost();
   const UpdateSummary failed = solver.Update();
   EXPECT_EQ(failed.termination, Termination::kFailure);
   EXPECT_NE(failed.message.find("factor 1 of function"), std::string::npos) << failed.message;
   EXPECT_EQ(*solver.Values(x), before);
+  EXPECT_EQ(failed.final_cost, cost);  // of what could be evaluated
+  EXPECT_EQ(solver.cost(), cost);
 
   broken = false;
   EXPECT_EQ(solver.Update().termination, Termination::kConvergence);

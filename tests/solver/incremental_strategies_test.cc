@@ -1,6 +1,7 @@
 // The ways an Update can go: through the batch solver alone, with the thesis's damping or rule, with and without steps of
 // landmarks.
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -112,6 +113,43 @@ TEST(StepSizeRule, LinearisesByItsThreshold) {
     return bundle.solver.Update().num_relinearised_factors;
   };
   EXPECT_GT(linearised_with(1e-12), linearised_with(1e3));
+}
+
+// θ = 0: whether S follows by difference or is summed anew, the iterates are the same up to rounding.
+TEST(RebuildPolicy, DifferencesGiveTheIteratesOfRebuilding) {
+  const auto play = [](RebuildPolicy policy, std::vector<double>* values) {
+    IncrementalOptions options;
+    options.batch_share = 1.0;
+    options.relinearisation_share = 0.0;
+    options.truncation_share = 0.0;
+    options.max_landmark_passes = 0;
+    options.rebuild = policy;
+    LivingBundle bundle(options, 12);
+    std::vector<double> costs;
+    for (int step = 0; step < 6; ++step) {
+      bundle.Grow(step == 0 ? 8 : 1, step == 0 ? 60 : 8, 6);  // many views: well conditioned
+      const UpdateSummary summary = bundle.solver.Update();
+      EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+      EXPECT_EQ(summary.num_rebuilds == 0, policy == RebuildPolicy::kNever);
+      for (const UpdateIteration& iteration : summary.iterations) {
+        costs.push_back(iteration.cost);
+      }
+      const std::vector<double> now = bundle.Values();
+      values->insert(values->end(), now.begin(), now.end());
+    }
+    return costs;
+  };
+  std::vector<double> rebuilt, followed;
+  const std::vector<double> expected = play(RebuildPolicy::kAlways, &rebuilt);
+  const std::vector<double> costs = play(RebuildPolicy::kNever, &followed);
+  ASSERT_EQ(costs.size(), expected.size());
+  for (std::size_t k = 0; k < costs.size(); ++k) {
+    EXPECT_NEAR(costs[k], expected[k], 1e-9 * expected[k]) << "iteration " << k;
+  }
+  ASSERT_EQ(followed.size(), rebuilt.size());
+  for (std::size_t k = 0; k < rebuilt.size(); ++k) {
+    EXPECT_NEAR(followed[k], rebuilt[k], 1e-9 * std::max(1.0, std::fabs(rebuilt[k]))) << "value " << k;
+  }
 }
 
 TEST(RebuildPolicy, SaysHowSFollows) {

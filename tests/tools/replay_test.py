@@ -50,7 +50,8 @@ class ReplayTest(unittest.TestCase):
     def play(self, problem, *flags):
         """Plays and returns standard output and the JSON report."""
         report = self.file("report.json")
-        output, _ = run(TOOL, "--problem", problem, "--json", report, *flags)
+        mode = () if "--mode" in flags else ("--mode", "exact")
+        output, _ = run(TOOL, "--problem", problem, "--json", report, *mode, *flags)
         with open(report, encoding="utf-8") as file:
             return output, json.load(file)
 
@@ -66,6 +67,8 @@ class ReplayTest(unittest.TestCase):
             self.assertAlmostEqual(report[side + "_ms"]["total"], sum(times), delta=1e-9 * sum(times))
             self.assertEqual(report[side + "_ms"]["max"], times[-1])
             self.assertEqual(report["failed_steps"][side], 0)
+            growth = sum(row[side]["growth_ms"] for row in report["rows"])
+            self.assertAlmostEqual(report[side + "_steps"]["growth_ms"]["total"], growth, delta=1e-9 * growth)
         self.assertAlmostEqual(report["ratio_total"], report["ours_ms"]["total"] / report["stock_ms"]["total"], delta=1e-9)
         self.assertAlmostEqual(report["ratio_median"], report["ours_ms"]["median"] / report["stock_ms"]["median"], delta=1e-9)
 
@@ -111,6 +114,12 @@ class ReplayTest(unittest.TestCase):
                 self.assertLess(abs(report["max_relative_cost_excess"]), 1e-4, (problem, flags))
                 self.assertEqual("AutoDiff" in report["ours"], flags == ("--autodiff",))
                 self.assertEqual("AutoDiff" in report["stock"], flags != ())
+
+    def test_ours_is_incremental_unless_asked_otherwise(self):
+        output, _ = run(TOOL, "--problem", self.bal)
+        self.assertIn("ours:  inceres (incremental", output)
+        self.assertRegex(output, r"ours, adding the step +\d")
+        self.assertRegex(output, r"stock, adding the step +\d")
 
     def test_threads_do_not_change_what_incremental_finds(self):
         costs = []

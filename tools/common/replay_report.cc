@@ -22,7 +22,8 @@ nlohmann::json StepsJson(const ReplaySideSummary& side) {
           {"unconverged", side.unconverged},
           {"iterations", side.iterations},
           {"invalid_steps", side.invalid_steps},
-          {"max_report_error", side.max_report_error}};
+          {"max_report_error", side.max_report_error},
+          {"growth_ms", ToJson(side.growth_ms)}};
 }
 
 nlohmann::json ToJson(const ReplaySide& side) {
@@ -126,6 +127,10 @@ std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary&
   if (summary.stock.has_value()) {
     AppendTimes(&text, "stock", summary.stock->ms);
     AppendFormat(&text, "%-30s %9.4f %30.4f\n", "ours / stock", *summary.ratio_median, *summary.ratio_total);
+  }
+  AppendTimes(&text, "ours, adding the step", summary.ours.growth_ms);
+  if (summary.stock.has_value()) {
+    AppendTimes(&text, "stock, adding the step", summary.stock->growth_ms);
   }
   if (summary.worst_loop_ratio.has_value()) {
     AppendFormat(&text, "ours / stock, worst step that closes a loop: %.4f\n", *summary.worst_loop_ratio);

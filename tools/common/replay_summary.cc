@@ -10,11 +10,12 @@
 namespace inceres::tools {
 namespace {
 
-ReplayLatency LatencyOf(const std::vector<const ReplaySide*>& steps) {
+template <typename Seconds>
+ReplayLatency LatencyOf(const std::vector<const ReplaySide*>& steps, Seconds&& seconds) {
   std::vector<double> milliseconds;
   milliseconds.reserve(steps.size());
   for (const ReplaySide* step : steps) {
-    milliseconds.push_back(1e3 * step->outcome.seconds);
+    milliseconds.push_back(1e3 * seconds(*step));
   }
   const Spread spread = Summarize(milliseconds);
   return {spread.median, Percentile(milliseconds, 0.95), spread.max,
@@ -27,7 +28,8 @@ void RaiseTo(std::optional<double>* largest, double value) {
 
 ReplaySideSummary SummarizeSide(const std::vector<const ReplaySide*>& steps) {
   ReplaySideSummary summary;
-  summary.ms = LatencyOf(steps);
+  summary.ms = LatencyOf(steps, [](const ReplaySide& side) { return side.outcome.seconds; });
+  summary.growth_ms = LatencyOf(steps, [](const ReplaySide& side) { return side.growth_seconds; });
   for (std::size_t i = 0; i < steps.size(); ++i) {
     const ReplayOutcome& outcome = steps[i]->outcome;
     if (!outcome.usable) {

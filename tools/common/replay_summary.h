@@ -19,6 +19,7 @@ struct ReplayLatency {
 /// How one side got through a replay.
 struct ReplaySideSummary {
   ReplayLatency ms;
+  ReplayLatency growth_ms;         ///< of adding the steps, apart from the solves
   std::vector<int> failed;         ///< steps whose solve was not usable
   int unconverged = 0;             ///< usable, but ended by the limit of iterations
   std::int64_t invalid_steps = 0;  ///< iterations whose linear solve failed

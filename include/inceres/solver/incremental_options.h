@@ -11,7 +11,7 @@ namespace inceres {
 
 /// Who solves the reduced system S δ = b of an IncrementalSolver.
 enum class IncrementalReducedSolver {
-  kAutomatic,  ///< by predicted flops, call by call: resumed while little has changed, dense or sparse when much has
+  kAutomatic,  ///< by predicted flops, call by call: resumed while little has changed, sparse when much has
   kResumed,    ///< envelope Cholesky, refactored only behind the first changed row
   kDense,      ///< dense Cholesky of our own, from scratch
   kSparse,     ///< sparse Cholesky of our own, symbolic analysis kept while the pattern stands
@@ -52,7 +52,7 @@ struct INCERES_EXPORT IncrementalOptions {
   /// removed and whose places are still free is never solved in batch.)
   double batch_share = 0.5;
   TrustRegionStrategyKind batch_strategy = TrustRegionStrategyKind::kLevenbergMarquardt;  ///< of the batch solver
-  int num_threads = 1;  ///< ≥ 1: evaluation of factors; the result is the same to the last bit
+  int num_threads = 1;  ///< ≥ 1: of evaluation and of large factorisations; the result is the same to the last bit
 
   DampingForm damping = DampingForm::kHybrid;
   RelinearisationRule relinearisation = RelinearisationRule::kResidualError;
@@ -63,8 +63,8 @@ struct INCERES_EXPORT IncrementalOptions {
   /// fresh enough by the first one only.
   double relinearisation_step = 1e-3;
 
-  /// θ_a: frames whose steps together are worth less than this share of the predicted decrease (or of what function_tolerance
-  /// allows, if that is more) stay put, postponed to a later iteration or Update. In [0, 1); 0 moves all.
+  /// θ_a: frames whose steps together are worth less than this share of the predicted decrease (or a little of what
+  /// function_tolerance allows, if that is more) stay put, postponed to a later iteration or Update. In [0, 1); 0 moves all.
   double truncation_share = 0.03;
 
   /// ≥ 0: after a step of the frames, at most so many Gauss–Newton steps of landmarks alone, taken by those that could still gain
@@ -74,8 +74,8 @@ struct INCERES_EXPORT IncrementalOptions {
 
   /// ≥ 0: an Update begins with at most so many steps of the frames that have come since the last one and of the landmarks they
   /// see, all other frames held, while these gain much: a new frame mostly starts far from where it belongs, and until it is
-  /// there all else need not follow. One of max_num_iterations is left to the others. Not taken if half is new, nor with
-  /// truncation_share 0.
+  /// there all else need not follow. One of max_num_iterations is left to the others. Not taken if more than half is new or there
+  /// is much of it, nor with truncation_share 0 or kThesis.
   int max_new_frame_steps = 3;
 
   RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;

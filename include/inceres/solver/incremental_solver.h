@@ -23,8 +23,8 @@ namespace inceres {
 /// convergence is declared on fresh Jacobians only: old ones defer it, they do not replace it. docs/incremental.md explains, and
 /// how to choose the thresholds.
 ///
-/// Threads: one writer; Update evaluates factors on options.num_threads, never concurrently when that is 1. Source: the thesis's
-/// algorithms 2–4 as corrected in algorithms.md.
+/// Threads: one writer; Update works on options.num_threads, and calls no factor concurrently when that is 1. Source: the
+/// thesis's algorithms 2–4 as corrected in algorithms.md.
 class INCERES_EXPORT IncrementalSolver {
  public:
   explicit IncrementalSolver(const IncrementalOptions& options);
@@ -32,14 +32,14 @@ class INCERES_EXPORT IncrementalSolver {
   IncrementalSolver(const IncrementalSolver&) = delete;
   IncrementalSolver& operator=(const IncrementalSolver&) = delete;
 
-  /// The problem as edited so far. Its state holds the values variables were added with or set to; Values() the current ones.
+  /// The problem as edited so far. Its state may lag behind: the current values are Values().
   const FactorGraph& graph() const;
 
   /// Adds a family, for good: families cost nothing while they are empty.
   FamilyId AddFamily(std::shared_ptr<const FactorFamily> family);
 
   /// Carries out an edit, begun with GraphEdit(solver.graph()), all or nothing: an error names the id at fault, and the solver is
-  /// as it was. No user code is called; what changed is evaluated in the next Update. Cost: proportional to the edit.
+  /// as it was. No factor is evaluated before the next Update; families take measurements in. Cost: goes with the edit.
   Status Apply(const GraphEdit& edit);
 
   /// Takes variables out and keeps what their factors say about others as a prior factor: Marginalize (marginalization.h) at the
@@ -50,8 +50,8 @@ class INCERES_EXPORT IncrementalSolver {
   /// Other options from the next Update on, but for num_threads, reduced_solver and its factory, which stay what they were.
   void SetOptions(const IncrementalOptions& options);
 
-  /// Minimises from the current state. A failure names its factor or variable; what was changed since the last Update then takes
-  /// part again in the next one, from the values held now.
+  /// Minimises from the current state. A failure names its factor or variable and keeps the last accepted step; what was changed
+  /// since the last Update takes part again in the next one, from there.
   UpdateSummary Update();
   /// The same into the memory of an earlier summary: in a steady state nothing is allocated. `observer`, which may be null, sees
   /// every iteration and may end the Update; with one an Update costs a pass over all variables more, and one an iteration. After
@@ -61,10 +61,10 @@ class INCERES_EXPORT IncrementalSolver {
   /// From any thread: the Update that runs now, or else the next one, ends at its next iteration with the best state so far.
   void RequestStop();
 
-  /// Current values of a variable: what the last Update found, or what it was added with; to an observer the best so far. (The
-  /// graph's own state is the start values.)
+  /// Current values of a variable: what the last Update found, or what it was added with; to an observer the best so far. (Not
+  /// those of the graph's own state, which follow from time to time.)
   const double* Values(VariableId id) const;
-  /// ½ Σ ρ at the current state, as of the last Update.
+  /// ½ Σ ρ at the current state, as of the last Update; if that failed, of the factors that were evaluated before it.
   double cost() const;
 
   /// Which blocks S has, and which of its rows the last Update changed. Not during an Update. After one that the batch solver

@@ -57,7 +57,7 @@ struct INCERES_EXPORT UpdateSummary {
   std::string message;
   double initial_cost = 0.0;
   double final_cost = 0.0;
-  /// What the model says could still be gained at the end: truncated frames, unvisited landmarks, the step not taken.
+  /// What the model saw left to gain before the last step of the frames, or at convergence: truncated and unvisited parts too.
   double undone = 0.0;
 
   int num_iterations = 0;
