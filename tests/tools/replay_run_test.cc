@@ -83,7 +83,7 @@ TEST_P(IncrementalReplay, StaysWithinItsToleranceOfTheMinimum) {
       ASSERT_TRUE(row.ours.outcome.usable) << row.ours.outcome.message;
       EXPECT_NEAR(row.ours.outcome.final_cost, row.ours.cost, 1e-9 * row.ours.cost) << "what it reports is not its state's cost";
       ASSERT_TRUE(row.RelativeCostExcess().has_value());
-      EXPECT_LT(*row.RelativeCostExcess(), 1e-6) << "step " << row.step;
+      EXPECT_LT(*row.RelativeCostExcess(), settings.function_tolerance) << "step " << row.step;
     }
   }
 }

@@ -111,7 +111,7 @@ class ReplayTest(unittest.TestCase):
             for flags in ((), ("--autodiff",), ("--stock_autodiff",)):
                 _, report = self.play(problem, "--mode", "incremental", *flags)
                 self.check(report, steps)
-                self.assertLess(abs(report["max_relative_cost_excess"]), 1e-4, (problem, flags))
+                self.assertLess(abs(report["max_relative_cost_excess"]), 1e-6, (problem, flags))
                 self.assertEqual("AutoDiff" in report["ours"], flags == ("--autodiff",))
                 self.assertEqual("AutoDiff" in report["stock"], flags != ())
 
