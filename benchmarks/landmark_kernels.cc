@@ -39,6 +39,10 @@ struct Landmarks {
         y_targets.push_back(2 * i * y_quads);
       }
       y_targets.push_back(-1);
+      for (int s = 0; s < frames_a_factor; ++s) {
+        tangent_offsets.push_back((i + s) % kFrames * frame_stride / kQuad);
+      }
+      tangent_offsets.push_back(kFrames * frame_stride / kQuad + i / kViews);
     }
     num_blocks = kNumLandmarks * (kViews + frames_a_factor - 1);
     for (int q = 0; q < num_blocks; ++q) {
@@ -57,6 +61,7 @@ struct Landmarks {
     factors.jacobians = slots.data();
     factors.residuals = residuals.data();
     factors.y_targets = y_targets.data();
+    factors.tangent_offsets = tangent_offsets.data();
     return factors;
   }
   int BlocksOfOne() const { return num_blocks / kNumLandmarks; }
@@ -74,6 +79,7 @@ struct Landmarks {
   std::vector<SlotJacobians> slots;
   std::vector<std::int32_t> factor_ids;
   std::vector<std::int32_t> y_targets;
+  std::vector<std::int32_t> tangent_offsets;
   std::vector<Incidence> incidences;
   AlignedVector<double> Y;
   int num_blocks = 0;
@@ -154,6 +160,50 @@ void BM_LandmarkBackSubstitute(benchmark::State& state) {
   CountWork(state, 2.0 * entries * landmarks.landmark_size, 8.0 * entries * (landmarks.landmark_size + 1.0));
 }
 BENCHMARK(BM_LandmarkBackSubstitute)->Apply(Families);
+
+// The same from the Jacobians, where Y is not kept.
+void BM_LandmarkMultiplyCoupling(benchmark::State& state) {
+  const Kernels* kernels = KernelsOrSkip(state);
+  if (kernels == nullptr) {
+    return;
+  }
+  const Landmarks landmarks = FromArguments(state);
+  const AlignedVector<double> delta = Random(std::int64_t{Landmarks::kFrames} * landmarks.frame_stride);
+  for (auto _ : state) {
+    for (int l = 0; l < Landmarks::kNumLandmarks; ++l) {
+      double w[4] = {};
+      kernels->multiply_coupling(landmarks.Of(l), delta.data(), w);
+      benchmark::DoNotOptimize(w);
+    }
+  }
+  const double rows = Landmarks::kFactors * kResidual;
+  const double frames = static_cast<double>(landmarks.num_slots - 1) * landmarks.frame_size;
+  const double entries = rows * (frames + landmarks.landmark_size);
+  CountWork(state, 2.0 * entries, 8.0 * (entries + Landmarks::kFactors * frames));
+}
+BENCHMARK(BM_LandmarkMultiplyCoupling)->Apply(Families);
+
+// What a change of the landmarks' part means for b.
+void BM_LandmarkSubtractIncidences(benchmark::State& state) {
+  const Kernels* kernels = KernelsOrSkip(state);
+  if (kernels == nullptr) {
+    return;
+  }
+  const Landmarks landmarks = FromArguments(state);
+  const AlignedVector<double> v = Random(4);
+  AlignedVector<double> b = Random(std::int64_t{Landmarks::kFrames} * landmarks.frame_stride);
+  const int blocks = landmarks.BlocksOfOne();
+  for (auto _ : state) {
+    for (int l = 0; l < Landmarks::kNumLandmarks; ++l) {
+      kernels->subtract_incidences(landmarks.landmark_size, landmarks.incidences.data() + std::ptrdiff_t{l} * blocks, blocks,
+                                   landmarks.Y.data(), v.data(), b.data());
+    }
+    benchmark::DoNotOptimize(b.data());
+  }
+  const double entries = 1.0 * landmarks.num_blocks * landmarks.frame_size;
+  CountWork(state, 2.0 * entries * landmarks.landmark_size, 8.0 * entries * (landmarks.landmark_size + 2.0));
+}
+BENCHMARK(BM_LandmarkSubtractIncidences)->Apply(Families);
 
 }  // namespace
 }  // namespace inceres::bench

@@ -1,6 +1,6 @@
 // Block products and sums: what H, the gradient, S and b are made of.
 //
-//   build/bin/kernels_benchmark --benchmark_filter=Products
+//   build/bin/kernels_benchmark --benchmark_filter='Products|Add'
 
 #include "benchmarks/kernel_benchmark.h"
 
@@ -75,35 +75,100 @@ void BM_VectorProducts(benchmark::State& state) {
 }
 BENCHMARK(BM_VectorProducts)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 9}, {2, 3}});
 
-// What one landmark seen from eight frames adds to a living S.
+// What one landmark seen from eight frames adds to a living S and to vectors, or puts in the place of what it added before.
+struct SharedLandmark {
+  SharedLandmark(int size_given, int depth_given, bool replaces)
+      : size(size_given),
+        depth(depth_given),
+        quads(PadToQuad(size_given) / kQuad),
+        Y(Random(std::int64_t{2} * kFrames * depth_given * quads * kQuad)) {
+    const std::ptrdiff_t block = std::ptrdiff_t{depth} * quads * kQuad;
+    for (int r = 0; r < kFrames; ++r) {
+      const double* out = replaces ? Y.data() + (kFrames + r) * block : nullptr;
+      rows.push_back({Y.data() + r * block, r * quads, quads, size, out});
+      for (int c = 0; c <= r; ++c) {
+        blocks.push_back(static_cast<std::int32_t>(blocks.size()) * size * quads);
+      }
+    }
+    contribution = {rows.data(), kFrames, depth, replaces};
+  }
+  // How often A is added.
+  double times() const { return contribution.replaces ? 2.0 : 1.0; }
+  double num_blocks() const { return static_cast<double>(blocks.size()); }
+  double entries() const { return times() * kFrames * depth * size; }
+
+  static constexpr int kFrames = 8;
+  int size;
+  int depth;
+  int quads;
+  AlignedVector<double> Y;
+  std::vector<BlockRow> rows;
+  std::vector<std::int32_t> blocks;
+  Contribution contribution;
+};
+
+SharedLandmark LandmarkFromArguments(const benchmark::State& state) {
+  return {static_cast<int>(state.range(1)), static_cast<int>(state.range(2)), state.range(3) != 0};
+}
+
+void Contributions(benchmark::internal::Benchmark* benchmark) {
+  benchmark->ArgNames({"set", "size", "depth", "replaces"})->ArgsProduct({AllSets(), {6, 15}, {1, 3}, {0, 1}});
+}
+
 void BM_AddOuter(benchmark::State& state) {
   const Kernels* kernels = KernelsOrSkip(state);
   if (kernels == nullptr) {
     return;
   }
-  constexpr int kFrames = 8;
-  const int size = static_cast<int>(state.range(1));
-  const int depth = static_cast<int>(state.range(2));
-  const int quads = PadToQuad(size) / kQuad;
-  const AlignedVector<double> Y = Random(std::int64_t{kFrames} * depth * quads * kQuad);
-  std::vector<BlockRow> rows;
-  std::vector<std::int32_t> blocks;
-  for (int r = 0; r < kFrames; ++r) {
-    rows.push_back({Y.data() + std::ptrdiff_t{r} * depth * quads * kQuad, r * quads, quads, size, nullptr});
-    for (int c = 0; c <= r; ++c) {
-      blocks.push_back(static_cast<std::int32_t>(blocks.size()) * size * quads);
-    }
-  }
-  const Contribution contribution{rows.data(), kFrames, depth, false};
-  AlignedVector<double> C(blocks.size() * static_cast<std::size_t>(size * quads * kQuad));
+  const SharedLandmark landmark = LandmarkFromArguments(state);
+  const double size = landmark.size;
+  AlignedVector<double> C(landmark.blocks.size() * static_cast<std::size_t>(landmark.size * landmark.quads * kQuad));
   for (auto _ : state) {
-    kernels->add_outer(contribution, -1.0, blocks.data(), C.data());
+    kernels->add_outer(landmark.contribution, -1.0, landmark.blocks.data(), C.data());
     benchmark::DoNotOptimize(C.data());
   }
-  const auto num_blocks = static_cast<double>(blocks.size());
-  CountWork(state, 2.0 * num_blocks * depth * size * size, 8.0 * (2.0 * num_blocks * size * size + kFrames * depth * size));
+  CountWork(state, 2.0 * landmark.times() * landmark.num_blocks() * landmark.depth * size * size,
+            8.0 * (2.0 * landmark.num_blocks() * size * size + landmark.entries()));
 }
-BENCHMARK(BM_AddOuter)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 15}, {1, 3}});
+BENCHMARK(BM_AddOuter)->Apply(Contributions);
+
+// b, with the largest magnitude that it had.
+void BM_AddTransposed(benchmark::State& state) {
+  const Kernels* kernels = KernelsOrSkip(state);
+  if (kernels == nullptr) {
+    return;
+  }
+  const SharedLandmark landmark = LandmarkFromArguments(state);
+  const AlignedVector<double> v = Random(std::int64_t{2} * landmark.depth);
+  AlignedVector<double> y(static_cast<std::size_t>(SharedLandmark::kFrames * landmark.quads * kQuad));
+  AlignedVector<double> peak = y;
+  const double* v_out = landmark.contribution.replaces ? v.data() + landmark.depth : nullptr;
+  for (auto _ : state) {
+    kernels->add_transposed(landmark.contribution, v.data(), v_out, -1.0, y.data(), peak.data());
+    benchmark::DoNotOptimize(y.data());
+    benchmark::DoNotOptimize(peak.data());
+  }
+  CountWork(state, 2.0 * landmark.entries(), 8.0 * (landmark.entries() + 4.0 * SharedLandmark::kFrames * landmark.size));
+}
+BENCHMARK(BM_AddTransposed)->Apply(Contributions);
+
+// The diagonal of C, with the largest magnitude that it had.
+void BM_AddSquares(benchmark::State& state) {
+  const Kernels* kernels = KernelsOrSkip(state);
+  if (kernels == nullptr) {
+    return;
+  }
+  const SharedLandmark landmark = LandmarkFromArguments(state);
+  AlignedVector<double> y(static_cast<std::size_t>(SharedLandmark::kFrames * landmark.quads * kQuad));
+  AlignedVector<double> peak = y;
+  for (auto _ : state) {
+    kernels->add_squares(landmark.contribution, -1.0, y.data(), peak.data());
+    benchmark::DoNotOptimize(y.data());
+    benchmark::DoNotOptimize(peak.data());
+  }
+  CountWork(state, 2.0 * landmark.entries(), 8.0 * (landmark.entries() + 4.0 * SharedLandmark::kFrames * landmark.size));
+}
+BENCHMARK(BM_AddSquares)->Apply(Contributions);
 
 }  // namespace
 }  // namespace inceres::bench

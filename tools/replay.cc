@@ -40,8 +40,7 @@ DEFINE_double(gradient_tolerance, 1e-10,
               "Stock, and ours with --mode exact: stop when no entry of the gradient is larger; 0: never.");
 DEFINE_double(parameter_tolerance, 0.0,
               "As --gradient_tolerance: stop when the step is shorter than this, relative to the parameters; 0: never. Ceres's "
-              "default of 1e-8 is not for "
-              "BAL: a few points run off, and against their coordinates every step is short.");
+              "default of 1e-8 is not for BAL: a few points run off, and against their coordinates every step is short.");
 DEFINE_string(
     trust_region, "auto",
     "Strategy of stock, and of ours with --mode exact: lm, dogleg, or auto: lm for bal and path, dogleg for kf and vio.");

@@ -50,7 +50,9 @@ void Executor::RunParallel(int count, int grain, Callback callback, const void* 
   arena_->arena.execute([&] {
     tbb::parallel_for(tbb::blocked_range<int>(0, count, grain), [&](const tbb::blocked_range<int>& range) {
       Acquire(&started);
-      callback(mutable_context, range.begin(), range.end());
+      // Isolated: a body that waits in oneTBB itself, as a user's function may, must not be handed another range of ours
+      // meanwhile.
+      tbb::this_task_arena::isolate([&] { callback(mutable_context, range.begin(), range.end()); });
       Release(&finished);
     });
   });

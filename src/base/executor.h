@@ -8,8 +8,8 @@ namespace inceres::internal {
 /// Runs independent tasks on up to num_threads threads of oneTBB, inside an arena of its own. With one thread, or one task,
 /// everything runs on the calling thread and oneTBB is never touched.
 ///
-/// Callers cut their work into tasks without looking at num_threads and let each task write its own output: then the result
-/// is the same to the last bit for any number of threads.
+/// Callers let each task write its own output, and sum what tasks wrote in groups that do not depend on num_threads: then the
+/// result is the same to the last bit for any number of threads.
 class Executor {
  public:
   explicit Executor(int num_threads);

@@ -1,6 +1,7 @@
 #include "linearisation/evaluator.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 #include <string>
 
@@ -11,7 +12,8 @@
 namespace inceres::internal {
 namespace {
 
-constexpr int kChunkSize = 256;    // factors per task: a few tens of microseconds of Jacobians
+constexpr int kChunkSize = 256;    // factors per task on one thread, at most: a few tens of microseconds of built-in Jacobians
+constexpr int kSumSize = 16;       // factors per sum of costs; chunks are so many or a multiple
 constexpr int kEntryGrain = 8192;  // connections per task, a few nanoseconds each
 
 // What whole rows serve.
@@ -78,21 +80,24 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
     BuildFamily(id);
     BuildChunks(id);
   }
-  chunk_costs_.resize(chunks_.size());
   chunk_failures_.resize(chunks_.size());
 }
 
-// Chunks end at free places, which nobody evaluates: their residuals and Jacobians stay zero.
+// Where chunks are cut may depend on the number of threads, where sums of costs are may not. Both end at free places, which
+// nobody evaluates: their residuals and Jacobians stay zero.
 void Evaluator::BuildChunks(FamilyId id) {
   const int num_factors = families_[id].num_factors;
+  const int task_size = executor_.num_threads() > 1 ? families_[id].family->TaskSize() : kChunkSize;
+  const int chunk_size = (std::clamp(task_size, 1, kChunkSize) + kSumSize - 1) / kSumSize * kSumSize;
   const bool gaps = graph_->NumFreePlaces(id) > 0;
   for (int begin = 0; begin < num_factors;) {
-    int end = std::min(begin + kChunkSize, num_factors);
+    int end = std::min((begin / chunk_size + 1) * chunk_size, num_factors);
     for (int i = begin; gaps && i < end; ++i) {
       end = graph_->HasFactor(id, i) ? end : i;
     }
     if (end > begin) {
-      chunks_.push_back({id, begin, end});
+      chunks_.push_back({id, begin, end, static_cast<int>(sums_.size())});
+      sums_.resize(sums_.size() + static_cast<std::size_t>((end - 1) / kSumSize - begin / kSumSize + 1));
     }
     begin = std::max(end, begin + 1);
   }
@@ -359,7 +364,7 @@ EvaluationFailure Evaluator::EvaluatePinned(const Chunk& chunk, FactorBatch batc
   return failure.failed() ? failure : EvaluateMoved(*cache.family, batch, cache.parameters.data(), is_pinned);
 }
 
-double Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk, EvaluationFailure* failure) {
+EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
   PointTo(!jacobians, chunk);
   FamilyCache& cache = families_[chunk->family];
   FactorBatch batch;
@@ -372,33 +377,55 @@ double Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk, EvaluationFailure*
     batch.tangent_maps = cache.tangent_maps.data();
     batch.jacobians = cache.views.data();
   }
-  *failure = jacobians && !cache.pins.empty() ? EvaluatePinned(*chunk, batch) : cache.family->Evaluate(batch);
-  if (failure->failed()) {
-    return 0.0;
+  const EvaluationFailure failure =
+      jacobians && !cache.pins.empty() ? EvaluatePinned(*chunk, batch) : cache.family->Evaluate(batch);
+  if (!failure.failed()) {
+    double* sum = sums_.data() + chunk->first_sum;
+    for (int begin = chunk->begin; begin < chunk->end;) {
+      const int end = std::min((begin / kSumSize + 1) * kSumSize, chunk->end);
+      *sum++ = SumCosts(jacobians, &cache, begin, end);
+      begin = end;
+    }
   }
+  return failure;
+}
+
+// And robustifies, with Jacobians.
+double Evaluator::SumCosts(bool jacobians, FamilyCache* family_cache, int begin, int end) {
+  FamilyCache& cache = *family_cache;
+  double* residuals = jacobians ? cache.residuals.data() : cache.candidate_residuals.data();
   const int rows = cache.family->residual_size();
   if (!cache.has_losses) {
-    return PlainCost(batch.residuals + static_cast<std::ptrdiff_t>(chunk->begin) * rows,
-                     static_cast<std::ptrdiff_t>(chunk->end - chunk->begin) * rows);
+    return PlainCost(residuals + static_cast<std::ptrdiff_t>(begin) * rows, static_cast<std::ptrdiff_t>(end - begin) * rows);
   }
   const auto num_slots = static_cast<int>(cache.slots.size());
   const std::ptrdiff_t offset_stride = cache.storage == JacobianStorage::kBySlot ? num_slots : 0;
   double cost = 0.0;
-  for (int i = chunk->begin; i < chunk->end; ++i) {
-    double* f = batch.residuals + static_cast<std::ptrdiff_t>(i) * rows;
+  for (int i = begin; i < end; ++i) {
+    double* f = residuals + static_cast<std::ptrdiff_t>(i) * rows;
     const Loss* loss = graph_->loss(cache.id, i);
-    cost += loss != nullptr && jacobians ? RobustifyFactor(*loss, rows, num_slots, cache.slots.data(), i,
-                                                           cache.tangent_offsets.data() + i * offset_stride, f)
-                                         : RobustCost(loss, f, rows);
+    cost += loss != nullptr && jacobians
+                ? RobustifyFactor(*loss, rows, num_slots, cache.slots.data(), i, cache.tangent_offsets.data() + i * offset_stride,
+                                  reduces_curvature_, f)
+                : RobustCost(loss, f, rows);
   }
   return cost;
 }
 
+// What lies behind a chunk that failed is left out, as Ceres calls nothing more after a failure: the first one is the one told
+// of.
 Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
+  std::atomic<int> first_failed{static_cast<int>(chunks_.size())};
   executor_.For(static_cast<int>(chunks_.size()), 1, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
-      const auto index = static_cast<std::size_t>(k);
-      chunk_costs_[index] = EvaluateChunk(jacobians, &chunks_[index], &chunk_failures_[index]);
+      EvaluationFailure& failure = chunk_failures_[static_cast<std::size_t>(k)];
+      failure = EvaluationFailure();
+      int first = first_failed.load(std::memory_order_relaxed);
+      if (k < first) {
+        failure = EvaluateChunk(jacobians, &chunks_[static_cast<std::size_t>(k)]);
+      }
+      while (failure.failed() && k < first && !first_failed.compare_exchange_weak(first, k, std::memory_order_relaxed)) {
+      }
     }
   });
   *cost = 0.0;
@@ -408,7 +435,9 @@ Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
       return Status::Error(StatusCode::kEvaluationFailed,
                            graph_->DescribeFactor(chunks_[k].family, failure.factor) + ": " + failure.reason);
     }
-    *cost += chunk_costs_[k];
+  }
+  for (const double sum : sums_) {
+    *cost += sum;
   }
   return Status::Ok();
 }

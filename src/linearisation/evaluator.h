@@ -54,7 +54,7 @@ struct FamilyCache {
 /// Order of evaluation, calls to PlusJacobian and the correction for losses follow Ceres 2.1 (ceres_contract.md 4.3): project to
 /// the tangent space first, then correct residuals and Jacobians (Triggs 1999) so that the rest sees plain least squares.
 /// Pinned variables (FactorGraph::PinLinearisation) are linearised where they are pinned; free places of an edited graph are
-/// passed over. Sums are taken over fixed chunks of factors, so the cost is the same to the last bit for any number of threads.
+/// passed over. Sums are taken over fixed groups of factors, so the cost is the same to the last bit for any number of threads.
 class Evaluator {
  public:
   Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor,
@@ -102,6 +102,9 @@ class Evaluator {
   /// Residuals, Jacobians and cost at the current point. `known_point`: its tangent maps were computed by EvaluateCandidateCost.
   Status EvaluateJacobians(bool known_point, double* cost);
 
+  /// Whether Jacobians have the second-order terms of losses with ρ'' < 0 from now on (RobustifyFactor). At first they have not.
+  void set_reduces_curvature(bool reduces) { reduces_curvature_ = reduces; }
+
   std::int64_t Bytes() const;
 
  private:
@@ -109,6 +112,7 @@ class Evaluator {
     int family;
     int begin;
     int end;
+    int first_sum;              // in sums_
     bool at_candidate = false;  // where the parameters of its factors point; to where it is evaluated, once it is
   };
 
@@ -125,18 +129,20 @@ class Evaluator {
   void ClassifyMaps();
   void PointTo(bool candidate, Chunk* chunk);
   EvaluationFailure EvaluatePinned(const Chunk& chunk, FactorBatch batch);
-  double EvaluateChunk(bool jacobians, Chunk* chunk, EvaluationFailure* failure);
+  EvaluationFailure EvaluateChunk(bool jacobians, Chunk* chunk);
+  double SumCosts(bool jacobians, FamilyCache* cache, int begin, int end);
   Status EvaluateAll(bool jacobians, double* cost);
 
   const FactorGraph* graph_;
   const Layout& layout_;
   const Executor& executor_;
   const JacobianStorage storage_;
+  bool reduces_curvature_ = false;
   std::vector<double> current_;
   std::vector<double> candidate_;
   std::vector<FamilyCache> families_;
   std::vector<Chunk> chunks_;
-  std::vector<double> chunk_costs_;
+  std::vector<double> sums_;  // of the costs of up to kSumSize factors each: what is added to what depends on nothing else
   std::vector<EvaluationFailure> chunk_failures_;
 
   std::vector<const VariableBounds*> bounds_;       // per entry of layout_.variables, null if free; empty if all are

@@ -113,7 +113,7 @@ Status FactorLineariser::Linearise(FactorId id, LinearisedFactor* result) {
   const int rows = family.residual_size();
   double* f = residuals_.data() + static_cast<std::ptrdiff_t>(id.index) * rows;
   if (const Loss* loss = graph_.loss(id.family, id.index)) {
-    RobustifyFactor(*loss, rows, family.num_slots(), slots_.data(), 0, offsets_.data(), f);
+    RobustifyFactor(*loss, rows, family.num_slots(), slots_.data(), 0, offsets_.data(), /*reduces_curvature=*/false, f);
   }
   *result = {rows, f, slots_.data()};
   return Status::Ok();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <climits>
 #include <cmath>
 
 #include "linearisation/moved_factors.h"
@@ -12,9 +13,6 @@ namespace {
 
 // Below this √w the linearisation says nothing about the residual any more.
 constexpr double kNoWeight = 1e-12;
-
-// Of the curvature along f that ρ' alone gives, the share that stays at least: with less H loses its grip.
-constexpr double kLeastCurvature = 0.5;
 
 // A residual that changes by less than this share of itself is steady enough for the curvature of its loss to count.
 constexpr double kSteadyShare = 1.0 / 3.0;
@@ -117,13 +115,21 @@ EvaluationFailure LiveFamily::ForRuns(const std::vector<std::int32_t>& factors, 
     return {};
   };
   const int count = static_cast<int>(factors.size());
-  if (executor.num_threads() == 1 || count <= kGrain) {
+  const int grain = std::clamp(family_->TaskSize(), 1, kGrain);
+  if (executor.num_threads() == 1 || count <= grain) {
     return run(0, count);
   }
-  failures_.assign((count + kGrain - 1) / kGrain, EvaluationFailure());
+  failures_.assign((count + grain - 1) / grain, EvaluationFailure());
+  std::atomic<int> first_failed{INT_MAX};  // what lies behind it is left out
   executor.For(static_cast<int>(failures_.size()), 1, [&](int begin, int end) {
     for (int task = begin; task < end; ++task) {
-      failures_[task] = run(task * kGrain, std::min(count, (task + 1) * kGrain));
+      int first = first_failed.load(std::memory_order_relaxed);
+      if (task < first) {
+        failures_[task] = run(task * grain, std::min(count, (task + 1) * grain));
+      }
+      while (failures_[task].failed() && task < first &&
+             !first_failed.compare_exchange_weak(first, task, std::memory_order_relaxed)) {
+      }
     }
   });
   const auto first = std::find_if(failures_.begin(), failures_.end(), [](const auto& failure) { return failure.failed(); });
@@ -221,20 +227,12 @@ void LiveFamily::WeighCandidates(int begin, int end) {
   }
 }
 
-// 1 − α of a factor about to be linearised.
-double LiveFamily::RootOfCurvature(int factor, double s, const double* rho) const {
-  if (steady_[factor] == 0 || !(s > 0.0 && rho[1] > 0.0 && rho[2] < 0.0)) {
-    return 1.0;
-  }
-  return std::sqrt(std::max(kLeastCurvature, 1.0 + 2.0 * s * rho[2] / rho[1]));
-}
-
 // w = ρ'(‖f‖²) now: J := √w (I − α n nᵀ) J, q := √w f / (1 − α).
 void LiveFamily::Weigh(int factor) {
   const double* f = f_.data() + First(factor);
   double rho[3];
   const double s = EvaluateLoss(factor, f, rho);
-  const double root = RootOfCurvature(factor, s, rho);
+  const double root = steady_[factor] != 0 ? RootOfCurvature(s, rho) : 1.0;  // 1 − α
   const bool corrected = root < 1.0;
   const double sqrt_w = std::sqrt(rho[1]);
   State& state = states_[factor];

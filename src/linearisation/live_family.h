@@ -135,7 +135,6 @@ class LiveFamily {
   template <typename Evaluate>
   EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate);
   double EvaluateLoss(int factor, const double* f, double* rho) const;
-  double RootOfCurvature(int factor, double s, const double* rho) const;
   template <int kSize>
   void WeighCandidatesSized(int begin, int end);
   void WeighCandidates(int begin, int end);

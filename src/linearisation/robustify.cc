@@ -1,5 +1,6 @@
 #include "linearisation/robustify.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace inceres::internal {
@@ -72,19 +73,27 @@ double RobustCost(const Loss* loss, const double* f, int residual_size) {
   return 0.5 * rho[0];
 }
 
+double RootOfCurvature(double s, const double* rho) {
+  if (!(s > 0.0 && rho[1] > 0.0 && rho[2] < 0.0)) {
+    return 1.0;
+  }
+  return std::sqrt(std::max(kLeastCurvature, 1.0 + 2.0 * s * rho[2] / rho[1]));
+}
+
 double RobustifyFactor(const Loss& loss, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
-                       const std::int32_t* tangent_offsets, double* f) {
+                       const std::int32_t* tangent_offsets, bool reduces_curvature, double* f) {
   const double s = SquaredNorm(f, residual_size);
   double rho[3];
   loss.Evaluate(s, rho);
   const double sqrt_rho1 = std::sqrt(rho[1]);
-  double residual_scale = sqrt_rho1;
-  double a = 0.0;
+  double root = 1.0;  // 1 − α
   if (s > 0.0 && rho[2] > 0.0) {
-    const double alpha = 1.0 - std::sqrt(1.0 + 2.0 * s * rho[2] / rho[1]);
-    residual_scale = sqrt_rho1 / (1.0 - alpha);
-    a = alpha / s;
+    root = std::sqrt(1.0 + 2.0 * s * rho[2] / rho[1]);
+  } else if (reduces_curvature) {
+    root = RootOfCurvature(s, rho);
   }
+  const double residual_scale = sqrt_rho1 / root;
+  const double a = root != 1.0 ? (1.0 - root) / s : 0.0;
   if (sqrt_rho1 != 1.0 || a != 0.0) {
     CorrectJacobians(sqrt_rho1, a, f, residual_size, num_slots, slots, factor, tangent_offsets);
     for (int i = 0; i < residual_size; ++i) {

@@ -16,8 +16,16 @@ constexpr double kSettledShare = 0.1;
 constexpr double kFastRatio = 0.3;
 constexpr double kGoodModel = 0.5;  // actual decrease over predicted
 
+// A step is not tried if it and those to come promise less than this share of the tolerance. What is promised has to fall by more
+// than the factor from one step to the next, and the step before to have kept so much of its promise that a Dog-Leg's radius is
+// three times its length: then it says nothing of the next one.
+constexpr double kRestShare = 0.5;
+constexpr double kSteadyFactor = 0.5;
+constexpr double kKeptPromise = 0.75;
+
 // Counts the work, writes the trace, and ends the solve when the Update's observer says so, on request, when the work budget is
-// spent, and, before one more step proves it, where good steps gain so fast less that what is left is below the tolerance.
+// spent, and, before one more step proves it, where what is left is below the tolerance: good steps gain so fast less, or the
+// next one promises too little.
 class BatchObserver final : public SolveObserver {
  public:
   BatchObserver(const IncrementalOptions& options, const std::atomic<bool>& stop, int num_factors, const double** shown_state,
@@ -36,6 +44,17 @@ class BatchObserver final : public SolveObserver {
     }
   }
 
+  bool IsWorthTrying(const IterationSummary& iteration, double cost) override {
+    const double promise = iteration.model_cost_change;
+    const double factor = promise / last_promise_;
+    const double rest = std::max(1.0, last_ratio_) * promise / (1.0 - factor);
+    const bool known = last_ratio_ > kKeptPromise && factor < kSteadyFactor;
+    settled_ = options_.batch_share > 0.0 && known && rest <= kRestShare * options_.function_tolerance * cost;
+    rest_ = settled_ ? rest : 0.0;
+    last_promise_ = promise;
+    return !settled_;
+  }
+
   bool IsLast(const IterationSummary& iteration) override {
     last_judged_ = iteration.iteration;
     settled_ = HasJustSettled(iteration);
@@ -44,6 +63,8 @@ class BatchObserver final : public SolveObserver {
 
   ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override {
     cost_ = iteration.step_is_successful ? iteration.cost : cost_;
+    // What landmarks gained by themselves says nothing of the model.
+    last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
     WriteRow(iteration);
     *shown_state_ = best_state;
     const bool go_on = trace_.EndRow(cost_);
@@ -56,6 +77,7 @@ class BatchObserver final : public SolveObserver {
     if (iteration.iteration != last_judged_) {  // the start, a refused step, or one that made the cost another function
       previous_gain_ = 0.0;
       previous_ratio_ = HUGE_VAL;
+      last_ratio_ = 0.0;
     }
     const bool enough = settled_ || stop_.load(std::memory_order_relaxed) ||
                         summary.num_evaluated_factors + summary.num_relinearised_factors >= options_.max_factor_evaluations;
@@ -64,6 +86,8 @@ class BatchObserver final : public SolveObserver {
 
   bool ended_by_user() const { return ended_by_user_; }
   bool settled() const { return settled_; }
+  /// What the last step and those to come promise, where they are not taken.
+  double rest() const { return rest_; }
 
  private:
   bool HasJustSettled(const IterationSummary& iteration) {
@@ -75,6 +99,7 @@ class BatchObserver final : public SolveObserver {
     const double slower = std::max(ratio, previous_ratio_);
     const bool fast = ratio < kFastRatio && previous_ratio_ < kFastRatio;
     const bool settled = options_.batch_share > 0.0 && good && gain >= 0.0 && fast && gain * slower / (1.0 - slower) <= allowed;
+    rest_ = settled ? gain * slower / (1.0 - slower) : 0.0;
     previous_gain_ = gain;
     previous_ratio_ = ratio;
     return settled;
@@ -105,6 +130,9 @@ class BatchObserver final : public SolveObserver {
   double cost_ = 0.0;           // of the state
   double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
   double previous_ratio_ = HUGE_VAL;
+  double last_promise_ = HUGE_VAL;
+  double last_ratio_ = 0.0;
+  double rest_ = 0.0;
   int last_judged_ = -1;
   bool ended_by_user_ = false;
   bool settled_ = false;
@@ -153,11 +181,13 @@ BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<
   batch.initial_trust_region_radius = 1.0 / options.initial_damping;
   batch.min_relative_decrease = options.min_relative_decrease;
   batch.use_inner_iterations = options.batch_share > 0.0 && options.max_landmark_passes > 0;
+  batch.reduce_curvature_of_losses = options.batch_share > 0.0;
   BatchObserver observer(options, stop, graph->num_factors(), shown_state, trace);
   batch.observer = &observer;
   const Summary solved = Solve(batch, graph);
   summary->initial_cost = solved.initial_cost;
   summary->final_cost = solved.final_cost;
+  summary->undone = observer.settled() ? observer.rest() : std::fabs(solved.discarded_cost_change);
   summary->num_batch_iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
   summary->num_iterations = summary->num_batch_iterations;
   summary->num_rejected_steps = solved.num_unsuccessful_steps;

@@ -117,11 +117,11 @@ void IncrementalSolver::Impl::Restart() {
 
 void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
   converged_ = converged_ && options.function_tolerance >= options_.function_tolerance;
-  IncrementalOptions kept = options_;
-  options_ = options;
-  options_.num_threads = kept.num_threads;
-  options_.reduced_solver = kept.reduced_solver;
-  options_.reduced_solver_factory = std::move(kept.reduced_solver_factory);
+  IncrementalOptions taken = options;
+  taken.num_threads = options_.num_threads;
+  taken.reduced_solver = options_.reduced_solver;
+  taken.reduced_solver_factory = options_.reduced_solver_factory;
+  options_ = std::move(taken);
   if (live != nullptr) {
     minimizer_->SetOptions(options_);
   }
@@ -203,7 +203,6 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
     summary->message = "Nothing has changed since the last Update converged.";
     summary->initial_cost = cost_;
     trace.EndRow(cost_);
-    stop = false;
   } else {
     if (observer != nullptr) {
       TakeValues();
@@ -223,6 +222,7 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
     }
     summary->bytes = live != nullptr ? live->Bytes() + minimizer_->Bytes() : 0;
   }
+  stop = false;  // it was for this Update, whatever came of it
   summary->final_cost = cost_;
   summary->num_parked_landmarks = live != nullptr ? live->schur().num_parked() : 0;
   summary->seconds = internal::NowInSeconds() - trace.start_seconds();
@@ -248,7 +248,6 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
     cost_ = failed_at_once ? cost_ : live->cost();  // what could not be evaluated has no cost
     num_waiting_ = 0;
   }
-  stop = false;
 }
 
 ReducedStructure IncrementalSolver::Impl::Structure() {

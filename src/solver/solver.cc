@@ -155,7 +155,7 @@ void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, 
 }
 
 void Solver::Impl::Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary) {
-  static const Summary kBlank;
+  static const Summary& kBlank = *new Summary;  // never destroyed: a solve may come as late as another library's destructors
   const double start = NowInSeconds();
   *summary = kBlank;  // a copy, which keeps the memory of texts and iterations
   summary->fixed_cost = options.fixed_cost;

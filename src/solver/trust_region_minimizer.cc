@@ -14,6 +14,10 @@ namespace {
 // A landmark moves by itself if it gains more than this share of what the function tolerance allows all of them together.
 constexpr double kInnerShare = 0.01;
 
+// A step that gains less than this share of the cost leaves most residuals about as they were: the curvature of their losses
+// counts.
+constexpr double kSteadyGain = 0.01;
+
 constexpr std::size_t kExpectedIterations = 16;
 
 }  // namespace
@@ -68,6 +72,10 @@ void TrustRegionMinimizer::Minimize() {
       }
       continue;
     }
+    if (options_.observer != nullptr && !options_.observer->IsWorthTrying(iteration_, cost_)) {
+      GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
+      return;
+    }
     if (summary_.is_constrained && options_.max_num_line_search_step_size_iterations > 0) {
       SearchAlongStep();
     }
@@ -98,6 +106,7 @@ bool TrustRegionMinimizer::ProjectStart() {
 
 bool TrustRegionMinimizer::EvaluateStart() {
   iteration_ = IterationSummary();
+  evaluator_.set_reduces_curvature(false);
   Recentre();
   if (!EvaluateGradientAndJacobian(/*new_point=*/true)) {
     if (options_.rules == CeresRules::k22) {
@@ -281,6 +290,7 @@ bool TrustRegionMinimizer::AcceptStep() {
   if (!recentred && options_.observer != nullptr && options_.observer->IsLast(iteration_)) {
     return FinishHere();
   }
+  evaluator_.set_reduces_curvature(options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_);
   if (!EvaluateGradientAndJacobian(/*new_point=*/false)) {
     return false;
   }

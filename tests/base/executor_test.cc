@@ -6,6 +6,7 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <tbb/parallel_for.h>
 
 namespace inceres::internal {
 namespace {
@@ -80,6 +81,26 @@ TEST_P(ExecutorThreads, DoNotMixTwoSolvesAtTheSameTime) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Counts, ExecutorThreads, testing::Values(1, 2, 4));
+
+// A body that waits in oneTBB itself, as a user's function may, is not entered again meanwhile.
+TEST(Executor, ABodyThatWaitsIsNotEnteredAgainOnItsThread) {
+  const Executor executor(2);
+  std::atomic<int> num_entered_again{0};
+  // Without captures: the thread sanitizer does not see how oneTBB hands a closure of the body's own to another thread.
+  static std::atomic<int> sum{0};
+  sum = 0;
+  for (int round = 0; round < 20; ++round) {
+    executor.For(200, 1, [&](int begin, int end) {
+      thread_local int depth = 0;
+      num_entered_again += depth > 0 ? 1 : 0;
+      ++depth;
+      tbb::parallel_for(0, 20 * (end - begin), [](int) { ++sum; });
+      --depth;
+    });
+  }
+  EXPECT_EQ(num_entered_again, 0);
+  EXPECT_EQ(sum, 20 * 20 * 200);
+}
 
 TEST(Executor, KeepsToTheCallingThreadWhenItHasOne) {
   const Executor executor(1);

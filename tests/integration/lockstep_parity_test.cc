@@ -71,9 +71,10 @@ class StateRecorder : public ceres::IterationCallback {
   const std::vector<double>& x_;
 };
 
-// The first step from a state.
+// The first step from a state. Who takes one that changes no digit of the cost, as the last ones may, tells nothing else of it.
 struct Step {
   double cost;  // after the step, accepted or not
+  bool is_told;
   double length;
   double model_decrease;
 };
@@ -87,13 +88,13 @@ std::optional<Step> TakeStep(Who who, const Configuration& configuration, ceres:
   const ceres::Solver::Summary summary = Solve(who, configuration, options, instance);
   if (summary.iterations.size() == 1) {  // a step that changes no digit of the cost ends a solve without tolerances
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
-    return Step{summary.initial_cost, 0.0, 0.0};
+    return Step{summary.initial_cost, false, 0.0, 0.0};
   }
   if (summary.iterations.size() != 2 || !summary.iterations[1].step_is_valid) {
     return std::nullopt;
   }
   const ceres::IterationSummary& step = summary.iterations[1];
-  return Step{step.cost, step.step_norm, step.cost_change / step.relative_decrease};
+  return Step{step.cost, true, step.step_norm, step.cost_change / step.relative_decrease};
 }
 
 double Norm(const std::vector<double>& x) {
@@ -113,6 +114,9 @@ struct Difference {
 
   void Include(const Step& a, const Step& b, const State& state) {
     cost = std::max(cost, RelativeDifference(a.cost, b.cost));
+    if (!a.is_told || !b.is_told) {
+      return;
+    }
     model_decrease = std::max(model_decrease, std::abs(a.model_decrease - b.model_decrease) / a.cost);
     length = std::max(length, std::abs(a.length - b.length) / Norm(state.x));
   }

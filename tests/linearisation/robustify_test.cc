@@ -45,10 +45,10 @@ struct Case {
     f = {scale * 0.3, scale * -0.7, scale * 0.2};
   }
 
-  double Correct(const Loss& loss) {
+  double Correct(const Loss& loss, bool reduces_curvature = false) {
     const SlotJacobians slots[2] = {{J[0].data(), kRows * kStride, kStride, 6}, {J[1].data(), kRows * 4, 4, 3}};
     const std::int32_t offsets[2] = {7, -1};
-    return RobustifyFactor(loss, kRows, 2, slots, 1, offsets, f.data());
+    return RobustifyFactor(loss, kRows, 2, slots, 1, offsets, reduces_curvature, f.data());
   }
 
   Matrix FirstSlot() const { return Eigen::Map<const Matrix>(J[0].data() + kRows * kStride, kRows, kStride); }
@@ -104,6 +104,28 @@ TEST(RobustifyFactor, SecondOrderFormula) {
   EXPECT_LT((after.Residual() - std::sqrt(rho1) / (1.0 - alpha) * f).norm(), 1e-15);
   const Matrix projector = Matrix::Identity(kRows, kRows) - alpha / s * f * f.transpose();
   EXPECT_LT((after.FirstSlot() - std::sqrt(rho1) * projector * before.FirstSlot()).norm(), 1e-14);
+}
+
+// With ρ'' < 0 the gradient stays, and of the curvature along f the share 1 + 2 s ρ''/ρ' is left, or half.
+TEST(RobustifyFactor, CurvatureIsReducedDownToHalf) {
+  for (const double size : {0.3, 3.0}) {
+    const CauchyLoss loss(1.0);
+    const Case before(size);
+    Case plain(size);
+    Case reduced(size);
+    const double cost = plain.Correct(loss);
+    EXPECT_EQ(reduced.Correct(loss, /*reduces_curvature=*/true), cost);
+    const Eigen::Vector3d f = before.Residual();
+    const double s = f.squaredNorm();
+    const Eigen::VectorXd g = plain.FirstSlot().transpose() * plain.Residual();
+    EXPECT_LT((reduced.FirstSlot().transpose() * reduced.Residual() - g).norm(), 1e-13 * (1.0 + g.norm()));
+    const double rho1 = 1.0 / (1.0 + s);
+    const double share = std::max(0.5, 1.0 - 2.0 * s * rho1);  // ρ'' = −ρ'²
+    EXPECT_EQ(share == 0.5, size == 3.0);
+    const Matrix weight = rho1 * (Matrix::Identity(kRows, kRows) - (1.0 - share) / s * f * f.transpose());
+    const Matrix expected = before.FirstSlot().transpose() * weight * before.FirstSlot();
+    EXPECT_LT((reduced.FirstSlot().transpose() * reduced.FirstSlot() - expected).norm(), 1e-13 * (1.0 + expected.norm()));
+  }
 }
 
 TEST(RobustifyFactor, ZeroResidualScalesTheJacobianOnly) {

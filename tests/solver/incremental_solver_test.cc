@@ -126,7 +126,7 @@ INSTANTIATE_TEST_SUITE_P(Shares, IncrementalStreet, testing::Values(0.0, 0.1));
 
 TEST(IncrementalSolver, DoesLessWhenLessHasChanged) {
   Street street(IncrementalOptions{});
-  for (int camera = 0; camera < street.num_cameras() - 1; ++camera) {
+  for (int camera = 0; camera < street.num_cameras() - 2; ++camera) {
     street.AddCamera();
   }
   const UpdateSummary first = street.solver.Update();
@@ -143,6 +143,8 @@ TEST(IncrementalSolver, DoesLessWhenLessHasChanged) {
     seconds = std::min(seconds, street.solver.Update().seconds);
   }
   EXPECT_LT(seconds, 1e-3 * first.seconds);
+  street.AddCamera();
+  street.solver.Update();  // S is formed now, which the batch solver left
   street.AddCamera();
   const UpdateSummary one_more = street.solver.Update();
   EXPECT_LT(one_more.num_relinearised_factors, first.num_relinearised_factors / 2);
@@ -227,6 +229,34 @@ TEST(IncrementalSolver, AFactorThatFailsIsNamedAndMayRecover) {
   broken = false;
   EXPECT_EQ(solver.Update().termination, Termination::kConvergence);
   EXPECT_NEAR(*solver.Values(x), 0.5, 1e-3);  // within the function tolerance
+}
+
+// exp(x) creeps down; its Jacobian fails below 0.5, which the first step reaches.
+TEST(IncrementalSolver, AFailureAfterAStepKeepsTheStepAndItsCost) {
+  const auto halting = [](int, const double* const* parameters, double* residuals, double** jacobians) {
+    residuals[0] = std::exp(parameters[0][0]);
+    if (jacobians != nullptr) {
+      jacobians[0][0] = residuals[0];
+    }
+    return jacobians == nullptr || parameters[0][0] > 0.5;
+  };
+  IncrementalOptions options;
+  options.batch_share = 1.0;
+  IncrementalSolver solver(options);
+  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, halting);
+  const FamilyId id = solver.AddFamily(family);
+  GraphEdit edit(solver.graph());
+  const double start = 1.0;
+  const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
+  edit.AddFactor(id, *family, 0, {x});
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  const UpdateSummary failed = solver.Update();
+  EXPECT_EQ(failed.termination, Termination::kFailure);
+  EXPECT_NE(failed.message.find("factor 0 of function"), std::string::npos) << failed.message;
+  EXPECT_NEAR(*solver.Values(x), 0.0, 1e-3);
+  const double cost = 0.5 * std::exp(2.0 * *solver.Values(x));
+  EXPECT_NEAR(failed.final_cost, cost, 1e-12);
+  EXPECT_EQ(solver.cost(), failed.final_cost);
 }
 
 TEST(IncrementalSolver, AnEditThatCannotBeIsRefusedUntouched) {

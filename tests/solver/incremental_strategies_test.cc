@@ -167,6 +167,19 @@ TEST(RebuildPolicy, SaysHowSFollows) {
   EXPECT_GE(rebuilds, iterations);
 }
 
+TEST(SetOptions, KeepsTheReducedSolverOfTheConstructor) {
+  for (const bool pcg_first : {false, true}) {
+    IncrementalOptions options;
+    options.batch_share = 1.0;
+    options.reduced_solver = pcg_first ? IncrementalReducedSolver::kPcg : IncrementalReducedSolver::kResumed;
+    LivingBundle bundle(options, 4);
+    options.reduced_solver = pcg_first ? IncrementalReducedSolver::kResumed : IncrementalReducedSolver::kPcg;
+    bundle.solver.SetOptions(options);
+    bundle.Grow(8, 60, 3);
+    EXPECT_EQ(bundle.solver.Update().num_pcg_iterations > 0, pcg_first);
+  }
+}
+
 TEST(RebuildPolicy, WhenCheaperRebuildsAfterStepsOfAllAndNotForOneNewFactor) {
   IncrementalOptions options;
   options.batch_share = 1.0;

@@ -21,6 +21,13 @@ class Recorder final : public SolveObserver {
     EXPECT_TRUE(new_point || jacobians);
     evaluated.emplace_back(state, state + graph_.state().size());
   }
+  bool IsWorthTrying(const IterationSummary& summary, double cost) override {
+    EXPECT_GT(summary.model_cost_change, 0.0);
+    if (summary.iteration == not_worth) {
+      cost_there = cost;
+    }
+    return summary.iteration != not_worth;
+  }
   bool IsLast(const IterationSummary& summary) override { return summary.iteration == last; }
   ObserverAction EndOfIteration(const IterationSummary& summary, const double* best_state) override {
     log += "|";
@@ -35,6 +42,8 @@ class Recorder final : public SolveObserver {
   std::vector<std::vector<double>> best;
   int at = -1;
   int last = -1;
+  int not_worth = -1;
+  double cost_there = -1.0;
   ObserverAction action = ObserverAction::kContinue;
 
  private:
@@ -70,6 +79,20 @@ TEST_F(Observer, EndsWithAStepWithoutJacobiansThere) {
   EXPECT_EQ(summary.iterations.back().gradient_norm, summary.iterations[recorder_.last - 1].gradient_norm);
   EXPECT_EQ(graph_.state(), recorder_.best.back());
   EXPECT_NE(graph_.state(), start_);
+}
+
+TEST_F(Observer, EndsBeforeAStepThatIsNotWorthTrying) {
+  const Summary whole = Solve(options_, &graph_);
+  graph_.mutable_state() = start_;
+  recorder_.log.clear();
+  recorder_.not_worth = static_cast<int>(whole.iterations.size()) - 2;
+  const Summary summary = Solve(options_, &graph_);
+  EXPECT_EQ(summary.termination, Termination::kUserSuccess) << summary.message;
+  EXPECT_EQ(static_cast<int>(summary.iterations.size()), recorder_.not_worth);
+  EXPECT_EQ(recorder_.log.back(), '|');
+  EXPECT_EQ(graph_.state(), recorder_.best.back());
+  EXPECT_EQ(summary.final_cost, recorder_.cost_there);
+  EXPECT_LT(summary.final_cost, summary.initial_cost);
 }
 
 // "J|" for the start, then "rj|" for an accepted and "r|" for a rejected step.

@@ -96,6 +96,10 @@ class INCERES_EXPORT FactorFamily {
   /// names the first factor that failed; what was written is then ignored.
   virtual EvaluationFailure Evaluate(const FactorBatch& batch) const = 0;
 
+  /// How many factors are worth a task of their own where several threads evaluate, at least 1: few where one may take long, as
+  /// a user's function may. Changes no result.
+  virtual int TaskSize() const { return 256; }
+
   /// Whether Recentre may ever do anything: solvers ask before they call it.
   virtual bool Recentres() const { return false; }
 

@@ -24,6 +24,10 @@ class INCERES_EXPORT SolveObserver {
   /// asked for at the accepted candidate whose cost is already known.
   virtual void BeforeEvaluation(const double* /*state*/, bool /*jacobians*/, bool /*new_point*/) {}
 
+  /// Asked of every step that has a model decrease, before anything is evaluated there: false ends the solve without it, at the
+  /// best state, successfully. `cost` is that of the current state.
+  virtual bool IsWorthTrying(const IterationSummary& /*summary*/, double /*cost*/) { return true; }
+
   /// Asked of every step that is accepted, before Jacobians are evaluated there: true ends the solve with it, successfully and
   /// without them. The summary of that iteration has the gradient norms of the one before. Not asked of a step that made factors
   /// move their expansion points.
