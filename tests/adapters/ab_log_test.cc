@@ -279,6 +279,7 @@ TEST(Environment, EveryVariable) {
   EXPECT_EQ(environment.ab_log, "run.jsonl");
   EXPECT_EQ(Read({{"INCERES_MODE", "stock"}}).mode, internal::DropinMode::kStock);
   EXPECT_EQ(Read({{"INCERES_MODE", "auto"}}).mode, internal::DropinMode::kAuto);
+  EXPECT_EQ(Read({{"INCERES_MODE", "fallback"}}).mode, internal::DropinMode::kFallback);
   EXPECT_TRUE(Read({{"INCERES_CROSS_CHECK", "1"}}).cross_check.enabled);
 }
 

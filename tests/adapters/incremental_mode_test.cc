@@ -12,6 +12,14 @@
 namespace inceres {
 namespace {
 
+struct Difference {  // b − a − 1
+  template <typename T>
+  bool operator()(const T* a, const T* b, T* r) const {
+    r[0] = b[0] - a[0] - 1.0;
+    return true;
+  }
+};
+
 using testing::MakeBundle;
 using testing::MakeCurveFit;
 using testing::MakeWindow;
@@ -44,6 +52,8 @@ void ExpectSameMinimum(const Recipe& recipe, ceres::LinearSolverType type) {
   options.function_tolerance = 1e-7;  // leaves more than that undone where gains fall slowly
   inceres::Solve(options, &ours->problem, &summary, &report);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
+  EXPECT_EQ(summary.message.find("Function tolerance reached. |cost_change|/cost: "), 0U) << summary.message;
+  EXPECT_FALSE(report.update.message.empty());
   EXPECT_EQ(report.mode, SolveMode::kIncremental);
   EXPECT_FALSE(report.used_stock);
   EXPECT_NEAR(summary.initial_cost, expected.initial_cost, 1e-9 * expected.initial_cost);
@@ -109,8 +119,27 @@ TEST(IncrementalMode, AFailureLeavesTheProblemAsItWas) {
   report.mode = SolveMode::kIncremental;
   inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, &report);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-  EXPECT_FALSE(summary.message.empty());
+  EXPECT_NE(summary.message.find("esidual and Jacobian evaluation failed."), std::string::npos) << summary.message;
+  EXPECT_NE(report.core.detail.find("ceres::CostFunction"), std::string::npos) << report.core.detail;
   EXPECT_EQ(test->blocks, before);
+}
+
+TEST(IncrementalMode, LimitsEndInTheWordsOfCeres) {
+  const auto solve = [](int max_num_iterations, double max_seconds) {
+    const auto test = MakeBundle(4, 30, true);
+    Options options = Quiet(ceres::DENSE_SCHUR);
+    options.function_tolerance = 0.0;
+    options.max_num_iterations = max_num_iterations;
+    options.max_solver_time_in_seconds = max_seconds;
+    ceres::Solver::Summary summary;
+    SolveReport report;
+    report.mode = SolveMode::kIncremental;
+    inceres::Solve(options, &test->problem, &summary, &report);
+    EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
+    return summary.message;
+  };
+  EXPECT_EQ(solve(2, 1e9), "Maximum number of iterations reached. Number of iterations: 2.");
+  EXPECT_EQ(solve(200, 1e-9).find("Maximum solver time reached. Total solver time: "), 0U);
 }
 
 TEST(IncrementalMode, NothingToSolve) {
@@ -155,6 +184,44 @@ TEST(IncrementalGate, OptionsOnlyExactModeHonours) {
     EXPECT_TRUE(report.used_stock);
     EXPECT_NE(report.fallback_reason.find(reason), std::string::npos) << report.fallback_reason;
     EXPECT_LT(summary.final_cost, summary.initial_cost);
+  }
+}
+
+// The first group's only block is constant: Ceres then takes DENSE_QR for DENSE_SCHUR, where we form normal equations, and the
+// next group is no first group.
+TEST(IncrementalMode, AFirstGroupThatIsAllConstant) {
+  double held = 1.0;
+  std::vector<double> x = {1.0, 2.0, 3.0};
+  const auto solve = [&](ceres::LinearSolverType type, SolveReport* report) {
+    ceres::Problem problem;
+    const auto connect = [&problem](double* a, double* b) {
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Difference, 1, 1, 1>(new Difference), nullptr, a, b);
+    };
+    connect(&held, &x[0]);
+    connect(&x[0], &x[1]);
+    connect(&x[1], &x[2]);
+    problem.SetParameterBlockConstant(&held);
+    Options options = Quiet(type);
+    options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    options.linear_solver_ordering->AddElementToGroup(&held, 0);
+    options.linear_solver_ordering->AddElementToGroup(&x[0], 1);
+    options.linear_solver_ordering->AddElementToGroup(&x[1], 1);  // neighbours: no landmarks both
+    options.linear_solver_ordering->AddElementToGroup(&x[2], 2);
+    ceres::Solver::Summary summary;
+    report->mode = SolveMode::kIncremental;
+    inceres::Solve(options, &problem, &summary, report);
+    return summary;
+  };
+  SolveReport report;
+  for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR}) {
+    report = SolveReport();
+    x = {3.0, 2.0, 1.0};
+    const ceres::Solver::Summary summary = solve(type, &report);
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
+    EXPECT_EQ(report.fallback_reason, "");
+    EXPECT_EQ(summary.linear_solver_type_used,
+              type == ceres::DENSE_SCHUR ? ceres::DENSE_NORMAL_CHOLESKY : ceres::SPARSE_NORMAL_CHOLESKY);
+    EXPECT_NEAR(x[2], 4.0, 1e-9);
   }
 }
 

@@ -22,6 +22,22 @@ TEST(Session, ResetStartsFromNothing) {
   EXPECT_NEAR(tug.x, 3.4, 1e-6);
 }
 
+// Who says that nothing was edited, and errs, is not believed where the number of blocks says otherwise.
+TEST(Session, APromiseThatTheProblemIsUneditedIsChecked) {
+  Tug tug;
+  Pull c{10.0, 2.0};
+  tug.problem.AddResidualBlock(&c, nullptr, &tug.x);
+  SolveReport report;
+  report.problem_unedited = true;
+  ceres::Solver::Options options;
+  options.logging_type = ceres::SILENT;
+  options.function_tolerance = 1e-12;
+  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  tug.session.session.Solve(options, &tug.problem, &tug.session.summary, &report);
+  EXPECT_EQ(report.changes.num_added_factors, 1);
+  EXPECT_NEAR(tug.x, (1.0 + 4.0 * 4.0 + 4.0 * 10.0) / 9.0, 1e-6);
+}
+
 TEST(Session, AFailureLeavesMemoryAsItWasAndForgets) {
   Tug tug;
   tug.b.fails = true;

@@ -1,6 +1,8 @@
 // Section 5.2 of the contract, continued: cost functions and manifolds that fail.
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <vector>
 
 #include "conformance/support.h"
 #include "support/ceres_manifolds.h"
@@ -148,6 +150,27 @@ TEST(Case52, plus_jacobian_false_at_iteration_0) {
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
   EXPECT_EQ(summary.message, kStartFailed);
   EXPECT_EQ(world.blocks[0], kStart);
+}
+
+TEST(Case52, nothing_is_called_after_a_cost_function_that_failed) {
+  World world;
+  std::vector<int> num_calls(1000, 0);
+  double* x = world.Add({1.0});
+  for (int& calls : num_calls) {
+    const bool fails = &calls == &num_calls[0];
+    world.problem.AddResidualBlock(new Cost(1, {1},
+                                            [&calls, fails](double const* const* p, double* residuals, double** jacobians) {
+                                              ++calls;
+                                              residuals[0] = p[0][0];
+                                              if (jacobians != nullptr && jacobians[0] != nullptr) {
+                                                jacobians[0][0] = 1.0;
+                                              }
+                                              return !fails;
+                                            }),
+                                   nullptr, x);
+  }
+  EXPECT_EQ(Solve(Small(), &world.problem).summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(std::accumulate(num_calls.begin(), num_calls.end(), 0), 1);
 }
 
 }  // namespace

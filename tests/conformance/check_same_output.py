@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Checks that a program prints the same with a library preloaded as without, but for times.
 
-    check_same_output.py PROGRAM LIBRARY [VARIABLE=VALUE ...]
+    check_same_output.py PROGRAM LIBRARY [--differs] [VARIABLE=VALUE ...]
 
 The program runs twice, bare and with LD_PRELOAD=LIBRARY and the variables. The times of Ceres's progress table and of its full
-report are masked; every other character of standard output must be equal. Exits with 1 and the differences otherwise.
+report are masked; every other character of standard output must be equal, or with --differs something must not. Exits with 1
+otherwise, and with the differences.
 """
 
 import difflib
@@ -32,15 +33,17 @@ def run(program, changes):
 
 
 def main():
-    program, library = sys.argv[1:3]
+    program, library, *variables = sys.argv[1:]
+    differs = "--differs" in variables
+    variables = [variable for variable in variables if variable != "--differs"]
     bare, rows, times = run(program, {})
-    changed, _, _ = run(program, {"LD_PRELOAD": library, **dict(pair.split("=", 1) for pair in sys.argv[3:])})
+    changed, _, _ = run(program, {"LD_PRELOAD": library, **dict(pair.split("=", 1) for pair in variables)})
     if rows < 50 or times < 50:
         print(f"only {rows} rows and {times} times were printed: this is not the output meant")
         return 1
     difference = list(difflib.unified_diff(bare.splitlines(), changed.splitlines(), "bare", "preloaded", lineterm=""))
     print("\n".join(difference) if difference else f"{bare.count(chr(10))} lines agree ({rows} rows, {times} times masked)")
-    return 1 if difference else 0
+    return 0 if bool(difference) == differs else 1
 
 
 if __name__ == "__main__":

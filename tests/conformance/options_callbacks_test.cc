@@ -49,6 +49,28 @@ TEST(Options24, update_state_every_iteration) {
   }
 }
 
+// Ceres solves by a copy of the options.
+TEST(Options24, callbacks_may_change_the_options) {
+  Rosenbrock rosenbrock;
+  Options options = Small();
+  int num_second = 0;
+  Callback second([&](const ceres::IterationSummary&) {
+    ++num_second;
+    return ceres::SOLVER_CONTINUE;
+  });
+  Callback first([&](const ceres::IterationSummary&) {
+    options.callbacks.clear();
+    options.callbacks.shrink_to_fit();
+    options.update_state_every_iteration = true;
+    EXPECT_EQ(rosenbrock.blocks[0], (std::vector<double>{-1.2, 1.0}));
+    return ceres::SOLVER_CONTINUE;
+  });
+  options.callbacks = {&first, &second};
+  const Summary summary = Solve(options, &rosenbrock.problem).summary;
+  EXPECT_EQ(static_cast<std::size_t>(num_second), summary.iterations.size());
+  EXPECT_GT(num_second, 3);
+}
+
 TEST(Options24, update_state_every_iteration_is_off_by_default) {
   const Seen seen = Watch(Small());
   const std::vector<double> start = {-1.2, 1.0};

@@ -1,4 +1,5 @@
 // Section 2.2 of the contract: the trust region, up to its radii. Test names are the fields'.
+#include <atomic>
 #include <chrono>
 #include <thread>
 
@@ -142,6 +143,40 @@ TEST(Options22, num_threads) {
   EXPECT_EQ(num_elsewhere, 0) << "one thread is a promise";
   EXPECT_EQ(summary.num_threads_given, 1);
   EXPECT_EQ(summary.num_threads_used, 1);
+}
+
+// Each call waits for another: with as few residual blocks as these both threads are at work, and never a third.
+TEST(Options22, num_threads_of_two) {
+  if (std::thread::hardware_concurrency() < 2) {
+    GTEST_SKIP() << "one processor";
+  }
+  Bundle bundle;
+  std::atomic<int> inside{0};
+  std::atomic<int> most{0};
+  for (int k = 0; k < 64; ++k) {
+    bundle.problem.AddResidualBlock(new Cost(1, {6},
+                                             [&](double const* const*, double* residuals, double** jacobians) {
+                                               const int now = ++inside;
+                                               for (int seen = most; seen < now && !most.compare_exchange_weak(seen, now);) {
+                                               }
+                                               for (int wait = 0; wait < 1000 && most < 2; ++wait) {
+                                                 std::this_thread::sleep_for(std::chrono::milliseconds(1));
+                                               }
+                                               residuals[0] = 0.0;
+                                               if (jacobians != nullptr && jacobians[0] != nullptr) {
+                                                 std::fill_n(jacobians[0], 6, 0.0);
+                                               }
+                                               --inside;
+                                               return true;
+                                             }),
+                                    nullptr, bundle.cameras[0]);
+  }
+  Options options = Schur();
+  options.num_threads = 2;
+  const Summary summary = Solve(options, &bundle.problem).summary;
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(summary.num_threads_used, 2);
+  EXPECT_EQ(most, 2);
 }
 
 TEST(Options22, num_threads_above_the_machine) {

@@ -10,7 +10,8 @@
 #include <gtest/gtest.h>
 
 /// The conformance suite is a program as a user has it: it knows nothing of inceres and links only Ceres. It runs as it is, with
-/// inceres_dropin preloaded and told to hand everything to stock Ceres, and with it active; its verdicts must be the same.
+/// inceres_dropin preloaded and told to look at everything and hand it to stock Ceres, and with it active; its verdicts must be
+/// the same.
 namespace conformance {
 
 using Options = ceres::Solver::Options;

@@ -250,7 +250,9 @@ TEST(Dropin, ALogTellsOfSessionsAndOfWhatGoesToStock) {
 TEST(Dropin, UnknownModeIsSaidOnceAndExactIsUsed) {
   const ProgramRun ours = Preloaded("living", "INCERES_MODE=fast");
   EXPECT_EQ(
-      CountOf(ours.err, "INCERES_MODE: \"fast\" means nothing here and is ignored; known are exact, incremental, auto, stock"), 1)
+      CountOf(ours.err,
+              "INCERES_MODE: \"fast\" means nothing here and is ignored; known are exact, incremental, auto, fallback, stock"),
+      1)
       << ours.err;
   EXPECT_EQ(ours.out, Preloaded("living").out);
 }

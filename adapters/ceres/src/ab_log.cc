@@ -152,7 +152,7 @@ std::string Differences(const CrossCheckResult& result, const JudgedTolerances& 
 }
 
 std::string Machine() {
-  static const std::string kCpu = CpuModel();
+  static const std::string& kCpu = *new std::string(CpuModel());  // never destroyed, as the environment
   return JsonObject()
       .AddString("cpu", kCpu)
       .Add("hardware_threads", static_cast<int>(std::thread::hardware_concurrency()))

@@ -7,8 +7,8 @@
 namespace inceres::internal {
 
 bool CallbackObserver::IsNeeded() const {
-  return evaluation_callback_ != nullptr || options_.update_state_every_iteration || !options_.callbacks.empty() ||
-         (options_.logging_type != ceres::SILENT && LogsProgress(options_.minimizer_progress_to_stdout));
+  return evaluation_callback_ != nullptr || options_.update_state || !options_.callbacks.empty() ||
+         (options_.logs && LogsProgress(options_.to_stdout));
 }
 
 void CallbackObserver::BeforeEvaluation(const double* state, bool jacobians, bool new_point) {
@@ -19,17 +19,16 @@ void CallbackObserver::BeforeEvaluation(const double* state, bool jacobians, boo
 }
 
 ObserverAction CallbackObserver::EndOfIteration(const IterationSummary& iteration, const double* best_state) {
-  if (options_.update_state_every_iteration) {
+  if (options_.update_state) {
     WriteToUser(blocks_, best_state);
   }
   return ReportIteration(options_, iteration, &callback_seconds_);
 }
 
-ObserverAction ReportIteration(const ceres::Solver::Options& options, const IterationSummary& iteration,
-                               double* callback_seconds) {
+ObserverAction ReportIteration(const ReportOptions& options, const IterationSummary& iteration, double* callback_seconds) {
   const ceres::IterationSummary summary = ToCeres(iteration);
-  if (options.logging_type != ceres::SILENT) {
-    LogProgress(summary, options.minimizer_progress_to_stdout);
+  if (options.logs) {
+    LogProgress(summary, options.to_stdout);
   }
   for (ceres::IterationCallback* callback : options.callbacks) {
     const WallClock clock;

@@ -10,10 +10,23 @@
 
 namespace inceres::internal {
 
+/// What of the options is asked again and again during a solve: a copy, as Ceres takes one, for a callback may change the user's.
+struct ReportOptions {
+  explicit ReportOptions(const ceres::Solver::Options& options)
+      : callbacks(options.callbacks),
+        update_state(options.update_state_every_iteration),
+        logs(options.logging_type != ceres::SILENT),
+        to_stdout(options.minimizer_progress_to_stdout) {}
+
+  std::vector<ceres::IterationCallback*> callbacks;
+  bool update_state;
+  bool logs;
+  bool to_stdout;
+};
+
 /// What Ceres does at the end of an iteration once the user's memory is as it is to be: log the progress row (unless silent),
 /// call the user's callbacks until one of them stops the solve. Adds the seconds these took to `*callback_seconds`.
-ObserverAction ReportIteration(const ceres::Solver::Options& options, const IterationSummary& iteration,
-                               double* callback_seconds);
+ObserverAction ReportIteration(const ReportOptions& options, const IterationSummary& iteration, double* callback_seconds);
 
 /// What Ceres does at the end of an iteration, in its order: copy the best state to the user's memory (if asked to), then
 /// ReportIteration. And, if the problem has an evaluation callback, before an evaluation: copy the point to the user's memory
@@ -35,7 +48,7 @@ class CallbackObserver : public SolveObserver {
   double callback_seconds() const { return callback_seconds_; }
 
  private:
-  const ceres::Solver::Options& options_;
+  const ReportOptions options_;
   ceres::EvaluationCallback* const evaluation_callback_;
   const std::vector<StateBlock>& blocks_;
   double callback_seconds_ = 0.0;

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <optional>
 #include <sstream>
+#include <utility>
 
 #include <glog/logging.h>
 
@@ -12,7 +13,8 @@ namespace internal {
 namespace {
 
 std::optional<DropinMode> ModeNamed(const std::string& name) {
-  for (const DropinMode mode : {DropinMode::kExact, DropinMode::kIncremental, DropinMode::kAuto, DropinMode::kStock}) {
+  for (const DropinMode mode :
+       {DropinMode::kExact, DropinMode::kIncremental, DropinMode::kAuto, DropinMode::kFallback, DropinMode::kStock}) {
     if (name == ModeName(mode)) {
       return mode;
     }
@@ -65,6 +67,7 @@ SolveMode ModeOfOneSolve(DropinMode mode) {
   switch (mode) {
     case DropinMode::kIncremental:
       return SolveMode::kIncremental;
+    case DropinMode::kFallback:
     case DropinMode::kStock:
       return SolveMode::kStock;
     case DropinMode::kExact:
@@ -84,6 +87,8 @@ const char* ModeName(DropinMode mode) {
       return "incremental";
     case DropinMode::kAuto:
       return "auto";
+    case DropinMode::kFallback:
+      return "fallback";
     case DropinMode::kStock:
       break;
   }
@@ -100,7 +105,7 @@ Environment ReadEnvironment(const std::function<const char*(const char*)>& varia
   if (const std::optional<DropinMode> known = ModeNamed(mode)) {
     environment.mode = *known;
   } else if (!mode.empty()) {
-    environment.complaints.push_back(Complaint("INCERES_MODE", mode, "exact, incremental, auto, stock"));
+    environment.complaints.push_back(Complaint("INCERES_MODE", mode, "exact, incremental, auto, fallback, stock"));
   }
   std::istringstream items(value_of("INCERES_CROSS_CHECK"));
   for (std::string item; std::getline(items, item, ',');) {
@@ -115,14 +120,15 @@ Environment ReadEnvironment(const std::function<const char*(const char*)>& varia
 }
 
 const Environment& TheEnvironment() {
-  static const Environment kEnvironment = [] {
+  // Never destroyed: a solve may come as late as another library's destructors.
+  static const Environment& kEnvironment = *[] {
     // Nothing where the program has rights that its user has not (setuid, setgid, capabilities): with them he could have a log
     // written to any file.
     Environment read = ReadEnvironment([](const char* name) -> const char* { return secure_getenv(name); });
     for (const std::string& complaint : read.complaints) {
       LOG(WARNING) << "inceres: " << complaint;
     }
-    return read;
+    return new Environment(std::move(read));
   }();
   return kEnvironment;
 }

@@ -13,6 +13,7 @@ enum class DropinMode {
   kExact,        ///< inceres::SolveMode::kExact
   kIncremental,  ///< incremental wherever it can, exact where it cannot
   kAuto,         ///< incremental for what lives on and changes little (IsIncremental in the drop-in has the rule), else exact
+  kFallback,     ///< looked at as in exact mode, then handed to stock Ceres whatever it is
   kStock,        ///< nothing is looked at
 };
 

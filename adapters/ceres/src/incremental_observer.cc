@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "adapters/ceres/src/callback_observer.h"
-
 namespace inceres::internal {
 
 IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveContext& context) {
@@ -31,7 +29,7 @@ IncrementalObserver::IncrementalObserver(const ceres::Solver::Options& options, 
                                          const LivingProblem& living, const SolveContext& context)
     : options_(options), view_(view), living_(living), context_(context) {
   for (const ParameterBlockView& block : view.blocks) {
-    if (options.update_state_every_iteration && block.reduced()) {
+    if (options_.update_state && block.reduced()) {
       start_values_.insert(start_values_.end(), block.values, block.values + block.ambient_size);
     }
   }
@@ -49,7 +47,7 @@ IncrementalObserver::~IncrementalObserver() {
 
 ObserverAction IncrementalObserver::EndOfIteration(const UpdateIteration& iteration) {
   trace_.push_back(ToIterationSummary(iteration, context_));
-  if (options_.update_state_every_iteration) {
+  if (options_.update_state) {
     living_.WriteToUser(view_);
   }
   return ReportIteration(options_, trace_.back(), &callback_seconds_);

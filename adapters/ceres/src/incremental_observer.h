@@ -5,6 +5,7 @@
 
 #include <ceres/solver.h>
 
+#include "adapters/ceres/src/callback_observer.h"
 #include "adapters/ceres/src/introspection.h"
 #include "adapters/ceres/src/living_problem.h"
 #include "inceres/solver/summary.h"
@@ -40,7 +41,7 @@ class IncrementalObserver : public UpdateObserver {
   double callback_seconds() const { return callback_seconds_; }
 
  private:
-  const ceres::Solver::Options& options_;
+  const ReportOptions options_;
   const ProblemView& view_;
   const LivingProblem& living_;
   const SolveContext context_;

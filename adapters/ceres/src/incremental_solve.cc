@@ -1,6 +1,8 @@
 #include "adapters/ceres/src/incremental_solve.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <limits>
 #include <string>
 #include <utility>
@@ -8,6 +10,7 @@
 
 #include <glog/logging.h>
 
+#include "adapters/ceres/src/ceres_version.h"
 #include "adapters/ceres/src/factor_shapes.h"
 #include "adapters/ceres/src/fixed_cost.h"
 #include "adapters/ceres/src/incremental_observer.h"
@@ -37,10 +40,46 @@ Costs FixedCosts(const ProblemView& view, const LivingProblem& living) {
   return costs;
 }
 
-Summary ToSummary(const UpdateSummary& update, const Costs& costs, std::vector<IterationSummary> trace) {
+std::string Number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%e", value);
+  return text;
+}
+
+// In Ceres's words (contract, section 3.4) where it has any; the Update's own are in SolveReport::update.
+std::string MessageOf(const UpdateSummary& update, const SolveInput& input, double seconds_before) {
+  const ceres::Solver::Options& options = input.options;
+  if (update.termination == Termination::kFailure) {
+    const bool at_start = update.iterations.empty() && kCeresRules == CeresRules::k22;
+    return at_start ? "Initial residual and Jacobian evaluation failed." : "Residual and Jacobian evaluation failed.";
+  }
+  if (update.message.find(" reached") != std::string::npos) {
+    return update.message;  // the batch solver's, which are Ceres's
+  }
+  if (update.termination == Termination::kConvergence) {
+    const double share = update.final_cost > 0.0 ? std::fabs(update.undone) / update.final_cost : 0.0;
+    return "Function tolerance reached. |cost_change|/cost: " + Number(share) + " <= " + Number(options.function_tolerance);
+  }
+  if (update.termination != Termination::kNoConvergence) {
+    return update.message;
+  }
+  if (update.num_iterations >= options.max_num_iterations) {
+    return "Maximum number of iterations reached. Number of iterations: " + std::to_string(update.num_iterations) + ".";
+  }
+  const double seconds = seconds_before + update.seconds;
+  if (seconds >= options.max_solver_time_in_seconds) {
+    return "Maximum solver time reached. Total solver time: " + Number(seconds) +
+           " >= " + Number(options.max_solver_time_in_seconds) + ".";
+  }
+  return update.message;  // no step at the largest damping; the work budget of a session's options
+}
+
+Summary ToSummary(const UpdateSummary& update, const SolveInput& input, double seconds_before, const Costs& costs,
+                  std::vector<IterationSummary> trace) {
   Summary core;
   core.termination = update.termination;
-  core.message = update.message;
+  core.message = MessageOf(update, input, seconds_before);
+  core.detail = update.termination == Termination::kFailure ? update.message : "";
   core.initial_cost = update.initial_cost + costs.outside;
   core.final_cost = update.final_cost + costs.outside;
   core.fixed_cost = costs.fixed;
@@ -82,7 +121,7 @@ bool Fail(const std::string& message, ceres::Solver::Summary* summary) {
 
 bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, LivingProblem* living,
               ceres::Solver::Summary* summary, SolveReport* report) {
-  const ceres::LinearSolverType type = input.options.linear_solver_type;
+  const ceres::LinearSolverType type = IncrementalLinearSolver(input.options, input.ordering);
   const ShapeTable shapes = FindShapes(input.view);
   const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
   ProblemChanges changes;
@@ -104,7 +143,7 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, L
   IncrementalObserver observer(input.options, input.view, *living, {costs.outside, seconds_before});
   UpdateSummary update;
   living->solver().Update(&update, &observer);
-  Summary core = ToSummary(update, costs, observer.TakeTrace());
+  Summary core = ToSummary(update, input, seconds_before, costs, observer.TakeTrace());
   const bool usable = core.IsSolutionUsable();
   if (usable) {
     observer.Keep();
@@ -114,11 +153,12 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, L
   summary->minimizer_time_in_seconds = input.clock.Seconds() - seconds_before;
   WriteSolution(core, summary);
   const bool failed = core.termination == Termination::kFailure;
+  LOG_IF(WARNING, failed) << "inceres: " << core.detail;
   WriteReport(input, landmarks, living->num_landmarks(), changes, update, std::move(core), report);
   if (report != nullptr) {
     report->callback_seconds = observer.callback_seconds();
   }
-  return failed ? Fail(update.message, summary) : usable;
+  return failed ? Fail(summary->message, summary) : usable;
 }
 
 }  // namespace

@@ -20,9 +20,9 @@ int ReducedSize(const ProblemView& view, const OrderingView& ordering, ceres::Li
 
 void ChooseIterativeSolver(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering,
                            int max_direct_size, IncrementalOptions* core) {
-  if (!IsIterative(options.linear_solver_type) || core->reduced_solver != IncrementalReducedSolver::kAutomatic ||
-      view.reduced.num_effective_parameters <= max_direct_size ||
-      ReducedSize(view, ordering, options.linear_solver_type) <= max_direct_size) {
+  const ceres::LinearSolverType type = IncrementalLinearSolver(options, ordering);
+  if (!IsIterative(type) || core->reduced_solver != IncrementalReducedSolver::kAutomatic ||
+      view.reduced.num_effective_parameters <= max_direct_size || ReducedSize(view, ordering, type) <= max_direct_size) {
     return;
   }
   core->reduced_solver = IncrementalReducedSolver::kPcg;

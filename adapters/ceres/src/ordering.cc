@@ -47,4 +47,9 @@ ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& opti
   return options.linear_solver_type;
 }
 
+ceres::LinearSolverType IncrementalLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering) {
+  const ceres::LinearSolverType type = EffectiveLinearSolver(options, ordering);
+  return type == ceres::DENSE_QR ? ceres::DENSE_NORMAL_CHOLESKY : type;
+}
+
 }  // namespace inceres::internal

@@ -28,6 +28,12 @@ class CeresSession::Impl {
     has_view = true;
   }
 
+  // Whether the problem can still have the structure that was looked at.
+  bool LooksTheSame(const ceres::Problem& problem) const {
+    return problem.NumResidualBlocks() == view.all.num_residual_blocks &&
+           problem.NumParameterBlocks() == view.all.num_parameter_blocks && problem.NumResiduals() == view.all.num_residuals;
+  }
+
   void SolveOnce(const ceres::Solver::Options& solver_options, ceres::Problem* problem, ceres::Solver::Summary* summary,
                  SolveReport* report);
 
@@ -44,7 +50,7 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
                                    ceres::Solver::Summary* summary, SolveReport* report) {
   const internal::WallClock clock;
   internal::OrderingView ordering;
-  has_view = has_view && report != nullptr && report->problem_unedited;
+  has_view = has_view && report != nullptr && report->problem_unedited && LooksTheSame(*problem);
   ceres::EvaluationCallback* const callback =
       internal::EvaluationCallbackOf(*problem, report != nullptr ? report->evaluation_callback : nullptr);
   std::string obstacle = internal::IncrementalOptionsObstacle(solver_options, callback);

@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
+#include <utility>
 
 #include <glog/logging.h>
 
@@ -9,7 +11,9 @@
 #include "adapters/ceres/src/cross_check.h"
 #include "adapters/ceres/src/decline.h"
 #include "adapters/ceres/src/environment.h"
+#include "adapters/ceres/src/gate.h"
 #include "adapters/ceres/src/stock_ceres.h"
+#include "adapters/ceres/src/view_pool.h"
 #include "inceres/ceres/session.h"
 #include "inceres/ceres/solve.h"
 
@@ -127,8 +131,17 @@ void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Optio
   }
 }
 
-void DeclineUnknown(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
-  const std::string reason = "the problem's constructor was not seen, so it may have an evaluation callback";
+// As exact mode does.
+std::string Look(const ceres::Solver::Options& options, const ceres::Problem& problem, ceres::EvaluationCallback* callback) {
+  std::unique_ptr<ProblemView> view = ViewPool::Global().Take();
+  OrderingView ordering;
+  std::string obstacle = FindObstacle(options, problem, /*incremental=*/false, callback, view.get(), &ordering);
+  ViewPool::Global().GiveBack(std::move(view));
+  return obstacle;
+}
+
+void HandOver(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
+              const std::string& reason) {
   *summary = ceres::Solver::Summary();
   SolveReport report = ReportFromEnvironment();
   const auto decline = [&] { Decline(options, problem, summary, reason, &report); };
@@ -147,7 +160,12 @@ void SolveInsteadOfCeres(const Environment& environment, KnownProblem* known, co
   CHECK(problem != nullptr);  // as ceres::Solve
   CHECK(summary != nullptr);
   if (known == nullptr) {
-    DeclineUnknown(options, problem, summary);
+    HandOver(options, problem, summary, "the problem's constructor was not seen, so it may have an evaluation callback");
+    return;
+  }
+  if (environment.mode == DropinMode::kFallback) {
+    const std::string obstacle = Look(options, *problem, known->evaluation_callback);
+    HandOver(options, problem, summary, obstacle.empty() ? "INCERES_MODE is fallback" : obstacle);
     return;
   }
   SolveKnown(environment.mode, known, options, problem, summary);

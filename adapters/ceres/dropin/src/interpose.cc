@@ -23,7 +23,8 @@ bool IsActive() {
 
 // Whether edits are of interest.
 bool Remembers() {
-  static const bool kRemembers = IsActive() && TheEnvironment().mode != DropinMode::kExact;
+  static const bool kRemembers =
+      IsActive() && (TheEnvironment().mode == DropinMode::kIncremental || TheEnvironment().mode == DropinMode::kAuto);
   return kRemembers;
 }
 

@@ -7,8 +7,8 @@
 extern "C" {
 #endif
 
-/* 1 if solves go to inceres; 0 if every call is passed through, because INCERES_MODE is `stock` or the Ceres found is not the
- * release compiled for. */
+/* 1 if solves go to inceres, with INCERES_MODE `fallback` to be looked at only; 0 if every call is passed through, because it is
+ * `stock` or the Ceres found is not the release compiled for. */
 __attribute__((visibility("default"))) int inceres_dropin_is_active(void);
 
 /* How many solves inceres has done so far, those handed to stock Ceres not counted. */

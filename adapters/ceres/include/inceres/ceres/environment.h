@@ -9,7 +9,8 @@ namespace inceres {
 /// only if handed it. The variables are read once, at the first call.
 ///
 /// - `INCERES_MODE`: `exact` (default), `incremental`, `stock`, `auto` (in the drop-in: a problem's first solve exact, later ones
-///   incremental where they can be; one solve here: exact).
+///   incremental where they can be and at most a twentieth of the residual blocks is new; one solve here: exact), `fallback` (in
+///   the drop-in: each problem is looked at and handed to stock Ceres; here as `stock`).
 /// - `INCERES_CROSS_CHECK`: `1`, `0`, or what asks for the check with these CrossCheckOptions: a list of `keep=ours`,
 ///   `keep=stock`, `cost=X`, `parameters=X`, `iterations=N`, `radius=X`.
 /// - `INCERES_AB_LOG`: a file for the A/B log.
