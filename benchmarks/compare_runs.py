@@ -3,9 +3,10 @@
 
     benchmarks/compare_runs.py BEFORE.json AFTER.json [--threshold 0.05] [--all]
 
-A benchmark has changed if the medians of its runs differ by more than the threshold and all runs of one file are on one side of all
-runs of the other (with one run each: by the medians alone). Prints those, with --all every one. Exit code: 0 nothing became slower,
-1 something did, 2 a file cannot be read, or the two have no benchmark in common.
+A benchmark with a label (the instruction set, or the problem) is compared with one of the same label only. It has changed if the
+medians of its runs differ by more than the threshold and all runs of one file are on one side of all runs of the other (with one run
+each: by the medians alone). Prints those, with --all every one. Exit code: 0 nothing became slower, 1 something did, 2 a file cannot
+be read, or the two have no benchmark in common.
 """
 
 import argparse
@@ -18,12 +19,14 @@ NANOSECONDS = {"ns": 1.0, "us": 1e3, "ms": 1e6, "s": 1e9}
 
 
 def read_times(path):
-    """{name: [real time in ns of each run]}; aggregates and skipped benchmarks are left out."""
+    """{name and label: [real time in ns of each run]}; aggregates and skipped benchmarks are left out."""
     times = {}
     for benchmark in json.loads(path.read_text(encoding="utf-8"))["benchmarks"]:
         if benchmark.get("run_type") == "aggregate" or benchmark.get("error_occurred", False):
             continue
-        times.setdefault(benchmark["name"], []).append(benchmark["real_time"] * NANOSECONDS[benchmark["time_unit"]])
+        label = benchmark.get("label", "")
+        name = f"{benchmark['name']} ({label})" if label else benchmark["name"]
+        times.setdefault(name, []).append(benchmark["real_time"] * NANOSECONDS[benchmark["time_unit"]])
     return times
 
 

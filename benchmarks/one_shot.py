@@ -5,9 +5,13 @@
     benchmarks/one_shot.py --grid
 
 Ours ends by its own function tolerance (1e-6); stock runs on (LM, function tolerance 0) in each of its configurations, and counts until
-its cost is within 1e-5 of 13,344.24. One process a run, in turn, one thread, the time of the solve call. --grid plays ours from initial
-dampings of 1e-5 to 1e-1. There is no initial radius to vary beside it: in Levenberg-Marquardt it is 1/damping, and incremental steps have
-none before the first is refused. (At 1e-6 ours ends at 14,109 and stock at 13,421.) Needs build/bin/bal_solve and the data of INCERES_DATA_DIR (or ../shared/data beside the repository). Leave the machine alone meanwhile.
+its cost is within 1e-5 of 13,344.24. One process a run, in turn, the time of the solve call; one thread, stock's CHOLMOD too
+(stock_environment.py).
+
+--grid plays ours from initial dampings of 1e-5 to 1e-1. There is no initial radius to vary beside it: in Levenberg-Marquardt it is
+1/damping, and incremental steps have none before the first is refused. (At 1e-6 ours ends at 14,109 and stock at 13,421.)
+
+Needs build/bin/bal_solve and the data of INCERES_DATA_DIR (or ../shared/data beside the repository). Leave the machine alone meanwhile.
 """
 
 import argparse
@@ -18,6 +22,8 @@ import statistics
 import subprocess
 import sys
 import tempfile
+
+from stock_environment import stock_environment
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 DATA = pathlib.Path(os.environ.get("INCERES_DATA_DIR", ROOT.parent / "shared" / "data"))
@@ -39,9 +45,8 @@ STOCK = {
 def solve(flags):
     with tempfile.TemporaryDirectory() as folder:
         report = pathlib.Path(folder) / "report.json"
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "GLOG_minloglevel": "2"}
         command = [str(ROOT / "build/bin/bal_solve"), "--input", str(LADYBUG), "--json", str(report), *flags]
-        subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        subprocess.run(command, check=True, env=stock_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         return json.loads(report.read_text(encoding="utf-8"))
 
 
@@ -91,8 +96,9 @@ def play_grid():
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=11)
-    parser.add_argument("--grid", action="store_true", help="only where ours ends from other initial dampings")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--repeats", type=int, default=11)
+    what.add_argument("--grid", action="store_true", help="only where ours ends from other initial dampings")
     arguments = parser.parse_args()
     if arguments.grid:
         play_grid()

@@ -4,8 +4,8 @@
     benchmarks/replay_figures.py [--build build] [--only TEXT] [--keep FOLDER] [--nooptimum]
 
 Needs bin/replay in the build directory and the data of INCERES_DATA_DIR (or ../shared/data beside the repository); a replay whose
-file is missing is skipped by name. Leave the machine alone meanwhile. Exit code: 0 all figures as asked, 1 one is not, 2 a replay
-could not be played.
+file is missing is skipped by name. One thread, stock's CHOLMOD too (stock_environment.py). Leave the machine alone meanwhile. Exit
+code: 0 all figures as asked, 1 one is not, 2 a replay could not be played.
 """
 
 import argparse
@@ -15,6 +15,8 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+
+from stock_environment import stock_environment
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 DATA = pathlib.Path(os.environ.get("INCERES_DATA_DIR", ROOT.parent / "shared" / "data"))
@@ -79,7 +81,8 @@ def play(build, problem, flags, report):
                "--print_every", "1000000", "--json", report, *flags]
     # Exit code 1 with a report: a solve of ours failed, which is one of the figures.
     report.unlink(missing_ok=True)
-    result = subprocess.run([str(part) for part in command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+    result = subprocess.run([str(part) for part in command], env=stock_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                            text=True, check=False)
     if not report.exists():
         raise RuntimeError(f"{problem}: {result.stderr.strip()}")
     return json.loads(report.read_text(encoding="utf-8"))

@@ -6,8 +6,8 @@
 Cubic is vio:cubic, Venice and Cathedral are the presets of bal_generate of their sizes. All solve by Dog-Leg, with one thread, with the
 same analytic factors, which stock calls as cost functions, from the same start, until Ceres's default tolerances end it. Ours is the
 core with Cholesky, the core with PCG (steps right to 1e-4), and inceres::Solve on stock's own ceres::Problem, of which nothing is
-asked. Stock runs in both orderings of DENSE_SCHUR and SPARSE_SCHUR; rounds are interleaved, figures are medians over the rounds of
-whole solve calls. Leave the machine alone meanwhile. Exit code: 0 all as asked, 1 something is not, 2 a problem could not be run.
+asked. Stock runs in both orderings of DENSE_SCHUR and SPARSE_SCHUR, its CHOLMOD on one thread too (stock_environment.py); rounds are
+interleaved, figures are medians over the rounds of whole solve calls. Leave the machine alone meanwhile. Exit code: 0 all as asked, 1 something is not, 2 a problem could not be run.
 """
 
 import argparse
@@ -16,6 +16,8 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+
+from stock_environment import stock_environment
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 SPARSE = ("sparse_schur", "sparse_schur_points_first")
@@ -37,7 +39,8 @@ SOLVERS = [
 
 
 def run(command):
-    result = subprocess.run([str(part) for part in command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+    result = subprocess.run([str(part) for part in command], env=stock_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                            text=True, check=False)
     if result.returncode not in (0, 3):  # 3: a cost above --tolerance, which is judged here
         raise RuntimeError(f"{' '.join(str(part) for part in command)}: {result.stderr.strip()}")
 

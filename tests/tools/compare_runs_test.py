@@ -17,8 +17,8 @@ class CompareRunsTest(unittest.TestCase):
         self.addCleanup(directory.cleanup)
         self.folder = pathlib.Path(directory.name)
 
-    def write(self, name, runs, unit="us"):
-        benchmarks = [{"name": benchmark, "run_type": "iteration", "real_time": time, "time_unit": unit}
+    def write(self, name, runs, unit="us", label=""):
+        benchmarks = [{"name": benchmark, "run_type": "iteration", "real_time": time, "time_unit": unit, "label": label}
                       for benchmark, times in runs.items() for time in times]
         benchmarks.append({"name": "skipped", "run_type": "iteration", "error_occurred": True, "real_time": 0.0, "time_unit": "us"})
         benchmarks.append({"name": "a_mean", "run_type": "aggregate", "real_time": 1.0, "time_unit": "us"})
@@ -50,6 +50,14 @@ class CompareRunsTest(unittest.TestCase):
         after = self.write("after.json", {"a": [1080.0]}, "us")
         self.assertEqual(self.compare(before, after).returncode, 1)
         self.assertEqual(self.compare(before, after, "--threshold", "0.1").returncode, 0)
+
+    def test_other_labels_are_other_benchmarks(self):
+        before = self.write("before.json", {"a": [1.0]}, label="Ladybug-49")
+        after = self.write("after.json", {"a": [9.0]}, label="generated street")
+        result = self.compare(before, after)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("no benchmark in common", result.stderr)
+        self.assertIn("| a (Ladybug-49) | 1 us | 1 us |", self.compare(before, before, "--all").stdout)
 
     def test_unreadable_or_nothing_in_common(self):
         fine = self.write("fine.json", {"a": [1.0]})

@@ -19,7 +19,8 @@ import scale  # noqa: E402
 class ArithmeticTest(unittest.TestCase):
     def test_exponent_of_powers(self):
         self.assertAlmostEqual(scale.exponent([(size, 3.0 * size**1.5) for size in (10, 100, 1000)]), 1.5)
-        self.assertIsNone(scale.exponent([(10, 1.0)]))
+        self.assertIsNone(scale.exponent([(10, 1.0), (100, 10.0)]), "two fit any power")
+        self.assertIsNone(scale.exponent([(10, 1.0), (10, 2.0), (100, 10.0)]))
 
     def test_time_until_the_cost_is_reached(self):
         trace = [{"seconds": 0.1, "cost": 9.0, "accepted": True}, {"seconds": 0.2, "cost": 4.0, "accepted": False},
@@ -28,6 +29,22 @@ class ArithmeticTest(unittest.TestCase):
         self.assertEqual(scale.seconds_to(report, 5.0), 0.3)
         self.assertEqual(scale.seconds_to(report, 4.2), 0.5)  # by the last step, which ended the solve
         self.assertIsNone(scale.seconds_to(report, 3.0))
+
+    def test_the_better_of_stocks_orderings_counts(self):
+        rows = [{"cameras": size, "solver": name, "seconds": seconds}
+                for size, name, seconds in ((10, "stock, A", 2.0), (10, "stock, A, landmarks first", 1.0), (20, "stock, A", 3.0),
+                                            (20, "stock, A, landmarks first", None), (10, "ours", 0.5))]
+        self.assertEqual(scale.series(rows, "seconds"), {"stock, A": [(10, 1.0), (20, 3.0)], "ours": [(10, 0.5)]})
+        self.assertEqual(scale.least_of_stock({"stock, A": 2.0, "stock, B": None, "stock, C": 1.5, "ours": 0.5}), 1.5)
+        self.assertIsNone(scale.least_of_stock({"ours": 0.5}))
+
+    def test_speed_up(self):
+        times = {1: [1.7, 1.8, 1.7], 2: [1.0, 1.0, 2.0]}
+        same = {1: [5.0, 5.0], 2: [5.0, 5.0]}
+        self.assertEqual(scale.judge_speed_up(times, same, 5.0 + 1e-6), (1.7, []))
+        self.assertEqual(scale.judge_speed_up(times, same, 5.1)[1], ["cost differs from the other solver's"])
+        self.assertEqual(scale.judge_speed_up(times, {1: [5.0], 2: [5.0 + 1e-15]}, None)[1], ["costs differ between runs"])
+        self.assertEqual(scale.judge_speed_up({1: [1.6], 2: [1.0]}, same, None), (1.6, ["slow"]))
 
 
 class RunTest(unittest.TestCase):
@@ -38,11 +55,12 @@ class RunTest(unittest.TestCase):
     def test_small_paths(self):
         with tempfile.TemporaryDirectory() as folder:
             report, plot = pathlib.Path(folder) / "scale.json", pathlib.Path(folder) / "scale.svg"
-            result = self.run_script("scale.py", "--sizes", "100,150", "--solvers", "built-in,SPARSE", "--json", report, "--svg", plot)
+            result = self.run_script("scale.py", "--sizes", "100,150,200", "--solvers", "built-in,SPARSE", "--json", report, "--svg", plot)
             self.assertEqual((result.returncode, result.stderr), (0, ""))
             rows = json.loads(report.read_text(encoding="utf-8"))
             self.assertEqual([(row["cameras"], row["solver"]) for row in rows],
-                             [(size, name) for size in (100, 150) for name in ("ours, built-in factors", "stock, SPARSE_SCHUR")])
+                             [(size, name) for size in (100, 150, 200)
+                              for name in ("ours, built-in factors", "stock, SPARSE_SCHUR", "stock, SPARSE_SCHUR, landmarks first")])
             self.assertTrue(all(row["peak_bytes"] > 1e6 and row["seconds_to_cost"] > 0.0 for row in rows))
             self.assertRegex(result.stdout, r"\| ours, built-in factors \| cameras\^-?\d\.\d\d \| cameras\^-?\d\.\d\d \|")
             self.assertEqual(len(re.findall("<polyline", plot.read_text(encoding="utf-8"))), 4)

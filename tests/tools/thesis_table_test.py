@@ -10,6 +10,7 @@ import tempfile
 import unittest
 
 SCRIPT, BUILD = (pathlib.Path(argument) for argument in sys.argv[1:3])
+sys.path.insert(0, str(SCRIPT.parent))  # for what the scripts share
 
 
 def load_script():

@@ -1,0 +1,18 @@
+"""The environment in which every script here runs ours and stock Ceres."""
+
+import os
+
+
+def stock_environment(num_threads=1, **more):
+    """This process's environment, for solves with so many threads. As packaged, stock's CHOLMOD starts four OpenMP threads whatever
+    num_threads says: where one thread is asked for it is kept on one, with two it is left as it is. BLAS stays on one, as in ours."""
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "GLOG_minloglevel": "2"}
+    if num_threads == 1:
+        environment["OMP_MAX_ACTIVE_LEVELS"] = "0"
+    return {**environment, **more}
+
+
+def num_threads_in(flags):
+    """What --num_threads among the flags of a tool says, or its default."""
+    flags = [str(flag) for flag in flags]
+    return int(flags[flags.index("--num_threads") + 1]) if "--num_threads" in flags else 1
