@@ -38,7 +38,11 @@ void Report(benchmark::State& state, const char* name, double seconds, double co
 void BM_BuiltIn(benchmark::State& state, const std::string& preset) {
   const std::unique_ptr<tools::BalSource> source = Scene(state, preset);
   std::unique_ptr<FactorGraph> start;
-  if (source == nullptr || !source->MakeGraph({}, &start).ok()) {
+  if (source == nullptr) {
+    return;
+  }
+  if (!source->MakeGraph({}, &start).ok()) {
+    state.SkipWithError("the graph could not be built");
     return;
   }
   SolverOptions options;
@@ -99,7 +103,7 @@ void BM_OnCeresProblem(benchmark::State& state, const std::string& preset, Ceres
     tools::ProblemSource::CeresInstance instance;
     if (!source->MakeCeresInstance({}, &instance).ok()) {
       state.SkipWithError("the problem could not be built");
-      return;
+      break;
     }
     options.linear_solver_ordering = instance.landmarks_first;
     state.ResumeTiming();

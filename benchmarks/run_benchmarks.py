@@ -16,6 +16,8 @@ import subprocess
 import sys
 import tempfile
 
+from stock_environment import stock_environment
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 NAMES = ("kernels", "stages", "phases", "bal_reading")
 
@@ -28,7 +30,7 @@ def run(program, arguments):
         command = [program, f"--benchmark_out={report}", "--benchmark_out_format=json", f"--benchmark_filter={arguments.filter}",
                    f"--benchmark_repetitions={arguments.repetitions}", f"--benchmark_min_time={arguments.min_time}",
                    "--benchmark_enable_random_interleaving=true"]
-        subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        subprocess.run([str(part) for part in command], env=stock_environment(), check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         text = report.read_text(encoding="utf-8")
         return json.loads(text) if text else {"context": {}, "benchmarks": []}  # nothing matched the filter
 

@@ -2,7 +2,7 @@
 """Time and memory against size: generated paths of cameras with local visibility and some loops, ours beside stock Ceres.
 
     benchmarks/scale.py [--build build] [--sizes 250,500,1000,2000] [--solvers TEXT,…] [--json scale.json] [--svg docs/scale.svg]
-    benchmarks/scale.py --sizes 1000,10000 --solvers built-in,SPARSE     # the large ones: about six minutes
+    benchmarks/scale.py --sizes 1000,10000 --solvers ours,SPARSE     # the large ones: about six minutes
     benchmarks/scale.py --speed_up [--repetitions 5]                     # ours with one thread and with two
 
 Time is that of the solve call, set-up included, until the cost is within 1e-6 of the best final one (of this problem); memory the

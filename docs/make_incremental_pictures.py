@@ -12,6 +12,7 @@ not: leave the machine alone meanwhile. Exit code: 0 written, 2 usage or a repla
 import argparse
 import json
 import math
+import os
 import pathlib
 import subprocess
 import sys
@@ -170,7 +171,8 @@ def play(options):
         command = [options.build / "bin" / "replay", "--problem", options.problem, "--mode", "incremental", "--nooptimum",
                    "--stock_linear_solver", "sparse_schur", "--structure_step", str(options.structure_step), "--json", path]
         try:
-            code = subprocess.run(command, stdout=subprocess.DEVNULL, check=False).returncode
+            environment = {**os.environ, "OMP_MAX_ACTIVE_LEVELS": "0"}  # keeps stock's CHOLMOD on one thread, as ours is
+            code = subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=False).returncode
         except OSError as error:
             print(f"{error.filename}: {error.strerror}", file=sys.stderr)
             return None

@@ -13,6 +13,7 @@ SolveRecord Record(double seconds, double final_cost) {
   record.final_cost = final_cost;
   record.iterations = 2;
   record.seconds = seconds;
+  record.stage_seconds = {{"setup", 0.25 * seconds}, {"total", seconds}};
   record.trace = {{0.1 * seconds, 100.0, true}, {0.5 * seconds, 1.005 * final_cost, true}, {0.9 * seconds, final_cost, true}};
   return record;
 }
@@ -44,6 +45,7 @@ TEST_F(AbReportTest, JsonHasTheAgreedFields) {
   EXPECT_EQ(ours.at("seconds").at("median"), 2.0);
   EXPECT_EQ(ours.at("seconds").at("min"), 1.0);
   EXPECT_EQ(ours.at("seconds").at("max"), 3.0);
+  EXPECT_EQ(ours.at("stage_seconds"), nlohmann::json({{"setup", 0.5}, {"total", 2.0}})) << "medians";
   EXPECT_EQ(ours.at("initial_cost"), 100.0);
   EXPECT_EQ(ours.at("final_cost"), 10.0);
   EXPECT_EQ(ours.at("final_cost_spread"), 0.0);

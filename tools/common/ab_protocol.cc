@@ -140,6 +140,22 @@ double ContenderRuns::SecondsPerIteration() const {
   return Seconds().median / std::max(1, first().iterations);
 }
 
+std::vector<std::pair<std::string, double>> ContenderRuns::StageSeconds() const {
+  std::vector<std::pair<std::string, double>> medians;
+  for (const auto& stage : first().stage_seconds) {
+    std::vector<double> seconds;
+    for (const SolveRecord& record : rounds) {
+      for (const auto& [name, value] : record.stage_seconds) {
+        if (name == stage.first) {
+          seconds.push_back(value);
+        }
+      }
+    }
+    medians.emplace_back(stage.first, Summarize(std::move(seconds)).median);
+  }
+  return medians;
+}
+
 const ContenderRuns& AbResult::FastestStock() const {
   return *std::min_element(stock.begin(), stock.end(), [](const ContenderRuns& a, const ContenderRuns& b) {
     return a.Seconds().median < b.Seconds().median;

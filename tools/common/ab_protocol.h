@@ -3,6 +3,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "inceres/status.h"
@@ -32,6 +33,8 @@ struct ContenderRuns {
   double FinalCostSpread() const;
   /// Median seconds of one iteration, the share of the set-up included.
   double SecondsPerIteration() const;
+  /// Median seconds of each stage, in the solver's own names and order, as the first round has them.
+  std::vector<std::pair<std::string, double>> StageSeconds() const;
 };
 
 /// A contender that was taken out, and why.

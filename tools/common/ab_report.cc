@@ -61,6 +61,14 @@ json TimesToGaps(const ContenderRuns& runs, double lowest_cost) {
   return times;
 }
 
+json StagesJson(const ContenderRuns& runs) {
+  json stages = json::object();
+  for (const auto& [name, seconds] : runs.StageSeconds()) {
+    stages[name] = seconds;
+  }
+  return stages;
+}
+
 json RunJson(const ContenderRuns& runs, double lowest_cost) {
   const SolveRecord& record = runs.first();
   return {{"solver", runs.solver},
@@ -68,6 +76,7 @@ json RunJson(const ContenderRuns& runs, double lowest_cost) {
           {"linear_solver", record.linear_solver},
           {"seconds", ToJson(runs.Seconds())},
           {"seconds_per_iteration", runs.SecondsPerIteration()},
+          {"stage_seconds", StagesJson(runs)},
           {"initial_cost", record.initial_cost},
           {"final_cost", record.final_cost},
           {"final_cost_spread", runs.FinalCostSpread()},

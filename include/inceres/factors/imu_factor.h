@@ -29,7 +29,7 @@ namespace inceres {
 ///
 /// Cost: about 19,000 instructions a factor with Jacobians, 1,700 without (x86-64, SSE2); nothing allocated in Evaluate; Recentre
 /// integrates all samples of a factor. Threads: as FactorFamily; Add is for one writer.
-/// Source: Forster et al. 2017, section VI.C; algorithms.md section 8; derived in imu_factor.cc.
+/// Source: Forster et al. 2017, section VI.C; derived in imu_factor.cc.
 class INCERES_EXPORT ImuFactorFamily final : public FactorFamily {
  public:
   using Measurement = ImuPreintegrator;

@@ -33,7 +33,7 @@ struct ImuDelta {
 /// Every call does all or nothing: after an error the object is as it was, and the message names the sample or the option.
 /// Cost: about 14,000 instructions a sample (x86-64, SSE2). Threads: as a plain value.
 /// Source: Forster, Carlone, Dellaert & Scaramuzza, "On-Manifold Preintegration for Real-Time Visual-Inertial Odometry", 2017,
-/// sections VI and VII; midpoint: Qin, Li & Shen, "VINS-Mono", 2018, section IV.B. algorithms.md section 8.
+/// sections VI and VII; midpoint: Qin, Li & Shen, "VINS-Mono", 2018, section IV.B.
 class INCERES_EXPORT ImuPreintegrator {
  public:
   /// What is wrong with the options is told by Integrate.

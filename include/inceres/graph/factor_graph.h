@@ -51,7 +51,7 @@ enum class Role : std::uint8_t { kFrame, kLandmark };
 /// of the same size or family. num_variables() and NumFactors() go on counting ids and places, free ones included.
 ///
 /// Threads: one writer; concurrent reads are fine. Two graphs share nothing.
-/// Source: algorithms.md section 1; Dellaert & Kaess, "Factor Graphs for Robot Perception", 2017.
+/// Source: Dellaert & Kaess, "Factor Graphs for Robot Perception", 2017.
 class INCERES_EXPORT FactorGraph {
  public:
   /// Adds a variable with ambient_size values, which are copied (they must not lie in this graph's own state). A null manifold

@@ -35,7 +35,7 @@ struct INCERES_EXPORT CovarianceOptions {
 /// ties together exceeds max_inflation.
 ///
 /// Cost: one linearisation, elimination and factorisation of the whole problem, then the solves. One caller; threads as options
-/// say. Source: Triggs et al. 1999, section 9; algorithms.md section 7.
+/// say. Source: Triggs et al. 1999, section 9; docs/visual_inertial.md.
 class INCERES_EXPORT Covariance {
  public:
   using Pairs = std::vector<std::pair<VariableId, VariableId>>;

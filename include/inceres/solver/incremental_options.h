@@ -23,13 +23,13 @@ enum class RebuildPolicy { kWhenCheaper, kAlways, kNever };
 
 /// When a factor that was moved is linearised anew.
 enum class RelinearisationRule {
-  kResidualError,  ///< the error of its old linearisation counts in units of the objective (algorithms.md section 2)
-  kStepSize,       ///< ‖δ_i‖_∞ of one of its variables reaches a threshold in a step (the thesis, EIBA, ICE-BA)
+  kResidualError,  ///< the error of its old linearisation counts in units of the objective
+  kStepSize,  ///< ‖δ_i‖_∞ of one of its variables reaches a threshold in a step (IncrementalSolver's thesis, EIBA, ICE-BA)
 };
 
 /// Which matrix the damping μ is added to.
 enum class DampingForm {
-  kHybrid,  ///< μ diag(C) on the frames, and on a landmark the μ of its last elimination, ≥ 1e-6 (algorithms.md section 3)
+  kHybrid,  ///< μ diag(C) on the frames, and on a landmark the μ of its last elimination, ≥ 1e-6
   kThesis,  ///< μ diag(S) on the frames, none on landmarks: for comparison, it does not survive real data
 };
 

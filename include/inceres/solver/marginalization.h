@@ -76,7 +76,7 @@ struct INCERES_EXPORT MarginalizationSummary {
 /// Priors of like shape share a family, so that a window that slides for ever does not grow.
 ///
 /// Cost: rows · columns² of the factors and variables concerned, plus (this overload) one check of the whole graph. One thread.
-/// Source: algorithms.md section 7; Leutenegger et al. 2015 and Qin, Li & Shen, "VINS-Mono", 2018, for what it replaces.
+/// Source: docs/visual_inertial.md; Leutenegger et al. 2015 and Qin, Li & Shen, "VINS-Mono", 2018, for what it replaces.
 INCERES_EXPORT MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options,
                                                   FactorGraph* graph);
 

@@ -45,7 +45,7 @@ class INCERES_EXPORT SolveObserver {
 ///
 /// Cost: each iteration is linear in factors and block products plus the factorisation of the reduced system. Threads: up to
 /// options.num_threads; the result is the same to the last bit for any number.
-/// Source: Ceres 2.1's trust-region minimiser, restated in design terms in algorithms.md sections 1, 4 and 6.
+/// Source: Ceres 2.1's trust-region minimiser, without its scaling of J.
 INCERES_EXPORT Summary Solve(const SolverOptions& options, FactorGraph* graph);
 
 /// The batch solver for who solves again and again: problems of one structure, the same graph or another one, find layout,

@@ -45,8 +45,7 @@ struct INCERES_EXPORT SessionOptions {
 ///
 /// User code is called, and user memory touched, only during Solve. Cost: one pass over the problem, with one cost-only
 /// evaluation a residual block, plus the work of what changed. Memory: what the core keeps, and the parameters and residual of
-/// each residual block. Threads: one at a time; two sessions share nothing. Source: algorithms.md section 2; vio_usage.md section
-/// 0.2 of the design.
+/// each residual block. Threads: one at a time; two sessions share nothing. docs/swap.md tells what a session notices.
 class INCERES_EXPORT CeresSession {
  public:
   explicit CeresSession(const SessionOptions& options = SessionOptions());

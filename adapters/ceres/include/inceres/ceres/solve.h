@@ -68,7 +68,7 @@ struct INCERES_EXPORT SolveReport {
   std::shared_ptr<const CrossCheckResult> comparison;
 };
 
-/// Solves a ceres::Problem: the same arguments, results and side effects as ceres::Solve, several times sooner. What this version
+/// Solves a ceres::Problem: the same arguments, results and side effects as ceres::Solve, in less time. What this version
 /// does not support is decided before any side effect and handed to stock Ceres: one log line says so, and `report`, if given,
 /// says why.
 ///
