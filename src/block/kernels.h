@@ -31,6 +31,9 @@ struct ProductTerm {
 /// C += sign Σ_p B_pᵀ A_p, the one product behind both H_ij = Σ J_iᵀ J_j and S_ij = C_ij − Σ_l Y_il Y_jlᵀ.
 /// A_p is depth × a_size and B_p depth × b_size, row-major, rows padded to quads, or both with their last column apart (`tail`:
 /// then a_size equals b_size, and depth is 4 at most). C is b_size × a_size with rows padded to quads.
+///
+/// `symmetric`: every B_p is its A_p, so that C is symmetric. Then only its entries up to the diagonal count: those above it may
+/// have been added to or not.
 struct BlockProducts {
   const double* a = nullptr;
   const double* b = nullptr;
@@ -40,6 +43,7 @@ struct BlockProducts {
   int a_size = 0;
   int b_size = 0;
   bool tail = false;
+  bool symmetric = false;
 };
 
 /// One term of y += sign Σ_p A_pᵀ v_p: A_p at `a` quads, v_p at `v` doubles.

@@ -7,6 +7,15 @@
 
 namespace inceres::internal {
 
+/// Gives the entries above the diagonal the values of those below it.
+inline void MirrorLowerTriangle(int size, int stride, double* block) {
+  for (int r = 0; r < size; ++r) {
+    for (int c = r + 1; c < size; ++c) {
+      block[r * stride + c] = block[c * stride + r];
+    }
+  }
+}
+
 /// A zeroed padded block for a kernel to sum into: on the stack for the usual sizes, on the heap for frames above 16.
 class BlockScratch {
  public:

@@ -87,11 +87,15 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     for (int s = plans_.hessian.segments_begin[k]; s < plans_.hessian.segments_begin[k + 1]; ++s) {
       AddSegment(s, rows, columns, sum);
     }
+    const bool is_diagonal = pattern.columns[k] == plans_.block_row[k];
+    if (is_diagonal) {
+      MirrorLowerTriangle(rows, stride, sum);
+    }
     double* out = C_.data() + C_begin_[k];
     for (int r = 0; r < rows; ++r) {
       std::copy(sum + r * stride, sum + r * stride + columns, out + r * columns);
     }
-    if (pattern.columns[k] == plans_.block_row[k]) {
+    if (is_diagonal) {
       AccumulateGradient(plans_.block_row[k], &scratch);
     }
   }
@@ -113,6 +117,7 @@ void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
     products.depth = cache.family->residual_size();
     products.a_size = columns;
     products.b_size = rows;
+    products.symmetric = source.row_slot == source.column_slot;
     if (kept != nullptr) {
       std::fill(kept, kept + size, 0.0);
     }

@@ -13,6 +13,21 @@ namespace {
 constexpr int kBlockGrain = 4;
 constexpr int kLandmarkGrain = 64;
 
+// out += the rows of `block`, `stride` apart; the two do not overlap.
+void AddRows(int rows, int columns, const double* __restrict block, int stride, double* __restrict out) {
+  for (int r = 0; r < rows; ++r, block += stride, out += columns) {
+    int c = 0;
+    for (; c + kQuad <= columns; c += kQuad) {
+      for (int k = c; k < c + kQuad; ++k) {
+        out[k] += block[k];
+      }
+    }
+    for (; c < columns; ++c) {
+      out[c] += block[c];
+    }
+  }
+}
+
 }  // namespace
 
 Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans,
@@ -62,20 +77,21 @@ int Elimination::DampingOffset(int landmark) const {
   return layout.packed_offset[layout.num_frames + landmark] - layout.frame_size();
 }
 
-bool Elimination::EliminateLandmark(int landmark, const double* damping) {
+bool Elimination::Factorize(int landmark, const double* damping) {
+  return InvertCholeskyFactor(incidences_.sizes[landmark], hessian_.P(landmark), damping,
+                              U_inv_.data() + landmark * hessian_.landmark_stride());
+}
+
+void Elimination::EliminateLandmark(int landmark) {
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
-  double* U_inv = U_inv_.data() + landmark * hessian_.landmark_stride();
-  if (!InvertCholeskyFactor(size, hessian_.P(landmark), damping, U_inv)) {
-    return false;
-  }
+  const double* U_inv = U_inv_.data() + landmark * hessian_.landmark_stride();
   const double* eta = hessian_.LandmarkEta(landmark);
   double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
   MultiplyLower(size, U_inv, eta, z);
   for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
     kernels_.eliminate(size, incidences_.factors[k], U_inv, Y_.data());
   }
-  return true;
 }
 
 Status Elimination::Eliminate(const double* landmark_damping) {
@@ -85,13 +101,17 @@ Status Elimination::Eliminate(const double* landmark_damping) {
     std::atomic<int> singular{num_landmarks};
     const int first = incidences_.chunk_begin[chunk];
     executor.For(incidences_.chunk_begin[chunk + 1] - first, kLandmarkGrain, [&](int begin, int end) {
+      // All factors first: one does not wait for another's roots and divisions, as its own blocks of Y do.
       for (int l = first + begin; l < first + end; ++l) {
-        if (!EliminateLandmark(l, landmark_damping + DampingOffset(l))) {
+        if (!Factorize(l, landmark_damping + DampingOffset(l))) {
           int lowest = singular.load();
           while (l < lowest && !singular.compare_exchange_weak(lowest, l)) {
           }
           return;
         }
+      }
+      for (int l = first + begin; l < first + end; ++l) {
+        EliminateLandmark(l);
       }
     });
     if (singular.load() < num_landmarks) {
@@ -141,6 +161,7 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
     return;  // the first chunk adds nothing here
   }
   double* sum = scratch->Zeroed(rows, columns);
+  const bool is_diagonal = pattern.columns[k] == plans_.block_row[k];
   for (int s = place.first_segment; s < end && source_of(s).chunk == chunk; ++s) {
     const ProductPlan::Segment& segment = plans_.schur.segments[s];
     BlockProducts products;
@@ -152,13 +173,13 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
     products.a_size = columns;
     products.b_size = rows;
     products.tail = incidences_.tail;
+    products.symmetric = is_diagonal;
     kernels_.accumulate_products(products, -1.0, sum);
   }
-  for (int r = 0; r < rows; ++r) {
-    for (int c = 0; c < columns; ++c) {
-      out[r * columns + c] += sum[r * stride + c];
-    }
+  if (is_diagonal) {
+    MirrorLowerTriangle(rows, stride, sum);
   }
+  AddRows(rows, columns, sum, stride, out);
 }
 
 void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch) {

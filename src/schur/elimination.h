@@ -42,7 +42,8 @@ class Elimination {
     int first_segment;  // of the chunk, if it has one there
   };
   void CollectChunkBlocks();
-  bool EliminateLandmark(int landmark, const double* damping);
+  bool Factorize(int landmark, const double* damping);  // U_inv; false if the block is singular
+  void EliminateLandmark(int landmark);                 // z and Y by it
   void FormBlocks(int chunk, int begin, int end);
   void FormBlock(int chunk, const ChunkBlock& place, BlockScratch* scratch);
   void FormRightHandSide(int chunk, int frame, BlockScratch* scratch);

@@ -115,6 +115,40 @@ TEST_P(ProductKernels, BlocksWithTheirLastColumnApartGiveTheSame) {
   }
 }
 
+// The entries up to the diagonal have the bits they have without the hint, with their last column apart or not.
+TEST_P(ProductKernels, SymmetricProductsHaveTheSameBits) {
+  for (int size = 1; size <= 21; ++size) {
+    for (int depth = 1; depth <= 5; ++depth) {
+      for (const bool tail : {false, true}) {
+        if (tail && (depth > 4 || !MayHaveTail(size))) {
+          continue;
+        }
+        const AlignedVector<double> padded = PaddedRows(kNumStored * depth, size);
+        const AlignedVector<double> A = tail ? WithTail(padded, depth, size) : padded;
+        const int quads = tail ? QuadsWithTail(depth, size) : depth * PadToQuad(size) / kQuad;
+        std::vector<ProductTerm> terms;
+        for (int p = 0; p < 70; ++p) {
+          const int at = random_.Below(kNumStored) * quads;
+          terms.push_back({at, at});
+        }
+        BlockProducts products{A.data(), A.data(), terms.data(), 70, depth, size, size, tail};
+        AlignedVector<double> whole(static_cast<std::size_t>(size) * PadToQuad(size), 0.0);
+        AlignedVector<double> half = whole;
+        kernels().accumulate_products(products, -1.0, whole.data());
+        products.symmetric = true;
+        kernels().accumulate_products(products, -1.0, half.data());
+        for (int r = 0; r < size; ++r) {
+          for (int c = 0; c <= r; ++c) {
+            const auto at = static_cast<std::size_t>(r * PadToQuad(size) + c);
+            ASSERT_EQ(half[at], whole[at]) << "size " << size << ", depth " << depth << ", tail " << tail << ", " << r << " "
+                                           << c;
+          }
+        }
+      }
+    }
+  }
+}
+
 TEST_P(ProductKernels, SameBitsOnEveryCall) {
   const AlignedVector<double> A = PaddedRows(kNumStored * 2, 9);
   const std::vector<ProductTerm> terms = MakeTerms(20, 2, 9, 9);
