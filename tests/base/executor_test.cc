@@ -102,6 +102,16 @@ TEST(Executor, ABodyThatWaitsIsNotEnteredAgainOnItsThread) {
   EXPECT_EQ(sum, 20 * 20 * 200);
 }
 
+TEST(Executor, OneTaskIsTheCallers) {
+  const Executor executor(4);
+  std::vector<std::thread::id> callers;
+  executor.For(kCount, kCount, [&](int begin, int end) {
+    EXPECT_EQ(end - begin, kCount);
+    callers.push_back(std::this_thread::get_id());
+  });
+  EXPECT_EQ(callers, std::vector<std::thread::id>{std::this_thread::get_id()});
+}
+
 TEST(Executor, KeepsToTheCallingThreadWhenItHasOne) {
   const Executor executor(1);
   std::vector<std::thread::id> callers;

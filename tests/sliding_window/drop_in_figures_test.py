@@ -65,10 +65,11 @@ class Played(unittest.TestCase):
 class Verdicts(unittest.TestCase):
     """Made-up medians: stock's fastest takes 10 ms."""
 
-    def verdict(self, exact_ms):
+    def verdict(self, exact_ms, exact_cost=1.0):
         script = load_script()
-        report = lambda ms: [{"solve_ms": {"median": ms}, "ate_m": 0.1, "final_cost_sum": 1.0}]
-        reports = {name: report(10.0 + k) for k, name in enumerate(script.STOCK)} | {"exact": report(exact_ms), "incremental": report(1.0)}
+        report = lambda ms, cost=1.0: [{"solve_ms": {"median": ms}, "ate_m": 0.1, "final_cost_sum": cost}]
+        reports = {name: report(10.0 + k) for k, name in enumerate(script.STOCK)}
+        reports |= {"exact": report(exact_ms, exact_cost), "incremental": report(1.0)}
         output = io.StringIO()
         with contextlib.redirect_stdout(output):
             fine = script.print_figure(reports, {"exact": 0.40, "incremental": None})
@@ -83,6 +84,11 @@ class Verdicts(unittest.TestCase):
         fine, output = self.verdict(4.1)
         self.assertFalse(fine)
         self.assertEqual(row(output, "drop-in, exact")[4], "**no**")
+
+    def test_another_cost_is_wrong_however_fast(self):
+        fine, output = self.verdict(1.0, exact_cost=1.01)
+        self.assertFalse(fine)
+        self.assertEqual(row(output, "drop-in, exact")[4], "**no**, another cost")
 
 
 if __name__ == "__main__":

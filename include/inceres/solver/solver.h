@@ -52,7 +52,8 @@ INCERES_EXPORT Summary Solve(const SolverOptions& options, FactorGraph* graph);
 /// elimination order, symbolic factorisation, arrays and threads ready. Structure is compared by content (sizes, roles,
 /// constants, connections), never by address, and no number computed for one solve is used in the next: the result is that of
 /// Solve, to the last bit. Summary::structure_reused tells. A graph of another structure, another number of threads, linear model
-/// or reduced solver is set up anew, and what was there is given back; so it is with a reduced_solver_factory each time.
+/// or reduced solver is set up anew, and what was there is given back; so it is each time with a reduced_solver_factory, kPcg and
+/// kAutomaticInexact.
 ///
 /// Between solves only the solver's own arrays are held (Bytes); of the graph nothing is touched any more. Threads: one solve at
 /// a time.
@@ -69,8 +70,8 @@ class INCERES_EXPORT Solver {
 
   /// The same into a summary that has served before, whose memory is used again: a solve that finds its structure ready then
   /// asks for no memory at all (LM or traditional Dog-Leg; what the graph's families and observers do is theirs). Exempt,
-  /// because rare and set up anew each time: dense QR, the subspace Dog-Leg, inner iterations, line searches along bounds, and
-  /// the text of an error.
+  /// because rare and set up anew each time: what Solver says, dense QR, the subspace Dog-Leg, inner iterations, line searches
+  /// along bounds, and the text of an error.
   void Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary);
 
   /// Whether a solve with these options would find its structure ready. Cost: a comparison, up to the first difference.
