@@ -11,43 +11,58 @@ using namespace internal;  // NOLINT(google-build-using-namespace): benchmarks o
 
 constexpr int kCommon = 100;  // landmarks that two cameras of Ladybug-49 share, on average
 
-std::vector<ProductTerm> ConsecutiveTerms(int count, int quads) {
+std::vector<ProductTerm> ConsecutiveTerms(int count, int quads, bool symmetric) {
   std::vector<ProductTerm> terms;
   for (int p = 0; p < count; ++p) {
-    terms.push_back({p * quads, (count + p) * quads});
+    terms.push_back({p * quads, (symmetric ? p : count + p) * quads});
   }
   return terms;
 }
 
-void MeasureBlockProducts(benchmark::State& state, int size, int depth, bool tail) {
+// Of symmetric products one triangle is counted, with its diagonal.
+void MeasureBlockProducts(benchmark::State& state, int size, int depth, bool tail, bool symmetric) {
   const Kernels* kernels = KernelsOrSkip(state);
   if (kernels == nullptr) {
     return;
   }
   const int quads = tail ? QuadsWithTail(depth, size) : depth * PadToQuad(size) / kQuad;
   const AlignedVector<double> Y = Random(std::int64_t{2} * kCommon * quads * kQuad);
-  const std::vector<ProductTerm> terms = ConsecutiveTerms(kCommon, quads);
-  const BlockProducts products{Y.data(), Y.data(), terms.data(), kCommon, depth, size, size, tail};
+  const std::vector<ProductTerm> terms = ConsecutiveTerms(kCommon, quads, symmetric);
+  const BlockProducts products{Y.data(), Y.data(), terms.data(), kCommon, depth, size, size, tail, symmetric};
   AlignedVector<double> C(static_cast<std::size_t>(size * PadToQuad(size)));
   for (auto _ : state) {
     kernels->accumulate_products(products, -1.0, C.data());
     benchmark::DoNotOptimize(C.data());
   }
-  CountWork(state, 2.0 * kCommon * depth * size * size, 8.0 * (2.0 * kCommon * depth * size + 2.0 * size * size));
+  const double entries = symmetric ? 0.5 * size * (size + 1.0) : 1.0 * size * size;
+  CountWork(state, 2.0 * kCommon * depth * entries, 8.0 * ((symmetric ? 1.0 : 2.0) * kCommon * depth * size + 2.0 * entries));
 }
 
 // One block of the arguments' frame size: depth 2 (residuals of reprojections) is a block of H, depth 3 (points) and 1 (inverse
 // depths) one of S.
 void BM_BlockProducts(benchmark::State& state) {
-  MeasureBlockProducts(state, static_cast<int>(state.range(1)), static_cast<int>(state.range(2)), /*tail=*/false);
+  MeasureBlockProducts(state, static_cast<int>(state.range(1)), static_cast<int>(state.range(2)), /*tail=*/false,
+                       /*symmetric=*/false);
 }
 BENCHMARK(BM_BlockProducts)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 9, 15}, {1, 2, 3}});
 
 // The same for cameras of 9 whose blocks have their last column apart, as those of Y have.
 void BM_BlockProductsWithTail(benchmark::State& state) {
-  MeasureBlockProducts(state, 9, 3, /*tail=*/true);
+  MeasureBlockProducts(state, 9, 3, /*tail=*/true, /*symmetric=*/false);
 }
 BENCHMARK(BM_BlockProductsWithTail)->ArgNames({"set"})->ArgsProduct({AllSets()});
+
+// A diagonal block, of H or of S.
+void BM_SymmetricProducts(benchmark::State& state) {
+  MeasureBlockProducts(state, static_cast<int>(state.range(1)), static_cast<int>(state.range(2)), /*tail=*/false,
+                       /*symmetric=*/true);
+}
+BENCHMARK(BM_SymmetricProducts)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 9, 15}, {1, 2, 3}});
+
+void BM_SymmetricProductsWithTail(benchmark::State& state) {
+  MeasureBlockProducts(state, 9, 3, /*tail=*/true, /*symmetric=*/true);
+}
+BENCHMARK(BM_SymmetricProductsWithTail)->ArgNames({"set"})->ArgsProduct({AllSets()});
 
 // One frame's part of the gradient (depth 2) or of b (depth 3).
 void BM_VectorProducts(benchmark::State& state) {
