@@ -34,7 +34,7 @@ void MeasureBlockProducts(benchmark::State& state, int size, int depth, bool tai
     kernels->accumulate_products(products, -1.0, C.data());
     benchmark::DoNotOptimize(C.data());
   }
-  const double entries = symmetric ? 0.5 * size * (size + 1.0) : 1.0 * size * size;
+  const double entries = symmetric ? Triangle(size) : 1.0 * size * size;
   CountWork(state, 2.0 * kCommon * depth * entries, 8.0 * ((symmetric ? 1.0 : 2.0) * kCommon * depth * size + 2.0 * entries));
 }
 

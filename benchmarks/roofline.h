@@ -17,4 +17,9 @@ const MachinePeaks& MeasuredPeaks();
 /// the bandwidth above 1 means that the operands come from a cache.
 void CountWork(benchmark::State& state, double flops, double bytes);
 
+/// Entries of one triangle of a square block, with its diagonal.
+constexpr double Triangle(double size) {
+  return 0.5 * size * (size + 1.0);
+}
+
 }  // namespace inceres::bench

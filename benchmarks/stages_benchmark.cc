@@ -59,11 +59,6 @@ constexpr double kPoint = 3.0;
 constexpr double kRows = 2.0;
 constexpr double kEntries = kRows * (kCamera + kPoint);  // of one factor's Jacobian
 
-// Entries of one triangle with its diagonal.
-constexpr double Triangle(double size) {
-  return 0.5 * size * (size + 1.0);
-}
-
 BalProblem Street(const std::string& preset) {
   StreetSceneOptions options;
   StreetScene scene;

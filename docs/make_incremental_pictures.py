@@ -12,12 +12,14 @@ not: leave the machine alone meanwhile. Exit code: 0 written, 2 usage or a repla
 import argparse
 import json
 import math
-import os
 import pathlib
 import subprocess
 import sys
 import tempfile
 from xml.sax.saxutils import escape
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "benchmarks"))
+from stock_environment import stock_environment  # noqa: E402
 
 INK, FAINT, GRID, PAPER = "#222222", "#b9c0c7", "#e6e9ec", "#ffffff"
 OURS, STOCK, CHANGED = "#1f6fb4", "#c7522a", "#e08214"
@@ -171,8 +173,7 @@ def play(options):
         command = [options.build / "bin" / "replay", "--problem", options.problem, "--mode", "incremental", "--nooptimum",
                    "--stock_linear_solver", "sparse_schur", "--structure_step", str(options.structure_step), "--json", path]
         try:
-            environment = {**os.environ, "OMP_MAX_ACTIVE_LEVELS": "0"}  # keeps stock's CHOLMOD on one thread, as ours is
-            code = subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=False).returncode
+            code = subprocess.run(command, env=stock_environment(), stdout=subprocess.DEVNULL, check=False).returncode
         except OSError as error:
             print(f"{error.filename}: {error.strerror}", file=sys.stderr)
             return None

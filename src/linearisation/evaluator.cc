@@ -1,10 +1,10 @@
 #include "linearisation/evaluator.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cstdint>
 #include <string>
 
+#include "base/lowest_index.h"
 #include "linearisation/moved_factors.h"
 #include "linearisation/robustify.h"
 #include "linearisation/tangent_classes.h"
@@ -415,16 +415,16 @@ double Evaluator::SumCosts(bool jacobians, FamilyCache* family_cache, int begin,
 // What lies behind a chunk that failed is left out, as Ceres calls nothing more after a failure: the first one is the one told
 // of.
 Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
-  std::atomic<int> first_failed{static_cast<int>(chunks_.size())};
+  LowestIndex first_failed(static_cast<int>(chunks_.size()));
   executor_.For(static_cast<int>(chunks_.size()), 1, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
       EvaluationFailure& failure = chunk_failures_[static_cast<std::size_t>(k)];
       failure = EvaluationFailure();
-      int first = first_failed.load(std::memory_order_relaxed);
-      if (k < first) {
+      if (k < first_failed.get()) {
         failure = EvaluateChunk(jacobians, &chunks_[static_cast<std::size_t>(k)]);
       }
-      while (failure.failed() && k < first && !first_failed.compare_exchange_weak(first, k, std::memory_order_relaxed)) {
+      if (failure.failed()) {
+        first_failed.Note(k);
       }
     }
   });

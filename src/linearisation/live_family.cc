@@ -1,10 +1,9 @@
 #include "linearisation/live_family.h"
 
 #include <algorithm>
-#include <atomic>
-#include <climits>
 #include <cmath>
 
+#include "base/lowest_index.h"
 #include "linearisation/moved_factors.h"
 #include "linearisation/robustify.h"
 
@@ -120,15 +119,14 @@ EvaluationFailure LiveFamily::ForRuns(const std::vector<std::int32_t>& factors, 
     return run(0, count);
   }
   failures_.assign((count + grain - 1) / grain, EvaluationFailure());
-  std::atomic<int> first_failed{INT_MAX};  // what lies behind it is left out
+  LowestIndex first_failed(static_cast<int>(failures_.size()));  // what lies behind it is left out
   executor.For(static_cast<int>(failures_.size()), 1, [&](int begin, int end) {
     for (int task = begin; task < end; ++task) {
-      int first = first_failed.load(std::memory_order_relaxed);
-      if (task < first) {
+      if (task < first_failed.get()) {
         failures_[task] = run(task * grain, std::min(count, (task + 1) * grain));
       }
-      while (failures_[task].failed() && task < first &&
-             !first_failed.compare_exchange_weak(first, task, std::memory_order_relaxed)) {
+      if (failures_[task].failed()) {
+        first_failed.Note(task);
       }
     }
   });

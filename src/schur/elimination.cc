@@ -1,10 +1,10 @@
 #include "schur/elimination.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <numeric>
 
+#include "base/lowest_index.h"
 #include "schur/landmark_factor.h"
 
 namespace inceres::internal {
@@ -98,15 +98,13 @@ Status Elimination::Eliminate(const double* landmark_damping) {
   const Executor& executor = evaluator_.executor();
   const int num_landmarks = incidences_.num_landmarks();
   for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
-    std::atomic<int> singular{num_landmarks};
+    LowestIndex singular(num_landmarks);
     const int first = incidences_.chunk_begin[chunk];
     executor.For(incidences_.chunk_begin[chunk + 1] - first, kLandmarkGrain, [&](int begin, int end) {
       // All factors first: one does not wait for another's roots and divisions, as its own blocks of Y do.
       for (int l = first + begin; l < first + end; ++l) {
         if (!Factorize(l, landmark_damping + DampingOffset(l))) {
-          int lowest = singular.load();
-          while (l < lowest && !singular.compare_exchange_weak(lowest, l)) {
-          }
+          singular.Note(l);
           return;
         }
       }
@@ -114,9 +112,9 @@ Status Elimination::Eliminate(const double* landmark_damping) {
         EliminateLandmark(l);
       }
     });
-    if (singular.load() < num_landmarks) {
+    if (singular.get() < num_landmarks) {
       const Layout& layout = evaluator_.layout();
-      const VariableId id = layout.variables[layout.num_frames + singular.load()];
+      const VariableId id = layout.variables[layout.num_frames + singular.get()];
       return Status::Error(StatusCode::kSingular, "the block of landmark variable " + std::to_string(id) +
                                                       " is not positive definite: its factors do not determine it");
     }

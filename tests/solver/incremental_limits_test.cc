@@ -8,12 +8,13 @@
 #include <gtest/gtest.h>
 
 #include "solver/living_bundle.h"
+#include "solver/living_function.h"
 
 namespace inceres {
 namespace {
 
-using test::FunctionFamily;
 using test::LivingBundle;
+using test::LivingFunction;
 
 IncrementalOptions WithoutBatch() {
   IncrementalOptions options;
@@ -144,14 +145,9 @@ TEST(IncrementalLimits, AStopFromAnotherThreadEndsTheUpdateThatRuns) {
   };
   IncrementalOptions options = WithoutBatch();
   options.function_tolerance = 0.0;
-  IncrementalSolver solver(options);
-  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, slow);
-  const FamilyId id = solver.AddFamily(family);
-  GraphEdit edit(solver.graph());
-  const double start = 1.0;
-  const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
-  edit.AddFactor(id, *family, 0, {x});
-  ASSERT_TRUE(solver.Apply(edit).ok());
+  LivingFunction problem(options, slow);
+  ASSERT_TRUE(problem.applied);
+  IncrementalSolver& solver = problem.solver;
   std::thread stopper([&] {
     while (!running) {
       std::this_thread::yield();

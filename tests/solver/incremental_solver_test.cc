@@ -15,12 +15,14 @@
 #include "inceres/graph/manifolds.h"
 #include "inceres/sim/street_scene.h"
 #include "inceres/solver/solver.h"
+#include "solver/living_function.h"
 #include "support/test_families.h"
 
 namespace inceres {
 namespace {
 
 using test::FunctionFamily;
+using test::LivingFunction;
 
 // A simulated street whose cameras arrive one by one, with the points that two cameras so far see. The first two hold the
 // gauge at their true poses: held at noisy ones they would keep every residual large, where Huber's loss converges slowly.
@@ -242,19 +244,14 @@ TEST(IncrementalSolver, AFailureAfterAStepKeepsTheStepAndItsCost) {
   };
   IncrementalOptions options;
   options.batch_share = 1.0;
-  IncrementalSolver solver(options);
-  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, halting);
-  const FamilyId id = solver.AddFamily(family);
-  GraphEdit edit(solver.graph());
-  const double start = 1.0;
-  const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
-  edit.AddFactor(id, *family, 0, {x});
-  ASSERT_TRUE(solver.Apply(edit).ok());
+  LivingFunction problem(options, halting);
+  ASSERT_TRUE(problem.applied);
+  IncrementalSolver& solver = problem.solver;
   const UpdateSummary failed = solver.Update();
   EXPECT_EQ(failed.termination, Termination::kFailure);
   EXPECT_NE(failed.message.find("factor 0 of function"), std::string::npos) << failed.message;
-  EXPECT_NEAR(*solver.Values(x), 0.0, 1e-3);
-  const double cost = 0.5 * std::exp(2.0 * *solver.Values(x));
+  EXPECT_NEAR(*solver.Values(problem.x), 0.0, 1e-3);
+  const double cost = 0.5 * std::exp(2.0 * *solver.Values(problem.x));
   EXPECT_NEAR(failed.final_cost, cost, 1e-12);
   EXPECT_EQ(solver.cost(), failed.final_cost);
 }

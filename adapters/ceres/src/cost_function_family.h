@@ -19,7 +19,6 @@ class CostFunctionFamily : public AmbientFamily<CostFunctionFamily> {
 
   int size() const override { return static_cast<int>(costs_.size()); }
   const char* Name() const override { return "ceres::CostFunction"; }
-  int TaskSize() const override { return 16; }
 
   bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
     return costs_[static_cast<std::size_t>(i)]->Evaluate(parameters, residuals, jacobians);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <string>
 #include <utility>
@@ -17,6 +16,7 @@
 #include "adapters/ceres/src/landmark_selection.h"
 #include "adapters/ceres/src/option_mapping.h"
 #include "adapters/ceres/src/summary_writer.h"
+#include "src/base/scientific.h"
 
 namespace inceres::internal {
 namespace {
@@ -40,12 +40,6 @@ Costs FixedCosts(const ProblemView& view, const LivingProblem& living) {
   return costs;
 }
 
-std::string Number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%e", value);
-  return text;
-}
-
 // In Ceres's words (contract, section 3.4) where it has any; the Update's own are in SolveReport::update.
 std::string MessageOf(const UpdateSummary& update, const SolveInput& input, double seconds_before) {
   const ceres::Solver::Options& options = input.options;
@@ -58,7 +52,8 @@ std::string MessageOf(const UpdateSummary& update, const SolveInput& input, doub
   }
   if (update.termination == Termination::kConvergence) {
     const double share = update.final_cost > 0.0 ? std::fabs(update.undone) / update.final_cost : 0.0;
-    return "Function tolerance reached. |cost_change|/cost: " + Number(share) + " <= " + Number(options.function_tolerance);
+    return std::string("Function tolerance reached. |cost_change|/cost: ") + Scientific(share).text() +
+           " <= " + Scientific(options.function_tolerance).text();
   }
   if (update.termination != Termination::kNoConvergence) {
     return update.message;
@@ -68,8 +63,8 @@ std::string MessageOf(const UpdateSummary& update, const SolveInput& input, doub
   }
   const double seconds = seconds_before + update.seconds;
   if (seconds >= options.max_solver_time_in_seconds) {
-    return "Maximum solver time reached. Total solver time: " + Number(seconds) +
-           " >= " + Number(options.max_solver_time_in_seconds) + ".";
+    return std::string("Maximum solver time reached. Total solver time: ") + Scientific(seconds).text() +
+           " >= " + Scientific(options.max_solver_time_in_seconds).text() + ".";
   }
   return update.message;  // no step at the largest damping; the work budget of a session's options
 }

@@ -24,7 +24,6 @@ class RememberingFamily : public AmbientFamily<RememberingFamily> {
 
   int size() const override { return static_cast<int>(costs_.size()); }
   const char* Name() const override { return "ceres::CostFunction"; }
-  int TaskSize() const override { return 16; }
   bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const;
 
   /// Puts a cost function to a place, which may be one beyond the last; what was known of the place is forgotten.

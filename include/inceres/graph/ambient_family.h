@@ -89,6 +89,8 @@ class AmbientFamily : public FactorFamily {
  public:
   using FactorFamily::FactorFamily;
 
+  int TaskSize() const override { return 16; }
+
   EvaluationFailure Evaluate(const FactorBatch& batch) const override {
     if (batch.jacobians == nullptr) {
       return EvaluateResiduals(batch);

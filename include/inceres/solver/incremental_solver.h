@@ -17,11 +17,10 @@ namespace inceres {
 ///
 /// An Update that is mostly new goes to the batch solver first. Otherwise: Levenberg–Marquardt on the reduced system with diag(C)
 /// as the metric; a landmark takes up the current damping only when it is re-eliminated, so that a change of damping touches no
-/// landmark. Frames whose share of the step is worth little stay put, landmarks that could
-/// gain much by themselves step by themselves, and an Update ends when what is left undone is worth less than the function
-/// tolerance. A rejected step refreshes old Jacobians before it retreats, first along the dog-leg path, then by more damping;
-/// convergence is declared on fresh Jacobians only: old ones defer it, they do not replace it. docs/incremental.md explains, and
-/// how to choose the thresholds.
+/// landmark. Frames whose share of the step is worth little stay put, landmarks that could gain much by themselves step by
+/// themselves, and an Update ends when what is left undone is worth less than the function tolerance. A rejected step refreshes
+/// old Jacobians before it retreats, first along the dog-leg path, then by more damping; convergence is declared on fresh
+/// Jacobians only: old ones defer it, they do not replace it. docs/incremental.md explains, and how to choose the thresholds.
 ///
 /// Threads: one writer; Update works on options.num_threads, and calls no factor concurrently when that is 1. Source:
 /// algorithms 2 to 4 of the thesis "A General Incremental Bundle Adjustment Framework for Visual-Inertial SLAM" (Zhejiang
