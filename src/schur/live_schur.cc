@@ -200,6 +200,11 @@ bool LiveSchur::InvertDamped(std::int32_t landmark, double lambda) {
   num_parked_ -= l.parked ? 1 : 0;
   l.parked = false;
   l.lambda = lambda;
+  if (lambda > kMildDamping) {
+    heavily_damped_.Add(landmark);
+  } else {
+    heavily_damped_.Remove(landmark);
+  }
   if (l.held) {
     return false;
   }

@@ -163,6 +163,18 @@ class LiveSchur {
   /// Landmarks whose decrement may be above the threshold. Cheap while the threshold does not fall far.
   const std::vector<std::int32_t>& EagerLandmarks(double threshold);
 
+  /// A landmark that was eliminated with a λ above this is remembered as heavily damped.
+  static constexpr double kMildDamping = 1e-4;
+  /// Calls visit(landmark) for those eliminated with a λ above the limit, ascending. Cost: that of the heavily damped ones.
+  template <typename Visit>
+  void ForEachDampedAbove(double limit, Visit&& visit) const {
+    heavily_damped_.ForEach([&](std::int32_t l) {
+      if (landmarks_[l].lambda > limit) {
+        visit(l);
+      }
+    });
+  }
+
   /// The rows of S touched since the last call, ascending; the vector's memory is used again.
   void TakeChangedRows(std::vector<std::int32_t>* rows) { Take(&changed_rows_, rows); }
   /// The same for whoever factors S, and for entries of b. Whoever writes the padded right-hand side himself says so.
@@ -281,6 +293,7 @@ class LiveSchur {
   double decrement_error_ = 0.0;  // bound of its rounding error since it was summed
   double eager_threshold_ = 0.0;  // what IndexSet eager_ was collected with
   IndexSet eager_;
+  IndexSet heavily_damped_;  // landmarks
   std::vector<std::int32_t> eager_list_;
 };
 

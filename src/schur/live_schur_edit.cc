@@ -87,6 +87,7 @@ int LiveSchur::AddLandmark(VariableId id, std::int32_t quad, int size) {
     landmarks_.emplace_back();
     decrements_.push_back(0.0);
     eager_.Grow(landmarks_.size());
+    heavily_damped_.Grow(landmarks_.size());
   } else {
     index = free_landmarks_.back();
     free_landmarks_.pop_back();
@@ -108,6 +109,7 @@ void LiveSchur::RemoveLandmark(std::int32_t index) {
   num_parked_ -= landmark.parked ? 1 : 0;
   landmark.parked = false;
   landmark.id = -1;
+  heavily_damped_.Remove(index);
   --num_landmarks_;
   free_landmarks_.push_back(index);
 }

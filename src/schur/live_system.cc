@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -10,6 +11,9 @@ namespace inceres::internal {
 namespace {
 
 constexpr double kCostDrop = 1e4;
+
+// Operations on numbers of full size that a residual is taken to come of.
+constexpr double kOperations = 16.0;
 
 // What replacing a contribution to S costs, against adding it.
 constexpr double kReplaceCost = 1.5;
@@ -152,6 +156,10 @@ Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
   for (const std::int32_t i : list_) {
     AddToCost(family->Cost(i));
   }
+  if (!std::isfinite(cost_)) {
+    cost_ = cost;
+    return InfiniteCost(*family);
+  }
   for (std::size_t k = 0; k < kept_.size(); ++k) {
     const FactorRef ref{family->id(), list_[k]};
     if (kept_[k] >= 0) {
@@ -163,6 +171,15 @@ Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
   schur_.DropKept();
   dirty.Clear();
   return Status::Ok();
+}
+
+// What has made the cost infinite or NaN, among the factors that were linearised just now.
+Status LiveSystem::InfiniteCost(const LiveFamily& family) const {
+  const auto culprit =
+      std::find_if(list_.begin(), list_.end(), [&family](std::int32_t i) { return !std::isfinite(family.Cost(i)); });
+  return Status::Error(StatusCode::kEvaluationFailed,
+                       culprit == list_.end() ? "the sum of all costs is not finite"
+                                              : graph_.DescribeFactor(family.id(), *culprit) + ": its cost is not finite");
 }
 
 void LiveSystem::TakeNewFrames(IndexSet* frames) {
@@ -290,6 +307,37 @@ int LiveSystem::AcceptValues() {
   }
   ResumCost();
   return num_updated;
+}
+
+double LiveSystem::RoundingOfCost() const {
+  const auto share = [this](VariableId id, int size, const auto& diagonal) {
+    double trace = 0.0;
+    for (int k = 0; k < size; ++k) {
+      trace += diagonal(k);
+    }
+    double largest = 0.0;
+    for (int k = 0; k < graph_.AmbientSize(id); ++k) {
+      largest = std::max(largest, std::fabs(values_.current(id)[k]));
+    }
+    return trace * largest * largest;
+  };
+  double sum = 0.0;
+  for (int i = 0; i < static_cast<int>(schur_.frames().size()); ++i) {
+    const LiveSchur::Frame& frame = schur_.frames()[i];
+    if (frame.id >= 0 && !frame.held) {
+      const double* C = schur_.FrameDiagonal(i);
+      sum += share(frame.id, frame.size, [C](int k) { return C[k]; });
+    }
+  }
+  const bool landmarks_only = sum == 0.0;
+  for (std::size_t l = 0; landmarks_only && l < schur_.landmarks().size(); ++l) {
+    const LiveSchur::Landmark& landmark = schur_.landmarks()[l];
+    if (landmark.id >= 0 && landmark.in_S) {
+      sum += share(landmark.id, landmark.size, [&landmark](int k) { return landmark.P[k * kQuad + k]; });
+    }
+  }
+  const double rounding = kOperations * std::numeric_limits<double>::epsilon();
+  return 0.5 * rounding * rounding * sum;
 }
 
 // The cost is kept by difference and summed anew after as many changes as there are factors, so that rounding does not pile up,

@@ -71,6 +71,10 @@ class LiveSystem {
   }
   /// Marks a landmark for elimination anew, to take up another damping.
   void Redamp(std::int32_t landmark) { dirty_landmarks_.Add(landmark); }
+  /// The same for the landmarks that are damped by more than the limit, or by LiveSchur::kMildDamping where that is more.
+  void RedampAbove(double limit) {
+    schur_.ForEachDampedAbove(limit, [this](std::int32_t landmark) { Redamp(landmark); });
+  }
 
   /// Algorithm 3: takes the old contributions of the dirty subgraph out of S and b, linearises its factors at the current values
   /// and puts the new ones in; its landmarks are damped by lambda · diag(P). On failure names the factor or variable; S and b are
@@ -132,6 +136,10 @@ class LiveSystem {
   const std::vector<std::int32_t>& Touched(int family) const { return touched_lists_[family]; }
 
   double cost() const { return cost_; }
+  /// How much of the cost rounding may be: ½ Σ_v ‖x_v‖_∞² tr(C_vv) (n ε)², for a residual that comes of n operations on numbers
+  /// as large as J_v x_v is exact to n ε ‖x_v‖ ‖J_v‖. Cost: a pass over the frames, or over the landmarks where no frame can
+  /// move.
+  double RoundingOfCost() const;
   int num_factors() const { return num_factors_; }
   const LiveValues& values() const { return values_; }
   const std::vector<LiveFamily>& families() const { return families_; }
@@ -154,6 +162,7 @@ class LiveSystem {
   void Recentre(const LiveFamily& family, const std::vector<std::int32_t>& factors);
   Status LineariseFamilies(bool by_difference);
   Status LineariseFamily(LiveFamily* family, bool by_difference);
+  Status InfiniteCost(const LiveFamily& family) const;
   void RecentreDirty(RelineariseWork* work);
   // A landmark's own line search, from one StepLandmarks to the next.
   struct LandmarkStep {

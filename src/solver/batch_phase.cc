@@ -23,6 +23,9 @@ constexpr double kRestShare = 0.5;
 constexpr double kSteadyFactor = 0.5;
 constexpr double kKeptPromise = 0.75;
 
+// Of the initial radius: one that refusals have brought below this share of it keeps steps short by itself.
+constexpr double kShrunkShare = 0.01;
+
 // Counts the work, writes the trace, and ends the solve when the Update's observer says so, on request, when the work budget is
 // spent, and, before one more step proves it, where what is left is below the tolerance: good steps gain so fast less, or the
 // next one promises too little.
@@ -138,6 +141,20 @@ class BatchObserver final : public SolveObserver {
   bool settled_ = false;
 };
 
+// Whether a trust region that refusals have shrunk may be what kept the last steps short: they then tell nothing of what is left.
+// A Dog-Leg's radius says so only while it is the step's length: until a step is taken without a refusal before it.
+bool IsHeldBack(const Summary& summary, const SolverOptions& options) {
+  if (summary.iterations.empty()) {
+    return false;
+  }
+  if (options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt) {
+    return summary.iterations.back().trust_region_radius < kShrunkShare * options.initial_trust_region_radius;
+  }
+  const std::size_t first = summary.iterations.size() - std::min<std::size_t>(2, summary.iterations.size());
+  return std::any_of(summary.iterations.begin() + static_cast<std::ptrdiff_t>(first), summary.iterations.end(),
+                     [](const IterationSummary& i) { return i.iteration > 0 && !i.step_is_successful; });
+}
+
 // Ceres's rule looks at the last step alone, and does not take it. What it would have gained, and steps like it would go on to
 // gain, is left undone.
 bool HasSettled(const Summary& summary, double function_tolerance) {
@@ -195,6 +212,10 @@ BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<
   summary->batch_seconds = solved.seconds.total;
   summary->batch_stages = solved.seconds;
   summary->message = solved.detail.empty() ? solved.message : solved.message + ": " + solved.detail;
+  if (!std::isfinite(solved.final_cost)) {  // which Ceres 2.1 takes for convergence
+    summary->message = "The cost is not finite.";
+    return {Termination::kFailure, false};
+  }
   if (observer.ended_by_user()) {
     return {solved.termination, true};
   }
@@ -206,7 +227,8 @@ BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<
     summary->message = "Stopped by a limit or by request; the state is the best so far.";
     return {Termination::kNoConvergence, true};
   }
-  return {solved.termination, HasSettled(solved, options.function_tolerance)};
+  const bool held_back = IsHeldBack(solved, batch);
+  return {solved.termination, !held_back && HasSettled(solved, options.function_tolerance), held_back};
 }
 
 }  // namespace inceres::internal

@@ -15,6 +15,8 @@ struct BatchOutcome {
   Termination termination = Termination::kFailure;
   /// The last steps shrank so fast that what is left is below the tolerance too.
   bool finished = false;
+  /// It converged with a trust region so small that more may be left than the last steps tell.
+  bool held_back = false;
 };
 
 /// The part of an Update that the batch solver does: from the graph's state to what its own stopping rule leaves. Counts and rows

@@ -25,6 +25,12 @@ constexpr int kMaxShortenings = 1;
 // Of a landmark, relative: without it a far point, which parallax hardly holds, runs away along its ray and never comes back.
 constexpr double kMinLandmarkDamping = 1e-6;
 
+// A landmark is eliminated anew when its damping exceeds that of today by more than this factor.
+constexpr double kOutdatedDamping = 100.0;
+
+// Convergence is claimed with μ up to this multiple of its floor only: what is left in weak directions is hidden by more.
+constexpr double kNearFloor = 100.0;
+
 // A refused step is laid to the old Jacobians of the factor whose cost rose furthest above its prediction, and of those that come
 // up to this share of it.
 constexpr double kBlameShare = 0.1;
@@ -116,11 +122,13 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
   last_promise_ = 0.0;
   landmark_creep_ = 1.0;
   blamed_few_ = false;
+  relaxed_ = false;
   const bool begins = summary_->iterations.empty();  // or the batch solver has told of the start
   const bool new_frames_first = TakesNewFrameSteps();
   if (!(new_frames_first ? LineariseDirty() : Relinearise())) {
     return;
   }
+  rounding_ = system_.RoundingOfCost();
   if (begins) {
     summary_->initial_cost = system_.cost();
   }
@@ -141,7 +149,7 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
     }
     if (verdict == Verdict::kStuck) {
       if (EndIteration()) {
-        Finish(Termination::kNoConvergence, "No step lowers the cost at the largest damping.");
+        Finish(Termination::kNoConvergence, "Steps are refused until damping leaves nothing to gain.");
       }
       return;
     }
@@ -177,8 +185,14 @@ double IncrementalMinimizer::LandmarkDamping() const {
   return options_.damping == DampingForm::kThesis ? 0.0 : std::max(mu_, kMinLandmarkDamping);
 }
 
+// Cost changes below this do not count: the user's tolerance, and where the cost is next to zero the rounding of the residuals.
+double IncrementalMinimizer::Tolerance() const {
+  return std::max(options_.function_tolerance * system_.cost(), rounding_ / kStopShare);
+}
+
 bool IncrementalMinimizer::Relinearise() {
   const StageTimer timer(&summary_->linearise_seconds);
+  system_.RedampAbove(kOutdatedDamping * LandmarkDamping());
   RelineariseWork work;
   return Count(system_.Relinearise(LandmarkDamping(), RuleOf(options_.rebuild), &work), work);
 }
@@ -251,7 +265,10 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   if (little_left && solver_->work().converged) {  // a solve that was cut short does not know all there is to gain
     // Refresh before success.
     trace_->row().refreshed = RefreshAged();
-    return trace_->row().refreshed ? Verdict::kGoOn : Verdict::kConverged;
+    if (trace_->row().refreshed || RelaxDamping()) {
+      return Verdict::kGoOn;
+    }
+    return IsDampedHard() ? Verdict::kStuck : Verdict::kConverged;
   }
   if (frames_moved_ && !mostly_new_ && LandmarkGain() > kLandmarkDominance * undone) {
     frames_moved_ = false;
@@ -273,6 +290,22 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   }
   system_.Reject();
   return Retreat(refreshed);
+}
+
+// Damping hides what weak directions could gain: before success it goes to its floor. Once only while no step is taken there, for
+// where steps are refused it grows again. True if it was lowered.
+bool IncrementalMinimizer::RelaxDamping() {
+  if (!IsDampedHard() || relaxed_) {
+    return false;
+  }
+  relaxed_ = true;
+  mu_ = options_.min_damping;
+  nu_ = 2.0;
+  return true;
+}
+
+bool IncrementalMinimizer::IsDampedHard() const {
+  return mu_ > kNearFloor * options_.min_damping;
 }
 
 // Steps tell how much their model undervalues: the last gained `last_gain_ratio_` times what it promised, and what is promised
@@ -416,6 +449,7 @@ void IncrementalMinimizer::Accept(double gain_ratio) {
   AcceptStep();
   mu_ = std::max(options_.min_damping, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
   nu_ = 2.0;
+  relaxed_ = relaxed_ && IsDampedHard();
   frames_moved_ = true;
   blamed_few_ = false;
   last_promise_ = trace_->row().shortened ? 0.0 : summary_->undone;

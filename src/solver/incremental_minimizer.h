@@ -71,7 +71,9 @@ class IncrementalMinimizer {
   bool RefreshTouched();
   Verdict Retreat(bool refreshed);
   ErrorLimits LimitsOf(double share) const;
-  double Tolerance() const { return options_.function_tolerance * system_.cost(); }
+  double Tolerance() const;
+  bool IsDampedHard() const;
+  bool RelaxDamping();
 
   IncrementalOptions options_;
   LiveSystem& system_;
@@ -81,6 +83,8 @@ class IncrementalMinimizer {
   double nu_ = 2.0;
   double radius_ = HUGE_VAL;      // of the trust region, in the norm ‖Dδ‖; acts after a rejection
   bool mostly_new_ = false;       // this Update began with most factors new
+  bool relaxed_ = false;          // μ went to its floor to prove convergence, and no step was taken there since
+  double rounding_ = 0.0;         // of the cost, as this Update began
   bool blamed_few_ = false;       // the last step of the frames failed, and only its worst factors, or none, are linearised anew
   bool frames_moved_ = false;     // since landmarks last stepped by themselves
   int num_landmark_passes_ = 0;   // still allowed before the next step of the frames

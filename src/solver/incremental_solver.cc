@@ -73,6 +73,7 @@ class IncrementalSolver::Impl {
   const double* shown_state_ = nullptr;     // the batch solver's, while the observer is called
   double cost_ = 0.0;
   bool converged_ = false;  // and nothing edited since
+  bool held_back_ = false;  // what converged was the batch solver, with a trust region so small that the next may go on
   bool begun_ = false;      // an Update was made
   bool in_batch_ = false;   // the batch solver was the last to move, and there was no living system
   int num_waiting_ = 0;     // factors dirty only because the batch solver was the last to move
@@ -165,6 +166,7 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   TakeValues();
   const internal::BatchOutcome outcome = internal::RunBatchPhase(options_, stop, &graph, &shown_state_, trace);
   trace->summary().termination = outcome.termination;
+  held_back_ = outcome.held_back;
   if (outcome.termination != Termination::kFailure) {
     cost_ = trace->summary().final_cost;
   }
@@ -213,7 +215,7 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
     if (live != nullptr) {
       live->schur().TakeChangedRows(&changed_rows_);
     }
-    converged_ = summary->termination == Termination::kConvergence;
+    converged_ = summary->termination == Termination::kConvergence && !held_back_;
     if (summary->termination == Termination::kFailure && live != nullptr) {
       Restart();
     } else if (summary->termination == Termination::kUserFailure) {
@@ -240,6 +242,7 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
   }
   // Where the batch solver fails the state is what it was: the other one gets its chance, or names the culprit.
   if (!finished) {
+    held_back_ = false;
     Form();
     const std::size_t rows_before = trace->summary().iterations.size();
     minimizer_->Minimize(!batch && num_new > kMostlyNew * graph.num_factors(), stop, trace);

@@ -68,7 +68,13 @@ bool IncrementalMinimizer::StepNewFrames(const std::atomic<bool>& stop) {
     ++summary_->num_iterations;
     summary_->num_moved_frames += new_frames_.count();
     double ratio = 0.0;
-    const bool accepted = EvaluateStep(&ratio) && ratio > options_.min_relative_decrease;
+    const bool evaluated = EvaluateStep(&ratio);
+    if (evaluated && trace_->row().predicted_change <= rounding_) {
+      trace_->row().step = UpdateStep::kNone;  // they are where they belong
+      system_.Reject();
+      return EndIteration();
+    }
+    const bool accepted = evaluated && ratio > options_.min_relative_decrease;
     if (accepted) {
       AcceptStep();
     } else {
