@@ -12,7 +12,7 @@ constexpr double kSparsePenalty = 1.5;
 // Flops one could do in the time that the analysis takes for a block of S (half a microsecond).
 constexpr double kAnalysisFlops = 1e4;
 // Flops below which looking further would cost more than it saves.
-constexpr double kCheap = 3e7;
+constexpr double kCheap = 1e5;
 
 double AnalysisPrice(const SymmetricBlockRows& S) {
   std::size_t blocks = 0;
@@ -43,16 +43,20 @@ Status AutomaticSolver::Factorize(const SymmetricBlockRows& S, const double* dam
   return status;
 }
 
-// The analysis that the prediction takes is the one that the factorisation needs; it is risked where there is much to win.
+// A pattern that is new is analyzed once the resumed factorisations since the last analysis have cost more than those of the last
+// known sparse factor by what an analysis takes: at most twice what it would be for who knew how long the pattern lasts.
 bool AutomaticSolver::SparseIsCheaper(const SymmetricBlockRows& S, const ResumedSolver::Plan& plan) {
   const double resumed = plan.again + std::max(0.0, plan.flops - plan.again - saving_);
   if (resumed <= kCheap) {
     return false;
   }
   if (missed_by_sparse_.pattern) {
-    if (resumed <= 2.0 * AnalysisPrice(S) || !sparse_.Analyze(S).ok()) {
+    regret_ += std::max(0.0, resumed - kSparsePenalty * sparse_flops_);
+    if (regret_ <= AnalysisPrice(S) || !sparse_.Analyze(S).ok()) {
       return false;
     }
+    regret_ = 0.0;
+    sparse_flops_ = sparse_.PredictedFlops();
     missed_by_sparse_.pattern = false;
   }
   return kSparsePenalty * sparse_.PredictedFlops() < resumed;

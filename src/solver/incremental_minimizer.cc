@@ -114,6 +114,7 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
   summary_ = &trace->summary();
   mu_ = std::clamp(mu_, options_.min_damping, options_.initial_damping);
   nu_ = 2.0;
+  shares_ = SharesOf(options_, system_.schur().num_landmarks());
   active_.Clear();
   radius_ = HUGE_VAL;
   num_landmark_passes_ = 0;
@@ -324,10 +325,10 @@ bool IncrementalMinimizer::NextStepsGainLittle(double undone) {
 // What a step may leave undone. A problem that is new for the most part is far from its minimum, where half a step leads
 // elsewhere than a whole one: all of it moves. So it does if the user wants nothing truncated.
 double IncrementalMinimizer::TruncationBudget(double undone) const {
-  if (mostly_new_ || options_.truncation_share == 0.0) {
+  if (mostly_new_ || shares_.truncation == 0.0) {
     return -1.0;
   }
-  return std::max(options_.truncation_share * undone, kTruncationFloor * kStopShare * Tolerance());
+  return std::max(shares_.truncation * undone, kTruncationFloor * kStopShare * Tolerance());
 }
 
 // Tries the step, within the trust region once there is one. A step that is refused with no old Jacobian to blame is tried
@@ -471,8 +472,8 @@ void IncrementalMinimizer::TakeStepOff() {
 
 // Marks for relinearisation the touched factors whose old linearisation errs too much, or whose weight has changed.
 void IncrementalMinimizer::MarkStale() {
-  const ErrorLimits stale = LimitsOf(options_.relinearisation_share);
-  const ErrorLimits aged = LimitsOf(std::min(options_.relinearisation_share, kRefreshShare));
+  const ErrorLimits stale = LimitsOf(shares_.relinearisation);
+  const ErrorLimits aged = LimitsOf(std::min(shares_.relinearisation, kRefreshShare));
   aged_.resize(system_.families().size());
   for (const LiveFamily& family : system_.families()) {
     aged_[family.id()].Grow(family.num_places());
@@ -491,7 +492,7 @@ void IncrementalMinimizer::MarkStale() {
 
 // Marks every factor whose old linearisation is not good enough to claim convergence on. True if there are any.
 bool IncrementalMinimizer::RefreshAged() {
-  const ErrorLimits limits = LimitsOf(std::min(options_.relinearisation_share, kRefreshShare));
+  const ErrorLimits limits = LimitsOf(std::min(shares_.relinearisation, kRefreshShare));
   bool any = false;
   for (std::size_t family = 0; family < aged_.size(); ++family) {
     const LiveFamily& factors = system_.families()[family];

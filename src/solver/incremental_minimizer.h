@@ -11,6 +11,7 @@
 #include "solver/active_set.h"
 #include "solver/partial_step.h"
 #include "solver/reduced_vectors.h"
+#include "solver/shares.h"
 #include "solver/update_trace.h"
 
 namespace inceres::internal {
@@ -76,6 +77,7 @@ class IncrementalMinimizer {
   bool RelaxDamping();
 
   IncrementalOptions options_;
+  Shares shares_;  // of this Update
   LiveSystem& system_;
   std::unique_ptr<LiveReducedSolver> solver_;
   ActiveSet active_;

@@ -40,14 +40,14 @@ Status IncrementalOptions::Validate() const {
   if (num_threads < 1) {
     return fail("num_threads", num_threads, ">= 1");
   }
-  if (!(relinearisation_share >= 0.0)) {
-    return fail("relinearisation_share", relinearisation_share, ">= 0");
+  if (!(relinearisation_share >= 0.0 || relinearisation_share == kByGraph)) {
+    return fail("relinearisation_share", relinearisation_share, ">= 0 or kByGraph");
   }
   if (!(relinearisation_step > 0.0)) {
     return fail("relinearisation_step", relinearisation_step, "> 0");
   }
-  if (!(truncation_share >= 0.0 && truncation_share < 1.0)) {
-    return fail("truncation_share", truncation_share, "in [0, 1)");
+  if (!((truncation_share >= 0.0 && truncation_share < 1.0) || truncation_share == kByGraph)) {
+    return fail("truncation_share", truncation_share, "in [0, 1) or kByGraph");
   }
   if (max_landmark_passes < 0) {
     return fail("max_landmark_passes", max_landmark_passes, ">= 0");

@@ -10,6 +10,7 @@
 #include "solver/cached_rows.h"
 #include "solver/incremental_minimizer.h"
 #include "solver/marginalize.h"
+#include "solver/shares.h"
 
 namespace inceres {
 
@@ -148,7 +149,7 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
     return refused;
   }
   Form();
-  const double share = std::min(options_.relinearisation_share, kFreshShare);
+  const double share = std::min(internal::SharesOf(options_, live->schur().num_landmarks()).relinearisation, kFreshShare);
   internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance * cost_ / std::max(1, graph.num_factors()));
   internal::MarginalizationTarget target;
   target.graph = &graph;

@@ -15,7 +15,7 @@ constexpr double kWorthwhileShare = 0.3;
 
 bool IncrementalMinimizer::TakesNewFrameSteps() {
   system_.TakeNewFrames(&new_frames_);
-  return options_.max_new_frame_steps > 0 && !mostly_new_ && options_.truncation_share > 0.0 &&
+  return options_.max_new_frame_steps > 0 && !mostly_new_ && shares_.truncation > 0.0 &&
          options_.damping == DampingForm::kHybrid && !new_frames_.empty() &&
          2 * new_frames_.count() <= system_.schur().num_frames() && PartialStep::HasRoomFor(system_.schur(), new_frames_) &&
          !(options_.rebuild == RebuildPolicy::kWhenCheaper && system_.RebuildIsCheaper());

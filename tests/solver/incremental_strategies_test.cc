@@ -11,6 +11,7 @@
 #include "inceres/graph/losses.h"
 #include "inceres/solver/solver.h"
 #include "solver/living_bundle.h"
+#include "solver/shares.h"
 
 namespace inceres {
 namespace {
@@ -406,6 +407,23 @@ TEST(LandmarkDamping, AFarPointDoesNotRunAway) {
   see(1.0, 0.9);
   ASSERT_EQ(solver.Update().termination, Termination::kConvergence);
   EXPECT_NEAR(solver.Values(point)[1], 10.0, 0.1);
+}
+
+TEST(Shares, FollowFromTheGraphUnlessTheyAreGiven) {
+  IncrementalOptions options;
+  const internal::Shares bundle = internal::SharesOf(options, 5);
+  EXPECT_EQ(bundle.relinearisation, 0.1);
+  EXPECT_EQ(bundle.truncation, 0.03);
+  const internal::Shares poses = internal::SharesOf(options, 0);
+  EXPECT_EQ(poses.relinearisation, 0.0);
+  EXPECT_EQ(poses.truncation, 0.0);
+  options.relinearisation = RelinearisationRule::kStepSize;
+  EXPECT_EQ(internal::SharesOf(options, 0).relinearisation, 0.1);
+  options.relinearisation_share = 0.02;
+  options.truncation_share = 0.2;
+  const internal::Shares given = internal::SharesOf(options, 0);
+  EXPECT_EQ(given.relinearisation, 0.02);
+  EXPECT_EQ(given.truncation, 0.2);
 }
 
 }  // namespace

@@ -35,6 +35,10 @@ enum class DampingForm {
 
 /// Options of an IncrementalSolver. The thresholds are shares of what function_tolerance allows.
 struct INCERES_EXPORT IncrementalOptions {
+  /// Of a share: what the graph asks for as it is at each Update. Landmarks: 0.1 and 0.03. None, as in a pose graph: 0 and 0, for
+  /// there steps that mix linearisation points, or leave part of the frames behind, promise what they do not keep.
+  static constexpr double kByGraph = -1.0;
+
   int max_num_iterations = 50;  ///< per Update, ≥ 0
   double max_seconds = 1e9;     ///< per Update, > 0, looked at between iterations; the best state so far is kept
   /// Work budget per Update, > 0: factors evaluated, with or without Jacobians. Looked at between iterations.
@@ -57,15 +61,15 @@ struct INCERES_EXPORT IncrementalOptions {
   DampingForm damping = DampingForm::kHybrid;
   RelinearisationRule relinearisation = RelinearisationRule::kResidualError;
   /// θ_r of kResidualError: a factor is linearised anew when the squared error of its old linearisation exceeds this share of
-  /// function_tolerance · 2F / (number of factors). ≥ 0; 0 linearises every factor that moved.
-  double relinearisation_share = 0.1;
+  /// function_tolerance · 2F / (number of factors). ≥ 0, or kByGraph; 0 linearises every factor that moved.
+  double relinearisation_share = kByGraph;
   /// ε of kStepSize, > 0, in the units of the tangent spaces. Whatever the rule, convergence is declared on Jacobians that are
   /// fresh enough by the first one only.
   double relinearisation_step = 1e-3;
 
   /// θ_a: frames whose steps together are worth less than this share of the predicted decrease (or a little of what
-  /// function_tolerance allows, if that is more) stay put, postponed to a later iteration or Update. In [0, 1); 0 moves all.
-  double truncation_share = 0.03;
+  /// function_tolerance allows, if that is more) stay put, postponed to a later iteration or Update. In [0, 1), or kByGraph; 0 moves all.
+  double truncation_share = kByGraph;
 
   /// ≥ 0: after a step of the frames, at most so many Gauss–Newton steps of landmarks alone, taken by those that could still gain
   /// much by themselves (ICE-BA's embedded point iteration). Each evaluates their factors only. Unless 0, a batch solve takes
