@@ -9,7 +9,9 @@
 #include <unordered_set>
 #include <utility>
 
+#include "inceres/graph/pose_composition.h"
 #include "io/byte_source.h"
+#include "io/g2o_start.h"
 #include "io/read_file.h"
 #include "io/text_scanner.h"
 
@@ -29,10 +31,15 @@ class G2oReader {
     if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadFields(); }); !status.ok()) {
       return status;
     }
-    if (graph_->ids.empty()) {
+    if (graph_->ids.empty() && pending_edges_.empty()) {
       return scanner_.FailureAt(scanner_.line(), "the file has no vertices");
     }
-    return ResolveIds();
+    const bool edges_only = graph_->ids.empty();
+    if (edges_only) {
+      NameVerticesOfEdges();
+    }
+    Status status = ResolveIds();
+    return status.ok() && edges_only ? PlaceVertices() : status;
   }
 
  private:
@@ -155,6 +162,26 @@ class G2oReader {
     return Status::Ok();
   }
 
+  void NameVerticesOfEdges() {
+    for (const PendingEdge& edge : pending_edges_) {
+      graph_->ids.insert(graph_->ids.end(), {edge.from, edge.to});
+    }
+    std::sort(graph_->ids.begin(), graph_->ids.end());
+    graph_->ids.erase(std::unique(graph_->ids.begin(), graph_->ids.end()), graph_->ids.end());
+    for (int i = 0; i < graph_->NumVertices(); ++i) {
+      index_of_id_.emplace(graph_->ids[static_cast<std::size_t>(i)], i);
+    }
+  }
+
+  Status PlaceVertices() {
+    const int lost = PlaceAlongEdges(graph_);
+    return lost == graph_->NumVertices()
+               ? Status::Ok()
+               : scanner_.FailureAt(scanner_.line(), "the file has no VERTEX lines, and no edges lead from vertex " +
+                                                         std::to_string(graph_->ids.front()) + " to vertex " +
+                                                         std::to_string(graph_->ids[static_cast<std::size_t>(lost)]));
+  }
+
   Status ResolveIds() {
     for (std::size_t i = 0; i < pending_edges_.size(); ++i) {
       const PendingEdge& pending = pending_edges_[i];
@@ -210,6 +237,21 @@ class G2oReader {
 
 }  // namespace
 }  // namespace internal
+
+std::array<double, 7> PoseGraph::MotionFrom(const PoseGraphEdge& edge, int vertex) const {
+  std::array<double, 7> motion = edge.measurement;
+  if (vertex != edge.from) {
+    (dimension == 2 ? InvertPlanarPose : InvertPose)(edge.measurement.data(), motion.data());
+  }
+  return motion;
+}
+
+std::array<double, 7> PoseGraph::AcrossEdge(const PoseGraphEdge& edge, int vertex, const double* pose) const {
+  const std::array<double, 7> motion = MotionFrom(edge, vertex);
+  std::array<double, 7> other{};
+  (dimension == 2 ? ComposePlanarPoses : ComposePoses)(pose, motion.data(), other.data());
+  return other;
+}
 
 Status ReadG2o(const std::string& path, PoseGraph* graph) {
   return internal::ReadFile<internal::G2oReader>(path, graph);

@@ -76,6 +76,42 @@ TEST_F(G2oTest, Spatial) {
   EXPECT_EQ(information[35], 120.0);
 }
 
+// Turned left by 90° after a metre, thrice: a square. The edge 0-30 goes backwards, 10-40 jumps ahead.
+TEST_F(G2oTest, EdgesAloneStartAlongTheOdometry) {
+  const std::string turn = " 1 0 1.5707963267948966 1 0 0 1 0 1\n";
+  const Status status = ReadText("EDGE_SE2 10 40 9 9 9 1 0 0 1 0 1\nEDGE_SE2 20 30" + turn + "EDGE_SE2 10 20" + turn +
+                                 "EDGE_SE2 50 30 1 0 0 1 0 0 1 0 1\nEDGE_SE2 30 40" + turn + "FIX 20\n");
+  ASSERT_TRUE(status.ok()) << status.message;
+  EXPECT_EQ(graph_.ids, (std::vector<std::int64_t>{10, 20, 30, 40, 50}));
+  EXPECT_EQ(graph_.fixed, (std::vector<int>{1}));
+  // 50 sees 30, at (1, 1) and turned by 180°, one metre ahead of it.
+  const double expected[15] = {0, 0, 0, 1, 0, M_PI / 2, 1, 1, M_PI, 0, 1, 1.5 * M_PI, 2, 1, M_PI};
+  ASSERT_EQ(graph_.poses.size(), 15u);
+  for (std::size_t k = 0; k < 15; ++k) {
+    EXPECT_NEAR(graph_.poses[k], expected[k], 1e-14) << k;
+  }
+}
+
+TEST_F(G2oTest, SpatialEdgesAlone) {
+  const std::string information = " 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n";
+  const Status status =
+      ReadText("EDGE_SE3:QUAT 0 1 1 2 3 0 0 1 1" + information + "EDGE_SE3:QUAT 2 1 1 0 0 0 0 0 1" + information);
+  ASSERT_TRUE(status.ok()) << status.message;
+  const double half = std::sqrt(0.5);
+  const double expected[21] = {0, 0, 0, 0, 0, 0, 1, 1, 2, 3, 0, 0, half, half, 1, 1, 3, 0, 0, half, half};
+  ASSERT_EQ(graph_.poses.size(), 21u);
+  for (std::size_t k = 0; k < 21; ++k) {
+    EXPECT_NEAR(graph_.poses[k], expected[k], 1e-14) << k;
+  }
+}
+
+TEST_F(G2oTest, EdgesAloneMustHangTogether) {
+  const std::string edge = " 1 0 0 1 0 0 1 0 1\n";
+  ExpectError("EDGE_SE2 3 4" + edge + "EDGE_SE2 7 8" + edge, 3,
+              "the file has no VERTEX lines, and no edges lead from vertex 3 to vertex 7");
+  ExpectError("EDGE_SE2 3 4" + edge + "FIX 5\n", 2, "FIX: id: the file has no vertex 5");
+}
+
 TEST_F(G2oTest, ErrorsNameLineTagAndField) {
   ExpectError(kVertices2d + "VERTEX_XY 1 2 3\n", 3, "VERTEX_XY: tag: not known");
   ExpectError(kVertices2d + kVertices3d, 3, "VERTEX_SE3:QUAT: tag: planar and spatial poses in one file");
@@ -124,8 +160,9 @@ TEST_P(PublicG2o, Reads) {
 
 INSTANTIATE_TEST_SUITE_P(All, PublicG2o,
                          ::testing::Values(PublicGraph{"pose_graph/M3500.g2o", 2, 3500, 5453},
-                                           PublicGraph{"pose_graph/sphere.g2o", 3, 2500, 9799}),
-                         [](const auto& instance) { return "D" + std::to_string(instance.param.dimension); });
+                                           PublicGraph{"pose_graph/sphere.g2o", 3, 2500, 9799},
+                                           PublicGraph{"pose_graph/kitti_05.g2o", 2, 2761, 2826}),
+                         [](const auto& instance) { return "V" + std::to_string(instance.param.num_vertices); });
 
 }  // namespace
 }  // namespace inceres

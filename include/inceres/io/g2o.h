@@ -37,16 +37,26 @@ struct INCERES_EXPORT PoseGraph {
   const double* PoseData(int vertex) const {
     return poses.data() + static_cast<std::size_t>(vertex) * static_cast<std::size_t>(PoseSize());
   }
+
+  /// The motion an edge measured, seen from one of its vertices: its measurement from `from`, the inverse from `to`. Only the
+  /// first PoseSize() entries are used.
+  std::array<double, 7> MotionFrom(const PoseGraphEdge& edge, int vertex) const;
+  /// Where the edge puts its other end if `vertex`, one of its two, is at `pose`.
+  std::array<double, 7> AcrossEdge(const PoseGraphEdge& edge, int vertex, const double* pose) const;
 };
 
 /// Reads a g2o pose graph (optionally .gz or .bz2): VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX lines, blank
 /// lines and lines that start with '#'. Information matrices come as their upper triangle, row by row. Lines may come in any
 /// order: edges and FIX lines may name vertices that follow. Quaternions are normalised (files print a few digits only).
 ///
+/// A file that has edges and no VERTEX line has the vertices its edges name, in the order of their ids: the first at the origin,
+/// each later one where an edge puts it, from the vertex of the highest id that has its place: along the odometry.
+///
 /// Every failure is kIo with a message `file:line: tag: field: what is wrong`: a missing file, corrupt compression, an unknown
 /// tag, planar and spatial poses in one file, a missing or surplus field, a number that is not finite, a quaternion of zero
 /// length, a negative diagonal of an information matrix, a vertex twice, an edge or FIX that names a vertex the file does not
-/// have, an edge from a vertex to itself, and a file without vertices. `*graph` is then unchanged.
+/// have, an edge from a vertex to itself, a file without vertices and edges, and edges alone that do not hang together. `*graph`
+/// is then unchanged.
 ///
 /// Cost: one pass over the file. Threads: no shared state.
 INCERES_EXPORT Status ReadG2o(const std::string& path, PoseGraph* graph);

@@ -1,0 +1,69 @@
+#include "io/g2o_start.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <functional>
+#include <queue>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "inceres/graph/pose_composition.h"
+
+namespace inceres::internal {
+namespace {
+
+class Placer {
+ public:
+  explicit Placer(PoseGraph* graph) : graph_(*graph), edges_of_(graph->ids.size()), placed_(graph->ids.size(), false) {
+    for (std::size_t i = 0; i < graph_.edges.size(); ++i) {
+      edges_of_[static_cast<std::size_t>(graph_.edges[i].from)].push_back(i);
+      edges_of_[static_cast<std::size_t>(graph_.edges[i].to)].push_back(i);
+    }
+  }
+
+  int Place() {
+    graph_.poses.assign(graph_.ids.size() * static_cast<std::size_t>(graph_.PoseSize()), 0.0);
+    if (graph_.dimension == 3) {
+      graph_.PoseData(0)[6] = 1.0;
+    }
+    SetPlaced(0);
+    while (!candidates_.empty()) {
+      const auto [vertex, minus_neighbour, edge] = candidates_.top();
+      candidates_.pop();
+      if (!placed_[static_cast<std::size_t>(vertex)]) {
+        const std::array<double, 7> pose =
+            graph_.AcrossEdge(graph_.edges[edge], -minus_neighbour, graph_.PoseData(-minus_neighbour));
+        std::copy_n(pose.begin(), graph_.PoseSize(), graph_.PoseData(vertex));
+        SetPlaced(vertex);
+      }
+    }
+    return static_cast<int>(std::find(placed_.begin(), placed_.end(), false) - placed_.begin());
+  }
+
+ private:
+  using Candidate = std::tuple<int, int, std::size_t>;  // the vertex to place, minus the one to start from, the edge
+
+  void SetPlaced(int vertex) {
+    placed_[static_cast<std::size_t>(vertex)] = true;
+    for (const std::size_t edge : edges_of_[static_cast<std::size_t>(vertex)]) {
+      const int other = graph_.edges[edge].from == vertex ? graph_.edges[edge].to : graph_.edges[edge].from;
+      if (!placed_[static_cast<std::size_t>(other)]) {
+        candidates_.emplace(other, -vertex, edge);
+      }
+    }
+  }
+
+  PoseGraph& graph_;
+  std::vector<std::vector<std::size_t>> edges_of_;
+  std::vector<bool> placed_;
+  std::priority_queue<Candidate, std::vector<Candidate>, std::greater<>> candidates_;
+};
+
+}  // namespace
+
+int PlaceAlongEdges(PoseGraph* graph) {
+  return Placer(graph).Place();
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,239 @@
+#include "inceres/io/stereo_odometry.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <set>
+#include <system_error>
+#include <unordered_map>
+#include <utility>
+
+#include "inceres/graph/rotation.h"
+#include "io/byte_source.h"
+#include "io/text_scanner.h"
+
+namespace inceres {
+namespace internal {
+namespace {
+
+constexpr char kCalibration[] = "VO_calibration";
+constexpr char kSuffix[] = ".txt";
+
+// What readers of records without a tag have in common: messages `file:line: field: what is wrong`.
+class PlainReader {
+ protected:
+  PlainReader(const std::string& path, std::unique_ptr<ByteSource> source) : scanner_(path, std::move(source)) {}
+
+  // Calls read_fields() on every line that is not blank; anything behind its fields is an error.
+  template <typename ReadFields>
+  Status ForEachLine(ReadFields&& read_fields) {
+    while (!scanner_.AtEnd()) {
+      scanner_.StayInLine();
+      Status status = read_fields();
+      if (status.ok() && !scanner_.AtEnd()) {
+        status = scanner_.Failure("after the last field");
+      }
+      if (!status.ok()) {
+        return status;
+      }
+      scanner_.LeaveLine();
+    }
+    return Status::Ok();
+  }
+
+  Status ReadId(const char* field, std::int64_t* id) {
+    if (!scanner_.ScanInteger(id)) {
+      return scanner_.Failure(field);
+    }
+    return *id >= 0 ? Status::Ok() : Fail(field, std::to_string(*id) + " is negative");
+  }
+
+  Status ReadNumber(const std::string& field, double* value) {
+    return scanner_.ScanDouble(value) ? Status::Ok() : scanner_.Failure(field);
+  }
+
+  Status Fail(const std::string& field, const std::string& what) const {
+    return scanner_.FailureAt(scanner_.line(), field + ": " + what);
+  }
+
+  TextScanner scanner_;
+};
+
+class CalibrationReader : private PlainReader {
+ public:
+  CalibrationReader(const std::string& path, std::unique_ptr<ByteSource> source) : PlainReader(path, std::move(source)) {}
+
+  Status Read(StereoCamera* camera) {
+    int count = 0;
+    Status status = ForEachLine([&] { return ++count > 1 ? Fail("f_x", "a second calibration") : ReadCamera(camera); });
+    return status.ok() && count == 0 ? scanner_.FailureAt(scanner_.line(), "the file has no calibration") : status;
+  }
+
+ private:
+  Status ReadCamera(StereoCamera* camera) {
+    double skew = 0.0;
+    const std::pair<const char*, double*> fields[] = {{"f_x", &camera->f_x}, {"f_y", &camera->f_y},
+                                                      {"skew", &skew},       {"c_x", &camera->c_x},
+                                                      {"c_y", &camera->c_y}, {"baseline", &camera->baseline}};
+    for (const auto& [name, value] : fields) {
+      if (Status status = ReadNumber(name, value); !status.ok()) {
+        return status;
+      }
+      const bool positive = value == &camera->f_x || value == &camera->f_y || value == &camera->baseline;
+      if (positive && !(*value > 0.0)) {
+        return Fail(name, "not positive");
+      }
+    }
+    return skew == 0.0 ? Status::Ok() : Fail("skew", "not 0: the images must be rectified");
+  }
+};
+
+class PosesReader : private PlainReader {
+ public:
+  PosesReader(const std::string& path, std::unique_ptr<ByteSource> source) : PlainReader(path, std::move(source)) {}
+
+  Status Read(std::vector<std::array<double, 7>>* poses) {
+    Status status = ForEachLine([&] { return ReadPose(poses); });
+    return status.ok() && poses->empty() ? scanner_.FailureAt(scanner_.line(), "the file has no poses") : status;
+  }
+
+ private:
+  Status ReadPose(std::vector<std::array<double, 7>>* poses) {
+    std::int64_t number = 0;
+    if (Status status = ReadId("i", &number); !status.ok()) {
+      return status;
+    }
+    if (number != static_cast<std::int64_t>(poses->size())) {
+      return Fail("i", "pose " + std::to_string(number) + " where " + std::to_string(poses->size()) + " comes next");
+    }
+    double T[16];
+    for (int k = 0; k < 16; ++k) {
+      if (Status status = ReadNumber("T(" + std::to_string(k / 4) + ", " + std::to_string(k % 4) + ")", T + k); !status.ok()) {
+        return status;
+      }
+    }
+    std::array<double, 7> pose{T[3], T[7], T[11], 0.0, 0.0, 0.0, 1.0};
+    const double R[9] = {T[0], T[1], T[2], T[4], T[5], T[6], T[8], T[9], T[10]};
+    double nearest[9];
+    MatrixToQuaternion(R, pose.data() + 3);
+    QuaternionToMatrix(pose.data() + 3, nearest);
+    const bool rotation =
+        std::equal(R, R + 9, nearest, [](double given, double nearest_to_it) { return std::fabs(given - nearest_to_it) < 1e-4; });
+    if (!rotation || T[12] != 0.0 || T[13] != 0.0 || T[14] != 0.0 || T[15] != 1.0) {
+      return Fail("T", rotation ? "the last row is not 0 0 0 1" : "not a rotation matrix");
+    }
+    poses->push_back(pose);
+    return Status::Ok();
+  }
+};
+
+class SightingsReader : private PlainReader {
+ public:
+  SightingsReader(const std::string& path, std::unique_ptr<ByteSource> source) : PlainReader(path, std::move(source)) {}
+
+  // Into an odometry that has its poses.
+  Status Read(StereoOdometry* odometry) {
+    if (Status status = ForEachLine([&] { return ReadSighting(odometry); }); !status.ok()) {
+      return status;
+    }
+    std::stable_sort(odometry->sightings.begin(), odometry->sightings.end(),
+                     [](const StereoSighting& a, const StereoSighting& b) { return a.pose < b.pose; });
+    return odometry->sightings.empty() ? scanner_.FailureAt(scanner_.line(), "the file has no sightings") : Status::Ok();
+  }
+
+ private:
+  Status ReadSighting(StereoOdometry* odometry) {
+    std::int64_t pose = 0, id = 0;
+    if (Status status = ReadId("i", &pose); !status.ok()) {
+      return status;
+    }
+    if (pose >= static_cast<std::int64_t>(odometry->poses.size())) {
+      return Fail("i", "there is no pose " + std::to_string(pose));
+    }
+    if (Status status = ReadId("p", &id); !status.ok()) {
+      return status;
+    }
+    if (!seen_.emplace(pose, id).second) {
+      return Fail("p", "pose " + std::to_string(pose) + " sees point " + std::to_string(id) + " twice");
+    }
+    StereoSighting sighting;
+    const std::pair<const char*, double*> fields[] = {{"u_l", sighting.left},        {"u_r", &sighting.right_u},
+                                                      {"v", sighting.left + 1},      {"X", sighting.in_camera},
+                                                      {"Y", sighting.in_camera + 1}, {"Z", sighting.in_camera + 2}};
+    for (const auto& [name, value] : fields) {
+      if (Status status = ReadNumber(name, value); !status.ok()) {
+        return status;
+      }
+    }
+    if (!(sighting.in_camera[2] > 0.0)) {
+      return Fail("Z", "not positive: the point is not in front of the camera");
+    }
+    const auto [point, fresh] = index_of_point_.emplace(id, static_cast<int>(odometry->point_ids.size()));
+    if (fresh) {
+      odometry->point_ids.push_back(id);
+    }
+    sighting.pose = static_cast<int>(pose);
+    sighting.point = point->second;
+    odometry->sightings.push_back(sighting);
+    return Status::Ok();
+  }
+
+  std::set<std::pair<std::int64_t, std::int64_t>> seen_;  // pose, id of the point
+  std::unordered_map<std::int64_t, int> index_of_point_;
+};
+
+// What stands for the * of the names: from the only calibration in the folder.
+Status FindVariant(const std::string& folder, std::string* variant) {
+  std::error_code error;
+  int count = 0;
+  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    const std::size_t prefix = sizeof(kCalibration) - 1, suffix = sizeof(kSuffix) - 1;
+    if (name.size() >= prefix + suffix && name.compare(0, prefix, kCalibration) == 0 &&
+        name.compare(name.size() - suffix, suffix, kSuffix) == 0) {
+      *variant = name.substr(prefix, name.size() - prefix - suffix);
+      ++count;
+    }
+  }
+  if (error) {
+    return Status::Error(StatusCode::kIo, folder + ": cannot be read: " + error.message());
+  }
+  return count == 1 ? Status::Ok()
+                    : Status::Error(StatusCode::kIo, folder + ": " + (count == 0 ? "no" : std::to_string(count)) +
+                                                         " calibration files, VO_calibration*.txt, where one is wanted");
+}
+
+template <typename Reader, typename Part>
+Status ReadPart(const std::string& path, Part* part) {
+  std::unique_ptr<ByteSource> source;
+  if (Status status = OpenByteSource(path, &source); !status.ok()) {
+    return status;
+  }
+  return Reader(path, std::move(source)).Read(part);
+}
+
+Status ReadAll(const std::string& folder, StereoOdometry* odometry) {
+  std::string variant;
+  if (Status status = FindVariant(folder, &variant); !status.ok()) {
+    return status;
+  }
+  const auto path = [&](const char* name) { return (std::filesystem::path(folder) / (name + variant + kSuffix)).string(); };
+  Status status = ReadPart<CalibrationReader>(path(kCalibration), &odometry->camera);
+  status = status.ok() ? ReadPart<PosesReader>(path("VO_camera_poses"), &odometry->poses) : status;
+  return status.ok() ? ReadPart<SightingsReader>(path("VO_stereo_factors"), odometry) : status;
+}
+
+}  // namespace
+}  // namespace internal
+
+Status ReadStereoOdometry(const std::string& folder, StereoOdometry* odometry) {
+  StereoOdometry read;
+  Status status = internal::ReadAll(folder, &read);
+  if (status.ok()) {
+    *odometry = std::move(read);
+  }
+  return status;
+}
+
+}  // namespace inceres
