@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -41,10 +42,12 @@ DEFINE_double(gradient_tolerance, 1e-10,
 DEFINE_double(parameter_tolerance, 0.0,
               "As --gradient_tolerance: stop when the step is shorter than this, relative to the parameters; 0: never. Ceres's "
               "default of 1e-8 is not for BAL: a few points run off, and against their coordinates every step is short.");
-DEFINE_string(
-    trust_region, "auto",
-    "Strategy of stock, and of ours with --mode exact: lm, dogleg, or auto: lm for bal and path, dogleg for kf and vio.");
-DEFINE_string(stock_linear_solver, "dense_schur", "Linear solver of stock Ceres: dense_schur or sparse_schur, landmarks first.");
+DEFINE_string(trust_region, "auto",
+              "Strategy of stock, and of ours with --mode exact: lm, dogleg, or auto: lm for bal, stereo and path, dogleg for "
+              "kf, g2o and vio.");
+DEFINE_string(stock_linear_solver, "auto",
+              "Linear solver of stock Ceres: dense_schur or sparse_schur, landmarks first; sparse_normal_cholesky; or auto: "
+              "dense_schur where there are landmarks, else sparse_normal_cholesky.");
 DEFINE_bool(optimum, true, "After each step look for the minimum that stock LM reaches at tolerances of 1e-12. Slow, not timed.");
 DEFINE_int32(print_every, 5, "Print every so many steps, at least 1; steps that close a loop or fail are always printed.");
 DEFINE_int32(structure_step, 0, "Add to the JSON report the blocks of the reduced system after this step; 0: of none.");
@@ -62,6 +65,8 @@ constexpr char kUsage[] =
     "  replay --problem path:2000 --nostock --flat\n\n"
     "bal: cameras in index order with the points that two of them see, near the solution of the whole file, with priors.\n"
     "kf: a keyframe sequence with inverse-depth landmarks and loop closures.\n"
+    "stereo: the poses of a stereo odometry with the points that two of them see.\n"
+    "g2o: a pose graph, pose by pose, planar or spatial; edges to poses more than ten before are loops.\n"
     "vio: frames of a visual-inertial sequence, with points in the world; analytic factors only.\n"
     "path: cameras along a generated path, each seeing about 40 points; with --loops it comes back to places seen before.\n\n"
     "Exit code: 0 all steps solved, 1 a file or one of our solves failed, 2 usage.";
@@ -93,6 +98,14 @@ Status CheckNumbers() {
   return Status::Ok();
 }
 
+const std::map<std::string, ceres::LinearSolverType>& StockLinearSolvers() {
+  static const auto* solvers =
+      new std::map<std::string, ceres::LinearSolverType>{{"dense_schur", ceres::DENSE_SCHUR},
+                                                         {"sparse_schur", ceres::SPARSE_SCHUR},
+                                                         {"sparse_normal_cholesky", ceres::SPARSE_NORMAL_CHOLESKY}};
+  return *solvers;
+}
+
 Status CheckFlags() {
   if (FLAGS_mode != "exact" && FLAGS_mode != "incremental") {
     return Invalid("--mode '" + FLAGS_mode + "': use exact or incremental");
@@ -104,8 +117,9 @@ Status CheckFlags() {
   if (FLAGS_trust_region != "auto" && FLAGS_trust_region != "lm" && FLAGS_trust_region != "dogleg") {
     return Invalid("--trust_region '" + FLAGS_trust_region + "': use auto, lm or dogleg");
   }
-  if (FLAGS_stock_linear_solver != "dense_schur" && FLAGS_stock_linear_solver != "sparse_schur") {
-    return Invalid("--stock_linear_solver '" + FLAGS_stock_linear_solver + "': use dense_schur or sparse_schur");
+  if (FLAGS_stock_linear_solver != "auto" && StockLinearSolvers().count(FLAGS_stock_linear_solver) == 0) {
+    return Invalid("--stock_linear_solver '" + FLAGS_stock_linear_solver +
+                   "': use auto, dense_schur, sparse_schur or sparse_normal_cholesky");
   }
   if (FLAGS_structure_step > 0 && (FLAGS_mode != "incremental" || FLAGS_json.empty())) {
     return Invalid("--structure_step: needs --mode incremental and --json");
@@ -117,7 +131,8 @@ ReplaySettings Settings(const ReplayScript& script) {
   ReplaySettings settings;
   settings.autodiff = FLAGS_autodiff;
   settings.dogleg = FLAGS_trust_region == "auto" ? script.dogleg : FLAGS_trust_region == "dogleg";
-  settings.dense_schur = FLAGS_stock_linear_solver == "dense_schur";
+  const std::string fitting = HasLandmarks(script) ? "dense_schur" : "sparse_normal_cholesky";
+  settings.linear_solver = StockLinearSolvers().at(FLAGS_stock_linear_solver == "auto" ? fitting : FLAGS_stock_linear_solver);
   settings.num_threads = FLAGS_num_threads;
   settings.max_num_iterations = FLAGS_max_num_iterations;
   settings.function_tolerance = FLAGS_function_tolerance;

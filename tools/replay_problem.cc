@@ -2,20 +2,24 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <limits>
+#include <map>
 #include <string>
 
 #include <gflags/gflags.h>
 
 #include "inceres/io/bal.h"
+#include "inceres/io/g2o.h"
 #include "inceres/io/keyframes.h"
+#include "inceres/io/stereo_odometry.h"
 #include "tools/common/read_progress.h"
 #include "tools/common/replay_scripts.h"
 #include "tools/common/vio_source.h"
 
 DEFINE_string(problem, "",
-              "bal:FILE, kf:FILE, vio:FILE, vio:PRESET (cubic, figure_eight, ellipse), or path:N for N cameras along a generated "
-              "path. Required.");
+              "bal:FILE, kf:FILE, stereo:FOLDER, g2o:FILE, vio:FILE, vio:PRESET (cubic, figure_eight, ellipse), or path:N for N "
+              "cameras along a generated path. Required.");
 DEFINE_bool(free_intrinsics, false, "bal and path only: free the intrinsics; without it they are held.");
 DEFINE_bool(no_priors, false, "bal and path only: leave out the priors on new cameras and points.");
 DEFINE_bool(presolve, true, "bal only: solve the whole file first and start new cameras and points near the solution.");
@@ -34,7 +38,7 @@ Status CheckKind(const std::string& kind) {
   if (FLAGS_seed < 0) {
     return Invalid("--seed " + std::to_string(FLAGS_seed) + ": must be at least 0");
   }
-  if ((kind == "kf" || kind == "vio") && (FLAGS_free_intrinsics || FLAGS_no_priors || FLAGS_seed != 1)) {
+  if (kind != "bal" && kind != "path" && (FLAGS_free_intrinsics || FLAGS_no_priors || FLAGS_seed != 1)) {
     return Invalid("--free_intrinsics, --no_priors and --seed are for bal: and path: problems only");
   }
   if (kind != "bal" && !FLAGS_presolve) {
@@ -79,6 +83,32 @@ Status MakeKeyframeScript(const std::string& path, ReplayScript* script) {
   return status;
 }
 
+Status MakeStereoScript(const std::string& folder, ReplayScript* script) {
+  StereoOdometry odometry;
+  Status status = ReadStereoOdometry(folder, &odometry);
+  if (status.ok() && odometry.poses.size() < 2) {
+    status = Status::Error(StatusCode::kIo, folder + ": a replay needs two or more poses");
+  }
+  if (status.ok()) {
+    *script = MakeStereoReplay(odometry);
+  }
+  return status;
+}
+
+Status MakePoseGraphScript(const std::string& path, ReplayScript* script) {
+  PoseGraph graph;
+  Status status = ReadG2o(path, &graph);
+  if (status.ok() && graph.NumVertices() < 2) {
+    status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more poses");
+  }
+  if (status.ok()) {
+    status = MakePoseGraphReplay(graph, script);
+    // What is wrong is in the file, not in the flags.
+    status = status.ok() ? status : Status::Error(StatusCode::kIo, path + ": " + status.message);
+  }
+  return status;
+}
+
 Status MakeVioScript(const std::string& name, ReplayScript* script) {
   VioSequence sequence;
   const Status status = OpenVioSequence(name, &sequence);
@@ -103,20 +133,21 @@ Status MakePathScript(const std::string& size, ReplayScript* script) {
 }  // namespace
 
 Status MakeScriptFromFlags(int num_threads, ReplayScript* script) {
+  using Make = std::function<Status(const std::string&, ReplayScript*)>;
+  const auto make_bal = [num_threads](const std::string& path, ReplayScript* made) {
+    return MakeBalScript(path, num_threads, made);
+  };
+  const std::map<std::string, Make> kinds = {
+      {"bal", make_bal},      {"kf", MakeKeyframeScript}, {"stereo", MakeStereoScript}, {"g2o", MakePoseGraphScript},
+      {"vio", MakeVioScript}, {"path", MakePathScript}};
   const std::size_t colon = FLAGS_problem.find(':');
-  const std::string kind = FLAGS_problem.substr(0, colon);
-  if (colon == std::string::npos || colon + 1 == FLAGS_problem.size() ||
-      (kind != "bal" && kind != "kf" && kind != "vio" && kind != "path")) {
-    return Invalid("--problem '" + FLAGS_problem + "': use bal:FILE, kf:FILE, vio:FILE, vio:PRESET or path:N");
+  const auto kind = kinds.find(FLAGS_problem.substr(0, colon));
+  if (colon == std::string::npos || colon + 1 == FLAGS_problem.size() || kind == kinds.end()) {
+    return Invalid("--problem '" + FLAGS_problem +
+                   "': use bal:FILE, kf:FILE, stereo:FOLDER, g2o:FILE, vio:FILE, vio:PRESET or path:N");
   }
-  if (Status status = CheckKind(kind); !status.ok()) {
-    return status;
-  }
-  const std::string rest = FLAGS_problem.substr(colon + 1);
-  return kind == "bal"   ? MakeBalScript(rest, num_threads, script)
-         : kind == "kf"  ? MakeKeyframeScript(rest, script)
-         : kind == "vio" ? MakeVioScript(rest, script)
-                         : MakePathScript(rest, script);
+  const Status status = CheckKind(kind->first);
+  return status.ok() ? kind->second(FLAGS_problem.substr(colon + 1), script) : status;
 }
 
 }  // namespace inceres::tools

@@ -4,6 +4,8 @@
 
 #include "tools/common/bal_cost.h"
 #include "tools/common/keyframe_cost.h"
+#include "tools/common/pose_graph_cost.h"
+#include "tools/common/stereo_cost.h"
 
 namespace inceres::tools {
 namespace {
@@ -35,6 +37,11 @@ std::unique_ptr<ceres::CostFunction> MakeAutoDiffCost(const ReplayFactor& factor
     cost = RelativePoseError::Create(*relative);
   } else if (const auto* prior = std::get_if<DiagonalPriorFamily::Measurement>(&factor.measurement)) {
     cost = MakePrior(*prior, AmbientSize(first));
+  } else if (const auto* stereo = std::get_if<StereoPointSighting>(&factor.measurement)) {
+    cost = StereoReprojectionError::Create(stereo->seen, *stereo->camera);
+  } else if (const auto* planar = std::get_if<PlanarRelativePoseFamily::Measurement>(&factor.measurement)) {
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> U(planar->sqrt_information);
+    cost = Se2BetweenError::Create(Eigen::Map<const Eigen::Vector3d>(planar->motion), U);
   }
   return std::unique_ptr<ceres::CostFunction>(cost);
 }

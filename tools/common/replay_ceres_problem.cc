@@ -58,26 +58,35 @@ ceres::CostFunction* ReplayCeresProblem::CostOf(const ReplayFactor& factor) cons
   if (const auto* imu = std::get_if<std::shared_ptr<const ImuPreintegrator>>(&factor.measurement)) {
     return MakeFactorCost<ImuFactorFamily>(**imu);
   }
+  if (const auto* stereo = std::get_if<StereoPointSighting>(&factor.measurement)) {
+    return MakeFactorCost<StereoReprojectionFamily>(stereo->seen, *stereo->camera);
+  }
+  if (const auto* planar = std::get_if<PlanarRelativePoseFamily::Measurement>(&factor.measurement)) {
+    return MakeFactorCost<PlanarRelativePoseFamily>(*planar);
+  }
   const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
   const int ambient_size = AmbientSize(kinds_[static_cast<std::size_t>(factor.variables[0])]);
   return MakeFactorCost<DiagonalPriorFamily>(prior, static_cast<int>(prior.mean.size()), ambient_size, ambient_size);
 }
 
-double* ReplayCeresProblem::Place(const ReplayVariable& variable) {
+double* ReplayCeresProblem::Place(ReplayVariable::Kind kind, const double* start) {
   double* values = storage_;
   if (storage_ == nullptr) {
     values = owned_.emplace_back().data();
   } else {
-    storage_ += AmbientSize(variable.kind);
+    storage_ += AmbientSize(kind);
   }
-  std::copy_n(variable.start.data(), AmbientSize(variable.kind), values);
+  std::copy_n(start, AmbientSize(kind), values);
   values_.push_back(values);
   return values;
 }
 
 Status ReplayCeresProblem::Add(const ReplayStep& step) {
-  for (const ReplayVariable& variable : step.variables) {
-    double* values = Place(variable);
+  const std::vector<std::array<double, 9>> starts = StartValues(
+      step, static_cast<int>(values_.size()), [this](int number) { return values_[static_cast<std::size_t>(number)]; });
+  for (std::size_t i = 0; i < step.variables.size(); ++i) {
+    const ReplayVariable& variable = step.variables[i];
+    double* values = Place(variable.kind, starts[i].data());
     kinds_.push_back(variable.kind);
     problem_->AddParameterBlock(values, AmbientSize(variable.kind), ManifoldOf(variable.kind));
     if (variable.constant) {

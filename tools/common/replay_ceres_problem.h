@@ -38,7 +38,7 @@ class ReplayCeresProblem {
   void SetState(const std::vector<double>& state);
 
  private:
-  double* Place(const ReplayVariable& variable);
+  double* Place(ReplayVariable::Kind kind, const double* start);
   ceres::Manifold* ManifoldOf(ReplayVariable::Kind kind);
   ceres::LossFunction* LossOf(const LossSpec& spec);
   ceres::CostFunction* CostOf(const ReplayFactor& factor) const;

@@ -44,6 +44,10 @@ Status ReplayGraph::VisitFamily(const ReplayFactor& factor, const Visit& visit) 
     visit(&points_[sighting->camera.get()], sighting->seen, *sighting->camera);
   } else if (const auto* imu = std::get_if<std::shared_ptr<const ImuPreintegrator>>(&factor.measurement)) {
     visit(&imu_, **imu);
+  } else if (const auto* stereo = std::get_if<StereoPointSighting>(&factor.measurement)) {
+    visit(&stereo_[stereo->camera.get()], stereo->seen, *stereo->camera);
+  } else if (const auto* planar = std::get_if<PlanarRelativePoseFamily::Measurement>(&factor.measurement)) {
+    visit(&planar_, *planar);
   } else {
     const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
     const int size = static_cast<int>(prior.mean.size());
@@ -92,10 +96,13 @@ Status ReplayGraph::Prepare(const ReplayStep& step, const AddFamilyFunction& add
 }
 
 template <typename Target>
-Status ReplayGraph::AddStep(const ReplayStep& step, Target* target) {
-  for (const ReplayVariable& variable : step.variables) {
+Status ReplayGraph::AddStep(const ReplayStep& step, const ValueFunction& value, Target* target) {
+  const int first = static_cast<int>(kinds_.size() - step.variables.size());
+  const std::vector<std::array<double, 9>> starts = StartValues(step, first, value);
+  for (std::size_t i = 0; i < step.variables.size(); ++i) {
+    const ReplayVariable& variable = step.variables[i];
     const Role role = IsLandmark(variable.kind) ? Role::kLandmark : Role::kFrame;
-    const VariableId id = target->AddVariable(variable.start.data(), AmbientSize(variable.kind), role, ManifoldOf(variable.kind));
+    const VariableId id = target->AddVariable(starts[i].data(), AmbientSize(variable.kind), role, ManifoldOf(variable.kind));
     if (variable.constant) {
       target->SetConstant(id, true);
     }
@@ -113,17 +120,19 @@ Status ReplayGraph::AddStep(const ReplayStep& step, Target* target) {
 
 Status ReplayGraph::Add(const ReplayStep& step, FactorGraph* graph) {
   const Status status = Prepare(step, [graph](auto family) { return graph->AddFamily(std::move(family)); });
-  return status.ok() ? AddStep(step, graph) : status;
+  return status.ok() ? AddStep(
+                           step, [graph](VariableId id) { return graph->Values(id); }, graph)
+                     : status;
 }
 
-Status ReplayGraph::AddAsEdit(const ReplayStep& step, const FactorGraph& graph, const AddFamilyFunction& add_family,
-                              const ApplyFunction& apply) {
+Status ReplayGraph::AddAsEdit(const ReplayStep& step, const FactorGraph& graph, const ValueFunction& value,
+                              const AddFamilyFunction& add_family, const ApplyFunction& apply) {
   Status status = Prepare(step, add_family);
   if (!status.ok()) {
     return status;
   }
   GraphEdit edit(graph);  // only now: adding a family is a change of the graph
-  status = AddStep(step, &edit);
+  status = AddStep(step, value, &edit);
   return status.ok() ? apply(edit) : status;
 }
 

@@ -27,10 +27,12 @@ class ReplayGraph {
 
   using AddFamilyFunction = std::function<FamilyId(std::shared_ptr<const FactorFamily>)>;
   using ApplyFunction = std::function<Status(const GraphEdit&)>;
-  /// The same for a graph that changes by transactions, like an IncrementalSolver's: adds the step's new families, then applies
-  /// one edit of `graph` with everything else. Fails where Add or `apply` does.
-  Status AddAsEdit(const ReplayStep& step, const FactorGraph& graph, const AddFamilyFunction& add_family,
-                   const ApplyFunction& apply);
+  using ValueFunction = std::function<const double*(VariableId)>;
+  /// The same for a graph that changes by transactions, like an IncrementalSolver's, which keeps the variables' present values
+  /// itself: adds the step's new families, then applies one edit of `graph` with everything else. Fails where Add or `apply`
+  /// does.
+  Status AddAsEdit(const ReplayStep& step, const FactorGraph& graph, const ValueFunction& value,
+                   const AddFamilyFunction& add_family, const ApplyFunction& apply);
 
  private:
   // A family and its id in the graph.
@@ -51,7 +53,7 @@ class ReplayGraph {
   Status Prepare(const ReplayStep& step, const AddFamilyFunction& add_family);
   // The step itself, into a FactorGraph or an edit of one.
   template <typename Target>
-  Status AddStep(const ReplayStep& step, Target* target);
+  Status AddStep(const ReplayStep& step, const ValueFunction& value, Target* target);
 
   std::shared_ptr<const Manifold> ManifoldOf(ReplayVariable::Kind kind);
   std::shared_ptr<const Loss> LossOf(const LossSpec& spec);
@@ -65,6 +67,8 @@ class ReplayGraph {
   Member<RelativePoseFamily> relative_pose_;
   std::map<const PinholeCamera*, Member<PointReprojectionFamily>> points_;
   Member<ImuFactorFamily> imu_;
+  std::map<const StereoCamera*, Member<StereoReprojectionFamily>> stereo_;
+  Member<PlanarRelativePoseFamily> planar_;
   std::map<PriorShape, Member<DiagonalPriorFamily>> priors_;
   std::map<std::vector<int>, Member<CeresCostFamily>> autodiff_families_;  // by residual size, then the sizes of each slot
 };

@@ -1,7 +1,9 @@
 #pragma once
 
 #include "inceres/io/bal.h"
+#include "inceres/io/g2o.h"
 #include "inceres/io/keyframes.h"
+#include "inceres/io/stereo_odometry.h"
 #include "inceres/io/vio_sequence.h"
 #include "inceres/status.h"
 #include "tools/common/replay_step.h"
@@ -65,5 +67,21 @@ struct VioReplayOptions {
 /// that more than 10 frames did not. Requires Validate() and two or more frames. Errors: samples that cannot be integrated, by
 /// frame.
 Status MakeVioReplay(const VioSequence& sequence, const VioReplayOptions& options, ReplayScript* script);
+
+/// Poses in order, each step one (the first step two), with the points that it is the second to see, and all their sightings so
+/// far; a point that one pose alone saw tells nothing. A pose begins where the odometry leads from what the one before has come
+/// to, a point where the first pose to see it, as it stands by now, triangulated it: no drift of the odometry is carried along,
+/// nor any of its knowledge but the last motion. The first pose is fixed. Sightings have a standard deviation of one pixel in
+/// each coordinate, Huber(1). A step closes a loop if it sees a point that more than 10 poses did not. Requires two or more
+/// poses.
+ReplayScript MakeStereoReplay(const StereoOdometry& odometry);
+
+/// Poses in the order of their ids, each step one (the first step two), with its edges to earlier ones; no loss. A pose begins
+/// where an edge puts it, seen from what its other end has come to: of several from the latest one, along the odometry. What the
+/// file fixes stays where it stands there, or else the first pose. A step closes a loop if it has an edge to a pose more than 10
+/// before. Spatial edges are RelativePoseFamily's: as those of BuildPoseGraphCeresProblem, but for a rotation residual that is a
+/// rotation vector and not its first order. Requires two or more poses. kInvalidArgument names a vertex without an edge to an
+/// earlier one, or an edge whose information is not positive definite.
+Status MakePoseGraphReplay(const PoseGraph& graph, ReplayScript* script);
 
 }  // namespace inceres::tools

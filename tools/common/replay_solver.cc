@@ -1,6 +1,7 @@
 #include "tools/common/replay_solver.h"
 
 #include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -27,7 +28,7 @@ double Seconds(Function function) {
 ceres::Solver::Options CeresOptions(const ReplaySettings& settings) {
   ceres::Solver::Options options;
   options.trust_region_strategy_type = settings.dogleg ? ceres::DOGLEG : ceres::LEVENBERG_MARQUARDT;
-  options.linear_solver_type = settings.dense_schur ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+  options.linear_solver_type = settings.linear_solver;
   options.num_threads = settings.num_threads;
   options.max_num_iterations = settings.max_num_iterations;
   options.function_tolerance = settings.function_tolerance;
@@ -98,22 +99,36 @@ std::string Describe(const ReplaySettings& settings) {
   return std::string(settings.dogleg ? "Dog-Leg" : "LM") + ", " + (settings.autodiff ? "AutoDiff" : "analytic factors");
 }
 
+bool IsSchur(ceres::LinearSolverType type) {
+  return type == ceres::DENSE_SCHUR || type == ceres::SPARSE_SCHUR;
+}
+
+// "dense_schur, landmarks first".
+std::string LinearSolverName(ceres::LinearSolverType type) {
+  std::string name = ceres::LinearSolverTypeToString(type);
+  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
+  return name + (IsSchur(type) ? ", landmarks first" : "");
+}
+
+// Null, for an ordering of Ceres's own, where nothing is eliminated first.
+std::shared_ptr<ceres::ParameterBlockOrdering> OrderingFor(const ReplaySettings& settings, const ReplayCeresProblem& living) {
+  return IsSchur(settings.linear_solver) ? living.LandmarksFirst() : nullptr;
+}
+
 // A ceres::Problem solved by stock Ceres or by the shim.
 class CeresReplaySolver : public ReplaySolver {
  public:
   CeresReplaySolver(const ReplaySettings& settings, bool shim) : settings_(settings), shim_(shim), living_(settings.autodiff) {}
 
   std::string Name() const override {
-    return std::string(shim_                   ? "inceres (exact, ceres::Problem)"
-                       : settings_.dense_schur ? "Ceres (dense_schur, landmarks first)"
-                                               : "Ceres (sparse_schur, landmarks first)") +
-           ", " + Describe(settings_);
+    return (shim_ ? "inceres (exact, ceres::Problem)" : "Ceres (" + LinearSolverName(settings_.linear_solver) + ")") + ", " +
+           Describe(settings_);
   }
   Status AddStep(const ReplayStep& step) override { return living_.Add(step); }
 
   ReplayOutcome Solve() override {
     ceres::Solver::Options options = CeresOptions(settings_);
-    options.linear_solver_ordering = living_.LandmarksFirst();
+    options.linear_solver_ordering = OrderingFor(settings_, living_);
     ceres::Solver::Summary summary;
     SolveReport report;
     report.strict = true;
@@ -166,7 +181,8 @@ class IncrementalReplaySolver : public ReplaySolver {
   }
   Status AddStep(const ReplayStep& step) override {
     return living_.AddAsEdit(
-        step, solver_.graph(), [this](auto family) { return solver_.AddFamily(std::move(family)); },
+        step, solver_.graph(), [this](VariableId id) { return solver_.Values(id); },
+        [this](auto family) { return solver_.AddFamily(std::move(family)); },
         [this](const GraphEdit& edit) { return solver_.Apply(edit); });
   }
   ReplayOutcome Solve() override {
@@ -264,7 +280,7 @@ double ReplayReference::CostAt(const std::vector<double>& state) {
 ReplayOutcome ReplayReference::MinimumFrom(const std::vector<double>& state) {
   impl_->living.SetState(state);
   ceres::Solver::Options options = CeresOptions(impl_->settings);
-  options.linear_solver_ordering = impl_->living.LandmarksFirst();
+  options.linear_solver_ordering = OrderingFor(impl_->settings, impl_->living);
   ceres::Solver::Summary summary;
   const double seconds = Seconds([&] { ceres::Solve(options, impl_->living.problem(), &summary); });
   return OutcomeOf(summary, seconds);

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include <ceres/types.h>
+
 #include "inceres/solver/reduced_structure.h"
 #include "inceres/status.h"
 #include "tools/common/replay_step.h"
@@ -48,9 +50,9 @@ class ReplaySolver {
 
 /// How every side solves.
 struct ReplaySettings {
-  bool autodiff = false;    ///< AutoDiff cost functions; else the analytic factors
-  bool dogleg = false;      ///< else Levenberg–Marquardt
-  bool dense_schur = true;  ///< of stock Ceres; else sparse
+  bool autodiff = false;                                       ///< AutoDiff cost functions; else the analytic factors
+  bool dogleg = false;                                         ///< else Levenberg–Marquardt
+  ceres::LinearSolverType linear_solver = ceres::DENSE_SCHUR;  ///< of stock Ceres; Schur solvers have landmarks first
   int num_threads = 1;
   int max_num_iterations = 50;
   double function_tolerance = 1e-6;
@@ -58,7 +60,7 @@ struct ReplaySettings {
   double parameter_tolerance = 1e-8;
 };
 
-/// Stock Ceres in its fastest sensible configuration: a Schur solver, landmarks first.
+/// Stock Ceres with the linear solver of the settings, for a problem that grows: a Schur solver where there are landmarks.
 std::unique_ptr<ReplaySolver> MakeStockReplaySolver(const ReplaySettings& settings);
 
 /// Ours in exact mode: the core's batch solver on the analytic factors, or the shim on AutoDiff cost functions.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <memory>
 #include <string>
 #include <variant>
@@ -12,7 +13,9 @@
 #include "inceres/factors/inverse_depth_reprojection.h"
 #include "inceres/factors/point_reprojection.h"
 #include "inceres/factors/relative_pose.h"
+#include "inceres/factors/stereo_reprojection.h"
 #include "tools/common/loss_spec.h"
+#include "tools/common/planar_relative_pose.h"
 
 namespace inceres::tools {
 
@@ -26,10 +29,14 @@ struct ReplayVariable {
     kPose,       ///< 7 on PoseManifold: place and quaternion x, y, z, w of a camera or a body in the world, or of a camera on it
     kSpeedBias,  ///< 9: velocity, biases of the gyroscope and the accelerometer
     kInverseDepth,  ///< 1, a landmark
+    kPlanarPose,    ///< 3: x, y, angle
   };
   Kind kind = Kind::kPoint;
   std::array<double, 9> start{};  ///< only the first AmbientSize(kind) entries are used
   bool constant = false;
+  /// The number of an earlier pose that `start` is seen from: the variable begins at T ∘ start (poses) or T start (points), where
+  /// T is what that pose has come to when this variable arrives. Negative: `start` is seen from the world.
+  int start_from = -1;
 };
 
 int AmbientSize(ReplayVariable::Kind kind);
@@ -45,9 +52,16 @@ struct PointSighting {
   std::shared_ptr<const PinholeCamera> camera;
 };
 
+/// The same for a stereo camera, of StereoReprojectionFamily.
+struct StereoPointSighting {
+  StereoObservation seen;
+  std::shared_ptr<const StereoCamera> camera;
+};
+
 struct ReplayFactor {
   std::variant<BalReprojectionFamily::Measurement, InverseDepthReprojectionFamily::Measurement, RelativePoseFamily::Measurement,
-               DiagonalPriorFamily::Measurement, PointSighting, std::shared_ptr<const ImuPreintegrator>>
+               DiagonalPriorFamily::Measurement, PointSighting, std::shared_ptr<const ImuPreintegrator>, StereoPointSighting,
+               PlanarRelativePoseFamily::Measurement>
       measurement;
   std::vector<int> variables;  ///< one per slot of the family
   LossSpec loss;
@@ -65,5 +79,12 @@ struct ReplayScript {
   bool dogleg = false;      ///< the trust-region strategy this kind of problem is usually solved with; else Levenberg–Marquardt
   std::vector<ReplayStep> steps;
 };
+
+/// Where the step's variables begin, the first of which has number `first`; `value` gives the present value of those before it.
+/// The kinds of a variable and of the pose it starts from must go together: both planar, or a pose or point in space and a pose.
+std::vector<std::array<double, 9>> StartValues(const ReplayStep& step, int first, const std::function<const double*(int)>& value);
+
+/// Whether a variable of the script is a landmark.
+bool HasLandmarks(const ReplayScript& script);
 
 }  // namespace inceres::tools
