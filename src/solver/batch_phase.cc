@@ -3,13 +3,21 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/stopwatch.h"
+#include "inceres/solver/one_time_solve.h"
 #include "inceres/solver/solver.h"
 
 namespace inceres::internal {
 namespace {
 
+// What comes after the batch solver: the incremental one, which finishes, or nothing.
+enum class BatchEnd { kHandsOver, kToTheEnd };
+
 // What may be left, as a share of the function tolerance.
 constexpr double kSettledShare = 0.1;
+
+// Of the tolerance: a gain so small that there is nothing more to be had. (The gains' fall ends a solve before.)
+constexpr double kNoGainShare = 1e-3;
 
 // Two ratios of gains in a row below this one are taken for the end of a fast convergence; gains that fall slower prove little,
 // and so does one ratio, for the first step from a far start gains incomparably more than the next.
@@ -31,9 +39,9 @@ constexpr double kShrunkShare = 0.01;
 // next one promises too little.
 class BatchObserver final : public SolveObserver {
  public:
-  BatchObserver(const IncrementalOptions& options, const std::atomic<bool>& stop, int num_factors, const double** shown_state,
-                UpdateTrace* trace)
-      : options_(options), stop_(stop), num_factors_(num_factors), shown_state_(shown_state), trace_(*trace) {}
+  BatchObserver(const IncrementalOptions& options, BatchEnd end, const std::atomic<bool>& stop, int num_factors,
+                const double** shown_state, UpdateTrace* trace)
+      : options_(options), end_(end), stop_(stop), num_factors_(num_factors), shown_state_(shown_state), trace_(*trace) {}
   ~BatchObserver() override { *shown_state_ = nullptr; }
   BatchObserver(const BatchObserver&) = delete;
   BatchObserver& operator=(const BatchObserver&) = delete;
@@ -101,7 +109,10 @@ class BatchObserver final : public SolveObserver {
     const double ratio = gain / previous_gain_;
     const double slower = std::max(ratio, previous_ratio_);
     const bool fast = ratio < kFastRatio && previous_ratio_ < kFastRatio;
-    const bool settled = options_.batch_share > 0.0 && good && gain >= 0.0 && fast && gain * slower / (1.0 - slower) <= allowed;
+    // Slow ones are believed where they are all there is, and Ceres's rule would have ended the solve.
+    const bool slow = end_ == BatchEnd::kToTheEnd && slower < 1.0 && gain <= options_.function_tolerance * iteration.cost;
+    const bool settled =
+        options_.batch_share > 0.0 && good && gain >= 0.0 && (fast || slow) && gain * slower / (1.0 - slower) <= allowed;
     rest_ = settled ? gain * slower / (1.0 - slower) : 0.0;
     previous_gain_ = gain;
     previous_ratio_ = ratio;
@@ -126,6 +137,7 @@ class BatchObserver final : public SolveObserver {
   }
 
   const IncrementalOptions& options_;
+  const BatchEnd end_;
   const std::atomic<bool>& stop_;
   const int num_factors_;
   const double** const shown_state_;
@@ -183,25 +195,38 @@ bool TakesBatchPhase(const FactorGraph& graph) {
   return graph.num_factors() > 0;
 }
 
-BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<bool>& stop, FactorGraph* graph,
-                           const double** shown_state, UpdateTrace* trace) {
-  UpdateSummary* summary = &trace->summary();
+namespace {
+
+// What the batch solver is asked for, but for the observer.
+SolverOptions BatchOptions(const IncrementalOptions& options, BatchEnd end) {
+  const bool only = options.batch_share == 0.0;
   SolverOptions batch;
   batch.strategy = options.batch_strategy;
   batch.reduced_solver_factory = options.reduced_solver_factory;
   batch.num_threads = options.num_threads;
   batch.max_num_iterations = options.max_num_iterations;
   batch.max_solver_time_in_seconds = options.max_seconds;
-  // Down to what may be left: one more iteration here costs less than to linearise everything for the living system.
-  batch.function_tolerance = (options.batch_share > 0.0 ? kSettledShare : 1.0) * options.function_tolerance;
+  // Down to what may be left: one more iteration here costs less than to linearise everything for the living system. Where there
+  // will be none the observer says when nothing is left.
+  batch.function_tolerance = options.function_tolerance;
+  if (!only) {
+    batch.function_tolerance *= end == BatchEnd::kToTheEnd ? kNoGainShare : kSettledShare;
+  }
   batch.parameter_tolerance = 0.0;  // a few points run off in bundle adjustment, and against them every step is short
   batch.initial_trust_region_radius = 1.0 / options.initial_damping;
   batch.min_relative_decrease = options.min_relative_decrease;
-  batch.use_inner_iterations = options.batch_share > 0.0 && options.max_landmark_passes > 0;
-  batch.reduce_curvature_of_losses = options.batch_share > 0.0;
-  BatchObserver observer(options, stop, graph->num_factors(), shown_state, trace);
+  batch.use_inner_iterations = !only && options.max_landmark_passes > 0;
+  batch.reduce_curvature_of_losses = !only;
+  return batch;
+}
+
+BatchOutcome Run(const IncrementalOptions& options, BatchEnd end, const std::atomic<bool>& stop, Solver* solver,
+                 FactorGraph* graph, const double** shown_state, UpdateTrace* trace) {
+  UpdateSummary* summary = &trace->summary();
+  SolverOptions batch = BatchOptions(options, end);
+  BatchObserver observer(options, end, stop, graph->num_factors(), shown_state, trace);
   batch.observer = &observer;
-  const Summary solved = Solve(batch, graph);
+  const Summary solved = solver->Solve(batch, graph);
   summary->initial_cost = solved.initial_cost;
   summary->final_cost = solved.final_cost;
   summary->undone = observer.settled() ? observer.rest() : std::fabs(solved.discarded_cost_change);
@@ -231,4 +256,39 @@ BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<
   return {solved.termination, !held_back && HasSettled(solved, options.function_tolerance), held_back};
 }
 
+}  // namespace
+
+BatchOutcome RunBatchPhase(const IncrementalOptions& options, const std::atomic<bool>& stop, FactorGraph* graph,
+                           const double** shown_state, UpdateTrace* trace) {
+  Solver solver(/*max_bytes=*/0);
+  return Run(options, BatchEnd::kHandsOver, stop, &solver, graph, shown_state, trace);
+}
+
 }  // namespace inceres::internal
+
+namespace inceres {
+
+SolverOptions OneTimeOptions(const IncrementalOptions& options) {
+  return internal::BatchOptions(options, internal::BatchEnd::kToTheEnd);
+}
+
+void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* graph, UpdateSummary* summary,
+               UpdateObserver* observer, const double** best_state) {
+  const std::atomic<bool> stop{false};
+  const double* unseen = nullptr;
+  *summary = UpdateSummary();
+  internal::UpdateTrace trace(observer, summary);
+  const Status valid = options.Validate();
+  if (valid.ok()) {
+    const double** shown = best_state != nullptr ? best_state : &unseen;
+    summary->termination = internal::Run(options, internal::BatchEnd::kToTheEnd, stop, solver, graph, shown, &trace).termination;
+  } else {
+    summary->message = valid.message;
+  }
+  if (summary->termination == Termination::kUserFailure || summary->termination == Termination::kFailure) {
+    summary->final_cost = summary->initial_cost;  // the graph is where it was
+  }
+  summary->seconds = internal::NowInSeconds() - trace.start_seconds();
+}
+
+}  // namespace inceres

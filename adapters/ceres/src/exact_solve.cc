@@ -26,17 +26,6 @@ void WriteReport(const SolveInput& input, const LandmarkCounts& landmarks, Summa
   }
 }
 
-// The problem as a graph, of which the view then keeps the parameter blocks and totals only.
-std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type, FactorGraph* graph,
-                                  LandmarkCounts* landmarks, ceres::Solver::Summary* summary) {
-  const std::shared_ptr<const GraphPlan> plan = PlanPool::Global().Get(input.view, input.ordering, type);
-  *landmarks = plan->landmarks;
-  std::vector<StateBlock> blocks = BuildGraph(input.view, *plan, graph);
-  WriteLinearSolver(input.view, input.ordering, plan->landmarks, type, summary);
-  input.view.ForgetResidualBlocks();
-  return blocks;
-}
-
 void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
   FactorGraph graph;
@@ -68,6 +57,16 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
 }
 
 }  // namespace
+
+std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type, FactorGraph* graph,
+                                  LandmarkCounts* landmarks, ceres::Solver::Summary* summary) {
+  const std::shared_ptr<const GraphPlan> plan = PlanPool::Global().Get(input.view, input.ordering, type);
+  *landmarks = plan->landmarks;
+  std::vector<StateBlock> blocks = BuildGraph(input.view, *plan, graph);
+  WriteLinearSolver(input.view, input.ordering, plan->landmarks, type, summary);
+  input.view.ForgetResidualBlocks();
+  return blocks;
+}
 
 void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
   WriteGiven(input.options, input.view, summary);

@@ -26,8 +26,8 @@ IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveConte
 }
 
 IncrementalObserver::IncrementalObserver(const ceres::Solver::Options& options, const ProblemView& view,
-                                         const LivingProblem& living, const SolveContext& context)
-    : options_(options), view_(view), living_(living), context_(context) {
+                                         std::function<void()> write, const SolveContext& context)
+    : options_(options), view_(view), write_(std::move(write)), context_(context) {
   for (const ParameterBlockView& block : view.blocks) {
     if (options_.update_state && block.reduced()) {
       start_values_.insert(start_values_.end(), block.values, block.values + block.ambient_size);
@@ -48,7 +48,7 @@ IncrementalObserver::~IncrementalObserver() {
 ObserverAction IncrementalObserver::EndOfIteration(const UpdateIteration& iteration) {
   trace_.push_back(ToIterationSummary(iteration, context_));
   if (options_.update_state) {
-    living_.WriteToUser(view_);
+    write_();
   }
   return ReportIteration(options_, trace_.back(), &callback_seconds_);
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -7,7 +8,6 @@
 
 #include "adapters/ceres/src/callback_observer.h"
 #include "adapters/ceres/src/introspection.h"
-#include "adapters/ceres/src/living_problem.h"
 #include "inceres/solver/summary.h"
 #include "inceres/solver/update_observer.h"
 
@@ -26,8 +26,8 @@ struct SolveContext {
 /// is gone (an exception out of user code included), unless Keep was called.
 class IncrementalObserver : public UpdateObserver {
  public:
-  /// Borrows all for the length of a solve.
-  IncrementalObserver(const ceres::Solver::Options& options, const ProblemView& view, const LivingProblem& living,
+  /// Borrows all for the length of a solve. `write` puts the best state so far into the user's memory.
+  IncrementalObserver(const ceres::Solver::Options& options, const ProblemView& view, std::function<void()> write,
                       const SolveContext& context);
   ~IncrementalObserver() override;
   IncrementalObserver(const IncrementalObserver&) = delete;
@@ -43,7 +43,7 @@ class IncrementalObserver : public UpdateObserver {
  private:
   const ReportOptions options_;
   const ProblemView& view_;
-  const LivingProblem& living_;
+  const std::function<void()> write_;
   const SolveContext context_;
   std::vector<double> start_values_;  // of the blocks that move; empty if there is nothing to put back
   std::vector<IterationSummary> trace_;

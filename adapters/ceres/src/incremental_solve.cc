@@ -1,22 +1,23 @@
 #include "adapters/ceres/src/incremental_solve.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include <glog/logging.h>
-
-#include "adapters/ceres/src/ceres_version.h"
+#include "adapters/ceres/src/exact_solve.h"
 #include "adapters/ceres/src/factor_shapes.h"
 #include "adapters/ceres/src/fixed_cost.h"
+#include "adapters/ceres/src/graph_builder.h"
 #include "adapters/ceres/src/incremental_observer.h"
+#include "adapters/ceres/src/incremental_summary.h"
 #include "adapters/ceres/src/landmark_selection.h"
 #include "adapters/ceres/src/option_mapping.h"
+#include "adapters/ceres/src/solver_pool.h"
 #include "adapters/ceres/src/summary_writer.h"
-#include "src/base/scientific.h"
+#include "inceres/solver/one_time_solve.h"
 
 namespace inceres::internal {
 namespace {
@@ -40,78 +41,25 @@ Costs FixedCosts(const ProblemView& view, const LivingProblem& living) {
   return costs;
 }
 
-// In Ceres's words (contract, section 3.4) where it has any; the Update's own are in SolveReport::update.
-std::string MessageOf(const UpdateSummary& update, const SolveInput& input, double seconds_before) {
-  const ceres::Solver::Options& options = input.options;
-  if (update.termination == Termination::kFailure) {
-    const bool at_start = update.iterations.empty() && kCeresRules == CeresRules::k22;
-    return at_start ? "Initial residual and Jacobian evaluation failed." : "Residual and Jacobian evaluation failed.";
-  }
-  if (update.message.find(" reached") != std::string::npos) {
-    return update.message;  // the batch solver's, which are Ceres's
-  }
-  if (update.termination == Termination::kConvergence) {
-    const double share = update.final_cost > 0.0 ? std::fabs(update.undone) / update.final_cost : 0.0;
-    return std::string("Function tolerance reached. |cost_change|/cost: ") + Scientific(share).text() +
-           " <= " + Scientific(options.function_tolerance).text();
-  }
-  if (update.termination != Termination::kNoConvergence) {
-    return update.message;
-  }
-  if (update.num_iterations >= options.max_num_iterations) {
-    return "Maximum number of iterations reached. Number of iterations: " + std::to_string(update.num_iterations) + ".";
-  }
-  const double seconds = seconds_before + update.seconds;
-  if (seconds >= options.max_solver_time_in_seconds) {
-    return std::string("Maximum solver time reached. Total solver time: ") + Scientific(seconds).text() +
-           " >= " + Scientific(options.max_solver_time_in_seconds).text() + ".";
-  }
-  return update.message;  // no step at the largest damping; the work budget of a session's options
+IncrementalOptions WithTimeLeft(const IncrementalOptions& core, double seconds_spent) {
+  IncrementalOptions options = core;
+  options.max_seconds = std::max(options.max_seconds - seconds_spent, std::numeric_limits<double>::min());
+  return options;
 }
 
-Summary ToSummary(const UpdateSummary& update, const SolveInput& input, double seconds_before, const Costs& costs,
-                  std::vector<IterationSummary> trace) {
-  Summary core;
-  core.termination = update.termination;
-  core.message = MessageOf(update, input, seconds_before);
-  core.detail = update.termination == Termination::kFailure ? update.message : "";
-  core.initial_cost = update.initial_cost + costs.outside;
-  core.final_cost = update.final_cost + costs.outside;
-  core.fixed_cost = costs.fixed;
-  core.iterations = std::move(trace);
-  const auto successful = [](const IterationSummary& iteration) { return iteration.step_is_successful; };
-  core.num_successful_steps = static_cast<int>(std::count_if(core.iterations.begin(), core.iterations.end(), successful));
-  core.num_unsuccessful_steps = static_cast<int>(core.iterations.size()) - core.num_successful_steps;
-  core.reduced_solver = "incremental";
-  core.work.num_residual_evaluations = core.work.num_jacobian_evaluations = -1;  // there are no whole passes to count
-  core.work.num_linear_solves = update.num_iterations;
-  core.seconds = update.batch_stages;
-  core.seconds.residuals += update.evaluate_seconds + update.landmark_seconds;
-  core.seconds.jacobians += update.linearise_seconds;
-  core.seconds.hessian += update.accept_seconds;  // gradients and right-hand sides
-  core.seconds.factorization += update.solve_seconds;
-  core.seconds.back_substitution += update.select_seconds;
-  core.seconds.total = update.seconds;
-  return core;
-}
-
-void WriteReport(const SolveInput& input, const LandmarkSelection& landmarks, int num_landmarks, const ProblemChanges& changes,
-                 const UpdateSummary& update, Summary core, SolveReport* report) {
-  if (report != nullptr) {
-    report->options_without_effect = IncrementalOptionsWithoutEffect(input.options, landmarks);
-    report->num_landmarks = num_landmarks;
-    report->num_frames = input.view.reduced.num_parameter_blocks - num_landmarks;
-    report->changes = changes;
-    report->update = update;
-    report->core = std::move(core);
+// The end of a solve: what is usable goes to the user's memory by `write`, and everything is told.
+template <typename Write>
+bool Conclude(UpdateResult* result, IncrementalObserver* observer, const SolveInput& input, ceres::Solver::Summary* summary,
+              SolveReport* report, Write&& write) {
+  result->trace = observer->TakeTrace();
+  result->callback_seconds = observer->callback_seconds();
+  Summary core = ToSummary(*result, input);
+  if (core.IsSolutionUsable()) {
+    observer->Keep();
+    write();
   }
-}
-
-bool Fail(const std::string& message, ceres::Solver::Summary* summary) {
-  summary->termination_type = ceres::FAILURE;
-  summary->message = message;
-  LOG(ERROR) << "Terminating: " << message;
-  return false;
+  summary->minimizer_time_in_seconds = input.clock.Seconds() - result->seconds_before;
+  return WriteUpdate(std::move(*result), std::move(core), input, summary, report);
 }
 
 bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, LivingProblem* living,
@@ -119,41 +67,55 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, L
   const ceres::LinearSolverType type = IncrementalLinearSolver(input.options, input.ordering);
   const ShapeTable shapes = FindShapes(input.view);
   const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
-  ProblemChanges changes;
-  const Status status = living->Follow({input.view, shapes, landmarks, LandmarksAreGiven(input.ordering, type)}, &changes);
+  UpdateResult result;
+  result.landmarks = landmarks;
+  const Status status = living->Follow({input.view, shapes, landmarks, LandmarksAreGiven(input.ordering, type)}, &result.changes);
   if (!status.ok()) {
     return Fail(status.message, summary);
   }
   const Costs costs = FixedCosts(input.view, *living);
-  summary->fixed_cost = costs.fixed;
+  result.num_landmarks = living->num_landmarks();
+  result.outside_cost = costs.outside;
+  result.fixed_cost = summary->fixed_cost = costs.fixed;
   if (!costs.error.empty()) {
     return Fail(costs.error, summary);
   }
   WriteLinearSolver(input.view, input.ordering, landmarks, type, summary);
-  const double seconds_before = input.clock.Seconds();
-  summary->preprocessor_time_in_seconds = seconds_before;
-  IncrementalOptions options = core_options;
-  options.max_seconds = std::max(options.max_seconds - seconds_before, std::numeric_limits<double>::min());
-  living->solver().SetOptions(options);
-  IncrementalObserver observer(input.options, input.view, *living, {costs.outside, seconds_before});
-  UpdateSummary update;
-  living->solver().Update(&update, &observer);
-  Summary core = ToSummary(update, input, seconds_before, costs, observer.TakeTrace());
-  const bool usable = core.IsSolutionUsable();
-  if (usable) {
-    observer.Keep();
+  result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
+  living->solver().SetOptions(WithTimeLeft(core_options, result.seconds_before));
+  IncrementalObserver observer(input.options, input.view, [&] { living->WriteToUser(input.view); },
+                               {costs.outside, result.seconds_before});
+  living->solver().Update(&result.update, &observer);
+  return Conclude(&result, &observer, input, summary, report, [&] {
     living->WriteToUser(input.view);
     living->Remember();
+  });
+}
+
+// A graph of its own, and no one to remember it: the batch solver's from beginning to end.
+bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_options, ceres::Solver::Summary* summary,
+                  SolveReport* report) {
+  const ceres::LinearSolverType type = IncrementalLinearSolver(input.options, input.ordering);
+  const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
+  UpdateResult result;
+  result.outside_cost = result.fixed_cost = summary->fixed_cost = fixed.cost;
+  if (!fixed.error.empty()) {
+    return Fail(fixed.error, summary);
   }
-  summary->minimizer_time_in_seconds = input.clock.Seconds() - seconds_before;
-  WriteSolution(core, summary);
-  const bool failed = core.termination == Termination::kFailure;
-  LOG_IF(WARNING, failed) << "inceres: " << core.detail;
-  WriteReport(input, landmarks, living->num_landmarks(), changes, update, std::move(core), report);
-  if (report != nullptr) {
-    report->callback_seconds = observer.callback_seconds();
-  }
-  return failed ? Fail(summary->message, summary) : usable;
+  FactorGraph graph;
+  const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &result.landmarks, summary);
+  result.num_landmarks = result.landmarks.num_landmarks;
+  result.changes.num_added_variables = static_cast<int>(graph.num_variables());
+  result.changes.num_added_factors = graph.num_factors();
+  result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
+  const double* shown_state = nullptr;
+  IncrementalObserver observer(input.options, input.view, [&] { WriteToUser(blocks, shown_state); },
+                               {result.outside_cost, result.seconds_before});
+  const IncrementalOptions options = WithTimeLeft(core_options, result.seconds_before);
+  std::unique_ptr<Solver> solver = SolverPool::Global().Take(OneTimeOptions(options), graph);
+  SolveOnce(options, solver.get(), &graph, &result.update, &observer, &shown_state);
+  SolverPool::Global().GiveBack(std::move(solver));
+  return Conclude(&result, &observer, input, summary, report, [&] { WriteToUser(blocks, graph.state().data()); });
 }
 
 }  // namespace
@@ -164,7 +126,7 @@ bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core,
   summary->num_threads_used = core.num_threads;
   bool solved = true;
   if (input.view.reduced.num_parameter_blocks > 0) {
-    solved = Minimize(input, core, living, summary, report);
+    solved = living != nullptr ? Minimize(input, core, living, summary, report) : MinimizeOnce(input, core, summary, report);
   } else {
     // What is living stays as it is: the next solve finds what has changed since.
     const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
@@ -176,7 +138,7 @@ bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core,
     } else {
       solved = Fail(fixed.error, summary);
     }
-    WriteReport(input, LandmarkSelection(), 0, ProblemChanges(), UpdateSummary(), Summary(), report);
+    ReportNothingToSolve(input, report);
   }
   const double postprocessor_start = input.clock.Seconds();
   WriteReduced(input.view, summary);

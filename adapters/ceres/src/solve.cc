@@ -46,8 +46,12 @@ void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, c
   if (incremental) {
     IncrementalOptions core = internal::MapIncrementalOptions(options, IncrementalOptions());
     internal::ChooseIterativeSolver(options, view, ordering, internal::kMaxDirectSize, &core);
-    internal::LivingProblem living(core, internal::Trust::kNothing);
-    internal::SolveIncrementally(input, core, &living, summary, report);
+    if (core.batch_share < 1.0) {
+      internal::SolveIncrementally(input, core, nullptr, summary, report);
+    } else {  // the batch solver's solvers are direct
+      internal::LivingProblem living(core, internal::Trust::kNothing);
+      internal::SolveIncrementally(input, core, &living, summary, report);
+    }
   } else {
     internal::SolveExactly(input, summary, report);
   }
