@@ -1,0 +1,37 @@
+#pragma once
+
+#include "tools/fuzz/world.h"
+
+namespace inceres::fuzz {
+
+/// Where plain Levenberg–Marquardt goes from a point.
+struct Verdict {
+  bool judged = false;  ///< false: the point cannot be evaluated
+  double cost = 0.0;    ///< at the point
+  double best = 0.0;    ///< where it ends
+  /// Accepted steps until the cost was within kExcessTolerances of best; 0 if it was so from the beginning.
+  int steps = 0;
+  double excess = 0.0;       ///< (cost − best) / best
+  bool is_excess = false;    ///< above kExcessTolerances × tolerance × best, and above what rounding explains
+  bool is_creeping = false;  ///< an excess that took more than kCreepingSteps to come down
+};
+
+/// How far above the minimum of its basin a solve may end, in units of its function tolerance.
+constexpr double kExcessTolerances = 10.0;
+
+/// A valley in which plain LM itself needs more steps than this to come down that far is so flat that its own test for
+/// convergence, of one step's gain, would end there as well. Such ends are counted, not condemned.
+constexpr int kCreepingSteps = 15;
+
+/// Descends from the world's values by dense LM that shares no code with any solver under test: normal equations of
+/// ceres::Problem::Evaluate, solved by Eigen, damped by λ diag(H), λ from 1e-4. The basin is that of the point by construction: a
+/// step is taken only if what it gains is between a fourth and four times what the model promised; else λ grows, until steps are
+/// as short as the model is good. It ends when a hardly damped step promises less than a thousandth of the tolerance. Coordinates
+/// at a bound that the gradient pushes against stay there; others are clamped.
+///
+/// What rounding explains: with M = World::Magnitude(), 1e-26 M + 1e-13 √(M cost).
+///
+/// The world's values are as before when it returns. The faults of cost functions are in force: the judge goes around them.
+Verdict Judge(World* world, double function_tolerance);
+
+}  // namespace inceres::fuzz

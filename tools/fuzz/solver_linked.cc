@@ -1,0 +1,54 @@
+// The solvers of a program that calls inceres by name.
+#include "inceres/ceres/session.h"
+#include "inceres/ceres/solve.h"
+#include "tools/fuzz/solver.h"
+
+namespace inceres::fuzz {
+namespace {
+
+class OneShot : public SolverUnderTest {
+ public:
+  explicit OneShot(SolveMode mode) { report_.mode = mode; }
+  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) override {
+    inceres::Solve(options, problem, summary, &report_);
+  }
+  void Reset() override { ForgetStructures(); }
+  bool follows_stock() const override { return report_.mode == SolveMode::kExact; }
+  bool used_stock() const override { return report_.used_stock; }
+
+ private:
+  SolveReport report_;
+};
+
+class Session : public SolverUnderTest {
+ public:
+  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) override {
+    session_.Solve(options, problem, summary, &report_);
+  }
+  void Reset() override { session_.Reset(); }
+  bool follows_stock() const override { return false; }
+  bool used_stock() const override { return report_.used_stock; }
+
+ private:
+  CeresSession session_;
+  SolveReport report_;
+};
+
+}  // namespace
+
+std::vector<std::string> Modes() {
+  return {"exact", "incremental", "session"};
+}
+
+std::unique_ptr<SolverUnderTest> MakeSolver(const std::string& mode) {
+  if (mode == "session") {
+    return std::make_unique<Session>();
+  }
+  return std::make_unique<OneShot>(mode == "exact" ? SolveMode::kExact : SolveMode::kIncremental);
+}
+
+void SolveByStock(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+  ceres::Solve(options, problem, summary);
+}
+
+}  // namespace inceres::fuzz

@@ -1,0 +1,75 @@
+#include "tools/fuzz/trace.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "tools/fuzz/solver.h"
+
+namespace inceres::fuzz {
+namespace {
+
+constexpr double kStockAgrees = 1e-8;
+constexpr double kOursAgrees = 1e-6;
+constexpr double kOursShare = 100.0;
+constexpr double kNudge = 1e-14;  // of the values next to the start, relative
+
+ceres::Solver::Summary SolveFrom(const std::vector<double>& start, const ceres::Solver::Options& options, World* world) {
+  ceres::Solver::Summary summary;
+  world->SetValues(start);
+  SolveByStock(options, &world->problem(), &summary);
+  return summary;
+}
+
+}  // namespace
+
+StockTraces::StockTraces(const ceres::Solver::Options& options, const std::vector<double>& start, World* world, Dice* dice) {
+  const std::vector<double> values = world->Values();
+  summary_ = SolveFrom(start, options, world);
+  end_ = world->Values();
+  const double M = world->Magnitude();
+  floor_ = 1e-26 * M;
+
+  ceres::Solver::Options other = options;
+  other.linear_solver_type = options.linear_solver_type == ceres::DENSE_QR ? ceres::DENSE_NORMAL_CHOLESKY : ceres::DENSE_QR;
+  std::vector<double> nudged = start;
+  for (double& x : nudged) {
+    x *= 1.0 + kNudge * dice->Signed();
+  }
+  distance_ = std::max(Distance(SolveFrom(start, other, world)), Distance(SolveFrom(nudged, options, world)));
+  agree_ = distance_ <= kStockAgrees;
+  world->SetValues(values);
+}
+
+// The largest relative difference of costs along the way; infinite if the ways are not the same.
+double StockTraces::Distance(const ceres::Solver::Summary& other) const {
+  if (other.termination_type != summary_.termination_type || other.iterations.size() != summary_.iterations.size()) {
+    return std::numeric_limits<double>::infinity();
+  }
+  double distance = 0.0;
+  for (std::size_t i = 0; i < summary_.iterations.size(); ++i) {
+    const ceres::IterationSummary& a = summary_.iterations[i];
+    const ceres::IterationSummary& b = other.iterations[i];
+    if (a.step_is_successful != b.step_is_successful) {
+      return std::numeric_limits<double>::infinity();
+    }
+    distance = std::max(distance, std::abs(a.cost - b.cost) / (std::abs(a.cost) + floor_ + std::numeric_limits<double>::min()));
+  }
+  return distance;
+}
+
+std::optional<std::string> StockTraces::Difference(const ceres::Solver::Summary& ours) const {
+  const double distance = Distance(ours);
+  if (distance <= std::max(kOursAgrees, kOursShare * distance_)) {
+    return std::nullopt;
+  }
+  char text[300];
+  std::snprintf(
+      text, sizeof text, "ours: %s, %zu iterations, cost %.12g; stock: %s, %zu iterations, cost %.12g; costs differ by %.2g",
+      ceres::TerminationTypeToString(ours.termination_type), ours.iterations.size(), ours.final_cost,
+      ceres::TerminationTypeToString(summary_.termination_type), summary_.iterations.size(), summary_.final_cost, distance);
+  return text + std::string(" (") + ours.message + "; " + summary_.message + ")";
+}
+
+}  // namespace inceres::fuzz
