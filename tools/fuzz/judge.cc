@@ -17,7 +17,9 @@ constexpr double kMostDamping = 1e12;
 constexpr double kHardlyDamped = 1e-4;
 constexpr double kLeastDiagonal = 1e-12;  // of H, relative to its largest
 constexpr double kPromiseShare = 1e-3;    // of the tolerance: less is not worth a step
-constexpr int kMaxSteps = 200;            // accepted
+constexpr double kNineDigits = 1e-9;
+constexpr double kRounding = 1e-13;
+constexpr int kMaxSteps = 200;  // accepted
 constexpr int kMaxTries = 1000;
 
 class PlainDescent {
@@ -173,7 +175,7 @@ Verdict Judge(World* world, double function_tolerance) {
   verdict.cost = descent.costs().front();
   verdict.best = descent.costs().back();
   verdict.excess = (verdict.cost - verdict.best) / std::max(verdict.best, std::numeric_limits<double>::min());
-  const double rounding = 1e-26 * magnitude + 1e-13 * std::sqrt(magnitude * verdict.cost);
+  const double rounding = kNineDigits * kNineDigits * magnitude + kRounding * std::sqrt(magnitude * verdict.cost);
   const double allowed = kExcessTolerances * function_tolerance * verdict.best + rounding;
   const auto within = [&](double cost) { return cost - verdict.best <= allowed; };
   verdict.steps =

@@ -29,7 +29,9 @@ constexpr int kCreepingSteps = 15;
 /// as short as the model is good. It ends when a hardly damped step promises less than a thousandth of the tolerance. Coordinates
 /// at a bound that the gradient pushes against stay there; others are clamped.
 ///
-/// What rounding explains: with M = World::Magnitude(), 1e-26 M + 1e-13 √(M cost).
+/// Where the cost at the minimum is nearly zero, relative to it means nothing: with M = World::Magnitude(), the cost if no term
+/// of any residual canceled another, an excess below 1e-18 M (nine digits of every residual), and what rounding makes of costs,
+/// 1e-13 √(M cost), is none.
 ///
 /// The world's values are as before when it returns. The faults of cost functions are in force: the judge goes around them.
 Verdict Judge(World* world, double function_tolerance);

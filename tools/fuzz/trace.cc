@@ -13,12 +13,16 @@ namespace {
 constexpr double kStockAgrees = 1e-8;
 constexpr double kOursAgrees = 1e-6;
 constexpr double kOursShare = 100.0;
-constexpr double kNudge = 1e-14;  // of the values next to the start, relative
+constexpr double kSameCost = 1e-9;
+constexpr double kNineDigits = 1e-9;  // of residuals, where costs are nearly zero
+constexpr double kNudge = 1e-14;      // of the values next to the start, relative
 
 ceres::Solver::Summary SolveFrom(const std::vector<double>& start, const ceres::Solver::Options& options, World* world) {
   ceres::Solver::Summary summary;
   world->SetValues(start);
-  SolveByStock(options, &world->problem(), &summary);
+  ceres::Solver::Options alone = options;
+  alone.num_threads = 1;  // the sums of several depend on which is first
+  SolveByStock(alone, &world->problem(), &summary);
   return summary;
 }
 
@@ -28,8 +32,10 @@ StockTraces::StockTraces(const ceres::Solver::Options& options, const std::vecto
   const std::vector<double> values = world->Values();
   summary_ = SolveFrom(start, options, world);
   end_ = world->Values();
-  const double M = world->Magnitude();
-  floor_ = 1e-26 * M;
+  floor_ = kNineDigits * kNineDigits * world->Magnitude();
+  double cost = 0.0;
+  wrong_final_cost_ = !world->problem().Evaluate({}, &cost, nullptr, nullptr, nullptr) ||
+                      !(std::abs(cost - summary_.final_cost) <= kSameCost * (std::abs(cost) + floor_));
 
   ceres::Solver::Options other = options;
   other.linear_solver_type = options.linear_solver_type == ceres::DENSE_QR ? ceres::DENSE_NORMAL_CHOLESKY : ceres::DENSE_QR;
@@ -57,6 +63,10 @@ double StockTraces::Distance(const ceres::Solver::Summary& other) const {
     distance = std::max(distance, std::abs(a.cost - b.cost) / (std::abs(a.cost) + floor_ + std::numeric_limits<double>::min()));
   }
   return distance;
+}
+
+bool StockTraces::EndedByLength() const {
+  return summary_.message.rfind("Gradient tolerance", 0) == 0 || summary_.message.rfind("Parameter tolerance", 0) == 0;
 }
 
 std::optional<std::string> StockTraces::Difference(const ceres::Solver::Summary& ours) const {
