@@ -1,6 +1,8 @@
 #include "solver/incremental_minimizer.h"
 
 #include <algorithm>
+#include <cstdlib>
+#include <cstdio>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -30,6 +32,18 @@ constexpr double kOutdatedDamping = 100.0;
 
 // Convergence is claimed with μ up to this multiple of its floor only: what is left in weak directions is hidden by more.
 constexpr double kNearFloor = 100.0;
+
+// Iterations that together are to bring more than the tolerance.
+constexpr int kStagnation = 10;
+
+// Two dampings that differ by less than this factor are as good as the same.
+constexpr double kFineDamping = 3.0;
+
+// So many shortened steps in a row, and the radius is given up: more damping then finds a better direction.
+constexpr int kMaxShortenedInRow = 3;
+
+// A cost that changes by no more than this, relative, is the same but for rounding.
+constexpr double kUnmoved = 1e-15;
 
 // A refused step is laid to the old Jacobians of the factor whose cost rose furthest above its prediction, and of those that come
 // up to this share of it.
@@ -124,12 +138,18 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
   landmark_creep_ = 1.0;
   blamed_few_ = false;
   relaxed_ = false;
+  undone_at_floor_ = refused_undone_ = HUGE_VAL;
+  refused_mu_ = options_.min_damping;
+  refused_blindly_ = false;
+  num_shortened_ = 0;
   const bool begins = summary_->iterations.empty();  // or the batch solver has told of the start
   const bool new_frames_first = TakesNewFrameSteps();
   if (!(new_frames_first ? LineariseDirty() : Relinearise())) {
     return;
   }
   rounding_ = system_.RoundingOfCost();
+  checked_iteration_ = summary_->num_iterations;
+  checked_cost_ = system_.cost();
   if (begins) {
     summary_->initial_cost = system_.cost();
   }
@@ -173,6 +193,7 @@ bool IncrementalMinimizer::EndIteration() {
   if (trace_->observed()) {
     system_.schur().RhsNorms(&row.gradient_max_norm, &row.gradient_norm);
   }
+  if (getenv("DBG")) fprintf(stderr,"  it step %d acc %d sh %d ref %d cost %.15g dcost %.3g pred %.3g undone %.3g lgain %.3g mu %.2g tol %.3g rnd %.2g norm %.2g\n",int(row.step),row.accepted,row.shortened,row.refreshed,system_.cost(),row.cost_change,row.predicted_change,summary_->undone,LandmarkGain(),mu_,Tolerance(),rounding_,row.step_norm); //DBG
   return trace_->EndRow(system_.cost());
 }
 
@@ -261,15 +282,16 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   }
   const double undone = Undone();
   summary_->undone = undone;
-  const bool little_left =
-      undone + (landmark_creep_ - 1.0) * LandmarkGain() <= kStopShare * Tolerance() || NextStepsGainLittle(undone);
+  undone_at_floor_ = IsDampedHard() ? undone_at_floor_ : undone;
+  const bool little_left = undone + (landmark_creep_ - 1.0) * LandmarkGain() <= kStopShare * Tolerance() ||
+                           NextStepsGainLittle(undone) || (HasStagnated() && undone <= Tolerance());
   if (little_left && solver_->work().converged) {  // a solve that was cut short does not know all there is to gain
     // Refresh before success.
     trace_->row().refreshed = RefreshAged();
     if (trace_->row().refreshed || RelaxDamping()) {
       return Verdict::kGoOn;
     }
-    return IsDampedHard() ? Verdict::kStuck : Verdict::kConverged;
+    return IsDampedHard() ? JudgeRefusals() : Verdict::kConverged;
   }
   if (frames_moved_ && !mostly_new_ && LandmarkGain() > kLandmarkDominance * undone) {
     frames_moved_ = false;
@@ -290,7 +312,11 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
     return Verdict::kGoOn;
   }
   system_.Reject();
-  return Retreat(refreshed);
+  // Where fresh Jacobians promise so little, and not even that is kept, or the cost does not change at all, there is nothing to be
+  // had by more damping.
+  const bool unmoved = std::fabs(trace_->row().cost_change) <= kUnmoved * system_.cost();
+  const bool in_vain = !refreshed && !IsDampedHard() && solver_->work().converged && (unmoved || undone <= kRestShare * Tolerance());
+  return in_vain && !RefreshAged() ? Verdict::kConverged : Retreat(refreshed);
 }
 
 // Damping hides what weak directions could gain: before success it goes to its floor. Once only while no step is taken there, for
@@ -305,8 +331,34 @@ bool IncrementalMinimizer::RelaxDamping() {
   return true;
 }
 
+// Steps were refused, up to the damping at which nothing is left to gain. If they were evaluated that is the minimum, as far as
+// steps between the last two dampings could not gain much either; of what a cost function refused to evaluate nothing is known.
+IncrementalMinimizer::Verdict IncrementalMinimizer::JudgeRefusals() {
+  if (refused_blindly_) {
+    return Verdict::kStuck;
+  }
+  if (std::min(undone_at_floor_, refused_undone_) <= Tolerance() || mu_ <= kFineDamping * refused_mu_) {
+    return Verdict::kConverged;
+  }
+  mu_ = std::sqrt(mu_ * refused_mu_);
+  return Verdict::kGoOn;
+}
+
 bool IncrementalMinimizer::IsDampedHard() const {
   return mu_ > kNearFloor * options_.min_damping;
+}
+
+// Whether the last so many iterations have brought less than the tolerance together.
+bool IncrementalMinimizer::HasStagnated() {
+  if (summary_->num_iterations < checked_iteration_ + kStagnation) {
+    return false;
+  }
+  const bool stagnated = checked_cost_ - system_.cost() <= Tolerance();
+  if (!stagnated) {
+    checked_iteration_ = summary_->num_iterations;
+    checked_cost_ = system_.cost();
+  }
+  return stagnated;
 }
 
 // Steps tell how much their model undervalues: the last gained `last_gain_ratio_` times what it promised, and what is promised
@@ -448,9 +500,17 @@ void IncrementalMinimizer::AcceptStep() {
 
 void IncrementalMinimizer::Accept(double gain_ratio) {
   AcceptStep();
+  num_shortened_ = trace_->row().shortened ? num_shortened_ + 1 : 0;
+  if (num_shortened_ >= kMaxShortenedInRow && gain_ratio <= kGrowRatio) {
+    radius_ = HUGE_VAL;
+    mu_ *= kRetreat;
+    num_shortened_ = 0;
+  }
   mu_ = std::max(options_.min_damping, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
   nu_ = 2.0;
   relaxed_ = relaxed_ && IsDampedHard();
+  refused_blindly_ = refused_blindly_ && IsDampedHard();
+  refused_undone_ = IsDampedHard() ? refused_undone_ : HUGE_VAL;
   frames_moved_ = true;
   blamed_few_ = false;
   last_promise_ = trace_->row().shortened ? 0.0 : summary_->undone;
@@ -545,6 +605,9 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   if (refreshed) {
     return Verdict::kGoOn;
   }
+  refused_mu_ = mu_;
+  refused_undone_ = summary_->undone;
+  refused_blindly_ |= trace_->row().step == UpdateStep::kFrames && !std::isfinite(trace_->row().relative_decrease);
   mu_ *= kRetreat * nu_;
   nu_ *= 2.0;
   for (const std::int32_t landmark : active_.landmarks()) {

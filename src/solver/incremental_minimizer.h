@@ -62,6 +62,7 @@ class IncrementalMinimizer {
   double LandmarkGain();
   double Undone();
   bool NextStepsGainLittle(double undone);
+  bool HasStagnated();
   double TruncationBudget(double undone) const;
   bool TakeStep(bool* refreshed);
   bool EvaluateStep(double* gain_ratio);
@@ -74,6 +75,7 @@ class IncrementalMinimizer {
   ErrorLimits LimitsOf(double share) const;
   double Tolerance() const;
   bool IsDampedHard() const;
+  Verdict JudgeRefusals();
   bool RelaxDamping();
 
   IncrementalOptions options_;
@@ -86,6 +88,13 @@ class IncrementalMinimizer {
   double radius_ = HUGE_VAL;      // of the trust region, in the norm ‖Dδ‖; acts after a rejection
   bool mostly_new_ = false;       // this Update began with most factors new
   bool relaxed_ = false;          // μ went to its floor to prove convergence, and no step was taken there since
+  double undone_at_floor_ = 0.0;  // what was undone when μ was last near its floor
+  double refused_undone_ = 0.0;   // when a step was last refused; HUGE_VAL: not since one was taken near the floor
+  double refused_mu_ = 0.0;       // of that step
+  bool refused_blindly_ = false;  // a cost function refused to evaluate one of those steps
+  int checked_iteration_ = 0;     // from which on HasStagnated counts
+  double checked_cost_ = 0.0;     // then
+  int num_shortened_ = 0;         // accepted steps in a row that the radius has shortened
   double rounding_ = 0.0;         // of the cost, as this Update began
   bool blamed_few_ = false;       // the last step of the frames failed, and only its worst factors, or none, are linearised anew
   bool frames_moved_ = false;     // since landmarks last stepped by themselves
