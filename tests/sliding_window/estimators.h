@@ -27,19 +27,19 @@ AnyEstimator Wrap(std::shared_ptr<Estimator> estimator) {
 }
 
 using MakeAny = std::function<AnyEstimator(const EstimatorOptions&, const SolveFunction&, const ImuState& start,
-                                           const Pose& body_from_camera)>;
+                                           const std::vector<Pose>& body_from_cameras)>;
 
 inline AnyEstimator MakeVins(const EstimatorOptions& options, const SolveFunction& solve, const ImuState& start,
-                             const Pose& body_from_camera) {
-  return Wrap(std::make_shared<VinsEstimator>(options, 400, solve, start, body_from_camera));
+                             const std::vector<Pose>& body_from_cameras) {
+  return Wrap(std::make_shared<VinsEstimator>(options, 400, solve, start, body_from_cameras.front()));
 }
 
 inline MakeAny MakeOkvis(bool newest_first) {
   return [newest_first](const EstimatorOptions& options, const SolveFunction& solve, const ImuState& start,
-                        const Pose& body_from_camera) {
+                        const std::vector<Pose>& body_from_cameras) {
     OkvisOptions okvis_options;
     okvis_options.newest_first = newest_first;
-    return Wrap(std::make_shared<OkvisEstimator>(options, okvis_options, solve, start, body_from_camera));
+    return Wrap(std::make_shared<OkvisEstimator>(options, okvis_options, solve, start, body_from_cameras));
   };
 }
 

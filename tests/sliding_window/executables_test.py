@@ -39,7 +39,7 @@ class ExecutablesTest(unittest.TestCase):
         for name in NAMES:
             with self.subTest(program=name):
                 report = self.report(name)
-                self.assertEqual(list(report), ["frames", "solve_ms", "ate_m", "final_cost_sum"])
+                self.assertEqual(list(report), ["frames", "solve_ms", "ate_m", "position_rmse_m", "final_cost_sum"])
                 self.assertEqual(report["frames"], 25)
                 ms = report["solve_ms"]
                 self.assertEqual(list(ms), ["median", "p95", "max", "total"])

@@ -28,8 +28,9 @@ class Lockstep {
   void Play(const RunOptions& options) {
     Run(
         options,
-        [this](const EstimatorOptions& estimator, const SolveFunction& solve, const ImuState& start, const Pose& extrinsic) {
-          estimator_ = make_(estimator, solve, start, extrinsic);
+        [this](const EstimatorOptions& estimator, const SolveFunction& solve, const ImuState& start,
+               const std::vector<Pose>& extrinsics) {
+          estimator_ = make_(estimator, solve, start, extrinsics);
           return [this](const Frame& frame) {
             estimator_.add_frame(frame);
             return estimator_.newest_state();

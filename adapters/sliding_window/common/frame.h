@@ -18,6 +18,8 @@ struct ImuSample {
 struct Observation {
   int feature = 0;     // the same number in every frame that sees it
   Eigen::Vector2d xy;  // on the image plane at depth 1
+  int camera = 0;
+  double depth = 0.0;  // m, as a front end guesses it; 0: it does not
 };
 
 struct Frame {

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
+#include <cstring>
 #include <numeric>
 
+#include "common/start.h"
 #include "common/trajectory_error.h"
 
 namespace sliding_window {
@@ -31,9 +34,38 @@ std::string ToJson(const RunReport& report) {
   char text[400];
   std::snprintf(text, sizeof text,
                 "{\"frames\": %d, \"solve_ms\": {\"median\": %.6g, \"p95\": %.6g, \"max\": %.6g, \"total\": %.6g}, "
-                "\"ate_m\": %.17g, \"final_cost_sum\": %.17g}\n",
-                report.num_frames, ms.median, ms.p95, ms.max, ms.total, report.ate_m, report.final_cost_sum);
+                "\"ate_m\": %.17g, \"position_rmse_m\": %.17g, \"final_cost_sum\": %.17g}\n",
+                report.num_frames, ms.median, ms.p95, ms.max, ms.total, report.ate_m, report.position_rmse_m,
+                report.final_cost_sum);
   return text;
+}
+
+// Up or down by what value, seed and solve say, so that it does not matter in which order the values come.
+double Kicked(double value, std::uint64_t seed) {
+  std::uint64_t bits = 0;
+  std::memcpy(&bits, &value, sizeof bits);
+  bits = (bits ^ seed) * 0x9e3779b97f4a7c15U;
+  bits = (bits ^ (bits >> 29U)) * 0xbf58476d1ce4e5b9U;
+  return value == 0.0 ? value : std::nextafter(value, (bits >> 63U) != 0 ? INFINITY : -INFINITY);
+}
+
+void KickAll(std::uint64_t seed, ceres::Problem* problem) {
+  std::vector<double*> blocks;
+  problem->GetParameterBlocks(&blocks);
+  for (double* block : blocks) {
+    if (!problem->IsParameterBlockConstant(block)) {
+      const int size = problem->ParameterBlockSize(block);
+      std::transform(block, block + size, block, [seed](double value) { return Kicked(value, seed); });
+    }
+  }
+}
+
+double PositionRmse(const std::vector<Eigen::Vector3d>& estimated, const std::vector<Eigen::Vector3d>& truth) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    sum += (estimated[i] - truth[i]).squaredNorm();
+  }
+  return std::sqrt(sum / static_cast<double>(truth.size()));
 }
 
 }  // namespace
@@ -43,6 +75,9 @@ RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator, co
   report.num_frames = options.num_frames;
   const SolveFunction timed_solve = [&](const ceres::Solver::Options& solver, ceres::Problem* problem,
                                         ceres::Solver::Summary* summary) {
+    if (options.kick != 0) {
+      KickAll(static_cast<std::uint64_t>(options.kick) << 32U | report.solve_ms.size(), problem);
+    }
     const auto start = std::chrono::steady_clock::now();
     solve(solver, problem, summary);
     const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - start;
@@ -51,15 +86,8 @@ RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator, co
   };
 
   Simulator simulator(options.simulator);
-  ImuState start = simulator.Truth(0.0);
-  start.v += Eigen::Vector3d(0.05, -0.03, 0.02);
-  start.ba.setZero();
-  start.bg.setZero();
-  Pose extrinsic = Simulator::TrueExtrinsic();
-  if (options.estimator.free_extrinsics) {
-    extrinsic = extrinsic * Pose{Eigen::Vector3d(0.01, -0.01, 0.005), Exp(Eigen::Vector3d(0.008, -0.005, 0.004))};
-  }
-  const AddFrame add_frame = make_estimator(options.estimator, timed_solve, start, extrinsic);
+  const Start start = MakeStart(options, simulator);
+  const AddFrame add_frame = make_estimator(options.estimator, timed_solve, start.state, start.body_from_cameras);
   std::vector<Eigen::Vector3d> estimated;
   std::vector<Eigen::Vector3d> truth;
   for (int i = 0; i < options.num_frames; ++i) {
@@ -68,6 +96,7 @@ RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator, co
     truth.push_back(simulator.Truth(frame.time).pose.p);
   }
   report.ate_m = AbsoluteTrajectoryError(estimated, truth);
+  report.position_rmse_m = PositionRmse(estimated, truth);
   return report;
 }
 

@@ -9,17 +9,17 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kMinDepth = 1.5, kMaxDepth = 12.0;  // m, of new features
 constexpr double kVisibleDepth = 0.5;
+constexpr double kBaseline = 0.11;  // m, between the two cameras
 
-// Position and its first two derivatives: rounds of 6 m by 4 m that rise and fall.
+// Position and its first two derivatives: rounds that rise and fall.
 struct Path {
   Vector3d p, v, a;
 };
 
-Path PathAt(double t) {
-  constexpr double w = 0.3;
-  const Vector3d size(6.0, 4.0, 0.8);
+Path PathAt(const Flight& flight, double t) {
+  const double w = flight.round_rate;
+  const Vector3d size = flight.size * Vector3d(6.0, 4.0, 0.8);
   const Vector3d rate(w, w, 2.5 * w);
   Path path;
   for (int i = 0; i < 3; ++i) {
@@ -36,10 +36,10 @@ struct Attitude {
   Vector3d ypr, rate;
 };
 
-Attitude AttitudeAt(double t) {
+Attitude AttitudeAt(const Flight& flight, double t) {
   const Vector3d mean_rate(0.3, 0.0, 0.0);
   const Vector3d start(0.5 * M_PI, 0.0, 0.0);
-  const Vector3d sway(0.25, 0.12, 0.15);
+  const Vector3d sway = flight.sway * Vector3d(0.25, 0.12, 0.15);
   const Vector3d sway_rate(1.1, 0.9, 1.3);
   Attitude attitude;
   for (int i = 0; i < 3; ++i) {
@@ -72,19 +72,29 @@ bool InImage(const Vector3d& in_camera) {
 }  // namespace
 
 Simulator::Simulator(const SimulatorOptions& options) : options_(options), random_(options.seed) {
-  ba_ = Noise(0.05);
-  bg_ = Noise(0.005);
+  if (options.flight.latest_start > 0.0) {
+    start_ = std::uniform_real_distribution<double>(0.0, options.flight.latest_start)(random_);
+  }
+  ba_ = Noise(options.acc_bias);
+  bg_ = Noise(options.gyr_bias);
 }
 
 ImuState Simulator::Truth(double time) const {
-  const Path path = PathAt(time);
-  return {{path.p, ToQuaternion(AttitudeAt(time).ypr)}, path.v, ba_, bg_};
+  const Path path = PathAt(options_.flight, start_ + time);
+  return {{path.p, ToQuaternion(AttitudeAt(options_.flight, start_ + time).ypr)}, path.v, ba_, bg_};
 }
 
-Pose Simulator::TrueExtrinsic() {
+Vector3d Simulator::SpecificForce(double time) const {
+  const Vector3d acceleration = PathAt(options_.flight, start_ + time).a;
+  return Truth(time).pose.q.conjugate() * (acceleration + kGravity) + ba_;
+}
+
+std::vector<Pose> Simulator::TrueExtrinsics() const {
   Matrix3d R;  // columns: the camera's axes (right, down, ahead) in the body's (ahead, left, up)
   R << 0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0;
-  return {Vector3d(0.10, 0.02, -0.03), Eigen::Quaterniond(R) * Exp(Vector3d(0.02, -0.03, 0.01))};
+  const Pose left{Vector3d(0.10, 0.02, -0.03), Eigen::Quaterniond(R) * Exp(Vector3d(0.02, -0.03, 0.01))};
+  const Pose right{Vector3d(kBaseline, 0.001, -0.002), Exp(Vector3d(-0.004, 0.006, 0.003))};
+  return options_.num_cameras == 1 ? std::vector<Pose>{left} : std::vector<Pose>{left, left * right};
 }
 
 Frame Simulator::Next() {
@@ -109,18 +119,19 @@ ImuSample Simulator::NextImuSample() {
   const double t = next_imu_sample_++ * kImuPeriod;
   ba_ += Noise(noise.acc_bias_walk * std::sqrt(kImuPeriod));
   bg_ += Noise(noise.gyr_bias_walk * std::sqrt(kImuPeriod));
-  const Attitude attitude = AttitudeAt(t);
-  const Vector3d specific_force = ToQuaternion(attitude.ypr).conjugate() * (PathAt(t).a + kGravity);
-  return {t, specific_force + ba_ + Noise(noise.acc / std::sqrt(kImuPeriod)),
-          BodyRate(attitude) + bg_ + Noise(noise.gyr / std::sqrt(kImuPeriod))};
+  return {t, SpecificForce(t) + Noise(noise.acc / std::sqrt(kImuPeriod)),
+          BodyRate(AttitudeAt(options_.flight, start_ + t)) + bg_ + Noise(noise.gyr / std::sqrt(kImuPeriod))};
 }
 
 void Simulator::Observe(Frame* frame) {
-  const Pose world_from_camera = Truth(frame->time).pose * TrueExtrinsic();
-  const Pose camera_from_world = world_from_camera.Inverse();
+  std::vector<Pose> camera_from_world;
+  for (const Pose& extrinsic : TrueExtrinsics()) {
+    camera_from_world.push_back((Truth(frame->time).pose * extrinsic).Inverse());
+  }
+  const Pose world_from_camera = camera_from_world[0].Inverse();
   std::vector<Track> seen;
   for (Track& track : tracks_) {
-    if (--track.frames_left > 0 && InImage(camera_from_world * track.point)) {
+    if (--track.frames_left > 0 && InImage(camera_from_world[0] * track.point)) {
       seen.push_back(track);
     }
   }
@@ -129,15 +140,34 @@ void Simulator::Observe(Frame* frame) {
   }
   tracks_ = std::move(seen);
   for (const Track& track : tracks_) {
-    const Vector3d noisy =
-        camera_from_world * track.point / (camera_from_world * track.point).z() + Noise(options_.pixel_noise / kFocalLength);
-    frame->observations.push_back({track.feature, noisy.head<2>()});
+    for (int camera = 0; camera < options_.num_cameras; ++camera) {
+      ObserveTrack(track, camera, camera_from_world[camera], frame);
+    }
   }
+}
+
+void Simulator::ObserveTrack(const Track& track, int camera, const Pose& camera_from_world, Frame* frame) {
+  const Vector3d in_camera = camera_from_world * track.point;
+  if (!InImage(in_camera)) {
+    return;
+  }
+  const Vector3d noisy = in_camera / in_camera.z() + PixelNoise();
+  frame->observations.push_back({track.feature, noisy.head<2>(), camera});
+  if (options_.depth_error > 0.0) {
+    std::normal_distribution<double> error(1.0, options_.depth_error);
+    frame->observations.back().depth = in_camera.z() * error(random_);
+  }
+}
+
+Vector3d Simulator::PixelNoise() {
+  const Vector3d noise = Noise(options_.pixel_noise / kFocalLength);
+  std::uniform_real_distribution<double> share(0.0, 1.0);
+  return options_.outlier_share > 0.0 && share(random_) < options_.outlier_share ? kOutlierFactor * noise : noise;
 }
 
 Simulator::Track Simulator::NewTrack(const Pose& world_from_camera) {
   std::uniform_real_distribution<double> side(-1.0, 1.0);
-  std::uniform_real_distribution<double> depth(kMinDepth, kMaxDepth);
+  std::uniform_real_distribution<double> depth(options_.min_depth, options_.max_depth);
   std::uniform_int_distribution<int> length(options_.min_track_length, options_.max_track_length);
   const double x = side(random_) * kHalfWidth / kFocalLength;
   const double y = side(random_) * kHalfHeight / kFocalLength;

@@ -12,10 +12,7 @@ namespace sliding_window {
 
 namespace {
 
-constexpr double kKeyframeOverlap = 0.6;   // of the features of the last keyframe and the image
-constexpr double kFirstInformation = 1e8;  // of the first pose's position and yaw
-constexpr double kExtrinsicSigmaP = 0.02;  // m
-constexpr double kExtrinsicSigmaR = 0.02;  // rad
+constexpr double kKeyframeOverlap = 0.6;  // of the features of the last keyframe and the image
 
 ceres::Problem::Options OwnNothing() {
   ceres::Problem::Options options;
@@ -29,18 +26,27 @@ ceres::Problem::Options OwnNothing() {
 }  // namespace
 
 OkvisEstimator::OkvisEstimator(const EstimatorOptions& options, const OkvisOptions& okvis_options, SolveFunction solve,
-                               const ImuState& start, const Pose& body_from_camera)
-    : options_(options), okvis_options_(okvis_options), solve_(std::move(solve)), start_(start), problem_(OwnNothing()) {
-  body_from_camera.ToParameters(extrinsic_);
-  problem_.AddParameterBlock(extrinsic_, 7, &pose_manifold_);
-  if (!options_.free_extrinsics) {
-    problem_.SetParameterBlockConstant(extrinsic_);
-    return;
-  }
+                               const ImuState& start, const std::vector<Pose>& body_from_cameras)
+    : options_(options),
+      okvis_options_(okvis_options),
+      solve_(std::move(solve)),
+      start_(start),
+      extrinsics_(body_from_cameras.size()),
+      problem_(OwnNothing()) {
   PoseError::Vector6 sigma;
-  sigma << Eigen::Vector3d::Constant(kExtrinsicSigmaP), Eigen::Vector3d::Constant(kExtrinsicSigmaR);
-  extrinsic_prior_ =
-      AddResidual(std::make_unique<PoseError>(body_from_camera, sigma.array().square().inverse()), nullptr, {extrinsic_});
+  sigma << Eigen::Vector3d::Constant(okvis_options_.extrinsic_p_sigma),
+      Eigen::Vector3d::Constant(okvis_options_.extrinsic_r_sigma);
+  for (std::size_t i = 0; i < extrinsics_.size(); ++i) {
+    double* pose = extrinsics_[i].pose;
+    body_from_cameras[i].ToParameters(pose);
+    problem_.AddParameterBlock(pose, 7, &pose_manifold_);
+    if (options_.free_extrinsics) {
+      extrinsics_[i].prior =
+          AddResidual(std::make_unique<PoseError>(body_from_cameras[i], sigma.array().square().inverse()), nullptr, {pose});
+    } else {
+      problem_.SetParameterBlockConstant(pose);
+    }
+  }
 }
 
 void OkvisEstimator::AddFrame(const Frame& frame) {
@@ -63,9 +69,10 @@ void OkvisEstimator::AddBlocks(int id, const Frame& frame) {
   problem_.AddParameterBlock(blocks.speed_bias, 9);
   if (id == 0) {
     StateToBlocks(start_, blocks.pose, blocks.speed_bias);
-    SetPosePrior(id, kFirstInformation);
+    SetPosePrior(id, okvis_options_.first_pose_information);
     SpeedAndBiasError::Vector9 sigma;
-    sigma << Eigen::Vector3d::Constant(0.1), Eigen::Vector3d::Constant(0.02), Eigen::Vector3d::Constant(0.2);
+    sigma << Eigen::Vector3d::Constant(okvis_options_.speed_sigma), Eigen::Vector3d::Constant(okvis_options_.gyr_bias_sigma),
+        Eigen::Vector3d::Constant(okvis_options_.acc_bias_sigma);
     blocks.speed_bias_prior = AddResidual(
         std::make_unique<SpeedAndBiasError>(SpeedAndBiasError::Vector9(blocks.speed_bias), sigma.array().square().inverse()),
         nullptr, {blocks.speed_bias});
@@ -83,11 +90,10 @@ void OkvisEstimator::AddObservations(int id, const std::vector<Observation>& obs
   const double weight = options_.focal_length / options_.pixel_noise;
   for (const Observation& observation : observations) {
     Landmark& landmark = landmarks_[observation.feature];
-    Sighting& sighting = landmark.sightings[id];
-    sighting.xy = observation.xy;
-    sighting.residual.cost = std::make_unique<ReprojectionError>(observation.xy, weight);
+    const std::pair<int, int> key(id, observation.camera);
+    landmark.sightings[key] = {observation.xy, observation.depth, {std::make_unique<ReprojectionError>(observation.xy, weight)}};
     if (landmark.is_variable) {
-      sighting.residual = AddResidual(std::move(sighting.residual.cost), &loss_, {frames_.at(id).pose, landmark.x, extrinsic_});
+      AddSighting(&landmark, key);
     } else {
       AddLandmarkIfSeenWell(&landmark);
     }
@@ -95,29 +101,48 @@ void OkvisEstimator::AddObservations(int id, const std::vector<Observation>& obs
 }
 
 void OkvisEstimator::AddLandmarkIfSeenWell(Landmark* landmark) {
-  std::vector<Sight> sights;
-  for (const auto& [id, sighting] : landmark->sightings) {
-    sights.push_back({Pose::FromParameters(frames_.at(id).pose) * Pose::FromParameters(extrinsic_), sighting.xy});
-  }
-  const auto point = sights.size() >= 2 ? Triangulate(sights) : std::nullopt;
+  const auto point = landmark->sightings.size() >= 2 ? FirstPosition(*landmark) : std::nullopt;
   if (!point) {
     return;
   }
   Eigen::Map<Eigen::Vector4d>{landmark->x} = point->homogeneous();
   landmark->is_variable = true;
   problem_.AddParameterBlock(landmark->x, 4, &point_manifold_);
-  for (auto& [id, sighting] : landmark->sightings) {
-    sighting.residual = AddResidual(std::move(sighting.residual.cost), &loss_, {frames_.at(id).pose, landmark->x, extrinsic_});
+  for (auto& [key, sighting] : landmark->sightings) {
+    AddSighting(landmark, key);
   }
 }
 
+// Where the front end's guess puts it, or else where the lines of sight meet.
+std::optional<Eigen::Vector3d> OkvisEstimator::FirstPosition(const Landmark& landmark) const {
+  std::vector<Sight> sights;
+  for (const auto& [key, sighting] : landmark.sightings) {
+    const Pose world_from_camera =
+        Pose::FromParameters(frames_.at(key.first).pose) * Pose::FromParameters(extrinsics_[key.second].pose);
+    if (sighting.depth > 0.0) {
+      return world_from_camera * (sighting.depth * sighting.xy.homogeneous());
+    }
+    sights.push_back({world_from_camera, sighting.xy});
+  }
+  return Triangulate(sights);
+}
+
+void OkvisEstimator::AddSighting(Landmark* landmark, std::pair<int, int> frame_and_camera) {
+  const auto [frame, camera] = frame_and_camera;
+  Residual& residual = landmark->sightings.at(frame_and_camera).residual;
+  residual = AddResidual(std::move(residual.cost), &loss_, {frames_.at(frame).pose, landmark->x, extrinsics_[camera].pose});
+}
+
 bool OkvisEstimator::IsKeyframe(int id, const std::vector<Observation>& observations) const {
+  if (okvis_options_.keyframe_interval > 0) {
+    return id % okvis_options_.keyframe_interval == 0;
+  }
   const auto last = std::find_if(frames_.rbegin(), frames_.rend(), [](const auto& frame) { return frame.second.is_keyframe; });
   if (last == frames_.rend()) {
     return true;
   }
   const auto num_shared = std::count_if(observations.begin(), observations.end(), [&](const Observation& observation) {
-    return landmarks_.at(observation.feature).sightings.count(last->first) > 0;
+    return landmarks_.at(observation.feature).IsSeenIn(last->first);
   });
   return id > last->first && static_cast<double>(num_shared) < kKeyframeOverlap * static_cast<double>(observations.size());
 }
@@ -133,8 +158,11 @@ void OkvisEstimator::SetPosePrior(int id, double information) {
 
 void OkvisEstimator::SetAllConstantBut(int newest, bool constant) {
   const FrameBlocks& free = frames_.at(newest);
+  const auto is_extrinsic = [this](const double* block) {
+    return std::any_of(extrinsics_.begin(), extrinsics_.end(), [block](const Extrinsic& a) { return a.pose == block; });
+  };
   ForEachBlock([&](double* block, int /*size*/) {
-    if (block == free.pose || block == free.speed_bias || (block == extrinsic_ && !options_.free_extrinsics)) {
+    if (block == free.pose || block == free.speed_bias || (is_extrinsic(block) && !options_.free_extrinsics)) {
       return;
     }
     if (constant) {
@@ -168,7 +196,9 @@ void OkvisEstimator::ForEachBlock(const std::function<void(double*, int)>& visit
       visit(landmark.x, 4);
     }
   }
-  visit(extrinsic_, 7);
+  for (Extrinsic& extrinsic : extrinsics_) {
+    visit(extrinsic.pose, 7);
+  }
 }
 
 ImuState OkvisEstimator::newest_state() const {

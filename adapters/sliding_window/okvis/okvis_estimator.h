@@ -3,6 +3,8 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include <ceres/ceres.h>
@@ -18,20 +20,28 @@ struct OkvisOptions {
   int num_keyframes = 5;
   int num_imu_frames = 3;     // the newest frames; only these have speed and biases
   bool newest_first = false;  // before each solve, another of two iterations in which only the newest frame is free
+  int keyframe_interval = 0;  // every so manieth frame is a keyframe; 0: one that shares too little with the last keyframe
+  // What is known at the start: information of the first pose's position and yaw, standard deviations of the rest.
+  double first_pose_information = 1e8;
+  double speed_sigma = 0.1;         // m/s
+  double gyr_bias_sigma = 0.02;     // rad/s
+  double acc_bias_sigma = 0.2;      // m/s^2
+  double extrinsic_p_sigma = 0.02;  // m
+  double extrinsic_r_sigma = 0.02;  // rad
 };
 
 /// A visual-inertial estimator as OKVIS builds it: one ceres::Problem lives as long as the estimator, owns nothing, and follows
 /// the map by additions and removals:
 ///
-///     poses 7/6 of keyframes and the newest frames; speed and biases 9 (v, bg, ba) of the newest frames; camera on body 7/6
-///     (held or free); landmarks 4/3, homogeneous reprojection errors (Cauchy), IMU errors, priors of great weight on the oldest
-///     frame, the marginalisation error
+///     poses 7/6 of keyframes and the newest frames; speed and biases 9 (v, bg, ba) of the newest frames; each camera on the body
+///     7/6 (held or free); landmarks 4/3, homogeneous reprojection errors (Cauchy), IMU errors, priors of great weight on the
+///     oldest frame, the marginalisation error
 ///
 /// Source: Leutenegger et al., Keyframe-based visual-inertial odometry (IJRR 2015).
 class OkvisEstimator {
  public:
   OkvisEstimator(const EstimatorOptions& options, const OkvisOptions& okvis_options, SolveFunction solve, const ImuState& start,
-                 const Pose& body_from_camera);
+                 const std::vector<Pose>& body_from_cameras);
   OkvisEstimator(const OkvisEstimator&) = delete;
   OkvisEstimator& operator=(const OkvisEstimator&) = delete;
 
@@ -60,18 +70,30 @@ class OkvisEstimator {
   };
   struct Sighting {
     Eigen::Vector2d xy;
+    double depth;  // guessed, or 0
     Residual residual;
+  };
+  struct Extrinsic {
+    double pose[7];
+    Residual prior;
   };
   struct Landmark {
     double x[4];
     bool is_variable = false;
-    std::map<int, Sighting> sightings;  // by frame
+    std::map<std::pair<int, int>, Sighting> sightings;  // by frame and camera
+
+    bool IsSeenIn(int frame) const {
+      const auto first = sightings.lower_bound({frame, 0});
+      return first != sightings.end() && first->first.first == frame;
+    }
   };
   using LandmarkIterator = std::map<int, Landmark>::iterator;
 
   void AddBlocks(int id, const Frame& frame);
   void AddObservations(int id, const std::vector<Observation>& observations);
   void AddLandmarkIfSeenWell(Landmark* landmark);
+  std::optional<Eigen::Vector3d> FirstPosition(const Landmark& landmark) const;
+  void AddSighting(Landmark* landmark, std::pair<int, int> frame_and_camera);
   bool IsKeyframe(int id, const std::vector<Observation>& observations) const;
   void SetPosePrior(int id, double information);
   void SetAllConstantBut(int newest, bool constant);
@@ -98,8 +120,7 @@ class OkvisEstimator {
   PoseManifold pose_manifold_;
   HomogeneousPointManifold point_manifold_;
   ceres::CauchyLoss loss_{1.0};
-  double extrinsic_[7];
-  Residual extrinsic_prior_;
+  std::vector<Extrinsic> extrinsics_;  // never reallocated: Ceres holds addresses
   std::map<int, FrameBlocks> frames_;  // by their numbers, consecutive as they arrive
   std::map<int, Landmark> landmarks_;  // by their features' numbers
   Residual pose_prior_;                // of the oldest frame

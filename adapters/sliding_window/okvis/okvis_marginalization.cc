@@ -53,16 +53,17 @@ void OkvisEstimator::RemovePose(int id, bool marginalize_landmarks) {
   for (auto next = landmarks_.begin(); next != landmarks_.end();) {
     const auto current = next++;
     Landmark& landmark = current->second;
-    const auto sighting = landmark.sightings.find(id);
-    if (sighting == landmark.sightings.end()) {
+    if (!landmark.IsSeenIn(id)) {
       continue;
     }
-    const bool in_view = landmark.sightings.count(next_frame_ - 1) > 0;
+    const bool in_view = landmark.IsSeenIn(next_frame_ - 1);
     if (marginalize_landmarks && !in_view && landmark.is_variable && landmark.sightings.size() >= 2) {
       MarginalizeLandmark(&landmark);
     } else {
-      RemoveResidual(&sighting->second.residual);
-      landmark.sightings.erase(sighting);
+      for (auto sighting = landmark.sightings.lower_bound({id, 0}); landmark.IsSeenIn(id);) {
+        RemoveResidual(&sighting->second.residual);
+        sighting = landmark.sightings.erase(sighting);
+      }
     }
     if (landmark.sightings.empty() || (!in_view && landmark.sightings.size() < 2)) {
       RemoveLandmark(current);
