@@ -8,10 +8,12 @@
 #include "adapters/ceres/src/ceres_version.h"
 #include "adapters/ceres/src/cross_check.h"
 #include "adapters/ceres/src/decline.h"
+#include "adapters/ceres/src/exact_solve.h"
 #include "adapters/ceres/src/gate.h"
 #include "adapters/ceres/src/incremental_solve.h"
 #include "adapters/ceres/src/iterative_choice.h"
 #include "adapters/ceres/src/option_mapping.h"
+#include "adapters/ceres/src/window_watch.h"
 
 namespace inceres {
 
@@ -37,7 +39,10 @@ class CeresSession::Impl {
   void SolveOnce(const ceres::Solver::Options& solver_options, ceres::Problem* problem, ceres::Solver::Summary* summary,
                  SolveReport* report);
 
+  void SolveWindow(const internal::SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report);
+
   const SessionOptions options;
+  internal::WindowWatch watch;
   std::unique_ptr<internal::LivingProblem> living;
   // Of the living problem, which cannot change them.
   int num_threads = 0;
@@ -63,6 +68,10 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
     internal::Decline(solver_options, problem, summary, obstacle, report);
     return;
   }
+  if (options.exact_windows && !internal::IsIterative(solver_options.linear_solver_type) && watch.WantsExact(view)) {
+    SolveWindow({solver_options, view, ordering, clock, nullptr}, summary, report);
+    return;
+  }
   // Out of the session while it works: a failure, or an exception out of user code, ends it.
   std::unique_ptr<internal::LivingProblem> working = std::move(living);
   IncrementalOptions core = internal::MapIncrementalOptions(solver_options, options.core);
@@ -75,6 +84,16 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
   }
   if (internal::SolveIncrementally({solver_options, view, ordering, clock, nullptr}, core, working.get(), summary, report)) {
     living = std::move(working);
+  }
+}
+
+// What was remembered is out of date then, and takes memory.
+void CeresSession::Impl::SolveWindow(const internal::SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+  living.reset();
+  has_view = false;  // an exact solve empties it
+  internal::SolveExactly(input, summary, report);
+  if (report != nullptr) {
+    report->exact_reason = "a window slides, or may: what a solve leaves undone would become final";
   }
 }
 

@@ -14,6 +14,7 @@
 #include "adapters/ceres/src/gate.h"
 #include "adapters/ceres/src/stock_ceres.h"
 #include "adapters/ceres/src/view_pool.h"
+#include "adapters/ceres/src/window_watch.h"
 #include "inceres/ceres/session.h"
 #include "inceres/ceres/solve.h"
 
@@ -86,7 +87,7 @@ SolveReport AskSession(KnownProblem* known) {
 bool SolvedIncrementally(KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
                          ceres::Solver::Summary* summary) {
   const Borrowed borrowed(known);
-  const bool in_session = known->num_solves > 0 && borrowed.mine();
+  const bool in_session = (known->num_solves > 0 || IsOfWindowSize(*problem)) && borrowed.mine();
   SolveReport report = in_session ? AskSession(known) : Asked(*known, SolveMode::kIncremental);
   report.strict = true;
   if (in_session) {
@@ -98,12 +99,17 @@ bool SolvedIncrementally(KnownProblem* known, const ceres::Solver::Options& opti
     LOG(INFO) << "inceres: not incremental: " << report.fallback_reason;
     return false;
   }
+  TheRegistry().CountSolve();
+  if (!report.exact_reason.empty()) {
+    LOG_FIRST_N(INFO, 1) << "inceres: exact, though asked to be incremental: " << report.exact_reason << " (said once).";
+    VLOG(1) << "inceres: exact: " << report.exact_reason;
+    return true;
+  }
   const ProblemChanges& changes = report.changes;
   VLOG(1) << "inceres: incremental: " << changes.num_added_factors << " residual blocks new, " << changes.num_removed_factors
           << " removed, " << changes.num_replaced_factors << " not recognised, " << changes.num_kept_factors << " kept; "
           << changes.num_revalued_variables << " parameter blocks revalued; " << report.update.num_relinearised_factors
           << " linearised in " << report.update.num_iterations << " iterations.";
-  TheRegistry().CountSolve();
   return true;
 }
 

@@ -57,6 +57,7 @@ struct INCERES_EXPORT SolveReport {
 
   bool used_stock = false;                          ///< out: stock Ceres solved it
   std::string fallback_reason;                      ///< out: why; empty if we solved it
+  std::string exact_reason;                         ///< out: why a session's solve was exact; empty if it was incremental
   std::vector<std::string> options_without_effect;  ///< out: options set away from their default that change nothing here
   int num_landmarks = 0;                            ///< out: blocks eliminated as landmarks
   int num_frames = 0;                               ///< out: variable blocks kept in the reduced system
