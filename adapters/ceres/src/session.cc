@@ -12,6 +12,7 @@
 #include "adapters/ceres/src/gate.h"
 #include "adapters/ceres/src/incremental_solve.h"
 #include "adapters/ceres/src/iterative_choice.h"
+#include "adapters/ceres/src/mode_choice.h"
 #include "adapters/ceres/src/option_mapping.h"
 #include "adapters/ceres/src/window_watch.h"
 
@@ -39,10 +40,13 @@ class CeresSession::Impl {
   void SolveOnce(const ceres::Solver::Options& solver_options, ceres::Problem* problem, ceres::Solver::Summary* summary,
                  SolveReport* report);
 
-  void SolveWindow(const internal::SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report);
+  const char* ReasonForExact(const ceres::Solver::Options& solver_options);
+  void SolveExactlyFor(const char* reason, const internal::SolveInput& input, ceres::Solver::Summary* summary,
+                       SolveReport* report);
 
   const SessionOptions options;
   internal::WindowWatch watch;
+  internal::ModeChoice choice;
   std::unique_ptr<internal::LivingProblem> living;
   // Of the living problem, which cannot change them.
   int num_threads = 0;
@@ -68,8 +72,8 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
     internal::Decline(solver_options, problem, summary, obstacle, report);
     return;
   }
-  if (options.exact_windows && !internal::IsIterative(solver_options.linear_solver_type) && watch.WantsExact(view)) {
-    SolveWindow({solver_options, view, ordering, clock, nullptr}, summary, report);
+  if (const char* reason = ReasonForExact(solver_options)) {
+    SolveExactlyFor(reason, {solver_options, view, ordering, clock, nullptr}, summary, report);
     return;
   }
   // Out of the session while it works: a failure, or an exception out of user code, ends it.
@@ -82,18 +86,33 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
     num_threads = core.num_threads;
     reduced_solver = core.reduced_solver;
   }
-  if (internal::SolveIncrementally({solver_options, view, ordering, clock, nullptr}, core, working.get(), summary, report)) {
+  SolveReport own_report;
+  SolveReport* told = report != nullptr ? report : &own_report;
+  if (internal::SolveIncrementally({solver_options, view, ordering, clock, nullptr}, core, working.get(), summary, told)) {
     living = std::move(working);
+    choice.Note(told->update, told->changes, told->num_frames, options.verify_cached_factors);
   }
 }
 
+// Null: the solve is to be incremental. Exact mode has no iterative solver.
+const char* CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& solver_options) {
+  if (internal::IsIterative(solver_options.linear_solver_type)) {
+    return nullptr;
+  }
+  if (options.exact_windows && watch.WantsExact(view)) {
+    return "a window slides, or may: what a solve leaves undone would become final";
+  }
+  return options.automatic && choice.WantsExact() ? choice.reason().c_str() : nullptr;
+}
+
 // What was remembered is out of date then, and takes memory.
-void CeresSession::Impl::SolveWindow(const internal::SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+void CeresSession::Impl::SolveExactlyFor(const char* reason, const internal::SolveInput& input, ceres::Solver::Summary* summary,
+                                         SolveReport* report) {
   living.reset();
   has_view = false;  // an exact solve empties it
   internal::SolveExactly(input, summary, report);
   if (report != nullptr) {
-    report->exact_reason = "a window slides, or may: what a solve leaves undone would become final";
+    report->exact_reason = reason;
   }
 }
 

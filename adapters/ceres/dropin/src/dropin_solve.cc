@@ -12,6 +12,7 @@
 #include "adapters/ceres/src/decline.h"
 #include "adapters/ceres/src/environment.h"
 #include "adapters/ceres/src/gate.h"
+#include "adapters/ceres/src/ordering.h"
 #include "adapters/ceres/src/stock_ceres.h"
 #include "adapters/ceres/src/view_pool.h"
 #include "adapters/ceres/src/window_watch.h"
@@ -71,10 +72,12 @@ void TellWhatIsNew(KnownProblem* known) {
   known->added_cost_functions.clear();
 }
 
-SolveReport AskSession(KnownProblem* known) {
+SolveReport AskSession(DropinMode mode, KnownProblem* known) {
   SolveReport report = Asked(*known, SolveMode::kIncremental);
   if (known->session == nullptr) {
-    known->session = std::make_unique<CeresSession>();
+    SessionOptions session_options;
+    session_options.automatic = mode == DropinMode::kAuto;
+    known->session = std::make_unique<CeresSession>(session_options);
   } else {
     report.problem_unedited = !known->edited;
   }
@@ -84,11 +87,11 @@ SolveReport AskSession(KnownProblem* known) {
 
 // Whether it was solved; if not, nothing has happened, for the report is strict. A Problem's first solve needs no session:
 // many Problems are solved once, on a stack. The second begins one.
-bool SolvedIncrementally(KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
+bool SolvedIncrementally(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
                          ceres::Solver::Summary* summary) {
   const Borrowed borrowed(known);
-  const bool in_session = (known->num_solves > 0 || IsOfWindowSize(*problem)) && borrowed.mine();
-  SolveReport report = in_session ? AskSession(known) : Asked(*known, SolveMode::kIncremental);
+  const bool in_session = known->num_solves > 0 && borrowed.mine();
+  SolveReport report = in_session ? AskSession(mode, known) : Asked(*known, SolveMode::kIncremental);
   report.strict = true;
   if (in_session) {
     known->session->Solve(options, problem, summary, &report);
@@ -113,22 +116,17 @@ bool SolvedIncrementally(KnownProblem* known, const ceres::Solver::Options& opti
   return true;
 }
 
-// Auto: a living Problem of which at most a twentieth is new since its last solve. What is solved once gains nothing from being
-// remembered; nor does a sliding window, whose states all move when a tenth of it is exchanged: each iteration linearises nearly
-// everything anew, and exact mode does that for less.
-constexpr std::int64_t kOldPerNew = 20;
-
-bool IsIncremental(DropinMode mode, const KnownProblem& known, const ceres::Problem& problem) {
-  const auto num_new = static_cast<std::int64_t>(known.added_cost_functions.size());
-  return mode == DropinMode::kIncremental ||
-         (mode == DropinMode::kAuto && known.num_solves > 0 && kOldPerNew * num_new <= problem.NumResidualBlocks());
+// A Problem's first solve, of a window's size: exact, as those of a session would be (SessionOptions::exact_windows), and without
+// one, for a window may be built anew for every frame.
+bool IsFirstOfWindow(const KnownProblem& known, const ceres::Solver::Options& options, const ceres::Problem& problem) {
+  return known.num_solves == 0 && !IsIterative(options.linear_solver_type) && IsOfWindowSize(problem);
 }
 
 void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
                 ceres::Solver::Summary* summary) {
-  const bool incremental = IsIncremental(mode, *known, *problem);
   TellWhatIsNew(known);
-  if (!incremental || !SolvedIncrementally(known, options, problem, summary)) {
+  const bool exact = mode == DropinMode::kExact || IsFirstOfWindow(*known, options, *problem);
+  if (exact || !SolvedIncrementally(mode, known, options, problem, summary)) {
     SolveReport report = Asked(*known, SolveMode::kExact);
     inceres::Solve(options, problem, summary, &report);
     if (!report.used_stock) {

@@ -28,6 +28,10 @@ struct INCERES_EXPORT SessionOptions {
   /// blocks) is solved exactly until 20 solves in a row have passed without a slide, and one of any size for 20 solves after one.
   /// SolveReport::exact_reason tells of it. False: every solve is incremental.
   bool exact_windows = true;
+
+  /// Whether solves are exact while that takes less work, as counted in the incremental solves so far; now and then those are tried
+  /// again. SolveReport::exact_reason tells, and the log when it changes.
+  bool automatic = false;
 };
 
 /// Solves a living ceres::Problem again and again. Between two solves the caller adds and removes residual and parameter blocks,
