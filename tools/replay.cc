@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -15,6 +14,7 @@
 
 #include "tools/common/command_line.h"
 #include "tools/common/environment.h"
+#include "tools/common/replay_ceres_solve.h"
 #include "tools/common/replay_flatness.h"
 #include "tools/common/replay_report.h"
 #include "tools/common/replay_run.h"
@@ -98,14 +98,6 @@ Status CheckNumbers() {
   return Status::Ok();
 }
 
-const std::map<std::string, ceres::LinearSolverType>& StockLinearSolvers() {
-  static const auto* solvers =
-      new std::map<std::string, ceres::LinearSolverType>{{"dense_schur", ceres::DENSE_SCHUR},
-                                                         {"sparse_schur", ceres::SPARSE_SCHUR},
-                                                         {"sparse_normal_cholesky", ceres::SPARSE_NORMAL_CHOLESKY}};
-  return *solvers;
-}
-
 Status CheckFlags() {
   if (FLAGS_mode != "exact" && FLAGS_mode != "incremental") {
     return Invalid("--mode '" + FLAGS_mode + "': use exact or incremental");
@@ -117,9 +109,9 @@ Status CheckFlags() {
   if (FLAGS_trust_region != "auto" && FLAGS_trust_region != "lm" && FLAGS_trust_region != "dogleg") {
     return Invalid("--trust_region '" + FLAGS_trust_region + "': use auto, lm or dogleg");
   }
-  if (FLAGS_stock_linear_solver != "auto" && StockLinearSolvers().count(FLAGS_stock_linear_solver) == 0) {
-    return Invalid("--stock_linear_solver '" + FLAGS_stock_linear_solver +
-                   "': use auto, dense_schur, sparse_schur or sparse_normal_cholesky");
+  ceres::LinearSolverType ignored = ceres::DENSE_SCHUR;
+  if (Status status = ParseReplayLinearSolver("--stock_linear_solver", FLAGS_stock_linear_solver, true, &ignored); !status.ok()) {
+    return status;
   }
   if (FLAGS_structure_step > 0 && (FLAGS_mode != "incremental" || FLAGS_json.empty())) {
     return Invalid("--structure_step: needs --mode incremental and --json");
@@ -131,8 +123,8 @@ ReplaySettings Settings(const ReplayScript& script) {
   ReplaySettings settings;
   settings.autodiff = FLAGS_autodiff;
   settings.dogleg = FLAGS_trust_region == "auto" ? script.dogleg : FLAGS_trust_region == "dogleg";
-  const std::string fitting = HasLandmarks(script) ? "dense_schur" : "sparse_normal_cholesky";
-  settings.linear_solver = StockLinearSolvers().at(FLAGS_stock_linear_solver == "auto" ? fitting : FLAGS_stock_linear_solver);
+  static_cast<void>(  // CheckFlags has seen it
+      ParseReplayLinearSolver("", FLAGS_stock_linear_solver, HasLandmarks(script), &settings.linear_solver));
   settings.num_threads = FLAGS_num_threads;
   settings.max_num_iterations = FLAGS_max_num_iterations;
   settings.function_tolerance = FLAGS_function_tolerance;

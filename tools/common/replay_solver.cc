@@ -1,18 +1,16 @@
 #include "tools/common/replay_solver.h"
 
 #include <algorithm>
-#include <cctype>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 
-#include <ceres/solver.h>
-
 #include "inceres/ceres/solve.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
 #include "tools/common/replay_ceres_problem.h"
+#include "tools/common/replay_ceres_solve.h"
 #include "tools/common/replay_graph.h"
 
 namespace inceres::tools {
@@ -23,19 +21,6 @@ double Seconds(Function function) {
   const auto start = std::chrono::steady_clock::now();
   function();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-ceres::Solver::Options CeresOptions(const ReplaySettings& settings) {
-  ceres::Solver::Options options;
-  options.trust_region_strategy_type = settings.dogleg ? ceres::DOGLEG : ceres::LEVENBERG_MARQUARDT;
-  options.linear_solver_type = settings.linear_solver;
-  options.num_threads = settings.num_threads;
-  options.max_num_iterations = settings.max_num_iterations;
-  options.function_tolerance = settings.function_tolerance;
-  options.gradient_tolerance = settings.gradient_tolerance;
-  options.parameter_tolerance = settings.parameter_tolerance;
-  options.logging_type = ceres::SILENT;
-  return options;
 }
 
 SolverOptions CoreOptions(const ReplaySettings& settings) {
@@ -57,23 +42,6 @@ std::int64_t CountInvalidSteps(const Iterations& iterations) {
     count += iterations[i].step_is_valid ? 0 : 1;
   }
   return count;
-}
-
-ReplayOutcome OutcomeOf(const ceres::Solver::Summary& summary, double seconds) {
-  ReplayOutcome outcome;
-  outcome.usable = summary.IsSolutionUsable();
-  outcome.termination = ceres::TerminationTypeToString(summary.termination_type);
-  outcome.message = outcome.usable ? "" : summary.message;
-  outcome.seconds = seconds;
-  outcome.initial_cost = summary.initial_cost;
-  outcome.final_cost = summary.final_cost;
-  outcome.iterations = std::max(0, static_cast<int>(summary.iterations.size()) - 1);
-  outcome.work = {{"residual_evaluations", summary.num_residual_evaluations},
-                  {"jacobian_evaluations", summary.num_jacobian_evaluations},
-                  {"linear_solves", summary.num_linear_solves},
-                  {"unsuccessful_steps", summary.num_unsuccessful_steps},
-                  {"invalid_steps", CountInvalidSteps(summary.iterations)}};
-  return outcome;
 }
 
 ReplayOutcome OutcomeOf(const Summary& summary, double seconds) {
@@ -99,47 +67,26 @@ std::string Describe(const ReplaySettings& settings) {
   return std::string(settings.dogleg ? "Dog-Leg" : "LM") + ", " + (settings.autodiff ? "AutoDiff" : "analytic factors");
 }
 
-bool IsSchur(ceres::LinearSolverType type) {
-  return type == ceres::DENSE_SCHUR || type == ceres::SPARSE_SCHUR;
-}
-
-// "dense_schur, landmarks first".
-std::string LinearSolverName(ceres::LinearSolverType type) {
-  std::string name = ceres::LinearSolverTypeToString(type);
-  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
-  return name + (IsSchur(type) ? ", landmarks first" : "");
-}
-
-// Null, for an ordering of Ceres's own, where nothing is eliminated first.
-std::shared_ptr<ceres::ParameterBlockOrdering> OrderingFor(const ReplaySettings& settings, const ReplayCeresProblem& living) {
-  return IsSchur(settings.linear_solver) ? living.LandmarksFirst() : nullptr;
-}
-
 // A ceres::Problem solved by stock Ceres or by the shim.
 class CeresReplaySolver : public ReplaySolver {
  public:
   CeresReplaySolver(const ReplaySettings& settings, bool shim) : settings_(settings), shim_(shim), living_(settings.autodiff) {}
 
   std::string Name() const override {
-    return (shim_ ? "inceres (exact, ceres::Problem)" : "Ceres (" + LinearSolverName(settings_.linear_solver) + ")") + ", " +
+    return (shim_ ? "inceres (exact, ceres::Problem)" : "Ceres (" + DescribeLinearSolver(settings_.linear_solver) + ")") + ", " +
            Describe(settings_);
   }
   Status AddStep(const ReplayStep& step) override { return living_.Add(step); }
 
   ReplayOutcome Solve() override {
-    ceres::Solver::Options options = CeresOptions(settings_);
-    options.linear_solver_ordering = OrderingFor(settings_, living_);
-    ceres::Solver::Summary summary;
+    if (!shim_) {
+      return SolveGrowing(settings_, &living_, PlainCeresSolve);
+    }
     SolveReport report;
     report.strict = true;
-    const double seconds = Seconds([&] {
-      if (shim_) {
-        inceres::Solve(options, living_.problem(), &summary, &report);
-      } else {
-        ceres::Solve(options, living_.problem(), &summary);
-      }
-    });
-    return OutcomeOf(summary, seconds);
+    return SolveGrowing(settings_, &living_,
+                        [&report](const ceres::Solver::Options& options, ceres::Problem* problem,
+                                  ceres::Solver::Summary* summary) { inceres::Solve(options, problem, summary, &report); });
   }
 
   std::vector<double> State() const override { return living_.State(); }
@@ -279,11 +226,7 @@ double ReplayReference::CostAt(const std::vector<double>& state) {
 
 ReplayOutcome ReplayReference::MinimumFrom(const std::vector<double>& state) {
   impl_->living.SetState(state);
-  ceres::Solver::Options options = CeresOptions(impl_->settings);
-  options.linear_solver_ordering = OrderingFor(impl_->settings, impl_->living);
-  ceres::Solver::Summary summary;
-  const double seconds = Seconds([&] { ceres::Solve(options, impl_->living.problem(), &summary); });
-  return OutcomeOf(summary, seconds);
+  return SolveGrowing(impl_->settings, &impl_->living, PlainCeresSolve);
 }
 
 }  // namespace inceres::tools
