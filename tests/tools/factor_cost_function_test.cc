@@ -5,9 +5,14 @@
 #include <gtest/gtest.h>
 
 #include "factors/pose_states.h"
+#include "factors/visual_states.h"
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
+#include "inceres/factors/stereo_reprojection.h"
 #include "tools/common/keyframe_cost.h"
+#include "tools/common/planar_relative_pose.h"
+#include "tools/common/pose_graph_cost.h"
+#include "tools/common/stereo_cost.h"
 
 namespace inceres::tools {
 namespace {
@@ -83,6 +88,48 @@ TEST(FactorCostFunction, RelativePose) {
     family->Add(s.measurement);
     const std::unique_ptr<ceres::CostFunction> autodiff(RelativePoseError::Create(s.measurement));
     ExpectSameTangent(FactorCostFunction(std::move(family)), *autodiff, s.state);
+  }
+}
+
+TEST(FactorCostFunction, StereoReprojection) {
+  test::Random random(6);
+  const StereoCamera camera{500.0, 510.0, 320.0, 240.0, 0.3};
+  for (int n = 0; n < 1000; ++n) {
+    const test::SeenLandmark seen = test::RandomSeenLandmark(random, LandmarkKind::kPoint, &test::kPoseManifold, nullptr);
+    StereoObservation measurement;
+    measurement.left[0] = 300.0 * random.Unit();
+    measurement.left[1] = 200.0 * random.Unit();
+    measurement.right_u = 300.0 * random.Unit();
+    for (const std::size_t k : {0u, 1u, 2u, 4u, 5u, 8u}) {
+      measurement.sqrt_information[k] = random.Unit();
+    }
+    auto family = std::make_unique<StereoReprojectionFamily>(camera);
+    family->Add(measurement);
+    const std::unique_ptr<ceres::CostFunction> autodiff(StereoReprojectionError::Create(measurement, camera));
+    ExpectSameTangent(FactorCostFunction(std::move(family)), *autodiff, seen.state);
+  }
+}
+
+// Angles several turns apart and on either side of where the residual jumps.
+TEST(FactorCostFunction, PlanarRelativePose) {
+  test::Random random(7);
+  for (int n = 0; n < 1000; ++n) {
+    PlanarRelativePoseFamily::Measurement measurement;
+    std::vector<double> a = random.Vector(3), b = random.Vector(3);
+    a[2] *= 20.0;
+    const std::vector<double> motion = random.Vector(3), U = random.Vector(6);
+    std::copy(motion.begin(), motion.end(), measurement.motion);
+    b[2] = a[2] + motion[2] + (n % 3 == 0 ? 3.1 : random.Between(-3.1, 3.1)) + 2.0 * M_PI * (n % 5 - 2);
+    std::size_t next = 0;
+    for (const std::size_t k : {0u, 1u, 2u, 4u, 5u, 8u}) {
+      measurement.sqrt_information[k] = U[next++];
+    }
+    auto family = std::make_unique<PlanarRelativePoseFamily>();
+    family->Add(measurement);
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> sqrt_information(measurement.sqrt_information);
+    const std::unique_ptr<ceres::CostFunction> autodiff(
+        Se2BetweenError::Create(Eigen::Map<const Eigen::Vector3d>(motion.data()), sqrt_information));
+    ExpectSameTangent(FactorCostFunction(std::move(family)), *autodiff, {{a, b}, {nullptr, nullptr}});
   }
 }
 

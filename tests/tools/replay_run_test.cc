@@ -15,6 +15,7 @@
 #include "tools/common/statistics.h"
 #include "tools/small_keyframes.h"
 #include "tools/small_problems.h"
+#include "tools/small_replays.h"
 
 namespace inceres::tools {
 namespace {
@@ -22,11 +23,20 @@ namespace {
 std::vector<ReplayScript> Scripts() {
   BalReplayOptions free;
   free.free_intrinsics = true;
-  return {MakeBalReplay(SmallBal(6, 40), {}), MakeBalReplay(SmallBal(6, 40), free), MakeKeyframeReplay(SmallKeyframes(13))};
+  ReplayScript planar, spatial;
+  EXPECT_TRUE(MakePoseGraphReplay(NoisyPoseGraph(2, 26), &planar).ok());
+  EXPECT_TRUE(MakePoseGraphReplay(NoisyPoseGraph(3, 26), &spatial).ok());
+  return {MakeBalReplay(SmallBal(6, 40), {}),
+          MakeBalReplay(SmallBal(6, 40), free),
+          MakeKeyframeReplay(SmallKeyframes(13)),
+          MakeStereoReplay(SmallStereo(16)),
+          planar,
+          spatial};
 }
 
 std::vector<ReplayRow> Play(const ReplayScript& script, ReplaySettings settings, ReplaySolver* ours, int max_steps = 0) {
   settings.dogleg = script.dogleg;
+  settings.linear_solver = HasLandmarks(script) ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
   const std::unique_ptr<ReplaySolver> stock = MakeStockReplaySolver(settings);
   ReplayReference judge(settings);
   std::vector<ReplayRow> rows;
@@ -44,6 +54,7 @@ TEST(Replay, OursAndStockGoThroughTheSameCosts) {
       ReplaySettings settings;
       settings.autodiff = autodiff;
       settings.dogleg = script.dogleg;
+      settings.linear_solver = HasLandmarks(script) ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
       settings.function_tolerance = 1e-9;
       const std::unique_ptr<ReplaySolver> ours = MakeExactReplaySolver(settings);
       const std::vector<ReplayRow> rows = Play(script, settings, ours.get());
@@ -51,7 +62,8 @@ TEST(Replay, OursAndStockGoThroughTheSameCosts) {
       for (const ReplayRow& row : rows) {
         ASSERT_TRUE(row.ours.outcome.usable) << row.ours.outcome.message;
         ASSERT_TRUE(row.stock->outcome.usable) << row.stock->outcome.message;
-        EXPECT_LT(row.ours.cost, row.ours.outcome.initial_cost);
+        const bool solved = row.ours.outcome.initial_cost < 1e-20;  // one edge, which the first pose that moves starts along
+        EXPECT_TRUE(solved || row.ours.cost < row.ours.outcome.initial_cost);
         EXPECT_NEAR(row.ours.outcome.final_cost, row.ours.cost, 1e-9 * row.ours.cost)
             << "what it reports is not its state's cost";
         EXPECT_NEAR(row.stock->outcome.final_cost, row.stock->cost, 1e-9 * row.stock->cost);
@@ -59,7 +71,7 @@ TEST(Replay, OursAndStockGoThroughTheSameCosts) {
         EXPECT_NEAR(row.ours.cost, row.stock->cost, 1e-6 * row.stock->cost);
         ASSERT_TRUE(row.RelativeCostExcess().has_value());
         EXPECT_LT(std::fabs(*row.RelativeCostExcess()), 1e-6);
-        EXPECT_GT(row.ours.outcome.iterations, 0);
+        EXPECT_TRUE(solved || row.ours.outcome.iterations > 0);
       }
     }
   }
@@ -131,13 +143,14 @@ TEST(Replay, GraphAndCeresProblemAgreeOnTheStateAndItsCost) {
     FactorGraph graph, autodiff_graph, edited;
     ReplayGraph growing(false), autodiff_growing(true), editing(false);
     const auto add_family = [&](auto family) { return edited.AddFamily(std::move(family)); };
+    const auto value = [&](VariableId id) { return edited.Values(id); };
     const auto apply = [&](const GraphEdit& edit) { return edited.Apply(edit); };
     ReplayCeresProblem analytic(false), autodiff(true);
     int factors = 0;
     for (const ReplayStep& step : script.steps) {
       ASSERT_TRUE(growing.Add(step, &graph).ok());
       ASSERT_TRUE(autodiff_growing.Add(step, &autodiff_graph).ok());
-      ASSERT_TRUE(editing.AddAsEdit(step, edited, add_family, apply).ok());
+      ASSERT_TRUE(editing.AddAsEdit(step, edited, value, add_family, apply).ok());
       ASSERT_TRUE(analytic.Add(step).ok());
       ASSERT_TRUE(autodiff.Add(step).ok());
       factors += static_cast<int>(step.factors.size());

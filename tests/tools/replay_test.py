@@ -8,7 +8,7 @@ import sys
 import tempfile
 import unittest
 
-from tool_test_support import run, write_small_bal
+from tool_test_support import run, write_small_bal, write_small_pose_graph, write_small_stereo
 
 TOOL, BAL_DATA = sys.argv[1:3]
 
@@ -160,6 +160,29 @@ class ReplayTest(unittest.TestCase):
         self.assertAlmostEqual(flat["early"]["ms"], times[50], delta=1e-9)
         self.assertIn("ours, median of steps", output)
 
+    def test_stereo_odometry(self):
+        write_small_stereo(self.file("stereo"))
+        output, report = self.play("stereo:" + self.file("stereo"))
+        self.check(report, 5)
+        self.assertIn("LM", report["stock"])
+        self.assertIn("dense_schur", report["stock"])
+        self.assertLess(report["max_relative_cost_excess"], 1e-5)
+        self.assertEqual(report["rows"][-1]["landmarks"], 20)
+        self.assertIn("6 poses, 20 points, 120 stereo sightings", output)
+
+    def test_pose_graph(self):
+        for dimension in (2, 3):
+            write_small_pose_graph(self.file("small.g2o"), dimension)
+            for flags in ((), ("--autodiff",), ("--mode", "incremental")):
+                output, report = self.play("g2o:" + self.file("small.g2o"), *flags)
+                self.check(report, 13)
+                self.assertIn("sparse_normal_cholesky", report["stock"])
+                self.assertIn("Dog-Leg", report["stock"])
+                self.assertLess(report["max_relative_cost_excess"], 1e-5)
+                self.assertEqual(report["rows"][-1]["landmarks"], 0)
+                self.assertEqual([row["step"] for row in report["rows"] if row["closes_loop"]], [12])
+                self.assertIn(f"14 poses in {dimension}D, 26 edges", output)
+
     def test_path_with_loops_and_optimum(self):
         _, report = self.play("path:170", "--loops", "--nostock", "--mode", "exact")
         self.assertGreater(sum(row["closes_loop"] for row in report["rows"]), 3)
@@ -194,7 +217,7 @@ class ReplayTest(unittest.TestCase):
                             ("--steps", "-1"), ("--num_threads", "0"), ("--max_num_iterations", "0"), ("--print_every", "0"),
                             ("--function_tolerance", "-1"), ("--gradient_tolerance", "nan"), ("--parameter_tolerance", "inf")):
             self.assertIn(flag, self.fails(2, "--problem", self.bal, flag, value))
-        for problem in ("", "bal:", "g2o:x", "path:", "small.txt"):
+        for problem in ("", "bal:", "toro:x", "g2o:", "stereo:", "path:", "small.txt"):
             self.assertIn("--problem", self.fails(2, "--problem", problem))
         for flags in (("--no_priors",), ("--free_intrinsics",), ("--seed", "3")):
             self.assertIn("bal: and path: problems only", self.fails(2, "--problem", self.keyframes, *flags))
@@ -223,6 +246,18 @@ class ReplayTest(unittest.TestCase):
         self.assertIn("two or more keyframes", self.fails(1, "--problem", "kf:" + self.file("one.kf")))
         write_small_bal(self.file("one.txt"), num_cameras=1)
         self.assertIn("two or more cameras", self.fails(1, "--problem", "bal:" + self.file("one.txt")))
+        for text, what in (("EDGE_SE2 0 1 1 0 0 -1 0 0 1 0 1\n", "bad.g2o:1: EDGE_SE2: information(0, 0)"),
+                           ("VERTEX_SE2 0 0 0 0\n", "two or more poses"),
+                           ("VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\n", "vertex 1 has no edge"),
+                           ("EDGE_SE2 0 1 1 0 0 1 2 0 1 0 1\n", "not positive definite")):
+            with open(self.file("bad.g2o"), "w", encoding="ascii") as file:
+                file.write(text)
+            message = self.fails(1, "--problem", "g2o:" + self.file("bad.g2o"))
+            self.assertIn(what, message)
+            self.assertIn("bad.g2o", message)
+        self.assertIn("no calibration files", self.fails(1, "--problem", "stereo:" + self.directory.name))
+        write_small_stereo(self.file("one"), 1)
+        self.assertIn("two or more poses", self.fails(1, "--problem", "stereo:" + self.file("one")))
         self.assertIn("no/report.json", self.fails(1, "--problem", self.bal, "--json", self.file("no/report.json")))
 
 

@@ -35,6 +35,45 @@ def project(camera, point):
     return scale * x, scale * y
 
 
+def write_small_stereo(folder, num_poses=6, num_points=20):
+    """A stereo camera that drives past points which all its poses see: 0.4 m a pose, a little noise."""
+    rng = random.Random(12)
+    f, cx, cy, baseline = 500.0, 320.0, 240.0, 0.4
+    points = [[rng.uniform(-3, 3), rng.uniform(-2, 2), rng.uniform(8, 14)] for _ in range(num_points)]
+    poses, sightings = [], []
+    for i in range(num_poses):
+        x = 0.4 * i
+        poses.append(f"{i} 1 0 0 {x + (rng.gauss(0, 0.02) if i else 0)!r} 0 1 0 0 0 0 1 0 0 0 0 1")
+        for p, point in enumerate(points):
+            big_x, big_y, big_z = point[0] - x, point[1], point[2]
+            u, v = f * big_x / big_z + cx + rng.gauss(0, 0.3), f * big_y / big_z + cy + rng.gauss(0, 0.3)
+            right = f * (big_x - baseline) / big_z + cx + rng.gauss(0, 0.3)
+            depth = f * baseline / (u - right)
+            sightings.append(f"{i} {p} {u!r} {right!r} {v!r} {(u - cx) / f * depth!r} {(v - cy) / f * depth!r} {depth!r}")
+    os.makedirs(folder, exist_ok=True)
+    for name, lines in (("calibration", [f"{f} {f} 0 {cx} {cy} {baseline}"]), ("camera_poses", poses), ("stereo_factors", sightings)):
+        with open(os.path.join(folder, f"VO_{name}.txt"), "w", encoding="ascii") as file:
+            file.write("\n".join(lines) + "\n")
+
+
+def write_small_pose_graph(path, dimension, num_poses=14):
+    """A circle without start values: noisy relative poses with the two before, and of the last but one with the first."""
+    rng = random.Random(13)
+    pairs = [(i - k, i) for i in range(1, num_poses) for k in (1, 2) if k <= i] + [(1, num_poses - 2)]
+    lines = []
+    for i, k in pairs:
+        turn = 0.4 * (k - i) + rng.gauss(0, 0.01)
+        x, y = math.sin(0.4 * (k - i)) / 0.4 + rng.gauss(0, 0.02), (1 - math.cos(0.4 * (k - i))) / 0.4 + rng.gauss(0, 0.02)
+        if dimension == 2:
+            lines.append(f"EDGE_SE2 {i} {k} {x!r} {y!r} {turn!r} 100 1 0 120 2 400")
+        else:
+            information = " ".join(str(100 + 10 * r) if r == c else "1" for r in range(6) for c in range(r, 6))
+            lines.append(f"EDGE_SE3:QUAT {i} {k} {x!r} {y!r} {rng.gauss(0, 0.02)!r} 0 0 {math.sin(turn / 2)!r} "
+                         f"{math.cos(turn / 2)!r} {information}")
+    with open(path, "w", encoding="ascii") as file:
+        file.write("\n".join(lines) + "\n")
+
+
 def bundled_problem(bal_data):
     """The smallest BAL problem that ships with the repository."""
     files = glob.glob(os.path.join(bal_data, "*.txt")) + glob.glob(os.path.join(bal_data, "*.txt.*"))
