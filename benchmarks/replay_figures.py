@@ -55,6 +55,10 @@ OUR_MEDIAN = ("our median step, ms", at("ours_ms", "median"))
 EXCESS = ("largest relative excess over the batch optimum", at("max_relative_cost_excess"), TOLERANCE)
 IN_EXCESS = ("steps above it", num_in_excess, 0)
 
+# Of problems that no constant was chosen on.
+GROWING = [(*MEDIAN, None), (*TOTAL, None), ("worst step that closes a loop, ours / stock", at("worst_loop_ratio"), None), (*OUR_MEDIAN, None),
+           EXCESS, IN_EXCESS, FAILED]
+
 # What is played, the flags, and the figures: what it is, how to find it in the report, the largest value asked for (None: to be seen).
 REPLAYS = [
     ("Ladybug-49, intrinsics held", LADYBUG, [], [(*MEDIAN, 0.10), (*TOTAL, 0.20), EXCESS, IN_EXCESS, FAILED]),
@@ -69,6 +73,10 @@ REPLAYS = [
       ("our p95, ms (EIBA's is 5)", at("ours_ms", "p95"), 5.0),
       ("all our steps, ms (EIBA's take 230)", at("ours_ms", "total"), 230.0), EXCESS, IN_EXCESS, FAILED]),
     ("fr3_office, both with AutoDiff", FR3, ["--autodiff", "--nooptimum"], [(*MEDIAN, None), (*TOTAL, None), FAILED]),
+    ("KITTI stereo odometry", f"stereo:{DATA}/stereo", [], GROWING),
+    ("M3500, the first 1,000 poses", f"g2o:{DATA}/pose_graph/M3500.g2o", ["--steps", "1000"], GROWING),
+    ("intel", f"g2o:{DATA}/pose_graph/intel.g2o", [], GROWING),
+    ("parking-garage", f"g2o:{DATA}/pose_graph/parking-garage.g2o", [], GROWING),
     ("path of 2,000 cameras, no loops", "path:2000", ["--nostock", "--flat"],
      [("growth of a step's time, step 200 to the last hundred, %", at("flat", "growth_percent", "ms"), 20.0),
       ("largest growth of a count of work, %", largest_work_growth, 20.0),

@@ -259,6 +259,29 @@ TEST(Replay, RelativeCostExcess) {
   row.ours.cost = 1e-20;  // both are rounding of 1e3
   row.optimum_cost = 1e-25;
   EXPECT_EQ(*row.RelativeCostExcess(), 0.0);
+  row.ours.outcome.initial_cost = row.ours.cost;  // began there: not the rounding of anything larger
+  EXPECT_GT(*row.RelativeCostExcess(), 1e3);
+  row.num_factors = 2;  // residuals of 1e-10 standard deviations
+  EXPECT_EQ(*row.RelativeCostExcess(), 0.0);
+  EXPECT_EQ(row.Rounding(), 2e-20);
+}
+
+TEST(Replay, RoundingIsNoDifferenceBetweenSides) {
+  ReplayRow row;
+  row.num_factors = 100;
+  row.stock.emplace();
+  row.ours.outcome.usable = row.stock->outcome.usable = true;
+  row.ours.cost = 1e-24;
+  row.ours.outcome.final_cost = 2e-24;
+  row.stock->cost = row.stock->outcome.final_cost = 1e-22;
+  ReplaySummary summary = Summarize(std::vector<ReplayRow>{row}, 1e-6);
+  EXPECT_EQ(summary.ours_lower, 0);
+  EXPECT_LE(summary.ours.max_report_error, 1e-6);
+  row.stock->cost = row.stock->outcome.final_cost = 1e-16;
+  row.ours.outcome.final_cost = 1e-17;
+  summary = Summarize(std::vector<ReplayRow>{row}, 1e-6);
+  EXPECT_EQ(summary.ours_lower, 1);
+  EXPECT_GT(summary.ours.max_report_error, 1.0);
 }
 
 TEST(Replay, SummaryWithoutOptimumOrLoop) {

@@ -48,13 +48,16 @@ void Judge(const std::vector<double>* start, const ReplaySolver& ours, const Rep
 
 }  // namespace
 
+double ReplayRow::Rounding() const {
+  return std::max(1e-16 * ours.outcome.initial_cost, 1e-20 * num_factors);
+}
+
 std::optional<double> ReplayRow::RelativeCostExcess() const {
   if (!optimum_cost.has_value()) {
     return std::nullopt;
   }
-  const double rounding = 1e-16 * std::max(ours.outcome.initial_cost, 0.0);
-  const double optimum = std::max(*optimum_cost, rounding);
-  return optimum > 0.0 ? (std::max(ours.cost, rounding) - optimum) / optimum : 0.0;
+  const double optimum = std::max(*optimum_cost, Rounding());
+  return optimum > 0.0 ? (std::max(ours.cost, Rounding()) - optimum) / optimum : 0.0;
 }
 
 Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, ReplaySolver* ours, ReplaySolver* stock,

@@ -30,7 +30,11 @@ struct ReplayRow {
   /// solve failed.
   std::optional<double> optimum_cost;
 
-  /// (our cost − optimum) / optimum. Costs below 1e-16 of the step's initial cost are rounding and count as that.
+  /// What costs that low are: 1e-16 of the step's initial cost, or residuals of 1e-10 standard deviations, 1e-20 a factor. A
+  /// chain of poses along its odometry has no other cost.
+  double Rounding() const;
+
+  /// (our cost − optimum) / optimum. Costs below Rounding() count as that.
   std::optional<double> RelativeCostExcess() const;
 };
 

@@ -26,7 +26,8 @@ void RaiseTo(std::optional<double>* largest, double value) {
   *largest = largest->has_value() ? std::max(**largest, value) : value;
 }
 
-ReplaySideSummary SummarizeSide(const std::vector<const ReplaySide*>& steps) {
+// Each step's `rounding` is as of ReplayRow.
+ReplaySideSummary SummarizeSide(const std::vector<const ReplaySide*>& steps, const std::vector<double>& rounding) {
   ReplaySideSummary summary;
   summary.ms = LatencyOf(steps, [](const ReplaySide& side) { return side.outcome.seconds; });
   summary.growth_ms = LatencyOf(steps, [](const ReplaySide& side) { return side.growth_seconds; });
@@ -37,7 +38,7 @@ ReplaySideSummary SummarizeSide(const std::vector<const ReplaySide*>& steps) {
       continue;
     }
     summary.unconverged += outcome.termination == "CONVERGENCE" ? 0 : 1;
-    const double scale = std::max(std::fabs(steps[i]->cost), 1e-16 * std::fabs(outcome.initial_cost));
+    const double scale = std::max(std::fabs(steps[i]->cost), rounding[i]);
     if (scale > 0.0) {
       summary.max_report_error = std::max(summary.max_report_error, std::fabs(outcome.final_cost - steps[i]->cost) / scale);
     }
@@ -55,8 +56,8 @@ ReplaySideSummary SummarizeSide(const std::vector<const ReplaySide*>& steps) {
 void Compare(const std::vector<ReplayRow>& rows, double tolerance, ReplaySummary* summary) {
   for (const ReplayRow& row : rows) {
     const double ours = row.ours.cost, stock = row.stock->cost;
-    // A cost that cannot be evaluated is not lower than any; rounding of the step's first cost is not a difference.
-    const double margin = std::max(tolerance, 1e-14) * std::fabs(std::min(ours, stock)) + 1e-16 * row.ours.outcome.initial_cost;
+    // A cost that cannot be evaluated is not lower than any; rounding is not a difference.
+    const double margin = std::max(tolerance, 1e-14) * std::fabs(std::min(ours, stock)) + row.Rounding();
     summary->ours_lower += ours + margin < stock || (std::isfinite(ours) && !std::isfinite(stock)) ? 1 : 0;
     summary->stock_lower += stock + margin < ours || (std::isfinite(stock) && !std::isfinite(ours)) ? 1 : 0;
     if (row.closes_loop) {
@@ -71,8 +72,10 @@ ReplaySummary Summarize(const std::vector<ReplayRow>& rows, double tolerance) {
   ReplaySummary summary;
   summary.steps = static_cast<int>(rows.size());
   std::vector<const ReplaySide*> ours, stock;
+  std::vector<double> rounding;
   for (const ReplayRow& row : rows) {
     ours.push_back(&row.ours);
+    rounding.push_back(row.Rounding());
     if (row.stock.has_value()) {
       stock.push_back(&*row.stock);
     }
@@ -83,9 +86,9 @@ ReplaySummary Summarize(const std::vector<ReplayRow>& rows, double tolerance) {
       }
     }
   }
-  summary.ours = SummarizeSide(ours);
+  summary.ours = SummarizeSide(ours, rounding);
   if (!stock.empty()) {
-    summary.stock = SummarizeSide(stock);
+    summary.stock = SummarizeSide(stock, rounding);
     summary.ratio_median = summary.ours.ms.median / summary.stock->ms.median;
     summary.ratio_total = summary.ours.ms.total / summary.stock->ms.total;
     Compare(rows, tolerance, &summary);
