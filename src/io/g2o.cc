@@ -9,7 +9,6 @@
 #include <unordered_set>
 #include <utility>
 
-#include "inceres/graph/pose_composition.h"
 #include "io/byte_source.h"
 #include "io/g2o_start.h"
 #include "io/read_file.h"
@@ -237,21 +236,6 @@ class G2oReader {
 
 }  // namespace
 }  // namespace internal
-
-std::array<double, 7> PoseGraph::MotionFrom(const PoseGraphEdge& edge, int vertex) const {
-  std::array<double, 7> motion = edge.measurement;
-  if (vertex != edge.from) {
-    (dimension == 2 ? InvertPlanarPose : InvertPose)(edge.measurement.data(), motion.data());
-  }
-  return motion;
-}
-
-std::array<double, 7> PoseGraph::AcrossEdge(const PoseGraphEdge& edge, int vertex, const double* pose) const {
-  const std::array<double, 7> motion = MotionFrom(edge, vertex);
-  std::array<double, 7> other{};
-  (dimension == 2 ? ComposePlanarPoses : ComposePoses)(pose, motion.data(), other.data());
-  return other;
-}
 
 Status ReadG2o(const std::string& path, PoseGraph* graph) {
   return internal::ReadFile<internal::G2oReader>(path, graph);

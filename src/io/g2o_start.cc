@@ -1,6 +1,7 @@
 #include "io/g2o_start.h"
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <functional>
 #include <queue>
@@ -10,7 +11,24 @@
 
 #include "inceres/graph/pose_composition.h"
 
-namespace inceres::internal {
+namespace inceres {
+
+std::array<double, 7> PoseGraph::MotionFrom(const PoseGraphEdge& edge, int vertex) const {
+  std::array<double, 7> motion = edge.measurement;
+  if (vertex != edge.from) {
+    (dimension == 2 ? InvertPlanarPose : InvertPose)(edge.measurement.data(), motion.data());
+  }
+  return motion;
+}
+
+std::array<double, 7> PoseGraph::AcrossEdge(const PoseGraphEdge& edge, int vertex, const double* pose) const {
+  const std::array<double, 7> motion = MotionFrom(edge, vertex);
+  std::array<double, 7> other{};
+  (dimension == 2 ? ComposePlanarPoses : ComposePoses)(pose, motion.data(), other.data());
+  return other;
+}
+
+namespace internal {
 namespace {
 
 class Placer {
@@ -66,4 +84,5 @@ int PlaceAlongEdges(PoseGraph* graph) {
   return Placer(graph).Place();
 }
 
-}  // namespace inceres::internal
+}  // namespace internal
+}  // namespace inceres
