@@ -9,7 +9,8 @@ once with the drop-in in each mode. What a solve leaves undone there marginaliza
 the root mean square of the newest frame's position error, not aligned, for the first pose's position and yaw are the true ones.
 
 A mode passes if on no seed its error is above 1.02 times the worst of stock's, and the median over the seeds of its error is at
-most 1.05 times the median of stock's medians. Exit code: 0 every mode passes, 1 one does not, 2 a run could not be played.
+most 1.05 times the median of stock's medians. `converged`, stock with 100 iterations a solve, shows what a solver gets that leaves
+nothing undone; it has no part in the verdict. Exit code: 0 every mode passes, 1 one does not, 2 a run could not be played.
 """
 
 import argparse
@@ -33,6 +34,7 @@ STOCK = {
     "one ulp, 1": ["--kick", "1"],
     "one ulp, 2": ["--kick", "2"],
 }
+CONVERGED = {"converged": ["--max_iterations", "100"]}  # for comparison
 MODES = ("exact", "incremental", "auto")
 EXTRINSICS = {"free": ["--free_extrinsics"], "held": []}
 WORST_FACTOR = 1.02   # of stock's worst, for each seed
@@ -57,10 +59,11 @@ def play_all(program, dropin, extrinsics, seeds, modes, flags, jobs):
     """{name of stock's variant or mode: [error of each seed]}"""
     def error(run):
         name, seed = run
-        command = [program, "--scene", "startup", "--seed", seed, *EXTRINSICS[extrinsics], *STOCK.get(name, []), *flags]
-        return play(command, None if name in STOCK else name, dropin)[ERROR]
+        command = [program, "--scene", "startup", "--seed", seed, *EXTRINSICS[extrinsics], *bare.get(name, []), *flags]
+        return play(command, None if name in bare else name, dropin)[ERROR]
 
-    names = (*STOCK, *modes)
+    bare = {**STOCK, **CONVERGED}
+    names = (*bare, *modes)
     runs = [(name, seed) for seed in seeds for name in names]
     with concurrent.futures.ThreadPoolExecutor(jobs) as executor:
         errors = dict(zip(runs, executor.map(error, runs)))
@@ -92,16 +95,17 @@ def passes(figures):
 def print_figures(seeds, modes, errors):
     """Prints the errors of every seed and the verdicts; True if every mode passes."""
     best, worst = of_stock(errors, min), of_stock(errors, max)
-    print(f"| seed | stock, best | stock, worst | {' | '.join(modes)} |\n|---|---|---|{'---|' * len(modes)}")
+    shown = (*CONVERGED, *modes)
+    print(f"| seed | stock, best | stock, worst | {' | '.join(shown)} |\n|---|---|---|{'---|' * len(shown)}")
     for i, seed in enumerate(seeds):
-        ours = (f"{errors[mode][i]:.5f}{' **above**' if errors[mode][i] > WORST_FACTOR * worst[i] else ''}" for mode in modes)
+        ours = (f"{errors[mode][i]:.5f}{' **above**' if errors[mode][i] > WORST_FACTOR * worst[i] else ''}" for mode in shown)
         print(f"| {seed} | {best[i]:.5f} | {worst[i]:.5f} | {' | '.join(ours)} |")
     print("\n| mode | geometric mean of the ratios to stock's median | largest ratio | seeds above 1.02 of stock's worst "
           "| median over the seeds, ratio | verdict |\n|---|---|---|---|---|---|")
     fine = True
-    for mode in modes:
+    for mode in shown:
         figures = judge(errors, mode)
-        fine = fine and passes(figures)
+        fine = fine and (passes(figures) or mode in CONVERGED)
         print(f"| {mode} | {figures['geometric_mean']:.3f} | {figures['worst_ratio']:.2f} | {figures['seeds_above']} of {len(seeds)} "
               f"| {figures['median_ratio']:.3f} | {'as good as stock' if passes(figures) else '**not** as good as stock'} |",
               flush=True)

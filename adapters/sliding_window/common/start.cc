@@ -10,7 +10,6 @@ namespace {
 
 constexpr double kStartupExtrinsicP = 0.004;  // m, standard deviations in each axis
 constexpr double kStartupExtrinsicR = 0.006;  // rad
-constexpr double kStartupPixelNoise = 1.0;    // that an observation is weighted with
 
 Start HallStart(Start start, bool free_extrinsics) {
   start.state.v += Vector3d(0.05, -0.03, 0.02);
@@ -63,11 +62,10 @@ void SetScene(Scene scene, RunOptions* options) {
   simulator.depth_error = 0.03;
   simulator.acc_bias = 0.03;
   simulator.gyr_bias = 0.004;
-  simulator.flight = {20.0, 0.3, 1.0, 2.0};
+  simulator.flight = {20.0, 0.5, 1.0, 2.0};
   EstimatorOptions& estimator = options->estimator;
   estimator.linear_solver = ceres::SPARSE_SCHUR;
   estimator.max_num_iterations = 10;
-  estimator.pixel_noise = kStartupPixelNoise;
 }
 
 Start MakeStart(const RunOptions& options, const Simulator& simulator) {
