@@ -1,0 +1,70 @@
+#!/usr/bin/env python3
+"""Copies a source of the library and plants defects in the copy, to see whether the differential fuzzer finds them.
+
+    plant_defects.py --list                print the sources that have a defect, relative to the root
+    plant_defects.py ROOT SOURCE OUTPUT    write ROOT/SOURCE with its defects to OUTPUT
+
+Which of them is in force is decided at run time: the copy asks inceres::fuzz::IsPlanted("NAME"). Each place must occur exactly once
+in its source: whoever changes that line has to say here where the defect belongs now.
+"""
+
+import pathlib
+import sys
+
+# (name, source, the text as it is, the text with the defect; IS stands for the question whether it is in force)
+DEFECTS = [
+    # After refused steps the trust region never grows again, in exact mode and in incremental mode.
+    ("damping_kept", "src/solver/levenberg_marquardt.cc",
+     "radius_ = std::min(max_radius_,", "radius_ = IS ? radius_ : std::min(max_radius_,"),
+    ("damping_kept", "src/solver/incremental_minimizer.cc",
+     "mu_ = std::clamp(mu_, options_.min_damping,", "mu_ = IS ? mu_ : std::clamp(mu_, options_.min_damping,"),
+    ("damping_kept", "src/solver/incremental_minimizer.cc",
+     "mu_ = std::max(options_.min_damping, mu_ *", "mu_ = IS ? mu_ : std::max(options_.min_damping, mu_ *"),
+    # A Jacobian is never found to be too old, neither after a step nor before success.
+    ("stale_jacobian", "src/solver/incremental_minimizer.cc",
+     ": stale.ExceededBy(family, i);", ": !IS && stale.ExceededBy(family, i);"),
+    ("stale_jacobian", "src/solver/incremental_minimizer.cc",
+     "else if (aged.ExceededBy(family, i))", "else if (!IS && aged.ExceededBy(family, i))"),
+    # One landmark in five is never back-substituted.
+    ("landmark_skipped", "src/schur/live_system.cc",
+     "if (visited_.Add(landmark)) {", "if (visited_.Add(landmark) && !(IS && landmark % 5 == 3)) {"),
+    # One factor in five loses its loss.
+    ("wrong_loss", "src/linearisation/live_family.cc",
+     "if (const Loss* loss = graph_->loss(id_, factor)) {",
+     "if (const Loss* loss = IS && factor % 5 == 2 ? nullptr : graph_->loss(id_, factor)) {"),
+    # That a cost function is another one, or has another measurement, is noticed and not passed on.
+    ("edit_lost", "adapters/ceres/src/living_factors.cc",
+     "edit_.MeasurementChanged(factor.id);", "if (!IS) { edit_.MeasurementChanged(factor.id); }"),
+]
+
+DECLARATION = """namespace inceres::fuzz {
+bool IsPlanted(const char* name);
+}
+"""
+
+
+def plant(root, source):
+    text = (root / source).read_text(encoding="utf-8")
+    for name, where, before, after in DEFECTS:
+        if where != source:
+            continue
+        if text.count(before) != 1:
+            sys.exit(f"plant_defects.py: {source} has {text.count(before)} times, not once, where {name} belongs: {before}")
+        text = text.replace(before, after.replace("IS", f'inceres::fuzz::IsPlanted("{name}")'))
+    return DECLARATION + text
+
+
+def main():
+    if sys.argv[1:] == ["--list"]:
+        print(";".join(dict.fromkeys(source for _, source, _, _ in DEFECTS)))
+        return
+    if len(sys.argv) != 4:
+        sys.exit(__doc__)
+    root, source, output = sys.argv[1:]
+    path = pathlib.Path(output)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(plant(pathlib.Path(root), source), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
