@@ -170,24 +170,32 @@ int RunSibling(const DropInMode& mode) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : static_cast<int>(ExitCode::kExitFailure);
 }
 
+const DropInMode* FindDropInMode(const std::string& name) {
+  const auto* const found =
+      std::find_if(std::begin(kDropInModes), std::end(kDropInModes), [&](const DropInMode& mode) { return name == mode.name; });
+  return found != std::end(kDropInModes) ? found : nullptr;
+}
+
 // Runs each of the modes where it is; the highest exit code of them.
 int RunModes(const std::vector<std::string>& wanted) {
-  const std::vector<std::string> here = Modes();
+  const std::vector<std::string> modes_here = Modes();
+  const auto is_here = [&](const std::string& mode) {
+    return std::find(modes_here.begin(), modes_here.end(), mode) != modes_here.end();
+  };
+  for (const std::string& mode : wanted) {
+    if (!is_here(mode) && FindDropInMode(mode) == nullptr) {
+      return tools::Fail(ExitCode::kExitUsage, "--mode: there is no mode '" + mode + "'");
+    }
+  }
   int worst = tools::kExitSuccess;
   for (const std::string& mode : wanted) {
-    int code = tools::kExitUsage;
-    const auto is_mode = [&](const auto& other) { return mode == other.name; };
-    const auto* const dropin = std::find_if(std::begin(kDropInModes), std::end(kDropInModes), is_mode);
-    if (std::find(here.begin(), here.end(), mode) != here.end()) {
+    if (is_here(mode)) {
       const ModeResult result = RunMode(mode);
       Report(result);
-      code = result.defects.empty() ? tools::kExitSuccess : tools::kExitFailure;
-    } else if (dropin != std::end(kDropInModes)) {
-      code = RunSibling(*dropin);
+      worst = std::max<int>(worst, result.defects.empty() ? tools::kExitSuccess : tools::kExitFailure);
     } else {
-      return tools::Fail(ExitCode::kExitUsage, "--mode: there is no mode " + mode);
+      worst = std::max(worst, RunSibling(*FindDropInMode(mode)));
     }
-    worst = std::max(worst, code);
   }
   return worst;
 }

@@ -177,11 +177,11 @@ Verdict Judge(World* world, double function_tolerance) {
   verdict.excess = (verdict.cost - verdict.best) / std::max(verdict.best, std::numeric_limits<double>::min());
   const double rounding = kNineDigits * kNineDigits * magnitude + kRounding * std::sqrt(magnitude * verdict.cost);
   const double allowed = kExcessTolerances * function_tolerance * verdict.best + rounding;
-  const auto within = [&](double cost) { return cost - verdict.best <= allowed; };
-  verdict.steps =
-      static_cast<int>(std::find_if(descent.costs().begin(), descent.costs().end(), within) - descent.costs().begin());
-  verdict.is_excess = verdict.steps > 0;
-  verdict.is_creeping = verdict.steps > kCreepingSteps;
+  const auto first = descent.costs().begin();
+  const auto gained = std::find_if(first, descent.costs().end(), [&](double cost) { return verdict.cost - cost > allowed; });
+  verdict.steps = static_cast<int>(gained - first);
+  verdict.is_excess = gained != descent.costs().end();
+  verdict.is_creeping = verdict.is_excess && verdict.steps > kCreepingSteps;
   return verdict;
 }
 

@@ -9,17 +9,17 @@ struct Verdict {
   bool judged = false;  ///< false: the point cannot be evaluated
   double cost = 0.0;    ///< at the point
   double best = 0.0;    ///< where it ends
-  /// Accepted steps until the cost was within kExcessTolerances of best; 0 if it was so from the beginning.
+  /// Accepted steps until it had gained kExcessTolerances, or all of them.
   int steps = 0;
   double excess = 0.0;       ///< (cost − best) / best
   bool is_excess = false;    ///< above kExcessTolerances × tolerance × best, and above what rounding explains
-  bool is_creeping = false;  ///< an excess that took more than kCreepingSteps to come down
+  bool is_creeping = false;  ///< an excess of which kCreepingSteps steps gained less than kExcessTolerances
 };
 
 /// How far above the minimum of its basin a solve may end, in units of its function tolerance.
 constexpr double kExcessTolerances = 10.0;
 
-/// A valley in which plain LM itself needs more steps than this to come down that far is so flat that its own test for
+/// Where so many steps of plain LM do not gain that much together, each gains less than a tolerance: its own test for
 /// convergence, of one step's gain, would end there as well. Such ends are counted, not condemned.
 constexpr int kCreepingSteps = 15;
 

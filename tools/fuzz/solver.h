@@ -24,6 +24,8 @@ class SolverUnderTest {
   virtual bool follows_stock() const = 0;
   /// Whether it may choose to follow stock: then it may end as far above the minimum as stock does.
   virtual bool may_follow_stock() const { return follows_stock(); }
+  /// Whether each solve stands for itself: the same problem again gives the same bits, with any number of threads.
+  virtual bool repeats() const { return false; }
   /// Whether the last solve was handed to stock Ceres, as far as it tells.
   virtual bool used_stock() const { return false; }
 };

@@ -14,6 +14,7 @@ class OneShot : public SolverUnderTest {
   }
   void Reset() override { ForgetStructures(); }
   bool follows_stock() const override { return report_.mode == SolveMode::kExact; }
+  bool repeats() const override { return true; }
   bool used_stock() const override { return report_.used_stock; }
 
  private:

@@ -19,6 +19,7 @@ constexpr double kFewShare = 0.2;
 // Where stock's own solvers go different ways, how far ours in exact mode may end from the minimum is a matter of luck too: up to
 // so many function tolerances.
 constexpr double kChaoticExcess = 1000.0;
+constexpr double kRepetitionChance = 0.1;
 
 __attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...) {
   char text[400];
@@ -49,6 +50,7 @@ class Trial {
   std::optional<Finding> Termination();
   std::optional<Finding> CheckLimit();
   std::optional<Finding> Trace();
+  std::optional<Finding> Repetition();
   std::optional<Finding> End();
   std::optional<Finding> CheckExcess(const Verdict& ours);
   const StockTraces& Stock();
@@ -97,7 +99,7 @@ std::optional<Finding> Trial::Run() {
   ++counts_->solves;
   counts_->handed_to_stock += solver_->used_stock() ? 1 : 0;
   constexpr Check kWithoutCalls[] = {&Trial::Memory, &Trial::Bounds, &Trial::Calls};
-  constexpr Check kWithCalls[] = {&Trial::Costs, &Trial::Termination, &Trial::Trace, &Trial::End};
+  constexpr Check kWithCalls[] = {&Trial::Costs, &Trial::Termination, &Trial::Trace, &Trial::Repetition, &Trial::End};
   std::optional<Finding> finding;
   for (const Check check : kWithoutCalls) {
     finding = finding ? finding : (this->*check)();
@@ -235,6 +237,31 @@ std::optional<Finding> Trial::Trace() {
   return difference ? std::make_optional(Finding{"other_trace", *difference}) : std::nullopt;
 }
 
+// Again, with another number of threads, and sometimes with nothing kept of the structure.
+std::optional<Finding> Trial::Repetition() {
+  if (!solver_->repeats() || !dice_->Chance(kRepetitionChance)) {
+    return std::nullopt;
+  }
+  const std::vector<double> values = world_->Values();
+  ceres::Solver::Options other = options_;
+  other.num_threads = options_.num_threads == 1 ? 2 : 1;
+  if (dice_->Chance(0.5)) {
+    solver_->Reset();
+  }
+  ceres::Solver::Summary again;
+  world_->SetValues(start_);
+  TheCallWatch().may_overlap = other.num_threads > 1;
+  solver_->Solve(other, &world_->problem(), &again);
+  TheCallWatch().may_overlap = false;
+  const bool same = world_->Values() == values && again.termination_type == summary_.termination_type;
+  world_->SetValues(values);
+  if (same) {
+    return std::nullopt;
+  }
+  return Finding{"not_repeated", Text("with %d threads cost %.17g, with %d threads %.17g", options_.num_threads,
+                                      summary_.final_cost, other.num_threads, again.final_cost)};
+}
+
 // Where plain LM goes from stock's end.
 Verdict Trial::StockVerdict() {
   const std::vector<double> values = world_->Values();
@@ -274,13 +301,13 @@ std::optional<Finding> Trial::CheckExcess(const Verdict& ours) {
     return std::nullopt;
   }
   const std::string kind = world_->HasFault() ? "excess_beside_fault" : is_no_worse ? "excess_as_stock" : "excess";
-  return Finding{
-      kind, Text("%.3g tolerances above where plain LM goes in %d steps: %.12g, %.12g (tolerance %.2g, %zu iterations); stock "
-                 "ends at %.12g with an excess of %.2g tolerances after %zu iterations; ",
-                 ours.excess / options_.function_tolerance, ours.steps, ours.cost, ours.best, options_.function_tolerance,
-                 summary_.iterations.size(), stock.cost, stock.excess / options_.function_tolerance,
-                 Stock().summary().iterations.size()) +
-                summary_.message};
+  return Finding{kind, Text("%.3g tolerances above where plain LM goes, which gains ten in %d steps: %.12g, %.12g (tolerance "
+                            "%.2g, %zu iterations); stock "
+                            "ends at %.12g with an excess of %.2g tolerances after %zu iterations; ",
+                            ours.excess / options_.function_tolerance, ours.steps, ours.cost, ours.best,
+                            options_.function_tolerance, summary_.iterations.size(), stock.cost,
+                            stock.excess / options_.function_tolerance, Stock().summary().iterations.size()) +
+                           summary_.message};
 }
 
 }  // namespace
