@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -158,6 +159,7 @@ int RunSibling(const DropInMode& mode) {
       words.push_back(std::string("--") + flag + "=" + gflags::GetCommandLineFlagInfoOrDie(flag).current_value);
     }
     std::vector<char*> arguments;
+    arguments.reserve(words.size() + 1);
     for (std::string& word : words) {
       arguments.push_back(word.data());
     }
@@ -220,5 +222,9 @@ int main(int argc, char** argv) {
   if (const std::optional<int> exit_code = inceres::tools::ParseCommandLine(inceres::fuzz::kUsage, &argc, &argv)) {
     return *exit_code;
   }
-  return inceres::fuzz::RunModes(inceres::fuzz::WantedModes());
+  try {
+    return inceres::fuzz::RunModes(inceres::fuzz::WantedModes());
+  } catch (const std::exception& error) {
+    return inceres::tools::Fail(inceres::tools::kExitUsage, error.what());
+  }
 }

@@ -24,9 +24,6 @@ class StockTraces {
   /// than 1e-6 and a hundred times what stock's differ by.
   std::optional<std::string> Difference(const ceres::Solver::Summary& ours) const;
 
-  /// Whether stock itself says another cost than that of the memory it leaves: it takes the least of all iterations, a refused
-  /// step that gained too little for its length included.
-  bool WrongFinalCost() const { return wrong_final_cost_; }
   /// Whether stock ended by its gradient or parameter tolerance, which tell nothing of the cost.
   bool EndedByLength() const;
   const ceres::Solver::Summary& summary() const { return summary_; }
@@ -38,7 +35,6 @@ class StockTraces {
   ceres::Solver::Summary summary_;
   std::vector<double> end_;
   double floor_ = 0.0;  // costs that differ by less are equal
-  bool wrong_final_cost_ = false;
   bool agree_ = false;
   double distance_ = 0.0;  // among stock's
 };

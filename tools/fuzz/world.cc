@@ -197,7 +197,7 @@ void World::Connect(FuzzCost::Kind kind, const std::vector<Block*>& blocks, int 
     sizes.push_back(block->size);
     truth.push_back(block->truth.data());
   }
-  factor->cost.reset(new FuzzCost(kind, sizes, num_residuals, weight, recipe_.curvature, dice_));
+  factor->cost = std::make_unique<FuzzCost>(kind, sizes, num_residuals, weight, recipe_.curvature, dice_);
   factor->cost->Measure(truth, recipe_.noise, dice_);
   factor->blocks = blocks;
   if (may_lose && dice_->Chance(recipe_.loss_chance)) {

@@ -115,7 +115,7 @@ void World::ReplaceFactor() {
   const int num_residuals = factor->cost->num_residuals();
   problem_->RemoveResidualBlock(factor->id);
   factor->cost.reset();
-  factor->cost.reset(new FuzzCost(kind, sizes, num_residuals, Weight(), recipe_.curvature, dice_));
+  factor->cost = std::make_unique<FuzzCost>(kind, sizes, num_residuals, Weight(), recipe_.curvature, dice_);
   factor->cost->Measure(truth, recipe_.noise, dice_);
   Insert(factor);
 }
