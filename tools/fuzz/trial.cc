@@ -7,70 +7,24 @@
 #include <limits>
 #include <vector>
 
-#include "tools/fuzz/trace.h"
+#include "tools/fuzz/trial_checks.h"
 
 namespace inceres::fuzz {
 namespace {
 
 // Final costs and initial ones are those of the memory, relative.
 constexpr double kSameCost = 1e-9;
-// A solver that has used up at least this many iterations, where stock needs less than a fifth of them, does not converge.
-constexpr int kManyIterations = 50;
-constexpr double kFewShare = 0.2;
-// Where stock's own solvers go different ways, how far ours in exact mode may end from the minimum is a matter of luck too: up to
-// so many function tolerances.
-constexpr double kChaoticExcess = 1000.0;
-constexpr double kRepetitionChance = 0.1;
 
-__attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...) {
-  char text[400];
+}  // namespace
+
+std::string Text(const char* format, ...) {
+  char text[500];
   va_list arguments;
   va_start(arguments, format);
   std::vsnprintf(text, sizeof text, format, arguments);
   va_end(arguments);
   return text;
 }
-
-class Trial {
- public:
-  Trial(const ceres::Solver::Options& options, World* world, SolverUnderTest* solver, Dice* dice, Counts* counts)
-      : options_(options), world_(world), solver_(solver), dice_(dice), counts_(counts), start_(world->Values()) {}
-
-  std::optional<Finding> Run();
-
- private:
-  using Check = std::optional<Finding> (Trial::*)();
-
-  void LookAtStart();
-  double Rounding(double cost) const;
-  bool SaysAsStock(double cost, double rounding);
-
-  std::optional<Finding> Calls();
-  std::optional<Finding> Memory();
-  std::optional<Finding> Bounds();
-  std::optional<Finding> Costs();
-  std::optional<Finding> Termination();
-  std::optional<Finding> CheckLimit();
-  std::optional<Finding> Trace();
-  std::optional<Finding> Repetition();
-  std::optional<Finding> End();
-  std::optional<Finding> CheckExcess(const Verdict& ours);
-  const StockTraces& Stock();
-  Verdict StockVerdict();
-
-  const ceres::Solver::Options& options_;
-  World* world_;
-  SolverUnderTest* solver_;
-  Dice* dice_;
-  Counts* counts_;
-  std::vector<double> start_;
-  bool start_has_cost_ = false;   // which is finite
-  bool start_evaluates_ = false;  // cost and Jacobians
-
-  double start_cost_ = 0.0;
-  ceres::Solver::Summary summary_;
-  std::unique_ptr<StockTraces> stock_;
-};
 
 void Trial::LookAtStart() {
   std::vector<double> gradient;
@@ -187,151 +141,6 @@ std::optional<Finding> Trial::Costs() {
   }
   return std::nullopt;
 }
-
-std::optional<Finding> Trial::Termination() {
-  if (summary_.termination_type == ceres::FAILURE) {
-    if (start_evaluates_ && !world_->HasFault() && Stock().summary().termination_type != ceres::FAILURE) {
-      return Finding{"failed", "FAILURE from a start that can be evaluated, where stock solves: " + summary_.message};
-    }
-    ++counts_->failures;
-    return std::nullopt;
-  }
-  // What remembers need not ask for Jacobians.
-  const bool start_will_do = solver_->follows_stock() ? start_evaluates_ : start_has_cost_;
-  if (!start_will_do && Stock().summary().termination_type == ceres::FAILURE) {
-    return Finding{"no_failure",
-                   Text("%s from a start that cannot be evaluated: ", ceres::TerminationTypeToString(summary_.termination_type)) +
-                       summary_.message};
-  }
-  if (summary_.termination_type != ceres::NO_CONVERGENCE) {
-    return std::nullopt;
-  }
-  ++counts_->not_converged;
-  if (options_.max_num_iterations < kManyIterations || solver_->follows_stock()) {
-    return std::nullopt;
-  }
-  return CheckLimit();
-}
-
-// Ours has used up its iterations: is it for nothing, or behind stock?
-std::optional<Finding> Trial::CheckLimit() {
-  const ceres::Solver::Summary& stock = Stock().summary();
-  if (stock.termination_type != ceres::CONVERGENCE ||
-      static_cast<double>(stock.iterations.size()) >= kFewShare * options_.max_num_iterations) {
-    return std::nullopt;
-  }
-  const Verdict verdict = Judge(world_, options_.function_tolerance);
-  const bool is_there = verdict.judged && !verdict.is_excess;
-  if (!is_there && summary_.final_cost < stock.final_cost) {
-    return std::nullopt;  // creeps on where stock gave up
-  }
-  return Finding{is_there ? "does_not_end" : "slow",
-                 Text("no convergence in %d iterations, cost %.12g, plain LM goes to %.12g; stock %.12g in %zu",
-                      options_.max_num_iterations, summary_.final_cost, verdict.best, stock.final_cost, stock.iterations.size())};
-}
-
-const StockTraces& Trial::Stock() {
-  if (stock_ == nullptr) {
-    stock_ = std::make_unique<StockTraces>(options_, start_, world_, dice_);
-  }
-  return *stock_;
-}
-
-std::optional<Finding> Trial::Trace() {
-  if (!solver_->follows_stock()) {
-    return std::nullopt;
-  }
-  if (!Stock().agree()) {
-    ++counts_->traces_chaotic;
-    return std::nullopt;
-  }
-  ++counts_->traces_compared;
-  const std::optional<std::string> difference = Stock().Difference(summary_);
-  return difference ? std::make_optional(Finding{"other_trace", *difference}) : std::nullopt;
-}
-
-// Again, with another number of threads, and sometimes with nothing kept of the structure.
-std::optional<Finding> Trial::Repetition() {
-  if (!solver_->repeats() || !dice_->Chance(kRepetitionChance)) {
-    return std::nullopt;
-  }
-  const std::vector<double> values = world_->Values();
-  ceres::Solver::Options other = options_;
-  other.num_threads = options_.num_threads == 1 ? 2 : 1;
-  const bool forgets = dice_->Chance(0.5);
-  if (forgets) {
-    solver_->Reset();
-  }
-  ceres::Solver::Summary again;
-  world_->SetValues(start_);
-  TheCallWatch().may_overlap = other.num_threads > 1;
-  solver_->Solve(other, &world_->problem(), &again);
-  TheCallWatch().may_overlap = false;
-  const std::vector<double> values_again = world_->Values();
-  world_->SetValues(values);
-  if (values_again == values && again.termination_type == summary_.termination_type) {
-    return std::nullopt;
-  }
-  double difference = 0.0;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    difference = std::max(difference, std::abs(values[i] - values_again[i]));
-  }
-  return Finding{"not_repeated",
-                 Text("with %d threads %s, cost %.17g, with %d threads %s, cost %.17g; values differ by %.3g%s",
-                      options_.num_threads, ceres::TerminationTypeToString(summary_.termination_type), summary_.final_cost,
-                      other.num_threads, ceres::TerminationTypeToString(again.termination_type), again.final_cost, difference,
-                      forgets ? ", the structure forgotten in between" : "")};
-}
-
-// Where plain LM goes from stock's end.
-Verdict Trial::StockVerdict() {
-  const std::vector<double> values = world_->Values();
-  world_->SetValues(Stock().end());
-  const Verdict verdict = Judge(world_, options_.function_tolerance);
-  world_->SetValues(values);
-  return verdict;
-}
-
-std::optional<Finding> Trial::End() {
-  if (summary_.termination_type != ceres::CONVERGENCE) {
-    return std::nullopt;
-  }
-  const Verdict verdict = Judge(world_, options_.function_tolerance);
-  counts_->judged += verdict.judged ? 1 : 0;
-  if (verdict.judged && verdict.is_excess) {
-    return CheckExcess(verdict);
-  }
-  return std::nullopt;
-}
-
-std::optional<Finding> Trial::CheckExcess(const Verdict& ours) {
-  if (ours.is_creeping) {
-    ++counts_->creeping;
-    counts_->worst_creeping_excess = std::max(counts_->worst_creeping_excess, ours.excess / options_.function_tolerance);
-    return std::nullopt;
-  }
-  const Verdict stock = StockVerdict();
-  if (world_->HasFault() && (!stock.judged || stock.is_excess)) {
-    ++counts_->beside_faults;
-    return std::nullopt;
-  }
-  const bool is_no_worse = !stock.judged || ours.cost - ours.best <= 2.0 * (stock.cost - stock.best);
-  const bool chaotic = solver_->follows_stock() && !Stock().agree() && ours.excess < kChaoticExcess * options_.function_tolerance;
-  if ((solver_->may_follow_stock() || Stock().EndedByLength()) && (chaotic || is_no_worse)) {
-    ++counts_->as_stock;
-    return std::nullopt;
-  }
-  const std::string kind = world_->HasFault() ? "excess_beside_fault" : is_no_worse ? "excess_as_stock" : "excess";
-  return Finding{kind, Text("%.3g tolerances above where plain LM goes, which gains ten in %d steps: %.12g, %.12g (tolerance "
-                            "%.2g, %zu iterations); stock "
-                            "ends at %.12g with an excess of %.2g tolerances after %zu iterations; ",
-                            ours.excess / options_.function_tolerance, ours.steps, ours.cost, ours.best,
-                            options_.function_tolerance, summary_.iterations.size(), stock.cost,
-                            stock.excess / options_.function_tolerance, Stock().summary().iterations.size()) +
-                           summary_.message};
-}
-
-}  // namespace
 
 void Counts::Add(const Counts& other) {
   edits += other.edits;

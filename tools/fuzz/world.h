@@ -89,16 +89,24 @@ class World {
   void AddLink(Block* block, Block* other);
   void Observe(Block* point);
   void Perturb(Block* block, double size);
-  void RemoveFactor(std::size_t f);
   void RemoveBlock(Block* block);
-  void ReplaceFactor();
-  void MoveValues(double size);
-  void Toggle();
-  void StartFault();
-  void Heal();
-  void ChangeLoss();
   void ChooseLoss(Factor* factor);
-  void ReviseLoss();
+
+  // The edits; each tells what it did.
+  const char* FrameComes();
+  const char* PointComes();
+  const char* BlockGoes();
+  const char* FactorGoes();
+  const char* FactorComes();
+  const char* FactorIsReplaced();
+  const char* MeasurementIsRevised();
+  const char* ValuesAreWritten();
+  const char* Toggle();
+  const char* LossIsReplaced();
+  const char* LossesAreRevised();
+  const char* FaultBegins();
+  const char* FaultsHeal();
+
   std::vector<Block*> Blocks(bool points) const;
   Block* AnyBlock();
   Factor* AnyFactor();

@@ -16,80 +16,76 @@ constexpr double kHuge = 1e6;  // weight of priors that come and go
 }  // namespace
 
 std::string World::Edit() {
+  struct Kind {
+    int percent;
+    const char* (World::*edit)();
+  };
+  constexpr Kind kKinds[] = {{8, &World::FrameComes},
+                             {12, &World::PointComes},
+                             {8, &World::BlockGoes},
+                             {8, &World::FactorGoes},
+                             {8, &World::FactorComes},
+                             {10, &World::FactorIsReplaced},
+                             {10, &World::MeasurementIsRevised},
+                             {14, &World::ValuesAreWritten},
+                             {8, &World::Toggle},
+                             {4, &World::LossIsReplaced},
+                             {3, &World::LossesAreRevised},
+                             {3, &World::FaultBegins},
+                             {4, &World::FaultsHeal}};
   if (factors_.empty() || blocks_.empty()) {
-    AddFrame();
-    return "a frame comes";
+    return FrameComes();
   }
-  const int num_frames = static_cast<int>(Blocks(false).size());
-  const int num_points = static_cast<int>(Blocks(true).size());
-  const int choice = dice_->Int(0, 99);
-  if (choice < 8) {
-    if (num_frames >= Room(recipe_.num_frames)) {
-      RemoveBlock(Blocks(false).front());
-    }
-    AddFrame();
-    return "a frame comes";
+  int choice = dice_->Int(0, 99);
+  const Kind* kind = kKinds;
+  for (; choice >= kind->percent; ++kind) {
+    choice -= kind->percent;
   }
-  if (choice < 20) {
-    if (recipe_.point_sizes.empty() || num_points >= Room(recipe_.num_points)) {
-      RemoveBlock(AnyBlock());
-      return "a block goes";
-    }
-    AddPoint();
-    return "a point comes";
-  }
-  if (choice < 28) {
-    RemoveBlock(AnyBlock());
-    return "a block goes";
-  }
-  if (choice < 36) {
-    RemoveFactor(static_cast<std::size_t>(dice_->Int(0, static_cast<int>(factors_.size()) - 1)));
-    return "a factor goes";
-  }
-  if (choice < 44) {
-    Block* block = AnyBlock();
-    if (block->is_point) {
-      Observe(block);
-    } else {
-      AddPrior(block, Weight() * (dice_->Chance(0.1) ? kHuge : 1.0));
-    }
-    return "a factor comes";
-  }
-  if (choice < 54) {
-    ReplaceFactor();
-    return "a factor is replaced at its address";
-  }
-  if (choice < 64) {
-    AnyFactor()->cost->Shift(recipe_.projective ? dice_->Magnitude(1e-4, 0.1) : dice_->Magnitude(1e-3, 2.0), dice_);
-    return "a measurement is revised in place";
-  }
-  if (choice < 78) {
-    MoveValues(recipe_.perturbation * dice_->Magnitude(1e-6, 1.0));
-    return "values are written";
-  }
-  if (choice < 86) {
-    Toggle();
-    return "constant or variable";
-  }
-  if (choice < 90) {
-    ChangeLoss();
-    return "another loss";
-  }
-  if (choice < 93) {
-    ReviseLoss();
-    return "a loss is revised in place";
-  }
-  if (choice < 96) {
-    StartFault();
-    return "a cost function turns faulty";
-  }
-  Heal();
-  return "faults heal";
+  return (this->*kind->edit)();
 }
 
-void World::RemoveFactor(std::size_t f) {
+const char* World::FrameComes() {
+  const std::vector<Block*> frames = Blocks(false);
+  if (static_cast<int>(frames.size()) >= Room(recipe_.num_frames)) {
+    RemoveBlock(frames.front());
+  }
+  AddFrame();
+  return "a frame comes";
+}
+
+const char* World::PointComes() {
+  if (recipe_.point_sizes.empty() || static_cast<int>(Blocks(true).size()) >= Room(recipe_.num_points)) {
+    return BlockGoes();
+  }
+  AddPoint();
+  return "a point comes";
+}
+
+const char* World::BlockGoes() {
+  RemoveBlock(AnyBlock());
+  return "a block goes";
+}
+
+const char* World::FactorGoes() {
+  const auto f = static_cast<std::size_t>(dice_->Int(0, static_cast<int>(factors_.size()) - 1));
   problem_->RemoveResidualBlock(factors_[f]->id);
   factors_.erase(factors_.begin() + static_cast<std::ptrdiff_t>(f));
+  return "a factor goes";
+}
+
+const char* World::FactorComes() {
+  Block* block = AnyBlock();
+  if (block->is_point) {
+    Observe(block);
+  } else {
+    AddPrior(block, Weight() * (dice_->Chance(0.1) ? kHuge : 1.0));
+  }
+  return "a factor comes";
+}
+
+const char* World::MeasurementIsRevised() {
+  AnyFactor()->cost->Shift(recipe_.projective ? dice_->Magnitude(1e-4, 0.1) : dice_->Magnitude(1e-3, 2.0), dice_);
+  return "a measurement is revised in place";
 }
 
 void World::RemoveBlock(Block* block) {
@@ -103,7 +99,7 @@ void World::RemoveBlock(Block* block) {
 }
 
 // Another cost function of the same kind on the same blocks, where the old one was.
-void World::ReplaceFactor() {
+const char* World::FactorIsReplaced() {
   Factor* factor = AnyFactor();
   std::vector<int> sizes;
   std::vector<const double*> truth;
@@ -118,17 +114,20 @@ void World::ReplaceFactor() {
   factor->cost = std::make_unique<FuzzCost>(kind, sizes, num_residuals, Weight(), recipe_.curvature, dice_);
   factor->cost->Measure(truth, recipe_.noise, dice_);
   Insert(factor);
+  return "a factor is replaced at its address";
 }
 
-void World::MoveValues(double size) {
+const char* World::ValuesAreWritten() {
+  const double size = recipe_.perturbation * dice_->Magnitude(1e-6, 1.0);
   for (const auto& block : blocks_) {
     if (dice_->Chance(0.2)) {
       Perturb(block.get(), size);
     }
   }
+  return "values are written";
 }
 
-void World::Toggle() {
+const char* World::Toggle() {
   Block* block = AnyBlock();
   block->constant = !block->constant;
   if (block->constant) {
@@ -136,23 +135,26 @@ void World::Toggle() {
   } else {
     problem_->SetParameterBlockVariable(block->x);
   }
+  return "constant or variable";
 }
 
-void World::StartFault() {
+const char* World::FaultBegins() {
   constexpr Fault kFaults[] = {Fault::kRefuse, Fault::kRefuse, Fault::kNanResidual, Fault::kInfResidual, Fault::kNanJacobian};
   Factor* factor = AnyFactor();
   const double margin = dice_->Chance(0.05) ? -1.0 : recipe_.perturbation * dice_->Magnitude(1e-3, 1.0);
   factor->cost->SetFault(kFaults[dice_->Int(0, 4)], factor->blocks[0]->x, margin, dice_);
+  return "a cost function turns faulty";
 }
 
-void World::Heal() {
+const char* World::FaultsHeal() {
   for (const auto& factor : factors_) {
     factor->cost->SetFault(Fault::kNone, factor->blocks[0]->x, 0.0, dice_);
   }
+  return "faults heal";
 }
 
 // The residual block is removed and added again, for Ceres has no other way.
-void World::ChangeLoss() {
+const char* World::LossIsReplaced() {
   Factor* factor = AnyFactor();
   problem_->RemoveResidualBlock(factor->id);
   factor->changeable_loss = nullptr;
@@ -161,14 +163,16 @@ void World::ChangeLoss() {
     ChooseLoss(factor);
   }
   Insert(factor);
+  return "another loss";
 }
 
-void World::ReviseLoss() {
+const char* World::LossesAreRevised() {
   for (const auto& factor : factors_) {
     if (factor->changeable_loss != nullptr && dice_->Chance(0.5)) {
       factor->changeable_loss->Change(RandomLoss(dice_));
     }
   }
+  return "losses are revised in place";
 }
 
 }  // namespace inceres::fuzz
