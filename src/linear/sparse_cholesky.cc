@@ -64,6 +64,7 @@ Status SparseCholesky::Analyze(const BlockPattern& pattern) {
   const Status built = BuildFrontTree(pattern, &tree_);
   if (built.ok()) {
     CutIntoSegments();
+    ChooseEarlyFronts();
     PlanMemory();
   }
   return built;
@@ -84,18 +85,38 @@ void SparseCholesky::CutIntoSegments() {
     }
   }
   segments_.assign(1, Segment());
-  std::vector<int> segment_of(tree_.fronts.size() + 1, 0);
+  segment_of_.assign(tree_.fronts.size() + 1, 0);
   for (int f = num_fronts - 1; f >= 0; --f) {
     const int parent = parent_or_last(f);
-    segment_of[f] = segment_of[parent];
+    segment_of_[f] = segment_of_[parent];
     if (is_heavy(f) && num_heavy[parent] > 1) {
-      segment_of[f] = static_cast<int>(segments_.size());
-      segments_[segment_of[parent]].before.push_back(segment_of[f]);
+      segment_of_[f] = static_cast<int>(segments_.size());
+      segments_[segment_of_[parent]].before.push_back(segment_of_[f]);
       segments_.emplace_back();
     }
   }
   for (int f = 0; f < num_fronts; ++f) {
-    segments_[segment_of[f]].fronts.push_back(f);
+    segments_[segment_of_[f]].fronts.push_back(f);
+  }
+}
+
+// A front that takes less than its children's update matrices together opens when the first of them is there.
+void SparseCholesky::ChooseEarlyFronts() {
+  opened_by_.assign(tree_.fronts.size(), kNone);
+  for (std::size_t f = 0; f < tree_.fronts.size(); ++f) {
+    const Front& front = tree_.fronts[f];
+    std::size_t waiting = 0;
+    int first = kNone;
+    int last = kNone;
+    for (int k = front.child_begin; k < front.child_end; ++k) {
+      const int child = tree_.children[k];
+      if (segment_of_[child] == segment_of_[f]) {
+        waiting += last == kNone ? 0 : UpdateSize(last);
+        first = first == kNone ? child : first;
+        last = child;
+      }
+    }
+    opened_by_[f] = waiting > UpdateSize(static_cast<int>(f)) ? first : kNone;
   }
 }
 
@@ -128,14 +149,23 @@ void SparseCholesky::PlanMemory() {
 // they take.
 std::size_t SparseCholesky::PlanUpdates(const Segment& segment, std::size_t begin) {
   UpdatePlanner planner;
+  const auto place = [&](int f) { update_begin_[f] = begin + planner.Place(UpdateSize(f)); };
   for (const int f : segment.fronts) {
     const Front& front = tree_.fronts[f];
-    update_begin_[f] = begin + planner.Place(static_cast<std::size_t>(front.update_stride()) * front.height);
-    for (int k = front.child_begin; k < front.child_end; ++k) {
-      const int child = tree_.children[k];
-      if (std::binary_search(segment.fronts.begin(), segment.fronts.end(), child)) {
-        planner.Free(update_begin_[child] - begin);
+    if (opened_by_[f] == kNone) {
+      place(f);
+      for (int k = front.child_begin; k < front.child_end; ++k) {
+        const int child = tree_.children[k];
+        if (segment_of_[child] == segment_of_[f]) {
+          planner.Free(update_begin_[child] - begin);
+        }
       }
+    }
+    if (IsTakenEarly(f)) {
+      if (opened_by_[front.parent] == f) {
+        place(front.parent);
+      }
+      planner.Free(update_begin_[f] - begin);
     }
   }
   return planner.peak();
@@ -164,8 +194,28 @@ void SparseCholesky::FactorSegment(Segment* segment, const double* values, const
     }
   }
   for (auto f = segment->fronts.begin(); f != segment->fronts.end() && segment->failed == kNone; ++f) {
-    Assemble(*f, values, diagonal);
+    if (opened_by_[*f] == kNone) {
+      Open(*f, values, diagonal);
+    }
     segment->failed = Eliminate(*f);
+    if (segment->failed == kNone && IsTakenEarly(*f)) {
+      const int parent = tree_.fronts[*f].parent;
+      if (opened_by_[parent] == *f) {
+        Open(parent, values, diagonal);
+      }
+      AddUpdate(*f, parent);
+    }
+  }
+}
+
+// With the update matrices of all children that are not added as they come.
+void SparseCholesky::Open(int f, const double* values, const double* diagonal) {
+  Assemble(f, values, diagonal);
+  const Front& front = tree_.fronts[f];
+  for (int k = front.child_begin; k < front.child_end; ++k) {
+    if (!IsTakenEarly(tree_.children[k])) {
+      AddUpdate(tree_.children[k], f);
+    }
   }
 }
 
@@ -188,9 +238,6 @@ void SparseCholesky::Assemble(int f, const double* values, const double* diagona
     for (int row = pattern_->offsets[block]; row < pattern_->offsets[block + 1]; ++row, ++pivot) {
       Column(f, pivot)[pivot] += diagonal[row];
     }
-  }
-  for (int k = front.child_begin; k < front.child_end; ++k) {
-    AddUpdate(tree_.children[k], f);
   }
 }
 

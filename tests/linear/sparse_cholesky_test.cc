@@ -1,7 +1,10 @@
 #include "linear/sparse_cholesky.h"
 
 #include <cstring>
+#include <set>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <Eigen/Cholesky>
 #include <gtest/gtest.h>
@@ -25,6 +28,32 @@ std::vector<double> Ramp(int size) {
     b[k] = static_cast<double>(k % 13) - 6.0;
   }
   return b;
+}
+
+// Cameras of 6, each coupled to half of a few points of 3, and sets of such that share nothing but one last block: fronts with
+// very many children, some of them in subtrees beside each other.
+RandomSystem FewPointsSeenByMany(int num_cameras, int num_points, int num_sets, unsigned seed) {
+  std::vector<int> sizes;
+  std::vector<int> set_of;
+  test::Random random(seed);
+  std::set<std::pair<int, int>> coupled;
+  for (int s = 0; s < num_sets; ++s) {
+    const int first_point = static_cast<int>(sizes.size());
+    sizes.insert(sizes.end(), static_cast<std::size_t>(num_points), 3);
+    for (int c = 0; c < num_cameras; ++c) {
+      for (int p = 0; p < num_points; ++p) {
+        if (random.Between(0.0, 1.0) < 0.5) {
+          coupled.emplace(static_cast<int>(sizes.size()), first_point + p);
+        }
+      }
+      sizes.push_back(6);
+    }
+  }
+  for (int block = 0; block < static_cast<int>(sizes.size()); ++block) {
+    coupled.emplace(static_cast<int>(sizes.size()), block);
+  }
+  sizes.push_back(5);
+  return {sizes, coupled, seed};
 }
 
 struct Factored {
@@ -62,6 +91,37 @@ TEST(SparseCholesky, SameBitsForAnyNumberOfThreads) {
     EXPECT_EQ(Factored(2, system).Solve(b), one) << num_frames << " frames";
     EXPECT_EQ(Factored(4, system).Solve(b), one) << num_frames << " frames";
   }
+}
+
+TEST(SparseCholesky, SolvesForFewPointsSeenByMany) {
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    const RandomSystem system = FewPointsSeenByMany(60, 14, static_cast<int>(seed), seed);
+    const std::vector<double> b = Ramp(system.pattern.size());
+    const std::vector<double> x = Factored(1, system).Solve(b);
+    EXPECT_EQ(Factored(2, system).Solve(b), x) << "seed " << seed;
+    const auto n = static_cast<Eigen::Index>(b.size());
+    const Eigen::VectorXd expected = system.Dense().llt().solve(Eigen::Map<const Eigen::VectorXd>(b.data(), n));
+    EXPECT_LT(test::RelativeError(Eigen::Map<const Eigen::VectorXd>(x.data(), n), expected), 1e-12) << "seed " << seed;
+  }
+}
+
+// Heavy sets are tasks beside each other.
+TEST(SparseCholesky, SameBitsForFewPointsSeenByManyInTasks) {
+  const RandomSystem system = FewPointsSeenByMany(150, 40, 3, 4);
+  const std::vector<double> b = Ramp(system.pattern.size());
+  const std::vector<double> one = Factored(1, system).Solve(b);
+  for (int repetition = 0; repetition < 3; ++repetition) {
+    EXPECT_EQ(Factored(2, system).Solve(b), one);
+    EXPECT_EQ(Factored(4, system).Solve(b), one);
+  }
+}
+
+// The update matrices of a thousand cameras, 40 times the factor's columns of a camera each, do not wait for the front of the
+// points.
+TEST(SparseCholesky, MemoryForFewPointsSeenByManyIsThatOfTheFactor) {
+  const RandomSystem system = FewPointsSeenByMany(800, 40, 1, 5);
+  const Factored factored(1, system);
+  EXPECT_LT(static_cast<double>(factored.solver.Bytes()), 2.0 * sizeof(double) * factored.solver.PredictedEntries());
 }
 
 TEST(SparseCholesky, NamesTheFrameThatFails) {
