@@ -4,15 +4,11 @@
 
 #include "linear/dense_cholesky.h"
 #include "linear/lagged_pcg.h"
+#include "linear/reduced_prediction.h"
 #include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {
 namespace {
-
-// Both factor with the same kernels, 14 to 25 GFlop/s on one thread; the sparse one takes fewer flops but where most blocks are
-// there, the dense one less analysis and no lists, which shows up to this size (windows, paths, full systems of 75 to 1,500).
-constexpr int kAlwaysDenseSize = 300;
-constexpr double kAlwaysDenseFill = 0.5;
 
 // Conjugate gradients with an earlier factor, beside a factorisation in each step: the iterations of a step, the share of the
 // factorisations that is left, and the flops that reading an entry of S or of the factor is worth, some 6 GB/s. They win on a
@@ -20,11 +16,6 @@ constexpr double kAlwaysDenseFill = 0.5;
 constexpr double kPcgIterations = 8.0;
 constexpr double kPcgFactorisations = 0.4;
 constexpr double kFlopsPerEntryRead = 22.0;
-
-double Fill(const BlockPattern& pattern) {
-  const auto n = static_cast<double>(pattern.size());
-  return static_cast<double>(pattern.value_begin.back()) / (0.5 * n * (n + 1.0));
-}
 
 // A solver that factors, analysed.
 struct Direct {
@@ -42,7 +33,7 @@ Direct Make(const BlockPattern& pattern, const Executor& executor, Status* statu
 }
 
 Direct MakeCheaper(const BlockPattern& pattern, const Executor& executor, Status* status) {
-  const bool dense = pattern.size() <= kAlwaysDenseSize || Fill(pattern) >= kAlwaysDenseFill;
+  const bool dense = IsSolvedDensely(pattern.size(), FillOf(pattern));
   return dense ? Make<DenseCholesky>(pattern, executor, status) : Make<SparseCholesky>(pattern, executor, status);
 }
 

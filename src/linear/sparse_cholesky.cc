@@ -60,6 +60,21 @@ std::size_t SparseCholesky::Bytes() const {
 }
 
 Status SparseCholesky::Analyze(const BlockPattern& pattern) {
+  const Status planned = Plan(pattern);
+  if (!planned.ok()) {
+    return planned;
+  }
+  if (L_.size() < factor_size_) {
+    L_ = ZeroedArray(factor_size_);
+  }
+  if (updates_.size() < updates_size_) {
+    updates_ = ZeroedArray(updates_size_);
+  }
+  vectors_.assign(vectors_size_, 0.0);
+  return planned;
+}
+
+Status SparseCholesky::Plan(const BlockPattern& pattern) {
   pattern_ = &pattern;
   const Status built = BuildFrontTree(pattern, &tree_);
   if (built.ok()) {
@@ -68,6 +83,10 @@ Status SparseCholesky::Analyze(const BlockPattern& pattern) {
     PlanMemory();
   }
   return built;
+}
+
+double SparseCholesky::PredictedBytes() const {
+  return static_cast<double>(tree_.Bytes() + (factor_size_ + updates_size_ + vectors_size_) * sizeof(double));
 }
 
 // A heavy subtree beside another one begins a segment; everything else goes with its parent.
@@ -123,26 +142,17 @@ void SparseCholesky::ChooseEarlyFronts() {
 void SparseCholesky::PlanMemory() {
   factor_begin_.clear();
   vector_begin_.clear();
-  std::size_t factor_size = 0;
-  std::size_t vectors_size = 0;
+  factor_size_ = vectors_size_ = updates_size_ = 0;
   for (const Front& front : tree_.fronts) {
-    factor_begin_.push_back(factor_size);
-    vector_begin_.push_back(vectors_size);
-    factor_size += static_cast<std::size_t>(front.stride()) * front.width;
-    vectors_size += static_cast<std::size_t>(front.num_rows());
+    factor_begin_.push_back(factor_size_);
+    vector_begin_.push_back(vectors_size_);
+    factor_size_ += static_cast<std::size_t>(front.stride()) * front.width;
+    vectors_size_ += static_cast<std::size_t>(front.num_rows());
   }
   update_begin_.assign(tree_.fronts.size(), 0);
-  std::size_t updates_size = 0;
   for (const Segment& segment : segments_) {
-    updates_size += PlanUpdates(segment, updates_size);
+    updates_size_ += PlanUpdates(segment, updates_size_);
   }
-  if (L_.size() < factor_size) {
-    L_ = ZeroedArray(factor_size);
-  }
-  if (updates_.size() < updates_size) {
-    updates_ = ZeroedArray(updates_size);
-  }
-  vectors_.assign(vectors_size, 0.0);
 }
 
 // Places the update matrices of a segment's fronts from `begin` on; those of children in other segments stay where they are. What

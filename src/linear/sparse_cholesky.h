@@ -22,6 +22,8 @@ class SparseCholesky final : public ReducedSolver {
 
   const char* Name() const override;
   Status Analyze(const BlockPattern& pattern) override;
+  /// What Analyze does, but for taking the memory: for who only wants the predictions.
+  Status Plan(const BlockPattern& pattern);
   Status Factorize(const double* values, const double* diagonal) override;
   Status Solve(const double* b, double* x) override;
 
@@ -29,6 +31,8 @@ class SparseCholesky final : public ReducedSolver {
   double PredictedFlops() const { return tree_.flops; }
   /// Entries of the factor.
   double PredictedEntries() const { return tree_.entries; }
+  /// What a factorisation takes, the tree included.
+  double PredictedBytes() const;
   std::size_t Bytes() const;
 
  private:
@@ -78,6 +82,7 @@ class SparseCholesky final : public ReducedSolver {
   const Executor& executor_;
   const BlockPattern* pattern_ = nullptr;
   FrontTree tree_;
+  std::size_t factor_size_ = 0, updates_size_ = 0, vectors_size_ = 0;
   std::vector<Segment> segments_;  // the last to be done first
   std::vector<int> segment_of_;    // per front
   std::vector<int> opened_by_;  // per front: its first child if it takes children's update matrices as they come; -1: it does not

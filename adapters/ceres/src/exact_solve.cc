@@ -10,7 +10,6 @@
 #include "adapters/ceres/src/graph_builder.h"
 #include "adapters/ceres/src/landmark_selection.h"
 #include "adapters/ceres/src/option_mapping.h"
-#include "adapters/ceres/src/plan_pool.h"
 #include "adapters/ceres/src/solver_pool.h"
 #include "adapters/ceres/src/summary_writer.h"
 
@@ -60,10 +59,9 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
 
 std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type, FactorGraph* graph,
                                   LandmarkCounts* landmarks, ceres::Solver::Summary* summary) {
-  const std::shared_ptr<const GraphPlan> plan = PlanPool::Global().Get(input.view, input.ordering, type);
-  *landmarks = plan->landmarks;
-  std::vector<StateBlock> blocks = BuildGraph(input.view, *plan, graph);
-  WriteLinearSolver(input.view, input.ordering, plan->landmarks, type, summary);
+  *landmarks = input.plan->landmarks;
+  std::vector<StateBlock> blocks = BuildGraph(input.view, *input.plan, graph);
+  WriteLinearSolver(input.view, input.ordering, input.plan->landmarks, type, summary);
   input.view.ForgetResidualBlocks();
   return blocks;
 }

@@ -11,7 +11,7 @@
 
 namespace inceres::internal {
 
-/// The problem as a graph, by a plan from the pool. Of the view only the parameter blocks and totals are kept. Returns where each
+/// The problem as a graph, by the input's plan. Of the view only the parameter blocks and totals are kept. Returns where each
 /// block that the solver moves lies in the graph's state.
 std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type, FactorGraph* graph,
                                   LandmarkCounts* landmarks, ceres::Solver::Summary* summary);

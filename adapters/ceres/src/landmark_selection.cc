@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "adapters/ceres/src/index.h"
+#include "adapters/ceres/src/landmark_fill.h"
 
 namespace inceres::internal {
 namespace {
@@ -252,18 +253,31 @@ LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingV
   return selection;
 }
 
+LandmarkSelection WholeFirstGroup(const ProblemView& view, const OrderingView& ordering) {
+  LandmarkSelection selection;
+  selection.is_landmark.assign(view.blocks.size(), 0);
+  for (const int b : ordering.first_group) {
+    selection.is_landmark[At(b)] = 1;
+    ++selection.num_landmarks;
+  }
+  return selection;
+}
+
 LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& shapes) {
   return Chooser(view, shapes).Run();
 }
 
 LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering, const ShapeTable& shapes,
-                                  ceres::LinearSolverType type) {
+                                  ceres::LinearSolverType type, const AvailableMemory& available) {
   if (type == ceres::DENSE_QR) {
     LandmarkSelection none;
     none.is_landmark.assign(view.blocks.size(), 0);
     return none;
   }
-  return LandmarksAreGiven(ordering, type) ? LandmarksOfFirstGroup(view, ordering) : ChooseLandmarks(view, shapes);
+  LandmarkSelection selection =
+      LandmarksAreGiven(ordering, type) ? LandmarksOfFirstGroup(view, ordering) : ChooseLandmarks(view, shapes);
+  KeepLongTracks(view, available, &selection);
+  return selection;
 }
 
 }  // namespace inceres::internal

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
+#include "adapters/ceres/src/available_memory.h"
 #include "adapters/ceres/src/factor_shapes.h"
 #include "adapters/ceres/src/introspection.h"
 #include "adapters/ceres/src/ordering.h"
@@ -14,11 +16,13 @@ inline constexpr int kMaxLandmarkSize = 4;
 struct LandmarkCounts {
   int num_landmarks = 0;
   int num_too_large = 0;  ///< blocks of the user's first group that stay frames because their tangent size exceeds the largest
+  int num_kept = 0;       ///< blocks that were to be landmarks and stay frames because S would become too full (KeepLongTracks)
 };
 
 /// Which blocks are eliminated before the reduced system is formed: at most one in any residual block.
 struct LandmarkSelection : LandmarkCounts {
   std::vector<char> is_landmark;  ///< per parameter block
+  std::string obstacle;           ///< why no choice can be solved with: too little memory; empty if one can
 
   bool Contains(int block) const { return is_landmark[static_cast<std::size_t>(block)] != 0; }
 };
@@ -26,6 +30,9 @@ struct LandmarkSelection : LandmarkCounts {
 /// Takes the landmarks the user asked for: the blocks of the ordering's first group, as far as they are small enough. The group
 /// is an independent set (the gate has checked).
 LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering);
+
+/// The group with its large blocks: what Ceres would eliminate.
+LandmarkSelection WholeFirstGroup(const ProblemView& view, const OrderingView& ordering);
 
 /// Chooses landmarks by predicted cost.
 ///
@@ -46,9 +53,10 @@ LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingV
 /// Cost: linear in slots.
 LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& shapes);
 
-/// Which of the two, or neither for a QR factorisation, goes with a linear solver (the effective one).
+/// Which of the two, or neither for a QR factorisation, goes with a linear solver (the effective one); without the landmarks that
+/// KeepLongTracks takes back from either. What the user asked for is a hint, too: the solution is the same up to rounding.
 LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering, const ShapeTable& shapes,
-                                  ceres::LinearSolverType type);
+                                  ceres::LinearSolverType type, const AvailableMemory& available = nullptr);
 
 /// Whether the user has said which blocks to eliminate.
 inline bool LandmarksAreGiven(const OrderingView& ordering, ceres::LinearSolverType type) {

@@ -114,6 +114,10 @@ void CheckOrdering(const ceres::Solver::Options& options, const LandmarkCounts& 
                      " blocks of the first group have a tangent size above " + std::to_string(kMaxLandmarkSize) +
                      " and stay in the reduced system");
   }
+  if (landmarks.num_kept > 0 && num_groups > 1) {
+    differences->Add("linear_solver_ordering: " + std::to_string(landmarks.num_kept) +
+                     " blocks of the first group stay in the reduced system, which would be fuller without them");
+  }
 }
 
 void CheckCommon(const ceres::Solver::Options& options, const LandmarkCounts& landmarks, Differences* differences) {

@@ -22,8 +22,8 @@ std::shared_ptr<const GraphPlan> PlanPool::Get(const ProblemView& view, const Or
     }
   }
   const ShapeTable shapes = FindShapes(view);
-  GraphPlan plan = PlanGraph(view, shapes, SelectLandmarks(view, ordering, shapes, type));
-  if (!is_small) {
+  GraphPlan plan = PlanGraph(view, shapes, SelectLandmarks(view, ordering, shapes, type, AvailableBytes));
+  if (!is_small || !plan.landmarks.obstacle.empty()) {  // there may be more memory another time
     return std::make_shared<const GraphPlan>(std::move(plan));
   }
   const auto entry = std::make_shared<const Entry>(Entry{ProblemStructure(view, ordering, type), std::move(plan)});
@@ -57,6 +57,14 @@ void PlanPool::Clear() {
   std::vector<std::shared_ptr<const Entry>> forgotten;
   const std::lock_guard<std::mutex> lock(mutex_);
   forgotten.swap(entries_);
+}
+
+std::string ChoosePlan(ceres::LinearSolverType type, SolveInput* input) {
+  if (input->view.reduced.num_parameter_blocks == 0) {
+    return "";
+  }
+  input->plan = PlanPool::Global().Get(input->view, input->ordering, type);
+  return input->plan->landmarks.obstacle;
 }
 
 }  // namespace inceres::internal

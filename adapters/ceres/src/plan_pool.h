@@ -3,12 +3,14 @@
 #include <cstddef>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <vector>
 
 #include "adapters/ceres/src/graph_plan.h"
 #include "adapters/ceres/src/introspection.h"
 #include "adapters/ceres/src/ordering.h"
 #include "adapters/ceres/src/problem_structure.h"
+#include "adapters/ceres/src/solve_input.h"
 
 namespace inceres::internal {
 
@@ -41,5 +43,8 @@ class PlanPool {
   std::mutex mutex_;
   std::vector<std::shared_ptr<const Entry>> entries_;  // the one used last at the end
 };
+
+/// Chooses the input's plan from the pool, where there is anything to solve for. Returns what forbids it, or nothing.
+std::string ChoosePlan(ceres::LinearSolverType type, SolveInput* input);
 
 }  // namespace inceres::internal

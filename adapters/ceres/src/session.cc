@@ -14,6 +14,7 @@
 #include "adapters/ceres/src/iterative_choice.h"
 #include "adapters/ceres/src/mode_choice.h"
 #include "adapters/ceres/src/option_mapping.h"
+#include "adapters/ceres/src/plan_pool.h"
 #include "adapters/ceres/src/window_watch.h"
 
 namespace inceres {
@@ -41,7 +42,7 @@ class CeresSession::Impl {
                  SolveReport* report);
 
   const char* ReasonForExact(const ceres::Solver::Options& solver_options);
-  void SolveExactlyFor(const char* reason, const internal::SolveInput& input, ceres::Solver::Summary* summary,
+  void SolveExactlyFor(const char* reason, ceres::Problem* problem, internal::SolveInput* input, ceres::Solver::Summary* summary,
                        SolveReport* report);
 
   const SessionOptions options;
@@ -72,8 +73,9 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
     internal::Decline(solver_options, problem, summary, obstacle, report);
     return;
   }
+  internal::SolveInput input{solver_options, view, ordering, clock, nullptr, nullptr};
   if (const char* reason = ReasonForExact(solver_options)) {
-    SolveExactlyFor(reason, {solver_options, view, ordering, clock, nullptr}, summary, report);
+    SolveExactlyFor(reason, problem, &input, summary, report);
     return;
   }
   // Out of the session while it works: a failure, or an exception out of user code, ends it.
@@ -88,7 +90,7 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
   }
   SolveReport own_report;
   SolveReport* told = report != nullptr ? report : &own_report;
-  if (internal::SolveIncrementally({solver_options, view, ordering, clock, nullptr}, core, working.get(), summary, told)) {
+  if (internal::SolveIncrementally(input, core, working.get(), summary, told)) {
     living = std::move(working);
     choice.Note(told->update, told->changes, told->num_frames, options.verify_cached_factors);
   }
@@ -106,11 +108,16 @@ const char* CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& sol
 }
 
 // What was remembered is out of date then, and takes memory.
-void CeresSession::Impl::SolveExactlyFor(const char* reason, const internal::SolveInput& input, ceres::Solver::Summary* summary,
-                                         SolveReport* report) {
+void CeresSession::Impl::SolveExactlyFor(const char* reason, ceres::Problem* problem, internal::SolveInput* input,
+                                         ceres::Solver::Summary* summary, SolveReport* report) {
   living.reset();
   has_view = false;  // an exact solve empties it
-  internal::SolveExactly(input, summary, report);
+  const std::string too_much = internal::ChoosePlan(internal::EffectiveLinearSolver(input->options, input->ordering), input);
+  if (!too_much.empty()) {
+    internal::Decline(input->options, problem, summary, too_much, report);
+    return;
+  }
+  internal::SolveExactly(*input, summary, report);
   if (report != nullptr) {
     report->exact_reason = reason;
   }

@@ -16,6 +16,7 @@
 #include "adapters/ceres/src/iterative_choice.h"
 #include "adapters/ceres/src/option_mapping.h"
 #include "adapters/ceres/src/ordering.h"
+#include "adapters/ceres/src/plan_pool.h"
 #include "adapters/ceres/src/stock_ceres.h"
 #include "adapters/ceres/src/view_pool.h"
 
@@ -42,18 +43,27 @@ void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, c
     internal::Decline(options, problem, summary, obstacle, report);
     return;
   }
-  const internal::SolveInput input{options, view, ordering, clock, callback};
+  internal::SolveInput input{options, view, ordering, clock, callback, nullptr};
+  IncrementalOptions core = internal::MapIncrementalOptions(options, IncrementalOptions());
   if (incremental) {
-    IncrementalOptions core = internal::MapIncrementalOptions(options, IncrementalOptions());
     internal::ChooseIterativeSolver(options, view, ordering, internal::kMaxDirectSize, &core);
-    if (core.batch_share < 1.0) {
-      internal::SolveIncrementally(input, core, nullptr, summary, report);
-    } else {  // the batch solver's solvers are direct
-      internal::LivingProblem living(core, internal::Trust::kNothing);
-      internal::SolveIncrementally(input, core, &living, summary, report);
-    }
+  }
+  if (incremental && core.batch_share >= 1.0) {  // the batch solver's solvers are direct
+    internal::LivingProblem living(core, internal::Trust::kNothing);
+    internal::SolveIncrementally(input, core, &living, summary, report);
   } else {
-    internal::SolveExactly(input, summary, report);
+    const ceres::LinearSolverType type =
+        incremental ? internal::IncrementalLinearSolver(options, ordering) : internal::EffectiveLinearSolver(options, ordering);
+    const std::string too_much = internal::ChoosePlan(type, &input);
+    if (!too_much.empty()) {
+      internal::Decline(options, problem, summary, too_much, report);
+      return;
+    }
+    if (incremental) {
+      internal::SolveIncrementally(input, core, nullptr, summary, report);
+    } else {
+      internal::SolveExactly(input, summary, report);
+    }
   }
   internal::ViewPool::Global().GiveBack(std::move(view_memory));  // not if something was thrown on the way
 }

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <chrono>
+#include <memory>
 
 #include <ceres/evaluation_callback.h>
 #include <ceres/solver.h>
 
+#include "adapters/ceres/src/graph_plan.h"
 #include "adapters/ceres/src/introspection.h"
 #include "adapters/ceres/src/ordering.h"
 
@@ -26,6 +28,7 @@ struct SolveInput {
   const OrderingView& ordering;
   const WallClock& clock;                                    ///< started with the solve
   ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< of the problem, if Ceres shows it or the caller told
+  std::shared_ptr<const GraphPlan> plan = nullptr;  ///< ChoosePlan's; null in a session, and where there is nothing to solve for
 };
 
 }  // namespace inceres::internal

@@ -147,11 +147,12 @@ void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering, co
         ordering.given ? ordering.group_sizes : std::vector<int>{view.reduced.num_parameter_blocks};
     return;
   }
-  const SchurStructure structure = FindSchurStructure(view, landmarks);
+  const bool given = LandmarksAreGiven(ordering, type);
+  const bool differs = given && (landmarks.num_too_large > 0 || landmarks.num_kept > 0);
+  const SchurStructure structure = FindSchurStructure(view, differs ? WholeFirstGroup(view, ordering) : landmarks);
   summary->schur_structure_given = structure.given;
   summary->schur_structure_used = structure.used;
-  const bool as_given = ordering.group_sizes.size() > 1 && landmarks.num_too_large == 0;
-  if (as_given) {
+  if (given) {  // what the user asked for, even where it is solved in another order
     summary->linear_solver_ordering_used = ordering.group_sizes;
     return;
   }

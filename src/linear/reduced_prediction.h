@@ -1,0 +1,25 @@
+#pragma once
+
+#include "inceres/block/block_pattern.h"
+#include "inceres/status.h"
+
+namespace inceres::internal {
+
+/// What the solver that ReducedSolverKind::kAutomatic stands for would take.
+struct ReducedPrediction {
+  double cost = 0.0;   ///< of a factorisation, in flops of the dense Cholesky that take as long
+  double bytes = 0.0;  ///< values of S included
+};
+
+/// Cost: that of the symbolic analysis, half a microsecond a block of S, where S is neither small nor full. Fails as that does.
+Status PredictReducedSolver(const BlockPattern& pattern, ReducedPrediction* prediction);
+
+/// The same for a full S with so many unknowns.
+ReducedPrediction PredictFullSystem(double size);
+
+/// Whether kAutomatic takes the dense solver for an S of this size, of which this share is there.
+bool IsSolvedDensely(double size, double fill);
+/// The share of S that is there.
+double FillOf(const BlockPattern& pattern);
+
+}  // namespace inceres::internal
