@@ -2,10 +2,11 @@
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 #if defined(__SANITIZE_THREAD__)
 #include <sanitizer/tsan_interface.h>
 #endif
+
+#include "base/arena_pool.h"
 
 namespace inceres::internal {
 
@@ -29,25 +30,13 @@ void Release(char*) {
 
 }  // namespace
 
-struct Executor::Arena {
-  explicit Arena(int num_threads) : arena(num_threads) {}
-  tbb::task_arena arena;
-};
-
-Executor::Executor(int num_threads) : num_threads_(num_threads) {
-  if (num_threads_ > 1) {
-    arena_ = std::make_unique<Arena>(num_threads_);
-  }
-}
-
-Executor::~Executor() = default;
-
 void Executor::RunParallel(int count, int grain, Callback callback, const void* context) const {
   void* mutable_context = const_cast<void*>(context);
   char started = 0;
   char finished = 0;
+  const LeasedArena arena(num_threads_);
   Release(&started);
-  arena_->arena.execute([&] {
+  arena->execute([&] {
     tbb::parallel_for(tbb::blocked_range<int>(0, count, grain), [&](const tbb::blocked_range<int>& range) {
       Acquire(&started);
       // Isolated: a body that waits in oneTBB itself, as a user's function may, must not be handed another range of ours

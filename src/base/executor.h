@@ -1,19 +1,18 @@
 #pragma once
 
-#include <memory>
 #include <type_traits>
 
 namespace inceres::internal {
 
-/// Runs independent tasks on up to num_threads threads of oneTBB, inside an arena of its own. With one thread, or one task,
-/// everything runs on the calling thread and oneTBB is never touched.
+/// Runs independent tasks on up to num_threads threads of oneTBB, the calling one among them, in an arena that no other call is
+/// in. With one thread, or one task, everything runs on the calling thread and oneTBB is never touched. An executor holds
+/// nothing, so it costs nothing to make one.
 ///
 /// Callers let each task write its own output, and sum what tasks wrote in groups that do not depend on num_threads: then the
 /// result is the same to the last bit for any number of threads.
 class Executor {
  public:
-  explicit Executor(int num_threads);
-  ~Executor();
+  explicit Executor(int num_threads) : num_threads_(num_threads) {}
   Executor(const Executor&) = delete;
   Executor& operator=(const Executor&) = delete;
 
@@ -35,12 +34,10 @@ class Executor {
 
  private:
   using Callback = void (*)(void* context, int begin, int end);
-  struct Arena;
 
   void RunParallel(int count, int grain, Callback callback, const void* context) const;
 
   int num_threads_;
-  std::unique_ptr<Arena> arena_;
 };
 
 }  // namespace inceres::internal

@@ -1,12 +1,16 @@
 #include "base/executor.h"
 
 #include <atomic>
+#include <chrono>
 #include <numeric>
 #include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 #include <tbb/parallel_for.h>
+
+#include "support/resident_memory.h"
 
 namespace inceres::internal {
 namespace {
@@ -100,6 +104,103 @@ TEST(Executor, ABodyThatWaitsIsNotEnteredAgainOnItsThread) {
   }
   EXPECT_EQ(num_entered_again, 0);
   EXPECT_EQ(sum, 20 * 20 * 200);
+}
+
+int SumInParallel(const Executor& executor) {
+  std::atomic<int> sum{0};
+  executor.For(100, 1, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) {
+      sum += i;
+    }
+  });
+  return sum;
+}
+
+// As a cost function does that solves another problem. It waits while every thread of the call around it does the same.
+TEST(Executor, ATaskMayMakeAParallelCallAndWaitForAThreadThatDoes) {
+  const Executor executor(2);
+  std::atomic<int> num_inside{0}, num_right{0};
+  executor.For(2, 1, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) {
+      ++num_inside;
+      for (int wait = 0; wait < 100 && num_inside < 2; ++wait) {  // there may be one processor only
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+      num_right += SumInParallel(executor) == 4950 ? 1 : 0;
+      std::thread([&] { num_right += SumInParallel(Executor(2)) == 4950 ? 1 : 0; }).join();
+    }
+  });
+  EXPECT_EQ(num_right, 4);
+}
+
+TEST(Executor, NoMoreThreadsThanAskedForEachOfTwoCalls) {
+  std::vector<std::thread> callers;
+  std::atomic<int> most{0};
+  for (int caller = 0; caller < 4; ++caller) {
+    callers.emplace_back([&] {
+      const Executor executor(2);
+      for (int round = 0; round < 50; ++round) {
+        std::atomic<int> num_inside{0};
+        executor.For(20, 1, [&](int, int) {
+          const int inside = ++num_inside;
+          for (int seen = most; inside > seen && !most.compare_exchange_weak(seen, inside);) {
+          }
+          std::this_thread::yield();
+          --num_inside;
+        });
+      }
+    });
+  }
+  for (std::thread& caller : callers) {
+    caller.join();
+  }
+  EXPECT_LE(most, 2);
+}
+
+TEST(Executor, AnExceptionOutOfATaskLeavesItReadyForTheNextCall) {
+  const Executor executor(2);
+  for (int round = 0; round < 600; ++round) {  // more than there are arenas, should each throw lose one
+    EXPECT_THROW(executor.For(20, 1, [](int, int) { throw 1; }), int);
+  }
+  EXPECT_EQ(SumInParallel(executor), 4950);
+}
+
+TEST(Executor, ThoseThatComeAndGoLoseNoMemory) {
+  if (test::kUnderSanitizer || test::ResidentBytes() < 0) {
+    GTEST_SKIP() << "memory cannot be measured here";
+  }
+  long before = 0;
+  for (int k = 0; k < 6000; ++k) {
+    before = k == 1000 ? test::ResidentBytes() : before;
+    ASSERT_EQ(SumInParallel(Executor(2 + k % 2)), 4950);
+  }
+  EXPECT_LT(test::ResidentBytes() - before, 2 << 20);
+}
+
+// None of the parent's other threads is there.
+TEST(Executor, WorksInAChildProcess) {
+  if (test::kUnderSanitizer) {
+    GTEST_SKIP() << "the sanitizer's own threads do not survive";
+  }
+  const Executor executor(2);
+  std::atomic<bool> stop{false};
+  std::thread busy([&] {
+    while (!stop) {
+      SumInParallel(Executor(2));
+    }
+  });
+  ASSERT_EQ(SumInParallel(executor), 4950);
+  stop = true;
+  busy.join();
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    alarm(60);
+    _exit(SumInParallel(executor) == 4950 && SumInParallel(Executor(3)) == 4950 ? 0 : 1);
+  }
+  int status = -1;
+  waitpid(child, &status, 0);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
 }
 
 TEST(Executor, OneTaskIsTheCallers) {

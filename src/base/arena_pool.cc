@@ -1,0 +1,53 @@
+#include "base/arena_pool.h"
+
+#include <atomic>
+
+namespace inceres::internal {
+
+// The state is 0 while the place has no arena, n while its arena of n threads is idle, −n while a call is in it.
+struct LeasedArena::Place {
+  std::atomic<int> state{0};
+  tbb::task_arena* arena = nullptr;  // written once, by the first call in it
+};
+
+namespace {
+
+// Room for calls at the same time and for numbers of threads. What finds none has an arena for this one call.
+constexpr int kNumPlaces = 256;
+
+// Constant initialisation, trivial destruction: there before the first solve and after the last one.
+LeasedArena::Place places[kNumPlaces];
+
+}  // namespace
+
+LeasedArena::LeasedArena(int num_threads) {
+  for (Place& place : places) {
+    if (TakeFrom(&place, num_threads)) {
+      return;
+    }
+  }
+  own_ = std::make_unique<tbb::task_arena>(num_threads);
+  arena_ = own_.get();
+}
+
+bool LeasedArena::TakeFrom(Place* place, int num_threads) {
+  int state = place->state.load(std::memory_order_relaxed);
+  if ((state != num_threads && state != 0) ||
+      !place->state.compare_exchange_strong(state, -num_threads, std::memory_order_acquire, std::memory_order_relaxed)) {
+    return false;
+  }
+  place_ = place;
+  if (place->arena == nullptr) {
+    place->arena = new tbb::task_arena(num_threads);
+  }
+  arena_ = place->arena;
+  return true;
+}
+
+LeasedArena::~LeasedArena() {
+  if (place_ != nullptr) {
+    place_->state.store(-place_->state.load(std::memory_order_relaxed), std::memory_order_release);
+  }
+}
+
+}  // namespace inceres::internal
