@@ -86,6 +86,8 @@ TEST(AbLog, ALineTellsOfBothSolves) {
   EXPECT_EQ(line["difference"]["cost"], result.cost_difference);
   EXPECT_EQ(line["difference"]["parameter"], result.parameters.relative);
   EXPECT_TRUE(line["difference"]["violations"].empty());
+  EXPECT_TRUE(line["difference"]["within_spread"].empty());
+  EXPECT_TRUE(line["difference"]["spread"].is_null());
   EXPECT_EQ(line["difference"]["tolerances"]["cost"], 1e-9);
   EXPECT_EQ(line["difference"]["tolerances"]["iterations"], 1.0);
   EXPECT_FALSE(line["machine"]["cpu"].get<std::string>().empty());
@@ -142,7 +144,7 @@ TEST(AbLog, ViolationsAreWrittenDown) {
   const test::TempDir directory;
   const CapturedLog log;
   testing::TwoFacedProblem faced([](int solve, int call, double* residual) {
-    residual[0] += solve == 2 && call >= 3 ? 0.5 : 0.0;
+    residual[0] += solve >= 2 && call >= 3 ? 0.5 : 0.0;
     return true;
   });
   SolveReport report = Logging(directory.File("ab.jsonl"));
@@ -152,6 +154,8 @@ TEST(AbLog, ViolationsAreWrittenDown) {
   EXPECT_EQ(line["difference"]["first_iteration"], 3);
   EXPECT_EQ(line["difference"]["parameter_block"], report.comparison->parameters.index);
   EXPECT_THAT(line["difference"]["violations"].at(0).get<std::string>(), HasSubstr("cost of iteration 3"));
+  EXPECT_TRUE(line["difference"]["within_spread"].empty());
+  EXPECT_THAT(line["difference"]["spread"]["linear_solvers"].get<std::string>(), HasSubstr("DENSE_SCHUR, SPARSE_SCHUR"));
 }
 
 TEST(AbLog, FallbacksStockAndIncrementalMode) {
@@ -266,7 +270,7 @@ TEST(Environment, NothingSetAsksForNothing) {
 
 TEST(Environment, EveryVariable) {
   const auto environment = Read({{"INCERES_MODE", "incremental"},
-                                 {"INCERES_CROSS_CHECK", "keep=stock,cost=1e-5,parameters=2,iterations=3,radius=0"},
+                                 {"INCERES_CROSS_CHECK", "keep=stock,cost=1e-5,parameters=2,iterations=3,radius=0,spread=4"},
                                  {"INCERES_AB_LOG", "run.jsonl"}});
   EXPECT_TRUE(environment.complaints.empty());
   EXPECT_EQ(environment.mode, internal::DropinMode::kIncremental);
@@ -276,6 +280,7 @@ TEST(Environment, EveryVariable) {
   EXPECT_EQ(environment.cross_check.parameter_tolerance, 2.0);
   EXPECT_EQ(environment.cross_check.iteration_tolerance, 3);
   EXPECT_EQ(environment.cross_check.radius_tolerance, 0.0);
+  EXPECT_EQ(environment.cross_check.spread_factor, 4.0);
   EXPECT_EQ(environment.ab_log, "run.jsonl");
   EXPECT_EQ(Read({{"INCERES_MODE", "stock"}}).mode, internal::DropinMode::kStock);
   EXPECT_EQ(Read({{"INCERES_MODE", "auto"}}).mode, internal::DropinMode::kAuto);

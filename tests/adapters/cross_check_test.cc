@@ -137,16 +137,21 @@ TEST(CrossCheck, NothingIsReportedUnasked) {
   EXPECT_EQ(report.comparison, nullptr);
 }
 
+// Of a comparison that finds something to accuse ours of: ours is solve 1 and, looked at again, 5.
+bool IsStocks(int solve) {
+  return solve >= 2 && solve <= 4;
+}
+
 TEST(CrossCheck, NamesTheIterationAndTheVariableThatDiffer) {
   TwoFacedProblem faced([](int solve, int call, double* residual) {
-    residual[0] += solve == 2 && call >= 3 ? 0.5 : 0.0;
+    residual[0] += IsStocks(solve) && call >= 3 ? 0.5 : 0.0;
     return true;
   });
   const CapturedLog log;
   SolveReport report = Checked();
   CeresSummary summary;
   inceres::Solve(Quiet(ceres::DENSE_NORMAL_CHOLESKY), &faced.test->problem, &summary, &report);
-  EXPECT_EQ(faced.solve, 2);
+  EXPECT_EQ(faced.solve, 5);
   const CrossCheckResult& result = *report.comparison;
   EXPECT_TRUE(result.compared);
   EXPECT_FALSE(result.agrees());
@@ -349,6 +354,7 @@ TEST(CrossCheck, TolerancesAreTheCallers) {
   const CapturedLog log;
   SolveReport report = Checked();
   report.cross_check.parameter_tolerance = 0.0;
+  report.cross_check.spread_factor = 0.0;  // stock's own solvers do not keep to that either
   CeresSummary summary;
   inceres::Solve(Quiet(), &test->problem, &summary, &report);
   ASSERT_THAT(report.comparison->violations, SizeIs(1));
@@ -397,7 +403,7 @@ TEST(CrossCheck, IncrementalModeIsJudgedByItsCost) {
   }
   const CapturedLog log;
   TwoFacedProblem faced([](int solve, int, double* residual) {
-    residual[0] += solve == 1 ? 0.0 : 1.0;
+    residual[0] += IsStocks(solve) ? 1.0 : 0.0;
     return true;
   });
   faced.test->problem.AddResidualBlock(new testing::TargetCost({1.0}), nullptr, faced.block);

@@ -34,6 +34,7 @@ def headline(solves):
         "ours": ours,
         "stock": stock,
         "num_disagreeing": sum(bool(solve.violations) for solve in compared),
+        "num_excused": sum(bool(solve.excused) for solve in compared),
         "largest_cost_difference": max((abs(solve.cost_difference) for solve in compared)),
         "largest_parameter_difference": max(solve.parameter_difference for solve in compared),
     }

@@ -48,10 +48,18 @@ class Solve:
         value = self._get("difference", "parameter")
         return math.inf if value is None else value
 
+    def _list(self, name):
+        found = self.record["difference"].get(name, []) if self.compared else []
+        return [str(entry) for entry in found] if isinstance(found, list) else []
+
     @property
     def violations(self):
-        found = self.record["difference"].get("violations", []) if self.compared else []
-        return [str(violation) for violation in found] if isinstance(found, list) else []
+        return self._list("violations")
+
+    @property
+    def excused(self):
+        """What differs beyond tolerance, but no more than stock's own solvers do."""
+        return self._list("within_spread")
 
     @property
     def why_alone(self):

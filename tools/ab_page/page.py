@@ -68,6 +68,8 @@ def tiles(head, solves, broken):
     def tile(big, small, kind=""):
         return f'<div class="tile {kind}"><p class="big">{big}</p><p>{small}</p></div>'
     bad = head["num_disagreeing"]
+    excused = head["num_excused"]
+    no_more = f'; {value("num_excused", excused, f"{excused:,}")} more differ, but no more than stock’s own solvers' if excused else ""
     by_first = " · ".join(f"{charts.NAMES[who]} first {three_digits(ratio)}" for who, ratio in head["ratio_by_first"].items())
     worst = head["largest_cost_difference"]
     alone = len(solves) - head["num_compared"]
@@ -80,7 +82,8 @@ def tiles(head, solves, broken):
         tile(value("max_ours", head["ours"]["max"], seconds_in_words(head["ours"]["max"])),
              f'our slowest solve; Ceres’s {value("max_stock", head["stock"]["max"], seconds_in_words(head["stock"]["max"]))}'),
         tile(f'{value("num_disagreeing", bad, f"{bad:,}")} <small>of {head["num_compared"]:,}</small>',
-             "disagree beyond tolerance; " + (f"costs differ by at most {worst:.1e}" if math.isfinite(worst) else "some costs are not finite"),
+             f"disagree beyond tolerance{no_more}; "
+             + (f"costs differ by at most {worst:.1e}" if math.isfinite(worst) else "some costs are not finite"),
              "bad" if bad else "good"),
         tile(value("num_faster", head["num_faster"], f'{100 * head["num_faster"] / head["num_compared"]:.0f} %'),
              f"of the solves ours is the faster one. Ratio with {esc(by_first)}"),

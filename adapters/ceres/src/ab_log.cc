@@ -136,6 +136,17 @@ std::string Judged(const JudgedTolerances& tolerances) {
       .Close();
 }
 
+std::string Spread(const StockSpread& spread) {
+  return JsonObject()
+      .AddString("linear_solvers", spread.linear_solvers)
+      .Add("cost", spread.cost)
+      .Add("parameter", spread.parameter)
+      .Add("iterations", spread.iterations)
+      .Add("first_iteration", spread.first_different_iteration)
+      .Add("seconds", spread.seconds)
+      .Close();
+}
+
 std::string Differences(const CrossCheckResult& result, const JudgedTolerances& tolerances) {
   return JsonObject()
       .Add("cost", result.cost_difference)
@@ -146,6 +157,8 @@ std::string Differences(const CrossCheckResult& result, const JudgedTolerances& 
       .Add("iterations", static_cast<int>(result.ours.iterations.size()) - static_cast<int>(result.stock.iterations.size()))
       .Add("first_iteration", result.first_different_iteration)
       .AddArray("violations", result.violations, JsonString)
+      .AddArray("within_spread", result.within_spread, JsonString)
+      .AddRaw("spread", result.spread ? Spread(*result.spread) : "null")
       .AddString("note", result.reason)
       .AddRaw("tolerances", Judged(tolerances))
       .Close();

@@ -11,6 +11,7 @@
 #include "adapters/ceres/src/compare_solves.h"
 #include "adapters/ceres/src/disagreement.h"
 #include "adapters/ceres/src/gate.h"
+#include "adapters/ceres/src/second_opinion.h"
 #include "adapters/ceres/src/solve_input.h"
 #include "adapters/ceres/src/stock_ceres.h"
 #include "adapters/ceres/src/user_state.h"
@@ -37,18 +38,6 @@ class StartGuard {
   bool armed_ = true;
 };
 
-ceres::Solver::Options OptionsForStock(const ceres::Solver::Options& options) {
-  ceres::Solver::Options quiet = options;
-  quiet.callbacks.clear();
-  quiet.minimizer_progress_to_stdout = false;
-  quiet.logging_type = ceres::SILENT;
-  if (options.linear_solver_ordering != nullptr) {
-    quiet.linear_solver_ordering =
-        std::make_shared<ceres::ParameterBlockOrdering>(*options.linear_solver_ordering);  // stock edits it
-  }
-  return quiet;
-}
-
 struct Call {
   const ceres::Solver::Options& options;
   ceres::Problem* problem;
@@ -60,7 +49,7 @@ struct Call {
 // Seconds of our solve, without the caller's callbacks.
 double SolveWithOurs(const Call& call) {
   const WallClock clock;
-  call.ours();
+  call.ours.once();
   return clock.Seconds() - call.report->callback_seconds;
 }
 
@@ -69,7 +58,7 @@ void SolveWithBoth(const Call& call, SolveMode mode, CrossCheckResult* result) {
   SolvedStates states;
   states.start = layout.Read();
   StartGuard guard(layout, states.start);
-  const ceres::Solver::Options for_stock = OptionsForStock(call.options);
+  const ceres::Solver::Options for_stock = QuietOptions(call.options);
   const auto solve_with_stock = [&] {
     const WallClock clock;
     SolveWithStock(for_stock, call.problem, &result->stock);
@@ -87,8 +76,13 @@ void SolveWithBoth(const Call& call, SolveMode mode, CrossCheckResult* result) {
     layout.Write(states.start);
     solve_with_stock();
   }
-  Compare(layout, states, TolerancesFor(mode, call.report->cross_check, call.options), result);
+  const JudgedTolerances tolerances = TolerancesFor(mode, call.report->cross_check, call.options);
+  Compare(layout, states, tolerances, Excuse(), result);
   result->compared = true;
+  if (WantsSecondOpinion(call.report->cross_check, *result)) {
+    SecondOpinion(call.options, call.problem, layout, states, tolerances, call.report->cross_check.spread_factor, call.ours.again)
+        .Judge(result);
+  }
   const bool ended_by_callback =
       result->ours.termination_type == ceres::USER_SUCCESS || result->ours.termination_type == ceres::USER_FAILURE;
   result->kept = ended_by_callback ? SolvedBy::kOurs : call.report->cross_check.keep;
@@ -153,6 +147,8 @@ void SolveAndCompare(const ceres::Solver::Options& options, ceres::Problem* prob
   report->comparison = result;
   if (!result->violations.empty()) {
     LOG(WARNING) << DescribeDisagreement(*result);
+  } else if (!result->within_spread.empty()) {
+    LOG(INFO) << DescribeExcuse(*result);
   }
   const bool refused = !report->used_stock && !report->fallback_reason.empty();
   if (logged && !refused) {

@@ -18,6 +18,12 @@ std::string CrossCheckOptions::Validate() const {
   if (radius_tolerance && !(*radius_tolerance >= 0.0)) {
     return complaint("radius_tolerance", *radius_tolerance);
   }
+  if (!(spread_factor >= 0.0)) {
+    return complaint("spread_factor", spread_factor);
+  }
+  if (spread_interval < 0) {
+    return complaint("spread_interval", spread_interval);
+  }
   return "";
 }
 

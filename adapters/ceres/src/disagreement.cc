@@ -54,7 +54,33 @@ void DescribeEnd(const char* who, const ceres::Solver::Summary& summary, double 
         << ")\n";
 }
 
+// Nothing if it was not measured.
+void DescribeSpread(const CrossCheckResult& result, std::ostringstream* text) {
+  if (!result.spread) {
+    return;
+  }
+  const StockSpread& spread = *result.spread;
+  *text << "  stock's own linear solvers (" << spread.linear_solvers << ") differ by " << spread.cost << " in the final cost, "
+        << spread.parameter << " in a parameter, " << spread.iterations << " iterations";
+  if (spread.first_different_iteration >= 0) {
+    *text << ", from iteration " << spread.first_different_iteration << " on";
+  }
+  *text << '\n';
+}
+
 }  // namespace
+
+std::string DescribeExcuse(const CrossCheckResult& result) {
+  std::ostringstream text;
+  text.precision(2);
+  text << "inceres: cross-check: ours and stock Ceres differ, but "
+       << (result.reason.empty() ? "no more than stock's own linear solvers do" : result.reason) << '\n';
+  for (const std::string& difference : result.within_spread) {
+    text << "  " << difference << '\n';
+  }
+  DescribeSpread(result, &text);
+  return text.str();
+}
 
 std::string DescribeDisagreement(const CrossCheckResult& result) {
   std::ostringstream text;
@@ -65,7 +91,10 @@ std::string DescribeDisagreement(const CrossCheckResult& result) {
   if (result.first_different_iteration >= 0) {
     text << "  first iteration that differs: " << result.first_different_iteration << '\n';
   }
+  text.precision(2);
+  DescribeSpread(result, &text);
   const ParameterDifference& worst = result.parameters;
+  text.precision(6);
   if (worst.block != nullptr) {
     text.precision(12);
     text << "  parameter that differs most: component " << worst.component << " of block " << worst.block << " of size "

@@ -10,4 +10,7 @@ namespace inceres::internal {
 /// differs most, and both traces side by side around that iteration.
 std::string DescribeDisagreement(const CrossCheckResult& result);
 
+/// What the log says of one that found differences beyond the tolerances, but excused them.
+std::string DescribeExcuse(const CrossCheckResult& result);
+
 }  // namespace inceres::internal

@@ -52,6 +52,8 @@ bool ReadItem(const std::string& item, CrossCheckOptions* check) {
     check->iteration_tolerance = static_cast<int>(*value);
   } else if (name == "radius" && value) {
     check->radius_tolerance = value;
+  } else if (name == "spread" && value) {
+    check->spread_factor = *value;
   } else {
     return false;
   }
@@ -112,7 +114,7 @@ Environment ReadEnvironment(const std::function<const char*(const char*)>& varia
     if (!item.empty() && !ReadItem(item, &environment.cross_check)) {
       environment.complaints.push_back(
           Complaint("INCERES_CROSS_CHECK", item,
-                    "1, 0, keep=ours, keep=stock, cost=X, parameters=X, iterations=N, radius=X with X, N >= 0"));
+                    "1, 0, keep=ours, keep=stock, cost=X, parameters=X, iterations=N, radius=X, spread=X with X, N >= 0"));
     }
   }
   environment.ab_log = value_of("INCERES_AB_LOG");

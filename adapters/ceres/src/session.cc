@@ -135,8 +135,8 @@ void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* 
   *summary = ceres::Solver::Summary();
   internal::ClearResults(report);
   if (internal::WantsComparison(report)) {
-    const auto ours = [&] { impl_->SolveOnce(options, problem, summary, report); };
-    internal::SolveAndCompare(options, problem, summary, report, SolveMode::kIncremental, ours);
+    const auto once = [&] { impl_->SolveOnce(options, problem, summary, report); };
+    internal::SolveAndCompare(options, problem, summary, report, SolveMode::kIncremental, {once, nullptr});
   } else {
     impl_->SolveOnce(options, problem, summary, report);
   }

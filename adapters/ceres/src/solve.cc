@@ -77,8 +77,13 @@ void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres
   const SolveMode mode = report != nullptr ? report->mode : SolveMode::kExact;
   internal::ClearResults(report);
   if (internal::WantsComparison(report)) {
-    const auto ours = [&] { SolveOnce(options, problem, summary, mode, report); };
-    internal::SolveAndCompare(options, problem, summary, report, mode, ours);
+    const auto once = [&] { SolveOnce(options, problem, summary, mode, report); };
+    const auto again = [&](const ceres::Solver::Options& quiet, ceres::Solver::Summary* second) {
+      SolveReport unread;
+      unread.strict = true;
+      SolveOnce(quiet, problem, second, mode, &unread);
+    };
+    internal::SolveAndCompare(options, problem, summary, report, mode, {once, again});
   } else {
     SolveOnce(options, problem, summary, mode, report);
   }

@@ -150,7 +150,7 @@ void HandOver(const ceres::Solver::Options& options, ceres::Problem* problem, ce
   SolveReport report = ReportFromEnvironment();
   const auto decline = [&] { Decline(options, problem, summary, reason, &report); };
   if (WantsComparison(&report)) {
-    SolveAndCompare(options, problem, summary, &report, SolveMode::kExact, decline, reason);
+    SolveAndCompare(options, problem, summary, &report, SolveMode::kExact, {decline, nullptr}, reason);
   } else {
     decline();
   }

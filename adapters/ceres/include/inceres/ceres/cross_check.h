@@ -16,8 +16,8 @@ enum class SolvedBy { kOurs, kStock };
 /// takes the time of both.
 ///
 /// Tolerances that are not set are the mode's own. Exact mode follows Ceres's trace, so the defaults are what two correct solvers
-/// keep to on a problem that does not amplify rounding (Ceres 2.1's solver contract, 4.12). Incremental mode promises only the
-/// minimum: ours must not end above stock by more than the function tolerance, and nothing else is judged unless it is set.
+/// keep to on a problem that does not amplify rounding. Incremental mode promises only a minimum: ours must not end above stock
+/// by more than the function tolerance, and nothing else is judged unless it is set.
 struct INCERES_EXPORT CrossCheckOptions {
   bool enabled = false;
   /// Whose result stays in the parameter blocks and in the summary. A solve that the caller's callback ended stays ours.
@@ -36,6 +36,18 @@ struct INCERES_EXPORT CrossCheckOptions {
   /// Largest relative difference of trust-region radii, as far as rounding does not decide them. Exact mode only: 1e-6.
   std::optional<double> radius_tolerance;
 
+  /// A problem that amplifies rounding gives two correct solvers two results. So before ours is accused of a violation, stock
+  /// solves again from the same start with another linear solver, or with two others, and ours may differ from stock by this many
+  /// times what those differ by from each other; what is excused by it stands in CrossCheckResult::within_spread. 0: any
+  /// difference beyond the tolerances is a violation at once.
+  ///
+  /// If that does not excuse it, ours too solves again, without the caller's callbacks (not in a CeresSession): when it meets
+  /// another cost at the very same start, and then agrees with stock, what differed were the cost functions, which remember.
+  double spread_factor = 10.0;
+  /// Stock's own spread is also measured where there is nothing to accuse: in one of so many comparisons of the process; 0:
+  /// never.
+  int spread_interval = 100;
+
   /// A message that names the field if a tolerance is negative or not a number; else empty.
   std::string Validate() const;
 };
@@ -51,11 +63,25 @@ struct INCERES_EXPORT ParameterDifference {
   double relative = 0.0;  ///< |ours − stock| / scale of the block
 };
 
+/// What stock's own linear solvers differ by from each other, from the same start; the largest where two were tried.
+struct INCERES_EXPORT StockSpread {
+  std::string linear_solvers;  ///< "DENSE_SCHUR, SPARSE_SCHUR": the one asked for and the others
+  double cost = 0.0;           ///< relative difference of the final costs
+  double parameter = 0.0;      ///< relative difference of a parameter, by the measure of CrossCheckOptions::parameter_tolerance
+  int iterations = 0;          ///< difference of their numbers
+  int first_different_iteration = -1;  ///< the first one where their traces part; −1 if none
+  double seconds = 0.0;                ///< that it took to measure
+};
+
 /// What a cross-check found. Both summaries are whole, also of the solve that was not kept.
 struct INCERES_EXPORT CrossCheckResult {
-  bool compared = false;                ///< both solved it
-  std::string reason;                   ///< why not compared, or what was left out of the judgement; else empty
+  bool compared = false;  ///< both solved it
+  std::string reason;     ///< why not compared, what was left out of the judgement, or that cost functions remember; else empty
   std::vector<std::string> violations;  ///< each names what differs, both values and the tolerance; empty: they agree
+  /// What is beyond a tolerance but excused, because stock's own linear solvers differ as much, or because the cost functions
+  /// remember, which `reason` then says. Empty if there are violations.
+  std::vector<std::string> within_spread;
+  std::optional<StockSpread> spread;  ///< if it was measured
   SolvedBy kept = SolvedBy::kOurs;
   SolvedBy first = SolvedBy::kOurs;  ///< who solved it first
 

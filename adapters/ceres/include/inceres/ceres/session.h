@@ -50,9 +50,9 @@ struct INCERES_EXPORT SessionOptions {
 /// - a manifold must have the plus-Jacobian it had; a loss must give the values it gave at 25 arguments from 4⁻¹² to 4¹².
 /// What these tests cannot see, Forget and Reset tell.
 ///
-/// The results are those of SolveMode::kIncremental: the same minimum within function_tolerance, not Ceres's trace. What that
-/// mode does not support goes to stock Ceres, for this one call. The problem may also be another one from call to call: what it
-/// shares with the last one is found by the same rules.
+/// The results are those of SolveMode::kIncremental: a minimum within function_tolerance, not Ceres's trace, nor always Ceres's
+/// minimum where there are several. What that mode does not support goes to stock Ceres, for this one call. The problem may also
+/// be another one from call to call: what it shares with the last one is found by the same rules.
 ///
 /// User code is called, and user memory touched, only during Solve. Cost: one pass over the problem, with one cost-only
 /// evaluation a residual block, plus the work of what changed. Memory: what the core keeps, and the parameters and residual of

@@ -18,8 +18,8 @@ namespace inceres {
 /// How inceres::Solve treats a ceres::Problem.
 enum class SolveMode {
   kExact,        ///< follows Ceres's trace: same strategy, same decisions, same termination
-  kIncremental,  ///< re-uses Jacobians and what follows from them while they are good enough: the same minimum within
-                 ///< function_tolerance, by another path and with less work
+  kIncremental,  ///< re-uses Jacobians and what follows from them while they are good enough: to a minimum within
+                 ///< function_tolerance, by another path and with less work; of several minima maybe to another one than Ceres
   kStock,        ///< hands everything to stock Ceres
 };
 
@@ -69,9 +69,10 @@ struct INCERES_EXPORT SolveReport {
   std::shared_ptr<const CrossCheckResult> comparison;
 };
 
-/// Solves a ceres::Problem: the same arguments, results and side effects as ceres::Solve, in less time. What this version
-/// does not support is decided before any side effect and handed to stock Ceres: one log line says so, and `report`, if given,
-/// says why.
+/// Solves a ceres::Problem: the same arguments and side effects as ceres::Solve, in less time, and in exact mode the same results
+/// up to rounding, which a problem that amplifies it, or has several minima, may show as two of Ceres's own solvers do. What this
+/// version does not support is decided before any side effect and handed to stock Ceres: one log line says so, and `report`, if
+/// given, says why.
 ///
 /// Requires what ceres::Solve requires. Cost functions are called directly, with Ceres's calling conventions, only during the
 /// call, and never concurrently when options.num_threads is 1. Re-entrant.
