@@ -3,9 +3,37 @@
 #include <algorithm>
 #include <cassert>
 #include <limits>
+#include <string>
 #include <utility>
 
+#include "graph/find_fault.h"
+
 namespace inceres {
+
+using internal::FamilyName;
+using internal::Invalid;
+
+namespace {
+
+std::string CountAndList(const std::vector<VariableId>& variables) {
+  constexpr std::size_t kMaxListed = 8;
+  std::string text = std::to_string(variables.size()) + (variables.size() == 1 ? " variable" : " variables");
+  for (std::size_t i = 0; i < std::min(variables.size(), kMaxListed); ++i) {
+    text += (i == 0 ? " (" : ", ") + std::to_string(variables[i]);
+  }
+  return text + (variables.empty() ? "" : variables.size() > kMaxListed ? ", …)" : ")");
+}
+
+// "2 slots (of 9, 3 values)".
+std::string DescribeSlots(const FactorFamily& family) {
+  std::string text = std::to_string(family.num_slots()) + (family.num_slots() == 1 ? " slot" : " slots");
+  for (int s = 0; s < family.num_slots(); ++s) {
+    text += (s == 0 ? " (of " : ", ") + std::to_string(family.slot(s).ambient_size);
+  }
+  return text + (family.num_slots() == 0 ? "" : " values)");
+}
+
+}  // namespace
 
 FactorGraph::VariableRecord FactorGraph::MakeOwned(int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
   VariableRecord variable;
@@ -54,30 +82,66 @@ VariableId FactorGraph::AddBorrowedConstant(const double* values, int ambient_si
 }
 
 FamilyId FactorGraph::AddFamily(std::shared_ptr<const FactorFamily> family) {
-  assert(family != nullptr && "FactorGraph::AddFamily: null family");
+  if (family == nullptr) {
+    Misused("AddFamily: the family is a null pointer");
+    return -1;
+  }
   ++revision_;
   families_.emplace_back().family = std::move(family);
   return num_families() - 1;
 }
 
+// False, so that callers can return it.
+bool FactorGraph::Misused(std::string message) {
+  if (misuse_.ok()) {
+    misuse_ = Invalid(std::move(message));
+  }
+  return false;
+}
+
+bool FactorGraph::HasFamily(const char* call, FamilyId id) {
+  return (id >= 0 && id < num_families()) || Misused(std::string(call) + ": there is no family " + std::to_string(id) +
+                                                     "; the graph has " + std::to_string(num_families()));
+}
+
+bool FactorGraph::CanAddFactor(FamilyId id, const FactorFamily& given, const std::vector<VariableId>& variables) {
+  if (!HasFamily("AddFactor", id)) {
+    return false;
+  }
+  if (&given != &family(id)) {
+    return Misused("AddFactor: " + FamilyName(id, family(id)) + " is not the family given with that id (" + given.Name() + ")");
+  }
+  return variables.size() == Index(given.num_slots()) ||
+         Misused("AddFactor: a factor of " + FamilyName(id, given) + " is given " + CountAndList(variables) + " but has " +
+                 DescribeSlots(given));
+}
+
 int FactorGraph::Connect(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss) {
-  assert(family >= 0 && family < num_families() && "FactorGraph::Connect: no such family");
+  if (!HasFamily("Connect", family)) {
+    return -1;
+  }
   ++revision_;
   return AppendFactor(family, variables, std::move(loss));
 }
 
 void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables,
                               std::vector<std::shared_ptr<const Loss>> losses) {
-  assert(family >= 0 && family < num_families() && "FactorGraph::ConnectMany: no such family");
-  if (variables.empty()) {
+  if (variables.empty() || !HasFamily("ConnectMany", family)) {
     return;
   }
   FamilyRecord& record = families_[Index(family)];
   const std::size_t num_slots = Index(record.family->num_slots());
-  assert(num_slots > 0 && "FactorGraph::ConnectMany: factors without variables");
-  const std::size_t count = variables.size() / num_slots;
-  assert(count * num_slots == variables.size() && "FactorGraph::ConnectMany: an incomplete factor");
-  assert((losses.empty() || losses.size() == count) && "FactorGraph::ConnectMany: a loss for each factor, or none at all");
+  const std::size_t count = num_slots == 0 ? 0 : variables.size() / num_slots;
+  if (count * num_slots != variables.size()) {
+    Misused("ConnectMany: factors of " + FamilyName(family, *record.family) + " have " + DescribeSlots(*record.family) +
+            ", and " + std::to_string(variables.size()) + " variables are not so many each");
+    return;
+  }
+  if (!losses.empty() && losses.size() != count) {
+    Misused("ConnectMany: " + std::to_string(count) + " factors of " + FamilyName(family, *record.family) + " are given " +
+            std::to_string(losses.size()) + " losses");
+    return;
+  }
   if (record.num_factors > 0 || tracked_) {
     for (std::size_t i = 0; i < count; ++i) {
       Connect(family, variables.data() + i * num_slots, losses.empty() ? nullptr : std::move(losses[i]));

@@ -34,6 +34,9 @@ bool internal::AllFinite(const double* values, std::size_t count) {
 }
 
 Status FactorGraph::Validate() const {
+  if (!misuse_.ok()) {
+    return misuse_;
+  }
   for (VariableId id = 0; id < num_variables(); ++id) {
     const VariableRecord& variable = variables_[Index(id)];
     const bool ordinary = variable.ambient_size > 0 && variable.manifold == nullptr && variable.offset >= 0 &&

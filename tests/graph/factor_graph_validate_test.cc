@@ -52,6 +52,61 @@ TEST_F(Validate, DanglingId) {
   ExpectError("factor 1 of blank (variables 0, 7): slot 1 names variable 7, but the graph has 3 variables");
 }
 
+TEST_F(Validate, FewerVariablesThanSlots) {
+  EXPECT_EQ(graph_.AddFactor(id_, *family_, {}, {0}), -1);
+  ExpectError("AddFactor: a factor of family 0 (blank) is given 1 variable (0) but has 2 slots (of 2, 3 values)");
+  EXPECT_EQ(graph_.NumFactors(id_), 1);
+  EXPECT_EQ(family_->size(), 1);
+}
+
+TEST_F(Validate, MoreVariablesThanSlots) {
+  EXPECT_EQ(graph_.AddFactor(id_, *family_, {}, std::vector<VariableId>(1000, 2)), -1);
+  ExpectError("is given 1000 variables (2, 2, 2, 2, 2, 2, 2, 2, …) but has 2 slots");
+}
+
+TEST_F(Validate, NoVariables) {
+  EXPECT_EQ(graph_.AddFactor(id_, *family_, {}, {}), -1);
+  ExpectError("is given 0 variables but has 2 slots");
+}
+
+TEST_F(Validate, TheFirstCallThatFailedIsNamed) {
+  EXPECT_EQ(graph_.AddFamily(nullptr), -1);
+  EXPECT_EQ(graph_.AddFactor(7, *family_, {}, {0, 1}), -1);
+  ExpectError("AddFamily: the family is a null pointer");
+}
+
+TEST_F(Validate, NoSuchFamily) {
+  for (const FamilyId id : {-1, 1, 1 << 30}) {
+    FactorGraph by_add = graph_, by_connect = graph_, by_connect_many = graph_;
+    const VariableId variables[] = {0, 1};
+    EXPECT_EQ(by_add.AddFactor(id, *family_, {}, {0, 1}), -1);
+    EXPECT_EQ(by_connect.Connect(id, variables), -1);
+    by_connect_many.ConnectMany(id, {0, 1});
+    for (const FactorGraph* graph : {&by_add, &by_connect, &by_connect_many}) {
+      EXPECT_NE(graph->Validate().message.find("there is no family " + std::to_string(id) + "; the graph has 1"),
+                std::string::npos)
+          << graph->Validate().message;
+    }
+    EXPECT_EQ(family_->size(), 1);
+  }
+}
+
+TEST_F(Validate, AnotherFamilysObject) {
+  BlankFamily other(1, {{2, 2}, {3, 3}});
+  EXPECT_EQ(graph_.AddFactor(id_, other, {}, {0, 1}), -1);
+  ExpectError("AddFactor: family 0 (blank) is not the family given with that id (blank)");
+}
+
+TEST_F(Validate, AnIncompleteFactorAmongMany) {
+  graph_.ConnectMany(id_, {0, 1, 0});
+  ExpectError("ConnectMany: factors of family 0 (blank) have 2 slots (of 2, 3 values), and 3 variables are not so many each");
+}
+
+TEST_F(Validate, AsManyLossesAsFactors) {
+  graph_.ConnectMany(id_, {0, 1}, std::vector<std::shared_ptr<const Loss>>(2));
+  ExpectError("ConnectMany: 1 factors of family 0 (blank) are given 2 losses");
+}
+
 TEST_F(Validate, NegativeId) {
   graph_.AddFactor(id_, *family_, {}, {-1, 1});
   ExpectError("factor 1 of blank (variables -1, 1): slot 0 names variable -1");

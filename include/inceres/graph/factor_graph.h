@@ -42,9 +42,10 @@ enum class Role : std::uint8_t { kFrame, kLandmark };
 
 /// The problem  min_x ½ Σ_j ρ_j(‖f_j(x)‖²): variables on manifolds, factors grouped in families, losses, constants.
 ///
-/// The graph owns the values of its variables (one contiguous *state*) and the connections of its factors. It checks nothing
-/// while it is built; Validate(), which every solve calls first, names what is wrong. Ids are dense: 0, 1, 2, … in order of
-/// addition.
+/// The graph owns the values of its variables (one contiguous *state*) and the connections of its factors. It reports nothing
+/// while it is built; Validate(), which every solve calls first, names what is wrong. A call that cannot be carried out at all
+/// (no such family, fewer or more variables than a factor has slots) changes nothing but what Validate() says. Ids are dense: 0,
+/// 1, 2, … in order of addition.
 ///
 /// A graph that lives on is changed by transactions (GraphEdit, graph_edit.h), which are checked as a whole and can remove. Ids
 /// then have gaps: what is removed leaves its id free, with its room in the state or its place in the family, for something later
@@ -62,22 +63,26 @@ class INCERES_EXPORT FactorGraph {
   /// graph's last solve. Its tangent size is 0 and it stays constant whatever SetConstant says.
   VariableId AddBorrowedConstant(const double* values, int ambient_size);
 
-  /// Adds a family; its factors are connected with Connect, in the family's order.
+  /// Adds a family; its factors are connected with Connect, in the family's order. −1 if it is null.
   FamilyId AddFamily(std::shared_ptr<const FactorFamily> family);
 
   /// Connects the family's next factor to one variable per slot, with a loss (null: ½‖f‖²). Returns the factor's index in the
-  /// family. `variables` has family.num_slots() entries. Cost: no allocation beyond the growth of a vector; losses cost nothing
-  /// while no factor of the family has one.
+  /// family, or −1 if there is no such family. `variables` has family.num_slots() entries. Cost: no allocation beyond the growth
+  /// of a vector; losses cost nothing while no factor of the family has one.
   int Connect(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss = nullptr);
 
   /// Connects several of the family's next factors at once, in less time than one after the other: num_slots variables each, and
-  /// a loss each or no losses at all. Takes the vectors' memory over where the family has no factors yet.
+  /// a loss each or no losses at all, else none is connected. Takes the vectors' memory over where the family has no factors yet.
   void ConnectMany(FamilyId family, std::vector<VariableId> variables, std::vector<std::shared_ptr<const Loss>> losses = {});
 
   /// Adds the measurement to a built-in family and connects it: graph.AddFactor(id, family, measurement, {camera, point}, loss).
+  /// Returns −1, and adds no measurement, if `family` is not the one of this id or `variables` not one for each of its slots.
   template <typename Family>
   int AddFactor(FamilyId id, Family& family, const typename Family::Measurement& measurement,
                 const std::vector<VariableId>& variables, std::shared_ptr<const Loss> loss = nullptr) {
+    if (!CanAddFactor(id, family, variables)) {
+      return -1;
+    }
     family.Add(measurement);
     return Connect(id, variables.data(), std::move(loss));
   }
@@ -197,11 +202,11 @@ class INCERES_EXPORT FactorGraph {
     return variable.offset < 0 ? variable.borrowed : state + variable.offset;
   }
 
-  /// Everything that makes the graph unsolvable, first culprit named: ids out of range, sizes that do not match a slot (of a
-  /// constant only the ambient size counts) or the manifold, bounds that nothing can meet, a variable twice in a factor, two
-  /// variable landmarks in a factor, a variable landmark of tangent size above 4, values that are null or not finite, a family
-  /// that holds more or fewer measurements than were connected (more is fine once an edit was checked: a refused one may have
-  /// placed some). Cost: one pass over factors and values; allocates for the message only.
+  /// Everything that makes the graph unsolvable, first culprit named: a call that could not be carried out, ids out of range,
+  /// sizes that do not match a slot (of a constant only the ambient size counts) or the manifold, bounds that nothing can meet, a
+  /// variable twice in a factor, two variable landmarks in a factor, a variable landmark of tangent size above 4, values that are
+  /// null or not finite, a family that holds more or fewer measurements than were connected (more is fine once an edit was
+  /// checked: a refused one may have placed some). Cost: one pass over factors and values; allocates for the message only.
   Status Validate() const;
 
   /// "factor 7 of BAL reprojection (variables 3, 112)": for messages.
@@ -267,6 +272,9 @@ class INCERES_EXPORT FactorGraph {
   static VariableRecord MakeOwned(int ambient_size, Role role, std::shared_ptr<const Manifold> manifold);
   static VariableRecord MakeBorrowed(const double* values, int ambient_size);
   VariableId AppendVariable(VariableRecord variable, const double* values);
+  bool CanAddFactor(FamilyId id, const FactorFamily& family, const std::vector<VariableId>& variables);
+  bool HasFamily(const char* call, FamilyId id);
+  bool Misused(std::string message);
   int AppendFactor(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss);
   void LinkFactor(FamilyId family, int factor);
   void UnlinkFactor(FamilyId family, int factor);
@@ -286,6 +294,8 @@ class INCERES_EXPORT FactorGraph {
   std::vector<double> state_;
   std::map<VariableId, VariableBounds> bounds_;     // of the bounded ones
   std::map<VariableId, std::vector<double>> pins_;  // of the pinned ones: their linearisation points
+
+  Status misuse_;  // the first call that could not be carried out
 
   // Of edited graphs only.
   std::int64_t revision_ = 0;
