@@ -14,6 +14,7 @@
 #include "tools/common/bal_picture.h"
 #include "tools/common/command_line.h"
 #include "tools/common/problem_source.h"
+#include "tools/common/read_flags.h"
 #include "tools/common/read_progress.h"
 #include "tools/common/run_solver.h"
 #include "tools/common/solver_flags.h"
@@ -160,7 +161,7 @@ int Main() {
     return Fail(kExitUsage, status.message);
   }
   BalProblem bal;
-  status = ReadBal(FLAGS_input, &bal, ReadProgressPrinter(FLAGS_input, stderr));
+  status = ReadBal(FLAGS_input, &bal, ReadProgressPrinter(FLAGS_input, stderr), ReadOptionsFromFlags());
   if (!status.ok()) {
     return Fail(kExitFailure, status.message);
   }

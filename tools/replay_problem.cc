@@ -13,6 +13,7 @@
 #include "inceres/io/g2o.h"
 #include "inceres/io/keyframes.h"
 #include "inceres/io/stereo_odometry.h"
+#include "tools/common/read_flags.h"
 #include "tools/common/read_progress.h"
 #include "tools/common/replay_scripts.h"
 #include "tools/common/vio_source.h"
@@ -52,7 +53,7 @@ Status CheckKind(const std::string& kind) {
 
 Status MakeBalScript(const std::string& path, int num_threads, ReplayScript* script) {
   BalProblem bal;
-  Status status = ReadBal(path, &bal, ReadProgressPrinter(path, stderr));
+  Status status = ReadBal(path, &bal, ReadProgressPrinter(path, stderr), ReadOptionsFromFlags());
   if (status.ok() && (bal.num_cameras < 2 || bal.observations.empty())) {
     status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more cameras, and observations");
   }
@@ -73,7 +74,7 @@ Status MakeBalScript(const std::string& path, int num_threads, ReplayScript* scr
 
 Status MakeKeyframeScript(const std::string& path, ReplayScript* script) {
   KeyframeSequence sequence;
-  Status status = ReadKeyframes(path, &sequence);
+  Status status = ReadKeyframes(path, &sequence, ReadOptionsFromFlags());
   if (status.ok() && sequence.keyframes.size() < 2) {
     status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more keyframes");
   }

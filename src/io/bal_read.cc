@@ -128,8 +128,8 @@ class BalReader {
 }  // namespace
 }  // namespace internal
 
-Status ReadBal(const std::string& path, BalProblem* problem, const ReadProgress& progress) {
-  return internal::ReadFile<internal::BalReader>(path, problem, progress);
+Status ReadBal(const std::string& path, BalProblem* problem, const ReadProgress& progress, const ReadOptions& options) {
+  return internal::ReadFile<internal::BalReader>(path, problem, options, progress);
 }
 
 }  // namespace inceres

@@ -1,6 +1,8 @@
 #include "io/byte_source.h"
 
+#include <algorithm>
 #include <cerrno>
+#include <cstdint>
 #include <filesystem>
 #include <system_error>
 #include <utility>
@@ -46,18 +48,63 @@ Status FileSource::Read(char* buffer, std::size_t capacity, std::size_t* size) {
   return Status::Ok();
 }
 
-Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source, ByteProgress progress) {
+namespace {
+
+constexpr std::int64_t kFreeBytes = std::int64_t{64} << 20;
+constexpr std::int64_t kMaxRatio = 200;
+
+// What a decoder makes of a file, up to the limit of ReadOptions.
+class LimitedSource : public ByteSource {
+ public:
+  LimitedSource(const FileSource& file, std::unique_ptr<ByteSource> decoder, std::int64_t max_bytes)
+      : file_(file), decoder_(std::move(decoder)), max_bytes_(max_bytes) {}
+
+  Status Read(char* buffer, std::size_t capacity, std::size_t* size) override {
+    Status status = decoder_->Read(buffer, capacity, size);
+    unpacked_bytes_ += static_cast<std::int64_t>(*size);
+    const std::int64_t limit = Limit();
+    if (status.ok() && unpacked_bytes_ > limit) {
+      *size = 0;
+      return Status::Error(StatusCode::kIo, "the file unpacks to more than " + std::to_string(limit) + " bytes, the limit" +
+                                                (max_bytes_ > 0 ? "" : " for one of its size") +
+                                                "; ReadOptions::max_unpacked_bytes (tools: --max_unpacked_bytes) sets another");
+    }
+    return status;
+  }
+
+ private:
+  std::int64_t Limit() const {
+    const std::int64_t packed_bytes = std::max(file_.file_bytes(), file_.bytes_read());
+    return max_bytes_ > 0 ? max_bytes_ : std::max(kFreeBytes, std::min(packed_bytes, INT64_MAX / kMaxRatio) * kMaxRatio);
+  }
+
+  const FileSource& file_;  // the decoder's
+  std::unique_ptr<ByteSource> decoder_;
+  std::int64_t max_bytes_;
+  std::int64_t unpacked_bytes_ = 0;
+};
+
+}  // namespace
+
+Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source, ByteProgress progress,
+                      const ReadOptions& options) {
+  if (options.max_unpacked_bytes < 0) {
+    return Status::Error(
+        StatusCode::kInvalidArgument,
+        path + ": ReadOptions::max_unpacked_bytes is " + std::to_string(options.max_unpacked_bytes) + "; it must be at least 0");
+  }
   auto file = std::make_unique<FileSource>();
   if (Status status = file->Open(path, std::move(progress)); !status.ok()) {
     return status;
   }
-  if (EndsWith(path, ".gz")) {
-    *source = MakeGzipSource(std::move(file));
-  } else if (EndsWith(path, ".bz2")) {
-    *source = MakeBzip2Source(std::move(file));
-  } else {
+  const bool gzip = EndsWith(path, ".gz");
+  if (!gzip && !EndsWith(path, ".bz2")) {
     *source = std::move(file);
+    return Status::Ok();
   }
+  const FileSource& packed = *file;
+  std::unique_ptr<ByteSource> decoder = gzip ? MakeGzipSource(std::move(file)) : MakeBzip2Source(std::move(file));
+  *source = std::make_unique<LimitedSource>(packed, std::move(decoder), options.max_unpacked_bytes);
   return Status::Ok();
 }
 

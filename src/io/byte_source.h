@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "inceres/io/read_options.h"
 #include "inceres/status.h"
 
 namespace inceres::internal {
@@ -29,6 +30,9 @@ class FileSource : public ByteSource {
   ~FileSource() override;
   Status Open(const std::string& path, ByteProgress progress = nullptr);
   Status Read(char* buffer, std::size_t capacity, std::size_t* size) override;
+  std::int64_t bytes_read() const { return bytes_read_; }
+  /// 0: not known.
+  std::int64_t file_bytes() const { return file_bytes_; }
 
  private:
   std::FILE* file_ = nullptr;
@@ -40,8 +44,10 @@ class FileSource : public ByteSource {
 std::unique_ptr<ByteSource> MakeGzipSource(std::unique_ptr<ByteSource> compressed);
 std::unique_ptr<ByteSource> MakeBzip2Source(std::unique_ptr<ByteSource> compressed);
 
-/// Opens a file for reading, with the decoder its name asks for (.gz, .bz2). The message of a failure names the file.
-Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source, ByteProgress progress = nullptr);
+/// Opens a file for reading, with the decoder its name asks for (.gz, .bz2), which ends with an error at the limit of the
+/// options. The message of a failure to open names the file.
+Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source, ByteProgress progress = nullptr,
+                      const ReadOptions& options = ReadOptions());
 
 /// How the system explains the current errno.
 std::string SystemError();

@@ -237,8 +237,8 @@ class G2oReader {
 }  // namespace
 }  // namespace internal
 
-Status ReadG2o(const std::string& path, PoseGraph* graph) {
-  return internal::ReadFile<internal::G2oReader>(path, graph);
+Status ReadG2o(const std::string& path, PoseGraph* graph, const ReadOptions& options) {
+  return internal::ReadFile<internal::G2oReader>(path, graph, options);
 }
 
 }  // namespace inceres

@@ -268,8 +268,8 @@ int KeyframeSequence::NumBetweens() const {
   return static_cast<int>(count);
 }
 
-Status ReadKeyframes(const std::string& path, KeyframeSequence* sequence) {
-  return internal::ReadFile<internal::KeyframeReader>(path, sequence);
+Status ReadKeyframes(const std::string& path, KeyframeSequence* sequence, const ReadOptions& options) {
+  return internal::ReadFile<internal::KeyframeReader>(path, sequence, options);
 }
 
 }  // namespace inceres

@@ -11,6 +11,7 @@ namespace {
 
 constexpr std::size_t kBufferSize = std::size_t{1} << 18;  // stays in the second-level cache
 constexpr std::ptrdiff_t kMaxToken = 512;                  // longer than any sensible number
+constexpr std::size_t kMaxShown = 40;
 
 bool IsLineEnd(char c) {
   return c == '\n' || c == '\r';
@@ -34,6 +35,13 @@ bool IsUnderflow(const char* first, const char* last) {
 }
 
 }  // namespace
+
+std::string Shown(std::string_view word) {
+  std::string shown(word.substr(0, kMaxShown));
+  std::replace_if(
+      shown.begin(), shown.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  return shown;
+}
 
 TextScanner::TextScanner(std::string path, std::unique_ptr<ByteSource> source)
     : path_(std::move(path)), source_(std::move(source)), buffer_(kBufferSize + 1) {
@@ -178,9 +186,7 @@ Status TextScanner::Failure(const std::string& field) const {
     return FailureAt(line_, field + ": " + source_status_.message);
   }
   const char* cut_off = source_ended_ && token_end == end_ && position_ != end_ ? ", the file ends here" : "";
-  std::string token(position_, std::min(token_end, position_ + 40));
-  std::replace_if(
-      token.begin(), token.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  const std::string token = Shown(std::string_view(position_, static_cast<std::size_t>(token_end - position_)));
   switch (problem_) {
     case Problem::kEndOfFile:
       return FailureAt(line_, field + ": missing, the file ends here");

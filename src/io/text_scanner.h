@@ -68,8 +68,12 @@ class TextScanner {
   Status source_status_;  // why reading stopped, if not at the end
 };
 
-/// Reads a file of tagged records, one a line: for each line that is not empty and no comment (#) sets *tag to its first word and
-/// calls read_fields(), which reads the rest; anything behind that is an error. Stops at the first failure.
+/// A word of a file as messages show it: its first 40 characters, '?' for what cannot be printed.
+std::string Shown(std::string_view word);
+
+/// Reads a file of tagged records, one a line: for each line that is not empty and no comment (#) sets *tag to its first word, as
+/// it is shown (which changes no tag that a format knows), and calls read_fields(), which reads the rest; anything behind that is
+/// an error. Stops at the first failure.
 template <typename ReadFields>
 Status ForEachTaggedLine(TextScanner* scanner, std::string* tag, ReadFields&& read_fields) {
   while (!scanner->AtEnd()) {
@@ -81,7 +85,7 @@ Status ForEachTaggedLine(TextScanner* scanner, std::string* tag, ReadFields&& re
       scanner->SkipLine();
       continue;
     }
-    *tag = word;
+    *tag = Shown(word);
     scanner->StayInLine();
     Status status = read_fields();
     if (status.ok() && !scanner->AtEnd()) {

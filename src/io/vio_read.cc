@@ -241,8 +241,8 @@ class VioReader : private RecordReader {
 }  // namespace
 }  // namespace internal
 
-Status ReadVioSequence(const std::string& path, VioSequence* sequence) {
-  return internal::ReadFile<internal::VioReader>(path, sequence);
+Status ReadVioSequence(const std::string& path, VioSequence* sequence, const ReadOptions& options) {
+  return internal::ReadFile<internal::VioReader>(path, sequence, options);
 }
 
 }  // namespace inceres

@@ -5,6 +5,7 @@
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/io/g2o.h"
 #include "tools/common/pose_graph_ceres_problem.h"
+#include "tools/common/read_flags.h"
 #include "tools/common/read_progress.h"
 #include "tools/common/vio_source.h"
 
@@ -126,7 +127,7 @@ Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSour
   const std::string path = specification.substr(colon + 1);
   if (kind == "bal") {
     BalProblem bal;
-    Status status = ReadBal(path, &bal, ReadProgressPrinter(path, stderr));
+    Status status = ReadBal(path, &bal, ReadProgressPrinter(path, stderr), ReadOptionsFromFlags());
     status = status.ok() ? CheckConnected(bal) : status;
     if (status.ok()) {
       *source = std::make_unique<BalSource>(std::move(bal), jacobians);
@@ -139,7 +140,7 @@ Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSour
     return status.ok() ? MakeVioSource(sequence, source) : status;
   }
   PoseGraph graph;
-  Status status = ReadG2o(path, &graph);
+  Status status = ReadG2o(path, &graph, ReadOptionsFromFlags());
   if (status.ok()) {
     *source = std::make_unique<PoseGraphSource>(std::move(graph));
   }

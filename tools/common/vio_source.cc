@@ -9,6 +9,7 @@
 #include <Eigen/Geometry>
 
 #include "inceres/sim/vio_scene.h"
+#include "tools/common/read_flags.h"
 #include "tools/common/replay_ceres_problem.h"
 #include "tools/common/replay_graph.h"
 #include "tools/common/replay_scripts.h"
@@ -110,7 +111,7 @@ Status OpenVioSequence(const std::string& name, VioSequence* sequence) {
   VioSceneOptions options;
   const std::vector<std::string> presets = VioScenePresets();
   const bool is_preset = std::find(presets.begin(), presets.end(), name) != presets.end();
-  Status status = is_preset ? GetVioScenePreset(name, &options) : ReadVioSequence(name, sequence);
+  Status status = is_preset ? GetVioScenePreset(name, &options) : ReadVioSequence(name, sequence, ReadOptionsFromFlags());
   if (status.ok() && is_preset) {
     status = GenerateVioScene(options, sequence);
   }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "inceres/export.h"
+#include "inceres/io/read_options.h"
 #include "inceres/status.h"
 
 namespace inceres {
@@ -60,13 +61,15 @@ using ReadProgress = std::function<void(std::int64_t bytes_read, std::int64_t fi
 /// A leading '+' is accepted.
 ///
 /// Every failure is kIo with a message `file:line: field: what is wrong`: a missing or unreadable file, corrupt or truncated
-/// compression, a truncated file, a count that is not a positive integer, an index out of range, NaN, infinity or a number
-/// beyond the range of double, anything that is not a number, and data after the last point. `*problem` is then unchanged.
+/// compression, a compressed file that unpacks to more than `options` allow, a truncated file, a count that is not a positive
+/// integer, an index out of range, NaN, infinity or a number beyond the range of double, anything that is not a number, and data
+/// after the last point. `*problem` is then unchanged.
 ///
 /// `progress`, if given, is called from the reading thread after each piece (at most 256 kB of the file).
 ///
 /// Cost: one pass over the file through a buffer of fixed size; memory is that of the result. Threads: no shared state.
-INCERES_EXPORT Status ReadBal(const std::string& path, BalProblem* problem, const ReadProgress& progress = nullptr);
+INCERES_EXPORT Status ReadBal(const std::string& path, BalProblem* problem, const ReadProgress& progress = nullptr,
+                              const ReadOptions& options = ReadOptions());
 
 /// Writes a BAL file, compressed if the name ends in .gz or .bz2. Numbers are written in the shortest form that reads back
 /// as the same double.

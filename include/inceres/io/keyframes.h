@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "inceres/export.h"
+#include "inceres/io/read_options.h"
 #include "inceres/status.h"
 
 namespace inceres {
@@ -74,14 +75,15 @@ struct INCERES_EXPORT KeyframeSequence {
 ///
 /// Rotations are projected on the nearest unit quaternion (files print few digits).
 ///
-/// Every failure is kIo with a message `file:line: TAG: field: what is wrong`: a missing file, corrupt compression, an unknown
-/// tag, a record before the first KEYFRAME, keyframes not numbered in order, a missing or surplus field, a number that is not
-/// finite, an R that is no rotation, a keyframe or feature that has not arrived yet, a feature twice in one keyframe, an inverse
-/// depth that is negative (or 0 in a guess), an information matrix that is not symmetric positive definite, and a file without
-/// keyframes.
+/// Every failure is kIo with a message `file:line: TAG: field: what is wrong`: a missing file, corrupt compression or one beyond
+/// the limit of `options`, an unknown tag, a record before the first KEYFRAME, keyframes not numbered in order, a missing or
+/// surplus field, a number that is not finite, an R that is no rotation, a keyframe or feature that has not arrived yet, a
+/// feature twice in one keyframe, an inverse depth that is negative (or 0 in a guess), an information matrix that is not
+/// symmetric positive definite, and a file without keyframes.
 /// `*sequence` is then unchanged.
 ///
 /// Cost: one pass over the file. Threads: no shared state.
-INCERES_EXPORT Status ReadKeyframes(const std::string& path, KeyframeSequence* sequence);
+INCERES_EXPORT Status ReadKeyframes(const std::string& path, KeyframeSequence* sequence,
+                                    const ReadOptions& options = ReadOptions());
 
 }  // namespace inceres

@@ -7,6 +7,7 @@
 #include "inceres/export.h"
 #include "inceres/factors/imu_options.h"
 #include "inceres/factors/pinhole_camera.h"
+#include "inceres/io/read_options.h"
 #include "inceres/status.h"
 
 namespace inceres {
@@ -90,13 +91,14 @@ struct INCERES_EXPORT VioSequence {
 /// CAMERA, NOISE and GRAVITY, each once, stand before the first IMU. Quaternions are x, y, z, w. Everything stands in the order
 /// of arrival: a frame comes after the samples that lead to it.
 ///
-/// Every failure is kIo with a message `file:line: TAG: field: what is wrong`: a missing file, corrupt compression, another
-/// version, an unknown tag, a record out of order or twice, a missing or surplus field, a number that is not finite, a quaternion
-/// that is not a unit one, a focal length or noise that is not positive, times that do not increase, a frame without a sample at
-/// its time, a point that has not arrived or that a frame sees twice, and a file without frames. `*sequence` is then unchanged.
+/// Every failure is kIo with a message `file:line: TAG: field: what is wrong`: a missing file, corrupt compression or one beyond
+/// the limit of `options`, another version, an unknown tag, a record out of order or twice, a missing or surplus field, a number
+/// that is not finite, a quaternion that is not a unit one, a focal length or noise that is not positive, times that do not
+/// increase, a frame without a sample at its time, a point that has not arrived or that a frame sees twice, and a file without
+/// frames. `*sequence` is then unchanged.
 ///
 /// Cost: one pass over the file. Threads: no shared state.
-INCERES_EXPORT Status ReadVioSequence(const std::string& path, VioSequence* sequence);
+INCERES_EXPORT Status ReadVioSequence(const std::string& path, VioSequence* sequence, const ReadOptions& options = ReadOptions());
 
 /// Writes it in that format, behind comments that explain it; compressed if the name ends in .gz or .bz2. Points stand before the
 /// first observation of them. Reading it gives the same sequence to the last bit. kInvalidArgument if it does not Validate(), kIo
