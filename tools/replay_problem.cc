@@ -98,7 +98,7 @@ Status MakeStereoScript(const std::string& folder, ReplayScript* script) {
 
 Status MakePoseGraphScript(const std::string& path, ReplayScript* script) {
   PoseGraph graph;
-  Status status = ReadG2o(path, &graph);
+  Status status = ReadG2o(path, &graph, ReadOptionsFromFlags());
   if (status.ok() && graph.NumVertices() < 2) {
     status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more poses");
   }

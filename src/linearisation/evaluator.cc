@@ -432,8 +432,10 @@ Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
   for (std::size_t k = 0; k < chunks_.size(); ++k) {
     const EvaluationFailure& failure = chunk_failures_[k];
     if (failure.failed()) {
-      return Status::Error(StatusCode::kEvaluationFailed,
-                           graph_->DescribeFactor(chunks_[k].family, failure.factor) + ": " + failure.reason);
+      const FamilyCache& cache = families_[chunks_[k].family];
+      const auto& parameters = jacobians || cache.candidate_parameters.empty() ? cache.parameters : cache.candidate_parameters;
+      const auto first = static_cast<std::ptrdiff_t>(failure.factor) * cache.family->num_slots();
+      return Status::Error(StatusCode::kEvaluationFailed, graph_->DescribeFailure(cache.id, failure, parameters.data() + first));
     }
   }
   for (const double sum : sums_) {

@@ -98,9 +98,9 @@ Status FactorLineariser::Evaluate(FactorId id) {
   if (!failure.failed()) {
     failure = EvaluateMoved(family, batch, parameters_.data(), [this](int) { return pinned_; });
   }
-  return failure.failed()
-             ? Status::Error(StatusCode::kEvaluationFailed, graph_.DescribeFactor(id.family, id.index) + ": " + failure.reason)
-             : Status::Ok();
+  const double* const* values = parameters_.data() + static_cast<std::ptrdiff_t>(id.index) * family.num_slots();
+  return failure.failed() ? Status::Error(StatusCode::kEvaluationFailed, graph_.DescribeFailure(id.family, failure, values))
+                          : Status::Ok();
 }
 
 Status FactorLineariser::Linearise(FactorId id, LinearisedFactor* result) {

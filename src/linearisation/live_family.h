@@ -40,6 +40,13 @@ class LiveFamily {
   int residual_size() const { return residual_size_; }
   int num_slots() const { return num_slots_; }
   const VariableId* variables(int factor) const { return graph_->Variables(id_, factor); }
+  /// Where its variables are, one pointer a slot, and where a step would take them.
+  const double* const* parameters(int factor) const {
+    return parameters_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_;
+  }
+  const double* const* candidate_parameters(int factor) const {
+    return candidate_parameters_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_;
+  }
 
   /// Takes over the factor at a place, new or used again, or whose variables have got other tangent maps. Not linearised yet.
   void Connect(int factor, LiveValues* values, const LiveTangents& tangents);
@@ -50,9 +57,7 @@ class LiveFamily {
   void UnsettleAll() { std::fill(steady_.begin(), steady_.end(), 0); }
 
   /// Lets the factor move its expansion point to the current values; true if it did and wants to be linearised anew.
-  bool Recentre(int factor) const {
-    return family_->Recentre(factor, parameters_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_);
-  }
+  bool Recentre(int factor) const { return family_->Recentre(factor, parameters(factor)); }
 
   /// Evaluates at the candidate, cost only.
   EvaluationFailure EvaluateCandidate(const std::vector<std::int32_t>& factors, const Executor& executor);

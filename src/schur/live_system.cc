@@ -151,7 +151,7 @@ Status LiveSystem::LineariseFamily(LiveFamily* family, bool by_difference) {
   if (failure.failed()) {
     cost_ = cost;
     return Status::Error(StatusCode::kEvaluationFailed,
-                         graph_.DescribeFactor(family->id(), failure.factor) + ": " + failure.reason);
+                         graph_.DescribeFailure(family->id(), failure, family->parameters(failure.factor)));
   }
   for (const std::int32_t i : list_) {
     AddToCost(family->Cost(i));
@@ -273,7 +273,7 @@ Status LiveSystem::EvaluateStep(double* change, double* predicted_decrease) {
     const EvaluationFailure failure = family.EvaluateCandidate(touched, executor_);
     if (failure.failed()) {
       return Status::Error(StatusCode::kEvaluationFailed,
-                           graph_.DescribeFactor(family.id(), failure.factor) + ": " + failure.reason);
+                           graph_.DescribeFailure(family.id(), failure, family.candidate_parameters(failure.factor)));
     }
     *change += family.CandidateChange(touched);
     *predicted_decrease += family.TryStep(touched, step_.data(), schur_.padded_change());

@@ -235,6 +235,7 @@ BatchOutcome Run(const IncrementalOptions& options, BatchEnd end, const std::ato
   summary->num_rejected_steps = solved.num_unsuccessful_steps;
   summary->num_recentred_factors = solved.work.num_recentred_factors;
   summary->batch_seconds = solved.seconds.total;
+  summary->failed_step = solved.failed_step;
   summary->batch_stages = solved.seconds;
   summary->message = solved.detail.empty() ? solved.message : solved.message + ": " + solved.detail;
   if (!std::isfinite(solved.final_cost)) {  // which Ceres 2.1 takes for convergence

@@ -474,7 +474,11 @@ bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
   const StageTimer timer(&summary_->evaluate_seconds);
   double change = 0.0;
   double predicted = 0.0;
-  const bool evaluated = system_.EvaluateStep(&change, &predicted).ok();
+  const Status status = system_.EvaluateStep(&change, &predicted);
+  const bool evaluated = status.ok();
+  if (!evaluated && summary_->failed_step.empty()) {
+    summary_->failed_step = status.message;
+  }
   for (const LiveFamily& family : system_.families()) {
     summary_->num_evaluated_factors += static_cast<std::int64_t>(system_.Touched(family.id()).size());
   }

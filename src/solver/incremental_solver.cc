@@ -31,6 +31,8 @@ void Clear(UpdateSummary* summary) {
   UpdateSummary cleared;
   cleared.message.swap(summary->message);
   cleared.message.clear();
+  cleared.failed_step.swap(summary->failed_step);
+  cleared.failed_step.clear();
   cleared.iterations.swap(summary->iterations);
   cleared.iterations.clear();
   *summary = std::move(cleared);
@@ -289,6 +291,10 @@ const FactorGraph& IncrementalSolver::graph() const {
 
 FamilyId IncrementalSolver::AddFamily(std::shared_ptr<const FactorFamily> family) {
   return impl_->graph.AddFamily(std::move(family));
+}
+
+void IncrementalSolver::SetVariableNames(std::function<std::string(VariableId)> name_of) {
+  impl_->graph.SetVariableNames(std::move(name_of));
 }
 
 void IncrementalSolver::SetOptions(const IncrementalOptions& options) {

@@ -99,6 +99,7 @@ std::string Summary::ToJson() const {
       .AddString("termination", ToString(termination))
       .AddString("message", message)
       .AddString("detail", detail)
+      .AddString("failed_step", failed_step)
       .Add("initial_cost", initial_cost)
       .Add("final_cost", final_cost)
       .Add("fixed_cost", fixed_cost)

@@ -219,7 +219,11 @@ bool TrustRegionMinimizer::HandleInvalidStep() {
 void TrustRegionMinimizer::ComputeCandidate() {
   candidate_cost_ = std::numeric_limits<double>::max();
   double cost = 0.0;
-  if (evaluator_.MoveCandidate(step_.data()) && EvaluateCandidate(&cost)) {
+  const bool moved = evaluator_.MoveCandidate(step_.data());
+  if (!moved && summary_.failed_step.empty()) {
+    summary_.failed_step = "x_plus_delta = Plus(x, delta) failed";
+  }
+  if (moved && EvaluateCandidate(&cost)) {
     candidate_cost_ = cost;
     if (inner_iterations_ != nullptr && inner_iterations_->IsDue(cost_ - cost)) {
       RunInnerIterations();
@@ -234,7 +238,11 @@ bool TrustRegionMinimizer::EvaluateCandidate(double* cost) {
   ++summary_.work.num_residual_evaluations;
   const Status evaluated = evaluator_.EvaluateCandidateCost(cost);
   clock_.Charge(&summary_.seconds.residuals);
-  return evaluated.ok() && IsCostUsable(*cost);
+  const bool usable = evaluated.ok() && IsCostUsable(*cost);
+  if (!usable && summary_.failed_step.empty()) {
+    summary_.failed_step = evaluated.ok() ? "the sum of all costs is not finite" : evaluated.message;
+  }
+  return usable;
 }
 
 bool TrustRegionMinimizer::IsCostUsable(double cost) const {

@@ -57,6 +57,7 @@ std::string UpdateSummary::ToJson() const {
       .AddString("termination", ToString(termination))
       .AddString("message", message)
       .Add("initial_cost", initial_cost)
+      .AddString("failed_step", failed_step)
       .Add("final_cost", final_cost)
       .Add("undone", undone)
       .Add("num_iterations", num_iterations)

@@ -30,6 +30,7 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   FactorGraph graph;
   LandmarkCounts landmarks;
   const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &landmarks, summary);
+  NameVariables(blocks, &graph);
 
   CallbackObserver observer(input.options, input.evaluation_callback, blocks);
   SolverOptions options = MapOptions(input.options, type);
@@ -41,6 +42,7 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   std::unique_ptr<Solver> solver = SolverPool::Global().Take(options, graph);
   Summary core = solver->Solve(options, &graph);
   SolverPool::Global().GiveBack(std::move(solver));
+  LogFailedStep(input.options, core.failed_step);
   if (core.termination == Termination::kFailure) {
     LOG_IF(WARNING, !core.detail.empty()) << "inceres: " << core.detail;  // where Ceres prints the residual block's numbers
     LOG(ERROR) << "Terminating: " << core.message;

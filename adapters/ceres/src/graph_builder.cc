@@ -75,6 +75,18 @@ std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& pla
   return Builder(view, plan, graph).Run();
 }
 
+void NameVariables(const std::vector<StateBlock>& blocks, FactorGraph* graph) {
+  graph->SetVariableNames([&blocks, graph](VariableId id) {
+    const double* user = graph->Values(id);  // of a borrowed constant
+    const std::int64_t offset = graph->StateOffset(id);
+    if (offset >= 0) {
+      const auto at = [](const StateBlock& block, std::int64_t wanted) { return block.offset < wanted; };
+      user = std::lower_bound(blocks.begin(), blocks.end(), offset, at)->user;
+    }
+    return DescribeObject("parameter block", user);
+  });
+}
+
 void WriteToUser(const std::vector<StateBlock>& blocks, const double* state) {
   for (const StateBlock& block : blocks) {
     std::copy_n(state + block.offset, block.size, block.user);

@@ -22,6 +22,10 @@ struct StateBlock {
 /// Returns where each moved block lies. The graph borrows cost functions, losses, manifolds and constants. Cost: linear.
 std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& plan, FactorGraph* graph);
 
+/// Has the graph's messages name variables by the parameter blocks they stand for. `blocks` is BuildGraph's and outlives the
+/// graph's solves.
+void NameVariables(const std::vector<StateBlock>& blocks, FactorGraph* graph);
+
 /// user memory := state, for every block the solver moves and nothing else.
 void WriteToUser(const std::vector<StateBlock>& blocks, const double* state);
 

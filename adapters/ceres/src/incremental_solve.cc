@@ -104,6 +104,7 @@ bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_option
   }
   FactorGraph graph;
   const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &result.landmarks, summary);
+  NameVariables(blocks, &graph);
   result.num_landmarks = result.landmarks.num_landmarks;
   result.changes.num_added_variables = static_cast<int>(graph.num_variables());
   result.changes.num_added_factors = graph.num_factors();

@@ -51,6 +51,7 @@ Summary ToSummary(const UpdateResult& result, const SolveInput& input) {
   core.termination = update.termination;
   core.message = MessageOf(update, input, result.seconds_before);
   core.detail = update.termination == Termination::kFailure ? update.message : "";
+  core.failed_step = update.failed_step;
   core.initial_cost = update.initial_cost + result.outside_cost;
   core.final_cost = update.final_cost + result.outside_cost;
   core.fixed_cost = result.fixed_cost;
@@ -92,6 +93,7 @@ void ReportNothingToSolve(const SolveInput& input, SolveReport* report) {
 bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input, ceres::Solver::Summary* summary,
                  SolveReport* report) {
   WriteSolution(core, summary);
+  LogFailedStep(input.options, core.failed_step);
   const bool usable = core.IsSolutionUsable();
   const bool failed = core.termination == Termination::kFailure;
   LOG_IF(WARNING, failed) << "inceres: " << core.detail;

@@ -166,4 +166,12 @@ void LivingProblem::Remember() {
   }
 }
 
+// For messages. A block that was constant from the first on, or is gone, is not among the variables.
+std::string LivingProblem::NameOf(VariableId id) const {
+  const auto found =
+      std::find_if(variables_.begin(), variables_.end(), [id](const Variable& variable) { return variable.id == id; });
+  return found == variables_.end() ? "parameter block of variable " + std::to_string(id)
+                                   : DescribeObject("parameter block", found->user);
+}
+
 }  // namespace inceres::internal

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <unordered_set>
 #include <utility>
 #include <vector>
@@ -42,7 +43,9 @@ enum class Trust {
 /// In the graph are the residual blocks that touch a variable block, and those that did so once and have since become constant.
 class LivingProblem {
  public:
-  LivingProblem(const IncrementalOptions& options, Trust trust) : solver_(options), edit_(solver_.graph()), trust_(trust) {}
+  LivingProblem(const IncrementalOptions& options, Trust trust) : solver_(options), edit_(solver_.graph()), trust_(trust) {
+    solver_.SetVariableNames([this](VariableId id) { return NameOf(id); });
+  }
   LivingProblem(const LivingProblem&) = delete;
   LivingProblem& operator=(const LivingProblem&) = delete;
 
@@ -97,6 +100,7 @@ class LivingProblem {
     }
   };
 
+  std::string NameOf(VariableId id) const;
   void ChooseRoles(const ProblemNow& now);
   void ChooseFamilies(const ProblemNow& now);
   int FamilyOf(const FactorShape& shape, int landmark_slot);

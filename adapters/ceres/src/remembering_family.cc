@@ -38,6 +38,10 @@ bool RememberingFamily::EvaluateOne(int i, const double* const* parameters, doub
   return evaluated;
 }
 
+std::string RememberingFamily::Describe(int i) const {
+  return DescribeObject("cost function", costs_[At(i)]);
+}
+
 void RememberingFamily::Place(int i, const ceres::CostFunction* cost) {
   if (i >= size()) {
     costs_.resize(At(i) + 1, nullptr);

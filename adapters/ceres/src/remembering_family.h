@@ -24,6 +24,7 @@ class RememberingFamily : public AmbientFamily<RememberingFamily> {
 
   int size() const override { return static_cast<int>(costs_.size()); }
   const char* Name() const override { return "ceres::CostFunction"; }
+  std::string Describe(int i) const override;
   bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const;
 
   /// Puts a cost function to a place, which may be one beyond the last; what was known of the place is forgotten.

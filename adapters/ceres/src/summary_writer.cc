@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include <glog/logging.h>
+
 #include "adapters/ceres/src/ceres_version.h"
 #include "adapters/ceres/src/schur_structure.h"
 
@@ -161,6 +163,11 @@ void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering, co
       summary->linear_solver_ordering_used.push_back(size);
     }
   }
+}
+
+void LogFailedStep(const ceres::Solver::Options& options, const std::string& failed_step) {
+  LOG_IF(WARNING, !failed_step.empty() && options.logging_type != ceres::SILENT)
+      << "Step failed to evaluate. Treating it as a step with infinite cost. The first one of this solve: " << failed_step;
 }
 
 }  // namespace inceres::internal

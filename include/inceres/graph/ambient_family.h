@@ -193,7 +193,7 @@ class AmbientFamily : public FactorFamily {
       for (int s = 0; s < num_slots; ++s) {
         typename Scratch::Slot& slot = scratch.slots[s];
         if (!TakeOver(*maps[s], slot, rows)) {
-          return FirstFault(batch, i + 1, {i, kBadJacobian});
+          return FirstFault(batch, i + 1, BadJacobian(i, s, slot.values, slot.size));
         }
         slot.J_tangent += slot.factor_stride;
       }
@@ -324,7 +324,34 @@ class AmbientFamily : public FactorFamily {
       ++i;
       residuals += residual_size();
     }
-    return {i, kBadResidual};
+    const int r = FirstUnwritten(residuals, residual_size());
+    return {i, kBadResidual, -1, r, residuals[r]};
+  }
+
+  // The index of the first entry that is not finite or was not written; −1 if it can no longer be told.
+  static int FirstUnwritten(const double* values, int count) {
+    for (int k = 0; k < count; ++k) {
+      if (!AreAllWritten(values + k, 1)) {
+        return k;
+      }
+    }
+    return -1;
+  }
+
+  static EvaluationFailure BadJacobian(int factor, int slot, const double* J, int count) {
+    const int entry = FirstUnwritten(J, count);
+    return {factor, kBadJacobian, slot, entry, entry < 0 ? 0.0 : J[entry]};
+  }
+
+  // Of Jacobians in their places, all of one row.
+  EvaluationFailure BadJacobianInPlace(const FactorBatch& batch, int factor) const {
+    for (int s = 0; s < num_slots(); ++s) {
+      const double* row = batch.jacobians[s].data + factor * batch.jacobians[s].factor_stride;
+      if (Maps(batch)[s]->wanted() && !AreAllWritten(row, slot(s).ambient_size)) {
+        return BadJacobian(factor, s, row, slot(s).ambient_size);
+      }
+    }
+    return {factor, kBadJacobian};
   }
 
   EvaluationFailure FirstFaultInPlace(const FactorBatch& batch, const Run* runs, int num_runs, int end,
@@ -343,7 +370,8 @@ class AmbientFamily : public FactorFamily {
         }
       });
     }
-    return first_bad == end ? FirstFault(batch, end, failure) : FirstFault(batch, first_bad + 1, {first_bad, kBadJacobian});
+    return first_bad == end ? FirstFault(batch, end, failure)
+                            : FirstFault(batch, first_bad + 1, BadJacobianInPlace(batch, first_bad));
   }
 
   // Whether that is shown by a look at all that lies between its first entry and its last, where it is little more than its own.

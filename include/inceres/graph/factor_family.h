@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -53,12 +54,21 @@ struct FactorBatch {
   const JacobianView* jacobians = nullptr;          ///< one view a slot, to be written; null for a cost-only evaluation
 };
 
-/// Names the factor that could not be evaluated; `factor` is negative on success.
+/// Names the factor that could not be evaluated; `factor` is negative on success. Which number it was, if it was one, is said by
+/// the rest: residual `entry`, or entry `entry` (row-major, of the ambient Jacobian) of slot `slot`.
 struct EvaluationFailure {
   int factor = -1;
   const char* reason = "";  ///< static string
+  int slot = -1;            ///< of the Jacobian at fault; −1: a residual, or nothing of the kind
+  int entry = -1;           ///< −1: not known
+  double value = 0.0;       ///< that stands there
   bool failed() const { return factor >= 0; }
 };
+
+namespace internal {
+/// "cost function 0x55…": for Describe.
+INCERES_EXPORT std::string DescribeObject(const char* kind, const void* object);
+}  // namespace internal
 
 /// Like factors stored together: same residual size, same ambient and tangent size in every slot. This is the seam between
 /// the solver and every kind of measurement: one virtual call evaluates a *range* of factors, so built-in families loop over
@@ -91,6 +101,9 @@ class INCERES_EXPORT FactorFamily {
 
   /// What error messages call a factor of this family, for example "BAL reprojection".
   virtual const char* Name() const = 0;
+
+  /// What the user knows one factor by, for error messages: the address of an object of his, say. Empty: by its index alone.
+  virtual std::string Describe(int /*factor*/) const { return ""; }
 
   /// Evaluates the factors [batch.begin, batch.end). Must write every residual, and every Jacobian that is wanted. On failure
   /// names the first factor that failed; what was written is then ignored.

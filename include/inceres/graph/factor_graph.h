@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -211,6 +212,11 @@ class INCERES_EXPORT FactorGraph {
 
   /// "factor 7 of BAL reprojection (variables 3, 112)": for messages.
   std::string DescribeFactor(FamilyId id, int factor) const;
+  /// The same, and what went wrong with which number, what the family says of the factor (FactorFamily::Describe), and the first
+  /// values of its variables, of which `parameters` holds one pointer a slot: at the point where it failed.
+  std::string DescribeFailure(FamilyId id, const EvaluationFailure& failure, const double* const* parameters) const;
+  /// What the user knows a variable by, for DescribeFailure: the address of a parameter block, say. Null: by its id.
+  void SetVariableNames(std::function<std::string(VariableId)> name_of) { variable_name_ = std::move(name_of); }
 
  private:
   friend class internal::EditCheck;
@@ -295,6 +301,7 @@ class INCERES_EXPORT FactorGraph {
   std::map<VariableId, VariableBounds> bounds_;     // of the bounded ones
   std::map<VariableId, std::vector<double>> pins_;  // of the pinned ones: their linearisation points
 
+  std::function<std::string(VariableId)> variable_name_;
   Status misuse_;  // the first call that could not be carried out
 
   // Of edited graphs only.

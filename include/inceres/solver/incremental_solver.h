@@ -1,6 +1,8 @@
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <string>
 
 #include "inceres/export.h"
 #include "inceres/graph/factor_graph.h"
@@ -37,6 +39,9 @@ class INCERES_EXPORT IncrementalSolver {
 
   /// Adds a family, for good: families cost nothing while they are empty.
   FamilyId AddFamily(std::shared_ptr<const FactorFamily> family);
+
+  /// As FactorGraph::SetVariableNames: what messages call the variables.
+  void SetVariableNames(std::function<std::string(VariableId)> name_of);
 
   /// Carries out an edit, begun with GraphEdit(solver.graph()), all or nothing: an error names the id at fault, and the solver is
   /// as it was. No factor is evaluated before the next Update; families take measurements in. Cost: goes with the edit.

@@ -81,7 +81,10 @@ struct INCERES_EXPORT LineSearchSummary {
 struct INCERES_EXPORT Summary {
   Termination termination = Termination::kFailure;
   std::string message = "inceres::Solve was not called.";  ///< in Ceres's words where Ceres has them
-  std::string detail;          ///< the culprit behind a failure or the last invalid step: which factor or variable, and why
+  std::string detail;  ///< the culprit behind a failure or the last invalid step: which factor or variable, and why
+  /// The first step whose end could not be evaluated, and which was refused as one of infinite cost: which factor or variable,
+  /// and why. Empty if there was none.
+  std::string failed_step;
   double initial_cost = -1.0;  ///< with fixed cost; -1 if the start could not be evaluated
   double final_cost = -1.0;
   double fixed_cost = 0.0;

@@ -55,6 +55,7 @@ struct INCERES_EXPORT UpdateIteration {
 struct INCERES_EXPORT UpdateSummary {
   Termination termination = Termination::kFailure;
   std::string message;
+  std::string failed_step;  ///< as in Summary
   double initial_cost = 0.0;
   double final_cost = 0.0;
   /// What the model saw left to gain before the last step of the frames, or at convergence: truncated and unvisited parts too.

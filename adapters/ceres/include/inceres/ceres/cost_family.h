@@ -33,6 +33,9 @@ class CeresCostFamily final : public AmbientFamily<CeresCostFamily> {
 
   int size() const override { return static_cast<int>(costs_.size()); }
   const char* Name() const override { return "ceres::CostFunction"; }
+  std::string Describe(int i) const override {
+    return internal::DescribeObject("cost function", costs_[static_cast<std::size_t>(i)].get());
+  }
 
   bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
     return costs_[static_cast<std::size_t>(i)]->Evaluate(parameters, residuals, jacobians);
