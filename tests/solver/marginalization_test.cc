@@ -55,7 +55,7 @@ void ExpectRefused(FactorGraph* graph, const MarginalizationRequest& request, co
   const std::string before = Dump(*graph);
   const MarginalizationSummary summary = Marginalize(request, options, graph);
   EXPECT_EQ(summary.status.code, code);
-  EXPECT_EQ(summary.status.message, message);
+  EXPECT_EQ(summary.status.message.rfind(message, 0), 0U) << summary.status.message;
   EXPECT_EQ(summary.offenders, offenders);
   EXPECT_EQ(summary.prior.family, -1);
   EXPECT_EQ(Dump(*graph), before);
@@ -143,7 +143,7 @@ TEST(MarginalizationFailure, AFactorThatCannotBeEvaluated) {
   auto& function = const_cast<FunctionFamily&>(dynamic_cast<const FunctionFamily&>(chain.graph.family(family)));
   chain.graph.AddFactor(family, function, 0, {0});
   ExpectRefused(&chain.graph, Request({0, chain.landmark}), MarginalizationOptions(), StatusCode::kEvaluationFailed,
-                "factor 0 of function (variables 0): the cost function returned false", {});
+                "factor 0 of function (variables 0): the cost function returned false; at variable 0 = (", {});
 }
 
 TEST(Marginalization, TheCallersOrder) {

@@ -115,8 +115,8 @@ void SecondOpinion::JudgeAnew(CrossCheckResult* result) const {
   Compare(layout_, states_, tolerances_, excuse_, result);
 }
 
-// Our solver makes the same bits of the same problem. What makes it meet another cost at the same start is not in it. Failures are
-// never excused by this.
+// Our solver makes the same bits of the same problem. What makes it meet another cost at the same start is not in it. Failures
+// are never excused by this.
 bool SecondOpinion::CostFunctionsRemember(CrossCheckResult* result) const {
   if (ours_again_ == nullptr || !result->stock.IsSolutionUsable() || !result->ours.IsSolutionUsable()) {
     return false;
