@@ -154,6 +154,7 @@ int RunSibling(const DropInMode& mode) {
   const pid_t child = fork();
   if (child == 0) {
     setenv("INCERES_MODE", mode.environment, 1);
+    setenv("INCERES_WINDOWS", "incremental", 1);  // small as these problems are
     std::vector<std::string> words = {sibling.string(), std::string("--mode=") + mode.name};
     for (const char* flag : {"seed", "first_life", "lives", "edits", "seconds", "json", "verbose"}) {
       words.push_back(std::string("--") + flag + "=" + gflags::GetCommandLineFlagInfoOrDie(flag).current_value);

@@ -11,6 +11,7 @@
 
 #include "adapters/captured_log.h"
 #include "adapters/compare_with_stock.h"
+#include "adapters/session_support.h"
 #include "adapters/two_faced_problem.h"
 #include "inceres/ceres/session.h"
 #include "inceres/ceres/solve.h"
@@ -415,7 +416,7 @@ TEST(CrossCheck, IncrementalModeIsJudgedByItsCost) {
 
 TEST(CrossCheck, ASessionGoesOnFromWhatItWrote) {
   const auto test = MakeWindow(5, 40, true);
-  CeresSession session;
+  CeresSession session(inceres::testing::AlwaysIncremental());
   SolveReport report = Checked();
   CeresSummary summary;
   session.Solve(Quiet(), &test->problem, &summary, &report);

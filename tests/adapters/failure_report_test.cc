@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "adapters/captured_log.h"
+#include "adapters/session_support.h"
 #include "adapters/test_problems.h"
 #include "inceres/ceres/session.h"
 #include "inceres/ceres/solve.h"
@@ -128,7 +129,7 @@ TEST(FailureReport, OfIncrementalMode) {
 
 TEST(FailureReport, OfASession) {
   ExpectNamed([](const auto& options, auto* problem, auto* summary, auto* report) {
-    CeresSession session;
+    CeresSession session(inceres::testing::AlwaysIncremental());
     session.Solve(options, problem, summary, report);
   });
 }

@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "adapters/compare_with_stock.h"
+#include "adapters/session_support.h"
 #include "inceres/ceres/session.h"
 
 namespace inceres {
@@ -88,7 +89,7 @@ class Bench {
 
   std::unique_ptr<TestProblem> test;
   Options options;
-  CeresSession session;
+  CeresSession session(inceres::testing::AlwaysIncremental());
   SolveReport report;
   ceres::Solver::Summary summary;
   Blocks start;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "adapters/compare_with_stock.h"
+#include "adapters/session_support.h"
 #include "inceres/ceres/session.h"
 
 namespace inceres {
@@ -118,7 +119,7 @@ TEST(IterativeSolvers, ASessionSolvesAgainWithTheOtherKind) {
   const auto test = MakeChain();
   Options options;
   options.logging_type = ceres::SILENT;
-  CeresSession session;
+  CeresSession session(inceres::testing::AlwaysIncremental());
   ceres::Solver::Summary summary;
   SolveReport report;
   for (const ceres::LinearSolverType type : {ceres::SPARSE_NORMAL_CHOLESKY, ceres::CGNR, ceres::CGNR}) {

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "adapters/session_support.h"
 #include "adapters/test_problems.h"
 #include "inceres/ceres/session.h"
 #include "inceres/ceres/solve.h"
@@ -78,13 +79,13 @@ TEST(MemoryGrowth, OfIncrementalSolves) {
 
 TEST(MemoryGrowth, OfSessions) {
   ExpectNoGrowth([](const auto& options, auto* problem, auto* summary) {
-    CeresSession session;
+    CeresSession session(inceres::testing::AlwaysIncremental());
     session.Solve(options, problem, summary);
   });
 }
 
 TEST(MemoryGrowth, OfASessionThatMeetsOtherProblems) {
-  CeresSession session;
+  CeresSession session(inceres::testing::AlwaysIncremental());
   ExpectNoGrowth([&](const auto& options, auto* problem, auto* summary) { session.Solve(options, problem, summary); });
 }
 

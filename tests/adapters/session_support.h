@@ -46,11 +46,18 @@ inline ceres::Problem::Options Borrowing() {
   return options;
 }
 
+/// Every solve of a session incremental, small as tests' problems are.
+inline SessionOptions AlwaysIncremental() {
+  SessionOptions options;
+  options.exact_windows = false;
+  return options;
+}
+
 /// A session with what its last solve told.
 struct Session {
   explicit Session(bool verify = true) : session(MakeOptions(verify)) {}
   static SessionOptions MakeOptions(bool verify) {
-    SessionOptions options;
+    SessionOptions options = AlwaysIncremental();
     options.verify_cached_factors = verify;
     return options;
   }

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "adapters/living_window.h"
+#include "adapters/session_support.h"
 #include "inceres/ceres/session.h"
 
 namespace inceres {
@@ -56,7 +57,7 @@ class SessionWindow : public ::testing::TestWithParam<Landmarks> {
 
   // The same solve by a session that remembers nothing, on a third copy.
   void SolveFromScratch(LivingWindow* window) {
-    CeresSession fresh;
+    CeresSession fresh(inceres::testing::AlwaysIncremental());
     SolveReport report;
     ceres::Solver::Summary summary;
     fresh.Solve(Adjusted(Options(1e-6), *window), window->problem(), &summary, &report);
@@ -72,7 +73,7 @@ class SessionWindow : public ::testing::TestWithParam<Landmarks> {
 
   LivingWindow ours_;
   LivingWindow stock_;
-  CeresSession session_;
+  CeresSession session_{inceres::testing::AlwaysIncremental()};
   SolveReport report_;
   long relinearised_ = 0;
   long relinearised_from_scratch_ = 0;

@@ -216,7 +216,7 @@ TEST_P(EveryWay, ComparesAndLogsUnnoticed) {
 INSTANTIATE_TEST_SUITE_P(Dropin, EveryWay, ::testing::ValuesIn(kWays), [](const auto& way) { return way.param; });
 
 TEST(Dropin, IncrementalEndsWhereStockEnds) {
-  const ProgramRun ours = Preloaded("living", "INCERES_MODE=incremental");
+  const ProgramRun ours = Preloaded("living", "INCERES_MODE=incremental INCERES_WINDOWS=incremental");
   EXPECT_EQ(ours.exit_code, 0);
   EXPECT_EQ(NumSolved(ours), 12) << ours.err;
   EXPECT_EQ(CountOf(ours.err, "not incremental"), 0) << ours.err;
@@ -230,7 +230,7 @@ TEST(Dropin, AutoSolvesASlidingWindowExactly) {
 
 // What incremental mode does not do exact mode does, before stock is asked.
 TEST(Dropin, IncrementalGivesWayToExact) {
-  const ProgramRun ours = Preloaded("evaluation_callback", "INCERES_MODE=incremental");
+  const ProgramRun ours = Preloaded("evaluation_callback", "INCERES_MODE=incremental INCERES_WINDOWS=incremental");
   EXPECT_EQ(NumSolved(ours), 1) << ours.err;
   EXPECT_EQ(CountOf(ours.err, "inceres: not incremental: "), 1) << ours.err;
   EXPECT_EQ(ours.out, Preloaded("evaluation_callback").out);
@@ -239,7 +239,7 @@ TEST(Dropin, IncrementalGivesWayToExact) {
 TEST(Dropin, ALogTellsOfSessionsAndOfWhatGoesToStock) {
   const test::TempDir folder;
   const std::string log = folder.File("ab.jsonl");
-  Preloaded("living", "INCERES_MODE=incremental INCERES_AB_LOG=" + log);
+  Preloaded("living", "INCERES_MODE=incremental INCERES_WINDOWS=incremental INCERES_AB_LOG=" + log);
   const std::string sessions = test::ReadBytes(log);
   EXPECT_EQ(CountOf(sessions, "\"mode\": \"incremental\""), 12) << sessions;
   EXPECT_EQ(CountOf(sessions, "\"violations\": []"), 12) << sessions;

@@ -109,6 +109,11 @@ Environment ReadEnvironment(const std::function<const char*(const char*)>& varia
   } else if (!mode.empty()) {
     environment.complaints.push_back(Complaint("INCERES_MODE", mode, "exact, incremental, auto, fallback, stock"));
   }
+  const std::string windows = value_of("INCERES_WINDOWS");
+  environment.exact_windows = windows != "incremental";
+  if (!windows.empty() && windows != "incremental" && windows != "exact") {
+    environment.complaints.push_back(Complaint("INCERES_WINDOWS", windows, "exact, incremental"));
+  }
   std::istringstream items(value_of("INCERES_CROSS_CHECK"));
   for (std::string item; std::getline(items, item, ',');) {
     if (!item.empty() && !ReadItem(item, &environment.cross_check)) {

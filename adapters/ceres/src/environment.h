@@ -12,7 +12,7 @@ namespace inceres::internal {
 enum class DropinMode {
   kExact,        ///< inceres::SolveMode::kExact
   kIncremental,  ///< incremental wherever it can, exact where it cannot
-  kAuto,         ///< incremental for what lives on and changes little (IsIncremental in the drop-in has the rule), else exact
+  kAuto,         ///< as kIncremental, and exact while that takes less work (SessionOptions::automatic)
   kFallback,     ///< looked at as in exact mode, then handed to stock Ceres whatever it is
   kStock,        ///< nothing is looked at
 };
@@ -23,6 +23,7 @@ const char* ModeName(DropinMode mode);
 /// include/inceres/ceres/environment.h lists them.
 struct Environment {
   DropinMode mode = DropinMode::kExact;
+  bool exact_windows = true;  ///< SessionOptions::exact_windows of the drop-in's sessions
   CrossCheckOptions cross_check;
   std::string ab_log;
   std::vector<std::string> complaints;  ///< one for each value that means nothing and is ignored

@@ -8,9 +8,11 @@ namespace inceres {
 /// What the environment of this process asks for, as the "in" fields of a SolveReport; the drop-in solves with it, inceres::Solve
 /// only if handed it. The variables are read once, at the first call.
 ///
-/// - `INCERES_MODE`: `exact` (default), `incremental`, `stock`, `auto` (in the drop-in: a problem's first solve exact, later ones
-///   incremental where they can be and at most a twentieth of the residual blocks is new; one solve here: exact), `fallback` (in
+/// - `INCERES_MODE`: `exact` (default), `incremental`, `stock`, `auto` (in the drop-in: incremental, and exact while that takes
+///   less work, as SessionOptions::automatic; one solve here: exact), `fallback` (in
 ///   the drop-in: each problem is looked at and handed to stock Ceres; here as `stock`).
+/// - `INCERES_WINDOWS`: `exact` (default) or `incremental`: in the drop-in's incremental and auto modes, whether problems of a
+///   window's size, and windows that slide, are solved exactly (SessionOptions::exact_windows).
 /// - `INCERES_CROSS_CHECK`: `1`, `0`, or what asks for the check with these CrossCheckOptions: a list of `keep=ours`,
 ///   `keep=stock`, `cost=X`, `parameters=X`, `iterations=N`, `radius=X`.
 /// - `INCERES_AB_LOG`: a file for the A/B log.
