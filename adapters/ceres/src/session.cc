@@ -1,7 +1,10 @@
 #include "inceres/ceres/session.h"
 
+#include <algorithm>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <glog/logging.h>
 
@@ -15,9 +18,44 @@
 #include "adapters/ceres/src/mode_choice.h"
 #include "adapters/ceres/src/option_mapping.h"
 #include "adapters/ceres/src/plan_pool.h"
+#include "adapters/ceres/src/summary_writer.h"
 #include "adapters/ceres/src/window_watch.h"
 
 namespace inceres {
+
+namespace {
+
+// Iterations after which incremental steps are given up for this solve: those that converge mostly take fewer than ten.
+constexpr int kPatience = 25;
+
+// What was in the user's memory when a solve began. It is there again when this is gone, unless Keep was called.
+class StartValues {
+ public:
+  explicit StartValues(const internal::ProblemView& view) {
+    for (const internal::ParameterBlockView& block : view.blocks) {
+      if (block.reduced()) {
+        blocks_.push_back({block.values, block.ambient_size});
+        values_.insert(values_.end(), block.values, block.values + block.ambient_size);
+      }
+    }
+  }
+  ~StartValues() {
+    const double* start = values_.data();
+    for (const auto& [values, size] : blocks_) {
+      std::copy_n(start, size, values);
+      start += size;
+    }
+  }
+  StartValues(const StartValues&) = delete;
+  StartValues& operator=(const StartValues&) = delete;
+  void Keep() { blocks_.clear(); }
+
+ private:
+  std::vector<std::pair<double*, int>> blocks_;
+  std::vector<double> values_;
+};
+
+}  // namespace
 
 class CeresSession::Impl {
  public:
@@ -42,6 +80,9 @@ class CeresSession::Impl {
                  SolveReport* report);
 
   const char* ReasonForExact(const ceres::Solver::Options& solver_options);
+  bool IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock, const SolveReport& report,
+                    const ceres::Solver::Summary& summary) const;
+  bool FinishExactly(const internal::SolveInput& input, SolveReport* report, ceres::Solver::Summary* summary);
   void SolveExactlyFor(const char* reason, ceres::Problem* problem, internal::SolveInput* input, ceres::Solver::Summary* summary,
                        SolveReport* report);
 
@@ -90,10 +131,44 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
   }
   SolveReport own_report;
   SolveReport* told = report != nullptr ? report : &own_report;
-  if (internal::SolveIncrementally(input, core, working.get(), summary, told)) {
-    living = std::move(working);
+  core.max_num_iterations = std::min(core.max_num_iterations, kPatience);
+  StartValues start(view);
+  bool solved = internal::SolveIncrementally(input, core, working.get(), summary, told);
+  if (solved) {
     choice.Note(told->update, told->changes, told->num_frames, options.verify_cached_factors);
+    solved = !IsUnfinished(solver_options, clock, *told, *summary) || FinishExactly(input, told, summary);
   }
+  if (solved) {
+    start.Keep();
+    living = std::move(working);
+  }
+}
+
+// Whether an Update has ended without convergence though no limit of the user's asked for it.
+bool CeresSession::Impl::IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock,
+                                      const SolveReport& report, const ceres::Solver::Summary& summary) const {
+  return summary.termination_type == ceres::NO_CONVERGENCE && !internal::IsIterative(solver_options.linear_solver_type) &&
+         report.update.num_iterations < solver_options.max_num_iterations &&
+         clock.Seconds() < solver_options.max_solver_time_in_seconds;
+}
+
+// From where the incremental steps have come to; what is remembered stays, and finds the values changed. False after a failure or
+// an abort.
+bool CeresSession::Impl::FinishExactly(const internal::SolveInput& input, SolveReport* report, ceres::Solver::Summary* summary) {
+  ceres::Solver::Options rest = input.options;
+  rest.max_num_iterations -= report->update.num_iterations;
+  internal::SolveInput again{rest, view, input.ordering, input.clock, nullptr, nullptr};
+  if (!internal::ChoosePlan(internal::EffectiveLinearSolver(rest, input.ordering), &again).empty()) {
+    return true;  // no memory for it: what was reached stays
+  }
+  has_view = false;  // an exact solve empties it
+  ceres::Solver::Summary first;
+  std::swap(first, *summary);
+  internal::SolveExactly(again, summary, report);
+  internal::Prepend(first, summary);
+  report->exact_reason = "incremental steps did not converge within " + std::to_string(report->update.num_iterations) +
+                         " iterations: those after them are exact";
+  return summary->IsSolutionUsable();
 }
 
 // Null: the solve is to be incremental. Exact mode has no iterative solver.

@@ -1,6 +1,8 @@
 #include "adapters/ceres/src/summary_writer.h"
 
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 #include <glog/logging.h>
 
@@ -168,6 +170,23 @@ void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering, co
 void LogFailedStep(const ceres::Solver::Options& options, const std::string& failed_step) {
   LOG_IF(WARNING, !failed_step.empty() && options.logging_type != ceres::SILENT)
       << "Step failed to evaluate. Treating it as a step with infinite cost. The first one of this solve: " << failed_step;
+}
+
+void Prepend(const ceres::Solver::Summary& first, ceres::Solver::Summary* summary) {
+  summary->initial_cost = first.initial_cost;
+  summary->num_successful_steps += first.num_successful_steps;
+  summary->num_unsuccessful_steps += first.num_unsuccessful_steps;
+  summary->preprocessor_time_in_seconds = first.preprocessor_time_in_seconds;
+  summary->minimizer_time_in_seconds =
+      summary->total_time_in_seconds - first.preprocessor_time_in_seconds - summary->postprocessor_time_in_seconds;
+  std::vector<ceres::IterationSummary> iterations = first.iterations;
+  for (ceres::IterationSummary& iteration : summary->iterations) {
+    if (iteration.iteration > 0) {  // its start is where the first part ended
+      iteration.iteration = static_cast<int>(iterations.size());
+      iterations.push_back(iteration);
+    }
+  }
+  summary->iterations = std::move(iterations);
 }
 
 }  // namespace inceres::internal
