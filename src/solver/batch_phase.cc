@@ -19,6 +19,9 @@ constexpr double kSettledShare = 0.1;
 // Of the tolerance: a gain so small that there is nothing more to be had. (The gains' fall ends a solve before.)
 constexpr double kNoGainShare = 1e-3;
 
+// Radius of Levenberg–Marquardt, one over its damping, from which on promises and gains tell of all directions.
+constexpr double kSeeingRadius = 1e6;
+
 // Two ratios of gains in a row below this one are taken for the end of a fast convergence; gains that fall slower prove little,
 // and so does one ratio, for the first step from a far start gains incomparably more than the next.
 constexpr double kFastRatio = 0.3;
@@ -60,8 +63,10 @@ class BatchObserver final : public SolveObserver {
     const double factor = promise / last_promise_;
     const double rest = std::max(1.0, last_ratio_) * promise / (1.0 - factor);
     const bool known = last_ratio_ > kKeptPromise && factor < kSteadyFactor;
-    settled_ = options_.batch_share > 0.0 && known && rest <= kRestShare * options_.function_tolerance * cost;
-    rest_ = settled_ ? rest : 0.0;
+    const bool series = known && rest <= kRestShare * options_.function_tolerance * cost;
+    const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= kSettledShare * options_.function_tolerance * cost;
+    settled_ = options_.batch_share > 0.0 && SeesAll(iteration) && (series || nothing);
+    rest_ = !settled_ ? 0.0 : series ? rest : promise;
     last_promise_ = promise;
     return !settled_;
   }
@@ -101,6 +106,11 @@ class BatchObserver final : public SolveObserver {
   double rest() const { return rest_; }
 
  private:
+  // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could gain.
+  bool SeesAll(const IterationSummary& iteration) const {
+    return options_.batch_strategy != TrustRegionStrategyKind::kLevenbergMarquardt ||
+           iteration.trust_region_radius >= kSeeingRadius;
+  }
   bool HasJustSettled(const IterationSummary& iteration) {
     const bool good = iteration.relative_decrease > kGoodModel;
     const double gain = good ? iteration.cost_change : 0.0;
@@ -111,8 +121,8 @@ class BatchObserver final : public SolveObserver {
     const bool fast = ratio < kFastRatio && previous_ratio_ < kFastRatio;
     // Slow ones are believed where they are all there is, and Ceres's rule would have ended the solve.
     const bool slow = end_ == BatchEnd::kToTheEnd && slower < 1.0 && gain <= options_.function_tolerance * iteration.cost;
-    const bool settled =
-        options_.batch_share > 0.0 && good && gain >= 0.0 && (fast || slow) && gain * slower / (1.0 - slower) <= allowed;
+    const bool settled = options_.batch_share > 0.0 && SeesAll(iteration) && good && gain >= 0.0 && (fast || slow) &&
+                         gain * slower / (1.0 - slower) <= allowed;
     rest_ = settled ? gain * slower / (1.0 - slower) : 0.0;
     previous_gain_ = gain;
     previous_ratio_ = ratio;

@@ -1,8 +1,6 @@
 #include "solver/incremental_minimizer.h"
 
 #include <algorithm>
-#include <cstdlib>
-#include <cstdio>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -193,7 +191,6 @@ bool IncrementalMinimizer::EndIteration() {
   if (trace_->observed()) {
     system_.schur().RhsNorms(&row.gradient_max_norm, &row.gradient_norm);
   }
-  if (getenv("DBG")) fprintf(stderr,"  it step %d acc %d sh %d ref %d cost %.15g dcost %.3g pred %.3g undone %.3g lgain %.3g mu %.2g tol %.3g rnd %.2g norm %.2g\n",int(row.step),row.accepted,row.shortened,row.refreshed,system_.cost(),row.cost_change,row.predicted_change,summary_->undone,LandmarkGain(),mu_,Tolerance(),rounding_,row.step_norm); //DBG
   return trace_->EndRow(system_.cost());
 }
 

@@ -19,6 +19,7 @@ UpdateSummary Numbered() {
   UpdateSummary s;
   s.termination = Termination::kConvergence;
   s.message = "a \"quoted\" word";
+  s.failed_step = "a factor";
   double real = 0.5;
   for (double* field : {&s.initial_cost, &s.final_cost, &s.undone, &s.seconds, &s.batch_seconds, &s.linearise_seconds,
                         &s.solve_seconds, &s.select_seconds, &s.landmark_seconds, &s.evaluate_seconds, &s.accept_seconds}) {
@@ -70,9 +71,9 @@ constexpr const char* kRowReals[] = {"cost",      "cost_change",       "predicte
 constexpr const char* kRowCounts[] = {"iteration", "num_moved_frames", "num_visited_landmarks", "num_relinearised_factors",
                                       "num_linear_solver_iterations"};
 
-// What the struct holds beside the fields in the lists is a termination, a message, two 64-bit counts, stages and the trace.
+// What the struct holds beside the fields in the lists is a termination, two texts, two 64-bit counts, stages and the trace.
 TEST(UpdateSummaryJson, IsTestedForEveryField) {
-  EXPECT_EQ(sizeof(UpdateSummary), sizeof(std::string) + sizeof(std::vector<UpdateIteration>) + sizeof(StageSeconds) +
+  EXPECT_EQ(sizeof(UpdateSummary), 2 * sizeof(std::string) + sizeof(std::vector<UpdateIteration>) + sizeof(StageSeconds) +
                                        8 * (1 + std::size(kReals) + std::size(kCounts) / 2 + 2))
       << "a field came or went: name it in the lists above and in ToJson";
   // A step with three flags fills eight bytes with the first count, and so does the last count alone; in between are three.
@@ -85,6 +86,7 @@ TEST(UpdateSummaryJson, HoldsEveryField) {
   const nlohmann::json json = nlohmann::json::parse(Numbered().ToJson());
   EXPECT_EQ(json["termination"], "CONVERGENCE");
   EXPECT_EQ(json["message"], "a \"quoted\" word");
+  EXPECT_EQ(json["failed_step"], "a factor");
   double real = 0.5;
   for (const char* name : kReals) {
     ASSERT_TRUE(json.contains(name)) << name;
@@ -98,7 +100,7 @@ TEST(UpdateSummaryJson, HoldsEveryField) {
   EXPECT_EQ(json["num_evaluated_factors"].get<std::int64_t>(), 5000000001);
   EXPECT_EQ(json["bytes"].get<std::int64_t>(), 5000000002);
   EXPECT_EQ(json["batch_stages"]["elimination"].get<double>(), 77.5);
-  EXPECT_EQ(json.size(), 2 + std::size(kReals) + std::size(kCounts) + 2 + 1 + 1);
+  EXPECT_EQ(json.size(), 3 + std::size(kReals) + std::size(kCounts) + 2 + 1 + 1);
 }
 
 TEST(UpdateSummaryJson, HoldsEveryFieldOfTheTrace) {

@@ -158,16 +158,20 @@ bool CeresSession::Impl::FinishExactly(const internal::SolveInput& input, SolveR
   ceres::Solver::Options rest = input.options;
   rest.max_num_iterations -= report->update.num_iterations;
   internal::SolveInput again{rest, view, input.ordering, input.clock, nullptr, nullptr};
-  if (!internal::ChoosePlan(internal::EffectiveLinearSolver(rest, input.ordering), &again).empty()) {
+  if (!internal::ChoosePlan(internal::IncrementalLinearSolver(rest, input.ordering), &again).empty()) {
     return true;  // no memory for it: what was reached stays
   }
-  has_view = false;  // an exact solve empties it
+  has_view = false;  // the batch solver's graph takes its place
   ceres::Solver::Summary first;
   std::swap(first, *summary);
-  internal::SolveExactly(again, summary, report);
+  const ProblemChanges changes = report->changes;
+  IncrementalOptions core = internal::MapIncrementalOptions(rest, options.core);
+  core.batch_share = std::min(core.batch_share, 0.5);
+  internal::SolveIncrementally(again, core, nullptr, summary, report);
   internal::Prepend(first, summary);
-  report->exact_reason = "incremental steps did not converge within " + std::to_string(report->update.num_iterations) +
-                         " iterations: those after them are exact";
+  report->changes = changes;
+  report->exact_reason = "incremental steps did not converge: those after iteration " +
+                         std::to_string(first.iterations.size() - 1) + " are the batch solver's";
   return summary->IsSolutionUsable();
 }
 
