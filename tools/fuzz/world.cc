@@ -8,6 +8,7 @@ namespace inceres::fuzz {
 namespace {
 
 constexpr int kMaxSize = 30;
+constexpr int kMaxBlocks = 128;  // more than twice what a recipe begins with
 
 ceres::Problem::Options NothingOwned(bool fast_removal) {
   ceres::Problem::Options options;
@@ -21,7 +22,13 @@ ceres::Problem::Options NothingOwned(bool fast_removal) {
 }  // namespace
 
 World::World(const Recipe& recipe, Dice* dice)
-    : recipe_(recipe), dice_(dice), problem_(std::make_unique<ceres::Problem>(NothingOwned(recipe.fast_removal))) {
+    : recipe_(recipe),
+      dice_(dice),
+      problem_(std::make_unique<ceres::Problem>(NothingOwned(recipe.fast_removal))),
+      memory_(kMaxBlocks * kMaxSize) {
+  for (int b = kMaxBlocks; b-- > 0;) {
+    free_memory_.push_back(memory_.data() + static_cast<std::ptrdiff_t>(b) * kMaxSize);
+  }
   for (int i = 0; i < recipe_.num_frames; ++i) {
     AddFrame();
   }
@@ -87,10 +94,6 @@ World::Block* World::AddBlock(bool is_point, int size) {
     }
   } else if (dice_->Chance(recipe_.manifold_chance)) {
     block->manifold = RandomManifold(size, dice_, &block->truth);
-  }
-  if (free_memory_.empty()) {
-    memory_.push_back(std::make_unique<double[]>(kMaxSize));
-    free_memory_.push_back(memory_.back().get());
   }
   block->x = free_memory_.back();
   free_memory_.pop_back();

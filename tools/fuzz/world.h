@@ -118,7 +118,7 @@ class World {
   std::vector<std::unique_ptr<Block>> blocks_;
   std::vector<std::unique_ptr<Factor>> factors_;
   std::vector<double*> free_memory_;  // the last one freed is the next one used
-  std::vector<std::unique_ptr<double[]>> memory_;
+  std::vector<double> memory_;        // one piece, so that which address is lower does not depend on what was before
 };
 
 }  // namespace inceres::fuzz

@@ -89,6 +89,12 @@ const char* World::MeasurementIsRevised() {
 }
 
 void World::RemoveBlock(Block* block) {
+  for (const auto& factor : factors_) {
+    // With fast removal Ceres would take them in the order of their addresses, and lives would depend on malloc.
+    if (recipe_.fast_removal && std::count(factor->blocks.begin(), factor->blocks.end(), block) > 0) {
+      problem_->RemoveResidualBlock(factor->id);
+    }
+  }
   problem_->RemoveParameterBlock(block->x);
   factors_.erase(
       std::remove_if(factors_.begin(), factors_.end(),
