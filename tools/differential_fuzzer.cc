@@ -20,7 +20,7 @@
 #include <sys/wait.h>
 
 #include "tools/common/command_line.h"
-#include "tools/fuzz/life.h"
+#include "tools/fuzz/life_process.h"
 
 DEFINE_string(
     mode, "all",
@@ -96,7 +96,7 @@ ModeResult RunMode(const std::string& mode) {
   const auto begin = std::chrono::steady_clock::now();
   while (result.lives < FLAGS_lives && (FLAGS_seconds <= 0.0 || result.seconds < FLAGS_seconds)) {
     const LifePlan plan{FLAGS_seed, FLAGS_first_life + result.lives, mode, FLAGS_edits, FLAGS_verbose};
-    if (const std::optional<Defect> defect = Live(plan, &result.counts)) {
+    if (const std::optional<Defect> defect = LiveInProcess(plan, &result.counts)) {
       Print(*defect);
       result.defects.push_back(*defect);
     }
@@ -119,24 +119,13 @@ void Report(const ModeResult& result) {
   if (FLAGS_json.empty()) {
     return;
   }
-  nlohmann::json line = {{"mode", result.mode},
-                         {"seed", FLAGS_seed},
-                         {"first_life", FLAGS_first_life},
-                         {"lives", result.lives},
-                         {"seconds", result.seconds},
-                         {"edits", c.edits},
-                         {"solves", c.solves},
-                         {"judged", c.judged},
-                         {"creeping", c.creeping},
-                         {"worst_creeping_excess", c.worst_creeping_excess},
-                         {"beside_faults", c.beside_faults},
-                         {"as_stock", c.as_stock},
-                         {"traces_compared", c.traces_compared},
-                         {"traces_chaotic", c.traces_chaotic},
-                         {"handed_to_stock", c.handed_to_stock},
-                         {"failures", c.failures},
-                         {"not_converged", c.not_converged},
-                         {"defects", nlohmann::json::array()}};
+  nlohmann::json line = ToJson(c);
+  line.update({{"mode", result.mode},
+               {"seed", FLAGS_seed},
+               {"first_life", FLAGS_first_life},
+               {"lives", result.lives},
+               {"seconds", result.seconds},
+               {"defects", nlohmann::json::array()}});
   for (const Defect& defect : result.defects) {
     line["defects"].push_back(ToJson(defect));
   }

@@ -142,21 +142,6 @@ std::optional<Finding> Trial::Costs() {
   return std::nullopt;
 }
 
-void Counts::Add(const Counts& other) {
-  edits += other.edits;
-  solves += other.solves;
-  handed_to_stock += other.handed_to_stock;
-  failures += other.failures;
-  not_converged += other.not_converged;
-  judged += other.judged;
-  creeping += other.creeping;
-  beside_faults += other.beside_faults;
-  as_stock += other.as_stock;
-  traces_compared += other.traces_compared;
-  traces_chaotic += other.traces_chaotic;
-  worst_creeping_excess = std::max(worst_creeping_excess, other.worst_creeping_excess);
-}
-
 std::optional<Finding> SolveAndCheck(const ceres::Solver::Options& options, World* world, SolverUnderTest* solver, Dice* dice,
                                      Counts* counts) {
   return Trial(options, world, solver, dice, counts).Run();

@@ -30,8 +30,6 @@ struct Counts {
   long traces_compared = 0;            ///< exact mode: iteration by iteration with stock
   long traces_chaotic = 0;             ///< … not compared: stock's own solvers do not agree
   double worst_creeping_excess = 0.0;  ///< in function tolerances
-
-  void Add(const Counts& other);
 };
 
 /// Solves the world's problem once and looks at all that a caller may rely on. The world is left where the solver left it.
