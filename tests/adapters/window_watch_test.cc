@@ -1,0 +1,177 @@
+// When a session's solve is exact: windows that slide, and what exact solves do for less.
+#include "adapters/ceres/src/window_watch.h"
+
+#include <memory>
+#include <vector>
+
+#include <ceres/problem.h>
+#include <ceres/sized_cost_function.h>
+#include <gtest/gtest.h>
+
+#include "adapters/ceres/src/introspection.h"
+#include "adapters/ceres/src/mode_choice.h"
+#include "inceres/ceres/session.h"
+
+namespace inceres::internal {
+namespace {
+
+template <int... kSizes>
+class Nothing : public ceres::SizedCostFunction<1, kSizes...> {
+ public:
+  bool Evaluate(double const* const* /*parameters*/, double* residuals, double** /*jacobians*/) const override {
+    residuals[0] = 0.0;
+    return true;
+  }
+};
+
+// States of six in a chain, each seen with the next.
+class Chain {
+ public:
+  void AddState() {
+    states_.push_back(std::make_unique<std::vector<double>>(6, 0.0));
+    const std::size_t n = states_.size();
+    if (n > 1) {
+      problem_.AddResidualBlock(new Nothing<6, 6>, nullptr, states_[n - 2]->data(), states_[n - 1]->data());
+    }
+  }
+  void AddPrior(std::size_t state) { problem_.AddResidualBlock(new Nothing<6>, nullptr, states_[state]->data()); }
+  void RemoveFirst() {
+    problem_.RemoveParameterBlock(states_.front()->data());
+    removed_.push_back(std::move(states_.front()));  // its address is not another's
+    states_.erase(states_.begin());
+  }
+  bool Look(WindowWatch* watch) {
+    Introspect(problem_, &view_);
+    return watch->WantsExact(view_);
+  }
+
+ private:
+  std::vector<std::unique_ptr<std::vector<double>>> states_;
+  std::vector<std::unique_ptr<std::vector<double>>> removed_;
+  ceres::Problem problem_;
+  ProblemView view_;
+};
+
+void Grow(Chain* chain, int count) {
+  for (int n = 0; n < count; ++n) {
+    chain->AddState();
+  }
+}
+
+TEST(WindowWatch, ASmallProblemIsExactUntilItHasLivedWithoutASlide) {
+  Chain chain;
+  WindowWatch watch;
+  Grow(&chain, 3);
+  for (int solve = 0; solve < WindowWatch::kQuietSolves; ++solve) {
+    EXPECT_TRUE(chain.Look(&watch)) << solve;
+    chain.AddState();
+  }
+  EXPECT_FALSE(chain.Look(&watch));
+}
+
+TEST(WindowWatch, AWindowThatSlidesStaysExact) {
+  Chain chain;
+  WindowWatch watch;
+  Grow(&chain, 5);
+  for (int solve = 0; solve < 4 * WindowWatch::kQuietSolves; ++solve) {
+    EXPECT_TRUE(chain.Look(&watch)) << solve;
+    chain.AddState();
+    chain.RemoveFirst();
+    chain.AddPrior(0);
+  }
+}
+
+TEST(WindowWatch, ALargeProblemIsExactOnlyAfterASlide) {
+  Chain chain;
+  WindowWatch watch;
+  Grow(&chain, 120);
+  EXPECT_FALSE(chain.Look(&watch));
+  chain.RemoveFirst();
+  EXPECT_FALSE(chain.Look(&watch)) << "a state that goes without a prior is culled";
+  chain.AddState();
+  EXPECT_FALSE(chain.Look(&watch)) << "what comes touches a state that is new";
+  chain.RemoveFirst();
+  chain.AddPrior(0);
+  for (int solve = 0; solve < WindowWatch::kQuietSolves; ++solve) {
+    EXPECT_TRUE(chain.Look(&watch)) << solve;
+  }
+  EXPECT_FALSE(chain.Look(&watch));
+}
+
+TEST(WindowWatch, PointsComeAndGoWithoutASlide) {
+  ceres::Problem problem;
+  std::vector<std::vector<double>> cameras(120, std::vector<double>(6));
+  std::vector<double> points(600);
+  std::vector<ceres::ResidualBlockId> seen;
+  const auto see = [&](std::size_t camera, std::size_t point) {
+    seen.push_back(problem.AddResidualBlock(new Nothing<6, 3>, nullptr, cameras[camera].data(), points.data() + 3 * point));
+  };
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    see(c, c);
+    see(c, (c + 1) % cameras.size());
+  }
+  WindowWatch watch;
+  ProblemView view;
+  Introspect(problem, &view);
+  EXPECT_FALSE(watch.WantsExact(view));
+  problem.RemoveParameterBlock(points.data() + 3 * 7);
+  see(20, 5);  // an old camera sees an old point
+  Introspect(problem, &view);
+  EXPECT_FALSE(watch.WantsExact(view));
+}
+
+UpdateSummary Work(int iterations, int relinearised, int evaluated) {
+  UpdateSummary update;
+  update.num_iterations = iterations;
+  update.num_relinearised_factors = relinearised;
+  update.num_evaluated_factors = evaluated;
+  return update;
+}
+
+ProblemChanges Kept(int count) {
+  ProblemChanges changes;
+  changes.num_kept_factors = count;
+  changes.num_added_factors = count / 50;
+  return changes;
+}
+
+TEST(ModeChoice, StaysIncrementalWhereLittleIsTouched) {
+  ModeChoice choice;
+  for (int solve = 0; solve < 100; ++solve) {
+    EXPECT_FALSE(choice.WantsExact());
+    choice.Note(Work(4, 300, 2000), Kept(10000), 100, true);
+  }
+}
+
+TEST(ModeChoice, LosesPatienceAndTriesAgainLaterAndLater) {
+  ModeChoice choice;
+  std::vector<int> runs_of_exact;
+  for (int trial = 0; trial < 3; ++trial) {
+    for (int loss = 0; loss < ModeChoice::kLosses; ++loss) {
+      ASSERT_FALSE(choice.WantsExact()) << trial;
+      choice.Note(Work(4, 50000, 40000), Kept(10000), 100, true);
+    }
+    int exact = 0;
+    while (choice.WantsExact()) {
+      ++exact;
+    }
+    runs_of_exact.push_back(exact);
+    EXPECT_NE(choice.reason().find("times the work"), std::string::npos) << choice.reason();
+    // The solve that WantsExact has just let be incremental counts as the first of the next trial.
+    choice.Note(Work(4, 300, 2000), Kept(10000), 100, true);
+  }
+  EXPECT_EQ(runs_of_exact, (std::vector<int>{ModeChoice::kPause, 2 * ModeChoice::kPause, 4 * ModeChoice::kPause}));
+}
+
+TEST(ModeChoice, ASolveWithNothingToRememberTeachesNothing) {
+  ModeChoice choice;
+  ProblemChanges anew;
+  anew.num_added_factors = 10000;
+  for (int solve = 0; solve < 10; ++solve) {
+    choice.Note(Work(4, 90000, 40000), anew, 100, true);
+    EXPECT_FALSE(choice.WantsExact());
+  }
+}
+
+}  // namespace
+}  // namespace inceres::internal
