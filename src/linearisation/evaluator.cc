@@ -176,13 +176,29 @@ void Evaluator::PlaceSlots(FamilyCache* cache) const {
   }
   const std::size_t num_entries = cache->parameters.size();
   cache->tangent_offsets.resize(num_entries);
-  const VariableId* ids = num_entries > 0 ? graph_->Variables(cache->id, 0) : nullptr;
-  executor_.For(static_cast<int>(num_entries), kEntryGrain, [&](int begin, int end) {
-    for (int k = begin; k < end; ++k) {
-      const int position = ids[k] < 0 ? -1 : layout_.position[ids[k]];  // a free place has none
-      cache->tangent_offsets[k] = position < 0 ? -1 : layout_.quad_offset[position];
+  executor_.For(static_cast<int>(num_entries), kEntryGrain, [&](int begin, int end) { PlaceInTangent(cache, begin, end); });
+}
+
+// The entries (factor and slot) from begin to end.
+void Evaluator::PlaceInTangent(FamilyCache* cache, std::ptrdiff_t begin, std::ptrdiff_t end) const {
+  const VariableId* ids = begin < end ? graph_->Variables(cache->id, 0) : nullptr;
+  for (std::ptrdiff_t k = begin; k < end; ++k) {
+    const int position = ids[k] < 0 ? -1 : layout_.position[ids[k]];  // a free place has none
+    cache->tangent_offsets[k] = position < 0 ? -1 : layout_.quad_offset[position];
+  }
+}
+
+void Evaluator::LeaveOutZeroBlocks(const Chunk& chunk, FamilyCache* cache) {
+  const std::size_t num_slots = cache->slots.size();
+  for (std::size_t s = 0; s < num_slots; ++s) {
+    const SlotJacobians& slot = cache->slots[s];
+    const double* J = slot.data + chunk.begin * slot.factor_stride;
+    for (int i = chunk.begin; i < chunk.end; ++i, J += slot.factor_stride) {
+      if (std::all_of(J, J + slot.factor_stride, [](double entry) { return entry == 0.0; })) {
+        cache->tangent_offsets[i * num_slots + s] = -1;
+      }
     }
-  });
+  }
 }
 
 void Evaluator::PlaceWholeRows(FamilyCache* cache) const {
@@ -376,6 +392,10 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
   if (jacobians) {
     batch.tangent_maps = cache.tangent_maps.data();
     batch.jacobians = cache.views.data();
+    if (leaves_out_zero_blocks_) {
+      const std::ptrdiff_t num_slots = cache.family->num_slots();
+      PlaceInTangent(&cache, chunk->begin * num_slots, chunk->end * num_slots);
+    }
   }
   const EvaluationFailure failure =
       jacobians && !cache.pins.empty() ? EvaluatePinned(*chunk, batch) : cache.family->Evaluate(batch);
@@ -385,6 +405,9 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
       const int end = std::min((begin / kSumSize + 1) * kSumSize, chunk->end);
       *sum++ = SumCosts(jacobians, &cache, begin, end);
       begin = end;
+    }
+    if (jacobians && leaves_out_zero_blocks_) {
+      LeaveOutZeroBlocks(*chunk, &cache);
     }
   }
   return failure;

@@ -40,7 +40,7 @@ struct FamilyCache {
   std::vector<const double*> pins;  // per factor and slot: where it is linearised, null if where it is; empty without any
   std::vector<const double*> jacobian_parameters;  // scratch of the same size
   std::vector<const TangentMap*> tangent_maps;     // per factor and slot
-  // Per factor and slot: quads into the padded tangent vector, or -1; of whole rows: 0.
+  // Per factor and slot: quads into the padded tangent vector, or -1 where the Jacobian has no block; of whole rows: 0.
   std::vector<std::int32_t> tangent_offsets;
 
   /// What products with J take for one factor: all of a family's whole rows are one.
@@ -105,6 +105,11 @@ class Evaluator {
   /// Whether Jacobians have the second-order terms of losses with ρ'' < 0 from now on (RobustifyFactor). At first they have not.
   void set_reduces_curvature(bool reduces) { reduces_curvature_ = reduces; }
 
+  /// Whether blocks of Jacobians that are all zeros count as not there, with a tangent offset of -1, until the next Jacobians.
+  /// Not of whole rows. At first they do not.
+  void set_leaves_out_zero_blocks(bool leaves_out) { leaves_out_zero_blocks_ = leaves_out; }
+  bool leaves_out_zero_blocks() const { return leaves_out_zero_blocks_; }
+
   std::int64_t Bytes() const;
 
  private:
@@ -130,6 +135,8 @@ class Evaluator {
   void PointTo(bool candidate, Chunk* chunk);
   EvaluationFailure EvaluatePinned(const Chunk& chunk, FactorBatch batch);
   EvaluationFailure EvaluateChunk(bool jacobians, Chunk* chunk);
+  void PlaceInTangent(FamilyCache* cache, std::ptrdiff_t begin, std::ptrdiff_t end) const;
+  static void LeaveOutZeroBlocks(const Chunk& chunk, FamilyCache* cache);
   double SumCosts(bool jacobians, FamilyCache* cache, int begin, int end);
   Status EvaluateAll(bool jacobians, double* cost);
 
@@ -138,6 +145,7 @@ class Evaluator {
   const Executor& executor_;
   const JacobianStorage storage_;
   bool reduces_curvature_ = false;
+  bool leaves_out_zero_blocks_ = false;
   std::vector<double> current_;
   std::vector<double> candidate_;
   std::vector<FamilyCache> families_;

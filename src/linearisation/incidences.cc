@@ -43,6 +43,9 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
   std::vector<std::pair<int, LandmarkFactors>> found;  // landmark, its factors in one family
   y_targets_.resize(evaluator.families().size());
   for (const FamilyCache& cache : evaluator.families()) {
+    if (num_landmarks == 0) {
+      break;
+    }
     auto& targets = y_targets_[cache.id];
     for (int slot = 0; slot < cache.family->num_slots(); ++slot) {
       bool any = false;

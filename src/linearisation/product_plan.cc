@@ -38,6 +38,49 @@ SlotAdjacency FactorsByFrame(const FamilyCache& cache, const FactorGraph& graph,
   return adjacency;
 }
 
+// The blocks of J that are there, of a family many of whose are left out: by factor, and by the frame they belong to.
+struct SparseBlocks {
+  struct Block {
+    int slot;
+    int frame;
+  };
+  struct Place {
+    int factor;
+    int slot;
+  };
+  std::vector<int> factor_begin;  // per factor, one more
+  std::vector<Block> blocks;
+  std::vector<int> frame_begin;  // per frame, one more
+  std::vector<Place> places;
+};
+
+SparseBlocks FindSparseBlocks(const FamilyCache& cache, const FactorGraph& graph, const Layout& layout) {
+  const std::ptrdiff_t num_slots = cache.family->num_slots();
+  const VariableId* ids = graph.Variables(cache.id, 0);
+  SparseBlocks sparse;
+  sparse.factor_begin.push_back(0);
+  sparse.frame_begin.assign(layout.num_frames + 1, 0);
+  for (std::ptrdiff_t i = 0; i < cache.num_factors; ++i) {
+    for (std::ptrdiff_t s = 0; s < num_slots; ++s) {
+      const int frame = cache.tangent_offsets[i * num_slots + s] < 0 ? -1 : layout.FrameOf(ids[i * num_slots + s]);
+      if (frame >= 0) {
+        sparse.blocks.push_back({static_cast<int>(s), frame});
+        ++sparse.frame_begin[frame + 1];
+      }
+    }
+    sparse.factor_begin.push_back(static_cast<int>(sparse.blocks.size()));
+  }
+  std::partial_sum(sparse.frame_begin.begin(), sparse.frame_begin.end(), sparse.frame_begin.begin());
+  sparse.places.resize(sparse.blocks.size());
+  std::vector<int> next(sparse.frame_begin.begin(), sparse.frame_begin.end() - 1);
+  for (int i = 0; i < cache.num_factors; ++i) {
+    for (int k = sparse.factor_begin[i]; k < sparse.factor_begin[i + 1]; ++k) {
+      sparse.places[next[sparse.blocks[k].frame]++] = {i, sparse.blocks[k].slot};
+    }
+  }
+  return sparse;
+}
+
 // How much of a plan falls to one block.
 struct Share {
   void Add(int source) {
@@ -66,9 +109,15 @@ class PlanBuilder {
       : evaluator_(evaluator), layout_(evaluator.layout()), incidences_(incidences), plans_(plans) {
     for (const FamilyCache& cache : evaluator.families()) {
       auto& slots = adjacency_.emplace_back();
+      auto& sparse = sparse_.emplace_back();
       first_source_.push_back(static_cast<int>(plans->hessian_sources.size()));
+      if (cache.num_factors > 0 && evaluator.leaves_out_zero_blocks()) {
+        sparse = FindSparseBlocks(cache, evaluator.graph(), layout_);
+      }
       for (int s = 0; cache.num_factors > 0 && s < cache.family->num_slots(); ++s) {
-        slots.push_back(FactorsByFrame(cache, evaluator.graph(), layout_, s));
+        if (!evaluator.leaves_out_zero_blocks()) {
+          slots.push_back(FactorsByFrame(cache, evaluator.graph(), layout_, s));
+        }
         for (int c = 0; c < cache.family->num_slots(); ++c) {
           plans->hessian_sources.push_back({cache.id, s, c});
         }
@@ -216,6 +265,10 @@ class PlanBuilder {
   template <typename Visit>
   void ForEachHessianTerm(int row, const Visit& visit) const {
     for (const FamilyCache& cache : evaluator_.families()) {
+      if (evaluator_.leaves_out_zero_blocks()) {
+        ForEachSparseTerm(cache, row, visit);
+        continue;
+      }
       const std::vector<SlotAdjacency>& slots = adjacency_[cache.id];
       const auto num_slots = static_cast<int>(slots.size());
       for (int r = 0; r < num_slots; ++r) {
@@ -223,6 +276,28 @@ class PlanBuilder {
         const std::int32_t* end = slots[r].factors.data() + slots[r].begin[row + 1];
         for (int c = 0; begin < end && c < num_slots; ++c) {
           ForEachTermOfSlots(cache, row, r, c, begin, end, visit);
+        }
+      }
+    }
+  }
+
+  // By factor, so that the terms of a block have one source each where a variable is in one slot, as mostly.
+  template <typename Visit>
+  void ForEachSparseTerm(const FamilyCache& cache, int row, const Visit& visit) const {
+    const SparseBlocks& sparse = sparse_[cache.id];
+    const int num_slots = cache.family->num_slots();
+    if (cache.num_factors == 0) {
+      return;
+    }
+    for (int k = sparse.frame_begin[row]; k < sparse.frame_begin[row + 1]; ++k) {
+      const auto [factor, slot] = sparse.places[k];
+      const auto row_quads = static_cast<std::int32_t>(cache.slots[slot].factor_stride / kQuad);
+      for (int other = sparse.factor_begin[factor]; other < sparse.factor_begin[factor + 1]; ++other) {
+        const auto [column_slot, column] = sparse.blocks[other];
+        if (column <= row) {
+          const auto column_quads = static_cast<std::int32_t>(cache.slots[column_slot].factor_stride / kQuad);
+          visit(column, first_source_[cache.id] + slot * num_slots + column_slot,
+                ProductTerm{factor * column_quads, factor * row_quads});
         }
       }
     }
@@ -263,7 +338,8 @@ class PlanBuilder {
   const Layout& layout_;
   const LandmarkIncidences& incidences_;
   FramePlans* plans_;
-  std::vector<std::vector<SlotAdjacency>> adjacency_;  // per family and slot
+  std::vector<std::vector<SlotAdjacency>> adjacency_;  // per family and slot, where no blocks are left out
+  std::vector<SparseBlocks> sparse_;                   // per family, where some are
   std::vector<int> first_source_;                      // per family: of its slot pairs among hessian_sources
   std::vector<int> source_of_landmark_;                // among schur_sources
   std::vector<std::vector<CountedBlock>> rows_;

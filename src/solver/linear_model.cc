@@ -2,6 +2,7 @@
 
 #include "solver/dense_model.h"
 #include "solver/dense_qr_model.h"
+#include "solver/dynamic_model.h"
 #include "solver/schur_model.h"
 
 namespace inceres::internal {
@@ -15,6 +16,10 @@ std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, const
   if (by_qr) {
     *status = Status::Ok();
     return std::make_unique<DenseQrModel>(evaluator);
+  }
+  if (evaluator.leaves_out_zero_blocks()) {
+    *status = Status::Ok();
+    return std::make_unique<DynamicModel>(options, evaluator);
   }
   if (evaluator.layout().num_landmarks() == 0) {
     return std::make_unique<PlainModel>(options, evaluator, status);

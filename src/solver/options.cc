@@ -19,6 +19,8 @@ Status Require(bool condition, const char* name, const T& value, const char* rul
 
 Status SolverOptions::Validate() const {
   const Status checks[] = {
+      Require(!dynamic_sparsity || linear_model == LinearModelKind::kAutomatic || linear_model == LinearModelKind::kPlain,
+              "dynamic_sparsity", dynamic_sparsity, "false with linear_model kSchur or kDenseQr"),
       Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads, "between 1 and 1024"),
       Require(max_num_iterations >= 0, "max_num_iterations", max_num_iterations, ">= 0"),
       Require(max_solver_time_in_seconds >= 0.0, "max_solver_time_in_seconds", max_solver_time_in_seconds, ">= 0"),

@@ -50,10 +50,14 @@ struct Workspace {
         executor(options.num_threads),
         linear_model(options.linear_model),
         reduced_solver(options.reduced_solver),
-        evaluator(graph, layout, executor, StorageOf(options, graph, layout)) {}
+        dynamic_sparsity(options.dynamic_sparsity),
+        evaluator(graph, layout, executor, StorageOf(options, graph, layout)) {
+    evaluator.set_leaves_out_zero_blocks(dynamic_sparsity && evaluator.storage() == JacobianStorage::kBySlot);
+  }
 
   static bool EliminatesLandmarks(const SolverOptions& options) {
-    return options.linear_model == LinearModelKind::kAutomatic || options.linear_model == LinearModelKind::kSchur;
+    const bool by_blocks = options.linear_model == LinearModelKind::kAutomatic || options.linear_model == LinearModelKind::kSchur;
+    return by_blocks && !options.dynamic_sparsity;
   }
 
   // A reduced solver that was asked for is given the blocks of its system.
@@ -67,7 +71,8 @@ struct Workspace {
     const bool remembers = options.reduced_solver_factory || options.reduced_solver == ReducedSolverKind::kPcg ||
                            options.reduced_solver == ReducedSolverKind::kAutomaticInexact;
     return !remembers && options.num_threads == executor.num_threads() && options.linear_model == linear_model &&
-           options.reduced_solver == reduced_solver && structure.has_value() && structure->IsThatOf(graph);
+           options.reduced_solver == reduced_solver && options.dynamic_sparsity == dynamic_sparsity && structure.has_value() &&
+           structure->IsThatOf(graph);
   }
 
   std::optional<Structure> structure;  // taken when the first solve is over: who solves once does not pay for it
@@ -75,6 +80,7 @@ struct Workspace {
   Executor executor;
   LinearModelKind linear_model;
   ReducedSolverKind reduced_solver;
+  bool dynamic_sparsity;
   Evaluator evaluator;
   std::unique_ptr<LinearModel> model;
   TrustRegionMemory memory;
@@ -139,6 +145,12 @@ void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, 
   minimizer_options.seconds_spent_before += summary->seconds.setup;
   TrustRegionMinimizer minimizer(minimizer_options, &workspace->evaluator, &model, &workspace->memory, summary);
   minimizer.Minimize();
+  if (options.dynamic_sparsity) {  // of which model and its solver are known by now
+    WorkCounts found;
+    model.Describe(&found);
+    summary->reduced_solver = model.SolverName();
+    summary->work.bytes = workspace->evaluator.Bytes() + found.bytes;
+  }
   summary->final_cost = FinalCost(*summary, minimizer.first_comparable_iteration());
   if (summary->IsSolutionUsable()) {
     graph->mutable_state() = minimizer.best_state();

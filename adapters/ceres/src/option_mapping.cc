@@ -71,7 +71,6 @@ void CheckLinearSolver(Differences* differences) {
   differences->Check("dense_linear_algebra_library_type", &Options::dense_linear_algebra_library_type);
   differences->Check("sparse_linear_algebra_library_type", &Options::sparse_linear_algebra_library_type);
   differences->Check("use_explicit_schur_complement", &Options::use_explicit_schur_complement);
-  differences->Check("dynamic_sparsity", &Options::dynamic_sparsity);
   differences->Check("use_mixed_precision_solves", &Options::use_mixed_precision_solves);
   differences->Check("max_num_refinement_iterations", &Options::max_num_refinement_iterations);
   differences->Check("min_linear_solver_iterations", &Options::min_linear_solver_iterations);
@@ -168,6 +167,7 @@ SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSol
   core.rules = kCeresRules;
   core.strategy = StrategyOf(options);
   core.linear_model = type == ceres::DENSE_QR ? LinearModelKind::kDenseQr : LinearModelKind::kAutomatic;
+  core.dynamic_sparsity = options.dynamic_sparsity;
   core.max_num_iterations = options.max_num_iterations;
   core.max_solver_time_in_seconds = options.max_solver_time_in_seconds;
   core.function_tolerance = options.function_tolerance;
@@ -220,6 +220,7 @@ IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, 
 std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks) {
   using Options = ceres::Solver::Options;
   Differences differences(options);
+  differences.Check("dynamic_sparsity", &Options::dynamic_sparsity);
   differences.Check("gradient_tolerance", &Options::gradient_tolerance);
   differences.Check("parameter_tolerance", &Options::parameter_tolerance);
   differences.Check("max_trust_region_radius", &Options::max_trust_region_radius);

@@ -47,6 +47,10 @@ ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& opti
   return options.linear_solver_type;
 }
 
+ceres::LinearSolverType TypeToPlanFor(const ceres::Solver::Options& options, const OrderingView& ordering) {
+  return options.dynamic_sparsity ? ceres::DENSE_QR : EffectiveLinearSolver(options, ordering);
+}
+
 ceres::LinearSolverType IncrementalLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(options, ordering);
   return type == ceres::DENSE_QR ? ceres::DENSE_NORMAL_CHOLESKY : type;

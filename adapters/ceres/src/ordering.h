@@ -29,8 +29,12 @@ inline bool IsIterative(ceres::LinearSolverType type) {
 /// The type Ceres would end up with: a Schur type whose first group was emptied becomes the type without elimination.
 ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering);
 
-/// The same for incremental mode, which forms normal equations: for who asked for DENSE_SCHUR that is what he gets where Ceres
-/// takes DENSE_QR (a window whose landmarks are all held, say).
+/// The type by which landmarks are chosen: with dynamic_sparsity, as for a QR factorisation, none are, for it is the zeros of
+/// each linearisation that say what is coupled.
+ceres::LinearSolverType TypeToPlanFor(const ceres::Solver::Options& options, const OrderingView& ordering);
+
+/// The effective type in incremental mode, which forms normal equations: for who asked for DENSE_SCHUR that is what he gets where
+/// Ceres takes DENSE_QR (a window whose landmarks are all held, say).
 ceres::LinearSolverType IncrementalLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering);
 
 }  // namespace inceres::internal

@@ -191,7 +191,7 @@ void CeresSession::Impl::SolveExactlyFor(const char* reason, ceres::Problem* pro
                                          ceres::Solver::Summary* summary, SolveReport* report) {
   living.reset();
   has_view = false;  // an exact solve empties it
-  const std::string too_much = internal::ChoosePlan(internal::EffectiveLinearSolver(input->options, input->ordering), input);
+  const std::string too_much = internal::ChoosePlan(internal::TypeToPlanFor(input->options, input->ordering), input);
   if (!too_much.empty()) {
     internal::Decline(input->options, problem, summary, too_much, report);
     return;

@@ -53,7 +53,7 @@ void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, c
     internal::SolveIncrementally(input, core, &living, summary, report);
   } else {
     const ceres::LinearSolverType type =
-        incremental ? internal::IncrementalLinearSolver(options, ordering) : internal::EffectiveLinearSolver(options, ordering);
+        incremental ? internal::IncrementalLinearSolver(options, ordering) : internal::TypeToPlanFor(options, ordering);
     const std::string too_much = internal::ChoosePlan(type, &input);
     if (!too_much.empty()) {
       internal::Decline(options, problem, summary, too_much, report);

@@ -47,6 +47,12 @@ struct INCERES_EXPORT SolverOptions {
   /// If set, makes the solver for S δ_c = b instead of a built-in one.
   ReducedSolverFactory reduced_solver_factory;
 
+  /// Find the blocks of the Jacobian that are all zeros at each linearisation, and leave them out of H and its factorisation,
+  /// whose pattern is then made anew whenever the zeros have moved. For factors that touch many variables of which few count at a
+  /// time: the points of a curve, a grid that is looked up. Solution and trace are the same up to rounding; where few blocks are
+  /// zero it only costs. Landmarks are treated as frames. With linear_model kAutomatic or kPlain.
+  bool dynamic_sparsity = false;
+
   /// Upper bound on threads, 1 to 1024. With 1 nothing of the user's is ever called concurrently. The result does not depend on
   /// it.
   int num_threads = 1;

@@ -70,8 +70,8 @@ class INCERES_EXPORT Solver {
 
   /// The same into a summary that has served before, whose memory is used again: a solve that finds its structure ready then
   /// asks for no memory at all (LM or traditional Dog-Leg; what the graph's families and observers do is theirs). Exempt,
-  /// because rare and set up anew each time: what Solver says, dense QR, the subspace Dog-Leg, inner iterations, line searches
-  /// along bounds, and the text of an error.
+  /// because rare and set up anew each time: what Solver says, dynamic_sparsity, dense QR, the subspace Dog-Leg, inner
+  /// iterations, line searches along bounds, and the text of an error.
   void Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary);
 
   /// Whether a solve with these options would find its structure ready. Cost: a comparison, up to the first difference.
