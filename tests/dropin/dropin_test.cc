@@ -224,6 +224,13 @@ TEST(Dropin, IncrementalEndsWhereStockEnds) {
   ExpectSameOutput(Bare("living").out, ours.out, 1e-5);
 }
 
+TEST(Dropin, IncrementalSolvesASlidingWindowExactly) {
+  const ProgramRun ours = Preloaded("living", "INCERES_MODE=incremental");
+  EXPECT_EQ(ours.out, Preloaded("living").out);
+  EXPECT_EQ(NumSolved(ours), 12) << ours.err;
+  EXPECT_EQ(CountOf(ours.err, "exact, though asked to be incremental: a window slides, or may"), 1) << ours.err;
+}
+
 TEST(Dropin, AutoSolvesASlidingWindowExactly) {
   EXPECT_EQ(Preloaded("living", "INCERES_MODE=auto").out, Preloaded("living").out);
 }

@@ -54,10 +54,10 @@ struct INCERES_EXPORT PoseGraph {
 /// each later one where an edge puts it, from the vertex of the highest id that has its place: along the odometry.
 ///
 /// Every failure is kIo with a message `file:line: tag: field: what is wrong`: a missing file, corrupt compression or one beyond
-/// the limit of `options`, an unknown tag, planar and spatial poses in one file, a missing or surplus field, a number that is not finite, a quaternion of zero
-/// length, a negative diagonal of an information matrix, a vertex twice, an edge or FIX that names a vertex the file does not
-/// have, an edge from a vertex to itself, a file without vertices and edges, and edges alone that do not hang together. `*graph`
-/// is then unchanged.
+/// the limit of `options`, an unknown tag, planar and spatial poses in one file, a missing or surplus field, a number that is not
+/// finite, a quaternion of zero length, a negative diagonal of an information matrix, a vertex twice, an edge or FIX that names a
+/// vertex the file does not have, an edge from a vertex to itself, a file without vertices and edges, and edges alone that do not
+/// hang together. `*graph` is then unchanged.
 ///
 /// Cost: one pass over the file. Threads: no shared state.
 INCERES_EXPORT Status ReadG2o(const std::string& path, PoseGraph* graph, const ReadOptions& options = ReadOptions());

@@ -120,7 +120,8 @@ bool SolvedIncrementally(DropinMode mode, KnownProblem* known, const ceres::Solv
 // A Problem's first solve, of a window's size: exact, as those of a session would be (SessionOptions::exact_windows), and without
 // one, for a window may be built anew for every frame.
 bool IsFirstOfWindow(const KnownProblem& known, const ceres::Solver::Options& options, const ceres::Problem& problem) {
-  return TheEnvironment().exact_windows && known.num_solves == 0 && !IsIterative(options.linear_solver_type) && IsOfWindowSize(problem);
+  return TheEnvironment().exact_windows && known.num_solves == 0 && !IsIterative(options.linear_solver_type) &&
+         IsOfWindowSize(problem);
 }
 
 void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,

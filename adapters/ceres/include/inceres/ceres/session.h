@@ -22,15 +22,15 @@ struct INCERES_EXPORT SessionOptions {
   /// for another one and no cost function ever changes: nothing else is left to notice it.
   bool verify_cached_factors = true;
 
-  /// Whether a solve is exact where a window slides: where states are taken out and a prior stands for what they knew, what a solve
-  /// leaves undone in weak directions becomes final, and a trajectory may be several times as wrong although each cost is within
-  /// the tolerance. So a problem of a window's size (up to 100 blocks of more than four tangent unknowns, up to 16,384 residual
-  /// blocks) is solved exactly until 20 solves in a row have passed without a slide, and one of any size for 20 solves after one.
-  /// SolveReport::exact_reason tells of it. False: every solve is incremental.
+  /// Whether a solve is exact where a window slides: where states are taken out and a prior stands for what they knew, what a
+  /// solve leaves undone in weak directions becomes final, and a trajectory may be several times as wrong although each cost is
+  /// within the tolerance. So a problem of a window's size (up to 100 blocks of more than four tangent unknowns, up to 16,384
+  /// residual blocks) is solved exactly until 20 solves in a row have passed without a slide, and one of any size for 20 solves
+  /// after one. SolveReport::exact_reason tells of it. False: every solve is incremental.
   bool exact_windows = true;
 
-  /// Whether solves are exact while that takes less work, as counted in the incremental solves so far; now and then those are tried
-  /// again. SolveReport::exact_reason tells, and the log when it changes.
+  /// Whether solves are exact while that takes less work, as counted in the incremental solves so far; now and then those are
+  /// tried again. SolveReport::exact_reason tells, and the log when it changes.
   bool automatic = false;
 };
 
