@@ -10,7 +10,7 @@ the root mean square of the newest frame's position error, not aligned, for the 
 
 A mode passes if on no seed its error is above 1.02 times the worst of stock's, and the median over the seeds of its error is at
 most 1.05 times the median of stock's medians. `converged`, stock with 100 iterations a solve, shows what a solver gets that leaves
-nothing undone; it has no part in the verdict. Exit code: 0 every mode passes, 1 one does not, 2 a run could not be played.
+nothing undone; it has no part in the verdict, but how many seeds are above if it counts as one of stock's is told too. Exit code: 0 every mode passes, 1 one does not, 2 a run could not be played.
 """
 
 import argparse
@@ -78,12 +78,14 @@ def of_stock(errors, what):
 def judge(errors, mode):
     """{figure: value} of a mode."""
     worst, typical = of_stock(errors, max), of_stock(errors, statistics.median)
+    worst_or_converged = [max(values) for values in zip(worst, *(errors[name] for name in CONVERGED))]
     ratios = [ours / stock for ours, stock in zip(errors[mode], typical)]
-    above = [ours / stock for ours, stock in zip(errors[mode], worst)]
+    above = lambda stock: sum(ours > WORST_FACTOR * limit for ours, limit in zip(errors[mode], stock))
     return {
         "geometric_mean": math.exp(statistics.mean(math.log(ratio) for ratio in ratios)),
         "worst_ratio": max(ratios),
-        "seeds_above": sum(ratio > WORST_FACTOR for ratio in above),
+        "seeds_above": above(worst),
+        "seeds_above_both": above(worst_or_converged),
         "median_ratio": statistics.median(errors[mode]) / statistics.median(typical),
     }
 
@@ -101,13 +103,13 @@ def print_figures(seeds, modes, errors):
         ours = (f"{errors[mode][i]:.5f}{' **above**' if errors[mode][i] > WORST_FACTOR * worst[i] else ''}" for mode in shown)
         print(f"| {seed} | {best[i]:.5f} | {worst[i]:.5f} | {' | '.join(ours)} |")
     print("\n| mode | geometric mean of the ratios to stock's median | largest ratio | seeds above 1.02 of stock's worst "
-          "| median over the seeds, ratio | verdict |\n|---|---|---|---|---|---|")
+          "| converged counted as stock's | median over the seeds, ratio | verdict |\n|---|---|---|---|---|---|---|")
     fine = True
     for mode in shown:
         figures = judge(errors, mode)
         fine = fine and (passes(figures) or mode in CONVERGED)
         print(f"| {mode} | {figures['geometric_mean']:.3f} | {figures['worst_ratio']:.2f} | {figures['seeds_above']} of {len(seeds)} "
-              f"| {figures['median_ratio']:.3f} | {'as good as stock' if passes(figures) else '**not** as good as stock'} |",
+              f"| {figures['seeds_above_both']} of {len(seeds)} | {figures['median_ratio']:.3f} | {'as good as stock' if passes(figures) else '**not** as good as stock'} |",
               flush=True)
     return fine
 

@@ -53,14 +53,23 @@ class ExecutablesTest(unittest.TestCase):
             again = self.report(name, "--seed=1", "--ordering=auto", "--linear_solver=dense_schur")
             self.assertEqual([plain["ate_m"], plain["final_cost_sum"]], [again["ate_m"], again["final_cost_sum"]])
             changes = [["--seed", "2"], ["--features", "50"], ["--frames", "30"], ["--free_extrinsics"], ["--max_iterations", "3"],
-                       ["--max_solver_time", "1e-6"], ["--ordering", "landmarks_first"], ["--linear_solver", "sparse_schur"]]
+                       ["--max_solver_time", "1e-6"], ["--ordering", "landmarks_first"], ["--linear_solver", "sparse_schur"],
+                       ["--linear_solver", "sparse_normal_cholesky"], ["--kick", "1"], ["--realistic_costs"], ["--scene", "startup"],
+                       ["--features", "50", "--scene", "startup"]]
             for flags in changes + ([["--newest_first"]] if name == "okvis_map" else []):
                 with self.subTest(program=name, flags=flags):
                     self.assertNotEqual(self.report(name, *flags)["final_cost_sum"], plain["final_cost_sum"])
 
+    def test_what_else_is_said_changes_the_scene_wherever_it_stands(self):
+        for name in NAMES:
+            before = self.report(name, "--features", "50", "--scene", "startup")
+            after = self.report(name, "--scene", "startup", "--features", "50")
+            self.assertEqual(before["final_cost_sum"], after["final_cost_sum"])
+            self.assertNotEqual(before["final_cost_sum"], self.report(name, "--scene", "startup")["final_cost_sum"])
+
     def test_bad_arguments_are_named(self):
         bad = [("--frames", "abc"), ("--frames", "0"), ("--features", "7"), ("--ordering", "best"), ("--linear_solver", "qr"),
-               ("--max_solver_time", "-1"), ("--seed",), ("--nonsense",), ("surplus",), ("--newest_first",)]
+               ("--max_solver_time", "-1"), ("--seed",), ("--scene", "moon"), ("--kick", "-1"), ("--nonsense",), ("surplus",), ("--newest_first",)]
         for name in NAMES:
             for flags in bad if name == "vins_window" else bad[:-1]:
                 with self.subTest(program=name, flags=flags):
@@ -76,7 +85,7 @@ class ExecutablesTest(unittest.TestCase):
         for name in NAMES:
             result = run(name, "--help")
             self.assertEqual(result.returncode, 0)
-            for flag in ("--frames", "--features", "--seed", "--free_extrinsics", "--ordering", "--linear_solver", "--json"):
+            for flag in ("--scene", "--frames", "--features", "--seed", "--kick", "--free_extrinsics", "--realistic_costs", "--ordering", "--linear_solver", "--json"):
                 self.assertIn(flag, result.stdout)
 
     def test_knows_nothing_of_inceres(self):

@@ -133,8 +133,11 @@ Argument Take(int argc, char** argv, int* i) {
 
 std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** argv, RunOptions* options,
                                     const std::vector<Switch>& own_switches) {
-  std::vector<Switch> switches{{"--free_extrinsics", "estimate where the camera sits on the body; otherwise it is held",
-                                &options->estimator.free_extrinsics}};
+  std::vector<Switch> switches{
+      {"--free_extrinsics", "estimate where the camera sits on the body; otherwise it is held",
+       &options->estimator.free_extrinsics},
+      {"--realistic_costs", "cost functions that give the same but cost what those of estimators in the field do",
+       &options->estimator.realistic_costs}};
   switches.insert(switches.end(), own_switches.begin(), own_switches.end());
   const std::map<std::string, Setter> setters = MakeSetters(options);
   std::vector<Argument> arguments;

@@ -19,6 +19,7 @@ enum class Ordering {
 
 struct EstimatorOptions {
   bool free_extrinsics = false;  // estimate where the camera sits on the body
+  bool realistic_costs = false;  // cost functions that cost what those of estimators in the field do
   Ordering ordering = Ordering::kAuto;
   ceres::LinearSolverType linear_solver = ceres::DENSE_SCHUR;
   int max_num_iterations = 8;

@@ -22,6 +22,8 @@ struct RunOptions {
   int num_frames = 300;
   int num_features = 150;  // that have a variable at a time, on average; kStartup: that an image shows
   int kick = 0;            // not 0: seed of one ulp, up or down, on every value that a solve starts from
+  bool is_aligned =
+      false;  // kStartup: speed and attitude start as an alignment of images and IMU leaves them, not as OKVIS starts
   SimulatorOptions simulator;
   EstimatorOptions estimator;
   std::string json;  // file for the report; none if empty

@@ -10,6 +10,8 @@ namespace {
 
 constexpr double kStartupExtrinsicP = 0.004;  // m, standard deviations in each axis
 constexpr double kStartupExtrinsicR = 0.006;  // rad
+constexpr double kAlignedTilt = 0.01;         // rad
+constexpr double kAlignedSpeed = 0.05;        // m/s
 
 Start HallStart(Start start, bool free_extrinsics) {
   start.state.v += Vector3d(0.05, -0.03, 0.02);
@@ -21,25 +23,30 @@ Start HallStart(Start start, bool free_extrinsics) {
   return start;
 }
 
-// In the air, as OKVIS starts: velocity zero, up is where the accelerometer points. Position and yaw are the true ones, for
-// nothing else could tell them.
-Start StartupStart(Start start, const Vector3d& specific_force, bool free_extrinsics, std::uint64_t seed) {
-  std::mt19937_64 random(seed);
+// Position and yaw are the true ones, for nothing else could tell them.
+Start StartupStart(const RunOptions& options, const Vector3d& specific_force, Start start) {
+  std::mt19937_64 random(options.simulator.seed);
   std::normal_distribution<double> normal;
   const auto noise = [&](double sigma) {
     const double x = normal(random);
     const double y = normal(random);
     return Vector3d(sigma * Vector3d(x, y, normal(random)));
   };
-  Eigen::Quaterniond& q = start.state.pose.q;
-  q = q * Eigen::Quaterniond::FromTwoVectors(specific_force, q.conjugate() * Vector3d::UnitZ());
-  start.state.v.setZero();
   for (Pose& extrinsic : start.body_from_cameras) {
     const Vector3d p = noise(kStartupExtrinsicP);
     const Vector3d r = noise(kStartupExtrinsicR);
-    if (free_extrinsics) {
+    if (options.estimator.free_extrinsics) {
       extrinsic = {extrinsic.p + p, Exp(r) * extrinsic.q};
     }
+  }
+  Eigen::Quaterniond& q = start.state.pose.q;
+  if (options.is_aligned) {
+    const Vector3d tilt = noise(kAlignedTilt);
+    q = Exp(Vector3d(tilt.x(), tilt.y(), 0.0)) * q;
+    start.state.v += noise(kAlignedSpeed);
+  } else {  // in the air: velocity zero, up is where the accelerometer points
+    q = q * Eigen::Quaterniond::FromTwoVectors(specific_force, q.conjugate() * Vector3d::UnitZ());
+    start.state.v.setZero();
   }
   return start;
 }
@@ -73,9 +80,8 @@ Start MakeStart(const RunOptions& options, const Simulator& simulator) {
   start.state.ba.setZero();
   start.state.bg.setZero();
   const bool free_extrinsics = options.estimator.free_extrinsics;
-  return options.scene == Scene::kHall
-             ? HallStart(start, free_extrinsics)
-             : StartupStart(start, simulator.SpecificForce(0.0), free_extrinsics, options.simulator.seed);
+  return options.scene == Scene::kHall ? HallStart(start, free_extrinsics)
+                                       : StartupStart(options, simulator.SpecificForce(0.0), start);
 }
 
 }  // namespace sliding_window

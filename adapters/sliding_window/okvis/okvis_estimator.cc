@@ -6,6 +6,7 @@
 #include "common/triangulation.h"
 #include "okvis/imu_error.h"
 #include "okvis/prior_errors.h"
+#include "okvis/realistic_errors.h"
 #include "okvis/reprojection_error.h"
 
 namespace sliding_window {
@@ -63,6 +64,21 @@ void OkvisEstimator::AddFrame(const Frame& frame) {
   Marginalize();
 }
 
+std::unique_ptr<ceres::CostFunction> OkvisEstimator::MakeReprojectionError(const Eigen::Vector2d& xy) const {
+  if (options_.realistic_costs) {
+    return std::make_unique<RealisticReprojectionError>(xy, options_.focal_length, options_.pixel_noise);
+  }
+  return std::make_unique<ReprojectionError>(xy, options_.focal_length / options_.pixel_noise);
+}
+
+std::unique_ptr<ceres::CostFunction> OkvisEstimator::MakeImuError(const std::vector<ImuSample>& samples,
+                                                                  const ImuState& state) const {
+  if (options_.realistic_costs) {
+    return std::make_unique<RealisticImuError>(options_.imu_noise, samples, state.ba, state.bg);
+  }
+  return std::make_unique<ImuError>(options_.imu_noise, samples, state.ba, state.bg);
+}
+
 void OkvisEstimator::AddBlocks(int id, const Frame& frame) {
   FrameBlocks& blocks = frames_[id];
   problem_.AddParameterBlock(blocks.pose, 7, &pose_manifold_);
@@ -82,16 +98,15 @@ void OkvisEstimator::AddBlocks(int id, const Frame& frame) {
   const ImuState state = StateFromBlocks(before.pose, before.speed_bias);
   const ImuPreintegration imu(options_.imu_noise, frame.imu, state.ba, state.bg);
   StateToBlocks(Propagate(imu, state), blocks.pose, blocks.speed_bias);
-  blocks.imu = AddResidual(std::make_unique<ImuError>(options_.imu_noise, frame.imu, state.ba, state.bg), nullptr,
-                           {before.pose, before.speed_bias, blocks.pose, blocks.speed_bias});
+  blocks.imu =
+      AddResidual(MakeImuError(frame.imu, state), nullptr, {before.pose, before.speed_bias, blocks.pose, blocks.speed_bias});
 }
 
 void OkvisEstimator::AddObservations(int id, const std::vector<Observation>& observations) {
-  const double weight = options_.focal_length / options_.pixel_noise;
   for (const Observation& observation : observations) {
     Landmark& landmark = landmarks_[observation.feature];
     const std::pair<int, int> key(id, observation.camera);
-    landmark.sightings[key] = {observation.xy, observation.depth, {std::make_unique<ReprojectionError>(observation.xy, weight)}};
+    landmark.sightings[key] = {observation.xy, observation.depth, {MakeReprojectionError(observation.xy)}};
     if (landmark.is_variable) {
       AddSighting(&landmark, key);
     } else {

@@ -89,6 +89,8 @@ class OkvisEstimator {
   };
   using LandmarkIterator = std::map<int, Landmark>::iterator;
 
+  std::unique_ptr<ceres::CostFunction> MakeReprojectionError(const Eigen::Vector2d& xy) const;
+  std::unique_ptr<ceres::CostFunction> MakeImuError(const std::vector<ImuSample>& samples, const ImuState& state) const;
   void AddBlocks(int id, const Frame& frame);
   void AddObservations(int id, const std::vector<Observation>& observations);
   void AddLandmarkIfSeenWell(Landmark* landmark);

@@ -9,6 +9,7 @@
 #include "vins/imu_factor.h"
 #include "vins/pose_parameterization.h"
 #include "vins/projection_factor.h"
+#include "vins/realistic_factors.h"
 
 namespace sliding_window {
 
@@ -93,16 +94,30 @@ void VinsEstimator::AddResiduals(ceres::Problem* problem, ceres::LossFunction* l
     problem->AddResidualBlock(new MarginalizationFactor(prior_.get()), nullptr, prior_blocks_);
   }
   for (int k = 1; k < kNumFrames; ++k) {
-    problem->AddResidualBlock(new ImuFactor(imu_[k]), nullptr, para_pose_[k - 1], para_speed_bias_[k - 1], para_pose_[k],
+    problem->AddResidualBlock(MakeImuFactor(k), nullptr, para_pose_[k - 1], para_speed_bias_[k - 1], para_pose_[k],
                               para_speed_bias_[k]);
   }
   for (std::size_t i = 0; i < used_features_.size(); ++i) {
     const FeatureTrack& track = *used_features_[i];
     for (int k = track.start + 1; k <= track.last(); ++k) {
-      problem->AddResidualBlock(new ProjectionFactor(track.xy.front(), track.xy[k - track.start], projection_weight()), loss,
-                                para_pose_[track.start], para_pose_[k], para_extrinsic_, &para_inverse_depth_[i]);
+      problem->AddResidualBlock(MakeProjectionFactor(track.xy.front(), track.xy[k - track.start]), loss, para_pose_[track.start],
+                                para_pose_[k], para_extrinsic_, &para_inverse_depth_[i]);
     }
   }
+}
+
+ceres::CostFunction* VinsEstimator::MakeImuFactor(int frame) const {
+  if (options_.realistic_costs) {
+    return new RealisticImuFactor(imu_[frame]);
+  }
+  return new ImuFactor(imu_[frame]);
+}
+
+ceres::CostFunction* VinsEstimator::MakeProjectionFactor(const Eigen::Vector2d& xy_i, const Eigen::Vector2d& xy_j) const {
+  if (options_.realistic_costs) {
+    return new RealisticProjectionFactor(xy_i, xy_j, projection_weight());
+  }
+  return new ProjectionFactor(xy_i, xy_j, projection_weight());
 }
 
 ceres::Solver::Options VinsEstimator::SolverOptions() {

@@ -45,6 +45,10 @@ class VinsEstimator {
   void SetValues(const std::vector<double>& values);
 
  private:
+  /// New ones, to whom they are given.
+  ceres::CostFunction* MakeImuFactor(int frame) const;
+  ceres::CostFunction* MakeProjectionFactor(const Eigen::Vector2d& xy_i, const Eigen::Vector2d& xy_j) const;
+
   void Optimize();
   void AddBlocks(ceres::Problem* problem);
   void AddResiduals(ceres::Problem* problem, ceres::LossFunction* loss);

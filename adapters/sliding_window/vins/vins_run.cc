@@ -11,6 +11,7 @@ RunReport RunVins(const RunOptions& options, const SolveFunction& solve) {
   constexpr double kTracksPerFeature = 0.5;
   RunOptions with_tracks = options;
   with_tracks.simulator.num_cameras = 1;
+  with_tracks.is_aligned = true;
   with_tracks.simulator.tracks_per_frame = static_cast<int>(kTracksPerFeature * options.num_features);
   const int max_features = 2 * options.num_features;
   const MakeEstimator make = [max_features](const EstimatorOptions& estimator_options, const SolveFunction& timed_solve,
