@@ -416,7 +416,7 @@ TEST(CrossCheck, IncrementalModeIsJudgedByItsCost) {
 
 TEST(CrossCheck, ASessionGoesOnFromWhatItWrote) {
   const auto test = MakeWindow(5, 40, true);
-  CeresSession session(inceres::testing::AlwaysIncremental());
+  CeresSession session{inceres::testing::AlwaysIncremental()};
   SolveReport report = Checked();
   CeresSummary summary;
   session.Solve(Quiet(), &test->problem, &summary, &report);

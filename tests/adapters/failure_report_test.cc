@@ -129,7 +129,7 @@ TEST(FailureReport, OfIncrementalMode) {
 
 TEST(FailureReport, OfASession) {
   ExpectNamed([](const auto& options, auto* problem, auto* summary, auto* report) {
-    CeresSession session(inceres::testing::AlwaysIncremental());
+    CeresSession session{inceres::testing::AlwaysIncremental()};
     session.Solve(options, problem, summary, report);
   });
 }

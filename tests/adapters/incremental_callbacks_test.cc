@@ -89,7 +89,7 @@ class Bench {
 
   std::unique_ptr<TestProblem> test;
   Options options;
-  CeresSession session(inceres::testing::AlwaysIncremental());
+  CeresSession session{inceres::testing::AlwaysIncremental()};
   SolveReport report;
   ceres::Solver::Summary summary;
   Blocks start;

@@ -119,7 +119,7 @@ TEST(IterativeSolvers, ASessionSolvesAgainWithTheOtherKind) {
   const auto test = MakeChain();
   Options options;
   options.logging_type = ceres::SILENT;
-  CeresSession session(inceres::testing::AlwaysIncremental());
+  CeresSession session{inceres::testing::AlwaysIncremental()};
   ceres::Solver::Summary summary;
   SolveReport report;
   for (const ceres::LinearSolverType type : {ceres::SPARSE_NORMAL_CHOLESKY, ceres::CGNR, ceres::CGNR}) {

@@ -79,13 +79,13 @@ TEST(MemoryGrowth, OfIncrementalSolves) {
 
 TEST(MemoryGrowth, OfSessions) {
   ExpectNoGrowth([](const auto& options, auto* problem, auto* summary) {
-    CeresSession session(inceres::testing::AlwaysIncremental());
+    CeresSession session{inceres::testing::AlwaysIncremental()};
     session.Solve(options, problem, summary);
   });
 }
 
 TEST(MemoryGrowth, OfASessionThatMeetsOtherProblems) {
-  CeresSession session(inceres::testing::AlwaysIncremental());
+  CeresSession session{inceres::testing::AlwaysIncremental()};
   ExpectNoGrowth([&](const auto& options, auto* problem, auto* summary) { session.Solve(options, problem, summary); });
 }
 

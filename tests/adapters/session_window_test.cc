@@ -57,7 +57,7 @@ class SessionWindow : public ::testing::TestWithParam<Landmarks> {
 
   // The same solve by a session that remembers nothing, on a third copy.
   void SolveFromScratch(LivingWindow* window) {
-    CeresSession fresh(inceres::testing::AlwaysIncremental());
+    CeresSession fresh{inceres::testing::AlwaysIncremental()};
     SolveReport report;
     ceres::Solver::Summary summary;
     fresh.Solve(Adjusted(Options(1e-6), *window), window->problem(), &summary, &report);
