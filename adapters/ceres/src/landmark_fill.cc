@@ -69,7 +69,8 @@ class FillChooser {
       double row = 2.0;
       double pairs = 0.0;
       for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
-        row += (view_.block(view_.SlotsOf(residual)[s]).tangent_size + 3) / 4 * 4;
+        const int padded_size = (view_.block(view_.SlotsOf(residual)[s]).tangent_size + 3) / 4 * 4;
+        row += padded_size;
         pairs += s + 1;
       }
       common_bytes_ += residual.fixed ? 0.0
