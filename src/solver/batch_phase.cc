@@ -85,6 +85,7 @@ class BatchObserver final : public SolveObserver {
     *shown_state_ = best_state;
     const bool go_on = trace_.EndRow(cost_);
     *shown_state_ = nullptr;
+    settled_ = settled_ || IsRefusedForNothing(iteration);
     const UpdateSummary& summary = trace_.summary();
     if (!go_on) {
       ended_by_user_ = true;
@@ -102,6 +103,8 @@ class BatchObserver final : public SolveObserver {
 
   bool ended_by_user() const { return ended_by_user_; }
   bool settled() const { return settled_; }
+  /// Of the state, where Ceres reports the lowest cost seen, refused steps included.
+  double cost() const { return cost_; }
   /// What the last step and those to come promise, where they are not taken.
   double rest() const { return rest_; }
 
@@ -110,6 +113,14 @@ class BatchObserver final : public SolveObserver {
   bool SeesAll(const IterationSummary& iteration) const {
     return options_.batch_strategy != TrustRegionStrategyKind::kLevenbergMarquardt ||
            iteration.trust_region_radius >= kSeeingRadius;
+  }
+  // A step that was evaluated and refused, but changes next to nothing: there is nothing to be had. (Ceres's rule does not ask
+  // whether a step is accepted either.)
+  bool IsRefusedForNothing(const IterationSummary& iteration) const {
+    return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && iteration.iteration > 0 && iteration.step_is_valid &&
+           !iteration.step_is_successful &&
+           std::fabs(iteration.cost_change) <= kSettledShare * options_.function_tolerance * cost_ &&
+           iteration.model_cost_change <= options_.function_tolerance * cost_;
   }
   bool HasJustSettled(const IterationSummary& iteration) {
     const bool good = iteration.relative_decrease > kGoodModel;
@@ -248,6 +259,9 @@ BatchOutcome Run(const IncrementalOptions& options, BatchEnd end, const std::ato
   summary->failed_step = solved.failed_step;
   summary->batch_stages = solved.seconds;
   summary->message = solved.detail.empty() ? solved.message : solved.message + ": " + solved.detail;
+  if (end == BatchEnd::kToTheEnd && solved.IsSolutionUsable() && !solved.iterations.empty()) {
+    summary->final_cost = observer.cost();
+  }
   if (!std::isfinite(solved.final_cost)) {  // which Ceres 2.1 takes for convergence
     summary->message = "The cost is not finite.";
     return {Termination::kFailure, false};

@@ -75,7 +75,7 @@ class Bench {
   }
 
   static SessionOptions OptionsFor(Way way) {
-    SessionOptions session_options;
+    SessionOptions session_options = inceres::testing::AlwaysIncremental();
     session_options.core.batch_share = way == Way::kIncremental ? 1.0 : 0.5;
     return session_options;
   }
@@ -89,7 +89,7 @@ class Bench {
 
   std::unique_ptr<TestProblem> test;
   Options options;
-  CeresSession session{inceres::testing::AlwaysIncremental()};
+  CeresSession session;
   SolveReport report;
   ceres::Solver::Summary summary;
   Blocks start;

@@ -44,8 +44,9 @@ void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, c
     return;
   }
   internal::SolveInput input{options, view, ordering, clock, callback, nullptr};
-  IncrementalOptions core = internal::MapIncrementalOptions(options, IncrementalOptions());
+  IncrementalOptions core;
   if (incremental) {
+    core = internal::MapIncrementalOptions(options, IncrementalOptions());
     internal::ChooseIterativeSolver(options, view, ordering, internal::kMaxDirectSize, &core);
   }
   if (incremental && core.batch_share >= 1.0) {  // the batch solver's solvers are direct
