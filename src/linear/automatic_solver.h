@@ -26,10 +26,10 @@ class AutomaticSolver final : public LiveReducedSolver {
 
   ResumedSolver resumed_;
   BatchSolver<SparseCholesky> sparse_;
-  Change missed_by_sparse_;  // while the other worked
+  Change missed_by_sparse_;    // while the other worked
   double sparse_flops_ = 0.0;  // of the pattern analyzed last; 0: none, and the first analysis will tell
   double regret_ = 0.0;        // flops by which resumed factorisations exceeded those since the last analysis
-  double saving_ = 0.0;      // flops that a resumed factor which had kept up would have spared since
+  double saving_ = 0.0;        // flops that a resumed factor which had kept up would have spared since
   LiveReducedSolver* chosen_ = &resumed_;
 };
 

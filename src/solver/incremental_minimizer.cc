@@ -309,10 +309,11 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
     return Verdict::kGoOn;
   }
   system_.Reject();
-  // Where fresh Jacobians promise so little, and not even that is kept, or the cost does not change at all, there is nothing to be
-  // had by more damping.
+  // Where fresh Jacobians promise so little, and not even that is kept, or the cost does not change at all, there is nothing to
+  // be had by more damping.
   const bool unmoved = std::fabs(trace_->row().cost_change) <= kUnmoved * system_.cost();
-  const bool in_vain = !refreshed && !IsDampedHard() && solver_->work().converged && (unmoved || undone <= kRestShare * Tolerance());
+  const bool in_vain =
+      !refreshed && !IsDampedHard() && solver_->work().converged && (unmoved || undone <= kRestShare * Tolerance());
   return in_vain && !RefreshAged() ? Verdict::kConverged : Retreat(refreshed);
 }
 

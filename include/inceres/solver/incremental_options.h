@@ -68,7 +68,8 @@ struct INCERES_EXPORT IncrementalOptions {
   double relinearisation_step = 1e-3;
 
   /// θ_a: frames whose steps together are worth less than this share of the predicted decrease (or a little of what
-  /// function_tolerance allows, if that is more) stay put, postponed to a later iteration or Update. In [0, 1), or kByGraph; 0 moves all.
+  /// function_tolerance allows, if that is more) stay put, postponed to a later iteration or Update. In [0, 1), or kByGraph; 0
+  /// moves all.
   double truncation_share = kByGraph;
 
   /// ≥ 0: after a step of the frames, at most so many Gauss–Newton steps of landmarks alone, taken by those that could still gain
