@@ -34,7 +34,7 @@ class StartValues {
   explicit StartValues(const internal::ProblemView& view) {
     for (const internal::ParameterBlockView& block : view.blocks) {
       if (block.reduced()) {
-        blocks_.push_back({block.values, block.ambient_size});
+        blocks_.emplace_back(block.values, block.ambient_size);
         values_.insert(values_.end(), block.values, block.values + block.ambient_size);
       }
     }
