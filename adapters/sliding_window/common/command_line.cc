@@ -5,6 +5,7 @@
 #include <map>
 
 #include "common/run.h"
+#include "common/start.h"
 
 namespace sliding_window {
 namespace {

@@ -29,9 +29,6 @@ struct RunOptions {
   std::string json;  // file for the report; none if empty
 };
 
-/// What the scene means: sensors, solves, and how much an image shows.
-void SetScene(Scene scene, RunOptions* options);
-
 struct RunReport {
   int num_frames = 0;
   std::vector<double> solve_ms;  // per solve
@@ -58,8 +55,8 @@ using MakeEstimator = std::function<AddFrame(const EstimatorOptions&, const Solv
                                              const std::vector<Pose>& body_from_cameras)>;
 
 /// Plays the frames. The estimator starts with a velocity a little wrong, biases of zero and, if it is to estimate it, a
-/// calibration that is off by a centimetre and half a degree (kStartup: 4 mm and 6 mrad, and a wrong roll and pitch). Times
-/// `solve`, everything that it does, and nothing else.
+/// calibration that is off by a centimetre and half a degree; kStartup: see MakeStart. Times `solve`, everything that it does,
+/// and nothing else.
 RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator, const SolveFunction& solve);
 
 /// Prints the report, and writes the JSON file if one was asked for. False, with a message, if it cannot be written.

@@ -79,8 +79,7 @@ Start MakeStart(const RunOptions& options, const Simulator& simulator) {
   Start start{simulator.Truth(0.0), simulator.TrueExtrinsics()};
   start.state.ba.setZero();
   start.state.bg.setZero();
-  const bool free_extrinsics = options.estimator.free_extrinsics;
-  return options.scene == Scene::kHall ? HallStart(start, free_extrinsics)
+  return options.scene == Scene::kHall ? HallStart(start, options.estimator.free_extrinsics)
                                        : StartupStart(options, simulator.SpecificForce(0.0), start);
 }
 
