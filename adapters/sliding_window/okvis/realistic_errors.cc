@@ -16,7 +16,6 @@ using Eigen::Vector3d;
 using Eigen::Vector4d;
 using Imu = ImuPreintegration;
 using Matrix24 = Eigen::Matrix<double, 2, 4>;
-using Matrix46 = Eigen::Matrix<double, 4, 6>;
 
 namespace {
 
@@ -39,8 +38,8 @@ Matrix4d InverseOf(const Matrix4d& T) {
 }
 
 // d (T^-1 point) / d (p, theta) of T, world axes.
-Matrix46 InverseJacobian(const Matrix4d& T_inverse, const Vector3d& p, const Vector4d& point) {
-  Matrix46 J = Matrix46::Zero();
+MatrixXd InverseJacobian(const Matrix4d& T_inverse, const Vector3d& p, const Vector4d& point) {
+  MatrixXd J = MatrixXd::Zero(4, 6);
   const Matrix3d C = T_inverse.topLeftCorner<3, 3>();
   J.topLeftCorner<3, 3>() = -C * point[3];
   J.topRightCorner<3, 3>() = C * Skew(point.head<3>() - p * point[3]);

@@ -21,8 +21,8 @@ struct DistortedCamera {
 };
 
 /// ReprojectionError, computed as estimators in the field compute it: each parameter block becomes a 4 x 4 transformation, the
-/// image goes through a camera model with all its coefficients, and minimal Jacobians of fixed but full shape are chained and
-/// lifted. The same residuals and Jacobians up to rounding, at several times the cost.
+/// image goes through a camera model with all its coefficients, and minimal Jacobians of full shape, partly of dynamic size, are
+/// chained and lifted. The same residuals and Jacobians up to rounding, at several times the cost.
 class RealisticReprojectionError : public ceres::SizedCostFunction<2, 7, 4, 7> {
  public:
   /// Seen at xy on the image plane at depth 1, by a camera of that focal length in pixels; `pixel_sigma`: the standard deviation.
