@@ -107,9 +107,10 @@ def print_figures(seeds, modes, errors):
     fine = True
     for mode in shown:
         figures = judge(errors, mode)
+        verdict = "for comparison" if mode in CONVERGED else "as good as stock" if passes(figures) else "**not** as good as stock"
         fine = fine and (passes(figures) or mode in CONVERGED)
         print(f"| {mode} | {figures['geometric_mean']:.3f} | {figures['worst_ratio']:.2f} | {figures['seeds_above']} of {len(seeds)} "
-              f"| {figures['seeds_above_both']} of {len(seeds)} | {figures['median_ratio']:.3f} | {'as good as stock' if passes(figures) else '**not** as good as stock'} |",
+              f"| {figures['seeds_above_both']} of {len(seeds)} | {figures['median_ratio']:.3f} | {verdict} |",
               flush=True)
     return fine
 
