@@ -9,7 +9,7 @@ namespace inceres::fuzz {
 namespace {
 
 constexpr double kNearest = 0.05;     // of a point that a camera sees
-constexpr double kRounding = 1e-2;    // radius of the rounded tip of kDistance's cone
+constexpr double kTipRadius = 1e-2;   // radius of the rounded tip of kDistance's cone
 constexpr double kFocalLength = 1.0;  // of cameras that do not estimate it
 
 // Counts a call for as long as it lasts.
@@ -223,7 +223,7 @@ bool FuzzCost::Projection(double const* const* parameters, double* residuals, do
 }
 
 void FuzzCost::Distance(double const* const* parameters, double* residuals, double** jacobians) const {
-  double squared = kRounding * kRounding;
+  double squared = kTipRadius * kTipRadius;
   for (int j = 0; j < size(0); ++j) {
     const double d = parameters[1][j] - parameters[0][j];
     squared += d * d;

@@ -19,7 +19,7 @@ using Matrix24 = Eigen::Matrix<double, 2, 4>;
 
 namespace {
 
-constexpr double kMinDepth = 0.2;      // m
+constexpr double kNearestDepth = 0.2;  // m
 constexpr double kMaxBiasTurn = 1e-4;  // rad, as in ImuError
 
 // From source to target, as a matrix on homogeneous points.
@@ -115,7 +115,7 @@ bool RealisticReprojectionError::Evaluate(double const* const* parameters, doubl
     return true;
   }
   Matrix24 weighted = sqrt_information_ * by_point;
-  if (in_camera[2] < kMinDepth * in_world[3]) {
+  if (in_camera[2] < kNearestDepth * in_world[3]) {
     weighted.setZero();
   }
   if (jacobians[0] != nullptr) {
