@@ -28,6 +28,19 @@ void Release(char*) {
 }
 #endif
 
+// When a scope ends, by an exception too: what a task throws is the caller's to see.
+class AtEnd {
+ public:
+  AtEnd(void (*tell)(char*), char* token) : tell_(tell), token_(token) {}
+  ~AtEnd() { tell_(token_); }
+  AtEnd(const AtEnd&) = delete;
+  AtEnd& operator=(const AtEnd&) = delete;
+
+ private:
+  void (*tell_)(char*);
+  char* token_;
+};
+
 }  // namespace
 
 void Executor::RunParallel(int count, int grain, Callback callback, const void* context) const {
@@ -35,17 +48,17 @@ void Executor::RunParallel(int count, int grain, Callback callback, const void* 
   char started = 0;
   char finished = 0;
   const LeasedArena arena(num_threads_);
+  const AtEnd all_finished(Acquire, &finished);
   Release(&started);
   arena->execute([&] {
     tbb::parallel_for(tbb::blocked_range<int>(0, count, grain), [&](const tbb::blocked_range<int>& range) {
       Acquire(&started);
+      const AtEnd task_finished(Release, &finished);
       // Isolated: a body that waits in oneTBB itself, as a user's function may, must not be handed another range of ours
       // meanwhile.
       tbb::this_task_arena::isolate([&] { callback(mutable_context, range.begin(), range.end()); });
-      Release(&finished);
     });
   });
-  Acquire(&finished);
 }
 
 }  // namespace inceres::internal
