@@ -21,15 +21,17 @@ namespace inceres::internal {
 /// only, creeps towards them for tens of iterations. Source: Jeong et al., "Pushing the Envelope of Modern Methods for Bundle
 /// Adjustment", 2012 (embedded point iterations); Ceres's inner iterations.
 ///
-/// Cost: of the factors of the landmarks asked (Pace) one evaluation with the landmark's Jacobian, and one without for those that
-/// move, in runs of neighbours, as families like it best. The same bits for any number of threads.
+/// Cost: of the factors of the landmarks asked one evaluation with the landmark's Jacobian, and one without for those that move,
+/// in runs of neighbors, as families like it best. Of many landmarks every eighth is asked first, each time another eighth, and
+/// the others only where the gain of these lets expect that they are worth it. The same bits for any number of threads.
 class InnerIterations {
  public:
   explicit InnerIterations(Evaluator* evaluator);
 
   /// Moves landmarks of the evaluator's candidate; returns by how much its cost fell, ≥ 0. A landmark is left alone if its step
-  /// promises less than `min_gain`.
-  double Run(double min_gain);
+  /// promises less than `min_gain`. What the step gained that led to the candidate tells what would be worth it; with 0 all
+  /// landmarks are asked.
+  double Run(double min_gain, double step_gain = 0.0);
 
   /// Whether it is worth running after a step that gained this much: asked once a step. It is while steps creep, each gaining
   /// more than a fifth of what the one before did. Where the landmarks gained little beside the step they followed (Pace), they
@@ -73,6 +75,8 @@ class InnerIterations {
     bool moves = false;
   };
 
+  void RunChosen(double min_gain);
+  double SumOfGains() const;
   void BuildJacobians(const FamilyCache& cache);
   void BuildGroups();
   template <typename Selected>
@@ -99,6 +103,7 @@ class InnerIterations {
   std::vector<Trial> trials_;    // of the last Run, per landmark
   std::vector<char> chosen_;     // per landmark: whether the next Run asks it
   bool all_are_chosen_ = true;
+  int next_sample_ = 0;  // the landmark that a sample begins with
   int num_moved_ = 0;
   double last_step_gain_ = HUGE_VAL;  // the first step does not creep
   int rest_ = 0;                      // steps that the last rest lasted

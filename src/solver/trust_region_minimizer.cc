@@ -253,7 +253,7 @@ bool TrustRegionMinimizer::IsCostUsable(double cost) const {
 // What the landmarks gain by themselves counts as promised, as in Ceres: it says nothing about the step's model.
 void TrustRegionMinimizer::RunInnerIterations() {
   const double min_gain = kInnerShare * options_.function_tolerance * cost_ / evaluator_.layout().num_landmarks();
-  const double gain = inner_iterations_->Run(min_gain);
+  const double gain = inner_iterations_->Run(min_gain, cost_ - candidate_cost_);
   summary_.work.num_inner_iterations += inner_iterations_->num_moved();
   inner_iterations_->Pace(gain, cost_ - candidate_cost_);
   candidate_cost_ -= gain;

@@ -185,6 +185,35 @@ TEST(InnerIterations, LandmarksThatBroughtTheGainAreAskedAgainUntilTheyGainLittl
   EXPECT_GT(inner.num_moved(), num_all / 2);
 }
 
+TEST(InnerIterations, OfManyLandmarksASampleTellsWhetherTheOthersAreAsked) {
+  BundleOptions options = Bundle();
+  options.num_landmarks = 1200;
+  const auto bundle = MakeBundle(options);
+  CorePipeline all(bundle->graph());
+  InnerIterations unsampled(&all.evaluator);
+  const double gain_of_all = unsampled.Run(0.0);
+
+  CorePipeline worthwhile(bundle->graph());
+  InnerIterations asks_all(&worthwhile.evaluator);
+  EXPECT_EQ(asks_all.Run(0.0, /*step_gain=*/gain_of_all), gain_of_all);
+  EXPECT_EQ(asks_all.num_moved(), unsampled.num_moved());
+  EXPECT_EQ(worthwhile.evaluator.candidate(), all.evaluator.candidate()) << "landmarks move by themselves";
+
+  CorePipeline vain(bundle->graph());
+  InnerIterations asks_few(&vain.evaluator);
+  double sum = 0.0;
+  int num_moved = 0;
+  for (int eighth = 0; eighth < 8; ++eighth) {
+    const double gain = asks_few.Run(0.0, /*step_gain=*/1e3 * gain_of_all);
+    asks_few.Pace(gain, 1e3 * gain_of_all);
+    EXPECT_LT(asks_few.num_moved(), unsampled.num_moved() / 4);
+    sum += gain;
+    num_moved += asks_few.num_moved();
+  }
+  EXPECT_NEAR(sum, gain_of_all, 1e-12 * gain_of_all) << "each time others are asked, in the end all";
+  EXPECT_EQ(num_moved, unsampled.num_moved());
+}
+
 TEST(InnerIterations, WaitUntilStepsCreep) {
   const auto bundle = MakeBundle(Bundle());
   CorePipeline core(bundle->graph());
