@@ -29,6 +29,7 @@ double SoftPlus(double x) {
 
 }  // namespace
 
+// The Huber weight: ρ' = 1 up to ‖f‖ = a, a/‖f‖ beyond.
 void HuberLoss::Evaluate(double s, double rho[3]) const {
   if (s <= b_) {
     EvaluateOrIdentity(nullptr, s, rho);

@@ -133,6 +133,7 @@ Status ResumedSolver::Solve(const double* b, const Rows& changed_b, const Trunca
   cholesky_.ForwardSubstitute(b_.data(), first, y_.data());
   num_current_y_ = num_rows;
 
+  // The wildfire: row by row backwards, as far up as a change reaches.
   int filled = offsets.back();                     // rest_ is set up from here on
   int reached = std::min(first, reached_before_);  // the first row that must be found anew, as far as is known
   int place = num_rows;

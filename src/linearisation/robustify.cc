@@ -80,6 +80,8 @@ double RootOfCurvature(double s, const double* rho) {
   return std::sqrt(std::max(kLeastCurvature, 1.0 + 2.0 * s * rho[2] / rho[1]));
 }
 
+// With n = f/‖f‖ and (1 − α)² = 1 + 2 s ρ''/ρ', ρ' (I − α n nᵀ)² = ρ' I + 2 ρ'' f fᵀ, the loss's part of the Hessian. So
+// J := √ρ' (I − α n nᵀ) J and f := √ρ' / (1 − α) f.
 double RobustifyFactor(const Loss& loss, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
                        const std::int32_t* tangent_offsets, bool reduces_curvature, double* f) {
   const double s = SquaredNorm(f, residual_size);

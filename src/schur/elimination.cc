@@ -138,6 +138,7 @@ void Elimination::FormBlocks(int chunk, int begin, int end) {
   }
 }
 
+// A block of S = C − W P⁻¹ Wᵀ: S_ij = C_ij − Σ_l Y_li Y_ljᵀ over the landmarks of this chunk that both frames share.
 void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* scratch) {
   const BlockPattern& pattern = plans_.pattern;
   const auto k = static_cast<std::size_t>(place.block);

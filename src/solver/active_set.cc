@@ -110,6 +110,8 @@ void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const Redu
   }
 }
 
+// In the partial Bayes tree that the elimination of the landmarks leaves, the frames are the root and each landmark is a leaf,
+// conditioned on the frames it is seen from: which frames move, then which leaves are visited.
 void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVectors& reduced,
                        const LiveReducedSolver::Rows& solved, const Limits& limits, LiveSystem* system) {
   LiveSchur& schur = system->schur();

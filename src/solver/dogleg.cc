@@ -117,7 +117,8 @@ void Dogleg::ChooseWithinRadius(LinearModel* model, double* step) {
   std::transform(p_.begin(), p_.end(), w_.begin(), step, std::divides<>());
 }
 
-// From zero to the Cauchy point a, on towards the Gauss–Newton point b, which lies outside: where this leaves the sphere.
+// The dog-leg point: from zero to the Cauchy point a, on towards the Gauss–Newton point b, which lies outside, up to where this
+// path leaves the sphere.
 void Dogleg::FollowTraditionalPath(double alpha) {
   const double gradient_norm = Norm(gradient_);
   if (gradient_norm * alpha >= radius_) {

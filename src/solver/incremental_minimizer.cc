@@ -280,6 +280,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   const double undone = Undone();
   summary_->undone = undone;
   undone_at_floor_ = IsDampedHard() ? undone_at_floor_ : undone;
+  // The stopping rule: little is left, now or in all steps to come, or nothing has come for long; and that is to be trusted.
   const bool little_left = undone + (landmark_creep_ - 1.0) * LandmarkGain() <= kStopShare * Tolerance() ||
                            NextStepsGainLittle(undone) || (HasStagnated() && undone <= Tolerance());
   if (little_left && solver_->work().converged) {  // a solve that was cut short does not know all there is to gain

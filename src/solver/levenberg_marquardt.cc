@@ -15,6 +15,7 @@ void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<d
   damping_.resize(scale.size());
 }
 
+// LM damping: Λ_j = clamp(s_j² H_jj) / (r s_j²).
 Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* num_solves) {
   const std::vector<double>& H_diagonal = model->Diagonal();
   for (std::size_t j = 0; j < damping_.size(); ++j) {

@@ -40,6 +40,7 @@ bool PartialStep::IsWorthwhile(const LiveSchur& schur) {
   return schur.size() > kMaxScalars;
 }
 
+// S'_AA x_A = b_A gains ½ b_Aᵀ x_A = ½ ‖y_A‖² with y_A = L⁻¹ b_A: each row that A grows by adds its share.
 bool PartialStep::Find(const LiveSchur& schur, const ReducedVectors& reduced, double gain) {
   Begin(schur, reduced);
   double gained = 0.0;
