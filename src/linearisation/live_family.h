@@ -13,8 +13,8 @@
 
 namespace inceres::internal {
 
-/// What the incremental solver remembers of one family's factors (algorithms.md section 2), by their places. Arrays grow with the
-/// family; the place of a removed factor serves a later one.
+/// What the incremental solver remembers of one family's factors (docs/algorithms.md, "Linearization"), by their places. Arrays
+/// grow with the family; the place of a removed factor serves a later one.
 ///
 /// Each factor keeps the Jacobian J of its last linearisation, multiplied by √w (I − α n nᵀ) with w = ρ' and n = f/‖f‖ at that
 /// time; the residual f now; the residual f̂ that the old linearisation predicts now; and q = ρ' (I + β n nᵀ) f / √w, where

@@ -22,8 +22,8 @@ inline constexpr double kLeastCurvature = 0.5;
 double RootOfCurvature(double s, const double* rho);
 
 /// The same, and scales f and the tangent Jacobians so that the rest of the solver sees a plain least-squares factor whose
-/// gradient is the robust one and whose JᵀJ is the robust Gauss–Newton Hessian (algorithms.md section 6; Triggs 1999). Its
-/// second-order term is taken where ρ'' > 0, as in Ceres, and with `reduces_curvature` where ρ'' < 0 too, down to
+/// gradient is the robust one and whose JᵀJ is the robust Gauss–Newton Hessian (docs/algorithms.md, "Robust losses"; Triggs
+/// 1999). Its second-order term is taken where ρ'' > 0, as in Ceres, and with `reduces_curvature` where ρ'' < 0 too, down to
 /// kLeastCurvature. A negative tangent offset marks a slot without a Jacobian.
 double RobustifyFactor(const Loss& loss, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
                        const std::int32_t* tangent_offsets, bool reduces_curvature, double* f);

@@ -1,4 +1,5 @@
-// The dog-leg path of an active set (algorithms.md section 3): LiveSystem::ShortenStep.
+// LiveSystem::ShortenStep: the dog-leg path of an active set (docs/algorithms.md, "Damping and trust region of incremental
+// mode").
 
 #include <algorithm>
 #include <cmath>

@@ -11,8 +11,8 @@
 namespace inceres::internal {
 namespace {
 
-// A landmark whose block is this singular against the scale of its coordinates carries no information (algorithms.md section 3,
-// parked landmarks).
+// A landmark whose block is this singular against the scale of its coordinates carries no information (docs/algorithms.md,
+// "Incremental Schur complement"): it is parked.
 constexpr double kNoInformation = 1e-12;
 
 // How far a diagonal entry of C may fall below its peak before its row is summed anew. Rounding leaves about ε √(peak_i peak_j)

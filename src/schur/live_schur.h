@@ -19,7 +19,7 @@ inline bool operator==(const FactorRef& a, const FactorRef& b) {
   return a.family == b.family && a.factor == b.factor;
 }
 
-/// S and b of a living problem, kept up by difference (algorithms.md section 2, algorithms 3 and 4):
+/// S and b of a living problem, kept up by difference (docs/algorithms.md, "Incremental Schur complement"):
 ///
 ///     S = Σ_factors J_cᵀJ_c − Σ_landmarks Y Yᵀ,   b = −Σ_factors J_cᵀq − Σ_landmarks Y z
 ///

@@ -36,7 +36,7 @@ struct RelineariseWork {
 /// The cost of each verb goes with the factors it touches, not with the size of the problem. Edits follow those of the graph;
 /// removals come before the graph forgets, additions after it knows.
 /// Threads: evaluation runs on `num_threads`, with the same bits for any number; all else on the calling one.
-/// Source: algorithms.md section 2 (the thesis's algorithms 2 to 4).
+/// Source: docs/algorithms.md, "Incremental Schur complement" (the thesis's algorithms 2 to 4).
 class LiveSystem {
  public:
   /// The graph belongs to the caller; it is asked to keep track of its variables' factors, and nothing else about it changes.

@@ -10,7 +10,8 @@
 
 namespace inceres::internal {
 
-/// The active set of an incremental step (algorithms.md section 5): which frames and landmarks move, and what that leaves undone.
+/// The active set of an incremental step (docs/algorithms.md, "Lazy steps"): which frames and landmarks move, and what that
+/// leaves undone.
 ///
 /// Few frames move, and take the step that is best while all others stay (PartialStep), if that gains the whole step's gain but
 /// for the budget. Where it takes too many the step is cut off instead: in the reduced quadratic, with every landmark that sees a

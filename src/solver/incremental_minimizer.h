@@ -16,7 +16,8 @@
 
 namespace inceres::internal {
 
-/// The trust-region loop of the incremental solver: hybrid Levenberg–Marquardt on a LiveSystem (algorithms.md sections 2 to 5).
+/// The trust-region loop of the incremental solver: hybrid Levenberg–Marquardt on a LiveSystem (docs/algorithms.md, from "One
+/// Update of incremental mode" on).
 /// What it keeps from one Update to the next is the damping, the factor of S, and the step not taken.
 class IncrementalMinimizer {
  public:

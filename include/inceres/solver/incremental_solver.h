@@ -26,7 +26,7 @@ namespace inceres {
 ///
 /// Threads: one writer; Update works on options.num_threads, and calls no factor concurrently when that is 1. Source:
 /// algorithms 2 to 4 of the thesis "A General Incremental Bundle Adjustment Framework for Visual-Inertial SLAM" (Zhejiang
-/// University), with the corrections that docs/incremental.md describes.
+/// University), with the corrections that docs/algorithms.md states.
 class INCERES_EXPORT IncrementalSolver {
  public:
   explicit IncrementalSolver(const IncrementalOptions& options);

@@ -57,12 +57,12 @@ SolveReport Asked(const KnownProblem& known, SolveMode mode) {
 
 // Which residual blocks are new is known from the calls that added them, whatever their addresses: their cost functions are
 // forgotten, so that a residual block removed and added again is linearised anew even where nothing that can be evaluated
-// differs (vio_usage.md 0.2, points 2 and 4). And where no call has edited the problem, it is not looked through again.
+// differs: estimators make new cost functions where old ones stood, or change one between its removal and its return. And where
+// no call has edited the problem, it is not looked through again.
 //
 // What no wrapped call tells is believed no more than in any CeresSession: the values of parameters are compared, and the cost
 // function of a residual block that stayed must still evaluate to its residual, bit by bit. For it may have changed where it
-// stands, by memory of its own (point 5) or of the user's that is no argument of it (point 6), and neither is an edit of the
-// Problem.
+// stands, by memory of its own or of the user's that is no argument of it, and neither is an edit of the Problem.
 void TellWhatIsNew(KnownProblem* known) {
   if (known->session != nullptr) {
     for (const ceres::CostFunction* cost : known->added_cost_functions) {
