@@ -51,8 +51,9 @@ struct FamilyCache {
 
 /// Owns the two points of a trust-region iteration, current and candidate, and evaluates the factors at them.
 ///
-/// Order of evaluation, calls to PlusJacobian and the correction for losses follow Ceres 2.1 (ceres_contract.md 4.3): project to
-/// the tangent space first, then correct residuals and Jacobians (Triggs 1999) so that the rest sees plain least squares.
+/// Order of evaluation, calls to PlusJacobian and the correction for losses follow Ceres 2.1 (docs/ceres_contract.md,
+/// "Evaluation"): project to the tangent space first, then correct residuals and Jacobians (Triggs 1999) so that the rest sees
+/// plain least squares.
 /// Pinned variables (FactorGraph::PinLinearisation) are linearised where they are pinned; free places of an edited graph are
 /// passed over. Sums are taken over fixed groups of factors, so the cost is the same to the last bit for any number of threads.
 class Evaluator {

@@ -1,4 +1,4 @@
-// The line search of a problem with bounds (ceres_contract.md 4.8): members of TrustRegionMinimizer.
+// The line search of a problem with bounds (docs/ceres_contract.md, "Line search for bounds"): members of TrustRegionMinimizer.
 #include <algorithm>
 #include <cmath>
 #include <numeric>

@@ -9,7 +9,7 @@
 namespace inceres::internal {
 
 /// Computes steps from a linear model and moves its own damping or radius by how well they did. Exact mode: Ceres 2.1's constants
-/// and order of operations, restated without scaling J (ceres_contract.md 4.6 and 4.7).
+/// and order of operations, restated without scaling J (docs/ceres_contract.md, "Levenberg–Marquardt" and "Dog-Leg").
 class TrustRegionStrategy {
  public:
   virtual ~TrustRegionStrategy() = default;

@@ -28,7 +28,8 @@ struct TrustRegionMemory {
   std::unique_ptr<TrustRegionStrategy> strategy;
 };
 
-/// The trust-region loop in exact mode: Ceres's order of evaluations, tests, callbacks and messages (ceres_contract.md 4.4).
+/// The trust-region loop in exact mode: Ceres's order of evaluations, tests, callbacks and messages (docs/ceres_contract.md,
+/// "Trust-region loop").
 ///
 ///     evaluate the start
 ///     while not finished:  step -> candidate -> cost -> tolerances -> accept (evaluate Jacobians) or reject

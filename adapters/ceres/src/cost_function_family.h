@@ -9,9 +9,10 @@
 
 namespace inceres::internal {
 
-/// A user's cost functions of one shape. They are called directly, one after the other, with Ceres's conventions (ceres_contract:
-/// null Jacobians in cost-only calls and for constant blocks, row-major ambient Jacobians otherwise, outputs filled beforehand
-/// and checked afterwards); only the order of the calls is ours. Borrows the cost functions for the length of a solve.
+/// A user's cost functions of one shape. They are called directly, one after the other, with Ceres's conventions: null Jacobians
+/// in cost-only calls and for constant blocks, row-major ambient Jacobians otherwise, outputs filled beforehand and checked
+/// afterwards (docs/ceres_contract.md, "Evaluation"). Only the order of the calls is ours. Borrows the cost functions for the
+/// length of a solve.
 class CostFunctionFamily : public AmbientFamily<CostFunctionFamily> {
  public:
   CostFunctionFamily(int num_residuals, std::vector<Slot> slots, std::vector<const ceres::CostFunction*> costs)

@@ -14,7 +14,8 @@
 namespace inceres::internal {
 namespace {
 
-// In Ceres's words (contract, section 3.4) where it has any; the Update's own are in SolveReport::update.
+// In Ceres's words (docs/ceres_contract.md, "Termination and messages") where it has any; the Update's own are in
+// SolveReport::update.
 std::string MessageOf(const UpdateSummary& update, const SolveInput& input, double seconds_before) {
   const ceres::Solver::Options& options = input.options;
   if (update.termination == Termination::kFailure) {

@@ -14,8 +14,9 @@ namespace inceres {
 /// What an observer wants after an iteration.
 enum class ObserverAction { kContinue, kTerminateSuccessfully, kAbort };
 
-/// The hooks of the trust-region loop, in the order of Ceres's contract: an observer sees every evaluation before it happens and
-/// every iteration after it ended. All calls come from the solving thread. State vectors are laid out like FactorGraph::state().
+/// The hooks of the trust-region loop, in Ceres's order (docs/ceres_contract.md, "Trust-region loop"): an observer sees every
+/// evaluation before it happens and every iteration after it ended. All calls come from the solving thread. State vectors are
+/// laid out like FactorGraph::state().
 class INCERES_EXPORT SolveObserver {
  public:
   virtual ~SolveObserver() = default;

@@ -80,7 +80,7 @@ struct INCERES_EXPORT SolveReport {
 /// A problem built anew with the structure of an earlier one (the same sizes, constants and connections; addresses do not matter)
 /// finds elimination order, symbolic factorisation, arrays and threads ready: exact mode keeps the solvers of the last few small
 /// problems, 64 MiB at most in all, until ForgetStructures. No number is used again. SolveReport::core.structure_reused tells.
-/// Source: design of the shim in docs/swap.md; Ceres 2.1.0's solver contract.
+/// Source: docs/swap.md; docs/ceres_contract.md, field by field.
 INCERES_EXPORT void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
                           SolveReport* report = nullptr);
 
