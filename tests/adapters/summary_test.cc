@@ -27,7 +27,7 @@ ceres::Solver::Options WithSolver(ceres::LinearSolverType type,
   return options;
 }
 
-// The counts of section 3.1 of the contract; for Levenberg–Marquardt only.
+// The rule of counts in docs/ceres_contract.md, "Summary fields"; for Levenberg–Marquardt only.
 void ExpectCountIdentities(const ceres::Solver::Summary& summary) {
   int num_invalid = 0;
   for (const ceres::IterationSummary& iteration : summary.iterations) {

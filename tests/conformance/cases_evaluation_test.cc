@@ -1,4 +1,4 @@
-// Section 5.2 of the contract, continued: cost functions and manifolds that fail.
+// docs/ceres_contract.md, "Case table", continued: cost functions and manifolds that fail.
 #include <cmath>
 #include <limits>
 #include <numeric>

@@ -1,4 +1,4 @@
-// Section 5.2 of the contract, continued: costs that overflow, ends by the user and by limits, bounds.
+// docs/ceres_contract.md, "Case table", continued: costs that overflow, ends by the user and by limits, bounds.
 #include <chrono>
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-// Section 5.2 of the contract: the case table. Test names follow its rows; each looks at the user's memory afterwards.
+// docs/ceres_contract.md, "Case table". Test names follow its rows; each looks at the user's memory afterwards.
 #include "conformance/support.h"
 #include "support/ceres_manifolds.h"
 

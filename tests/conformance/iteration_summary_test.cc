@@ -1,4 +1,4 @@
-// Section 3.2 of the contract: the fields of an IterationSummary at iteration 0 and after accepted, rejected and invalid steps.
+// docs/ceres_contract.md, "IterationSummary fields": at iteration 0 and after accepted, rejected and invalid steps.
 #include <algorithm>
 #include <cmath>
 #include <limits>

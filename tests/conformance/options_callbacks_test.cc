@@ -1,4 +1,4 @@
-// Section 2.4 of the contract: callbacks and what is in the user's memory when. Test names are the fields'.
+// docs/ceres_contract.md, "Callbacks and state updates": what is in the user's memory when. Test names are the fields'.
 #include <iostream>
 #include <sstream>
 

@@ -1,4 +1,4 @@
-// Section 2.1 of the contract: minimizer selection and line search. Test names are the fields'.
+// docs/ceres_contract.md, "Minimizer and line search options". Test names are the fields'.
 #include <cmath>
 
 #include "conformance/support.h"

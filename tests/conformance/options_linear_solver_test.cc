@@ -1,4 +1,4 @@
-// Section 2.3 of the contract: the linear solver. Test names are the fields'.
+// docs/ceres_contract.md, "Linear solver options". Test names are the fields'.
 #include "conformance/support.h"
 
 namespace conformance {

@@ -1,4 +1,4 @@
-// Section 2.4 of the contract: the progress table, dumps, gradient checks. Test names are the fields'.
+// docs/ceres_contract.md, "Callback and logging options": progress table, dumps, gradient checks. Test names are the fields'.
 #include <unistd.h>
 
 #include <algorithm>

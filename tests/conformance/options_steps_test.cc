@@ -1,4 +1,4 @@
-// Section 2.2 of the contract: which steps are taken and when it ends. Test names are the fields'.
+// docs/ceres_contract.md, "Trust-region options": which steps are taken and when it ends. Test names are the fields'.
 #include <cmath>
 #include <limits>
 

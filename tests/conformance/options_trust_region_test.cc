@@ -1,4 +1,4 @@
-// Section 2.2 of the contract: the trust region, up to its radii. Test names are the fields'.
+// docs/ceres_contract.md, "Trust-region options": the trust region, up to its radii. Test names are the fields'.
 #include <atomic>
 #include <chrono>
 #include <thread>

@@ -1,4 +1,4 @@
-// Section 5.1 of the contract: what fails before anything variable is evaluated.
+// docs/ceres_contract.md, "Preprocessing errors": what fails before anything variable is evaluated.
 #include <cmath>
 #include <cstdio>
 #include <limits>

@@ -1,4 +1,4 @@
-// Section 5.3 of the contract: solves within solves and beside solves.
+// docs/ceres_contract.md, "Reentrancy and threads": solves within solves and beside solves.
 #include <atomic>
 #include <thread>
 

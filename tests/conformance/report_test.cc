@@ -1,4 +1,4 @@
-// Section 3.3 of the contract: the reports that Ceres makes of a summary.
+// docs/ceres_contract.md, "Reports": those that Ceres makes of a summary.
 #include <regex>
 
 #include "conformance/support.h"

@@ -1,4 +1,4 @@
-// Section 3.1 of the contract: costs, counts and times of a solve. Test names are the fields'.
+// docs/ceres_contract.md, "Summary fields": costs, counts and times of a solve. Test names are the fields'.
 #include <cmath>
 #include <limits>
 #include <thread>
@@ -95,7 +95,7 @@ TEST(Summary31, num_inner_iteration_steps) {
   EXPECT_EQ(Solve(Small(), &line.problem).summary.num_inner_iteration_steps, -1);
 }
 
-// S, U, I and T of section 3.1.
+// S, U and T of docs/ceres_contract.md, "Summary fields".
 TEST(Summary31, num_linear_solves) {
   for (const double function_tolerance : {1e-6, 0.0}) {
     Rosenbrock rosenbrock;

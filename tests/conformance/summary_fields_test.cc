@@ -1,4 +1,4 @@
-// Section 3.1 of the contract: what a summary tells of the problem. Test names are the fields'.
+// docs/ceres_contract.md, "Summary fields": what a summary tells of the problem. Test names are the fields'.
 #include "conformance/support.h"
 #include "support/ceres_manifolds.h"
 

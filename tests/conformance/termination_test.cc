@@ -1,4 +1,4 @@
-// Section 3.4 of the contract: how a solve ends, and what its message says. Test names are the conditions'.
+// docs/ceres_contract.md, "Termination and messages". Test names are the conditions'.
 #include <cmath>
 #include <limits>
 

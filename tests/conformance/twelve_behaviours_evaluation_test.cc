@@ -1,4 +1,4 @@
-// Behaviours 5 to 7 of VIO code: cost functions with memory, that read the user's memory, that tell kinds of calls apart.
+// docs/ceres_contract.md, "Twelve behaviors of estimators", 5 to 7: how cost functions are called.
 #include <cmath>
 #include <mutex>
 

@@ -1,4 +1,4 @@
-// Behaviours 1 to 4 and 8 of VIO code (what a back-end that remembers would break): whose values, whose memory, whose contents.
+// docs/ceres_contract.md, "Twelve behaviors of estimators", 1 to 4 and 8: whose values, whose memory, whose contents.
 #include <cmath>
 #include <cstdlib>
 #include <cstring>

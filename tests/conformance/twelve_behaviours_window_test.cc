@@ -1,4 +1,4 @@
-// Behaviours 9 to 12 of VIO code: weights, priors, toggled constants, threads.
+// docs/ceres_contract.md, "Twelve behaviors of estimators", 9 to 12: weights, priors, toggled constants, threads.
 #include <cmath>
 #include <thread>
 
