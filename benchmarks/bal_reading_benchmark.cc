@@ -12,7 +12,7 @@
 #include <benchmark/benchmark.h>
 
 #include "inceres/io/bal.h"
-#include "inceres/sim/street_scene.h"
+#include "tools/sim/street_scene.h"
 
 namespace inceres {
 namespace {

@@ -1,4 +1,4 @@
-// What a dense Cholesky factorisation is made of; whole ones are in stages_benchmark.
+// What a dense Cholesky factorization is made of; whole ones are in stages_benchmark.
 //
 //   build/bin/kernels_benchmark --benchmark_filter=Dense
 

@@ -30,7 +30,7 @@ constexpr char kUsage[] =
     "  --iterations N    at most, 6 by default\n"
     "  --seed N          1 by default\n"
     "Bundle adjustment, cameras of 6 on a circle, points of 3 inside it:\n"
-    "  --cameras N, --points N, --track N    points, each seen by so many neighbours of a random camera\n"
+    "  --cameras N, --points N, --track N    points, each seen by so many neighbors of a random camera\n"
     "  --long_points N, --long_track N       and by so many cameras anywhere\n"
     "  --intrinsics 1    shared by all cameras and variable, 0 by default\n"
     "A closed curve of N control points fitted to M points, every residual block of which touches all of them:\n"
@@ -141,7 +141,7 @@ class CurveCost final : public ceres::CostFunction {
   double observation_[2];
 };
 
-// Keeps neighbours near each other.
+// Keeps neighbors near each other.
 struct Spring {
   template <typename T>
   bool operator()(const T* a, const T* b, T* residuals) const {

@@ -9,7 +9,7 @@
 
 #include "base/aligned_vector.h"
 #include "benchmarks/roofline.h"
-#include "block/kernels.h"
+#include "simd/kernels.h"
 
 namespace inceres::bench {
 

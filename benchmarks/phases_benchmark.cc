@@ -11,9 +11,9 @@
 #include <ceres/solver.h>
 
 #include "inceres/ceres/solve.h"
-#include "inceres/sim/street_scene.h"
 #include "inceres/solver/solver.h"
-#include "tools/common/problem_source.h"
+#include "tools/problems/problem_source.h"
+#include "tools/sim/street_scene.h"
 
 namespace inceres {
 namespace {

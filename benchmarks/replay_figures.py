@@ -37,7 +37,7 @@ def at(*path):
 
 
 def largest_work_growth(report):
-    """The largest growth in per cent of a count of work that is not negligible; each count is printed by replay itself."""
+    """The largest growth in percent of a count of work that is not negligible; each count is printed by replay itself."""
     flat = report["flat"]
     growths = [growth for name, growth in flat["growth_percent"]["work"].items()
                if growth is not None and flat["early"]["work"][name] >= 10]

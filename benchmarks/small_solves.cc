@@ -16,7 +16,7 @@
 #include <ceres/ceres.h>
 
 #include "inceres/ceres/solve.h"
-#include "tools/common/statistics.h"
+#include "tools/ab/statistics.h"
 
 namespace {
 

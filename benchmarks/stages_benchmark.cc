@@ -15,26 +15,26 @@
 #include <benchmark/benchmark.h>
 
 #include "benchmarks/roofline.h"
-#include "inceres/graph/ambient_family.h"
 #include "inceres/io/bal.h"
-#include "inceres/sim/street_scene.h"
+#include "inceres/problem/ambient_family.h"
 #include "linear/dense_cholesky.h"
 #include "linear/sparse_cholesky.h"
-#include "linearisation/robustify.h"
-#include "linearisation/row_products.h"
+#include "linearize/robustify.h"
+#include "linearize/row_products.h"
 #include "schur/elimination.h"
 #include "support/core_pipeline.h"
 #include "support/test_data.h"
-#include "tools/common/problem_source.h"
+#include "tools/problems/problem_source.h"
+#include "tools/sim/street_scene.h"
 
 namespace inceres::bench {
 namespace {
 
 using namespace internal;  // NOLINT(google-build-using-namespace): benchmarks of internal parts
 
-// A problem with all parts of the core up to the elimination, linearised at its start.
-struct Linearised {
-  explicit Linearised(const BalProblem& problem) {
+// A problem with all parts of the core up to the elimination, linearized at its start.
+struct Linearized {
+  explicit Linearized(const BalProblem& problem) {
     if (tools::BalSource(problem).MakeGraph({}, &graph).ok()) {
       core = std::make_unique<test::CorePipeline>(*graph);
       elimination = std::make_unique<Elimination>(core->evaluator, core->incidences, core->plans, core->hessian);
@@ -85,8 +85,8 @@ const LadybugProblem& LadybugOrStreet() {
   return problem;
 }
 
-Linearised& Ladybug() {
-  static Linearised problem(LadybugOrStreet().problem);
+Linearized& Ladybug() {
+  static Linearized problem(LadybugOrStreet().problem);
   return problem;
 }
 
@@ -131,7 +131,7 @@ BENCHMARK(BM_AccumulateHessian)->Unit(benchmark::kMicrosecond);
 
 // Y of all landmarks, S and b: the products of S are most of it.
 void BM_Eliminate(benchmark::State& state) {
-  Linearised& ladybug = Ladybug();
+  Linearized& ladybug = Ladybug();
   const auto products = static_cast<double>(ladybug.core->plans.schur.terms.size());
   const double diagonal = ladybug.num_factors();  // a camera sees a point once
   const double entries = (products - diagonal) * kCamera * kCamera + diagonal * Triangle(kCamera);
@@ -144,7 +144,7 @@ void BM_Eliminate(benchmark::State& state) {
 BENCHMARK(BM_Eliminate)->Unit(benchmark::kMicrosecond);
 
 void BM_BackSubstitute(benchmark::State& state) {
-  Linearised& ladybug = Ladybug();
+  Linearized& ladybug = Ladybug();
   if (!ladybug.ok() || !ladybug.elimination->Eliminate(ladybug.LandmarkDamping()).ok()) {
     state.SkipWithError("the landmarks could not be eliminated");
     return;
@@ -157,7 +157,7 @@ void BM_BackSubstitute(benchmark::State& state) {
 BENCHMARK(BM_BackSubstitute)->Unit(benchmark::kMicrosecond);
 
 void BM_PredictDecrease(benchmark::State& state) {
-  Linearised& ladybug = Ladybug();
+  Linearized& ladybug = Ladybug();
   const std::vector<double> step = ladybug.Step();
   JacobianProduct product(ladybug.core->evaluator);
   Measure(state, 2.0 * kEntries * ladybug.num_factors(), 8.0 * (kEntries + kRows) * ladybug.num_factors(),
@@ -166,7 +166,7 @@ void BM_PredictDecrease(benchmark::State& state) {
 BENCHMARK(BM_PredictDecrease)->Unit(benchmark::kMicrosecond);
 
 template <typename Solver>
-void MeasureFactorization(benchmark::State& state, Linearised* problem, Solver* solver) {
+void MeasureFactorization(benchmark::State& state, Linearized* problem, Solver* solver) {
   if (!problem->ok() || !problem->elimination->Eliminate(problem->LandmarkDamping()).ok() ||
       !solver->Analyze(problem->core->plans.pattern).ok()) {
     state.SkipWithError("the reduced system could not be formed");
@@ -187,8 +187,8 @@ void BM_DenseCholesky(benchmark::State& state) {
 BENCHMARK(BM_DenseCholesky)->Unit(benchmark::kMicrosecond);
 
 // A street where most pairs of cameras see nothing in common.
-Linearised& Path() {
-  static Linearised path(Street("path-1000"));
+Linearized& Path() {
+  static Linearized path(Street("path-1000"));
   return path;
 }
 
@@ -219,7 +219,7 @@ Eigen::SparseMatrix<double> LowerTriangle(const BlockPattern& pattern, const dou
 // CHOLMOD on the same S, as Ceres's SPARSE_SCHUR runs it. It asks OpenMP for four threads whatever the machine has; with
 // OMP_MAX_ACTIVE_LEVELS=0 it stays on one.
 void BM_Cholmod(benchmark::State& state) {
-  Linearised& path = Path();
+  Linearized& path = Path();
   if (!path.ok() || !path.elimination->Eliminate(path.LandmarkDamping()).ok()) {
     state.SkipWithError("the reduced system could not be formed");
     return;
@@ -276,7 +276,7 @@ class AlmostSquare final : public Loss {
 };
 
 void MeasureRobustification(benchmark::State& state, double second_derivative, double flops_an_entry) {
-  Linearised& ladybug = Ladybug();
+  Linearized& ladybug = Ladybug();
   FamilyCache& cache = ladybug.core->evaluator.families()[0];
   const AlmostSquare loss(second_derivative);
   Measure(state, (flops_an_entry * kEntries + 2.0 * kRows) * ladybug.num_factors(),

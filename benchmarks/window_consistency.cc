@@ -1,4 +1,4 @@
-// Monte Carlo consistency of the visual-inertial window: normalised error squared of the newest pose over time, with
+// Monte Carlo consistency of the visual-inertial window: normalized error squared of the newest pose over time, with
 // first-estimate Jacobians and without, and with the first view of a landmark taken as exact. `--help` says how.
 
 #include "estimator/window_consistency.h"
@@ -12,7 +12,7 @@
 
 #include <gflags/gflags.h>
 
-#include "tools/common/command_line.h"
+#include "tools/command_line/command_line.h"
 
 DEFINE_int32(runs, 100, "simulated windows, seed by seed");
 DEFINE_int32(frames, 100, "camera frames of each, ten a second");

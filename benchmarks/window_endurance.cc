@@ -19,8 +19,8 @@
 #include "estimator/window.h"
 #include "estimator/window_sequence.h"
 #include "inceres/estimator/trajectory_error.h"
-#include "tools/common/command_line.h"
-#include "tools/common/factor_cost_function.h"
+#include "tools/command_line/command_line.h"
+#include "tools/problems/factor_cost_function.h"
 
 DEFINE_int32(frames, 10000, "camera frames, ten a second; 3000 or more");
 DEFINE_int32(points, 20000, "points along the way");
@@ -121,7 +121,7 @@ class CeresLoss final : public ceres::LossFunction {
   const inceres::Loss& loss_;
 };
 
-// Minimises the window's graph by stock Ceres and puts the result back.
+// Minimizes the window's graph by stock Ceres and puts the result back.
 Status SolveByStock(Window* window) {
   inceres::IncrementalSolver& solver = window->mutable_graph().solver;
   const FactorGraph& graph = solver.graph();

@@ -16,7 +16,7 @@ function(inceres_set_defaults target)
 endfunction()
 
 # One folder of src/ that becomes part of inceres::core: an object library that sees the public headers and src/.
-function(inceres_add_room name)
+function(inceres_add_module name)
   add_library(inceres_${name} OBJECT ${ARGN})
   inceres_set_defaults(inceres_${name})
   target_include_directories(inceres_${name} PUBLIC

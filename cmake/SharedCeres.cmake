@@ -1,5 +1,5 @@
 # What find_package(Ceres) has found: INCERES_CERES_RELEASE, "2.1", and INCERES_CERES_SONAME, the SONAME of that release's shared
-# library, by which a running program is recognised to use it.
+# library, by which a running program is recognized to use it.
 string(REGEX MATCH "^[0-9]+\\.[0-9]+" INCERES_CERES_RELEASE "${Ceres_VERSION}")
 set(soversion_of_2.0 2)
 set(soversion_of_2.1 3)

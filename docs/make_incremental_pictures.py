@@ -26,8 +26,8 @@ OURS, STOCK, CHANGED = "#1f6fb4", "#c7522a", "#e08214"
 FONT = 'font-family="Helvetica,Arial,sans-serif"'
 
 
-def text(x, y, words, size=12, anchor="start", colour=INK, extra=""):
-    return f'<text x="{x:g}" y="{y:g}" font-size="{size}" text-anchor="{anchor}" fill="{colour}" {extra}>{escape(words)}</text>'
+def text(x, y, words, size=12, anchor="start", color=INK, extra=""):
+    return f'<text x="{x:g}" y="{y:g}" font-size="{size}" text-anchor="{anchor}" fill="{color}" {extra}>{escape(words)}</text>'
 
 
 def document(width, height, parts):
@@ -36,10 +36,10 @@ def document(width, height, parts):
 
 
 def legend(x, y, entries):
-    """Entries (colour, words) below each other."""
+    """Entries (color, words) below each other."""
     parts = []
-    for i, (colour, words) in enumerate(entries):
-        parts.append(f'<rect x="{x:g}" y="{y + 17 * i - 9:g}" width="11" height="11" fill="{colour}"/>')
+    for i, (color, words) in enumerate(entries):
+        parts.append(f'<rect x="{x:g}" y="{y + 17 * i - 9:g}" width="11" height="11" fill="{color}"/>')
         parts.append(text(x + 17, y + 17 * i + 1, words))
     return parts
 
@@ -65,10 +65,10 @@ def block_paths(blocks, changed, first, scale, x, y):
         if column >= first:
             rows[row in changed and column in changed].setdefault(row, []).append(column)
     parts = []
-    for is_changed, colour in ((False, FAINT), (True, CHANGED)):
+    for is_changed, color in ((False, FAINT), (True, CHANGED)):
         path = "".join(f"M{x + scale * (begin - first):g} {y + scale * (row - first):g}h{scale * length:g}v{scale:g}h-{scale * length:g}z"
                        for row, columns in sorted(rows[is_changed].items()) for begin, length in runs(sorted(columns)))
-        parts.append(f'<path d="{path}" fill="{colour}"/>' if path else "")
+        parts.append(f'<path d="{path}" fill="{color}"/>' if path else "")
     return parts
 
 
@@ -103,7 +103,7 @@ def draw_structure(report):
 
 
 def draw_panel(x, y, width, height, title, unit, steps, curves):
-    """A panel with a logarithmic scale; curves are (colour, name, values)."""
+    """A panel with a logarithmic scale; curves are (color, name, values)."""
     smallest = min(value for _, _, values in curves for value in values if value > 0)
     largest = max(value for _, _, values in curves for value in values)
     low, high = math.floor(math.log10(smallest)), math.ceil(math.log10(largest))
@@ -125,10 +125,10 @@ def draw_panel(x, y, width, height, title, unit, steps, curves):
     for step in range(ticks * math.ceil(steps[0] / ticks), steps[-1] + 1, ticks):
         parts.append(text(across(step), y + height + 16, str(step), 11, "middle"))
     parts.append(text(x + width / 2, y + height + 33, "step", 11, "middle"))
-    for colour, _, values in curves:
+    for color, _, values in curves:
         points = " ".join(f"{across(step):.1f},{up(value):.1f}" for step, value in zip(steps, values))
-        parts.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.3"/>')
-    return parts + legend(x + 10, y + height + 58, [(colour, name) for colour, name, _ in curves])
+        parts.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="1.3"/>')
+    return parts + legend(x + 10, y + height + 58, [(color, name) for color, name, _ in curves])
 
 
 def draw_work(report):
@@ -150,7 +150,7 @@ def draw_work(report):
     parts += draw_panel(500, 78, 330, 280, "Factors", "", steps,
                         [(FAINT, "all of them in as many iterations: a batch solver", every("factors")),
                          (OURS, "evaluated, residual only", work("evaluated_factors")),
-                         (CHANGED, "relinearised", work("relinearised_factors"))])
+                         (CHANGED, "relinearized", work("relinearised_factors"))])
     return document(860, 480, parts)
 
 

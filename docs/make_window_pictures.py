@@ -24,7 +24,7 @@ def draw(report):
     x, y, width, height = 70, 92, 760, 300
     times, band = report["times"], report["band"]
     top = 24.0
-    parts = [text(30, 28, "Are the covariances right? Normalised error squared of the newest pose", 16),
+    parts = [text(30, 28, "Are the covariances right? Normalized error squared of the newest pose", 16),
              text(30, 48, f"Mean over {report['runs']} simulated windows of {report['size']} frames, rule of {report['rule'].upper()}; 6 if they are. Dark band: where "
                           "95 % of such means lie. Cut off at the top."),
              f'<clipPath id="panel"><rect x="{x}" y="{y}" width="{width}" height="{height}"/></clipPath>']
@@ -37,16 +37,16 @@ def draw(report):
         parts.append(text(x - 8, up(level) + 4, str(level), 11, "end"))
     parts.append(f'<rect x="{x}" y="{up(6 + band):g}" width="{width}" height="{up(6 - band) - up(6 + band):g}" fill="{CHANGED}" '
                  'opacity="0.25"/>')
-    for key, colour in reversed(CURVES):
+    for key, color in reversed(CURVES):
         points = " ".join(f"{x + width * (time - times[0]) / (times[-1] - times[0]):.1f},{up(value):.1f}"
                           for time, value in zip(times, report[key]["nees"]))
-        parts.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.6" clip-path="url(#panel)"/>')
+        parts.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="1.6" clip-path="url(#panel)"/>')
     for tick in range(int(times[0]) + 1, int(times[-1]) + 1, max(1, round(times[-1] / 12))):
         parts.append(text(x + width * (tick - times[0]) / (times[-1] - times[0]), y + height + 17, f"{tick} s", 11, "middle", INK))
     entries = []
-    for key, colour in CURVES:
+    for key, color in CURVES:
         mean = sum(report[key]["nees"]) / len(report[key]["nees"])
-        entries.append((colour, f"{report[key]['name']}: mean {mean:.3g}, error {100 * report[key]['rms']:.2g} cm (RMS)"))
+        entries.append((color, f"{report[key]['name']}: mean {mean:.3g}, error {100 * report[key]['rms']:.2g} cm (RMS)"))
     parts += legend(x + 10, y + height + 42, entries)
     return document(860, 500, parts)
 

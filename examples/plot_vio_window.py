@@ -26,9 +26,9 @@ def read(path):
     return [tuple(float(value) for value in row) for row in rows[1:]]
 
 
-def polyline(points, colour, extra=""):
+def polyline(points, color, extra=""):
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    return f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="1.4" {extra}/>'
+    return f'<polyline points="{path}" fill="none" stroke="{color}" stroke-width="1.4" {extra}/>'
 
 
 def draw_from_above(rows, x, y, side):

@@ -13,7 +13,7 @@
 #include "inceres/estimator/sliding_window_estimator.h"
 #include "inceres/estimator/trajectory_error.h"
 #include "inceres/io/vio_sequence.h"
-#include "inceres/sim/vio_scene.h"
+#include "tools/sim/vio_scene.h"
 
 namespace {
 
@@ -86,13 +86,13 @@ Status Play(const inceres::VioSequence& sequence, Result* result) {
 
 void Print(const Result& result) {
   const inceres::RelativePoseError frame = inceres::RelativePoseErrorOverFrames(result.estimate, result.truth, 1);
-  const inceres::RelativePoseError metre = inceres::RelativePoseErrorOverPath(result.estimate, result.truth, 1.0);
+  const inceres::RelativePoseError meter = inceres::RelativePoseErrorOverPath(result.estimate, result.truth, 1.0);
   const auto count = static_cast<double>(result.estimate.size());
   std::printf("frames         %zu, %.3g ms each, %d failed\n", result.estimate.size(), 1e3 * result.seconds / count,
               result.num_failures);
   std::printf("ATE            %.4g m\n", inceres::AbsoluteTrajectoryError(result.estimate, result.truth));
   std::printf("RPE, 1 frame   %.4g m, %.4g deg\n", frame.translation, frame.rotation_degrees);
-  std::printf("RPE, 1 m       %.4g m, %.4g deg, %d pairs\n", metre.translation, metre.rotation_degrees, metre.num_pairs);
+  std::printf("RPE, 1 m       %.4g m, %.4g deg, %d pairs\n", meter.translation, meter.rotation_degrees, meter.num_pairs);
 }
 
 bool Write(const std::string& path, const Result& result) {

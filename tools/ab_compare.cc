@@ -12,14 +12,14 @@
 #include <gflags/gflags.h>
 #include <glog/logging.h>
 
-#include "tools/common/ab_protocol.h"
-#include "tools/common/ab_report.h"
-#include "tools/common/command_line.h"
-#include "tools/common/environment.h"
-#include "tools/common/problem_source.h"
-#include "tools/common/run_solver.h"
-#include "tools/common/solver_flags.h"
-#include "tools/common/text_file.h"
+#include "tools/ab/ab_protocol.h"
+#include "tools/ab/ab_report.h"
+#include "tools/ab/environment.h"
+#include "tools/command_line/command_line.h"
+#include "tools/command_line/text_file.h"
+#include "tools/problems/problem_source.h"
+#include "tools/solve/run_solver.h"
+#include "tools/solve/solver_flags.h"
 
 DEFINE_string(problem, "",
               "The problem: bal:FILE (text, .gz or .bz2), g2o:FILE, vio:FILE or vio:PRESET (cubic, figure_eight, ellipse).");

@@ -9,8 +9,8 @@
 #include <gflags/gflags.h>
 
 #include "inceres/io/bal.h"
-#include "inceres/sim/street_scene.h"
-#include "tools/common/command_line.h"
+#include "tools/command_line/command_line.h"
+#include "tools/sim/street_scene.h"
 
 DEFINE_string(output, "", "the file to write: .txt, or compressed as .txt.gz or .txt.bz2 (required)");
 DEFINE_string(truth, "", "also write the true cameras and points with exact observations, as a BAL file of the same order");
@@ -29,14 +29,14 @@ DEFINE_int32(num_observations, 0, "exact number of observations (0: see track_le
 DEFINE_double(laps, 0.0,
               "rounds of a closed circuit; 0: an open street, 1: the end meets the start, 2.5: every place is passed two "
               "or three times");
-DEFINE_double(loop_fraction, 0.3, "share of the points that are recognised when the camera comes by again, 0 to 1");
-DEFINE_double(camera_spacing, 0.0, "metres between consecutive cameras; 0: what the track length needs");
+DEFINE_double(loop_fraction, 0.3, "share of the points that are recognized when the camera comes by again, 0 to 1");
+DEFINE_double(camera_spacing, 0.0, "meters between consecutive cameras; 0: what the track length needs");
 DEFINE_double(pixel_noise, 0.5, "standard deviation of the observations, pixels");
 DEFINE_double(rotation_noise, 0.01, "of the start values of the camera orientations, radians");
-DEFINE_double(position_noise, 0.1, "of the start values of the camera centres, metres");
+DEFINE_double(position_noise, 0.1, "of the start values of the camera centers, meters");
 DEFINE_double(focal_noise, 0.01, "of the start values of the focal lengths, relative");
 DEFINE_double(distortion_noise, 0.002, "of the start values of k1 and k2");
-DEFINE_double(point_noise, 0.1, "of the start values of the points, metres");
+DEFINE_double(point_noise, 0.1, "of the start values of the points, meters");
 DEFINE_double(outlier_fraction, 0.0, "share of the observations that are wrong, 0 to 1");
 DEFINE_double(outlier_pixels, 50.0, "how far outliers are displaced at most, in x and in y");
 DEFINE_uint64(seed, 1, "the same seed and flags give the same file on every machine");

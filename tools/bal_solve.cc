@@ -10,15 +10,15 @@
 #include <nlohmann/json.hpp>
 
 #include "inceres/io/bal.h"
-#include "tools/common/bal_ceres_problem.h"
-#include "tools/common/bal_picture.h"
-#include "tools/common/command_line.h"
-#include "tools/common/problem_source.h"
-#include "tools/common/read_flags.h"
-#include "tools/common/read_progress.h"
-#include "tools/common/run_solver.h"
-#include "tools/common/solver_flags.h"
-#include "tools/common/text_file.h"
+#include "tools/command_line/command_line.h"
+#include "tools/command_line/read_flags.h"
+#include "tools/command_line/read_progress.h"
+#include "tools/command_line/text_file.h"
+#include "tools/draw/bal_picture.h"
+#include "tools/problems/bal_ceres_problem.h"
+#include "tools/problems/problem_source.h"
+#include "tools/solve/run_solver.h"
+#include "tools/solve/solver_flags.h"
 
 DEFINE_string(input, "", "The BAL file to solve: text, .gz or .bz2. Required.");
 DEFINE_string(solver, "inceres", "inceres, or ceres for stock Ceres.");

@@ -11,47 +11,61 @@ import pathlib
 import re
 import sys
 
-# Arrows between the rooms of the core; a room may also include whatever its targets may. `base` (threads, timers) is below all.
+# Arrows between the modules of the core; a module may also include whatever its targets may. `base` (threads, timers) is below all.
+# `solver` is public headers only: what trust_region, marginal and incremental implement.
 ARROWS = {
     "base": [],
-    "block": ["base"],
-    "graph": ["block"],
-    "factors": ["graph"],
-    "linearisation": ["graph"],
-    "schur": ["linearisation"],
-    "linear": ["block"],
-    "solver": ["schur", "linear"],
-    "estimator": ["solver", "factors"],
-    "io": ["factors", "graph"],
-    "sim": ["factors", "io"],
+    "simd": ["base"],
+    "problem": ["simd"],
+    "factors": ["problem"],
+    "linearize": ["problem", "linear"],
+    "schur": ["linearize"],
+    "linear": ["simd"],
+    "solver": ["problem", "linear"],
+    "trust_region": ["schur", "linear", "solver"],
+    "marginal": ["schur", "linear", "solver"],
+    "incremental": ["trust_region", "marginal"],
+    "estimator": ["incremental", "factors"],
+    "io": ["factors", "problem"],
 }
-# Folders above the core: they may include every room, and these of each other.
+# The same within adapters/ceres, between what lies in a folder there; what lies beside them may include them all.
+ADAPTER = "adapters/ceres"
+ADAPTER_ARROWS = {
+    "read": [],
+    "fallback": ["read"],
+    "plan": ["read"],
+    "report": ["plan"],
+    "exact": ["report"],
+    "compare": ["plan", "fallback"],
+    "session": ["exact", "compare"],
+}
+# Folders above the core: they may include every module, and these of each other.
 OUTER = {
     "adapters": ["adapters"],
     "tools": ["adapters", "tools"],
-    "tests": ["adapters", "tools", "tests", "benchmarks"],
+    "tests": ["adapters", "tools", "tests", "benchmarks", "examples"],
     "benchmarks": ["adapters", "tools", "tests", "benchmarks"],
-    "examples": ["adapters", "examples"],
+    "examples": ["adapters", "tools", "examples"],
 }
 # Packages that the core must build without; logging and flags belong to the tools.
 FORBIDDEN_IN_CORE = ("ceres", "glog", "gflags", "gtest", "gmock", "benchmark")
 # All that a kernel translation unit may pull in: types and intrinsics, no inline library code (the linker could keep a copy
 # built for a newer processor).
 KERNEL_SYSTEM_HEADERS = {"cstddef", "cstdint", "immintrin.h", "arm_neon.h", "stddef.h", "stdint.h"}
-KERNEL_PATTERN = "src/block/kernels_*.cc"
+KERNEL_PATTERN = "src/simd/kernels_*.cc"
 
 SUFFIXES = {".h", ".cc", ".inc"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 
 
-def reachable(room):
-    """The rooms that `room` may include: itself and everything along the arrows."""
-    seen, todo = set(), [room]
+def reachable(module, arrows):
+    """The modules that `module` may include: itself and everything along the arrows."""
+    seen, todo = set(), [module]
     while todo:
         current = todo.pop()
         if current not in seen:
             seen.add(current)
-            todo.extend(ARROWS[current])
+            todo.extend(arrows[current])
     return seen
 
 
@@ -64,7 +78,7 @@ def includes_of(path):
 
 
 def owner_of(relative):
-    """(kind, room) of a file by its path from the root: kind is "root", "public", "internal", or an outer folder's name."""
+    """(kind, module) of a file by its path from the root: kind is "root", "public", "internal", or an outer folder's name."""
     parts = relative.parts
     if parts[:2] == ("include", "inceres"):
         return ("root", None) if len(parts) == 3 else ("public", parts[2])
@@ -76,7 +90,7 @@ def owner_of(relative):
 def resolve(root, path, header):
     """The file of this project that a header names, or None."""
     places = [root / "include", root / "src", root, root / "tests", path.parent]
-    places += sorted(root.glob("adapters/*/include")) + sorted(root.glob("adapters/*")) + sorted(root.glob("adapters/*/src"))
+    places += [root / "adapters/ceres/include", root / "examples/sliding_window"]
     for place in places:
         candidate = place / header
         if candidate.is_file():
@@ -84,29 +98,46 @@ def resolve(root, path, header):
     return None
 
 
-def check_core_include(kind, room, target_kind, target_room):
+def check_core_include(kind, module, target_kind, target_module):
     """Why a core file may not include another file of this project, or None."""
     if target_kind == "root":
         return None
     if target_kind in OUTER:
         return f"the core may not include {target_kind}/"
     if kind == "root":
-        return "a header at the top of include/inceres includes no room"
+        return "a header at the top of include/inceres includes no module"
     if kind == "public" and target_kind == "internal":
         return "a public header may not include an internal one: it is not installed"
-    if target_room not in ARROWS:
-        return f"room {target_room} is not in the architecture"
-    if target_room not in reachable(room):
-        return f"{room} may not include {target_room} (only {', '.join(sorted(reachable(room)))})"
+    if target_module not in ARROWS:
+        return f"module {target_module} is not in the architecture"
+    allowed = reachable(module, ARROWS)
+    if target_module not in allowed:
+        return f"{module} may not include {target_module} (only {', '.join(sorted(allowed))})"
     return None
+
+
+def adapter_module(relative):
+    """The folder of adapters/ceres that a file lies in, None beside them and elsewhere."""
+    parts = relative.parts
+    inside = relative.parent != pathlib.PurePath(ADAPTER) and relative.is_relative_to(ADAPTER)
+    return parts[2] if inside and parts[2] in ADAPTER_ARROWS else None
+
+
+def check_adapter_include(module, target):
+    """Why a file of a module of the adapter may not include another file of this project, or None."""
+    target_module = adapter_module(target)
+    if module is None or target_module is None:
+        return None
+    allowed = reachable(module, ADAPTER_ARROWS)
+    return None if target_module in allowed else f"{module} may not include {target_module} (only {', '.join(sorted(allowed))})"
 
 
 def check_file(root, path):
     """Violations of one file as (line, header, reason)."""
-    kind, room = owner_of(path.relative_to(root))
+    kind, module = owner_of(path.relative_to(root))
     in_core = kind not in OUTER
-    if in_core and kind != "root" and room not in ARROWS:
-        yield 1, "", f"room {room} is not in the architecture"
+    if in_core and kind != "root" and module not in ARROWS:
+        yield 1, "", f"module {module} is not in the architecture"
         return
     for number, bracket, header in includes_of(path):
         package = header.split("/")[0]
@@ -121,12 +152,13 @@ def check_file(root, path):
             continue
         if bracket == "<" and package != "inceres":
             continue
-        target_kind, target_room = owner_of(target.relative_to(root))
+        target_kind, target_module = owner_of(target.relative_to(root))
         if in_core:
-            reason = check_core_include(kind, room, target_kind, target_room)
+            reason = check_core_include(kind, module, target_kind, target_module)
         else:
             allowed = target_kind not in OUTER or target_kind in OUTER[kind]
-            reason = None if allowed else f"{kind} may not include {target_kind}"
+            reason = f"{kind} may not include {target_kind}" if not allowed else None
+            reason = reason or check_adapter_include(adapter_module(path.relative_to(root)), target.relative_to(root))
         if reason:
             yield number, header, reason
 

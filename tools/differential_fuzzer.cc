@@ -19,7 +19,7 @@
 #include <nlohmann/json.hpp>
 #include <sys/wait.h>
 
-#include "tools/common/command_line.h"
+#include "tools/command_line/command_line.h"
 #include "tools/fuzz/life_process.h"
 
 DEFINE_string(

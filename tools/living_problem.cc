@@ -9,9 +9,9 @@
 #include <gflags/gflags.h>
 #include <glog/logging.h>
 
-#include "tools/common/command_line.h"
-#include "tools/common/living_run.h"
-#include "tools/common/text_file.h"
+#include "tools/command_line/command_line.h"
+#include "tools/command_line/text_file.h"
+#include "tools/replay/living_run.h"
 #include "tools/replay_problem.h"
 
 DECLARE_string(problem);

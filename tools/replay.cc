@@ -12,13 +12,13 @@
 #include <gflags/gflags.h>
 #include <glog/logging.h>
 
-#include "tools/common/command_line.h"
-#include "tools/common/environment.h"
-#include "tools/common/replay_ceres_solve.h"
-#include "tools/common/replay_flatness.h"
-#include "tools/common/replay_report.h"
-#include "tools/common/replay_run.h"
-#include "tools/common/text_file.h"
+#include "tools/ab/environment.h"
+#include "tools/command_line/command_line.h"
+#include "tools/command_line/text_file.h"
+#include "tools/replay/replay_ceres_solve.h"
+#include "tools/replay/replay_flatness.h"
+#include "tools/replay/replay_report.h"
+#include "tools/replay/replay_run.h"
 #include "tools/replay_problem.h"
 
 DECLARE_string(problem);
@@ -235,7 +235,7 @@ int Main() {
 int main(int argc, char** argv) {
   google::InitGoogleLogging(argv[0]);
   FLAGS_logtostderr = true;
-  FLAGS_minloglevel = google::GLOG_ERROR;  // stock warns of every failed factorisation; the report counts them
+  FLAGS_minloglevel = google::GLOG_ERROR;  // stock warns of every failed factorization; the report counts them
   const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kUsage, &argc, &argv);
   return exit_code ? *exit_code : inceres::tools::Main();
 }

@@ -13,10 +13,10 @@
 #include "inceres/io/g2o.h"
 #include "inceres/io/keyframes.h"
 #include "inceres/io/stereo_odometry.h"
-#include "tools/common/read_flags.h"
-#include "tools/common/read_progress.h"
-#include "tools/common/replay_scripts.h"
-#include "tools/common/vio_source.h"
+#include "tools/command_line/read_flags.h"
+#include "tools/command_line/read_progress.h"
+#include "tools/replay/replay_scripts.h"
+#include "tools/replay/vio_source.h"
 
 DEFINE_string(problem, "",
               "bal:FILE, kf:FILE, stereo:FOLDER, g2o:FILE, vio:FILE, vio:PRESET (cubic, figure_eight, ellipse), or path:N for N "

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "inceres/status.h"
-#include "tools/common/replay_step.h"
+#include "tools/replay/replay_step.h"
 
 namespace inceres::tools {
 

@@ -69,8 +69,8 @@ unpack() {
 }
 
 # Shared, for the drop-in stands in front of a shared Ceres, and only what the tests need. Nearly all of the time goes into reading
-# Eigen, so it is read once; without Schur specialisations there is half as much to compile, and Ceres solves the same, more slowly.
-# (One file of 2.2, for its benchmarks only, is made for one of those specialisations and does not link without.)
+# Eigen, so it is read once; without Schur specializations there is half as much to compile, and Ceres solves the same, more slowly.
+# (One file of 2.2, for its benchmarks only, is made for one of those specializations and does not link without.)
 build_ceres() {
   cat > "$work/inside_ceres.cmake" <<'CMAKE'
 cmake_language(DEFER CALL cmake_language EVAL CODE [[

@@ -7,8 +7,8 @@
 #include <gflags/gflags.h>
 
 #include "inceres/io/vio_sequence.h"
-#include "inceres/sim/vio_scene.h"
-#include "tools/common/command_line.h"
+#include "tools/command_line/command_line.h"
+#include "tools/sim/vio_scene.h"
 
 DEFINE_string(output, "", "the file to write: any name, or compressed as .gz or .bz2 (required)");
 DEFINE_string(
@@ -16,8 +16,8 @@ DEFINE_string(
     "cubic (50 frames, 163 points, 789 observations), figure_eight (with loops), ellipse (with turns on the spot); flags "
     "given as well take precedence");
 DEFINE_string(trajectory, "circle", "circle, figure_eight or ellipse (horizontal, with a vertical sine)");
-DEFINE_double(radius, 5.0, "size of the trajectory, metres");
-DEFINE_double(height, 0.5, "amplitude of its vertical sine, metres");
+DEFINE_double(radius, 5.0, "size of the trajectory, meters");
+DEFINE_double(height, 0.5, "amplitude of its vertical sine, meters");
 DEFINE_double(period, 20.0, "seconds of movement for a round");
 DEFINE_double(standing_start, 0.0, "seconds at rest before it moves; 0: it moves from the first moment on");
 DEFINE_double(stop_every, 0.0, "seconds at full speed between stops, at which it turns once on the spot; 0: no stops");
@@ -28,8 +28,8 @@ DEFINE_int32(imu_per_frame, 20, "IMU samples from one frame to the next");
 DEFINE_int32(points, 500, "exact number of points");
 DEFINE_int32(observations, 0, "exact number of observations; 0: all that is seen");
 DEFINE_int32(max_track_length, 1000, "how often a point is seen at most");
-DEFINE_double(max_depth, 12.0, "points are seen up to this far away, metres");
-DEFINE_double(loop_fraction, 0.3, "share of the points that are recognised when they come into view again, 0 to 1");
+DEFINE_double(max_depth, 12.0, "points are seen up to this far away, meters");
+DEFINE_double(loop_fraction, 0.3, "share of the points that are recognized when they come into view again, 0 to 1");
 DEFINE_double(dropout, 0.0, "share of the sightings in which a feature is not detected, 0 to 0.95");
 DEFINE_double(pixel_noise, 1.0, "standard deviation of the observations, pixels");
 DEFINE_double(outlier_fraction, 0.0, "share of the observations that are wrong, 0 to 1");
@@ -40,9 +40,9 @@ DEFINE_double(gyr_bias_walk, 2e-5, "density of the walk of the bias, rad/s^2/sqr
 DEFINE_double(acc_bias_walk, 3e-3, "density of the walk of the bias, m/s^3/sqrt(Hz)");
 DEFINE_double(initial_gyr_bias, 0.01, "standard deviation of the first bias, rad/s");
 DEFINE_double(initial_acc_bias, 0.05, "standard deviation of the first bias, m/s^2");
-DEFINE_double(position_drift, 0.05, "how far start values drift from the truth, metres");
+DEFINE_double(position_drift, 0.05, "how far start values drift from the truth, meters");
 DEFINE_double(rotation_drift, 0.005, "how far start values drift from the truth, radians");
-DEFINE_double(point_noise, 0.1, "standard deviation of the start values of the points, metres");
+DEFINE_double(point_noise, 0.1, "standard deviation of the start values of the points, meters");
 DEFINE_uint64(seed, 1, "the same seed and flags give the same file on every machine");
 
 namespace {

@@ -15,7 +15,7 @@ namespace {
 // Room for calls at the same time and for numbers of threads. What finds none has an arena for this one call.
 constexpr int kNumPlaces = 256;
 
-// Constant initialisation, trivial destruction: there before the first solve and after the last one.
+// Constant initialization, trivial destruction: there before the first solve and after the last one.
 LeasedArena::Place places[kNumPlaces];
 
 }  // namespace

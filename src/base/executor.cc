@@ -12,7 +12,7 @@ namespace inceres::internal {
 
 namespace {
 
-// oneTBB's own synchronisation is not compiled with the thread sanitizer; these tell it what parallel_for guarantees: what the
+// oneTBB's own synchronization is not compiled with the thread sanitizer; these tell it what parallel_for guarantees: what the
 // caller did before happens before every task, and every task happens before the call returns.
 #if defined(__SANITIZE_THREAD__)
 void Acquire(char* token) {

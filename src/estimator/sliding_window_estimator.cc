@@ -8,7 +8,7 @@
 #include "estimator/window.h"
 #include "inceres/solver/covariance.h"
 #include "inceres/solver/linear_prior.h"
-#include "linearisation/factor_lineariser.h"
+#include "linearize/factor_linearizer.h"
 
 namespace inceres {
 namespace {
@@ -141,14 +141,14 @@ Status SlidingWindowEstimator::LandmarkHessian(std::int64_t track, std::vector<d
   const VariableId landmark = found->landmark;
   const int size = graph.TangentSize(landmark);
   RowMajor P = RowMajor::Zero(size, size);
-  internal::FactorLineariser lineariser(
+  internal::FactorLinearizer linearizer(
       graph, [this](VariableId id) { return solver().Values(id); }, [=](VariableId id) { return id == landmark; });
   for (const internal::View& view : found->views) {
-    internal::LinearisedFactor factor;
+    internal::LinearizedFactor factor;
     if (view.factor.family < 0) {
       continue;  // the exact view from the anchor
     }
-    const Status status = lineariser.Linearise(view.factor, &factor);
+    const Status status = linearizer.Linearize(view.factor, &factor);
     if (!status.ok()) {
       return status;
     }

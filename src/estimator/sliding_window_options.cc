@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "estimator/window_input.h"
-#include "graph/find_fault.h"
+#include "problem/find_fault.h"
 
 namespace inceres {
 namespace {

@@ -59,12 +59,12 @@ RelativePoseError RelativePoseErrorOverFrames(const Trajectory& estimate, const 
   return ErrorBetween(estimate, truth, indices);
 }
 
-RelativePoseError RelativePoseErrorOverPath(const Trajectory& estimate, const Trajectory& truth, double metres) {
+RelativePoseError RelativePoseErrorOverPath(const Trajectory& estimate, const Trajectory& truth, double meters) {
   std::vector<std::size_t> indices;
   double path = 0.0;
   for (std::size_t i = 1; i < estimate.size(); ++i) {
     path += (PoseOf(estimate[i]).translation() - PoseOf(estimate[i - 1]).translation()).norm();
-    if (path >= metres) {
+    if (path >= meters) {
       indices.push_back(i);
       path = 0.0;
     }

@@ -18,7 +18,7 @@ class Window {
 
   /// Takes up a frame where the IMU predicts it, with its views of landmarks, and makes new ones. (window_frames.cc)
   Status Admit(const WindowFrame& frame, WindowSummary* summary);
-  /// Minimises within the budget; then takes out landmarks that are wrong.
+  /// Minimizes within the budget; then takes out landmarks that are wrong.
   Status Solve(WindowSummary* summary);
   /// Takes frames out until the window has its size. (window_slide.cc)
   Status Slide(WindowSummary* summary);
@@ -58,7 +58,7 @@ class Window {
   bool keeps_second_newest_ = true;  // as the newest frame says
   FactorId prior_;
   std::vector<VariableId> in_prior_;
-  std::vector<VariableId> left_over_;  // of frames that have left but could not be marginalised yet
+  std::vector<VariableId> left_over_;  // of frames that have left but could not be marginalized yet
 };
 
 }  // namespace inceres::internal

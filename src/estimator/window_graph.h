@@ -11,8 +11,8 @@
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/imu_factor.h"
 #include "inceres/factors/pose_prior.h"
-#include "inceres/graph/graph_edit.h"
-#include "inceres/graph/manifolds.h"
+#include "inceres/problem/graph_edit.h"
+#include "inceres/problem/manifolds.h"
 #include "inceres/solver/incremental_solver.h"
 
 namespace inceres::internal {

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "graph/find_fault.h"
+#include "problem/find_fault.h"
 
 namespace inceres::internal {
 namespace {

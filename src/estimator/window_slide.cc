@@ -8,7 +8,7 @@
 namespace inceres::internal {
 namespace {
 
-// Of a marginalisation that cannot be done, drops the landmarks at fault. False if it is not landmarks.
+// Of a marginalization that cannot be done, drops the landmarks at fault. False if it is not landmarks.
 bool DropOffenders(const std::vector<VariableId>& offenders, const FactorGraph& graph, MarginalizationRequest* request) {
   std::vector<VariableId>& marginalized = request->marginalized;
   for (const VariableId id : offenders) {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <cstdint>
 
-#include "inceres/graph/ambient_family.h"
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/ambient_family.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres {
 namespace {
@@ -63,7 +63,7 @@ class RotationCache {
   static constexpr int kBits = 7;
 
   const double* keys_[1 << kBits] = {};
-  CameraRotation rotations_[1 << kBits];  // not initialised: an entry is read after its key was set
+  CameraRotation rotations_[1 << kBits];  // not initialized: an entry is read after its key was set
 };
 
 // The values of one projection that both the residual and the Jacobians need.

@@ -111,7 +111,7 @@ const char* ReasonAt(const double h[3], Error error) {
     return "the feature lies in the observing camera's plane (depth 0)";
   }
   if (error == Error::kUnitSphere && internal::Norm(h) == 0.0) {
-    return "the feature lies in the centre of the observing camera";
+    return "the feature lies in the center of the observing camera";
   }
   return "a residual is not finite";
 }

@@ -4,7 +4,7 @@
 #include <cassert>
 #include <cmath>
 
-#include "inceres/graph/ambient_family.h"
+#include "inceres/problem/ambient_family.h"
 
 namespace inceres {
 

@@ -235,7 +235,7 @@ const ImuPreintegrator& ImuFactorFamily::measurement(int index) const {
   return factors_[static_cast<std::size_t>(index)]->imu;
 }
 
-bool ImuFactorFamily::Recentre(int factor, const double* const* parameters) const {
+bool ImuFactorFamily::Recenter(int factor, const double* const* parameters) const {
   Factor& f = *factors_[static_cast<std::size_t>(factor)];
   const double* gyr_bias = parameters[1] + f.layout.gyr_column;
   const double* acc_bias = parameters[1] + f.layout.acc_column;

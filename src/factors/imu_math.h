@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres::internal {
 

@@ -9,7 +9,7 @@
 
 #include "factors/imu_layout.h"
 #include "factors/imu_step.h"
-#include "graph/find_fault.h"
+#include "problem/find_fault.h"
 
 namespace inceres {
 

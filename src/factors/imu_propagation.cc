@@ -3,8 +3,8 @@
 
 #include "factors/imu_correction.h"
 #include "factors/imu_layout.h"
-#include "graph/find_fault.h"
 #include "inceres/factors/imu_preintegrator.h"
+#include "problem/find_fault.h"
 
 namespace inceres {
 
@@ -21,7 +21,7 @@ namespace {
 
 // Of the step in the parts' own order, (φ, v, p, b_g, b_a) perturbed on the right:
 //     F = ∂(state j)/∂(state i),   G = ∂(state j)/∂(error of Δ).
-void Linearise(const CorrectedDelta& delta, const Matrix3& R_i, double dt, Matrix<15, 15>* F, Matrix<15, 15>* G) {
+void Linearize(const CorrectedDelta& delta, const Matrix3& R_i, double dt, Matrix<15, 15>* F, Matrix<15, 15>* G) {
   using namespace internal;  // NOLINT(google-build-using-namespace): the names of the parts
   G->setIdentity();
   G->block<3, 3>(kDeltaV, kDeltaV) = R_i;
@@ -57,7 +57,7 @@ Status PropagateImu(const ImuPreintegrator& imu, const double* pose, const doubl
 
   if (covariance != nullptr && next_covariance != nullptr) {
     Matrix<15, 15> F, G;
-    Linearise(delta, R_i, dt, &F, &G);
+    Linearize(delta, R_i, dt, &F, &G);
     // φ on the left is R φ on the right, so C and its inverse are each other's transposes.
     const bool left = conventions.perturbation == ImuConventions::Perturbation::kLeft;
     const Matrix3 identity = Matrix3::Identity();

@@ -12,7 +12,7 @@ using Integration = ImuConventions::Integration;
 
 // Of one discrete step, to first order, e the error of (ΔR, Δv, Δp) and n what is added to a sample's rate and force:
 //     e' = A e + (B_from + B_to) δb − B_from n_from − B_to n_to
-struct Linearised {
+struct Linearized {
   Matrix<9, 9> A;
   Matrix<9, 6> B_from;
   Matrix<9, 6> B_to;
@@ -34,8 +34,8 @@ void Turn(const Vector3& turn, double q[4]) {
 }
 
 // Rows of v and p follow the mean force a: Δv' = Δv + aΔt, Δp' = Δp + ΔvΔt + ½aΔt².
-Linearised Assemble(const Matrix3& phi_phi, const Matrix3& phi_gyr_bias, const ForceDerivative& a, double dt, bool midpoint) {
-  Linearised step;
+Linearized Assemble(const Matrix3& phi_phi, const Matrix3& phi_gyr_bias, const ForceDerivative& a, double dt, bool midpoint) {
+  Linearized step;
   step.A.setIdentity();
   step.A.block<3, 3>(kDeltaPhi, kDeltaPhi) = phi_phi;
   step.A.block<3, 3>(kDeltaP, kDeltaV) = dt * Matrix3::Identity();
@@ -55,7 +55,7 @@ Linearised Assemble(const Matrix3& phi_phi, const Matrix3& phi_gyr_bias, const F
 }
 
 // Moves ΔR, Δv, Δp, and says how.
-Linearised Move(bool midpoint, const ImuSample& from, const ImuSample& to, ImuDelta* delta) {
+Linearized Move(bool midpoint, const ImuSample& from, const ImuSample& to, ImuDelta* delta) {
   const double dt = to.time - from.time;
   const Vector3 force_from = AsVector(from.acc) - AsVector(delta->acc_bias);
   const Vector3 force_to = AsVector(to.acc) - AsVector(delta->acc_bias);
@@ -101,7 +101,7 @@ void AddNoise(const Matrix<9, 6>& B, const Matrix<6, 1>& variances, Matrix<9, 9>
 }
 
 // Σ' = F Σ Fᵀ + noise, where F = [A B; 0 I] if the biases walk along, and [A 0; 0 I] if not.
-void PropagateCovariance(const ImuOptions& options, const Linearised& step, double dt, ImuDelta* delta) {
+void PropagateCovariance(const ImuOptions& options, const Linearized& step, double dt, ImuDelta* delta) {
   const ImuNoise& noise = options.noise;
   const bool continuous = options.conventions.noise == ImuConventions::Noise::kContinuous;
   const Matrix<9, 6> B = step.B_from + step.B_to;
@@ -133,7 +133,7 @@ void PropagateCovariance(const ImuOptions& options, const Linearised& step, doub
 
 void StepImu(const ImuOptions& options, const ImuSample& from, const ImuSample& to, ImuDelta* delta) {
   const bool midpoint = options.conventions.integration == Integration::kMidpoint;
-  const Linearised step = Move(midpoint, from, to, delta);
+  const Linearized step = Move(midpoint, from, to, delta);
   Eigen::Map<Matrix<9, 6>> J(delta->bias_jacobian);
   J = (step.A.lazyProduct(J) + step.B_from + step.B_to).eval();
   PropagateCovariance(options, step, to.time - from.time, delta);

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "factors/pose_slot.h"
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres::internal {
 

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "factors/pose_slot.h"
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres {
 namespace {
@@ -30,7 +30,7 @@ struct Projection {
   double u[2];  // h_xy / h_z
 };
 
-// Neighbours in a family mostly share their pair.
+// Neighbors in a family mostly share their pair.
 inline void Relate(const double* pose_a, const double* pose_b, PosePair& pair) {
   if (pose_a == pair.pose_a && pose_b == pair.pose_b) {
     return;

@@ -7,8 +7,8 @@
 #include "factors/pose_slot.h"
 #include "factors/whiten.h"
 #include "inceres/factors/perturbation.h"
-#include "inceres/graph/ambient_family.h"
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/ambient_family.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres::internal {
 

@@ -80,7 +80,7 @@ struct BearingSensor {
   }
 
   static const char* ReasonAt(const double h[3]) {
-    return internal::Norm(h) == 0.0 ? "the landmark lies in the centre of the camera" : "a residual is not finite";
+    return internal::Norm(h) == 0.0 ? "the landmark lies in the center of the camera" : "a residual is not finite";
   }
 };
 

@@ -6,7 +6,7 @@
 
 #include "factors/pose_slot.h"
 #include "factors/whiten.h"
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres {
 

@@ -2,7 +2,7 @@
 
 #include <cassert>
 
-#include "inceres/graph/factor_family.h"
+#include "inceres/problem/factor_family.h"
 
 namespace inceres::internal {
 

@@ -131,10 +131,10 @@ class G2oReader {
         return scanner_.Failure(tag_ + ": " + fields[k]);
       }
     }
-    return graph_->dimension == 2 ? Status::Ok() : NormaliseQuaternion(pose->data() + 3);
+    return graph_->dimension == 2 ? Status::Ok() : NormalizeQuaternion(pose->data() + 3);
   }
 
-  Status NormaliseQuaternion(double* q) {
+  Status NormalizeQuaternion(double* q) {
     const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     if (!(norm > 1e-12) || !std::isfinite(norm)) {
       return FailField("quaternion", "its length is " + std::to_string(norm));

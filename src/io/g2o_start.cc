@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "inceres/graph/pose_composition.h"
+#include "inceres/problem/pose_composition.h"
 
 namespace inceres {
 
@@ -47,11 +47,11 @@ class Placer {
     }
     SetPlaced(0);
     while (!candidates_.empty()) {
-      const auto [vertex, minus_neighbour, edge] = candidates_.top();
+      const auto [vertex, minus_neighbor, edge] = candidates_.top();
       candidates_.pop();
       if (!placed_[static_cast<std::size_t>(vertex)]) {
         const std::array<double, 7> pose =
-            graph_.AcrossEdge(graph_.edges[edge], -minus_neighbour, graph_.PoseData(-minus_neighbour));
+            graph_.AcrossEdge(graph_.edges[edge], -minus_neighbor, graph_.PoseData(-minus_neighbor));
         std::copy_n(pose.begin(), graph_.PoseSize(), graph_.PoseData(vertex));
         SetPlaced(vertex);
       }

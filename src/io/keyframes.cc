@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "inceres/factors/sqrt_information.h"
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/rotation.h"
 #include "io/byte_source.h"
 #include "io/read_file.h"
 #include "io/record_reader.h"

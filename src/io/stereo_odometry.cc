@@ -9,7 +9,7 @@
 #include <unordered_map>
 #include <utility>
 
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/rotation.h"
 #include "io/byte_source.h"
 #include "io/text_scanner.h"
 

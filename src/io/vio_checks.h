@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "inceres/export.h"
 #include "inceres/io/vio_sequence.h"
 
 namespace inceres::internal {
@@ -33,8 +34,8 @@ inline bool IsGood(const VioState& state) {
          IsUnitQuaternion(state.pose.data() + 3);
 }
 
-/// "field: what is wrong", or empty.
-std::string FaultOf(const VioCamera& camera);
-std::string FaultOf(double pixel_noise, const ImuNoise& noise);
+/// "field: what is wrong", or empty. Exported for the simulator, which checks the same.
+INCERES_EXPORT std::string FaultOf(const VioCamera& camera);
+INCERES_EXPORT std::string FaultOf(double pixel_noise, const ImuNoise& noise);
 
 }  // namespace inceres::internal

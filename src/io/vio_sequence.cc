@@ -4,7 +4,7 @@
 #include <cmath>
 #include <initializer_list>
 
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/rotation.h"
 #include "io/vio_checks.h"
 
 namespace inceres {

@@ -14,7 +14,7 @@ constexpr char kComments[] =
     "imu_from_camera\n"
     "# NOISE pixel  gyr acc gyr_bias_walk acc_bias_walk   standard deviation in pixels; densities of the IMU\n"
     "# GRAVITY g(3)                      acceleration of free fall in the world, m/s^2\n"
-    "# POINT k  start(3)  truth(3)       metres in the world: initial guess and truth\n"
+    "# POINT k  start(3)  truth(3)       meters in the world: initial guess and truth\n"
     "# IMU t  gyr(3)  acc(3)             s, rad/s, m/s^2: rate + bias + noise, R^T (acceleration - g) + bias + noise\n"
     "# FRAME i t  start(16)  truth(16)   p(3) q(x y z w) v(3) b_g(3) b_a(3): of the IMU in the world; the samples above lead to "
     "it\n"

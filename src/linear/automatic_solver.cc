@@ -43,7 +43,7 @@ Status AutomaticSolver::Factorize(const SymmetricBlockRows& S, const double* dam
   return status;
 }
 
-// A pattern that is new is analyzed once the resumed factorisations since the last analysis have cost more than those of the last
+// A pattern that is new is analyzed once the resumed factorizations since the last analysis have cost more than those of the last
 // known sparse factor by what an analysis takes: at most twice what it would be for who knew how long the pattern lasts.
 bool AutomaticSolver::SparseIsCheaper(const SymmetricBlockRows& S, const ResumedSolver::Plan& plan) {
   const double resumed = plan.again + std::max(0.0, plan.flops - plan.again - saving_);

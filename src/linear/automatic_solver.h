@@ -6,16 +6,16 @@
 
 namespace inceres::internal {
 
-/// Takes each factorisation to the cheaper of the resumed and the sparse Cholesky, by predicted flops and what a flop costs each.
+/// Takes each factorization to the cheaper of the resumed and the sparse Cholesky, by predicted flops and what a flop costs each.
 /// While the changes are near the end of S that is the resumed factor; a change of everything, in an S whose envelope loops have
 /// filled, goes to the sparse one. The resumed factor then falls behind. It catches up, or reorders, when the calls
 /// since have lost by its absence what that costs: at most twice the flops of who knew what was to come (the ski-rental rule).
 /// (The dense Cholesky is no candidate: it never takes fewer flops than the envelope, whose long rows run as fast.)
-class AutomaticSolver final : public LiveReducedSolver {
+class AutomaticSolver final : public IncrementalReducedSolver {
  public:
   explicit AutomaticSolver(const Executor& executor) : sparse_(executor) {}
 
-  /// Of the solver that took the last factorisation.
+  /// Of the solver that took the last factorization.
   const char* Name() const override { return chosen_->Name(); }
   Status Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) override;
   Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
@@ -28,9 +28,9 @@ class AutomaticSolver final : public LiveReducedSolver {
   BatchSolver<SparseCholesky> sparse_;
   Change missed_by_sparse_;    // while the other worked
   double sparse_flops_ = 0.0;  // of the pattern analyzed last; 0: none, and the first analysis will tell
-  double regret_ = 0.0;        // flops by which resumed factorisations exceeded those since the last analysis
+  double regret_ = 0.0;        // flops by which resumed factorizations exceeded those since the last analysis
   double saving_ = 0.0;        // flops that a resumed factor which had kept up would have spared since
-  LiveReducedSolver* chosen_ = &resumed_;
+  IncrementalReducedSolver* chosen_ = &resumed_;
 };
 
 }  // namespace inceres::internal

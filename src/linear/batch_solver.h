@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "inceres/block/block_pattern.h"
-#include "linear/live_reduced_solver.h"
+#include "inceres/linear/block_pattern.h"
+#include "linear/incremental_reduced_solver.h"
 
 namespace inceres::internal {
 
@@ -40,7 +40,7 @@ class GatheredSystem {
 /// A solver of the batch mode (DenseCholesky, SparseCholesky) on a living S: every Factorize is a whole one, but the symbolic
 /// analysis is kept while the pattern stands.
 template <typename Solver>
-class BatchSolver final : public LiveReducedSolver {
+class BatchSolver final : public IncrementalReducedSolver {
  public:
   template <typename... Arguments>
   explicit BatchSolver(Arguments&&... arguments) : solver_(std::forward<Arguments>(arguments)...) {}
@@ -80,7 +80,7 @@ class BatchSolver final : public LiveReducedSolver {
  private:
   Solver solver_;
   GatheredSystem system_;
-  Status analysed_ = Status::Error(StatusCode::kInvalidArgument, "not analysed yet");
+  Status analysed_ = Status::Error(StatusCode::kInvalidArgument, "not analyzed yet");
   Status factored_ = Status::Error(StatusCode::kInvalidArgument, "not factored yet");
 };
 

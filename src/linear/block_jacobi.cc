@@ -8,7 +8,7 @@
 namespace inceres::internal {
 
 Status BlockJacobi::Update(const SymmetricBlockRows& S, const double* damping, const char* held,
-                           const LiveReducedSolver::Change& change) {
+                           const IncrementalReducedSolver::Change& change) {
   const int known_rows = std::min(num_rows(), S.num_rows());
   const int first = std::min(change.first_row, known_rows);
   blocks_.resize(S.num_rows());

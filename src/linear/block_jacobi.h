@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
-#include "linear/live_reduced_solver.h"
+#include "linear/incremental_reduced_solver.h"
 
 namespace inceres::internal {
 
@@ -14,7 +14,8 @@ class BlockJacobi {
  public:
   /// Inverts the blocks that changed. kSingular names a block row whose M_i is not positive definite; it is tried again next
   /// time.
-  Status Update(const SymmetricBlockRows& S, const double* damping, const char* held, const LiveReducedSolver::Change& change);
+  Status Update(const SymmetricBlockRows& S, const double* damping, const char* held,
+                const IncrementalReducedSolver::Change& change);
 
   /// y −= M v.
   void SubtractProduct(const double* v, double* y) const;

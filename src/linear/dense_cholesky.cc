@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <string>
 
-#include "block/kernels.h"
 #include "linear/dense_panel.h"
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 namespace {

@@ -23,7 +23,7 @@ class DenseCholesky final : public ReducedSolver {
   Status Factorize(const double* values, const double* diagonal) override;
   Status Solve(const double* b, double* x) override;
 
-  /// Flops of one factorisation.
+  /// Flops of one factorization.
   double PredictedFlops() const { return order_.flops; }
   /// Entries of the factor that may not be zero.
   double PredictedEntries() const { return order_.entries; }

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "block/kernels.h"
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 namespace {

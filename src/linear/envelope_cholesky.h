@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
-#include "block/block_rows.h"
 #include "inceres/status.h"
+#include "linear/block_rows.h"
 #include "linear/row_order.h"
 
 namespace inceres::internal {
@@ -13,7 +13,7 @@ namespace inceres::internal {
 /// L Lᵀ = S + diag(damping), row by row inside the envelope (a row is stored from its first nonzero column on), made to be
 /// resumed: with the rows of S in some order, row i of L depends on rows ≤ i of S alone. New frames ordered last leave every
 /// earlier row exact, and a change of S from block row i on costs only rows ≥ i. A frame that closes a loop has a long row; its
-/// neighbours keep their short ones. Rows and vectors are numbered and packed in that order throughout: row i is the one at
+/// neighbors keep their short ones. Rows and vectors are numbered and packed in that order throughout: row i is the one at
 /// place i.
 ///
 /// Resumed or from scratch, a row is computed by the same operations in the same order: the bits are the same.

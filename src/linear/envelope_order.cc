@@ -80,7 +80,7 @@ const std::vector<int>& EnvelopeOrdering::Reorder(const SymmetricBlockRows& S, c
                                                   const std::vector<int>& last) {
   Begin(S, order, first_place);
   TakeDenseRows(S, order, first_place);
-  next_ = rows_.size();  // neighbours of these say nothing about the order
+  next_ = rows_.size();  // neighbors of these say nothing about the order
   last_places_.clear();
   for (const int row : last) {
     last_places_.push_back(order.place(row));
@@ -116,7 +116,7 @@ void EnvelopeOrdering::TakeDenseRows(const SymmetricBlockRows& S, const RowOrder
   }
 }
 
-// Everything connected with the rows taken, nearest first, among equals those with fewer neighbours.
+// Everything connected with the rows taken, nearest first, among equals those with fewer neighbors.
 void EnvelopeOrdering::TakeConnected(const SymmetricBlockRows& S) {
   for (; next_ < rows_.size(); ++next_) {
     const int row = rows_[next_];

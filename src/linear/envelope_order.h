@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "block/block_rows.h"
+#include "linear/block_rows.h"
 #include "linear/row_order.h"
 
 namespace inceres::internal {
@@ -29,7 +29,7 @@ inline double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const
 /// by their distance from those in S (Cuthill-McKee, reversed). A row coupled to very many (shared intrinsics) comes after all:
 /// there it lengthens its own row only. Compare by EnvelopeFlops: it need not be better.
 ///
-/// Cost: that of sorting the neighbours of every row. Deterministic; no allocation beyond the growth of what it keeps. Source:
+/// Cost: that of sorting the neighbors of every row. Deterministic; no allocation beyond the growth of what it keeps. Source:
 /// Cuthill & McKee 1969; George & Liu 1981, chapter 4.
 class EnvelopeOrdering {
  public:
@@ -46,7 +46,7 @@ class EnvelopeOrdering {
 
   std::vector<char> taken_;  // per row of S; rows before the first place are taken from the start
   std::vector<int> rows_;    // backwards, from the last place
-  std::size_t next_ = 0;     // the row of rows_ whose neighbours come next
+  std::size_t next_ = 0;     // the row of rows_ whose neighbors come next
   std::vector<int> near_;
   std::vector<int> last_places_;
 };

@@ -4,13 +4,13 @@
 #include <cstdint>
 #include <vector>
 
-#include "block/kernels.h"
-#include "inceres/block/block_pattern.h"
+#include "inceres/linear/block_pattern.h"
 #include "inceres/status.h"
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 
-/// A dense piece of a sparse factorisation: a few consecutive columns of the factor, its pivots, and all rows in which they have
+/// A dense piece of a sparse factorization: a few consecutive columns of the factor, its pivots, and all rows in which they have
 /// entries. What the rows beyond the pivots get from its elimination is its update matrix, which its parent adds to its own.
 ///
 /// In memory a front is column-major: the rows of the pivots, padded to quads, then the others, padded to quads.
@@ -49,7 +49,7 @@ struct FrontPiece {
   int rows = 0, columns = 0;
 };
 
-/// The assembly tree of a multifrontal Cholesky factorisation of S. Source: Liu, "The Multifrontal Method for Sparse Matrix
+/// The assembly tree of a multifrontal Cholesky factorization of S. Source: Liu, "The Multifrontal Method for Sparse Matrix
 /// Solution", SIAM Review 34(1), 1992.
 struct FrontTree {
   std::vector<int> order;      // block of S by its place in the order of elimination

@@ -24,7 +24,7 @@ LaggedPcg::LaggedPcg(const Executor& executor, const BlockPattern& pattern, std:
 void LaggedPcg::Prepare(const BlockPattern& pattern) {
   pattern_ = &pattern;
   factored_ = false;
-  num_iterations_ = num_factorisations_ = 0;
+  num_iterations_ = num_factorizations_ = 0;
   values_.resize(pattern.value_begin.back());
   diagonal_.resize(pattern.size());
   for (std::vector<double>* vector : {&r_, &z_, &p_, &q_}) {
@@ -46,7 +46,7 @@ Status LaggedPcg::Factorize(const double* values, const double* diagonal) {
 }
 
 Status LaggedPcg::Renew() {
-  ++num_factorisations_;
+  ++num_factorizations_;
   const Status status = factor_->Factorize(values_.data(), diagonal_.data());
   factored_ = status.ok();
   num_iterations_ = 0;

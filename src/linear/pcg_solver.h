@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "linear/block_jacobi.h"
-#include "linear/live_reduced_solver.h"
+#include "linear/incremental_reduced_solver.h"
 
 namespace inceres::internal {
 
@@ -26,7 +26,7 @@ struct PcgOptions {
 /// kSingular if a direction of curvature ≤ 0 turns up. Cost of an iteration: one product with S and one with the blocks. Threads:
 /// the calling one. Source: Liu, Chen, Zhao & Zhang, "ICE-BA", CVPR 2018 (I-PCG); Hestenes & Stiefel 1952, theorem 6:1, and
 /// Strakos & Tichy, "On error estimation in the conjugate gradient method", ETNA 13, 2002 (the estimate).
-class PcgSolver final : public LiveReducedSolver {
+class PcgSolver final : public IncrementalReducedSolver {
  public:
   explicit PcgSolver(const PcgOptions& options) : options_(options) {}
 

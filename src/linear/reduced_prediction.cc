@@ -10,7 +10,7 @@ namespace {
 constexpr double kAlwaysDenseSize = 300.0;
 constexpr double kAlwaysDenseFill = 0.5;
 
-// A flop of the sparse factorisation takes so much longer, and a block of S so many flops to be found, placed and solved with.
+// A flop of the sparse factorization takes so much longer, and a block of S so many flops to be found, placed and solved with.
 constexpr double kSparsePenalty = 1.5;
 constexpr double kFlopsPerBlock = 1000.0;
 

@@ -1,13 +1,13 @@
 #pragma once
 
-#include "inceres/block/block_pattern.h"
+#include "inceres/linear/block_pattern.h"
 #include "inceres/status.h"
 
 namespace inceres::internal {
 
 /// What the solver that ReducedSolverKind::kAutomatic stands for would take.
 struct ReducedPrediction {
-  double cost = 0.0;   ///< of a factorisation, in flops of the dense Cholesky that take as long
+  double cost = 0.0;   ///< of a factorization, in flops of the dense Cholesky that take as long
   double bytes = 0.0;  ///< values of S included
 };
 

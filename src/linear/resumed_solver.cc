@@ -12,7 +12,7 @@ constexpr double kLookFlops = 1e4;
 // How much dearer than another order the present one has to be. What changes next is a guess, and an order that is hardly better
 // now may be worse then: on a path of 600 cameras with four laps and loops the Updates took 4.0e11 flops without
 // reordering, 2.7e11, 2.4e11 and 2.2e11 with factors of 1.05, 1.25 and 1.6 (497, 156 and 24 reorderings).
-constexpr double kAgeing = 1.6;
+constexpr double kAging = 1.6;
 
 }  // namespace
 
@@ -84,7 +84,7 @@ void ResumedSolver::Reorder(const SymmetricBlockRows& S, const char* held, const
   }
   order_.SetTail(ordering_.Reorder(S, order_, num_exact_, last_));
   const Plan fresh = Predict(S, held, FirstPlace(change));
-  if (kAgeing * (fresh.flops + fresh.again) < plan_.flops + plan_.again) {
+  if (kAging * (fresh.flops + fresh.again) < plan_.flops + plan_.again) {
     plan_ = fresh;
     ++reorderings_;
   } else {

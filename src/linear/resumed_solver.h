@@ -4,7 +4,7 @@
 
 #include "linear/envelope_cholesky.h"
 #include "linear/envelope_order.h"
-#include "linear/live_reduced_solver.h"
+#include "linear/incremental_reduced_solver.h"
 
 namespace inceres::internal {
 
@@ -20,14 +20,14 @@ namespace inceres::internal {
 /// New rows of S come last in the factor. A loop makes that order age: its long rows fill the envelope, and old rows that change
 /// again have everything behind them refactored, each time. But what is to be refactored may as well come in another order, so
 /// when a Factorize is dear another order of those rows is looked for, with the changed ones last, and taken if it makes this
-/// Factorize and one like it cheaper by a good deal. The reordering itself costs no factorisation, and the next change there
+/// Factorize and one like it cheaper by a good deal. The reordering itself costs no factorization, and the next change there
 /// finds the end of the factor; so it does not repeat itself.
 ///
 /// Without truncation: the same bits as EnvelopeCholesky from scratch in order(). With it, every row of Lᵀx = y holds up to the
 /// changes of x that were not passed on, each at most twice the threshold. Cost of a call: the rows from the first changed on and
 /// the rows those reach. Source: Kaess et al., "iSAM2", IJRR 31(2), 2012, algorithm 7 (wildfire) and section 4.3 (reordering what
 /// is eliminated anew), in an envelope instead of a tree.
-class ResumedSolver final : public LiveReducedSolver {
+class ResumedSolver final : public IncrementalReducedSolver {
  public:
   const char* Name() const override { return "resumed Cholesky"; }
   Status Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) override {
@@ -68,7 +68,7 @@ class ResumedSolver final : public LiveReducedSolver {
   EnvelopeCholesky cholesky_;
   int num_exact_ = 0;  // leading rows of L that S, as last seen, leaves as they are
   Plan plan_;
-  int reorderings_ = 0;  // since the last factorisation
+  int reorderings_ = 0;  // since the last factorization
   Status factored_;
   int num_current_y_ = 0;            // leading rows of y that belong to the factor and the last b
   int reached_before_ = 0;           // first row coupled, at the last Solve, to a row of L that has changed since

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "block/block_rows.h"
+#include "linear/block_rows.h"
 
 namespace inceres::internal {
 

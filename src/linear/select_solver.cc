@@ -10,17 +10,17 @@
 namespace inceres::internal {
 namespace {
 
-// Conjugate gradients with an earlier factor, beside a factorisation in each step: the iterations of a step, the share of the
-// factorisations that is left, and the flops that reading an entry of S or of the factor is worth, some 6 GB/s. They win on a
+// Conjugate gradients with an earlier factor, beside a factorization in each step: the iterations of a step, the share of the
+// factorizations that is left, and the flops that reading an entry of S or of the factor is worth, some 6 GB/s. They win on a
 // cathedral of 400 cameras (3,600 unknowns: 30 %), lose on one of 200 (15 %), and by far on paths of 1,000 and 10,000.
 constexpr double kPcgIterations = 8.0;
-constexpr double kPcgFactorisations = 0.4;
+constexpr double kPcgFactorizations = 0.4;
 constexpr double kFlopsPerEntryRead = 22.0;
 
-// A solver that factors, analysed.
+// A solver that factors, analyzed.
 struct Direct {
   std::unique_ptr<ReducedSolver> solver;
-  double flops = 0.0;    // of a factorisation
+  double flops = 0.0;    // of a factorization
   double entries = 0.0;  // of the factor
 };
 
@@ -40,7 +40,7 @@ Direct MakeCheaper(const BlockPattern& pattern, const Executor& executor, Status
 // An iteration reads S once and the factor twice.
 bool PcgIsCheaper(const Direct& direct, const BlockPattern& pattern) {
   const double iteration = kFlopsPerEntryRead * (static_cast<double>(pattern.value_begin.back()) + 2.0 * direct.entries);
-  return kPcgIterations * iteration < (1.0 - kPcgFactorisations) * direct.flops;
+  return kPcgIterations * iteration < (1.0 - kPcgFactorizations) * direct.flops;
 }
 
 }  // namespace
@@ -60,6 +60,7 @@ std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const R
     case ReducedSolverKind::kSparse:
       return Make<SparseCholesky>(pattern, executor, status).solver;
     case ReducedSolverKind::kAutomatic:
+    case ReducedSolverKind::kResumed:  // SolverOptions::Validate refuses it
       return MakeCheaper(pattern, executor, status).solver;
     case ReducedSolverKind::kPcg:
     case ReducedSolverKind::kAutomaticInexact:

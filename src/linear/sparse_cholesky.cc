@@ -4,8 +4,8 @@
 #include <functional>
 #include <string>
 
-#include "block/kernels.h"
 #include "linear/dense_panel.h"
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 namespace {

@@ -27,11 +27,11 @@ class SparseCholesky final : public ReducedSolver {
   Status Factorize(const double* values, const double* diagonal) override;
   Status Solve(const double* b, double* x) override;
 
-  /// Flops of one factorisation.
+  /// Flops of one factorization.
   double PredictedFlops() const { return tree_.flops; }
   /// Entries of the factor.
   double PredictedEntries() const { return tree_.entries; }
-  /// What a factorisation takes, the tree included.
+  /// What a factorization takes, the tree included.
   double PredictedBytes() const;
   std::size_t Bytes() const;
 

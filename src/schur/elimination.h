@@ -4,8 +4,8 @@
 
 #include "base/aligned_vector.h"
 #include "base/zeroed_array.h"
-#include "linearisation/block_scratch.h"
-#include "linearisation/hessian.h"
+#include "linearize/block_scratch.h"
+#include "linearize/hessian.h"
 
 namespace inceres::internal {
 
@@ -14,7 +14,7 @@ namespace inceres::internal {
 ///     [ P + Λ_l   Wᵀ     ] [δ_l]   [l]      U_invᵀ U_inv = (P + Λ_l)⁻¹,  Y = W U_invᵀ,  z = U_inv l
 ///     [ W         C + Λ_c ] [δ_c] = [c]      S = C − Y Yᵀ,  b = c − Y z,  δ_l = U_invᵀ (z − Yᵀ δ_c)
 ///
-/// Λ_c is left to the factorisation of S. Each block of S is accumulated in registers over all landmarks of a chunk that its two
+/// Λ_c is left to the factorization of S. Each block of S is accumulated in registers over all landmarks of a chunk that its two
 /// frames share: where all landmarks are one chunk, S is written once and never read back. Y is kept for one chunk at a time;
 /// where there are more, or Y is stored for products alone, the way back takes Wᵀδ_c from the Jacobians. Source: Triggs et al.
 /// 1999, section 6.1.

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <utility>
 
-#include "linearisation/robustify.h"
+#include "linearize/robustify.h"
 #include "schur/landmark_factor.h"
 
 namespace inceres::internal {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
-#include "linearisation/evaluator.h"
+#include "linearize/evaluator.h"
 
 namespace inceres::internal {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "block/kernels.h"
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 

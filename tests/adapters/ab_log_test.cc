@@ -1,5 +1,5 @@
 // The A/B log, and the environment that asks for it.
-#include "adapters/ceres/src/ab_log.h"
+#include "adapters/ceres/compare/ab_log.h"
 
 #include <unistd.h>
 
@@ -14,7 +14,7 @@
 #include <sys/wait.h>
 
 #include "adapters/captured_log.h"
-#include "adapters/ceres/src/environment.h"
+#include "adapters/ceres/report/environment.h"
 #include "adapters/test_problems.h"
 #include "adapters/two_faced_problem.h"
 #include "inceres/ceres/solve.h"

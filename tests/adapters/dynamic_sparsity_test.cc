@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "adapters/ceres/src/landmark_selection.h"
-#include "adapters/ceres/src/option_mapping.h"
+#include "adapters/ceres/plan/landmark_selection.h"
+#include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/compare_with_stock.h"
 #include "adapters/test_problems.h"
 

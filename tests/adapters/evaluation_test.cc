@@ -25,11 +25,11 @@ struct Calls {
   int num_jacobian = 0;
 };
 
-enum class Misbehaviour { kReturnsFalse, kNaN, kInfinity, kUnwritten };
+enum class Misbehavior { kReturnsFalse, kNaN, kInfinity, kUnwritten };
 
 // A quadratic with one block that misbehaves in the given cost-only call or the given call with Jacobians (counted from 1; 0:
 // never).
-testing::Recipe Misbehaving(Misbehaviour kind, int bad_cost_only, int bad_jacobian) {
+testing::Recipe Misbehaving(Misbehavior kind, int bad_cost_only, int bad_jacobian) {
   return [=] {
     auto test = std::make_unique<TestProblem>();
     auto calls = std::make_shared<Calls>();
@@ -39,10 +39,10 @@ testing::Recipe Misbehaving(Misbehaviour kind, int bad_cost_only, int bad_jacobi
         return true;
       }
       double* victim = jacobians != nullptr ? &jacobians[0][1] : &residuals[1];
-      if (kind != Misbehaviour::kReturnsFalse) {
-        *victim = kind == Misbehaviour::kNaN ? std::nan("") : kind == Misbehaviour::kInfinity ? INFINITY : 1e302;
+      if (kind != Misbehavior::kReturnsFalse) {
+        *victim = kind == Misbehavior::kNaN ? std::nan("") : kind == Misbehavior::kInfinity ? INFINITY : 1e302;
       }
-      return kind != Misbehaviour::kReturnsFalse;
+      return kind != Misbehavior::kReturnsFalse;
     };
     test->problem.AddResidualBlock(new TargetCost({1.0, 2.0, 3.0}, hook), nullptr, test->Add({5.0, -4.0, 3.5}));
     return test;
@@ -60,9 +60,9 @@ Options Tight() {
 constexpr const char* kStartFailed =
     CERES_VERSION_MINOR >= 2 ? "Initial residual and Jacobian evaluation failed." : "Residual and Jacobian evaluation failed.";
 
-class Misbehaviours : public ::testing::TestWithParam<Misbehaviour> {};
+class Misbehaviors : public ::testing::TestWithParam<Misbehavior> {};
 
-TEST_P(Misbehaviours, AtTheStart) {
+TEST_P(Misbehaviors, AtTheStart) {
   const BothSolved both = SolveBoth(Misbehaving(GetParam(), 0, 1), Tight());
   ExpectSameSummary(both, 1e-9, true);
   EXPECT_EQ(both.ours.termination_type, ceres::FAILURE);
@@ -71,7 +71,7 @@ TEST_P(Misbehaviours, AtTheStart) {
   EXPECT_EQ(both.our_problem->blocks, Misbehaving(GetParam(), 0, 0)()->blocks);
 }
 
-TEST_P(Misbehaviours, AtATrialPoint) {
+TEST_P(Misbehaviors, AtATrialPoint) {
   const BothSolved both = SolveBoth(Misbehaving(GetParam(), 2, 0), Tight());
   ExpectSameSummary(both, 1e-9, true);
   EXPECT_EQ(both.ours.num_unsuccessful_steps, 1) << "a step that cannot be evaluated is rejected, no more";
@@ -80,20 +80,20 @@ TEST_P(Misbehaviours, AtATrialPoint) {
   ExpectSameParameters(both, 1e-9);
 }
 
-TEST_P(Misbehaviours, AtTheJacobianOfAnAcceptedPoint) {
+TEST_P(Misbehaviors, AtTheJacobianOfAnAcceptedPoint) {
   const BothSolved both = SolveBoth(Misbehaving(GetParam(), 0, 3), Tight());
   ExpectSameSummary(both, 1e-9, true);
   EXPECT_EQ(both.ours.termination_type, ceres::FAILURE);
   EXPECT_EQ(both.our_problem->blocks, Misbehaving(GetParam(), 0, 0)()->blocks) << "all progress is discarded";
 }
 
-INSTANTIATE_TEST_SUITE_P(All, Misbehaviours,
-                         ::testing::Values(Misbehaviour::kReturnsFalse, Misbehaviour::kNaN, Misbehaviour::kInfinity,
-                                           Misbehaviour::kUnwritten));
+INSTANTIATE_TEST_SUITE_P(All, Misbehaviors,
+                         ::testing::Values(Misbehavior::kReturnsFalse, Misbehavior::kNaN, Misbehavior::kInfinity,
+                                           Misbehavior::kUnwritten));
 
 TEST(Evaluation, FixedResidualThatFails) {
   const auto recipe = [] {
-    auto test = Misbehaving(Misbehaviour::kReturnsFalse, 0, 0)();
+    auto test = Misbehaving(Misbehavior::kReturnsFalse, 0, 0)();
     double* constant = test->Add({1.0, 2.0});
     auto fails = [](double const* const*, double*, double**) { return false; };
     test->problem.AddResidualBlock(new TargetCost({0.0, 0.0}), nullptr, constant);
@@ -135,7 +135,7 @@ class FailingManifold : public manifolds::Manifold {
 
 testing::Recipe WithFailingManifold(int bad_plus, int bad_jacobian) {
   return [=] {
-    auto test = Misbehaving(Misbehaviour::kReturnsFalse, 0, 0)();
+    auto test = Misbehaving(Misbehavior::kReturnsFalse, 0, 0)();
     manifolds::Set(&test->problem, test->blocks[0].data(), new FailingManifold(bad_plus, bad_jacobian));
     return test;
   };

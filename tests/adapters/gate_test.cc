@@ -1,5 +1,5 @@
 // Everything that goes to stock Ceres: the reason, stock's result, and that a strict caller gets an error with nothing touched.
-#include "adapters/ceres/src/gate.h"
+#include "adapters/ceres/fallback/gate.h"
 
 #include <limits>
 

@@ -4,9 +4,9 @@
 
 #include <gtest/gtest.h>
 
-#include "adapters/ceres/src/gate.h"
-#include "adapters/ceres/src/living_roles.h"
-#include "adapters/ceres/src/option_mapping.h"
+#include "adapters/ceres/fallback/gate.h"
+#include "adapters/ceres/plan/option_mapping.h"
+#include "adapters/ceres/session/incremental_roles.h"
 #include "adapters/compare_with_stock.h"
 
 namespace inceres {
@@ -158,7 +158,7 @@ TEST(IncrementalMode, NothingToSolve) {
 
 // What it hands on.
 
-TEST(IncrementalGate, OptionsOnlyExactModeHonours) {
+TEST(IncrementalGate, OptionsOnlyExactModeHonors) {
   const std::vector<std::pair<std::string, std::function<void(Options*)>>> cases = {
       {"use_nonmonotonic_steps", [](Options* options) { options->use_nonmonotonic_steps = true; }},
       {"DENSE_QR", [](Options* options) { options->linear_solver_type = ceres::DENSE_QR; }},
@@ -205,7 +205,7 @@ TEST(IncrementalMode, AFirstGroupThatIsAllConstant) {
     options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
     options.linear_solver_ordering->AddElementToGroup(&held, 0);
     options.linear_solver_ordering->AddElementToGroup(&x[0], 1);
-    options.linear_solver_ordering->AddElementToGroup(&x[1], 1);  // neighbours: no landmarks both
+    options.linear_solver_ordering->AddElementToGroup(&x[1], 1);  // neighbors: no landmarks both
     options.linear_solver_ordering->AddElementToGroup(&x[2], 2);
     ceres::Solver::Summary summary;
     report->mode = SolveMode::kIncremental;
@@ -291,7 +291,7 @@ TEST(IncrementalOptionMapping, NamesWhatHasNoEffect) {
 
 // Roles.
 
-TEST(LivingRoles, AreSticky) {
+TEST(IncrementalRoles, AreSticky) {
   using internal::PastRole;
   TestProblem test;
   double* frame = test.Add({0.0, 0.0});
@@ -310,7 +310,7 @@ TEST(LivingRoles, AreSticky) {
     for (double* block : past_landmarks) {
       past[static_cast<std::size_t>(view.index.Find(block))] = PastRole::kLandmark;
     }
-    const std::vector<Role> result = internal::ChooseLivingRoles(view, selection, given, past);
+    const std::vector<Role> result = internal::ChooseIncrementalRoles(view, selection, given, past);
     std::string text;
     for (double* block : {frame, point, other}) {
       text += result[static_cast<std::size_t>(view.index.Find(block))] == Role::kLandmark ? 'L' : 'F';

@@ -1,4 +1,4 @@
-#include "adapters/ceres/src/introspection.h"
+#include "adapters/ceres/read/introspection.h"
 
 #include <algorithm>
 #include <limits>
@@ -90,7 +90,7 @@ TEST(Introspection, KeepsProgramOrderOfResiduals) {
   }
 }
 
-TEST(Introspection, SeesWhichResidualBlocksAreLikeTheirNeighbours) {
+TEST(Introspection, SeesWhichResidualBlocksAreLikeTheirNeighbors) {
   TestProblem test;
   double* x = test.Add({0.0});
   double* y = test.Add({0.0});

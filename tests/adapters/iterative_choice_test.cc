@@ -1,5 +1,5 @@
 // ITERATIVE_SCHUR and CGNR in incremental mode: conjugate gradients where the reduced system is large, a direct solver else.
-#include "adapters/ceres/src/iterative_choice.h"
+#include "adapters/ceres/plan/iterative_choice.h"
 
 #include <gtest/gtest.h>
 
@@ -30,19 +30,19 @@ IncrementalOptions Chosen(ceres::LinearSolverType type, int max_direct_size,
 
 TEST(IterativeChoice, GoesByTheSizeOfTheReducedSystem) {
   for (const ceres::LinearSolverType type : {ceres::ITERATIVE_SCHUR, ceres::CGNR}) {
-    EXPECT_EQ(Chosen(type, 36).reduced_solver, IncrementalReducedSolver::kAutomatic);
+    EXPECT_EQ(Chosen(type, 36).reduced_solver, ReducedSolverKind::kAutomatic);
     EXPECT_EQ(Chosen(type, 36).batch_share, IncrementalOptions().batch_share);
-    EXPECT_EQ(Chosen(type, 35).reduced_solver, IncrementalReducedSolver::kPcg);
-    EXPECT_EQ(Chosen(type, 35).batch_share, 1.0) << "no factorisation by the batch solver";
+    EXPECT_EQ(Chosen(type, 35).reduced_solver, ReducedSolverKind::kPcg);
+    EXPECT_EQ(Chosen(type, 35).batch_share, 1.0) << "no factorization by the batch solver";
   }
-  EXPECT_EQ(Chosen(ceres::DENSE_SCHUR, 35).reduced_solver, IncrementalReducedSolver::kAutomatic);
+  EXPECT_EQ(Chosen(ceres::DENSE_SCHUR, 35).reduced_solver, ReducedSolverKind::kAutomatic);
 }
 
 TEST(IterativeChoice, LeavesWhatTheCallerChose) {
   IncrementalOptions core;
-  core.reduced_solver = IncrementalReducedSolver::kResumed;
-  EXPECT_EQ(Chosen(ceres::ITERATIVE_SCHUR, 35, core).reduced_solver, IncrementalReducedSolver::kResumed);
-  core.reduced_solver = IncrementalReducedSolver::kAutomatic;
+  core.reduced_solver = ReducedSolverKind::kResumed;
+  EXPECT_EQ(Chosen(ceres::ITERATIVE_SCHUR, 35, core).reduced_solver, ReducedSolverKind::kResumed);
+  core.reduced_solver = ReducedSolverKind::kAutomatic;
   core.batch_share = 0.0;
   EXPECT_EQ(Chosen(ceres::ITERATIVE_SCHUR, 35, core).batch_share, 0.0) << "every solve by the batch solver, as asked for";
 }

@@ -1,4 +1,4 @@
-#include "adapters/ceres/src/landmark_fill.h"
+#include "adapters/ceres/plan/landmark_fill.h"
 
 #include <algorithm>
 #include <limits>
@@ -12,7 +12,7 @@
 
 #include <gtest/gtest.h>
 
-#include "adapters/ceres/src/reduced_graph.h"
+#include "adapters/ceres/plan/reduced_graph.h"
 #include "adapters/compare_with_stock.h"
 #include "adapters/test_problems.h"
 #include "inceres/ceres/solve.h"
@@ -32,13 +32,13 @@ class Bundle {
     }
   }
 
-  // Points seen by `track` neighbours of a random camera, or by any `track` cameras.
-  Bundle& Add(int num_points, int track, bool neighbours) {
+  // Points seen by `track` neighbors of a random camera, or by any `track` cameras.
+  Bundle& Add(int num_points, int track, bool neighbors) {
     std::vector<std::size_t> order(cameras_.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
     for (int p = 0; p < num_points; ++p) {
       double* point = points_.emplace_back(test_.Add(std::vector<double>(3, 1.0)));
-      if (neighbours) {
+      if (neighbors) {
         const std::size_t first = std::uniform_int_distribution<std::size_t>(0, cameras_.size() - 1)(random_);
         std::iota(order.begin(), order.end(), first);
       } else {
@@ -84,10 +84,10 @@ constexpr unsigned kSeeds[] = {1, 2, 3, 4};
 
 TEST(LandmarkFill, FewPointsSeenByManyStay) {
   for (const unsigned seed : kSeeds) {
-    for (const bool neighbours : {true, false}) {
+    for (const bool neighbors : {true, false}) {
       Bundle bundle(300, seed);
-      const LandmarkSelection selection = bundle.Add(25, 100, neighbours).Select();
-      EXPECT_EQ(selection.num_landmarks, 0) << "seed " << seed << (neighbours ? ", neighbours" : "");
+      const LandmarkSelection selection = bundle.Add(25, 100, neighbors).Select();
+      EXPECT_EQ(selection.num_landmarks, 0) << "seed " << seed << (neighbors ? ", neighbors" : "");
       EXPECT_EQ(selection.num_kept, 25);
       EXPECT_EQ(selection.obstacle, "");
     }
@@ -97,7 +97,7 @@ TEST(LandmarkFill, FewPointsSeenByManyStay) {
 TEST(LandmarkFill, SoTheyDoWhereTheUserPutsThemFirst) {
   for (const unsigned seed : kSeeds) {
     Bundle bundle(300, seed);
-    bundle.Add(25, 100, /*neighbours=*/false);
+    bundle.Add(25, 100, /*neighbors=*/false);
     EXPECT_EQ(bundle.Select(nullptr, &bundle.points()).num_landmarks, 0) << "seed " << seed;
   }
 }
@@ -106,14 +106,14 @@ TEST(LandmarkFill, SoTheyDoWhereTheUserPutsThemFirst) {
 TEST(LandmarkFill, FewPointsOfShortTracksAnywhereStay) {
   for (const unsigned seed : kSeeds) {
     Bundle bundle(600, seed);
-    EXPECT_EQ(bundle.Add(120, 30, /*neighbours=*/false).Select().num_landmarks, 0) << "seed " << seed;
+    EXPECT_EQ(bundle.Add(120, 30, /*neighbors=*/false).Select().num_landmarks, 0) << "seed " << seed;
   }
 }
 
 TEST(LandmarkFill, ManyPointsSeenByFewAreEliminated) {
   for (const unsigned seed : kSeeds) {
     Bundle bundle(80, seed);
-    const LandmarkSelection selection = bundle.Add(3000, 5, /*neighbours=*/false).Select();
+    const LandmarkSelection selection = bundle.Add(3000, 5, /*neighbors=*/false).Select();
     EXPECT_EQ(selection.num_landmarks, 3000) << "seed " << seed;
     EXPECT_EQ(selection.num_kept, 0);
   }
@@ -123,7 +123,7 @@ TEST(LandmarkFill, PointsAlongAStreetAreEliminated) {
   for (const unsigned seed : kSeeds) {
     for (const int num_points : {2000, 8000}) {
       Bundle bundle(500, seed);
-      EXPECT_EQ(bundle.Add(num_points, 5, /*neighbours=*/true).Select().num_landmarks, num_points) << "seed " << seed;
+      EXPECT_EQ(bundle.Add(num_points, 5, /*neighbors=*/true).Select().num_landmarks, num_points) << "seed " << seed;
     }
   }
 }
@@ -132,7 +132,7 @@ TEST(LandmarkFill, PointsAlongAStreetAreEliminated) {
 TEST(LandmarkFill, OnlyTheLongTracksOfAStreetStay) {
   for (const unsigned seed : kSeeds) {
     Bundle bundle(400, seed);
-    const LandmarkSelection selection = bundle.Add(4000, 5, /*neighbours=*/true).Add(10, 300, /*neighbours=*/false).Select();
+    const LandmarkSelection selection = bundle.Add(4000, 5, /*neighbors=*/true).Add(10, 300, /*neighbors=*/false).Select();
     EXPECT_EQ(selection.num_landmarks, 4000) << "seed " << seed;
     EXPECT_EQ(selection.num_kept, 10);
     for (std::size_t p = 0; p < bundle.points().size(); ++p) {
@@ -143,12 +143,12 @@ TEST(LandmarkFill, OnlyTheLongTracksOfAStreetStay) {
 
 TEST(LandmarkFill, SmallReducedSystemsAreLeftAlone) {
   Bundle bundle(50, 1);
-  EXPECT_EQ(bundle.Add(12, 9, /*neighbours=*/false).Select().num_landmarks, 12);
+  EXPECT_EQ(bundle.Add(12, 9, /*neighbors=*/false).Select().num_landmarks, 12);
 }
 
 TEST(LandmarkFill, MemoryThatFitsChangesNothing) {
   Bundle bundle(80, 1);
-  bundle.Add(3000, 5, /*neighbours=*/false);
+  bundle.Add(3000, 5, /*neighbors=*/false);
   EXPECT_EQ(bundle.Select([] { return 1e12; }).is_landmark, bundle.Select().is_landmark);
 }
 
@@ -156,7 +156,7 @@ TEST(LandmarkFill, MemoryThatFitsChangesNothing) {
 // memory first the points stay, then nothing fits.
 TEST(LandmarkFill, ALeanerChoiceIsTakenWhereMemoryIsShort) {
   Bundle bundle(600, 2);
-  bundle.Add(900, 30, /*neighbours=*/false);
+  bundle.Add(900, 30, /*neighbors=*/false);
   std::vector<int> num_landmarks;
   LandmarkSelection selection;
   for (double limit = 180.0 * (1 << 20); limit > 1.0; limit *= 0.96) {
@@ -175,7 +175,7 @@ TEST(LandmarkFill, ALeanerChoiceIsTakenWhereMemoryIsShort) {
 TEST(LandmarkFill, TheObstacleSaysHowMuchIsMissing) {
   for (const unsigned seed : kSeeds) {
     Bundle bundle(400, seed);
-    const LandmarkSelection selection = bundle.Add(4000, 12, /*neighbours=*/false).Select([] { return 3.0 * (1 << 20); });
+    const LandmarkSelection selection = bundle.Add(4000, 12, /*neighbors=*/false).Select([] { return 3.0 * (1 << 20); });
     EXPECT_NE(selection.obstacle.find("memory: a solve is predicted to take "), std::string::npos) << selection.obstacle;
     EXPECT_NE(selection.obstacle.find(" at least, 3 MiB are available"), std::string::npos) << selection.obstacle;
   }

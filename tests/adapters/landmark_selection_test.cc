@@ -1,4 +1,4 @@
-#include "adapters/ceres/src/landmark_selection.h"
+#include "adapters/ceres/plan/landmark_selection.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "adapters/ceres/src/option_mapping.h"
+#include "adapters/ceres/plan/option_mapping.h"
 
 #include <algorithm>
 

@@ -98,7 +98,7 @@ struct Difference {
   bool bounds = false;
   bool loss = false;
   bool swapped_slots = false;
-  bool other_neighbour = false;
+  bool other_neighbor = false;
   bool more_residuals = false;
   bool longer_block = false;
   bool fixed_residual_block = false;
@@ -145,7 +145,7 @@ std::vector<double> SolveWith(const Difference& difference) {
   for (int i = 0; i < 12; ++i) {
     std::size_t a = 0;
     std::size_t b = i % 2 == 0 ? 1 : 2;
-    if (difference.other_neighbour && i == 7) {
+    if (difference.other_neighbor && i == 7) {
       b = 1;
     }
     if (difference.swapped_slots && i > 4) {
@@ -201,7 +201,7 @@ TEST_F(RebuiltProblem, HasTheBitsOfTheFirstAfterAnyOther) {
   all[3].bounds = true;
   all[4].loss = true;
   all[5].swapped_slots = true;
-  all[6].other_neighbour = true;
+  all[6].other_neighbor = true;
   all[7].more_residuals = true;
   all[8].longer_block = true;
   all[9].fixed_residual_block = true;
@@ -222,7 +222,7 @@ TEST_F(RebuiltProblem, HasTheBitsOfTheFirstAfterAnyOther) {
   }
 }
 
-// A QR factorisation eliminates no landmarks, where others of the same problem do.
+// A QR factorization eliminates no landmarks, where others of the same problem do.
 TEST_F(RebuiltProblem, HasTheLandmarksOfItsLinearSolver) {
   const std::unique_ptr<TestProblem> test = MakeBundle(6, 40, true);  // once: its blocks stay in order of address
   const auto num_landmarks = [&test](ceres::LinearSolverType type) {

@@ -103,7 +103,7 @@ TEST(SessionRecognition, WithoutVerificationOnlyAddressesCount) {
   EXPECT_NEAR(tug.x, 2.5, 1e-6);
 }
 
-// r = x − target, of a size that changes between Remove and Add, as OKVIS's marginalisation error does.
+// r = x − target, of a size that changes between Remove and Add, as OKVIS's marginalization error does.
 class Resizing : public ceres::CostFunction {
  public:
   explicit Resizing(int size) { Resize(size); }

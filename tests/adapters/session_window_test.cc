@@ -5,14 +5,14 @@
 
 #include <gtest/gtest.h>
 
-#include "adapters/living_window.h"
+#include "adapters/incremental_window.h"
 #include "adapters/session_support.h"
 #include "inceres/ceres/session.h"
 
 namespace inceres {
 namespace {
 
-using testing::LivingWindow;
+using testing::IncrementalWindow;
 
 enum class Landmarks { kChosen, kGiven };
 
@@ -46,7 +46,7 @@ class SessionWindow : public ::testing::TestWithParam<Landmarks> {
     EXPECT_NEAR(ours.initial_cost, cost_before, 1e-9 * cost_before) << where;
     EXPECT_NEAR(ours.final_cost, ours_.Cost(), 1e-9 * ours_.Cost()) << where << ": the cost reported is that of what was written";
     EXPECT_LE(std::fabs(ours_.Cost() - stock_.Cost()), kTolerance * stock_.Cost()) << where;
-    relinearised_ += report_.update.num_relinearised_factors;
+    relinearized_ += report_.update.num_relinearized_factors;
   }
 
   template <typename Change>
@@ -56,41 +56,41 @@ class SessionWindow : public ::testing::TestWithParam<Landmarks> {
   }
 
   // The same solve by a session that remembers nothing, on a third copy.
-  void SolveFromScratch(LivingWindow* window) {
+  void SolveFromScratch(IncrementalWindow* window) {
     CeresSession fresh{inceres::testing::AlwaysIncremental()};
     SolveReport report;
     ceres::Solver::Summary summary;
     fresh.Solve(Adjusted(Options(1e-6), *window), window->problem(), &summary, &report);
-    relinearised_from_scratch_ += report.update.num_relinearised_factors;
+    relinearized_from_scratch_ += report.update.num_relinearized_factors;
   }
 
-  ceres::Solver::Options Adjusted(ceres::Solver::Options options, const LivingWindow& window) const {
+  ceres::Solver::Options Adjusted(ceres::Solver::Options options, const IncrementalWindow& window) const {
     if (GetParam() == Landmarks::kGiven) {
       options.linear_solver_ordering.reset(window.LandmarksFirst());
     }
     return options;
   }
 
-  LivingWindow ours_;
-  LivingWindow stock_;
+  IncrementalWindow ours_;
+  IncrementalWindow stock_;
   CeresSession session_{inceres::testing::AlwaysIncremental()};
   SolveReport report_;
-  long relinearised_ = 0;
-  long relinearised_from_scratch_ = 0;
+  long relinearized_ = 0;
+  long relinearized_from_scratch_ = 0;
 };
 
 TEST_P(SessionWindow, EndsWhereStockDoesWithLessWork) {
-  LivingWindow third;
+  IncrementalWindow third;
   const auto all = [&](auto change) {
     Both(change);
     change(&third);
   };
-  all([](LivingWindow* window) { window->Step(); });
+  all([](IncrementalWindow* window) { window->Step(); });
   for (int step = 1; step < 40; ++step) {
-    all([](LivingWindow* window) { window->Step(); });
+    all([](IncrementalWindow* window) { window->Step(); });
     const std::string where = "step " + std::to_string(step);
     SolveBoth(where);
-    if (step > 2 * LivingWindow::kMaxFrames) {
+    if (step > 2 * IncrementalWindow::kMaxFrames) {
       EXPECT_GT(report_.changes.num_revalued_variables, 0) << where << ": the memory of the oldest frame, used again";
       EXPECT_GT(report_.changes.num_added_factors, 0) << where;
       EXPECT_GT(report_.changes.num_removed_factors, 0) << where;
@@ -99,20 +99,20 @@ TEST_P(SessionWindow, EndsWhereStockDoesWithLessWork) {
     }
     SolveFromScratch(&third);
   }
-  EXPECT_LT(10 * relinearised_, 7 * relinearised_from_scratch_);
+  EXPECT_LT(10 * relinearized_, 7 * relinearized_from_scratch_);
 }
 
 TEST_P(SessionWindow, ConstantsComeAndGo) {
-  Both([](LivingWindow* window) { window->Step(); });
+  Both([](IncrementalWindow* window) { window->Step(); });
   for (int step = 1; step < 25; ++step) {
     const std::string where = "step " + std::to_string(step);
-    Both([](LivingWindow* window) { window->Step(), window->SetFrozen(true); });
+    Both([](IncrementalWindow* window) { window->Step(), window->SetFrozen(true); });
     SolveBoth(where + ", frozen");
     if (step > 3) {
       EXPECT_GT(report_.changes.num_toggled_constants, 5) << where;
       EXPECT_EQ(report_.num_landmarks, 0) << where;
     }
-    Both([](LivingWindow* window) { window->SetFrozen(false); });
+    Both([](IncrementalWindow* window) { window->SetFrozen(false); });
     SolveBoth(where);
     if (step > 3) {
       EXPECT_EQ(report_.num_landmarks, ours_.num_landmarks()) << where;
@@ -121,11 +121,11 @@ TEST_P(SessionWindow, ConstantsComeAndGo) {
 }
 
 TEST_P(SessionWindow, ValuesSetByHandAreTakenUp) {
-  Both([](LivingWindow* window) { window->Step(); });
+  Both([](IncrementalWindow* window) { window->Step(); });
   for (int step = 1; step < 25; ++step) {
-    Both([](LivingWindow* window) { window->Step(); });
+    Both([](IncrementalWindow* window) { window->Step(); });
     SolveBoth("step " + std::to_string(step));
-    Both([](LivingWindow* window) { window->Nudge(0.02); });
+    Both([](IncrementalWindow* window) { window->Nudge(0.02); });
     SolveBoth("step " + std::to_string(step) + ", nudged");
     EXPECT_EQ(report_.changes.num_revalued_variables, 2);
     EXPECT_EQ(report_.changes.num_added_factors + report_.changes.num_removed_factors, 0);
@@ -134,7 +134,7 @@ TEST_P(SessionWindow, ValuesSetByHandAreTakenUp) {
 
 TEST_P(SessionWindow, NothingChangedCostsNothing) {
   for (int step = 0; step < 12; ++step) {
-    Both([](LivingWindow* window) { window->Step(); });
+    Both([](IncrementalWindow* window) { window->Step(); });
   }
   SolveBoth("first");
   EXPECT_EQ(report_.changes.num_added_factors, ours_.problem()->NumResidualBlocks());
@@ -144,7 +144,7 @@ TEST_P(SessionWindow, NothingChangedCostsNothing) {
   EXPECT_EQ(report_.changes.num_added_factors + report_.changes.num_removed_factors + report_.changes.num_replaced_factors, 0);
   EXPECT_EQ(report_.changes.num_added_variables + report_.changes.num_removed_variables, 0);
   EXPECT_EQ(report_.changes.num_revalued_variables + report_.changes.num_toggled_constants, 0);
-  EXPECT_EQ(report_.update.num_relinearised_factors, 0);
+  EXPECT_EQ(report_.update.num_relinearized_factors, 0);
   EXPECT_EQ(ours_.Values(), before);
 }
 

@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "adapters/captured_log.h"
-#include "adapters/ceres/src/other_linear_solvers.h"
-#include "adapters/ceres/src/second_opinion.h"
+#include "adapters/ceres/compare/second_opinion.h"
+#include "adapters/ceres/plan/other_linear_solvers.h"
 #include "adapters/test_problems.h"
 #include "adapters/two_faced_problem.h"
 #include "inceres/ceres/cross_check.h"
@@ -209,12 +209,12 @@ TEST(StockSpread, ASampleIsMeasuredWithoutBeingAskedFor) {
 TEST(StockSpread, ATwistedFactorIsNamed) {
   CrossCheckOptions check;
   check.spread_factor = -1.0;
-  EXPECT_THAT(check.Validate(), HasSubstr("spread_factor"));
+  EXPECT_THAT(check.Validate().message, HasSubstr("spread_factor"));
   check.spread_factor = std::nan("");
-  EXPECT_THAT(check.Validate(), HasSubstr("spread_factor"));
+  EXPECT_THAT(check.Validate().message, HasSubstr("spread_factor"));
   check = CrossCheckOptions();
   check.spread_interval = -1;
-  EXPECT_THAT(check.Validate(), HasSubstr("spread_interval"));
+  EXPECT_THAT(check.Validate().message, HasSubstr("spread_interval"));
 }
 
 struct OrderedBundle {

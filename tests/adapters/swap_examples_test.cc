@@ -80,7 +80,7 @@ ceres::Solver::Summary summary;
 while (add_frame()) {                                      // AddResidualBlock, RemoveParameterBlock, … as ever
   session.Solve(options, &problem, &summary, &report);     // was: ceres::Solve(options, &problem, &summary)
   std::cout << report.changes.num_added_factors << " new, " << report.changes.num_kept_factors << " kept, "
-            << report.update.num_relinearised_factors << " linearised\n";
+            << report.update.num_relinearized_factors << " linearized\n";
 }
 // [end of quote]
   *num_kept = report.changes.num_kept_factors;

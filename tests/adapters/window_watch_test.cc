@@ -1,5 +1,5 @@
 // When a session's solve is exact: windows that slide, and what exact solves do for less.
-#include "adapters/ceres/src/window_watch.h"
+#include "adapters/ceres/session/window_watch.h"
 
 #include <memory>
 #include <vector>
@@ -8,8 +8,8 @@
 #include <ceres/sized_cost_function.h>
 #include <gtest/gtest.h>
 
-#include "adapters/ceres/src/introspection.h"
-#include "adapters/ceres/src/mode_choice.h"
+#include "adapters/ceres/read/introspection.h"
+#include "adapters/ceres/session/mode_choice.h"
 #include "inceres/ceres/session.h"
 
 namespace inceres::internal {
@@ -120,10 +120,10 @@ TEST(WindowWatch, PointsComeAndGoWithoutASlide) {
   EXPECT_FALSE(watch.WantsExact(view));
 }
 
-UpdateSummary Work(int iterations, int relinearised, int evaluated) {
+UpdateSummary Work(int iterations, int relinearized, int evaluated) {
   UpdateSummary update;
   update.num_iterations = iterations;
-  update.num_relinearised_factors = relinearised;
+  update.num_relinearized_factors = relinearized;
   update.num_evaluated_factors = evaluated;
   return update;
 }

@@ -29,7 +29,7 @@ def main():
     subprocess.run(["cmake", "-S", here, "-B", build, "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_SYSTEM_NAME=Linux",
                     "-DCMAKE_SYSTEM_PROCESSOR=aarch64", f"-DCMAKE_CXX_COMPILER={COMPILER}"], check=True)
     subprocess.run(["cmake", "--build", build], check=True)
-    program = build / "block_test"
+    program = build / "simd_test"
     neon = subprocess.run([EMULATOR, program, "--gtest_filter=*Neon*:Kernels.*"], check=True, capture_output=True, text=True).stdout
     print(neon)
     if "SKIPPED" in neon or "Sets/ProductKernels" not in neon:

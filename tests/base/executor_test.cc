@@ -61,7 +61,7 @@ TEST_P(ExecutorThreads, SeeWhatTheCallBeforeWrote) {
     ReverseAndIncrement(executor, 100, x, &y);
     x.swap(y);
   }
-  // An even number of reversals and fifty increments; the caller reads without any synchronisation of its own.
+  // An even number of reversals and fifty increments; the caller reads without any synchronization of its own.
   for (int i = 0; i < kCount; ++i) {
     ASSERT_EQ(x[static_cast<std::size_t>(i)], i + 50);
   }

@@ -13,7 +13,7 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// r = x₁ from (5, 7) with another term whose behaviour is given: kinds of failing evaluations.
+// r = x₁ from (5, 7) with another term whose behavior is given: kinds of failing evaluations.
 Cost* Faulty(std::function<bool(const double* x, bool with_jacobians)> fails, int kind) {
   return new Cost(2, {2}, [=](double const* const* p, double* residuals, double** jacobians) {
     const bool failed = fails(p[0], jacobians != nullptr);

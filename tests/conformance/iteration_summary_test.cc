@@ -69,7 +69,7 @@ TEST(Iteration32, gradient_max_norm) {
   const Trace trace;
   EXPECT_NEAR(trace[0].gradient_max_norm, 107.8, 1e-9);
   EXPECT_NEAR(trace[0].gradient_norm, std::hypot(107.8, 44.0), 1e-9);
-  std::vector<double> at = trace.linearised[0];
+  std::vector<double> at = trace.linearized[0];
   trace.ForEachStep([&](std::size_t i, const auto&, const auto& candidate) {
     at = trace[i].step_is_successful ? candidate : at;  // a rejected step keeps the previous one's
     const std::vector<double> g = Trace::GradientAt(at);

@@ -13,7 +13,7 @@ namespace conformance {
 
 inline constexpr double kFixedCost = 2.0;
 
-/// Rosenbrock's problem beside a fixed cost of 2, with the points of evaluation: each candidate's, and each linearisation's.
+/// Rosenbrock's problem beside a fixed cost of 2, with the points of evaluation: each candidate's, and each linearization's.
 struct Trace : World {
   explicit Trace(bool nonmonotonic = false) {
     double* x = Add({-1.2, 1.0});
@@ -21,7 +21,7 @@ struct Trace : World {
     auto* cost = new Cost(2, {2}, [this](double const* const* p, double* residuals, double** jacobians) {
       const double a = p[0][0];
       const double b = p[0][1];
-      (jacobians == nullptr ? candidates : linearised).push_back({a, b});
+      (jacobians == nullptr ? candidates : linearized).push_back({a, b});
       residuals[0] = 1.0 - a;
       residuals[1] = 10.0 * (b - a * a);
       if (jacobians != nullptr) {
@@ -53,14 +53,14 @@ struct Trace : World {
     std::size_t at = 0;
     ASSERT_EQ(candidates.size(), summary.iterations.size()) << "the last one ended it by a tolerance";
     for (std::size_t i = 1; i < summary.iterations.size(); ++i) {
-      f(i, linearised[at], candidates[i - 1]);
+      f(i, linearized[at], candidates[i - 1]);
       at += summary.iterations[i].step_is_successful ? 1 : 0;
     }
   }
   const ceres::IterationSummary& operator[](std::size_t i) const { return summary.iterations[i]; }
 
   std::vector<std::vector<double>> candidates;
-  std::vector<std::vector<double>> linearised;
+  std::vector<std::vector<double>> linearized;
   Summary summary;
 };
 

@@ -27,7 +27,7 @@ TEST(Options23, linear_solver_type_default_is_sparse_normal_cholesky) {
   EXPECT_EQ(Solve(Options(), &bundle.problem).summary.linear_solver_type_used, ceres::SPARSE_NORMAL_CHOLESKY);
 }
 
-// J = [1 1; 0 1e-9]: its normal equations have lost the second row, a QR factorisation has not.
+// J = [1 1; 0 1e-9]: its normal equations have lost the second row, a QR factorization has not.
 TEST(Options23, linear_solver_type_dense_qr_does_not_square_the_condition) {
   World world;
   double* x = world.Add({0.0, 0.0});

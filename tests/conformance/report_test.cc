@@ -86,7 +86,7 @@ TEST(Report33, FullReportOfASchurType) {
   EXPECT_NE(report.find("Trust region strategy                  DOGLEG (TRADITIONAL)"), std::string::npos);
   EXPECT_NE(report.find("Linear solver                     DENSE_SCHUR              DENSE_SCHUR\n"), std::string::npos);
   EXPECT_NE(report.find("Linear solver ordering              AUTOMATIC                      8,2\n"), std::string::npos);
-  EXPECT_NE(report.find("Schur structure                         2,3,6                    " + Specialised("2,3,6") + "\n"),
+  EXPECT_NE(report.find("Schur structure                         2,3,6                    " + Specialized("2,3,6") + "\n"),
             std::string::npos);
   EXPECT_EQ(report.find("Line search steps"), std::string::npos) << report;
 }

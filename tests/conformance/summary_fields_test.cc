@@ -120,7 +120,7 @@ TEST(Summary31, schur_structure_given) {
   Bundle bundle;
   const Summary summary = Solve(Schur(), &bundle.problem).summary;
   EXPECT_EQ(summary.schur_structure_given, "2,3,6");
-  EXPECT_EQ(summary.schur_structure_used, Specialised("2,3,6"));
+  EXPECT_EQ(summary.schur_structure_used, Specialized("2,3,6"));
   Bundle again;
   const Summary without = Solve(Small(), &again.problem).summary;
   EXPECT_EQ(without.schur_structure_given, "");
@@ -134,7 +134,7 @@ TEST(Summary31, schur_structure_given_without_f_blocks) {
   }
   const Summary summary = Solve(Schur(), &bundle.problem).summary;
   EXPECT_EQ(summary.schur_structure_given, "2,3,0");
-  EXPECT_EQ(summary.schur_structure_used, Specialised("2,3,d"));
+  EXPECT_EQ(summary.schur_structure_used, Specialized("2,3,d"));
 }
 
 TEST(Summary31, schur_structure_given_with_residuals_of_several_sizes) {

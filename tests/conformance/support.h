@@ -26,11 +26,11 @@ inline constexpr const char* kStartFailed =
 
 /// A Schur structure that Ceres has an eliminator for, as it reports it: unless it was built without any.
 #ifdef CERES_RESTRICT_SCHUR_SPECIALIZATION
-inline std::string Specialised(const std::string& /*sizes*/) {
+inline std::string Specialized(const std::string& /*sizes*/) {
   return "d,d,d";
 }
 #else
-inline std::string Specialised(const std::string& sizes) {
+inline std::string Specialized(const std::string& sizes) {
   return sizes;
 }
 #endif

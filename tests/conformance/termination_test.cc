@@ -189,7 +189,7 @@ TEST(Termination34, invalid_steps) {
 // CHOLMOD gets no memory from the end of iteration 0 on. Ours has asked it for the last time by then: it goes on.
 TEST(Termination34, fatal_linear_solver_error) {
   for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
-    World world;  // a chain, and long: a sparse factorisation is right for it
+    World world;  // a chain, and long: a sparse factorization is right for it
     for (int i = 0; i < 100; ++i) {
       double* x = world.Add(std::vector<double>(6, 0.1 * i));
       world.problem.AddResidualBlock(Target(std::vector<double>(6, 1.0)), nullptr, x);

@@ -15,7 +15,7 @@ TEST(SlidingWindow, RecoversTheTrajectoryOfEachPreset) {
   const struct {
     const char* preset;
     int num_frames;
-    double limit;  // metres, some twice what it is
+    double limit;  // meters, some twice what it is
   } cases[] = {{"cubic", 50, 0.2}, {"figure_eight", 100, 0.1}, {"ellipse", 50, 0.1}};
   for (const auto& [preset, num_frames, limit] : cases) {
     const VioSequence sequence = Simulate(preset, num_frames);

@@ -56,9 +56,9 @@ TEST(TrajectoryError, RelativeErrorsAreThoseOfTheMotions) {
   EXPECT_EQ(three.num_pairs, 3);  // 0, 3, 6, 9
   EXPECT_NEAR(three.translation, 0.3, 1e-14);
   // Along the estimate's path: poses 2, 4, 6, 8, 10.
-  const RelativePoseError metre = RelativePoseErrorOverPath(estimate, truth, 0.999);
-  EXPECT_EQ(metre.num_pairs, 4);
-  EXPECT_NEAR(metre.translation, 0.2, 1e-14);
+  const RelativePoseError meter = RelativePoseErrorOverPath(estimate, truth, 0.999);
+  EXPECT_EQ(meter.num_pairs, 4);
+  EXPECT_NEAR(meter.translation, 0.2, 1e-14);
   const RelativePoseError turning =
       RelativePoseErrorOverFrames(Path(I, {0.0, 0.0, 0.0}, 0.0, 0.01), Path(I, {0.0, 0.0, 0.0}, 0.0, 0.0), 1);
   EXPECT_NEAR(turning.rotation_degrees, 0.01 * 180.0 / M_PI, 1e-12);

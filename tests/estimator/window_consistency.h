@@ -10,13 +10,13 @@
 
 namespace inceres::test {
 
-/// The normalised error squared of the newest pose, e P⁻¹ e with e = estimate ⊟ truth and P its covariance by the window: for a
+/// The normalized error squared of the newest pose, e P⁻¹ e with e = estimate ⊟ truth and P its covariance by the window: for a
 /// consistent estimator a χ² variable of six degrees of freedom, with mean 6 and variance 12.
 struct PoseNees {
   std::vector<double> times;  // of the frames it is taken at
   std::vector<double> means;  // over the runs
   int num_runs = 0;
-  double rms_error = 0.0;  // of the newest places to the true ones, metres
+  double rms_error = 0.0;  // of the newest places to the true ones, meters
 
   double Mean() const {
     double sum = 0.0;

@@ -11,10 +11,10 @@
 #include <gtest/gtest.h>
 
 #include "inceres/estimator/sliding_window_estimator.h"
-#include "inceres/graph/manifolds.h"
 #include "inceres/io/vio_sequence.h"
-#include "inceres/sim/vio_scene.h"
+#include "inceres/problem/manifolds.h"
 #include "support/random_values.h"
+#include "tools/sim/vio_scene.h"
 
 namespace inceres::test {
 
@@ -87,7 +87,7 @@ inline VioSequence Simulate(const std::string& preset, int num_frames, std::uint
   return sequence;
 }
 
-/// A start that is known well, as after an initialisation.
+/// A start that is known well, as after an initialization.
 inline WindowStart GoodStart() {
   WindowStart start;
   start.pose_sigma = {1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3};
@@ -120,7 +120,7 @@ struct WindowRun {
       Step();
     }
   }
-  /// Of the newest positions so far, to the truth, metres.
+  /// Of the newest positions so far, to the truth, meters.
   double RmsError() const { return std::sqrt(sum_of_squares / static_cast<double>(next - 1)); }
 
   const VioSequence& sequence;

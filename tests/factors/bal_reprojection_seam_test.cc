@@ -7,8 +7,8 @@
 
 #include "factors/bal_reference.h"
 #include "inceres/factors/bal_reprojection.h"
-#include "inceres/graph/factor_graph.h"
-#include "inceres/graph/manifolds.h"
+#include "inceres/problem/factor_graph.h"
+#include "inceres/problem/manifolds.h"
 
 namespace inceres {
 namespace {
@@ -216,7 +216,7 @@ TEST_F(BalReprojectionFailure, DepthZero) {
   ExpectFailure("depth 0");
 }
 
-TEST_F(BalReprojectionFailure, PointAtTheCentre) {
+TEST_F(BalReprojectionFailure, PointAtTheCenter) {
   Build(6);
   MakePlain(states_[3], 500.0);
   std::fill(std::begin(states_[3].point), std::end(states_[3].point), 0.0);
@@ -230,7 +230,7 @@ TEST_F(BalReprojectionFailure, NotANumberInAnyParameter) {
     const double good = value;
     for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
       value = bad;
-      // A camera at infinity along its axis sees every point at the image centre, with a residual that is finite.
+      // A camera at infinity along its axis sees every point at the image center, with a residual that is finite.
       if (!(k == 5 && bad > 0.0)) {
         ExpectFailure("residual");
       }

@@ -136,7 +136,7 @@ TEST(BodyViews, ResidualsAreThoseOfPointsMovedTheLongWayRoundAndJacobiansNumeric
   }
 }
 
-TEST(BodyViews, OnTheSphereTheCamerasPlaneIsAPlaceLikeOthersAndItsCentreFails) {
+TEST(BodyViews, OnTheSphereTheCamerasPlaneIsAPlaceLikeOthersAndItsCenterFails) {
   const std::vector<double> origin{0, 0, 0, 0, 0, 0, 1};
   const double half = std::sqrt(0.5);
   BodyReprojectionFamily plane(TimeOffset::kNone, Feature::kInverseDepth, Views::kOnePoseTwoCameras);
@@ -146,7 +146,7 @@ TEST(BodyViews, OnTheSphereTheCamerasPlaneIsAPlaceLikeOthersAndItsCentreFails) {
   // The feature is on the axis of the first camera; the second one looks along x.
   test::FactorState state{{origin, {0, 0, 1, 0, half, 0, half}, {0.5}}, {&kPose, &kPose, nullptr}};
   state.parameters[1][2] = 2.0;
-  EXPECT_STREQ(EvaluateFactor(sphere, state).failure.reason, "the feature lies in the centre of the observing camera");
+  EXPECT_STREQ(EvaluateFactor(sphere, state).failure.reason, "the feature lies in the center of the observing camera");
   state.parameters[1] = {0, 0, 2, 0, 0, 0, 1};
   EXPECT_STREQ(EvaluateFactor(plane, state).failure.reason, "the feature lies in the observing camera's plane (depth 0)");
   state.parameters[1] = {1, 0, 2, 0, 0, 0, 1};

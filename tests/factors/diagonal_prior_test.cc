@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "factors/numeric_jacobian.h"
-#include "inceres/graph/manifolds.h"
+#include "inceres/problem/manifolds.h"
 
 namespace inceres {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "factors/imu_support.h"
 #include "factors/numeric_jacobian.h"
-#include "inceres/graph/manifolds.h"
+#include "inceres/problem/manifolds.h"
 
 namespace inceres {
 namespace {
@@ -206,7 +206,7 @@ TEST(ImuFactor, PropagatedStatesLeaveNoResidual) {
   }
 }
 
-TEST(ImuFactor, RecentresAtTheBiasesOfItsFirstState) {
+TEST(ImuFactor, RecentersAtTheBiasesOfItsFirstState) {
   test::Random random(28);
   for (const ImuConventions& conventions : {ImuConventions::Vins(), ImuConventions::Okvis()}) {
     const auto samples = test::LivelySamples(random, 40, 0.01);
@@ -219,9 +219,9 @@ TEST(ImuFactor, RecentresAtTheBiasesOfItsFirstState) {
       parameters.push_back(values.data());
     }
     const FactorValues before = EvaluateFactor(family, state);
-    ASSERT_TRUE(family.Recentres());
-    EXPECT_TRUE(family.Recentre(0, parameters.data()));
-    EXPECT_FALSE(family.Recentre(0, parameters.data())) << "is there already";
+    ASSERT_TRUE(family.Recenters());
+    EXPECT_TRUE(family.Recenter(0, parameters.data()));
+    EXPECT_FALSE(family.Recenter(0, parameters.data())) << "is there already";
     const bool gyr_first = conventions.bias_order == ImuConventions::BiasOrder::kGyrFirst;
     const ImuPreintegrator fresh = Integrated(WithConventions(conventions), samples, parameters[1] + (gyr_first ? 3 : 6),
                                               parameters[1] + (gyr_first ? 6 : 3));

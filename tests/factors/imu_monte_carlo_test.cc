@@ -1,4 +1,4 @@
-// Is the covariance the spread of what is integrated? Normalised estimation errors squared over seeded runs.
+// Is the covariance the spread of what is integrated? Normalized estimation errors squared over seeded runs.
 #include <cmath>
 #include <vector>
 

@@ -140,7 +140,7 @@ TEST(ImuPreintegrator, BiasJacobiansAreNumericOnes) {
       b = 0.1 * random.Unit();
     }
     ImuPreintegrator imu = Integrated(options, samples, biases, biases + 3);
-    const ImuDelta centre = imu.delta();
+    const ImuDelta center = imu.delta();
     for (int c = 0; c < 6; ++c) {
       constexpr double kStep = 1e-4;
       Eigen::Matrix<double, 9, 1> at[2];
@@ -149,11 +149,11 @@ TEST(ImuPreintegrator, BiasJacobiansAreNumericOnes) {
         std::copy_n(biases, 6, moved);
         moved[c] += side == 0 ? -kStep : kStep;
         ASSERT_TRUE(imu.Reintegrate(moved, moved + 3).ok());
-        at[side] = test::Difference(centre, imu.delta());
+        at[side] = test::Difference(center, imu.delta());
       }
       const Eigen::Matrix<double, 9, 1> numeric = (at[1] - at[0]) / (2.0 * kStep);
       for (int r = 0; r < 9; ++r) {
-        EXPECT_NEAR(centre.bias_jacobian[6 * r + c], numeric[r], 1e-8) << "row " << r << ", column " << c;
+        EXPECT_NEAR(center.bias_jacobian[6 * r + c], numeric[r], 1e-8) << "row " << r << ", column " << c;
       }
     }
   }

@@ -10,7 +10,7 @@
 #include "factors/imu_support.h"
 #include "factors/numeric_jacobian.h"
 #include "inceres/factors/imu_factor.h"
-#include "inceres/graph/manifolds.h"
+#include "inceres/problem/manifolds.h"
 
 namespace inceres {
 namespace {

@@ -12,7 +12,7 @@
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/imu_factor.h"
 #include "inceres/factors/pose_prior.h"
-#include "inceres/graph/manifolds.h"
+#include "inceres/problem/manifolds.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
 
@@ -165,7 +165,7 @@ void ExpectOptimumOfFreshFactors(const ImuOptions& options, const std::vector<co
   solver_options.function_tolerance = 1e-14;
   const Summary summary = Solve(solver_options, &graph);
   ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
-  EXPECT_EQ(summary.work.num_recentred_factors, 0);
+  EXPECT_EQ(summary.work.num_recentered_factors, 0);
   EXPECT_NEAR(summary.initial_cost, cost, 1e-7 * cost);
   EXPECT_NEAR(summary.final_cost, cost, 1e-6 * cost);
 }
@@ -194,7 +194,7 @@ TEST(ImuSolver, ABatchSolveEndsAtTheOptimumOfFactorsIntegratedAtItsBiases) {
       solver_options.function_tolerance = 1e-12;
       const Summary summary = Solve(solver_options, &graph);
       EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
-      EXPECT_GE(summary.work.num_recentred_factors, kFrames - 1);
+      EXPECT_GE(summary.work.num_recentered_factors, kFrames - 1);
       trip.ExpectBiasesFound(graph.Values(trip.speed_biases[kFrames / 2]));
       ExpectOptimumOfFreshFactors(options, ValuesOf(trip, graph), summary.final_cost);
     }
@@ -213,7 +213,7 @@ TEST(ImuSolver, WithoutReintegrationTheCostIsAnother) {
       trip.AddFrame(&graph);
     }
     const Summary summary = Solve(SolverOptions(), &graph);
-    EXPECT_EQ(summary.work.num_recentred_factors > 0, reintegrate);
+    EXPECT_EQ(summary.work.num_recentered_factors > 0, reintegrate);
     costs[reintegrate ? 1 : 0] = summary.final_cost;
   }
   EXPECT_GT(std::fabs(costs[0] - costs[1]), 1e-4 * costs[1]);
@@ -228,16 +228,16 @@ TEST(ImuSolver, IncrementalUpdatesEndThereToo) {
     solver_options.function_tolerance = 1e-10;
     IncrementalSolver solver(solver_options);
     trip.AddFamilies(&solver);
-    int num_recentred = 0;
+    int num_recentered = 0;
     for (int frame = 0; frame < kFrames; ++frame) {
       GraphEdit edit(solver.graph());
       trip.AddFrame(&edit);
       ASSERT_TRUE(solver.Apply(edit).ok());
       const UpdateSummary summary = solver.Update();
       ASSERT_EQ(summary.termination, Termination::kConvergence) << summary.message;
-      num_recentred += summary.num_recentred_factors;
+      num_recentered += summary.num_recentered_factors;
     }
-    EXPECT_GE(num_recentred, kFrames - 1);
+    EXPECT_GE(num_recentered, kFrames - 1);
     std::vector<const double*> values;
     for (std::size_t k = 0; k < trip.poses.size(); ++k) {
       values.push_back(solver.Values(trip.poses[k]));

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "inceres/factors/imu_preintegrator.h"
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/rotation.h"
 #include "support/random_values.h"
 
 namespace inceres::test {

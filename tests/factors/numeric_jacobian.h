@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "inceres/graph/factor_family.h"
-#include "inceres/graph/manifold.h"
+#include "inceres/problem/factor_family.h"
+#include "inceres/problem/manifold.h"
 #include "support/random_values.h"
 
 namespace inceres::test {

@@ -169,7 +169,7 @@ TEST(PointFamilies, APointAtInfinityIsAPointLikeOthers) {
   }
 }
 
-TEST(PointFamilies, FailInTheCamerasPlaneOrCentreAndOnNonFiniteValues) {
+TEST(PointFamilies, FailInTheCamerasPlaneOrCenterAndOnNonFiniteValues) {
   const std::vector<double> origin{0, 0, 0, 0, 0, 0, 1};
   test::FactorState in_plane{{origin, origin, {1.0, 2.0, 0.0}}, {&kRightPose, &kRightPose, nullptr}};
   PointReprojectionFamily pixels(kPinhole);
@@ -185,7 +185,7 @@ TEST(PointFamilies, FailInTheCamerasPlaneOrCentreAndOnNonFiniteValues) {
   }
   EXPECT_FALSE(EvaluateFactor(bearing, in_plane).failure.failed()) << "a bearing of 90 degrees is one";
   in_plane.parameters[2] = {0.0, 0.0, 0.0};
-  EXPECT_STREQ(EvaluateFactor(bearing, in_plane).failure.reason, "the landmark lies in the centre of the camera");
+  EXPECT_STREQ(EvaluateFactor(bearing, in_plane).failure.reason, "the landmark lies in the center of the camera");
   in_plane.parameters[2] = {0.0, std::numeric_limits<double>::quiet_NaN(), 1.0};
   for (const FactorFamily* family : {static_cast<const FactorFamily*>(&pixels), static_cast<const FactorFamily*>(&stereo),
                                      static_cast<const FactorFamily*>(&bearing)}) {

@@ -9,8 +9,8 @@
 
 #include "factors/numeric_jacobian.h"
 #include "inceres/factors/sqrt_information.h"
-#include "inceres/graph/manifolds.h"
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/manifolds.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres {
 namespace {

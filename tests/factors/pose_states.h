@@ -7,8 +7,8 @@
 #include "inceres/factors/inverse_depth_reprojection.h"
 #include "inceres/factors/relative_pose.h"
 #include "inceres/factors/sqrt_information.h"
-#include "inceres/graph/manifolds.h"
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/manifolds.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres::test {
 

@@ -22,7 +22,7 @@ constexpr int kPoints = 30;
 const PinholeCamera kPinhole{461.0, 458.0, 365.0, 247.0, -0.28, 0.07, 2e-4, -1.8e-3};
 const StereoCamera kStereo{435.0, 437.0, 367.0, 252.0, 0.5};
 
-// A body moves sideways past points some metres ahead; its cameras look ahead, the second one beside the first.
+// A body moves sideways past points some meters ahead; its cameras look ahead, the second one beside the first.
 class Scene {
  public:
   Scene() : random_(91) {

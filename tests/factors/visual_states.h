@@ -6,8 +6,8 @@
 
 #include "factors/numeric_jacobian.h"
 #include "inceres/factors/point_observation.h"
-#include "inceres/graph/manifolds.h"
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/manifolds.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres::test {
 
@@ -42,7 +42,7 @@ inline Vector3 Unit(const Vector3& v) {
   return {v[0] / norm, v[1] / norm, v[2] / norm};
 }
 
-/// A pose within a metre of the origin, any rotation.
+/// A pose within a meter of the origin, any rotation.
 inline std::vector<double> RandomPose(Random& random) {
   std::vector<double> pose = random.Vector(7);
   RandomRotation(random, random.Between(0.0, 3.1), pose.data() + 3);
@@ -52,7 +52,7 @@ inline std::vector<double> RandomPose(Random& random) {
 /// A landmark seen by a camera on a body: what the parameters of such a factor may be, on manifolds of that perturbation.
 struct SeenLandmark {
   FactorState state;
-  Vector3 in_camera;  ///< metres
+  Vector3 in_camera;  ///< meters
 };
 
 inline SeenLandmark RandomSeenLandmark(Random& random, LandmarkKind kind, const Manifold* pose_manifold,

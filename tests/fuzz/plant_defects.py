@@ -14,26 +14,26 @@ import sys
 # (name, source, the text as it is, the text with the defect; IS stands for the question whether it is in force)
 DEFECTS = [
     # After refused steps the trust region never grows again, in exact mode and in incremental mode.
-    ("damping_kept", "src/solver/levenberg_marquardt.cc",
+    ("damping_kept", "src/trust_region/levenberg_marquardt.cc",
      "radius_ = std::min(max_radius_,", "radius_ = IS ? radius_ : std::min(max_radius_,"),
-    ("damping_kept", "src/solver/incremental_minimizer.cc",
-     "mu_ = std::clamp(mu_, options_.min_damping,", "mu_ = IS ? mu_ : std::clamp(mu_, options_.min_damping,"),
-    ("damping_kept", "src/solver/incremental_minimizer.cc",
-     "mu_ = std::max(options_.min_damping, mu_ *", "mu_ = IS ? mu_ : std::max(options_.min_damping, mu_ *"),
+    ("damping_kept", "src/incremental/step_control.cc",
+     "mu_(std::clamp(mu, options.min_damping,", "mu_(IS ? mu : std::clamp(mu, options.min_damping,"),
+    ("damping_kept", "src/incremental/step_control.cc",
+     "mu_ = std::max(min_damping_, mu_ *", "mu_ = IS ? mu_ : std::max(min_damping_, mu_ *"),
     # A Jacobian is never found to be too old, neither after a step nor before success.
-    ("stale_jacobian", "src/solver/incremental_minimizer.cc",
+    ("stale_jacobian", "src/incremental/relinearization.cc",
      ": stale.ExceededBy(family, i);", ": !IS && stale.ExceededBy(family, i);"),
-    ("stale_jacobian", "src/solver/incremental_minimizer.cc",
+    ("stale_jacobian", "src/incremental/relinearization.cc",
      "else if (aged.ExceededBy(family, i))", "else if (!IS && aged.ExceededBy(family, i))"),
     # One landmark in five is never back-substituted.
-    ("landmark_skipped", "src/schur/live_system.cc",
+    ("landmark_skipped", "src/incremental/incremental_system.cc",
      "if (visited_.Add(landmark)) {", "if (visited_.Add(landmark) && !(IS && landmark % 5 == 3)) {"),
     # One factor in five loses its loss.
-    ("wrong_loss", "src/linearisation/live_family.cc",
+    ("wrong_loss", "src/linearize/incremental_family.cc",
      "if (const Loss* loss = graph_->loss(id_, factor)) {",
      "if (const Loss* loss = IS && factor % 5 == 2 ? nullptr : graph_->loss(id_, factor)) {"),
     # That a cost function is another one, or has another measurement, is noticed and not passed on.
-    ("edit_lost", "adapters/ceres/src/living_factors.cc",
+    ("edit_lost", "adapters/ceres/session/incremental_factors.cc",
      "edit_.MeasurementChanged(factor.id);", "if (!IS) { edit_.MeasurementChanged(factor.id); }"),
 ]
 

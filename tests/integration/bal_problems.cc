@@ -7,9 +7,9 @@
 #include <ceres/rotation.h>
 #include <gtest/gtest.h>
 
-#include "inceres/sim/street_scene.h"
 #include "integration/problems.h"
-#include "tools/common/bal_cost.h"
+#include "tools/problems/bal_cost.h"
+#include "tools/sim/street_scene.h"
 
 namespace inceres::test {
 namespace {

@@ -8,10 +8,10 @@
 #include <ceres/solver.h>
 #include <gtest/gtest.h>
 
-#include "adapters/ceres/src/factor_shapes.h"
-#include "adapters/ceres/src/graph_builder.h"
-#include "adapters/ceres/src/introspection.h"
-#include "adapters/ceres/src/landmark_selection.h"
+#include "adapters/ceres/plan/graph_builder.h"
+#include "adapters/ceres/plan/landmark_selection.h"
+#include "adapters/ceres/read/factor_shapes.h"
+#include "adapters/ceres/read/introspection.h"
 #include "integration/problems.h"
 
 namespace inceres::test {

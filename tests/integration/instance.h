@@ -7,7 +7,7 @@
 #include <ceres/ordered_groups.h>
 #include <ceres/problem.h>
 
-#include "tools/common/loss_spec.h"
+#include "tools/problems/loss_spec.h"
 
 namespace inceres::test {
 

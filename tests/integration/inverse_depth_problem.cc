@@ -9,9 +9,9 @@
 #include <ceres/manifold.h>
 #include <ceres/product_manifold.h>
 
-#include "adapters/sliding_window/vins/local_parameterization.h"
 #include "integration/problems.h"
 #include "support/random_values.h"
+#include "examples/sliding_window/vins/local_parameterization.h"
 
 namespace inceres::test {
 namespace {
@@ -44,7 +44,7 @@ struct InverseDepthError {
 
 using AmbientCost = ceres::AutoDiffCostFunction<InverseDepthError, 2, 7, 7, 1>;
 
-// [p + δp, q ⊗ [δθ/2; 1] normalised] with [I; 0] for its Jacobian: honest only together with TangentCost.
+// [p + δp, q ⊗ [δθ/2; 1] normalized] with [I; 0] for its Jacobian: honest only together with TangentCost.
 class VinsPoseParameterization : public sliding_window::LocalParameterization {
  public:
   bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {

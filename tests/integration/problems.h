@@ -4,7 +4,7 @@
 
 #include "inceres/io/bal.h"
 #include "integration/instance.h"
-#include "tools/common/bal_ceres_problem.h"
+#include "tools/problems/bal_ceres_problem.h"
 
 namespace inceres::test {
 

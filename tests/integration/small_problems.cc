@@ -6,7 +6,7 @@
 #include "inceres/io/g2o.h"
 #include "integration/problems.h"
 #include "support/random_values.h"
-#include "tools/common/pose_graph_ceres_problem.h"
+#include "tools/problems/pose_graph_ceres_problem.h"
 
 namespace inceres::test {
 namespace {

@@ -64,7 +64,7 @@ TEST_F(G2oTest, Spatial) {
   const Status status = ReadText(kVertices3d + edge);
   ASSERT_TRUE(status.ok()) << status.message;
   EXPECT_EQ(graph_.dimension, 3);
-  EXPECT_EQ(graph_.PoseData(1)[6], 1.0);  // normalised
+  EXPECT_EQ(graph_.PoseData(1)[6], 1.0);  // normalized
   ASSERT_EQ(graph_.edges.size(), 1u);
   EXPECT_DOUBLE_EQ(graph_.edges[0].measurement[5], 0.6);
   EXPECT_DOUBLE_EQ(graph_.edges[0].measurement[6], 0.8);
@@ -76,7 +76,7 @@ TEST_F(G2oTest, Spatial) {
   EXPECT_EQ(information[35], 120.0);
 }
 
-// Turned left by 90° after a metre, thrice: a square. The edge 0-30 goes backwards, 10-40 jumps ahead.
+// Turned left by 90° after a meter, thrice: a square. The edge 0-30 goes backwards, 10-40 jumps ahead.
 TEST_F(G2oTest, EdgesAloneStartAlongTheOdometry) {
   const std::string turn = " 1 0 1.5707963267948966 1 0 0 1 0 1\n";
   const Status status = ReadText("EDGE_SE2 10 40 9 9 9 1 0 0 1 0 1\nEDGE_SE2 20 30" + turn + "EDGE_SE2 10 20" + turn +
@@ -84,7 +84,7 @@ TEST_F(G2oTest, EdgesAloneStartAlongTheOdometry) {
   ASSERT_TRUE(status.ok()) << status.message;
   EXPECT_EQ(graph_.ids, (std::vector<std::int64_t>{10, 20, 30, 40, 50}));
   EXPECT_EQ(graph_.fixed, (std::vector<int>{1}));
-  // 50 sees 30, at (1, 1) and turned by 180°, one metre ahead of it.
+  // 50 sees 30, at (1, 1) and turned by 180°, one meter ahead of it.
   const double expected[15] = {0, 0, 0, 1, 0, M_PI / 2, 1, 1, M_PI, 0, 1, 1.5 * M_PI, 2, 1, M_PI};
   ASSERT_EQ(graph_.poses.size(), 15u);
   for (std::size_t k = 0; k < 15; ++k) {

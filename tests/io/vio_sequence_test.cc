@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "inceres/sim/vio_scene.h"
 #include "support/temp_dir.h"
+#include "tools/sim/vio_scene.h"
 
 namespace inceres {
 namespace {

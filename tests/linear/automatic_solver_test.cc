@@ -14,7 +14,7 @@ namespace {
 
 class AutomaticSolverTest : public testing::Test {
  protected:
-  void Update(GrowingSystem* system, const LiveReducedSolver::Change& change, int first_b) {
+  void Update(GrowingSystem* system, const IncrementalReducedSolver::Change& change, int first_b) {
     const std::vector<double> weights(system->b.size(), 1.0);
     ASSERT_TRUE(solver_.Factorize(system->S, system->damping.data(), system->held.data(), change).ok());
     ASSERT_TRUE(solver_.Solve(system->b.data(), {first_b}, {weights.data(), 1e-22}, system->x.data()).ok());

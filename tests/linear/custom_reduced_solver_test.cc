@@ -99,10 +99,10 @@ TEST(CustomReducedSolver, AFailedAnalysisFailsTheSolveAndLeavesTheState) {
   const auto bundle = MakeBundle(Problem());
   const std::vector<double> state = bundle->graph().state();
   CountingSolver::Record record;
-  record.analysis = Status::Error(StatusCode::kUnavailable, "no licence");
+  record.analysis = Status::Error(StatusCode::kUnavailable, "no license");
   const Summary summary = SolveCounting(&record, &bundle->graph());
   EXPECT_EQ(summary.termination, Termination::kFailure);
-  EXPECT_NE(summary.message.find("no licence"), std::string::npos) << summary.message;
+  EXPECT_NE(summary.message.find("no license"), std::string::npos) << summary.message;
   EXPECT_EQ(bundle->graph().state(), state);
   EXPECT_EQ(record.num_factorizations, 0);
 }

@@ -14,7 +14,7 @@
 namespace inceres::internal {
 namespace {
 
-// A window of VINS: poses that are all coupled, then a speed and bias each, coupled to its neighbours in time and to two poses; a
+// A window of VINS: poses that are all coupled, then a speed and bias each, coupled to its neighbors in time and to two poses; a
 // prior couples the first of them to every pose.
 std::set<std::pair<int, int>> WindowCouplings(int frames) {
   std::set<std::pair<int, int>> coupled;

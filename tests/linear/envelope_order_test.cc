@@ -23,7 +23,7 @@ double Flops(const SymmetricBlockRows& S, const std::vector<int>& tail) {
   return EnvelopeFlops(S, nullptr, order, 0);
 }
 
-TEST(EnvelopeOrder, IsAPermutationOfTheLivingRowsWithTheNewestLast) {
+TEST(EnvelopeOrder, IsAPermutationOfTheRowsWithTheNewestLast) {
   for (unsigned seed = 0; seed < 10; ++seed) {
     GrowingSystem system(seed);
     for (int i = 0; i < 60; ++i) {

@@ -5,8 +5,8 @@
 
 #include <Eigen/Core>
 
-#include "block/block_rows.h"
-#include "linear/live_reduced_solver.h"
+#include "linear/block_rows.h"
+#include "linear/incremental_reduced_solver.h"
 #include "support/random_values.h"
 
 namespace inceres::internal {
@@ -183,7 +183,7 @@ struct RandomChange {
   }
 
   std::vector<int> rows;
-  LiveReducedSolver::Change change;
+  IncrementalReducedSolver::Change change;
   int first_b = 0;
 };
 

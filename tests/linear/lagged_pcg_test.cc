@@ -49,7 +49,7 @@ TEST_F(LaggedPcgTest, SolvesInEveryPattern) {
     system.values[static_cast<std::size_t>(system.pattern.value_begin[0])] += 1.0;
     ASSERT_TRUE(solver_.Analyze(system.pattern).ok());
     EXPECT_LT(EnergyErrorOf(system), 1e-10) << "the factor is of this very matrix";
-    EXPECT_EQ(solver_.num_factorisations(), 1);
+    EXPECT_EQ(solver_.num_factorizations(), 1);
     EXPECT_EQ(solver_.num_iterations(), 1);
   }
 }
@@ -63,7 +63,7 @@ TEST_F(LaggedPcgTest, AMatrixThatChangedALittleIsSolvedWithTheFactorOfTheOld) {
     EXPECT_LT(EnergyErrorOf(system), 2.0 * LaggedPcg::kTolerance);
     EXPECT_GT(solver_.num_iterations(), 1);
   }
-  EXPECT_EQ(solver_.num_factorisations(), 1);
+  EXPECT_EQ(solver_.num_factorizations(), 1);
 }
 
 TEST_F(LaggedPcgTest, AMatrixThatChangedMuchIsFactoredAnew) {
@@ -76,7 +76,7 @@ TEST_F(LaggedPcgTest, AMatrixThatChangedMuchIsFactoredAnew) {
   }
   EXPECT_LT(EnergyErrorOf(system), 2.0 * LaggedPcg::kTolerance);
   EnergyErrorOf(system);
-  EXPECT_EQ(solver_.num_factorisations(), 2);
+  EXPECT_EQ(solver_.num_factorizations(), 2);
 }
 
 TEST_F(LaggedPcgTest, ANewPatternForgets) {

@@ -12,9 +12,9 @@
 namespace inceres::internal {
 namespace {
 
-constexpr LiveReducedSolver::Truncation kExact;
+constexpr IncrementalReducedSolver::Truncation kExact;
 
-Status Update(PcgSolver* solver, GrowingSystem* system, const LiveReducedSolver::Change& change) {
+Status Update(PcgSolver* solver, GrowingSystem* system, const IncrementalReducedSolver::Change& change) {
   const Status status = solver->Factorize(system->S, system->damping.data(), system->held.data(), change);
   return status.ok() ? solver->Solve(system->b.data(), {}, kExact, system->x.data()) : status;
 }

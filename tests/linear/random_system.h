@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "inceres/block/block_pattern.h"
+#include "inceres/linear/block_pattern.h"
 #include "support/core_pipeline.h"
 #include "support/random_values.h"
 

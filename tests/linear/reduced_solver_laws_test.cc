@@ -42,8 +42,8 @@ class ReducedSolverLaws : public testing::TestWithParam<SolverCase> {
   }
 
   void ExpectSolvesNew(RandomSystem system) {
-    const Status analysed = solver_->Analyze(system.pattern);
-    ASSERT_TRUE(analysed.ok()) << analysed.message;
+    const Status analyzed = solver_->Analyze(system.pattern);
+    ASSERT_TRUE(analyzed.ok()) << analyzed.message;
     ExpectSolves(system);
   }
 

@@ -13,10 +13,10 @@
 namespace inceres::internal {
 namespace {
 
-constexpr LiveReducedSolver::Truncation kExact;
+constexpr IncrementalReducedSolver::Truncation kExact;
 
-Status Update(LiveReducedSolver* solver, GrowingSystem* system, const LiveReducedSolver::Change& change, int first_b,
-              const LiveReducedSolver::Truncation& truncation = kExact) {
+Status Update(IncrementalReducedSolver* solver, GrowingSystem* system, const IncrementalReducedSolver::Change& change,
+              int first_b, const IncrementalReducedSolver::Truncation& truncation = kExact) {
   const Status status = solver->Factorize(system->S, system->damping.data(), system->held.data(), change);
   return status.ok() ? solver->Solve(system->b.data(), {first_b}, truncation, system->x.data()) : status;
 }
@@ -126,7 +126,7 @@ TEST(ResumedSolver, ALoopCarriesTheChangeToItsEnd) {
   GrowingSystem system = Chain(300);
   system.Couple(299, 100);
   ResumedSolver solver;
-  const LiveReducedSolver::Truncation truncation{system.damping.data(), 1e-16};
+  const IncrementalReducedSolver::Truncation truncation{system.damping.data(), 1e-16};
   ASSERT_TRUE(Update(&solver, &system, {}, 0, truncation).ok());
   system.Perturb(299);
   ASSERT_TRUE(Update(&solver, &system, {299, nullptr, false}, 300, truncation).ok());
@@ -204,7 +204,7 @@ TEST(ResumedSolver, CatchesUpWithASolveItMissed) {
   EXPECT_EQ(system.x, FromScratch(system, solver.order()));
 }
 
-// Against a count of the multiplications and additions of a textbook factorisation inside the envelope.
+// Against a count of the multiplications and additions of a textbook factorization inside the envelope.
 TEST(ResumedSolver, PredictsTheFlopsOfADenseFactor) {
   GrowingSystem system = Chain(1, 4);
   for (int i = 0; i < 29; ++i) {
@@ -254,8 +254,8 @@ class AgedOrder : public testing::Test {
         system_.b[static_cast<std::size_t>(system_.OffsetOf(row) + k)] = system_.random.Unit();
       }
     }
-    const LiveReducedSolver::Change change(rows_.front(), &rows_, true);
-    const LiveReducedSolver::Rows changed_b{rows_.front(), &rows_};
+    const IncrementalReducedSolver::Change change(rows_.front(), &rows_, true);
+    const IncrementalReducedSolver::Rows changed_b{rows_.front(), &rows_};
     ASSERT_TRUE(solver_.Factorize(system_.S, system_.damping.data(), system_.held.data(), change).ok());
     reorderings_ += solver_.work().reorderings;
     flops_ += solver_.work().factor_flops;

@@ -41,7 +41,7 @@ TEST_F(SelectSolver, AutomaticIsSparseForLongBands) {
   EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(1000, Fill::kBand).pattern).substr(0, 15), "sparse Cholesky");
 }
 
-// Poses that share landmarks over ten frames, speeds and biases that know their neighbours in time: far from full.
+// Poses that share landmarks over ten frames, speeds and biases that know their neighbors in time: far from full.
 TEST_F(SelectSolver, AutomaticIsSparseForAWindowOfInertialFrames) {
   constexpr int kFrames = 50;
   std::vector<int> sizes;
@@ -70,7 +70,7 @@ TEST_F(SelectSolver, AutomaticInexactIteratesWhereFactoringWouldTakeLonger) {
   EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(400, Fill::kDense).pattern), "dense Cholesky");
 }
 
-// What the choice has analysed serves as the factor.
+// What the choice has analyzed serves as the factor.
 TEST_F(SelectSolver, PcgIsReadyToFactorize) {
   const RandomSystem system = Blocks(3, Fill::kDense);
   Status status;
@@ -96,7 +96,7 @@ TEST_F(SelectSolver, TheFactoryGoesBeforeEveryKind) {
         kind, [] { return std::make_unique<EigenLdltSolver>(); }, system.pattern, executor_, &status);
     ASSERT_TRUE(status.ok());
     EXPECT_STREQ(solver->Name(), "Eigen LDLT");
-    EXPECT_TRUE(solver->Factorize(system.values.data(), system.diagonal.data()).ok()) << "is analysed already";
+    EXPECT_TRUE(solver->Factorize(system.values.data(), system.diagonal.data()).ok()) << "is analyzed already";
   }
 }
 

@@ -166,7 +166,11 @@ class Tree:
     def check_constants(self):
         for number, (_, name, value, file) in self.rows_of(CONSTANT_TABLE):
             code = self.read(file) if self.exists(file) else ""
-            if not re.search(rf"\b{name} = {re.escape(value)};", code):
+            group, _, field = name.rpartition(".")  # of a threshold: the struct it stands in, as the code names its member
+            if group:
+                begin = code.find(f"struct {group.title().replace('_', '')} {{")
+                code = code[begin:code.find("  };", begin)] if begin >= 0 else ""
+            if not re.search(rf"\b{field} = {re.escape(value)};", code):
                 self.report(ALGORITHMS, number, f"{file} does not say {name} = {value}")
 
     def check_sections(self):

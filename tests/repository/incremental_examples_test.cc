@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "inceres/factors/bal_reprojection.h"
-#include "inceres/graph/losses.h"
+#include "inceres/problem/losses.h"
 #include "inceres/solver/incremental_solver.h"
 
 namespace {

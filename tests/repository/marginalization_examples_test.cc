@@ -1,4 +1,4 @@
-// The examples of docs/visual_inertial.md on marginalisation and covariance, compiled and run as they stand there.
+// The examples of docs/visual_inertial.md on marginalization and covariance, compiled and run as they stand there.
 #include <memory>
 #include <vector>
 
@@ -6,7 +6,7 @@
 
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/relative_pose.h"
-#include "inceres/graph/manifolds.h"
+#include "inceres/problem/manifolds.h"
 #include "inceres/solver/covariance.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/linear_prior.h"

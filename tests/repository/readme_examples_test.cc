@@ -12,9 +12,9 @@
 #include "inceres/ceres/cost_family.h"
 #include "inceres/ceres/solve.h"
 #include "inceres/factors/bal_reprojection.h"
-#include "inceres/graph/ambient_family.h"
-#include "inceres/graph/losses.h"
-#include "inceres/graph/manifolds.h"
+#include "inceres/problem/ambient_family.h"
+#include "inceres/problem/losses.h"
+#include "inceres/problem/manifolds.h"
 #include "inceres/solver/solver.h"
 
 namespace {
@@ -63,7 +63,7 @@ const inceres::Summary summary = inceres::Solve(inceres::SolverOptions(), &graph
 }
 
 // [quoted in README.md]
-struct RangeError {  // as for Ceres: how far X is from the pose's centre, against what was measured
+struct RangeError {  // as for Ceres: how far X is from the pose's center, against what was measured
   double range;
   template <typename T>
   bool operator()(const T* pose, const T* X, T* residual) const {

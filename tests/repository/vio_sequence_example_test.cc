@@ -8,8 +8,8 @@
 
 #include "inceres/factors/imu_preintegrator.h"
 #include "inceres/io/vio_sequence.h"
-#include "inceres/sim/vio_scene.h"
 #include "support/temp_dir.h"
+#include "tools/sim/vio_scene.h"
 
 namespace {
 

@@ -9,8 +9,8 @@
 #include "inceres/factors/imu_factor.h"
 #include "inceres/factors/point_reprojection.h"
 #include "inceres/factors/pose_prior.h"
-#include "inceres/graph/losses.h"
-#include "inceres/graph/manifolds.h"
+#include "inceres/problem/losses.h"
+#include "inceres/problem/manifolds.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
 
@@ -94,7 +94,7 @@ edit.AddFactor(imu_family, *imu_factors, imu, {i.pose_id, i.speed_bias_id, j.pos
   ASSERT_TRUE(solver.Apply(edit).ok());
   const inceres::UpdateSummary summary = solver.Update();
   EXPECT_NE(summary.termination, inceres::Termination::kFailure) << summary.message;
-  EXPECT_GT(summary.num_recentred_factors, 0) << "the gyroscope's bias was not that integrated at";
+  EXPECT_GT(summary.num_recentered_factors, 0) << "the gyroscope's bias was not that integrated at";
   EXPECT_NEAR(solver.Values(i.speed_bias_id)[8], 0.05, 0.01);
 }
 

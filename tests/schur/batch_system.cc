@@ -13,8 +13,8 @@ constexpr double kTinyDiagonal = 1e-12;  // a frame without factors is damped by
 
 }  // namespace
 
-BatchSystem::BatchSystem(const FactorGraph& graph, const LiveSystem& system) : graph_(graph), system_(system) {
-  const LiveSchur& schur = system.schur();
+BatchSystem::BatchSystem(const FactorGraph& graph, const IncrementalSystem& system) : graph_(graph), system_(system) {
+  const IncrementalSchur& schur = system.schur();
   row_of_.assign(graph.num_variables(), -1);
   landmark_of_.assign(graph.num_variables(), -1);
   for (int i = 0; i < static_cast<int>(schur.frames().size()); ++i) {
@@ -24,7 +24,7 @@ BatchSystem::BatchSystem(const FactorGraph& graph, const LiveSystem& system) : g
   }
   landmarks_.resize(schur.landmarks().size());
   for (int l = 0; l < static_cast<int>(landmarks_.size()); ++l) {
-    const LiveSchur::Landmark& landmark = schur.landmarks()[l];
+    const IncrementalSchur::Landmark& landmark = schur.landmarks()[l];
     if (landmark.id >= 0) {
       landmark_of_[landmark.id] = l;
       landmarks_[l].P = Matrix::Zero(landmark.size, landmark.size);
@@ -33,7 +33,7 @@ BatchSystem::BatchSystem(const FactorGraph& graph, const LiveSystem& system) : g
   }
   S_ = Matrix::Zero(size(), size());
   b_ = Vector::Zero(size());
-  for (const LiveFamily& family : system.families()) {
+  for (const IncrementalFamily& family : system.families()) {
     SumFamily(family);
   }
   C_diagonal_ = S_.diagonal();
@@ -44,16 +44,16 @@ BatchSystem::BatchSystem(const FactorGraph& graph, const LiveSystem& system) : g
   }
 }
 
-void BatchSystem::SumFamily(const LiveFamily& family) {
+void BatchSystem::SumFamily(const IncrementalFamily& family) {
   for (int i = 0; i < graph_.NumFactors(family.id()); ++i) {
     if (graph_.HasFactor(family.id(), i)) {
-      ASSERT_TRUE(family.linearised(i));
+      ASSERT_TRUE(family.linearized(i));
       SumFactor(family, i);
     }
   }
 }
 
-void BatchSystem::SumFactor(const LiveFamily& family, int i) {
+void BatchSystem::SumFactor(const IncrementalFamily& family, int i) {
   ++num_factors_;
   cost_ += family.Cost(i);
   const Vector q = Eigen::Map<const Eigen::VectorXd>(family.q(i), family.residual_size()).cast<long double>();
@@ -130,14 +130,14 @@ void BatchSystem::ExpectLaw() const {
 }
 
 void BatchSystem::ExpectLandmarks() const {
-  int num_parked = 0;
+  int num_undetermined = 0;
   for (int l = 0; l < static_cast<int>(landmarks_.size()); ++l) {
-    const LiveSchur::Landmark& landmark = system_.schur().landmarks()[l];
+    const IncrementalSchur::Landmark& landmark = system_.schur().landmarks()[l];
     if (landmark.id < 0) {
       ASSERT_FALSE(landmark.in_S);
       continue;
     }
-    num_parked += landmark.parked ? 1 : 0;
+    num_undetermined += landmark.undetermined ? 1 : 0;
     ASSERT_EQ(landmark.held, graph_.IsConstant(landmark.id));
     // In the units of its coordinates, how far is the damped P from singular?
     const Matrix P = Damped(l);
@@ -154,17 +154,17 @@ void BatchSystem::ExpectLandmarks() const {
       ASSERT_TRUE(landmark.in_S) << "landmark " << landmark.id << " has information";
     }
   }
-  ASSERT_EQ(system_.schur().num_parked(), num_parked);
+  ASSERT_EQ(system_.schur().num_undetermined(), num_undetermined);
 }
 
-double BatchSystem::LiveS(int row, int column, int r, int c) const {
+double BatchSystem::IncrementalS(int row, int column, int r, int c) const {
   const SymmetricBlockRows& S = system_.schur().S();
   const std::int64_t offset = S.Find(row, column);
   return offset < 0 ? 0.0 : S.values(offset)[r * PadToQuad(S.size_of(column)) + c];
 }
 
 void BatchSystem::ExpectS() const {
-  const LiveSchur& schur = system_.schur();
+  const IncrementalSchur& schur = system_.schur();
   const Eigen::VectorXd scale = C_diagonal_.cast<double>().cwiseSqrt();
   for (int row = 0; row < schur.S().num_rows(); ++row) {
     ASSERT_EQ(schur.S().size_of(row), schur.frames()[row].size);
@@ -174,7 +174,7 @@ void BatchSystem::ExpectS() const {
           const int i = schur.FrameOffset(row) + r;
           const int j = schur.FrameOffset(column) + c;
           const auto batch = static_cast<double>(S_(i, j));
-          ASSERT_LE(std::fabs(LiveS(row, column, r, c) - batch), kLaw * scale[i] * scale[j])
+          ASSERT_LE(std::fabs(IncrementalS(row, column, r, c) - batch), kLaw * scale[i] * scale[j])
               << "S(" << i << ", " << j << ") = " << batch << ", rows " << row << ", " << column;
         }
       }
@@ -183,7 +183,7 @@ void BatchSystem::ExpectS() const {
 }
 
 void BatchSystem::ExpectB() const {
-  const LiveSchur& schur = system_.schur();
+  const IncrementalSchur& schur = system_.schur();
   for (int row = 0; row < schur.S().num_rows(); ++row) {
     for (int r = 0; r < schur.S().size_of(row); ++r) {
       const int i = schur.FrameOffset(row) + r;
@@ -199,7 +199,7 @@ BatchSystem::Vector BatchSystem::SolveFrames(double mu) const {
   Matrix damped = S_;
   Vector b = b_;
   for (int row = 0; row < system_.schur().S().num_rows(); ++row) {
-    const LiveSchur::Frame& frame = system_.schur().frames()[row];
+    const IncrementalSchur::Frame& frame = system_.schur().frames()[row];
     for (int i = system_.schur().FrameOffset(row); i < system_.schur().FrameOffset(row + 1); ++i) {
       damped(i, i) += mu * std::max(C_diagonal_[i], static_cast<long double>(kTinyDiagonal));
       if (frame.held) {
@@ -214,7 +214,7 @@ BatchSystem::Vector BatchSystem::SolveFrames(double mu) const {
 }
 
 void BatchSystem::ExpectStep(const std::vector<double>& frame_step, double mu) const {
-  const LiveSchur& schur = system_.schur();
+  const IncrementalSchur& schur = system_.schur();
   const Vector expected = SolveFrames(mu);
   ASSERT_EQ(static_cast<int>(frame_step.size()), size());
   std::vector<double> padded;
@@ -225,7 +225,7 @@ void BatchSystem::ExpectStep(const std::vector<double>& frame_step, double mu) c
   long double error = 0.0;
   long double norm = 0.0;
   for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
-    const LiveSchur::Frame& frame = schur.frames()[row];
+    const IncrementalSchur::Frame& frame = schur.frames()[row];
     ASSERT_EQ(frame.held, frame.id >= 0 && graph_.IsConstant(frame.id));
     for (int k = 0, i = schur.FrameOffset(row); k < frame.size; ++k, ++i) {
       room(frame.quad, frame.size)[k] = frame_step[i];
@@ -234,7 +234,7 @@ void BatchSystem::ExpectStep(const std::vector<double>& frame_step, double mu) c
     }
   }
   for (int l = 0; l < static_cast<int>(landmarks_.size()); ++l) {
-    const LiveSchur::Landmark& landmark = schur.landmarks()[l];
+    const IncrementalSchur::Landmark& landmark = schur.landmarks()[l];
     if (landmark.id < 0 || !landmark.in_S) {
       continue;
     }

@@ -4,19 +4,19 @@
 
 #include <Eigen/Dense>
 
-#include "inceres/graph/factor_graph.h"
-#include "schur/live_system.h"
+#include "inceres/problem/factor_graph.h"
+#include "incremental/incremental_system.h"
 
 namespace inceres::internal {
 
-/// S and b of a living system, summed densely in long double from the Jacobians, weights and landmark dampings cached in it: what
-/// the incremental ones are judged by. Which variables a factor touches is asked of the graph, not of the system.
+/// S and b of an incremental system, summed densely in long double from the Jacobians, weights and landmark dampings cached in
+/// it: what the incremental ones are judged by. Which variables a factor touches is asked of the graph, not of the system.
 class BatchSystem {
  public:
   using Matrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
   using Vector = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
 
-  BatchSystem(const FactorGraph& graph, const LiveSystem& system);
+  BatchSystem(const FactorGraph& graph, const IncrementalSystem& system);
 
   /// The law: |S − S_batch|_ij ≤ 1e-10 √(C_ii C_jj), |b − b_batch|_i ≤ 1e-10 √(C_ii 2F), diag(C) and the cost to 1e-10; and
   /// exactly those landmarks take part that are free and have information.
@@ -40,17 +40,17 @@ class BatchSystem {
   };
 
   int size() const { return system_.schur().size(); }
-  void SumFamily(const LiveFamily& family);
-  void SumFactor(const LiveFamily& family, int i);
+  void SumFamily(const IncrementalFamily& family);
+  void SumFactor(const IncrementalFamily& family, int i);
   void Eliminate(int landmark);
   Matrix Damped(int landmark) const;
-  double LiveS(int row, int column, int r, int c) const;
+  double IncrementalS(int row, int column, int r, int c) const;
   void ExpectS() const;
   void ExpectB() const;
   void ExpectLandmarks() const;
 
   const FactorGraph& graph_;
-  const LiveSystem& system_;
+  const IncrementalSystem& system_;
   std::vector<int> row_of_;       // per variable, or -1
   std::vector<int> landmark_of_;  // per variable, or -1
   std::vector<Landmark> landmarks_;

@@ -10,8 +10,8 @@
 #include <Eigen/Cholesky>
 #include <gtest/gtest.h>
 
-#include "inceres/graph/losses.h"
-#include "inceres/graph/manifolds.h"
+#include "inceres/problem/losses.h"
+#include "inceres/problem/manifolds.h"
 #include "support/core_pipeline.h"
 #include "support/dense_oracle.h"
 #include "support/random_graph.h"

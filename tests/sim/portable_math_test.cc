@@ -1,4 +1,4 @@
-#include "sim/portable_math.h"
+#include "tools/sim/portable_math.h"
 
 #include <cmath>
 

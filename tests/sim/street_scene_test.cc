@@ -1,4 +1,4 @@
-#include "inceres/sim/street_scene.h"
+#include "tools/sim/street_scene.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/portable_math.h"
+#include "tools/sim/portable_math.h"
 
 namespace inceres::internal {
 namespace {
@@ -73,7 +73,7 @@ std::uint64_t HashOf(const BalProblem& problem) {
   return hash.value();
 }
 
-Vector3 Centre(const BalProblem& problem, int camera) {
+Vector3 Center(const BalProblem& problem, int camera) {
   const double* c = problem.CameraData(camera);
   return -1.0 * (Rotation::FromAngleAxis({c[0], c[1], c[2]}).Inverse() * Vector3{c[3], c[4], c[5]});
 }
@@ -104,10 +104,10 @@ void ExpectWellPosed(const StreetScene& scene) {
       ++per_camera[static_cast<std::size_t>(observation.camera)];
       ASSERT_GE(Depth(truth, observation), 2.0 - 1e-9);
       ASSERT_GT(Depth(scene.problem, observation), 0.0) << "start values behind the camera";
-      const Vector3 ray = Point(truth, point) - Centre(truth, observation.camera);
+      const Vector3 ray = Point(truth, point) - Center(truth, observation.camera);
       for (std::size_t j = first; j < i; ++j) {
         ASSERT_LT(truth.observations[j].camera, observation.camera) << "sorted, and nobody sees a point twice";
-        const Vector3 other = Point(truth, point) - Centre(truth, truth.observations[j].camera);
+        const Vector3 other = Point(truth, point) - Center(truth, truth.observations[j].camera);
         least_cosine = std::min(least_cosine, Dot(ray, other) / std::sqrt(Dot(ray, ray) * Dot(other, other)));
       }
     }
@@ -234,20 +234,20 @@ TEST(StreetScene, NoiseHasTheSizeAskedFor) {
   options.position_noise = 0.3;
   options.rotation_noise = 0.02;
   const StreetScene scene = Generate(options);
-  double points = 0.0, centres = 0.0, rotations = 0.0;
+  double points = 0.0, centers = 0.0, rotations = 0.0;
   for (std::size_t i = 0; i < scene.truth.points.size(); ++i) {
     points += std::pow(scene.problem.points[i] - scene.truth.points[i], 2);
   }
   for (int i = 0; i < scene.truth.num_cameras; ++i) {
-    const Vector3 moved = Centre(scene.problem, i) - Centre(scene.truth, i);
-    centres += Dot(moved, moved);
+    const Vector3 moved = Center(scene.problem, i) - Center(scene.truth, i);
+    centers += Dot(moved, moved);
     const double *a = scene.problem.CameraData(i), *b = scene.truth.CameraData(i);
     const Vector3 turned =
         (Rotation::FromAngleAxis({a[0], a[1], a[2]}) * Rotation::FromAngleAxis({b[0], b[1], b[2]}).Inverse()).ToAngleAxis();
     rotations += Dot(turned, turned);
   }
   EXPECT_NEAR(std::sqrt(points / 18000), 0.2, 0.01);
-  EXPECT_NEAR(std::sqrt(centres / 1200), 0.3, 0.02);
+  EXPECT_NEAR(std::sqrt(centers / 1200), 0.3, 0.02);
   EXPECT_NEAR(std::sqrt(rotations / 1200), 0.02, 0.0015);
 }
 
@@ -299,7 +299,7 @@ TEST(StreetScene, LoopsAndLocality) {
   const StreetScene loops = Generate(options);
   EXPECT_GT(LoopPairs(loops, 50), 200) << "the second lap sees points of the first";
   options.loop_fraction = 0.0;
-  EXPECT_EQ(LoopPairs(Generate(options), 50), 0) << "nothing is recognised";
+  EXPECT_EQ(LoopPairs(Generate(options), 50), 0) << "nothing is recognized";
   options.laps = 1.0;
   options.loop_fraction = 1.0;
   const StreetScene closed = Generate(options);
@@ -307,7 +307,7 @@ TEST(StreetScene, LoopsAndLocality) {
   EXPECT_EQ(LoopPairs(closed, 50), LoopPairs(closed, 150)) << "and nothing else does";
 }
 
-TEST(StreetScene, LoopStretchLimitsWhereThingsAreRecognised) {
+TEST(StreetScene, LoopStretchLimitsWhereThingsAreRecognized) {
   StreetSceneOptions options;
   options.num_cameras = 200;
   options.num_points = 8000;
@@ -350,7 +350,7 @@ TEST(StreetScene, CameraSpacingIsObeyed) {
   options.num_observations = 2500;
   options.camera_spacing = 1.7;
   const StreetScene scene = Generate(options);
-  const Vector3 way = Centre(scene.truth, 19) - Centre(scene.truth, 0);
+  const Vector3 way = Center(scene.truth, 19) - Center(scene.truth, 0);
   EXPECT_NEAR(std::sqrt(Dot(way, way)), 19 * 1.7, 3.0);
 }
 

@@ -1,4 +1,4 @@
-#include "inceres/sim/trajectory.h"
+#include "tools/sim/trajectory.h"
 
 #include <cmath>
 #include <limits>
@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "inceres/graph/rotation.h"
-#include "sim/portable_math.h"
+#include "inceres/problem/rotation.h"
+#include "tools/sim/portable_math.h"
 
 namespace inceres {
 namespace {

@@ -1,4 +1,4 @@
-#include "inceres/sim/vio_scene.h"
+#include "tools/sim/vio_scene.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,8 +12,8 @@
 #include "factors/numeric_jacobian.h"
 #include "inceres/factors/imu_factor.h"
 #include "inceres/factors/imu_preintegrator.h"
-#include "inceres/graph/manifolds.h"
-#include "inceres/graph/rotation.h"
+#include "inceres/problem/manifolds.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres {
 namespace {
@@ -89,7 +89,7 @@ std::vector<std::vector<int>> Tracks(const VioSequence& sequence) {
   return tracks;
 }
 
-// Largest distance of a place propagated through a frame's samples from the true one, in metres; turns count in radians.
+// Largest distance of a place propagated through a frame's samples from the true one, in meters; turns count in radians.
 double PropagationError(const VioSceneOptions& options) {
   const VioSequence sequence = Generate(options);
   double largest = 0.0;

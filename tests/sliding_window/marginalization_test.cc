@@ -1,4 +1,4 @@
-// Both marginalisations against the Schur complement of the dense normal equations.
+// Both marginalizations against the Schur complement of the dense normal equations.
 
 #include "vins/marginalization.h"
 
@@ -111,7 +111,7 @@ TEST(VinsMarginalization, IsTheDenseSchurComplement) {
   ASSERT_EQ(info.J().cols(), 18);
   ExpectSame(info.J(), info.r(), dense);
 
-  // As a factor: r at the point of linearisation, and J dx away from it.
+  // As a factor: r at the point of linearization, and J dx away from it.
   const std::vector<double*> kept = info.KeptBlocks({});
   ASSERT_EQ(kept, (std::vector<double*>{scene.poses[1].data(), scene.poses[2].data(), scene.extrinsic.data()}));
   const MarginalizationFactor factor(&info);
@@ -220,7 +220,7 @@ TEST(OkvisMarginalization, IsTheDenseSchurComplementInOneOrSeveralSteps) {
   }
 }
 
-// The same object grows and shrinks, and what it has linearised once stays where it was.
+// The same object grows and shrinks, and what it has linearized once stays where it was.
 TEST(OkvisMarginalization, LinearizesAConnectedBlockWhereItWasFirst) {
   OkvisScene scene;
   MarginalizationError error;

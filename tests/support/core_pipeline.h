@@ -8,11 +8,11 @@
 #include <Eigen/Core>
 
 #include "base/executor.h"
-#include "linearisation/evaluator.h"
-#include "linearisation/hessian.h"
-#include "linearisation/incidences.h"
-#include "linearisation/layout.h"
-#include "linearisation/product_plan.h"
+#include "linearize/evaluator.h"
+#include "linearize/hessian.h"
+#include "linearize/incidences.h"
+#include "linearize/layout.h"
+#include "linearize/product_plan.h"
 
 namespace inceres::test {
 

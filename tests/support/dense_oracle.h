@@ -4,11 +4,11 @@
 
 #include <Eigen/Core>
 
-#include "inceres/graph/factor_graph.h"
+#include "inceres/problem/factor_graph.h"
 
 namespace inceres::test {
 
-/// The linearised problem written out as matrices, straight from the graph: families evaluated one by one, Jacobians projected
+/// The linearized problem written out as matrices, straight from the graph: families evaluated one by one, Jacobians projected
 /// by products with the manifolds' PlusJacobian, losses applied as Triggs writes them. Shares no code with src/. Free places of
 /// an edited graph are rows of zeros; pins are not looked at.
 struct DenseOracle {

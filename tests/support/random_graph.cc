@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "inceres/graph/losses.h"
-#include "inceres/graph/manifolds.h"
+#include "inceres/problem/losses.h"
+#include "inceres/problem/manifolds.h"
 
 namespace inceres::test {
 

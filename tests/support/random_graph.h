@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "inceres/graph/factor_graph.h"
+#include "inceres/problem/factor_graph.h"
 #include "support/test_families.h"
 
 namespace inceres::test {
@@ -65,7 +65,7 @@ struct BundleOptions {
   double perturbation = 0.0;              ///< moves the start away from where the residuals are that small
 };
 
-/// Frames along a path, each landmark seen by num_views neighbours, factors between consecutive frames, priors on every frame.
+/// Frames along a path, each landmark seen by num_views neighbors, factors between consecutive frames, priors on every frame.
 std::unique_ptr<RandomGraph> MakeBundle(const BundleOptions& options);
 
 }  // namespace inceres::test

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "inceres/graph/ambient_family.h"
+#include "inceres/problem/ambient_family.h"
 #include "support/random_values.h"
 
 namespace inceres::test {

@@ -1,4 +1,4 @@
-#include "tools/common/ab_protocol.h"
+#include "tools/ab/ab_protocol.h"
 
 #include <memory>
 

@@ -117,7 +117,7 @@ class BrowserTest(unittest.TestCase):
         page = self.page(window_run(30))
         light = self.measure(page, 1366, "--blink-settings=preferredColorScheme=1")["background"]
         dark = self.measure(page, 1366, "--blink-settings=preferredColorScheme=0")["background"]
-        brightness = [sum(map(int, re.findall(r"\d+", colour)[:3])) for colour in (light, dark)]
+        brightness = [sum(map(int, re.findall(r"\d+", color)[:3])) for color in (light, dark)]
         self.assertGreater(brightness[0], 600)
         self.assertLess(brightness[1], 150)
 

@@ -1,4 +1,4 @@
-#include "tools/common/ab_report.h"
+#include "tools/ab/ab_report.h"
 
 #include <gtest/gtest.h>
 

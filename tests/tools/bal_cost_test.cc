@@ -1,4 +1,4 @@
-#include "tools/common/bal_cost.h"
+#include "tools/problems/bal_cost.h"
 
 #include <cmath>
 #include <memory>
@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/tools/small_problems.h"
-#include "tools/common/bal_ceres_problem.h"
+#include "tools/problems/bal_ceres_problem.h"
 
 namespace inceres::tools {
 namespace {
@@ -75,14 +75,14 @@ TEST(RmsReprojectionError, MatchesTheCost) {
   EXPECT_NEAR(RmsReprojectionError(bal), std::sqrt(2.0 * cost / num_observations), 1e-12);
 }
 
-TEST(GeometryOf, CentreIsWhatTheCameraMapsToItsOrigin) {
+TEST(GeometryOf, CenterIsWhatTheCameraMapsToItsOrigin) {
   const BalProblem bal = SmallBal();
   const SceneGeometry scene = GeometryOf(bal);
-  ASSERT_EQ(scene.centres.size(), 4U);
+  ASSERT_EQ(scene.centers.size(), 4U);
   ASSERT_EQ(scene.points.size(), 30U);
   for (int i = 0; i < bal.num_cameras; ++i) {
     Eigen::Vector3d P;
-    ceres::AngleAxisRotatePoint(bal.CameraData(i), scene.centres[static_cast<std::size_t>(i)].data(), P.data());
+    ceres::AngleAxisRotatePoint(bal.CameraData(i), scene.centers[static_cast<std::size_t>(i)].data(), P.data());
     EXPECT_LT((P + Eigen::Map<const Eigen::Vector3d>(bal.CameraData(i) + 3)).norm(), 1e-12);
   }
 }

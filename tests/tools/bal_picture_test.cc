@@ -1,4 +1,4 @@
-#include "tools/common/bal_picture.h"
+#include "tools/draw/bal_picture.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Our factors as cost functions of Ceres: projected through the block manifold they give the tangent Jacobians; AutoDiff agrees.
-#include "tools/common/factor_cost_function.h"
+#include "tools/problems/factor_cost_function.h"
 
 #include <Eigen/Core>
 #include <gtest/gtest.h>
@@ -9,10 +9,10 @@
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/stereo_reprojection.h"
-#include "tools/common/keyframe_cost.h"
-#include "tools/common/planar_relative_pose.h"
-#include "tools/common/pose_graph_cost.h"
-#include "tools/common/stereo_cost.h"
+#include "tools/problems/keyframe_cost.h"
+#include "tools/problems/planar_relative_pose.h"
+#include "tools/problems/pose_graph_cost.h"
+#include "tools/problems/stereo_cost.h"
 
 namespace inceres::tools {
 namespace {

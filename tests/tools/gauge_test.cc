@@ -1,4 +1,4 @@
-#include "tools/common/gauge.h"
+#include "tools/problems/gauge.h"
 
 #include <random>
 
@@ -15,7 +15,7 @@ SceneGeometry RandomScene() {
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
   SceneGeometry scene;
   for (int i = 0; i < 8; ++i) {
-    scene.centres.emplace_back(uniform(random), uniform(random), uniform(random));
+    scene.centers.emplace_back(uniform(random), uniform(random), uniform(random));
   }
   for (int i = 0; i < 50; ++i) {
     scene.points.emplace_back(3.0 * uniform(random), uniform(random), uniform(random));
@@ -25,7 +25,7 @@ SceneGeometry RandomScene() {
 
 SceneGeometry Moved(SceneGeometry scene) {
   const Eigen::Matrix3d rotation = Eigen::AngleAxisd(2.1, Vector3d(1.0, -2.0, 0.5).normalized()).toRotationMatrix();
-  for (auto* positions : {&scene.centres, &scene.points}) {
+  for (auto* positions : {&scene.centers, &scene.points}) {
     for (Vector3d& X : *positions) {
       X = 4.5 * (rotation * X) + Vector3d(10.0, -20.0, 30.0);
     }
@@ -48,7 +48,7 @@ TEST(DifferenceUpToSimilarity, SeesOneDisplacedPointAndOneDisplacedCamera) {
   EXPECT_NEAR(point.points, 1e-3, 1e-4);
   EXPECT_LT(point.positions, 3e-4);
   SceneGeometry camera_off = scene;
-  camera_off.centres[2].z() += 1e-3 * size;
+  camera_off.centers[2].z() += 1e-3 * size;
   const GeometryDifference camera = DifferenceUpToSimilarity(Moved(camera_off), scene);
   EXPECT_NEAR(camera.positions, 1e-3, 1e-4);
   EXPECT_LT(camera.points, 3e-4);
@@ -66,7 +66,7 @@ TEST(DifferenceUpToSimilarity, FarPointsDoNotVoteButCount) {
 
 TEST(DifferenceUpToSimilarity, AMirroredSceneIsDifferent) {
   SceneGeometry mirrored = RandomScene();
-  for (auto* positions : {&mirrored.centres, &mirrored.points}) {
+  for (auto* positions : {&mirrored.centers, &mirrored.points}) {
     for (Vector3d& X : *positions) {
       X.x() = -X.x();
     }

@@ -1,11 +1,11 @@
 // A user's program: one problem that grows and one rebuilt for each step see the same; so does stock's side of a replay.
-#include "tools/common/living_run.h"
+#include "tools/replay/living_run.h"
 
 #include <algorithm>
 
 #include <gtest/gtest.h>
 
-#include "tools/common/replay_scripts.h"
+#include "tools/replay/replay_scripts.h"
 #include "tools/small_keyframes.h"
 #include "tools/small_problems.h"
 #include "tools/small_replays.h"

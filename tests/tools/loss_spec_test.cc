@@ -1,4 +1,4 @@
-#include "tools/common/loss_spec.h"
+#include "tools/problems/loss_spec.h"
 
 #include <gtest/gtest.h>
 

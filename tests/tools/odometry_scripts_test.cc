@@ -8,13 +8,13 @@
 
 #include <gtest/gtest.h>
 
-#include "inceres/graph/pose_composition.h"
+#include "inceres/problem/pose_composition.h"
 #include "inceres/solver/solver.h"
 #include "support/test_data.h"
-#include "tools/common/pose_graph_ceres_problem.h"
-#include "tools/common/replay_ceres_problem.h"
-#include "tools/common/replay_graph.h"
-#include "tools/common/replay_scripts.h"
+#include "tools/problems/pose_graph_ceres_problem.h"
+#include "tools/replay/replay_ceres_problem.h"
+#include "tools/replay/replay_graph.h"
+#include "tools/replay/replay_scripts.h"
 #include "tools/small_replays.h"
 
 namespace inceres::tools {

@@ -1,4 +1,4 @@
-#include "tools/common/pose_graph_cost.h"
+#include "tools/problems/pose_graph_cost.h"
 
 #include <cmath>
 #include <memory>
@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/tools/small_problems.h"
-#include "tools/common/pose_graph_ceres_problem.h"
+#include "tools/problems/pose_graph_ceres_problem.h"
 
 namespace inceres::tools {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/common/problem_source.h"
+#include "tools/problems/problem_source.h"
 
 #include <memory>
 #include <string>
@@ -8,10 +8,10 @@
 #include <gtest/gtest.h>
 
 #include "inceres/io/vio_sequence.h"
-#include "inceres/sim/vio_scene.h"
 #include "inceres/solver/solver.h"
 #include "tests/support/temp_dir.h"
 #include "tests/tools/small_problems.h"
+#include "tools/sim/vio_scene.h"
 
 namespace inceres::tools {
 namespace {
@@ -75,7 +75,7 @@ TEST(OpenProblem, KnowsPresetsAndFilesOfVisualInertialSequences) {
   EXPECT_NE(OpenProblem("vio:" + directory.File("one.vio"), &source).message.find("two or more frames"), std::string::npos);
 }
 
-// Stock and ours minimise one function: the same cost, and the same gradient, to the last digits.
+// Stock and ours minimize one function: the same cost, and the same gradient, to the last digits.
 TEST(VioSource, CeresAndTheCoreHaveTheSameProblem) {
   std::unique_ptr<ProblemSource> source;
   ASSERT_TRUE(OpenProblem("vio:cubic", &source).ok());

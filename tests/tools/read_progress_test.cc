@@ -1,4 +1,4 @@
-#include "tools/common/read_progress.h"
+#include "tools/command_line/read_progress.h"
 
 #include <cstdio>
 #include <string>

@@ -1,5 +1,5 @@
 // A replay in lockstep: all ways to solve see the same problem; failures and excesses are counted, not hidden.
-#include "tools/common/replay_run.h"
+#include "tools/replay/replay_run.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,12 +7,12 @@
 #include <gtest/gtest.h>
 
 #include "inceres/solver/solver.h"
-#include "tools/common/replay_ceres_problem.h"
-#include "tools/common/replay_flatness.h"
-#include "tools/common/replay_graph.h"
-#include "tools/common/replay_report.h"
-#include "tools/common/replay_scripts.h"
-#include "tools/common/statistics.h"
+#include "tools/ab/statistics.h"
+#include "tools/replay/replay_ceres_problem.h"
+#include "tools/replay/replay_flatness.h"
+#include "tools/replay/replay_graph.h"
+#include "tools/replay/replay_report.h"
+#include "tools/replay/replay_scripts.h"
 #include "tools/small_keyframes.h"
 #include "tools/small_problems.h"
 #include "tools/small_replays.h"

@@ -1,5 +1,5 @@
 // The protocols of the two replays, counted on small problems.
-#include "tools/common/replay_scripts.h"
+#include "tools/replay/replay_scripts.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,10 +9,10 @@
 
 #include <gtest/gtest.h>
 
-#include "inceres/graph/rotation.h"
-#include "inceres/sim/vio_scene.h"
+#include "inceres/problem/rotation.h"
 #include "inceres/solver/solver.h"
-#include "tools/common/replay_graph.h"
+#include "tools/replay/replay_graph.h"
+#include "tools/sim/vio_scene.h"
 #include "tools/small_keyframes.h"
 #include "tools/small_problems.h"
 

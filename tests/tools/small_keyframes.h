@@ -4,13 +4,13 @@
 #include <cstddef>
 #include <random>
 
-#include "inceres/graph/rotation.h"
 #include "inceres/io/keyframes.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres::tools {
 
 /// Keyframes on a circle that look inwards at points on a smaller one, which each keyframe anchors six new ones of and the next
-/// three see again; relative poses of neighbours and of the last with the first. Observations with a little noise, perturbed
+/// three see again; relative poses of neighbors and of the last with the first. Observations with a little noise, perturbed
 /// start values.
 inline KeyframeSequence SmallKeyframes(int count) {
   std::mt19937 random(17);

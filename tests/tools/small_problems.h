@@ -6,7 +6,7 @@
 
 #include "inceres/io/bal.h"
 #include "inceres/io/g2o.h"
-#include "tools/common/bal_cost.h"
+#include "tools/problems/bal_cost.h"
 
 namespace inceres::tools {
 
@@ -38,7 +38,7 @@ inline BalProblem SmallBal(int num_cameras = 4, int num_points = 30) {
   return bal;
 }
 
-/// Poses on a circle, relative poses of neighbours and one loop; perfect measurements, perturbed start values.
+/// Poses on a circle, relative poses of neighbors and one loop; perfect measurements, perturbed start values.
 inline PoseGraph SmallPoseGraph(int dimension, int num_poses = 12) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> uniform(-0.05, 0.05);

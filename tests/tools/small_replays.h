@@ -6,9 +6,9 @@
 #include <cstddef>
 #include <random>
 
-#include "inceres/graph/pose_composition.h"
 #include "inceres/io/g2o.h"
 #include "inceres/io/stereo_odometry.h"
+#include "inceres/problem/pose_composition.h"
 
 namespace inceres::tools {
 

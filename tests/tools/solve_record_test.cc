@@ -1,4 +1,4 @@
-#include "tools/common/solve_record.h"
+#include "tools/solve/solve_record.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "tools/common/statistics.h"
+#include "tools/ab/statistics.h"
 
 #include <gtest/gtest.h>
 

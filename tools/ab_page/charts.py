@@ -1,4 +1,4 @@
-"""The page's pictures: SVG in the page's colours (CSS variables), each for a given width, with the values in tooltips."""
+"""The page's pictures: SVG in the page's colors (CSS variables), each for a given width, with the values in tooltips."""
 
 import math
 from xml.sax.saxutils import escape
@@ -51,7 +51,7 @@ class Canvas:
 
 
 def stretches(solves, most):
-    """The solves in order, in at most `most` groups of neighbours."""
+    """The solves in order, in at most `most` groups of neighbors."""
     size = max(1, math.ceil(len(solves) / most))
     return [solves[k:k + size] for k in range(0, len(solves), size)]
 

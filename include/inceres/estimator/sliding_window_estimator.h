@@ -8,7 +8,7 @@
 #include "inceres/estimator/sliding_window_options.h"
 #include "inceres/export.h"
 #include "inceres/factors/imu_options.h"
-#include "inceres/graph/factor_graph.h"
+#include "inceres/problem/factor_graph.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/status.h"
 
@@ -17,7 +17,7 @@ namespace inceres {
 /// What is estimated of a frame.
 struct WindowState {
   double time = 0.0;                                              ///< seconds
-  std::array<double, 7> pose{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};  ///< of the IMU in the world: [p(3), q(x, y, z, w)], metres
+  std::array<double, 7> pose{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};  ///< of the IMU in the world: [p(3), q(x, y, z, w)], meters
   std::array<double, 3> velocity{};                               ///< in the world, m/s
   std::array<double, 3> gyr_bias{};                               ///< rad/s
   std::array<double, 3> acc_bias{};                               ///< m/s²
@@ -26,7 +26,7 @@ struct WindowState {
 /// The state at the first frame, and how well it is known: standard deviations, > 0.
 struct WindowStart {
   WindowState state;
-  std::array<double, 6> pose_sigma{1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2};  ///< metres; radians about the body's axes
+  std::array<double, 6> pose_sigma{1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2};  ///< meters; radians about the body's axes
   std::array<double, 3> velocity_sigma{0.1, 0.1, 0.1};
   std::array<double, 3> gyr_bias_sigma{0.01, 0.01, 0.01};
   std::array<double, 3> acc_bias_sigma{0.1, 0.1, 0.1};
@@ -51,7 +51,7 @@ struct WindowSummary {
   enum class Left : unsigned char { kNone, kOldest, kSecondNewest };
 
   /// Of the first thing that went wrong, the culprit named. Whatever it is, no state is lost: a frame with bad input is not taken
-  /// up at all; one whose solve fails stays as the IMU predicts it, without its views; a marginalisation that fails is tried
+  /// up at all; one whose solve fails stays as the IMU predicts it, without its views; a marginalization that fails is tried
   /// again with the next.
   Status status;
   WindowState state;  ///< of the newest frame
@@ -73,10 +73,10 @@ struct WindowSummary {
 /// A native visual-inertial window: IMU samples and tracked features in, states out; over an IncrementalSolver whose graph lives
 /// on from frame to frame. A frame is the pose of the IMU, its velocity and biases; landmarks are inverse depths in the first
 /// camera that sees them. Each AddFrame predicts the frame by the IMU, triangulates tracks, solves within the budget, takes out
-/// landmarks that are wrong, and marginalises the oldest or drops the second-newest frame.
+/// landmarks that are wrong, and marginalizes the oldest or drops the second-newest frame.
 ///
 /// Threads: one caller; the solver's num_threads evaluates factors, with the same result to the last bit. Cost: that of the
-/// solve and of the marginalisation; a window that slides for ever does not grow. Deterministic unless the budget is in seconds.
+/// solve and of the marginalization; a window that slides for ever does not grow. Deterministic unless the budget is in seconds.
 /// Source: Qin, Li & Shen, "VINS-Mono", 2018; Leutenegger et al., "Keyframe-based visual–inertial odometry using nonlinear
 /// optimization", 2015.
 class INCERES_EXPORT SlidingWindowEstimator {
@@ -99,7 +99,7 @@ class INCERES_EXPORT SlidingWindowEstimator {
   WindowState State(int i) const;
 
   /// The covariance of frame i given all there is in the window: 15×15, row-major, of (δp, φ) in the tangent of PoseManifold,
-  /// then velocity and biases in the order of the IMU's conventions. Cost: a linearisation and factorisation of the window. An
+  /// then velocity and biases in the order of the IMU's conventions. Cost: a linearization and factorization of the window. An
   /// error: no such frame, or something is not determined.
   Status StateCovariance(int i, std::array<double, 225>* covariance) const;
 

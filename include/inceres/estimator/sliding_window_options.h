@@ -5,7 +5,7 @@
 
 #include "inceres/export.h"
 #include "inceres/factors/imu_options.h"
-#include "inceres/graph/losses.h"
+#include "inceres/problem/losses.h"
 #include "inceres/solver/incremental_options.h"
 #include "inceres/solver/marginalization.h"
 #include "inceres/status.h"
@@ -60,7 +60,7 @@ struct INCERES_EXPORT SlidingWindowOptions {
   ImuOptions imu;
   /// max_num_iterations, max_seconds and max_factor_evaluations are the budget of a frame: in iterations, seconds or work.
   IncrementalOptions solver = FrameBudget();
-  /// Threshold of the prior, and whether what it holds is linearised for ever where it was when the prior took it up:
+  /// Threshold of the prior, and whether what it holds is linearized for ever where it was when the prior took it up:
   /// first-estimate Jacobians, which pay if first estimates are good (docs/visual_inertial.md). Without allow_rank_loss a
   /// landmark that has too little information is dropped.
   MarginalizationOptions marginalization;

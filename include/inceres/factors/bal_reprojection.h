@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "inceres/export.h"
-#include "inceres/graph/factor_family.h"
+#include "inceres/problem/factor_family.h"
 
 namespace inceres {
 
@@ -21,7 +21,7 @@ namespace inceres {
 /// Source: Agarwal, Snavely, Seitz & Szeliski, "Bundle Adjustment in the Large", ECCV 2010, and the file format's page.
 class INCERES_EXPORT BalReprojectionFamily final : public FactorFamily {
  public:
-  /// An observed image point in pixels, origin at the image centre, y upwards.
+  /// An observed image point in pixels, origin at the image center, y upwards.
   struct Measurement {
     double x = 0.0;
     double y = 0.0;

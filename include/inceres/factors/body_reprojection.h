@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "inceres/export.h"
-#include "inceres/graph/factor_family.h"
+#include "inceres/problem/factor_family.h"
 
 namespace inceres {
 

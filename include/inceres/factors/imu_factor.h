@@ -5,7 +5,7 @@
 
 #include "inceres/export.h"
 #include "inceres/factors/imu_preintegrator.h"
-#include "inceres/graph/factor_family.h"
+#include "inceres/problem/factor_family.h"
 
 namespace inceres {
 
@@ -21,13 +21,13 @@ namespace inceres {
 ///
 /// in the order, frame, form and sign of the measurement's conventions, multiplied by the Cholesky factor U of the information
 /// matrix, which is kept. δb = b_i − b̄ is the distance from the biases integrated at. When it exceeds the options' limits the
-/// solver, between two iterations, has the samples integrated anew (Recentre); so two graphs that are solved at the same time
+/// solver, between two iterations, has the samples integrated anew (Recenter); so two graphs that are solved at the same time
 /// must not share a family. After such a solve, measurement(i) shows the biases used last.
 ///
 /// Fails to evaluate where a result is not finite, or if the measurement has no information matrix (nothing integrated; see
 /// ImuPreintegrator::SqrtInformation).
 ///
-/// Cost: about 19,000 instructions a factor with Jacobians, 1,700 without (x86-64, SSE2); nothing allocated in Evaluate; Recentre
+/// Cost: about 19,000 instructions a factor with Jacobians, 1,700 without (x86-64, SSE2); nothing allocated in Evaluate; Recenter
 /// integrates all samples of a factor. Threads: as FactorFamily; Add is for one writer.
 /// Source: Forster et al. 2017, section VI.C; derived in imu_factor.cc.
 class INCERES_EXPORT ImuFactorFamily final : public FactorFamily {
@@ -46,8 +46,8 @@ class INCERES_EXPORT ImuFactorFamily final : public FactorFamily {
   int size() const override { return static_cast<int>(factors_.size()); }
   const char* Name() const override { return "IMU preintegration"; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
-  bool Recentres() const override { return true; }
-  bool Recentre(int factor, const double* const* parameters) const override;
+  bool Recenters() const override { return true; }
+  bool Recenter(int factor, const double* const* parameters) const override;
 
  private:
   struct Factor;

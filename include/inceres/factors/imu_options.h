@@ -49,7 +49,7 @@ struct INCERES_EXPORT ImuConventions {
     /// interval, σ_a²Δt³/12, without which one interval alone would have no information matrix.
     kContinuous,
     /// Of a single sample, whatever the rate: σ² for each sample, walks σ²Δt² for each interval. With kMidpoint the two ends
-    /// of an interval count as independent (an 18×18 noise matrix), though neighbours share a sample.
+    /// of an interval count as independent (an 18×18 noise matrix), though neighbors share a sample.
     kPerSample,
   };
 

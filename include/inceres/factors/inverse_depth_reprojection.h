@@ -3,13 +3,13 @@
 #include <vector>
 
 #include "inceres/export.h"
-#include "inceres/graph/factor_family.h"
+#include "inceres/problem/factor_family.h"
 
 namespace inceres {
 
 /// Reprojection of a feature that its anchor, the keyframe that saw it first, stores as a bearing and an inverse depth; with
 /// analytic Jacobians. Slot 0 is the pose of the anchor a, slot 1 that of the observing keyframe b ≠ a, slot 2 the inverse depth
-/// d (1, 1/m). Poses are [p(3), q(x, y, z, w)] on PoseManifold (graph/manifolds.h): p the camera's centre in the world, R = R(q)
+/// d (1, 1/m). Poses are [p(3), q(x, y, z, w)] on PoseManifold (graph/manifolds.h): p the camera's center in the world, R = R(q)
 /// world_from_camera, (δp, φ) ↦ (p + δp, R Exp(φ)). No other manifold on the poses will do: Jacobians are written in its tangent.
 ///
 ///     h = R_bᵀ (R_a m_a + d (p_a − p_b)),   m_a = (x_a, y_a, 1)        d times the point in camera coordinates of b
@@ -24,7 +24,7 @@ namespace inceres {
 /// inverse_depth_reprojection.cc.
 class INCERES_EXPORT InverseDepthReprojectionFamily final : public FactorFamily {
  public:
-  /// Image points are normalised (plane z = 1) unless U says otherwise.
+  /// Image points are normalized (plane z = 1) unless U says otherwise.
   struct Measurement {
     double anchor_point[2] = {0.0, 0.0};           ///< x_a, y_a: where the anchor sees the feature; taken as exact
     double observed_point[2] = {0.0, 0.0};         ///< z_b: where b sees it

@@ -1,13 +1,13 @@
 #pragma once
 
 #include "inceres/factors/perturbation.h"
-#include "inceres/graph/measured_family.h"
+#include "inceres/problem/measured_family.h"
 
 namespace inceres {
 
 /// How a landmark in the world is stored.
 enum class LandmarkKind : unsigned char {
-  kPoint,  ///< X (3), metres; ω = 1
+  kPoint,  ///< X (3), meters; ω = 1
   /// (X, ω) (4), the point X / ω; ω = 0 is a direction. Tangent size 3: SphereManifold(4), which can reach infinity, or
   /// SubsetManifold(4, {3}), which holds ω as OKVIS's HomogeneousPoint does. With ω > 0, X points away from the world's origin.
   kHomogeneous,

@@ -3,17 +3,17 @@
 #include <vector>
 
 #include "inceres/export.h"
-#include "inceres/graph/factor_family.h"
+#include "inceres/problem/factor_family.h"
 
 namespace inceres {
 
 /// A measured relative pose of two cameras, for example a loop closure; with analytic Jacobians. Slots 0 and 1 are the poses a
-/// and b: [p(3), q(x, y, z, w)] on PoseManifold (graph/manifolds.h), p the camera's centre in the world, R = R(q)
+/// and b: [p(3), q(x, y, z, w)] on PoseManifold (graph/manifolds.h), p the camera's center in the world, R = R(q)
 /// world_from_camera, (δp, φ) ↦ (p + δp, R Exp(φ)). No other manifold will do: Jacobians are written in its tangent.
 ///
-///     residual = U [ Log(R_aᵀ R_b R_abᵀ) ; R_bᵀ (p_a − p_b) − p_ab ]        (6 rows: radians, then metres; whitened)
+///     residual = U [ Log(R_aᵀ R_b R_abᵀ) ; R_bᵀ (p_a − p_b) − p_ab ]        (6 rows: radians, then meters; whitened)
 ///
-/// so R_ab turns vectors of camera b into those of camera a, and p_ab is a's centre seen from b. Smooth wherever the rotation
+/// so R_ab turns vectors of camera b into those of camera a, and p_ab is a's center seen from b. Smooth wherever the rotation
 /// residual is below π. Fails to evaluate where a result is not finite.
 ///
 /// Cost: two 6×6 triangular products and one arc tangent a factor, nothing allocated. Threads: as FactorFamily; Add is for one
@@ -22,7 +22,7 @@ class INCERES_EXPORT RelativePoseFamily final : public FactorFamily {
  public:
   struct Measurement {
     double q_ab[4] = {0.0, 0.0, 0.0, 1.0};  ///< R_ab as a unit quaternion x, y, z, w
-    double p_ab[3] = {0.0, 0.0, 0.0};       ///< metres
+    double p_ab[3] = {0.0, 0.0, 0.0};       ///< meters
     double sqrt_information[36] = {};       ///< U, row-major, upper triangular, see SqrtInformation
   };
 

@@ -9,7 +9,7 @@ namespace inceres {
 struct StereoCamera {
   double f_x = 1.0, f_y = 1.0;  ///< focal lengths, pixels
   double c_x = 0.0, c_y = 0.0;  ///< principal point, pixels
-  double baseline = 0.1;        ///< metres
+  double baseline = 0.1;        ///< meters
 };
 
 /// Where a stereo camera sees a landmark. Of a disparity d, right_u = left[0] − d.

@@ -27,7 +27,7 @@ struct PoseGraphEdge {
 struct INCERES_EXPORT PoseGraph {
   int dimension = 0;                 ///< 2 or 3
   std::vector<std::int64_t> ids;     ///< id in the file of each vertex; index = order of appearance
-  std::vector<double> poses;         ///< num_vertices x PoseSize(): 2D [x y theta], 3D [x y z qx qy qz qw]; metres, radians
+  std::vector<double> poses;         ///< num_vertices x PoseSize(): 2D [x y theta], 3D [x y z qx qy qz qw]; meters, radians
   std::vector<PoseGraphEdge> edges;  ///< in the order of the file
   std::vector<int> fixed;            ///< dense indices named by FIX lines, in the order of the file, each once
 
@@ -48,7 +48,7 @@ struct INCERES_EXPORT PoseGraph {
 
 /// Reads a g2o pose graph (optionally .gz or .bz2): VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX lines, blank
 /// lines and lines that start with '#'. Information matrices come as their upper triangle, row by row. Lines may come in any
-/// order: edges and FIX lines may name vertices that follow. Quaternions are normalised (files print a few digits only).
+/// order: edges and FIX lines may name vertices that follow. Quaternions are normalized (files print a few digits only).
 ///
 /// A file that has edges and no VERTEX line has the vertices its edges name, in the order of their ids: the first at the origin,
 /// each later one where an edge puts it, from the vertex of the highest id that has its place: along the odometry.

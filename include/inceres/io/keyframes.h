@@ -15,7 +15,7 @@ namespace inceres {
 struct KeyframeFeature {
   int anchor = 0;  ///< the keyframe that saw it first
   int index = 0;   ///< its number in the anchor, as in the file
-  double x = 0.0;  ///< image point in the anchor, normalised (plane z = 1)
+  double x = 0.0;  ///< image point in the anchor, normalized (plane z = 1)
   double y = 0.0;
   double inverse_depth = 0.0;  ///< measured in the anchor, 1/m; 0: not measured
 };
@@ -23,7 +23,7 @@ struct KeyframeFeature {
 /// The keyframe it arrives with sees a feature of an earlier one.
 struct KeyframeObservation {
   int feature = 0;  ///< index into KeyframeSequence::features
-  double x = 0.0;   ///< normalised image point
+  double x = 0.0;   ///< normalized image point
   double y = 0.0;
   double inverse_depth = 0.0;           ///< measured, 1/m; 0: not measured
   std::array<double, 3> information{};  ///< w00 w01 w11 of the 2 x 2 information matrix of (x, y), positive definite
@@ -35,19 +35,19 @@ struct KeyframeDepthGuess {
   double inverse_depth = 0.0;  ///< 1/m
 };
 
-/// A measured relative pose of two keyframes, C_a C_b^-1 = T_ab: with camera_from_world rotations R and centres p,
+/// A measured relative pose of two keyframes, C_a C_b^-1 = T_ab: with camera_from_world rotations R and centers p,
 /// R_a R_b^T = R_ab and R_b (p_a - p_b) = p_ab.
 struct KeyframeBetween {
   int a = 0;
   int b = 0;
   std::array<double, 4> q_ab{0.0, 0.0, 0.0, 1.0};  ///< R_ab as a unit quaternion x, y, z, w
-  std::array<double, 3> p_ab{};                    ///< metres
+  std::array<double, 3> p_ab{};                    ///< meters
   std::array<double, 36> information{};            ///< 6 x 6, row-major, rotation before position; symmetric positive definite
 };
 
 /// One keyframe and all that arrives with it, each kind in the order of the file.
 struct Keyframe {
-  /// Initial guess as the built-in PoseManifold stores poses: the camera's centre p in the world (3, metres), then the rotation
+  /// Initial guess as the built-in PoseManifold stores poses: the camera's center p in the world (3, meters), then the rotation
   /// world_from_camera as a unit quaternion x, y, z, w (the file has camera_from_world).
   std::array<double, 7> pose{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
   std::vector<KeyframeDepthGuess> depth_guesses;

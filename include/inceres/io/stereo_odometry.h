@@ -17,14 +17,14 @@ struct StereoSighting {
   int point = 0;                          ///< index into StereoOdometry::point_ids
   double left[2] = {0.0, 0.0};            ///< u_l, v: pixels
   double right_u = 0.0;                   ///< u_r: pixels
-  double in_camera[3] = {0.0, 0.0, 0.0};  ///< the point triangulated from this pair of images: metres, axes of the left camera
+  double in_camera[3] = {0.0, 0.0, 0.0};  ///< the point triangulated from this pair of images: meters, axes of the left camera
 };
 
 /// What a stereo visual odometry hands to its back-end: where it thinks its camera was, and the tracks of its points.
 struct INCERES_EXPORT StereoOdometry {
   StereoCamera camera;
-  /// The odometry's estimates in the order of time, as PoseManifold stores poses: the left camera's centre in the world (3,
-  /// metres), then world_from_camera as a unit quaternion x, y, z, w.
+  /// The odometry's estimates in the order of time, as PoseManifold stores poses: the left camera's center in the world (3,
+  /// meters), then world_from_camera as a unit quaternion x, y, z, w.
   std::vector<std::array<double, 7>> poses;
   std::vector<std::int64_t> point_ids;    ///< id in the file of each point, in the order of first appearance in it
   std::vector<StereoSighting> sightings;  ///< by pose, those of one pose in the order of the file
@@ -32,9 +32,9 @@ struct INCERES_EXPORT StereoOdometry {
 
 /// Reads a stereo odometry from the three text files of a folder, one record a line:
 ///
-///     VO_calibration*.txt      f_x f_y skew c_x c_y baseline                 one line; pixels and metres, skew 0
+///     VO_calibration*.txt      f_x f_y skew c_x c_y baseline                 one line; pixels and meters, skew 0
 ///     VO_camera_poses*.txt     i  T(16)                                      pose i, numbered 0, 1, 2, …: world_from_camera,
-///                                                                            4 x 4 row-major; metres
+///                                                                            4 x 4 row-major; meters
 ///     VO_stereo_factors*.txt   i p u_l u_r v X Y Z                           pose i sees point p, any id from 0 on
 ///
 /// where * is any text, the same in all three names. Rotations are projected on the

@@ -30,7 +30,7 @@ struct VioCamera {
 
 /// What an estimator estimates of a frame.
 struct VioState {
-  std::array<double, 7> pose{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};  ///< of the IMU in the world: [p(3), q(x, y, z, w)], metres
+  std::array<double, 7> pose{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};  ///< of the IMU in the world: [p(3), q(x, y, z, w)], meters
   std::array<double, 3> velocity{};                               ///< in the world, m/s
   std::array<double, 3> gyr_bias{};                               ///< rad/s
   std::array<double, 3> acc_bias{};                               ///< m/s²
@@ -55,7 +55,7 @@ struct VioFrame {
 };
 
 struct VioPoint {
-  std::array<double, 3> start{};  ///< initial guess, metres in the world
+  std::array<double, 3> start{};  ///< initial guess, meters in the world
   std::array<double, 3> truth{};
 };
 

@@ -3,8 +3,8 @@
 #include <functional>
 #include <memory>
 
-#include "inceres/block/block_pattern.h"
 #include "inceres/export.h"
+#include "inceres/linear/block_pattern.h"
 #include "inceres/status.h"
 
 namespace inceres {
@@ -31,16 +31,20 @@ class INCERES_EXPORT ReducedSolver {
   virtual Status Solve(const double* b, double* x) = 0;
 };
 
-/// Which built-in solver takes the reduced system.
+/// Which built-in solver takes the reduced system S δ = b.
 enum class ReducedSolverKind {
-  kAutomatic,  ///< dense for small or full systems, else sparse
-  kDense,      ///< dense Cholesky of our own
-  kSparse,     ///< sparse Cholesky of our own, multifrontal, on as many threads as the solve has
-  /// Conjugate gradients, preconditioned by the Cholesky factor of an earlier S, which is renewed when they take long. Steps are
-  /// right to 1e-4 in the norm of the energy, the cost they promise to 1e-8: the iterations are Ceres's to that accuracy only,
-  /// and there is nothing to gain where forming S costs more than factoring it.
+  /// By predicted flops: dense for small or full systems, else sparse; in an IncrementalSolver, call by call, kResumed while
+  /// little has changed and kSparse when much has.
+  kAutomatic,
+  kDense,    ///< dense Cholesky of our own
+  kSparse,   ///< sparse Cholesky of our own, multifrontal, on as many threads as the solve has
+  kResumed,  ///< envelope Cholesky, factored anew only behind the first changed row: IncrementalSolver only
+  /// Conjugate gradients. In a batch solve preconditioned by the Cholesky factor of an earlier S, which is renewed when they take
+  /// long: steps are right to 1e-4 in the norm of the energy, the cost they promise to 1e-8, so that the iterations are Ceres's
+  /// to that accuracy only, and there is nothing to gain where forming S costs more than factoring it. In an IncrementalSolver
+  /// with blocks as preconditioner, from the last solution (ICE-BA).
   kPcg,
-  kAutomaticInexact,  ///< as kAutomatic, or kPcg where that is predicted to take less
+  kAutomaticInexact,  ///< as kAutomatic, or kPcg where that is predicted to take less: batch solves only
 };
 
 using ReducedSolverFactory = std::function<std::unique_ptr<ReducedSolver>()>;

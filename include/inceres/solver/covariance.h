@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "inceres/export.h"
-#include "inceres/graph/factor_graph.h"
+#include "inceres/problem/factor_graph.h"
 #include "inceres/status.h"
 
 namespace inceres {
@@ -34,7 +34,7 @@ struct INCERES_EXPORT CovarianceOptions {
 /// kSingular with the variable, not a large number. Through H, not J: a stiff factor of 1e14 beside weak ones of 1e-2 that it
 /// ties together exceeds max_inflation.
 ///
-/// Cost: one linearisation, elimination and factorisation of the whole problem, then the solves. One caller; threads as options
+/// Cost: one linearization, elimination and factorization of the whole problem, then the solves. One caller; threads as options
 /// say. Source: Triggs et al. 1999, section 9; docs/visual_inertial.md.
 class INCERES_EXPORT Covariance {
  public:

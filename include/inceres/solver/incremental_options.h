@@ -9,21 +9,12 @@
 
 namespace inceres {
 
-/// Who solves the reduced system S δ = b of an IncrementalSolver.
-enum class IncrementalReducedSolver {
-  kAutomatic,  ///< by predicted flops, call by call: resumed while little has changed, sparse when much has
-  kResumed,    ///< envelope Cholesky, refactored only behind the first changed row
-  kDense,      ///< dense Cholesky of our own, from scratch
-  kSparse,     ///< sparse Cholesky of our own, symbolic analysis kept while the pattern stands
-  kPcg,        ///< preconditioned conjugate gradients that start from the last solution (ICE-BA)
-};
-
 /// Whether S and b follow a change by difference, or are summed anew from the cached Jacobians. The same up to rounding.
 enum class RebuildPolicy { kWhenCheaper, kAlways, kNever };
 
-/// When a factor that was moved is linearised anew.
-enum class RelinearisationRule {
-  kResidualError,  ///< the error of its old linearisation counts in units of the objective
+/// When a factor that was moved is linearized anew.
+enum class RelinearizationRule {
+  kResidualError,  ///< the error of its old linearization counts in units of the objective
   kStepSize,  ///< ‖δ_i‖_∞ of one of its variables reaches a threshold in a step (IncrementalSolver's thesis, EIBA, ICE-BA)
 };
 
@@ -36,7 +27,7 @@ enum class DampingForm {
 /// Options of an IncrementalSolver. The thresholds are shares of what function_tolerance allows.
 struct INCERES_EXPORT IncrementalOptions {
   /// Of a share: what the graph asks for as it is at each Update. Landmarks: 0.1 and 0.03. None, as in a pose graph: 0 and 0, for
-  /// there steps that mix linearisation points, or leave part of the frames behind, promise what they do not keep.
+  /// there steps that mix linearization points, or leave part of the frames behind, promise what they do not keep.
   static constexpr double kByGraph = -1.0;
 
   int max_num_iterations = 50;  ///< per Update, ≥ 0
@@ -56,16 +47,16 @@ struct INCERES_EXPORT IncrementalOptions {
   /// removed and whose places are still free is never solved in batch.)
   double batch_share = 0.5;
   TrustRegionStrategyKind batch_strategy = TrustRegionStrategyKind::kLevenbergMarquardt;  ///< of the batch solver
-  int num_threads = 1;  ///< ≥ 1: of evaluation and of large factorisations; the result is the same to the last bit
+  int num_threads = 1;  ///< ≥ 1: of evaluation and of large factorizations; the result is the same to the last bit
 
   DampingForm damping = DampingForm::kHybrid;
-  RelinearisationRule relinearisation = RelinearisationRule::kResidualError;
-  /// θ_r of kResidualError: a factor is linearised anew when the squared error of its old linearisation exceeds this share of
-  /// function_tolerance · 2F / (number of factors). ≥ 0, or kByGraph; 0 linearises every factor that moved.
-  double relinearisation_share = kByGraph;
+  RelinearizationRule relinearization = RelinearizationRule::kResidualError;
+  /// θ_r of kResidualError: a factor is linearized anew when the squared error of its old linearization exceeds this share of
+  /// function_tolerance · 2F / (number of factors). ≥ 0, or kByGraph; 0 linearizes every factor that moved.
+  double relinearization_share = kByGraph;
   /// ε of kStepSize, > 0, in the units of the tangent spaces. Whatever the rule, convergence is declared on Jacobians that are
   /// fresh enough by the first one only.
-  double relinearisation_step = 1e-3;
+  double relinearization_step = 1e-3;
 
   /// θ_a: frames whose steps together are worth less than this share of the predicted decrease (or a little of what
   /// function_tolerance allows, if that is more) stay put, postponed to a later iteration or Update. In [0, 1), or kByGraph; 0
@@ -84,7 +75,7 @@ struct INCERES_EXPORT IncrementalOptions {
   int max_new_frame_steps = 3;
 
   RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;
-  IncrementalReducedSolver reduced_solver = IncrementalReducedSolver::kAutomatic;
+  ReducedSolverKind reduced_solver = ReducedSolverKind::kAutomatic;  ///< not kAutomaticInexact
   /// If set, makes the solver for S δ = b instead of a built-in one, for the batch solver too (docs/reduced_solver.md). It
   /// factors all of S each time; Analyze is called again when a block or a frame came or went. Read by the constructor of
   /// IncrementalSolver.

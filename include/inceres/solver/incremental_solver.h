@@ -5,8 +5,8 @@
 #include <string>
 
 #include "inceres/export.h"
-#include "inceres/graph/factor_graph.h"
-#include "inceres/graph/graph_edit.h"
+#include "inceres/problem/factor_graph.h"
+#include "inceres/problem/graph_edit.h"
 #include "inceres/solver/incremental_options.h"
 #include "inceres/solver/marginalization.h"
 #include "inceres/solver/reduced_structure.h"
@@ -55,7 +55,7 @@ class INCERES_EXPORT IncrementalSolver {
   /// Other options from the next Update on, but for num_threads, reduced_solver and its factory, which stay what they were.
   void SetOptions(const IncrementalOptions& options);
 
-  /// Minimises from the current state. A failure names its factor or variable and keeps the last accepted step; what was changed
+  /// Minimizes from the current state. A failure names its factor or variable and keeps the last accepted step; what was changed
   /// since the last Update takes part again in the next one, from there.
   UpdateSummary Update();
   /// The same into the memory of an earlier summary: in a steady state nothing is allocated. `observer`, which may be null, sees

@@ -5,13 +5,13 @@
 #include <vector>
 
 #include "inceres/export.h"
-#include "inceres/graph/factor_family.h"
-#include "inceres/graph/factor_graph.h"
-#include "inceres/graph/manifold.h"
+#include "inceres/problem/factor_family.h"
+#include "inceres/problem/factor_graph.h"
+#include "inceres/problem/manifold.h"
 
 namespace inceres {
 
-/// What is left of factors and variables that were marginalised: a square-root prior on their neighbours x_1 … x_k, linearised
+/// What is left of factors and variables that were marginalized: a square-root prior on their neighbors x_1 … x_k, linearized
 /// once and for all at x₀,
 ///
 ///     e(x) = e₀ + J δ,   δ = (x_1 ⊟ x₀_1, …, x_k ⊟ x₀_k).
@@ -20,7 +20,7 @@ namespace inceres {
 struct INCERES_EXPORT LinearPrior {
   /// One variable of the prior.
   struct Block {
-    std::vector<double> x0;                    ///< linearisation point, ambient size
+    std::vector<double> x0;                    ///< linearization point, ambient size
     std::shared_ptr<const Manifold> manifold;  ///< null: Euclidean
     int tangent_size = 0;                      ///< of the manifold, or x0.size()
   };

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "inceres/export.h"
-#include "inceres/graph/factor_graph.h"
+#include "inceres/problem/factor_graph.h"
 #include "inceres/status.h"
 
 namespace inceres {
@@ -19,16 +19,16 @@ enum class PriorThreshold {
 struct INCERES_EXPORT MarginalizationOptions {
   PriorThreshold threshold = PriorThreshold::kNone;
   double epsilon = 1e-8;  ///< of the threshold, ≥ 0
-  /// A marginalised variable with a direction that no factor measures makes the call fail with its id. If allowed, what is
+  /// A marginalized variable with a direction that no factor measures makes the call fail with its id. If allowed, what is
   /// measured is used and the rest left out, which is the same as the pseudo-inverse of VINS and OKVIS: right for the others, to
   /// whom a point seen once says nothing.
   bool allow_rank_loss = false;
-  /// In [0, 1): a column of the marginalised variables counts as unmeasured when elimination leaves less than this share of it.
+  /// In [0, 1): a column of the marginalized variables counts as unmeasured when elimination leaves less than this share of it.
   double rank_tolerance = 1e-12;
-  /// Constants among the neighbours are exactly known to a prior, which says nothing about them if they are set free later. If
+  /// Constants among the neighbors are exactly known to a prior, which says nothing about them if they are set free later. If
   /// kept, their columns are part of it (as VINS keeps its extrinsics); borrowed constants never are.
   bool keep_constants = false;
-  /// Pins the variables that the prior keeps to where they are linearised now (FactorGraph::PinLinearisation), but for those
+  /// Pins the variables that the prior keeps to where they are linearized now (FactorGraph::PinLinearization), but for those
   /// pinned before.
   bool first_estimate_jacobians = false;
 
@@ -58,8 +58,8 @@ struct INCERES_EXPORT MarginalizationSummary {
   double fixed_cost = 0.0;  ///< ½‖·‖² of their residuals that no variable can change any more: the cost falls by it
 };
 
-/// Takes variables out of a graph and keeps what their factors say about the neighbours r as one LinearPrior factor: with the
-/// marginalised ones m,
+/// Takes variables out of a graph and keeps what their factors say about the neighbors r as one LinearPrior factor: with the
+/// marginalized ones m,
 ///
 ///     JᵀJ = H_rr − H_rm H_mm⁻¹ H_mr,   −Jᵀe₀ = η_r − H_rm H_mm⁻¹ η_m,
 ///
@@ -69,9 +69,9 @@ struct INCERES_EXPORT MarginalizationSummary {
 /// what it is (linear_prior.h).
 ///
 /// A transaction: on an error nothing has changed. kInvalidArgument: an id or option is wrong, or the prior would join two
-/// landmarks that are not constant (offenders: those; marginalise them too, or drop their factors). kSingular: rank loss
+/// landmarks that are not constant (offenders: those; marginalize them too, or drop their factors). kSingular: rank loss
 /// (offenders: the variables without enough information; all landmarks at fault, or all frames). kEvaluationFailed: as in a
-/// solve. A constant can be marginalised: it is fixed where it is. Free places that removed factors leave are used again.
+/// solve. A constant can be marginalized: it is fixed where it is. Free places that removed factors leave are used again.
 ///
 /// Priors of like shape share a family, so that a window that slides for ever does not grow.
 ///

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "inceres/export.h"
-#include "inceres/graph/factor_graph.h"
+#include "inceres/problem/factor_graph.h"
 #include "inceres/solver/marginalization.h"
 
 namespace inceres {
@@ -23,13 +23,13 @@ namespace inceres {
 INCERES_EXPORT MarginalizationRequest OldestFrameRule(const FactorGraph& graph, const std::vector<VariableId>& frames,
                                                       int min_factors = 2);
 
-/// A frame leaves that is too like its neighbours to be worth its linearisation: factors that tie it to landmarks are dropped,
-/// and landmarks that have no others with them; what else touches it (the prior, preintegrated motion) is marginalised. Source:
+/// A frame leaves that is too like its neighbors to be worth its linearization: factors that tie it to landmarks are dropped,
+/// and landmarks that have no others with them; what else touches it (the prior, preintegrated motion) is marginalized. Source:
 /// VINS-Mono's MARGIN_SECOND_NEW.
 INCERES_EXPORT MarginalizationRequest SecondNewestFrameRule(const FactorGraph& graph, const std::vector<VariableId>& frames);
 
 /// Landmarks the leaving frames see: one that a frame of `newest` sees too stays, and its factors with the leaving frames are
-/// dropped, so that it stays out of the prior; any other is marginalised, or dropped if it has fewer than min_factors factors. A
+/// dropped, so that it stays out of the prior; any other is marginalized, or dropped if it has fewer than min_factors factors. A
 /// landmark all of whose factors touch a leaving frame, as an inverse depth does whose anchor leaves, cannot stay.
 /// Source: Leutenegger et al., "Keyframe-based visual–inertial odometry using nonlinear optimization", 2015, section 3.5 (OKVIS's
 /// applyMarginalizationStrategy).

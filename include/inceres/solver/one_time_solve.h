@@ -1,7 +1,7 @@
 #pragma once
 
 #include "inceres/export.h"
-#include "inceres/graph/factor_graph.h"
+#include "inceres/problem/factor_graph.h"
 #include "inceres/solver/incremental_options.h"
 #include "inceres/solver/options.h"
 #include "inceres/solver/solver.h"

@@ -10,7 +10,7 @@ class SolveObserver;
 
 enum class TrustRegionStrategyKind {
   kLevenbergMarquardt,  ///< Nocedal & Wright, section 10.3; radius update of Madsen, Nielsen & Tingleff 2004
-  kDogleg,              ///< Powell's traditional Dog-Leg, Gauss–Newton step regularised by μ when needed
+  kDogleg,              ///< Powell's traditional Dog-Leg, Gauss–Newton step regularized by μ when needed
   kSubspaceDogleg,      ///< the best step in the plane of gradient and Gauss–Newton step (Byrd, Schnabel & Shultz 1988)
 };
 
@@ -47,7 +47,7 @@ struct INCERES_EXPORT SolverOptions {
   /// If set, makes the solver for S δ_c = b instead of a built-in one.
   ReducedSolverFactory reduced_solver_factory;
 
-  /// Find the blocks of the Jacobian that are all zeros at each linearisation, and leave them out of H and its factorisation,
+  /// Find the blocks of the Jacobian that are all zeros at each linearization, and leave them out of H and its factorization,
   /// whose pattern is then made anew whenever the zeros have moved. For factors that touch many variables of which few count at a
   /// time: the points of a curve, a grid that is looked up. Solution and trace are the same up to rounding; where few blocks are
   /// zero it only costs. Landmarks are treated as frames. With linear_model kAutomatic or kPlain.
@@ -78,7 +78,7 @@ struct INCERES_EXPORT SolverOptions {
   /// Gauss–Newton step with the frames held: all of them first, then those that brought the gain, and all again once those gain
   /// less than a tenth of what the step itself does; where all gain less, none after the next step, then after two, four, …
   /// Points seen at a small angle then need a third of the iterations. Leaves landmarks on a manifold alone. Changes the trace:
-  /// Ceres's inner iterations minimise each block to the end. Source: Jeong et al. 2012 (embedded point iterations).
+  /// Ceres's inner iterations minimize each block to the end. Source: Jeong et al. 2012 (embedded point iterations).
   bool use_inner_iterations = false;
 
   /// Where a robust loss takes away curvature (ρ'' < 0), let H have up to half of it less, in steps after one that gained less

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "inceres/graph/factor_graph.h"
+#include "inceres/problem/factor_graph.h"
 
 namespace inceres {
 

@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "inceres/export.h"
-#include "inceres/graph/factor_graph.h"
+#include "inceres/problem/factor_graph.h"
 #include "inceres/solver/options.h"
 #include "inceres/solver/summary.h"
 
@@ -40,17 +40,17 @@ class INCERES_EXPORT SolveObserver {
   }
 };
 
-/// Minimises the graph's cost (factors whose variables are all constant included: put what cannot move into
+/// Minimizes the graph's cost (factors whose variables are all constant included: put what cannot move into
 /// SolverOptions::fixed_cost instead if it should not weigh on the relative tolerances); on a usable solution the graph's state
 /// is the best one found, otherwise it is untouched. The summary names what happened.
 ///
-/// Cost: each iteration is linear in factors and block products plus the factorisation of the reduced system. Threads: up to
+/// Cost: each iteration is linear in factors and block products plus the factorization of the reduced system. Threads: up to
 /// options.num_threads; the result is the same to the last bit for any number.
-/// Source: Ceres 2.1's trust-region minimiser, without its scaling of J.
+/// Source: Ceres 2.1's trust-region minimizer, without its scaling of J.
 INCERES_EXPORT Summary Solve(const SolverOptions& options, FactorGraph* graph);
 
 /// The batch solver for who solves again and again: problems of one structure, the same graph or another one, find layout,
-/// elimination order, symbolic factorisation, arrays and threads ready. Structure is compared by content (sizes, roles,
+/// elimination order, symbolic factorization, arrays and threads ready. Structure is compared by content (sizes, roles,
 /// constants, connections), never by address, and no number computed for one solve is used in the next: the result is that of
 /// Solve, to the last bit. Summary::structure_reused tells. A graph of another structure, another number of threads, linear model
 /// or reduced solver is set up anew, and what was there is given back; so it is each time with a reduced_solver_factory, kPcg and

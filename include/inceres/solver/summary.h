@@ -59,7 +59,7 @@ struct INCERES_EXPORT WorkCounts {
   int num_jacobian_evaluations = 0;
   int num_linear_solves = 0;
   std::int64_t num_inner_iterations = 0;      ///< steps of single landmarks, SolverOptions::use_inner_iterations
-  int num_recentred_factors = 0;              ///< expansion points moved between iterations, FactorFamily::Recentre
+  int num_recentered_factors = 0;             ///< expansion points moved between iterations, FactorFamily::Recenter
   int num_frames = 0;                         ///< variable frames in the reduced system
   int num_landmarks = 0;                      ///< eliminated landmarks
   int reduced_size = 0;                       ///< scalar unknowns of the reduced system

@@ -21,7 +21,7 @@ enum class UpdateStep {
 INCERES_EXPORT const char* ToString(UpdateStep step);
 
 /// One line of the trace of an Update, iteration 0 being the start. What follows from a step (residuals, gradients, the
-/// linearisations it asks for) counts as part of it. The last solve, which finds out that nothing is left to do, has no line.
+/// linearizations it asks for) counts as part of it. The last solve, which finds out that nothing is left to do, has no line.
 struct INCERES_EXPORT UpdateIteration {
   int iteration = 0;
   UpdateStep step = UpdateStep::kNone;
@@ -43,7 +43,7 @@ struct INCERES_EXPORT UpdateIteration {
   double radius = 0.0;   ///< of the trust region after it: infinite unless a step was shortened; Ceres's of kBatch
   int num_moved_frames = 0;
   int num_visited_landmarks = 0;
-  int num_relinearised_factors = 0;
+  int num_relinearized_factors = 0;
   std::int64_t num_evaluated_factors = 0;
   int num_linear_solver_iterations = 0;  ///< of PCG; 1 if a direct solver solved, 0 if there was nothing to solve
   double seconds = 0.0;
@@ -56,17 +56,19 @@ struct INCERES_EXPORT UpdateSummary {
   Termination termination = Termination::kFailure;
   std::string message;
   std::string failed_step;  ///< as in Summary
+  /// The batch solver's own rules ended it, as Ceres's would: `message` is in Ceres's words.
+  bool ended_by_batch_rule = false;
   double initial_cost = 0.0;
   double final_cost = 0.0;
   /// What the model saw left to gain before the last step of the frames, or at convergence: truncated and unvisited parts too.
-  double undone = 0.0;
+  double remaining_decrease = 0.0;
 
   int num_iterations = 0;
   int num_batch_iterations = 0;  ///< of them by the batch solver
   int num_rejected_steps = 0;
   int num_shortened_steps = 0;  ///< tried again along the dog-leg path
-  int num_relinearised_factors = 0;
-  int num_recentred_factors = 0;           ///< whose expansion point moved between iterations, FactorFamily::Recentre
+  int num_relinearized_factors = 0;
+  int num_recentered_factors = 0;          ///< whose expansion point moved between iterations, FactorFamily::Recenter
   std::int64_t num_evaluated_factors = 0;  ///< cost-only, at candidates
   int num_eliminated_landmarks = 0;        ///< taken out of S and put back with new blocks
   int num_updated_landmarks = 0;           ///< whose right-hand side alone followed
@@ -77,14 +79,14 @@ struct INCERES_EXPORT UpdateSummary {
   int num_landmark_passes = 0;    ///< steps of landmarks alone
   int num_visited_landmarks = 0;  ///< leaves back-substituted
   int num_moved_frames = 0;
-  int num_rebuilds = 0;          ///< switch decisions: S and b summed anew
-  int num_drifted_frames = 0;    ///< rows of S summed anew because cancellation had eaten digits
-  int num_parked_landmarks = 0;  ///< without information at the end
-  std::int64_t bytes = 0;        ///< of the caches, S and its factor
+  int num_rebuilds = 0;                ///< switch decisions: S and b summed anew
+  int num_drifted_frames = 0;          ///< rows of S summed anew because cancellation had eaten digits
+  int num_undetermined_landmarks = 0;  ///< without information at the end
+  std::int64_t bytes = 0;              ///< of the caches, S and its factor
 
   double seconds = 0.0;
   double batch_seconds = 0.0;      ///< in the batch solver
-  double linearise_seconds = 0.0;  ///< evaluation with Jacobians, S and b
+  double linearize_seconds = 0.0;  ///< evaluation with Jacobians, S and b
   double solve_seconds = 0.0;      ///< of the reduced system
   double select_seconds = 0.0;     ///< active set and back-substitution
   double landmark_seconds = 0.0;   ///< steps of landmarks alone

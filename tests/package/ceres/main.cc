@@ -1,4 +1,4 @@
-// Minimises ½ (10 − x)² through the Ceres shim from an installation: Ceres's own hello-world with another namespace.
+// Minimizes ½ (10 − x)² through the Ceres shim from an installation: Ceres's own hello-world with another namespace.
 #include <cmath>
 #include <cstdio>
 

@@ -1,9 +1,9 @@
-// Minimises ½ (x − 3)² with inceres::core from an installation.
+// Minimizes ½ (x − 3)² with inceres::core from an installation.
 #include <cmath>
 #include <cstdio>
 #include <memory>
 
-#include <inceres/graph/ambient_family.h>
+#include <inceres/problem/ambient_family.h>
 #include <inceres/solver/solver.h>
 
 class Offset : public inceres::AmbientFamily<Offset> {

@@ -6,7 +6,7 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
-#include "adapters/ceres/src/ceres_version.h"
+#include "adapters/ceres/read/ceres_version.h"
 
 // Every function of Ceres that the drop-in stands in for, with its symbol, once: name, symbol, type with the object first.
 // CMakeLists.txt reads the symbols from this file too: they are what libinceres_dropin.so exports and what --wrap wraps. Those of

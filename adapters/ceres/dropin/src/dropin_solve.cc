@@ -7,15 +7,15 @@
 
 #include <glog/logging.h>
 
+#include "adapters/ceres/compare/cross_check.h"
 #include "adapters/ceres/dropin/src/ceres_symbols.h"
-#include "adapters/ceres/src/cross_check.h"
-#include "adapters/ceres/src/decline.h"
-#include "adapters/ceres/src/environment.h"
-#include "adapters/ceres/src/gate.h"
-#include "adapters/ceres/src/ordering.h"
-#include "adapters/ceres/src/stock_ceres.h"
-#include "adapters/ceres/src/view_pool.h"
-#include "adapters/ceres/src/window_watch.h"
+#include "adapters/ceres/fallback/decline.h"
+#include "adapters/ceres/fallback/gate.h"
+#include "adapters/ceres/fallback/stock_ceres.h"
+#include "adapters/ceres/plan/view_pool.h"
+#include "adapters/ceres/read/ordering.h"
+#include "adapters/ceres/report/environment.h"
+#include "adapters/ceres/session/window_watch.h"
 #include "inceres/ceres/session.h"
 #include "inceres/ceres/solve.h"
 
@@ -56,7 +56,7 @@ SolveReport Asked(const KnownProblem& known, SolveMode mode) {
 }
 
 // Which residual blocks are new is known from the calls that added them, whatever their addresses: their cost functions are
-// forgotten, so that a residual block removed and added again is linearised anew even where nothing that can be evaluated
+// forgotten, so that a residual block removed and added again is linearized anew even where nothing that can be evaluated
 // differs: estimators make new cost functions where old ones stood, or change one between its removal and its return. And where
 // no call has edited the problem, it is not looked through again.
 //
@@ -111,9 +111,9 @@ bool SolvedIncrementally(DropinMode mode, KnownProblem* known, const ceres::Solv
   }
   const ProblemChanges& changes = report.changes;
   VLOG(1) << "inceres: incremental: " << changes.num_added_factors << " residual blocks new, " << changes.num_removed_factors
-          << " removed, " << changes.num_replaced_factors << " not recognised, " << changes.num_kept_factors << " kept; "
-          << changes.num_revalued_variables << " parameter blocks revalued; " << report.update.num_relinearised_factors
-          << " linearised in " << report.update.num_iterations << " iterations.";
+          << " removed, " << changes.num_replaced_factors << " not recognized, " << changes.num_kept_factors << " kept; "
+          << changes.num_revalued_variables << " parameter blocks revalued; " << report.update.num_relinearized_factors
+          << " linearized in " << report.update.num_iterations << " iterations.";
   return true;
 }
 

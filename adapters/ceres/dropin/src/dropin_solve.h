@@ -4,7 +4,7 @@
 #include <ceres/solver.h>
 
 #include "adapters/ceres/dropin/src/registry.h"
-#include "adapters/ceres/src/environment.h"
+#include "adapters/ceres/report/environment.h"
 
 namespace inceres::internal {
 

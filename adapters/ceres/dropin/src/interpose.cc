@@ -3,7 +3,7 @@
 #include "adapters/ceres/dropin/src/ceres_symbols.h"
 #include "adapters/ceres/dropin/src/dropin_solve.h"
 #include "adapters/ceres/dropin/src/registry.h"
-#include "adapters/ceres/src/environment.h"
+#include "adapters/ceres/report/environment.h"
 #include "inceres/ceres/dropin.h"
 
 namespace inceres::internal::interposed {

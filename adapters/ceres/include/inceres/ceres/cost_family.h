@@ -7,7 +7,7 @@
 
 #include <ceres/cost_function.h>
 
-#include "inceres/graph/ambient_family.h"
+#include "inceres/problem/ambient_family.h"
 
 namespace inceres {
 

@@ -7,6 +7,7 @@
 #include <ceres/solver.h>
 
 #include "inceres/export.h"
+#include "inceres/status.h"
 
 namespace inceres {
 
@@ -48,8 +49,8 @@ struct INCERES_EXPORT CrossCheckOptions {
   /// never.
   int spread_interval = 100;
 
-  /// A message that names the field if a tolerance is negative or not a number; else empty.
-  std::string Validate() const;
+  /// kInvalidArgument, with a message that names the field, if a tolerance is negative or not a number.
+  Status Validate() const;
 };
 
 /// The component in which the two solutions differ most, by the measure of CrossCheckOptions::parameter_tolerance.
@@ -76,7 +77,7 @@ struct INCERES_EXPORT StockSpread {
 /// What a cross-check found. Both summaries are whole, also of the solve that was not kept.
 struct INCERES_EXPORT CrossCheckResult {
   bool compared = false;  ///< both solved it
-  std::string reason;     ///< why not compared, what was left out of the judgement, or that cost functions remember; else empty
+  std::string reason;     ///< why not compared, what was left out of the judgment, or that cost functions remember; else empty
   std::vector<std::string> violations;  ///< each names what differs, both values and the tolerance; empty: they agree
   /// What is beyond a tolerance but excused, because stock's own linear solvers differ as much, or because the cost functions
   /// remember, which `reason` then says. Empty if there are violations.

@@ -14,7 +14,7 @@ namespace inceres {
 /// - `INCERES_WINDOWS`: `exact` (default) or `incremental`: in the drop-in's incremental and auto modes, whether problems of a
 ///   window's size, and windows that slide, are solved exactly (SessionOptions::exact_windows).
 /// - `INCERES_CROSS_CHECK`: `1`, `0`, or what asks for the check with these CrossCheckOptions: a list of `keep=ours`,
-///   `keep=stock`, `cost=X`, `parameters=X`, `iterations=N`, `radius=X`.
+///   `keep=stock`, `cost=X`, `parameters=X`, `iterations=N`, `radius=X`, `spread=X`.
 /// - `INCERES_AB_LOG`: a file for the A/B log.
 ///
 /// A value that is none of these is named in the log, once, and has no effect; the rest holds. In a program that runs with rights

@@ -44,9 +44,9 @@ struct INCERES_EXPORT SessionOptions {
 ///
 /// Nothing is believed because an address is the same, for addresses come back:
 /// - values are compared with those the session last wrote, bit by bit;
-/// - a cost function must evaluate (cost only, at the values of its last linearisation) to the residual it had there, bit by bit.
+/// - a cost function must evaluate (cost only, at the values of its last linearization) to the residual it had there, bit by bit.
 ///   A residual of zero proves nothing, nor does one that depends on whether Jacobians are asked for; such a residual block, like
-///   one that fails, is linearised anew in every solve;
+///   one that fails, is linearized anew in every solve;
 /// - a manifold must have the plus-Jacobian it had; a loss must give the values it gave at 25 arguments from 4⁻¹² to 4¹².
 /// What these tests cannot see, Forget and Reset tell.
 ///
@@ -71,7 +71,7 @@ class INCERES_EXPORT CeresSession {
   void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
              SolveReport* report = nullptr);
 
-  /// The next solve linearises the residual blocks with this cost function anew.
+  /// The next solve linearizes the residual blocks with this cost function anew.
   void Forget(const ceres::CostFunction* cost_function);
   /// The next solve weighs the residual blocks with this loss anew.
   void Forget(const ceres::LossFunction* loss_function);

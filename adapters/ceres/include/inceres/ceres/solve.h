@@ -31,7 +31,7 @@ struct INCERES_EXPORT ProblemChanges {
   int num_toggled_constants = 0;   ///< made constant or variable
   int num_added_factors = 0;
   int num_removed_factors = 0;
-  int num_replaced_factors = 0;  ///< same parameter blocks, but not proved to be the same: linearised anew
+  int num_replaced_factors = 0;  ///< same parameter blocks, but not proved to be the same: linearized anew
   int num_kept_factors = 0;      ///< taken over from the last solve
   int num_changed_losses = 0;    ///< kept or replaced factors with another loss
 };
@@ -78,7 +78,7 @@ struct INCERES_EXPORT SolveReport {
 /// call, and never concurrently when options.num_threads is 1. Re-entrant.
 ///
 /// A problem built anew with the structure of an earlier one (the same sizes, constants and connections; addresses do not matter)
-/// finds elimination order, symbolic factorisation, arrays and threads ready: exact mode keeps the solvers of the last few small
+/// finds elimination order, symbolic factorization, arrays and threads ready: exact mode keeps the solvers of the last few small
 /// problems, 64 MiB at most in all, until ForgetStructures. No number is used again. SolveReport::core.structure_reused tells.
 /// Source: docs/swap.md; docs/ceres_contract.md, field by field.
 INCERES_EXPORT void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <vector>
+
+#include <ceres/evaluation_callback.h>
+#include <ceres/solver.h>
+
+#include "adapters/ceres/plan/graph_builder.h"
+#include "inceres/solver/solver.h"
+
+namespace inceres::internal {
+
+/// What of the options is asked again and again during a solve: a copy, as Ceres takes one, for a callback may change the user's.
+struct ReportOptions {
+  explicit ReportOptions(const ceres::Solver::Options& options)
+      : callbacks(options.callbacks),
+        update_state(options.update_state_every_iteration),
+        logs(options.logging_type != ceres::SILENT),
+        to_stdout(options.minimizer_progress_to_stdout) {}
+
+  std::vector<ceres::IterationCallback*> callbacks;
+  bool update_state;
+  bool logs;
+  bool to_stdout;
+};
+
+/// What Ceres does at the end of an iteration once the user's memory is as it is to be: log the progress row (unless silent),
+/// call the user's callbacks until one of them stops the solve. Adds the seconds these took to `*callback_seconds`.
+ObserverAction ReportIteration(const ReportOptions& options, const IterationSummary& iteration, double* callback_seconds);
+
+/// What Ceres does at the end of an iteration, in its order: copy the best state to the user's memory (if asked to), then
+/// ReportIteration. And, if the problem has an evaluation callback, before an evaluation: copy the point to the user's memory
+/// and call it.
+class CallbackObserver : public SolveObserver {
+ public:
+  /// Borrows all for the length of a solve; `evaluation_callback` may be null.
+  CallbackObserver(const ceres::Solver::Options& options, ceres::EvaluationCallback* evaluation_callback,
+                   const std::vector<StateBlock>& blocks)
+      : options_(options), evaluation_callback_(evaluation_callback), blocks_(blocks) {}
+
+  /// False if nobody would notice that the solve goes on without it.
+  bool IsNeeded() const;
+
+  void BeforeEvaluation(const double* state, bool jacobians, bool new_point) override;
+  ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override;
+
+  /// Spent in the user's iteration callbacks so far.
+  double callback_seconds() const { return callback_seconds_; }
+
+ private:
+  const ReportOptions options_;
+  ceres::EvaluationCallback* const evaluation_callback_;
+  const std::vector<StateBlock>& blocks_;
+  double callback_seconds_ = 0.0;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,164 @@
+#include "adapters/ceres/fallback/gate.h"
+
+#include <algorithm>
+
+namespace inceres::internal {
+namespace {
+
+// Blocks that share a residual block may not both be eliminated first.
+bool IsIndependent(const ProblemView& view, const std::vector<int>& group) {
+  std::vector<char> in_group(view.blocks.size(), 0);
+  for (const int b : group) {
+    in_group[static_cast<std::size_t>(b)] = 1;
+  }
+  for (const ResidualBlockView& residual : view.residuals) {
+    const int* slots = view.SlotsOf(residual);
+    const auto count =
+        std::count_if(slots, slots + residual.num_slots, [&](int b) { return in_group[static_cast<std::size_t>(b)] != 0; });
+    if (count > 1) {
+      return false;
+    }
+  }
+  return true;
+}
+
+std::string OrderingObstacle(const ProblemView& view, const OrderingView& ordering, ceres::LinearSolverType type) {
+  if (!ordering.given || !(IsSchurType(type) || type == ceres::SPARSE_NORMAL_CHOLESKY)) {
+    return "";
+  }
+  if (ordering.has_unknown) {
+    return "linear_solver_ordering contains an address that is no parameter block of the problem";
+  }
+  if (ordering.num_elements != view.reduced.num_parameter_blocks) {
+    return "linear_solver_ordering has " + std::to_string(ordering.num_elements) + " of the " +
+           std::to_string(view.reduced.num_parameter_blocks) + " variable parameter blocks";
+  }
+  if (IsSchurType(type) && ordering.group_sizes.size() > 1 && !IsIndependent(view, ordering.first_group)) {
+    return "the first group of linear_solver_ordering is not an independent set";
+  }
+  return "";
+}
+
+std::string InfeasibleBounds(const ProblemView& view) {
+  for (const ParameterBlockView& block : view.blocks) {
+    if (block.bounds == BoundsKind::kInfeasible) {
+      return Describe(block) +
+             (block.constant ? " is constant outside its bounds" : " has a lower bound not below its upper bound");
+    }
+  }
+  return "";
+}
+
+// What exact mode cannot do either.
+std::string CommonObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering) {
+  if (!view.defect.empty()) {
+    return view.defect;
+  }
+  const std::string obstacle = InfeasibleBounds(view);
+  if (!obstacle.empty() || view.reduced.num_parameter_blocks == 0) {
+    return obstacle;  // with nothing to solve for, ordering and linear solver do not matter
+  }
+  return OrderingObstacle(view, ordering, EffectiveLinearSolver(options, ordering));
+}
+
+std::string TooLargeForQr(const ProblemView& view) {
+  const double columns = view.reduced.num_effective_parameters;
+  const double rows = view.reduced.num_residuals + columns;
+  if (rows * columns <= kMaxDenseQrEntries) {
+    return "";
+  }
+  return "DENSE_QR of " + std::to_string(static_cast<long>(rows)) + " x " + std::to_string(static_cast<long>(columns)) +
+         " entries exceeds the limit of " + std::to_string(static_cast<long>(kMaxDenseQrEntries));
+}
+
+// In either mode.
+std::string CommonOptionsObstacle(const ceres::Solver::Options& options) {
+  std::string error;
+  if (!options.IsValid(&error)) {
+    return "the options are invalid: " + error;
+  }
+  if (options.minimizer_type != ceres::TRUST_REGION) {
+    return "minimizer_type LINE_SEARCH";
+  }
+  if (options.use_inner_iterations) {
+    return "use_inner_iterations";
+  }
+  if (options.check_gradients) {
+    return "check_gradients";
+  }
+  if (!options.trust_region_minimizer_iterations_to_dump.empty()) {
+    return "trust_region_minimizer_iterations_to_dump";
+  }
+  if (options.linear_solver_ordering != nullptr && options.linear_solver_ordering->NumElements() == 0) {
+    return "linear_solver_ordering is empty";
+  }
+  if (options.min_lm_diagonal <= 0.0) {
+    return "min_lm_diagonal 0";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string DenseQrObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering) {
+  const bool nothing_to_solve = view.reduced.num_parameter_blocks == 0;
+  return nothing_to_solve || EffectiveLinearSolver(options, ordering) != ceres::DENSE_QR ? "" : TooLargeForQr(view);
+}
+
+std::string OptionsObstacle(const ceres::Solver::Options& options) {
+  const std::string obstacle = CommonOptionsObstacle(options);
+  if (obstacle.empty() && IsIterative(options.linear_solver_type)) {
+    return std::string("linear_solver_type ") + ceres::LinearSolverTypeToString(options.linear_solver_type);
+  }
+  return obstacle;
+}
+
+std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering) {
+  const std::string obstacle = CommonObstacle(options, view, ordering);
+  return !obstacle.empty() ? obstacle : DenseQrObstacle(options, view, ordering);
+}
+
+std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options,
+                                       const ceres::EvaluationCallback* evaluation_callback) {
+  const std::string obstacle = CommonOptionsObstacle(options);
+  if (!obstacle.empty()) {
+    return obstacle;
+  }
+  if (evaluation_callback != nullptr) {
+    return "incremental mode: evaluation callback";
+  }
+  if (options.use_nonmonotonic_steps) {
+    return "incremental mode: use_nonmonotonic_steps";
+  }
+  if (options.linear_solver_type == ceres::DENSE_QR) {
+    return "incremental mode: linear_solver_type DENSE_QR, for the normal equations are formed";
+  }
+  return "";
+}
+
+std::string IncrementalProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view,
+                                       const OrderingView& ordering) {
+  const std::string obstacle = CommonObstacle(options, view, ordering);
+  if (!obstacle.empty()) {
+    return obstacle;
+  }
+  for (const ParameterBlockView& block : view.blocks) {
+    if (block.reduced() && block.bounds != BoundsKind::kNone) {
+      return "incremental mode: bounds: " + Describe(block) + " has some";
+    }
+  }
+  return "";
+}
+
+std::string FindObstacle(const ceres::Solver::Options& options, const ceres::Problem& problem, bool incremental,
+                         const ceres::EvaluationCallback* evaluation_callback, ProblemView* view, OrderingView* ordering) {
+  const std::string obstacle = incremental ? IncrementalOptionsObstacle(options, evaluation_callback) : OptionsObstacle(options);
+  if (!obstacle.empty()) {
+    return obstacle;
+  }
+  Introspect(problem, view);
+  *ordering = ReadOrdering(options, *view);
+  return incremental ? IncrementalProblemObstacle(options, *view, *ordering) : ProblemObstacle(options, *view, *ordering);
+}
+
+}  // namespace inceres::internal

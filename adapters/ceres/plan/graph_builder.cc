@@ -1,0 +1,96 @@
+#include "adapters/ceres/plan/graph_builder.h"
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "adapters/ceres/plan/adapter_cache.h"
+#include "adapters/ceres/read/ceres_adapters.h"
+#include "adapters/ceres/read/cost_function_family.h"
+#include "adapters/ceres/read/index.h"
+
+namespace inceres::internal {
+namespace {
+
+class Builder {
+ public:
+  Builder(const ProblemView& view, const GraphPlan& plan, FactorGraph* graph) : view_(view), plan_(plan), graph_(*graph) {}
+
+  std::vector<StateBlock> Run() {
+    graph_.Reserve(static_cast<int>(plan_.blocks.size()), view_.reduced.num_parameters);
+    state_blocks_.reserve(At(view_.reduced.num_parameter_blocks));
+    for (const int b : plan_.blocks) {
+      AddVariable(b);
+    }
+    for (const GraphPlan::Family& family : plan_.families) {
+      AddFamily(family);
+    }
+    return std::move(state_blocks_);
+  }
+
+ private:
+  void AddVariable(int b) {
+    const ParameterBlockView& block = view_.block(b);
+    if (block.constant) {
+      graph_.AddBorrowedConstant(block.values, block.ambient_size);
+      return;
+    }
+    const Role role = plan_.landmarks.Contains(b) ? Role::kLandmark : Role::kFrame;
+    const VariableId id = graph_.AddVariable(block.values, block.ambient_size, role, manifolds_.Get(block.manifold));
+    if (block.bounds != BoundsKind::kNone) {
+      const double* lower = view_.bounds.data() + block.first_bound;
+      graph_.SetBounds(id, lower, lower + block.ambient_size);
+    }
+    state_blocks_.push_back({block.values, graph_.StateOffset(id), block.ambient_size});
+  }
+
+  void AddFamily(const GraphPlan::Family& family) {
+    const std::size_t num_factors = family.residuals.size();
+    std::vector<const ceres::CostFunction*> costs(num_factors);
+    std::vector<std::shared_ptr<const Loss>> losses;  // none, or one for each factor
+    for (std::size_t k = 0; k < num_factors; ++k) {
+      const ResidualBlockView& residual = view_.residuals[At(family.residuals[k])];
+      costs[k] = residual.cost;
+      if (residual.loss != nullptr) {
+        losses.resize(num_factors);
+        losses[k] = losses_.Get(residual.loss);
+      }
+    }
+    const FamilyId id =
+        graph_.AddFamily(std::make_shared<CostFunctionFamily>(family.shape.num_residuals, family.shape.slots, std::move(costs)));
+    graph_.ConnectMany(id, family.variables, std::move(losses));
+  }
+
+  const ProblemView& view_;
+  const GraphPlan& plan_;
+  FactorGraph& graph_;
+  AdapterCache<Manifold, CeresManifold, UserManifold> manifolds_;
+  AdapterCache<Loss, CeresLoss, ceres::LossFunction> losses_;
+  std::vector<StateBlock> state_blocks_;
+};
+
+}  // namespace
+
+std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& plan, FactorGraph* graph) {
+  return Builder(view, plan, graph).Run();
+}
+
+void NameVariables(const std::vector<StateBlock>& blocks, FactorGraph* graph) {
+  graph->SetVariableNames([&blocks, graph](VariableId id) {
+    const double* user = graph->Values(id);  // of a borrowed constant
+    const std::int64_t offset = graph->StateOffset(id);
+    if (offset >= 0) {
+      const auto at = [](const StateBlock& block, std::int64_t wanted) { return block.offset < wanted; };
+      user = std::lower_bound(blocks.begin(), blocks.end(), offset, at)->user;
+    }
+    return DescribeObject("parameter block", user);
+  });
+}
+
+void WriteToUser(const std::vector<StateBlock>& blocks, const double* state) {
+  for (const StateBlock& block : blocks) {
+    std::copy_n(state + block.offset, block.size, block.user);
+  }
+}
+
+}  // namespace inceres::internal

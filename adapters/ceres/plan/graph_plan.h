@@ -1,0 +1,33 @@
+#pragma once
+
+#include <vector>
+
+#include "adapters/ceres/plan/landmark_selection.h"
+#include "adapters/ceres/read/factor_shapes.h"
+#include "adapters/ceres/read/introspection.h"
+#include "inceres/problem/factor_graph.h"
+
+namespace inceres::internal {
+
+/// Which block and which residual block of a problem stand where in its graph. Numbers only, nothing of the user's, so that it
+/// serves every problem of the same structure.
+///
+/// Variables are the blocks that residual blocks touch: constants and frames, then landmarks, both in order of first appearance,
+/// so that nothing depends on addresses. There is one family for each shape and landmark slot, the factors of one landmark next
+/// to each other.
+struct GraphPlan {
+  struct Family {
+    FactorShape shape;
+    std::vector<int> residuals;         ///< residual block of each factor
+    std::vector<VariableId> variables;  ///< of each factor and slot
+  };
+
+  LandmarkSelection landmarks;
+  std::vector<int> blocks;  ///< parameter block of each variable
+  std::vector<Family> families;
+};
+
+/// Cost: linear in slots.
+GraphPlan PlanGraph(const ProblemView& view, const ShapeTable& shapes, LandmarkSelection landmarks);
+
+}  // namespace inceres::internal

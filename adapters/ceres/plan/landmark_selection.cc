@@ -1,0 +1,299 @@
+#include "adapters/ceres/plan/landmark_selection.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include "adapters/ceres/plan/landmark_fill.h"
+#include "adapters/ceres/read/index.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kMinResidualsForShareRule = 10;
+constexpr int kShareRule = 5;  // a landmark touches less than one in this many residual blocks
+constexpr double kHandling = 100.0;
+constexpr double kSparseFactor = 4.0;
+
+// Kinds of blocks, by union-find over "stood in the same slot of the same shape".
+class KindFinder {
+ public:
+  explicit KindFinder(std::size_t num_blocks) : parent_(num_blocks) { std::iota(parent_.begin(), parent_.end(), 0); }
+
+  int Find(int b) {
+    while (parent_[At(b)] != b) {
+      b = parent_[At(b)] = parent_[At(parent_[At(b)])];
+    }
+    return b;
+  }
+  void Join(int a, int b) { parent_[At(Find(a))] = Find(b); }
+
+ private:
+  std::vector<int> parent_;
+};
+
+// One kind of candidates and the two predictions for it.
+struct Kind {
+  std::vector<int> blocks;
+  double unknowns = 0.0;
+  double eliminate = 0.0;    // Σ e D² + o
+  double keep_sparse = 0.0;  // Σ 4 e (D + e)² + o
+  // The first slot of the first residual block that touches it: kinds of one cost go by it, not by addresses.
+  std::pair<int, int> first_use = {std::numeric_limits<int>::max(), 0};
+
+  double CostPerUnknown() const { return eliminate / unknowns; }
+};
+
+class Chooser {
+ public:
+  Chooser(const ProblemView& view, const ShapeTable& shapes)
+      : view_(view), shapes_(shapes), candidate_(view.blocks.size(), 0), kinds_(view.blocks.size()) {}
+
+  LandmarkSelection Run() {
+    LandmarkSelection selection;
+    selection.is_landmark.assign(view_.blocks.size(), 0);
+    if (NothingIsWorthIt() || MarkCandidates() == 0) {
+      return selection;
+    }
+    FindKinds();
+    DropThoseThatMeetTheirOwnKind();
+    IndexResiduals();
+    std::vector<Kind> kinds = CollectKinds();
+    std::stable_sort(kinds.begin(), kinds.end(), [](const Kind& a, const Kind& b) {
+      return std::make_pair(a.CostPerUnknown(), a.first_use) < std::make_pair(b.CostPerUnknown(), b.first_use);
+    });
+    taken_.assign(view_.residuals.size(), 0);
+    unknowns_left_ = view_.reduced.num_effective_parameters;
+    for (const Kind& kind : kinds) {
+      Take(WithoutTaken(kind), &selection);
+    }
+    return selection;
+  }
+
+ private:
+  // The densest factorization of all there is costs less than handling one landmark.
+  bool NothingIsWorthIt() const { return std::pow(view_.reduced.num_effective_parameters, 3) / 3.0 <= kHandling; }
+
+  int MarkCandidates() {
+    const int num_residuals = view_.reduced.num_residual_blocks;
+    int count = 0;
+    for (std::size_t b = 0; b < view_.blocks.size(); ++b) {
+      const ParameterBlockView& block = view_.blocks[b];
+      const bool everywhere =
+          num_residuals >= kMinResidualsForShareRule && kShareRule * static_cast<long>(block.degree) >= num_residuals;
+      candidate_[b] = block.reduced() && block.tangent_size <= kMaxLandmarkSize && !everywhere;
+      count += candidate_[b];
+    }
+    return count;
+  }
+
+  void FindKinds() {
+    std::vector<int> first_at_place(At(shapes_.num_places), -1);
+    for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
+      const ResidualBlockView& residual = view_.residuals[r];
+      if (residual.fixed) {
+        continue;
+      }
+      int* first = first_at_place.data() + shapes_.ShapeOf(r).first_place;
+      for (int s = 0; s < residual.num_slots; ++s) {
+        const int b = view_.SlotsOf(residual)[s];
+        if (candidate_[At(b)] == 0) {
+          continue;
+        }
+        if (first[s] < 0) {
+          first[s] = b;
+        } else {
+          kinds_.Join(b, first[s]);
+        }
+      }
+    }
+  }
+
+  // `met[kind]` remembers the residual block in which a kind was last met, and the block it was met in.
+  void DropThoseThatMeetTheirOwnKind() {
+    struct Meeting {
+      int residual = -1;
+      int block = -1;
+    };
+    std::vector<Meeting> met(view_.blocks.size());
+    std::vector<int> dropped;
+    for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
+      const ResidualBlockView& residual = view_.residuals[r];
+      for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
+        const int b = view_.SlotsOf(residual)[s];
+        if (candidate_[At(b)] == 0) {
+          continue;
+        }
+        Meeting& meeting = met[At(kinds_.Find(b))];
+        if (meeting.residual == static_cast<int>(r)) {
+          dropped.push_back(b);
+          dropped.push_back(meeting.block);
+        }
+        meeting = {static_cast<int>(r), b};
+      }
+    }
+    for (const int b : dropped) {
+      candidate_[At(b)] = 0;
+    }
+  }
+
+  // Residual blocks of each candidate, in compressed rows.
+  void IndexResiduals() {
+    first_residual_.assign(view_.blocks.size() + 1, 0);
+    for (std::size_t b = 0; b < view_.blocks.size(); ++b) {
+      first_residual_[b + 1] = first_residual_[b] + (candidate_[b] != 0 ? view_.blocks[b].degree : 0);
+    }
+    residuals_of_.resize(At(first_residual_.back()));
+    std::vector<int> next(first_residual_.begin(), first_residual_.end() - 1);
+    for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
+      const ResidualBlockView& residual = view_.residuals[r];
+      for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
+        const int b = view_.SlotsOf(residual)[s];
+        if (candidate_[At(b)] != 0) {
+          residuals_of_[At(next[At(b)]++)] = static_cast<int>(r);
+        }
+      }
+    }
+  }
+
+  std::vector<Kind> CollectKinds() {
+    std::vector<int> kind_of(view_.blocks.size(), -1);
+    std::vector<Kind> kinds;
+    seen_by_.assign(view_.blocks.size(), -1);
+    frames_size_.assign(view_.blocks.size(), 0.0);
+    for (std::size_t b = 0; b < view_.blocks.size(); ++b) {
+      if (candidate_[b] == 0) {
+        continue;
+      }
+      int& kind = kind_of[At(kinds_.Find(static_cast<int>(b)))];
+      if (kind < 0) {
+        kind = static_cast<int>(kinds.size());
+        kinds.emplace_back();
+      }
+      frames_size_[b] = FramesSize(static_cast<int>(b));
+      Add(static_cast<int>(b), &kinds[At(kind)]);
+    }
+    return kinds;
+  }
+
+  // D: summed tangent size of the variable blocks that share a residual block with b.
+  double FramesSize(int b) {
+    double size = 0.0;
+    seen_by_[At(b)] = b;
+    for (int k = first_residual_[At(b)]; k < first_residual_[At(b) + 1]; ++k) {
+      const ResidualBlockView& residual = view_.residuals[At(residuals_of_[At(k)])];
+      for (int s = 0; s < residual.num_slots; ++s) {
+        const int other = view_.SlotsOf(residual)[s];
+        if (seen_by_[At(other)] != b && !view_.block(other).constant) {
+          seen_by_[At(other)] = b;
+          size += view_.block(other).tangent_size;
+        }
+      }
+    }
+    return size;
+  }
+
+  void Add(int b, Kind* kind) const {
+    const double e = view_.block(b).tangent_size;
+    const double D = frames_size_[At(b)];
+    kind->blocks.push_back(b);
+    kind->first_use = std::min(kind->first_use, FirstUse(b));
+    kind->unknowns += e;
+    kind->eliminate += e * D * D + kHandling;
+    kind->keep_sparse += kSparseFactor * e * (D + e) * (D + e) + kHandling;
+  }
+
+  std::pair<int, int> FirstUse(int b) const {
+    const int r = residuals_of_[At(first_residual_[At(b)])];
+    const auto slots = view_.SlotsOf(view_.residuals[At(r)]);
+    int s = 0;
+    while (slots[s] != b) {
+      ++s;
+    }
+    return {r, s};
+  }
+
+  // The part of a kind that shares no residual block with a landmark already taken.
+  Kind WithoutTaken(const Kind& kind) const {
+    Kind free;
+    for (const int b : kind.blocks) {
+      const auto first = residuals_of_.begin() + first_residual_[At(b)];
+      const auto last = residuals_of_.begin() + first_residual_[At(b) + 1];
+      if (std::none_of(first, last, [&](int r) { return taken_[At(r)] != 0; })) {
+        Add(b, &free);
+      }
+    }
+    return free;
+  }
+
+  void Take(const Kind& kind, LandmarkSelection* selection) {
+    const double left_after = unknowns_left_ - kind.unknowns;
+    const double keep_dense = (std::pow(unknowns_left_, 3) - std::pow(left_after, 3)) / 3.0;
+    if (kind.blocks.empty() || kind.eliminate >= std::min(keep_dense, kind.keep_sparse)) {
+      return;
+    }
+    unknowns_left_ = left_after;
+    for (const int b : kind.blocks) {
+      selection->is_landmark[At(b)] = 1;
+      ++selection->num_landmarks;
+      for (int k = first_residual_[At(b)]; k < first_residual_[At(b) + 1]; ++k) {
+        taken_[At(residuals_of_[At(k)])] = 1;
+      }
+    }
+  }
+
+  const ProblemView& view_;
+  const ShapeTable& shapes_;
+  std::vector<char> candidate_;
+  KindFinder kinds_;
+  std::vector<int> first_residual_;
+  std::vector<int> residuals_of_;
+  std::vector<int> seen_by_;
+  std::vector<double> frames_size_;
+  std::vector<char> taken_;
+  double unknowns_left_ = 0.0;
+};
+
+}  // namespace
+
+LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering) {
+  LandmarkSelection selection;
+  selection.is_landmark.assign(view.blocks.size(), 0);
+  for (const int b : ordering.first_group) {
+    const bool small = view.block(b).tangent_size <= kMaxLandmarkSize;
+    selection.is_landmark[At(b)] = small;
+    ++(small ? selection.num_landmarks : selection.num_too_large);
+  }
+  return selection;
+}
+
+LandmarkSelection WholeFirstGroup(const ProblemView& view, const OrderingView& ordering) {
+  LandmarkSelection selection;
+  selection.is_landmark.assign(view.blocks.size(), 0);
+  for (const int b : ordering.first_group) {
+    selection.is_landmark[At(b)] = 1;
+    ++selection.num_landmarks;
+  }
+  return selection;
+}
+
+LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& shapes) {
+  return Chooser(view, shapes).Run();
+}
+
+LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering, const ShapeTable& shapes,
+                                  ceres::LinearSolverType type, const AvailableMemory& available) {
+  if (type == ceres::DENSE_QR) {
+    LandmarkSelection none;
+    none.is_landmark.assign(view.blocks.size(), 0);
+    return none;
+  }
+  LandmarkSelection selection =
+      LandmarksAreGiven(ordering, type) ? LandmarksOfFirstGroup(view, ordering) : ChooseLandmarks(view, shapes);
+  KeepLongTracks(view, available, &selection);
+  return selection;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,240 @@
+#include "adapters/ceres/plan/option_mapping.h"
+
+#include <algorithm>
+#include <climits>
+#include <limits>
+#include <thread>
+
+#include <glog/logging.h>
+
+#include "adapters/ceres/read/ceres_version.h"
+#include "adapters/ceres/read/ordering.h"
+
+namespace inceres::internal {
+namespace {
+
+// Collects the names of the members that differ from their defaults.
+class Differences {
+ public:
+  explicit Differences(const ceres::Solver::Options& options) : options_(options) {}
+
+  template <typename T>
+  void Check(const char* name, T ceres::Solver::Options::*member) {
+    if (options_.*member != defaults_.*member) {
+      Add(name);
+    }
+  }
+  void Add(std::string name) {
+    if (std::find(names_.begin(), names_.end(), name) == names_.end()) {
+      names_.push_back(std::move(name));
+    }
+  }
+  std::vector<std::string> Take() { return std::move(names_); }
+
+ private:
+  const ceres::Solver::Options& options_;
+  const ceres::Solver::Options defaults_;
+  std::vector<std::string> names_;
+};
+
+// Only read by the line-search minimizer.
+void CheckLineSearch(Differences* differences) {
+  using Options = ceres::Solver::Options;
+  differences->Check("line_search_direction_type", &Options::line_search_direction_type);
+  differences->Check("line_search_type", &Options::line_search_type);
+  differences->Check("nonlinear_conjugate_gradient_type", &Options::nonlinear_conjugate_gradient_type);
+  differences->Check("max_lbfgs_rank", &Options::max_lbfgs_rank);
+  differences->Check("use_approximate_eigenvalue_bfgs_scaling", &Options::use_approximate_eigenvalue_bfgs_scaling);
+  differences->Check("max_num_line_search_direction_restarts", &Options::max_num_line_search_direction_restarts);
+  differences->Check("line_search_sufficient_curvature_decrease", &Options::line_search_sufficient_curvature_decrease);
+  differences->Check("max_line_search_step_expansion", &Options::max_line_search_step_expansion);
+}
+
+// Only read in the projected line search of problems with bounds.
+void CheckProjectedLineSearch(Differences* differences) {
+  using Options = ceres::Solver::Options;
+  differences->Check("line_search_interpolation_type", &Options::line_search_interpolation_type);
+  differences->Check("min_line_search_step_size", &Options::min_line_search_step_size);
+  differences->Check("line_search_sufficient_function_decrease", &Options::line_search_sufficient_function_decrease);
+  differences->Check("max_line_search_step_contraction", &Options::max_line_search_step_contraction);
+  differences->Check("min_line_search_step_contraction", &Options::min_line_search_step_contraction);
+  differences->Check("max_num_line_search_step_size_iterations", &Options::max_num_line_search_step_size_iterations);
+}
+
+// Choices within Ceres's own linear algebra, and the iterative solvers.
+void CheckLinearSolver(Differences* differences) {
+  using Options = ceres::Solver::Options;
+  differences->Check("eta", &Options::eta);
+  differences->Check("preconditioner_type", &Options::preconditioner_type);
+  differences->Check("visibility_clustering_type", &Options::visibility_clustering_type);
+  differences->Check("residual_blocks_for_subset_preconditioner", &Options::residual_blocks_for_subset_preconditioner);
+  differences->Check("dense_linear_algebra_library_type", &Options::dense_linear_algebra_library_type);
+  differences->Check("sparse_linear_algebra_library_type", &Options::sparse_linear_algebra_library_type);
+  differences->Check("use_explicit_schur_complement", &Options::use_explicit_schur_complement);
+  differences->Check("use_mixed_precision_solves", &Options::use_mixed_precision_solves);
+  differences->Check("max_num_refinement_iterations", &Options::max_num_refinement_iterations);
+  differences->Check("min_linear_solver_iterations", &Options::min_linear_solver_iterations);
+  differences->Check("max_linear_solver_iterations", &Options::max_linear_solver_iterations);
+  ForEachOptionOfThisRelease([&](const char* name, auto member) { differences->Check(name, member); });
+}
+
+// Features that are off: with any of them on, the problem would have gone to stock Ceres.
+void CheckFeaturesThatAreOff(const ceres::Solver::Options& options, Differences* differences) {
+  using Options = ceres::Solver::Options;
+  differences->Check("inner_iteration_ordering", &Options::inner_iteration_ordering);
+  differences->Check("inner_iteration_tolerance", &Options::inner_iteration_tolerance);
+  differences->Check("trust_region_problem_dump_directory", &Options::trust_region_problem_dump_directory);
+  differences->Check("trust_region_problem_dump_format_type", &Options::trust_region_problem_dump_format_type);
+  differences->Check("gradient_check_relative_precision", &Options::gradient_check_relative_precision);
+  differences->Check("gradient_check_numeric_derivative_relative_step_size",
+                     &Options::gradient_check_numeric_derivative_relative_step_size);
+  if (options.trust_region_strategy_type == ceres::DOGLEG) {
+    differences->Check("max_trust_region_radius", &Options::max_trust_region_radius);  // as in Ceres
+  } else {
+    differences->Check("dogleg_type", &Options::dogleg_type);
+  }
+  if (!options.use_nonmonotonic_steps) {
+    differences->Check("max_consecutive_nonmonotonic_steps", &Options::max_consecutive_nonmonotonic_steps);
+  }
+}
+
+void CheckOrdering(const ceres::Solver::Options& options, const LandmarkCounts& landmarks, Differences* differences) {
+  if (options.linear_solver_ordering == nullptr) {
+    return;
+  }
+  const int num_groups = options.linear_solver_ordering->NumGroups();
+  if (!IsSchurType(options.linear_solver_type)) {
+    differences->Add("linear_solver_ordering");
+  } else if (num_groups > 2) {
+    differences->Add("linear_solver_ordering: the order of groups after the first");
+  }
+  if (landmarks.num_too_large > 0) {
+    differences->Add("linear_solver_ordering: " + std::to_string(landmarks.num_too_large) +
+                     " blocks of the first group have a tangent size above " + std::to_string(kMaxLandmarkSize) +
+                     " and stay in the reduced system");
+  }
+  if (landmarks.num_kept > 0 && num_groups > 1) {
+    differences->Add("linear_solver_ordering: " + std::to_string(landmarks.num_kept) +
+                     " blocks of the first group stay in the reduced system, which would be fuller without them");
+  }
+}
+
+void CheckCommon(const ceres::Solver::Options& options, const LandmarkCounts& landmarks, Differences* differences) {
+  CheckLineSearch(differences);
+  CheckLinearSolver(differences);
+  CheckFeaturesThatAreOff(options, differences);
+  CheckOrdering(options, landmarks, differences);
+}
+
+TrustRegionStrategyKind StrategyOf(const ceres::Solver::Options& options) {
+  if (options.trust_region_strategy_type == ceres::LEVENBERG_MARQUARDT) {
+    return TrustRegionStrategyKind::kLevenbergMarquardt;
+  }
+  return options.dogleg_type == ceres::SUBSPACE_DOGLEG ? TrustRegionStrategyKind::kSubspaceDogleg
+                                                       : TrustRegionStrategyKind::kDogleg;
+}
+
+LineSearchInterpolation InterpolationOf(const ceres::Solver::Options& options) {
+  switch (options.line_search_interpolation_type) {
+    case ceres::BISECTION:
+      return LineSearchInterpolation::kBisection;
+    case ceres::QUADRATIC:
+      return LineSearchInterpolation::kQuadratic;
+    case ceres::CUBIC:
+      break;
+  }
+  return LineSearchInterpolation::kCubic;
+}
+
+}  // namespace
+
+int NumThreads(const ceres::Solver::Options& options) {
+  if (options.num_threads == 1) {
+    return 1;  // to ask for the hardware takes longer than a small solve
+  }
+  const unsigned hardware = std::thread::hardware_concurrency();
+  const int available = hardware == 0 ? INT_MAX : static_cast<int>(hardware);
+  if (options.num_threads > available) {
+    LOG(WARNING) << "Specified options.num_threads: " << options.num_threads
+                 << " exceeds maximum available from the threading model Ceres was compiled with: " << available
+                 << ".  Bounding to maximum number available.";
+  }
+  return std::min(options.num_threads, available);
+}
+
+SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSolverType type) {
+  SolverOptions core;
+  core.rules = kCeresRules;
+  core.strategy = StrategyOf(options);
+  core.linear_model = type == ceres::DENSE_QR ? LinearModelKind::kDenseQr : LinearModelKind::kAutomatic;
+  core.dynamic_sparsity = options.dynamic_sparsity;
+  core.max_num_iterations = options.max_num_iterations;
+  core.max_solver_time_in_seconds = options.max_solver_time_in_seconds;
+  core.function_tolerance = options.function_tolerance;
+  core.gradient_tolerance = options.gradient_tolerance;
+  core.parameter_tolerance = options.parameter_tolerance;
+  core.initial_trust_region_radius = options.initial_trust_region_radius;
+  core.max_trust_region_radius = options.max_trust_region_radius;
+  core.min_trust_region_radius = options.min_trust_region_radius;
+  core.min_relative_decrease = options.min_relative_decrease;
+  core.min_lm_diagonal = options.min_lm_diagonal;
+  core.max_lm_diagonal = options.max_lm_diagonal;
+  core.max_num_consecutive_invalid_steps = options.max_num_consecutive_invalid_steps;
+  core.jacobi_scaling = options.jacobi_scaling;
+  core.use_nonmonotonic_steps = options.use_nonmonotonic_steps;
+  core.max_consecutive_nonmonotonic_steps = options.max_consecutive_nonmonotonic_steps;
+  core.eta = options.eta;
+  core.line_search_interpolation = InterpolationOf(options);
+  core.line_search_sufficient_function_decrease = options.line_search_sufficient_function_decrease;
+  core.max_line_search_step_contraction = options.max_line_search_step_contraction;
+  core.min_line_search_step_contraction = options.min_line_search_step_contraction;
+  core.min_line_search_step_size = options.min_line_search_step_size;
+  core.max_num_line_search_step_size_iterations = options.max_num_line_search_step_size_iterations;
+  return core;
+}
+
+std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks,
+                                              bool is_constrained) {
+  Differences differences(options);
+  if (!is_constrained) {
+    CheckProjectedLineSearch(&differences);
+  }
+  CheckCommon(options, landmarks, &differences);
+  return differences.Take();
+}
+
+IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, const IncrementalOptions& core) {
+  IncrementalOptions result = core;
+  result.max_num_iterations = options.max_num_iterations;
+  result.max_seconds = std::max(options.max_solver_time_in_seconds, std::numeric_limits<double>::min());
+  result.function_tolerance = options.function_tolerance;
+  result.min_relative_decrease = options.min_relative_decrease;
+  result.num_threads = NumThreads(options);
+  result.batch_strategy = StrategyOf(options);
+  if (options.trust_region_strategy_type == ceres::LEVENBERG_MARQUARDT) {
+    result.initial_damping = std::clamp(1.0 / options.initial_trust_region_radius, core.min_damping, core.max_damping);
+  }
+  return result;
+}
+
+std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks) {
+  using Options = ceres::Solver::Options;
+  Differences differences(options);
+  differences.Check("dynamic_sparsity", &Options::dynamic_sparsity);
+  differences.Check("gradient_tolerance", &Options::gradient_tolerance);
+  differences.Check("parameter_tolerance", &Options::parameter_tolerance);
+  differences.Check("max_trust_region_radius", &Options::max_trust_region_radius);
+  differences.Check("min_trust_region_radius", &Options::min_trust_region_radius);
+  differences.Check("min_lm_diagonal", &Options::min_lm_diagonal);
+  differences.Check("max_lm_diagonal", &Options::max_lm_diagonal);
+  differences.Check("max_num_consecutive_invalid_steps", &Options::max_num_consecutive_invalid_steps);
+  differences.Check("jacobi_scaling", &Options::jacobi_scaling);
+  if (options.trust_region_strategy_type == ceres::DOGLEG) {
+    differences.Check("initial_trust_region_radius", &Options::initial_trust_region_radius);
+  }
+  CheckProjectedLineSearch(&differences);
+  CheckCommon(options, landmarks, &differences);
+  return differences.Take();
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <ceres/solver.h>
+
+#include "adapters/ceres/plan/landmark_selection.h"
+#include "inceres/solver/incremental_solver.h"
+#include "inceres/solver/options.h"
+
+namespace inceres::internal {
+
+/// min(options.num_threads, what the machine has), with a warning if that is less, as in Ceres.
+int NumThreads(const ceres::Solver::Options& options);
+
+/// The core's options for the same solve. `type` is the effective linear solver. Left to the caller: num_threads, fixed cost,
+/// time spent, observer.
+SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSolverType type);
+
+/// Names of the options that the user set away from their defaults and that change nothing in a solve by the core.
+/// `is_constrained`: some variable block has bounds.
+std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks,
+                                              bool is_constrained);
+
+/// The options of an incremental solve: `core`, with what the user's options say in its place. The damping starts at
+/// 1 / initial_trust_region_radius, as Ceres's Levenberg-Marquardt does.
+IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, const IncrementalOptions& core);
+
+/// Names of the options that the user set away from their defaults and that change nothing in an incremental solve.
+std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks);
+
+}  // namespace inceres::internal

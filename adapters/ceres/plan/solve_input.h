@@ -1,0 +1,36 @@
+#pragma once
+
+#include <chrono>
+#include <memory>
+
+#include <ceres/evaluation_callback.h>
+#include <ceres/solver.h>
+
+#include "adapters/ceres/plan/graph_plan.h"
+#include "adapters/ceres/read/introspection.h"
+#include "adapters/ceres/read/ordering.h"
+
+namespace inceres::internal {
+
+/// Wall time since construction.
+class WallClock {
+ public:
+  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// A problem that passed the gate.
+struct SolveInput {
+  const ceres::Solver::Options& options;
+  ProblemView& view;  ///< a solver may give back what it no longer needs of it
+  const OrderingView& ordering;
+  const WallClock& clock;                                    ///< started with the solve
+  ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< of the problem, if Ceres shows it or the caller told
+  /// Of the same solve, by another solver, which this one goes on from: its last iteration is this one's start.
+  int iterations_before = 0;
+  std::shared_ptr<const GraphPlan> plan = nullptr;  ///< ChoosePlan's; null in a session, and where there is nothing to solve for
+};
+
+}  // namespace inceres::internal

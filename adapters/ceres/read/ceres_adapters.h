@@ -1,0 +1,38 @@
+#pragma once
+
+#include <ceres/loss_function.h>
+
+#include "adapters/ceres/read/ceres_version.h"
+#include "inceres/problem/loss.h"
+#include "inceres/problem/manifold.h"
+
+namespace inceres::internal {
+
+/// A user's manifold behind the core's interface.
+class CeresManifold : public Manifold {
+ public:
+  explicit CeresManifold(const UserManifold* manifold) : manifold_(manifold) {}
+  int AmbientSize() const override { return AmbientSizeOf(*manifold_); }
+  int TangentSize() const override { return TangentSizeOf(*manifold_); }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+    return manifold_->Plus(x, delta, x_plus_delta);
+  }
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override {
+    return PlusJacobianOf(*manifold_, x, jacobian);
+  }
+
+ private:
+  const UserManifold* manifold_;
+};
+
+/// A ceres::LossFunction behind the core's interface.
+class CeresLoss : public Loss {
+ public:
+  explicit CeresLoss(const ceres::LossFunction* loss) : loss_(loss) {}
+  void Evaluate(double s, double rho[3]) const override { loss_->Evaluate(s, rho); }
+
+ private:
+  const ceres::LossFunction* loss_;
+};
+
+}  // namespace inceres::internal

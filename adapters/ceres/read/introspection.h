@@ -1,0 +1,98 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include <ceres/problem.h>
+
+#include "adapters/ceres/read/ceres_version.h"
+#include "adapters/ceres/read/pointer_index.h"
+
+namespace inceres::internal {
+
+/// A parameter block as seen through the problem's public getters.
+struct ParameterBlockView {
+  double* values = nullptr;
+  const UserManifold* manifold = nullptr;
+  int ambient_size = 0;
+  int tangent_size = 0;
+  int degree = 0;         ///< residual blocks that touch it and at least one variable block
+  bool constant = false;  ///< set constant by the user, or of tangent size 0
+  BoundsKind bounds = BoundsKind::kNone;
+  std::size_t first_bound = 0;  ///< into ProblemView::bounds: its lower bounds, then its upper ones; if it has any
+
+  /// Whether the solver moves it: variable and touched by a residual block. Ceres calls what is left the reduced program.
+  bool reduced() const { return !constant && degree > 0; }
+};
+
+/// Sizes and blocks of a residual block.
+struct ResidualBlockShape {
+  int num_residuals = 0;
+  int first_slot = 0;  ///< into ProblemView::slots; neighbors of the same blocks share them
+  int num_slots = 0;
+};
+
+struct ResidualBlockView : ResidualBlockShape {
+  ceres::ResidualBlockId id = nullptr;
+  const ceres::CostFunction* cost = nullptr;
+  const ceres::LossFunction* loss = nullptr;  ///< null: plain squared norm
+  bool fixed = true;                          ///< touches no variable block
+  bool like_previous = false;  ///< as many residuals of the same blocks as the residual block before: of one family
+};
+
+/// Sizes as Ceres's summary counts them.
+struct ProblemTotals {
+  int num_parameter_blocks = 0;
+  int num_parameters = 0;
+  int num_effective_parameters = 0;
+  int num_residual_blocks = 0;
+  int num_residuals = 0;
+};
+
+/// All the shim knows of a ceres::Problem: one pass through its public API. Nothing of the user's but the memory of its parameter
+/// blocks and size getters is touched; no cost function is evaluated.
+struct ProblemView {
+  std::vector<ParameterBlockView> blocks;    ///< by address (the only order Ceres shows)
+  std::vector<ResidualBlockView> residuals;  ///< in program order
+  std::vector<int> slots;                    ///< block of each slot of the residual blocks, see SlotsOf
+  std::vector<double> bounds;                ///< of the bounded blocks
+  PointerIndex index;                        ///< address to index in `blocks`
+  ProblemTotals all;
+  ProblemTotals reduced;
+  std::string defect;  ///< the first thing no solver but stock should look at (a block twice in a residual block, …); else empty
+
+  /// Whether its memory is worth keeping.
+  bool IsSmall() const { return blocks.capacity() + residuals.capacity() + slots.capacity() <= 4096; }
+
+  /// Empties it; the memory stays.
+  void Clear();
+
+  /// Gives back the memory of residual blocks, slots and index, most of the view, for who has built a graph of them; unless it is
+  /// small.
+  void ForgetResidualBlocks() {
+    if (IsSmall()) {
+      return;
+    }
+    std::vector<ResidualBlockView>().swap(residuals);
+    std::vector<int>().swap(slots);
+    index = PointerIndex();
+  }
+
+  const int* SlotsOf(const ResidualBlockView& residual) const { return slots.data() + residual.first_slot; }
+  const ParameterBlockView& block(int i) const { return blocks[static_cast<std::size_t>(i)]; }
+  bool IsReduced(int i) const { return block(i).reduced(); }
+};
+
+/// Reads the problem. Cost: linear in slots, plus a few map lookups per parameter block inside Ceres (two per bound).
+ProblemView Introspect(const ceres::Problem& problem);
+/// The same into the memory of an earlier view.
+void Introspect(const ceres::Problem& problem, ProblemView* view);
+
+/// The same of a problem in which, since this view was taken, nothing but values has changed. Cost: linear in parameters.
+void IntrospectValues(const ceres::Problem& problem, ProblemView* view);
+
+/// "parameter block 0x55… of size 7", for messages.
+std::string Describe(const ParameterBlockView& block);
+
+}  // namespace inceres::internal

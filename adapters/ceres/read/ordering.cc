@@ -1,0 +1,59 @@
+#include "adapters/ceres/read/ordering.h"
+
+namespace inceres::internal {
+
+OrderingView ReadOrdering(const ceres::Solver::Options& options, const ProblemView& view) {
+  OrderingView result;
+  if (options.linear_solver_ordering == nullptr) {
+    return result;
+  }
+  result.given = true;
+  bool first = true;
+  for (const auto& [group, elements] : options.linear_solver_ordering->group_to_elements()) {
+    std::vector<int> blocks;
+    int num_left = 0;
+    for (const double* element : elements) {
+      const int b = view.index.Find(element);
+      result.has_unknown = result.has_unknown || b < 0;
+      if (b >= 0 && view.IsReduced(b)) {
+        blocks.push_back(b);
+      }
+      num_left += b < 0 || view.IsReduced(b) ? 1 : 0;
+    }
+    result.num_elements += num_left;
+    if (num_left > 0) {
+      if (result.group_sizes.empty()) {
+        result.first_group = std::move(blocks);
+      }
+      result.group_sizes.push_back(num_left);
+    } else {
+      result.first_group_emptied = result.first_group_emptied || first;
+    }
+    first = false;
+  }
+  return result;
+}
+
+ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering) {
+  if (ordering.first_group_emptied && options.linear_solver_type == ceres::DENSE_SCHUR) {
+    return ceres::DENSE_QR;
+  }
+  if (ordering.first_group_emptied && options.linear_solver_type == ceres::SPARSE_SCHUR) {
+    return ceres::SPARSE_NORMAL_CHOLESKY;
+  }
+  if (ordering.first_group_emptied && options.linear_solver_type == ceres::ITERATIVE_SCHUR) {
+    return ceres::CGNR;
+  }
+  return options.linear_solver_type;
+}
+
+ceres::LinearSolverType TypeToPlanFor(const ceres::Solver::Options& options, const OrderingView& ordering) {
+  return options.dynamic_sparsity ? ceres::DENSE_QR : EffectiveLinearSolver(options, ordering);
+}
+
+ceres::LinearSolverType IncrementalLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering) {
+  const ceres::LinearSolverType type = EffectiveLinearSolver(options, ordering);
+  return type == ceres::DENSE_QR ? ceres::DENSE_NORMAL_CHOLESKY : type;
+}
+
+}  // namespace inceres::internal

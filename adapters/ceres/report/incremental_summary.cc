@@ -1,0 +1,114 @@
+#include "adapters/ceres/report/incremental_summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <glog/logging.h>
+
+#include "adapters/ceres/plan/option_mapping.h"
+#include "adapters/ceres/read/ceres_version.h"
+#include "adapters/ceres/report/summary_writer.h"
+#include "src/base/scientific.h"
+
+namespace inceres::internal {
+namespace {
+
+// In Ceres's words (docs/ceres_contract.md, "Termination and messages") where it has any; the Update's own are in
+// SolveReport::update.
+std::string MessageOf(const UpdateSummary& update, const SolveInput& input, double seconds_before) {
+  const ceres::Solver::Options& options = input.options;
+  if (update.termination == Termination::kFailure) {
+    const bool at_start = update.iterations.empty() && kCeresRules == CeresRules::k22;
+    return at_start ? "Initial residual and Jacobian evaluation failed." : "Residual and Jacobian evaluation failed.";
+  }
+  if (update.ended_by_batch_rule) {
+    return update.message;
+  }
+  if (update.termination == Termination::kConvergence) {
+    const double share = update.final_cost > 0.0 ? std::fabs(update.remaining_decrease) / update.final_cost : 0.0;
+    return std::string("Function tolerance reached. |cost_change|/cost: ") + Scientific(share).text() +
+           " <= " + Scientific(options.function_tolerance).text();
+  }
+  if (update.termination != Termination::kNoConvergence) {
+    return update.message;
+  }
+  if (update.num_iterations >= options.max_num_iterations) {
+    return "Maximum number of iterations reached. Number of iterations: " +
+           std::to_string(input.iterations_before + update.num_iterations) + ".";
+  }
+  const double seconds = seconds_before + update.seconds;
+  if (seconds >= options.max_solver_time_in_seconds) {
+    return std::string("Maximum solver time reached. Total solver time: ") + Scientific(seconds).text() +
+           " >= " + Scientific(options.max_solver_time_in_seconds).text() + ".";
+  }
+  return update.message;  // no step at the largest damping; the work budget of a session's options
+}
+
+}  // namespace
+
+Summary ToSummary(const UpdateResult& result, const SolveInput& input) {
+  const UpdateSummary& update = result.update;
+  Summary core;
+  core.termination = update.termination;
+  core.message = MessageOf(update, input, result.seconds_before);
+  core.detail = update.termination == Termination::kFailure ? update.message : "";
+  core.failed_step = update.failed_step;
+  core.initial_cost = update.initial_cost + result.outside_cost;
+  core.final_cost = update.final_cost + result.outside_cost;
+  core.fixed_cost = result.fixed_cost;
+  core.iterations = result.trace;
+  const auto successful = [](const IterationSummary& iteration) { return iteration.step_is_successful; };
+  core.num_successful_steps = static_cast<int>(std::count_if(core.iterations.begin(), core.iterations.end(), successful));
+  core.num_unsuccessful_steps = static_cast<int>(core.iterations.size()) - core.num_successful_steps;
+  core.reduced_solver = "incremental";
+  core.work.num_residual_evaluations = core.work.num_jacobian_evaluations = -1;  // there are no whole passes to count
+  core.work.num_linear_solves = update.num_iterations;
+  core.seconds = update.batch_stages;
+  core.seconds.residuals += update.evaluate_seconds + update.landmark_seconds;
+  core.seconds.jacobians += update.linearize_seconds;
+  core.seconds.hessian += update.accept_seconds;  // gradients and right-hand sides
+  core.seconds.factorization += update.solve_seconds;
+  core.seconds.back_substitution += update.select_seconds;
+  core.seconds.total = update.seconds;
+  return core;
+}
+
+bool Fail(const std::string& message, ceres::Solver::Summary* summary) {
+  summary->termination_type = ceres::FAILURE;
+  summary->message = message;
+  LOG(ERROR) << "Terminating: " << message;
+  return false;
+}
+
+void ReportNothingToSolve(const SolveInput& input, SolveReport* report) {
+  if (report != nullptr) {
+    const SolveReport blank;
+    report->options_without_effect = IncrementalOptionsWithoutEffect(input.options, LandmarkCounts());
+    report->num_landmarks = report->num_frames = 0;
+    report->changes = blank.changes;
+    report->update = blank.update;
+    report->core = blank.core;
+  }
+}
+
+bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input, ceres::Solver::Summary* summary,
+                 SolveReport* report) {
+  WriteSolution(core, summary);
+  LogFailedStep(input.options, core.failed_step);
+  const bool usable = core.IsSolutionUsable();
+  const bool failed = core.termination == Termination::kFailure;
+  LOG_IF(WARNING, failed) << "inceres: " << core.detail;
+  if (report != nullptr) {
+    report->options_without_effect = IncrementalOptionsWithoutEffect(input.options, result.landmarks);
+    report->num_landmarks = result.num_landmarks;
+    report->num_frames = input.view.reduced.num_parameter_blocks - result.num_landmarks;
+    report->changes = result.changes;
+    report->update = std::move(result.update);
+    report->core = std::move(core);
+    report->callback_seconds = result.callback_seconds;
+  }
+  return failed ? Fail(summary->message, summary) : usable;
+}
+
+}  // namespace inceres::internal

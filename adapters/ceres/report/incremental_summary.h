@@ -1,0 +1,43 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <ceres/solver.h>
+
+#include "adapters/ceres/plan/landmark_selection.h"
+#include "adapters/ceres/plan/solve_input.h"
+#include "inceres/ceres/solve.h"
+#include "inceres/solver/summary.h"
+#include "inceres/solver/update_summary.h"
+
+namespace inceres::internal {
+
+/// An Update as an incremental solve of a ceres::Problem tells of it.
+struct UpdateResult {
+  UpdateSummary update;
+  std::vector<IterationSummary> trace;
+  LandmarkCounts landmarks;  ///< the choice
+  int num_landmarks = 0;     ///< of the problem as it was solved
+  ProblemChanges changes;
+  double fixed_cost = 0.0;      ///< of what touches no variable block
+  double outside_cost = 0.0;    ///< the part of it that is not in the solver's graph
+  double seconds_before = 0.0;  ///< spent before the Update began
+  double callback_seconds = 0.0;
+};
+
+/// The core's summary of an Update, with the costs of all residual blocks and a message in Ceres's words where it has any.
+Summary ToSummary(const UpdateResult& result, const SolveInput& input);
+
+/// Writes what of an Update the Summary and the report have places for; `report` may be null. False after a failure, which is
+/// logged.
+bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input, ceres::Solver::Summary* summary,
+                 SolveReport* report);
+
+/// The report of a problem without a variable parameter block; `report` may be null.
+void ReportNothingToSolve(const SolveInput& input, SolveReport* report);
+
+/// Ends a solve as a failure, in the log too. False.
+bool Fail(const std::string& message, ceres::Solver::Summary* summary);
+
+}  // namespace inceres::internal

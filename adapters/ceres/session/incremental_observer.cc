@@ -1,0 +1,57 @@
+#include "adapters/ceres/session/incremental_observer.h"
+
+#include <algorithm>
+
+namespace inceres::internal {
+
+IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveContext& context) {
+  IterationSummary result;
+  result.iteration = row.iteration + context.iterations_before;
+  result.step_is_valid = row.step != UpdateStep::kNone || row.iteration == 0;
+  result.step_is_successful = row.accepted;
+  const double candidate_cost = row.cost - row.cost_change;  // cost is that of before: the step was refused
+  result.cost = (row.accepted ? row.cost : candidate_cost) + context.outside_cost;
+  result.cost_change = row.cost_change;
+  result.gradient_max_norm = row.gradient_max_norm;
+  result.gradient_norm = row.gradient_norm;
+  result.step_norm = row.step_norm;
+  result.model_cost_change = row.predicted_change;
+  result.relative_decrease = row.relative_decrease;
+  result.trust_region_radius = row.damping > 0.0 ? 1.0 / row.damping : row.radius;
+  result.linear_solver_iterations = row.num_linear_solver_iterations;
+  result.iteration_time_in_seconds = row.seconds;
+  result.step_solver_time_in_seconds = row.solve_seconds;
+  result.cumulative_time_in_seconds = context.seconds_before + row.cumulative_seconds;
+  return result;
+}
+
+IncrementalObserver::IncrementalObserver(const ceres::Solver::Options& options, const ProblemView& view,
+                                         std::function<void()> write, const SolveContext& context)
+    : options_(options), view_(view), write_(std::move(write)), context_(context) {
+  for (const ParameterBlockView& block : view.blocks) {
+    if (options_.update_state && block.reduced()) {
+      start_values_.insert(start_values_.end(), block.values, block.values + block.ambient_size);
+    }
+  }
+}
+
+IncrementalObserver::~IncrementalObserver() {
+  const double* start = start_values_.data();
+  for (const ParameterBlockView& block : view_.blocks) {
+    if (!start_values_.empty() && block.reduced()) {
+      std::copy_n(start, block.ambient_size, block.values);
+      start += block.ambient_size;
+    }
+  }
+}
+
+ObserverAction IncrementalObserver::EndOfIteration(const UpdateIteration& iteration) {
+  trace_.push_back(ToIterationSummary(iteration, context_));
+  if (options_.update_state) {
+    write_();
+  }
+  const bool is_known = iteration.iteration == 0 && context_.iterations_before > 0;  // as the last one of the part before
+  return is_known ? ObserverAction::kContinue : ReportIteration(options_, trace_.back(), &callback_seconds_);
+}
+
+}  // namespace inceres::internal

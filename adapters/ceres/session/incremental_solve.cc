@@ -1,0 +1,151 @@
+#include "adapters/ceres/session/incremental_solve.h"
+
+#include <algorithm>
+#include <limits>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "adapters/ceres/exact/exact_solve.h"
+#include "adapters/ceres/plan/graph_builder.h"
+#include "adapters/ceres/plan/landmark_selection.h"
+#include "adapters/ceres/plan/option_mapping.h"
+#include "adapters/ceres/plan/solver_pool.h"
+#include "adapters/ceres/read/factor_shapes.h"
+#include "adapters/ceres/read/fixed_cost.h"
+#include "adapters/ceres/report/incremental_summary.h"
+#include "adapters/ceres/report/summary_writer.h"
+#include "adapters/ceres/session/incremental_observer.h"
+#include "inceres/solver/one_time_solve.h"
+
+namespace inceres::internal {
+namespace {
+
+// Costs as Ceres reports them include all residual blocks; the solver's only those in its graph.
+struct Costs {
+  double fixed = 0.0;    // of what touches no variable block
+  double outside = 0.0;  // the part of it that is not in the graph
+  std::string error;     // Ceres's message
+};
+
+Costs FixedCosts(const ProblemView& view, const IncrementalProblem& living) {
+  Costs costs;
+  const FixedCost all = EvaluateFixedCost(view, /*callback=*/nullptr, [&](std::size_t r, double cost) {
+    if (!living.Holds(r)) {
+      costs.outside += cost;
+    }
+  });
+  costs.fixed = all.cost;
+  costs.error = all.error;
+  return costs;
+}
+
+IncrementalOptions WithTimeLeft(const IncrementalOptions& core, double seconds_spent) {
+  IncrementalOptions options = core;
+  options.max_seconds = std::max(options.max_seconds - seconds_spent, std::numeric_limits<double>::min());
+  return options;
+}
+
+// The end of a solve: what is usable goes to the user's memory by `write`, and everything is told.
+template <typename Write>
+bool Conclude(UpdateResult* result, IncrementalObserver* observer, const SolveInput& input, ceres::Solver::Summary* summary,
+              SolveReport* report, Write&& write) {
+  result->trace = observer->TakeTrace();
+  result->callback_seconds = observer->callback_seconds();
+  Summary core = ToSummary(*result, input);
+  if (core.IsSolutionUsable()) {
+    observer->Keep();
+    write();
+  }
+  summary->minimizer_time_in_seconds = input.clock.Seconds() - result->seconds_before;
+  return WriteUpdate(std::move(*result), std::move(core), input, summary, report);
+}
+
+bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, IncrementalProblem* living,
+              ceres::Solver::Summary* summary, SolveReport* report) {
+  const ceres::LinearSolverType type = IncrementalLinearSolver(input.options, input.ordering);
+  const ShapeTable shapes = FindShapes(input.view);
+  const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
+  UpdateResult result;
+  result.landmarks = landmarks;
+  const Status status = living->Follow({input.view, shapes, landmarks, LandmarksAreGiven(input.ordering, type)}, &result.changes);
+  if (!status.ok()) {
+    return Fail(status.message, summary);
+  }
+  const Costs costs = FixedCosts(input.view, *living);
+  result.num_landmarks = living->num_landmarks();
+  result.outside_cost = costs.outside;
+  result.fixed_cost = summary->fixed_cost = costs.fixed;
+  if (!costs.error.empty()) {
+    return Fail(costs.error, summary);
+  }
+  WriteLinearSolver(input.view, input.ordering, landmarks, type, summary);
+  result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
+  living->solver().SetOptions(WithTimeLeft(core_options, result.seconds_before));
+  IncrementalObserver observer(input.options, input.view, [&] { living->WriteToUser(input.view); },
+                               {costs.outside, result.seconds_before, input.iterations_before});
+  living->solver().Update(&result.update, &observer);
+  return Conclude(&result, &observer, input, summary, report, [&] {
+    living->WriteToUser(input.view);
+    living->Remember();
+  });
+}
+
+// A graph of its own, and no one to remember it: the batch solver's from beginning to end.
+bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_options, ceres::Solver::Summary* summary,
+                  SolveReport* report) {
+  const ceres::LinearSolverType type = IncrementalLinearSolver(input.options, input.ordering);
+  const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
+  UpdateResult result;
+  result.outside_cost = result.fixed_cost = summary->fixed_cost = fixed.cost;
+  if (!fixed.error.empty()) {
+    return Fail(fixed.error, summary);
+  }
+  FactorGraph graph;
+  const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &result.landmarks, summary);
+  NameVariables(blocks, &graph);
+  result.num_landmarks = result.landmarks.num_landmarks;
+  result.changes.num_added_variables = static_cast<int>(graph.num_variables());
+  result.changes.num_added_factors = graph.num_factors();
+  result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
+  const double* shown_state = nullptr;
+  IncrementalObserver observer(input.options, input.view, [&] { WriteToUser(blocks, shown_state); },
+                               {result.outside_cost, result.seconds_before, input.iterations_before});
+  const IncrementalOptions options = WithTimeLeft(core_options, result.seconds_before);
+  std::unique_ptr<Solver> solver = SolverPool::Global().Take(OneTimeOptions(options), graph);
+  SolveOnce(options, solver.get(), &graph, &result.update, &observer, &shown_state);
+  SolverPool::Global().GiveBack(std::move(solver));
+  return Conclude(&result, &observer, input, summary, report, [&] { WriteToUser(blocks, graph.state().data()); });
+}
+
+}  // namespace
+
+bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core, IncrementalProblem* living,
+                        ceres::Solver::Summary* summary, SolveReport* report) {
+  WriteGiven(input.options, input.view, summary);
+  summary->num_threads_used = core.num_threads;
+  bool solved = true;
+  if (input.view.reduced.num_parameter_blocks > 0) {
+    solved = living != nullptr ? Minimize(input, core, living, summary, report) : MinimizeOnce(input, core, summary, report);
+  } else {
+    // What is living stays as it is: the next solve finds what has changed since.
+    const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
+    summary->fixed_cost = fixed.cost;
+    summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
+    summary->preprocessor_time_in_seconds = input.clock.Seconds();
+    if (fixed.error.empty()) {
+      WriteNothingToSolve(fixed.cost, summary);
+    } else {
+      solved = Fail(fixed.error, summary);
+    }
+    ReportNothingToSolve(input, report);
+  }
+  const double postprocessor_start = input.clock.Seconds();
+  WriteReduced(input.view, summary);
+  summary->total_time_in_seconds = input.clock.Seconds();
+  summary->postprocessor_time_in_seconds = summary->total_time_in_seconds - postprocessor_start;
+  return solved;
+}
+
+}  // namespace inceres::internal

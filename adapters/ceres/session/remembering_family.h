@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include <ceres/cost_function.h>
+
+#include "inceres/problem/ambient_family.h"
+
+namespace inceres::internal {
+
+/// A user's cost functions of one shape, at places that come and go, with what it takes to recognize them later: of each, the
+/// parameters x̄ of its last Jacobian call and the residual there. Called with Ceres's conventions, like CostFunctionFamily.
+///
+/// Recognition compares cost-only calls with each other: a Jacobian call may round differently (AutoDiff divides otherwise than
+/// plain doubles do). So Remember, after a solve, evaluates cost-only at x̄; Recognize, before the next one, does so again.
+///
+/// Threads: Evaluate as any family, on disjoint ranges; the rest from one thread. Memory per place: Σ ambient sizes + residuals.
+class RememberingFamily : public AmbientFamily<RememberingFamily> {
+ public:
+  /// Without `remembers` nothing is kept, and Recognize is always false.
+  RememberingFamily(int num_residuals, std::vector<Slot> slots, bool remembers);
+
+  int size() const override { return static_cast<int>(costs_.size()); }
+  const char* Name() const override { return "ceres::CostFunction"; }
+  std::string Describe(int i) const override;
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const;
+
+  /// Puts a cost function to a place, which may be one beyond the last; what was known of the place is forgotten.
+  void Place(int i, const ceres::CostFunction* cost);
+  /// No cost function is at this place any more; its pointer may dangle.
+  void Clear(int i) { Place(i, nullptr); }
+
+  /// Prepares all places linearized since the last call to be recognized.
+  void Remember();
+  /// Whether `cost` evaluates, cost only, to the remembered residual, bit by bit. False also if that proves nothing: the residual
+  /// was zero, it was another one when Jacobians were asked for, or the place was never linearized.
+  bool Recognize(int i, const ceres::CostFunction* cost);
+
+ private:
+  enum class Memory : std::uint8_t {
+    kNone,        ///< not linearized, or not to be recognized
+    kLinearized,  ///< x̄ and the residual of the Jacobian call
+    kProof,       ///< x̄ and the residual of a cost-only call
+  };
+
+  double* Values(int i) const { return records_.data() + static_cast<std::size_t>(i) * stride_; }
+  double* Residual(int i) const { return Values(i) + num_values_; }
+  bool EvaluateCostOnly(const ceres::CostFunction& cost, const double* values);
+  bool Proves(const double* with_jacobians) const;
+
+  std::vector<const ceres::CostFunction*> costs_;
+  bool remembers_;
+  std::size_t num_values_ = 0;
+  std::size_t stride_ = 0;
+  mutable std::vector<double> records_;  // per place: x̄, residual
+  mutable std::vector<Memory> memory_;   // per place
+  std::vector<double> residual_;         // of a cost-only call
+  std::vector<const double*> pointers_;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,247 @@
+#include "inceres/ceres/session.h"
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <glog/logging.h>
+
+#include "adapters/ceres/compare/cross_check.h"
+#include "adapters/ceres/exact/exact_solve.h"
+#include "adapters/ceres/fallback/decline.h"
+#include "adapters/ceres/fallback/gate.h"
+#include "adapters/ceres/plan/iterative_choice.h"
+#include "adapters/ceres/plan/option_mapping.h"
+#include "adapters/ceres/plan/plan_pool.h"
+#include "adapters/ceres/read/ceres_version.h"
+#include "adapters/ceres/report/summary_writer.h"
+#include "adapters/ceres/session/incremental_solve.h"
+#include "adapters/ceres/session/mode_choice.h"
+#include "adapters/ceres/session/window_watch.h"
+
+namespace inceres {
+
+namespace {
+
+// Iterations after which incremental steps are given up for this solve: those that converge mostly take fewer than ten.
+constexpr int kPatience = 25;
+
+// What was in the user's memory when a solve began. It is there again when this is gone, unless Keep was called.
+class StartValues {
+ public:
+  explicit StartValues(const internal::ProblemView& view) {
+    for (const internal::ParameterBlockView& block : view.blocks) {
+      if (block.reduced()) {
+        blocks_.emplace_back(block.values, block.ambient_size);
+        values_.insert(values_.end(), block.values, block.values + block.ambient_size);
+      }
+    }
+  }
+  ~StartValues() {
+    const double* start = values_.data();
+    for (const auto& [values, size] : blocks_) {
+      std::copy_n(start, size, values);
+      start += size;
+    }
+  }
+  StartValues(const StartValues&) = delete;
+  StartValues& operator=(const StartValues&) = delete;
+  void Keep() { blocks_.clear(); }
+
+ private:
+  std::vector<std::pair<double*, int>> blocks_;
+  std::vector<double> values_;
+};
+
+}  // namespace
+
+class CeresSession::Impl {
+ public:
+  explicit Impl(const SessionOptions& session_options) : options(session_options) {}
+
+  void Look(const ceres::Problem& problem) {
+    if (has_view) {
+      internal::IntrospectValues(problem, &view);
+    } else {
+      internal::Introspect(problem, &view);
+    }
+    has_view = true;
+  }
+
+  // Whether the problem can still have the structure that was looked at.
+  bool LooksTheSame(const ceres::Problem& problem) const {
+    return problem.NumResidualBlocks() == view.all.num_residual_blocks &&
+           problem.NumParameterBlocks() == view.all.num_parameter_blocks && problem.NumResiduals() == view.all.num_residuals;
+  }
+
+  void SolveOnce(const ceres::Solver::Options& solver_options, ceres::Problem* problem, ceres::Solver::Summary* summary,
+                 SolveReport* report);
+
+  const char* ReasonForExact(const ceres::Solver::Options& solver_options);
+  bool IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock, const SolveReport& report,
+                    const ceres::Solver::Summary& summary) const;
+  bool FinishExactly(const internal::SolveInput& input, SolveReport* report, ceres::Solver::Summary* summary);
+  void SolveExactlyFor(const char* reason, ceres::Problem* problem, internal::SolveInput* input, ceres::Solver::Summary* summary,
+                       SolveReport* report);
+
+  const SessionOptions options;
+  internal::WindowWatch watch;
+  internal::ModeChoice choice;
+  std::unique_ptr<internal::IncrementalProblem> living;
+  // Of the living problem, which cannot change them.
+  int num_threads = 0;
+  ReducedSolverKind reduced_solver = ReducedSolverKind::kAutomatic;
+  internal::ProblemView view;
+  bool has_view = false;  // of the problem's structure as it is
+};
+
+void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options, ceres::Problem* problem,
+                                   ceres::Solver::Summary* summary, SolveReport* report) {
+  const internal::WallClock clock;
+  internal::OrderingView ordering;
+  has_view = has_view && report != nullptr && report->problem_unedited && LooksTheSame(*problem);
+  ceres::EvaluationCallback* const callback =
+      internal::EvaluationCallbackOf(*problem, report != nullptr ? report->evaluation_callback : nullptr);
+  std::string obstacle = internal::IncrementalOptionsObstacle(solver_options, callback);
+  if (obstacle.empty()) {
+    Look(*problem);
+    ordering = internal::ReadOrdering(solver_options, view);
+    obstacle = internal::IncrementalProblemObstacle(solver_options, view, ordering);
+  }
+  if (!obstacle.empty()) {
+    internal::Decline(solver_options, problem, summary, obstacle, report);
+    return;
+  }
+  internal::SolveInput input{solver_options, view, ordering, clock};
+  if (const char* reason = ReasonForExact(solver_options)) {
+    SolveExactlyFor(reason, problem, &input, summary, report);
+    return;
+  }
+  // Out of the session while it works: a failure, or an exception out of user code, ends it.
+  std::unique_ptr<internal::IncrementalProblem> working = std::move(living);
+  IncrementalOptions core = internal::MapIncrementalOptions(solver_options, options.core);
+  internal::ChooseIterativeSolver(solver_options, view, ordering, internal::kMaxDirectSize, &core);
+  if (working == nullptr || core.num_threads != num_threads || core.reduced_solver != reduced_solver) {
+    const auto trust = options.verify_cached_factors ? internal::Trust::kVerified : internal::Trust::kAddresses;
+    working = std::make_unique<internal::IncrementalProblem>(core, trust);
+    num_threads = core.num_threads;
+    reduced_solver = core.reduced_solver;
+  }
+  SolveReport own_report;
+  SolveReport* told = report != nullptr ? report : &own_report;
+  core.max_num_iterations = std::min(core.max_num_iterations, kPatience);
+  StartValues start(view);
+  bool solved = internal::SolveIncrementally(input, core, working.get(), summary, told);
+  if (solved) {
+    choice.Note(told->update, told->changes, told->num_frames, options.verify_cached_factors);
+    solved = !IsUnfinished(solver_options, clock, *told, *summary) || FinishExactly(input, told, summary);
+  }
+  if (solved) {
+    start.Keep();
+    living = std::move(working);
+  }
+}
+
+// Whether an Update has ended without convergence though no limit of the user's asked for it.
+bool CeresSession::Impl::IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock,
+                                      const SolveReport& report, const ceres::Solver::Summary& summary) const {
+  return summary.termination_type == ceres::NO_CONVERGENCE && !internal::IsIterative(solver_options.linear_solver_type) &&
+         report.update.num_iterations < solver_options.max_num_iterations &&
+         clock.Seconds() < solver_options.max_solver_time_in_seconds;
+}
+
+// From where the incremental steps have come to; what is remembered stays, and finds the values changed. False after a failure or
+// an abort.
+bool CeresSession::Impl::FinishExactly(const internal::SolveInput& input, SolveReport* report, ceres::Solver::Summary* summary) {
+  ceres::Solver::Options rest = input.options;
+  rest.max_num_iterations -= report->update.num_iterations;
+  internal::SolveInput again{rest, view, input.ordering, input.clock};
+  again.iterations_before = std::max(0, static_cast<int>(summary->iterations.size()) - 1);
+  if (!internal::ChoosePlan(internal::IncrementalLinearSolver(rest, input.ordering), &again).empty()) {
+    return true;  // no memory for it: what was reached stays
+  }
+  has_view = false;  // the batch solver's graph takes its place
+  ceres::Solver::Summary first;
+  std::swap(first, *summary);
+  const ProblemChanges changes = report->changes;
+  IncrementalOptions core = internal::MapIncrementalOptions(rest, options.core);
+  core.batch_share = std::min(core.batch_share, 0.5);
+  internal::SolveIncrementally(again, core, nullptr, summary, report);
+  internal::Prepend(first, summary);
+  report->changes = changes;
+  report->exact_reason = "incremental steps did not converge: those after iteration " +
+                         std::to_string(first.iterations.size() - 1) + " are the batch solver's";
+  return summary->IsSolutionUsable();
+}
+
+// Null: the solve is to be incremental. Exact mode has no iterative solver.
+const char* CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& solver_options) {
+  if (internal::IsIterative(solver_options.linear_solver_type)) {
+    return nullptr;
+  }
+  if (options.exact_windows && watch.WantsExact(view)) {
+    return "a window slides, or may: what a solve leaves undone would become final";
+  }
+  return options.automatic && choice.WantsExact() ? choice.reason().c_str() : nullptr;
+}
+
+// What was remembered is out of date then, and takes memory.
+void CeresSession::Impl::SolveExactlyFor(const char* reason, ceres::Problem* problem, internal::SolveInput* input,
+                                         ceres::Solver::Summary* summary, SolveReport* report) {
+  living.reset();
+  has_view = false;  // an exact solve empties it
+  std::string too_much = internal::DenseQrObstacle(input->options, input->view, input->ordering);
+  if (too_much.empty()) {
+    too_much = internal::ChoosePlan(internal::TypeToPlanFor(input->options, input->ordering), input);
+  }
+  if (!too_much.empty()) {
+    internal::Decline(input->options, problem, summary, too_much, report);
+    return;
+  }
+  internal::SolveExactly(*input, summary, report);
+  if (report != nullptr) {
+    report->exact_reason = reason;
+  }
+}
+
+CeresSession::CeresSession(const SessionOptions& options) : impl_(std::make_unique<Impl>(options)) {
+}
+
+CeresSession::~CeresSession() = default;
+
+void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
+                         SolveReport* report) {
+  CHECK(problem != nullptr);  // as ceres::Solve
+  CHECK(summary != nullptr);
+  *summary = ceres::Solver::Summary();
+  internal::ClearResults(report);
+  if (internal::WantsComparison(report)) {
+    const auto once = [&] { impl_->SolveOnce(options, problem, summary, report); };
+    internal::SolveAndCompare(options, problem, summary, report, SolveMode::kIncremental, {once, nullptr});
+  } else {
+    impl_->SolveOnce(options, problem, summary, report);
+  }
+}
+
+void CeresSession::Forget(const ceres::CostFunction* cost_function) {
+  if (impl_->living != nullptr) {
+    impl_->living->Forget(cost_function);
+  }
+}
+
+void CeresSession::Forget(const ceres::LossFunction* loss_function) {
+  if (impl_->living != nullptr) {
+    impl_->living->Forget(loss_function);
+  }
+}
+
+void CeresSession::Reset() {
+  impl_->living.reset();
+  impl_->has_view = false;
+  impl_->watch = internal::WindowWatch();
+  impl_->choice = internal::ModeChoice();
+}
+
+}  // namespace inceres

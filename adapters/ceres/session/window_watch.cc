@@ -1,0 +1,93 @@
+#include "adapters/ceres/session/window_watch.h"
+
+#include <algorithm>
+#include <functional>
+
+namespace inceres::internal {
+namespace {
+
+// Largest tangent size of what may be a landmark.
+constexpr int kLandmarkSize = 4;
+
+constexpr int kMaxStates = 100;
+constexpr int kMaxResidualBlocks = 16384;
+
+bool IsOfWindowSize(int num_residual_blocks, int num_blocks, int num_large) {
+  return num_residual_blocks <= kMaxResidualBlocks && (num_large > 0 ? num_large : num_blocks) <= kMaxStates;
+}
+
+void Mix(std::size_t* hash, std::size_t value) {
+  *hash ^= value + 0x9e3779b97f4a7c15U + (*hash << 6) + (*hash >> 2);
+}
+
+std::size_t HashOf(const ProblemView& view, const ResidualBlockView& residual) {
+  std::size_t hash = std::hash<const void*>()(residual.id);
+  Mix(&hash, std::hash<const void*>()(residual.cost));
+  for (int s = 0; s < residual.num_slots; ++s) {
+    Mix(&hash, std::hash<const void*>()(view.block(view.SlotsOf(residual)[s]).values));
+  }
+  return hash;
+}
+
+}  // namespace
+
+bool IsOfWindowSize(const ceres::Problem& problem) {
+  if (problem.NumResidualBlocks() > kMaxResidualBlocks) {
+    return false;
+  }
+  std::vector<double*> blocks;
+  problem.GetParameterBlocks(&blocks);
+  const auto num_large = std::count_if(blocks.begin(), blocks.end(), [&problem](const double* values) {
+    return problem.ParameterBlockSize(values) > kLandmarkSize && !problem.IsParameterBlockConstant(values);
+  });
+  return IsOfWindowSize(problem.NumResidualBlocks(), static_cast<int>(blocks.size()), static_cast<int>(num_large));
+}
+
+bool WindowWatch::WantsExact(const ProblemView& view) {
+  const auto num_large = std::count_if(view.blocks.begin(), view.blocks.end(), [](const ParameterBlockView& block) {
+    return block.reduced() && block.tangent_size > kLandmarkSize;
+  });
+  const bool slid = HasSlid(view, num_large > 0);
+  slides_ = begun_ && (slides_ || slid);
+  num_quiet_ = slid || !begun_ ? 0 : num_quiet_ + 1;
+  begun_ = true;
+  if (num_quiet_ >= kQuietSolves) {
+    slides_ = false;
+    return false;
+  }
+  return slides_ ||
+         IsOfWindowSize(view.reduced.num_residual_blocks, view.reduced.num_parameter_blocks, static_cast<int>(num_large));
+}
+
+bool WindowWatch::HasSlid(const ProblemView& view, bool any_large) {
+  const auto is_state = [any_large](const ParameterBlockView& block) {
+    return block.reduced() && (!any_large || block.tangent_size > kLandmarkSize);
+  };
+  states_now_.clear();
+  for (const ParameterBlockView& block : view.blocks) {
+    if (is_state(block)) {
+      states_now_.push_back(block.values);
+    }
+  }
+  std::sort(states_now_.begin(), states_now_.end());
+  links_now_.clear();
+  bool has_new_link = false;
+  for (const ResidualBlockView& residual : view.residuals) {
+    const int* slots = view.SlotsOf(residual);
+    if (residual.fixed || !std::all_of(slots, slots + residual.num_slots, [&](int b) { return is_state(view.block(b)); })) {
+      continue;
+    }
+    links_now_.push_back(HashOf(view, residual));
+    const bool all_old = std::all_of(slots, slots + residual.num_slots, [&](int b) {
+      return std::binary_search(states_.begin(), states_.end(), view.block(b).values);
+    });
+    has_new_link |= all_old && !std::binary_search(links_.begin(), links_.end(), links_now_.back());
+  }
+  std::sort(links_now_.begin(), links_now_.end());
+  const bool any_gone = !std::includes(states_now_.begin(), states_now_.end(), states_.begin(), states_.end());
+  states_.swap(states_now_);
+  links_.swap(links_now_);
+  return any_gone && has_new_link;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,398 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <memory>
+#include <type_traits>
+#include <vector>
+
+#include "inceres/problem/factor_family.h"
+
+namespace inceres {
+
+namespace internal {
+
+/// Takes over an ambient Jacobian (num_rows × ambient_size, contiguous): copies its first `columns` to rows row_stride apart, the
+/// product with M = [I; 0], and marks it as unwritten, for the next factor to write. False, and J_ambient as it was, if the sum
+/// of the magnitudes of its entries does not prove that they are ordinary.
+using TakeFunction = bool (*)(int ambient_size, int columns, double* J_ambient, int num_rows, double* J_tangent, int row_stride);
+
+/// The fastest for the sizes.
+INCERES_EXPORT TakeFunction FindTake(int num_rows, int ambient_size, int columns);
+
+}  // namespace internal
+
+/// Writes J_tangent (num_rows × map.tangent_size, rows row_stride apart) = J_ambient (row-major, contiguous) · M.
+/// Does nothing where no Jacobian is wanted. Cost: a copy for identity and selection maps.
+INCERES_EXPORT void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
+                                          int row_stride);
+
+/// What entries nobody has written yet hold.
+constexpr double kUnwritten = 1e302;
+
+/// Fills `values` with kUnwritten, so that AreWritten finds what was forgotten.
+inline void MarkUnwritten(double* values, int count) {
+  for (; count > 3; count -= 4, values += 4) {
+    for (int k = 0; k < 4; ++k) {
+      values[k] = kUnwritten;
+    }
+  }
+  if (count > 0) {  // one to three, as most are to begin with: without a loop
+    values[0] = kUnwritten;
+    if (count > 1) {
+      values[1] = kUnwritten;
+      if (count > 2) {
+        values[2] = kUnwritten;
+      }
+    }
+  }
+}
+
+/// Whether a sum of magnitudes proves that each of them is finite and has been written. It need not: a finite one may be larger.
+inline bool AreOrdinary(double sum_of_magnitudes) {
+  return sum_of_magnitudes < 0.01 * kUnwritten;
+}
+
+/// Whether every entry is finite and has been written since MarkUnwritten.
+INCERES_EXPORT bool AreAllWritten(const double* values, int count);
+
+/// The same; up to three ordinary entries, as most residuals are, need neither call nor loop.
+inline bool AreWritten(const double* values, int count) {
+  if (count > 0 && count <= 3) {
+    double sum = std::fabs(values[0]);
+    if (count > 1) {
+      sum += std::fabs(values[1]);
+      if (count > 2) {
+        sum += std::fabs(values[2]);
+      }
+    }
+    if (AreOrdinary(sum)) {
+      return true;
+    }
+  }
+  return AreAllWritten(values, count);
+}
+
+/// A family of factors given one at a time with ambient Jacobians, as a user of Ceres writes them. Derived supplies
+///
+///     bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const;
+///
+/// with Ceres's conventions: `jacobians` is null for a cost-only call; jacobians[s] is null for a constant, otherwise
+/// row-major residual_size × ambient_size; false means "cannot be evaluated here". Outputs are filled beforehand with an
+/// impossible value and checked afterwards, so a forgotten entry, a NaN or an infinity is reported with the factor's index, that
+/// of the first factor at fault; but later ones of the same call may have been evaluated by then.
+/// Source: the obligations of ceres::CostFunction::Evaluate (Ceres 2.1, residual_block.cc).
+template <typename Derived>
+class AmbientFamily : public FactorFamily {
+ public:
+  using FactorFamily::FactorFamily;
+
+  int TaskSize() const override { return 16; }
+
+  EvaluationFailure Evaluate(const FactorBatch& batch) const override {
+    if (batch.jacobians == nullptr) {
+      return EvaluateResiduals(batch);
+    }
+    return IsInPlace(batch) ? EvaluateInPlace(batch) : EvaluateAndProject(batch);
+  }
+
+ private:
+  static constexpr const char* kReturnedFalse = "the cost function returned false";
+  static constexpr const char* kBadResidual = "a residual is not finite or was not written";
+  static constexpr const char* kBadJacobian = "a Jacobian entry is not finite or was not written";
+  static constexpr std::size_t kInlineSlots = 16;
+
+  // Where the ambient Jacobians of one factor are written, always marked as unwritten when a factor begins. Up to kInline doubles
+  // live on the stack: small factors allocate nothing.
+  struct Scratch {
+    static constexpr std::size_t kInline = 512;
+    struct Slot {
+      double* values;
+      double* J_tangent;  // of the next factor
+      std::ptrdiff_t factor_stride;
+      int row_stride;
+      int size;
+      internal::TakeFunction take;
+    };
+
+    Scratch(const FactorFamily& family, const FactorBatch& batch) {
+      const auto count = static_cast<std::size_t>(family.num_slots());
+      if (count > kInlineSlots) {
+        heap_blocks.resize(count);
+        heap_slots.resize(count);
+        blocks = heap_blocks.data();
+        slots = heap_slots.data();
+      }
+      std::size_t size = 0;
+      for (int s = 0; s < family.num_slots(); ++s) {
+        const FactorFamily::Slot& slot = family.slot(s);
+        const JacobianView& view = batch.jacobians[s];
+        slots[s] = {nullptr,
+                    view.data + batch.begin * view.factor_stride,
+                    view.factor_stride,
+                    view.row_stride,
+                    family.residual_size() * slot.ambient_size,
+                    internal::FindTake(family.residual_size(), slot.ambient_size, slot.tangent_size)};
+        size += static_cast<std::size_t>(slots[s].size);
+      }
+      if (size > kInline) {
+        heap.reset(new double[size]);  // not make_unique: it is filled at once
+      }
+      double* next = size > kInline ? heap.get() : stack;
+      MarkUnwritten(next, static_cast<int>(size));
+      for (std::size_t s = 0; s < count; ++s) {
+        slots[s].values = next;
+        next += slots[s].size;
+      }
+    }
+    Scratch(const Scratch&) = delete;
+    Scratch& operator=(const Scratch&) = delete;
+
+    double stack[kInline];
+    double* stack_blocks[kInlineSlots];
+    Slot stack_slots[kInlineSlots];
+    std::unique_ptr<double[]> heap;
+    std::vector<double*> heap_blocks;
+    std::vector<Slot> heap_slots;
+    double** blocks = stack_blocks;  // what the user's code sees
+    Slot* slots = stack_slots;
+  };
+
+  EvaluationFailure EvaluateResiduals(const FactorBatch& batch) const {
+    MarkResiduals(batch);
+    const double* const* parameters = Parameters(batch);
+    double* residuals = Residuals(batch);
+    const int num_slots = this->num_slots();
+    const int rows = residual_size();
+    for (int i = batch.begin; i < batch.end; ++i, parameters += num_slots, residuals += rows) {
+      if (!derived().EvaluateOne(i, parameters, residuals, nullptr)) {
+        return FirstFault(batch, i, {i, kReturnedFalse});
+      }
+    }
+    return FirstFault(batch, batch.end, {});
+  }
+
+  EvaluationFailure EvaluateAndProject(const FactorBatch& batch) const {
+    Scratch scratch(*this, batch);
+    MarkResiduals(batch);
+    const double* const* parameters = Parameters(batch);
+    double* residuals = Residuals(batch);
+    const TangentMap* const* maps = Maps(batch);
+    const int num_slots = this->num_slots();
+    const int rows = residual_size();
+    for (int i = batch.begin; i < batch.end; ++i, parameters += num_slots, residuals += rows, maps += num_slots) {
+      for (int s = 0; s < num_slots; ++s) {
+        // What is unwanted is asked for all the same: code that never met a constant may not look for a null pointer.
+        scratch.blocks[s] = maps[s]->kind == TangentMap::Kind::kConstant ? nullptr : scratch.slots[s].values;
+      }
+      if (!derived().EvaluateOne(i, parameters, residuals, scratch.blocks)) {
+        return FirstFault(batch, i, {i, kReturnedFalse});
+      }
+      for (int s = 0; s < num_slots; ++s) {
+        typename Scratch::Slot& slot = scratch.slots[s];
+        if (!TakeOver(*maps[s], slot, rows)) {
+          return FirstFault(batch, i + 1, BadJacobian(i, s, slot.values, slot.size));
+        }
+        slot.J_tangent += slot.factor_stride;
+      }
+    }
+    return FirstFault(batch, batch.end, {});
+  }
+
+  // Whether all factors touch the same variables by Jacobians of one row that are their own tangent ones, as in curve fitting.
+  bool IsInPlace(const FactorBatch& batch) const {
+    const int num_slots = this->num_slots();
+    if (residual_size() != 1 || num_slots > static_cast<int>(kInlineSlots) || batch.begin == batch.end) {
+      return false;
+    }
+    const TangentMap* const* maps = Maps(batch);
+    for (int s = 0; s < num_slots; ++s) {
+      if (maps[s]->kind != TangentMap::Kind::kIdentity && maps[s]->kind != TangentMap::Kind::kConstant) {
+        return false;
+      }
+    }
+    return std::equal(maps, maps + static_cast<std::ptrdiff_t>(batch.end - batch.begin - 1) * num_slots, maps + num_slots);
+  }
+
+  // Neighboring entries of the rows of such Jacobians.
+  struct Run {
+    double* first;  // of the batch's first factor
+    std::ptrdiff_t stride;
+    int size;
+  };
+
+  // Calls visit(size), which is a constant where it is small.
+  template <typename Visit>
+  static void WithSize(int size, const Visit& visit) {
+    switch (size) {
+      case 1:
+        return visit(std::integral_constant<int, 1>());
+      case 2:
+        return visit(std::integral_constant<int, 2>());
+      case 3:
+        return visit(std::integral_constant<int, 3>());
+      default:
+        return visit(size);
+    }
+  }
+
+  // As few runs as cover all wanted Jacobians; returns their number.
+  int FindRuns(const FactorBatch& batch, Run* runs) const {
+    int num_runs = 0;
+    for (int s = 0; s < num_slots(); ++s) {
+      if (!Maps(batch)[s]->wanted()) {
+        continue;
+      }
+      const JacobianView& view = batch.jacobians[s];
+      const Run run = {view.data + batch.begin * view.factor_stride, view.factor_stride, slot(s).ambient_size};
+      Run* const last = num_runs > 0 ? &runs[num_runs - 1] : nullptr;
+      if (last != nullptr && last->first + last->size == run.first && last->stride == run.stride) {
+        last->size += run.size;
+      } else {
+        runs[num_runs++] = run;
+      }
+    }
+    return num_runs;
+  }
+
+  // Such Jacobians are written straight to their places.
+  EvaluationFailure EvaluateInPlace(const FactorBatch& batch) const {
+    const int num_slots = std::min(this->num_slots(), static_cast<int>(kInlineSlots));  // as IsInPlace has seen
+    double* blocks[kInlineSlots] = {};  // of one factor, whose function may change the array
+    double* next[kInlineSlots];
+    std::ptrdiff_t strides[kInlineSlots];
+    for (int s = 0; s < num_slots; ++s) {
+      const bool wanted = Maps(batch)[s]->wanted();
+      strides[s] = wanted ? batch.jacobians[s].factor_stride : 0;
+      next[s] = wanted ? batch.jacobians[s].data + batch.begin * strides[s] : nullptr;
+    }
+    Run runs[kInlineSlots];
+    const int num_runs = FindRuns(batch, runs);
+    for (const Run* run = runs; run != runs + num_runs; ++run) {
+      WithSize(run->size, [run, &batch](auto size) {
+        double* row = run->first;
+        for (int i = batch.begin; i < batch.end; ++i, row += run->stride) {
+          MarkUnwritten(row, size);
+        }
+      });
+    }
+    MarkResiduals(batch);
+    int i = batch.begin;
+    WithSize(num_slots, [this, &batch, &blocks, &next, &strides, &i](auto count) {
+      const double* const* parameters = Parameters(batch);
+      double* residual = Residuals(batch);
+      for (; i < batch.end; ++i, parameters += count, ++residual) {
+        for (int s = 0; s < count; ++s) {
+          blocks[s] = next[s];
+          next[s] += strides[s];
+        }
+        if (!derived().EvaluateOne(i, parameters, residual, blocks)) {
+          break;
+        }
+      }
+    });
+    const EvaluationFailure returned_false = {i, kReturnedFalse};
+    return FirstFaultInPlace(batch, runs, num_runs, i, i < batch.end ? returned_false : EvaluationFailure());
+  }
+
+  // Of the batch's first factor.
+  const double* const* Parameters(const FactorBatch& batch) const {
+    return batch.parameters + static_cast<std::ptrdiff_t>(batch.begin) * num_slots();
+  }
+  const TangentMap* const* Maps(const FactorBatch& batch) const {
+    return batch.tangent_maps + static_cast<std::ptrdiff_t>(batch.begin) * num_slots();
+  }
+  double* Residuals(const FactorBatch& batch) const {
+    return batch.residuals + static_cast<std::ptrdiff_t>(batch.begin) * residual_size();
+  }
+  const Derived& derived() const { return static_cast<const Derived&>(*this); }
+
+  void MarkResiduals(const FactorBatch& batch) const {
+    MarkUnwritten(Residuals(batch), (batch.end - batch.begin) * residual_size());
+  }
+
+  // The first factor before `end` with a bad residual; without one `failure`, which is of a factor behind them.
+  EvaluationFailure FirstFault(const FactorBatch& batch, int end, EvaluationFailure failure) const {
+    const double* residuals = Residuals(batch);
+    if (AreAllWritten(residuals, (end - batch.begin) * residual_size())) {
+      return failure;
+    }
+    int i = batch.begin;
+    while (AreAllWritten(residuals, residual_size())) {
+      ++i;
+      residuals += residual_size();
+    }
+    const int r = FirstUnwritten(residuals, residual_size());
+    return {i, kBadResidual, -1, r, residuals[r]};
+  }
+
+  // The index of the first entry that is not finite or was not written; −1 if it can no longer be told.
+  static int FirstUnwritten(const double* values, int count) {
+    for (int k = 0; k < count; ++k) {
+      if (!AreAllWritten(values + k, 1)) {
+        return k;
+      }
+    }
+    return -1;
+  }
+
+  static EvaluationFailure BadJacobian(int factor, int slot, const double* J, int count) {
+    const int entry = FirstUnwritten(J, count);
+    return {factor, kBadJacobian, slot, entry, entry < 0 ? 0.0 : J[entry]};
+  }
+
+  // Of Jacobians in their places, all of one row.
+  EvaluationFailure BadJacobianInPlace(const FactorBatch& batch, int factor) const {
+    for (int s = 0; s < num_slots(); ++s) {
+      const double* row = batch.jacobians[s].data + factor * batch.jacobians[s].factor_stride;
+      if (Maps(batch)[s]->wanted() && !AreAllWritten(row, slot(s).ambient_size)) {
+        return BadJacobian(factor, s, row, slot(s).ambient_size);
+      }
+    }
+    return {factor, kBadJacobian};
+  }
+
+  EvaluationFailure FirstFaultInPlace(const FactorBatch& batch, const Run* runs, int num_runs, int end,
+                                      EvaluationFailure failure) const {
+    int first_bad = end;
+    for (const Run* run = runs; run != runs + num_runs; ++run) {
+      if (IsOrdinary(*run, end - batch.begin)) {
+        continue;
+      }
+      WithSize(run->size, [run, &batch, &first_bad](auto size) {
+        const double* row = run->first;
+        for (int i = batch.begin; i < first_bad; ++i, row += run->stride) {
+          if (!AreWritten(row, size)) {
+            first_bad = i;
+          }
+        }
+      });
+    }
+    return first_bad == end ? FirstFault(batch, end, failure)
+                            : FirstFault(batch, first_bad + 1, BadJacobianInPlace(batch, first_bad));
+  }
+
+  // Whether that is shown by a look at all that lies between its first entry and its last, where it is little more than its own.
+  static bool IsOrdinary(const Run& run, int num_rows) {
+    return run.stride <= 4 * run.size && AreAllWritten(run.first, (num_rows - 1) * static_cast<int>(run.stride) + run.size);
+  }
+
+  // False if an entry of a Jacobian that is wanted is not finite or was not written.
+  static bool TakeOver(const TangentMap& map, const typename Scratch::Slot& slot, int rows) {
+    if (map.copies() && slot.take(map.ambient_size, map.tangent_size, slot.values, rows, slot.J_tangent, slot.row_stride)) {
+      return true;  // as most do
+    }
+    if (map.wanted()) {
+      if (!AreAllWritten(slot.values, slot.size)) {
+        return false;
+      }
+      ProjectToTangentSpace(map, slot.values, rows, slot.J_tangent, slot.row_stride);
+    }
+    MarkUnwritten(slot.values, slot.size);
+    return true;
+  }
+};
+
+}  // namespace inceres

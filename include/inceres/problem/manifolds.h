@@ -1,0 +1,164 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "inceres/export.h"
+#include "inceres/problem/manifold.h"
+
+namespace inceres {
+
+/// The built-in manifolds. Angles are radians; quaternions are unit Hamilton quaternions. Nothing here normalizes a quaternion: ⊞
+/// keeps the norm it finds up to rounding, so that x ⊞ 0 = x to the last bit and PlusJacobian is exact at any x.
+///
+/// Minus is a closed form everywhere: of rotations the one by at most π, with q and −q the same point; false at the antipode of a
+/// sphere, and where ⊞ itself is undefined. What a SubsetManifold holds constant is not looked at.
+///
+/// None allocates in Plus, PlusJacobian or Minus; all are immutable and may be shared by variables, graphs and threads.
+/// Source: Hertzberg et al., "Integrating generic sensor fusion algorithms with sound state representations through encapsulation
+/// of manifolds", 2013; Sola, Deray & Atchuthan, "A micro Lie theory for state estimation in robotics", 2018.
+
+/// Rⁿ: x + δ. A null manifold means the same and is cheaper; this class is for ProductManifold.
+class INCERES_EXPORT EuclideanManifold final : public Manifold {
+ public:
+  explicit EuclideanManifold(int size) : size_(size) {}
+  int AmbientSize() const override { return size_; }
+  int TangentSize() const override { return size_; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+
+ private:
+  int size_;
+};
+
+/// Rⁿ with some coordinates held constant; δ moves the others, in their order. Without any left the tangent size is 0 and the
+/// variable is a constant. An index outside [0, n) is a mistake: Plus and PlusJacobian then return false.
+class INCERES_EXPORT SubsetManifold final : public Manifold {
+ public:
+  SubsetManifold(int size, const std::vector<int>& constant_indices);
+  int AmbientSize() const override { return size_; }
+  int TangentSize() const override { return static_cast<int>(free_.size()); }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+
+ private:
+  int size_;
+  bool valid_ = true;
+  std::vector<int> free_;  // the coordinates that move, ascending
+};
+
+/// Several manifolds side by side: the values of the first, then of the second, …; the tangent vector likewise. A null component
+/// is a mistake: it has size 0, and Plus and PlusJacobian then return false.
+class INCERES_EXPORT ProductManifold final : public Manifold {
+ public:
+  explicit ProductManifold(std::vector<std::shared_ptr<const Manifold>> components);
+  int AmbientSize() const override { return ambient_size_; }
+  int TangentSize() const override { return tangent_size_; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+
+ private:
+  std::vector<std::shared_ptr<const Manifold>> components_;
+  int ambient_size_ = 0;
+  int tangent_size_ = 0;
+};
+
+/// The sphere of radius ‖x‖ in Rⁿ, tangent size n − 1: homogeneous points and directions. δ moves x by the angle ‖δ‖ along a
+/// great circle,
+///     x ⊞ δ = cos‖δ‖ x + ‖x‖ sinc‖δ‖ B δ,    B (n × n−1) an orthonormal basis of the complement of x (Householder).
+/// Undefined (returns false) at x = 0. B jumps where x_n changes sign, which is harmless: it is fixed within a linearization.
+/// Source: Hartley & Zisserman, "Multiple View Geometry", 2nd ed., appendix 6.9.3.
+class INCERES_EXPORT SphereManifold final : public Manifold {
+ public:
+  explicit SphereManifold(int ambient_size) : size_(ambient_size) {}
+  int AmbientSize() const override { return size_; }
+  int TangentSize() const override { return size_ - 1; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+
+ private:
+  int size_;
+};
+
+/// Rotation as in Ceres 2.1's QuaternionManifold: storage w, x, y, z and
+///     q ⊞ δ = [cos‖δ‖, sinc(‖δ‖) δ] ⊗ q,
+/// a perturbation on the left by *twice* the angle ‖δ‖.
+class INCERES_EXPORT QuaternionManifold final : public Manifold {
+ public:
+  int AmbientSize() const override { return 4; }
+  int TangentSize() const override { return 3; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+};
+
+/// QuaternionManifold with Eigen's storage x, y, z, w: Ceres 2.1's EigenQuaternionManifold.
+class INCERES_EXPORT EigenQuaternionManifold final : public Manifold {
+ public:
+  int AmbientSize() const override { return 4; }
+  int TangentSize() const override { return 3; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+};
+
+/// Rotation with a right perturbation by a rotation vector, q ⊞ φ = q ⊗ Exp(φ): R Exp(φ), the convention of VINS, XRSLAM and most
+/// inertial estimators. Storage x, y, z, w.
+class INCERES_EXPORT RotationQuaternionManifold final : public Manifold {
+ public:
+  int AmbientSize() const override { return 4; }
+  int TangentSize() const override { return 3; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+};
+
+/// Pose as SO(3) × R³: storage p (3), q (x, y, z, w); δ = (δp, φ); p + δp, q ⊗ Exp(φ).
+class INCERES_EXPORT PoseManifold final : public Manifold {
+ public:
+  int AmbientSize() const override { return 7; }
+  int TangentSize() const override { return 6; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+};
+
+/// PoseManifold perturbed on the left: storage p (3), q (x, y, z, w); δ = (δp, φ), both in the world frame; p + δp, Exp(φ) ⊗ q.
+/// The convention of OKVIS.
+class INCERES_EXPORT LeftPoseManifold final : public Manifold {
+ public:
+  int AmbientSize() const override { return 7; }
+  int TangentSize() const override { return 6; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+};
+
+/// Pose as a rigid motion T = (R, p): storage p (3), q (x, y, z, w); ξ = (ρ, φ), translation first; T Exp(ξ):
+///     p + R J_l(φ) ρ,   q ⊗ Exp(φ).
+class INCERES_EXPORT SE3Manifold final : public Manifold {
+ public:
+  int AmbientSize() const override { return 7; }
+  int TangentSize() const override { return 6; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+};
+
+/// Planar pose: storage x, y, θ; ξ = (ρ (2), ω); T Exp(ξ):
+///     (x, y) + R(θ) V(ω) ρ,   θ + ω,    V(ω) = [sin ω, −(1 − cos ω); 1 − cos ω, sin ω] / ω.
+/// θ is not wrapped: a factor that compares angles wraps their difference.
+class INCERES_EXPORT SE2Manifold final : public Manifold {
+ public:
+  int AmbientSize() const override { return 3; }
+  int TangentSize() const override { return 3; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+};
+
+}  // namespace inceres

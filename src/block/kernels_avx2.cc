@@ -1,6 +1,0 @@
-#define INCERES_KERNEL_NAMESPACE kernels_avx2
-#define INCERES_KERNEL_NAME "avx2"
-#define INCERES_VECTOR_WIDTH 4
-#define INCERES_MAX_COLUMNS 4
-#define INCERES_MAX_QUADS 3
-#include "block/kernels_body.inc"

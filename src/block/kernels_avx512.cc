@@ -1,7 +1,0 @@
-// AVX-512VL on 256-bit registers: there are 32 of them, so a 12 x 9 block of S fits whole.
-#define INCERES_KERNEL_NAMESPACE kernels_avx512
-#define INCERES_KERNEL_NAME "avx512"
-#define INCERES_VECTOR_WIDTH 4
-#define INCERES_MAX_COLUMNS 9
-#define INCERES_MAX_QUADS 3
-#include "block/kernels_body.inc"

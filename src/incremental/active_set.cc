@@ -1,0 +1,147 @@
+#include "incremental/active_set.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace inceres::internal {
+namespace {
+
+// uᵀ B v for a block with padded rows.
+double Product(int rows, int columns, const double* u, const double* B, const double* v) {
+  double sum = 0.0;
+  for (int r = 0; r < rows; ++r, B += PadToQuad(columns)) {
+    double row = 0.0;
+    for (int c = 0; c < columns; ++c) {
+      row += B[c] * v[c];
+    }
+    sum += u[r] * row;
+  }
+  return sum;
+}
+
+}  // namespace
+
+void ActiveSet::RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping,
+                           const IncrementalSchur& schur) {
+  const SymmetricBlockRows& S = schur.S();
+  const auto count = static_cast<int>(candidates_.size());
+  for (std::vector<double>* ranked : {&gains_, &costs_}) {
+    ranked->reserve(S.num_rows());  // how many are ranked is not the same from step to step
+  }
+  order_.reserve(S.num_rows());
+  gains_.assign(count, 0.0);
+  order_.resize(count);
+  for (int at = 0; at < count; ++at) {
+    order_[at] = at;
+    const int i = candidates_[at];
+    const int offset = schur.FrameOffset(i);
+    const double* delta = frame_step.data() + offset;
+    if (S.size_of(i) == 0) {
+      continue;
+    }
+    double gain = Product(S.size_of(i), S.size_of(i), delta, S.values(S.row(i).back().offset), delta);
+    for (int k = 0; k < S.size_of(i); ++k) {
+      gain += damping[offset + k] * delta[k] * delta[k];
+    }
+    gains_[at] = gain;
+  }
+  std::sort(order_.begin(), order_.end(),
+            [this](std::int32_t a, std::int32_t b) { return gains_[a] != gains_[b] ? gains_[a] < gains_[b] : a < b; });
+  rank_.resize(S.num_rows(), -1);
+  costs_.assign(count, 0.0);
+  for (int r = 0; r < count; ++r) {
+    rank_[candidates_[order_[r]]] = r;
+    costs_[r] = 0.5 * gains_[order_[r]];
+  }
+  for (const std::int32_t i : candidates_) {
+    const double* delta = frame_step.data() + schur.FrameOffset(i);
+    for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
+      if (rank_[entry.column] < 0 || entry.column == i) {
+        continue;
+      }
+      const double product = Product(S.size_of(i), S.size_of(entry.column), delta, S.values(entry.offset),
+                                     frame_step.data() + schur.FrameOffset(entry.column));
+      costs_[std::max(rank_[i], rank_[entry.column])] += product;
+    }
+  }
+  for (const std::int32_t i : candidates_) {
+    rank_[i] = -1;
+  }
+}
+
+// All of the step but for the longest leading part of the ranks that costs no more than the budget.
+void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<double>& damping, double budget,
+                       IncrementalSystem* system) {
+  const IncrementalSchur& schur = system->schur();
+  RankFrames(frame_step, damping, schur);
+  double undone = 0.0;
+  std::size_t left = 0;
+  while (left < order_.size() && undone + costs_[left] <= budget) {
+    undone += costs_[left++];
+  }
+  for (std::size_t r = left; r < order_.size(); ++r) {
+    const std::int32_t frame = candidates_[order_[r]];
+    if (schur.frames()[frame].size > 0 && !schur.frames()[frame].held) {
+      frames_.push_back(frame);
+      system->SetFrameStep(frame, frame_step.data() + schur.FrameOffset(frame));
+    }
+  }
+}
+
+// Rows that were not solved anew may still have much of their step to take.
+void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const ReducedVectors& reduced,
+                               const IncrementalReducedSolver::Rows& solved, double negligible, const IncrementalSchur& schur) {
+  const auto num_rows = static_cast<std::int32_t>(schur.frames().size());
+  candidates_.clear();
+  candidates_.reserve(num_rows);
+  std::size_t next = 0;
+  for (std::int32_t i = 0; i < num_rows; ++i) {
+    bool listed = solved.rows == nullptr && i >= solved.first_row;
+    if (solved.rows != nullptr && next < solved.rows->size() && (*solved.rows)[next] == i) {
+      listed = true;
+      ++next;
+    }
+    double square = 0.0;
+    for (int k = schur.FrameOffset(i); k < schur.FrameOffset(i + 1) && !listed; ++k) {
+      square += reduced.weights()[k] * frame_step[k] * frame_step[k];
+    }
+    if (listed || square > negligible) {
+      candidates_.push_back(i);
+    }
+  }
+}
+
+// In the partial Bayes tree that the elimination of the landmarks leaves, the frames are the root and each landmark is a leaf,
+// conditioned on the frames it is seen from: which frames move, then which leaves are visited.
+void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVectors& reduced,
+                       const IncrementalReducedSolver::Rows& solved, const Limits& limits, IncrementalSystem* system) {
+  IncrementalSchur& schur = system->schur();
+  frames_.clear();
+  frames_.reserve(schur.frames().size());
+  landmarks_.clear();
+  landmarks_.reserve(schur.landmarks().size());
+  if (limits.remaining_decrease >= 0.0 && partial_step_.IsWorthwhile(schur) &&
+      partial_step_.Find(schur, reduced, limits.frame_gain - limits.remaining_decrease)) {
+    for (int k = 0; k < partial_step_.num_frames(); ++k) {
+      frames_.push_back(partial_step_.frame(k));
+      system->SetFrameStep(frames_.back(), partial_step_.step(k));
+    }
+  } else {
+    NameCandidates(frame_step, reduced, solved, limits.negligible, schur);
+    CutOff(frame_step, reduced.damping(), limits.remaining_decrease, system);
+  }
+  const auto visit = [&](std::int32_t landmark) {
+    if (schur.landmarks()[landmark].in_S && !system->Visited(landmark)) {
+      system->Visit(landmark);
+      landmarks_.push_back(landmark);
+    }
+  };
+  for (const std::int32_t frame : frames_) {
+    std::for_each(schur.frames()[frame].landmarks.begin(), schur.frames()[frame].landmarks.end(), visit);
+  }
+  const double share = limits.remaining_decrease / std::max(1, schur.num_landmarks());
+  const std::vector<std::int32_t>& eager = schur.EagerLandmarks(share);
+  std::for_each(eager.begin(), eager.end(), visit);
+}
+
+}  // namespace inceres::internal

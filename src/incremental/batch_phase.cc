@@ -1,0 +1,306 @@
+#include "incremental/batch_phase.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/stopwatch.h"
+#include "inceres/solver/one_time_solve.h"
+#include "inceres/solver/solver.h"
+
+namespace inceres::internal {
+namespace {
+
+// What comes after the batch solver: the incremental one, which finishes, or nothing.
+enum class BatchEnd { kHandsOver, kToTheEnd };
+
+// Counts the work, writes the trace, and ends the solve when the Update's observer says so, on request, when the work budget is
+// spent, and, before one more step proves it, where what is left is below the tolerance: good steps gain so fast less, or the
+// next one promises too little.
+class BatchObserver final : public SolveObserver {
+ public:
+  BatchObserver(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end, const std::atomic<bool>& stop,
+                int num_factors, const double** shown_state, UpdateTrace* trace)
+      : options_(options),
+        tuning_(tuning),
+        end_(end),
+        stop_(stop),
+        num_factors_(num_factors),
+        shown_state_(shown_state),
+        trace_(*trace) {}
+  ~BatchObserver() override { *shown_state_ = nullptr; }
+  BatchObserver(const BatchObserver&) = delete;
+  BatchObserver& operator=(const BatchObserver&) = delete;
+
+  void BeforeEvaluation(const double* /*state*/, bool jacobians, bool /*new_point*/) override {
+    UpdateSummary& summary = trace_.summary();
+    if (jacobians) {
+      summary.num_relinearized_factors += num_factors_;
+    } else {
+      summary.num_evaluated_factors += num_factors_;
+    }
+  }
+
+  bool IsWorthTrying(const IterationSummary& iteration, double cost) override {
+    const double promise = iteration.model_cost_change;
+    const double factor = promise / last_promise_;
+    const double rest = std::max(1.0, last_ratio_) * promise / (1.0 - factor);
+    const bool known = last_ratio_ > tuning_.kept_promise && factor < tuning_.steady_factor;
+    const bool series = known && rest <= tuning_.rest_share * options_.function_tolerance * cost;
+    const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= tuning_.settled_share * options_.function_tolerance * cost;
+    settled_ = options_.batch_share > 0.0 && SeesAll(iteration) && (series || nothing);
+    rest_ = !settled_ ? 0.0 : series ? rest : promise;
+    last_promise_ = promise;
+    return !settled_;
+  }
+
+  bool IsLast(const IterationSummary& iteration) override {
+    last_judged_ = iteration.iteration;
+    settled_ = HasJustSettled(iteration);
+    return settled_;
+  }
+
+  ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override {
+    cost_ = iteration.step_is_successful ? iteration.cost : cost_;
+    // What landmarks gained by themselves says nothing of the model.
+    last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
+    WriteRow(iteration);
+    *shown_state_ = best_state;
+    const bool go_on = trace_.EndRow(cost_);
+    *shown_state_ = nullptr;
+    settled_ = settled_ || IsRefusedForNothing(iteration);
+    const UpdateSummary& summary = trace_.summary();
+    if (!go_on) {
+      ended_by_user_ = true;
+      return summary.termination == Termination::kUserSuccess ? ObserverAction::kTerminateSuccessfully : ObserverAction::kAbort;
+    }
+    if (iteration.iteration != last_judged_) {  // the start, a refused step, or one that made the cost another function
+      previous_gain_ = 0.0;
+      previous_ratio_ = HUGE_VAL;
+      last_ratio_ = 0.0;
+    }
+    const bool enough = settled_ || stop_.load(std::memory_order_relaxed) ||
+                        summary.num_evaluated_factors + summary.num_relinearized_factors >= options_.max_factor_evaluations;
+    return enough ? ObserverAction::kTerminateSuccessfully : ObserverAction::kContinue;
+  }
+
+  bool ended_by_user() const { return ended_by_user_; }
+  bool settled() const { return settled_; }
+  /// Of the state, where Ceres reports the lowest cost seen, refused steps included.
+  double cost() const { return cost_; }
+  /// What the last step and those to come promise, where they are not taken.
+  double rest() const { return rest_; }
+
+ private:
+  // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could gain.
+  bool SeesAll(const IterationSummary& iteration) const {
+    return options_.batch_strategy != TrustRegionStrategyKind::kLevenbergMarquardt ||
+           iteration.trust_region_radius >= tuning_.seeing_radius;
+  }
+  // A step that was evaluated and refused, but changes next to nothing: there is nothing to be had. (Ceres's rule does not ask
+  // whether a step is accepted either.)
+  bool IsRefusedForNothing(const IterationSummary& iteration) const {
+    return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && iteration.iteration > 0 && iteration.step_is_valid &&
+           !iteration.step_is_successful &&
+           std::fabs(iteration.cost_change) <= tuning_.settled_share * options_.function_tolerance * cost_ &&
+           iteration.model_cost_change <= options_.function_tolerance * cost_;
+  }
+  bool HasJustSettled(const IterationSummary& iteration) {
+    const bool good = iteration.relative_decrease > tuning_.good_model;
+    const double gain = good ? iteration.cost_change : 0.0;
+    const double allowed = tuning_.settled_share * options_.function_tolerance * iteration.cost;
+    // Steps whose gains fall by a ratio r leave gain · r / (1 − r) undone.
+    const double ratio = gain / previous_gain_;
+    const double slower = std::max(ratio, previous_ratio_);
+    const bool fast = ratio < tuning_.fast_ratio && previous_ratio_ < tuning_.fast_ratio;
+    // Slow ones are believed where they are all there is, and Ceres's rule would have ended the solve.
+    const bool slow = end_ == BatchEnd::kToTheEnd && slower < 1.0 && gain <= options_.function_tolerance * iteration.cost;
+    const bool settled = options_.batch_share > 0.0 && SeesAll(iteration) && good && gain >= 0.0 && (fast || slow) &&
+                         gain * slower / (1.0 - slower) <= allowed;
+    rest_ = settled ? gain * slower / (1.0 - slower) : 0.0;
+    previous_gain_ = gain;
+    previous_ratio_ = ratio;
+    return settled;
+  }
+
+  void WriteRow(const IterationSummary& iteration) {
+    UpdateIteration& row = trace_.row();
+    row.step = iteration.iteration > 0 && iteration.step_is_valid ? UpdateStep::kBatch : UpdateStep::kNone;
+    row.accepted = iteration.step_is_successful;
+    row.cost_change = iteration.cost_change;
+    row.predicted_change = iteration.model_cost_change;
+    row.relative_decrease = iteration.relative_decrease;
+    row.step_norm = iteration.step_norm;
+    row.gradient_max_norm = iteration.gradient_max_norm;
+    row.gradient_norm = iteration.gradient_norm;
+    const bool damped = options_.batch_strategy == TrustRegionStrategyKind::kLevenbergMarquardt;
+    row.damping = damped ? 1.0 / iteration.trust_region_radius : 0.0;
+    row.radius = iteration.trust_region_radius;
+    row.num_linear_solver_iterations = iteration.linear_solver_iterations;
+    row.solve_seconds = iteration.step_solver_time_in_seconds;
+  }
+
+  const IncrementalOptions& options_;
+  const Tuning::Batch& tuning_;
+  const BatchEnd end_;
+  const std::atomic<bool>& stop_;
+  const int num_factors_;
+  const double** const shown_state_;
+  UpdateTrace& trace_;
+  double cost_ = 0.0;           // of the state
+  double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
+  double previous_ratio_ = HUGE_VAL;
+  double last_promise_ = HUGE_VAL;
+  double last_ratio_ = 0.0;
+  double rest_ = 0.0;
+  int last_judged_ = -1;
+  bool ended_by_user_ = false;
+  bool settled_ = false;
+};
+
+// Whether a trust region that refusals have shrunk may be what kept the last steps short: they then tell nothing of what is left.
+// A Dog-Leg's radius says so only while it is the step's length: until a step is taken without a refusal before it.
+bool IsHeldBack(const Summary& summary, const SolverOptions& options, const Tuning::Batch& tuning) {
+  if (summary.iterations.empty()) {
+    return false;
+  }
+  if (options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt) {
+    return summary.iterations.back().trust_region_radius < tuning.shrunk_share * options.initial_trust_region_radius;
+  }
+  const std::size_t first = summary.iterations.size() - std::min<std::size_t>(2, summary.iterations.size());
+  return std::any_of(summary.iterations.begin() + static_cast<std::ptrdiff_t>(first), summary.iterations.end(),
+                     [](const IterationSummary& i) { return i.iteration > 0 && !i.step_is_successful; });
+}
+
+// Ceres's rule looks at the last step alone, and does not take it. What it would have gained, and steps like it would go on to
+// gain, is left undone.
+bool HasSettled(const Summary& summary, double function_tolerance, const Tuning::Batch& tuning) {
+  if (summary.termination != Termination::kConvergence) {
+    return false;
+  }
+  double last_gain = 0.0;
+  for (const IterationSummary& iteration : summary.iterations) {
+    if (iteration.iteration > 0 && iteration.step_is_successful) {
+      last_gain = iteration.cost_change;
+    }
+  }
+  const double gain = std::fabs(summary.discarded_cost_change);
+  const double allowed = tuning.settled_share * function_tolerance * summary.final_cost;
+  return summary.final_cost == 0.0 || (gain < last_gain && gain / (1.0 - gain / last_gain) <= allowed);
+}
+
+}  // namespace
+
+bool TakesBatchPhase(const FactorGraph& graph) {
+  for (FamilyId family = 0; family < graph.num_families(); ++family) {
+    if (graph.NumFreePlaces(family) > 0) {
+      return false;
+    }
+  }
+  return graph.num_factors() > 0;
+}
+
+namespace {
+
+// What the batch solver is asked for, but for the observer.
+SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end) {
+  const bool only = options.batch_share == 0.0;
+  SolverOptions batch;
+  batch.strategy = options.batch_strategy;
+  batch.reduced_solver_factory = options.reduced_solver_factory;
+  batch.num_threads = options.num_threads;
+  batch.max_num_iterations = options.max_num_iterations;
+  batch.max_solver_time_in_seconds = options.max_seconds;
+  // Down to what may be left: one more iteration here costs less than to linearize everything for the incremental system. Where
+  // there will be none the observer says when nothing is left.
+  batch.function_tolerance = options.function_tolerance;
+  if (!only) {
+    batch.function_tolerance *= end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
+  }
+  batch.parameter_tolerance = 0.0;  // a few points run off in bundle adjustment, and against them every step is short
+  batch.initial_trust_region_radius = 1.0 / options.initial_damping;
+  batch.min_relative_decrease = options.min_relative_decrease;
+  batch.use_inner_iterations = !only && options.max_landmark_passes > 0;
+  batch.reduce_curvature_of_losses = !only;
+  return batch;
+}
+
+BatchOutcome Run(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end, const std::atomic<bool>& stop,
+                 Solver* solver, FactorGraph* graph, const double** shown_state, UpdateTrace* trace) {
+  UpdateSummary* summary = &trace->summary();
+  SolverOptions batch = BatchOptions(options, tuning, end);
+  BatchObserver observer(options, tuning, end, stop, graph->num_factors(), shown_state, trace);
+  batch.observer = &observer;
+  const Summary solved = solver->Solve(batch, graph);
+  summary->initial_cost = solved.initial_cost;
+  summary->final_cost = solved.final_cost;
+  summary->remaining_decrease = observer.settled() ? observer.rest() : std::fabs(solved.discarded_cost_change);
+  summary->num_batch_iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
+  summary->num_iterations = summary->num_batch_iterations;
+  summary->num_rejected_steps = solved.num_unsuccessful_steps;
+  summary->num_recentered_factors = solved.work.num_recentered_factors;
+  summary->batch_seconds = solved.seconds.total;
+  summary->failed_step = solved.failed_step;
+  summary->batch_stages = solved.seconds;
+  summary->message = solved.detail.empty() ? solved.message : solved.message + ": " + solved.detail;
+  if (end == BatchEnd::kToTheEnd && solved.IsSolutionUsable() && !solved.iterations.empty()) {
+    summary->final_cost = observer.cost();
+  }
+  summary->ended_by_batch_rule = false;
+  if (!std::isfinite(solved.final_cost)) {  // which Ceres 2.1 takes for convergence
+    summary->message = "The cost is not finite.";
+    return {Termination::kFailure, false};
+  }
+  if (observer.ended_by_user()) {
+    return {solved.termination, true};
+  }
+  if (observer.settled()) {
+    summary->message = "What is left undone is below the function tolerance.";
+    return {Termination::kConvergence, true};
+  }
+  if (solved.termination == Termination::kUserSuccess || solved.termination == Termination::kNoConvergence) {
+    summary->message = "Stopped by a limit or by request; the state is the best so far.";
+    return {Termination::kNoConvergence, true};
+  }
+  summary->ended_by_batch_rule = solved.termination == Termination::kConvergence;
+  const bool held_back = IsHeldBack(solved, batch, tuning);
+  return {solved.termination, !held_back && HasSettled(solved, options.function_tolerance, tuning), held_back};
+}
+
+}  // namespace
+
+BatchOutcome RunBatchPhase(const IncrementalOptions& options, const Tuning::Batch& tuning, const std::atomic<bool>& stop,
+                           FactorGraph* graph, const double** shown_state, UpdateTrace* trace) {
+  Solver solver(/*max_bytes=*/0);
+  return Run(options, tuning, BatchEnd::kHandsOver, stop, &solver, graph, shown_state, trace);
+}
+
+}  // namespace inceres::internal
+
+namespace inceres {
+
+SolverOptions OneTimeOptions(const IncrementalOptions& options) {
+  return internal::BatchOptions(options, internal::TuningOfNewSolvers().batch, internal::BatchEnd::kToTheEnd);
+}
+
+void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* graph, UpdateSummary* summary,
+               UpdateObserver* observer, const double** best_state) {
+  const std::atomic<bool> stop{false};
+  const double* unseen = nullptr;
+  *summary = UpdateSummary();
+  internal::UpdateTrace trace(observer, summary);
+  const Status valid = options.Validate();
+  if (valid.ok()) {
+    const double** shown = best_state != nullptr ? best_state : &unseen;
+    summary->termination = internal::Run(options, internal::TuningOfNewSolvers().batch, internal::BatchEnd::kToTheEnd, stop,
+                                         solver, graph, shown, &trace)
+                               .termination;
+  } else {
+    summary->message = valid.message;
+  }
+  if (summary->termination == Termination::kUserFailure || summary->termination == Termination::kFailure) {
+    summary->final_cost = summary->initial_cost;  // the graph is where it was
+  }
+  summary->seconds = internal::NowInSeconds() - trace.start_seconds();
+}
+
+}  // namespace inceres

@@ -1,0 +1,74 @@
+#include "incremental/cached_rows.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace inceres::internal {
+namespace {
+
+// J := (I + m mᵀ) J, which takes back a correction.
+void AddAlong(const double* m, int rows, const SlotJacobians& slot, double* J) {
+  for (int c = 0; c < slot.columns; ++c) {
+    double along = 0.0;
+    for (int r = 0; r < rows; ++r) {
+      along += m[r] * J[r * slot.row_stride + c];
+    }
+    for (int r = 0; r < rows; ++r) {
+      J[r * slot.row_stride + c] += along * m[r];
+    }
+  }
+}
+
+}  // namespace
+
+bool CachedRows::IsGood(const IncrementalFamily& family, FactorRef ref) const {
+  if (ref.factor >= family.num_places() || !family.linearized(ref.factor) || system_.IsDirty(ref) ||
+      !(family.SquaredError(ref.factor) <= limit_)) {
+    return false;
+  }
+  const double ratio = family.WeightRatio(ref.factor);
+  return ratio > 0.0 && std::isfinite(ratio) && !family.HasCurvedLoss(ref.factor);
+}
+
+bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted, LinearizedFactor* result) {
+  const FactorRef ref{id.family, id.index};
+  if (id.family >= static_cast<FamilyId>(system_.families().size()) || !IsGood(system_.families()[id.family], ref)) {
+    return false;
+  }
+  const IncrementalFamily& family = system_.families()[id.family];
+  const IncrementalSchur& schur = system_.schur();
+  const std::int32_t landmark = schur.LandmarkOfFactor(ref);
+  // Cached is √w_then J, corrected or not (IncrementalFamily); the factor's share of the least-squares problem now is √ρ' J and
+  // √ρ' f.
+  const double scale = std::sqrt(family.WeightRatio(id.index));
+  slots_.resize(family.num_slots());
+  jacobians_.resize(std::max(jacobians_.size(), slots_.size()));
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const VariableId variable = family.variables(id.index)[s];
+    const SlotJacobians& cached = family.slots()[s];
+    slots_[s] = {nullptr, cached.factor_stride, cached.row_stride, cached.columns};
+    if (!wanted(variable)) {
+      continue;
+    }
+    if (schur.FrameOfFactor(ref, s) < 0 && (landmark < 0 || schur.landmarks()[landmark].id != variable)) {
+      return false;
+    }
+    const double* J = family.Jacobian(id.index, s);
+    jacobians_[s].assign(J, J + cached.factor_stride);
+    for (double& entry : jacobians_[s]) {
+      entry *= scale;
+    }
+    if (family.IsCorrected(id.index)) {
+      AddAlong(family.correction(id.index), family.residual_size(), cached, jacobians_[s].data());
+    }
+    slots_[s].data = jacobians_[s].data();
+  }
+  f_.assign(family.residual(id.index), family.residual(id.index) + family.residual_size());
+  for (double& entry : f_) {
+    entry *= std::sqrt(family.weight(id.index));
+  }
+  *result = {family.residual_size(), f_.data(), slots_.data()};
+  return true;
+}
+
+}  // namespace inceres::internal

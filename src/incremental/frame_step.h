@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "inceres/solver/incremental_options.h"
+#include "incremental/incremental_system.h"
+#include "incremental/reduced_vectors.h"
+#include "incremental/update_trace.h"
+#include "linear/incremental_reduced_solver.h"
+
+namespace inceres::internal {
+
+/// The step δ_c of all frames, (S + μ diag C) δ_c = b: what of it is not taken is kept, and the next solve changes only what a
+/// change worth noticing reaches (iSAM2's wildfire).
+class FrameStep {
+ public:
+  FrameStep(const IncrementalOptions& options, const Executor& executor);
+
+  /// Follows S and b and solves anew. `wildfire`: what a change of a row must be worth. kSingular if there is no factor.
+  Status Solve(DampingForm form, double mu, double wildfire, IncrementalSchur* schur, UpdateTrace* trace);
+  /// Takes over changes of S and b only.
+  void Refresh(DampingForm form, double mu, IncrementalSchur* schur) { damped_anew_ |= reduced_.Refresh(form, mu, schur); }
+  /// ½ bᵀδ, added to `start`.
+  double AddGain(double start) const;
+  /// What was applied of these frames' steps is no longer part of the step still to take.
+  void TakeOff(const std::vector<std::int32_t>& frames, IncrementalSystem* system);
+
+  const ReducedVectors& reduced() const { return reduced_; }
+  const std::vector<double>& values() const { return values_; }
+  const IncrementalReducedSolver::Work& work() const { return solver_->work(); }
+  std::int64_t Bytes() const {
+    return static_cast<std::int64_t>(solver_->Bytes() + sizeof(double) * values_.capacity()) + reduced_.Bytes();
+  }
+
+ private:
+  std::unique_ptr<IncrementalReducedSolver> solver_;
+  ReducedVectors reduced_;
+  bool damped_anew_ = false;    // since S was factored: μ or its form is another
+  std::vector<double> values_;  // packed by block rows, in the form IncrementalReducedSolver asks for
+  std::vector<std::int32_t> changed_rows_;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,343 @@
+#include "incremental/incremental_minimizer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/stopwatch.h"
+
+namespace inceres::internal {
+namespace {
+
+RebuildRule RuleOf(RebuildPolicy policy) {
+  return policy == RebuildPolicy::kAlways  ? RebuildRule::kAlways
+         : policy == RebuildPolicy::kNever ? RebuildRule::kNever
+                                           : RebuildRule::kWhenCheaper;
+}
+
+}  // namespace
+
+IncrementalMinimizer::IncrementalMinimizer(const IncrementalOptions& options, const Tuning& tuning, IncrementalSystem* system)
+    : options_(options),
+      tuning_(tuning),
+      system_(*system),
+      control_(tuning, options, options.initial_damping),
+      relinearization_(tuning.relinearize, system),
+      frame_step_(options, system->executor()),
+      active_(tuning.truncate),
+      new_frame_step_(tuning.truncate) {
+}
+
+void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& stop, UpdateTrace* trace) {
+  trace_ = trace;
+  summary_ = &trace->summary();
+  for (bool go_on = Begin(mostly_new, stop); go_on; go_on = EndIteration()) {
+    if (OutOfBudget(stop)) {
+      return Finish(Termination::kNoConvergence, "Stopped by a limit or by request; the state is the best so far.");
+    }
+    const Verdict verdict = Iterate();
+    if (verdict == Verdict::kFailed) {
+      return;  // with the reason in the summary
+    }
+    if (verdict == Verdict::kConverged) {
+      return Finish(Termination::kConvergence, "What is left undone is below the function tolerance.");
+    }
+    if (verdict == Verdict::kStuck) {
+      if (EndIteration()) {
+        Finish(Termination::kNoConvergence, "Steps are refused until damping leaves nothing to gain.");
+      }
+      return;
+    }
+    if (!Relinearize()) {
+      return;
+    }
+  }
+}
+
+// Linearizes what is dirty; new frames take their steps. False if the Update is over.
+bool IncrementalMinimizer::Begin(bool mostly_new, const std::atomic<bool>& stop) {
+  state_ = UpdateState();
+  state_.mostly_new = mostly_new;
+  state_.shares = SharesOf(options_, system_.schur().num_landmarks());
+  control_ = StepControl(tuning_, options_, control_.mu());
+  relinearization_.Begin(options_, state_.shares.relinearization);
+  active_.Clear();
+  const bool begins = summary_->iterations.empty();  // or the batch solver has told of the start
+  const bool new_frames_first = TakesNewFrameSteps();
+  if (!(new_frames_first ? LinearizeDirty() : Relinearize())) {
+    return false;
+  }
+  stop_ =
+      StoppingRule(tuning_.stop, options_.function_tolerance, system_.RoundingOfCost(), summary_->num_iterations, system_.cost());
+  if (begins) {
+    summary_->initial_cost = system_.cost();
+  }
+  const bool go_on = !begins || EndIteration();
+  return go_on && (!new_frames_first || (StepNewFrames(stop) && Relinearize()));
+}
+
+void IncrementalMinimizer::Finish(Termination termination, const char* message) {
+  summary_->termination = termination;
+  summary_->message = message;
+  summary_->ended_by_batch_rule = false;
+}
+
+// False if the observer ends the Update.
+bool IncrementalMinimizer::EndIteration() {
+  UpdateIteration& row = trace_->row();
+  row.damping = control_.mu();
+  row.radius = control_.radius();
+  if (trace_->observed()) {
+    system_.schur().RhsNorms(&row.gradient_max_norm, &row.gradient_norm);
+  }
+  return trace_->EndRow(system_.cost());
+}
+
+bool IncrementalMinimizer::OutOfBudget(const std::atomic<bool>& stop) const {
+  return summary_->num_iterations >= options_.max_num_iterations || stop.load(std::memory_order_relaxed) ||
+         summary_->num_evaluated_factors + summary_->num_relinearized_factors >= options_.max_factor_evaluations ||
+         NowInSeconds() - trace_->start_seconds() >= options_.max_seconds;
+}
+
+double IncrementalMinimizer::LandmarkDamping() const {
+  return options_.damping == DampingForm::kThesis ? 0.0 : std::max(control_.mu(), tuning_.landmarks.min_damping);
+}
+
+bool IncrementalMinimizer::Relinearize() {
+  const StageTimer timer(&summary_->linearize_seconds);
+  system_.RedampAbove(tuning_.landmarks.outdated_damping * LandmarkDamping());
+  RelinearizeWork work;
+  return Count(system_.Relinearize(LandmarkDamping(), RuleOf(options_.rebuild), &work), work);
+}
+
+bool IncrementalMinimizer::LinearizeDirty() {
+  const StageTimer timer(&summary_->linearize_seconds);
+  RelinearizeWork work;
+  return Count(system_.LinearizeDirty(&work), work);
+}
+
+// False if the linearization failed.
+bool IncrementalMinimizer::Count(const Status& status, const RelinearizeWork& work) {
+  summary_->num_relinearized_factors += work.num_factors;
+  summary_->num_recentered_factors += work.num_recentered;
+  summary_->num_eliminated_landmarks += work.num_landmarks;
+  summary_->num_rebuilds += work.rebuilt ? 1 : 0;
+  summary_->num_drifted_frames += work.num_drifted_frames;
+  if (!status.ok()) {
+    Finish(Termination::kFailure, status.message.c_str());
+  }
+  return status.ok();
+}
+
+// What the landmarks could gain by themselves.
+double IncrementalMinimizer::LandmarkGain() {
+  return system_.schur().TotalDecrement(tuning_.truncate.sum_share * stop_.Allowed(system_.cost()));
+}
+
+// Landmarks that could still gain much by themselves, most of them outliers that a robust loss lets converge slowly, go ahead
+// without the frames: a pass costs their own factors only. True if any moved.
+bool IncrementalMinimizer::StepLandmarks() {
+  IncrementalSchur& schur = system_.schur();
+  const double gain = LandmarkGain();
+  if (state_.num_landmark_passes <= 0 || gain <= tuning_.landmarks.share * stop_.Allowed(system_.cost())) {
+    return false;
+  }
+  --state_.num_landmark_passes;
+  const StageTimer timer(&summary_->landmark_seconds);
+  const double cost = system_.cost();
+  int num_evaluated = 0;
+  const bool moved = system_.StepLandmarks(
+      schur.EagerLandmarks(tuning_.landmarks.share * gain / std::max(1, schur.num_landmarks())), &num_evaluated);
+  ++summary_->num_landmark_passes;
+  summary_->num_evaluated_factors += num_evaluated;
+  if (moved) {
+    UpdateIteration& row = trace_->row();
+    row.step = UpdateStep::kLandmarks;
+    row.accepted = true;
+    row.cost_change = cost - system_.cost();
+    stop_.LandmarksGained(row.cost_change, gain);
+    row.step_norm = system_.StepNorm();
+    relinearization_.MarkStale(Tolerance());
+    system_.EndStep();
+  }
+  return moved;
+}
+
+// δ_c; kSingular if there is no factor.
+Status IncrementalMinimizer::SolveFrames() {
+  const StageTimer timer(&summary_->solve_seconds);
+  const double wildfire = tuning_.truncate.wildfire_share * Tolerance() / std::max(1, system_.schur().num_frames());
+  return frame_step_.Solve(options_.damping, control_.mu(), wildfire, &system_.schur(), trace_);
+}
+
+IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
+  if (StepLandmarks()) {
+    return Verdict::kGoOn;
+  }
+  ++summary_->num_iterations;
+  const Status solved = SolveFrames();
+  if (solved.code == StatusCode::kSingular) {
+    return Retreat(false);
+  }
+  if (!solved.ok()) {
+    Finish(Termination::kFailure, solved.message.c_str());
+    return Verdict::kFailed;
+  }
+  // What the model promises for the whole step, all of it still undone.
+  const double landmark_gain = LandmarkGain();
+  const double remaining = frame_step_.AddGain(landmark_gain);
+  summary_->remaining_decrease = remaining;
+  control_.Sees(remaining);
+  const bool solved_to_the_end = frame_step_.work().converged;  // else all there is to gain is not known
+  if (stop_.IsLittleLeft(remaining, landmark_gain, system_.cost(), summary_->num_iterations, state_.mostly_new) &&
+      solved_to_the_end) {
+    return ClaimConvergence();
+  }
+  if (state_.frames_moved && !state_.mostly_new && landmark_gain > tuning_.landmarks.dominance * remaining) {
+    state_.frames_moved = false;
+    state_.num_landmark_passes = options_.max_landmark_passes;
+    if (StepLandmarks()) {
+      return Verdict::kGoOn;
+    }
+  }
+  SelectActive(remaining);
+  bool refreshed = false;
+  if (TakeStep(&refreshed)) {
+    return Verdict::kGoOn;
+  }
+  system_.Reject();
+  // Where fresh Jacobians promise so little, and not even that is kept, or the cost does not change at all, there is nothing to
+  // be had by more damping.
+  const bool in_vain = !refreshed && !control_.IsDampedHard() && solved_to_the_end &&
+                       stop_.IsVain(remaining, trace_->row().cost_change, system_.cost());
+  return in_vain && !relinearization_.RefreshAged(Tolerance()) ? Verdict::kConverged : Retreat(refreshed);
+}
+
+// Little is left by the model: it is believed once its Jacobians are fresh enough and its damping is near the floor.
+IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
+  trace_->row().refreshed = relinearization_.RefreshAged(Tolerance());
+  if (trace_->row().refreshed || control_.RelaxOnce()) {
+    return Verdict::kGoOn;
+  }
+  if (!control_.IsDampedHard()) {
+    return Verdict::kConverged;
+  }
+  switch (control_.JudgeRefusals(Tolerance())) {
+    case StepControl::Verdict::kMinimum:
+      return Verdict::kConverged;
+    case StepControl::Verdict::kUnknown:
+      return Verdict::kStuck;
+    default:
+      return Verdict::kGoOn;
+  }
+}
+
+// What moves. A problem that is new for the most part is far from its minimum, where half a step leads elsewhere than a whole
+// one: all of it moves. So it does if the user wants nothing truncated.
+void IncrementalMinimizer::SelectActive(double remaining) {
+  const StageTimer timer(&summary_->select_seconds);
+  const double allowed = stop_.Allowed(system_.cost());
+  const bool all = state_.mostly_new || state_.shares.truncation == 0.0;
+  const double budget = all ? -1.0 : std::max(state_.shares.truncation * remaining, tuning_.truncate.floor * allowed);
+  const double wildfire = tuning_.truncate.wildfire_share * Tolerance() / std::max(1, system_.schur().num_frames());
+  active_.Select(frame_step_.values(), frame_step_.reduced(), frame_step_.work().solved,
+                 {budget, wildfire, remaining - LandmarkGain()}, &system_);
+  summary_->num_moved_frames += static_cast<int>(active_.frames().size());
+  summary_->num_visited_landmarks += static_cast<int>(active_.landmarks().size());
+}
+
+// Tries the step, within the trust region once there is one. A step that is refused with no old Jacobian to blame is tried
+// again along the dog-leg path: that costs an evaluation, where more damping costs a factorization too.
+bool IncrementalMinimizer::TakeStep(bool* refreshed) {
+  double norm = -1.0;  // looked for when it is needed: mostly the radius is infinite
+  if (control_.radius() < HUGE_VAL) {
+    norm = system_.ScaledStepNorm();
+    if (norm > control_.radius()) {
+      norm = control_.radius();
+      system_.ShortenStep(norm);
+      trace_->row().shortened = true;
+    }
+  }
+  for (int attempt = 0;; ++attempt) {
+    double ratio = 0.0;
+    const bool accepted = EvaluateStep(&ratio) && ratio > options_.min_relative_decrease;
+    if (norm < 0.0 && !(accepted && control_.IsGood(ratio))) {
+      norm = system_.ScaledStepNorm();
+    }
+    if (accepted) {
+      control_.AdaptRadius(ratio, norm);
+      Accept(ratio);
+      return true;
+    }
+    *refreshed = relinearization_.RefreshTouched(/*evaluated=*/trace_->row().predicted_change > 0.0);
+    if (*refreshed || !control_.MayShorten(attempt)) {
+      control_.GiveUpRadius();
+      return false;
+    }
+    ++summary_->num_shortened_steps;
+    trace_->row().shortened = true;
+    norm = control_.Shorten(norm);
+    system_.ShortenStep(norm);
+  }
+}
+
+bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
+  const StageTimer timer(&summary_->evaluate_seconds);
+  double change = 0.0;
+  double predicted = 0.0;
+  const Status status = system_.EvaluateStep(&change, &predicted);
+  const bool evaluated = status.ok();
+  if (!evaluated && summary_->failed_step.empty()) {
+    summary_->failed_step = status.message;
+  }
+  for (const IncrementalFamily& family : system_.families()) {
+    summary_->num_evaluated_factors += static_cast<std::int64_t>(system_.Touched(family.id()).size());
+  }
+  *gain_ratio = evaluated && predicted > 0.0 ? -change / predicted : -1.0;
+  UpdateIteration& row = trace_->row();
+  row.step = UpdateStep::kFrames;
+  row.step_norm = system_.StepNorm();
+  row.cost_change = evaluated ? -change : -std::numeric_limits<double>::max();
+  row.predicted_change = evaluated ? predicted : 0.0;
+  row.relative_decrease = evaluated ? *gain_ratio : std::numeric_limits<double>::lowest();
+  return evaluated;
+}
+
+// The step moves the state, and what it touched is looked at.
+void IncrementalMinimizer::AcceptStep() {
+  const StageTimer timer(&summary_->accept_seconds);
+  trace_->row().accepted = true;
+  summary_->num_updated_landmarks += system_.AcceptValues();
+  relinearization_.MarkStale(Tolerance());
+  frame_step_.TakeOff(active_.frames(), &system_);
+  system_.EndStep();
+}
+
+void IncrementalMinimizer::Accept(double gain_ratio) {
+  AcceptStep();
+  const bool shortened = trace_->row().shortened;
+  control_.Accept(gain_ratio, shortened);
+  stop_.StepTaken(shortened ? 0.0 : summary_->remaining_decrease, gain_ratio);
+  relinearization_.Forgive();
+  state_.frames_moved = true;
+}
+
+// Refresh before retreat; then more damping, which the landmarks that would have moved take up too.
+IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
+  ++summary_->num_rejected_steps;
+  const UpdateIteration& row = trace_->row();
+  trace_->row().refreshed = refreshed;
+  if (refreshed) {
+    return Verdict::kGoOn;
+  }
+  const bool blindly = row.step == UpdateStep::kFrames && !(row.predicted_change > 0.0);  // it could not be evaluated
+  const bool may_go_on = control_.Refuse(summary_->remaining_decrease, blindly);
+  for (const std::int32_t landmark : active_.landmarks()) {
+    if (options_.damping == DampingForm::kHybrid && system_.schur().landmarks()[landmark].lambda < control_.mu()) {
+      system_.Redamp(landmark);
+    }
+  }
+  return may_go_on ? Verdict::kGoOn : Verdict::kStuck;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "inceres/solver/incremental_options.h"
+#include "incremental/active_set.h"
+#include "incremental/frame_step.h"
+#include "incremental/incremental_system.h"
+#include "incremental/partial_step.h"
+#include "incremental/relinearization.h"
+#include "incremental/shares.h"
+#include "incremental/step_control.h"
+#include "incremental/stopping_rule.h"
+#include "incremental/update_trace.h"
+
+namespace inceres::internal {
+
+/// The trust-region loop of the incremental solver: hybrid Levenberg–Marquardt on an IncrementalSystem (docs/algorithms.md, from
+/// "One Update of incremental mode" on). What it keeps from one Update to the next is the damping, the factor of S, and the step
+/// not taken.
+class IncrementalMinimizer {
+ public:
+  IncrementalMinimizer(const IncrementalOptions& options, const Tuning& tuning, IncrementalSystem* system);
+
+  std::int64_t Bytes() const {
+    return frame_step_.Bytes() + static_cast<std::int64_t>(active_.Bytes() + new_frame_step_.Bytes());
+  }
+  /// For the next Minimize; who solves the reduced system stays.
+  void SetOptions(const IncrementalOptions& options) { options_ = options; }
+
+  /// Minimizes until what is left undone is below the tolerance, or a limit, `stop` or the trace's observer says so. On failure
+  /// the system is incomplete.
+  /// `mostly_new`: far from the minimum, where half a step leads elsewhere than a whole one; all of it moves.
+  void Minimize(bool mostly_new, const std::atomic<bool>& stop, UpdateTrace* trace);
+
+ private:
+  enum class Verdict { kGoOn, kConverged, kStuck, kFailed };
+  // Of the Update under way.
+  struct UpdateState {
+    bool mostly_new = false;
+    Shares shares;
+    bool frames_moved = false;    // since landmarks last stepped by themselves: the frames go first
+    int num_landmark_passes = 0;  // still allowed before the next step of the frames
+  };
+
+  bool Begin(bool mostly_new, const std::atomic<bool>& stop);
+  bool OutOfBudget(const std::atomic<bool>& stop) const;
+  bool EndIteration();
+  void Finish(Termination termination, const char* message);
+
+  bool Relinearize();
+  bool LinearizeDirty();
+  bool Count(const Status& status, const RelinearizeWork& work);
+  double LandmarkDamping() const;
+
+  Verdict Iterate();
+  bool StepLandmarks();
+  double LandmarkGain();
+  Status SolveFrames();
+  Verdict ClaimConvergence();
+  void SelectActive(double remaining);
+  bool TakeStep(bool* refreshed);
+  bool EvaluateStep(double* gain_ratio);
+  void AcceptStep();
+  void Accept(double gain_ratio);
+  Verdict Retreat(bool refreshed);
+  double Tolerance() const { return stop_.Tolerance(system_.cost()); }
+
+  bool TakesNewFrameSteps();
+  bool FindNewFrameStep();
+  bool StepNewFrames(const std::atomic<bool>& stop);
+
+  IncrementalOptions options_;
+  const Tuning tuning_;
+  IncrementalSystem& system_;
+  StepControl control_;
+  StoppingRule stop_;
+  Relinearization relinearization_;
+  UpdateState state_;
+  FrameStep frame_step_;
+  ActiveSet active_;
+  IndexSet new_frames_;     // since the last Update
+  IndexSet new_landmarks_;  // seen from them
+  PartialStep new_frame_step_;
+  UpdateTrace* trace_ = nullptr;      // of the Minimize under way
+  UpdateSummary* summary_ = nullptr;  // the trace's
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,65 @@
+#include "inceres/solver/incremental_options.h"
+
+#include <sstream>
+
+namespace inceres {
+
+Status IncrementalOptions::Validate() const {
+  const auto fail = [](const char* field, double value, const char* rule) {
+    std::ostringstream text;
+    text << "IncrementalOptions::" << field << " = " << value << " but must be " << rule;
+    return Status::Error(StatusCode::kInvalidArgument, text.str());
+  };
+  if (max_num_iterations < 0) {
+    return fail("max_num_iterations", max_num_iterations, ">= 0");
+  }
+  if (!(max_seconds > 0.0)) {
+    return fail("max_seconds", max_seconds, "> 0");
+  }
+  if (max_factor_evaluations <= 0) {
+    return fail("max_factor_evaluations", static_cast<double>(max_factor_evaluations), "> 0");
+  }
+  if (!(function_tolerance >= 0.0)) {
+    return fail("function_tolerance", function_tolerance, ">= 0");
+  }
+  if (!(min_relative_decrease >= 0.0)) {
+    return fail("min_relative_decrease", min_relative_decrease, ">= 0");
+  }
+  if (!(min_damping > 0.0)) {
+    return fail("min_damping", min_damping, "> 0");
+  }
+  if (!(initial_damping >= min_damping)) {
+    return fail("initial_damping", initial_damping, ">= min_damping");
+  }
+  if (!(max_damping >= initial_damping)) {
+    return fail("max_damping", max_damping, ">= initial_damping");
+  }
+  if (!(batch_share >= 0.0)) {
+    return fail("batch_share", batch_share, ">= 0");
+  }
+  if (num_threads < 1) {
+    return fail("num_threads", num_threads, ">= 1");
+  }
+  if (!(relinearization_share >= 0.0 || relinearization_share == kByGraph)) {
+    return fail("relinearization_share", relinearization_share, ">= 0 or kByGraph");
+  }
+  if (!(relinearization_step > 0.0)) {
+    return fail("relinearization_step", relinearization_step, "> 0");
+  }
+  if (!((truncation_share >= 0.0 && truncation_share < 1.0) || truncation_share == kByGraph)) {
+    return fail("truncation_share", truncation_share, "in [0, 1) or kByGraph");
+  }
+  if (max_landmark_passes < 0) {
+    return fail("max_landmark_passes", max_landmark_passes, ">= 0");
+  }
+  if (max_new_frame_steps < 0) {
+    return fail("max_new_frame_steps", max_new_frame_steps, ">= 0");
+  }
+  if (reduced_solver == ReducedSolverKind::kAutomaticInexact) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "IncrementalOptions::reduced_solver is kAutomaticInexact, which is for batch solves");
+  }
+  return Status::Ok();
+}
+
+}  // namespace inceres

@@ -1,0 +1,336 @@
+#include "inceres/solver/incremental_solver.h"
+
+#include <algorithm>
+#include <atomic>
+#include <utility>
+#include <vector>
+
+#include "base/stopwatch.h"
+#include "incremental/batch_phase.h"
+#include "incremental/cached_rows.h"
+#include "incremental/incremental_minimizer.h"
+#include "incremental/shares.h"
+#include "incremental/tuning.h"
+#include "marginal/marginalize.h"
+
+namespace inceres {
+
+using internal::IncrementalMinimizer;
+using internal::IncrementalSystem;
+using internal::UpdateTrace;
+
+namespace {
+
+// As if newly made, but for the memory it holds.
+void Clear(UpdateSummary* summary) {
+  UpdateSummary cleared;
+  cleared.message.swap(summary->message);
+  cleared.message.clear();
+  cleared.failed_step.swap(summary->failed_step);
+  cleared.failed_step.clear();
+  cleared.iterations.swap(summary->iterations);
+  cleared.iterations.clear();
+  *summary = std::move(cleared);
+}
+
+}  // namespace
+
+class IncrementalSolver::Impl {
+ public:
+  explicit Impl(const IncrementalOptions& options) : options_(options) {}
+
+  void SetOptions(const IncrementalOptions& options);
+  Status Apply(const GraphEdit& edit);
+  MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options);
+  void Update(UpdateSummary* summary, UpdateObserver* observer);
+  ReducedStructure Structure();
+  double cost() const { return cost_; }
+  const double* Values(VariableId id) const {
+    return shown_state_ != nullptr ? graph.ValuesIn(shown_state_, id)
+           : live != nullptr       ? live->values().current(id)
+                                   : graph.Values(id);
+  }
+
+  FactorGraph graph;
+  // Null until it is needed: a problem that is solved once, in batch, never needs it.
+  std::unique_ptr<IncrementalSystem> live;
+  std::atomic<bool> stop{false};
+
+ private:
+  void TakeValues();
+  void Form();
+  void Restart();
+  void Minimize(UpdateTrace* trace);
+  bool SolveInBatch(UpdateTrace* trace);
+  void PutBackStart();
+
+  IncrementalOptions options_;
+  const internal::Tuning tuning_ = internal::TuningOfNewSolvers();
+  std::unique_ptr<IncrementalMinimizer> minimizer_;
+  std::vector<std::int32_t> changed_rows_;  // of S, by the last Update
+  std::vector<double> start_state_;         // of an Update with an observer, which may ask for it back
+  const double* shown_state_ = nullptr;     // the batch solver's, while the observer is called
+  double cost_ = 0.0;
+  bool converged_ = false;  // and nothing edited since
+  bool held_back_ = false;  // what converged was the batch solver, with a trust region so small that the next may go on
+  bool begun_ = false;      // an Update was made
+  bool in_batch_ = false;   // the batch solver was the last to move, and there was no incremental system
+  int num_waiting_ = 0;     // factors dirty only because the batch solver was the last to move
+};
+
+// The graph's state follows the values held now.
+void IncrementalSolver::Impl::TakeValues() {
+  for (VariableId id = 0; live != nullptr && id < graph.num_variables(); ++id) {
+    if (graph.HasVariable(id)) {
+      graph.SetValues(id, live->values().current(id));
+    }
+  }
+}
+
+void IncrementalSolver::Impl::Form() {
+  if (live == nullptr) {
+    Restart();
+    num_waiting_ = in_batch_ ? live->NumDirtyFactors() : 0;
+    in_batch_ = false;
+  }
+}
+
+// A new system from the values held now: nothing cached survives.
+void IncrementalSolver::Impl::Restart() {
+  TakeValues();
+  live = std::make_unique<IncrementalSystem>(graph, options_.num_threads, tuning_);
+  minimizer_ = std::make_unique<IncrementalMinimizer>(options_, tuning_, live.get());
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    if (graph.HasVariable(id)) {
+      live->AddVariable(id);
+    }
+  }
+  for (FamilyId family = 0; family < graph.num_families(); ++family) {
+    for (int i = 0; i < graph.NumFactors(family); ++i) {
+      if (graph.HasFactor(family, i)) {
+        live->AddFactor({family, i});
+      }
+    }
+  }
+  live->ForgetNewFrames();
+}
+
+void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
+  converged_ = converged_ && options.function_tolerance >= options_.function_tolerance;
+  IncrementalOptions taken = options;
+  taken.num_threads = options_.num_threads;
+  taken.reduced_solver = options_.reduced_solver;
+  taken.reduced_solver_factory = options_.reduced_solver_factory;
+  options_ = std::move(taken);
+  if (live != nullptr) {
+    minimizer_->SetOptions(options_);
+  }
+}
+
+Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
+  Status status = options_.Validate();
+  if (status.ok() && (begun_ || live != nullptr)) {
+    Form();
+    status = live->Apply(edit);
+  } else if (status.ok()) {
+    status = graph.Apply(edit);
+  }
+  converged_ = converged_ && (edit.empty() || !status.ok());
+  return status;
+}
+
+MarginalizationSummary IncrementalSolver::Impl::Marginalize(const MarginalizationRequest& request,
+                                                            const MarginalizationOptions& options) {
+  MarginalizationSummary refused;
+  refused.status = options_.Validate();
+  if (!refused.status.ok()) {
+    return refused;
+  }
+  Form();
+  const double share = std::min(internal::SharesOf(options_, live->schur().num_landmarks()).relinearization,
+                                tuning_.relinearize.marginalized_share);
+  internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance * cost_ / std::max(1, graph.num_factors()));
+  internal::MarginalizationTarget target;
+  target.graph = &graph;
+  target.values = [this](VariableId id) { return live->values().current(id); };
+  target.cached = [&](FactorId id, const auto& wanted, internal::LinearizedFactor* rows) {
+    return cached.Find(id, wanted, rows);
+  };
+  target.apply = [this](const GraphEdit& edit) { return Apply(edit); };
+  return internal::MarginalizeOn(target, request, options);
+}
+
+// The graph's state is where the batch solver works; the incremental system then starts from what it found. True if nothing is
+// left to do.
+bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
+  TakeValues();
+  const internal::BatchOutcome outcome = internal::RunBatchPhase(options_, tuning_.batch, stop, &graph, &shown_state_, trace);
+  trace->summary().termination = outcome.termination;
+  held_back_ = outcome.held_back;
+  if (outcome.termination != Termination::kFailure) {
+    cost_ = trace->summary().final_cost;
+  }
+  if (live == nullptr) {
+    in_batch_ = true;
+    return outcome.finished;
+  }
+  if (live->NumDirtyFactors() == graph.num_factors()) {
+    live->TakeValues();
+  } else {
+    live.reset();
+    Restart();
+  }
+  num_waiting_ = live->NumDirtyFactors();
+  return outcome.finished;
+}
+
+// From the values an Update with an observer began with, as if nothing had ever been computed for them.
+void IncrementalSolver::Impl::PutBackStart() {
+  graph.mutable_state() = start_state_;
+  live.reset();
+  in_batch_ = false;
+}
+
+void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* observer) {
+  Clear(summary);
+  UpdateTrace trace(observer, summary);
+  const Status valid = options_.Validate();
+  if (!valid.ok()) {
+    summary->message = valid.message;
+    return;
+  }
+  if (converged_) {
+    changed_rows_.clear();
+    summary->termination = Termination::kConvergence;
+    summary->message = "Nothing has changed since the last Update converged.";
+    summary->initial_cost = cost_;
+    trace.EndRow(cost_);
+  } else {
+    if (observer != nullptr) {
+      TakeValues();
+      start_state_ = graph.state();
+    }
+    Minimize(&trace);
+    changed_rows_.clear();
+    if (live != nullptr) {
+      live->schur().TakeChangedRows(&changed_rows_);
+    }
+    converged_ = summary->termination == Termination::kConvergence && !held_back_;
+    if (summary->termination == Termination::kFailure && live != nullptr) {
+      Restart();
+    } else if (summary->termination == Termination::kUserFailure) {
+      cost_ = summary->initial_cost;
+      PutBackStart();
+    }
+    summary->bytes = live != nullptr ? live->Bytes() + minimizer_->Bytes() : 0;
+  }
+  stop = false;  // it was for this Update, whatever came of it
+  summary->final_cost = cost_;
+  summary->num_undetermined_landmarks = live != nullptr ? live->schur().num_undetermined() : 0;
+  summary->seconds = internal::NowInSeconds() - trace.start_seconds();
+}
+
+void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
+  // Factors that only wait to be linearized where the batch solver left them are nothing new.
+  const double num_new = live != nullptr ? live->NumDirtyFactors() - num_waiting_ : in_batch_ ? 0 : graph.num_factors();
+  begun_ = true;
+  const bool batch_only = options_.batch_share == 0.0;
+  const bool batch = (batch_only || num_new > options_.batch_share * graph.num_factors()) && internal::TakesBatchPhase(graph);
+  bool finished = false;
+  if (batch) {
+    finished = SolveInBatch(trace) || batch_only;
+  }
+  // Where the batch solver fails the state is what it was: the other one gets its chance, or names the culprit.
+  if (!finished) {
+    held_back_ = false;
+    Form();
+    const std::size_t rows_before = trace->summary().iterations.size();
+    minimizer_->Minimize(!batch && num_new > tuning_.rebuild.mostly_new * graph.num_factors(), stop, trace);
+    const bool failed_at_once =
+        trace->summary().termination == Termination::kFailure && trace->summary().iterations.size() == rows_before;
+    cost_ = failed_at_once ? cost_ : live->cost();  // what could not be evaluated has no cost
+    num_waiting_ = 0;
+  }
+}
+
+ReducedStructure IncrementalSolver::Impl::Structure() {
+  ReducedStructure structure;
+  if (!options_.Validate().ok()) {
+    return structure;
+  }
+  Form();
+  const internal::IncrementalSchur& schur = live->schur();
+  for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
+    structure.frames.push_back(schur.frames()[row].id);
+    for (const internal::SymmetricBlockRows::Entry& entry : schur.S().row(row)) {
+      if (entry.column != row) {
+        structure.blocks.push_back({row, entry.column});
+      }
+    }
+  }
+  structure.changed.assign(structure.frames.size(), false);
+  for (const std::int32_t row : changed_rows_) {
+    // A failed Update may have ended with another system.
+    if (row < static_cast<std::int32_t>(structure.changed.size())) {
+      structure.changed[row] = true;
+    }
+  }
+  return structure;
+}
+
+IncrementalSolver::IncrementalSolver(const IncrementalOptions& options) : impl_(std::make_unique<Impl>(options)) {
+}
+IncrementalSolver::~IncrementalSolver() = default;
+
+const FactorGraph& IncrementalSolver::graph() const {
+  return impl_->graph;
+}
+
+FamilyId IncrementalSolver::AddFamily(std::shared_ptr<const FactorFamily> family) {
+  return impl_->graph.AddFamily(std::move(family));
+}
+
+void IncrementalSolver::SetVariableNames(std::function<std::string(VariableId)> name_of) {
+  impl_->graph.SetVariableNames(std::move(name_of));
+}
+
+void IncrementalSolver::SetOptions(const IncrementalOptions& options) {
+  impl_->SetOptions(options);
+}
+
+Status IncrementalSolver::Apply(const GraphEdit& edit) {
+  return impl_->Apply(edit);
+}
+
+MarginalizationSummary IncrementalSolver::Marginalize(const MarginalizationRequest& request,
+                                                      const MarginalizationOptions& options) {
+  return impl_->Marginalize(request, options);
+}
+
+UpdateSummary IncrementalSolver::Update() {
+  UpdateSummary summary;
+  impl_->Update(&summary, nullptr);
+  return summary;
+}
+
+void IncrementalSolver::Update(UpdateSummary* summary, UpdateObserver* observer) {
+  impl_->Update(summary, observer);
+}
+
+void IncrementalSolver::RequestStop() {
+  impl_->stop = true;
+}
+
+const double* IncrementalSolver::Values(VariableId id) const {
+  return impl_->Values(id);
+}
+
+ReducedStructure IncrementalSolver::Structure() const {
+  return impl_->Structure();
+}
+
+double IncrementalSolver::cost() const {
+  return impl_->cost();
+}
+
+}  // namespace inceres

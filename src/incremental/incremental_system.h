@@ -1,0 +1,243 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "base/aligned_vector.h"
+#include "base/executor.h"
+#include "inceres/problem/factor_graph.h"
+#include "inceres/problem/graph_edit.h"
+#include "incremental/incremental_schur.h"
+#include "incremental/index_set.h"
+#include "incremental/tuning.h"
+#include "linearize/incremental_family.h"
+#include "linearize/incremental_tangents.h"
+#include "linearize/incremental_values.h"
+
+namespace inceres::internal {
+
+/// When S and b are summed anew instead of following by difference. The result is the same up to rounding.
+enum class RebuildRule { kWhenCheaper, kAlways, kNever };
+
+/// What a call of Relinearize did.
+struct RelinearizeWork {
+  int num_factors = 0;         // linearized
+  int num_landmarks = 0;       // eliminated
+  int num_recentered = 0;      // expansion points moved since the last call
+  int num_drifted_frames = 0;  // summed anew against cancellation
+  bool rebuilt = false;        // S and b summed anew
+};
+
+/// A living problem with everything that was ever computed for it: values, cached linearizations, S and b. What an incremental
+/// strategy drives:
+///
+///     edits -> Relinearize -> (solve S' δ_c = b elsewhere) -> SetFrameStep, Visit -> EvaluateStep -> Accept or Reject
+///
+/// The cost of each verb goes with the factors it touches, not with the size of the problem. Edits follow those of the graph;
+/// removals come before the graph forgets, additions after it knows.
+/// Threads: evaluation runs on `num_threads`, with the same bits for any number; all else on the calling one.
+/// Source: docs/algorithms.md, "Incremental Schur complement" (the thesis's algorithms 2 to 4).
+class IncrementalSystem {
+ public:
+  /// The graph belongs to the caller; it is asked to keep track of its variables' factors, and nothing else about it changes.
+  IncrementalSystem(FactorGraph& graph, int num_threads, const Tuning& tuning = Tuning())
+      : graph_(graph),
+        executor_(num_threads),
+        schur_(&families_),
+        replace_cost_(tuning.rebuild.replace_cost),
+        max_stretch_(tuning.landmarks.max_stretch) {}
+  IncrementalSystem(const IncrementalSystem&) = delete;
+  IncrementalSystem& operator=(const IncrementalSystem&) = delete;
+
+  /// Carries out an edit of the graph and follows it, all or nothing: an error names the id at fault. What changed is evaluated
+  /// in the next Relinearize.
+  Status Apply(const GraphEdit& edit);
+
+  // What Apply is made of, and what follows a graph that is built without edits.
+
+  /// A variable that is constant when it comes stays outside the system until it is set free.
+  void AddVariable(VariableId id);
+  /// No factor may touch it any more.
+  void RemoveVariable(VariableId id);
+  void AddFactor(FactorRef ref);
+  void RemoveFactor(FactorRef ref);
+  /// Constancy as the graph has it now. The factors of a variable that was part of the system are not evaluated again.
+  void UpdateConstants(const std::vector<VariableId>& ids);
+  void SetValues(VariableId id, const double* values);
+  /// All values as the graph has them now. Every factor must be dirty.
+  void TakeValues();
+
+  /// Marks a factor for relinearization.
+  void MarkDirty(FactorRef ref) { dirty_[ref.family].Add(ref.factor); }
+  /// The same for a factor that is another function now, or where a step has not led it.
+  void MarkChanged(FactorRef ref) {
+    families_[ref.family].Unsettle(ref.factor);
+    MarkDirty(ref);
+  }
+  /// Marks a landmark for elimination anew, to take up another damping.
+  void Redamp(std::int32_t landmark) { dirty_landmarks_.Add(landmark); }
+  /// The same for the landmarks that are damped by more than the limit, or by IncrementalSchur::kMildDamping where that is more.
+  void RedampAbove(double limit) {
+    schur_.ForEachDampedAbove(limit, [this](std::int32_t landmark) { Redamp(landmark); });
+  }
+
+  /// Algorithm 3: takes the old contributions of the dirty subgraph out of S and b, linearizes its factors at the current values
+  /// and puts the new ones in; its landmarks are damped by lambda · diag(P). On failure names the factor or variable; S and b are
+  /// then incomplete.
+  Status Relinearize(double lambda, RebuildRule rule, RelinearizeWork* work);
+
+  /// The first half of it, by difference: what is dirty is linearized, and its landmarks wait to be eliminated anew.
+  Status LinearizeDirty(RelinearizeWork* work);
+
+  /// Whether summing S and b anew is cheaper than following what is dirty by difference.
+  bool RebuildIsCheaper() const;
+
+  /// The frames that have come since the last call and are still there, held ones left out.
+  void TakeNewFrames(IndexSet* frames);
+  /// Those that have come so far are nothing new.
+  void ForgetNewFrames() { entered_.clear(); }
+
+  /// The step under construction; what is not set does not move.
+  void SetFrameStep(std::int32_t frame, const double* step);
+  /// As it stands.
+  const double* FrameStep(std::int32_t frame) const { return step_.data() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad; }
+  /// Back-substitutes a landmark from the frame steps set so far.
+  void Visit(std::int32_t landmark);
+
+  /// Evaluates the step: change of the cost, and the decrease the linearizations predict, over the factors it touches.
+  Status EvaluateStep(double* change, double* predicted_decrease);
+  /// ‖Dδ‖ of the step as it stands, D² = diag H.
+  double ScaledStepNorm() const;
+  /// ‖δ‖ of the step as it stands.
+  double StepNorm() const;
+  /// Replaces the step under construction, taken as the Gauss–Newton step of its active set, by the point at this scaled norm on
+  /// the dog-leg path from the Cauchy point of the same active set to it. To be evaluated anew. The first call after a step
+  /// prepares the path with one pass over the touched factors.
+  void ShortenStep(double scaled_norm);
+
+  /// A step of these landmarks alone, each of which is accepted or not for itself. True if any was: the caller then ends the step
+  /// as after AcceptValues. A landmark whose cost falls faster than its model says, as on the far side of a robust loss, goes
+  /// further the next time. *num_evaluated gets the factors looked at.
+  bool StepLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
+
+  /// Ends the step: the values move, and residuals, gradient shares and b follow; Jacobians stay. Or nothing moves.
+  void Accept() {
+    AcceptValues();
+    EndStep();
+  }
+  void Reject();
+  /// Accept in two halves, for whoever wants to look at the touched factors in between.
+  /// The first half tells how many landmarks' right-hand sides followed.
+  int AcceptValues();
+  void EndStep();
+
+  bool FrameMoves(std::int32_t frame) const { return moved_.Has(frame); }
+  bool Visited(std::int32_t landmark) const { return visited_.Has(landmark); }
+  int NumDirtyFactors() const;
+  bool IsDirty(FactorRef ref) const { return dirty_[ref.family].Has(ref.factor); }
+  /// ‖δ_i‖_∞ of the step over the factor's variables.
+  double LargestStep(FactorRef ref) const;
+  /// Per family, ascending: the factors the step touches; between EvaluateStep and EndStep.
+  const std::vector<std::int32_t>& Touched(int family) const { return touched_lists_[family]; }
+
+  double cost() const { return cost_; }
+  /// How much of the cost rounding may be: ½ Σ_v ‖x_v‖_∞² tr(C_vv) (n ε)², for a residual that comes of n operations on numbers
+  /// as large as J_v x_v is exact to n ε ‖x_v‖ ‖J_v‖. Cost: a pass over the frames, or over the landmarks where no frame can
+  /// move.
+  double RoundingOfCost() const;
+  int num_factors() const { return num_factors_; }
+  const IncrementalValues& values() const { return values_; }
+  const std::vector<IncrementalFamily>& families() const { return families_; }
+  IncrementalSchur& schur() { return schur_; }
+  const IncrementalSchur& schur() const { return schur_; }
+  const Executor& executor() const { return executor_; }
+  std::int64_t Bytes() const;
+
+ private:
+  void Enter(VariableId id);
+  void Attach(FactorRef ref);
+  void Detach(FactorRef ref);
+  // Of S, for its factors are about to be others.
+  void TakeOut(std::int32_t landmark) {
+    dirty_landmarks_.Add(landmark);
+    schur_.TakeOut(landmark);
+  }
+  void AdmitFamilies();
+  void GrowSets();
+  void Recenter(const IncrementalFamily& family, const std::vector<std::int32_t>& factors);
+  Status LinearizeFamilies(bool by_difference);
+  Status LinearizeFamily(IncrementalFamily* family, bool by_difference);
+  Status InfiniteCost(const IncrementalFamily& family) const;
+  void RecenterDirty(RelinearizeWork* work);
+  // A landmark's own line search, from one StepLandmarks to the next.
+  struct LandmarkStep {
+    double stretch = 1.0;  // of its next step
+    double change = 0.0;
+    double slope = 0.0;
+  };
+
+  template <typename Function>
+  void ForEachActive(Function&& visit) const;
+  void PrepareDogleg();
+  void Move(VariableId id, std::int32_t quad);
+  void Touch(const std::vector<FactorRef>& factors);
+  void NameTouched();
+  void DropChanges();
+  void Stretch(std::int32_t landmark);
+  bool EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
+  bool AcceptLandmark(std::int32_t landmark);
+  void ForgetSteps(VariableId id);
+  void LeaveOut(std::int32_t landmark);
+  void AddToCost(double change) {
+    cost_ += change;
+    cost_peak_ = std::max(cost_peak_, cost_);
+    ++cost_changes_;
+  }
+  void ResumCost();
+  void Hold(VariableId id, bool constant);
+  void FollowPin(VariableId id);
+  void Reattach();
+
+  FactorGraph& graph_;
+  Executor executor_;
+  IncrementalValues values_;
+  IncrementalTangents tangents_;
+  std::vector<IncrementalFamily> families_;
+  IncrementalSchur schur_;
+  const double replace_cost_;
+  const double max_stretch_;
+  std::vector<int> frame_of_;     // per variable, or -1
+  std::vector<int> landmark_of_;  // per variable, or -1
+  int num_factors_ = 0;
+  int num_recentered_ = 0;  // since the last Relinearize
+  double cost_ = 0.0;
+  double cost_peak_ = 0.0;         // the largest it has been since it was summed
+  std::int64_t cost_changes_ = 0;  // since then
+
+  std::vector<IndexSet> dirty_;    // per family: to be relinearized
+  std::vector<IndexSet> touched_;  // per family: with a variable that moves
+  std::vector<std::vector<std::int32_t>> touched_lists_;
+  bool touched_named_ = false;  // the two above and the two below are those of the step under construction
+  IndexSet dirty_landmarks_;    // to be eliminated anew
+  IndexSet stale_landmarks_;    // not visited, but seen from a frame that moves
+  IndexSet reached_;            // frames of touched factors and of their landmarks
+  IndexSet visited_;
+  IndexSet moved_;
+  AlignedVector<double> step_;  // padded, all variables; zero where nothing moves
+  bool dogleg_prepared_ = false;
+  AlignedVector<double> gauss_newton_;  // of the active set, padded like step_
+  AlignedVector<double> cauchy_;
+  AlignedVector<double> direction_;
+  std::vector<LandmarkStep> landmark_steps_;
+  std::vector<std::int32_t> list_;
+  std::vector<std::ptrdiff_t> kept_;  // of the listed factors: where S keeps their old contributions; -1: none
+  std::vector<std::int32_t> slots_;
+  std::vector<FactorId> removed_;
+  std::vector<VariableId> toggled_;
+  std::vector<VariableId> entering_;
+  std::vector<VariableId> entered_;  // frames, since TakeNewFrames
+  std::vector<FactorRef> reattached_;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,255 @@
+// How a IncrementalSystem follows the edits of its graph.
+
+#include <algorithm>
+
+#include "incremental/incremental_system.h"
+
+namespace inceres::internal {
+
+void IncrementalSystem::GrowSets() {
+  dirty_landmarks_.Grow(schur_.landmarks().size());
+  stale_landmarks_.Grow(schur_.landmarks().size());
+  visited_.Grow(schur_.landmarks().size());
+  landmark_steps_.resize(schur_.landmarks().size());
+  moved_.Grow(schur_.frames().size());
+  reached_.Grow(schur_.frames().size());
+  const std::size_t entries = static_cast<std::size_t>(tangents_.num_quads()) * kQuad;
+  if (entries > step_.size()) {
+    step_.resize(entries, 0.0);
+  }
+}
+
+Status IncrementalSystem::Apply(const GraphEdit& edit) {
+  const Status status = graph_.Check(edit, &removed_);
+  if (!status.ok()) {
+    return status;
+  }
+  for (const FactorId& id : removed_) {
+    RemoveFactor({id.family, id.index});
+  }
+  for (const VariableId id : edit.removed_variables()) {
+    RemoveVariable(id);
+  }
+  graph_.Commit(edit, removed_);
+  for (const GraphEdit::NewVariable& variable : edit.new_variables()) {
+    AddVariable(variable.id);
+  }
+  for (const GraphEdit::NewFactor& factor : edit.new_factors()) {
+    AddFactor({factor.id.family, factor.id.index});
+  }
+  for (const auto& [id, loss] : edit.losses()) {
+    MarkChanged({id.family, id.index});
+  }
+  for (const auto& [id, place] : edit.measurements()) {
+    MarkChanged({id.family, id.index});
+  }
+  toggled_.clear();
+  for (const auto& [id, constant] : edit.constants()) {
+    toggled_.push_back(id);
+  }
+  UpdateConstants(toggled_);
+  for (const auto& [id, offset] : edit.new_values()) {
+    SetValues(id, edit.values().data() + offset);
+  }
+  for (const auto& [id, offset] : edit.pins()) {
+    FollowPin(id);
+  }
+  return Status::Ok();
+}
+
+// Its factors are linearized at the graph's pin from now on, or no longer.
+void IncrementalSystem::FollowPin(VariableId id) {
+  entering_.clear();
+  reattached_.clear();
+  tangents_.MarkMoved(id);
+  graph_.TrackFactors();
+  graph_.ForEachFactorOf(id, [this](FactorId factor) { reattached_.push_back({factor.family, factor.index}); });
+  Reattach();
+}
+
+void IncrementalSystem::AddVariable(VariableId id) {
+  if (id >= static_cast<VariableId>(frame_of_.size())) {
+    frame_of_.resize(id + 1, -1);
+    landmark_of_.resize(id + 1, -1);
+  }
+  values_.Add(graph_, id);
+  if (graph_.IsConstant(id)) {
+    tangents_.Add(graph_, id, false);
+  } else {
+    Enter(id);
+  }
+}
+
+// What the steps of a landmark alone have shown does not hold from other values.
+void IncrementalSystem::ForgetSteps(VariableId id) {
+  if (landmark_of_[id] >= 0) {
+    landmark_steps_[landmark_of_[id]] = {};
+  }
+}
+
+void IncrementalSystem::Enter(VariableId id) {
+  tangents_.Add(graph_, id, true);
+  if (graph_.role(id) == Role::kLandmark) {
+    landmark_of_[id] = schur_.AddLandmark(id, tangents_.quad(id), graph_.TangentSize(id));
+  } else {
+    frame_of_[id] = schur_.AddFrame(id, tangents_.quad(id), graph_.TangentSize(id));
+    entered_.push_back(id);
+  }
+  GrowSets();
+  ForgetSteps(id);
+}
+
+void IncrementalSystem::RemoveVariable(VariableId id) {
+  if (landmark_of_[id] >= 0) {
+    dirty_landmarks_.Remove(landmark_of_[id]);
+    schur_.RemoveLandmark(landmark_of_[id]);
+  } else if (frame_of_[id] >= 0) {
+    schur_.RemoveFrame(frame_of_[id]);
+  }
+  frame_of_[id] = landmark_of_[id] = -1;
+  tangents_.Remove(id);
+}
+
+void IncrementalSystem::AdmitFamilies() {
+  for (auto id = static_cast<FamilyId>(families_.size()); id < graph_.num_families(); ++id) {
+    families_.emplace_back(graph_, id);
+    dirty_.emplace_back();
+    touched_.emplace_back();
+    touched_lists_.emplace_back();
+  }
+}
+
+void IncrementalSystem::AddFactor(FactorRef ref) {
+  AdmitFamilies();
+  ++num_factors_;
+  Attach(ref);
+}
+
+void IncrementalSystem::Attach(FactorRef ref) {
+  IncrementalFamily& family = families_[ref.family];
+  family.Connect(ref.factor, &values_, tangents_);
+  dirty_[ref.family].Grow(family.num_places());
+  touched_[ref.family].Grow(family.num_places());
+  slots_.clear();
+  int landmark = -1;
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const VariableId variable = family.variables(ref.factor)[s];
+    slots_.push_back(frame_of_[variable]);
+    // Of two landmarks in a factor one is constant.
+    if (landmark_of_[variable] >= 0 && (landmark < 0 || !graph_.IsConstant(variable))) {
+      landmark = landmark_of_[variable];
+    }
+  }
+  if (landmark >= 0) {
+    TakeOut(landmark);
+  }
+  schur_.Connect(ref, slots_.data(), landmark);
+  dirty_[ref.family].Add(ref.factor);
+}
+
+void IncrementalSystem::RemoveFactor(FactorRef ref) {
+  Detach(ref);
+  --num_factors_;
+}
+
+void IncrementalSystem::Detach(FactorRef ref) {
+  IncrementalFamily& family = families_[ref.family];
+  const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
+  if (landmark >= 0) {
+    TakeOut(landmark);
+  }
+  if (family.linearized(ref.factor)) {
+    schur_.AddFactor(ref, -1.0);
+    AddToCost(-family.Cost(ref.factor));
+  }
+  schur_.Disconnect(ref);
+  family.Forget(ref.factor);
+  dirty_[ref.family].Remove(ref.factor);
+}
+
+void IncrementalSystem::UpdateConstants(const std::vector<VariableId>& ids) {
+  entering_.clear();
+  reattached_.clear();
+  graph_.TrackFactors();
+  for (const VariableId id : ids) {
+    const bool constant = graph_.IsConstant(id);
+    if (frame_of_[id] >= 0 || landmark_of_[id] >= 0) {
+      Hold(id, constant);
+    } else if (!constant) {
+      // Constant since it came: its factors have no Jacobian for it yet.
+      entering_.push_back(id);
+      graph_.ForEachFactorOf(id, [this](FactorId factor) { reattached_.push_back({factor.family, factor.index}); });
+    }
+  }
+  if (!entering_.empty() || !reattached_.empty()) {
+    Reattach();
+  }
+}
+
+void IncrementalSystem::Hold(VariableId id, bool constant) {
+  if (frame_of_[id] >= 0) {
+    if (schur_.frames()[frame_of_[id]].held != constant) {
+      schur_.HoldFrame(frame_of_[id], constant);
+    }
+    return;
+  }
+  const std::int32_t landmark = landmark_of_[id];
+  if (schur_.landmarks()[landmark].held == constant) {
+    return;
+  }
+  schur_.HoldLandmark(landmark, constant);
+  dirty_landmarks_.Add(landmark);
+  if (constant) {
+    return;
+  }
+  // A factor of two landmarks, one of them always constant, belongs to the free one.
+  graph_.ForEachFactorOf(id, [this, landmark](FactorId factor) {
+    const FactorRef ref{factor.family, factor.index};
+    if (schur_.LandmarkOfFactor(ref) != landmark) {
+      reattached_.push_back(ref);
+    }
+  });
+}
+
+// The entering variables get their places in the system, and the factors collected take part with theirs as they are now.
+void IncrementalSystem::Reattach() {
+  const auto before = [](const FactorRef& a, const FactorRef& b) {
+    return a.family != b.family ? a.family < b.family : a.factor < b.factor;
+  };
+  std::sort(reattached_.begin(), reattached_.end(), before);
+  reattached_.erase(std::unique(reattached_.begin(), reattached_.end()), reattached_.end());
+  std::sort(entering_.begin(), entering_.end());
+  entering_.erase(std::unique(entering_.begin(), entering_.end()), entering_.end());
+  for (const FactorRef& ref : reattached_) {
+    Detach(ref);
+  }
+  for (const VariableId id : entering_) {
+    Enter(id);
+  }
+  for (const FactorRef& ref : reattached_) {
+    Attach(ref);
+  }
+}
+
+void IncrementalSystem::TakeValues() {
+  ForgetNewFrames();
+  for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    if (graph_.HasVariable(id)) {
+      values_.Set(id, graph_.Values(id));
+      tangents_.MarkMoved(id);
+    }
+  }
+  for (IncrementalFamily& family : families_) {
+    family.UnsettleAll();
+  }
+}
+
+void IncrementalSystem::SetValues(VariableId id, const double* values) {
+  values_.Set(id, values);
+  ForgetSteps(id);
+  tangents_.MarkMoved(id);
+  graph_.TrackFactors();
+  graph_.ForEachFactorOf(id, [this](FactorId factor) { MarkChanged({factor.family, factor.index}); });
+}
+
+}  // namespace inceres::internal

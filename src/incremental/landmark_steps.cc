@@ -1,0 +1,96 @@
+// Steps of single landmarks with the frames held: IncrementalSystem::StepLandmarks (the embedded point iteration of ICE-BA).
+
+#include <algorithm>
+
+#include "incremental/incremental_system.h"
+
+namespace inceres::internal {
+
+void IncrementalSystem::Stretch(std::int32_t landmark) {
+  const IncrementalSchur::Landmark& l = schur_.landmarks()[landmark];
+  double* step = step_.data() + std::ptrdiff_t{l.quad} * kQuad;
+  for (int k = 0; k < l.size; ++k) {
+    step[k] *= landmark_steps_[landmark].stretch;
+  }
+}
+
+bool IncrementalSystem::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
+  for (const std::int32_t landmark : landmarks) {
+    const IncrementalSchur::Landmark& l = schur_.landmarks()[landmark];
+    Visit(landmark);
+    Stretch(landmark);
+    Move(l.id, l.quad);
+    Touch(l.factors);
+    LandmarkStep& step = landmark_steps_[landmark];
+    step.change = step.slope = 0.0;
+  }
+  for (IncrementalFamily& family : families_) {
+    std::vector<std::int32_t>& touched = touched_lists_[family.id()];
+    touched_[family.id()].CopyTo(&touched);
+    *num_evaluated += static_cast<int>(touched.size());
+    if (family.EvaluateCandidate(touched, executor_).failed()) {
+      return false;
+    }
+    family.PredictDecrease(touched, step_.data());
+    for (const std::int32_t i : touched) {
+      LandmarkStep& step = landmark_steps_[schur_.LandmarkOfFactor({family.id(), i})];
+      double slope = 0.0;
+      double curvature = 0.0;
+      family.Slope(i, &slope, &curvature);
+      step.change += family.CandidateCost(i) - family.Cost(i);
+      step.slope += slope;
+    }
+  }
+  return true;
+}
+
+// Whether the landmark's step lowers its cost; and how long the next one is to be, as a multiple of what its model says.
+bool IncrementalSystem::AcceptLandmark(std::int32_t landmark) {
+  LandmarkStep& step = landmark_steps_[landmark];
+  if (!(step.change < 0.0) || !(step.slope > 0.0)) {
+    step.stretch = 1.0;
+    return false;
+  }
+  // With a robust loss the Gauss–Newton model of an outlier is too stiff, and damping holds a far point back: the next step is
+  // taken as long as the slope and the curvature seen along this one ask for, within a bound. The cost along the step is − slope
+  // t + ½ curvature t² and `change` at t = 1.
+  const double curvature = 2.0 * (step.slope + step.change);
+  const double best = step.slope / std::max(curvature, step.slope / max_stretch_);
+  step.stretch = std::clamp(step.stretch * best, 1.0, max_stretch_);
+  return true;
+}
+
+void IncrementalSystem::LeaveOut(std::int32_t landmark) {
+  const IncrementalSchur::Landmark& l = schur_.landmarks()[landmark];
+  values_.Reject(l.id);
+  visited_.Remove(landmark);
+  std::fill_n(step_.begin() + std::ptrdiff_t{l.quad} * kQuad, l.size, 0.0);
+  for (const FactorRef& ref : l.factors) {
+    touched_[ref.family].Remove(ref.factor);
+  }
+}
+
+bool IncrementalSystem::StepLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
+  *num_evaluated = 0;
+  if (!EvaluateLandmarks(landmarks, num_evaluated)) {
+    Reject();
+    return false;
+  }
+  for (const std::int32_t landmark : landmarks) {
+    if (!AcceptLandmark(landmark)) {
+      LeaveOut(landmark);
+    }
+  }
+  if (visited_.empty()) {
+    EndStep();
+    return false;
+  }
+  NameTouched();
+  for (IncrementalFamily& family : families_) {
+    family.TryStep(touched_lists_[family.id()], step_.data(), schur_.padded_change());
+  }
+  AcceptValues();
+  return true;
+}
+
+}  // namespace inceres::internal

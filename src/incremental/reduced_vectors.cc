@@ -1,0 +1,82 @@
+#include "incremental/reduced_vectors.h"
+
+#include <algorithm>
+
+namespace inceres::internal {
+namespace {
+
+// Damps an entry that no factor touches, so that S has a factor.
+constexpr double kTinyDiagonal = 1e-12;
+
+}  // namespace
+
+bool ReducedVectors::Refresh(DampingForm form, double mu, IncrementalSchur* schur) {
+  const auto num_rows = static_cast<std::int32_t>(schur->frames().size());
+  for (std::vector<double>* packed : {&weights_, &diagonal_, &damping_, &b_}) {
+    packed->resize(schur->size());
+  }
+  pulls_.resize(num_rows);
+  held_.resize(num_rows);
+  schur->TakeUnreadRows(&changed_);
+  for (const std::int32_t row : changed_) {
+    Read(*schur, row);
+  }
+  if (mu != mu_ || form != form_) {
+    mu_ = mu;
+    form_ = form;
+    for (std::int32_t row = 0; row < num_rows; ++row) {
+      Damp(*schur, row);
+    }
+    return true;
+  }
+  for (const std::int32_t row : changed_) {
+    Damp(*schur, row);
+  }
+  return false;
+}
+
+void ReducedVectors::Read(const IncrementalSchur& schur, std::int32_t row) {
+  const IncrementalSchur::Frame& frame = schur.frames()[row];
+  held_[row] = frame.held ? 1 : 0;
+  if (frame.size == 0) {
+    return;
+  }
+  const int offset = schur.FrameOffset(row);
+  std::copy_n(schur.FrameDiagonal(row), frame.size, weights_.begin() + offset);
+  std::copy_n(schur.b(row), frame.size, b_.begin() + offset);
+  const double* S = schur.S().values(schur.S().row(row).back().offset);
+  for (int k = 0; k < frame.size; ++k) {
+    diagonal_[offset + k] = S[k * (PadToQuad(frame.size) + 1)];
+  }
+}
+
+void ReducedVectors::Damp(const IncrementalSchur& schur, std::int32_t row) {
+  const std::vector<double>& scale = form_ == DampingForm::kThesis ? diagonal_ : weights_;
+  const int offset = schur.FrameOffset(row);
+  for (int k = offset; k < schur.FrameOffset(row + 1); ++k) {
+    damping_[k] = mu_ * std::max(scale[k], kTinyDiagonal);
+  }
+  pulls_[row] = Pull(schur, row, b_.data() + offset);
+}
+
+double ReducedVectors::Pull(const IncrementalSchur& schur, std::int32_t row, const double* rhs) const {
+  double pull = 0.0;
+  if (held_[row] != 0) {
+    return pull;
+  }
+  const int offset = schur.FrameOffset(row);
+  for (int k = offset; k < schur.FrameOffset(row + 1); ++k, ++rhs) {
+    pull += *rhs * *rhs / (diagonal_[k] + damping_[k]);
+  }
+  return pull;
+}
+
+std::int64_t ReducedVectors::Bytes() const {
+  std::size_t doubles = 0;
+  for (const std::vector<double>* packed : {&weights_, &diagonal_, &damping_, &b_, &pulls_}) {
+    doubles += packed->capacity();
+  }
+  return static_cast<std::int64_t>(sizeof(double) * doubles + held_.capacity() + sizeof(std::int32_t) * changed_.capacity());
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,88 @@
+#include "incremental/relinearization.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+namespace inceres::internal {
+
+void Relinearization::Begin(const IncrementalOptions& options, double share) {
+  share_ = share;
+  rule_ = options.relinearization;
+  step_ = options.relinearization_step;
+  blamed_few_ = false;
+}
+
+// How far an old linearization may err before it is renewed, if every factor erred by as much. Its error e = ‖f − f̂‖ counts
+// twice: the model is off by w e², and the gradient by what the residual f makes of the old Jacobian, about w ‖f‖ e over the next
+// step. The first adds up over the factors, the second, of either sign, like a random walk.
+Relinearization::ErrorLimits Relinearization::LimitsOf(double share, double tolerance) const {
+  const double count = std::max(1, system_.num_factors());
+  const double gradient = tuning_.gradient_share * share * tolerance;
+  return {share * 2.0 * tolerance / count, gradient * gradient / count};
+}
+
+void Relinearization::MarkStale(double tolerance) {
+  const ErrorLimits stale = LimitsOf(share_, tolerance);
+  const ErrorLimits aged = LimitsOf(std::min(share_, tuning_.refresh_share), tolerance);
+  aged_.resize(system_.families().size());
+  for (const IncrementalFamily& family : system_.families()) {
+    aged_[family.id()].Grow(family.num_places());
+    for (const std::int32_t i : system_.Touched(family.id())) {
+      const bool errs = rule_ == RelinearizationRule::kStepSize && !family.constant_jacobian()
+                            ? system_.LargestStep({family.id(), i}) >= step_
+                            : stale.ExceededBy(family, i);
+      if (errs || family.WeightIsOff(i, family.IsCorrected(i) ? tuning_.corrected_weight_change : tuning_.weight_change)) {
+        system_.MarkDirty({family.id(), i});
+      } else if (aged.ExceededBy(family, i)) {
+        aged_[family.id()].Add(i);
+      }
+    }
+  }
+}
+
+bool Relinearization::RefreshAged(double tolerance) {
+  const ErrorLimits limits = LimitsOf(std::min(share_, tuning_.refresh_share), tolerance);
+  bool any = false;
+  for (std::size_t family = 0; family < aged_.size(); ++family) {
+    const IncrementalFamily& factors = system_.families()[family];
+    aged_[family].ForEach([&](std::int32_t i) {
+      if (factors.linearized(i) && limits.ExceededBy(factors, i)) {
+        system_.MarkDirty({factors.id(), i});
+        any = true;
+      }
+    });
+    aged_[family].Clear();
+  }
+  return any;
+}
+
+bool Relinearization::RefreshTouched(bool evaluated) {
+  const auto for_each_old = [this](auto&& visit) {
+    for (const IncrementalFamily& family : system_.families()) {
+      for (const std::int32_t i : system_.Touched(family.id())) {
+        if (family.SquaredError(i) > tuning_.exact) {
+          visit(FactorRef{family.id(), i});
+        }
+      }
+    }
+  };
+  const auto unforeseen = [this](FactorRef ref) { return system_.families()[ref.family].UnforeseenCost(ref.factor); };
+  const bool all = std::exchange(blamed_few_, true) || !evaluated;
+  double worst = 0.0;
+  if (!all) {
+    for_each_old([&](FactorRef factor) { worst = std::max(worst, unforeseen(factor)); });
+  }
+  // Written so that a cost that is not finite is to blame.
+  const double blameless = std::min(tuning_.blame_share * worst, std::numeric_limits<double>::max());
+  bool any = false;
+  for_each_old([&](FactorRef factor) {
+    if (all || !(unforeseen(factor) <= blameless)) {
+      system_.MarkDirty(factor);
+      any = true;
+    }
+  });
+  return any;
+}
+
+}  // namespace inceres::internal

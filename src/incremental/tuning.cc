@@ -1,0 +1,116 @@
+#include "incremental/tuning.h"
+
+#ifdef INCERES_TUNING_FROM_ENVIRONMENT
+#include <cstdio>
+#include <cstdlib>
+#endif
+
+namespace inceres::internal {
+namespace {
+
+#ifdef INCERES_TUNING_FROM_ENVIRONMENT
+// A study with a misspelt name would find that the threshold does nothing.
+[[noreturn]] void Refuse(const std::string& setting) {
+  std::fprintf(stderr, "INCERES_TUNING: no such threshold, or no number: %s\n", setting.c_str());
+  std::exit(2);
+}
+
+void Set(const std::string& setting, Tuning* tuning) {
+  const std::size_t equals = setting.find('=');
+  for (const NamedThreshold& threshold : NamedThresholds(tuning)) {
+    if (equals == std::string::npos || threshold.name != setting.substr(0, equals)) {
+      continue;
+    }
+    char* end = nullptr;
+    const double value = std::strtod(setting.c_str() + equals + 1, &end);
+    if (end == setting.c_str() + equals + 1 || *end != '\0') {
+      Refuse(setting);
+    }
+    if (threshold.real != nullptr) {
+      *threshold.real = value;
+    } else {
+      *threshold.count = static_cast<int>(value);
+    }
+    return;
+  }
+  Refuse(setting);
+}
+
+Tuning FirstTuning() {
+  Tuning tuning;
+  const char* settings = std::getenv("INCERES_TUNING");
+  std::string rest = settings != nullptr ? settings : "";
+  while (!rest.empty()) {
+    const std::size_t comma = rest.find(',');
+    Set(rest.substr(0, comma), &tuning);
+    rest = comma == std::string::npos ? "" : rest.substr(comma + 1);
+  }
+  return tuning;
+}
+#else
+Tuning FirstTuning() {
+  return Tuning();
+}
+#endif
+
+}  // namespace
+
+std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
+  std::vector<NamedThreshold> all;
+  const auto real = [&](const char* name, double* value) { all.push_back({name, value, nullptr}); };
+  const auto count = [&](const char* name, int* value) { all.push_back({name, nullptr, value}); };
+  real("stop.share", &tuning->stop.share);
+  real("stop.rest_share", &tuning->stop.rest_share);
+  real("stop.steady_factor", &tuning->stop.steady_factor);
+  real("stop.creeping_landmarks", &tuning->stop.creeping_landmarks);
+  count("stop.stagnation", &tuning->stop.stagnation);
+  real("stop.near_floor", &tuning->stop.near_floor);
+  real("stop.fine_damping", &tuning->stop.fine_damping);
+  real("stop.unmoved", &tuning->stop.unmoved);
+  real("relinearize.exact", &tuning->relinearize.exact);
+  real("relinearize.gradient_share", &tuning->relinearize.gradient_share);
+  real("relinearize.refresh_share", &tuning->relinearize.refresh_share);
+  real("relinearize.marginalized_share", &tuning->relinearize.marginalized_share);
+  real("relinearize.weight_change", &tuning->relinearize.weight_change);
+  real("relinearize.corrected_weight_change", &tuning->relinearize.corrected_weight_change);
+  real("relinearize.blame_share", &tuning->relinearize.blame_share);
+  real("truncate.floor", &tuning->truncate.floor);
+  real("truncate.wildfire_share", &tuning->truncate.wildfire_share);
+  real("truncate.sum_share", &tuning->truncate.sum_share);
+  real("truncate.pull_share", &tuning->truncate.pull_share);
+  real("truncate.no_pull", &tuning->truncate.no_pull);
+  count("truncate.max_scalars", &tuning->truncate.max_scalars);
+  real("landmarks.share", &tuning->landmarks.share);
+  real("landmarks.dominance", &tuning->landmarks.dominance);
+  real("landmarks.min_damping", &tuning->landmarks.min_damping);
+  real("landmarks.outdated_damping", &tuning->landmarks.outdated_damping);
+  real("landmarks.max_stretch", &tuning->landmarks.max_stretch);
+  real("retreat.damping_growth", &tuning->retreat.damping_growth);
+  real("retreat.poor_ratio", &tuning->retreat.poor_ratio);
+  real("retreat.good_ratio", &tuning->retreat.good_ratio);
+  real("retreat.radius_fall", &tuning->retreat.radius_fall);
+  real("retreat.radius_growth", &tuning->retreat.radius_growth);
+  real("retreat.shortening", &tuning->retreat.shortening);
+  count("retreat.max_shortenings", &tuning->retreat.max_shortenings);
+  count("retreat.max_shortened_in_row", &tuning->retreat.max_shortened_in_row);
+  real("new_frames.worthwhile_share", &tuning->new_frames.worthwhile_share);
+  real("rebuild.mostly_new", &tuning->rebuild.mostly_new);
+  real("rebuild.replace_cost", &tuning->rebuild.replace_cost);
+  real("batch.settled_share", &tuning->batch.settled_share);
+  real("batch.no_gain_share", &tuning->batch.no_gain_share);
+  real("batch.rest_share", &tuning->batch.rest_share);
+  real("batch.fast_ratio", &tuning->batch.fast_ratio);
+  real("batch.good_model", &tuning->batch.good_model);
+  real("batch.kept_promise", &tuning->batch.kept_promise);
+  real("batch.steady_factor", &tuning->batch.steady_factor);
+  real("batch.seeing_radius", &tuning->batch.seeing_radius);
+  real("batch.shrunk_share", &tuning->batch.shrunk_share);
+  return all;
+}
+
+Tuning& TuningOfNewSolvers() {
+  static Tuning tuning = FirstTuning();
+  return tuning;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,97 @@
+#include "inceres/solver/update_summary.h"
+
+#include "base/json_object.h"
+#include "trust_region/summary_json.h"
+
+namespace inceres {
+
+using internal::JsonObject;
+
+namespace {
+
+std::string ToJson(const UpdateIteration& row) {
+  return JsonObject()
+      .Add("iteration", row.iteration)
+      .AddString("step", ToString(row.step))
+      .Add("accepted", row.accepted)
+      .Add("shortened", row.shortened)
+      .Add("refreshed", row.refreshed)
+      .Add("cost", row.cost)
+      .Add("cost_change", row.cost_change)
+      .Add("predicted_change", row.predicted_change)
+      .Add("relative_decrease", row.relative_decrease)
+      .Add("step_norm", row.step_norm)
+      .Add("gradient_max_norm", row.gradient_max_norm)
+      .Add("gradient_norm", row.gradient_norm)
+      .Add("damping", row.damping)
+      .Add("radius", row.radius)
+      .Add("num_moved_frames", row.num_moved_frames)
+      .Add("num_visited_landmarks", row.num_visited_landmarks)
+      .Add("num_relinearised_factors", row.num_relinearized_factors)
+      .Add("num_evaluated_factors", row.num_evaluated_factors)
+      .Add("num_linear_solver_iterations", row.num_linear_solver_iterations)
+      .Add("seconds", row.seconds)
+      .Add("solve_seconds", row.solve_seconds)
+      .Add("cumulative_seconds", row.cumulative_seconds)
+      .Close();
+}
+
+}  // namespace
+
+const char* ToString(UpdateStep step) {
+  switch (step) {
+    case UpdateStep::kNone:
+      return "none";
+    case UpdateStep::kBatch:
+      return "batch";
+    case UpdateStep::kFrames:
+      return "frames";
+    case UpdateStep::kLandmarks:
+      return "landmarks";
+  }
+  return "unknown";
+}
+
+std::string UpdateSummary::ToJson() const {
+  return JsonObject()
+      .AddString("termination", ToString(termination))
+      .AddString("message", message)
+      .Add("initial_cost", initial_cost)
+      .AddString("failed_step", failed_step)
+      .Add("ended_by_batch_rule", ended_by_batch_rule)
+      .Add("final_cost", final_cost)
+      .Add("undone", remaining_decrease)
+      .Add("num_iterations", num_iterations)
+      .Add("num_batch_iterations", num_batch_iterations)
+      .Add("num_rejected_steps", num_rejected_steps)
+      .Add("num_shortened_steps", num_shortened_steps)
+      .Add("num_relinearised_factors", num_relinearized_factors)
+      .Add("num_recentred_factors", num_recentered_factors)
+      .Add("num_evaluated_factors", num_evaluated_factors)
+      .Add("num_eliminated_landmarks", num_eliminated_landmarks)
+      .Add("num_updated_landmarks", num_updated_landmarks)
+      .Add("num_factored_rows", num_factored_rows)
+      .Add("num_reorderings", num_reorderings)
+      .Add("num_solved_rows", num_solved_rows)
+      .Add("num_pcg_iterations", num_pcg_iterations)
+      .Add("num_landmark_passes", num_landmark_passes)
+      .Add("num_visited_landmarks", num_visited_landmarks)
+      .Add("num_moved_frames", num_moved_frames)
+      .Add("num_rebuilds", num_rebuilds)
+      .Add("num_drifted_frames", num_drifted_frames)
+      .Add("num_parked_landmarks", num_undetermined_landmarks)
+      .Add("bytes", bytes)
+      .Add("seconds", seconds)
+      .Add("batch_seconds", batch_seconds)
+      .Add("linearise_seconds", linearize_seconds)
+      .Add("solve_seconds", solve_seconds)
+      .Add("select_seconds", select_seconds)
+      .Add("landmark_seconds", landmark_seconds)
+      .Add("evaluate_seconds", evaluate_seconds)
+      .Add("accept_seconds", accept_seconds)
+      .AddRaw("batch_stages", internal::ToJson(batch_stages))
+      .AddArray("iterations", iterations, [](const UpdateIteration& row) { return inceres::ToJson(row); })
+      .Close();
+}
+
+}  // namespace inceres

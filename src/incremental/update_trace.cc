@@ -1,0 +1,45 @@
+#include "incremental/update_trace.h"
+
+#include "base/stopwatch.h"
+#include "trust_region/observer_verdict.h"
+
+namespace inceres::internal {
+namespace {
+
+// Rows there is room for from the first Update on.
+constexpr int kUsualRows = 32;
+
+}  // namespace
+
+UpdateTrace::UpdateTrace(UpdateObserver* observer, UpdateSummary* summary)
+    : observer_(observer), summary_(*summary), start_seconds_(NowInSeconds()), row_start_seconds_(start_seconds_) {
+  summary_.iterations.reserve(kUsualRows);
+}
+
+UpdateTrace::Counts UpdateTrace::CountsNow() const {
+  return {summary_.num_moved_frames, summary_.num_visited_landmarks, summary_.num_relinearized_factors,
+          summary_.num_evaluated_factors, summary_.solve_seconds};
+}
+
+bool UpdateTrace::EndRow(double cost) {
+  const double now = NowInSeconds();
+  const Counts counts = CountsNow();
+  row_.iteration = static_cast<int>(summary_.iterations.size());
+  row_.accepted = row_.accepted || row_.iteration == 0;
+  row_.cost = cost;
+  row_.num_moved_frames = counts.moved_frames - row_start_.moved_frames;
+  row_.num_visited_landmarks = counts.visited_landmarks - row_start_.visited_landmarks;
+  row_.num_relinearized_factors = counts.relinearized_factors - row_start_.relinearized_factors;
+  row_.num_evaluated_factors = counts.evaluated_factors - row_start_.evaluated_factors;
+  row_.solve_seconds += counts.solve_seconds - row_start_.solve_seconds;
+  row_.seconds = now - row_start_seconds_;
+  row_.cumulative_seconds = now - start_seconds_;
+  summary_.iterations.push_back(row_);
+  const ObserverAction action = observed() ? observer_->EndOfIteration(row_) : ObserverAction::kContinue;
+  row_ = UpdateIteration();
+  row_start_ = counts;
+  row_start_seconds_ = NowInSeconds();
+  return GoesOn(action, &summary_.termination, &summary_.message);
+}
+
+}  // namespace inceres::internal

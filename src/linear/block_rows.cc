@@ -1,0 +1,117 @@
+#include "linear/block_rows.h"
+
+#include <algorithm>
+
+namespace inceres::internal {
+namespace {
+
+bool BeforeColumn(const SymmetricBlockRows::Entry& entry, int column) {
+  return entry.column < column;
+}
+
+std::size_t QuadsOf(int rows, int columns) {
+  return static_cast<std::size_t>(rows) * PadToQuad(columns) / kQuad;
+}
+
+}  // namespace
+
+int SymmetricBlockRows::AddRow(int size) {
+  const int row = num_rows();
+  sizes_.push_back(size);
+  rows_.push_back({{row, Allocate(size, size)}});
+  below_.emplace_back();
+  return row;
+}
+
+void SymmetricBlockRows::RemoveRow(int row) {
+  for (const Entry& entry : rows_[row]) {
+    Release(entry.offset, sizes_[row], sizes_[entry.column]);
+    if (entry.column != row) {
+      std::vector<int>& below = below_[entry.column];
+      below.erase(std::lower_bound(below.begin(), below.end(), row));
+    }
+  }
+  rows_[row].clear();
+  for (const int below : below_[row]) {
+    auto& entries = rows_[below];
+    const auto entry = std::lower_bound(entries.begin(), entries.end(), row, BeforeColumn);
+    Release(entry->offset, sizes_[below], sizes_[row]);
+    entries.erase(entry);
+  }
+  below_[row].clear();
+  sizes_[row] = 0;
+}
+
+void SymmetricBlockRows::ReviveRow(int row, int size) {
+  sizes_[row] = size;
+  rows_[row].assign(1, {row, Allocate(size, size)});
+}
+
+void SymmetricBlockRows::ZeroRow(int row) {
+  const auto zero = [this](std::int64_t offset, int rows, int columns) {
+    std::fill_n(values_.begin() + offset, QuadsOf(rows, columns) * kQuad, 0.0);
+  };
+  for (const Entry& entry : rows_[row]) {
+    zero(entry.offset, sizes_[row], sizes_[entry.column]);
+  }
+  for (const int below : below_[row]) {
+    zero(Find(below, row), sizes_[below], sizes_[row]);
+  }
+}
+
+void SymmetricBlockRows::Zero() {
+  std::fill(values_.begin(), values_.end(), 0.0);
+}
+
+std::int64_t SymmetricBlockRows::Bytes() const {
+  std::size_t bytes = values_.capacity() * sizeof(double);
+  for (const std::vector<Entry>& row : rows_) {
+    bytes += sizeof(std::vector<Entry>) + row.capacity() * sizeof(Entry);
+  }
+  for (const std::vector<int>& below : below_) {
+    bytes += sizeof(std::vector<int>) + below.capacity() * sizeof(int);
+  }
+  return static_cast<std::int64_t>(bytes);
+}
+
+std::int64_t SymmetricBlockRows::FindOrAdd(int row, int column) {
+  auto& entries = rows_[row];
+  const auto entry = std::lower_bound(entries.begin(), entries.end(), column, BeforeColumn);
+  if (entry != entries.end() && entry->column == column) {
+    return entry->offset;
+  }
+  const std::int64_t offset = Allocate(sizes_[row], sizes_[column]);
+  entries.insert(entry, {column, offset});
+  std::vector<int>& below = below_[column];
+  below.insert(std::lower_bound(below.begin(), below.end(), row), row);
+  return offset;
+}
+
+std::int64_t SymmetricBlockRows::Find(int row, int column) const {
+  const auto& entries = rows_[row];
+  const auto entry = std::lower_bound(entries.begin(), entries.end(), column, BeforeColumn);
+  return entry != entries.end() && entry->column == column ? entry->offset : -1;
+}
+
+std::int64_t SymmetricBlockRows::Allocate(int rows, int columns) {
+  const std::size_t quads = QuadsOf(rows, columns);
+  if (quads < free_.size() && !free_[quads].empty()) {
+    const std::int64_t offset = free_[quads].back();
+    free_[quads].pop_back();
+    std::fill_n(values_.begin() + offset, quads * kQuad, 0.0);
+    return offset;
+  }
+  const auto offset = static_cast<std::int64_t>(values_.size());
+  values_.resize(values_.size() + quads * kQuad, 0.0);
+  return offset;
+}
+
+void SymmetricBlockRows::Release(std::int64_t offset, int rows, int columns) {
+  const std::size_t quads = QuadsOf(rows, columns);
+  if (quads >= free_.size()) {
+    free_.resize(quads + 1);
+  }
+  free_[quads].push_back(offset);
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/aligned_vector.h"
+#include "simd/kernels.h"
+
+namespace inceres::internal {
+
+/// A symmetric block-sparse matrix that grows: block rows are appended, blocks are added where two rows become coupled, and the
+/// room of removed rows is used again. Only the lower triangle is stored, a row's blocks sorted by column, its diagonal block
+/// last. Of the upper one it is known where blocks are.
+///
+/// Block (i, j) is d_i × d_j, row-major with rows padded to quads (the padding zero), so that a kernel can add into it directly.
+class SymmetricBlockRows {
+ public:
+  struct Entry {
+    int column;
+    std::int64_t offset;  // of the block's values, in doubles
+  };
+
+  int num_rows() const { return static_cast<int>(sizes_.size()); }
+  int size_of(int row) const { return sizes_[row]; }
+  /// Blocks (row, column ≤ row), by column; empty for a row that was removed.
+  const std::vector<Entry>& row(int row) const { return rows_[row]; }
+  /// The rows > column with a block in this column, ascending.
+  const std::vector<int>& below(int column) const { return below_[column]; }
+
+  /// Appends a row with a zero diagonal block; returns its index.
+  int AddRow(int size);
+
+  /// Removes a row and all its blocks; the index stays, with size 0, until ReviveRow.
+  void RemoveRow(int row);
+  /// Gives a removed row a size and a zero diagonal block again.
+  void ReviveRow(int row, int size);
+
+  /// Zeroes all blocks (row, ·) and (·, row); or all of all rows. Like RemoveRow it costs what the row's blocks do.
+  void ZeroRow(int row);
+  void Zero();
+
+  /// The block's values, adding a zero block if there is none; row ≥ column.
+  std::int64_t FindOrAdd(int row, int column);
+
+  /// Offset of the block, or -1.
+  std::int64_t Find(int row, int column) const;
+
+  std::int64_t Bytes() const;
+
+  double* values(std::int64_t offset) { return values_.data() + offset; }
+  const double* values(std::int64_t offset) const { return values_.data() + offset; }
+
+ private:
+  std::int64_t Allocate(int rows, int columns);
+  void Release(std::int64_t offset, int rows, int columns);
+
+  std::vector<int> sizes_;
+  std::vector<std::vector<Entry>> rows_;
+  std::vector<std::vector<int>> below_;
+  AlignedVector<double> values_;
+  std::vector<std::vector<std::int64_t>> free_;  // released blocks, by their length in quads
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,175 @@
+#include "linearize/hessian.h"
+
+#include <algorithm>
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kBlockGrain = 8;
+constexpr int kLandmarkGrain = 64;
+
+std::ptrdiff_t LargestSize(const LandmarkIncidences& incidences) {
+  return incidences.sizes.empty() ? 0 : *std::max_element(incidences.sizes.begin(), incidences.sizes.end());
+}
+
+}  // namespace
+
+Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans)
+    : evaluator_(evaluator),
+      incidences_(incidences),
+      plans_(plans),
+      kernels_(BestKernels()),
+      kept_(evaluator, plans),
+      landmark_stride_(LargestSize(incidences) * kQuad) {
+  const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
+  PlaceFrameBlocks();
+  P_ = ZeroedArray(num_landmarks * landmark_stride_);
+  landmark_eta_ = ZeroedArray(num_landmarks * kQuad);
+  gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
+  diagonal_.resize(gradient_.size());
+  BuildGradientTerms();
+}
+
+void Hessian::PlaceFrameBlocks() {
+  const BlockPattern& pattern = plans_.pattern;
+  C_begin_.assign(pattern.columns.size(), -1);
+  std::int64_t size = 0;
+  for (std::size_t k = 0; k < pattern.columns.size(); ++k) {
+    if (plans_.hessian.segments_begin[k + 1] > plans_.hessian.segments_begin[k] || pattern.columns[k] == plans_.block_row[k]) {
+      C_begin_[k] = size;
+      size += pattern.value_begin[k + 1] - pattern.value_begin[k];
+    }
+  }
+  C_ = ZeroedArray(size);
+}
+
+void Hessian::BuildGradientTerms() {
+  // The diagonal blocks' terms are exactly the (factor, slot) pairs of each frame.
+  const BlockPattern& pattern = plans_.pattern;
+  gradient_segments_begin_.push_back(0);
+  for (int frame = 0; frame < pattern.num_blocks(); ++frame) {
+    const auto block = static_cast<std::size_t>(pattern.row_begin[frame + 1]) - 1;
+    for (int k = plans_.hessian.segments_begin[block]; k < plans_.hessian.segments_begin[block + 1]; ++k) {
+      const ProductPlan::Segment& segment = plans_.hessian.segments[k];
+      const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
+      const FamilyCache& cache = evaluator_.families()[source.family];
+      const auto quads = static_cast<std::int32_t>(cache.slots[source.row_slot].factor_stride / kQuad);
+      gradient_segments_.push_back({source.family, source.row_slot, static_cast<int>(gradient_terms_.size()), segment.count});
+      for (int n = 0; n < segment.count; ++n) {
+        const std::int32_t offset = plans_.hessian.terms[segment.first_term + n].b;
+        gradient_terms_.push_back({offset, offset / quads * cache.family->residual_size()});
+      }
+    }
+    gradient_segments_begin_.push_back(static_cast<int>(gradient_segments_.size()));
+  }
+}
+
+void Hessian::Accumulate() {
+  const Executor& executor = evaluator_.executor();
+  kept_.Observe();
+  executor.For(static_cast<int>(plans_.block_row.size()), kBlockGrain, [&](int b, int e) { AccumulateFrameBlocks(b, e); });
+  executor.For(incidences_.num_landmarks(), kLandmarkGrain, [&](int b, int e) { AccumulateLandmarks(b, e); });
+}
+
+// With a diagonal block goes the gradient of its frame: the Jacobians are then still in the cache.
+void Hessian::AccumulateFrameBlocks(int begin, int end) {
+  const BlockPattern& pattern = plans_.pattern;
+  BlockScratch scratch;
+  for (int block = begin; block < end; ++block) {
+    const auto k = static_cast<std::size_t>(block);
+    if (C_begin_[k] < 0) {
+      continue;
+    }
+    const int rows = pattern.block_size(plans_.block_row[k]);
+    const int columns = pattern.block_size(pattern.columns[k]);
+    const int stride = PadToQuad(columns);
+    double* sum = scratch.Zeroed(rows, columns);
+    for (int s = plans_.hessian.segments_begin[k]; s < plans_.hessian.segments_begin[k + 1]; ++s) {
+      AddSegment(s, rows, columns, sum);
+    }
+    const bool is_diagonal = pattern.columns[k] == plans_.block_row[k];
+    if (is_diagonal) {
+      MirrorLowerTriangle(rows, stride, sum);
+    }
+    double* out = C_.data() + C_begin_[k];
+    for (int r = 0; r < rows; ++r) {
+      std::copy(sum + r * stride, sum + r * stride + columns, out + r * columns);
+    }
+    if (is_diagonal) {
+      AccumulateGradient(plans_.block_row[k], &scratch);
+    }
+  }
+}
+
+// A kept product is summed apart, whether it is formed now or was before: the bits are the same.
+void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
+  const ProductPlan::Segment& segment = plans_.hessian.segments[s];
+  const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
+  const FamilyCache& cache = evaluator_.families()[source.family];
+  const int size = rows * PadToQuad(columns);
+  double* const kept = kept_.Find(s);
+  if (kept == nullptr || kept_.IsStale(source.family)) {
+    BlockProducts products;
+    products.a = cache.slots[source.column_slot].data;
+    products.b = cache.slots[source.row_slot].data;
+    products.terms = plans_.hessian.terms.data() + segment.first_term;
+    products.count = segment.count;
+    products.depth = cache.family->residual_size();
+    products.a_size = columns;
+    products.b_size = rows;
+    products.symmetric = source.row_slot == source.column_slot;
+    if (kept != nullptr) {
+      std::fill(kept, kept + size, 0.0);
+    }
+    kernels_.accumulate_products(products, 1.0, kept != nullptr ? kept : sum);
+  }
+  for (int k = 0; k < size && kept != nullptr; ++k) {
+    sum[k] += kept[k];
+  }
+}
+
+void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
+  const BlockPattern& pattern = plans_.pattern;
+  const auto i = static_cast<std::size_t>(frame);
+  const int size = pattern.block_size(frame);
+  double* sum = scratch->Zeroed(1, size);
+  for (int s = gradient_segments_begin_[i]; s < gradient_segments_begin_[i + 1]; ++s) {
+    const GradientSegment& segment = gradient_segments_[s];
+    const FamilyCache& cache = evaluator_.families()[segment.family];
+    VectorProducts products;
+    products.a = cache.slots[segment.slot].data;
+    products.v = cache.residuals.data();
+    products.terms = gradient_terms_.data() + segment.first_term;
+    products.count = segment.count;
+    products.depth = cache.family->residual_size();
+    products.a_size = size;
+    kernels_.accumulate_vectors(products, 1.0, sum);
+  }
+  std::copy(sum, sum + size, gradient_.data() + pattern.offsets[i]);
+  const double* C_ii = FrameBlock(pattern.row_begin[i + 1] - 1);
+  for (int k = 0; k < size; ++k) {
+    diagonal_[pattern.offsets[i] + k] = C_ii[k * size + k];
+  }
+}
+
+void Hessian::AccumulateLandmarks(int begin, int end) {
+  const Layout& layout = evaluator_.layout();
+  for (int l = begin; l < end; ++l) {
+    const auto i = static_cast<std::size_t>(l);
+    double* P = P_.data() + l * landmark_stride_;
+    double* eta = landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad;
+    std::fill(P, P + landmark_stride_, 0.0);
+    std::fill(eta, eta + kQuad, 0.0);
+    const int size = incidences_.sizes[i];
+    for (int k = incidences_.factors_begin[i]; k < incidences_.factors_begin[i + 1]; ++k) {
+      kernels_.landmark_gram(size, incidences_.factors[k], P, eta);
+    }
+    const int offset = layout.packed_offset[layout.num_frames + l];
+    for (int c = 0; c < size; ++c) {
+      gradient_[offset + c] = -eta[c];
+      diagonal_[offset + c] = P[c * kQuad + c];
+    }
+  }
+}
+
+}  // namespace inceres::internal

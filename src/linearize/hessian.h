@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/zeroed_array.h"
+#include "linearize/block_scratch.h"
+#include "linearize/kept_products.h"
+#include "linearize/product_plan.h"
+
+namespace inceres::internal {
+
+/// H and η = −Jᵀf, undamped and unscaled, in three parts: C (frame blocks), P (one block a landmark) and η. Of the pattern of the
+/// frame system C has the blocks that factors reach and the diagonal ones: all of them where there are no landmarks, few where
+/// frames share landmarks only. W is not stored: the elimination takes J_fᵀJ_l P⁻¹ straight from the Jacobians.
+class Hessian {
+ public:
+  Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans);
+
+  /// Sums H and η from the evaluator's current residuals and Jacobians. Every block and every entry is summed by one task in a
+  /// fixed order.
+  void Accumulate();
+
+  /// The blocks of C one after the other, in the order of the pattern.
+  const ZeroedArray& C() const { return C_; }
+  /// A block of the pattern, or null where C has none: all zeros.
+  const double* FrameBlock(int block) const { return C_begin_[block] < 0 ? nullptr : C_.data() + C_begin_[block]; }
+  /// P of landmark l: rows four apart.
+  const double* P(int l) const { return P_.data() + l * landmark_stride_; }
+  /// η of landmark l.
+  const double* LandmarkEta(int l) const { return landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad; }
+  /// Jᵀf, packed: the gradient of the cost.
+  const std::vector<double>& gradient() const { return gradient_; }
+  /// diag(H), packed: the squared column norms of J.
+  const std::vector<double>& diagonal() const { return diagonal_; }
+
+  /// Entries from one P to the next: as many rows of a quad as the largest landmark has.
+  std::ptrdiff_t landmark_stride() const { return landmark_stride_; }
+
+ private:
+  void PlaceFrameBlocks();
+  void AccumulateFrameBlocks(int begin, int end);
+  void AddSegment(int segment, int rows, int columns, double* sum);
+  void AccumulateGradient(int frame, BlockScratch* scratch);
+  void AccumulateLandmarks(int begin, int end);
+  void BuildGradientTerms();
+
+  struct GradientSegment {
+    int family;
+    int slot;
+    int first_term;
+    int count;
+  };
+
+  const Evaluator& evaluator_;
+  const LandmarkIncidences& incidences_;
+  const FramePlans& plans_;
+  const Kernels& kernels_;
+  KeptProducts kept_;
+  ZeroedArray C_;
+  std::vector<std::int64_t> C_begin_;  // per block of the pattern; -1: C has none
+  std::ptrdiff_t landmark_stride_;
+  ZeroedArray P_;
+  ZeroedArray landmark_eta_;
+  std::vector<double> gradient_;
+  std::vector<double> diagonal_;
+  std::vector<VectorTerm> gradient_terms_;
+  std::vector<GradientSegment> gradient_segments_;
+  std::vector<int> gradient_segments_begin_;  // per frame, one more
+};
+
+}  // namespace inceres::internal

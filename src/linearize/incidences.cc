@@ -1,0 +1,211 @@
+#include "linearize/incidences.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace inceres::internal {
+namespace {
+
+// Landmark of each factor through one slot, or -1.
+std::vector<std::int32_t> LandmarksThroughSlot(const FamilyCache& cache, const FactorGraph& graph, const Layout& layout, int slot,
+                                               bool* any) {
+  const int num_slots = cache.family->num_slots();
+  std::vector<std::int32_t> landmark(cache.num_factors, -1);
+  *any = false;
+  for (int i = 0; i < cache.num_factors; ++i) {
+    const int l = layout.LandmarkOf(graph.Variables(cache.id, 0)[static_cast<std::ptrdiff_t>(i) * num_slots + slot]);
+    landmark[i] = l;
+    *any |= l >= 0;
+  }
+  return landmark;
+}
+
+}  // namespace
+
+LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t quads_per_chunk) {
+  const Layout& layout = evaluator.layout();
+  const int num_landmarks = layout.num_landmarks();
+  sizes.resize(num_landmarks);
+  for (int l = 0; l < num_landmarks; ++l) {
+    sizes[l] = static_cast<char>(layout.TangentSize(layout.num_frames + l));
+  }
+  CollectFactors(evaluator);
+  CollectIncidences(evaluator);
+  ChooseStorage(layout);
+  CutIntoChunks(quads_per_chunk);
+  PlaceBlocks(layout);
+  SetTargets();
+}
+
+void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
+  const Layout& layout = evaluator.layout();
+  const auto num_landmarks = static_cast<std::size_t>(layout.num_landmarks());
+  std::vector<std::pair<int, LandmarkFactors>> found;  // landmark, its factors in one family
+  y_targets_.resize(evaluator.families().size());
+  for (const FamilyCache& cache : evaluator.families()) {
+    if (num_landmarks == 0) {
+      break;
+    }
+    auto& targets = y_targets_[cache.id];
+    for (int slot = 0; slot < cache.family->num_slots(); ++slot) {
+      bool any = false;
+      const std::vector<std::int32_t> landmark = LandmarksThroughSlot(cache, evaluator.graph(), layout, slot, &any);
+      if (!any) {
+        continue;
+      }
+      targets.resize(cache.num_factors * static_cast<std::size_t>(cache.family->num_slots()), -1);
+      std::vector<int> start(num_landmarks + 1, 0);
+      for (const int l : landmark) {
+        if (l >= 0) {
+          ++start[l + 1];
+        }
+      }
+      std::partial_sum(start.begin(), start.end(), start.begin());
+      std::vector<std::int32_t>& list = factor_lists_.emplace_back(static_cast<std::size_t>(start.back()));
+      std::vector<int> next(start.begin(), start.end() - 1);
+      for (int i = 0; i < cache.num_factors; ++i) {
+        const int l = landmark[i];
+        if (l >= 0) {
+          list[next[l]++] = i;
+        }
+      }
+      for (std::size_t l = 0; l < num_landmarks; ++l) {
+        if (start[l + 1] > start[l]) {
+          LandmarkFactors entry;
+          entry.factors = list.data() + start[l];
+          entry.count = start[l + 1] - start[l];
+          entry.residual_size = cache.family->residual_size();
+          entry.landmark_slot = slot;
+          entry.num_slots = cache.family->num_slots();
+          entry.jacobians = cache.slots.data();
+          entry.residuals = cache.residuals.data();
+          entry.y_targets = targets.data();
+          entry.tangent_offsets = cache.tangent_offsets.data();
+          found.emplace_back(static_cast<int>(l), entry);
+        }
+      }
+    }
+  }
+  if (factor_lists_.size() > 1) {
+    std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  }
+  factors_begin.assign(num_landmarks + 1, 0);
+  factors.reserve(found.size());
+  for (const auto& [landmark, entry] : found) {
+    ++factors_begin[landmark + 1];
+    factors.push_back(entry);
+  }
+  std::partial_sum(factors_begin.begin(), factors_begin.end(), factors_begin.begin());
+}
+
+// Numbers the incidences and notes in y_targets_, for the time being, 2 · incidence + (not the first factor there).
+void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
+  const Layout& layout = evaluator.layout();
+  const FactorGraph& graph = evaluator.graph();
+  std::vector<int> last_seen(layout.num_frames, -1);  // incidence of the frame's last landmark
+  begin.push_back(0);
+  for (std::size_t l = 0; l < sizes.size(); ++l) {
+    for (int k = factors_begin[l]; k < factors_begin[l + 1]; ++k) {
+      const LandmarkFactors& entry = factors[k];
+      const auto owner = std::find_if(evaluator.families().begin(), evaluator.families().end(),
+                                      [&](const FamilyCache& cache) { return cache.slots.data() == entry.jacobians; });
+      auto& targets = y_targets_[owner->id];
+      for (int n = 0; n < entry.count; ++n) {
+        const auto first = static_cast<std::ptrdiff_t>(entry.factors[n]) * entry.num_slots;
+        for (int s = 0; s < entry.num_slots; ++s) {
+          const int frame = layout.FrameOf(graph.Variables(owner->id, 0)[first + s]);
+          if (frame < 0) {
+            continue;
+          }
+          int& seen = last_seen[frame];
+          const bool known = seen >= begin.back();
+          if (!known) {
+            seen = static_cast<int>(incidences.size());
+            const auto f = static_cast<std::size_t>(frame);
+            incidences.push_back({0, layout.quad_offset[f], layout.quad_offset[f + 1] - layout.quad_offset[f]});
+            frames.push_back(frame);
+            landmarks.push_back(static_cast<std::int32_t>(l));
+          }
+          targets[first + s] = 2 * seen + (known ? 1 : 0);
+        }
+      }
+    }
+    begin.push_back(static_cast<int>(incidences.size()));
+  }
+}
+
+void LandmarkIncidences::ChooseStorage(const Layout& layout) {
+  const int size = frames.empty() ? 0 : layout.TangentSize(frames[0]);
+  tail = MayHaveTail(size) &&
+         std::all_of(frames.begin(), frames.end(), [&](std::int32_t frame) { return layout.TangentSize(frame) == size; });
+  for (LandmarkFactors& entry : factors) {
+    entry.y_tail = tail;
+  }
+}
+
+int LandmarkIncidences::QuadsOfBlock(int incidence) const {
+  const int depth = sizes[landmarks[incidence]];
+  const int row_quads = incidences[incidence].quads;
+  return tail ? QuadsWithTail(depth, (row_quads - 1) * kQuad + 1) : depth * row_quads;
+}
+
+void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk) {
+  chunk_begin.assign(1, 0);
+  std::int64_t chunk_quads = 0;
+  for (int l = 0; l < num_landmarks(); ++l) {
+    std::int64_t quads = 0;
+    for (int q = begin[l]; q < begin[l + 1]; ++q) {
+      quads += QuadsOfBlock(q);
+    }
+    if (chunk_quads > 0 && chunk_quads + quads > quads_per_chunk) {
+      chunk_begin.push_back(l);
+      chunk_quads = 0;
+    }
+    chunk_quads += quads;
+    y_quads = std::max(y_quads, chunk_quads);
+  }
+  chunk_begin.push_back(num_landmarks());
+}
+
+int LandmarkIncidences::ChunkOf(int landmark) const {
+  return static_cast<int>(std::upper_bound(chunk_begin.begin(), chunk_begin.end(), landmark) - chunk_begin.begin()) - 1;
+}
+
+void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
+  frame_begin.assign(layout.num_frames + 1, 0);
+  for (const int frame : frames) {
+    ++frame_begin[frame + 1];
+  }
+  std::partial_sum(frame_begin.begin(), frame_begin.end(), frame_begin.begin());
+  frame_incidences.resize(incidences.size());
+  std::vector<int> next(frame_begin.begin(), frame_begin.end() - 1);
+  for (int chunk = 0; chunk < num_chunks(); ++chunk) {
+    const int first = begin[chunk_begin[chunk]];
+    const int last = begin[chunk_begin[chunk + 1]];
+    for (char size = 1; size <= kMaxLandmarkSize; ++size) {
+      for (int q = first; q < last; ++q) {
+        if (sizes[landmarks[q]] == size) {
+          frame_incidences[next[frames[q]]++] = q;
+        }
+      }
+    }
+  }
+  std::vector<std::int64_t> chunk_quads(num_chunks(), 0);
+  for (const int q : frame_incidences) {
+    std::int64_t& next_quad = chunk_quads[ChunkOf(landmarks[q])];
+    incidences[q].y = static_cast<std::int32_t>(next_quad);
+    next_quad += QuadsOfBlock(q);
+  }
+}
+
+void LandmarkIncidences::SetTargets() {
+  for (auto& targets : y_targets_) {
+    for (std::int32_t& target : targets) {
+      if (target >= 0) {
+        target = 2 * incidences[target >> 1].y + (target & 1);
+      }
+    }
+  }
+}
+
+}  // namespace inceres::internal

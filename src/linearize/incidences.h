@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "linearize/evaluator.h"
+#include "simd/kernels.h"
+
+namespace inceres::internal {
+
+/// Which frames each landmark is seen from (its separator) and by which factors: the symbolic half of the elimination.
+///
+/// Every pair (landmark l, frame i) that shares a factor has one block Y_li = W_li U_invᵀ, stored as landmark-size rows of padded
+/// frame-size entries, or, where that saves memory and all frames are alike, with their last column apart (`tail`; see
+/// MayHaveTail). Blocks of one frame lie together, so that forming a block S_ij walks through two short, sorted
+/// stretches of memory.
+///
+/// Landmarks are eliminated in chunks, one after the other, that all use the same memory for their Y: large problems would
+/// otherwise spend a quarter of theirs on it. A chunk is as long as its Y takes no more than quads_per_chunk, but at least one
+/// landmark.
+struct LandmarkIncidences {
+  static constexpr int kMaxLandmarkSize = 4;
+  static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 16;  // 2 MiB
+
+  explicit LandmarkIncidences(const Evaluator& evaluator, std::int64_t quads_per_chunk = kQuadsPerChunk);
+
+  int num_landmarks() const { return static_cast<int>(begin.size()) - 1; }
+  int num_chunks() const { return static_cast<int>(chunk_begin.size()) - 1; }
+  int ChunkOf(int landmark) const;
+
+  // Per landmark: its incidences, in order of first appearance.
+  std::vector<int> begin;  // num_landmarks + 1
+  std::vector<Incidence> incidences;
+  std::vector<std::int32_t> frames;  // frame index per incidence
+
+  // First landmark of each chunk, of which there is at least one, and the number of landmarks.
+  std::vector<int> chunk_begin;
+
+  // Per frame: the same incidences, sorted by chunk, then landmark size, then landmark.
+  std::vector<int> frame_begin;         // num_frames + 1
+  std::vector<int> frame_incidences;    // incidence index
+  std::vector<std::int32_t> landmarks;  // landmark index per incidence
+
+  // Per landmark: its factors, one entry a family (and slot).
+  std::vector<int> factors_begin;  // num_landmarks + 1
+  std::vector<LandmarkFactors> factors;
+
+  std::vector<char> sizes;   // tangent size per landmark
+  std::int64_t y_quads = 0;  // size of the largest chunk's Y in quads
+  bool tail = false;         // blocks of Y have their last column apart
+
+ private:
+  void CollectFactors(const Evaluator& evaluator);
+  void CollectIncidences(const Evaluator& evaluator);
+  void ChooseStorage(const Layout& layout);
+  int QuadsOfBlock(int incidence) const;
+  void CutIntoChunks(std::int64_t quads_per_chunk);
+  void PlaceBlocks(const Layout& layout);
+  void SetTargets();
+
+  std::vector<std::vector<std::int32_t>> factor_lists_;  // per (family, slot): factors by landmark
+  std::vector<std::vector<std::int32_t>> y_targets_;     // per family
+};
+
+}  // namespace inceres::internal

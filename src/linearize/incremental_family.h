@@ -1,0 +1,182 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "base/aligned_vector.h"
+#include "base/executor.h"
+#include "inceres/problem/factor_graph.h"
+#include "linearize/incremental_tangents.h"
+#include "linearize/incremental_values.h"
+#include "simd/kernels.h"
+
+namespace inceres::internal {
+
+/// What the incremental solver remembers of one family's factors (docs/algorithms.md, "Linearization"), by their places. Arrays
+/// grow with the family; the place of a removed factor serves a later one.
+///
+/// Each factor keeps the Jacobian J of its last linearization, multiplied by √w (I − α n nᵀ) with w = ρ' and n = f/‖f‖ at that
+/// time; the residual f now; the residual f̂ that the old linearization predicts now; and q = ρ' (I + β n nᵀ) f / √w, where
+/// β = α/(1 − α), so that its gradient share is Jᵀq. ‖f − f̂‖ is the error of the old linearization, known for nothing; it is zero
+/// by definition where the family's Jacobian is constant.
+///
+/// α takes the second-order term of losses with ρ'' < 0, as far as H stays well-conditioned (Triggs et al., "Bundle Adjustment: A
+/// Modern Synthesis", 1999, section 4.3): without it each step falls short by what the outliers let it, and the steps converge
+/// linearly. It is 0 unless the factor's last step has changed its residual little, for far from the minimum the curvature at a
+/// point tells little of a robust loss; and where ρ'' ≥ 0.
+///
+/// Lists of factors are ascending, without repeats. Evaluation runs on the executor's threads, each factor writing its own place;
+/// everything else on the calling one.
+class IncrementalFamily {
+ public:
+  IncrementalFamily(const FactorGraph& graph, FamilyId id);
+
+  FamilyId id() const { return id_; }
+  const FactorFamily& family() const { return *family_; }
+  /// Places, free ones among them.
+  int num_places() const { return num_places_; }
+  bool constant_jacobian() const { return constant_jacobian_; }
+  int residual_size() const { return residual_size_; }
+  int num_slots() const { return num_slots_; }
+  const VariableId* variables(int factor) const { return graph_->Variables(id_, factor); }
+  /// Where its variables are, one pointer a slot, and where a step would take them.
+  const double* const* parameters(int factor) const {
+    return parameters_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_;
+  }
+  const double* const* candidate_parameters(int factor) const {
+    return candidate_parameters_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_;
+  }
+
+  /// Takes over the factor at a place, new or used again, or whose variables have got other tangent maps. Not linearized yet.
+  void Connect(int factor, IncrementalValues* values, const IncrementalTangents& tangents);
+  /// The factor at this place is gone, or does not count until it is linearized.
+  void Forget(int factor) { linearized_[factor] = Linearized::kNot; }
+  /// Its residual is another than its last step has led to: the next linearization takes no second-order term.
+  void Unsettle(int factor) { steady_[factor] = 0; }
+  void UnsettleAll() { std::fill(steady_.begin(), steady_.end(), 0); }
+
+  /// Lets the factor move its expansion point to the current values; true if it did and wants to be linearized anew.
+  bool Recenter(int factor) const { return family_->Recenter(factor, parameters(factor)); }
+
+  /// Evaluates at the candidate, cost only.
+  EvaluationFailure EvaluateCandidate(const std::vector<std::int32_t>& factors, const Executor& executor);
+  /// Linearizes at the current values: f, f̂ = f, J (of pinned variables: where they are pinned), w, q and the cost.
+  EvaluationFailure Linearize(const std::vector<std::int32_t>& factors, const Executor& executor);
+
+  /// ½ρ at the candidate / now.
+  double CandidateCost(int factor) const { return states_[factor].candidate_cost; }
+  double Cost(int factor) const { return states_[factor].cost; }
+  /// Σ of the first less the second.
+  double CandidateChange(const std::vector<std::int32_t>& factors) const;
+
+  /// What the cached linearizations predict for a padded step: −Σ (Jδ)ᵀ(q + Jδ/2). Jδ is kept for Accept.
+  double PredictDecrease(const std::vector<std::int32_t>& factors, const double* padded_step);
+  /// Of one factor, after PredictDecrease: −qᵀJδ and ‖Jδ‖².
+  void Slope(int factor, double* slope, double* curvature) const;
+  /// Of one factor, after TryStep: by how much its cost rises more, or falls less, than its linearization predicts.
+  double UnforeseenCost(int factor) const;
+  /// padded_rhs −= Σ Jᵀq of the listed factors.
+  void SubtractGradient(const std::vector<std::int32_t>& factors, double* padded_rhs) const;
+  /// PredictDecrease of a step whose candidate was evaluated, with what accepting it does to the gradient, in one pass over the
+  /// Jacobians: padded_rhs −= Σ Jᵀ(q_candidate − q).
+  double TryStep(const std::vector<std::int32_t>& factors, const double* padded_step, double* padded_rhs);
+  /// The step tried last was accepted: f := candidate f, f̂ += (I + β n nᵀ) J δ / √w, q := candidate q. Returns the change of the
+  /// cost.
+  double Accept(const std::vector<std::int32_t>& factors);
+  const double* q(int factor) const { return q_.data() + First(factor); }
+  /// f and ρ' now.
+  const double* residual(int factor) const { return f_.data() + First(factor); }
+  double weight(int factor) const { return states_[factor].w; }
+
+  /// The factor's Jacobian is part of H.
+  bool linearized(int factor) const { return linearized_[factor] != Linearized::kNot; }
+  /// w ‖f − f̂‖²: the squared error of the old linearization in units of the objective.
+  double SquaredError(int factor) const { return states_[factor].error; }
+  /// The square of w ‖f‖ ‖f − f̂‖: how far its Jacobian's age may mislead the gradient, over a step like the ones since.
+  double SquaredGradientError(int factor) const { return states_[factor].squared_gradient_error; }
+  /// ρ' now over ρ' at the linearization; 0 if there was no weight to speak of.
+  double WeightRatio(int factor) const {
+    const State& state = states_[factor];
+    return state.w * state.inverse_sqrt_w * state.inverse_sqrt_w;
+  }
+  /// Whether ρ' is now more than `ratio` times ρ' at the linearization, or less than the inverse of it.
+  bool WeightIsOff(int factor, double ratio) const {
+    const State& state = states_[factor];
+    return state.w > ratio * state.linearized_w || ratio * state.w < state.linearized_w;
+  }
+
+  /// Whether the factor's loss has a positive second-order term at its present residual, ρ'' > 0, which H leaves out.
+  bool HasCurvedLoss(int factor) const;
+  /// Whether α ≠ 0: then its Jacobian is not √w times the plain one.
+  bool IsCorrected(int factor) const { return linearized_[factor] == Linearized::kCorrected; }
+  /// √β n of a factor that is corrected: the plain √w J is (I + β n nᵀ) times the one kept.
+  const double* correction(int factor) const { return correction_.data() + First(factor); }
+
+  const SlotJacobians* slots() const { return slots_.data(); }
+  const double* q_data() const { return q_.data(); }
+  std::int32_t* y_targets() { return y_targets_.data(); }
+  const double* Jacobian(int factor, int slot) const { return slots_[slot].data + factor * slots_[slot].factor_stride; }
+
+  std::int64_t Bytes() const;
+
+ private:
+  enum class Linearized : char { kNot, kPlainly, kCorrected };
+
+  // What a factor keeps besides its residuals: one cache line.
+  struct alignas(64) State {
+    double cost;  // ½ρ and ρ' now
+    double w;
+    double candidate_cost;  // and at the candidate
+    double candidate_w;
+    double linearized_w;    // ρ' at the linearization
+    double inverse_sqrt_w;  // of the same; 0 if there is no weight to speak of
+    double error;
+    double squared_gradient_error;
+  };
+
+  std::ptrdiff_t First(int factor) const { return static_cast<std::ptrdiff_t>(factor) * residual_size_; }
+  void Grow(int num_places);
+  template <typename Evaluate>
+  EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate);
+  double EvaluateLoss(int factor, const double* f, double* rho) const;
+  template <int kSize>
+  void WeighCandidatesSized(int begin, int end);
+  void WeighCandidates(int begin, int end);
+  void Weigh(int factor);
+  template <int kSize>
+  double AcceptSized(const std::vector<std::int32_t>& factors);
+  FactorRows Rows() const;
+
+  const FactorGraph* graph_;
+  const FactorFamily* family_;
+  const Kernels* kernels_;
+  FamilyId id_;
+  bool constant_jacobian_;
+  int residual_size_;
+  int num_slots_;
+  int num_places_ = 0;
+  std::vector<AlignedVector<double>> jacobians_;  // per slot
+  std::vector<SlotJacobians> slots_;
+  std::vector<JacobianView> views_;
+  std::vector<double> f_;
+  std::vector<double> candidate_f_;
+  std::vector<double> predicted_f_;
+  std::vector<double> J_step_;  // J δ of the step under construction
+  std::vector<double> q_;
+  std::vector<double> correction_;  // √β n of the factors that are corrected
+  std::vector<double> candidate_q_;
+  AlignedVector<State> states_;
+  std::vector<Linearized> linearized_;
+  std::vector<char> steady_;  // per factor: its last step changed its residual little, and nothing else has since
+  std::vector<const double*> parameters_;
+  std::vector<const double*> candidate_parameters_;
+  std::vector<const double*> jacobian_parameters_;  // where it is linearized: pinned variables elsewhere
+  std::vector<char> pinned_;                        // per factor: whether the two differ
+  std::vector<const TangentMap*> maps_;
+  std::vector<std::int32_t> step_quads_;  // per factor and slot: where the variable's step stands, or -1
+  std::vector<std::int32_t> y_targets_;
+  std::vector<EvaluationFailure> failures_;  // per task of ForRuns; kept for its memory
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,356 @@
+#include "linearize/product_plan.h"
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+namespace inceres::internal {
+namespace {
+
+// The factors that touch each frame through one slot of one family.
+struct SlotAdjacency {
+  std::vector<int> begin;  // per frame, one more
+  std::vector<std::int32_t> factors;
+};
+
+SlotAdjacency FactorsByFrame(const FamilyCache& cache, const FactorGraph& graph, const Layout& layout, int slot) {
+  const int num_slots = cache.family->num_slots();
+  const VariableId* ids = graph.Variables(cache.id, 0);
+  SlotAdjacency adjacency;
+  adjacency.begin.assign(layout.num_frames + 1, 0);
+  const auto frame_of = [&](int i) { return layout.FrameOf(ids[static_cast<std::ptrdiff_t>(i) * num_slots + slot]); };
+  for (int i = 0; i < cache.num_factors; ++i) {
+    const int frame = frame_of(i);
+    if (frame >= 0) {
+      ++adjacency.begin[frame + 1];
+    }
+  }
+  std::partial_sum(adjacency.begin.begin(), adjacency.begin.end(), adjacency.begin.begin());
+  adjacency.factors.resize(adjacency.begin.back());
+  std::vector<int> next(adjacency.begin.begin(), adjacency.begin.end() - 1);
+  for (int i = 0; i < cache.num_factors; ++i) {
+    const int frame = frame_of(i);
+    if (frame >= 0) {
+      adjacency.factors[next[frame]++] = i;
+    }
+  }
+  return adjacency;
+}
+
+// The blocks of J that are there, of a family many of whose are left out: by factor, and by the frame they belong to.
+struct SparseBlocks {
+  struct Block {
+    int slot;
+    int frame;
+  };
+  struct Place {
+    int factor;
+    int slot;
+  };
+  std::vector<int> factor_begin;  // per factor, one more
+  std::vector<Block> blocks;
+  std::vector<int> frame_begin;  // per frame, one more
+  std::vector<Place> places;
+};
+
+SparseBlocks FindSparseBlocks(const FamilyCache& cache, const FactorGraph& graph, const Layout& layout) {
+  const std::ptrdiff_t num_slots = cache.family->num_slots();
+  const VariableId* ids = graph.Variables(cache.id, 0);
+  SparseBlocks sparse;
+  sparse.factor_begin.push_back(0);
+  sparse.frame_begin.assign(layout.num_frames + 1, 0);
+  for (std::ptrdiff_t i = 0; i < cache.num_factors; ++i) {
+    for (std::ptrdiff_t s = 0; s < num_slots; ++s) {
+      const int frame = cache.tangent_offsets[i * num_slots + s] < 0 ? -1 : layout.FrameOf(ids[i * num_slots + s]);
+      if (frame >= 0) {
+        sparse.blocks.push_back({static_cast<int>(s), frame});
+        ++sparse.frame_begin[frame + 1];
+      }
+    }
+    sparse.factor_begin.push_back(static_cast<int>(sparse.blocks.size()));
+  }
+  std::partial_sum(sparse.frame_begin.begin(), sparse.frame_begin.end(), sparse.frame_begin.begin());
+  sparse.places.resize(sparse.blocks.size());
+  std::vector<int> next(sparse.frame_begin.begin(), sparse.frame_begin.end() - 1);
+  for (int i = 0; i < cache.num_factors; ++i) {
+    for (int k = sparse.factor_begin[i]; k < sparse.factor_begin[i + 1]; ++k) {
+      sparse.places[next[sparse.blocks[k].frame]++] = {i, sparse.blocks[k].slot};
+    }
+  }
+  return sparse;
+}
+
+// How much of a plan falls to one block.
+struct Share {
+  void Add(int source) {
+    ++num_terms;
+    num_segments += last_source != source ? 1 : 0;
+    last_source = source;
+  }
+
+  int num_terms = 0;
+  int num_segments = 0;
+  int last_source = -1;
+};
+
+// A block of a row.
+struct CountedBlock {
+  int column = -1;
+  Share hessian;
+  Share schur;
+};
+
+// Rows are counted, then every block is given its place, then rows are filled in: the rows of either pass are independent tasks,
+// and nothing is stored twice. Both passes meet the terms of a block in the same order, by source.
+class PlanBuilder {
+ public:
+  PlanBuilder(const Evaluator& evaluator, const LandmarkIncidences& incidences, FramePlans* plans)
+      : evaluator_(evaluator), layout_(evaluator.layout()), incidences_(incidences), plans_(plans) {
+    for (const FamilyCache& cache : evaluator.families()) {
+      auto& slots = adjacency_.emplace_back();
+      auto& sparse = sparse_.emplace_back();
+      first_source_.push_back(static_cast<int>(plans->hessian_sources.size()));
+      if (cache.num_factors > 0 && evaluator.leaves_out_zero_blocks()) {
+        sparse = FindSparseBlocks(cache, evaluator.graph(), layout_);
+      }
+      for (int s = 0; cache.num_factors > 0 && s < cache.family->num_slots(); ++s) {
+        if (!evaluator.leaves_out_zero_blocks()) {
+          slots.push_back(FactorsByFrame(cache, evaluator.graph(), layout_, s));
+        }
+        for (int c = 0; c < cache.family->num_slots(); ++c) {
+          plans->hessian_sources.push_back({cache.id, s, c});
+        }
+      }
+    }
+    for (int chunk = 0; chunk < incidences.num_chunks(); ++chunk) {
+      const auto first_source = static_cast<int>(plans->schur_sources.size());
+      for (int size = 1; size <= LandmarkIncidences::kMaxLandmarkSize; ++size) {
+        plans->schur_sources.push_back({chunk, size});
+      }
+      for (int l = incidences.chunk_begin[chunk]; l < incidences.chunk_begin[chunk + 1]; ++l) {
+        source_of_landmark_.push_back(first_source + incidences.sizes[l] - 1);
+      }
+    }
+  }
+
+  void Build() {
+    const int num_frames = layout_.num_frames;
+    rows_.resize(num_frames);
+    const int grain = std::max(1, num_frames / kTasks);
+    const Executor& executor = evaluator_.executor();
+    executor.For(num_frames, grain, [this](int begin, int end) { CountRows(begin, end); });
+    Place();
+    executor.For(num_frames, grain, [this](int begin, int end) { FillRows(begin, end); });
+  }
+
+ private:
+  static constexpr int kTasks = 32;
+
+  void CountRows(int begin, int end) {
+    std::vector<CountedBlock> by_column(layout_.num_frames);
+    std::vector<int> columns;
+    for (int row = begin; row < end; ++row) {
+      const auto block = [&](int column) -> CountedBlock& {
+        CountedBlock& counted = by_column[column];
+        if (counted.column < 0) {
+          counted.column = column;
+          columns.push_back(column);
+        }
+        return counted;
+      };
+      block(row);  // whatever there is, it has a diagonal
+      ForEachHessianTerm(row, [&](int column, int source, ProductTerm) { block(column).hessian.Add(source); });
+      ForEachSchurTerm(row, [&](int column, int source, ProductTerm) { block(column).schur.Add(source); });
+      std::sort(columns.begin(), columns.end());
+      rows_[row].reserve(columns.size());
+      for (const int column : columns) {
+        rows_[row].push_back(std::exchange(by_column[column], CountedBlock()));
+      }
+      columns.clear();
+    }
+  }
+
+  // The pattern, and where in the plans each block begins.
+  void Place() {
+    BlockPattern& pattern = plans_->pattern;
+    pattern.offsets.assign(layout_.packed_offset.begin(), layout_.packed_offset.begin() + layout_.num_frames + 1);
+    pattern.row_begin.push_back(0);
+    pattern.value_begin.push_back(0);
+    for (int row = 0; row < layout_.num_frames; ++row) {
+      for (const CountedBlock& block : rows_[row]) {
+        pattern.columns.push_back(block.column);
+        pattern.value_begin.push_back(pattern.value_begin.back() +
+                                      static_cast<std::int64_t>(pattern.block_size(row)) * pattern.block_size(block.column));
+        plans_->block_row.push_back(row);
+        hessian_.Place(block.hessian, &plans_->hessian);
+        schur_.Place(block.schur, &plans_->schur);
+      }
+      pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
+      std::vector<CountedBlock>().swap(rows_[row]);
+    }
+    hessian_.Allocate(&plans_->hessian);
+    schur_.Allocate(&plans_->schur);
+  }
+
+  void FillRows(int begin, int end) {
+    const BlockPattern& pattern = plans_->pattern;
+    Filling hessian(hessian_, layout_.num_frames, &plans_->hessian);
+    Filling schur(schur_, layout_.num_frames, &plans_->schur);
+    for (int row = begin; row < end; ++row) {
+      for (int block = pattern.row_begin[row]; block < pattern.row_begin[row + 1]; ++block) {
+        hessian.Begin(pattern.columns[block], block);
+        schur.Begin(pattern.columns[block], block);
+      }
+      ForEachHessianTerm(row, [&](int column, int source, ProductTerm term) { hessian.Add(column, source, term); });
+      ForEachSchurTerm(row, [&](int column, int source, ProductTerm term) { schur.Add(column, source, term); });
+      for (int block = pattern.row_begin[row]; block < pattern.row_begin[row + 1]; ++block) {
+        hessian.End(pattern.columns[block], block);
+        schur.End(pattern.columns[block], block);
+      }
+    }
+  }
+
+  // Where the terms of each block begin.
+  struct Places {
+    void Place(const Share& share, ProductPlan* plan) {
+      first_term.push_back(num_terms);
+      plan->segments_begin.push_back(num_segments);
+      num_terms += share.num_terms;
+      num_segments += share.num_segments;
+    }
+    void Allocate(ProductPlan* plan) const {
+      plan->segments_begin.push_back(num_segments);
+      plan->terms.resize(num_terms);
+      plan->segments.resize(num_segments);
+    }
+    std::vector<int> first_term;
+    int num_terms = 0;
+    int num_segments = 0;
+  };
+
+  // Writes the terms of a row's blocks to their places.
+  class Filling {
+   public:
+    Filling(const Places& places, int num_columns, ProductPlan* plan) : places_(places), plan_(plan), next_(num_columns) {}
+
+    void Begin(int column, int block) { next_[column] = {places_.first_term[block], plan_->segments_begin[block], -1}; }
+    void Add(int column, int source, ProductTerm term) {
+      Next& next = next_[column];
+      if (next.source != source) {
+        plan_->segments[next.segment++] = {source, next.term, 0};
+        next.source = source;
+      }
+      plan_->terms[next.term++] = term;
+    }
+    void End(int column, int block) {
+      int end = next_[column].term;
+      for (int s = plan_->segments_begin[block + 1] - 1; s >= plan_->segments_begin[block]; --s) {
+        plan_->segments[s].count = end - plan_->segments[s].first_term;
+        end = plan_->segments[s].first_term;
+      }
+    }
+
+   private:
+    struct Next {
+      int term = 0;
+      int segment = 0;
+      int source = -1;
+    };
+    const Places& places_;
+    ProductPlan* plan_;
+    std::vector<Next> next_;  // per column
+  };
+
+  template <typename Visit>
+  void ForEachHessianTerm(int row, const Visit& visit) const {
+    for (const FamilyCache& cache : evaluator_.families()) {
+      if (evaluator_.leaves_out_zero_blocks()) {
+        ForEachSparseTerm(cache, row, visit);
+        continue;
+      }
+      const std::vector<SlotAdjacency>& slots = adjacency_[cache.id];
+      const auto num_slots = static_cast<int>(slots.size());
+      for (int r = 0; r < num_slots; ++r) {
+        const std::int32_t* begin = slots[r].factors.data() + slots[r].begin[row];
+        const std::int32_t* end = slots[r].factors.data() + slots[r].begin[row + 1];
+        for (int c = 0; begin < end && c < num_slots; ++c) {
+          ForEachTermOfSlots(cache, row, r, c, begin, end, visit);
+        }
+      }
+    }
+  }
+
+  // By factor, so that the terms of a block have one source each where a variable is in one slot, as mostly.
+  template <typename Visit>
+  void ForEachSparseTerm(const FamilyCache& cache, int row, const Visit& visit) const {
+    const SparseBlocks& sparse = sparse_[cache.id];
+    const int num_slots = cache.family->num_slots();
+    if (cache.num_factors == 0) {
+      return;
+    }
+    for (int k = sparse.frame_begin[row]; k < sparse.frame_begin[row + 1]; ++k) {
+      const auto [factor, slot] = sparse.places[k];
+      const auto row_quads = static_cast<std::int32_t>(cache.slots[slot].factor_stride / kQuad);
+      for (int other = sparse.factor_begin[factor]; other < sparse.factor_begin[factor + 1]; ++other) {
+        const auto [column_slot, column] = sparse.blocks[other];
+        if (column <= row) {
+          const auto column_quads = static_cast<std::int32_t>(cache.slots[column_slot].factor_stride / kQuad);
+          visit(column, first_source_[cache.id] + slot * num_slots + column_slot,
+                ProductTerm{factor * column_quads, factor * row_quads});
+        }
+      }
+    }
+  }
+
+  template <typename Visit>
+  void ForEachTermOfSlots(const FamilyCache& cache, int row, int r, int c, const std::int32_t* begin, const std::int32_t* end,
+                          const Visit& visit) const {
+    const VariableId* ids = evaluator_.graph().Variables(cache.id, 0) + c;
+    const auto row_quads = static_cast<std::int32_t>(cache.slots[r].factor_stride / kQuad);
+    const auto column_quads = static_cast<std::int32_t>(cache.slots[c].factor_stride / kQuad);
+    const int num_slots = cache.family->num_slots();
+    const int source = first_source_[cache.id] + r * num_slots + c;
+    for (const std::int32_t* i = begin; i < end; ++i) {
+      const int column = layout_.FrameOf(ids[static_cast<std::ptrdiff_t>(*i) * num_slots]);
+      if (column >= 0 && column <= row) {
+        visit(column, source, ProductTerm{*i * column_quads, *i * row_quads});
+      }
+    }
+  }
+
+  template <typename Visit>
+  void ForEachSchurTerm(int row, const Visit& visit) const {
+    for (int k = incidences_.frame_begin[row]; k < incidences_.frame_begin[row + 1]; ++k) {
+      const int q = incidences_.frame_incidences[k];
+      const int l = incidences_.landmarks[q];
+      const int source = source_of_landmark_[l];
+      for (int other = incidences_.begin[l]; other < incidences_.begin[l + 1]; ++other) {
+        const int column = incidences_.frames[other];
+        if (column <= row) {
+          visit(column, source, ProductTerm{incidences_.incidences[other].y, incidences_.incidences[q].y});
+        }
+      }
+    }
+  }
+
+  const Evaluator& evaluator_;
+  const Layout& layout_;
+  const LandmarkIncidences& incidences_;
+  FramePlans* plans_;
+  std::vector<std::vector<SlotAdjacency>> adjacency_;  // per family and slot, where no blocks are left out
+  std::vector<SparseBlocks> sparse_;                   // per family, where some are
+  std::vector<int> first_source_;                      // per family: of its slot pairs among hessian_sources
+  std::vector<int> source_of_landmark_;                // among schur_sources
+  std::vector<std::vector<CountedBlock>> rows_;
+  Places hessian_;
+  Places schur_;
+};
+
+}  // namespace
+
+FramePlans::FramePlans(const Evaluator& evaluator, const LandmarkIncidences& incidences) {
+  PlanBuilder(evaluator, incidences, this).Build();
+}
+
+}  // namespace inceres::internal

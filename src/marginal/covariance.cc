@@ -1,0 +1,107 @@
+#include "inceres/solver/covariance.h"
+
+#include <algorithm>
+#include <new>
+#include <string>
+
+#include "inceres/solver/incremental_solver.h"
+#include "marginal/covariance_system.h"
+#include "problem/find_fault.h"
+
+namespace inceres {
+
+using internal::Invalid;
+
+Status CovarianceOptions::Validate() const {
+  if (num_threads < 1) {
+    return Invalid("CovarianceOptions::num_threads must be at least 1");
+  }
+  return max_inflation > 1.0 ? Status::Ok() : Invalid("CovarianceOptions::max_inflation must exceed 1");
+}
+
+Status Covariance::Compute(const FactorGraph& graph, const Pairs& pairs) {
+  return ComputeAt(graph, graph.state(), pairs);
+}
+
+Status Covariance::Compute(const IncrementalSolver& solver, const Pairs& pairs) {
+  const FactorGraph& graph = solver.graph();
+  std::vector<double> state = graph.state();
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    if (graph.HasVariable(id) && graph.StateOffset(id) >= 0) {
+      std::copy_n(solver.Values(id), graph.AmbientSize(id), state.begin() + graph.StateOffset(id));
+    }
+  }
+  return ComputeAt(graph, state, pairs);
+}
+
+Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>& state, const Pairs& pairs) {
+  blocks_.clear();
+  Status status = options_.Validate();
+  status = status.ok() ? graph.Validate() : status;
+  if (!status.ok()) {
+    return status;
+  }
+  for (const auto& pair : pairs) {
+    for (const VariableId id : {pair.first, pair.second}) {
+      if (!graph.HasVariable(id)) {
+        return Invalid("variable " + std::to_string(id) + " does not exist");
+      }
+    }
+  }
+  try {
+    internal::CovarianceSystem system(graph, state, options_.num_threads, options_.max_inflation);
+    std::vector<VariableId> wanted;
+    for (const auto& pair : pairs) {
+      for (const VariableId id : {pair.first, pair.second}) {
+        if (!graph.IsConstant(id) && !system.Has(id)) {
+          return Invalid("variable " + std::to_string(id) + " has no covariance: no factor touches it");
+        }
+        if (!graph.IsConstant(id)) {
+          wanted.push_back(id);
+        }
+      }
+    }
+    std::sort(wanted.begin(), wanted.end());
+    wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
+    if (!wanted.empty()) {
+      status = system.Factorize();
+      status = status.ok() ? system.Prepare(wanted) : status;
+    }
+    for (std::size_t k = 0; status.ok() && k < pairs.size(); ++k) {
+      const auto [a, b] = pairs[k];
+      Block& block = blocks_[{a, b}];
+      block.rows = graph.TangentSize(a);
+      block.columns = graph.TangentSize(b);
+      block.values.assign(static_cast<std::size_t>(block.rows) * static_cast<std::size_t>(block.columns), 0.0);
+      if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
+        using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+        Eigen::Map<RowMajor>(block.values.data(), block.rows, block.columns) = system.Product(a, b);
+      }
+    }
+  } catch (const std::bad_alloc&) {
+    blocks_.clear();
+    return Status::Error(StatusCode::kUnavailable, "Out of memory.");
+  }
+  return status;
+}
+
+bool Covariance::Get(VariableId a, VariableId b, double* covariance) const {
+  auto found = blocks_.find({a, b});
+  if (found != blocks_.end()) {
+    std::copy(found->second.values.begin(), found->second.values.end(), covariance);
+    return true;
+  }
+  found = blocks_.find({b, a});
+  if (found == blocks_.end()) {
+    return false;
+  }
+  const Block& block = found->second;
+  for (int r = 0; r < block.columns; ++r) {
+    for (int c = 0; c < block.rows; ++c) {
+      covariance[r * block.rows + c] = block.values.data()[static_cast<std::ptrdiff_t>(c) * block.columns + r];
+    }
+  }
+  return true;
+}
+
+}  // namespace inceres

@@ -1,0 +1,205 @@
+#include "marginal/marginal_system.h"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+#include <string>
+
+#include <Eigen/SVD>
+
+#include "marginal/row_elimination.h"
+
+namespace inceres::internal {
+
+void MarginalSystem::AddMarginalized(VariableId id) {
+  if (graph_.role(id) == Role::kLandmark) {
+    landmarks_.emplace(id, static_cast<int>(landmarks_.size()));
+    return;
+  }
+  frames_.push_back(id);
+  columns_.emplace(id, num_frame_columns_);
+  num_frame_columns_ += graph_.TangentSize(id);
+}
+
+void MarginalSystem::AddKept(VariableId id) {
+  columns_.emplace(id, NumColumns());
+  num_kept_columns_ += graph_.TangentSize(id);
+}
+
+namespace {
+
+// Copies a factor's rows into A from `row` on; column_of(slot) is negative for slots that have none.
+template <typename ColumnOf>
+void CopyRows(const LinearizedFactor& factor, int num_slots, const ColumnOf& column_of, Eigen::Index row, Eigen::MatrixXd* A) {
+  for (int s = 0; s < num_slots; ++s) {
+    const SlotJacobians& slot = factor.slots[s];
+    const int column = column_of(s);
+    for (int r = 0; column >= 0 && r < factor.rows; ++r) {
+      for (int c = 0; c < slot.columns; ++c) {
+        (*A)(row + r, column + c) = slot.data[r * slot.row_stride + c];
+      }
+    }
+  }
+  for (int r = 0; r < factor.rows; ++r) {
+    (*A)(row + r, A->cols() - 1) = factor.f[r];
+  }
+}
+
+}  // namespace
+
+void MarginalSystem::Append(const Eigen::MatrixXd& rows, Eigen::Index first_row, Eigen::Index first_column,
+                            const std::vector<int>& columns) {
+  const auto width = static_cast<std::size_t>(NumColumns()) + 1;
+  for (Eigen::Index r = first_row; r < rows.rows(); ++r) {
+    const std::size_t at = stack_.size();
+    stack_.resize(at + width, 0.0);
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      stack_[at + static_cast<std::size_t>(columns[c])] = rows(r, first_column + static_cast<Eigen::Index>(c));
+    }
+    stack_[at + width - 1] = rows(r, rows.cols() - 1);
+  }
+}
+
+Status MarginalSystem::RankLoss(const char* kind, const std::vector<VariableId>& offenders) const {
+  std::string ids;
+  for (const VariableId id : offenders) {
+    ids += (ids.empty() ? "" : ", ") + std::to_string(id);
+  }
+  return Status::Error(StatusCode::kSingular, std::string("the factors do not determine the marginalized ") + kind + " " + ids +
+                                                  ": drop them, or allow rank loss, or keep what they are measured against");
+}
+
+Status MarginalSystem::Eliminate(const std::vector<FactorId>& factors, const RowsOf& rows_of,
+                                 std::vector<VariableId>* offenders) {
+  std::vector<std::vector<FactorId>> of_landmark(landmarks_.size());
+  std::vector<VariableId> landmark_ids(landmarks_.size());
+  for (const auto& [id, number] : landmarks_) {
+    landmark_ids[static_cast<std::size_t>(number)] = id;
+  }
+  std::vector<int> columns;
+  Eigen::MatrixXd A;
+  for (const FactorId& id : factors) {
+    const int num_slots = graph_.family(id.family).num_slots();
+    const VariableId* ids = graph_.Variables(id.family, id.index);
+    const auto landmark = std::find_if(ids, ids + num_slots, [this](VariableId v) { return landmarks_.count(v) > 0; });
+    if (landmark != ids + num_slots) {
+      of_landmark[static_cast<std::size_t>(landmarks_.at(*landmark))].push_back(id);
+      continue;
+    }
+    LinearizedFactor factor;
+    const Status status = rows_of(id, &factor);
+    if (!status.ok()) {
+      return status;
+    }
+    A.setZero(factor.rows, NumColumns() + 1);
+    const auto column_of = [&](int s) {
+      const auto found = columns_.find(ids[s]);
+      return found == columns_.end() ? -1 : found->second;
+    };
+    CopyRows(factor, num_slots, column_of, 0, &A);
+    columns.resize(static_cast<std::size_t>(NumColumns()));
+    std::iota(columns.begin(), columns.end(), 0);
+    Append(A, 0, 0, columns);
+  }
+  for (std::size_t l = 0; l < landmark_ids.size(); ++l) {
+    const Status status = EliminateLandmark(landmark_ids[l], of_landmark[l], rows_of, offenders);
+    if (!status.ok()) {
+      return status;
+    }
+  }
+  return offenders->empty() ? EliminateFrames(offenders) : RankLoss("landmarks", *offenders);
+}
+
+// Its rows have columns of its own and those of its separator only. Rank loss is reported when all landmarks have been looked at.
+Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<FactorId>& factors, const RowsOf& rows_of,
+                                         std::vector<VariableId>* offenders) {
+  const int size = graph_.TangentSize(id);
+  std::unordered_map<VariableId, int> local;  // first column in A
+  std::vector<int> columns;                   // of A behind the landmark's: where they go
+  local.emplace(id, 0);
+  Eigen::Index rows = 0;
+  for (const FactorId& factor : factors) {
+    rows += graph_.family(factor.family).residual_size();
+    for (int s = 0; s < graph_.family(factor.family).num_slots(); ++s) {
+      const VariableId other = graph_.Variables(factor.family, factor.index)[s];
+      const auto global = columns_.find(other);
+      if (global != columns_.end() && local.emplace(other, size + static_cast<int>(columns.size())).second) {
+        for (int c = 0; c < graph_.TangentSize(other); ++c) {
+          columns.push_back(global->second + c);
+        }
+      }
+    }
+  }
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows, size + static_cast<Eigen::Index>(columns.size()) + 1);
+  Eigen::Index row = 0;
+  for (const FactorId& factor_id : factors) {
+    LinearizedFactor factor;
+    const Status status = rows_of(factor_id, &factor);
+    if (!status.ok()) {
+      return status;
+    }
+    const VariableId* ids = graph_.Variables(factor_id.family, factor_id.index);
+    const auto column_of = [&](int s) {
+      const auto found = local.find(ids[s]);
+      return found == local.end() ? -1 : found->second;
+    };
+    CopyRows(factor, graph_.family(factor_id.family).num_slots(), column_of, row, &A);
+    row += factor.rows;
+  }
+  const EliminationOutcome outcome = EliminateColumns(size, options_.rank_tolerance, &A);
+  if (outcome.rank < size && !options_.allow_rank_loss) {
+    offenders->push_back(id);
+  }
+  Append(A, outcome.rank, size, columns);
+  return Status::Ok();
+}
+
+Status MarginalSystem::EliminateFrames(std::vector<VariableId>* offenders) {
+  const Eigen::Index width = NumColumns() + 1;
+  const auto rows = static_cast<Eigen::Index>(stack_.size()) / width;
+  Eigen::MatrixXd A =
+      Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(stack_.data(), rows, width);
+  const EliminationOutcome outcome = EliminateColumns(num_frame_columns_, options_.rank_tolerance, &A);
+  for (const VariableId id : frames_) {
+    const int first = columns_.at(id);
+    const auto mine = [&](int column) { return column >= first && column < first + graph_.TangentSize(id); };
+    if (std::any_of(outcome.dependent.begin(), outcome.dependent.end(), mine)) {
+      offenders->push_back(id);
+    }
+  }
+  if (!offenders->empty() && !options_.allow_rank_loss) {
+    return RankLoss("variables", *offenders);
+  }
+  offenders->clear();
+  result_ = A.bottomRightCorner(rows - outcome.rank, num_kept_columns_ + 1);
+  fixed_cost_ = 0.5 * ReduceToTriangle(&result_);
+  return Status::Ok();
+}
+
+int TruncatePrior(const MarginalizationOptions& options, Eigen::MatrixXd* prior) {
+  const Eigen::Index n = prior->rows();
+  if (options.threshold == PriorThreshold::kNone || n == 0) {
+    return 0;
+  }
+  const bool relative = options.threshold == PriorThreshold::kRelative;
+  Eigen::VectorXd scale = Eigen::VectorXd::Ones(n);
+  if (relative) {
+    const Eigen::VectorXd norms = prior->leftCols(n).colwise().norm();
+    scale = (norms.array() > 0.0).select(norms, 1.0);
+  }
+  const Eigen::BDCSVD<Eigen::MatrixXd> svd(prior->leftCols(n) * scale.cwiseInverse().asDiagonal(),
+                                           Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Eigen::VectorXd& sigma = svd.singularValues();  // descending
+  const double limit = relative ? options.epsilon * static_cast<double>(n) * sigma[0] * sigma[0] : options.epsilon;
+  const auto rank = (sigma.array().square() > limit).count();
+  if (rank == n) {
+    return 0;  // nothing is cut off: the triangle is the more exact form
+  }
+  const Eigen::VectorXd e0 = svd.matrixU().leftCols(rank).transpose() * prior->col(n);
+  prior->setZero();
+  prior->topLeftCorner(rank, n) = sigma.head(rank).asDiagonal() * svd.matrixV().leftCols(rank).transpose() * scale.asDiagonal();
+  prior->col(n).head(rank) = e0;
+  return static_cast<int>(n - rank);
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,286 @@
+#include "inceres/solver/marginalization.h"
+
+#include <algorithm>
+#include <cmath>
+#include <new>
+#include <set>
+#include <string>
+#include <tuple>
+#include <utility>
+
+#include "inceres/solver/linear_prior.h"
+#include "marginal/marginal_system.h"
+#include "marginal/marginalize.h"
+#include "problem/find_fault.h"
+
+namespace inceres {
+
+Status MarginalizationOptions::Validate() const {
+  if (!(epsilon >= 0.0) || !std::isfinite(epsilon)) {
+    return internal::Invalid("MarginalizationOptions::epsilon must be finite and not negative");
+  }
+  if (!(rank_tolerance >= 0.0 && rank_tolerance < 1.0)) {
+    return internal::Invalid("MarginalizationOptions::rank_tolerance must lie in [0, 1)");
+  }
+  return Status::Ok();
+}
+
+namespace internal {
+namespace {
+
+// The priors that marginalization makes; kept apart from those a user adds, which may not be written to.
+class OwnPriorFamily final : public LinearPriorFamily {
+ public:
+  using LinearPriorFamily::LinearPriorFamily;
+};
+
+bool Before(FactorId a, FactorId b) {
+  return std::tie(a.family, a.index) < std::tie(b.family, b.index);
+}
+
+class Marginalizer {
+ public:
+  Marginalizer(const MarginalizationTarget& target, const MarginalizationRequest& request, const MarginalizationOptions& options)
+      : target_(target), graph_(*target.graph), request_(request), options_(options), system_(graph_, options) {}
+
+  MarginalizationSummary Run() {
+    Status& status = summary_.status;
+    const auto then = [&](auto step) { status = status.ok() ? (this->*step)() : status; };
+    status = options_.Validate();
+    then(&Marginalizer::CheckIds);
+    if (status.ok()) {
+      CollectFactors();
+      CollectKept();
+    }
+    then(&Marginalizer::CheckLandmarks);
+    then(&Marginalizer::CheckRemoval);
+    then(&Marginalizer::ComputePrior);
+    then(&Marginalizer::Apply);
+    if (!status.ok()) {
+      // What was found out on the way is of no use: nothing has changed.
+      MarginalizationSummary failed;
+      failed.status = std::move(status);
+      failed.offenders = std::move(summary_.offenders);
+      return failed;
+    }
+    return std::move(summary_);
+  }
+
+ private:
+  Status Refuse(VariableId id, const std::string& what) {
+    summary_.offenders.push_back(id);
+    return Status::Error(StatusCode::kInvalidArgument, "variable " + std::to_string(id) + " " + what);
+  }
+
+  Status CheckIds() {
+    for (const std::vector<VariableId>* ids : {&request_.marginalized, &request_.dropped}) {
+      for (const VariableId id : *ids) {
+        if (!graph_.HasVariable(id)) {
+          return Refuse(id, "is to be marginalized or dropped but does not exist");
+        }
+        if (!going_.insert(id).second) {
+          return Refuse(id, "is to be marginalized or dropped twice");
+        }
+      }
+    }
+    std::set<VariableId> ordered;
+    for (const VariableId id : request_.order) {
+      if (!graph_.HasVariable(id) || going_.count(id) > 0) {
+        return Refuse(id,
+                      "is named in the order of the prior but " + std::string(going_.count(id) > 0 ? "goes" : "does not exist"));
+      }
+      if (!ordered.insert(id).second) {
+        return Refuse(id, "is named twice in the order of the prior");
+      }
+    }
+    return Status::Ok();
+  }
+
+  // Factors of the marginalized variables, but for those that are dropped, by themselves or with a variable.
+  void CollectFactors() {
+    graph_.TrackFactors();
+    std::vector<FactorId> lost = request_.dropped_factors;
+    for (const VariableId id : request_.dropped) {
+      graph_.ForEachFactorOf(id, [&](FactorId factor) { lost.push_back(factor); });
+    }
+    std::sort(lost.begin(), lost.end(), Before);
+    for (const VariableId id : request_.marginalized) {
+      graph_.ForEachFactorOf(id, [&](FactorId factor) {
+        if (!std::binary_search(lost.begin(), lost.end(), factor, Before)) {
+          factors_.push_back(factor);
+        }
+      });
+    }
+    std::sort(factors_.begin(), factors_.end(), Before);
+    const auto same = [](FactorId a, FactorId b) { return !Before(a, b) && !Before(b, a); };
+    factors_.erase(std::unique(factors_.begin(), factors_.end(), same), factors_.end());
+  }
+
+  // Constants have columns only if they are to be kept and have somewhere to move.
+  bool HasColumns(VariableId id) const {
+    return !graph_.IsConstant(id) || (options_.keep_constants && going_.count(id) == 0 && graph_.TangentSize(id) > 0);
+  }
+
+  void CollectKept() {
+    for (const VariableId id : request_.marginalized) {
+      if (HasColumns(id)) {
+        system_.AddMarginalized(id);
+      }
+    }
+    std::set<VariableId> neighbors;
+    for (const FactorId& factor : factors_) {
+      const VariableId* ids = graph_.Variables(factor.family, factor.index);
+      std::copy_if(ids, ids + graph_.family(factor.family).num_slots(), std::inserter(neighbors, neighbors.end()),
+                   [&](VariableId id) { return HasColumns(id) && going_.count(id) == 0; });
+    }
+    std::vector<VariableId>& kept = summary_.kept;
+    std::copy_if(request_.order.begin(), request_.order.end(), std::back_inserter(kept),
+                 [&](VariableId id) { return neighbors.erase(id) > 0; });
+    kept.insert(kept.end(), neighbors.begin(), neighbors.end());
+    std::for_each(kept.begin(), kept.end(), [this](VariableId id) { system_.AddKept(id); });
+  }
+
+  Status CheckLandmarks() {
+    std::vector<VariableId> landmarks;
+    std::copy_if(summary_.kept.begin(), summary_.kept.end(), std::back_inserter(landmarks),
+                 [&](VariableId id) { return graph_.role(id) == Role::kLandmark && !graph_.IsConstant(id); });
+    if (landmarks.size() < 2) {
+      return Status::Ok();
+    }
+    summary_.offenders = landmarks;
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "the prior would join " + std::to_string(landmarks.size()) + " landmarks (variables " +
+                             std::to_string(landmarks[0]) + ", " + std::to_string(landmarks[1]) +
+                             (landmarks.size() > 2 ? ", …" : "") +
+                             "); a factor touches at most one: marginalize them too, or drop their factors");
+  }
+
+  GraphEdit Removal() const {
+    GraphEdit edit(graph_);
+    std::for_each(request_.dropped_factors.begin(), request_.dropped_factors.end(), [&](FactorId id) { edit.RemoveFactor(id); });
+    std::for_each(going_.begin(), going_.end(), [&](VariableId id) { edit.RemoveVariable(id); });
+    return edit;
+  }
+
+  // Whatever could be wrong with the edit is found before a family is added, and before anything is computed.
+  Status CheckRemoval() {
+    std::vector<FactorId> removed;
+    return graph_.Check(Removal(), &removed);
+  }
+
+  Status ComputePrior() {
+    const auto wanted = [this](VariableId id) { return system_.Has(id); };
+    FactorLinearizer linearizer(graph_, target_.values, wanted);
+    const auto rows_of = [&](FactorId id, LinearizedFactor* factor) {
+      if (target_.cached != nullptr && target_.cached(id, wanted, factor)) {
+        ++summary_.num_cached_factors;
+        return Status::Ok();
+      }
+      return linearizer.Linearize(id, factor);
+    };
+    const Status status = system_.Eliminate(factors_, rows_of, &summary_.offenders);
+    if (!status.ok()) {
+      return status;
+    }
+    Eigen::MatrixXd rows = system_.result();
+    if (!rows.allFinite()) {
+      return Status::Error(StatusCode::kEvaluationFailed, "the prior is not finite: the factors' weights overflow");
+    }
+    summary_.num_factors = static_cast<int>(factors_.size());
+    summary_.fixed_cost = system_.fixed_cost();
+    summary_.num_truncated = TruncatePrior(options_, &rows);
+    summary_.rank = static_cast<int>((rows.leftCols(rows.cols() - 1).array() != 0.0).rowwise().any().count());
+    WritePrior(rows);
+    return Status::Ok();
+  }
+
+  void WritePrior(const Eigen::MatrixXd& rows) {
+    for (const VariableId id : summary_.kept) {
+      const double* x = target_.values(id);
+      prior_.blocks.push_back({{x, x + graph_.AmbientSize(id)}, graph_.shared_manifold(id), graph_.TangentSize(id)});
+    }
+    const Eigen::Index n = rows.rows();
+    prior_.J.resize(static_cast<std::size_t>(n * n));
+    prior_.e0.resize(static_cast<std::size_t>(n));
+    for (Eigen::Index r = 0; r < n; ++r) {
+      for (Eigen::Index c = 0; c < n; ++c) {
+        prior_.J[static_cast<std::size_t>(r * n + c)] = rows(r, c);
+      }
+      prior_.e0[static_cast<std::size_t>(r)] = rows(r, n);
+    }
+  }
+
+  // A family of marginalization's own for priors of this shape. The graph gives families out as constant; this one was not made
+  // so.
+  FamilyId FamilyOf(OwnPriorFamily** family) {
+    for (FamilyId id = 0; id < graph_.num_families(); ++id) {
+      const auto* own = dynamic_cast<const OwnPriorFamily*>(&graph_.family(id));
+      if (own != nullptr && own->Fits(prior_)) {
+        *family = const_cast<OwnPriorFamily*>(own);
+        return id;
+      }
+    }
+    auto made = std::make_shared<OwnPriorFamily>(prior_);
+    *family = made.get();
+    return graph_.AddFamily(std::move(made));
+  }
+
+  Status Apply() {
+    OwnPriorFamily* family = nullptr;
+    const FamilyId family_id = summary_.rank > 0 ? FamilyOf(&family) : -1;
+    GraphEdit edit = Removal();
+    if (family != nullptr) {
+      summary_.prior = edit.AddFactor(family_id, *family, prior_, summary_.kept);
+    } else {
+      summary_.kept.clear();
+    }
+    for (const VariableId id : summary_.kept) {
+      if (options_.first_estimate_jacobians && graph_.PinnedValues(id) == nullptr) {
+        edit.PinLinearization(id, target_.values(id));
+      }
+    }
+    return target_.apply(edit);
+  }
+
+  const MarginalizationTarget& target_;
+  FactorGraph& graph_;
+  const MarginalizationRequest& request_;
+  const MarginalizationOptions& options_;
+  MarginalSystem system_;
+  MarginalizationSummary summary_;
+  std::set<VariableId> going_;
+  std::vector<FactorId> factors_;
+  LinearPrior prior_;
+};
+
+}  // namespace
+
+MarginalizationSummary MarginalizeOn(const MarginalizationTarget& target, const MarginalizationRequest& request,
+                                     const MarginalizationOptions& options) {
+  try {
+    return Marginalizer(target, request, options).Run();
+  } catch (const std::bad_alloc&) {
+    MarginalizationSummary failed;
+    failed.status = Status::Error(StatusCode::kUnavailable, "Out of memory.");
+    return failed;
+  }
+}
+
+}  // namespace internal
+
+MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options,
+                                   FactorGraph* graph) {
+  const Status valid = graph->Validate();
+  if (!valid.ok()) {
+    MarginalizationSummary failed;
+    failed.status = valid;
+    return failed;
+  }
+  internal::MarginalizationTarget target;
+  target.graph = graph;
+  target.values = [graph](VariableId id) { return graph->Values(id); };
+  target.apply = [graph](const GraphEdit& edit) { return graph->Apply(edit); };
+  return internal::MarginalizeOn(target, request, options);
+}
+
+}  // namespace inceres

@@ -1,0 +1,100 @@
+#include "marginal/row_elimination.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include <Eigen/QR>
+
+namespace inceres::internal {
+namespace {
+
+// Largest first, by what they say about the columns of J. Ties keep their order.
+void SortRows(Eigen::MatrixXd* A) {
+  if (A->cols() < 2) {
+    return;
+  }
+  const Eigen::VectorXd sizes = A->leftCols(A->cols() - 1).cwiseAbs().rowwise().maxCoeff();
+  std::vector<Eigen::Index> order(static_cast<std::size_t>(A->rows()));
+  std::iota(order.begin(), order.end(), Eigen::Index{0});
+  std::stable_sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return sizes[a] > sizes[b]; });
+  Eigen::MatrixXd sorted(A->rows(), A->cols());
+  for (Eigen::Index row = 0; row < A->rows(); ++row) {
+    sorted.row(row) = A->row(order[static_cast<std::size_t>(row)]);
+  }
+  A->swap(sorted);
+}
+
+// Takes column `pivot` out of rows [k, …): a reflection that leaves it in row k alone, applied to the columns listed and to those
+// from `first` on.
+void Reflect(Eigen::Index k, Eigen::Index pivot, const std::vector<Eigen::Index>& columns, Eigen::Index first,
+             Eigen::MatrixXd* A) {
+  const Eigen::Index rows = A->rows() - k;
+  Eigen::VectorXd v = A->col(pivot).tail(rows);
+  double beta = 0.0;
+  double tau = 0.0;
+  Eigen::VectorXd essential(rows - 1);
+  v.makeHouseholder(essential, tau, beta);
+  Eigen::VectorXd workspace(A->cols());
+  for (const Eigen::Index column : columns) {
+    A->col(column).tail(rows).applyHouseholderOnTheLeft(essential, tau, workspace.data());
+  }
+  A->bottomRightCorner(rows, A->cols() - first).applyHouseholderOnTheLeft(essential, tau, workspace.data());
+}
+
+}  // namespace
+
+EliminationOutcome EliminateColumns(int count, double tolerance, Eigen::MatrixXd* A) {
+  EliminationOutcome outcome;
+  if (A->rows() == 0 || count == 0) {
+    outcome.dependent.resize(static_cast<std::size_t>(count));
+    std::iota(outcome.dependent.begin(), outcome.dependent.end(), 0);
+    return outcome;
+  }
+  SortRows(A);
+  const Eigen::VectorXd norms = A->leftCols(count).colwise().stableNorm();
+  std::vector<Eigen::Index> left(static_cast<std::size_t>(count));
+  std::iota(left.begin(), left.end(), Eigen::Index{0});
+  Eigen::Index rank = 0;
+  while (!left.empty() && rank < A->rows()) {
+    auto best = left.begin();
+    double largest = -1.0;
+    for (auto column = left.begin(); column != left.end(); ++column) {
+      // Small matrices: the norms are computed anew, as downdating loses digits.
+      const double norm = A->col(*column).tail(A->rows() - rank).stableNorm();
+      const double share = norms[*column] > 0.0 ? norm / norms[*column] : 0.0;
+      if (share > largest) {
+        largest = share;
+        best = column;
+      }
+    }
+    if (!(largest > tolerance)) {
+      break;
+    }
+    const Eigen::Index pivot = *best;
+    left.erase(best);
+    Reflect(rank, pivot, left, count, A);
+    ++rank;
+  }
+  outcome.rank = static_cast<int>(rank);
+  outcome.dependent.assign(left.begin(), left.end());
+  return outcome;
+}
+
+double ReduceToTriangle(Eigen::MatrixXd* A) {
+  const Eigen::Index n = A->cols() - 1;
+  Eigen::MatrixXd triangle = Eigen::MatrixXd::Zero(n, n + 1);
+  double rest = 0.0;
+  if (A->rows() <= n) {
+    triangle.topRows(A->rows()) = *A;
+  } else {
+    SortRows(A);
+    const Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(*A);
+    triangle = A->topRows(n).triangularView<Eigen::Upper>();
+    rest = (*A)(n, n) * (*A)(n, n);
+  }
+  A->swap(triangle);
+  return rest;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,126 @@
+#include "inceres/problem/ambient_family.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "simd/kernels.h"
+
+namespace inceres {
+namespace {
+
+static_assert(kUnwritten == internal::kUnwrittenEntry);
+
+void CopyColumns(int ambient_size, int columns, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  for (int r = 0; r < num_rows; ++r) {
+    std::copy_n(J_ambient + static_cast<std::ptrdiff_t>(r) * ambient_size, columns,
+                J_tangent + static_cast<std::ptrdiff_t>(r) * row_stride);
+  }
+}
+
+bool TakeAny(int ambient_size, int columns, double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  const int count = num_rows * ambient_size;
+  if (!AreAllWritten(J_ambient, count)) {
+    return false;
+  }
+  CopyColumns(ambient_size, columns, J_ambient, num_rows, J_tangent, row_stride);
+  MarkUnwritten(J_ambient, count);
+  return true;
+}
+
+void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  for (int r = 0; r < num_rows; ++r) {
+    const double* from = J_ambient + static_cast<std::ptrdiff_t>(r) * map.ambient_size;
+    double* to = J_tangent + static_cast<std::ptrdiff_t>(r) * row_stride;
+    for (int c = 0; c < map.tangent_size; ++c) {
+      to[c] = from[map.selection[c]];
+    }
+  }
+}
+
+// kWidth columns of the product from column `first` on, summed in registers. The sum over k runs upwards, as in a plain matrix
+// product, so that results agree with Ceres's to the last bit; where M is the identity there is nothing to add.
+template <int kWidth>
+void MultiplyColumns(const TangentMap& map, int first, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  for (int r = 0; r < num_rows; ++r) {
+    const double* from = J_ambient + static_cast<std::ptrdiff_t>(r) * map.ambient_size;
+    const double* M = map.plus_jacobian + static_cast<std::ptrdiff_t>(map.num_identity_columns) * map.tangent_size + first;
+    double sum[kWidth] = {};
+    for (int k = map.num_identity_columns; k < map.ambient_size; ++k, M += map.tangent_size) {
+      for (int c = 0; c < kWidth; ++c) {
+        sum[c] += from[k] * M[c];
+      }
+    }
+    std::copy_n(sum, kWidth, J_tangent + static_cast<std::ptrdiff_t>(r) * row_stride + first);
+  }
+}
+
+// The same sums where all sizes are known: M has kIdentity identity columns.
+template <int kAmbient, int kTangent, int kIdentity>
+void MultiplyFixed(const double* M, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  for (int r = 0; r < num_rows; ++r, J_ambient += kAmbient, J_tangent += row_stride) {
+    double sum[kTangent - kIdentity] = {};
+    for (int k = kIdentity; k < kAmbient; ++k) {
+      for (int c = kIdentity; c < kTangent; ++c) {
+        sum[c - kIdentity] += J_ambient[k] * M[k * kTangent + c];
+      }
+    }
+    std::memcpy(J_tangent, J_ambient, kIdentity * sizeof(double));
+    std::memcpy(J_tangent + kIdentity, sum, sizeof(sum));
+  }
+}
+
+void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  if (map.ambient_size == 7 && map.tangent_size == 6 && map.num_identity_columns == 3) {  // position and quaternion
+    return MultiplyFixed<7, 6, 3>(map.plus_jacobian, J_ambient, num_rows, J_tangent, row_stride);
+  }
+  if (map.ambient_size == 4 && map.tangent_size == 3 && map.num_identity_columns == 0) {  // quaternion
+    return MultiplyFixed<4, 3, 0>(map.plus_jacobian, J_ambient, num_rows, J_tangent, row_stride);
+  }
+  int c = map.num_identity_columns;
+  if (c > 0) {
+    CopyColumns(map.ambient_size, c, J_ambient, num_rows, J_tangent, row_stride);
+  }
+  for (; c + 6 <= map.tangent_size; c += 6) {
+    MultiplyColumns<6>(map, c, J_ambient, num_rows, J_tangent, row_stride);
+  }
+  for (; c + 3 <= map.tangent_size; c += 3) {
+    MultiplyColumns<3>(map, c, J_ambient, num_rows, J_tangent, row_stride);
+  }
+  for (; c < map.tangent_size; ++c) {
+    MultiplyColumns<1>(map, c, J_ambient, num_rows, J_tangent, row_stride);
+  }
+}
+
+}  // namespace
+
+internal::TakeFunction internal::FindTake(int num_rows, int ambient_size, int columns) {
+  const TakeFunction take = BestKernels().find_take(num_rows, ambient_size, columns);
+  return take != nullptr ? take : TakeAny;
+}
+
+bool AreAllWritten(const double* values, int count) {
+  if (internal::BestKernels().are_ordinary(values, count)) {
+    return true;  // as almost all are; NaN and infinity are not
+  }
+  return std::all_of(values, values + count, [](double value) { return std::isfinite(value) && value != kUnwritten; });
+}
+
+void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+  if (map.copies()) {
+    CopyColumns(map.ambient_size, map.tangent_size, J_ambient, num_rows, J_tangent, row_stride);
+    return;
+  }
+  switch (map.kind) {
+    case TangentMap::Kind::kConstant:
+    case TangentMap::Kind::kUnwanted:
+    case TangentMap::Kind::kIdentity:  // is a copy
+      return;
+    case TangentMap::Kind::kSelection:
+      return SelectColumns(map, J_ambient, num_rows, J_tangent, row_stride);
+    case TangentMap::Kind::kDense:
+      return Multiply(map, J_ambient, num_rows, J_tangent, row_stride);
+  }
+}
+
+}  // namespace inceres

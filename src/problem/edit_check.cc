@@ -1,0 +1,190 @@
+// The rules an edit must keep, looked at with its marks laid over the graph.
+#include "problem/edit_check.h"
+
+#include <algorithm>
+#include <cmath>
+#include <new>
+
+#include "problem/find_fault.h"
+
+namespace inceres {
+
+Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed) {
+  removed->clear();
+  if (&edit.graph() != this) {
+    return internal::Invalid("the edit was begun on another graph");
+  }
+  if (edit.revision() != revision_) {
+    return internal::Invalid("the edit was begun at revision " + std::to_string(edit.revision()) +
+                             " of the graph, which is now at revision " + std::to_string(revision_) + ": begin it anew");
+  }
+  edited_ = true;
+  Status status;
+  try {
+    status = internal::EditCheck(this, edit, removed).Run();
+  } catch (const std::bad_alloc&) {
+    status = Status::Error(StatusCode::kUnavailable, "Out of memory.");
+  }
+  if (!status.ok()) {
+    removed->clear();
+  }
+  return status;
+}
+
+namespace internal {
+namespace {
+
+Status CheckFinite(const char* call, VariableId id, const double* values, int size) {
+  for (int k = 0; k < size; ++k) {
+    if (!std::isfinite(values[k])) {
+      return Invalid(std::string(call) + ": value " + std::to_string(k) + " of " + VariableName(id) + " is " +
+                     std::to_string(values[k]));
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
+Status EditCheck::Run() {
+  MarkComers();
+  Status status = MarkGoingFactors();
+  const auto then = [&](auto step) {
+    if (status.ok()) {
+      status = (this->*step)();
+    }
+  };
+  then(&EditCheck::MarkGoingVariables);
+  then(&EditCheck::MarkConstants);
+  then(&EditCheck::CheckComingVariables);
+  then(&EditCheck::CheckComingFactors);
+  then(&EditCheck::CheckFreedVariables);
+  then(&EditCheck::CheckFactorSettings);
+  then(&EditCheck::CheckNewValues);
+  then(&EditCheck::CheckPins);
+  if (status.ok()) {
+    ReserveVariables();
+    ReserveFactors();
+  }
+  return status;
+}
+
+Status EditCheck::CheckComingVariables() const {
+  Status status;
+  for (std::size_t i = 0; status.ok() && i < graph_.comers_.size(); ++i) {
+    const GraphEdit::NewVariable& variable = edit_.new_variables()[i];
+    status = Graph::ValidateVariable(variable.id, graph_.comers_[i], See(variable.id).constant);
+    if (status.ok() && !variable.has_values) {
+      status = Invalid("AddVariable: " + VariableName(variable.id) + " is given a null pointer");
+    }
+    if (status.ok() && !variable.is_borrowed) {
+      status = CheckFinite("AddVariable", variable.id, edit_.values().data() + variable.values, variable.ambient_size);
+    }
+  }
+  return status;
+}
+
+Status EditCheck::CheckComingFactors() const {
+  for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
+    if (factor.id.index < 0) {
+      return Invalid("Connect: there is no family " + std::to_string(factor.id.family));
+    }
+    const FactorFamily& family = graph_.family(factor.id.family);
+    if (family.residual_size() <= 0) {
+      return Invalid(FamilyName(factor.id.family, family) + " has residual size " + std::to_string(family.residual_size()) +
+                     "; it must be positive");
+    }
+    if (factor.num_variables != Graph::Index(family.num_slots())) {
+      return Invalid(FactorName(factor.id) + " is given " + std::to_string(factor.num_variables) + " variables but has " +
+                     std::to_string(family.num_slots()) + " slots");
+    }
+    if (family.size() <= factor.id.index) {
+      return Invalid(FactorName(factor.id) + " has no measurement: the family holds " + std::to_string(family.size()));
+    }
+    Status status = CheckFactor(factor.id, edit_.factor_variables().data() + factor.variables);
+    if (!status.ok()) {
+      return status;
+    }
+  }
+  return Status::Ok();
+}
+
+Status EditCheck::CheckFactor(FactorId id, const VariableId* ids) const {
+  const Graph::FactorFault fault =
+      Graph::FindFault(graph_.family(id.family), ids, [this](VariableId variable) { return See(variable); });
+  return fault.fault == Graph::Fault::kNone ? Status::Ok() : graph_.DescribeFault(id, ids, fault, See(ids[fault.slot]).record);
+}
+
+// A variable that was constant and no longer will be: its own factors were let through with rules only a constant may break.
+Status EditCheck::CheckFreedVariables() {
+  for (const auto& [id, constant] : edit_.constants()) {
+    Graph::VariableMark& mark = graph_.marks_[Graph::Index(id)];
+    if (mark.checked || mark.constant != 0 || mark.new_variable >= 0 || graph_.IsConstant(id) == See(id).constant) {
+      continue;
+    }
+    mark.checked = true;
+    graph_.TrackFactors();
+    Status status = Graph::ValidateVariable(id, graph_.variables_[Graph::Index(id)], /*constant=*/false);
+    status = status.ok() ? CheckFreedFactors(id) : status;
+    if (!status.ok()) {
+      return Invalid("SetConstant(" + std::to_string(id) + ", false): " + status.message);
+    }
+  }
+  return Status::Ok();
+}
+
+Status EditCheck::CheckFreedFactors(VariableId id) const {
+  Status status;
+  graph_.ForEachFactorOf(id, [&](FactorId factor) {
+    if (status.ok() && PlaceOf(factor) == Graph::Place::kIncremental) {
+      status = CheckFactor(factor, graph_.Variables(factor.family, factor.index));
+    }
+  });
+  return status;
+}
+
+Status EditCheck::CheckFactorSettings() const {
+  Status status;
+  for (std::size_t i = 0; status.ok() && i < edit_.losses().size(); ++i) {
+    status = CheckFactorId("SetLoss", edit_.losses()[i].first, /*may_come=*/true);
+  }
+  for (std::size_t i = 0; status.ok() && i < edit_.measurements().size(); ++i) {
+    status = CheckFactorId("SetMeasurement", edit_.measurements()[i].first, /*may_come=*/true);
+  }
+  return status;
+}
+
+Status EditCheck::CheckNewValues() const {
+  for (const auto& [id, offset] : edit_.new_values()) {
+    Status status = CheckVariableId("SetValues", id, /*may_come=*/true);
+    if (status.ok()) {
+      const Graph::VariableRecord& variable = *See(id).record;
+      if (variable.offset < 0) {
+        status = Invalid("SetValues: " + VariableName(id) + " is a borrowed constant: its values are their owner's to change");
+      } else if (offset == GraphEdit::kNoValues) {
+        status = Invalid("SetValues: " + VariableName(id) + " is given a null pointer");
+      } else {
+        status = CheckFinite("SetValues", id, edit_.values().data() + offset, variable.ambient_size);
+      }
+    }
+    if (!status.ok()) {
+      return status;
+    }
+  }
+  return Status::Ok();
+}
+
+Status EditCheck::CheckPins() const {
+  Status status;
+  for (std::size_t i = 0; status.ok() && i < edit_.pins().size(); ++i) {
+    const auto& [id, offset] = edit_.pins()[i];
+    status = CheckVariableId("PinLinearization", id, /*may_come=*/true);
+    if (status.ok() && offset != GraphEdit::kNoValues) {
+      status = CheckFinite("PinLinearization", id, edit_.values().data() + offset, See(id).record->ambient_size);
+    }
+  }
+  return status;
+}
+
+}  // namespace internal
+}  // namespace inceres

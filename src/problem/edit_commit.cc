@@ -1,0 +1,201 @@
+// Room for an edit, made while it may still fail, and the edit itself, which then cannot.
+#include <algorithm>
+#include <cassert>
+
+#include "problem/edit_check.h"
+
+namespace inceres {
+namespace internal {
+namespace {
+
+// As push_back grows: a plain reserve would move everything at each edit.
+template <typename T>
+void ReserveRoom(std::vector<T>* values, std::size_t size) {
+  if (values->capacity() < size) {
+    values->reserve(std::max(size, 2 * values->capacity()));
+  }
+}
+
+}  // namespace
+
+void EditCheck::ReserveVariables() const {
+  const std::size_t num_variables = graph_.variables_.size() + edit_.new_variables().size();
+  ReserveRoom(&graph_.variables_, num_variables);
+  ReserveRoom(&graph_.state_, graph_.state_.size() + edit_.values().size());
+  if (graph_.tracked_) {
+    ReserveRoom(&graph_.first_touches_, num_variables);
+  }
+  for (const VariableId id : edit_.removed_variables()) {
+    const Graph::VariableRecord& variable = graph_.variables_[Graph::Index(id)];
+    std::vector<VariableId>& ids = graph_.free_variables_[Graph::FreeKey(variable.ambient_size, variable.offset < 0)];
+    ReserveRoom(&ids, ids.size() + edit_.removed_variables().size());
+  }
+}
+
+void EditCheck::ReserveFactors() const {
+  for (const FactorId id : removed_) {
+    std::vector<std::int32_t>& places = graph_.families_[Graph::Index(id.family)].free_places;
+    ReserveRoom(&places, places.size() + removed_.size());
+  }
+  for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
+    Graph::FamilyRecord& record = graph_.families_[Graph::Index(factor.id.family)];
+    const std::size_t num_places = record.places.size();  // those that come included
+    const std::size_t num_entries = num_places * Graph::Index(record.family->num_slots());
+    ReserveRoom(&record.variables, num_entries);
+    if (factor.loss != nullptr || !record.losses.empty()) {
+      ReserveRoom(&record.losses, num_places);
+    }
+    if (graph_.tracked_) {
+      ReserveRoom(&record.links, num_entries);
+    }
+  }
+  for (const auto& [id, loss] : edit_.losses()) {
+    Graph::FamilyRecord& record = graph_.families_[Graph::Index(id.family)];
+    if (loss != nullptr || !record.losses.empty()) {
+      ReserveRoom(&record.losses, std::max(record.places.size(), Graph::Index(record.num_factors)));
+    }
+  }
+}
+
+/// Carries out one checked edit, in the order that GraphEdit documents. What is freed enters the free lists last: the edit's own
+/// ids were taken from them as they were before.
+class EditCommit {
+ public:
+  EditCommit(FactorGraph* graph, const GraphEdit& edit, const std::vector<FactorId>& removed)
+      : graph_(*graph), edit_(edit), removed_(removed) {}
+
+  void Run() {
+    std::for_each(removed_.begin(), removed_.end(), [this](FactorId id) { RemoveFactor(id); });
+    for (const VariableId id : edit_.removed_variables()) {
+      RemoveVariable(id);
+    }
+    for (const GraphEdit::NewVariable& variable : edit_.new_variables()) {
+      AddVariable(variable);
+    }
+    for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
+      AddFactor(factor);
+    }
+    Settle();
+    Free();
+    ++graph_.revision_;
+  }
+
+ private:
+  using Graph = FactorGraph;
+
+  void RemoveFactor(FactorId id) {
+    Graph::FamilyRecord& record = graph_.families_[Graph::Index(id.family)];
+    if (graph_.tracked_) {
+      graph_.UnlinkFactor(id.family, id.index);
+    }
+    const int num_slots = record.family->num_slots();
+    std::fill_n(record.variables.begin() + static_cast<std::ptrdiff_t>(id.index) * num_slots, num_slots, -1);
+    record.places[Graph::Index(id.index)] = Graph::Place::kFree;
+    graph_.SetLoss(id.family, id.index, nullptr);
+  }
+
+  // The room keeps zeros, so that a look for values that are not finite may run over all of the state.
+  void RemoveVariable(VariableId id) {
+    Graph::VariableRecord& variable = graph_.variables_[Graph::Index(id)];
+    if (variable.offset >= 0) {
+      std::fill_n(graph_.state_.begin() + variable.offset, variable.ambient_size, 0.0);
+    }
+    variable.borrowed = nullptr;
+    variable.manifold = nullptr;
+    variable.tangent_size = 0;
+    variable.role = Role::kFrame;
+    variable.constant = true;
+    variable.removed = true;
+    graph_.bounds_.erase(id);
+    graph_.pins_.erase(id);
+    ++graph_.num_removed_variables_;
+  }
+
+  void AddVariable(const GraphEdit::NewVariable& added) {
+    Graph::VariableRecord record = added.is_borrowed ? Graph::MakeBorrowed(added.borrowed, added.ambient_size)
+                                                     : Graph::MakeOwned(added.ambient_size, added.role, added.manifold);
+    const double* values = edit_.values().data() + added.values;
+    if (added.id == graph_.num_variables()) {
+      graph_.AppendVariable(std::move(record), values);
+      return;
+    }
+    Graph::VariableRecord& variable = graph_.variables_[Graph::Index(added.id)];
+    std::vector<VariableId>& ids = graph_.free_variables_.at(Graph::FreeKey(added.ambient_size, added.is_borrowed));
+    assert(variable.removed && ids.back() == added.id);
+    ids.pop_back();
+    --graph_.num_removed_variables_;
+    record.offset = variable.offset;
+    variable = std::move(record);
+    graph_.SetValues(added.id, values);
+  }
+
+  void AddFactor(const GraphEdit::NewFactor& added) {
+    const VariableId* ids = edit_.factor_variables().data() + added.variables;
+    Graph::FamilyRecord& record = graph_.families_[Graph::Index(added.id.family)];
+    if (added.id.index == record.num_factors) {
+      graph_.AppendFactor(added.id.family, ids, added.loss);
+      return;
+    }
+    assert(record.free_places.back() == added.id.index);
+    record.free_places.pop_back();
+    record.places[Graph::Index(added.id.index)] = Graph::Place::kIncremental;
+    const auto num_slots = static_cast<std::ptrdiff_t>(added.num_variables);
+    std::copy_n(ids, num_slots, record.variables.begin() + added.id.index * num_slots);
+    graph_.SetLoss(added.id.family, added.id.index, added.loss);
+    if (graph_.tracked_) {
+      graph_.LinkFactor(added.id.family, added.id.index);
+    }
+  }
+
+  void Settle() {
+    for (const auto& [id, loss] : edit_.losses()) {
+      graph_.SetLoss(id.family, id.index, loss);
+    }
+    for (const auto& [id, place] : edit_.measurements()) {
+      if (place != nullptr) {
+        place();
+      }
+    }
+    for (const auto& [id, constant] : edit_.constants()) {
+      graph_.SetConstant(id, constant);
+    }
+    for (const auto& [id, offset] : edit_.new_values()) {
+      graph_.SetValues(id, edit_.values().data() + offset);
+    }
+    for (const auto& [id, offset] : edit_.pins()) {
+      graph_.PinLinearization(id, offset == GraphEdit::kNoValues ? nullptr : edit_.values().data() + offset);
+    }
+  }
+
+  void Free() {
+    for (const FactorId id : removed_) {
+      graph_.families_[Graph::Index(id.family)].free_places.push_back(id.index);
+    }
+    for (const VariableId id : edit_.removed_variables()) {
+      const Graph::VariableRecord& variable = graph_.variables_[Graph::Index(id)];
+      graph_.free_variables_.at(Graph::FreeKey(variable.ambient_size, variable.offset < 0)).push_back(id);
+    }
+  }
+
+  Graph& graph_;
+  const GraphEdit& edit_;
+  const std::vector<FactorId>& removed_;
+};
+
+}  // namespace internal
+
+void FactorGraph::Commit(const GraphEdit& edit, const std::vector<FactorId>& removed) {
+  assert(&edit.graph() == this && edit.revision() == revision_);
+  internal::EditCommit(this, edit, removed).Run();
+}
+
+Status FactorGraph::Apply(const GraphEdit& edit) {
+  std::vector<FactorId> removed;
+  Status status = Check(edit, &removed);
+  if (status.ok()) {
+    Commit(edit, removed);
+  }
+  return status;
+}
+
+}  // namespace inceres

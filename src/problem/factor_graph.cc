@@ -1,0 +1,254 @@
+#include "inceres/problem/factor_graph.h"
+
+#include <algorithm>
+#include <cassert>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "problem/find_fault.h"
+
+namespace inceres {
+
+using internal::FamilyName;
+using internal::Invalid;
+
+namespace {
+
+std::string CountAndList(const std::vector<VariableId>& variables) {
+  constexpr std::size_t kMaxListed = 8;
+  std::string text = std::to_string(variables.size()) + (variables.size() == 1 ? " variable" : " variables");
+  for (std::size_t i = 0; i < std::min(variables.size(), kMaxListed); ++i) {
+    text += (i == 0 ? " (" : ", ") + std::to_string(variables[i]);
+  }
+  return text + (variables.empty() ? "" : variables.size() > kMaxListed ? ", …)" : ")");
+}
+
+// "2 slots (of 9, 3 values)".
+std::string DescribeSlots(const FactorFamily& family) {
+  std::string text = std::to_string(family.num_slots()) + (family.num_slots() == 1 ? " slot" : " slots");
+  for (int s = 0; s < family.num_slots(); ++s) {
+    text += (s == 0 ? " (of " : ", ") + std::to_string(family.slot(s).ambient_size);
+  }
+  return text + (family.num_slots() == 0 ? "" : " values)");
+}
+
+}  // namespace
+
+FactorGraph::VariableRecord FactorGraph::MakeOwned(int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
+  VariableRecord variable;
+  variable.ambient_size = ambient_size;
+  variable.tangent_size = manifold == nullptr ? ambient_size : manifold->TangentSize();
+  variable.role = role;
+  variable.manifold = std::move(manifold);
+  return variable;
+}
+
+FactorGraph::VariableRecord FactorGraph::MakeBorrowed(const double* values, int ambient_size) {
+  VariableRecord variable;
+  variable.offset = -1;
+  variable.borrowed = values;
+  variable.ambient_size = ambient_size;
+  variable.constant = true;
+  return variable;
+}
+
+VariableId FactorGraph::AppendVariable(VariableRecord variable, const double* values) {
+  if (variable.offset >= 0) {
+    variable.offset = static_cast<std::int64_t>(state_.size());
+    const std::size_t num_values = static_cast<std::size_t>(std::max(variable.ambient_size, 0));
+    if (values != nullptr) {
+      state_.insert(state_.end(), values, values + num_values);
+    } else {
+      // Nothing is checked here: Validate() finds the NaN and names the variable.
+      state_.insert(state_.end(), num_values, std::numeric_limits<double>::quiet_NaN());
+    }
+  }
+  variables_.push_back(std::move(variable));
+  if (tracked_) {
+    first_touches_.emplace_back();
+  }
+  return num_variables() - 1;
+}
+
+VariableId FactorGraph::AddVariable(const double* values, int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
+  ++revision_;
+  return AppendVariable(MakeOwned(ambient_size, role, std::move(manifold)), values);
+}
+
+VariableId FactorGraph::AddBorrowedConstant(const double* values, int ambient_size) {
+  ++revision_;
+  return AppendVariable(MakeBorrowed(values, ambient_size), nullptr);
+}
+
+FamilyId FactorGraph::AddFamily(std::shared_ptr<const FactorFamily> family) {
+  if (family == nullptr) {
+    Misused("AddFamily: the family is a null pointer");
+    return -1;
+  }
+  ++revision_;
+  families_.emplace_back().family = std::move(family);
+  return num_families() - 1;
+}
+
+// False, so that callers can return it.
+bool FactorGraph::Misused(std::string message) {
+  if (misuse_.ok()) {
+    misuse_ = Invalid(std::move(message));
+  }
+  return false;
+}
+
+bool FactorGraph::HasFamily(const char* call, FamilyId id) {
+  return (id >= 0 && id < num_families()) || Misused(std::string(call) + ": there is no family " + std::to_string(id) +
+                                                     "; the graph has " + std::to_string(num_families()));
+}
+
+bool FactorGraph::CanAddFactor(FamilyId id, const FactorFamily& given, const std::vector<VariableId>& variables) {
+  if (!HasFamily("AddFactor", id)) {
+    return false;
+  }
+  if (&given != &family(id)) {
+    return Misused("AddFactor: " + FamilyName(id, family(id)) + " is not the family given with that id (" + given.Name() + ")");
+  }
+  return variables.size() == Index(given.num_slots()) ||
+         Misused("AddFactor: a factor of " + FamilyName(id, given) + " is given " + CountAndList(variables) + " but has " +
+                 DescribeSlots(given));
+}
+
+int FactorGraph::Connect(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss) {
+  if (!HasFamily("Connect", family)) {
+    return -1;
+  }
+  ++revision_;
+  return AppendFactor(family, variables, std::move(loss));
+}
+
+void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables,
+                              std::vector<std::shared_ptr<const Loss>> losses) {
+  if (variables.empty() || !HasFamily("ConnectMany", family)) {
+    return;
+  }
+  FamilyRecord& record = families_[Index(family)];
+  const std::size_t num_slots = Index(record.family->num_slots());
+  const std::size_t count = num_slots == 0 ? 0 : variables.size() / num_slots;
+  if (count * num_slots != variables.size()) {
+    Misused("ConnectMany: factors of " + FamilyName(family, *record.family) + " have " + DescribeSlots(*record.family) +
+            ", and " + std::to_string(variables.size()) + " variables are not so many each");
+    return;
+  }
+  if (!losses.empty() && losses.size() != count) {
+    Misused("ConnectMany: " + std::to_string(count) + " factors of " + FamilyName(family, *record.family) + " are given " +
+            std::to_string(losses.size()) + " losses");
+    return;
+  }
+  if (record.num_factors > 0 || tracked_) {
+    for (std::size_t i = 0; i < count; ++i) {
+      Connect(family, variables.data() + i * num_slots, losses.empty() ? nullptr : std::move(losses[i]));
+    }
+    return;
+  }
+  ++revision_;
+  record.variables = std::move(variables);
+  record.losses = std::move(losses);
+  record.num_factors = static_cast<int>(count);
+}
+
+int FactorGraph::AppendFactor(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss) {
+  FamilyRecord& record = families_[Index(family)];
+  const int num_slots = record.family->num_slots();
+  for (int s = 0; s < num_slots; ++s) {  // an insertion of the range takes longer
+    record.variables.push_back(variables[s]);
+  }
+  if (loss != nullptr || !record.losses.empty()) {
+    record.losses.resize(Index(record.num_factors));  // the first loss of the family: the factors before it have none
+    record.losses.push_back(std::move(loss));
+  }
+  if (!record.places.empty()) {
+    record.places.push_back(Place::kIncremental);
+  }
+  const int factor = record.num_factors++;
+  if (tracked_) {
+    record.links.resize(record.variables.size());
+    LinkFactor(family, factor);
+  }
+  return factor;
+}
+
+void FactorGraph::SetLoss(FamilyId family, int factor, std::shared_ptr<const Loss> loss) {
+  FamilyRecord& record = families_[Index(family)];
+  if (loss != nullptr || !record.losses.empty()) {
+    record.losses.resize(Index(record.num_factors));
+    record.losses[Index(factor)] = std::move(loss);
+  }
+}
+
+void FactorGraph::SetBounds(VariableId id, const double* lower, const double* upper) {
+  constexpr double kMax = std::numeric_limits<double>::max();
+  assert(id >= 0 && id < num_variables() && "FactorGraph::SetBounds: no such variable");
+  const std::size_t size = Index(AmbientSize(id));
+  VariableBounds bounds;
+  bounds.lower = lower != nullptr ? std::vector<double>(lower, lower + size) : std::vector<double>(size, -kMax);
+  bounds.upper = upper != nullptr ? std::vector<double>(upper, upper + size) : std::vector<double>(size, kMax);
+  // A NaN stays, for Validate() to find.
+  const bool none = std::all_of(bounds.lower.begin(), bounds.lower.end(), [](double b) { return b <= -kMax; }) &&
+                    std::all_of(bounds.upper.begin(), bounds.upper.end(), [](double b) { return b >= kMax; });
+  if (none) {
+    bounds_.erase(id);
+  } else {
+    bounds_[id] = std::move(bounds);
+  }
+}
+
+void FactorGraph::PinLinearization(VariableId id, const double* values) {
+  assert(id >= 0 && id < num_variables() && "FactorGraph::PinLinearization: no such variable");
+  if (values == nullptr) {
+    pins_.erase(id);
+  } else {
+    pins_[id].assign(values, values + AmbientSize(id));
+  }
+}
+
+void FactorGraph::SetValues(VariableId id, const double* values) {
+  const VariableRecord& variable = variables_[Index(id)];
+  if (variable.offset >= 0) {
+    std::copy_n(values, variable.ambient_size, state_.begin() + variable.offset);
+  }
+}
+
+void FactorGraph::Reserve(int num_variables, int num_values) {
+  variables_.reserve(Index(num_variables));
+  state_.reserve(Index(num_values));
+}
+
+int FactorGraph::num_factors() const {
+  int count = 0;
+  for (const FamilyRecord& record : families_) {
+    count += record.num_factors - static_cast<int>(record.free_places.size());
+  }
+  return count;
+}
+
+bool FactorGraph::HasFactor(FamilyId id, int factor) const {
+  if (id < 0 || id >= num_families()) {
+    return false;
+  }
+  const FamilyRecord& record = families_[Index(id)];
+  return factor >= 0 && factor < record.num_factors &&
+         (record.places.empty() || record.places[Index(factor)] == Place::kIncremental);
+}
+
+VariableId FactorGraph::FreeVariable(int ambient_size, bool borrowed, int k) const {
+  const auto found = ambient_size > 0 ? free_variables_.find(FreeKey(ambient_size, borrowed)) : free_variables_.end();
+  if (found == free_variables_.end() || Index(k) >= found->second.size()) {
+    return -1;
+  }
+  return found->second[found->second.size() - 1 - Index(k)];
+}
+
+std::int32_t FactorGraph::FreePlace(FamilyId id, int k) const {
+  const std::vector<std::int32_t>& places = families_[Index(id)].free_places;
+  return Index(k) < places.size() ? places[places.size() - 1 - Index(k)] : -1;
+}
+
+}  // namespace inceres

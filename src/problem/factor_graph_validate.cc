@@ -1,0 +1,201 @@
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "inceres/problem/factor_graph.h"
+#include "problem/find_fault.h"
+
+namespace inceres {
+
+using internal::AllFinite;
+using internal::FamilyName;
+using internal::Invalid;
+using internal::VariableName;
+
+namespace {
+
+constexpr int kMaxLandmarkTangentSize = 4;
+
+}  // namespace
+
+// x·0 is NaN for a NaN and for an infinity; four sums hide the latency of the addition.
+bool internal::AllFinite(const double* values, std::size_t count) {
+  double sums[4] = {0.0, 0.0, 0.0, 0.0};
+  std::size_t k = 0;
+  for (; k + 4 <= count; k += 4) {
+    for (std::size_t lane = 0; lane < 4; ++lane) {
+      sums[lane] += values[k + lane] * 0.0;
+    }
+  }
+  for (; k < count; ++k) {
+    sums[0] += values[k] * 0.0;
+  }
+  return (sums[0] + sums[1]) + (sums[2] + sums[3]) == 0.0;
+}
+
+Status FactorGraph::Validate() const {
+  if (!misuse_.ok()) {
+    return misuse_;
+  }
+  for (VariableId id = 0; id < num_variables(); ++id) {
+    const VariableRecord& variable = variables_[Index(id)];
+    const bool ordinary = variable.ambient_size > 0 && variable.manifold == nullptr && variable.offset >= 0 &&
+                          (variable.role == Role::kFrame || variable.tangent_size <= kMaxLandmarkTangentSize);
+    if (ordinary || variable.removed) {
+      continue;
+    }
+    Status status = ValidateVariable(id, variable, IsConstant(id));
+    if (!status.ok()) {
+      return status;
+    }
+  }
+  Status status = AllFinite(state_.data(), state_.size()) ? Status::Ok() : ValidateValues();
+  for (auto bounded = bounds_.begin(); status.ok() && bounded != bounds_.end(); ++bounded) {
+    status = ValidateBounds(bounded->first, bounded->second);
+  }
+  for (FamilyId id = 0; status.ok() && id < num_families(); ++id) {
+    status = ValidateFamily(id);
+  }
+  return status;
+}
+
+Status FactorGraph::ValidateVariable(VariableId id, const VariableRecord& variable, bool constant) {
+  if (variable.ambient_size <= 0) {
+    return Invalid(VariableName(id) + " has ambient size " + std::to_string(variable.ambient_size) + "; it must be positive");
+  }
+  if (variable.offset < 0 && variable.borrowed == nullptr) {
+    return Invalid(VariableName(id) + " is a borrowed constant with a null pointer to its values");
+  }
+  if (variable.offset < 0 && !AllFinite(variable.borrowed, Index(variable.ambient_size))) {
+    return Invalid(VariableName(id) + " is a borrowed constant with a value that is not finite");
+  }
+  if (variable.manifold != nullptr && variable.manifold->AmbientSize() != variable.ambient_size) {
+    return Invalid(VariableName(id) + " has " + std::to_string(variable.ambient_size) +
+                   " values but its manifold has ambient size " + std::to_string(variable.manifold->AmbientSize()));
+  }
+  if (variable.tangent_size < 0 || variable.tangent_size > variable.ambient_size) {
+    return Invalid(VariableName(id) + " has tangent size " + std::to_string(variable.tangent_size) +
+                   "; it must lie between 0 and its ambient size " + std::to_string(variable.ambient_size));
+  }
+  if (variable.role == Role::kLandmark && !constant && variable.tangent_size > kMaxLandmarkTangentSize) {
+    return Invalid(VariableName(id) + " is a landmark of tangent size " + std::to_string(variable.tangent_size) +
+                   "; landmarks have at most " + std::to_string(kMaxLandmarkTangentSize) + ": make it a frame");
+  }
+  return Status::Ok();
+}
+
+Status FactorGraph::ValidateValues() const {
+  for (VariableId id = 0; id < num_variables(); ++id) {
+    const VariableRecord& variable = variables_[Index(id)];
+    for (int k = 0; !variable.removed && variable.offset >= 0 && k < variable.ambient_size; ++k) {
+      const double value = state_[static_cast<std::size_t>(variable.offset + k)];
+      if (!std::isfinite(value)) {
+        return Invalid("value " + std::to_string(k) + " of " + VariableName(id) + " is " + std::to_string(value));
+      }
+    }
+  }
+  return Status::Ok();
+}
+
+// As in Ceres: a variable starts anywhere, for it is projected; a constant cannot be.
+Status FactorGraph::ValidateBounds(VariableId id, const VariableBounds& bounds) const {
+  const double* values = Values(id);
+  for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
+    const double lower = bounds.lower[k];
+    const double upper = bounds.upper[k];
+    const std::string entry = "value " + std::to_string(k) + " of " + VariableName(id);
+    if (std::isnan(lower) || std::isnan(upper)) {
+      return Invalid(entry + " has a bound that is not a number");
+    }
+    if (!IsConstant(id) && !(lower < upper)) {
+      return Invalid(entry + " has the lower bound " + std::to_string(lower) + ", which is not below its upper bound " +
+                     std::to_string(upper));
+    }
+    if (IsConstant(id) && (values[k] < lower || values[k] > upper)) {
+      return Invalid(entry + " is constant at " + std::to_string(values[k]) + ", outside its bounds " + std::to_string(lower) +
+                     " and " + std::to_string(upper));
+    }
+  }
+  return Status::Ok();
+}
+
+Status FactorGraph::ValidateFamily(FamilyId id) const {
+  const FamilyRecord& record = families_[Index(id)];
+  const FactorFamily& family = *record.family;
+  if (family.residual_size() <= 0) {
+    return Invalid(FamilyName(id, family) + " has residual size " + std::to_string(family.residual_size()) +
+                   "; it must be positive");
+  }
+  if (family.size() < record.num_factors || (family.size() > record.num_factors && !edited_)) {
+    return Invalid(FamilyName(id, family) + " holds " + std::to_string(family.size()) + " measurements but " +
+                   std::to_string(record.num_factors) + " factors are connected");
+  }
+  const int num_slots = family.num_slots();
+  const bool all_live = record.places.empty();
+  const VariableId* ids = record.variables.data();
+  const bool all_alike = all_live && record.num_factors > 0 && std::equal(ids + num_slots, ids + record.variables.size(), ids);
+  const int num_different = all_alike ? 1 : record.num_factors;
+  for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
+    if (!all_live && record.places[Index(factor)] == Place::kFree) {
+      continue;
+    }
+    bool as_before = factor > 0 && num_slots > 0 && ids[0] >= 0;  // then that one was found to be in order
+    for (int s = 0; as_before && s < num_slots; ++s) {
+      as_before = ids[s] == ids[s - num_slots];
+    }
+    if (as_before) {
+      continue;
+    }
+    const FactorFault fault = FindFault(family, ids, [this](VariableId variable) { return See(variable); });
+    if (fault.fault != Fault::kNone) {
+      const VariableId culprit = ids[fault.slot];
+      const bool known = culprit >= 0 && culprit < num_variables();
+      return DescribeFault({id, factor}, ids, fault, known ? &variables_[Index(culprit)] : nullptr);
+    }
+  }
+  return Status::Ok();
+}
+
+Status FactorGraph::DescribeFault(FactorId id, const VariableId* ids, FactorFault fault, const VariableRecord* culprit) const {
+  const FactorFamily::Slot& slot = family(id.family).slot(fault.slot);
+  const VariableId variable = ids[fault.slot];
+  const std::string where = DescribeFactor(id, ids) + ": slot " + std::to_string(fault.slot);
+  switch (fault.fault) {
+    case Fault::kDanglingId:
+      return Invalid(where + " names variable " + std::to_string(variable) + ", but the graph has " +
+                     std::to_string(num_variables()) + " variables");
+    case Fault::kRemoved:
+      return Invalid(where + " names " + VariableName(variable) + ", which has been removed");
+    case Fault::kGoing:
+      return Invalid(where + " names " + VariableName(variable) + ", which the same edit removes");
+    case Fault::kAmbientSize:
+      return Invalid(where + " has ambient size " + std::to_string(slot.ambient_size) + " but " + VariableName(variable) +
+                     " has " + std::to_string(culprit->ambient_size) + " values");
+    case Fault::kTangentSize:
+      return Invalid(where + " has tangent size " + std::to_string(slot.tangent_size) + " but " + VariableName(variable) +
+                     " has " + std::to_string(culprit->tangent_size) + "; is the manifold the family expects set?");
+    case Fault::kRepeated:
+      return Invalid(where + " repeats " + VariableName(variable));
+    case Fault::kTwoLandmarks:
+      return Invalid(where + " is a second landmark (" + VariableName(variable) +
+                     "); a factor touches at most one that is not constant: make the others frames");
+    case Fault::kNone:
+      break;
+  }
+  return Status::Ok();
+}
+
+std::string FactorGraph::DescribeFactor(FamilyId id, int factor) const {
+  return DescribeFactor({id, factor}, Variables(id, factor));
+}
+
+std::string FactorGraph::DescribeFactor(FactorId id, const VariableId* ids) const {
+  const int num_slots = family(id.family).num_slots();
+  std::string text = "factor " + std::to_string(id.index) + " of " + family(id.family).Name() + " (variables ";
+  for (int s = 0; s < num_slots; ++s) {
+    text += (s == 0 ? "" : ", ") + std::to_string(ids[s]);
+  }
+  return text + ")";
+}
+
+}  // namespace inceres

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <string>
+
+#include "inceres/problem/factor_graph.h"
+
+namespace inceres {
+namespace internal {
+
+inline Status Invalid(std::string message) {
+  return Status::Error(StatusCode::kInvalidArgument, std::move(message));
+}
+
+inline std::string VariableName(VariableId id) {
+  return "variable " + std::to_string(id);
+}
+
+inline std::string FamilyName(FamilyId id, const FactorFamily& family) {
+  return "family " + std::to_string(id) + " (" + family.Name() + ")";
+}
+
+bool AllFinite(const double* values, std::size_t count);
+
+// Without an early end the compiler compares several at a time: for the factors that touch hundreds of variables.
+inline bool IsAmong(VariableId id, const VariableId* ids, int count) {
+  int found = 0;
+  for (int k = 0; k < count; ++k) {
+    found |= ids[k] == id ? 1 : 0;
+  }
+  return found != 0;
+}
+
+}  // namespace internal
+
+inline FactorGraph::Sight FactorGraph::See(VariableId id) const {
+  if (id < 0 || id >= num_variables()) {
+    return {nullptr, false, Fault::kDanglingId};
+  }
+  const VariableRecord& variable = variables_[Index(id)];
+  return {&variable, variable.constant, variable.removed ? Fault::kRemoved : Fault::kNone};
+}
+
+// The rules of a factor, whether it is there already or comes with an edit: see(id) is the variable as the factor finds it.
+template <typename SeeVariable>
+FactorGraph::FactorFault FactorGraph::FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see) {
+  int num_landmarks = 0;
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const Sight sight = see(ids[s]);
+    if (sight.fault != Fault::kNone) {
+      return {sight.fault, s};
+    }
+    if (internal::IsAmong(ids[s], ids, s)) {
+      return {Fault::kRepeated, s};
+    }
+    const VariableRecord& variable = *sight.record;
+    if (variable.ambient_size != family.slot(s).ambient_size) {
+      return {Fault::kAmbientSize, s};
+    }
+    if (sight.constant || variable.tangent_size == 0) {
+      continue;
+    }
+    if (variable.tangent_size != family.slot(s).tangent_size) {
+      return {Fault::kTangentSize, s};
+    }
+    if (variable.role == Role::kLandmark && ++num_landmarks > 1) {
+      return {Fault::kTwoLandmarks, s};
+    }
+  }
+  return {};
+}
+
+}  // namespace inceres

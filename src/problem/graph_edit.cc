@@ -1,0 +1,117 @@
+#include "inceres/problem/graph_edit.h"
+
+#include <algorithm>
+
+namespace inceres {
+
+GraphEdit::GraphEdit(const FactorGraph& graph) : graph_(&graph), revision_(graph.revision()) {
+}
+
+void GraphEdit::Restart() {
+  revision_ = graph_->revision();
+  num_appended_variables_ = 0;
+  for (auto& [size, taken] : reused_variables_) {
+    taken = 0;
+  }
+  for (auto& [family, taken] : places_) {
+    taken = {0, 0};
+  }
+  new_variables_.clear();
+  new_factors_.clear();
+  factor_variables_.clear();
+  values_.clear();
+  removed_variables_.clear();
+  removed_factors_.clear();
+  losses_.clear();
+  measurements_.clear();
+  constants_.clear();
+  new_values_.clear();
+  pins_.clear();
+}
+
+VariableId GraphEdit::NextVariable(int ambient_size, bool borrowed) {
+  int& taken = reused_variables_[{ambient_size, borrowed}];
+  const VariableId id = graph_->FreeVariable(ambient_size, borrowed, taken);
+  if (id < 0) {
+    return graph_->num_variables() + num_appended_variables_++;
+  }
+  ++taken;
+  return id;
+}
+
+std::int32_t GraphEdit::NextPlace(FamilyId family) {
+  auto& [reused, appended] = places_[family];
+  const std::int32_t place = graph_->FreePlace(family, reused);
+  if (place < 0) {
+    return graph_->NumFactors(family) + appended++;
+  }
+  ++reused;
+  return place;
+}
+
+VariableId GraphEdit::AddVariable(const double* values, int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
+  const VariableId id = NextVariable(ambient_size, /*borrowed=*/false);
+  new_variables_.push_back(
+      {id, ambient_size, values_.size(), nullptr, /*is_borrowed=*/false, values != nullptr, role, std::move(manifold)});
+  if (values != nullptr) {
+    values_.insert(values_.end(), values, values + std::max(ambient_size, 0));
+  }
+  return id;
+}
+
+VariableId GraphEdit::AddBorrowedConstant(const double* values, int ambient_size) {
+  const VariableId id = NextVariable(ambient_size, /*borrowed=*/true);
+  new_variables_.push_back(
+      {id, ambient_size, values_.size(), values, /*is_borrowed=*/true, values != nullptr, Role::kFrame, nullptr});
+  return id;
+}
+
+FactorId GraphEdit::Connect(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss) {
+  const bool known = family >= 0 && family < graph_->num_families();
+  const int num_slots = known ? graph_->family(family).num_slots() : 0;
+  return Connect(family, variables, static_cast<std::size_t>(num_slots), std::move(loss));
+}
+
+FactorId GraphEdit::Connect(FamilyId family, const VariableId* variables, std::size_t num_variables,
+                            std::shared_ptr<const Loss> loss) {
+  const bool known = family >= 0 && family < graph_->num_families();
+  const FactorId id = {family, known ? NextPlace(family) : -1};
+  new_factors_.push_back({id, factor_variables_.size(), num_variables, std::move(loss)});
+  factor_variables_.insert(factor_variables_.end(), variables, variables + num_variables);
+  return id;
+}
+
+int GraphEdit::AmbientSize(VariableId id) const {
+  if (graph_->HasVariable(id)) {
+    return graph_->AmbientSize(id);
+  }
+  // Values are set soon after the variable is added, if ever: look from the back.
+  const auto found = std::find_if(new_variables_.rbegin(), new_variables_.rend(),
+                                  [id](const NewVariable& variable) { return variable.id == id; });
+  return found == new_variables_.rend() ? -1 : found->ambient_size;
+}
+
+std::size_t GraphEdit::Store(VariableId id, const double* values) {
+  const int size = AmbientSize(id);
+  if (values == nullptr || size < 0) {
+    return kNoValues;
+  }
+  const std::size_t offset = values_.size();
+  values_.insert(values_.end(), values, values + size);
+  return offset;
+}
+
+void GraphEdit::SetValues(VariableId id, const double* values) {
+  new_values_.emplace_back(id, Store(id, values));
+}
+
+void GraphEdit::PinLinearization(VariableId id, const double* values) {
+  pins_.emplace_back(id, Store(id, values));
+}
+
+bool GraphEdit::empty() const {
+  return new_variables_.empty() && new_factors_.empty() && removed_variables_.empty() && removed_factors_.empty() &&
+         losses_.empty() && measurements_.empty() && constants_.empty() && new_values_.empty() && pins_.empty();
+}
+
+}  // namespace inceres

@@ -1,0 +1,220 @@
+// The manifolds of plain vectors: Euclidean, subset, product, sphere. Those with rotations are in rotation_manifolds.cc.
+#include "inceres/problem/manifolds.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "inceres/problem/rotation.h"
+
+namespace inceres {
+
+bool EuclideanManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  for (int k = 0; k < size_; ++k) {
+    x_plus_delta[k] = x[k] + delta[k];
+  }
+  return true;
+}
+
+bool EuclideanManifold::PlusJacobian(const double* /*x*/, double* jacobian) const {
+  std::fill_n(jacobian, size_ * size_, 0.0);
+  for (int k = 0; k < size_; ++k) {
+    jacobian[k * size_ + k] = 1.0;
+  }
+  return true;
+}
+
+bool EuclideanManifold::Minus(const double* y, const double* x, double* delta) const {
+  for (int k = 0; k < size_; ++k) {
+    delta[k] = y[k] - x[k];
+  }
+  return true;
+}
+
+SubsetManifold::SubsetManifold(int size, const std::vector<int>& constant_indices) : size_(size) {
+  std::vector<char> constant(static_cast<std::size_t>(std::max(size, 0)), 0);
+  for (const int index : constant_indices) {
+    if (index < 0 || index >= size) {
+      valid_ = false;
+    } else {
+      constant[static_cast<std::size_t>(index)] = 1;
+    }
+  }
+  for (int k = 0; k < size; ++k) {
+    if (constant[static_cast<std::size_t>(k)] == 0) {
+      free_.push_back(k);
+    }
+  }
+}
+
+bool SubsetManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  std::copy_n(x, x == x_plus_delta ? 0 : size_, x_plus_delta);
+  for (const int k : free_) {
+    x_plus_delta[k] += *delta++;
+  }
+  return valid_;
+}
+
+bool SubsetManifold::PlusJacobian(const double* /*x*/, double* jacobian) const {
+  const int tangent_size = TangentSize();
+  std::fill_n(jacobian, size_ * tangent_size, 0.0);
+  for (int c = 0; c < tangent_size; ++c) {
+    jacobian[free_[static_cast<std::size_t>(c)] * tangent_size + c] = 1.0;
+  }
+  return valid_;
+}
+
+bool SubsetManifold::Minus(const double* y, const double* x, double* delta) const {
+  for (const int k : free_) {
+    *delta++ = y[k] - x[k];
+  }
+  return valid_;
+}
+
+ProductManifold::ProductManifold(std::vector<std::shared_ptr<const Manifold>> components) : components_(std::move(components)) {
+  for (const std::shared_ptr<const Manifold>& component : components_) {
+    if (component != nullptr) {
+      ambient_size_ += component->AmbientSize();
+      tangent_size_ += component->TangentSize();
+    }
+  }
+}
+
+bool ProductManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  for (const std::shared_ptr<const Manifold>& component : components_) {
+    if (component == nullptr) {
+      return false;
+    }
+    // A component without degrees of freedom is a constant: its Plus is never called, only its values are kept.
+    if (component->TangentSize() == 0) {
+      std::copy_n(x, x == x_plus_delta ? 0 : component->AmbientSize(), x_plus_delta);
+    } else if (!component->Plus(x, delta, x_plus_delta)) {
+      return false;
+    }
+    x += component->AmbientSize();
+    delta += component->TangentSize();
+    x_plus_delta += component->AmbientSize();
+  }
+  return true;
+}
+
+bool ProductManifold::Minus(const double* y, const double* x, double* delta) const {
+  for (const std::shared_ptr<const Manifold>& component : components_) {
+    if (component == nullptr || (component->TangentSize() > 0 && !component->Minus(y, x, delta))) {
+      return false;
+    }
+    y += component->AmbientSize();
+    x += component->AmbientSize();
+    delta += component->TangentSize();
+  }
+  return true;
+}
+
+bool ProductManifold::PlusJacobian(const double* x, double* jacobian) const {
+  int first_column = 0;
+  for (const std::shared_ptr<const Manifold>& component : components_) {
+    if (component == nullptr) {
+      return false;
+    }
+    const int rows = component->AmbientSize();
+    const int columns = component->TangentSize();
+    // The component writes its block without gaps at the start of its own rows; from the last row up, each is then moved to its
+    // place. A row's place never lies before its source, nor over the source of an earlier row, so no scratch is needed.
+    if (columns > 0 && !component->PlusJacobian(x, jacobian)) {
+      return false;
+    }
+    for (int r = rows - 1; r >= 0; --r) {
+      double* row = jacobian + r * tangent_size_;
+      double* block = row + first_column;
+      std::memmove(block, jacobian + r * columns, static_cast<std::size_t>(columns) * sizeof(double));
+      std::fill(row, block, 0.0);
+      std::fill(block + columns, row + tangent_size_, 0.0);
+    }
+    x += rows;
+    jacobian += rows * tangent_size_;
+    first_column += columns;
+  }
+  return true;
+}
+
+namespace {
+
+// The basis B of the complement of x: the first n − 1 columns of the Householder reflection that takes e_n to ∓u, u = x/‖x‖. With
+// v = u ± e_n:  B_ij = δ_ij − v_i u_j / (1 + |u_n|).  The sign is u_n's, so that nothing cancels.
+struct Complement {
+  Complement(const double* x, int n) {
+    for (int k = 0; k < n; ++k) {
+      norm = std::hypot(norm, x[k]);  // neither overflows nor underflows on the way
+    }
+    sign = x[n - 1] < 0.0 ? -1.0 : 1.0;
+    scale = 1.0 / (1.0 + std::fabs(x[n - 1]) / norm);
+  }
+  double norm = 0.0;
+  double sign = 1.0;
+  double scale = 0.0;
+};
+
+}  // namespace
+
+bool SphereManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  const int n = size_;
+  const Complement basis(x, n);
+  double delta_squared = 0.0;
+  double u_dot_delta = 0.0;
+  for (int j = 0; j < n - 1; ++j) {
+    delta_squared += delta[j] * delta[j];
+    u_dot_delta += x[j] / basis.norm * delta[j];
+  }
+  const double angle = std::sqrt(delta_squared);
+  const double cosine = std::cos(angle);
+  const double reach = basis.norm * Sinc(delta_squared, angle);
+  const double along_v = u_dot_delta * basis.scale;
+  for (int i = 0; i < n; ++i) {
+    const double v = x[i] / basis.norm + (i == n - 1 ? basis.sign : 0.0);
+    const double B_delta = (i < n - 1 ? delta[i] : 0.0) - v * along_v;
+    x_plus_delta[i] = cosine * x[i] + reach * B_delta;
+  }
+  return basis.norm > 0.0;
+}
+
+bool SphereManifold::PlusJacobian(const double* x, double* jacobian) const {
+  const int n = size_;
+  const Complement basis(x, n);
+  for (int i = 0; i < n; ++i) {
+    const double v = x[i] / basis.norm + (i == n - 1 ? basis.sign : 0.0);
+    for (int j = 0; j < n - 1; ++j) {
+      const double B = (i == j ? 1.0 : 0.0) - v * basis.scale * x[j] / basis.norm;
+      jacobian[i * (n - 1) + j] = basis.norm * B;
+    }
+  }
+  return basis.norm > 0.0;
+}
+
+// With s = Bᵀ y / ‖y‖ and c = u · y / ‖y‖ the angle between x and y is atan2(‖s‖, c), along s.
+bool SphereManifold::Minus(const double* y, const double* x, double* delta) const {
+  const int n = size_;
+  const Complement basis(x, n);
+  double y_norm = 0.0;
+  double cosine = 0.0;
+  double v_dot_y = 0.0;
+  for (int i = 0; i < n; ++i) {
+    const double u = x[i] / basis.norm;
+    y_norm = std::hypot(y_norm, y[i]);
+    cosine += u * y[i];
+    v_dot_y += (u + (i == n - 1 ? basis.sign : 0.0)) * y[i];
+  }
+  double sine = 0.0;
+  for (int j = 0; j < n - 1; ++j) {
+    delta[j] = y[j] - x[j] / basis.norm * basis.scale * v_dot_y;
+    sine = std::hypot(sine, delta[j]);
+  }
+  const bool defined = basis.norm > 0.0 && y_norm > 0.0 && (sine > 0.0 || cosine > 0.0);
+  const double stretch = sine > 0.0 ? std::atan2(sine, cosine) / sine : 1.0 / y_norm;
+  for (int j = 0; j < n - 1; ++j) {
+    delta[j] *= stretch;
+  }
+  return defined;
+}
+
+}  // namespace inceres

@@ -1,0 +1,133 @@
+#include "trust_region/dense_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <type_traits>
+
+#include "linear/small_cholesky.h"
+#include "trust_region/small_qr.h"
+
+namespace inceres::internal {
+namespace {
+
+// Calls visit(size), which is a constant where it is small: then loops are unrolled, in the same order.
+template <typename Visit>
+void WithSize(int size, const Visit& visit) {
+  switch (size) {
+    case 1:
+      return visit(std::integral_constant<int, 1>());
+    case 2:
+      return visit(std::integral_constant<int, 2>());
+    case 3:
+      return visit(std::integral_constant<int, 3>());
+    case 4:
+      return visit(std::integral_constant<int, 4>());
+    default:
+      return visit(size);
+  }
+}
+
+}  // namespace
+
+DenseModel::DenseModel(const Evaluator& evaluator) : LinearModel(evaluator), size_(evaluator.layout().size()) {
+  for (const FamilyCache& cache : evaluator.families()) {
+    num_rows_ += cache.num_blocks() * cache.rows_per_block();
+  }
+  stride_ = DampedColumnStride(num_rows_, size_);
+  const auto size = static_cast<std::size_t>(size_);
+  columns_.resize((size + 1) * stride_);
+  H_.resize((size + 1) * size);
+  L_.resize(size * size);
+  inverse_pivots_.resize(size);
+  gradient_.resize(size);
+  diagonal_.resize(size);
+}
+
+void DenseModel::Refresh() {
+  double* top = columns_.data();
+  const int stride = stride_;
+  for (const FamilyCache& cache : evaluator_.families()) {
+    const int rows = cache.num_blocks() * cache.rows_per_block();
+    BestKernels().rows_to_columns(rows, size_, cache.slots[0].data, cache.slots[0].row_stride, top, stride);
+    std::copy_n(cache.residuals.data(), rows, top + static_cast<std::ptrdiff_t>(size_) * stride);
+    top += rows;
+  }
+  std::fill(H_.begin(), H_.end(), 0.0);
+  BestKernels().subtract_row_dots(size_ + 1, size_, PadToQuad(num_rows_), columns_.data(), stride, columns_.data(), stride,
+                                  H_.data(), size_);
+  for (int k = 0; k < size_; ++k) {
+    gradient_[k] = -H_[size_ * size_ + k];
+    diagonal_[k] = -H_[k * (size_ + 1)];
+  }
+  clock_->Charge(&seconds_->hessian);
+}
+
+RowProducts DenseModel::MultiplyJacobian(const double* v) {
+  return BestKernels().column_products(PadToQuad(num_rows_), size_, columns_.data(), stride_, v);
+}
+
+Status DenseModel::Solve(const double* damping, double* step) {
+  bool factored = false;
+  WithSize(size_, [&](auto size) { factored = FactorAndSolve(size, damping, step); });
+  clock_->Charge(&seconds_->factorization);
+  if (factored) {
+    return Status::Ok();
+  }
+  const auto failed = std::find(inverse_pivots_.begin(), inverse_pivots_.end(), 0.0) - inverse_pivots_.begin();
+  return Status::Error(StatusCode::kSingular, "the normal equations are not positive definite at variable " +
+                                                  std::to_string(VariableAt(static_cast<int>(failed))));
+}
+
+// L Lᵀ = H + Λ and the step; false, with the inverse pivots up to there, at a pivot that is not positive and finite. Size is an
+// int or a constant.
+template <typename Size>
+bool DenseModel::FactorAndSolve(Size size, const double* damping, double* step) {
+  for (int k = 0; k < size * size; ++k) {
+    L_[k] = -H_[k];
+  }
+  for (int k = 0; k < size; ++k) {
+    L_[k * (size + 1)] += damping[k];
+    inverse_pivots_[k] = 0.0;
+  }
+  if (!FactorSmall(size, L_.data(), size, inverse_pivots_.data())) {
+    return false;
+  }
+  for (int k = 0; k < size; ++k) {
+    step[k] = -gradient_[k];
+  }
+  SolveSmall(size, L_.data(), size, inverse_pivots_.data(), step);
+  return true;
+}
+
+VariableId DenseModel::VariableAt(int column) const {
+  const Layout& layout = evaluator_.layout();
+  const auto after = std::upper_bound(layout.packed_offset.begin(), layout.packed_offset.end(), column);
+  return layout.variables[after - layout.packed_offset.begin() - 1];
+}
+
+void DenseModel::Describe(WorkCounts* work) const {
+  work->num_frames = static_cast<int>(evaluator_.layout().variables.size());
+  work->reduced_size = size_;
+  work->bytes += static_cast<std::int64_t>(sizeof(double) * (columns_.size() + H_.size() + L_.size()));
+}
+
+DenseColumnsQrModel::DenseColumnsQrModel(const Evaluator& evaluator) : DenseModel(evaluator) {
+  reflected_.resize(static_cast<std::size_t>(size_ + 1) * stride_);
+  scratch_.resize(2 * size_ + 1);
+}
+
+Status DenseColumnsQrModel::Solve(const double* damping, double* step) {
+  std::copy_n(columns_.begin(), reflected_.size(), reflected_.begin());
+  for (int k = 0; k < size_; ++k) {
+    reflected_[static_cast<std::size_t>(k) * stride_ + num_rows_ + k] = std::sqrt(damping[k]);
+  }
+  SolveDampedColumns(num_rows_, size_, reflected_.data(), scratch_.data(), step);
+  clock_->Charge(&seconds_->factorization);
+  if (!std::all_of(step, step + size_, [](double entry) { return std::isfinite(entry); })) {
+    return Status::Error(StatusCode::kSingular, "the columns of the Jacobian are linearly dependent");
+  }
+  return Status::Ok();
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,79 @@
+#include "trust_region/dense_qr_model.h"
+
+#include <cmath>
+
+#include <Eigen/QR>
+
+namespace inceres::internal {
+
+DenseQrModel::DenseQrModel(const Evaluator& evaluator) : LinearModel(evaluator) {
+  const Layout& layout = evaluator.layout();
+  for (const FamilyCache& cache : evaluator.families()) {
+    num_residuals_ += cache.num_factors * cache.family->residual_size();
+  }
+  packed_of_quad_.assign(layout.quad_offset.back(), 0);
+  for (std::size_t i = 0; i < layout.variables.size(); ++i) {
+    packed_of_quad_[layout.quad_offset[i]] = layout.packed_offset[i];
+  }
+  J_.resize(num_residuals_, layout.size());
+  f_.resize(num_residuals_);
+  gradient_.resize(layout.size());
+  diagonal_.resize(gradient_.size());
+}
+
+void DenseQrModel::Refresh() {
+  J_.setZero();
+  int row = 0;
+  for (const FamilyCache& cache : evaluator_.families()) {
+    const int rows = cache.family->residual_size();
+    const int num_slots = cache.family->num_slots();
+    for (int i = 0; i < cache.num_factors; ++i, row += rows) {
+      f_.segment(row, rows) =
+          Eigen::Map<const Eigen::VectorXd>(cache.residuals.data() + static_cast<std::ptrdiff_t>(i) * rows, rows);
+      for (int s = 0; s < num_slots; ++s) {
+        const int offset =
+            cache
+                .tangent_offsets[static_cast<std::size_t>(i) * static_cast<std::size_t>(num_slots) + static_cast<std::size_t>(s)];
+        if (offset < 0) {
+          continue;
+        }
+        const SlotJacobians& slot = cache.slots[s];
+        const double* block = slot.data + i * slot.factor_stride;
+        const int column = packed_of_quad_[offset];
+        for (int r = 0; r < rows; ++r) {
+          for (int c = 0; c < cache.family->slot(s).tangent_size; ++c) {
+            J_(row + r, column + c) = block[r * slot.row_stride + c];
+          }
+        }
+      }
+    }
+  }
+  Eigen::Map<Eigen::VectorXd>(gradient_.data(), J_.cols()) = J_.transpose() * f_;
+  Eigen::Map<Eigen::VectorXd>(diagonal_.data(), J_.cols()) = J_.colwise().squaredNorm().transpose();
+  clock_->Charge(&seconds_->hessian);
+}
+
+Status DenseQrModel::Solve(const double* damping, double* step) {
+  const Eigen::Index n = J_.cols();
+  stacked_.resize(num_residuals_ + n, n);
+  stacked_.topRows(num_residuals_) = J_;
+  stacked_.bottomRows(n) = Eigen::Map<const Eigen::VectorXd>(damping, n).cwiseSqrt().asDiagonal();
+  Eigen::VectorXd rhs = Eigen::VectorXd::Zero(num_residuals_ + n);
+  rhs.head(num_residuals_) = -f_;
+  const Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(stacked_);
+  Eigen::Map<Eigen::VectorXd> solution(step, n);
+  solution = qr.solve(rhs);
+  clock_->Charge(&seconds_->factorization);
+  if (!solution.allFinite()) {
+    return Status::Error(StatusCode::kSingular, "the columns of the Jacobian are linearly dependent");
+  }
+  return Status::Ok();
+}
+
+void DenseQrModel::Describe(WorkCounts* work) const {
+  work->num_frames = static_cast<int>(evaluator_.layout().variables.size());
+  work->reduced_size = static_cast<int>(J_.cols());
+  work->bytes += static_cast<std::int64_t>(sizeof(double)) * (J_.size() + stacked_.size());
+}
+
+}  // namespace inceres::internal

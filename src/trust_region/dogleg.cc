@@ -1,0 +1,163 @@
+#include "trust_region/dogleg.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numeric>
+
+namespace inceres::internal {
+namespace {
+
+constexpr double kMinMu = 1e-8;
+constexpr double kMaxMu = 1.0;
+constexpr double kMuIncrease = 10.0;
+constexpr double kShrinkBelow = 0.25;
+constexpr double kGrowAbove = 0.75;
+
+double Dot(const std::vector<double>& a, const std::vector<double>& b) {
+  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+}
+
+double Norm(const std::vector<double>& a) {
+  return std::sqrt(Dot(a, a));
+}
+
+}  // namespace
+
+void Dogleg::Start(const SolverOptions& options, const std::vector<double>& scale) {
+  scale_ = &scale;
+  radius_ = options.initial_trust_region_radius;
+  min_diagonal_ = options.min_lm_diagonal;
+  max_diagonal_ = options.max_lm_diagonal;
+  mu_ = kMinMu;
+  reuse_ = false;
+  for (std::vector<double>* vector : {&w_, &gradient_, &gauss_newton_, &scratch_, &p_}) {
+    vector->resize(scale.size());
+  }
+  subspace_.reset();
+  if (options.strategy == TrustRegionStrategyKind::kSubspaceDogleg) {
+    subspace_.emplace();
+  }
+}
+
+Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
+  if (!reuse_) {
+    reuse_ = true;
+    const std::vector<double>& H_diagonal = model->Diagonal();
+    const std::vector<double>& scale = *scale_;
+    for (std::size_t j = 0; j < w_.size(); ++j) {
+      w_[j] = std::sqrt(std::clamp(scale[j] * scale[j] * H_diagonal[j], min_diagonal_, max_diagonal_)) / scale[j];
+    }
+    ComputeGradient(*model);
+    const Status solved = ComputeGaussNewtonStep(model, num_solves);
+    if (!solved.ok()) {
+      return solved;
+    }
+    if (subspace_ && !subspace_->Build(w_, gradient_, gauss_newton_, model)) {
+      return Status::Error(StatusCode::kSingular, "both the gradient and the Gauss-Newton step are zero");
+    }
+  }
+  ChooseWithinRadius(model, step);
+  return Status::Ok();
+}
+
+void Dogleg::ComputeGradient(const LinearModel& model) {
+  const std::vector<double>& g = model.Gradient();
+  std::transform(g.begin(), g.end(), w_.begin(), gradient_.begin(), std::divides<>());
+  alpha_.reset();
+}
+
+// Of a Gauss–Newton step inside the radius nobody asks for it, and it takes a pass over the Jacobians.
+double Dogleg::CauchyStep(LinearModel* model) {
+  if (!alpha_) {
+    std::transform(gradient_.begin(), gradient_.end(), w_.begin(), scratch_.begin(), std::divides<>());
+    alpha_ = Dot(gradient_, gradient_) / model->Quadratic(scratch_.data());
+  }
+  return *alpha_;
+}
+
+Status Dogleg::ComputeGaussNewtonStep(LinearModel* model, int* num_solves) {
+  if (mu_ >= kMaxMu) {
+    return Status::Error(StatusCode::kSingular, "the Gauss-Newton system stays singular up to the largest regularization");
+  }
+  Status solved;
+  while (mu_ < kMaxMu) {
+    for (std::size_t j = 0; j < w_.size(); ++j) {
+      scratch_[j] = mu_ * w_[j] * w_[j];
+    }
+    ++*num_solves;
+    solved = model->Solve(scratch_.data(), gauss_newton_.data());
+    if (solved.ok() && IsFinite(gauss_newton_)) {
+      for (std::size_t j = 0; j < w_.size(); ++j) {
+        gauss_newton_[j] *= w_[j];
+      }
+      return solved;
+    }
+    if (!solved.ok() && solved.code != StatusCode::kSingular) {
+      return solved;
+    }
+    mu_ *= kMuIncrease;
+  }
+  if (solved.ok()) {
+    solved = Status::Error(StatusCode::kSingular, "the Gauss-Newton step is not finite");
+  }
+  return solved;
+}
+
+void Dogleg::ChooseWithinRadius(LinearModel* model, double* step) {
+  gauss_newton_norm_ = Norm(gauss_newton_);
+  step_norm_ = gauss_newton_norm_;
+  if (step_norm_ <= radius_) {
+    p_ = gauss_newton_;
+  } else if (subspace_ && subspace_->MinimizeOnBoundary(radius_, gradient_, p_.data())) {
+    step_norm_ = radius_;
+  } else {
+    FollowTraditionalPath(CauchyStep(model));
+  }
+  std::transform(p_.begin(), p_.end(), w_.begin(), step, std::divides<>());
+}
+
+// The dog-leg point: from zero to the Cauchy point a, on towards the Gauss–Newton point b, which lies outside, up to where this
+// path leaves the sphere.
+void Dogleg::FollowTraditionalPath(double alpha) {
+  const double gradient_norm = Norm(gradient_);
+  if (gradient_norm * alpha >= radius_) {
+    std::transform(gradient_.begin(), gradient_.end(), p_.begin(), [&](double g) { return -radius_ / gradient_norm * g; });
+    step_norm_ = radius_;
+    return;
+  }
+  // Ceres's two-branch formula avoids cancellation.
+  const double b_dot_a = -alpha * Dot(gradient_, gauss_newton_);
+  const double a2 = std::pow(alpha * gradient_norm, 2);
+  const double b_minus_a2 = a2 - 2.0 * b_dot_a + gauss_newton_norm_ * gauss_newton_norm_;
+  const double c = b_dot_a - a2;
+  const double d = std::sqrt(c * c + b_minus_a2 * (radius_ * radius_ - a2));
+  const double beta = c <= 0.0 ? (d - c) / b_minus_a2 : (radius_ * radius_ - a2) / (d + c);
+  for (std::size_t j = 0; j < p_.size(); ++j) {
+    p_[j] = -alpha * (1.0 - beta) * gradient_[j] + beta * gauss_newton_[j];
+  }
+  step_norm_ = Norm(p_);
+}
+
+void Dogleg::StepAccepted(double quality) {
+  if (quality < kShrinkBelow) {
+    radius_ *= 0.5;
+  }
+  if (quality > kGrowAbove) {
+    radius_ = std::max(radius_, 3.0 * step_norm_);
+  }
+  mu_ = std::max(kMinMu, 2.0 * mu_ / kMuIncrease);
+  reuse_ = false;
+}
+
+void Dogleg::StepRejected() {
+  radius_ *= 0.5;
+  reuse_ = true;
+}
+
+void Dogleg::StepIsInvalid() {
+  mu_ *= kMuIncrease;
+  reuse_ = false;
+}
+
+}  // namespace inceres::internal

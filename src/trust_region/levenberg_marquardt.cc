@@ -1,0 +1,39 @@
+#include "trust_region/levenberg_marquardt.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace inceres::internal {
+
+void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<double>& scale) {
+  scale_ = &scale;
+  radius_ = options.initial_trust_region_radius;
+  max_radius_ = options.max_trust_region_radius;
+  min_diagonal_ = options.min_lm_diagonal;
+  max_diagonal_ = options.max_lm_diagonal;
+  decrease_factor_ = 2.0;
+  damping_.resize(scale.size());
+}
+
+// LM damping: Λ_j = clamp(s_j² H_jj) / (r s_j²).
+Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* num_solves) {
+  const std::vector<double>& H_diagonal = model->Diagonal();
+  for (std::size_t j = 0; j < damping_.size(); ++j) {
+    const double s2 = (*scale_)[j] * (*scale_)[j];
+    damping_[j] = std::clamp(s2 * H_diagonal[j], min_diagonal_, max_diagonal_) / (radius_ * s2);
+  }
+  ++*num_solves;
+  return model->Solve(damping_.data(), step);
+}
+
+void LevenbergMarquardt::StepAccepted(double quality) {
+  radius_ = std::min(max_radius_, radius_ / std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * quality - 1.0, 3)));
+  decrease_factor_ = 2.0;
+}
+
+void LevenbergMarquardt::StepRejected() {
+  radius_ /= decrease_factor_;
+  decrease_factor_ *= 2.0;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,29 @@
+#pragma once
+
+#include "trust_region/strategy.h"
+
+namespace inceres::internal {
+
+/// (H + Λ) δ = −g with Λ_j = clamp(s_j² H_jj) / (radius s_j²): Ceres's damping of the scaled columns, in unscaled variables.
+/// Radius rules: Madsen, Nielsen & Tingleff, "Methods for Non-linear Least Squares Problems", 2004, algorithm 3.16.
+class LevenbergMarquardt final : public TrustRegionStrategy {
+ public:
+  bool Serves(TrustRegionStrategyKind kind) const override { return kind == TrustRegionStrategyKind::kLevenbergMarquardt; }
+  void Start(const SolverOptions& options, const std::vector<double>& scale) override;
+  Status ComputeStep(LinearModel* model, double* step, int* num_solves) override;
+  void StepAccepted(double quality) override;
+  void StepRejected() override;
+  void StepIsInvalid() override { StepRejected(); }
+  double Radius() const override { return radius_; }
+
+ private:
+  const std::vector<double>* scale_ = nullptr;
+  double radius_ = 0.0;
+  double max_radius_ = 0.0;
+  double min_diagonal_ = 0.0;
+  double max_diagonal_ = 0.0;
+  double decrease_factor_ = 2.0;
+  std::vector<double> damping_;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,30 @@
+#include "trust_region/linear_model.h"
+
+#include "trust_region/dense_model.h"
+#include "trust_region/dense_qr_model.h"
+#include "trust_region/dynamic_model.h"
+#include "trust_region/schur_model.h"
+
+namespace inceres::internal {
+
+std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, const Evaluator& evaluator, Status* status) {
+  const bool by_qr = options.linear_model == LinearModelKind::kDenseQr;
+  if (evaluator.storage() == JacobianStorage::kWholeRows) {
+    *status = Status::Ok();
+    return by_qr ? std::make_unique<DenseColumnsQrModel>(evaluator) : std::make_unique<DenseModel>(evaluator);
+  }
+  if (by_qr) {
+    *status = Status::Ok();
+    return std::make_unique<DenseQrModel>(evaluator);
+  }
+  if (evaluator.leaves_out_zero_blocks()) {
+    *status = Status::Ok();
+    return std::make_unique<DynamicModel>(options, evaluator);
+  }
+  if (evaluator.layout().num_landmarks() == 0) {
+    return std::make_unique<PlainModel>(options, evaluator, status);
+  }
+  return std::make_unique<SchurModel>(options, evaluator, status);
+}
+
+}  // namespace inceres::internal

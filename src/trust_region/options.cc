@@ -1,0 +1,64 @@
+#include "inceres/solver/options.h"
+
+#include <sstream>
+
+namespace inceres {
+namespace {
+
+template <typename T>
+Status Require(bool condition, const char* name, const T& value, const char* rule) {
+  if (condition) {
+    return Status::Ok();
+  }
+  std::ostringstream text;
+  text << "SolverOptions::" << name << " = " << value << " but must be " << rule;
+  return Status::Error(StatusCode::kInvalidArgument, text.str());
+}
+
+}  // namespace
+
+Status SolverOptions::Validate() const {
+  const Status checks[] = {
+      Require(!dynamic_sparsity || linear_model == LinearModelKind::kAutomatic || linear_model == LinearModelKind::kPlain,
+              "dynamic_sparsity", dynamic_sparsity, "false with linear_model kSchur or kDenseQr"),
+      Require(reduced_solver != ReducedSolverKind::kResumed, "reduced_solver", static_cast<double>(reduced_solver),
+              "another: kResumed is for IncrementalSolver"),
+      Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads, "between 1 and 1024"),
+      Require(max_num_iterations >= 0, "max_num_iterations", max_num_iterations, ">= 0"),
+      Require(max_solver_time_in_seconds >= 0.0, "max_solver_time_in_seconds", max_solver_time_in_seconds, ">= 0"),
+      Require(function_tolerance >= 0.0, "function_tolerance", function_tolerance, ">= 0"),
+      Require(gradient_tolerance >= 0.0, "gradient_tolerance", gradient_tolerance, ">= 0"),
+      Require(parameter_tolerance >= 0.0, "parameter_tolerance", parameter_tolerance, ">= 0"),
+      Require(min_trust_region_radius > 0.0, "min_trust_region_radius", min_trust_region_radius, "> 0"),
+      Require(max_trust_region_radius >= min_trust_region_radius, "max_trust_region_radius", max_trust_region_radius,
+              ">= min_trust_region_radius"),
+      Require(initial_trust_region_radius >= min_trust_region_radius && initial_trust_region_radius <= max_trust_region_radius,
+              "initial_trust_region_radius", initial_trust_region_radius,
+              "between min_trust_region_radius and max_trust_region_radius"),
+      Require(min_relative_decrease >= 0.0, "min_relative_decrease", min_relative_decrease, ">= 0"),
+      Require(min_lm_diagonal > 0.0, "min_lm_diagonal", min_lm_diagonal, "> 0"),
+      Require(max_lm_diagonal >= min_lm_diagonal, "max_lm_diagonal", max_lm_diagonal, ">= min_lm_diagonal"),
+      Require(max_num_consecutive_invalid_steps >= 0, "max_num_consecutive_invalid_steps", max_num_consecutive_invalid_steps,
+              ">= 0"),
+      Require(!use_nonmonotonic_steps || max_consecutive_nonmonotonic_steps > 0, "max_consecutive_nonmonotonic_steps",
+              max_consecutive_nonmonotonic_steps, "> 0 with use_nonmonotonic_steps"),
+      Require(line_search_sufficient_function_decrease > 0.0 && line_search_sufficient_function_decrease < 1.0,
+              "line_search_sufficient_function_decrease", line_search_sufficient_function_decrease, "between 0 and 1"),
+      Require(max_line_search_step_contraction > 0.0 && max_line_search_step_contraction < 1.0,
+              "max_line_search_step_contraction", max_line_search_step_contraction, "between 0 and 1"),
+      Require(min_line_search_step_contraction > max_line_search_step_contraction && min_line_search_step_contraction <= 1.0,
+              "min_line_search_step_contraction", min_line_search_step_contraction,
+              "above max_line_search_step_contraction, at most 1"),
+      Require(min_line_search_step_size > 0.0, "min_line_search_step_size", min_line_search_step_size, "> 0"),
+      Require(max_num_line_search_step_size_iterations >= 0, "max_num_line_search_step_size_iterations",
+              max_num_line_search_step_size_iterations, ">= 0"),
+  };
+  for (const Status& check : checks) {
+    if (!check.ok()) {
+      return check;
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace inceres

@@ -1,0 +1,97 @@
+#include "trust_region/schur_model.h"
+
+#include <algorithm>
+
+#include "linear/select_solver.h"
+
+namespace inceres::internal {
+
+PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
+    : LinearModel(evaluator), incidences_(evaluator), plans_(evaluator, incidences_), hessian_(evaluator, incidences_, plans_) {
+  *status = CheckOffsets();
+  if (status->ok() && plans_.pattern.size() > 0) {
+    reduced_solver_ =
+        MakeReducedSolver(options.reduced_solver, options.reduced_solver_factory, plans_.pattern, evaluator.executor(), status);
+  }
+}
+
+// Blocks are found by 32-bit counts of quads; a target in Y spends one bit on a flag.
+Status PlainModel::CheckOffsets() const {
+  constexpr std::int64_t kMaxQuads = std::int64_t{1} << 30;
+  std::int64_t largest = incidences_.y_quads;
+  for (const FamilyCache& cache : evaluator_.families()) {
+    for (const SlotJacobians& slot : cache.slots) {
+      largest = std::max<std::int64_t>(largest, cache.num_factors * (slot.factor_stride / kQuad));
+    }
+  }
+  return largest < kMaxQuads
+             ? Status::Ok()
+             : Status::Error(
+                   StatusCode::kInvalidArgument,
+                   "the problem is too large: the Jacobians of one family, or the blocks of one landmark, exceed 32 GiB");
+}
+
+void PlainModel::Refresh() {
+  hessian_.Accumulate();
+  clock_->Charge(&seconds_->hessian);
+}
+
+Status PlainModel::SolveReduced(const double* S, const double* b, const double* damping, double* step) {
+  if (!reduced_solver_) {
+    return Status::Ok();
+  }
+  Status solved = reduced_solver_->Factorize(S, damping);
+  if (solved.ok()) {
+    solved = reduced_solver_->Solve(b, step);
+  }
+  clock_->Charge(&seconds_->factorization);
+  return solved;
+}
+
+Status PlainModel::Solve(const double* damping, double* step) {
+  b_.resize(Gradient().size());
+  std::transform(Gradient().begin(), Gradient().end(), b_.begin(), [](double g) { return -g; });
+  return SolveReduced(hessian_.C().data(), b_.data(), damping, step);
+}
+
+void PlainModel::Describe(WorkCounts* work) const {
+  work->num_frames = plans_.pattern.num_blocks();
+  work->reduced_size = plans_.pattern.size();
+  work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
+                 static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() + plans_.schur.terms.size()));
+  for (const FamilyCache& cache : evaluator_.families()) {
+    // Kernels are sized at compile time up to residuals of 4; longer ones take the loop of run-time length.
+    if (cache.family->residual_size() > 4) {
+      work->num_dynamic_size_factors += cache.num_factors;
+    }
+  }
+}
+
+SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
+    : PlainModel(options, evaluator, status), elimination_(evaluator, incidences_, plans_, hessian_) {
+}
+
+Status SchurModel::Solve(const double* damping, double* step) {
+  const int frame_size = plans_.pattern.size();
+  const Status eliminated = elimination_.Eliminate(damping + frame_size);
+  clock_->Charge(&seconds_->elimination);
+  if (!eliminated.ok()) {
+    return eliminated;
+  }
+  const Status solved = SolveReduced(elimination_.S(), elimination_.b(), damping, step);
+  if (!solved.ok()) {
+    return solved;
+  }
+  elimination_.BackSubstitute(step, step + frame_size);
+  clock_->Charge(&seconds_->back_substitution);
+  return Status::Ok();
+}
+
+void SchurModel::Describe(WorkCounts* work) const {
+  PlainModel::Describe(work);
+  work->num_landmarks = incidences_.num_landmarks();
+  work->num_schur_products = static_cast<std::int64_t>(plans_.schur.terms.size());
+  work->bytes += elimination_.Bytes();
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "linearize/hessian.h"
+#include "schur/elimination.h"
+#include "trust_region/linear_model.h"
+
+namespace inceres::internal {
+
+/// S = H: nothing to eliminate (pose graphs, curve fitting). Also the frame half of the Schur model.
+class PlainModel : public LinearModel {
+ public:
+  PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status);
+
+  void Refresh() override;
+  const std::vector<double>& Gradient() const override { return hessian_.gradient(); }
+  const std::vector<double>& Diagonal() const override { return hessian_.diagonal(); }
+  Status Solve(const double* damping, double* step) override;
+  const char* SolverName() const override { return reduced_solver_ ? reduced_solver_->Name() : "none"; }
+  void Describe(WorkCounts* work) const override;
+
+ protected:
+  /// δ_c = (S + diag(damping))⁻¹ b, timed. A system of size zero is solved by doing nothing.
+  Status SolveReduced(const double* S, const double* b, const double* damping, double* step);
+
+  LandmarkIncidences incidences_;
+  FramePlans plans_;
+  Hessian hessian_;
+
+ private:
+  Status CheckOffsets() const;
+
+  std::unique_ptr<ReducedSolver> reduced_solver_;
+  std::vector<double> b_;
+};
+
+/// Landmarks eliminated block by block, δ_c from the reduced system, δ_l by back-substitution.
+class SchurModel final : public PlainModel {
+ public:
+  SchurModel(const SolverOptions& options, const Evaluator& evaluator, Status* status);
+
+  Status Solve(const double* damping, double* step) override;
+  void Describe(WorkCounts* work) const override;
+
+ private:
+  Elimination elimination_;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,223 @@
+#include "inceres/solver/solver.h"
+
+#include <algorithm>
+#include <limits>
+#include <new>
+#include <optional>
+#include <utility>
+
+#include "base/executor.h"
+#include "base/stopwatch.h"
+#include "linearize/evaluator.h"
+#include "simd/kernels.h"
+#include "trust_region/linear_model.h"
+#include "trust_region/structure.h"
+#include "trust_region/trust_region_minimizer.h"
+
+namespace inceres {
+namespace {
+
+using namespace internal;  // NOLINT(google-build-using-namespace): the one place where the public solver meets its parts
+
+// Ceres's rule: the lowest cost seen, rejected candidates included; from the first iteration on whose cost is that of the factors
+// as they are now.
+double FinalCost(const Summary& summary, int first_iteration) {
+  double cost = first_iteration == 0 ? summary.initial_cost : std::numeric_limits<double>::max();
+  for (const IterationSummary& iteration : summary.iterations) {
+    cost = iteration.iteration >= first_iteration ? std::min(cost, iteration.cost) : cost;
+  }
+  return cost;
+}
+
+// Nothing moves: the cost is that of the factors as they stand.
+void SummarizeStandstill(double fixed_cost, Evaluator* evaluator, Summary* summary) {
+  double cost = 0.0;
+  const Status evaluated = evaluator->EvaluateCandidateCost(&cost);
+  if (!evaluated.ok()) {
+    summary->message = "Residual and Jacobian evaluation failed.";
+    summary->detail = evaluated.message;
+    return;
+  }
+  summary->termination = Termination::kConvergence;
+  summary->message = "Function tolerance reached. No non-constant parameter blocks found.";
+  summary->initial_cost = summary->final_cost = cost + fixed_cost;
+}
+
+// What a structure is set up with.
+struct Workspace {
+  Workspace(const SolverOptions& options, const FactorGraph& graph)
+      : layout(graph, EliminatesLandmarks(options)),
+        executor(options.num_threads),
+        linear_model(options.linear_model),
+        reduced_solver(options.reduced_solver),
+        dynamic_sparsity(options.dynamic_sparsity),
+        evaluator(graph, layout, executor, StorageOf(options, graph, layout)) {
+    evaluator.set_leaves_out_zero_blocks(dynamic_sparsity && evaluator.storage() == JacobianStorage::kBySlot);
+  }
+
+  static bool EliminatesLandmarks(const SolverOptions& options) {
+    const bool by_blocks = options.linear_model == LinearModelKind::kAutomatic || options.linear_model == LinearModelKind::kSchur;
+    return by_blocks && !options.dynamic_sparsity;
+  }
+
+  // A reduced solver that was asked for is given the blocks of its system.
+  static JacobianStorage StorageOf(const SolverOptions& options, const FactorGraph& graph, const Layout& layout) {
+    const bool free = options.reduced_solver == ReducedSolverKind::kAutomatic && !options.reduced_solver_factory;
+    return free ? StorageFor(graph, layout) : JacobianStorage::kBySlot;
+  }
+
+  bool Suits(const SolverOptions& options, const FactorGraph& graph) const {
+    // A reduced solver that remembers what it solved, or that may, would take a second solve another way than the first.
+    const bool remembers = options.reduced_solver_factory || options.reduced_solver == ReducedSolverKind::kPcg ||
+                           options.reduced_solver == ReducedSolverKind::kAutomaticInexact;
+    return !remembers && options.num_threads == executor.num_threads() && options.linear_model == linear_model &&
+           options.reduced_solver == reduced_solver && options.dynamic_sparsity == dynamic_sparsity && structure.has_value() &&
+           structure->IsThatOf(graph);
+  }
+
+  std::optional<Structure> structure;  // taken when the first solve is over: who solves once does not pay for it
+  Layout layout;
+  Executor executor;
+  LinearModelKind linear_model;
+  ReducedSolverKind reduced_solver;
+  bool dynamic_sparsity;
+  Evaluator evaluator;
+  std::unique_ptr<LinearModel> model;
+  TrustRegionMemory memory;
+  std::int64_t bytes = 0;  // of it all, counted while the graph was there
+};
+
+}  // namespace
+
+class Solver::Impl {
+ public:
+  explicit Impl(std::int64_t max_bytes) : max_bytes_(max_bytes) {}
+
+  void Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary);
+  bool IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
+    return workspace_ != nullptr && workspace_->Suits(options, graph);
+  }
+  std::int64_t Bytes() const { return workspace_ == nullptr ? 0 : workspace_->bytes; }
+
+ private:
+  std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const FactorGraph& graph, Summary* summary);
+  void SolveValid(const SolverOptions& options, FactorGraph* graph, Summary* summary, double start);
+
+  std::int64_t max_bytes_;  // to be held from solve to solve
+  std::unique_ptr<Workspace> workspace_;
+};
+
+// The old workspace, bound to the graph, or a new one; null, with the reason in the summary, if there is nothing to solve with.
+std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options, const FactorGraph& graph, Summary* summary) {
+  std::unique_ptr<Workspace> workspace = std::move(workspace_);
+  summary->structure_reused = workspace != nullptr && workspace->Suits(options, graph);
+  if (summary->structure_reused) {
+    workspace->evaluator.Rebind(graph);
+    return workspace;
+  }
+  workspace.reset();  // its memory serves the new one
+  workspace = std::make_unique<Workspace>(options, graph);
+  if (workspace->layout.variables.empty()) {
+    SummarizeStandstill(options.fixed_cost, &workspace->evaluator, summary);
+    return nullptr;
+  }
+  Status status;
+  workspace->model = MakeLinearModel(options, workspace->evaluator, &status);
+  if (!status.ok()) {
+    summary->message = status.message;
+    return nullptr;
+  }
+  return workspace;
+}
+
+void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, Summary* summary, double start) {
+  std::unique_ptr<Workspace> workspace = Prepare(options, *graph, summary);
+  if (workspace == nullptr) {
+    return;
+  }
+  LinearModel& model = *workspace->model;
+  summary->reduced_solver = model.SolverName();
+  summary->work.bytes = workspace->evaluator.Bytes();
+  model.Describe(&summary->work);
+  summary->seconds.setup = NowInSeconds() - start;
+
+  SolverOptions minimizer_options = options;
+  minimizer_options.seconds_spent_before += summary->seconds.setup;
+  TrustRegionMinimizer minimizer(minimizer_options, &workspace->evaluator, &model, &workspace->memory, summary);
+  minimizer.Minimize();
+  if (options.dynamic_sparsity) {  // of which model and its solver are known by now
+    WorkCounts found;
+    model.Describe(&found);
+    summary->reduced_solver = model.SolverName();
+    summary->work.bytes = workspace->evaluator.Bytes() + found.bytes;
+  }
+  summary->final_cost = FinalCost(*summary, minimizer.first_comparable_iteration());
+  if (summary->IsSolutionUsable()) {
+    graph->mutable_state() = minimizer.best_state();
+  }
+  if (summary->work.bytes <= max_bytes_) {
+    if (!workspace->structure.has_value()) {
+      workspace->structure.emplace(*graph);
+    }
+    workspace->bytes = summary->work.bytes + workspace->structure->Bytes();
+    if (workspace->bytes <= max_bytes_) {
+      workspace_ = std::move(workspace);  // not if something was thrown on the way
+    }
+  }
+}
+
+void Solver::Impl::Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary) {
+  static const Summary& kBlank = *new Summary;  // never destroyed: a solve may come as late as another library's destructors
+  const double start = NowInSeconds();
+  *summary = kBlank;  // a copy, which keeps the memory of texts and iterations
+  summary->fixed_cost = options.fixed_cost;
+  summary->kernels = BestKernels().name;
+  Status status = options.Validate();
+  if (status.ok()) {
+    status = graph->Validate();
+  }
+  try {
+    if (status.ok()) {
+      SolveValid(options, graph, summary, start);
+    } else {
+      summary->message = status.message;
+    }
+  } catch (const std::bad_alloc&) {
+    // The graph's state is written last, so it is untouched. What a user's factor throws is his and passes through.
+    summary->termination = Termination::kFailure;
+    summary->message = "Out of memory.";
+  }
+  summary->seconds.total = NowInSeconds() - start;
+}
+
+Solver::Solver(std::int64_t max_bytes) : impl_(std::make_unique<Impl>(max_bytes)) {
+}
+Solver::~Solver() = default;
+Solver::Solver(Solver&&) noexcept = default;
+Solver& Solver::operator=(Solver&&) noexcept = default;
+
+Summary Solver::Solve(const SolverOptions& options, FactorGraph* graph) {
+  Summary summary;
+  Solve(options, graph, &summary);
+  return summary;
+}
+
+void Solver::Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary) {
+  impl_->Solve(options, graph, summary);
+}
+
+bool Solver::IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
+  return impl_->IsReadyFor(options, graph);
+}
+
+std::int64_t Solver::Bytes() const {
+  return impl_->Bytes();
+}
+
+Summary Solve(const SolverOptions& options, FactorGraph* graph) {
+  Summary summary;
+  Solver::Impl(/*max_bytes=*/0).Solve(options, graph, &summary);
+  return summary;
+}
+
+}  // namespace inceres

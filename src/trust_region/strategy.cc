@@ -1,0 +1,34 @@
+#include "trust_region/strategy.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "trust_region/dogleg.h"
+#include "trust_region/levenberg_marquardt.h"
+
+namespace inceres::internal {
+
+void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling, std::vector<double>* scale) {
+  scale->assign(diagonal.size(), 1.0);
+  if (jacobi_scaling) {
+    std::transform(diagonal.begin(), diagonal.end(), scale->begin(), [](double n2) { return 1.0 / (1.0 + std::sqrt(n2)); });
+  }
+}
+
+void StartStrategy(const SolverOptions& options, const std::vector<double>& scale,
+                   std::unique_ptr<TrustRegionStrategy>* strategy) {
+  if (*strategy == nullptr || !(*strategy)->Serves(options.strategy)) {
+    if (options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt) {
+      *strategy = std::make_unique<LevenbergMarquardt>();
+    } else {
+      *strategy = std::make_unique<Dogleg>();
+    }
+  }
+  (*strategy)->Start(options, scale);
+}
+
+bool IsFinite(const std::vector<double>& step) {
+  return std::all_of(step.begin(), step.end(), [](double entry) { return std::isfinite(entry); });
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "inceres/solver/options.h"
+#include "trust_region/linear_model.h"
+
+namespace inceres::internal {
+
+/// Computes steps from a linear model and moves its own damping or radius by how well they did. Exact mode: Ceres 2.1's constants
+/// and order of operations, restated without scaling J (docs/ceres_contract.md, "Levenberg–Marquardt" and "Dog-Leg").
+class TrustRegionStrategy {
+ public:
+  virtual ~TrustRegionStrategy() = default;
+
+  virtual bool Serves(TrustRegionStrategyKind kind) const = 0;
+
+  /// Before the first step of a solve; nothing of an earlier solve is left but memory. `scale` stays where it is until the next.
+  virtual void Start(const SolverOptions& options, const std::vector<double>& scale) = 0;
+
+  /// The next step (packed). kSingular: there is none at this damping, an invalid step. *num_solves counts linear solves.
+  virtual Status ComputeStep(LinearModel* model, double* step, int* num_solves) = 0;
+
+  virtual void StepAccepted(double quality) = 0;
+  virtual void StepRejected() = 0;
+  virtual void StepIsInvalid() = 0;
+  virtual double Radius() const = 0;
+};
+
+/// s_j = 1/(1 + ‖J_j‖) as measured at iteration 0, or all ones.
+void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling, std::vector<double>* scale);
+
+/// Starts the strategy that the options ask for: *strategy, if that is of the kind, or a new one in its place.
+void StartStrategy(const SolverOptions& options, const std::vector<double>& scale,
+                   std::unique_ptr<TrustRegionStrategy>* strategy);
+
+/// True if every entry of a step is finite.
+bool IsFinite(const std::vector<double>& step);
+
+}  // namespace inceres::internal

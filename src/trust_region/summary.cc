@@ -1,0 +1,120 @@
+#include "inceres/solver/summary.h"
+
+#include "base/json_object.h"
+#include "trust_region/summary_json.h"
+
+namespace inceres {
+
+using internal::JsonObject;
+
+namespace {
+
+std::string ToJson(const IterationSummary& iteration) {
+  return JsonObject()
+      .Add("iteration", iteration.iteration)
+      .Add("cost", iteration.cost)
+      .Add("cost_change", iteration.cost_change)
+      .Add("gradient_max_norm", iteration.gradient_max_norm)
+      .Add("gradient_norm", iteration.gradient_norm)
+      .Add("step_norm", iteration.step_norm)
+      .Add("model_cost_change", iteration.model_cost_change)
+      .Add("relative_decrease", iteration.relative_decrease)
+      .Add("trust_region_radius", iteration.trust_region_radius)
+      .Add("valid", iteration.step_is_valid)
+      .Add("successful", iteration.step_is_successful)
+      .Add("nonmonotonic", iteration.step_is_nonmonotonic)
+      .Add("seconds", iteration.iteration_time_in_seconds)
+      .Add("cumulative_seconds", iteration.cumulative_time_in_seconds)
+      .Close();
+}
+
+}  // namespace
+
+namespace internal {
+
+std::string ToJson(const StageSeconds& seconds) {
+  return JsonObject()
+      .Add("setup", seconds.setup)
+      .Add("residuals", seconds.residuals)
+      .Add("jacobians", seconds.jacobians)
+      .Add("hessian", seconds.hessian)
+      .Add("elimination", seconds.elimination)
+      .Add("factorization", seconds.factorization)
+      .Add("back_substitution", seconds.back_substitution)
+      .Add("model_cost", seconds.model_cost)
+      .Add("total", seconds.total)
+      .Close();
+}
+
+std::string ToJson(const WorkCounts& work) {
+  return JsonObject()
+      .Add("num_residual_evaluations", work.num_residual_evaluations)
+      .Add("num_jacobian_evaluations", work.num_jacobian_evaluations)
+      .Add("num_linear_solves", work.num_linear_solves)
+      .Add("num_inner_iterations", work.num_inner_iterations)
+      .Add("num_recentred_factors", work.num_recentered_factors)
+      .Add("num_frames", work.num_frames)
+      .Add("num_landmarks", work.num_landmarks)
+      .Add("reduced_size", work.reduced_size)
+      .Add("num_schur_products", work.num_schur_products)
+      .Add("num_dynamic_size_factors", work.num_dynamic_size_factors)
+      .Add("bytes", work.bytes)
+      .Close();
+}
+
+}  // namespace internal
+
+namespace {
+
+std::string ToJson(const LineSearchSummary& search) {
+  return JsonObject()
+      .Add("num_steps", search.num_steps)
+      .Add("cost_seconds", search.cost_seconds)
+      .Add("gradient_seconds", search.gradient_seconds)
+      .Add("polynomial_seconds", search.polynomial_seconds)
+      .Add("total_seconds", search.total_seconds)
+      .Close();
+}
+
+}  // namespace
+
+const char* ToString(Termination termination) {
+  switch (termination) {
+    case Termination::kConvergence:
+      return "CONVERGENCE";
+    case Termination::kNoConvergence:
+      return "NO_CONVERGENCE";
+    case Termination::kFailure:
+      return "FAILURE";
+    case Termination::kUserSuccess:
+      return "USER_SUCCESS";
+    case Termination::kUserFailure:
+      return "USER_FAILURE";
+  }
+  return "UNKNOWN";
+}
+
+std::string Summary::ToJson() const {
+  return JsonObject()
+      .AddString("termination", ToString(termination))
+      .AddString("message", message)
+      .AddString("detail", detail)
+      .AddString("failed_step", failed_step)
+      .Add("initial_cost", initial_cost)
+      .Add("final_cost", final_cost)
+      .Add("fixed_cost", fixed_cost)
+      .Add("discarded_cost_change", discarded_cost_change)
+      .Add("num_successful_steps", num_successful_steps)
+      .Add("num_unsuccessful_steps", num_unsuccessful_steps)
+      .AddRaw("is_constrained", is_constrained ? "true" : "false")
+      .AddRaw("line_search", inceres::ToJson(line_search))
+      .AddRaw("structure_reused", structure_reused ? "true" : "false")
+      .AddString("reduced_solver", reduced_solver)
+      .AddString("kernels", kernels)
+      .AddRaw("work", internal::ToJson(work))
+      .AddRaw("seconds", internal::ToJson(seconds))
+      .AddArray("iterations", iterations, [](const IterationSummary& iteration) { return inceres::ToJson(iteration); })
+      .Close();
+}
+
+}  // namespace inceres

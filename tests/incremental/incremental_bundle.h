@@ -1,0 +1,95 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <vector>
+
+#include "inceres/factors/diagonal_prior.h"
+#include "inceres/solver/incremental_solver.h"
+#include "inceres/solver/summary.h"
+#include "support/random_values.h"
+#include "support/test_families.h"
+
+namespace inceres::test {
+
+/// A bundle of frames (6) and landmarks (3) that an IncrementalSolver follows, and a plain record of what it is made of, from
+/// which the same problem can be built anew for the batch solver.
+class IncrementalBundle {
+ public:
+  explicit IncrementalBundle(const IncrementalOptions& options, unsigned seed = 1);
+
+  // Changes of the edit under construction.
+
+  /// A frame with a prior, tied to the one before it.
+  VariableId AddFrame();
+  /// A landmark seen from these frames.
+  VariableId AddLandmark(const std::vector<VariableId>& frames, std::shared_ptr<const Loss> loss = nullptr);
+  /// A prior at a random place.
+  FactorId AddPrior(VariableId frame, double sqrt_information);
+  void RemoveVariable(VariableId id);
+  void RemoveFactor(FactorId id);
+  void SetConstant(VariableId id, bool constant);
+  void SetLoss(FactorId id, std::shared_ptr<const Loss> loss);
+  /// Another random measurement.
+  void ChangeMeasurement(FactorId id);
+  void SetValues(VariableId id, const std::vector<double>& values);
+  GraphEdit& edit() { return edit_; }
+
+  /// Carries the edit out and begins the next.
+  void Apply();
+  /// Frames and landmarks at once: `views` neighboring frames see each.
+  void Grow(int num_frames, int num_landmarks, int views, std::shared_ptr<const Loss> loss = nullptr);
+
+  /// A batch solve of the problem as recorded, from the values held now, or from those the variables came with.
+  Summary SolveInBatch(bool from_values_held) const;
+  /// The cost another IncrementalSolver finds, which never knew what was removed.
+  double FreshMinimum(const IncrementalOptions& options) const;
+
+  const std::vector<VariableId>& frames() const { return frames_; }
+  const std::vector<VariableId>& landmarks() const { return landmarks_; }
+  /// Views only.
+  std::vector<FactorId> Views() const;
+  int num_factors() const { return static_cast<int>(factors_.size()); }
+  Random& random() { return random_; }
+  /// All values held now, variable by variable.
+  std::vector<double> Values() const;
+
+  IncrementalSolver solver;
+
+ private:
+  enum Kind { kPrior, kTie, kView };
+  struct Variable {
+    Role role;
+    bool constant = false;
+    std::vector<double> start;
+  };
+  struct Factor {
+    Kind kind;
+    std::vector<VariableId> variables;
+    std::shared_ptr<const Loss> loss;
+    DiagonalPriorFamily::Measurement prior;
+    SmoothFamily::Measurement smooth;
+  };
+
+  struct Families;
+  using Key = std::pair<FamilyId, int>;
+
+  VariableId AddVariable(Role role, int size);
+  FactorId Add(Factor factor);
+  SmoothFamily::Measurement RandomMeasurement(const SmoothFamily& family);
+  /// The recorded problem in a graph of its own; ids[new] = old.
+  void Rebuild(bool from_values_held, FactorGraph* graph) const;
+
+  Random random_;
+  std::shared_ptr<DiagonalPriorFamily> priors_;
+  std::shared_ptr<SmoothFamily> ties_;
+  std::shared_ptr<SmoothFamily> views_;
+  FamilyId families_[3];
+  GraphEdit edit_;
+  std::vector<VariableId> frames_;
+  std::vector<VariableId> landmarks_;
+  std::map<VariableId, Variable> variables_;
+  std::map<Key, Factor> factors_;
+};
+
+}  // namespace inceres::test

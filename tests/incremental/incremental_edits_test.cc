@@ -1,0 +1,219 @@
+// What edits do to the minimum: the same as to a problem that was built that way.
+
+#include <gtest/gtest.h>
+
+#include "inceres/problem/losses.h"
+#include "incremental/incremental_bundle.h"
+
+namespace inceres {
+namespace {
+
+using test::IncrementalBundle;
+
+// batch_share 1: the batch solver never helps.
+IncrementalOptions Tight() {
+  IncrementalOptions options;
+  options.function_tolerance = 1e-9;
+  options.max_num_iterations = 200;
+  options.batch_share = 1.0;
+  return options;
+}
+
+// Converged, at the minimum a batch solve and a fresh solver find from the start values.
+void ExpectBatchMinimum(IncrementalBundle* bundle) {
+  const UpdateSummary summary = bundle->solver.Update();
+  ASSERT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  ASSERT_EQ(bundle->solver.graph().num_factors(), bundle->num_factors());
+  ASSERT_EQ(summary.final_cost, bundle->solver.cost());
+  const double minimum = bundle->SolveInBatch(/*from_values_held=*/true).final_cost;
+  EXPECT_LE(summary.final_cost - minimum, 1e-6 * minimum);
+  EXPECT_NEAR(bundle->SolveInBatch(/*from_values_held=*/false).final_cost, minimum, 1e-6 * minimum);
+  EXPECT_NEAR(bundle->FreshMinimum(Tight()), minimum, 1e-6 * minimum);
+}
+
+TEST(IncrementalEdits, RemovedFactorsLeaveNothingBehind) {
+  IncrementalBundle bundle(Tight());
+  bundle.Grow(12, 80, 4);
+  ExpectBatchMinimum(&bundle);
+  const double before = bundle.solver.cost();
+  const std::vector<FactorId> views = bundle.Views();
+  for (std::size_t k = 0; k < views.size(); k += 3) {
+    bundle.RemoveFactor(views[k]);
+  }
+  bundle.Apply();
+  ExpectBatchMinimum(&bundle);
+  EXPECT_LT(bundle.solver.cost(), 0.9 * before);
+}
+
+TEST(IncrementalEdits, RemovedVariablesTakeTheirFactorsAlong) {
+  IncrementalBundle bundle(Tight(), 2);
+  bundle.Grow(12, 80, 4);
+  ExpectBatchMinimum(&bundle);
+  bundle.RemoveVariable(bundle.frames()[0]);
+  bundle.RemoveVariable(bundle.frames()[4]);
+  for (int k = 0; k < 20; ++k) {
+    bundle.RemoveVariable(bundle.landmarks()[2 * k]);
+  }
+  bundle.Apply();
+  ExpectBatchMinimum(&bundle);
+  bundle.Grow(3, 20, 3);  // in the room of what went
+  ExpectBatchMinimum(&bundle);
+}
+
+TEST(IncrementalEdits, AWindowSlidesAtTheBatchMinimum) {
+  IncrementalOptions options = Tight();
+  IncrementalBundle bundle(options, 3);
+  bundle.Grow(6, 30, 3);
+  for (int step = 0; step < 25; ++step) {
+    bundle.RemoveVariable(bundle.frames().front());
+    for (int k = 0; k < 5; ++k) {
+      bundle.RemoveVariable(bundle.landmarks().front());
+    }
+    bundle.Grow(1, 5, 3);
+    ASSERT_NO_FATAL_FAILURE(ExpectBatchMinimum(&bundle)) << "step " << step;
+  }
+  EXPECT_LE(bundle.solver.graph().num_variables(), 2 * 36);
+}
+
+TEST(IncrementalEdits, APriorThatOutweighsAllElseComesAndGoes) {
+  IncrementalBundle bundle(Tight(), 4);
+  bundle.Grow(8, 40, 3);
+  ExpectBatchMinimum(&bundle);
+  const double before = bundle.solver.cost();
+  const FactorId pin = bundle.AddPrior(bundle.frames()[3], 1e7);
+  bundle.Apply();
+  ExpectBatchMinimum(&bundle);
+  EXPECT_GT(bundle.solver.cost(), before);
+  bundle.RemoveFactor(pin);
+  bundle.Apply();
+  ExpectBatchMinimum(&bundle);
+  EXPECT_NEAR(bundle.solver.cost(), before, 1e-6 * before);
+}
+
+TEST(IncrementalEdits, LossesMeasurementsAndValuesAreTheNewOnes) {
+  IncrementalBundle bundle(Tight(), 5);
+  bundle.Grow(8, 40, 3);
+  ExpectBatchMinimum(&bundle);
+  const double squared = bundle.solver.cost();
+  const std::vector<FactorId> views = bundle.Views();
+  for (std::size_t k = 0; k < views.size(); k += 2) {
+    bundle.SetLoss(views[k], std::make_shared<HuberLoss>(0.1));
+  }
+  bundle.Apply();
+  ExpectBatchMinimum(&bundle);
+  const double robust = bundle.solver.cost();
+  EXPECT_LT(robust, 0.9 * squared);
+
+  for (std::size_t k = 1; k < views.size(); k += 4) {
+    bundle.ChangeMeasurement(views[k]);
+  }
+  bundle.Apply();
+  ExpectBatchMinimum(&bundle);
+  const double measured = bundle.solver.cost();
+  EXPECT_GT(std::fabs(measured - robust), 1e-5 * robust);
+
+  bundle.SetValues(bundle.frames()[2], bundle.random().Vector(6));
+  bundle.SetValues(bundle.landmarks()[7], bundle.random().Vector(3));
+  bundle.Apply();
+  const UpdateSummary moved = bundle.solver.Update();
+  EXPECT_GT(moved.initial_cost, 1.01 * measured);
+  EXPECT_NEAR(moved.final_cost, measured, 1e-6 * measured);
+}
+
+TEST(IncrementalEdits, AConstantMovesWithItsValues) {
+  IncrementalBundle bundle(Tight(), 6);
+  bundle.Grow(8, 40, 3);
+  bundle.SetConstant(bundle.frames()[2], true);
+  bundle.SetConstant(bundle.landmarks()[3], true);
+  bundle.Apply();
+  ExpectBatchMinimum(&bundle);
+  const std::vector<double> frame = bundle.random().Vector(6);
+  const std::vector<double> landmark = bundle.random().Vector(3);
+  bundle.SetValues(bundle.frames()[2], frame);
+  bundle.SetValues(bundle.landmarks()[3], landmark);
+  bundle.Apply();
+  ExpectBatchMinimum(&bundle);
+  EXPECT_EQ(std::vector<double>(bundle.solver.Values(bundle.frames()[2]), bundle.solver.Values(bundle.frames()[2]) + 6), frame);
+  EXPECT_EQ(std::vector<double>(bundle.solver.Values(bundle.landmarks()[3]), bundle.solver.Values(bundle.landmarks()[3]) + 3),
+            landmark);
+}
+
+// A constant is a mask over the system.
+TEST(IncrementalEdits, ThousandsOfConstantsToggleWithoutAnEvaluation) {
+  IncrementalBundle bundle(Tight(), 7);
+  bundle.Grow(20, 2000, 3);
+  ExpectBatchMinimum(&bundle);
+  const std::vector<double> before = bundle.Values();
+  for (const VariableId landmark : bundle.landmarks()) {
+    bundle.SetConstant(landmark, true);
+  }
+  for (int i = 0; i < 20; i += 2) {
+    bundle.SetConstant(bundle.frames()[i], true);
+  }
+  bundle.Apply();
+  const UpdateSummary held = bundle.solver.Update();
+  EXPECT_EQ(held.termination, Termination::kConvergence);
+  EXPECT_EQ(held.num_relinearized_factors, 0) << "at the minimum already, and nothing has moved";
+  EXPECT_EQ(bundle.Values(), before);
+
+  // One frame is measured anew: with its landmarks held, its own factors are all that counts.
+  const VariableId frame = bundle.frames()[5];
+  bundle.AddPrior(frame, 3.0);
+  bundle.Apply();
+  const UpdateSummary one = bundle.solver.Update();
+  EXPECT_EQ(one.termination, Termination::kConvergence);
+  EXPECT_GT(one.num_relinearized_factors, 0);
+  EXPECT_LT(one.num_relinearized_factors, bundle.num_factors() / 4);
+  const double minimum = bundle.SolveInBatch(true).final_cost;
+  EXPECT_LE(one.final_cost - minimum, 1e-6 * minimum);
+
+  for (const VariableId landmark : bundle.landmarks()) {
+    bundle.SetConstant(landmark, false);
+  }
+  for (int i = 0; i < 20; i += 2) {
+    bundle.SetConstant(bundle.frames()[i], false);
+  }
+  bundle.Apply();
+  ExpectBatchMinimum(&bundle);
+}
+
+// An edit that is refused does not change a bit of what comes after.
+TEST(IncrementalEdits, ARefusedEditNeverWas) {
+  const auto play = [](bool with_failures, std::vector<double>* values, std::vector<double>* costs) {
+    IncrementalBundle bundle(IncrementalOptions{}, 8);
+    bundle.Grow(6, 30, 3);
+    for (int step = 0; step < 6; ++step) {
+      if (with_failures) {
+        const std::vector<double> held = bundle.Values();
+        const double cost = bundle.solver.cost();
+        GraphEdit bad(bundle.solver.graph());
+        bad.RemoveVariable(bundle.frames()[1]);
+        bad.SetConstant(bundle.landmarks()[0], true);
+        const double here[6] = {1.0, 2.0, 3.0, 4.0, 5.0, 6.0};
+        bad.AddVariable(here, 6, Role::kFrame);
+        bad.SetValues(bundle.frames()[2], here);
+        bad.SetLoss(bundle.Views()[3], std::make_shared<HuberLoss>(0.1));
+        bad.RemoveVariable(99999);
+        const Status status = bundle.solver.Apply(bad);
+        EXPECT_FALSE(status.ok());
+        EXPECT_NE(status.message.find("99999"), std::string::npos) << status.message;
+        EXPECT_EQ(bundle.Values(), held);
+        EXPECT_EQ(bundle.solver.cost(), cost);
+      }
+      costs->push_back(bundle.solver.Update().final_cost);
+      bundle.RemoveVariable(bundle.frames().front());
+      bundle.Grow(1, 4, 3);
+    }
+    costs->push_back(bundle.solver.Update().final_cost);
+    *values = bundle.Values();
+  };
+  std::vector<double> values[2];
+  std::vector<double> costs[2];
+  play(false, &values[0], &costs[0]);
+  play(true, &values[1], &costs[1]);
+  EXPECT_EQ(values[0], values[1]);
+  EXPECT_EQ(costs[0], costs[1]);
+}
+
+}  // namespace
+}  // namespace inceres

@@ -1,0 +1,212 @@
+// Steps of an active set: the dog-leg path between the Cauchy point and the step, and landmarks that step by themselves.
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "inceres/problem/losses.h"
+#include "incremental/incremental_system.h"
+#include "support/test_families.h"
+
+namespace inceres::internal {
+namespace {
+
+using test::FunctionFamily;
+
+// One frame x and landmarks l_i with residuals (x − 1, 3 (l_i − x) + l_i² / 10).
+class Star {
+ public:
+  explicit Star(int num_landmarks, std::shared_ptr<const Loss> loss = nullptr, double landmark_damping = 0.0)
+      : system_(graph_, 1) {
+    const auto view = [](int, const double* const* x, double* residuals, double** jacobians) {
+      residuals[0] = x[0][0] - 1.0;
+      residuals[1] = 3.0 * (x[1][0] - x[0][0]) + 0.1 * x[1][0] * x[1][0];
+      if (jacobians != nullptr) {
+        jacobians[0][0] = 1.0;
+        jacobians[0][1] = -3.0;
+        jacobians[1][0] = 0.0;
+        jacobians[1][1] = 3.0 + 0.2 * x[1][0];
+      }
+      return true;
+    };
+    auto views = std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, view);
+    const FamilyId id = graph_.AddFamily(views);
+    const double start = 4.0;
+    const VariableId frame = graph_.AddVariable(&start, 1, Role::kFrame);
+    for (int i = 0; i < num_landmarks; ++i) {
+      const double other = 2.0 + i;
+      const VariableId landmark = graph_.AddVariable(&other, 1, Role::kLandmark);
+      graph_.AddFactor(id, *views, 0, {frame, landmark}, loss);
+    }
+    for (VariableId v = 0; v < graph_.num_variables(); ++v) {
+      system_.AddVariable(v);
+    }
+    for (int i = 0; i < num_landmarks; ++i) {
+      system_.AddFactor({id, i});
+    }
+    RelinearizeWork work;
+    EXPECT_TRUE(system_.Relinearize(landmark_damping, RebuildRule::kNever, &work).ok());
+  }
+
+  IncrementalSystem& system() { return system_; }
+
+  // The whole Gauss–Newton step.
+  void SetStep() {
+    IncrementalSchur& schur = system_.schur();
+    const double S = schur.S().values(schur.S().row(0).front().offset)[0];
+    const double step = schur.b(0)[0] / S;
+    system_.SetFrameStep(0, &step);
+    for (std::int32_t l = 0; l < static_cast<std::int32_t>(schur.landmarks().size()); ++l) {
+      system_.Visit(l);
+    }
+  }
+
+  // The same, evaluated.
+  double Step() {
+    SetStep();
+    double change = 0.0;
+    double predicted = 0.0;
+    EXPECT_TRUE(system_.EvaluateStep(&change, &predicted).ok());
+    return predicted;
+  }
+
+ private:
+  FactorGraph graph_;
+  IncrementalSystem system_;
+};
+
+TEST(DoglegPath, HasTheNormAskedForAndGainsMoreTheLongerItIs) {
+  Star star(4);
+  IncrementalSystem& system = star.system();
+  const double full_gain = star.Step();
+  const double full_norm = system.ScaledStepNorm();
+  ASSERT_GT(full_norm, 0.0);
+  double last_gain = 0.0;
+  for (const double share : {1e-3, 0.1, 0.3, 0.6, 0.9, 0.999}) {
+    system.ShortenStep(share * full_norm);
+    EXPECT_NEAR(system.ScaledStepNorm(), share * full_norm, 1e-9 * full_norm) << share;
+    double change = 0.0;
+    double predicted = 0.0;
+    ASSERT_TRUE(system.EvaluateStep(&change, &predicted).ok());
+    EXPECT_GT(predicted, last_gain) << "the model falls along the path";
+    EXPECT_LE(predicted, full_gain * (1.0 + 1e-12));
+    last_gain = predicted;
+  }
+  EXPECT_NEAR(last_gain, full_gain, 1e-2 * full_gain);
+  system.ShortenStep(10.0 * full_norm);
+  EXPECT_NEAR(system.ScaledStepNorm(), full_norm, 1e-9 * full_norm) << "never beyond the step itself";
+}
+
+TEST(DoglegPath, AStepIsShortenedWithoutBeingEvaluatedFirst) {
+  Star evaluated(4);
+  evaluated.Step();
+  const double norm = 0.5 * evaluated.system().ScaledStepNorm();
+  Star fresh(4);
+  fresh.SetStep();
+  for (IncrementalSystem* system : {&evaluated.system(), &fresh.system()}) {
+    system->ShortenStep(norm);
+  }
+  double change[2] = {};
+  double predicted[2] = {};
+  ASSERT_TRUE(evaluated.system().EvaluateStep(&change[0], &predicted[0]).ok());
+  ASSERT_TRUE(fresh.system().EvaluateStep(&change[1], &predicted[1]).ok());
+  EXPECT_EQ(change[0], change[1]);
+  EXPECT_EQ(predicted[0], predicted[1]);
+  EXPECT_LT(change[0], 0.0);
+}
+
+TEST(DoglegPath, StartsDownTheGradient) {
+  Star star(3);
+  IncrementalSystem& system = star.system();
+  star.Step();
+  const double tiny = 1e-6;
+  system.ShortenStep(tiny);
+  double change = 0.0;
+  double predicted = 0.0;
+  ASSERT_TRUE(system.EvaluateStep(&change, &predicted).ok());
+  EXPECT_NEAR(-change, predicted, 1e-4 * predicted) << "so short a step does what the gradient says";
+}
+
+TEST(LandmarkSteps, LowerTheCostAndMoveNoFrame) {
+  Star star(5);
+  IncrementalSystem& system = star.system();
+  const double before = system.cost();
+  const double frame = *system.values().current(0);
+  int num_evaluated = 0;
+  ASSERT_TRUE(system.StepLandmarks({0, 1, 2, 3, 4}, &num_evaluated));
+  system.EndStep();
+  EXPECT_EQ(num_evaluated, 5);
+  EXPECT_LT(system.cost(), before);
+  EXPECT_EQ(*system.values().current(0), frame);
+  double sum = 0.0;
+  for (int i = 0; i < 5; ++i) {
+    sum += system.families()[0].Cost(i);
+  }
+  EXPECT_NEAR(system.cost(), sum, 1e-12 * before);
+}
+
+// A damping of 9 leaves a tenth of the step; the next one is as long as the slope and the curvature seen ask for.
+TEST(LandmarkSteps, DampingDoesNotMakeThemCreep) {
+  constexpr double kDamping = 9.0;
+  const double minimum = 5.0 * (std::sqrt(13.8) - 3.0);  // of 3 (l − 4) + l² / 10
+  Star star(1, nullptr, kDamping);
+  IncrementalSystem& system = star.system();
+  const double start = *system.values().current(1);
+  RelinearizeWork work;
+  int num_evaluated = 0;
+  for (int pass = 0; pass < 2; ++pass) {
+    ASSERT_TRUE(system.StepLandmarks({0}, &num_evaluated));
+    system.MarkDirty({0, 0});
+    system.EndStep();
+    ASSERT_TRUE(system.Relinearize(kDamping, RebuildRule::kNever, &work).ok());
+    if (pass == 0) {
+      EXPECT_LT(*system.values().current(1) - start, 0.2 * (minimum - start));
+    }
+  }
+  EXPECT_NEAR(*system.values().current(1), minimum, 0.2 * (minimum - start));
+}
+
+TEST(LandmarkSteps, ThoseThatDoNotGainStayWhereTheyAre) {
+  Star star(2);
+  IncrementalSystem& system = star.system();
+  RelinearizeWork work;
+  // The first landmark goes to its own minimum; then only the second has anything to gain.
+  int num_evaluated = 0;
+  for (int pass = 0; pass < 20; ++pass) {
+    if (system.StepLandmarks({0}, &num_evaluated)) {
+      system.MarkDirty({0, 0});
+      system.EndStep();
+      ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
+    }
+  }
+  const double settled = *system.values().current(1);
+  ASSERT_TRUE(system.StepLandmarks({0, 1}, &num_evaluated));
+  system.EndStep();
+  EXPECT_NEAR(*system.values().current(1), settled, 1e-9);
+  EXPECT_NE(*system.values().current(2), 3.0);
+}
+
+// What is kept by difference stays good to the accuracy asked for when the cost falls by many orders of magnitude.
+TEST(LandmarkSteps, TheGainOfAllIsRightAfterTheCostHasFallenFar) {
+  Star star(3);
+  IncrementalSystem& system = star.system();
+  const auto set = [&system](double value) {
+    system.SetValues(1, &value);
+    RelinearizeWork work;
+    ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
+  };
+  set(3e9 + 1.0 / 3.0);
+  ASSERT_GT(system.schur().TotalDecrement(1e-9), 1e18);
+  set(2.0);
+  double sum = 0.0;
+  for (int i = 0; i < static_cast<int>(system.schur().landmarks().size()); ++i) {
+    sum += system.schur().decrement(i);
+  }
+  ASSERT_LT(sum, 1e3);
+  EXPECT_NEAR(system.schur().TotalDecrement(1e-9), sum, 1e-9);
+}
+
+}  // namespace
+}  // namespace inceres::internal

@@ -1,0 +1,373 @@
+// The law of the incremental Schur complement: whatever was added, moved, relinearized or damped anew, in whatever order, S and b
+// are those of a rebuild from the same cached Jacobians, weights and landmark damping.
+
+#include "incremental/incremental_system.h"
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "inceres/problem/losses.h"
+#include "inceres/problem/manifolds.h"
+#include "incremental/cached_rows.h"
+#include "schur/batch_system.h"
+#include "support/random_graph.h"
+
+namespace inceres::internal {
+namespace {
+
+// What the graph has gained since the last call becomes part of the system.
+class Follower {
+ public:
+  void TakeUp(const FactorGraph& graph, IncrementalSystem* system) {
+    for (; num_variables_ < graph.num_variables(); ++num_variables_) {
+      system->AddVariable(num_variables_);
+    }
+    num_factors_.resize(graph.num_families(), 0);
+    for (FamilyId family = 0; family < graph.num_families(); ++family) {
+      for (int& i = num_factors_[family]; i < graph.NumFactors(family); ++i) {
+        system->AddFactor({family, i});
+      }
+    }
+  }
+
+ private:
+  int num_variables_ = 0;
+  std::vector<int> num_factors_;
+};
+
+using test::Random;
+using test::RandomGraph;
+
+// Grows a random problem and does random things to the incremental system that follows it.
+class Sequence {
+ public:
+  explicit Sequence(unsigned seed) : graph_(seed), random_(seed + 1000), system_(graph_.graph(), 1) {
+    for (int i = 0; i < 3; ++i) {
+      AddFrame();
+    }
+  }
+
+  void Grow() {
+    if (random_.Below(3) == 0) {
+      AddFrame();
+    }
+    const VariableId landmark = random_.Below(4) == 0 ? graph_.AddLandmark(std::make_shared<SphereManifold>(4))
+                                                      : graph_.AddLandmark(1 + random_.Below(4));
+    landmarks_.push_back(landmark);
+    Observe(landmark);
+    Observe(landmarks_[random_.Below(static_cast<int>(landmarks_.size()))]);
+  }
+
+  void Relinearize() {
+    follower_.TakeUp(graph_.graph(), &system_);
+    RelinearizeWork work;
+    const RebuildRule rules[] = {RebuildRule::kWhenCheaper, RebuildRule::kAlways, RebuildRule::kNever};
+    const Status status = system_.Relinearize(std::pow(10.0, random_.Between(-9.0, 1.0)), rules[random_.Below(3)], &work);
+    ASSERT_TRUE(status.ok()) << status.message;
+  }
+
+  void MarkSome() {
+    for (const IncrementalFamily& family : system_.families()) {
+      for (int i = 0; i < family.num_places(); ++i) {
+        if (random_.Below(5) == 0) {
+          system_.MarkDirty({family.id(), i});
+        }
+      }
+    }
+    const int num_landmarks = static_cast<int>(system_.schur().landmarks().size());
+    if (num_landmarks > 0) {
+      system_.Redamp(random_.Below(num_landmarks));
+    }
+  }
+
+  // Any step is legal, not only the solution of the system.
+  void Step() {
+    for (int i = 0; i < static_cast<int>(system_.schur().frames().size()); ++i) {
+      if (random_.Below(2) == 0) {
+        std::vector<double> step = random_.Vector(system_.schur().frames()[i].size);
+        for (double& entry : step) {
+          entry *= 1e-2;
+        }
+        system_.SetFrameStep(i, step.data());
+      }
+    }
+    for (int l = 0; l < static_cast<int>(system_.schur().landmarks().size()); ++l) {
+      if (random_.Below(2) == 0) {
+        system_.Visit(l);
+      }
+    }
+    double change = 0.0;
+    double predicted = 0.0;
+    const double before = system_.cost();
+    ASSERT_TRUE(system_.EvaluateStep(&change, &predicted).ok());
+    if (random_.Below(4) == 0) {
+      system_.Reject();
+      EXPECT_EQ(system_.cost(), before);
+    } else {
+      system_.Accept();
+      EXPECT_NEAR(system_.cost(), before + change, 1e-12 * (before + std::fabs(change)));
+    }
+  }
+
+  const FactorGraph& graph() { return graph_.graph(); }
+  const IncrementalSystem& system() const { return system_; }
+
+ private:
+  void AddFrame() {
+    const int kind = random_.Below(4);
+    frames_.push_back(kind == 0   ? graph_.AddFrame(std::make_shared<PoseManifold>())
+                      : kind == 1 ? graph_.AddFrame(9)
+                                  : graph_.AddFrame(1 + random_.Below(7)));
+    graph_.Connect(graph_.graph().TangentSize(frames_.back()), {frames_.back()});
+    if (frames_.size() > 1) {
+      graph_.Connect(3, {frames_[frames_.size() - 2], frames_.back()});
+    }
+  }
+
+  void Observe(VariableId landmark) {
+    std::shared_ptr<const Loss> loss;
+    if (random_.Below(2) == 0) {
+      loss = std::make_shared<HuberLoss>(0.5);
+    }
+    const VariableId frame = frames_[random_.Below(static_cast<int>(frames_.size()))];
+    const VariableId other = frames_[random_.Below(static_cast<int>(frames_.size()))];
+    graph_.Connect(4, {frame, landmark}, loss);
+    if (other != frame) {
+      graph_.Connect(2, {frame, other, landmark}, loss);
+    }
+  }
+
+  RandomGraph graph_;
+  Random random_;
+  IncrementalSystem system_;
+  Follower follower_;
+  std::vector<VariableId> frames_;
+  std::vector<VariableId> landmarks_;
+};
+
+class IncrementalSystemLaw : public testing::TestWithParam<unsigned> {};
+
+TEST_P(IncrementalSystemLaw, SAndBAreThoseOfARebuild) {
+  Sequence sequence(GetParam());
+  for (int round = 0; round < 25; ++round) {
+    sequence.Grow();
+    sequence.Relinearize();
+    ASSERT_NO_FATAL_FAILURE(BatchSystem(sequence.graph(), sequence.system()).ExpectLaw()) << "grown, round " << round;
+    sequence.Step();
+    ASSERT_NO_FATAL_FAILURE(BatchSystem(sequence.graph(), sequence.system()).ExpectLaw()) << "moved, round " << round;
+    sequence.MarkSome();
+    sequence.Relinearize();
+    ASSERT_NO_FATAL_FAILURE(BatchSystem(sequence.graph(), sequence.system()).ExpectLaw()) << "relinearized, round " << round;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, IncrementalSystemLaw, testing::Range(0U, 20U));
+
+// What the old linearization predicts, f̂, is exact for a step no factor curves under: the error it is kept for is then zero.
+TEST(IncrementalSystem, TheErrorOfALinearizationIsThatOfItsPrediction) {
+  RandomGraph graph(3);
+  const VariableId frame = graph.AddFrame(3);
+  graph.Connect(4, {frame}, std::make_shared<HuberLoss>(0.1));
+  IncrementalSystem system(graph.graph(), 1);
+  Follower().TakeUp(graph.graph(), &system);
+  RelinearizeWork work;
+  ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
+  const IncrementalFamily& family = system.families()[0];
+  EXPECT_EQ(family.SquaredError(0), 0.0);
+  double errors[2] = {0.0, 0.0};
+  for (const int halvings : {0, 1}) {
+    const double size = halvings == 0 ? 1e-2 : 5e-3;
+    const double step[3] = {size, -size, size};
+    system.SetFrameStep(0, step);
+    double change = 0.0;
+    double predicted = 0.0;
+    ASSERT_TRUE(system.EvaluateStep(&change, &predicted).ok());
+    system.Accept();
+    errors[halvings] = std::sqrt(family.SquaredError(0));
+    system.MarkDirty({0, 0});
+    ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
+  }
+  EXPECT_NEAR(errors[0] / errors[1], 4.0, 0.5) << "the error is of second order in the step";
+}
+
+// f = x, far out in the linear part of a Huber loss: its second derivative is ρ' across f, and nothing along it.
+class Outlier {
+ public:
+  Outlier() {
+    const auto measure = [](int, const double* const* x, double* residuals, double** jacobians) {
+      for (int k = 0; k < 2; ++k) {
+        residuals[k] = x[0][k];
+        if (jacobians != nullptr) {
+          jacobians[0][2 * k] = 1.0 - k;
+          jacobians[0][2 * k + 1] = k;
+        }
+      }
+      return true;
+    };
+    const auto family = std::make_shared<test::FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}}, measure);
+    const double start[2] = {3.0, 4.0};
+    const VariableId frame = graph_.AddVariable(start, 2, Role::kFrame);
+    graph_.AddFactor(graph_.AddFamily(family), *family, 0, {frame}, std::make_shared<HuberLoss>(0.1));
+    system_ = std::make_unique<IncrementalSystem>(graph_, 1);
+    Follower().TakeUp(graph_, system_.get());
+    Relinearize();
+  }
+
+  void Relinearize() {
+    system_->MarkDirty({0, 0});
+    RelinearizeWork work;
+    ASSERT_TRUE(system_->Relinearize(0.0, RebuildRule::kNever, &work).ok());
+  }
+
+  void Move(double dx, double dy) {
+    const double step[2] = {dx, dy};
+    system_->SetFrameStep(0, step);
+    double change = 0.0;
+    double predicted = 0.0;
+    ASSERT_TRUE(system_->EvaluateStep(&change, &predicted).ok());
+    system_->Accept();
+  }
+
+  void Put(double x, double y) {
+    const double values[2] = {x, y};
+    system_->SetValues(0, values);
+  }
+
+  // Jᵀq is the gradient ρ' f.
+  void ExpectGradient() const {
+    const double* x = system_->values().current(0);
+    const double w = 0.1 / std::hypot(x[0], x[1]);
+    const double* J = family().Jacobian(0, 0);
+    for (int k = 0; k < 2; ++k) {
+      EXPECT_NEAR(J[k] * family().q(0)[0] + J[kQuad + k] * family().q(0)[1], w * x[k], 1e-15);
+      EXPECT_NEAR(system_->schur().b(0)[k], -w * x[k], 1e-15);
+    }
+  }
+
+  // ‖J d‖² over that of √ρ' times the plain Jacobian, d of length 1.
+  double Curvature(double x, double y) const {
+    const double* J = family().Jacobian(0, 0);
+    const double w = 0.1 / std::hypot(system_->values().current(0)[0], system_->values().current(0)[1]);
+    return (std::pow(J[0] * x + J[1] * y, 2) + std::pow(J[kQuad] * x + J[kQuad + 1] * y, 2)) / w;
+  }
+
+  const IncrementalFamily& family() const { return system_->families()[0]; }
+  const IncrementalSystem& system() const { return *system_; }
+
+ private:
+  FactorGraph graph_;
+  std::unique_ptr<IncrementalSystem> system_;
+};
+
+TEST(CorrectedLinearization, HasLessCurvatureAlongTheResidualAndTheSameGradient) {
+  Outlier outlier;
+  EXPECT_FALSE(outlier.family().IsCorrected(0)) << "nothing has moved yet";
+  EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 1.0, 1e-14);
+  outlier.Move(0.03, 0.04);
+  outlier.Relinearize();
+  EXPECT_TRUE(outlier.family().IsCorrected(0));
+  EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 0.5, 1e-14);
+  EXPECT_NEAR(outlier.Curvature(-0.8, 0.6), 1.0, 1e-14);
+  outlier.ExpectGradient();
+}
+
+TEST(CorrectedLinearization, KeepsTheGradientAndPredictsResidualsWhileItIsKept) {
+  Outlier outlier;
+  outlier.Move(0.03, 0.04);
+  outlier.Relinearize();
+  outlier.Move(-0.2, 0.5);
+  EXPECT_TRUE(outlier.family().IsCorrected(0));
+  outlier.ExpectGradient();
+  EXPECT_NEAR(outlier.family().SquaredError(0), 0.0, 1e-28) << "the factor is linear";
+}
+
+TEST(CorrectedLinearization, IsTheSameWhenItIsMadeAgain) {
+  Outlier outlier;
+  outlier.Move(0.9, 1.2);
+  for (int time = 0; time < 2; ++time) {
+    outlier.Relinearize();
+    EXPECT_TRUE(outlier.family().IsCorrected(0));
+    EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 0.5, 1e-14);
+  }
+}
+
+TEST(CorrectedLinearization, IsNotThatOfAFactorPutElsewhere) {
+  Outlier outlier;
+  outlier.Move(0.03, 0.04);
+  outlier.Put(-30.0, 50.0);
+  outlier.Relinearize();
+  EXPECT_FALSE(outlier.family().IsCorrected(0));
+}
+
+TEST(CorrectedLinearization, IsTakenBackWhereRowsAreAskedFor) {
+  Outlier outlier;
+  outlier.Move(0.03, 0.04);
+  outlier.Relinearize();
+  outlier.Move(-0.02, 0.05);
+  ASSERT_TRUE(outlier.family().IsCorrected(0));
+  CachedRows rows(outlier.system(), 1.0);
+  LinearizedFactor factor;
+  ASSERT_TRUE(rows.Find(
+      {0, 0}, [](VariableId) { return true; }, &factor));
+  const double* x = outlier.system().values().current(0);
+  const double sqrt_w = std::sqrt(0.1 / std::hypot(x[0], x[1]));
+  for (int r = 0; r < 2; ++r) {
+    EXPECT_NEAR(factor.f[r], sqrt_w * x[r], 1e-14);
+    for (int c = 0; c < 2; ++c) {
+      EXPECT_NEAR(factor.slots[0].data[r * factor.slots[0].row_stride + c], r == c ? sqrt_w : 0.0, 1e-14);
+    }
+  }
+}
+
+TEST(CorrectedLinearization, IsNotThatOfAFactorWhoseResidualChangesMuch) {
+  Outlier outlier;
+  outlier.Move(0.03, 0.04);
+  outlier.Relinearize();
+  outlier.Move(-1.8, -2.4);
+  outlier.Relinearize();
+  EXPECT_FALSE(outlier.family().IsCorrected(0));
+  EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 1.0, 1e-14);
+  outlier.ExpectGradient();
+}
+
+// A landmark's coordinates have units of their own: a strong prior on one of them leaves the others their information.
+TEST(IncrementalSystem, AStrongPriorOnOneCoordinateDoesNotParkALandmark) {
+  FactorGraph graph;
+  const auto measure = [](int i, const double* const* parameters, double* residuals, double** jacobians) {
+    for (int k = 0; k < 2; ++k) {
+      residuals[k] = parameters[0][k] + parameters[1][0] - i;
+      if (jacobians != nullptr) {
+        jacobians[0][2 * k] = jacobians[0][2 * k + 1] = 0.0;
+        jacobians[0][3 * k] = jacobians[1][k] = 1.0;
+      }
+    }
+    return true;
+  };
+  const auto pin = [](int, const double* const* parameters, double* residuals, double** jacobians) {
+    residuals[0] = 1e7 * parameters[0][0];
+    if (jacobians != nullptr) {
+      jacobians[0][0] = 1e7;
+      jacobians[0][1] = 0.0;
+    }
+    return true;
+  };
+  auto views = std::make_shared<test::FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}, {1, 1}}, measure);
+  auto pins = std::make_shared<test::FunctionFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}}, pin);
+  const double zero[2] = {0.0, 0.0};
+  const VariableId landmark = graph.AddVariable(zero, 2, Role::kLandmark);
+  const VariableId frame = graph.AddVariable(zero, 1, Role::kFrame);
+  graph.AddFactor(graph.AddFamily(views), *views, 0, {landmark, frame});
+  graph.AddFactor(graph.AddFamily(pins), *pins, 0, {landmark});
+  IncrementalSystem system(graph, 1);
+  Follower().TakeUp(graph, &system);
+  RelinearizeWork work;
+  ASSERT_TRUE(system.Relinearize(1e-4, RebuildRule::kNever, &work).ok());
+  EXPECT_EQ(system.schur().num_undetermined(), 0);
+  BatchSystem(graph, system).ExpectLaw();
+}
+
+}  // namespace
+}  // namespace inceres::internal

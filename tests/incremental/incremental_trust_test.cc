@@ -1,0 +1,245 @@
+// What an Update says can be relied on: after cost functions that refused, where the cost is next to zero, and where it is not
+// finite.
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "inceres/solver/incremental_solver.h"
+#include "incremental/incremental_function.h"
+#include "support/random_values.h"
+#include "support/test_families.h"
+
+namespace inceres {
+namespace {
+
+using test::FunctionFamily;
+using test::IncrementalFunction;
+using test::Random;
+
+constexpr int kCameras = 6;
+constexpr int kPoints = 20;
+
+struct Pixel {
+  double xy[2] = {0.0, 0.0};
+};
+
+// Cameras in a row that do not turn, with priors, see points some 5 in front of them. One point may be forbidden to come nearer
+// than a depth: its cost function then refuses.
+struct Row {
+  explicit Row(unsigned seed) : random(seed), pixels(kCameras * kPoints) {
+    auto views = std::make_shared<FunctionFamily>(
+        2, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}},
+        [this](int i, const double* const* p, double* f, double** J) { return View(i, p, f, J); });
+    auto priors = std::make_shared<FunctionFamily>(3, std::vector<FactorFamily::Slot>{{3, 3}},
+                                                   [this](int i, const double* const* p, double* f, double** J) {
+                                                     for (int k = 0; k < 3; ++k) {
+                                                       f[k] = 10.0 * (p[0][k] - (k == 0 ? 0.5 * i : 0.0));
+                                                     }
+                                                     for (int k = 0; J != nullptr && J[0] != nullptr && k < 9; ++k) {
+                                                       J[0][k] = k % 4 == 0 ? 10.0 : 0.0;
+                                                     }
+                                                     return true;
+                                                   });
+    view_family = views;
+    const FamilyId view_id = solver.AddFamily(views);
+    const FamilyId prior_id = solver.AddFamily(priors);
+    GraphEdit edit(solver.graph());
+    for (int c = 0; c < kCameras; ++c) {
+      const double camera[3] = {0.5 * c, 0.0, 0.0};
+      cameras.push_back(edit.AddVariable(camera, 3, Role::kFrame));
+      edit.AddFactor(prior_id, *priors, c, {cameras.back()});
+    }
+    for (int l = 0; l < kPoints; ++l) {
+      const double truth[3] = {random.Gaussian() + 1.5, random.Gaussian(), 5.0 + random.Gaussian()};
+      const double start[3] = {truth[0] + 0.1 * random.Gaussian(), truth[1] + 0.1 * random.Gaussian(),
+                               truth[2] + 0.3 * random.Gaussian()};
+      points.push_back(edit.AddVariable(start, 3, Role::kLandmark));
+      for (int c = 0; c < kCameras; ++c) {
+        double* xy = pixels[Index(c, l)].xy;
+        xy[0] = (truth[0] - 0.5 * c) / truth[2] + 0.003 * random.Gaussian();
+        xy[1] = truth[1] / truth[2] + 0.003 * random.Gaussian();
+      }
+    }
+    for (int c = 0; c < kCameras; ++c) {
+      for (int l = 0; l < kPoints; ++l) {
+        views_of.push_back(edit.AddFactor(view_id, *views, 0, {cameras[c], points[l]}));
+      }
+    }
+    EXPECT_TRUE(solver.Apply(edit).ok());
+  }
+
+  static std::size_t Index(int camera, int point) { return static_cast<std::size_t>(camera) * kPoints + point; }
+
+  bool View(int i, const double* const* p, double* f, double** J) const {
+    const double x = p[1][0] - p[0][0];
+    const double y = p[1][1] - p[0][1];
+    const double depth = p[1][2] - p[0][2];
+    if (i % kPoints == 0 && depth < nearest) {
+      return false;
+    }
+    f[0] = x / depth - pixels[static_cast<std::size_t>(i)].xy[0];
+    f[1] = y / depth - pixels[static_cast<std::size_t>(i)].xy[1];
+    const double D[6] = {1.0 / depth, 0.0, -x / (depth * depth), 0.0, 1.0 / depth, -y / (depth * depth)};
+    for (int s = 0; J != nullptr && s < 2; ++s) {
+      for (int k = 0; J[s] != nullptr && k < 6; ++k) {
+        J[s][k] = s == 0 ? -D[k] : D[k];
+      }
+    }
+    return true;
+  }
+
+  // Tells the solver that these measurements were changed where they stand.
+  void Revised(const std::vector<FactorId>& factors) {
+    GraphEdit edit(solver.graph());
+    for (const FactorId& factor : factors) {
+      edit.SetMeasurement(factor, *view_family, 0);
+    }
+    ASSERT_TRUE(solver.Apply(edit).ok());
+  }
+
+  // What a solver that remembers nothing still gains from here, relative.
+  double Excess(double cost) {
+    FactorGraph copy = solver.graph();
+    for (VariableId id = 0; id < copy.num_variables(); ++id) {
+      copy.SetValues(id, solver.Values(id));
+    }
+    SolverOptions options;
+    options.function_tolerance = 1e-12;
+    return (cost - Solve(options, &copy).final_cost) / cost;
+  }
+
+  Random random;
+  std::vector<Pixel> pixels;
+  double nearest = 0.0;
+  IncrementalSolver solver{IncrementalOptions()};
+  std::shared_ptr<FunctionFamily> view_family;
+  std::vector<VariableId> cameras;
+  std::vector<VariableId> points;
+  std::vector<FactorId> views_of;
+};
+
+TEST(IncrementalTrust, RefusalsOfOneUpdateDoNotHoldTheNextOnesBack) {
+  int refused = 0;
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    Row row(seed);
+    row.solver.Update();
+    // The point's images move apart, so that it should come nearer, and it may not.
+    for (int c = 0; c < kCameras; ++c) {
+      for (int l = 0; l < kPoints; ++l) {
+        for (double& entry : row.pixels[Row::Index(c, l)].xy) {
+          entry *= l == 0 ? 1.15 : 1.0 + 0.1 * (l % 5 - 2);
+        }
+      }
+    }
+    row.nearest = 0.99 * (row.solver.Values(row.points[0])[2] - row.solver.Values(row.cameras[0])[2]);
+    row.Revised(row.views_of);
+    const UpdateSummary sick = row.solver.Update();
+    refused += sick.num_rejected_steps;
+    row.nearest = 0.0;
+    for (int k = 1; k < 5; ++k) {
+      row.pixels[Row::Index(1, k)].xy[0] += 0.002;
+      row.Revised({row.views_of[Row::Index(1, k)]});
+      const UpdateSummary healthy = row.solver.Update();
+      EXPECT_EQ(healthy.termination, Termination::kConvergence) << healthy.message;
+      EXPECT_LT(row.Excess(healthy.final_cost), 1e-6) << "seed " << seed << ", update " << k;
+    }
+  }
+  EXPECT_GT(refused, 100) << "the cost function is to have refused steps";
+}
+
+// A chain of poses without a loop: its minimum is zero but for rounding.
+TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
+  std::vector<double> steps;
+  auto family = std::make_shared<FunctionFamily>(
+      3, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}}, [&](int i, const double* const* p, double* f, double** J) {
+        const double c = std::cos(p[0][2]);
+        const double s = std::sin(p[0][2]);
+        const double dx = p[1][0] - p[0][0];
+        const double dy = p[1][1] - p[0][1];
+        f[0] = 20.0 * (c * dx + s * dy - 1.0);
+        f[1] = 20.0 * (-s * dx + c * dy);
+        f[2] = 50.0 * (p[1][2] - p[0][2] - steps[static_cast<std::size_t>(i)]);
+        const double first[9] = {-20 * c, -20 * s, 20 * (-s * dx + c * dy), 20 * s, -20 * c, 20 * (-c * dx - s * dy), 0, 0, -50};
+        const double second[9] = {20 * c, 20 * s, 0, -20 * s, 20 * c, 0, 0, 0, 50};
+        for (int k = 0; J != nullptr && k < 18; ++k) {
+          double* block = J[k / 9];
+          if (block != nullptr) {
+            block[k % 9] = k < 9 ? first[k] : second[k - 9];
+          }
+        }
+        return true;
+      });
+  IncrementalSolver solver{IncrementalOptions()};
+  const FamilyId id = solver.AddFamily(family);
+  Random random(3);
+  double pose[3] = {100.0, -40.0, 0.3};
+  GraphEdit edit(solver.graph());
+  VariableId last = edit.AddVariable(pose, 3, Role::kFrame);
+  edit.SetConstant(last, true);
+  int num_iterations = 0;
+  for (int n = 0; n < 60; ++n) {
+    steps.push_back(0.2 * random.Unit());
+    pose[0] += std::cos(pose[2]);
+    pose[1] += std::sin(pose[2]);
+    pose[2] += steps.back();
+    const VariableId next = edit.AddVariable(pose, 3, Role::kFrame);
+    edit.AddFactor(id, *family, n, {last, next});
+    last = next;
+    ASSERT_TRUE(solver.Apply(edit).ok());
+    edit.Restart();
+    const UpdateSummary summary = solver.Update();
+    ASSERT_EQ(summary.termination, Termination::kConvergence) << n << ": " << summary.message;
+    EXPECT_EQ(summary.num_rejected_steps, 0) << n;
+    num_iterations += summary.num_iterations;
+  }
+  EXPECT_LE(num_iterations, 2 * 60);
+}
+
+TEST(IncrementalTrust, WhatACostFunctionRefusesToEvaluateProvesNoMinimum) {
+  IncrementalOptions options;
+  options.batch_share = 1.0;
+  bool refuses = true;
+  IncrementalFunction world(options, [&refuses](int, const double* const* x, double* f, double** J) {
+    f[0] = x[0][0] - 3.0;
+    if (J != nullptr && J[0] != nullptr) {
+      J[0][0] = 1.0;
+    }
+    return !refuses || x[0][0] == 1.0;  // nowhere but where it starts
+  });
+  ASSERT_TRUE(world.applied);
+  const UpdateSummary refused = world.solver.Update();
+  EXPECT_EQ(refused.termination, Termination::kNoConvergence) << refused.message;
+  EXPECT_NE(refused.message.find("refused"), std::string::npos) << refused.message;
+  EXPECT_EQ(world.solver.Values(world.x)[0], 1.0);
+
+  refuses = false;
+  const UpdateSummary freed = world.solver.Update();
+  EXPECT_EQ(freed.termination, Termination::kConvergence) << freed.message;
+  EXPECT_NEAR(world.solver.Values(world.x)[0], 3.0, 1e-6);
+}
+
+TEST(IncrementalTrust, InfiniteCostIsAFailureThatNamesTheFactor) {
+  for (const double batch_share : {0.5, 1.0}) {
+    IncrementalOptions options;
+    options.batch_share = batch_share;
+    IncrementalFunction world(options, [](int, const double* const* x, double* f, double** J) {
+      f[0] = 1e200 * x[0][0];
+      if (J != nullptr && J[0] != nullptr) {
+        J[0][0] = 1e200;
+      }
+      return true;
+    });
+    ASSERT_TRUE(world.applied);
+    const UpdateSummary summary = world.solver.Update();
+    EXPECT_EQ(summary.termination, Termination::kFailure);
+    EXPECT_NE(summary.message.find("factor 0"), std::string::npos) << summary.message;
+    EXPECT_NE(summary.message.find("not finite"), std::string::npos) << summary.message;
+    EXPECT_EQ(world.solver.Values(world.x)[0], 1.0);
+  }
+}
+
+}  // namespace
+}  // namespace inceres

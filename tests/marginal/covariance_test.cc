@@ -1,0 +1,211 @@
+#include "inceres/solver/covariance.h"
+
+#include <algorithm>
+
+#include <Eigen/Dense>
+#include <gtest/gtest.h>
+
+#include "inceres/solver/incremental_solver.h"
+#include "incremental/incremental_bundle.h"
+#include "marginal/linear_world.h"
+#include "support/dense_oracle.h"
+#include "support/random_graph.h"
+
+namespace inceres::test {
+namespace {
+
+using Eigen::MatrixXd;
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// Every block, computed in one order and read in both, against the dense inverse of the oracle's Hessian.
+void ExpectInverse(const FactorGraph& graph, const std::vector<VariableId>& moving, const Covariance& covariance) {
+  const DenseOracle oracle(graph, moving);
+  const MatrixXd inverse = oracle.H.inverse();
+  Eigen::Index row = 0;
+  for (const VariableId a : moving) {
+    Eigen::Index column = 0;
+    for (const VariableId b : moving) {
+      RowMajor block(graph.TangentSize(a), graph.TangentSize(b));
+      block.setConstant(1e30);
+      ASSERT_TRUE(covariance.Get(a, b, block.data()));
+      const MatrixXd expected = inverse.block(row, column, block.rows(), block.cols());
+      const double scale = std::sqrt(inverse.block(row, row, block.rows(), block.rows()).norm() *
+                                     inverse.block(column, column, block.cols(), block.cols()).norm());
+      EXPECT_LT((block - expected).norm(), 1e-10 * scale) << a << ", " << b;
+      column += block.cols();
+    }
+    row += graph.TangentSize(a);
+  }
+}
+
+Covariance::Pairs AllPairs(const std::vector<VariableId>& ids) {
+  Covariance::Pairs pairs;
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    for (std::size_t k = i; k < ids.size(); ++k) {
+      pairs.emplace_back((i + k) % 2 == 0 ? ids[i] : ids[k], (i + k) % 2 == 0 ? ids[k] : ids[i]);
+    }
+  }
+  return pairs;
+}
+
+std::vector<VariableId> Moving(const FactorGraph& graph) {
+  std::vector<VariableId> ids;
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    if (graph.HasVariable(id) && !graph.IsConstant(id)) {
+      ids.push_back(id);
+    }
+  }
+  return ids;
+}
+
+TEST(Covariance, IsTheInverseOfTheHessian) {
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    BundleOptions options;
+    options.seed = seed;
+    options.num_frames = 5;
+    options.num_landmarks = 12;
+    options.frame_sizes = {6, 3};
+    options.landmark_sizes = {3, 1, 2};
+    options.manifolds = seed % 2 == 0;
+    options.losses = seed % 3 == 0;
+    options.constants = seed > 3;
+    options.hosted = seed == 5;
+    const std::unique_ptr<RandomGraph> bundle = MakeBundle(options);
+    const std::vector<VariableId> moving = Moving(bundle->graph());
+    Covariance covariance;
+    const Status status = covariance.Compute(bundle->graph(), AllPairs(moving));
+    ASSERT_TRUE(status.ok()) << status.message;
+    SCOPED_TRACE(seed);
+    ExpectInverse(bundle->graph(), moving, covariance);
+  }
+}
+
+TEST(Covariance, OfLandmarksAloneAndFramesAlone) {
+  RandomGraph landmarks(3);
+  for (int l = 0; l < 3; ++l) {
+    landmarks.Connect(4, {landmarks.AddLandmark(2)});
+  }
+  Covariance covariance;
+  ASSERT_TRUE(covariance.Compute(landmarks.graph(), AllPairs({0, 1, 2})).ok());
+  ExpectInverse(landmarks.graph(), {0, 1, 2}, covariance);
+  RandomGraph frames(4);
+  frames.AddFrame(3);
+  frames.AddFrame(2);
+  frames.Connect(4, {0});
+  frames.Connect(4, {0, 1});
+  ASSERT_TRUE(covariance.Compute(frames.graph(), AllPairs({0, 1})).ok());
+  ExpectInverse(frames.graph(), {0, 1}, covariance);
+}
+
+TEST(Covariance, BlocksOfConstantsAreZero) {
+  RandomGraph random(5);
+  const VariableId held = random.AddFrame(2);
+  const VariableId free = random.AddFrame(3);
+  random.graph().SetConstant(held, true);
+  random.Connect(4, {held, free});
+  Covariance covariance;
+  ASSERT_TRUE(covariance.Compute(random.graph(), {{held, free}, {free, free}}).ok());
+  double block[6] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
+  ASSERT_TRUE(covariance.Get(held, free, block));
+  EXPECT_EQ(*std::max_element(block, block + 6), 0.0);
+  EXPECT_FALSE(covariance.Get(held, held, block));
+}
+
+// A chain without an anchor: rounding would give it a Cholesky factor, and numbers.
+TEST(Covariance, AFreeGaugeIsAStatus) {
+  for (int size = 1; size <= 40; size += 13) {
+    LinearWorld world;
+    Random random(static_cast<unsigned>(size));
+    for (int i = 0; i <= size; ++i) {
+      world.AddVariable(RandomMatrix(&random, 3, 1));
+      if (i > 0) {
+        MatrixXd A(3, 6);
+        const MatrixXd weight = RandomMatrix(&random, 3, 3);
+        A << -weight, weight;
+        world.AddFactor({i - 1, i}, A, RandomMatrix(&random, 3, 1));
+      }
+    }
+    Covariance covariance;
+    const Status status = covariance.Compute(world.graph, {{0, 0}});
+    EXPECT_EQ(status.code, StatusCode::kSingular) << size;
+    double block[9];
+    EXPECT_FALSE(covariance.Get(0, 0, block));
+    world.AddFactor({size / 2}, MatrixXd::Identity(3, 3), Eigen::VectorXd::Zero(3));
+    const Status anchored = covariance.Compute(world.graph, AllPairs(Moving(world.graph)));
+    ASSERT_TRUE(anchored.ok()) << anchored.message;
+    ExpectInverse(world.graph, Moving(world.graph), covariance);
+  }
+}
+
+TEST(Covariance, ALandmarkSeenOnceIsAStatusThatNamesIt) {
+  RandomGraph random(6);
+  const VariableId frame = random.AddFrame(6);
+  random.Connect(8, {frame});
+  const VariableId landmark = random.AddLandmark(3);
+  random.Connect(2, {frame, landmark});
+  Covariance covariance;
+  const Status status = covariance.Compute(random.graph(), {{frame, frame}});
+  EXPECT_EQ(status.code, StatusCode::kSingular);
+  EXPECT_EQ(status.message, "variable 1 has no covariance: the landmark is not determined by its factors");
+}
+
+TEST(Covariance, BadIdsAndOptions) {
+  RandomGraph random(7);
+  random.AddFrame(2);
+  random.AddFrame(2);
+  random.Connect(3, {0});
+  Covariance covariance;
+  EXPECT_EQ(covariance.Compute(random.graph(), {{0, 5}}).message, "variable 5 does not exist");
+  EXPECT_EQ(covariance.Compute(random.graph(), {{0, 1}}).message, "variable 1 has no covariance: no factor touches it");
+  CovarianceOptions options;
+  options.num_threads = 0;
+  EXPECT_EQ(Covariance(options).Compute(random.graph(), {}).message, "CovarianceOptions::num_threads must be at least 1");
+  options.num_threads = 1;
+  options.max_inflation = 1.0;
+  EXPECT_EQ(Covariance(options).Compute(random.graph(), {}).message, "CovarianceOptions::max_inflation must exceed 1");
+}
+
+// Of a living problem, with free places and a prior, at the values it holds.
+TEST(Covariance, OfALivingProblem) {
+  IncrementalOptions options;
+  options.batch_share = 2.0;
+  IncrementalBundle bundle(options, 3);
+  bundle.Grow(5, 12, 3);
+  bundle.solver.Update();
+  MarginalizationRequest request;
+  request.marginalized = {bundle.landmarks()[0], bundle.landmarks()[5]};
+  request.dropped = {bundle.landmarks()[7]};
+  ASSERT_TRUE(bundle.solver.Marginalize(request, MarginalizationOptions()).status.ok());
+  FactorGraph copy = bundle.solver.graph();
+  for (VariableId id = 0; id < copy.num_variables(); ++id) {
+    if (copy.HasVariable(id)) {
+      copy.SetValues(id, bundle.solver.Values(id));
+    }
+  }
+  const std::vector<VariableId> moving = Moving(copy);
+  Covariance covariance;
+  const Status status = covariance.Compute(bundle.solver, AllPairs(moving));
+  ASSERT_TRUE(status.ok()) << status.message;
+  // The oracle's rows of a graph without gaps.
+  const DenseOracle oracle(copy, moving);
+  ExpectInverse(copy, moving, covariance);
+}
+
+TEST(Covariance, IsTheSameForAnyNumberOfThreads) {
+  BundleOptions bundle_options;
+  bundle_options.num_landmarks = 600;
+  const std::unique_ptr<RandomGraph> bundle = MakeBundle(bundle_options);
+  double blocks[2][36];
+  for (const int num_threads : {1, 4}) {
+    CovarianceOptions options;
+    options.num_threads = num_threads;
+    Covariance covariance(options);
+    const Status status = covariance.Compute(bundle->graph(), {{0, 1}});
+    ASSERT_TRUE(status.ok()) << status.message;
+    ASSERT_TRUE(covariance.Get(0, 1, blocks[num_threads / 4]));
+  }
+  EXPECT_TRUE(std::equal(blocks[0], blocks[0] + 36, blocks[1]));
+}
+
+}  // namespace
+}  // namespace inceres::test

@@ -1,0 +1,203 @@
+// What a pass over J yields for a vector: −(Jv)ᵀ(f + Jv/2) and ‖Jv‖²; and with it the change Jᵀ(f − p) of a gradient.
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include "simd/kernel_fixture.h"
+
+namespace inceres::internal {
+namespace {
+
+class RowKernels : public KernelTest {
+ protected:
+  // Factors of three slots (sizes 9, 3 and frame_size); variables stand in the tangent vector in an order of their own, and the
+  // third slot of every other factor is a constant.
+  void ExpectRowProducts(int rows, int frame_size) {
+    constexpr int kNumFactors = 7;
+    const int sizes[3] = {9, 3, frame_size};
+    std::vector<AlignedVector<double>> storage;
+    std::vector<SlotJacobians> jacobians;
+    for (const int size : sizes) {
+      storage.push_back(PaddedRows(kNumFactors * rows, size));
+      jacobians.push_back({storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size), PadToQuad(size), size});
+    }
+    const std::vector<double> f = random_.Vector(static_cast<std::size_t>(kNumFactors * rows));
+    // Two variables a slot: quads 0 and 3 for size 9, 6 and 7 for size 3, then those of frame_size.
+    const int quads = PadToQuad(frame_size) / kQuad;
+    const AlignedVector<double> nine = PaddedRows(2, 9);
+    const AlignedVector<double> three = PaddedRows(2, 3);
+    const AlignedVector<double> last = PaddedRows(2, frame_size);
+    AlignedVector<double> v;
+    for (const AlignedVector<double>* part : {&nine, &three, &last}) {
+      v.insert(v.end(), part->begin(), part->end());
+    }
+    std::vector<std::int32_t> offsets;
+    for (int i = 0; i < kNumFactors; ++i) {
+      offsets.push_back(i % 2 == 0 ? 3 : 0);
+      offsets.push_back(i % 3 == 0 ? 6 : 7);
+      offsets.push_back(i % 2 == 0 ? -1 : 8 + (i % 3 == 0 ? quads : 0));
+    }
+    double decrease = 0.0;
+    double squared_norm = 0.0;
+    for (int i = 2; i < 6; ++i) {
+      for (int r = 0; r < rows; ++r) {
+        double Jv = 0.0;
+        for (int s = 0; s < 3; ++s) {
+          const int offset = offsets[static_cast<std::size_t>(3 * i + s)];
+          for (int c = 0; offset >= 0 && c < sizes[s]; ++c) {
+            Jv += storage[static_cast<std::size_t>(s)][static_cast<std::size_t>((i * rows + r) * PadToQuad(sizes[s]) + c)] *
+                  v[static_cast<std::size_t>(offset * kQuad + c)];
+          }
+        }
+        decrease -= Jv * (f[static_cast<std::size_t>(i * rows + r)] + 0.5 * Jv);
+        squared_norm += Jv * Jv;
+      }
+    }
+    const FactorRows factor_rows{2, 6, rows, 3, jacobians.data(), f.data(), offsets.data()};
+    const RowProducts actual = kernels().row_products(factor_rows, v.data());
+    const double scale = 100.0 * rows * frame_size;
+    EXPECT_NEAR(actual.model_decrease, decrease, 1e-13 * scale) << rows << " rows, frame size " << frame_size;
+    EXPECT_NEAR(actual.squared_norm, squared_norm, 1e-13 * scale) << rows << " rows, frame size " << frame_size;
+    const RowProducts reference = generic().row_products(factor_rows, v.data());
+    EXPECT_NEAR(actual.model_decrease, reference.model_decrease, 1e-13 * scale);
+    EXPECT_NEAR(actual.squared_norm, reference.squared_norm, 1e-13 * scale);
+    ExpectTriedRows(factor_rows, {2, 3, 4, 5}, v, decrease);
+    ExpectTriedRows(factor_rows, {}, v, 0.0);
+  }
+
+  // try_rows is multiply_rows, the decrease, and subtract_transposed of p − f, in one pass.
+  void ExpectTriedRows(const FactorRows& rows, const std::vector<std::int32_t>& factors, const AlignedVector<double>& v,
+                       double decrease) {
+    constexpr std::size_t kNumFactors = 7;
+    const std::size_t size = kNumFactors * static_cast<std::size_t>(rows.residual_size);
+    const std::vector<double> p = random_.Vector(size);
+    std::vector<double> change(size);
+    for (std::size_t k = 0; k < size; ++k) {
+      change[k] = p[k] - rows.residuals[k];
+    }
+    const auto count = static_cast<int>(factors.size());
+    std::vector<double> product(size, 0.5);
+    AlignedVector<double> y = PaddedRows(static_cast<int>(v.size()) / kQuad, kQuad);
+    std::vector<double> expected_product = product;
+    AlignedVector<double> expected_y = y;
+    generic().multiply_rows(rows, factors.data(), count, v.data(), expected_product.data());
+    generic().subtract_transposed(rows, factors.data(), count, change.data(), expected_y.data());
+    const double actual = kernels().try_rows(rows, factors.data(), count, v.data(), p.data(), product.data(), y.data());
+    EXPECT_NEAR(actual, decrease, 1e-11 * rows.residual_size * static_cast<double>(v.size()));
+    ExpectClose(product, expected_product, static_cast<double>(v.size()), 1e-13, "J v");
+    ExpectClose(y, expected_y, static_cast<double>(size), 1e-13, "y");
+  }
+};
+
+TEST_P(RowKernels, EqualPlainLoopsForEverySize) {
+  for (const int rows : {1, 2, 3, 4, 5, 6, 15, 17}) {
+    for (int frame_size = 1; frame_size <= 16; ++frame_size) {
+      ExpectRowProducts(rows, frame_size);
+    }
+  }
+}
+
+// What is not copied stays as it was; what is taken is marked, unless something in it is not ordinary.
+TEST_P(RowKernels, TakeColumnsAndMarkWhereTheyWere) {
+  for (int ambient_size = 1; ambient_size <= 20; ++ambient_size) {
+    for (int columns = 1; columns <= ambient_size; ++columns) {
+      for (const int rows : {0, 1, 2, 3, 15}) {
+        const ColumnTake take = kernels().find_take(rows, ambient_size, columns);
+        if (take == nullptr) {
+          continue;
+        }
+        const std::size_t count = static_cast<std::size_t>(rows * ambient_size);
+        const std::vector<double> J = random_.Vector(count);
+        const int stride = columns + 3;
+        std::vector<double> out(static_cast<std::size_t>(rows * stride), 77.0);
+        std::vector<double> expected = out;
+        for (std::size_t k = 0; k < count; ++k) {
+          const std::size_t row = k / static_cast<std::size_t>(ambient_size);
+          const std::size_t column = k % static_cast<std::size_t>(ambient_size);
+          if (column < static_cast<std::size_t>(columns)) {
+            expected[row * static_cast<std::size_t>(stride) + column] = J[k];
+          }
+        }
+        std::vector<double> taken = J;
+        EXPECT_TRUE(take(ambient_size, columns, taken.data(), rows, out.data(), stride));
+        EXPECT_EQ(out, expected) << ambient_size << " to " << columns;
+        EXPECT_EQ(taken, std::vector<double>(count, kUnwrittenEntry));
+        for (std::size_t k = 0; k < count; ++k) {
+          for (const double bad : {std::nan(""), -HUGE_VAL, kUnwrittenEntry}) {
+            std::vector<double> left = J;
+            left[k] = bad;
+            const std::vector<double> before = left;
+            EXPECT_FALSE(take(ambient_size, columns, left.data(), rows, out.data(), stride)) << "entry " << k;
+            EXPECT_EQ(std::memcmp(left.data(), before.data(), count * sizeof(double)), 0);
+          }
+        }
+      }
+    }
+  }
+  EXPECT_NE(kernels().find_take(2, 7, 6), nullptr);
+}
+
+TEST_P(RowKernels, CorrectTheSlotsThatHaveAnOffset) {
+  const int sizes[3] = {9, 3, 6};
+  const std::int32_t offsets[3] = {4, -1, 0};
+  const double f[3] = {0.5, -1.5, 0.25};
+  for (const int rows : {1, 2, 3}) {
+    for (const double a : {0.0, 0.2}) {
+      std::vector<AlignedVector<double>> storage;
+      std::vector<SlotJacobians> jacobians;
+      for (const int size : sizes) {
+        storage.push_back(PaddedRows(3 * rows, size));
+        jacobians.push_back({storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size), PadToQuad(size), size});
+      }
+      std::vector<AlignedVector<double>> expected = storage;
+      for (const std::size_t s : {0, 2}) {
+        double* J = expected[s].data() + jacobians[s].factor_stride;
+        for (int c = 0; c < sizes[s]; ++c) {
+          double along = 0.0;
+          for (int r = 0; r < rows; ++r) {
+            along += a * f[r] * J[r * jacobians[s].row_stride + c];
+          }
+          for (int r = 0; r < rows; ++r) {
+            double& entry = J[r * jacobians[s].row_stride + c];
+            entry = 0.3 * (entry - f[r] * along);
+          }
+        }
+      }
+      kernels().correct_factor(jacobians.data(), 3, 1, offsets, f, rows, 0.3, a);
+      for (std::size_t s = 0; s < 3; ++s) {
+        for (std::size_t k = 0; k < storage[s].size(); ++k) {
+          EXPECT_NEAR(storage[s][k], expected[s][k], 1e-15) << rows << " rows, a " << a << ", slot " << s;
+        }
+      }
+    }
+  }
+}
+
+TEST_P(RowKernels, NoFactorsYieldZero) {
+  const FactorRows rows;
+  const RowProducts actual = kernels().row_products(rows, nullptr);
+  EXPECT_EQ(actual.model_decrease, 0.0);
+  EXPECT_EQ(actual.squared_norm, 0.0);
+}
+
+TEST_P(RowKernels, FindWhatIsNotOrdinaryWhereverItIs) {
+  for (const int count : {0, 1, 2, 3, 4, 5, 15, 16, 17, 37}) {
+    std::vector<double> values = random_.Vector(static_cast<std::size_t>(count));
+    EXPECT_TRUE(kernels().are_ordinary(values.data(), count)) << count;
+    for (double& value : values) {
+      const double kept = value;
+      for (const double bad : {kUnwrittenEntry, -kUnwrittenEntry, std::numeric_limits<double>::quiet_NaN(),
+                               -std::numeric_limits<double>::infinity()}) {
+        value = bad;
+        EXPECT_FALSE(kernels().are_ordinary(values.data(), count)) << count;
+      }
+      value = kept;
+    }
+  }
+}
+
+INCERES_FOR_ALL_INSTRUCTION_SETS(RowKernels);
+
+}  // namespace
+}  // namespace inceres::internal

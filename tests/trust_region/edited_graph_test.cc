@@ -1,0 +1,97 @@
+// The batch solver and graphs that edits have changed: neither free places nor removed variables matter.
+#include <gtest/gtest.h>
+
+#include "inceres/problem/graph_edit.h"
+#include "inceres/solver/solver.h"
+#include "support/test_families.h"
+
+namespace inceres::test {
+namespace {
+
+class EditedGraph : public testing::Test {
+ protected:
+  // x_0 … x_3, each drawn to its index, neighbors drawn to each other.
+  EditedGraph() {
+    const double zero = 0.0;
+    for (int i = 0; i < 4; ++i) {
+      graph_.AddVariable(&zero, 1, Role::kFrame);
+      graph_.AddFactor(prior_id_, *priors_, 0, {i});
+      if (i > 0) {
+        graph_.AddFactor(pair_id_, *pairs_, 0, {i - 1, i});
+      }
+    }
+  }
+
+  static bool Draw(int i, const double* const* x, double* residuals, double** jacobians) {
+    residuals[0] = x[0][0] - i;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      jacobians[0][0] = 1.0;
+    }
+    return true;
+  }
+
+  static bool Join(int, const double* const* x, double* residuals, double** jacobians) {
+    residuals[0] = 2.0 * (x[0][0] - x[1][0]);
+    for (int s = 0; jacobians != nullptr && s < 2; ++s) {
+      if (jacobians[s] != nullptr) {
+        jacobians[s][0] = s == 0 ? 2.0 : -2.0;
+      }
+    }
+    return true;
+  }
+
+  FactorGraph graph_;
+  std::shared_ptr<FunctionFamily> priors_ = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, Draw);
+  std::shared_ptr<FunctionFamily> pairs_ =
+      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, Join);
+  FamilyId prior_id_ = graph_.AddFamily(priors_);
+  FamilyId pair_id_ = graph_.AddFamily(pairs_);
+};
+
+TEST_F(EditedGraph, FreePlacesAreEmptyAndFilledOnesSolved) {
+  FactorGraph untouched = graph_;
+  GraphEdit edit(graph_);
+  edit.RemoveFactor({pair_id_, 1});
+  edit.RemoveFactor({pair_id_, 0});
+  ASSERT_TRUE(graph_.Apply(edit).ok());
+  const Summary gaps = Solve(SolverOptions(), &graph_);
+  ASSERT_TRUE(gaps.IsSolutionUsable()) << gaps.message;
+  // x_0 and x_1 are drawn by their priors alone; x_2 − 2 + 4 (x_2 − x_3) = 0, x_3 − 3 + 4 (x_3 − x_2) = 0.
+  const double expected[4] = {0.0, 1.0, 2.0 + 4.0 / 9.0, 3.0 - 4.0 / 9.0};
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_NEAR(*graph_.Values(i), expected[i], 1e-6) << i;
+  }
+
+  edit.Restart();
+  edit.AddFactor(pair_id_, *pairs_, 0, {0, 1});
+  edit.AddFactor(pair_id_, *pairs_, 0, {1, 2});
+  const double zero = 0.0;
+  for (int i = 0; i < 4; ++i) {
+    edit.SetValues(i, &zero);
+  }
+  ASSERT_TRUE(graph_.Apply(edit).ok());
+  ASSERT_TRUE(Solve(SolverOptions(), &graph_).IsSolutionUsable());
+  ASSERT_TRUE(Solve(SolverOptions(), &untouched).IsSolutionUsable());
+  EXPECT_EQ(graph_.state(), untouched.state());
+}
+
+TEST_F(EditedGraph, RemovedVariablesDoNotMatter) {
+  FactorGraph untouched = graph_;
+  const double values[2] = {1.0, 2.0};
+  GraphEdit edit(graph_);
+  const VariableId free = edit.AddVariable(values, 2, Role::kLandmark);
+  const VariableId borrowed = edit.AddBorrowedConstant(values, 2);
+  ASSERT_TRUE(graph_.Apply(edit).ok());
+  edit.Restart();
+  edit.RemoveVariable(free);
+  edit.RemoveVariable(borrowed);
+  ASSERT_TRUE(graph_.Apply(edit).ok());
+  const Summary summary = Solve(SolverOptions(), &graph_);
+  ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
+  ASSERT_TRUE(Solve(SolverOptions(), &untouched).IsSolutionUsable());
+  EXPECT_LT(summary.final_cost, summary.initial_cost);
+  EXPECT_TRUE(std::equal(untouched.state().begin(), untouched.state().end(), graph_.state().begin()));
+}
+
+}  // namespace
+}  // namespace inceres::test

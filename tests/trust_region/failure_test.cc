@@ -1,0 +1,346 @@
+// What fails, when, and what is left of it: the case table of Ceres 2.1. State before a failed solve = state after it.
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include <gtest/gtest.h>
+
+#include "inceres/solver/solver.h"
+#include "linear/eigen_ldlt_solver.h"
+#include "support/cholmod_memory.h"
+#include "support/classic_problems.h"
+#include "support/dense_oracle.h"
+#include "support/random_graph.h"
+
+namespace inceres {
+namespace {
+
+using test::FunctionFamily;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr char kEvaluationFailed[] = "Residual and Jacobian evaluation failed.";
+
+// Rosenbrock's function, and a second factor that costs nothing until it misbehaves: at the n-th cost-only evaluation or at the
+// n-th evaluation with Jacobians (counted from 0).
+class Failing : public testing::TestWithParam<TrustRegionStrategyKind> {
+ protected:
+  enum class How { kFalse, kNotANumber, kInfinite, kUnwritten, kJacobianNotANumber };
+
+  void Build(How how, int at_cost, int at_jacobian) {
+    test::MakeRosenbrock(&graph_);
+    start_ = graph_.state();
+    auto family = std::make_shared<FunctionFamily>(
+        1, std::vector<FactorFamily::Slot>{{2, 2}},
+        [this, how, at_cost, at_jacobian](int, const double* const*, double* residuals, double** jacobians) {
+          const bool now = jacobians == nullptr ? num_costs_++ == at_cost : num_jacobians_++ == at_jacobian;
+          if (how != How::kUnwritten || !now) {
+            residuals[0] = !now || how == How::kJacobianNotANumber ? 0.0
+                           : how == How::kNotANumber               ? kNaN
+                           : how == How::kInfinite                 ? HUGE_VAL
+                                                                   : 0.0;
+          }
+          if (jacobians != nullptr) {
+            jacobians[0][0] = 0.0;
+            jacobians[0][1] = now && how == How::kJacobianNotANumber ? kNaN : 0.0;
+          }
+          return !now || how != How::kFalse;
+        });
+    graph_.AddFactor(graph_.AddFamily(family), *family, 0, {0});
+    options_.strategy = GetParam();
+  }
+
+  FactorGraph graph_;
+  std::vector<double> start_;
+  SolverOptions options_;
+  int num_costs_ = 0;
+  int num_jacobians_ = 0;
+};
+
+TEST_P(Failing, AtTheStart) {
+  for (const How how : {How::kFalse, How::kNotANumber, How::kInfinite, How::kUnwritten, How::kJacobianNotANumber}) {
+    graph_ = FactorGraph();
+    num_costs_ = num_jacobians_ = 0;
+    Build(how, -1, 0);
+    const Summary summary = Solve(options_, &graph_);
+    EXPECT_EQ(summary.termination, Termination::kFailure);
+    EXPECT_EQ(summary.message, kEvaluationFailed);
+    EXPECT_NE(summary.detail.find("factor 0 of function (variables 0)"), std::string::npos) << summary.detail;
+    EXPECT_TRUE(summary.iterations.empty());
+    EXPECT_EQ(summary.num_successful_steps, 0);
+    EXPECT_EQ(summary.num_unsuccessful_steps, 0);
+    EXPECT_EQ(summary.initial_cost, -1.0);
+    EXPECT_EQ(summary.final_cost, -1.0);
+    EXPECT_EQ(graph_.state(), start_);
+  }
+}
+
+// A candidate that cannot be evaluated is a rejected step, and the solve goes on to the minimum.
+TEST_P(Failing, AtATrialPoint) {
+  for (const How how : {How::kFalse, How::kNotANumber, How::kInfinite, How::kUnwritten}) {
+    graph_ = FactorGraph();
+    num_costs_ = num_jacobians_ = 0;
+    Build(how, 1, -1);
+    const Summary summary = Solve(options_, &graph_);
+    EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+    ASSERT_GT(summary.iterations.size(), 2u);
+    EXPECT_FALSE(summary.iterations[2].step_is_successful);
+    EXPECT_EQ(summary.iterations[2].cost, std::numeric_limits<double>::max());
+    EXPECT_LT(summary.iterations[2].trust_region_radius, summary.iterations[1].trust_region_radius);
+    EXPECT_NEAR(graph_.state()[0], 1.0, 1e-3);
+  }
+}
+
+// All progress is discarded when the Jacobian of an accepted point cannot be had.
+TEST_P(Failing, AtTheJacobianOfAnAcceptedPoint) {
+  for (const How how : {How::kFalse, How::kNotANumber, How::kJacobianNotANumber}) {
+    graph_ = FactorGraph();
+    num_costs_ = num_jacobians_ = 0;
+    Build(how, -1, 3);
+    const Summary summary = Solve(options_, &graph_);
+    EXPECT_EQ(summary.termination, Termination::kFailure);
+    EXPECT_EQ(summary.message, kEvaluationFailed);
+    EXPECT_NE(summary.detail.find("factor 0 of function"), std::string::npos) << summary.detail;
+    EXPECT_EQ(summary.num_successful_steps, 3);
+    EXPECT_LT(summary.final_cost, summary.initial_cost);
+    EXPECT_EQ(graph_.state(), start_);
+  }
+}
+
+TEST_P(Failing, EveryTrialPoint) {
+  Build(How::kFalse, -1, -1);
+  auto never = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}},
+                                                [](int, const double* const*, double* residuals, double** jacobians) {
+                                                  residuals[0] = 0.0;
+                                                  if (jacobians != nullptr) {
+                                                    std::fill_n(jacobians[0], 2, 0.0);
+                                                  }
+                                                  return jacobians != nullptr;
+                                                });
+  graph_.AddFactor(graph_.AddFamily(never), *never, 0, {0});
+  options_.max_num_iterations = 1000;
+  const Summary summary = Solve(options_, &graph_);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << "the radius shrinks to its minimum";
+  EXPECT_EQ(summary.num_successful_steps, 1);
+  EXPECT_EQ(graph_.state(), start_);
+}
+
+INSTANTIATE_TEST_SUITE_P(Strategies, Failing,
+                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg),
+                         [](const auto& instance) {
+                           return instance.param == TrustRegionStrategyKind::kDogleg ? "Dogleg" : "LevenbergMarquardt";
+                         });
+
+TEST(InvalidGraphs, FailWithTheMessageOfValidate) {
+  FactorGraph graph;
+  test::MakePowell(&graph);
+  graph.mutable_state()[2] = kNaN;
+  const Summary summary = Solve(SolverOptions(), &graph);
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_EQ(summary.message, graph.Validate().message);
+  EXPECT_NE(summary.message.find("variable 2"), std::string::npos) << summary.message;
+  EXPECT_TRUE(summary.iterations.empty());
+  EXPECT_EQ(graph.state()[0], 3.0);
+  EXPECT_TRUE(std::isnan(graph.state()[2]));
+}
+
+TEST(InvalidGraphs, NoTwoLandmarksInAFactor) {
+  test::RandomGraph random(1);
+  random.Connect(2, {random.AddLandmark(3), random.AddLandmark(3)});
+  const std::vector<double> state = random.graph().state();
+  const Summary summary = Solve(SolverOptions(), &random.graph());
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_NE(summary.message.find("second landmark"), std::string::npos) << summary.message;
+  EXPECT_EQ(random.graph().state(), state);
+}
+
+TEST(StandingStill, AFactorThatCannotBeEvaluatedFails) {
+  FactorGraph graph;
+  test::MakeCurveFit(&graph);
+  graph.SetConstant(0, true);
+  graph.SetConstant(1, true);
+  const double huge = 1e6;
+  graph.SetValues(0, &huge);  // exp overflows
+  const Summary summary = Solve(SolverOptions(), &graph);
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_NE(summary.detail.find("not finite"), std::string::npos) << summary.detail;
+}
+
+// f = 1 whatever x is: J = 0, no step can lower the model, and five invalid steps in a row end the solve.
+std::shared_ptr<FunctionFamily> FlatFamily() {
+  return std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
+                                          [](int, const double* const*, double* residuals, double** jacobians) {
+                                            residuals[0] = 1.0;
+                                            if (jacobians != nullptr) {
+                                              jacobians[0][0] = 0.0;
+                                            }
+                                            return true;
+                                          });
+}
+
+// x ⊞ 0 ≠ x, so the gradient test cannot fire.
+class MovingManifold final : public Manifold {
+ public:
+  int AmbientSize() const override { return 1; }
+  int TangentSize() const override { return 1; }
+  bool Plus(const double* x, const double* delta, double* out) const override {
+    out[0] = x[0] + delta[0] + 1.0;
+    return true;
+  }
+  bool PlusJacobian(const double*, double* J) const override {
+    J[0] = 1.0;
+    return true;
+  }
+};
+
+TEST(InvalidSteps, EndTheSolveAndRestoreTheState) {
+  const double value = 4.0;
+  for (const auto strategy : {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg}) {
+    FactorGraph graph;
+    const auto family = FlatFamily();
+    graph.AddFactor(graph.AddFamily(family), *family, 0,
+                    {graph.AddVariable(&value, 1, Role::kFrame, std::make_shared<MovingManifold>())});
+    SolverOptions options;
+    options.strategy = strategy;
+    const Summary summary = Solve(options, &graph);
+    EXPECT_EQ(summary.termination, Termination::kFailure);
+    EXPECT_NE(summary.message.find("max_num_consecutive_invalid_steps: 5"), std::string::npos) << summary.message;
+    EXPECT_EQ(summary.iterations.size(), 5u) << "the start and four invalid steps";
+    EXPECT_FALSE(summary.iterations.back().step_is_valid);
+    EXPECT_EQ(summary.iterations.back().cost, 0.5);
+    EXPECT_EQ(summary.final_cost, 0.5);
+    EXPECT_EQ(graph.state()[0], 4.0);
+  }
+}
+
+// Refuses every other factorization.
+class FlakySolver final : public ReducedSolver {
+ public:
+  const char* Name() const override { return "flaky"; }
+  Status Analyze(const BlockPattern& pattern) override { return solver_.Analyze(pattern); }
+  Status Factorize(const double* values, const double* diagonal) override {
+    return num_calls_++ % 2 == 0 ? Status::Error(StatusCode::kSingular, "not this time") : solver_.Factorize(values, diagonal);
+  }
+  Status Solve(const double* b, double* x) override { return solver_.Solve(b, x); }
+
+ private:
+  int num_calls_ = 0;
+  EigenLdltSolver solver_;
+};
+
+TEST(InvalidSteps, OnlyThoseInARowCount) {
+  FactorGraph graph;
+  test::MakeCurveFit(&graph);
+  SolverOptions options;
+  options.max_num_consecutive_invalid_steps = 2;
+  options.reduced_solver_factory = [] { return std::make_unique<FlakySolver>(); };
+  const Summary summary = Solve(options, &graph);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_GE(summary.num_unsuccessful_steps, 3);
+  EXPECT_EQ(summary.detail, "not this time");
+  EXPECT_NEAR(graph.state()[0], 0.3, 0.02);
+}
+
+TEST(InvalidSteps, NoGradientIsConvergence) {
+  const double value = 4.0;
+  FactorGraph graph;
+  const auto family = FlatFamily();
+  graph.AddFactor(graph.AddFamily(family), *family, 0, {graph.AddVariable(&value, 1, Role::kFrame)});
+  EXPECT_EQ(Solve(SolverOptions(), &graph).termination, Termination::kConvergence);
+}
+
+// ⊞ undefined at a trial point: a rejected step. Undefined along the gradient: a failure.
+class Fence final : public Manifold {
+ public:
+  explicit Fence(double limit) : limit_(limit) {}
+  int AmbientSize() const override { return 1; }
+  int TangentSize() const override { return 1; }
+  bool Plus(const double* x, const double* delta, double* out) const override {
+    out[0] = x[0] + delta[0];
+    return std::fabs(delta[0]) <= limit_;
+  }
+  bool PlusJacobian(const double*, double* J) const override {
+    J[0] = 1.0;
+    return true;
+  }
+
+ private:
+  double limit_;
+};
+
+Summary SolveFenced(double limit, double slope, FactorGraph* graph) {
+  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
+                                                 [slope](int, const double* const* x, double* residuals, double** jacobians) {
+                                                   residuals[0] = slope * (x[0][0] - 3.0);
+                                                   if (jacobians != nullptr) {
+                                                     jacobians[0][0] = slope;
+                                                   }
+                                                   return true;
+                                                 });
+  const double zero = 0.0;
+  graph->AddFactor(graph->AddFamily(family), *family, 0,
+                   {graph->AddVariable(&zero, 1, Role::kFrame, std::make_shared<Fence>(limit))});
+  return Solve(SolverOptions(), graph);
+}
+
+TEST(PlusFails, AtATrialPointIsARejectedStep) {
+  FactorGraph graph;
+  const Summary summary = SolveFenced(1.0, 0.1, &graph);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_GT(summary.num_unsuccessful_steps, 0);
+  EXPECT_NEAR(graph.state()[0], 3.0, 1e-3);
+}
+
+TEST(PlusFails, AlongTheGradientIsAFailure) {
+  FactorGraph graph;
+  const Summary summary = SolveFenced(1.0, 10.0, &graph);
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_EQ(summary.message, "projected_gradient_step = Plus(x, -gradient) failed.");
+  EXPECT_EQ(graph.state()[0], 0.0);
+}
+
+// A cost that overflows although every residual is finite is not looked at (Ceres up to 2.1): the solve ends, nothing moves.
+TEST(NotFinite, OverflowingCostEndsWithoutMoving) {
+  FactorGraph graph;
+  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
+                                                 [](int, const double* const* x, double* residuals, double** jacobians) {
+                                                   residuals[0] = 1e200 * x[0][0];
+                                                   if (jacobians != nullptr) {
+                                                     jacobians[0][0] = 1e200;
+                                                   }
+                                                   return true;
+                                                 });
+  const double one = 1.0;
+  graph.AddFactor(graph.AddFamily(family), *family, 0, {graph.AddVariable(&one, 1, Role::kFrame)});
+  const Summary summary = Solve(SolverOptions(), &graph);
+  EXPECT_NE(summary.termination, Termination::kNoConvergence) << summary.message;
+  EXPECT_EQ(graph.state()[0], 1.0);
+}
+
+// A path long enough for the sparse factorization, whose order is CHOLMOD's.
+TEST(OutOfMemory, BeforeTheFirstIterationNothingHasHappened) {
+  test::RandomGraph path(1);
+  VariableId last = path.AddFrame(6);
+  path.Connect(6, {last});
+  for (int k = 1; k < 100; ++k) {
+    const VariableId next = path.AddFrame(6);
+    path.Connect(6, {last, next});
+    last = next;
+  }
+  path.Perturb(0.1);
+  const std::vector<double> start = path.graph().state();
+  test::CholmodMemory memory;
+  if (!memory.IsReachable()) {
+    GTEST_SKIP() << "this SuiteSparse does not let its allocator be replaced";
+  }
+  memory.Deny();
+  const Summary summary = Solve(SolverOptions(), &path.graph());
+  memory.Grant();
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_NE(summary.message.find("out of memory"), std::string::npos) << summary.message;
+  EXPECT_TRUE(summary.iterations.empty());
+  EXPECT_EQ(path.graph().state(), start);
+  EXPECT_TRUE(Solve(SolverOptions(), &path.graph()).IsSolutionUsable());
+}
+
+}  // namespace
+}  // namespace inceres

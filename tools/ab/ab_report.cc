@@ -1,0 +1,152 @@
+#include "tools/ab/ab_report.h"
+
+#include <array>
+#include <cstdarg>
+#include <cstdio>
+#include <optional>
+
+namespace inceres::tools {
+namespace {
+
+using nlohmann::json;
+
+struct Gap {
+  const char* name;
+  double value;
+};
+constexpr std::array<Gap, 4> kGaps = {{{"1e-2", 1e-2}, {"1e-3", 1e-3}, {"1e-4", 1e-4}, {"1e-5", 1e-5}}};
+
+[[gnu::format(printf, 1, 2)]] std::string Format(const char* format, ...) {
+  char line[512];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(line, sizeof(line), format, arguments);
+  va_end(arguments);
+  return line;
+}
+
+std::string TableRow(const ContenderRuns& runs, const Spread& ratio) {
+  const Spread seconds = runs.Seconds();
+  const SolveRecord& record = runs.first();
+  return Format("%-8s %-26s %9.4f %9.4f %9.4f %8.2f  %13.6e  %17.11e %5d  %-14s %6.3f\n", runs.solver.c_str(),
+                runs.configuration.c_str(), seconds.median, seconds.min, seconds.max, 1e3 * runs.SecondsPerIteration(),
+                record.initial_cost, record.final_cost, record.iterations, record.termination.c_str(), ratio.median);
+}
+
+// Ours against these runs, round by round.
+Spread RatioOfOursTo(const AbResult& result, const ContenderRuns& runs) {
+  std::vector<double> ours;
+  std::vector<double> theirs;
+  for (std::size_t i = 0; i < result.ours.rounds.size(); ++i) {
+    ours.push_back(result.ours.rounds[i].seconds);
+    theirs.push_back(runs.rounds[i].seconds);
+  }
+  return SummarizeRatios(ours, theirs);
+}
+
+json ToJson(const Spread& spread) {
+  return {{"median", spread.median}, {"min", spread.min}, {"max", spread.max}};
+}
+
+json TimesToGaps(const ContenderRuns& runs, double lowest_cost) {
+  json times = json::object();
+  for (const Gap& gap : kGaps) {
+    std::vector<std::optional<double>> seconds;
+    for (const SolveRecord& record : runs.rounds) {
+      seconds.push_back(TimeToGap(record.trace, lowest_cost, gap.value));
+    }
+    const std::optional<double> median = MedianOrNever(seconds);
+    times[gap.name] = median ? json(*median) : json(nullptr);
+  }
+  return times;
+}
+
+json StagesJson(const ContenderRuns& runs) {
+  json stages = json::object();
+  for (const auto& [name, seconds] : runs.StageSeconds()) {
+    stages[name] = seconds;
+  }
+  return stages;
+}
+
+json RunJson(const ContenderRuns& runs, double lowest_cost) {
+  const SolveRecord& record = runs.first();
+  return {{"solver", runs.solver},
+          {"configuration", runs.configuration},
+          {"linear_solver", record.linear_solver},
+          {"seconds", ToJson(runs.Seconds())},
+          {"seconds_per_iteration", runs.SecondsPerIteration()},
+          {"stage_seconds", StagesJson(runs)},
+          {"initial_cost", record.initial_cost},
+          {"final_cost", record.final_cost},
+          {"final_cost_spread", runs.FinalCostSpread()},
+          {"iterations", record.iterations},
+          {"termination", record.termination},
+          {"message", record.message},
+          {"time_to_gap", TimesToGaps(runs, lowest_cost)}};
+}
+
+std::string Header(const AbContext& context, const AbResult& result) {
+  std::string text = context.problem + ": " + context.description + "; threads: " + std::to_string(context.threads) +
+                     ", repeats: " + std::to_string(result.ours.rounds.size()) + ", loss: " + ToString(context.settings.robust) +
+                     "\n";
+  for (const auto& [name, value] : context.environment) {
+    text += "  " + name + ": " + value + "\n";
+  }
+  return text + "\n";
+}
+
+}  // namespace
+
+std::string AbTable(const AbContext& context, const AbResult& result) {
+  std::string text = Header(context, result);
+  text += Format("%-8s %-26s %9s %9s %9s %8s  %13s  %17s %5s  %-14s %6s\n", "solver", "configuration", "median s", "min s",
+                 "max s", "ms/iter", "initial cost", "final cost", "iter", "termination", "ours/x");
+  text += TableRow(result.ours, {1.0, 1.0, 1.0});
+  for (const ContenderRuns& runs : result.stock) {
+    text += TableRow(runs, RatioOfOursTo(result, runs));
+  }
+  for (const Dropped& dropped : result.dropped) {
+    text += Format("%-8s %-26s dropped: %s\n", "ceres", dropped.configuration.c_str(), dropped.reason.c_str());
+  }
+  const Spread ratio = result.RatioToBestStock();
+  text += Format("\nratio to the best stock (%s): median %.3f, min %.3f, max %.3f\n", result.FastestStock().configuration.c_str(),
+                 ratio.median, ratio.min, ratio.max);
+  text += Format("relative difference of final costs (ours - lowest stock): %.3e\n", result.RelativeCostDifference());
+  text += Format(
+      "largest parameter difference, gauge removed: positions %.2e and points %.2e of the scene size, rotations %.2e rad\n",
+      context.difference.positions, context.difference.points, context.difference.rotations);
+  return text;
+}
+
+json AbJson(const AbContext& context, const AbResult& result) {
+  const double lowest_cost = result.LowestCost();
+  json runs = json::array({RunJson(result.ours, lowest_cost)});
+  for (const ContenderRuns& stock : result.stock) {
+    runs.push_back(RunJson(stock, lowest_cost));
+  }
+  json dropped = json::array();
+  for (const Dropped& entry : result.dropped) {
+    dropped.push_back({{"configuration", entry.configuration}, {"reason", entry.reason}});
+  }
+  return {{"problem", context.problem},
+          {"description", context.description},
+          {"threads", context.threads},
+          {"repeats", result.ours.rounds.size()},
+          {"robust", ToString(context.settings.robust)},
+          {"builtin_factors", context.settings.builtin_factors},
+          {"runs", runs},
+          {"dropped", dropped},
+          {"best_stock", result.FastestStock().configuration},
+          {"ratio_to_best_stock", ToJson(result.RatioToBestStock())},
+          {"relative_cost_difference", result.RelativeCostDifference()},
+          {"parameter_difference",
+           {{"largest", context.difference.Largest()},
+            {"positions", context.difference.positions},
+            {"points", context.difference.points},
+            {"rotations", context.difference.rotations}}},
+          {"options_without_effect", result.ours.first().options_without_effect},
+          {"environment", json(std::map<std::string, std::string>(context.environment.begin(), context.environment.end()))}};
+}
+
+}  // namespace inceres::tools

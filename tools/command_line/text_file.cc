@@ -1,0 +1,23 @@
+#include "tools/command_line/text_file.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+
+namespace inceres::tools {
+
+Status WriteTextFile(const std::string& path, const std::string& text) {
+  std::FILE* file = std::fopen(path.c_str(), "w");
+  if (file == nullptr) {
+    return Status::Error(StatusCode::kIo, path + ": " + std::strerror(errno));
+  }
+  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
+  const int write_error = errno;
+  const bool closed = std::fclose(file) == 0;
+  if (!written || !closed) {
+    return Status::Error(StatusCode::kIo, path + ": " + std::strerror(written ? errno : write_error));
+  }
+  return Status::Ok();
+}
+
+}  // namespace inceres::tools

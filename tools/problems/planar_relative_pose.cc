@@ -1,0 +1,48 @@
+#include "tools/problems/planar_relative_pose.h"
+
+#include <cmath>
+#include <cstddef>
+
+namespace inceres::tools {
+namespace {
+
+// M = U A for 3 × 3 matrices, U upper triangular.
+void Whiten(const double* U, const double A[9], double* M) {
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) {
+      M[3 * r + c] = 0.0;
+      for (int k = r; k < 3; ++k) {
+        M[3 * r + c] += U[3 * r + k] * A[3 * k + c];
+      }
+    }
+  }
+}
+
+}  // namespace
+
+bool PlanarRelativePoseFamily::EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+  const Measurement& measured = measurements_[static_cast<std::size_t>(i)];
+  const double *a = parameters[0], *b = parameters[1], *U = measured.sqrt_information;
+  const double c = std::cos(a[2]), s = std::sin(a[2]);
+  const double dx = b[0] - a[0], dy = b[1] - a[1];
+  const double x = c * dx + s * dy, y = c * dy - s * dx;  // b's place seen from a
+  const double e[3] = {x - measured.motion[0], y - measured.motion[1],
+                       std::remainder(b[2] - a[2] - measured.motion[2], 2.0 * M_PI)};
+  for (int r = 0; r < 3; ++r) {
+    residuals[r] = 0.0;
+    for (int k = r; k < 3; ++k) {
+      residuals[r] += U[3 * r + k] * e[k];
+    }
+  }
+  if (jacobians != nullptr && jacobians[0] != nullptr) {
+    const double J_a[9] = {-c, -s, y, s, -c, -x, 0.0, 0.0, -1.0};
+    Whiten(U, J_a, jacobians[0]);
+  }
+  if (jacobians != nullptr && jacobians[1] != nullptr) {
+    const double J_b[9] = {c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0};
+    Whiten(U, J_b, jacobians[1]);
+  }
+  return true;
+}
+
+}  // namespace inceres::tools

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <tuple>
+#include <vector>
+
+#include "inceres/ceres/cost_family.h"
+#include "inceres/factors/imu_factor.h"
+#include "inceres/problem/factor_graph.h"
+#include "inceres/problem/graph_edit.h"
+#include "inceres/problem/losses.h"
+#include "tools/replay/replay_step.h"
+
+namespace inceres::tools {
+
+/// What a factor graph needs to grow by the steps of a replay: families, manifolds and losses, made when first used. The factors
+/// are the built-in analytic ones or the same as AutoDiff cost functions. Variable ids are the replay's numbers, and the graph's
+/// state is laid out like a replay's. One object grows one graph, which is empty at first.
+class ReplayGraph {
+ public:
+  explicit ReplayGraph(bool autodiff) : autodiff_(autodiff) {}
+
+  /// kInvalidArgument names the first factor whose shape has no AutoDiff version; the graph then lacks the step.
+  Status Add(const ReplayStep& step, FactorGraph* graph);
+
+  using AddFamilyFunction = std::function<FamilyId(std::shared_ptr<const FactorFamily>)>;
+  using ApplyFunction = std::function<Status(const GraphEdit&)>;
+  using ValueFunction = std::function<const double*(VariableId)>;
+  /// The same for a graph that changes by transactions, like an IncrementalSolver's, which keeps the variables' present values
+  /// itself: adds the step's new families, then applies one edit of `graph` with everything else. Fails where Add or `apply`
+  /// does.
+  Status AddAsEdit(const ReplayStep& step, const FactorGraph& graph, const ValueFunction& value,
+                   const AddFamilyFunction& add_family, const ApplyFunction& apply);
+
+ private:
+  // A family and its id in the graph.
+  template <typename Family>
+  struct Member {
+    FamilyId id = -1;
+    std::shared_ptr<Family> family;
+  };
+  using PriorShape = std::tuple<int, int, int>;  // rows, ambient size, tangent size
+
+  // Calls visit(member, measurement, sizes…) with the member for factors of this shape, its measurement, and the arguments of
+  // the family's constructor.
+  template <typename Visit>
+  Status VisitFamily(const ReplayFactor& factor, const Visit& visit);
+  template <typename Visit>
+  Status VisitAutoDiffFamily(const ReplayFactor& factor, const Visit& visit);
+  // Takes note of the step's variables and makes its new families.
+  Status Prepare(const ReplayStep& step, const AddFamilyFunction& add_family);
+  // The step itself, into a FactorGraph or an edit of one.
+  template <typename Target>
+  Status AddStep(const ReplayStep& step, const ValueFunction& value, Target* target);
+
+  std::shared_ptr<const Manifold> ManifoldOf(ReplayVariable::Kind kind);
+  std::shared_ptr<const Loss> LossOf(const LossSpec& spec);
+
+  const bool autodiff_;
+  std::vector<ReplayVariable::Kind> kinds_;
+  std::map<ReplayVariable::Kind, std::shared_ptr<const Manifold>> manifolds_;
+  std::map<LossSpec, std::shared_ptr<const Loss>> losses_;
+  std::map<int, Member<BalReprojectionFamily>> bal_;  // by tangent size of the camera
+  Member<InverseDepthReprojectionFamily> inverse_depth_;
+  Member<RelativePoseFamily> relative_pose_;
+  std::map<const PinholeCamera*, Member<PointReprojectionFamily>> points_;
+  Member<ImuFactorFamily> imu_;
+  std::map<const StereoCamera*, Member<StereoReprojectionFamily>> stereo_;
+  Member<PlanarRelativePoseFamily> planar_;
+  std::map<PriorShape, Member<DiagonalPriorFamily>> priors_;
+  std::map<std::vector<int>, Member<CeresCostFamily>> autodiff_families_;  // by residual size, then the sizes of each slot
+};
+
+}  // namespace inceres::tools

@@ -1,0 +1,205 @@
+#include "tools/replay/replay_report.h"
+
+#include <cstddef>
+
+#include "tools/draw/svg_text.h"
+
+namespace inceres::tools {
+namespace {
+
+constexpr std::size_t kListedRanges = 12;
+
+nlohmann::json OrNull(const std::optional<double>& value) {
+  return value.has_value() ? nlohmann::json(*value) : nlohmann::json();
+}
+
+nlohmann::json ToJson(const ReplayLatency& latency) {
+  return {{"median", latency.median}, {"p95", latency.p95}, {"max", latency.max}, {"total", latency.total}};
+}
+
+nlohmann::json StepsJson(const ReplaySideSummary& side) {
+  return {{"failed", side.failed},
+          {"unconverged", side.unconverged},
+          {"iterations", side.iterations},
+          {"invalid_steps", side.invalid_steps},
+          {"max_report_error", side.max_report_error},
+          {"growth_ms", ToJson(side.growth_ms)}};
+}
+
+nlohmann::json ToJson(const ReplaySide& side) {
+  nlohmann::json work = nlohmann::json::object();
+  for (const auto& [name, count] : side.outcome.work) {
+    work[name] = count;
+  }
+  return {{"ms", 1e3 * side.outcome.seconds},
+          {"growth_ms", 1e3 * side.growth_seconds},
+          {"cost", side.cost},
+          {"initial_cost", side.outcome.initial_cost},
+          {"reported_cost", side.outcome.final_cost},
+          {"iterations", side.outcome.iterations},
+          {"usable", side.outcome.usable},
+          {"termination", side.outcome.termination},
+          {"message", side.outcome.message},
+          {"work", work}};
+}
+
+nlohmann::json ToJson(const ReplayRow& row) {
+  return {{"step", row.step},
+          {"frames", row.num_frames},
+          {"landmarks", row.num_landmarks},
+          {"factors", row.num_factors},
+          {"closes_loop", row.closes_loop},
+          {"ours", ToJson(row.ours)},
+          {"stock", row.stock.has_value() ? ToJson(*row.stock) : nlohmann::json()},
+          {"optimum_cost", OrNull(row.optimum_cost)},
+          {"relative_cost_excess", OrNull(row.RelativeCostExcess())}};
+}
+
+void AppendSide(std::string* text, const char* name, const ReplaySideSummary& side) {
+  if (!side.failed.empty()) {
+    AppendFormat(text, "%s: %zu steps whose solve failed: %s\n", name, side.failed.size(), StepList(side.failed).c_str());
+  }
+  if (side.unconverged > 0) {
+    AppendFormat(text, "%s: %d steps ended before they converged\n", name, side.unconverged);
+  }
+  if (side.invalid_steps > 0) {
+    AppendFormat(text, "%s: %lld iterations of %d whose linear solve or evaluation failed\n", name,
+                 static_cast<long long>(side.invalid_steps), side.iterations);
+  }
+  if (side.max_report_error > 1e-6) {
+    AppendFormat(text, "%s: reports a cost that is not its state's: off by up to %.1e, relative\n", name, side.max_report_error);
+  }
+}
+
+void AppendTimes(std::string* text, const char* name, const ReplayLatency& latency) {
+  AppendFormat(text, "%-30s %9.2f %9.2f %9.2f %10.1f\n", name, latency.median, latency.p95, latency.max, latency.total);
+}
+
+}  // namespace
+
+std::string ReplayTableHeader() {
+  return "  step frames landmarks factors |  ours ms iter            cost | stock ms iter            cost | excess\n";
+}
+
+std::string ReplayTableLine(const ReplayRow& row) {
+  const ReplayOutcome& ours = row.ours.outcome;
+  std::string line;
+  AppendFormat(&line, "%6d %6d %9d %7d | %8.2f %4d %15.8e |", row.step, row.num_frames, row.num_landmarks, row.num_factors,
+               1e3 * ours.seconds, ours.iterations, row.ours.cost);
+  if (row.stock.has_value()) {
+    AppendFormat(&line, " %8.2f %4d %15.8e |", 1e3 * row.stock->outcome.seconds, row.stock->outcome.iterations, row.stock->cost);
+  } else {
+    AppendFormat(&line, " %8s %4s %15s |", "-", "-", "-");
+  }
+  if (const std::optional<double> excess = row.RelativeCostExcess()) {
+    AppendFormat(&line, " %+.1e", *excess);
+  }
+  line += row.closes_loop ? "  loop" : "";
+  line += ours.usable ? "" : "  ours failed: " + ours.message;
+  if (row.stock.has_value() && !row.stock->outcome.usable) {
+    line += "  stock failed: " + row.stock->outcome.message;
+  }
+  return line + "\n";
+}
+
+std::string StepList(const std::vector<int>& steps) {
+  std::string text;
+  std::size_t ranges = 0;
+  for (std::size_t i = 0; i < steps.size(); ++ranges) {
+    if (ranges == kListedRanges) {
+      return text + ", ... (" + std::to_string(steps.size()) + " in all)";
+    }
+    std::size_t last = i;
+    while (last + 1 < steps.size() && steps[last + 1] == steps[last] + 1) {
+      ++last;
+    }
+    text += (i == 0 ? "" : ", ") + std::to_string(steps[i]) + (last > i ? "-" + std::to_string(steps[last]) : "");
+    i = last + 1;
+  }
+  return text;
+}
+
+std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary& summary) {
+  std::string text;
+  AppendFormat(&text, "\n%d steps, %d threads, ms a step    median       p95       max      total\n", summary.steps,
+               context.threads);
+  AppendTimes(&text, "ours", summary.ours.ms);
+  if (summary.stock.has_value()) {
+    AppendTimes(&text, "stock", summary.stock->ms);
+    AppendFormat(&text, "%-30s %9.4f %30.4f\n", "ours / stock", *summary.ratio_median, *summary.ratio_total);
+  }
+  AppendTimes(&text, "ours, adding the step", summary.ours.growth_ms);
+  if (summary.stock.has_value()) {
+    AppendTimes(&text, "stock, adding the step", summary.stock->growth_ms);
+  }
+  if (summary.worst_loop_ratio.has_value()) {
+    AppendFormat(&text, "ours / stock, worst step that closes a loop: %.4f\n", *summary.worst_loop_ratio);
+  }
+  if (summary.max_relative_cost_excess.has_value()) {
+    AppendFormat(&text, "largest relative excess of our cost over the batch optimum: %.2e\n", *summary.max_relative_cost_excess);
+  }
+  if (!summary.in_excess.empty()) {
+    AppendFormat(&text, "steps whose excess is above the tolerance: %s\n", StepList(summary.in_excess).c_str());
+  }
+  if (summary.ours_lower + summary.stock_lower > 0) {
+    AppendFormat(&text, "steps that left one side lower by more than the tolerance: ours %d, stock %d\n", summary.ours_lower,
+                 summary.stock_lower);
+  }
+  AppendSide(&text, "ours", summary.ours);
+  if (summary.stock.has_value()) {
+    AppendSide(&text, "stock", *summary.stock);
+  }
+  return text + "ours:  " + context.ours + "\n" + (summary.stock.has_value() ? "stock: " + context.stock + "\n" : "");
+}
+
+nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& summary, const std::vector<ReplayRow>& rows) {
+  nlohmann::json environment = nlohmann::json::object();
+  for (const auto& [name, value] : context.environment) {
+    environment[name] = value;
+  }
+  nlohmann::json json_rows = nlohmann::json::array();
+  for (const ReplayRow& row : rows) {
+    json_rows.push_back(ToJson(row));
+  }
+  const bool both = summary.stock.has_value();
+  const nlohmann::json null;
+  return {{"problem", context.problem},
+          {"description", context.description},
+          {"ours", context.ours},
+          {"stock", both ? nlohmann::json(context.stock) : null},
+          {"threads", context.threads},
+          {"seed", context.seed},
+          {"function_tolerance", context.function_tolerance},
+          {"parameter_tolerance", context.parameter_tolerance},
+          {"steps", summary.steps},
+          {"ours_ms", ToJson(summary.ours.ms)},
+          {"stock_ms", both ? ToJson(summary.stock->ms) : null},
+          {"ratio_median", OrNull(summary.ratio_median)},
+          {"ratio_total", OrNull(summary.ratio_total)},
+          {"max_relative_cost_excess", OrNull(summary.max_relative_cost_excess)},
+          {"steps_in_excess", summary.in_excess},
+          {"worst_loop_ratio", OrNull(summary.worst_loop_ratio)},
+          {"lower", {{"ours", summary.ours_lower}, {"stock", summary.stock_lower}}},
+          {"failed_steps",
+           {{"ours", summary.ours.failed.size()}, {"stock", both ? nlohmann::json(summary.stock->failed.size()) : null}}},
+          {"ours_steps", StepsJson(summary.ours)},
+          {"stock_steps", both ? StepsJson(*summary.stock) : null},
+          {"environment", environment},
+          {"rows", json_rows}};
+}
+
+nlohmann::json StructureJson(int step, const ReducedStructure& structure) {
+  nlohmann::json blocks = nlohmann::json::array();
+  for (const ReducedStructure::Block& block : structure.blocks) {
+    blocks.push_back({block.row, block.column});
+  }
+  nlohmann::json changed_rows = nlohmann::json::array();
+  for (std::size_t row = 0; row < structure.changed.size(); ++row) {
+    if (structure.changed[row]) {
+      changed_rows.push_back(row);
+    }
+  }
+  return {{"step", step}, {"frames", structure.frames}, {"blocks", blocks}, {"changed_rows", changed_rows}};
+}
+
+}  // namespace inceres::tools

@@ -1,0 +1,232 @@
+#include "tools/replay/replay_solver.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "inceres/ceres/solve.h"
+#include "inceres/solver/incremental_solver.h"
+#include "inceres/solver/solver.h"
+#include "tools/replay/replay_ceres_problem.h"
+#include "tools/replay/replay_ceres_solve.h"
+#include "tools/replay/replay_graph.h"
+
+namespace inceres::tools {
+namespace {
+
+template <typename Function>
+double Seconds(Function function) {
+  const auto start = std::chrono::steady_clock::now();
+  function();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+SolverOptions CoreOptions(const ReplaySettings& settings) {
+  SolverOptions options;
+  options.strategy = settings.dogleg ? TrustRegionStrategyKind::kDogleg : TrustRegionStrategyKind::kLevenbergMarquardt;
+  options.num_threads = settings.num_threads;
+  options.max_num_iterations = settings.max_num_iterations;
+  options.function_tolerance = settings.function_tolerance;
+  options.gradient_tolerance = settings.gradient_tolerance;
+  options.parameter_tolerance = settings.parameter_tolerance;
+  return options;
+}
+
+// Iterations whose linear solve or evaluation failed; iteration 0 is the start.
+template <typename Iterations>
+std::int64_t CountInvalidSteps(const Iterations& iterations) {
+  std::int64_t count = 0;
+  for (std::size_t i = 1; i < iterations.size(); ++i) {
+    count += iterations[i].step_is_valid ? 0 : 1;
+  }
+  return count;
+}
+
+ReplayOutcome OutcomeOf(const Summary& summary, double seconds) {
+  ReplayOutcome outcome;
+  outcome.usable = summary.IsSolutionUsable();
+  outcome.termination = ToString(summary.termination);
+  outcome.message = outcome.usable ? "" : summary.message + (summary.detail.empty() ? "" : ": " + summary.detail);
+  outcome.seconds = seconds;
+  outcome.initial_cost = summary.initial_cost;
+  outcome.final_cost = summary.final_cost;
+  outcome.iterations = std::max(0, static_cast<int>(summary.iterations.size()) - 1);
+  outcome.work = {{"residual_evaluations", summary.work.num_residual_evaluations},
+                  {"jacobian_evaluations", summary.work.num_jacobian_evaluations},
+                  {"linear_solves", summary.work.num_linear_solves},
+                  {"unsuccessful_steps", summary.num_unsuccessful_steps},
+                  {"invalid_steps", CountInvalidSteps(summary.iterations)},
+                  {"schur_products", summary.work.num_schur_products},
+                  {"bytes", summary.work.bytes}};
+  return outcome;
+}
+
+std::string Describe(const ReplaySettings& settings) {
+  return std::string(settings.dogleg ? "Dog-Leg" : "LM") + ", " + (settings.autodiff ? "AutoDiff" : "analytic factors");
+}
+
+// A ceres::Problem solved by stock Ceres or by the shim.
+class CeresReplaySolver : public ReplaySolver {
+ public:
+  CeresReplaySolver(const ReplaySettings& settings, bool shim) : settings_(settings), shim_(shim), living_(settings.autodiff) {}
+
+  std::string Name() const override {
+    return (shim_ ? "inceres (exact, ceres::Problem)" : "Ceres (" + DescribeLinearSolver(settings_.linear_solver) + ")") + ", " +
+           Describe(settings_);
+  }
+  Status AddStep(const ReplayStep& step) override { return living_.Add(step); }
+
+  ReplayOutcome Solve() override {
+    if (!shim_) {
+      return SolveGrowing(settings_, &living_, PlainCeresSolve);
+    }
+    SolveReport report;
+    report.strict = true;
+    return SolveGrowing(settings_, &living_,
+                        [&report](const ceres::Solver::Options& options, ceres::Problem* problem,
+                                  ceres::Solver::Summary* summary) { inceres::Solve(options, problem, summary, &report); });
+  }
+
+  std::vector<double> State() const override { return living_.State(); }
+
+ private:
+  const ReplaySettings settings_;
+  const bool shim_;
+  ReplayCeresProblem living_;
+};
+
+// A factor graph of built-in factors solved by the core.
+class CoreReplaySolver : public ReplaySolver {
+ public:
+  explicit CoreReplaySolver(const ReplaySettings& settings) : settings_(settings), living_(false) {}
+
+  std::string Name() const override { return "inceres (exact, factor graph), " + Describe(settings_); }
+  Status AddStep(const ReplayStep& step) override { return living_.Add(step, &graph_); }
+  ReplayOutcome Solve() override {
+    Summary summary;
+    const double seconds = Seconds([&] { summary = inceres::Solve(CoreOptions(settings_), &graph_); });
+    return OutcomeOf(summary, seconds);
+  }
+  std::vector<double> State() const override { return graph_.state(); }
+
+ private:
+  const ReplaySettings settings_;
+  FactorGraph graph_;
+  ReplayGraph living_;
+};
+
+// The same graph in the solver that remembers.
+class IncrementalReplaySolver : public ReplaySolver {
+ public:
+  explicit IncrementalReplaySolver(const ReplaySettings& settings)
+      : autodiff_(settings.autodiff), solver_(Options(settings)), living_(settings.autodiff) {}
+
+  std::string Name() const override {
+    return std::string("inceres (incremental, factor graph), ") + (autodiff_ ? "AutoDiff" : "analytic factors");
+  }
+  Status AddStep(const ReplayStep& step) override {
+    return living_.AddAsEdit(
+        step, solver_.graph(), [this](VariableId id) { return solver_.Values(id); },
+        [this](auto family) { return solver_.AddFamily(std::move(family)); },
+        [this](const GraphEdit& edit) { return solver_.Apply(edit); });
+  }
+  ReplayOutcome Solve() override {
+    UpdateSummary summary;
+    ReplayOutcome outcome;
+    outcome.seconds = Seconds([&] { summary = solver_.Update(); });
+    outcome.usable = summary.termination != Termination::kFailure;
+    outcome.termination = ToString(summary.termination);
+    outcome.message = outcome.usable ? "" : summary.message;
+    outcome.initial_cost = summary.initial_cost;
+    outcome.final_cost = summary.final_cost;
+    outcome.iterations = summary.num_iterations;
+    outcome.work = {{"rejected_steps", summary.num_rejected_steps},
+                    {"relinearised_factors", summary.num_relinearized_factors},
+                    {"evaluated_factors", summary.num_evaluated_factors},
+                    {"eliminated_landmarks", summary.num_eliminated_landmarks},
+                    {"factored_rows", summary.num_factored_rows},
+                    {"reorderings", summary.num_reorderings},
+                    {"updated_landmarks", summary.num_updated_landmarks},
+                    {"solved_rows", summary.num_solved_rows},
+                    {"visited_landmarks", summary.num_visited_landmarks},
+                    {"moved_frames", summary.num_moved_frames},
+                    {"rebuilds", summary.num_rebuilds},
+                    {"bytes", summary.bytes}};
+    return outcome;
+  }
+  std::vector<double> State() const override {
+    std::vector<double> state;
+    const FactorGraph& graph = solver_.graph();
+    for (VariableId id = 0; id < graph.num_variables(); ++id) {
+      state.insert(state.end(), solver_.Values(id), solver_.Values(id) + graph.AmbientSize(id));
+    }
+    return state;
+  }
+  std::optional<ReducedStructure> Structure() const override { return solver_.Structure(); }
+
+ private:
+  static IncrementalOptions Options(const ReplaySettings& settings) {
+    IncrementalOptions options;
+    options.max_num_iterations = settings.max_num_iterations;
+    options.function_tolerance = settings.function_tolerance;
+    options.num_threads = settings.num_threads;
+    return options;
+  }
+
+  const bool autodiff_;
+  IncrementalSolver solver_;
+  ReplayGraph living_;
+};
+
+}  // namespace
+
+std::unique_ptr<ReplaySolver> MakeStockReplaySolver(const ReplaySettings& settings) {
+  return std::make_unique<CeresReplaySolver>(settings, false);
+}
+
+std::unique_ptr<ReplaySolver> MakeExactReplaySolver(const ReplaySettings& settings) {
+  if (settings.autodiff) {
+    return std::make_unique<CeresReplaySolver>(settings, true);
+  }
+  return std::make_unique<CoreReplaySolver>(settings);
+}
+
+std::unique_ptr<ReplaySolver> MakeIncrementalReplaySolver(const ReplaySettings& settings) {
+  return std::make_unique<IncrementalReplaySolver>(settings);
+}
+
+struct ReplayReference::Impl {
+  explicit Impl(const ReplaySettings& ours) : settings(ours), living(ours.autodiff) {
+    settings.dogleg = false;
+    settings.max_num_iterations = 500;
+    settings.function_tolerance = settings.gradient_tolerance = settings.parameter_tolerance = 1e-12;
+  }
+
+  ReplaySettings settings;
+  ReplayCeresProblem living;
+};
+
+ReplayReference::ReplayReference(const ReplaySettings& settings) : impl_(std::make_unique<Impl>(settings)) {
+}
+
+ReplayReference::~ReplayReference() = default;
+
+Status ReplayReference::AddStep(const ReplayStep& step) {
+  return impl_->living.Add(step);
+}
+
+double ReplayReference::CostAt(const std::vector<double>& state) {
+  impl_->living.SetState(state);
+  double cost = 0.0;
+  const bool evaluated = impl_->living.problem()->Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, nullptr, nullptr);
+  return evaluated ? cost : std::numeric_limits<double>::quiet_NaN();
+}
+
+ReplayOutcome ReplayReference::MinimumFrom(const std::vector<double>& state) {
+  impl_->living.SetState(state);
+  return SolveGrowing(impl_->settings, &impl_->living, PlainCeresSolve);
+}
+
+}  // namespace inceres::tools

@@ -1,0 +1,129 @@
+#include "tools/sim/street_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+constexpr double kJitter = 0.2;  // of the place of a camera, in spacings to either side
+// Half the image divided by the focal length: 42 degrees to the sides, 35 up and down.
+constexpr double kHalfWidth = 0.9, kHalfHeight = 0.7;
+constexpr double kCosMinParallax = 0.99939082701909573;  // 2 degrees
+constexpr int kMaxTries = 200;
+
+}  // namespace
+
+StreetView::StreetView(const StreetSceneOptions& options, double spacing)
+    : spacing_(spacing),
+      loop_fraction_(options.loop_fraction),
+      loop_stretch_(options.loop_stretch),
+      num_laps_(static_cast<int>(std::ceil(options.laps))),
+      path_(options.laps > 0.0 ? spacing * options.num_cameras / options.laps : 0.0) {
+  Random random(options.seed, 1);
+  cameras_.reserve(static_cast<std::size_t>(options.num_cameras));
+  for (int i = 0; i < options.num_cameras; ++i) {
+    cameras_.push_back(MakeCamera(i, &random));
+  }
+}
+
+// Somebody walks through the street with a camera in the hand, looking a little upwards and from side to side.
+StreetCamera StreetView::MakeCamera(int index, Random* random) const {
+  StreetCamera camera;
+  camera.s = spacing_ * (index + random->Uniform(-kJitter, kJitter));
+  const double left = 0.3 * random->Normal();
+  const double height = 1.6 + 0.1 * random->Normal();
+  camera.center = path_.Place(camera.s, std::clamp(left, -1.0, 1.0), height);
+  const double yaw = path_.Heading(camera.s) + 0.2 * PortableSin(0.7 * index) + 0.05 * random->Normal();
+  const double pitch = 0.08 + 0.05 * random->Normal();
+  const double roll = 0.05 * random->Normal();
+  camera.R = (Rotation::AboutAxis(1, yaw) * Rotation::AboutAxis(0, pitch) * Rotation::AboutAxis(2, roll)).Inverse();
+  camera.focal = 800.0 + 15.0 * random->Normal();
+  camera.k1 = -0.05 + 0.005 * random->Normal();
+  camera.k2 = 0.01 + 0.002 * random->Normal();
+  return camera;
+}
+
+bool StreetView::Sees(const StreetCamera& camera, const Vector3& position) const {
+  const Vector3 ray = position - camera.center;
+  if (Dot(ray, ray) > kVisibleRange * kVisibleRange) {
+    return false;
+  }
+  const Vector3 p = camera.R * ray;
+  const double depth = -p[2];
+  return depth >= kMinDepth && std::abs(p[0]) <= kHalfWidth * depth && std::abs(p[1]) <= kHalfHeight * depth;
+}
+
+// A facade on either side, or the ground between them.
+Vector3 StreetView::RandomPosition(double s, Random* random) const {
+  const double kind = random->Uniform();
+  if (kind < 0.2) {
+    const double left = random->Uniform(-5.0, 5.0);
+    return path_.Place(s, std::min(left, path_.left_room()), random->Uniform(0.0, 0.3));
+  }
+  const double distance = random->Uniform(5.0, 8.0);
+  const double left = kind < 0.6 ? distance : -distance;
+  return path_.Place(s, std::min(left, path_.left_room()), random->Uniform(0.0, 12.0));
+}
+
+// The cameras that come by at s and see the position; found by their even spacing, not by search.
+void StreetView::CollectPass(double s, int anchor, const Vector3& position, std::vector<int>* candidates) const {
+  const double last_index = static_cast<double>(cameras_.size()) - 1.0;
+  const double first = std::max(0.0, std::ceil((s - kVisibleRange) / spacing_ - kJitter));
+  const double last = std::min(last_index, std::floor(s / spacing_ + kJitter));
+  for (double index = first; index <= last; index += 1.0) {
+    const int i = static_cast<int>(index);
+    if (i != anchor && Sees(cameras_[static_cast<std::size_t>(i)], position)) {
+      candidates->push_back(i);
+    }
+  }
+}
+
+// Whether what is anchored at s may be seen by cameras of other laps.
+bool StreetView::IsRecognizable(double s) const {
+  const double laps = s / path_.circumference();
+  return laps - std::floor(laps) <= loop_stretch_;
+}
+
+bool StreetView::PlacePoint(int anchor, Random* random, StreetPoint* point) const {
+  const StreetCamera& camera = cameras_[static_cast<std::size_t>(anchor)];
+  const bool recognized = path_.closed() && random->Uniform() < loop_fraction_ && IsRecognizable(camera.s);
+  for (int attempt = 0; attempt < kMaxTries; ++attempt) {
+    const double s = camera.s + random->Uniform(kMinDepth, kVisibleRange);
+    point->position = RandomPosition(s, random);
+    if (!Sees(camera, point->position)) {
+      continue;
+    }
+    point->candidates.assign(1, anchor);
+    const int laps = recognized ? num_laps_ : 0;
+    for (int lap = -laps; lap <= laps; ++lap) {
+      CollectPass(s + lap * path_.circumference(), anchor, point->position, &point->candidates);
+    }
+    if (ChoosePartner(anchor, random, point)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+// Shuffles the candidates behind the anchor, then brings the first with enough parallax to the second place.
+bool StreetView::ChoosePartner(int anchor, Random* random, StreetPoint* point) const {
+  std::vector<int>& candidates = point->candidates;
+  const int size = static_cast<int>(candidates.size());
+  for (int i = size - 1; i > 1; --i) {
+    const int other = 1 + random->Below(i);
+    std::swap(candidates[static_cast<std::size_t>(i)], candidates[static_cast<std::size_t>(other)]);
+  }
+  const Vector3 a = point->position - cameras_[static_cast<std::size_t>(anchor)].center;
+  for (std::size_t i = 1; i < candidates.size(); ++i) {
+    const Vector3 b = point->position - cameras_[static_cast<std::size_t>(candidates[i])].center;
+    if (Dot(a, b) <= kCosMinParallax * std::sqrt(Dot(a, a) * Dot(b, b))) {
+      std::swap(candidates[1], candidates[i]);
+      return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace inceres::internal
