@@ -233,7 +233,7 @@ std::size_t FrontTree::Bytes() const {
          runs.capacity() * sizeof(FrontRun) + pieces.capacity() * sizeof(FrontPiece);
 }
 
-Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree) {
+Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dissect) {
   *tree = FrontTree();
   if (pattern.num_blocks() == 0) {
     return Status::Ok();
@@ -241,7 +241,7 @@ Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree) {
   CholmodSession session;
   Analysis best(&session);
   bool found = best.Run(pattern, CHOLMOD_AMD);
-  if (!found || best.flops() >= kMinFlopsForDissection) {
+  if (!found || (may_dissect && best.flops() >= kMinFlopsForDissection)) {
     Analysis halves(&session);
     if (halves.Run(pattern, CHOLMOD_NESDIS) && (!found || halves.flops() < kWorthOfHalves * best.flops())) {
       best.Swap(&halves);

@@ -36,7 +36,7 @@ Status PredictReducedSolver(const BlockPattern& pattern, ReducedPrediction* pred
   }
   const Executor executor(1);
   SparseCholesky solver(executor);
-  const Status planned = solver.Plan(pattern);
+  const Status planned = solver.Predict(pattern);
   const auto entries = static_cast<double>(pattern.value_begin.back());
   prediction->cost = kSparsePenalty * solver.PredictedFlops() + kFlopsPerBlock * static_cast<double>(pattern.columns.size());
   prediction->bytes = sizeof(double) * entries + solver.PredictedBytes();

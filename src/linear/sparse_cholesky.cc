@@ -60,7 +60,7 @@ std::size_t SparseCholesky::Bytes() const {
 }
 
 Status SparseCholesky::Analyze(const BlockPattern& pattern) {
-  const Status planned = Plan(pattern);
+  const Status planned = Plan(pattern, /*may_dissect=*/true);
   if (!planned.ok()) {
     return planned;
   }
@@ -74,9 +74,9 @@ Status SparseCholesky::Analyze(const BlockPattern& pattern) {
   return planned;
 }
 
-Status SparseCholesky::Plan(const BlockPattern& pattern) {
+Status SparseCholesky::Plan(const BlockPattern& pattern, bool may_dissect) {
   pattern_ = &pattern;
-  const Status built = BuildFrontTree(pattern, &tree_);
+  const Status built = BuildFrontTree(pattern, &tree_, may_dissect);
   if (built.ok()) {
     CutIntoSegments();
     ChooseEarlyFronts();

@@ -22,8 +22,9 @@ class SparseCholesky final : public ReducedSolver {
 
   const char* Name() const override;
   Status Analyze(const BlockPattern& pattern) override;
-  /// What Analyze does, but for taking the memory: for who only wants the predictions.
-  Status Plan(const BlockPattern& pattern);
+  /// What Analyze does, but for taking the memory, and for a dissection, which is for the threads and takes no fewer operations:
+  /// for who only wants the predictions.
+  Status Predict(const BlockPattern& pattern) { return Plan(pattern, /*may_dissect=*/false); }
   Status Factorize(const double* values, const double* diagonal) override;
   Status Solve(const double* b, double* x) override;
 
@@ -36,6 +37,7 @@ class SparseCholesky final : public ReducedSolver {
   std::size_t Bytes() const;
 
  private:
+  Status Plan(const BlockPattern& pattern, bool may_dissect);
   /// Fronts that one task takes one after the other, once those of the segments before it are done.
   struct Segment {
     std::vector<int> fronts;  // ascending
