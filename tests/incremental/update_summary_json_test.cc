@@ -72,7 +72,8 @@ constexpr const char* kRowReals[] = {"cost",      "cost_change",       "predicte
 constexpr const char* kRowCounts[] = {"iteration", "num_moved_frames", "num_visited_landmarks", "num_relinearised_factors",
                                       "num_linear_solver_iterations"};
 
-// What the struct holds beside the fields in the lists is a termination, two texts, a flag, two 64-bit counts, stages and the trace.
+// What the struct holds beside the fields in the lists is a termination, two texts, a flag, two 64-bit counts, stages and the
+// trace.
 TEST(UpdateSummaryJson, IsTestedForEveryField) {
   EXPECT_EQ(sizeof(UpdateSummary), 2 * sizeof(std::string) + sizeof(std::vector<UpdateIteration>) + sizeof(StageSeconds) +
                                        8 * (1 + 1 + std::size(kReals) + std::size(kCounts) / 2 + 2))

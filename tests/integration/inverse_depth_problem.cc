@@ -9,9 +9,9 @@
 #include <ceres/manifold.h>
 #include <ceres/product_manifold.h>
 
+#include "examples/sliding_window/vins/local_parameterization.h"
 #include "integration/problems.h"
 #include "support/random_values.h"
-#include "examples/sliding_window/vins/local_parameterization.h"
 
 namespace inceres::test {
 namespace {
