@@ -59,7 +59,8 @@ constexpr Way kWays[] = {Way::kBatchFirst, Way::kIncremental};
 
 class Bench {
  public:
-  explicit Bench(Way way) : test(MakeBundle(5, 40, true)), session(OptionsFor(way)) {
+  explicit Bench(Way way) : Bench(way, OptionsFor(way)) {}
+  Bench(Way way, const SessionOptions& session_options) : test(MakeBundle(5, 40, true)), session(session_options) {
     options.linear_solver_type = ceres::DENSE_SCHUR;
     options.logging_type = ceres::SILENT;
     options.max_num_iterations = 200;
@@ -128,6 +129,28 @@ TEST(IncrementalCallbacks, SeeEveryIterationAndUntouchedMemory) {
       EXPECT_GT(row.iteration_time_in_seconds, 0.0);
     }
     EXPECT_NE(bench.test->blocks, bench.start);
+  }
+}
+
+// Incremental steps that end without convergence are finished by the batch solver: for the user that is one solve.
+TEST(IncrementalCallbacks, SeeASolveOfTwoPartsAsOne) {
+  for (const std::int64_t budget : {1, 900, 1500}) {
+    SCOPED_TRACE(budget);
+    SessionOptions session_options = Bench::OptionsFor(Way::kIncremental);
+    session_options.core.max_factor_evaluations = budget;
+    Bench bench(Way::kIncremental, session_options);
+    Recorder recorder(bench.test.get());
+    bench.options.callbacks = {&recorder};
+    const ceres::Solver::Summary& summary = bench.Solve();
+    EXPECT_NE(bench.report.exact_reason.find("are the batch solver's"), std::string::npos) << bench.report.exact_reason;
+    EXPECT_EQ(summary.num_successful_steps + summary.num_unsuccessful_steps, static_cast<int>(summary.iterations.size()));
+    ASSERT_EQ(recorder.iterations.size(), summary.iterations.size());
+    for (std::size_t i = 0; i < summary.iterations.size(); ++i) {
+      EXPECT_EQ(summary.iterations[i].iteration, static_cast<int>(i));
+      EXPECT_EQ(recorder.iterations[i].iteration, static_cast<int>(i));
+      EXPECT_EQ(recorder.iterations[i].cost, summary.iterations[i].cost);
+    }
+    EXPECT_EQ(summary.iterations.front().cost, summary.initial_cost);
   }
 }
 

@@ -63,6 +63,30 @@ std::vector<const double*> Sorted(const std::vector<double*>& blocks) {
   return sorted;
 }
 
+// Kinds that cost the same go by the order of the problem, wherever their blocks lie in memory.
+TEST(LandmarkSelection, AddressesDecideNothing) {
+  constexpr int kCount = 30;
+  for (const bool first_kind_lies_first : {true, false}) {
+    std::vector<double> memory(2 * 3 * kCount, 1.0);
+    double* const first = memory.data() + (first_kind_lies_first ? 0 : 3 * kCount);
+    double* const second = memory.data() + (first_kind_lies_first ? 3 * kCount : 0);
+    ceres::Problem problem;
+    for (int i = 0; i < kCount; ++i) {
+      for (const int step : {0, 1, 5}) {
+        const std::vector<double*> blocks = {first + 3 * i, second + 3 * ((i + step) % kCount)};
+        problem.AddResidualBlock(new ShapeOnlyCost(2, {3, 3}), nullptr, blocks);
+      }
+    }
+    const ProblemView view = Introspect(problem);
+    const LandmarkSelection selection = ChooseLandmarks(view, FindShapes(view));
+    EXPECT_EQ(selection.num_landmarks, kCount);
+    for (std::size_t b = 0; b < view.blocks.size(); ++b) {
+      const bool is_of_first = view.blocks[b].values >= first && view.blocks[b].values < first + 3 * kCount;
+      EXPECT_EQ(selection.is_landmark[b] != 0, is_of_first);
+    }
+  }
+}
+
 TEST(LandmarkSelection, BundleAdjustmentTakesAllPoints) {
   Structure s;
   const std::vector<double*> cameras = s.Blocks(6, 9);

@@ -1,5 +1,8 @@
 // The life of a session: failures, stock in between, other problems, other options.
+#include <algorithm>
+#include <memory>
 #include <stdexcept>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -14,12 +17,82 @@ using testing::Pull;
 using testing::Session;
 using testing::Tug;
 
+// Of a block from the first number of another.
+template <int Size>
+class Distance : public ceres::SizedCostFunction<Size, Size, 3> {
+ public:
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    for (int k = 0; k < Size; ++k) {
+      residuals[k] = parameters[0][k] - parameters[1][0];
+    }
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      std::fill_n(jacobians[0], Size * Size, 0.0);
+      for (int k = 0; k < Size; ++k) {
+        jacobians[0][k * Size + k] = 1.0;
+      }
+    }
+    if (jacobians != nullptr && jacobians[1] != nullptr) {
+      std::fill_n(jacobians[1], 3 * Size, 0.0);
+    }
+    return true;
+  }
+};
+
 TEST(Session, ResetStartsFromNothing) {
   Tug tug;
   tug.session.session.Reset();
   tug.Solve();
   EXPECT_EQ(tug.session.changes().num_added_factors, 2);
   EXPECT_NEAR(tug.x, 3.4, 1e-6);
+}
+
+// What it has learned of windows and modes, too: a small problem is solved exactly until it has lived for a while.
+TEST(Session, ResetForgetsThatAProblemIsNoWindow) {
+  auto powell = testing::MakePowell();
+  CeresSession session;
+  ceres::Solver::Options options;
+  options.logging_type = ceres::SILENT;
+  const auto is_exact = [&] {
+    ceres::Solver::Summary summary;
+    SolveReport report;
+    session.Solve(options, &powell->problem, &summary, &report);
+    return !report.exact_reason.empty();
+  };
+  EXPECT_TRUE(is_exact());
+  int num_solves = 1;
+  while (is_exact()) {
+    ASSERT_LT(++num_solves, 100);
+  }
+  session.Reset();
+  EXPECT_TRUE(is_exact());
+}
+
+// A Schur solver whose landmarks are all constant is DENSE_QR, in Ceres and here, and here only up to a size.
+TEST(Session, AnExactSolveHandsALargeDenseQrToStock) {
+  constexpr int kSize = 10;
+  std::vector<std::vector<double>> blocks(60, std::vector<double>(kSize, 1.0));
+  std::vector<double> fixed(3, 1.0);
+  ceres::Problem problem;
+  problem.AddParameterBlock(fixed.data(), 3);
+  problem.SetParameterBlockConstant(fixed.data());
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  options.logging_type = ceres::SILENT;
+  options.max_num_iterations = 0;
+  options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  options.linear_solver_ordering->AddElementToGroup(fixed.data(), 0);
+  for (std::vector<double>& block : blocks) {
+    options.linear_solver_ordering->AddElementToGroup(block.data(), 1);
+    for (int k = 0; k < 12; ++k) {
+      problem.AddResidualBlock(new Distance<kSize>, nullptr, block.data(), fixed.data());
+    }
+  }
+  CeresSession session;
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  session.Solve(options, &problem, &summary, &report);
+  EXPECT_TRUE(report.used_stock);
+  EXPECT_NE(report.fallback_reason.find("DENSE_QR"), std::string::npos) << report.fallback_reason;
 }
 
 // Who says that nothing was edited, and errs, is not believed where the number of blocks says otherwise.

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <memory>
+#include <optional>
 
 #include <ceres/evaluation_callback.h>
 #include <ceres/solver.h>
@@ -28,8 +29,8 @@ struct SolveInput {
   const OrderingView& ordering;
   const WallClock& clock;                                    ///< started with the solve
   ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< of the problem, if Ceres shows it or the caller told
-  /// Of the same solve, by another solver, which this one goes on from: its last iteration is this one's start.
-  int iterations_before = 0;
+  /// The last iteration of the part of this solve that another solver did, where there is one: it is this one's start.
+  std::optional<int> last_iteration;
   std::shared_ptr<const GraphPlan> plan = nullptr;  ///< ChoosePlan's; null in a session, and where there is nothing to solve for
 };
 

@@ -35,7 +35,7 @@ std::string MessageOf(const UpdateSummary& update, const SolveInput& input, doub
   }
   if (update.num_iterations >= options.max_num_iterations) {
     return "Maximum number of iterations reached. Number of iterations: " +
-           std::to_string(input.iterations_before + update.num_iterations) + ".";
+           std::to_string(input.last_iteration.value_or(0) + update.num_iterations) + ".";
   }
   const double seconds = seconds_before + update.seconds;
   if (seconds >= options.max_solver_time_in_seconds) {

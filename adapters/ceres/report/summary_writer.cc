@@ -185,12 +185,7 @@ void Prepend(const ceres::Solver::Summary& first, ceres::Solver::Summary* summar
   summary->minimizer_time_in_seconds =
       summary->total_time_in_seconds - first.preprocessor_time_in_seconds - summary->postprocessor_time_in_seconds;
   std::vector<ceres::IterationSummary> iterations = first.iterations;
-  for (ceres::IterationSummary& iteration : summary->iterations) {
-    if (&iteration != summary->iterations.data()) {  // its start is where the first part ended
-      iteration.iteration = static_cast<int>(iterations.size());
-      iterations.push_back(iteration);
-    }
-  }
+  iterations.insert(iterations.end(), summary->iterations.begin() + start, summary->iterations.end());
   summary->iterations = std::move(iterations);
 }
 

@@ -38,7 +38,7 @@ std::vector<int> GroupSizes(const ceres::ParameterBlockOrdering* ordering);
 /// with what was at fault. Nothing if `failed_step` is empty.
 void LogFailedStep(const ceres::Solver::Options& options, const std::string& failed_step);
 
-/// `summary` tells of the second part of a solve: makes it tell of both, with iterations numbered through.
+/// `summary` tells of the second part of a solve, numbered on from the first (SolveInput::last_iteration): makes it tell of both.
 void Prepend(const ceres::Solver::Summary& first, ceres::Solver::Summary* summary);
 
 }  // namespace inceres::internal

@@ -6,7 +6,7 @@ namespace inceres::internal {
 
 IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveContext& context) {
   IterationSummary result;
-  result.iteration = row.iteration + context.iterations_before;
+  result.iteration = row.iteration + context.last_iteration.value_or(0);
   result.step_is_valid = row.step != UpdateStep::kNone || row.iteration == 0;
   result.step_is_successful = row.accepted;
   const double candidate_cost = row.cost - row.cost_change;  // cost is that of before: the step was refused
@@ -50,7 +50,7 @@ ObserverAction IncrementalObserver::EndOfIteration(const UpdateIteration& iterat
   if (options_.update_state) {
     write_();
   }
-  const bool is_known = iteration.iteration == 0 && context_.iterations_before > 0;  // as the last one of the part before
+  const bool is_known = iteration.iteration == 0 && context_.last_iteration.has_value();  // from the part before
   return is_known ? ObserverAction::kContinue : ReportIteration(options_, trace_.back(), &callback_seconds_);
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -15,9 +16,9 @@ namespace inceres::internal {
 
 /// What of a solve does not show in its Update.
 struct SolveContext {
-  double outside_cost = 0.0;    ///< of residual blocks that are not in the graph
-  double seconds_before = 0.0;  ///< spent before the Update began
-  int iterations_before = 0;    ///< SolveInput::iterations_before
+  double outside_cost = 0.0;                         ///< of residual blocks that are not in the graph
+  double seconds_before = 0.0;                       ///< spent before the Update began
+  std::optional<int> last_iteration = std::nullopt;  ///< SolveInput::last_iteration
 };
 
 /// Keeps Ceres's promises at the end of an iteration of an incremental solve, as CallbackObserver does in exact mode, and writes

@@ -84,7 +84,7 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, I
   result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
   living->solver().SetOptions(WithTimeLeft(core_options, result.seconds_before));
   IncrementalObserver observer(input.options, input.view, [&] { living->WriteToUser(input.view); },
-                               {costs.outside, result.seconds_before, input.iterations_before});
+                               {costs.outside, result.seconds_before, input.last_iteration});
   living->solver().Update(&result.update, &observer);
   return Conclude(&result, &observer, input, summary, report, [&] {
     living->WriteToUser(input.view);
@@ -111,7 +111,7 @@ bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_option
   result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
   const double* shown_state = nullptr;
   IncrementalObserver observer(input.options, input.view, [&] { WriteToUser(blocks, shown_state); },
-                               {result.outside_cost, result.seconds_before, input.iterations_before});
+                               {result.outside_cost, result.seconds_before, input.last_iteration});
   const IncrementalOptions options = WithTimeLeft(core_options, result.seconds_before);
   std::unique_ptr<Solver> solver = SolverPool::Global().Take(OneTimeOptions(options), graph);
   SolveOnce(options, solver.get(), &graph, &result.update, &observer, &shown_state);

@@ -158,7 +158,7 @@ bool CeresSession::Impl::FinishExactly(const internal::SolveInput& input, SolveR
   ceres::Solver::Options rest = input.options;
   rest.max_num_iterations -= report->update.num_iterations;
   internal::SolveInput again{rest, view, input.ordering, input.clock};
-  again.iterations_before = std::max(0, static_cast<int>(summary->iterations.size()) - 1);
+  again.last_iteration = static_cast<int>(summary->iterations.size()) - 1;
   if (!internal::ChoosePlan(internal::IncrementalLinearSolver(rest, input.ordering), &again).empty()) {
     return true;  // no memory for it: what was reached stays
   }
@@ -171,8 +171,8 @@ bool CeresSession::Impl::FinishExactly(const internal::SolveInput& input, SolveR
   internal::SolveIncrementally(again, core, nullptr, summary, report);
   internal::Prepend(first, summary);
   report->changes = changes;
-  report->exact_reason = "incremental steps did not converge: those after iteration " +
-                         std::to_string(first.iterations.size() - 1) + " are the batch solver's";
+  report->exact_reason = "incremental steps did not converge: those after iteration " + std::to_string(*again.last_iteration) +
+                         " are the batch solver's";
   return summary->IsSolutionUsable();
 }
 
