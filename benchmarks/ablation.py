@@ -23,6 +23,8 @@ import subprocess
 import sys
 import tempfile
 
+from stock_environment import stock_environment
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 DATA = pathlib.Path(os.environ.get("INCERES_DATA_DIR", ROOT.parent / "shared" / "data"))
 TUNING = ROOT / "src" / "incremental" / "tuning.h"
@@ -55,7 +57,7 @@ OTHER_BASIN = 1e3  # tolerances
 def play(build, flags, setting, folder, tolerance=TOLERANCE):
     """(work, cost of each step) of a replay with a setting of the thresholds."""
     with tempfile.NamedTemporaryFile(dir=folder, suffix=".json") as report:
-        environment = dict(os.environ, OMP_NUM_THREADS="1", INCERES_TUNING=setting)
+        environment = stock_environment(INCERES_TUNING=setting)
         command = [str(build / "bin" / "replay"), *flags, "--stock=false", "--optimum=false", "--function_tolerance", str(tolerance),
                    "--json", report.name]
         result = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

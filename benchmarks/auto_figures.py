@@ -34,7 +34,7 @@ import tempfile
 
 from call_costs import solve_costs
 from drop_in_figures import find_dropin
-from stock_environment import stock_environment
+from stock_environment import program_environment
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 DATA = pathlib.Path(os.environ.get("INCERES_DATA_DIR", ROOT.parent / "shared" / "data"))
@@ -110,11 +110,7 @@ class Player:
         return self._solved[file]
 
     def _run(self, command, mode):
-        environment = stock_environment()
-        environment.pop("LD_PRELOAD", None)
-        if mode is not None:
-            environment.update(LD_PRELOAD=str(self._dropin), INCERES_MODE=mode)
-        result = subprocess.run([str(part) for part in command], env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        result = subprocess.run([str(part) for part in command], env=program_environment(mode, self._dropin), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
                                 text=True, check=False)
         if result.returncode != 0:
             raise RuntimeError(f"{' '.join(str(part) for part in command)}: {result.stderr.strip()}")

@@ -19,7 +19,7 @@ import subprocess
 import sys
 import tempfile
 
-from stock_environment import stock_environment
+from stock_environment import program_environment
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 DROPIN = "libinceres_dropin.so"
@@ -47,12 +47,8 @@ FIGURES = [
 
 def play(command, report, mode=None, dropin=None):
     """One run; the report it writes. With `dropin`, that library is preloaded."""
-    environment = stock_environment()
-    environment.pop("LD_PRELOAD", None)
-    if dropin is not None:
-        environment.update(LD_PRELOAD=str(dropin), INCERES_MODE=mode)
-    result = subprocess.run([str(part) for part in [*command, "--json", report]], env=environment, stdout=subprocess.DEVNULL,
-                            stderr=subprocess.PIPE, text=True, check=False)
+    result = subprocess.run([str(part) for part in [*command, "--json", report]], env=program_environment(mode, dropin),
+                            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
     if result.returncode != 0:
         raise RuntimeError(f"{' '.join(str(part) for part in command)}: {result.stderr.strip()}")
     return json.loads(report.read_text(encoding="utf-8"))

@@ -18,7 +18,7 @@ import subprocess
 import sys
 
 from drop_in_figures import ROOT, find_dropin
-from stock_environment import stock_environment
+from stock_environment import program_environment
 
 COST_DIFFERENCE = 1e-6  # of final costs, at most
 MEMORY = 2.0            # of stock's peak, at most
@@ -61,10 +61,7 @@ def figures():
 
 
 def play(command, dropin=None):
-    environment = stock_environment()
-    environment.pop("LD_PRELOAD", None)
-    if dropin is not None:
-        environment.update(LD_PRELOAD=str(dropin), INCERES_MODE="exact")
+    environment = program_environment("exact", dropin)
     result = subprocess.run([str(part) for part in command], env=environment, capture_output=True, text=True, check=False)
     if result.returncode != 0:
         raise RuntimeError(f"{' '.join(str(part) for part in command)}: {result.stdout.strip()} {result.stderr.strip()}")

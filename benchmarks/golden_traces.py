@@ -14,17 +14,14 @@ be played.
 """
 
 import argparse
-import json
 import os
 import pathlib
 import re
-import subprocess
 import sys
 import tempfile
 
-from drop_in_figures import find_dropin
+from drop_in_figures import ROOT, find_dropin, play
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
 DATA = pathlib.Path(os.environ.get("INCERES_DATA_DIR", ROOT.parent / "shared" / "data"))
 # What differs from run to run, or says where and when: times, memory, and the description of the build.
 NOT_COMPARED = re.compile(r"(^|_)(ms|seconds|second|time|times|bytes|date|commit|compiler|flags|build|machine|environment|ratio|median|p95|speed_up)(_|$)")
@@ -56,20 +53,6 @@ def traces():
         yield f"VINS window, {mode}", None, "vins_window", ["--frames", "60"], mode
         yield f"VINS window from the start, {mode}", None, "vins_window", ["--scene", "startup"], mode
         yield f"OKVIS map, {mode}", None, "okvis_map", ["--frames", "60", "--free_extrinsics"], mode
-
-
-def play(build, program, flags, mode, folder):
-    report = pathlib.Path(folder) / "report.json"
-    report.unlink(missing_ok=True)
-    environment = dict(os.environ, OMP_NUM_THREADS="1")
-    environment.pop("LD_PRELOAD", None)
-    if mode is not None:
-        environment.update(LD_PRELOAD=str(find_dropin(build)), INCERES_MODE=mode)
-    command = [str(build.resolve() / "bin" / program), *(str(flag) for flag in flags), "--json", str(report)]
-    result = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    if result.returncode != 0 or not report.exists():
-        raise RuntimeError(f"{' '.join(command)}: {result.stderr.strip()}")
-    return json.loads(report.read_text(encoding="utf-8"))
 
 
 def values(report, path=""):
@@ -111,7 +94,9 @@ def main():
                 if file is not None and not file.exists():
                     print(f"{name}: skipped, {file} is missing")
                     continue
-                reports = [play(build, program, flags, mode, folder) for build in (arguments.build, arguments.against)]
+                report = pathlib.Path(folder) / "report.json"
+                reports = [play([build.resolve() / "bin" / program, *flags], report, mode, find_dropin(build))
+                           for build in (arguments.build, arguments.against)]
                 same = compare(name, *reports) and same
                 played += 1
     except (OSError, RuntimeError, ValueError) as error:

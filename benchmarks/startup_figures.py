@@ -24,7 +24,7 @@ import subprocess
 import sys
 
 from drop_in_figures import find_dropin
-from stock_environment import stock_environment
+from stock_environment import program_environment
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 STOCK = {
@@ -44,10 +44,7 @@ ERROR = "position_rmse_m"
 
 def play(command, mode, dropin):
     """The report of one run; bare if mode is None."""
-    environment = stock_environment()
-    environment.pop("LD_PRELOAD", None)
-    if mode is not None:
-        environment.update(LD_PRELOAD=str(dropin), INCERES_MODE=mode)
+    environment = program_environment(mode, dropin)
     command = [str(part) for part in command]
     result = subprocess.run(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
     if result.returncode != 0:

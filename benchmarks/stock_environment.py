@@ -12,6 +12,15 @@ def stock_environment(num_threads=1, **more):
     return {**environment, **more}
 
 
+def program_environment(mode=None, dropin=None):
+    """The same of a program that knows only Ceres: with the drop-in preloaded in this mode, or, without either, bare."""
+    environment = stock_environment()
+    environment.pop("LD_PRELOAD", None)
+    if mode is not None and dropin is not None:
+        environment.update(LD_PRELOAD=str(dropin), INCERES_MODE=mode)
+    return environment
+
+
 def num_threads_in(flags):
     """What --num_threads among the flags of a tool says, or its default."""
     flags = [str(flag) for flag in flags]
