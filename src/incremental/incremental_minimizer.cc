@@ -163,11 +163,15 @@ bool IncrementalMinimizer::StepLandmarks() {
   return moved;
 }
 
+// What a change of a frame's step must be worth to be noticed.
+double IncrementalMinimizer::Wildfire() const {
+  return tuning_.truncate.wildfire_share * Tolerance() / std::max(1, system_.schur().num_frames());
+}
+
 // δ_c; kSingular if there is no factor.
 Status IncrementalMinimizer::SolveFrames() {
   const StageTimer timer(&summary_->solve_seconds);
-  const double wildfire = tuning_.truncate.wildfire_share * Tolerance() / std::max(1, system_.schur().num_frames());
-  return frame_step_.Solve(options_.damping, control_.mu(), wildfire, &system_.schur(), trace_);
+  return frame_step_.Solve(options_.damping, control_.mu(), Wildfire(), &system_.schur(), trace_);
 }
 
 IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
@@ -239,9 +243,8 @@ void IncrementalMinimizer::SelectActive(double remaining) {
   const double allowed = stop_.Allowed(system_.cost());
   const bool all = state_.mostly_new || state_.shares.truncation == 0.0;
   const double budget = all ? -1.0 : std::max(state_.shares.truncation * remaining, tuning_.truncate.floor * allowed);
-  const double wildfire = tuning_.truncate.wildfire_share * Tolerance() / std::max(1, system_.schur().num_frames());
   active_.Select(frame_step_.values(), frame_step_.reduced(), frame_step_.work().solved,
-                 {budget, wildfire, remaining - LandmarkGain()}, &system_);
+                 {budget, Wildfire(), remaining - LandmarkGain()}, &system_);
   summary_->num_moved_frames += static_cast<int>(active_.frames().size());
   summary_->num_visited_landmarks += static_cast<int>(active_.landmarks().size());
 }
@@ -325,8 +328,8 @@ void IncrementalMinimizer::Accept(double gain_ratio) {
 // Refresh before retreat; then more damping, which the landmarks that would have moved take up too.
 IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   ++summary_->num_rejected_steps;
-  const UpdateIteration& row = trace_->row();
-  trace_->row().refreshed = refreshed;
+  UpdateIteration& row = trace_->row();
+  row.refreshed = refreshed;
   if (refreshed) {
     return Verdict::kGoOn;
   }

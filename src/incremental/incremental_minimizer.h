@@ -57,6 +57,7 @@ class IncrementalMinimizer {
   Verdict Iterate();
   bool StepLandmarks();
   double LandmarkGain();
+  double Wildfire() const;
   Status SolveFrames();
   Verdict ClaimConvergence();
   void SelectActive(double remaining);

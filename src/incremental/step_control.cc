@@ -14,7 +14,7 @@ StepControl::StepControl(const Tuning& tuning, const IncrementalOptions& options
 }
 
 void StepControl::AdaptRadius(double gain_ratio, double norm) {
-  if (gain_ratio > tuning_.good_ratio) {
+  if (IsGood(gain_ratio)) {
     radius_ = std::max(radius_, tuning_.radius_growth * norm);
   } else if (gain_ratio < tuning_.poor_ratio) {
     radius_ = tuning_.radius_fall * norm;
@@ -23,7 +23,7 @@ void StepControl::AdaptRadius(double gain_ratio, double norm) {
 
 void StepControl::Accept(double gain_ratio, bool shortened) {
   num_shortened_ = shortened ? num_shortened_ + 1 : 0;
-  if (num_shortened_ >= tuning_.max_shortened_in_row && gain_ratio <= tuning_.good_ratio) {
+  if (num_shortened_ >= tuning_.max_shortened_in_row && !IsGood(gain_ratio)) {
     radius_ = HUGE_VAL;
     mu_ *= tuning_.damping_growth;
     num_shortened_ = 0;

@@ -20,7 +20,7 @@ class StepControl {
   double radius() const { return radius_; }
   /// Whether μ is so far from its floor that what is left cannot be seen.
   bool IsDampedHard() const { return mu_ > stop_.near_floor * min_damping_; }
-  /// Of a good step the length is asked for only where the radius is finite.
+  /// Whether a step keeps so much of its promise that the radius may grow: an infinite one need not know its length.
   bool IsGood(double gain_ratio) const { return gain_ratio > tuning_.good_ratio; }
 
   /// With the damping there is now the model sees this much left.

@@ -29,6 +29,11 @@ constexpr double kChosenShare = 0.1;
 constexpr int kSampleStride = 8;
 constexpr int kMinSample = 128;
 
+// Whether landmarks that gain this much are asked again after a step that gained so much.
+bool IsWorthwhile(double gain, double step_gain) {
+  return gain > 0.0 && gain >= kWorthwhileShare * step_gain;
+}
+
 }  // namespace
 
 InnerIterations::InnerIterations(Evaluator* evaluator)
@@ -118,7 +123,7 @@ bool InnerIterations::IsDue(double step_gain) {
 }
 
 void InnerIterations::Pace(double gain, double step_gain) {
-  const bool worthwhile = gain > 0.0 && gain >= kWorthwhileShare * step_gain;
+  const bool worthwhile = IsWorthwhile(gain, step_gain);
   const bool all_were_asked = std::exchange(all_are_chosen_, !worthwhile);
   const double min_gain = worthwhile ? kChosenShare * gain / layout_.num_landmarks() : -1.0;
   std::transform(trials_.begin(), trials_.end(), chosen_.begin(),
@@ -141,7 +146,7 @@ double InnerIterations::Run(double min_gain, double step_gain) {
     next_sample_ = (next_sample_ + 1) % kSampleStride;
   }
   RunChosen(min_gain);
-  if (samples && kSampleStride * SumOfGains() >= kWorthwhileShare * step_gain) {
+  if (samples && IsWorthwhile(kSampleStride * SumOfGains(), step_gain)) {
     std::transform(chosen_.begin(), chosen_.end(), chosen_.begin(), [](char chosen) { return static_cast<char>(chosen == 0); });
     RunChosen(min_gain);
   }
