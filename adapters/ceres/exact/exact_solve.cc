@@ -9,7 +9,7 @@
 #include "adapters/ceres/plan/graph_builder.h"
 #include "adapters/ceres/plan/landmark_selection.h"
 #include "adapters/ceres/plan/option_mapping.h"
-#include "adapters/ceres/plan/solver_pool.h"
+#include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/fixed_cost.h"
 #include "adapters/ceres/report/summary_writer.h"
 
@@ -17,12 +17,10 @@ namespace inceres::internal {
 namespace {
 
 void WriteReport(const SolveInput& input, const LandmarkCounts& landmarks, Summary core, SolveReport* report) {
-  if (report != nullptr) {
-    report->options_without_effect = OptionsWithoutEffect(input.options, landmarks, core.is_constrained);
-    report->num_landmarks = landmarks.num_landmarks;
-    report->num_frames = input.view.reduced.num_parameter_blocks - landmarks.num_landmarks;
-    report->core = std::move(core);
-  }
+  report->options_without_effect = OptionsWithoutEffect(input.options, landmarks, core.is_constrained);
+  report->num_landmarks = landmarks.num_landmarks;
+  report->num_frames = input.view.reduced.num_parameter_blocks - landmarks.num_landmarks;
+  report->core = std::move(core);
 }
 
 void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
@@ -39,9 +37,9 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   options.fixed_cost = summary->fixed_cost;
   options.seconds_spent_before = input.clock.Seconds();
   summary->preprocessor_time_in_seconds = options.seconds_spent_before;
-  std::unique_ptr<Solver> solver = SolverPool::Global().Take(options, graph);
+  std::unique_ptr<Solver> solver = StructureCache::OfProcess().TakeSolver(options, graph);
   Summary core = solver->Solve(options, &graph);
-  SolverPool::Global().GiveBack(std::move(solver));
+  StructureCache::OfProcess().GiveBack(std::move(solver));
   LogFailedStep(input.options, core.failed_step);
   if (core.termination == Termination::kFailure) {
     LOG_IF(WARNING, !core.detail.empty()) << "inceres: " << core.detail;  // where Ceres prints the residual block's numbers
@@ -52,9 +50,7 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;
   WriteSolution(core, summary);
   WriteReport(input, landmarks, std::move(core), report);
-  if (report != nullptr) {
-    report->callback_seconds = observer.callback_seconds();
-  }
+  report->callback_seconds = observer.callback_seconds();
 }
 
 }  // namespace

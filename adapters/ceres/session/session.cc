@@ -6,15 +6,13 @@
 #include <utility>
 #include <vector>
 
-#include <glog/logging.h>
-
 #include "adapters/ceres/compare/cross_check.h"
 #include "adapters/ceres/exact/exact_solve.h"
 #include "adapters/ceres/fallback/decline.h"
 #include "adapters/ceres/fallback/gate.h"
 #include "adapters/ceres/plan/iterative_choice.h"
 #include "adapters/ceres/plan/option_mapping.h"
-#include "adapters/ceres/plan/plan_pool.h"
+#include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/ceres_version.h"
 #include "adapters/ceres/report/summary_writer.h"
 #include "adapters/ceres/session/incremental_solve.h"
@@ -76,15 +74,13 @@ class CeresSession::Impl {
            problem.NumParameterBlocks() == view.all.num_parameter_blocks && problem.NumResiduals() == view.all.num_residuals;
   }
 
-  void SolveOnce(const ceres::Solver::Options& solver_options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-                 SolveReport* report);
+  void SolveOnce(const internal::SolveCall& call);
 
   const char* ReasonForExact(const ceres::Solver::Options& solver_options);
   bool IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock, const SolveReport& report,
                     const ceres::Solver::Summary& summary) const;
   bool FinishExactly(const internal::SolveInput& input, SolveReport* report, ceres::Solver::Summary* summary);
-  void SolveExactlyFor(const char* reason, ceres::Problem* problem, internal::SolveInput* input, ceres::Solver::Summary* summary,
-                       SolveReport* report);
+  void SolveExactlyFor(const char* reason, const internal::SolveCall& call, internal::SolveInput* input);
 
   const SessionOptions options;
   internal::WindowWatch watch;
@@ -97,13 +93,12 @@ class CeresSession::Impl {
   bool has_view = false;  // of the problem's structure as it is
 };
 
-void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options, ceres::Problem* problem,
-                                   ceres::Solver::Summary* summary, SolveReport* report) {
+void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   const internal::WallClock clock;
+  const auto& [solver_options, problem, summary, solve_options, report] = call;
   internal::OrderingView ordering;
-  has_view = has_view && report != nullptr && report->problem_unedited && LooksTheSame(*problem);
-  ceres::EvaluationCallback* const callback =
-      internal::EvaluationCallbackOf(*problem, report != nullptr ? report->evaluation_callback : nullptr);
+  has_view = has_view && solve_options.problem_unedited && LooksTheSame(*problem);
+  ceres::EvaluationCallback* const callback = internal::EvaluationCallbackOf(*problem, solve_options.evaluation_callback);
   std::string obstacle = internal::IncrementalOptionsObstacle(solver_options, callback);
   if (obstacle.empty()) {
     Look(*problem);
@@ -111,12 +106,12 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
     obstacle = internal::IncrementalProblemObstacle(solver_options, view, ordering);
   }
   if (!obstacle.empty()) {
-    internal::Decline(solver_options, problem, summary, obstacle, report);
+    internal::Decline(call, obstacle);
     return;
   }
   internal::SolveInput input{solver_options, view, ordering, clock};
   if (const char* reason = ReasonForExact(solver_options)) {
-    SolveExactlyFor(reason, problem, &input, summary, report);
+    SolveExactlyFor(reason, call, &input);
     return;
   }
   // Out of the session while it works: a failure, or an exception out of user code, ends it.
@@ -129,14 +124,12 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
     num_threads = core.num_threads;
     reduced_solver = core.reduced_solver;
   }
-  SolveReport own_report;
-  SolveReport* told = report != nullptr ? report : &own_report;
   core.max_num_iterations = std::min(core.max_num_iterations, kPatience);
   StartValues start(view);
-  bool solved = internal::SolveIncrementally(input, core, working.get(), summary, told);
+  bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
-    choice.Note(told->update, told->changes, told->num_frames, options.verify_cached_factors);
-    solved = !IsUnfinished(solver_options, clock, *told, *summary) || FinishExactly(input, told, summary);
+    choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
+    solved = !IsUnfinished(solver_options, clock, *report, *summary) || FinishExactly(input, report, summary);
   }
   if (solved) {
     start.Keep();
@@ -188,8 +181,7 @@ const char* CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& sol
 }
 
 // What was remembered is out of date then, and takes memory.
-void CeresSession::Impl::SolveExactlyFor(const char* reason, ceres::Problem* problem, internal::SolveInput* input,
-                                         ceres::Solver::Summary* summary, SolveReport* report) {
+void CeresSession::Impl::SolveExactlyFor(const char* reason, const internal::SolveCall& call, internal::SolveInput* input) {
   living.reset();
   has_view = false;  // an exact solve empties it
   std::string too_much = internal::DenseQrObstacle(input->options, input->view, input->ordering);
@@ -197,13 +189,11 @@ void CeresSession::Impl::SolveExactlyFor(const char* reason, ceres::Problem* pro
     too_much = internal::ChoosePlan(internal::TypeToPlanFor(input->options, input->ordering), input);
   }
   if (!too_much.empty()) {
-    internal::Decline(input->options, problem, summary, too_much, report);
+    internal::Decline(call, too_much);
     return;
   }
-  internal::SolveExactly(*input, summary, report);
-  if (report != nullptr) {
-    report->exact_reason = reason;
-  }
+  internal::SolveExactly(*input, call.summary, call.report);
+  call.report->exact_reason = reason;
 }
 
 CeresSession::CeresSession(const SessionOptions& options) : impl_(std::make_unique<Impl>(options)) {
@@ -212,17 +202,12 @@ CeresSession::CeresSession(const SessionOptions& options) : impl_(std::make_uniq
 CeresSession::~CeresSession() = default;
 
 void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-                         SolveReport* report) {
-  CHECK(problem != nullptr);  // as ceres::Solve
-  CHECK(summary != nullptr);
-  *summary = ceres::Solver::Summary();
-  internal::ClearResults(report);
-  if (internal::WantsComparison(report)) {
-    const auto once = [&] { impl_->SolveOnce(options, problem, summary, report); };
-    internal::SolveAndCompare(options, problem, summary, report, SolveMode::kIncremental, {once, nullptr});
-  } else {
-    impl_->SolveOnce(options, problem, summary, report);
-  }
+                         const SolveOptions& solve_options, SolveReport* report) {
+  SolveOptions incremental = solve_options;
+  incremental.mode = SolveMode::kIncremental;
+  internal::SolveAsAsked(
+      {options, problem, summary, incremental, report}, [this](const internal::SolveCall& call) { impl_->SolveOnce(call); },
+      internal::Repeatable::kNo);
 }
 
 void CeresSession::Forget(const ceres::CostFunction* cost_function) {
