@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "base/stopwatch.h"
-#include "inceres/solver/one_time_solve.h"
-#include "inceres/solver/solver.h"
+#include "incremental/one_time_solve.h"
+#include "trust_region/loop_options.h"
 
 namespace inceres::internal {
 namespace {
@@ -16,7 +16,7 @@ enum class BatchEnd { kHandsOver, kToTheEnd };
 // Counts the work, writes the trace, and ends the solve when the Update's observer says so, on request, when the work budget is
 // spent, and, before one more step proves it, where what is left is below the tolerance: good steps gain so fast less, or the
 // next one promises too little.
-class BatchObserver final : public SolveObserver {
+class BatchObserver final : public SolveObserver, public StepJudge {
  public:
   BatchObserver(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end, const std::atomic<bool>& stop,
                 int num_factors, const double** shown_state, UpdateTrace* trace)
@@ -219,7 +219,7 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
   batch.parameter_tolerance = 0.0;  // a few points run off in bundle adjustment, and against them every step is short
   batch.initial_trust_region_radius = 1.0 / options.initial_damping;
   batch.min_relative_decrease = options.min_relative_decrease;
-  batch.use_inner_iterations = !only && options.max_landmark_passes > 0;
+  batch.refine_landmarks = !only && options.max_landmark_passes > 0;
   batch.reduce_curvature_of_losses = !only;
   return batch;
 }
@@ -230,7 +230,10 @@ BatchOutcome Run(const IncrementalOptions& options, const Tuning::Batch& tuning,
   SolverOptions batch = BatchOptions(options, tuning, end);
   BatchObserver observer(options, tuning, end, stop, graph->num_factors(), shown_state, trace);
   batch.observer = &observer;
-  const Summary solved = solver->Solve(batch, graph);
+  LoopOptions loop;
+  loop.judge = &observer;
+  Summary solved;
+  SolveWith(batch, loop, graph, solver, &solved);
   summary->initial_cost = solved.initial_cost;
   summary->final_cost = solved.final_cost;
   summary->remaining_decrease = observer.settled() ? observer.rest() : std::fabs(solved.discarded_cost_change);
@@ -274,12 +277,8 @@ BatchOutcome RunBatchPhase(const IncrementalOptions& options, const Tuning::Batc
   return Run(options, tuning, BatchEnd::kHandsOver, stop, &solver, graph, shown_state, trace);
 }
 
-}  // namespace inceres::internal
-
-namespace inceres {
-
 SolverOptions OneTimeOptions(const IncrementalOptions& options) {
-  return internal::BatchOptions(options, internal::TuningOfNewSolvers().batch, internal::BatchEnd::kToTheEnd);
+  return BatchOptions(options, TuningOfNewSolvers().batch, BatchEnd::kToTheEnd);
 }
 
 void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* graph, UpdateSummary* summary,
@@ -287,20 +286,19 @@ void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* g
   const std::atomic<bool> stop{false};
   const double* unseen = nullptr;
   *summary = UpdateSummary();
-  internal::UpdateTrace trace(observer, summary);
+  UpdateTrace trace(observer, summary);
   const Status valid = options.Validate();
   if (valid.ok()) {
     const double** shown = best_state != nullptr ? best_state : &unseen;
-    summary->termination = internal::Run(options, internal::TuningOfNewSolvers().batch, internal::BatchEnd::kToTheEnd, stop,
-                                         solver, graph, shown, &trace)
-                               .termination;
+    summary->termination =
+        Run(options, TuningOfNewSolvers().batch, BatchEnd::kToTheEnd, stop, solver, graph, shown, &trace).termination;
   } else {
     summary->message = valid.message;
   }
   if (summary->termination == Termination::kUserFailure || summary->termination == Termination::kFailure) {
     summary->final_cost = summary->initial_cost;  // the graph is where it was
   }
-  summary->seconds = internal::NowInSeconds() - trace.start_seconds();
+  summary->seconds = NowInSeconds() - trace.start_seconds();
 }
 
-}  // namespace inceres
+}  // namespace inceres::internal

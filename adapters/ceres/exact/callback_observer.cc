@@ -22,11 +22,13 @@ ObserverAction CallbackObserver::EndOfIteration(const IterationSummary& iteratio
   if (options_.update_state) {
     WriteToUser(blocks_, best_state);
   }
-  return ReportIteration(options_, iteration, &callback_seconds_);
+  IterationSummary with_fixed_cost = iteration;
+  with_fixed_cost.cost += fixed_cost_;
+  return ReportIteration(options_, with_fixed_cost, &callback_seconds_);
 }
 
 ObserverAction ReportIteration(const ReportOptions& options, const IterationSummary& iteration, double* callback_seconds) {
-  const ceres::IterationSummary summary = ToCeres(iteration);
+  const ceres::IterationSummary summary = ToCeres(iteration, options.eta);
   if (options.logs) {
     LogProgress(summary, options.to_stdout);
   }

@@ -23,6 +23,18 @@ void WriteReport(const SolveInput& input, const LandmarkCounts& landmarks, Summa
   report->core = std::move(core);
 }
 
+// The core knows nothing of residual blocks that cannot move.
+void AddFixedCost(double fixed_cost, Summary* core) {
+  core->fixed_cost = fixed_cost;
+  for (IterationSummary& iteration : core->iterations) {
+    iteration.cost += fixed_cost;
+  }
+  if (!core->iterations.empty()) {  // else there are no costs
+    core->initial_cost += fixed_cost;
+    core->final_cost += fixed_cost;
+  }
+}
+
 void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
   FactorGraph graph;
@@ -30,16 +42,18 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &landmarks, summary);
   NameVariables(blocks, &graph);
 
-  CallbackObserver observer(input.options, input.evaluation_callback, blocks);
+  CallbackObserver observer(input.options, input.evaluation_callback, blocks, summary->fixed_cost);
   SolverOptions options = MapOptions(input.options, type);
   options.num_threads = summary->num_threads_used;
   options.observer = observer.IsNeeded() ? &observer : nullptr;
-  options.fixed_cost = summary->fixed_cost;
-  options.seconds_spent_before = input.clock.Seconds();
-  summary->preprocessor_time_in_seconds = options.seconds_spent_before;
+  LoopOptions loop;
+  loop.rules = kCeresRules;
+  loop.seconds_spent_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
   std::unique_ptr<Solver> solver = StructureCache::OfProcess().TakeSolver(options, graph);
-  Summary core = solver->Solve(options, &graph);
+  Summary core;
+  SolveWith(options, loop, &graph, solver.get(), &core);
   StructureCache::OfProcess().GiveBack(std::move(solver));
+  AddFixedCost(summary->fixed_cost, &core);
   LogFailedStep(input.options, core.failed_step);
   if (core.termination == Termination::kFailure) {
     LOG_IF(WARNING, !core.detail.empty()) << "inceres: " << core.detail;  // where Ceres prints the residual block's numbers
@@ -48,7 +62,7 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   // After a failure the graph still holds the start, and an update_state_every_iteration is undone.
   WriteToUser(blocks, graph.state().data());
   summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;
-  WriteSolution(core, summary);
+  WriteSolution(input.options, core, summary);
   WriteReport(input, landmarks, std::move(core), report);
   report->callback_seconds = observer.callback_seconds();
 }

@@ -164,7 +164,6 @@ int NumThreads(const ceres::Solver::Options& options) {
 
 SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSolverType type) {
   SolverOptions core;
-  core.rules = kCeresRules;
   core.strategy = StrategyOf(options);
   core.linear_model = type == ceres::DENSE_QR ? LinearModelKind::kDenseQr : LinearModelKind::kAutomatic;
   core.dynamic_sparsity = options.dynamic_sparsity;
@@ -183,7 +182,6 @@ SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSol
   core.jacobi_scaling = options.jacobi_scaling;
   core.use_nonmonotonic_steps = options.use_nonmonotonic_steps;
   core.max_consecutive_nonmonotonic_steps = options.max_consecutive_nonmonotonic_steps;
-  core.eta = options.eta;
   core.line_search_interpolation = InterpolationOf(options);
   core.line_search_sufficient_function_decrease = options.line_search_sufficient_function_decrease;
   core.max_line_search_step_contraction = options.max_line_search_step_contraction;

@@ -14,8 +14,7 @@ namespace inceres::internal {
 /// min(options.num_threads, what the machine has), with a warning if that is less, as in Ceres.
 int NumThreads(const ceres::Solver::Options& options);
 
-/// The core's options for the same solve. `type` is the effective linear solver. Left to the caller: num_threads, fixed cost,
-/// time spent, observer.
+/// The core's options for the same solve. `type` is the effective linear solver. Left to the caller: num_threads, observer.
 SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSolverType type);
 
 /// Names of the options that the user set away from their defaults and that change nothing in a solve by the core.

@@ -88,7 +88,7 @@ void ReportNothingToSolve(const SolveInput& input, SolveReport* report) {
 
 bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input, ceres::Solver::Summary* summary,
                  SolveReport* report) {
-  WriteSolution(core, summary);
+  WriteSolution(input.options, core, summary);
   LogFailedStep(input.options, core.failed_step);
   const bool usable = core.IsSolutionUsable();
   const bool failed = core.termination == Termination::kFailure;

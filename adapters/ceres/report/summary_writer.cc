@@ -63,7 +63,7 @@ std::vector<int> GroupSizes(const ceres::ParameterBlockOrdering* ordering) {
   return sizes;
 }
 
-ceres::IterationSummary ToCeres(const IterationSummary& iteration) {
+ceres::IterationSummary ToCeres(const IterationSummary& iteration, double eta) {
   ceres::IterationSummary result;
   result.iteration = iteration.iteration;
   result.step_is_valid = iteration.step_is_valid;
@@ -76,7 +76,7 @@ ceres::IterationSummary ToCeres(const IterationSummary& iteration) {
   result.step_norm = iteration.step_norm;
   result.relative_decrease = iteration.relative_decrease;
   result.trust_region_radius = iteration.trust_region_radius;
-  result.eta = iteration.eta;
+  result.eta = iteration.iteration == 0 || !iteration.step_is_valid ? eta : 0.0;
   result.linear_solver_iterations = iteration.linear_solver_iterations;
   result.iteration_time_in_seconds = iteration.iteration_time_in_seconds;
   result.step_solver_time_in_seconds = iteration.step_solver_time_in_seconds;
@@ -99,7 +99,7 @@ void WriteGiven(const ceres::Solver::Options& options, const ProblemView& view, 
   summary->inner_iteration_time_in_seconds = 0.0;
 }
 
-void WriteSolution(const Summary& core, ceres::Solver::Summary* summary) {
+void WriteSolution(const ceres::Solver::Options& options, const Summary& core, ceres::Solver::Summary* summary) {
   summary->termination_type = ToCeres(core.termination);
   summary->message = core.message;
   summary->iterations.reserve(core.iterations.size());
@@ -107,7 +107,7 @@ void WriteSolution(const Summary& core, ceres::Solver::Summary* summary) {
   // As in Ceres a minimum over the trace: rejected steps included.
   summary->final_cost = core.initial_cost;
   for (const IterationSummary& iteration : core.iterations) {
-    summary->iterations.push_back(ToCeres(iteration));
+    summary->iterations.push_back(ToCeres(iteration, options.eta));
     summary->final_cost = std::min(summary->final_cost, iteration.cost);
   }
   summary->is_constrained = core.is_constrained;

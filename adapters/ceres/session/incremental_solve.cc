@@ -17,7 +17,7 @@
 #include "adapters/ceres/report/incremental_summary.h"
 #include "adapters/ceres/report/summary_writer.h"
 #include "adapters/ceres/session/incremental_observer.h"
-#include "inceres/solver/one_time_solve.h"
+#include "src/incremental/one_time_solve.h"
 
 namespace inceres::internal {
 namespace {
