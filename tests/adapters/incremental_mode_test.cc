@@ -6,7 +6,7 @@
 
 #include "adapters/ceres/fallback/gate.h"
 #include "adapters/ceres/plan/option_mapping.h"
-#include "adapters/ceres/session/incremental_roles.h"
+#include "adapters/ceres/session/incremental_problem.h"
 #include "adapters/compare_with_stock.h"
 
 namespace inceres {

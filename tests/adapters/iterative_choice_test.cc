@@ -1,8 +1,7 @@
 // ITERATIVE_SCHUR and CGNR in incremental mode: conjugate gradients where the reduced system is large, a direct solver else.
-#include "adapters/ceres/plan/iterative_choice.h"
-
 #include <gtest/gtest.h>
 
+#include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/compare_with_stock.h"
 #include "adapters/session_support.h"
 #include "inceres/ceres/session.h"

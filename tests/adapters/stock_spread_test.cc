@@ -7,7 +7,6 @@
 
 #include "adapters/captured_log.h"
 #include "adapters/ceres/compare/second_opinion.h"
-#include "adapters/ceres/plan/other_linear_solvers.h"
 #include "adapters/test_problems.h"
 #include "adapters/two_faced_problem.h"
 #include "inceres/ceres/cross_check.h"

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include <ceres/evaluation_callback.h>
@@ -9,6 +10,9 @@
 #include "inceres/solver/solver.h"
 
 namespace inceres::internal {
+
+/// Ceres's progress table: the row of one iteration, preceded by the heading at iteration 0, without the last newline.
+std::string ProgressText(const ceres::IterationSummary& iteration);
 
 /// What of the options is asked again and again during a solve: a copy, as Ceres takes one, for a callback may change the user's.
 struct ReportOptions {

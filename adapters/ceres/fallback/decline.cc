@@ -2,8 +2,6 @@
 
 #include <glog/logging.h>
 
-#include "adapters/ceres/fallback/stock_ceres.h"
-
 namespace inceres::internal {
 
 void Decline(const SolveCall& call, const std::string& reason) {

@@ -10,7 +10,6 @@
 #include "adapters/ceres/exact/exact_solve.h"
 #include "adapters/ceres/fallback/decline.h"
 #include "adapters/ceres/fallback/gate.h"
-#include "adapters/ceres/plan/iterative_choice.h"
 #include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/ceres_version.h"

@@ -11,7 +11,6 @@
 #include "adapters/ceres/dropin/src/ceres_symbols.h"
 #include "adapters/ceres/fallback/decline.h"
 #include "adapters/ceres/fallback/gate.h"
-#include "adapters/ceres/fallback/stock_ceres.h"
 #include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/ordering.h"
 #include "adapters/ceres/report/environment.h"

@@ -1,9 +1,7 @@
-#include "adapters/ceres/read/loss_table.h"
+#include "adapters/ceres/read/ceres_adapters.h"
 
 #include <cmath>
 #include <cstring>
-
-#include "adapters/ceres/read/ceres_adapters.h"
 
 namespace inceres::internal {
 namespace {
