@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -83,23 +84,9 @@ Sizes BestSpecialization(const Sizes& sizes) {
   if (!kCeresHasSchurSpecializations) {
     return {kDynamic, kDynamic, kDynamic};
   }
-  constexpr std::array<Sizes, 14> kExact = {{{2, 2, 2},
-                                             {2, 2, 3},
-                                             {2, 2, 4},
-                                             {2, 3, 3},
-                                             {2, 3, 4},
-                                             {2, 3, 6},
-                                             {2, 3, 9},
-                                             {2, 4, 3},
-                                             {2, 4, 4},
-                                             {2, 4, 6},
-                                             {2, 4, 8},
-                                             {2, 4, 9},
-                                             {3, 3, 3},
-                                             {4, 4, 2}}};
-  constexpr std::array<Sizes, 2> kExactStereo = {{{4, 4, 3}, {4, 4, 4}}};
-  const auto contains = [&sizes](const auto& list) { return std::find(list.begin(), list.end(), sizes) != list.end(); };
-  if (contains(kExact) || contains(kExactStereo)) {
+  constexpr Sizes kExact[] = {{2, 2, 2}, {2, 2, 3}, {2, 2, 4}, {2, 3, 3}, {2, 3, 4}, {2, 3, 6}, {2, 3, 9}, {2, 4, 3},
+                              {2, 4, 4}, {2, 4, 6}, {2, 4, 8}, {2, 4, 9}, {3, 3, 3}, {4, 4, 2}, {4, 4, 3}, {4, 4, 4}};
+  if (std::find(std::begin(kExact), std::end(kExact), sizes) != std::end(kExact)) {
     return sizes;
   }
   if ((sizes[0] == 2 && sizes[1] >= 2 && sizes[1] <= 4) || (sizes[0] == 4 && sizes[1] == 4)) {

@@ -13,6 +13,7 @@
 #include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/ceres_version.h"
+#include "adapters/ceres/read/user_state.h"
 #include "adapters/ceres/report/summary_writer.h"
 #include "adapters/ceres/session/incremental_solve.h"
 #include "adapters/ceres/session/mode_choice.h"
@@ -24,33 +25,6 @@ namespace {
 
 // Iterations after which incremental steps are given up for this solve: those that converge mostly take fewer than ten.
 constexpr int kPatience = 25;
-
-// What was in the user's memory when a solve began. It is there again when this is gone, unless Keep was called.
-class StartValues {
- public:
-  explicit StartValues(const internal::ProblemView& view) {
-    for (const internal::ParameterBlockView& block : view.blocks) {
-      if (block.reduced()) {
-        blocks_.emplace_back(block.values, block.ambient_size);
-        values_.insert(values_.end(), block.values, block.values + block.ambient_size);
-      }
-    }
-  }
-  ~StartValues() {
-    const double* start = values_.data();
-    for (const auto& [values, size] : blocks_) {
-      std::copy_n(start, size, values);
-      start += size;
-    }
-  }
-  StartValues(const StartValues&) = delete;
-  StartValues& operator=(const StartValues&) = delete;
-  void Keep() { blocks_.clear(); }
-
- private:
-  std::vector<std::pair<double*, int>> blocks_;
-  std::vector<double> values_;
-};
 
 }  // namespace
 
@@ -124,7 +98,7 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
     reduced_solver = core.reduced_solver;
   }
   core.max_num_iterations = std::min(core.max_num_iterations, kPatience);
-  StartValues start(view);
+  internal::StartValues start(view);
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
     choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
