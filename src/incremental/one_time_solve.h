@@ -2,8 +2,8 @@
 
 #include "inceres/problem/factor_graph.h"
 #include "inceres/solver/incremental_options.h"
+#include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
-#include "inceres/solver/update_observer.h"
 #include "inceres/solver/update_summary.h"
 
 namespace inceres::internal {

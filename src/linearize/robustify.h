@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "inceres/problem/loss.h"
+#include "inceres/problem/losses.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "inceres/problem/factor_family.h"
-#include "inceres/problem/manifold.h"
+#include "inceres/problem/manifolds.h"
 
 namespace inceres::internal {
 

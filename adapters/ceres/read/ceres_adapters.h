@@ -7,8 +7,8 @@
 #include <ceres/loss_function.h>
 
 #include "adapters/ceres/read/ceres_version.h"
-#include "inceres/problem/loss.h"
-#include "inceres/problem/manifold.h"
+#include "inceres/problem/losses.h"
+#include "inceres/problem/manifolds.h"
 
 namespace inceres::internal {
 

@@ -14,7 +14,7 @@ namespace inceres {
 /// Cost functions written for Ceres, AutoDiff ones most often, as factors of a FactorGraph or an IncrementalSolver of the core,
 /// next to the built-in families. One family holds cost functions of one shape: `residual_size` residuals over blocks of the
 /// ambient sizes of `slots`, whose tangent sizes are those of the variables. They are called with Ceres's conventions; their
-/// ambient Jacobians are projected by the variables' manifolds, which are the core's (graph/manifolds.h).
+/// ambient Jacobians are projected by the variables' manifolds, which are the core's (problem/manifolds.h).
 ///
 /// A cost function of another shape is a mistake that nobody notices before it writes beyond its room. One that returns false, or
 /// writes what is not finite, is an evaluation that fails, named with its factor.
