@@ -67,8 +67,8 @@ bool IncrementalMinimizer::Begin(bool mostly_new, const std::atomic<bool>& stop)
   if (!(new_frames_first ? LinearizeDirty() : Relinearize())) {
     return false;
   }
-  stop_ =
-      StoppingRule(tuning_.stop, options_.function_tolerance, system_.RoundingOfCost(), summary_->num_iterations, system_.cost());
+  stop_ = StoppingRule(tuning_.stop, options_.function_tolerance, options_.fixed_cost, system_.RoundingOfCost(),
+                       summary_->num_iterations, system_.cost());
   if (begins) {
     summary_->initial_cost = system_.cost();
   }
@@ -228,6 +228,9 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   }
   switch (control_.JudgeRefusals(Tolerance())) {
     case StepControl::Verdict::kMinimum:
+      return Verdict::kConverged;
+    case StepControl::Verdict::kRefusals:
+      summary_->rests_on_refusals = true;
       return Verdict::kConverged;
     case StepControl::Verdict::kUnknown:
       return Verdict::kStuck;

@@ -116,7 +116,8 @@ void IncrementalSolver::Impl::Restart() {
 }
 
 void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
-  converged_ = converged_ && options.function_tolerance >= options_.function_tolerance;
+  converged_ =
+      converged_ && options.function_tolerance >= options_.function_tolerance && options.fixed_cost <= options_.fixed_cost;
   IncrementalOptions taken = options;
   taken.num_threads = options_.num_threads;
   taken.reduced_solver = options_.reduced_solver;
@@ -149,7 +150,8 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
   Form();
   const double share = std::min(internal::SharesOf(options_, live->schur().num_landmarks()).relinearization,
                                 tuning_.relinearize.marginalized_share);
-  internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance * cost_ / std::max(1, graph.num_factors()));
+  internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance * std::max(cost_ - options_.fixed_cost, 0.0) /
+                                         std::max(1, graph.num_factors()));
   internal::MarginalizationTarget target;
   target.graph = &graph;
   target.values = [this](VariableId id) { return live->values().current(id); };

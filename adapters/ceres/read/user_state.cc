@@ -45,10 +45,14 @@ StartValues::StartValues(const ProblemView& view) {
 }
 
 StartValues::~StartValues() {
-  const double* start = values_.data();
+  Swap();
+}
+
+void StartValues::Swap() {
+  double* kept = values_.data();
   for (const auto& [values, size] : blocks_) {
-    std::copy_n(start, size, values);
-    start += size;
+    std::swap_ranges(values, values + size, kept);
+    kept += size;
   }
 }
 

@@ -89,6 +89,7 @@ void ReportNothingToSolve(const SolveInput& input, SolveReport* report) {
 bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input, ceres::Solver::Summary* summary,
                  SolveReport* report) {
   WriteSolution(input.options, core, summary);
+  summary->final_cost = core.final_cost;  // of the user's memory: a refused step that came lower, which Ceres counts, is not there
   LogFailedStep(input.options, core.failed_step);
   const bool usable = core.IsSolutionUsable();
   const bool failed = core.termination == Termination::kFailure;

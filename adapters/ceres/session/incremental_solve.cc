@@ -82,7 +82,9 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, I
   }
   WriteLinearSolver(input.view, input.ordering, landmarks, type, summary);
   result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
-  living->solver().SetOptions(WithTimeLeft(core_options, result.seconds_before));
+  IncrementalOptions options = WithTimeLeft(core_options, result.seconds_before);
+  options.fixed_cost = std::max(costs.fixed - costs.outside, 0.0);
+  living->solver().SetOptions(options);
   IncrementalObserver observer(input.options, input.view, [&] { living->WriteToUser(input.view); },
                                {costs.outside, result.seconds_before, input.last_iteration});
   living->solver().Update(&result.update, &observer);

@@ -52,7 +52,10 @@ class CeresSession::Impl {
   const char* ReasonForExact(const ceres::Solver::Options& solver_options);
   bool IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock, const SolveReport& report,
                     const ceres::Solver::Summary& summary) const;
-  bool FinishExactly(const internal::SolveInput& input, SolveReport* report, ceres::Solver::Summary* summary);
+  bool FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input, internal::StartValues* start,
+                     SolveReport* report, ceres::Solver::Summary* summary);
+  bool GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy, int max_iterations, SolveReport* report,
+                   ceres::Solver::Summary* summary);
   void SolveExactlyFor(const char* reason, const internal::SolveCall& call, internal::SolveInput* input);
 
   const SessionOptions options;
@@ -102,7 +105,7 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
     choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
-    solved = !IsUnfinished(solver_options, clock, *report, *summary) || FinishExactly(input, report, summary);
+    solved = !IsUnfinished(solver_options, clock, *report, *summary) || FinishInBatch(*problem, input, &start, report, summary);
   }
   if (solved) {
     start.Keep();
@@ -110,19 +113,22 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   }
 }
 
-// Whether an Update has ended without convergence though no limit of the user's asked for it.
+// Whether a solve has ended without convergence that is proven, though no limit of the user's asked for it.
 bool CeresSession::Impl::IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock,
                                       const SolveReport& report, const ceres::Solver::Summary& summary) const {
-  return summary.termination_type == ceres::NO_CONVERGENCE && !internal::IsIterative(solver_options.linear_solver_type) &&
-         report.update.num_iterations < solver_options.max_num_iterations &&
+  const bool has_ended = summary.termination_type == ceres::CONVERGENCE && !report.update.rests_on_refusals;
+  return !has_ended && summary.IsSolutionUsable() && summary.termination_type != ceres::USER_SUCCESS &&
+         !internal::IsIterative(solver_options.linear_solver_type) &&
+         static_cast<int>(summary.iterations.size()) <= solver_options.max_num_iterations &&
          clock.Seconds() < solver_options.max_solver_time_in_seconds;
 }
 
-// From where the incremental steps have come to; what is remembered stays, and finds the values changed. False after a failure or
-// an abort.
-bool CeresSession::Impl::FinishExactly(const internal::SolveInput& input, SolveReport* report, ceres::Solver::Summary* summary) {
+// The batch solver, from the values in the user's memory. What is remembered stays, and finds the values changed. False after a
+// failure or an abort.
+bool CeresSession::Impl::GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy, int max_iterations,
+                                     SolveReport* report, ceres::Solver::Summary* summary) {
   ceres::Solver::Options rest = input.options;
-  rest.max_num_iterations -= report->update.num_iterations;
+  rest.max_num_iterations = max_iterations;
   internal::SolveInput again{rest, view, input.ordering, input.clock};
   again.last_iteration = static_cast<int>(summary->iterations.size()) - 1;
   if (!internal::ChoosePlan(internal::IncrementalLinearSolver(rest, input.ordering), &again).empty()) {
@@ -134,12 +140,39 @@ bool CeresSession::Impl::FinishExactly(const internal::SolveInput& input, SolveR
   const ProblemChanges changes = report->changes;
   IncrementalOptions core = internal::MapIncrementalOptions(rest, options.core);
   core.batch_share = std::min(core.batch_share, 0.5);
+  core.batch_strategy = strategy;
   internal::SolveIncrementally(again, core, nullptr, summary, report);
   internal::Prepend(first, summary);
   report->changes = changes;
   report->exact_reason = "incremental steps did not converge: those after iteration " + std::to_string(*again.last_iteration) +
                          " are the batch solver's";
   return summary->IsSolutionUsable();
+}
+
+// What incremental steps did not finish, first from where they have come to, by Marquardt's rule; where that does not end either,
+// from the start, as who remembers nothing would have gone. The lower of both ends counts. False after a failure or an abort.
+bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input,
+                                       internal::StartValues* start, SolveReport* report, ceres::Solver::Summary* summary) {
+  const auto iterations_left = [&] {
+    return input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1;
+  };
+  if (!GoOnInBatch(input, TrustRegionStrategyKind::kMarquardt, std::min(kPatience, iterations_left()), report, summary)) {
+    return false;
+  }
+  if (!IsUnfinished(input.options, input.clock, *report, *summary)) {
+    return true;
+  }
+  const double reached = summary->final_cost;
+  start->Swap();
+  Look(problem);
+  const TrustRegionStrategyKind strategy = internal::MapIncrementalOptions(input.options, options.core).batch_strategy;
+  const bool solved = GoOnInBatch(input, strategy, iterations_left(), report, summary);
+  if (solved && summary->final_cost <= reached) {
+    return true;
+  }
+  start->Swap();
+  Look(problem);
+  return solved && GoOnInBatch(input, TrustRegionStrategyKind::kMarquardt, iterations_left(), report, summary);
 }
 
 // Null: the solve is to be incremental. Exact mode has no iterative solver.
