@@ -30,7 +30,7 @@ struct SolveInput {
   const WallClock& clock;                                    ///< started with the solve
   ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< of the problem, if Ceres shows it or the caller told
   /// The last iteration of the part of this solve that another solver did, where there is one: it is this one's start.
-  std::optional<int> last_iteration;
+  std::optional<int> last_iteration = std::nullopt;
   std::shared_ptr<const GraphPlan> plan = nullptr;  ///< ChoosePlan's; null in a session, and where there is nothing to solve for
 };
 
