@@ -64,10 +64,7 @@ struct FrontTree {
   std::size_t Bytes() const;
 };
 
-/// Orders the blocks by AMD, or by AMD on either side of a small separator where that takes hardly more flops, and joins columns
-/// of nearly the same rows to fronts: CHOLMOD's symbolic analysis (Chen, Davis, Hager & Rajamanickam, "Algorithm 887: CHOLMOD",
-/// ACM TOMS 35(3), 2008), on blocks instead of scalars. Cost: about half a microsecond a block of S. kSingular when out of
-/// memory. Without `may_dissect` AMD's order stands, for half of the time.
+/// The tree of FindSymbolicFactor's order and fronts, in scalars. Fails as that does; `may_dissect` is for it.
 Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dissect = true);
 
 }  // namespace inceres::internal

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "linear/random_system.h"
-#include "support/cholmod_memory.h"
+#include "support/suitesparse_memory.h"
 
 namespace inceres::internal {
 namespace {
@@ -155,7 +155,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // No fault of the matrix: not kSingular, upon which the same would be tried again with more damping.
 TEST(FrontTree, OutOfMemoryIsSaidAndForgotten) {
-  test::CholmodMemory memory;
+  test::SuiteSparseMemory memory;
   if (!memory.IsReachable()) {
     GTEST_SKIP() << "this SuiteSparse does not let its allocator be replaced";
   }

@@ -7,7 +7,7 @@
 
 #include "inceres/solver/solver.h"
 #include "linear/eigen_ldlt_solver.h"
-#include "support/cholmod_memory.h"
+#include "support/suitesparse_memory.h"
 #include "support/classic_problems.h"
 #include "support/dense_oracle.h"
 #include "support/random_graph.h"
@@ -316,7 +316,7 @@ TEST(NotFinite, OverflowingCostEndsWithoutMoving) {
   EXPECT_EQ(graph.state()[0], 1.0);
 }
 
-// A path long enough for the sparse factorization, whose order is CHOLMOD's.
+// A path long enough for the sparse factorization, whose order is AMD's.
 TEST(OutOfMemory, BeforeTheFirstIterationNothingHasHappened) {
   test::RandomGraph path(1);
   VariableId last = path.AddFrame(6);
@@ -328,7 +328,7 @@ TEST(OutOfMemory, BeforeTheFirstIterationNothingHasHappened) {
   }
   path.Perturb(0.1);
   const std::vector<double> start = path.graph().state();
-  test::CholmodMemory memory;
+  test::SuiteSparseMemory memory;
   if (!memory.IsReachable()) {
     GTEST_SKIP() << "this SuiteSparse does not let its allocator be replaced";
   }
