@@ -5,7 +5,7 @@
 #include <string>
 
 #include "linear/select_solver.h"
-#include "schur/landmark_factor.h"
+#include "linear/small_cholesky.h"
 
 namespace inceres::internal {
 
