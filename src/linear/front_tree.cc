@@ -7,6 +7,10 @@
 namespace inceres::internal {
 namespace {
 
+// What is worth a task of its own: a subtree of so many flops, and of such a share of all.
+constexpr double kHeavyFlops = 1e6;
+constexpr double kHeavyShare = 1.0 / 32;
+
 // From blocks to scalars. A position is a block's place in the order.
 class TreeBuilder {
  public:
@@ -123,8 +127,7 @@ class TreeBuilder {
     tree_->pieces.resize(Reserve(count, &Front::piece_begin, &Front::piece_end));
     ForEachBlock([&](int i, int j, int k) {
       const int f = front_of_block(i, j);
-      tree_->pieces[tree_->fronts[f].piece_end++] = {pattern_.value_begin[k], PlaceOf(position_[i], f), PlaceOf(position_[j], f),
-                                                     pattern_.block_size(i), pattern_.block_size(j)};
+      tree_->pieces[tree_->fronts[f].piece_end++] = {i, k, PlaceOf(position_[i], f), PlaceOf(position_[j], f)};
     });
   }
 
@@ -147,6 +150,142 @@ class TreeBuilder {
   std::vector<int> places_;    // per entry of rows_: its first scalar row in the front
 };
 
+// Memory of update matrices: the lowest gap, while the others wait.
+class UpdatePlanner {
+ public:
+  std::size_t Place(std::size_t size) {
+    if (size == 0) {
+      return 0;  // of a root, which no parent frees
+    }
+    std::size_t begin = 0;
+    auto at = waiting_.begin();
+    for (; at != waiting_.end() && at->begin < begin + size; ++at) {
+      begin = at->end;
+    }
+    waiting_.insert(at, {begin, begin + size});
+    peak_ = std::max(peak_, begin + size);
+    return begin;
+  }
+  void Free(std::size_t begin) {
+    waiting_.erase(std::find_if(waiting_.begin(), waiting_.end(), [begin](const Piece& piece) { return piece.begin == begin; }));
+  }
+  std::size_t peak() const { return peak_; }
+
+ private:
+  struct Piece {
+    std::size_t begin, end;
+  };
+  std::vector<Piece> waiting_;  // ascending
+  std::size_t peak_ = 0;
+};
+
+// Cuts a tree into tasks, and places what each front needs.
+class Scheduler {
+ public:
+  explicit Scheduler(FrontTree* tree) : tree_(*tree) {}
+
+  void Plan() {
+    CutIntoSegments();
+    ChooseEarlyFronts();
+    PlanMemory();
+  }
+
+ private:
+  // A heavy subtree beside another one begins a segment; everything else goes with its parent.
+  void CutIntoSegments() {
+    const auto num_fronts = static_cast<int>(tree_.fronts.size());
+    std::vector<double> flops(tree_.fronts.size(), 0.0);     // of subtrees
+    std::vector<int> num_heavy(tree_.fronts.size() + 1, 0);  // children, and last the roots
+    const auto parent_or_last = [&](int f) { return tree_.fronts[f].parent < 0 ? num_fronts : tree_.fronts[f].parent; };
+    const auto is_heavy = [&](int f) { return flops[f] > std::max(kHeavyFlops, kHeavyShare * tree_.flops); };
+    for (int f = 0; f < num_fronts; ++f) {
+      flops[f] += tree_.fronts[f].flops();
+      num_heavy[parent_or_last(f)] += is_heavy(f) ? 1 : 0;
+      if (tree_.fronts[f].parent >= 0) {
+        flops[tree_.fronts[f].parent] += flops[f];
+      }
+    }
+    tree_.segments.assign(1, FrontSegment());
+    tree_.segment_of.assign(tree_.fronts.size() + 1, 0);
+    for (int f = num_fronts - 1; f >= 0; --f) {
+      const int parent = parent_or_last(f);
+      tree_.segment_of[f] = tree_.segment_of[parent];
+      if (is_heavy(f) && num_heavy[parent] > 1) {
+        tree_.segment_of[f] = static_cast<int>(tree_.segments.size());
+        tree_.segments[tree_.segment_of[parent]].before.push_back(tree_.segment_of[f]);
+        tree_.segments.emplace_back();
+      }
+    }
+    for (int f = 0; f < num_fronts; ++f) {
+      tree_.segments[tree_.segment_of[f]].fronts.push_back(f);
+    }
+  }
+
+  // A front that takes less than its children's update matrices together opens when the first of them is there.
+  void ChooseEarlyFronts() {
+    tree_.opened_by.assign(tree_.fronts.size(), FrontTree::kNone);
+    for (std::size_t f = 0; f < tree_.fronts.size(); ++f) {
+      const Front& front = tree_.fronts[f];
+      std::size_t waiting = 0;
+      int first = FrontTree::kNone;
+      int last = FrontTree::kNone;
+      for (int k = front.child_begin; k < front.child_end; ++k) {
+        const int child = tree_.children[k];
+        if (tree_.segment_of[child] == tree_.segment_of[f]) {
+          waiting += last == FrontTree::kNone ? 0 : tree_.UpdateSize(last);
+          first = first == FrontTree::kNone ? child : first;
+          last = child;
+        }
+      }
+      tree_.opened_by[f] = waiting > tree_.UpdateSize(static_cast<int>(f)) ? first : FrontTree::kNone;
+    }
+  }
+
+  void PlanMemory() {
+    tree_.factor_begin.clear();
+    tree_.vector_begin.clear();
+    tree_.factor_size = tree_.vectors_size = tree_.updates_size = 0;
+    for (const Front& front : tree_.fronts) {
+      tree_.factor_begin.push_back(tree_.factor_size);
+      tree_.vector_begin.push_back(tree_.vectors_size);
+      tree_.factor_size += static_cast<std::size_t>(front.stride()) * front.width;
+      tree_.vectors_size += static_cast<std::size_t>(front.num_rows());
+    }
+    tree_.update_begin.assign(tree_.fronts.size(), 0);
+    for (const FrontSegment& segment : tree_.segments) {
+      tree_.updates_size += PlanUpdates(segment, tree_.updates_size);
+    }
+  }
+
+  // Places the update matrices of a segment's fronts from `begin` on; those of children in other segments stay where they are.
+  // What they take.
+  std::size_t PlanUpdates(const FrontSegment& segment, std::size_t begin) {
+    UpdatePlanner planner;
+    const auto place = [&](int f) { tree_.update_begin[f] = begin + planner.Place(tree_.UpdateSize(f)); };
+    for (const int f : segment.fronts) {
+      const Front& front = tree_.fronts[f];
+      if (tree_.opened_by[f] == FrontTree::kNone) {
+        place(f);
+        for (int k = front.child_begin; k < front.child_end; ++k) {
+          const int child = tree_.children[k];
+          if (tree_.segment_of[child] == tree_.segment_of[f]) {
+            planner.Free(tree_.update_begin[child] - begin);
+          }
+        }
+      }
+      if (tree_.IsTakenEarly(f)) {
+        if (tree_.opened_by[front.parent] == f) {
+          place(front.parent);
+        }
+        planner.Free(tree_.update_begin[f] - begin);
+      }
+    }
+    return planner.peak();
+  }
+
+  FrontTree& tree_;
+};
+
 }  // namespace
 
 std::size_t FrontTree::Bytes() const {
@@ -163,6 +302,7 @@ Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dis
   const Status found = FindSymbolicFactor(pattern, may_dissect, &factor);
   if (found.ok()) {
     TreeBuilder(pattern, factor, tree).Build();
+    Scheduler(tree).Plan();
   }
   return found;
 }
