@@ -168,12 +168,13 @@ BENCHMARK(BM_PredictDecrease)->Unit(benchmark::kMicrosecond);
 template <typename Solver>
 void MeasureFactorization(benchmark::State& state, Linearized* problem, Solver* solver) {
   if (!problem->ok() || !problem->elimination->Eliminate(problem->LandmarkDamping()).ok() ||
-      !solver->Analyze(problem->core->plans.pattern).ok()) {
+      !solver->Analyze(ReducedMatrix(problem->core->plans.pattern, nullptr, nullptr)).ok()) {
     state.SkipWithError("the reduced system could not be formed");
     return;
   }
   for (auto _ : state) {
-    benchmark::DoNotOptimize(solver->Factorize(problem->elimination->S(), problem->damping.data()).ok());
+    benchmark::DoNotOptimize(
+        solver->Factorize({problem->core->plans.pattern, problem->elimination->S(), problem->damping.data()}, {}).ok());
   }
   CountWork(state, solver->PredictedFlops(), 8.0 * static_cast<double>(problem->core->plans.pattern.value_begin.back()));
   state.counters["unknowns"] = problem->core->plans.pattern.size();

@@ -30,5 +30,5 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/cmake/inceresConfigVersio
 install(FILES
   ${PROJECT_BINARY_DIR}/cmake/inceresConfig.cmake
   ${PROJECT_BINARY_DIR}/cmake/inceresConfigVersion.cmake
-  cmake/FindCHOLMOD.cmake
+  cmake/FindSparseOrdering.cmake
   DESTINATION ${INCERES_CONFIG_DIR})

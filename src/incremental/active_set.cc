@@ -90,7 +90,7 @@ void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<
 
 // Rows that were not solved anew may still have much of their step to take.
 void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const ReducedVectors& reduced,
-                               const IncrementalReducedSolver::Rows& solved, double negligible, const IncrementalSchur& schur) {
+                               const ReducedSolver::Rows& solved, double negligible, const IncrementalSchur& schur) {
   const auto num_rows = static_cast<std::int32_t>(schur.frames().size());
   candidates_.clear();
   candidates_.reserve(num_rows);
@@ -113,8 +113,8 @@ void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const Redu
 
 // In the partial Bayes tree that the elimination of the landmarks leaves, the frames are the root and each landmark is a leaf,
 // conditioned on the frames it is seen from: which frames move, then which leaves are visited.
-void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVectors& reduced,
-                       const IncrementalReducedSolver::Rows& solved, const Limits& limits, IncrementalSystem* system) {
+void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVectors& reduced, const ReducedSolver::Rows& solved,
+                       const Limits& limits, IncrementalSystem* system) {
   IncrementalSchur& schur = system->schur();
   frames_.clear();
   frames_.reserve(schur.frames().size());

@@ -3,11 +3,11 @@
 #include <cstdint>
 #include <vector>
 
+#include "inceres/linear/reduced_solver.h"
 #include "incremental/incremental_system.h"
 #include "incremental/partial_step.h"
 #include "incremental/reduced_vectors.h"
 #include "incremental/tuning.h"
-#include "linear/incremental_reduced_solver.h"
 
 namespace inceres::internal {
 
@@ -30,7 +30,7 @@ class ActiveSet {
   };
   /// Sets the steps of the active variables in the system. `frame_step` solves S' δ = b, S' = S + diag(damping), packed; what
   /// rows that were not solved anew have of it is what was left of their step before.
-  void Select(const std::vector<double>& frame_step, const ReducedVectors& reduced, const IncrementalReducedSolver::Rows& solved,
+  void Select(const std::vector<double>& frame_step, const ReducedVectors& reduced, const ReducedSolver::Rows& solved,
               const Limits& limits, IncrementalSystem* system);
 
   void Clear() {
@@ -42,8 +42,8 @@ class ActiveSet {
   std::size_t Bytes() const { return partial_step_.Bytes(); }
 
  private:
-  void NameCandidates(const std::vector<double>& frame_step, const ReducedVectors& reduced,
-                      const IncrementalReducedSolver::Rows& solved, double negligible, const IncrementalSchur& schur);
+  void NameCandidates(const std::vector<double>& frame_step, const ReducedVectors& reduced, const ReducedSolver::Rows& solved,
+                      double negligible, const IncrementalSchur& schur);
   void CutOff(const std::vector<double>& frame_step, const std::vector<double>& damping, double budget,
               IncrementalSystem* system);
   void RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping, const IncrementalSchur& schur);

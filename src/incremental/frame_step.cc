@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "linear/select_incremental_solver.h"
+#include "linear/select_solver.h"
 
 namespace inceres::internal {
 namespace {
@@ -15,34 +15,56 @@ int FirstOf(const std::vector<std::int32_t>& ascending_rows, const IncrementalSc
 }  // namespace
 
 FrameStep::FrameStep(const IncrementalOptions& options, const Executor& executor)
-    : solver_(MakeIncrementalReducedSolver(options.reduced_solver, options.reduced_solver_factory, PcgOptions(), executor)) {
+    : solver_(MakeResumingSolver(options.reduced_solver, options.reduced_solver_factory, PcgOptions(), executor)) {
 }
 
 Status FrameStep::Solve(DampingForm form, double mu, double wildfire, IncrementalSchur* schur, UpdateTrace* trace) {
+  if (solver_ == nullptr) {
+    return Status::Error(StatusCode::kInvalidArgument, "IncrementalOptions::reduced_solver_factory returned null");
+  }
   Refresh(form, mu, schur);
   values_.resize(schur->size(), 0.0);
   schur->TakeUnfactoredRows(&changed_rows_);
-  IncrementalReducedSolver::Change change(FirstOf(changed_rows_, *schur), &changed_rows_, true);
-  if (std::exchange(damped_anew_, false)) {
-    change = IncrementalReducedSolver::Change();  // of everything
+  work_ = ReducedSolver::Work();
+  if (schur->size() == 0) {
+    all_changed_ = true;  // the solver has not seen them go
+    trace->row().num_linear_solver_iterations = 1;
+    return Status::Ok();
   }
   UpdateSummary& summary = trace->summary();
-  const Status factored = solver_->Factorize(schur->S(), reduced_.damping().data(), reduced_.held().data(), change);
-  summary.num_factored_rows += work().factored_rows;
-  summary.num_reorderings += work().reorderings;
+  const Status factored = Factorize(*schur);
+  const auto count = [schur](int rows) { return rows == ReducedSolver::Work::kAll ? schur->num_frames() : rows; };
+  work_ = solver_->work();
+  summary.num_factored_rows += count(work_.factored_rows);
+  summary.num_reorderings += work_.reorderings;
   if (!factored.ok()) {
     return factored;
   }
-  IncrementalReducedSolver::Truncation truncation;
-  truncation.weights = reduced_.weights().data();
-  truncation.threshold = wildfire;
   schur->TakeUnsolvedRows(&changed_rows_);
-  const IncrementalReducedSolver::Rows changed_b{FirstOf(changed_rows_, *schur), &changed_rows_};
-  Status solved = solver_->Solve(reduced_.b().data(), changed_b, truncation, values_.data());
-  summary.num_solved_rows += work().solved_rows;
-  summary.num_pcg_iterations += work().iterations;
-  trace->row().num_linear_solver_iterations = std::max(1, work().iterations);
+  const ReducedSolver::Rows changed_b{FirstOf(changed_rows_, *schur), &changed_rows_};
+  const Status solved = solver_->Solve(reduced_.b().data(), changed_b, {reduced_.weights().data(), wildfire}, values_.data());
+  work_ = solver_->work();
+  summary.num_solved_rows += count(work_.solved_rows);
+  summary.num_pcg_iterations += work_.iterations;
+  trace->row().num_linear_solver_iterations = std::max(1, work_.iterations);
   return solved;
+}
+
+Status FrameStep::Factorize(const IncrementalSchur& schur) {
+  const ReducedMatrix A(schur.S(), reduced_.damping().data(), reduced_.constant().data());
+  if (analyzed_version_ != schur.S().version()) {
+    const Status analyzed = solver_->Analyze(A);
+    if (!analyzed.ok()) {
+      all_changed_ = true;  // when it is tried again
+      return analyzed;
+    }
+    analyzed_version_ = schur.S().version();
+  }
+  ReducedSolver::Rows changed{FirstOf(changed_rows_, schur), &changed_rows_};
+  if (std::exchange(all_changed_, false)) {
+    changed = {};
+  }
+  return solver_->Factorize(A, changed);
 }
 
 double FrameStep::AddGain(double start) const {

@@ -4,11 +4,11 @@
 #include <memory>
 #include <vector>
 
+#include "inceres/linear/reduced_solver.h"
 #include "inceres/solver/incremental_options.h"
 #include "incremental/incremental_system.h"
 #include "incremental/reduced_vectors.h"
 #include "incremental/update_trace.h"
-#include "linear/incremental_reduced_solver.h"
 
 namespace inceres::internal {
 
@@ -21,7 +21,7 @@ class FrameStep {
   /// Follows S and b and solves anew. `wildfire`: what a change of a row must be worth. kSingular if there is no factor.
   Status Solve(DampingForm form, double mu, double wildfire, IncrementalSchur* schur, UpdateTrace* trace);
   /// Takes over changes of S and b only.
-  void Refresh(DampingForm form, double mu, IncrementalSchur* schur) { damped_anew_ |= reduced_.Refresh(form, mu, schur); }
+  void Refresh(DampingForm form, double mu, IncrementalSchur* schur) { all_changed_ |= reduced_.Refresh(form, mu, schur); }
   /// ½ bᵀδ, added to `start`.
   double AddGain(double start) const;
   /// What was applied of these frames' steps is no longer part of the step still to take.
@@ -29,16 +29,21 @@ class FrameStep {
 
   const ReducedVectors& reduced() const { return reduced_; }
   const std::vector<double>& values() const { return values_; }
-  const IncrementalReducedSolver::Work& work() const { return solver_->work(); }
+  const ReducedSolver::Work& work() const { return work_; }
   std::int64_t Bytes() const {
-    return static_cast<std::int64_t>(solver_->Bytes() + sizeof(double) * values_.capacity()) + reduced_.Bytes();
+    const std::size_t of_solver = solver_ != nullptr ? solver_->Bytes() : 0;
+    return static_cast<std::int64_t>(of_solver + sizeof(double) * values_.capacity()) + reduced_.Bytes();
   }
 
  private:
-  std::unique_ptr<IncrementalReducedSolver> solver_;
+  Status Factorize(const IncrementalSchur& schur);
+
+  std::unique_ptr<ReducedSolver> solver_;  // null: a user's factory made none
+  ReducedSolver::Work work_;
   ReducedVectors reduced_;
-  bool damped_anew_ = false;    // since S was factored: μ or its form is another
-  std::vector<double> values_;  // packed by block rows, in the form IncrementalReducedSolver asks for
+  bool all_changed_ = false;            // since S was factored: μ or its form is another
+  std::int64_t analyzed_version_ = -1;  // of S's pattern
+  std::vector<double> values_;          // packed by block rows
   std::vector<std::int32_t> changed_rows_;
 };
 

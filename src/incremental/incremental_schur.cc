@@ -6,7 +6,7 @@
 #include <numeric>
 #include <utility>
 
-#include "schur/landmark_factor.h"
+#include "linear/small_cholesky.h"
 
 namespace inceres::internal {
 namespace {

@@ -16,7 +16,7 @@ bool ReducedVectors::Refresh(DampingForm form, double mu, IncrementalSchur* schu
     packed->resize(schur->size());
   }
   pulls_.resize(num_rows);
-  held_.resize(num_rows);
+  constant_.resize(num_rows);
   schur->TakeUnreadRows(&changed_);
   for (const std::int32_t row : changed_) {
     Read(*schur, row);
@@ -37,13 +37,17 @@ bool ReducedVectors::Refresh(DampingForm form, double mu, IncrementalSchur* schu
 
 void ReducedVectors::Read(const IncrementalSchur& schur, std::int32_t row) {
   const IncrementalSchur::Frame& frame = schur.frames()[row];
-  held_[row] = frame.held ? 1 : 0;
+  constant_[row] = frame.held ? 1 : 0;
   if (frame.size == 0) {
     return;
   }
   const int offset = schur.FrameOffset(row);
   std::copy_n(schur.FrameDiagonal(row), frame.size, weights_.begin() + offset);
-  std::copy_n(schur.b(row), frame.size, b_.begin() + offset);
+  if (frame.held) {
+    std::fill_n(b_.begin() + offset, frame.size, 0.0);
+  } else {
+    std::copy_n(schur.b(row), frame.size, b_.begin() + offset);
+  }
   const double* S = schur.S().values(schur.S().row(row).back().offset);
   for (int k = 0; k < frame.size; ++k) {
     diagonal_[offset + k] = S[k * (PadToQuad(frame.size) + 1)];
@@ -54,14 +58,14 @@ void ReducedVectors::Damp(const IncrementalSchur& schur, std::int32_t row) {
   const std::vector<double>& scale = form_ == DampingForm::kThesis ? diagonal_ : weights_;
   const int offset = schur.FrameOffset(row);
   for (int k = offset; k < schur.FrameOffset(row + 1); ++k) {
-    damping_[k] = mu_ * std::max(scale[k], kTinyDiagonal);
+    damping_[k] = constant_[row] != 0 ? 1.0 : mu_ * std::max(scale[k], kTinyDiagonal);
   }
   pulls_[row] = Pull(schur, row, b_.data() + offset);
 }
 
 double ReducedVectors::Pull(const IncrementalSchur& schur, std::int32_t row, const double* rhs) const {
   double pull = 0.0;
-  if (held_[row] != 0) {
+  if (constant_[row] != 0) {
     return pull;
   }
   const int offset = schur.FrameOffset(row);
@@ -76,7 +80,7 @@ std::int64_t ReducedVectors::Bytes() const {
   for (const std::vector<double>* packed : {&weights_, &diagonal_, &damping_, &b_, &pulls_}) {
     doubles += packed->capacity();
   }
-  return static_cast<std::int64_t>(sizeof(double) * doubles + held_.capacity() + sizeof(std::int32_t) * changed_.capacity());
+  return static_cast<std::int64_t>(sizeof(double) * doubles + constant_.capacity() + sizeof(std::int32_t) * changed_.capacity());
 }
 
 }  // namespace inceres::internal

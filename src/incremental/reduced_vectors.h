@@ -16,9 +16,10 @@ class ReducedVectors {
   bool Refresh(DampingForm form, double mu, IncrementalSchur* schur);
 
   const std::vector<double>& weights() const { return weights_; }  ///< diag(C)
-  const std::vector<double>& damping() const { return damping_; }  ///< μ diag(C), the thesis's form μ diag(S)
+  /// μ diag(C), the thesis's form μ diag(S); of a row that is held 1, as ReducedMatrix has it, and its b is 0.
+  const std::vector<double>& damping() const { return damping_; }
   const std::vector<double>& b() const { return b_; }
-  const std::vector<char>& held() const { return held_; }  ///< per row
+  const std::vector<char>& constant() const { return constant_; }  ///< per row: it is held
   /// Per row: twice what its scalars could gain one by one; 0 for a row that is held.
   const std::vector<double>& pulls() const { return pulls_; }
   /// The same of a row, for another right-hand side; `rhs` points to the row's entries.
@@ -36,7 +37,7 @@ class ReducedVectors {
   std::vector<double> damping_;
   std::vector<double> b_;
   std::vector<double> pulls_;
-  std::vector<char> held_;
+  std::vector<char> constant_;
   std::vector<std::int32_t> changed_;
 };
 

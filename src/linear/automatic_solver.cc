@@ -24,20 +24,23 @@ double AnalysisPrice(const SymmetricBlockRows& S) {
 
 }  // namespace
 
-Status AutomaticSolver::Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) {
-  missed_by_sparse_.first_row = std::min(missed_by_sparse_.first_row, change.first_row);
-  missed_by_sparse_.pattern |= change.pattern;
+// Later, if at all.
+Status AutomaticSolver::Analyze(const ReducedMatrix& /*A*/) {
+  sparse_is_analyzed_ = false;
+  return Status::Ok();
+}
+
+Status AutomaticSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
   Status status;
-  const ResumedSolver::Plan plan = resumed_.PlanFor(S, held, change);
-  if (SparseIsCheaper(S, plan)) {
+  const ResumedSolver::Plan plan = resumed_.PlanFor(A, changed);
+  if (SparseIsCheaper(A, plan)) {
     chosen_ = &sparse_;
     saving_ += std::max(0.0, kSparsePenalty * sparse_.PredictedFlops() - plan.again);
-    status = sparse_.Factorize(S, damping, held, missed_by_sparse_);
-    missed_by_sparse_ = {S.num_rows(), nullptr, false};
+    status = sparse_.Factorize(A, {});
   } else {
     chosen_ = &resumed_;
     saving_ = 0.0;
-    status = resumed_.FactorizeAsPlanned(S, damping, held);
+    status = resumed_.FactorizeAsPlanned(A);
   }
   work_ = chosen_->work();
   return status;
@@ -45,19 +48,19 @@ Status AutomaticSolver::Factorize(const SymmetricBlockRows& S, const double* dam
 
 // A pattern that is new is analyzed once the resumed factorizations since the last analysis have cost more than those of the last
 // known sparse factor by what an analysis takes: at most twice what it would be for who knew how long the pattern lasts.
-bool AutomaticSolver::SparseIsCheaper(const SymmetricBlockRows& S, const ResumedSolver::Plan& plan) {
+bool AutomaticSolver::SparseIsCheaper(const ReducedMatrix& A, const ResumedSolver::Plan& plan) {
   const double resumed = plan.again + std::max(0.0, plan.flops - plan.again - saving_);
   if (resumed <= kCheap) {
     return false;
   }
-  if (missed_by_sparse_.pattern) {
+  if (!sparse_is_analyzed_) {
     regret_ += std::max(0.0, resumed - kSparsePenalty * sparse_flops_);
-    if (regret_ <= AnalysisPrice(S) || !sparse_.Analyze(S).ok()) {
+    if (regret_ <= AnalysisPrice(*A.rows()) || !sparse_.Analyze(A).ok()) {
       return false;
     }
     regret_ = 0.0;
     sparse_flops_ = sparse_.PredictedFlops();
-    missed_by_sparse_.pattern = false;
+    sparse_is_analyzed_ = true;
   }
   return kSparsePenalty * sparse_.PredictedFlops() < resumed;
 }

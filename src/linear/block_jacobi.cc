@@ -7,16 +7,16 @@
 
 namespace inceres::internal {
 
-Status BlockJacobi::Update(const SymmetricBlockRows& S, const double* damping, const char* held,
-                           const IncrementalReducedSolver::Change& change) {
+Status BlockJacobi::Update(const ReducedMatrix& A, const ReducedSolver::Rows& changed) {
+  const SymmetricBlockRows& S = *A.rows();
   const int known_rows = std::min(num_rows(), S.num_rows());
-  const int first = std::min(change.first_row, known_rows);
+  const int first = std::min(changed.first_row, known_rows);
   blocks_.resize(S.num_rows());
   FindOffsets(S, first);
-  if (change.rows != nullptr) {
-    stale_.insert(stale_.end(), change.rows->begin(), change.rows->end());
+  if (changed.rows != nullptr) {
+    stale_.insert(stale_.end(), changed.rows->begin(), changed.rows->end());
   }
-  for (int row = change.rows != nullptr ? known_rows : first; row < S.num_rows(); ++row) {
+  for (int row = changed.rows != nullptr ? known_rows : first; row < S.num_rows(); ++row) {
     stale_.push_back(row);
   }
   num_inverted_ = 0;
@@ -25,8 +25,8 @@ Status BlockJacobi::Update(const SymmetricBlockRows& S, const double* damping, c
     if (row >= S.num_rows()) {
       continue;  // the rows have been compacted since
     }
-    blocks_[row].size = held != nullptr && held[row] != 0 ? 0 : S.size_of(row);
-    if (!Invert(S, damping, row)) {
+    blocks_[row].size = A.constant() != nullptr && A.constant()[row] != 0 ? 0 : S.size_of(row);
+    if (!Invert(A, row)) {
       return Status::Error(StatusCode::kSingular,
                            "the reduced system is not positive definite at block row " + std::to_string(row));
     }
@@ -44,20 +44,20 @@ void BlockJacobi::FindOffsets(const SymmetricBlockRows& S, int first_row) {
   }
 }
 
-bool BlockJacobi::Invert(const SymmetricBlockRows& S, const double* damping, int row) {
+bool BlockJacobi::Invert(const ReducedMatrix& A, int row) {
   Block& block = blocks_[row];
   const int size = block.size;
   const int stride = PadToQuad(size);
   if (size == 0) {
     return true;
   }
-  const double* S_ii = S.values(S.row(row).back().offset);
+  const double* S_ii = A.rows()->values(A.rows()->row(row).back().offset);
   block.M.assign(static_cast<std::size_t>(size) * stride, 0.0);
   for (int r = 0; r < size; ++r) {
     for (int c = 0; c <= r; ++c) {
       block.M[r * stride + c] = block.M[c * stride + r] = S_ii[r * stride + c];
     }
-    block.M[r * stride + r] += damping[packed_[row] + r];
+    block.M[r * stride + r] += A.diagonal()[packed_[row] + r];
   }
   L_.assign(block.M.begin(), block.M.end());
   inverse_pivots_.resize(size);

@@ -4,18 +4,18 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
-#include "linear/incremental_reduced_solver.h"
+#include "inceres/linear/reduced_solver.h"
+#include "linear/block_rows.h"
 
 namespace inceres::internal {
 
-/// The diagonal blocks M_i = S_ii + diag(damping_i) of a living S and their inverses, kept while they do not change. Vectors are
+/// The diagonal blocks M_i of an A that grows and their inverses, kept while they do not change. Vectors are
 /// padded: each block row starts on a quad, the padding is zero. Held rows have no block.
 class BlockJacobi {
  public:
   /// Inverts the blocks that changed. kSingular names a block row whose M_i is not positive definite; it is tried again next
   /// time.
-  Status Update(const SymmetricBlockRows& S, const double* damping, const char* held,
-                const IncrementalReducedSolver::Change& change);
+  Status Update(const ReducedMatrix& A, const ReducedSolver::Rows& changed);
 
   /// y −= M v.
   void SubtractProduct(const double* v, double* y) const;
@@ -39,7 +39,7 @@ class BlockJacobi {
   };
 
   void FindOffsets(const SymmetricBlockRows& S, int first_row);
-  bool Invert(const SymmetricBlockRows& S, const double* damping, int row);
+  bool Invert(const ReducedMatrix& A, int row);
 
   std::vector<Block> blocks_;
   std::vector<int> packed_{0};

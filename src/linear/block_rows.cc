@@ -16,6 +16,7 @@ std::size_t QuadsOf(int rows, int columns) {
 }  // namespace
 
 int SymmetricBlockRows::AddRow(int size) {
+  ++version_;
   const int row = num_rows();
   sizes_.push_back(size);
   rows_.push_back({{row, Allocate(size, size)}});
@@ -24,6 +25,7 @@ int SymmetricBlockRows::AddRow(int size) {
 }
 
 void SymmetricBlockRows::RemoveRow(int row) {
+  ++version_;
   for (const Entry& entry : rows_[row]) {
     Release(entry.offset, sizes_[row], sizes_[entry.column]);
     if (entry.column != row) {
@@ -43,6 +45,7 @@ void SymmetricBlockRows::RemoveRow(int row) {
 }
 
 void SymmetricBlockRows::ReviveRow(int row, int size) {
+  ++version_;
   sizes_[row] = size;
   rows_[row].assign(1, {row, Allocate(size, size)});
 }
@@ -63,8 +66,40 @@ void SymmetricBlockRows::Zero() {
   std::fill(values_.begin(), values_.end(), 0.0);
 }
 
+const BlockPattern& SymmetricBlockRows::Pattern() const {
+  if (pattern_version_ == version_) {
+    return pattern_;
+  }
+  pattern_version_ = version_;
+  pattern_.padded = true;
+  pattern_.offsets.assign(1, 0);
+  pattern_.row_begin.assign(1, 0);
+  pattern_.columns.clear();
+  pattern_.value_begin.clear();
+  pattern_rows_.clear();
+  std::vector<int> place(num_rows(), -1);
+  for (int row = 0; row < num_rows(); ++row) {
+    if (sizes_[row] == 0) {
+      continue;
+    }
+    place[row] = static_cast<int>(pattern_rows_.size());
+    pattern_rows_.push_back(row);
+    pattern_.offsets.push_back(pattern_.offsets.back() + sizes_[row]);
+    for (const Entry& entry : rows_[row]) {
+      pattern_.columns.push_back(place[entry.column]);
+      pattern_.value_begin.push_back(entry.offset);
+    }
+    pattern_.row_begin.push_back(static_cast<int>(pattern_.columns.size()));
+  }
+  pattern_.value_begin.push_back(static_cast<std::int64_t>(values_.size()));
+  return pattern_;
+}
+
 std::int64_t SymmetricBlockRows::Bytes() const {
-  std::size_t bytes = values_.capacity() * sizeof(double);
+  std::size_t bytes = values_.capacity() * sizeof(double) + pattern_.value_begin.capacity() * sizeof(std::int64_t);
+  for (const std::vector<int>* list : {&pattern_.offsets, &pattern_.row_begin, &pattern_.columns, &pattern_rows_}) {
+    bytes += list->capacity() * sizeof(int);
+  }
   for (const std::vector<Entry>& row : rows_) {
     bytes += sizeof(std::vector<Entry>) + row.capacity() * sizeof(Entry);
   }
@@ -80,6 +115,7 @@ std::int64_t SymmetricBlockRows::FindOrAdd(int row, int column) {
   if (entry != entries.end() && entry->column == column) {
     return entry->offset;
   }
+  ++version_;
   const std::int64_t offset = Allocate(sizes_[row], sizes_[column]);
   entries.insert(entry, {column, offset});
   std::vector<int>& below = below_[column];

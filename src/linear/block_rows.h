@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
+#include "inceres/linear/reduced_matrix.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -45,6 +46,14 @@ class SymmetricBlockRows {
   /// Offset of the block, or -1.
   std::int64_t Find(int row, int column) const;
 
+  /// The rows that are there, and their blocks, as a pattern over values(0). Cost: that of a pass over the blocks, the first time
+  /// after one or a row came or went; else none. Threads: one caller.
+  const BlockPattern& Pattern() const;
+  /// Per row of Pattern(), as it was last asked for: the row.
+  const std::vector<int>& pattern_rows() const { return pattern_rows_; }
+  /// Another number when a block or a row has come or gone.
+  std::int64_t version() const { return version_; }
+
   std::int64_t Bytes() const;
 
   double* values(std::int64_t offset) { return values_.data() + offset; }
@@ -59,6 +68,10 @@ class SymmetricBlockRows {
   std::vector<std::vector<int>> below_;
   AlignedVector<double> values_;
   std::vector<std::vector<std::int64_t>> free_;  // released blocks, by their length in quads
+  std::int64_t version_ = 0;
+  mutable std::int64_t pattern_version_ = -1;
+  mutable BlockPattern pattern_;
+  mutable std::vector<int> pattern_rows_;
 };
 
 }  // namespace inceres::internal

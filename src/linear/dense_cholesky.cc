@@ -19,7 +19,8 @@ constexpr int kParallelSize = 128;  // smaller matrices are not worth waking a t
 
 }  // namespace
 
-Status DenseCholesky::Analyze(const BlockPattern& pattern) {
+Status DenseCholesky::Analyze(const ReducedMatrix& A) {
+  const BlockPattern& pattern = A.pattern();
   pattern_ = &pattern;
   order_ = OrderForEnvelope(pattern);
   size_ = pattern.size();
@@ -74,19 +75,16 @@ void DenseCholesky::CutStrips(int top, int first, int end) {
 }
 
 // The blocks of S keep to one side of the diagonal; in another order some belong on the other.
-void DenseCholesky::CopyIn(const double* values, const double* diagonal) {
+void DenseCholesky::CopyIn(const ReducedMatrix& A) {
   for (int j = 0; j < size_; ++j) {
     std::fill(Column(j) + j / panel_ * panel_, Column(j) + padded_size_, 0.0);
   }
-  for (int row = 0; row < pattern_->num_blocks(); ++row) {
-    const int rows = pattern_->block_size(row);
-    for (int k = pattern_->row_begin[row]; k < pattern_->row_begin[row + 1]; ++k) {
-      const int column = pattern_->columns[k];
-      PlaceBlock(values + pattern_->value_begin[k], rows, pattern_->block_size(column), offset_of_[row], offset_of_[column],
-                 L_.data(), stride_);
-    }
-    for (int r = 0; r < rows; ++r) {
-      Column(offset_of_[row] + r)[offset_of_[row] + r] += diagonal[pattern_->offsets[row] + r];
+  A.ForEachBlock([this](int i, int j, const double* block, int stride) {
+    PlaceBlock(block, stride, pattern_->block_size(i), pattern_->block_size(j), offset_of_[i], offset_of_[j], L_.data(), stride_);
+  });
+  for (int block = 0; block < pattern_->num_blocks(); ++block) {
+    for (int r = 0; r < pattern_->block_size(block); ++r) {
+      Column(offset_of_[block] + r)[offset_of_[block] + r] += A.diagonal()[pattern_->offsets[block] + r];
     }
   }
 }
@@ -114,25 +112,31 @@ void DenseCholesky::SolvePanel(int first, int width) {
   }
 }
 
-Status DenseCholesky::Factorize(const double* values, const double* diagonal) {
-  CopyIn(values, diagonal);
-  for (int first = 0; first < size_; first += panel_) {
+Status DenseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
+  work_.factor_flops = order_.flops;
+  CopyIn(A);
+  factored_ = Status::Ok();
+  for (int first = 0; first < size_ && factored_.ok(); first += panel_) {
     const int width = std::min(panel_, size_ - first);
     int failed = 0;
     UpdatePanel(first, width);
-    if (!FactorDiagonalBlock(Column(first) + first, stride_, width, &failed)) {
-      const auto place =
-          std::upper_bound(order_.offsets.begin(), order_.offsets.end(), first + failed) - order_.offsets.begin() - 1;
-      return Status::Error(StatusCode::kSingular,
-                           "the reduced system is not positive definite at frame " + std::to_string(order_.blocks[place]));
+    if (FactorDiagonalBlock(Column(first) + first, stride_, width, &failed)) {
+      SolvePanel(first, width);
+      continue;
     }
-    SolvePanel(first, width);
+    const auto place =
+        std::upper_bound(order_.offsets.begin(), order_.offsets.end(), first + failed) - order_.offsets.begin() - 1;
+    factored_ = Status::Error(StatusCode::kSingular,
+                              "the reduced system is not positive definite at frame " + std::to_string(order_.blocks[place]));
   }
-  return Status::Ok();
+  return factored_;
 }
 
 // A panel at a time: its own triangle, then what is below by a kernel.
-Status DenseCholesky::Solve(const double* b, double* x) {
+Status DenseCholesky::Solve(const double* b, const Rows& /*changed_b*/, const Truncation& /*truncation*/, double* x) {
+  if (!factored_.ok()) {
+    return factored_;
+  }
   const Kernels& kernels = BestKernels();
   double* y = right_side_.data();
   for (int block = 0; block < pattern_->num_blocks(); ++block) {

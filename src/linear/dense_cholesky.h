@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "base/aligned_vector.h"
@@ -19,15 +20,15 @@ class DenseCholesky final : public ReducedSolver {
   explicit DenseCholesky(const Executor& executor) : executor_(executor) {}
 
   const char* Name() const override { return "dense Cholesky"; }
-  Status Analyze(const BlockPattern& pattern) override;
-  Status Factorize(const double* values, const double* diagonal) override;
-  Status Solve(const double* b, double* x) override;
+  Status Analyze(const ReducedMatrix& A) override;
+  Status Factorize(const ReducedMatrix& A, const Rows& changed) override;
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
+  std::size_t Bytes() const override { return L_.size() * sizeof(double); }
 
   /// Flops of one factorization.
   double PredictedFlops() const { return order_.flops; }
   /// Entries of the factor that may not be zero.
   double PredictedEntries() const { return order_.entries; }
-  std::size_t Bytes() const { return L_.size() * sizeof(double); }
 
  private:
   /// Rows [top, bottom), in whole quads, that have something from column start on.
@@ -39,13 +40,14 @@ class DenseCholesky final : public ReducedSolver {
   int StartOf(int top, int bottom) const;
   /// strips_ are those below `top` that have something in the columns [first, end).
   void CutStrips(int top, int first, int end);
-  void CopyIn(const double* values, const double* diagonal);
+  void CopyIn(const ReducedMatrix& A);
   void UpdatePanel(int first, int width);
   void SolvePanel(int first, int width);
   double* Column(int j) { return L_.data() + static_cast<std::ptrdiff_t>(j) * stride_; }
 
   const Executor& executor_;
   const BlockPattern* pattern_ = nullptr;
+  Status factored_ = Status::Error(StatusCode::kInvalidArgument, "not factored yet");
   DenseOrder order_;
   std::vector<int> offset_of_;   // per block of the pattern: its first scalar row in the order
   std::vector<int> quad_start_;  // per quad of rows: first column of its first panel

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "inceres/linear/block_pattern.h"
+#include "inceres/linear/reduced_matrix.h"
 
 namespace inceres::internal {
 

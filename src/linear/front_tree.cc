@@ -1,99 +1,24 @@
 #include "linear/front_tree.h"
 
-#include <cholmod.h>
-
 #include <algorithm>
-#include <cmath>
-#include <limits>
-#include <utility>
+
+#include "linear/symbolic_factor.h"
 
 namespace inceres::internal {
 namespace {
 
-// Cutting the graph takes milliseconds where AMD takes one: only a factor this expensive may win that back within a solve.
-constexpr double kMinFlopsForDissection = 3e7;
-// Pieces up to this share of the blocks are not cut: then the first cut is mostly the only one. Cut on (METIS's own order, pieces
-// of a third or a twelfth), paths with loops take up to three times the flops, pose graphs and grids between 0.8 and 1.3 times.
-constexpr double kLargestPiece = 2.0 / 3;
-// The halves are factored side by side, which a chain's AMD order would not allow: worth these flops more.
-constexpr double kWorthOfHalves = 1.05;
-
-// Columns up to which fronts are joined, and the share of zeros that may bring: the rules of CHOLMOD's own analysis, in scalars.
-constexpr double kJoinedColumns[] = {24.0, 48.0, 96.0};
-
-class CholmodSession {
- public:
-  CholmodSession() {
-    cholmod_start(&common_);
-    common_.print = 0;
-  }
-  ~CholmodSession() { cholmod_finish(&common_); }
-  CholmodSession(const CholmodSession&) = delete;
-  CholmodSession& operator=(const CholmodSession&) = delete;
-  cholmod_common* common() { return &common_; }
-
- private:
-  cholmod_common common_;
-};
-
-// The symbolic supernodal analysis of the block graph in one order.
-class Analysis {
- public:
-  explicit Analysis(CholmodSession* session) : common_(session->common()) {}
-  ~Analysis() { cholmod_free_factor(&factor_, common_); }
-  Analysis(const Analysis&) = delete;
-  Analysis& operator=(const Analysis&) = delete;
-
-  // False when out of memory.
-  bool Run(const BlockPattern& pattern, int method) {
-    const auto n = static_cast<std::size_t>(pattern.num_blocks());
-    cholmod_sparse* graph = cholmod_allocate_sparse(n, n, pattern.columns.size(), 1, 1, 1, CHOLMOD_PATTERN, common_);
-    if (graph == nullptr) {
-      return false;
-    }
-    // The lower triangle by rows is the upper one by columns.
-    std::copy(pattern.row_begin.begin(), pattern.row_begin.end(), static_cast<int*>(graph->p));
-    std::copy(pattern.columns.begin(), pattern.columns.end(), static_cast<int*>(graph->i));
-    common_->nmethods = 1;
-    common_->method[0].ordering = method;
-    common_->method[0].nd_small = static_cast<std::size_t>(kLargestPiece * static_cast<double>(n)) + 1;
-    common_->postorder = 1;
-    common_->supernodal = CHOLMOD_SUPERNODAL;
-    const double mean_size = static_cast<double>(pattern.size()) / pattern.num_blocks();
-    for (int k = 0; k < 3; ++k) {
-      common_->nrelax[k] = static_cast<std::size_t>(std::ceil(kJoinedColumns[k] / mean_size));
-    }
-    factor_ = cholmod_analyze(graph, common_);
-    cholmod_free_sparse(&graph, common_);
-    flops_ = common_->fl * mean_size * mean_size * mean_size;
-    return factor_ != nullptr;
-  }
-
-  void Swap(Analysis* other) {
-    std::swap(factor_, other->factor_);
-    std::swap(flops_, other->flops_);
-  }
-
-  double flops() const { return flops_; }
-  int num_fronts() const { return static_cast<int>(factor_->nsuper); }
-  const int* order() const { return static_cast<const int*>(factor_->Perm); }
-  const int* columns() const { return static_cast<const int*>(factor_->super); }
-  const int* row_begin() const { return static_cast<const int*>(factor_->pi); }
-  const int* rows() const { return static_cast<const int*>(factor_->s); }
-
- private:
-  cholmod_common* common_;
-  cholmod_factor* factor_ = nullptr;
-  double flops_ = 0.0;  // of scalars
-};
+// What is worth a task of its own: a subtree of so many flops, and of such a share of all.
+constexpr double kHeavyFlops = 1e6;
+constexpr double kHeavyShare = 1.0 / 32;
 
 // From blocks to scalars. A position is a block's place in the order.
 class TreeBuilder {
  public:
-  TreeBuilder(const BlockPattern& pattern, const Analysis& analysis, FrontTree* tree)
-      : pattern_(pattern), row_begin_(analysis.row_begin()), rows_(analysis.rows()), tree_(tree) {
+  TreeBuilder(const BlockPattern& pattern, const SymbolicFactor& factor, FrontTree* tree)
+      : pattern_(pattern), row_begin_(factor.row_begin), rows_(factor.rows), tree_(tree) {
     const int n = pattern.num_blocks();
-    tree->order.assign(analysis.order(), analysis.order() + n);
+    tree->order = factor.order;
+    tree->dissected = factor.dissected;
     position_.resize(n);
     offsets_ = {0};
     for (int at = 0; at < n; ++at) {
@@ -101,12 +26,12 @@ class TreeBuilder {
       offsets_.push_back(offsets_.back() + pattern.block_size(tree->order[at]));
     }
     front_of_.resize(n);
-    tree->fronts.resize(analysis.num_fronts());
-    for (int f = 0; f < analysis.num_fronts(); ++f) {
+    tree->fronts.resize(factor.front_begin.size() - 1);
+    for (std::size_t f = 0; f < tree->fronts.size(); ++f) {
       Front& front = tree->fronts[f];
-      front.position_begin = analysis.columns()[f];
-      front.position_end = analysis.columns()[f + 1];
-      std::fill(front_of_.begin() + front.position_begin, front_of_.begin() + front.position_end, f);
+      front.position_begin = factor.front_begin[f];
+      front.position_end = factor.front_begin[f + 1];
+      std::fill(front_of_.begin() + front.position_begin, front_of_.begin() + front.position_end, static_cast<int>(f));
     }
   }
 
@@ -191,8 +116,8 @@ class TreeBuilder {
   }
 
   int PlaceOf(int position, int front) const {
-    const int* end = rows_ + row_begin_[front + 1];
-    return places_[std::lower_bound(rows_ + row_begin_[front], end, position) - rows_];
+    const auto end = rows_.begin() + row_begin_[front + 1];
+    return places_[std::lower_bound(rows_.begin() + row_begin_[front], end, position) - rows_.begin()];
   }
 
   void FindPieces() {
@@ -202,8 +127,7 @@ class TreeBuilder {
     tree_->pieces.resize(Reserve(count, &Front::piece_begin, &Front::piece_end));
     ForEachBlock([&](int i, int j, int k) {
       const int f = front_of_block(i, j);
-      tree_->pieces[tree_->fronts[f].piece_end++] = {pattern_.value_begin[k], PlaceOf(position_[i], f), PlaceOf(position_[j], f),
-                                                     pattern_.block_size(i), pattern_.block_size(j)};
+      tree_->pieces[tree_->fronts[f].piece_end++] = {i, k, PlaceOf(position_[i], f), PlaceOf(position_[j], f)};
     });
   }
 
@@ -217,13 +141,149 @@ class TreeBuilder {
   }
 
   const BlockPattern& pattern_;
-  const int* row_begin_;  // per front: among rows_
-  const int* rows_;       // positions, the pivots first
+  const std::vector<int>& row_begin_;  // per front: among rows_
+  const std::vector<int>& rows_;       // positions, the pivots first
   FrontTree* tree_;
   std::vector<int> position_;  // per block
   std::vector<int> offsets_;   // per position: first scalar; and one more
   std::vector<int> front_of_;  // per position
   std::vector<int> places_;    // per entry of rows_: its first scalar row in the front
+};
+
+// Memory of update matrices: the lowest gap, while the others wait.
+class UpdatePlanner {
+ public:
+  std::size_t Place(std::size_t size) {
+    if (size == 0) {
+      return 0;  // of a root, which no parent frees
+    }
+    std::size_t begin = 0;
+    auto at = waiting_.begin();
+    for (; at != waiting_.end() && at->begin < begin + size; ++at) {
+      begin = at->end;
+    }
+    waiting_.insert(at, {begin, begin + size});
+    peak_ = std::max(peak_, begin + size);
+    return begin;
+  }
+  void Free(std::size_t begin) {
+    waiting_.erase(std::find_if(waiting_.begin(), waiting_.end(), [begin](const Piece& piece) { return piece.begin == begin; }));
+  }
+  std::size_t peak() const { return peak_; }
+
+ private:
+  struct Piece {
+    std::size_t begin, end;
+  };
+  std::vector<Piece> waiting_;  // ascending
+  std::size_t peak_ = 0;
+};
+
+// Cuts a tree into tasks, and places what each front needs.
+class Scheduler {
+ public:
+  explicit Scheduler(FrontTree* tree) : tree_(*tree) {}
+
+  void Plan() {
+    CutIntoSegments();
+    ChooseEarlyFronts();
+    PlanMemory();
+  }
+
+ private:
+  // A heavy subtree beside another one begins a segment; everything else goes with its parent.
+  void CutIntoSegments() {
+    const auto num_fronts = static_cast<int>(tree_.fronts.size());
+    std::vector<double> flops(tree_.fronts.size(), 0.0);     // of subtrees
+    std::vector<int> num_heavy(tree_.fronts.size() + 1, 0);  // children, and last the roots
+    const auto parent_or_last = [&](int f) { return tree_.fronts[f].parent < 0 ? num_fronts : tree_.fronts[f].parent; };
+    const auto is_heavy = [&](int f) { return flops[f] > std::max(kHeavyFlops, kHeavyShare * tree_.flops); };
+    for (int f = 0; f < num_fronts; ++f) {
+      flops[f] += tree_.fronts[f].flops();
+      num_heavy[parent_or_last(f)] += is_heavy(f) ? 1 : 0;
+      if (tree_.fronts[f].parent >= 0) {
+        flops[tree_.fronts[f].parent] += flops[f];
+      }
+    }
+    tree_.segments.assign(1, FrontSegment());
+    tree_.segment_of.assign(tree_.fronts.size() + 1, 0);
+    for (int f = num_fronts - 1; f >= 0; --f) {
+      const int parent = parent_or_last(f);
+      tree_.segment_of[f] = tree_.segment_of[parent];
+      if (is_heavy(f) && num_heavy[parent] > 1) {
+        tree_.segment_of[f] = static_cast<int>(tree_.segments.size());
+        tree_.segments[tree_.segment_of[parent]].before.push_back(tree_.segment_of[f]);
+        tree_.segments.emplace_back();
+      }
+    }
+    for (int f = 0; f < num_fronts; ++f) {
+      tree_.segments[tree_.segment_of[f]].fronts.push_back(f);
+    }
+  }
+
+  // A front that takes less than its children's update matrices together opens when the first of them is there.
+  void ChooseEarlyFronts() {
+    tree_.opened_by.assign(tree_.fronts.size(), FrontTree::kNone);
+    for (std::size_t f = 0; f < tree_.fronts.size(); ++f) {
+      const Front& front = tree_.fronts[f];
+      std::size_t waiting = 0;
+      int first = FrontTree::kNone;
+      int last = FrontTree::kNone;
+      for (int k = front.child_begin; k < front.child_end; ++k) {
+        const int child = tree_.children[k];
+        if (tree_.segment_of[child] == tree_.segment_of[f]) {
+          waiting += last == FrontTree::kNone ? 0 : tree_.UpdateSize(last);
+          first = first == FrontTree::kNone ? child : first;
+          last = child;
+        }
+      }
+      tree_.opened_by[f] = waiting > tree_.UpdateSize(static_cast<int>(f)) ? first : FrontTree::kNone;
+    }
+  }
+
+  void PlanMemory() {
+    tree_.factor_begin.clear();
+    tree_.vector_begin.clear();
+    tree_.factor_size = tree_.vectors_size = tree_.updates_size = 0;
+    for (const Front& front : tree_.fronts) {
+      tree_.factor_begin.push_back(tree_.factor_size);
+      tree_.vector_begin.push_back(tree_.vectors_size);
+      tree_.factor_size += static_cast<std::size_t>(front.stride()) * front.width;
+      tree_.vectors_size += static_cast<std::size_t>(front.num_rows());
+    }
+    tree_.update_begin.assign(tree_.fronts.size(), 0);
+    for (const FrontSegment& segment : tree_.segments) {
+      tree_.updates_size += PlanUpdates(segment, tree_.updates_size);
+    }
+  }
+
+  // Places the update matrices of a segment's fronts from `begin` on; those of children in other segments stay where they are.
+  // What they take.
+  std::size_t PlanUpdates(const FrontSegment& segment, std::size_t begin) {
+    UpdatePlanner planner;
+    const auto place = [&](int f) { tree_.update_begin[f] = begin + planner.Place(tree_.UpdateSize(f)); };
+    for (const int f : segment.fronts) {
+      const Front& front = tree_.fronts[f];
+      if (tree_.opened_by[f] == FrontTree::kNone) {
+        place(f);
+        for (int k = front.child_begin; k < front.child_end; ++k) {
+          const int child = tree_.children[k];
+          if (tree_.segment_of[child] == tree_.segment_of[f]) {
+            planner.Free(tree_.update_begin[child] - begin);
+          }
+        }
+      }
+      if (tree_.IsTakenEarly(f)) {
+        if (tree_.opened_by[front.parent] == f) {
+          place(front.parent);
+        }
+        planner.Free(tree_.update_begin[f] - begin);
+      }
+    }
+    return planner.peak();
+  }
+
+  FrontTree& tree_;
 };
 
 }  // namespace
@@ -238,21 +298,13 @@ Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dis
   if (pattern.num_blocks() == 0) {
     return Status::Ok();
   }
-  CholmodSession session;
-  Analysis best(&session);
-  bool found = best.Run(pattern, CHOLMOD_AMD);
-  if (!found || (may_dissect && best.flops() >= kMinFlopsForDissection)) {
-    Analysis halves(&session);
-    if (halves.Run(pattern, CHOLMOD_NESDIS) && (!found || halves.flops() < kWorthOfHalves * best.flops())) {
-      best.Swap(&halves);
-      found = tree->dissected = true;
-    }
+  SymbolicFactor factor;
+  const Status found = FindSymbolicFactor(pattern, may_dissect, &factor);
+  if (found.ok()) {
+    TreeBuilder(pattern, factor, tree).Build();
+    Scheduler(tree).Plan();
   }
-  if (!found) {
-    return Status::Error(StatusCode::kUnavailable, "CHOLMOD could not order the reduced system (out of memory?)");
-  }
-  TreeBuilder(pattern, best, tree).Build();
-  return Status::Ok();
+  return found;
 }
 
 }  // namespace inceres::internal

@@ -1,10 +1,9 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <vector>
 
-#include "inceres/linear/block_pattern.h"
+#include "inceres/linear/reduced_matrix.h"
 #include "inceres/status.h"
 #include "simd/kernels.h"
 
@@ -44,30 +43,49 @@ struct FrontRun {
 
 /// A block of S in its front. One of its places is a pivot's; a block whose row comes before its column is turned.
 struct FrontPiece {
-  std::int64_t values = 0;  // where the pattern has it
+  int i = 0, block = 0;     // its row and its index in the pattern
   int row = 0, column = 0;  // in the front
-  int rows = 0, columns = 0;
 };
 
-/// The assembly tree of a multifrontal Cholesky factorization of S. Source: Liu, "The Multifrontal Method for Sparse Matrix
-/// Solution", SIAM Review 34(1), 1992.
+/// Fronts that one task takes one after the other, once those of the segments before it are done.
+struct FrontSegment {
+  std::vector<int> fronts;  // ascending
+  std::vector<int> before;  // other segments, independent of each other
+};
+
+/// The assembly tree of a multifrontal Cholesky factorization of S, its tasks, and where each front is kept. Update matrices that
+/// do not wait for their parents at the same time share memory. A parent that is smaller than what would wait for it takes each
+/// as it comes: a few points seen by a thousand cameras are one front with a thousand children. Source: Liu, "The Multifrontal
+/// Method for Sparse Matrix Solution", SIAM Review 34(1), 1992.
 struct FrontTree {
+  static constexpr int kNone = -1;
+
   std::vector<int> order;      // block of S by its place in the order of elimination
   std::vector<Front> fronts;   // children before parents, every subtree in one piece
   std::vector<int> children;   // by front, ascending
   std::vector<FrontRun> runs;  // by front, ascending
   std::vector<FrontPiece> pieces;
+
+  std::vector<FrontSegment> segments = std::vector<FrontSegment>(1);  // the last to be done first
+  std::vector<int> segment_of;                                        // per front
+  std::vector<int> opened_by;  // per front: its first child if it takes children's update matrices as they come; -1: it does not
+  std::vector<std::size_t> factor_begin, update_begin, vector_begin;  // per front
+  std::size_t factor_size = 0, updates_size = 0, vectors_size = 0;
+
   double flops = 0.0;
   double entries = 0.0;  // of the factor
   bool dissected = false;
 
+  std::size_t UpdateSize(int f) const { return static_cast<std::size_t>(fronts[f].update_stride()) * fronts[f].height; }
+  /// Whether the front's update matrix is added to its parent as soon as it is there.
+  bool IsTakenEarly(int f) const {
+    const int parent = fronts[f].parent;
+    return parent >= 0 && opened_by[parent] >= 0 && segment_of[parent] == segment_of[f];
+  }
   std::size_t Bytes() const;
 };
 
-/// Orders the blocks by AMD, or by AMD on either side of a small separator where that takes hardly more flops, and joins columns
-/// of nearly the same rows to fronts: CHOLMOD's symbolic analysis (Chen, Davis, Hager & Rajamanickam, "Algorithm 887: CHOLMOD",
-/// ACM TOMS 35(3), 2008), on blocks instead of scalars. Cost: about half a microsecond a block of S. kSingular when out of
-/// memory. Without `may_dissect` AMD's order stands, for half of the time.
+/// The tree of FindSymbolicFactor's order and fronts, in scalars. Fails as that does; `may_dissect` is for it.
 Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dissect = true);
 
 }  // namespace inceres::internal

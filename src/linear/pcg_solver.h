@@ -1,9 +1,10 @@
 #pragma once
 
-#include <vector>
+#include <cstddef>
 
+#include "inceres/linear/reduced_solver.h"
 #include "linear/block_jacobi.h"
-#include "linear/incremental_reduced_solver.h"
+#include "linear/conjugate_gradients.h"
 
 namespace inceres::internal {
 
@@ -15,48 +16,38 @@ struct PcgOptions {
   int max_iterations = 5000;
 };
 
-/// Conjugate gradients on A = S + diag(damping), preconditioned by A's diagonal blocks, whose state outlives the call: blocks are
+/// Conjugate gradients on an A that grows, preconditioned by its diagonal blocks, whose state outlives the call: blocks are
 /// inverted again only where they changed, and the iteration starts from what the last solution left unapplied (unless that does
 /// worse than zero).
 ///
-/// When to end: each iteration raises the promised decrease bᵀx − ½xᵀAx by ½ α rᵀz, and the rest to come is half the squared
-/// error in the energy norm. It is estimated by the sum over the last iterations, more of them the longer it takes. The norm of
+/// When to end: the squared error is estimated by the gains of the last iterations, more of them the longer it takes. The norm of
 /// the residual would do badly: scaled by a prior of 1e14, or by a gauge that damping alone holds, it says nothing of the error.
 ///
-/// kSingular if a direction of curvature ≤ 0 turns up. Cost of an iteration: one product with S and one with the blocks. Threads:
-/// the calling one. Source: Liu, Chen, Zhao & Zhang, "ICE-BA", CVPR 2018 (I-PCG); Hestenes & Stiefel 1952, theorem 6:1, and
-/// Strakos & Tichy, "On error estimation in the conjugate gradient method", ETNA 13, 2002 (the estimate).
-class PcgSolver final : public IncrementalReducedSolver {
+/// kSingular if a direction of curvature ≤ 0 turns up. Threads: the calling one. Source: Liu, Chen, Zhao & Zhang, "ICE-BA", CVPR
+/// 2018 (I-PCG); Hestenes & Stiefel 1952, theorem 6:1, and Strakos & Tichy, "On error estimation in the conjugate gradient
+/// method", ETNA 13, 2002 (the estimate).
+class PcgSolver final : public ReducedSolver, private ConjugateGradients::System {
  public:
   explicit PcgSolver(const PcgOptions& options) : options_(options) {}
 
   const char* Name() const override { return "incremental PCG"; }
-  Status Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) override;
+  Status Factorize(const ReducedMatrix& A, const Rows& changed) override;
   /// Truncation is not for an iteration: all of x is written.
   Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
-  std::size_t Bytes() const override;
+  std::size_t Bytes() const override { return preconditioner_.Bytes() + iteration_.Bytes(); }
 
  private:
-  void PadFree(const double* packed, AlignedVector<double>* padded) const;
-  void Unpad(double* packed) const;
-  void SubtractProduct(const double* v, double* y) const;
-  void Start();
-  Status Iterate();
-  bool HasConverged() const;
+  void SubtractProduct(const double* v, double* y) const override;
+  bool Precondition(const double* r, double* z) override;
+  bool IsGoodEnough(const ConjugateGradients& iteration) const override;
+  void PadFree(const double* packed, double* padded) const;
+  void Unpad(const double* padded, double* packed) const;
 
   PcgOptions options_;
   BlockJacobi preconditioner_;
+  ConjugateGradients iteration_;
   Status factored_ = Status::Error(StatusCode::kInvalidArgument, "not factored yet");
   const SymmetricBlockRows* S_ = nullptr;
-
-  AlignedVector<double> b_;
-  AlignedVector<double> x_;
-  AlignedVector<double> r_;  // b − A x
-  AlignedVector<double> z_;  // M⁻¹ r
-  AlignedVector<double> p_;  // direction
-  AlignedVector<double> minus_product_;
-  double decrease_ = 0.0;      // bᵀx − ½ xᵀAx
-  std::vector<double> gains_;  // of decrease_, by iteration
 };
 
 }  // namespace inceres::internal

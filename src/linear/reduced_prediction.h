@@ -1,6 +1,6 @@
 #pragma once
 
-#include "inceres/linear/block_pattern.h"
+#include "inceres/linear/reduced_matrix.h"
 #include "inceres/status.h"
 
 namespace inceres::internal {

@@ -49,22 +49,23 @@ void ResumedSolver::FollowPacking(const SymmetricBlockRows& S) {
   }
 }
 
-ResumedSolver::Plan ResumedSolver::PlanFor(const SymmetricBlockRows& S, const char* held, const Change& change) {
-  num_exact_ = std::min({num_exact_, FirstPlace(change), cholesky_.num_valid_rows()});
+ResumedSolver::Plan ResumedSolver::PlanFor(const ReducedMatrix& A, const Rows& changed) {
+  num_exact_ = std::min({num_exact_, FirstPlace(changed), cholesky_.num_valid_rows()});
   num_current_y_ = std::min(num_current_y_, num_exact_);
   num_passed_on_ = std::min(num_passed_on_, num_exact_);
-  order_.Follow(S, num_exact_);
-  FollowPacking(S);
-  plan_ = Predict(S, held, FirstPlace(change));
-  if (OrderMayHaveAged(S)) {
-    Reorder(S, held, change);
+  order_.Follow(*A.rows(), num_exact_);
+  FollowPacking(*A.rows());
+  plan_ = Predict(A, FirstPlace(changed));
+  if (OrderMayHaveAged(*A.rows())) {
+    Reorder(A, changed);
   }
   return plan_;
 }
 
-ResumedSolver::Plan ResumedSolver::Predict(const SymmetricBlockRows& S, const char* held, int first_changed) {
-  const double flops = EnvelopeFlops(S, held, order_, num_exact_, &workspace_);
-  return {flops, first_changed <= num_exact_ ? flops : EnvelopeFlops(S, held, order_, first_changed, &workspace_)};
+ResumedSolver::Plan ResumedSolver::Predict(const ReducedMatrix& A, int first_changed) {
+  const auto flops_from = [&](int place) { return EnvelopeFlops(*A.rows(), A.constant(), order_, place, &workspace_); };
+  const double flops = flops_from(num_exact_);
+  return {flops, first_changed <= num_exact_ ? flops : flops_from(first_changed)};
 }
 
 bool ResumedSolver::OrderMayHaveAged(const SymmetricBlockRows& S) const {
@@ -75,15 +76,15 @@ bool ResumedSolver::OrderMayHaveAged(const SymmetricBlockRows& S) const {
   return plan_.flops > kLookFlops * static_cast<double>(blocks);
 }
 
-void ResumedSolver::Reorder(const SymmetricBlockRows& S, const char* held, const Change& change) {
+void ResumedSolver::Reorder(const ReducedMatrix& A, const Rows& changed) {
   tail_.assign(order_.rows().begin() + num_exact_, order_.rows().end());
-  if (change.rows != nullptr && 2 * change.rows->size() <= tail_.size()) {
-    last_ = *change.rows;
+  if (changed.rows != nullptr && 2 * changed.rows->size() <= tail_.size()) {
+    last_ = *changed.rows;
   } else {
     last_.assign(1, *std::max_element(tail_.begin(), tail_.end()));  // the newest
   }
-  order_.SetTail(ordering_.Reorder(S, order_, num_exact_, last_));
-  const Plan fresh = Predict(S, held, FirstPlace(change));
+  order_.SetTail(ordering_.Reorder(*A.rows(), order_, num_exact_, last_));
+  const Plan fresh = Predict(A, FirstPlace(changed));
   if (kAging * (fresh.flops + fresh.again) < plan_.flops + plan_.again) {
     plan_ = fresh;
     ++reorderings_;
@@ -92,8 +93,9 @@ void ResumedSolver::Reorder(const SymmetricBlockRows& S, const char* held, const
   }
 }
 
-Status ResumedSolver::FactorizeAsPlanned(const SymmetricBlockRows& S, const double* damping, const char* held) {
+Status ResumedSolver::FactorizeAsPlanned(const ReducedMatrix& A) {
   work_ = Work();
+  work_.forward_rows = work_.solved_rows = 0;
   work_.factor_flops = plan_.flops;
   work_.reorderings = reorderings_;
   reorderings_ = 0;
@@ -104,10 +106,10 @@ Status ResumedSolver::FactorizeAsPlanned(const SymmetricBlockRows& S, const doub
   int offset = cholesky_.offsets()[num_exact_];
   for (int place = num_exact_; place < order_.num_places(); ++place) {
     const int row = order_.row(place);
-    std::copy(damping + row_offsets_[row], damping + row_offsets_[row + 1], damping_.begin() + offset);
-    offset += S.size_of(row);
+    std::copy(A.diagonal() + row_offsets_[row], A.diagonal() + row_offsets_[row + 1], damping_.begin() + offset);
+    offset += row_offsets_[row + 1] - row_offsets_[row];
   }
-  factored_ = cholesky_.Factorize(S, order_, damping_.data(), num_exact_, held);
+  factored_ = cholesky_.Factorize(*A.rows(), order_, damping_.data(), num_exact_, A.constant());
   work_.factored_rows = cholesky_.num_valid_rows() - num_exact_;
   num_exact_ = cholesky_.num_valid_rows();
   return factored_;

@@ -2,9 +2,9 @@
 
 #include <vector>
 
+#include "inceres/linear/reduced_solver.h"
 #include "linear/envelope_cholesky.h"
 #include "linear/envelope_order.h"
-#include "linear/incremental_reduced_solver.h"
 
 namespace inceres::internal {
 
@@ -27,12 +27,12 @@ namespace inceres::internal {
 /// changes of x that were not passed on, each at most twice the threshold. Cost of a call: the rows from the first changed on and
 /// the rows those reach. Source: Kaess et al., "iSAM2", IJRR 31(2), 2012, algorithm 7 (wildfire) and section 4.3 (reordering what
 /// is eliminated anew), in an envelope instead of a tree.
-class ResumedSolver final : public IncrementalReducedSolver {
+class ResumedSolver final : public ReducedSolver {
  public:
   const char* Name() const override { return "resumed Cholesky"; }
-  Status Factorize(const SymmetricBlockRows& S, const double* damping, const char* held, const Change& change) override {
-    PlanFor(S, held, change);
-    return FactorizeAsPlanned(S, damping, held);
+  Status Factorize(const ReducedMatrix& A, const Rows& changed) override {
+    PlanFor(A, changed);
+    return FactorizeAsPlanned(A);
   }
   Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
   std::size_t Bytes() const override;
@@ -44,8 +44,8 @@ class ResumedSolver final : public IncrementalReducedSolver {
     double flops = 0.0;  // of the second half
     double again = 0.0;  // of taking up the same change once more after it
   };
-  Plan PlanFor(const SymmetricBlockRows& S, const char* held, const Change& change);
-  Status FactorizeAsPlanned(const SymmetricBlockRows& S, const double* damping, const char* held);
+  Plan PlanFor(const ReducedMatrix& A, const Rows& changed);
+  Status FactorizeAsPlanned(const ReducedMatrix& A);
 
   /// Another solver takes this b and writes x.
   void MissSolve(const Rows& changed_b);
@@ -55,9 +55,9 @@ class ResumedSolver final : public IncrementalReducedSolver {
  private:
   int FirstPlace(const Rows& rows) const;
   void FollowPacking(const SymmetricBlockRows& S);
-  Plan Predict(const SymmetricBlockRows& S, const char* held, int first_changed);
+  Plan Predict(const ReducedMatrix& A, int first_changed);
   bool OrderMayHaveAged(const SymmetricBlockRows& S) const;
-  void Reorder(const SymmetricBlockRows& S, const char* held, const Change& change);
+  void Reorder(const ReducedMatrix& A, const Rows& changed);
   void ForgetSolution() { num_passed_on_ = reached_before_ = 0; }
   void GrowTo(int size);
   void CopyRest(int first_scalar, int* filled);

@@ -2,9 +2,11 @@
 
 #include <utility>
 
+#include "linear/automatic_solver.h"
 #include "linear/dense_cholesky.h"
 #include "linear/lagged_pcg.h"
 #include "linear/reduced_prediction.h"
+#include "linear/resumed_solver.h"
 #include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {
@@ -27,7 +29,7 @@ struct Direct {
 template <typename Solver>
 Direct Make(const BlockPattern& pattern, const Executor& executor, Status* status) {
   auto solver = std::make_unique<Solver>(executor);
-  *status = solver->Analyze(pattern);
+  *status = solver->Analyze(ReducedMatrix(pattern, nullptr, nullptr));
   const double flops = solver->PredictedFlops(), entries = solver->PredictedEntries();
   return {std::move(solver), flops, entries};
 }
@@ -43,16 +45,20 @@ bool PcgIsCheaper(const Direct& direct, const BlockPattern& pattern) {
   return kPcgIterations * iteration < (1.0 - kPcgFactorizations) * direct.flops;
 }
 
+std::unique_ptr<ReducedSolver> MakeCustom(const ReducedSolverFactory& factory, const BlockPattern& pattern, Status* status) {
+  std::unique_ptr<ReducedSolver> custom = factory();
+  *status = custom != nullptr
+                ? custom->Analyze(ReducedMatrix(pattern, nullptr, nullptr))
+                : Status::Error(StatusCode::kInvalidArgument, "SolverOptions::reduced_solver_factory returned null");
+  return custom;
+}
+
 }  // namespace
 
 std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const ReducedSolverFactory& factory,
                                                  const BlockPattern& pattern, const Executor& executor, Status* status) {
   if (factory) {
-    std::unique_ptr<ReducedSolver> custom = factory();
-    *status = custom != nullptr
-                  ? custom->Analyze(pattern)
-                  : Status::Error(StatusCode::kInvalidArgument, "SolverOptions::reduced_solver_factory returned null");
-    return custom;
+    return MakeCustom(factory, pattern, status);
   }
   switch (kind) {
     case ReducedSolverKind::kDense:
@@ -70,7 +76,26 @@ std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const R
   if (kind == ReducedSolverKind::kAutomaticInexact && !PcgIsCheaper(direct, pattern)) {
     return std::move(direct.solver);
   }
-  return std::make_unique<LaggedPcg>(executor, pattern, std::move(direct.solver));
+  return std::make_unique<LaggedPcg>(std::move(direct.solver));
+}
+
+std::unique_ptr<ReducedSolver> MakeResumingSolver(ReducedSolverKind kind, const ReducedSolverFactory& factory,
+                                                  const PcgOptions& pcg, const Executor& executor) {
+  if (factory) {
+    return factory();
+  }
+  switch (kind) {
+    case ReducedSolverKind::kResumed:
+      return std::make_unique<ResumedSolver>();
+    case ReducedSolverKind::kDense:
+      return std::make_unique<DenseCholesky>(executor);
+    case ReducedSolverKind::kSparse:
+      return std::make_unique<SparseCholesky>(executor);
+    case ReducedSolverKind::kPcg:
+      return std::make_unique<PcgSolver>(pcg);
+    default:
+      return std::make_unique<AutomaticSolver>(executor);
+  }
 }
 
 }  // namespace inceres::internal

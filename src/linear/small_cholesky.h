@@ -2,14 +2,38 @@
 
 #include <cmath>
 #include <cstddef>
+#include <type_traits>
+
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 
-/// Cholesky of a small block's lower triangle, in place, row-major. The reciprocals of L's diagonal spare later divisions. False
+// Cholesky of small blocks. A size that is a constant lets loops be unrolled: the same operations in the same order.
+
+/// Calls visit(size), with a constant where the size is 1 to 4.
+template <typename Visit>
+inline void WithConstantSize(int size, const Visit& visit) {
+  switch (size) {
+    case 1:
+      return visit(std::integral_constant<int, 1>());
+    case 2:
+      return visit(std::integral_constant<int, 2>());
+    case 3:
+      return visit(std::integral_constant<int, 3>());
+    case 4:
+      return visit(std::integral_constant<int, 4>());
+    default:
+      return visit(size);
+  }
+}
+
+/// L Lᵀ = A of a small block's lower triangle, in place, row-major. The reciprocals of L's diagonal spare later divisions. False
 /// at a pivot that is not positive and finite.
 inline bool FactorSmall(int size, double* A, int lda, double* inverse_pivots) {
+#pragma GCC unroll 4
   for (int i = 0; i < size; ++i) {
     double* row = A + static_cast<std::ptrdiff_t>(i) * lda;
+#pragma GCC unroll 4
     for (int j = 0; j <= i; ++j) {
       const double* other = A + static_cast<std::ptrdiff_t>(j) * lda;
       double sum = row[j];
@@ -42,6 +66,30 @@ inline void SolveSmall(int size, const double* L, int ldl, const double* inverse
       x[i] -= L[static_cast<std::ptrdiff_t>(k) * ldl + i] * x[k];
     }
     x[i] *= inverse_pivots[i];
+  }
+}
+
+/// U_inv = L⁻¹ with L Lᵀ = P + diag(damping) of one landmark's block, size 1 to 4, rows four apart. False, and U_inv as it was,
+/// if a pivot is not positive and finite.
+bool InvertCholeskyFactor(int size, const double* P, const double* damping, double* U_inv);
+
+/// z = U_inv x for the lower triangular U_inv.
+inline void MultiplyLower(int size, const double* U_inv, const double* x, double* z) {
+  for (int k = 0; k < size && k < kQuad; ++k) {
+    z[k] = 0.0;
+    for (int c = 0; c <= k; ++c) {
+      z[k] += U_inv[k * kQuad + c] * x[c];
+    }
+  }
+}
+
+/// x = U_invᵀ y for the lower triangular U_inv.
+inline void MultiplyLowerTransposed(int size, const double* U_inv, const double* y, double* x) {
+  for (int c = 0; c < size && c < kQuad; ++c) {
+    x[c] = 0.0;
+    for (int k = c; k < size && k < kQuad; ++k) {
+      x[c] += U_inv[k * kQuad + c] * y[k];
+    }
   }
 }
 

@@ -10,44 +10,11 @@
 namespace inceres::internal {
 namespace {
 
-constexpr int kNone = -1;
 constexpr int kPanel = 24;  // columns that the kernels take at a time; whole quads
 // Rows a task: a multiple of every kernel's tile height, so that tasks do not change the arithmetic.
 constexpr int kRowStrip = 96;
-
-// What is worth a task of its own: a subtree of so many flops, and of such a share of all; a front's strips.
-constexpr double kHeavyFlops = 1e6;
-constexpr double kHeavyShare = 1.0 / 32;
+// What is worth a task for each of a front's strips.
 constexpr double kParallelFrontFlops = 2e6;
-
-// Memory of update matrices: the lowest gap, while the others wait.
-class UpdatePlanner {
- public:
-  std::size_t Place(std::size_t size) {
-    if (size == 0) {
-      return 0;  // of a root, which no parent frees
-    }
-    std::size_t begin = 0;
-    auto at = waiting_.begin();
-    for (; at != waiting_.end() && at->begin < begin + size; ++at) {
-      begin = at->end;
-    }
-    waiting_.insert(at, {begin, begin + size});
-    peak_ = std::max(peak_, begin + size);
-    return begin;
-  }
-  void Free(std::size_t begin) {
-    waiting_.erase(std::find_if(waiting_.begin(), waiting_.end(), [begin](const Piece& piece) { return piece.begin == begin; }));
-  }
-  std::size_t peak() const { return peak_; }
-
- private:
-  struct Piece {
-    std::size_t begin, end;
-  };
-  std::vector<Piece> waiting_;  // ascending
-  std::size_t peak_ = 0;
-};
 
 }  // namespace
 
@@ -59,177 +26,79 @@ std::size_t SparseCholesky::Bytes() const {
   return tree_.Bytes() + (L_.size() + updates_.size() + vectors_.capacity()) * sizeof(double);
 }
 
-Status SparseCholesky::Analyze(const BlockPattern& pattern) {
-  const Status planned = Plan(pattern, /*may_dissect=*/true);
-  if (!planned.ok()) {
-    return planned;
+Status SparseCholesky::Analyze(const ReducedMatrix& A) {
+  pattern_ = &A.pattern();
+  const Status built = BuildFrontTree(*pattern_, &tree_);
+  if (!built.ok()) {
+    return built;
   }
-  if (L_.size() < factor_size_) {
-    L_ = ZeroedArray(factor_size_);
+  if (L_.size() < tree_.factor_size) {
+    L_ = ZeroedArray(tree_.factor_size);
   }
-  if (updates_.size() < updates_size_) {
-    updates_ = ZeroedArray(updates_size_);
+  if (updates_.size() < tree_.updates_size) {
+    updates_ = ZeroedArray(tree_.updates_size);
   }
-  vectors_.assign(vectors_size_, 0.0);
-  return planned;
-}
-
-Status SparseCholesky::Plan(const BlockPattern& pattern, bool may_dissect) {
-  pattern_ = &pattern;
-  const Status built = BuildFrontTree(pattern, &tree_, may_dissect);
-  if (built.ok()) {
-    CutIntoSegments();
-    ChooseEarlyFronts();
-    PlanMemory();
-  }
+  vectors_.assign(tree_.vectors_size, 0.0);
+  failed_.assign(tree_.segments.size(), FrontTree::kNone);
   return built;
 }
 
 double SparseCholesky::PredictedBytes() const {
-  return static_cast<double>(tree_.Bytes() + (factor_size_ + updates_size_ + vectors_size_) * sizeof(double));
+  return static_cast<double>(tree_.Bytes() + (tree_.factor_size + tree_.updates_size + tree_.vectors_size) * sizeof(double));
 }
 
-// A heavy subtree beside another one begins a segment; everything else goes with its parent.
-void SparseCholesky::CutIntoSegments() {
-  const auto num_fronts = static_cast<int>(tree_.fronts.size());
-  std::vector<double> flops(tree_.fronts.size(), 0.0);     // of subtrees
-  std::vector<int> num_heavy(tree_.fronts.size() + 1, 0);  // children, and last the roots
-  const auto parent_or_last = [&](int f) { return tree_.fronts[f].parent < 0 ? num_fronts : tree_.fronts[f].parent; };
-  const auto is_heavy = [&](int f) { return flops[f] > std::max(kHeavyFlops, kHeavyShare * tree_.flops); };
-  for (int f = 0; f < num_fronts; ++f) {
-    flops[f] += tree_.fronts[f].flops();
-    num_heavy[parent_or_last(f)] += is_heavy(f) ? 1 : 0;
-    if (tree_.fronts[f].parent >= 0) {
-      flops[tree_.fronts[f].parent] += flops[f];
-    }
-  }
-  segments_.assign(1, Segment());
-  segment_of_.assign(tree_.fronts.size() + 1, 0);
-  for (int f = num_fronts - 1; f >= 0; --f) {
-    const int parent = parent_or_last(f);
-    segment_of_[f] = segment_of_[parent];
-    if (is_heavy(f) && num_heavy[parent] > 1) {
-      segment_of_[f] = static_cast<int>(segments_.size());
-      segments_[segment_of_[parent]].before.push_back(segment_of_[f]);
-      segments_.emplace_back();
-    }
-  }
-  for (int f = 0; f < num_fronts; ++f) {
-    segments_[segment_of_[f]].fronts.push_back(f);
-  }
-}
-
-// A front that takes less than its children's update matrices together opens when the first of them is there.
-void SparseCholesky::ChooseEarlyFronts() {
-  opened_by_.assign(tree_.fronts.size(), kNone);
-  for (std::size_t f = 0; f < tree_.fronts.size(); ++f) {
-    const Front& front = tree_.fronts[f];
-    std::size_t waiting = 0;
-    int first = kNone;
-    int last = kNone;
-    for (int k = front.child_begin; k < front.child_end; ++k) {
-      const int child = tree_.children[k];
-      if (segment_of_[child] == segment_of_[f]) {
-        waiting += last == kNone ? 0 : UpdateSize(last);
-        first = first == kNone ? child : first;
-        last = child;
-      }
-    }
-    opened_by_[f] = waiting > UpdateSize(static_cast<int>(f)) ? first : kNone;
-  }
-}
-
-void SparseCholesky::PlanMemory() {
-  factor_begin_.clear();
-  vector_begin_.clear();
-  factor_size_ = vectors_size_ = updates_size_ = 0;
-  for (const Front& front : tree_.fronts) {
-    factor_begin_.push_back(factor_size_);
-    vector_begin_.push_back(vectors_size_);
-    factor_size_ += static_cast<std::size_t>(front.stride()) * front.width;
-    vectors_size_ += static_cast<std::size_t>(front.num_rows());
-  }
-  update_begin_.assign(tree_.fronts.size(), 0);
-  for (const Segment& segment : segments_) {
-    updates_size_ += PlanUpdates(segment, updates_size_);
-  }
-}
-
-// Places the update matrices of a segment's fronts from `begin` on; those of children in other segments stay where they are. What
-// they take.
-std::size_t SparseCholesky::PlanUpdates(const Segment& segment, std::size_t begin) {
-  UpdatePlanner planner;
-  const auto place = [&](int f) { update_begin_[f] = begin + planner.Place(UpdateSize(f)); };
-  for (const int f : segment.fronts) {
-    const Front& front = tree_.fronts[f];
-    if (opened_by_[f] == kNone) {
-      place(f);
-      for (int k = front.child_begin; k < front.child_end; ++k) {
-        const int child = tree_.children[k];
-        if (segment_of_[child] == segment_of_[f]) {
-          planner.Free(update_begin_[child] - begin);
-        }
-      }
-    }
-    if (IsTakenEarly(f)) {
-      if (opened_by_[front.parent] == f) {
-        place(front.parent);
-      }
-      planner.Free(update_begin_[f] - begin);
-    }
-  }
-  return planner.peak();
-}
-
-Status SparseCholesky::Factorize(const double* values, const double* diagonal) {
-  FactorSegment(&segments_.front(), values, diagonal);
-  const int failed = segments_.front().failed;
-  return failed == kNone ? Status::Ok()
-                         : Status::Error(StatusCode::kSingular,
-                                         "the reduced system is not positive definite at frame " + std::to_string(failed));
+Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
+  work_.factor_flops = tree_.flops;
+  const int failed = FactorSegment(0, A);
+  factored_ = failed == FrontTree::kNone
+                  ? Status::Ok()
+                  : Status::Error(StatusCode::kSingular,
+                                  "the reduced system is not positive definite at frame " + std::to_string(failed));
+  return factored_;
 }
 
 template <typename Body>
-void SparseCholesky::ForSegmentsBefore(const Segment& segment, const Body& body) const {
+void SparseCholesky::ForSegmentsBefore(const FrontSegment& segment, const Body& body) const {
   executor_.For(static_cast<int>(segment.before.size()), 1,
                 [&](int begin, int end) { std::for_each(segment.before.begin() + begin, segment.before.begin() + end, body); });
 }
 
-void SparseCholesky::FactorSegment(Segment* segment, const double* values, const double* diagonal) {
-  ForSegmentsBefore(*segment, [&](int before) { FactorSegment(&segments_[before], values, diagonal); });
-  segment->failed = kNone;
-  for (const int before : segment->before) {
-    if (segment->failed == kNone) {
-      segment->failed = segments_[before].failed;
-    }
+int SparseCholesky::FactorSegment(int index, const ReducedMatrix& A) {
+  const FrontSegment& segment = tree_.segments[index];
+  ForSegmentsBefore(segment, [&](int before) { FactorSegment(before, A); });
+  int& failed = failed_[index];
+  failed = FrontTree::kNone;
+  for (const int before : segment.before) {
+    failed = failed == FrontTree::kNone ? failed_[before] : failed;
   }
-  for (auto f = segment->fronts.begin(); f != segment->fronts.end() && segment->failed == kNone; ++f) {
-    if (opened_by_[*f] == kNone) {
-      Open(*f, values, diagonal);
+  for (auto f = segment.fronts.begin(); f != segment.fronts.end() && failed == FrontTree::kNone; ++f) {
+    if (tree_.opened_by[*f] == FrontTree::kNone) {
+      Open(*f, A);
     }
-    segment->failed = Eliminate(*f);
-    if (segment->failed == kNone && IsTakenEarly(*f)) {
+    failed = Eliminate(*f);
+    if (failed == FrontTree::kNone && tree_.IsTakenEarly(*f)) {
       const int parent = tree_.fronts[*f].parent;
-      if (opened_by_[parent] == *f) {
-        Open(parent, values, diagonal);
+      if (tree_.opened_by[parent] == *f) {
+        Open(parent, A);
       }
       AddUpdate(*f, parent);
     }
   }
+  return failed;
 }
 
 // With the update matrices of all children that are not added as they come.
-void SparseCholesky::Open(int f, const double* values, const double* diagonal) {
-  Assemble(f, values, diagonal);
+void SparseCholesky::Open(int f, const ReducedMatrix& A) {
+  Assemble(f, A);
   const Front& front = tree_.fronts[f];
   for (int k = front.child_begin; k < front.child_end; ++k) {
-    if (!IsTakenEarly(tree_.children[k])) {
+    if (!tree_.IsTakenEarly(tree_.children[k])) {
       AddUpdate(tree_.children[k], f);
     }
   }
 }
 
-void SparseCholesky::Assemble(int f, const double* values, const double* diagonal) {
+void SparseCholesky::Assemble(int f, const ReducedMatrix& A) {
   const Front& front = tree_.fronts[f];
   for (int j = 0; j < front.width; ++j) {
     std::fill(Column(f, j) + j / kPanel * kPanel, Column(f, j) + front.num_rows(), 0.0);
@@ -240,13 +109,17 @@ void SparseCholesky::Assemble(int f, const double* values, const double* diagona
   }
   for (int k = front.piece_begin; k < front.piece_end; ++k) {
     const FrontPiece& piece = tree_.pieces[k];
-    PlaceBlock(values + piece.values, piece.rows, piece.columns, piece.row, piece.column, Column(f, 0), front.stride());
+    if (const double* block = A.Block(piece.i, piece.block)) {
+      const int j = pattern_->columns[piece.block];
+      PlaceBlock(block, pattern_->row_stride(j), pattern_->block_size(piece.i), pattern_->block_size(j), piece.row, piece.column,
+                 Column(f, 0), front.stride());
+    }
   }
   int pivot = 0;
   for (int at = front.position_begin; at < front.position_end; ++at) {
     const int block = tree_.order[at];
     for (int row = pattern_->offsets[block]; row < pattern_->offsets[block + 1]; ++row, ++pivot) {
-      Column(f, pivot)[pivot] += diagonal[row];
+      Column(f, pivot)[pivot] += A.diagonal()[row];
     }
   }
 }
@@ -312,7 +185,7 @@ int SparseCholesky::Eliminate(int f) {
     kernels.subtract_outer(front.update_stride() - first, end - first, front.width, rows + first, stride, rows + first, stride,
                            Update(f) + static_cast<std::ptrdiff_t>(first) * front.update_stride() + first, front.update_stride());
   });
-  return kNone;
+  return FrontTree::kNone;
 }
 
 int SparseCholesky::BlockAtPivot(const Front& front, int pivot) const {
@@ -323,24 +196,27 @@ int SparseCholesky::BlockAtPivot(const Front& front, int pivot) const {
   return tree_.order[at];
 }
 
-Status SparseCholesky::Solve(const double* b, double* x) {
-  SolveForward(segments_.front(), b);
-  SolveBackward(segments_.front(), x);
+Status SparseCholesky::Solve(const double* b, const Rows& /*changed_b*/, const Truncation& /*truncation*/, double* x) {
+  if (!factored_.ok()) {
+    return factored_;
+  }
+  SolveForward(tree_.segments.front(), b);
+  SolveBackward(tree_.segments.front(), x);
   return Status::Ok();
 }
 
-void SparseCholesky::SolveForward(const Segment& segment, const double* b) {
-  ForSegmentsBefore(segment, [&](int before) { SolveForward(segments_[before], b); });
+void SparseCholesky::SolveForward(const FrontSegment& segment, const double* b) {
+  ForSegmentsBefore(segment, [&](int before) { SolveForward(tree_.segments[before], b); });
   for (const int f : segment.fronts) {
     SolveForward(f, b);
   }
 }
 
-void SparseCholesky::SolveBackward(const Segment& segment, double* x) {
+void SparseCholesky::SolveBackward(const FrontSegment& segment, double* x) {
   for (auto f = segment.fronts.rbegin(); f != segment.fronts.rend(); ++f) {
     SolveBackward(*f, x);
   }
-  ForSegmentsBefore(segment, [&](int before) { SolveBackward(segments_[before], x); });
+  ForSegmentsBefore(segment, [&](int before) { SolveBackward(tree_.segments[before], x); });
 }
 
 void SparseCholesky::SolveForward(int f, const double* b) {

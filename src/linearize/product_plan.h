@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "inceres/linear/block_pattern.h"
+#include "inceres/linear/reduced_matrix.h"
 #include "linearize/evaluator.h"
 #include "linearize/incidences.h"
 #include "simd/kernels.h"

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "linear/select_solver.h"
-#include "schur/landmark_factor.h"
+#include "linear/small_cholesky.h"
 
 namespace inceres::internal {
 
@@ -44,7 +44,7 @@ Status CovarianceSystem::Factorize() {
   }
   solver_ = MakeReducedSolver(ReducedSolverKind::kAutomatic, nullptr, plans_.pattern, executor_, &status);
   if (status.ok()) {
-    status = solver_->Factorize(elimination_.S(), no_damping.data());
+    status = solver_->Factorize(ReducedMatrix(plans_.pattern, elimination_.S(), no_damping.data()), {});
   }
   if (status.code == StatusCode::kSingular) {
     return Status::Error(StatusCode::kSingular,
@@ -114,7 +114,7 @@ Status CovarianceSystem::Solve(const Eigen::MatrixXd& right, Eigen::MatrixXd* le
   left->resize(right.rows(), right.cols());
   Status status;
   for (Eigen::Index c = 0; status.ok() && solver_ != nullptr && c < right.cols(); ++c) {
-    status = solver_->Solve(right.col(c).data(), left->col(c).data());
+    status = solver_->Solve(right.col(c).data(), {}, {}, left->col(c).data());
   }
   return status.ok() && !left->allFinite()
              ? Status::Error(StatusCode::kSingular, "there is no covariance: a solution is not finite")

@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "base/lowest_index.h"
-#include "schur/landmark_factor.h"
+#include "linear/small_cholesky.h"
 
 namespace inceres::internal {
 namespace {

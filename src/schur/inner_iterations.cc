@@ -7,8 +7,8 @@
 #include <numeric>
 #include <utility>
 
+#include "linear/small_cholesky.h"
 #include "linearize/robustify.h"
-#include "schur/landmark_factor.h"
 
 namespace inceres::internal {
 namespace {

@@ -3,33 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
-#include <type_traits>
 
 #include "linear/small_cholesky.h"
 #include "trust_region/small_qr.h"
 
 namespace inceres::internal {
-namespace {
-
-// Calls visit(size), which is a constant where it is small: then loops are unrolled, in the same order.
-template <typename Visit>
-void WithSize(int size, const Visit& visit) {
-  switch (size) {
-    case 1:
-      return visit(std::integral_constant<int, 1>());
-    case 2:
-      return visit(std::integral_constant<int, 2>());
-    case 3:
-      return visit(std::integral_constant<int, 3>());
-    case 4:
-      return visit(std::integral_constant<int, 4>());
-    default:
-      return visit(size);
-  }
-}
-
-}  // namespace
-
 DenseModel::DenseModel(const Evaluator& evaluator) : LinearModel(evaluator), size_(evaluator.layout().size()) {
   for (const FamilyCache& cache : evaluator.families()) {
     num_rows_ += cache.num_blocks() * cache.rows_per_block();
@@ -69,7 +47,7 @@ RowProducts DenseModel::MultiplyJacobian(const double* v) {
 
 Status DenseModel::Solve(const double* damping, double* step) {
   bool factored = false;
-  WithSize(size_, [&](auto size) { factored = FactorAndSolve(size, damping, step); });
+  WithConstantSize(size_, [&](auto size) { factored = FactorAndSolve(size, damping, step); });
   clock_->Charge(&seconds_->factorization);
   if (factored) {
     return Status::Ok();

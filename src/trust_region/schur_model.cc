@@ -40,9 +40,9 @@ Status PlainModel::SolveReduced(const double* S, const double* b, const double* 
   if (!reduced_solver_) {
     return Status::Ok();
   }
-  Status solved = reduced_solver_->Factorize(S, damping);
+  Status solved = reduced_solver_->Factorize(ReducedMatrix(plans_.pattern, S, damping), {});
   if (solved.ok()) {
-    solved = reduced_solver_->Solve(b, step);
+    solved = reduced_solver_->Solve(b, {}, {}, step);
   }
   clock_->Charge(&seconds_->factorization);
   return solved;

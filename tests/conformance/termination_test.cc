@@ -4,7 +4,7 @@
 
 #include "conformance/support.h"
 #include "support/ceres_manifolds.h"
-#include "support/cholmod_memory.h"
+#include "support/suitesparse_memory.h"
 
 namespace conformance {
 namespace {
@@ -198,7 +198,7 @@ TEST(Termination34, fatal_linear_solver_error) {
       }
     }
     const auto start = world.blocks;
-    inceres::test::CholmodMemory memory;
+    inceres::test::SuiteSparseMemory memory;
     if (!memory.IsReachable()) {
       GTEST_SKIP() << "this SuiteSparse does not let its allocator be replaced";
     }

@@ -485,8 +485,9 @@ void EditWorld::ExpectLaw() {
   for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
     held.push_back(schur.frames()[row].held ? 1 : 0);
     for (int k = 0; k < schur.frames()[row].size; ++k) {
-      damping.push_back(mu_ * std::max(schur.FrameDiagonal(row)[k], kTinyDiagonal));
-      b.push_back(schur.b(row)[k]);
+      const bool is_held = schur.frames()[row].held;
+      damping.push_back(is_held ? 1.0 : mu_ * std::max(schur.FrameDiagonal(row)[k], kTinyDiagonal));
+      b.push_back(is_held ? 0.0 : schur.b(row)[k]);
     }
   }
   if (random_.Below(4) == 0) {  // the thesis's form in between
@@ -495,7 +496,8 @@ void EditWorld::ExpectLaw() {
       const int size = schur.frames()[row].size;
       const double* S = size > 0 ? schur.S().values(schur.S().row(row).back().offset) : nullptr;
       for (int k = 0; k < size; ++k) {
-        ASSERT_EQ(reduced_.damping()[schur.FrameOffset(row) + k], mu_ * std::max(S[k * (PadToQuad(size) + 1)], kTinyDiagonal));
+        const double expected = schur.frames()[row].held ? 1.0 : mu_ * std::max(S[k * (PadToQuad(size) + 1)], kTinyDiagonal);
+        ASSERT_EQ(reduced_.damping()[schur.FrameOffset(row) + k], expected);
       }
     }
     ASSERT_TRUE(reduced_.Refresh(DampingForm::kHybrid, mu_, &schur)) << "all rows are damped anew";
@@ -503,21 +505,21 @@ void EditWorld::ExpectLaw() {
   reduced_.Refresh(DampingForm::kHybrid, mu_, &schur);
   ASSERT_EQ(reduced_.b(), b);
   ASSERT_EQ(reduced_.damping(), damping);
-  ASSERT_EQ(reduced_.held(), held);
+  ASSERT_EQ(reduced_.constant(), held);
   for (int row = 0; row < static_cast<int>(held.size()); ++row) {
     ASSERT_EQ(reduced_.pulls()[row], reduced_.Pull(schur, row, b.data() + schur.FrameOffset(row))) << "row " << row;
   }
   // Now and then the solver is told no more than the first of the rows.
-  const auto rows_of = [this, &schur](const std::vector<std::int32_t>& rows) -> IncrementalReducedSolver::Rows {
+  const auto rows_of = [this, &schur](const std::vector<std::int32_t>& rows) -> ReducedSolver::Rows {
     return {rows.empty() ? schur.S().num_rows() : rows.front(), random_.Below(3) == 0 ? nullptr : &rows};
   };
   std::vector<std::int32_t> changed;
   schur.TakeUnfactoredRows(&changed);
-  const IncrementalReducedSolver::Rows rows = mu_changed_ ? IncrementalReducedSolver::Rows() : rows_of(changed);
-  const IncrementalReducedSolver::Change change(rows.first_row, rows.rows, true);
+  const ReducedSolver::Rows rows = mu_changed_ ? ReducedSolver::Rows() : rows_of(changed);
   mu_changed_ = false;
   frame_step_.resize(b.size());
-  ASSERT_TRUE(solver_.Factorize(schur.S(), damping.data(), held.data(), change).ok());
+  const ReducedMatrix A(schur.S(), damping.data(), held.data());
+  ASSERT_TRUE(solver_.Factorize(A, rows).ok());
   schur.TakeUnsolvedRows(&changed);
   ASSERT_TRUE(solver_.Solve(b.data(), rows_of(changed), {}, frame_step_.data()).ok());
   ASSERT_NO_FATAL_FAILURE(batch.ExpectStep(frame_step_, mu_));

@@ -111,11 +111,12 @@ TEST(IncrementalReducedSolverFactory, ServesTheBatchSolverToo) {
 class BrokenSolver final : public ReducedSolver {
  public:
   const char* Name() const override { return "broken"; }
-  Status Analyze(const BlockPattern& /*pattern*/) override { return Status::Ok(); }
-  Status Factorize(const double* /*values*/, const double* /*diagonal*/) override {
+  Status Factorize(const ReducedMatrix& /*A*/, const Rows& /*changed*/) override {
     return Status::Error(StatusCode::kUnavailable, "no device");
   }
-  Status Solve(const double* /*b*/, double* /*x*/) override { return Status::Ok(); }
+  Status Solve(const double* /*b*/, const Rows& /*changed*/, const Truncation& /*truncation*/, double* /*x*/) override {
+    return Status::Ok();
+  }
 };
 
 TEST(IncrementalReducedSolverFactory, WhatIsNotSingularEndsTheUpdateAndTheStateIsKept) {

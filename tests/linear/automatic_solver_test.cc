@@ -14,10 +14,10 @@ namespace {
 
 class AutomaticSolverTest : public testing::Test {
  protected:
-  void Update(GrowingSystem* system, const IncrementalReducedSolver::Change& change, int first_b) {
+  void Update(GrowingSystem* system, const ReducedSolver::Rows& change, int first_b) {
     const std::vector<double> weights(system->b.size(), 1.0);
-    ASSERT_TRUE(solver_.Factorize(system->S, system->damping.data(), system->held.data(), change).ok());
-    ASSERT_TRUE(solver_.Solve(system->b.data(), {first_b}, {weights.data(), 1e-22}, system->x.data()).ok());
+    ASSERT_TRUE(system->Factorize(change, &solver_).ok());
+    ASSERT_TRUE(system->Solve({first_b}, {weights.data(), 1e-22}, &solver_).ok());
     const Eigen::VectorXd expected = system->Dense().llt().solve(system->FreeB());
     EXPECT_LE(test::RelativeError(system->X(), expected), 1e-8);
   }
@@ -43,7 +43,7 @@ TEST_F(AutomaticSolverTest, AFullMatrixIsResumed) {
   Update(&system, {}, 0);
   EXPECT_STREQ(solver_.Name(), "resumed Cholesky");
   system.Perturb(99);
-  Update(&system, {99, nullptr, false}, 100);
+  Update(&system, {99, nullptr}, 100);
   EXPECT_EQ(solver_.work().factored_rows, 1);
 }
 
@@ -98,7 +98,7 @@ TEST_F(AutomaticSolverTest, SolversTakeTurns) {
     system.Perturb(row);
     const int first_b = step % 3 == 0 ? 10 : newest;
     system.b[static_cast<std::size_t>(system.OffsetOf(first_b))] += system.random.Unit();
-    Update(&system, {row, nullptr, step == 0}, first_b);
+    Update(&system, {row, nullptr}, first_b);
     turns += last != solver_.Name();
     last = solver_.Name();
   }

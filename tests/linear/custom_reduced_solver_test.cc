@@ -60,17 +60,17 @@ class CountingSolver final : public ReducedSolver {
   };
   explicit CountingSolver(Record* record) : record_(*record) {}
   const char* Name() const override { return "counting"; }
-  Status Analyze(const BlockPattern& pattern) override {
+  Status Analyze(const ReducedMatrix& A) override {
     ++record_.num_analyses;
-    return record_.analysis.ok() ? solver_.Analyze(pattern) : record_.analysis;
+    return record_.analysis.ok() ? solver_.Analyze(A) : record_.analysis;
   }
-  Status Factorize(const double* values, const double* diagonal) override {
+  Status Factorize(const ReducedMatrix& A, const Rows& changed) override {
     ++record_.num_factorizations;
-    return record_.factorization.ok() ? solver_.Factorize(values, diagonal) : record_.factorization;
+    return record_.factorization.ok() ? solver_.Factorize(A, changed) : record_.factorization;
   }
-  Status Solve(const double* b, double* x) override {
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override {
     ++record_.num_solves;
-    return solver_.Solve(b, x);
+    return solver_.Solve(b, changed_b, truncation, x);
   }
 
  private:

@@ -14,15 +14,15 @@ using Fill = RandomSystem::Fill;
 std::vector<double> SolveWith(int num_threads, const RandomSystem& system) {
   const Executor executor(num_threads);
   DenseCholesky solver(executor);
-  EXPECT_TRUE(solver.Analyze(system.pattern).ok());
-  EXPECT_TRUE(solver.Factorize(system.values.data(), system.diagonal.data()).ok());
+  EXPECT_TRUE(solver.Analyze(system.Matrix()).ok());
+  EXPECT_TRUE(solver.Factorize(system.Matrix(), {}).ok());
   const auto n = static_cast<std::size_t>(system.pattern.size());
   std::vector<double> b(n);
   for (std::size_t k = 0; k < n; ++k) {
     b[k] = static_cast<double>(k % 13) - 6.0;
   }
   std::vector<double> x(n);
-  EXPECT_TRUE(solver.Solve(b.data(), x.data()).ok());
+  EXPECT_TRUE(solver.Solve(b.data(), {}, {}, x.data()).ok());
   return x;
 }
 
@@ -41,9 +41,9 @@ TEST(DenseCholesky, NamesTheFrameThatFails) {
   RandomSystem system({6, 9, 3, 15}, Fill::kDense);
   const Executor executor(1);
   DenseCholesky solver(executor);
-  ASSERT_TRUE(solver.Analyze(system.pattern).ok());
+  ASSERT_TRUE(solver.Analyze(system.Matrix()).ok());
   system.Spoil(16);  // the second row of frame 2
-  const Status status = solver.Factorize(system.values.data(), system.diagonal.data());
+  const Status status = solver.Factorize(system.Matrix(), {});
   EXPECT_EQ(status.code, StatusCode::kSingular);
   EXPECT_NE(status.message.find("at frame 2"), std::string::npos) << status.message;
 }

@@ -100,11 +100,11 @@ TEST(DenseOrder, DenseCholeskySolvesInIt) {
       const RandomSystem system = Window(frames);
       const Executor executor(num_threads);
       DenseCholesky solver(executor);
-      ASSERT_TRUE(solver.Analyze(system.pattern).ok());
-      ASSERT_TRUE(solver.Factorize(system.values.data(), system.diagonal.data()).ok());
+      ASSERT_TRUE(solver.Analyze(system.Matrix()).ok());
+      ASSERT_TRUE(solver.Factorize(system.Matrix(), {}).ok());
       const Eigen::VectorXd b = Eigen::VectorXd::LinSpaced(system.pattern.size(), -1.0, 2.0);
       Eigen::VectorXd x(b.size());
-      ASSERT_TRUE(solver.Solve(b.data(), x.data()).ok());
+      ASSERT_TRUE(solver.Solve(b.data(), {}, {}, x.data()).ok());
       EXPECT_LT((system.Dense() * x - b).norm(), 1e-13 * b.norm()) << frames << " frames";
     }
   }
@@ -114,11 +114,11 @@ TEST(DenseOrder, TheFailureIsNamedByThePatternsOwnNumber) {
   RandomSystem system = Window(11);
   const Executor executor(1);
   DenseCholesky solver(executor);
-  ASSERT_TRUE(solver.Analyze(system.pattern).ok());
+  ASSERT_TRUE(solver.Analyze(system.Matrix()).ok());
   const int first_eliminated = OrderForEnvelope(system.pattern).blocks.front();
   ASSERT_NE(first_eliminated, 0);
   system.Spoil(system.pattern.offsets[first_eliminated] + 2);
-  const Status status = solver.Factorize(system.values.data(), system.diagonal.data());
+  const Status status = solver.Factorize(system.Matrix(), {});
   EXPECT_EQ(status.code, StatusCode::kSingular);
   EXPECT_NE(status.message.find("at frame " + std::to_string(first_eliminated)), std::string::npos) << status.message;
 }

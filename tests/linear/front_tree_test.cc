@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "linear/random_system.h"
-#include "support/cholmod_memory.h"
+#include "support/suitesparse_memory.h"
 
 namespace inceres::internal {
 namespace {
@@ -123,17 +123,16 @@ TEST_P(FrontTreeLaws, RowsAscendAndHoldEveryEntryOfTheFactor) {
 }
 
 TEST_P(FrontTreeLaws, EveryBlockOfSIsAPieceAtItsPlace) {
-  std::set<std::int64_t> seen;
+  std::set<int> seen;
   for (int f = 0; f < static_cast<int>(tree_.fronts.size()); ++f) {
     const std::vector<int> rows = ScalarRows(f);
     for (int k = tree_.fronts[f].piece_begin; k < tree_.fronts[f].piece_end; ++k) {
       const FrontPiece& piece = tree_.pieces[k];
-      EXPECT_TRUE(seen.insert(piece.values).second);
-      const auto block =
-          std::find(pattern_.value_begin.begin(), pattern_.value_begin.end(), piece.values) - pattern_.value_begin.begin();
+      EXPECT_TRUE(seen.insert(piece.block).second);
       const auto i =
-          std::upper_bound(pattern_.row_begin.begin(), pattern_.row_begin.end(), block) - pattern_.row_begin.begin() - 1;
-      const int j = pattern_.columns[block];
+          std::upper_bound(pattern_.row_begin.begin(), pattern_.row_begin.end(), piece.block) - pattern_.row_begin.begin() - 1;
+      const int j = pattern_.columns[piece.block];
+      EXPECT_EQ(piece.i, i);
       const auto position = [this](long b) { return std::find(tree_.order.begin(), tree_.order.end(), b) - tree_.order.begin(); };
       EXPECT_EQ(rows[piece.row], OffsetOf(static_cast<int>(position(i))));
       EXPECT_EQ(rows[piece.column], OffsetOf(static_cast<int>(position(j))));
@@ -155,7 +154,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // No fault of the matrix: not kSingular, upon which the same would be tried again with more damping.
 TEST(FrontTree, OutOfMemoryIsSaidAndForgotten) {
-  test::CholmodMemory memory;
+  test::SuiteSparseMemory memory;
   if (!memory.IsReachable()) {
     GTEST_SKIP() << "this SuiteSparse does not let its allocator be replaced";
   }

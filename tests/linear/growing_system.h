@@ -1,12 +1,14 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "inceres/linear/reduced_solver.h"
 #include "linear/block_rows.h"
-#include "linear/incremental_reduced_solver.h"
 #include "support/random_values.h"
 
 namespace inceres::internal {
@@ -105,6 +107,29 @@ struct GrowingSystem {
     return free;
   }
 
+  // As solvers are given it: a held row has the diagonal of the identity, and zeros in b.
+  ReducedMatrix Matrix() {
+    diagonal_ = damping;
+    free_b_ = b;
+    for (int i = 0; i < num_rows(); ++i) {
+      for (int k = OffsetOf(i); held[static_cast<std::size_t>(i)] != 0 && k < OffsetOf(i) + S.size_of(i); ++k) {
+        diagonal_[static_cast<std::size_t>(k)] = 1.0;
+        free_b_[static_cast<std::size_t>(k)] = 0.0;
+      }
+    }
+    return {S, diagonal_.data(), held.data()};
+  }
+  Status Factorize(const ReducedSolver::Rows& changed, ReducedSolver* solver) {
+    const ReducedMatrix A = Matrix();
+    const bool is_new = std::exchange(analyzed_version_, S.version()) != S.version();
+    const Status analyzed = is_new ? solver->Analyze(A) : Status::Ok();
+    return analyzed.ok() ? solver->Factorize(A, changed) : analyzed;
+  }
+  Status Solve(const ReducedSolver::Rows& changed_b, const ReducedSolver::Truncation& truncation, ReducedSolver* solver) {
+    Matrix();
+    return solver->Solve(free_b_.data(), changed_b, truncation, x.data());
+  }
+
   Eigen::VectorXd X() const { return Eigen::Map<const Eigen::VectorXd>(x.data(), size()); }
 
   test::Random random;
@@ -117,6 +142,10 @@ struct GrowingSystem {
   double coupling = 0.2;
 
  private:
+  std::vector<double> diagonal_;
+  std::vector<double> free_b_;
+  std::int64_t analyzed_version_ = -1;
+
   void CopyBlock(int i, const SymmetricBlockRows::Entry& entry, Eigen::MatrixXd* dense) const {
     const bool left_out = held[static_cast<std::size_t>(i)] != 0 || held[static_cast<std::size_t>(entry.column)] != 0;
     const int stride = PadToQuad(S.size_of(entry.column));
@@ -135,7 +164,6 @@ struct GrowingSystem {
 struct RandomChange {
   RandomChange(GrowingSystem* system, bool may_hold) {
     change.first_row = system->num_rows();
-    change.pattern = false;
     first_b = system->num_rows();
     test::Random& random = system->random;
     for (int edit = random.Below(4); edit >= 0; --edit) {
@@ -144,7 +172,6 @@ struct RandomChange {
       if (kind <= 1) {
         Touch(system->num_rows());
         system->AddRow(1 + random.Below(9), 1 + random.Below(6), random.Below(4) == 0);
-        change.pattern = true;
       } else if (kind <= 3) {
         system->Perturb(row);
         Touch(row);
@@ -152,7 +179,6 @@ struct RandomChange {
         system->RemoveRow(row);
         Touch(row);
         first_b = std::min(first_b, row);
-        change.pattern = true;
       } else if (kind == 5 && may_hold) {
         system->held[static_cast<std::size_t>(row)] ^= 1;
         Touch(row);
@@ -166,7 +192,6 @@ struct RandomChange {
         if (column < row) {
           system->Couple(row, column);
           Touch(row);
-          change.pattern = true;
         }
       }
     }
@@ -183,7 +208,7 @@ struct RandomChange {
   }
 
   std::vector<int> rows;
-  IncrementalReducedSolver::Change change;
+  ReducedSolver::Rows change;
   int first_b = 0;
 };
 

@@ -12,11 +12,11 @@
 namespace inceres::internal {
 namespace {
 
-constexpr IncrementalReducedSolver::Truncation kExact;
+constexpr ReducedSolver::Truncation kExact;
 
-Status Update(PcgSolver* solver, GrowingSystem* system, const IncrementalReducedSolver::Change& change) {
-  const Status status = solver->Factorize(system->S, system->damping.data(), system->held.data(), change);
-  return status.ok() ? solver->Solve(system->b.data(), {}, kExact, system->x.data()) : status;
+Status Update(PcgSolver* solver, GrowingSystem* system, const ReducedSolver::Rows& change) {
+  const Status status = system->Factorize(change, solver);
+  return status.ok() ? system->Solve({}, kExact, solver) : status;
 }
 
 // ‖x − A⁻¹b‖_A / ‖A⁻¹b‖_A, in long double: in double the oracle itself would err by more.
@@ -108,7 +108,7 @@ TEST(PcgSolver, AWarmStartTakesFewerIterations) {
     system.b[k] += force;
     system.b[k - 6] -= force;
   }
-  ASSERT_TRUE(Update(&solver, &system, {150, nullptr, false}).ok());
+  ASSERT_TRUE(Update(&solver, &system, {150, nullptr}).ok());
   EXPECT_LT(solver.work().iterations, 2 * cold / 3);
   EXPECT_LE(EnergyError(system), 1e-6);
 }
@@ -134,12 +134,12 @@ TEST(PcgSolver, InvertsOnlyTheBlocksThatChanged) {
   system.Perturb(50);
   system.held[60] = 1;
   const std::vector<int> rows{20, 50, 60};
-  ASSERT_TRUE(Update(&solver, &system, {20, &rows, false}).ok());
+  ASSERT_TRUE(Update(&solver, &system, {20, &rows}).ok());
   EXPECT_EQ(solver.work().factored_rows, 2);
   EXPECT_LE(EnergyError(system), 1e-8);
   system.AddRow(6, 2, false);
   const std::vector<int> none;
-  ASSERT_TRUE(Update(&solver, &system, {80, &none, true}).ok());
+  ASSERT_TRUE(Update(&solver, &system, {80, &none}).ok());
   EXPECT_EQ(solver.work().factored_rows, 1);
   EXPECT_LE(EnergyError(system), 1e-8);
 }

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "inceres/linear/block_pattern.h"
+#include "inceres/linear/reduced_matrix.h"
 #include "support/core_pipeline.h"
 #include "support/random_values.h"
 
@@ -79,6 +79,8 @@ struct RandomSystem {
     S.diagonal() += Eigen::Map<const Eigen::VectorXd>(diagonal.data(), pattern.size());
     return S;
   }
+
+  ReducedMatrix Matrix() const { return {pattern, values.data(), diagonal.data()}; }
 
   // Makes the matrix indefinite at scalar row `at`.
   void Spoil(int at) { diagonal[static_cast<std::size_t>(at)] = -1e6; }

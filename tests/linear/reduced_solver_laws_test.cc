@@ -29,20 +29,20 @@ class ReducedSolverLaws : public testing::TestWithParam<SolverCase> {
 
   // Factors and solves with several right-hand sides; Eigen's LLT knows the answer.
   void ExpectSolves(RandomSystem& system) {
-    const Status factored = solver_->Factorize(system.values.data(), system.diagonal.data());
+    const Status factored = solver_->Factorize(system.Matrix(), {});
     ASSERT_TRUE(factored.ok()) << factored.message;
     const int n = system.pattern.size();
     const Eigen::LLT<Eigen::MatrixXd> llt(system.Dense());
     for (int k = 0; k < 2; ++k) {
       const std::vector<double> b = system.random.Vector(static_cast<std::size_t>(n));
       Eigen::VectorXd x = Eigen::VectorXd::Constant(n, 77.0);
-      ASSERT_TRUE(solver_->Solve(b.data(), x.data()).ok());
+      ASSERT_TRUE(solver_->Solve(b.data(), {}, {}, x.data()).ok());
       EXPECT_LT(test::RelativeError(x, llt.solve(Eigen::Map<const Eigen::VectorXd>(b.data(), n))), 1e-11);
     }
   }
 
   void ExpectSolvesNew(RandomSystem system) {
-    const Status analyzed = solver_->Analyze(system.pattern);
+    const Status analyzed = solver_->Analyze(system.Matrix());
     ASSERT_TRUE(analyzed.ok()) << analyzed.message;
     ExpectSolves(system);
   }
@@ -85,7 +85,7 @@ TEST_P(ReducedSolverLaws, LongBands) {
 
 TEST_P(ReducedSolverLaws, NewValuesInTheSamePattern) {
   RandomSystem system({6, 9, 6, 3, 15}, Fill::kBand);
-  ASSERT_TRUE(solver_->Analyze(system.pattern).ok());
+  ASSERT_TRUE(solver_->Analyze(system.Matrix()).ok());
   for (int k = 0; k < 3; ++k) {
     ExpectSolves(system);
     system.FillValues();
@@ -102,11 +102,11 @@ TEST_P(ReducedSolverLaws, TheUpperTriangleOfDiagonalBlocksIsNotRead) {
   RandomSystem system({3, 5}, Fill::kDense);
   RandomSystem clean = system;
   system.values[1] = 1e9;  // entry (0, 1) of the first block
-  ASSERT_TRUE(solver_->Analyze(system.pattern).ok());
-  ASSERT_TRUE(solver_->Factorize(system.values.data(), system.diagonal.data()).ok());
+  ASSERT_TRUE(solver_->Analyze(system.Matrix()).ok());
+  ASSERT_TRUE(solver_->Factorize(system.Matrix(), {}).ok());
   const std::vector<double> b(8, 1.0);
   Eigen::VectorXd x(8);
-  ASSERT_TRUE(solver_->Solve(b.data(), x.data()).ok());
+  ASSERT_TRUE(solver_->Solve(b.data(), {}, {}, x.data()).ok());
   EXPECT_LT((clean.Dense() * x - Eigen::VectorXd::Ones(8)).norm(), 1e-12);
 }
 
@@ -114,11 +114,11 @@ TEST_P(ReducedSolverLaws, NotPositiveDefiniteIsSingularAndTheSolverWorksAgain) {
   for (const int num_blocks : {2, 30, 150}) {
     for (const int at : {0, 5, num_blocks * 3 - 1}) {
       RandomSystem system(std::vector<int>(static_cast<std::size_t>(num_blocks), 3), Fill::kBand);
-      ASSERT_TRUE(solver_->Analyze(system.pattern).ok());
+      ASSERT_TRUE(solver_->Analyze(system.Matrix()).ok());
       const std::vector<double> good = system.diagonal;
       for (int round = 0; round < 2; ++round) {
         system.Spoil(at);
-        const Status failed = solver_->Factorize(system.values.data(), system.diagonal.data());
+        const Status failed = solver_->Factorize(system.Matrix(), {});
         EXPECT_EQ(failed.code, StatusCode::kSingular) << num_blocks << " blocks, row " << at;
         EXPECT_NE(failed.message.find("not positive definite"), std::string::npos) << failed.message;
         system.diagonal = good;
@@ -130,13 +130,14 @@ TEST_P(ReducedSolverLaws, NotPositiveDefiniteIsSingularAndTheSolverWorksAgain) {
 
 TEST_P(ReducedSolverLaws, ZeroMatrixAndNaNAreSingular) {
   RandomSystem system({3, 3}, Fill::kDense);
-  ASSERT_TRUE(solver_->Analyze(system.pattern).ok());
+  ASSERT_TRUE(solver_->Analyze(system.Matrix()).ok());
   const std::vector<double> zeros(system.values.size(), 0.0);
   const std::vector<double> no_diagonal(6, 0.0);
-  EXPECT_EQ(solver_->Factorize(zeros.data(), no_diagonal.data()).code, StatusCode::kSingular);
+  EXPECT_EQ(solver_->Factorize(ReducedMatrix(system.pattern, zeros.data(), no_diagonal.data()), {}).code, StatusCode::kSingular);
   std::vector<double> nan = system.values;
   nan[0] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(solver_->Factorize(nan.data(), system.diagonal.data()).code, StatusCode::kSingular);
+  EXPECT_EQ(solver_->Factorize(ReducedMatrix(system.pattern, nan.data(), system.diagonal.data()), {}).code,
+            StatusCode::kSingular);
   ExpectSolves(system);
 }
 

@@ -13,12 +13,12 @@
 namespace inceres::internal {
 namespace {
 
-constexpr IncrementalReducedSolver::Truncation kExact;
+constexpr ReducedSolver::Truncation kExact;
 
-Status Update(IncrementalReducedSolver* solver, GrowingSystem* system, const IncrementalReducedSolver::Change& change,
-              int first_b, const IncrementalReducedSolver::Truncation& truncation = kExact) {
-  const Status status = solver->Factorize(system->S, system->damping.data(), system->held.data(), change);
-  return status.ok() ? solver->Solve(system->b.data(), {first_b}, truncation, system->x.data()) : status;
+Status Update(ReducedSolver* solver, GrowingSystem* system, const ReducedSolver::Rows& changed, int first_b,
+              const ReducedSolver::Truncation& truncation = kExact) {
+  const Status status = system->Factorize(changed, solver);
+  return status.ok() ? system->Solve({first_b}, truncation, solver) : status;
 }
 
 // In the order that the solver has come to.
@@ -70,9 +70,9 @@ TEST(ResumedSolver, FactorsOftenerThanItSolves) {
   for (int step = 0; step < 100; ++step) {
     const RandomChange edit(&system, /*may_hold=*/true);
     first_b = std::min(first_b, edit.first_b);
-    ASSERT_TRUE(solver.Factorize(system.S, system.damping.data(), system.held.data(), edit.change).ok());
+    ASSERT_TRUE(system.Factorize(edit.change, &solver).ok());
     if (step % 5 == 4) {
-      ASSERT_TRUE(solver.Solve(system.b.data(), {first_b}, kExact, system.x.data()).ok());
+      ASSERT_TRUE(system.Solve({first_b}, kExact, &solver).ok());
       ASSERT_EQ(system.x, FromScratch(system, solver.order())) << step;
       first_b = system.num_rows();
     }
@@ -85,13 +85,13 @@ TEST(ResumedSolver, HeldRowsAreZeroAndFreedOnesComeBack) {
   ASSERT_TRUE(Update(&solver, &system, {}, 0).ok());
   const std::vector<double> before = system.x;
   system.held[4] = system.held[7] = 1;
-  ASSERT_TRUE(Update(&solver, &system, {4, nullptr, false}, 10).ok());
+  ASSERT_TRUE(Update(&solver, &system, {4, nullptr}, 10).ok());
   EXPECT_EQ(solver.work().factored_rows, 6);
   EXPECT_TRUE(system.X().segment(12, 3).isZero(0.0));
   EXPECT_TRUE(system.X().segment(21, 3).isZero(0.0));
   EXPECT_FALSE(system.X().segment(15, 3).isZero(1e-3));
   system.held[4] = system.held[7] = 0;
-  ASSERT_TRUE(Update(&solver, &system, {4, nullptr, false}, 10).ok());
+  ASSERT_TRUE(Update(&solver, &system, {4, nullptr}, 10).ok());
   EXPECT_EQ(system.x, before);
 }
 
@@ -102,7 +102,7 @@ TEST(ResumedSolver, AnAppendedRowTouchesTheTailOnly) {
   EXPECT_EQ(solver.work().factored_rows, 500);
   EXPECT_EQ(solver.work().solved.first_row, 0);
   system.AddRow(6, 2, false);
-  ASSERT_TRUE(Update(&solver, &system, {500, nullptr, true}, 500, {system.damping.data(), 1e-14}).ok());
+  ASSERT_TRUE(Update(&solver, &system, {500, nullptr}, 500, {system.damping.data(), 1e-14}).ok());
   EXPECT_EQ(solver.work().factored_rows, 1);
   EXPECT_EQ(solver.work().forward_rows, 1);
   EXPECT_LT(solver.work().solved_rows, 20);
@@ -115,7 +115,7 @@ TEST(ResumedSolver, NothingChangedIsNothingDone) {
   ResumedSolver solver;
   ASSERT_TRUE(Update(&solver, &system, {}, 0).ok());
   const std::vector<double> before = system.x;
-  ASSERT_TRUE(Update(&solver, &system, {50, nullptr, false}, 50).ok());
+  ASSERT_TRUE(Update(&solver, &system, {50, nullptr}, 50).ok());
   EXPECT_EQ(solver.work().factored_rows, 0);
   EXPECT_EQ(solver.work().solved_rows, 0);
   EXPECT_EQ(system.x, before);
@@ -126,10 +126,10 @@ TEST(ResumedSolver, ALoopCarriesTheChangeToItsEnd) {
   GrowingSystem system = Chain(300);
   system.Couple(299, 100);
   ResumedSolver solver;
-  const IncrementalReducedSolver::Truncation truncation{system.damping.data(), 1e-16};
+  const ReducedSolver::Truncation truncation{system.damping.data(), 1e-16};
   ASSERT_TRUE(Update(&solver, &system, {}, 0, truncation).ok());
   system.Perturb(299);
-  ASSERT_TRUE(Update(&solver, &system, {299, nullptr, false}, 300, truncation).ok());
+  ASSERT_TRUE(Update(&solver, &system, {299, nullptr}, 300, truncation).ok());
   EXPECT_EQ(solver.work().factored_rows, 1);
   EXPECT_LE(solver.work().solved.first_row, 100);
   EXPECT_GT(solver.work().solved.first_row, 70);
@@ -150,7 +150,7 @@ TEST(ResumedSolver, TheErrorOfTruncationStaysBounded) {
     const int row = step == 0 ? 0 : 70 + system.random.Below(10);
     system.b[static_cast<std::size_t>(system.OffsetOf(row))] += 1e-4;
     const std::vector<double> weights(system.b.size(), 1.0);
-    ASSERT_TRUE(Update(&solver, &system, {step == 0 ? 0 : row, nullptr, false}, row, {weights.data(), kThreshold}).ok());
+    ASSERT_TRUE(Update(&solver, &system, {step == 0 ? 0 : row, nullptr}, row, {weights.data(), kThreshold}).ok());
     left_out += solver.work().solved.first_row > 0;
     const Eigen::VectorXd expected = system.Dense().llt().solve(system.FreeB());
     ASSERT_LE((system.X() - expected).lpNorm<Eigen::Infinity>(), 2.0 * std::sqrt(kThreshold)) << step;
@@ -172,7 +172,7 @@ TEST(ResumedSolver, GoesOnFromAPartlyAppliedSolution) {
   for (std::size_t k = 300; k < 360; ++k) {
     system.x[k] = 0.0;
   }
-  ASSERT_TRUE(Update(&solver, &system, {60, nullptr, false}, 48, {weights.data(), 1e-20}).ok());
+  ASSERT_TRUE(Update(&solver, &system, {60, nullptr}, 48, {weights.data(), 1e-20}).ok());
   EXPECT_GT(solver.work().solved.first_row, 20);
   EXPECT_LE((system.X() - system.Dense().llt().solve(b)).lpNorm<Eigen::Infinity>(), 1e-9);
 }
@@ -182,12 +182,12 @@ TEST(ResumedSolver, RecoversFromASingularRow) {
   ResumedSolver solver;
   ASSERT_TRUE(Update(&solver, &system, {}, 0).ok());
   system.damping[24] = -1000.0;
-  const Status failed = Update(&solver, &system, {8, nullptr, false}, 12);
+  const Status failed = Update(&solver, &system, {8, nullptr}, 12);
   EXPECT_EQ(failed.code, StatusCode::kSingular);
   EXPECT_NE(failed.message.find("block row 8"), std::string::npos) << failed.message;
   EXPECT_EQ(solver.Solve(system.b.data(), {12}, kExact, system.x.data()).code, StatusCode::kSingular);
   system.damping[24] = 0.25;
-  ASSERT_TRUE(Update(&solver, &system, {8, nullptr, false}, 12).ok());
+  ASSERT_TRUE(Update(&solver, &system, {8, nullptr}, 12).ok());
   EXPECT_EQ(solver.work().factored_rows, 4);
   EXPECT_EQ(system.x, FromScratch(system, solver.order()));
 }
@@ -211,11 +211,11 @@ TEST(ResumedSolver, PredictsTheFlopsOfADenseFactor) {
     system.AddRow(4, 30, false);
   }
   ResumedSolver solver;
-  EXPECT_NEAR(solver.PlanFor(system.S, nullptr, {}).flops, 120.0 * 120.0 * 120.0 / 3.0, 0.05 * 120.0 * 120.0 * 120.0 / 3.0);
+  EXPECT_NEAR(solver.PlanFor(system.Matrix(), {}).flops, 120.0 * 120.0 * 120.0 / 3.0, 0.05 * 120.0 * 120.0 * 120.0 / 3.0);
   ASSERT_TRUE(Update(&solver, &system, {}, 0).ok());
   const double all = solver.work().factor_flops;
-  EXPECT_EQ(solver.PlanFor(system.S, nullptr, {30, nullptr, false}).flops, 0.0);
-  const double tail = solver.PlanFor(system.S, nullptr, {15, nullptr, false}).flops;
+  EXPECT_EQ(solver.PlanFor(system.Matrix(), {30, nullptr}).flops, 0.0);
+  const double tail = solver.PlanFor(system.Matrix(), {15, nullptr}).flops;
   EXPECT_NEAR(tail / all, 7.0 / 8.0, 0.02);
   EXPECT_GT(solver.Bytes(), 120u * 120u / 2u * sizeof(double));
 }
@@ -254,13 +254,12 @@ class AgedOrder : public testing::Test {
         system_.b[static_cast<std::size_t>(system_.OffsetOf(row) + k)] = system_.random.Unit();
       }
     }
-    const IncrementalReducedSolver::Change change(rows_.front(), &rows_, true);
-    const IncrementalReducedSolver::Rows changed_b{rows_.front(), &rows_};
-    ASSERT_TRUE(solver_.Factorize(system_.S, system_.damping.data(), system_.held.data(), change).ok());
+    const ReducedSolver::Rows changed{rows_.front(), &rows_};
+    ASSERT_TRUE(system_.Factorize(changed, &solver_).ok());
     reorderings_ += solver_.work().reorderings;
     flops_ += solver_.work().factor_flops;
     arrival_flops_ += EnvelopeFlops(system_.S, system_.held.data(), arrival_, ArrivalPlace());
-    ASSERT_TRUE(solver_.Solve(system_.b.data(), changed_b, {system_.damping.data(), 1e-24}, system_.x.data()).ok());
+    ASSERT_TRUE(system_.Solve(changed, {system_.damping.data(), 1e-24}, &solver_).ok());
   }
 
   int ArrivalPlace() {

@@ -76,10 +76,10 @@ TEST_F(SelectSolver, PcgIsReadyToFactorize) {
   Status status;
   const auto solver = MakeReducedSolver(ReducedSolverKind::kPcg, nullptr, system.pattern, executor_, &status);
   ASSERT_TRUE(status.ok());
-  ASSERT_TRUE(solver->Factorize(system.values.data(), system.diagonal.data()).ok());
+  ASSERT_TRUE(solver->Factorize(system.Matrix(), {}).ok());
   std::vector<double> x(static_cast<std::size_t>(system.pattern.size()));
   const std::vector<double> b(x.size(), 1.0);
-  EXPECT_TRUE(solver->Solve(b.data(), x.data()).ok());
+  EXPECT_TRUE(solver->Solve(b.data(), {}, {}, x.data()).ok());
 }
 
 TEST_F(SelectSolver, AWishIsGranted) {
@@ -96,7 +96,7 @@ TEST_F(SelectSolver, TheFactoryGoesBeforeEveryKind) {
         kind, [] { return std::make_unique<EigenLdltSolver>(); }, system.pattern, executor_, &status);
     ASSERT_TRUE(status.ok());
     EXPECT_STREQ(solver->Name(), "Eigen LDLT");
-    EXPECT_TRUE(solver->Factorize(system.values.data(), system.diagonal.data()).ok()) << "is analyzed already";
+    EXPECT_TRUE(solver->Factorize(system.Matrix(), {}).ok()) << "is analyzed already";
   }
 }
 

@@ -27,6 +27,11 @@ run(${CMAKE_COMMAND} --install ${BINARY_DIR} --prefix ${WORK_DIR}/prefix)
 set(no_ceres -DCMAKE_DISABLE_FIND_PACKAGE_Ceres=ON)
 consume(core ${no_ceres}
   -DCMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON -DCMAKE_DISABLE_FIND_PACKAGE_ZLIB=ON -DCMAKE_DISABLE_FIND_PACKAGE_BZip2=ON)
+# Of CHOLMOD, whose supernodal part is under the GPL, the core links nothing: it orders by AMD and METIS.
+execute_process(COMMAND ldd ${WORK_DIR}/core/consumer OUTPUT_VARIABLE libraries COMMAND_ERROR_IS_FATAL ANY)
+if(NOT libraries MATCHES "libamd" OR libraries MATCHES "libcholmod|libceres")
+  message(FATAL_ERROR "a program with the core alone is to load libamd, neither libcholmod nor libceres; it loads\n${libraries}")
+endif()
 consume(headers ${no_ceres} -DCMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON)
 if(WITH_CERES)
   consume(ceres)

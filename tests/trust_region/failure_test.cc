@@ -7,10 +7,10 @@
 
 #include "inceres/solver/solver.h"
 #include "linear/eigen_ldlt_solver.h"
-#include "support/cholmod_memory.h"
 #include "support/classic_problems.h"
 #include "support/dense_oracle.h"
 #include "support/random_graph.h"
+#include "support/suitesparse_memory.h"
 
 namespace inceres {
 namespace {
@@ -216,11 +216,12 @@ TEST(InvalidSteps, EndTheSolveAndRestoreTheState) {
 class FlakySolver final : public ReducedSolver {
  public:
   const char* Name() const override { return "flaky"; }
-  Status Analyze(const BlockPattern& pattern) override { return solver_.Analyze(pattern); }
-  Status Factorize(const double* values, const double* diagonal) override {
-    return num_calls_++ % 2 == 0 ? Status::Error(StatusCode::kSingular, "not this time") : solver_.Factorize(values, diagonal);
+  Status Factorize(const ReducedMatrix& A, const Rows& changed) override {
+    return num_calls_++ % 2 == 0 ? Status::Error(StatusCode::kSingular, "not this time") : solver_.Factorize(A, changed);
   }
-  Status Solve(const double* b, double* x) override { return solver_.Solve(b, x); }
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override {
+    return solver_.Solve(b, changed_b, truncation, x);
+  }
 
  private:
   int num_calls_ = 0;
@@ -316,7 +317,7 @@ TEST(NotFinite, OverflowingCostEndsWithoutMoving) {
   EXPECT_EQ(graph.state()[0], 1.0);
 }
 
-// A path long enough for the sparse factorization, whose order is CHOLMOD's.
+// A path long enough for the sparse factorization, whose order is AMD's.
 TEST(OutOfMemory, BeforeTheFirstIterationNothingHasHappened) {
   test::RandomGraph path(1);
   VariableId last = path.AddFrame(6);
@@ -328,7 +329,7 @@ TEST(OutOfMemory, BeforeTheFirstIterationNothingHasHappened) {
   }
   path.Perturb(0.1);
   const std::vector<double> start = path.graph().state();
-  test::CholmodMemory memory;
+  test::SuiteSparseMemory memory;
   if (!memory.IsReachable()) {
     GTEST_SKIP() << "this SuiteSparse does not let its allocator be replaced";
   }

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "adapters/ceres/read/introspection.h"
-#include "inceres/linear/block_pattern.h"
+#include "inceres/linear/reduced_matrix.h"
 
 namespace inceres::internal {
 

@@ -1,34 +1,78 @@
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "inceres/export.h"
-#include "inceres/linear/block_pattern.h"
+#include "inceres/linear/reduced_matrix.h"
 #include "inceres/status.h"
 
 namespace inceres {
 
-/// The open interface for S δ = b. The built-in solvers (dense and sparse Cholesky, PCG) implement it; implement it to plug in
-/// your own and hand a factory to SolverOptions::reduced_solver_factory. See docs/reduced_solver.md for a worked example.
+/// The open interface for A δ = b, A = S + diag, in batch and in incremental solves. The built-in solvers implement it; implement
+/// it to plug in your own, and hand a factory to SolverOptions or IncrementalOptions::reduced_solver_factory. See
+/// docs/reduced_solver.md for a worked example. What is told of changes may be ignored: whoever factors and solves for all of it
+/// is right.
 ///
-/// Call order: Analyze once per pattern, then any number of Factorize, each followed by any number of Solve. One thread calls.
+/// Call order: Analyze before the first Factorize and whenever a block or a row has come or gone; any number of Factorize, each
+/// followed by any number of Solve if it succeeded. A stays as it is from Factorize to the last Solve. Vectors are packed as
+/// pattern().offsets says. One thread calls; the same calls must give the same bits if solves are to.
 class INCERES_EXPORT ReducedSolver {
  public:
+  /// Some block rows, by their ids (ReducedMatrix::RowId): none before first_row, and of those the listed ones, ascending; null:
+  /// perhaps all. A batch solve says no more than "perhaps all".
+  struct Rows {
+    int first_row = 0;
+    const std::vector<int>* rows = nullptr;
+  };
+
+  /// Where a solution may be left as it was: a block row has hardly changed if Σ weights[k] · change_k² ≤ threshold over its
+  /// scalars k. Threshold 0: nothing is left out, and weights may be null.
+  struct Truncation {
+    const double* weights = nullptr;  ///< packed, ≥ 0, for example diag(C)
+    double threshold = 0.0;
+  };
+
+  /// Work of the last Factorize and the last Solve, in block rows; as it is made: that of who does all of it.
+  struct Work {
+    static constexpr int kAll = -1;
+    int factored_rows = kAll;   ///< of the factor computed, or preconditioner blocks inverted
+    int forward_rows = kAll;    ///< substituted forwards
+    int solved_rows = kAll;     ///< substituted backwards
+    Rows solved;                ///< x of other block rows was left as it was; the list is good until the next call
+    int iterations = 0;         ///< of conjugate gradients
+    int reorderings = 0;        ///< of the rows of S, before or in Factorize
+    bool converged = true;      ///< the iteration's tolerance was reached; if not, x is still a step downhill
+    double factor_flops = 0.0;  ///< of Factorize, as predicted from the pattern; 0: not known
+  };
+
   virtual ~ReducedSolver() = default;
 
   /// Shown in summaries and error messages, for example "dense Cholesky".
   virtual const char* Name() const = 0;
 
-  /// Announces a pattern. It stays alive and unchanged until the next Analyze: symbolic work belongs here.
-  virtual Status Analyze(const BlockPattern& pattern) = 0;
+  /// Announces a pattern, for symbolic work. A's values and diagonal may not be there yet.
+  virtual Status Analyze(const ReducedMatrix& /*A*/) { return Status::Ok(); }
 
-  /// Factors S + diag(diagonal). `values` are laid out by the pattern, `diagonal` has pattern.size() entries ≥ 0. Returns
-  /// StatusCode::kSingular when the matrix is not positive definite; the solver then retries with more damping.
-  virtual Status Factorize(const double* values, const double* diagonal) = 0;
+  /// Factors A. `changed`: what differs from the last Factorize, in values, diagonal or constancy; a row stands for its blocks
+  /// (row, column ≤ row), and a removed one changed too. Returns StatusCode::kSingular when A is not positive definite: it is
+  /// then tried again with more damping, and the next `changed` counts from this Factorize all the same.
+  virtual Status Factorize(const ReducedMatrix& A, const Rows& changed) = 0;
 
-  /// x = (S + diag(diagonal))⁻¹ b; pattern.size() entries each, not aliased.
-  virtual Status Solve(const double* b, double* x) = 0;
+  /// x = A⁻¹ b, not aliased. In x: the last solution, less what the caller has applied of it since, which is what rows left out
+  /// keep and what an iteration may start from. b outside changed_b is as in the last Solve, and a row whose part of x was
+  /// applied counts as changed. After a row was removed or came back, all of x is to be written.
+  virtual Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) = 0;
+
+  const Work& work() const { return work_; }
+
+  /// Memory held.
+  virtual std::size_t Bytes() const { return 0; }
+
+ protected:
+  Work work_;
 };
 
 /// Which built-in solver takes the reduced system S δ = b.

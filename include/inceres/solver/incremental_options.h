@@ -79,9 +79,8 @@ struct INCERES_EXPORT IncrementalOptions {
 
   RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;
   ReducedSolverKind reduced_solver = ReducedSolverKind::kAutomatic;  ///< not kAutomaticInexact
-  /// If set, makes the solver for S δ = b instead of a built-in one, for the batch solver too (docs/reduced_solver.md). It
-  /// factors all of S each time; Analyze is called again when a block or a frame came or went. Read by the constructor of
-  /// IncrementalSolver.
+  /// If set, makes the solver for S δ = b instead of a built-in one, for the batch solver too (docs/reduced_solver.md). It is
+  /// told what has changed from one call to the next. Read by the constructor of IncrementalSolver.
   ReducedSolverFactory reduced_solver_factory;
 
   /// What is wrong with these options, the first culprit named.

@@ -1,39 +1,29 @@
-#include "schur/landmark_factor.h"
-
-#include <cmath>
+#include "linear/small_cholesky.h"
 
 namespace inceres::internal {
-
 namespace {
 
 template <int kSize>
 bool InvertFactorOf(const double* P, const double* damping, double* U_inv) {
-  double L[kSize][kSize];
-  for (int j = 0; j < kSize; ++j) {
-    double pivot = P[j * kQuad + j] + damping[j];
-    for (int k = 0; k < j; ++k) {
-      pivot -= L[j][k] * L[j][k];
+  double L[kSize * kQuad];
+  double inverse_pivots[kSize];
+  for (int i = 0; i < kSize; ++i) {
+    for (int j = 0; j < i; ++j) {
+      L[i * kQuad + j] = P[i * kQuad + j];
     }
-    if (!(pivot > 0.0) || !std::isfinite(pivot)) {
-      return false;
-    }
-    L[j][j] = 1.0 / std::sqrt(pivot);  // of the diagonal only the inverse is wanted
-    for (int i = j + 1; i < kSize; ++i) {
-      double sum = P[i * kQuad + j];
-      for (int k = 0; k < j; ++k) {
-        sum -= L[i][k] * L[j][k];
-      }
-      L[i][j] = sum * L[j][j];
-    }
+    L[i * kQuad + i] = P[i * kQuad + i] + damping[i];
+  }
+  if (!FactorSmall(kSize, L, kQuad, inverse_pivots)) {
+    return false;
   }
   for (int j = 0; j < kSize; ++j) {
-    U_inv[j * kQuad + j] = L[j][j];
+    U_inv[j * kQuad + j] = inverse_pivots[j];
     for (int i = j + 1; i < kSize; ++i) {
       double sum = 0.0;
       for (int k = j; k < i; ++k) {
-        sum -= L[i][k] * U_inv[k * kQuad + j];
+        sum -= L[i * kQuad + k] * U_inv[k * kQuad + j];
       }
-      U_inv[i * kQuad + j] = sum * L[i][i];
+      U_inv[i * kQuad + j] = sum * inverse_pivots[i];
     }
   }
   return true;

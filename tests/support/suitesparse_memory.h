@@ -6,18 +6,18 @@
 
 namespace inceres::test {
 
-/// The memory that CHOLMOD gets, from all solvers of this process: Deny() makes every further allocation fail, until Grant() or
+/// The memory that AMD and CHOLMOD get, from all solvers of this process: Deny() makes every further allocation fail, until Grant() or
 /// the end of this object.
-class CholmodMemory {
+class SuiteSparseMemory {
  public:
-  CholmodMemory() : current_(static_cast<Functions*>(dlsym(RTLD_DEFAULT, "SuiteSparse_config"))) {
+  SuiteSparseMemory() : current_(static_cast<Functions*>(dlsym(RTLD_DEFAULT, "SuiteSparse_config"))) {
     if (current_ != nullptr) {
       usual_ = *current_;
     }
   }
-  ~CholmodMemory() { Grant(); }
-  CholmodMemory(const CholmodMemory&) = delete;
-  CholmodMemory& operator=(const CholmodMemory&) = delete;
+  ~SuiteSparseMemory() { Grant(); }
+  SuiteSparseMemory(const SuiteSparseMemory&) = delete;
+  SuiteSparseMemory& operator=(const SuiteSparseMemory&) = delete;
 
   /// False where SuiteSparse keeps its functions to itself, as from 7 on.
   bool IsReachable() const { return current_ != nullptr; }

@@ -1,0 +1,92 @@
+#include "linear/conjugate_gradients.h"
+
+#include <algorithm>
+
+#include "simd/kernels.h"
+
+namespace inceres::internal {
+namespace {
+
+// Four sums, so that the compiler can keep them in one register: it may not reorder a sum by itself.
+double Dot(const AlignedVector<double>& a, const AlignedVector<double>& b) {
+  double sum[kQuad] = {};
+  for (std::size_t k = 0; k < a.size(); k += kQuad) {
+    for (int lane = 0; lane < kQuad; ++lane) {
+      sum[lane] += a[k + lane] * b[k + lane];
+    }
+  }
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+// y += scale · x.
+void Add(double scale, const AlignedVector<double>& x, AlignedVector<double>* y) {
+  for (std::size_t k = 0; k < x.size(); ++k) {
+    (*y)[k] += scale * x[k];
+  }
+}
+
+}  // namespace
+
+void ConjugateGradients::Resize(std::size_t size) {
+  for (AlignedVector<double>* vector : {&b_, &x_, &r_, &z_, &p_, &minus_product_}) {
+    vector->resize(size);
+  }
+}
+
+void ConjugateGradients::StartFromZero() {
+  std::fill(x_.begin(), x_.end(), 0.0);
+  r_ = b_;
+  decrease_ = 0.0;
+}
+
+void ConjugateGradients::StartFromX(const System& system) {
+  r_ = b_;
+  system.SubtractProduct(x_.data(), r_.data());
+  decrease_ = 0.5 * (Dot(b_, x_) + Dot(r_, x_));
+  if (!(decrease_ > 0.0)) {
+    StartFromZero();
+  }
+}
+
+ConjugateGradients::End ConjugateGradients::Iterate(System* system, int max_iterations) {
+  gains_.clear();
+  if (!system->Precondition(r_.data(), z_.data())) {
+    return End::kNoPreconditioner;
+  }
+  p_ = z_;
+  first_rz_ = rz_ = Dot(r_, z_);
+  bool converged = rz_ == 0.0;
+  while (!converged) {
+    if (static_cast<int>(gains_.size()) >= max_iterations) {
+      return End::kTooLong;
+    }
+    std::fill(minus_product_.begin(), minus_product_.end(), 0.0);
+    system->SubtractProduct(p_.data(), minus_product_.data());
+    curvature_ = -Dot(p_, minus_product_);
+    if (!(curvature_ > 0.0)) {
+      return End::kNotPositiveDefinite;
+    }
+    const double alpha = rz_ / curvature_;
+    Add(alpha, p_, &x_);
+    Add(alpha, minus_product_, &r_);
+    gains_.push_back(0.5 * alpha * rz_);
+    decrease_ += gains_.back();
+    if (!system->Precondition(r_.data(), z_.data())) {
+      return End::kNoPreconditioner;
+    }
+    const double last_rz = rz_;
+    rz_ = Dot(r_, z_);
+    converged = rz_ == 0.0 || system->IsGoodEnough(*this);
+    const double beta = rz_ / last_rz;
+    for (std::size_t k = 0; k < p_.size(); ++k) {
+      p_[k] = z_[k] + beta * p_[k];
+    }
+  }
+  return End::kConverged;
+}
+
+std::size_t ConjugateGradients::Bytes() const {
+  return (6 * x_.capacity() + gains_.capacity()) * sizeof(double);
+}
+
+}  // namespace inceres::internal
