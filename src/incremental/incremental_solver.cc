@@ -47,7 +47,7 @@ class IncrementalSolver::Impl {
   double cost() const { return cost_; }
   const double* Values(VariableId id) const {
     return shown_state_ != nullptr ? graph.ValuesIn(shown_state_, id)
-           : live != nullptr       ? live->values().current(id)
+           : live != nullptr       ? live->variables().current(id)
                                    : graph.Values(id);
   }
 
@@ -82,7 +82,7 @@ class IncrementalSolver::Impl {
 void IncrementalSolver::Impl::TakeValues() {
   for (VariableId id = 0; live != nullptr && id < graph.num_variables(); ++id) {
     if (graph.HasVariable(id)) {
-      graph.SetValues(id, live->values().current(id));
+      graph.SetValues(id, live->variables().current(id));
     }
   }
 }
@@ -152,7 +152,7 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
   internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance * cost_ / std::max(1, graph.num_factors()));
   internal::MarginalizationTarget target;
   target.graph = &graph;
-  target.values = [this](VariableId id) { return live->values().current(id); };
+  target.values = [this](VariableId id) { return live->variables().current(id); };
   target.cached = [&](FactorId id, const auto& wanted, internal::LinearizedFactor* rows) {
     return cached.Find(id, wanted, rows);
   };

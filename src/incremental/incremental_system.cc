@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <string>
 #include <utility>
@@ -30,8 +29,8 @@ double IncrementalSystem::LargestStep(FactorRef ref) const {
   double largest = 0.0;
   for (int s = 0; s < family.num_slots(); ++s) {
     const VariableId id = family.variables(ref.factor)[s];
-    for (int k = 0; tangents_.quad(id) >= 0 && k < tangents_.tangent_size(id); ++k) {
-      largest = std::max(largest, std::fabs(step_[static_cast<std::size_t>(tangents_.quad(id)) * kQuad + k]));
+    for (int k = 0; variables_.quad(id) >= 0 && k < variables_.map(id).tangent_size; ++k) {
+      largest = std::max(largest, std::fabs(step_[static_cast<std::size_t>(variables_.quad(id)) * kQuad + k]));
     }
   }
   return largest;
@@ -138,7 +137,7 @@ Status IncrementalSystem::LinearizeFamily(IncrementalFamily* family, bool by_dif
     }
     for (int s = 0; s < family->num_slots(); ++s) {
       const VariableId id = family->variables(i)[s];
-      if (!tangents_.Refresh(graph_, values_, id)) {
+      if (!variables_.RefreshMap(graph_, id)) {
         return Status::Error(StatusCode::kEvaluationFailed,
                              "the manifold of variable " + std::to_string(id) + " has no Jacobian here");
       }
@@ -204,14 +203,9 @@ void IncrementalSystem::Visit(std::int32_t landmark) {
 
 void IncrementalSystem::Move(VariableId id, std::int32_t quad) {
   const double* step = step_.data() + std::ptrdiff_t{quad} * kQuad;
-  const double* x = values_.current(id);
-  double* moved = values_.candidate(id);
-  if (const Manifold* manifold = graph_.manifold(id)) {
-    if (!manifold->Plus(x, step, moved)) {
-      moved[0] = std::nan("");  // the factors will refuse it
-    }
-  } else {
-    std::transform(x, x + graph_.AmbientSize(id), step, moved, std::plus<>());
+  double* moved = variables_.candidate(id);
+  if (!MoveVariable(graph_, id, variables_.current(id), step, moved)) {
+    moved[0] = std::nan("");  // the factors will refuse it
   }
 }
 
@@ -293,12 +287,8 @@ int IncrementalSystem::AcceptValues() {
   visited_.ForEach([this](std::int32_t l) { schur_.RefreshResidual(l); });
   stale_landmarks_.ForEach([this](std::int32_t l) { schur_.RefreshResidual(l); });
   const int num_updated = visited_.count() + stale_landmarks_.count();
-  const auto accept = [this](VariableId id) {
-    values_.Accept(id);
-    tangents_.MarkMoved(id);
-  };
-  moved_.ForEach([&](std::int32_t i) { accept(schur_.frames()[i].id); });
-  visited_.ForEach([&](std::int32_t l) { accept(schur_.landmarks()[l].id); });
+  moved_.ForEach([this](std::int32_t i) { variables_.Accept(schur_.frames()[i].id); });
+  visited_.ForEach([this](std::int32_t l) { variables_.Accept(schur_.landmarks()[l].id); });
   for (const IncrementalFamily& family : families_) {
     Recenter(family, touched_lists_[family.id()]);
   }
@@ -314,7 +304,7 @@ double IncrementalSystem::RoundingOfCost() const {
     }
     double largest = 0.0;
     for (int k = 0; k < graph_.AmbientSize(id); ++k) {
-      largest = std::max(largest, std::fabs(values_.current(id)[k]));
+      largest = std::max(largest, std::fabs(variables_.current(id)[k]));
     }
     return trace * largest * largest;
   };
@@ -355,8 +345,8 @@ void IncrementalSystem::ResumCost() {
 
 void IncrementalSystem::Reject() {
   DropChanges();
-  moved_.ForEach([this](std::int32_t i) { values_.Reject(schur_.frames()[i].id); });
-  visited_.ForEach([this](std::int32_t l) { values_.Reject(schur_.landmarks()[l].id); });
+  moved_.ForEach([this](std::int32_t i) { variables_.Reject(schur_.frames()[i].id); });
+  visited_.ForEach([this](std::int32_t l) { variables_.Reject(schur_.landmarks()[l].id); });
   EndStep();
 }
 

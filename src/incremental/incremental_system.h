@@ -12,8 +12,7 @@
 #include "incremental/index_set.h"
 #include "incremental/tuning.h"
 #include "linearize/incremental_family.h"
-#include "linearize/incremental_tangents.h"
-#include "linearize/incremental_values.h"
+#include "linearize/variable_store.h"
 
 namespace inceres::internal {
 
@@ -147,7 +146,7 @@ class IncrementalSystem {
   /// move.
   double RoundingOfCost() const;
   int num_factors() const { return num_factors_; }
-  const IncrementalValues& values() const { return values_; }
+  const VariableStore& variables() const { return variables_; }
   const std::vector<IncrementalFamily>& families() const { return families_; }
   IncrementalSchur& schur() { return schur_; }
   const IncrementalSchur& schur() const { return schur_; }
@@ -201,8 +200,7 @@ class IncrementalSystem {
 
   FactorGraph& graph_;
   Executor executor_;
-  IncrementalValues values_;
-  IncrementalTangents tangents_;
+  VariableStore variables_;
   std::vector<IncrementalFamily> families_;
   IncrementalSchur schur_;
   const double replace_cost_;

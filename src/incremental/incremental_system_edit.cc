@@ -13,7 +13,7 @@ void IncrementalSystem::GrowSets() {
   landmark_steps_.resize(schur_.landmarks().size());
   moved_.Grow(schur_.frames().size());
   reached_.Grow(schur_.frames().size());
-  const std::size_t entries = static_cast<std::size_t>(tangents_.num_quads()) * kQuad;
+  const std::size_t entries = static_cast<std::size_t>(variables_.num_quads()) * kQuad;
   if (entries > step_.size()) {
     step_.resize(entries, 0.0);
   }
@@ -61,7 +61,7 @@ Status IncrementalSystem::Apply(const GraphEdit& edit) {
 void IncrementalSystem::FollowPin(VariableId id) {
   entering_.clear();
   reattached_.clear();
-  tangents_.MarkMoved(id);
+  variables_.MarkMoved(id);
   graph_.TrackFactors();
   graph_.ForEachFactorOf(id, [this](FactorId factor) { reattached_.push_back({factor.family, factor.index}); });
   Reattach();
@@ -72,10 +72,8 @@ void IncrementalSystem::AddVariable(VariableId id) {
     frame_of_.resize(id + 1, -1);
     landmark_of_.resize(id + 1, -1);
   }
-  values_.Add(graph_, id);
-  if (graph_.IsConstant(id)) {
-    tangents_.Add(graph_, id, false);
-  } else {
+  variables_.Add(graph_, id);
+  if (!graph_.IsConstant(id)) {
     Enter(id);
   }
 }
@@ -88,11 +86,11 @@ void IncrementalSystem::ForgetSteps(VariableId id) {
 }
 
 void IncrementalSystem::Enter(VariableId id) {
-  tangents_.Add(graph_, id, true);
+  variables_.Enter(graph_, id);
   if (graph_.role(id) == Role::kLandmark) {
-    landmark_of_[id] = schur_.AddLandmark(id, tangents_.quad(id), graph_.TangentSize(id));
+    landmark_of_[id] = schur_.AddLandmark(id, variables_.quad(id), graph_.TangentSize(id));
   } else {
-    frame_of_[id] = schur_.AddFrame(id, tangents_.quad(id), graph_.TangentSize(id));
+    frame_of_[id] = schur_.AddFrame(id, variables_.quad(id), graph_.TangentSize(id));
     entered_.push_back(id);
   }
   GrowSets();
@@ -107,7 +105,7 @@ void IncrementalSystem::RemoveVariable(VariableId id) {
     schur_.RemoveFrame(frame_of_[id]);
   }
   frame_of_[id] = landmark_of_[id] = -1;
-  tangents_.Remove(id);
+  variables_.Remove(id);
 }
 
 void IncrementalSystem::AdmitFamilies() {
@@ -127,7 +125,7 @@ void IncrementalSystem::AddFactor(FactorRef ref) {
 
 void IncrementalSystem::Attach(FactorRef ref) {
   IncrementalFamily& family = families_[ref.family];
-  family.Connect(ref.factor, &values_, tangents_);
+  family.Connect(ref.factor, &variables_);
   dirty_[ref.family].Grow(family.num_places());
   touched_[ref.family].Grow(family.num_places());
   slots_.clear();
@@ -235,8 +233,7 @@ void IncrementalSystem::TakeValues() {
   ForgetNewFrames();
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
     if (graph_.HasVariable(id)) {
-      values_.Set(id, graph_.Values(id));
-      tangents_.MarkMoved(id);
+      variables_.Set(id, graph_.Values(id));
     }
   }
   for (IncrementalFamily& family : families_) {
@@ -245,9 +242,8 @@ void IncrementalSystem::TakeValues() {
 }
 
 void IncrementalSystem::SetValues(VariableId id, const double* values) {
-  values_.Set(id, values);
+  variables_.Set(id, values);
   ForgetSteps(id);
-  tangents_.MarkMoved(id);
   graph_.TrackFactors();
   graph_.ForEachFactorOf(id, [this](FactorId factor) { MarkChanged({factor.family, factor.index}); });
 }

@@ -62,7 +62,7 @@ bool IncrementalSystem::AcceptLandmark(std::int32_t landmark) {
 
 void IncrementalSystem::LeaveOut(std::int32_t landmark) {
   const IncrementalSchur::Landmark& l = schur_.landmarks()[landmark];
-  values_.Reject(l.id);
+  variables_.Reject(l.id);
   visited_.Remove(landmark);
   std::fill_n(step_.begin() + std::ptrdiff_t{l.quad} * kQuad, l.size, 0.0);
   for (const FactorRef& ref : l.factors) {

@@ -107,7 +107,7 @@ bool TrustRegionMinimizer::ProjectStart() {
 
 bool TrustRegionMinimizer::EvaluateStart() {
   iteration_ = IterationSummary();
-  evaluator_.set_reduces_curvature(false);
+  evaluator_.set_loss_curvature(LossCurvature::kPositive);
   Recenter();
   if (!EvaluateGradientAndJacobian(/*new_point=*/true)) {
     if (options_.rules == CeresRules::k22) {
@@ -299,7 +299,8 @@ bool TrustRegionMinimizer::AcceptStep() {
   if (!recentered && options_.observer != nullptr && options_.observer->IsLast(iteration_)) {
     return FinishHere();
   }
-  evaluator_.set_reduces_curvature(options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_);
+  const bool steady = options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_;
+  evaluator_.set_loss_curvature(steady ? LossCurvature::kBoth : LossCurvature::kPositive);
   if (!EvaluateGradientAndJacobian(/*new_point=*/false)) {
     return false;
   }

@@ -156,7 +156,7 @@ std::vector<double> EditWorld::RandomValues(int size, bool curved) {
 
 const double* EditWorld::ValuesOf(VariableId id) const {
   const auto added = new_values_.find(id);
-  return added != new_values_.end() ? added->second.data() : system_.values().current(id);
+  return added != new_values_.end() ? added->second.data() : system_.variables().current(id);
 }
 
 void EditWorld::AddFrame() {
@@ -527,7 +527,7 @@ void EditWorld::ExpectFreshCost() {
   FactorGraph graph = graph_;
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     if (graph.HasVariable(id) && graph.StateOffset(id) >= 0) {
-      graph.SetValues(id, system_.values().current(id));
+      graph.SetValues(id, system_.variables().current(id));
     }
   }
   IncrementalSystem fresh(graph, 1);

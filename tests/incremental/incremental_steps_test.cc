@@ -133,13 +133,13 @@ TEST(LandmarkSteps, LowerTheCostAndMoveNoFrame) {
   Star star(5);
   IncrementalSystem& system = star.system();
   const double before = system.cost();
-  const double frame = *system.values().current(0);
+  const double frame = *system.variables().current(0);
   int num_evaluated = 0;
   ASSERT_TRUE(system.StepLandmarks({0, 1, 2, 3, 4}, &num_evaluated));
   system.EndStep();
   EXPECT_EQ(num_evaluated, 5);
   EXPECT_LT(system.cost(), before);
-  EXPECT_EQ(*system.values().current(0), frame);
+  EXPECT_EQ(*system.variables().current(0), frame);
   double sum = 0.0;
   for (int i = 0; i < 5; ++i) {
     sum += system.families()[0].Cost(i);
@@ -153,7 +153,7 @@ TEST(LandmarkSteps, DampingDoesNotMakeThemCreep) {
   const double minimum = 5.0 * (std::sqrt(13.8) - 3.0);  // of 3 (l − 4) + l² / 10
   Star star(1, nullptr, kDamping);
   IncrementalSystem& system = star.system();
-  const double start = *system.values().current(1);
+  const double start = *system.variables().current(1);
   RelinearizeWork work;
   int num_evaluated = 0;
   for (int pass = 0; pass < 2; ++pass) {
@@ -162,10 +162,10 @@ TEST(LandmarkSteps, DampingDoesNotMakeThemCreep) {
     system.EndStep();
     ASSERT_TRUE(system.Relinearize(kDamping, RebuildRule::kNever, &work).ok());
     if (pass == 0) {
-      EXPECT_LT(*system.values().current(1) - start, 0.2 * (minimum - start));
+      EXPECT_LT(*system.variables().current(1) - start, 0.2 * (minimum - start));
     }
   }
-  EXPECT_NEAR(*system.values().current(1), minimum, 0.2 * (minimum - start));
+  EXPECT_NEAR(*system.variables().current(1), minimum, 0.2 * (minimum - start));
 }
 
 TEST(LandmarkSteps, ThoseThatDoNotGainStayWhereTheyAre) {
@@ -181,11 +181,11 @@ TEST(LandmarkSteps, ThoseThatDoNotGainStayWhereTheyAre) {
       ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
     }
   }
-  const double settled = *system.values().current(1);
+  const double settled = *system.variables().current(1);
   ASSERT_TRUE(system.StepLandmarks({0, 1}, &num_evaluated));
   system.EndStep();
-  EXPECT_NEAR(*system.values().current(1), settled, 1e-9);
-  EXPECT_NE(*system.values().current(2), 3.0);
+  EXPECT_NEAR(*system.variables().current(1), settled, 1e-9);
+  EXPECT_NE(*system.variables().current(2), 3.0);
 }
 
 // What is kept by difference stays good to the accuracy asked for when the cost falls by many orders of magnitude.

@@ -238,7 +238,7 @@ class Outlier {
 
   // Jᵀq is the gradient ρ' f.
   void ExpectGradient() const {
-    const double* x = system_->values().current(0);
+    const double* x = system_->variables().current(0);
     const double w = 0.1 / std::hypot(x[0], x[1]);
     const double* J = family().Jacobian(0, 0);
     for (int k = 0; k < 2; ++k) {
@@ -250,7 +250,7 @@ class Outlier {
   // ‖J d‖² over that of √ρ' times the plain Jacobian, d of length 1.
   double Curvature(double x, double y) const {
     const double* J = family().Jacobian(0, 0);
-    const double w = 0.1 / std::hypot(system_->values().current(0)[0], system_->values().current(0)[1]);
+    const double w = 0.1 / std::hypot(system_->variables().current(0)[0], system_->variables().current(0)[1]);
     return (std::pow(J[0] * x + J[1] * y, 2) + std::pow(J[kQuad] * x + J[kQuad + 1] * y, 2)) / w;
   }
 
@@ -312,7 +312,7 @@ TEST(CorrectedLinearization, IsTakenBackWhereRowsAreAskedFor) {
   LinearizedFactor factor;
   ASSERT_TRUE(rows.Find(
       {0, 0}, [](VariableId) { return true; }, &factor));
-  const double* x = outlier.system().values().current(0);
+  const double* x = outlier.system().variables().current(0);
   const double sqrt_w = std::sqrt(0.1 / std::hypot(x[0], x[1]));
   for (int r = 0; r < 2; ++r) {
     EXPECT_NEAR(factor.f[r], sqrt_w * x[r], 1e-14);
