@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "incremental/incremental_system.h"
+#include "trust_region/dogleg_point.h"
 
 namespace inceres::internal {
 namespace {
@@ -102,7 +103,7 @@ void IncrementalSystem::ShortenStep(double scaled_norm) {
   if (a >= squared) {
     alpha = scaled_norm / std::sqrt(a);
   } else {
-    beta = c > 0.0 ? std::clamp((-b + std::sqrt(b * b + c * (squared - a))) / c, 0.0, 1.0) : 1.0;
+    beta = c > 0.0 ? std::clamp(DoglegShare(squared, a, b, c), 0.0, 1.0) : 1.0;
   }
   ForEachActive([&](std::ptrdiff_t first, int size, const auto& /*diagonal*/) {
     for (int k = 0; k < size; ++k) {
