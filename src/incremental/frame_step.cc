@@ -56,7 +56,7 @@ double FrameStep::AddGain(double start) const {
 void FrameStep::TakeOff(const std::vector<std::int32_t>& frames, IncrementalSystem* system) {
   IncrementalSchur& schur = system->schur();
   for (const std::int32_t frame : frames) {
-    const double* applied = system->FrameStep(frame);
+    const double* applied = system->step().Frame(frame);
     double* step = values_.data() + schur.FrameOffset(frame);
     for (int k = 0; k < schur.frames()[frame].size; ++k) {
       step[k] -= applied[k];

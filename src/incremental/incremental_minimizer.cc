@@ -156,9 +156,9 @@ bool IncrementalMinimizer::StepLandmarks() {
     row.accepted = true;
     row.cost_change = cost - system_.cost();
     stop_.LandmarksGained(row.cost_change, gain);
-    row.step_norm = system_.StepNorm();
+    row.step_norm = system_.step().Norm();
     relinearization_.MarkStale(Tolerance());
-    system_.EndStep();
+    system_.step().End();
   }
   return moved;
 }
@@ -209,7 +209,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   if (TakeStep(&refreshed)) {
     return Verdict::kGoOn;
   }
-  system_.Reject();
+  system_.step().Reject();
   // Where fresh Jacobians promise so little, and not even that is kept, or the cost does not change at all, there is nothing to
   // be had by more damping.
   const bool in_vain = !refreshed && !control_.IsDampedHard() && solved_to_the_end &&
@@ -254,10 +254,10 @@ void IncrementalMinimizer::SelectActive(double remaining) {
 bool IncrementalMinimizer::TakeStep(bool* refreshed) {
   double norm = -1.0;  // looked for when it is needed: mostly the radius is infinite
   if (control_.radius() < HUGE_VAL) {
-    norm = system_.ScaledStepNorm();
+    norm = system_.step().ScaledNorm();
     if (norm > control_.radius()) {
       norm = control_.radius();
-      system_.ShortenStep(norm);
+      system_.step().Shorten(norm);
       trace_->row().shortened = true;
     }
   }
@@ -265,7 +265,7 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
     double ratio = 0.0;
     const bool accepted = EvaluateStep(&ratio) && ratio > options_.min_relative_decrease;
     if (norm < 0.0 && !(accepted && control_.IsGood(ratio))) {
-      norm = system_.ScaledStepNorm();
+      norm = system_.step().ScaledNorm();
     }
     if (accepted) {
       control_.AdaptRadius(ratio, norm);
@@ -280,7 +280,7 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
     ++summary_->num_shortened_steps;
     trace_->row().shortened = true;
     norm = control_.Shorten(norm);
-    system_.ShortenStep(norm);
+    system_.step().Shorten(norm);
   }
 }
 
@@ -288,18 +288,18 @@ bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
   const StageTimer timer(&summary_->evaluate_seconds);
   double change = 0.0;
   double predicted = 0.0;
-  const Status status = system_.EvaluateStep(&change, &predicted);
+  const Status status = system_.step().Evaluate(&change, &predicted);
   const bool evaluated = status.ok();
   if (!evaluated && summary_->failed_step.empty()) {
     summary_->failed_step = status.message;
   }
   for (const IncrementalFamily& family : system_.families()) {
-    summary_->num_evaluated_factors += static_cast<std::int64_t>(system_.Touched(family.id()).size());
+    summary_->num_evaluated_factors += static_cast<std::int64_t>(system_.step().Touched(family.id()).size());
   }
   *gain_ratio = evaluated && predicted > 0.0 ? -change / predicted : -1.0;
   UpdateIteration& row = trace_->row();
   row.step = UpdateStep::kFrames;
-  row.step_norm = system_.StepNorm();
+  row.step_norm = system_.step().Norm();
   row.cost_change = evaluated ? -change : -std::numeric_limits<double>::max();
   row.predicted_change = evaluated ? predicted : 0.0;
   row.relative_decrease = evaluated ? *gain_ratio : std::numeric_limits<double>::lowest();
@@ -313,7 +313,7 @@ void IncrementalMinimizer::AcceptStep() {
   summary_->num_updated_landmarks += system_.AcceptValues();
   relinearization_.MarkStale(Tolerance());
   frame_step_.TakeOff(active_.frames(), &system_);
-  system_.EndStep();
+  system_.step().End();
 }
 
 void IncrementalMinimizer::Accept(double gain_ratio) {

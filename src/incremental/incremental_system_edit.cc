@@ -6,19 +6,6 @@
 
 namespace inceres::internal {
 
-void IncrementalSystem::GrowSets() {
-  dirty_landmarks_.Grow(schur_.landmarks().size());
-  stale_landmarks_.Grow(schur_.landmarks().size());
-  visited_.Grow(schur_.landmarks().size());
-  landmark_steps_.resize(schur_.landmarks().size());
-  moved_.Grow(schur_.frames().size());
-  reached_.Grow(schur_.frames().size());
-  const std::size_t entries = static_cast<std::size_t>(variables_.num_quads()) * kQuad;
-  if (entries > step_.size()) {
-    step_.resize(entries, 0.0);
-  }
-}
-
 Status IncrementalSystem::Apply(const GraphEdit& edit) {
   const Status status = graph_.Check(edit, &removed_);
   if (!status.ok()) {
@@ -78,13 +65,6 @@ void IncrementalSystem::AddVariable(VariableId id) {
   }
 }
 
-// What the steps of a landmark alone have shown does not hold from other values.
-void IncrementalSystem::ForgetSteps(VariableId id) {
-  if (landmark_of_[id] >= 0) {
-    landmark_steps_[landmark_of_[id]] = {};
-  }
-}
-
 void IncrementalSystem::Enter(VariableId id) {
   variables_.Enter(graph_, id);
   if (graph_.role(id) == Role::kLandmark) {
@@ -93,8 +73,11 @@ void IncrementalSystem::Enter(VariableId id) {
     frame_of_[id] = schur_.AddFrame(id, variables_.quad(id), graph_.TangentSize(id));
     entered_.push_back(id);
   }
-  GrowSets();
-  ForgetSteps(id);
+  dirty_landmarks_.Grow(schur_.landmarks().size());
+  step_.GrowVariables();
+  if (landmark_of_[id] >= 0) {
+    step_.ForgetLandmark(landmark_of_[id]);
+  }
 }
 
 void IncrementalSystem::RemoveVariable(VariableId id) {
@@ -112,8 +95,7 @@ void IncrementalSystem::AdmitFamilies() {
   for (auto id = static_cast<FamilyId>(families_.size()); id < graph_.num_families(); ++id) {
     families_.emplace_back(graph_, id);
     dirty_.emplace_back();
-    touched_.emplace_back();
-    touched_lists_.emplace_back();
+    step_.GrowFactors(id);
   }
 }
 
@@ -127,7 +109,7 @@ void IncrementalSystem::Attach(FactorRef ref) {
   IncrementalFamily& family = families_[ref.family];
   family.Connect(ref.factor, &variables_);
   dirty_[ref.family].Grow(family.num_places());
-  touched_[ref.family].Grow(family.num_places());
+  step_.GrowFactors(ref.family);
   slots_.clear();
   int landmark = -1;
   for (int s = 0; s < family.num_slots(); ++s) {
@@ -243,7 +225,9 @@ void IncrementalSystem::TakeValues() {
 
 void IncrementalSystem::SetValues(VariableId id, const double* values) {
   variables_.Set(id, values);
-  ForgetSteps(id);
+  if (landmark_of_[id] >= 0) {
+    step_.ForgetLandmark(landmark_of_[id]);
+  }
   graph_.TrackFactors();
   graph_.ForEachFactorOf(id, [this](FactorId factor) { MarkChanged({factor.family, factor.index}); });
 }

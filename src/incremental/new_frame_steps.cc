@@ -33,12 +33,12 @@ bool IncrementalMinimizer::FindNewFrameStep() {
   frame_step_.Refresh(options_.damping, control_.mu(), &schur);
   const bool solved = new_frame_step_.Solve(schur, frame_step_.reduced(), new_frames_);
   for (int k = 0; solved && k < new_frame_step_.num_frames(); ++k) {
-    system_.SetFrameStep(new_frame_step_.frame(k), new_frame_step_.step(k));
+    system_.step().SetFrame(new_frame_step_.frame(k), new_frame_step_.step(k));
   }
   new_landmarks_.ForEach([&](std::int32_t landmark) {
     summary_->num_eliminated_landmarks += schur.landmarks()[landmark].partly ? 1 : 0;
     if (solved && schur.landmarks()[landmark].partly) {  // neither held nor undetermined
-      system_.Visit(landmark);
+      system_.step().Visit(landmark);
       ++summary_->num_visited_landmarks;
     }
     schur.TakeOutOfRows(landmark, new_frames_);
@@ -65,7 +65,7 @@ bool IncrementalMinimizer::StepNewFrames(const std::atomic<bool>& stop) {
     const bool evaluated = EvaluateStep(&ratio);
     if (evaluated && trace_->row().predicted_change <= stop_.rounding()) {
       trace_->row().step = UpdateStep::kNone;  // they are where they belong
-      system_.Reject();
+      system_.step().Reject();
       return EndIteration();
     }
     const bool accepted = evaluated && ratio > options_.min_relative_decrease;
@@ -73,7 +73,7 @@ bool IncrementalMinimizer::StepNewFrames(const std::atomic<bool>& stop) {
       AcceptStep();
     } else {
       ++summary_->num_rejected_steps;
-      system_.Reject();
+      system_.step().Reject();
     }
     const double gain = trace_->row().cost_change;
     if (!EndIteration()) {

@@ -91,20 +91,20 @@ class Sequence {
         for (double& entry : step) {
           entry *= 1e-2;
         }
-        system_.SetFrameStep(i, step.data());
+        system_.step().SetFrame(i, step.data());
       }
     }
     for (int l = 0; l < static_cast<int>(system_.schur().landmarks().size()); ++l) {
       if (random_.Below(2) == 0) {
-        system_.Visit(l);
+        system_.step().Visit(l);
       }
     }
     double change = 0.0;
     double predicted = 0.0;
     const double before = system_.cost();
-    ASSERT_TRUE(system_.EvaluateStep(&change, &predicted).ok());
+    ASSERT_TRUE(system_.step().Evaluate(&change, &predicted).ok());
     if (random_.Below(4) == 0) {
-      system_.Reject();
+      system_.step().Reject();
       EXPECT_EQ(system_.cost(), before);
     } else {
       system_.Accept();
@@ -181,10 +181,10 @@ TEST(IncrementalSystem, TheErrorOfALinearizationIsThatOfItsPrediction) {
   for (const int halvings : {0, 1}) {
     const double size = halvings == 0 ? 1e-2 : 5e-3;
     const double step[3] = {size, -size, size};
-    system.SetFrameStep(0, step);
+    system.step().SetFrame(0, step);
     double change = 0.0;
     double predicted = 0.0;
-    ASSERT_TRUE(system.EvaluateStep(&change, &predicted).ok());
+    ASSERT_TRUE(system.step().Evaluate(&change, &predicted).ok());
     system.Accept();
     errors[halvings] = std::sqrt(family.SquaredError(0));
     system.MarkDirty({0, 0});
@@ -224,10 +224,10 @@ class Outlier {
 
   void Move(double dx, double dy) {
     const double step[2] = {dx, dy};
-    system_->SetFrameStep(0, step);
+    system_->step().SetFrame(0, step);
     double change = 0.0;
     double predicted = 0.0;
-    ASSERT_TRUE(system_->EvaluateStep(&change, &predicted).ok());
+    ASSERT_TRUE(system_->step().Evaluate(&change, &predicted).ok());
     system_->Accept();
   }
 
