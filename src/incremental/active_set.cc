@@ -131,7 +131,7 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVecto
     CutOff(frame_step, reduced.damping(), limits.remaining_decrease, system);
   }
   const auto visit = [&](std::int32_t landmark) {
-    if (schur.landmarks()[landmark].in_S && !system->step().Visited(landmark)) {
+    if (schur.IsInS(landmark) && !system->step().Visited(landmark)) {
       system->step().Visit(landmark);
       landmarks_.push_back(landmark);
     }
@@ -139,8 +139,8 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVecto
   for (const std::int32_t frame : frames_) {
     std::for_each(schur.frames()[frame].landmarks.begin(), schur.frames()[frame].landmarks.end(), visit);
   }
-  const double share = limits.remaining_decrease / std::max(1, schur.num_landmarks());
-  const std::vector<std::int32_t>& eager = schur.EagerLandmarks(share);
+  const double share = limits.remaining_decrease / std::max(1, schur.structure().num_landmarks());
+  const std::vector<std::int32_t>& eager = schur.gains().Above(share);
   std::for_each(eager.begin(), eager.end(), visit);
 }
 

@@ -24,7 +24,8 @@ void TrialStep::ForEachActive(Function&& visit) const {
   });
   visited_.ForEach([&](std::int32_t l) {
     const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
-    visit(std::ptrdiff_t{landmark.quad} * kQuad, landmark.size, [&landmark](int k) { return landmark.P[k * kQuad + k]; });
+    const double* P = schur_.blocks().P(l);
+    visit(std::ptrdiff_t{landmark.quad} * kQuad, landmark.size, [P](int k) { return P[k * kQuad + k]; });
   });
 }
 

@@ -58,7 +58,7 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
 bool IncrementalMinimizer::Begin(bool mostly_new, const std::atomic<bool>& stop) {
   state_ = UpdateState();
   state_.mostly_new = mostly_new;
-  state_.shares = SharesOf(options_, system_.schur().num_landmarks());
+  state_.shares = SharesOf(options_, system_.schur().structure().num_landmarks());
   control_ = StepControl(tuning_, options_, control_.mu());
   relinearization_.Begin(options_, state_.shares.relinearization);
   active_.Clear();
@@ -131,7 +131,7 @@ bool IncrementalMinimizer::Count(const Status& status, const RelinearizeWork& wo
 
 // What the landmarks could gain by themselves.
 double IncrementalMinimizer::LandmarkGain() {
-  return system_.schur().TotalDecrement(tuning_.truncate.sum_share * stop_.Allowed(system_.cost()));
+  return system_.schur().gains().Total(tuning_.truncate.sum_share * stop_.Allowed(system_.cost()));
 }
 
 // Landmarks that could still gain much by themselves, most of them outliers that a robust loss lets converge slowly, go ahead
@@ -147,7 +147,7 @@ bool IncrementalMinimizer::StepLandmarks() {
   const double cost = system_.cost();
   int num_evaluated = 0;
   const bool moved = system_.StepLandmarks(
-      schur.EagerLandmarks(tuning_.landmarks.share * gain / std::max(1, schur.num_landmarks())), &num_evaluated);
+      schur.gains().Above(tuning_.landmarks.share * gain / std::max(1, schur.structure().num_landmarks())), &num_evaluated);
   ++summary_->num_landmark_passes;
   summary_->num_evaluated_factors += num_evaluated;
   if (moved) {
@@ -165,7 +165,7 @@ bool IncrementalMinimizer::StepLandmarks() {
 
 // What a change of a frame's step must be worth to be noticed.
 double IncrementalMinimizer::Wildfire() const {
-  return tuning_.truncate.wildfire_share * Tolerance() / std::max(1, system_.schur().num_frames());
+  return tuning_.truncate.wildfire_share * Tolerance() / std::max(1, system_.schur().structure().num_frames());
 }
 
 // δ_c; kSingular if there is no factor.
@@ -336,7 +336,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   const bool blindly = row.step == UpdateStep::kFrames && !(row.predicted_change > 0.0);  // it could not be evaluated
   const bool may_go_on = control_.Refuse(summary_->remaining_decrease, blindly);
   for (const std::int32_t landmark : active_.landmarks()) {
-    if (options_.damping == DampingForm::kHybrid && system_.schur().landmarks()[landmark].lambda < control_.mu()) {
+    if (options_.damping == DampingForm::kHybrid && system_.schur().blocks().lambda(landmark) < control_.mu()) {
       system_.Redamp(landmark);
     }
   }

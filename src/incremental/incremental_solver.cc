@@ -147,7 +147,7 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
     return refused;
   }
   Form();
-  const double share = std::min(internal::SharesOf(options_, live->schur().num_landmarks()).relinearization,
+  const double share = std::min(internal::SharesOf(options_, live->schur().structure().num_landmarks()).relinearization,
                                 tuning_.relinearize.marginalized_share);
   internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance * cost_ / std::max(1, graph.num_factors()));
   internal::MarginalizationTarget target;
@@ -226,7 +226,7 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
   }
   stop = false;  // it was for this Update, whatever came of it
   summary->final_cost = cost_;
-  summary->num_undetermined_landmarks = live != nullptr ? live->schur().num_undetermined() : 0;
+  summary->num_undetermined_landmarks = live != nullptr ? live->schur().blocks().num_undetermined() : 0;
   summary->seconds = internal::NowInSeconds() - trace.start_seconds();
 }
 

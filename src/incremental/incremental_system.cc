@@ -31,10 +31,10 @@ bool IncrementalSystem::RebuildIsCheaper() const {
   for (const IncrementalFamily& family : families_) {
     dirty_[family.id()].ForEach([&](std::int32_t i) {
       difference += family.linearized(i) ? replace_cost_ : 1.0;
-      const std::int32_t landmark = schur_.LandmarkOfFactor({family.id(), i});
-      if (landmark >= 0 && schur_.landmarks()[landmark].in_S) {
+      const std::int32_t landmark = schur_.structure().LandmarkOfFactor({family.id(), i});
+      if (landmark >= 0 && schur_.IsInS(landmark)) {
         // Each of its factors asks for a share of what replacing its contribution costs.
-        difference += replace_cost_ * static_cast<double>(schur_.NumPairs(landmark)) /
+        difference += replace_cost_ * static_cast<double>(schur_.blocks().NumPairs(landmark)) /
                       static_cast<double>(schur_.landmarks()[landmark].factors.size());
       }
     });
@@ -113,7 +113,7 @@ Status IncrementalSystem::LinearizeFamily(IncrementalFamily* family, bool by_dif
   const double cost = cost_;
   for (const std::int32_t i : list_) {
     const FactorRef ref{family->id(), i};
-    const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
+    const std::int32_t landmark = schur_.structure().LandmarkOfFactor(ref);
     if (landmark >= 0) {
       Redamp(landmark);
     }
@@ -211,10 +211,11 @@ double IncrementalSystem::RoundingOfCost() const {
     }
   }
   const bool landmarks_only = sum == 0.0;
-  for (std::size_t l = 0; landmarks_only && l < schur_.landmarks().size(); ++l) {
+  for (int l = 0; landmarks_only && l < static_cast<int>(schur_.landmarks().size()); ++l) {
     const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
-    if (landmark.id >= 0 && landmark.in_S) {
-      sum += share(landmark.id, landmark.size, [&landmark](int k) { return landmark.P[k * kQuad + k]; });
+    if (landmark.id >= 0 && schur_.IsInS(l)) {
+      const double* P = schur_.blocks().P(l);
+      sum += share(landmark.id, landmark.size, [P](int k) { return P[k * kQuad + k]; });
     }
   }
   const double rounding = kOperations * std::numeric_limits<double>::epsilon();

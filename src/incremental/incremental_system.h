@@ -76,9 +76,9 @@ class IncrementalSystem {
   }
   /// Marks a landmark for elimination anew, to take up another damping.
   void Redamp(std::int32_t landmark) { dirty_landmarks_.Add(landmark); }
-  /// The same for the landmarks that are damped by more than the limit, or by IncrementalSchur::kMildDamping where that is more.
+  /// The same for the landmarks that are damped by more than the limit, or by LandmarkBlocks::kMildDamping where that is more.
   void RedampAbove(double limit) {
-    schur_.ForEachDampedAbove(limit, [this](std::int32_t landmark) { Redamp(landmark); });
+    schur_.blocks().ForEachDampedAbove(limit, [this](std::int32_t landmark) { Redamp(landmark); });
   }
 
   /// Algorithm 3: takes the old contributions of the dirty subgraph out of S and b, linearizes its factors at the current values

@@ -134,7 +134,7 @@ void IncrementalSystem::RemoveFactor(FactorRef ref) {
 
 void IncrementalSystem::Detach(FactorRef ref) {
   IncrementalFamily& family = families_[ref.family];
-  const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
+  const std::int32_t landmark = schur_.structure().LandmarkOfFactor(ref);
   if (landmark >= 0) {
     TakeOut(landmark);
   }
@@ -185,7 +185,7 @@ void IncrementalSystem::Hold(VariableId id, bool constant) {
   // A factor of two landmarks, one of them always constant, belongs to the free one.
   graph_.ForEachFactorOf(id, [this, landmark](FactorId factor) {
     const FactorRef ref{factor.family, factor.index};
-    if (schur_.LandmarkOfFactor(ref) != landmark) {
+    if (schur_.structure().LandmarkOfFactor(ref) != landmark) {
       reattached_.push_back(ref);
     }
   });

@@ -33,7 +33,7 @@ bool TrialStep::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, in
     }
     family.PredictDecrease(touched, step_.data());
     for (const std::int32_t i : touched) {
-      LandmarkStep& step = landmark_steps_[schur_.LandmarkOfFactor({family.id(), i})];
+      LandmarkStep& step = landmark_steps_[schur_.structure().LandmarkOfFactor({family.id(), i})];
       double slope = 0.0;
       double curvature = 0.0;
       family.Slope(i, &slope, &curvature);

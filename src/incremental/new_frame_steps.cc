@@ -11,7 +11,8 @@ bool IncrementalMinimizer::TakesNewFrameSteps() {
   system_.TakeNewFrames(&new_frames_);
   return options_.max_new_frame_steps > 0 && !state_.mostly_new && state_.shares.truncation > 0.0 &&
          options_.damping == DampingForm::kHybrid && !new_frames_.empty() &&
-         2 * new_frames_.count() <= system_.schur().num_frames() && new_frame_step_.HasRoomFor(system_.schur(), new_frames_) &&
+         2 * new_frames_.count() <= system_.schur().structure().num_frames() &&
+         new_frame_step_.HasRoomFor(system_.schur(), new_frames_) &&
          !(options_.rebuild == RebuildPolicy::kWhenCheaper && system_.RebuildIsCheaper());
 }
 
@@ -36,8 +37,8 @@ bool IncrementalMinimizer::FindNewFrameStep() {
     system_.step().SetFrame(new_frame_step_.frame(k), new_frame_step_.step(k));
   }
   new_landmarks_.ForEach([&](std::int32_t landmark) {
-    summary_->num_eliminated_landmarks += schur.landmarks()[landmark].partly ? 1 : 0;
-    if (solved && schur.landmarks()[landmark].partly) {  // neither held nor undetermined
+    summary_->num_eliminated_landmarks += schur.blocks().state(landmark) == LandmarkState::kInRows ? 1 : 0;
+    if (solved && schur.blocks().state(landmark) == LandmarkState::kInRows) {  // neither held nor undetermined
       system_.step().Visit(landmark);
       ++summary_->num_visited_landmarks;
     }

@@ -33,7 +33,7 @@ void TrialStep::SetFrame(std::int32_t frame, const double* step) {
 
 void TrialStep::Visit(std::int32_t landmark) {
   if (visited_.Add(landmark)) {
-    schur_.BackSubstitute(landmark, step_.data());
+    schur_.blocks().BackSubstitute(landmark, step_.data());
   }
 }
 
@@ -61,17 +61,17 @@ void TrialStep::NameTouched() {
     const IncrementalSchur::Frame& frame = schur_.frames()[i];
     Touch(frame.factors);
     for (const FactorRef& ref : frame.factors) {
-      schur_.ForEachFrameOf(ref, [this](std::int32_t other) { reached_.Add(other); });
+      schur_.structure().ForEachFrameOf(ref, [this](std::int32_t other) { reached_.Add(other); });
     }
     for (const std::int32_t l : frame.landmarks) {
       if (!visited_.Has(l)) {
-        schur_.ForEachFactorBetween(l, i, [this](const FactorRef& ref) { touched_[ref.family].Add(ref.factor); });
+        schur_.structure().ForEachFactorBetween(l, i, [this](const FactorRef& ref) { touched_[ref.family].Add(ref.factor); });
         stale_landmarks_.Add(l);
       }
     }
   });
   const auto reach_frames = [this](std::int32_t l) {
-    if (reached_.count() == schur_.num_frames()) {
+    if (reached_.count() == schur_.structure().num_frames()) {
       return;  // all there are, as late in an Update
     }
     for (const std::int32_t frame : schur_.landmarks()[l].frames) {

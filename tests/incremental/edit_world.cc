@@ -399,7 +399,7 @@ void EditWorld::StepNewFrames() {
   std::vector<std::int32_t> landmarks;
   frames.ForEach([&](std::int32_t frame) {
     for (const std::int32_t landmark : schur.frames()[frame].landmarks) {
-      EXPECT_FALSE(schur.landmarks()[landmark].in_S) << "it has a new factor";
+      EXPECT_FALSE(schur.IsInS(landmark)) << "it has a new factor";
       landmarks.push_back(landmark);
     }
   });
@@ -414,7 +414,7 @@ void EditWorld::StepNewFrames() {
     system_.step().SetFrame(frame, step.data());
   });
   for (const std::int32_t landmark : landmarks) {
-    if (schur.landmarks()[landmark].partly) {
+    if (schur.blocks().state(landmark) == LandmarkState::kInRows) {
       system_.step().Visit(landmark);
     }
     schur.TakeOutOfRows(landmark, frames);
@@ -454,7 +454,7 @@ void EditWorld::Step() {
     }
   }
   for (int l = 0; l < static_cast<int>(schur.landmarks().size()); ++l) {
-    if (schur.landmarks()[l].in_S && random_.Below(2) == 0) {
+    if (schur.IsInS(l) && random_.Below(2) == 0) {
       system_.step().Visit(l);
     }
   }

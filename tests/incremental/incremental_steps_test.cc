@@ -198,14 +198,14 @@ TEST(LandmarkSteps, TheGainOfAllIsRightAfterTheCostHasFallenFar) {
     ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
   };
   set(3e9 + 1.0 / 3.0);
-  ASSERT_GT(system.schur().TotalDecrement(1e-9), 1e18);
+  ASSERT_GT(system.schur().gains().Total(1e-9), 1e18);
   set(2.0);
   double sum = 0.0;
   for (int i = 0; i < static_cast<int>(system.schur().landmarks().size()); ++i) {
-    sum += system.schur().decrement(i);
+    sum += system.schur().gains()[i];
   }
   ASSERT_LT(sum, 1e3);
-  EXPECT_NEAR(system.schur().TotalDecrement(1e-9), sum, 1e-9);
+  EXPECT_NEAR(system.schur().gains().Total(1e-9), sum, 1e-9);
 }
 
 }  // namespace

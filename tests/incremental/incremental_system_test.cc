@@ -365,7 +365,7 @@ TEST(IncrementalSystem, AStrongPriorOnOneCoordinateDoesNotParkALandmark) {
   Follower().TakeUp(graph, &system);
   RelinearizeWork work;
   ASSERT_TRUE(system.Relinearize(1e-4, RebuildRule::kNever, &work).ok());
-  EXPECT_EQ(system.schur().num_undetermined(), 0);
+  EXPECT_EQ(system.schur().blocks().num_undetermined(), 0);
   BatchSystem(graph, system).ExpectLaw();
 }
 
