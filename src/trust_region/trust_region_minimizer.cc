@@ -64,6 +64,9 @@ void TrustRegionMinimizer::Minimize() {
     iteration_.iteration = previous.iteration + 1;
     iteration_.gradient_norm = previous.gradient_norm;
     iteration_.gradient_max_norm = previous.gradient_max_norm;
+    if (loop_.judge != nullptr) {
+      strategy_->Widen(loop_.judge->LeastRadius());
+    }
     iteration_.trust_region_radius = strategy_->Radius();  // of this step; at its end that of the next
     if (!ComputeStep()) {
       return;
