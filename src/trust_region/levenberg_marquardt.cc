@@ -50,12 +50,14 @@ void LevenbergMarquardt::Widen(double radius) {
 
 void LevenbergMarquardt::StepAccepted(double quality) {
   radius_before_ = 0.0;
-  if (tenfold_) {
+  double shrinking = 1.0;  // of the damping
+  if (!tenfold_) {
+    shrinking = std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * quality - 1.0, 3));
+  } else if (quality > kKeptPromise) {
     growth_ = ++num_accepted_in_row_ % kStepsInRow == 0 ? std::min(kTenfold, growth_ * growth_) : growth_;
-    radius_ = std::min(max_radius_, radius_ * (quality > kKeptPromise ? growth_ : 1.0));
-    return;
+    shrinking = 1.0 / growth_;
   }
-  radius_ = std::min(max_radius_, radius_ / std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * quality - 1.0, 3)));
+  radius_ = std::min(max_radius_, radius_ / shrinking);
   decrease_factor_ = 2.0;
 }
 
@@ -65,8 +67,7 @@ void LevenbergMarquardt::StepRejected() {
     return;
   }
   if (tenfold_) {
-    const bool again = num_accepted_in_row_ == 0;
-    radius_ /= again ? kTenfold : growth_;
+    radius_ /= num_accepted_in_row_ == 0 ? kTenfold : growth_;
     growth_ = std::max(kLeastGrowth, std::sqrt(growth_));
     num_accepted_in_row_ = 0;
     return;
