@@ -78,9 +78,10 @@ void BM_BuiltIn(benchmark::State& state, const std::string& preset) {
 using CeresSolve = void (*)(const ceres::Solver::Options&, ceres::Problem*, ceres::Solver::Summary*);
 
 void Exact(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+  SolveOptions asked;
   SolveReport report;
-  report.strict = true;
-  Solve(options, problem, summary, &report);
+  asked.strict = true;
+  Solve(options, problem, summary, asked, &report);
 }
 
 void BM_OnCeresProblem(benchmark::State& state, const std::string& preset, CeresSolve solve,

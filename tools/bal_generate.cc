@@ -45,6 +45,7 @@ namespace {
 
 using inceres::Status;
 using inceres::StatusCode;
+using inceres::tools::IsSet;
 
 constexpr char kUsage[] =
     "makes a bundle-adjustment problem in the BAL format from a simulated scene: a camera on a path through\n"
@@ -54,10 +55,6 @@ constexpr char kUsage[] =
     "  bal_generate --num_cameras 200 --laps 2 --track_length 5 --outlier_fraction 0.02 --output loop.txt.bz2 --truth "
     "truth.txt.bz2\n\n"
     "The file can be read by bal_solve, by the bundle adjuster of the Ceres examples, and by any other program for BAL files.";
-
-bool IsSet(const char* flag) {
-  return !gflags::GetCommandLineFlagInfoOrDie(flag).is_default;
-}
 
 Status ToCount(const char* what, double value, int* count) {
   if (!(value >= 0.0 && value <= 2147483646.0)) {

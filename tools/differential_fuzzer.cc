@@ -32,7 +32,7 @@ DEFINE_uint64(lives, 100, "How many lives in each mode.");
 DEFINE_int32(edits, 60, "Edits of a life; it is solved after every few.");
 DEFINE_double(seconds, 0.0, "No new life begins in a mode after so many seconds; 0: no limit.");
 DEFINE_string(json, "", "Append a line of JSON for each mode to this file.");
-DEFINE_bool(verbose, false, "Print every edit and solve.");
+DEFINE_bool(verbose, false, "Print every edit and solve, and the iterations of the one that is a defect.");
 
 namespace inceres::fuzz {
 namespace {

@@ -52,14 +52,6 @@ constexpr char kUsage[] =
     "  living_problem --problem bal:problem-49-7776-pre.txt --oneshot --robust huber:1.0\n\n"
     "Exit code: 0 all solves usable, 1 a file or a solve failed, 2 usage.";
 
-Status Invalid(const std::string& message) {
-  return Status::Error(StatusCode::kInvalidArgument, message);
-}
-
-bool IsSet(const char* flag) {
-  return !gflags::GetCommandLineFlagInfoOrDie(flag).is_default;
-}
-
 bool IsFromFile() {
   const std::string kind = FLAGS_problem.substr(0, FLAGS_problem.find(':'));
   return FLAGS_oneshot && (kind == "bal" || kind == "g2o" || kind == "vio");
@@ -82,27 +74,6 @@ Status CheckCombination() {
              : Status::Ok();
 }
 
-Status CheckNumbers() {
-  const std::pair<const char*, std::pair<int, int>> integers[] = {{"--steps", {FLAGS_steps, 0}},
-                                                                  {"--num_threads", {FLAGS_num_threads, 1}},
-                                                                  {"--max_num_iterations", {FLAGS_max_num_iterations, 1}}};
-  for (const auto& [flag, range] : integers) {
-    if (range.first < range.second) {
-      return Invalid(std::string(flag) + " " + std::to_string(range.first) + ": must be at least " +
-                     std::to_string(range.second));
-    }
-  }
-  const std::pair<const char*, double> tolerances[] = {{"--function_tolerance", FLAGS_function_tolerance},
-                                                       {"--gradient_tolerance", FLAGS_gradient_tolerance},
-                                                       {"--parameter_tolerance", FLAGS_parameter_tolerance}};
-  for (const auto& [flag, value] : tolerances) {
-    if (!std::isfinite(value) || value < 0.0) {
-      return Invalid(std::string(flag) + " " + std::to_string(value) + ": must be a finite number, at least 0");
-    }
-  }
-  return Status::Ok();
-}
-
 Status CheckFlags() {
   if (FLAGS_mode != "plain" && FLAGS_mode != "rebuild") {
     return Invalid("--mode '" + FLAGS_mode + "': use plain or rebuild");
@@ -115,7 +86,13 @@ Status CheckFlags() {
   }
   ceres::LinearSolverType ignored = ceres::DENSE_SCHUR;
   Status status = ParseReplayLinearSolver("--linear_solver", FLAGS_linear_solver, true, &ignored);
-  status = status.ok() ? CheckNumbers() : status;
+  status = status.ok() ? CheckNumbers({{"--steps", FLAGS_steps, 0},
+                                       {"--num_threads", FLAGS_num_threads, 1},
+                                       {"--max_num_iterations", FLAGS_max_num_iterations, 1}},
+                                      {{"--function_tolerance", FLAGS_function_tolerance},
+                                       {"--gradient_tolerance", FLAGS_gradient_tolerance},
+                                       {"--parameter_tolerance", FLAGS_parameter_tolerance}})
+                       : status;
   return status.ok() ? CheckCombination() : status;
 }
 

@@ -71,33 +71,6 @@ constexpr char kUsage[] =
     "path: cameras along a generated path, each seeing about 40 points; with --loops it comes back to places seen before.\n\n"
     "Exit code: 0 all steps solved, 1 a file or one of our solves failed, 2 usage.";
 
-Status Invalid(const std::string& message) {
-  return Status::Error(StatusCode::kInvalidArgument, message);
-}
-
-Status CheckNumbers() {
-  const std::pair<const char*, std::pair<int, int>> integers[] = {{"--steps", {FLAGS_steps, 0}},
-                                                                  {"--num_threads", {FLAGS_num_threads, 1}},
-                                                                  {"--max_num_iterations", {FLAGS_max_num_iterations, 1}},
-                                                                  {"--print_every", {FLAGS_print_every, 1}},
-                                                                  {"--structure_step", {FLAGS_structure_step, 0}}};
-  for (const auto& [flag, range] : integers) {
-    if (range.first < range.second) {
-      return Invalid(std::string(flag) + " " + std::to_string(range.first) + ": must be at least " +
-                     std::to_string(range.second));
-    }
-  }
-  const std::pair<const char*, double> tolerances[] = {{"--function_tolerance", FLAGS_function_tolerance},
-                                                       {"--gradient_tolerance", FLAGS_gradient_tolerance},
-                                                       {"--parameter_tolerance", FLAGS_parameter_tolerance}};
-  for (const auto& [flag, value] : tolerances) {
-    if (!std::isfinite(value) || value < 0.0) {
-      return Invalid(std::string(flag) + " " + std::to_string(value) + ": must be a finite number, at least 0");
-    }
-  }
-  return Status::Ok();
-}
-
 Status CheckFlags() {
   if (FLAGS_mode != "exact" && FLAGS_mode != "incremental") {
     return Invalid("--mode '" + FLAGS_mode + "': use exact or incremental");
@@ -116,7 +89,14 @@ Status CheckFlags() {
   if (FLAGS_structure_step > 0 && (FLAGS_mode != "incremental" || FLAGS_json.empty())) {
     return Invalid("--structure_step: needs --mode incremental and --json");
   }
-  return CheckNumbers();
+  return CheckNumbers({{"--steps", FLAGS_steps, 0},
+                       {"--num_threads", FLAGS_num_threads, 1},
+                       {"--max_num_iterations", FLAGS_max_num_iterations, 1},
+                       {"--print_every", FLAGS_print_every, 1},
+                       {"--structure_step", FLAGS_structure_step, 0}},
+                      {{"--function_tolerance", FLAGS_function_tolerance},
+                       {"--gradient_tolerance", FLAGS_gradient_tolerance},
+                       {"--parameter_tolerance", FLAGS_parameter_tolerance}});
 }
 
 ReplaySettings Settings(const ReplayScript& script) {

@@ -13,6 +13,7 @@
 #include "inceres/io/g2o.h"
 #include "inceres/io/keyframes.h"
 #include "inceres/io/stereo_odometry.h"
+#include "tools/command_line/command_line.h"
 #include "tools/command_line/read_flags.h"
 #include "tools/command_line/read_progress.h"
 #include "tools/replay/replay_scripts.h"
@@ -29,10 +30,6 @@ DEFINE_int32(seed, 1, "bal and path only: seed of the noise on start values, and
 
 namespace inceres::tools {
 namespace {
-
-Status Invalid(const std::string& message) {
-  return Status::Error(StatusCode::kInvalidArgument, message);
-}
 
 // A flag that would change nothing is a mistake of the caller's.
 Status CheckKind(const std::string& kind) {

@@ -4,17 +4,12 @@
 #include <string>
 #include <utility>
 
-#include <glog/logging.h>
-
 #include "adapters/ceres/compare/cross_check.h"
 #include "adapters/ceres/exact/exact_solve.h"
 #include "adapters/ceres/fallback/decline.h"
 #include "adapters/ceres/fallback/gate.h"
-#include "adapters/ceres/fallback/stock_ceres.h"
-#include "adapters/ceres/plan/iterative_choice.h"
 #include "adapters/ceres/plan/option_mapping.h"
-#include "adapters/ceres/plan/plan_pool.h"
-#include "adapters/ceres/plan/view_pool.h"
+#include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/ceres_version.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
@@ -23,24 +18,23 @@
 namespace inceres {
 namespace {
 
-void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary, SolveMode mode,
-               SolveReport* report) {
+void SolveOnce(const internal::SolveCall& call) {
   const internal::WallClock clock;
-  if (mode == SolveMode::kStock) {
+  const auto& [options, problem, summary, solve_options, report] = call;
+  if (solve_options.mode == SolveMode::kStock) {
     report->used_stock = true;
     report->fallback_reason = "SolveMode::kStock was asked for";
     internal::SolveWithStock(options, problem, summary);
     return;
   }
-  const bool incremental = mode == SolveMode::kIncremental;
-  ceres::EvaluationCallback* const callback =
-      internal::EvaluationCallbackOf(*problem, report != nullptr ? report->evaluation_callback : nullptr);
-  std::unique_ptr<internal::ProblemView> view_memory = internal::ViewPool::Global().Take();
+  const bool incremental = solve_options.mode == SolveMode::kIncremental;
+  ceres::EvaluationCallback* const callback = internal::EvaluationCallbackOf(*problem, solve_options.evaluation_callback);
+  std::unique_ptr<internal::ProblemView> view_memory = internal::StructureCache::OfProcess().TakeView();
   internal::ProblemView& view = *view_memory;
   internal::OrderingView ordering;
   const std::string obstacle = internal::FindObstacle(options, *problem, incremental, callback, &view, &ordering);
   if (!obstacle.empty()) {
-    internal::Decline(options, problem, summary, obstacle, report);
+    internal::Decline(call, obstacle);
     return;
   }
   internal::SolveInput input{options, view, ordering, clock, callback};
@@ -57,7 +51,7 @@ void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, c
         incremental ? internal::IncrementalLinearSolver(options, ordering) : internal::TypeToPlanFor(options, ordering);
     const std::string too_much = internal::ChoosePlan(type, &input);
     if (!too_much.empty()) {
-      internal::Decline(options, problem, summary, too_much, report);
+      internal::Decline(call, too_much);
       return;
     }
     if (incremental) {
@@ -66,28 +60,18 @@ void SolveOnce(const ceres::Solver::Options& options, ceres::Problem* problem, c
       internal::SolveExactly(input, summary, report);
     }
   }
-  internal::ViewPool::Global().GiveBack(std::move(view_memory));  // not if something was thrown on the way
+  internal::StructureCache::OfProcess().GiveBack(std::move(view_memory));  // not if something was thrown on the way
 }
 
 }  // namespace
 
-void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary, SolveReport* report) {
-  CHECK(problem != nullptr);  // as ceres::Solve
-  CHECK(summary != nullptr);
-  *summary = ceres::Solver::Summary();
-  const SolveMode mode = report != nullptr ? report->mode : SolveMode::kExact;
-  internal::ClearResults(report);
-  if (internal::WantsComparison(report)) {
-    const auto once = [&] { SolveOnce(options, problem, summary, mode, report); };
-    const auto again = [&](const ceres::Solver::Options& quiet, ceres::Solver::Summary* second) {
-      SolveReport unread;
-      unread.strict = true;
-      SolveOnce(quiet, problem, second, mode, &unread);
-    };
-    internal::SolveAndCompare(options, problem, summary, report, mode, {once, again});
-  } else {
-    SolveOnce(options, problem, summary, mode, report);
-  }
+void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
+           const SolveOptions& solve_options, SolveReport* report) {
+  internal::SolveAsAsked({options, problem, summary, solve_options, report}, SolveOnce, internal::Repeatable::kYes);
+}
+
+void ForgetStructures() {
+  internal::StructureCache::OfProcess().Clear();
 }
 
 }  // namespace inceres

@@ -1,10 +1,9 @@
-#include "inceres/estimator/sliding_window_options.h"
-
 #include <cmath>
 #include <string>
 #include <utility>
 
 #include "estimator/window_input.h"
+#include "inceres/estimator/sliding_window_estimator.h"
 #include "problem/find_fault.h"
 
 namespace inceres {

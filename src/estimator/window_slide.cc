@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "estimator/window.h"
-#include "inceres/solver/marginalization_rules.h"
+#include "inceres/solver/marginalization.h"
 
 namespace inceres::internal {
 namespace {

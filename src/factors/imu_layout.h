@@ -1,7 +1,7 @@
 #pragma once
 
 #include "factors/imu_math.h"
-#include "inceres/factors/imu_options.h"
+#include "inceres/factors/imu_preintegrator.h"
 
 namespace inceres::internal {
 

@@ -1,10 +1,9 @@
-#include "inceres/factors/imu_options.h"
-
 #include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
 
+#include "inceres/factors/imu_preintegrator.h"
 #include "problem/find_fault.h"
 
 namespace inceres {

@@ -6,8 +6,8 @@
 
 #include "factors/pose_slot.h"
 #include "factors/whiten.h"
-#include "inceres/factors/perturbation.h"
 #include "inceres/problem/ambient_family.h"
+#include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
 
 namespace inceres::internal {

@@ -2,13 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "base/stopwatch.h"
-#include "inceres/solver/one_time_solve.h"
-#include "inceres/solver/solver.h"
+#include "incremental/one_time_solve.h"
+#include "trust_region/loop_options.h"
+#include "trust_region/strategy.h"
 
 namespace inceres::internal {
 namespace {
+
+// Steps taken one after another, after which a Dog-Leg's radius is no longer what a refusal has made it.
+constexpr int kAcceptedInRow = 2;
 
 // What comes after the batch solver: the incremental one, which finishes, or nothing.
 enum class BatchEnd { kHandsOver, kToTheEnd };
@@ -16,7 +21,7 @@ enum class BatchEnd { kHandsOver, kToTheEnd };
 // Counts the work, writes the trace, and ends the solve when the Update's observer says so, on request, when the work budget is
 // spent, and, before one more step proves it, where what is left is below the tolerance: good steps gain so fast less, or the
 // next one promises too little.
-class BatchObserver final : public SolveObserver {
+class BatchObserver final : public SolveObserver, public StepJudge {
  public:
   BatchObserver(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end, const std::atomic<bool>& stop,
                 int num_factors, const double** shown_state, UpdateTrace* trace)
@@ -45,10 +50,11 @@ class BatchObserver final : public SolveObserver {
     const double factor = promise / last_promise_;
     const double rest = std::max(1.0, last_ratio_) * promise / (1.0 - factor);
     const bool known = last_ratio_ > tuning_.kept_promise && factor < tuning_.steady_factor;
-    const bool series = known && rest <= tuning_.rest_share * options_.function_tolerance * cost;
-    const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= tuning_.settled_share * options_.function_tolerance * cost;
+    const bool series = known && rest <= tuning_.rest_share * Tolerance(cost);
+    const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= tuning_.settled_share * Tolerance(cost);
     settled_ = options_.batch_share > 0.0 && SeesAll(iteration) && (series || nothing);
     rest_ = !settled_ ? 0.0 : series ? rest : promise;
+    promises_nothing_ = SeesAll(iteration) && promise <= Tolerance(cost);
     last_promise_ = promise;
     return !settled_;
   }
@@ -61,13 +67,20 @@ class BatchObserver final : public SolveObserver {
 
   ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override {
     cost_ = iteration.step_is_successful ? iteration.cost : cost_;
+    num_accepted_in_row_ = iteration.step_is_successful ? num_accepted_in_row_ + 1 : 0;
+    if (iteration.iteration == 0) {
+      checked_cost_ = gained_from_ = cost_;
+    }
+    if (iteration.iteration == 0 && !trace_.summary().iterations.empty()) {  // told as the end of the part before
+      return stop_.load(std::memory_order_relaxed) ? ObserverAction::kTerminateSuccessfully : ObserverAction::kContinue;
+    }
     // What landmarks gained by themselves says nothing of the model.
     last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
     WriteRow(iteration);
     *shown_state_ = best_state;
     const bool go_on = trace_.EndRow(cost_);
     *shown_state_ = nullptr;
-    settled_ = settled_ || IsRefusedForNothing(iteration);
+    settled_ = settled_ || IsRefusedForNothing(iteration) || HasStagnated(iteration);
     const UpdateSummary& summary = trace_.summary();
     if (!go_on) {
       ended_by_user_ = true;
@@ -87,34 +100,64 @@ class BatchObserver final : public SolveObserver {
   bool settled() const { return settled_; }
   /// Of the state, where Ceres reports the lowest cost seen, refused steps included.
   double cost() const { return cost_; }
+  /// Whether the model, which sees all directions, promises next to nothing: of Ceres's rule, that the last step would have
+  /// changed the cost by next to nothing, that is what it means to say.
+  bool promises_nothing() const { return promises_nothing_; }
   /// What the last step and those to come promise, where they are not taken.
   double rest() const { return rest_; }
 
  private:
-  // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could gain.
+  double Tolerance(double cost) const { return options_.function_tolerance * std::max(cost - options_.fixed_cost, 0.0); }
+  // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could gain; of a Dog-Leg, whether no
+  // refusal has shrunk its radius lately.
   bool SeesAll(const IterationSummary& iteration) const {
-    return options_.batch_strategy != TrustRegionStrategyKind::kLevenbergMarquardt ||
-           iteration.trust_region_radius >= tuning_.seeing_radius;
+    return IsDamped(options_.batch_strategy) ? iteration.trust_region_radius >= tuning_.seeing_radius
+                                             : num_accepted_in_row_ >= kAcceptedInRow;
+  }
+  // By Marquardt's rule, which tries all lengths of steps: many that were taken have together brought next to nothing; or hardly
+  // any could be taken for so long that all lengths have been tried, as at the border of where a cost function evaluates.
+  bool HasStagnated(const IterationSummary& iteration) {
+    if (options_.batch_strategy != TrustRegionStrategyKind::kMarquardt || iteration.iteration == 0) {
+      return false;
+    }
+    const double tolerance = Tolerance(cost_);
+    if (++num_since_gain_ >= tuning_.stall) {
+      if (gained_from_ - cost_ <= tuning_.stall_gain * tolerance) {
+        return true;
+      }
+      num_since_gain_ = 0;
+      gained_from_ = cost_;
+    }
+    if (iteration.step_is_successful && ++num_unchecked_steps_ >= tuning_.stagnation) {
+      if (checked_cost_ - cost_ <= tuning_.stagnation_gain * tolerance) {
+        return true;
+      }
+      num_unchecked_steps_ = 0;
+      checked_cost_ = cost_;
+    }
+    return false;
   }
   // A step that was evaluated and refused, but changes next to nothing: there is nothing to be had. (Ceres's rule does not ask
   // whether a step is accepted either.)
   bool IsRefusedForNothing(const IterationSummary& iteration) const {
     return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && iteration.iteration > 0 && iteration.step_is_valid &&
-           !iteration.step_is_successful &&
-           std::fabs(iteration.cost_change) <= tuning_.settled_share * options_.function_tolerance * cost_ &&
-           iteration.model_cost_change <= options_.function_tolerance * cost_;
+           !iteration.step_is_successful && SeesAll(iteration) &&
+           std::fabs(iteration.cost_change) <= tuning_.settled_share * Tolerance(cost_) &&
+           iteration.model_cost_change <= Tolerance(cost_);
   }
   bool HasJustSettled(const IterationSummary& iteration) {
     const bool good = iteration.relative_decrease > tuning_.good_model;
     const double gain = good ? iteration.cost_change : 0.0;
-    const double allowed = tuning_.settled_share * options_.function_tolerance * iteration.cost;
+    const double allowed = tuning_.settled_share * Tolerance(iteration.cost);
     // Steps whose gains fall by a ratio r leave gain · r / (1 − r) undone.
     const double ratio = gain / previous_gain_;
     const double slower = std::max(ratio, previous_ratio_);
     const bool fast = ratio < tuning_.fast_ratio && previous_ratio_ < tuning_.fast_ratio;
     // Slow ones are believed where they are all there is, and Ceres's rule would have ended the solve.
-    const bool slow = end_ == BatchEnd::kToTheEnd && slower < 1.0 && gain <= options_.function_tolerance * iteration.cost;
-    const bool settled = options_.batch_share > 0.0 && SeesAll(iteration) && good && gain >= 0.0 && (fast || slow) &&
+    const bool slow = end_ == BatchEnd::kToTheEnd && slower < 1.0 && gain <= Tolerance(iteration.cost);
+    // What the model was wrong by in this step may still be there: the gradient is off by as much.
+    const bool exact = std::fabs(gain - iteration.model_cost_change) <= allowed;
+    const bool settled = options_.batch_share > 0.0 && SeesAll(iteration) && good && exact && gain >= 0.0 && (fast || slow) &&
                          gain * slower / (1.0 - slower) <= allowed;
     rest_ = settled ? gain * slower / (1.0 - slower) : 0.0;
     previous_gain_ = gain;
@@ -132,8 +175,7 @@ class BatchObserver final : public SolveObserver {
     row.step_norm = iteration.step_norm;
     row.gradient_max_norm = iteration.gradient_max_norm;
     row.gradient_norm = iteration.gradient_norm;
-    const bool damped = options_.batch_strategy == TrustRegionStrategyKind::kLevenbergMarquardt;
-    row.damping = damped ? 1.0 / iteration.trust_region_radius : 0.0;
+    row.damping = IsDamped(options_.batch_strategy) ? 1.0 / iteration.trust_region_radius : 0.0;
     row.radius = iteration.trust_region_radius;
     row.num_linear_solver_iterations = iteration.linear_solver_iterations;
     row.solve_seconds = iteration.step_solver_time_in_seconds;
@@ -155,6 +197,12 @@ class BatchObserver final : public SolveObserver {
   int last_judged_ = -1;
   bool ended_by_user_ = false;
   bool settled_ = false;
+  bool promises_nothing_ = false;
+  int num_accepted_in_row_ = kAcceptedInRow;
+  int num_unchecked_steps_ = 0;  // taken since HasStagnated last looked
+  double checked_cost_ = 0.0;    // then
+  int num_since_gain_ = 0;       // iterations, taken or not, since it last looked at these
+  double gained_from_ = 0.0;     // cost then
 };
 
 // Whether a trust region that refusals have shrunk may be what kept the last steps short: they then tell nothing of what is left.
@@ -163,7 +211,7 @@ bool IsHeldBack(const Summary& summary, const SolverOptions& options, const Tuni
   if (summary.iterations.empty()) {
     return false;
   }
-  if (options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt) {
+  if (IsDamped(options.strategy)) {
     return summary.iterations.back().trust_region_radius < tuning.shrunk_share * options.initial_trust_region_radius;
   }
   const std::size_t first = summary.iterations.size() - std::min<std::size_t>(2, summary.iterations.size());
@@ -173,7 +221,7 @@ bool IsHeldBack(const Summary& summary, const SolverOptions& options, const Tuni
 
 // Ceres's rule looks at the last step alone, and does not take it. What it would have gained, and steps like it would go on to
 // gain, is left undone.
-bool HasSettled(const Summary& summary, double function_tolerance, const Tuning::Batch& tuning) {
+bool HasSettled(const Summary& summary, const IncrementalOptions& options, const Tuning::Batch& tuning) {
   if (summary.termination != Termination::kConvergence) {
     return false;
   }
@@ -184,7 +232,8 @@ bool HasSettled(const Summary& summary, double function_tolerance, const Tuning:
     }
   }
   const double gain = std::fabs(summary.discarded_cost_change);
-  const double allowed = tuning.settled_share * function_tolerance * summary.final_cost;
+  const double allowed =
+      tuning.settled_share * options.function_tolerance * std::max(summary.final_cost - options.fixed_cost, 0.0);
   return summary.final_cost == 0.0 || (gain < last_gain && gain / (1.0 - gain / last_gain) <= allowed);
 }
 
@@ -213,42 +262,62 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
   // Down to what may be left: one more iteration here costs less than to linearize everything for the incremental system. Where
   // there will be none the observer says when nothing is left.
   batch.function_tolerance = options.function_tolerance;
-  if (!only) {
+  if (options.batch_strategy == TrustRegionStrategyKind::kMarquardt) {
+    batch.function_tolerance = 0.0;
+    batch.gradient_tolerance = tuning.gradient_tolerance;
+    batch.min_trust_region_radius = tuning.min_radius;
+  } else if (!only) {
     batch.function_tolerance *= end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
   }
   batch.parameter_tolerance = 0.0;  // a few points run off in bundle adjustment, and against them every step is short
   batch.initial_trust_region_radius = 1.0 / options.initial_damping;
   batch.min_relative_decrease = options.min_relative_decrease;
-  batch.use_inner_iterations = !only && options.max_landmark_passes > 0;
+  batch.refine_landmarks = !only && options.max_landmark_passes > 0;
   batch.reduce_curvature_of_losses = !only;
   return batch;
 }
 
-BatchOutcome Run(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end, const std::atomic<bool>& stop,
-                 Solver* solver, FactorGraph* graph, const double** shown_state, UpdateTrace* trace) {
+// Adds what one call of the batch solver did to the Update's summary; how it ended is what the last one says.
+void Count(const Summary& solved, const BatchObserver& observer, UpdateSummary* summary) {
+  if (summary->num_batch_iterations == 0) {
+    summary->initial_cost = solved.initial_cost;
+  }
+  summary->remaining_decrease = observer.settled() ? observer.rest() : std::fabs(solved.discarded_cost_change);
+  const int num_iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
+  summary->num_batch_iterations += num_iterations;
+  summary->num_iterations += num_iterations;
+  summary->num_rejected_steps += solved.num_unsuccessful_steps;
+  summary->num_recentered_factors += solved.work.num_recentered_factors;
+  summary->batch_seconds += solved.seconds.total;
+  if (summary->failed_step.empty()) {
+    summary->failed_step = solved.failed_step;
+  }
+  for (double StageSeconds::*stage : {&StageSeconds::setup, &StageSeconds::residuals, &StageSeconds::jacobians,
+                                      &StageSeconds::hessian, &StageSeconds::elimination, &StageSeconds::factorization,
+                                      &StageSeconds::back_substitution, &StageSeconds::model_cost, &StageSeconds::total}) {
+    summary->batch_stages.*stage += solved.seconds.*stage;
+  }
+  summary->message = solved.detail.empty() ? solved.message : solved.message + ": " + solved.detail;
+}
+
+// One call of the batch solver.
+BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end, const std::atomic<bool>& stop,
+                     Solver* solver, FactorGraph* graph, const double** shown_state, UpdateTrace* trace) {
   UpdateSummary* summary = &trace->summary();
   SolverOptions batch = BatchOptions(options, tuning, end);
   BatchObserver observer(options, tuning, end, stop, graph->num_factors(), shown_state, trace);
   batch.observer = &observer;
-  const Summary solved = solver->Solve(batch, graph);
-  summary->initial_cost = solved.initial_cost;
-  summary->final_cost = solved.final_cost;
-  summary->remaining_decrease = observer.settled() ? observer.rest() : std::fabs(solved.discarded_cost_change);
-  summary->num_batch_iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
-  summary->num_iterations = summary->num_batch_iterations;
-  summary->num_rejected_steps = solved.num_unsuccessful_steps;
-  summary->num_recentered_factors = solved.work.num_recentered_factors;
-  summary->batch_seconds = solved.seconds.total;
-  summary->failed_step = solved.failed_step;
-  summary->batch_stages = solved.seconds;
-  summary->message = solved.detail.empty() ? solved.message : solved.message + ": " + solved.detail;
-  if (end == BatchEnd::kToTheEnd && solved.IsSolutionUsable() && !solved.iterations.empty()) {
-    summary->final_cost = observer.cost();
-  }
+  LoopOptions loop;
+  loop.judge = &observer;
+  Summary solved;
+  SolveWith(batch, loop, graph, solver, &solved);
+  Count(solved, observer, summary);
+  const bool cost_of_state = end == BatchEnd::kToTheEnd && solved.IsSolutionUsable() && !solved.iterations.empty();
+  summary->final_cost = cost_of_state ? observer.cost() : solved.final_cost;
   summary->ended_by_batch_rule = false;
   if (!std::isfinite(solved.final_cost)) {  // which Ceres 2.1 takes for convergence
     summary->message = "The cost is not finite.";
-    return {Termination::kFailure, false};
+    return {Termination::kFailure};
   }
   if (observer.ended_by_user()) {
     return {solved.termination, true};
@@ -263,7 +332,42 @@ BatchOutcome Run(const IncrementalOptions& options, const Tuning::Batch& tuning,
   }
   summary->ended_by_batch_rule = solved.termination == Termination::kConvergence;
   const bool held_back = IsHeldBack(solved, batch, tuning);
-  return {solved.termination, !held_back && HasSettled(solved, options.function_tolerance, tuning), held_back};
+  const bool no_gradient = solved.iterations.empty() || solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
+  return {solved.termination, !held_back && HasSettled(solved, options, tuning), held_back,
+          observer.promises_nothing() || no_gradient};
+}
+
+// A solve from beginning to end. What the user's strategy does not bring to an end within a while, or ends with its trust region
+// shrunk by refusals, where its last steps prove nothing, is gone on with by Marquardt's rule.
+BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch& tuning, const std::atomic<bool>& stop,
+                         Solver* solver, FactorGraph* graph, const double** shown_state, UpdateTrace* trace) {
+  UpdateSummary* summary = &trace->summary();
+  const bool in_parts = options.batch_share > 0.0 && options.batch_strategy != TrustRegionStrategyKind::kMarquardt;
+  IncrementalOptions part = options;
+  part.max_num_iterations = in_parts ? std::min(options.max_num_iterations, tuning.patience) : options.max_num_iterations;
+  const BatchOutcome first = RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
+  const bool out_of_patience =
+      first.termination == Termination::kNoConvergence && summary->num_iterations >= part.max_num_iterations;
+  const double seconds_left = options.max_seconds - (NowInSeconds() - trace->start_seconds());
+  part.max_num_iterations = options.max_num_iterations - summary->num_iterations;
+  const bool proven = !first.held_back && (summary->ended_by_batch_rule ? first.promises_nothing : !out_of_patience);
+  if (!in_parts || proven || part.max_num_iterations <= 0 || seconds_left <= 0.0) {
+    return first;
+  }
+  part.max_seconds = seconds_left;
+  if (IsDamped(part.batch_strategy) && !first.held_back) {
+    part.initial_damping = std::min(part.initial_damping, summary->iterations.back().damping);
+  }
+  part.batch_strategy = TrustRegionStrategyKind::kMarquardt;
+  const std::vector<double> reached = graph->state();
+  const UpdateSummary before = *summary;
+  BatchOutcome second = RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
+  if (second.termination == Termination::kFailure) {  // what the first part has reached stays
+    graph->mutable_state() = reached;
+    *summary = before;
+    return first;
+  }
+  return second;
 }
 
 }  // namespace
@@ -271,15 +375,11 @@ BatchOutcome Run(const IncrementalOptions& options, const Tuning::Batch& tuning,
 BatchOutcome RunBatchPhase(const IncrementalOptions& options, const Tuning::Batch& tuning, const std::atomic<bool>& stop,
                            FactorGraph* graph, const double** shown_state, UpdateTrace* trace) {
   Solver solver(/*max_bytes=*/0);
-  return Run(options, tuning, BatchEnd::kHandsOver, stop, &solver, graph, shown_state, trace);
+  return RunPart(options, tuning, BatchEnd::kHandsOver, stop, &solver, graph, shown_state, trace);
 }
 
-}  // namespace inceres::internal
-
-namespace inceres {
-
 SolverOptions OneTimeOptions(const IncrementalOptions& options) {
-  return internal::BatchOptions(options, internal::TuningOfNewSolvers().batch, internal::BatchEnd::kToTheEnd);
+  return BatchOptions(options, TuningOfNewSolvers().batch, BatchEnd::kToTheEnd);
 }
 
 void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* graph, UpdateSummary* summary,
@@ -287,20 +387,22 @@ void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* g
   const std::atomic<bool> stop{false};
   const double* unseen = nullptr;
   *summary = UpdateSummary();
-  internal::UpdateTrace trace(observer, summary);
+  UpdateTrace trace(observer, summary);
   const Status valid = options.Validate();
   if (valid.ok()) {
     const double** shown = best_state != nullptr ? best_state : &unseen;
-    summary->termination = internal::Run(options, internal::TuningOfNewSolvers().batch, internal::BatchEnd::kToTheEnd, stop,
-                                         solver, graph, shown, &trace)
-                               .termination;
+    const std::vector<double> start = observer != nullptr ? graph->state() : std::vector<double>();
+    summary->termination = RunToTheEnd(options, TuningOfNewSolvers().batch, stop, solver, graph, shown, &trace).termination;
+    if (summary->termination == Termination::kUserFailure) {
+      graph->mutable_state() = start;  // the first part of two may have moved it
+    }
   } else {
     summary->message = valid.message;
   }
   if (summary->termination == Termination::kUserFailure || summary->termination == Termination::kFailure) {
     summary->final_cost = summary->initial_cost;  // the graph is where it was
   }
-  summary->seconds = internal::NowInSeconds() - trace.start_seconds();
+  summary->seconds = NowInSeconds() - trace.start_seconds();
 }
 
-}  // namespace inceres
+}  // namespace inceres::internal

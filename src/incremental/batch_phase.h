@@ -18,6 +18,8 @@ struct BatchOutcome {
   bool finished = false;
   /// It converged with a trust region so small that more may be left than the last steps tell.
   bool held_back = false;
+  /// Of a solve that Ceres's rule ended: its model promised next to nothing too, or the gradient is next to zero.
+  bool promises_nothing = false;
 };
 
 /// The part of an Update that the batch solver does: from the graph's state to what its own stopping rule leaves. Counts and rows

@@ -22,6 +22,9 @@ Status IncrementalOptions::Validate() const {
   if (!(function_tolerance >= 0.0)) {
     return fail("function_tolerance", function_tolerance, ">= 0");
   }
+  if (!(fixed_cost >= 0.0)) {
+    return fail("fixed_cost", fixed_cost, ">= 0");
+  }
   if (!(min_relative_decrease >= 0.0)) {
     return fail("min_relative_decrease", min_relative_decrease, ">= 0");
   }

@@ -59,8 +59,11 @@ StepControl::Verdict StepControl::JudgeRefusals(double tolerance) {
   if (refused_blindly_) {
     return Verdict::kUnknown;
   }
-  if (std::min(remaining_at_floor_, remaining_when_refused_) <= tolerance || mu_ <= stop_.fine_damping * refused_mu_) {
+  if (remaining_at_floor_ <= tolerance) {
     return Verdict::kMinimum;
+  }
+  if (remaining_when_refused_ <= tolerance || mu_ <= stop_.fine_damping * refused_mu_) {
+    return Verdict::kRefusals;
   }
   mu_ = std::sqrt(mu_ * refused_mu_);
   return Verdict::kTryBetween;

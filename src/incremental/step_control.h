@@ -42,10 +42,11 @@ class StepControl {
   /// Before success the damping goes to its floor, once only while no step is taken there: where steps are refused it grows
   /// again. True if it was lowered.
   bool RelaxOnce();
-  enum class Verdict { kMinimum, kUnknown, kTryBetween };
-  /// Steps were refused, up to the damping at which nothing is left to gain. If they were evaluated that is the minimum, as far
-  /// as steps between the last two dampings, one of which is then to be tried, could not gain more than the tolerance either; of
-  /// what a cost function refused to evaluate nothing is known.
+  enum class Verdict { kMinimum, kRefusals, kUnknown, kTryBetween };
+  /// Steps were refused, up to the damping at which nothing is left to gain. That is the minimum if little was left near the
+  /// floor, too. Otherwise all that speaks for it are the refusals: as far as steps between the last two dampings, one of which
+  /// is then to be tried, could not gain more than the tolerance either. Of what a cost function refused to evaluate nothing is
+  /// known.
   Verdict JudgeRefusals(double tolerance);
 
  private:

@@ -18,17 +18,19 @@ namespace inceres::internal {
 class StoppingRule {
  public:
   StoppingRule() = default;
-  /// For an Update that begins at this cost, which rounding blurs by so much, with this iteration.
-  StoppingRule(const Tuning::Stop& tuning, double function_tolerance, double rounding, int iteration, double cost)
+  /// For an Update that begins at this cost, of which a part is fixed and which rounding blurs by so much, with this iteration.
+  StoppingRule(const Tuning::Stop& tuning, double function_tolerance, double fixed_cost, double rounding, int iteration,
+               double cost)
       : tuning_(tuning),
         function_tolerance_(function_tolerance),
+        fixed_cost_(fixed_cost),
         rounding_(rounding),
         checked_iteration_(iteration),
         checked_cost_(cost) {}
 
-  /// T: cost changes below it do not count. The user's tolerance, and where the cost is next to zero the rounding of the
-  /// residuals.
-  double Tolerance(double cost) const { return std::max(function_tolerance_ * cost, rounding_ / tuning_.share); }
+  /// T: cost changes below it do not count. The user's tolerance times what can change of the cost, and where that is next to
+  /// zero the rounding of the residuals.
+  double Tolerance(double cost) const { return std::max(function_tolerance_ * (cost - fixed_cost_), rounding_ / tuning_.share); }
   /// σ T: what an Update may leave undone.
   double Allowed(double cost) const { return tuning_.share * Tolerance(cost); }
   double rounding() const { return rounding_; }
@@ -54,6 +56,7 @@ class StoppingRule {
 
   Tuning::Stop tuning_;
   double function_tolerance_ = 0.0;
+  double fixed_cost_ = 0.0;
   double rounding_ = 0.0;
   int checked_iteration_ = 0;  // from which on HasStagnated counts
   double checked_cost_ = 0.0;  // then

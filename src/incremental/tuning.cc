@@ -104,6 +104,13 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("batch.kept_promise", &tuning->batch.kept_promise);
   real("batch.steady_factor", &tuning->batch.steady_factor);
   real("batch.seeing_radius", &tuning->batch.seeing_radius);
+  count("batch.patience", &tuning->batch.patience);
+  count("batch.stagnation", &tuning->batch.stagnation);
+  real("batch.stagnation_gain", &tuning->batch.stagnation_gain);
+  count("batch.stall", &tuning->batch.stall);
+  real("batch.stall_gain", &tuning->batch.stall_gain);
+  real("batch.min_radius", &tuning->batch.min_radius);
+  real("batch.gradient_tolerance", &tuning->batch.gradient_tolerance);
   real("batch.shrunk_share", &tuning->batch.shrunk_share);
   return all;
 }

@@ -113,7 +113,19 @@ struct Tuning {
     /// What the model promises has to fall by more than this factor from one step to the next.
     double steady_factor = 0.5;
     /// Radius of Levenberg–Marquardt, one over its damping, from which on promises and gains tell of all directions.
-    double seeing_radius = 1e6;
+    double seeing_radius = 1e8;
+    /// Iterations of the strategy that was asked for; what they do not finish Marquardt's rule goes on with.
+    int patience = 25;
+    /// Steps by that rule which together bring less than so many tolerances end an Update.
+    int stagnation = 15;
+    double stagnation_gain = 1.0;
+    /// The same of its iterations, refused steps included: so many try all lengths of steps.
+    int stall = 20;
+    double stall_gain = 0.25;
+    /// Of that rule: with more damping than one over this steps lead nowhere.
+    double min_radius = 1e-12;
+    /// Of that rule: it is there for costs next to zero, too, where Ceres's default ends a solve early.
+    double gradient_tolerance = 1e-14;
     /// Of the initial radius: one that refusals have brought below keeps steps short by itself.
     double shrunk_share = 0.01;
   };

@@ -59,6 +59,7 @@ std::string UpdateSummary::ToJson() const {
       .Add("initial_cost", initial_cost)
       .AddString("failed_step", failed_step)
       .Add("ended_by_batch_rule", ended_by_batch_rule)
+      .Add("rests_on_refusals", rests_on_refusals)
       .Add("final_cost", final_cost)
       .Add("undone", remaining_decrease)
       .Add("num_iterations", num_iterations)

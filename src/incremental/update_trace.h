@@ -1,6 +1,6 @@
 #pragma once
 
-#include "inceres/solver/update_observer.h"
+#include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/update_summary.h"
 
 namespace inceres::internal {

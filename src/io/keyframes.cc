@@ -7,7 +7,7 @@
 #include <unordered_map>
 #include <utility>
 
-#include "inceres/factors/sqrt_information.h"
+#include "inceres/factors/pose_prior.h"
 #include "inceres/problem/rotation.h"
 #include "io/byte_source.h"
 #include "io/read_file.h"

@@ -1,9 +1,9 @@
-#include "inceres/solver/marginalization_rules.h"
-
 #include <algorithm>
 #include <memory>
 #include <set>
 #include <utility>
+
+#include "inceres/solver/marginalization.h"
 
 namespace inceres {
 namespace {

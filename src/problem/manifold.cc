@@ -1,8 +1,8 @@
-#include "inceres/problem/manifold.h"
-
 #include <algorithm>
 #include <cmath>
 #include <vector>
+
+#include "inceres/problem/manifolds.h"
 
 namespace inceres {
 namespace {

@@ -16,7 +16,7 @@ namespace inceres::internal {
 /// factored. Source: Nocedal & Wright, section 4.1; constants of Ceres 2.1's DoglegStrategy.
 class Dogleg final : public TrustRegionStrategy {
  public:
-  bool Serves(TrustRegionStrategyKind kind) const override { return kind != TrustRegionStrategyKind::kLevenbergMarquardt; }
+  bool Serves(TrustRegionStrategyKind kind) const override { return !IsDamped(kind); }
   void Start(const SolverOptions& options, const std::vector<double>& scale) override;
   Status ComputeStep(LinearModel* model, double* step, int* num_solves) override;
   void StepAccepted(double quality) override;

@@ -4,14 +4,27 @@
 #include <cmath>
 
 namespace inceres::internal {
+namespace {
+
+// Marquardt's rule. Where a refusal tells that steps cannot be longer, the radius grows more slowly from then on, until so many
+// steps in a row are taken.
+constexpr double kTenfold = 10.0;
+constexpr double kLeastGrowth = 1.5;
+constexpr double kKeptPromise = 0.25;
+constexpr int kStepsInRow = 4;
+
+}  // namespace
 
 void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<double>& scale) {
+  tenfold_ = options.strategy == TrustRegionStrategyKind::kMarquardt;
   scale_ = &scale;
   radius_ = options.initial_trust_region_radius;
   max_radius_ = options.max_trust_region_radius;
   min_diagonal_ = options.min_lm_diagonal;
   max_diagonal_ = options.max_lm_diagonal;
   decrease_factor_ = 2.0;
+  growth_ = kTenfold;
+  num_accepted_in_row_ = 0;
   damping_.resize(scale.size());
 }
 
@@ -27,11 +40,23 @@ Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* nu
 }
 
 void LevenbergMarquardt::StepAccepted(double quality) {
+  if (tenfold_) {
+    growth_ = ++num_accepted_in_row_ % kStepsInRow == 0 ? std::min(kTenfold, growth_ * growth_) : growth_;
+    radius_ = std::min(max_radius_, radius_ * (quality > kKeptPromise ? growth_ : 1.0));
+    return;
+  }
   radius_ = std::min(max_radius_, radius_ / std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * quality - 1.0, 3)));
   decrease_factor_ = 2.0;
 }
 
 void LevenbergMarquardt::StepRejected() {
+  if (tenfold_) {
+    const bool again = num_accepted_in_row_ == 0;
+    radius_ /= again ? kTenfold : growth_;
+    growth_ = std::max(kLeastGrowth, std::sqrt(growth_));
+    num_accepted_in_row_ = 0;
+    return;
+  }
   radius_ /= decrease_factor_;
   decrease_factor_ *= 2.0;
 }

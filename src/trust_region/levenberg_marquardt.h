@@ -5,10 +5,11 @@
 namespace inceres::internal {
 
 /// (H + Λ) δ = −g with Λ_j = clamp(s_j² H_jj) / (radius s_j²): Ceres's damping of the scaled columns, in unscaled variables.
-/// Radius rules: Madsen, Nielsen & Tingleff, "Methods for Non-linear Least Squares Problems", 2004, algorithm 3.16.
+/// Radius rules: Madsen, Nielsen & Tingleff, "Methods for Non-linear Least Squares Problems", 2004, algorithm 3.16; or, as
+/// kMarquardt, those of Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Parameters", 1963.
 class LevenbergMarquardt final : public TrustRegionStrategy {
  public:
-  bool Serves(TrustRegionStrategyKind kind) const override { return kind == TrustRegionStrategyKind::kLevenbergMarquardt; }
+  bool Serves(TrustRegionStrategyKind kind) const override { return IsDamped(kind); }
   void Start(const SolverOptions& options, const std::vector<double>& scale) override;
   Status ComputeStep(LinearModel* model, double* step, int* num_solves) override;
   void StepAccepted(double quality) override;
@@ -17,12 +18,15 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   double Radius() const override { return radius_; }
 
  private:
+  bool tenfold_ = false;  // Marquardt's rule
   const std::vector<double>* scale_ = nullptr;
   double radius_ = 0.0;
   double max_radius_ = 0.0;
   double min_diagonal_ = 0.0;
   double max_diagonal_ = 0.0;
   double decrease_factor_ = 2.0;
+  double growth_ = 0.0;  // of the radius, by Marquardt's rule
+  int num_accepted_in_row_ = 0;
   std::vector<double> damping_;
 };
 

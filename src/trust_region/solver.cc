@@ -11,6 +11,7 @@
 #include "linearize/evaluator.h"
 #include "simd/kernels.h"
 #include "trust_region/linear_model.h"
+#include "trust_region/loop_options.h"
 #include "trust_region/structure.h"
 #include "trust_region/trust_region_minimizer.h"
 
@@ -30,7 +31,7 @@ double FinalCost(const Summary& summary, int first_iteration) {
 }
 
 // Nothing moves: the cost is that of the factors as they stand.
-void SummarizeStandstill(double fixed_cost, Evaluator* evaluator, Summary* summary) {
+void SummarizeStandstill(Evaluator* evaluator, Summary* summary) {
   double cost = 0.0;
   const Status evaluated = evaluator->EvaluateCandidateCost(&cost);
   if (!evaluated.ok()) {
@@ -40,7 +41,7 @@ void SummarizeStandstill(double fixed_cost, Evaluator* evaluator, Summary* summa
   }
   summary->termination = Termination::kConvergence;
   summary->message = "Function tolerance reached. No non-constant parameter blocks found.";
-  summary->initial_cost = summary->final_cost = cost + fixed_cost;
+  summary->initial_cost = summary->final_cost = cost;
 }
 
 // What a structure is set up with.
@@ -93,7 +94,7 @@ class Solver::Impl {
  public:
   explicit Impl(std::int64_t max_bytes) : max_bytes_(max_bytes) {}
 
-  void Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary);
+  void Solve(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph, Summary* summary);
   bool IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
     return workspace_ != nullptr && workspace_->Suits(options, graph);
   }
@@ -101,7 +102,7 @@ class Solver::Impl {
 
  private:
   std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const FactorGraph& graph, Summary* summary);
-  void SolveValid(const SolverOptions& options, FactorGraph* graph, Summary* summary, double start);
+  void SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph, Summary* summary, double start);
 
   std::int64_t max_bytes_;  // to be held from solve to solve
   std::unique_ptr<Workspace> workspace_;
@@ -118,7 +119,7 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options, c
   workspace.reset();  // its memory serves the new one
   workspace = std::make_unique<Workspace>(options, graph);
   if (workspace->layout.variables.empty()) {
-    SummarizeStandstill(options.fixed_cost, &workspace->evaluator, summary);
+    SummarizeStandstill(&workspace->evaluator, summary);
     return nullptr;
   }
   Status status;
@@ -130,7 +131,8 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options, c
   return workspace;
 }
 
-void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, Summary* summary, double start) {
+void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph, Summary* summary,
+                              double start) {
   std::unique_ptr<Workspace> workspace = Prepare(options, *graph, summary);
   if (workspace == nullptr) {
     return;
@@ -141,9 +143,8 @@ void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, 
   model.Describe(&summary->work);
   summary->seconds.setup = NowInSeconds() - start;
 
-  SolverOptions minimizer_options = options;
-  minimizer_options.seconds_spent_before += summary->seconds.setup;
-  TrustRegionMinimizer minimizer(minimizer_options, &workspace->evaluator, &model, &workspace->memory, summary);
+  loop.seconds_spent_before += summary->seconds.setup;
+  TrustRegionMinimizer minimizer(options, loop, &workspace->evaluator, &model, &workspace->memory, summary);
   minimizer.Minimize();
   if (options.dynamic_sparsity) {  // of which model and its solver are known by now
     WorkCounts found;
@@ -166,11 +167,10 @@ void Solver::Impl::SolveValid(const SolverOptions& options, FactorGraph* graph, 
   }
 }
 
-void Solver::Impl::Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary) {
+void Solver::Impl::Solve(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph, Summary* summary) {
   static const Summary& kBlank = *new Summary;  // never destroyed: a solve may come as late as another library's destructors
   const double start = NowInSeconds();
   *summary = kBlank;  // a copy, which keeps the memory of texts and iterations
-  summary->fixed_cost = options.fixed_cost;
   summary->kernels = BestKernels().name;
   Status status = options.Validate();
   if (status.ok()) {
@@ -178,7 +178,7 @@ void Solver::Impl::Solve(const SolverOptions& options, FactorGraph* graph, Summa
   }
   try {
     if (status.ok()) {
-      SolveValid(options, graph, summary, start);
+      SolveValid(options, loop, graph, summary, start);
     } else {
       summary->message = status.message;
     }
@@ -203,7 +203,12 @@ Summary Solver::Solve(const SolverOptions& options, FactorGraph* graph) {
 }
 
 void Solver::Solve(const SolverOptions& options, FactorGraph* graph, Summary* summary) {
-  impl_->Solve(options, graph, summary);
+  impl_->Solve(options, internal::LoopOptions(), graph, summary);
+}
+
+void internal::SolveWith(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph, Solver* solver,
+                         Summary* summary) {
+  solver->impl_->Solve(options, loop, graph, summary);
 }
 
 bool Solver::IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
@@ -216,7 +221,7 @@ std::int64_t Solver::Bytes() const {
 
 Summary Solve(const SolverOptions& options, FactorGraph* graph) {
   Summary summary;
-  Solver::Impl(/*max_bytes=*/0).Solve(options, graph, &summary);
+  Solver::Impl(/*max_bytes=*/0).Solve(options, internal::LoopOptions(), graph, &summary);
   return summary;
 }
 

@@ -18,7 +18,7 @@ void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling, std::
 void StartStrategy(const SolverOptions& options, const std::vector<double>& scale,
                    std::unique_ptr<TrustRegionStrategy>* strategy) {
   if (*strategy == nullptr || !(*strategy)->Serves(options.strategy)) {
-    if (options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt) {
+    if (IsDamped(options.strategy)) {
       *strategy = std::make_unique<LevenbergMarquardt>();
     } else {
       *strategy = std::make_unique<Dogleg>();

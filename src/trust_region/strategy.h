@@ -8,6 +8,11 @@
 
 namespace inceres::internal {
 
+/// Whether a kind's radius is one over the damping of its steps.
+inline bool IsDamped(TrustRegionStrategyKind kind) {
+  return kind == TrustRegionStrategyKind::kLevenbergMarquardt || kind == TrustRegionStrategyKind::kMarquardt;
+}
+
 /// Computes steps from a linear model and moves its own damping or radius by how well they did. Exact mode: Ceres 2.1's constants
 /// and order of operations, restated without scaling J (docs/ceres_contract.md, "Levenberg–Marquardt" and "Dog-Leg").
 class TrustRegionStrategy {

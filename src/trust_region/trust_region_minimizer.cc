@@ -22,9 +22,10 @@ constexpr std::size_t kExpectedIterations = 16;
 
 }  // namespace
 
-TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, Evaluator* evaluator, LinearModel* model,
-                                           TrustRegionMemory* memory, Summary* summary)
+TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const LoopOptions& loop, Evaluator* evaluator,
+                                           LinearModel* model, TrustRegionMemory* memory, Summary* summary)
     : options_(options),
+      loop_(loop),
       evaluator_(*evaluator),
       model_(*model),
       summary_(*summary),
@@ -41,7 +42,7 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, Evaluat
   best_state_ = evaluator->current();
   step_.assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);
   negative_gradient_.resize(step_.size());
-  if (options.use_inner_iterations && evaluator->layout().num_landmarks() > 0) {
+  if (options.refine_landmarks && evaluator->layout().num_landmarks() > 0) {
     inner_iterations_ = std::make_unique<InnerIterations>(evaluator);
     summary->work.bytes += inner_iterations_->Bytes();
   }
@@ -73,7 +74,7 @@ void TrustRegionMinimizer::Minimize() {
       }
       continue;
     }
-    if (options_.observer != nullptr && !options_.observer->IsWorthTrying(iteration_, cost_)) {
+    if (loop_.judge != nullptr && !loop_.judge->IsWorthTrying(iteration_, cost_)) {
       GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
       return;
     }
@@ -107,10 +108,10 @@ bool TrustRegionMinimizer::ProjectStart() {
 
 bool TrustRegionMinimizer::EvaluateStart() {
   iteration_ = IterationSummary();
-  evaluator_.set_reduces_curvature(false);
+  evaluator_.set_loss_curvature(LossCurvature::kPositive);
   Recenter();
   if (!EvaluateGradientAndJacobian(/*new_point=*/true)) {
-    if (options_.rules == CeresRules::k22) {
+    if (loop_.rules == CeresRules::k22) {
       Finish(Termination::kFailure, {"Initial residual and Jacobian evaluation failed."});
     }
     return false;
@@ -118,9 +119,8 @@ bool TrustRegionMinimizer::EvaluateStart() {
   JacobiScale(model_.Diagonal(), options_.jacobi_scaling, &scale_);
   StartStrategy(options_, scale_, &strategy_);
   quality_ = JudgeFromHere();
-  summary_.initial_cost = cost_ + options_.fixed_cost;
+  summary_.initial_cost = cost_;
   iteration_.cost = summary_.initial_cost;
-  iteration_.eta = options_.eta;
   iteration_.step_is_valid = true;
   iteration_.step_is_successful = true;
   return true;
@@ -140,13 +140,13 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
   iteration_.trust_region_radius = strategy_->Radius();
   const double now = clock_.Read();
   iteration_.iteration_time_in_seconds = now - iteration_start_time_;
-  iteration_.cumulative_time_in_seconds = now - start_time_ + options_.seconds_spent_before;
+  iteration_.cumulative_time_in_seconds = now - start_time_ + loop_.seconds_spent_before;
   summary_.iterations.push_back(iteration_);
 
   if (!CallbacksContinue()) {
     return false;
   }
-  const double elapsed = clock_.now() - start_time_ + options_.seconds_spent_before;
+  const double elapsed = clock_.now() - start_time_ + loop_.seconds_spent_before;
   if (elapsed >= options_.max_solver_time_in_seconds) {
     return Finish(Termination::kNoConvergence, {"Maximum solver time reached. Total solver time: ", Scientific(elapsed).text(),
                                                 " >= ", Scientific(options_.max_solver_time_in_seconds).text(), "."});
@@ -212,8 +212,7 @@ bool TrustRegionMinimizer::HandleInvalidStep() {
                    std::to_string(options_.max_num_consecutive_invalid_steps).c_str()});
   }
   strategy_->StepIsInvalid();
-  iteration_.cost = cost_ + options_.fixed_cost;
-  iteration_.eta = options_.eta;
+  iteration_.cost = cost_;
   return true;
 }
 
@@ -247,7 +246,7 @@ bool TrustRegionMinimizer::EvaluateCandidate(double* cost) {
 }
 
 bool TrustRegionMinimizer::IsCostUsable(double cost) const {
-  return options_.rules == CeresRules::k21 || std::isfinite(cost);
+  return loop_.rules == CeresRules::k21 || std::isfinite(cost);
 }
 
 // What the landmarks gain by themselves counts as promised, as in Ceres: it says nothing about the step's model.
@@ -262,7 +261,7 @@ void TrustRegionMinimizer::RunInnerIterations() {
 }
 
 bool TrustRegionMinimizer::ParameterToleranceReached() {
-  if (options_.rules == CeresRules::k22 && !any_step_accepted_) {
+  if (loop_.rules == CeresRules::k22 && !any_step_accepted_) {
     return false;
   }
   iteration_.step_norm = StateDistance(evaluator_.current(), evaluator_.candidate(), nullptr);
@@ -295,18 +294,19 @@ bool TrustRegionMinimizer::AcceptStep() {
   state_norm_ = StateNorm();
   const bool recentered = Recenter();
   iteration_.step_is_successful = true;
-  iteration_.cost = candidate_cost_ + options_.fixed_cost;
-  if (!recentered && options_.observer != nullptr && options_.observer->IsLast(iteration_)) {
+  iteration_.cost = candidate_cost_;
+  if (!recentered && loop_.judge != nullptr && loop_.judge->IsLast(iteration_)) {
     return FinishHere();
   }
-  evaluator_.set_reduces_curvature(options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_);
+  const bool steady = options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_;
+  evaluator_.set_loss_curvature(steady ? LossCurvature::kBoth : LossCurvature::kPositive);
   if (!EvaluateGradientAndJacobian(/*new_point=*/false)) {
     return false;
   }
   if (inner_iterations_ != nullptr) {
     candidate_cost_ = cost_;  // summed anew, where gains had been taken off
   }
-  iteration_.cost = cost_ + options_.fixed_cost;
+  iteration_.cost = cost_;
   strategy_->StepAccepted(iteration_.relative_decrease);
   if (recentered) {
     quality_ = JudgeFromHere();
@@ -316,7 +316,7 @@ bool TrustRegionMinimizer::AcceptStep() {
   return true;
 }
 
-// The observer wants no more than the point just accepted: without Jacobians there. False.
+// The judge wants no more than the point just accepted: without Jacobians there. False.
 bool TrustRegionMinimizer::FinishHere() {
   cost_ = candidate_cost_;
   return FinalizeIterationAndContinue() &&
@@ -340,7 +340,7 @@ StepQuality TrustRegionMinimizer::JudgeFromHere() const {
 }
 
 void TrustRegionMinimizer::RejectStep() {
-  iteration_.cost = candidate_cost_ + options_.fixed_cost;
+  iteration_.cost = candidate_cost_;
   strategy_->StepRejected();
 }
 

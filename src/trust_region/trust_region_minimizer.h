@@ -12,6 +12,7 @@
 #include "linearize/evaluator.h"
 #include "schur/inner_iterations.h"
 #include "trust_region/linear_model.h"
+#include "trust_region/loop_options.h"
 #include "trust_region/polynomial.h"
 #include "trust_region/step_quality.h"
 #include "trust_region/strategy.h"
@@ -39,8 +40,8 @@ struct TrustRegionMemory {
 /// Tolerances end the loop before the candidate is accepted, and the state returned is the cheapest accepted one.
 class TrustRegionMinimizer {
  public:
-  TrustRegionMinimizer(const SolverOptions& options, Evaluator* evaluator, LinearModel* model, TrustRegionMemory* memory,
-                       Summary* summary);
+  TrustRegionMinimizer(const SolverOptions& options, const LoopOptions& loop, Evaluator* evaluator, LinearModel* model,
+                       TrustRegionMemory* memory, Summary* summary);
 
   /// Runs to termination. On a usable solution best_state() is the result.
   void Minimize();
@@ -78,6 +79,7 @@ class TrustRegionMinimizer {
   bool Finish(Termination termination, std::initializer_list<const char*> words);
 
   const SolverOptions& options_;
+  const LoopOptions& loop_;
   Evaluator& evaluator_;
   LinearModel& model_;
   Summary& summary_;
@@ -97,7 +99,7 @@ class TrustRegionMinimizer {
   double iteration_start_time_ = 0.0;
 
   std::unique_ptr<Evaluator> trial_;  // evaluates slopes along a step: the Jacobians of the current point are still needed
-  double cost_ = 0.0;                 // at the current point, without fixed cost
+  double cost_ = 0.0;                 // at the current point
   double candidate_cost_ = 0.0;
   double best_cost_;
   double model_decrease_ = 0.0;

@@ -46,21 +46,21 @@ std::vector<json> Lines(const std::string& path) {
   return lines;
 }
 
-SolveReport Logging(const std::string& path, SolveMode mode = SolveMode::kExact) {
-  SolveReport report;
-  report.mode = mode;
-  report.ab_log = path;
-  return report;
+SolveOptions Logging(const std::string& path, SolveMode mode = SolveMode::kExact) {
+  SolveOptions asked;
+  asked.mode = mode;
+  asked.ab_log = path;
+  return asked;
 }
 
 TEST(AbLog, ALineTellsOfBothSolves) {
   const test::TempDir directory;
   const std::string path = directory.File("ab.jsonl");
   const auto test = testing::MakeBundle(5, 40, true);
-  SolveReport report = Logging(path);
+  SolveOptions asked = Logging(path);
+  SolveReport report;
   ceres::Solver::Summary summary;
-  inceres::Solve(Quiet(), &test->problem, &summary, &report);
-  EXPECT_EQ(report.ab_log, path);
+  inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
   const auto lines = Lines(path);
   ASSERT_THAT(lines, SizeIs(1));
   const json& line = lines[0];
@@ -101,13 +101,14 @@ TEST(AbLog, TheTwoTakeTurns) {
   std::vector<std::string> first;
   for (int k = 0; k < 8; ++k) {
     const auto test = testing::MakePowell();
-    SolveReport report = Logging(path);
+    SolveOptions asked = Logging(path);
+    SolveReport report;
     ceres::Solver::Summary summary;
-    inceres::Solve(Quiet(), &test->problem, &summary, &report);
+    inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
     EXPECT_TRUE(report.comparison->agrees());
     first.push_back(Lines(path).back()["first"]);
-    report.mode = SolveMode::kStock;
-    inceres::Solve(Quiet(), &test->problem, &summary, &report);
+    asked.mode = SolveMode::kStock;
+    inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
   }
   EXPECT_THAT(first, ElementsAre("ours", "stock", "stock", "ours", "stock", "ours", "ours", "stock"));
 }
@@ -118,12 +119,13 @@ TEST(AbLog, ARefusalIsNoSolve) {
   const auto test = testing::MakePowell();
   ceres::Solver::Options options = Quiet();
   options.minimizer_type = ceres::LINE_SEARCH;
-  SolveReport report = Logging(directory.File("ab.jsonl"));
-  report.strict = true;
+  SolveOptions asked = Logging(directory.File("ab.jsonl"));
+  SolveReport report;
+  asked.strict = true;
   ceres::Solver::Summary summary;
-  inceres::Solve(options, &test->problem, &summary, &report);
+  inceres::Solve(options, &test->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-  EXPECT_THAT(Lines(report.ab_log), SizeIs(0));
+  EXPECT_THAT(Lines(asked.ab_log), SizeIs(0));
 }
 
 // Whoever goes first, memory ends as ours left it.
@@ -134,8 +136,9 @@ TEST(AbLog, MemoryIsOursWhoeverGoesFirst) {
   inceres::Solve(Quiet(), &plain->problem, &summary);
   for (int k = 0; k < 2; ++k) {
     const auto test = testing::MakeBundle(5, 40, true);
-    SolveReport report = Logging(directory.File("ab.jsonl"));
-    inceres::Solve(Quiet(), &test->problem, &summary, &report);
+    SolveOptions asked = Logging(directory.File("ab.jsonl"));
+    SolveReport report;
+    inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
     EXPECT_EQ(test->blocks, plain->blocks);
   }
 }
@@ -147,10 +150,11 @@ TEST(AbLog, ViolationsAreWrittenDown) {
     residual[0] += solve >= 2 && call >= 3 ? 0.5 : 0.0;
     return true;
   });
-  SolveReport report = Logging(directory.File("ab.jsonl"));
+  SolveOptions asked = Logging(directory.File("ab.jsonl"));
+  SolveReport report;
   ceres::Solver::Summary summary;
-  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
-  const json line = Lines(report.ab_log).at(0);
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report);
+  const json line = Lines(asked.ab_log).at(0);
   EXPECT_EQ(line["difference"]["first_iteration"], 3);
   EXPECT_EQ(line["difference"]["parameter_block"], report.comparison->parameters.index);
   EXPECT_THAT(line["difference"]["violations"].at(0).get<std::string>(), HasSubstr("cost of iteration 3"));
@@ -165,13 +169,14 @@ TEST(AbLog, FallbacksStockAndIncrementalMode) {
   auto test = testing::MakePowell();
   ceres::Solver::Options options = Quiet();
   options.minimizer_type = ceres::LINE_SEARCH;
-  SolveReport report = Logging(path);
-  inceres::Solve(options, &test->problem, &summary, &report);
-  report.mode = SolveMode::kStock;
-  inceres::Solve(Quiet(), &test->problem, &summary, &report);
+  SolveOptions asked = Logging(path);
+  SolveReport report;
+  inceres::Solve(options, &test->problem, &summary, asked, &report);
+  asked.mode = SolveMode::kStock;
+  inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
   test = testing::MakePowell();
-  report.mode = SolveMode::kIncremental;
-  inceres::Solve(Quiet(), &test->problem, &summary, &report);
+  asked.mode = SolveMode::kIncremental;
+  inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
   const auto lines = Lines(path);
   ASSERT_THAT(lines, SizeIs(3));
   EXPECT_TRUE(lines[0]["ours"].is_null());
@@ -206,9 +211,10 @@ TEST(AbLog, ConcurrentSolvesAndProcessesDoNotMixTheirLines) {
     threads.emplace_back([&] {
       for (int k = 0; k < 10; ++k) {
         const auto test = testing::MakePowell();
-        SolveReport report = Logging(path);
+        SolveOptions asked = Logging(path);
+        SolveReport report;
         ceres::Solver::Summary summary;
-        inceres::Solve(Quiet(), &test->problem, &summary, &report);
+        inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
       }
     });
   }
@@ -241,9 +247,10 @@ TEST(AbLog, AFileThatCannotBeWrittenIsNamedOnce) {
   const CapturedLog log;
   for (int k = 0; k < 3; ++k) {
     const auto test = testing::MakePowell();
-    SolveReport report = Logging(path);
+    SolveOptions asked = Logging(path);
+    SolveReport report;
     ceres::Solver::Summary summary;
-    inceres::Solve(Quiet(), &test->problem, &summary, &report);
+    inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
     EXPECT_TRUE(summary.IsSolutionUsable());
     EXPECT_TRUE(report.comparison->agrees());
   }
@@ -295,9 +302,10 @@ TEST(Environment, ThatOfThisProcess) {
     const auto test = testing::MakeWindow(4 + k % 3, 30, true);
     ceres::Solver::Options options = Quiet();
     options.use_inner_iterations = k == 5;
-    SolveReport report = ReportFromEnvironment();
+    SolveOptions asked = OptionsFromEnvironment();
+    SolveReport report;
     ceres::Solver::Summary summary;
-    inceres::Solve(options, &test->problem, &summary, &report);
+    inceres::Solve(options, &test->problem, &summary, asked, &report);
     EXPECT_TRUE(summary.IsSolutionUsable());
     ASSERT_EQ(report.comparison != nullptr, comparing);
     if (comparing) {

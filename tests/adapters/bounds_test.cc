@@ -325,7 +325,7 @@ TEST(BoundsDetails, CrossedBoundsAreStocksToExplain) {
     test->problem.SetParameterUpperBound(block, 0, 2.0);
     SolveReport report;
     ceres::Solver::Summary summary;
-    Solve(Options(), &test->problem, &summary, &report);
+    Solve(Options(), &test->problem, &summary, {}, &report);
     EXPECT_TRUE(report.used_stock);
     EXPECT_NE(report.fallback_reason.find("lower bound not below its upper bound"), std::string::npos) << report.fallback_reason;
     EXPECT_NE(summary.message.find("infeasible bound"), std::string::npos) << summary.message;

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "adapters/ceres/report/progress_logger.h"
+#include "adapters/ceres/exact/callback_observer.h"
 #include "adapters/compare_with_stock.h"
 
 namespace inceres {

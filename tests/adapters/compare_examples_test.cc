@@ -8,9 +8,6 @@
 #include <gtest/gtest.h>
 
 // clang-format off
-// [quoted in docs/compare.md]
-#include <inceres/ceres/environment.h>
-// [end of quote]
 #include <inceres/ceres/solve.h>
 
 #include "adapters/test_problems.h"
@@ -21,10 +18,11 @@ namespace {
 bool Compare(const ceres::Solver::Options& options, ceres::Problem& problem) {
   ceres::Solver::Summary summary;
 // [quoted in docs/compare.md]
+inceres::SolveOptions solve_options;
 inceres::SolveReport report;
-report.cross_check.enabled = true;
-report.ab_log = "run.jsonl";                               // or leave it out: no log
-inceres::Solve(options, &problem, &summary, &report);
+solve_options.cross_check.enabled = true;
+solve_options.ab_log = "run.jsonl";                        // or leave it out: no log
+inceres::Solve(options, &problem, &summary, solve_options, &report);
 if (!report.comparison->agrees()) {
   for (const std::string& violation : report.comparison->violations) {
     std::cerr << violation << '\n';
@@ -37,8 +35,7 @@ if (!report.comparison->agrees()) {
 bool AskTheEnvironment(const ceres::Solver::Options& options, ceres::Problem& problem) {
   ceres::Solver::Summary summary;
 // [quoted in docs/compare.md]
-inceres::SolveReport report = inceres::ReportFromEnvironment();
-inceres::Solve(options, &problem, &summary, &report);
+inceres::Solve(options, &problem, &summary, inceres::OptionsFromEnvironment());
 // [end of quote]
   return summary.IsSolutionUsable();
 }

@@ -126,8 +126,9 @@ BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options
     adjust(both.our_problem.get(), &our_options);
   }
   ceres::Solve(stock_options, &both.stock_problem->problem, &both.stock);
-  both.report.evaluation_callback = both.our_problem->evaluation_callback;
-  inceres::Solve(our_options, &both.our_problem->problem, &both.ours, &both.report);
+  SolveOptions solve_options;
+  solve_options.evaluation_callback = both.our_problem->evaluation_callback;
+  inceres::Solve(our_options, &both.our_problem->problem, &both.ours, solve_options, &both.report);
   EXPECT_FALSE(both.report.used_stock) << both.report.fallback_reason;
   return both;
 }

@@ -41,11 +41,11 @@ Options Quiet(ceres::LinearSolverType type = ceres::DENSE_SCHUR) {
   return options;
 }
 
-SolveReport Checked(SolveMode mode = SolveMode::kExact) {
-  SolveReport report;
-  report.mode = mode;
-  report.cross_check.enabled = true;
-  return report;
+SolveOptions Checked(SolveMode mode = SolveMode::kExact) {
+  SolveOptions asked;
+  asked.mode = mode;
+  asked.cross_check.enabled = true;
+  return asked;
 }
 
 class Counter : public ceres::IterationCallback {
@@ -90,12 +90,13 @@ TEST(CrossCheck, ChangesNothingButTheTimeItTakes) {
       } else {
         ceres::Solve(Quiet(), &plain->problem, &expected);
       }
-      SolveReport report = Checked();
-      report.cross_check.keep = keep;
+      SolveOptions asked = Checked();
+      SolveReport report;
+      asked.cross_check.keep = keep;
       CeresSummary summary;
       options.callbacks.push_back(&counter);
       ::testing::internal::CaptureStdout();
-      inceres::Solve(options, &checked->problem, &summary, &report);
+      inceres::Solve(options, &checked->problem, &summary, asked, &report);
       const std::string output = ::testing::internal::GetCapturedStdout();
       ASSERT_NE(report.comparison, nullptr);
       EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
@@ -122,9 +123,10 @@ TEST(CrossCheck, TheTimeInTheCallersCallbacksIsNotOurs) {
   Sleeper sleeper;
   Options options = Quiet();
   options.callbacks.push_back(&sleeper);
-  SolveReport report = Checked();
+  SolveOptions asked = Checked();
+  SolveReport report;
   CeresSummary summary;
-  inceres::Solve(options, &test->problem, &summary, &report);
+  inceres::Solve(options, &test->problem, &summary, asked, &report);
   const double slept = 0.02 * static_cast<double>(summary.iterations.size());
   EXPECT_GE(report.callback_seconds, slept);
   EXPECT_LT(report.comparison->our_seconds, summary.total_time_in_seconds - 0.9 * slept);
@@ -134,7 +136,7 @@ TEST(CrossCheck, NothingIsReportedUnasked) {
   const auto test = MakePowell();
   SolveReport report;
   CeresSummary summary;
-  inceres::Solve(Quiet(), &test->problem, &summary, &report);
+  inceres::Solve(Quiet(), &test->problem, &summary, {}, &report);
   EXPECT_EQ(report.comparison, nullptr);
 }
 
@@ -149,9 +151,10 @@ TEST(CrossCheck, NamesTheIterationAndTheVariableThatDiffer) {
     return true;
   });
   const CapturedLog log;
-  SolveReport report = Checked();
+  SolveOptions asked = Checked();
+  SolveReport report;
   CeresSummary summary;
-  inceres::Solve(Quiet(ceres::DENSE_NORMAL_CHOLESKY), &faced.test->problem, &summary, &report);
+  inceres::Solve(Quiet(ceres::DENSE_NORMAL_CHOLESKY), &faced.test->problem, &summary, asked, &report);
   EXPECT_EQ(faced.solve, 5);
   const CrossCheckResult& result = *report.comparison;
   EXPECT_TRUE(result.compared);
@@ -177,9 +180,10 @@ TEST(CrossCheck, NamesTheIterationAndTheVariableThatDiffer) {
 TEST(CrossCheck, AFailureOfStockAloneIsAViolation) {
   TwoFacedProblem faced([](int solve, int, double*) { return solve < 2; });
   const CapturedLog log;
-  SolveReport report = Checked();
+  SolveOptions asked = Checked();
+  SolveReport report;
   CeresSummary summary;
-  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report);
   EXPECT_TRUE(summary.IsSolutionUsable());
   EXPECT_EQ(report.comparison->stock.termination_type, ceres::FAILURE);
   EXPECT_THAT(report.comparison->violations, Contains(HasSubstr("termination: ours CONVERGENCE")));
@@ -189,10 +193,11 @@ TEST(CrossCheck, AFailureOfStockAloneIsAViolation) {
 TEST(CrossCheck, AFailureOfOursAloneIsAViolation) {
   TwoFacedProblem faced([](int solve, int, double*) { return solve != 1; });
   const CapturedLog log;
-  SolveReport report = Checked();
-  report.cross_check.keep = SolvedBy::kStock;
+  SolveOptions asked = Checked();
+  SolveReport report;
+  asked.cross_check.keep = SolvedBy::kStock;
   CeresSummary summary;
-  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report);
   EXPECT_TRUE(summary.IsSolutionUsable());
   EXPECT_THAT(report.comparison->violations, Contains(HasSubstr("termination: ours FAILURE")));
   EXPECT_NEAR(*faced.block, 3.0, 1e-3);
@@ -201,9 +206,10 @@ TEST(CrossCheck, AFailureOfOursAloneIsAViolation) {
 TEST(CrossCheck, FailuresOfBothAgree) {
   TwoFacedProblem faced([](int, int, double*) { return false; });
   const auto before = faced.test->blocks;
-  SolveReport report = Checked();
+  SolveOptions asked = Checked();
+  SolveReport report;
   CeresSummary summary;
-  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
   EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
   EXPECT_EQ(faced.test->blocks, before);
@@ -218,9 +224,10 @@ TEST(CrossCheck, AnExceptionLeavesTheStart) {
       return true;
     });
     const auto before = faced.test->blocks;
-    SolveReport report = Checked();
+    SolveOptions asked = Checked();
+    SolveReport report;
     CeresSummary summary;
-    EXPECT_THROW(inceres::Solve(Quiet(), &faced.test->problem, &summary, &report), std::runtime_error);
+    EXPECT_THROW(inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report), std::runtime_error);
     EXPECT_EQ(faced.test->blocks, before);
   }
 }
@@ -231,17 +238,18 @@ TEST(CrossCheck, WhatOursDeclinesIsSolvedOnce) {
   options.minimizer_type = ceres::LINE_SEARCH;
   Counter counter;
   options.callbacks.push_back(&counter);
-  SolveReport report = Checked();
+  SolveOptions asked = Checked();
+  SolveReport report;
   CeresSummary summary;
-  inceres::Solve(options, &faced.test->problem, &summary, &report);
+  inceres::Solve(options, &faced.test->problem, &summary, asked, &report);
   EXPECT_TRUE(report.used_stock);
   EXPECT_FALSE(report.comparison->compared);
   EXPECT_FALSE(report.comparison->agrees());
   EXPECT_EQ(report.comparison->reason, report.fallback_reason);
   EXPECT_EQ(report.comparison->kept, SolvedBy::kStock);
   EXPECT_EQ(counter.iterations.size(), summary.iterations.size());
-  report.strict = true;
-  inceres::Solve(options, &faced.test->problem, &summary, &report);
+  asked.strict = true;
+  inceres::Solve(options, &faced.test->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
   EXPECT_FALSE(report.comparison->compared);
 }
@@ -260,11 +268,12 @@ TEST(CrossCheck, AProblemWithAnEvaluationCallbackIsSolvedOnce) {
     ceres::Problem problem(problem_options);
     double x = 4.0;
     problem.AddResidualBlock(new testing::TargetCost({1.0}), nullptr, &x);
+    SolveOptions asked;
     SolveReport report;
-    report.evaluation_callback = &callback;
-    report.cross_check.enabled = checked;
+    asked.evaluation_callback = &callback;
+    asked.cross_check.enabled = checked;
     CeresSummary summary;
-    inceres::Solve(Quiet(), &problem, &summary, &report);
+    inceres::Solve(Quiet(), &problem, &summary, asked, &report);
     EXPECT_FALSE(report.used_stock);
     calls[checked ? 1 : 0] = callback.calls;
     if (checked) {
@@ -277,9 +286,10 @@ TEST(CrossCheck, AProblemWithAnEvaluationCallbackIsSolvedOnce) {
 
 TEST(CrossCheck, StockModeIsStockAlone) {
   TwoFacedProblem faced(nullptr);
-  SolveReport report = Checked(SolveMode::kStock);
+  SolveOptions asked = Checked(SolveMode::kStock);
+  SolveReport report;
   CeresSummary summary;
-  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report);
   EXPECT_EQ(faced.solve, 1);
   EXPECT_FALSE(report.comparison->compared);
 }
@@ -296,9 +306,10 @@ TEST(CrossCheck, ASolveThatTheCallbackEndedStaysOurs) {
     options.callbacks = {&first};
     inceres::Solve(options, &plain->problem, &expected);
     options.callbacks = {&second};
-    SolveReport report = Checked();
-    report.cross_check.keep = SolvedBy::kStock;
-    inceres::Solve(options, &checked->problem, &summary, &report);
+    SolveOptions asked = Checked();
+    SolveReport report;
+    asked.cross_check.keep = SolvedBy::kStock;
+    inceres::Solve(options, &checked->problem, &summary, asked, &report);
     EXPECT_EQ(report.comparison->kept, SolvedBy::kOurs);
     EXPECT_TRUE(report.comparison->agrees());
     EXPECT_THAT(report.comparison->reason, HasSubstr("callback"));
@@ -312,9 +323,10 @@ TEST(CrossCheck, TheEndOfASolveThatTheClockEndedIsNotJudged) {
   const auto test = MakeBundle(5, 40, true);
   Options options = Quiet();
   options.max_solver_time_in_seconds = 1e-9;
-  SolveReport report = Checked();
+  SolveOptions asked = Checked();
+  SolveReport report;
   CeresSummary summary;
-  inceres::Solve(options, &test->problem, &summary, &report);
+  inceres::Solve(options, &test->problem, &summary, asked, &report);
   EXPECT_TRUE(report.comparison->agrees());
   EXPECT_THAT(report.comparison->reason, HasSubstr("time limit"));
 }
@@ -327,9 +339,10 @@ TEST(CrossCheck, TheOrderingStaysTheCallers) {
     options.linear_solver_ordering->AddElementToGroup(block.data(), block.size() == 3 ? 0 : 1);
   }
   const auto before = options.linear_solver_ordering->group_to_elements();
-  SolveReport report = Checked();
+  SolveOptions asked = Checked();
+  SolveReport report;
   CeresSummary summary;
-  inceres::Solve(options, &test->problem, &summary, &report);
+  inceres::Solve(options, &test->problem, &summary, asked, &report);
   EXPECT_TRUE(report.comparison->agrees());
   EXPECT_EQ(options.linear_solver_ordering->group_to_elements(), before);
 }
@@ -343,9 +356,10 @@ TEST(CrossCheck, ConstantBlocksAreNeverWritten) {
   test->problem.AddResidualBlock(new testing::TargetCost({1.0}), nullptr, page);
   test->problem.SetParameterBlockConstant(page);
   ASSERT_EQ(mprotect(page, bytes, PROT_READ), 0);
-  SolveReport report = Checked();
+  SolveOptions asked = Checked();
+  SolveReport report;
   CeresSummary summary;
-  inceres::Solve(Quiet(), &test->problem, &summary, &report);
+  inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
   EXPECT_TRUE(report.comparison->agrees());
   EXPECT_EQ(report.comparison->ours.fixed_cost, 0.5);
 }
@@ -353,24 +367,25 @@ TEST(CrossCheck, ConstantBlocksAreNeverWritten) {
 TEST(CrossCheck, TolerancesAreTheCallers) {
   const auto test = MakeBundle(5, 40, true);
   const CapturedLog log;
-  SolveReport report = Checked();
-  report.cross_check.parameter_tolerance = 0.0;
-  report.cross_check.spread_factor = 0.0;  // stock's own solvers do not keep to that either
+  SolveOptions asked = Checked();
+  SolveReport report;
+  asked.cross_check.parameter_tolerance = 0.0;
+  asked.cross_check.spread_factor = 0.0;  // stock's own solvers do not keep to that either
   CeresSummary summary;
-  inceres::Solve(Quiet(), &test->problem, &summary, &report);
+  inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
   ASSERT_THAT(report.comparison->violations, SizeIs(1));
   EXPECT_THAT(report.comparison->violations[0], HasSubstr("parameter block 0x"));
   EXPECT_GT(report.comparison->parameters.relative, 0.0);
-  EXPECT_EQ(report.cross_check.parameter_tolerance, 0.0);
 }
 
 TEST(CrossCheck, ATwistedToleranceIsNamedAndTheSolveGoesOn) {
   TwoFacedProblem faced(nullptr);
   const CapturedLog log;
-  SolveReport report = Checked();
-  report.cross_check.cost_tolerance = -1.0;
+  SolveOptions asked = Checked();
+  SolveReport report;
+  asked.cross_check.cost_tolerance = -1.0;
   CeresSummary summary;
-  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report);
   EXPECT_TRUE(summary.IsSolutionUsable());
   EXPECT_EQ(faced.solve, 1);
   EXPECT_THAT(report.comparison->reason, HasSubstr("cost_tolerance"));
@@ -385,9 +400,10 @@ TEST(CrossCheck, WhatStockWouldAbortOnIsNotCompared) {
   const auto test = MakePowell();
   Options options = Quiet(ceres::SPARSE_NORMAL_CHOLESKY);
   options.use_mixed_precision_solves = true;
-  SolveReport report = Checked();
+  SolveOptions asked = Checked();
+  SolveReport report;
   CeresSummary summary;
-  inceres::Solve(options, &test->problem, &summary, &report);
+  inceres::Solve(options, &test->problem, &summary, asked, &report);
   EXPECT_TRUE(summary.IsSolutionUsable());
   EXPECT_FALSE(report.comparison->compared);
   EXPECT_THAT(report.comparison->reason, HasSubstr("mixed_precision"));
@@ -396,9 +412,10 @@ TEST(CrossCheck, WhatStockWouldAbortOnIsNotCompared) {
 TEST(CrossCheck, IncrementalModeIsJudgedByItsCost) {
   for (const Recipe& recipe : Recipes()) {
     const auto test = recipe();
-    SolveReport report = Checked(SolveMode::kIncremental);
+    SolveOptions asked = Checked(SolveMode::kIncremental);
+    SolveReport report;
     CeresSummary summary;
-    inceres::Solve(Quiet(), &test->problem, &summary, &report);
+    inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
     EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
     EXPECT_EQ(report.comparison->first_different_iteration, -1);
   }
@@ -408,20 +425,22 @@ TEST(CrossCheck, IncrementalModeIsJudgedByItsCost) {
     return true;
   });
   faced.test->problem.AddResidualBlock(new testing::TargetCost({1.0}), nullptr, faced.block);
-  SolveReport report = Checked(SolveMode::kIncremental);
+  SolveOptions asked = Checked(SolveMode::kIncremental);
+  SolveReport report;
   CeresSummary summary;
-  inceres::Solve(Quiet(), &faced.test->problem, &summary, &report);
+  inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report);
   EXPECT_THAT(report.comparison->violations, Contains(HasSubstr("final cost")));
 }
 
 TEST(CrossCheck, ASessionGoesOnFromWhatItWrote) {
   const auto test = MakeWindow(5, 40, true);
   CeresSession session{inceres::testing::AlwaysIncremental()};
-  SolveReport report = Checked();
+  SolveOptions asked = Checked();
+  SolveReport report;
   CeresSummary summary;
-  session.Solve(Quiet(), &test->problem, &summary, &report);
+  session.Solve(Quiet(), &test->problem, &summary, asked, &report);
   EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
-  session.Solve(Quiet(), &test->problem, &summary, &report);
+  session.Solve(Quiet(), &test->problem, &summary, asked, &report);
   EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
   EXPECT_EQ(report.changes.num_revalued_variables, 0);
   EXPECT_GT(report.changes.num_kept_factors, 0);

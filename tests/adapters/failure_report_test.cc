@@ -104,10 +104,11 @@ void ExpectNamed(const SolveSpoiled& solve) {
   for (const Case& spoiled : Cases(&self)) {
     problem.cost->spoil_ = spoiled.spoil;
     const testing::CapturedLog log;
+    SolveOptions asked;
     SolveReport report;
-    report.strict = true;
+    asked.strict = true;
     ceres::Solver::Summary summary;
-    solve(Options(), &problem.problem, &summary, &report);
+    solve(Options(), &problem.problem, &summary, asked, &report);
     EXPECT_EQ(summary.termination_type, ceres::FAILURE);
     EXPECT_EQ(summary.message, "Residual and Jacobian evaluation failed.");
     EXPECT_THAT(report.core.detail, AllOf(HasSubstr(spoiled.what), HasSubstr(problem.ExpectedPlace())));
@@ -117,20 +118,22 @@ void ExpectNamed(const SolveSpoiled& solve) {
 }
 
 TEST(FailureReport, OfExactMode) {
-  ExpectNamed([](const auto& options, auto* problem, auto* summary, auto* report) { Solve(options, problem, summary, report); });
+  ExpectNamed([](const auto& options, auto* problem, auto* summary, const auto& asked, auto* report) {
+    Solve(options, problem, summary, asked, report);
+  });
 }
 
 TEST(FailureReport, OfIncrementalMode) {
-  ExpectNamed([](const auto& options, auto* problem, auto* summary, auto* report) {
-    report->mode = SolveMode::kIncremental;
-    inceres::Solve(options, problem, summary, report);
+  ExpectNamed([](const auto& options, auto* problem, auto* summary, auto asked, auto* report) {
+    asked.mode = SolveMode::kIncremental;
+    inceres::Solve(options, problem, summary, asked, report);
   });
 }
 
 TEST(FailureReport, OfASession) {
-  ExpectNamed([](const auto& options, auto* problem, auto* summary, auto* report) {
+  ExpectNamed([](const auto& options, auto* problem, auto* summary, const auto& asked, auto* report) {
     CeresSession session{inceres::testing::AlwaysIncremental()};
-    session.Solve(options, problem, summary, report);
+    session.Solve(options, problem, summary, asked, report);
   });
 }
 
@@ -139,10 +142,11 @@ TEST(FailureReport, OfConstantBlocksToo) {
   problem.problem.SetParameterBlockConstant(problem.y);
   for (const SolveMode mode : {SolveMode::kExact, SolveMode::kIncremental}) {
     const testing::CapturedLog log;
+    SolveOptions asked;
     SolveReport report;
-    report.mode = mode;
+    asked.mode = mode;
     ceres::Solver::Summary summary;
-    inceres::Solve(Options(), &problem.problem, &summary, &report);
+    inceres::Solve(Options(), &problem.problem, &summary, asked, &report);
     EXPECT_THAT(report.core.detail, HasSubstr(problem.ExpectedPlace()));
   }
 }
@@ -165,7 +169,7 @@ TEST(FailureReport, ManyBlocksOfManyValuesStayReadable) {
   const testing::CapturedLog log;
   SolveReport report;
   ceres::Solver::Summary summary;
-  inceres::Solve(Options(), &problem, &summary, &report);
+  inceres::Solve(Options(), &problem, &summary, {}, &report);
   EXPECT_THAT(report.core.detail, HasSubstr("= (0.5, 0.5, 0.5, 0.5, 0.5, 0.5, …)"));
   EXPECT_LT(report.core.detail.size(), 1000U);
 }
@@ -209,10 +213,11 @@ TEST(FailureReport, AStepThatFailsToEvaluateIsAWarningOnceASolve) {
   for (const SolveMode mode : {SolveMode::kExact, SolveMode::kIncremental}) {
     std::string failed_step;
     const auto ours = [&](const auto& options, auto* problem, auto* summary) {
+      SolveOptions asked;
       SolveReport report;
-      report.mode = mode;
-      report.strict = true;
-      inceres::Solve(options, problem, summary, &report);
+      asked.mode = mode;
+      asked.strict = true;
+      inceres::Solve(options, problem, summary, asked, &report);
       failed_step = report.core.failed_step;
     };
     const std::vector<std::string> messages = LogOfRoot(ceres::PER_MINIMIZER_ITERATION, ours);

@@ -82,8 +82,9 @@ class Bench {
   }
 
   const ceres::Solver::Summary& Solve() {
-    report.strict = true;
-    session.Solve(options, &test->problem, &summary, &report);
+    SolveOptions strict;
+    strict.strict = true;
+    session.Solve(options, &test->problem, &summary, strict, &report);
     EXPECT_FALSE(report.used_stock) << report.fallback_reason;
     return summary;
   }

@@ -6,7 +6,7 @@
 
 #include "adapters/ceres/fallback/gate.h"
 #include "adapters/ceres/plan/option_mapping.h"
-#include "adapters/ceres/session/incremental_roles.h"
+#include "adapters/ceres/session/incremental_problem.h"
 #include "adapters/compare_with_stock.h"
 
 namespace inceres {
@@ -45,16 +45,16 @@ void ExpectSameMinimum(const Recipe& recipe, ceres::LinearSolverType type) {
   ceres::Solve(tight, &stock->problem, &expected);
   ASSERT_TRUE(expected.IsSolutionUsable());
   ceres::Solver::Summary summary;
+  SolveOptions asked;
   SolveReport report;
-  report.mode = SolveMode::kIncremental;
-  report.strict = true;
+  asked.mode = SolveMode::kIncremental;
+  asked.strict = true;
   Options options = Quiet(type);
   options.function_tolerance = 1e-7;  // leaves more than that undone where gains fall slowly
-  inceres::Solve(options, &ours->problem, &summary, &report);
+  inceres::Solve(options, &ours->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
   EXPECT_EQ(summary.message.find("Function tolerance reached. |cost_change|/cost: "), 0U) << summary.message;
   EXPECT_FALSE(report.update.message.empty());
-  EXPECT_EQ(report.mode, SolveMode::kIncremental);
   EXPECT_FALSE(report.used_stock);
   EXPECT_NEAR(summary.initial_cost, expected.initial_cost, 1e-9 * expected.initial_cost);
   EXPECT_NEAR(summary.fixed_cost, expected.fixed_cost, 1e-12 * expected.initial_cost);
@@ -103,9 +103,10 @@ TEST(IncrementalMode, LandmarksOfTheFirstGroup) {
     options.linear_solver_ordering->AddElementToGroup(block.data(), point ? 0 : 1);
   }
   ceres::Solver::Summary summary;
+  SolveOptions asked;
   SolveReport report;
-  report.mode = SolveMode::kIncremental;
-  inceres::Solve(options, &test->problem, &summary, &report);
+  asked.mode = SolveMode::kIncremental;
+  inceres::Solve(options, &test->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
   EXPECT_EQ(report.num_landmarks, 7);
 }
@@ -115,9 +116,10 @@ TEST(IncrementalMode, AFailureLeavesTheProblemAsItWas) {
   test->problem.AddResidualBlock(new testing::TargetCost({1.0}, [](auto...) { return false; }), nullptr, test->Add({0.0}));
   const auto before = test->blocks;
   ceres::Solver::Summary summary;
+  SolveOptions asked;
   SolveReport report;
-  report.mode = SolveMode::kIncremental;
-  inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, &report);
+  asked.mode = SolveMode::kIncremental;
+  inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
   EXPECT_NE(summary.message.find("esidual and Jacobian evaluation failed."), std::string::npos) << summary.message;
   EXPECT_NE(report.core.detail.find("ceres::CostFunction"), std::string::npos) << report.core.detail;
@@ -132,9 +134,10 @@ TEST(IncrementalMode, LimitsEndInTheWordsOfCeres) {
     options.max_num_iterations = max_num_iterations;
     options.max_solver_time_in_seconds = max_seconds;
     ceres::Solver::Summary summary;
+    SolveOptions asked;
     SolveReport report;
-    report.mode = SolveMode::kIncremental;
-    inceres::Solve(options, &test->problem, &summary, &report);
+    asked.mode = SolveMode::kIncremental;
+    inceres::Solve(options, &test->problem, &summary, asked, &report);
     EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
     return summary.message;
   };
@@ -148,9 +151,10 @@ TEST(IncrementalMode, NothingToSolve) {
     test->problem.SetParameterBlockConstant(block.data());
   }
   ceres::Solver::Summary summary;
+  SolveOptions asked;
   SolveReport report;
-  report.mode = SolveMode::kIncremental;
-  inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, &report);
+  asked.mode = SolveMode::kIncremental;
+  inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   EXPECT_EQ(summary.final_cost, summary.fixed_cost);
   EXPECT_GT(summary.fixed_cost, 0.0);
@@ -172,15 +176,16 @@ TEST(IncrementalGate, OptionsOnlyExactModeHonors) {
     Options options = Quiet(ceres::DENSE_SCHUR);
     set(&options);
     ceres::Solver::Summary summary;
+    SolveOptions asked;
     SolveReport report;
-    report.mode = SolveMode::kIncremental;
-    report.strict = true;
-    inceres::Solve(options, &test->problem, &summary, &report);
+    asked.mode = SolveMode::kIncremental;
+    asked.strict = true;
+    inceres::Solve(options, &test->problem, &summary, asked, &report);
     EXPECT_EQ(summary.termination_type, ceres::FAILURE);
     EXPECT_NE(summary.message.find(reason), std::string::npos) << summary.message;
     EXPECT_EQ(test->blocks, before);
-    report.strict = false;
-    inceres::Solve(options, &test->problem, &summary, &report);
+    asked.strict = false;
+    inceres::Solve(options, &test->problem, &summary, asked, &report);
     EXPECT_TRUE(report.used_stock);
     EXPECT_NE(report.fallback_reason.find(reason), std::string::npos) << report.fallback_reason;
     EXPECT_LT(summary.final_cost, summary.initial_cost);
@@ -208,13 +213,13 @@ TEST(IncrementalMode, AFirstGroupThatIsAllConstant) {
     options.linear_solver_ordering->AddElementToGroup(&x[1], 1);  // neighbors: no landmarks both
     options.linear_solver_ordering->AddElementToGroup(&x[2], 2);
     ceres::Solver::Summary summary;
-    report->mode = SolveMode::kIncremental;
-    inceres::Solve(options, &problem, &summary, report);
+    SolveOptions incremental;
+    incremental.mode = SolveMode::kIncremental;
+    inceres::Solve(options, &problem, &summary, incremental, report);
     return summary;
   };
   SolveReport report;
   for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR}) {
-    report = SolveReport();
     x = {3.0, 2.0, 1.0};
     const ceres::Solver::Summary summary = solve(type, &report);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
@@ -229,9 +234,10 @@ TEST(IncrementalGate, Bounds) {
   const auto test = MakeBundle(3, 20, true);
   test->problem.SetParameterLowerBound(test->blocks.back().data(), 0, -1e6);
   ceres::Solver::Summary summary;
+  SolveOptions asked;
   SolveReport report;
-  report.mode = SolveMode::kIncremental;
-  inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, &report);
+  asked.mode = SolveMode::kIncremental;
+  inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, asked, &report);
   EXPECT_TRUE(report.used_stock);
   EXPECT_EQ(report.fallback_reason.find("incremental mode: bounds"), 0U);
 }

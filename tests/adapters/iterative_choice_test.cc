@@ -1,8 +1,7 @@
 // ITERATIVE_SCHUR and CGNR in incremental mode: conjugate gradients where the reduced system is large, a direct solver else.
-#include "adapters/ceres/plan/iterative_choice.h"
-
 #include <gtest/gtest.h>
 
+#include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/compare_with_stock.h"
 #include "adapters/session_support.h"
 #include "inceres/ceres/session.h"
@@ -100,10 +99,11 @@ TEST(IterativeSolvers, EndWhereStockDoes) {
       ceres::Solve(tight, &stock->problem, &expected);
       const auto ours = make();
       ceres::Solver::Summary summary;
+      SolveOptions asked;
       SolveReport report;
-      report.mode = SolveMode::kIncremental;
-      report.strict = true;
-      Solve(options, &ours->problem, &summary, &report);
+      asked.mode = SolveMode::kIncremental;
+      asked.strict = true;
+      Solve(options, &ours->problem, &summary, asked, &report);
       EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
       EXPECT_NEAR(summary.final_cost, expected.final_cost, 1e-6 * expected.final_cost);
       EXPECT_EQ(summary.linear_solver_type_given, type);
@@ -127,7 +127,7 @@ TEST(IterativeSolvers, ASessionSolvesAgainWithTheOtherKind) {
     for (std::size_t b = 0; b < 20; ++b) {
       test->blocks[b][0] += 0.5;
     }
-    session.Solve(options, &test->problem, &summary, &report);
+    session.Solve(options, &test->problem, &summary, {}, &report);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
     EXPECT_FALSE(report.used_stock);
     EXPECT_EQ(report.update.num_pcg_iterations > 0, type == ceres::CGNR);

@@ -321,14 +321,15 @@ TEST(LandmarkFill, SolvesAsStockAndReportsWhatTheUserAskedFor) {
       options.linear_solver_ordering = ordering;
       ceres::Solver::Summary summary;
       if (ours) {
-        inceres::Solve(options, &problem, &summary, report);
+        SolveOptions strict;
+        strict.strict = true;
+        inceres::Solve(options, &problem, &summary, strict, report);
       } else {
         ceres::Solve(options, &problem, &summary);
       }
       return summary;
     };
     SolveReport report;
-    report.strict = true;
     const ceres::Solver::Summary ours = solve(true, &report);
     const ceres::Solver::Summary stock = solve(false, nullptr);
     EXPECT_EQ(report.num_landmarks, 0);

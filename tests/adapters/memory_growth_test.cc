@@ -60,10 +60,11 @@ void ExpectNoGrowth(const Solve& solve) {
 
 void SolveStrictly(SolveMode mode, const ceres::Solver::Options& options, ceres::Problem* problem,
                    ceres::Solver::Summary* summary) {
+  SolveOptions asked;
   SolveReport report;
-  report.mode = mode;
-  report.strict = true;
-  Solve(options, problem, summary, &report);
+  asked.mode = mode;
+  asked.strict = true;
+  Solve(options, problem, summary, asked, &report);
 }
 
 TEST(MemoryGrowth, OfExactSolves) {

@@ -123,7 +123,6 @@ TEST(MapOptions, CopiesWhatTheCoreReads) {
   EXPECT_FALSE(core.jacobi_scaling);
   EXPECT_TRUE(core.use_nonmonotonic_steps);
   EXPECT_EQ(core.max_consecutive_nonmonotonic_steps, 9);
-  EXPECT_EQ(core.eta, 0.75);
   EXPECT_EQ(core.line_search_interpolation, LineSearchInterpolation::kQuadratic);
   EXPECT_EQ(core.min_line_search_step_size, 0.0625);
   EXPECT_EQ(core.line_search_sufficient_function_decrease, 0.375);

@@ -31,9 +31,10 @@ Outcome SolveNew(const Recipe& recipe, int num_threads = 1) {
   options.num_threads = num_threads;
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
+  SolveOptions asked;
   SolveReport report;
-  report.strict = true;
-  Solve(options, &test->problem, &summary, &report);
+  asked.strict = true;
+  Solve(options, &test->problem, &summary, asked, &report);
   EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message << report.fallback_reason;
   return {report.core.structure_reused, summary.final_cost, {test->blocks.begin(), test->blocks.end()}};
 }
@@ -83,7 +84,7 @@ TEST_F(RebuiltProblem, IsSolvedAfterOneWhoseLossWasNotFinite) {
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     SolveReport report;
-    Solve(options, &test.problem, &summary, &report);
+    Solve(options, &test.problem, &summary, {}, &report);
     EXPECT_FALSE(report.used_stock) << report.fallback_reason;
     return b[0];
   };
@@ -185,7 +186,7 @@ std::vector<double> SolveWith(const Difference& difference) {
   }
   ceres::Solver::Summary summary;
   SolveReport report;
-  Solve(options, &problem, &summary, &report);
+  Solve(options, &problem, &summary, {}, &report);
   EXPECT_FALSE(report.used_stock) << report.fallback_reason;
   EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
   memory.push_back(summary.final_cost);
@@ -231,7 +232,7 @@ TEST_F(RebuiltProblem, HasTheLandmarksOfItsLinearSolver) {
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     SolveReport report;
-    Solve(options, &test->problem, &summary, &report);
+    Solve(options, &test->problem, &summary, {}, &report);
     EXPECT_FALSE(report.used_stock) << report.fallback_reason;
     return report.num_landmarks;
   };

@@ -67,9 +67,9 @@ struct Session {
     options.logging_type = ceres::SILENT;
     options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
     options.function_tolerance = 1e-12;
-    report = SolveReport();
-    report.strict = true;
-    session.Solve(options, problem, &summary, &report);
+    SolveOptions strict;
+    strict.strict = true;
+    session.Solve(options, problem, &summary, strict, &report);
   }
   const ProblemChanges& changes() const { return report.changes; }
 

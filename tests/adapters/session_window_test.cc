@@ -33,10 +33,10 @@ class SessionWindow : public ::testing::TestWithParam<Landmarks> {
     constexpr double kTolerance = 1e-6;
     stock_.SetValues(ours_.Values());
     const double cost_before = ours_.Cost();
-    report_ = SolveReport();
-    report_.strict = true;
+    SolveOptions strict;
+    strict.strict = true;
     ceres::Solver::Summary ours;
-    session_.Solve(Adjusted(Options(kTolerance), ours_), ours_.problem(), &ours, &report_);
+    session_.Solve(Adjusted(Options(kTolerance), ours_), ours_.problem(), &ours, strict, &report_);
     ASSERT_TRUE(ours.IsSolutionUsable()) << where << ": " << ours.message;
     ceres::Solver::Options tight = Adjusted(Options(1e-14), stock_);
     tight.gradient_tolerance = tight.parameter_tolerance = 1e-14;
@@ -60,7 +60,7 @@ class SessionWindow : public ::testing::TestWithParam<Landmarks> {
     CeresSession fresh{inceres::testing::AlwaysIncremental()};
     SolveReport report;
     ceres::Solver::Summary summary;
-    fresh.Solve(Adjusted(Options(1e-6), *window), window->problem(), &summary, &report);
+    fresh.Solve(Adjusted(Options(1e-6), *window), window->problem(), &summary, {}, &report);
     relinearized_from_scratch_ += report.update.num_relinearized_factors;
   }
 

@@ -7,7 +7,6 @@
 
 #include "adapters/captured_log.h"
 #include "adapters/ceres/compare/second_opinion.h"
-#include "adapters/ceres/plan/other_linear_solvers.h"
 #include "adapters/test_problems.h"
 #include "adapters/two_faced_problem.h"
 #include "inceres/ceres/cross_check.h"
@@ -71,11 +70,12 @@ Options Sensitive() {
 }
 
 std::shared_ptr<const CrossCheckResult> Checked(const Options& options, ceres::Problem* problem, double spread_factor) {
+  SolveOptions asked;
   SolveReport report;
-  report.cross_check.enabled = true;
-  report.cross_check.spread_factor = spread_factor;
+  asked.cross_check.enabled = true;
+  asked.cross_check.spread_factor = spread_factor;
   CeresSummary summary;
-  inceres::Solve(options, problem, &summary, &report);
+  inceres::Solve(options, problem, &summary, asked, &report);
   EXPECT_TRUE(report.comparison->compared) << report.comparison->reason;
   return report.comparison;
 }
@@ -189,16 +189,17 @@ TEST(StockSpread, NobodyNoticesTheMeasurement) {
 }
 
 TEST(StockSpread, ASampleIsMeasuredWithoutBeingAskedFor) {
+  SolveOptions asked;
   SolveReport report;
-  report.cross_check.enabled = true;
-  report.cross_check.spread_interval = 4;
+  asked.cross_check.enabled = true;
+  asked.cross_check.spread_interval = 4;
   int num_measured = 0;
   for (int k = 0; k < 8; ++k) {
     const auto test = MakeBundle(3, 20, true);
     Options options;
     options.linear_solver_type = ceres::DENSE_SCHUR;
     CeresSummary summary;
-    inceres::Solve(options, &test->problem, &summary, &report);
+    inceres::Solve(options, &test->problem, &summary, asked, &report);
     EXPECT_TRUE(report.comparison->agrees());
     EXPECT_THAT(report.comparison->within_spread, IsEmpty());
     num_measured += report.comparison->spread.has_value() ? 1 : 0;

@@ -28,10 +28,11 @@ inceres::Solve(options, &problem, &summary);               // was: ceres::Solve(
 bool AskForAReport(const ceres::Solver::Options& options, ceres::Problem& problem) {
   ceres::Solver::Summary summary;
 // [quoted in docs/swap.md]
+inceres::SolveOptions solve_options;
 inceres::SolveReport report;
-report.strict = true;                                      // an error instead of stock Ceres
-report.mode = inceres::SolveMode::kIncremental;            // or kExact, the default; or kStock, to compare
-inceres::Solve(options, &problem, &summary, &report);
+solve_options.strict = true;                               // an error instead of stock Ceres
+solve_options.mode = inceres::SolveMode::kIncremental;     // or kExact, the default; or kStock, to compare
+inceres::Solve(options, &problem, &summary, solve_options, &report);
 // [end of quote]
   return summary.IsSolutionUsable() && !report.used_stock;
 }
@@ -78,7 +79,7 @@ inceres::CeresSession session;                             // lives as long as t
 inceres::SolveReport report;
 ceres::Solver::Summary summary;
 while (add_frame()) {                                      // AddResidualBlock, RemoveParameterBlock, … as ever
-  session.Solve(options, &problem, &summary, &report);     // was: ceres::Solve(options, &problem, &summary)
+  session.Solve(options, &problem, &summary, {}, &report); // was: ceres::Solve(options, &problem, &summary)
   std::cout << report.changes.num_added_factors << " new, " << report.changes.num_kept_factors << " kept, "
             << report.update.num_relinearized_factors << " linearized\n";
 }

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "inceres/problem/factor_family.h"
-#include "inceres/problem/manifold.h"
+#include "inceres/problem/manifolds.h"
 #include "support/random_values.h"
 
 namespace inceres::test {

@@ -8,7 +8,6 @@
 #include <gtest/gtest.h>
 
 #include "factors/numeric_jacobian.h"
-#include "inceres/factors/sqrt_information.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
 

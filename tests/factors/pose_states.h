@@ -5,8 +5,8 @@
 
 #include "factors/numeric_jacobian.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
-#include "inceres/factors/sqrt_information.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
 

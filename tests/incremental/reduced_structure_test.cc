@@ -1,7 +1,5 @@
 // What Structure() says of S: on problems whose blocks and changes are known beforehand.
 
-#include "inceres/solver/reduced_structure.h"
-
 #include <memory>
 #include <utility>
 #include <vector>

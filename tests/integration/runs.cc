@@ -36,7 +36,7 @@ ceres::Solver::Summary Solve(Who who, const Configuration& configuration, ceres:
     ceres::Solve(options, instance->problem.get(), &summary);
   } else {
     SolveReport report;
-    inceres::Solve(options, instance->problem.get(), &summary, &report);
+    inceres::Solve(options, instance->problem.get(), &summary, {}, &report);
     EXPECT_FALSE(report.used_stock) << report.fallback_reason;
     if (!instance->landmarks.empty()) {
       EXPECT_EQ(report.num_landmarks, static_cast<int>(instance->landmarks.size()));

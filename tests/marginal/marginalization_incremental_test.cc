@@ -6,7 +6,7 @@
 
 #include "inceres/problem/losses.h"
 #include "inceres/problem/manifolds.h"
-#include "inceres/solver/marginalization_rules.h"
+#include "inceres/solver/marginalization.h"
 #include "inceres/solver/solver.h"
 #include "incremental/incremental_bundle.h"
 #include "marginal/linear_world.h"

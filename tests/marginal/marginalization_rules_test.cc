@@ -1,9 +1,8 @@
-#include "inceres/solver/marginalization_rules.h"
-
 #include <algorithm>
 
 #include <gtest/gtest.h>
 
+#include "inceres/solver/marginalization.h"
 #include "support/random_graph.h"
 
 namespace inceres::test {

@@ -10,7 +10,7 @@
 #include "inceres/solver/covariance.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/linear_prior.h"
-#include "inceres/solver/marginalization_rules.h"
+#include "inceres/solver/marginalization.h"
 
 namespace {
 

@@ -39,9 +39,10 @@ inceres::Solve(options, &problem, &summary);  // was: ceres::Solve(options, &pro
 void AskForAReport(const ceres::Solver::Options& options, ceres::Problem& problem, bool* solved) {
   ceres::Solver::Summary summary;
 // [quoted in README.md]
+inceres::SolveOptions solve_options;
 inceres::SolveReport report;
-report.strict = true;  // rather an error than stock Ceres
-inceres::Solve(options, &problem, &summary, &report);
+solve_options.strict = true;  // rather an error than stock Ceres
+inceres::Solve(options, &problem, &summary, solve_options, &report);
 if (!report.fallback_reason.empty()) {
   std::cerr << report.fallback_reason << '\n';
 }

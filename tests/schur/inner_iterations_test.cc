@@ -230,7 +230,7 @@ TEST(InnerIterations, SolvesEndAtTheSameMinimumWithTheSameBitsForAnyNumberOfThre
   options.max_num_iterations = 200;
   options.function_tolerance = 1e-14;
   const Summary expected = Solve(options, &plain->graph());
-  options.use_inner_iterations = true;
+  options.refine_landmarks = true;
   std::vector<double> state;
   for (const int num_threads : {1, 2, 4}) {
     const auto bundle = MakeBundle(Bundle());

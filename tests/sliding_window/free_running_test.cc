@@ -23,10 +23,11 @@ RunOptions Options(bool free_extrinsics) {
 
 SolveFunction SolveBy(inceres::SolveMode mode) {
   return [mode](const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+    inceres::SolveOptions asked;
     inceres::SolveReport report;
-    report.mode = mode;
-    report.strict = true;
-    inceres::Solve(options, problem, summary, &report);
+    asked.mode = mode;
+    asked.strict = true;
+    inceres::Solve(options, problem, summary, asked, &report);
     EXPECT_TRUE(summary->IsSolutionUsable()) << summary->message;
   };
 }
@@ -34,9 +35,10 @@ SolveFunction SolveBy(inceres::SolveMode mode) {
 SolveFunction SolveBySession() {
   auto session = std::make_shared<inceres::CeresSession>();
   return [session](const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+    inceres::SolveOptions asked;
     inceres::SolveReport report;
-    report.strict = true;
-    session->Solve(options, problem, summary, &report);
+    asked.strict = true;
+    session->Solve(options, problem, summary, asked, &report);
     EXPECT_TRUE(summary->IsSolutionUsable()) << summary->message;
   };
 }

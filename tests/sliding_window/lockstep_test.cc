@@ -52,9 +52,10 @@ class Lockstep {
 
     estimator_.set_values(start);
     ceres::Solver::Summary ours;
+    inceres::SolveOptions asked;
     inceres::SolveReport report;
-    report.strict = true;
-    inceres::Solve(options, problem, &ours, &report);
+    asked.strict = true;
+    inceres::Solve(options, problem, &ours, asked, &report);
     EXPECT_EQ(report.fallback_reason, "");
     EXPECT_LT(LargestDifference(estimator_.values(), end), 1e-6) << "solve " << num_solves_;
     EXPECT_NEAR(ours.initial_cost, summary->initial_cost, 1e-12 * summary->initial_cost) << "solve " << num_solves_;

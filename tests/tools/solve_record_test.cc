@@ -61,7 +61,7 @@ TEST(RecordOf, KeepsWhatTheShimReports) {
   report.used_stock = true;
   report.fallback_reason = "because";
   report.options_without_effect = {"eta"};
-  const SolveRecord record = RecordOf(ceres::Solver::Summary(), report, 0.0);
+  const SolveRecord record = RecordOf(ceres::Solver::Summary(), SolveMode::kExact, report, 0.0);
   EXPECT_TRUE(record.used_stock);
   EXPECT_EQ(record.fallback_reason, "because");
   EXPECT_EQ(record.options_without_effect, std::vector<std::string>{"eta"});

@@ -7,9 +7,12 @@
 #include "inceres/solver/solver.h"
 #include "support/classic_problems.h"
 #include "support/test_families.h"
+#include "trust_region/loop_options.h"
 
 namespace inceres {
 namespace {
+
+using internal::CeresRules;
 
 // ½ (scale (x − 1))² from x = 3.
 void MakeLine(double scale, std::shared_ptr<const Loss> loss, FactorGraph* graph) {
@@ -36,9 +39,13 @@ class HoleyLoss : public Loss {
   }
 };
 
-Summary SolveBy(CeresRules rules, SolverOptions options, FactorGraph* graph) {
-  options.rules = rules;
-  return Solve(options, graph);
+Summary SolveBy(CeresRules rules, const SolverOptions& options, FactorGraph* graph) {
+  internal::LoopOptions loop;
+  loop.rules = rules;
+  Solver solver;
+  Summary summary;
+  internal::SolveWith(options, loop, graph, &solver, &summary);
+  return summary;
 }
 
 TEST(CeresRules, StartOfInfiniteCost) {

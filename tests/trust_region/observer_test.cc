@@ -7,12 +7,13 @@
 #include "inceres/solver/solver.h"
 #include "support/classic_problems.h"
 #include "support/dense_oracle.h"
+#include "trust_region/loop_options.h"
 
 namespace inceres {
 namespace {
 
 // Writes every call down; asks for `action` at the end of iteration `at`.
-class Recorder final : public SolveObserver {
+class Recorder final : public SolveObserver, public internal::StepJudge {
  public:
   explicit Recorder(const FactorGraph& graph) : graph_(graph) {}
 
@@ -58,6 +59,16 @@ class Observer : public testing::Test {
     options_.gradient_tolerance = 1e-6;
   }
 
+  // Where the recorder is the judge too.
+  Summary SolveJudged() {
+    internal::LoopOptions loop;
+    loop.judge = &recorder_;
+    Solver solver;
+    Summary summary;
+    internal::SolveWith(options_, loop, &graph_, &solver, &summary);
+    return summary;
+  }
+
   FactorGraph graph_;
   Recorder recorder_;
   std::vector<double> start_;
@@ -71,7 +82,7 @@ TEST_F(Observer, EndsWithAStepWithoutJacobiansThere) {
   }
   recorder_.log.clear();
   graph_.mutable_state() = start_;
-  const Summary summary = Solve(options_, &graph_);
+  const Summary summary = SolveJudged();
   EXPECT_EQ(summary.termination, Termination::kUserSuccess) << summary.message;
   EXPECT_EQ(recorder_.log.substr(recorder_.log.size() - 2), "r|");
   ASSERT_EQ(static_cast<int>(summary.iterations.size()), recorder_.last + 1);
@@ -86,7 +97,7 @@ TEST_F(Observer, EndsBeforeAStepThatIsNotWorthTrying) {
   graph_.mutable_state() = start_;
   recorder_.log.clear();
   recorder_.not_worth = static_cast<int>(whole.iterations.size()) - 2;
-  const Summary summary = Solve(options_, &graph_);
+  const Summary summary = SolveJudged();
   EXPECT_EQ(summary.termination, Termination::kUserSuccess) << summary.message;
   EXPECT_EQ(static_cast<int>(summary.iterations.size()), recorder_.not_worth);
   EXPECT_EQ(recorder_.log.back(), '|');

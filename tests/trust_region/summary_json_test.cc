@@ -17,9 +17,9 @@ namespace {
 Summary SolvedCurve() {
   FactorGraph graph;
   test::MakeCurveFit(&graph);
-  SolverOptions options;
-  options.fixed_cost = 0.125;
-  return Solve(options, &graph);
+  Summary summary = Solve(SolverOptions(), &graph);
+  summary.fixed_cost = 0.125;
+  return summary;
 }
 
 // Decimal commas and grouped thousands, as a program's global locale may ask for.

@@ -1,5 +1,6 @@
 #include "tools/command_line/command_line.h"
 
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <vector>
@@ -57,6 +58,29 @@ int RunTool(const std::string& usage, int argc, char** argv, const std::function
     return Fail(status.code == StatusCode::kInvalidArgument ? kExitUsage : kExitFailure, status.message);
   }
   return kExitSuccess;
+}
+
+Status Invalid(const std::string& message) {
+  return Status::Error(StatusCode::kInvalidArgument, message);
+}
+
+bool IsSet(const char* flag) {
+  return !gflags::GetCommandLineFlagInfoOrDie(flag).is_default;
+}
+
+Status CheckNumbers(std::initializer_list<IntegerFlag> integers,
+                    std::initializer_list<std::pair<const char*, double>> tolerances) {
+  for (const auto& [name, value, least] : integers) {
+    if (value < least) {
+      return Invalid(std::string(name) + " " + std::to_string(value) + ": must be at least " + std::to_string(least));
+    }
+  }
+  for (const auto& [name, value] : tolerances) {
+    if (!std::isfinite(value) || value < 0.0) {
+      return Invalid(std::string(name) + " " + std::to_string(value) + ": must be a finite number, at least 0");
+    }
+  }
+  return Status::Ok();
 }
 
 int Fail(ExitCode code, const std::string& message) {

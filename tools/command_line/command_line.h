@@ -1,8 +1,10 @@
 #pragma once
 
 #include <functional>
+#include <initializer_list>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "inceres/status.h"
 
@@ -25,6 +27,23 @@ std::optional<int> ParseCommandLine(const std::string& usage, int* argc, char***
 /// What main() returns of a tool that does one thing: parses the command line, runs, and says what went wrong; an invalid
 /// argument is a usage error.
 int RunTool(const std::string& usage, int argc, char** argv, const std::function<Status()>& run);
+
+/// What a flag that makes no sense is: kInvalidArgument.
+Status Invalid(const std::string& message);
+
+/// Whether the command line set this flag to something else than its default.
+bool IsSet(const char* flag);
+
+/// A flag, and the least it may be.
+struct IntegerFlag {
+  const char* name;
+  int value;
+  int least;
+};
+
+/// The first flag that is below its least value, or a tolerance that is not a finite number of at least 0, as Invalid.
+Status CheckNumbers(std::initializer_list<IntegerFlag> integers,
+                    std::initializer_list<std::pair<const char*, double>> tolerances);
 
 /// Prints "tool: message" on standard error and returns `code`.
 int Fail(ExitCode code, const std::string& message);

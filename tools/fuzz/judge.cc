@@ -24,7 +24,8 @@ constexpr int kMaxTries = 1000;
 
 class PlainDescent {
  public:
-  PlainDescent(World* world, double tolerance) : world_(world), tolerance_(tolerance) {
+  PlainDescent(World* world, double tolerance, double fixed_cost)
+      : world_(world), tolerance_(tolerance), fixed_cost_(fixed_cost) {
     for (const auto& block : world->blocks()) {
       if (!block->constant && TangentSize(*block) > 0) {
         variable_.push_back(block.get());
@@ -49,6 +50,7 @@ class PlainDescent {
 
   World* world_;
   double tolerance_;
+  double fixed_cost_;
   std::vector<World::Block*> variable_;
   ceres::Problem::EvaluateOptions evaluate_;
   int size_ = 0;
@@ -152,7 +154,7 @@ bool PlainDescent::Run() {
     if (taken && (static_cast<int>(costs_.size()) > kMaxSteps || !Linearize())) {
       break;
     }
-    if (promise <= kPromiseShare * tolerance_ * costs_.back() && damping <= kHardlyDamped) {
+    if (promise <= kPromiseShare * tolerance_ * (costs_.back() - fixed_cost_) && damping <= kHardlyDamped) {
       break;
     }
     damping = taken ? std::max(0.1 * damping, kLeastDamping) : 10.0 * damping;
@@ -165,7 +167,8 @@ bool PlainDescent::Run() {
 Verdict Judge(World* world, double function_tolerance) {
   const std::vector<double> values = world->Values();
   const double magnitude = world->Magnitude();
-  PlainDescent descent(world, function_tolerance);
+  const double fixed_cost = world->FixedCost();
+  PlainDescent descent(world, function_tolerance, fixed_cost);
   Verdict verdict;
   verdict.judged = descent.Run();
   world->SetValues(values);
@@ -174,9 +177,10 @@ Verdict Judge(World* world, double function_tolerance) {
   }
   verdict.cost = descent.costs().front();
   verdict.best = descent.costs().back();
-  verdict.excess = (verdict.cost - verdict.best) / std::max(verdict.best, std::numeric_limits<double>::min());
+  const double variable = std::max(verdict.best - fixed_cost, 0.0);
+  verdict.excess = (verdict.cost - verdict.best) / std::max(variable, std::numeric_limits<double>::min());
   const double rounding = kNineDigits * kNineDigits * magnitude + kRounding * std::sqrt(magnitude * verdict.cost);
-  const double allowed = kExcessTolerances * function_tolerance * verdict.best + rounding;
+  const double allowed = kExcessTolerances * function_tolerance * variable + rounding;
   const auto first = descent.costs().begin();
   const auto gained = std::find_if(first, descent.costs().end(), [&](double cost) { return verdict.cost - cost > allowed; });
   verdict.steps = static_cast<int>(gained - first);

@@ -11,8 +11,8 @@ struct Verdict {
   double best = 0.0;    ///< where it ends
   /// Accepted steps until it had gained kExcessTolerances, or all of them.
   int steps = 0;
-  double excess = 0.0;       ///< (cost − best) / best
-  bool is_excess = false;    ///< above kExcessTolerances × tolerance × best, and above what rounding explains
+  double excess = 0.0;       ///< (cost − best) / (best − fixed cost)
+  bool is_excess = false;    ///< above kExcessTolerances × tolerance × (best − fixed cost), and above what rounding explains
   bool is_creeping = false;  ///< an excess of which kCreepingSteps steps gained less than kExcessTolerances
 };
 

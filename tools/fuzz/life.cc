@@ -86,6 +86,7 @@ std::optional<Finding> Life::Solve() {
     world_.problem().Evaluate({}, &cost, nullptr, nullptr, nullptr);
     std::printf("  solve %ld: %zu blocks, %zu factors, cost %.12g%s\n", solves_, world_.blocks().size(), world_.factors().size(),
                 cost, finding ? " <- a defect" : "");
+    std::fputs(finding ? finding->iterations.c_str() : "", stdout);
   }
   return finding;
 }

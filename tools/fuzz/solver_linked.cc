@@ -8,23 +8,24 @@ namespace {
 
 class OneShot : public SolverUnderTest {
  public:
-  explicit OneShot(SolveMode mode) { report_.mode = mode; }
+  explicit OneShot(SolveMode mode) { options_.mode = mode; }
   void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) override {
-    inceres::Solve(options, problem, summary, &report_);
+    inceres::Solve(options, problem, summary, options_, &report_);
   }
   void Reset() override { ForgetStructures(); }
-  bool follows_stock() const override { return report_.mode == SolveMode::kExact; }
+  bool follows_stock() const override { return options_.mode == SolveMode::kExact; }
   bool repeats() const override { return true; }
   bool used_stock() const override { return report_.used_stock; }
 
  private:
+  SolveOptions options_;
   SolveReport report_;
 };
 
 class Session : public SolverUnderTest {
  public:
   void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) override {
-    session_.Solve(options, problem, summary, &report_);
+    session_.Solve(options, problem, summary, SolveOptions(), &report_);
   }
   void Reset() override { session_.Reset(); }
   bool follows_stock() const override { return false; }

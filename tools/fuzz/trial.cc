@@ -15,6 +15,16 @@ namespace {
 // Final costs and initial ones are those of the memory, relative.
 constexpr double kSameCost = 1e-9;
 
+std::string IterationsOf(const char* whose, const ceres::Solver::Summary& summary) {
+  std::string lines = Text("  %s, %s\n", whose, summary.message.c_str());
+  for (const ceres::IterationSummary& i : summary.iterations) {
+    lines += Text("  %4d%s cost %.14g change %.3g ratio %.3g gradient %.2g step %.2g radius %.2g\n", i.iteration,
+                  i.step_is_successful ? " " : "!", i.cost, i.cost_change, i.relative_decrease, i.gradient_max_norm, i.step_norm,
+                  i.trust_region_radius);
+  }
+  return lines;
+}
+
 }  // namespace
 
 std::string Text(const char* format, ...) {
@@ -63,6 +73,9 @@ std::optional<Finding> Trial::Run() {
   watch.may_call = true;
   for (const Check check : kWithCalls) {
     finding = finding || solver_->used_stock() ? finding : (this->*check)();
+  }
+  if (finding) {
+    finding->iterations = IterationsOf("ours", summary_) + (stock_ != nullptr ? IterationsOf("stock", stock_->summary()) : "");
   }
   return finding;
 }

@@ -14,6 +14,7 @@ namespace inceres::fuzz {
 struct Finding {
   std::string kind;
   std::string detail;
+  std::string iterations = {};  ///< of the solve, and of stock's where it was asked
 };
 
 /// What was looked at; what was seen and let pass has a number of its own.

@@ -55,6 +55,10 @@ std::optional<Finding> Trial::CheckLimit() {
   if (!is_there && summary_.final_cost < stock.final_cost) {
     return std::nullopt;  // creeps on where stock gave up
   }
+  if (const Verdict of_stock = StockVerdict(); !of_stock.judged || of_stock.is_excess) {
+    ++counts_->creeping;  // stock has not come to a minimum either
+    return std::nullopt;
+  }
   return Finding{is_there ? "does_not_end" : "slow",
                  Text("no convergence in %d iterations, cost %.12g, plain LM goes to %.12g; stock %.12g in %zu",
                       options_.max_num_iterations, summary_.final_cost, verdict.best, stock.final_cost, stock.iterations.size())};

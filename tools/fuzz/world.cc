@@ -58,6 +58,19 @@ double World::Magnitude() const {
   return sum;
 }
 
+double World::FixedCost() const {
+  double sum = 0.0;
+  for (const auto& factor : factors_) {
+    const bool is_fixed =
+        std::all_of(factor->blocks.begin(), factor->blocks.end(), [](const Block* block) { return block->constant; });
+    double cost = 0.0;
+    if (is_fixed && problem_->EvaluateResidualBlock(factor->id, /*apply_loss_function=*/true, &cost, nullptr, nullptr)) {
+      sum += cost;
+    }
+  }
+  return sum;
+}
+
 std::vector<double> World::Values() const {
   std::vector<double> values;
   for (const auto& block : blocks_) {

@@ -74,6 +74,8 @@ class World {
   bool HasFault() const;
   /// Σ FuzzCost::Magnitude of all factors at the current values.
   double Magnitude() const;
+  /// Of the factors whose blocks are all constant: what Ceres's function tolerance is relative to does not have it.
+  double FixedCost() const;
   /// All values, block after block, and back.
   std::vector<double> Values() const;
   void SetValues(const std::vector<double>& values);

@@ -6,7 +6,7 @@
 
 #include <ceres/loss_function.h>
 
-#include "inceres/problem/loss.h"
+#include "inceres/problem/losses.h"
 #include "inceres/status.h"
 
 namespace inceres::tools {

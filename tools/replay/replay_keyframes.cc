@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "inceres/factors/sqrt_information.h"
+#include "inceres/factors/pose_prior.h"
 #include "tools/replay/replay_scripts.h"
 
 namespace inceres::tools {

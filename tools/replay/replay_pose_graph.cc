@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "inceres/factors/sqrt_information.h"
+#include "inceres/factors/pose_prior.h"
 #include "inceres/problem/rotation.h"
 #include "tools/replay/replay_scripts.h"
 

@@ -82,11 +82,11 @@ class CeresReplaySolver : public ReplaySolver {
     if (!shim_) {
       return SolveGrowing(settings_, &living_, PlainCeresSolve);
     }
-    SolveReport report;
-    report.strict = true;
+    SolveOptions strict;
+    strict.strict = true;
     return SolveGrowing(settings_, &living_,
-                        [&report](const ceres::Solver::Options& options, ceres::Problem* problem,
-                                  ceres::Solver::Summary* summary) { inceres::Solve(options, problem, summary, &report); });
+                        [&strict](const ceres::Solver::Options& options, ceres::Problem* problem,
+                                  ceres::Solver::Summary* summary) { inceres::Solve(options, problem, summary, strict); });
   }
 
   std::vector<double> State() const override { return living_.State(); }

@@ -9,7 +9,7 @@
 
 #include <ceres/types.h>
 
-#include "inceres/solver/reduced_structure.h"
+#include "inceres/solver/incremental_solver.h"
 #include "inceres/status.h"
 #include "tools/replay/replay_step.h"
 

@@ -42,11 +42,12 @@ Status RunCeres(const RunPlan& plan, const ProblemSource& source, RunOutcome* ou
     const double seconds = Seconds([&] { ceres::Solve(options, instance.problem.get(), &summary); });
     outcome->record = RecordOf(summary, seconds);
   } else {
+    SolveOptions asked;
     SolveReport report;
-    report.strict = plan.strict;
-    report.mode = plan.settings.incremental ? SolveMode::kIncremental : SolveMode::kExact;
-    const double seconds = Seconds([&] { inceres::Solve(options, instance.problem.get(), &summary, &report); });
-    outcome->record = RecordOf(summary, report, seconds);
+    asked.strict = plan.strict;
+    asked.mode = plan.settings.incremental ? SolveMode::kIncremental : SolveMode::kExact;
+    const double seconds = Seconds([&] { inceres::Solve(options, instance.problem.get(), &summary, asked, &report); });
+    outcome->record = RecordOf(summary, asked.mode, report, seconds);
   }
   outcome->parameters = std::move(instance.parameters);
   return Status::Ok();

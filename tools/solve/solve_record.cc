@@ -67,12 +67,12 @@ SolveRecord RecordOf(const ceres::Solver::Summary& summary, double seconds) {
   return record;
 }
 
-SolveRecord RecordOf(const ceres::Solver::Summary& summary, const SolveReport& report, double seconds) {
+SolveRecord RecordOf(const ceres::Solver::Summary& summary, SolveMode mode, const SolveReport& report, double seconds) {
   SolveRecord record = RecordOf(summary, seconds);
   record.used_stock = report.used_stock;
   record.fallback_reason = report.fallback_reason;
   record.options_without_effect = report.options_without_effect;
-  if (!report.used_stock && report.mode == SolveMode::kIncremental) {
+  if (!report.used_stock && mode == SolveMode::kIncremental) {
     FillIncremental(report.update, &record);
   } else if (!report.used_stock) {
     record.linear_solver = report.core.reduced_solver;

@@ -43,7 +43,7 @@ struct SolveRecord {
 SolveRecord RecordOf(const ceres::Solver::Summary& summary, double seconds);
 
 /// Record of a solve by the shim. Stages come from the core where the core did the work.
-SolveRecord RecordOf(const ceres::Solver::Summary& summary, const SolveReport& report, double seconds);
+SolveRecord RecordOf(const ceres::Solver::Summary& summary, SolveMode mode, const SolveReport& report, double seconds);
 
 /// Record of a solve by the core alone.
 SolveRecord RecordOf(const Summary& summary, double seconds);

@@ -7,6 +7,8 @@
 #include <ceres/types.h>
 #include <gflags/gflags.h>
 
+#include "tools/command_line/command_line.h"
+
 DEFINE_string(trust_region, "lm", "Trust-region strategy: lm (Levenberg-Marquardt) or dogleg.");
 DEFINE_string(
     linear_solver, "auto",
@@ -32,10 +34,6 @@ DEFINE_bool(builtin_factors, false,
 
 namespace inceres::tools {
 namespace {
-
-Status Invalid(const std::string& message) {
-  return Status::Error(StatusCode::kInvalidArgument, message);
-}
 
 Status ParseTrustRegion(const std::string& text, ceres::TrustRegionStrategyType* type) {
   if (text != "lm" && text != "dogleg") {
@@ -69,26 +67,22 @@ Status ParseMode(const std::string& text, bool* incremental) {
   return *incremental || text == "exact" ? Status::Ok() : Invalid("--mode '" + text + "': use exact or incremental");
 }
 
-Status CheckNumbers() {
-  if (FLAGS_num_threads < 1) {
-    return Invalid("--num_threads " + std::to_string(FLAGS_num_threads) + ": must be at least 1");
-  }
-  if (FLAGS_max_num_iterations < 0) {
-    return Invalid("--max_num_iterations " + std::to_string(FLAGS_max_num_iterations) + ": must be at least 0");
-  }
-  const std::pair<const char*, double> tolerances[] = {{"--function_tolerance", FLAGS_function_tolerance},
-                                                       {"--gradient_tolerance", FLAGS_gradient_tolerance},
-                                                       {"--parameter_tolerance", FLAGS_parameter_tolerance}};
-  if (!std::isfinite(FLAGS_initial_trust_region_radius) || FLAGS_initial_trust_region_radius <= 0.0) {
-    return Invalid("--initial_trust_region_radius " + std::to_string(FLAGS_initial_trust_region_radius) +
-                   ": must be a finite number above 0");
-  }
-  for (const auto& [flag, value] : tolerances) {
-    if (!std::isfinite(value) || value < 0.0) {
-      return Invalid(std::string(flag) + " " + std::to_string(value) + ": must be a finite number, at least 0");
-    }
-  }
-  return Status::Ok();
+Status CheckRadius() {
+  const double radius = FLAGS_initial_trust_region_radius;
+  return std::isfinite(radius) && radius > 0.0
+             ? Status::Ok()
+             : Invalid("--initial_trust_region_radius " + std::to_string(radius) + ": must be a finite number above 0");
+}
+
+// What Ceres and the core call by the same names.
+template <typename Options>
+void CopyNumbers(const SolverSettings& settings, Options* options) {
+  options->num_threads = settings.num_threads;
+  options->max_num_iterations = settings.max_num_iterations;
+  options->function_tolerance = settings.function_tolerance;
+  options->gradient_tolerance = settings.gradient_tolerance;
+  options->parameter_tolerance = settings.parameter_tolerance;
+  options->initial_trust_region_radius = settings.initial_trust_region_radius;
 }
 
 }  // namespace
@@ -99,9 +93,14 @@ Status ReadSolverFlags(SolverSettings* settings) {
   if (!robust.ok()) {
     robust.message = "--robust " + robust.message;
   }
-  for (Status& status :
-       std::vector<Status>{ParseMode(FLAGS_mode, &read.incremental), ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
-                           ParseLinearSolver(FLAGS_linear_solver, &read.linear_solver), CheckNumbers(), robust}) {
+  for (Status& status : std::vector<Status>{
+           ParseMode(FLAGS_mode, &read.incremental), ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
+           ParseLinearSolver(FLAGS_linear_solver, &read.linear_solver),
+           CheckNumbers({{"--num_threads", FLAGS_num_threads, 1}, {"--max_num_iterations", FLAGS_max_num_iterations, 0}},
+                        {{"--function_tolerance", FLAGS_function_tolerance},
+                         {"--gradient_tolerance", FLAGS_gradient_tolerance},
+                         {"--parameter_tolerance", FLAGS_parameter_tolerance}}),
+           CheckRadius(), robust}) {
     if (!status.ok()) {
       return status;
     }
@@ -134,12 +133,7 @@ Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType ty
   if (type == ceres::ITERATIVE_SCHUR) {
     result.preconditioner_type = ceres::SCHUR_JACOBI;
   }
-  result.num_threads = settings.num_threads;
-  result.max_num_iterations = settings.max_num_iterations;
-  result.function_tolerance = settings.function_tolerance;
-  result.gradient_tolerance = settings.gradient_tolerance;
-  result.parameter_tolerance = settings.parameter_tolerance;
-  result.initial_trust_region_radius = settings.initial_trust_region_radius;
+  CopyNumbers(settings, &result);
   result.logging_type = ceres::SILENT;  // the tools print their own table
   std::string error;
   if (!result.IsValid(&error)) {
@@ -177,12 +171,7 @@ Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
   }
   result.strategy =
       settings.trust_region == ceres::DOGLEG ? TrustRegionStrategyKind::kDogleg : TrustRegionStrategyKind::kLevenbergMarquardt;
-  result.num_threads = settings.num_threads;
-  result.max_num_iterations = settings.max_num_iterations;
-  result.function_tolerance = settings.function_tolerance;
-  result.gradient_tolerance = settings.gradient_tolerance;
-  result.parameter_tolerance = settings.parameter_tolerance;
-  result.initial_trust_region_radius = settings.initial_trust_region_radius;
+  CopyNumbers(settings, &result);
   Status status = result.Validate();
   if (status.ok()) {
     *options = result;

@@ -188,8 +188,9 @@ bool StockGoesFirst(const std::string& path) {
   return std::bitset<64>(registry.logs[path].num_comparisons++).count() % 2 == 1;
 }
 
-std::string LogLine(const SolveReport& report, SolveMode mode, const ceres::Solver::Options& options,
-                    const ceres::Solver::Summary& kept, std::int64_t number) {
+std::string LogLine(const SolveCall& call, std::int64_t number) {
+  const SolveReport& report = *call.report;
+  const SolveMode mode = call.solve_options.mode;
   const CrossCheckResult& result = *report.comparison;
   const bool solved_by_ours = result.compared || (!report.used_stock && report.fallback_reason.empty());
   const bool solved_by_stock = result.compared || report.used_stock;
@@ -198,12 +199,12 @@ std::string LogLine(const SolveReport& report, SolveMode mode, const ceres::Solv
       .Add("process", static_cast<std::int64_t>(getpid()))
       .Add("solve", number)
       .AddString("mode", Name(mode))
-      .Add("function_tolerance", options.function_tolerance)
-      .AddRaw("sizes", Sizes(kept))
-      .AddRaw("structure", Structure(report, kept))
+      .Add("function_tolerance", call.options.function_tolerance)
+      .AddRaw("sizes", Sizes(*call.summary))
+      .AddRaw("structure", Structure(report, *call.summary))
       .AddRaw("ours", solved_by_ours ? OurOutcome(report, mode) : "null")
       .AddRaw("stock", solved_by_stock ? Outcome(result.stock, result.stock_seconds).Close() : "null")
-      .AddRaw("difference", result.compared ? Differences(result, TolerancesFor(mode, report.cross_check, options)) : "null")
+      .AddRaw("difference", result.compared ? Differences(result, TolerancesFor(call.solve_options, call.options)) : "null")
       .AddString("first", Name(result.first))
       .AddString("kept", Name(result.kept))
       .AddString("fallback_reason", report.fallback_reason)

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string>
 
-#include "inceres/ceres/solve.h"
+#include "adapters/ceres/fallback/decline.h"
 
 namespace inceres::internal {
 
@@ -14,9 +14,8 @@ std::int64_t NextNumberInLog(const std::string& path);
 /// which has no rhythm. Taken in plain turns, one of the two would always get, say, the window after a keyframe.
 bool StockGoesFirst(const std::string& path);
 
-/// One line, without its end, for a solve that has ended; docs/compare.md lists the fields. `kept` is the summary the caller got.
-std::string LogLine(const SolveReport& report, SolveMode mode, const ceres::Solver::Options& options,
-                    const ceres::Solver::Summary& kept, std::int64_t number);
+/// One line, without its end, for a solve that has ended; docs/compare.md lists the fields.
+std::string LogLine(const SolveCall& call, std::int64_t number);
 
 /// Appends the line and its end with one write at the end of the file, so that lines of several threads and processes do not mix.
 /// A file that cannot be written is named in the log, once in the life of the process; nothing else happens.

@@ -220,8 +220,9 @@ class Comparison {
 
 }  // namespace
 
-JudgedTolerances TolerancesFor(SolveMode mode, const CrossCheckOptions& check, const ceres::Solver::Options& options) {
-  const bool exact = mode == SolveMode::kExact;
+JudgedTolerances TolerancesFor(const SolveOptions& asked, const ceres::Solver::Options& options) {
+  const CrossCheckOptions& check = asked.cross_check;
+  const bool exact = asked.mode == SolveMode::kExact;
   JudgedTolerances tolerances;
   tolerances.cost = check.cost_tolerance.value_or(exact ? 1e-9 : options.function_tolerance);
   tolerances.lower_cost = exact ? tolerances.cost : kInfinity;

@@ -23,7 +23,7 @@ struct JudgedTolerances {
   bool traces = true;               ///< iterations are comparable one by one
 };
 
-JudgedTolerances TolerancesFor(SolveMode mode, const CrossCheckOptions& check, const ceres::Solver::Options& options);
+JudgedTolerances TolerancesFor(const SolveOptions& asked, const ceres::Solver::Options& options);
 
 /// The values of a UserState before the solves and after each.
 struct SolvedStates {

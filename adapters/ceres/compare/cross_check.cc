@@ -10,13 +10,41 @@
 #include "adapters/ceres/compare/compare_solves.h"
 #include "adapters/ceres/compare/disagreement.h"
 #include "adapters/ceres/compare/second_opinion.h"
+#include "adapters/ceres/fallback/decline.h"
 #include "adapters/ceres/fallback/gate.h"
-#include "adapters/ceres/fallback/stock_ceres.h"
 #include "adapters/ceres/plan/solve_input.h"
 #include "adapters/ceres/read/ceres_version.h"
 #include "adapters/ceres/read/user_state.h"
 
-namespace inceres::internal {
+namespace inceres {
+
+Status CrossCheckOptions::Validate() const {
+  const auto complaint = [](const char* field, double value) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "CrossCheckOptions::" + std::string(field) + " is " + std::to_string(value) + "; it must be at least 0");
+  };
+  if (cost_tolerance && !(*cost_tolerance >= 0.0)) {
+    return complaint("cost_tolerance", *cost_tolerance);
+  }
+  if (parameter_tolerance && !(*parameter_tolerance >= 0.0)) {
+    return complaint("parameter_tolerance", *parameter_tolerance);
+  }
+  if (iteration_tolerance && *iteration_tolerance < 0) {
+    return complaint("iteration_tolerance", *iteration_tolerance);
+  }
+  if (radius_tolerance && !(*radius_tolerance >= 0.0)) {
+    return complaint("radius_tolerance", *radius_tolerance);
+  }
+  if (!(spread_factor >= 0.0)) {
+    return complaint("spread_factor", spread_factor);
+  }
+  if (spread_interval < 0) {
+    return complaint("spread_interval", spread_interval);
+  }
+  return Status::Ok();
+}
+
+namespace internal {
 namespace {
 
 // Puts the start values back unless told that all went well.
@@ -38,22 +66,31 @@ class StartGuard {
   bool armed_ = true;
 };
 
-struct Call {
-  const ceres::Solver::Options& options;
-  ceres::Problem* problem;
-  ceres::Solver::Summary* summary;
-  SolveReport* report;
-  const OurSolve& ours;
-};
+using OurSolve = std::function<void(const SolveCall&)>;
 
 // Seconds of our solve, without the caller's callbacks.
-double SolveWithOurs(const Call& call) {
+double SolveWithOurs(const SolveCall& call, const OurSolve& ours) {
   const WallClock clock;
-  call.ours.once();
+  ours(call);
   return clock.Seconds() - call.report->callback_seconds;
 }
 
-void SolveWithBoth(const Call& call, SolveMode mode, CrossCheckResult* result) {
+// Null if it must not be done again.
+SecondOpinion::SolveAgain Again(const SolveCall& call, const OurSolve& ours, Repeatable repeatable) {
+  if (repeatable == Repeatable::kNo) {
+    return nullptr;
+  }
+  return [&call, &ours](const ceres::Solver::Options& quiet, ceres::Solver::Summary* summary) {
+    SolveOptions strict;
+    strict.mode = call.solve_options.mode;
+    strict.strict = true;
+    SolveReport unread;
+    ours({quiet, call.problem, summary, strict, &unread});
+  };
+}
+
+void SolveWithBoth(const SolveCall& call, const OurSolve& ours, Repeatable repeatable, CrossCheckResult* result) {
+  const CrossCheckOptions& check = call.solve_options.cross_check;
   const UserState layout(*call.problem);
   SolvedStates states;
   states.start = layout.Read();
@@ -69,23 +106,23 @@ void SolveWithBoth(const Call& call, SolveMode mode, CrossCheckResult* result) {
   if (result->first == SolvedBy::kStock) {
     solve_with_stock();
   }
-  result->our_seconds = SolveWithOurs(call);
+  result->our_seconds = SolveWithOurs(call, ours);
   result->ours = *call.summary;
   states.ours = layout.Read();
   if (result->first == SolvedBy::kOurs) {
     layout.Write(states.start);
     solve_with_stock();
   }
-  const JudgedTolerances tolerances = TolerancesFor(mode, call.report->cross_check, call.options);
+  const JudgedTolerances tolerances = TolerancesFor(call.solve_options, call.options);
   Compare(layout, states, tolerances, Excuse(), result);
   result->compared = true;
-  if (WantsSecondOpinion(call.report->cross_check, *result)) {
-    SecondOpinion(call.options, call.problem, layout, states, tolerances, call.report->cross_check.spread_factor, call.ours.again)
-        .Judge(result);
+  if (WantsSecondOpinion(check, *result)) {
+    const SecondOpinion::SolveAgain again = Again(call, ours, repeatable);
+    SecondOpinion(call.options, call.problem, layout, states, tolerances, check.spread_factor, again).Judge(result);
   }
   const bool ended_by_callback =
       result->ours.termination_type == ceres::USER_SUCCESS || result->ours.termination_type == ceres::USER_FAILURE;
-  result->kept = ended_by_callback ? SolvedBy::kOurs : call.report->cross_check.keep;
+  result->kept = ended_by_callback ? SolvedBy::kOurs : check.keep;
   guard.Disarm();
   layout.Write(result->kept == SolvedBy::kOurs ? states.ours : states.stock);
   if (result->kept == SolvedBy::kStock) {
@@ -93,8 +130,8 @@ void SolveWithBoth(const Call& call, SolveMode mode, CrossCheckResult* result) {
   }
 }
 
-void SolveWithOne(const Call& call, CrossCheckResult* result) {
-  const double seconds = SolveWithOurs(call);
+void SolveWithOne(const SolveCall& call, const OurSolve& ours, CrossCheckResult* result) {
+  const double seconds = SolveWithOurs(call, ours);
   if (call.report->used_stock) {
     result->stock = *call.summary;
     result->stock_seconds = seconds;
@@ -106,43 +143,41 @@ void SolveWithOne(const Call& call, CrossCheckResult* result) {
 }
 
 // Why the two cannot be compared; empty if they can.
-std::string ComparisonObstacle(const Call& call, SolveMode mode) {
-  const Status valid = call.report->cross_check.Validate();
+std::string ComparisonObstacle(const SolveCall& call) {
+  const SolveOptions& asked = call.solve_options;
+  const Status valid = asked.Validate();
   if (!valid.ok()) {
     LOG(ERROR) << "inceres: no cross-check: " << valid.message;
     return valid.message;
   }
-  if (mode == SolveMode::kStock) {
+  if (asked.mode == SolveMode::kStock) {
     return "SolveMode::kStock was asked for";
   }
   if (INCERES_CERES_RELEASE < 202 && call.options.use_mixed_precision_solves &&
       call.options.sparse_linear_algebra_library_type == ceres::SUITE_SPARSE) {
     return "stock Ceres aborts the process on use_mixed_precision_solves with SUITE_SPARSE";
   }
-  ceres::EvaluationCallback* const callback = EvaluationCallbackOf(*call.problem, call.report->evaluation_callback);
+  ceres::EvaluationCallback* const callback = EvaluationCallbackOf(*call.problem, asked.evaluation_callback);
   ProblemView view;
   OrderingView ordering;
-  const std::string obstacle =
-      FindObstacle(call.options, *call.problem, mode == SolveMode::kIncremental, callback, &view, &ordering);
+  const bool incremental = asked.mode == SolveMode::kIncremental;
+  const std::string obstacle = FindObstacle(call.options, *call.problem, incremental, callback, &view, &ordering);
   if (obstacle.empty() && callback != nullptr) {
     return "the problem has an evaluation callback, which a second solve would call again";
   }
   return obstacle;
 }
 
-}  // namespace
-
-void SolveAndCompare(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-                     SolveReport* report, SolveMode mode, const OurSolve& ours, const std::string& obstacle) {
-  const Call call{options, problem, summary, report, ours};
-  const bool logged = !report->ab_log.empty();
+void SolveAndCompare(const SolveCall& call, const OurSolve& ours, Repeatable repeatable, const std::string& obstacle) {
+  const std::string& log = call.solve_options.ab_log;
+  SolveReport* report = call.report;
   const auto result = std::make_shared<CrossCheckResult>();
-  result->reason = obstacle.empty() ? ComparisonObstacle(call, mode) : obstacle;
+  result->reason = obstacle.empty() ? ComparisonObstacle(call) : obstacle;
   if (result->reason.empty()) {
-    result->first = logged && StockGoesFirst(report->ab_log) ? SolvedBy::kStock : SolvedBy::kOurs;
-    SolveWithBoth(call, mode, result.get());
+    result->first = !log.empty() && StockGoesFirst(log) ? SolvedBy::kStock : SolvedBy::kOurs;
+    SolveWithBoth(call, ours, repeatable, result.get());
   } else {
-    SolveWithOne(call, result.get());
+    SolveWithOne(call, ours, result.get());
   }
   report->comparison = result;
   if (!result->violations.empty()) {
@@ -151,9 +186,28 @@ void SolveAndCompare(const ceres::Solver::Options& options, ceres::Problem* prob
     LOG(INFO) << DescribeExcuse(*result);
   }
   const bool refused = !report->used_stock && !report->fallback_reason.empty();
-  if (logged && !refused) {
-    AppendToLog(report->ab_log, LogLine(*report, mode, options, *summary, NextNumberInLog(report->ab_log)));
+  if (!log.empty() && !refused) {
+    AppendToLog(log, LogLine(call, NextNumberInLog(log)));
   }
 }
 
-}  // namespace inceres::internal
+}  // namespace
+
+void SolveAsAsked(SolveCall call, const OurSolve& ours, Repeatable repeatable, const std::string& obstacle) {
+  CHECK(call.problem != nullptr);  // as ceres::Solve
+  CHECK(call.summary != nullptr);
+  SolveReport unread;
+  if (call.report == nullptr) {
+    call.report = &unread;
+  }
+  *call.summary = ceres::Solver::Summary();
+  *call.report = SolveReport();
+  if (call.solve_options.cross_check.enabled || !call.solve_options.ab_log.empty()) {
+    SolveAndCompare(call, ours, repeatable, obstacle);
+  } else {
+    ours(call);
+  }
+}
+
+}  // namespace internal
+}  // namespace inceres

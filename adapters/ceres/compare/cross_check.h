@@ -3,36 +3,26 @@
 #include <functional>
 #include <string>
 
-#include <ceres/problem.h>
-#include <ceres/solver.h>
-
-#include "inceres/ceres/solve.h"
+#include "adapters/ceres/fallback/decline.h"
 
 namespace inceres::internal {
 
-struct OurSolve {
-  /// The solve that was asked for, stock's fallback included.
-  std::function<void()> once;
-  /// Solves once more, with these options and into this summary alone; null where a solve has lasting effects.
-  std::function<void(const ceres::Solver::Options&, ceres::Solver::Summary*)> again;
-};
+/// Whether a solve may be done twice: not if it has lasting effects.
+enum class Repeatable { kNo, kYes };
 
-/// Whether this call is to be solved by both, or written down.
-inline bool WantsComparison(const SolveReport* report) {
-  return report != nullptr && (report->cross_check.enabled || !report->ab_log.empty());
-}
-
-/// Solves with ours and, unless ours declines the problem, with stock, from the same start; compares, logs a disagreement, leaves
-/// what is to be kept in `summary` and user memory, fills report->comparison, and appends to the A/B log. `obstacle`: why `ours`
-/// is known to decline it, or empty. A strict refusal, where neither solves it, is not written to the log.
+/// Solves what the caller asked for into a blank summary and report: by `ours`, which is stock's fallback too; or by both and
+/// compared, or written to the A/B log. The call's report may be null, that of `ours` is not. `obstacle`: why `ours` is known to
+/// decline it, or empty.
 ///
-/// Stock gets a copy of the ordering and the options without callbacks and progress output; the rest, also
-/// update_state_every_iteration, as given, for cost functions that read the caller's memory must see in it what they would.
-/// The caller's callbacks are thus called as in one solve by ours. Ours goes first, but with a log the two take turns. What looks
-/// like a violation is looked at again by SecondOpinion.
+/// Compared: unless ours declines the problem, stock solves it from the same start. A disagreement is logged, what is to be kept
+/// is left in the summary and user memory, report->comparison is filled, and a line appended to the A/B log; not for a strict
+/// refusal, where neither solves it. Stock gets a copy of the ordering and the options without callbacks and progress output; the
+/// rest, also update_state_every_iteration, as given, for cost functions that read the caller's memory must see in it what they
+/// would. The caller's callbacks are thus called as in one solve by ours. Ours goes first, but with a log the two take turns.
+/// What looks like a violation is looked at again by SecondOpinion.
 ///
-/// An exception out of user code passes through and leaves user memory as at the start.
-void SolveAndCompare(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-                     SolveReport* report, SolveMode mode, const OurSolve& ours, const std::string& obstacle = "");
+/// An exception out of user code passes through a comparison and leaves user memory as at the start.
+void SolveAsAsked(SolveCall call, const std::function<void(const SolveCall&)>& ours, Repeatable repeatable,
+                  const std::string& obstacle = "");
 
 }  // namespace inceres::internal

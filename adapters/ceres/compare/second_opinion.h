@@ -16,6 +16,10 @@ namespace inceres::internal {
 /// edits.
 ceres::Solver::Options QuietOptions(const ceres::Solver::Options& options);
 
+/// The options for other linear solvers of stock's that solve the same problem, with the same numbers up to rounding (or, where
+/// asked for an iterative one, as closely): none, one or two. `solved` is what stock says of the solve with the caller's options.
+std::vector<ceres::Solver::Options> OtherLinearSolvers(const ceres::Solver::Options& quiet, const ceres::Solver::Summary& solved);
+
 /// Whether there is something to accuse ours of, or it is this comparison's turn.
 bool WantsSecondOpinion(const CrossCheckOptions& check, const CrossCheckResult& result);
 

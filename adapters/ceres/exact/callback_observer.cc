@@ -1,10 +1,42 @@
 #include "adapters/ceres/exact/callback_observer.h"
 
+#include <cstdio>
+#include <iostream>
+
+#include <glog/logging.h>
+
 #include "adapters/ceres/plan/solve_input.h"
-#include "adapters/ceres/report/progress_logger.h"
 #include "adapters/ceres/report/summary_writer.h"
 
 namespace inceres::internal {
+namespace {
+
+// Whether LogProgress would print anything.
+bool LogsProgress(bool to_stdout) {
+  return to_stdout || VLOG_IS_ON(1);
+}
+
+// To standard output (flushed) or to VLOG(1).
+void LogProgress(const ceres::IterationSummary& iteration, bool to_stdout) {
+  if (to_stdout) {
+    std::cout << ProgressText(iteration) << std::endl;
+  } else {
+    VLOG(1) << ProgressText(iteration);
+  }
+}
+
+}  // namespace
+
+std::string ProgressText(const ceres::IterationSummary& iteration) {
+  char row[256];
+  std::snprintf(row, sizeof(row), "% 4d % 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e     % 4d   % 3.2e   % 3.2e",
+                iteration.iteration, iteration.cost, iteration.cost_change, iteration.gradient_max_norm, iteration.step_norm,
+                iteration.relative_decrease, iteration.trust_region_radius, iteration.linear_solver_iterations,
+                iteration.iteration_time_in_seconds, iteration.cumulative_time_in_seconds);
+  const char* heading =
+      "iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  iter_time  total_time\n";
+  return iteration.iteration == 0 ? std::string(heading) + row : row;
+}
 
 bool CallbackObserver::IsNeeded() const {
   return evaluation_callback_ != nullptr || options_.update_state || !options_.callbacks.empty() ||
@@ -22,11 +54,13 @@ ObserverAction CallbackObserver::EndOfIteration(const IterationSummary& iteratio
   if (options_.update_state) {
     WriteToUser(blocks_, best_state);
   }
-  return ReportIteration(options_, iteration, &callback_seconds_);
+  IterationSummary with_fixed_cost = iteration;
+  with_fixed_cost.cost += fixed_cost_;
+  return ReportIteration(options_, with_fixed_cost, &callback_seconds_);
 }
 
 ObserverAction ReportIteration(const ReportOptions& options, const IterationSummary& iteration, double* callback_seconds) {
-  const ceres::IterationSummary summary = ToCeres(iteration);
+  const ceres::IterationSummary summary = ToCeres(iteration, options.eta);
   if (options.logs) {
     LogProgress(summary, options.to_stdout);
   }

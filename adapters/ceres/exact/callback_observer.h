@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include <ceres/evaluation_callback.h>
@@ -10,18 +11,23 @@
 
 namespace inceres::internal {
 
+/// Ceres's progress table: the row of one iteration, preceded by the heading at iteration 0, without the last newline.
+std::string ProgressText(const ceres::IterationSummary& iteration);
+
 /// What of the options is asked again and again during a solve: a copy, as Ceres takes one, for a callback may change the user's.
 struct ReportOptions {
   explicit ReportOptions(const ceres::Solver::Options& options)
       : callbacks(options.callbacks),
         update_state(options.update_state_every_iteration),
         logs(options.logging_type != ceres::SILENT),
-        to_stdout(options.minimizer_progress_to_stdout) {}
+        to_stdout(options.minimizer_progress_to_stdout),
+        eta(options.eta) {}
 
   std::vector<ceres::IterationCallback*> callbacks;
   bool update_state;
   bool logs;
   bool to_stdout;
+  double eta;
 };
 
 /// What Ceres does at the end of an iteration once the user's memory is as it is to be: log the progress row (unless silent),
@@ -33,10 +39,11 @@ ObserverAction ReportIteration(const ReportOptions& options, const IterationSumm
 /// and call it.
 class CallbackObserver : public SolveObserver {
  public:
-  /// Borrows all for the length of a solve; `evaluation_callback` may be null.
+  /// Borrows all for the length of a solve; `evaluation_callback` may be null. `fixed_cost` is
+  /// of residual blocks that are not in the graph.
   CallbackObserver(const ceres::Solver::Options& options, ceres::EvaluationCallback* evaluation_callback,
-                   const std::vector<StateBlock>& blocks)
-      : options_(options), evaluation_callback_(evaluation_callback), blocks_(blocks) {}
+                   const std::vector<StateBlock>& blocks, double fixed_cost)
+      : options_(options), evaluation_callback_(evaluation_callback), blocks_(blocks), fixed_cost_(fixed_cost) {}
 
   /// False if nobody would notice that the solve goes on without it.
   bool IsNeeded() const;
@@ -51,6 +58,7 @@ class CallbackObserver : public SolveObserver {
   const ReportOptions options_;
   ceres::EvaluationCallback* const evaluation_callback_;
   const std::vector<StateBlock>& blocks_;
+  const double fixed_cost_;
   double callback_seconds_ = 0.0;
 };
 

@@ -9,7 +9,7 @@
 #include "adapters/ceres/plan/graph_builder.h"
 #include "adapters/ceres/plan/landmark_selection.h"
 #include "adapters/ceres/plan/option_mapping.h"
-#include "adapters/ceres/plan/solver_pool.h"
+#include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/fixed_cost.h"
 #include "adapters/ceres/report/summary_writer.h"
 
@@ -17,11 +17,21 @@ namespace inceres::internal {
 namespace {
 
 void WriteReport(const SolveInput& input, const LandmarkCounts& landmarks, Summary core, SolveReport* report) {
-  if (report != nullptr) {
-    report->options_without_effect = OptionsWithoutEffect(input.options, landmarks, core.is_constrained);
-    report->num_landmarks = landmarks.num_landmarks;
-    report->num_frames = input.view.reduced.num_parameter_blocks - landmarks.num_landmarks;
-    report->core = std::move(core);
+  report->options_without_effect = OptionsWithoutEffect(input.options, landmarks, core.is_constrained);
+  report->num_landmarks = landmarks.num_landmarks;
+  report->num_frames = input.view.reduced.num_parameter_blocks - landmarks.num_landmarks;
+  report->core = std::move(core);
+}
+
+// The core knows nothing of residual blocks that cannot move.
+void AddFixedCost(double fixed_cost, Summary* core) {
+  core->fixed_cost = fixed_cost;
+  for (IterationSummary& iteration : core->iterations) {
+    iteration.cost += fixed_cost;
+  }
+  if (!core->iterations.empty()) {  // else there are no costs
+    core->initial_cost += fixed_cost;
+    core->final_cost += fixed_cost;
   }
 }
 
@@ -32,16 +42,18 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &landmarks, summary);
   NameVariables(blocks, &graph);
 
-  CallbackObserver observer(input.options, input.evaluation_callback, blocks);
+  CallbackObserver observer(input.options, input.evaluation_callback, blocks, summary->fixed_cost);
   SolverOptions options = MapOptions(input.options, type);
   options.num_threads = summary->num_threads_used;
   options.observer = observer.IsNeeded() ? &observer : nullptr;
-  options.fixed_cost = summary->fixed_cost;
-  options.seconds_spent_before = input.clock.Seconds();
-  summary->preprocessor_time_in_seconds = options.seconds_spent_before;
-  std::unique_ptr<Solver> solver = SolverPool::Global().Take(options, graph);
-  Summary core = solver->Solve(options, &graph);
-  SolverPool::Global().GiveBack(std::move(solver));
+  LoopOptions loop;
+  loop.rules = kCeresRules;
+  loop.seconds_spent_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
+  std::unique_ptr<Solver> solver = StructureCache::OfProcess().TakeSolver(options, graph);
+  Summary core;
+  SolveWith(options, loop, &graph, solver.get(), &core);
+  StructureCache::OfProcess().GiveBack(std::move(solver));
+  AddFixedCost(summary->fixed_cost, &core);
   LogFailedStep(input.options, core.failed_step);
   if (core.termination == Termination::kFailure) {
     LOG_IF(WARNING, !core.detail.empty()) << "inceres: " << core.detail;  // where Ceres prints the residual block's numbers
@@ -50,11 +62,9 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   // After a failure the graph still holds the start, and an update_state_every_iteration is undone.
   WriteToUser(blocks, graph.state().data());
   summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;
-  WriteSolution(core, summary);
+  WriteSolution(input.options, core, summary);
   WriteReport(input, landmarks, std::move(core), report);
-  if (report != nullptr) {
-    report->callback_seconds = observer.callback_seconds();
-  }
+  report->callback_seconds = observer.callback_seconds();
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverTy
                                   LandmarkCounts* landmarks, ceres::Solver::Summary* summary);
 
 /// Solves with the core in exact mode: fixed cost, landmarks, graph, minimization, write-back, summary. Writes user memory as
-/// Ceres does: only blocks it moved, the best state if it is usable, else what was there before. `report` may be null.
+/// Ceres does: only blocks it moved, the best state if it is usable, else what was there before.
 void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report);
 
 }  // namespace inceres::internal

@@ -9,12 +9,21 @@
 
 namespace inceres::internal {
 
-/// What the caller asks for stays, what happened is cleared. `report` may be null.
-void ClearResults(SolveReport* report);
+/// What a solve is called with, and where it writes.
+struct SolveCall {
+  const ceres::Solver::Options& options;
+  ceres::Problem* problem;
+  ceres::Solver::Summary* summary;
+  const SolveOptions& solve_options;
+  SolveReport* report;
+};
+
+/// Stock Ceres's solver. The member function is called, not the free ceres::Solve: the free one goes through the member, so
+/// whoever replaces the member must never be reached from here by way of the free one.
+void SolveWithStock(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary);
 
 /// A problem we do not solve: stock Ceres does, unless the caller is strict. Requires that nothing of the user's has been called
-/// or written so far. `report` may be null.
-void Decline(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-             const std::string& reason, SolveReport* report);
+/// or written so far.
+void Decline(const SolveCall& call, const std::string& reason);
 
 }  // namespace inceres::internal

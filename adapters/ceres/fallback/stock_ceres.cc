@@ -1,4 +1,4 @@
-#include "adapters/ceres/fallback/stock_ceres.h"
+#include "adapters/ceres/fallback/decline.h"
 
 namespace inceres::internal {
 

@@ -4,10 +4,9 @@
 #include <memory>
 #include <utility>
 
-#include "adapters/ceres/plan/adapter_cache.h"
 #include "adapters/ceres/read/ceres_adapters.h"
-#include "adapters/ceres/read/cost_function_family.h"
 #include "adapters/ceres/read/index.h"
+#include "inceres/ceres/cost_family.h"
 
 namespace inceres::internal {
 namespace {
@@ -46,26 +45,25 @@ class Builder {
 
   void AddFamily(const GraphPlan::Family& family) {
     const std::size_t num_factors = family.residuals.size();
-    std::vector<const ceres::CostFunction*> costs(num_factors);
+    const auto costs = std::make_shared<CeresCostFamily>(family.shape.num_residuals, family.shape.slots);
+    costs->Reserve(num_factors);
     std::vector<std::shared_ptr<const Loss>> losses;  // none, or one for each factor
     for (std::size_t k = 0; k < num_factors; ++k) {
       const ResidualBlockView& residual = view_.residuals[At(family.residuals[k])];
-      costs[k] = residual.cost;
+      costs->Add(CeresCostFamily::Borrowed(residual.cost));
       if (residual.loss != nullptr) {
         losses.resize(num_factors);
         losses[k] = losses_.Get(residual.loss);
       }
     }
-    const FamilyId id =
-        graph_.AddFamily(std::make_shared<CostFunctionFamily>(family.shape.num_residuals, family.shape.slots, std::move(costs)));
-    graph_.ConnectMany(id, family.variables, std::move(losses));
+    graph_.ConnectMany(graph_.AddFamily(costs), family.variables, std::move(losses));
   }
 
   const ProblemView& view_;
   const GraphPlan& plan_;
   FactorGraph& graph_;
-  AdapterCache<Manifold, CeresManifold, UserManifold> manifolds_;
-  AdapterCache<Loss, CeresLoss, ceres::LossFunction> losses_;
+  ManifoldTable manifolds_;
+  AdapterTable<Loss, CeresLoss, ceres::LossFunction> losses_;
   std::vector<StateBlock> state_blocks_;
 };
 

@@ -8,7 +8,7 @@
 #include <glog/logging.h>
 
 #include "adapters/ceres/read/ceres_version.h"
-#include "adapters/ceres/read/ordering.h"
+#include "adapters/ceres/read/factor_shapes.h"
 
 namespace inceres::internal {
 namespace {
@@ -146,6 +146,16 @@ LineSearchInterpolation InterpolationOf(const ceres::Solver::Options& options) {
   return LineSearchInterpolation::kCubic;
 }
 
+// Scalar unknowns left when the landmarks are eliminated.
+int ReducedSize(const ProblemView& view, const OrderingView& ordering, ceres::LinearSolverType type) {
+  const LandmarkSelection landmarks = SelectLandmarks(view, ordering, FindShapes(view), type);
+  int size = 0;
+  for (std::size_t b = 0; b < view.blocks.size(); ++b) {
+    size += view.blocks[b].reduced() && landmarks.is_landmark[b] == 0 ? view.blocks[b].tangent_size : 0;
+  }
+  return size;
+}
+
 }  // namespace
 
 int NumThreads(const ceres::Solver::Options& options) {
@@ -164,7 +174,6 @@ int NumThreads(const ceres::Solver::Options& options) {
 
 SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSolverType type) {
   SolverOptions core;
-  core.rules = kCeresRules;
   core.strategy = StrategyOf(options);
   core.linear_model = type == ceres::DENSE_QR ? LinearModelKind::kDenseQr : LinearModelKind::kAutomatic;
   core.dynamic_sparsity = options.dynamic_sparsity;
@@ -183,7 +192,6 @@ SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSol
   core.jacobi_scaling = options.jacobi_scaling;
   core.use_nonmonotonic_steps = options.use_nonmonotonic_steps;
   core.max_consecutive_nonmonotonic_steps = options.max_consecutive_nonmonotonic_steps;
-  core.eta = options.eta;
   core.line_search_interpolation = InterpolationOf(options);
   core.line_search_sufficient_function_decrease = options.line_search_sufficient_function_decrease;
   core.max_line_search_step_contraction = options.max_line_search_step_contraction;
@@ -235,6 +243,19 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
   CheckProjectedLineSearch(&differences);
   CheckCommon(options, landmarks, &differences);
   return differences.Take();
+}
+
+void ChooseIterativeSolver(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering,
+                           int max_direct_size, IncrementalOptions* core) {
+  const ceres::LinearSolverType type = IncrementalLinearSolver(options, ordering);
+  if (!IsIterative(type) || core->reduced_solver != ReducedSolverKind::kAutomatic ||
+      view.reduced.num_effective_parameters <= max_direct_size || ReducedSize(view, ordering, type) <= max_direct_size) {
+    return;
+  }
+  core->reduced_solver = ReducedSolverKind::kPcg;
+  if (core->batch_share > 0.0) {
+    core->batch_share = 1.0;  // the batch solver's solvers are direct
+  }
 }
 
 }  // namespace inceres::internal

@@ -10,7 +10,7 @@
 #include <ceres/solver.h>
 #include <ceres/version.h>
 
-#include "inceres/solver/options.h"
+#include "src/trust_region/loop_options.h"
 
 // Everything that differs between releases of Ceres is in this file and in dropin/src/ceres_symbols.h. 2.0 has
 // LocalParameterizations only and 2.2 Manifolds only; 2.1 has both and shows a LocalParameterization as a Manifold of its own.

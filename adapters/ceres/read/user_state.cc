@@ -35,4 +35,25 @@ void UserState::Write(const std::vector<double>& values) const {
   }
 }
 
+StartValues::StartValues(const ProblemView& view) {
+  for (const ParameterBlockView& block : view.blocks) {
+    if (block.reduced()) {
+      blocks_.emplace_back(block.values, block.ambient_size);
+      values_.insert(values_.end(), block.values, block.values + block.ambient_size);
+    }
+  }
+}
+
+StartValues::~StartValues() {
+  Swap();
+}
+
+void StartValues::Swap() {
+  double* kept = values_.data();
+  for (const auto& [values, size] : blocks_) {
+    std::swap_ranges(values, values + size, kept);
+    kept += size;
+  }
+}
+
 }  // namespace inceres::internal

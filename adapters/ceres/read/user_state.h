@@ -1,8 +1,11 @@
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include <ceres/problem.h>
+
+#include "adapters/ceres/read/introspection.h"
 
 namespace inceres::internal {
 
@@ -27,6 +30,23 @@ class UserState {
  private:
   std::vector<Block> blocks_;
   int num_values_ = 0;
+};
+
+/// What is in the user's memory of the blocks that a solver moves. It is there again when this is gone, by an exception out of
+/// user code too, unless Keep was called.
+class StartValues {
+ public:
+  explicit StartValues(const ProblemView& view);
+  ~StartValues();
+  StartValues(const StartValues&) = delete;
+  StartValues& operator=(const StartValues&) = delete;
+  void Keep() { blocks_.clear(); }
+  /// Exchanges what is in the user's memory for what is here.
+  void Swap();
+
+ private:
+  std::vector<std::pair<double*, int>> blocks_;  // and their sizes
+  std::vector<double> values_;
 };
 
 }  // namespace inceres::internal

@@ -142,13 +142,13 @@ const Environment& TheEnvironment() {
 
 }  // namespace internal
 
-SolveReport ReportFromEnvironment() {
+SolveOptions OptionsFromEnvironment() {
   const internal::Environment& environment = internal::TheEnvironment();
-  SolveReport report;
-  report.mode = internal::ModeOfOneSolve(environment.mode);
-  report.cross_check = environment.cross_check;
-  report.ab_log = environment.ab_log;
-  return report;
+  SolveOptions options;
+  options.mode = internal::ModeOfOneSolve(environment.mode);
+  options.cross_check = environment.cross_check;
+  options.ab_log = environment.ab_log;
+  return options;
 }
 
 }  // namespace inceres

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "inceres/ceres/environment.h"
+#include "inceres/ceres/solve.h"
 
 namespace inceres::internal {
 
@@ -20,7 +20,7 @@ enum class DropinMode {
 const char* ModeName(DropinMode mode);
 
 /// What the variables that begin with INCERES_ ask for. Every one is read here and nowhere else;
-/// include/inceres/ceres/environment.h lists them.
+/// OptionsFromEnvironment lists them.
 struct Environment {
   DropinMode mode = DropinMode::kExact;
   bool exact_windows = true;  ///< SessionOptions::exact_windows of the drop-in's sessions

@@ -82,32 +82,25 @@ bool Fail(const std::string& message, ceres::Solver::Summary* summary) {
 }
 
 void ReportNothingToSolve(const SolveInput& input, SolveReport* report) {
-  if (report != nullptr) {
-    const SolveReport blank;
-    report->options_without_effect = IncrementalOptionsWithoutEffect(input.options, LandmarkCounts());
-    report->num_landmarks = report->num_frames = 0;
-    report->changes = blank.changes;
-    report->update = blank.update;
-    report->core = blank.core;
-  }
+  *report = SolveReport();
+  report->options_without_effect = IncrementalOptionsWithoutEffect(input.options, LandmarkCounts());
 }
 
 bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input, ceres::Solver::Summary* summary,
                  SolveReport* report) {
-  WriteSolution(core, summary);
+  WriteSolution(input.options, core, summary);
+  summary->final_cost = core.final_cost;  // of the user's memory: a refused step that came lower, which Ceres counts, is not there
   LogFailedStep(input.options, core.failed_step);
   const bool usable = core.IsSolutionUsable();
   const bool failed = core.termination == Termination::kFailure;
   LOG_IF(WARNING, failed) << "inceres: " << core.detail;
-  if (report != nullptr) {
-    report->options_without_effect = IncrementalOptionsWithoutEffect(input.options, result.landmarks);
-    report->num_landmarks = result.num_landmarks;
-    report->num_frames = input.view.reduced.num_parameter_blocks - result.num_landmarks;
-    report->changes = result.changes;
-    report->update = std::move(result.update);
-    report->core = std::move(core);
-    report->callback_seconds = result.callback_seconds;
-  }
+  report->options_without_effect = IncrementalOptionsWithoutEffect(input.options, result.landmarks);
+  report->num_landmarks = result.num_landmarks;
+  report->num_frames = input.view.reduced.num_parameter_blocks - result.num_landmarks;
+  report->changes = result.changes;
+  report->update = std::move(result.update);
+  report->core = std::move(core);
+  report->callback_seconds = result.callback_seconds;
   return failed ? Fail(summary->message, summary) : usable;
 }
 

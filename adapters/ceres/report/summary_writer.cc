@@ -1,12 +1,13 @@
 #include "adapters/ceres/report/summary_writer.h"
 
 #include <algorithm>
+#include <array>
+#include <iterator>
 #include <utility>
 #include <vector>
 
 #include <glog/logging.h>
 
-#include "adapters/ceres/plan/schur_structure.h"
 #include "adapters/ceres/read/ceres_version.h"
 
 namespace inceres::internal {
@@ -51,6 +52,69 @@ void WriteOptions(const ceres::Solver::Options& options, ceres::Solver::Summary*
   WriteOptionsOfThisRelease(options, summary);
 }
 
+// The two strings of ceres::Solver::Summary that name the block sizes of a Schur problem: "residual,landmark,frame" in tangent
+// sizes, "d" where they vary, over the residual blocks that touch a landmark; zeros if none does.
+struct SchurStructure {
+  std::string given;  // as found in the problem
+  std::string used;   // the closest of the specializations Ceres would pick (which ours need not be)
+};
+
+constexpr int kDynamic = -1;
+using Sizes = std::array<int, 3>;  // residual, landmark, frame
+
+// Merges one more size into what was seen so far (0: nothing yet).
+void Merge(int size, int* seen) {
+  if (*seen == 0) {
+    *seen = size;
+  } else if (*seen != size) {
+    *seen = kDynamic;
+  }
+}
+
+std::string ToText(const Sizes& sizes) {
+  std::string text;
+  for (const int size : sizes) {
+    text += (text.empty() ? "" : ",") + (size == kDynamic ? std::string("d") : std::to_string(size));
+  }
+  return text;
+}
+
+// Of the template specializations Ceres has, from 2.0 to 2.2, if it was built with any.
+Sizes BestSpecialization(const Sizes& sizes) {
+  if (!kCeresHasSchurSpecializations) {
+    return {kDynamic, kDynamic, kDynamic};
+  }
+  constexpr Sizes kExact[] = {{2, 2, 2}, {2, 2, 3}, {2, 2, 4}, {2, 3, 3}, {2, 3, 4}, {2, 3, 6}, {2, 3, 9}, {2, 4, 3},
+                              {2, 4, 4}, {2, 4, 6}, {2, 4, 8}, {2, 4, 9}, {3, 3, 3}, {4, 4, 2}, {4, 4, 3}, {4, 4, 4}};
+  if (std::find(std::begin(kExact), std::end(kExact), sizes) != std::end(kExact)) {
+    return sizes;
+  }
+  if ((sizes[0] == 2 && sizes[1] >= 2 && sizes[1] <= 4) || (sizes[0] == 4 && sizes[1] == 4)) {
+    return {sizes[0], sizes[1], kDynamic};
+  }
+  return sizes[0] == 2 ? Sizes{2, kDynamic, kDynamic} : Sizes{kDynamic, kDynamic, kDynamic};
+}
+
+SchurStructure FindSchurStructure(const ProblemView& view, const LandmarkSelection& landmarks) {
+  Sizes sizes = {0, 0, 0};
+  for (const ResidualBlockView& residual : view.residuals) {
+    const int* begin = view.SlotsOf(residual);
+    const int* end = begin + residual.num_slots;
+    const int* landmark = std::find_if(begin, end, [&](int b) { return landmarks.Contains(b); });
+    if (residual.fixed || landmark == end) {
+      continue;
+    }
+    Merge(residual.num_residuals, &sizes[0]);
+    Merge(view.block(*landmark).tangent_size, &sizes[1]);
+    for (const int* slot = begin; slot != end; ++slot) {
+      if (slot != landmark && !view.block(*slot).constant) {
+        Merge(view.block(*slot).tangent_size, &sizes[2]);
+      }
+    }
+  }
+  return {ToText(sizes), ToText(BestSpecialization(sizes))};
+}
+
 }  // namespace
 
 std::vector<int> GroupSizes(const ceres::ParameterBlockOrdering* ordering) {
@@ -63,7 +127,7 @@ std::vector<int> GroupSizes(const ceres::ParameterBlockOrdering* ordering) {
   return sizes;
 }
 
-ceres::IterationSummary ToCeres(const IterationSummary& iteration) {
+ceres::IterationSummary ToCeres(const IterationSummary& iteration, double eta) {
   ceres::IterationSummary result;
   result.iteration = iteration.iteration;
   result.step_is_valid = iteration.step_is_valid;
@@ -76,7 +140,7 @@ ceres::IterationSummary ToCeres(const IterationSummary& iteration) {
   result.step_norm = iteration.step_norm;
   result.relative_decrease = iteration.relative_decrease;
   result.trust_region_radius = iteration.trust_region_radius;
-  result.eta = iteration.eta;
+  result.eta = iteration.iteration == 0 || !iteration.step_is_valid ? eta : 0.0;
   result.linear_solver_iterations = iteration.linear_solver_iterations;
   result.iteration_time_in_seconds = iteration.iteration_time_in_seconds;
   result.step_solver_time_in_seconds = iteration.step_solver_time_in_seconds;
@@ -99,7 +163,7 @@ void WriteGiven(const ceres::Solver::Options& options, const ProblemView& view, 
   summary->inner_iteration_time_in_seconds = 0.0;
 }
 
-void WriteSolution(const Summary& core, ceres::Solver::Summary* summary) {
+void WriteSolution(const ceres::Solver::Options& options, const Summary& core, ceres::Solver::Summary* summary) {
   summary->termination_type = ToCeres(core.termination);
   summary->message = core.message;
   summary->iterations.reserve(core.iterations.size());
@@ -107,7 +171,7 @@ void WriteSolution(const Summary& core, ceres::Solver::Summary* summary) {
   // As in Ceres a minimum over the trace: rejected steps included.
   summary->final_cost = core.initial_cost;
   for (const IterationSummary& iteration : core.iterations) {
-    summary->iterations.push_back(ToCeres(iteration));
+    summary->iterations.push_back(ToCeres(iteration, options.eta));
     summary->final_cost = std::min(summary->final_cost, iteration.cost);
   }
   summary->is_constrained = core.is_constrained;

@@ -12,14 +12,14 @@
 
 namespace inceres::internal {
 
-/// One line of the trace in Ceres's type.
-ceres::IterationSummary ToCeres(const IterationSummary& iteration);
+/// One line of the trace in Ceres's type. `eta` is the option's: reported where Ceres has not solved for a good step.
+ceres::IterationSummary ToCeres(const IterationSummary& iteration, double eta);
 
 /// What Ceres writes before it preprocesses: copies of the options, sizes of the whole problem.
 void WriteGiven(const ceres::Solver::Options& options, const ProblemView& view, ceres::Solver::Summary* summary);
 
 /// Costs, iterations, termination, counts and times of a solve by the core.
-void WriteSolution(const Summary& core, ceres::Solver::Summary* summary);
+void WriteSolution(const ceres::Solver::Options& options, const Summary& core, ceres::Solver::Summary* summary);
 
 /// The result of a problem in which nothing can move.
 void WriteNothingToSolve(double fixed_cost, ceres::Solver::Summary* summary);

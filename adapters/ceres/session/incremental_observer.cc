@@ -1,7 +1,5 @@
 #include "adapters/ceres/session/incremental_observer.h"
 
-#include <algorithm>
-
 namespace inceres::internal {
 
 IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveContext& context) {
@@ -27,21 +25,9 @@ IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveConte
 
 IncrementalObserver::IncrementalObserver(const ceres::Solver::Options& options, const ProblemView& view,
                                          std::function<void()> write, const SolveContext& context)
-    : options_(options), view_(view), write_(std::move(write)), context_(context) {
-  for (const ParameterBlockView& block : view.blocks) {
-    if (options_.update_state && block.reduced()) {
-      start_values_.insert(start_values_.end(), block.values, block.values + block.ambient_size);
-    }
-  }
-}
-
-IncrementalObserver::~IncrementalObserver() {
-  const double* start = start_values_.data();
-  for (const ParameterBlockView& block : view_.blocks) {
-    if (!start_values_.empty() && block.reduced()) {
-      std::copy_n(start, block.ambient_size, block.values);
-      start += block.ambient_size;
-    }
+    : options_(options), write_(std::move(write)), context_(context) {
+  if (options_.update_state) {
+    start_values_.emplace(view);
   }
 }
 

@@ -9,8 +9,9 @@
 
 #include "adapters/ceres/exact/callback_observer.h"
 #include "adapters/ceres/read/introspection.h"
+#include "adapters/ceres/read/user_state.h"
+#include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/summary.h"
-#include "inceres/solver/update_observer.h"
 
 namespace inceres::internal {
 
@@ -31,23 +32,23 @@ class IncrementalObserver : public UpdateObserver {
   /// Borrows all for the length of a solve. `write` puts the best state so far into the user's memory.
   IncrementalObserver(const ceres::Solver::Options& options, const ProblemView& view, std::function<void()> write,
                       const SolveContext& context);
-  ~IncrementalObserver() override;
-  IncrementalObserver(const IncrementalObserver&) = delete;
-  IncrementalObserver& operator=(const IncrementalObserver&) = delete;
 
   ObserverAction EndOfIteration(const UpdateIteration& iteration) override;
   /// What is in the user's memory stays.
-  void Keep() { start_values_.clear(); }
+  void Keep() {
+    if (start_values_) {
+      start_values_->Keep();
+    }
+  }
   std::vector<IterationSummary> TakeTrace() { return std::move(trace_); }
   /// Spent in the user's iteration callbacks so far.
   double callback_seconds() const { return callback_seconds_; }
 
  private:
   const ReportOptions options_;
-  const ProblemView& view_;
   const std::function<void()> write_;
   const SolveContext context_;
-  std::vector<double> start_values_;  // of the blocks that move; empty if there is nothing to put back
+  std::optional<StartValues> start_values_;  // where there may be something to put back
   std::vector<IterationSummary> trace_;
   double callback_seconds_ = 0.0;
 };

@@ -1,26 +1,33 @@
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
 #include <memory>
 #include <string>
 #include <unordered_set>
-#include <utility>
 #include <vector>
 
-#include "adapters/ceres/plan/adapter_cache.h"
 #include "adapters/ceres/plan/landmark_selection.h"
 #include "adapters/ceres/read/ceres_adapters.h"
 #include "adapters/ceres/read/factor_shapes.h"
 #include "adapters/ceres/read/introspection.h"
-#include "adapters/ceres/read/loss_table.h"
-#include "adapters/ceres/read/pointer_index.h"
-#include "adapters/ceres/session/incremental_roles.h"
 #include "adapters/ceres/session/remembering_family.h"
 #include "inceres/ceres/solve.h"
 #include "inceres/problem/graph_edit.h"
 #include "inceres/solver/incremental_solver.h"
 
 namespace inceres::internal {
+
+/// What a block was in the last solve.
+enum class PastRole : char { kNone, kFrame, kLandmark };
+
+/// Roles of the parameter blocks in a solve that follows another. To change a role costs as much as to remove the block and add
+/// it anew, so roles are sticky: landmarks stay landmarks as long as no two meet in a residual block, and frames become landmarks
+/// when the selection makes them so. With `given` (by the user) the selection rules alone, but for constants, which keep their
+/// roles.
+///
+/// Requires that no two blocks of the selection meet in a residual block. Cost: linear in slots.
+std::vector<Role> ChooseIncrementalRoles(const ProblemView& view, const LandmarkSelection& selection, bool given,
+                                         const std::vector<PastRole>& past);
 
 /// What a problem looks like this time.
 struct ProblemNow {
@@ -30,7 +37,7 @@ struct ProblemNow {
   bool landmarks_given;  ///< by the user
 };
 
-/// How much a IncrementalProblem keeps.
+/// How much an IncrementalProblem keeps.
 enum class Trust {
   kNothing,    ///< solved once: nothing is kept to be recognized
   kVerified,   ///< a cost function is taken for the one of the last solve if it evaluates to the same residual
@@ -66,6 +73,7 @@ class IncrementalProblem {
   void Forget(const ceres::LossFunction* loss) { losses_.Forget(loss); }
 
  private:
+  class Follower;
   struct Variable {
     VariableId id = -1;
     double* user = nullptr;
@@ -86,70 +94,27 @@ class IncrementalProblem {
   };
   struct Family {
     std::shared_ptr<RememberingFamily> family;
-    std::vector<FactorFamily::Slot> slots;
     int landmark_slot = -1;
     FamilyId id = -1;
   };
-  // A residual block that is new to the graph; by landmark (index into variables_; after all others if there is none), then in
-  // program order.
-  struct NewFactor {
-    int landmark = -1;
-    int residual = -1;
-    bool operator<(const NewFactor& other) const {
-      return landmark != other.landmark ? landmark < other.landmark : residual < other.residual;
-    }
-  };
 
   std::string NameOf(VariableId id) const;
-  void ChooseRoles(const ProblemNow& now);
-  void ChooseFamilies(const ProblemNow& now);
-  int FamilyOf(const FactorShape& shape, int landmark_slot);
-  void MatchVariables(const ProblemView& view, ProblemChanges* changes);
-  bool IsSame(const Variable& variable, const ParameterBlockView& block, Role role) const;
-  void TakeOver(const ParameterBlockView& block, int b, Variable variable, ProblemChanges* changes);
-  void MatchFactors(const ProblemView& view, ProblemChanges* changes);
-  int FindOld(ceres::ResidualBlockId block);
-  bool HasSameVariables(const Factor& factor, const ProblemView& view, const ResidualBlockView& residual) const;
-  void Keep(const ProblemView& view, const ResidualBlockView& residual, Factor factor, ProblemChanges* changes);
-  bool MustLinearize(const Factor& factor, const ProblemView& view, const ResidualBlockView& residual);
-  void RemoveRest(ProblemChanges* changes);
-  void AddVariables(const ProblemView& view, ProblemChanges* changes);
-  void AddVariable(const ParameterBlockView& block, int b, ProblemChanges* changes);
-  void AddFactors(const ProblemView& view, ProblemChanges* changes);
-  void AddFactor(const ProblemView& view, int r, ProblemChanges* changes);
-  bool IsLandmark(int b) const { return roles_[static_cast<std::size_t>(b)] == Role::kLandmark; }
+  static std::vector<double> ReadPlusJacobian(const UserManifold& manifold, const double* x);
 
   IncrementalSolver solver_;
-  GraphEdit edit_;
+  GraphEdit edit_;  // of Follow, which uses its memory again
   const Trust trust_;
   LossTable losses_;
   std::unordered_set<const ceres::CostFunction*> forgotten_;
-
   std::vector<Family> families_;
-  std::vector<Variable> variables_;
-  std::vector<Factor> factors_;  // in the program order of the problem last followed
-  std::vector<VariableId> factor_variables_;
-  int num_landmarks_ = 0;
 
-  // Of the Follow under way; kept for their memory.
-  std::vector<Variable> old_variables_;
-  std::vector<Factor> old_factors_;
-  std::vector<VariableId> old_factor_variables_;
-  std::vector<int> variable_of_;      // per block: into variables_, or -1
-  std::vector<int> factor_of_;        // per residual block: into factors_, or -1
-  std::vector<char> revalued_;        // per entry of variables_
-  std::vector<char> seen_;            // per old factor
-  std::vector<char> going_;           // per variable id
-  std::vector<PastRole> past_roles_;  // per block
-  std::vector<Role> roles_;           // per block
-  std::vector<int> family_of_;        // per residual block: into families_; -1 if fixed
-  std::vector<int> family_at_;        // per place of the shapes, as ChooseFamilies numbers them
-  std::vector<NewFactor> new_factors_;
-  AdapterCache<Manifold, CeresManifold, UserManifold> manifolds_;
-  std::vector<ceres::ResidualBlockId> old_blocks_;
-  PointerIndex old_index_;
-  bool old_index_built_ = false;
-  std::size_t next_old_ = 0;
+  // Of the problem last followed.
+  std::vector<Variable> variables_;
+  std::vector<Factor> factors_;  // those that stayed, then those that came, both in program order
+  std::vector<VariableId> factor_variables_;
+  std::vector<int> variable_of_;  // per block: into variables_, or -1
+  std::vector<int> factor_of_;    // per residual block: into factors_, or -1
+  int num_landmarks_ = 0;
 };
 
 }  // namespace inceres::internal

@@ -11,13 +11,13 @@
 #include "adapters/ceres/plan/graph_builder.h"
 #include "adapters/ceres/plan/landmark_selection.h"
 #include "adapters/ceres/plan/option_mapping.h"
-#include "adapters/ceres/plan/solver_pool.h"
+#include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/factor_shapes.h"
 #include "adapters/ceres/read/fixed_cost.h"
 #include "adapters/ceres/report/incremental_summary.h"
 #include "adapters/ceres/report/summary_writer.h"
 #include "adapters/ceres/session/incremental_observer.h"
-#include "inceres/solver/one_time_solve.h"
+#include "src/incremental/one_time_solve.h"
 
 namespace inceres::internal {
 namespace {
@@ -82,7 +82,9 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, I
   }
   WriteLinearSolver(input.view, input.ordering, landmarks, type, summary);
   result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
-  living->solver().SetOptions(WithTimeLeft(core_options, result.seconds_before));
+  IncrementalOptions options = WithTimeLeft(core_options, result.seconds_before);
+  options.fixed_cost = std::max(costs.fixed - costs.outside, 0.0);
+  living->solver().SetOptions(options);
   IncrementalObserver observer(input.options, input.view, [&] { living->WriteToUser(input.view); },
                                {costs.outside, result.seconds_before, input.last_iteration});
   living->solver().Update(&result.update, &observer);
@@ -113,9 +115,9 @@ bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_option
   IncrementalObserver observer(input.options, input.view, [&] { WriteToUser(blocks, shown_state); },
                                {result.outside_cost, result.seconds_before, input.last_iteration});
   const IncrementalOptions options = WithTimeLeft(core_options, result.seconds_before);
-  std::unique_ptr<Solver> solver = SolverPool::Global().Take(OneTimeOptions(options), graph);
+  std::unique_ptr<Solver> solver = StructureCache::OfProcess().TakeSolver(OneTimeOptions(options), graph);
   SolveOnce(options, solver.get(), &graph, &result.update, &observer, &shown_state);
-  SolverPool::Global().GiveBack(std::move(solver));
+  StructureCache::OfProcess().GiveBack(std::move(solver));
   return Conclude(&result, &observer, input, summary, report, [&] { WriteToUser(blocks, graph.state().data()); });
 }
 

@@ -16,7 +16,7 @@ constexpr double kRounding = 1e-6;
 }  // namespace
 
 RememberingFamily::RememberingFamily(int num_residuals, std::vector<Slot> slots, bool remembers)
-    : AmbientFamily<RememberingFamily>(num_residuals, std::move(slots)), remembers_(remembers) {
+    : CeresCostFamily(num_residuals, std::move(slots)), remembers_(remembers) {
   for (int s = 0; s < num_slots(); ++s) {
     num_values_ += At(slot(s).ambient_size);
   }
@@ -25,43 +25,44 @@ RememberingFamily::RememberingFamily(int num_residuals, std::vector<Slot> slots,
   pointers_.resize(At(num_slots()));
 }
 
-bool RememberingFamily::EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
-  const bool evaluated = costs_[At(i)]->Evaluate(parameters, residuals, jacobians);
-  if (remembers_ && jacobians != nullptr) {
-    memory_[At(i)] = evaluated ? Memory::kLinearized : Memory::kNone;
-    double* values = Values(i);
-    for (int s = 0; s < num_slots(); ++s) {
-      values = std::copy_n(parameters[s], slot(s).ambient_size, values);
+EvaluationFailure RememberingFamily::Evaluate(const FactorBatch& batch) const {
+  const EvaluationFailure failure = CeresCostFamily::Evaluate(batch);
+  if (remembers_ && batch.jacobians != nullptr) {
+    for (int i = batch.begin; i < (failure.failed() ? failure.factor : batch.end); ++i) {
+      Record(batch, i);
     }
-    std::copy_n(residuals, residual_size(), values);
-  }
-  return evaluated;
-}
-
-std::string RememberingFamily::Describe(int i) const {
-  return DescribeObject("cost function", costs_[At(i)]);
-}
-
-void RememberingFamily::Place(int i, const ceres::CostFunction* cost) {
-  if (i >= size()) {
-    costs_.resize(At(i) + 1, nullptr);
-    if (remembers_) {
-      memory_.resize(At(i) + 1, Memory::kNone);
-      records_.resize((At(i) + 1) * stride_);
+    if (failure.failed()) {
+      memory_[At(failure.factor)] = Memory::kNone;
     }
   }
-  costs_[At(i)] = cost;
+  return failure;
+}
+
+void RememberingFamily::Record(const FactorBatch& batch, int i) const {
+  const double* const* parameters = batch.parameters + std::ptrdiff_t{i} * num_slots();
+  double* values = Values(i);
+  for (int s = 0; s < num_slots(); ++s) {
+    values = std::copy_n(parameters[s], slot(s).ambient_size, values);
+  }
+  std::copy_n(batch.residuals + std::ptrdiff_t{i} * residual_size(), residual_size(), values);
+  memory_[At(i)] = Memory::kLinearized;
+}
+
+void RememberingFamily::PlaceBorrowed(int i, const ceres::CostFunction* cost) {
+  Place(i, Borrowed(cost));
   if (remembers_) {
+    memory_.resize(At(size()));
+    records_.resize(At(size()) * stride_);
     memory_[At(i)] = Memory::kNone;
   }
 }
 
 void RememberingFamily::Remember() {
   for (int i = 0; remembers_ && i < size(); ++i) {
-    if (memory_[At(i)] != Memory::kLinearized || costs_[At(i)] == nullptr) {
+    if (memory_[At(i)] != Memory::kLinearized || at(i) == nullptr) {
       continue;
     }
-    const bool proves = EvaluateCostOnly(*costs_[At(i)], Values(i)) && Proves(Residual(i));
+    const bool proves = EvaluateCostOnly(*at(i), Values(i)) && Proves(Residual(i));
     memory_[At(i)] = proves ? Memory::kProof : Memory::kNone;
     std::copy(residual_.begin(), residual_.end(), Residual(i));
   }

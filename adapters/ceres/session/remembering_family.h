@@ -6,31 +6,27 @@
 
 #include <ceres/cost_function.h>
 
-#include "inceres/problem/ambient_family.h"
+#include "inceres/ceres/cost_family.h"
 
 namespace inceres::internal {
 
-/// A user's cost functions of one shape, at places that come and go, with what it takes to recognize them later: of each, the
-/// parameters x̄ of its last Jacobian call and the residual there. Called with Ceres's conventions, like CostFunctionFamily.
+/// A family of a user's cost functions, borrowed, with what it takes to recognize them later: of each, the parameters x̄ of its
+/// last Jacobian call and the residual there.
 ///
 /// Recognition compares cost-only calls with each other: a Jacobian call may round differently (AutoDiff divides otherwise than
 /// plain doubles do). So Remember, after a solve, evaluates cost-only at x̄; Recognize, before the next one, does so again.
 ///
 /// Threads: Evaluate as any family, on disjoint ranges; the rest from one thread. Memory per place: Σ ambient sizes + residuals.
-class RememberingFamily : public AmbientFamily<RememberingFamily> {
+class RememberingFamily final : public CeresCostFamily {
  public:
   /// Without `remembers` nothing is kept, and Recognize is always false.
   RememberingFamily(int num_residuals, std::vector<Slot> slots, bool remembers);
 
-  int size() const override { return static_cast<int>(costs_.size()); }
-  const char* Name() const override { return "ceres::CostFunction"; }
-  std::string Describe(int i) const override;
-  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const;
+  EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
-  /// Puts a cost function to a place, which may be one beyond the last; what was known of the place is forgotten.
-  void Place(int i, const ceres::CostFunction* cost);
-  /// No cost function is at this place any more; its pointer may dangle.
-  void Clear(int i) { Place(i, nullptr); }
+  /// Puts a cost function to a place, in use or the next one; what was known of the place is forgotten. Null: no cost function is
+  /// there any more.
+  void PlaceBorrowed(int i, const ceres::CostFunction* cost);
 
   /// Prepares all places linearized since the last call to be recognized.
   void Remember();
@@ -47,10 +43,10 @@ class RememberingFamily : public AmbientFamily<RememberingFamily> {
 
   double* Values(int i) const { return records_.data() + static_cast<std::size_t>(i) * stride_; }
   double* Residual(int i) const { return Values(i) + num_values_; }
+  void Record(const FactorBatch& batch, int i) const;
   bool EvaluateCostOnly(const ceres::CostFunction& cost, const double* values);
   bool Proves(const double* with_jacobians) const;
 
-  std::vector<const ceres::CostFunction*> costs_;
   bool remembers_;
   std::size_t num_values_ = 0;
   std::size_t stride_ = 0;

@@ -6,16 +6,14 @@
 #include <utility>
 #include <vector>
 
-#include <glog/logging.h>
-
 #include "adapters/ceres/compare/cross_check.h"
 #include "adapters/ceres/exact/exact_solve.h"
 #include "adapters/ceres/fallback/decline.h"
 #include "adapters/ceres/fallback/gate.h"
-#include "adapters/ceres/plan/iterative_choice.h"
 #include "adapters/ceres/plan/option_mapping.h"
-#include "adapters/ceres/plan/plan_pool.h"
+#include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/ceres_version.h"
+#include "adapters/ceres/read/user_state.h"
 #include "adapters/ceres/report/summary_writer.h"
 #include "adapters/ceres/session/incremental_solve.h"
 #include "adapters/ceres/session/mode_choice.h"
@@ -27,33 +25,6 @@ namespace {
 
 // Iterations after which incremental steps are given up for this solve: those that converge mostly take fewer than ten.
 constexpr int kPatience = 25;
-
-// What was in the user's memory when a solve began. It is there again when this is gone, unless Keep was called.
-class StartValues {
- public:
-  explicit StartValues(const internal::ProblemView& view) {
-    for (const internal::ParameterBlockView& block : view.blocks) {
-      if (block.reduced()) {
-        blocks_.emplace_back(block.values, block.ambient_size);
-        values_.insert(values_.end(), block.values, block.values + block.ambient_size);
-      }
-    }
-  }
-  ~StartValues() {
-    const double* start = values_.data();
-    for (const auto& [values, size] : blocks_) {
-      std::copy_n(start, size, values);
-      start += size;
-    }
-  }
-  StartValues(const StartValues&) = delete;
-  StartValues& operator=(const StartValues&) = delete;
-  void Keep() { blocks_.clear(); }
-
- private:
-  std::vector<std::pair<double*, int>> blocks_;
-  std::vector<double> values_;
-};
 
 }  // namespace
 
@@ -76,15 +47,16 @@ class CeresSession::Impl {
            problem.NumParameterBlocks() == view.all.num_parameter_blocks && problem.NumResiduals() == view.all.num_residuals;
   }
 
-  void SolveOnce(const ceres::Solver::Options& solver_options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-                 SolveReport* report);
+  void SolveOnce(const internal::SolveCall& call);
 
   const char* ReasonForExact(const ceres::Solver::Options& solver_options);
   bool IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock, const SolveReport& report,
                     const ceres::Solver::Summary& summary) const;
-  bool FinishExactly(const internal::SolveInput& input, SolveReport* report, ceres::Solver::Summary* summary);
-  void SolveExactlyFor(const char* reason, ceres::Problem* problem, internal::SolveInput* input, ceres::Solver::Summary* summary,
-                       SolveReport* report);
+  bool FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input, internal::StartValues* start,
+                     SolveReport* report, ceres::Solver::Summary* summary);
+  bool GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy, int max_iterations, SolveReport* report,
+                   ceres::Solver::Summary* summary);
+  void SolveExactlyFor(const char* reason, const internal::SolveCall& call, internal::SolveInput* input);
 
   const SessionOptions options;
   internal::WindowWatch watch;
@@ -97,13 +69,12 @@ class CeresSession::Impl {
   bool has_view = false;  // of the problem's structure as it is
 };
 
-void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options, ceres::Problem* problem,
-                                   ceres::Solver::Summary* summary, SolveReport* report) {
+void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   const internal::WallClock clock;
+  const auto& [solver_options, problem, summary, solve_options, report] = call;
   internal::OrderingView ordering;
-  has_view = has_view && report != nullptr && report->problem_unedited && LooksTheSame(*problem);
-  ceres::EvaluationCallback* const callback =
-      internal::EvaluationCallbackOf(*problem, report != nullptr ? report->evaluation_callback : nullptr);
+  has_view = has_view && solve_options.problem_unedited && LooksTheSame(*problem);
+  ceres::EvaluationCallback* const callback = internal::EvaluationCallbackOf(*problem, solve_options.evaluation_callback);
   std::string obstacle = internal::IncrementalOptionsObstacle(solver_options, callback);
   if (obstacle.empty()) {
     Look(*problem);
@@ -111,12 +82,12 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
     obstacle = internal::IncrementalProblemObstacle(solver_options, view, ordering);
   }
   if (!obstacle.empty()) {
-    internal::Decline(solver_options, problem, summary, obstacle, report);
+    internal::Decline(call, obstacle);
     return;
   }
   internal::SolveInput input{solver_options, view, ordering, clock};
   if (const char* reason = ReasonForExact(solver_options)) {
-    SolveExactlyFor(reason, problem, &input, summary, report);
+    SolveExactlyFor(reason, call, &input);
     return;
   }
   // Out of the session while it works: a failure, or an exception out of user code, ends it.
@@ -129,14 +100,12 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
     num_threads = core.num_threads;
     reduced_solver = core.reduced_solver;
   }
-  SolveReport own_report;
-  SolveReport* told = report != nullptr ? report : &own_report;
   core.max_num_iterations = std::min(core.max_num_iterations, kPatience);
-  StartValues start(view);
-  bool solved = internal::SolveIncrementally(input, core, working.get(), summary, told);
+  internal::StartValues start(view);
+  bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
-    choice.Note(told->update, told->changes, told->num_frames, options.verify_cached_factors);
-    solved = !IsUnfinished(solver_options, clock, *told, *summary) || FinishExactly(input, told, summary);
+    choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
+    solved = !IsUnfinished(solver_options, clock, *report, *summary) || FinishInBatch(*problem, input, &start, report, summary);
   }
   if (solved) {
     start.Keep();
@@ -144,19 +113,22 @@ void CeresSession::Impl::SolveOnce(const ceres::Solver::Options& solver_options,
   }
 }
 
-// Whether an Update has ended without convergence though no limit of the user's asked for it.
+// Whether a solve has ended without convergence that is proven, though no limit of the user's asked for it.
 bool CeresSession::Impl::IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock,
                                       const SolveReport& report, const ceres::Solver::Summary& summary) const {
-  return summary.termination_type == ceres::NO_CONVERGENCE && !internal::IsIterative(solver_options.linear_solver_type) &&
-         report.update.num_iterations < solver_options.max_num_iterations &&
+  const bool has_ended = summary.termination_type == ceres::CONVERGENCE && !report.update.rests_on_refusals;
+  return !has_ended && summary.IsSolutionUsable() && summary.termination_type != ceres::USER_SUCCESS &&
+         !internal::IsIterative(solver_options.linear_solver_type) &&
+         static_cast<int>(summary.iterations.size()) <= solver_options.max_num_iterations &&
          clock.Seconds() < solver_options.max_solver_time_in_seconds;
 }
 
-// From where the incremental steps have come to; what is remembered stays, and finds the values changed. False after a failure or
-// an abort.
-bool CeresSession::Impl::FinishExactly(const internal::SolveInput& input, SolveReport* report, ceres::Solver::Summary* summary) {
+// The batch solver, from the values in the user's memory. What is remembered stays, and finds the values changed. False after a
+// failure or an abort.
+bool CeresSession::Impl::GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy, int max_iterations,
+                                     SolveReport* report, ceres::Solver::Summary* summary) {
   ceres::Solver::Options rest = input.options;
-  rest.max_num_iterations -= report->update.num_iterations;
+  rest.max_num_iterations = max_iterations;
   internal::SolveInput again{rest, view, input.ordering, input.clock};
   again.last_iteration = static_cast<int>(summary->iterations.size()) - 1;
   if (!internal::ChoosePlan(internal::IncrementalLinearSolver(rest, input.ordering), &again).empty()) {
@@ -168,12 +140,39 @@ bool CeresSession::Impl::FinishExactly(const internal::SolveInput& input, SolveR
   const ProblemChanges changes = report->changes;
   IncrementalOptions core = internal::MapIncrementalOptions(rest, options.core);
   core.batch_share = std::min(core.batch_share, 0.5);
+  core.batch_strategy = strategy;
   internal::SolveIncrementally(again, core, nullptr, summary, report);
   internal::Prepend(first, summary);
   report->changes = changes;
   report->exact_reason = "incremental steps did not converge: those after iteration " + std::to_string(*again.last_iteration) +
                          " are the batch solver's";
   return summary->IsSolutionUsable();
+}
+
+// What incremental steps did not finish, first from where they have come to, by Marquardt's rule; where that does not end either,
+// from the start, as who remembers nothing would have gone. The lower of both ends counts. False after a failure or an abort.
+bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input,
+                                       internal::StartValues* start, SolveReport* report, ceres::Solver::Summary* summary) {
+  const auto iterations_left = [&] {
+    return input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1;
+  };
+  if (!GoOnInBatch(input, TrustRegionStrategyKind::kMarquardt, std::min(kPatience, iterations_left()), report, summary)) {
+    return false;
+  }
+  if (!IsUnfinished(input.options, input.clock, *report, *summary)) {
+    return true;
+  }
+  const double reached = summary->final_cost;
+  start->Swap();
+  Look(problem);
+  const TrustRegionStrategyKind strategy = internal::MapIncrementalOptions(input.options, options.core).batch_strategy;
+  const bool solved = GoOnInBatch(input, strategy, iterations_left(), report, summary);
+  if (solved && summary->final_cost <= reached) {
+    return true;
+  }
+  start->Swap();
+  Look(problem);
+  return solved && GoOnInBatch(input, TrustRegionStrategyKind::kMarquardt, iterations_left(), report, summary);
 }
 
 // Null: the solve is to be incremental. Exact mode has no iterative solver.
@@ -188,8 +187,7 @@ const char* CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& sol
 }
 
 // What was remembered is out of date then, and takes memory.
-void CeresSession::Impl::SolveExactlyFor(const char* reason, ceres::Problem* problem, internal::SolveInput* input,
-                                         ceres::Solver::Summary* summary, SolveReport* report) {
+void CeresSession::Impl::SolveExactlyFor(const char* reason, const internal::SolveCall& call, internal::SolveInput* input) {
   living.reset();
   has_view = false;  // an exact solve empties it
   std::string too_much = internal::DenseQrObstacle(input->options, input->view, input->ordering);
@@ -197,13 +195,11 @@ void CeresSession::Impl::SolveExactlyFor(const char* reason, ceres::Problem* pro
     too_much = internal::ChoosePlan(internal::TypeToPlanFor(input->options, input->ordering), input);
   }
   if (!too_much.empty()) {
-    internal::Decline(input->options, problem, summary, too_much, report);
+    internal::Decline(call, too_much);
     return;
   }
-  internal::SolveExactly(*input, summary, report);
-  if (report != nullptr) {
-    report->exact_reason = reason;
-  }
+  internal::SolveExactly(*input, call.summary, call.report);
+  call.report->exact_reason = reason;
 }
 
 CeresSession::CeresSession(const SessionOptions& options) : impl_(std::make_unique<Impl>(options)) {
@@ -212,17 +208,12 @@ CeresSession::CeresSession(const SessionOptions& options) : impl_(std::make_uniq
 CeresSession::~CeresSession() = default;
 
 void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-                         SolveReport* report) {
-  CHECK(problem != nullptr);  // as ceres::Solve
-  CHECK(summary != nullptr);
-  *summary = ceres::Solver::Summary();
-  internal::ClearResults(report);
-  if (internal::WantsComparison(report)) {
-    const auto once = [&] { impl_->SolveOnce(options, problem, summary, report); };
-    internal::SolveAndCompare(options, problem, summary, report, SolveMode::kIncremental, {once, nullptr});
-  } else {
-    impl_->SolveOnce(options, problem, summary, report);
-  }
+                         const SolveOptions& solve_options, SolveReport* report) {
+  SolveOptions incremental = solve_options;
+  incremental.mode = SolveMode::kIncremental;
+  internal::SolveAsAsked(
+      {options, problem, summary, incremental, report}, [this](const internal::SolveCall& call) { impl_->SolveOnce(call); },
+      internal::Repeatable::kNo);
 }
 
 void CeresSession::Forget(const ceres::CostFunction* cost_function) {

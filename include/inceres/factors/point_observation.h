@@ -1,7 +1,10 @@
 #pragma once
 
-#include "inceres/factors/perturbation.h"
-#include "inceres/problem/measured_family.h"
+#include <cstddef>
+#include <vector>
+
+#include "inceres/problem/factor_family.h"
+#include "inceres/problem/manifolds.h"
 
 namespace inceres {
 
@@ -28,15 +31,27 @@ enum class LandmarkKind : unsigned char {
 /// Source: Leutenegger et al., "Keyframe-based visual-inertial odometry using nonlinear optimization", 2015, section 3.2; derived
 /// in point_chain.h.
 template <typename M>
-class PointObservationFamily : public MeasuredFamily<M> {
+class PointObservationFamily : public FactorFamily {
+ public:
+  using Measurement = M;
+
+  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
+  /// Overwrites the measurement at `index`, or appends it if index == size().
+  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
+
+  int size() const override { return static_cast<int>(measurements_.size()); }
+
  protected:
   PointObservationFamily(int residual_size, LandmarkKind landmark, Perturbation perturbation)
-      : MeasuredFamily<M>(residual_size, {{7, 6}, {7, 6}, {landmark == LandmarkKind::kPoint ? 3 : 4, 3}}),
+      : FactorFamily(residual_size, {{7, 6}, {7, 6}, {landmark == LandmarkKind::kPoint ? 3 : 4, 3}}),
         perturbation_(perturbation) {}
 
+  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
   Perturbation perturbation() const { return perturbation_; }
 
  private:
+  std::vector<Measurement> measurements_;
   Perturbation perturbation_;
 };
 

@@ -1,10 +1,66 @@
 #pragma once
 
+#include <cmath>
+
 #include "inceres/export.h"
-#include "inceres/factors/pinhole_camera.h"
 #include "inceres/factors/point_observation.h"
 
 namespace inceres {
+
+/// A pinhole camera with radial-tangential distortion: z > 0 is in front, x right and y down in the image, pixels from its upper
+/// left corner. A point (x, y, z) of the camera's frame is seen at
+///
+///     (a, b) = (x, y) / z,   r² = a² + b²,   s = 1 + k1 r² + k2 r⁴
+///     u = f_x (s a + 2 p1 a b + p2 (r² + 2a²)) + c_x
+///     v = f_y (s b + p1 (r² + 2b²) + 2 p2 a b) + c_y
+///
+/// Source: Brown, "Decentering distortion of lenses", 1966; the order of the coefficients is that of OpenCV.
+struct PinholeCamera {
+  double f_x = 1.0, f_y = 1.0;  ///< focal lengths, pixels
+  double c_x = 0.0, c_y = 0.0;  ///< principal point, pixels
+  double k1 = 0.0, k2 = 0.0;    ///< radial distortion
+  double p1 = 0.0, p2 = 0.0;    ///< tangential distortion
+
+  /// (u, v) of a point (a, b) of the plane z = 1. If J is not null it becomes ∂(u, v)/∂(a, b), row-major. Pure, no allocation.
+  void Project(double a, double b, double pixel[2], double* J = nullptr) const {
+    const double r2 = a * a + b * b;
+    const double s = 1.0 + r2 * (k1 + r2 * k2);
+    pixel[0] = f_x * (s * a + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a)) + c_x;
+    pixel[1] = f_y * (s * b + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b) + c_y;
+    if (J != nullptr) {
+      const double t = 2.0 * (k1 + 2.0 * k2 * r2);  // ∂s/∂a = a t, ∂s/∂b = b t
+      const double mixed = a * b * t + 2.0 * (p1 * a + p2 * b);
+      J[0] = f_x * (s + a * a * t + 2.0 * p1 * b + 6.0 * p2 * a);
+      J[1] = f_x * mixed;
+      J[2] = f_y * mixed;
+      J[3] = f_y * (s + b * b * t + 6.0 * p1 * b + 2.0 * p2 * a);
+    }
+  }
+
+  /// The point (a, b) of the plane z = 1 that is seen at a pixel: Project backwards, by Newton's method, to the rounding of the
+  /// pixel. False, `point` untouched, where that does not converge: beyond where the distortion folds the image.
+  [[nodiscard]] bool Unproject(const double pixel[2], double point[2]) const {
+    const double tolerance = 1e-14 * (std::fabs(pixel[0]) + std::fabs(pixel[1]) + f_x + f_y);
+    double a = (pixel[0] - c_x) / f_x, b = (pixel[1] - c_y) / f_y;
+    for (int i = 0; i < 20; ++i) {
+      double seen[2], J[4];
+      Project(a, b, seen, J);
+      const double error[2] = {seen[0] - pixel[0], seen[1] - pixel[1]};
+      const double determinant = J[0] * J[3] - J[1] * J[2];
+      if (!(J[0] > 0.0 && determinant > 0.0)) {
+        return false;
+      }
+      if (std::fabs(error[0]) + std::fabs(error[1]) <= tolerance) {
+        point[0] = a;
+        point[1] = b;
+        return true;
+      }
+      a -= (J[3] * error[0] - J[1] * error[1]) / determinant;
+      b -= (J[0] * error[1] - J[2] * error[0]) / determinant;
+    }
+    return false;
+  }
+};
 
 /// Where a camera sees a landmark.
 struct PixelObservation {

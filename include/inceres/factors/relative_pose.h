@@ -8,7 +8,7 @@
 namespace inceres {
 
 /// A measured relative pose of two cameras, for example a loop closure; with analytic Jacobians. Slots 0 and 1 are the poses a
-/// and b: [p(3), q(x, y, z, w)] on PoseManifold (graph/manifolds.h), p the camera's center in the world, R = R(q)
+/// and b: [p(3), q(x, y, z, w)] on PoseManifold (problem/manifolds.h), p the camera's center in the world, R = R(q)
 /// world_from_camera, (δp, φ) ↦ (p + δp, R Exp(φ)). No other manifold will do: Jacobians are written in its tangent.
 ///
 ///     residual = U [ Log(R_aᵀ R_b R_abᵀ) ; R_bᵀ (p_a − p_b) − p_ab ]        (6 rows: radians, then meters; whitened)

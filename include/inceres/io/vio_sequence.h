@@ -5,14 +5,14 @@
 #include <vector>
 
 #include "inceres/export.h"
-#include "inceres/factors/imu_options.h"
-#include "inceres/factors/pinhole_camera.h"
+#include "inceres/factors/imu_preintegrator.h"
+#include "inceres/factors/point_reprojection.h"
 #include "inceres/io/read_options.h"
 #include "inceres/status.h"
 
 namespace inceres {
 
-/// A pinhole camera with radial-tangential distortion (factors/pinhole_camera.h), and its place on the IMU: a point x_b in the
+/// A pinhole camera with radial-tangential distortion (factors/point_reprojection.h), and its place on the IMU: a point x_b in the
 /// frame of the IMU is at x_c = R_bcᵀ (x_b − p_bc) in the camera's.
 struct VioCamera {
   int width = 640;  ///< pixels; u from 0 to width

@@ -76,7 +76,7 @@ INCERES_EXPORT std::string DescribeObject(const char* kind, const void* object);
 ///
 /// A family owns the measurements; the FactorGraph owns the connections (which variables factor i touches) and the losses.
 /// Evaluate writes residuals and *tangent* Jacobians, both before any robust loss. A family whose formulas give ambient
-/// Jacobians derives from AmbientFamily (graph/ambient_family.h), which projects.
+/// Jacobians derives from AmbientFamily (problem/ambient_family.h), which projects.
 ///
 /// Threads: Evaluate is called concurrently, on disjoint ranges, when the solver runs with several threads, and only from the
 /// solving thread when it runs with one.

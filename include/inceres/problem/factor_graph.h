@@ -10,8 +10,8 @@
 
 #include "inceres/export.h"
 #include "inceres/problem/factor_family.h"
-#include "inceres/problem/loss.h"
-#include "inceres/problem/manifold.h"
+#include "inceres/problem/losses.h"
+#include "inceres/problem/manifolds.h"
 #include "inceres/status.h"
 
 namespace inceres {

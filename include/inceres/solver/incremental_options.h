@@ -37,6 +37,9 @@ struct INCERES_EXPORT IncrementalOptions {
   /// ≥ 0: an Update ends when everything left undone, by the model from fresh enough Jacobians, is less than a share of this
   /// times the cost.
   double function_tolerance = 1e-6;
+  /// ≥ 0: of the cost, what no variable can move, such as factors whose variables are all constant. The function tolerance is
+  /// relative to the rest, as in Ceres; costs are reported with it.
+  double fixed_cost = 0.0;
   double min_relative_decrease = 1e-3;  ///< ≥ 0: accept a step iff (actual decrease) / (predicted decrease) exceeds it
   double initial_damping = 1e-4;  ///< ≥ min_damping: μ at the first Update; later ones start from the last μ, at most this
   double min_damping = 1e-8;      ///< > 0, for the gauge may be free

@@ -3,17 +3,47 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "inceres/export.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/graph_edit.h"
 #include "inceres/solver/incremental_options.h"
 #include "inceres/solver/marginalization.h"
-#include "inceres/solver/reduced_structure.h"
-#include "inceres/solver/update_observer.h"
+#include "inceres/solver/solver.h"
 #include "inceres/solver/update_summary.h"
 
 namespace inceres {
+
+/// Looks on while an IncrementalSolver works, and may stop it. What SolveObserver is to the batch solver.
+class INCERES_EXPORT UpdateObserver {
+ public:
+  virtual ~UpdateObserver() = default;
+
+  /// At the end of iteration 0, which is the start, and of every later one, on the thread that called Update; not of the one that
+  /// finds out that nothing is left to do. IncrementalSolver::Values() then gives the best state so far; nothing else of the
+  /// solver may be called but RequestStop(). kTerminateSuccessfully ends the Update with that state, kAbort with the values held
+  /// before it.
+  virtual ObserverAction EndOfIteration(const UpdateIteration& iteration) = 0;
+};
+
+/// The block sparsity of the reduced system S of an IncrementalSolver, and where its last Update changed it. For pictures and
+/// for understanding what an Update costs; the numbers themselves stay inside.
+struct ReducedStructure {
+  /// A block below the diagonal: row > column. Stored, so it may have become zero: blocks go when one of their frames does.
+  struct Block {
+    int row;
+    int column;
+  };
+  /// The frame of each block row, in order of arrival: the order in which the resumed Cholesky eliminates them too until loops
+  /// have aged it. −1: a frame was removed and its row is not in use again yet. A frame that is held constant keeps its row.
+  std::vector<VariableId> frames;
+  /// Sorted by row, then by column.
+  std::vector<Block> blocks;
+  /// Per block row: the last Update, or an edit since the one before, added to its blocks or took from them. A block changed
+  /// only if both of its rows did.
+  std::vector<bool> changed;
+};
 
 /// The solver that remembers: after the first Update, work goes with what changed. Apply edits, then Update.
 ///

@@ -7,7 +7,7 @@
 #include "inceres/export.h"
 #include "inceres/problem/factor_family.h"
 #include "inceres/problem/factor_graph.h"
-#include "inceres/problem/manifold.h"
+#include "inceres/problem/manifolds.h"
 
 namespace inceres {
 

@@ -10,6 +10,9 @@ class SolveObserver;
 
 enum class TrustRegionStrategyKind {
   kLevenbergMarquardt,  ///< Nocedal & Wright, section 10.3; radius update of Madsen, Nielsen & Tingleff 2004
+  /// The same step, with Marquardt's own rule (1963): a tenth of the damping after a step that kept a fourth of its promise, ten
+  /// times as much after a refused one. Bolder in long valleys, and it passes over no scale of steps on its way down.
+  kMarquardt,
   kDogleg,              ///< Powell's traditional Dog-Leg, Gauss–Newton step regularized by μ when needed
   kSubspaceDogleg,      ///< the best step in the plane of gradient and Gauss–Newton step (Byrd, Schnabel & Shultz 1988)
 };
@@ -27,14 +30,6 @@ enum class LineSearchInterpolation {
   kBisection,
   kQuadratic,  ///< of cost and slope at the start and costs at the last two points
   kCubic,      ///< of costs and slopes at all three: a Jacobian evaluation each
-};
-
-/// Where releases of Ceres differ in the loop: whose trace is to be matched.
-enum class CeresRules {
-  k21,  ///< up to 2.1: an infinite or NaN cost counts as converged; parameter_tolerance waits for the first accepted step, unless
-        ///< there are bounds
-  k22,  ///< from 2.2: such a cost is a failed evaluation; parameter_tolerance always waits, and step_norm is 0 as long as it
-        ///< does; a start that cannot be evaluated has a message of its own
 };
 
 /// Options of a batch solve in exact mode. Names, defaults and meanings are those of ceres::Solver::Options 2.1, so a trace can
@@ -79,16 +74,12 @@ struct INCERES_EXPORT SolverOptions {
   /// less than a tenth of what the step itself does; where all gain less, none after the next step, then after two, four, …
   /// Points seen at a small angle then need a third of the iterations. Leaves landmarks on a manifold alone. Changes the trace:
   /// Ceres's inner iterations minimize each block to the end. Source: Jeong et al. 2012 (embedded point iterations).
-  bool use_inner_iterations = false;
+  bool refine_landmarks = false;
 
   /// Where a robust loss takes away curvature (ρ'' < 0), let H have up to half of it less, in steps after one that gained less
   /// than a hundredth of the cost. Without that, as in Ceres, H has more curvature than the cost: each step gains 1.3 to 1.7
   /// times what it promises, and convergence is as much slower. Changes the trace. Source: Triggs et al. 1999, section 4.3.
   bool reduce_curvature_of_losses = false;
-
-  CeresRules rules = CeresRules::k21;
-
-  double eta = 0.1;  ///< reported in IterationSummary only (no iterative linear solver in exact mode)
 
   /// Of graphs with bounds only: each step δ is shortened to t δ until the cost at x ⊞ t δ, clamped to the bounds, falls by at
   /// least line_search_sufficient_function_decrease of what the slope at 0 promises (Armijo). If no t does, δ is tried as it is.
@@ -98,12 +89,6 @@ struct INCERES_EXPORT SolverOptions {
   double min_line_search_step_contraction = 0.6;           ///< and at most this; above the one before, at most 1
   double min_line_search_step_size = 1e-9;                 ///< > 0; give up when t max |δ| falls below
   int max_num_line_search_step_size_iterations = 20;       ///< ≥ 0; 0: no line search
-
-  /// Cost of terms that cannot move; added to every reported cost, never to a decision.
-  double fixed_cost = 0.0;
-
-  /// Seconds the caller already spent on this solve; counted into the time limit and cumulative times.
-  double seconds_spent_before = 0.0;
 
   /// Called at evaluations and after iterations; not owned; may be null.
   SolveObserver* observer = nullptr;

@@ -11,6 +11,12 @@
 
 namespace inceres {
 
+class Solver;
+namespace internal {
+struct LoopOptions;
+void SolveWith(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph, Solver* solver, Summary* summary);
+}  // namespace internal
+
 /// What an observer wants after an iteration.
 enum class ObserverAction { kContinue, kTerminateSuccessfully, kAbort };
 
@@ -25,23 +31,13 @@ class INCERES_EXPORT SolveObserver {
   /// asked for at the accepted candidate whose cost is already known.
   virtual void BeforeEvaluation(const double* /*state*/, bool /*jacobians*/, bool /*new_point*/) {}
 
-  /// Asked of every step that has a model decrease, before anything is evaluated there: false ends the solve without it, at the
-  /// best state, successfully. `cost` is that of the current state.
-  virtual bool IsWorthTrying(const IterationSummary& /*summary*/, double /*cost*/) { return true; }
-
-  /// Asked of every step that is accepted, before Jacobians are evaluated there: true ends the solve with it, successfully and
-  /// without them. The summary of that iteration has the gradient norms of the one before. Not asked of a step that made factors
-  /// move their expansion points.
-  virtual bool IsLast(const IterationSummary& /*summary*/) { return false; }
-
   /// At the end of iteration 0 and of every completed iteration; `best_state` is what a stop here would return.
   virtual ObserverAction EndOfIteration(const IterationSummary& /*summary*/, const double* /*best_state*/) {
     return ObserverAction::kContinue;
   }
 };
 
-/// Minimizes the graph's cost (factors whose variables are all constant included: put what cannot move into
-/// SolverOptions::fixed_cost instead if it should not weigh on the relative tolerances); on a usable solution the graph's state
+/// Minimizes the graph's cost, that of factors whose variables are all constant included; on a usable solution the graph's state
 /// is the best one found, otherwise it is untouched. The summary names what happened.
 ///
 /// Cost: each iteration is linear in factors and block products plus the factorization of the reduced system. Threads: up to
@@ -83,6 +79,8 @@ class INCERES_EXPORT Solver {
 
  private:
   friend Summary Solve(const SolverOptions& options, FactorGraph* graph);
+  friend void internal::SolveWith(const SolverOptions& options, const internal::LoopOptions& loop, FactorGraph* graph,
+                                  Solver* solver, Summary* summary);
   class Impl;
   std::unique_ptr<Impl> impl_;
 };

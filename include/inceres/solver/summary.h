@@ -25,7 +25,7 @@ struct INCERES_EXPORT IterationSummary {
   bool step_is_valid = false;
   bool step_is_successful = false;
   bool step_is_nonmonotonic = false;
-  double cost = 0.0;               ///< of the new state if accepted, of the candidate if rejected; with fixed cost
+  double cost = 0.0;               ///< of the new state if accepted, of the candidate if rejected
   double cost_change = 0.0;        ///< cost before − candidate cost
   double gradient_max_norm = 0.0;  ///< max |x − (x ⊞ −g)|
   double gradient_norm = 0.0;      ///< ‖x − (x ⊞ −g)‖
@@ -33,7 +33,6 @@ struct INCERES_EXPORT IterationSummary {
   double model_cost_change = 0.0;  ///< predicted decrease; not in Ceres's
   double relative_decrease = 0.0;  ///< actual / predicted decrease
   double trust_region_radius = 0.0;
-  double eta = 0.0;
   int linear_solver_iterations = 0;
   double iteration_time_in_seconds = 0.0;
   double step_solver_time_in_seconds = 0.0;
@@ -85,9 +84,10 @@ struct INCERES_EXPORT Summary {
   /// The first step whose end could not be evaluated, and which was refused as one of infinite cost: which factor or variable,
   /// and why. Empty if there was none.
   std::string failed_step;
-  double initial_cost = -1.0;  ///< with fixed cost; -1 if the start could not be evaluated
+  double initial_cost = -1.0;  ///< -1 if the start could not be evaluated
   double final_cost = -1.0;
-  double fixed_cost = 0.0;
+  double fixed_cost =
+      0.0;  ///< of residual blocks of a ceres::Problem that cannot move, for which no graph has a factor: part of all costs
   double discarded_cost_change = 0.0;  ///< of the last step if it ended the solve by the function tolerance: it was not taken
   std::vector<IterationSummary> iterations;
   int num_successful_steps = -1;

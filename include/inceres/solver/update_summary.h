@@ -58,6 +58,9 @@ struct INCERES_EXPORT UpdateSummary {
   std::string failed_step;  ///< as in Summary
   /// The batch solver's own rules ended it, as Ceres's would: `message` is in Ceres's words.
   bool ended_by_batch_rule = false;
+  /// Convergence was concluded from refused steps alone: undamped, the model promised more than the tolerance, and no step that
+  /// was tried kept it. So it is at a kink of the cost; it may also be that a good length of steps was passed over.
+  bool rests_on_refusals = false;
   double initial_cost = 0.0;
   double final_cost = 0.0;
   /// What the model saw left to gain before the last step of the frames, or at convergence: truncated and unvisited parts too.

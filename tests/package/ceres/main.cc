@@ -19,7 +19,7 @@ int main() {
   problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Offset, 1, 1>(new Offset), nullptr, &x);
   ceres::Solver::Summary summary;
   inceres::SolveReport report;
-  inceres::Solve(ceres::Solver::Options(), &problem, &summary, &report);
+  inceres::Solve(ceres::Solver::Options(), &problem, &summary, {}, &report);
   std::printf("x = %.9g, %s\n%s\n", x, report.used_stock ? "by stock Ceres" : "by inceres", summary.BriefReport().c_str());
   return summary.IsSolutionUsable() && !report.used_stock && std::abs(x - 10.0) < 1e-3 ? 0 : 1;
 }

@@ -11,8 +11,7 @@
 #include "adapters/ceres/dropin/src/ceres_symbols.h"
 #include "adapters/ceres/fallback/decline.h"
 #include "adapters/ceres/fallback/gate.h"
-#include "adapters/ceres/fallback/stock_ceres.h"
-#include "adapters/ceres/plan/view_pool.h"
+#include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/ordering.h"
 #include "adapters/ceres/report/environment.h"
 #include "adapters/ceres/session/window_watch.h"
@@ -48,11 +47,11 @@ class Borrowed {
   bool mine_;
 };
 
-SolveReport Asked(const KnownProblem& known, SolveMode mode) {
-  SolveReport report = ReportFromEnvironment();
-  report.mode = mode;
-  report.evaluation_callback = known.evaluation_callback;
-  return report;
+SolveOptions Asked(const KnownProblem& known, SolveMode mode) {
+  SolveOptions options = OptionsFromEnvironment();
+  options.mode = mode;
+  options.evaluation_callback = known.evaluation_callback;
+  return options;
 }
 
 // Which residual blocks are new is known from the calls that added them, whatever their addresses: their cost functions are
@@ -72,32 +71,32 @@ void TellWhatIsNew(KnownProblem* known) {
   known->added_cost_functions.clear();
 }
 
-SolveReport AskSession(DropinMode mode, KnownProblem* known) {
-  SolveReport report = Asked(*known, SolveMode::kIncremental);
+CeresSession& SessionOf(DropinMode mode, KnownProblem* known) {
   if (known->session == nullptr) {
     SessionOptions session_options;
     session_options.automatic = mode == DropinMode::kAuto;
     session_options.exact_windows = TheEnvironment().exact_windows;
     known->session = std::make_unique<CeresSession>(session_options);
-  } else {
-    report.problem_unedited = !known->edited;
+    known->edited = true;  // everything is new to it
   }
-  known->edited = false;
-  return report;
+  return *known->session;
 }
 
-// Whether it was solved; if not, nothing has happened, for the report is strict. A Problem's first solve needs no session:
+// Whether it was solved; if not, nothing has happened, for the solve is strict. A Problem's first solve needs no session:
 // many Problems are solved once, on a stack. The second begins one.
 bool SolvedIncrementally(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
                          ceres::Solver::Summary* summary) {
   const Borrowed borrowed(known);
-  const bool in_session = known->num_solves > 0 && borrowed.mine();
-  SolveReport report = in_session ? AskSession(mode, known) : Asked(*known, SolveMode::kIncremental);
-  report.strict = true;
-  if (in_session) {
-    known->session->Solve(options, problem, summary, &report);
+  SolveOptions asked = Asked(*known, SolveMode::kIncremental);
+  asked.strict = true;
+  SolveReport report;
+  if (known->num_solves > 0 && borrowed.mine()) {
+    CeresSession& session = SessionOf(mode, known);
+    asked.problem_unedited = !known->edited;
+    known->edited = false;
+    session.Solve(options, problem, summary, asked, &report);
   } else {
-    inceres::Solve(options, problem, summary, &report);
+    inceres::Solve(options, problem, summary, asked, &report);
   }
   if (!report.fallback_reason.empty()) {
     LOG(INFO) << "inceres: not incremental: " << report.fallback_reason;
@@ -129,8 +128,8 @@ void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Optio
   TellWhatIsNew(known);
   const bool exact = mode == DropinMode::kExact || IsFirstOfWindow(*known, options, *problem);
   if (exact || !SolvedIncrementally(mode, known, options, problem, summary)) {
-    SolveReport report = Asked(*known, SolveMode::kExact);
-    inceres::Solve(options, problem, summary, &report);
+    SolveReport report;
+    inceres::Solve(options, problem, summary, Asked(*known, SolveMode::kExact), &report);
     if (!report.used_stock) {
       TheRegistry().CountSolve();
     }
@@ -139,23 +138,20 @@ void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Optio
 
 // As exact mode does.
 std::string Look(const ceres::Solver::Options& options, const ceres::Problem& problem, ceres::EvaluationCallback* callback) {
-  std::unique_ptr<ProblemView> view = ViewPool::Global().Take();
+  std::unique_ptr<ProblemView> view = StructureCache::OfProcess().TakeView();
   OrderingView ordering;
   std::string obstacle = FindObstacle(options, problem, /*incremental=*/false, callback, view.get(), &ordering);
-  ViewPool::Global().GiveBack(std::move(view));
+  StructureCache::OfProcess().GiveBack(std::move(view));
   return obstacle;
 }
 
 void HandOver(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
               const std::string& reason) {
-  *summary = ceres::Solver::Summary();
-  SolveReport report = ReportFromEnvironment();
-  const auto decline = [&] { Decline(options, problem, summary, reason, &report); };
-  if (WantsComparison(&report)) {
-    SolveAndCompare(options, problem, summary, &report, SolveMode::kExact, {decline, nullptr}, reason);
-  } else {
-    decline();
-  }
+  SolveOptions asked = OptionsFromEnvironment();
+  asked.mode = SolveMode::kExact;
+  SolveAsAsked(
+      {options, problem, summary, asked, nullptr}, [&reason](const SolveCall& call) { Decline(call, reason); }, Repeatable::kNo,
+      reason);
 }
 
 }  // namespace

@@ -66,10 +66,10 @@ class INCERES_EXPORT CeresSession {
   CeresSession(const CeresSession&) = delete;
   CeresSession& operator=(const CeresSession&) = delete;
 
-  /// As inceres::Solve in incremental mode, whatever report->mode says (which is not changed). A failure, a callback's abort and
-  /// an exception out of user code leave user memory as it was and make the session forget everything.
+  /// As inceres::Solve in incremental mode, whatever solve_options.mode says. A failure, a callback's abort and an exception out
+  /// of user code leave user memory as it was and make the session forget everything.
   void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-             SolveReport* report = nullptr);
+             const SolveOptions& solve_options = SolveOptions(), SolveReport* report = nullptr);
 
   /// The next solve linearizes the residual blocks with this cost function anew.
   void Forget(const ceres::CostFunction* cost_function);

@@ -1,0 +1,145 @@
+#include "linearize/tangent.h"
+
+#include <algorithm>
+#include <functional>
+
+#include "inceres/problem/ambient_family.h"
+
+namespace inceres::internal {
+namespace {
+
+bool IsIdentity(const TangentMap& map) {
+  if (map.ambient_size != map.tangent_size) {
+    return false;
+  }
+  for (int r = 0; r < map.ambient_size; ++r) {
+    for (int c = 0; c < map.tangent_size; ++c) {
+      if (map.plus_jacobian[r * map.tangent_size + c] != (r == c ? 1.0 : 0.0)) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+// Finds for each column its single unit entry; false if there is a column without that form, of which and those after it nothing
+// is known.
+bool FindSelection(const TangentMap& map, int* selection) {
+  std::fill_n(selection, map.tangent_size, -1);
+  for (int c = 0; c < map.tangent_size; ++c) {
+    for (int r = 0; r < map.ambient_size; ++r) {
+      const double entry = map.plus_jacobian[r * map.tangent_size + c];
+      if (entry == 0.0) {
+        continue;
+      }
+      if (entry != 1.0 || selection[c] >= 0) {
+        selection[c] = -1;
+        return false;
+      }
+      selection[c] = r;
+    }
+    if (selection[c] < 0) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Row k of M is that of the identity, whose entry there is known.
+bool IsUnitRow(const TangentMap& map, int k) {
+  const double* row = map.plus_jacobian + k * map.tangent_size;
+  for (int c = 0; c < map.tangent_size; ++c) {
+    if (c != k && row[c] != 0.0) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Of the columns whose unit entry is known.
+int CountIdentityColumns(const TangentMap& map, const int* selection) {
+  int count = 0;
+  while (count < map.tangent_size && selection[count] == count && IsUnitRow(map, count)) {
+    ++count;
+  }
+  return count;
+}
+
+// Returns null, or what is wrong with M.
+const char* EvaluatePlusJacobian(const FactorGraph& graph, VariableId id, const double* x, std::vector<double>* M) {
+  const double* pinned = graph.HasPins() ? graph.PinnedValues(id) : nullptr;
+  const int count = static_cast<int>(M->size());
+  MarkUnwritten(M->data(), count);
+  if (!graph.manifold(id)->PlusJacobian(pinned != nullptr ? pinned : x, M->data())) {
+    return "returned false";
+  }
+  return AreWritten(M->data(), count) ? nullptr : "has an entry that is not finite or was not written";
+}
+
+}  // namespace
+
+void ClassifyTangentMap(TangentMap* map, int* selection) {
+  if (IsIdentity(*map)) {
+    map->kind = TangentMap::Kind::kIdentity;
+  } else if (FindSelection(*map, selection)) {
+    map->kind = TangentMap::Kind::kSelection;
+    map->selection = selection;
+    map->num_identity_columns = 0;
+    while (map->num_identity_columns < map->tangent_size && selection[map->num_identity_columns] == map->num_identity_columns) {
+      ++map->num_identity_columns;
+    }
+  } else {
+    map->kind = TangentMap::Kind::kDense;
+    map->num_identity_columns = CountIdentityColumns(*map, selection);
+  }
+}
+
+bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, const double* delta, double* moved) {
+  if (const Manifold* manifold = graph.manifold(id)) {
+    return manifold->Plus(x, delta, moved);
+  }
+  std::transform(x, x + graph.AmbientSize(id), delta, moved, std::plus<>());
+  return true;
+}
+
+void Tangent::Set(const FactorGraph& graph, VariableId id, bool wanted) {
+  map_ = TangentMap();
+  map_.ambient_size = graph.AmbientSize(id);
+  map_.tangent_size = graph.TangentSize(id);
+  map_.kind = wanted ? TangentMap::Kind::kIdentity : TangentMap::Kind::kConstant;
+  const bool curved = wanted && graph.manifold(id) != nullptr;
+  if (curved && curved_ == nullptr) {
+    curved_ = std::make_unique<Curved>();
+  }
+  if (curved_ != nullptr) {
+    curved_->M.resize(curved ? map_.ambient_size * map_.tangent_size : 0);
+    curved_->selection.resize(curved ? map_.tangent_size : 0);
+    curved_->stale = true;
+  }
+}
+
+const char* Tangent::Compute(const FactorGraph& graph, VariableId id, const double* x) {
+  if (const char* fault = EvaluatePlusJacobian(graph, id, x, &curved_->M)) {
+    return fault;
+  }
+  map_.plus_jacobian = curved_->M.data();
+  ClassifyTangentMap(&map_, curved_->selection.data());
+  curved_->stale = false;
+  return nullptr;
+}
+
+const char* Tangent::ComputeCandidate(const FactorGraph& graph, VariableId id, const double* x) {
+  curved_->candidate_M.resize(curved_->M.size());
+  return EvaluatePlusJacobian(graph, id, x, &curved_->candidate_M);
+}
+
+void Tangent::AcceptCandidate() {
+  if (curved_->candidate_M.empty()) {
+    return MarkMoved();  // nobody has asked
+  }
+  curved_->M.swap(curved_->candidate_M);
+  map_.plus_jacobian = curved_->M.data();
+  ClassifyTangentMap(&map_, curved_->selection.data());
+}
+
+}  // namespace inceres::internal
