@@ -68,7 +68,10 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   double LeastRadius() override { return is_near_ ? tuning_.seeing_radius : 0.0; }
 
   ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override {
-    cost_ = iteration.step_is_successful ? iteration.cost : cost_;
+    if (iteration.step_is_successful) {
+      cost_ = iteration.cost;
+      best_cost_ = iteration.iteration == last_judged_ ? std::min(best_cost_, cost_) : cost_;
+    }
     num_accepted_in_row_ = iteration.step_is_successful ? num_accepted_in_row_ + 1 : 0;
     // What landmarks gained by themselves says nothing of the model.
     last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
@@ -102,8 +105,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
 
   bool ended_by_user() const { return ended_by_user_; }
   bool settled() const { return settled_; }
-  /// Of the state, where Ceres reports the lowest cost seen, refused steps included.
-  double cost() const { return cost_; }
+  /// Of the best state, where Ceres reports the lowest cost seen, refused steps included.
+  double cost() const { return best_cost_; }
   /// Whether the model, which sees all directions, promises next to nothing: of Ceres's rule, that the last step would have
   /// changed the cost by next to nothing, that is what it means to say.
   bool promises_nothing() const { return promises_nothing_; }
@@ -193,6 +196,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   const double** const shown_state_;
   UpdateTrace& trace_;
   double cost_ = 0.0;           // of the state
+  double best_cost_ = 0.0;      // of a state there was, since the cost became another function
   double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
   double previous_ratio_ = HUGE_VAL;
   double last_promise_ = HUGE_VAL;

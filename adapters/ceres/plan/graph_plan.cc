@@ -54,56 +54,23 @@ class Planner {
     plan_.blocks.push_back(b);
   }
 
-  // Slot of the residual block's landmark, or -1.
-  int LandmarkSlot(const ResidualBlockView& residual) const {
-    const int* slots = view_.SlotsOf(residual);
-    const int* found = std::find_if(slots, slots + residual.num_slots, [&](int b) { return plan_.landmarks.Contains(b); });
-    return found == slots + residual.num_slots ? -1 : static_cast<int>(found - slots);
-  }
-
-  // Counting sort of the residual blocks by landmark, those without one last; program order within each.
+  // The residual blocks by landmark, those without one last; program order within each.
   void SortByLandmark() {
     const int num_landmarks = plan_.landmarks.num_landmarks;
-    const std::size_t num_residuals = view_.residuals.size();
-    landmark_slot_.assign(num_residuals, -1);
-    if (num_landmarks == 0) {
-      order_.resize(At(view_.reduced.num_residual_blocks));
-      int* next = order_.data();
-      for (std::size_t r = 0; r < num_residuals; ++r) {
-        if (!view_.residuals[r].fixed) {
-          *next++ = static_cast<int>(r);
-        }
-      }
-      return;
-    }
-    std::vector<int> bucket_of(num_residuals, -1);
-    std::vector<int> next(At(num_landmarks) + 2, 0);
-    for (std::size_t r = 0; r < num_residuals; ++r) {
+    landmark_slot_.assign(view_.residuals.size(), -1);
+    std::vector<int> row_of(view_.residuals.size(), -1);
+    for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
       const ResidualBlockView& residual = view_.residuals[r];
-      if (residual.fixed) {
-        continue;
-      }
-      const int slot = LandmarkSlot(residual);
-      landmark_slot_[r] = slot;
-      bucket_of[r] = slot < 0 ? num_landmarks : variable_of_[At(view_.SlotsOf(residual)[slot])] - first_landmark_;
-      ++next[At(bucket_of[r]) + 1];
-    }
-    for (std::size_t k = 1; k < next.size(); ++k) {
-      next[k] += next[k - 1];
-    }
-    order_.resize(At(next.back()));
-    for (std::size_t r = 0; r < num_residuals; ++r) {
-      if (bucket_of[r] >= 0) {
-        order_[At(next[At(bucket_of[r])]++)] = static_cast<int>(r);
+      if (!residual.fixed) {
+        const int slot = view_.FindSlot(residual, [this](int b) { return plan_.landmarks.Contains(b); });
+        landmark_slot_[r] = slot;
+        row_of[r] = slot < 0 ? num_landmarks : variable_of_[At(view_.SlotsOf(residual)[slot])] - first_landmark_;
       }
     }
+    order_ = SortIntoRows(At(num_landmarks) + 1, row_of).items;
   }
 
   void PlanFamilies() {
-    if (shapes_.shapes.size() == 1 && plan_.landmarks.num_landmarks == 0) {
-      PlanFamily(std::move(order_));  // as the rest would find
-      return;
-    }
     // A family for each shape and slot of the landmark (slot -1: none): place numbers of the shapes, one more for each shape.
     std::vector<int> family_at(At(shapes_.num_places) + shapes_.shapes.size(), -1);
     std::vector<int> family_of(order_.size());

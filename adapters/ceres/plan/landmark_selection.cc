@@ -139,23 +139,18 @@ class Chooser {
     }
   }
 
-  // Residual blocks of each candidate, in compressed rows.
   void IndexResiduals() {
-    first_residual_.assign(view_.blocks.size() + 1, 0);
-    for (std::size_t b = 0; b < view_.blocks.size(); ++b) {
-      first_residual_[b + 1] = first_residual_[b] + (candidate_[b] != 0 ? view_.blocks[b].degree : 0);
-    }
-    residuals_of_.resize(At(first_residual_.back()));
-    std::vector<int> next(first_residual_.begin(), first_residual_.end() - 1);
-    for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
-      const ResidualBlockView& residual = view_.residuals[r];
-      for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
-        const int b = view_.SlotsOf(residual)[s];
-        if (candidate_[At(b)] != 0) {
-          residuals_of_[At(next[At(b)]++)] = static_cast<int>(r);
+    residuals_of_ = SortIntoRows(view_.blocks.size(), [this](const auto& add) {
+      for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
+        const ResidualBlockView& residual = view_.residuals[r];
+        for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
+          const int b = view_.SlotsOf(residual)[s];
+          if (candidate_[At(b)] != 0) {
+            add(b, static_cast<int>(r));
+          }
         }
       }
-    }
+    });
   }
 
   std::vector<Kind> CollectKinds() {
@@ -182,8 +177,8 @@ class Chooser {
   double FramesSize(int b) {
     double size = 0.0;
     seen_by_[At(b)] = b;
-    for (int k = first_residual_[At(b)]; k < first_residual_[At(b) + 1]; ++k) {
-      const ResidualBlockView& residual = view_.residuals[At(residuals_of_[At(k)])];
+    for (const int r : residuals_of_[b]) {
+      const ResidualBlockView& residual = view_.residuals[At(r)];
       for (int s = 0; s < residual.num_slots; ++s) {
         const int other = view_.SlotsOf(residual)[s];
         if (seen_by_[At(other)] != b && !view_.block(other).constant) {
@@ -206,22 +201,16 @@ class Chooser {
   }
 
   std::pair<int, int> FirstUse(int b) const {
-    const int r = residuals_of_[At(first_residual_[At(b)])];
-    const auto slots = view_.SlotsOf(view_.residuals[At(r)]);
-    int s = 0;
-    while (slots[s] != b) {
-      ++s;
-    }
-    return {r, s};
+    const int r = *residuals_of_[b].first;
+    return {r, view_.FindSlot(view_.residuals[At(r)], [b](int other) { return other == b; })};
   }
 
   // The part of a kind that shares no residual block with a landmark already taken.
   Kind WithoutTaken(const Kind& kind) const {
     Kind free;
     for (const int b : kind.blocks) {
-      const auto first = residuals_of_.begin() + first_residual_[At(b)];
-      const auto last = residuals_of_.begin() + first_residual_[At(b) + 1];
-      if (std::none_of(first, last, [&](int r) { return taken_[At(r)] != 0; })) {
+      const auto residuals = residuals_of_[b];
+      if (std::none_of(residuals.begin(), residuals.end(), [&](int r) { return taken_[At(r)] != 0; })) {
         Add(b, &free);
       }
     }
@@ -238,8 +227,8 @@ class Chooser {
     for (const int b : kind.blocks) {
       selection->is_landmark[At(b)] = 1;
       ++selection->num_landmarks;
-      for (int k = first_residual_[At(b)]; k < first_residual_[At(b) + 1]; ++k) {
-        taken_[At(residuals_of_[At(k)])] = 1;
+      for (const int r : residuals_of_[b]) {
+        taken_[At(r)] = 1;
       }
     }
   }
@@ -248,8 +237,7 @@ class Chooser {
   const ShapeTable& shapes_;
   std::vector<char> candidate_;
   KindFinder kinds_;
-  std::vector<int> first_residual_;
-  std::vector<int> residuals_of_;
+  CompressedRows residuals_of_;  // each candidate
   std::vector<int> seen_by_;
   std::vector<double> frames_size_;
   std::vector<char> taken_;
@@ -258,23 +246,13 @@ class Chooser {
 
 }  // namespace
 
-LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering) {
+LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering, int max_size) {
   LandmarkSelection selection;
   selection.is_landmark.assign(view.blocks.size(), 0);
   for (const int b : ordering.first_group) {
-    const bool small = view.block(b).tangent_size <= kMaxLandmarkSize;
+    const bool small = view.block(b).tangent_size <= max_size;
     selection.is_landmark[At(b)] = small;
     ++(small ? selection.num_landmarks : selection.num_too_large);
-  }
-  return selection;
-}
-
-LandmarkSelection WholeFirstGroup(const ProblemView& view, const OrderingView& ordering) {
-  LandmarkSelection selection;
-  selection.is_landmark.assign(view.blocks.size(), 0);
-  for (const int b : ordering.first_group) {
-    selection.is_landmark[At(b)] = 1;
-    ++selection.num_landmarks;
   }
   return selection;
 }

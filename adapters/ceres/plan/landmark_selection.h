@@ -27,12 +27,9 @@ struct LandmarkSelection : LandmarkCounts {
   bool Contains(int block) const { return is_landmark[static_cast<std::size_t>(block)] != 0; }
 };
 
-/// Takes the landmarks the user asked for: the blocks of the ordering's first group, as far as they are small enough. The group
-/// is an independent set (the gate has checked).
-LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering);
-
-/// The group with its large blocks: what Ceres would eliminate.
-LandmarkSelection WholeFirstGroup(const ProblemView& view, const OrderingView& ordering);
+/// Takes the landmarks the user asked for: the blocks of the ordering's first group, as far as they are small enough; what Ceres
+/// would eliminate without a limit. The group is an independent set (the gate has checked).
+LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering, int max_size = kMaxLandmarkSize);
 
 /// Chooses landmarks by predicted cost.
 ///

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <numeric>
 
-#include "adapters/ceres/read/index.h"
-
 namespace inceres::internal {
 namespace {
 
@@ -17,35 +15,24 @@ ReducedGraph::ReducedGraph(const ProblemView& view, const std::vector<char>& is_
     : frames_size_(view.blocks.size(), 0.0) {
   NumberFrames(view, is_landmark);
   clique_begin_.push_back(0);
-  // Residual blocks by landmark, in compressed rows.
-  std::vector<int> begin(view.blocks.size() + 1, 0);
   std::vector<int> landmark_of(view.residuals.size(), -1);
   for (std::size_t r = 0; r < view.residuals.size(); ++r) {
     const ResidualBlockView& residual = view.residuals[r];
-    const int* slots = view.SlotsOf(residual);
-    const int* found = std::find_if(slots, slots + residual.num_slots, [&](int b) { return is_landmark[At(b)] != 0; });
     if (residual.fixed) {
       continue;
     }
-    if (found != slots + residual.num_slots) {
-      landmark_of[r] = *found;
-      ++begin[At(*found) + 1];
+    const int s = view.FindSlot(residual, [&](int b) { return is_landmark[At(b)] != 0; });
+    if (s >= 0) {
+      landmark_of[r] = view.SlotsOf(residual)[s];
     } else if (!residual.like_previous) {
       AddToClique(view, residual);
       EndClique();
     }
   }
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  std::vector<int> residuals(At(begin.back()));
-  std::vector<int> next(begin.begin(), begin.end() - 1);
-  for (std::size_t r = 0; r < view.residuals.size(); ++r) {
-    if (landmark_of[r] >= 0) {
-      residuals[At(next[At(landmark_of[r])]++)] = static_cast<int>(r);
-    }
-  }
-  for (std::size_t b = 0; b < view.blocks.size(); ++b) {
-    if (begin[b + 1] > begin[b]) {
-      AddCliqueOfLandmark(view, residuals, begin[b], begin[b + 1], static_cast<int>(b));
+  const CompressedRows residuals = SortIntoRows(view.blocks.size(), landmark_of);
+  for (int b = 0; b < static_cast<int>(view.blocks.size()); ++b) {
+    if (residuals[b].size() > 0) {
+      AddCliqueOfLandmark(view, residuals[b], b);
     }
   }
   IndexCliques();
@@ -66,10 +53,9 @@ void ReducedGraph::NumberFrames(const ProblemView& view, const std::vector<char>
   seen_in_.assign(At(num_frames()), -1);
 }
 
-void ReducedGraph::AddCliqueOfLandmark(const ProblemView& view, const std::vector<int>& residuals, int begin, int end,
-                                       int landmark) {
-  for (int k = begin; k < end; ++k) {
-    AddToClique(view, view.residuals[At(residuals[At(k)])]);
+void ReducedGraph::AddCliqueOfLandmark(const ProblemView& view, const CompressedRows::Row& residuals, int landmark) {
+  for (const int r : residuals) {
+    AddToClique(view, view.residuals[At(r)]);
   }
   const double pairs_before = num_pairs_;
   const double size = EndClique();
@@ -103,25 +89,20 @@ double ReducedGraph::EndClique() {
 }
 
 void ReducedGraph::IndexCliques() {
-  frame_begin_.assign(At(num_frames()) + 1, 0);
-  for (const int frame : members_) {
-    ++frame_begin_[At(frame) + 1];
-  }
-  std::partial_sum(frame_begin_.begin(), frame_begin_.end(), frame_begin_.begin());
-  cliques_.resize(members_.size());
-  std::vector<int> next(frame_begin_.begin(), frame_begin_.end() - 1);
-  for (std::size_t clique = 0; clique + 1 < clique_begin_.size(); ++clique) {
-    for (int k = clique_begin_[clique]; k < clique_begin_[clique + 1]; ++k) {
-      cliques_[At(next[At(members_[At(k)])]++)] = static_cast<int>(clique);
+  cliques_of_ = SortIntoRows(At(num_frames()), [this](const auto& add) {
+    for (std::size_t clique = 0; clique + 1 < clique_begin_.size(); ++clique) {
+      for (int k = clique_begin_[clique]; k < clique_begin_[clique + 1]; ++k) {
+        add(members_[At(k)], static_cast<int>(clique));
+      }
     }
-  }
+  });
 }
 
 ReducedGraph::Envelope ReducedGraph::EnvelopeOfAppearance() const {
   const int limit = static_cast<int>(clique_begin_.size() - 1) / kEverywhere;
   std::vector<int> first(At(num_frames()));
   std::iota(first.begin(), first.end(), 0);
-  const auto is_everywhere = [&](int frame) { return frame_begin_[At(frame) + 1] - frame_begin_[At(frame)] > limit; };
+  const auto is_everywhere = [&](int frame) { return cliques_of_[frame].size() > limit; };
   for (std::size_t clique = 0; clique + 1 < clique_begin_.size(); ++clique) {
     int lowest = num_frames();
     for (int k = clique_begin_[clique]; k < clique_begin_[clique + 1]; ++k) {
@@ -160,8 +141,10 @@ void ReducedGraph::ForEachNeighbor(int frame, int last, std::vector<int>* seen, 
     }
   };
   see(frame);
-  for (int c = frame_begin_[At(frame)]; left > 0 && c < frame_begin_[At(frame) + 1]; ++c) {
-    const int clique = cliques_[At(c)];
+  for (const int clique : cliques_of_[frame]) {
+    if (left == 0) {
+      return;
+    }
     std::for_each(members_.begin() + clique_begin_[At(clique)], members_.begin() + clique_begin_[At(clique) + 1], see);
   }
 }

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "adapters/ceres/read/index.h"
 #include "adapters/ceres/read/introspection.h"
 #include "inceres/linear/reduced_matrix.h"
 
@@ -45,7 +46,7 @@ class ReducedGraph {
 
  private:
   void NumberFrames(const ProblemView& view, const std::vector<char>& is_landmark);
-  void AddCliqueOfLandmark(const ProblemView& view, const std::vector<int>& residuals, int begin, int end, int landmark);
+  void AddCliqueOfLandmark(const ProblemView& view, const CompressedRows::Row& residuals, int landmark);
   void AddToClique(const ProblemView& view, const ResidualBlockView& residual);
   double EndClique();
   void IndexCliques();
@@ -59,8 +60,7 @@ class ReducedGraph {
   std::vector<int> offsets_;         // per frame: its first scalar unknown; one more
   std::vector<int> members_;         // of the cliques: frames
   std::vector<int> clique_begin_;    // one more than cliques
-  std::vector<int> cliques_;         // of the frames
-  std::vector<int> frame_begin_;     // one more than frames
+  CompressedRows cliques_of_;        // each frame
   std::vector<double> frames_size_;  // per parameter block
   std::vector<int> seen_in_;         // per frame: the last clique it was added to
   double elimination_flops_ = 0.0;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -80,6 +81,14 @@ struct ProblemView {
   }
 
   const int* SlotsOf(const ResidualBlockView& residual) const { return slots.data() + residual.first_slot; }
+  /// The first slot of a residual block whose block is one of these, or -1.
+  template <typename IsOne>
+  int FindSlot(const ResidualBlockView& residual, const IsOne& is_one) const {
+    const int* begin = SlotsOf(residual);
+    const int* end = begin + residual.num_slots;
+    const int* found = std::find_if(begin, end, is_one);
+    return found == end ? -1 : static_cast<int>(found - begin);
+  }
   const ParameterBlockView& block(int i) const { return blocks[static_cast<std::size_t>(i)]; }
   bool IsReduced(int i) const { return block(i).reduced(); }
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <climits>
 #include <iterator>
 #include <utility>
 #include <vector>
@@ -98,17 +99,16 @@ Sizes BestSpecialization(const Sizes& sizes) {
 SchurStructure FindSchurStructure(const ProblemView& view, const LandmarkSelection& landmarks) {
   Sizes sizes = {0, 0, 0};
   for (const ResidualBlockView& residual : view.residuals) {
-    const int* begin = view.SlotsOf(residual);
-    const int* end = begin + residual.num_slots;
-    const int* landmark = std::find_if(begin, end, [&](int b) { return landmarks.Contains(b); });
-    if (residual.fixed || landmark == end) {
+    const int* slots = view.SlotsOf(residual);
+    const int landmark = view.FindSlot(residual, [&](int b) { return landmarks.Contains(b); });
+    if (residual.fixed || landmark < 0) {
       continue;
     }
     Merge(residual.num_residuals, &sizes[0]);
-    Merge(view.block(*landmark).tangent_size, &sizes[1]);
-    for (const int* slot = begin; slot != end; ++slot) {
-      if (slot != landmark && !view.block(*slot).constant) {
-        Merge(view.block(*slot).tangent_size, &sizes[2]);
+    Merge(view.block(slots[landmark]).tangent_size, &sizes[1]);
+    for (int s = 0; s < residual.num_slots; ++s) {
+      if (s != landmark && !view.block(slots[s]).constant) {
+        Merge(view.block(slots[s]).tangent_size, &sizes[2]);
       }
     }
   }
@@ -217,7 +217,8 @@ void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering, co
   }
   const bool given = LandmarksAreGiven(ordering, type);
   const bool differs = given && (landmarks.num_too_large > 0 || landmarks.num_kept > 0);
-  const SchurStructure structure = FindSchurStructure(view, differs ? WholeFirstGroup(view, ordering) : landmarks);
+  const SchurStructure structure =
+      FindSchurStructure(view, differs ? LandmarksOfFirstGroup(view, ordering, /*max_size=*/INT_MAX) : landmarks);
   summary->schur_structure_given = structure.given;
   summary->schur_structure_used = structure.used;
   if (given) {  // what the user asked for, even where it is solved in another order

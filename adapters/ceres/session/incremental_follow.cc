@@ -115,10 +115,7 @@ class IncrementalProblem::Follower {
       if (residual.fixed) {
         continue;
       }
-      const int* slots = view_.SlotsOf(residual);
-      const int* end = slots + residual.num_slots;
-      const int* landmark = std::find_if(slots, end, [this](int b) { return roles_[At(b)] == Role::kLandmark; });
-      const int landmark_slot = landmark == end ? -1 : static_cast<int>(landmark - slots);
+      const int landmark_slot = view_.FindSlot(residual, [this](int b) { return roles_[At(b)] == Role::kLandmark; });
       const FactorShape& shape = shapes.ShapeOf(r);
       int& family = family_at[At(shape.first_place + shapes.shape_of[r] + 1 + landmark_slot)];
       if (family < 0) {
