@@ -14,6 +14,15 @@ constexpr double kDriftRatio = 1e4;
 // All rows are looked at when the cost has fallen by this.
 constexpr double kCostDrop = 1e2;
 
+// Parts of S, for AddPart: the blocks between some rows, and those of one row with all others.
+auto Within(const IndexSet& rows) {
+  return [&rows](std::int32_t r) { return [&rows, in = rows.Has(r)](std::int32_t c) { return in && rows.Has(c); }; };
+}
+
+auto AcrossRow(std::int32_t row) {
+  return [row](std::int32_t r) { return [row, in = r == row](std::int32_t c) { return in || c == row; }; };
+}
+
 }  // namespace
 
 void IncrementalSchur::MakeRoom(std::int32_t quad, int size) {
@@ -237,17 +246,18 @@ void IncrementalSchur::ReplaceContribution(std::int32_t landmark, const double* 
   }
 }
 
-template <typename IsIn>
-void IncrementalSchur::AddPart(std::int32_t landmark, double sign, const IsIn& is_in) {
+template <typename Part>
+void IncrementalSchur::AddPart(std::int32_t landmark, double sign, const Part& part) {
   const Contribution contribution = blocks_.Rows(landmark, &rows_);
   const std::vector<std::int32_t>& frames = landmarks()[landmark].frames;
   targets_ = blocks_.Targets(landmark);
   std::size_t at = 0;
   for (int r = 0; r < contribution.count; ++r) {
+    const auto is_in = part(frames[r]);
     for (int c = 0; c <= r; ++c, ++at) {
-      targets_[at] = is_in(frames[r], frames[c]) ? targets_[at] : -1;
+      targets_[at] = is_in(frames[c]) ? targets_[at] : -1;
     }
-    if (is_in(frames[r], frames[r])) {
+    if (is_in(frames[r])) {
       kernels_.add_transposed({contribution.rows + r, 1, contribution.depth}, blocks_.z(landmark), nullptr, sign, rhs_.data(),
                               b_peak_.data());
       Touch(frames[r]);
@@ -313,13 +323,13 @@ void IncrementalSchur::PutIntoRows(std::int32_t landmark, double lambda, const I
     return LeaveOutside(landmark);
   }
   Eliminate(landmark);
-  AddPart(landmark, -1.0, [&rows](std::int32_t r, std::int32_t c) { return rows.Has(r) && rows.Has(c); });
+  AddPart(landmark, -1.0, Within(rows));
   blocks_.SetState(landmark, LandmarkState::kInRows);
 }
 
 void IncrementalSchur::TakeOutOfRows(std::int32_t landmark, const IndexSet& rows) {
   if (blocks_.state(landmark) == LandmarkState::kInRows) {
-    AddPart(landmark, 1.0, [&rows](std::int32_t r, std::int32_t c) { return rows.Has(r) && rows.Has(c); });
+    AddPart(landmark, 1.0, Within(rows));
     blocks_.SetState(landmark, LandmarkState::kOutside);
   }
 }
@@ -409,7 +419,7 @@ void IncrementalSchur::ResumFrame(std::int32_t frame) {
   for (const std::int32_t landmark : f.landmarks) {
     structure_.ForEachFactorBetween(landmark, frame, add_factor);
     if (IsInS(landmark)) {
-      AddPart(landmark, -1.0, [frame](std::int32_t r, std::int32_t c) { return r == frame || c == frame; });
+      AddPart(landmark, -1.0, AcrossRow(frame));
       std::for_each(landmarks()[landmark].frames.begin(), landmarks()[landmark].frames.end(),
                     [this](std::int32_t row) { Touch(row); });
     }
@@ -441,9 +451,11 @@ void IncrementalSchur::Rebuild() {
 }
 
 void IncrementalSchur::RenewGain(std::int32_t landmark) {
+  const double* z = blocks_.z(landmark);
+  const int size = IsInS(landmark) ? landmarks()[landmark].size : 0;
   double gain = 0.0;
-  for (int k = 0; k < landmarks()[landmark].size && IsInS(landmark); ++k) {
-    gain += 0.5 * blocks_.z(landmark)[k] * blocks_.z(landmark)[k];
+  for (int k = 0; k < size; ++k) {
+    gain += 0.5 * z[k] * z[k];
   }
   gains_.Set(landmark, gain);
 }

@@ -132,9 +132,9 @@ class IncrementalSchur {
   void AddContribution(std::int32_t landmark, double sign);
   void ReplaceContribution(std::int32_t landmark, const double* Y_out, const double* z_out);
   double* KeepRoom(std::ptrdiff_t count);
-  // As AddContribution, for the blocks and entries for which is_in(row, column) and is_in(row, row) hold.
-  template <typename IsIn>
-  void AddPart(std::int32_t landmark, double sign, const IsIn& is_in);
+  // As AddContribution, for the blocks and entries for which part(row)(column) and part(row)(row) hold.
+  template <typename Part>
+  void AddPart(std::int32_t landmark, double sign, const Part& part);
   bool Invert(std::int32_t landmark, double lambda);
   void LeaveOutside(std::int32_t landmark);
   void ZeroVectors(const Frame& frame);

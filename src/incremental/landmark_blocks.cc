@@ -155,6 +155,7 @@ void LandmarkBlocks::Eliminate(std::int32_t l, const double* eta) {
 
 void LandmarkBlocks::RenewZ(std::int32_t l, const double* eta, double* rhs) {
   const int size = structure_.landmarks()[l].size;
+  const std::vector<Incidence>& incidences = incidences_[l];
   double* z = z_.data() + std::ptrdiff_t{l} * kQuad;
   double renewed[kQuad];
   MultiplyLower(size, UInv(l), eta, renewed);
@@ -163,21 +164,22 @@ void LandmarkBlocks::RenewZ(std::int32_t l, const double* eta, double* rhs) {
     change[k] = renewed[k] - z[k];
     z[k] = renewed[k];
   }
-  kernels_.subtract_incidences(size, incidences_[l].data(), static_cast<int>(incidences_[l].size()), Y_.data(), change, rhs);
+  kernels_.subtract_incidences(size, incidences.data(), static_cast<int>(incidences.size()), Y_.data(), change, rhs);
 }
 
 void LandmarkBlocks::BackSubstitute(std::int32_t l, double* padded_step) const {
   const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
+  const int size = landmark.size;
   double* step = padded_step + std::ptrdiff_t{landmark.quad} * kQuad;
-  if (state_[l] != LandmarkState::kInS && state_[l] != LandmarkState::kInRows) {
-    std::fill_n(step, landmark.size, 0.0);
+  if (state_[l] < LandmarkState::kInRows) {  // it has no Y and z that count
+    std::fill_n(step, size, 0.0);
     return;
   }
+  const std::vector<Incidence>& incidences = incidences_[l];
   double y[kQuad];
   std::copy_n(z(l), kQuad, y);
-  kernels_.back_substitute(landmark.size, incidences_[l].data(), static_cast<int>(incidences_[l].size()), Y_.data(), padded_step,
-                           y);
-  MultiplyLowerTransposed(landmark.size, UInv(l), y, step);
+  kernels_.back_substitute(size, incidences.data(), static_cast<int>(incidences.size()), Y_.data(), padded_step, y);
+  MultiplyLowerTransposed(size, UInv(l), y, step);
 }
 
 // New factors may have brought new frames since: the contribution is that of the incidences, the frames it went in with.
