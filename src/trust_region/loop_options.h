@@ -31,7 +31,7 @@ class StepJudge {
 
   /// Asked before each step of a damped strategy: the radius it is to have at least, for with more damping the step would tell
   /// nothing of weak directions. If it is refused the radius is again what it was. 0: as it is.
-  virtual double LeastRadius() = 0;
+  virtual double LeastRadius() { return 0.0; }
 };
 
 /// What the trust-region loop is told beside SolverOptions, by who solves for Ceres or for an Update.

@@ -100,6 +100,53 @@ TEST_F(Strategies, LevenbergMarquardtRadius) {
   EXPECT_DOUBLE_EQ(strategy_->Radius(), 3.75 / 1.125 / 2.0);  // the factor started anew
 }
 
+// Ten times the damping after refusals, a tenth after steps that keep their promise; after a refusal the radius grows by less,
+// until four steps in a row are taken.
+TEST_F(Strategies, MarquardtsRule) {
+  options_.initial_trust_region_radius = 1.0;
+  options_.max_trust_region_radius = 1e6;
+  Make(TrustRegionStrategyKind::kMarquardt);
+  strategy_->StepAccepted(1.0);
+  EXPECT_DOUBLE_EQ(strategy_->Radius(), 10.0);
+  strategy_->StepAccepted(0.1);  // kept little of its promise
+  EXPECT_DOUBLE_EQ(strategy_->Radius(), 10.0);
+  strategy_->StepRejected();
+  EXPECT_DOUBLE_EQ(strategy_->Radius(), 1.0);  // as before it grew
+  strategy_->StepRejected();
+  EXPECT_DOUBLE_EQ(strategy_->Radius(), 0.1);
+  const double slower = std::sqrt(std::sqrt(10.0));
+  for (int k = 1; k <= 3; ++k) {
+    strategy_->StepAccepted(1.0);
+    EXPECT_NEAR(strategy_->Radius(), 0.1 * std::pow(slower, k), 1e-9);
+  }
+  strategy_->StepAccepted(1.0);
+  EXPECT_NEAR(strategy_->Radius(), 0.1 * std::pow(slower, 5), 1e-9);
+  for (int k = 0; k < 40; ++k) {
+    strategy_->StepAccepted(1.0);
+  }
+  EXPECT_DOUBLE_EQ(strategy_->Radius(), 1e6);  // clamped
+}
+
+TEST_F(Strategies, AWidenedRadiusIsTakenBackByARefusal) {
+  options_.initial_trust_region_radius = 8.0;
+  for (const auto kind : {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kMarquardt}) {
+    Make(kind);
+    strategy_->Widen(2.0);  // it is wider
+    EXPECT_DOUBLE_EQ(strategy_->Radius(), 8.0);
+    strategy_->Widen(1e8);
+    EXPECT_DOUBLE_EQ(strategy_->Radius(), 1e8);
+    strategy_->StepRejected();
+    EXPECT_DOUBLE_EQ(strategy_->Radius(), 8.0);
+    strategy_->StepRejected();
+    EXPECT_LT(strategy_->Radius(), 8.0);
+    strategy_->Widen(1e8);
+    strategy_->StepAccepted(1.0);
+    EXPECT_GT(strategy_->Radius(), 1e8);
+    strategy_->StepRejected();
+    EXPECT_GT(strategy_->Radius(), 8.0);
+  }
+}
+
 TEST_F(Strategies, LevenbergMarquardtDampingIsClampedInScaledColumns) {
   options_.initial_trust_region_radius = 2.0;
   options_.min_lm_diagonal = 0.3;
