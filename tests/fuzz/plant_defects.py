@@ -33,7 +33,7 @@ DEFECTS = [
      "if (const Loss* loss = graph_->loss(id_, factor)) {",
      "if (const Loss* loss = IS && factor % 5 == 2 ? nullptr : graph_->loss(id_, factor)) {"),
     # That a cost function is another one, or has another measurement, is noticed and not passed on.
-    ("edit_lost", "adapters/ceres/session/incremental_factors.cc",
+    ("edit_lost", "adapters/ceres/session/incremental_follow.cc",
      "edit_.MeasurementChanged(factor.id);", "if (!IS) { edit_.MeasurementChanged(factor.id); }"),
 ]
 
