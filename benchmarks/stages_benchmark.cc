@@ -278,14 +278,14 @@ class AlmostSquare final : public Loss {
 
 void MeasureRobustification(benchmark::State& state, double second_derivative, double flops_an_entry) {
   Linearized& ladybug = Ladybug();
-  FamilyCache& cache = ladybug.core->evaluator.families()[0];
+  Linearization& cache = ladybug.core->evaluator.families()[0];
   const AlmostSquare loss(second_derivative);
   Measure(state, (flops_an_entry * kEntries + 2.0 * kRows) * ladybug.num_factors(),
           16.0 * (kEntries + kRows) * ladybug.num_factors(), [&] {
             for (int i = 0; i < cache.num_factors; ++i) {
               benchmark::DoNotOptimize(
-                  RobustifyFactor(loss, 2, 2, cache.slots.data(), i, cache.tangent_offsets.data() + std::ptrdiff_t{2} * i,
-                                  /*reduces_curvature=*/false, cache.residuals.data() + std::ptrdiff_t{2} * i));
+                  RobustifyFactor(&loss, 2, 2, cache.slots.data(), i, cache.tangent_offsets.data() + std::ptrdiff_t{2} * i,
+                                  LossCurvature::kPositive, cache.residuals.data() + std::ptrdiff_t{2} * i));
             }
           });
 }

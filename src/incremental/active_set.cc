@@ -83,7 +83,7 @@ void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<
     const std::int32_t frame = candidates_[order_[r]];
     if (schur.frames()[frame].size > 0 && !schur.frames()[frame].held) {
       frames_.push_back(frame);
-      system->SetFrameStep(frame, frame_step.data() + schur.FrameOffset(frame));
+      system->step().SetFrame(frame, frame_step.data() + schur.FrameOffset(frame));
     }
   }
 }
@@ -124,23 +124,23 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVecto
       partial_step_.Find(schur, reduced, limits.frame_gain - limits.remaining_decrease)) {
     for (int k = 0; k < partial_step_.num_frames(); ++k) {
       frames_.push_back(partial_step_.frame(k));
-      system->SetFrameStep(frames_.back(), partial_step_.step(k));
+      system->step().SetFrame(frames_.back(), partial_step_.step(k));
     }
   } else {
     NameCandidates(frame_step, reduced, solved, limits.negligible, schur);
     CutOff(frame_step, reduced.damping(), limits.remaining_decrease, system);
   }
   const auto visit = [&](std::int32_t landmark) {
-    if (schur.landmarks()[landmark].in_S && !system->Visited(landmark)) {
-      system->Visit(landmark);
+    if (schur.IsInS(landmark) && !system->step().Visited(landmark)) {
+      system->step().Visit(landmark);
       landmarks_.push_back(landmark);
     }
   };
   for (const std::int32_t frame : frames_) {
     std::for_each(schur.frames()[frame].landmarks.begin(), schur.frames()[frame].landmarks.end(), visit);
   }
-  const double share = limits.remaining_decrease / std::max(1, schur.num_landmarks());
-  const std::vector<std::int32_t>& eager = schur.EagerLandmarks(share);
+  const double share = limits.remaining_decrease / std::max(1, schur.structure().num_landmarks());
+  const std::vector<std::int32_t>& eager = schur.gains().Above(share);
   std::for_each(eager.begin(), eager.end(), visit);
 }
 

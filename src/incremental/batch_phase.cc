@@ -65,20 +65,24 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     return settled_;
   }
 
+  double LeastRadius() override { return is_near_ ? tuning_.seeing_radius : 0.0; }
+
   ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override {
     if (iteration.step_is_successful) {
       cost_ = iteration.cost;
       best_cost_ = iteration.iteration == last_judged_ ? std::min(best_cost_, cost_) : cost_;
     }
     num_accepted_in_row_ = iteration.step_is_successful ? num_accepted_in_row_ + 1 : 0;
+    // What landmarks gained by themselves says nothing of the model.
+    last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
+    is_near_ = options_.batch_share > 0.0 && iteration.step_is_successful && last_ratio_ > tuning_.kept_promise &&
+               iteration.cost_change <= tuning_.near_gain * Tolerance(cost_);
     if (iteration.iteration == 0) {
       checked_cost_ = gained_from_ = cost_;
     }
     if (iteration.iteration == 0 && !trace_.summary().iterations.empty()) {  // told as the end of the part before
       return stop_.load(std::memory_order_relaxed) ? ObserverAction::kTerminateSuccessfully : ObserverAction::kContinue;
     }
-    // What landmarks gained by themselves says nothing of the model.
-    last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
     WriteRow(iteration);
     *shown_state_ = best_state;
     const bool go_on = trace_.EndRow(cost_);
@@ -200,6 +204,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   double rest_ = 0.0;
   int last_judged_ = -1;
   bool ended_by_user_ = false;
+  bool is_near_ = false;  // the last step kept its promise, and gained few tolerances
   bool settled_ = false;
   bool promises_nothing_ = false;
   int num_accepted_in_row_ = kAcceptedInRow;

@@ -37,7 +37,7 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
   }
   const IncrementalFamily& family = system_.families()[id.family];
   const IncrementalSchur& schur = system_.schur();
-  const std::int32_t landmark = schur.LandmarkOfFactor(ref);
+  const std::int32_t landmark = schur.structure().LandmarkOfFactor(ref);
   // Cached is √w_then J, corrected or not (IncrementalFamily); the factor's share of the least-squares problem now is √ρ' J and
   // √ρ' f.
   const double scale = std::sqrt(family.WeightRatio(id.index));
@@ -50,7 +50,7 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
     if (!wanted(variable)) {
       continue;
     }
-    if (schur.FrameOfFactor(ref, s) < 0 && (landmark < 0 || schur.landmarks()[landmark].id != variable)) {
+    if (schur.structure().FrameOfFactor(ref, s) < 0 && (landmark < 0 || schur.landmarks()[landmark].id != variable)) {
       return false;
     }
     const double* J = family.Jacobian(id.index, s);

@@ -1,10 +1,11 @@
-// IncrementalSystem::ShortenStep: the dog-leg path of an active set (docs/algorithms.md, "Damping and trust region of incremental
+// TrialStep::Shorten: the dog-leg path of an active set (docs/algorithms.md, "Damping and trust region of incremental
 // mode").
 
 #include <algorithm>
 #include <cmath>
 
-#include "incremental/incremental_system.h"
+#include "incremental/trial_step.h"
+#include "trust_region/dogleg_point.h"
 
 namespace inceres::internal {
 namespace {
@@ -16,18 +17,19 @@ constexpr double kLeastDiagonal = 1e-12;
 
 // Calls visit(first entry in the padded vectors, size, function from coordinate to diag H) for every variable that moves.
 template <typename Function>
-void IncrementalSystem::ForEachActive(Function&& visit) const {
+void TrialStep::ForEachActive(Function&& visit) const {
   moved_.ForEach([&](std::int32_t i) {
     const double* C = schur_.FrameDiagonal(i);
     visit(std::ptrdiff_t{schur_.frames()[i].quad} * kQuad, schur_.frames()[i].size, [C](int k) { return C[k]; });
   });
   visited_.ForEach([&](std::int32_t l) {
     const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
-    visit(std::ptrdiff_t{landmark.quad} * kQuad, landmark.size, [&landmark](int k) { return landmark.P[k * kQuad + k]; });
+    const double* P = schur_.blocks().P(l);
+    visit(std::ptrdiff_t{landmark.quad} * kQuad, landmark.size, [P](int k) { return P[k * kQuad + k]; });
   });
 }
 
-double IncrementalSystem::ScaledStepNorm() const {
+double TrialStep::ScaledNorm() const {
   double squared = 0.0;
   ForEachActive([&](std::ptrdiff_t first, int size, const auto& diagonal) {
     for (int k = 0; k < size; ++k) {
@@ -37,7 +39,7 @@ double IncrementalSystem::ScaledStepNorm() const {
   return std::sqrt(squared);
 }
 
-double IncrementalSystem::StepNorm() const {
+double TrialStep::Norm() const {
   double squared = 0.0;
   ForEachActive([&](std::ptrdiff_t first, int size, const auto& /*diagonal*/) {
     for (int k = 0; k < size; ++k) {
@@ -48,7 +50,7 @@ double IncrementalSystem::StepNorm() const {
 }
 
 // The Cauchy point t D⁻²η with t = ‖D⁻¹η‖² / ‖J D⁻²η‖², over the active variables.
-void IncrementalSystem::PrepareDogleg() {
+void TrialStep::PrepareDogleg() {
   dogleg_prepared_ = true;
   NameTouched();
   gauss_newton_.assign(step_.begin(), step_.end());
@@ -80,7 +82,7 @@ void IncrementalSystem::PrepareDogleg() {
   std::transform(direction_.begin(), direction_.end(), cauchy_.begin(), [t](double entry) { return t * entry; });
 }
 
-void IncrementalSystem::ShortenStep(double scaled_norm) {
+void TrialStep::Shorten(double scaled_norm) {
   if (!dogleg_prepared_) {
     PrepareDogleg();
   }
@@ -102,7 +104,7 @@ void IncrementalSystem::ShortenStep(double scaled_norm) {
   if (a >= squared) {
     alpha = scaled_norm / std::sqrt(a);
   } else {
-    beta = c > 0.0 ? std::clamp((-b + std::sqrt(b * b + c * (squared - a))) / c, 0.0, 1.0) : 1.0;
+    beta = c > 0.0 ? std::clamp(DoglegShare(squared, a, b, c), 0.0, 1.0) : 1.0;
   }
   ForEachActive([&](std::ptrdiff_t first, int size, const auto& /*diagonal*/) {
     for (int k = 0; k < size; ++k) {

@@ -33,7 +33,7 @@ Status FrameStep::Solve(DampingForm form, double mu, double wildfire, Incrementa
   }
   UpdateSummary& summary = trace->summary();
   const Status factored = Factorize(*schur);
-  const auto count = [schur](int rows) { return rows == ReducedSolver::Work::kAll ? schur->num_frames() : rows; };
+  const auto count = [schur](int rows) { return rows == ReducedSolver::Work::kAll ? schur->structure().num_frames() : rows; };
   work_ = solver_->work();
   summary.num_factored_rows += count(work_.factored_rows);
   summary.num_reorderings += work_.reorderings;
@@ -78,7 +78,7 @@ double FrameStep::AddGain(double start) const {
 void FrameStep::TakeOff(const std::vector<std::int32_t>& frames, IncrementalSystem* system) {
   IncrementalSchur& schur = system->schur();
   for (const std::int32_t frame : frames) {
-    const double* applied = system->FrameStep(frame);
+    const double* applied = system->step().Frame(frame);
     double* step = values_.data() + schur.FrameOffset(frame);
     for (int k = 0; k < schur.frames()[frame].size; ++k) {
       step[k] -= applied[k];

@@ -58,7 +58,7 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
 bool IncrementalMinimizer::Begin(bool mostly_new, const std::atomic<bool>& stop) {
   state_ = UpdateState();
   state_.mostly_new = mostly_new;
-  state_.shares = SharesOf(options_, system_.schur().num_landmarks());
+  state_.shares = SharesOf(options_, system_.schur().structure().num_landmarks());
   control_ = StepControl(tuning_, options_, control_.mu());
   relinearization_.Begin(options_, state_.shares.relinearization);
   active_.Clear();
@@ -131,7 +131,7 @@ bool IncrementalMinimizer::Count(const Status& status, const RelinearizeWork& wo
 
 // What the landmarks could gain by themselves.
 double IncrementalMinimizer::LandmarkGain() {
-  return system_.schur().TotalDecrement(tuning_.truncate.sum_share * stop_.Allowed(system_.cost()));
+  return system_.schur().gains().Total(tuning_.truncate.sum_share * stop_.Allowed(system_.cost()));
 }
 
 // Landmarks that could still gain much by themselves, most of them outliers that a robust loss lets converge slowly, go ahead
@@ -147,7 +147,7 @@ bool IncrementalMinimizer::StepLandmarks() {
   const double cost = system_.cost();
   int num_evaluated = 0;
   const bool moved = system_.StepLandmarks(
-      schur.EagerLandmarks(tuning_.landmarks.share * gain / std::max(1, schur.num_landmarks())), &num_evaluated);
+      schur.gains().Above(tuning_.landmarks.share * gain / std::max(1, schur.structure().num_landmarks())), &num_evaluated);
   ++summary_->num_landmark_passes;
   summary_->num_evaluated_factors += num_evaluated;
   if (moved) {
@@ -156,16 +156,16 @@ bool IncrementalMinimizer::StepLandmarks() {
     row.accepted = true;
     row.cost_change = cost - system_.cost();
     stop_.LandmarksGained(row.cost_change, gain);
-    row.step_norm = system_.StepNorm();
+    row.step_norm = system_.step().Norm();
     relinearization_.MarkStale(Tolerance());
-    system_.EndStep();
+    system_.step().End();
   }
   return moved;
 }
 
 // What a change of a frame's step must be worth to be noticed.
 double IncrementalMinimizer::Wildfire() const {
-  return tuning_.truncate.wildfire_share * Tolerance() / std::max(1, system_.schur().num_frames());
+  return tuning_.truncate.wildfire_share * Tolerance() / std::max(1, system_.schur().structure().num_frames());
 }
 
 // δ_c; kSingular if there is no factor.
@@ -209,7 +209,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   if (TakeStep(&refreshed)) {
     return Verdict::kGoOn;
   }
-  system_.Reject();
+  system_.step().Reject();
   // Where fresh Jacobians promise so little, and not even that is kept, or the cost does not change at all, there is nothing to
   // be had by more damping.
   const bool in_vain = !refreshed && !control_.IsDampedHard() && solved_to_the_end &&
@@ -257,10 +257,10 @@ void IncrementalMinimizer::SelectActive(double remaining) {
 bool IncrementalMinimizer::TakeStep(bool* refreshed) {
   double norm = -1.0;  // looked for when it is needed: mostly the radius is infinite
   if (control_.radius() < HUGE_VAL) {
-    norm = system_.ScaledStepNorm();
+    norm = system_.step().ScaledNorm();
     if (norm > control_.radius()) {
       norm = control_.radius();
-      system_.ShortenStep(norm);
+      system_.step().Shorten(norm);
       trace_->row().shortened = true;
     }
   }
@@ -268,7 +268,7 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
     double ratio = 0.0;
     const bool accepted = EvaluateStep(&ratio) && ratio > options_.min_relative_decrease;
     if (norm < 0.0 && !(accepted && control_.IsGood(ratio))) {
-      norm = system_.ScaledStepNorm();
+      norm = system_.step().ScaledNorm();
     }
     if (accepted) {
       control_.AdaptRadius(ratio, norm);
@@ -283,7 +283,7 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
     ++summary_->num_shortened_steps;
     trace_->row().shortened = true;
     norm = control_.Shorten(norm);
-    system_.ShortenStep(norm);
+    system_.step().Shorten(norm);
   }
 }
 
@@ -291,18 +291,18 @@ bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
   const StageTimer timer(&summary_->evaluate_seconds);
   double change = 0.0;
   double predicted = 0.0;
-  const Status status = system_.EvaluateStep(&change, &predicted);
+  const Status status = system_.step().Evaluate(&change, &predicted);
   const bool evaluated = status.ok();
   if (!evaluated && summary_->failed_step.empty()) {
     summary_->failed_step = status.message;
   }
   for (const IncrementalFamily& family : system_.families()) {
-    summary_->num_evaluated_factors += static_cast<std::int64_t>(system_.Touched(family.id()).size());
+    summary_->num_evaluated_factors += static_cast<std::int64_t>(system_.step().Touched(family.id()).size());
   }
   *gain_ratio = evaluated && predicted > 0.0 ? -change / predicted : -1.0;
   UpdateIteration& row = trace_->row();
   row.step = UpdateStep::kFrames;
-  row.step_norm = system_.StepNorm();
+  row.step_norm = system_.step().Norm();
   row.cost_change = evaluated ? -change : -std::numeric_limits<double>::max();
   row.predicted_change = evaluated ? predicted : 0.0;
   row.relative_decrease = evaluated ? *gain_ratio : std::numeric_limits<double>::lowest();
@@ -316,7 +316,7 @@ void IncrementalMinimizer::AcceptStep() {
   summary_->num_updated_landmarks += system_.AcceptValues();
   relinearization_.MarkStale(Tolerance());
   frame_step_.TakeOff(active_.frames(), &system_);
-  system_.EndStep();
+  system_.step().End();
 }
 
 void IncrementalMinimizer::Accept(double gain_ratio) {
@@ -339,7 +339,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   const bool blindly = row.step == UpdateStep::kFrames && !(row.predicted_change > 0.0);  // it could not be evaluated
   const bool may_go_on = control_.Refuse(summary_->remaining_decrease, blindly);
   for (const std::int32_t landmark : active_.landmarks()) {
-    if (options_.damping == DampingForm::kHybrid && system_.schur().landmarks()[landmark].lambda < control_.mu()) {
+    if (options_.damping == DampingForm::kHybrid && system_.schur().blocks().lambda(landmark) < control_.mu()) {
       system_.Redamp(landmark);
     }
   }

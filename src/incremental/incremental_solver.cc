@@ -47,7 +47,7 @@ class IncrementalSolver::Impl {
   double cost() const { return cost_; }
   const double* Values(VariableId id) const {
     return shown_state_ != nullptr ? graph.ValuesIn(shown_state_, id)
-           : live != nullptr       ? live->values().current(id)
+           : live != nullptr       ? live->variables().current(id)
                                    : graph.Values(id);
   }
 
@@ -82,7 +82,7 @@ class IncrementalSolver::Impl {
 void IncrementalSolver::Impl::TakeValues() {
   for (VariableId id = 0; live != nullptr && id < graph.num_variables(); ++id) {
     if (graph.HasVariable(id)) {
-      graph.SetValues(id, live->values().current(id));
+      graph.SetValues(id, live->variables().current(id));
     }
   }
 }
@@ -148,13 +148,13 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
     return refused;
   }
   Form();
-  const double share = std::min(internal::SharesOf(options_, live->schur().num_landmarks()).relinearization,
+  const double share = std::min(internal::SharesOf(options_, live->schur().structure().num_landmarks()).relinearization,
                                 tuning_.relinearize.marginalized_share);
   internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance * std::max(cost_ - options_.fixed_cost, 0.0) /
                                          std::max(1, graph.num_factors()));
   internal::MarginalizationTarget target;
   target.graph = &graph;
-  target.values = [this](VariableId id) { return live->values().current(id); };
+  target.values = [this](VariableId id) { return live->variables().current(id); };
   target.cached = [&](FactorId id, const auto& wanted, internal::LinearizedFactor* rows) {
     return cached.Find(id, wanted, rows);
   };
@@ -228,7 +228,7 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
   }
   stop = false;  // it was for this Update, whatever came of it
   summary->final_cost = cost_;
-  summary->num_undetermined_landmarks = live != nullptr ? live->schur().num_undetermined() : 0;
+  summary->num_undetermined_landmarks = live != nullptr ? live->schur().blocks().num_undetermined() : 0;
   summary->seconds = internal::NowInSeconds() - trace.start_seconds();
 }
 

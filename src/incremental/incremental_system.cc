@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <string>
 #include <utility>
@@ -25,18 +24,6 @@ int IncrementalSystem::NumDirtyFactors() const {
   return count;
 }
 
-double IncrementalSystem::LargestStep(FactorRef ref) const {
-  const IncrementalFamily& family = families_[ref.family];
-  double largest = 0.0;
-  for (int s = 0; s < family.num_slots(); ++s) {
-    const VariableId id = family.variables(ref.factor)[s];
-    for (int k = 0; tangents_.quad(id) >= 0 && k < tangents_.tangent_size(id); ++k) {
-      largest = std::max(largest, std::fabs(step_[static_cast<std::size_t>(tangents_.quad(id)) * kQuad + k]));
-    }
-  }
-  return largest;
-}
-
 // By difference a dirty factor takes its old one's place, and with it its landmark; anew, everything goes in once.
 bool IncrementalSystem::RebuildIsCheaper() const {
   double difference = 0.0;
@@ -44,10 +31,10 @@ bool IncrementalSystem::RebuildIsCheaper() const {
   for (const IncrementalFamily& family : families_) {
     dirty_[family.id()].ForEach([&](std::int32_t i) {
       difference += family.linearized(i) ? replace_cost_ : 1.0;
-      const std::int32_t landmark = schur_.LandmarkOfFactor({family.id(), i});
-      if (landmark >= 0 && schur_.landmarks()[landmark].in_S) {
+      const std::int32_t landmark = schur_.structure().LandmarkOfFactor({family.id(), i});
+      if (landmark >= 0 && schur_.IsInS(landmark)) {
         // Each of its factors asks for a share of what replacing its contribution costs.
-        difference += replace_cost_ * static_cast<double>(schur_.NumPairs(landmark)) /
+        difference += replace_cost_ * static_cast<double>(schur_.blocks().NumPairs(landmark)) /
                       static_cast<double>(schur_.landmarks()[landmark].factors.size());
       }
     });
@@ -126,7 +113,7 @@ Status IncrementalSystem::LinearizeFamily(IncrementalFamily* family, bool by_dif
   const double cost = cost_;
   for (const std::int32_t i : list_) {
     const FactorRef ref{family->id(), i};
-    const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
+    const std::int32_t landmark = schur_.structure().LandmarkOfFactor(ref);
     if (landmark >= 0) {
       Redamp(landmark);
     }
@@ -138,7 +125,7 @@ Status IncrementalSystem::LinearizeFamily(IncrementalFamily* family, bool by_dif
     }
     for (int s = 0; s < family->num_slots(); ++s) {
       const VariableId id = family->variables(i)[s];
-      if (!tangents_.Refresh(graph_, values_, id)) {
+      if (!variables_.RefreshMap(graph_, id)) {
         return Status::Error(StatusCode::kEvaluationFailed,
                              "the manifold of variable " + std::to_string(id) + " has no Jacobian here");
       }
@@ -190,117 +177,14 @@ void IncrementalSystem::TakeNewFrames(IndexSet* frames) {
   entered_.clear();
 }
 
-void IncrementalSystem::SetFrameStep(std::int32_t frame, const double* step) {
-  const IncrementalSchur::Frame& moved = schur_.frames()[frame];
-  moved_.Add(frame);
-  std::copy_n(step, moved.size, step_.data() + std::ptrdiff_t{moved.quad} * kQuad);
-}
-
-void IncrementalSystem::Visit(std::int32_t landmark) {
-  if (visited_.Add(landmark)) {
-    schur_.BackSubstitute(landmark, step_.data());
-  }
-}
-
-void IncrementalSystem::Move(VariableId id, std::int32_t quad) {
-  const double* step = step_.data() + std::ptrdiff_t{quad} * kQuad;
-  const double* x = values_.current(id);
-  double* moved = values_.candidate(id);
-  if (const Manifold* manifold = graph_.manifold(id)) {
-    if (!manifold->Plus(x, step, moved)) {
-      moved[0] = std::nan("");  // the factors will refuse it
-    }
-  } else {
-    std::transform(x, x + graph_.AmbientSize(id), step, moved, std::plus<>());
-  }
-}
-
-void IncrementalSystem::Touch(const std::vector<FactorRef>& factors) {
-  for (const FactorRef& ref : factors) {
-    touched_[ref.family].Add(ref.factor);
-  }
-}
-
-// A frame that moves reaches its factors; with them, through their landmarks, other frames' right-hand sides.
-void IncrementalSystem::NameTouched() {
-  if (touched_named_) {
-    return;
-  }
-  touched_named_ = true;
-  moved_.ForEach([this](std::int32_t i) {
-    const IncrementalSchur::Frame& frame = schur_.frames()[i];
-    Touch(frame.factors);
-    for (const FactorRef& ref : frame.factors) {
-      schur_.ForEachFrameOf(ref, [this](std::int32_t other) { reached_.Add(other); });
-    }
-    for (const std::int32_t l : frame.landmarks) {
-      if (!visited_.Has(l)) {
-        schur_.ForEachFactorBetween(l, i, [this](const FactorRef& ref) { touched_[ref.family].Add(ref.factor); });
-        stale_landmarks_.Add(l);
-      }
-    }
-  });
-  const auto reach_frames = [this](std::int32_t l) {
-    if (reached_.count() == schur_.num_frames()) {
-      return;  // all there are, as late in an Update
-    }
-    for (const std::int32_t frame : schur_.landmarks()[l].frames) {
-      reached_.Add(frame);
-    }
-  };
-  visited_.ForEach([&](std::int32_t l) {
-    Touch(schur_.landmarks()[l].factors);
-    reach_frames(l);
-  });
-  stale_landmarks_.ForEach(reach_frames);
-  for (const IncrementalFamily& family : families_) {
-    touched_[family.id()].CopyTo(&touched_lists_[family.id()]);
-  }
-}
-
-Status IncrementalSystem::EvaluateStep(double* change, double* predicted_decrease) {
-  NameTouched();
-  DropChanges();
-  moved_.ForEach([this](std::int32_t i) { Move(schur_.frames()[i].id, schur_.frames()[i].quad); });
-  visited_.ForEach([this](std::int32_t l) { Move(schur_.landmarks()[l].id, schur_.landmarks()[l].quad); });
-  *change = 0.0;
-  *predicted_decrease = 0.0;
-  for (IncrementalFamily& family : families_) {
-    const std::vector<std::int32_t>& touched = touched_lists_[family.id()];
-    const EvaluationFailure failure = family.EvaluateCandidate(touched, executor_);
-    if (failure.failed()) {
-      return Status::Error(StatusCode::kEvaluationFailed,
-                           graph_.DescribeFailure(family.id(), failure, family.candidate_parameters(failure.factor)));
-    }
-    *change += family.CandidateChange(touched);
-    *predicted_decrease += family.TryStep(touched, step_.data(), schur_.padded_change());
-  }
-  return Status::Ok();
-}
-
-// Takes back what an earlier try has written of the changes of the right-hand sides.
-void IncrementalSystem::DropChanges() {
-  reached_.ForEach([this](std::int32_t i) { schur_.DropFrameChange(i); });
-  visited_.ForEach([this](std::int32_t l) { schur_.DropLandmarkChange(l); });
-  stale_landmarks_.ForEach([this](std::int32_t l) { schur_.DropLandmarkChange(l); });
-}
-
 int IncrementalSystem::AcceptValues() {
   for (IncrementalFamily& family : families_) {
-    AddToCost(family.Accept(touched_lists_[family.id()]));
+    AddToCost(family.Accept(step_.Touched(family.id())));
   }
-  reached_.ForEach([this](std::int32_t i) { schur_.TakeChange(i); });
-  visited_.ForEach([this](std::int32_t l) { schur_.RefreshResidual(l); });
-  stale_landmarks_.ForEach([this](std::int32_t l) { schur_.RefreshResidual(l); });
-  const int num_updated = visited_.count() + stale_landmarks_.count();
-  const auto accept = [this](VariableId id) {
-    values_.Accept(id);
-    tangents_.MarkMoved(id);
-  };
-  moved_.ForEach([&](std::int32_t i) { accept(schur_.frames()[i].id); });
-  visited_.ForEach([&](std::int32_t l) { accept(schur_.landmarks()[l].id); });
+  const int num_updated = step_.UpdateRhs();
+  step_.MoveValues();
   for (const IncrementalFamily& family : families_) {
-    Recenter(family, touched_lists_[family.id()]);
+    Recenter(family, step_.Touched(family.id()));
   }
   ResumCost();
   return num_updated;
@@ -314,7 +198,7 @@ double IncrementalSystem::RoundingOfCost() const {
     }
     double largest = 0.0;
     for (int k = 0; k < graph_.AmbientSize(id); ++k) {
-      largest = std::max(largest, std::fabs(values_.current(id)[k]));
+      largest = std::max(largest, std::fabs(variables_.current(id)[k]));
     }
     return trace * largest * largest;
   };
@@ -327,10 +211,11 @@ double IncrementalSystem::RoundingOfCost() const {
     }
   }
   const bool landmarks_only = sum == 0.0;
-  for (std::size_t l = 0; landmarks_only && l < schur_.landmarks().size(); ++l) {
+  for (int l = 0; landmarks_only && l < static_cast<int>(schur_.landmarks().size()); ++l) {
     const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
-    if (landmark.id >= 0 && landmark.in_S) {
-      sum += share(landmark.id, landmark.size, [&landmark](int k) { return landmark.P[k * kQuad + k]; });
+    if (landmark.id >= 0 && schur_.IsInS(l)) {
+      const double* P = schur_.blocks().P(l);
+      sum += share(landmark.id, landmark.size, [P](int k) { return P[k * kQuad + k]; });
     }
   }
   const double rounding = kOperations * std::numeric_limits<double>::epsilon();
@@ -353,33 +238,8 @@ void IncrementalSystem::ResumCost() {
   cost_peak_ = cost_;
 }
 
-void IncrementalSystem::Reject() {
-  DropChanges();
-  moved_.ForEach([this](std::int32_t i) { values_.Reject(schur_.frames()[i].id); });
-  visited_.ForEach([this](std::int32_t l) { values_.Reject(schur_.landmarks()[l].id); });
-  EndStep();
-}
-
-void IncrementalSystem::EndStep() {
-  const auto clear = [this](std::int32_t quad, int size) {
-    std::fill_n(step_.begin() + std::ptrdiff_t{quad} * kQuad, size, 0.0);
-  };
-  moved_.ForEach([&](std::int32_t i) { clear(schur_.frames()[i].quad, schur_.frames()[i].size); });
-  visited_.ForEach([&](std::int32_t l) { clear(schur_.landmarks()[l].quad, schur_.landmarks()[l].size); });
-  for (const IncrementalFamily& family : families_) {
-    touched_[family.id()].Clear();
-    touched_lists_[family.id()].clear();
-  }
-  moved_.Clear();
-  visited_.Clear();
-  stale_landmarks_.Clear();
-  reached_.Clear();
-  touched_named_ = false;
-  dogleg_prepared_ = false;
-}
-
 std::int64_t IncrementalSystem::Bytes() const {
-  std::int64_t bytes = schur_.Bytes() + static_cast<std::int64_t>(step_.capacity() * sizeof(double));
+  std::int64_t bytes = schur_.Bytes() + step_.Bytes();
   for (const IncrementalFamily& family : families_) {
     bytes += family.Bytes();
   }

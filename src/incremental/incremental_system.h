@@ -4,16 +4,15 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/aligned_vector.h"
 #include "base/executor.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/graph_edit.h"
 #include "incremental/incremental_schur.h"
 #include "incremental/index_set.h"
+#include "incremental/trial_step.h"
 #include "incremental/tuning.h"
 #include "linearize/incremental_family.h"
-#include "linearize/incremental_tangents.h"
-#include "linearize/incremental_values.h"
+#include "linearize/variable_store.h"
 
 namespace inceres::internal {
 
@@ -32,7 +31,7 @@ struct RelinearizeWork {
 /// A living problem with everything that was ever computed for it: values, cached linearizations, S and b. What an incremental
 /// strategy drives:
 ///
-///     edits -> Relinearize -> (solve S' δ_c = b elsewhere) -> SetFrameStep, Visit -> EvaluateStep -> Accept or Reject
+///     edits -> Relinearize -> (solve S' δ_c = b elsewhere) -> step().SetFrame, Visit, Evaluate -> Accept or step().Reject
 ///
 /// The cost of each verb goes with the factors it touches, not with the size of the problem. Edits follow those of the graph;
 /// removals come before the graph forgets, additions after it knows.
@@ -45,8 +44,8 @@ class IncrementalSystem {
       : graph_(graph),
         executor_(num_threads),
         schur_(&families_),
-        replace_cost_(tuning.rebuild.replace_cost),
-        max_stretch_(tuning.landmarks.max_stretch) {}
+        step_(graph_, executor_, tuning.landmarks.max_stretch, &variables_, &families_, &schur_),
+        replace_cost_(tuning.rebuild.replace_cost) {}
   IncrementalSystem(const IncrementalSystem&) = delete;
   IncrementalSystem& operator=(const IncrementalSystem&) = delete;
 
@@ -77,9 +76,9 @@ class IncrementalSystem {
   }
   /// Marks a landmark for elimination anew, to take up another damping.
   void Redamp(std::int32_t landmark) { dirty_landmarks_.Add(landmark); }
-  /// The same for the landmarks that are damped by more than the limit, or by IncrementalSchur::kMildDamping where that is more.
+  /// The same for the landmarks that are damped by more than the limit, or by LandmarkBlocks::kMildDamping where that is more.
   void RedampAbove(double limit) {
-    schur_.ForEachDampedAbove(limit, [this](std::int32_t landmark) { Redamp(landmark); });
+    schur_.blocks().ForEachDampedAbove(limit, [this](std::int32_t landmark) { Redamp(landmark); });
   }
 
   /// Algorithm 3: takes the old contributions of the dirty subgraph out of S and b, linearizes its factors at the current values
@@ -98,56 +97,36 @@ class IncrementalSystem {
   /// Those that have come so far are nothing new.
   void ForgetNewFrames() { entered_.clear(); }
 
-  /// The step under construction; what is not set does not move.
-  void SetFrameStep(std::int32_t frame, const double* step);
-  /// As it stands.
-  const double* FrameStep(std::int32_t frame) const { return step_.data() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad; }
-  /// Back-substitutes a landmark from the frame steps set so far.
-  void Visit(std::int32_t landmark);
+  /// The one under construction.
+  TrialStep& step() { return step_; }
+  const TrialStep& step() const { return step_; }
+  /// A step of these landmarks alone (TrialStep::TryLandmarks), accepted as by AcceptValues if any of them gained.
+  bool StepLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
+    const bool any = step_.TryLandmarks(landmarks, num_evaluated);
+    if (any) {
+      AcceptValues();
+    }
+    return any;
+  }
 
-  /// Evaluates the step: change of the cost, and the decrease the linearizations predict, over the factors it touches.
-  Status EvaluateStep(double* change, double* predicted_decrease);
-  /// ‖Dδ‖ of the step as it stands, D² = diag H.
-  double ScaledStepNorm() const;
-  /// ‖δ‖ of the step as it stands.
-  double StepNorm() const;
-  /// Replaces the step under construction, taken as the Gauss–Newton step of its active set, by the point at this scaled norm on
-  /// the dog-leg path from the Cauchy point of the same active set to it. To be evaluated anew. The first call after a step
-  /// prepares the path with one pass over the touched factors.
-  void ShortenStep(double scaled_norm);
-
-  /// A step of these landmarks alone, each of which is accepted or not for itself. True if any was: the caller then ends the step
-  /// as after AcceptValues. A landmark whose cost falls faster than its model says, as on the far side of a robust loss, goes
-  /// further the next time. *num_evaluated gets the factors looked at.
-  bool StepLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
-
-  /// Ends the step: the values move, and residuals, gradient shares and b follow; Jacobians stay. Or nothing moves.
+  /// Ends the step: the values move, and residuals, gradient shares and b follow; Jacobians stay.
   void Accept() {
     AcceptValues();
-    EndStep();
+    step_.End();
   }
-  void Reject();
-  /// Accept in two halves, for whoever wants to look at the touched factors in between.
-  /// The first half tells how many landmarks' right-hand sides followed.
+  /// The first half of it, for whoever wants to look at the touched factors in between: tells how many landmarks' right-hand
+  /// sides followed.
   int AcceptValues();
-  void EndStep();
 
-  bool FrameMoves(std::int32_t frame) const { return moved_.Has(frame); }
-  bool Visited(std::int32_t landmark) const { return visited_.Has(landmark); }
   int NumDirtyFactors() const;
   bool IsDirty(FactorRef ref) const { return dirty_[ref.family].Has(ref.factor); }
-  /// ‖δ_i‖_∞ of the step over the factor's variables.
-  double LargestStep(FactorRef ref) const;
-  /// Per family, ascending: the factors the step touches; between EvaluateStep and EndStep.
-  const std::vector<std::int32_t>& Touched(int family) const { return touched_lists_[family]; }
-
   double cost() const { return cost_; }
   /// How much of the cost rounding may be: ½ Σ_v ‖x_v‖_∞² tr(C_vv) (n ε)², for a residual that comes of n operations on numbers
   /// as large as J_v x_v is exact to n ε ‖x_v‖ ‖J_v‖. Cost: a pass over the frames, or over the landmarks where no frame can
   /// move.
   double RoundingOfCost() const;
   int num_factors() const { return num_factors_; }
-  const IncrementalValues& values() const { return values_; }
+  const VariableStore& variables() const { return variables_; }
   const std::vector<IncrementalFamily>& families() const { return families_; }
   IncrementalSchur& schur() { return schur_; }
   const IncrementalSchur& schur() const { return schur_; }
@@ -170,25 +149,6 @@ class IncrementalSystem {
   Status LinearizeFamily(IncrementalFamily* family, bool by_difference);
   Status InfiniteCost(const IncrementalFamily& family) const;
   void RecenterDirty(RelinearizeWork* work);
-  // A landmark's own line search, from one StepLandmarks to the next.
-  struct LandmarkStep {
-    double stretch = 1.0;  // of its next step
-    double change = 0.0;
-    double slope = 0.0;
-  };
-
-  template <typename Function>
-  void ForEachActive(Function&& visit) const;
-  void PrepareDogleg();
-  void Move(VariableId id, std::int32_t quad);
-  void Touch(const std::vector<FactorRef>& factors);
-  void NameTouched();
-  void DropChanges();
-  void Stretch(std::int32_t landmark);
-  bool EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
-  bool AcceptLandmark(std::int32_t landmark);
-  void ForgetSteps(VariableId id);
-  void LeaveOut(std::int32_t landmark);
   void AddToCost(double change) {
     cost_ += change;
     cost_peak_ = std::max(cost_peak_, cost_);
@@ -201,12 +161,11 @@ class IncrementalSystem {
 
   FactorGraph& graph_;
   Executor executor_;
-  IncrementalValues values_;
-  IncrementalTangents tangents_;
+  VariableStore variables_;
   std::vector<IncrementalFamily> families_;
   IncrementalSchur schur_;
+  TrialStep step_;
   const double replace_cost_;
-  const double max_stretch_;
   std::vector<int> frame_of_;     // per variable, or -1
   std::vector<int> landmark_of_;  // per variable, or -1
   int num_factors_ = 0;
@@ -215,21 +174,8 @@ class IncrementalSystem {
   double cost_peak_ = 0.0;         // the largest it has been since it was summed
   std::int64_t cost_changes_ = 0;  // since then
 
-  std::vector<IndexSet> dirty_;    // per family: to be relinearized
-  std::vector<IndexSet> touched_;  // per family: with a variable that moves
-  std::vector<std::vector<std::int32_t>> touched_lists_;
-  bool touched_named_ = false;  // the two above and the two below are those of the step under construction
-  IndexSet dirty_landmarks_;    // to be eliminated anew
-  IndexSet stale_landmarks_;    // not visited, but seen from a frame that moves
-  IndexSet reached_;            // frames of touched factors and of their landmarks
-  IndexSet visited_;
-  IndexSet moved_;
-  AlignedVector<double> step_;  // padded, all variables; zero where nothing moves
-  bool dogleg_prepared_ = false;
-  AlignedVector<double> gauss_newton_;  // of the active set, padded like step_
-  AlignedVector<double> cauchy_;
-  AlignedVector<double> direction_;
-  std::vector<LandmarkStep> landmark_steps_;
+  std::vector<IndexSet> dirty_;  // per family: to be relinearized
+  IndexSet dirty_landmarks_;     // to be eliminated anew
   std::vector<std::int32_t> list_;
   std::vector<std::ptrdiff_t> kept_;  // of the listed factors: where S keeps their old contributions; -1: none
   std::vector<std::int32_t> slots_;

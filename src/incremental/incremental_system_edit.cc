@@ -6,19 +6,6 @@
 
 namespace inceres::internal {
 
-void IncrementalSystem::GrowSets() {
-  dirty_landmarks_.Grow(schur_.landmarks().size());
-  stale_landmarks_.Grow(schur_.landmarks().size());
-  visited_.Grow(schur_.landmarks().size());
-  landmark_steps_.resize(schur_.landmarks().size());
-  moved_.Grow(schur_.frames().size());
-  reached_.Grow(schur_.frames().size());
-  const std::size_t entries = static_cast<std::size_t>(tangents_.num_quads()) * kQuad;
-  if (entries > step_.size()) {
-    step_.resize(entries, 0.0);
-  }
-}
-
 Status IncrementalSystem::Apply(const GraphEdit& edit) {
   const Status status = graph_.Check(edit, &removed_);
   if (!status.ok()) {
@@ -61,7 +48,7 @@ Status IncrementalSystem::Apply(const GraphEdit& edit) {
 void IncrementalSystem::FollowPin(VariableId id) {
   entering_.clear();
   reattached_.clear();
-  tangents_.MarkMoved(id);
+  variables_.MarkMoved(id);
   graph_.TrackFactors();
   graph_.ForEachFactorOf(id, [this](FactorId factor) { reattached_.push_back({factor.family, factor.index}); });
   Reattach();
@@ -72,31 +59,25 @@ void IncrementalSystem::AddVariable(VariableId id) {
     frame_of_.resize(id + 1, -1);
     landmark_of_.resize(id + 1, -1);
   }
-  values_.Add(graph_, id);
-  if (graph_.IsConstant(id)) {
-    tangents_.Add(graph_, id, false);
-  } else {
+  variables_.Add(graph_, id);
+  if (!graph_.IsConstant(id)) {
     Enter(id);
   }
 }
 
-// What the steps of a landmark alone have shown does not hold from other values.
-void IncrementalSystem::ForgetSteps(VariableId id) {
-  if (landmark_of_[id] >= 0) {
-    landmark_steps_[landmark_of_[id]] = {};
-  }
-}
-
 void IncrementalSystem::Enter(VariableId id) {
-  tangents_.Add(graph_, id, true);
+  variables_.Enter(graph_, id);
   if (graph_.role(id) == Role::kLandmark) {
-    landmark_of_[id] = schur_.AddLandmark(id, tangents_.quad(id), graph_.TangentSize(id));
+    landmark_of_[id] = schur_.AddLandmark(id, variables_.quad(id), graph_.TangentSize(id));
   } else {
-    frame_of_[id] = schur_.AddFrame(id, tangents_.quad(id), graph_.TangentSize(id));
+    frame_of_[id] = schur_.AddFrame(id, variables_.quad(id), graph_.TangentSize(id));
     entered_.push_back(id);
   }
-  GrowSets();
-  ForgetSteps(id);
+  dirty_landmarks_.Grow(schur_.landmarks().size());
+  step_.GrowVariables();
+  if (landmark_of_[id] >= 0) {
+    step_.ForgetLandmark(landmark_of_[id]);
+  }
 }
 
 void IncrementalSystem::RemoveVariable(VariableId id) {
@@ -107,15 +88,14 @@ void IncrementalSystem::RemoveVariable(VariableId id) {
     schur_.RemoveFrame(frame_of_[id]);
   }
   frame_of_[id] = landmark_of_[id] = -1;
-  tangents_.Remove(id);
+  variables_.Remove(id);
 }
 
 void IncrementalSystem::AdmitFamilies() {
   for (auto id = static_cast<FamilyId>(families_.size()); id < graph_.num_families(); ++id) {
     families_.emplace_back(graph_, id);
     dirty_.emplace_back();
-    touched_.emplace_back();
-    touched_lists_.emplace_back();
+    step_.GrowFactors(id);
   }
 }
 
@@ -127,9 +107,9 @@ void IncrementalSystem::AddFactor(FactorRef ref) {
 
 void IncrementalSystem::Attach(FactorRef ref) {
   IncrementalFamily& family = families_[ref.family];
-  family.Connect(ref.factor, &values_, tangents_);
+  family.Connect(ref.factor, &variables_);
   dirty_[ref.family].Grow(family.num_places());
-  touched_[ref.family].Grow(family.num_places());
+  step_.GrowFactors(ref.family);
   slots_.clear();
   int landmark = -1;
   for (int s = 0; s < family.num_slots(); ++s) {
@@ -154,7 +134,7 @@ void IncrementalSystem::RemoveFactor(FactorRef ref) {
 
 void IncrementalSystem::Detach(FactorRef ref) {
   IncrementalFamily& family = families_[ref.family];
-  const std::int32_t landmark = schur_.LandmarkOfFactor(ref);
+  const std::int32_t landmark = schur_.structure().LandmarkOfFactor(ref);
   if (landmark >= 0) {
     TakeOut(landmark);
   }
@@ -205,7 +185,7 @@ void IncrementalSystem::Hold(VariableId id, bool constant) {
   // A factor of two landmarks, one of them always constant, belongs to the free one.
   graph_.ForEachFactorOf(id, [this, landmark](FactorId factor) {
     const FactorRef ref{factor.family, factor.index};
-    if (schur_.LandmarkOfFactor(ref) != landmark) {
+    if (schur_.structure().LandmarkOfFactor(ref) != landmark) {
       reattached_.push_back(ref);
     }
   });
@@ -235,8 +215,7 @@ void IncrementalSystem::TakeValues() {
   ForgetNewFrames();
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
     if (graph_.HasVariable(id)) {
-      values_.Set(id, graph_.Values(id));
-      tangents_.MarkMoved(id);
+      variables_.Set(id, graph_.Values(id));
     }
   }
   for (IncrementalFamily& family : families_) {
@@ -245,9 +224,10 @@ void IncrementalSystem::TakeValues() {
 }
 
 void IncrementalSystem::SetValues(VariableId id, const double* values) {
-  values_.Set(id, values);
-  ForgetSteps(id);
-  tangents_.MarkMoved(id);
+  variables_.Set(id, values);
+  if (landmark_of_[id] >= 0) {
+    step_.ForgetLandmark(landmark_of_[id]);
+  }
   graph_.TrackFactors();
   graph_.ForEachFactorOf(id, [this](FactorId factor) { MarkChanged({factor.family, factor.index}); });
 }

@@ -1,12 +1,12 @@
-// Steps of single landmarks with the frames held: IncrementalSystem::StepLandmarks (the embedded point iteration of ICE-BA).
+// Steps of single landmarks with the frames held: TrialStep::TryLandmarks (the embedded point iteration of ICE-BA).
 
 #include <algorithm>
 
-#include "incremental/incremental_system.h"
+#include "incremental/trial_step.h"
 
 namespace inceres::internal {
 
-void IncrementalSystem::Stretch(std::int32_t landmark) {
+void TrialStep::Stretch(std::int32_t landmark) {
   const IncrementalSchur::Landmark& l = schur_.landmarks()[landmark];
   double* step = step_.data() + std::ptrdiff_t{l.quad} * kQuad;
   for (int k = 0; k < l.size; ++k) {
@@ -14,7 +14,7 @@ void IncrementalSystem::Stretch(std::int32_t landmark) {
   }
 }
 
-bool IncrementalSystem::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
+bool TrialStep::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
   for (const std::int32_t landmark : landmarks) {
     const IncrementalSchur::Landmark& l = schur_.landmarks()[landmark];
     Visit(landmark);
@@ -33,7 +33,7 @@ bool IncrementalSystem::EvaluateLandmarks(const std::vector<std::int32_t>& landm
     }
     family.PredictDecrease(touched, step_.data());
     for (const std::int32_t i : touched) {
-      LandmarkStep& step = landmark_steps_[schur_.LandmarkOfFactor({family.id(), i})];
+      LandmarkStep& step = landmark_steps_[schur_.structure().LandmarkOfFactor({family.id(), i})];
       double slope = 0.0;
       double curvature = 0.0;
       family.Slope(i, &slope, &curvature);
@@ -45,7 +45,7 @@ bool IncrementalSystem::EvaluateLandmarks(const std::vector<std::int32_t>& landm
 }
 
 // Whether the landmark's step lowers its cost; and how long the next one is to be, as a multiple of what its model says.
-bool IncrementalSystem::AcceptLandmark(std::int32_t landmark) {
+bool TrialStep::KeepLandmark(std::int32_t landmark) {
   LandmarkStep& step = landmark_steps_[landmark];
   if (!(step.change < 0.0) || !(step.slope > 0.0)) {
     step.stretch = 1.0;
@@ -60,9 +60,9 @@ bool IncrementalSystem::AcceptLandmark(std::int32_t landmark) {
   return true;
 }
 
-void IncrementalSystem::LeaveOut(std::int32_t landmark) {
+void TrialStep::LeaveOut(std::int32_t landmark) {
   const IncrementalSchur::Landmark& l = schur_.landmarks()[landmark];
-  values_.Reject(l.id);
+  variables_.Reject(l.id);
   visited_.Remove(landmark);
   std::fill_n(step_.begin() + std::ptrdiff_t{l.quad} * kQuad, l.size, 0.0);
   for (const FactorRef& ref : l.factors) {
@@ -70,26 +70,25 @@ void IncrementalSystem::LeaveOut(std::int32_t landmark) {
   }
 }
 
-bool IncrementalSystem::StepLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
+bool TrialStep::TryLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
   *num_evaluated = 0;
   if (!EvaluateLandmarks(landmarks, num_evaluated)) {
     Reject();
     return false;
   }
   for (const std::int32_t landmark : landmarks) {
-    if (!AcceptLandmark(landmark)) {
+    if (!KeepLandmark(landmark)) {
       LeaveOut(landmark);
     }
   }
   if (visited_.empty()) {
-    EndStep();
+    End();
     return false;
   }
   NameTouched();
   for (IncrementalFamily& family : families_) {
     family.TryStep(touched_lists_[family.id()], step_.data(), schur_.padded_change());
   }
-  AcceptValues();
   return true;
 }
 

@@ -11,7 +11,8 @@ bool IncrementalMinimizer::TakesNewFrameSteps() {
   system_.TakeNewFrames(&new_frames_);
   return options_.max_new_frame_steps > 0 && !state_.mostly_new && state_.shares.truncation > 0.0 &&
          options_.damping == DampingForm::kHybrid && !new_frames_.empty() &&
-         2 * new_frames_.count() <= system_.schur().num_frames() && new_frame_step_.HasRoomFor(system_.schur(), new_frames_) &&
+         2 * new_frames_.count() <= system_.schur().structure().num_frames() &&
+         new_frame_step_.HasRoomFor(system_.schur(), new_frames_) &&
          !(options_.rebuild == RebuildPolicy::kWhenCheaper && system_.RebuildIsCheaper());
 }
 
@@ -33,12 +34,12 @@ bool IncrementalMinimizer::FindNewFrameStep() {
   frame_step_.Refresh(options_.damping, control_.mu(), &schur);
   const bool solved = new_frame_step_.Solve(schur, frame_step_.reduced(), new_frames_);
   for (int k = 0; solved && k < new_frame_step_.num_frames(); ++k) {
-    system_.SetFrameStep(new_frame_step_.frame(k), new_frame_step_.step(k));
+    system_.step().SetFrame(new_frame_step_.frame(k), new_frame_step_.step(k));
   }
   new_landmarks_.ForEach([&](std::int32_t landmark) {
-    summary_->num_eliminated_landmarks += schur.landmarks()[landmark].partly ? 1 : 0;
-    if (solved && schur.landmarks()[landmark].partly) {  // neither held nor undetermined
-      system_.Visit(landmark);
+    summary_->num_eliminated_landmarks += schur.blocks().state(landmark) == LandmarkState::kInRows ? 1 : 0;
+    if (solved && schur.blocks().state(landmark) == LandmarkState::kInRows) {  // neither held nor undetermined
+      system_.step().Visit(landmark);
       ++summary_->num_visited_landmarks;
     }
     schur.TakeOutOfRows(landmark, new_frames_);
@@ -65,7 +66,7 @@ bool IncrementalMinimizer::StepNewFrames(const std::atomic<bool>& stop) {
     const bool evaluated = EvaluateStep(&ratio);
     if (evaluated && trace_->row().predicted_change <= stop_.rounding()) {
       trace_->row().step = UpdateStep::kNone;  // they are where they belong
-      system_.Reject();
+      system_.step().Reject();
       return EndIteration();
     }
     const bool accepted = evaluated && ratio > options_.min_relative_decrease;
@@ -73,7 +74,7 @@ bool IncrementalMinimizer::StepNewFrames(const std::atomic<bool>& stop) {
       AcceptStep();
     } else {
       ++summary_->num_rejected_steps;
-      system_.Reject();
+      system_.step().Reject();
     }
     const double gain = trace_->row().cost_change;
     if (!EndIteration()) {

@@ -28,9 +28,9 @@ void Relinearization::MarkStale(double tolerance) {
   aged_.resize(system_.families().size());
   for (const IncrementalFamily& family : system_.families()) {
     aged_[family.id()].Grow(family.num_places());
-    for (const std::int32_t i : system_.Touched(family.id())) {
+    for (const std::int32_t i : system_.step().Touched(family.id())) {
       const bool errs = rule_ == RelinearizationRule::kStepSize && !family.constant_jacobian()
-                            ? system_.LargestStep({family.id(), i}) >= step_
+                            ? system_.step().Largest({family.id(), i}) >= step_
                             : stale.ExceededBy(family, i);
       if (errs || family.WeightIsOff(i, family.IsCorrected(i) ? tuning_.corrected_weight_change : tuning_.weight_change)) {
         system_.MarkDirty({family.id(), i});
@@ -60,7 +60,7 @@ bool Relinearization::RefreshAged(double tolerance) {
 bool Relinearization::RefreshTouched(bool evaluated) {
   const auto for_each_old = [this](auto&& visit) {
     for (const IncrementalFamily& family : system_.families()) {
-      for (const std::int32_t i : system_.Touched(family.id())) {
+      for (const std::int32_t i : system_.step().Touched(family.id())) {
         if (family.SquaredError(i) > tuning_.exact) {
           visit(FactorRef{family.id(), i});
         }

@@ -103,6 +103,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("batch.good_model", &tuning->batch.good_model);
   real("batch.kept_promise", &tuning->batch.kept_promise);
   real("batch.steady_factor", &tuning->batch.steady_factor);
+  real("batch.near_gain", &tuning->batch.near_gain);
   real("batch.seeing_radius", &tuning->batch.seeing_radius);
   count("batch.patience", &tuning->batch.patience);
   count("batch.stagnation", &tuning->batch.stagnation);

@@ -112,6 +112,8 @@ struct Tuning {
     double kept_promise = 0.75;
     /// What the model promises has to fall by more than this factor from one step to the next.
     double steady_factor = 0.5;
+    /// Tolerances: after a step that kept its promise and gained no more, the next one is hardly damped.
+    double near_gain = 100.0;
     /// Radius of Levenberg–Marquardt, one over its damping, from which on promises and gains tell of all directions.
     double seeing_radius = 1e8;
     /// Iterations of the strategy that was asked for; what they do not finish Marquardt's rule goes on with.

@@ -24,12 +24,6 @@ double AnalysisPrice(const SymmetricBlockRows& S) {
 
 }  // namespace
 
-// Later, if at all.
-Status AutomaticSolver::Analyze(const ReducedMatrix& /*A*/) {
-  sparse_is_analyzed_ = false;
-  return Status::Ok();
-}
-
 Status AutomaticSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
   Status status;
   const ResumedSolver::Plan plan = resumed_.PlanFor(A, changed);
@@ -46,23 +40,20 @@ Status AutomaticSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
   return status;
 }
 
-// A pattern that is new is analyzed once the resumed factorizations since the last analysis have cost more than those of the last
-// known sparse factor by what an analysis takes: at most twice what it would be for who knew how long the pattern lasts.
+// The pattern is analyzed once the resumed factorizations since the last analysis have cost more than those of the last known
+// sparse factor by what an analysis takes: at most twice what it would be for who knew what is to come.
 bool AutomaticSolver::SparseIsCheaper(const ReducedMatrix& A, const ResumedSolver::Plan& plan) {
   const double resumed = plan.again + std::max(0.0, plan.flops - plan.again - saving_);
   if (resumed <= kCheap) {
     return false;
   }
-  if (!sparse_is_analyzed_) {
-    regret_ += std::max(0.0, resumed - kSparsePenalty * sparse_flops_);
-    if (regret_ <= AnalysisPrice(*A.rows()) || !sparse_.Analyze(A).ok()) {
-      return false;
-    }
-    regret_ = 0.0;
-    sparse_flops_ = sparse_.PredictedFlops();
-    sparse_is_analyzed_ = true;
+  regret_ += std::max(0.0, resumed - kSparsePenalty * sparse_flops_);
+  if (regret_ <= AnalysisPrice(*A.rows()) || !sparse_.Analyze(A).ok()) {
+    return false;
   }
-  return kSparsePenalty * sparse_.PredictedFlops() < resumed;
+  regret_ = 0.0;
+  sparse_flops_ = sparse_.PredictedFlops();
+  return kSparsePenalty * sparse_flops_ < resumed;
 }
 
 Status AutomaticSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) {

@@ -16,7 +16,6 @@ class AutomaticSolver final : public ReducedSolver {
 
   /// Of the solver that took the last factorization.
   const char* Name() const override { return chosen_->Name(); }
-  Status Analyze(const ReducedMatrix& A) override;
   Status Factorize(const ReducedMatrix& A, const Rows& changed) override;
   Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
   std::size_t Bytes() const override { return resumed_.Bytes() + sparse_.Bytes(); }
@@ -26,10 +25,9 @@ class AutomaticSolver final : public ReducedSolver {
 
   ResumedSolver resumed_;
   SparseCholesky sparse_;
-  bool sparse_is_analyzed_ = false;  // in this pattern
-  double sparse_flops_ = 0.0;        // of the pattern analyzed last; 0: none, and the first analysis will tell
-  double regret_ = 0.0;              // flops by which resumed factorizations exceeded those since the last analysis
-  double saving_ = 0.0;              // flops that a resumed factor which had kept up would have spared since
+  double sparse_flops_ = 0.0;  // of the pattern analyzed last; 0: none, and the first analysis will tell
+  double regret_ = 0.0;        // flops by which resumed factorizations exceeded those since the last analysis
+  double saving_ = 0.0;        // flops that a resumed factor which had kept up would have spared since
   ReducedSolver* chosen_ = &resumed_;
 };
 

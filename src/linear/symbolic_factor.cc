@@ -19,7 +19,8 @@ constexpr double kMinFlopsForDissection = 3e7;
 constexpr double kWorthOfHalves = 1.05;
 
 // When a front is joined with its parent: up to so many scalar columns of both, while zeros make up less than such a share of
-// their entries; the first without a limit, the last share whatever the columns. The rule of CHOLMOD's analysis, for blocks of 6.
+// their entries; the first without a limit, and without their zeros being counted; the last share whatever the columns. The rule
+// of CHOLMOD's analysis, for blocks of 6.
 constexpr double kJoinedColumns[] = {24.0, 48.0, 96.0};
 constexpr double kZeroShare[] = {0.8, 0.1, 0.05};
 
@@ -215,7 +216,7 @@ class EliminationTree {
     for (auto f = static_cast<int>(begin_.size()) - 3; f >= 0; --f) {
       const int next = begin.back(), end = begin[begin.size() - 2];
       const int parent = parents_[next - 1];
-      const double new_zeros = static_cast<double>(next - begin_[f]) * (RowsOf(begin_[f], end) - counts_[begin_[f]]);
+      const double new_zeros = NewZeros(begin_[f], next, end);
       if (parent >= next && parent < end && IsWorthJoining(begin_[f], end, new_zeros, zeros + new_zeros)) {
         begin.back() = begin_[f];
         zeros += new_zeros;
@@ -226,13 +227,17 @@ class EliminationTree {
     }
     begin_.assign(begin.rbegin(), begin.rend());
   }
-  bool IsWorthJoining(int begin, int end, double new_zeros, double zeros) const {
-    const double columns = end - begin;
-    const double share = zeros / (columns * (0.5 * (columns + 1.0) + RowsOf(begin, end) - columns));
-    const auto is_within = [&](int k) { return columns <= std::ceil(kJoinedColumns[k] / MeanSize()); };
-    return is_within(0) || new_zeros == 0.0 || (is_within(1) && share < kZeroShare[0]) ||
-           (is_within(2) && share < kZeroShare[1]) || share < kZeroShare[2];
+  // Those of a front [begin, next) that joins the one behind it, up to `end`, as far as they count.
+  double NewZeros(int begin, int next, int end) const {
+    return IsNarrow(end - begin, 0) ? 0.0 : static_cast<double>(next - begin) * (RowsOf(begin, end) - counts_[begin]);
   }
+  bool IsWorthJoining(int begin, int end, double new_zeros, double zeros) const {
+    const int columns = end - begin;
+    const double share = zeros / (columns * (0.5 * (columns + 1) + RowsOf(begin, end) - columns));
+    return new_zeros == 0.0 || (IsNarrow(columns, 1) && share < kZeroShare[0]) ||
+           (IsNarrow(columns, 2) && share < kZeroShare[1]) || share < kZeroShare[2];
+  }
+  bool IsNarrow(int columns, int limit) const { return columns <= std::ceil(kJoinedColumns[limit] / MeanSize()); }
   // Of a front with these pivots: those, and the rows of the last column below it.
   int RowsOf(int begin, int end) const { return end - begin + counts_[end - 1] - 1; }
 

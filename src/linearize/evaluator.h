@@ -1,53 +1,16 @@
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <vector>
 
-#include "base/aligned_vector.h"
 #include "base/executor.h"
-#include "base/zeroed_array.h"
 #include "inceres/problem/factor_graph.h"
 #include "linearize/layout.h"
-#include "simd/kernels.h"
+#include "linearize/linearization.h"
+#include "linearize/robustify.h"
+#include "linearize/tangent.h"
 
 namespace inceres::internal {
-
-/// How the tangent Jacobians of a family's factors lie in memory.
-enum class JacobianStorage {
-  kBySlot,     ///< those of each slot together: factors touch what they like
-  kWholeRows,  ///< rows of J with all columns: a small problem whose factors touch the same variables
-};
-
-/// Whole rows where there are no landmarks, at most 16 unknowns and 1,024 residuals, and within each family all factors touch the
-/// same variables, as in curve fitting and calibration: then J is one small dense matrix.
-JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout);
-
-/// Residuals and tangent Jacobians of one family at the current point, after the correction for the loss.
-struct FamilyCache {
-  const FactorFamily* family = nullptr;
-  FamilyId id = 0;
-  int num_factors = 0;
-  bool has_losses = false;
-  JacobianStorage storage = JacobianStorage::kBySlot;
-  ZeroedArray residuals;
-  ZeroedArray candidate_residuals;
-  ZeroedArray jacobian_values;                      // all slots, one after the other, or whole rows
-  std::vector<SlotJacobians> slots;                 // of whole rows there is one
-  std::vector<JacobianView> views;                  // the same places slot by slot, as the public interface calls them
-  std::vector<const double*> parameters;            // per factor and slot, at the point where their chunk was evaluated last
-  std::vector<const double*> candidate_parameters;  // of whole rows only, whose others are at the current point throughout
-  std::vector<const double*> pins;  // per factor and slot: where it is linearized, null if where it is; empty without any
-  std::vector<const double*> jacobian_parameters;  // scratch of the same size
-  std::vector<const TangentMap*> tangent_maps;     // per factor and slot
-  // Per factor and slot: quads into the padded tangent vector, or -1 where the Jacobian has no block; of whole rows: 0.
-  std::vector<std::int32_t> tangent_offsets;
-
-  /// What products with J take for one factor: all of a family's whole rows are one.
-  int num_blocks() const { return storage == JacobianStorage::kBySlot ? num_factors : std::min(num_factors, 1); }
-  int rows_per_block() const { return family->residual_size() * (storage == JacobianStorage::kBySlot ? 1 : num_factors); }
-  FactorRows Rows(int begin, int end) const;
-};
 
 /// Owns the two points of a trust-region iteration, current and candidate, and evaluates the factors at them.
 ///
@@ -67,8 +30,8 @@ class Evaluator {
 
   const std::vector<double>& current() const { return current_; }
   const std::vector<double>& candidate() const { return candidate_; }
-  std::vector<FamilyCache>& families() { return families_; }
-  const std::vector<FamilyCache>& families() const { return families_; }
+  std::vector<Linearization>& families() { return families_; }
+  const std::vector<Linearization>& families() const { return families_; }
   const FactorGraph& graph() const { return *graph_; }
   const Layout& layout() const { return layout_; }
   const Executor& executor() const { return executor_; }
@@ -103,8 +66,8 @@ class Evaluator {
   /// Residuals, Jacobians and cost at the current point. `known_point`: its tangent maps were computed by EvaluateCandidateCost.
   Status EvaluateJacobians(bool known_point, double* cost);
 
-  /// Whether Jacobians have the second-order terms of losses with ρ'' < 0 from now on (RobustifyFactor). At first they have not.
-  void set_reduces_curvature(bool reduces) { reduces_curvature_ = reduces; }
+  /// Which second-order terms of losses Jacobians take from now on. At first kPositive.
+  void set_loss_curvature(LossCurvature curvature) { loss_curvature_ = curvature; }
 
   /// Whether blocks of Jacobians that are all zeros count as not there, with a tangent offset of -1, until the next Jacobians.
   /// Not of whole rows. At first they do not.
@@ -123,45 +86,38 @@ class Evaluator {
   };
 
   void BuildFamily(FamilyId id);
-  void PlaceSlots(FamilyCache* cache) const;
-  void PlaceWholeRows(FamilyCache* cache) const;
+  void PlaceWholeRows(Linearization* cache) const;
   void BuildChunks(FamilyId id);
   void BindFamily(FamilyId id);
   void FindAllParameters(FamilyId id);
   void FindParameters(const std::vector<double>& state, FamilyId id, std::vector<const double*>* parameters) const;
-  void BuildMaps();
+  void BuildTangents();
   void BuildBounds();
-  Status ComputePlusJacobians(const std::vector<double>& state, std::vector<double>* values);
-  void ClassifyMaps();
+  template <typename Compute>
+  Status ComputeTangents(const std::vector<double>& state, const Compute& compute);
   void PointTo(bool candidate, Chunk* chunk);
-  EvaluationFailure EvaluatePinned(const Chunk& chunk, FactorBatch batch);
   EvaluationFailure EvaluateChunk(bool jacobians, Chunk* chunk);
-  void PlaceInTangent(FamilyCache* cache, std::ptrdiff_t begin, std::ptrdiff_t end) const;
-  static void LeaveOutZeroBlocks(const Chunk& chunk, FamilyCache* cache);
-  double SumCosts(bool jacobians, FamilyCache* cache, int begin, int end);
+  void PlaceInTangent(Linearization* cache, std::ptrdiff_t begin, std::ptrdiff_t end) const;
+  static void LeaveOutZeroBlocks(const Chunk& chunk, Linearization* cache);
+  double SumCosts(bool jacobians, Linearization* cache, int begin, int end);
   Status EvaluateAll(bool jacobians, double* cost);
 
   const FactorGraph* graph_;
   const Layout& layout_;
   const Executor& executor_;
   const JacobianStorage storage_;
-  bool reduces_curvature_ = false;
+  LossCurvature loss_curvature_ = LossCurvature::kPositive;
   bool leaves_out_zero_blocks_ = false;
   std::vector<double> current_;
   std::vector<double> candidate_;
-  std::vector<FamilyCache> families_;
+  std::vector<Linearization> families_;
   std::vector<Chunk> chunks_;
   std::vector<double> sums_;  // of the costs of up to kSumSize factors each: what is added to what depends on nothing else
   std::vector<EvaluationFailure> chunk_failures_;
 
-  std::vector<const VariableBounds*> bounds_;       // per entry of layout_.variables, null if free; empty if all are
-  std::vector<TangentMap> maps_;                    // per VariableId
-  std::vector<int> curved_;                         // indices into layout_.variables of those with a manifold
-  std::vector<std::int64_t> plus_jacobian_offset_;  // per entry of curved_
-  std::vector<std::int64_t> selection_offset_;
-  std::vector<double> plus_jacobians_;
-  std::vector<double> candidate_plus_jacobians_;
-  std::vector<int> selections_;
+  std::vector<const VariableBounds*> bounds_;  // per entry of layout_.variables, null if free; empty if all are
+  std::vector<Tangent> tangents_;              // per VariableId
+  std::vector<VariableId> curved_;             // those of layout_.variables with a manifold, in this order
 };
 
 }  // namespace inceres::internal

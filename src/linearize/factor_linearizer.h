@@ -7,6 +7,8 @@
 
 #include "base/aligned_vector.h"
 #include "inceres/problem/factor_graph.h"
+#include "linearize/linearization.h"
+#include "linearize/tangent.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -33,30 +35,17 @@ class FactorLinearizer {
   Status Linearize(FactorId id, LinearizedFactor* result);
 
  private:
-  struct Tangent {
-    TangentMap map;
-    std::vector<double> plus_jacobian;
-    std::vector<int> selection;
-  };
-
   Status MapOf(VariableId id, const TangentMap** map);
-  Status FillTables(FactorId id);
-  Status Evaluate(FactorId id);
+  Status Connect(FactorId id, Linearization* factors);
 
   const FactorGraph& graph_;
   ValuesOf values_;
   std::function<bool(VariableId)> wanted_;
   std::map<VariableId, Tangent> tangents_;  // addresses stay
   TangentMap constant_;
-  // By place, as the families read them; only those of the present factor are filled.
-  std::vector<const double*> parameters_;
-  std::vector<const double*> jacobian_parameters_;
-  std::vector<const TangentMap*> maps_;
-  std::vector<double> residuals_;
-  bool pinned_ = false;
+  std::map<FamilyId, Linearization> families_;  // without room for Jacobians: of each only the present factor is filled
   AlignedVector<double> jacobians_;
   std::vector<SlotJacobians> slots_;
-  std::vector<JacobianView> views_;
   std::vector<std::int32_t> offsets_;  // per slot: 0, or -1 where no Jacobian is wanted
 };
 

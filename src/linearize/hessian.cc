@@ -52,12 +52,12 @@ void Hessian::BuildGradientTerms() {
     for (int k = plans_.hessian.segments_begin[block]; k < plans_.hessian.segments_begin[block + 1]; ++k) {
       const ProductPlan::Segment& segment = plans_.hessian.segments[k];
       const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
-      const FamilyCache& cache = evaluator_.families()[source.family];
+      const Linearization& cache = evaluator_.families()[source.family];
       const auto quads = static_cast<std::int32_t>(cache.slots[source.row_slot].factor_stride / kQuad);
       gradient_segments_.push_back({source.family, source.row_slot, static_cast<int>(gradient_terms_.size()), segment.count});
       for (int n = 0; n < segment.count; ++n) {
         const std::int32_t offset = plans_.hessian.terms[segment.first_term + n].b;
-        gradient_terms_.push_back({offset, offset / quads * cache.family->residual_size()});
+        gradient_terms_.push_back({offset, offset / quads * cache.residual_size});
       }
     }
     gradient_segments_begin_.push_back(static_cast<int>(gradient_segments_.size()));
@@ -105,7 +105,7 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
 void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
   const ProductPlan::Segment& segment = plans_.hessian.segments[s];
   const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
-  const FamilyCache& cache = evaluator_.families()[source.family];
+  const Linearization& cache = evaluator_.families()[source.family];
   const int size = rows * PadToQuad(columns);
   double* const kept = kept_.Find(s);
   if (kept == nullptr || kept_.IsStale(source.family)) {
@@ -114,7 +114,7 @@ void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
     products.b = cache.slots[source.row_slot].data;
     products.terms = plans_.hessian.terms.data() + segment.first_term;
     products.count = segment.count;
-    products.depth = cache.family->residual_size();
+    products.depth = cache.residual_size;
     products.a_size = columns;
     products.b_size = rows;
     products.symmetric = source.row_slot == source.column_slot;
@@ -135,13 +135,13 @@ void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
   double* sum = scratch->Zeroed(1, size);
   for (int s = gradient_segments_begin_[i]; s < gradient_segments_begin_[i + 1]; ++s) {
     const GradientSegment& segment = gradient_segments_[s];
-    const FamilyCache& cache = evaluator_.families()[segment.family];
+    const Linearization& cache = evaluator_.families()[segment.family];
     VectorProducts products;
     products.a = cache.slots[segment.slot].data;
     products.v = cache.residuals.data();
     products.terms = gradient_terms_.data() + segment.first_term;
     products.count = segment.count;
-    products.depth = cache.family->residual_size();
+    products.depth = cache.residual_size;
     products.a_size = size;
     kernels_.accumulate_vectors(products, 1.0, sum);
   }

@@ -7,9 +7,9 @@ namespace inceres::internal {
 namespace {
 
 // Landmark of each factor through one slot, or -1.
-std::vector<std::int32_t> LandmarksThroughSlot(const FamilyCache& cache, const FactorGraph& graph, const Layout& layout, int slot,
-                                               bool* any) {
-  const int num_slots = cache.family->num_slots();
+std::vector<std::int32_t> LandmarksThroughSlot(const Linearization& cache, const FactorGraph& graph, const Layout& layout,
+                                               int slot, bool* any) {
+  const int num_slots = cache.num_slots;
   std::vector<std::int32_t> landmark(cache.num_factors, -1);
   *any = false;
   for (int i = 0; i < cache.num_factors; ++i) {
@@ -42,18 +42,18 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
   const auto num_landmarks = static_cast<std::size_t>(layout.num_landmarks());
   std::vector<std::pair<int, LandmarkFactors>> found;  // landmark, its factors in one family
   y_targets_.resize(evaluator.families().size());
-  for (const FamilyCache& cache : evaluator.families()) {
+  for (const Linearization& cache : evaluator.families()) {
     if (num_landmarks == 0) {
       break;
     }
     auto& targets = y_targets_[cache.id];
-    for (int slot = 0; slot < cache.family->num_slots(); ++slot) {
+    for (int slot = 0; slot < cache.num_slots; ++slot) {
       bool any = false;
       const std::vector<std::int32_t> landmark = LandmarksThroughSlot(cache, evaluator.graph(), layout, slot, &any);
       if (!any) {
         continue;
       }
-      targets.resize(cache.num_factors * static_cast<std::size_t>(cache.family->num_slots()), -1);
+      targets.resize(cache.num_factors * static_cast<std::size_t>(cache.num_slots), -1);
       std::vector<int> start(num_landmarks + 1, 0);
       for (const int l : landmark) {
         if (l >= 0) {
@@ -74,9 +74,9 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
           LandmarkFactors entry;
           entry.factors = list.data() + start[l];
           entry.count = start[l + 1] - start[l];
-          entry.residual_size = cache.family->residual_size();
+          entry.residual_size = cache.residual_size;
           entry.landmark_slot = slot;
-          entry.num_slots = cache.family->num_slots();
+          entry.num_slots = cache.num_slots;
           entry.jacobians = cache.slots.data();
           entry.residuals = cache.residuals.data();
           entry.y_targets = targets.data();
@@ -108,7 +108,7 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
     for (int k = factors_begin[l]; k < factors_begin[l + 1]; ++k) {
       const LandmarkFactors& entry = factors[k];
       const auto owner = std::find_if(evaluator.families().begin(), evaluator.families().end(),
-                                      [&](const FamilyCache& cache) { return cache.slots.data() == entry.jacobians; });
+                                      [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
       auto& targets = y_targets_[owner->id];
       for (int n = 0; n < entry.count; ++n) {
         const auto first = static_cast<std::ptrdiff_t>(entry.factors[n]) * entry.num_slots;

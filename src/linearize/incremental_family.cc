@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/lowest_index.h"
-#include "linearize/moved_factors.h"
 #include "linearize/robustify.h"
 
 namespace inceres::internal {
@@ -15,9 +13,6 @@ constexpr double kNoWeight = 1e-12;
 
 // A residual that changes by less than this share of itself is steady enough for the curvature of its loss to count.
 constexpr double kSteadyShare = 1.0 / 3.0;
-
-// Factors a task; a smaller list stays on the calling thread.
-constexpr int kGrain = 512;
 
 double Dot(const double* a, const double* b, int size) {
   double sum = 0.0;
@@ -30,119 +25,46 @@ double Dot(const double* a, const double* b, int size) {
 }  // namespace
 
 IncrementalFamily::IncrementalFamily(const FactorGraph& graph, FamilyId id)
-    : graph_(&graph),
-      family_(&graph.family(id)),
-      kernels_(&BestKernels()),
-      id_(id),
-      constant_jacobian_(family_->HasConstantJacobian()),
-      residual_size_(family_->residual_size()),
-      num_slots_(family_->num_slots()),
-      jacobians_(num_slots_),
-      slots_(num_slots_),
-      views_(num_slots_) {
-  for (int s = 0; s < num_slots_; ++s) {
-    const int row_stride = PadToQuad(family_->slot(s).tangent_size);
-    slots_[s] = {nullptr, static_cast<std::ptrdiff_t>(residual_size_) * row_stride, row_stride, family_->slot(s).tangent_size};
-  }
+    : factors_(graph, id), kernels_(&BestKernels()), constant_jacobian_(factors_.family->HasConstantJacobian()) {
 }
 
 void IncrementalFamily::Grow(int num_places) {
-  num_places_ = num_places;
+  const int capacity = num_places > factors_.capacity ? 2 * num_places : factors_.capacity;  // the columns grow in step
+  factors_.Grow(num_places, capacity);
+  factors_.candidate_parameters.resize(factors_.parameters.size());
   const auto n = static_cast<std::size_t>(num_places);
-  const std::size_t room = n > states_.capacity() ? 2 * n : n;  // the arrays grow in step
-  for (int s = 0; s < num_slots_; ++s) {
-    jacobians_[s].reserve(room * slots_[s].factor_stride);
-    jacobians_[s].resize(n * slots_[s].factor_stride);
-    slots_[s].data = jacobians_[s].data();
-    views_[s] = {slots_[s].data, slots_[s].factor_stride, slots_[s].row_stride};
+  for (std::vector<double>* residuals : {&predicted_f_, &J_step_, &q_, &candidate_q_, &correction_}) {
+    residuals->reserve(First(capacity));
+    residuals->resize(First(num_places));
   }
-  for (std::vector<double>* residuals : {&f_, &candidate_f_, &predicted_f_, &J_step_, &q_, &candidate_q_, &correction_}) {
-    residuals->reserve(room * residual_size_);
-    residuals->resize(n * residual_size_);
-  }
-  states_.reserve(room);
+  states_.reserve(capacity);
   states_.resize(n);
   linearized_.resize(n, Linearized::kNot);
-  parameters_.resize(n * num_slots_);
-  jacobian_parameters_.resize(n * num_slots_);
-  pinned_.resize(n, 0);
   steady_.resize(n, 0);
-  candidate_parameters_.resize(n * num_slots_);
-  maps_.resize(n * num_slots_);
-  step_quads_.resize(n * num_slots_, -1);
-  y_targets_.resize(n * num_slots_, -1);
+  y_targets_.resize(factors_.parameters.size(), -1);
 }
 
-void IncrementalFamily::Connect(int factor, IncrementalValues* values, const IncrementalTangents& tangents) {
-  if (factor >= num_places_) {
+void IncrementalFamily::Connect(int factor, VariableStore* variable_store) {
+  if (factor >= num_places()) {
     Grow(factor + 1);
   }
-  linearized_[factor] = Linearized::kNot;
-  pinned_[factor] = 0;
-  steady_[factor] = 0;
-  for (int s = 0; s < num_slots_; ++s) {
+  Forget(factor);
+  Unsettle(factor);
+  const FactorGraph& graph = *factors_.graph;
+  for (int s = 0; s < num_slots(); ++s) {
     const VariableId id = variables(factor)[s];
-    const auto at = static_cast<std::size_t>(factor) * num_slots_ + s;
-    parameters_[at] = jacobian_parameters_[at] = values->current(id);
-    const double* pinned = graph_->HasPins() && tangents.map(id).wanted() ? graph_->PinnedValues(id) : nullptr;
-    if (pinned != nullptr) {
-      jacobian_parameters_[at] = pinned;
-      pinned_[factor] = 1;
-    }
-    candidate_parameters_[at] = values->candidate(id);
-    maps_[at] = &tangents.map(id);
-    step_quads_[at] = tangents.quad(id);
+    const TangentMap& map = variable_store->map(id);
+    const auto at = static_cast<std::size_t>(factors_.Entry(factor)) + s;
+    factors_.Connect(at, variable_store->current(id), graph.HasPins() && map.wanted() ? graph.PinnedValues(id) : nullptr, map);
+    factors_.candidate_parameters[at] = variable_store->candidate(id);
+    factors_.tangent_offsets[at] = variable_store->quad(id);
     y_targets_[at] = -1;
   }
 }
 
-// One virtual call for each run of neighbors, cut at the tasks' borders. A failure found by any task is the first factor's.
-template <typename Evaluate>
-EvaluationFailure IncrementalFamily::ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor,
-                                             Evaluate&& evaluate) {
-  const auto run = [&](int begin, int end) -> EvaluationFailure {
-    for (int k = begin; k < end;) {
-      int next = k + 1;
-      while (next < end && factors[next] == factors[next - 1] + 1) {
-        ++next;
-      }
-      const EvaluationFailure failure = evaluate(factors[k], factors[next - 1] + 1);
-      if (failure.failed()) {
-        return failure;
-      }
-      k = next;
-    }
-    return {};
-  };
-  const int count = static_cast<int>(factors.size());
-  const int grain = std::clamp(family_->TaskSize(), 1, kGrain);
-  if (executor.num_threads() == 1 || count <= grain) {
-    return run(0, count);
-  }
-  failures_.assign((count + grain - 1) / grain, EvaluationFailure());
-  LowestIndex first_failed(static_cast<int>(failures_.size()));  // what lies behind it is left out
-  executor.For(static_cast<int>(failures_.size()), 1, [&](int begin, int end) {
-    for (int task = begin; task < end; ++task) {
-      if (task < first_failed.get()) {
-        failures_[task] = run(task * grain, std::min(count, (task + 1) * grain));
-      }
-      if (failures_[task].failed()) {
-        first_failed.Note(task);
-      }
-    }
-  });
-  const auto first = std::find_if(failures_.begin(), failures_.end(), [](const auto& failure) { return failure.failed(); });
-  return first == failures_.end() ? EvaluationFailure() : *first;
-}
-
 EvaluationFailure IncrementalFamily::EvaluateCandidate(const std::vector<std::int32_t>& factors, const Executor& executor) {
-  return ForRuns(factors, executor, [this](int begin, int end) {
-    FactorBatch batch;
-    batch.begin = begin;
-    batch.end = end;
-    batch.parameters = candidate_parameters_.data();
-    batch.residuals = candidate_f_.data();
-    const EvaluationFailure failure = family_->Evaluate(batch);
+  return factors_.ForRuns(factors, executor, [this](int begin, int end) {
+    const EvaluationFailure failure = factors_.EvaluateCandidate(begin, end);
     if (!failure.failed()) {
       WeighCandidates(begin, end);
     }
@@ -151,18 +73,8 @@ EvaluationFailure IncrementalFamily::EvaluateCandidate(const std::vector<std::in
 }
 
 EvaluationFailure IncrementalFamily::Linearize(const std::vector<std::int32_t>& factors, const Executor& executor) {
-  return ForRuns(factors, executor, [this](int begin, int end) {
-    FactorBatch batch;
-    batch.begin = begin;
-    batch.end = end;
-    batch.parameters = jacobian_parameters_.data();
-    batch.tangent_maps = maps_.data();
-    batch.residuals = f_.data();
-    batch.jacobians = views_.data();
-    EvaluationFailure failure = family_->Evaluate(batch);
-    if (!failure.failed()) {
-      failure = EvaluateMoved(*family_, batch, parameters_.data(), [this](int i) { return pinned_[i] != 0; });
-    }
+  return factors_.ForRuns(factors, executor, [this](int begin, int end) {
+    const EvaluationFailure failure = factors_.Linearize(begin, end);
     for (int i = begin; i < end && !failure.failed(); ++i) {
       Weigh(i);
     }
@@ -170,38 +82,20 @@ EvaluationFailure IncrementalFamily::Linearize(const std::vector<std::int32_t>& 
   });
 }
 
-// ρ, ρ' and ρ'' at a residual, and its squared norm.
-double IncrementalFamily::EvaluateLoss(int factor, const double* f, double* rho) const {
-  const double s = Dot(f, f, residual_size_);
-  rho[0] = s;
-  rho[1] = 1.0;
-  rho[2] = 0.0;
-  if (const Loss* loss = graph_->loss(id_, factor)) {
-    loss->Evaluate(s, rho);
-  }
-  return s;
-}
-
 // q at the candidate, with the w, n and β of the Jacobian.
 template <int kSize>
 void IncrementalFamily::WeighCandidatesSized(int begin, int end) {
-  const int size = kSize > 0 ? kSize : residual_size_;
-  const bool has_losses = graph_->HasLosses(id_);
-  const double* f = candidate_f_.data() + First(begin);
+  const int size = kSize > 0 ? kSize : residual_size();
+  const FactorGraph& graph = *factors_.graph;
+  const bool has_losses = graph.HasLosses(id());
+  const double* f = factors_.candidate_residuals.data() + First(begin);
   double* q = candidate_q_.data() + First(begin);
   for (int i = begin; i < end; ++i, f += size, q += size) {
-    double s = 0.0;
-    for (int r = 0; r < size; ++r) {
-      s += f[r] * f[r];
-    }
-    double rho[3] = {s, 1.0, 0.0};
-    if (const Loss* loss = has_losses ? graph_->loss(id_, i) : nullptr) {
-      loss->Evaluate(s, rho);
-    }
+    const LossValue value(has_losses ? graph.loss(id(), i) : nullptr, f, size);
     State& state = states_[i];
-    state.candidate_cost = 0.5 * rho[0];
-    state.candidate_w = rho[1];
-    const double scale = rho[1] * state.inverse_sqrt_w;
+    state.candidate_cost = value.cost();
+    state.candidate_w = value.weight();
+    const double scale = value.weight() * state.inverse_sqrt_w;
     for (int r = 0; r < size; ++r) {
       q[r] = scale * f[r];
     }
@@ -216,7 +110,7 @@ void IncrementalFamily::WeighCandidatesSized(int begin, int end) {
 }
 
 void IncrementalFamily::WeighCandidates(int begin, int end) {
-  switch (residual_size_) {
+  switch (residual_size()) {
     case 1:
       return WeighCandidatesSized<1>(begin, end);
     case 2:
@@ -228,46 +122,35 @@ void IncrementalFamily::WeighCandidates(int begin, int end) {
 
 // w = ρ'(‖f‖²) now: J := √w (I − α n nᵀ) J, q := √w f / (1 − α).
 void IncrementalFamily::Weigh(int factor) {
-  const double* f = f_.data() + First(factor);
-  double rho[3];
-  const double s = EvaluateLoss(factor, f, rho);
-  const double root = steady_[factor] != 0 ? RootOfCurvature(s, rho) : 1.0;  // 1 − α
-  const bool corrected = root < 1.0;
-  const double sqrt_w = std::sqrt(rho[1]);
+  const double* f = residual(factor);
+  const LossValue value(factors_.graph->loss(id(), factor), f, residual_size());
+  const RobustScale scale(value, steady_[factor] != 0 ? LossCurvature::kNegative : LossCurvature::kNone);
+  const bool corrected = scale.is_corrected();
   State& state = states_[factor];
-  state.cost = 0.5 * rho[0];
-  state.w = state.linearized_w = rho[1];
-  state.inverse_sqrt_w = sqrt_w > kNoWeight ? 1.0 / sqrt_w : 0.0;
+  state.cost = value.cost();
+  state.w = state.linearized_w = value.weight();
+  state.inverse_sqrt_w = scale.sqrt_weight > kNoWeight ? 1.0 / scale.sqrt_weight : 0.0;
   state.error = state.squared_gradient_error = 0.0;
   linearized_[factor] = corrected ? Linearized::kCorrected : Linearized::kPlainly;
-  const double sqrt_beta = std::sqrt(1.0 / root - 1.0);
-  for (int r = 0; r < residual_size_; ++r) {
+  const double residual_scale = scale.residual();
+  const double sqrt_beta = std::sqrt(1.0 / scale.root - 1.0);
+  for (int r = 0; r < residual_size(); ++r) {
     predicted_f_[First(factor) + r] = f[r];
-    q_[First(factor) + r] = sqrt_w / root * f[r];
+    q_[First(factor) + r] = residual_scale * f[r];
     if (corrected) {
-      correction_[First(factor) + r] = sqrt_beta * f[r] / std::sqrt(s);
+      correction_[First(factor) + r] = sqrt_beta * f[r] / std::sqrt(value.s);
     }
   }
-  if (sqrt_w != 1.0 || corrected) {
-    CorrectJacobians(sqrt_w, corrected ? (1.0 - root) / s : 0.0, f, residual_size_, num_slots_, slots_.data(), factor,
-                     step_quads_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_);
+  if (!scale.is_one()) {
+    scale.Apply(f, residual_size(), num_slots(), slots(), factor, factors_.tangent_offsets.data() + factors_.Entry(factor));
   }
-}
-
-FactorRows IncrementalFamily::Rows() const {
-  FactorRows rows;
-  rows.residual_size = residual_size_;
-  rows.num_slots = num_slots_;
-  rows.jacobians = slots_.data();
-  rows.tangent_offsets = step_quads_.data();
-  return rows;
 }
 
 double IncrementalFamily::PredictDecrease(const std::vector<std::int32_t>& factors, const double* padded_step) {
-  kernels_->multiply_rows(Rows(), factors.data(), static_cast<int>(factors.size()), padded_step, J_step_.data());
+  kernels_->multiply_rows(factors_.Rows(0, 0), factors.data(), static_cast<int>(factors.size()), padded_step, J_step_.data());
   double decrease = 0.0;
   for (const std::int32_t factor : factors) {
-    for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size_; ++k) {
+    for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size(); ++k) {
       decrease -= J_step_[k] * (q_[k] + 0.5 * J_step_[k]);
     }
   }
@@ -276,7 +159,7 @@ double IncrementalFamily::PredictDecrease(const std::vector<std::int32_t>& facto
 
 void IncrementalFamily::Slope(int factor, double* slope, double* curvature) const {
   *slope = *curvature = 0.0;
-  for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size_; ++k) {
+  for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size(); ++k) {
     *slope -= J_step_[k] * q_[k];
     *curvature += J_step_[k] * J_step_[k];
   }
@@ -290,7 +173,7 @@ double IncrementalFamily::UnforeseenCost(int factor) const {
 }
 
 void IncrementalFamily::SubtractGradient(const std::vector<std::int32_t>& factors, double* padded_rhs) const {
-  kernels_->subtract_transposed(Rows(), factors.data(), static_cast<int>(factors.size()), q_.data(), padded_rhs);
+  kernels_->subtract_transposed(factors_.Rows(0, 0), factors.data(), static_cast<int>(factors.size()), q_.data(), padded_rhs);
 }
 
 double IncrementalFamily::CandidateChange(const std::vector<std::int32_t>& factors) const {
@@ -302,13 +185,11 @@ double IncrementalFamily::CandidateChange(const std::vector<std::int32_t>& facto
 }
 
 bool IncrementalFamily::HasCurvedLoss(int factor) const {
-  double rho[3];
-  EvaluateLoss(factor, f_.data() + First(factor), rho);
-  return rho[2] > 0.0;
+  return LossValue(factors_.graph->loss(id(), factor), residual(factor), residual_size()).rho[2] > 0.0;
 }
 
 double IncrementalFamily::TryStep(const std::vector<std::int32_t>& factors, const double* padded_step, double* padded_rhs) {
-  FactorRows rows = Rows();
+  FactorRows rows = factors_.Rows(0, 0);
   rows.residuals = q_.data();
   return kernels_->try_rows(rows, factors.data(), static_cast<int>(factors.size()), padded_step, candidate_q_.data(),
                             J_step_.data(), padded_rhs);
@@ -316,7 +197,9 @@ double IncrementalFamily::TryStep(const std::vector<std::int32_t>& factors, cons
 
 template <int kSize>
 double IncrementalFamily::AcceptSized(const std::vector<std::int32_t>& factors) {
-  const int size = kSize > 0 ? kSize : residual_size_;
+  const int size = kSize > 0 ? kSize : residual_size();
+  double* const f_now = factors_.residuals.data();
+  const double* const candidate_f = factors_.candidate_residuals.data();
   double change = 0.0;
   for (const std::int32_t factor : factors) {
     State& state = states_[factor];
@@ -327,11 +210,11 @@ double IncrementalFamily::AcceptSized(const std::vector<std::int32_t>& factors) 
     const bool corrected = IsCorrected(factor);
     const double along = corrected ? Dot(correction_.data() + first, J_step_.data() + first, size) : 0.0;
     for (std::ptrdiff_t k = first; k < first + size; ++k) {
-      const double f = candidate_f_[k];
+      const double f = candidate_f[k];
       const double foreseen = state.inverse_sqrt_w * (J_step_[k] + (corrected ? along * correction_[k] : 0.0));
       const double predicted = constant_jacobian_ ? f : predicted_f_[k] + foreseen;
       predicted_f_[k] = predicted;
-      f_[k] = f;
+      f_now[k] = f;
       q_[k] = candidate_q_[k];
       error += (f - predicted) * (f - predicted);
       squared_norm += f * f;
@@ -348,7 +231,7 @@ double IncrementalFamily::AcceptSized(const std::vector<std::int32_t>& factors) 
 }
 
 double IncrementalFamily::Accept(const std::vector<std::int32_t>& factors) {
-  switch (residual_size_) {
+  switch (residual_size()) {
     case 1:
       return AcceptSized<1>(factors);
     case 2:
@@ -359,12 +242,10 @@ double IncrementalFamily::Accept(const std::vector<std::int32_t>& factors) {
 }
 
 std::int64_t IncrementalFamily::Bytes() const {
-  std::size_t doubles = 7 * f_.capacity() + sizeof(State) / sizeof(double) * states_.capacity();
-  for (const AlignedVector<double>& J : jacobians_) {
-    doubles += J.capacity();
-  }
+  const std::size_t doubles = factors_.residuals.size() + factors_.candidate_residuals.size() + factors_.jacobian_values.size() +
+                              5 * q_.capacity() + sizeof(State) / sizeof(double) * states_.capacity();
   return static_cast<std::int64_t>(doubles * sizeof(double) + linearized_.capacity() + steady_.capacity() +
-                                   parameters_.capacity() * (4 * sizeof(void*) + 2 * sizeof(std::int32_t)));
+                                   factors_.parameters.capacity() * (3 * sizeof(void*) + 2 * sizeof(std::int32_t)));
 }
 
 }  // namespace inceres::internal

@@ -7,8 +7,8 @@
 #include "base/aligned_vector.h"
 #include "base/executor.h"
 #include "inceres/problem/factor_graph.h"
-#include "linearize/incremental_tangents.h"
-#include "linearize/incremental_values.h"
+#include "linearize/linearization.h"
+#include "linearize/variable_store.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -32,24 +32,20 @@ class IncrementalFamily {
  public:
   IncrementalFamily(const FactorGraph& graph, FamilyId id);
 
-  FamilyId id() const { return id_; }
-  const FactorFamily& family() const { return *family_; }
+  FamilyId id() const { return factors_.id; }
+  const FactorFamily& family() const { return *factors_.family; }
   /// Places, free ones among them.
-  int num_places() const { return num_places_; }
+  int num_places() const { return factors_.num_factors; }
   bool constant_jacobian() const { return constant_jacobian_; }
-  int residual_size() const { return residual_size_; }
-  int num_slots() const { return num_slots_; }
-  const VariableId* variables(int factor) const { return graph_->Variables(id_, factor); }
+  int residual_size() const { return factors_.residual_size; }
+  int num_slots() const { return factors_.num_slots; }
+  const VariableId* variables(int factor) const { return factors_.graph->Variables(id(), factor); }
   /// Where its variables are, one pointer a slot, and where a step would take them.
-  const double* const* parameters(int factor) const {
-    return parameters_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_;
-  }
-  const double* const* candidate_parameters(int factor) const {
-    return candidate_parameters_.data() + static_cast<std::ptrdiff_t>(factor) * num_slots_;
-  }
+  const double* const* parameters(int factor) const { return factors_.Parameters(factor); }
+  const double* const* candidate_parameters(int factor) const { return factors_.CandidateParameters(factor); }
 
   /// Takes over the factor at a place, new or used again, or whose variables have got other tangent maps. Not linearized yet.
-  void Connect(int factor, IncrementalValues* values, const IncrementalTangents& tangents);
+  void Connect(int factor, VariableStore* variables);
   /// The factor at this place is gone, or does not count until it is linearized.
   void Forget(int factor) { linearized_[factor] = Linearized::kNot; }
   /// Its residual is another than its last step has led to: the next linearization takes no second-order term.
@@ -57,7 +53,7 @@ class IncrementalFamily {
   void UnsettleAll() { std::fill(steady_.begin(), steady_.end(), 0); }
 
   /// Lets the factor move its expansion point to the current values; true if it did and wants to be linearized anew.
-  bool Recenter(int factor) const { return family_->Recenter(factor, parameters(factor)); }
+  bool Recenter(int factor) const { return family().Recenter(factor, parameters(factor)); }
 
   /// Evaluates at the candidate, cost only.
   EvaluationFailure EvaluateCandidate(const std::vector<std::int32_t>& factors, const Executor& executor);
@@ -86,7 +82,7 @@ class IncrementalFamily {
   double Accept(const std::vector<std::int32_t>& factors);
   const double* q(int factor) const { return q_.data() + First(factor); }
   /// f and ρ' now.
-  const double* residual(int factor) const { return f_.data() + First(factor); }
+  const double* residual(int factor) const { return factors_.residuals.data() + First(factor); }
   double weight(int factor) const { return states_[factor].w; }
 
   /// The factor's Jacobian is part of H.
@@ -113,10 +109,10 @@ class IncrementalFamily {
   /// √β n of a factor that is corrected: the plain √w J is (I + β n nᵀ) times the one kept.
   const double* correction(int factor) const { return correction_.data() + First(factor); }
 
-  const SlotJacobians* slots() const { return slots_.data(); }
+  const SlotJacobians* slots() const { return factors_.slots.data(); }
   const double* q_data() const { return q_.data(); }
   std::int32_t* y_targets() { return y_targets_.data(); }
-  const double* Jacobian(int factor, int slot) const { return slots_[slot].data + factor * slots_[slot].factor_stride; }
+  const double* Jacobian(int factor, int slot) const { return slots()[slot].data + factor * slots()[slot].factor_stride; }
 
   std::int64_t Bytes() const;
 
@@ -135,32 +131,18 @@ class IncrementalFamily {
     double squared_gradient_error;
   };
 
-  std::ptrdiff_t First(int factor) const { return static_cast<std::ptrdiff_t>(factor) * residual_size_; }
+  std::ptrdiff_t First(int factor) const { return std::ptrdiff_t{factor} * residual_size(); }
   void Grow(int num_places);
-  template <typename Evaluate>
-  EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, Evaluate&& evaluate);
-  double EvaluateLoss(int factor, const double* f, double* rho) const;
   template <int kSize>
   void WeighCandidatesSized(int begin, int end);
   void WeighCandidates(int begin, int end);
   void Weigh(int factor);
   template <int kSize>
   double AcceptSized(const std::vector<std::int32_t>& factors);
-  FactorRows Rows() const;
 
-  const FactorGraph* graph_;
-  const FactorFamily* family_;
+  Linearization factors_;
   const Kernels* kernels_;
-  FamilyId id_;
   bool constant_jacobian_;
-  int residual_size_;
-  int num_slots_;
-  int num_places_ = 0;
-  std::vector<AlignedVector<double>> jacobians_;  // per slot
-  std::vector<SlotJacobians> slots_;
-  std::vector<JacobianView> views_;
-  std::vector<double> f_;
-  std::vector<double> candidate_f_;
   std::vector<double> predicted_f_;
   std::vector<double> J_step_;  // J δ of the step under construction
   std::vector<double> q_;
@@ -168,15 +150,8 @@ class IncrementalFamily {
   std::vector<double> candidate_q_;
   AlignedVector<State> states_;
   std::vector<Linearized> linearized_;
-  std::vector<char> steady_;  // per factor: its last step changed its residual little, and nothing else has since
-  std::vector<const double*> parameters_;
-  std::vector<const double*> candidate_parameters_;
-  std::vector<const double*> jacobian_parameters_;  // where it is linearized: pinned variables elsewhere
-  std::vector<char> pinned_;                        // per factor: whether the two differ
-  std::vector<const TangentMap*> maps_;
-  std::vector<std::int32_t> step_quads_;  // per factor and slot: where the variable's step stands, or -1
-  std::vector<std::int32_t> y_targets_;
-  std::vector<EvaluationFailure> failures_;  // per task of ForRuns; kept for its memory
+  std::vector<char> steady_;             // per factor: its last step changed its residual little, and nothing else has since
+  std::vector<std::int32_t> y_targets_;  // per factor and slot
 };
 
 }  // namespace inceres::internal

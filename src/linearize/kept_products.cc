@@ -8,15 +8,15 @@ namespace {
 constexpr int kMinRows = 16;  // taller than measurements are, IMU factors included
 constexpr int kMaxFactors = 4;
 
-bool TakesPart(const FamilyCache& cache) {
-  return cache.family->residual_size() >= kMinRows && cache.num_factors > 0 && cache.num_factors <= kMaxFactors;
+bool TakesPart(const Linearization& cache) {
+  return cache.residual_size >= kMinRows && cache.num_factors > 0 && cache.num_factors <= kMaxFactors;
 }
 
 }  // namespace
 
 KeptProducts::KeptProducts(const Evaluator& evaluator, const FramePlans& plans)
     : evaluator_(evaluator), is_stale_(evaluator.families().size(), 1), offsets_(plans.hessian.segments.size(), -1) {
-  for (const FamilyCache& cache : evaluator.families()) {
+  for (const Linearization& cache : evaluator.families()) {
     if (TakesPart(cache)) {
       families_.push_back(cache.id);
     }

@@ -14,8 +14,8 @@ struct SlotAdjacency {
   std::vector<std::int32_t> factors;
 };
 
-SlotAdjacency FactorsByFrame(const FamilyCache& cache, const FactorGraph& graph, const Layout& layout, int slot) {
-  const int num_slots = cache.family->num_slots();
+SlotAdjacency FactorsByFrame(const Linearization& cache, const FactorGraph& graph, const Layout& layout, int slot) {
+  const int num_slots = cache.num_slots;
   const VariableId* ids = graph.Variables(cache.id, 0);
   SlotAdjacency adjacency;
   adjacency.begin.assign(layout.num_frames + 1, 0);
@@ -54,8 +54,8 @@ struct SparseBlocks {
   std::vector<Place> places;
 };
 
-SparseBlocks FindSparseBlocks(const FamilyCache& cache, const FactorGraph& graph, const Layout& layout) {
-  const std::ptrdiff_t num_slots = cache.family->num_slots();
+SparseBlocks FindSparseBlocks(const Linearization& cache, const FactorGraph& graph, const Layout& layout) {
+  const std::ptrdiff_t num_slots = cache.num_slots;
   const VariableId* ids = graph.Variables(cache.id, 0);
   SparseBlocks sparse;
   sparse.factor_begin.push_back(0);
@@ -107,18 +107,18 @@ class PlanBuilder {
  public:
   PlanBuilder(const Evaluator& evaluator, const LandmarkIncidences& incidences, FramePlans* plans)
       : evaluator_(evaluator), layout_(evaluator.layout()), incidences_(incidences), plans_(plans) {
-    for (const FamilyCache& cache : evaluator.families()) {
+    for (const Linearization& cache : evaluator.families()) {
       auto& slots = adjacency_.emplace_back();
       auto& sparse = sparse_.emplace_back();
       first_source_.push_back(static_cast<int>(plans->hessian_sources.size()));
       if (cache.num_factors > 0 && evaluator.leaves_out_zero_blocks()) {
         sparse = FindSparseBlocks(cache, evaluator.graph(), layout_);
       }
-      for (int s = 0; cache.num_factors > 0 && s < cache.family->num_slots(); ++s) {
+      for (int s = 0; cache.num_factors > 0 && s < cache.num_slots; ++s) {
         if (!evaluator.leaves_out_zero_blocks()) {
           slots.push_back(FactorsByFrame(cache, evaluator.graph(), layout_, s));
         }
-        for (int c = 0; c < cache.family->num_slots(); ++c) {
+        for (int c = 0; c < cache.num_slots; ++c) {
           plans->hessian_sources.push_back({cache.id, s, c});
         }
       }
@@ -264,7 +264,7 @@ class PlanBuilder {
 
   template <typename Visit>
   void ForEachHessianTerm(int row, const Visit& visit) const {
-    for (const FamilyCache& cache : evaluator_.families()) {
+    for (const Linearization& cache : evaluator_.families()) {
       if (evaluator_.leaves_out_zero_blocks()) {
         ForEachSparseTerm(cache, row, visit);
         continue;
@@ -283,9 +283,9 @@ class PlanBuilder {
 
   // By factor, so that the terms of a block have one source each where a variable is in one slot, as mostly.
   template <typename Visit>
-  void ForEachSparseTerm(const FamilyCache& cache, int row, const Visit& visit) const {
+  void ForEachSparseTerm(const Linearization& cache, int row, const Visit& visit) const {
     const SparseBlocks& sparse = sparse_[cache.id];
-    const int num_slots = cache.family->num_slots();
+    const int num_slots = cache.num_slots;
     if (cache.num_factors == 0) {
       return;
     }
@@ -304,12 +304,12 @@ class PlanBuilder {
   }
 
   template <typename Visit>
-  void ForEachTermOfSlots(const FamilyCache& cache, int row, int r, int c, const std::int32_t* begin, const std::int32_t* end,
+  void ForEachTermOfSlots(const Linearization& cache, int row, int r, int c, const std::int32_t* begin, const std::int32_t* end,
                           const Visit& visit) const {
     const VariableId* ids = evaluator_.graph().Variables(cache.id, 0) + c;
     const auto row_quads = static_cast<std::int32_t>(cache.slots[r].factor_stride / kQuad);
     const auto column_quads = static_cast<std::int32_t>(cache.slots[c].factor_stride / kQuad);
-    const int num_slots = cache.family->num_slots();
+    const int num_slots = cache.num_slots;
     const int source = first_source_[cache.id] + r * num_slots + c;
     for (const std::int32_t* i = begin; i < end; ++i) {
       const int column = layout_.FrameOf(ids[static_cast<std::ptrdiff_t>(*i) * num_slots]);

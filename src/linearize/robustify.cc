@@ -6,18 +6,6 @@
 namespace inceres::internal {
 namespace {
 
-// Most residuals are of size 1 or 2: without a loop.
-inline double SquaredNorm(const double* f, int size) {
-  double sum = f[0] * f[0];
-  if (size == 2) {
-    return sum + f[1] * f[1];
-  }
-  for (int i = 1; i < size; ++i) {
-    sum += f[i] * f[i];
-  }
-  return sum;
-}
-
 // The padding is left alone.
 void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, const SlotJacobians& slot, int factor) {
   double* J = slot.data + factor * slot.factor_stride;
@@ -35,15 +23,30 @@ void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, cons
 
 }  // namespace
 
+// With (1 − α)² = 1 + 2 s ρ''/ρ', ρ' (I − α n nᵀ)² = ρ' I + 2 ρ'' f fᵀ, the loss's part of the Hessian.
+RobustScale::RobustScale(const LossValue& loss, LossCurvature curvature) : sqrt_weight(std::sqrt(loss.rho[1])) {
+  const double s = loss.s;
+  const double rho1 = loss.rho[1];
+  const double rho2 = loss.rho[2];
+  const bool takes_positive = curvature == LossCurvature::kPositive || curvature == LossCurvature::kBoth;
+  const bool takes_negative = curvature == LossCurvature::kNegative || curvature == LossCurvature::kBoth;
+  if (s > 0.0 && rho2 > 0.0 && takes_positive) {
+    root = std::sqrt(1.0 + 2.0 * s * rho2 / rho1);
+  } else if (s > 0.0 && rho1 > 0.0 && rho2 < 0.0 && takes_negative) {
+    root = std::sqrt(std::max(kLeastCurvature, 1.0 + 2.0 * s * rho2 / rho1));
+  }
+  alpha_over_s = root != 1.0 ? (1.0 - root) / s : 0.0;
+}
+
 // All at once: the padding is zero and stays so. But a loss that gives NaN must not outlive its evaluation.
-void CorrectJacobians(double sqrt_rho1, double a, const double* f, int residual_size, int num_slots, const SlotJacobians* slots,
-                      int factor, const std::int32_t* tangent_offsets) {
-  if (std::isfinite(sqrt_rho1) && std::isfinite(a)) {
-    return BestKernels().correct_factor(slots, num_slots, factor, tangent_offsets, f, residual_size, sqrt_rho1, a);
+void RobustScale::Apply(const double* f, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
+                        const std::int32_t* tangent_offsets) const {
+  if (std::isfinite(sqrt_weight) && std::isfinite(alpha_over_s)) {
+    return BestKernels().correct_factor(slots, num_slots, factor, tangent_offsets, f, residual_size, sqrt_weight, alpha_over_s);
   }
   for (int k = 0; k < num_slots; ++k) {
     if (tangent_offsets[k] >= 0) {
-      CorrectJacobian(sqrt_rho1, a, f, residual_size, slots[k], factor);
+      CorrectJacobian(sqrt_weight, alpha_over_s, f, residual_size, slots[k], factor);
     }
   }
 }
@@ -64,45 +67,21 @@ double PlainCost(const double* f, std::ptrdiff_t count) {
 }
 
 double RobustCost(const Loss* loss, const double* f, int residual_size) {
-  const double s = SquaredNorm(f, residual_size);
-  if (loss == nullptr) {
-    return 0.5 * s;
-  }
-  double rho[3];
-  loss->Evaluate(s, rho);
-  return 0.5 * rho[0];
+  return LossValue(loss, f, residual_size).cost();
 }
 
-double RootOfCurvature(double s, const double* rho) {
-  if (!(s > 0.0 && rho[1] > 0.0 && rho[2] < 0.0)) {
-    return 1.0;
-  }
-  return std::sqrt(std::max(kLeastCurvature, 1.0 + 2.0 * s * rho[2] / rho[1]));
-}
-
-// With n = f/‖f‖ and (1 − α)² = 1 + 2 s ρ''/ρ', ρ' (I − α n nᵀ)² = ρ' I + 2 ρ'' f fᵀ, the loss's part of the Hessian. So
-// J := √ρ' (I − α n nᵀ) J and f := √ρ' / (1 − α) f.
-double RobustifyFactor(const Loss& loss, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
-                       const std::int32_t* tangent_offsets, bool reduces_curvature, double* f) {
-  const double s = SquaredNorm(f, residual_size);
-  double rho[3];
-  loss.Evaluate(s, rho);
-  const double sqrt_rho1 = std::sqrt(rho[1]);
-  double root = 1.0;  // 1 − α
-  if (s > 0.0 && rho[2] > 0.0) {
-    root = std::sqrt(1.0 + 2.0 * s * rho[2] / rho[1]);
-  } else if (reduces_curvature) {
-    root = RootOfCurvature(s, rho);
-  }
-  const double residual_scale = sqrt_rho1 / root;
-  const double a = root != 1.0 ? (1.0 - root) / s : 0.0;
-  if (sqrt_rho1 != 1.0 || a != 0.0) {
-    CorrectJacobians(sqrt_rho1, a, f, residual_size, num_slots, slots, factor, tangent_offsets);
+double RobustifyFactor(const Loss* loss, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
+                       const std::int32_t* tangent_offsets, LossCurvature curvature, double* f) {
+  const LossValue value(loss, f, residual_size);
+  const RobustScale scale(value, curvature);
+  if (!scale.is_one()) {
+    scale.Apply(f, residual_size, num_slots, slots, factor, tangent_offsets);
+    const double residual_scale = scale.residual();
     for (int i = 0; i < residual_size; ++i) {
       f[i] *= residual_scale;
     }
   }
-  return 0.5 * rho[0];
+  return value.cost();
 }
 
 }  // namespace inceres::internal

@@ -8,28 +8,74 @@
 
 namespace inceres::internal {
 
+/// Most residuals are of size 1 or 2: without a loop.
+inline double SquaredNorm(const double* f, int size) {
+  double sum = f[0] * f[0];
+  if (size == 2) {
+    return sum + f[1] * f[1];
+  }
+  for (int i = 1; i < size; ++i) {
+    sum += f[i] * f[i];
+  }
+  return sum;
+}
+
+/// A factor's loss at its residual f: ρ, ρ' and ρ'' at s = ‖f‖². Without a loss ρ(s) = s.
+struct LossValue {
+  LossValue(const Loss* loss, const double* f, int residual_size) : s(SquaredNorm(f, residual_size)), rho{s, 1.0, 0.0} {
+    if (loss != nullptr) {
+      loss->Evaluate(s, rho);
+    }
+  }
+
+  double cost() const { return 0.5 * rho[0]; }
+  double weight() const { return rho[1]; }
+
+  double s;
+  double rho[3];
+};
+
+/// Which second-order terms of losses the Jacobians take.
+enum class LossCurvature {
+  kNone,
+  kPositive,  ///< where ρ'' > 0, as in Ceres
+  kNegative,  ///< where ρ'' < 0, down to kLeastCurvature
+  kBoth,
+};
+
+/// Of the curvature along f that ρ' alone gives, the share that stays at least: with less H loses its grip.
+inline constexpr double kLeastCurvature = 0.5;
+
+/// What makes a factor with a loss a plain least-squares one, whose gradient is the robust one and whose JᵀJ is the robust
+/// Gauss–Newton Hessian (docs/algorithms.md, "Robust losses"; Triggs 1999):
+///
+///     J := √ρ' (I − α n nᵀ) J,   f := √ρ' / (1 − α) f,   n = f/‖f‖,   (1 − α)² = 1 + 2 s ρ''/ρ'
+///
+/// α is 0 where the second-order term is not taken.
+struct RobustScale {
+  RobustScale(const LossValue& loss, LossCurvature curvature);
+
+  bool is_one() const { return sqrt_weight == 1.0 && alpha_over_s == 0.0; }
+  bool is_corrected() const { return root != 1.0; }
+  /// Of f.
+  double residual() const { return sqrt_weight / root; }
+  /// Scales the tangent Jacobians of one factor; f as it was evaluated. A negative tangent offset marks a slot without one.
+  void Apply(const double* f, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
+             const std::int32_t* tangent_offsets) const;
+
+  double sqrt_weight;         // √ρ'
+  double root = 1.0;          // 1 − α
+  double alpha_over_s = 0.0;  // so that α n nᵀ is this f fᵀ
+};
+
 /// ½‖f‖² of all residuals of factors without a loss, one after the other: `count` entries.
 double PlainCost(const double* f, std::ptrdiff_t count);
 
 /// ½ρ(‖f‖²), or ½‖f‖² without a loss.
 double RobustCost(const Loss* loss, const double* f, int residual_size);
 
-/// Of the curvature along f that ρ' alone gives, the share that stays at least: with less H loses its grip.
-inline constexpr double kLeastCurvature = 0.5;
-
-/// √(1 + 2 s ρ''/ρ'), the square root of the share of the curvature along f that a loss leaves where it takes some away, and at
-/// least that of kLeastCurvature; 1 elsewhere. `rho` is what Loss::Evaluate gave for s.
-double RootOfCurvature(double s, const double* rho);
-
-/// The same, and scales f and the tangent Jacobians so that the rest of the solver sees a plain least-squares factor whose
-/// gradient is the robust one and whose JᵀJ is the robust Gauss–Newton Hessian (docs/algorithms.md, "Robust losses"; Triggs
-/// 1999). Its second-order term is taken where ρ'' > 0, as in Ceres, and with `reduces_curvature` where ρ'' < 0 too, down to
-/// kLeastCurvature. A negative tangent offset marks a slot without a Jacobian.
-double RobustifyFactor(const Loss& loss, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
-                       const std::int32_t* tangent_offsets, bool reduces_curvature, double* f);
-
-/// J := √ρ' (I − a f fᵀ) J of one factor, for the slots with a tangent offset.
-void CorrectJacobians(double sqrt_rho1, double a, const double* f, int residual_size, int num_slots, const SlotJacobians* slots,
-                      int factor, const std::int32_t* tangent_offsets);
+/// The same, and scales f and the tangent Jacobians (RobustScale).
+double RobustifyFactor(const Loss* loss, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
+                       const std::int32_t* tangent_offsets, LossCurvature curvature, double* f);
 
 }  // namespace inceres::internal

@@ -14,7 +14,7 @@ RowProducts JacobianProduct::Multiply(const double* v) {
   }
   const Kernels& kernels = BestKernels();
   RowProducts total;
-  for (const FamilyCache& cache : evaluator_.families()) {
+  for (const Linearization& cache : evaluator_.families()) {
     const int num_chunks = (cache.num_blocks() + kChunkSize - 1) / kChunkSize;
     partial_.resize(num_chunks);
     evaluator_.executor().For(num_chunks, 1, [&](int begin, int end) {

@@ -123,9 +123,9 @@ Status CovarianceSystem::Solve(const Eigen::MatrixXd& right, Eigen::MatrixXd* le
 
 // V −= W P⁻¹ of the landmarks prepared, W = Σ J_cᵀ J_l, in one pass over the factors.
 void CovarianceSystem::SubtractW() {
-  for (const FamilyCache& cache : evaluator_.families()) {
-    const int num_slots = cache.family->num_slots();
-    const int rows = cache.family->residual_size();
+  for (const Linearization& cache : evaluator_.families()) {
+    const int num_slots = cache.num_slots;
+    const int rows = cache.residual_size;
     for (int i = 0; i < cache.num_factors; ++i) {
       const VariableId* ids = graph_.Variables(cache.id, i);
       const VariableId* landmark = std::find_if(ids, ids + num_slots, [this](VariableId id) {

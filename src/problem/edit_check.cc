@@ -18,7 +18,7 @@ Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed)
     return internal::Invalid("the edit was begun at revision " + std::to_string(edit.revision()) +
                              " of the graph, which is now at revision " + std::to_string(revision_) + ": begin it anew");
   }
-  edited_ = true;
+  edits_->edited = true;
   Status status;
   try {
     status = internal::EditCheck(this, edit, removed).Run();
@@ -71,9 +71,9 @@ Status EditCheck::Run() {
 
 Status EditCheck::CheckComingVariables() const {
   Status status;
-  for (std::size_t i = 0; status.ok() && i < graph_.comers_.size(); ++i) {
+  for (std::size_t i = 0; status.ok() && i < edits_.comers.size(); ++i) {
     const GraphEdit::NewVariable& variable = edit_.new_variables()[i];
-    status = Graph::ValidateVariable(variable.id, graph_.comers_[i], See(variable.id).constant);
+    status = ValidateVariable(variable.id, edits_.comers[i], See(variable.id).constant);
     if (status.ok() && !variable.has_values) {
       status = Invalid("AddVariable: " + VariableName(variable.id) + " is given a null pointer");
     }
@@ -110,21 +110,20 @@ Status EditCheck::CheckComingFactors() const {
 }
 
 Status EditCheck::CheckFactor(FactorId id, const VariableId* ids) const {
-  const Graph::FactorFault fault =
-      Graph::FindFault(graph_.family(id.family), ids, [this](VariableId variable) { return See(variable); });
-  return fault.fault == Graph::Fault::kNone ? Status::Ok() : graph_.DescribeFault(id, ids, fault, See(ids[fault.slot]).record);
+  const FactorFault fault = FindFault(graph_.family(id.family), ids, [this](VariableId variable) { return See(variable); });
+  return fault.fault == Fault::kNone ? Status::Ok() : DescribeFault(graph_, id, ids, fault, See(ids[fault.slot]).record);
 }
 
 // A variable that was constant and no longer will be: its own factors were let through with rules only a constant may break.
 Status EditCheck::CheckFreedVariables() {
   for (const auto& [id, constant] : edit_.constants()) {
-    Graph::VariableMark& mark = graph_.marks_[Graph::Index(id)];
+    VariableMark& mark = edits_.marks[Graph::Index(id)];
     if (mark.checked || mark.constant != 0 || mark.new_variable >= 0 || graph_.IsConstant(id) == See(id).constant) {
       continue;
     }
     mark.checked = true;
     graph_.TrackFactors();
-    Status status = Graph::ValidateVariable(id, graph_.variables_[Graph::Index(id)], /*constant=*/false);
+    Status status = ValidateVariable(id, graph_.variables_[Graph::Index(id)], /*constant=*/false);
     status = status.ok() ? CheckFreedFactors(id) : status;
     if (!status.ok()) {
       return Invalid("SetConstant(" + std::to_string(id) + ", false): " + status.message);
@@ -136,7 +135,7 @@ Status EditCheck::CheckFreedVariables() {
 Status EditCheck::CheckFreedFactors(VariableId id) const {
   Status status;
   graph_.ForEachFactorOf(id, [&](FactorId factor) {
-    if (status.ok() && PlaceOf(factor) == Graph::Place::kIncremental) {
+    if (status.ok() && PlaceOf(factor) == Place::kIncremental) {
       status = CheckFactor(factor, graph_.Variables(factor.family, factor.index));
     }
   });
@@ -158,7 +157,7 @@ Status EditCheck::CheckNewValues() const {
   for (const auto& [id, offset] : edit_.new_values()) {
     Status status = CheckVariableId("SetValues", id, /*may_come=*/true);
     if (status.ok()) {
-      const Graph::VariableRecord& variable = *See(id).record;
+      const VariableRecord& variable = *See(id).record;
       if (variable.offset < 0) {
         status = Invalid("SetValues: " + VariableName(id) + " is a borrowed constant: its values are their owner's to change");
       } else if (offset == GraphEdit::kNoValues) {

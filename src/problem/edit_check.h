@@ -5,6 +5,8 @@
 
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/graph_edit.h"
+#include "problem/edit_state.h"
+#include "problem/find_fault.h"
 
 namespace inceres::internal {
 
@@ -13,7 +15,7 @@ namespace inceres::internal {
 class EditCheck {
  public:
   EditCheck(FactorGraph* graph, const GraphEdit& edit, std::vector<FactorId>* removed)
-      : graph_(*graph), edit_(edit), removed_(*removed) {}
+      : graph_(*graph), edits_(*graph->edits_), edit_(edit), removed_(*removed) {}
   ~EditCheck();
   EditCheck(const EditCheck&) = delete;
   EditCheck& operator=(const EditCheck&) = delete;
@@ -39,15 +41,16 @@ class EditCheck {
   void ReserveVariables() const;
   void ReserveFactors() const;
 
-  Graph::Place PlaceOf(FactorId id) const;
-  Graph::Place& MutablePlace(FactorId id);
-  Graph::Sight See(VariableId id) const;
+  Place PlaceOf(FactorId id) const;
+  Place& MutablePlace(FactorId id);
+  Sight See(VariableId id) const;
   Status CheckFactor(FactorId id, const VariableId* ids) const;
   Status CheckVariableId(const char* call, VariableId id, bool may_come) const;
   Status CheckFactorId(const char* call, FactorId id, bool may_come) const;
   std::string FactorName(FactorId id) const;
 
   Graph& graph_;
+  EditState& edits_;
   const GraphEdit& edit_;
   std::vector<FactorId>& removed_;
 };

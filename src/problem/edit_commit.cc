@@ -22,12 +22,12 @@ void EditCheck::ReserveVariables() const {
   const std::size_t num_variables = graph_.variables_.size() + edit_.new_variables().size();
   ReserveRoom(&graph_.variables_, num_variables);
   ReserveRoom(&graph_.state_, graph_.state_.size() + edit_.values().size());
-  if (graph_.tracked_) {
-    ReserveRoom(&graph_.first_touches_, num_variables);
+  if (edits_.tracked) {
+    ReserveRoom(&edits_.first_touches, num_variables);
   }
   for (const VariableId id : edit_.removed_variables()) {
-    const Graph::VariableRecord& variable = graph_.variables_[Graph::Index(id)];
-    std::vector<VariableId>& ids = graph_.free_variables_[Graph::FreeKey(variable.ambient_size, variable.offset < 0)];
+    const VariableRecord& variable = graph_.variables_[Graph::Index(id)];
+    std::vector<VariableId>& ids = edits_.free_variables[FreeKey(variable.ambient_size, variable.offset < 0)];
     ReserveRoom(&ids, ids.size() + edit_.removed_variables().size());
   }
 }
@@ -36,23 +36,28 @@ void EditCheck::ReserveFactors() const {
   for (const FactorId id : removed_) {
     std::vector<std::int32_t>& places = graph_.families_[Graph::Index(id.family)].free_places;
     ReserveRoom(&places, places.size() + removed_.size());
+    FamilyEditState& edits = edits_.families[Graph::Index(id.family)];
+    ReserveRoom(&edits.generations, edits.places.size());
+    edits.generations.resize(std::max(edits.generations.size(), edits.places.size()), 0);
   }
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
-    Graph::FamilyRecord& record = graph_.families_[Graph::Index(factor.id.family)];
-    const std::size_t num_places = record.places.size();  // those that come included
+    FamilyRecord& record = graph_.families_[Graph::Index(factor.id.family)];
+    FamilyEditState& edits = edits_.families[Graph::Index(factor.id.family)];
+    const std::size_t num_places = edits.places.size();  // those that come included
     const std::size_t num_entries = num_places * Graph::Index(record.family->num_slots());
     ReserveRoom(&record.variables, num_entries);
     if (factor.loss != nullptr || !record.losses.empty()) {
       ReserveRoom(&record.losses, num_places);
     }
-    if (graph_.tracked_) {
-      ReserveRoom(&record.links, num_entries);
+    if (edits_.tracked) {
+      ReserveRoom(&edits.links, num_entries);
     }
   }
   for (const auto& [id, loss] : edit_.losses()) {
-    Graph::FamilyRecord& record = graph_.families_[Graph::Index(id.family)];
+    FamilyRecord& record = graph_.families_[Graph::Index(id.family)];
     if (loss != nullptr || !record.losses.empty()) {
-      ReserveRoom(&record.losses, std::max(record.places.size(), Graph::Index(record.num_factors)));
+      const std::size_t num_places = edits_.families[Graph::Index(id.family)].places.size();
+      ReserveRoom(&record.losses, std::max(num_places, Graph::Index(record.num_factors)));
     }
   }
 }
@@ -62,7 +67,7 @@ void EditCheck::ReserveFactors() const {
 class EditCommit {
  public:
   EditCommit(FactorGraph* graph, const GraphEdit& edit, const std::vector<FactorId>& removed)
-      : graph_(*graph), edit_(edit), removed_(removed) {}
+      : graph_(*graph), edits_(*graph->edits_), edit_(edit), removed_(removed) {}
 
   void Run() {
     std::for_each(removed_.begin(), removed_.end(), [this](FactorId id) { RemoveFactor(id); });
@@ -84,19 +89,19 @@ class EditCommit {
   using Graph = FactorGraph;
 
   void RemoveFactor(FactorId id) {
-    Graph::FamilyRecord& record = graph_.families_[Graph::Index(id.family)];
-    if (graph_.tracked_) {
+    FamilyRecord& record = graph_.families_[Graph::Index(id.family)];
+    if (edits_.tracked) {
       graph_.UnlinkFactor(id.family, id.index);
     }
     const int num_slots = record.family->num_slots();
     std::fill_n(record.variables.begin() + static_cast<std::ptrdiff_t>(id.index) * num_slots, num_slots, -1);
-    record.places[Graph::Index(id.index)] = Graph::Place::kFree;
+    edits_.families[Graph::Index(id.family)].places[Graph::Index(id.index)] = Place::kFree;
     graph_.SetLoss(id.family, id.index, nullptr);
   }
 
   // The room keeps zeros, so that a look for values that are not finite may run over all of the state.
   void RemoveVariable(VariableId id) {
-    Graph::VariableRecord& variable = graph_.variables_[Graph::Index(id)];
+    VariableRecord& variable = graph_.variables_[Graph::Index(id)];
     if (variable.offset >= 0) {
       std::fill_n(graph_.state_.begin() + variable.offset, variable.ambient_size, 0.0);
     }
@@ -112,15 +117,15 @@ class EditCommit {
   }
 
   void AddVariable(const GraphEdit::NewVariable& added) {
-    Graph::VariableRecord record = added.is_borrowed ? Graph::MakeBorrowed(added.borrowed, added.ambient_size)
-                                                     : Graph::MakeOwned(added.ambient_size, added.role, added.manifold);
+    VariableRecord record = added.is_borrowed ? MakeBorrowed(added.borrowed, added.ambient_size)
+                                              : MakeOwned(added.ambient_size, added.role, added.manifold);
     const double* values = edit_.values().data() + added.values;
     if (added.id == graph_.num_variables()) {
       graph_.AppendVariable(std::move(record), values);
       return;
     }
-    Graph::VariableRecord& variable = graph_.variables_[Graph::Index(added.id)];
-    std::vector<VariableId>& ids = graph_.free_variables_.at(Graph::FreeKey(added.ambient_size, added.is_borrowed));
+    VariableRecord& variable = graph_.variables_[Graph::Index(added.id)];
+    std::vector<VariableId>& ids = edits_.free_variables.at(FreeKey(added.ambient_size, added.is_borrowed));
     assert(variable.removed && ids.back() == added.id);
     ids.pop_back();
     --graph_.num_removed_variables_;
@@ -131,18 +136,18 @@ class EditCommit {
 
   void AddFactor(const GraphEdit::NewFactor& added) {
     const VariableId* ids = edit_.factor_variables().data() + added.variables;
-    Graph::FamilyRecord& record = graph_.families_[Graph::Index(added.id.family)];
+    FamilyRecord& record = graph_.families_[Graph::Index(added.id.family)];
     if (added.id.index == record.num_factors) {
       graph_.AppendFactor(added.id.family, ids, added.loss);
       return;
     }
     assert(record.free_places.back() == added.id.index);
     record.free_places.pop_back();
-    record.places[Graph::Index(added.id.index)] = Graph::Place::kIncremental;
+    edits_.families[Graph::Index(added.id.family)].places[Graph::Index(added.id.index)] = Place::kIncremental;
     const auto num_slots = static_cast<std::ptrdiff_t>(added.num_variables);
     std::copy_n(ids, num_slots, record.variables.begin() + added.id.index * num_slots);
     graph_.SetLoss(added.id.family, added.id.index, added.loss);
-    if (graph_.tracked_) {
+    if (edits_.tracked) {
       graph_.LinkFactor(added.id.family, added.id.index);
     }
   }
@@ -170,14 +175,16 @@ class EditCommit {
   void Free() {
     for (const FactorId id : removed_) {
       graph_.families_[Graph::Index(id.family)].free_places.push_back(id.index);
+      ++edits_.families[Graph::Index(id.family)].generations[Graph::Index(id.index)];
     }
     for (const VariableId id : edit_.removed_variables()) {
-      const Graph::VariableRecord& variable = graph_.variables_[Graph::Index(id)];
-      graph_.free_variables_.at(Graph::FreeKey(variable.ambient_size, variable.offset < 0)).push_back(id);
+      const VariableRecord& variable = graph_.variables_[Graph::Index(id)];
+      edits_.free_variables.at(FreeKey(variable.ambient_size, variable.offset < 0)).push_back(id);
     }
   }
 
   Graph& graph_;
+  EditState& edits_;
   const GraphEdit& edit_;
   const std::vector<FactorId>& removed_;
 };

@@ -8,8 +8,8 @@ namespace inceres::internal {
 
 EditCheck::~EditCheck() {
   const auto wipe = [this](VariableId id) {
-    if (id >= 0 && Graph::Index(id) < graph_.marks_.size()) {
-      graph_.marks_[Graph::Index(id)] = Graph::VariableMark();
+    if (id >= 0 && Graph::Index(id) < edits_.marks.size()) {
+      edits_.marks[Graph::Index(id)] = VariableMark();
     }
   };
   for (const GraphEdit::NewVariable& variable : edit_.new_variables()) {
@@ -19,18 +19,18 @@ EditCheck::~EditCheck() {
   for (const auto& [id, constant] : edit_.constants()) {
     wipe(id);
   }
-  graph_.comers_.clear();
+  edits_.comers.clear();
   for (const FactorId id : removed_) {
-    if (PlaceOf(id) == Graph::Place::kGoing) {
-      MutablePlace(id) = Graph::Place::kIncremental;
+    if (PlaceOf(id) == Place::kGoing) {
+      MutablePlace(id) = Place::kIncremental;
     }
   }
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
-    if (factor.id.index >= 0 && PlaceOf(factor.id) == Graph::Place::kComing) {
-      Graph::FamilyRecord& record = graph_.families_[Graph::Index(factor.id.family)];
-      MutablePlace(factor.id) = Graph::Place::kFree;
+    if (factor.id.index >= 0 && PlaceOf(factor.id) == Place::kComing) {
+      const FamilyRecord& record = graph_.families_[Graph::Index(factor.id.family)];
+      MutablePlace(factor.id) = Place::kFree;
       if (factor.id.index >= record.num_factors) {
-        record.places.resize(Graph::Index(record.num_factors));
+        edits_.families[Graph::Index(factor.id.family)].places.resize(Graph::Index(record.num_factors));
       }
     }
   }
@@ -39,17 +39,17 @@ EditCheck::~EditCheck() {
 void EditCheck::MarkComers() {
   // Room for an id that each of them could be given, all appended.
   const std::size_t num_ids = graph_.variables_.size() + edit_.new_variables().size();
-  if (graph_.marks_.size() < num_ids) {
-    graph_.marks_.resize(num_ids);
+  if (edits_.marks.size() < num_ids) {
+    edits_.marks.resize(num_ids);
   }
   for (const GraphEdit::NewVariable& variable : edit_.new_variables()) {
-    graph_.marks_[Graph::Index(variable.id)].new_variable = static_cast<std::int32_t>(graph_.comers_.size());
-    graph_.comers_.push_back(variable.is_borrowed ? Graph::MakeBorrowed(variable.borrowed, variable.ambient_size)
-                                                  : Graph::MakeOwned(variable.ambient_size, variable.role, variable.manifold));
+    edits_.marks[Graph::Index(variable.id)].new_variable = static_cast<std::int32_t>(edits_.comers.size());
+    edits_.comers.push_back(variable.is_borrowed ? MakeBorrowed(variable.borrowed, variable.ambient_size)
+                                                 : MakeOwned(variable.ambient_size, variable.role, variable.manifold));
   }
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
     if (factor.id.index >= 0) {
-      MutablePlace(factor.id) = Graph::Place::kComing;
+      MutablePlace(factor.id) = Place::kComing;
     }
   }
 }
@@ -61,7 +61,7 @@ Status EditCheck::MarkGoingFactors() {
       return status;
     }
     removed_.push_back(id);
-    MutablePlace(id) = Graph::Place::kGoing;
+    MutablePlace(id) = Place::kGoing;
   }
   return Status::Ok();
 }
@@ -72,7 +72,7 @@ Status EditCheck::MarkGoingVariables() {
     if (!status.ok()) {
       return status;
     }
-    graph_.marks_[Graph::Index(id)].going = true;
+    edits_.marks[Graph::Index(id)].going = true;
   }
   if (!edit_.removed_variables().empty()) {
     MarkCascade();
@@ -84,9 +84,9 @@ void EditCheck::MarkCascade() {
   graph_.TrackFactors();
   for (const VariableId id : edit_.removed_variables()) {
     graph_.ForEachFactorOf(id, [this](FactorId factor) {
-      if (PlaceOf(factor) == Graph::Place::kIncremental) {
+      if (PlaceOf(factor) == Place::kIncremental) {
         removed_.push_back(factor);
-        MutablePlace(factor) = Graph::Place::kGoing;
+        MutablePlace(factor) = Place::kGoing;
       }
     });
   }
@@ -101,38 +101,38 @@ Status EditCheck::MarkConstants() {
     if (!status.ok()) {
       return status;
     }
-    graph_.marks_[Graph::Index(id)].constant = constant ? 1 : 0;
+    edits_.marks[Graph::Index(id)].constant = constant ? 1 : 0;
   }
   return Status::Ok();
 }
 
-FactorGraph::Place EditCheck::PlaceOf(FactorId id) const {
-  const Graph::FamilyRecord& record = graph_.families_[Graph::Index(id.family)];
+Place EditCheck::PlaceOf(FactorId id) const {
+  const std::vector<Place>& places = edits_.families[Graph::Index(id.family)].places;
   const std::size_t index = Graph::Index(id.index);
-  return index < record.places.size() ? record.places[index] : Graph::Place::kIncremental;
+  return index < places.size() ? places[index] : Place::kIncremental;
 }
 
-FactorGraph::Place& EditCheck::MutablePlace(FactorId id) {
-  Graph::FamilyRecord& record = graph_.families_[Graph::Index(id.family)];
-  const std::size_t size = Graph::Index(std::max(record.num_factors, id.index + 1));
-  if (record.places.size() < size) {
-    record.places.resize(size, Graph::Place::kIncremental);
+Place& EditCheck::MutablePlace(FactorId id) {
+  std::vector<Place>& places = edits_.families[Graph::Index(id.family)].places;
+  const std::size_t size = Graph::Index(std::max(graph_.NumFactors(id.family), id.index + 1));
+  if (places.size() < size) {
+    places.resize(size, Place::kIncremental);
   }
-  return record.places[Graph::Index(id.index)];
+  return places[Graph::Index(id.index)];
 }
 
-FactorGraph::Sight EditCheck::See(VariableId id) const {
-  if (id < 0 || Graph::Index(id) >= graph_.marks_.size()) {
-    return {nullptr, false, Graph::Fault::kDanglingId};
+Sight EditCheck::See(VariableId id) const {
+  if (id < 0 || Graph::Index(id) >= edits_.marks.size()) {
+    return {nullptr, false, Fault::kDanglingId};
   }
-  const Graph::VariableMark& mark = graph_.marks_[Graph::Index(id)];
-  Graph::Sight sight = graph_.See(id);
+  const VariableMark& mark = edits_.marks[Graph::Index(id)];
+  Sight sight = internal::See(graph_.variables_, id);
   if (mark.new_variable >= 0) {
-    const Graph::VariableRecord& comer = graph_.comers_[Graph::Index(mark.new_variable)];
-    sight = {&comer, comer.constant, Graph::Fault::kNone};
+    const VariableRecord& comer = edits_.comers[Graph::Index(mark.new_variable)];
+    sight = {&comer, comer.constant, Fault::kNone};
   }
   if (mark.going) {
-    sight.fault = Graph::Fault::kGoing;
+    sight.fault = Fault::kGoing;
   }
   if (mark.constant >= 0) {
     sight.constant = mark.constant == 1;
@@ -147,16 +147,16 @@ std::string EditCheck::FactorName(FactorId id) const {
 Status EditCheck::CheckVariableId(const char* call, VariableId id, bool may_come) const {
   const auto fail = [&](const std::string& what) { return Invalid(std::string(call) + ": " + VariableName(id) + what); };
   switch (See(id).fault) {
-    case Graph::Fault::kDanglingId:
+    case Fault::kDanglingId:
       return fail(" does not exist: the graph has " + std::to_string(graph_.num_variables()) + " variables");
-    case Graph::Fault::kRemoved:
+    case Fault::kRemoved:
       return fail(" has been removed");
-    case Graph::Fault::kGoing:
+    case Fault::kGoing:
       return fail(may_come ? " is removed by the same edit" : " is removed twice");
     default:
       break;
   }
-  if (!may_come && graph_.marks_[Graph::Index(id)].new_variable >= 0) {
+  if (!may_come && edits_.marks[Graph::Index(id)].new_variable >= 0) {
     return fail(" is added by the same edit: variables go before others come");
   }
   return Status::Ok();
@@ -167,18 +167,22 @@ Status EditCheck::CheckFactorId(const char* call, FactorId id, bool may_come) co
   if (id.family < 0 || id.family >= graph_.num_families()) {
     return Invalid(std::string(call) + ": there is no family " + std::to_string(id.family));
   }
-  const auto num_marked = static_cast<int>(graph_.families_[Graph::Index(id.family)].places.size());
+  const auto num_marked = static_cast<int>(edits_.families[Graph::Index(id.family)].places.size());
   if (id.index < 0 || id.index >= std::max(graph_.NumFactors(id.family), num_marked)) {
     return fail(" does not exist: the family has " + std::to_string(graph_.NumFactors(id.family)) + " places");
   }
-  switch (PlaceOf(id)) {
-    case Graph::Place::kFree:
+  const Place place = PlaceOf(id);
+  if (id.generation >= 0 && id.generation != graph_.Generation(id.family, id.index) && place != Place::kFree) {
+    return fail(" has been removed, and its place given to another one");
+  }
+  switch (place) {
+    case Place::kFree:
       return fail(" has been removed");
-    case Graph::Place::kGoing:
+    case Place::kGoing:
       return fail(may_come ? " is removed by the same edit" : " is removed twice");
-    case Graph::Place::kComing:
+    case Place::kComing:
       return may_come ? Status::Ok() : fail(" is added by the same edit: factors go before others come");
-    case Graph::Place::kIncremental:
+    case Place::kIncremental:
       break;
   }
   return Status::Ok();

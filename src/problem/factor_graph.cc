@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "problem/edit_state.h"
 #include "problem/find_fault.h"
 
 namespace inceres {
@@ -35,7 +36,9 @@ std::string DescribeSlots(const FactorFamily& family) {
 
 }  // namespace
 
-FactorGraph::VariableRecord FactorGraph::MakeOwned(int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
+namespace internal {
+
+VariableRecord MakeOwned(int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
   VariableRecord variable;
   variable.ambient_size = ambient_size;
   variable.tangent_size = manifold == nullptr ? ambient_size : manifold->TangentSize();
@@ -44,7 +47,7 @@ FactorGraph::VariableRecord FactorGraph::MakeOwned(int ambient_size, Role role, 
   return variable;
 }
 
-FactorGraph::VariableRecord FactorGraph::MakeBorrowed(const double* values, int ambient_size) {
+VariableRecord MakeBorrowed(const double* values, int ambient_size) {
   VariableRecord variable;
   variable.offset = -1;
   variable.borrowed = values;
@@ -53,7 +56,21 @@ FactorGraph::VariableRecord FactorGraph::MakeBorrowed(const double* values, int 
   return variable;
 }
 
-VariableId FactorGraph::AppendVariable(VariableRecord variable, const double* values) {
+EditStateOwner::EditStateOwner() : state_(std::make_unique<EditState>()) {
+}
+EditStateOwner::EditStateOwner(const EditStateOwner& other) : state_(std::make_unique<EditState>(*other.state_)) {
+}
+EditStateOwner::EditStateOwner(EditStateOwner&& other) noexcept = default;
+EditStateOwner& EditStateOwner::operator=(const EditStateOwner& other) {
+  state_ = std::make_unique<EditState>(*other.state_);
+  return *this;
+}
+EditStateOwner& EditStateOwner::operator=(EditStateOwner&& other) noexcept = default;
+EditStateOwner::~EditStateOwner() = default;
+
+}  // namespace internal
+
+VariableId FactorGraph::AppendVariable(internal::VariableRecord variable, const double* values) {
   if (variable.offset >= 0) {
     variable.offset = static_cast<std::int64_t>(state_.size());
     const std::size_t num_values = static_cast<std::size_t>(std::max(variable.ambient_size, 0));
@@ -65,20 +82,20 @@ VariableId FactorGraph::AppendVariable(VariableRecord variable, const double* va
     }
   }
   variables_.push_back(std::move(variable));
-  if (tracked_) {
-    first_touches_.emplace_back();
+  if (edits_->tracked) {
+    edits_->first_touches.emplace_back();
   }
   return num_variables() - 1;
 }
 
 VariableId FactorGraph::AddVariable(const double* values, int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
   ++revision_;
-  return AppendVariable(MakeOwned(ambient_size, role, std::move(manifold)), values);
+  return AppendVariable(internal::MakeOwned(ambient_size, role, std::move(manifold)), values);
 }
 
 VariableId FactorGraph::AddBorrowedConstant(const double* values, int ambient_size) {
   ++revision_;
-  return AppendVariable(MakeBorrowed(values, ambient_size), nullptr);
+  return AppendVariable(internal::MakeBorrowed(values, ambient_size), nullptr);
 }
 
 FamilyId FactorGraph::AddFamily(std::shared_ptr<const FactorFamily> family) {
@@ -88,6 +105,7 @@ FamilyId FactorGraph::AddFamily(std::shared_ptr<const FactorFamily> family) {
   }
   ++revision_;
   families_.emplace_back().family = std::move(family);
+  edits_->families.emplace_back();
   return num_families() - 1;
 }
 
@@ -129,7 +147,7 @@ void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables
   if (variables.empty() || !HasFamily("ConnectMany", family)) {
     return;
   }
-  FamilyRecord& record = families_[Index(family)];
+  internal::FamilyRecord& record = families_[Index(family)];
   const std::size_t num_slots = Index(record.family->num_slots());
   const std::size_t count = num_slots == 0 ? 0 : variables.size() / num_slots;
   if (count * num_slots != variables.size()) {
@@ -142,7 +160,7 @@ void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables
             std::to_string(losses.size()) + " losses");
     return;
   }
-  if (record.num_factors > 0 || tracked_) {
+  if (record.num_factors > 0 || edits_->tracked) {
     for (std::size_t i = 0; i < count; ++i) {
       Connect(family, variables.data() + i * num_slots, losses.empty() ? nullptr : std::move(losses[i]));
     }
@@ -155,7 +173,7 @@ void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables
 }
 
 int FactorGraph::AppendFactor(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss) {
-  FamilyRecord& record = families_[Index(family)];
+  internal::FamilyRecord& record = families_[Index(family)];
   const int num_slots = record.family->num_slots();
   for (int s = 0; s < num_slots; ++s) {  // an insertion of the range takes longer
     record.variables.push_back(variables[s]);
@@ -164,19 +182,20 @@ int FactorGraph::AppendFactor(FamilyId family, const VariableId* variables, std:
     record.losses.resize(Index(record.num_factors));  // the first loss of the family: the factors before it have none
     record.losses.push_back(std::move(loss));
   }
-  if (!record.places.empty()) {
-    record.places.push_back(Place::kIncremental);
+  internal::FamilyEditState& edits = edits_->families[Index(family)];
+  if (!edits.places.empty()) {
+    edits.places.push_back(internal::Place::kIncremental);
   }
   const int factor = record.num_factors++;
-  if (tracked_) {
-    record.links.resize(record.variables.size());
+  if (edits_->tracked) {
+    edits.links.resize(record.variables.size());
     LinkFactor(family, factor);
   }
   return factor;
 }
 
 void FactorGraph::SetLoss(FamilyId family, int factor, std::shared_ptr<const Loss> loss) {
-  FamilyRecord& record = families_[Index(family)];
+  internal::FamilyRecord& record = families_[Index(family)];
   if (loss != nullptr || !record.losses.empty()) {
     record.losses.resize(Index(record.num_factors));
     record.losses[Index(factor)] = std::move(loss);
@@ -210,7 +229,7 @@ void FactorGraph::PinLinearization(VariableId id, const double* values) {
 }
 
 void FactorGraph::SetValues(VariableId id, const double* values) {
-  const VariableRecord& variable = variables_[Index(id)];
+  const internal::VariableRecord& variable = variables_[Index(id)];
   if (variable.offset >= 0) {
     std::copy_n(values, variable.ambient_size, state_.begin() + variable.offset);
   }
@@ -223,7 +242,7 @@ void FactorGraph::Reserve(int num_variables, int num_values) {
 
 int FactorGraph::num_factors() const {
   int count = 0;
-  for (const FamilyRecord& record : families_) {
+  for (const internal::FamilyRecord& record : families_) {
     count += record.num_factors - static_cast<int>(record.free_places.size());
   }
   return count;
@@ -233,14 +252,15 @@ bool FactorGraph::HasFactor(FamilyId id, int factor) const {
   if (id < 0 || id >= num_families()) {
     return false;
   }
-  const FamilyRecord& record = families_[Index(id)];
-  return factor >= 0 && factor < record.num_factors &&
-         (record.places.empty() || record.places[Index(factor)] == Place::kIncremental);
+  const internal::FamilyRecord& record = families_[Index(id)];
+  const std::vector<internal::Place>& places = edits_->families[Index(id)].places;
+  return factor >= 0 && factor < record.num_factors && (places.empty() || places[Index(factor)] == internal::Place::kIncremental);
 }
 
 VariableId FactorGraph::FreeVariable(int ambient_size, bool borrowed, int k) const {
-  const auto found = ambient_size > 0 ? free_variables_.find(FreeKey(ambient_size, borrowed)) : free_variables_.end();
-  if (found == free_variables_.end() || Index(k) >= found->second.size()) {
+  const auto& free = edits_->free_variables;
+  const auto found = ambient_size > 0 ? free.find(internal::FreeKey(ambient_size, borrowed)) : free.end();
+  if (found == free.end() || Index(k) >= found->second.size()) {
     return -1;
   }
   return found->second[found->second.size() - 1 - Index(k)];
@@ -249,6 +269,11 @@ VariableId FactorGraph::FreeVariable(int ambient_size, bool borrowed, int k) con
 std::int32_t FactorGraph::FreePlace(FamilyId id, int k) const {
   const std::vector<std::int32_t>& places = families_[Index(id)].free_places;
   return Index(k) < places.size() ? places[places.size() - 1 - Index(k)] : -1;
+}
+
+std::int32_t FactorGraph::Generation(FamilyId id, std::int32_t place) const {
+  const std::vector<std::int32_t>& generations = edits_->families[Index(id)].generations;
+  return Index(place) < generations.size() ? generations[Index(place)] : 0;
 }
 
 }  // namespace inceres

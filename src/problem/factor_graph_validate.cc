@@ -2,19 +2,31 @@
 #include <cmath>
 #include <string>
 
-#include "inceres/problem/factor_graph.h"
+#include "problem/edit_state.h"
 #include "problem/find_fault.h"
 
 namespace inceres {
 
 using internal::AllFinite;
+using internal::FactorFault;
 using internal::FamilyName;
+using internal::FamilyRecord;
+using internal::Fault;
 using internal::Invalid;
 using internal::VariableName;
+using internal::VariableRecord;
 
 namespace {
 
 constexpr int kMaxLandmarkTangentSize = 4;
+
+std::string Describe(int factor, const FactorFamily& family, const VariableId* ids) {
+  std::string text = "factor " + std::to_string(factor) + " of " + family.Name() + " (variables ";
+  for (int s = 0; s < family.num_slots(); ++s) {
+    text += (s == 0 ? "" : ", ") + std::to_string(ids[s]);
+  }
+  return text + ")";
+}
 
 }  // namespace
 
@@ -44,7 +56,7 @@ Status FactorGraph::Validate() const {
     if (ordinary || variable.removed) {
       continue;
     }
-    Status status = ValidateVariable(id, variable, IsConstant(id));
+    Status status = internal::ValidateVariable(id, variable, IsConstant(id));
     if (!status.ok()) {
       return status;
     }
@@ -59,14 +71,14 @@ Status FactorGraph::Validate() const {
   return status;
 }
 
-Status FactorGraph::ValidateVariable(VariableId id, const VariableRecord& variable, bool constant) {
+Status internal::ValidateVariable(VariableId id, const VariableRecord& variable, bool constant) {
   if (variable.ambient_size <= 0) {
     return Invalid(VariableName(id) + " has ambient size " + std::to_string(variable.ambient_size) + "; it must be positive");
   }
   if (variable.offset < 0 && variable.borrowed == nullptr) {
     return Invalid(VariableName(id) + " is a borrowed constant with a null pointer to its values");
   }
-  if (variable.offset < 0 && !AllFinite(variable.borrowed, Index(variable.ambient_size))) {
+  if (variable.offset < 0 && !AllFinite(variable.borrowed, static_cast<std::size_t>(variable.ambient_size))) {
     return Invalid(VariableName(id) + " is a borrowed constant with a value that is not finite");
   }
   if (variable.manifold != nullptr && variable.manifold->AmbientSize() != variable.ambient_size) {
@@ -126,17 +138,18 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
     return Invalid(FamilyName(id, family) + " has residual size " + std::to_string(family.residual_size()) +
                    "; it must be positive");
   }
-  if (family.size() < record.num_factors || (family.size() > record.num_factors && !edited_)) {
+  if (family.size() < record.num_factors || (family.size() > record.num_factors && !edits_->edited)) {
     return Invalid(FamilyName(id, family) + " holds " + std::to_string(family.size()) + " measurements but " +
                    std::to_string(record.num_factors) + " factors are connected");
   }
   const int num_slots = family.num_slots();
-  const bool all_live = record.places.empty();
+  const std::vector<internal::Place>& places = edits_->families[Index(id)].places;
+  const bool all_live = places.empty();
   const VariableId* ids = record.variables.data();
   const bool all_alike = all_live && record.num_factors > 0 && std::equal(ids + num_slots, ids + record.variables.size(), ids);
   const int num_different = all_alike ? 1 : record.num_factors;
   for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
-    if (!all_live && record.places[Index(factor)] == Place::kFree) {
+    if (!all_live && places[Index(factor)] == internal::Place::kFree) {
       continue;
     }
     bool as_before = factor > 0 && num_slots > 0 && ids[0] >= 0;  // then that one was found to be in order
@@ -146,24 +159,26 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
     if (as_before) {
       continue;
     }
-    const FactorFault fault = FindFault(family, ids, [this](VariableId variable) { return See(variable); });
+    const FactorFault fault =
+        internal::FindFault(family, ids, [this](VariableId variable) { return internal::See(variables_, variable); });
     if (fault.fault != Fault::kNone) {
       const VariableId culprit = ids[fault.slot];
       const bool known = culprit >= 0 && culprit < num_variables();
-      return DescribeFault({id, factor}, ids, fault, known ? &variables_[Index(culprit)] : nullptr);
+      return internal::DescribeFault(*this, {id, factor}, ids, fault, known ? &variables_[Index(culprit)] : nullptr);
     }
   }
   return Status::Ok();
 }
 
-Status FactorGraph::DescribeFault(FactorId id, const VariableId* ids, FactorFault fault, const VariableRecord* culprit) const {
-  const FactorFamily::Slot& slot = family(id.family).slot(fault.slot);
+Status internal::DescribeFault(const FactorGraph& graph, FactorId id, const VariableId* ids, FactorFault fault,
+                               const VariableRecord* culprit) {
+  const FactorFamily::Slot& slot = graph.family(id.family).slot(fault.slot);
   const VariableId variable = ids[fault.slot];
-  const std::string where = DescribeFactor(id, ids) + ": slot " + std::to_string(fault.slot);
+  const std::string where = Describe(id.index, graph.family(id.family), ids) + ": slot " + std::to_string(fault.slot);
   switch (fault.fault) {
     case Fault::kDanglingId:
       return Invalid(where + " names variable " + std::to_string(variable) + ", but the graph has " +
-                     std::to_string(num_variables()) + " variables");
+                     std::to_string(graph.num_variables()) + " variables");
     case Fault::kRemoved:
       return Invalid(where + " names " + VariableName(variable) + ", which has been removed");
     case Fault::kGoing:
@@ -186,16 +201,7 @@ Status FactorGraph::DescribeFault(FactorId id, const VariableId* ids, FactorFaul
 }
 
 std::string FactorGraph::DescribeFactor(FamilyId id, int factor) const {
-  return DescribeFactor({id, factor}, Variables(id, factor));
-}
-
-std::string FactorGraph::DescribeFactor(FactorId id, const VariableId* ids) const {
-  const int num_slots = family(id.family).num_slots();
-  std::string text = "factor " + std::to_string(id.index) + " of " + family(id.family).Name() + " (variables ";
-  for (int s = 0; s < num_slots; ++s) {
-    text += (s == 0 ? "" : ", ") + std::to_string(ids[s]);
-  }
-  return text + ")";
+  return Describe(factor, family(id), Variables(id, factor));
 }
 
 }  // namespace inceres

@@ -1,46 +1,68 @@
 // The factors of each variable, as doubly linked lists through the slots: a factor joins and leaves in O(num_slots), and nothing
 // is allocated but two links a slot.
-#include "inceres/problem/factor_graph.h"
+#include "problem/edit_state.h"
 
 namespace inceres {
+
+using internal::FamilyEditState;
+using internal::FamilyRecord;
+using internal::Link;
+using internal::Touch;
+
 namespace {
 
 constexpr FamilyId kUnlinked = -2;  // in Link::previous: the slot names a variable that was not there
 
 }  // namespace
 
+bool FactorGraph::TracksFactors() const {
+  return edits_->tracked && !edits_->untracked_ids;
+}
+
+FactorId FactorGraph::FirstEntryOf(VariableId id) const {
+  const Touch& first = edits_->first_touches[Index(id)];
+  return {first.family, first.entry};
+}
+
+FactorId FactorGraph::NextEntry(FactorId entry) const {
+  const Touch& next = edits_->families[Index(entry.family)].links[Index(entry.index)].next;
+  return {next.family, next.entry};
+}
+
 void FactorGraph::TrackFactors() {
-  if (tracked_ && !untracked_ids_) {
+  if (edits_->tracked && !edits_->untracked_ids) {
     return;
   }
-  first_touches_.assign(variables_.size(), Touch());
-  untracked_ids_ = false;
+  edits_->first_touches.assign(variables_.size(), Touch());
+  edits_->untracked_ids = false;
   for (FamilyId id = 0; id < num_families(); ++id) {
-    FamilyRecord& record = families_[Index(id)];
-    record.links.assign(record.variables.size(), Link());
+    const FamilyRecord& record = families_[Index(id)];
+    FamilyEditState& edits = edits_->families[Index(id)];
+    edits.links.assign(record.variables.size(), Link());
     for (int factor = 0; factor < record.num_factors; ++factor) {
-      if (record.places.empty() || record.places[Index(factor)] != Place::kFree) {
+      if (edits.places.empty() || edits.places[Index(factor)] != internal::Place::kFree) {
         LinkFactor(id, factor);
       }
     }
   }
-  tracked_ = true;
+  edits_->tracked = true;
 }
 
 void FactorGraph::LinkFactor(FamilyId family, int factor) {
-  FamilyRecord& record = families_[Index(family)];
+  const FamilyRecord& record = families_[Index(family)];
+  std::vector<Link>& links = edits_->families[Index(family)].links;
   const int num_slots = record.family->num_slots();
   for (std::int32_t entry = factor * num_slots; entry < (factor + 1) * num_slots; ++entry) {
     const VariableId id = record.variables[Index(entry)];
     if (id < 0 || id >= num_variables()) {
-      record.links[Index(entry)].previous.family = kUnlinked;
-      untracked_ids_ = true;
+      links[Index(entry)].previous.family = kUnlinked;
+      edits_->untracked_ids = true;
       continue;
     }
-    Touch& first = first_touches_[Index(id)];
-    record.links[Index(entry)] = {Touch(), first};
+    Touch& first = edits_->first_touches[Index(id)];
+    links[Index(entry)] = {Touch(), first};
     if (first.family >= 0) {
-      families_[Index(first.family)].links[Index(first.entry)].previous = {family, entry};
+      edits_->families[Index(first.family)].links[Index(first.entry)].previous = {family, entry};
     }
     first = {family, entry};
   }
@@ -48,19 +70,20 @@ void FactorGraph::LinkFactor(FamilyId family, int factor) {
 
 void FactorGraph::UnlinkFactor(FamilyId family, int factor) {
   const FamilyRecord& record = families_[Index(family)];
+  std::vector<Link>& links = edits_->families[Index(family)].links;
   const int num_slots = record.family->num_slots();
   for (std::int32_t entry = factor * num_slots; entry < (factor + 1) * num_slots; ++entry) {
-    const Link link = record.links[Index(entry)];
+    const Link link = links[Index(entry)];
     if (link.previous.family == kUnlinked) {
       continue;
     }
     if (link.previous.family >= 0) {
-      families_[Index(link.previous.family)].links[Index(link.previous.entry)].next = link.next;
+      edits_->families[Index(link.previous.family)].links[Index(link.previous.entry)].next = link.next;
     } else {
-      first_touches_[Index(record.variables[Index(entry)])] = link.next;
+      edits_->first_touches[Index(record.variables[Index(entry)])] = link.next;
     }
     if (link.next.family >= 0) {
-      families_[Index(link.next.family)].links[Index(link.next.entry)].previous = link.previous;
+      edits_->families[Index(link.next.family)].links[Index(link.next.entry)].previous = link.previous;
     }
   }
 }

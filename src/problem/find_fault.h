@@ -1,11 +1,13 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "inceres/problem/factor_graph.h"
 
-namespace inceres {
-namespace internal {
+namespace inceres::internal {
 
 inline Status Invalid(std::string message) {
   return Status::Error(StatusCode::kInvalidArgument, std::move(message));
@@ -30,26 +32,38 @@ inline bool IsAmong(VariableId id, const VariableId* ids, int count) {
   return found != 0;
 }
 
-}  // namespace internal
+enum class Fault : std::uint8_t { kNone, kDanglingId, kRemoved, kGoing, kAmbientSize, kTangentSize, kRepeated, kTwoLandmarks };
 
-inline FactorGraph::Sight FactorGraph::See(VariableId id) const {
-  if (id < 0 || id >= num_variables()) {
+struct FactorFault {
+  Fault fault = Fault::kNone;
+  int slot = 0;  // the slot at fault; for a pair the later one
+};
+
+/// A variable as a factor finds it: now, or after an edit. No record if there is a fault.
+struct Sight {
+  const VariableRecord* record = nullptr;
+  bool constant = false;
+  Fault fault = Fault::kNone;
+};
+
+inline Sight See(const std::vector<VariableRecord>& variables, VariableId id) {
+  if (id < 0 || id >= static_cast<VariableId>(variables.size())) {
     return {nullptr, false, Fault::kDanglingId};
   }
-  const VariableRecord& variable = variables_[Index(id)];
+  const VariableRecord& variable = variables[static_cast<std::size_t>(id)];
   return {&variable, variable.constant, variable.removed ? Fault::kRemoved : Fault::kNone};
 }
 
-// The rules of a factor, whether it is there already or comes with an edit: see(id) is the variable as the factor finds it.
+/// The rules of a factor, whether it is there already or comes with an edit: see(id) is the variable as the factor finds it.
 template <typename SeeVariable>
-FactorGraph::FactorFault FactorGraph::FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see) {
+FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see) {
   int num_landmarks = 0;
   for (int s = 0; s < family.num_slots(); ++s) {
     const Sight sight = see(ids[s]);
     if (sight.fault != Fault::kNone) {
       return {sight.fault, s};
     }
-    if (internal::IsAmong(ids[s], ids, s)) {
+    if (IsAmong(ids[s], ids, s)) {
       return {Fault::kRepeated, s};
     }
     const VariableRecord& variable = *sight.record;
@@ -69,4 +83,10 @@ FactorGraph::FactorFault FactorGraph::FindFault(const FactorFamily& family, cons
   return {};
 }
 
-}  // namespace inceres
+/// The rules of a variable.
+Status ValidateVariable(VariableId id, const VariableRecord& variable, bool constant);
+/// The fault in words. `culprit` is the variable's record, if it has one.
+Status DescribeFault(const FactorGraph& graph, FactorId id, const VariableId* ids, FactorFault fault,
+                     const VariableRecord* culprit);
+
+}  // namespace inceres::internal

@@ -75,7 +75,8 @@ FactorId GraphEdit::Connect(FamilyId family, const VariableId* variables, std::s
 FactorId GraphEdit::Connect(FamilyId family, const VariableId* variables, std::size_t num_variables,
                             std::shared_ptr<const Loss> loss) {
   const bool known = family >= 0 && family < graph_->num_families();
-  const FactorId id = {family, known ? NextPlace(family) : -1};
+  FactorId id = {family, known ? NextPlace(family) : -1};
+  id.generation = known ? graph_->Generation(family, id.index) : -1;
   new_factors_.push_back({id, factor_variables_.size(), num_variables, std::move(loss)});
   factor_variables_.insert(factor_variables_.end(), variables, variables + num_variables);
   return id;

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "linear/small_cholesky.h"
-#include "linearize/robustify.h"
 
 namespace inceres::internal {
 namespace {
@@ -47,7 +46,7 @@ InnerIterations::InnerIterations(Evaluator* evaluator)
   for (int size = 0; size <= kQuad; ++size) {
     identity_[size].ambient_size = identity_[size].tangent_size = size;
   }
-  for (const FamilyCache& cache : evaluator_.families()) {
+  for (const Linearization& cache : evaluator_.families()) {
     BuildJacobians(cache);
   }
   BuildGroups();
@@ -56,9 +55,9 @@ InnerIterations::InnerIterations(Evaluator* evaluator)
   chosen_.assign(layout_.num_landmarks(), true);
 }
 
-void InnerIterations::BuildJacobians(const FamilyCache& cache) {
+void InnerIterations::BuildJacobians(const Linearization& cache) {
   const FactorGraph& graph = evaluator_.graph();
-  const int num_slots = cache.family->num_slots();
+  const int num_slots = cache.num_slots;
   LandmarkJacobians& jacobians = jacobians_[cache.id];
   jacobians.maps.resize(std::size_t(cache.num_factors) * num_slots);
   jacobians.landmarks.assign(cache.num_factors, -1);
@@ -78,7 +77,7 @@ void InnerIterations::BuildJacobians(const FamilyCache& cache) {
       }
     }
   }
-  const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache.family->residual_size()} * kQuad;
+  const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache.residual_size} * kQuad;
   jacobians.values.resize(any ? cache.num_factors * factor_stride : 0);
   jacobians.views.assign(num_slots, {jacobians.values.data(), factor_stride, kQuad});
   jacobians.blocks = {jacobians.values.data(), factor_stride, kQuad, kQuad};
@@ -178,7 +177,7 @@ void InnerIterations::RunChosen(double min_gain) {
 // The factors whose landmark is selected, at the candidate, run by run.
 template <typename Selected>
 void InnerIterations::Evaluate(bool jacobians, const Selected& selected) {
-  for (const FamilyCache& cache : evaluator_.families()) {
+  for (const Linearization& cache : evaluator_.families()) {
     const std::vector<std::int32_t>& landmarks = jacobians_[cache.id].landmarks;
     evaluator_.executor().For(static_cast<int>(landmarks.size()), kFactorGrain, [&](int begin, int end) {
       for (int i = begin; i < end;) {
@@ -198,12 +197,8 @@ void InnerIterations::Evaluate(bool jacobians, const Selected& selected) {
 
 // A factor that cannot be evaluated gets a residual that is not a number: its landmark will stay.
 void InnerIterations::EvaluateRun(FamilyId family, int begin, int end, bool jacobians) {
-  FamilyCache& cache = evaluator_.families()[family];
-  FactorBatch batch;
-  batch.begin = begin;
-  batch.end = end;
-  batch.parameters = cache.parameters.data();  // Run has pointed them to the candidate
-  batch.residuals = cache.candidate_residuals.data();
+  Linearization& cache = evaluator_.families()[family];
+  FactorBatch batch = cache.CandidateBatch(begin, end);  // Run has pointed the parameters there
   if (jacobians) {
     batch.tangent_maps = jacobians_[family].maps.data();
     batch.jacobians = jacobians_[family].views.data();
@@ -213,7 +208,7 @@ void InnerIterations::EvaluateRun(FamilyId family, int begin, int end, bool jaco
     return;
   }
   if (end == begin + 1) {
-    const int rows = cache.family->residual_size();
+    const int rows = cache.residual_size;
     std::fill_n(cache.candidate_residuals.data() + std::ptrdiff_t{begin} * rows, rows, std::numeric_limits<double>::quiet_NaN());
     return;
   }
@@ -278,37 +273,22 @@ void InnerIterations::Judge(int landmark) {
   std::copy_n(trial.start, layout_.TangentSize(layout_.num_frames + landmark), Values(landmark));
 }
 
-// J_l := √ρ' J_l and f := √ρ' f, with ρ' at f. Returns ½ρ.
-double InnerIterations::Weigh(const FamilyCache& cache, int factor) {
-  const int rows = cache.family->residual_size();
-  double* f = evaluator_.families()[cache.id].candidate_residuals.data() + std::ptrdiff_t{factor} * rows;
-  const double s = std::inner_product(f, f + rows, f, 0.0);
-  const Loss* loss = cache.has_losses ? evaluator_.graph().loss(cache.id, factor) : nullptr;
-  if (loss == nullptr) {
-    return 0.5 * s;
-  }
-  double rho[3];
-  loss->Evaluate(s, rho);
-  const double sqrt_weight = std::sqrt(rho[1]);
-  if (sqrt_weight != 1.0) {
-    const auto scale = [sqrt_weight](double entry) { return sqrt_weight * entry; };
-    double* J = jacobians_[cache.id].values.data() + std::ptrdiff_t{factor} * rows * kQuad;
-    std::transform(f, f + rows, f, scale);
-    std::transform(J, J + std::ptrdiff_t{rows} * kQuad, J, scale);
-  }
-  return 0.5 * rho[0];
-}
-
 void InnerIterations::Accumulate(const Group& group, int size, NormalEquations* equations) {
-  const FamilyCache& cache = evaluator_.families()[group.family];
+  const Linearization& cache = evaluator_.families()[group.family];
+  const SlotJacobians& blocks = jacobians_[group.family].blocks;
+  const int rows = cache.residual_size;
+  constexpr std::int32_t kHasJacobian = 0;
   for (int k = group.begin; k < group.end; ++k) {
-    equations->cost += Weigh(cache, sightings_[k]);
+    const std::int32_t factor = sightings_[k];
+    const Loss* loss = cache.graph->loss(cache.id, factor);
+    double* f = cache.candidate_residuals.data() + std::ptrdiff_t{factor} * rows;
+    equations->cost += RobustifyFactor(loss, rows, 1, &blocks, factor, &kHasJacobian, LossCurvature::kNone, f);
   }
   LandmarkFactors factors;
   factors.factors = sightings_.data() + group.begin;
   factors.count = group.end - group.begin;
-  factors.residual_size = cache.family->residual_size();
-  factors.jacobians = &jacobians_[group.family].blocks;
+  factors.residual_size = rows;
+  factors.jacobians = &blocks;
   factors.residuals = cache.candidate_residuals.data();
   kernels_.landmark_gram(size, factors, equations->P, equations->eta);
 }
@@ -316,10 +296,10 @@ void InnerIterations::Accumulate(const Group& group, int size, NormalEquations* 
 double InnerIterations::Cost(int landmark) const {
   double cost = 0.0;
   for (int k = groups_begin_[landmark]; k < groups_begin_[landmark + 1]; ++k) {
-    const FamilyCache& cache = evaluator_.families()[groups_[k].family];
-    const int rows = cache.family->residual_size();
+    const Linearization& cache = evaluator_.families()[groups_[k].family];
+    const int rows = cache.residual_size;
     for (int at = groups_[k].begin; at < groups_[k].end; ++at) {
-      const Loss* loss = cache.has_losses ? evaluator_.graph().loss(cache.id, sightings_[at]) : nullptr;
+      const Loss* loss = cache.graph->loss(cache.id, sightings_[at]);
       cost += RobustCost(loss, cache.candidate_residuals.data() + std::ptrdiff_t{sightings_[at]} * rows, rows);
     }
   }

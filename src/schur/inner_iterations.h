@@ -77,7 +77,7 @@ class InnerIterations {
 
   void RunChosen(double min_gain);
   double SumOfGains() const;
-  void BuildJacobians(const FamilyCache& cache);
+  void BuildJacobians(const Linearization& cache);
   void BuildGroups();
   template <typename Selected>
   void Evaluate(bool jacobians, const Selected& selected);
@@ -85,7 +85,6 @@ class InnerIterations {
   void Propose(int landmark, double min_gain);
   void Judge(int landmark);
   double Cost(int landmark) const;
-  double Weigh(const FamilyCache& cache, int factor);
   void Accumulate(const Group& group, int size, NormalEquations* equations);
   double* Values(int landmark);
 

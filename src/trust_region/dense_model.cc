@@ -9,7 +9,7 @@
 
 namespace inceres::internal {
 DenseModel::DenseModel(const Evaluator& evaluator) : LinearModel(evaluator), size_(evaluator.layout().size()) {
-  for (const FamilyCache& cache : evaluator.families()) {
+  for (const Linearization& cache : evaluator.families()) {
     num_rows_ += cache.num_blocks() * cache.rows_per_block();
   }
   stride_ = DampedColumnStride(num_rows_, size_);
@@ -25,7 +25,7 @@ DenseModel::DenseModel(const Evaluator& evaluator) : LinearModel(evaluator), siz
 void DenseModel::Refresh() {
   double* top = columns_.data();
   const int stride = stride_;
-  for (const FamilyCache& cache : evaluator_.families()) {
+  for (const Linearization& cache : evaluator_.families()) {
     const int rows = cache.num_blocks() * cache.rows_per_block();
     BestKernels().rows_to_columns(rows, size_, cache.slots[0].data, cache.slots[0].row_stride, top, stride);
     std::copy_n(cache.residuals.data(), rows, top + static_cast<std::ptrdiff_t>(size_) * stride);

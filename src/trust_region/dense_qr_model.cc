@@ -8,8 +8,8 @@ namespace inceres::internal {
 
 DenseQrModel::DenseQrModel(const Evaluator& evaluator) : LinearModel(evaluator) {
   const Layout& layout = evaluator.layout();
-  for (const FamilyCache& cache : evaluator.families()) {
-    num_residuals_ += cache.num_factors * cache.family->residual_size();
+  for (const Linearization& cache : evaluator.families()) {
+    num_residuals_ += cache.num_factors * cache.residual_size;
   }
   packed_of_quad_.assign(layout.quad_offset.back(), 0);
   for (std::size_t i = 0; i < layout.variables.size(); ++i) {
@@ -24,9 +24,9 @@ DenseQrModel::DenseQrModel(const Evaluator& evaluator) : LinearModel(evaluator) 
 void DenseQrModel::Refresh() {
   J_.setZero();
   int row = 0;
-  for (const FamilyCache& cache : evaluator_.families()) {
-    const int rows = cache.family->residual_size();
-    const int num_slots = cache.family->num_slots();
+  for (const Linearization& cache : evaluator_.families()) {
+    const int rows = cache.residual_size;
+    const int num_slots = cache.num_slots;
     for (int i = 0; i < cache.num_factors; ++i, row += rows) {
       f_.segment(row, rows) =
           Eigen::Map<const Eigen::VectorXd>(cache.residuals.data() + static_cast<std::ptrdiff_t>(i) * rows, rows);

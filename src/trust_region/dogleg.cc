@@ -5,6 +5,8 @@
 #include <functional>
 #include <numeric>
 
+#include "trust_region/dogleg_point.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -126,13 +128,10 @@ void Dogleg::FollowTraditionalPath(double alpha) {
     step_norm_ = radius_;
     return;
   }
-  // Ceres's two-branch formula avoids cancellation.
   const double b_dot_a = -alpha * Dot(gradient_, gauss_newton_);
   const double a2 = std::pow(alpha * gradient_norm, 2);
   const double b_minus_a2 = a2 - 2.0 * b_dot_a + gauss_newton_norm_ * gauss_newton_norm_;
-  const double c = b_dot_a - a2;
-  const double d = std::sqrt(c * c + b_minus_a2 * (radius_ * radius_ - a2));
-  const double beta = c <= 0.0 ? (d - c) / b_minus_a2 : (radius_ * radius_ - a2) / (d + c);
+  const double beta = DoglegShare(radius_ * radius_, a2, b_dot_a - a2, b_minus_a2);
   for (std::size_t j = 0; j < p_.size(); ++j) {
     p_[j] = -alpha * (1.0 - beta) * gradient_[j] + beta * gauss_newton_[j];
   }

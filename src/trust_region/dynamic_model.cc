@@ -17,15 +17,15 @@ void DynamicModel::Refresh() {
 }
 
 bool DynamicModel::ZerosAreAsBefore() const {
-  const std::vector<FamilyCache>& families = evaluator_.families();
+  const std::vector<Linearization>& families = evaluator_.families();
   return std::equal(families.begin(), families.end(), tangent_offsets_.begin(),
-                    [](const FamilyCache& cache, const auto& offsets) { return cache.tangent_offsets == offsets; });
+                    [](const Linearization& cache, const auto& offsets) { return cache.tangent_offsets == offsets; });
 }
 
 void DynamicModel::Rebuild() {
   model_.reset();  // its memory serves the new one
   model_ = std::make_unique<PlainModel>(options_, evaluator_, &status_);
-  for (const FamilyCache& cache : evaluator_.families()) {
+  for (const Linearization& cache : evaluator_.families()) {
     tangent_offsets_[cache.id] = cache.tangent_offsets;
   }
 }
@@ -42,7 +42,7 @@ void DynamicModel::Describe(WorkCounts* work) const {
   }
   work->num_frames = evaluator_.layout().num_frames;
   work->reduced_size = evaluator_.layout().size();
-  for (const FamilyCache& cache : evaluator_.families()) {
+  for (const Linearization& cache : evaluator_.families()) {
     work->bytes += static_cast<std::int64_t>(sizeof(std::int32_t) * cache.tangent_offsets.size());
   }
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace inceres::internal {
 namespace {
@@ -19,6 +20,7 @@ void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<d
   tenfold_ = options.strategy == TrustRegionStrategyKind::kMarquardt;
   scale_ = &scale;
   radius_ = options.initial_trust_region_radius;
+  radius_before_ = 0.0;
   max_radius_ = options.max_trust_region_radius;
   min_diagonal_ = options.min_lm_diagonal;
   max_diagonal_ = options.max_lm_diagonal;
@@ -39,20 +41,33 @@ Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* nu
   return model->Solve(damping_.data(), step);
 }
 
-void LevenbergMarquardt::StepAccepted(double quality) {
-  if (tenfold_) {
-    growth_ = ++num_accepted_in_row_ % kStepsInRow == 0 ? std::min(kTenfold, growth_ * growth_) : growth_;
-    radius_ = std::min(max_radius_, radius_ * (quality > kKeptPromise ? growth_ : 1.0));
-    return;
+void LevenbergMarquardt::Widen(double radius) {
+  if (radius > radius_) {
+    radius_before_ = radius_;
+    radius_ = radius;
   }
-  radius_ = std::min(max_radius_, radius_ / std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * quality - 1.0, 3)));
+}
+
+void LevenbergMarquardt::StepAccepted(double quality) {
+  radius_before_ = 0.0;
+  double shrinking = 1.0;  // of the damping
+  if (!tenfold_) {
+    shrinking = std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * quality - 1.0, 3));
+  } else if (quality > kKeptPromise) {
+    growth_ = ++num_accepted_in_row_ % kStepsInRow == 0 ? std::min(kTenfold, growth_ * growth_) : growth_;
+    shrinking = 1.0 / growth_;
+  }
+  radius_ = std::min(max_radius_, radius_ / shrinking);
   decrease_factor_ = 2.0;
 }
 
 void LevenbergMarquardt::StepRejected() {
+  if (radius_before_ > 0.0) {
+    radius_ = std::exchange(radius_before_, 0.0);
+    return;
+  }
   if (tenfold_) {
-    const bool again = num_accepted_in_row_ == 0;
-    radius_ /= again ? kTenfold : growth_;
+    radius_ /= num_accepted_in_row_ == 0 ? kTenfold : growth_;
     growth_ = std::max(kLeastGrowth, std::sqrt(growth_));
     num_accepted_in_row_ = 0;
     return;

@@ -16,11 +16,13 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   void StepRejected() override;
   void StepIsInvalid() override { StepRejected(); }
   double Radius() const override { return radius_; }
+  void Widen(double radius) override;
 
  private:
   bool tenfold_ = false;  // Marquardt's rule
   const std::vector<double>* scale_ = nullptr;
   double radius_ = 0.0;
+  double radius_before_ = 0.0;  // before it was widened; 0: it was not
   double max_radius_ = 0.0;
   double min_diagonal_ = 0.0;
   double max_diagonal_ = 0.0;

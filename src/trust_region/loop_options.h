@@ -28,6 +28,10 @@ class StepJudge {
   /// without them. The summary of that iteration has the gradient norms of the one before. Not asked of a step that made factors
   /// move their expansion points.
   virtual bool IsLast(const IterationSummary& iteration) = 0;
+
+  /// Asked before each step of a damped strategy: the radius it is to have at least, for with more damping the step would tell
+  /// nothing of weak directions. If it is refused the radius is again what it was. 0: as it is.
+  virtual double LeastRadius() = 0;
 };
 
 /// What the trust-region loop is told beside SolverOptions, by who solves for Ceres or for an Update.

@@ -19,7 +19,7 @@ PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator,
 Status PlainModel::CheckOffsets() const {
   constexpr std::int64_t kMaxQuads = std::int64_t{1} << 30;
   std::int64_t largest = incidences_.y_quads;
-  for (const FamilyCache& cache : evaluator_.families()) {
+  for (const Linearization& cache : evaluator_.families()) {
     for (const SlotJacobians& slot : cache.slots) {
       largest = std::max<std::int64_t>(largest, cache.num_factors * (slot.factor_stride / kQuad));
     }
@@ -59,9 +59,9 @@ void PlainModel::Describe(WorkCounts* work) const {
   work->reduced_size = plans_.pattern.size();
   work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
                  static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() + plans_.schur.terms.size()));
-  for (const FamilyCache& cache : evaluator_.families()) {
+  for (const Linearization& cache : evaluator_.families()) {
     // Kernels are sized at compile time up to residuals of 4; longer ones take the loop of run-time length.
-    if (cache.family->residual_size() > 4) {
+    if (cache.residual_size > 4) {
       work->num_dynamic_size_factors += cache.num_factors;
     }
   }

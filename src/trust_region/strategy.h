@@ -31,6 +31,8 @@ class TrustRegionStrategy {
   virtual void StepRejected() = 0;
   virtual void StepIsInvalid() = 0;
   virtual double Radius() const = 0;
+  /// The next step is to be damped by no more than this radius allows; if it is refused, what was is again.
+  virtual void Widen(double /*radius*/) {}
 };
 
 /// s_j = 1/(1 + ‖J_j‖) as measured at iteration 0, or all ones.

@@ -64,6 +64,9 @@ void TrustRegionMinimizer::Minimize() {
     iteration_.iteration = previous.iteration + 1;
     iteration_.gradient_norm = previous.gradient_norm;
     iteration_.gradient_max_norm = previous.gradient_max_norm;
+    if (loop_.judge != nullptr) {
+      strategy_->Widen(loop_.judge->LeastRadius());
+    }
     iteration_.trust_region_radius = strategy_->Radius();  // of this step; at its end that of the next
     if (!ComputeStep()) {
       return;
@@ -108,7 +111,7 @@ bool TrustRegionMinimizer::ProjectStart() {
 
 bool TrustRegionMinimizer::EvaluateStart() {
   iteration_ = IterationSummary();
-  evaluator_.set_reduces_curvature(false);
+  evaluator_.set_loss_curvature(LossCurvature::kPositive);
   Recenter();
   if (!EvaluateGradientAndJacobian(/*new_point=*/true)) {
     if (loop_.rules == CeresRules::k22) {
@@ -298,7 +301,8 @@ bool TrustRegionMinimizer::AcceptStep() {
   if (!recentered && loop_.judge != nullptr && loop_.judge->IsLast(iteration_)) {
     return FinishHere();
   }
-  evaluator_.set_reduces_curvature(options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_);
+  const bool steady = options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_;
+  evaluator_.set_loss_curvature(steady ? LossCurvature::kBoth : LossCurvature::kPositive);
   if (!EvaluateGradientAndJacobian(/*new_point=*/false)) {
     return false;
   }

@@ -156,7 +156,7 @@ std::vector<double> EditWorld::RandomValues(int size, bool curved) {
 
 const double* EditWorld::ValuesOf(VariableId id) const {
   const auto added = new_values_.find(id);
-  return added != new_values_.end() ? added->second.data() : system_.values().current(id);
+  return added != new_values_.end() ? added->second.data() : system_.variables().current(id);
 }
 
 void EditWorld::AddFrame() {
@@ -399,7 +399,7 @@ void EditWorld::StepNewFrames() {
   std::vector<std::int32_t> landmarks;
   frames.ForEach([&](std::int32_t frame) {
     for (const std::int32_t landmark : schur.frames()[frame].landmarks) {
-      EXPECT_FALSE(schur.landmarks()[landmark].in_S) << "it has a new factor";
+      EXPECT_FALSE(schur.IsInS(landmark)) << "it has a new factor";
       landmarks.push_back(landmark);
     }
   });
@@ -411,19 +411,19 @@ void EditWorld::StepNewFrames() {
   frames.ForEach([&](std::int32_t frame) {
     std::vector<double> step = random_.Vector(schur.frames()[frame].size);
     std::transform(step.begin(), step.end(), step.begin(), [](double entry) { return 1e-2 * entry; });
-    system_.SetFrameStep(frame, step.data());
+    system_.step().SetFrame(frame, step.data());
   });
   for (const std::int32_t landmark : landmarks) {
-    if (schur.landmarks()[landmark].partly) {
-      system_.Visit(landmark);
+    if (schur.blocks().state(landmark) == LandmarkState::kInRows) {
+      system_.step().Visit(landmark);
     }
     schur.TakeOutOfRows(landmark, frames);
   }
   double change = 0.0;
   double predicted = 0.0;
-  ASSERT_TRUE(system_.EvaluateStep(&change, &predicted).ok());
+  ASSERT_TRUE(system_.step().Evaluate(&change, &predicted).ok());
   if (random_.Below(3) == 0) {
-    system_.Reject();
+    system_.step().Reject();
   } else {
     system_.Accept();
   }
@@ -450,20 +450,20 @@ void EditWorld::Step() {
     if (schur.frames()[i].id >= 0 && !schur.frames()[i].held && random_.Below(2) == 0) {
       std::vector<double> step = random_.Vector(schur.frames()[i].size);
       std::transform(step.begin(), step.end(), step.begin(), [](double entry) { return 1e-2 * entry; });
-      system_.SetFrameStep(i, step.data());
+      system_.step().SetFrame(i, step.data());
     }
   }
   for (int l = 0; l < static_cast<int>(schur.landmarks().size()); ++l) {
-    if (schur.landmarks()[l].in_S && random_.Below(2) == 0) {
-      system_.Visit(l);
+    if (schur.IsInS(l) && random_.Below(2) == 0) {
+      system_.step().Visit(l);
     }
   }
   double change = 0.0;
   double predicted = 0.0;
   const double before = system_.cost();
-  ASSERT_TRUE(system_.EvaluateStep(&change, &predicted).ok());
+  ASSERT_TRUE(system_.step().Evaluate(&change, &predicted).ok());
   if (random_.Below(3) == 0) {
-    system_.Reject();
+    system_.step().Reject();
     EXPECT_EQ(system_.cost(), before);
   } else {
     system_.Accept();
@@ -529,7 +529,7 @@ void EditWorld::ExpectFreshCost() {
   FactorGraph graph = graph_;
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     if (graph.HasVariable(id) && graph.StateOffset(id) >= 0) {
-      graph.SetValues(id, system_.values().current(id));
+      graph.SetValues(id, system_.variables().current(id));
     }
   }
   IncrementalSystem fresh(graph, 1);

@@ -107,6 +107,51 @@ TEST(IncrementalReducedSolverFactory, ServesTheBatchSolverToo) {
   EXPECT_EQ(num_made, 1);
 }
 
+class CountingSolver final : public ReducedSolver {
+ public:
+  struct Calls {
+    int analyses = 0, factorizations = 0, changed_rows = 0;
+  };
+  explicit CountingSolver(Calls* calls) : calls_(*calls) {}
+  const char* Name() const override { return "counting"; }
+  Status Analyze(const ReducedMatrix& A) override {
+    ++calls_.analyses;
+    return solver_.Analyze(A);
+  }
+  Status Factorize(const ReducedMatrix& A, const Rows& changed) override {
+    ++calls_.factorizations;
+    calls_.changed_rows = changed.rows != nullptr ? static_cast<int>(changed.rows->size()) : A.pattern().num_blocks();
+    return solver_.Factorize(A, changed);
+  }
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override {
+    return solver_.Solve(b, changed_b, truncation, x);
+  }
+
+ private:
+  Calls& calls_;
+  EigenLdltSolver solver_;
+};
+
+// Of a new pattern once, and of the rows that have changed: here those of a frame whose prior comes and goes.
+TEST(IncrementalReducedSolverFactory, IsToldWhatHasChanged) {
+  CountingSolver::Calls calls;
+  IncrementalBundle bundle(OptionsWith([&calls] { return std::make_unique<CountingSolver>(&calls); }), 11);
+  bundle.Grow(12, 60, 3);
+  EXPECT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
+  EXPECT_EQ(calls.analyses, 1);
+  EXPECT_GT(calls.factorizations, 1);
+  const FactorId prior = bundle.AddPrior(bundle.frames()[0], 1e-3);
+  bundle.Apply();
+  EXPECT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
+  bundle.RemoveFactor(prior);
+  bundle.Apply();
+  const int before = calls.factorizations;
+  EXPECT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
+  EXPECT_GT(calls.factorizations, before);
+  EXPECT_EQ(calls.analyses, 1);
+  EXPECT_LT(calls.changed_rows, 12);
+}
+
 // Broken for good, which more damping would not mend.
 class BrokenSolver final : public ReducedSolver {
  public:

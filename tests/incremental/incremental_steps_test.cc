@@ -57,9 +57,9 @@ class Star {
     IncrementalSchur& schur = system_.schur();
     const double S = schur.S().values(schur.S().row(0).front().offset)[0];
     const double step = schur.b(0)[0] / S;
-    system_.SetFrameStep(0, &step);
+    system_.step().SetFrame(0, &step);
     for (std::int32_t l = 0; l < static_cast<std::int32_t>(schur.landmarks().size()); ++l) {
-      system_.Visit(l);
+      system_.step().Visit(l);
     }
   }
 
@@ -68,7 +68,7 @@ class Star {
     SetStep();
     double change = 0.0;
     double predicted = 0.0;
-    EXPECT_TRUE(system_.EvaluateStep(&change, &predicted).ok());
+    EXPECT_TRUE(system_.step().Evaluate(&change, &predicted).ok());
     return predicted;
   }
 
@@ -81,37 +81,37 @@ TEST(DoglegPath, HasTheNormAskedForAndGainsMoreTheLongerItIs) {
   Star star(4);
   IncrementalSystem& system = star.system();
   const double full_gain = star.Step();
-  const double full_norm = system.ScaledStepNorm();
+  const double full_norm = system.step().ScaledNorm();
   ASSERT_GT(full_norm, 0.0);
   double last_gain = 0.0;
   for (const double share : {1e-3, 0.1, 0.3, 0.6, 0.9, 0.999}) {
-    system.ShortenStep(share * full_norm);
-    EXPECT_NEAR(system.ScaledStepNorm(), share * full_norm, 1e-9 * full_norm) << share;
+    system.step().Shorten(share * full_norm);
+    EXPECT_NEAR(system.step().ScaledNorm(), share * full_norm, 1e-9 * full_norm) << share;
     double change = 0.0;
     double predicted = 0.0;
-    ASSERT_TRUE(system.EvaluateStep(&change, &predicted).ok());
+    ASSERT_TRUE(system.step().Evaluate(&change, &predicted).ok());
     EXPECT_GT(predicted, last_gain) << "the model falls along the path";
     EXPECT_LE(predicted, full_gain * (1.0 + 1e-12));
     last_gain = predicted;
   }
   EXPECT_NEAR(last_gain, full_gain, 1e-2 * full_gain);
-  system.ShortenStep(10.0 * full_norm);
-  EXPECT_NEAR(system.ScaledStepNorm(), full_norm, 1e-9 * full_norm) << "never beyond the step itself";
+  system.step().Shorten(10.0 * full_norm);
+  EXPECT_NEAR(system.step().ScaledNorm(), full_norm, 1e-9 * full_norm) << "never beyond the step itself";
 }
 
 TEST(DoglegPath, AStepIsShortenedWithoutBeingEvaluatedFirst) {
   Star evaluated(4);
   evaluated.Step();
-  const double norm = 0.5 * evaluated.system().ScaledStepNorm();
+  const double norm = 0.5 * evaluated.system().step().ScaledNorm();
   Star fresh(4);
   fresh.SetStep();
   for (IncrementalSystem* system : {&evaluated.system(), &fresh.system()}) {
-    system->ShortenStep(norm);
+    system->step().Shorten(norm);
   }
   double change[2] = {};
   double predicted[2] = {};
-  ASSERT_TRUE(evaluated.system().EvaluateStep(&change[0], &predicted[0]).ok());
-  ASSERT_TRUE(fresh.system().EvaluateStep(&change[1], &predicted[1]).ok());
+  ASSERT_TRUE(evaluated.system().step().Evaluate(&change[0], &predicted[0]).ok());
+  ASSERT_TRUE(fresh.system().step().Evaluate(&change[1], &predicted[1]).ok());
   EXPECT_EQ(change[0], change[1]);
   EXPECT_EQ(predicted[0], predicted[1]);
   EXPECT_LT(change[0], 0.0);
@@ -122,10 +122,10 @@ TEST(DoglegPath, StartsDownTheGradient) {
   IncrementalSystem& system = star.system();
   star.Step();
   const double tiny = 1e-6;
-  system.ShortenStep(tiny);
+  system.step().Shorten(tiny);
   double change = 0.0;
   double predicted = 0.0;
-  ASSERT_TRUE(system.EvaluateStep(&change, &predicted).ok());
+  ASSERT_TRUE(system.step().Evaluate(&change, &predicted).ok());
   EXPECT_NEAR(-change, predicted, 1e-4 * predicted) << "so short a step does what the gradient says";
 }
 
@@ -133,13 +133,13 @@ TEST(LandmarkSteps, LowerTheCostAndMoveNoFrame) {
   Star star(5);
   IncrementalSystem& system = star.system();
   const double before = system.cost();
-  const double frame = *system.values().current(0);
+  const double frame = *system.variables().current(0);
   int num_evaluated = 0;
   ASSERT_TRUE(system.StepLandmarks({0, 1, 2, 3, 4}, &num_evaluated));
-  system.EndStep();
+  system.step().End();
   EXPECT_EQ(num_evaluated, 5);
   EXPECT_LT(system.cost(), before);
-  EXPECT_EQ(*system.values().current(0), frame);
+  EXPECT_EQ(*system.variables().current(0), frame);
   double sum = 0.0;
   for (int i = 0; i < 5; ++i) {
     sum += system.families()[0].Cost(i);
@@ -153,19 +153,19 @@ TEST(LandmarkSteps, DampingDoesNotMakeThemCreep) {
   const double minimum = 5.0 * (std::sqrt(13.8) - 3.0);  // of 3 (l − 4) + l² / 10
   Star star(1, nullptr, kDamping);
   IncrementalSystem& system = star.system();
-  const double start = *system.values().current(1);
+  const double start = *system.variables().current(1);
   RelinearizeWork work;
   int num_evaluated = 0;
   for (int pass = 0; pass < 2; ++pass) {
     ASSERT_TRUE(system.StepLandmarks({0}, &num_evaluated));
     system.MarkDirty({0, 0});
-    system.EndStep();
+    system.step().End();
     ASSERT_TRUE(system.Relinearize(kDamping, RebuildRule::kNever, &work).ok());
     if (pass == 0) {
-      EXPECT_LT(*system.values().current(1) - start, 0.2 * (minimum - start));
+      EXPECT_LT(*system.variables().current(1) - start, 0.2 * (minimum - start));
     }
   }
-  EXPECT_NEAR(*system.values().current(1), minimum, 0.2 * (minimum - start));
+  EXPECT_NEAR(*system.variables().current(1), minimum, 0.2 * (minimum - start));
 }
 
 TEST(LandmarkSteps, ThoseThatDoNotGainStayWhereTheyAre) {
@@ -177,15 +177,15 @@ TEST(LandmarkSteps, ThoseThatDoNotGainStayWhereTheyAre) {
   for (int pass = 0; pass < 20; ++pass) {
     if (system.StepLandmarks({0}, &num_evaluated)) {
       system.MarkDirty({0, 0});
-      system.EndStep();
+      system.step().End();
       ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
     }
   }
-  const double settled = *system.values().current(1);
+  const double settled = *system.variables().current(1);
   ASSERT_TRUE(system.StepLandmarks({0, 1}, &num_evaluated));
-  system.EndStep();
-  EXPECT_NEAR(*system.values().current(1), settled, 1e-9);
-  EXPECT_NE(*system.values().current(2), 3.0);
+  system.step().End();
+  EXPECT_NEAR(*system.variables().current(1), settled, 1e-9);
+  EXPECT_NE(*system.variables().current(2), 3.0);
 }
 
 // What is kept by difference stays good to the accuracy asked for when the cost falls by many orders of magnitude.
@@ -198,14 +198,14 @@ TEST(LandmarkSteps, TheGainOfAllIsRightAfterTheCostHasFallenFar) {
     ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
   };
   set(3e9 + 1.0 / 3.0);
-  ASSERT_GT(system.schur().TotalDecrement(1e-9), 1e18);
+  ASSERT_GT(system.schur().gains().Total(1e-9), 1e18);
   set(2.0);
   double sum = 0.0;
   for (int i = 0; i < static_cast<int>(system.schur().landmarks().size()); ++i) {
-    sum += system.schur().decrement(i);
+    sum += system.schur().gains()[i];
   }
   ASSERT_LT(sum, 1e3);
-  EXPECT_NEAR(system.schur().TotalDecrement(1e-9), sum, 1e-9);
+  EXPECT_NEAR(system.schur().gains().Total(1e-9), sum, 1e-9);
 }
 
 }  // namespace

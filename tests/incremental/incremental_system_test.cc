@@ -91,20 +91,20 @@ class Sequence {
         for (double& entry : step) {
           entry *= 1e-2;
         }
-        system_.SetFrameStep(i, step.data());
+        system_.step().SetFrame(i, step.data());
       }
     }
     for (int l = 0; l < static_cast<int>(system_.schur().landmarks().size()); ++l) {
       if (random_.Below(2) == 0) {
-        system_.Visit(l);
+        system_.step().Visit(l);
       }
     }
     double change = 0.0;
     double predicted = 0.0;
     const double before = system_.cost();
-    ASSERT_TRUE(system_.EvaluateStep(&change, &predicted).ok());
+    ASSERT_TRUE(system_.step().Evaluate(&change, &predicted).ok());
     if (random_.Below(4) == 0) {
-      system_.Reject();
+      system_.step().Reject();
       EXPECT_EQ(system_.cost(), before);
     } else {
       system_.Accept();
@@ -181,10 +181,10 @@ TEST(IncrementalSystem, TheErrorOfALinearizationIsThatOfItsPrediction) {
   for (const int halvings : {0, 1}) {
     const double size = halvings == 0 ? 1e-2 : 5e-3;
     const double step[3] = {size, -size, size};
-    system.SetFrameStep(0, step);
+    system.step().SetFrame(0, step);
     double change = 0.0;
     double predicted = 0.0;
-    ASSERT_TRUE(system.EvaluateStep(&change, &predicted).ok());
+    ASSERT_TRUE(system.step().Evaluate(&change, &predicted).ok());
     system.Accept();
     errors[halvings] = std::sqrt(family.SquaredError(0));
     system.MarkDirty({0, 0});
@@ -224,10 +224,10 @@ class Outlier {
 
   void Move(double dx, double dy) {
     const double step[2] = {dx, dy};
-    system_->SetFrameStep(0, step);
+    system_->step().SetFrame(0, step);
     double change = 0.0;
     double predicted = 0.0;
-    ASSERT_TRUE(system_->EvaluateStep(&change, &predicted).ok());
+    ASSERT_TRUE(system_->step().Evaluate(&change, &predicted).ok());
     system_->Accept();
   }
 
@@ -238,7 +238,7 @@ class Outlier {
 
   // Jᵀq is the gradient ρ' f.
   void ExpectGradient() const {
-    const double* x = system_->values().current(0);
+    const double* x = system_->variables().current(0);
     const double w = 0.1 / std::hypot(x[0], x[1]);
     const double* J = family().Jacobian(0, 0);
     for (int k = 0; k < 2; ++k) {
@@ -250,7 +250,7 @@ class Outlier {
   // ‖J d‖² over that of √ρ' times the plain Jacobian, d of length 1.
   double Curvature(double x, double y) const {
     const double* J = family().Jacobian(0, 0);
-    const double w = 0.1 / std::hypot(system_->values().current(0)[0], system_->values().current(0)[1]);
+    const double w = 0.1 / std::hypot(system_->variables().current(0)[0], system_->variables().current(0)[1]);
     return (std::pow(J[0] * x + J[1] * y, 2) + std::pow(J[kQuad] * x + J[kQuad + 1] * y, 2)) / w;
   }
 
@@ -312,7 +312,7 @@ TEST(CorrectedLinearization, IsTakenBackWhereRowsAreAskedFor) {
   LinearizedFactor factor;
   ASSERT_TRUE(rows.Find(
       {0, 0}, [](VariableId) { return true; }, &factor));
-  const double* x = outlier.system().values().current(0);
+  const double* x = outlier.system().variables().current(0);
   const double sqrt_w = std::sqrt(0.1 / std::hypot(x[0], x[1]));
   for (int r = 0; r < 2; ++r) {
     EXPECT_NEAR(factor.f[r], sqrt_w * x[r], 1e-14);
@@ -365,7 +365,7 @@ TEST(IncrementalSystem, AStrongPriorOnOneCoordinateDoesNotParkALandmark) {
   Follower().TakeUp(graph, &system);
   RelinearizeWork work;
   ASSERT_TRUE(system.Relinearize(1e-4, RebuildRule::kNever, &work).ok());
-  EXPECT_EQ(system.schur().num_undetermined(), 0);
+  EXPECT_EQ(system.schur().blocks().num_undetermined(), 0);
   BatchSystem(graph, system).ExpectLaw();
 }
 

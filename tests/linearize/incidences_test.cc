@@ -153,7 +153,7 @@ TEST_P(Incidences, TargetsBeginEachBlockOnceAndCoverEveryFactor) {
       const LandmarkFactors& entry = all.factors[static_cast<std::size_t>(k)];
       const auto& families = core_.evaluator.families();
       const auto owner = std::find_if(families.begin(), families.end(),
-                                      [&](const FamilyCache& cache) { return cache.slots.data() == entry.jacobians; });
+                                      [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
       ASSERT_NE(owner, families.end());
       EXPECT_EQ(entry.residual_size, owner->family->residual_size());
       EXPECT_EQ(entry.residuals, owner->residuals.data());

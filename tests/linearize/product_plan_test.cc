@@ -113,7 +113,7 @@ TEST_P(Plans, SegmentsPartTheTermsAndNameTheirSourceOnce) {
 TEST_P(Plans, TermsPointIntoTheirArrays) {
   for (const ProductPlan::Segment& segment : core_.plans.hessian.segments) {
     const FramePlans::HessianSource& source = core_.plans.hessian_sources[static_cast<std::size_t>(segment.source)];
-    const FamilyCache& cache = core_.evaluator.families()[static_cast<std::size_t>(source.family)];
+    const Linearization& cache = core_.evaluator.families()[static_cast<std::size_t>(source.family)];
     for (int t = segment.first_term; t < segment.first_term + segment.count; ++t) {
       const ProductTerm& term = core_.plans.hessian.terms[static_cast<std::size_t>(t)];
       const std::ptrdiff_t a_stride = cache.slots[static_cast<std::size_t>(source.column_slot)].factor_stride;

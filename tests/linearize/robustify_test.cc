@@ -45,10 +45,10 @@ struct Case {
     f = {scale * 0.3, scale * -0.7, scale * 0.2};
   }
 
-  double Correct(const Loss& loss, bool reduces_curvature = false) {
+  double Correct(const Loss& loss, LossCurvature curvature = LossCurvature::kPositive) {
     const SlotJacobians slots[2] = {{J[0].data(), kRows * kStride, kStride, 6}, {J[1].data(), kRows * 4, 4, 3}};
     const std::int32_t offsets[2] = {7, -1};
-    return RobustifyFactor(loss, kRows, 2, slots, 1, offsets, reduces_curvature, f.data());
+    return RobustifyFactor(&loss, kRows, 2, slots, 1, offsets, curvature, f.data());
   }
 
   Matrix FirstSlot() const { return Eigen::Map<const Matrix>(J[0].data() + kRows * kStride, kRows, kStride); }
@@ -114,7 +114,7 @@ TEST(RobustifyFactor, CurvatureIsReducedDownToHalf) {
     Case plain(size);
     Case reduced(size);
     const double cost = plain.Correct(loss);
-    EXPECT_EQ(reduced.Correct(loss, /*reduces_curvature=*/true), cost);
+    EXPECT_EQ(reduced.Correct(loss, LossCurvature::kBoth), cost);
     const Eigen::Vector3d f = before.Residual();
     const double s = f.squaredNorm();
     const Eigen::VectorXd g = plain.FirstSlot().transpose() * plain.Residual();

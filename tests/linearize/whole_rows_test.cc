@@ -58,7 +58,7 @@ TEST_F(WholeRows, HoldTheJacobians) {
     ASSERT_TRUE(evaluator.EvaluateJacobians(/*known_point=*/false, &cost).ok());
     EXPECT_NEAR(cost, oracle.cost, 1e-12 * oracle.cost);
     Eigen::Index row = 0;
-    for (const FamilyCache& cache : evaluator.families()) {
+    for (const Linearization& cache : evaluator.families()) {
       ASSERT_EQ(cache.num_blocks(), 1);
       ASSERT_EQ(cache.slots.size(), 1u);
       const int stride = cache.slots[0].row_stride;

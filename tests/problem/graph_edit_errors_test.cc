@@ -81,6 +81,40 @@ TEST_F(EditErrors, AnotherGraph) {
   ExpectRefused(GraphEdit(other), "the edit was begun on another graph");
 }
 
+// The place alone does not name a factor: another one may have it by now.
+TEST_F(EditErrors, AnIdWhosePlaceHasBeenGivenToAnotherFactor) {
+  FactorId first;
+  FactorId second;
+  for (FactorId* id : {&first, &second}) {
+    edit_.RemoveFactor({view_id_, 0});
+    ASSERT_TRUE(graph_.Apply(edit_).ok());
+    edit_.Restart();
+    *id = edit_.AddFactor(view_id_, *views_, {}, {0, 1});
+    ASSERT_TRUE(graph_.Apply(edit_).ok());
+    edit_.Restart();
+  }
+  EXPECT_EQ(first.index, second.index);
+  EXPECT_EQ(first.generation + 1, second.generation);
+  before_ = Dump(graph_);
+  const char* const expected = " has been removed, and its place given to another one";
+  edit_.RemoveFactor(first);
+  ExpectRefused("RemoveFactor: factor 0 of family 0 (blank)" + std::string(expected));
+  edit_.Restart();
+  edit_.SetLoss(first, nullptr);
+  ExpectRefused(expected);
+  edit_.Restart();
+  edit_.MeasurementChanged(first);
+  ExpectRefused(expected);
+  edit_.Restart();
+  edit_.RemoveFactor(second);
+  EXPECT_TRUE(graph_.Apply(edit_).ok());
+  edit_.Restart();
+  edit_.RemoveFactor(second);
+  before_ = Dump(graph_);
+  std::vector<FactorId> removed;
+  EXPECT_NE(graph_.Check(edit_, &removed).message.find(" has been removed"), std::string::npos);
+}
+
 TEST_F(EditErrors, StaleAfterAnyChangeOfStructure) {
   const GraphEdit stale(graph_);
   const std::int64_t revision = graph_.revision();

@@ -38,7 +38,7 @@ BatchSystem::BatchSystem(const FactorGraph& graph, const IncrementalSystem& syst
   }
   C_diagonal_ = S_.diagonal();
   for (int l = 0; l < static_cast<int>(landmarks_.size()); ++l) {
-    if (schur.landmarks()[l].id >= 0 && schur.landmarks()[l].in_S) {
+    if (schur.landmarks()[l].id >= 0 && schur.IsInS(l)) {
       Eliminate(l);
     }
   }
@@ -102,7 +102,7 @@ void BatchSystem::SumFactor(const IncrementalFamily& family, int i) {
 // P with the damping the landmark took up.
 BatchSystem::Matrix BatchSystem::Damped(int landmark) const {
   Matrix P = landmarks_[landmark].P;
-  P.diagonal() *= 1.0L + static_cast<long double>(system_.schur().landmarks()[landmark].lambda);
+  P.diagonal() *= 1.0L + static_cast<long double>(system_.schur().blocks().lambda(landmark));
   return P;
 }
 
@@ -134,10 +134,10 @@ void BatchSystem::ExpectLandmarks() const {
   for (int l = 0; l < static_cast<int>(landmarks_.size()); ++l) {
     const IncrementalSchur::Landmark& landmark = system_.schur().landmarks()[l];
     if (landmark.id < 0) {
-      ASSERT_FALSE(landmark.in_S);
+      ASSERT_FALSE(system_.schur().IsInS(l));
       continue;
     }
-    num_undetermined += landmark.undetermined ? 1 : 0;
+    num_undetermined += system_.schur().blocks().state(l) == LandmarkState::kUndetermined ? 1 : 0;
     ASSERT_EQ(landmark.held, graph_.IsConstant(landmark.id));
     // In the units of its coordinates, how far is the damped P from singular?
     const Matrix P = Damped(l);
@@ -149,12 +149,12 @@ void BatchSystem::ExpectLandmarks() const {
       smallest = Eigen::SelfAdjointEigenSolver<Matrix>(scaled, Eigen::EigenvaluesOnly).eigenvalues()[0];
     }
     if (landmark.held || empty) {
-      ASSERT_FALSE(landmark.in_S) << "landmark " << landmark.id;
+      ASSERT_FALSE(system_.schur().IsInS(l)) << "landmark " << landmark.id;
     } else if (smallest > 1e-11) {
-      ASSERT_TRUE(landmark.in_S) << "landmark " << landmark.id << " has information";
+      ASSERT_TRUE(system_.schur().IsInS(l)) << "landmark " << landmark.id << " has information";
     }
   }
-  ASSERT_EQ(system_.schur().num_undetermined(), num_undetermined);
+  ASSERT_EQ(system_.schur().blocks().num_undetermined(), num_undetermined);
 }
 
 double BatchSystem::IncrementalS(int row, int column, int r, int c) const {
@@ -235,7 +235,7 @@ void BatchSystem::ExpectStep(const std::vector<double>& frame_step, double mu) c
   }
   for (int l = 0; l < static_cast<int>(landmarks_.size()); ++l) {
     const IncrementalSchur::Landmark& landmark = schur.landmarks()[l];
-    if (landmark.id < 0 || !landmark.in_S) {
+    if (landmark.id < 0 || !schur.IsInS(l)) {
       continue;
     }
     Vector rhs = landmarks_[l].l;
@@ -244,7 +244,7 @@ void BatchSystem::ExpectStep(const std::vector<double>& frame_step, double mu) c
     }
     const Vector delta = Damped(l).llt().solve(rhs);
     double* step = room(landmark.quad, landmark.size);
-    schur.BackSubstitute(l, padded.data());
+    schur.blocks().BackSubstitute(l, padded.data());
     for (int k = 0; k < landmark.size; ++k) {
       error += landmarks_[l].P(k, k) * (step[k] - delta[k]) * (step[k] - delta[k]);
       norm += landmarks_[l].P(k, k) * delta[k] * delta[k];

@@ -19,10 +19,12 @@ namespace inceres {
 using VariableId = std::int32_t;
 using FamilyId = std::int32_t;
 
-/// Names a factor of a graph: its family and its place there. The place of a removed factor is given to a later one.
+/// Names a factor of a graph: its family and its place there. The place of a removed factor is given to a later one: ids that a
+/// GraphEdit has given know which one they mean, and an edit refuses them once it is gone.
 struct FactorId {
   FamilyId family = -1;
   std::int32_t index = -1;
+  std::int32_t generation = -1;  ///< factors that had the place before; -1: whichever has it
 };
 
 /// Bounds on the values of a variable, one entry a value: lower ≤ x ≤ upper. ∓infinity, or ∓the largest double, means none.
@@ -31,15 +33,54 @@ struct VariableBounds {
   std::vector<double> upper;
 };
 
-class GraphEdit;
-namespace internal {
-class EditCheck;
-class EditCommit;
-}  // namespace internal
-
 /// What the solver does with a variable: landmarks (tangent size 1 to 4, at most one a factor) are eliminated first, one small
 /// block each; frames (poses, velocities, calibrations, …) stay in the reduced system.
 enum class Role : std::uint8_t { kFrame, kLandmark };
+
+class GraphEdit;
+namespace internal {
+
+struct VariableRecord {
+  std::int64_t offset = 0;  // into the state, or -1
+  const double* borrowed = nullptr;
+  std::shared_ptr<const Manifold> manifold;
+  int ambient_size = 0;
+  int tangent_size = 0;
+  Role role = Role::kFrame;
+  bool constant = false;
+  bool removed = false;
+};
+
+struct FamilyRecord {
+  std::shared_ptr<const FactorFamily> family;
+  std::vector<VariableId> variables;                // factor-major, num_slots each
+  std::vector<std::shared_ptr<const Loss>> losses;  // empty while no factor has one, else one a factor
+  int num_factors = 0;                              // places
+  std::vector<std::int32_t> free_places;            // the last one is given out first
+};
+
+// What a graph needs to be edited (src/problem/edit_state.h); copies of a graph have their own.
+struct EditState;
+class INCERES_EXPORT EditStateOwner {
+ public:
+  EditStateOwner();
+  EditStateOwner(const EditStateOwner& other);
+  EditStateOwner(EditStateOwner&& other) noexcept;
+  EditStateOwner& operator=(const EditStateOwner& other);
+  EditStateOwner& operator=(EditStateOwner&& other) noexcept;
+  ~EditStateOwner();
+  EditState& operator*() { return *state_; }
+  EditState* operator->() { return state_.get(); }
+  const EditState* operator->() const { return state_.get(); }
+
+ private:
+  std::unique_ptr<EditState> state_;
+};
+
+class EditCheck;
+class EditCommit;
+
+}  // namespace internal
 
 /// The problem  min_x ½ Σ_j ρ_j(‖f_j(x)‖²): variables on manifolds, factors grouped in families, losses, constants.
 ///
@@ -126,15 +167,14 @@ class INCERES_EXPORT FactorGraph {
 
   /// Keeps from now on a list of each variable's factors: two links a slot. One pass over the factors; later calls cost nothing.
   void TrackFactors();
-  bool TracksFactors() const { return tracked_ && !untracked_ids_; }
+  bool TracksFactors() const;
   /// Calls f(FactorId) for every factor that touches the variable, the last connected first. Needs TrackFactors() before it.
   template <typename F>
   void ForEachFactorOf(VariableId id, F&& f) const {
-    for (Touch touch = first_touches_[Index(id)]; touch.family >= 0;) {
-      const FamilyRecord& record = families_[Index(touch.family)];
-      const Touch next = record.links[Index(touch.entry)].next;
-      f(FactorId{touch.family, touch.entry / record.family->num_slots()});
-      touch = next;
+    for (FactorId entry = FirstEntryOf(id); entry.family >= 0;) {
+      const FactorId next = NextEntry(entry);
+      f(FactorId{entry.family, entry.index / family(entry.family).num_slots()});
+      entry = next;
     }
   }
 
@@ -175,12 +215,12 @@ class INCERES_EXPORT FactorGraph {
   bool HasFactor(FamilyId id, int factor) const;
   /// The variables of factor i: num_slots entries, all -1 at a free place.
   const VariableId* Variables(FamilyId id, int factor) const {
-    const FamilyRecord& record = families_[Index(id)];
+    const internal::FamilyRecord& record = families_[Index(id)];
     return record.variables.data() + Index(factor) * Index(record.family->num_slots());
   }
   /// The factor's loss; null means ½‖f‖².
   const Loss* loss(FamilyId id, int factor) const {
-    const FamilyRecord& record = families_[Index(id)];
+    const internal::FamilyRecord& record = families_[Index(id)];
     return record.losses.empty() ? nullptr : record.losses[Index(factor)].get();
   }
   /// True if any factor of the family has a loss.
@@ -190,6 +230,8 @@ class INCERES_EXPORT FactorGraph {
   /// the one freed last first; -1 when there are no more.
   VariableId FreeVariable(int ambient_size, bool borrowed, int k) const;
   std::int32_t FreePlace(FamilyId id, int k) const;
+  /// How many factors had the place and are removed.
+  std::int32_t Generation(FamilyId id, std::int32_t place) const;
 
   /// All owned values, one variable after the other in order of addition: what the solver copies, moves and writes back. The room
   /// of a removed variable holds zeros.
@@ -199,7 +241,7 @@ class INCERES_EXPORT FactorGraph {
   std::int64_t StateOffset(VariableId id) const { return variables_[Index(id)].offset; }
   /// The values of a variable in a given state vector (in borrowed memory for a borrowed constant).
   const double* ValuesIn(const double* state, VariableId id) const {
-    const VariableRecord& variable = variables_[Index(id)];
+    const internal::VariableRecord& variable = variables_[Index(id)];
     return variable.offset < 0 ? variable.borrowed : state + variable.offset;
   }
 
@@ -222,81 +264,23 @@ class INCERES_EXPORT FactorGraph {
   friend class internal::EditCheck;
   friend class internal::EditCommit;
 
-  struct VariableRecord {
-    std::int64_t offset = 0;  // into state_, or -1
-    const double* borrowed = nullptr;
-    std::shared_ptr<const Manifold> manifold;
-    int ambient_size = 0;
-    int tangent_size = 0;
-    Role role = Role::kFrame;
-    bool constant = false;
-    bool removed = false;
-  };
-  // One slot of one factor: entry = factor · num_slots + slot.
-  struct Touch {
-    FamilyId family = -1;
-    std::int32_t entry = -1;
-  };
-  // The neighbors of a touch in the list of its variable.
-  struct Link {
-    Touch previous;
-    Touch next;
-  };
-  // kGoing and kComing only while an edit is checked.
-  enum class Place : std::uint8_t { kIncremental, kFree, kGoing, kComing };
-  struct FamilyRecord {
-    std::shared_ptr<const FactorFamily> family;
-    std::vector<VariableId> variables;                // factor-major, num_slots each
-    std::vector<std::shared_ptr<const Loss>> losses;  // empty while no factor has one, else one a factor
-    int num_factors = 0;                              // places
-    std::vector<Place> places;                        // empty while no edit has looked at them, else one a place
-    std::vector<std::int32_t> free_places;            // the last one is given out first
-    std::vector<Link> links;                          // parallel to variables, once tracked
-  };
-  // What the edit being checked does to a variable.
-  struct VariableMark {
-    std::int32_t new_variable = -1;  // index among the variables that come
-    bool going = false;
-    bool checked = false;
-    signed char constant = -1;  // set to 0 or 1
-  };
-  enum class Fault : std::uint8_t { kNone, kDanglingId, kRemoved, kGoing, kAmbientSize, kTangentSize, kRepeated, kTwoLandmarks };
-  struct FactorFault {
-    Fault fault = Fault::kNone;
-    int slot = 0;  // the slot at fault; for a pair the later one
-  };
-  // A variable as a factor finds it: now, or after an edit. No record if there is a fault.
-  struct Sight {
-    const VariableRecord* record = nullptr;
-    bool constant = false;
-    Fault fault = Fault::kNone;
-  };
-
   static std::size_t Index(std::int32_t id) { return static_cast<std::size_t>(id); }
-  // Removed variables by their size: borrowed ones have no room of their own, so theirs are kept apart, as negative sizes.
-  static int FreeKey(int ambient_size, bool borrowed) { return borrowed ? -ambient_size : ambient_size; }
-  static VariableRecord MakeOwned(int ambient_size, Role role, std::shared_ptr<const Manifold> manifold);
-  static VariableRecord MakeBorrowed(const double* values, int ambient_size);
-  VariableId AppendVariable(VariableRecord variable, const double* values);
+  VariableId AppendVariable(internal::VariableRecord variable, const double* values);
   bool CanAddFactor(FamilyId id, const FactorFamily& family, const std::vector<VariableId>& variables);
   bool HasFamily(const char* call, FamilyId id);
   bool Misused(std::string message);
   int AppendFactor(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss);
   void LinkFactor(FamilyId family, int factor);
   void UnlinkFactor(FamilyId family, int factor);
-
-  Sight See(VariableId id) const;
-  template <typename SeeVariable>
-  static FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see);
-  static Status ValidateVariable(VariableId id, const VariableRecord& variable, bool constant);
+  // A variable's entries, factor · num_slots + slot in the place of the index; the family -1 after the last.
+  FactorId FirstEntryOf(VariableId id) const;
+  FactorId NextEntry(FactorId entry) const;
   Status ValidateValues() const;
   Status ValidateBounds(VariableId id, const VariableBounds& bounds) const;
   Status ValidateFamily(FamilyId id) const;
-  Status DescribeFault(FactorId id, const VariableId* ids, FactorFault fault, const VariableRecord* culprit) const;
-  std::string DescribeFactor(FactorId id, const VariableId* ids) const;
 
-  std::vector<VariableRecord> variables_;
-  std::vector<FamilyRecord> families_;
+  std::vector<internal::VariableRecord> variables_;
+  std::vector<internal::FamilyRecord> families_;
   std::vector<double> state_;
   std::map<VariableId, VariableBounds> bounds_;     // of the bounded ones
   std::map<VariableId, std::vector<double>> pins_;  // of the pinned ones: their linearization points
@@ -304,16 +288,9 @@ class INCERES_EXPORT FactorGraph {
   std::function<std::string(VariableId)> variable_name_;
   Status misuse_;  // the first call that could not be carried out
 
-  // Of edited graphs only.
   std::int64_t revision_ = 0;
-  bool edited_ = false;
   int num_removed_variables_ = 0;
-  std::map<int, std::vector<VariableId>> free_variables_;  // by FreeKey; the last one is given out first
-  bool tracked_ = false;
-  bool untracked_ids_ = false;          // some factor names a variable that was not there when it was linked
-  std::vector<Touch> first_touches_;    // one a variable, once tracked
-  std::vector<VariableMark> marks_;     // scratch of Check
-  std::vector<VariableRecord> comers_;  // scratch of Check: the variables that come
+  internal::EditStateOwner edits_;
 };
 
 }  // namespace inceres

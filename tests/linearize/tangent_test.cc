@@ -1,4 +1,4 @@
-#include "linearize/tangent_classes.h"
+#include "linearize/tangent.h"
 
 #include <utility>
 #include <vector>

@@ -1,6 +1,7 @@
-#include "linearize/tangent_classes.h"
+#include "linearize/tangent.h"
 
 #include <algorithm>
+#include <functional>
 
 #include "inceres/problem/ambient_family.h"
 
@@ -64,15 +65,18 @@ int CountIdentityColumns(const TangentMap& map, const int* selection) {
   return count;
 }
 
-}  // namespace
-
-const char* EvaluatePlusJacobian(const Manifold& manifold, const double* x, int count, double* M) {
-  MarkUnwritten(M, count);
-  if (!manifold.PlusJacobian(x, M)) {
+// Returns null, or what is wrong with M.
+const char* EvaluatePlusJacobian(const FactorGraph& graph, VariableId id, const double* x, std::vector<double>* M) {
+  const double* pinned = graph.HasPins() ? graph.PinnedValues(id) : nullptr;
+  const int count = static_cast<int>(M->size());
+  MarkUnwritten(M->data(), count);
+  if (!graph.manifold(id)->PlusJacobian(pinned != nullptr ? pinned : x, M->data())) {
     return "returned false";
   }
-  return AreWritten(M, count) ? nullptr : "has an entry that is not finite or was not written";
+  return AreWritten(M->data(), count) ? nullptr : "has an entry that is not finite or was not written";
 }
+
+}  // namespace
 
 void ClassifyTangentMap(TangentMap* map, int* selection) {
   if (IsIdentity(*map)) {
@@ -88,6 +92,54 @@ void ClassifyTangentMap(TangentMap* map, int* selection) {
     map->kind = TangentMap::Kind::kDense;
     map->num_identity_columns = CountIdentityColumns(*map, selection);
   }
+}
+
+bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, const double* delta, double* moved) {
+  if (const Manifold* manifold = graph.manifold(id)) {
+    return manifold->Plus(x, delta, moved);
+  }
+  std::transform(x, x + graph.AmbientSize(id), delta, moved, std::plus<>());
+  return true;
+}
+
+void Tangent::Set(const FactorGraph& graph, VariableId id, bool wanted) {
+  map_ = TangentMap();
+  map_.ambient_size = graph.AmbientSize(id);
+  map_.tangent_size = graph.TangentSize(id);
+  map_.kind = wanted ? TangentMap::Kind::kIdentity : TangentMap::Kind::kConstant;
+  const bool curved = wanted && graph.manifold(id) != nullptr;
+  if (curved && curved_ == nullptr) {
+    curved_ = std::make_unique<Curved>();
+  }
+  if (curved_ != nullptr) {
+    curved_->M.resize(curved ? map_.ambient_size * map_.tangent_size : 0);
+    curved_->selection.resize(curved ? map_.tangent_size : 0);
+    curved_->stale = true;
+  }
+}
+
+const char* Tangent::Compute(const FactorGraph& graph, VariableId id, const double* x) {
+  if (const char* fault = EvaluatePlusJacobian(graph, id, x, &curved_->M)) {
+    return fault;
+  }
+  map_.plus_jacobian = curved_->M.data();
+  ClassifyTangentMap(&map_, curved_->selection.data());
+  curved_->stale = false;
+  return nullptr;
+}
+
+const char* Tangent::ComputeCandidate(const FactorGraph& graph, VariableId id, const double* x) {
+  curved_->candidate_M.resize(curved_->M.size());
+  return EvaluatePlusJacobian(graph, id, x, &curved_->candidate_M);
+}
+
+void Tangent::AcceptCandidate() {
+  if (curved_->candidate_M.empty()) {
+    return MarkMoved();  // nobody has asked
+  }
+  curved_->M.swap(curved_->candidate_M);
+  map_.plus_jacobian = curved_->M.data();
+  ClassifyTangentMap(&map_, curved_->selection.data());
 }
 
 }  // namespace inceres::internal

@@ -1,0 +1,207 @@
+#include "incremental/landmark_blocks.h"
+
+#include <algorithm>
+
+#include "linear/small_cholesky.h"
+
+namespace inceres::internal {
+namespace {
+
+// A landmark whose block is this singular against the scale of its coordinates carries no information (docs/algorithms.md,
+// "Incremental Schur complement"): it is undetermined.
+constexpr double kNoInformation = 1e-12;
+
+}  // namespace
+
+void LandmarkBlocks::Grow() {
+  const std::size_t n = structure_.landmarks().size();
+  state_.resize(n, LandmarkState::kOutside);
+  placed_.resize(n, 0);
+  lambda_.resize(n, 0.0);
+  P_.resize(n * kBlock);
+  U_inv_.resize(n * kBlock);
+  z_.resize(n * kQuad);
+  incidences_.resize(n);
+  targets_.resize(n);
+  y_quads_.resize(n, 0);
+  heavily_damped_.Grow(n);
+}
+
+void LandmarkBlocks::Remove(std::int32_t l) {
+  Release(l);
+  SetState(l, LandmarkState::kOutside);
+  heavily_damped_.Remove(l);
+}
+
+void LandmarkBlocks::SetState(std::int32_t l, LandmarkState state) {
+  num_undetermined_ -= state_[l] == LandmarkState::kUndetermined ? 1 : 0;
+  num_undetermined_ += state == LandmarkState::kUndetermined ? 1 : 0;
+  state_[l] = state;
+}
+
+LandmarkFactors LandmarkBlocks::FactorsOf(const FactorRef& ref) const {
+  IncrementalFamily& family = families_[ref.family];
+  LandmarkFactors factors;
+  factors.factors = &ref.factor;
+  factors.count = 1;
+  factors.residual_size = family.residual_size();
+  factors.num_slots = family.num_slots();
+  factors.jacobians = family.slots();
+  factors.residuals = family.q_data();
+  factors.y_targets = family.y_targets();
+  factors.landmark_slot = structure_.LandmarkSlot(ref);
+  return factors;
+}
+
+bool LandmarkBlocks::Invert(std::int32_t l, double lambda, double* eta) {
+  lambda_[l] = lambda;
+  if (lambda > kMildDamping) {
+    heavily_damped_.Add(l);
+  } else {
+    heavily_damped_.Remove(l);
+  }
+  const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
+  if (landmark.held) {
+    return false;
+  }
+  double* P = P_.data() + l * kBlock;
+  std::fill_n(P, kBlock, 0.0);
+  std::fill_n(eta, kQuad, 0.0);
+  for (const FactorRef& ref : landmark.factors) {
+    kernels_.landmark_gram(landmark.size, FactorsOf(ref), P, eta);
+  }
+  double damping[kQuad];
+  double largest = 0.0;
+  for (int k = 0; k < landmark.size; ++k) {
+    damping[k] = lambda * P[k * kQuad + k];
+    largest = std::max(largest, P[k * kQuad + k]);
+  }
+  return largest > 0.0 && InvertCholeskyFactor(landmark.size, P, damping, UInv(l)) && HasInformation(l);
+}
+
+// 1/U_inv² is the pivot: what the other coordinates leave of the diagonal entry.
+bool LandmarkBlocks::HasInformation(std::int32_t l) const {
+  for (int k = 0; k < structure_.landmarks()[l].size; ++k) {
+    const double inverse_root = UInv(l)[k * kQuad + k];
+    if (1.0 / (inverse_root * inverse_root) < kNoInformation * P(l)[k * kQuad + k]) {
+      return false;
+    }
+  }
+  return true;
+}
+
+void LandmarkBlocks::Release(std::int32_t l) {
+  if (y_quads_[l] > 0) {
+    free_y_.resize(std::max(free_y_.size(), static_cast<std::size_t>(y_quads_[l]) + 1));
+    free_y_[y_quads_[l]].push_back(incidences_[l].front().y);
+  }
+  incidences_[l].clear();
+  targets_[l].clear();
+  y_quads_[l] = 0;
+  placed_[l] = 0;
+}
+
+std::int32_t LandmarkBlocks::AllocateY(std::int32_t quads) {
+  if (quads < static_cast<std::int32_t>(free_y_.size()) && !free_y_[quads].empty()) {
+    const std::int32_t offset = free_y_[quads].back();
+    free_y_[quads].pop_back();
+    return offset;
+  }
+  const auto offset = static_cast<std::int32_t>(Y_.size() / kQuad);
+  Y_.resize(Y_.size() + static_cast<std::size_t>(quads) * kQuad);
+  return offset;
+}
+
+void LandmarkBlocks::PlaceY(std::int32_t l) {
+  const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
+  for (const std::int32_t row : landmark.frames) {
+    const IncrementalStructure::Frame& frame = structure_.frames()[row];
+    const auto quads = static_cast<std::int32_t>(PadToQuad(frame.size) / kQuad);
+    AppendCounted(Incidence{y_quads_[l], frame.quad, quads}, &incidences_[l], &list_bytes_);
+    y_quads_[l] += quads * landmark.size;
+  }
+  const std::int32_t base = AllocateY(y_quads_[l]);
+  for (Incidence& incidence : incidences_[l]) {
+    incidence.y += base;
+  }
+}
+
+// The first factor that reaches a block of Y sets it, later ones add to it: an odd target.
+void LandmarkBlocks::PointFactors(std::int32_t l) {
+  const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
+  begun_.assign(landmark.frames.size(), 0);
+  for (const FactorRef& ref : landmark.factors) {
+    IncrementalFamily& family = families_[ref.family];
+    std::int32_t* targets = family.y_targets() + static_cast<std::ptrdiff_t>(ref.factor) * family.num_slots();
+    for (int s = 0; s < family.num_slots(); ++s) {
+      const std::int32_t frame = structure_.FrameOfFactor(ref, s);
+      if (frame < 0) {
+        continue;
+      }
+      const auto at = std::find(landmark.frames.begin(), landmark.frames.end(), frame) - landmark.frames.begin();
+      targets[s] = 2 * incidences_[l][at].y + begun_[at];
+      begun_[at] = 1;
+    }
+  }
+}
+
+void LandmarkBlocks::Eliminate(std::int32_t l, const double* eta) {
+  const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
+  for (const FactorRef& ref : landmark.factors) {
+    kernels_.eliminate(landmark.size, FactorsOf(ref), UInv(l), Y_.data());
+  }
+  MultiplyLower(landmark.size, UInv(l), eta, z_.data() + l * kQuad);
+}
+
+void LandmarkBlocks::RenewZ(std::int32_t l, const double* eta, double* rhs) {
+  const int size = structure_.landmarks()[l].size;
+  const std::vector<Incidence>& incidences = incidences_[l];
+  double* z = z_.data() + std::ptrdiff_t{l} * kQuad;
+  double renewed[kQuad];
+  MultiplyLower(size, UInv(l), eta, renewed);
+  double change[kQuad];
+  for (int k = 0; k < size; ++k) {
+    change[k] = renewed[k] - z[k];
+    z[k] = renewed[k];
+  }
+  kernels_.subtract_incidences(size, incidences.data(), static_cast<int>(incidences.size()), Y_.data(), change, rhs);
+}
+
+void LandmarkBlocks::BackSubstitute(std::int32_t l, double* padded_step) const {
+  const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
+  const int size = landmark.size;
+  double* step = padded_step + std::ptrdiff_t{landmark.quad} * kQuad;
+  if (state_[l] < LandmarkState::kInRows) {  // it has no Y and z that count
+    std::fill_n(step, size, 0.0);
+    return;
+  }
+  const std::vector<Incidence>& incidences = incidences_[l];
+  double y[kQuad];
+  std::copy_n(z(l), kQuad, y);
+  kernels_.back_substitute(size, incidences.data(), static_cast<int>(incidences.size()), Y_.data(), padded_step, y);
+  MultiplyLowerTransposed(size, UInv(l), y, step);
+}
+
+// New factors may have brought new frames since: the contribution is that of the incidences, the frames it went in with.
+Contribution LandmarkBlocks::Rows(std::int32_t l, std::vector<BlockRow>* rows) const {
+  const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
+  rows->clear();
+  for (std::size_t r = 0; r < incidences_[l].size(); ++r) {
+    const Incidence& incidence = incidences_[l][r];
+    rows->push_back({Y_.data() + std::ptrdiff_t{incidence.y} * kQuad, incidence.frame, incidence.quads,
+                     structure_.frames()[landmark.frames[r]].size});
+  }
+  return {rows->data(), static_cast<int>(rows->size()), landmark.size};
+}
+
+std::int64_t LandmarkBlocks::NumPairs(std::int32_t l) const {
+  const auto n = static_cast<std::int64_t>(incidences_[l].size());
+  return n * (n + 1) / 2;
+}
+
+std::size_t LandmarkBlocks::Bytes() const {
+  return sizeof(double) * (Y_.capacity() + P_.capacity() + U_inv_.capacity() + z_.capacity() + lambda_.capacity()) +
+         (sizeof(std::vector<Incidence>) + sizeof(std::vector<std::int32_t>)) * incidences_.capacity() + list_bytes_;
+}
+
+}  // namespace inceres::internal

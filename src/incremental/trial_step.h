@@ -1,0 +1,120 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/aligned_vector.h"
+#include "base/executor.h"
+#include "inceres/problem/factor_graph.h"
+#include "incremental/incremental_schur.h"
+#include "incremental/index_set.h"
+#include "linearize/incremental_family.h"
+#include "linearize/variable_store.h"
+
+namespace inceres::internal {
+
+/// A step of an incremental system, from the first frame that is told to move until it is accepted or taken back:
+///
+///     SetFrame, Visit -> Evaluate -> UpdateRhs, MoveValues, End; or Reject
+///
+/// What is not set does not move. The cost of each verb goes with the factors that the step touches.
+class TrialStep {
+ public:
+  TrialStep(const FactorGraph& graph, const Executor& executor, double max_stretch, VariableStore* variables,
+            std::vector<IncrementalFamily>* families, IncrementalSchur* schur)
+      : graph_(graph),
+        executor_(executor),
+        max_stretch_(max_stretch),
+        variables_(*variables),
+        families_(*families),
+        schur_(*schur) {}
+  TrialStep(const TrialStep&) = delete;
+  TrialStep& operator=(const TrialStep&) = delete;
+
+  /// Makes room for the variables, and for a family's factors, that have come.
+  void GrowVariables();
+  void GrowFactors(FamilyId family);
+
+  void SetFrame(std::int32_t frame, const double* step);
+  /// As it stands.
+  const double* Frame(std::int32_t frame) const { return step_.data() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad; }
+  /// Back-substitutes a landmark from the frame steps set so far.
+  void Visit(std::int32_t landmark);
+  bool Visited(std::int32_t landmark) const { return visited_.Has(landmark); }
+
+  /// Change of the cost, and the decrease the linearizations predict, over the factors the step touches.
+  Status Evaluate(double* change, double* predicted_decrease);
+  /// ‖Dδ‖ of the step as it stands, D² = diag H.
+  double ScaledNorm() const;
+  /// ‖δ‖ of the step as it stands.
+  double Norm() const;
+  /// ‖δ_i‖_∞ over the factor's variables.
+  double Largest(FactorRef ref) const;
+  /// Replaces the step, taken as the Gauss–Newton step of its active set, by the point at this scaled norm on the dog-leg path
+  /// from the Cauchy point of the same active set to it. To be evaluated anew. The first call after a step prepares the path with
+  /// one pass over the touched factors.
+  void Shorten(double scaled_norm);
+
+  /// A step of these landmarks alone, each of which is kept or not for itself. True if any was: it then waits to be accepted, or
+  /// else nothing moves. A landmark whose cost falls faster than its model says, as on the far side of a robust loss, goes
+  /// further the next time. *num_evaluated gets the factors looked at.
+  bool TryLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
+  /// What the steps of a landmark alone have shown does not hold from other values.
+  void ForgetLandmark(std::int32_t landmark) { landmark_steps_[landmark] = {}; }
+
+  /// Per family, ascending: the factors the step touches; between Evaluate and End.
+  const std::vector<std::int32_t>& Touched(FamilyId family) const { return touched_lists_[family]; }
+
+  /// Accepted: gradient shares and b follow, once residuals have. Returns how many landmarks' right-hand sides did.
+  int UpdateRhs();
+  void MoveValues();
+  /// Nothing moves.
+  void Reject();
+  /// The next step may begin.
+  void End();
+
+  std::int64_t Bytes() const { return static_cast<std::int64_t>(step_.capacity() * sizeof(double)); }
+
+ private:
+  // A landmark's own line search, from one TryLandmarks to the next.
+  struct LandmarkStep {
+    double stretch = 1.0;  // of its next step
+    double change = 0.0;
+    double slope = 0.0;
+  };
+
+  template <typename Function>
+  void ForEachActive(Function&& visit) const;
+  void PrepareDogleg();
+  void Move(VariableId id, std::int32_t quad);
+  void Touch(const std::vector<FactorRef>& factors);
+  void NameTouched();
+  void DropChanges();
+  void Stretch(std::int32_t landmark);
+  bool EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
+  bool KeepLandmark(std::int32_t landmark);
+  void LeaveOut(std::int32_t landmark);
+
+  const FactorGraph& graph_;
+  const Executor& executor_;
+  const double max_stretch_;
+  VariableStore& variables_;
+  std::vector<IncrementalFamily>& families_;
+  IncrementalSchur& schur_;
+
+  std::vector<IndexSet> touched_;  // per family: with a variable that moves
+  std::vector<std::vector<std::int32_t>> touched_lists_;
+  bool touched_named_ = false;  // the two above and the two below are those of the step
+  IndexSet stale_landmarks_;    // not visited, but seen from a frame that moves
+  IndexSet reached_;            // frames of touched factors and of their landmarks
+  IndexSet visited_;
+  IndexSet moved_;
+  AlignedVector<double> step_;  // padded, all variables; zero where nothing moves
+  bool dogleg_prepared_ = false;
+  AlignedVector<double> gauss_newton_;  // of the active set, padded like step_
+  AlignedVector<double> cauchy_;
+  AlignedVector<double> direction_;
+  std::vector<LandmarkStep> landmark_steps_;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,161 @@
+#include "linearize/linearization.h"
+
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+// What whole rows serve.
+constexpr int kMaxWholeColumns = 16;
+constexpr std::int64_t kMaxWholeRows = 1024;
+
+// `used` of the old values stay.
+void Enlarge(std::size_t size, std::size_t used, ZeroedArray* array) {
+  ZeroedArray larger(size);
+  std::copy_n(array->data(), used, larger.data());
+  *array = std::move(larger);
+}
+
+}  // namespace
+
+JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
+  std::int64_t num_rows = 0;
+  bool whole = layout.num_landmarks() == 0 && layout.size() <= kMaxWholeColumns;
+  for (FamilyId id = 0; whole && id < graph.num_families(); ++id) {
+    const std::int64_t num_factors = graph.NumFactors(id);
+    num_rows += num_factors * graph.family(id).residual_size();
+    whole = num_rows <= kMaxWholeRows && graph.NumFreePlaces(id) == 0;
+    if (whole && num_factors > 1) {
+      const VariableId* ids = graph.Variables(id, 0);
+      whole = std::equal(ids, ids + (num_factors - 1) * graph.family(id).num_slots(), graph.Variables(id, 1));
+    }
+  }
+  return whole ? JacobianStorage::kWholeRows : JacobianStorage::kBySlot;
+}
+
+Linearization::Linearization(const FactorGraph& owner, FamilyId family_id)
+    : graph(&owner),
+      family(&owner.family(family_id)),
+      id(family_id),
+      residual_size(family->residual_size()),
+      num_slots(family->num_slots()),
+      slots(num_slots),
+      views(num_slots) {
+  for (int s = 0; s < num_slots; ++s) {
+    const int columns = family->slot(s).tangent_size;
+    slots[s] = {nullptr, std::ptrdiff_t{residual_size} * PadToQuad(columns), PadToQuad(columns), columns};
+  }
+}
+
+void Linearization::GrowTables(int num_places) {
+  num_factors = num_places;
+  const std::size_t num_entries = static_cast<std::size_t>(num_places) * num_slots;
+  parameters.resize(num_entries);
+  tangent_maps.resize(num_entries);
+  pins.resize(pins.empty() ? 0 : num_entries);
+  jacobian_parameters_.resize(pins.size());
+  const std::size_t num_residuals = static_cast<std::size_t>(std::max(num_places, capacity)) * residual_size;
+  if (num_residuals > residuals.size()) {
+    Enlarge(std::max(num_residuals, 2 * residuals.size()), residuals.size(), &residuals);
+  }
+}
+
+void Linearization::Grow(int num_places, int new_capacity) {
+  const int before = num_factors;
+  if (new_capacity > capacity) {
+    capacity = new_capacity;
+    std::ptrdiff_t size = 0;
+    for (const SlotJacobians& slot : slots) {
+      size += slot.factor_stride;
+    }
+    ZeroedArray J(static_cast<std::size_t>(size) * capacity);
+    double* next = J.data();
+    for (int s = 0; s < num_slots; ++s) {
+      SlotJacobians& slot = slots[s];
+      std::copy_n(slot.data, before * slot.factor_stride, next);
+      slot.data = next;
+      next += capacity * slot.factor_stride;
+      views[s] = {slot.data, slot.factor_stride, slot.row_stride};
+    }
+    jacobian_values = std::move(J);
+    Enlarge(static_cast<std::size_t>(capacity) * residual_size, static_cast<std::size_t>(before) * residual_size,
+            &candidate_residuals);
+  }
+  GrowTables(num_places);
+  tangent_offsets.resize(parameters.size(), -1);
+}
+
+void Linearization::Connect(std::size_t entry, const double* x, const double* pinned, const TangentMap& map) {
+  parameters[entry] = x;
+  tangent_maps[entry] = &map;
+  Pin(entry, pinned);
+}
+
+void Linearization::Pin(std::size_t entry, const double* pinned) {
+  if (pinned != nullptr && pins.empty()) {
+    pins.resize(parameters.size(), nullptr);
+    jacobian_parameters_.resize(pins.size());
+  }
+  if (!pins.empty()) {
+    pins[entry] = pinned;
+  }
+}
+
+bool Linearization::IsPinned(int factor) const {
+  const auto first = pins.begin() + Entry(factor);
+  return std::any_of(first, first + num_slots, [](const double* pin) { return pin != nullptr; });
+}
+
+FactorBatch Linearization::CandidateBatch(int begin, int end) {
+  FactorBatch batch;
+  batch.begin = begin;
+  batch.end = end;
+  batch.parameters = CandidateParameters(0);
+  batch.residuals = candidate_residuals.data();
+  return batch;
+}
+
+EvaluationFailure Linearization::Linearize(int begin, int end) {
+  FactorBatch batch;
+  batch.begin = begin;
+  batch.end = end;
+  batch.parameters = parameters.data();
+  batch.tangent_maps = tangent_maps.data();
+  batch.residuals = residuals.data();
+  batch.jacobians = views.data();
+  return pins.empty() ? family->Evaluate(batch) : LinearizePinned(batch);
+}
+
+// Jacobians at the pinned values, then residuals where the variables are.
+EvaluationFailure Linearization::LinearizePinned(FactorBatch batch) {
+  for (std::ptrdiff_t entry = Entry(batch.begin); entry < Entry(batch.end); ++entry) {
+    jacobian_parameters_[entry] = pins[entry] != nullptr ? pins[entry] : parameters[entry];
+  }
+  batch.parameters = jacobian_parameters_.data();
+  EvaluationFailure failure = family->Evaluate(batch);
+  batch.parameters = parameters.data();
+  batch.tangent_maps = nullptr;
+  batch.jacobians = nullptr;
+  for (int i = batch.begin, end = batch.end; i < end && !failure.failed(); ++i) {
+    if (IsPinned(i)) {
+      batch.begin = i;
+      batch.end = i + 1;
+      failure = family->Evaluate(batch);
+    }
+  }
+  return failure;
+}
+
+FactorRows Linearization::Rows(int begin, int end) const {
+  FactorRows rows;
+  rows.begin = begin;
+  rows.end = end;
+  rows.residual_size = rows_per_block();
+  rows.num_slots = static_cast<int>(slots.size());
+  rows.jacobians = slots.data();
+  rows.residuals = residuals.data();
+  rows.tangent_offsets = tangent_offsets.data();
+  return rows;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "inceres/problem/factor_graph.h"
+
+namespace inceres::internal {
+
+/// Sets map->kind from map->plus_jacobian: identity, selection (the indices go to `selection`, tangent_size entries) or dense.
+void ClassifyTangentMap(TangentMap* map, int* selection);
+
+/// x ⊞ δ of a variable, into `moved`. False if its manifold's Plus fails.
+bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, const double* delta, double* moved);
+
+/// The tangent map of a variable at its point: x, or where the graph pins it. Its address is that of the Tangent.
+class Tangent {
+ public:
+  /// Takes over a variable. Nobody wants Jacobians of one that is not `wanted`: it counts as constant.
+  void Set(const FactorGraph& graph, VariableId id, bool wanted);
+
+  const TangentMap& map() const { return map_; }
+  /// Whether the map depends on the point.
+  bool is_curved() const { return curved_ != nullptr && !curved_->M.empty(); }
+
+  /// M := ∂(x ⊞ δ)/∂δ at x, checked. Returns null, or what is wrong with it: words to follow "PlusJacobian".
+  const char* Compute(const FactorGraph& graph, VariableId id, const double* x);
+  /// The same, if the variable has moved since.
+  const char* Refresh(const FactorGraph& graph, VariableId id, const double* x) {
+    return is_curved() && curved_->stale ? Compute(graph, id, x) : nullptr;
+  }
+  void MarkMoved() {
+    if (curved_ != nullptr) {
+      curved_->stale = true;
+    }
+  }
+  /// The same at a candidate, for whoever asks before it is accepted: then the map is that.
+  const char* ComputeCandidate(const FactorGraph& graph, VariableId id, const double* x);
+  void AcceptCandidate();
+
+ private:
+  struct Curved {
+    std::vector<double> M;
+    std::vector<double> candidate_M;
+    std::vector<int> selection;
+    bool stale = true;
+  };
+
+  TangentMap map_;
+  std::unique_ptr<Curved> curved_;  // null of a variable that never had a manifold
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,78 @@
+#include "linearize/variable_store.h"
+
+#include "simd/kernels.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kChunk = 8192;  // values
+
+std::size_t NumQuads(int tangent_size) {
+  return static_cast<std::size_t>(PadToQuad(tangent_size) / kQuad);
+}
+
+}  // namespace
+
+void VariableStore::Add(const FactorGraph& graph, VariableId id) {
+  if (id >= static_cast<VariableId>(variables_.size())) {
+    variables_.resize(id + 1);
+  }
+  Variable& variable = variables_[id];
+  variable.tangent.Set(graph, id, /*wanted=*/false);
+  if (graph.StateOffset(id) < 0) {
+    variable.current = variable.candidate = const_cast<double*>(graph.Values(id));  // never written: its tangent size is 0
+    return;
+  }
+  const int size = graph.AmbientSize(id);
+  if (variable.room == nullptr) {
+    variable.room = Allocate(2 * size);
+  }
+  variable.current = variable.room;
+  variable.candidate = variable.room + size;
+  Set(id, graph.Values(id));
+}
+
+void VariableStore::Enter(const FactorGraph& graph, VariableId id) {
+  Variable& variable = variables_[id];
+  variable.tangent.Set(graph, id, /*wanted=*/true);
+  const std::size_t quads = NumQuads(graph.TangentSize(id));
+  if (quads < free_quads_.size() && !free_quads_[quads].empty()) {
+    variable.quad = free_quads_[quads].back();
+    free_quads_[quads].pop_back();
+  } else {
+    variable.quad = num_quads_;
+    num_quads_ += static_cast<std::int32_t>(quads);
+  }
+}
+
+void VariableStore::Remove(VariableId id) {
+  Variable& variable = variables_[id];
+  if (variable.quad < 0) {
+    return;
+  }
+  const std::size_t quads = NumQuads(variable.tangent.map().tangent_size);
+  free_quads_.resize(std::max(free_quads_.size(), quads + 1));
+  free_quads_[quads].push_back(variable.quad);
+  variable.quad = -1;
+}
+
+void VariableStore::Set(VariableId id, const double* values) {
+  Variable& variable = variables_[id];
+  const int size = variable.tangent.map().ambient_size;
+  std::copy_n(values, size, variable.current);
+  std::copy_n(values, size, variable.candidate);
+  variable.tangent.MarkMoved();
+}
+
+double* VariableStore::Allocate(int size) {
+  if (chunks_.empty() || used_ + size > capacity_) {
+    capacity_ = std::max(kChunk, size);
+    chunks_.push_back(std::make_unique<double[]>(capacity_));
+    used_ = 0;
+  }
+  double* values = chunks_.back().get() + used_;
+  used_ += size;
+  return values;
+}
+
+}  // namespace inceres::internal
