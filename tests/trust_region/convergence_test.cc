@@ -102,13 +102,13 @@ TEST(ReduceCurvatureOfLosses, TakesFewerIterations) {
 
 std::string ConfigurationName(const testing::TestParamInfo<Configuration>& info) {
   const char* models[] = {"Automatic", "Schur", "Plain", "DenseQr"};
-  const char* strategies[] = {"LevenbergMarquardt", "Dogleg", "SubspaceDogleg"};
+  const char* strategies[] = {"LevenbergMarquardt", "Marquardt", "Dogleg", "SubspaceDogleg"};
   return std::string(strategies[static_cast<int>(std::get<0>(info.param))]) + models[static_cast<int>(std::get<1>(info.param))];
 }
 
 INSTANTIATE_TEST_SUITE_P(Configurations, Converges,
                          testing::Combine(testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt,
-                                                          TrustRegionStrategyKind::kDogleg,
+                                                          TrustRegionStrategyKind::kMarquardt, TrustRegionStrategyKind::kDogleg,
                                                           TrustRegionStrategyKind::kSubspaceDogleg),
                                           testing::Values(LinearModelKind::kAutomatic, LinearModelKind::kSchur,
                                                           LinearModelKind::kPlain, LinearModelKind::kDenseQr)),

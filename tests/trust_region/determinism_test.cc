@@ -55,13 +55,13 @@ TEST_P(SameBits, ForAnyNumberOfThreadsAndEveryRun) {
 }
 
 std::string StrategyName(const testing::TestParamInfo<TrustRegionStrategyKind>& info) {
-  const char* names[] = {"LevenbergMarquardt", "Dogleg", "SubspaceDogleg"};
+  const char* names[] = {"LevenbergMarquardt", "Marquardt", "Dogleg", "SubspaceDogleg"};
   return names[static_cast<int>(info.param)];
 }
 
 INSTANTIATE_TEST_SUITE_P(Strategies, SameBits,
-                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg,
-                                         TrustRegionStrategyKind::kSubspaceDogleg),
+                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kMarquardt,
+                                         TrustRegionStrategyKind::kDogleg, TrustRegionStrategyKind::kSubspaceDogleg),
                          StrategyName);
 
 }  // namespace
