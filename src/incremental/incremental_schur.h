@@ -55,8 +55,8 @@ class IncrementalSchur {
   void DropKept() { num_kept_ = 0; }
   /// Takes the landmark's contribution out of S and b, if it is there: before factors are connected or disconnected, or for good.
   void TakeOut(std::int32_t landmark);
-  /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in, in place of the one that is there; parks a
-  /// landmark without information. A held landmark stays outside.
+  /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in, in place of the one that is there; leaves a
+  /// landmark without information outside, and a held one too.
   void PutIn(std::int32_t landmark, double lambda);
   /// The same of a landmark that is not in S, but into the blocks and entries of these rows alone; and out of them again.
   void PutIntoRows(std::int32_t landmark, double lambda, const IndexSet& rows);
