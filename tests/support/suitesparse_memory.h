@@ -6,8 +6,8 @@
 
 namespace inceres::test {
 
-/// The memory that AMD and CHOLMOD get, from all solvers of this process: Deny() makes every further allocation fail, until Grant() or
-/// the end of this object.
+/// The memory that AMD and CHOLMOD get, from all solvers of this process: Deny() makes every further allocation fail, until
+/// Grant() or the end of this object.
 class SuiteSparseMemory {
  public:
   SuiteSparseMemory() : current_(static_cast<Functions*>(dlsym(RTLD_DEFAULT, "SuiteSparse_config"))) {
