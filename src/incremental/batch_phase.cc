@@ -128,15 +128,17 @@ class BatchObserver final : public SolveObserver, public StepJudge {
       return false;
     }
     const double tolerance = Tolerance(cost_);
-    if (++num_since_gain_ >= tuning_.stall) {
-      if (gained_from_ - cost_ <= tuning_.stall_gain * tolerance) {
-        return true;
-      }
+    ++num_since_gain_;
+    if (gained_from_ - cost_ > tuning_.stall_gain * tolerance) {
       num_since_gain_ = 0;
       gained_from_ = cost_;
     }
+    if (num_since_gain_ >= tuning_.stall) {
+      return true;
+    }
     if (iteration.step_is_successful && ++num_unchecked_steps_ >= tuning_.stagnation) {
-      if (checked_cost_ - cost_ <= tuning_.stagnation_gain * tolerance) {
+      const bool free = iteration.trust_region_radius >= tuning_.free_radius;
+      if (checked_cost_ - cost_ <= (free ? tuning_.free_stagnation_gain : tuning_.stagnation_gain) * tolerance) {
         return true;
       }
       num_unchecked_steps_ = 0;
@@ -210,8 +212,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   int num_accepted_in_row_ = kAcceptedInRow;
   int num_unchecked_steps_ = 0;  // taken since HasStagnated last looked
   double checked_cost_ = 0.0;    // then
-  int num_since_gain_ = 0;       // iterations, taken or not, since it last looked at these
-  double gained_from_ = 0.0;     // cost then
+  int num_since_gain_ = 0;       // iterations, taken or not, since the cost last fell by more than next to nothing
+  double gained_from_ = 0.0;     // to this
 };
 
 // Whether a trust region that refusals have shrunk may be what kept the last steps short: they then tell nothing of what is left.
@@ -271,15 +273,17 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
   // Down to what may be left: one more iteration here costs less than to linearize everything for the incremental system. Where
   // there will be none the observer says when nothing is left.
   batch.function_tolerance = options.function_tolerance;
-  if (options.batch_strategy == TrustRegionStrategyKind::kMarquardt) {
+  batch.initial_trust_region_radius = 1.0 / options.initial_damping;
+  if (!only && options.batch_strategy == TrustRegionStrategyKind::kMarquardt) {
     batch.function_tolerance = 0.0;
     batch.gradient_tolerance = tuning.gradient_tolerance;
     batch.min_trust_region_radius = tuning.min_radius;
+    batch.max_trust_region_radius = tuning.max_radius;
+    batch.initial_trust_region_radius = std::min(batch.initial_trust_region_radius, tuning.max_radius);
   } else if (!only) {
     batch.function_tolerance *= end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
   }
   batch.parameter_tolerance = 0.0;  // a few points run off in bundle adjustment, and against them every step is short
-  batch.initial_trust_region_radius = 1.0 / options.initial_damping;
   batch.min_relative_decrease = options.min_relative_decrease;
   batch.refine_landmarks = !only && options.max_landmark_passes > 0;
   batch.reduce_curvature_of_losses = !only;

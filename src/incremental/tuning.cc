@@ -108,9 +108,12 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   count("batch.patience", &tuning->batch.patience);
   count("batch.stagnation", &tuning->batch.stagnation);
   real("batch.stagnation_gain", &tuning->batch.stagnation_gain);
+  real("batch.free_stagnation_gain", &tuning->batch.free_stagnation_gain);
+  real("batch.free_radius", &tuning->batch.free_radius);
   count("batch.stall", &tuning->batch.stall);
   real("batch.stall_gain", &tuning->batch.stall_gain);
   real("batch.min_radius", &tuning->batch.min_radius);
+  real("batch.max_radius", &tuning->batch.max_radius);
   real("batch.gradient_tolerance", &tuning->batch.gradient_tolerance);
   real("batch.shrunk_share", &tuning->batch.shrunk_share);
   return all;

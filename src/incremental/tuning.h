@@ -121,11 +121,16 @@ struct Tuning {
     /// Steps by that rule which together bring less than so many tolerances end an Update.
     int stagnation = 15;
     double stagnation_gain = 1.0;
+    /// The same where the damping leaves steps about as long as the model wants them: a flat valley.
+    double free_stagnation_gain = 5.0;
+    double free_radius = 1.0;
     /// The same of its iterations, refused steps included: so many try all lengths of steps.
     int stall = 20;
     double stall_gain = 0.25;
     /// Of that rule: with more damping than one over this steps lead nowhere.
     double min_radius = 1e-12;
+    /// Of that rule: with less damping than one over this a gauge that nothing holds makes systems singular.
+    double max_radius = 1e10;
     /// Of that rule: it is there for costs next to zero, too, where Ceres's default ends a solve early.
     double gradient_tolerance = 1e-14;
     /// Of the initial radius: one that refusals have brought below keeps steps short by itself.

@@ -10,7 +10,7 @@ namespace {
 // Marquardt's rule. Where a refusal tells that steps cannot be longer, the radius grows more slowly from then on, until so many
 // steps in a row are taken.
 constexpr double kTenfold = 10.0;
-constexpr double kLeastGrowth = 1.5;
+constexpr double kLeastGrowth = 1.05;
 constexpr double kKeptPromise = 0.25;
 constexpr int kStepsInRow = 4;
 

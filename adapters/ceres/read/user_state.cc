@@ -45,13 +45,13 @@ StartValues::StartValues(const ProblemView& view) {
 }
 
 StartValues::~StartValues() {
-  Swap();
+  PutBack();
 }
 
-void StartValues::Swap() {
-  double* kept = values_.data();
+void StartValues::PutBack() const {
+  const double* kept = values_.data();
   for (const auto& [values, size] : blocks_) {
-    std::swap_ranges(values, values + size, kept);
+    std::copy_n(kept, size, values);
     kept += size;
   }
 }

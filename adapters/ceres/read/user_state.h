@@ -41,8 +41,8 @@ class StartValues {
   StartValues(const StartValues&) = delete;
   StartValues& operator=(const StartValues&) = delete;
   void Keep() { blocks_.clear(); }
-  /// Exchanges what is in the user's memory for what is here.
-  void Swap();
+  /// Writes them into the user's memory, now.
+  void PutBack() const;
 
  private:
   std::vector<std::pair<double*, int>> blocks_;  // and their sizes

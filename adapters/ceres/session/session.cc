@@ -52,7 +52,7 @@ class CeresSession::Impl {
   const char* ReasonForExact(const ceres::Solver::Options& solver_options);
   bool IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock, const SolveReport& report,
                     const ceres::Solver::Summary& summary) const;
-  bool FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input, internal::StartValues* start,
+  bool FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input, const internal::StartValues& start,
                      SolveReport* report, ceres::Solver::Summary* summary);
   bool GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy, int max_iterations, SolveReport* report,
                    ceres::Solver::Summary* summary);
@@ -105,7 +105,7 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
     choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
-    solved = !IsUnfinished(solver_options, clock, *report, *summary) || FinishInBatch(*problem, input, &start, report, summary);
+    solved = !IsUnfinished(solver_options, clock, *report, *summary) || FinishInBatch(*problem, input, start, report, summary);
   }
   if (solved) {
     start.Keep();
@@ -152,27 +152,34 @@ bool CeresSession::Impl::GoOnInBatch(const internal::SolveInput& input, TrustReg
 // What incremental steps did not finish, first from where they have come to, by Marquardt's rule; where that does not end either,
 // from the start, as who remembers nothing would have gone. The lower of both ends counts. False after a failure or an abort.
 bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input,
-                                       internal::StartValues* start, SolveReport* report, ceres::Solver::Summary* summary) {
+                                       const internal::StartValues& start, SolveReport* report, ceres::Solver::Summary* summary) {
   const auto iterations_left = [&] {
-    return input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1;
+    return std::max(0, input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1);
   };
-  if (!GoOnInBatch(input, TrustRegionStrategyKind::kMarquardt, std::min(kPatience, iterations_left()), report, summary)) {
+  constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
+  if (!GoOnInBatch(input, kGoOn, std::min(iterations_left(), std::max(kPatience, iterations_left() / 2)), report, summary)) {
     return false;
   }
   if (!IsUnfinished(input.options, input.clock, *report, *summary)) {
     return true;
   }
-  const double reached = summary->final_cost;
-  start->Swap();
+  const double lowest = summary->final_cost;
+  internal::StartValues reached(view);  // there again, unless what comes now ends lower
+  start.PutBack();
   Look(problem);
   const TrustRegionStrategyKind strategy = internal::MapIncrementalOptions(input.options, options.core).batch_strategy;
-  const bool solved = GoOnInBatch(input, strategy, iterations_left(), report, summary);
-  if (solved && summary->final_cost <= reached) {
-    return true;
+  if (!GoOnInBatch(input, strategy, iterations_left(), report, summary)) {
+    return false;
   }
-  start->Swap();
-  Look(problem);
-  return solved && GoOnInBatch(input, TrustRegionStrategyKind::kMarquardt, iterations_left(), report, summary);
+  if (summary->final_cost > lowest) {
+    reached.PutBack();
+    Look(problem);
+    if (!GoOnInBatch(input, kGoOn, iterations_left(), report, summary)) {
+      return false;
+    }
+  }
+  reached.Keep();
+  return true;
 }
 
 // Null: the solve is to be incremental. Exact mode has no iterative solver.
