@@ -325,7 +325,7 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
   Summary solved;
   SolveWith(batch, loop, graph, solver, &solved);
   Count(solved, observer, summary);
-  const bool cost_of_state = end == BatchEnd::kToTheEnd && solved.IsSolutionUsable() && !solved.iterations.empty();
+  const bool cost_of_state = solved.IsSolutionUsable() && !solved.iterations.empty();
   summary->final_cost = cost_of_state ? observer.cost() : solved.final_cost;
   summary->ended_by_batch_rule = false;
   if (!std::isfinite(solved.final_cost)) {  // which Ceres 2.1 takes for convergence
