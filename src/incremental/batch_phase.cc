@@ -52,9 +52,10 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     const bool known = last_ratio_ > tuning_.kept_promise && factor < tuning_.steady_factor;
     const bool series = known && rest <= tuning_.rest_share * Tolerance(cost);
     const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= tuning_.settled_share * Tolerance(cost);
-    settled_ = options_.batch_share > 0.0 && SeesAll(iteration) && (series || nothing);
+    settled_ = options_.batch_share > 0.0 && SeesAll(iteration.trust_region_radius) && (series || nothing);
     rest_ = !settled_ ? 0.0 : series ? rest : promise;
-    promises_nothing_ = SeesAll(iteration) && promise <= Tolerance(cost);
+    tried_radius_ = iteration.trust_region_radius;
+    promises_nothing_ = SeesAll(tried_radius_) && promise <= Tolerance(cost);
     last_promise_ = promise;
     return !settled_;
   }
@@ -77,8 +78,9 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
     is_near_ = options_.batch_share > 0.0 && iteration.step_is_successful && last_ratio_ > tuning_.kept_promise &&
                iteration.cost_change <= tuning_.near_gain * Tolerance(cost_);
-    if (iteration.iteration == 0) {
+    if (iteration.step_is_successful && iteration.iteration != last_judged_) {  // the start, or the cost is another function
       checked_cost_ = gained_from_ = cost_;
+      num_unchecked_steps_ = num_since_gain_ = 0;
     }
     if (iteration.iteration == 0 && !trace_.summary().iterations.empty()) {  // told as the end of the part before
       return stop_.load(std::memory_order_relaxed) ? ObserverAction::kTerminateSuccessfully : ObserverAction::kContinue;
@@ -117,14 +119,14 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   double Tolerance(double cost) const { return options_.function_tolerance * std::max(cost - options_.fixed_cost, 0.0); }
   // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could gain; of a Dog-Leg, whether no
   // refusal has shrunk its radius lately.
-  bool SeesAll(const IterationSummary& iteration) const {
-    return IsDamped(options_.batch_strategy) ? iteration.trust_region_radius >= tuning_.seeing_radius
-                                             : num_accepted_in_row_ >= kAcceptedInRow;
+  bool SeesAll(double radius) const {
+    return IsDamped(options_.batch_strategy) ? radius >= tuning_.seeing_radius : num_accepted_in_row_ >= kAcceptedInRow;
   }
   // By Marquardt's rule, which tries all lengths of steps: many that were taken have together brought next to nothing; or hardly
   // any could be taken for so long that all lengths have been tried, as at the border of where a cost function evaluates.
   bool HasStagnated(const IterationSummary& iteration) {
-    if (options_.batch_strategy != TrustRegionStrategyKind::kMarquardt || iteration.iteration == 0) {
+    if (options_.batch_strategy != TrustRegionStrategyKind::kMarquardt || options_.batch_share == 0.0 ||
+        iteration.iteration == 0) {
       return false;
     }
     const double tolerance = Tolerance(cost_);
@@ -134,6 +136,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
       gained_from_ = cost_;
     }
     if (num_since_gain_ >= tuning_.stall) {
+      trace_.summary().rests_on_refusals = true;
       return true;
     }
     if (iteration.step_is_successful && ++num_unchecked_steps_ >= tuning_.stagnation) {
@@ -150,7 +153,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   // whether a step is accepted either.)
   bool IsRefusedForNothing(const IterationSummary& iteration) const {
     return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && iteration.iteration > 0 && iteration.step_is_valid &&
-           !iteration.step_is_successful && SeesAll(iteration) &&
+           !iteration.step_is_successful && SeesAll(tried_radius_) &&
            std::fabs(iteration.cost_change) <= tuning_.settled_share * Tolerance(cost_) &&
            iteration.model_cost_change <= Tolerance(cost_);
   }
@@ -166,7 +169,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     const bool slow = end_ == BatchEnd::kToTheEnd && slower < 1.0 && gain <= Tolerance(iteration.cost);
     // What the model was wrong by in this step may still be there: the gradient is off by as much.
     const bool exact = std::fabs(gain - iteration.model_cost_change) <= allowed;
-    const bool settled = options_.batch_share > 0.0 && SeesAll(iteration) && good && exact && gain >= 0.0 && (fast || slow) &&
+    const bool settled = options_.batch_share > 0.0 && SeesAll(tried_radius_) && good && exact && gain >= 0.0 && (fast || slow) &&
                          gain * slower / (1.0 - slower) <= allowed;
     rest_ = settled ? gain * slower / (1.0 - slower) : 0.0;
     previous_gain_ = gain;
@@ -202,6 +205,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
   double previous_ratio_ = HUGE_VAL;
   double last_promise_ = HUGE_VAL;
+  double tried_radius_ = 0.0;  // of the step under judgment
   double last_ratio_ = 0.0;
   double rest_ = 0.0;
   int last_judged_ = -1;
@@ -322,6 +326,7 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
   batch.observer = &observer;
   LoopOptions loop;
   loop.judge = &observer;
+  loop.fixed_cost = options.fixed_cost;
   Summary solved;
   SolveWith(batch, loop, graph, solver, &solved);
   Count(solved, observer, summary);
@@ -345,6 +350,8 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
   }
   summary->ended_by_batch_rule = solved.termination == Termination::kConvergence;
   const bool held_back = IsHeldBack(solved, batch, tuning);
+  summary->rests_on_refusals = batch.strategy == TrustRegionStrategyKind::kMarquardt && !solved.iterations.empty() &&
+                               solved.iterations.back().trust_region_radius <= batch.min_trust_region_radius;
   const bool no_gradient = solved.iterations.empty() || solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
   return {solved.termination, !held_back && HasSettled(solved, options, tuning), held_back,
           observer.promises_nothing() || no_gradient};
@@ -364,7 +371,7 @@ BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch&
   const double seconds_left = options.max_seconds - (NowInSeconds() - trace->start_seconds());
   part.max_num_iterations = options.max_num_iterations - summary->num_iterations;
   const bool proven = !first.held_back && (summary->ended_by_batch_rule ? first.promises_nothing : !out_of_patience);
-  if (!in_parts || proven || part.max_num_iterations <= 0 || seconds_left <= 0.0) {
+  if (!in_parts || proven || first.termination == Termination::kFailure || part.max_num_iterations <= 0 || seconds_left <= 0.0) {
     return first;
   }
   part.max_seconds = seconds_left;
@@ -377,7 +384,11 @@ BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch&
   BatchOutcome second = RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
   if (second.termination == Termination::kFailure) {  // what the first part has reached stays
     graph->mutable_state() = reached;
-    *summary = before;
+    summary->message = before.message;
+    summary->final_cost = before.final_cost;
+    summary->remaining_decrease = before.remaining_decrease;
+    summary->ended_by_batch_rule = before.ended_by_batch_rule;
+    summary->rests_on_refusals = false;
     return first;
   }
   return second;

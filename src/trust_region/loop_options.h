@@ -38,6 +38,7 @@ class StepJudge {
 struct LoopOptions {
   CeresRules rules = CeresRules::k21;
   double seconds_spent_before = 0.0;  ///< by the caller on this solve; counted into the time limit and cumulative times
+  double fixed_cost = 0.0;            ///< of the cost, what no variable moves: the function tolerance is relative to the rest
   StepJudge* judge = nullptr;         ///< not owned; may be null
 };
 

@@ -254,7 +254,8 @@ bool TrustRegionMinimizer::IsCostUsable(double cost) const {
 
 // What the landmarks gain by themselves counts as promised, as in Ceres: it says nothing about the step's model.
 void TrustRegionMinimizer::RunInnerIterations() {
-  const double min_gain = kInnerShare * options_.function_tolerance * cost_ / evaluator_.layout().num_landmarks();
+  const double min_gain =
+      kInnerShare * options_.function_tolerance * (cost_ - loop_.fixed_cost) / evaluator_.layout().num_landmarks();
   const double gain = inner_iterations_->Run(min_gain, cost_ - candidate_cost_);
   summary_.work.num_inner_iterations += inner_iterations_->num_moved();
   inner_iterations_->Pace(gain, cost_ - candidate_cost_);
@@ -281,7 +282,7 @@ bool TrustRegionMinimizer::ParameterToleranceReached() {
 bool TrustRegionMinimizer::FunctionToleranceReached() {
   iteration_.cost_change = cost_ - candidate_cost_;
   // Written so that a NaN cost counts as converged (CeresRules::k21).
-  if (std::fabs(iteration_.cost_change) > options_.function_tolerance * cost_) {
+  if (std::fabs(iteration_.cost_change) > options_.function_tolerance * (cost_ - loop_.fixed_cost)) {
     return false;
   }
   summary_.discarded_cost_change = iteration_.cost_change;

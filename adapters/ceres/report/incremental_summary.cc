@@ -33,9 +33,9 @@ std::string MessageOf(const UpdateSummary& update, const SolveInput& input, doub
   if (update.termination != Termination::kNoConvergence) {
     return update.message;
   }
-  if (update.num_iterations >= options.max_num_iterations) {
-    return "Maximum number of iterations reached. Number of iterations: " +
-           std::to_string(input.last_iteration.value_or(0) + update.num_iterations) + ".";
+  const int num_iterations = input.last_iteration.value_or(0) + update.num_iterations;
+  if (num_iterations >= options.max_num_iterations) {
+    return "Maximum number of iterations reached. Number of iterations: " + std::to_string(num_iterations) + ".";
   }
   const double seconds = seconds_before + update.seconds;
   if (seconds >= options.max_solver_time_in_seconds) {
@@ -89,7 +89,8 @@ void ReportNothingToSolve(const SolveInput& input, SolveReport* report) {
 bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input, ceres::Solver::Summary* summary,
                  SolveReport* report) {
   WriteSolution(input.options, core, summary);
-  summary->final_cost = core.final_cost;  // of the user's memory: a refused step that came lower, which Ceres counts, is not there
+  summary->final_cost =
+      core.final_cost;  // of the user's memory: a refused step that came lower, which Ceres counts, is not there
   LogFailedStep(input.options, core.failed_step);
   const bool usable = core.IsSolutionUsable();
   const bool failed = core.termination == Termination::kFailure;

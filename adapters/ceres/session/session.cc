@@ -1,6 +1,7 @@
 #include "inceres/ceres/session.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
@@ -26,6 +27,10 @@ namespace {
 // Iterations after which incremental steps are given up for this solve: those that converge mostly take fewer than ten.
 constexpr int kPatience = 25;
 
+std::int64_t NumEvaluations(const UpdateSummary& update) {
+  return update.num_evaluated_factors + update.num_relinearized_factors;
+}
+
 }  // namespace
 
 class CeresSession::Impl {
@@ -50,11 +55,12 @@ class CeresSession::Impl {
   void SolveOnce(const internal::SolveCall& call);
 
   const char* ReasonForExact(const ceres::Solver::Options& solver_options);
-  bool IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock, const SolveReport& report,
-                    const ceres::Solver::Summary& summary) const;
+  bool IsUnfinished(const internal::SolveInput& input, const SolveReport& report, const ceres::Solver::Summary& summary) const;
   bool FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input, const internal::StartValues& start,
                      SolveReport* report, ceres::Solver::Summary* summary);
-  bool GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy, int max_iterations, SolveReport* report,
+  // What came of a part of a solve: nothing, and all is as before it; an end; an abort, or values that cannot be evaluated.
+  enum class Part { kNone, kDone, kAborted };
+  Part GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy, int max_iterations, SolveReport* report,
                    ceres::Solver::Summary* summary);
   void SolveExactlyFor(const char* reason, const internal::SolveCall& call, internal::SolveInput* input);
 
@@ -105,7 +111,7 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
     choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
-    solved = !IsUnfinished(solver_options, clock, *report, *summary) || FinishInBatch(*problem, input, start, report, summary);
+    solved = !IsUnfinished(input, *report, *summary) || FinishInBatch(*problem, input, start, report, summary);
   }
   if (solved) {
     start.Keep();
@@ -114,72 +120,93 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
 }
 
 // Whether a solve has ended without convergence that is proven, though no limit of the user's asked for it.
-bool CeresSession::Impl::IsUnfinished(const ceres::Solver::Options& solver_options, const internal::WallClock& clock,
-                                      const SolveReport& report, const ceres::Solver::Summary& summary) const {
+bool CeresSession::Impl::IsUnfinished(const internal::SolveInput& input, const SolveReport& report,
+                                      const ceres::Solver::Summary& summary) const {
   const bool has_ended = summary.termination_type == ceres::CONVERGENCE && !report.update.rests_on_refusals;
   return !has_ended && summary.IsSolutionUsable() && summary.termination_type != ceres::USER_SUCCESS &&
-         !internal::IsIterative(solver_options.linear_solver_type) &&
-         static_cast<int>(summary.iterations.size()) <= solver_options.max_num_iterations &&
-         clock.Seconds() < solver_options.max_solver_time_in_seconds;
+         !internal::IsIterative(input.options.linear_solver_type) &&
+         static_cast<int>(summary.iterations.size()) <= input.options.max_num_iterations &&
+         NumEvaluations(report.update) < options.core.max_factor_evaluations &&
+         input.clock.Seconds() < input.options.max_solver_time_in_seconds;
 }
 
-// The batch solver, from the values in the user's memory. What is remembered stays, and finds the values changed. False after a
-// failure or an abort.
-bool CeresSession::Impl::GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy, int max_iterations,
-                                     SolveReport* report, ceres::Solver::Summary* summary) {
-  ceres::Solver::Options rest = input.options;
-  rest.max_num_iterations = max_iterations;
-  internal::SolveInput again{rest, view, input.ordering, input.clock};
+// The batch solver, from the values in the user's memory. What is remembered stays, and finds the values changed.
+CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy,
+                                                         int max_iterations, SolveReport* report,
+                                                         ceres::Solver::Summary* summary) {
+  internal::SolveInput again{input.options, view, input.ordering, input.clock};
   again.last_iteration = static_cast<int>(summary->iterations.size()) - 1;
-  if (!internal::ChoosePlan(internal::IncrementalLinearSolver(rest, input.ordering), &again).empty()) {
-    return true;  // no memory for it: what was reached stays
+  if (!internal::ChoosePlan(internal::IncrementalLinearSolver(input.options, input.ordering), &again).empty()) {
+    return Part::kNone;  // no memory for it
   }
   has_view = false;  // the batch solver's graph takes its place
   ceres::Solver::Summary first;
   std::swap(first, *summary);
-  const ProblemChanges changes = report->changes;
-  IncrementalOptions core = internal::MapIncrementalOptions(rest, options.core);
+  const SolveReport before = *report;
+  IncrementalOptions core = internal::MapIncrementalOptions(input.options, options.core);
+  core.max_num_iterations = max_iterations;
+  core.max_factor_evaluations -= NumEvaluations(before.update);
   core.batch_share = std::min(core.batch_share, 0.5);
   core.batch_strategy = strategy;
   internal::SolveIncrementally(again, core, nullptr, summary, report);
+  // What was reached stays, unless it is found to have no cost: what is remembered of it is then out of date.
+  if (summary->termination_type == ceres::FAILURE && !summary->iterations.empty()) {
+    *summary = std::move(first);
+    *report = before;
+    return Part::kNone;
+  }
   internal::Prepend(first, summary);
-  report->changes = changes;
-  report->exact_reason = "incremental steps did not converge: those after iteration " + std::to_string(*again.last_iteration) +
-                         " are the batch solver's";
-  return summary->IsSolutionUsable();
+  report->changes = before.changes;
+  report->callback_seconds += before.callback_seconds;
+  report->update.num_evaluated_factors += before.update.num_evaluated_factors;
+  report->update.num_relinearized_factors += before.update.num_relinearized_factors;
+  report->exact_reason = !before.exact_reason.empty() ? before.exact_reason
+                                                      : "incremental steps did not converge: those after iteration " +
+                                                            std::to_string(*again.last_iteration) + " are the batch solver's";
+  return summary->IsSolutionUsable() ? Part::kDone : Part::kAborted;
 }
 
 // What incremental steps did not finish, first from where they have come to, by Marquardt's rule; where that does not end either,
-// from the start, as who remembers nothing would have gone. The lower of both ends counts. False after a failure or an abort.
+// from the start, as who remembers nothing would have gone. The lower of both ends counts. False after an abort.
 bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input,
                                        const internal::StartValues& start, SolveReport* report, ceres::Solver::Summary* summary) {
   const auto iterations_left = [&] {
     return std::max(0, input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1);
   };
   constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
-  if (!GoOnInBatch(input, kGoOn, std::min(iterations_left(), std::max(kPatience, iterations_left() / 2)), report, summary)) {
-    return false;
+  const int share = std::min(iterations_left(), std::max(kPatience, iterations_left() / 2));
+  Part part = GoOnInBatch(input, kGoOn, share, report, summary);
+  if (part != Part::kDone || !IsUnfinished(input, *report, *summary)) {
+    return part != Part::kAborted;
   }
-  if (!IsUnfinished(input.options, input.clock, *report, *summary)) {
-    return true;
-  }
+  const ceres::TerminationType termination = summary->termination_type;
+  const std::string message = summary->message;
   const double lowest = summary->final_cost;
   internal::StartValues reached(view);  // there again, unless what comes now ends lower
   start.PutBack();
   Look(problem);
   const TrustRegionStrategyKind strategy = internal::MapIncrementalOptions(input.options, options.core).batch_strategy;
-  if (!GoOnInBatch(input, strategy, iterations_left(), report, summary)) {
+  part = GoOnInBatch(input, strategy, iterations_left(), report, summary);
+  if (part == Part::kAborted) {
     return false;
   }
-  if (summary->final_cost > lowest) {
-    reached.PutBack();
-    Look(problem);
-    if (!GoOnInBatch(input, kGoOn, iterations_left(), report, summary)) {
-      return false;
-    }
+  if (part == Part::kDone && summary->final_cost <= lowest) {
+    reached.Keep();
+    return true;
   }
+  reached.PutBack();
   reached.Keep();
-  return true;
+  summary->final_cost = lowest;
+  if (summary->termination_type == ceres::USER_SUCCESS) {
+    return true;
+  }
+  summary->termination_type = termination;
+  summary->message = message;
+  if (termination == ceres::CONVERGENCE || part == Part::kNone || !IsUnfinished(input, *report, *summary)) {
+    return true;
+  }
+  Look(problem);
+  return GoOnInBatch(input, kGoOn, iterations_left(), report, summary) != Part::kAborted;
 }
 
 // Null: the solve is to be incremental. Exact mode has no iterative solver.

@@ -35,7 +35,7 @@ struct INCERES_EXPORT IncrementalOptions {
   /// Work budget per Update, > 0: factors evaluated, with or without Jacobians. Looked at between iterations.
   std::int64_t max_factor_evaluations = std::numeric_limits<std::int64_t>::max();
   /// ≥ 0: an Update ends when everything left undone, by the model from fresh enough Jacobians, is less than a share of this
-  /// times the cost.
+  /// times the cost that can change.
   double function_tolerance = 1e-6;
   /// ≥ 0: of the cost, what no variable can move, such as factors whose variables are all constant. The function tolerance is
   /// relative to the rest, as in Ceres; costs are reported with it.
@@ -68,7 +68,7 @@ struct INCERES_EXPORT IncrementalOptions {
 
   /// ≥ 0: after a step of the frames, at most so many Gauss–Newton steps of landmarks alone, taken by those that could still gain
   /// much by themselves (ICE-BA's embedded point iteration). Each evaluates their factors only. Unless 0, a batch solve takes
-  /// some too, after steps that creep (SolverOptions::use_inner_iterations), except with batch_share 0.
+  /// some too, after steps that creep (SolverOptions::refine_landmarks), except with batch_share 0.
   int max_landmark_passes = 5;
 
   /// ≥ 0: an Update begins with at most so many steps of the frames that have come since the last one and of the landmarks they

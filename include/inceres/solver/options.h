@@ -11,10 +11,11 @@ class SolveObserver;
 enum class TrustRegionStrategyKind {
   kLevenbergMarquardt,  ///< Nocedal & Wright, section 10.3; radius update of Madsen, Nielsen & Tingleff 2004
   /// The same step, with Marquardt's own rule (1963): a tenth of the damping after a step that kept a fourth of its promise, ten
-  /// times as much after a refused one. Bolder in long valleys, and it passes over no scale of steps on its way down.
+  /// times as much after a refused one; by less once steps are refused as soon as it falls. Bolder in long valleys, and it passes
+  /// over no length of steps.
   kMarquardt,
-  kDogleg,              ///< Powell's traditional Dog-Leg, Gauss–Newton step regularized by μ when needed
-  kSubspaceDogleg,      ///< the best step in the plane of gradient and Gauss–Newton step (Byrd, Schnabel & Shultz 1988)
+  kDogleg,          ///< Powell's traditional Dog-Leg, Gauss–Newton step regularized by μ when needed
+  kSubspaceDogleg,  ///< the best step in the plane of gradient and Gauss–Newton step (Byrd, Schnabel & Shultz 1988)
 };
 
 enum class LinearModelKind {

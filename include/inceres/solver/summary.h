@@ -57,7 +57,7 @@ struct INCERES_EXPORT WorkCounts {
   int num_residual_evaluations = 0;  ///< cost-only passes over the factors
   int num_jacobian_evaluations = 0;
   int num_linear_solves = 0;
-  std::int64_t num_inner_iterations = 0;      ///< steps of single landmarks, SolverOptions::use_inner_iterations
+  std::int64_t num_inner_iterations = 0;      ///< steps of single landmarks, SolverOptions::refine_landmarks
   int num_recentered_factors = 0;             ///< expansion points moved between iterations, FactorFamily::Recenter
   int num_frames = 0;                         ///< variable frames in the reduced system
   int num_landmarks = 0;                      ///< eliminated landmarks
