@@ -283,9 +283,9 @@ void MeasureRobustification(benchmark::State& state, double second_derivative, d
   Measure(state, (flops_an_entry * kEntries + 2.0 * kRows) * ladybug.num_factors(),
           16.0 * (kEntries + kRows) * ladybug.num_factors(), [&] {
             for (int i = 0; i < cache.num_factors; ++i) {
-              benchmark::DoNotOptimize(
-                  RobustifyFactor(&loss, 2, 2, cache.slots.data(), i, cache.tangent_offsets.data() + std::ptrdiff_t{2} * i,
-                                  LossCurvature::kPositive, cache.residuals.data() + std::ptrdiff_t{2} * i));
+              benchmark::DoNotOptimize(RobustifyFactor(&loss, 2, 2, cache.slots.data(), i,
+                                                       cache.tangent_offsets.data() + std::ptrdiff_t{2} * i,
+                                                       LossCurvature::kPositive, cache.residuals.data() + std::ptrdiff_t{2} * i));
             }
           });
 }

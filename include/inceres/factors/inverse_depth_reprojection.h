@@ -9,8 +9,9 @@ namespace inceres {
 
 /// Reprojection of a feature that its anchor, the keyframe that saw it first, stores as a bearing and an inverse depth; with
 /// analytic Jacobians. Slot 0 is the pose of the anchor a, slot 1 that of the observing keyframe b ≠ a, slot 2 the inverse depth
-/// d (1, 1/m). Poses are [p(3), q(x, y, z, w)] on PoseManifold (problem/manifolds.h): p the camera's center in the world, R = R(q)
-/// world_from_camera, (δp, φ) ↦ (p + δp, R Exp(φ)). No other manifold on the poses will do: Jacobians are written in its tangent.
+/// d (1, 1/m). Poses are [p(3), q(x, y, z, w)] on PoseManifold (problem/manifolds.h): p the camera's center in the world, R =
+/// R(q) world_from_camera, (δp, φ) ↦ (p + δp, R Exp(φ)). No other manifold on the poses will do: Jacobians are written in its
+/// tangent.
 ///
 ///     h = R_bᵀ (R_a m_a + d (p_a − p_b)),   m_a = (x_a, y_a, 1)        d times the point in camera coordinates of b
 ///     residual = U (h_xy / h_z − z_b)                                  (2 rows, whitened)

@@ -12,8 +12,8 @@
 
 namespace inceres {
 
-/// A pinhole camera with radial-tangential distortion (factors/point_reprojection.h), and its place on the IMU: a point x_b in the
-/// frame of the IMU is at x_c = R_bcᵀ (x_b − p_bc) in the camera's.
+/// A pinhole camera with radial-tangential distortion (factors/point_reprojection.h), and its place on the IMU: a point x_b in
+/// the frame of the IMU is at x_c = R_bcᵀ (x_b − p_bc) in the camera's.
 struct VioCamera {
   int width = 640;  ///< pixels; u from 0 to width
   int height = 480;

@@ -50,8 +50,8 @@ struct INCERES_EXPORT SessionOptions {
 /// - a manifold must have the plus-Jacobian it had; a loss must give the values it gave at 25 arguments from 4⁻¹² to 4¹².
 /// What these tests cannot see, Forget and Reset tell.
 ///
-/// What incremental steps have not finished after 25 iterations, or have concluded from refused steps alone, the batch solver goes
-/// on with, from there and then from the start (docs/swap.md).
+/// What incremental steps have not finished after 25 iterations, or have concluded from refused steps alone, the batch solver
+/// goes on with, from there and then from the start (docs/swap.md).
 ///
 /// The results are those of SolveMode::kIncremental: a minimum within function_tolerance, not Ceres's trace, nor always Ceres's
 /// minimum where there are several. What that mode does not support goes to stock Ceres, for this one call. The problem may also
