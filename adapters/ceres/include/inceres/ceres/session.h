@@ -71,6 +71,10 @@ class INCERES_EXPORT CeresSession {
   /// of user code leave user memory as it was and make the session forget everything.
   void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
              const SolveOptions& solve_options = SolveOptions(), SolveReport* report = nullptr);
+  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
+             SolveReport* report) {
+    Solve(options, problem, summary, SolveOptions(), report);
+  }
 
   /// The next solve linearizes the residual blocks with this cost function anew.
   void Forget(const ceres::CostFunction* cost_function);

@@ -106,6 +106,12 @@ struct INCERES_EXPORT SolveReport {
 INCERES_EXPORT void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
                           const SolveOptions& solve_options = SolveOptions(), SolveReport* report = nullptr);
 
+/// The same with default options, for who wants the report only.
+inline void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
+                  SolveReport* report) {
+  Solve(options, problem, summary, SolveOptions(), report);
+}
+
 /// Gives back what Solve keeps for problems of a structure it has seen. Threads: at any time.
 INCERES_EXPORT void ForgetStructures();
 
