@@ -15,6 +15,11 @@ namespace {
 // Steps taken one after another, after which a Dog-Leg's radius is no longer what a refusal has made it.
 constexpr int kAcceptedInRow = 2;
 
+// What a cost may change by without counting.
+double ToleranceAt(double cost, const IncrementalOptions& options) {
+  return options.function_tolerance * std::max(cost - options.fixed_cost, 0.0);
+}
+
 // What comes after the batch solver: the incremental one, which finishes, or nothing.
 enum class BatchEnd { kHandsOver, kToTheEnd };
 
@@ -52,10 +57,10 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     const bool known = last_ratio_ > tuning_.kept_promise && factor < tuning_.steady_factor;
     const bool series = known && rest <= tuning_.rest_share * Tolerance(cost);
     const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= tuning_.settled_share * Tolerance(cost);
-    settled_ = options_.batch_share > 0.0 && SeesAll(iteration.trust_region_radius) && (series || nothing);
-    rest_ = !settled_ ? 0.0 : series ? rest : promise;
     tried_radius_ = iteration.trust_region_radius;
-    promises_nothing_ = SeesAll(tried_radius_) && promise <= Tolerance(cost);
+    settled_ = options_.batch_share > 0.0 && SeesAll() && (series || nothing);
+    rest_ = !settled_ ? 0.0 : series ? rest : promise;
+    promises_nothing_ = SeesAll() && promise <= Tolerance(cost);
     last_promise_ = promise;
     return !settled_;
   }
@@ -112,16 +117,16 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   /// Whether the model, which sees all directions, promises next to nothing: of Ceres's rule, that the last step would have
   /// changed the cost by next to nothing, that is what it means to say.
   bool promises_nothing() const { return promises_nothing_; }
+  /// Whether a step was refused so lately that a Dog-Leg's radius is still what that has made it.
+  bool refused_lately() const { return num_accepted_in_row_ < kAcceptedInRow; }
   /// What the last step and those to come promise, where they are not taken.
   double rest() const { return rest_; }
 
  private:
-  double Tolerance(double cost) const { return options_.function_tolerance * std::max(cost - options_.fixed_cost, 0.0); }
+  double Tolerance(double cost) const { return ToleranceAt(cost, options_); }
   // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could gain; of a Dog-Leg, whether no
   // refusal has shrunk its radius lately.
-  bool SeesAll(double radius) const {
-    return IsDamped(options_.batch_strategy) ? radius >= tuning_.seeing_radius : num_accepted_in_row_ >= kAcceptedInRow;
-  }
+  bool SeesAll() const { return IsDamped(options_.batch_strategy) ? tried_radius_ >= tuning_.seeing_radius : !refused_lately(); }
   // By Marquardt's rule, which tries all lengths of steps: many that were taken have together brought next to nothing; or hardly
   // any could be taken for so long that all lengths have been tried, as at the border of where a cost function evaluates.
   bool HasStagnated(const IterationSummary& iteration) {
@@ -153,7 +158,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   // whether a step is accepted either.)
   bool IsRefusedForNothing(const IterationSummary& iteration) const {
     return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && iteration.iteration > 0 && iteration.step_is_valid &&
-           !iteration.step_is_successful && SeesAll(tried_radius_) &&
+           !iteration.step_is_successful && SeesAll() &&
            std::fabs(iteration.cost_change) <= tuning_.settled_share * Tolerance(cost_) &&
            iteration.model_cost_change <= Tolerance(cost_);
   }
@@ -169,7 +174,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     const bool slow = end_ == BatchEnd::kToTheEnd && slower < 1.0 && gain <= Tolerance(iteration.cost);
     // What the model was wrong by in this step may still be there: the gradient is off by as much.
     const bool exact = std::fabs(gain - iteration.model_cost_change) <= allowed;
-    const bool settled = options_.batch_share > 0.0 && SeesAll(tried_radius_) && good && exact && gain >= 0.0 && (fast || slow) &&
+    const bool settled = options_.batch_share > 0.0 && SeesAll() && good && exact && gain >= 0.0 && (fast || slow) &&
                          gain * slower / (1.0 - slower) <= allowed;
     rest_ = settled ? gain * slower / (1.0 - slower) : 0.0;
     previous_gain_ = gain;
@@ -222,16 +227,14 @@ class BatchObserver final : public SolveObserver, public StepJudge {
 
 // Whether a trust region that refusals have shrunk may be what kept the last steps short: they then tell nothing of what is left.
 // A Dog-Leg's radius says so only while it is the step's length: until a step is taken without a refusal before it.
-bool IsHeldBack(const Summary& summary, const SolverOptions& options, const Tuning::Batch& tuning) {
+bool IsHeldBack(const Summary& summary, const BatchObserver& observer, const SolverOptions& options,
+                const Tuning::Batch& tuning) {
   if (summary.iterations.empty()) {
     return false;
   }
-  if (IsDamped(options.strategy)) {
-    return summary.iterations.back().trust_region_radius < tuning.shrunk_share * options.initial_trust_region_radius;
-  }
-  const std::size_t first = summary.iterations.size() - std::min<std::size_t>(2, summary.iterations.size());
-  return std::any_of(summary.iterations.begin() + static_cast<std::ptrdiff_t>(first), summary.iterations.end(),
-                     [](const IterationSummary& i) { return i.iteration > 0 && !i.step_is_successful; });
+  return IsDamped(options.strategy)
+             ? summary.iterations.back().trust_region_radius < tuning.shrunk_share * options.initial_trust_region_radius
+             : observer.refused_lately();
 }
 
 // Ceres's rule looks at the last step alone, and does not take it. What it would have gained, and steps like it would go on to
@@ -247,8 +250,7 @@ bool HasSettled(const Summary& summary, const IncrementalOptions& options, const
     }
   }
   const double gain = std::fabs(summary.discarded_cost_change);
-  const double allowed =
-      tuning.settled_share * options.function_tolerance * std::max(summary.final_cost - options.fixed_cost, 0.0);
+  const double allowed = tuning.settled_share * ToleranceAt(summary.final_cost, options);
   return summary.final_cost == 0.0 || (gain < last_gain && gain / (1.0 - gain / last_gain) <= allowed);
 }
 
@@ -349,7 +351,7 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
     return {Termination::kNoConvergence, true};
   }
   summary->ended_by_batch_rule = solved.termination == Termination::kConvergence;
-  const bool held_back = IsHeldBack(solved, batch, tuning);
+  const bool held_back = IsHeldBack(solved, observer, batch, tuning);
   summary->rests_on_refusals = batch.strategy == TrustRegionStrategyKind::kMarquardt && !solved.iterations.empty() &&
                                solved.iterations.back().trust_region_radius <= batch.min_trust_region_radius;
   const bool no_gradient = solved.iterations.empty() || solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
