@@ -1,5 +1,6 @@
-// Megabytes of text a second, one core: BAL files as the public data sets have them ("%.16e") and as WriteBal writes them (the
-// shortest form), plain and compressed. At least 100 MB/s of text are asked of the plain ones.
+// Megabytes of text a second, one core: BAL files as the public data sets have them ("%.16e") and
+// as WriteBal writes them (the shortest form), plain and compressed. At least 100 MB/s of text are
+// asked of the plain ones.
 //
 //   build/bin/bal_reading_benchmark [--benchmark_filter=Public]
 
@@ -35,7 +36,8 @@ Status WriteAsPublished(const std::string& path, const BalProblem& problem) {
   if (file == nullptr) {
     return Status::Error(StatusCode::kIo, path + ": cannot open for writing");
   }
-  std::fprintf(file, "%d %d %zu\n", problem.num_cameras, problem.num_points, problem.observations.size());
+  std::fprintf(file, "%d %d %zu\n", problem.num_cameras, problem.num_points,
+               problem.observations.size());
   for (const BalObservation& o : problem.observations) {
     std::fprintf(file, "%d %d     %.6e %.6e\n", o.camera, o.point, o.x, o.y);
   }
@@ -44,13 +46,15 @@ Status WriteAsPublished(const std::string& path, const BalProblem& problem) {
       std::fprintf(file, "%.16e\n", value);
     }
   }
-  return std::fclose(file) == 0 ? Status::Ok() : Status::Error(StatusCode::kIo, path + ": cannot write");
+  return std::fclose(file) == 0 ? Status::Ok()
+                                : Status::Error(StatusCode::kIo, path + ": cannot write");
 }
 
 // A file for the time of a benchmark.
 struct TemporaryFile {
   explicit TemporaryFile(const std::string& ending)
-      : path(std::filesystem::temp_directory_path() / ("bal_reading_" + std::to_string(getpid()) + ending)) {}
+      : path(std::filesystem::temp_directory_path() /
+             ("bal_reading_" + std::to_string(getpid()) + ending)) {}
   ~TemporaryFile() {
     std::error_code ignored;
     std::filesystem::remove(path, ignored);
@@ -69,13 +73,15 @@ void Measure(benchmark::State& state, const std::string& ending, const Write& wr
   }
   for (auto _ : state) {
     BalProblem read;
-    if (!ReadBal(file.path, &read).ok() || read.observations.size() != problem.observations.size()) {
+    if (!ReadBal(file.path, &read).ok() ||
+        read.observations.size() != problem.observations.size()) {
       state.SkipWithError("the file could not be read");
       return;
     }
     benchmark::DoNotOptimize(read.points.data());
   }
-  state.SetBytesProcessed(static_cast<std::int64_t>(state.iterations() * std::filesystem::file_size(text.path)));
+  state.SetBytesProcessed(
+      static_cast<std::int64_t>(state.iterations() * std::filesystem::file_size(text.path)));
 }
 
 void BM_ReadPublished(benchmark::State& state) {

@@ -26,7 +26,9 @@ void BM_DenseSubtractOuter(benchmark::State& state) {
   }
   CountWork(state, 2.0 * rows * kCols * depth, 8.0 * (1.0 * rows * depth + 2.0 * rows * kCols));
 }
-BENCHMARK(BM_DenseSubtractOuter)->ArgNames({"set", "rows"})->ArgsProduct({AllSets(), {100, 444, 1000}});
+BENCHMARK(BM_DenseSubtractOuter)
+    ->ArgNames({"set", "rows"})
+    ->ArgsProduct({AllSets(), {100, 444, 1000}});
 
 // The same on rows: the resumed Cholesky of a living problem.
 void BM_DenseSubtractRowDots(benchmark::State& state) {
@@ -44,9 +46,12 @@ void BM_DenseSubtractRowDots(benchmark::State& state) {
   }
   CountWork(state, 2.0 * size * size * depth, 8.0 * (1.0 * size * depth + 2.0 * size * size));
 }
-BENCHMARK(BM_DenseSubtractRowDots)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 15}, {60, 600}});
+BENCHMARK(BM_DenseSubtractRowDots)
+    ->ArgNames({"set", "size", "depth"})
+    ->ArgsProduct({AllSets(), {6, 15}, {60, 600}});
 
-// The rows below a triangle; L is the identity with small entries, so that repeated solves stay finite.
+// The rows below a triangle; L is the identity with small entries, so that repeated solves stay
+// finite.
 void BM_DenseSolveTriangle(benchmark::State& state) {
   const Kernels* kernels = KernelsOrSkip(state);
   if (kernels == nullptr) {

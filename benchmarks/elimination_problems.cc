@@ -1,5 +1,6 @@
-// Problems in which much depends on which blocks are eliminated first, and on zeros in Jacobians, solved as a user's binary that
-// links Ceres would: run it as it is, or with the drop-in preloaded. See elimination_figures.py.
+// Problems in which much depends on which blocks are eliminated first, and on zeros in Jacobians,
+// solved as a user's binary that links Ceres would: run it as it is, or with the drop-in preloaded.
+// See elimination_figures.py.
 
 #include <algorithm>
 #include <cmath>
@@ -30,10 +31,12 @@ constexpr char kUsage[] =
     "  --iterations N    at most, 6 by default\n"
     "  --seed N          1 by default\n"
     "Bundle adjustment, cameras of 6 on a circle, points of 3 inside it:\n"
-    "  --cameras N, --points N, --track N    points, each seen by so many neighbors of a random camera\n"
+    "  --cameras N, --points N, --track N    points, each seen by so many neighbors of a random "
+    "camera\n"
     "  --long_points N, --long_track N       and by so many cameras anywhere\n"
     "  --intrinsics 1    shared by all cameras and variable, 0 by default\n"
-    "A closed curve of N control points fitted to M points, every residual block of which touches all of them:\n"
+    "A closed curve of N control points fitted to M points, every residual block of which touches "
+    "all of them:\n"
     "  --curve N, --observations M, --dynamic 0 or 1 (dynamic_sparsity; 1 by default)\n";
 
 class Arguments {
@@ -55,7 +58,8 @@ class Arguments {
     char* end = nullptr;
     const long value = std::strtol(text.c_str(), &end, 10);
     if (text.empty() || *end != '\0' || value < 0 || value > 10'000'000) {
-      std::fprintf(stderr, "elimination_problems: --%s %s: a number from 0 to 10000000 is wanted\n", name.c_str(), text.c_str());
+      std::fprintf(stderr, "elimination_problems: --%s %s: a number from 0 to 10000000 is wanted\n",
+                   name.c_str(), text.c_str());
       std::exit(2);
     }
     return static_cast<int>(value);
@@ -93,7 +97,8 @@ struct Reprojection {
   double u = 0.0, v = 0.0;
 };
 
-// The point of a quadratic B-spline at parameter t, less an observation: of all control points three count.
+// The point of a quadratic B-spline at parameter t, less an observation: of all control points
+// three count.
 class CurveCost final : public ceres::CostFunction {
  public:
   CurveCost(int num_control_points, double x, double y) : observation_{x, y} {
@@ -102,7 +107,8 @@ class CurveCost final : public ceres::CostFunction {
     mutable_parameter_block_sizes()->front() = 1;
   }
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     const auto n = static_cast<int>(parameter_block_sizes().size()) - 1;
     double t = std::fmod(parameters[0][0], n);
     t += t < 0.0 ? n : 0.0;
@@ -161,14 +167,17 @@ struct Built {
 class BundleBuilder {
  public:
   BundleBuilder(const Arguments& arguments, Built* built)
-      : num_cameras_(arguments.Number("cameras")), random_(static_cast<unsigned>(arguments.Number("seed"))), built_(*built) {
+      : num_cameras_(arguments.Number("cameras")),
+        random_(static_cast<unsigned>(arguments.Number("seed"))),
+        built_(*built) {
     built_.intrinsics = {500.0, 0.0, 0.0};
     built_.cameras.resize(6 * static_cast<std::size_t>(num_cameras_));
     for (int c = 0; c < num_cameras_; ++c) {
       built_.cameras[6 * static_cast<std::size_t>(c) + 1] = 2.0 * M_PI * c / num_cameras_;
       built_.cameras[6 * static_cast<std::size_t>(c) + 5] = 10.0;
     }
-    const std::size_t num_points = static_cast<std::size_t>(arguments.Number("points") + arguments.Number("long_points"));
+    const std::size_t num_points =
+        static_cast<std::size_t>(arguments.Number("points") + arguments.Number("long_points"));
     built_.points.resize(3 * num_points);
     std::generate(built_.points.begin(), built_.points.end(), [this] { return normal_(random_); });
     std::size_t point = 0;
@@ -197,9 +206,10 @@ class BundleBuilder {
     double seen[2];
     Reprojection exact;
     exact(built_.intrinsics.data(), Camera(camera), x, seen);
-    built_.problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Reprojection, 2, 3, 6, 3>(
-                                        new Reprojection{seen[0] + 0.3 * normal_(random_), seen[1] + 0.3 * normal_(random_)}),
-                                    nullptr, built_.intrinsics.data(), Camera(camera), x);
+    built_.problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Reprojection, 2, 3, 6, 3>(
+            new Reprojection{seen[0] + 0.3 * normal_(random_), seen[1] + 0.3 * normal_(random_)}),
+        nullptr, built_.intrinsics.data(), Camera(camera), x);
   }
 
   void Disturb(bool intrinsics_are_variable) {
@@ -246,13 +256,13 @@ void BuildCurve(const Arguments& arguments, Built* built) {
     for (int k = 0; k < n; ++k) {
       blocks.push_back(&built->cameras[2 * static_cast<std::size_t>(k)]);
     }
-    built->problem.AddResidualBlock(
-        new CurveCost(n, 5.0 * std::cos(angle) + 0.02 * normal(random), 2.0 * std::sin(angle) + 0.02 * normal(random)), nullptr,
-        blocks);
+    built->problem.AddResidualBlock(new CurveCost(n, 5.0 * std::cos(angle) + 0.02 * normal(random),
+                                                  2.0 * std::sin(angle) + 0.02 * normal(random)),
+                                    nullptr, blocks);
   }
   for (int k = 0; k < n; ++k) {
-    built->problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Spring, 2, 2, 2>(new Spring), nullptr,
-                                    &built->cameras[2 * static_cast<std::size_t>(k)],
+    built->problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Spring, 2, 2, 2>(new Spring),
+                                    nullptr, &built->cameras[2 * static_cast<std::size_t>(k)],
                                     &built->cameras[2 * static_cast<std::size_t>((k + 1) % n)]);
   }
 }
@@ -266,8 +276,10 @@ std::shared_ptr<ceres::ParameterBlockOrdering> OrderingOf(const std::string& nam
   std::vector<double*> blocks;
   built->problem.GetParameterBlocks(&blocks);
   for (double* block : blocks) {
-    const bool point = block >= built->points.data() && block < built->points.data() + built->points.size();
-    const bool camera = block >= built->cameras.data() && block < built->cameras.data() + built->cameras.size();
+    const bool point =
+        block >= built->points.data() && block < built->points.data() + built->points.size();
+    const bool camera =
+        block >= built->cameras.data() && block < built->cameras.data() + built->cameras.size();
     ordering->AddElementToGroup(block, (points_first ? point : camera) ? 0 : 1);
   }
   return ordering;
@@ -286,12 +298,13 @@ int main(int argc, char** argv) {
     BundleBuilder(arguments, &built);
   }
   std::string solver = arguments.Text("solver");
-  std::transform(solver.begin(), solver.end(), solver.begin(), [](char c) { return static_cast<char>(std::toupper(c)); });
+  std::transform(solver.begin(), solver.end(), solver.begin(),
+                 [](char c) { return static_cast<char>(std::toupper(c)); });
   const std::string& ordering = arguments.Text("ordering");
   if (!ceres::StringToLinearSolverType(solver, &options.linear_solver_type) ||
       (ordering != "auto" && ordering != "points" && ordering != "cameras")) {
-    std::fprintf(stderr, "elimination_problems: --solver %s, --ordering %s: one is unknown\n\n%s", solver.c_str(),
-                 ordering.c_str(), kUsage);
+    std::fprintf(stderr, "elimination_problems: --solver %s, --ordering %s: one is unknown\n\n%s",
+                 solver.c_str(), ordering.c_str(), kUsage);
     return 2;
   }
   options.linear_solver_ordering = OrderingOf(ordering, &built);
@@ -303,9 +316,11 @@ int main(int argc, char** argv) {
   rusage usage = {};
   getrusage(RUSAGE_SELF, &usage);
   std::printf(
-      "{\"seconds\": %.6f, \"peak_bytes\": %lld, \"initial_cost\": %.12g, \"final_cost\": %.12g, \"iterations\": %d, "
+      "{\"seconds\": %.6f, \"peak_bytes\": %lld, \"initial_cost\": %.12g, \"final_cost\": %.12g, "
+      "\"iterations\": %d, "
       "\"usable\": %s}\n",
-      summary.total_time_in_seconds, static_cast<long long>(usage.ru_maxrss) * 1024, summary.initial_cost, summary.final_cost,
-      static_cast<int>(summary.iterations.size()), summary.IsSolutionUsable() ? "true" : "false");
+      summary.total_time_in_seconds, static_cast<long long>(usage.ru_maxrss) * 1024,
+      summary.initial_cost, summary.final_cost, static_cast<int>(summary.iterations.size()),
+      summary.IsSolutionUsable() ? "true" : "false");
   return summary.IsSolutionUsable() ? 0 : 1;
 }

@@ -1,5 +1,5 @@
-// What becomes of the Jacobian that a cost function has written: taken over, checked, corrected by a loss, and, in small
-// problems, gathered into one dense matrix.
+// What becomes of the Jacobian that a cost function has written: taken over, checked, corrected by
+// a loss, and, in small problems, gathered into one dense matrix.
 //
 //   build/bin/kernels_benchmark --benchmark_filter=Jacobian
 
@@ -12,8 +12,8 @@ namespace {
 
 using namespace internal;  // NOLINT(google-build-using-namespace): benchmarks of internal parts
 
-// A Jacobian is copied, summed up and marked. It is written anew before each call, as the user's function does: that is measured
-// too, and counted.
+// A Jacobian is copied, summed up and marked. It is written anew before each call, as the user's
+// function does: that is measured too, and counted.
 void BM_JacobianTake(benchmark::State& state) {
   const Kernels* kernels = KernelsOrSkip(state);
   if (kernels == nullptr) {
@@ -33,7 +33,8 @@ void BM_JacobianTake(benchmark::State& state) {
   for (auto _ : state) {
     std::copy(written.begin(), written.end(), J.begin());
     benchmark::DoNotOptimize(J.data());
-    benchmark::DoNotOptimize(take(ambient_size, columns, J.data(), kRows, out.data(), PadToQuad(columns)));
+    benchmark::DoNotOptimize(
+        take(ambient_size, columns, J.data(), kRows, out.data(), PadToQuad(columns)));
     benchmark::DoNotOptimize(out.data());
     benchmark::ClobberMemory();
   }
@@ -49,7 +50,8 @@ void Takes(benchmark::internal::Benchmark* benchmark) {
 }
 BENCHMARK(BM_JacobianTake)->Apply(Takes);
 
-// The Jacobian of one reprojection to its camera, and that of an IMU factor to one of its poses and velocities.
+// The Jacobian of one reprojection to its camera, and that of an IMU factor to one of its poses and
+// velocities.
 void BM_JacobianAreOrdinary(benchmark::State& state) {
   const Kernels* kernels = KernelsOrSkip(state);
   if (kernels == nullptr) {
@@ -66,8 +68,9 @@ void BM_JacobianAreOrdinary(benchmark::State& state) {
 }
 BENCHMARK(BM_JacobianAreOrdinary)->ArgNames({"set", "count"})->ArgsProduct({AllSets(), {18, 240}});
 
-// What a loss does to reprojections of points into frames of the argument's size: a scale alone (second_order 0, ρ'' ≤ 0), or
-// with the second-order term. Scale and term are so near 1 and 0 that the entries stay of a size, however often.
+// What a loss does to reprojections of points into frames of the argument's size: a scale alone
+// (second_order 0, ρ'' ≤ 0), or with the second-order term. Scale and term are so near 1 and 0 that
+// the entries stay of a size, however often.
 void BM_JacobianCorrect(benchmark::State& state) {
   const Kernels* kernels = KernelsOrSkip(state);
   if (kernels == nullptr) {
@@ -86,7 +89,8 @@ void BM_JacobianCorrect(benchmark::State& state) {
   const double f[kRows] = {0.5, -1.5};
   for (auto _ : state) {
     for (int i = 0; i < kFactors; ++i) {
-      kernels->correct_factor(slots, 2, i, offsets, f, kRows, 1.0 - 1e-16, second_order ? 1e-16 : 0.0);
+      kernels->correct_factor(slots, 2, i, offsets, f, kRows, 1.0 - 1e-16,
+                              second_order ? 1e-16 : 0.0);
     }
     benchmark::DoNotOptimize(frames.data());
     benchmark::ClobberMemory();
@@ -94,7 +98,9 @@ void BM_JacobianCorrect(benchmark::State& state) {
   const double entries = 1.0 * kFactors * kRows * (size + 3.0);
   CountWork(state, (second_order ? 5.0 : 1.0) * entries, 16.0 * entries);
 }
-BENCHMARK(BM_JacobianCorrect)->ArgNames({"set", "size", "second_order"})->ArgsProduct({AllSets(), {6, 9}, {0, 1}});
+BENCHMARK(BM_JacobianCorrect)
+    ->ArgNames({"set", "size", "second_order"})
+    ->ArgsProduct({AllSets(), {6, 9}, {0, 1}});
 
 // A family's Jacobians into the columns of a small problem: 53 rows, as in small_solves.
 void BM_JacobianRowsToColumns(benchmark::State& state) {
@@ -114,7 +120,9 @@ void BM_JacobianRowsToColumns(benchmark::State& state) {
   }
   CountWork(state, 0.0, 16.0 * kRows * columns);
 }
-BENCHMARK(BM_JacobianRowsToColumns)->ArgNames({"set", "columns"})->ArgsProduct({AllSets(), {3, 16}});
+BENCHMARK(BM_JacobianRowsToColumns)
+    ->ArgNames({"set", "columns"})
+    ->ArgsProduct({AllSets(), {3, 16}});
 
 // The predicted decrease of such a problem.
 void BM_JacobianColumnProducts(benchmark::State& state) {
@@ -127,13 +135,16 @@ void BM_JacobianColumnProducts(benchmark::State& state) {
   const AlignedVector<double> J_f = Random(std::int64_t{columns + 1} * kRows);
   const AlignedVector<double> v = Random(columns);
   for (auto _ : state) {
-    benchmark::DoNotOptimize(kernels->column_products(kRows, columns, J_f.data(), kRows, v.data()).model_decrease);
+    benchmark::DoNotOptimize(
+        kernels->column_products(kRows, columns, J_f.data(), kRows, v.data()).model_decrease);
     benchmark::ClobberMemory();
   }
   // J v, then two multiply-adds and a half of f a row.
   CountWork(state, kRows * (2.0 * columns + 5.0), 8.0 * (kRows * (columns + 1.0) + columns));
 }
-BENCHMARK(BM_JacobianColumnProducts)->ArgNames({"set", "columns"})->ArgsProduct({AllSets(), {3, 16}});
+BENCHMARK(BM_JacobianColumnProducts)
+    ->ArgNames({"set", "columns"})
+    ->ArgsProduct({AllSets(), {3, 16}});
 
 }  // namespace
 }  // namespace inceres::bench

@@ -13,14 +13,17 @@
 
 namespace inceres::bench {
 
-/// The argument of every kernel benchmark: all instruction sets, those a processor lacks are reported as skipped.
+/// The argument of every kernel benchmark: all instruction sets, those a processor lacks are
+/// reported as skipped.
 inline std::vector<std::int64_t> AllSets() {
   return {0, 1, 2, 3};
 }
 
-/// The kernels of the set that is the benchmark's first argument, or null and the benchmark is skipped.
+/// The kernels of the set that is the benchmark's first argument, or null and the benchmark is
+/// skipped.
 inline const internal::Kernels* KernelsOrSkip(benchmark::State& state) {
-  const internal::Kernels* kernels = internal::KernelsFor(static_cast<internal::InstructionSet>(state.range(0)));
+  const internal::Kernels* kernels =
+      internal::KernelsFor(static_cast<internal::InstructionSet>(state.range(0)));
   if (kernels == nullptr) {
     state.SkipWithError("this processor lacks the instruction set");
   } else {

@@ -1,5 +1,5 @@
-// Elimination of landmarks and the way back, by family: landmark size, and one frame a factor (points in world coordinates) or
-// two (inverse depths, seen from a host frame).
+// Elimination of landmarks and the way back, by family: landmark size, and one frame a factor
+// (points in world coordinates) or two (inverse depths, seen from a host frame).
 //
 //   build/bin/kernels_benchmark --benchmark_filter=Landmark
 
@@ -19,7 +19,8 @@ struct Landmarks {
         frame_size(frame_size_given),
         num_slots(frames_a_factor + 1),
         frame_stride(PadToQuad(frame_size)),
-        values(Random(std::int64_t{kFactors} * kResidual * (frames_a_factor * frame_stride + kQuad))),
+        values(
+            Random(std::int64_t{kFactors} * kResidual * (frames_a_factor * frame_stride + kQuad))),
         residuals(Random(std::int64_t{kFactors} * kResidual)) {
     double* next = values.data();
     for (int s = 0; s < frames_a_factor; ++s) {
@@ -86,7 +87,8 @@ struct Landmarks {
 };
 
 Landmarks FromArguments(const benchmark::State& state) {
-  return {static_cast<int>(state.range(1)), static_cast<int>(state.range(2)), static_cast<int>(state.range(3))};
+  return {static_cast<int>(state.range(1)), static_cast<int>(state.range(2)),
+          static_cast<int>(state.range(3))};
 }
 
 void Families(benchmark::internal::Benchmark* benchmark) {
@@ -146,18 +148,21 @@ void BM_LandmarkBackSubstitute(benchmark::State& state) {
     return;
   }
   const Landmarks landmarks = FromArguments(state);
-  const AlignedVector<double> delta = Random(std::int64_t{Landmarks::kFrames} * landmarks.frame_stride);
+  const AlignedVector<double> delta =
+      Random(std::int64_t{Landmarks::kFrames} * landmarks.frame_stride);
   const int blocks = landmarks.BlocksOfOne();
   for (auto _ : state) {
     for (int l = 0; l < Landmarks::kNumLandmarks; ++l) {
       double y[4] = {};
-      kernels->back_substitute(landmarks.landmark_size, landmarks.incidences.data() + std::ptrdiff_t{l} * blocks, blocks,
+      kernels->back_substitute(landmarks.landmark_size,
+                               landmarks.incidences.data() + std::ptrdiff_t{l} * blocks, blocks,
                                landmarks.Y.data(), delta.data(), y);
       benchmark::DoNotOptimize(y);
     }
   }
   const double entries = 1.0 * landmarks.num_blocks * landmarks.frame_size;
-  CountWork(state, 2.0 * entries * landmarks.landmark_size, 8.0 * entries * (landmarks.landmark_size + 1.0));
+  CountWork(state, 2.0 * entries * landmarks.landmark_size,
+            8.0 * entries * (landmarks.landmark_size + 1.0));
 }
 BENCHMARK(BM_LandmarkBackSubstitute)->Apply(Families);
 
@@ -168,7 +173,8 @@ void BM_LandmarkMultiplyCoupling(benchmark::State& state) {
     return;
   }
   const Landmarks landmarks = FromArguments(state);
-  const AlignedVector<double> delta = Random(std::int64_t{Landmarks::kFrames} * landmarks.frame_stride);
+  const AlignedVector<double> delta =
+      Random(std::int64_t{Landmarks::kFrames} * landmarks.frame_stride);
   for (auto _ : state) {
     for (int l = 0; l < Landmarks::kNumLandmarks; ++l) {
       double w[4] = {};
@@ -195,13 +201,15 @@ void BM_LandmarkSubtractIncidences(benchmark::State& state) {
   const int blocks = landmarks.BlocksOfOne();
   for (auto _ : state) {
     for (int l = 0; l < Landmarks::kNumLandmarks; ++l) {
-      kernels->subtract_incidences(landmarks.landmark_size, landmarks.incidences.data() + std::ptrdiff_t{l} * blocks, blocks,
+      kernels->subtract_incidences(landmarks.landmark_size,
+                                   landmarks.incidences.data() + std::ptrdiff_t{l} * blocks, blocks,
                                    landmarks.Y.data(), v.data(), b.data());
     }
     benchmark::DoNotOptimize(b.data());
   }
   const double entries = 1.0 * landmarks.num_blocks * landmarks.frame_size;
-  CountWork(state, 2.0 * entries * landmarks.landmark_size, 8.0 * entries * (landmarks.landmark_size + 2.0));
+  CountWork(state, 2.0 * entries * landmarks.landmark_size,
+            8.0 * entries * (landmarks.landmark_size + 2.0));
 }
 BENCHMARK(BM_LandmarkSubtractIncidences)->Apply(Families);
 

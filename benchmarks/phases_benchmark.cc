@@ -1,6 +1,7 @@
-// Whole solves on simulated problems, 10 iterations, with the milliseconds of each stage an iteration: ours with the built-in
-// factors, ours on the ceres::Problem (exact mode) and stock Ceres on the same, the last two with AutoDiff cost functions.
-// `linear_ms` is what Ceres calls its linear solver. For a comparison interleaved in time see ab_compare.
+// Whole solves on simulated problems, 10 iterations, with the milliseconds of each stage an
+// iteration: ours with the built-in factors, ours on the ceres::Problem (exact mode) and stock
+// Ceres on the same, the last two with AutoDiff cost functions. `linear_ms` is what Ceres calls its
+// linear solver. For a comparison interleaved in time see ab_compare.
 //
 //   build/bin/phases_benchmark [--benchmark_filter=ladybug]
 
@@ -67,7 +68,8 @@ void BM_BuiltIn(benchmark::State& state, const std::string& preset) {
   Report(state, "setup_ms", sum.setup, static_cast<double>(state.iterations()));
   Report(state, "residuals_ms", sum.residuals, num_iterations);
   Report(state, "jacobians_ms", sum.jacobians, num_iterations);
-  Report(state, "linear_ms", sum.hessian + sum.elimination + sum.factorization + sum.back_substitution, num_iterations);
+  Report(state, "linear_ms",
+         sum.hessian + sum.elimination + sum.factorization + sum.back_substitution, num_iterations);
   Report(state, "hessian_ms", sum.hessian, num_iterations);
   Report(state, "elimination_ms", sum.elimination, num_iterations);
   Report(state, "factorization_ms", sum.factorization, num_iterations);
@@ -75,9 +77,11 @@ void BM_BuiltIn(benchmark::State& state, const std::string& preset) {
   Report(state, "model_cost_ms", sum.model_cost, num_iterations);
 }
 
-using CeresSolve = void (*)(const ceres::Solver::Options&, ceres::Problem*, ceres::Solver::Summary*);
+using CeresSolve = void (*)(const ceres::Solver::Options&, ceres::Problem*,
+                            ceres::Solver::Summary*);
 
-void Exact(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+void Exact(const ceres::Solver::Options& options, ceres::Problem* problem,
+           ceres::Solver::Summary* summary) {
   SolveOptions asked;
   SolveReport report;
   asked.strict = true;
@@ -97,7 +101,8 @@ void BM_OnCeresProblem(benchmark::State& state, const std::string& preset, Ceres
   options.function_tolerance = options.gradient_tolerance = options.parameter_tolerance = 0.0;
   ceres::Solver::Summary sum;
   sum.preprocessor_time_in_seconds = sum.residual_evaluation_time_in_seconds = 0.0;
-  sum.jacobian_evaluation_time_in_seconds = sum.linear_solver_time_in_seconds = sum.minimizer_time_in_seconds = 0.0;
+  sum.jacobian_evaluation_time_in_seconds = sum.linear_solver_time_in_seconds =
+      sum.minimizer_time_in_seconds = 0.0;
   double num_iterations = 0.0;
   for (auto _ : state) {
     state.PauseTiming();
@@ -120,24 +125,29 @@ void BM_OnCeresProblem(benchmark::State& state, const std::string& preset, Ceres
     instance.problem.reset();
     state.ResumeTiming();
   }
-  Report(state, "setup_ms", sum.preprocessor_time_in_seconds, static_cast<double>(state.iterations()));
+  Report(state, "setup_ms", sum.preprocessor_time_in_seconds,
+         static_cast<double>(state.iterations()));
   Report(state, "residuals_ms", sum.residual_evaluation_time_in_seconds, num_iterations);
   Report(state, "jacobians_ms", sum.jacobian_evaluation_time_in_seconds, num_iterations);
   Report(state, "linear_ms", sum.linear_solver_time_in_seconds, num_iterations);
   Report(state, "minimizer_ms", sum.minimizer_time_in_seconds, num_iterations);
 }
 
-#define INCERES_PHASES(name, preset)                                                                         \
-  BENCHMARK_CAPTURE(BM_BuiltIn, name, preset)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime(); \
-  BENCHMARK_CAPTURE(BM_OnCeresProblem, name##_exact, preset, Exact, ceres::DENSE_SCHUR)                      \
-      ->Arg(1)                                                                                               \
-      ->Arg(2)                                                                                               \
-      ->Unit(benchmark::kMillisecond)                                                                        \
-      ->UseRealTime();                                                                                       \
-  BENCHMARK_CAPTURE(BM_OnCeresProblem, name##_stock, preset, ceres::Solve, ceres::DENSE_SCHUR)               \
-      ->Arg(1)                                                                                               \
-      ->Arg(2)                                                                                               \
-      ->Unit(benchmark::kMillisecond)                                                                        \
+#define INCERES_PHASES(name, preset)                                                           \
+  BENCHMARK_CAPTURE(BM_BuiltIn, name, preset)                                                  \
+      ->Arg(1)                                                                                 \
+      ->Arg(2)                                                                                 \
+      ->Unit(benchmark::kMillisecond)                                                          \
+      ->UseRealTime();                                                                         \
+  BENCHMARK_CAPTURE(BM_OnCeresProblem, name##_exact, preset, Exact, ceres::DENSE_SCHUR)        \
+      ->Arg(1)                                                                                 \
+      ->Arg(2)                                                                                 \
+      ->Unit(benchmark::kMillisecond)                                                          \
+      ->UseRealTime();                                                                         \
+  BENCHMARK_CAPTURE(BM_OnCeresProblem, name##_stock, preset, ceres::Solve, ceres::DENSE_SCHUR) \
+      ->Arg(1)                                                                                 \
+      ->Arg(2)                                                                                 \
+      ->Unit(benchmark::kMillisecond)                                                          \
       ->UseRealTime()
 
 INCERES_PHASES(ladybug_like, "ladybug-like");

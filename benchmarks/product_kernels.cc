@@ -28,23 +28,28 @@ void MeasureBlockProducts(benchmark::State& state, int size, int depth, bool tai
   const int quads = tail ? QuadsWithTail(depth, size) : depth * PadToQuad(size) / kQuad;
   const AlignedVector<double> Y = Random(std::int64_t{2} * kCommon * quads * kQuad);
   const std::vector<ProductTerm> terms = ConsecutiveTerms(kCommon, quads, symmetric);
-  const BlockProducts products{Y.data(), Y.data(), terms.data(), kCommon, depth, size, size, tail, symmetric};
+  const BlockProducts products{Y.data(), Y.data(), terms.data(), kCommon,  depth,
+                               size,     size,     tail,         symmetric};
   AlignedVector<double> C(static_cast<std::size_t>(size * PadToQuad(size)));
   for (auto _ : state) {
     kernels->accumulate_products(products, -1.0, C.data());
     benchmark::DoNotOptimize(C.data());
   }
   const double entries = symmetric ? Triangle(size) : 1.0 * size * size;
-  CountWork(state, 2.0 * kCommon * depth * entries, 8.0 * ((symmetric ? 1.0 : 2.0) * kCommon * depth * size + 2.0 * entries));
+  CountWork(state, 2.0 * kCommon * depth * entries,
+            8.0 * ((symmetric ? 1.0 : 2.0) * kCommon * depth * size + 2.0 * entries));
 }
 
-// One block of the arguments' frame size: depth 2 (residuals of reprojections) is a block of H, depth 3 (points) and 1 (inverse
-// depths) one of S.
+// One block of the arguments' frame size: depth 2 (residuals of reprojections) is a block of H,
+// depth 3 (points) and 1 (inverse depths) one of S.
 void BM_BlockProducts(benchmark::State& state) {
-  MeasureBlockProducts(state, static_cast<int>(state.range(1)), static_cast<int>(state.range(2)), /*tail=*/false,
+  MeasureBlockProducts(state, static_cast<int>(state.range(1)), static_cast<int>(state.range(2)),
+                       /*tail=*/false,
                        /*symmetric=*/false);
 }
-BENCHMARK(BM_BlockProducts)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 9, 15}, {1, 2, 3}});
+BENCHMARK(BM_BlockProducts)
+    ->ArgNames({"set", "size", "depth"})
+    ->ArgsProduct({AllSets(), {6, 9, 15}, {1, 2, 3}});
 
 // The same for cameras of 9 whose blocks have their last column apart, as those of Y have.
 void BM_BlockProductsWithTail(benchmark::State& state) {
@@ -54,10 +59,13 @@ BENCHMARK(BM_BlockProductsWithTail)->ArgNames({"set"})->ArgsProduct({AllSets()})
 
 // A diagonal block, of H or of S.
 void BM_SymmetricProducts(benchmark::State& state) {
-  MeasureBlockProducts(state, static_cast<int>(state.range(1)), static_cast<int>(state.range(2)), /*tail=*/false,
+  MeasureBlockProducts(state, static_cast<int>(state.range(1)), static_cast<int>(state.range(2)),
+                       /*tail=*/false,
                        /*symmetric=*/true);
 }
-BENCHMARK(BM_SymmetricProducts)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 9, 15}, {1, 2, 3}});
+BENCHMARK(BM_SymmetricProducts)
+    ->ArgNames({"set", "size", "depth"})
+    ->ArgsProduct({AllSets(), {6, 9, 15}, {1, 2, 3}});
 
 void BM_SymmetricProductsWithTail(benchmark::State& state) {
   MeasureBlockProducts(state, 9, 3, /*tail=*/true, /*symmetric=*/true);
@@ -88,9 +96,12 @@ void BM_VectorProducts(benchmark::State& state) {
   }
   CountWork(state, 2.0 * kFactors * depth * size, 8.0 * kFactors * depth * (size + 1.0));
 }
-BENCHMARK(BM_VectorProducts)->ArgNames({"set", "size", "depth"})->ArgsProduct({AllSets(), {6, 9}, {2, 3}});
+BENCHMARK(BM_VectorProducts)
+    ->ArgNames({"set", "size", "depth"})
+    ->ArgsProduct({AllSets(), {6, 9}, {2, 3}});
 
-// What one landmark seen from eight frames adds to a living S and to vectors, or puts in the place of what it added before.
+// What one landmark seen from eight frames adds to a living S and to vectors, or puts in the place
+// of what it added before.
 struct SharedLandmark {
   SharedLandmark(int size_given, int depth_given, bool replaces)
       : size(size_given),
@@ -127,7 +138,8 @@ SharedLandmark LandmarkFromArguments(const benchmark::State& state) {
 }
 
 void Contributions(benchmark::internal::Benchmark* benchmark) {
-  benchmark->ArgNames({"set", "size", "depth", "replaces"})->ArgsProduct({AllSets(), {6, 15}, {1, 3}, {0, 1}});
+  benchmark->ArgNames({"set", "size", "depth", "replaces"})
+      ->ArgsProduct({AllSets(), {6, 15}, {1, 3}, {0, 1}});
 }
 
 void BM_AddOuter(benchmark::State& state) {
@@ -137,7 +149,8 @@ void BM_AddOuter(benchmark::State& state) {
   }
   const SharedLandmark landmark = LandmarkFromArguments(state);
   const double size = landmark.size;
-  AlignedVector<double> C(landmark.blocks.size() * static_cast<std::size_t>(landmark.size * landmark.quads * kQuad));
+  AlignedVector<double> C(landmark.blocks.size() *
+                          static_cast<std::size_t>(landmark.size * landmark.quads * kQuad));
   for (auto _ : state) {
     kernels->add_outer(landmark.contribution, -1.0, landmark.blocks.data(), C.data());
     benchmark::DoNotOptimize(C.data());
@@ -155,7 +168,8 @@ void BM_AddTransposed(benchmark::State& state) {
   }
   const SharedLandmark landmark = LandmarkFromArguments(state);
   const AlignedVector<double> v = Random(std::int64_t{2} * landmark.depth);
-  AlignedVector<double> y(static_cast<std::size_t>(SharedLandmark::kFrames * landmark.quads * kQuad));
+  AlignedVector<double> y(
+      static_cast<std::size_t>(SharedLandmark::kFrames * landmark.quads * kQuad));
   AlignedVector<double> peak = y;
   const double* v_out = landmark.contribution.replaces ? v.data() + landmark.depth : nullptr;
   for (auto _ : state) {
@@ -163,7 +177,8 @@ void BM_AddTransposed(benchmark::State& state) {
     benchmark::DoNotOptimize(y.data());
     benchmark::DoNotOptimize(peak.data());
   }
-  CountWork(state, 2.0 * landmark.entries(), 8.0 * (landmark.entries() + 4.0 * SharedLandmark::kFrames * landmark.size));
+  CountWork(state, 2.0 * landmark.entries(),
+            8.0 * (landmark.entries() + 4.0 * SharedLandmark::kFrames * landmark.size));
 }
 BENCHMARK(BM_AddTransposed)->Apply(Contributions);
 
@@ -174,14 +189,16 @@ void BM_AddSquares(benchmark::State& state) {
     return;
   }
   const SharedLandmark landmark = LandmarkFromArguments(state);
-  AlignedVector<double> y(static_cast<std::size_t>(SharedLandmark::kFrames * landmark.quads * kQuad));
+  AlignedVector<double> y(
+      static_cast<std::size_t>(SharedLandmark::kFrames * landmark.quads * kQuad));
   AlignedVector<double> peak = y;
   for (auto _ : state) {
     kernels->add_squares(landmark.contribution, -1.0, y.data(), peak.data());
     benchmark::DoNotOptimize(y.data());
     benchmark::DoNotOptimize(peak.data());
   }
-  CountWork(state, 2.0 * landmark.entries(), 8.0 * (landmark.entries() + 4.0 * SharedLandmark::kFrames * landmark.size));
+  CountWork(state, 2.0 * landmark.entries(),
+            8.0 * (landmark.entries() + 4.0 * SharedLandmark::kFrames * landmark.size));
 }
 BENCHMARK(BM_AddSquares)->Apply(Contributions);
 

@@ -9,7 +9,8 @@ namespace inceres::bench {
 namespace {
 
 constexpr int kRepetitions = 5;  // the best one counts
-constexpr int kChains = 12;      // of multiply-adds that do not wait for each other: latency times units, with room
+// of multiply-adds that do not wait for each other: latency times units, with room
+constexpr int kChains = 12;
 
 // Sums of kChains chains of `count` multiply-adds on registers of this many doubles.
 #define INCERES_DEFINE_PEAK(Name, kWidth, ...)                                  \
@@ -70,7 +71,8 @@ double MeasureBytes() {
   double best = 0.0;
   for (int repetition = 0; repetition < kRepetitions; ++repetition) {
     const double start = internal::NowInSeconds();
-    std::transform(b.begin(), b.end(), c.begin(), a.begin(), [](double x, double y) { return x + 3.0 * y; });
+    std::transform(b.begin(), b.end(), c.begin(), a.begin(),
+                   [](double x, double y) { return x + 3.0 * y; });
     benchmark::DoNotOptimize(a.data());
     benchmark::ClobberMemory();
     best = std::max(best, 24.0 * kSize / (internal::NowInSeconds() - start));
@@ -88,7 +90,9 @@ const MachinePeaks& MeasuredPeaks() {
 void CountWork(benchmark::State& state, double flops, double bytes) {
   const MachinePeaks& peaks = MeasuredPeaks();
   const auto iterations = static_cast<double>(state.iterations());
-  const auto rate = [&](double work) { return benchmark::Counter(work * iterations, benchmark::Counter::kIsRate); };
+  const auto rate = [&](double work) {
+    return benchmark::Counter(work * iterations, benchmark::Counter::kIsRate);
+  };
   state.counters["flops"] = rate(flops);
   state.counters["bytes"] = rate(bytes);
   state.counters["share_of_peak"] = rate(flops / peaks.flops);

@@ -1,4 +1,5 @@
-// Products with J, factor by factor: the predicted decrease of a batch solve, the trial steps of an incremental one.
+// Products with J, factor by factor: the predicted decrease of a batch solve, the trial steps of an
+// incremental one.
 //
 //   build/bin/kernels_benchmark --benchmark_filter=Rows
 
@@ -17,7 +18,8 @@ struct Factors {
         residuals(Random(std::int64_t{kCount} * kResidual)),
         v(Random(std::int64_t{kFrames} * stride + std::int64_t{kPoints} * kQuad)) {
     slots[0] = {values.data(), std::ptrdiff_t{kResidual} * stride, stride, size};
-    slots[1] = {values.data() + std::ptrdiff_t{kCount} * kResidual * stride, std::ptrdiff_t{kResidual} * kQuad, kQuad, 3};
+    slots[1] = {values.data() + std::ptrdiff_t{kCount} * kResidual * stride,
+                std::ptrdiff_t{kResidual} * kQuad, kQuad, 3};
     for (int i = 0; i < kCount; ++i) {
       offsets.push_back(i % kFrames * stride / kQuad);
       offsets.push_back(kFrames * stride / kQuad + i / 4);
@@ -62,7 +64,8 @@ void Measure(benchmark::State& state, double flops_an_entry, double vectors, con
   }
   const double entries = Factors::kCount * Factors::kResidual * (size + 3.0);
   CountWork(state, flops_an_entry * entries,
-            8.0 * (entries + vectors * static_cast<double>(factors.v.size()) + 2.0 * Factors::kCount * Factors::kResidual));
+            8.0 * (entries + vectors * static_cast<double>(factors.v.size()) +
+                   2.0 * Factors::kCount * Factors::kResidual));
 }
 
 void BM_RowsModelDecrease(benchmark::State& state) {
@@ -81,7 +84,8 @@ BENCHMARK(BM_RowsMultiply)->ArgNames({"set", "size"})->ArgsProduct({AllSets(), {
 
 void BM_RowsTryStep(benchmark::State& state) {
   Measure(state, 4.0, 3.0, [](const Kernels& kernels, const Factors& f, double* out, double* y) {
-    benchmark::DoNotOptimize(kernels.try_rows(f.rows, f.ids.data(), Factors::kCount, f.v.data(), f.residuals.data(), out, y));
+    benchmark::DoNotOptimize(kernels.try_rows(f.rows, f.ids.data(), Factors::kCount, f.v.data(),
+                                              f.residuals.data(), out, y));
   });
 }
 BENCHMARK(BM_RowsTryStep)->ArgNames({"set", "size"})->ArgsProduct({AllSets(), {6, 9}});

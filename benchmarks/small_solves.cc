@@ -1,6 +1,7 @@
-// Small problems, where setting up weighs as much as solving: ours and stock Ceres in turn, whole calls from inceres::Solve or
-// ceres::Solve until it returns, with stock in each linear solver that could be the fastest. Prints a row per problem and solver:
-// microseconds of both (medians) and the median of the ratios; the last column is the ratio to the fastest stock configuration.
+// Small problems, where setting up weighs as much as solving: ours and stock Ceres in turn, whole
+// calls from inceres::Solve or ceres::Solve until it returns, with stock in each linear solver that
+// could be the fastest. Prints a row per problem and solver: microseconds of both (medians) and the
+// median of the ratios; the last column is the ratio to the fastest stock configuration.
 //
 //   build/bin/small_solves [ROUNDS]      rounds of one solve each, 501 unless told
 
@@ -71,19 +72,24 @@ std::vector<SmallProblem> Problems() {
       {"53 residual blocks, one block of 3",
        [](double* p, ceres::Problem* problem) {
          for (int i = 0; i < kNumSamples; ++i) {
-           problem->AddResidualBlock(new ceres::AutoDiffCostFunction<OneSample, 1, 3>(new OneSample(Sample(i))), nullptr, p);
+           problem->AddResidualBlock(
+               new ceres::AutoDiffCostFunction<OneSample, 1, 3>(new OneSample(Sample(i))), nullptr,
+               p);
          }
        }},
       {"53 residual blocks, three blocks of 1",
        [](double* p, ceres::Problem* problem) {
          for (int i = 0; i < kNumSamples; ++i) {
-           problem->AddResidualBlock(new ceres::AutoDiffCostFunction<OneSample, 1, 1, 1, 1>(new OneSample(Sample(i))), nullptr, p,
-                                     p + 1, p + 2);
+           problem->AddResidualBlock(
+               new ceres::AutoDiffCostFunction<OneSample, 1, 1, 1, 1>(new OneSample(Sample(i))),
+               nullptr, p, p + 1, p + 2);
          }
        }},
       {"one residual block of 53, one block of 3",
        [](double* p, ceres::Problem* problem) {
-         problem->AddResidualBlock(new ceres::AutoDiffCostFunction<AllSamples, kNumSamples, 3>(new AllSamples), nullptr, p);
+         problem->AddResidualBlock(
+             new ceres::AutoDiffCostFunction<AllSamples, kNumSamples, 3>(new AllSamples), nullptr,
+             p);
        }},
   };
 }
@@ -95,21 +101,23 @@ struct Run {
 };
 
 template <typename SolveFunction>
-void Time(const SmallProblem& small, const ceres::Solver::Options& options, const SolveFunction& solve, Run* run) {
+void Time(const SmallProblem& small, const ceres::Solver::Options& options,
+          const SolveFunction& solve, Run* run) {
   std::array<double, 3> p = {1.8, 0.31, 0.4};
   ceres::Problem problem;
   small.build(p.data(), &problem);
   ceres::Solver::Summary summary;
   const auto start = std::chrono::steady_clock::now();
   solve(options, &problem, &summary);
-  run->microseconds.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
+  run->microseconds.push_back(
+      std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
   run->cost = summary.final_cost;
   run->num_iterations = summary.iterations.size();
 }
 
 void Compare(const SmallProblem& small, int num_rounds) {
-  const std::array<ceres::LinearSolverType, 3> types = {ceres::DENSE_QR, ceres::DENSE_NORMAL_CHOLESKY,
-                                                        ceres::SPARSE_NORMAL_CHOLESKY};
+  const std::array<ceres::LinearSolverType, 3> types = {
+      ceres::DENSE_QR, ceres::DENSE_NORMAL_CHOLESKY, ceres::SPARSE_NORMAL_CHOLESKY};
   std::array<Run, 3> ours;
   std::array<Run, 3> stock;
   for (int round = 0; round < num_rounds; ++round) {
@@ -117,8 +125,12 @@ void Compare(const SmallProblem& small, int num_rounds) {
       ceres::Solver::Options options;
       options.linear_solver_type = types[k];
       options.logging_type = ceres::SILENT;
-      const auto run_ours = [](const auto& o, auto* problem, auto* summary) { inceres::Solve(o, problem, summary); };
-      const auto run_stock = [](const auto& o, auto* problem, auto* summary) { ceres::Solve(o, problem, summary); };
+      const auto run_ours = [](const auto& o, auto* problem, auto* summary) {
+        inceres::Solve(o, problem, summary);
+      };
+      const auto run_stock = [](const auto& o, auto* problem, auto* summary) {
+        ceres::Solve(o, problem, summary);
+      };
       Time(small, options, run_ours, &ours[k]);
       Time(small, options, run_stock, &stock[k]);
     }
@@ -130,13 +142,14 @@ void Compare(const SmallProblem& small, int num_rounds) {
   std::printf("%s\n", small.name.c_str());
   for (std::size_t k = 0; k < types.size(); ++k) {
     std::printf(
-        "  %-24s ours %7.1f us, stock %7.1f us, ratio %5.3f, to the fastest stock %5.3f; iterations %zu, %zu; cost %.12g, "
+        "  %-24s ours %7.1f us, stock %7.1f us, ratio %5.3f, to the fastest stock %5.3f; "
+        "iterations %zu, %zu; cost %.12g, "
         "%.12g\n",
         ceres::LinearSolverTypeToString(types[k]), Summarize(ours[k].microseconds).median,
         Summarize(stock[k].microseconds).median,
         inceres::tools::SummarizeRatios(ours[k].microseconds, stock[k].microseconds).median,
-        Summarize(ours[k].microseconds).median / fastest, ours[k].num_iterations, stock[k].num_iterations, ours[k].cost,
-        stock[k].cost);
+        Summarize(ours[k].microseconds).median / fastest, ours[k].num_iterations,
+        stock[k].num_iterations, ours[k].cost, stock[k].cost);
   }
 }
 

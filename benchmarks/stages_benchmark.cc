@@ -1,9 +1,10 @@
-// The stages of a solve of Ladybug-49, on one thread, as the solver runs them: with the flops and the bytes that the mathematics
-// asks for, and the share of the machine's peak. Where the file is missing (INCERES_DATA_DIR, ../shared/data) a simulated street
-// of its size stands in; every report says by its label which of the two it is, and compare_runs.py compares like with like.
+// The stages of a solve of Ladybug-49, on one thread, as the solver runs them: with the flops and
+// the bytes that the mathematics asks for, and the share of the machine's peak. Where the file is
+// missing (INCERES_DATA_DIR, ../shared/data) a simulated street of its size stands in; every report
+// says by its label which of the two it is, and compare_runs.py compares like with like.
 //
-// Of H and S one triangle is counted, and of their diagonal blocks the same: a landmark block of 3 is formed whole, what is above
-// the diagonal of the others' last quads too, uncounted.
+// Of H and S one triangle is counted, and of their diagonal blocks the same: a landmark block of 3
+// is formed whole, what is above the diagonal of the others' last quads too, uncounted.
 //
 //   build/bin/stages_benchmark
 
@@ -37,7 +38,8 @@ struct Linearized {
   explicit Linearized(const BalProblem& problem) {
     if (tools::BalSource(problem).MakeGraph({}, &graph).ok()) {
       core = std::make_unique<test::CorePipeline>(*graph);
-      elimination = std::make_unique<Elimination>(core->evaluator, core->incidences, core->plans, core->hessian);
+      elimination = std::make_unique<Elimination>(core->evaluator, core->incidences, core->plans,
+                                                  core->hessian);
       for (int j = 0; j < core->layout.size(); ++j) {
         damping.push_back(1e-4 * core->hessian.diagonal()[static_cast<std::size_t>(j)] + 1e-6);
       }
@@ -46,7 +48,9 @@ struct Linearized {
   bool ok() const { return core != nullptr && core->status.ok(); }
   double num_factors() const { return graph->NumFactors(0); }
   const double* LandmarkDamping() const { return damping.data() + core->layout.frame_size(); }
-  std::vector<double> Step() const { return std::vector<double>(static_cast<std::size_t>(core->layout.size()), 1e-3); }
+  std::vector<double> Step() const {
+    return std::vector<double>(static_cast<std::size_t>(core->layout.size()), 1e-3);
+  }
 
   std::unique_ptr<FactorGraph> graph;
   std::unique_ptr<test::CorePipeline> core;
@@ -62,7 +66,8 @@ constexpr double kEntries = kRows * (kCamera + kPoint);  // of one factor's Jaco
 BalProblem Street(const std::string& preset) {
   StreetSceneOptions options;
   StreetScene scene;
-  const bool fine = GetStreetScenePreset(preset, &options).ok() && GenerateStreetScene(options, &scene).ok();
+  const bool fine =
+      GetStreetScenePreset(preset, &options).ok() && GenerateStreetScene(options, &scene).ok();
   return fine ? scene.problem : BalProblem();
 }
 
@@ -116,16 +121,19 @@ BENCHMARK(BM_EvaluateResiduals)->Unit(benchmark::kMicrosecond);
 void BM_EvaluateJacobians(benchmark::State& state) {
   double cost = 0.0;
   Evaluator& evaluator = Ladybug().core->evaluator;
-  Measure(state, 300.0 * Ladybug().num_factors(), 8.0 * Ladybug().num_factors() * (kRows + kPoint + kEntries),
-          [&] { benchmark::DoNotOptimize(evaluator.EvaluateJacobians(/*known_point=*/false, &cost).ok()); });
+  Measure(
+      state, 300.0 * Ladybug().num_factors(),
+      8.0 * Ladybug().num_factors() * (kRows + kPoint + kEntries), [&] {
+        benchmark::DoNotOptimize(evaluator.EvaluateJacobians(/*known_point=*/false, &cost).ok());
+      });
 }
 BENCHMARK(BM_EvaluateJacobians)->Unit(benchmark::kMicrosecond);
 
 void BM_AccumulateHessian(benchmark::State& state) {
   Hessian& hessian = Ladybug().core->hessian;
   const double products = kRows * (Triangle(kCamera) + Triangle(kPoint) + kCamera + kPoint);
-  Measure(state, 2.0 * products * Ladybug().num_factors(), 8.0 * (kEntries + kRows) * Ladybug().num_factors(),
-          [&] { hessian.Accumulate(); });
+  Measure(state, 2.0 * products * Ladybug().num_factors(),
+          8.0 * (kEntries + kRows) * Ladybug().num_factors(), [&] { hessian.Accumulate(); });
 }
 BENCHMARK(BM_AccumulateHessian)->Unit(benchmark::kMicrosecond);
 
@@ -135,10 +143,13 @@ void BM_Eliminate(benchmark::State& state) {
   const auto products = static_cast<double>(ladybug.core->plans.schur.terms.size());
   const double diagonal = ladybug.num_factors();  // a camera sees a point once
   const double entries = (products - diagonal) * kCamera * kCamera + diagonal * Triangle(kCamera);
-  const double flops = 2.0 * (entries * kPoint + ladybug.num_factors() * kPoint * (kRows * kCamera + 12.0));
+  const double flops =
+      2.0 * (entries * kPoint + ladybug.num_factors() * kPoint * (kRows * kCamera + 12.0));
   const double bytes = 8.0 * (ladybug.num_factors() * (kEntries + kPoint * kCamera) +
                               static_cast<double>(ladybug.core->plans.pattern.value_begin.back()));
-  Measure(state, flops, bytes, [&] { benchmark::DoNotOptimize(ladybug.elimination->Eliminate(ladybug.LandmarkDamping()).ok()); });
+  Measure(state, flops, bytes, [&] {
+    benchmark::DoNotOptimize(ladybug.elimination->Eliminate(ladybug.LandmarkDamping()).ok());
+  });
   state.counters["block_products"] = products;
 }
 BENCHMARK(BM_Eliminate)->Unit(benchmark::kMicrosecond);
@@ -152,7 +163,10 @@ void BM_BackSubstitute(benchmark::State& state) {
   std::vector<double> step = ladybug.Step();
   // Ladybug's landmarks are several chunks: from the Jacobians, not from Y.
   Measure(state, 2.0 * kEntries * ladybug.num_factors(), 8.0 * kEntries * ladybug.num_factors(),
-          [&] { ladybug.elimination->BackSubstitute(step.data(), step.data() + ladybug.core->layout.frame_size()); });
+          [&] {
+            ladybug.elimination->BackSubstitute(step.data(),
+                                                step.data() + ladybug.core->layout.frame_size());
+          });
 }
 BENCHMARK(BM_BackSubstitute)->Unit(benchmark::kMicrosecond);
 
@@ -160,7 +174,8 @@ void BM_PredictDecrease(benchmark::State& state) {
   Linearized& ladybug = Ladybug();
   const std::vector<double> step = ladybug.Step();
   JacobianProduct product(ladybug.core->evaluator);
-  Measure(state, 2.0 * kEntries * ladybug.num_factors(), 8.0 * (kEntries + kRows) * ladybug.num_factors(),
+  Measure(state, 2.0 * kEntries * ladybug.num_factors(),
+          8.0 * (kEntries + kRows) * ladybug.num_factors(),
           [&] { benchmark::DoNotOptimize(product.Multiply(step.data()).model_decrease); });
 }
 BENCHMARK(BM_PredictDecrease)->Unit(benchmark::kMicrosecond);
@@ -173,10 +188,14 @@ void MeasureFactorization(benchmark::State& state, Linearized* problem, Solver* 
     return;
   }
   for (auto _ : state) {
-    benchmark::DoNotOptimize(
-        solver->Factorize({problem->core->plans.pattern, problem->elimination->S(), problem->damping.data()}, {}).ok());
+    benchmark::DoNotOptimize(solver
+                                 ->Factorize({problem->core->plans.pattern,
+                                              problem->elimination->S(), problem->damping.data()},
+                                             {})
+                                 .ok());
   }
-  CountWork(state, solver->PredictedFlops(), 8.0 * static_cast<double>(problem->core->plans.pattern.value_begin.back()));
+  CountWork(state, solver->PredictedFlops(),
+            8.0 * static_cast<double>(problem->core->plans.pattern.value_begin.back()));
   state.counters["unknowns"] = problem->core->plans.pattern.size();
 }
 
@@ -206,8 +225,11 @@ Eigen::SparseMatrix<double> LowerTriangle(const BlockPattern& pattern, const dou
     for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
       const double* value = values + pattern.value_begin[k];
       for (int row = pattern.offsets[i]; row < pattern.offsets[i + 1]; ++row) {
-        for (int column = pattern.offsets[pattern.columns[k]]; column < pattern.offsets[pattern.columns[k] + 1]; ++column) {
-          entries.emplace_back(row, column, *value++ + (row == column ? diagonal[static_cast<std::size_t>(row)] : 0.0));
+        for (int column = pattern.offsets[pattern.columns[k]];
+             column < pattern.offsets[pattern.columns[k] + 1]; ++column) {
+          entries.emplace_back(
+              row, column,
+              *value++ + (row == column ? diagonal[static_cast<std::size_t>(row)] : 0.0));
         }
       }
     }
@@ -217,15 +239,16 @@ Eigen::SparseMatrix<double> LowerTriangle(const BlockPattern& pattern, const dou
   return S.triangularView<Eigen::Lower>();
 }
 
-// CHOLMOD on the same S, as Ceres's SPARSE_SCHUR runs it. It asks OpenMP for four threads whatever the machine has; with
-// OMP_MAX_ACTIVE_LEVELS=0 it stays on one.
+// CHOLMOD on the same S, as Ceres's SPARSE_SCHUR runs it. It asks OpenMP for four threads whatever
+// the machine has; with OMP_MAX_ACTIVE_LEVELS=0 it stays on one.
 void BM_Cholmod(benchmark::State& state) {
   Linearized& path = Path();
   if (!path.ok() || !path.elimination->Eliminate(path.LandmarkDamping()).ok()) {
     state.SkipWithError("the reduced system could not be formed");
     return;
   }
-  const Eigen::SparseMatrix<double> S = LowerTriangle(path.core->plans.pattern, path.elimination->S(), path.damping);
+  const Eigen::SparseMatrix<double> S =
+      LowerTriangle(path.core->plans.pattern, path.elimination->S(), path.damping);
   Eigen::CholmodDecomposition<Eigen::SparseMatrix<double>> factor;
   factor.analyzePattern(S);
   for (auto _ : state) {
@@ -237,7 +260,8 @@ void BM_Cholmod(benchmark::State& state) {
 }
 BENCHMARK(BM_Cholmod)->Unit(benchmark::kMicrosecond);
 
-// The ambient Jacobian of a pose (quaternion and translation) into its tangent space, or copied where it is the same.
+// The ambient Jacobian of a pose (quaternion and translation) into its tangent space, or copied
+// where it is the same.
 void BM_ProjectToTangentSpace(benchmark::State& state) {
   constexpr int kAmbient = 7;
   constexpr int kTangent = 6;
@@ -255,14 +279,18 @@ void BM_ProjectToTangentSpace(benchmark::State& state) {
     ProjectToTangentSpace(map, J.data(), kResidual, out, kStride);
     benchmark::DoNotOptimize(out);
   }
-  const double flops = map.kind == TangentMap::Kind::kDense ? 2.0 * kResidual * kAmbient * kTangent : 0.0;
-  CountWork(state, flops, 8.0 * (kResidual * (map.ambient_size + kTangent) + (flops > 0.0 ? kAmbient * kTangent : 0)));
+  const double flops =
+      map.kind == TangentMap::Kind::kDense ? 2.0 * kResidual * kAmbient * kTangent : 0.0;
+  CountWork(
+      state, flops,
+      8.0 * (kResidual * (map.ambient_size + kTangent) + (flops > 0.0 ? kAmbient * kTangent : 0)));
   state.SetLabel(flops > 0.0 ? "dense" : "identity");
 }
 BENCHMARK(BM_ProjectToTangentSpace)->Arg(0)->Arg(1);
 
-// A loss that weighs every factor by almost one: its Jacobians are rewritten, and stay of about the same size however often. With
-// a positive second derivative, large enough not to be rounded away, they also get the second-order term.
+// A loss that weighs every factor by almost one: its Jacobians are rewritten, and stay of about the
+// same size however often. With a positive second derivative, large enough not to be rounded away,
+// they also get the second-order term.
 class AlmostSquare final : public Loss {
  public:
   explicit AlmostSquare(double second_derivative) : second_derivative_(second_derivative) {}
@@ -276,16 +304,18 @@ class AlmostSquare final : public Loss {
   double second_derivative_;
 };
 
-void MeasureRobustification(benchmark::State& state, double second_derivative, double flops_an_entry) {
+void MeasureRobustification(benchmark::State& state, double second_derivative,
+                            double flops_an_entry) {
   Linearized& ladybug = Ladybug();
   Linearization& cache = ladybug.core->evaluator.families()[0];
   const AlmostSquare loss(second_derivative);
   Measure(state, (flops_an_entry * kEntries + 2.0 * kRows) * ladybug.num_factors(),
           16.0 * (kEntries + kRows) * ladybug.num_factors(), [&] {
             for (int i = 0; i < cache.num_factors; ++i) {
-              benchmark::DoNotOptimize(RobustifyFactor(&loss, 2, 2, cache.slots.data(), i,
-                                                       cache.tangent_offsets.data() + std::ptrdiff_t{2} * i,
-                                                       LossCurvature::kPositive, cache.residuals.data() + std::ptrdiff_t{2} * i));
+              benchmark::DoNotOptimize(RobustifyFactor(
+                  &loss, 2, 2, cache.slots.data(), i,
+                  cache.tangent_offsets.data() + std::ptrdiff_t{2} * i, LossCurvature::kPositive,
+                  cache.residuals.data() + std::ptrdiff_t{2} * i));
             }
           });
 }

@@ -1,5 +1,6 @@
-// Monte Carlo consistency of the visual-inertial window: normalized error squared of the newest pose over time, with
-// first-estimate Jacobians and without, and with the first view of a landmark taken as exact. `--help` says how.
+// Monte Carlo consistency of the visual-inertial window: normalized error squared of the newest
+// pose over time, with first-estimate Jacobians and without, and with the first view of a landmark
+// taken as exact. `--help` says how.
 
 #include "estimator/window_consistency.h"
 
@@ -18,7 +19,9 @@ DEFINE_int32(runs, 100, "simulated windows, seed by seed");
 DEFINE_int32(frames, 100, "camera frames of each, ten a second");
 DEFINE_int32(stride, 2, "takes the error at each so many frames");
 DEFINE_int32(size, 10, "frames of the window");
-DEFINE_string(rule, "okvis", "what happens to landmarks of the oldest frame that the newest one sees: okvis (they stay) or vins");
+DEFINE_string(rule, "okvis",
+              "what happens to landmarks of the oldest frame that the newest one sees: okvis (they "
+              "stay) or vins");
 DEFINE_string(json, "", "a file for what docs/make_window_pictures.py draws");
 
 namespace {
@@ -31,9 +34,12 @@ using inceres::WindowRule;
 using inceres::test::PoseNees;
 
 constexpr char kUsage[] =
-    "plays simulated windows and compares the errors of the newest pose with its covariance: the mean over the runs is 6 for an\n"
-    "estimator whose covariances are right. Exit code 1 if, over all times, the mean with first-estimate Jacobians on is not in\n"
-    "the 95 % band of one time.\n\n  window_consistency --runs 100 --frames 100 --json consistency.json";
+    "plays simulated windows and compares the errors of the newest pose with its covariance: the "
+    "mean over the runs is 6 for an\n"
+    "estimator whose covariances are right. Exit code 1 if, over all times, the mean with "
+    "first-estimate Jacobians on is not in\n"
+    "the 95 % band of one time.\n\n  window_consistency --runs 100 --frames 100 --json "
+    "consistency.json";
 
 struct Variant {
   const char* name;
@@ -41,9 +47,10 @@ struct Variant {
   bool first_estimates;
   LandmarkForm form;
 };
-constexpr Variant kVariants[] = {{"first-estimate Jacobians", "with", true, LandmarkForm::kBearing},
-                                 {"without", "without", false, LandmarkForm::kBearing},
-                                 {"without, first view exact", "exact", false, LandmarkForm::kInverseDepth}};
+constexpr Variant kVariants[] = {
+    {"first-estimate Jacobians", "with", true, LandmarkForm::kBearing},
+    {"without", "without", false, LandmarkForm::kBearing},
+    {"without, first view exact", "exact", false, LandmarkForm::kInverseDepth}};
 
 std::string Array(const std::vector<double>& values) {
   std::string text = "[";
@@ -57,12 +64,14 @@ std::string Array(const std::vector<double>& values) {
 
 Status WriteJson(const std::vector<PoseNees>& results) {
   std::ofstream file(FLAGS_json);
-  file << "{\"runs\": " << FLAGS_runs << ", \"frames\": " << FLAGS_frames << ", \"size\": " << FLAGS_size << ", \"rule\": \""
-       << FLAGS_rule << "\""
-       << ", \"band\": " << results.front().Band() << ",\n \"times\": " << Array(results.front().times);
+  file << "{\"runs\": " << FLAGS_runs << ", \"frames\": " << FLAGS_frames
+       << ", \"size\": " << FLAGS_size << ", \"rule\": \"" << FLAGS_rule << "\""
+       << ", \"band\": " << results.front().Band()
+       << ",\n \"times\": " << Array(results.front().times);
   for (std::size_t k = 0; k < results.size(); ++k) {
-    file << ",\n \"" << kVariants[k].key << "\": {\"name\": \"" << kVariants[k].name << "\", \"rms\": " << results[k].rms_error
-         << ", \"nees\": " << Array(results[k].means) << "}";
+    file << ",\n \"" << kVariants[k].key << "\": {\"name\": \"" << kVariants[k].name
+         << "\", \"rms\": " << results[k].rms_error << ", \"nees\": " << Array(results[k].means)
+         << "}";
   }
   file << "}\n";
   return file.flush() ? Status::Ok() : Status::Error(StatusCode::kIo, "cannot write " + FLAGS_json);
@@ -70,23 +79,28 @@ Status WriteJson(const std::vector<PoseNees>& results) {
 
 Status Run() {
   if (FLAGS_runs < 1 || FLAGS_stride < 1 || FLAGS_frames <= FLAGS_stride) {
-    return Status::Error(StatusCode::kInvalidArgument, "--runs and --stride must be positive, --frames more than --stride");
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "--runs and --stride must be positive, --frames more than --stride");
   }
   if (FLAGS_rule != "okvis" && FLAGS_rule != "vins") {
-    return Status::Error(StatusCode::kInvalidArgument, "--rule is okvis or vins, not '" + FLAGS_rule + "'");
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "--rule is okvis or vins, not '" + FLAGS_rule + "'");
   }
   std::vector<PoseNees> results;
   for (const Variant& variant : kVariants) {
     results.push_back(inceres::test::MonteCarloNees(
-        inceres::test::ConsistencyScene(FLAGS_frames), FLAGS_runs, FLAGS_stride, [&](SlidingWindowOptions* options) {
+        inceres::test::ConsistencyScene(FLAGS_frames), FLAGS_runs, FLAGS_stride,
+        [&](SlidingWindowOptions* options) {
           options->size = FLAGS_size;
-          options->rule = FLAGS_rule == "okvis" ? WindowRule::kKeepSeenLandmarks : WindowRule::kMarginalizeLandmarks;
+          options->rule = FLAGS_rule == "okvis" ? WindowRule::kKeepSeenLandmarks
+                                                : WindowRule::kMarginalizeLandmarks;
           options->landmark_form = variant.form;
           options->marginalization.first_estimate_jacobians = variant.first_estimates;
         }));
     const PoseNees& nees = results.back();
-    std::printf("%-28s mean %.3f of 6, in the band 6 +- %.3f at %.0f %% of the times; RMS error %.4g m\n", variant.name,
-                nees.Mean(), nees.Band(), 100.0 * nees.ShareInBand(), nees.rms_error);
+    std::printf(
+        "%-28s mean %.3f of 6, in the band 6 +- %.3f at %.0f %% of the times; RMS error %.4g m\n",
+        variant.name, nees.Mean(), nees.Band(), 100.0 * nees.ShareInBand(), nees.rms_error);
   }
   if (!FLAGS_json.empty()) {
     if (Status status = WriteJson(results); !status.ok()) {
@@ -96,7 +110,8 @@ Status Run() {
   const double mean = results.front().Mean();
   return std::fabs(mean - 6.0) <= results.front().Band()
              ? Status::Ok()
-             : Status::Error(StatusCode::kUnavailable, "the mean with first-estimate Jacobians is outside the band");
+             : Status::Error(StatusCode::kUnavailable,
+                             "the mean with first-estimate Jacobians is outside the band");
 }
 
 }  // namespace

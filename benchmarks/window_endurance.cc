@@ -1,5 +1,5 @@
-// Ten thousand frames of the visual-inertial window: does a late frame cost what an early one did, and is the trajectory as good
-// as with stock Ceres on the same factors? `--help` says how.
+// Ten thousand frames of the visual-inertial window: does a late frame cost what an early one did,
+// and is the trajectory as good as with stock Ceres on the same factors? `--help` says how.
 
 #include <unistd.h>
 
@@ -24,7 +24,8 @@
 
 DEFINE_int32(frames, 10000, "camera frames, ten a second; 3000 or more");
 DEFINE_int32(points, 20000, "points along the way");
-DEFINE_bool(stock, true, "plays the same with stock Ceres (DENSE_SCHUR, Dog-Leg) in the place of our solver");
+DEFINE_bool(stock, true,
+            "plays the same with stock Ceres (DENSE_SCHUR, Dog-Leg) in the place of our solver");
 DEFINE_bool(first_estimates, false, "first-estimate Jacobians, in ours");
 
 namespace {
@@ -39,24 +40,28 @@ using inceres::VariableId;
 using inceres::internal::Window;
 
 constexpr char kUsage[] =
-    "plays a long simulated sequence, frame by frame, and prints thread CPU time a frame (median of frames 1,000 to 2,000 and "
+    "plays a long simulated sequence, frame by frame, and prints thread CPU time a frame (median "
+    "of frames 1,000 to 2,000 and "
     "of\n"
-    "the last 1,000, 99th percentile), memory, and the absolute trajectory error, ours and stock's. Exit code 1 if a frame "
+    "the last 1,000, 99th percentile), memory, and the absolute trajectory error, ours and "
+    "stock's. Exit code 1 if a frame "
     "fails.\n\n"
     "  window_endurance --frames 10000";
 
-// A factor of a living graph as a cost function, tangent Jacobians in the leading columns as in FactorCostFunction: blocks with a
-// manifold need PoseBlockManifold.
+// A factor of a living graph as a cost function, tangent Jacobians in the leading columns as in
+// FactorCostFunction: blocks with a manifold need PoseBlockManifold.
 class GraphFactor final : public ceres::CostFunction {
  public:
-  // Tables that the factors of one problem share, by place, as families read them; so they must not be evaluated at one time.
+  // Tables that the factors of one problem share, by place, as families read them; so they must not
+  // be evaluated at one time.
   struct Tables {
     std::vector<const double*> parameters;
     std::vector<const inceres::TangentMap*> maps;
     std::vector<double> residuals;
   };
 
-  GraphFactor(const FactorFamily& family, int index, Tables* tables) : family_(family), index_(index), tables_(tables) {
+  GraphFactor(const FactorFamily& family, int index, Tables* tables)
+      : family_(family), index_(index), tables_(tables) {
     set_num_residuals(family.residual_size());
     for (int s = 0; s < family.num_slots(); ++s) {
       mutable_parameter_block_sizes()->push_back(family.slot(s).ambient_size);
@@ -64,11 +69,14 @@ class GraphFactor final : public ceres::CostFunction {
     const std::size_t places = Index(index) + 1, slots = Index(family.num_slots());
     tables->parameters.resize(std::max(tables->parameters.size(), places * slots));
     tables->maps.resize(tables->parameters.size());
-    tables->residuals.resize(std::max(tables->residuals.size(), places * Index(family.residual_size())));
+    tables->residuals.resize(
+        std::max(tables->residuals.size(), places * Index(family.residual_size())));
   }
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    static const inceres::TangentMap kConstant{inceres::TangentMap::Kind::kConstant, 0, 0, nullptr, nullptr};
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    static const inceres::TangentMap kConstant{inceres::TangentMap::Kind::kConstant, 0, 0, nullptr,
+                                               nullptr};
     static const int kColumns[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
     const auto slots = Index(family_.num_slots());
     std::vector<inceres::TangentMap> maps(slots);
@@ -100,7 +108,8 @@ class GraphFactor final : public ceres::CostFunction {
       batch.jacobians = views.data();
     }
     const bool failed = family_.Evaluate(batch).failed();
-    std::copy_n(tables_->residuals.data() + Index(index_) * Index(num_residuals()), num_residuals(), residuals);
+    std::copy_n(tables_->residuals.data() + Index(index_) * Index(num_residuals()), num_residuals(),
+                residuals);
     return !failed;
   }
 
@@ -137,7 +146,8 @@ Status SolveByStock(Window* window) {
         if (x.empty()) {
           const int size = graph.AmbientSize(id);
           x.assign(solver.Values(id), solver.Values(id) + size);
-          problem.AddParameterBlock(x.data(), size, size == 7 ? new inceres::tools::PoseBlockManifold : nullptr);
+          problem.AddParameterBlock(x.data(), size,
+                                    size == 7 ? new inceres::tools::PoseBlockManifold : nullptr);
           if (graph.IsConstant(id)) {
             problem.SetParameterBlockConstant(x.data());
           }
@@ -231,7 +241,8 @@ class Player {
     }
     ++next_;
     play_.early_megabytes = next_ == 2000 ? ResidentMegabytes() : play_.early_megabytes;
-    play_.late_megabytes = next_ == sequence_.frames.size() ? ResidentMegabytes() : play_.late_megabytes;
+    play_.late_megabytes =
+        next_ == sequence_.frames.size() ? ResidentMegabytes() : play_.late_megabytes;
     return status;
   }
 
@@ -254,7 +265,8 @@ class Player {
 
 // Of the values [begin, end), the one below which this share lies.
 double Quantile(const std::vector<double>& all, std::size_t begin, std::size_t end, double share) {
-  std::vector<double> values(all.begin() + static_cast<std::ptrdiff_t>(begin), all.begin() + static_cast<std::ptrdiff_t>(end));
+  std::vector<double> values(all.begin() + static_cast<std::ptrdiff_t>(begin),
+                             all.begin() + static_cast<std::ptrdiff_t>(end));
   const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + at, values.end());
   return values[static_cast<std::size_t>(at)];
@@ -262,11 +274,13 @@ double Quantile(const std::vector<double>& all, std::size_t begin, std::size_t e
 
 void PrintRow(const char* what, const std::vector<double>& early, const std::vector<double>& late) {
   const std::size_t end = late.size();
-  const double before = Quantile(early, 1000, 2000, 0.5), after = Quantile(late, end - 1000, end, 0.5);
+  const double before = Quantile(early, 1000, 2000, 0.5),
+               after = Quantile(late, end - 1000, end, 0.5);
   const double median = Quantile(late, 0, end, 0.5), p99 = Quantile(late, 0, end, 0.99);
   std::printf(
-      "  %-18s median %.4g at frames 1,000 to 2,000, %.4g in the last 1,000: %+.1f %%; all: median %.4g, p99 %.4g = %.2f\n", what,
-      before, after, 100.0 * (after / before - 1.0), median, p99, p99 / median);
+      "  %-18s median %.4g at frames 1,000 to 2,000, %.4g in the last 1,000: %+.1f %%; all: median "
+      "%.4g, p99 %.4g = %.2f\n",
+      what, before, after, 100.0 * (after / before - 1.0), median, p99, p99 / median);
 }
 
 void Print(const char* name, const Play& early, const Play& late) {
@@ -276,13 +290,15 @@ void Print(const char* name, const Play& early, const Play& late) {
     PrintRow("evaluated factors", early.evaluations, late.evaluations);
   }
   PrintRow("landmarks", early.landmarks, late.landmarks);
-  std::printf("  memory             %.1f MB at frame 2,000, %.1f MB at the end\n", late.early_megabytes, late.late_megabytes);
-  std::printf("  ATE                %.4g m; RPE over 1 m %.4g m\n", inceres::AbsoluteTrajectoryError(late.estimate, late.truth),
+  std::printf("  memory             %.1f MB at frame 2,000, %.1f MB at the end\n",
+              late.early_megabytes, late.late_megabytes);
+  std::printf("  ATE                %.4g m; RPE over 1 m %.4g m\n",
+              inceres::AbsoluteTrajectoryError(late.estimate, late.truth),
               inceres::RelativePoseErrorOverPath(late.estimate, late.truth, 1.0).translation);
 }
 
-// All frames; the last 1,000 in turn with frames 1,000 to 2,000 of a window begun anew, so that whatever else the machine does
-// slows both.
+// All frames; the last 1,000 in turn with frames 1,000 to 2,000 of a window begun anew, so that
+// whatever else the machine does slows both.
 Status PlayAndPrint(const inceres::VioSequence& sequence, bool stock) {
   Player all(sequence, stock), young(sequence, stock);
   Status status = all.Start();

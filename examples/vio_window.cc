@@ -1,6 +1,6 @@
-// A visual-inertial window from raw samples to a trajectory: reads a sequence (docs/visual_inertial.md has the format;
-// vio_simulate writes it) or simulates a preset, estimates frame by frame, prints the errors, and writes what plot_vio_window.py
-// draws.
+// A visual-inertial window from raw samples to a trajectory: reads a sequence
+// (docs/visual_inertial.md has the format; vio_simulate writes it) or simulates a preset, estimates
+// frame by frame, prints the errors, and writes what plot_vio_window.py draws.
 //
 //     vio_window cubic | figure_eight | ellipse | FILE [trajectory.csv]
 #include <algorithm>
@@ -31,7 +31,8 @@ inceres::SlidingWindowOptions OptionsOf(const inceres::VioSequence& sequence) {
 }
 
 // The features of a frame, as they would be without distortion.
-std::vector<inceres::WindowObservation> ObservationsOf(const inceres::VioSequence& sequence, const inceres::VioFrame& frame) {
+std::vector<inceres::WindowObservation> ObservationsOf(const inceres::VioSequence& sequence,
+                                                       const inceres::VioFrame& frame) {
   std::vector<inceres::WindowObservation> observations;
   for (const inceres::VioObservation& seen : frame.observations) {
     const double pixel[2] = {seen.x, seen.y};
@@ -44,10 +45,12 @@ std::vector<inceres::WindowObservation> ObservationsOf(const inceres::VioSequenc
   return observations;
 }
 
-// The first state is taken from the sequence's start values; their biases are zero, and known to be as uncertain as that.
+// The first state is taken from the sequence's start values; their biases are zero, and known to be
+// as uncertain as that.
 inceres::WindowStart StartOf(const inceres::VioFrame& frame) {
   inceres::WindowStart start;
-  start.state = {frame.time, frame.start.pose, frame.start.velocity, frame.start.gyr_bias, frame.start.acc_bias};
+  start.state = {frame.time, frame.start.pose, frame.start.velocity, frame.start.gyr_bias,
+                 frame.start.acc_bias};
   start.gyr_bias_sigma = {0.02, 0.02, 0.02};
   return start;
 }
@@ -71,7 +74,8 @@ Status Play(const inceres::VioSequence& sequence, Result* result) {
     const inceres::VioFrame& frame = sequence.frames[i];
     const auto begin = std::chrono::steady_clock::now();
     window.AddFrame({frame.time, frame.imu, ObservationsOf(sequence, frame)}, &summary);
-    result->seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    result->seconds +=
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     if (!summary.status.ok()) {  // no state is lost: say so and go on
       std::cerr << "frame " << i << ": " << summary.status.message << '\n';
       ++result->num_failures;
@@ -85,14 +89,18 @@ Status Play(const inceres::VioSequence& sequence, Result* result) {
 // [end of quote]
 
 void Print(const Result& result) {
-  const inceres::RelativePoseError frame = inceres::RelativePoseErrorOverFrames(result.estimate, result.truth, 1);
-  const inceres::RelativePoseError meter = inceres::RelativePoseErrorOverPath(result.estimate, result.truth, 1.0);
+  const inceres::RelativePoseError frame =
+      inceres::RelativePoseErrorOverFrames(result.estimate, result.truth, 1);
+  const inceres::RelativePoseError meter =
+      inceres::RelativePoseErrorOverPath(result.estimate, result.truth, 1.0);
   const auto count = static_cast<double>(result.estimate.size());
-  std::printf("frames         %zu, %.3g ms each, %d failed\n", result.estimate.size(), 1e3 * result.seconds / count,
-              result.num_failures);
-  std::printf("ATE            %.4g m\n", inceres::AbsoluteTrajectoryError(result.estimate, result.truth));
+  std::printf("frames         %zu, %.3g ms each, %d failed\n", result.estimate.size(),
+              1e3 * result.seconds / count, result.num_failures);
+  std::printf("ATE            %.4g m\n",
+              inceres::AbsoluteTrajectoryError(result.estimate, result.truth));
   std::printf("RPE, 1 frame   %.4g m, %.4g deg\n", frame.translation, frame.rotation_degrees);
-  std::printf("RPE, 1 m       %.4g m, %.4g deg, %d pairs\n", meter.translation, meter.rotation_degrees, meter.num_pairs);
+  std::printf("RPE, 1 m       %.4g m, %.4g deg, %d pairs\n", meter.translation,
+              meter.rotation_degrees, meter.num_pairs);
 }
 
 bool Write(const std::string& path, const Result& result) {
@@ -118,10 +126,12 @@ int main(int argc, char** argv) {
   }
   inceres::VioSceneOptions scene;
   inceres::VioSequence sequence;
-  Status status = inceres::GetVioScenePreset(argv[1], &scene).ok() ? inceres::GenerateVioScene(scene, &sequence)
-                                                                   : inceres::ReadVioSequence(argv[1], &sequence);
+  Status status = inceres::GetVioScenePreset(argv[1], &scene).ok()
+                      ? inceres::GenerateVioScene(scene, &sequence)
+                      : inceres::ReadVioSequence(argv[1], &sequence);
   status = status.ok() && sequence.frames.size() < 4
-               ? Status::Error(inceres::StatusCode::kInvalidArgument, std::string(argv[1]) + ": fewer than four frames")
+               ? Status::Error(inceres::StatusCode::kInvalidArgument,
+                               std::string(argv[1]) + ": fewer than four frames")
                : status;
   Result result;
   status = status.ok() ? Play(sequence, &result) : status;

@@ -22,35 +22,42 @@
 #include "tools/solve/solver_flags.h"
 
 DEFINE_string(problem, "",
-              "The problem: bal:FILE (text, .gz or .bz2), g2o:FILE, vio:FILE or vio:PRESET (cubic, figure_eight, ellipse).");
+              "The problem: bal:FILE (text, .gz or .bz2), g2o:FILE, vio:FILE or vio:PRESET (cubic, "
+              "figure_eight, ellipse).");
 DEFINE_bool(analytic, false,
-            "bal only: give stock, and inceres on a ceres::Problem, our analytic factors as cost functions instead of AutoDiff.");
+            "bal only: give stock, and inceres on a ceres::Problem, our analytic factors as cost "
+            "functions instead of AutoDiff.");
 DEFINE_int32(repeats, 11, "Rounds in which every solver runs once, at least 1.");
-DEFINE_string(
-    configurations, "",
-    "Comma-separated stock configurations to run, without the pre-pass that drops slow ones: dense_schur, "
-    "dense_schur_points_first, sparse_schur, sparse_schur_points_first, iterative_schur (bal and vio), sparse_normal_cholesky. "
-    "By default all but iterative_schur that make sense for the problem.");
-DEFINE_double(
-    tolerance, 1e-6,
-    "Exit with code 3 if our final cost is above the lowest of stock by more than this, relative. Negative: it must be lower.");
+DEFINE_string(configurations, "",
+              "Comma-separated stock configurations to run, without the pre-pass that drops slow "
+              "ones: dense_schur, "
+              "dense_schur_points_first, sparse_schur, sparse_schur_points_first, iterative_schur "
+              "(bal and vio), sparse_normal_cholesky. "
+              "By default all but iterative_schur that make sense for the problem.");
+DEFINE_double(tolerance, 1e-6,
+              "Exit with code 3 if our final cost is above the lowest of stock by more than this, "
+              "relative. Negative: it must be lower.");
 DEFINE_string(json, "", "Also write the report to this file as JSON.");
 
 namespace inceres::tools {
 namespace {
 
 constexpr char kUsage[] =
-    "solves a problem with inceres and with stock Ceres in each of its sensible configurations, in interleaved repeats from the "
+    "solves a problem with inceres and with stock Ceres in each of its sensible configurations, in "
+    "interleaved repeats from the "
     "same\n"
     "start values, and compares seconds, costs and parameters.\n\n"
     "  ab_compare --problem bal:problem-49-7776-pre.txt --json ab.json\n"
     "  ab_compare --problem g2o:sphere.g2o --repeats 5 --trust_region dogleg\n"
     "  ab_compare --problem vio:cubic --trust_region dogleg\n"
-    "  ab_compare --problem bal:FILE --function_tolerance 0 --gradient_tolerance 0 --parameter_tolerance 0   (all 50 "
+    "  ab_compare --problem bal:FILE --function_tolerance 0 --gradient_tolerance 0 "
+    "--parameter_tolerance 0   (all 50 "
     "iterations)\n\n"
-    "Each run builds the ceres::Problem anew, untimed, and times the whole Solve call. Exit code: 0 success, 1 failure, 2 usage, "
+    "Each run builds the ceres::Problem anew, untimed, and times the whole Solve call. Exit code: "
+    "0 success, 1 failure, 2 usage, "
     "3 our\n"
-    "final cost is higher than the best stock run's by more than --tolerance, 4 inceres handed the problem to stock Ceres.";
+    "final cost is higher than the best stock run's by more than --tolerance, 4 inceres handed the "
+    "problem to stock Ceres.";
 
 struct Configuration {
   const char* name;
@@ -69,10 +76,12 @@ constexpr Configuration kConfigurations[] = {
     {"sparse_normal_cholesky", ceres::SPARSE_NORMAL_CHOLESKY, false, false, true},
 };
 
-Status ChooseConfigurations(const std::string& list, bool has_landmarks, std::vector<Configuration>* chosen) {
+Status ChooseConfigurations(const std::string& list, bool has_landmarks,
+                            std::vector<Configuration>* chosen) {
   if (list.empty()) {
-    std::copy_if(std::begin(kConfigurations), std::end(kConfigurations), std::back_inserter(*chosen),
-                 [=](const Configuration& c) { return c.by_default && c.needs_landmarks == has_landmarks; });
+    std::copy_if(
+        std::begin(kConfigurations), std::end(kConfigurations), std::back_inserter(*chosen),
+        [=](const Configuration& c) { return c.by_default && c.needs_landmarks == has_landmarks; });
     return Status::Ok();
   }
   std::istringstream names(list);
@@ -80,20 +89,24 @@ Status ChooseConfigurations(const std::string& list, bool has_landmarks, std::ve
     const auto* found = std::find_if(std::begin(kConfigurations), std::end(kConfigurations),
                                      [&](const Configuration& c) { return c.name == name; });
     if (found == std::end(kConfigurations) || (found->needs_landmarks && !has_landmarks)) {
-      return Status::Error(StatusCode::kInvalidArgument,
-                           "--configurations: '" + name + "' is " +
-                               (found == std::end(kConfigurations) ? "unknown" : "for problems with landmarks") + "; see --help");
+      return Status::Error(
+          StatusCode::kInvalidArgument,
+          "--configurations: '" + name + "' is " +
+              (found == std::end(kConfigurations) ? "unknown" : "for problems with landmarks") +
+              "; see --help");
     }
     chosen->push_back(*found);
   }
   return Status::Ok();
 }
 
-Contender MakeContender(const RunPlan& plan, const std::string& configuration, const ProblemSource& source) {
+Contender MakeContender(const RunPlan& plan, const std::string& configuration,
+                        const ProblemSource& source) {
   const auto run = [plan, &source](std::optional<int> iteration_limit, RunOutcome* outcome) {
     RunPlan limited = plan;
     limited.settings.max_num_iterations =
-        std::min(plan.settings.max_num_iterations, iteration_limit.value_or(plan.settings.max_num_iterations));
+        std::min(plan.settings.max_num_iterations,
+                 iteration_limit.value_or(plan.settings.max_num_iterations));
     return Run(limited, source, outcome);
   };
   return {plan.engine == Engine::kStock ? "ceres" : "inceres", configuration, run};
@@ -103,8 +116,10 @@ Contender MakeOurs(const SolverSettings& settings, const ProblemSource& source) 
   RunPlan plan;
   plan.settings = settings;
   plan.engine = settings.builtin_factors ? Engine::kCore : Engine::kShim;
-  plan.linear_solver = LinearSolverOr(settings, source.HasLandmarks() ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY);
-  std::string name = settings.builtin_factors && !settings.linear_solver ? "auto" : FlagName(plan.linear_solver);
+  plan.linear_solver = LinearSolverOr(
+      settings, source.HasLandmarks() ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY);
+  std::string name =
+      settings.builtin_factors && !settings.linear_solver ? "auto" : FlagName(plan.linear_solver);
   if (settings.incremental) {
     name = "incremental";
   }
@@ -115,11 +130,13 @@ Contender MakeOurs(const SolverSettings& settings, const ProblemSource& source) 
 Status CheckCombination(const SolverSettings& settings, const ProblemSource& source) {
   if (!settings.builtin_factors) {
     ceres::Solver::Options unused;
-    return ToCeresOptions(settings, LinearSolverOr(settings, ceres::SPARSE_NORMAL_CHOLESKY), &unused);
+    return ToCeresOptions(settings, LinearSolverOr(settings, ceres::SPARSE_NORMAL_CHOLESKY),
+                          &unused);
   }
   if (!source.HasLandmarks()) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "--builtin_factors: there are built-in factors for bal: and vio: problems only");
+    return Status::Error(
+        StatusCode::kInvalidArgument,
+        "--builtin_factors: there are built-in factors for bal: and vio: problems only");
   }
   if (settings.incremental) {
     IncrementalOptions unused;
@@ -130,7 +147,8 @@ Status CheckCombination(const SolverSettings& settings, const ProblemSource& sou
   return ToCoreOptions(settings, &unused);
 }
 
-std::vector<Contender> MakeStock(const SolverSettings& settings, const std::vector<Configuration>& configurations,
+std::vector<Contender> MakeStock(const SolverSettings& settings,
+                                 const std::vector<Configuration>& configurations,
                                  const ProblemSource& source) {
   std::vector<Contender> stock;
   for (const Configuration& configuration : configurations) {
@@ -158,7 +176,9 @@ int Report(const SolverSettings& settings, const ProblemSource& source, const Ab
     std::printf("note: inceres accepts this option without effect: %s\n", option.c_str());
   }
   if (!BlasIsSerialOpenBlas()) {
-    std::puts("WARNING: the BLAS of this process is not the serial OpenBLAS; do not compare these times with others.");
+    std::puts(
+        "WARNING: the BLAS of this process is not the serial OpenBLAS; do not compare these times "
+        "with others.");
   }
   if (!FLAGS_json.empty()) {
     const Status status = WriteTextFile(FLAGS_json, AbJson(context, result).dump(2) + "\n");
@@ -168,8 +188,9 @@ int Report(const SolverSettings& settings, const ProblemSource& source, const Ab
   }
   if (!(result.RelativeCostDifference() <= FLAGS_tolerance)) {
     std::ostringstream message;
-    message << "our final cost is higher than the best stock run's: by " << result.RelativeCostDifference() << ", --tolerance is "
-            << FLAGS_tolerance << " (relative)";
+    message << "our final cost is higher than the best stock run's: by "
+            << result.RelativeCostDifference() << ", --tolerance is " << FLAGS_tolerance
+            << " (relative)";
     return Fail(kExitWorse, message.str());
   }
   return kExitSuccess;
@@ -186,11 +207,14 @@ int Main() {
   }
   std::unique_ptr<ProblemSource> source;
   if (FLAGS_analytic && FLAGS_problem.rfind("bal:", 0) != 0) {
-    return Fail(kExitUsage, "--analytic: for bal: problems only; others have one kind of cost functions");
+    return Fail(kExitUsage,
+                "--analytic: for bal: problems only; others have one kind of cost functions");
   }
-  status = OpenProblem(FLAGS_problem, &source, FLAGS_analytic ? BalJacobians::kAnalytic : BalJacobians::kAutoDiff);
+  status = OpenProblem(FLAGS_problem, &source,
+                       FLAGS_analytic ? BalJacobians::kAnalytic : BalJacobians::kAutoDiff);
   if (!status.ok()) {
-    return Fail(status.code == StatusCode::kInvalidArgument ? kExitUsage : kExitFailure, status.message);
+    return Fail(status.code == StatusCode::kInvalidArgument ? kExitUsage : kExitFailure,
+                status.message);
   }
   std::vector<Configuration> configurations;
   status = ChooseConfigurations(FLAGS_configurations, source->HasLandmarks(), &configurations);
@@ -206,7 +230,8 @@ int Main() {
       MakeOurs(settings, *source), MakeStock(settings, configurations, *source), options,
       [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); }, &result);
   if (!status.ok()) {
-    return Fail(status.code == StatusCode::kUnavailable ? kExitUsedStock : kExitFailure, status.message);
+    return Fail(status.code == StatusCode::kUnavailable ? kExitUsedStock : kExitFailure,
+                status.message);
   }
   return Report(settings, *source, result);
 }

@@ -12,25 +12,34 @@
 #include "tools/command_line/command_line.h"
 #include "tools/sim/street_scene.h"
 
-DEFINE_string(output, "", "the file to write: .txt, or compressed as .txt.gz or .txt.bz2 (required)");
-DEFINE_string(truth, "", "also write the true cameras and points with exact observations, as a BAL file of the same order");
+DEFINE_string(output, "",
+              "the file to write: .txt, or compressed as .txt.gz or .txt.bz2 (required)");
+DEFINE_string(truth, "",
+              "also write the true cameras and points with exact observations, as a BAL file of "
+              "the same order");
 DEFINE_string(
     preset, "",
     "sizes of a well-known problem: ladybug-like (49 cameras, 7776 points, 31843 observations), "
-    "venice11 (11, 8366, 20271), cathedral (92, 57957, 422163); and paths with loops: path-1000 (40000, 200000), path-10000 "
+    "venice11 (11, 8366, 20271), cathedral (92, 57957, 422163); and paths with loops: path-1000 "
+    "(40000, 200000), path-10000 "
     "(400000, 2000000). Other flags given as well take precedence");
 DEFINE_int32(num_cameras, 100, "cameras along the path, 2 to 1000000");
-DEFINE_double(points_per_camera, 100.0, "number of points = this times num_cameras, unless num_points is given");
+DEFINE_double(points_per_camera, 100.0,
+              "number of points = this times num_cameras, unless num_points is given");
 DEFINE_double(track_length, 4.0,
-              "mean number of cameras that see a point, at least 2; number of observations = this times the number "
+              "mean number of cameras that see a point, at least 2; number of observations = this "
+              "times the number "
               "of points, unless num_observations is given");
 DEFINE_int32(num_points, 0, "exact number of points (0: see points_per_camera)");
 DEFINE_int32(num_observations, 0, "exact number of observations (0: see track_length)");
 DEFINE_double(laps, 0.0,
-              "rounds of a closed circuit; 0: an open street, 1: the end meets the start, 2.5: every place is passed two "
+              "rounds of a closed circuit; 0: an open street, 1: the end meets the start, 2.5: "
+              "every place is passed two "
               "or three times");
-DEFINE_double(loop_fraction, 0.3, "share of the points that are recognized when the camera comes by again, 0 to 1");
-DEFINE_double(camera_spacing, 0.0, "meters between consecutive cameras; 0: what the track length needs");
+DEFINE_double(loop_fraction, 0.3,
+              "share of the points that are recognized when the camera comes by again, 0 to 1");
+DEFINE_double(camera_spacing, 0.0,
+              "meters between consecutive cameras; 0: what the track length needs");
 DEFINE_double(pixel_noise, 0.5, "standard deviation of the observations, pixels");
 DEFINE_double(rotation_noise, 0.01, "of the start values of the camera orientations, radians");
 DEFINE_double(position_noise, 0.1, "of the start values of the camera centers, meters");
@@ -48,17 +57,22 @@ using inceres::StatusCode;
 using inceres::tools::IsSet;
 
 constexpr char kUsage[] =
-    "makes a bundle-adjustment problem in the BAL format from a simulated scene: a camera on a path through\n"
-    "a street of points, with local visibility and, if wanted, loops. The counts come out exactly; start values are the truth "
+    "makes a bundle-adjustment problem in the BAL format from a simulated scene: a camera on a "
+    "path through\n"
+    "a street of points, with local visibility and, if wanted, loops. The counts come out exactly; "
+    "start values are the truth "
     "plus noise.\n\n"
     "  bal_generate --preset venice11 --output venice11.txt\n"
-    "  bal_generate --num_cameras 200 --laps 2 --track_length 5 --outlier_fraction 0.02 --output loop.txt.bz2 --truth "
+    "  bal_generate --num_cameras 200 --laps 2 --track_length 5 --outlier_fraction 0.02 --output "
+    "loop.txt.bz2 --truth "
     "truth.txt.bz2\n\n"
-    "The file can be read by bal_solve, by the bundle adjuster of the Ceres examples, and by any other program for BAL files.";
+    "The file can be read by bal_solve, by the bundle adjuster of the Ceres examples, and by any "
+    "other program for BAL files.";
 
 Status ToCount(const char* what, double value, int* count) {
   if (!(value >= 0.0 && value <= 2147483646.0)) {
-    return Status::Error(StatusCode::kInvalidArgument, std::string(what) + " would be " + std::to_string(value));
+    return Status::Error(StatusCode::kInvalidArgument,
+                         std::string(what) + " would be " + std::to_string(value));
   }
   *count = static_cast<int>(std::lround(value));
   return Status::Ok();
@@ -78,7 +92,9 @@ Status SetSizes(inceres::StreetSceneOptions* options) {
   if (IsSet("num_points")) {
     options->num_points = FLAGS_num_points;
   } else if (!preset || IsSet("points_per_camera")) {
-    if (Status status = ToCount("the number of points", FLAGS_points_per_camera * options->num_cameras, &options->num_points);
+    if (Status status =
+            ToCount("the number of points", FLAGS_points_per_camera * options->num_cameras,
+                    &options->num_points);
         !status.ok()) {
       return status;
     }
@@ -86,7 +102,8 @@ Status SetSizes(inceres::StreetSceneOptions* options) {
   if (IsSet("num_observations")) {
     options->num_observations = FLAGS_num_observations;
   } else if (!preset || IsSet("track_length")) {
-    return ToCount("the number of observations", FLAGS_track_length * options->num_points, &options->num_observations);
+    return ToCount("the number of observations", FLAGS_track_length * options->num_points,
+                   &options->num_observations);
   }
   return Status::Ok();
 }
@@ -121,11 +138,12 @@ Status Run() {
   if (FLAGS_output == FLAGS_truth) {
     return Status::Error(StatusCode::kInvalidArgument, "--output and --truth name the same file");
   }
-  for (const auto& [exact, relative] :
-       {std::pair("num_points", "points_per_camera"), std::pair("num_observations", "track_length")}) {
+  for (const auto& [exact, relative] : {std::pair("num_points", "points_per_camera"),
+                                        std::pair("num_observations", "track_length")}) {
     if (IsSet(exact) && IsSet(relative)) {
-      return Status::Error(StatusCode::kInvalidArgument,
-                           std::string("--") + exact + " and --" + relative + " both say the same; give one");
+      return Status::Error(
+          StatusCode::kInvalidArgument,
+          std::string("--") + exact + " and --" + relative + " both say the same; give one");
     }
   }
   inceres::StreetSceneOptions options;
@@ -145,17 +163,19 @@ Status Run() {
     }
   }
   const inceres::BalProblem& problem = scene.problem;
-  std::printf("cameras       %d\npoints        %d\nobservations  %zu, of them %zu outliers\n", problem.num_cameras,
-              problem.num_points, problem.observations.size(), scene.outliers.size());
+  std::printf("cameras       %d\npoints        %d\nobservations  %zu, of them %zu outliers\n",
+              problem.num_cameras, problem.num_points, problem.observations.size(),
+              scene.outliers.size());
   inceres::BalProblem at_truth = scene.truth;
   at_truth.observations = problem.observations;
-  std::printf("RMS error     %.6g px at the start values, %.6g px at the truth\n", inceres::ReprojectionRms(problem),
-              inceres::ReprojectionRms(at_truth));
+  std::printf("RMS error     %.6g px at the start values, %.6g px at the truth\n",
+              inceres::ReprojectionRms(problem), inceres::ReprojectionRms(at_truth));
   std::printf("wrote         %s\n", FLAGS_output.c_str());
   if (!FLAGS_truth.empty()) {
     std::printf("truth         %s\n", FLAGS_truth.c_str());
   }
-  return std::fflush(stdout) == 0 ? Status::Ok() : Status::Error(StatusCode::kIo, "cannot print the summary");
+  return std::fflush(stdout) == 0 ? Status::Ok()
+                                  : Status::Error(StatusCode::kIo, "cannot print the summary");
 }
 
 }  // namespace

@@ -24,19 +24,25 @@ DEFINE_string(input, "", "The BAL file to solve: text, .gz or .bz2. Required.");
 DEFINE_string(solver, "inceres", "inceres, or ceres for stock Ceres.");
 DEFINE_string(output, "", "Write the solved problem to this BAL file (.gz and .bz2 compress).");
 DEFINE_bool(landmarks_first, false,
-            "Put points before cameras in the ordering of the ceres::Problem, instead of leaving the order to the solver.");
-DEFINE_string(json, "", "Write sizes, costs, seconds and the cost of every iteration to this file as JSON.");
-DEFINE_string(picture, "", "Draw cameras and points before and after and the cost curve to this SVG file.");
+            "Put points before cameras in the ordering of the ceres::Problem, instead of leaving "
+            "the order to the solver.");
+DEFINE_string(json, "",
+              "Write sizes, costs, seconds and the cost of every iteration to this file as JSON.");
+DEFINE_string(picture, "",
+              "Draw cameras and points before and after and the cost curve to this SVG file.");
 
 namespace inceres::tools {
 namespace {
 
 constexpr char kUsage[] =
-    "solves a bundle-adjustment problem in BAL format and says what became of it: a line an iteration, a table at the end.\n\n"
+    "solves a bundle-adjustment problem in BAL format and says what became of it: a line an "
+    "iteration, a table at the end.\n\n"
     "  bal_solve --input problem-49-7776-pre.txt\n"
-    "  bal_solve --input problem.txt.bz2 --trust_region dogleg --robust huber:1.5 --output solved.txt --picture solved.svg\n"
+    "  bal_solve --input problem.txt.bz2 --trust_region dogleg --robust huber:1.5 --output "
+    "solved.txt --picture solved.svg\n"
     "  bal_solve --input problem.txt --mode incremental --builtin_factors\n"
-    "  bal_solve --input problem.txt --solver ceres --linear_solver sparse_schur --num_threads 4 --json solved.json\n\n"
+    "  bal_solve --input problem.txt --solver ceres --linear_solver sparse_schur --num_threads 4 "
+    "--json solved.json\n\n"
     "Exit code: 0 solved (also if stopped by --max_num_iterations), 1 failure, 2 usage.";
 
 struct Solved {
@@ -56,20 +62,26 @@ Status ReadPlan(RunPlan* plan) {
     return Status::Error(StatusCode::kInvalidArgument, "--input FILE is required; see --help");
   }
   if (FLAGS_solver != "inceres" && FLAGS_solver != "ceres") {
-    return Status::Error(StatusCode::kInvalidArgument, "--solver '" + FLAGS_solver + "': use inceres or ceres");
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "--solver '" + FLAGS_solver + "': use inceres or ceres");
   }
   if (FLAGS_solver == "ceres" && plan->settings.builtin_factors) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "--builtin_factors needs --solver inceres: stock Ceres knows only cost functions");
+    return Status::Error(
+        StatusCode::kInvalidArgument,
+        "--builtin_factors needs --solver inceres: stock Ceres knows only cost functions");
   }
   if (FLAGS_landmarks_first && plan->settings.builtin_factors) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "--landmarks_first is for cost functions: built-in factors need no ordering");
+    return Status::Error(
+        StatusCode::kInvalidArgument,
+        "--landmarks_first is for cost functions: built-in factors need no ordering");
   }
   if (FLAGS_solver == "ceres" && plan->settings.incremental) {
-    return Status::Error(StatusCode::kInvalidArgument, "--mode incremental needs --solver inceres: stock Ceres has no such mode");
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "--mode incremental needs --solver inceres: stock Ceres has no such mode");
   }
-  plan->engine = FLAGS_solver == "ceres" ? Engine::kStock : plan->settings.builtin_factors ? Engine::kCore : Engine::kShim;
+  plan->engine = FLAGS_solver == "ceres"          ? Engine::kStock
+                 : plan->settings.builtin_factors ? Engine::kCore
+                                                  : Engine::kShim;
   plan->landmarks_first = FLAGS_landmarks_first;
   plan->strict = true;  // who asks for inceres gets inceres or an error
   return Status::Ok();
@@ -83,13 +95,13 @@ ceres::LinearSolverType AutomaticLinearSolver(const BalProblem& bal) {
 
 void PrintTable(const Solved& solved) {
   const SolveRecord& record = solved.record;
-  std::printf("\n%-22s %s\n%-22s %s (%s)\n", "problem", solved.description.c_str(), "solver", solved.solver.c_str(),
-              record.linear_solver.c_str());
+  std::printf("\n%-22s %s\n%-22s %s (%s)\n", "problem", solved.description.c_str(), "solver",
+              solved.solver.c_str(), record.linear_solver.c_str());
   std::printf("%-22s %.10e -> %.10e\n", "cost", record.initial_cost, record.final_cost);
-  std::printf("%-22s %.6f -> %.6f px\n", "RMS reprojection error", RmsReprojectionError(solved.before),
-              RmsReprojectionError(solved.after));
-  std::printf("%-22s %d\n%-22s %s: %s\n", "iterations", record.iterations, "termination", record.termination.c_str(),
-              record.message.c_str());
+  std::printf("%-22s %.6f -> %.6f px\n", "RMS reprojection error",
+              RmsReprojectionError(solved.before), RmsReprojectionError(solved.after));
+  std::printf("%-22s %d\n%-22s %s: %s\n", "iterations", record.iterations, "termination",
+              record.termination.c_str(), record.message.c_str());
   std::printf("%-22s %.6f s\n", "time", record.seconds);
   for (const auto& [stage, seconds] : record.stage_seconds) {
     std::printf("  %-20s %.6f s\n", stage.c_str(), seconds);
@@ -106,7 +118,8 @@ nlohmann::json ToJson(const SolverSettings& settings, const Solved& solved) {
   const SolveRecord& record = solved.record;
   nlohmann::json iterations = nlohmann::json::array();
   for (const CostSample& sample : record.trace) {
-    iterations.push_back({{"seconds", sample.seconds}, {"cost", sample.cost}, {"accepted", sample.accepted}});
+    iterations.push_back(
+        {{"seconds", sample.seconds}, {"cost", sample.cost}, {"accepted", sample.accepted}});
   }
   nlohmann::json stages = nlohmann::json::object();
   for (const auto& [stage, seconds] : record.stage_seconds) {
@@ -148,8 +161,10 @@ Status WriteFiles(const SolverSettings& settings, const Solved& solved) {
     status = WriteTextFile(FLAGS_json, ToJson(settings, solved).dump(2) + "\n");
   }
   if (status.ok() && !FLAGS_picture.empty()) {
-    const std::string title = FLAGS_input.substr(FLAGS_input.rfind('/') + 1) + ": " + solved.description;
-    status = WriteTextFile(FLAGS_picture, BalPictureSvg(title, solved.before, solved.after, solved.record.trace));
+    const std::string title =
+        FLAGS_input.substr(FLAGS_input.rfind('/') + 1) + ": " + solved.description;
+    status = WriteTextFile(FLAGS_picture,
+                           BalPictureSvg(title, solved.before, solved.after, solved.record.trace));
   }
   return status;
 }
@@ -161,7 +176,8 @@ int Main() {
     return Fail(kExitUsage, status.message);
   }
   BalProblem bal;
-  status = ReadBal(FLAGS_input, &bal, ReadProgressPrinter(FLAGS_input, stderr), ReadOptionsFromFlags());
+  status =
+      ReadBal(FLAGS_input, &bal, ReadProgressPrinter(FLAGS_input, stderr), ReadOptionsFromFlags());
   if (!status.ok()) {
     return Fail(kExitFailure, status.message);
   }
@@ -175,9 +191,11 @@ int Main() {
     return Fail(kExitUsage, status.message);
   }
   if (!outcome.record.usable) {
-    return Fail(kExitFailure, "not solved: " + outcome.record.termination + ": " + outcome.record.message);
+    return Fail(kExitFailure,
+                "not solved: " + outcome.record.termination + ": " + outcome.record.message);
   }
-  Solved solved{source.bal(), source.WithParameters(outcome.parameters), outcome.record, source.Describe(),
+  Solved solved{source.bal(), source.WithParameters(outcome.parameters), outcome.record,
+                source.Describe(),
                 FLAGS_solver + (plan.settings.incremental ? ", incremental" : "") +
                     (plan.settings.builtin_factors ? ", with built-in factors" : "")};
   PrintTable(solved);

@@ -1,4 +1,5 @@
-// Random problems with random lives, solved by ours and judged by plain LM: see differential_fuzzer --help and docs/fuzzing.md.
+// Random problems with random lives, solved by ours and judged by plain LM: see differential_fuzzer
+// --help and docs/fuzzing.md.
 
 #include <unistd.h>
 
@@ -22,17 +23,18 @@
 #include "tools/command_line/command_line.h"
 #include "tools/fuzz/life_process.h"
 
-DEFINE_string(
-    mode, "all",
-    "Which solver is under test: exact, incremental, session, dropin, dropin_incremental, auto, or several, separated by "
-    "commas, or all.");
+DEFINE_string(mode, "all",
+              "Which solver is under test: exact, incremental, session, dropin, "
+              "dropin_incremental, auto, or several, separated by "
+              "commas, or all.");
 DEFINE_uint64(seed, 1, "The same seed gives the same lives.");
 DEFINE_uint64(first_life, 0, "Begins with this life of the seed.");
 DEFINE_uint64(lives, 100, "How many lives in each mode.");
 DEFINE_int32(edits, 60, "Edits of a life; it is solved after every few.");
 DEFINE_double(seconds, 0.0, "No new life begins in a mode after so many seconds; 0: no limit.");
 DEFINE_string(json, "", "Append a line of JSON for each mode to this file.");
-DEFINE_bool(verbose, false, "Print every edit and solve, and the iterations of the one that is a defect.");
+DEFINE_bool(verbose, false,
+            "Print every edit and solve, and the iterations of the one that is a defect.");
 
 namespace inceres::fuzz {
 namespace {
@@ -40,11 +42,13 @@ namespace {
 using tools::ExitCode;
 
 constexpr char kUsage[] =
-    "lets random problems live random lives, has a solver of ours solve them again and again, and judges every end by plain "
+    "lets random problems live random lives, has a solver of ours solve them again and again, and "
+    "judges every end by plain "
     "LM.\n\n"
     "  differential_fuzzer --mode session --lives 1000\n"
     "  differential_fuzzer --seed 7 --lives 1000000 --seconds 10000 --json night.jsonl\n\n"
-    "A defect is printed with the command that repeats it. Exit code: 0 no defect, 1 a defect, 2 usage. docs/fuzzing.md tells "
+    "A defect is printed with the command that repeats it. Exit code: 0 no defect, 1 a defect, 2 "
+    "usage. docs/fuzzing.md tells "
     "what\n"
     "counts as a defect.";
 
@@ -53,7 +57,8 @@ struct DropInMode {
   const char* name;
   const char* environment;
 };
-constexpr DropInMode kDropInModes[] = {{"dropin", "exact"}, {"dropin_incremental", "incremental"}, {"auto", "auto"}};
+constexpr DropInMode kDropInModes[] = {
+    {"dropin", "exact"}, {"dropin_incremental", "incremental"}, {"auto", "auto"}};
 
 std::vector<std::string> Split(const std::string& list) {
   std::vector<std::string> words(1);
@@ -68,17 +73,20 @@ std::vector<std::string> Split(const std::string& list) {
 }
 
 nlohmann::json ToJson(const Defect& defect) {
-  return {{"seed", defect.plan.seed}, {"life", defect.plan.life},    {"edits", defect.edits},
-          {"solves", defect.solves},  {"kind", defect.finding.kind}, {"detail", defect.finding.detail}};
+  return {{"seed", defect.plan.seed},    {"life", defect.plan.life},
+          {"edits", defect.edits},       {"solves", defect.solves},
+          {"kind", defect.finding.kind}, {"detail", defect.finding.detail}};
 }
 
 void Print(const Defect& defect) {
   const LifePlan& plan = defect.plan;
-  std::printf("DEFECT %s, mode %s, seed %ju, life %ju, after %ld edits, solve %ld: %s\n", defect.finding.kind.c_str(),
-              plan.mode.c_str(), static_cast<std::uintmax_t>(plan.seed), static_cast<std::uintmax_t>(plan.life), defect.edits,
-              defect.solves, defect.finding.detail.c_str());
-  std::printf("  differential_fuzzer --mode %s --seed %ju --first_life %ju --lives 1 --edits %d\n", plan.mode.c_str(),
-              static_cast<std::uintmax_t>(plan.seed), static_cast<std::uintmax_t>(plan.life), plan.max_edits);
+  std::printf("DEFECT %s, mode %s, seed %ju, life %ju, after %ld edits, solve %ld: %s\n",
+              defect.finding.kind.c_str(), plan.mode.c_str(),
+              static_cast<std::uintmax_t>(plan.seed), static_cast<std::uintmax_t>(plan.life),
+              defect.edits, defect.solves, defect.finding.detail.c_str());
+  std::printf("  differential_fuzzer --mode %s --seed %ju --first_life %ju --lives 1 --edits %d\n",
+              plan.mode.c_str(), static_cast<std::uintmax_t>(plan.seed),
+              static_cast<std::uintmax_t>(plan.life), plan.max_edits);
   std::fflush(stdout);
 }
 
@@ -95,13 +103,15 @@ ModeResult RunMode(const std::string& mode) {
   result.mode = mode;
   const auto begin = std::chrono::steady_clock::now();
   while (result.lives < FLAGS_lives && (FLAGS_seconds <= 0.0 || result.seconds < FLAGS_seconds)) {
-    const LifePlan plan{FLAGS_seed, FLAGS_first_life + result.lives, mode, FLAGS_edits, FLAGS_verbose};
+    const LifePlan plan{FLAGS_seed, FLAGS_first_life + result.lives, mode, FLAGS_edits,
+                        FLAGS_verbose};
     if (const std::optional<Defect> defect = LiveInProcess(plan, &result.counts)) {
       Print(*defect);
       result.defects.push_back(*defect);
     }
     ++result.lives;
-    result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    result.seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   }
   return result;
 }
@@ -109,12 +119,15 @@ ModeResult RunMode(const std::string& mode) {
 void Report(const ModeResult& result) {
   const Counts& c = result.counts;
   std::printf(
-      "%s: %ju lives, %ld edits, %ld solves in %.1f s; %ld judged, %ld creeping (worst %.2g tolerances), %ld beside faults, "
-      "%ld as far as stock; traces: %ld compared, %ld chaotic; %ld handed to stock, %ld failures with a cause, %ld ended by a "
+      "%s: %ju lives, %ld edits, %ld solves in %.1f s; %ld judged, %ld creeping (worst %.2g "
+      "tolerances), %ld beside faults, "
+      "%ld as far as stock; traces: %ld compared, %ld chaotic; %ld handed to stock, %ld failures "
+      "with a cause, %ld ended by a "
       "limit; %zu defects\n",
-      result.mode.c_str(), static_cast<std::uintmax_t>(result.lives), c.edits, c.solves, result.seconds, c.judged, c.creeping,
-      c.worst_creeping_excess, c.beside_faults, c.as_stock, c.traces_compared, c.traces_chaotic, c.handed_to_stock, c.failures,
-      c.not_converged, result.defects.size());
+      result.mode.c_str(), static_cast<std::uintmax_t>(result.lives), c.edits, c.solves,
+      result.seconds, c.judged, c.creeping, c.worst_creeping_excess, c.beside_faults, c.as_stock,
+      c.traces_compared, c.traces_chaotic, c.handed_to_stock, c.failures, c.not_converged,
+      result.defects.size());
   std::fflush(stdout);
   if (FLAGS_json.empty()) {
     return;
@@ -138,15 +151,18 @@ void Report(const ModeResult& result) {
 
 // Runs the sibling that is linked to the drop-in, with this program's flags; returns its exit code.
 int RunSibling(const DropInMode& mode) {
-  const auto sibling = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "differential_fuzzer_dropin";
+  const auto sibling =
+      std::filesystem::read_symlink("/proc/self/exe").parent_path() / "differential_fuzzer_dropin";
   std::fflush(nullptr);
   const pid_t child = fork();
   if (child == 0) {
     setenv("INCERES_MODE", mode.environment, 1);
     setenv("INCERES_WINDOWS", "incremental", 1);  // small as these problems are
     std::vector<std::string> words = {sibling.string(), std::string("--mode=") + mode.name};
-    for (const char* flag : {"seed", "first_life", "lives", "edits", "seconds", "json", "verbose"}) {
-      words.push_back(std::string("--") + flag + "=" + gflags::GetCommandLineFlagInfoOrDie(flag).current_value);
+    for (const char* flag :
+         {"seed", "first_life", "lives", "edits", "seconds", "json", "verbose"}) {
+      words.push_back(std::string("--") + flag + "=" +
+                      gflags::GetCommandLineFlagInfoOrDie(flag).current_value);
     }
     std::vector<char*> arguments;
     arguments.reserve(words.size() + 1);
@@ -155,7 +171,8 @@ int RunSibling(const DropInMode& mode) {
     }
     arguments.push_back(nullptr);
     execv(arguments[0], arguments.data());
-    std::_Exit(tools::Fail(ExitCode::kExitUsage, "cannot run " + words[0] + ", which has the mode " + mode.name));
+    std::_Exit(tools::Fail(ExitCode::kExitUsage,
+                           "cannot run " + words[0] + ", which has the mode " + mode.name));
   }
   int status = 0;
   waitpid(child, &status, 0);
@@ -163,8 +180,8 @@ int RunSibling(const DropInMode& mode) {
 }
 
 const DropInMode* FindDropInMode(const std::string& name) {
-  const auto* const found =
-      std::find_if(std::begin(kDropInModes), std::end(kDropInModes), [&](const DropInMode& mode) { return name == mode.name; });
+  const auto* const found = std::find_if(std::begin(kDropInModes), std::end(kDropInModes),
+                                         [&](const DropInMode& mode) { return name == mode.name; });
   return found != std::end(kDropInModes) ? found : nullptr;
 }
 
@@ -184,7 +201,8 @@ int RunModes(const std::vector<std::string>& wanted) {
     if (is_here(mode)) {
       const ModeResult result = RunMode(mode);
       Report(result);
-      worst = std::max<int>(worst, result.defects.empty() ? tools::kExitSuccess : tools::kExitFailure);
+      worst =
+          std::max<int>(worst, result.defects.empty() ? tools::kExitSuccess : tools::kExitFailure);
     } else {
       worst = std::max(worst, RunSibling(*FindDropInMode(mode)));
     }
@@ -209,7 +227,8 @@ std::vector<std::string> WantedModes() {
 int main(int argc, char** argv) {
   FLAGS_minloglevel = google::GLOG_FATAL;  // every failure that is provoked here has its message
   google::InitGoogleLogging(argv[0]);
-  if (const std::optional<int> exit_code = inceres::tools::ParseCommandLine(inceres::fuzz::kUsage, &argc, &argv)) {
+  if (const std::optional<int> exit_code =
+          inceres::tools::ParseCommandLine(inceres::fuzz::kUsage, &argc, &argv)) {
     return *exit_code;
   }
   try {

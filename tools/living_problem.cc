@@ -1,4 +1,5 @@
-// A program that knows Ceres only and keeps a problem that grows: run bare, or with the drop-in preloaded.
+// A program that knows Ceres only and keeps a problem that grows: run bare, or with the drop-in
+// preloaded.
 
 #include <cmath>
 #include <cstdio>
@@ -16,26 +17,32 @@
 
 DECLARE_string(problem);
 DEFINE_string(mode, "plain",
-              "plain (one ceres::Problem, to which each step adds) or rebuild (a new one for every step, over the same parameter "
+              "plain (one ceres::Problem, to which each step adds) or rebuild (a new one for every "
+              "step, over the same parameter "
               "arrays, as VINS does).");
 DEFINE_bool(oneshot, false,
-            "Solve once instead: bal, g2o and vio as they stand in the file, other problems when all steps have been added.");
+            "Solve once instead: bal, g2o and vio as they stand in the file, other problems when "
+            "all steps have been added.");
 DEFINE_string(robust, "none",
-              "--oneshot of bal, g2o and vio only: the loss of all residuals: none, huber:SCALE or cauchy:SCALE.");
-DEFINE_bool(
-    autodiff, false,
-    "AutoDiff cost functions instead of analytic ones. A g2o file solved with --oneshot has AutoDiff ones anyway, vio has "
-    "none.");
+              "--oneshot of bal, g2o and vio only: the loss of all residuals: none, huber:SCALE or "
+              "cauchy:SCALE.");
+DEFINE_bool(autodiff, false,
+            "AutoDiff cost functions instead of analytic ones. A g2o file solved with --oneshot "
+            "has AutoDiff ones anyway, vio has "
+            "none.");
 DEFINE_int32(steps, 0, "Stop after this many steps; 0: play all. Not for --oneshot.");
 DEFINE_int32(num_threads, 1, "Threads of the solver, at least 1.");
 DEFINE_int32(max_num_iterations, 50, "Iterations a solve at most, at least 1.");
 DEFINE_double(function_tolerance, 1e-6, "Ceres's; at least 0.");
 DEFINE_double(gradient_tolerance, 1e-10, "Ceres's; at least 0.");
-DEFINE_double(parameter_tolerance, 0.0, "Ceres's, whose default of 1e-8 is not for BAL (see replay --help); at least 0.");
+DEFINE_double(parameter_tolerance, 0.0,
+              "Ceres's, whose default of 1e-8 is not for BAL (see replay --help); at least 0.");
 DEFINE_string(trust_region, "auto",
-              "lm, dogleg, or auto: dogleg for kf, g2o and vio, lm for the others, and for bal, g2o and vio with --oneshot.");
+              "lm, dogleg, or auto: dogleg for kf, g2o and vio, lm for the others, and for bal, "
+              "g2o and vio with --oneshot.");
 DEFINE_string(linear_solver, "auto",
-              "dense_schur or sparse_schur, landmarks first; sparse_normal_cholesky; or auto: dense_schur where there are "
+              "dense_schur or sparse_schur, landmarks first; sparse_normal_cholesky; or auto: "
+              "dense_schur where there are "
               "landmarks, else sparse_normal_cholesky.");
 DEFINE_string(json, "", "Write the report to this file.");
 
@@ -43,12 +50,15 @@ namespace inceres::tools {
 namespace {
 
 constexpr char kUsage[] =
-    "plays a problem that grows step by step by edits of a ceres::Problem and ceres::Solve after each: a program that knows "
+    "plays a problem that grows step by step by edits of a ceres::Problem and ceres::Solve after "
+    "each: a program that knows "
     "nothing "
-    "of inceres, linked to the shared Ceres. Run it bare, or with the drop-in preloaded and INCERES_MODE set. The problems are "
+    "of inceres, linked to the shared Ceres. Run it bare, or with the drop-in preloaded and "
+    "INCERES_MODE set. The problems are "
     "replay's, see replay --help.\n\n"
     "  living_problem --problem kf:fr3_office.kf\n"
-    "  LD_PRELOAD=libinceres_dropin.so INCERES_MODE=incremental living_problem --problem g2o:M3500.g2o --steps 500\n"
+    "  LD_PRELOAD=libinceres_dropin.so INCERES_MODE=incremental living_problem --problem "
+    "g2o:M3500.g2o --steps 500\n"
     "  living_problem --problem bal:problem-49-7776-pre.txt --oneshot --robust huber:1.0\n\n"
     "Exit code: 0 all solves usable, 1 a file or a solve failed, 2 usage.";
 
@@ -66,11 +76,13 @@ Status CheckCombination() {
   }
   for (const char* flag : {"free_intrinsics", "no_priors", "presolve", "loops", "seed"}) {
     if (IsFromFile() && IsSet(flag)) {
-      return Invalid(std::string("--") + flag + ": --oneshot takes the problem as it stands in the file");
+      return Invalid(std::string("--") + flag +
+                     ": --oneshot takes the problem as it stands in the file");
     }
   }
   return IsSet("robust") && !IsFromFile()
-             ? Invalid("--robust is for --oneshot of bal, g2o and vio only; replays have their losses")
+             ? Invalid(
+                   "--robust is for --oneshot of bal, g2o and vio only; replays have their losses")
              : Status::Ok();
 }
 
@@ -78,7 +90,8 @@ Status CheckFlags() {
   if (FLAGS_mode != "plain" && FLAGS_mode != "rebuild") {
     return Invalid("--mode '" + FLAGS_mode + "': use plain or rebuild");
   }
-  if (FLAGS_trust_region != "auto" && FLAGS_trust_region != "lm" && FLAGS_trust_region != "dogleg") {
+  if (FLAGS_trust_region != "auto" && FLAGS_trust_region != "lm" &&
+      FLAGS_trust_region != "dogleg") {
     return Invalid("--trust_region '" + FLAGS_trust_region + "': use auto, lm or dogleg");
   }
   if (FLAGS_autodiff && FLAGS_problem.rfind("vio:", 0) == 0) {
@@ -123,7 +136,8 @@ Status SolveFile(Run* run) {
     return Invalid("--robust " + status.message);
   }
   std::unique_ptr<ProblemSource> source;
-  status = OpenProblem(FLAGS_problem, &source, FLAGS_autodiff ? BalJacobians::kAutoDiff : BalJacobians::kAnalytic);
+  status = OpenProblem(FLAGS_problem, &source,
+                       FLAGS_autodiff ? BalJacobians::kAutoDiff : BalJacobians::kAnalytic);
   if (!status.ok()) {
     return status;
   }
@@ -155,11 +169,14 @@ Status Report(const Run& run) {
   json["trust_region"] = run.settings.dogleg ? "dogleg" : "lm";
   json["autodiff"] = run.settings.autodiff;
   const nlohmann::json& ms = json["solve_ms"];
-  std::printf("%s: %s\n%s, %s: %zu solves, ms median %.3g, p95 %.3g, max %.3g, total %.6g; %.3g s in all; last cost %.9e\n",
-              FLAGS_problem.c_str(), run.description.c_str(), json["linear_solver"].get<std::string>().c_str(),
-              json["trust_region"].get<std::string>().c_str(), run.report.solves.size(), ms["median"].get<double>(),
-              ms["p95"].get<double>(), ms["max"].get<double>(), ms["total"].get<double>(), run.report.total_seconds,
-              run.report.solves.back().final_cost);
+  std::printf(
+      "%s: %s\n%s, %s: %zu solves, ms median %.3g, p95 %.3g, max %.3g, total %.6g; %.3g s in all; "
+      "last cost %.9e\n",
+      FLAGS_problem.c_str(), run.description.c_str(),
+      json["linear_solver"].get<std::string>().c_str(),
+      json["trust_region"].get<std::string>().c_str(), run.report.solves.size(),
+      ms["median"].get<double>(), ms["p95"].get<double>(), ms["max"].get<double>(),
+      ms["total"].get<double>(), run.report.total_seconds, run.report.solves.back().final_cost);
   return FLAGS_json.empty() ? Status::Ok() : WriteTextFile(FLAGS_json, json.dump(1) + "\n");
 }
 
@@ -167,8 +184,9 @@ Status Report(const Run& run) {
 Status CheckSolves(const LivingReport& report) {
   for (std::size_t i = 0; i < report.solves.size(); ++i) {
     if (!report.solves[i].usable) {
-      return Status::Error(StatusCode::kEvaluationFailed,
-                           "solve " + std::to_string(i + 1) + " failed: " + report.solves[i].message);
+      return Status::Error(
+          StatusCode::kEvaluationFailed,
+          "solve " + std::to_string(i + 1) + " failed: " + report.solves[i].message);
     }
   }
   return Status::Ok();

@@ -23,52 +23,74 @@
 
 DECLARE_string(problem);
 DECLARE_int32(seed);
-DEFINE_string(
-    mode, "incremental",
-    "How inceres solves: incremental (the solver that remembers: Levenberg-Marquardt in its own metric, stopped by "
-    "--function_tolerance alone; the other tolerances and --trust_region are stock's then) or exact (its batch solver, warm).");
-DEFINE_bool(autodiff, false, "Give both sides AutoDiff cost functions instead of the same analytic factors.");
+DEFINE_string(mode, "incremental",
+              "How inceres solves: incremental (the solver that remembers: Levenberg-Marquardt in "
+              "its own metric, stopped by "
+              "--function_tolerance alone; the other tolerances and --trust_region are stock's "
+              "then) or exact (its batch solver, warm).");
+DEFINE_bool(autodiff, false,
+            "Give both sides AutoDiff cost functions instead of the same analytic factors.");
 DEFINE_bool(stock_autodiff, false,
-            "Give stock AutoDiff cost functions, as its users write them, while ours keeps its built-in factors.");
+            "Give stock AutoDiff cost functions, as its users write them, while ours keeps its "
+            "built-in factors.");
 DEFINE_bool(stock, true,
-            "Let stock Ceres play too. Without it the report is ours alone, and no optimum is sought unless --optimum is given.");
-DEFINE_bool(flat, false, "Also compare the cost of a step around step 200 with that of the last hundred steps.");
+            "Let stock Ceres play too. Without it the report is ours alone, and no optimum is "
+            "sought unless --optimum is given.");
+DEFINE_bool(flat, false,
+            "Also compare the cost of a step around step 200 with that of the last hundred steps.");
 DEFINE_int32(steps, 0, "Stop after this many steps; 0: play all.");
 DEFINE_int32(num_threads, 1, "Threads of each solver, at least 1.");
 DEFINE_int32(max_num_iterations, 50, "Iterations a step at most, at least 1.");
-DEFINE_double(function_tolerance, 1e-6, "Stop a step's solve when the cost changes by less than this, relative; 0: never.");
-DEFINE_double(gradient_tolerance, 1e-10,
-              "Stock, and ours with --mode exact: stop when no entry of the gradient is larger; 0: never.");
+DEFINE_double(function_tolerance, 1e-6,
+              "Stop a step's solve when the cost changes by less than this, relative; 0: never.");
+DEFINE_double(
+    gradient_tolerance, 1e-10,
+    "Stock, and ours with --mode exact: stop when no entry of the gradient is larger; 0: never.");
 DEFINE_double(parameter_tolerance, 0.0,
-              "As --gradient_tolerance: stop when the step is shorter than this, relative to the parameters; 0: never. Ceres's "
-              "default of 1e-8 is not for BAL: a few points run off, and against their coordinates every step is short.");
+              "As --gradient_tolerance: stop when the step is shorter than this, relative to the "
+              "parameters; 0: never. Ceres's "
+              "default of 1e-8 is not for BAL: a few points run off, and against their coordinates "
+              "every step is short.");
 DEFINE_string(trust_region, "auto",
-              "Strategy of stock, and of ours with --mode exact: lm, dogleg, or auto: lm for bal, stereo and path, dogleg for "
+              "Strategy of stock, and of ours with --mode exact: lm, dogleg, or auto: lm for bal, "
+              "stereo and path, dogleg for "
               "kf, g2o and vio.");
 DEFINE_string(stock_linear_solver, "auto",
-              "Linear solver of stock Ceres: dense_schur or sparse_schur, landmarks first; sparse_normal_cholesky; or auto: "
+              "Linear solver of stock Ceres: dense_schur or sparse_schur, landmarks first; "
+              "sparse_normal_cholesky; or auto: "
               "dense_schur where there are landmarks, else sparse_normal_cholesky.");
-DEFINE_bool(optimum, true, "After each step look for the minimum that stock LM reaches at tolerances of 1e-12. Slow, not timed.");
-DEFINE_int32(print_every, 5, "Print every so many steps, at least 1; steps that close a loop or fail are always printed.");
-DEFINE_int32(structure_step, 0, "Add to the JSON report the blocks of the reduced system after this step; 0: of none.");
+DEFINE_bool(optimum, true,
+            "After each step look for the minimum that stock LM reaches at tolerances of 1e-12. "
+            "Slow, not timed.");
+DEFINE_int32(
+    print_every, 5,
+    "Print every so many steps, at least 1; steps that close a loop or fail are always printed.");
+DEFINE_int32(
+    structure_step, 0,
+    "Add to the JSON report the blocks of the reduced system after this step; 0: of none.");
 DEFINE_string(json, "", "Write all steps and the summary to this file as JSON.");
 
 namespace inceres::tools {
 namespace {
 
 constexpr char kUsage[] =
-    "plays a problem that grows step by step: inceres and stock Ceres solve it again, warm, after each step, in lockstep and at "
-    "the same tolerances; the solve calls are timed, and apart from them what it takes to add a step to each side's problem.\n\n"
+    "plays a problem that grows step by step: inceres and stock Ceres solve it again, warm, after "
+    "each step, in lockstep and at "
+    "the same tolerances; the solve calls are timed, and apart from them what it takes to add a "
+    "step to each side's problem.\n\n"
     "  replay --problem bal:problem-49-7776-pre.txt\n"
     "  replay --problem bal:problem.txt --no_priors --free_intrinsics --steps 20\n"
     "  replay --problem kf:fr3_office.kf --stock_autodiff --json report.json\n"
     "  replay --problem path:2000 --nostock --flat\n\n"
-    "bal: cameras in index order with the points that two of them see, near the solution of the whole file, with priors.\n"
+    "bal: cameras in index order with the points that two of them see, near the solution of the "
+    "whole file, with priors.\n"
     "kf: a keyframe sequence with inverse-depth landmarks and loop closures.\n"
     "stereo: the poses of a stereo odometry with the points that two of them see.\n"
-    "g2o: a pose graph, pose by pose, planar or spatial; edges to poses more than ten before are loops.\n"
+    "g2o: a pose graph, pose by pose, planar or spatial; edges to poses more than ten before are "
+    "loops.\n"
     "vio: frames of a visual-inertial sequence, with points in the world; analytic factors only.\n"
-    "path: cameras along a generated path, each seeing about 40 points; with --loops it comes back to places seen before.\n\n"
+    "path: cameras along a generated path, each seeing about 40 points; with --loops it comes back "
+    "to places seen before.\n\n"
     "Exit code: 0 all steps solved, 1 a file or one of our solves failed, 2 usage.";
 
 Status CheckFlags() {
@@ -79,11 +101,14 @@ Status CheckFlags() {
     return Invalid(std::string("--stock_autodiff: ") +
                    (FLAGS_autodiff ? "--autodiff says that already" : "--nostock leaves it out"));
   }
-  if (FLAGS_trust_region != "auto" && FLAGS_trust_region != "lm" && FLAGS_trust_region != "dogleg") {
+  if (FLAGS_trust_region != "auto" && FLAGS_trust_region != "lm" &&
+      FLAGS_trust_region != "dogleg") {
     return Invalid("--trust_region '" + FLAGS_trust_region + "': use auto, lm or dogleg");
   }
   ceres::LinearSolverType ignored = ceres::DENSE_SCHUR;
-  if (Status status = ParseReplayLinearSolver("--stock_linear_solver", FLAGS_stock_linear_solver, true, &ignored); !status.ok()) {
+  if (Status status = ParseReplayLinearSolver("--stock_linear_solver", FLAGS_stock_linear_solver,
+                                              true, &ignored);
+      !status.ok()) {
     return status;
   }
   if (FLAGS_structure_step > 0 && (FLAGS_mode != "incremental" || FLAGS_json.empty())) {
@@ -104,7 +129,8 @@ ReplaySettings Settings(const ReplayScript& script) {
   settings.autodiff = FLAGS_autodiff;
   settings.dogleg = FLAGS_trust_region == "auto" ? script.dogleg : FLAGS_trust_region == "dogleg";
   static_cast<void>(  // CheckFlags has seen it
-      ParseReplayLinearSolver("", FLAGS_stock_linear_solver, HasLandmarks(script), &settings.linear_solver));
+      ParseReplayLinearSolver("", FLAGS_stock_linear_solver, HasLandmarks(script),
+                              &settings.linear_solver));
   settings.num_threads = FLAGS_num_threads;
   settings.max_num_iterations = FLAGS_max_num_iterations;
   settings.function_tolerance = FLAGS_function_tolerance;
@@ -114,7 +140,8 @@ ReplaySettings Settings(const ReplayScript& script) {
 }
 
 void PrintRow(const ReplayRow& row) {
-  const bool failed = !row.ours.outcome.usable || (row.stock.has_value() && !row.stock->outcome.usable);
+  const bool failed =
+      !row.ours.outcome.usable || (row.stock.has_value() && !row.stock->outcome.usable);
   if (row.step == 1 || row.step % FLAGS_print_every == 0 || row.closes_loop || failed) {
     std::fputs(ReplayTableLine(row).c_str(), stdout);
     std::fflush(stdout);
@@ -122,10 +149,12 @@ void PrintRow(const ReplayRow& row) {
 }
 
 bool FindOptimum() {
-  return FLAGS_optimum && (FLAGS_stock || !gflags::GetCommandLineFlagInfoOrDie("optimum").is_default);
+  return FLAGS_optimum &&
+         (FLAGS_stock || !gflags::GetCommandLineFlagInfoOrDie("optimum").is_default);
 }
 
-ReplayContext Context(const ReplayScript& script, const ReplaySolver& ours, const ReplaySolver* stock) {
+ReplayContext Context(const ReplayScript& script, const ReplaySolver& ours,
+                      const ReplaySolver* stock) {
   ReplayContext context;
   context.problem = FLAGS_problem;
   context.description = script.description;
@@ -139,7 +168,8 @@ ReplayContext Context(const ReplayScript& script, const ReplaySolver& ours, cons
   return context;
 }
 
-Status Report(const ReplayContext& context, const ReplaySummary& summary, const std::vector<ReplayRow>& rows,
+Status Report(const ReplayContext& context, const ReplaySummary& summary,
+              const std::vector<ReplayRow>& rows,
               const std::optional<ReducedStructure>& structure) {
   std::fputs(ReplaySummaryText(context, summary).c_str(), stdout);
   nlohmann::json json = FLAGS_json.empty() ? nlohmann::json() : ReplayJson(context, summary, rows);
@@ -158,11 +188,14 @@ int Play(const ReplayScript& script) {
   const ReplaySettings settings = Settings(script);
   ReplaySettings stock_settings = settings;
   stock_settings.autodiff = settings.autodiff || FLAGS_stock_autodiff;
-  const std::unique_ptr<ReplaySolver> ours =
-      FLAGS_mode == "incremental" ? MakeIncrementalReplaySolver(settings) : MakeExactReplaySolver(settings);
-  const std::unique_ptr<ReplaySolver> stock = FLAGS_stock ? MakeStockReplaySolver(stock_settings) : nullptr;
+  const std::unique_ptr<ReplaySolver> ours = FLAGS_mode == "incremental"
+                                                 ? MakeIncrementalReplaySolver(settings)
+                                                 : MakeExactReplaySolver(settings);
+  const std::unique_ptr<ReplaySolver> stock =
+      FLAGS_stock ? MakeStockReplaySolver(stock_settings) : nullptr;
   ReplayReference judge(settings);
-  std::printf("%s: %s\n%s", FLAGS_problem.c_str(), script.description.c_str(), ReplayTableHeader().c_str());
+  std::printf("%s: %s\n%s", FLAGS_problem.c_str(), script.description.c_str(),
+              ReplayTableHeader().c_str());
   std::vector<ReplayRow> rows;
   std::optional<ReducedStructure> structure;
   const auto look_at = [&](const ReplayRow& row) {
@@ -171,7 +204,8 @@ int Play(const ReplayScript& script) {
       structure = ours->Structure();
     }
   };
-  Status status = RunReplay(script, {FLAGS_steps, FindOptimum()}, ours.get(), stock.get(), &judge, look_at, &rows);
+  Status status = RunReplay(script, {FLAGS_steps, FindOptimum()}, ours.get(), stock.get(), &judge,
+                            look_at, &rows);
   if (!status.ok()) {
     return Fail(kExitFailure, status.message);
   }
@@ -180,8 +214,10 @@ int Play(const ReplayScript& script) {
   if (!status.ok()) {
     return Fail(kExitFailure, status.message);
   }
-  return summary.ours.failed.empty() ? static_cast<int>(kExitSuccess)
-                                     : Fail(kExitFailure, std::to_string(summary.ours.failed.size()) + " of our solves failed");
+  return summary.ours.failed.empty()
+             ? static_cast<int>(kExitSuccess)
+             : Fail(kExitFailure,
+                    std::to_string(summary.ours.failed.size()) + " of our solves failed");
 }
 
 // --flat needs room for both of its windows, --structure_step its step.
@@ -189,12 +225,13 @@ Status CheckLength(const ReplayScript& script) {
   const int all = static_cast<int>(script.steps.size());
   const int steps = FLAGS_steps > 0 ? std::min(FLAGS_steps, all) : all;
   if (FLAGS_structure_step > steps) {
-    return Invalid("--structure_step " + std::to_string(FLAGS_structure_step) + ": there are " + std::to_string(steps) +
-                   " steps");
+    return Invalid("--structure_step " + std::to_string(FLAGS_structure_step) + ": there are " +
+                   std::to_string(steps) + " steps");
   }
-  return !FLAGS_flat || steps >= kMinFlatnessSteps ? Status::Ok()
-                                                   : Invalid("--flat: " + std::to_string(steps) + " steps are too few, " +
-                                                             std::to_string(kMinFlatnessSteps) + " are needed");
+  return !FLAGS_flat || steps >= kMinFlatnessSteps
+             ? Status::Ok()
+             : Invalid("--flat: " + std::to_string(steps) + " steps are too few, " +
+                       std::to_string(kMinFlatnessSteps) + " are needed");
 }
 
 int Main() {
@@ -203,7 +240,8 @@ int Main() {
   status = status.ok() ? MakeScriptFromFlags(FLAGS_num_threads, &script) : status;
   status = status.ok() ? CheckLength(script) : status;
   if (!status.ok()) {
-    const bool usage = status.code == StatusCode::kInvalidArgument || status.code == StatusCode::kUnavailable;
+    const bool usage =
+        status.code == StatusCode::kInvalidArgument || status.code == StatusCode::kUnavailable;
     return Fail(usage ? kExitUsage : kExitFailure, status.message);
   }
   return Play(script);
@@ -215,7 +253,8 @@ int Main() {
 int main(int argc, char** argv) {
   google::InitGoogleLogging(argv[0]);
   FLAGS_logtostderr = true;
-  FLAGS_minloglevel = google::GLOG_ERROR;  // stock warns of every failed factorization; the report counts them
+  // stock warns of every failed factorization; the report counts them
+  FLAGS_minloglevel = google::GLOG_ERROR;
   const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kUsage, &argc, &argv);
   return exit_code ? *exit_code : inceres::tools::Main();
 }

@@ -20,13 +20,20 @@
 #include "tools/replay/vio_source.h"
 
 DEFINE_string(problem, "",
-              "bal:FILE, kf:FILE, stereo:FOLDER, g2o:FILE, vio:FILE, vio:PRESET (cubic, figure_eight, ellipse), or path:N for N "
+              "bal:FILE, kf:FILE, stereo:FOLDER, g2o:FILE, vio:FILE, vio:PRESET (cubic, "
+              "figure_eight, ellipse), or path:N for N "
               "cameras along a generated path. Required.");
-DEFINE_bool(free_intrinsics, false, "bal and path only: free the intrinsics; without it they are held.");
+DEFINE_bool(free_intrinsics, false,
+            "bal and path only: free the intrinsics; without it they are held.");
 DEFINE_bool(no_priors, false, "bal and path only: leave out the priors on new cameras and points.");
-DEFINE_bool(presolve, true, "bal only: solve the whole file first and start new cameras and points near the solution.");
-DEFINE_bool(loops, false, "path only: the path comes back to a place seen before once a lap and sees old points again.");
-DEFINE_int32(seed, 1, "bal and path only: seed of the noise on start values, and of the path; at least 0.");
+DEFINE_bool(
+    presolve, true,
+    "bal only: solve the whole file first and start new cameras and points near the solution.");
+DEFINE_bool(
+    loops, false,
+    "path only: the path comes back to a place seen before once a lap and sees old points again.");
+DEFINE_int32(seed, 1,
+             "bal and path only: seed of the noise on start values, and of the path; at least 0.");
 
 namespace inceres::tools {
 namespace {
@@ -36,8 +43,10 @@ Status CheckKind(const std::string& kind) {
   if (FLAGS_seed < 0) {
     return Invalid("--seed " + std::to_string(FLAGS_seed) + ": must be at least 0");
   }
-  if (kind != "bal" && kind != "path" && (FLAGS_free_intrinsics || FLAGS_no_priors || FLAGS_seed != 1)) {
-    return Invalid("--free_intrinsics, --no_priors and --seed are for bal: and path: problems only");
+  if (kind != "bal" && kind != "path" &&
+      (FLAGS_free_intrinsics || FLAGS_no_priors || FLAGS_seed != 1)) {
+    return Invalid(
+        "--free_intrinsics, --no_priors and --seed are for bal: and path: problems only");
   }
   if (kind != "bal" && !FLAGS_presolve) {
     return Invalid("--nopresolve is for bal: problems only");
@@ -52,7 +61,8 @@ Status MakeBalScript(const std::string& path, int num_threads, ReplayScript* scr
   BalProblem bal;
   Status status = ReadBal(path, &bal, ReadProgressPrinter(path, stderr), ReadOptionsFromFlags());
   if (status.ok() && (bal.num_cameras < 2 || bal.observations.empty())) {
-    status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more cameras, and observations");
+    status = Status::Error(StatusCode::kIo,
+                           path + ": a replay needs two or more cameras, and observations");
   }
   if (status.ok() && FLAGS_presolve) {
     std::printf("solving %s first, not timed\n", path.c_str());
@@ -135,14 +145,18 @@ Status MakeScriptFromFlags(int num_threads, ReplayScript* script) {
   const auto make_bal = [num_threads](const std::string& path, ReplayScript* made) {
     return MakeBalScript(path, num_threads, made);
   };
-  const std::map<std::string, Make> kinds = {
-      {"bal", make_bal},      {"kf", MakeKeyframeScript}, {"stereo", MakeStereoScript}, {"g2o", MakePoseGraphScript},
-      {"vio", MakeVioScript}, {"path", MakePathScript}};
+  const std::map<std::string, Make> kinds = {{"bal", make_bal},
+                                             {"kf", MakeKeyframeScript},
+                                             {"stereo", MakeStereoScript},
+                                             {"g2o", MakePoseGraphScript},
+                                             {"vio", MakeVioScript},
+                                             {"path", MakePathScript}};
   const std::size_t colon = FLAGS_problem.find(':');
   const auto kind = kinds.find(FLAGS_problem.substr(0, colon));
   if (colon == std::string::npos || colon + 1 == FLAGS_problem.size() || kind == kinds.end()) {
-    return Invalid("--problem '" + FLAGS_problem +
-                   "': use bal:FILE, kf:FILE, stereo:FOLDER, g2o:FILE, vio:FILE, vio:PRESET or path:N");
+    return Invalid(
+        "--problem '" + FLAGS_problem +
+        "': use bal:FILE, kf:FILE, stereo:FOLDER, g2o:FILE, vio:FILE, vio:PRESET or path:N");
   }
   const Status status = CheckKind(kind->first);
   return status.ok() ? kind->second(FLAGS_problem.substr(colon + 1), script) : status;

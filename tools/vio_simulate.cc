@@ -11,16 +11,20 @@
 #include "tools/sim/vio_scene.h"
 
 DEFINE_string(output, "", "the file to write: any name, or compressed as .gz or .bz2 (required)");
-DEFINE_string(
-    preset, "",
-    "cubic (50 frames, 163 points, 789 observations), figure_eight (with loops), ellipse (with turns on the spot); flags "
-    "given as well take precedence");
-DEFINE_string(trajectory, "circle", "circle, figure_eight or ellipse (horizontal, with a vertical sine)");
+DEFINE_string(preset, "",
+              "cubic (50 frames, 163 points, 789 observations), figure_eight (with loops), ellipse "
+              "(with turns on the spot); flags "
+              "given as well take precedence");
+DEFINE_string(trajectory, "circle",
+              "circle, figure_eight or ellipse (horizontal, with a vertical sine)");
 DEFINE_double(radius, 5.0, "size of the trajectory, meters");
 DEFINE_double(height, 0.5, "amplitude of its vertical sine, meters");
 DEFINE_double(period, 20.0, "seconds of movement for a round");
-DEFINE_double(standing_start, 0.0, "seconds at rest before it moves; 0: it moves from the first moment on");
-DEFINE_double(stop_every, 0.0, "seconds at full speed between stops, at which it turns once on the spot; 0: no stops");
+DEFINE_double(standing_start, 0.0,
+              "seconds at rest before it moves; 0: it moves from the first moment on");
+DEFINE_double(
+    stop_every, 0.0,
+    "seconds at full speed between stops, at which it turns once on the spot; 0: no stops");
 DEFINE_double(stop_duration, 4.0, "seconds of a stop");
 DEFINE_int32(frames, 100, "camera frames, 2 to 1000000");
 DEFINE_double(frame_rate, 10.0, "frames a second");
@@ -29,7 +33,8 @@ DEFINE_int32(points, 500, "exact number of points");
 DEFINE_int32(observations, 0, "exact number of observations; 0: all that is seen");
 DEFINE_int32(max_track_length, 1000, "how often a point is seen at most");
 DEFINE_double(max_depth, 12.0, "points are seen up to this far away, meters");
-DEFINE_double(loop_fraction, 0.3, "share of the points that are recognized when they come into view again, 0 to 1");
+DEFINE_double(loop_fraction, 0.3,
+              "share of the points that are recognized when they come into view again, 0 to 1");
 DEFINE_double(dropout, 0.0, "share of the sightings in which a feature is not detected, 0 to 0.95");
 DEFINE_double(pixel_noise, 1.0, "standard deviation of the observations, pixels");
 DEFINE_double(outlier_fraction, 0.0, "share of the observations that are wrong, 0 to 1");
@@ -51,10 +56,12 @@ using inceres::Status;
 using inceres::StatusCode;
 
 constexpr char kUsage[] =
-    "simulates a camera with an IMU along a smooth trajectory: IMU samples, observations of points, start values and\n"
+    "simulates a camera with an IMU along a smooth trajectory: IMU samples, observations of "
+    "points, start values and\n"
     "the truth behind them. The format is explained in the file and in docs/visual_inertial.md.\n\n"
     "  vio_simulate --preset cubic --output cubic.vio\n"
-    "  vio_simulate --trajectory figure_eight --frames 400 --points 1000 --outlier_fraction 0.02 --output eight.vio.gz";
+    "  vio_simulate --trajectory figure_eight --frames 400 --points 1000 --outlier_fraction 0.02 "
+    "--output eight.vio.gz";
 
 // A flag sets its option if there is no preset, or if it was given.
 template <typename Flag, typename Option>
@@ -118,8 +125,8 @@ Status OptionsFromFlags(inceres::VioSceneOptions* options) {
   return Status::Ok();
 }
 
-// Root mean square of the distances between observations and projections, at the truth or at the start values.
-// What is behind the camera, which start values may bring about, is left out.
+// Root mean square of the distances between observations and projections, at the truth or at the
+// start values. What is behind the camera, which start values may bring about, is left out.
 double ReprojectionRms(const inceres::VioSequence& sequence, bool truth) {
   double sum = 0.0;
   int count = 0;
@@ -127,8 +134,10 @@ double ReprojectionRms(const inceres::VioSequence& sequence, bool truth) {
     for (const inceres::VioObservation& observation : frame.observations) {
       const inceres::VioPoint& point = sequence.points[static_cast<std::size_t>(observation.point)];
       double x = 0.0, y = 0.0;
-      if (sequence.Project((truth ? frame.truth : frame.start).pose, truth ? point.truth : point.start, &x, &y)) {
-        sum += (x - observation.x) * (x - observation.x) + (y - observation.y) * (y - observation.y);
+      if (sequence.Project((truth ? frame.truth : frame.start).pose,
+                           truth ? point.truth : point.start, &x, &y)) {
+        sum +=
+            (x - observation.x) * (x - observation.x) + (y - observation.y) * (y - observation.y);
         ++count;
       }
     }
@@ -152,14 +161,15 @@ Status Run() {
     return status;
   }
   const std::size_t num_frames = sequence.frames.size();
-  std::printf("frames        %zu, %.6g s\nIMU factors   %zu, of %d samples each\n", num_frames, sequence.frames.back().time,
-              num_frames - 1, options.imu_per_frame + 1);
-  std::printf("points        %zu\nobservations  %d, of them %d outliers\n", sequence.points.size(), sequence.NumObservations(),
-              sequence.NumOutliers());
-  std::printf("RMS error     %.6g px at the start values, %.6g px at the truth\n", ReprojectionRms(sequence, false),
-              ReprojectionRms(sequence, true));
+  std::printf("frames        %zu, %.6g s\nIMU factors   %zu, of %d samples each\n", num_frames,
+              sequence.frames.back().time, num_frames - 1, options.imu_per_frame + 1);
+  std::printf("points        %zu\nobservations  %d, of them %d outliers\n", sequence.points.size(),
+              sequence.NumObservations(), sequence.NumOutliers());
+  std::printf("RMS error     %.6g px at the start values, %.6g px at the truth\n",
+              ReprojectionRms(sequence, false), ReprojectionRms(sequence, true));
   std::printf("wrote         %s\n", FLAGS_output.c_str());
-  return std::fflush(stdout) == 0 ? Status::Ok() : Status::Error(StatusCode::kIo, "cannot print the summary");
+  return std::fflush(stdout) == 0 ? Status::Ok()
+                                  : Status::Error(StatusCode::kIo, "cannot print the summary");
 }
 
 }  // namespace

@@ -28,11 +28,14 @@ void SolveOnce(const internal::SolveCall& call) {
     return;
   }
   const bool incremental = solve_options.mode == SolveMode::kIncremental;
-  ceres::EvaluationCallback* const callback = internal::EvaluationCallbackOf(*problem, solve_options.evaluation_callback);
-  std::unique_ptr<internal::ProblemView> view_memory = internal::StructureCache::OfProcess().TakeView();
+  ceres::EvaluationCallback* const callback =
+      internal::EvaluationCallbackOf(*problem, solve_options.evaluation_callback);
+  std::unique_ptr<internal::ProblemView> view_memory =
+      internal::StructureCache::OfProcess().TakeView();
   internal::ProblemView& view = *view_memory;
   internal::OrderingView ordering;
-  const std::string obstacle = internal::FindObstacle(options, *problem, incremental, callback, &view, &ordering);
+  const std::string obstacle =
+      internal::FindObstacle(options, *problem, incremental, callback, &view, &ordering);
   if (!obstacle.empty()) {
     internal::Decline(call, obstacle);
     return;
@@ -47,8 +50,9 @@ void SolveOnce(const internal::SolveCall& call) {
     internal::IncrementalProblem living(core, internal::Trust::kNothing);
     internal::SolveIncrementally(input, core, &living, summary, report);
   } else {
-    const ceres::LinearSolverType type =
-        incremental ? internal::IncrementalLinearSolver(options, ordering) : internal::TypeToPlanFor(options, ordering);
+    const ceres::LinearSolverType type = incremental
+                                             ? internal::IncrementalLinearSolver(options, ordering)
+                                             : internal::TypeToPlanFor(options, ordering);
     const std::string too_much = internal::ChoosePlan(type, &input);
     if (!too_much.empty()) {
       internal::Decline(call, too_much);
@@ -60,14 +64,17 @@ void SolveOnce(const internal::SolveCall& call) {
       internal::SolveExactly(input, summary, report);
     }
   }
-  internal::StructureCache::OfProcess().GiveBack(std::move(view_memory));  // not if something was thrown on the way
+  internal::StructureCache::OfProcess().GiveBack(
+      std::move(view_memory));  // not if something was thrown on the way
 }
 
 }  // namespace
 
-void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-           const SolveOptions& solve_options, SolveReport* report) {
-  internal::SolveAsAsked({options, problem, summary, solve_options, report}, SolveOnce, internal::Repeatable::kYes);
+void Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
+           ceres::Solver::Summary* summary, const SolveOptions& solve_options,
+           SolveReport* report) {
+  internal::SolveAsAsked({options, problem, summary, solve_options, report}, SolveOnce,
+                         internal::Repeatable::kYes);
 }
 
 void ForgetStructures() {

@@ -10,17 +10,20 @@ int main(int argc, char** argv) {
   RunOptions options;
   OkvisOptions okvis_options;
   const std::string usage =
-      "okvis_map: a visual-inertial map of keyframes and landmarks in one ceres::Problem that lives as long as the run, solved "
+      "okvis_map: a visual-inertial map of keyframes and landmarks in one ceres::Problem that "
+      "lives as long as the run, solved "
       "after\n"
       "every image by DENSE_SCHUR and DOGLEG on one thread.";
-  const Switch newest_first{"--newest_first", "before each solve, another of two iterations with all held but the newest frame",
-                            &okvis_options.newest_first};
+  const Switch newest_first{
+      "--newest_first",
+      "before each solve, another of two iterations with all held but the newest frame",
+      &okvis_options.newest_first};
   if (const auto exit_code = ParseCommandLine(usage, argc, argv, &options, {newest_first})) {
     return *exit_code;
   }
-  const RunReport report = RunOkvis(
-      options, okvis_options, [](const ceres::Solver::Options& solver, ceres::Problem* problem, ceres::Solver::Summary* summary) {
-        ceres::Solve(solver, problem, summary);
-      });
+  const RunReport report =
+      RunOkvis(options, okvis_options,
+               [](const ceres::Solver::Options& solver, ceres::Problem* problem,
+                  ceres::Solver::Summary* summary) { ceres::Solve(solver, problem, summary); });
   return Write(options, report) ? 0 : 1;
 }

@@ -9,13 +9,15 @@ int main(int argc, char** argv) {
   using namespace sliding_window;  // NOLINT(google-build-using-namespace)
   RunOptions options;
   const std::string usage =
-      "vins_window: a visual-inertial window of eleven frames, rebuilt as a new ceres::Problem for every image (300 of them), "
+      "vins_window: a visual-inertial window of eleven frames, rebuilt as a new ceres::Problem for "
+      "every image (300 of them), "
       "solved\n"
       "by DENSE_SCHUR and DOGLEG on one thread.";
   if (const auto exit_code = ParseCommandLine(usage, argc, argv, &options)) {
     return *exit_code;
   }
-  const RunReport report = RunVins(options, [](const ceres::Solver::Options& solver, ceres::Problem* problem,
-                                               ceres::Solver::Summary* summary) { ceres::Solve(solver, problem, summary); });
+  const RunReport report = RunVins(
+      options, [](const ceres::Solver::Options& solver, ceres::Problem* problem,
+                  ceres::Solver::Summary* summary) { ceres::Solve(solver, problem, summary); });
   return Write(options, report) ? 0 : 1;
 }

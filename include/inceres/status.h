@@ -10,20 +10,23 @@ namespace inceres {
 /// What kind of thing went wrong; the message of a Status names the culprit.
 enum class StatusCode {
   kOk,
-  kInvalidArgument,   ///< an option or a graph that cannot be solved as given (dangling id, wrong size, two landmarks)
+  /// an option or a graph that cannot be solved as given (dangling id, wrong size, two landmarks)
+  kInvalidArgument,
   kEvaluationFailed,  ///< a factor returned false, or a residual or Jacobian is not finite
   kSingular,          ///< a block or the reduced system has no Cholesky factor
   kIo,                ///< a file is missing, truncated or malformed
-  kUnavailable,       ///< asked for something this build or version does not have, or that there is no memory for
+  /// asked for something this build or version does not have, or that there is no memory for
+  kUnavailable,
 };
 
-/// Outcome of an operation that data can make fail. The library throws no exceptions of its own and never aborts on data:
-/// it returns one of these and leaves the state as it was.
+/// Outcome of an operation that data can make fail. The library throws no exceptions of its own and
+/// never aborts on data: it returns one of these and leaves the state as it was.
 ///
 /// Cost: the success value holds an empty string and allocates nothing.
 struct [[nodiscard]] INCERES_EXPORT Status {
   StatusCode code = StatusCode::kOk;
-  std::string message;  ///< names variable, factor, file or field, and the likely cause; empty on success
+  /// names variable, factor, file or field, and the likely cause; empty on success
+  std::string message;
 
   static Status Ok() { return {}; }
   static Status Error(StatusCode code, std::string message) { return {code, std::move(message)}; }

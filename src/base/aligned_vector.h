@@ -10,9 +10,9 @@
 
 namespace inceres::internal {
 
-/// Allocates on cache-line boundaries, so that no vector register load of a padded row crosses two lines. What takes several huge
-/// pages asks for them: the first touch of a page and the search for its address then cost a fraction, and blocks that lie apart,
-/// as those of Y, are found sooner.
+/// Allocates on cache-line boundaries, so that no vector register load of a padded row crosses two
+/// lines. What takes several huge pages asks for them: the first touch of a page and the search for
+/// its address then cost a fraction, and blocks that lie apart, as those of Y, are found sooner.
 template <typename T>
 struct CacheLineAllocator {
   using value_type = T;
@@ -21,7 +21,8 @@ struct CacheLineAllocator {
 
   CacheLineAllocator() = default;
   template <typename U>
-  CacheLineAllocator(const CacheLineAllocator<U>&) {}  // NOLINT(google-explicit-constructor): allocators convert
+  CacheLineAllocator(const CacheLineAllocator<U>&) {
+  }  // NOLINT(google-explicit-constructor): allocators convert
 
   T* allocate(std::size_t count) {
     void* memory = ::operator new(count * sizeof(T), Alignment(count));
@@ -30,7 +31,8 @@ struct CacheLineAllocator {
   }
   void deallocate(T* pointer, std::size_t count) { ::operator delete(pointer, Alignment(count)); }
 
-  /// A wish: where it is not granted nothing changes. The last page may be mostly empty and stays a small one.
+  /// A wish: where it is not granted nothing changes. The last page may be mostly empty and stays a
+  /// small one.
   static void AskForHugePages([[maybe_unused]] void* memory, [[maybe_unused]] std::size_t count) {
 #ifdef __linux__
     if (IsLarge(count)) {

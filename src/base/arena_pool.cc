@@ -4,7 +4,8 @@
 
 namespace inceres::internal {
 
-// The state is 0 while the place has no arena, n while its arena of n threads is idle, −n while a call is in it.
+// The state is 0 while the place has no arena, n while its arena of n threads is idle, −n while a
+// call is in it.
 struct LeasedArena::Place {
   std::atomic<int> state{0};
   tbb::task_arena* arena = nullptr;  // written once, by the first call in it
@@ -12,10 +13,12 @@ struct LeasedArena::Place {
 
 namespace {
 
-// Room for calls at the same time and for numbers of threads. What finds none has an arena for this one call.
+// Room for calls at the same time and for numbers of threads. What finds none has an arena for this
+// one call.
 constexpr int kNumPlaces = 256;
 
-// Constant initialization, trivial destruction: there before the first solve and after the last one.
+// Constant initialization, trivial destruction: there before the first solve and after the last
+// one.
 LeasedArena::Place places[kNumPlaces];
 
 }  // namespace
@@ -33,7 +36,8 @@ LeasedArena::LeasedArena(int num_threads) {
 bool LeasedArena::TakeFrom(Place* place, int num_threads) {
   int state = place->state.load(std::memory_order_relaxed);
   if ((state != num_threads && state != 0) ||
-      !place->state.compare_exchange_strong(state, -num_threads, std::memory_order_acquire, std::memory_order_relaxed)) {
+      !place->state.compare_exchange_strong(state, -num_threads, std::memory_order_acquire,
+                                            std::memory_order_relaxed)) {
     return false;
   }
   place_ = place;

@@ -12,8 +12,9 @@ namespace inceres::internal {
 
 namespace {
 
-// oneTBB's own synchronization is not compiled with the thread sanitizer; these tell it what parallel_for guarantees: what the
-// caller did before happens before every task, and every task happens before the call returns.
+// oneTBB's own synchronization is not compiled with the thread sanitizer; these tell it what
+// parallel_for guarantees: what the caller did before happens before every task, and every task
+// happens before the call returns.
 #if defined(__SANITIZE_THREAD__)
 void Acquire(char* token) {
   __tsan_acquire(token);
@@ -51,13 +52,15 @@ void Executor::RunParallel(int count, int grain, Callback callback, const void* 
   const AtEnd all_finished(Acquire, &finished);
   Release(&started);
   arena->execute([&] {
-    tbb::parallel_for(tbb::blocked_range<int>(0, count, grain), [&](const tbb::blocked_range<int>& range) {
-      Acquire(&started);
-      const AtEnd task_finished(Release, &finished);
-      // Isolated: a body that waits in oneTBB itself, as a user's function may, must not be handed another range of ours
-      // meanwhile.
-      tbb::this_task_arena::isolate([&] { callback(mutable_context, range.begin(), range.end()); });
-    });
+    tbb::parallel_for(tbb::blocked_range<int>(0, count, grain),
+                      [&](const tbb::blocked_range<int>& range) {
+                        Acquire(&started);
+                        const AtEnd task_finished(Release, &finished);
+                        // Isolated: a body that waits in oneTBB itself, as a user's function may,
+                        // must not be handed another range of ours meanwhile.
+                        tbb::this_task_arena::isolate(
+                            [&] { callback(mutable_context, range.begin(), range.end()); });
+                      });
   });
 }
 

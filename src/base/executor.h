@@ -4,12 +4,12 @@
 
 namespace inceres::internal {
 
-/// Runs independent tasks on up to num_threads threads of oneTBB, the calling one among them, in an arena that no other call is
-/// in. With one thread, or one task, everything runs on the calling thread and oneTBB is never touched. An executor holds
-/// nothing, so it costs nothing to make one.
+/// Runs independent tasks on up to num_threads threads of oneTBB, the calling one among them, in an
+/// arena that no other call is in. With one thread, or one task, everything runs on the calling
+/// thread and oneTBB is never touched. An executor holds nothing, so it costs nothing to make one.
 ///
-/// Callers let each task write its own output, and sum what tasks wrote in groups that do not depend on num_threads: then the
-/// result is the same to the last bit for any number of threads.
+/// Callers let each task write its own output, and sum what tasks wrote in groups that do not
+/// depend on num_threads: then the result is the same to the last bit for any number of threads.
 class Executor {
  public:
   explicit Executor(int num_threads) : num_threads_(num_threads) {}
@@ -29,7 +29,9 @@ class Executor {
     }
     using Function = std::remove_reference_t<Body>;
     RunParallel(
-        count, grain, [](void* context, int begin, int end) { (*static_cast<Function*>(context))(begin, end); }, &body);
+        count, grain,
+        [](void* context, int begin, int end) { (*static_cast<Function*>(context))(begin, end); },
+        &body);
   }
 
  private:

@@ -20,7 +20,8 @@ inline std::string JsonString(const std::string& value) {
   return text + '"';
 }
 
-/// A JSON object under construction. Numbers keep 17 digits; what JSON has no number for becomes null.
+/// A JSON object under construction. Numbers keep 17 digits; what JSON has no number for becomes
+/// null.
 class JsonObject {
  public:
   JsonObject() {
@@ -42,7 +43,9 @@ class JsonObject {
     Name(name) << value;
     return *this;
   }
-  JsonObject& Add(const char* name, int value) { return Add(name, static_cast<std::int64_t>(value)); }
+  JsonObject& Add(const char* name, int value) {
+    return Add(name, static_cast<std::int64_t>(value));
+  }
   JsonObject& Add(const char* name, bool value) {
     Name(name) << value;
     return *this;

@@ -4,8 +4,9 @@
 
 namespace inceres::internal {
 
-/// The lowest of the indices that tasks note, in whatever order they do: the first failure of a pass, say. What a task sees while
-/// others run may be out of date, and then too high; after Executor::For it is exact.
+/// The lowest of the indices that tasks note, in whatever order they do: the first failure of a
+/// pass, say. What a task sees while others run may be out of date, and then too high; after
+/// Executor::For it is exact.
 class LowestIndex {
  public:
   explicit LowestIndex(int none) : lowest_(none) {}
@@ -14,7 +15,8 @@ class LowestIndex {
 
   void Note(int index) {
     int lowest = get();
-    while (index < lowest && !lowest_.compare_exchange_weak(lowest, index, std::memory_order_relaxed)) {
+    while (index < lowest &&
+           !lowest_.compare_exchange_weak(lowest, index, std::memory_order_relaxed)) {
     }
   }
 

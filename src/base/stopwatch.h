@@ -22,8 +22,9 @@ class StageTimer {
   double start_;
 };
 
-/// Shares time out among stages that follow one another: one reading of the clock ends a stage and begins the next, where a
-/// StageTimer takes two (35 ns each, a tenth of what a small problem takes).
+/// Shares time out among stages that follow one another: one reading of the clock ends a stage and
+/// begins the next, where a StageTimer takes two (35 ns each, a tenth of what a small problem
+/// takes).
 class StageClock {
  public:
   /// The last reading.

@@ -10,8 +10,9 @@
 
 namespace inceres::internal {
 
-/// Zeros that cost nothing until they are touched: what is as large as all Jacobians comes from the system as zero pages, and the
-/// threads that write it first share the work of providing them. Aligned as an AlignedVector; of a size once and for all.
+/// Zeros that cost nothing until they are touched: what is as large as all Jacobians comes from the
+/// system as zero pages, and the threads that write it first share the work of providing them.
+/// Aligned as an AlignedVector; of a size once and for all.
 class ZeroedArray {
  public:
   ZeroedArray() = default;

@@ -20,7 +20,8 @@ struct Pose {
 
 }  // namespace
 
-RelativeCamera::RelativeCamera(const double* pose_i, const double* pose_j, const double* body_from_camera) {
+RelativeCamera::RelativeCamera(const double* pose_i, const double* pose_j,
+                               const double* body_from_camera) {
   const Pose i(pose_i), j(pose_j), c(body_from_camera);
   const Eigen::Matrix3d camera_from_world = (j.R * c.R).transpose();
   A = camera_from_world * i.R * c.R;

@@ -23,7 +23,8 @@ void Clear(WindowSummary* summary) {
 }
 
 Status NoLandmark(std::int64_t track) {
-  return Status::Error(StatusCode::kInvalidArgument, "track " + std::to_string(track) + " has no landmark in the window");
+  return Status::Error(StatusCode::kInvalidArgument,
+                       "track " + std::to_string(track) + " has no landmark in the window");
 }
 
 }  // namespace
@@ -32,7 +33,9 @@ class SlidingWindowEstimator::Impl {
  public:
   explicit Impl(const SlidingWindowOptions& options) : window(options) {}
 
-  const internal::FrameRecord& Frame(int i) const { return window.frames()[static_cast<std::size_t>(i)]; }
+  const internal::FrameRecord& Frame(int i) const {
+    return window.frames()[static_cast<std::size_t>(i)];
+  }
   // Null if the track has no landmark.
   const internal::Track* Landmark(std::int64_t track) const {
     const internal::Track* found = window.tracks().Find(track);
@@ -43,12 +46,14 @@ class SlidingWindowEstimator::Impl {
   internal::Window window;
 };
 
-SlidingWindowEstimator::SlidingWindowEstimator(const SlidingWindowOptions& options) : impl_(std::make_unique<Impl>(options)) {
+SlidingWindowEstimator::SlidingWindowEstimator(const SlidingWindowOptions& options)
+    : impl_(std::make_unique<Impl>(options)) {
 }
 
 SlidingWindowEstimator::~SlidingWindowEstimator() = default;
 
-Status SlidingWindowEstimator::Start(const WindowStart& start, const std::vector<WindowObservation>& observations) {
+Status SlidingWindowEstimator::Start(const WindowStart& start,
+                                     const std::vector<WindowObservation>& observations) {
   return impl_->window.Start(start, observations);
 }
 
@@ -100,12 +105,14 @@ VariableId SlidingWindowEstimator::LandmarkId(std::int64_t track) const {
 
 Status SlidingWindowEstimator::StateCovariance(int i, std::array<double, 225>* covariance) const {
   if (i < 0 || i >= num_frames()) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "the window has no frame " + std::to_string(i) + ", but " + std::to_string(num_frames()));
+    return Status::Error(
+        StatusCode::kInvalidArgument,
+        "the window has no frame " + std::to_string(i) + ", but " + std::to_string(num_frames()));
   }
   const VariableId pose = PoseId(i), speed_bias = SpeedBiasId(i);
   Covariance blocks;
-  const Status status = blocks.Compute(solver(), {{pose, pose}, {pose, speed_bias}, {speed_bias, speed_bias}});
+  const Status status =
+      blocks.Compute(solver(), {{pose, pose}, {pose, speed_bias}, {speed_bias, speed_bias}});
   if (!status.ok()) {
     return status;
   }
@@ -118,7 +125,8 @@ Status SlidingWindowEstimator::StateCovariance(int i, std::array<double, 225>* c
   return Status::Ok();
 }
 
-Status SlidingWindowEstimator::LandmarkPosition(std::int64_t track, std::array<double, 3>* point) const {
+Status SlidingWindowEstimator::LandmarkPosition(std::int64_t track,
+                                                std::array<double, 3>* point) const {
   const internal::Track* found = impl_->Landmark(track);
   if (found == nullptr) {
     return NoLandmark(track);
@@ -126,13 +134,14 @@ Status SlidingWindowEstimator::LandmarkPosition(std::int64_t track, std::array<d
   const internal::View& anchor_view = found->views.front();
   const VariableId anchor = impl_->window.FrameNumbered(anchor_view.frame).pose;
   const internal::Feature feature = impl_->window.graph().FeatureOf(found->landmark, anchor_view);
-  const Eigen::Vector3d x =
-      internal::PointInWorld(feature, solver().Values(anchor), impl_->window.options().body_from_camera.data());
+  const Eigen::Vector3d x = internal::PointInWorld(feature, solver().Values(anchor),
+                                                   impl_->window.options().body_from_camera.data());
   *point = {x.x(), x.y(), x.z()};
   return Status::Ok();
 }
 
-Status SlidingWindowEstimator::LandmarkHessian(std::int64_t track, std::vector<double>* hessian) const {
+Status SlidingWindowEstimator::LandmarkHessian(std::int64_t track,
+                                               std::vector<double>* hessian) const {
   const internal::Track* found = impl_->Landmark(track);
   if (found == nullptr) {
     return NoLandmark(track);
@@ -142,7 +151,8 @@ Status SlidingWindowEstimator::LandmarkHessian(std::int64_t track, std::vector<d
   const int size = graph.TangentSize(landmark);
   RowMajor P = RowMajor::Zero(size, size);
   internal::FactorLinearizer linearizer(
-      graph, [this](VariableId id) { return solver().Values(id); }, [=](VariableId id) { return id == landmark; });
+      graph, [this](VariableId id) { return solver().Values(id); },
+      [=](VariableId id) { return id == landmark; });
   for (const internal::View& view : found->views) {
     internal::LinearizedFactor factor;
     if (view.factor.family < 0) {
@@ -153,9 +163,10 @@ Status SlidingWindowEstimator::LandmarkHessian(std::int64_t track, std::vector<d
       return status;
     }
     const FactorFamily& family = graph.family(view.factor.family);
-    const internal::SlotJacobians& slot = factor.slots[family.num_slots() - 1];  // the landmark's, in both families
-    const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> J(slot.data, factor.rows, size,
-                                                                Eigen::OuterStride<>(slot.row_stride));
+    // the landmark's, in both families
+    const internal::SlotJacobians& slot = factor.slots[family.num_slots() - 1];
+    const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> J(
+        slot.data, factor.rows, size, Eigen::OuterStride<>(slot.row_stride));
     P += J.transpose() * J;
   }
   hessian->assign(P.data(), P.data() + P.size());
@@ -169,7 +180,8 @@ std::vector<double> SlidingWindowEstimator::PriorSpectrum() const {
   }
   const auto rows = static_cast<Eigen::Index>(prior->e0.size());
   const Eigen::Map<const RowMajor> J(prior->J.data(), rows, prior->num_columns());
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> decomposition(J.transpose() * J, Eigen::EigenvaluesOnly);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> decomposition(J.transpose() * J,
+                                                                     Eigen::EigenvaluesOnly);
   const Eigen::VectorXd& values = decomposition.eigenvalues();
   return {values.data(), values.data() + values.size()};
 }

@@ -26,7 +26,9 @@ Status ValidateCamera(const std::array<double, 7>& pose) {
   if (!internal::AllFinite(pose.data(), pose.size())) {
     return Invalid("body_from_camera is not finite");
   }
-  return internal::HasUnitQuaternion(pose) ? Status::Ok() : Invalid("the quaternion of body_from_camera is not of unit length");
+  return internal::HasUnitQuaternion(pose)
+             ? Status::Ok()
+             : Invalid("the quaternion of body_from_camera is not of unit length");
 }
 
 }  // namespace
@@ -38,9 +40,10 @@ Status SlidingWindowOptions::Validate() const {
   if (min_tracked < 0 || !IsNotNegative(min_parallax)) {
     return Invalid("min_tracked and min_parallax must not be negative");
   }
-  const std::pair<const char*, double> positive[] = {{"feature_sigma[0]", feature_sigma[0]},
-                                                     {"feature_sigma[1]", feature_sigma[1]},
-                                                     {"min_triangulation_parallax", min_triangulation_parallax}};
+  const std::pair<const char*, double> positive[] = {
+      {"feature_sigma[0]", feature_sigma[0]},
+      {"feature_sigma[1]", feature_sigma[1]},
+      {"min_triangulation_parallax", min_triangulation_parallax}};
   for (const auto& [name, value] : positive) {
     if (!IsPositive(value)) {
       return Invalid(std::string(name) + " must be positive and finite");
@@ -50,7 +53,8 @@ Status SlidingWindowOptions::Validate() const {
     return Invalid("max_imu_seconds and max_mean_error must be positive");
   }
   if (imu.conventions.perturbation != ImuConventions::Perturbation::kRight) {
-    return Invalid("imu.conventions.perturbation is kLeft; the reprojections are written for kRight");
+    return Invalid(
+        "imu.conventions.perturbation is kLeft; the reprojections are written for kRight");
   }
   Status status = ValidateCamera(body_from_camera);
   status = status.ok() ? imu.Validate() : status;

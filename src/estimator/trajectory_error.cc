@@ -24,12 +24,14 @@ Eigen::Matrix3Xd PlacesOf(const Trajectory& trajectory) {
 }
 
 // Between consecutive indices.
-RelativePoseError ErrorBetween(const Trajectory& estimate, const Trajectory& truth, const std::vector<std::size_t>& indices) {
+RelativePoseError ErrorBetween(const Trajectory& estimate, const Trajectory& truth,
+                               const std::vector<std::size_t>& indices) {
   RelativePoseError error;
   for (std::size_t k = 1; k < indices.size(); ++k) {
     const std::size_t i = indices[k - 1], j = indices[k];
     const Eigen::Isometry3d true_motion = PoseOf(truth[i]).inverse() * PoseOf(truth[j]);
-    const Eigen::Isometry3d difference = true_motion.inverse() * (PoseOf(estimate[i]).inverse() * PoseOf(estimate[j]));
+    const Eigen::Isometry3d difference =
+        true_motion.inverse() * (PoseOf(estimate[i]).inverse() * PoseOf(estimate[j]));
     const double degrees = Eigen::AngleAxisd(difference.rotation()).angle() * 180.0 / M_PI;
     error.translation += difference.translation().squaredNorm();
     error.rotation_degrees += degrees * degrees;
@@ -47,11 +49,13 @@ RelativePoseError ErrorBetween(const Trajectory& estimate, const Trajectory& tru
 double AbsoluteTrajectoryError(const Trajectory& estimate, const Trajectory& truth) {
   const Eigen::Matrix3Xd places = PlacesOf(estimate), true_places = PlacesOf(truth);
   const Eigen::Matrix4d T = Eigen::umeyama(places, true_places, false);
-  const Eigen::Matrix3Xd aligned = (T.topLeftCorner<3, 3>() * places).colwise() + T.topRightCorner<3, 1>();
+  const Eigen::Matrix3Xd aligned =
+      (T.topLeftCorner<3, 3>() * places).colwise() + T.topRightCorner<3, 1>();
   return std::sqrt((aligned - true_places).squaredNorm() / static_cast<double>(places.cols()));
 }
 
-RelativePoseError RelativePoseErrorOverFrames(const Trajectory& estimate, const Trajectory& truth, int frames) {
+RelativePoseError RelativePoseErrorOverFrames(const Trajectory& estimate, const Trajectory& truth,
+                                              int frames) {
   std::vector<std::size_t> indices;
   for (std::size_t i = 0; i < estimate.size(); i += static_cast<std::size_t>(frames)) {
     indices.push_back(i);
@@ -59,7 +63,8 @@ RelativePoseError RelativePoseErrorOverFrames(const Trajectory& estimate, const 
   return ErrorBetween(estimate, truth, indices);
 }
 
-RelativePoseError RelativePoseErrorOverPath(const Trajectory& estimate, const Trajectory& truth, double meters) {
+RelativePoseError RelativePoseErrorOverPath(const Trajectory& estimate, const Trajectory& truth,
+                                            double meters) {
   std::vector<std::size_t> indices;
   double path = 0.0;
   for (std::size_t i = 1; i < estimate.size(); ++i) {

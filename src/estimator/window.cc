@@ -9,13 +9,15 @@
 namespace inceres::internal {
 
 const FrameRecord& Window::FrameNumbered(std::int64_t number) const {
-  return *std::find_if(frames_.begin(), frames_.end(), [number](const FrameRecord& frame) { return frame.number == number; });
+  return *std::find_if(frames_.begin(), frames_.end(),
+                       [number](const FrameRecord& frame) { return frame.number == number; });
 }
 
 Status Window::Start(const WindowStart& start, const std::vector<WindowObservation>& observations) {
   Status status = options_.Validate();
   if (status.ok() && !frames_.empty()) {
-    status = Status::Error(StatusCode::kInvalidArgument, "SlidingWindowEstimator: Start was called before");
+    status = Status::Error(StatusCode::kInvalidArgument,
+                           "SlidingWindowEstimator: Start was called before");
   }
   status = status.ok() ? CheckStart(start) : status;
   status = status.ok() ? CheckObservations(start.state.time, observations) : status;
@@ -41,15 +43,17 @@ Status Window::Solve(WindowSummary* summary) {
   if (summary->update.termination != Termination::kFailure) {
     return RejectLandmarks(summary);
   }
-  // What has come last is at fault, or else the next solve fails as well: the views of the newest frame go.
+  // What has come last is at fault, or else the next solve fails as well: the views of the newest
+  // frame go.
   GraphEdit edit(graph_.solver.graph());
   WindowTracks tracks = tracks_;
   DropViewsFrom(frames_.back().number, &tracks, &edit, summary);
   if (graph_.solver.Apply(edit).ok()) {
     tracks_ = std::move(tracks);
   }
-  return Status::Error(StatusCode::kEvaluationFailed,
-                       "the solve failed, and the frame's views are dropped: " + summary->update.message);
+  return Status::Error(
+      StatusCode::kEvaluationFailed,
+      "the solve failed, and the frame's views are dropped: " + summary->update.message);
 }
 
 // Whether a landmark is behind a camera that sees it, or its views err too much.
@@ -67,7 +71,8 @@ bool Window::IsWrong(const Track& track) const {
     sum += std::hypot((point[0] - view->point[0]) / options_.feature_sigma[0],
                       (point[1] - view->point[1]) / options_.feature_sigma[1]);
   }
-  return feature.lambda <= 0.0 || !(sum <= options_.max_mean_error * static_cast<double>(track.views.size()));
+  return feature.lambda <= 0.0 ||
+         !(sum <= options_.max_mean_error * static_cast<double>(track.views.size()));
 }
 
 Status Window::RejectLandmarks(WindowSummary* summary) {

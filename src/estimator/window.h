@@ -8,15 +8,16 @@
 
 namespace inceres::internal {
 
-/// What a SlidingWindowEstimator does, phase by phase: AddFrame is Admit, Solve and Slide, one after the other. A phase that
-/// fails leaves frames, tracks and graph in step with each other.
+/// What a SlidingWindowEstimator does, phase by phase: AddFrame is Admit, Solve and Slide, one
+/// after the other. A phase that fails leaves frames, tracks and graph in step with each other.
 class Window {
  public:
   explicit Window(const SlidingWindowOptions& options) : options_(options), graph_(options_) {}
 
   Status Start(const WindowStart& start, const std::vector<WindowObservation>& observations);
 
-  /// Takes up a frame where the IMU predicts it, with its views of landmarks, and makes new ones. (window_frames.cc)
+  /// Takes up a frame where the IMU predicts it, with its views of landmarks, and makes new ones.
+  /// (window_frames.cc)
   Status Admit(const WindowFrame& frame, WindowSummary* summary);
   /// Minimizes within the budget; then takes out landmarks that are wrong.
   Status Solve(WindowSummary* summary);
@@ -36,7 +37,8 @@ class Window {
  private:
   bool BeginsKeyframe(const WindowFrame& frame, const ImuPreintegrator& imu) const;
   Status Predict(const WindowFrame& frame, ImuPreintegrator* imu, WindowState* state) const;
-  Status Connect(const WindowFrame& frame, const ImuPreintegrator& imu, const WindowState& predicted);
+  Status Connect(const WindowFrame& frame, const ImuPreintegrator& imu,
+                 const WindowState& predicted);
   Status CreateLandmarks(WindowSummary* summary);
   bool Triangulate(const Track& track, Feature* feature) const;
 
@@ -46,8 +48,10 @@ class Window {
   Status MarginalizeOldest(WindowSummary* summary);
   Status Reanchor(WindowSummary* summary);
   Status DropSecondNewest(WindowSummary* summary);
-  void DropViewsFrom(std::int64_t frame, WindowTracks* tracks, GraphEdit* edit, WindowSummary* summary) const;
-  Status Marginalize(const MarginalizationOptions& options, MarginalizationRequest* request, WindowSummary* summary);
+  void DropViewsFrom(std::int64_t frame, WindowTracks* tracks, GraphEdit* edit,
+                     WindowSummary* summary) const;
+  Status Marginalize(const MarginalizationOptions& options, MarginalizationRequest* request,
+                     WindowSummary* summary);
   bool IsInPrior(VariableId id) const;
 
   const SlidingWindowOptions options_;

@@ -10,7 +10,8 @@ namespace inceres::internal {
 
 Status Window::Admit(const WindowFrame& frame, WindowSummary* summary) {
   if (frames_.empty()) {
-    return Status::Error(StatusCode::kInvalidArgument, "SlidingWindowEstimator: Start must come before AddFrame");
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "SlidingWindowEstimator: Start must come before AddFrame");
   }
   Status status = CheckFrame(frames_.back().time, frame);
   ImuPreintegrator imu(options_.imu);
@@ -36,7 +37,8 @@ bool Window::BeginsKeyframe(const WindowFrame& frame, const ImuPreintegrator& im
   }
   const FrameRecord& newest = frames_.back();
   return graph_.Imu(newest).delta().dt + imu.delta().dt > options_.max_imu_seconds ||
-         tracks_.Parallax(frames_[frames_.size() - 2].number, newest.number) >= options_.min_parallax;
+         tracks_.Parallax(frames_[frames_.size() - 2].number, newest.number) >=
+             options_.min_parallax;
 }
 
 Status Window::Predict(const WindowFrame& frame, ImuPreintegrator* imu, WindowState* state) const {
@@ -46,20 +48,22 @@ Status Window::Predict(const WindowFrame& frame, ImuPreintegrator* imu, WindowSt
   const double* speed_bias = graph_.solver.Values(newest.speed_bias);
   const ImuLayout layout = LayoutOf(options_.imu.conventions);
   if (status.ok()) {
-    status = imu->Integrate(samples, speed_bias + layout.gyr_column, speed_bias + layout.acc_column);
+    status =
+        imu->Integrate(samples, speed_bias + layout.gyr_column, speed_bias + layout.acc_column);
   }
   *state = graph_.StateOf(newest);
   state->time = frame.time;
   std::array<double, 9> next_speed_bias{};
   if (status.ok()) {
-    status = PropagateImu(*imu, graph_.solver.Values(newest.pose), speed_bias, nullptr, state->pose.data(),
-                          next_speed_bias.data(), nullptr);
+    status = PropagateImu(*imu, graph_.solver.Values(newest.pose), speed_bias, nullptr,
+                          state->pose.data(), next_speed_bias.data(), nullptr);
   }
   std::copy_n(next_speed_bias.begin(), 3, state->velocity.begin());
   return status;
 }
 
-Status Window::Connect(const WindowFrame& frame, const ImuPreintegrator& imu, const WindowState& predicted) {
+Status Window::Connect(const WindowFrame& frame, const ImuPreintegrator& imu,
+                       const WindowState& predicted) {
   GraphEdit edit(graph_.solver.graph());
   WindowTracks tracks = tracks_;
   FrameRecord record = graph_.AddFrame(next_number_, predicted, &edit);
@@ -69,7 +73,8 @@ Status Window::Connect(const WindowFrame& frame, const ImuPreintegrator& imu, co
     View view{record.number, seen.point, {}};
     if (track.has_landmark()) {
       const View& anchor_view = track.views.front();
-      graph_.AddView(track.landmark, FrameNumbered(anchor_view.frame), anchor_view, record, &view, &edit);
+      graph_.AddView(track.landmark, FrameNumbered(anchor_view.frame), anchor_view, record, &view,
+                     &edit);
     }
     track.views.push_back(view);
   }
@@ -99,13 +104,15 @@ Status Window::CreateLandmarks(WindowSummary* summary) {
   const std::int64_t newest = frames_.back().number;
   for (auto& [number, track] : tracks.all()) {
     Feature feature;
-    if (track.has_landmark() || track.views.size() < 2 || track.views.back().frame != newest || !Triangulate(track, &feature)) {
+    if (track.has_landmark() || track.views.size() < 2 || track.views.back().frame != newest ||
+        !Triangulate(track, &feature)) {
       continue;
     }
     View& anchor_view = track.views.front();
     track.landmark = graph_.AddLandmark(feature, &anchor_view, &edit);
     for (auto view = track.views.begin() + 1; view != track.views.end(); ++view) {
-      graph_.AddView(track.landmark, FrameNumbered(anchor_view.frame), anchor_view, FrameNumbered(view->frame), &*view, &edit);
+      graph_.AddView(track.landmark, FrameNumbered(anchor_view.frame), anchor_view,
+                     FrameNumbered(view->frame), &*view, &edit);
     }
     ++summary->num_new_landmarks;
   }

@@ -13,7 +13,8 @@ WindowGraph::WindowGraph(const SlidingWindowOptions& options)
       gyr_column_(LayoutOf(options.imu.conventions).gyr_column),
       views_(std::make_shared<BodyReprojectionFamily>(
           BodyReprojectionFamily::TimeOffset::kNone,
-          has_bearing_ ? BodyReprojectionFamily::Feature::kBearing : BodyReprojectionFamily::Feature::kInverseDepth)) {
+          has_bearing_ ? BodyReprojectionFamily::Feature::kBearing
+                       : BodyReprojectionFamily::Feature::kInverseDepth)) {
   imu_id_ = solver.AddFamily(imu_);
   pose_priors_id_ = solver.AddFamily(pose_priors_);
   speed_bias_priors_id_ = solver.AddFamily(speed_bias_priors_);
@@ -40,7 +41,8 @@ WindowState WindowGraph::StateOf(const FrameRecord& record) const {
   return state;
 }
 
-FrameRecord WindowGraph::AddFrame(std::int64_t number, const WindowState& state, GraphEdit* edit) const {
+FrameRecord WindowGraph::AddFrame(std::int64_t number, const WindowState& state,
+                                  GraphEdit* edit) const {
   FrameRecord record;
   record.number = number;
   record.time = state.time;
@@ -69,7 +71,8 @@ void WindowGraph::AddStart(const WindowStart& start, const FrameRecord& record, 
   edit->AddFactor(speed_bias_priors_id_, *speed_bias_priors_, speed_bias, {record.speed_bias});
 }
 
-FactorId WindowGraph::AddImu(const ImuPreintegrator& imu, const FrameRecord& from, const FrameRecord& to, GraphEdit* edit) {
+FactorId WindowGraph::AddImu(const ImuPreintegrator& imu, const FrameRecord& from,
+                             const FrameRecord& to, GraphEdit* edit) {
   return edit->AddFactor(imu_id_, *imu_, imu, {from.pose, from.speed_bias, to.pose, to.speed_bias});
 }
 
@@ -80,26 +83,29 @@ VariableId WindowGraph::AddLandmark(const Feature& feature, View* anchor_view, G
     return edit->AddVariable(values + 2, 1, Role::kLandmark);
   }
   const VariableId landmark = edit->AddVariable(values, 3, Role::kLandmark);
-  anchor_view->factor = edit->AddFactor(bearings_id_, *bearings_,
-                                        {{anchor_view->point.begin(), anchor_view->point.end()},
-                                         {1.0 / options_.feature_sigma[0], 1.0 / options_.feature_sigma[1]}},
-                                        {landmark}, options_.loss);
+  anchor_view->factor =
+      edit->AddFactor(bearings_id_, *bearings_,
+                      {{anchor_view->point.begin(), anchor_view->point.end()},
+                       {1.0 / options_.feature_sigma[0], 1.0 / options_.feature_sigma[1]}},
+                      {landmark}, options_.loss);
   return landmark;
 }
 
-void WindowGraph::AddView(VariableId landmark, const FrameRecord& anchor, const View& anchor_view, const FrameRecord& record,
-                          View* view, GraphEdit* edit) {
+void WindowGraph::AddView(VariableId landmark, const FrameRecord& anchor, const View& anchor_view,
+                          const FrameRecord& record, View* view, GraphEdit* edit) {
   BodyReprojectionFamily::Measurement measurement;
   std::copy(anchor_view.point.begin(), anchor_view.point.end(), measurement.point_i);
   std::copy(view->point.begin(), view->point.end(), measurement.point_j);
   measurement.sqrt_information[0] = 1.0 / options_.feature_sigma[0];
   measurement.sqrt_information[2] = 1.0 / options_.feature_sigma[1];
-  view->factor = edit->AddFactor(views_id_, *views_, measurement, {anchor.pose, record.pose, camera_, landmark}, options_.loss);
+  view->factor = edit->AddFactor(views_id_, *views_, measurement,
+                                 {anchor.pose, record.pose, camera_, landmark}, options_.loss);
 }
 
 Feature WindowGraph::FeatureOf(VariableId landmark, const View& anchor_view) const {
   const double* values = solver.Values(landmark);
-  return has_bearing_ ? Feature{{values[0], values[1]}, values[2]} : Feature{anchor_view.point, values[0]};
+  return has_bearing_ ? Feature{{values[0], values[1]}, values[2]}
+                      : Feature{anchor_view.point, values[0]};
 }
 
 RelativeCamera WindowGraph::CameraBetween(const FrameRecord& i, const FrameRecord& j) const {

@@ -33,8 +33,8 @@ struct View {
   FactorId factor;
 };
 
-/// The graph of a window: which variables and factors frames, landmarks and views are. Additions go into an edit of
-/// solver.graph(), which the caller applies.
+/// The graph of a window: which variables and factors frames, landmarks and views are. Additions go
+/// into an edit of solver.graph(), which the caller applies.
 class WindowGraph {
  public:
   explicit WindowGraph(const SlidingWindowOptions& options);
@@ -43,16 +43,19 @@ class WindowGraph {
   FrameRecord AddFrame(std::int64_t number, const WindowState& state, GraphEdit* edit) const;
   /// What is known of the first one.
   void AddStart(const WindowStart& start, const FrameRecord& record, GraphEdit* edit);
-  FactorId AddImu(const ImuPreintegrator& imu, const FrameRecord& from, const FrameRecord& to, GraphEdit* edit);
+  FactorId AddImu(const ImuPreintegrator& imu, const FrameRecord& from, const FrameRecord& to,
+                  GraphEdit* edit);
   /// A landmark with its view from its anchor.
   VariableId AddLandmark(const Feature& feature, View* anchor_view, GraphEdit* edit);
   /// A later view of it.
-  void AddView(VariableId landmark, const FrameRecord& anchor, const View& anchor_view, const FrameRecord& record, View* view,
-               GraphEdit* edit);
+  void AddView(VariableId landmark, const FrameRecord& anchor, const View& anchor_view,
+               const FrameRecord& record, View* view, GraphEdit* edit);
 
   WindowState StateOf(const FrameRecord& record) const;
   Feature FeatureOf(VariableId landmark, const View& anchor_view) const;
-  const ImuPreintegrator& Imu(const FrameRecord& record) const { return imu_->measurement(record.imu.index); }
+  const ImuPreintegrator& Imu(const FrameRecord& record) const {
+    return imu_->measurement(record.imu.index);
+  }
   RelativeCamera CameraBetween(const FrameRecord& i, const FrameRecord& j) const;
 
   /// The fewest factors that determine a landmark.
@@ -69,7 +72,8 @@ class WindowGraph {
   std::shared_ptr<const Manifold> pose_manifold_ = std::make_shared<PoseManifold>();
   std::shared_ptr<ImuFactorFamily> imu_ = std::make_shared<ImuFactorFamily>();
   std::shared_ptr<PosePriorFamily> pose_priors_ = std::make_shared<PosePriorFamily>();
-  std::shared_ptr<DiagonalPriorFamily> speed_bias_priors_ = std::make_shared<DiagonalPriorFamily>(9);
+  std::shared_ptr<DiagonalPriorFamily> speed_bias_priors_ =
+      std::make_shared<DiagonalPriorFamily>(9);
   std::shared_ptr<DiagonalPriorFamily> bearings_ = std::make_shared<DiagonalPriorFamily>(2, 3, 3);
   std::shared_ptr<BodyReprojectionFamily> views_;
   FamilyId imu_id_, pose_priors_id_, speed_bias_priors_id_, bearings_id_, views_id_;

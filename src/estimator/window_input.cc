@@ -29,7 +29,8 @@ bool IsFinite(const Values& values) {
 
 template <typename Values>
 bool AllPositive(const Values& values) {
-  return std::all_of(std::begin(values), std::end(values), [](double value) { return value > 0.0 && std::isfinite(value); });
+  return std::all_of(std::begin(values), std::end(values),
+                     [](double value) { return value > 0.0 && std::isfinite(value); });
 }
 
 Status CheckSamples(double time, const std::vector<ImuSample>& samples) {
@@ -43,7 +44,8 @@ Status CheckSamples(double time, const std::vector<ImuSample>& samples) {
     }
     if (i > 0 && !(sample.time > samples[i - 1].time)) {
       return Invalid(time, "IMU sample " + std::to_string(i) + ", at " + Text(sample.time) +
-                               " s, does not come after the one at " + Text(samples[i - 1].time) + " s");
+                               " s, does not come after the one at " + Text(samples[i - 1].time) +
+                               " s");
     }
   }
   return Status::Ok();
@@ -61,15 +63,15 @@ bool HasUnitQuaternion(const std::array<double, 7>& pose) {
 
 Status CheckStart(const WindowStart& start) {
   const WindowState& state = start.state;
-  if (!std::isfinite(state.time) || !IsFinite(state.pose) || !IsFinite(state.velocity) || !IsFinite(state.gyr_bias) ||
-      !IsFinite(state.acc_bias)) {
+  if (!std::isfinite(state.time) || !IsFinite(state.pose) || !IsFinite(state.velocity) ||
+      !IsFinite(state.gyr_bias) || !IsFinite(state.acc_bias)) {
     return Invalid(state.time, "the state at the start is not finite");
   }
   if (!HasUnitQuaternion(state.pose)) {
     return Invalid(state.time, "the quaternion at the start is not of unit length");
   }
-  if (!AllPositive(start.pose_sigma) || !AllPositive(start.velocity_sigma) || !AllPositive(start.gyr_bias_sigma) ||
-      !AllPositive(start.acc_bias_sigma)) {
+  if (!AllPositive(start.pose_sigma) || !AllPositive(start.velocity_sigma) ||
+      !AllPositive(start.gyr_bias_sigma) || !AllPositive(start.acc_bias_sigma)) {
     return Invalid(state.time, "a standard deviation of the start is not positive and finite");
   }
   return Status::Ok();
@@ -79,13 +81,16 @@ Status CheckObservations(double time, const std::vector<WindowObservation>& obse
   std::vector<std::int64_t> tracks;
   for (const WindowObservation& seen : observations) {
     if (!IsFinite(seen.point)) {
-      return Invalid(time, "the observation of track " + std::to_string(seen.track) + " is not finite");
+      return Invalid(time,
+                     "the observation of track " + std::to_string(seen.track) + " is not finite");
     }
     tracks.push_back(seen.track);
   }
   std::sort(tracks.begin(), tracks.end());
   const auto twice = std::adjacent_find(tracks.begin(), tracks.end());
-  return twice == tracks.end() ? Status::Ok() : Invalid(time, "track " + std::to_string(*twice) + " is observed twice");
+  return twice == tracks.end()
+             ? Status::Ok()
+             : Invalid(time, "track " + std::to_string(*twice) + " is observed twice");
 }
 
 Status CheckFrame(double last_time, const WindowFrame& frame) {

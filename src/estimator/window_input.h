@@ -16,8 +16,8 @@ Status CheckStart(const WindowStart& start);
 /// kInvalidArgument naming a track that is there twice or a point that is not finite.
 Status CheckObservations(double time, const std::vector<WindowObservation>& observations);
 
-/// The same of a frame: also its time, which must come after that of the last one, and its samples, which must be finite, of
-/// increasing times.
+/// The same of a frame: also its time, which must come after that of the last one, and its samples,
+/// which must be finite, of increasing times.
 Status CheckFrame(double last_time, const WindowFrame& frame);
 
 }  // namespace inceres::internal

@@ -8,8 +8,10 @@
 namespace inceres::internal {
 namespace {
 
-// Of a marginalization that cannot be done, drops the landmarks at fault. False if it is not landmarks.
-bool DropOffenders(const std::vector<VariableId>& offenders, const FactorGraph& graph, MarginalizationRequest* request) {
+// Of a marginalization that cannot be done, drops the landmarks at fault. False if it is not
+// landmarks.
+bool DropOffenders(const std::vector<VariableId>& offenders, const FactorGraph& graph,
+                   MarginalizationRequest* request) {
   std::vector<VariableId>& marginalized = request->marginalized;
   for (const VariableId id : offenders) {
     const auto found = std::find(marginalized.begin(), marginalized.end(), id);
@@ -23,8 +25,8 @@ bool DropOffenders(const std::vector<VariableId>& offenders, const FactorGraph& 
 }
 
 int CountLandmarks(const FactorGraph& graph, const std::vector<VariableId>& ids) {
-  return static_cast<int>(
-      std::count_if(ids.begin(), ids.end(), [&](VariableId id) { return graph.role(id) == Role::kLandmark; }));
+  return static_cast<int>(std::count_if(
+      ids.begin(), ids.end(), [&](VariableId id) { return graph.role(id) == Role::kLandmark; }));
 }
 
 }  // namespace
@@ -41,7 +43,8 @@ bool Window::IsInPrior(VariableId id) const {
   return std::find(in_prior_.begin(), in_prior_.end(), id) != in_prior_.end();
 }
 
-Status Window::Marginalize(const MarginalizationOptions& options, MarginalizationRequest* request, WindowSummary* summary) {
+Status Window::Marginalize(const MarginalizationOptions& options, MarginalizationRequest* request,
+                           WindowSummary* summary) {
   request->marginalized.insert(request->marginalized.end(), left_over_.begin(), left_over_.end());
   const FactorGraph& graph = graph_.solver.graph();
   MarginalizationSummary& done = summary->marginalization;
@@ -49,7 +52,8 @@ Status Window::Marginalize(const MarginalizationOptions& options, Marginalizatio
   do {
     num_marginalized = CountLandmarks(graph, request->marginalized);
     done = graph_.solver.Marginalize(*request, options);
-  } while (done.status.code == StatusCode::kSingular && DropOffenders(done.offenders, graph, request));
+  } while (done.status.code == StatusCode::kSingular &&
+           DropOffenders(done.offenders, graph, request));
   if (done.status.ok()) {
     summary->num_marginalized_landmarks += num_marginalized;
     left_over_.clear();
@@ -67,7 +71,8 @@ Status Window::MarginalizeOldest(WindowSummary* summary) {
       return status;
     }
   }
-  MarginalizationRequest request = OldestFrameRule(graph_.solver.graph(), {oldest.pose, oldest.speed_bias}, graph_.MinFactors());
+  MarginalizationRequest request =
+      OldestFrameRule(graph_.solver.graph(), {oldest.pose, oldest.speed_bias}, graph_.MinFactors());
   const Status status = Marginalize(options_.marginalization, &request, summary);
   if (status.ok()) {
     summary->num_dropped_landmarks += static_cast<int>(request.dropped.size());
@@ -79,14 +84,16 @@ Status Window::MarginalizeOldest(WindowSummary* summary) {
   return status;
 }
 
-// Landmarks of the oldest frame that the newest one sees, and one more, move on to the next camera that sees them.
+// Landmarks of the oldest frame that the newest one sees, and one more, move on to the next camera
+// that sees them.
 Status Window::Reanchor(WindowSummary* summary) {
   const FrameRecord& oldest = frames_.front();
   GraphEdit edit(graph_.solver.graph());
   WindowTracks tracks = tracks_;
   int count = 0;
   for (auto& [number, track] : tracks.all()) {
-    if (!track.has_landmark() || track.views.size() < 3 || track.views.front().frame != oldest.number ||
+    if (!track.has_landmark() || track.views.size() < 3 ||
+        track.views.front().frame != oldest.number ||
         track.views.back().frame != frames_.back().number) {
       continue;
     }
@@ -101,7 +108,8 @@ Status Window::Reanchor(WindowSummary* summary) {
     const Feature feature{{h.x() / h.z(), h.y() / h.z()}, old_feature.lambda / h.z()};
     track.landmark = graph_.AddLandmark(feature, &track.views[0], &edit);
     for (std::size_t k = 1; k < track.views.size(); ++k) {
-      graph_.AddView(track.landmark, anchor, track.views[0], FrameNumbered(track.views[k].frame), &track.views[k], &edit);
+      graph_.AddView(track.landmark, anchor, track.views[0], FrameNumbered(track.views[k].frame),
+                     &track.views[k], &edit);
     }
     ++count;
   }
@@ -113,9 +121,10 @@ Status Window::Reanchor(WindowSummary* summary) {
   return status;
 }
 
-// Views from a frame go, with landmarks that are then seen from fewer than two. Those that it anchors are: their other view is
-// from the newest frame, if there is one.
-void Window::DropViewsFrom(std::int64_t frame, WindowTracks* tracks, GraphEdit* edit, WindowSummary* summary) const {
+// Views from a frame go, with landmarks that are then seen from fewer than two. Those that it
+// anchors are: their other view is from the newest frame, if there is one.
+void Window::DropViewsFrom(std::int64_t frame, WindowTracks* tracks, GraphEdit* edit,
+                           WindowSummary* summary) const {
   for (auto entry = tracks->all().begin(); entry != tracks->all().end();) {
     Track& track = entry->second;
     const auto view = track.ViewFrom(frame);

@@ -7,7 +7,8 @@
 namespace inceres::internal {
 
 std::vector<View>::const_iterator Track::ViewFrom(std::int64_t frame) const {
-  return std::find_if(views.begin(), views.end(), [frame](const View& view) { return view.frame == frame; });
+  return std::find_if(views.begin(), views.end(),
+                      [frame](const View& view) { return view.frame == frame; });
 }
 
 const Track* WindowTracks::Find(std::int64_t track) const {
@@ -16,13 +17,15 @@ const Track* WindowTracks::Find(std::int64_t track) const {
 }
 
 int WindowTracks::CountKnown(const std::vector<WindowObservation>& observations) const {
-  return static_cast<int>(std::count_if(observations.begin(), observations.end(),
-                                        [this](const WindowObservation& seen) { return tracks_.count(seen.track) > 0; }));
+  return static_cast<int>(std::count_if(
+      observations.begin(), observations.end(),
+      [this](const WindowObservation& seen) { return tracks_.count(seen.track) > 0; }));
 }
 
 int WindowTracks::CountLandmarks() const {
-  return static_cast<int>(
-      std::count_if(tracks_.begin(), tracks_.end(), [](const auto& entry) { return entry.second.has_landmark(); }));
+  return static_cast<int>(std::count_if(tracks_.begin(), tracks_.end(), [](const auto& entry) {
+    return entry.second.has_landmark();
+  }));
 }
 
 double WindowTracks::Parallax(std::int64_t frame_a, std::int64_t frame_b) const {

@@ -26,7 +26,8 @@ void ComputeRotation(const double* w, CameraRotation& rotation) {
   }
 }
 
-// For few factors: remembers the rotation of the last camera. As the cache below, valid for one Evaluate call.
+// For few factors: remembers the rotation of the last camera. As the cache below, valid for one
+// Evaluate call.
 template <bool kWithJacobians>
 class LastRotation {
  public:
@@ -43,14 +44,17 @@ class LastRotation {
   CameraRotation rotation_ = {};
 };
 
-// Remembers the rotations of the cameras seen last, so that most factors need no sine. Direct-mapped by address and valid for
-// one Evaluate call only: parameters do not change within a call, but may between calls.
+// Remembers the rotations of the cameras seen last, so that most factors need no sine.
+// Direct-mapped by address and valid for one Evaluate call only: parameters do not change within a
+// call, but may between calls.
 template <bool kWithJacobians>
 class RotationCache {
  public:
   const CameraRotation& Get(const double* camera) {
-    // Fibonacci hashing: cameras lie at regular distances in the state, and a product spreads those evenly.
-    const std::uint64_t hash = (reinterpret_cast<std::uintptr_t>(camera) >> 3) * std::uint64_t{0x9E3779B97F4A7C15};
+    // Fibonacci hashing: cameras lie at regular distances in the state, and a product spreads those
+    // evenly.
+    const std::uint64_t hash =
+        (reinterpret_cast<std::uintptr_t>(camera) >> 3) * std::uint64_t{0x9E3779B97F4A7C15};
     const std::size_t entry = static_cast<std::size_t>(hash >> (64 - kBits));
     if (keys_[entry] != camera) {
       keys_[entry] = camera;
@@ -102,7 +106,8 @@ inline void DifferentiateProjection(const Projection& v, const double* camera, d
   A[1][2] = A[1][0] * v.p[0] + A[1][1] * v.p[1];
 }
 
-// row = aᵀ M for a row-major 3×3 matrix; returns the sum of the entries, which is finite only if all are.
+// row = aᵀ M for a row-major 3×3 matrix; returns the sum of the entries, which is finite only if
+// all are.
 inline double MultiplyRow(const double a[3], const double M[9], double* row) {
   const double r0 = a[0] * M[0] + a[1] * M[3] + a[2] * M[6];
   const double r1 = a[0] * M[1] + a[1] * M[4] + a[2] * M[7];
@@ -114,8 +119,8 @@ inline double MultiplyRow(const double a[3], const double M[9], double* row) {
 }
 
 // One row of the camera's Jacobian: a = ∂residual_r/∂P, and aᵀ(−[Y]×) J_l = (Y × a)ᵀ J_l.
-inline double WriteCameraRow(const Projection& v, const CameraRotation& rotation, double f, const double a[3], double p,
-                             double* row) {
+inline double WriteCameraRow(const Projection& v, const CameraRotation& rotation, double f,
+                             const double a[3], double p, double* row) {
   double torque[3];
   Cross(v.Y, a, torque);
   double sum = MultiplyRow(torque, rotation.J_l, row);
@@ -129,10 +134,14 @@ inline double WriteCameraRow(const Projection& v, const CameraRotation& rotation
   return sum;
 }
 
-// Where a formula writes the ambient Jacobian of a slot: at its destination if the tangent map is the identity.
+// Where a formula writes the ambient Jacobian of a slot: at its destination if the tangent map is
+// the identity.
 struct Target {
-  Target(const TangentMap& tangent_map, const JacobianView& view, int factor, double* scratch, int ambient_size)
-      : map(tangent_map), destination(view.data + factor * view.factor_stride), destination_stride(view.row_stride) {
+  Target(const TangentMap& tangent_map, const JacobianView& view, int factor, double* scratch,
+         int ambient_size)
+      : map(tangent_map),
+        destination(view.data + factor * view.factor_stride),
+        destination_stride(view.row_stride) {
     const bool direct = map.kind == TangentMap::Kind::kIdentity;
     ambient = direct ? destination : scratch;
     ambient_stride = direct ? destination_stride : ambient_size;
@@ -152,8 +161,8 @@ struct Target {
 };
 
 // Returns a sum over the Jacobian entries written, which is finite only if all are.
-inline double WriteJacobians(const FactorBatch& batch, int i, const Projection& v, const CameraRotation& rotation,
-                             const double* camera) {
+inline double WriteJacobians(const FactorBatch& batch, int i, const Projection& v,
+                             const CameraRotation& rotation, const double* camera) {
   double A[2][3];
   DifferentiateProjection(v, camera, A);
   double sum = 0.0;
@@ -162,7 +171,8 @@ inline double WriteJacobians(const FactorBatch& batch, int i, const Projection& 
   const Target camera_target(*maps[0], batch.jacobians[0], i, scratch, kCameraSize);
   if (camera_target.wanted()) {
     sum += WriteCameraRow(v, rotation, camera[6], A[0], v.p[0], camera_target.ambient);
-    sum += WriteCameraRow(v, rotation, camera[6], A[1], v.p[1], camera_target.ambient + camera_target.ambient_stride);
+    sum += WriteCameraRow(v, rotation, camera[6], A[1], v.p[1],
+                          camera_target.ambient + camera_target.ambient_stride);
     camera_target.Finish();
   }
   const Target point_target(*maps[1], batch.jacobians[1], i, scratch, kPointSize);
@@ -178,7 +188,8 @@ inline double WriteJacobians(const FactorBatch& batch, int i, const Projection& 
 constexpr int kFewFactors = 8;
 
 template <bool kWithJacobians, typename Rotations>
-EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measurements, const FactorBatch& batch) {
+EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measurements,
+                               const FactorBatch& batch) {
   Rotations rotations;
   for (int i = batch.begin; i < batch.end; ++i) {
     const double* camera = batch.parameters[2 * static_cast<std::ptrdiff_t>(i)];
@@ -191,7 +202,8 @@ EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measure
     residual[1] = focal * v.p[1] - measurements[i].y;
     if (!std::isfinite(residual[0] + residual[1])) {
       const bool in_plane = v.Y[2] + camera[5] == 0.0;
-      return {i, in_plane ? "the point lies in the camera's plane (depth 0)" : "a residual is not finite"};
+      return {i, in_plane ? "the point lies in the camera's plane (depth 0)"
+                          : "a residual is not finite"};
     }
     if (kWithJacobians && !std::isfinite(WriteJacobians(batch, i, v, rotation, camera))) {
       return {i, "a Jacobian entry is not finite"};
@@ -201,9 +213,11 @@ EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measure
 }
 
 template <bool kWithJacobians>
-EvaluationFailure EvaluateRange(const BalReprojectionFamily::Measurement* measurements, const FactorBatch& batch) {
-  return batch.end - batch.begin < kFewFactors ? EvaluateWith<kWithJacobians, LastRotation<kWithJacobians>>(measurements, batch)
-                                               : EvaluateWith<kWithJacobians, RotationCache<kWithJacobians>>(measurements, batch);
+EvaluationFailure EvaluateRange(const BalReprojectionFamily::Measurement* measurements,
+                                const FactorBatch& batch) {
+  return batch.end - batch.begin < kFewFactors
+             ? EvaluateWith<kWithJacobians, LastRotation<kWithJacobians>>(measurements, batch)
+             : EvaluateWith<kWithJacobians, RotationCache<kWithJacobians>>(measurements, batch);
 }
 
 }  // namespace

@@ -16,15 +16,18 @@ using Error = BodyReprojectionFamily::Error;
 using Feature = BodyReprojectionFamily::Feature;
 using Views = BodyReprojectionFamily::Views;
 
-// The error of one observation before whitening, with A = ∂e/∂h and e_tau = ∂e/∂τ through the observation itself.
+// The error of one observation before whitening, with A = ∂e/∂h and e_tau = ∂e/∂τ through the
+// observation itself.
 struct Observed {
   double e[2];
   double A[2][3];
   double e_tau[2];
 };
 
-// B (z, 1) / ‖(z, 1)‖ at z moves by −B (I − d dᵀ) / ‖(z, 1)‖ · (ż, 0) with τ; e has it with a minus.
-void OnSphere(const double h[3], const Measurement& measurement, const double z[2], bool differentiate, Observed* v) {
+// B (z, 1) / ‖(z, 1)‖ at z moves by −B (I − d dᵀ) / ‖(z, 1)‖ · (ż, 0) with τ; e has it with a
+// minus.
+void OnSphere(const double h[3], const Measurement& measurement, const double z[2],
+              bool differentiate, Observed* v) {
   double B[2][3];
   double seen[3] = {measurement.point_j[0], measurement.point_j[1], 1.0};
   double d[3] = {z[0], z[1], 1.0};
@@ -42,7 +45,8 @@ void OnSphere(const double h[3], const Measurement& measurement, const double z[
   }
 }
 
-void Observe(const double h[3], const Measurement& measurement, double tau, Error error, bool differentiate, Observed* v) {
+void Observe(const double h[3], const Measurement& measurement, double tau, Error error,
+             bool differentiate, Observed* v) {
   double z[2];
   for (int k = 0; k < 2; ++k) {
     z[k] = measurement.point_j[k] - (tau - measurement.offset_j) * measurement.velocity_j[k];
@@ -57,7 +61,8 @@ void Observe(const double h[3], const Measurement& measurement, double tau, Erro
 
 // Returns a sum over what was written, which is finite only if all is.
 template <int poses, int cameras>
-double WriteJacobians(const FactorBatch& batch, int i, int num_slots, const Measurement& measurement,
+double WriteJacobians(const FactorBatch& batch, int i, int num_slots,
+                      const Measurement& measurement,
                       const InverseDepthChain<poses, cameras>& chain, const Observed& v) {
   using Chain = InverseDepthChain<poses, cameras>;
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(i) * num_slots;
@@ -78,7 +83,8 @@ double WriteJacobians(const FactorBatch& batch, int i, int num_slots, const Meas
       double* row = view.data + i * view.factor_stride + r * view.row_stride;
       if (s == Chain::kTimeOffset) {
         const double* a_m = writer.by_m();
-        row[0] = by_tau[r] - a_m[0] * measurement.velocity_i[0] - a_m[1] * measurement.velocity_i[1];
+        row[0] =
+            by_tau[r] - a_m[0] * measurement.velocity_i[0] - a_m[1] * measurement.velocity_i[1];
       } else if (s == Chain::kFeature) {
         writer.WriteFeature(map.tangent_size > 1, row);
       } else {
@@ -95,7 +101,8 @@ double WriteJacobians(const FactorBatch& batch, int i, int num_slots, const Meas
   return sum;
 }
 
-std::vector<FactorFamily::Slot> SlotsOf(BodyReprojectionFamily::TimeOffset offset, Feature feature, Views views) {
+std::vector<FactorFamily::Slot> SlotsOf(BodyReprojectionFamily::TimeOffset offset, Feature feature,
+                                        Views views) {
   const int num_poses = views == Views::kTwoPosesTwoCameras ? 4 : views == Views::kTwoPoses ? 3 : 2;
   std::vector<FactorFamily::Slot> slots(static_cast<std::size_t>(num_poses), {7, 6});
   const int feature_size = feature == Feature::kBearing ? 3 : 1;
@@ -118,8 +125,13 @@ const char* ReasonAt(const double h[3], Error error) {
 
 }  // namespace
 
-BodyReprojectionFamily::BodyReprojectionFamily(TimeOffset offset, Feature feature, Views views, Error error)
-    : FactorFamily(2, SlotsOf(offset, feature, views)), offset_(offset), feature_(feature), views_(views), error_(error) {
+BodyReprojectionFamily::BodyReprojectionFamily(TimeOffset offset, Feature feature, Views views,
+                                               Error error)
+    : FactorFamily(2, SlotsOf(offset, feature, views)),
+      offset_(offset),
+      feature_(feature),
+      views_(views),
+      error_(error) {
 }
 
 template <int poses, int cameras>
@@ -134,7 +146,8 @@ EvaluationFailure BodyReprojectionFamily::EvaluateViews(const FactorBatch& batch
     const double tau = estimated ? x[Chain::kTimeOffset][0] : measurement.offset_j;
     const bool has_bearing = feature_ == Feature::kBearing;
     const double* bearing = has_bearing ? x[Chain::kFeature] : measurement.point_i;
-    const Chain chain(x, bearing[0] - delay_i * measurement.velocity_i[0], bearing[1] - delay_i * measurement.velocity_i[1],
+    const Chain chain(x, bearing[0] - delay_i * measurement.velocity_i[0],
+                      bearing[1] - delay_i * measurement.velocity_i[1],
                       x[Chain::kFeature][has_bearing ? 2 : 0]);
     Observed v;
     Observe(chain.h, measurement, tau, error_, batch.jacobians != nullptr, &v);
@@ -145,7 +158,8 @@ EvaluationFailure BodyReprojectionFamily::EvaluateViews(const FactorBatch& batch
     if (!std::isfinite(residual[0] + residual[1])) {
       return {i, ReasonAt(chain.h, error_)};
     }
-    if (batch.jacobians != nullptr && !std::isfinite(WriteJacobians(batch, i, num_slots(), measurement, chain, v))) {
+    if (batch.jacobians != nullptr &&
+        !std::isfinite(WriteJacobians(batch, i, num_slots(), measurement, chain, v))) {
       return {i, "a Jacobian entry is not finite"};
     }
   }

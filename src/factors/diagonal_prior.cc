@@ -19,15 +19,18 @@ void DiagonalPriorFamily::Place(int index, const Measurement& measurement) {
     means_.resize(first + measurement.mean.size());
     sqrt_information_.resize(means_.size());
   }
-  std::copy(measurement.mean.begin(), measurement.mean.end(), means_.begin() + static_cast<std::ptrdiff_t>(first));
+  std::copy(measurement.mean.begin(), measurement.mean.end(),
+            means_.begin() + static_cast<std::ptrdiff_t>(first));
   std::copy(measurement.sqrt_information.begin(), measurement.sqrt_information.end(),
             sqrt_information_.begin() + static_cast<std::ptrdiff_t>(first));
 }
 
-void DiagonalPriorFamily::WriteJacobian(const double* sqrt_information, const TangentMap& map, double* J, int row_stride) const {
+void DiagonalPriorFamily::WriteJacobian(const double* sqrt_information, const TangentMap& map,
+                                        double* J, int row_stride) const {
   const int size = residual_size();
   if (map.kind == TangentMap::Kind::kDense) {
-    std::vector<double> ambient(static_cast<std::size_t>(size) * static_cast<std::size_t>(map.ambient_size), 0.0);
+    std::vector<double> ambient(
+        static_cast<std::size_t>(size) * static_cast<std::size_t>(map.ambient_size), 0.0);
     for (int r = 0; r < size; ++r) {
       ambient[r * map.ambient_size + r] = sqrt_information[r];
     }
@@ -53,7 +56,8 @@ EvaluationFailure DiagonalPriorFamily::Evaluate(const FactorBatch& batch) const 
     const double* sqrt_information = sqrt_information_.data() + first;
     double sum = 0.0;
     for (int r = 0; r < size; ++r) {
-      batch.residuals[first + r] = sqrt_information[r] * (x[r] - means_[static_cast<std::size_t>(first + r)]);
+      batch.residuals[first + r] =
+          sqrt_information[r] * (x[r] - means_[static_cast<std::size_t>(first + r)]);
       sum += batch.residuals[first + r];
     }
     if (!std::isfinite(sum)) {
@@ -61,7 +65,8 @@ EvaluationFailure DiagonalPriorFamily::Evaluate(const FactorBatch& batch) const 
     }
     if (batch.jacobians != nullptr && batch.tangent_maps[i]->wanted()) {
       const JacobianView& view = batch.jacobians[0];
-      WriteJacobian(sqrt_information, *batch.tangent_maps[i], view.data + i * view.factor_stride, view.row_stride);
+      WriteJacobian(sqrt_information, *batch.tangent_maps[i], view.data + i * view.factor_stride,
+                    view.row_stride);
     }
   }
   return {};

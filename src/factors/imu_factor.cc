@@ -35,13 +35,15 @@ struct ImuFactorFamily::Factor {
     has_information = Weigh();
   }
 
-  // U of what is integrated now, with the conventions' sign; false, and nothing changed, if there is none.
+  // U of what is integrated now, with the conventions' sign; false, and nothing changed, if there
+  // is none.
   bool Weigh() {
     Matrix<15, 15> weight;
     if (!imu.SqrtInformation(weight.data()).ok()) {
       return false;
     }
-    const bool flipped = imu.options().conventions.sign == ImuConventions::Sign::kMeasuredMinusState;
+    const bool flipped =
+        imu.options().conventions.sign == ImuConventions::Sign::kMeasuredMinusState;
     U = flipped ? Matrix<15, 15>(-weight) : weight;
     return true;
   }
@@ -64,7 +66,8 @@ struct Comparison {
   Matrix<15, 1> e;
 };
 
-void CompareRotations(const ImuConventions& conventions, const double* q_i, const double* q_j, int row, Comparison* c) {
+void CompareRotations(const ImuConventions& conventions, const double* q_i, const double* q_j,
+                      int row, Comparison* c) {
   double back_i[4], back_delta[4], between[4];
   ConjugateQuaternion(q_i, back_i);
   ConjugateQuaternion(c->delta.q, back_delta);
@@ -86,24 +89,30 @@ void CompareRotations(const ImuConventions& conventions, const double* q_i, cons
   }
 }
 
-void Compare(const ImuPreintegrator& imu, const ImuLayout& layout, const double* const* x, bool jacobians, Comparison* c) {
+void Compare(const ImuPreintegrator& imu, const ImuLayout& layout, const double* const* x,
+             bool jacobians, Comparison* c) {
   const ImuConventions& conventions = imu.options().conventions;
   const Vector3 g = AsVector(conventions.gravity);
   const double dt = imu.delta().dt;
   c->R_i = internal::RotationOf(x[0] + 3);
   c->R_j = internal::RotationOf(x[2] + 3);
-  c->delta = internal::Correct(imu.delta(), x[1] + layout.gyr_column, x[1] + layout.acc_column, jacobians);
-  c->way = c->R_i.transpose() * (AsVector(x[2]) - AsVector(x[0]) - dt * AsVector(x[1]) - 0.5 * dt * dt * g);
+  c->delta =
+      internal::Correct(imu.delta(), x[1] + layout.gyr_column, x[1] + layout.acc_column, jacobians);
+  c->way = c->R_i.transpose() *
+           (AsVector(x[2]) - AsVector(x[0]) - dt * AsVector(x[1]) - 0.5 * dt * dt * g);
   c->gain = c->R_i.transpose() * (AsVector(x[3]) - AsVector(x[1]) - dt * g);
   CompareRotations(conventions, x[0] + 3, x[2] + 3, layout.rotation, c);
   c->e.segment<3>(layout.position) = c->way - c->delta.p;
   c->e.segment<3>(layout.velocity) = c->gain - c->delta.v;
-  c->e.segment<3>(layout.gyr_bias) = AsVector(x[3] + layout.gyr_column) - AsVector(x[1] + layout.gyr_column);
-  c->e.segment<3>(layout.acc_bias) = AsVector(x[3] + layout.acc_column) - AsVector(x[1] + layout.acc_column);
+  c->e.segment<3>(layout.gyr_bias) =
+      AsVector(x[3] + layout.gyr_column) - AsVector(x[1] + layout.gyr_column);
+  c->e.segment<3>(layout.acc_bias) =
+      AsVector(x[3] + layout.acc_column) - AsVector(x[1] + layout.acc_column);
 }
 
-// How the rotation residual answers to E Exp(φ), from the right, and to Exp(φ) E: for Log the inverse Jacobians; for 2 vec(q) the
-// derivative of 2 vec(q ⊗ Exp(φ)) = 2 vec(q) + (w I + [vec q]×) φ.
+// How the rotation residual answers to E Exp(φ), from the right, and to Exp(φ) E: for Log the
+// inverse Jacobians; for 2 vec(q) the derivative of 2 vec(q ⊗ Exp(φ)) = 2 vec(q) + (w I + [vec q]×)
+// φ.
 struct RotationResponse {
   Matrix3 from_right, from_left;
 };
@@ -123,7 +132,8 @@ RotationResponse Respond(const ImuConventions& conventions, const Comparison& c,
   return response;
 }
 
-// The Jacobians before whitening, as functions of one comparison. With right perturbations R Exp(φ), E = ΔRᵀ R_iᵀ R_j:
+// The Jacobians before whitening, as functions of one comparison. With right perturbations R
+// Exp(φ), E = ΔRᵀ R_iᵀ R_j:
 //     ∂E/∂φ_j: E Exp(φ_j),                ∂E/∂φ_i: E Exp(−R_jᵀR_i φ_i),      ∂E/∂φ_Δ: Exp(−φ_Δ) E,
 //     ∂way/∂φ_i = [way]×,                 ∂gain/∂φ_i = [gain]×.
 // With left ones Exp(φ) R, E = R_iᵀ R_j ΔRᵀ:
@@ -146,7 +156,8 @@ class Derivatives {
     E.block<3, 3>(layout_.position, 3) = Skew(c_.way) * to_i;
     E.block<3, 3>(layout_.velocity, 3) = Skew(c_.gain) * to_i;
     E.block<3, 3>(layout_.rotation, 3) =
-        left_ ? Matrix3(-response_.from_left * R_i_inv_) : Matrix3(-response_.from_right * c_.R_j.transpose() * c_.R_i);
+        left_ ? Matrix3(-response_.from_left * R_i_inv_)
+              : Matrix3(-response_.from_right * c_.R_j.transpose() * c_.R_i);
     return E;
   }
 
@@ -154,11 +165,16 @@ class Derivatives {
     Jacobian9 E = Jacobian9::Zero();
     E.block<3, 3>(layout_.position, 0) = -dt_ * R_i_inv_;
     E.block<3, 3>(layout_.velocity, 0) = -R_i_inv_;
-    E.block<3, 3>(layout_.velocity, layout_.gyr_column) = -c_.delta.motion_bias.topLeftCorner<3, 3>();
-    E.block<3, 3>(layout_.velocity, layout_.acc_column) = -c_.delta.motion_bias.topRightCorner<3, 3>();
-    E.block<3, 3>(layout_.position, layout_.gyr_column) = -c_.delta.motion_bias.bottomLeftCorner<3, 3>();
-    E.block<3, 3>(layout_.position, layout_.acc_column) = -c_.delta.motion_bias.bottomRightCorner<3, 3>();
-    const Matrix3 turned = left_ ? Matrix3(response_.from_right * internal::RotationOf(c_.delta.q)) : response_.from_left;
+    E.block<3, 3>(layout_.velocity, layout_.gyr_column) =
+        -c_.delta.motion_bias.topLeftCorner<3, 3>();
+    E.block<3, 3>(layout_.velocity, layout_.acc_column) =
+        -c_.delta.motion_bias.topRightCorner<3, 3>();
+    E.block<3, 3>(layout_.position, layout_.gyr_column) =
+        -c_.delta.motion_bias.bottomLeftCorner<3, 3>();
+    E.block<3, 3>(layout_.position, layout_.acc_column) =
+        -c_.delta.motion_bias.bottomRightCorner<3, 3>();
+    const Matrix3 turned = left_ ? Matrix3(response_.from_right * internal::RotationOf(c_.delta.q))
+                                 : response_.from_left;
     E.block<3, 3>(layout_.rotation, layout_.gyr_column) = -turned * c_.delta.phi_gyr_bias;
     E.block<3, 3>(layout_.gyr_bias, layout_.gyr_column) = -Matrix3::Identity();
     E.block<3, 3>(layout_.acc_bias, layout_.acc_column) = -Matrix3::Identity();
@@ -168,7 +184,8 @@ class Derivatives {
   Jacobian6 ByPoseJ() const {
     Jacobian6 E = Jacobian6::Zero();
     E.block<3, 3>(layout_.position, 0) = R_i_inv_;
-    E.block<3, 3>(layout_.rotation, 3) = left_ ? Matrix3(response_.from_left * R_i_inv_) : response_.from_right;
+    E.block<3, 3>(layout_.rotation, 3) =
+        left_ ? Matrix3(response_.from_left * R_i_inv_) : response_.from_right;
     return E;
   }
 
@@ -192,11 +209,12 @@ class Derivatives {
 // Writes U E. Returns the sum of its entries, which is finite only if all are.
 template <typename E>
 double Whiten(const Matrix<15, 15>& U, const E& jacobian, const JacobianView& view, int i) {
-  return internal::MultiplyUpper<15, E::ColsAtCompileTime>(U.data(), jacobian.data(), view.data + i * view.factor_stride,
-                                                           view.row_stride);
+  return internal::MultiplyUpper<15, E::ColsAtCompileTime>(
+      U.data(), jacobian.data(), view.data + i * view.factor_stride, view.row_stride);
 }
 
-double WriteJacobians(const FactorBatch& batch, int i, const Derivatives& derivatives, const Matrix<15, 15>& U, bool left) {
+double WriteJacobians(const FactorBatch& batch, int i, const Derivatives& derivatives,
+                      const Matrix<15, 15>& U, bool left) {
   const std::ptrdiff_t first = 4 * static_cast<std::ptrdiff_t>(i);
   double sum = 0.0;
   for (int s = 0; s < 4; ++s) {
@@ -240,7 +258,8 @@ bool ImuFactorFamily::Recenter(int factor, const double* const* parameters) cons
   const double* gyr_bias = parameters[1] + f.layout.gyr_column;
   const double* acc_bias = parameters[1] + f.layout.acc_column;
   // Where that is impossible the first-order correction goes on serving.
-  if (!f.imu.NeedsReintegration(gyr_bias, acc_bias) || !f.imu.Reintegrate(gyr_bias, acc_bias).ok()) {
+  if (!f.imu.NeedsReintegration(gyr_bias, acc_bias) ||
+      !f.imu.Reintegrate(gyr_bias, acc_bias).ok()) {
     return false;
   }
   f.has_information = f.Weigh();
@@ -255,9 +274,11 @@ EvaluationFailure ImuFactorFamily::Evaluate(const FactorBatch& batch) const {
     }
     Comparison comparison;
     const bool jacobians = batch.jacobians != nullptr;
-    Compare(factor.imu, factor.layout, batch.parameters + 4 * static_cast<std::ptrdiff_t>(i), jacobians, &comparison);
+    Compare(factor.imu, factor.layout, batch.parameters + 4 * static_cast<std::ptrdiff_t>(i),
+            jacobians, &comparison);
     double* residual = batch.residuals + 15 * static_cast<std::ptrdiff_t>(i);
-    if (!std::isfinite(internal::MultiplyUpper<15, 1>(factor.U.data(), comparison.e.data(), residual, 1))) {
+    if (!std::isfinite(
+            internal::MultiplyUpper<15, 1>(factor.U.data(), comparison.e.data(), residual, 1))) {
       return {i, "a residual is not finite"};
     }
     if (jacobians) {

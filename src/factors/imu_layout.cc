@@ -5,7 +5,8 @@ namespace inceres::internal {
 ImuLayout LayoutOf(const ImuConventions& conventions) {
   ImuLayout layout = {};
   for (int k = 0; k < 5; ++k) {
-    int* const places[] = {&layout.rotation, &layout.position, &layout.velocity, &layout.gyr_bias, &layout.acc_bias};
+    int* const places[] = {&layout.rotation, &layout.position, &layout.velocity, &layout.gyr_bias,
+                           &layout.acc_bias};
     *places[static_cast<int>(conventions.residual_order[k])] = 3 * k;
   }
   const bool gyr_first = conventions.bias_order == ImuConventions::BiasOrder::kGyrFirst;

@@ -8,7 +8,8 @@ namespace inceres::internal {
 
 /// Row-major, like the arrays of the public headers, which Eigen::Map then reads in place.
 template <int rows, int columns>
-using Matrix = Eigen::Matrix<double, rows, columns, columns == 1 ? Eigen::ColMajor : Eigen::RowMajor>;
+using Matrix =
+    Eigen::Matrix<double, rows, columns, columns == 1 ? Eigen::ColMajor : Eigen::RowMajor>;
 using Matrix3 = Matrix<3, 3>;
 using Vector3 = Matrix<3, 1>;
 

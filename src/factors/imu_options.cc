@@ -22,8 +22,9 @@ ImuConventions WithOrder(const ImuPart (&order)[5], double gravity_norm) {
 }  // namespace
 
 ImuConventions ImuConventions::Vins(double gravity_norm) {
-  ImuConventions vins =
-      WithOrder({ImuPart::kPosition, ImuPart::kRotation, ImuPart::kVelocity, ImuPart::kAccBias, ImuPart::kGyrBias}, gravity_norm);
+  ImuConventions vins = WithOrder({ImuPart::kPosition, ImuPart::kRotation, ImuPart::kVelocity,
+                                   ImuPart::kAccBias, ImuPart::kGyrBias},
+                                  gravity_norm);
   vins.rotation_residual = RotationResidual::kTwiceVector;
   vins.bias_order = BiasOrder::kAccFirst;
   vins.noise = Noise::kPerSample;
@@ -31,8 +32,9 @@ ImuConventions ImuConventions::Vins(double gravity_norm) {
 }
 
 ImuConventions ImuConventions::Okvis(double gravity_norm) {
-  ImuConventions okvis =
-      WithOrder({ImuPart::kPosition, ImuPart::kRotation, ImuPart::kVelocity, ImuPart::kGyrBias, ImuPart::kAccBias}, gravity_norm);
+  ImuConventions okvis = WithOrder({ImuPart::kPosition, ImuPart::kRotation, ImuPart::kVelocity,
+                                    ImuPart::kGyrBias, ImuPart::kAccBias},
+                                   gravity_norm);
   okvis.perturbation = Perturbation::kLeft;
   okvis.rotation_residual = RotationResidual::kTwiceVector;
   okvis.sign = Sign::kMeasuredMinusState;
@@ -40,8 +42,9 @@ ImuConventions ImuConventions::Okvis(double gravity_norm) {
 }
 
 ImuConventions ImuConventions::Xrslam(double gravity_norm) {
-  ImuConventions xrslam =
-      WithOrder({ImuPart::kRotation, ImuPart::kPosition, ImuPart::kVelocity, ImuPart::kGyrBias, ImuPart::kAccBias}, gravity_norm);
+  ImuConventions xrslam = WithOrder({ImuPart::kRotation, ImuPart::kPosition, ImuPart::kVelocity,
+                                     ImuPart::kGyrBias, ImuPart::kAccBias},
+                                    gravity_norm);
   xrslam.integration = Integration::kEuler;
   xrslam.bias_walks_while_integrating = false;
   return xrslam;
@@ -63,8 +66,10 @@ Status ImuConventions::Validate() const {
 }
 
 Status ImuOptions::Validate() const {
-  const std::pair<const char*, double> deviations[] = {
-      {"gyr", noise.gyr}, {"acc", noise.acc}, {"gyr_bias_walk", noise.gyr_bias_walk}, {"acc_bias_walk", noise.acc_bias_walk}};
+  const std::pair<const char*, double> deviations[] = {{"gyr", noise.gyr},
+                                                       {"acc", noise.acc},
+                                                       {"gyr_bias_walk", noise.gyr_bias_walk},
+                                                       {"acc_bias_walk", noise.acc_bias_walk}};
   for (const auto& [name, value] : deviations) {
     if (!(value > 0.0) || !std::isfinite(value)) {
       return Invalid("ImuNoise::" + std::string(name) + " = " + std::to_string(value) +
@@ -72,10 +77,12 @@ Status ImuOptions::Validate() const {
     }
   }
   if (!(max_rotation_change >= 0.0)) {
-    return Invalid("ImuOptions::max_rotation_change = " + std::to_string(max_rotation_change) + " must be at least 0");
+    return Invalid("ImuOptions::max_rotation_change = " + std::to_string(max_rotation_change) +
+                   " must be at least 0");
   }
   if (!(max_speed_change >= 0.0)) {
-    return Invalid("ImuOptions::max_speed_change = " + std::to_string(max_speed_change) + " must be at least 0");
+    return Invalid("ImuOptions::max_speed_change = " + std::to_string(max_speed_change) +
+                   " must be at least 0");
   }
   return conventions.Validate();
 }

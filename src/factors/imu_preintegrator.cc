@@ -21,21 +21,23 @@ using internal::Matrix3;
 
 namespace {
 
-// The share of its diagonal entry below which a pivot of the covariance counts as nothing, which rounding makes 1e-15 or so. Of
-// an integrated random walk, which positions are of velocities, a quarter is left.
+// The share of its diagonal entry below which a pivot of the covariance counts as nothing, which
+// rounding makes 1e-15 or so. Of an integrated random walk, which positions are of velocities, a
+// quarter is left.
 constexpr double kSingular = 1e-13;
 
 // All finite, times increasing; `before` is the sample they follow, or null.
 Status CheckSamples(const std::vector<ImuSample>& samples, const ImuSample* before) {
   for (std::size_t k = 0; k < samples.size(); ++k) {
     const ImuSample& sample = samples[k];
-    const std::string name = "IMU sample " + std::to_string(k) + " of " + std::to_string(samples.size());
+    const std::string name =
+        "IMU sample " + std::to_string(k) + " of " + std::to_string(samples.size());
     if (!std::isfinite(sample.time) || !AllFinite(sample.gyr, 3) || !AllFinite(sample.acc, 3)) {
       return Invalid(name + " (time " + std::to_string(sample.time) + ") is not finite");
     }
     if (before != nullptr && !(sample.time > before->time)) {
-      return Invalid(name + " has time " + std::to_string(sample.time) + ", which is not after the one before it, " +
-                     std::to_string(before->time));
+      return Invalid(name + " has time " + std::to_string(sample.time) +
+                     ", which is not after the one before it, " + std::to_string(before->time));
     }
     before = &sample;
   }
@@ -46,10 +48,12 @@ Status CheckBiases(const double* gyr_bias, const double* acc_bias) {
   if (!AllFinite(gyr_bias, 3)) {
     return Invalid("the gyroscope bias to integrate at is not finite");
   }
-  return AllFinite(acc_bias, 3) ? Status::Ok() : Invalid("the accelerometer bias to integrate at is not finite");
+  return AllFinite(acc_bias, 3) ? Status::Ok()
+                                : Invalid("the accelerometer bias to integrate at is not finite");
 }
 
-void StepAll(const ImuOptions& options, const ImuSample* before, const std::vector<ImuSample>& samples, ImuDelta* delta) {
+void StepAll(const ImuOptions& options, const ImuSample* before,
+             const std::vector<ImuSample>& samples, ImuDelta* delta) {
   for (const ImuSample& sample : samples) {
     if (before != nullptr) {
       internal::StepImu(options, *before, sample, delta);
@@ -63,7 +67,8 @@ Status CheckResult(const ImuDelta& delta) {
                       AllFinite(delta.bias_jacobian, 54) && AllFinite(delta.covariance, 225);
   return finite ? Status::Ok()
                 : Status::Error(StatusCode::kEvaluationFailed,
-                                "IMU preintegration overflows: rates, forces or time steps are beyond any sensor's");
+                                "IMU preintegration overflows: rates, forces or time steps are "
+                                "beyond any sensor's");
 }
 
 ImuDelta StartAt(const double* gyr_bias, const double* acc_bias) {
@@ -75,14 +80,17 @@ ImuDelta StartAt(const double* gyr_bias, const double* acc_bias) {
 
 }  // namespace
 
-Status ImuPreintegrator::Integrate(const std::vector<ImuSample>& samples, const double gyr_bias[3], const double acc_bias[3]) {
-  for (const Status& status : {options_.Validate(), CheckBiases(gyr_bias, acc_bias), CheckSamples(samples, nullptr)}) {
+Status ImuPreintegrator::Integrate(const std::vector<ImuSample>& samples, const double gyr_bias[3],
+                                   const double acc_bias[3]) {
+  for (const Status& status :
+       {options_.Validate(), CheckBiases(gyr_bias, acc_bias), CheckSamples(samples, nullptr)}) {
     if (!status.ok()) {
       return status;
     }
   }
   if (samples.size() < 2) {
-    return Invalid("IMU preintegration needs two samples at least, one at either end, and got " + std::to_string(samples.size()));
+    return Invalid("IMU preintegration needs two samples at least, one at either end, and got " +
+                   std::to_string(samples.size()));
   }
   ImuDelta delta = StartAt(gyr_bias, acc_bias);
   StepAll(options_, nullptr, samples, &delta);
@@ -129,7 +137,8 @@ Status ImuPreintegrator::Reintegrate(const double gyr_bias[3], const double acc_
   return status;
 }
 
-bool ImuPreintegrator::NeedsReintegration(const double gyr_bias[3], const double acc_bias[3]) const {
+bool ImuPreintegrator::NeedsReintegration(const double gyr_bias[3],
+                                          const double acc_bias[3]) const {
   const double rotation = (AsVector(gyr_bias) - AsVector(delta_.gyr_bias)).norm() * delta_.dt;
   const double speed = (AsVector(acc_bias) - AsVector(delta_.acc_bias)).norm() * delta_.dt;
   return rotation > options_.max_rotation_change || speed > options_.max_speed_change;
@@ -144,8 +153,8 @@ void ImuPreintegrator::ResidualCovariance(double covariance[225]) const {
   Eigen::Map<Matrix<15, 15>>{covariance} = C * canonical * C.transpose();
 }
 
-// With Σ = M Mᵀ and M upper triangular, U = M⁻¹: the inverse of Σ is never formed. M is the Cholesky factor of Σ with its rows
-// and columns in reverse.
+// With Σ = M Mᵀ and M upper triangular, U = M⁻¹: the inverse of Σ is never formed. M is the
+// Cholesky factor of Σ with its rows and columns in reverse.
 Status ImuPreintegrator::SqrtInformation(double U[225]) const {
   Matrix<15, 15> covariance;
   ResidualCovariance(covariance.data());
@@ -156,34 +165,39 @@ Status ImuPreintegrator::SqrtInformation(double U[225]) const {
     regular = L(k, k) * L(k, k) > kSingular * covariance(14 - k, 14 - k);
   }
   if (!regular) {
-    return Status::Error(StatusCode::kSingular, samples_.empty()
-                                                    ? "the IMU preintegration has no information matrix: nothing was integrated"
-                                                    : "the IMU preintegration of " + std::to_string(samples_.size()) +
-                                                          " samples has no information matrix: too few samples");
+    return Status::Error(
+        StatusCode::kSingular,
+        samples_.empty()
+            ? "the IMU preintegration has no information matrix: nothing was integrated"
+            : "the IMU preintegration of " + std::to_string(samples_.size()) +
+                  " samples has no information matrix: too few samples");
   }
   const Matrix<15, 15> inverse = L.triangularView<Eigen::Lower>().solve(Matrix<15, 15>::Identity());
   Eigen::Map<Matrix<15, 15>>{U} = inverse.reverse();
   return Status::Ok();
 }
 
-Status InterpolateImuSamples(const std::vector<ImuSample>& samples, double begin, double end, std::vector<ImuSample>* cut) {
+Status InterpolateImuSamples(const std::vector<ImuSample>& samples, double begin, double end,
+                             std::vector<ImuSample>* cut) {
   const Status status = CheckSamples(samples, nullptr);
   if (!status.ok()) {
     return status;
   }
   if (!(begin < end)) {
-    return Invalid("the interval to cut IMU samples to, from " + std::to_string(begin) + " to " + std::to_string(end) +
-                   ", is empty");
+    return Invalid("the interval to cut IMU samples to, from " + std::to_string(begin) + " to " +
+                   std::to_string(end) + ", is empty");
   }
   if (samples.empty() || samples.front().time > begin || samples.back().time < end) {
-    return Invalid("IMU samples do not reach from " + std::to_string(begin) + " to " + std::to_string(end) + ": " +
+    return Invalid("IMU samples do not reach from " + std::to_string(begin) + " to " +
+                   std::to_string(end) + ": " +
                    (samples.empty() ? "there are none"
-                                    : "they begin at " + std::to_string(samples.front().time) + " and end at " +
-                                          std::to_string(samples.back().time)));
+                                    : "they begin at " + std::to_string(samples.front().time) +
+                                          " and end at " + std::to_string(samples.back().time)));
   }
   const auto at = [&samples](double time) {
     const auto next =
-        std::lower_bound(samples.begin(), samples.end(), time, [](const ImuSample& sample, double t) { return sample.time < t; });
+        std::lower_bound(samples.begin(), samples.end(), time,
+                         [](const ImuSample& sample, double t) { return sample.time < t; });
     if (next->time == time) {
       return *next;
     }
@@ -198,8 +212,9 @@ Status InterpolateImuSamples(const std::vector<ImuSample>& samples, double begin
     return between;
   };
   std::vector<ImuSample> result{at(begin)};
-  std::copy_if(samples.begin(), samples.end(), std::back_inserter(result),
-               [begin, end](const ImuSample& sample) { return sample.time > begin && sample.time < end; });
+  std::copy_if(
+      samples.begin(), samples.end(), std::back_inserter(result),
+      [begin, end](const ImuSample& sample) { return sample.time > begin && sample.time < end; });
   result.push_back(at(end));
   cut->swap(result);
   return Status::Ok();

@@ -21,7 +21,8 @@ namespace {
 
 // Of the step in the parts' own order, (φ, v, p, b_g, b_a) perturbed on the right:
 //     F = ∂(state j)/∂(state i),   G = ∂(state j)/∂(error of Δ).
-void Linearize(const CorrectedDelta& delta, const Matrix3& R_i, double dt, Matrix<15, 15>* F, Matrix<15, 15>* G) {
+void Linearize(const CorrectedDelta& delta, const Matrix3& R_i, double dt, Matrix<15, 15>* F,
+               Matrix<15, 15>* G) {
   using namespace internal;  // NOLINT(google-build-using-namespace): the names of the parts
   G->setIdentity();
   G->block<3, 3>(kDeltaV, kDeltaV) = R_i;
@@ -37,20 +38,22 @@ void Linearize(const CorrectedDelta& delta, const Matrix3& R_i, double dt, Matri
 
 }  // namespace
 
-Status PropagateImu(const ImuPreintegrator& imu, const double* pose, const double* speed_bias, const double* covariance,
-                    double* next_pose, double* next_speed_bias, double* next_covariance) {
+Status PropagateImu(const ImuPreintegrator& imu, const double* pose, const double* speed_bias,
+                    const double* covariance, double* next_pose, double* next_speed_bias,
+                    double* next_covariance) {
   if (imu.samples().empty()) {
     return internal::Invalid("nothing was integrated to propagate a state with");
   }
-  if (!AllFinite(pose, 7) || !AllFinite(speed_bias, 9) || (covariance != nullptr && !AllFinite(covariance, 225))) {
+  if (!AllFinite(pose, 7) || !AllFinite(speed_bias, 9) ||
+      (covariance != nullptr && !AllFinite(covariance, 225))) {
     return internal::Invalid("the state to propagate, or its covariance, is not finite");
   }
   const ImuConventions& conventions = imu.options().conventions;
   const ImuLayout rows = internal::StateLayoutOf(conventions);
   const double dt = imu.delta().dt;
   const Vector3 g = AsVector(conventions.gravity);
-  const CorrectedDelta delta =
-      internal::Correct(imu.delta(), speed_bias + rows.gyr_column, speed_bias + rows.acc_column, /*jacobians=*/true);
+  const CorrectedDelta delta = internal::Correct(imu.delta(), speed_bias + rows.gyr_column,
+                                                 speed_bias + rows.acc_column, /*jacobians=*/true);
   const Matrix3 R_i = internal::RotationOf(pose + 3);
   double q_j[4];
   MultiplyQuaternions(pose + 3, delta.q, q_j);

@@ -10,7 +10,8 @@ namespace {
 
 using Integration = ImuConventions::Integration;
 
-// Of one discrete step, to first order, e the error of (ΔR, Δv, Δp) and n what is added to a sample's rate and force:
+// Of one discrete step, to first order, e the error of (ΔR, Δv, Δp) and n what is added to a
+// sample's rate and force:
 //     e' = A e + (B_from + B_to) δb − B_from n_from − B_to n_to
 struct Linearized {
   Matrix<9, 9> A;
@@ -18,7 +19,8 @@ struct Linearized {
   Matrix<9, 6> B_to;
 };
 
-// The mean force over the interval, in the first frame: how it moves with φ, b_g and with the accelerometer at either end.
+// The mean force over the interval, in the first frame: how it moves with φ, b_g and with the
+// accelerometer at either end.
 struct ForceDerivative {
   Matrix3 phi, gyr_bias, acc_from, acc_to;
 };
@@ -27,14 +29,16 @@ void Turn(const Vector3& turn, double q[4]) {
   double step[4], turned[4];
   ExpQuaternion(turn.data(), step);
   MultiplyQuaternions(q, step, turned);
-  const double norm = std::sqrt(turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2] + turned[3] * turned[3]);
+  const double norm = std::sqrt(turned[0] * turned[0] + turned[1] * turned[1] +
+                                turned[2] * turned[2] + turned[3] * turned[3]);
   for (int k = 0; k < 4; ++k) {
     q[k] = turned[k] / norm;
   }
 }
 
 // Rows of v and p follow the mean force a: Δv' = Δv + aΔt, Δp' = Δp + ΔvΔt + ½aΔt².
-Linearized Assemble(const Matrix3& phi_phi, const Matrix3& phi_gyr_bias, const ForceDerivative& a, double dt, bool midpoint) {
+Linearized Assemble(const Matrix3& phi_phi, const Matrix3& phi_gyr_bias, const ForceDerivative& a,
+                    double dt, bool midpoint) {
   Linearized step;
   step.A.setIdentity();
   step.A.block<3, 3>(kDeltaPhi, kDeltaPhi) = phi_phi;
@@ -59,7 +63,8 @@ Linearized Move(bool midpoint, const ImuSample& from, const ImuSample& to, ImuDe
   const double dt = to.time - from.time;
   const Vector3 force_from = AsVector(from.acc) - AsVector(delta->acc_bias);
   const Vector3 force_to = AsVector(to.acc) - AsVector(delta->acc_bias);
-  const Vector3 rate = midpoint ? Vector3(0.5 * (AsVector(from.gyr) + AsVector(to.gyr))) : Vector3(AsVector(from.gyr));
+  const Vector3 rate = midpoint ? Vector3(0.5 * (AsVector(from.gyr) + AsVector(to.gyr)))
+                                : Vector3(AsVector(from.gyr));
   const Vector3 turn = dt * (rate - AsVector(delta->gyr_bias));
 
   const Matrix3 R_from = RotationOf(delta->q);
@@ -101,7 +106,8 @@ void AddNoise(const Matrix<9, 6>& B, const Matrix<6, 1>& variances, Matrix<9, 9>
 }
 
 // Σ' = F Σ Fᵀ + noise, where F = [A B; 0 I] if the biases walk along, and [A 0; 0 I] if not.
-void PropagateCovariance(const ImuOptions& options, const Linearized& step, double dt, ImuDelta* delta) {
+void PropagateCovariance(const ImuOptions& options, const Linearized& step, double dt,
+                         ImuDelta* delta) {
   const ImuNoise& noise = options.noise;
   const bool continuous = options.conventions.noise == ImuConventions::Noise::kContinuous;
   const Matrix<9, 6> B = step.B_from + step.B_to;
@@ -111,7 +117,8 @@ void PropagateCovariance(const ImuOptions& options, const Linearized& step, doub
     F.rightCols<6>() = B;
   }
   Eigen::Map<Matrix<15, 15>> covariance(delta->covariance);
-  // Lazy products: Eigen's blocked one packs its operands, which costs more than it brings at this size.
+  // Lazy products: Eigen's blocked one packs its operands, which costs more than it brings at this
+  // size.
   const Matrix<9, 15> moved = F.lazyProduct(covariance);
   Matrix<9, 9> motion = moved.lazyProduct(F.transpose());
   if (continuous) {
@@ -131,7 +138,8 @@ void PropagateCovariance(const ImuOptions& options, const Linearized& step, doub
 
 }  // namespace
 
-void StepImu(const ImuOptions& options, const ImuSample& from, const ImuSample& to, ImuDelta* delta) {
+void StepImu(const ImuOptions& options, const ImuSample& from, const ImuSample& to,
+             ImuDelta* delta) {
   const bool midpoint = options.conventions.integration == Integration::kMidpoint;
   const Linearized step = Move(midpoint, from, to, delta);
   Eigen::Map<Matrix<9, 6>> J(delta->bias_jacobian);

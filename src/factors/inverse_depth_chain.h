@@ -11,8 +11,9 @@ inline double Dot(const double a[3], const double b[3]) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/// From a feature (m, λ) in camera i to λ times the point in camera j, over two poses of a body or within one, by one camera or
-/// two; see BodyReprojectionFamily for the letters and the order of the slots.
+/// From a feature (m, λ) in camera i to λ times the point in camera j, over two poses of a body or
+/// within one, by one camera or two; see BodyReprojectionFamily for the letters and the order of
+/// the slots.
 template <int poses, int cameras>
 struct InverseDepthChain {
   static constexpr int kPoseI = poses == 2 ? 0 : -1;
@@ -60,9 +61,9 @@ struct InverseDepthChain {
   double h[3];         // R_cjᵀ (b_j − λ t_cj): in camera j
 };
 
-/// One row of each Jacobian from a = ∂residual_r/∂h, which goes back stage by stage: a_b = R_cj a for b_j, a_w = R_j a_b for the
-/// world, a_i = R_iᵀ a_w for b_i, a_m = R_ciᵀ a_i for m. With right perturbations R Exp(φ), where ∂(R v)/∂φ = −R[v]× and
-/// ∂(Rᵀv)/∂φ = [Rᵀv]×:
+/// One row of each Jacobian from a = ∂residual_r/∂h, which goes back stage by stage: a_b = R_cj a
+/// for b_j, a_w = R_j a_b for the world, a_i = R_iᵀ a_w for b_i, a_m = R_ciᵀ a_i for m. With right
+/// perturbations R Exp(φ), where ∂(R v)/∂φ = −R[v]× and ∂(Rᵀv)/∂φ = [Rᵀv]×:
 ///     p_i: λ a_w = −p_j,   φ_i: b_i × a_i,   φ_j: a_b × b_j,
 ///     t_ci: λ a_i,   φ_ci: m × a_m,   t_cj: −λ a_b,   φ_cj: a × h;   the sums if camera i is camera j,
 ///     m: a_m,   λ: a_i·t_ci + a_w·(p_i − p_j) − a_b·t_cj.
@@ -116,7 +117,8 @@ class InverseDepthRow {
   const double* by_m() const { return a_m_; }
 
  private:
-  void WritePose(double sign, const double by_place[3], const double left[3], const double right[3], double* row) const {
+  void WritePose(double sign, const double by_place[3], const double left[3], const double right[3],
+                 double* row) const {
     Cross(left, right, row + 3);
     for (int k = 0; k < 3; ++k) {
       row[k] = sign * v_.lambda * by_place[k];

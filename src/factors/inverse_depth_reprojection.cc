@@ -44,15 +44,17 @@ inline void Relate(const double* pose_a, const double* pose_b, PosePair& pair) {
   QuaternionToMatrix(pose_a + 3, R_a);
   for (int r = 0; r < 3; ++r) {
     for (int c = 0; c < 3; ++c) {
-      pair.R_ba[3 * r + c] = pair.R_b[r] * R_a[c] + pair.R_b[3 + r] * R_a[3 + c] + pair.R_b[6 + r] * R_a[6 + c];
+      pair.R_ba[3 * r + c] =
+          pair.R_b[r] * R_a[c] + pair.R_b[3 + r] * R_a[3 + c] + pair.R_b[6 + r] * R_a[6 + c];
     }
   }
-  const double difference[3] = {pose_a[0] - pose_b[0], pose_a[1] - pose_b[1], pose_a[2] - pose_b[2]};
+  const double difference[3] = {pose_a[0] - pose_b[0], pose_a[1] - pose_b[1],
+                                pose_a[2] - pose_b[2]};
   MultiplyTransposed(pair.R_b, difference, pair.baseline);
 }
 
-inline void Project(const InverseDepthReprojectionFamily::Measurement& measurement, const PosePair& pair, double d,
-                    Projection& v) {
+inline void Project(const InverseDepthReprojectionFamily::Measurement& measurement,
+                    const PosePair& pair, double d, Projection& v) {
   v.m_a[0] = measurement.anchor_point[0];
   v.m_a[1] = measurement.anchor_point[1];
   v.m_a[2] = 1.0;
@@ -81,14 +83,14 @@ inline double* Row(const FactorBatch& batch, int i, int slot, int r) {
   return view.data + i * view.factor_stride + r * view.row_stride;
 }
 
-// One row of each Jacobian from a = ∂residual_r/∂h and w = R_b a = ∂residual_r/∂(point in the world, times d). With right
-// perturbations R Exp(φ):
+// One row of each Jacobian from a = ∂residual_r/∂h and w = R_b a = ∂residual_r/∂(point in the
+// world, times d). With right perturbations R Exp(φ):
 //     ∂h/∂p_a = d R_bᵀ = −∂h/∂p_b,   ∂h/∂d = R_bᵀ (p_a − p_b),
 //     ∂h/∂φ_a = −R_bᵀ R_a [m_a]×  so  aᵀ ∂h/∂φ_a = (m_a × R_aᵀ R_b a)ᵀ,
 //     ∂h/∂φ_b = [h]×              so  aᵀ ∂h/∂φ_b = (a × h)ᵀ.
 // Returns a sum over what was written, which is finite only if all is.
-inline double WriteRows(const FactorBatch& batch, int i, int r, const PosePair& pair, const Projection& v, double d,
-                        const double a[3], const bool wanted[3]) {
+inline double WriteRows(const FactorBatch& batch, int i, int r, const PosePair& pair,
+                        const Projection& v, double d, const double a[3], const bool wanted[3]) {
   double w[3];
   MultiplyMatrixVector(pair.R_b, a, w);
   double sum = 0.0;
@@ -118,7 +120,8 @@ inline double WriteRows(const FactorBatch& batch, int i, int r, const PosePair& 
   return sum;
 }
 
-double WriteJacobians(const FactorBatch& batch, int i, const PosePair& pair, const Projection& v, double d, const double U[3]) {
+double WriteJacobians(const FactorBatch& batch, int i, const PosePair& pair, const Projection& v,
+                      double d, const double U[3]) {
   const std::ptrdiff_t first = 3 * static_cast<std::ptrdiff_t>(i);
   bool wanted[3];
   for (int s = 0; s < 3; ++s) {
@@ -130,7 +133,8 @@ double WriteJacobians(const FactorBatch& batch, int i, const PosePair& pair, con
   }
   double A[2][3];
   DifferentiateProjection(v, U, A);
-  return WriteRows(batch, i, 0, pair, v, d, A[0], wanted) + WriteRows(batch, i, 1, pair, v, d, A[1], wanted);
+  return WriteRows(batch, i, 0, pair, v, d, A[0], wanted) +
+         WriteRows(batch, i, 1, pair, v, d, A[1], wanted);
 }
 
 }  // namespace
@@ -145,12 +149,14 @@ EvaluationFailure InverseDepthReprojectionFamily::Evaluate(const FactorBatch& ba
     Projection v;
     Relate(parameters[0], parameters[1], pair);
     Project(measurement, pair, d, v);
-    const double e[2] = {v.u[0] - measurement.observed_point[0], v.u[1] - measurement.observed_point[1]};
+    const double e[2] = {v.u[0] - measurement.observed_point[0],
+                         v.u[1] - measurement.observed_point[1]};
     double* residual = batch.residuals + 2 * static_cast<std::ptrdiff_t>(i);
     residual[0] = U[0] * e[0] + U[1] * e[1];
     residual[1] = U[2] * e[1];
     if (!std::isfinite(residual[0] + residual[1])) {
-      return {i, v.h[2] == 0.0 ? "the feature lies in the observing camera's plane (depth 0)" : "a residual is not finite"};
+      return {i, v.h[2] == 0.0 ? "the feature lies in the observing camera's plane (depth 0)"
+                               : "a residual is not finite"};
     }
     if (batch.jacobians != nullptr && !std::isfinite(WriteJacobians(batch, i, pair, v, d, U))) {
       return {i, "a Jacobian entry is not finite"};

@@ -12,12 +12,15 @@
 
 namespace inceres::internal {
 
-/// From a landmark in the world into a camera on a body; see PointObservationFamily for the letters.
+/// From a landmark in the world into a camera on a body; see PointObservationFamily for the
+/// letters.
 struct PointChain {
   static constexpr int kBody = 0, kCamera = 1, kLandmark = 2, kNumSlots = 3;
 
   PointChain(const double* const* parameters, int landmark_size)
-      : p(parameters[kBody]), t_c(parameters[kCamera]), omega(landmark_size == 4 ? parameters[kLandmark][3] : 1.0) {
+      : p(parameters[kBody]),
+        t_c(parameters[kCamera]),
+        omega(landmark_size == 4 ? parameters[kLandmark][3] : 1.0) {
     const double* X = parameters[kLandmark];
     QuaternionToMatrix(p + 3, R);
     QuaternionToMatrix(t_c + 3, R_c);
@@ -41,8 +44,8 @@ struct PointChain {
   double h[3];            // R_cᵀ (y − ω t_c): in the camera
 };
 
-/// One row of each Jacobian from a = ∂residual_r/∂h and a_omega = ∂residual_r/∂ω at fixed h. It goes back stage by stage, a_y =
-/// R_c a for y and a_w = R a_y for the world:
+/// One row of each Jacobian from a = ∂residual_r/∂h and a_omega = ∂residual_r/∂ω at fixed h. It
+/// goes back stage by stage, a_y = R_c a for y and a_w = R a_y for the world:
 ///     p: −ω a_w,   t_c: −ω a_y,   X: a_w,   ω: a_omega − a_w·p − a_y·t_c.
 /// A rotation turned by φ on the right gives ∂(Rᵀv)/∂φ = [Rᵀv]×, on the left Rᵀ[v]×:
 ///     φ: a_y × y,   φ_c: a × h              on the right,
@@ -54,8 +57,12 @@ class PointRow {
     MultiplyMatrixVector(v_.R, a_y_, a_w_);
   }
 
-  void WriteBody(bool left, double* row) const { WritePose(a_w_, left ? a_w_ : a_y_, left ? v_.from_body : v_.y, row); }
-  void WriteCamera(bool left, double* row) const { WritePose(a_y_, left ? a_y_ : a_, left ? v_.from_camera : v_.h, row); }
+  void WriteBody(bool left, double* row) const {
+    WritePose(a_w_, left ? a_w_ : a_y_, left ? v_.from_body : v_.y, row);
+  }
+  void WriteCamera(bool left, double* row) const {
+    WritePose(a_y_, left ? a_y_ : a_, left ? v_.from_camera : v_.h, row);
+  }
   void WriteLandmark(double a_omega, int size, double* row) const {
     std::copy_n(a_w_, 3, row);
     if (size == 4) {
@@ -67,7 +74,8 @@ class PointRow {
   }
 
  private:
-  void WritePose(const double by_place[3], const double left[3], const double right[3], double* row) const {
+  void WritePose(const double by_place[3], const double left[3], const double right[3],
+                 double* row) const {
     Cross(left, right, row + 3);
     for (int k = 0; k < 3; ++k) {
       row[k] = -v_.omega * by_place[k];
@@ -79,11 +87,11 @@ class PointRow {
   double a_y_[3], a_w_[3];
 };
 
-/// Writes the wanted Jacobians of factor i from A = ∂residual/∂(h, ω), whitened. Returns a sum over what was written, which is
-/// finite only if all is.
+/// Writes the wanted Jacobians of factor i from A = ∂residual/∂(h, ω), whitened. Returns a sum over
+/// what was written, which is finite only if all is.
 template <int rows>
-double WritePointJacobians(const FactorBatch& batch, int i, const PointChain& chain, int landmark_size, bool left,
-                           const double A[rows][4]) {
+double WritePointJacobians(const FactorBatch& batch, int i, const PointChain& chain,
+                           int landmark_size, bool left, const double A[rows][4]) {
   const std::ptrdiff_t first = PointChain::kNumSlots * static_cast<std::ptrdiff_t>(i);
   const TangentMap* const* maps = batch.tangent_maps + first;
   double by_landmark[rows * 4];
@@ -96,7 +104,8 @@ double WritePointJacobians(const FactorBatch& batch, int i, const PointChain& ch
         continue;
       }
       AssertPoseManifold(*maps[s], batch.parameters[first + s], left);
-      double* row = batch.jacobians[s].data + i * batch.jacobians[s].factor_stride + r * batch.jacobians[s].row_stride;
+      double* row = batch.jacobians[s].data + i * batch.jacobians[s].factor_stride +
+                    r * batch.jacobians[s].row_stride;
       if (s == PointChain::kBody) {
         writer.WriteBody(left, row);
       } else {
@@ -110,7 +119,8 @@ double WritePointJacobians(const FactorBatch& batch, int i, const PointChain& ch
   const TangentMap& map = *maps[PointChain::kLandmark];
   if (map.wanted()) {
     const JacobianView& view = batch.jacobians[PointChain::kLandmark];
-    ProjectToTangentSpace(map, by_landmark, rows, view.data + i * view.factor_stride, view.row_stride);
+    ProjectToTangentSpace(map, by_landmark, rows, view.data + i * view.factor_stride,
+                          view.row_stride);
     for (int k = 0; k < rows * landmark_size; ++k) {
       sum += by_landmark[k];
     }
@@ -125,14 +135,17 @@ double WritePointJacobians(const FactorBatch& batch, int i, const PointChain& ch
 ///     const char* ReasonAt(const double h[3]) const;                         // why a residual there is not finite
 /// where A, if not null, becomes ∂e/∂(h, ω). `measurement_of(i)` is the measurement of factor i.
 template <typename Sensor, typename MeasurementOf>
-EvaluationFailure EvaluatePoints(const FactorBatch& batch, int landmark_size, Perturbation perturbation, const Sensor& sensor,
+EvaluationFailure EvaluatePoints(const FactorBatch& batch, int landmark_size,
+                                 Perturbation perturbation, const Sensor& sensor,
                                  const MeasurementOf& measurement_of) {
   constexpr int kRows = Sensor::kRows;
   for (int i = batch.begin; i < batch.end; ++i) {
-    const PointChain chain(batch.parameters + PointChain::kNumSlots * static_cast<std::ptrdiff_t>(i), landmark_size);
+    const PointChain chain(
+        batch.parameters + PointChain::kNumSlots * static_cast<std::ptrdiff_t>(i), landmark_size);
     double e[kRows], A[kRows][4], U[kRows * kRows];
     sensor.SqrtInformation(measurement_of(i), U);
-    sensor.Error(measurement_of(i), chain.h, chain.omega, e, batch.jacobians == nullptr ? nullptr : A);
+    sensor.Error(measurement_of(i), chain.h, chain.omega, e,
+                 batch.jacobians == nullptr ? nullptr : A);
     double* residual = batch.residuals + kRows * static_cast<std::ptrdiff_t>(i);
     if (!std::isfinite(MultiplyUpper<kRows, 1>(U, e, residual, 1))) {
       return {i, sensor.ReasonAt(chain.h)};
@@ -143,7 +156,8 @@ EvaluationFailure EvaluatePoints(const FactorBatch& batch, int landmark_size, Pe
     double whitened[kRows][4];
     MultiplyUpper<kRows, 4>(U, A[0], whitened[0], 4);
     const bool left = perturbation == Perturbation::kLeft;
-    if (!std::isfinite(WritePointJacobians<kRows>(batch, i, chain, landmark_size, left, whitened))) {
+    if (!std::isfinite(
+            WritePointJacobians<kRows>(batch, i, chain, landmark_size, left, whitened))) {
       return {i, "a Jacobian entry is not finite"};
     }
   }
@@ -160,7 +174,8 @@ inline void UnpackUpper(const double packed[3], double U[4]) {
 
 /// Why the residual of an image is not finite.
 inline const char* ImageReason(const double h[3]) {
-  return h[2] == 0.0 ? "the landmark lies in the camera's plane (depth 0)" : "a residual is not finite";
+  return h[2] == 0.0 ? "the landmark lies in the camera's plane (depth 0)"
+                     : "a residual is not finite";
 }
 
 }  // namespace inceres::internal

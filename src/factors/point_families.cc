@@ -1,4 +1,5 @@
-// The families of a landmark in the world seen by a camera on a body: what they measure of h, the landmark in the camera times ω.
+// The families of a landmark in the world seen by a camera on a body: what they measure of h, the
+// landmark in the camera times ω.
 #include <algorithm>
 
 #include "factors/image_error.h"
@@ -14,10 +15,13 @@ struct PixelSensor {
   static constexpr int kRows = 2;
   const PinholeCamera& camera;
 
-  void SqrtInformation(const PixelObservation& seen, double* U) const { internal::UnpackUpper(seen.sqrt_information, U); }
+  void SqrtInformation(const PixelObservation& seen, double* U) const {
+    internal::UnpackUpper(seen.sqrt_information, U);
+  }
 
   // A = J [I | −u] / h_z with u = h_xy / h_z and J of the camera.
-  void Error(const PixelObservation& seen, const double h[3], double /*omega*/, double* e, double (*A)[4]) const {
+  void Error(const PixelObservation& seen, const double h[3], double /*omega*/, double* e,
+             double (*A)[4]) const {
     const double u[2] = {h[0] / h[2], h[1] / h[2]};
     double J[4];
     camera.Project(u[0], u[1], e, A == nullptr ? nullptr : J);
@@ -39,9 +43,12 @@ struct StereoSensor {
   static constexpr int kRows = 3;
   const StereoCamera& camera;
 
-  static void SqrtInformation(const StereoObservation& seen, double* U) { std::copy_n(seen.sqrt_information, 9, U); }
+  static void SqrtInformation(const StereoObservation& seen, double* U) {
+    std::copy_n(seen.sqrt_information, 9, U);
+  }
 
-  void Error(const StereoObservation& seen, const double h[3], double omega, double* e, double (*A)[4]) const {
+  void Error(const StereoObservation& seen, const double h[3], double omega, double* e,
+             double (*A)[4]) const {
     const double f[3] = {camera.f_x, camera.f_y, camera.f_x};
     const double c[3] = {camera.c_x, camera.c_y, camera.c_x};
     const double z[3] = {seen.left[0], seen.left[1], seen.right_u};
@@ -65,11 +72,15 @@ struct StereoSensor {
 struct BearingSensor {
   static constexpr int kRows = 2;
 
-  static void SqrtInformation(const BearingObservation& seen, double* U) { internal::UnpackUpper(seen.sqrt_information, U); }
+  static void SqrtInformation(const BearingObservation& seen, double* U) {
+    internal::UnpackUpper(seen.sqrt_information, U);
+  }
 
-  static void Error(const BearingObservation& seen, const double h[3], double /*omega*/, double* e, double (*A)[4]) {
+  static void Error(const BearingObservation& seen, const double h[3], double /*omega*/, double* e,
+                    double (*A)[4]) {
     const double norm = internal::Norm(seen.direction);
-    const double d[3] = {seen.direction[0] / norm, seen.direction[1] / norm, seen.direction[2] / norm};
+    const double d[3] = {seen.direction[0] / norm, seen.direction[1] / norm,
+                         seen.direction[2] / norm};
     double B[2][3], by_h[2][3];
     internal::TangentBasis(d, B);
     internal::SphereError(h, d, B, e, A == nullptr ? nullptr : by_h);
@@ -80,7 +91,8 @@ struct BearingSensor {
   }
 
   static const char* ReasonAt(const double h[3]) {
-    return internal::Norm(h) == 0.0 ? "the landmark lies in the center of the camera" : "a residual is not finite";
+    return internal::Norm(h) == 0.0 ? "the landmark lies in the center of the camera"
+                                    : "a residual is not finite";
   }
 };
 
@@ -92,7 +104,8 @@ EvaluationFailure PointReprojectionFamily::Evaluate(const FactorBatch& batch) co
 }
 
 EvaluationFailure StereoReprojectionFamily::Evaluate(const FactorBatch& batch) const {
-  return internal::EvaluatePoints(batch, slot(2).ambient_size, perturbation(), StereoSensor{camera_},
+  return internal::EvaluatePoints(batch, slot(2).ambient_size, perturbation(),
+                                  StereoSensor{camera_},
                                   [this](int i) -> const Measurement& { return measurement(i); });
 }
 

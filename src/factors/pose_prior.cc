@@ -56,8 +56,9 @@ EvaluationFailure PosePriorFamily::Evaluate(const FactorBatch& batch) const {
       double E[36];
       Differentiate(e, left, E);
       const JacobianView& view = batch.jacobians[0];
-      if (!std::isfinite(
-              MultiplyUpper<6, 6>(measurement.sqrt_information, E, view.data + i * view.factor_stride, view.row_stride))) {
+      if (!std::isfinite(MultiplyUpper<6, 6>(measurement.sqrt_information, E,
+                                             view.data + i * view.factor_stride,
+                                             view.row_stride))) {
         return {i, "a Jacobian entry is not finite"};
       }
     }
@@ -80,7 +81,8 @@ EvaluationFailure SpeedBiasPriorFamily::Evaluate(const FactorBatch& batch) const
       assert(batch.tangent_maps[i]->kind == TangentMap::Kind::kIdentity);
       const JacobianView& view = batch.jacobians[0];
       for (int r = 0; r < 9; ++r) {
-        std::copy_n(measurement.sqrt_information + 9 * r, 9, view.data + i * view.factor_stride + r * view.row_stride);
+        std::copy_n(measurement.sqrt_information + 9 * r, 9,
+                    view.data + i * view.factor_stride + r * view.row_stride);
       }
     }
   }

@@ -6,12 +6,15 @@
 
 namespace inceres::internal {
 
-/// Asserts that a pose slot's tangent is PoseManifold's, the one the factors' formulas are written in: δp first, added as it is,
-/// then q ⊗ Exp(φ), whose derivative at column φ_x is q_w / 2 in row x and q_z / 2 in row y; -q_z / 2 with Exp(φ) ⊗ q, which is
-/// LeftPoseManifold's. Maps that merely select columns are a wrapper's own doing.
-inline void AssertPoseManifold(const TangentMap& map, const double* pose, bool on_the_left = false) {
+/// Asserts that a pose slot's tangent is PoseManifold's, the one the factors' formulas are written
+/// in: δp first, added as it is, then q ⊗ Exp(φ), whose derivative at column φ_x is q_w / 2 in row
+/// x and q_z / 2 in row y; -q_z / 2 with Exp(φ) ⊗ q, which is LeftPoseManifold's. Maps that merely
+/// select columns are a wrapper's own doing.
+inline void AssertPoseManifold(const TangentMap& map, const double* pose,
+                               bool on_the_left = false) {
   assert(map.kind != TangentMap::Kind::kDense ||
-         (map.plus_jacobian[0] == 1.0 && map.plus_jacobian[7] == 1.0 && map.plus_jacobian[3 * 6 + 3] == 0.5 * pose[6] &&
+         (map.plus_jacobian[0] == 1.0 && map.plus_jacobian[7] == 1.0 &&
+          map.plus_jacobian[3 * 6 + 3] == 0.5 * pose[6] &&
           map.plus_jacobian[4 * 6 + 3] == (on_the_left ? -0.5 : 0.5) * pose[5]));
   static_cast<void>(map);
   static_cast<void>(pose);

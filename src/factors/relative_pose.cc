@@ -19,7 +19,8 @@ struct Difference {
   double e[6];  // [Log(R_aᵀ R_b R_abᵀ); t − p_ab]
 };
 
-void Compare(const RelativePoseFamily::Measurement& measurement, const double* a, const double* b, Difference& v) {
+void Compare(const RelativePoseFamily::Measurement& measurement, const double* a, const double* b,
+             Difference& v) {
   double q_a_conjugate[4], q_ab_conjugate[4], q[4], error[4];
   ConjugateQuaternion(a + 3, q_a_conjugate);
   ConjugateQuaternion(measurement.q_ab, q_ab_conjugate);
@@ -34,8 +35,8 @@ void Compare(const RelativePoseFamily::Measurement& measurement, const double* a
   }
 }
 
-// With right perturbations R Exp(φ) the rotation error E = R_aᵀ R_b R_abᵀ becomes Exp(−φ_a) E and E Exp(R_ab φ_b), so with
-// r = Log E:
+// With right perturbations R Exp(φ) the rotation error E = R_aᵀ R_b R_abᵀ becomes Exp(−φ_a) E and E
+// Exp(R_ab φ_b), so with r = Log E:
 //     ∂r/∂φ_a = −J_l⁻¹(r),        ∂r/∂φ_b = J_r⁻¹(r) R_ab = J_l⁻¹(−r) R_ab,
 //     ∂t/∂p_a = R_bᵀ = −∂t/∂p_b,  ∂t/∂φ_b = [t]×.
 void DifferentiateA(const Difference& v, double E[6][6]) {
@@ -69,7 +70,8 @@ void DifferentiateB(const Difference& v, const double* q_ab, double E[6][6]) {
   E[5][4] = v.t[0];
 }
 
-double WriteJacobians(const FactorBatch& batch, int i, const RelativePoseFamily::Measurement& measurement, const Difference& v) {
+double WriteJacobians(const FactorBatch& batch, int i,
+                      const RelativePoseFamily::Measurement& measurement, const Difference& v) {
   double sum = 0.0;
   for (int s = 0; s < 2; ++s) {
     const std::ptrdiff_t index = 2 * static_cast<std::ptrdiff_t>(i) + s;
@@ -85,7 +87,8 @@ double WriteJacobians(const FactorBatch& batch, int i, const RelativePoseFamily:
       DifferentiateB(v, measurement.q_ab, E);
     }
     const JacobianView& view = batch.jacobians[s];
-    sum += MultiplyUpper<6, 6>(measurement.sqrt_information, E[0], view.data + i * view.factor_stride, view.row_stride);
+    sum += MultiplyUpper<6, 6>(measurement.sqrt_information, E[0],
+                               view.data + i * view.factor_stride, view.row_stride);
   }
   return sum;
 }

@@ -4,8 +4,9 @@
 
 namespace inceres::internal {
 
-/// J = U E, U upper triangular (rows × rows), E rows × columns, both row-major; rows of J are row_stride apart. Returns the sum
-/// of the entries of J, which is finite only if all are. J must not alias E.
+/// J = U E, U upper triangular (rows × rows), E rows × columns, both row-major; rows of J are
+/// row_stride apart. Returns the sum of the entries of J, which is finite only if all are. J must
+/// not alias E.
 template <int rows, int columns>
 double MultiplyUpper(const double* U, const double* E, double* J, int row_stride) {
   double sum = 0.0;

@@ -21,8 +21,8 @@ double Product(int rows, int columns, const double* u, const double* B, const do
 
 }  // namespace
 
-void ActiveSet::RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping,
-                           const IncrementalSchur& schur) {
+void ActiveSet::RankFrames(const std::vector<double>& frame_step,
+                           const std::vector<double>& damping, const IncrementalSchur& schur) {
   const SymmetricBlockRows& S = schur.S();
   const auto count = static_cast<int>(candidates_.size());
   for (std::vector<double>* ranked : {&gains_, &costs_}) {
@@ -39,14 +39,16 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step, const std::vec
     if (S.size_of(i) == 0) {
       continue;
     }
-    double gain = Product(S.size_of(i), S.size_of(i), delta, S.values(S.row(i).back().offset), delta);
+    double gain =
+        Product(S.size_of(i), S.size_of(i), delta, S.values(S.row(i).back().offset), delta);
     for (int k = 0; k < S.size_of(i); ++k) {
       gain += damping[offset + k] * delta[k] * delta[k];
     }
     gains_[at] = gain;
   }
-  std::sort(order_.begin(), order_.end(),
-            [this](std::int32_t a, std::int32_t b) { return gains_[a] != gains_[b] ? gains_[a] < gains_[b] : a < b; });
+  std::sort(order_.begin(), order_.end(), [this](std::int32_t a, std::int32_t b) {
+    return gains_[a] != gains_[b] ? gains_[a] < gains_[b] : a < b;
+  });
   rank_.resize(S.num_rows(), -1);
   costs_.assign(count, 0.0);
   for (int r = 0; r < count; ++r) {
@@ -59,8 +61,9 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step, const std::vec
       if (rank_[entry.column] < 0 || entry.column == i) {
         continue;
       }
-      const double product = Product(S.size_of(i), S.size_of(entry.column), delta, S.values(entry.offset),
-                                     frame_step.data() + schur.FrameOffset(entry.column));
+      const double product =
+          Product(S.size_of(i), S.size_of(entry.column), delta, S.values(entry.offset),
+                  frame_step.data() + schur.FrameOffset(entry.column));
       costs_[std::max(rank_[i], rank_[entry.column])] += product;
     }
   }
@@ -70,8 +73,8 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step, const std::vec
 }
 
 // All of the step but for the longest leading part of the ranks that costs no more than the budget.
-void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<double>& damping, double budget,
-                       IncrementalSystem* system) {
+void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<double>& damping,
+                       double budget, IncrementalSystem* system) {
   const IncrementalSchur& schur = system->schur();
   RankFrames(frame_step, damping, schur);
   double undone = 0.0;
@@ -90,7 +93,8 @@ void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<
 
 // Rows that were not solved anew may still have much of their step to take.
 void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const ReducedVectors& reduced,
-                               const ReducedSolver::Rows& solved, double negligible, const IncrementalSchur& schur) {
+                               const ReducedSolver::Rows& solved, double negligible,
+                               const IncrementalSchur& schur) {
   const auto num_rows = static_cast<std::int32_t>(schur.frames().size());
   candidates_.clear();
   candidates_.reserve(num_rows);
@@ -111,10 +115,12 @@ void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const Redu
   }
 }
 
-// In the partial Bayes tree that the elimination of the landmarks leaves, the frames are the root and each landmark is a leaf,
-// conditioned on the frames it is seen from: which frames move, then which leaves are visited.
-void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVectors& reduced, const ReducedSolver::Rows& solved,
-                       const Limits& limits, IncrementalSystem* system) {
+// In the partial Bayes tree that the elimination of the landmarks leaves, the frames are the root
+// and each landmark is a leaf, conditioned on the frames it is seen from: which frames move, then
+// which leaves are visited.
+void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVectors& reduced,
+                       const ReducedSolver::Rows& solved, const Limits& limits,
+                       IncrementalSystem* system) {
   IncrementalSchur& schur = system->schur();
   frames_.clear();
   frames_.reserve(schur.frames().size());
@@ -137,7 +143,8 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVecto
     }
   };
   for (const std::int32_t frame : frames_) {
-    std::for_each(schur.frames()[frame].landmarks.begin(), schur.frames()[frame].landmarks.end(), visit);
+    std::for_each(schur.frames()[frame].landmarks.begin(), schur.frames()[frame].landmarks.end(),
+                  visit);
   }
   const double share = limits.remaining_decrease / std::max(1, schur.structure().num_landmarks());
   const std::vector<std::int32_t>& eager = schur.gains().Above(share);

@@ -11,27 +11,31 @@
 
 namespace inceres::internal {
 
-/// The active set of an incremental step (docs/algorithms.md, "Lazy steps"): which frames and landmarks move, and what that
-/// leaves undone.
+/// The active set of an incremental step (docs/algorithms.md, "Lazy steps"): which frames and
+/// landmarks move, and what that leaves undone.
 ///
-/// Few frames move, and take the step that is best while all others stay (PartialStep), if that gains the whole step's gain but
-/// for the budget. Where it takes too many the step is cut off instead: in the reduced quadratic, with every landmark that sees a
-/// moved frame substituted back, leaving the frames D where they are then costs exactly ½ δ_Dᵀ S' δ_D. So the frames are taken in
-/// the order of their own gains δ_iᵀ S'_ii δ_i, and the longest leading part that costs no more than the budget stays put.
-/// Landmarks that see no moved frame are visited if they could gain a share of the budget by themselves.
+/// Few frames move, and take the step that is best while all others stay (PartialStep), if that
+/// gains the whole step's gain but for the budget. Where it takes too many the step is cut off
+/// instead: in the reduced quadratic, with every landmark that sees a moved frame substituted back,
+/// leaving the frames D where they are then costs exactly ½ δ_Dᵀ S' δ_D. So the frames are taken in
+/// the order of their own gains δ_iᵀ S'_ii δ_i, and the longest leading part that costs no more
+/// than the budget stays put. Landmarks that see no moved frame are visited if they could gain a
+/// share of the budget by themselves.
 class ActiveSet {
  public:
   explicit ActiveSet(const Tuning::Truncate& limits) : partial_step_(limits) {}
 
   struct Limits {
-    double remaining_decrease;  // what may be left undone; negative: nothing, all of the step is taken
-    double negligible;          // a row that was not solved anew stays if δ_iᵀ diag(C)_i δ_i is no more
-    double frame_gain;          // ½ bᵀδ
+    // what may be left undone; negative: nothing, all of the step is taken
+    double remaining_decrease;
+    double negligible;  // a row that was not solved anew stays if δ_iᵀ diag(C)_i δ_i is no more
+    double frame_gain;  // ½ bᵀδ
   };
-  /// Sets the steps of the active variables in the system. `frame_step` solves S' δ = b, S' = S + diag(damping), packed; what
-  /// rows that were not solved anew have of it is what was left of their step before.
-  void Select(const std::vector<double>& frame_step, const ReducedVectors& reduced, const ReducedSolver::Rows& solved,
-              const Limits& limits, IncrementalSystem* system);
+  /// Sets the steps of the active variables in the system. `frame_step` solves S' δ = b, S' = S +
+  /// diag(damping), packed; what rows that were not solved anew have of it is what was left of
+  /// their step before.
+  void Select(const std::vector<double>& frame_step, const ReducedVectors& reduced,
+              const ReducedSolver::Rows& solved, const Limits& limits, IncrementalSystem* system);
 
   void Clear() {
     frames_.clear();
@@ -42,11 +46,13 @@ class ActiveSet {
   std::size_t Bytes() const { return partial_step_.Bytes(); }
 
  private:
-  void NameCandidates(const std::vector<double>& frame_step, const ReducedVectors& reduced, const ReducedSolver::Rows& solved,
-                      double negligible, const IncrementalSchur& schur);
-  void CutOff(const std::vector<double>& frame_step, const std::vector<double>& damping, double budget,
-              IncrementalSystem* system);
-  void RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping, const IncrementalSchur& schur);
+  void NameCandidates(const std::vector<double>& frame_step, const ReducedVectors& reduced,
+                      const ReducedSolver::Rows& solved, double negligible,
+                      const IncrementalSchur& schur);
+  void CutOff(const std::vector<double>& frame_step, const std::vector<double>& damping,
+              double budget, IncrementalSystem* system);
+  void RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping,
+                  const IncrementalSchur& schur);
 
   std::vector<std::int32_t> candidates_;  // the rows that may move, ascending
   std::vector<double> gains_;             // per candidate

@@ -12,7 +12,8 @@
 namespace inceres::internal {
 namespace {
 
-// Steps taken one after another, after which a Dog-Leg's radius is no longer what a refusal has made it.
+// Steps taken one after another, after which a Dog-Leg's radius is no longer what a refusal has
+// made it.
 constexpr int kAcceptedInRow = 2;
 
 // What a cost may change by without counting.
@@ -23,13 +24,14 @@ double ToleranceAt(double cost, const IncrementalOptions& options) {
 // What comes after the batch solver: the incremental one, which finishes, or nothing.
 enum class BatchEnd { kHandsOver, kToTheEnd };
 
-// Counts the work, writes the trace, and ends the solve when the Update's observer says so, on request, when the work budget is
-// spent, and, before one more step proves it, where what is left is below the tolerance: good steps gain so fast less, or the
-// next one promises too little.
+// Counts the work, writes the trace, and ends the solve when the Update's observer says so, on
+// request, when the work budget is spent, and, before one more step proves it, where what is left
+// is below the tolerance: good steps gain so fast less, or the next one promises too little.
 class BatchObserver final : public SolveObserver, public StepJudge {
  public:
-  BatchObserver(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end, const std::atomic<bool>& stop,
-                int num_factors, const double** shown_state, UpdateTrace* trace)
+  BatchObserver(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end,
+                const std::atomic<bool>& stop, int num_factors, const double** shown_state,
+                UpdateTrace* trace)
       : options_(options),
         tuning_(tuning),
         end_(end),
@@ -56,7 +58,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     const double rest = std::max(1.0, last_ratio_) * promise / (1.0 - factor);
     const bool known = last_ratio_ > tuning_.kept_promise && factor < tuning_.steady_factor;
     const bool series = known && rest <= tuning_.rest_share * Tolerance(cost);
-    const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= tuning_.settled_share * Tolerance(cost);
+    const bool nothing =
+        end_ == BatchEnd::kToTheEnd && promise <= tuning_.settled_share * Tolerance(cost);
     tried_radius_ = iteration.trust_region_radius;
     settled_ = options_.batch_share > 0.0 && SeesAll() && (series || nothing);
     rest_ = !settled_ ? 0.0 : series ? rest : promise;
@@ -73,7 +76,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
 
   double LeastRadius() override { return is_near_ ? tuning_.seeing_radius : 0.0; }
 
-  ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override {
+  ObserverAction EndOfIteration(const IterationSummary& iteration,
+                                const double* best_state) override {
     if (iteration.step_is_successful) {
       cost_ = iteration.cost;
       best_cost_ = iteration.iteration == last_judged_ ? std::min(best_cost_, cost_) : cost_;
@@ -81,14 +85,18 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     num_accepted_in_row_ = iteration.step_is_successful ? num_accepted_in_row_ + 1 : 0;
     // What landmarks gained by themselves says nothing of the model.
     last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
-    is_near_ = options_.batch_share > 0.0 && iteration.step_is_successful && last_ratio_ > tuning_.kept_promise &&
+    is_near_ = options_.batch_share > 0.0 && iteration.step_is_successful &&
+               last_ratio_ > tuning_.kept_promise &&
                iteration.cost_change <= tuning_.near_gain * Tolerance(cost_);
-    if (iteration.step_is_successful && iteration.iteration != last_judged_) {  // the start, or the cost is another function
+    if (iteration.step_is_successful &&
+        iteration.iteration != last_judged_) {  // the start, or the cost is another function
       checked_cost_ = gained_from_ = cost_;
       num_unchecked_steps_ = num_since_gain_ = 0;
     }
-    if (iteration.iteration == 0 && !trace_.summary().iterations.empty()) {  // told as the end of the part before
-      return stop_.load(std::memory_order_relaxed) ? ObserverAction::kTerminateSuccessfully : ObserverAction::kContinue;
+    if (iteration.iteration == 0 &&
+        !trace_.summary().iterations.empty()) {  // told as the end of the part before
+      return stop_.load(std::memory_order_relaxed) ? ObserverAction::kTerminateSuccessfully
+                                                   : ObserverAction::kContinue;
     }
     WriteRow(iteration);
     *shown_state_ = best_state;
@@ -98,15 +106,19 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     const UpdateSummary& summary = trace_.summary();
     if (!go_on) {
       ended_by_user_ = true;
-      return summary.termination == Termination::kUserSuccess ? ObserverAction::kTerminateSuccessfully : ObserverAction::kAbort;
+      return summary.termination == Termination::kUserSuccess
+                 ? ObserverAction::kTerminateSuccessfully
+                 : ObserverAction::kAbort;
     }
-    if (iteration.iteration != last_judged_) {  // the start, a refused step, or one that made the cost another function
+    if (iteration.iteration !=
+        last_judged_) {  // the start, a refused step, or one that made the cost another function
       previous_gain_ = 0.0;
       previous_ratio_ = HUGE_VAL;
       last_ratio_ = 0.0;
     }
     const bool enough = settled_ || stop_.load(std::memory_order_relaxed) ||
-                        summary.num_evaluated_factors + summary.num_relinearized_factors >= options_.max_factor_evaluations;
+                        summary.num_evaluated_factors + summary.num_relinearized_factors >=
+                            options_.max_factor_evaluations;
     return enough ? ObserverAction::kTerminateSuccessfully : ObserverAction::kContinue;
   }
 
@@ -114,8 +126,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool settled() const { return settled_; }
   /// Of the best state, where Ceres reports the lowest cost seen, refused steps included.
   double cost() const { return best_cost_; }
-  /// Whether the model, which sees all directions, promises next to nothing: of Ceres's rule, that the last step would have
-  /// changed the cost by next to nothing, that is what it means to say.
+  /// Whether the model, which sees all directions, promises next to nothing: of Ceres's rule, that
+  /// the last step would have changed the cost by next to nothing, that is what it means to say.
   bool promises_nothing() const { return promises_nothing_; }
   /// Whether a step was refused so lately that a Dog-Leg's radius is still what that has made it.
   bool refused_lately() const { return num_accepted_in_row_ < kAcceptedInRow; }
@@ -124,14 +136,18 @@ class BatchObserver final : public SolveObserver, public StepJudge {
 
  private:
   double Tolerance(double cost) const { return ToleranceAt(cost, options_); }
-  // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could gain; of a Dog-Leg, whether no
-  // refusal has shrunk its radius lately.
-  bool SeesAll() const { return IsDamped(options_.batch_strategy) ? tried_radius_ >= tuning_.seeing_radius : !refused_lately(); }
-  // By Marquardt's rule, which tries all lengths of steps: many that were taken have together brought next to nothing; or hardly
-  // any could be taken for so long that all lengths have been tried, as at the border of where a cost function evaluates.
+  // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could
+  // gain; of a Dog-Leg, whether no refusal has shrunk its radius lately.
+  bool SeesAll() const {
+    return IsDamped(options_.batch_strategy) ? tried_radius_ >= tuning_.seeing_radius
+                                             : !refused_lately();
+  }
+  // By Marquardt's rule, which tries all lengths of steps: many that were taken have together
+  // brought next to nothing; or hardly any could be taken for so long that all lengths have been
+  // tried, as at the border of where a cost function evaluates.
   bool HasStagnated(const IterationSummary& iteration) {
-    if (options_.batch_strategy != TrustRegionStrategyKind::kMarquardt || options_.batch_share == 0.0 ||
-        iteration.iteration == 0) {
+    if (options_.batch_strategy != TrustRegionStrategyKind::kMarquardt ||
+        options_.batch_share == 0.0 || iteration.iteration == 0) {
       return false;
     }
     const double tolerance = Tolerance(cost_);
@@ -146,7 +162,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     }
     if (iteration.step_is_successful && ++num_unchecked_steps_ >= tuning_.stagnation) {
       const bool free = iteration.trust_region_radius >= tuning_.free_radius;
-      if (checked_cost_ - cost_ <= (free ? tuning_.free_stagnation_gain : tuning_.stagnation_gain) * tolerance) {
+      if (checked_cost_ - cost_ <=
+          (free ? tuning_.free_stagnation_gain : tuning_.stagnation_gain) * tolerance) {
         return true;
       }
       num_unchecked_steps_ = 0;
@@ -154,11 +171,11 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     }
     return false;
   }
-  // A step that was evaluated and refused, but changes next to nothing: there is nothing to be had. (Ceres's rule does not ask
-  // whether a step is accepted either.)
+  // A step that was evaluated and refused, but changes next to nothing: there is nothing to be had.
+  // (Ceres's rule does not ask whether a step is accepted either.)
   bool IsRefusedForNothing(const IterationSummary& iteration) const {
-    return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && iteration.iteration > 0 && iteration.step_is_valid &&
-           !iteration.step_is_successful && SeesAll() &&
+    return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && iteration.iteration > 0 &&
+           iteration.step_is_valid && !iteration.step_is_successful && SeesAll() &&
            std::fabs(iteration.cost_change) <= tuning_.settled_share * Tolerance(cost_) &&
            iteration.model_cost_change <= Tolerance(cost_);
   }
@@ -170,12 +187,14 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     const double ratio = gain / previous_gain_;
     const double slower = std::max(ratio, previous_ratio_);
     const bool fast = ratio < tuning_.fast_ratio && previous_ratio_ < tuning_.fast_ratio;
-    // Slow ones are believed where they are all there is, and Ceres's rule would have ended the solve.
-    const bool slow = end_ == BatchEnd::kToTheEnd && slower < 1.0 && gain <= Tolerance(iteration.cost);
+    // Slow ones are believed where they are all there is, and Ceres's rule would have ended the
+    // solve.
+    const bool slow =
+        end_ == BatchEnd::kToTheEnd && slower < 1.0 && gain <= Tolerance(iteration.cost);
     // What the model was wrong by in this step may still be there: the gradient is off by as much.
     const bool exact = std::fabs(gain - iteration.model_cost_change) <= allowed;
-    const bool settled = options_.batch_share > 0.0 && SeesAll() && good && exact && gain >= 0.0 && (fast || slow) &&
-                         gain * slower / (1.0 - slower) <= allowed;
+    const bool settled = options_.batch_share > 0.0 && SeesAll() && good && exact && gain >= 0.0 &&
+                         (fast || slow) && gain * slower / (1.0 - slower) <= allowed;
     rest_ = settled ? gain * slower / (1.0 - slower) : 0.0;
     previous_gain_ = gain;
     previous_ratio_ = ratio;
@@ -184,7 +203,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
 
   void WriteRow(const IterationSummary& iteration) {
     UpdateIteration& row = trace_.row();
-    row.step = iteration.iteration > 0 && iteration.step_is_valid ? UpdateStep::kBatch : UpdateStep::kNone;
+    row.step =
+        iteration.iteration > 0 && iteration.step_is_valid ? UpdateStep::kBatch : UpdateStep::kNone;
     row.accepted = iteration.step_is_successful;
     row.cost_change = iteration.cost_change;
     row.predicted_change = iteration.model_cost_change;
@@ -221,25 +241,28 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   int num_accepted_in_row_ = kAcceptedInRow;
   int num_unchecked_steps_ = 0;  // taken since HasStagnated last looked
   double checked_cost_ = 0.0;    // then
-  int num_since_gain_ = 0;       // iterations, taken or not, since the cost last fell by more than next to nothing
-  double gained_from_ = 0.0;     // to this
+  // iterations, taken or not, since the cost last fell by more than next to nothing
+  int num_since_gain_ = 0;
+  double gained_from_ = 0.0;  // to this
 };
 
-// Whether a trust region that refusals have shrunk may be what kept the last steps short: they then tell nothing of what is left.
-// A Dog-Leg's radius says so only while it is the step's length: until a step is taken without a refusal before it.
+// Whether a trust region that refusals have shrunk may be what kept the last steps short: they then
+// tell nothing of what is left. A Dog-Leg's radius says so only while it is the step's length:
+// until a step is taken without a refusal before it.
 bool IsHeldBack(const Summary& summary, const BatchObserver& observer, const SolverOptions& options,
                 const Tuning::Batch& tuning) {
   if (summary.iterations.empty()) {
     return false;
   }
-  return IsDamped(options.strategy)
-             ? summary.iterations.back().trust_region_radius < tuning.shrunk_share * options.initial_trust_region_radius
-             : observer.refused_lately();
+  return IsDamped(options.strategy) ? summary.iterations.back().trust_region_radius <
+                                          tuning.shrunk_share * options.initial_trust_region_radius
+                                    : observer.refused_lately();
 }
 
-// Ceres's rule looks at the last step alone, and does not take it. What it would have gained, and steps like it would go on to
-// gain, is left undone.
-bool HasSettled(const Summary& summary, const IncrementalOptions& options, const Tuning::Batch& tuning) {
+// Ceres's rule looks at the last step alone, and does not take it. What it would have gained, and
+// steps like it would go on to gain, is left undone.
+bool HasSettled(const Summary& summary, const IncrementalOptions& options,
+                const Tuning::Batch& tuning) {
   if (summary.termination != Termination::kConvergence) {
     return false;
   }
@@ -251,7 +274,8 @@ bool HasSettled(const Summary& summary, const IncrementalOptions& options, const
   }
   const double gain = std::fabs(summary.discarded_cost_change);
   const double allowed = tuning.settled_share * ToleranceAt(summary.final_cost, options);
-  return summary.final_cost == 0.0 || (gain < last_gain && gain / (1.0 - gain / last_gain) <= allowed);
+  return summary.final_cost == 0.0 ||
+         (gain < last_gain && gain / (1.0 - gain / last_gain) <= allowed);
 }
 
 }  // namespace
@@ -268,7 +292,8 @@ bool TakesBatchPhase(const FactorGraph& graph) {
 namespace {
 
 // What the batch solver is asked for, but for the observer.
-SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end) {
+SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batch& tuning,
+                           BatchEnd end) {
   const bool only = options.batch_share == 0.0;
   SolverOptions batch;
   batch.strategy = options.batch_strategy;
@@ -276,8 +301,8 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
   batch.num_threads = options.num_threads;
   batch.max_num_iterations = options.max_num_iterations;
   batch.max_solver_time_in_seconds = options.max_seconds;
-  // Down to what may be left: one more iteration here costs less than to linearize everything for the incremental system. Where
-  // there will be none the observer says when nothing is left.
+  // Down to what may be left: one more iteration here costs less than to linearize everything for
+  // the incremental system. Where there will be none the observer says when nothing is left.
   batch.function_tolerance = options.function_tolerance;
   batch.initial_trust_region_radius = 1.0 / options.initial_damping;
   if (!only && options.batch_strategy == TrustRegionStrategyKind::kMarquardt) {
@@ -285,23 +310,28 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
     batch.gradient_tolerance = tuning.gradient_tolerance;
     batch.min_trust_region_radius = tuning.min_radius;
     batch.max_trust_region_radius = tuning.max_radius;
-    batch.initial_trust_region_radius = std::min(batch.initial_trust_region_radius, tuning.max_radius);
+    batch.initial_trust_region_radius =
+        std::min(batch.initial_trust_region_radius, tuning.max_radius);
   } else if (!only) {
-    batch.function_tolerance *= end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
+    batch.function_tolerance *=
+        end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
   }
-  batch.parameter_tolerance = 0.0;  // a few points run off in bundle adjustment, and against them every step is short
+  // a few points run off in bundle adjustment, and against them every step is short
+  batch.parameter_tolerance = 0.0;
   batch.min_relative_decrease = options.min_relative_decrease;
   batch.refine_landmarks = !only && options.max_landmark_passes > 0;
   batch.reduce_curvature_of_losses = !only;
   return batch;
 }
 
-// Adds what one call of the batch solver did to the Update's summary; how it ended is what the last one says.
+// Adds what one call of the batch solver did to the Update's summary; how it ended is what the last
+// one says.
 void Count(const Summary& solved, const BatchObserver& observer, UpdateSummary* summary) {
   if (summary->num_batch_iterations == 0) {
     summary->initial_cost = solved.initial_cost;
   }
-  summary->remaining_decrease = observer.settled() ? observer.rest() : std::fabs(solved.discarded_cost_change);
+  summary->remaining_decrease =
+      observer.settled() ? observer.rest() : std::fabs(solved.discarded_cost_change);
   const int num_iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
   summary->num_batch_iterations += num_iterations;
   summary->num_iterations += num_iterations;
@@ -311,17 +341,19 @@ void Count(const Summary& solved, const BatchObserver& observer, UpdateSummary* 
   if (summary->failed_step.empty()) {
     summary->failed_step = solved.failed_step;
   }
-  for (double StageSeconds::*stage : {&StageSeconds::setup, &StageSeconds::residuals, &StageSeconds::jacobians,
-                                      &StageSeconds::hessian, &StageSeconds::elimination, &StageSeconds::factorization,
-                                      &StageSeconds::back_substitution, &StageSeconds::model_cost, &StageSeconds::total}) {
+  for (double StageSeconds::*stage :
+       {&StageSeconds::setup, &StageSeconds::residuals, &StageSeconds::jacobians,
+        &StageSeconds::hessian, &StageSeconds::elimination, &StageSeconds::factorization,
+        &StageSeconds::back_substitution, &StageSeconds::model_cost, &StageSeconds::total}) {
     summary->batch_stages.*stage += solved.seconds.*stage;
   }
   summary->message = solved.detail.empty() ? solved.message : solved.message + ": " + solved.detail;
 }
 
 // One call of the batch solver.
-BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end, const std::atomic<bool>& stop,
-                     Solver* solver, FactorGraph* graph, const double** shown_state, UpdateTrace* trace) {
+BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end,
+                     const std::atomic<bool>& stop, Solver* solver, FactorGraph* graph,
+                     const double** shown_state, UpdateTrace* trace) {
   UpdateSummary* summary = &trace->summary();
   SolverOptions batch = BatchOptions(options, tuning, end);
   BatchObserver observer(options, tuning, end, stop, graph->num_factors(), shown_state, trace);
@@ -346,34 +378,44 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
     summary->message = "What is left undone is below the function tolerance.";
     return {Termination::kConvergence, true};
   }
-  if (solved.termination == Termination::kUserSuccess || solved.termination == Termination::kNoConvergence) {
+  if (solved.termination == Termination::kUserSuccess ||
+      solved.termination == Termination::kNoConvergence) {
     summary->message = "Stopped by a limit or by request; the state is the best so far.";
     return {Termination::kNoConvergence, true};
   }
   summary->ended_by_batch_rule = solved.termination == Termination::kConvergence;
   const bool held_back = IsHeldBack(solved, observer, batch, tuning);
-  summary->rests_on_refusals = batch.strategy == TrustRegionStrategyKind::kMarquardt && !solved.iterations.empty() &&
-                               solved.iterations.back().trust_region_radius <= batch.min_trust_region_radius;
-  const bool no_gradient = solved.iterations.empty() || solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
+  summary->rests_on_refusals =
+      batch.strategy == TrustRegionStrategyKind::kMarquardt && !solved.iterations.empty() &&
+      solved.iterations.back().trust_region_radius <= batch.min_trust_region_radius;
+  const bool no_gradient = solved.iterations.empty() ||
+                           solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
   return {solved.termination, !held_back && HasSettled(solved, options, tuning), held_back,
           observer.promises_nothing() || no_gradient};
 }
 
-// A solve from beginning to end. What the user's strategy does not bring to an end within a while, or ends with its trust region
-// shrunk by refusals, where its last steps prove nothing, is gone on with by Marquardt's rule.
-BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch& tuning, const std::atomic<bool>& stop,
-                         Solver* solver, FactorGraph* graph, const double** shown_state, UpdateTrace* trace) {
+// A solve from beginning to end. What the user's strategy does not bring to an end within a while,
+// or ends with its trust region shrunk by refusals, where its last steps prove nothing, is gone on
+// with by Marquardt's rule.
+BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch& tuning,
+                         const std::atomic<bool>& stop, Solver* solver, FactorGraph* graph,
+                         const double** shown_state, UpdateTrace* trace) {
   UpdateSummary* summary = &trace->summary();
-  const bool in_parts = options.batch_share > 0.0 && options.batch_strategy != TrustRegionStrategyKind::kMarquardt;
+  const bool in_parts =
+      options.batch_share > 0.0 && options.batch_strategy != TrustRegionStrategyKind::kMarquardt;
   IncrementalOptions part = options;
-  part.max_num_iterations = in_parts ? std::min(options.max_num_iterations, tuning.patience) : options.max_num_iterations;
-  const BatchOutcome first = RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
-  const bool out_of_patience =
-      first.termination == Termination::kNoConvergence && summary->num_iterations >= part.max_num_iterations;
+  part.max_num_iterations =
+      in_parts ? std::min(options.max_num_iterations, tuning.patience) : options.max_num_iterations;
+  const BatchOutcome first =
+      RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
+  const bool out_of_patience = first.termination == Termination::kNoConvergence &&
+                               summary->num_iterations >= part.max_num_iterations;
   const double seconds_left = options.max_seconds - (NowInSeconds() - trace->start_seconds());
   part.max_num_iterations = options.max_num_iterations - summary->num_iterations;
-  const bool proven = !first.held_back && (summary->ended_by_batch_rule ? first.promises_nothing : !out_of_patience);
-  if (!in_parts || proven || first.termination == Termination::kFailure || part.max_num_iterations <= 0 || seconds_left <= 0.0) {
+  const bool proven = !first.held_back &&
+                      (summary->ended_by_batch_rule ? first.promises_nothing : !out_of_patience);
+  if (!in_parts || proven || first.termination == Termination::kFailure ||
+      part.max_num_iterations <= 0 || seconds_left <= 0.0) {
     return first;
   }
   part.max_seconds = seconds_left;
@@ -383,7 +425,8 @@ BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch&
   part.batch_strategy = TrustRegionStrategyKind::kMarquardt;
   const std::vector<double> reached = graph->state();
   const UpdateSummary before = *summary;
-  BatchOutcome second = RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
+  BatchOutcome second =
+      RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
   if (second.termination == Termination::kFailure) {  // what the first part has reached stays
     graph->mutable_state() = reached;
     summary->message = before.message;
@@ -398,8 +441,9 @@ BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch&
 
 }  // namespace
 
-BatchOutcome RunBatchPhase(const IncrementalOptions& options, const Tuning::Batch& tuning, const std::atomic<bool>& stop,
-                           FactorGraph* graph, const double** shown_state, UpdateTrace* trace) {
+BatchOutcome RunBatchPhase(const IncrementalOptions& options, const Tuning::Batch& tuning,
+                           const std::atomic<bool>& stop, FactorGraph* graph,
+                           const double** shown_state, UpdateTrace* trace) {
   Solver solver(/*max_bytes=*/0);
   return RunPart(options, tuning, BatchEnd::kHandsOver, stop, &solver, graph, shown_state, trace);
 }
@@ -408,8 +452,8 @@ SolverOptions OneTimeOptions(const IncrementalOptions& options) {
   return BatchOptions(options, TuningOfNewSolvers().batch, BatchEnd::kToTheEnd);
 }
 
-void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* graph, UpdateSummary* summary,
-               UpdateObserver* observer, const double** best_state) {
+void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* graph,
+               UpdateSummary* summary, UpdateObserver* observer, const double** best_state) {
   const std::atomic<bool> stop{false};
   const double* unseen = nullptr;
   *summary = UpdateSummary();
@@ -418,14 +462,17 @@ void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* g
   if (valid.ok()) {
     const double** shown = best_state != nullptr ? best_state : &unseen;
     const std::vector<double> start = observer != nullptr ? graph->state() : std::vector<double>();
-    summary->termination = RunToTheEnd(options, TuningOfNewSolvers().batch, stop, solver, graph, shown, &trace).termination;
+    summary->termination =
+        RunToTheEnd(options, TuningOfNewSolvers().batch, stop, solver, graph, shown, &trace)
+            .termination;
     if (summary->termination == Termination::kUserFailure) {
       graph->mutable_state() = start;  // the first part of two may have moved it
     }
   } else {
     summary->message = valid.message;
   }
-  if (summary->termination == Termination::kUserFailure || summary->termination == Termination::kFailure) {
+  if (summary->termination == Termination::kUserFailure ||
+      summary->termination == Termination::kFailure) {
     summary->final_cost = summary->initial_cost;  // the graph is where it was
   }
   summary->seconds = NowInSeconds() - trace.start_seconds();

@@ -30,16 +30,18 @@ bool CachedRows::IsGood(const IncrementalFamily& family, FactorRef ref) const {
   return ratio > 0.0 && std::isfinite(ratio) && !family.HasCurvedLoss(ref.factor);
 }
 
-bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted, LinearizedFactor* result) {
+bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted,
+                      LinearizedFactor* result) {
   const FactorRef ref{id.family, id.index};
-  if (id.family >= static_cast<FamilyId>(system_.families().size()) || !IsGood(system_.families()[id.family], ref)) {
+  if (id.family >= static_cast<FamilyId>(system_.families().size()) ||
+      !IsGood(system_.families()[id.family], ref)) {
     return false;
   }
   const IncrementalFamily& family = system_.families()[id.family];
   const IncrementalSchur& schur = system_.schur();
   const std::int32_t landmark = schur.structure().LandmarkOfFactor(ref);
-  // Cached is √w_then J, corrected or not (IncrementalFamily); the factor's share of the least-squares problem now is √ρ' J and
-  // √ρ' f.
+  // Cached is √w_then J, corrected or not (IncrementalFamily); the factor's share of the
+  // least-squares problem now is √ρ' J and √ρ' f.
   const double scale = std::sqrt(family.WeightRatio(id.index));
   slots_.resize(family.num_slots());
   jacobians_.resize(std::max(jacobians_.size(), slots_.size()));
@@ -50,7 +52,8 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
     if (!wanted(variable)) {
       continue;
     }
-    if (schur.structure().FrameOfFactor(ref, s) < 0 && (landmark < 0 || schur.landmarks()[landmark].id != variable)) {
+    if (schur.structure().FrameOfFactor(ref, s) < 0 &&
+        (landmark < 0 || schur.landmarks()[landmark].id != variable)) {
       return false;
     }
     const double* J = family.Jacobian(id.index, s);

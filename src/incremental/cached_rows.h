@@ -8,15 +8,18 @@
 
 namespace inceres::internal {
 
-/// Rows of an incremental system's factors from its caches: the Jacobians of their last linearization with the residuals and loss
-/// weights of now. Where they would mislead there are none, and the factor is to be linearized: it has never been, or has
-/// changed; its old linearization errs by more than `limit` (squared, in units of the objective); its loss has lost all weight or
-/// has a positive second-order term, which the caches leave out; or a Jacobian is asked for that they do not have.
+/// Rows of an incremental system's factors from its caches: the Jacobians of their last
+/// linearization with the residuals and loss weights of now. Where they would mislead there are
+/// none, and the factor is to be linearized: it has never been, or has changed; its old
+/// linearization errs by more than `limit` (squared, in units of the objective); its loss has lost
+/// all weight or has a positive second-order term, which the caches leave out; or a Jacobian is
+/// asked for that they do not have.
 class CachedRows {
  public:
   CachedRows(const IncrementalSystem& system, double limit) : system_(system), limit_(limit) {}
 
-  /// True if the rows are in the result, which is valid until the next call. Jacobians of slots with wanted(id) are.
+  /// True if the rows are in the result, which is valid until the next call. Jacobians of slots
+  /// with wanted(id) are.
   bool Find(FactorId id, const std::function<bool(VariableId)>& wanted, LinearizedFactor* result);
 
  private:

@@ -1,5 +1,5 @@
-// TrialStep::Shorten: the dog-leg path of an active set (docs/algorithms.md, "Damping and trust region of incremental
-// mode").
+// TrialStep::Shorten: the dog-leg path of an active set (docs/algorithms.md, "Damping and trust
+// region of incremental mode").
 
 #include <algorithm>
 #include <cmath>
@@ -15,17 +15,20 @@ constexpr double kLeastDiagonal = 1e-12;
 
 }  // namespace
 
-// Calls visit(first entry in the padded vectors, size, function from coordinate to diag H) for every variable that moves.
+// Calls visit(first entry in the padded vectors, size, function from coordinate to diag H) for
+// every variable that moves.
 template <typename Function>
 void TrialStep::ForEachActive(Function&& visit) const {
   moved_.ForEach([&](std::int32_t i) {
     const double* C = schur_.FrameDiagonal(i);
-    visit(std::ptrdiff_t{schur_.frames()[i].quad} * kQuad, schur_.frames()[i].size, [C](int k) { return C[k]; });
+    visit(std::ptrdiff_t{schur_.frames()[i].quad} * kQuad, schur_.frames()[i].size,
+          [C](int k) { return C[k]; });
   });
   visited_.ForEach([&](std::int32_t l) {
     const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
     const double* P = schur_.blocks().P(l);
-    visit(std::ptrdiff_t{landmark.quad} * kQuad, landmark.size, [P](int k) { return P[k * kQuad + k]; });
+    visit(std::ptrdiff_t{landmark.quad} * kQuad, landmark.size,
+          [P](int k) { return P[k * kQuad + k]; });
   });
 }
 
@@ -79,7 +82,8 @@ void TrialStep::PrepareDogleg() {
     }
   }
   const double t = curvature > 0.0 ? squared_gradient / curvature : 0.0;
-  std::transform(direction_.begin(), direction_.end(), cauchy_.begin(), [t](double entry) { return t * entry; });
+  std::transform(direction_.begin(), direction_.end(), cauchy_.begin(),
+                 [t](double entry) { return t * entry; });
 }
 
 void TrialStep::Shorten(double scaled_norm) {
@@ -108,7 +112,8 @@ void TrialStep::Shorten(double scaled_norm) {
   }
   ForEachActive([&](std::ptrdiff_t first, int size, const auto& /*diagonal*/) {
     for (int k = 0; k < size; ++k) {
-      step_[first + k] = alpha * cauchy_[first + k] + beta * (gauss_newton_[first + k] - cauchy_[first + k]);
+      step_[first + k] =
+          alpha * cauchy_[first + k] + beta * (gauss_newton_[first + k] - cauchy_[first + k]);
     }
   });
 }

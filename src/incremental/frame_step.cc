@@ -15,12 +15,15 @@ int FirstOf(const std::vector<std::int32_t>& ascending_rows, const IncrementalSc
 }  // namespace
 
 FrameStep::FrameStep(const IncrementalOptions& options, const Executor& executor)
-    : solver_(MakeResumingSolver(options.reduced_solver, options.reduced_solver_factory, PcgOptions(), executor)) {
+    : solver_(MakeResumingSolver(options.reduced_solver, options.reduced_solver_factory,
+                                 PcgOptions(), executor)) {
 }
 
-Status FrameStep::Solve(DampingForm form, double mu, double wildfire, IncrementalSchur* schur, UpdateTrace* trace) {
+Status FrameStep::Solve(DampingForm form, double mu, double wildfire, IncrementalSchur* schur,
+                        UpdateTrace* trace) {
   if (solver_ == nullptr) {
-    return Status::Error(StatusCode::kInvalidArgument, "IncrementalOptions::reduced_solver_factory returned null");
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "IncrementalOptions::reduced_solver_factory returned null");
   }
   Refresh(form, mu, schur);
   values_.resize(schur->size(), 0.0);
@@ -33,7 +36,9 @@ Status FrameStep::Solve(DampingForm form, double mu, double wildfire, Incrementa
   }
   UpdateSummary& summary = trace->summary();
   const Status factored = Factorize(*schur);
-  const auto count = [schur](int rows) { return rows == ReducedSolver::Work::kAll ? schur->structure().num_frames() : rows; };
+  const auto count = [schur](int rows) {
+    return rows == ReducedSolver::Work::kAll ? schur->structure().num_frames() : rows;
+  };
   work_ = solver_->work();
   summary.num_factored_rows += count(work_.factored_rows);
   summary.num_reorderings += work_.reorderings;
@@ -42,7 +47,8 @@ Status FrameStep::Solve(DampingForm form, double mu, double wildfire, Incrementa
   }
   schur->TakeUnsolvedRows(&changed_rows_);
   const ReducedSolver::Rows changed_b{FirstOf(changed_rows_, *schur), &changed_rows_};
-  const Status solved = solver_->Solve(reduced_.b().data(), changed_b, {reduced_.weights().data(), wildfire}, values_.data());
+  const Status solved = solver_->Solve(reduced_.b().data(), changed_b,
+                                       {reduced_.weights().data(), wildfire}, values_.data());
   work_ = solver_->work();
   summary.num_solved_rows += count(work_.solved_rows);
   summary.num_pcg_iterations += work_.iterations;

@@ -12,16 +12,20 @@
 
 namespace inceres::internal {
 
-/// The step δ_c of all frames, (S + μ diag C) δ_c = b: what of it is not taken is kept, and the next solve changes only what a
-/// change worth noticing reaches (iSAM2's wildfire).
+/// The step δ_c of all frames, (S + μ diag C) δ_c = b: what of it is not taken is kept, and the
+/// next solve changes only what a change worth noticing reaches (iSAM2's wildfire).
 class FrameStep {
  public:
   FrameStep(const IncrementalOptions& options, const Executor& executor);
 
-  /// Follows S and b and solves anew. `wildfire`: what a change of a row must be worth. kSingular if there is no factor.
-  Status Solve(DampingForm form, double mu, double wildfire, IncrementalSchur* schur, UpdateTrace* trace);
+  /// Follows S and b and solves anew. `wildfire`: what a change of a row must be worth. kSingular
+  /// if there is no factor.
+  Status Solve(DampingForm form, double mu, double wildfire, IncrementalSchur* schur,
+               UpdateTrace* trace);
   /// Takes over changes of S and b only.
-  void Refresh(DampingForm form, double mu, IncrementalSchur* schur) { all_changed_ |= reduced_.Refresh(form, mu, schur); }
+  void Refresh(DampingForm form, double mu, IncrementalSchur* schur) {
+    all_changed_ |= reduced_.Refresh(form, mu, schur);
+  }
   /// ½ bᵀδ, added to `start`.
   double AddGain(double start) const;
   /// What was applied of these frames' steps is no longer part of the step still to take.
@@ -32,7 +36,8 @@ class FrameStep {
   const ReducedSolver::Work& work() const { return work_; }
   std::int64_t Bytes() const {
     const std::size_t of_solver = solver_ != nullptr ? solver_->Bytes() : 0;
-    return static_cast<std::int64_t>(of_solver + sizeof(double) * values_.capacity()) + reduced_.Bytes();
+    return static_cast<std::int64_t>(of_solver + sizeof(double) * values_.capacity()) +
+           reduced_.Bytes();
   }
 
  private:

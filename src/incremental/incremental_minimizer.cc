@@ -17,7 +17,8 @@ RebuildRule RuleOf(RebuildPolicy policy) {
 
 }  // namespace
 
-IncrementalMinimizer::IncrementalMinimizer(const IncrementalOptions& options, const Tuning& tuning, IncrementalSystem* system)
+IncrementalMinimizer::IncrementalMinimizer(const IncrementalOptions& options, const Tuning& tuning,
+                                           IncrementalSystem* system)
     : options_(options),
       tuning_(tuning),
       system_(*system),
@@ -28,23 +29,27 @@ IncrementalMinimizer::IncrementalMinimizer(const IncrementalOptions& options, co
       new_frame_step_(tuning.truncate) {
 }
 
-void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& stop, UpdateTrace* trace) {
+void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& stop,
+                                    UpdateTrace* trace) {
   trace_ = trace;
   summary_ = &trace->summary();
   for (bool go_on = Begin(mostly_new, stop); go_on; go_on = EndIteration()) {
     if (OutOfBudget(stop)) {
-      return Finish(Termination::kNoConvergence, "Stopped by a limit or by request; the state is the best so far.");
+      return Finish(Termination::kNoConvergence,
+                    "Stopped by a limit or by request; the state is the best so far.");
     }
     const Verdict verdict = Iterate();
     if (verdict == Verdict::kFailed) {
       return;  // with the reason in the summary
     }
     if (verdict == Verdict::kConverged) {
-      return Finish(Termination::kConvergence, "What is left undone is below the function tolerance.");
+      return Finish(Termination::kConvergence,
+                    "What is left undone is below the function tolerance.");
     }
     if (verdict == Verdict::kStuck) {
       if (EndIteration()) {
-        Finish(Termination::kNoConvergence, "Steps are refused until damping leaves nothing to gain.");
+        Finish(Termination::kNoConvergence,
+               "Steps are refused until damping leaves nothing to gain.");
       }
       return;
     }
@@ -67,8 +72,8 @@ bool IncrementalMinimizer::Begin(bool mostly_new, const std::atomic<bool>& stop)
   if (!(new_frames_first ? LinearizeDirty() : Relinearize())) {
     return false;
   }
-  stop_ = StoppingRule(tuning_.stop, options_.function_tolerance, options_.fixed_cost, system_.RoundingOfCost(),
-                       summary_->num_iterations, system_.cost());
+  stop_ = StoppingRule(tuning_.stop, options_.function_tolerance, options_.fixed_cost,
+                       system_.RoundingOfCost(), summary_->num_iterations, system_.cost());
   if (begins) {
     summary_->initial_cost = system_.cost();
   }
@@ -94,13 +99,17 @@ bool IncrementalMinimizer::EndIteration() {
 }
 
 bool IncrementalMinimizer::OutOfBudget(const std::atomic<bool>& stop) const {
-  return summary_->num_iterations >= options_.max_num_iterations || stop.load(std::memory_order_relaxed) ||
-         summary_->num_evaluated_factors + summary_->num_relinearized_factors >= options_.max_factor_evaluations ||
+  return summary_->num_iterations >= options_.max_num_iterations ||
+         stop.load(std::memory_order_relaxed) ||
+         summary_->num_evaluated_factors + summary_->num_relinearized_factors >=
+             options_.max_factor_evaluations ||
          NowInSeconds() - trace_->start_seconds() >= options_.max_seconds;
 }
 
 double IncrementalMinimizer::LandmarkDamping() const {
-  return options_.damping == DampingForm::kThesis ? 0.0 : std::max(control_.mu(), tuning_.landmarks.min_damping);
+  return options_.damping == DampingForm::kThesis
+             ? 0.0
+             : std::max(control_.mu(), tuning_.landmarks.min_damping);
 }
 
 bool IncrementalMinimizer::Relinearize() {
@@ -134,20 +143,24 @@ double IncrementalMinimizer::LandmarkGain() {
   return system_.schur().gains().Total(tuning_.truncate.sum_share * stop_.Allowed(system_.cost()));
 }
 
-// Landmarks that could still gain much by themselves, most of them outliers that a robust loss lets converge slowly, go ahead
-// without the frames: a pass costs their own factors only. True if any moved.
+// Landmarks that could still gain much by themselves, most of them outliers that a robust loss lets
+// converge slowly, go ahead without the frames: a pass costs their own factors only. True if any
+// moved.
 bool IncrementalMinimizer::StepLandmarks() {
   IncrementalSchur& schur = system_.schur();
   const double gain = LandmarkGain();
-  if (state_.num_landmark_passes <= 0 || gain <= tuning_.landmarks.share * stop_.Allowed(system_.cost())) {
+  if (state_.num_landmark_passes <= 0 ||
+      gain <= tuning_.landmarks.share * stop_.Allowed(system_.cost())) {
     return false;
   }
   --state_.num_landmark_passes;
   const StageTimer timer(&summary_->landmark_seconds);
   const double cost = system_.cost();
   int num_evaluated = 0;
-  const bool moved = system_.StepLandmarks(
-      schur.gains().Above(tuning_.landmarks.share * gain / std::max(1, schur.structure().num_landmarks())), &num_evaluated);
+  const bool moved =
+      system_.StepLandmarks(schur.gains().Above(tuning_.landmarks.share * gain /
+                                                std::max(1, schur.structure().num_landmarks())),
+                            &num_evaluated);
   ++summary_->num_landmark_passes;
   summary_->num_evaluated_factors += num_evaluated;
   if (moved) {
@@ -165,7 +178,8 @@ bool IncrementalMinimizer::StepLandmarks() {
 
 // What a change of a frame's step must be worth to be noticed.
 double IncrementalMinimizer::Wildfire() const {
-  return tuning_.truncate.wildfire_share * Tolerance() / std::max(1, system_.schur().structure().num_frames());
+  return tuning_.truncate.wildfire_share * Tolerance() /
+         std::max(1, system_.schur().structure().num_frames());
 }
 
 // δ_c; kSingular if there is no factor.
@@ -192,12 +206,15 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   const double remaining = frame_step_.AddGain(landmark_gain);
   summary_->remaining_decrease = remaining;
   control_.Sees(remaining);
-  const bool solved_to_the_end = frame_step_.work().converged;  // else all there is to gain is not known
-  if (stop_.IsLittleLeft(remaining, landmark_gain, system_.cost(), summary_->num_iterations, state_.mostly_new) &&
+  // else all there is to gain is not known
+  const bool solved_to_the_end = frame_step_.work().converged;
+  if (stop_.IsLittleLeft(remaining, landmark_gain, system_.cost(), summary_->num_iterations,
+                         state_.mostly_new) &&
       solved_to_the_end) {
     return ClaimConvergence();
   }
-  if (state_.frames_moved && !state_.mostly_new && landmark_gain > tuning_.landmarks.dominance * remaining) {
+  if (state_.frames_moved && !state_.mostly_new &&
+      landmark_gain > tuning_.landmarks.dominance * remaining) {
     state_.frames_moved = false;
     state_.num_landmark_passes = options_.max_landmark_passes;
     if (StepLandmarks()) {
@@ -210,14 +227,16 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
     return Verdict::kGoOn;
   }
   system_.step().Reject();
-  // Where fresh Jacobians promise so little, and not even that is kept, or the cost does not change at all, there is nothing to
-  // be had by more damping.
+  // Where fresh Jacobians promise so little, and not even that is kept, or the cost does not change
+  // at all, there is nothing to be had by more damping.
   const bool in_vain = !refreshed && !control_.IsDampedHard() && solved_to_the_end &&
                        stop_.IsVain(remaining, trace_->row().cost_change, system_.cost());
-  return in_vain && !relinearization_.RefreshAged(Tolerance()) ? Verdict::kConverged : Retreat(refreshed);
+  return in_vain && !relinearization_.RefreshAged(Tolerance()) ? Verdict::kConverged
+                                                               : Retreat(refreshed);
 }
 
-// Little is left by the model: it is believed once its Jacobians are fresh enough and its damping is near the floor.
+// Little is left by the model: it is believed once its Jacobians are fresh enough and its damping
+// is near the floor.
 IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   trace_->row().refreshed = relinearization_.RefreshAged(Tolerance());
   if (trace_->row().refreshed || control_.RelaxOnce()) {
@@ -239,21 +258,24 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   }
 }
 
-// What moves. A problem that is new for the most part is far from its minimum, where half a step leads elsewhere than a whole
-// one: all of it moves. So it does if the user wants nothing truncated.
+// What moves. A problem that is new for the most part is far from its minimum, where half a step
+// leads elsewhere than a whole one: all of it moves. So it does if the user wants nothing
+// truncated.
 void IncrementalMinimizer::SelectActive(double remaining) {
   const StageTimer timer(&summary_->select_seconds);
   const double allowed = stop_.Allowed(system_.cost());
   const bool all = state_.mostly_new || state_.shares.truncation == 0.0;
-  const double budget = all ? -1.0 : std::max(state_.shares.truncation * remaining, tuning_.truncate.floor * allowed);
+  const double budget =
+      all ? -1.0 : std::max(state_.shares.truncation * remaining, tuning_.truncate.floor * allowed);
   active_.Select(frame_step_.values(), frame_step_.reduced(), frame_step_.work().solved,
                  {budget, Wildfire(), remaining - LandmarkGain()}, &system_);
   summary_->num_moved_frames += static_cast<int>(active_.frames().size());
   summary_->num_visited_landmarks += static_cast<int>(active_.landmarks().size());
 }
 
-// Tries the step, within the trust region once there is one. A step that is refused with no old Jacobian to blame is tried
-// again along the dog-leg path: that costs an evaluation, where more damping costs a factorization too.
+// Tries the step, within the trust region once there is one. A step that is refused with no old
+// Jacobian to blame is tried again along the dog-leg path: that costs an evaluation, where more
+// damping costs a factorization too.
 bool IncrementalMinimizer::TakeStep(bool* refreshed) {
   double norm = -1.0;  // looked for when it is needed: mostly the radius is infinite
   if (control_.radius() < HUGE_VAL) {
@@ -275,7 +297,8 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
       Accept(ratio);
       return true;
     }
-    *refreshed = relinearization_.RefreshTouched(/*evaluated=*/trace_->row().predicted_change > 0.0);
+    *refreshed =
+        relinearization_.RefreshTouched(/*evaluated=*/trace_->row().predicted_change > 0.0);
     if (*refreshed || !control_.MayShorten(attempt)) {
       control_.GiveUpRadius();
       return false;
@@ -297,7 +320,8 @@ bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
     summary_->failed_step = status.message;
   }
   for (const IncrementalFamily& family : system_.families()) {
-    summary_->num_evaluated_factors += static_cast<std::int64_t>(system_.step().Touched(family.id()).size());
+    summary_->num_evaluated_factors +=
+        static_cast<std::int64_t>(system_.step().Touched(family.id()).size());
   }
   *gain_ratio = evaluated && predicted > 0.0 ? -change / predicted : -1.0;
   UpdateIteration& row = trace_->row();
@@ -336,10 +360,12 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   if (refreshed) {
     return Verdict::kGoOn;
   }
-  const bool blindly = row.step == UpdateStep::kFrames && !(row.predicted_change > 0.0);  // it could not be evaluated
+  // it could not be evaluated
+  const bool blindly = row.step == UpdateStep::kFrames && !(row.predicted_change > 0.0);
   const bool may_go_on = control_.Refuse(summary_->remaining_decrease, blindly);
   for (const std::int32_t landmark : active_.landmarks()) {
-    if (options_.damping == DampingForm::kHybrid && system_.schur().blocks().lambda(landmark) < control_.mu()) {
+    if (options_.damping == DampingForm::kHybrid &&
+        system_.schur().blocks().lambda(landmark) < control_.mu()) {
       system_.Redamp(landmark);
     }
   }

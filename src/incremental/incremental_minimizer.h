@@ -16,22 +16,24 @@
 
 namespace inceres::internal {
 
-/// The trust-region loop of the incremental solver: hybrid Levenberg–Marquardt on an IncrementalSystem (docs/algorithms.md, from
-/// "One Update of incremental mode" on). What it keeps from one Update to the next is the damping, the factor of S, and the step
-/// not taken.
+/// The trust-region loop of the incremental solver: hybrid Levenberg–Marquardt on an
+/// IncrementalSystem (docs/algorithms.md, from "One Update of incremental mode" on). What it keeps
+/// from one Update to the next is the damping, the factor of S, and the step not taken.
 class IncrementalMinimizer {
  public:
-  IncrementalMinimizer(const IncrementalOptions& options, const Tuning& tuning, IncrementalSystem* system);
+  IncrementalMinimizer(const IncrementalOptions& options, const Tuning& tuning,
+                       IncrementalSystem* system);
 
   std::int64_t Bytes() const {
-    return frame_step_.Bytes() + static_cast<std::int64_t>(active_.Bytes() + new_frame_step_.Bytes());
+    return frame_step_.Bytes() +
+           static_cast<std::int64_t>(active_.Bytes() + new_frame_step_.Bytes());
   }
   /// For the next Minimize; who solves the reduced system stays.
   void SetOptions(const IncrementalOptions& options) { options_ = options; }
 
-  /// Minimizes until what is left undone is below the tolerance, or a limit, `stop` or the trace's observer says so. On failure
-  /// the system is incomplete.
-  /// `mostly_new`: far from the minimum, where half a step leads elsewhere than a whole one; all of it moves.
+  /// Minimizes until what is left undone is below the tolerance, or a limit, `stop` or the trace's
+  /// observer says so. On failure the system is incomplete. `mostly_new`: far from the minimum,
+  /// where half a step leads elsewhere than a whole one; all of it moves.
   void Minimize(bool mostly_new, const std::atomic<bool>& stop, UpdateTrace* trace);
 
  private:

@@ -59,8 +59,9 @@ Status IncrementalOptions::Validate() const {
     return fail("max_new_frame_steps", max_new_frame_steps, ">= 0");
   }
   if (reduced_solver == ReducedSolverKind::kAutomaticInexact) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "IncrementalOptions::reduced_solver is kAutomaticInexact, which is for batch solves");
+    return Status::Error(
+        StatusCode::kInvalidArgument,
+        "IncrementalOptions::reduced_solver is kAutomaticInexact, which is for batch solves");
   }
   return Status::Ok();
 }

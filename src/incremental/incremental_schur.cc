@@ -7,8 +7,8 @@
 namespace inceres::internal {
 namespace {
 
-// How far a diagonal entry of C may fall below its peak before its row is summed anew. Rounding leaves about ε √(peak_i peak_j)
-// in S_ij, which is to stay below 1e-10 √(C_ii C_jj).
+// How far a diagonal entry of C may fall below its peak before its row is summed anew. Rounding
+// leaves about ε √(peak_i peak_j) in S_ij, which is to stay below 1e-10 √(C_ii C_jj).
 constexpr double kDriftRatio = 1e4;
 
 // All rows are looked at when the cost has fallen by this.
@@ -16,11 +16,15 @@ constexpr double kCostDrop = 1e2;
 
 // Parts of S, for AddPart: the blocks between some rows, and those of one row with all others.
 auto Within(const IndexSet& rows) {
-  return [&rows](std::int32_t r) { return [&rows, in = rows.Has(r)](std::int32_t c) { return in && rows.Has(c); }; };
+  return [&rows](std::int32_t r) {
+    return [&rows, in = rows.Has(r)](std::int32_t c) { return in && rows.Has(c); };
+  };
 }
 
 auto AcrossRow(std::int32_t row) {
-  return [row](std::int32_t r) { return [row, in = r == row](std::int32_t c) { return in || c == row; }; };
+  return [row](std::int32_t r) {
+    return [row, in = r == row](std::int32_t c) { return in || c == row; };
+  };
 }
 
 }  // namespace
@@ -51,7 +55,8 @@ int IncrementalSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
     S_.ReviveRow(row, size);
   } else {
     S_.AddRow(size);
-    for (IndexSet* set : {&touched_, &changed_rows_, &unfactored_rows_, &unsolved_rows_, &unread_rows_}) {
+    for (IndexSet* set :
+         {&touched_, &changed_rows_, &unfactored_rows_, &unsolved_rows_, &unread_rows_}) {
       set->Grow(frames().size());
     }
   }
@@ -98,7 +103,8 @@ void IncrementalSchur::Connect(FactorRef ref, const std::int32_t* frames, std::i
     blocks_.Displace(landmark);
   }
   const IncrementalFamily& family = families_[ref.family];
-  const std::size_t num_pairs = static_cast<std::size_t>(family.num_slots()) * (family.num_slots() + 1) / 2;
+  const std::size_t num_pairs =
+      static_cast<std::size_t>(family.num_slots()) * (family.num_slots() + 1) / 2;
   factor_blocks_.resize(families_.size());
   std::vector<std::int32_t>& blocks = factor_blocks_[ref.family];
   if (blocks.size() < family.num_places() * num_pairs) {
@@ -126,7 +132,8 @@ Contribution IncrementalSchur::RowsOfFactor(FactorRef ref) {
     }
     const Frame& frame = frames()[row];
     rows_of_.push_back(row);
-    rows_.push_back({family.Jacobian(ref.factor, s), frame.quad, PadToQuad(frame.size) / kQuad, frame.size});
+    rows_.push_back(
+        {family.Jacobian(ref.factor, s), frame.quad, PadToQuad(frame.size) / kQuad, frame.size});
     for (std::size_t k = rows_.size() - 1; k > 0 && rows_of_[k - 1] > row; --k) {
       std::swap(rows_of_[k - 1], rows_of_[k]);
       std::swap(rows_[k - 1], rows_[k]);
@@ -151,8 +158,8 @@ const std::int32_t* IncrementalSchur::BlocksOfFactor(FactorRef ref) {
 }
 
 // The frame part of a factor's share, in place of the one with q_out if there is one.
-void IncrementalSchur::AddRows(const Contribution& contribution, const double* q, const double* q_out, double sign,
-                               const std::int32_t* blocks) {
+void IncrementalSchur::AddRows(const Contribution& contribution, const double* q,
+                               const double* q_out, double sign, const std::int32_t* blocks) {
   kernels_.add_outer(contribution, sign, blocks, S_.values(0));
   kernels_.add_transposed(contribution, q, q_out, -sign, rhs_.data(), b_peak_.data());
   kernels_.add_squares(contribution, sign, C_diagonal_.data(), C_peak_.data());
@@ -179,11 +186,14 @@ double* IncrementalSchur::KeepRoom(std::ptrdiff_t count) {
 std::ptrdiff_t IncrementalSchur::KeepFactor(FactorRef ref) {
   const std::ptrdiff_t kept = num_kept_;
   const Contribution contribution = RowsOfFactor(ref);
-  const auto size_of = [&](const BlockRow& row) { return std::ptrdiff_t{contribution.depth} * row.quads * kQuad; };
+  const auto size_of = [&](const BlockRow& row) {
+    return std::ptrdiff_t{contribution.depth} * row.quads * kQuad;
+  };
   for (const BlockRow& row : rows_) {
     std::copy_n(row.A, size_of(row), KeepRoom(size_of(row)));
   }
-  std::copy_n(families_[ref.family].q(ref.factor), contribution.depth, KeepRoom(contribution.depth));
+  std::copy_n(families_[ref.family].q(ref.factor), contribution.depth,
+              KeepRoom(contribution.depth));
   return kept;
 }
 
@@ -225,14 +235,16 @@ void IncrementalSchur::AddFactorToRow(FactorRef ref, std::int32_t only) {
 void IncrementalSchur::AddContribution(std::int32_t landmark, double sign) {
   const Contribution contribution = blocks_.Rows(landmark, &rows_);
   kernels_.add_outer(contribution, sign, blocks_.Targets(landmark).data(), S_.values(0));
-  kernels_.add_transposed(contribution, blocks_.z(landmark), nullptr, sign, rhs_.data(), b_peak_.data());
+  kernels_.add_transposed(contribution, blocks_.z(landmark), nullptr, sign, rhs_.data(),
+                          b_peak_.data());
   for (int r = 0; r < contribution.count; ++r) {
     Touch(landmarks()[landmark].frames[r]);
   }
 }
 
 // The landmark's contribution in place of that of Y_out, laid out as Y, and z_out.
-void IncrementalSchur::ReplaceContribution(std::int32_t landmark, const double* Y_out, const double* z_out) {
+void IncrementalSchur::ReplaceContribution(std::int32_t landmark, const double* Y_out,
+                                           const double* z_out) {
   Contribution contribution = blocks_.Rows(landmark, &rows_);
   const double* Y = blocks_.Y(landmark);
   for (BlockRow& row : rows_) {
@@ -240,7 +252,8 @@ void IncrementalSchur::ReplaceContribution(std::int32_t landmark, const double* 
   }
   contribution.replaces = true;
   kernels_.add_outer(contribution, -1.0, blocks_.Targets(landmark).data(), S_.values(0));
-  kernels_.add_transposed(contribution, blocks_.z(landmark), z_out, -1.0, rhs_.data(), b_peak_.data());
+  kernels_.add_transposed(contribution, blocks_.z(landmark), z_out, -1.0, rhs_.data(),
+                          b_peak_.data());
   for (const std::int32_t frame : landmarks()[landmark].frames) {
     Touch(frame);
   }
@@ -258,8 +271,8 @@ void IncrementalSchur::AddPart(std::int32_t landmark, double sign, const Part& p
       targets_[at] = is_in(frames[c]) ? targets_[at] : -1;
     }
     if (is_in(frames[r])) {
-      kernels_.add_transposed({contribution.rows + r, 1, contribution.depth}, blocks_.z(landmark), nullptr, sign, rhs_.data(),
-                              b_peak_.data());
+      kernels_.add_transposed({contribution.rows + r, 1, contribution.depth}, blocks_.z(landmark),
+                              nullptr, sign, rhs_.data(), b_peak_.data());
       Touch(frames[r]);
     }
   }
@@ -281,18 +294,21 @@ void IncrementalSchur::TakeOut(std::int32_t landmark) {
 bool IncrementalSchur::Invert(std::int32_t landmark, double lambda) {
   const Landmark& l = landmarks()[landmark];
   if (!l.held) {
-    // A factor of two landmarks belongs to one and writes changes to both: those to the other, held one are nobody's.
+    // A factor of two landmarks belongs to one and writes changes to both: those to the other, held
+    // one are nobody's.
     ZeroChange(l.quad, l.size);
   }
   return blocks_.Invert(landmark, lambda, Rhs(l.quad));
 }
 
 void IncrementalSchur::LeaveOutside(std::int32_t landmark) {
-  blocks_.SetState(landmark, landmarks()[landmark].held ? LandmarkState::kOutside : LandmarkState::kUndetermined);
+  blocks_.SetState(landmark, landmarks()[landmark].held ? LandmarkState::kOutside
+                                                        : LandmarkState::kUndetermined);
 }
 
 void IncrementalSchur::Eliminate(std::int32_t landmark) {
-  blocks_.Place(landmark, [this](std::int32_t row, std::int32_t column) { return BlockOf(row, column); });
+  blocks_.Place(landmark,
+                [this](std::int32_t row, std::int32_t column) { return BlockOf(row, column); });
   blocks_.Eliminate(landmark, eta(landmark));
 }
 
@@ -358,8 +374,10 @@ void IncrementalSchur::TakeChange(int frame) {
 
 bool IncrementalSchur::HasDrifted(std::int32_t row, double cost) {
   const Frame& frame = frames()[row];
-  for (std::ptrdiff_t k = std::ptrdiff_t{frame.quad} * kQuad; k < std::ptrdiff_t{frame.quad} * kQuad + frame.size; ++k) {
-    if (C_peak_[k] > kDriftRatio * C_diagonal_[k] || b_peak_[k] > kDriftRatio * std::sqrt(2.0 * cost * C_diagonal_[k])) {
+  for (std::ptrdiff_t k = std::ptrdiff_t{frame.quad} * kQuad;
+       k < std::ptrdiff_t{frame.quad} * kQuad + frame.size; ++k) {
+    if (C_peak_[k] > kDriftRatio * C_diagonal_[k] ||
+        b_peak_[k] > kDriftRatio * std::sqrt(2.0 * cost * C_diagonal_[k])) {
       return true;
     }
   }
@@ -369,7 +387,8 @@ bool IncrementalSchur::HasDrifted(std::int32_t row, double cost) {
 // What accepted steps change goes to b directly.
 void IncrementalSchur::SampleB(std::int32_t row) {
   const Frame& frame = frames()[row];
-  for (std::ptrdiff_t k = std::ptrdiff_t{frame.quad} * kQuad; k < std::ptrdiff_t{frame.quad} * kQuad + frame.size; ++k) {
+  for (std::ptrdiff_t k = std::ptrdiff_t{frame.quad} * kQuad;
+       k < std::ptrdiff_t{frame.quad} * kQuad + frame.size; ++k) {
     b_peak_[k] = std::max(b_peak_[k], std::fabs(rhs_[k]));
   }
 }
@@ -480,7 +499,8 @@ void IncrementalSchur::RhsNorms(double* max_norm, double* norm) const {
 }
 
 std::int64_t IncrementalSchur::Bytes() const {
-  std::size_t bytes = sizeof(double) * (5 * rhs_.capacity() + kept_.capacity()) + structure_.Bytes() + blocks_.Bytes();
+  std::size_t bytes = sizeof(double) * (5 * rhs_.capacity() + kept_.capacity()) +
+                      structure_.Bytes() + blocks_.Bytes();
   for (const std::vector<std::int32_t>& blocks : factor_blocks_) {
     bytes += blocks.capacity() * sizeof(std::int32_t);
   }

@@ -14,80 +14,101 @@
 
 namespace inceres::internal {
 
-/// S and b of a living problem, kept up by difference (docs/algorithms.md, "Incremental Schur complement"):
+/// S and b of a living problem, kept up by difference (docs/algorithms.md, "Incremental Schur
+/// complement"):
 ///
 ///     S = Σ_factors J_cᵀJ_c − Σ_landmarks Y Yᵀ,   b = −Σ_factors J_cᵀq − Σ_landmarks Y z
 ///
-/// A landmark's contribution goes out with the Y and z it went in with: its blocks P and η are re-summed from the cached
-/// Jacobians, and the new contribution takes the place of the old in one pass over S. So it is with a factor's. The rows touched
-/// since the last factorization are remembered, for the factor resumes at the first of them. A constant is a mask: a held frame
+/// A landmark's contribution goes out with the Y and z it went in with: its blocks P and η are
+/// re-summed from the cached Jacobians, and the new contribution takes the place of the old in one
+/// pass over S. So it is with a factor's. The rows touched since the last factorization are
+/// remembered, for the factor resumes at the first of them. A constant is a mask: a held frame
 /// keeps its row, a held landmark its blocks outside S.
 ///
-/// Drift: adding and subtracting leaves ε times the largest value an entry ever held. A frame whose diagonal of C has shrunk far
-/// below its peak, or whose b has been far above what the cost allows now, is summed anew from the caches (ResumDrifted).
+/// Drift: adding and subtracting leaves ε times the largest value an entry ever held. A frame whose
+/// diagonal of C has shrunk far below its peak, or whose b has been far above what the cost allows
+/// now, is summed anew from the caches (ResumDrifted).
 class IncrementalSchur {
  public:
   using Frame = IncrementalStructure::Frame;
   using Landmark = IncrementalStructure::Landmark;
 
   explicit IncrementalSchur(std::vector<IncrementalFamily>* families)
-      : families_(*families), kernels_(BestKernels()), structure_(families), blocks_(families, &structure_) {}
+      : families_(*families),
+        kernels_(BestKernels()),
+        structure_(families),
+        blocks_(families, &structure_) {}
 
   int AddFrame(VariableId id, std::int32_t quad, int size);
   int AddLandmark(VariableId id, std::int32_t quad, int size);
   /// No factor may touch it any more.
   void RemoveFrame(std::int32_t frame);
   void RemoveLandmark(std::int32_t landmark);
-  /// A held frame keeps its row, for the solver of S to leave out; a held landmark is taken out, and put in again by PutIn.
+  /// A held frame keeps its row, for the solver of S to leave out; a held landmark is taken out,
+  /// and put in again by PutIn.
   void HoldFrame(std::int32_t frame, bool held);
   void HoldLandmark(std::int32_t landmark, bool held);
 
-  /// Registers a factor with its frames (indices, -1 where none) and landmark (or -1). Its contribution is added later.
+  /// Registers a factor with its frames (indices, -1 where none) and landmark (or -1). Its
+  /// contribution is added later.
   void Connect(FactorRef ref, const std::int32_t* frames, std::int32_t landmark);
   /// Forgets it; neither its contribution nor its landmark's is in S.
   void Disconnect(FactorRef ref);
 
-  /// Frame part of a factor's share of S and b, with the Jacobians cached now: sign +1 adds, -1 takes out.
+  /// Frame part of a factor's share of S and b, with the Jacobians cached now: sign +1 adds, -1
+  /// takes out.
   void AddFactor(FactorRef ref, double sign);
-  /// The same with Jacobians about to change: KeepFactor before, ReplaceFactor after, with what it gave. DropKept ends the lot.
+  /// The same with Jacobians about to change: KeepFactor before, ReplaceFactor after, with what it
+  /// gave. DropKept ends the lot.
   std::ptrdiff_t KeepFactor(FactorRef ref);
   void ReplaceFactor(FactorRef ref, std::ptrdiff_t kept);
   void DropKept() { num_kept_ = 0; }
-  /// Takes the landmark's contribution out of S and b, if it is there: before factors are connected or disconnected, or for good.
+  /// Takes the landmark's contribution out of S and b, if it is there: before factors are connected
+  /// or disconnected, or for good.
   void TakeOut(std::int32_t landmark);
-  /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in, in place of the one that is there; leaves a
-  /// landmark without information outside, and a held one too.
+  /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in, in place of the one
+  /// that is there; leaves a landmark without information outside, and a held one too.
   void PutIn(std::int32_t landmark, double lambda);
-  /// The same of a landmark that is not in S, but into the blocks and entries of these rows alone; and out of them again.
+  /// The same of a landmark that is not in S, but into the blocks and entries of these rows alone;
+  /// and out of them again.
   void PutIntoRows(std::int32_t landmark, double lambda, const IndexSet& rows);
   void TakeOutOfRows(std::int32_t landmark, const IndexSet& rows);
   /// η takes over its change, z is renewed, and b follows. Who touches b otherwise says so.
   void RefreshResidual(std::int32_t landmark);
 
-  /// Frames touched since the last call, or all when the cost has fallen far since, are re-summed where cancellation has eaten
-  /// digits: of S and C against C, of b against √(C · 2 cost). Returns how many.
+  /// Frames touched since the last call, or all when the cost has fallen far since, are re-summed
+  /// where cancellation has eaten digits: of S and C against C, of b against √(C · 2 cost). Returns
+  /// how many.
   int ResumDrifted(double cost);
-  /// S and b from the caches: every factor, and every landmark with the Y and z it has.
-  /// Between the two calls contributions taken out are only forgotten: nothing of the old S and b is read.
+  /// S and b from the caches: every factor, and every landmark with the Y and z it has. Between the
+  /// two calls contributions taken out are only forgotten: nothing of the old S and b is read.
   void BeginRebuild() { rebuilding_ = true; }
   void Rebuild();
 
   const SymmetricBlockRows& S() const { return S_; }
   /// The frame's entries of diag(C).
-  const double* FrameDiagonal(int frame) const { return C_diagonal_.data() + std::ptrdiff_t{frames()[frame].quad} * kQuad; }
+  const double* FrameDiagonal(int frame) const {
+    return C_diagonal_.data() + std::ptrdiff_t{frames()[frame].quad} * kQuad;
+  }
   /// In a vector packed by rows; that of the row after the last is the vector's size.
   int FrameOffset(int frame) const { return offsets_[frame]; }
   int size() const { return offsets_.back(); }
   /// One vector for all variables, by their quads: b for frames, η for landmarks.
   double* padded_rhs() { return rhs_.data(); }
-  /// What a step under trial does to it: zero but for what whoever tries the step has written. TakeChange and RefreshResidual
-  /// take it over and DropChange forgets it, variable by variable.
+  /// What a step under trial does to it: zero but for what whoever tries the step has written.
+  /// TakeChange and RefreshResidual take it over and DropChange forgets it, variable by variable.
   double* padded_change() { return rhs_change_.data(); }
   void TakeChange(int frame);
   void DropFrameChange(int frame) { ZeroChange(frames()[frame].quad, frames()[frame].size); }
-  void DropLandmarkChange(int landmark) { ZeroChange(landmarks()[landmark].quad, landmarks()[landmark].size); }
-  const double* b(int frame) const { return rhs_.data() + std::ptrdiff_t{frames()[frame].quad} * kQuad; }
-  const double* eta(int landmark) const { return rhs_.data() + std::ptrdiff_t{landmarks()[landmark].quad} * kQuad; }
+  void DropLandmarkChange(int landmark) {
+    ZeroChange(landmarks()[landmark].quad, landmarks()[landmark].size);
+  }
+  const double* b(int frame) const {
+    return rhs_.data() + std::ptrdiff_t{frames()[frame].quad} * kQuad;
+  }
+  const double* eta(int landmark) const {
+    return rhs_.data() + std::ptrdiff_t{landmarks()[landmark].quad} * kQuad;
+  }
 
   const IncrementalStructure& structure() const { return structure_; }
   const std::vector<Frame>& frames() const { return structure_.frames(); }
@@ -102,10 +123,12 @@ class IncrementalSchur {
 
   /// The rows of S touched since the last call, ascending; the vector's memory is used again.
   void TakeChangedRows(std::vector<std::int32_t>* rows) { Take(&changed_rows_, rows); }
-  /// The same for whoever factors S, and for entries of b. Whoever writes the padded right-hand side himself says so.
+  /// The same for whoever factors S, and for entries of b. Whoever writes the padded right-hand
+  /// side himself says so.
   void TakeUnfactoredRows(std::vector<std::int32_t>* rows) { Take(&unfactored_rows_, rows); }
   void TakeUnsolvedRows(std::vector<std::int32_t>* rows) { Take(&unsolved_rows_, rows); }
-  /// And for whoever packs b and the diagonals: also rows that are held now or no longer, or have another offset.
+  /// And for whoever packs b and the diagonals: also rows that are held now or no longer, or have
+  /// another offset.
   void TakeUnreadRows(std::vector<std::int32_t>* rows) { Take(&unread_rows_, rows); }
   void TouchB(std::int32_t row) {
     unsolved_rows_.Add(row);
@@ -127,12 +150,14 @@ class IncrementalSchur {
   void AddFactorToRow(FactorRef ref, std::int32_t only);
   const std::int32_t* BlocksOfFactor(FactorRef ref);
   Contribution RowsOfFactor(FactorRef ref);
-  void AddRows(const Contribution& contribution, const double* q, const double* q_out, double sign, const std::int32_t* blocks);
+  void AddRows(const Contribution& contribution, const double* q, const double* q_out, double sign,
+               const std::int32_t* blocks);
   void Eliminate(std::int32_t landmark);
   void AddContribution(std::int32_t landmark, double sign);
   void ReplaceContribution(std::int32_t landmark, const double* Y_out, const double* z_out);
   double* KeepRoom(std::ptrdiff_t count);
-  // As AddContribution, for the blocks and entries for which part(row)(column) and part(row)(row) hold.
+  // As AddContribution, for the blocks and entries for which part(row)(column) and part(row)(row)
+  // hold.
   template <typename Part>
   void AddPart(std::int32_t landmark, double sign, const Part& part);
   bool Invert(std::int32_t landmark, double lambda);
@@ -161,7 +186,8 @@ class IncrementalSchur {
   IncrementalStructure structure_;
   LandmarkBlocks blocks_;
   LandmarkGains gains_;
-  // Per family, factor and pair of its frames, ascending: quad offset of the block of S; the first -1: not looked up yet.
+  // Per family, factor and pair of its frames, ascending: quad offset of the block of S; the first
+  // -1: not looked up yet.
   std::vector<std::vector<std::int32_t>> factor_blocks_;
   SymmetricBlockRows S_;
   std::vector<int> offsets_{0};

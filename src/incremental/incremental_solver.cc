@@ -41,7 +41,8 @@ class IncrementalSolver::Impl {
 
   void SetOptions(const IncrementalOptions& options);
   Status Apply(const GraphEdit& edit);
-  MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options);
+  MarginalizationSummary Marginalize(const MarginalizationRequest& request,
+                                     const MarginalizationOptions& options);
   void Update(UpdateSummary* summary, UpdateObserver* observer);
   ReducedStructure Structure();
   double cost() const { return cost_; }
@@ -68,14 +69,16 @@ class IncrementalSolver::Impl {
   const internal::Tuning tuning_ = internal::TuningOfNewSolvers();
   std::unique_ptr<IncrementalMinimizer> minimizer_;
   std::vector<std::int32_t> changed_rows_;  // of S, by the last Update
-  std::vector<double> start_state_;         // of an Update with an observer, which may ask for it back
-  const double* shown_state_ = nullptr;     // the batch solver's, while the observer is called
+  std::vector<double> start_state_;      // of an Update with an observer, which may ask for it back
+  const double* shown_state_ = nullptr;  // the batch solver's, while the observer is called
   double cost_ = 0.0;
   bool converged_ = false;  // and nothing edited since
-  bool held_back_ = false;  // what converged was the batch solver, with a trust region so small that the next may go on
-  bool begun_ = false;      // an Update was made
-  bool in_batch_ = false;   // the batch solver was the last to move, and there was no incremental system
-  int num_waiting_ = 0;     // factors dirty only because the batch solver was the last to move
+  // what converged was the batch solver, with a trust region so small that the next may go on
+  bool held_back_ = false;
+  bool begun_ = false;  // an Update was made
+  // the batch solver was the last to move, and there was no incremental system
+  bool in_batch_ = false;
+  int num_waiting_ = 0;  // factors dirty only because the batch solver was the last to move
 };
 
 // The graph's state follows the values held now.
@@ -116,8 +119,8 @@ void IncrementalSolver::Impl::Restart() {
 }
 
 void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
-  converged_ =
-      converged_ && options.function_tolerance >= options_.function_tolerance && options.fixed_cost <= options_.fixed_cost;
+  converged_ = converged_ && options.function_tolerance >= options_.function_tolerance &&
+               options.fixed_cost <= options_.fixed_cost;
   IncrementalOptions taken = options;
   taken.num_threads = options_.num_threads;
   taken.reduced_solver = options_.reduced_solver;
@@ -148,9 +151,11 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
     return refused;
   }
   Form();
-  const double share = std::min(internal::SharesOf(options_, live->schur().structure().num_landmarks()).relinearization,
-                                tuning_.relinearize.marginalized_share);
-  internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance * std::max(cost_ - options_.fixed_cost, 0.0) /
+  const double share = std::min(
+      internal::SharesOf(options_, live->schur().structure().num_landmarks()).relinearization,
+      tuning_.relinearize.marginalized_share);
+  internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance *
+                                         std::max(cost_ - options_.fixed_cost, 0.0) /
                                          std::max(1, graph.num_factors()));
   internal::MarginalizationTarget target;
   target.graph = &graph;
@@ -162,11 +167,12 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
   return internal::MarginalizeOn(target, request, options);
 }
 
-// The graph's state is where the batch solver works; the incremental system then starts from what it found. True if nothing is
-// left to do.
+// The graph's state is where the batch solver works; the incremental system then starts from what
+// it found. True if nothing is left to do.
 bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   TakeValues();
-  const internal::BatchOutcome outcome = internal::RunBatchPhase(options_, tuning_.batch, stop, &graph, &shown_state_, trace);
+  const internal::BatchOutcome outcome =
+      internal::RunBatchPhase(options_, tuning_.batch, stop, &graph, &shown_state_, trace);
   trace->summary().termination = outcome.termination;
   held_back_ = outcome.held_back;
   if (outcome.termination != Termination::kFailure) {
@@ -186,7 +192,8 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   return outcome.finished;
 }
 
-// From the values an Update with an observer began with, as if nothing had ever been computed for them.
+// From the values an Update with an observer began with, as if nothing had ever been computed for
+// them.
 void IncrementalSolver::Impl::PutBackStart() {
   graph.mutable_state() = start_state_;
   live.reset();
@@ -228,28 +235,34 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
   }
   stop = false;  // it was for this Update, whatever came of it
   summary->final_cost = cost_;
-  summary->num_undetermined_landmarks = live != nullptr ? live->schur().blocks().num_undetermined() : 0;
+  summary->num_undetermined_landmarks =
+      live != nullptr ? live->schur().blocks().num_undetermined() : 0;
   summary->seconds = internal::NowInSeconds() - trace.start_seconds();
 }
 
 void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
   // Factors that only wait to be linearized where the batch solver left them are nothing new.
-  const double num_new = live != nullptr ? live->NumDirtyFactors() - num_waiting_ : in_batch_ ? 0 : graph.num_factors();
+  const double num_new = live != nullptr ? live->NumDirtyFactors() - num_waiting_
+                         : in_batch_     ? 0
+                                         : graph.num_factors();
   begun_ = true;
   const bool batch_only = options_.batch_share == 0.0;
-  const bool batch = (batch_only || num_new > options_.batch_share * graph.num_factors()) && internal::TakesBatchPhase(graph);
+  const bool batch = (batch_only || num_new > options_.batch_share * graph.num_factors()) &&
+                     internal::TakesBatchPhase(graph);
   bool finished = false;
   if (batch) {
     finished = SolveInBatch(trace) || batch_only;
   }
-  // Where the batch solver fails the state is what it was: the other one gets its chance, or names the culprit.
+  // Where the batch solver fails the state is what it was: the other one gets its chance, or names
+  // the culprit.
   if (!finished) {
     held_back_ = false;
     Form();
     const std::size_t rows_before = trace->summary().iterations.size();
-    minimizer_->Minimize(!batch && num_new > tuning_.rebuild.mostly_new * graph.num_factors(), stop, trace);
-    const bool failed_at_once =
-        trace->summary().termination == Termination::kFailure && trace->summary().iterations.size() == rows_before;
+    minimizer_->Minimize(!batch && num_new > tuning_.rebuild.mostly_new * graph.num_factors(), stop,
+                         trace);
+    const bool failed_at_once = trace->summary().termination == Termination::kFailure &&
+                                trace->summary().iterations.size() == rows_before;
     cost_ = failed_at_once ? cost_ : live->cost();  // what could not be evaluated has no cost
     num_waiting_ = 0;
   }
@@ -280,7 +293,8 @@ ReducedStructure IncrementalSolver::Impl::Structure() {
   return structure;
 }
 
-IncrementalSolver::IncrementalSolver(const IncrementalOptions& options) : impl_(std::make_unique<Impl>(options)) {
+IncrementalSolver::IncrementalSolver(const IncrementalOptions& options)
+    : impl_(std::make_unique<Impl>(options)) {
 }
 IncrementalSolver::~IncrementalSolver() = default;
 

@@ -5,8 +5,9 @@
 namespace inceres::internal {
 namespace {
 
-// A free row is used again only when there are as many as this beside as many as half the live ones: a new frame in an old row
-// makes the factor of S resume there, while rows at the end cost nothing.
+// A free row is used again only when there are as many as this beside as many as half the live
+// ones: a new frame in an old row makes the factor of S resume there, while rows at the end cost
+// nothing.
 constexpr std::size_t kFreeRows = 4;
 
 }  // namespace
@@ -75,13 +76,15 @@ void IncrementalStructure::GrowTables(FactorRef ref) {
   }
 }
 
-void IncrementalStructure::Connect(FactorRef ref, const std::int32_t* frames, std::int32_t landmark) {
+void IncrementalStructure::Connect(FactorRef ref, const std::int32_t* frames,
+                                   std::int32_t landmark) {
   GrowTables(ref);
   landmark_of_[ref.family][ref.factor] = landmark;
   for (int s = 0; s < families_[ref.family].num_slots(); ++s) {
     frame_of_slot_[ref.family][Entry(ref) + s] = frames[s];
     if (frames[s] >= 0 && landmark < 0) {
-      place_in_frame_[ref.family][Entry(ref) + s] = static_cast<std::int32_t>(frames_[frames[s]].factors.size());
+      place_in_frame_[ref.family][Entry(ref) + s] =
+          static_cast<std::int32_t>(frames_[frames[s]].factors.size());
       AppendCounted(ref, &frames_[frames[s]].factors, &list_bytes_);
     }
   }
@@ -90,7 +93,8 @@ void IncrementalStructure::Connect(FactorRef ref, const std::int32_t* frames, st
   }
 }
 
-void IncrementalStructure::ConnectToLandmark(FactorRef ref, const std::int32_t* frames, std::int32_t landmark) {
+void IncrementalStructure::ConnectToLandmark(FactorRef ref, const std::int32_t* frames,
+                                             std::int32_t landmark) {
   Landmark& l = landmarks_[landmark];
   AppendCounted(ref, &l.factors, &list_bytes_);
   const IncrementalFamily& family = families_[ref.family];
@@ -98,9 +102,11 @@ void IncrementalStructure::ConnectToLandmark(FactorRef ref, const std::int32_t* 
     if (family.variables(ref.factor)[s] == l.id) {
       landmark_slot_[ref.family][ref.factor] = s;
     }
-    if (frames[s] >= 0 && std::find(l.frames.begin(), l.frames.end(), frames[s]) == l.frames.end()) {
+    if (frames[s] >= 0 &&
+        std::find(l.frames.begin(), l.frames.end(), frames[s]) == l.frames.end()) {
       AppendCounted(frames[s], &l.frames, &list_bytes_);
-      AppendCounted(static_cast<std::int32_t>(frames_[frames[s]].landmarks.size()), &l.places, &list_bytes_);
+      AppendCounted(static_cast<std::int32_t>(frames_[frames[s]].landmarks.size()), &l.places,
+                    &list_bytes_);
       AppendCounted(landmark, &frames_[frames[s]].landmarks, &list_bytes_);
     }
   }
@@ -151,7 +157,8 @@ void IncrementalStructure::Disconnect(FactorRef ref) {
   l.factors.erase(std::find(l.factors.begin(), l.factors.end(), ref));
   for (int s = 0; s < num_slots; ++s) {
     const std::int32_t frame = FrameOfFactor(ref, s);
-    if (frame >= 0 && std::none_of(l.factors.begin(), l.factors.end(), [&](const FactorRef& f) { return Touches(f, frame); })) {
+    if (frame >= 0 && std::none_of(l.factors.begin(), l.factors.end(),
+                                   [&](const FactorRef& f) { return Touches(f, frame); })) {
       Separate(landmark, frame);
     }
   }

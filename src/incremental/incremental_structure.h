@@ -26,8 +26,9 @@ void AppendCounted(const T& value, std::vector<T>* list, std::size_t* bytes) {
   *bytes += sizeof(T) * (list->capacity() - before);
 }
 
-/// Who takes part in a living problem, and who touches whom: frames, landmarks, and the factors that connect them. Frames are in
-/// order of arrival, the row of a removed one serves a later one once there are many. A constant is a mask: it keeps its place.
+/// Who takes part in a living problem, and who touches whom: frames, landmarks, and the factors
+/// that connect them. Frames are in order of arrival, the row of a removed one serves a later one
+/// once there are many. A constant is a mask: it keeps its place.
 class IncrementalStructure {
  public:
   struct Frame {
@@ -48,7 +49,8 @@ class IncrementalStructure {
     std::vector<std::int32_t> places;  // where each of them lists this landmark
   };
 
-  explicit IncrementalStructure(const std::vector<IncrementalFamily>* families) : families_(*families) {}
+  explicit IncrementalStructure(const std::vector<IncrementalFamily>* families)
+      : families_(*families) {}
 
   /// Return the index; that of a frame is its row.
   std::int32_t AddFrame(VariableId id, std::int32_t quad, int size);
@@ -70,8 +72,12 @@ class IncrementalStructure {
   int num_frames() const { return num_frames_; }
   int num_landmarks() const { return num_landmarks_; }
 
-  std::int32_t FrameOfFactor(FactorRef ref, int slot) const { return frame_of_slot_[ref.family][Entry(ref) + slot]; }
-  std::int32_t LandmarkOfFactor(FactorRef ref) const { return landmark_of_[ref.family][ref.factor]; }
+  std::int32_t FrameOfFactor(FactorRef ref, int slot) const {
+    return frame_of_slot_[ref.family][Entry(ref) + slot];
+  }
+  std::int32_t LandmarkOfFactor(FactorRef ref) const {
+    return landmark_of_[ref.family][ref.factor];
+  }
   /// The slot that it is in.
   std::int32_t LandmarkSlot(FactorRef ref) const { return landmark_slot_[ref.family][ref.factor]; }
   bool Touches(FactorRef ref, std::int32_t frame) const {
@@ -99,11 +105,14 @@ class IncrementalStructure {
   }
 
   std::size_t Bytes() const {
-    return sizeof(Frame) * frames_.capacity() + sizeof(Landmark) * landmarks_.capacity() + list_bytes_;
+    return sizeof(Frame) * frames_.capacity() + sizeof(Landmark) * landmarks_.capacity() +
+           list_bytes_;
   }
 
  private:
-  std::size_t Entry(FactorRef ref) const { return static_cast<std::size_t>(ref.factor) * families_[ref.family].num_slots(); }
+  std::size_t Entry(FactorRef ref) const {
+    return static_cast<std::size_t>(ref.factor) * families_[ref.family].num_slots();
+  }
   void GrowTables(FactorRef ref);
   void ConnectToLandmark(FactorRef ref, const std::int32_t* frames, std::int32_t landmark);
   void Unlist(std::int32_t frame, std::int32_t place);
@@ -116,11 +125,12 @@ class IncrementalStructure {
   std::vector<std::int32_t> free_landmarks_;
   int num_frames_ = 0;
   int num_landmarks_ = 0;
-  std::size_t list_bytes_ = 0;                             // of the lists of frames and landmarks
-  std::vector<std::vector<std::int32_t>> frame_of_slot_;   // per family: per factor and slot
-  std::vector<std::vector<std::int32_t>> place_in_frame_;  // the same: where the frame lists it; of factors without landmark
-  std::vector<std::vector<std::int32_t>> landmark_slot_;   // per family and factor
-  std::vector<std::vector<std::int32_t>> landmark_of_;     // per family and factor
+  std::size_t list_bytes_ = 0;                            // of the lists of frames and landmarks
+  std::vector<std::vector<std::int32_t>> frame_of_slot_;  // per family: per factor and slot
+  // the same: where the frame lists it; of factors without landmark
+  std::vector<std::vector<std::int32_t>> place_in_frame_;
+  std::vector<std::vector<std::int32_t>> landmark_slot_;  // per family and factor
+  std::vector<std::vector<std::int32_t>> landmark_of_;    // per family and factor
 };
 
 }  // namespace inceres::internal

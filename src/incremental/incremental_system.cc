@@ -24,7 +24,8 @@ int IncrementalSystem::NumDirtyFactors() const {
   return count;
 }
 
-// By difference a dirty factor takes its old one's place, and with it its landmark; anew, everything goes in once.
+// By difference a dirty factor takes its old one's place, and with it its landmark; anew,
+// everything goes in once.
 bool IncrementalSystem::RebuildIsCheaper() const {
   double difference = 0.0;
   const auto anew = static_cast<double>(num_factors_ + schur_.NumPairs());
@@ -72,8 +73,8 @@ Status IncrementalSystem::LinearizeDirty(RelinearizeWork* work) {
 Status IncrementalSystem::Relinearize(double lambda, RebuildRule rule, RelinearizeWork* work) {
   *work = RelinearizeWork();
   RecenterDirty(work);
-  work->rebuilt =
-      rule == RebuildRule::kAlways || (rule == RebuildRule::kWhenCheaper && work->num_factors > 0 && RebuildIsCheaper());
+  work->rebuilt = rule == RebuildRule::kAlways || (rule == RebuildRule::kWhenCheaper &&
+                                                   work->num_factors > 0 && RebuildIsCheaper());
   if (work->rebuilt) {
     schur_.BeginRebuild();
   }
@@ -93,8 +94,10 @@ Status IncrementalSystem::Relinearize(double lambda, RebuildRule rule, Relineari
   return Status::Ok();
 }
 
-// Factors whose variables have new values may move their expansion points, and are other functions then.
-void IncrementalSystem::Recenter(const IncrementalFamily& family, const std::vector<std::int32_t>& factors) {
+// Factors whose variables have new values may move their expansion points, and are other functions
+// then.
+void IncrementalSystem::Recenter(const IncrementalFamily& family,
+                                 const std::vector<std::int32_t>& factors) {
   if (!family.family().Recenters()) {
     return;
   }
@@ -126,16 +129,18 @@ Status IncrementalSystem::LinearizeFamily(IncrementalFamily* family, bool by_dif
     for (int s = 0; s < family->num_slots(); ++s) {
       const VariableId id = family->variables(i)[s];
       if (!variables_.RefreshMap(graph_, id)) {
-        return Status::Error(StatusCode::kEvaluationFailed,
-                             "the manifold of variable " + std::to_string(id) + " has no Jacobian here");
+        return Status::Error(
+            StatusCode::kEvaluationFailed,
+            "the manifold of variable " + std::to_string(id) + " has no Jacobian here");
       }
     }
   }
   const EvaluationFailure failure = family->Linearize(list_, executor_);
   if (failure.failed()) {
     cost_ = cost;
-    return Status::Error(StatusCode::kEvaluationFailed,
-                         graph_.DescribeFailure(family->id(), failure, family->parameters(failure.factor)));
+    return Status::Error(
+        StatusCode::kEvaluationFailed,
+        graph_.DescribeFailure(family->id(), failure, family->parameters(failure.factor)));
   }
   for (const std::int32_t i : list_) {
     AddToCost(family->Cost(i));
@@ -159,11 +164,13 @@ Status IncrementalSystem::LinearizeFamily(IncrementalFamily* family, bool by_dif
 
 // What has made the cost infinite or NaN, among the factors that were linearized just now.
 Status IncrementalSystem::InfiniteCost(const IncrementalFamily& family) const {
-  const auto culprit =
-      std::find_if(list_.begin(), list_.end(), [&family](std::int32_t i) { return !std::isfinite(family.Cost(i)); });
+  const auto culprit = std::find_if(list_.begin(), list_.end(), [&family](std::int32_t i) {
+    return !std::isfinite(family.Cost(i));
+  });
   return Status::Error(StatusCode::kEvaluationFailed,
                        culprit == list_.end() ? "the sum of all costs is not finite"
-                                              : graph_.DescribeFactor(family.id(), *culprit) + ": its cost is not finite");
+                                              : graph_.DescribeFactor(family.id(), *culprit) +
+                                                    ": its cost is not finite");
 }
 
 void IncrementalSystem::TakeNewFrames(IndexSet* frames) {
@@ -222,8 +229,9 @@ double IncrementalSystem::RoundingOfCost() const {
   return 0.5 * rounding * rounding * sum;
 }
 
-// The cost is kept by difference and summed anew after as many changes as there are factors, so that rounding does not pile up,
-// and when it has fallen far, for what is left of it would be rounding.
+// The cost is kept by difference and summed anew after as many changes as there are factors, so
+// that rounding does not pile up, and when it has fallen far, for what is left of it would be
+// rounding.
 void IncrementalSystem::ResumCost() {
   if (cost_changes_ <= num_factors_ && cost_peak_ <= kCostDrop * cost_) {
     return;

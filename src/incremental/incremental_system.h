@@ -16,7 +16,8 @@
 
 namespace inceres::internal {
 
-/// When S and b are summed anew instead of following by difference. The result is the same up to rounding.
+/// When S and b are summed anew instead of following by difference. The result is the same up to
+/// rounding.
 enum class RebuildRule { kWhenCheaper, kAlways, kNever };
 
 /// What a call of Relinearize did.
@@ -28,18 +29,20 @@ struct RelinearizeWork {
   bool rebuilt = false;        // S and b summed anew
 };
 
-/// A living problem with everything that was ever computed for it: values, cached linearizations, S and b. What an incremental
-/// strategy drives:
+/// A living problem with everything that was ever computed for it: values, cached linearizations, S
+/// and b. What an incremental strategy drives:
 ///
 ///     edits -> Relinearize -> (solve S' δ_c = b elsewhere) -> step().SetFrame, Visit, Evaluate -> Accept or step().Reject
 ///
-/// The cost of each verb goes with the factors it touches, not with the size of the problem. Edits follow those of the graph;
-/// removals come before the graph forgets, additions after it knows.
-/// Threads: evaluation runs on `num_threads`, with the same bits for any number; all else on the calling one.
-/// Source: docs/algorithms.md, "Incremental Schur complement" (the thesis's algorithms 2 to 4).
+/// The cost of each verb goes with the factors it touches, not with the size of the problem. Edits
+/// follow those of the graph; removals come before the graph forgets, additions after it knows.
+/// Threads: evaluation runs on `num_threads`, with the same bits for any number; all else on the
+/// calling one. Source: docs/algorithms.md, "Incremental Schur complement" (the thesis's algorithms
+/// 2 to 4).
 class IncrementalSystem {
  public:
-  /// The graph belongs to the caller; it is asked to keep track of its variables' factors, and nothing else about it changes.
+  /// The graph belongs to the caller; it is asked to keep track of its variables' factors, and
+  /// nothing else about it changes.
   IncrementalSystem(FactorGraph& graph, int num_threads, const Tuning& tuning = Tuning())
       : graph_(graph),
         executor_(num_threads),
@@ -49,8 +52,8 @@ class IncrementalSystem {
   IncrementalSystem(const IncrementalSystem&) = delete;
   IncrementalSystem& operator=(const IncrementalSystem&) = delete;
 
-  /// Carries out an edit of the graph and follows it, all or nothing: an error names the id at fault. What changed is evaluated
-  /// in the next Relinearize.
+  /// Carries out an edit of the graph and follows it, all or nothing: an error names the id at
+  /// fault. What changed is evaluated in the next Relinearize.
   Status Apply(const GraphEdit& edit);
 
   // What Apply is made of, and what follows a graph that is built without edits.
@@ -61,7 +64,8 @@ class IncrementalSystem {
   void RemoveVariable(VariableId id);
   void AddFactor(FactorRef ref);
   void RemoveFactor(FactorRef ref);
-  /// Constancy as the graph has it now. The factors of a variable that was part of the system are not evaluated again.
+  /// Constancy as the graph has it now. The factors of a variable that was part of the system are
+  /// not evaluated again.
   void UpdateConstants(const std::vector<VariableId>& ids);
   void SetValues(VariableId id, const double* values);
   /// All values as the graph has them now. Every factor must be dirty.
@@ -76,17 +80,19 @@ class IncrementalSystem {
   }
   /// Marks a landmark for elimination anew, to take up another damping.
   void Redamp(std::int32_t landmark) { dirty_landmarks_.Add(landmark); }
-  /// The same for the landmarks that are damped by more than the limit, or by LandmarkBlocks::kMildDamping where that is more.
+  /// The same for the landmarks that are damped by more than the limit, or by
+  /// LandmarkBlocks::kMildDamping where that is more.
   void RedampAbove(double limit) {
     schur_.blocks().ForEachDampedAbove(limit, [this](std::int32_t landmark) { Redamp(landmark); });
   }
 
-  /// Algorithm 3: takes the old contributions of the dirty subgraph out of S and b, linearizes its factors at the current values
-  /// and puts the new ones in; its landmarks are damped by lambda · diag(P). On failure names the factor or variable; S and b are
-  /// then incomplete.
+  /// Algorithm 3: takes the old contributions of the dirty subgraph out of S and b, linearizes its
+  /// factors at the current values and puts the new ones in; its landmarks are damped by lambda ·
+  /// diag(P). On failure names the factor or variable; S and b are then incomplete.
   Status Relinearize(double lambda, RebuildRule rule, RelinearizeWork* work);
 
-  /// The first half of it, by difference: what is dirty is linearized, and its landmarks wait to be eliminated anew.
+  /// The first half of it, by difference: what is dirty is linearized, and its landmarks wait to be
+  /// eliminated anew.
   Status LinearizeDirty(RelinearizeWork* work);
 
   /// Whether summing S and b anew is cheaper than following what is dirty by difference.
@@ -100,7 +106,8 @@ class IncrementalSystem {
   /// The one under construction.
   TrialStep& step() { return step_; }
   const TrialStep& step() const { return step_; }
-  /// A step of these landmarks alone (TrialStep::TryLandmarks), accepted as by AcceptValues if any of them gained.
+  /// A step of these landmarks alone (TrialStep::TryLandmarks), accepted as by AcceptValues if any
+  /// of them gained.
   bool StepLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
     const bool any = step_.TryLandmarks(landmarks, num_evaluated);
     if (any) {
@@ -114,16 +121,16 @@ class IncrementalSystem {
     AcceptValues();
     step_.End();
   }
-  /// The first half of it, for whoever wants to look at the touched factors in between: tells how many landmarks' right-hand
-  /// sides followed.
+  /// The first half of it, for whoever wants to look at the touched factors in between: tells how
+  /// many landmarks' right-hand sides followed.
   int AcceptValues();
 
   int NumDirtyFactors() const;
   bool IsDirty(FactorRef ref) const { return dirty_[ref.family].Has(ref.factor); }
   double cost() const { return cost_; }
-  /// How much of the cost rounding may be: ½ Σ_v ‖x_v‖_∞² tr(C_vv) (n ε)², for a residual that comes of n operations on numbers
-  /// as large as J_v x_v is exact to n ε ‖x_v‖ ‖J_v‖. Cost: a pass over the frames, or over the landmarks where no frame can
-  /// move.
+  /// How much of the cost rounding may be: ½ Σ_v ‖x_v‖_∞² tr(C_vv) (n ε)², for a residual that
+  /// comes of n operations on numbers as large as J_v x_v is exact to n ε ‖x_v‖ ‖J_v‖. Cost: a pass
+  /// over the frames, or over the landmarks where no frame can move.
   double RoundingOfCost() const;
   int num_factors() const { return num_factors_; }
   const VariableStore& variables() const { return variables_; }
@@ -177,7 +184,8 @@ class IncrementalSystem {
   std::vector<IndexSet> dirty_;  // per family: to be relinearized
   IndexSet dirty_landmarks_;     // to be eliminated anew
   std::vector<std::int32_t> list_;
-  std::vector<std::ptrdiff_t> kept_;  // of the listed factors: where S keeps their old contributions; -1: none
+  // of the listed factors: where S keeps their old contributions; -1: none
+  std::vector<std::ptrdiff_t> kept_;
   std::vector<std::int32_t> slots_;
   std::vector<FactorId> removed_;
   std::vector<VariableId> toggled_;

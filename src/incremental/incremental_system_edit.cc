@@ -50,7 +50,9 @@ void IncrementalSystem::FollowPin(VariableId id) {
   reattached_.clear();
   variables_.MarkMoved(id);
   graph_.TrackFactors();
-  graph_.ForEachFactorOf(id, [this](FactorId factor) { reattached_.push_back({factor.family, factor.index}); });
+  graph_.ForEachFactorOf(id, [this](FactorId factor) {
+    reattached_.push_back({factor.family, factor.index});
+  });
   Reattach();
 }
 
@@ -158,7 +160,9 @@ void IncrementalSystem::UpdateConstants(const std::vector<VariableId>& ids) {
     } else if (!constant) {
       // Constant since it came: its factors have no Jacobian for it yet.
       entering_.push_back(id);
-      graph_.ForEachFactorOf(id, [this](FactorId factor) { reattached_.push_back({factor.family, factor.index}); });
+      graph_.ForEachFactorOf(id, [this](FactorId factor) {
+        reattached_.push_back({factor.family, factor.index});
+      });
     }
   }
   if (!entering_.empty() || !reattached_.empty()) {
@@ -191,7 +195,8 @@ void IncrementalSystem::Hold(VariableId id, bool constant) {
   });
 }
 
-// The entering variables get their places in the system, and the factors collected take part with theirs as they are now.
+// The entering variables get their places in the system, and the factors collected take part with
+// theirs as they are now.
 void IncrementalSystem::Reattach() {
   const auto before = [](const FactorRef& a, const FactorRef& b) {
     return a.family != b.family ? a.family < b.family : a.factor < b.factor;
@@ -229,7 +234,9 @@ void IncrementalSystem::SetValues(VariableId id, const double* values) {
     step_.ForgetLandmark(landmark_of_[id]);
   }
   graph_.TrackFactors();
-  graph_.ForEachFactorOf(id, [this](FactorId factor) { MarkChanged({factor.family, factor.index}); });
+  graph_.ForEachFactorOf(id, [this](FactorId factor) {
+    MarkChanged({factor.family, factor.index});
+  });
 }
 
 }  // namespace inceres::internal

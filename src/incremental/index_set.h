@@ -6,8 +6,9 @@
 
 namespace inceres::internal {
 
-/// A set of small indices for marking a part of a large problem: a bitmap under a bitmap of its words that are not zero. Adding
-/// costs a few instructions, walking goes in ascending order without sorting and costs n/4096 plus what the set holds.
+/// A set of small indices for marking a part of a large problem: a bitmap under a bitmap of its
+/// words that are not zero. Adding costs a few instructions, walking goes in ascending order
+/// without sorting and costs n/4096 plus what the set holds.
 class IndexSet {
  public:
   /// Makes room for indices < size.
@@ -47,13 +48,15 @@ class IndexSet {
       for (std::uint64_t filled = summary_[s]; filled != 0; filled &= filled - 1) {
         const std::size_t w = 64 * s + static_cast<std::size_t>(__builtin_ctzll(filled));
         for (std::uint64_t word = words_[w]; word != 0; word &= word - 1) {
-          visit(static_cast<std::int32_t>(64 * w + static_cast<std::size_t>(__builtin_ctzll(word))));
+          visit(
+              static_cast<std::int32_t>(64 * w + static_cast<std::size_t>(__builtin_ctzll(word))));
         }
       }
     }
   }
 
-  /// The members in ascending order, into a vector whose memory is used again: it gets room for all indices at once.
+  /// The members in ascending order, into a vector whose memory is used again: it gets room for all
+  /// indices at once.
   void CopyTo(std::vector<std::int32_t>* indices) const {
     indices->reserve(64 * words_.capacity());
     indices->resize(static_cast<std::size_t>(count_));
@@ -73,7 +76,9 @@ class IndexSet {
 
  private:
   static std::size_t Word(std::int32_t index) { return static_cast<std::size_t>(index) / 64; }
-  static std::uint64_t Bit(std::int32_t index) { return std::uint64_t{1} << (static_cast<std::size_t>(index) % 64); }
+  static std::uint64_t Bit(std::int32_t index) {
+    return std::uint64_t{1} << (static_cast<std::size_t>(index) % 64);
+  }
 
   std::vector<std::uint64_t> words_;
   std::vector<std::uint64_t> summary_;

@@ -7,8 +7,8 @@
 namespace inceres::internal {
 namespace {
 
-// A landmark whose block is this singular against the scale of its coordinates carries no information (docs/algorithms.md,
-// "Incremental Schur complement"): it is undetermined.
+// A landmark whose block is this singular against the scale of its coordinates carries no
+// information (docs/algorithms.md, "Incremental Schur complement"): it is undetermined.
 constexpr double kNoInformation = 1e-12;
 
 }  // namespace
@@ -76,7 +76,8 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, double* eta) {
     damping[k] = lambda * P[k * kQuad + k];
     largest = std::max(largest, P[k * kQuad + k]);
   }
-  return largest > 0.0 && InvertCholeskyFactor(landmark.size, P, damping, UInv(l)) && HasInformation(l);
+  return largest > 0.0 && InvertCholeskyFactor(landmark.size, P, damping, UInv(l)) &&
+         HasInformation(l);
 }
 
 // 1/U_inv² is the pivot: what the other coordinates leave of the diagonal entry.
@@ -132,13 +133,15 @@ void LandmarkBlocks::PointFactors(std::int32_t l) {
   begun_.assign(landmark.frames.size(), 0);
   for (const FactorRef& ref : landmark.factors) {
     IncrementalFamily& family = families_[ref.family];
-    std::int32_t* targets = family.y_targets() + static_cast<std::ptrdiff_t>(ref.factor) * family.num_slots();
+    std::int32_t* targets =
+        family.y_targets() + static_cast<std::ptrdiff_t>(ref.factor) * family.num_slots();
     for (int s = 0; s < family.num_slots(); ++s) {
       const std::int32_t frame = structure_.FrameOfFactor(ref, s);
       if (frame < 0) {
         continue;
       }
-      const auto at = std::find(landmark.frames.begin(), landmark.frames.end(), frame) - landmark.frames.begin();
+      const auto at = std::find(landmark.frames.begin(), landmark.frames.end(), frame) -
+                      landmark.frames.begin();
       targets[s] = 2 * incidences_[l][at].y + begun_[at];
       begun_[at] = 1;
     }
@@ -164,7 +167,8 @@ void LandmarkBlocks::RenewZ(std::int32_t l, const double* eta, double* rhs) {
     change[k] = renewed[k] - z[k];
     z[k] = renewed[k];
   }
-  kernels_.subtract_incidences(size, incidences.data(), static_cast<int>(incidences.size()), Y_.data(), change, rhs);
+  kernels_.subtract_incidences(size, incidences.data(), static_cast<int>(incidences.size()),
+                               Y_.data(), change, rhs);
 }
 
 void LandmarkBlocks::BackSubstitute(std::int32_t l, double* padded_step) const {
@@ -178,18 +182,20 @@ void LandmarkBlocks::BackSubstitute(std::int32_t l, double* padded_step) const {
   const std::vector<Incidence>& incidences = incidences_[l];
   double y[kQuad];
   std::copy_n(z(l), kQuad, y);
-  kernels_.back_substitute(size, incidences.data(), static_cast<int>(incidences.size()), Y_.data(), padded_step, y);
+  kernels_.back_substitute(size, incidences.data(), static_cast<int>(incidences.size()), Y_.data(),
+                           padded_step, y);
   MultiplyLowerTransposed(size, UInv(l), y, step);
 }
 
-// New factors may have brought new frames since: the contribution is that of the incidences, the frames it went in with.
+// New factors may have brought new frames since: the contribution is that of the incidences, the
+// frames it went in with.
 Contribution LandmarkBlocks::Rows(std::int32_t l, std::vector<BlockRow>* rows) const {
   const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
   rows->clear();
   for (std::size_t r = 0; r < incidences_[l].size(); ++r) {
     const Incidence& incidence = incidences_[l][r];
-    rows->push_back({Y_.data() + std::ptrdiff_t{incidence.y} * kQuad, incidence.frame, incidence.quads,
-                     structure_.frames()[landmark.frames[r]].size});
+    rows->push_back({Y_.data() + std::ptrdiff_t{incidence.y} * kQuad, incidence.frame,
+                     incidence.quads, structure_.frames()[landmark.frames[r]].size});
   }
   return {rows->data(), static_cast<int>(rows->size()), landmark.size};
 }
@@ -200,8 +206,11 @@ std::int64_t LandmarkBlocks::NumPairs(std::int32_t l) const {
 }
 
 std::size_t LandmarkBlocks::Bytes() const {
-  return sizeof(double) * (Y_.capacity() + P_.capacity() + U_inv_.capacity() + z_.capacity() + lambda_.capacity()) +
-         (sizeof(std::vector<Incidence>) + sizeof(std::vector<std::int32_t>)) * incidences_.capacity() + list_bytes_;
+  return sizeof(double) * (Y_.capacity() + P_.capacity() + U_inv_.capacity() + z_.capacity() +
+                           lambda_.capacity()) +
+         (sizeof(std::vector<Incidence>) + sizeof(std::vector<std::int32_t>)) *
+             incidences_.capacity() +
+         list_bytes_;
 }
 
 }  // namespace inceres::internal

@@ -19,8 +19,9 @@ enum class LandmarkState : std::uint8_t {
   kInS,           ///< part of S and b
 };
 
-/// The blocks of each landmark of a living problem (docs/algorithms.md, "Schur complement"): P, U_inv, Y and z, and where they
-/// go in S. They are summed from the Jacobians cached now; Y and z are those of the contribution that is in S.
+/// The blocks of each landmark of a living problem (docs/algorithms.md, "Schur complement"): P,
+/// U_inv, Y and z, and where they go in S. They are summed from the Jacobians cached now; Y and z
+/// are those of the contribution that is in S.
 class LandmarkBlocks {
  public:
   LandmarkBlocks(std::vector<IncrementalFamily>* families, IncrementalStructure* structure)
@@ -54,7 +55,9 @@ class LandmarkBlocks {
   const double* P(std::int32_t l) const { return P_.data() + std::ptrdiff_t{l} * kBlock; }
   const double* z(std::int32_t l) const { return z_.data() + std::ptrdiff_t{l} * kQuad; }
   /// Of the Y in S, and what it goes to, row by row of the lower triangle.
-  const double* Y(std::int32_t l) const { return Y_.data() + std::ptrdiff_t{incidences_[l].front().y} * kQuad; }
+  const double* Y(std::int32_t l) const {
+    return Y_.data() + std::ptrdiff_t{incidences_[l].front().y} * kQuad;
+  }
   std::ptrdiff_t SizeOfY(std::int32_t l) const { return std::ptrdiff_t{y_quads_[l]} * kQuad; }
   const std::vector<std::int32_t>& Targets(std::int32_t l) const { return targets_[l]; }
   /// Its rows, in this memory.
@@ -64,7 +67,8 @@ class LandmarkBlocks {
 
   /// A landmark that was eliminated with a λ above this is remembered as heavily damped.
   static constexpr double kMildDamping = 1e-4;
-  /// Calls visit(landmark) for those eliminated with a λ above the limit, ascending. Cost: that of the heavily damped ones.
+  /// Calls visit(landmark) for those eliminated with a λ above the limit, ascending. Cost: that of
+  /// the heavily damped ones.
   template <typename Visit>
   void ForEachDampedAbove(double limit, Visit&& visit) const {
     heavily_damped_.ForEach([&](std::int32_t l) {

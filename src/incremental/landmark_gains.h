@@ -7,7 +7,8 @@
 
 namespace inceres::internal {
 
-/// What each landmark could still gain by itself, ½ ηᵀ(P + λD)⁻¹η, and which of them could gain much.
+/// What each landmark could still gain by itself, ½ ηᵀ(P + λD)⁻¹η, and which of them could gain
+/// much.
 class LandmarkGains {
  public:
   void Grow(std::size_t num_landmarks) {
@@ -17,7 +18,8 @@ class LandmarkGains {
   void Set(std::int32_t landmark, double gain);
 
   double operator[](std::int32_t landmark) const { return gains_[landmark]; }
-  /// Their sum. Kept by difference, and summed anew when rounding may have eaten more than `accuracy`.
+  /// Their sum. Kept by difference, and summed anew when rounding may have eaten more than
+  /// `accuracy`.
   double Total(double accuracy);
   /// Landmarks whose gain is above the threshold. Cheap while the threshold does not fall far.
   const std::vector<std::int32_t>& Above(double threshold);

@@ -1,4 +1,5 @@
-// Steps of single landmarks with the frames held: TrialStep::TryLandmarks (the embedded point iteration of ICE-BA).
+// Steps of single landmarks with the frames held: TrialStep::TryLandmarks (the embedded point
+// iteration of ICE-BA).
 
 #include <algorithm>
 
@@ -44,16 +45,18 @@ bool TrialStep::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, in
   return true;
 }
 
-// Whether the landmark's step lowers its cost; and how long the next one is to be, as a multiple of what its model says.
+// Whether the landmark's step lowers its cost; and how long the next one is to be, as a multiple of
+// what its model says.
 bool TrialStep::KeepLandmark(std::int32_t landmark) {
   LandmarkStep& step = landmark_steps_[landmark];
   if (!(step.change < 0.0) || !(step.slope > 0.0)) {
     step.stretch = 1.0;
     return false;
   }
-  // With a robust loss the Gauss–Newton model of an outlier is too stiff, and damping holds a far point back: the next step is
-  // taken as long as the slope and the curvature seen along this one ask for, within a bound. The cost along the step is − slope
-  // t + ½ curvature t² and `change` at t = 1.
+  // With a robust loss the Gauss–Newton model of an outlier is too stiff, and damping holds a far
+  // point back: the next step is taken as long as the slope and the curvature seen along this one
+  // ask for, within a bound. The cost along the step is − slope t + ½ curvature t² and `change` at
+  // t = 1.
   const double curvature = 2.0 * (step.slope + step.change);
   const double best = step.slope / std::max(curvature, step.slope / max_stretch_);
   step.stretch = std::clamp(step.stretch * best, 1.0, max_stretch_);

@@ -16,8 +16,8 @@ bool IncrementalMinimizer::TakesNewFrameSteps() {
          !(options_.rebuild == RebuildPolicy::kWhenCheaper && system_.RebuildIsCheaper());
 }
 
-// The landmarks seen from a new frame are out of S, for it has brought factors to each of them; here they go in only as far as
-// the new frames are concerned, which spares S what would not last.
+// The landmarks seen from a new frame are out of S, for it has brought factors to each of them;
+// here they go in only as far as the new frames are concerned, which spares S what would not last.
 bool IncrementalMinimizer::FindNewFrameStep() {
   const StageTimer timer(&summary_->solve_seconds);
   IncrementalSchur& schur = system_.schur();
@@ -30,15 +30,18 @@ bool IncrementalMinimizer::FindNewFrameStep() {
     }
   });
   const double damping = LandmarkDamping();
-  new_landmarks_.ForEach([&](std::int32_t landmark) { schur.PutIntoRows(landmark, damping, new_frames_); });
+  new_landmarks_.ForEach(
+      [&](std::int32_t landmark) { schur.PutIntoRows(landmark, damping, new_frames_); });
   frame_step_.Refresh(options_.damping, control_.mu(), &schur);
   const bool solved = new_frame_step_.Solve(schur, frame_step_.reduced(), new_frames_);
   for (int k = 0; solved && k < new_frame_step_.num_frames(); ++k) {
     system_.step().SetFrame(new_frame_step_.frame(k), new_frame_step_.step(k));
   }
   new_landmarks_.ForEach([&](std::int32_t landmark) {
-    summary_->num_eliminated_landmarks += schur.blocks().state(landmark) == LandmarkState::kInRows ? 1 : 0;
-    if (solved && schur.blocks().state(landmark) == LandmarkState::kInRows) {  // neither held nor undetermined
+    summary_->num_eliminated_landmarks +=
+        schur.blocks().state(landmark) == LandmarkState::kInRows ? 1 : 0;
+    if (solved && schur.blocks().state(landmark) ==
+                      LandmarkState::kInRows) {  // neither held nor undetermined
       system_.step().Visit(landmark);
       ++summary_->num_visited_landmarks;
     }
@@ -48,11 +51,12 @@ bool IncrementalMinimizer::FindNewFrameStep() {
   return solved;
 }
 
-// At least one iteration is left to the others. False if the Update ends: with an error, or because the observer says so.
+// At least one iteration is left to the others. False if the Update ends: with an error, or because
+// the observer says so.
 bool IncrementalMinimizer::StepNewFrames(const std::atomic<bool>& stop) {
   double first_gain = 0.0;
-  for (int n = 0;
-       n < options_.max_new_frame_steps && summary_->num_iterations + 1 < options_.max_num_iterations && !OutOfBudget(stop);
+  for (int n = 0; n < options_.max_new_frame_steps &&
+                  summary_->num_iterations + 1 < options_.max_num_iterations && !OutOfBudget(stop);
        ++n) {
     if (n > 0 && !LinearizeDirty()) {
       return false;
@@ -81,7 +85,8 @@ bool IncrementalMinimizer::StepNewFrames(const std::atomic<bool>& stop) {
       return false;
     }
     first_gain = n == 0 ? gain : first_gain;
-    if (!accepted || gain <= std::max(tuning_.new_frames.worthwhile_share * first_gain, Tolerance())) {
+    if (!accepted ||
+        gain <= std::max(tuning_.new_frames.worthwhile_share * first_gain, Tolerance())) {
       return true;
     }
   }

@@ -31,7 +31,8 @@ bool PartialStep::IsWorthwhile(const IncrementalSchur& schur) const {
   return schur.size() > limits_.max_scalars;
 }
 
-// S'_AA x_A = b_A gains ½ b_Aᵀ x_A = ½ ‖y_A‖² with y_A = L⁻¹ b_A: each row that A grows by adds its share.
+// S'_AA x_A = b_A gains ½ b_Aᵀ x_A = ½ ‖y_A‖² with y_A = L⁻¹ b_A: each row that A grows by adds its
+// share.
 bool PartialStep::Find(const IncrementalSchur& schur, const ReducedVectors& reduced, double gain) {
   Begin(schur, reduced);
   double gained = 0.0;
@@ -60,7 +61,8 @@ bool PartialStep::HasRoomFor(const IncrementalSchur& schur, const IndexSet& fram
   return scalars <= limits_.max_scalars;
 }
 
-bool PartialStep::Solve(const IncrementalSchur& schur, const ReducedVectors& reduced, const IndexSet& frames) {
+bool PartialStep::Solve(const IncrementalSchur& schur, const ReducedVectors& reduced,
+                        const IndexSet& frames) {
   MakeRoom(schur);
   order_.Clear();
   b_.clear();
@@ -76,15 +78,18 @@ bool PartialStep::Solve(const IncrementalSchur& schur, const ReducedVectors& red
   return true;
 }
 
-void PartialStep::Append(const IncrementalSchur& schur, const ReducedVectors& reduced, std::int32_t frame) {
+void PartialStep::Append(const IncrementalSchur& schur, const ReducedVectors& reduced,
+                         std::int32_t frame) {
   const int begin = schur.FrameOffset(frame);
   const int end = schur.FrameOffset(frame + 1);
   order_.Append(frame, schur.S().num_rows());
   b_.insert(b_.end(), reduced.b().begin() + begin, reduced.b().begin() + end);
-  damping_.insert(damping_.end(), reduced.damping().begin() + begin, reduced.damping().begin() + end);
+  damping_.insert(damping_.end(), reduced.damping().begin() + begin,
+                  reduced.damping().begin() + end);
 }
 
-// For the largest A there may be: how A grows is not the same from step to step, and a steady window is not to allocate.
+// For the largest A there may be: how A grows is not the same from step to step, and a steady
+// window is not to allocate.
 void PartialStep::MakeRoom(const IncrementalSchur& schur) {
   if (schur.size() == size_with_room_) {
     return;
@@ -114,7 +119,8 @@ void PartialStep::Begin(const IncrementalSchur& schur, const ReducedVectors& red
   pulled_.Clear();
   rest_.resize(schur.size());
   pulls_.resize(pulls.size());
-  const double least = pulls.empty() ? 0.0 : limits_.no_pull * *std::max_element(pulls.begin(), pulls.end());
+  const double least =
+      pulls.empty() ? 0.0 : limits_.no_pull * *std::max_element(pulls.begin(), pulls.end());
   for (std::size_t i = 0; i < pulls.size(); ++i) {
     if (pulls[i] > least) {
       BeginRest(schur, reduced, static_cast<std::int32_t>(i));
@@ -122,8 +128,10 @@ void PartialStep::Begin(const IncrementalSchur& schur, const ReducedVectors& red
   }
 }
 
-void PartialStep::BeginRest(const IncrementalSchur& schur, const ReducedVectors& reduced, std::int32_t frame) {
-  std::copy(reduced.b().begin() + schur.FrameOffset(frame), reduced.b().begin() + schur.FrameOffset(frame + 1),
+void PartialStep::BeginRest(const IncrementalSchur& schur, const ReducedVectors& reduced,
+                            std::int32_t frame) {
+  std::copy(reduced.b().begin() + schur.FrameOffset(frame),
+            reduced.b().begin() + schur.FrameOffset(frame + 1),
             rest_.begin() + schur.FrameOffset(frame));
   pulled_.Add(frame);
 }
@@ -131,7 +139,8 @@ void PartialStep::BeginRest(const IncrementalSchur& schur, const ReducedVectors&
 void PartialStep::Grow(const IncrementalSchur& schur, const ReducedVectors& reduced) {
   double strongest = 0.0;
   pulled_.ForEach([&](std::int32_t i) {
-    pulls_[i] = order_.place(i) >= 0 ? 0.0 : reduced.Pull(schur, i, rest_.data() + schur.FrameOffset(i));
+    pulls_[i] =
+        order_.place(i) >= 0 ? 0.0 : reduced.Pull(schur, i, rest_.data() + schur.FrameOffset(i));
     strongest = std::max(strongest, pulls_[i]);
   });
   pulled_.ForEach([&](std::int32_t i) {
@@ -164,8 +173,8 @@ void PartialStep::TakeOutOfRest(const IncrementalSchur& schur, const ReducedVect
     const int i = frame(k);
     for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
       if (order_.place(entry.column) < 0) {
-        SubtractTransposedProduct(S.size_of(i), S.size_of(entry.column), S.values(entry.offset), step(k),
-                                  rest_.data() + schur.FrameOffset(entry.column));
+        SubtractTransposedProduct(S.size_of(i), S.size_of(entry.column), S.values(entry.offset),
+                                  step(k), rest_.data() + schur.FrameOffset(entry.column));
       }
     }
     for (const int below : S.below(i)) {
@@ -179,7 +188,8 @@ void PartialStep::TakeOutOfRest(const IncrementalSchur& schur, const ReducedVect
 
 std::size_t PartialStep::Bytes() const {
   std::size_t doubles = 0;
-  for (const std::vector<double>* numbers : {&rest_, &pulls_, &b_, &damping_, &y_, &remainder_, &x_}) {
+  for (const std::vector<double>* numbers :
+       {&rest_, &pulls_, &b_, &damping_, &y_, &remainder_, &x_}) {
     doubles += numbers->capacity();
   }
   return cholesky_.Bytes() + sizeof(double) * doubles;

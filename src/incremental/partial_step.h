@@ -16,9 +16,10 @@ namespace inceres::internal {
 ///
 ///     S'_AA x_A = b_A,   which gains ½ b_Aᵀ x_A in the reduced quadratic.
 ///
-/// With δ the step of all frames, that falls short of the whole gain by ½ δ_Dᵀ (S'_DD − S'_DA S'_AA⁻¹ S'_AD) δ_D: the frames of A
-/// make up for those that stay. So a part of the graph that would only be carried along as one piece, as what lies behind a weak
-/// link is, costs next to nothing to leave, where cutting δ itself off there would tear it from its neighbors.
+/// With δ the step of all frames, that falls short of the whole gain by ½ δ_Dᵀ (S'_DD − S'_DA
+/// S'_AA⁻¹ S'_AD) δ_D: the frames of A make up for those that stay. So a part of the graph that
+/// would only be carried along as one piece, as what lies behind a weak link is, costs next to
+/// nothing to leave, where cutting δ itself off there would tear it from its neighbors.
 class PartialStep {
  public:
   explicit PartialStep(const Tuning::Truncate& limits) : limits_(limits) {}
@@ -26,9 +27,10 @@ class PartialStep {
   /// Whether S is larger than A may become: of a small window nearly all moves.
   bool IsWorthwhile(const IncrementalSchur& schur) const;
 
-  /// Grows A, from the frames that b pulls at most, until its step gains this much; in each round by those at which what is left
-  /// of b then pulls most. False if that takes too many frames, or S'_AA = S_AA + diag(damping) has no factor. Cost: that of a
-  /// small Cholesky factor and of the blocks of A's rows, and a pass over the pulls; no allocation beyond the growth of what it
+  /// Grows A, from the frames that b pulls at most, until its step gains this much; in each round
+  /// by those at which what is left of b then pulls most. False if that takes too many frames, or
+  /// S'_AA = S_AA + diag(damping) has no factor. Cost: that of a small Cholesky factor and of the
+  /// blocks of A's rows, and a pass over the pulls; no allocation beyond the growth of what it
   /// keeps.
   bool Find(const IncrementalSchur& schur, const ReducedVectors& reduced, double gain);
 

@@ -63,7 +63,8 @@ void ReducedVectors::Damp(const IncrementalSchur& schur, std::int32_t row) {
   pulls_[row] = Pull(schur, row, b_.data() + offset);
 }
 
-double ReducedVectors::Pull(const IncrementalSchur& schur, std::int32_t row, const double* rhs) const {
+double ReducedVectors::Pull(const IncrementalSchur& schur, std::int32_t row,
+                            const double* rhs) const {
   double pull = 0.0;
   if (constant_[row] != 0) {
     return pull;
@@ -80,7 +81,8 @@ std::int64_t ReducedVectors::Bytes() const {
   for (const std::vector<double>* packed : {&weights_, &diagonal_, &damping_, &b_, &pulls_}) {
     doubles += packed->capacity();
   }
-  return static_cast<std::int64_t>(sizeof(double) * doubles + constant_.capacity() + sizeof(std::int32_t) * changed_.capacity());
+  return static_cast<std::int64_t>(sizeof(double) * doubles + constant_.capacity() +
+                                   sizeof(std::int32_t) * changed_.capacity());
 }
 
 }  // namespace inceres::internal

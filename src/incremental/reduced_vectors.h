@@ -8,15 +8,17 @@
 
 namespace inceres::internal {
 
-/// The vectors that go with S to its solver, packed by block rows as S is, and what each row could gain by itself. Cost: that of
-/// the rows that have changed, and a pass over all when μ has.
+/// The vectors that go with S to its solver, packed by block rows as S is, and what each row could
+/// gain by itself. Cost: that of the rows that have changed, and a pass over all when μ has.
 class ReducedVectors {
  public:
-  /// Takes over what has changed since the last call. True if the damping of all rows has: μ or its form is another.
+  /// Takes over what has changed since the last call. True if the damping of all rows has: μ or its
+  /// form is another.
   bool Refresh(DampingForm form, double mu, IncrementalSchur* schur);
 
   const std::vector<double>& weights() const { return weights_; }  ///< diag(C)
-  /// μ diag(C), the thesis's form μ diag(S); of a row that is held 1, as ReducedMatrix has it, and its b is 0.
+  /// μ diag(C), the thesis's form μ diag(S); of a row that is held 1, as ReducedMatrix has it, and
+  /// its b is 0.
   const std::vector<double>& damping() const { return damping_; }
   const std::vector<double>& b() const { return b_; }
   const std::vector<char>& constant() const { return constant_; }  ///< per row: it is held

@@ -13,9 +13,10 @@ void Relinearization::Begin(const IncrementalOptions& options, double share) {
   blamed_few_ = false;
 }
 
-// How far an old linearization may err before it is renewed, if every factor erred by as much. Its error e = ‖f − f̂‖ counts
-// twice: the model is off by w e², and the gradient by what the residual f makes of the old Jacobian, about w ‖f‖ e over the next
-// step. The first adds up over the factors, the second, of either sign, like a random walk.
+// How far an old linearization may err before it is renewed, if every factor erred by as much. Its
+// error e = ‖f − f̂‖ counts twice: the model is off by w e², and the gradient by what the residual
+// f makes of the old Jacobian, about w ‖f‖ e over the next step. The first adds up over the
+// factors, the second, of either sign, like a random walk.
 Relinearization::ErrorLimits Relinearization::LimitsOf(double share, double tolerance) const {
   const double count = std::max(1, system_.num_factors());
   const double gradient = tuning_.gradient_share * share * tolerance;
@@ -32,7 +33,8 @@ void Relinearization::MarkStale(double tolerance) {
       const bool errs = rule_ == RelinearizationRule::kStepSize && !family.constant_jacobian()
                             ? system_.step().Largest({family.id(), i}) >= step_
                             : stale.ExceededBy(family, i);
-      if (errs || family.WeightIsOff(i, family.IsCorrected(i) ? tuning_.corrected_weight_change : tuning_.weight_change)) {
+      if (errs || family.WeightIsOff(i, family.IsCorrected(i) ? tuning_.corrected_weight_change
+                                                              : tuning_.weight_change)) {
         system_.MarkDirty({family.id(), i});
       } else if (aged.ExceededBy(family, i)) {
         aged_[family.id()].Add(i);
@@ -67,14 +69,17 @@ bool Relinearization::RefreshTouched(bool evaluated) {
       }
     }
   };
-  const auto unforeseen = [this](FactorRef ref) { return system_.families()[ref.family].UnforeseenCost(ref.factor); };
+  const auto unforeseen = [this](FactorRef ref) {
+    return system_.families()[ref.family].UnforeseenCost(ref.factor);
+  };
   const bool all = std::exchange(blamed_few_, true) || !evaluated;
   double worst = 0.0;
   if (!all) {
     for_each_old([&](FactorRef factor) { worst = std::max(worst, unforeseen(factor)); });
   }
   // Written so that a cost that is not finite is to blame.
-  const double blameless = std::min(tuning_.blame_share * worst, std::numeric_limits<double>::max());
+  const double blameless =
+      std::min(tuning_.blame_share * worst, std::numeric_limits<double>::max());
   bool any = false;
   for_each_old([&](FactorRef factor) {
     if (all || !(unforeseen(factor) <= blameless)) {

@@ -28,7 +28,8 @@ void StepControl::Accept(double gain_ratio, bool shortened) {
     mu_ *= tuning_.damping_growth;
     num_shortened_ = 0;
   }
-  mu_ = std::max(min_damping_, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
+  mu_ =
+      std::max(min_damping_, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
   nu_ = 2.0;
   const bool hard = IsDampedHard();
   relaxed_ = relaxed_ && hard;

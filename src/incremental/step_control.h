@@ -7,9 +7,9 @@
 
 namespace inceres::internal {
 
-/// The damping μ and the radius of the trust region (docs/algorithms.md, "Damping and trust region of incremental mode"), and
-/// what refused steps prove. μ is kept from one Update to the next; it hides what weak directions could gain, so that convergence
-/// is claimed near its floor only.
+/// The damping μ and the radius of the trust region (docs/algorithms.md, "Damping and trust region
+/// of incremental mode"), and what refused steps prove. μ is kept from one Update to the next; it
+/// hides what weak directions could gain, so that convergence is claimed near its floor only.
 class StepControl {
  public:
   /// For an Update that begins with this damping, clamped to what the options allow.
@@ -20,11 +20,14 @@ class StepControl {
   double radius() const { return radius_; }
   /// Whether μ is so far from its floor that what is left cannot be seen.
   bool IsDampedHard() const { return mu_ > stop_.near_floor * min_damping_; }
-  /// Whether a step keeps so much of its promise that the radius may grow: an infinite one need not know its length.
+  /// Whether a step keeps so much of its promise that the radius may grow: an infinite one need not
+  /// know its length.
   bool IsGood(double gain_ratio) const { return gain_ratio > tuning_.good_ratio; }
 
   /// With the damping there is now the model sees this much left.
-  void Sees(double remaining) { remaining_at_floor_ = IsDampedHard() ? remaining_at_floor_ : remaining; }
+  void Sees(double remaining) {
+    remaining_at_floor_ = IsDampedHard() ? remaining_at_floor_ : remaining;
+  }
 
   /// A step of this length was accepted: the radius follows its gain ratio.
   void AdaptRadius(double gain_ratio, double norm);
@@ -36,17 +39,18 @@ class StepControl {
 
   /// Nielsen's rule: μ falls to a third at best. `shortened`: by the radius.
   void Accept(double gain_ratio, bool shortened);
-  /// μ grows. `blindly`: a cost function refused to evaluate the step. False if it may not grow further.
+  /// μ grows. `blindly`: a cost function refused to evaluate the step. False if it may not grow
+  /// further.
   bool Refuse(double remaining, bool blindly);
 
-  /// Before success the damping goes to its floor, once only while no step is taken there: where steps are refused it grows
-  /// again. True if it was lowered.
+  /// Before success the damping goes to its floor, once only while no step is taken there: where
+  /// steps are refused it grows again. True if it was lowered.
   bool RelaxOnce();
   enum class Verdict { kMinimum, kRefusals, kUnknown, kTryBetween };
-  /// Steps were refused, up to the damping at which nothing is left to gain. That is the minimum if little was left near the
-  /// floor, too. Otherwise all that speaks for it are the refusals: as far as steps between the last two dampings, one of which
-  /// is then to be tried, could not gain more than the tolerance either. Of what a cost function refused to evaluate nothing is
-  /// known.
+  /// Steps were refused, up to the damping at which nothing is left to gain. That is the minimum if
+  /// little was left near the floor, too. Otherwise all that speaks for it are the refusals: as far
+  /// as steps between the last two dampings, one of which is then to be tried, could not gain more
+  /// than the tolerance either. Of what a cost function refused to evaluate nothing is known.
   Verdict JudgeRefusals(double tolerance);
 
  private:
@@ -57,12 +61,14 @@ class StepControl {
   double mu_;
   double nu_ = 2.0;
   double radius_ = HUGE_VAL;
-  int num_shortened_ = 0;                     // accepted steps in a row that the radius has shortened
-  bool relaxed_ = false;                      // μ went to its floor to prove convergence, and no step was taken there since
-  double remaining_at_floor_ = HUGE_VAL;      // what was left when μ was last near its floor
-  double remaining_when_refused_ = HUGE_VAL;  // when a step was last refused; infinite: not since one was taken near the floor
-  double refused_mu_;                         // of that step
-  bool refused_blindly_ = false;              // a cost function refused to evaluate one of those steps
+  int num_shortened_ = 0;  // accepted steps in a row that the radius has shortened
+  // μ went to its floor to prove convergence, and no step was taken there since
+  bool relaxed_ = false;
+  double remaining_at_floor_ = HUGE_VAL;  // what was left when μ was last near its floor
+  // when a step was last refused; infinite: not since one was taken near the floor
+  double remaining_when_refused_ = HUGE_VAL;
+  double refused_mu_;             // of that step
+  bool refused_blindly_ = false;  // a cost function refused to evaluate one of those steps
 };
 
 }  // namespace inceres::internal

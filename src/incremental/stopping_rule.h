@@ -7,20 +7,22 @@
 
 namespace inceres::internal {
 
-/// When one Update has found its minimum (docs/algorithms.md, "Stopping rule"). With R the decrease that the model sees left,
-/// G what of it landmarks could gain by themselves, and T the tolerance, it ends when
+/// When one Update has found its minimum (docs/algorithms.md, "Stopping rule"). With R the decrease
+/// that the model sees left, G what of it landmarks could gain by themselves, and T the tolerance,
+/// it ends when
 ///
 ///     R + (c − 1) G ≤ σ T,   or the steps to come gain little: a R / (1 − φ) + max(4, c) G ≤ T / 2,
 ///     or so many iterations have together gained no more than T, and R ≤ T.
 ///
-/// c is by how much landmarks gained more than they promised in their last pass, a the same of the last step of the frames, and φ
-/// the factor by which what is left fell with it.
+/// c is by how much landmarks gained more than they promised in their last pass, a the same of the
+/// last step of the frames, and φ the factor by which what is left fell with it.
 class StoppingRule {
  public:
   StoppingRule() = default;
-  /// For an Update that begins at this cost, of which a part is fixed and which rounding blurs by so much, with this iteration.
-  StoppingRule(const Tuning::Stop& tuning, double function_tolerance, double fixed_cost, double rounding, int iteration,
-               double cost)
+  /// For an Update that begins at this cost, of which a part is fixed and which rounding blurs by
+  /// so much, with this iteration.
+  StoppingRule(const Tuning::Stop& tuning, double function_tolerance, double fixed_cost,
+               double rounding, int iteration, double cost)
       : tuning_(tuning),
         function_tolerance_(function_tolerance),
         fixed_cost_(fixed_cost),
@@ -28,27 +30,36 @@ class StoppingRule {
         checked_iteration_(iteration),
         checked_cost_(cost) {}
 
-  /// T: cost changes below it do not count. The user's tolerance times what can change of the cost, and where that is next to
-  /// zero the rounding of the residuals.
-  double Tolerance(double cost) const { return std::max(function_tolerance_ * (cost - fixed_cost_), rounding_ / tuning_.share); }
+  /// T: cost changes below it do not count. The user's tolerance times what can change of the cost,
+  /// and where that is next to zero the rounding of the residuals.
+  double Tolerance(double cost) const {
+    return std::max(function_tolerance_ * (cost - fixed_cost_), rounding_ / tuning_.share);
+  }
   /// σ T: what an Update may leave undone.
   double Allowed(double cost) const { return tuning_.share * Tolerance(cost); }
   double rounding() const { return rounding_; }
 
-  /// Whether little is left. Asked once an iteration. An Update that is new for the most part learns nothing from its last step.
-  bool IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration, bool mostly_new);
-  /// Whether a step that is refused with so little left, or that changed the cost by no more than rounding, proves a minimum.
+  /// Whether little is left. Asked once an iteration. An Update that is new for the most part
+  /// learns nothing from its last step.
+  bool IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration,
+                    bool mostly_new);
+  /// Whether a step that is refused with so little left, or that changed the cost by no more than
+  /// rounding, proves a minimum.
   bool IsVain(double remaining, double cost_change, double cost) const {
-    return std::fabs(cost_change) <= tuning_.unmoved * cost || remaining <= tuning_.rest_share * Tolerance(cost);
+    return std::fabs(cost_change) <= tuning_.unmoved * cost ||
+           remaining <= tuning_.rest_share * Tolerance(cost);
   }
 
-  /// A step of the frames was taken of which `remaining` was promised (0: not all of it was taken), with this gain ratio.
+  /// A step of the frames was taken of which `remaining` was promised (0: not all of it was taken),
+  /// with this gain ratio.
   void StepTaken(double remaining, double gain_ratio) {
     last_remaining_ = remaining;
     last_gain_ratio_ = gain_ratio;
   }
   /// Landmarks gained `gain` by themselves where `promise` was seen.
-  void LandmarksGained(double gain, double promise) { landmark_creep_ = std::max(1.0, gain / promise); }
+  void LandmarksGained(double gain, double promise) {
+    landmark_creep_ = std::max(1.0, gain / promise);
+  }
 
  private:
   bool NextStepsGainLittle(double remaining, double landmark_gain, double cost) const;

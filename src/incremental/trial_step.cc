@@ -51,7 +51,8 @@ void TrialStep::Touch(const std::vector<FactorRef>& factors) {
   }
 }
 
-// A frame that moves reaches its factors; with them, through their landmarks, other frames' right-hand sides.
+// A frame that moves reaches its factors; with them, through their landmarks, other frames'
+// right-hand sides.
 void TrialStep::NameTouched() {
   if (touched_named_) {
     return;
@@ -65,7 +66,8 @@ void TrialStep::NameTouched() {
     }
     for (const std::int32_t l : frame.landmarks) {
       if (!visited_.Has(l)) {
-        schur_.structure().ForEachFactorBetween(l, i, [this](const FactorRef& ref) { touched_[ref.family].Add(ref.factor); });
+        schur_.structure().ForEachFactorBetween(
+            l, i, [this](const FactorRef& ref) { touched_[ref.family].Add(ref.factor); });
         stale_landmarks_.Add(l);
       }
     }
@@ -92,7 +94,8 @@ Status TrialStep::Evaluate(double* change, double* predicted_decrease) {
   NameTouched();
   DropChanges();
   moved_.ForEach([this](std::int32_t i) { Move(schur_.frames()[i].id, schur_.frames()[i].quad); });
-  visited_.ForEach([this](std::int32_t l) { Move(schur_.landmarks()[l].id, schur_.landmarks()[l].quad); });
+  visited_.ForEach(
+      [this](std::int32_t l) { Move(schur_.landmarks()[l].id, schur_.landmarks()[l].quad); });
   *change = 0.0;
   *predicted_decrease = 0.0;
   for (IncrementalFamily& family : families_) {
@@ -100,7 +103,8 @@ Status TrialStep::Evaluate(double* change, double* predicted_decrease) {
     const EvaluationFailure failure = family.EvaluateCandidate(touched, executor_);
     if (failure.failed()) {
       return Status::Error(StatusCode::kEvaluationFailed,
-                           graph_.DescribeFailure(family.id(), failure, family.candidate_parameters(failure.factor)));
+                           graph_.DescribeFailure(family.id(), failure,
+                                                  family.candidate_parameters(failure.factor)));
     }
     *change += family.CandidateChange(touched);
     *predicted_decrease += family.TryStep(touched, step_.data(), schur_.padded_change());
@@ -121,7 +125,8 @@ double TrialStep::Largest(FactorRef ref) const {
   for (int s = 0; s < family.num_slots(); ++s) {
     const VariableId id = family.variables(ref.factor)[s];
     for (int k = 0; variables_.quad(id) >= 0 && k < variables_.map(id).tangent_size; ++k) {
-      largest = std::max(largest, std::fabs(step_[static_cast<std::size_t>(variables_.quad(id)) * kQuad + k]));
+      largest = std::max(
+          largest, std::fabs(step_[static_cast<std::size_t>(variables_.quad(id)) * kQuad + k]));
     }
   }
   return largest;
@@ -151,7 +156,8 @@ void TrialStep::End() {
     std::fill_n(step_.begin() + std::ptrdiff_t{quad} * kQuad, size, 0.0);
   };
   moved_.ForEach([&](std::int32_t i) { clear(schur_.frames()[i].quad, schur_.frames()[i].size); });
-  visited_.ForEach([&](std::int32_t l) { clear(schur_.landmarks()[l].quad, schur_.landmarks()[l].size); });
+  visited_.ForEach(
+      [&](std::int32_t l) { clear(schur_.landmarks()[l].quad, schur_.landmarks()[l].size); });
   for (const IncrementalFamily& family : families_) {
     touched_[family.id()].Clear();
     touched_lists_[family.id()].clear();

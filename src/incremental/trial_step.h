@@ -13,15 +13,18 @@
 
 namespace inceres::internal {
 
-/// A step of an incremental system, from the first frame that is told to move until it is accepted or taken back:
+/// A step of an incremental system, from the first frame that is told to move until it is accepted
+/// or taken back:
 ///
 ///     SetFrame, Visit -> Evaluate -> UpdateRhs, MoveValues, End; or Reject
 ///
-/// What is not set does not move. The cost of each verb goes with the factors that the step touches.
+/// What is not set does not move. The cost of each verb goes with the factors that the step
+/// touches.
 class TrialStep {
  public:
-  TrialStep(const FactorGraph& graph, const Executor& executor, double max_stretch, VariableStore* variables,
-            std::vector<IncrementalFamily>* families, IncrementalSchur* schur)
+  TrialStep(const FactorGraph& graph, const Executor& executor, double max_stretch,
+            VariableStore* variables, std::vector<IncrementalFamily>* families,
+            IncrementalSchur* schur)
       : graph_(graph),
         executor_(executor),
         max_stretch_(max_stretch),
@@ -37,12 +40,15 @@ class TrialStep {
 
   void SetFrame(std::int32_t frame, const double* step);
   /// As it stands.
-  const double* Frame(std::int32_t frame) const { return step_.data() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad; }
+  const double* Frame(std::int32_t frame) const {
+    return step_.data() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad;
+  }
   /// Back-substitutes a landmark from the frame steps set so far.
   void Visit(std::int32_t landmark);
   bool Visited(std::int32_t landmark) const { return visited_.Has(landmark); }
 
-  /// Change of the cost, and the decrease the linearizations predict, over the factors the step touches.
+  /// Change of the cost, and the decrease the linearizations predict, over the factors the step
+  /// touches.
   Status Evaluate(double* change, double* predicted_decrease);
   /// ‖Dδ‖ of the step as it stands, D² = diag H.
   double ScaledNorm() const;
@@ -50,14 +56,16 @@ class TrialStep {
   double Norm() const;
   /// ‖δ_i‖_∞ over the factor's variables.
   double Largest(FactorRef ref) const;
-  /// Replaces the step, taken as the Gauss–Newton step of its active set, by the point at this scaled norm on the dog-leg path
-  /// from the Cauchy point of the same active set to it. To be evaluated anew. The first call after a step prepares the path with
-  /// one pass over the touched factors.
+  /// Replaces the step, taken as the Gauss–Newton step of its active set, by the point at this
+  /// scaled norm on the dog-leg path from the Cauchy point of the same active set to it. To be
+  /// evaluated anew. The first call after a step prepares the path with one pass over the touched
+  /// factors.
   void Shorten(double scaled_norm);
 
-  /// A step of these landmarks alone, each of which is kept or not for itself. True if any was: it then waits to be accepted, or
-  /// else nothing moves. A landmark whose cost falls faster than its model says, as on the far side of a robust loss, goes
-  /// further the next time. *num_evaluated gets the factors looked at.
+  /// A step of these landmarks alone, each of which is kept or not for itself. True if any was: it
+  /// then waits to be accepted, or else nothing moves. A landmark whose cost falls faster than its
+  /// model says, as on the far side of a robust loss, goes further the next time. *num_evaluated
+  /// gets the factors looked at.
   bool TryLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
   /// What the steps of a landmark alone have shown does not hold from other values.
   void ForgetLandmark(std::int32_t landmark) { landmark_steps_[landmark] = {}; }
@@ -65,7 +73,8 @@ class TrialStep {
   /// Per family, ascending: the factors the step touches; between Evaluate and End.
   const std::vector<std::int32_t>& Touched(FamilyId family) const { return touched_lists_[family]; }
 
-  /// Accepted: gradient shares and b follow, once residuals have. Returns how many landmarks' right-hand sides did.
+  /// Accepted: gradient shares and b follow, once residuals have. Returns how many landmarks'
+  /// right-hand sides did.
   int UpdateRhs();
   void MoveValues();
   /// Nothing moves.
@@ -73,7 +82,9 @@ class TrialStep {
   /// The next step may begin.
   void End();
 
-  std::int64_t Bytes() const { return static_cast<std::int64_t>(step_.capacity() * sizeof(double)); }
+  std::int64_t Bytes() const {
+    return static_cast<std::int64_t>(step_.capacity() * sizeof(double));
+  }
 
  private:
   // A landmark's own line search, from one TryLandmarks to the next.

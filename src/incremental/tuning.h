@@ -5,24 +5,28 @@
 
 namespace inceres::internal {
 
-/// What steers the steps and the end of an Update, and is no option: thresholds that were found by measuring, with what they are
-/// shares of. `tolerance` is IncrementalOptions::function_tolerance times the cost. What each is worth on problems it was not
-/// made with is told by benchmarks/ablation.py (docs/tuning.md).
+/// What steers the steps and the end of an Update, and is no option: thresholds that were found by
+/// measuring, with what they are shares of. `tolerance` is IncrementalOptions::function_tolerance
+/// times the cost. What each is worth on problems it was not made with is told by
+/// benchmarks/ablation.py (docs/tuning.md).
 struct Tuning {
   /// When an Update ends.
   struct Stop {
-    /// Of the tolerance: the model sees less than this left to gain. Under a robust loss it undervalues what is left, by a factor
-    /// of 1.2 to 2 (its Hessian takes ρ'' down to half the curvature, and of steady factors only).
+    /// Of the tolerance: the model sees less than this left to gain. Under a robust loss it
+    /// undervalues what is left, by a factor of 1.2 to 2 (its Hessian takes ρ'' down to half the
+    /// curvature, and of steady factors only).
     double share = 0.08;
     /// Of the tolerance: what the steps so far let expect of all to come together.
     double rest_share = 0.5;
-    /// What the model promises has to fall by more than this factor from one step to the next for that.
+    /// What the model promises has to fall by more than this factor from one step to the next for
+    /// that.
     double steady_factor = 0.5;
     /// Times: landmarks that creep gain more than they promise, and are counted so often there.
     double creeping_landmarks = 4.0;
     /// Iterations that bring less than the tolerance together end an Update.
     int stagnation = 10;
-    /// Times min_damping: convergence is claimed with less damping only, for more of it hides what weak directions could gain.
+    /// Times min_damping: convergence is claimed with less damping only, for more of it hides what
+    /// weak directions could gain.
     double near_floor = 100.0;
     /// Two dampings that differ by less than this factor are as good as the same.
     double fine_damping = 3.0;
@@ -35,14 +39,16 @@ struct Tuning {
     double exact = 1e-20;
     /// Weight of the gradient's error against that of the model.
     double gradient_share = 10.0;
-    /// relinearization_share, at most, of what convergence may rest on; and what marginalization may.
+    /// relinearization_share, at most, of what convergence may rest on; and what marginalization
+    /// may.
     double refresh_share = 0.1;
     double marginalized_share = 0.1;
-    /// Factor by which ρ' may have changed; and where H has half the curvature already, of which a step may not meet less than
-    /// a quarter.
+    /// Factor by which ρ' may have changed; and where H has half the curvature already, of which a
+    /// step may not meet less than a quarter.
     double weight_change = 2.0;
     double corrected_weight_change = 1.4;
-    /// Of the worst: a refused step is laid to the old Jacobians of factors whose cost rose so far above what was predicted.
+    /// Of the worst: a refused step is laid to the old Jacobians of factors whose cost rose so far
+    /// above what was predicted.
     double blame_share = 0.1;
   };
   /// What of a step stays undone.
@@ -53,7 +59,8 @@ struct Tuning {
     double wildfire_share = 0.5;
     /// The same for sums that are kept by difference.
     double sum_share = 1e-3;
-    /// Of the strongest pull: frames that are pulled at by more join the active set together; less than the second is no pull.
+    /// Of the strongest pull: frames that are pulled at by more join the active set together; less
+    /// than the second is no pull.
     double pull_share = 0.2;
     double no_pull = 1e-4;
     /// Scalars of an active set beyond which its factor costs more than what standing still saves.
@@ -61,22 +68,27 @@ struct Tuning {
   };
   /// Landmarks that step by themselves.
   struct Landmarks {
-    /// Of what an Update may leave undone: together they could gain more; and of their mean gain, for each that steps.
+    /// Of what an Update may leave undone: together they could gain more; and of their mean gain,
+    /// for each that steps.
     double share = 0.3;
     /// Of all that is undone: they hold more.
     double dominance = 0.5;
-    /// Relative damping, at least: without it a far point, which parallax hardly holds, runs away along its ray for good.
+    /// Relative damping, at least: without it a far point, which parallax hardly holds, runs away
+    /// along its ray for good.
     double min_damping = 1e-6;
     /// Times today's damping: a landmark damped by more is eliminated anew.
     double outdated_damping = 100.0;
-    /// Times the step that its model says: under a robust loss the model of an outlier is too stiff.
+    /// Times the step that its model says: under a robust loss the model of an outlier is too
+    /// stiff.
     double max_stretch = 16.0;
   };
   /// Steps that are refused, or nearly.
   struct Retreat {
-    /// Times ν: growth of the damping when a step is refused. From its floor, doubling would take long.
+    /// Times ν: growth of the damping when a step is refused. From its floor, doubling would take
+    /// long.
     double damping_growth = 10.0;
-    /// Gain ratios below which the radius falls to a share of the step's length, and above which it grows to a multiple of it.
+    /// Gain ratios below which the radius falls to a share of the step's length, and above which it
+    /// grows to a multiple of it.
     double poor_ratio = 0.25;
     double good_ratio = 0.75;
     double radius_fall = 0.5;
@@ -94,34 +106,41 @@ struct Tuning {
   };
   /// What is done anew rather than by difference.
   struct Rebuild {
-    /// Of all factors: with more of them new an Update is far from its minimum, and all of it moves.
+    /// Of all factors: with more of them new an Update is far from its minimum, and all of it
+    /// moves.
     double mostly_new = 0.5;
     /// Times: what replacing a contribution to S costs, against adding it.
     double replace_cost = 1.5;
   };
   /// The batch solver's part of an Update.
   struct Batch {
-    /// Of the tolerance: what may be left when its gains fall fast; a gain that is nothing; what all steps to come may promise.
+    /// Of the tolerance: what may be left when its gains fall fast; a gain that is nothing; what
+    /// all steps to come may promise.
     double settled_share = 0.1;
     double no_gain_share = 1e-3;
     double rest_share = 0.5;
     /// Ratios of gains, twice in a row, that are the end of a fast convergence.
     double fast_ratio = 0.3;
-    /// Actual over predicted decrease of a step that tells of the next; and of one that tells of steps not taken.
+    /// Actual over predicted decrease of a step that tells of the next; and of one that tells of
+    /// steps not taken.
     double good_model = 0.5;
     double kept_promise = 0.75;
     /// What the model promises has to fall by more than this factor from one step to the next.
     double steady_factor = 0.5;
-    /// Tolerances: after a step that kept its promise and gained no more, the next one is hardly damped.
+    /// Tolerances: after a step that kept its promise and gained no more, the next one is hardly
+    /// damped.
     double near_gain = 100.0;
-    /// Radius of Levenberg–Marquardt, one over its damping, from which on promises and gains tell of all directions.
+    /// Radius of Levenberg–Marquardt, one over its damping, from which on promises and gains tell
+    /// of all directions.
     double seeing_radius = 1e8;
-    /// Iterations of the strategy that was asked for; what they do not finish Marquardt's rule goes on with.
+    /// Iterations of the strategy that was asked for; what they do not finish Marquardt's rule goes
+    /// on with.
     int patience = 25;
     /// Steps by that rule which together bring less than so many tolerances end an Update.
     int stagnation = 15;
     double stagnation_gain = 1.0;
-    /// The same where the damping leaves steps about as long as the model wants them: a flat valley.
+    /// The same where the damping leaves steps about as long as the model wants them: a flat
+    /// valley.
     double free_stagnation_gain = 5.0;
     double free_radius = 1.0;
     /// The same of its iterations, refused steps included: so many try all lengths of steps.
@@ -129,9 +148,11 @@ struct Tuning {
     double stall_gain = 0.25;
     /// Of that rule: with more damping than one over this steps lead nowhere.
     double min_radius = 1e-12;
-    /// Of that rule: with less damping than one over this a gauge that nothing holds makes systems singular.
+    /// Of that rule: with less damping than one over this a gauge that nothing holds makes systems
+    /// singular.
     double max_radius = 1e10;
-    /// Of that rule: it is there for costs next to zero, too, where Ceres's default ends a solve early.
+    /// Of that rule: it is there for costs next to zero, too, where Ceres's default ends a solve
+    /// early.
     double gradient_tolerance = 1e-14;
     /// Of the initial radius: one that refusals have brought below keeps steps short by itself.
     double shrunk_share = 0.01;
@@ -155,9 +176,9 @@ struct NamedThreshold {
 };
 std::vector<NamedThreshold> NamedThresholds(Tuning* tuning);
 
-/// What solvers made from now on are steered by: the defaults, unless a test has changed them, or the library was configured with
-/// INCERES_TUNING_FROM_ENVIRONMENT, for the ablation, and INCERES_TUNING says "name=value,…". Not to be changed while another
-/// thread makes a solver.
+/// What solvers made from now on are steered by: the defaults, unless a test has changed them, or
+/// the library was configured with INCERES_TUNING_FROM_ENVIRONMENT, for the ablation, and
+/// INCERES_TUNING says "name=value,…". Not to be changed while another thread makes a solver.
 Tuning& TuningOfNewSolvers();
 
 }  // namespace inceres::internal

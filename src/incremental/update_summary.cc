@@ -91,7 +91,8 @@ std::string UpdateSummary::ToJson() const {
       .Add("evaluate_seconds", evaluate_seconds)
       .Add("accept_seconds", accept_seconds)
       .AddRaw("batch_stages", internal::ToJson(batch_stages))
-      .AddArray("iterations", iterations, [](const UpdateIteration& row) { return inceres::ToJson(row); })
+      .AddArray("iterations", iterations,
+                [](const UpdateIteration& row) { return inceres::ToJson(row); })
       .Close();
 }
 

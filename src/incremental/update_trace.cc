@@ -12,13 +12,17 @@ constexpr int kUsualRows = 32;
 }  // namespace
 
 UpdateTrace::UpdateTrace(UpdateObserver* observer, UpdateSummary* summary)
-    : observer_(observer), summary_(*summary), start_seconds_(NowInSeconds()), row_start_seconds_(start_seconds_) {
+    : observer_(observer),
+      summary_(*summary),
+      start_seconds_(NowInSeconds()),
+      row_start_seconds_(start_seconds_) {
   summary_.iterations.reserve(kUsualRows);
 }
 
 UpdateTrace::Counts UpdateTrace::CountsNow() const {
-  return {summary_.num_moved_frames, summary_.num_visited_landmarks, summary_.num_relinearized_factors,
-          summary_.num_evaluated_factors, summary_.solve_seconds};
+  return {summary_.num_moved_frames, summary_.num_visited_landmarks,
+          summary_.num_relinearized_factors, summary_.num_evaluated_factors,
+          summary_.solve_seconds};
 }
 
 bool UpdateTrace::EndRow(double cost) {
@@ -35,7 +39,8 @@ bool UpdateTrace::EndRow(double cost) {
   row_.seconds = now - row_start_seconds_;
   row_.cumulative_seconds = now - start_seconds_;
   summary_.iterations.push_back(row_);
-  const ObserverAction action = observed() ? observer_->EndOfIteration(row_) : ObserverAction::kContinue;
+  const ObserverAction action =
+      observed() ? observer_->EndOfIteration(row_) : ObserverAction::kContinue;
   row_ = UpdateIteration();
   row_start_ = counts;
   row_start_seconds_ = NowInSeconds();

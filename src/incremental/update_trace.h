@@ -5,8 +5,9 @@
 
 namespace inceres::internal {
 
-/// Writes the trace of an Update, one row an iteration, and shows each to the observer. Whoever takes the steps fills in what the
-/// row says of them; counts are what those of the summary have grown by since the last row ended, seconds what has passed.
+/// Writes the trace of an Update, one row an iteration, and shows each to the observer. Whoever
+/// takes the steps fills in what the row says of them; counts are what those of the summary have
+/// grown by since the last row ended, seconds what has passed.
 ///
 /// Allocates when an Update has more rows than any before it in the same summary.
 class UpdateTrace {
@@ -20,8 +21,8 @@ class UpdateTrace {
 
   /// The row under construction.
   UpdateIteration& row() { return row_; }
-  /// Ends it at a state of this cost, asks the observer, begins the next. False if the observer ends the Update: the summary then
-  /// says how.
+  /// Ends it at a state of this cost, asks the observer, begins the next. False if the observer
+  /// ends the Update: the summary then says how.
   bool EndRow(double cost);
 
  private:

@@ -13,15 +13,18 @@ namespace inceres {
 namespace internal {
 namespace {
 
-// A count in a header may be wrong: what it says is not allocated before that much data has really come.
+// A count in a header may be wrong: what it says is not allocated before that much data has really
+// come.
 constexpr std::int64_t kMaxReserved = std::int64_t{1} << 20;
 
-constexpr const char* kCameraFields[] = {"angle-axis x", "angle-axis y", "angle-axis z", "t x", "t y", "t z", "f", "k1", "k2"};
+constexpr const char* kCameraFields[] = {
+    "angle-axis x", "angle-axis y", "angle-axis z", "t x", "t y", "t z", "f", "k1", "k2"};
 constexpr const char* kPointFields[] = {"x", "y", "z"};
 
 class BalReader {
  public:
-  BalReader(const std::string& path, std::unique_ptr<ByteSource> source) : scanner_(path, std::move(source)) {}
+  BalReader(const std::string& path, std::unique_ptr<ByteSource> source)
+      : scanner_(path, std::move(source)) {}
 
   Status Read(BalProblem* problem) {
     if (Status status = ReadHeader(problem); !status.ok()) {
@@ -30,15 +33,19 @@ class BalReader {
     if (Status status = ReadObservations(problem); !status.ok()) {
       return status;
     }
-    if (Status status = ReadBlocks("camera", problem->num_cameras, kCameraFields, BalProblem::kCameraSize, &problem->cameras);
+    if (Status status = ReadBlocks("camera", problem->num_cameras, kCameraFields,
+                                   BalProblem::kCameraSize, &problem->cameras);
         !status.ok()) {
       return status;
     }
-    if (Status status = ReadBlocks("point", problem->num_points, kPointFields, BalProblem::kPointSize, &problem->points);
+    if (Status status = ReadBlocks("point", problem->num_points, kPointFields,
+                                   BalProblem::kPointSize, &problem->points);
         !status.ok()) {
       return status;
     }
-    return scanner_.AtEnd() ? Status::Ok() : scanner_.Failure("after the last point (are the counts of the header right?)");
+    return scanner_.AtEnd()
+               ? Status::Ok()
+               : scanner_.Failure("after the last point (are the counts of the header right?)");
   }
 
  private:
@@ -58,7 +65,8 @@ class BalReader {
       return scanner_.Failure(field);
     }
     if (value < 1 || value > INT_MAX) {
-      return scanner_.FailureAt(scanner_.line(), std::string(field) + ": " + std::to_string(value) + " is not between 1 and " +
+      return scanner_.FailureAt(scanner_.line(), std::string(field) + ": " + std::to_string(value) +
+                                                     " is not between 1 and " +
                                                      std::to_string(INT_MAX));
     }
     *count = static_cast<int>(value);
@@ -66,7 +74,8 @@ class BalReader {
   }
 
   Status ReadObservations(BalProblem* problem) {
-    problem->observations.reserve(static_cast<std::size_t>(std::min<std::int64_t>(num_observations_, kMaxReserved)));
+    problem->observations.reserve(
+        static_cast<std::size_t>(std::min<std::int64_t>(num_observations_, kMaxReserved)));
     for (int i = 0; i < num_observations_; ++i) {
       BalObservation observation;
       if (!ReadIndex(problem->num_cameras, &observation.camera)) {
@@ -97,12 +106,15 @@ class BalReader {
     if (!index_scanned_) {
       return scanner_.Failure(entry);
     }
-    return scanner_.FailureAt(
-        scanner_.line(), entry + ": index " + std::to_string(last_index_) + " is not between 0 and " + std::to_string(size - 1));
+    return scanner_.FailureAt(scanner_.line(), entry + ": index " + std::to_string(last_index_) +
+                                                   " is not between 0 and " +
+                                                   std::to_string(size - 1));
   }
 
-  Status ReadBlocks(const char* what, int count, const char* const* fields, int size, std::vector<double>* values) {
-    values->reserve(static_cast<std::size_t>(std::min<std::int64_t>(std::int64_t{count} * size, kMaxReserved)));
+  Status ReadBlocks(const char* what, int count, const char* const* fields, int size,
+                    std::vector<double>* values) {
+    values->reserve(
+        static_cast<std::size_t>(std::min<std::int64_t>(std::int64_t{count} * size, kMaxReserved)));
     for (int i = 0; i < count; ++i) {
       for (int k = 0; k < size; ++k) {
         double value = 0.0;
@@ -128,7 +140,8 @@ class BalReader {
 }  // namespace
 }  // namespace internal
 
-Status ReadBal(const std::string& path, BalProblem* problem, const ReadProgress& progress, const ReadOptions& options) {
+Status ReadBal(const std::string& path, BalProblem* problem, const ReadProgress& progress,
+               const ReadOptions& options) {
   return internal::ReadFile<internal::BalReader>(path, problem, options, progress);
 }
 

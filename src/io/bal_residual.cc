@@ -13,7 +13,8 @@ void Rotate(const double* a, const double* X, double* result) {
   const bool small = angle < 1e-4;
   const double sine = small ? 1.0 - angle2 / 6.0 : std::sin(angle) / angle;
   const double versine = small ? 0.5 - angle2 / 24.0 : (1.0 - std::cos(angle)) / angle2;
-  const double cross[3] = {a[1] * X[2] - a[2] * X[1], a[2] * X[0] - a[0] * X[2], a[0] * X[1] - a[1] * X[0]};
+  const double cross[3] = {a[1] * X[2] - a[2] * X[1], a[2] * X[0] - a[0] * X[2],
+                           a[0] * X[1] - a[1] * X[0]};
   const double along = a[0] * X[0] + a[1] * X[1] + a[2] * X[2];
   for (int i = 0; i < 3; ++i) {
     result[i] = (1.0 - versine * angle2) * X[i] + sine * cross[i] + versine * along * a[i];

@@ -19,15 +19,15 @@ Status CheckIndex(std::size_t observation, const char* field, int index, int siz
   if (index >= 0 && index < size) {
     return Status::Ok();
   }
-  return Invalid("observations[" + std::to_string(observation) + "]." + field + " is " + std::to_string(index) +
-                 ", not between 0 and " + std::to_string(size - 1));
+  return Invalid("observations[" + std::to_string(observation) + "]." + field + " is " +
+                 std::to_string(index) + ", not between 0 and " + std::to_string(size - 1));
 }
 
 Status CheckValues(const char* field, const std::vector<double>& values, int count, int size) {
   const std::size_t expected = static_cast<std::size_t>(count) * static_cast<std::size_t>(size);
   if (values.size() != expected) {
-    return Invalid(std::string(field) + " has " + std::to_string(values.size()) + " values instead of " +
-                   std::to_string(expected));
+    return Invalid(std::string(field) + " has " + std::to_string(values.size()) +
+                   " values instead of " + std::to_string(expected));
   }
   for (std::size_t i = 0; i < expected; ++i) {
     if (!std::isfinite(values[i])) {
@@ -42,26 +42,29 @@ Status CheckValues(const char* field, const std::vector<double>& values, int cou
 
 Status BalProblem::Validate() const {
   if (num_cameras < 1 || num_points < 1) {
-    return internal::Invalid("needs at least one camera and one point, has " + std::to_string(num_cameras) + " and " +
-                             std::to_string(num_points));
+    return internal::Invalid("needs at least one camera and one point, has " +
+                             std::to_string(num_cameras) + " and " + std::to_string(num_points));
   }
   if (observations.empty() || observations.size() > INT_MAX) {
-    return internal::Invalid("has " + std::to_string(observations.size()) + " observations, not between 1 and " +
-                             std::to_string(INT_MAX));
+    return internal::Invalid("has " + std::to_string(observations.size()) +
+                             " observations, not between 1 and " + std::to_string(INT_MAX));
   }
   for (std::size_t i = 0; i < observations.size(); ++i) {
     const BalObservation& observation = observations[i];
-    if (Status status = internal::CheckIndex(i, "camera", observation.camera, num_cameras); !status.ok()) {
+    if (Status status = internal::CheckIndex(i, "camera", observation.camera, num_cameras);
+        !status.ok()) {
       return status;
     }
-    if (Status status = internal::CheckIndex(i, "point", observation.point, num_points); !status.ok()) {
+    if (Status status = internal::CheckIndex(i, "point", observation.point, num_points);
+        !status.ok()) {
       return status;
     }
     if (!std::isfinite(observation.x) || !std::isfinite(observation.y)) {
       return internal::Invalid("observations[" + std::to_string(i) + "] is not finite");
     }
   }
-  if (Status status = internal::CheckValues("cameras", cameras, num_cameras, kCameraSize); !status.ok()) {
+  if (Status status = internal::CheckValues("cameras", cameras, num_cameras, kCameraSize);
+      !status.ok()) {
     return status;
   }
   return internal::CheckValues("points", points, num_points, kPointSize);

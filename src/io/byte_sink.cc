@@ -29,7 +29,8 @@ Status FileSink::Open(const std::string& path) {
   if (std::filesystem::is_directory(existing)) {
     return Status::Error(StatusCode::kIo, path + ": cannot write: is a directory");
   }
-  const bool direct = std::filesystem::exists(existing) && !std::filesystem::is_regular_file(existing);
+  const bool direct =
+      std::filesystem::exists(existing) && !std::filesystem::is_regular_file(existing);
   if (!direct) {
     // A link keeps pointing where it points: the file behind it is what is replaced.
     if (std::filesystem::path target = std::filesystem::canonical(path, error); !error) {
@@ -54,7 +55,8 @@ Status FileSink::Finish() {
   if (closed && (partial_.empty() || std::rename(partial_.c_str(), path_.c_str()) == 0)) {
     return Status::Ok();
   }
-  Status failure = Failure(closed ? "cannot rename the finished file to this name" : "cannot write");
+  Status failure =
+      Failure(closed ? "cannot rename the finished file to this name" : "cannot write");
   if (!partial_.empty()) {
     std::remove(partial_.c_str());
   }

@@ -18,8 +18,9 @@ class ByteSink {
   virtual Status Finish() = 0;
 };
 
-/// Writes to `path`.partial and renames it in Finish(), so that nobody ever sees half a file under the name asked for.
-/// An existing path that is no regular file (a pipe, a device) is written directly.
+/// Writes to `path`.partial and renames it in Finish(), so that nobody ever sees half a file under
+/// the name asked for. An existing path that is no regular file (a pipe, a device) is written
+/// directly.
 class FileSink : public ByteSink {
  public:
   ~FileSink() override;
@@ -38,7 +39,8 @@ class FileSink : public ByteSink {
 std::unique_ptr<ByteSink> MakeGzipSink(std::unique_ptr<ByteSink> file);
 std::unique_ptr<ByteSink> MakeBzip2Sink(std::unique_ptr<ByteSink> file);
 
-/// Opens a file for writing, with the encoder its name asks for (.gz, .bz2). Messages of failures name the file.
+/// Opens a file for writing, with the encoder its name asks for (.gz, .bz2). Messages of failures
+/// name the file.
 Status OpenByteSink(const std::string& path, std::unique_ptr<ByteSink>* sink);
 
 }  // namespace inceres::internal

@@ -14,7 +14,8 @@ std::string SystemError() {
 }
 
 bool EndsWith(const std::string& text, const std::string& suffix) {
-  return text.size() >= suffix.size() && text.compare(text.size() - suffix.size(), suffix.size(), suffix) == 0;
+  return text.size() >= suffix.size() &&
+         text.compare(text.size() - suffix.size(), suffix.size(), suffix) == 0;
 }
 
 FileSource::~FileSource() {
@@ -65,9 +66,11 @@ class LimitedSource : public ByteSource {
     const std::int64_t limit = Limit();
     if (status.ok() && unpacked_bytes_ > limit) {
       *size = 0;
-      return Status::Error(StatusCode::kIo, "the file unpacks to more than " + std::to_string(limit) + " bytes, the limit" +
-                                                (max_bytes_ > 0 ? "" : " for one of its size") +
-                                                "; ReadOptions::max_unpacked_bytes (tools: --max_unpacked_bytes) sets another");
+      return Status::Error(
+          StatusCode::kIo,
+          "the file unpacks to more than " + std::to_string(limit) + " bytes, the limit" +
+              (max_bytes_ > 0 ? "" : " for one of its size") +
+              "; ReadOptions::max_unpacked_bytes (tools: --max_unpacked_bytes) sets another");
     }
     return status;
   }
@@ -75,7 +78,9 @@ class LimitedSource : public ByteSource {
  private:
   std::int64_t Limit() const {
     const std::int64_t packed_bytes = std::max(file_.file_bytes(), file_.bytes_read());
-    return max_bytes_ > 0 ? max_bytes_ : std::max(kFreeBytes, std::min(packed_bytes, INT64_MAX / kMaxRatio) * kMaxRatio);
+    return max_bytes_ > 0
+               ? max_bytes_
+               : std::max(kFreeBytes, std::min(packed_bytes, INT64_MAX / kMaxRatio) * kMaxRatio);
   }
 
   const FileSource& file_;  // the decoder's
@@ -86,12 +91,13 @@ class LimitedSource : public ByteSource {
 
 }  // namespace
 
-Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source, ByteProgress progress,
-                      const ReadOptions& options) {
+Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source,
+                      ByteProgress progress, const ReadOptions& options) {
   if (options.max_unpacked_bytes < 0) {
-    return Status::Error(
-        StatusCode::kInvalidArgument,
-        path + ": ReadOptions::max_unpacked_bytes is " + std::to_string(options.max_unpacked_bytes) + "; it must be at least 0");
+    return Status::Error(StatusCode::kInvalidArgument,
+                         path + ": ReadOptions::max_unpacked_bytes is " +
+                             std::to_string(options.max_unpacked_bytes) +
+                             "; it must be at least 0");
   }
   auto file = std::make_unique<FileSource>();
   if (Status status = file->Open(path, std::move(progress)); !status.ok()) {
@@ -103,7 +109,8 @@ Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* sour
     return Status::Ok();
   }
   const FileSource& packed = *file;
-  std::unique_ptr<ByteSource> decoder = gzip ? MakeGzipSource(std::move(file)) : MakeBzip2Source(std::move(file));
+  std::unique_ptr<ByteSource> decoder =
+      gzip ? MakeGzipSource(std::move(file)) : MakeBzip2Source(std::move(file));
   *source = std::make_unique<LimitedSource>(packed, std::move(decoder), options.max_unpacked_bytes);
   return Status::Ok();
 }

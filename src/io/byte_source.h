@@ -16,8 +16,8 @@ namespace inceres::internal {
 class ByteSource {
  public:
   virtual ~ByteSource() = default;
-  /// Fills up to `capacity` bytes and sets `*size`; 0 means the end. An error is kIo and its message does not name the file:
-  /// the caller knows where in the text it happened.
+  /// Fills up to `capacity` bytes and sets `*size`; 0 means the end. An error is kIo and its
+  /// message does not name the file: the caller knows where in the text it happened.
   virtual Status Read(char* buffer, std::size_t capacity, std::size_t* size) = 0;
 };
 
@@ -44,10 +44,10 @@ class FileSource : public ByteSource {
 std::unique_ptr<ByteSource> MakeGzipSource(std::unique_ptr<ByteSource> compressed);
 std::unique_ptr<ByteSource> MakeBzip2Source(std::unique_ptr<ByteSource> compressed);
 
-/// Opens a file for reading, with the decoder its name asks for (.gz, .bz2), which ends with an error at the limit of the
-/// options. The message of a failure to open names the file.
-Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source, ByteProgress progress = nullptr,
-                      const ReadOptions& options = ReadOptions());
+/// Opens a file for reading, with the decoder its name asks for (.gz, .bz2), which ends with an
+/// error at the limit of the options. The message of a failure to open names the file.
+Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source,
+                      ByteProgress progress = nullptr, const ReadOptions& options = ReadOptions());
 
 /// How the system explains the current errno.
 std::string SystemError();

@@ -22,7 +22,8 @@ unsigned Clamp(std::size_t size) {
 // One or several bzip2 streams, one after the other, as parallel compressors write them.
 class Bzip2Source : public ByteSource {
  public:
-  explicit Bzip2Source(std::unique_ptr<ByteSource> compressed) : compressed_(std::move(compressed)) {}
+  explicit Bzip2Source(std::unique_ptr<ByteSource> compressed)
+      : compressed_(std::move(compressed)) {}
   ~Bzip2Source() override { BZ2_bzDecompressEnd(&stream_); }
 
   Status Read(char* buffer, std::size_t capacity, std::size_t* size) override {
@@ -35,7 +36,9 @@ class Bzip2Source : public ByteSource {
         return status;
       }
       if (stream_.avail_in == 0) {  // end of the file
-        return any_stream_ && !running_ ? Status::Ok() : Status::Error(StatusCode::kIo, "the bzip2 data is truncated");
+        return any_stream_ && !running_
+                   ? Status::Ok()
+                   : Status::Error(StatusCode::kIo, "the bzip2 data is truncated");
       }
       if (Status status = Start(); !status.ok()) {
         return status;
@@ -52,7 +55,8 @@ class Bzip2Source : public ByteSource {
   }
 
  private:
-  // The library has no reset: each stream gets a fresh decoder, which keeps the place in the input and output.
+  // The library has no reset: each stream gets a fresh decoder, which keeps the place in the input
+  // and output.
   Status Start() {
     if (running_) {
       return Status::Ok();
@@ -83,7 +87,9 @@ class Bzip2Source : public ByteSource {
   }
 
   static std::string Reason(int result) {
-    return result == BZ_DATA_ERROR_MAGIC ? " (no bzip2 header)" : result == BZ_DATA_ERROR ? " (checksum or block)" : "";
+    return result == BZ_DATA_ERROR_MAGIC ? " (no bzip2 header)"
+           : result == BZ_DATA_ERROR     ? " (checksum or block)"
+                                         : "";
   }
 
   std::unique_ptr<ByteSource> compressed_;

@@ -23,11 +23,13 @@ constexpr const char* kPoseFields3d[] = {"x", "y", "z", "qx", "qy", "qz", "qw"};
 
 class G2oReader {
  public:
-  G2oReader(const std::string& path, std::unique_ptr<ByteSource> source) : scanner_(path, std::move(source)) {}
+  G2oReader(const std::string& path, std::unique_ptr<ByteSource> source)
+      : scanner_(path, std::move(source)) {}
 
   Status Read(PoseGraph* graph) {
     graph_ = graph;
-    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadFields(); }); !status.ok()) {
+    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadFields(); });
+        !status.ok()) {
       return status;
     }
     if (graph_->ids.empty() && pending_edges_.empty()) {
@@ -56,7 +58,9 @@ class G2oReader {
     }
     const bool vertex = tag_ == "VERTEX_SE2" || tag_ == "VERTEX_SE3:QUAT";
     if (!vertex && tag_ != "EDGE_SE2" && tag_ != "EDGE_SE3:QUAT") {
-      return FailField("tag", "not known; known are VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX");
+      return FailField(
+          "tag",
+          "not known; known are VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX");
     }
     const int dimension = tag_.find("SE2") != std::string::npos ? 2 : 3;
     if (graph_->dimension != 0 && graph_->dimension != dimension) {
@@ -176,9 +180,11 @@ class G2oReader {
     const int lost = PlaceAlongEdges(graph_);
     return lost == graph_->NumVertices()
                ? Status::Ok()
-               : scanner_.FailureAt(scanner_.line(), "the file has no VERTEX lines, and no edges lead from vertex " +
-                                                         std::to_string(graph_->ids.front()) + " to vertex " +
-                                                         std::to_string(graph_->ids[static_cast<std::size_t>(lost)]));
+               : scanner_.FailureAt(
+                     scanner_.line(),
+                     "the file has no VERTEX lines, and no edges lead from vertex " +
+                         std::to_string(graph_->ids.front()) + " to vertex " +
+                         std::to_string(graph_->ids[static_cast<std::size_t>(lost)]));
   }
 
   Status ResolveIds() {

@@ -21,7 +21,8 @@ std::array<double, 7> PoseGraph::MotionFrom(const PoseGraphEdge& edge, int verte
   return motion;
 }
 
-std::array<double, 7> PoseGraph::AcrossEdge(const PoseGraphEdge& edge, int vertex, const double* pose) const {
+std::array<double, 7> PoseGraph::AcrossEdge(const PoseGraphEdge& edge, int vertex,
+                                            const double* pose) const {
   const std::array<double, 7> motion = MotionFrom(edge, vertex);
   std::array<double, 7> other{};
   (dimension == 2 ? ComposePlanarPoses : ComposePoses)(pose, motion.data(), other.data());
@@ -33,7 +34,8 @@ namespace {
 
 class Placer {
  public:
-  explicit Placer(PoseGraph* graph) : graph_(*graph), edges_of_(graph->ids.size()), placed_(graph->ids.size(), false) {
+  explicit Placer(PoseGraph* graph)
+      : graph_(*graph), edges_of_(graph->ids.size()), placed_(graph->ids.size(), false) {
     for (std::size_t i = 0; i < graph_.edges.size(); ++i) {
       edges_of_[static_cast<std::size_t>(graph_.edges[i].from)].push_back(i);
       edges_of_[static_cast<std::size_t>(graph_.edges[i].to)].push_back(i);
@@ -50,8 +52,8 @@ class Placer {
       const auto [vertex, minus_neighbor, edge] = candidates_.top();
       candidates_.pop();
       if (!placed_[static_cast<std::size_t>(vertex)]) {
-        const std::array<double, 7> pose =
-            graph_.AcrossEdge(graph_.edges[edge], -minus_neighbor, graph_.PoseData(-minus_neighbor));
+        const std::array<double, 7> pose = graph_.AcrossEdge(graph_.edges[edge], -minus_neighbor,
+                                                             graph_.PoseData(-minus_neighbor));
         std::copy_n(pose.begin(), graph_.PoseSize(), graph_.PoseData(vertex));
         SetPlaced(vertex);
       }
@@ -60,12 +62,15 @@ class Placer {
   }
 
  private:
-  using Candidate = std::tuple<int, int, std::size_t>;  // the vertex to place, minus the one to start from, the edge
+  using Candidate =
+      std::tuple<int, int,
+                 std::size_t>;  // the vertex to place, minus the one to start from, the edge
 
   void SetPlaced(int vertex) {
     placed_[static_cast<std::size_t>(vertex)] = true;
     for (const std::size_t edge : edges_of_[static_cast<std::size_t>(vertex)]) {
-      const int other = graph_.edges[edge].from == vertex ? graph_.edges[edge].to : graph_.edges[edge].from;
+      const int other =
+          graph_.edges[edge].from == vertex ? graph_.edges[edge].to : graph_.edges[edge].from;
       if (!placed_[static_cast<std::size_t>(other)]) {
         candidates_.emplace(other, -vertex, edge);
       }

@@ -19,8 +19,8 @@ unsigned Clamp(std::size_t size) {
   return static_cast<unsigned>(std::min<std::size_t>(size, INT_MAX));
 }
 
-// One or several gzip members, one after the other. Stricter than gzread(), which takes a file without a gzip header for plain
-// text and does not mind what follows the last member.
+// One or several gzip members, one after the other. Stricter than gzread(), which takes a file
+// without a gzip header for plain text and does not mind what follows the last member.
 class GzipSource : public ByteSource {
  public:
   explicit GzipSource(std::unique_ptr<ByteSource> compressed) : compressed_(std::move(compressed)) {
@@ -41,7 +41,8 @@ class GzipSource : public ByteSource {
         return status;
       }
       if (stream_.avail_in == 0) {  // end of the file
-        return between_members_ ? Status::Ok() : Status::Error(StatusCode::kIo, "the gzip data is truncated");
+        return between_members_ ? Status::Ok()
+                                : Status::Error(StatusCode::kIo, "the gzip data is truncated");
       }
       between_members_ = false;
       const int result = inflate(&stream_, Z_NO_FLUSH);
@@ -68,7 +69,9 @@ class GzipSource : public ByteSource {
     return status;
   }
 
-  std::string Reason() const { return stream_.msg != nullptr ? std::string(" (") + stream_.msg + ")" : ""; }
+  std::string Reason() const {
+    return stream_.msg != nullptr ? std::string(" (") + stream_.msg + ")" : "";
+  }
 
   std::unique_ptr<ByteSource> compressed_;
   z_stream stream_{};
@@ -80,7 +83,8 @@ class GzipSource : public ByteSource {
 class GzipSink : public ByteSink {
  public:
   explicit GzipSink(std::unique_ptr<ByteSink> file) : file_(std::move(file)) {
-    ready_ = deflateInit2(&stream_, Z_DEFAULT_COMPRESSION, Z_DEFLATED, kGzipWindow, 8, Z_DEFAULT_STRATEGY) == Z_OK;
+    ready_ = deflateInit2(&stream_, Z_DEFAULT_COMPRESSION, Z_DEFLATED, kGzipWindow, 8,
+                          Z_DEFAULT_STRATEGY) == Z_OK;
   }
   ~GzipSink() override { deflateEnd(&stream_); }
 
@@ -115,7 +119,8 @@ class GzipSink : public ByteSink {
       stream_.next_out = reinterpret_cast<Bytef*>(output_.data());
       stream_.avail_out = kBufferSize;
       deflate(&stream_, flush);
-      if (Status status = file_->Write(output_.data(), kBufferSize - stream_.avail_out); !status.ok()) {
+      if (Status status = file_->Write(output_.data(), kBufferSize - stream_.avail_out);
+          !status.ok()) {
         return status;
       }
     } while (stream_.avail_out == 0);

@@ -20,14 +20,18 @@ namespace {
 
 class KeyframeReader : private RecordReader {
  public:
-  KeyframeReader(const std::string& path, std::unique_ptr<ByteSource> source) : RecordReader(path, std::move(source)) {}
+  KeyframeReader(const std::string& path, std::unique_ptr<ByteSource> source)
+      : RecordReader(path, std::move(source)) {}
 
   Status Read(KeyframeSequence* sequence) {
     sequence_ = sequence;
-    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); }); !status.ok()) {
+    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); });
+        !status.ok()) {
       return status;
     }
-    return sequence_->keyframes.empty() ? scanner_.FailureAt(scanner_.line(), "the file has no keyframes") : Status::Ok();
+    return sequence_->keyframes.empty()
+               ? scanner_.FailureAt(scanner_.line(), "the file has no keyframes")
+               : Status::Ok();
   }
 
  private:
@@ -53,7 +57,8 @@ class KeyframeReader : private RecordReader {
       return status;
     }
     if (number != NumKeyframes()) {
-      return Fail("i", "keyframe " + std::to_string(number) + " where " + std::to_string(NumKeyframes()) + " comes next");
+      return Fail("i", "keyframe " + std::to_string(number) + " where " +
+                           std::to_string(NumKeyframes()) + " comes next");
     }
     Keyframe keyframe;
     double q_cw[4];
@@ -99,9 +104,11 @@ class KeyframeReader : private RecordReader {
     }
     const int position = static_cast<int>(sequence_->features.size());
     if (!feature_of_key_.emplace(Key(feature.anchor, feature.index), position).second) {
-      return Fail("k", "feature " + std::to_string(feature.index) + " is twice in keyframe " + std::to_string(feature.anchor));
+      return Fail("k", "feature " + std::to_string(feature.index) + " is twice in keyframe " +
+                           std::to_string(feature.anchor));
     }
-    if (Status status = ReadImagePoint(&feature.x, &feature.y, &feature.inverse_depth); !status.ok()) {
+    if (Status status = ReadImagePoint(&feature.x, &feature.y, &feature.inverse_depth);
+        !status.ok()) {
       return status;
     }
     current().features.push_back(position);
@@ -124,7 +131,8 @@ class KeyframeReader : private RecordReader {
     if (Status status = ReadFeatureOf(anchor, &observation.feature); !status.ok()) {
       return status;
     }
-    if (Status status = ReadImagePoint(&observation.x, &observation.y, &observation.inverse_depth); !status.ok()) {
+    if (Status status = ReadImagePoint(&observation.x, &observation.y, &observation.inverse_depth);
+        !status.ok()) {
       return status;
     }
     double* w = observation.information.data();
@@ -173,20 +181,25 @@ class KeyframeReader : private RecordReader {
   Status CheckInformation(const std::array<double, 36>& w) const {
     for (std::size_t r = 0; r < 6; ++r) {
       for (std::size_t c = 0; c < r; ++c) {
-        if (std::fabs(w[6 * r + c] - w[6 * c + r]) > 1e-5 * std::sqrt(std::fabs(w[7 * r] * w[7 * c]))) {
-          return Fail("w", "not symmetric: row " + std::to_string(r) + ", column " + std::to_string(c));
+        if (std::fabs(w[6 * r + c] - w[6 * c + r]) >
+            1e-5 * std::sqrt(std::fabs(w[7 * r] * w[7 * c]))) {
+          return Fail("w",
+                      "not symmetric: row " + std::to_string(r) + ", column " + std::to_string(c));
         }
       }
     }
     double ignored[36];
-    return SqrtInformation(w.data(), 6, ignored) ? Status::Ok() : Fail("w", "not positive definite");
+    return SqrtInformation(w.data(), 6, ignored) ? Status::Ok()
+                                                 : Fail("w", "not positive definite");
   }
 
   Status ReadKeyframeNumber(const char* field, int* number) {
     if (Status status = ReadIndex(field, number); !status.ok()) {
       return status;
     }
-    return *number < NumKeyframes() ? Status::Ok() : Fail(field, "keyframe " + std::to_string(*number) + " has not arrived yet");
+    return *number < NumKeyframes()
+               ? Status::Ok()
+               : Fail(field, "keyframe " + std::to_string(*number) + " has not arrived yet");
   }
 
   Status ReadCurrentKeyframe() {
@@ -196,7 +209,8 @@ class KeyframeReader : private RecordReader {
     }
     const int expected = NumKeyframes() - 1;
     return number == expected ? Status::Ok()
-                              : Fail("i", std::to_string(number) + " is not the keyframe above, " + std::to_string(expected));
+                              : Fail("i", std::to_string(number) + " is not the keyframe above, " +
+                                              std::to_string(expected));
   }
 
   Status ReadFeatureOf(int anchor, int* feature) {
@@ -206,7 +220,8 @@ class KeyframeReader : private RecordReader {
     }
     const auto found = feature_of_key_.find(Key(anchor, index));
     if (found == feature_of_key_.end()) {
-      return Fail("k", "keyframe " + std::to_string(anchor) + " has no feature " + std::to_string(index));
+      return Fail(
+          "k", "keyframe " + std::to_string(anchor) + " has no feature " + std::to_string(index));
     }
     *feature = found->second;
     return Status::Ok();
@@ -243,7 +258,9 @@ class KeyframeReader : private RecordReader {
 
   int NumKeyframes() const { return static_cast<int>(sequence_->keyframes.size()); }
   Keyframe& current() { return sequence_->keyframes.back(); }
-  static std::int64_t Key(int anchor, int index) { return (static_cast<std::int64_t>(anchor) << 32) | index; }
+  static std::int64_t Key(int anchor, int index) {
+    return (static_cast<std::int64_t>(anchor) << 32) | index;
+  }
 
   KeyframeSequence* sequence_ = nullptr;
   std::unordered_map<std::int64_t, int> feature_of_key_;
@@ -268,7 +285,8 @@ int KeyframeSequence::NumBetweens() const {
   return static_cast<int>(count);
 }
 
-Status ReadKeyframes(const std::string& path, KeyframeSequence* sequence, const ReadOptions& options) {
+Status ReadKeyframes(const std::string& path, KeyframeSequence* sequence,
+                     const ReadOptions& options) {
   return internal::ReadFile<internal::KeyframeReader>(path, sequence, options);
 }
 

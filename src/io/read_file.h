@@ -9,10 +9,11 @@
 
 namespace inceres::internal {
 
-/// Reads a whole file, decoded as its name asks for, with Reader(path, source).Read(result). All or nothing: after a failure
-/// *result is as it was.
+/// Reads a whole file, decoded as its name asks for, with Reader(path, source).Read(result). All or
+/// nothing: after a failure *result is as it was.
 template <typename Reader, typename Result>
-Status ReadFile(const std::string& path, Result* result, const ReadOptions& options, const ByteProgress& progress = nullptr) {
+Status ReadFile(const std::string& path, Result* result, const ReadOptions& options,
+                const ByteProgress& progress = nullptr) {
   std::unique_ptr<ByteSource> source;
   if (Status status = OpenByteSource(path, &source, progress, options); !status.ok()) {
     return status;

@@ -12,11 +12,12 @@
 
 namespace inceres::internal {
 
-/// What readers of tagged records (ForEachTaggedLine) have in common: the fields of the record at hand, and messages
-/// `file:line: TAG: field: what is wrong`.
+/// What readers of tagged records (ForEachTaggedLine) have in common: the fields of the record at
+/// hand, and messages `file:line: TAG: field: what is wrong`.
 class RecordReader {
  protected:
-  RecordReader(const std::string& path, std::unique_ptr<ByteSource> source) : scanner_(path, std::move(source)) {}
+  RecordReader(const std::string& path, std::unique_ptr<ByteSource> source)
+      : scanner_(path, std::move(source)) {}
 
   /// An integer from 0 on that fits into an int.
   Status ReadIndex(const char* field, int* index) {
@@ -31,11 +32,13 @@ class RecordReader {
     return Status::Ok();
   }
 
-  /// `field` names a vector: its entries are called field(0), field(1), …, the only entry of a scalar just field.
+  /// `field` names a vector: its entries are called field(0), field(1), …, the only entry of a
+  /// scalar just field.
   Status ReadNumbers(const std::string& field, int count, double* values) {
     for (int k = 0; k < count; ++k) {
       if (!scanner_.ScanDouble(values + k)) {
-        return scanner_.Failure(tag_ + ": " + field + (count > 1 ? "(" + std::to_string(k) + ")" : ""));
+        return scanner_.Failure(tag_ + ": " + field +
+                                (count > 1 ? "(" + std::to_string(k) + ")" : ""));
       }
     }
     return Status::Ok();

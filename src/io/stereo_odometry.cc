@@ -23,7 +23,8 @@ constexpr char kSuffix[] = ".txt";
 // What readers of records without a tag have in common: messages `file:line: field: what is wrong`.
 class PlainReader {
  protected:
-  PlainReader(const std::string& path, std::unique_ptr<ByteSource> source) : scanner_(path, std::move(source)) {}
+  PlainReader(const std::string& path, std::unique_ptr<ByteSource> source)
+      : scanner_(path, std::move(source)) {}
 
   // Calls read_fields() on every line that is not blank; anything behind its fields is an error.
   template <typename ReadFields>
@@ -62,25 +63,30 @@ class PlainReader {
 
 class CalibrationReader : private PlainReader {
  public:
-  CalibrationReader(const std::string& path, std::unique_ptr<ByteSource> source) : PlainReader(path, std::move(source)) {}
+  CalibrationReader(const std::string& path, std::unique_ptr<ByteSource> source)
+      : PlainReader(path, std::move(source)) {}
 
   Status Read(StereoCamera* camera) {
     int count = 0;
-    Status status = ForEachLine([&] { return ++count > 1 ? Fail("f_x", "a second calibration") : ReadCamera(camera); });
-    return status.ok() && count == 0 ? scanner_.FailureAt(scanner_.line(), "the file has no calibration") : status;
+    Status status = ForEachLine(
+        [&] { return ++count > 1 ? Fail("f_x", "a second calibration") : ReadCamera(camera); });
+    return status.ok() && count == 0
+               ? scanner_.FailureAt(scanner_.line(), "the file has no calibration")
+               : status;
   }
 
  private:
   Status ReadCamera(StereoCamera* camera) {
     double skew = 0.0;
-    const std::pair<const char*, double*> fields[] = {{"f_x", &camera->f_x}, {"f_y", &camera->f_y},
-                                                      {"skew", &skew},       {"c_x", &camera->c_x},
-                                                      {"c_y", &camera->c_y}, {"baseline", &camera->baseline}};
+    const std::pair<const char*, double*> fields[] = {
+        {"f_x", &camera->f_x}, {"f_y", &camera->f_y}, {"skew", &skew},
+        {"c_x", &camera->c_x}, {"c_y", &camera->c_y}, {"baseline", &camera->baseline}};
     for (const auto& [name, value] : fields) {
       if (Status status = ReadNumber(name, value); !status.ok()) {
         return status;
       }
-      const bool positive = value == &camera->f_x || value == &camera->f_y || value == &camera->baseline;
+      const bool positive =
+          value == &camera->f_x || value == &camera->f_y || value == &camera->baseline;
       if (positive && !(*value > 0.0)) {
         return Fail(name, "not positive");
       }
@@ -91,11 +97,14 @@ class CalibrationReader : private PlainReader {
 
 class PosesReader : private PlainReader {
  public:
-  PosesReader(const std::string& path, std::unique_ptr<ByteSource> source) : PlainReader(path, std::move(source)) {}
+  PosesReader(const std::string& path, std::unique_ptr<ByteSource> source)
+      : PlainReader(path, std::move(source)) {}
 
   Status Read(std::vector<std::array<double, 7>>* poses) {
     Status status = ForEachLine([&] { return ReadPose(poses); });
-    return status.ok() && poses->empty() ? scanner_.FailureAt(scanner_.line(), "the file has no poses") : status;
+    return status.ok() && poses->empty()
+               ? scanner_.FailureAt(scanner_.line(), "the file has no poses")
+               : status;
   }
 
  private:
@@ -105,11 +114,14 @@ class PosesReader : private PlainReader {
       return status;
     }
     if (number != static_cast<std::int64_t>(poses->size())) {
-      return Fail("i", "pose " + std::to_string(number) + " where " + std::to_string(poses->size()) + " comes next");
+      return Fail("i", "pose " + std::to_string(number) + " where " +
+                           std::to_string(poses->size()) + " comes next");
     }
     double T[16];
     for (int k = 0; k < 16; ++k) {
-      if (Status status = ReadNumber("T(" + std::to_string(k / 4) + ", " + std::to_string(k % 4) + ")", T + k); !status.ok()) {
+      if (Status status =
+              ReadNumber("T(" + std::to_string(k / 4) + ", " + std::to_string(k % 4) + ")", T + k);
+          !status.ok()) {
         return status;
       }
     }
@@ -118,8 +130,9 @@ class PosesReader : private PlainReader {
     double nearest[9];
     MatrixToQuaternion(R, pose.data() + 3);
     QuaternionToMatrix(pose.data() + 3, nearest);
-    const bool rotation =
-        std::equal(R, R + 9, nearest, [](double given, double nearest_to_it) { return std::fabs(given - nearest_to_it) < 1e-4; });
+    const bool rotation = std::equal(R, R + 9, nearest, [](double given, double nearest_to_it) {
+      return std::fabs(given - nearest_to_it) < 1e-4;
+    });
     if (!rotation || T[12] != 0.0 || T[13] != 0.0 || T[14] != 0.0 || T[15] != 1.0) {
       return Fail("T", rotation ? "the last row is not 0 0 0 1" : "not a rotation matrix");
     }
@@ -130,16 +143,20 @@ class PosesReader : private PlainReader {
 
 class SightingsReader : private PlainReader {
  public:
-  SightingsReader(const std::string& path, std::unique_ptr<ByteSource> source) : PlainReader(path, std::move(source)) {}
+  SightingsReader(const std::string& path, std::unique_ptr<ByteSource> source)
+      : PlainReader(path, std::move(source)) {}
 
   // Into an odometry that has its poses.
   Status Read(StereoOdometry* odometry) {
     if (Status status = ForEachLine([&] { return ReadSighting(odometry); }); !status.ok()) {
       return status;
     }
-    std::stable_sort(odometry->sightings.begin(), odometry->sightings.end(),
-                     [](const StereoSighting& a, const StereoSighting& b) { return a.pose < b.pose; });
-    return odometry->sightings.empty() ? scanner_.FailureAt(scanner_.line(), "the file has no sightings") : Status::Ok();
+    std::stable_sort(
+        odometry->sightings.begin(), odometry->sightings.end(),
+        [](const StereoSighting& a, const StereoSighting& b) { return a.pose < b.pose; });
+    return odometry->sightings.empty()
+               ? scanner_.FailureAt(scanner_.line(), "the file has no sightings")
+               : Status::Ok();
   }
 
  private:
@@ -155,12 +172,13 @@ class SightingsReader : private PlainReader {
       return status;
     }
     if (!seen_.emplace(pose, id).second) {
-      return Fail("p", "pose " + std::to_string(pose) + " sees point " + std::to_string(id) + " twice");
+      return Fail("p",
+                  "pose " + std::to_string(pose) + " sees point " + std::to_string(id) + " twice");
     }
     StereoSighting sighting;
-    const std::pair<const char*, double*> fields[] = {{"u_l", sighting.left},        {"u_r", &sighting.right_u},
-                                                      {"v", sighting.left + 1},      {"X", sighting.in_camera},
-                                                      {"Y", sighting.in_camera + 1}, {"Z", sighting.in_camera + 2}};
+    const std::pair<const char*, double*> fields[] = {
+        {"u_l", sighting.left},    {"u_r", &sighting.right_u},    {"v", sighting.left + 1},
+        {"X", sighting.in_camera}, {"Y", sighting.in_camera + 1}, {"Z", sighting.in_camera + 2}};
     for (const auto& [name, value] : fields) {
       if (Status status = ReadNumber(name, value); !status.ok()) {
         return status;
@@ -169,7 +187,8 @@ class SightingsReader : private PlainReader {
     if (!(sighting.in_camera[2] > 0.0)) {
       return Fail("Z", "not positive: the point is not in front of the camera");
     }
-    const auto [point, fresh] = index_of_point_.emplace(id, static_cast<int>(odometry->point_ids.size()));
+    const auto [point, fresh] =
+        index_of_point_.emplace(id, static_cast<int>(odometry->point_ids.size()));
     if (fresh) {
       odometry->point_ids.push_back(id);
     }
@@ -187,7 +206,8 @@ class SightingsReader : private PlainReader {
 Status FindVariant(const std::string& folder, std::string* variant) {
   std::error_code error;
   int count = 0;
-  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
     const std::string name = entry->path().filename().string();
     const std::size_t prefix = sizeof(kCalibration) - 1, suffix = sizeof(kSuffix) - 1;
     if (name.size() >= prefix + suffix && name.compare(0, prefix, kCalibration) == 0 &&
@@ -199,9 +219,11 @@ Status FindVariant(const std::string& folder, std::string* variant) {
   if (error) {
     return Status::Error(StatusCode::kIo, folder + ": cannot be read: " + error.message());
   }
-  return count == 1 ? Status::Ok()
-                    : Status::Error(StatusCode::kIo, folder + ": " + (count == 0 ? "no" : std::to_string(count)) +
-                                                         " calibration files, VO_calibration*.txt, where one is wanted");
+  return count == 1
+             ? Status::Ok()
+             : Status::Error(StatusCode::kIo,
+                             folder + ": " + (count == 0 ? "no" : std::to_string(count)) +
+                                 " calibration files, VO_calibration*.txt, where one is wanted");
 }
 
 template <typename Reader, typename Part>
@@ -218,7 +240,9 @@ Status ReadAll(const std::string& folder, StereoOdometry* odometry) {
   if (Status status = FindVariant(folder, &variant); !status.ok()) {
     return status;
   }
-  const auto path = [&](const char* name) { return (std::filesystem::path(folder) / (name + variant + kSuffix)).string(); };
+  const auto path = [&](const char* name) {
+    return (std::filesystem::path(folder) / (name + variant + kSuffix)).string();
+  };
   Status status = ReadPart<CalibrationReader>(path(kCalibration), &odometry->camera);
   status = status.ok() ? ReadPart<PosesReader>(path("VO_camera_poses"), &odometry->poses) : status;
   return status.ok() ? ReadPart<SightingsReader>(path("VO_stereo_factors"), odometry) : status;

@@ -23,8 +23,9 @@ bool IsSpace(char c) {
   return IsBlank(c) || IsLineEnd(c);
 }
 
-// Whether a number beyond the range of double is too small rather than too large: 1e-400, or 0.000...01. Absurdly long ones
-// with an exponent count as too large, which is an error rather than a wrong value.
+// Whether a number beyond the range of double is too small rather than too large: 1e-400, or
+// 0.000...01. Absurdly long ones with an exponent count as too large, which is an error rather than
+// a wrong value.
 bool IsUnderflow(const char* first, const char* last) {
   const char* exponent = std::find_if(first, last, [](char c) { return c == 'e' || c == 'E'; });
   if (exponent != last) {
@@ -65,8 +66,8 @@ bool TextScanner::Refill() {
   return filled > unread;
 }
 
-// Moves to the start of the next token and makes sure that all of it is in the buffer. False at the end of the file, or of the
-// line.
+// Moves to the start of the next token and makes sure that all of it is in the buffer. False at the
+// end of the file, or of the line.
 bool TextScanner::SkipSpace() {
   for (;;) {
     while (position_ != end_ && IsBlank(*position_)) {
@@ -126,7 +127,8 @@ bool TextScanner::IsTokenEnd(const char* position) const {
 
 // std::from_chars does not know '+'.
 const char* TextScanner::SkipPlus() const {
-  const bool skip = *position_ == '+' && position_ + 1 != end_ && position_[1] != '-' && position_[1] != '+';
+  const bool skip =
+      *position_ == '+' && position_ + 1 != end_ && position_[1] != '-' && position_[1] != '+';
   return skip ? position_ + 1 : position_;
 }
 
@@ -185,8 +187,10 @@ Status TextScanner::Failure(const std::string& field) const {
   if (!source_status_.ok() && token_end == end_) {  // the token may have been cut off
     return FailureAt(line_, field + ": " + source_status_.message);
   }
-  const char* cut_off = source_ended_ && token_end == end_ && position_ != end_ ? ", the file ends here" : "";
-  const std::string token = Shown(std::string_view(position_, static_cast<std::size_t>(token_end - position_)));
+  const char* cut_off =
+      source_ended_ && token_end == end_ && position_ != end_ ? ", the file ends here" : "";
+  const std::string token =
+      Shown(std::string_view(position_, static_cast<std::size_t>(token_end - position_)));
   switch (problem_) {
     case Problem::kEndOfFile:
       return FailureAt(line_, field + ": missing, the file ends here");

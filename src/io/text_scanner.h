@@ -12,10 +12,12 @@
 
 namespace inceres::internal {
 
-/// Splits a text file into numbers and words, fast: a buffer of fixed size, refilled so that no token ever lies across its end,
-/// and std::from_chars on the bytes in place. Nothing is formatted until something is wrong.
+/// Splits a text file into numbers and words, fast: a buffer of fixed size, refilled so that no
+/// token ever lies across its end, and std::from_chars on the bytes in place. Nothing is formatted
+/// until something is wrong.
 ///
-/// A Scan function that returns false leaves behind what went wrong; Failure(field) makes the message of it.
+/// A Scan function that returns false leaves behind what went wrong; Failure(field) makes the
+/// message of it.
 class TextScanner {
  public:
   TextScanner(std::string path, std::unique_ptr<ByteSource> source);
@@ -34,8 +36,8 @@ class TextScanner {
   /// Lets Scan functions cross line ends again.
   void LeaveLine() { in_line_ = false; }
 
-  /// True if only white space follows (in this line after StayInLine(), in the file otherwise). False also if reading fails:
-  /// Failure() then tells why.
+  /// True if only white space follows (in this line after StayInLine(), in the file otherwise).
+  /// False also if reading fails: Failure() then tells why.
   bool AtEnd();
 
   std::int64_t line() const { return line_; }
@@ -47,7 +49,16 @@ class TextScanner {
   Status FailureAt(std::int64_t line, const std::string& what) const;
 
  private:
-  enum class Problem { kNone, kEndOfFile, kEndOfLine, kNotInteger, kNotNumber, kNotFinite, kTooLarge, kUnexpected };
+  enum class Problem {
+    kNone,
+    kEndOfFile,
+    kEndOfLine,
+    kNotInteger,
+    kNotNumber,
+    kNotFinite,
+    kTooLarge,
+    kUnexpected
+  };
 
   bool SkipSpace();
   bool Refill();
@@ -71,9 +82,10 @@ class TextScanner {
 /// A word of a file as messages show it: its first 40 characters, '?' for what cannot be printed.
 std::string Shown(std::string_view word);
 
-/// Reads a file of tagged records, one a line: for each line that is not empty and no comment (#) sets *tag to its first word, as
-/// it is shown (which changes no tag that a format knows), and calls read_fields(), which reads the rest; anything behind that is
-/// an error. Stops at the first failure.
+/// Reads a file of tagged records, one a line: for each line that is not empty and no comment (#)
+/// sets *tag to its first word, as it is shown (which changes no tag that a format knows), and
+/// calls read_fields(), which reads the rest; anything behind that is an error. Stops at the first
+/// failure.
 template <typename ReadFields>
 Status ForEachTaggedLine(TextScanner* scanner, std::string* tag, ReadFields&& read_fields) {
   while (!scanner->AtEnd()) {

@@ -14,7 +14,8 @@ class TextWriter {
  public:
   explicit TextWriter(ByteSink* sink) : sink_(sink) { text_.reserve(kFlushSize + 64); }
 
-  /// An int or a double, in the shortest form that reads back as the same value, and what follows it.
+  /// An int or a double, in the shortest form that reads back as the same value, and what follows
+  /// it.
   template <typename Number>
   void Put(Number value, char separator) {
     char digits[40];

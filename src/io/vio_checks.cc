@@ -6,7 +6,8 @@ std::string FaultOf(const VioCamera& camera) {
   if (camera.width < 1 || camera.height < 1) {
     return std::string(camera.width < 1 ? "width" : "height") + ": not positive";
   }
-  if (!AllFinite(camera.intrinsics) || !AllFinite(camera.distortion) || !AllFinite(camera.imu_from_camera)) {
+  if (!AllFinite(camera.intrinsics) || !AllFinite(camera.distortion) ||
+      !AllFinite(camera.imu_from_camera)) {
     return "intrinsics, distortion or imu_from_camera: not finite";
   }
   if (!(camera.intrinsics[0] > 0.0 && camera.intrinsics[1] > 0.0)) {

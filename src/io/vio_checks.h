@@ -9,11 +9,13 @@
 
 namespace inceres::internal {
 
-// What is wrong with parts of a sequence, for its Validate() and for its reader, which knows the line.
+// What is wrong with parts of a sequence, for its Validate() and for its reader, which knows the
+// line.
 
 template <typename Values>
 bool AllFinite(const Values& values) {
-  return std::all_of(std::begin(values), std::end(values), [](double value) { return std::isfinite(value); });
+  return std::all_of(std::begin(values), std::end(values),
+                     [](double value) { return std::isfinite(value); });
 }
 
 inline bool IsFinite(const ImuSample& sample) {
@@ -21,7 +23,8 @@ inline bool IsFinite(const ImuSample& sample) {
 }
 
 inline bool IsSame(const ImuSample& a, const ImuSample& b) {
-  return a.time == b.time && std::equal(a.gyr, a.gyr + 3, b.gyr) && std::equal(a.acc, a.acc + 3, b.acc);
+  return a.time == b.time && std::equal(a.gyr, a.gyr + 3, b.gyr) &&
+         std::equal(a.acc, a.acc + 3, b.acc);
 }
 
 /// Whether x, y, z, w is of length 1, up to what nine printed digits leave.
@@ -30,8 +33,8 @@ inline bool IsUnitQuaternion(const double* q) {
 }
 
 inline bool IsGood(const VioState& state) {
-  return AllFinite(state.pose) && AllFinite(state.velocity) && AllFinite(state.gyr_bias) && AllFinite(state.acc_bias) &&
-         IsUnitQuaternion(state.pose.data() + 3);
+  return AllFinite(state.pose) && AllFinite(state.velocity) && AllFinite(state.gyr_bias) &&
+         AllFinite(state.acc_bias) && IsUnitQuaternion(state.pose.data() + 3);
 }
 
 /// "field: what is wrong", or empty. Exported for the simulator, which checks the same.

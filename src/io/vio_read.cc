@@ -14,17 +14,21 @@ namespace {
 
 class VioReader : private RecordReader {
  public:
-  VioReader(const std::string& path, std::unique_ptr<ByteSource> source) : RecordReader(path, std::move(source)) {}
+  VioReader(const std::string& path, std::unique_ptr<ByteSource> source)
+      : RecordReader(path, std::move(source)) {}
 
   Status Read(VioSequence* sequence) {
     sequence_ = sequence;
-    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); }); !status.ok()) {
+    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); });
+        !status.ok()) {
       return status;
     }
     if (sequence_->frames.empty()) {
       return scanner_.FailureAt(scanner_.line(), "the file has no frames");
     }
-    return samples_.size() > 1 ? scanner_.FailureAt(scanner_.line(), "IMU samples after the last frame") : Status::Ok();
+    return samples_.size() > 1
+               ? scanner_.FailureAt(scanner_.line(), "IMU samples after the last frame")
+               : Status::Ok();
   }
 
  private:
@@ -64,7 +68,8 @@ class VioReader : private RecordReader {
       return status;
     }
     versioned_ = true;
-    return version == 1 ? Status::Ok() : Fail("version", std::to_string(version) + " is not known, only 1");
+    return version == 1 ? Status::Ok()
+                        : Fail("version", std::to_string(version) + " is not known, only 1");
   }
 
   Status ReadCamera() {
@@ -125,15 +130,17 @@ class VioReader : private RecordReader {
 
   Status ReadSample() {
     if (!has_camera_ || !has_noise_ || !has_gravity_) {
-      return Fail("tag", std::string("before ") + (!has_camera_ ? "CAMERA" : !has_noise_ ? "NOISE" : "GRAVITY"));
+      return Fail("tag", std::string("before ") + (!has_camera_  ? "CAMERA"
+                                                   : !has_noise_ ? "NOISE"
+                                                                 : "GRAVITY"));
     }
     ImuSample sample;
     if (Status status = ReadNumbers("t", 1, &sample.time); !status.ok()) {
       return status;
     }
     if (!samples_.empty() && !(sample.time > samples_.back().time)) {
-      return Fail("t",
-                  std::to_string(sample.time) + " is not after the sample's before, " + std::to_string(samples_.back().time));
+      return Fail("t", std::to_string(sample.time) + " is not after the sample's before, " +
+                           std::to_string(samples_.back().time));
     }
     if (Status status = ReadNumbers("gyr", 3, sample.gyr); !status.ok()) {
       return status;
@@ -152,7 +159,8 @@ class VioReader : private RecordReader {
     }
     const bool stands_still = !sequence_->frames.empty() && samples_.size() < 2;
     if (samples_.empty() || stands_still || samples_.back().time != frame.time) {
-      return Fail("t", "the last IMU sample above is not one at the time of this frame, " + std::to_string(frame.time));
+      return Fail("t", "the last IMU sample above is not one at the time of this frame, " +
+                           std::to_string(frame.time));
     }
     if (Status status = ReadState("start", &frame.start); !status.ok()) {
       return status;
@@ -176,11 +184,13 @@ class VioReader : private RecordReader {
                   {"b_g", 3, state->gyr_bias.data()},
                   {"b_a", 3, state->acc_bias.data()}};
     for (const auto& field : fields) {
-      if (Status status = ReadNumbers(name + " " + field.name, field.size, field.values); !status.ok()) {
+      if (Status status = ReadNumbers(name + " " + field.name, field.size, field.values);
+          !status.ok()) {
         return status;
       }
     }
-    return IsUnitQuaternion(state->pose.data() + 3) ? Status::Ok() : Fail(name + " q", "not a unit quaternion");
+    return IsUnitQuaternion(state->pose.data() + 3) ? Status::Ok()
+                                                    : Fail(name + " q", "not a unit quaternion");
   }
 
   Status ReadObservation() {
@@ -197,7 +207,8 @@ class VioReader : private RecordReader {
     }
     if (!observations.empty() && observation.point <= observations.back().point) {
       return Fail("k", "point " + std::to_string(observation.point) + " after point " +
-                           std::to_string(observations.back().point) + "; a frame sees points once, in ascending order");
+                           std::to_string(observations.back().point) +
+                           "; a frame sees points once, in ascending order");
     }
     if (Status status = ReadNumbers("x", 1, &observation.x); !status.ok()) {
       return status;
@@ -225,7 +236,8 @@ class VioReader : private RecordReader {
     }
     return static_cast<std::size_t>(number) == next
                ? Status::Ok()
-               : Fail(field, std::to_string(number) + " where " + std::to_string(next) + " comes next");
+               : Fail(field,
+                      std::to_string(number) + " where " + std::to_string(next) + " comes next");
   }
 
   // Fault: "field: what", or empty.

@@ -18,7 +18,8 @@ Status CheckHeader(const VioSequence& sequence) {
   if (std::string fault = internal::FaultOf(sequence.camera); !fault.empty()) {
     return Invalid("camera." + fault);
   }
-  if (std::string fault = internal::FaultOf(sequence.pixel_noise, sequence.imu_noise); !fault.empty()) {
+  if (std::string fault = internal::FaultOf(sequence.pixel_noise, sequence.imu_noise);
+      !fault.empty()) {
     return Invalid("noise: " + fault);
   }
   return internal::AllFinite(sequence.gravity) ? Status::Ok() : Invalid("gravity is not finite");
@@ -39,7 +40,8 @@ Status CheckImu(const VioSequence& sequence, std::size_t i) {
       return Invalid(name + "[" + std::to_string(k) + "].time is not after the sample's before");
     }
   }
-  if (i > 0 && !(frame.imu.size() > 1 && internal::IsSame(frame.imu.front(), sequence.frames[i - 1].imu.back()))) {
+  if (i > 0 && !(frame.imu.size() > 1 &&
+                 internal::IsSame(frame.imu.front(), sequence.frames[i - 1].imu.back()))) {
     return Invalid(name + " does not go on from the last sample of the frame before");
   }
   return Status::Ok();
@@ -50,7 +52,8 @@ Status CheckFrame(const VioSequence& sequence, std::size_t i) {
   const std::string name = "frames[" + std::to_string(i) + "]";
   for (const VioState* state : {&frame.start, &frame.truth}) {
     if (!internal::IsGood(*state)) {
-      return Invalid(name + (state == &frame.start ? ".start" : ".truth") + " is not finite, or its q no unit quaternion");
+      return Invalid(name + (state == &frame.start ? ".start" : ".truth") +
+                     " is not finite, or its q no unit quaternion");
     }
   }
   if (Status status = CheckImu(sequence, i); !status.ok()) {
@@ -58,13 +61,15 @@ Status CheckFrame(const VioSequence& sequence, std::size_t i) {
   }
   int last = -1;
   for (const VioObservation& observation : frame.observations) {
-    if (observation.point <= last || observation.point >= static_cast<int>(sequence.points.size())) {
+    if (observation.point <= last ||
+        observation.point >= static_cast<int>(sequence.points.size())) {
       return Invalid(name + ".observations: point " + std::to_string(observation.point) +
                      " is not there, or out of order, or seen twice");
     }
     last = observation.point;
     if (!std::isfinite(observation.x) || !std::isfinite(observation.y)) {
-      return Invalid(name + ".observations: point " + std::to_string(last) + " is seen where it is not finite");
+      return Invalid(name + ".observations: point " + std::to_string(last) +
+                     " is seen where it is not finite");
     }
   }
   return Status::Ok();
@@ -83,14 +88,17 @@ int VioSequence::NumObservations() const {
 int VioSequence::NumOutliers() const {
   std::ptrdiff_t count = 0;
   for (const VioFrame& frame : frames) {
-    count += std::count_if(frame.observations.begin(), frame.observations.end(), [](const auto& o) { return o.outlier; });
+    count += std::count_if(frame.observations.begin(), frame.observations.end(),
+                           [](const auto& o) { return o.outlier; });
   }
   return static_cast<int>(count);
 }
 
-bool VioSequence::Project(const std::array<double, 7>& pose, const std::array<double, 3>& point, double* x, double* y) const {
+bool VioSequence::Project(const std::array<double, 7>& pose, const std::array<double, 3>& point,
+                          double* x, double* y) const {
   double place[3] = {point[0], point[1], point[2]};
-  for (const double* frame : {pose.data(), camera.imu_from_camera.data()}) {  // world to IMU, IMU to camera
+  for (const double* frame :
+       {pose.data(), camera.imu_from_camera.data()}) {  // world to IMU, IMU to camera
     double q[4], R[9];
     ConjugateQuaternion(frame + 3, q);
     QuaternionToMatrix(q, R);

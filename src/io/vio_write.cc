@@ -10,15 +10,20 @@ namespace {
 
 constexpr char kComments[] =
     "# inceres visual-inertial sequence: one record a line, in the order of arrival\n"
-    "# CAMERA width height  f_x f_y c_x c_y  k1 k2 p1 p2  p_bc(3) q_bc(4)   pinhole, radial-tangential distortion; "
+    "# CAMERA width height  f_x f_y c_x c_y  k1 k2 p1 p2  p_bc(3) q_bc(4)   pinhole, "
+    "radial-tangential distortion; "
     "imu_from_camera\n"
-    "# NOISE pixel  gyr acc gyr_bias_walk acc_bias_walk   standard deviation in pixels; densities of the IMU\n"
+    "# NOISE pixel  gyr acc gyr_bias_walk acc_bias_walk   standard deviation in pixels; densities "
+    "of the IMU\n"
     "# GRAVITY g(3)                      acceleration of free fall in the world, m/s^2\n"
     "# POINT k  start(3)  truth(3)       meters in the world: initial guess and truth\n"
-    "# IMU t  gyr(3)  acc(3)             s, rad/s, m/s^2: rate + bias + noise, R^T (acceleration - g) + bias + noise\n"
-    "# FRAME i t  start(16)  truth(16)   p(3) q(x y z w) v(3) b_g(3) b_a(3): of the IMU in the world; the samples above lead to "
+    "# IMU t  gyr(3)  acc(3)             s, rad/s, m/s^2: rate + bias + noise, R^T (acceleration - "
+    "g) + bias + noise\n"
+    "# FRAME i t  start(16)  truth(16)   p(3) q(x y z w) v(3) b_g(3) b_a(3): of the IMU in the "
+    "world; the samples above lead to "
     "it\n"
-    "# OBS k x y outlier                 the frame above sees point k at (x, y) pixels; outlier: 1 if known to be wrong\n";
+    "# OBS k x y outlier                 the frame above sees point k at (x, y) pixels; outlier: 1 "
+    "if known to be wrong\n";
 
 class VioWriter {
  public:
@@ -35,7 +40,10 @@ class VioWriter {
         PutSample(frame.imu[k]);
       }
       PutFrame(static_cast<int>(i), frame);
-      const std::size_t needed = frame.observations.empty() ? 0 : static_cast<std::size_t>(frame.observations.back().point) + 1;
+      const std::size_t needed =
+          frame.observations.empty()
+              ? 0
+              : static_cast<std::size_t>(frame.observations.back().point) + 1;
       PutPoints(sequence, &num_points, needed);
       for (const VioObservation& observation : frame.observations) {
         Put("OBS ", observation.point);

@@ -5,8 +5,8 @@
 namespace inceres::internal {
 namespace {
 
-// At equal predicted flops the sparse factor takes this much longer: 14 to 25 GFlop/s where the envelope's long rows reach 10
-// to 30.
+// At equal predicted flops the sparse factor takes this much longer: 14 to 25 GFlop/s where the
+// envelope's long rows reach 10 to 30.
 constexpr double kSparsePenalty = 1.5;
 
 // Flops one could do in the time that the analysis takes for a block of S (half a microsecond).
@@ -40,8 +40,9 @@ Status AutomaticSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
   return status;
 }
 
-// The pattern is analyzed once the resumed factorizations since the last analysis have cost more than those of the last known
-// sparse factor by what an analysis takes: at most twice what it would be for who knew what is to come.
+// The pattern is analyzed once the resumed factorizations since the last analysis have cost more
+// than those of the last known sparse factor by what an analysis takes: at most twice what it would
+// be for who knew what is to come.
 bool AutomaticSolver::SparseIsCheaper(const ReducedMatrix& A, const ResumedSolver::Plan& plan) {
   const double resumed = plan.again + std::max(0.0, plan.flops - plan.again - saving_);
   if (resumed <= kCheap) {
@@ -56,7 +57,8 @@ bool AutomaticSolver::SparseIsCheaper(const ReducedMatrix& A, const ResumedSolve
   return kSparsePenalty * sparse_flops_ < resumed;
 }
 
-Status AutomaticSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) {
+Status AutomaticSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+                              double* x) {
   if (chosen_ != &resumed_) {
     resumed_.MissSolve(changed_b);
   }

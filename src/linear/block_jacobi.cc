@@ -27,8 +27,9 @@ Status BlockJacobi::Update(const ReducedMatrix& A, const ReducedSolver::Rows& ch
     }
     blocks_[row].size = A.constant() != nullptr && A.constant()[row] != 0 ? 0 : S.size_of(row);
     if (!Invert(A, row)) {
-      return Status::Error(StatusCode::kSingular,
-                           "the reduced system is not positive definite at block row " + std::to_string(row));
+      return Status::Error(
+          StatusCode::kSingular,
+          "the reduced system is not positive definite at block row " + std::to_string(row));
     }
     num_inverted_ += IsFree(row);
   }
@@ -78,7 +79,8 @@ void BlockJacobi::SubtractProduct(const double* v, double* y) const {
   const Kernels& kernels = BestKernels();
   for (int i = 0; i < num_rows(); ++i) {
     const int stride = PadToQuad(blocks_[i].size);
-    kernels.subtract_row_dots(blocks_[i].size, 1, stride, blocks_[i].M.data(), stride, v + padded_[i], stride, y + padded_[i], 1);
+    kernels.subtract_row_dots(blocks_[i].size, 1, stride, blocks_[i].M.data(), stride,
+                              v + padded_[i], stride, y + padded_[i], 1);
   }
 }
 
@@ -87,14 +89,14 @@ void BlockJacobi::Apply(const double* r, double* z) const {
   std::fill_n(z, padded_.back(), 0.0);
   for (int i = 0; i < num_rows(); ++i) {
     const int stride = PadToQuad(blocks_[i].size);
-    kernels.subtract_row_dots(blocks_[i].size, 1, stride, blocks_[i].minus_inverse.data(), stride, r + padded_[i], stride,
-                              z + padded_[i], 1);
+    kernels.subtract_row_dots(blocks_[i].size, 1, stride, blocks_[i].minus_inverse.data(), stride,
+                              r + padded_[i], stride, z + padded_[i], 1);
   }
 }
 
 std::size_t BlockJacobi::Bytes() const {
-  std::size_t bytes =
-      blocks_.capacity() * sizeof(Block) + (packed_.capacity() + padded_.capacity() + stale_.capacity()) * sizeof(int);
+  std::size_t bytes = blocks_.capacity() * sizeof(Block) +
+                      (packed_.capacity() + padded_.capacity() + stale_.capacity()) * sizeof(int);
   for (const Block& block : blocks_) {
     bytes += (block.M.capacity() + block.minus_inverse.capacity()) * sizeof(double);
   }

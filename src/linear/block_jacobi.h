@@ -9,12 +9,13 @@
 
 namespace inceres::internal {
 
-/// The diagonal blocks M_i of an A that grows and their inverses, kept while they do not change. Vectors are
-/// padded: each block row starts on a quad, the padding is zero. Held rows have no block.
+/// The diagonal blocks M_i of an A that grows and their inverses, kept while they do not change.
+/// Vectors are padded: each block row starts on a quad, the padding is zero. Held rows have no
+/// block.
 class BlockJacobi {
  public:
-  /// Inverts the blocks that changed. kSingular names a block row whose M_i is not positive definite; it is tried again next
-  /// time.
+  /// Inverts the blocks that changed. kSingular names a block row whose M_i is not positive
+  /// definite; it is tried again next time.
   Status Update(const ReducedMatrix& A, const ReducedSolver::Rows& changed);
 
   /// y −= M v.

@@ -96,8 +96,10 @@ const BlockPattern& SymmetricBlockRows::Pattern() const {
 }
 
 std::int64_t SymmetricBlockRows::Bytes() const {
-  std::size_t bytes = values_.capacity() * sizeof(double) + pattern_.value_begin.capacity() * sizeof(std::int64_t);
-  for (const std::vector<int>* list : {&pattern_.offsets, &pattern_.row_begin, &pattern_.columns, &pattern_rows_}) {
+  std::size_t bytes =
+      values_.capacity() * sizeof(double) + pattern_.value_begin.capacity() * sizeof(std::int64_t);
+  for (const std::vector<int>* list :
+       {&pattern_.offsets, &pattern_.row_begin, &pattern_.columns, &pattern_rows_}) {
     bytes += list->capacity() * sizeof(int);
   }
   for (const std::vector<Entry>& row : rows_) {

@@ -9,11 +9,13 @@
 
 namespace inceres::internal {
 
-/// A symmetric block-sparse matrix that grows: block rows are appended, blocks are added where two rows become coupled, and the
-/// room of removed rows is used again. Only the lower triangle is stored, a row's blocks sorted by column, its diagonal block
-/// last. Of the upper one it is known where blocks are.
+/// A symmetric block-sparse matrix that grows: block rows are appended, blocks are added where two
+/// rows become coupled, and the room of removed rows is used again. Only the lower triangle is
+/// stored, a row's blocks sorted by column, its diagonal block last. Of the upper one it is known
+/// where blocks are.
 ///
-/// Block (i, j) is d_i × d_j, row-major with rows padded to quads (the padding zero), so that a kernel can add into it directly.
+/// Block (i, j) is d_i × d_j, row-major with rows padded to quads (the padding zero), so that a
+/// kernel can add into it directly.
 class SymmetricBlockRows {
  public:
   struct Entry {
@@ -36,7 +38,8 @@ class SymmetricBlockRows {
   /// Gives a removed row a size and a zero diagonal block again.
   void ReviveRow(int row, int size);
 
-  /// Zeroes all blocks (row, ·) and (·, row); or all of all rows. Like RemoveRow it costs what the row's blocks do.
+  /// Zeroes all blocks (row, ·) and (·, row); or all of all rows. Like RemoveRow it costs what the
+  /// row's blocks do.
   void ZeroRow(int row);
   void Zero();
 
@@ -46,8 +49,9 @@ class SymmetricBlockRows {
   /// Offset of the block, or -1.
   std::int64_t Find(int row, int column) const;
 
-  /// The rows that are there, and their blocks, as a pattern over values(0). Cost: that of a pass over the blocks, the first time
-  /// after one or a row came or went; else none. Threads: one caller.
+  /// The rows that are there, and their blocks, as a pattern over values(0). Cost: that of a pass
+  /// over the blocks, the first time after one or a row came or went; else none. Threads: one
+  /// caller.
   const BlockPattern& Pattern() const;
   /// Per row of Pattern(), as it was last asked for: the row.
   const std::vector<int>& pattern_rows() const { return pattern_rows_; }

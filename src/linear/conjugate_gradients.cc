@@ -7,7 +7,8 @@
 namespace inceres::internal {
 namespace {
 
-// Four sums, so that the compiler can keep them in one register: it may not reorder a sum by itself.
+// Four sums, so that the compiler can keep them in one register: it may not reorder a sum by
+// itself.
 double Dot(const AlignedVector<double>& a, const AlignedVector<double>& b) {
   double sum[kQuad] = {};
   for (std::size_t k = 0; k < a.size(); k += kQuad) {

@@ -7,11 +7,12 @@
 
 namespace inceres::internal {
 
-/// Conjugate gradients on A x = b with a preconditioner M, whatever these are. Vectors are in whole quads, padded with zeros.
+/// Conjugate gradients on A x = b with a preconditioner M, whatever these are. Vectors are in whole
+/// quads, padded with zeros.
 ///
-/// Each iteration raises bᵀx − ½xᵀAx by ½ α rᵀz, and what is still to come is half the squared error in the norm of the energy.
-/// Cost of one: a product with A and one with M⁻¹. Threads: those of the products. Source: Hestenes & Stiefel 1952; Golub & Van
-/// Loan, section 11.5.
+/// Each iteration raises bᵀx − ½xᵀAx by ½ α rᵀz, and what is still to come is half the squared
+/// error in the norm of the energy. Cost of one: a product with A and one with M⁻¹. Threads: those
+/// of the products. Source: Hestenes & Stiefel 1952; Golub & Van Loan, section 11.5.
 class ConjugateGradients {
  public:
   class System {
@@ -35,8 +36,8 @@ class ConjugateGradients {
   void StartFromZero();
   /// Begins with x as it is if that promises a decrease, else with 0.
   void StartFromX(const System& system);
-  /// Improves x until the system says it is good enough, or for so many iterations. Where it does not end well x is the best so
-  /// far.
+  /// Improves x until the system says it is good enough, or for so many iterations. Where it does
+  /// not end well x is the best so far.
   End Iterate(System* system, int max_iterations);
 
   /// bᵀx − ½ xᵀAx, and what each iteration has added to it.

@@ -9,12 +9,14 @@
 namespace inceres::internal {
 namespace {
 
-// Columns a panel: few lose little to the rounding of row starts, more read a matrix beyond the caches less often.
+// Columns a panel: few lose little to the rounding of row starts, more read a matrix beyond the
+// caches less often.
 constexpr int kNarrowPanel = 12;
 constexpr int kWidePanel = 24;
 constexpr int kWidePanelSize = 600;
-constexpr int kGranule = 12;        // rows whose first column is looked at together: a multiple of every kernel's tile height
-constexpr int kRowStrip = 96;       // rows a task: whole granules, so tasks do not change the arithmetic
+// rows whose first column is looked at together: a multiple of every kernel's tile height
+constexpr int kGranule = 12;
+constexpr int kRowStrip = 96;  // rows a task: whole granules, so tasks do not change the arithmetic
 constexpr int kParallelSize = 128;  // smaller matrices are not worth waking a thread
 
 }  // namespace
@@ -53,7 +55,8 @@ void DenseCholesky::FindRowStarts() {
 }
 
 int DenseCholesky::StartOf(int top, int bottom) const {
-  return *std::min_element(quad_start_.begin() + top / kQuad, quad_start_.begin() + PadToQuad(bottom) / kQuad);
+  return *std::min_element(quad_start_.begin() + top / kQuad,
+                           quad_start_.begin() + PadToQuad(bottom) / kQuad);
 }
 
 void DenseCholesky::CutStrips(int top, int first, int end) {
@@ -64,8 +67,8 @@ void DenseCholesky::CutStrips(int top, int first, int end) {
     if (start >= end) {
       continue;
     }
-    const bool joins =
-        !strips_.empty() && strips_.back().bottom == top && strips_.back().start == start && top - strips_.back().top < kRowStrip;
+    const bool joins = !strips_.empty() && strips_.back().bottom == top &&
+                       strips_.back().start == start && top - strips_.back().top < kRowStrip;
     if (joins) {
       strips_.back().bottom = bottom;
     } else {
@@ -80,17 +83,19 @@ void DenseCholesky::CopyIn(const ReducedMatrix& A) {
     std::fill(Column(j) + j / panel_ * panel_, Column(j) + padded_size_, 0.0);
   }
   A.ForEachBlock([this](int i, int j, const double* block, int stride) {
-    PlaceBlock(block, stride, pattern_->block_size(i), pattern_->block_size(j), offset_of_[i], offset_of_[j], L_.data(), stride_);
+    PlaceBlock(block, stride, pattern_->block_size(i), pattern_->block_size(j), offset_of_[i],
+               offset_of_[j], L_.data(), stride_);
   });
   for (int block = 0; block < pattern_->num_blocks(); ++block) {
     for (int r = 0; r < pattern_->block_size(block); ++r) {
-      Column(offset_of_[block] + r)[offset_of_[block] + r] += A.diagonal()[pattern_->offsets[block] + r];
+      Column(offset_of_[block] + r)[offset_of_[block] + r] +=
+          A.diagonal()[pattern_->offsets[block] + r];
     }
   }
 }
 
-// Subtracts what the columns ahead of the panel contribute to it. The rows of the padding are zero and stay so: with them there
-// is nothing left over for the kernels to do one by one.
+// Subtracts what the columns ahead of the panel contribute to it. The rows of the padding are zero
+// and stay so: with them there is nothing left over for the kernels to do one by one.
 void DenseCholesky::UpdatePanel(int first, int width) {
   const Kernels& kernels = BestKernels();
   CutStrips(first, StartOf(first, first + width), first);
@@ -98,8 +103,8 @@ void DenseCholesky::UpdatePanel(int first, int width) {
   executor_.For(num_strips, size_ >= kParallelSize ? 1 : num_strips, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
       const auto [top, bottom, start] = strips_[k];
-      kernels.subtract_outer(bottom - top, width, first - start, Column(start) + top, stride_, Column(start) + first, stride_,
-                             Column(first) + top, stride_);
+      kernels.subtract_outer(bottom - top, width, first - start, Column(start) + top, stride_,
+                             Column(start) + first, stride_, Column(first) + top, stride_);
     }
   });
 }
@@ -107,8 +112,8 @@ void DenseCholesky::UpdatePanel(int first, int width) {
 void DenseCholesky::SolvePanel(int first, int width) {
   CutStrips(first + width, first, first + width);
   for (const Strip& strip : strips_) {
-    BestKernels().solve_lower_transposed(strip.bottom - strip.top, width, Column(first) + first, stride_,
-                                         Column(first) + strip.top, stride_);
+    BestKernels().solve_lower_transposed(strip.bottom - strip.top, width, Column(first) + first,
+                                         stride_, Column(first) + strip.top, stride_);
   }
 }
 
@@ -125,15 +130,18 @@ Status DenseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/)
       continue;
     }
     const auto place =
-        std::upper_bound(order_.offsets.begin(), order_.offsets.end(), first + failed) - order_.offsets.begin() - 1;
+        std::upper_bound(order_.offsets.begin(), order_.offsets.end(), first + failed) -
+        order_.offsets.begin() - 1;
     factored_ = Status::Error(StatusCode::kSingular,
-                              "the reduced system is not positive definite at frame " + std::to_string(order_.blocks[place]));
+                              "the reduced system is not positive definite at frame " +
+                                  std::to_string(order_.blocks[place]));
   }
   return factored_;
 }
 
 // A panel at a time: its own triangle, then what is below by a kernel.
-Status DenseCholesky::Solve(const double* b, const Rows& /*changed_b*/, const Truncation& /*truncation*/, double* x) {
+Status DenseCholesky::Solve(const double* b, const Rows& /*changed_b*/,
+                            const Truncation& /*truncation*/, double* x) {
   if (!factored_.ok()) {
     return factored_;
   }
@@ -147,14 +155,16 @@ Status DenseCholesky::Solve(const double* b, const Rows& /*changed_b*/, const Tr
     SolveTriangle(Column(first) + first, stride_, below - first, y + first);
     CutStrips(below, first, below);
     for (const auto& [top, bottom, start] : strips_) {
-      kernels.subtract_outer(bottom - top, 1, below - first, Column(first) + top, stride_, y + first, 1, y + top, padded_size_);
+      kernels.subtract_outer(bottom - top, 1, below - first, Column(first) + top, stride_,
+                             y + first, 1, y + top, padded_size_);
     }
   }
   for (int first = (size_ - 1) / panel_ * panel_; first >= 0; first -= panel_) {
     const int below = std::min(first + panel_, size_);
     CutStrips(below, first, below);
     for (const auto& [top, bottom, start] : strips_) {
-      kernels.subtract_row_dots(below - first, 1, bottom - top, Column(first) + top, stride_, y + top, size_, y + first, 1);
+      kernels.subtract_row_dots(below - first, 1, bottom - top, Column(first) + top, stride_,
+                                y + top, size_, y + first, 1);
     }
     SolveTransposedTriangle(Column(first) + first, stride_, below - first, y + first);
   }

@@ -11,9 +11,10 @@
 
 namespace inceres::internal {
 
-/// L Lᵀ = S + diag, dense, column-major lower triangle, by panels of our own kernels: no BLAS, whose threads are process-wide and
-/// would break both "one thread" and "same bits". Left-looking; the row strips of a panel are independent tasks. What stays zero
-/// ahead of each row's first block is left out, in the order of OrderForEnvelope. Cost: at most n³/3 flops. Source: Golub & Van
+/// L Lᵀ = S + diag, dense, column-major lower triangle, by panels of our own kernels: no BLAS,
+/// whose threads are process-wide and would break both "one thread" and "same bits". Left-looking;
+/// the row strips of a panel are independent tasks. What stays zero ahead of each row's first block
+/// is left out, in the order of OrderForEnvelope. Cost: at most n³/3 flops. Source: Golub & Van
 /// Loan, section 4.2.
 class DenseCholesky final : public ReducedSolver {
  public:
@@ -22,7 +23,8 @@ class DenseCholesky final : public ReducedSolver {
   const char* Name() const override { return "dense Cholesky"; }
   Status Analyze(const ReducedMatrix& A) override;
   Status Factorize(const ReducedMatrix& A, const Rows& changed) override;
-  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+               double* x) override;
   std::size_t Bytes() const override { return L_.size() * sizeof(double); }
 
   /// Flops of one factorization.

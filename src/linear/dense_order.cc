@@ -94,7 +94,8 @@ DenseOrder InOrder(const BlockPattern& pattern, std::vector<int> blocks) {
   order.blocks = std::move(blocks);
   for (std::size_t k = 0; k < order.blocks.size(); ++k) {
     const double rows = order.offsets[k + 1] - order.offsets[k];
-    order.entries += rows * (order.offsets[k] - order.offsets[order.first[k]]) + 0.5 * rows * (rows + 1.0);
+    order.entries +=
+        rows * (order.offsets[k] - order.offsets[order.first[k]]) + 0.5 * rows * (rows + 1.0);
   }
   order.flops = FlopsOfRows(order.first.data(), order.offsets.data(), 0, pattern.num_blocks());
   return order;

@@ -34,11 +34,12 @@ bool FactorTriangle(double* A, int stride, int width, int* failed) {
 
 }  // namespace
 
-void PlaceBlock(const double* block, int block_stride, int rows, int columns, int first_row, int first_column, double* A,
-                std::ptrdiff_t stride) {
+void PlaceBlock(const double* block, int block_stride, int rows, int columns, int first_row,
+                int first_column, double* A, std::ptrdiff_t stride) {
   if (first_row < first_column) {
     for (int r = 0; r < rows; ++r) {
-      std::copy_n(block + static_cast<std::ptrdiff_t>(r) * block_stride, columns, A + (first_row + r) * stride + first_column);
+      std::copy_n(block + static_cast<std::ptrdiff_t>(r) * block_stride, columns,
+                  A + (first_row + r) * stride + first_column);
     }
     return;
   }

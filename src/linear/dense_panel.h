@@ -4,16 +4,18 @@
 
 namespace inceres::internal {
 
-// What the dense Cholesky and the fronts of the sparse one share: the diagonal blocks of a column-major lower triangle, and
-// blocks of S on their way there. Source: Golub & Van Loan, "Matrix Computations", section 4.2.
+// What the dense Cholesky and the fronts of the sparse one share: the diagonal blocks of a
+// column-major lower triangle, and blocks of S on their way there. Source: Golub & Van Loan,
+// "Matrix Computations", section 4.2.
 
-/// Writes a block of S, rows × columns and row-major, `block_stride` from row to row, into A, where its rows start at first_row
-/// and its columns at first_column; turned where it would be above the diagonal. Of a block on the diagonal the lower triangle is
-/// read and written.
-void PlaceBlock(const double* block, int block_stride, int rows, int columns, int first_row, int first_column, double* A,
-                std::ptrdiff_t stride);
+/// Writes a block of S, rows × columns and row-major, `block_stride` from row to row, into A, where
+/// its rows start at first_row and its columns at first_column; turned where it would be above the
+/// diagonal. Of a block on the diagonal the lower triangle is read and written.
+void PlaceBlock(const double* block, int block_stride, int rows, int columns, int first_row,
+                int first_column, double* A, std::ptrdiff_t stride);
 
-/// L Lᵀ = A in the place of A, width × width. False, and the column that failed, where A is not positive definite or not finite.
+/// L Lᵀ = A in the place of A, width × width. False, and the column that failed, where A is not
+/// positive definite or not finite.
 bool FactorDiagonalBlock(double* A, int stride, int width, int* failed);
 
 /// y := L⁻¹ y and y := L⁻ᵀ y for such an L.

@@ -9,8 +9,10 @@
 namespace inceres::internal {
 namespace {
 
-// X := X L⁻ᵀ for a rows × size block X left of the lower triangular diagonal block L; both row-major.
-void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl, const double* inverse_pivots, double* X, int ldx) {
+// X := X L⁻ᵀ for a rows × size block X left of the lower triangular diagonal block L; both
+// row-major.
+void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl,
+                          const double* inverse_pivots, double* X, int ldx) {
   for (int c = 0; c < size; ++c) {
     const double* L_row = L + static_cast<std::ptrdiff_t>(c) * ldl;
     for (int r = 0; r < rows; ++r) {
@@ -30,8 +32,8 @@ bool IsHeld(const char* held, int row) {
 
 }  // namespace
 
-Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& order, const double* damping, int first_changed,
-                                   const char* held) {
+Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& order,
+                                   const double* damping, int first_changed, const char* held) {
   const int num_rows = order.num_places();
   const int first = std::min({first_changed, num_valid_rows_, num_rows});
   rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(num_rows)));
@@ -45,7 +47,8 @@ Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& 
     CopyRow(S, order, damping, held, i);
     if (!FactorRow(i)) {
       return Status::Error(StatusCode::kSingular,
-                           "the reduced system is not positive definite at block row " + std::to_string(order.row(i)));
+                           "the reduced system is not positive definite at block row " +
+                               std::to_string(order.row(i)));
     }
     num_valid_rows_ = i + 1;
   }
@@ -61,8 +64,8 @@ void EnvelopeCholesky::Reserve(int num_rows, int row_entries, int size) {
   offsets_.reserve(static_cast<std::size_t>(num_rows) + 1);
 }
 
-void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& order, const double* damping, const char* held,
-                               int i) {
+void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& order,
+                               const double* damping, const char* held, int i) {
   Row& row = rows_[i];
   const int size = BlockSize(i);
   row.first_column = FirstFreeColumn(S, held, order, i);
@@ -76,12 +79,15 @@ void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& orde
   }
   double* diagonal = row.values.data() + offsets_[i] - row.start;
   for (int r = 0; r < size; ++r) {
-    diagonal[static_cast<std::ptrdiff_t>(r) * row.stride + r] += row.held ? 1.0 : damping[offsets_[i] + r];
+    diagonal[static_cast<std::ptrdiff_t>(r) * row.stride + r] +=
+        row.held ? 1.0 : damping[offsets_[i] + r];
   }
 }
 
-// The blocks that row i of S shares with rows that come before it or are it. Those that have no place (-1) are left out.
-void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& order, const char* held, int i) {
+// The blocks that row i of S shares with rows that come before it or are it. Those that have no
+// place (-1) are left out.
+void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& order,
+                                  const char* held, int i) {
   Row& row = rows_[i];
   const int size = BlockSize(i);
   for (const SymmetricBlockRows::Entry& entry : S.row(order.row(i))) {
@@ -93,7 +99,8 @@ void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& o
     const double* block = S.values(entry.offset);
     double* out = row.values.data() + offsets_[j] - row.start;
     for (int r = 0; r < size; ++r) {
-      std::copy_n(block + r * PadToQuad(columns), columns, out + static_cast<std::ptrdiff_t>(r) * row.stride);
+      std::copy_n(block + r * PadToQuad(columns), columns,
+                  out + static_cast<std::ptrdiff_t>(r) * row.stride);
     }
   }
   for (const int other : S.below(order.row(i))) {
@@ -120,14 +127,15 @@ bool EnvelopeCholesky::FactorRow(int i) {
     const int columns = BlockSize(j);
     const int begin = std::max(row.start, other.start);
     double* block = row.values.data() + offsets_[j] - row.start;
-    kernels.subtract_row_dots(size, columns, offsets_[j] - begin, row.values.data() + begin - row.start, row.stride,
-                              other.values.data() + begin - other.start, other.stride, block, row.stride);
-    SolveAgainstDiagonal(size, columns, other.values.data() + offsets_[j] - other.start, other.stride,
-                         other.inverse_pivots.data(), block, row.stride);
+    kernels.subtract_row_dots(
+        size, columns, offsets_[j] - begin, row.values.data() + begin - row.start, row.stride,
+        other.values.data() + begin - other.start, other.stride, block, row.stride);
+    SolveAgainstDiagonal(size, columns, other.values.data() + offsets_[j] - other.start,
+                         other.stride, other.inverse_pivots.data(), block, row.stride);
   }
   double* diagonal = row.values.data() + offsets_[i] - row.start;
-  kernels.subtract_row_dots(size, size, offsets_[i] - row.start, row.values.data(), row.stride, row.values.data(), row.stride,
-                            diagonal, row.stride);
+  kernels.subtract_row_dots(size, size, offsets_[i] - row.start, row.values.data(), row.stride,
+                            row.values.data(), row.stride, diagonal, row.stride);
   return FactorSmall(size, diagonal, row.stride, row.inverse_pivots.data());
 }
 
@@ -150,7 +158,8 @@ void EnvelopeCholesky::ForwardSubstitute(const double* b, int first_row, double*
     }
     std::copy_n(b + offsets_[i], size, y_i);
     const int length = offsets_[i] - row.start;
-    kernels.subtract_row_dots(size, 1, length, row.values.data(), row.stride, y + row.start, length, y_i, 1);
+    kernels.subtract_row_dots(size, 1, length, row.values.data(), row.stride, y + row.start, length,
+                              y_i, 1);
     const double* L = row.values.data() + length;
     for (int r = 0; r < size; ++r, L += row.stride) {
       double sum = y_i[r];
@@ -177,7 +186,8 @@ void EnvelopeCholesky::BackSubstituteRow(int i, double* rest, double* x) const {
     x_i[c] = sum * row.inverse_pivots[c];
   }
   // The block row stored by rows is its transpose stored by columns.
-  BestKernels().subtract_outer(length, 1, size, row.values.data(), row.stride, x_i, 1, rest + row.start, length);
+  BestKernels().subtract_outer(length, 1, size, row.values.data(), row.stride, x_i, 1,
+                               rest + row.start, length);
 }
 
 std::int64_t EnvelopeCholesky::NumEntries() const {

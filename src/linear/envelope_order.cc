@@ -6,7 +6,8 @@
 namespace inceres::internal {
 namespace {
 
-// A row coupled to more than 10 √n others (and more than 16) is put last: the rule AMD has for such rows.
+// A row coupled to more than 10 √n others (and more than 16) is put last: the rule AMD has for such
+// rows.
 constexpr double kDenseShare = 10.0;
 constexpr double kMinDense = 16.0;
 
@@ -54,10 +55,11 @@ double FlopsOfRows(const int* first, const int* offset, int begin, int end) {
   return flops;
 }
 
-double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int first_place,
-                     std::vector<int>* workspace) {
+double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order,
+                     int first_place, std::vector<int>* workspace) {
   const int num_places = order.num_places();
-  // Per place its first column, then per place from the lowest of those on its offset; one offset more.
+  // Per place its first column, then per place from the lowest of those on its offset; one offset
+  // more.
   workspace->resize(2 * static_cast<std::size_t>(num_places) + 1);
   int* first = workspace->data();
   int* offset = first + num_places;
@@ -76,7 +78,8 @@ double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrd
   return FlopsOfRows(first, offset, first_place, num_places);
 }
 
-const std::vector<int>& EnvelopeOrdering::Reorder(const SymmetricBlockRows& S, const RowOrder& order, int first_place,
+const std::vector<int>& EnvelopeOrdering::Reorder(const SymmetricBlockRows& S,
+                                                  const RowOrder& order, int first_place,
                                                   const std::vector<int>& last) {
   Begin(S, order, first_place);
   TakeDenseRows(S, order, first_place);
@@ -86,7 +89,8 @@ const std::vector<int>& EnvelopeOrdering::Reorder(const SymmetricBlockRows& S, c
     last_places_.push_back(order.place(row));
   }
   std::sort(last_places_.begin(), last_places_.end());
-  for (auto place = last_places_.rbegin(); place != last_places_.rend() && *place >= first_place; ++place) {
+  for (auto place = last_places_.rbegin(); place != last_places_.rend() && *place >= first_place;
+       ++place) {
     Take(order.row(*place));
   }
   TakeConnected(S);
@@ -107,8 +111,10 @@ void EnvelopeOrdering::Begin(const SymmetricBlockRows& S, const RowOrder& order,
   }
 }
 
-void EnvelopeOrdering::TakeDenseRows(const SymmetricBlockRows& S, const RowOrder& order, int first_place) {
-  const double limit = std::max(kMinDense, kDenseShare * std::sqrt(static_cast<double>(order.num_places())));
+void EnvelopeOrdering::TakeDenseRows(const SymmetricBlockRows& S, const RowOrder& order,
+                                     int first_place) {
+  const double limit =
+      std::max(kMinDense, kDenseShare * std::sqrt(static_cast<double>(order.num_places())));
   for (int place = order.num_places() - 1; place >= first_place; --place) {
     if (static_cast<double>(Degree(S, order.row(place))) > limit) {
       Take(order.row(place));
@@ -132,8 +138,9 @@ void EnvelopeOrdering::TakeConnected(const SymmetricBlockRows& S) {
     for (const int below : S.below(row)) {
       look_at(below);
     }
-    std::sort(near_.begin(), near_.end(),
-              [&S](int a, int b) { return Degree(S, a) != Degree(S, b) ? Degree(S, a) < Degree(S, b) : a < b; });
+    std::sort(near_.begin(), near_.end(), [&S](int a, int b) {
+      return Degree(S, a) != Degree(S, b) ? Degree(S, a) < Degree(S, b) : a < b;
+    });
     for (const int other : near_) {
       Take(other);
     }

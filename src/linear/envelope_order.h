@@ -7,36 +7,38 @@
 
 namespace inceres::internal {
 
-/// The first place whose row of S is coupled to the row at place k, held rows left out (held may be null); k itself if none
-/// before it is.
+/// The first place whose row of S is coupled to the row at place k, held rows left out (held may be
+/// null); k itself if none before it is.
 int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int k);
 
-/// Flops of the rows [begin, end) of a Cholesky factor whose block row i begins in block column first[i]; offset[i] is its first
-/// scalar row, of all up to offset[end].
+/// Flops of the rows [begin, end) of a Cholesky factor whose block row i begins in block column
+/// first[i]; offset[i] is its first scalar row, of all up to offset[end].
 double FlopsOfRows(const int* first, const int* offset, int begin, int end);
 
-/// Flops that EnvelopeCholesky takes for the rows from first_place on. Cost: one operation a block that those rows span; no
-/// allocation beyond the growth of the workspace.
-double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int first_place,
-                     std::vector<int>* workspace);
-inline double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int first_place) {
+/// Flops that EnvelopeCholesky takes for the rows from first_place on. Cost: one operation a block
+/// that those rows span; no allocation beyond the growth of the workspace.
+double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order,
+                     int first_place, std::vector<int>* workspace);
+inline double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order,
+                            int first_place) {
   std::vector<int> workspace;
   return EnvelopeFlops(S, held, order, first_place, &workspace);
 }
 
-/// An order of the rows from some place on that keeps the envelope small, for when the order as it is has aged (old frames seen
-/// again). The given rows come last, in the order they have, so that a change like theirs finds the end of the factor; the others
-/// by their distance from those in S (Cuthill-McKee, reversed). A row coupled to very many (shared intrinsics) comes after all:
-/// there it lengthens its own row only. Compare by EnvelopeFlops: it need not be better.
+/// An order of the rows from some place on that keeps the envelope small, for when the order as it
+/// is has aged (old frames seen again). The given rows come last, in the order they have, so that a
+/// change like theirs finds the end of the factor; the others by their distance from those in S
+/// (Cuthill-McKee, reversed). A row coupled to very many (shared intrinsics) comes after all: there
+/// it lengthens its own row only. Compare by EnvelopeFlops: it need not be better.
 ///
-/// Cost: that of sorting the neighbors of every row. Deterministic; no allocation beyond the growth of what it keeps. Source:
-/// Cuthill & McKee 1969; George & Liu 1981, chapter 4.
+/// Cost: that of sorting the neighbors of every row. Deterministic; no allocation beyond the growth
+/// of what it keeps. Source: Cuthill & McKee 1969; George & Liu 1981, chapter 4.
 class EnvelopeOrdering {
  public:
-  /// The rows that have the places from first_place on, in their new order. `last`: at least one of them, or, if none of it is,
-  /// the newest row; rows that have no such place are passed over.
-  const std::vector<int>& Reorder(const SymmetricBlockRows& S, const RowOrder& order, int first_place,
-                                  const std::vector<int>& last);
+  /// The rows that have the places from first_place on, in their new order. `last`: at least one of
+  /// them, or, if none of it is, the newest row; rows that have no such place are passed over.
+  const std::vector<int>& Reorder(const SymmetricBlockRows& S, const RowOrder& order,
+                                  int first_place, const std::vector<int>& last);
 
  private:
   void Begin(const SymmetricBlockRows& S, const RowOrder& order, int first_place);

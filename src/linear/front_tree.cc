@@ -31,7 +31,8 @@ class TreeBuilder {
       Front& front = tree->fronts[f];
       front.position_begin = factor.front_begin[f];
       front.position_end = factor.front_begin[f + 1];
-      std::fill(front_of_.begin() + front.position_begin, front_of_.begin() + front.position_end, static_cast<int>(f));
+      std::fill(front_of_.begin() + front.position_begin, front_of_.begin() + front.position_end,
+                static_cast<int>(f));
     }
   }
 
@@ -99,12 +100,14 @@ class TreeBuilder {
       Front& front = tree_->fronts[f];
       front.run_begin = static_cast<int>(tree_->runs.size());
       int in_parent = front.parent < 0 ? 0 : row_begin_[front.parent];
-      for (int k = row_begin_[f] + front.position_end - front.position_begin; k < row_begin_[f + 1]; ++k) {
+      for (int k = row_begin_[f] + front.position_end - front.position_begin; k < row_begin_[f + 1];
+           ++k) {
         while (rows_[in_parent] != rows_[k]) {
           ++in_parent;
         }
         const FrontRun run{places_[k] - front.below(), places_[in_parent], SizeAt(rows_[k])};
-        FrontRun* last = static_cast<int>(tree_->runs.size()) > front.run_begin ? &tree_->runs.back() : nullptr;
+        FrontRun* last =
+            static_cast<int>(tree_->runs.size()) > front.run_begin ? &tree_->runs.back() : nullptr;
         if (last != nullptr && last->to + last->length == run.to) {
           last->length += run.length;
         } else {
@@ -117,17 +120,21 @@ class TreeBuilder {
 
   int PlaceOf(int position, int front) const {
     const auto end = rows_.begin() + row_begin_[front + 1];
-    return places_[std::lower_bound(rows_.begin() + row_begin_[front], end, position) - rows_.begin()];
+    return places_[std::lower_bound(rows_.begin() + row_begin_[front], end, position) -
+                   rows_.begin()];
   }
 
   void FindPieces() {
-    const auto front_of_block = [this](int i, int j) { return front_of_[std::min(position_[i], position_[j])]; };
+    const auto front_of_block = [this](int i, int j) {
+      return front_of_[std::min(position_[i], position_[j])];
+    };
     std::vector<int> count(tree_->fronts.size(), 0);
     ForEachBlock([&](int i, int j, int) { ++count[front_of_block(i, j)]; });
     tree_->pieces.resize(Reserve(count, &Front::piece_begin, &Front::piece_end));
     ForEachBlock([&](int i, int j, int k) {
       const int f = front_of_block(i, j);
-      tree_->pieces[tree_->fronts[f].piece_end++] = {i, k, PlaceOf(position_[i], f), PlaceOf(position_[j], f)};
+      tree_->pieces[tree_->fronts[f].piece_end++] = {i, k, PlaceOf(position_[i], f),
+                                                     PlaceOf(position_[j], f)};
     });
   }
 
@@ -167,7 +174,8 @@ class UpdatePlanner {
     return begin;
   }
   void Free(std::size_t begin) {
-    waiting_.erase(std::find_if(waiting_.begin(), waiting_.end(), [begin](const Piece& piece) { return piece.begin == begin; }));
+    waiting_.erase(std::find_if(waiting_.begin(), waiting_.end(),
+                                [begin](const Piece& piece) { return piece.begin == begin; }));
   }
   std::size_t peak() const { return peak_; }
 
@@ -196,8 +204,12 @@ class Scheduler {
     const auto num_fronts = static_cast<int>(tree_.fronts.size());
     std::vector<double> flops(tree_.fronts.size(), 0.0);     // of subtrees
     std::vector<int> num_heavy(tree_.fronts.size() + 1, 0);  // children, and last the roots
-    const auto parent_or_last = [&](int f) { return tree_.fronts[f].parent < 0 ? num_fronts : tree_.fronts[f].parent; };
-    const auto is_heavy = [&](int f) { return flops[f] > std::max(kHeavyFlops, kHeavyShare * tree_.flops); };
+    const auto parent_or_last = [&](int f) {
+      return tree_.fronts[f].parent < 0 ? num_fronts : tree_.fronts[f].parent;
+    };
+    const auto is_heavy = [&](int f) {
+      return flops[f] > std::max(kHeavyFlops, kHeavyShare * tree_.flops);
+    };
     for (int f = 0; f < num_fronts; ++f) {
       flops[f] += tree_.fronts[f].flops();
       num_heavy[parent_or_last(f)] += is_heavy(f) ? 1 : 0;
@@ -221,7 +233,8 @@ class Scheduler {
     }
   }
 
-  // A front that takes less than its children's update matrices together opens when the first of them is there.
+  // A front that takes less than its children's update matrices together opens when the first of
+  // them is there.
   void ChooseEarlyFronts() {
     tree_.opened_by.assign(tree_.fronts.size(), FrontTree::kNone);
     for (std::size_t f = 0; f < tree_.fronts.size(); ++f) {
@@ -237,7 +250,8 @@ class Scheduler {
           last = child;
         }
       }
-      tree_.opened_by[f] = waiting > tree_.UpdateSize(static_cast<int>(f)) ? first : FrontTree::kNone;
+      tree_.opened_by[f] =
+          waiting > tree_.UpdateSize(static_cast<int>(f)) ? first : FrontTree::kNone;
     }
   }
 
@@ -257,11 +271,13 @@ class Scheduler {
     }
   }
 
-  // Places the update matrices of a segment's fronts from `begin` on; those of children in other segments stay where they are.
-  // What they take.
+  // Places the update matrices of a segment's fronts from `begin` on; those of children in other
+  // segments stay where they are. What they take.
   std::size_t PlanUpdates(const FrontSegment& segment, std::size_t begin) {
     UpdatePlanner planner;
-    const auto place = [&](int f) { tree_.update_begin[f] = begin + planner.Place(tree_.UpdateSize(f)); };
+    const auto place = [&](int f) {
+      tree_.update_begin[f] = begin + planner.Place(tree_.UpdateSize(f));
+    };
     for (const int f : segment.fronts) {
       const Front& front = tree_.fronts[f];
       if (tree_.opened_by[f] == FrontTree::kNone) {
@@ -289,8 +305,9 @@ class Scheduler {
 }  // namespace
 
 std::size_t FrontTree::Bytes() const {
-  return (order.capacity() + children.capacity()) * sizeof(int) + fronts.capacity() * sizeof(Front) +
-         runs.capacity() * sizeof(FrontRun) + pieces.capacity() * sizeof(FrontPiece);
+  return (order.capacity() + children.capacity()) * sizeof(int) +
+         fronts.capacity() * sizeof(Front) + runs.capacity() * sizeof(FrontRun) +
+         pieces.capacity() * sizeof(FrontPiece);
 }
 
 Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dissect) {

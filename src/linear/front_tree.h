@@ -9,12 +9,14 @@
 
 namespace inceres::internal {
 
-/// A dense piece of a sparse factorization: a few consecutive columns of the factor, its pivots, and all rows in which they have
-/// entries. What the rows beyond the pivots get from its elimination is its update matrix, which its parent adds to its own.
+/// A dense piece of a sparse factorization: a few consecutive columns of the factor, its pivots,
+/// and all rows in which they have entries. What the rows beyond the pivots get from its
+/// elimination is its update matrix, which its parent adds to its own.
 ///
-/// In memory a front is column-major: the rows of the pivots, padded to quads, then the others, padded to quads.
+/// In memory a front is column-major: the rows of the pivots, padded to quads, then the others,
+/// padded to quads.
 struct Front {
-  int parent = -1;                           // index of a later front; -1: none, and then it has no rows beyond its pivots
+  int parent = -1;  // index of a later front; -1: none, and then it has no rows beyond its pivots
   int child_begin = 0, child_end = 0;        // among FrontTree::children
   int position_begin = 0, position_end = 0;  // its pivots' blocks among FrontTree::order
   int width = 0;                             // pivots
@@ -41,7 +43,8 @@ struct FrontRun {
   int length = 0;
 };
 
-/// A block of S in its front. One of its places is a pivot's; a block whose row comes before its column is turned.
+/// A block of S in its front. One of its places is a pivot's; a block whose row comes before its
+/// column is turned.
 struct FrontPiece {
   int i = 0, block = 0;     // its row and its index in the pattern
   int row = 0, column = 0;  // in the front
@@ -53,10 +56,11 @@ struct FrontSegment {
   std::vector<int> before;  // other segments, independent of each other
 };
 
-/// The assembly tree of a multifrontal Cholesky factorization of S, its tasks, and where each front is kept. Update matrices that
-/// do not wait for their parents at the same time share memory. A parent that is smaller than what would wait for it takes each
-/// as it comes: a few points seen by a thousand cameras are one front with a thousand children. Source: Liu, "The Multifrontal
-/// Method for Sparse Matrix Solution", SIAM Review 34(1), 1992.
+/// The assembly tree of a multifrontal Cholesky factorization of S, its tasks, and where each front
+/// is kept. Update matrices that do not wait for their parents at the same time share memory. A
+/// parent that is smaller than what would wait for it takes each as it comes: a few points seen by
+/// a thousand cameras are one front with a thousand children. Source: Liu, "The Multifrontal Method
+/// for Sparse Matrix Solution", SIAM Review 34(1), 1992.
 struct FrontTree {
   static constexpr int kNone = -1;
 
@@ -68,7 +72,8 @@ struct FrontTree {
 
   std::vector<FrontSegment> segments = std::vector<FrontSegment>(1);  // the last to be done first
   std::vector<int> segment_of;                                        // per front
-  std::vector<int> opened_by;  // per front: its first child if it takes children's update matrices as they come; -1: it does not
+  // per front: its first child if it takes children's update matrices as they come; -1: it does not
+  std::vector<int> opened_by;
   std::vector<std::size_t> factor_begin, update_begin, vector_begin;  // per front
   std::size_t factor_size = 0, updates_size = 0, vectors_size = 0;
 
@@ -76,7 +81,9 @@ struct FrontTree {
   double entries = 0.0;  // of the factor
   bool dissected = false;
 
-  std::size_t UpdateSize(int f) const { return static_cast<std::size_t>(fronts[f].update_stride()) * fronts[f].height; }
+  std::size_t UpdateSize(int f) const {
+    return static_cast<std::size_t>(fronts[f].update_stride()) * fronts[f].height;
+  }
   /// Whether the front's update matrix is added to its parent as soon as it is there.
   bool IsTakenEarly(int f) const {
     const int parent = fronts[f].parent;
@@ -85,7 +92,8 @@ struct FrontTree {
   std::size_t Bytes() const;
 };
 
-/// The tree of FindSymbolicFactor's order and fronts, in scalars. Fails as that does; `may_dissect` is for it.
+/// The tree of FindSymbolicFactor's order and fronts, in scalars. Fails as that does; `may_dissect`
+/// is for it.
 Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dissect = true);
 
 }  // namespace inceres::internal

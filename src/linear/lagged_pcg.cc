@@ -25,7 +25,8 @@ Status LaggedPcg::Renew() {
   return status;
 }
 
-Status LaggedPcg::Solve(const double* b, const Rows& /*changed_b*/, const Truncation& /*truncation*/, double* x) {
+Status LaggedPcg::Solve(const double* b, const Rows& /*changed_b*/,
+                        const Truncation& /*truncation*/, double* x) {
   if (!factored_) {
     return Status::Error(StatusCode::kSingular, "the reduced system is not factored");
   }

@@ -7,8 +7,9 @@
 namespace inceres::internal {
 namespace {
 
-constexpr int kMinWindow = 6;          // iterations the estimate of the error looks back
-constexpr double kWindowShare = 0.25;  // or this share of the iterations so far: slow convergence has long plateaus
+constexpr int kMinWindow = 6;  // iterations the estimate of the error looks back
+// or this share of the iterations so far: slow convergence has long plateaus
+constexpr double kWindowShare = 0.25;
 
 }  // namespace
 
@@ -20,7 +21,8 @@ Status PcgSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
   return factored_;
 }
 
-Status PcgSolver::Solve(const double* b, const Rows& /*changed_b*/, const Truncation& /*truncation*/, double* x) {
+Status PcgSolver::Solve(const double* b, const Rows& /*changed_b*/,
+                        const Truncation& /*truncation*/, double* x) {
   if (!factored_.ok()) {
     return factored_;
   }
@@ -35,8 +37,8 @@ Status PcgSolver::Solve(const double* b, const Rows& /*changed_b*/, const Trunca
   work_.converged = end == ConjugateGradients::End::kConverged;
   if (end == ConjugateGradients::End::kNotPositiveDefinite) {
     std::ostringstream text;
-    text << "the reduced system is not positive definite: PCG met the curvature " << iteration_.curvature() << " at iteration "
-         << work_.iterations;
+    text << "the reduced system is not positive definite: PCG met the curvature "
+         << iteration_.curvature() << " at iteration " << work_.iterations;
     return Status::Error(StatusCode::kSingular, text.str());
   }
   Unpad(iteration_.x(), x);
@@ -53,7 +55,8 @@ bool PcgSolver::IsGoodEnough(const ConjugateGradients& iteration) const {
   const auto count = static_cast<int>(gains.size());
   const int window = std::max(kMinWindow, static_cast<int>(kWindowShare * count));
   const double recent = std::accumulate(gains.end() - std::min(count, window), gains.end(), 0.0);
-  return count >= window && recent <= options_.relative_tolerance * options_.relative_tolerance * iteration.decrease();
+  return count >= window &&
+         recent <= options_.relative_tolerance * options_.relative_tolerance * iteration.decrease();
 }
 
 void PcgSolver::SubtractProduct(const double* v, double* y) const {
@@ -73,8 +76,10 @@ void PcgSolver::SubtractProduct(const double* v, double* y) const {
       // Stored by rows the block is its transpose stored by columns.
       const double* block = S_->values(entry.offset);
       const int stride = PadToQuad(S_->size_of(j));
-      kernels.subtract_row_dots(size, 1, stride, block, stride, v + offsets[j], stride, y + offsets[i], 1);
-      kernels.subtract_outer(stride, 1, size, block, stride, v + offsets[i], 1, y + offsets[j], stride);
+      kernels.subtract_row_dots(size, 1, stride, block, stride, v + offsets[j], stride,
+                                y + offsets[i], 1);
+      kernels.subtract_outer(stride, 1, size, block, stride, v + offsets[i], 1, y + offsets[j],
+                             stride);
     }
   }
 }

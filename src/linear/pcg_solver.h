@@ -9,23 +9,24 @@
 namespace inceres::internal {
 
 struct PcgOptions {
-  /// η: ends when ‖x − A⁻¹b‖_A ≤ η ‖x‖_A by estimate, in the norm of the energy: then the decrease of the cost that a step
-  /// promises is right to a share η². In (0, 1).
+  /// η: ends when ‖x − A⁻¹b‖_A ≤ η ‖x‖_A by estimate, in the norm of the energy: then the decrease
+  /// of the cost that a step promises is right to a share η². In (0, 1).
   double relative_tolerance = 1e-6;
   /// ≥ 1. Where it ends first, Work::converged is false.
   int max_iterations = 5000;
 };
 
-/// Conjugate gradients on an A that grows, preconditioned by its diagonal blocks, whose state outlives the call: blocks are
-/// inverted again only where they changed, and the iteration starts from what the last solution left unapplied (unless that does
-/// worse than zero).
+/// Conjugate gradients on an A that grows, preconditioned by its diagonal blocks, whose state
+/// outlives the call: blocks are inverted again only where they changed, and the iteration starts
+/// from what the last solution left unapplied (unless that does worse than zero).
 ///
-/// When to end: the squared error is estimated by the gains of the last iterations, more of them the longer it takes. The norm of
-/// the residual would do badly: scaled by a prior of 1e14, or by a gauge that damping alone holds, it says nothing of the error.
+/// When to end: the squared error is estimated by the gains of the last iterations, more of them
+/// the longer it takes. The norm of the residual would do badly: scaled by a prior of 1e14, or by a
+/// gauge that damping alone holds, it says nothing of the error.
 ///
-/// kSingular if a direction of curvature ≤ 0 turns up. Threads: the calling one. Source: Liu, Chen, Zhao & Zhang, "ICE-BA", CVPR
-/// 2018 (I-PCG); Hestenes & Stiefel 1952, theorem 6:1, and Strakos & Tichy, "On error estimation in the conjugate gradient
-/// method", ETNA 13, 2002 (the estimate).
+/// kSingular if a direction of curvature ≤ 0 turns up. Threads: the calling one. Source: Liu, Chen,
+/// Zhao & Zhang, "ICE-BA", CVPR 2018 (I-PCG); Hestenes & Stiefel 1952, theorem 6:1, and Strakos &
+/// Tichy, "On error estimation in the conjugate gradient method", ETNA 13, 2002 (the estimate).
 class PcgSolver final : public ReducedSolver, private ConjugateGradients::System {
  public:
   explicit PcgSolver(const PcgOptions& options) : options_(options) {}
@@ -33,7 +34,8 @@ class PcgSolver final : public ReducedSolver, private ConjugateGradients::System
   const char* Name() const override { return "incremental PCG"; }
   Status Factorize(const ReducedMatrix& A, const Rows& changed) override;
   /// Truncation is not for an iteration: all of x is written.
-  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+               double* x) override;
   std::size_t Bytes() const override { return preconditioner_.Bytes() + iteration_.Bytes(); }
 
  private:

@@ -14,7 +14,8 @@ const BlockPattern& ReducedMatrix::GrownPattern() const {
 
 const double* ReducedMatrix::GrownBlock(int i, int k) const {
   const BlockPattern& blocks = rows_->Pattern();
-  const bool left_out = constant_ != nullptr && (constant_[RowId(i)] != 0 || constant_[RowId(blocks.columns[k])] != 0);
+  const bool left_out = constant_ != nullptr &&
+                        (constant_[RowId(i)] != 0 || constant_[RowId(blocks.columns[k])] != 0);
   return left_out ? nullptr : rows_->values(blocks.value_begin[k]);
 }
 

@@ -5,12 +5,14 @@
 namespace inceres::internal {
 namespace {
 
-// Both factor with the same kernels, 14 to 25 GFlop/s on one thread; the sparse one takes fewer flops but where most blocks are
-// there, the dense one less analysis and no lists, which shows up to this size (windows, paths, full systems of 75 to 1,500).
+// Both factor with the same kernels, 14 to 25 GFlop/s on one thread; the sparse one takes fewer
+// flops but where most blocks are there, the dense one less analysis and no lists, which shows up
+// to this size (windows, paths, full systems of 75 to 1,500).
 constexpr double kAlwaysDenseSize = 300.0;
 constexpr double kAlwaysDenseFill = 0.5;
 
-// A flop of the sparse factorization takes so much longer, and a block of S so many flops to be found, placed and solved with.
+// A flop of the sparse factorization takes so much longer, and a block of S so many flops to be
+// found, placed and solved with.
 constexpr double kSparsePenalty = 1.5;
 constexpr double kFlopsPerBlock = 1000.0;
 
@@ -26,7 +28,8 @@ double FillOf(const BlockPattern& pattern) {
 }
 
 ReducedPrediction PredictFullSystem(double size) {
-  return {size * size * size / 3.0, 1.5 * sizeof(double) * size * size};  // a square for the factor, half of one for S
+  return {size * size * size / 3.0,
+          1.5 * sizeof(double) * size * size};  // a square for the factor, half of one for S
 }
 
 Status PredictReducedSolver(const BlockPattern& pattern, ReducedPrediction* prediction) {
@@ -38,7 +41,8 @@ Status PredictReducedSolver(const BlockPattern& pattern, ReducedPrediction* pred
   SparseCholesky solver(executor);
   const Status planned = solver.Predict(pattern);
   const auto entries = static_cast<double>(pattern.value_begin.back());
-  prediction->cost = kSparsePenalty * solver.PredictedFlops() + kFlopsPerBlock * static_cast<double>(pattern.columns.size());
+  prediction->cost = kSparsePenalty * solver.PredictedFlops() +
+                     kFlopsPerBlock * static_cast<double>(pattern.columns.size());
   prediction->bytes = sizeof(double) * entries + solver.PredictedBytes();
   return planned;
 }

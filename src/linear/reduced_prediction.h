@@ -11,7 +11,8 @@ struct ReducedPrediction {
   double bytes = 0.0;  ///< values of S included
 };
 
-/// Cost: that of the symbolic analysis, half a microsecond a block of S, where S is neither small nor full. Fails as that does.
+/// Cost: that of the symbolic analysis, half a microsecond a block of S, where S is neither small
+/// nor full. Fails as that does.
 Status PredictReducedSolver(const BlockPattern& pattern, ReducedPrediction* prediction);
 
 /// The same for a full S with so many unknowns.

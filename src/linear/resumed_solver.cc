@@ -5,13 +5,15 @@
 namespace inceres::internal {
 namespace {
 
-// Flops a block of S to be refactored below which another order is not looked for. Looking takes about a tenth of the time of so
-// many. A chain of frames, each of 6 and coupled to 15 others, takes a third of it.
+// Flops a block of S to be refactored below which another order is not looked for. Looking takes
+// about a tenth of the time of so many. A chain of frames, each of 6 and coupled to 15 others,
+// takes a third of it.
 constexpr double kLookFlops = 1e4;
 
-// How much dearer than another order the present one has to be. What changes next is a guess, and an order that is hardly better
-// now may be worse then: on a path of 600 cameras with four laps and loops the Updates took 4.0e11 flops without
-// reordering, 2.7e11, 2.4e11 and 2.2e11 with factors of 1.05, 1.25 and 1.6 (497, 156 and 24 reorderings).
+// How much dearer than another order the present one has to be. What changes next is a guess, and
+// an order that is hardly better now may be worse then: on a path of 600 cameras with four laps and
+// loops the Updates took 4.0e11 flops without reordering, 2.7e11, 2.4e11 and 2.2e11 with factors of
+// 1.05, 1.25 and 1.6 (497, 156 and 24 reorderings).
 constexpr double kAging = 1.6;
 
 }  // namespace
@@ -63,7 +65,9 @@ ResumedSolver::Plan ResumedSolver::PlanFor(const ReducedMatrix& A, const Rows& c
 }
 
 ResumedSolver::Plan ResumedSolver::Predict(const ReducedMatrix& A, int first_changed) {
-  const auto flops_from = [&](int place) { return EnvelopeFlops(*A.rows(), A.constant(), order_, place, &workspace_); };
+  const auto flops_from = [&](int place) {
+    return EnvelopeFlops(*A.rows(), A.constant(), order_, place, &workspace_);
+  };
   const double flops = flops_from(num_exact_);
   return {flops, first_changed <= num_exact_ ? flops : flops_from(first_changed)};
 }
@@ -100,13 +104,15 @@ Status ResumedSolver::FactorizeAsPlanned(const ReducedMatrix& A) {
   work_.reorderings = reorderings_;
   reorderings_ = 0;
   for (int i = num_exact_; i < cholesky_.num_rows(); ++i) {
-    reached_before_ = std::min(reached_before_, cholesky_.FirstColumn(i));  // a row held now may have been coupled to many
+    reached_before_ = std::min(
+        reached_before_, cholesky_.FirstColumn(i));  // a row held now may have been coupled to many
   }
   damping_.resize(row_offsets_.back());
   int offset = cholesky_.offsets()[num_exact_];
   for (int place = num_exact_; place < order_.num_places(); ++place) {
     const int row = order_.row(place);
-    std::copy(A.diagonal() + row_offsets_[row], A.diagonal() + row_offsets_[row + 1], damping_.begin() + offset);
+    std::copy(A.diagonal() + row_offsets_[row], A.diagonal() + row_offsets_[row + 1],
+              damping_.begin() + offset);
     offset += row_offsets_[row + 1] - row_offsets_[row];
   }
   factored_ = cholesky_.Factorize(*A.rows(), order_, damping_.data(), num_exact_, A.constant());
@@ -120,7 +126,8 @@ void ResumedSolver::MissSolve(const Rows& changed_b) {
   ForgetSolution();
 }
 
-Status ResumedSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) {
+Status ResumedSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+                            double* x) {
   if (!factored_.ok()) {
     return factored_;
   }
@@ -136,15 +143,17 @@ Status ResumedSolver::Solve(const double* b, const Rows& changed_b, const Trunca
   num_current_y_ = num_rows;
 
   // The wildfire: row by row backwards, as far up as a change reaches.
-  int filled = offsets.back();                     // rest_ is set up from here on
-  int reached = std::min(first, reached_before_);  // the first row that must be found anew, as far as is known
+  int filled = offsets.back();  // rest_ is set up from here on
+  int reached = std::min(
+      first, reached_before_);  // the first row that must be found anew, as far as is known
   int place = num_rows;
   while (place > reached) {
     --place;
     CopyRest(offsets[cholesky_.FirstColumn(place)], &filled);
     cholesky_.BackSubstituteRow(place, rest_.data(), x_.data());
     if (place >= num_passed_on_ || HasChanged(place, truncation)) {
-      std::copy(x_.begin() + offsets[place], x_.begin() + offsets[place + 1], passed_on_.begin() + offsets[place]);
+      std::copy(x_.begin() + offsets[place], x_.begin() + offsets[place + 1],
+                passed_on_.begin() + offsets[place]);
       reached = std::min(reached, cholesky_.FirstColumn(place));
     }
   }
@@ -184,7 +193,8 @@ void ResumedSolver::HandOut(int first_place, double* x) {
   for (int place = first_place; place < order_.num_places(); ++place) {
     const int row = order_.row(place);
     solved_.push_back(row);
-    std::copy_n(x_.begin() + cholesky_.offsets()[place], row_offsets_[row + 1] - row_offsets_[row], x + row_offsets_[row]);
+    std::copy_n(x_.begin() + cholesky_.offsets()[place], row_offsets_[row + 1] - row_offsets_[row],
+                x + row_offsets_[row]);
   }
   std::sort(solved_.begin(), solved_.end());
   work_.solved = {solved_.empty() ? order_.num_places() : solved_.front(), &solved_};
@@ -201,8 +211,9 @@ void ResumedSolver::GrowTo(int size) {
 }
 
 std::size_t ResumedSolver::Bytes() const {
-  return cholesky_.Bytes() + sizeof(double) * (damping_.capacity() + b_.capacity() + y_.capacity() + rest_.capacity() +
-                                               x_.capacity() + passed_on_.capacity());
+  return cholesky_.Bytes() +
+         sizeof(double) * (damping_.capacity() + b_.capacity() + y_.capacity() + rest_.capacity() +
+                           x_.capacity() + passed_on_.capacity());
 }
 
 }  // namespace inceres::internal

@@ -13,19 +13,22 @@ namespace inceres::internal {
 ///     y = L⁻¹ b    resumed at the first row of L or b that changed
 ///     x = L⁻ᵀ y    backwards, until no row further up is reached by a change ("wildfire")
 ///
-/// Row k of x has to be found anew if y_k changed or if a row i > k with L_ik ≠ 0 changed, in L or, beyond the threshold, in x_i.
-/// Substituting backwards without a gap, one may stop as soon as no such row is coupled to the rows before. x_i is compared
-/// with the value the rows before it were last computed with, so that many small changes add up and are noticed.
+/// Row k of x has to be found anew if y_k changed or if a row i > k with L_ik ≠ 0 changed, in L or,
+/// beyond the threshold, in x_i. Substituting backwards without a gap, one may stop as soon as no
+/// such row is coupled to the rows before. x_i is compared with the value the rows before it were
+/// last computed with, so that many small changes add up and are noticed.
 ///
-/// New rows of S come last in the factor. A loop makes that order age: its long rows fill the envelope, and old rows that change
-/// again have everything behind them refactored, each time. But what is to be refactored may as well come in another order, so
-/// when a Factorize is dear another order of those rows is looked for, with the changed ones last, and taken if it makes this
-/// Factorize and one like it cheaper by a good deal. The reordering itself costs no factorization, and the next change there
-/// finds the end of the factor; so it does not repeat itself.
+/// New rows of S come last in the factor. A loop makes that order age: its long rows fill the
+/// envelope, and old rows that change again have everything behind them refactored, each time. But
+/// what is to be refactored may as well come in another order, so when a Factorize is dear another
+/// order of those rows is looked for, with the changed ones last, and taken if it makes this
+/// Factorize and one like it cheaper by a good deal. The reordering itself costs no factorization,
+/// and the next change there finds the end of the factor; so it does not repeat itself.
 ///
-/// Without truncation: the same bits as EnvelopeCholesky from scratch in order(). With it, every row of Lᵀx = y holds up to the
-/// changes of x that were not passed on, each at most twice the threshold. Cost of a call: the rows from the first changed on and
-/// the rows those reach. Source: Kaess et al., "iSAM2", IJRR 31(2), 2012, algorithm 7 (wildfire) and section 4.3 (reordering what
+/// Without truncation: the same bits as EnvelopeCholesky from scratch in order(). With it, every
+/// row of Lᵀx = y holds up to the changes of x that were not passed on, each at most twice the
+/// threshold. Cost of a call: the rows from the first changed on and the rows those reach. Source:
+/// Kaess et al., "iSAM2", IJRR 31(2), 2012, algorithm 7 (wildfire) and section 4.3 (reordering what
 /// is eliminated anew), in an envelope instead of a tree.
 class ResumedSolver final : public ReducedSolver {
  public:
@@ -34,11 +37,12 @@ class ResumedSolver final : public ReducedSolver {
     PlanFor(A, changed);
     return FactorizeAsPlanned(A);
   }
-  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+               double* x) override;
   std::size_t Bytes() const override;
 
-  // Factorize in two halves, for who wants to know what it costs before. The second may be left out: the next first half counts
-  // its change too.
+  // Factorize in two halves, for who wants to know what it costs before. The second may be left
+  // out: the next first half counts its change too.
 
   struct Plan {
     double flops = 0.0;  // of the second half
@@ -70,8 +74,9 @@ class ResumedSolver final : public ReducedSolver {
   Plan plan_;
   int reorderings_ = 0;  // since the last factorization
   Status factored_;
-  int num_current_y_ = 0;            // leading rows of y that belong to the factor and the last b
-  int reached_before_ = 0;           // first row coupled, at the last Solve, to a row of L that has changed since
+  int num_current_y_ = 0;  // leading rows of y that belong to the factor and the last b
+  // first row coupled, at the last Solve, to a row of L that has changed since
+  int reached_before_ = 0;
   int num_passed_on_ = 0;            // leading rows of L that have not changed since the last Solve
   std::vector<int> row_offsets_{0};  // by rows of S: the packing of the caller's vectors
   std::vector<int> solved_;

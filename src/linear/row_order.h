@@ -7,9 +7,9 @@
 
 namespace inceres::internal {
 
-/// The order in which block rows of S are factored: all living ones, or some. Each has a place, places have no gaps. What comes
-/// at one place says nothing about the places before it, so everything from some place on may be put in another order while a
-/// factor stays right before it.
+/// The order in which block rows of S are factored: all living ones, or some. Each has a place,
+/// places have no gaps. What comes at one place says nothing about the places before it, so
+/// everything from some place on may be put in another order while a factor stays right before it.
 class RowOrder {
  public:
   int num_places() const { return static_cast<int>(rows_.size()); }
@@ -18,7 +18,8 @@ class RowOrder {
   int place(int row) const { return row < static_cast<int>(places_.size()) ? places_[row] : -1; }
   const std::vector<int>& rows() const { return rows_; }
 
-  /// Rows that S no longer has give up their places, none of them before `first_place`; rows that have none get the last ones.
+  /// Rows that S no longer has give up their places, none of them before `first_place`; rows that
+  /// have none get the last ones.
   void Follow(const SymmetricBlockRows& S, int first_place) {
     places_.resize(S.num_rows(), -1);
     int kept = first_place;

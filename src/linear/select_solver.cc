@@ -12,9 +12,10 @@
 namespace inceres::internal {
 namespace {
 
-// Conjugate gradients with an earlier factor, beside a factorization in each step: the iterations of a step, the share of the
-// factorizations that is left, and the flops that reading an entry of S or of the factor is worth, some 6 GB/s. They win on a
-// cathedral of 400 cameras (3,600 unknowns: 30 %), lose on one of 200 (15 %), and by far on paths of 1,000 and 10,000.
+// Conjugate gradients with an earlier factor, beside a factorization in each step: the iterations
+// of a step, the share of the factorizations that is left, and the flops that reading an entry of S
+// or of the factor is worth, some 6 GB/s. They win on a cathedral of 400 cameras (3,600 unknowns:
+// 30 %), lose on one of 200 (15 %), and by far on paths of 1,000 and 10,000.
 constexpr double kPcgIterations = 8.0;
 constexpr double kPcgFactorizations = 0.4;
 constexpr double kFlopsPerEntryRead = 22.0;
@@ -36,27 +37,33 @@ Direct Make(const BlockPattern& pattern, const Executor& executor, Status* statu
 
 Direct MakeCheaper(const BlockPattern& pattern, const Executor& executor, Status* status) {
   const bool dense = IsSolvedDensely(pattern.size(), FillOf(pattern));
-  return dense ? Make<DenseCholesky>(pattern, executor, status) : Make<SparseCholesky>(pattern, executor, status);
+  return dense ? Make<DenseCholesky>(pattern, executor, status)
+               : Make<SparseCholesky>(pattern, executor, status);
 }
 
 // An iteration reads S once and the factor twice.
 bool PcgIsCheaper(const Direct& direct, const BlockPattern& pattern) {
-  const double iteration = kFlopsPerEntryRead * (static_cast<double>(pattern.value_begin.back()) + 2.0 * direct.entries);
+  const double iteration =
+      kFlopsPerEntryRead * (static_cast<double>(pattern.value_begin.back()) + 2.0 * direct.entries);
   return kPcgIterations * iteration < (1.0 - kPcgFactorizations) * direct.flops;
 }
 
-std::unique_ptr<ReducedSolver> MakeCustom(const ReducedSolverFactory& factory, const BlockPattern& pattern, Status* status) {
+std::unique_ptr<ReducedSolver> MakeCustom(const ReducedSolverFactory& factory,
+                                          const BlockPattern& pattern, Status* status) {
   std::unique_ptr<ReducedSolver> custom = factory();
   *status = custom != nullptr
                 ? custom->Analyze(ReducedMatrix(pattern, nullptr, nullptr))
-                : Status::Error(StatusCode::kInvalidArgument, "SolverOptions::reduced_solver_factory returned null");
+                : Status::Error(StatusCode::kInvalidArgument,
+                                "SolverOptions::reduced_solver_factory returned null");
   return custom;
 }
 
 }  // namespace
 
-std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const ReducedSolverFactory& factory,
-                                                 const BlockPattern& pattern, const Executor& executor, Status* status) {
+std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind,
+                                                 const ReducedSolverFactory& factory,
+                                                 const BlockPattern& pattern,
+                                                 const Executor& executor, Status* status) {
   if (factory) {
     return MakeCustom(factory, pattern, status);
   }
@@ -79,7 +86,8 @@ std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind, const R
   return std::make_unique<LaggedPcg>(std::move(direct.solver));
 }
 
-std::unique_ptr<ReducedSolver> MakeResumingSolver(ReducedSolverKind kind, const ReducedSolverFactory& factory,
+std::unique_ptr<ReducedSolver> MakeResumingSolver(ReducedSolverKind kind,
+                                                  const ReducedSolverFactory& factory,
                                                   const PcgOptions& pcg, const Executor& executor) {
   if (factory) {
     return factory();

@@ -8,7 +8,8 @@
 
 namespace inceres::internal {
 
-// Cholesky of small blocks. A size that is a constant lets loops be unrolled: the same operations in the same order.
+// Cholesky of small blocks. A size that is a constant lets loops be unrolled: the same operations
+// in the same order.
 
 /// Calls visit(size), with a constant where the size is 1 to 4.
 template <typename Visit>
@@ -27,8 +28,8 @@ inline void WithConstantSize(int size, const Visit& visit) {
   }
 }
 
-/// L Lᵀ = A of a small block's lower triangle, in place, row-major. The reciprocals of L's diagonal spare later divisions. False
-/// at a pivot that is not positive and finite.
+/// L Lᵀ = A of a small block's lower triangle, in place, row-major. The reciprocals of L's diagonal
+/// spare later divisions. False at a pivot that is not positive and finite.
 inline bool FactorSmall(int size, double* A, int lda, double* inverse_pivots) {
 #pragma GCC unroll 4
   for (int i = 0; i < size; ++i) {
@@ -54,7 +55,8 @@ inline bool FactorSmall(int size, double* A, int lda, double* inverse_pivots) {
 }
 
 /// x := (L Lᵀ)⁻¹ x with the factor of FactorSmall.
-inline void SolveSmall(int size, const double* L, int ldl, const double* inverse_pivots, double* x) {
+inline void SolveSmall(int size, const double* L, int ldl, const double* inverse_pivots,
+                       double* x) {
   for (int i = 0; i < size; ++i) {
     for (int k = 0; k < i; ++k) {
       x[i] -= L[static_cast<std::ptrdiff_t>(i) * ldl + k] * x[k];
@@ -69,8 +71,8 @@ inline void SolveSmall(int size, const double* L, int ldl, const double* inverse
   }
 }
 
-/// U_inv = L⁻¹ with L Lᵀ = P + diag(damping) of one landmark's block, size 1 to 4, rows four apart. False, and U_inv as it was,
-/// if a pivot is not positive and finite.
+/// U_inv = L⁻¹ with L Lᵀ = P + diag(damping) of one landmark's block, size 1 to 4, rows four apart.
+/// False, and U_inv as it was, if a pivot is not positive and finite.
 bool InvertCholeskyFactor(int size, const double* P, const double* damping, double* U_inv);
 
 /// z = U_inv x for the lower triangular U_inv.

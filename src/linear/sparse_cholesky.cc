@@ -11,7 +11,8 @@ namespace inceres::internal {
 namespace {
 
 constexpr int kPanel = 24;  // columns that the kernels take at a time; whole quads
-// Rows a task: a multiple of every kernel's tile height, so that tasks do not change the arithmetic.
+// Rows a task: a multiple of every kernel's tile height, so that tasks do not change the
+// arithmetic.
 constexpr int kRowStrip = 96;
 // What is worth a task for each of a front's strips.
 constexpr double kParallelFrontFlops = 2e6;
@@ -44,7 +45,9 @@ Status SparseCholesky::Analyze(const ReducedMatrix& A) {
 }
 
 double SparseCholesky::PredictedBytes() const {
-  return static_cast<double>(tree_.Bytes() + (tree_.factor_size + tree_.updates_size + tree_.vectors_size) * sizeof(double));
+  return static_cast<double>(tree_.Bytes() +
+                             (tree_.factor_size + tree_.updates_size + tree_.vectors_size) *
+                                 sizeof(double));
 }
 
 Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
@@ -53,14 +56,16 @@ Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/
   factored_ = failed == FrontTree::kNone
                   ? Status::Ok()
                   : Status::Error(StatusCode::kSingular,
-                                  "the reduced system is not positive definite at frame " + std::to_string(failed));
+                                  "the reduced system is not positive definite at frame " +
+                                      std::to_string(failed));
   return factored_;
 }
 
 template <typename Body>
 void SparseCholesky::ForSegmentsBefore(const FrontSegment& segment, const Body& body) const {
-  executor_.For(static_cast<int>(segment.before.size()), 1,
-                [&](int begin, int end) { std::for_each(segment.before.begin() + begin, segment.before.begin() + end, body); });
+  executor_.For(static_cast<int>(segment.before.size()), 1, [&](int begin, int end) {
+    std::for_each(segment.before.begin() + begin, segment.before.begin() + end, body);
+  });
 }
 
 int SparseCholesky::FactorSegment(int index, const ReducedMatrix& A) {
@@ -71,7 +76,8 @@ int SparseCholesky::FactorSegment(int index, const ReducedMatrix& A) {
   for (const int before : segment.before) {
     failed = failed == FrontTree::kNone ? failed_[before] : failed;
   }
-  for (auto f = segment.fronts.begin(); f != segment.fronts.end() && failed == FrontTree::kNone; ++f) {
+  for (auto f = segment.fronts.begin(); f != segment.fronts.end() && failed == FrontTree::kNone;
+       ++f) {
     if (tree_.opened_by[*f] == FrontTree::kNone) {
       Open(*f, A);
     }
@@ -111,8 +117,8 @@ void SparseCholesky::Assemble(int f, const ReducedMatrix& A) {
     const FrontPiece& piece = tree_.pieces[k];
     if (const double* block = A.Block(piece.i, piece.block)) {
       const int j = pattern_->columns[piece.block];
-      PlaceBlock(block, pattern_->row_stride(j), pattern_->block_size(piece.i), pattern_->block_size(j), piece.row, piece.column,
-                 Column(f, 0), front.stride());
+      PlaceBlock(block, pattern_->row_stride(j), pattern_->block_size(piece.i),
+                 pattern_->block_size(j), piece.row, piece.column, Column(f, 0), front.stride());
     }
   }
   int pivot = 0;
@@ -131,9 +137,13 @@ void SparseCholesky::AddUpdate(int child, int f) {
     const FrontRun& columns = tree_.runs[run];
     for (int c = 0; c < columns.length; ++c) {
       const int j = columns.to + c;
-      const double* source = Update(child) + static_cast<std::ptrdiff_t>(columns.from + c) * from.update_stride();
-      double* target = j < to.below() ? Column(f, j)
-                                      : Update(f) + static_cast<std::ptrdiff_t>(j - to.below()) * to.update_stride() - to.below();
+      const double* source =
+          Update(child) + static_cast<std::ptrdiff_t>(columns.from + c) * from.update_stride();
+      double* target = j < to.below()
+                           ? Column(f, j)
+                           : Update(f) +
+                                 static_cast<std::ptrdiff_t>(j - to.below()) * to.update_stride() -
+                                 to.below();
       for (int r = c; r < columns.length; ++r) {
         target[columns.to + r] += source[columns.from + r];
       }
@@ -148,7 +158,8 @@ void SparseCholesky::AddUpdate(int child, int f) {
 }
 
 template <typename Body>
-void SparseCholesky::ForStrips(const Front& front, int begin, int end, int strip, const Body& body) const {
+void SparseCholesky::ForStrips(const Front& front, int begin, int end, int strip,
+                               const Body& body) const {
   const int count = (end - begin + strip - 1) / strip;
   executor_.For(count, front.flops() > kParallelFrontFlops ? 1 : count, [&](int first, int last) {
     for (int k = first; k < last; ++k) {
@@ -167,8 +178,8 @@ int SparseCholesky::Eliminate(int f) {
     double* panel = Column(f, first);
     if (first > 0) {
       ForStrips(front, first, front.num_rows(), kRowStrip, [&](int top, int bottom) {
-        kernels.subtract_outer(bottom - top, width, first, Column(f, 0) + top, stride, Column(f, 0) + first, stride, panel + top,
-                               stride);
+        kernels.subtract_outer(bottom - top, width, first, Column(f, 0) + top, stride,
+                               Column(f, 0) + first, stride, panel + top, stride);
       });
     }
     int failed = 0;
@@ -177,13 +188,16 @@ int SparseCholesky::Eliminate(int f) {
     }
     const int below = std::min(first + kPanel, front.below());
     ForStrips(front, below, front.num_rows(), kRowStrip, [&](int top, int bottom) {
-      kernels.solve_lower_transposed(bottom - top, width, panel + first, stride, panel + top, stride);
+      kernels.solve_lower_transposed(bottom - top, width, panel + first, stride, panel + top,
+                                     stride);
     });
   }
   const double* rows = Column(f, 0) + front.below();
   ForStrips(front, 0, front.height, kPanel, [&](int first, int end) {
-    kernels.subtract_outer(front.update_stride() - first, end - first, front.width, rows + first, stride, rows + first, stride,
-                           Update(f) + static_cast<std::ptrdiff_t>(first) * front.update_stride() + first, front.update_stride());
+    kernels.subtract_outer(
+        front.update_stride() - first, end - first, front.width, rows + first, stride, rows + first,
+        stride, Update(f) + static_cast<std::ptrdiff_t>(first) * front.update_stride() + first,
+        front.update_stride());
   });
   return FrontTree::kNone;
 }
@@ -196,7 +210,8 @@ int SparseCholesky::BlockAtPivot(const Front& front, int pivot) const {
   return tree_.order[at];
 }
 
-Status SparseCholesky::Solve(const double* b, const Rows& /*changed_b*/, const Truncation& /*truncation*/, double* x) {
+Status SparseCholesky::Solve(const double* b, const Rows& /*changed_b*/,
+                             const Truncation& /*truncation*/, double* x) {
   if (!factored_.ok()) {
     return factored_;
   }
@@ -240,8 +255,8 @@ void SparseCholesky::SolveForward(int f, const double* b) {
     const int width = std::min(kPanel, front.width - first);
     const int below = std::min(first + kPanel, front.below());
     SolveTriangle(Column(f, first) + first, front.stride(), width, y + first);
-    BestKernels().subtract_outer(front.num_rows() - below, 1, width, Column(f, first) + below, front.stride(), y + first, 1,
-                                 y + below, front.num_rows());
+    BestKernels().subtract_outer(front.num_rows() - below, 1, width, Column(f, first) + below,
+                                 front.stride(), y + first, 1, y + below, front.num_rows());
   }
 }
 
@@ -255,8 +270,8 @@ void SparseCholesky::SolveBackward(int f, double* x) {
   for (int first = (front.width - 1) / kPanel * kPanel; first >= 0; first -= kPanel) {
     const int width = std::min(kPanel, front.width - first);
     const int below = std::min(first + kPanel, front.below());
-    BestKernels().subtract_row_dots(width, 1, front.num_rows() - below, Column(f, first) + below, front.stride(), y + below,
-                                    front.num_rows(), y + first, 1);
+    BestKernels().subtract_row_dots(width, 1, front.num_rows() - below, Column(f, first) + below,
+                                    front.stride(), y + below, front.num_rows(), y + first, 1);
     SolveTransposedTriangle(Column(f, first) + first, front.stride(), width, y + first);
   }
   const double* pivot = y;

@@ -11,21 +11,25 @@
 
 namespace inceres::internal {
 
-/// L Lᵀ = S + diag, sparse, multifrontal, by our own kernels: dense fronts of whole blocks, in the order of BuildFrontTree. Where
-/// the assembly tree branches into heavy subtrees these are tasks, and so are the strips of large fronts. The same bits for any
-/// number of threads. Memory: the factor, and update matrices as long as they wait for their parent; no copy of S. Sources: Duff
-/// & Reid, ACM TOMS 9(3), 1983; Liu, SIAM Review 34(1), 1992.
+/// L Lᵀ = S + diag, sparse, multifrontal, by our own kernels: dense fronts of whole blocks, in the
+/// order of BuildFrontTree. Where the assembly tree branches into heavy subtrees these are tasks,
+/// and so are the strips of large fronts. The same bits for any number of threads. Memory: the
+/// factor, and update matrices as long as they wait for their parent; no copy of S. Sources: Duff &
+/// Reid, ACM TOMS 9(3), 1983; Liu, SIAM Review 34(1), 1992.
 class SparseCholesky final : public ReducedSolver {
  public:
   explicit SparseCholesky(const Executor& executor) : executor_(executor) {}
 
   const char* Name() const override;
   Status Analyze(const ReducedMatrix& A) override;
-  /// What Analyze does, but for taking the memory, and for a dissection, which is for the threads and takes no fewer operations:
-  /// for who only wants the predictions.
-  Status Predict(const BlockPattern& pattern) { return BuildFrontTree(pattern, &tree_, /*may_dissect=*/false); }
+  /// What Analyze does, but for taking the memory, and for a dissection, which is for the threads
+  /// and takes no fewer operations: for who only wants the predictions.
+  Status Predict(const BlockPattern& pattern) {
+    return BuildFrontTree(pattern, &tree_, /*may_dissect=*/false);
+  }
   Status Factorize(const ReducedMatrix& A, const Rows& changed) override;
-  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override;
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+               double* x) override;
   std::size_t Bytes() const override;
 
   /// Flops of one factorization.
@@ -55,7 +59,8 @@ class SparseCholesky final : public ReducedSolver {
   void ForStrips(const Front& front, int begin, int end, int strip, const Body& body) const;
 
   double* Column(int f, int j) {
-    return L_.data() + tree_.factor_begin[f] + static_cast<std::ptrdiff_t>(j) * tree_.fronts[f].stride();
+    return L_.data() + tree_.factor_begin[f] +
+           static_cast<std::ptrdiff_t>(j) * tree_.fronts[f].stride();
   }
   double* Update(int f) { return updates_.data() + tree_.update_begin[f]; }
   double* Vector(int f) { return vectors_.data() + tree_.vector_begin[f]; }

@@ -13,14 +13,16 @@
 namespace inceres::internal {
 namespace {
 
-// Cutting the graph takes milliseconds where AMD takes one: only a factor this expensive may win that back within a solve.
+// Cutting the graph takes milliseconds where AMD takes one: only a factor this expensive may win
+// that back within a solve.
 constexpr double kMinFlopsForDissection = 3e7;
-// The halves are factored side by side, which a chain's AMD order would not allow: worth these flops more.
+// The halves are factored side by side, which a chain's AMD order would not allow: worth these
+// flops more.
 constexpr double kWorthOfHalves = 1.05;
 
-// When a front is joined with its parent: up to so many scalar columns of both, while zeros make up less than such a share of
-// their entries; the first without a limit, and without their zeros being counted; the last share whatever the columns. The rule
-// of CHOLMOD's analysis, for blocks of 6.
+// When a front is joined with its parent: up to so many scalar columns of both, while zeros make up
+// less than such a share of their entries; the first without a limit, and without their zeros being
+// counted; the last share whatever the columns. The rule of CHOLMOD's analysis, for blocks of 6.
 constexpr double kJoinedColumns[] = {24.0, 48.0, 96.0};
 constexpr double kZeroShare[] = {0.8, 0.1, 0.05};
 
@@ -47,9 +49,10 @@ struct Graph {
   std::vector<idx_t> neighbors;
 };
 
-// Per block 0 or 1, its half, or 2, the separator. Empty where METIS finds none. METIS draws lots: on a sphere of 2,500 poses it
-// cuts so that the factor takes 1.0, 1.11 or 1.14 times the flops of the best, on other graphs 0.98 to 1.1; with this seed it
-// finds the best on the sphere, and on the others what it finds mostly.
+// Per block 0 or 1, its half, or 2, the separator. Empty where METIS finds none. METIS draws lots:
+// on a sphere of 2,500 poses it cuts so that the factor takes 1.0, 1.11 or 1.14 times the flops of
+// the best, on other graphs 0.98 to 1.1; with this seed it finds the best on the sphere, and on the
+// others what it finds mostly.
 std::vector<int> CutInHalves(const BlockPattern& pattern) {
   Graph graph(pattern);
   auto n = static_cast<idx_t>(pattern.num_blocks());
@@ -58,32 +61,35 @@ std::vector<int> CutInHalves(const BlockPattern& pattern) {
   idx_t options[METIS_NOPTIONS];
   METIS_SetDefaultOptions(options);
   options[METIS_OPTION_SEED] = 10;
-  static std::mutex mutex;  // the lots are those of rand(), which all threads share, begun anew with each call
+  // the lots are those of rand(), which all threads share, begun anew with each call
+  static std::mutex mutex;
   const std::lock_guard<std::mutex> lock(mutex);
-  const int result = METIS_ComputeVertexSeparator(&n, graph.begin.data(), graph.neighbors.data(), nullptr, options,
-                                                  &separator_size, part.data());
+  const int result = METIS_ComputeVertexSeparator(&n, graph.begin.data(), graph.neighbors.data(),
+                                                  nullptr, options, &separator_size, part.data());
   return result == METIS_OK ? std::vector<int>(part.begin(), part.end()) : std::vector<int>();
 }
 
 // The lower triangle by rows is the upper one by columns, which AMD takes.
 bool OrderByAmd(const BlockPattern& pattern, std::vector<int>* order) {
   order->resize(pattern.num_blocks());
-  return amd_order(pattern.num_blocks(), pattern.row_begin.data(), pattern.columns.data(), order->data(), nullptr, nullptr) >=
-         AMD_OK;
+  return amd_order(pattern.num_blocks(), pattern.row_begin.data(), pattern.columns.data(),
+                   order->data(), nullptr, nullptr) >= AMD_OK;
 }
 
 // AMD within each half, which knows that the separator comes last.
 bool OrderByHalves(const BlockPattern& pattern, std::vector<int>* order) {
   std::vector<int> part = CutInHalves(pattern);
   order->resize(pattern.num_blocks());
-  return !part.empty() && camd_order(pattern.num_blocks(), pattern.row_begin.data(), pattern.columns.data(), order->data(),
-                                     nullptr, nullptr, part.data()) >= CAMD_OK;
+  return !part.empty() &&
+         camd_order(pattern.num_blocks(), pattern.row_begin.data(), pattern.columns.data(),
+                    order->data(), nullptr, nullptr, part.data()) >= CAMD_OK;
 }
 
 // The elimination tree of S in an order, and how many entries each column of the factor has.
 class EliminationTree {
  public:
-  EliminationTree(const BlockPattern& pattern, std::vector<int> order) : pattern_(pattern), order_(std::move(order)) {
+  EliminationTree(const BlockPattern& pattern, std::vector<int> order)
+      : pattern_(pattern), order_(std::move(order)) {
     FindNeighbors();
     FindParents();
     PutInPostorder();
@@ -119,16 +125,19 @@ class EliminationTree {
     }
     neighbors_begin_.assign(size() + 1, 0);
     const auto for_each_pair = [&](const auto& visit) {
-      Graph::ForEachEdge(pattern_, [&](int i, int j) { visit(std::minmax(position[i], position[j])); });
+      Graph::ForEachEdge(pattern_,
+                         [&](int i, int j) { visit(std::minmax(position[i], position[j])); });
     };
     for_each_pair([this](const std::pair<int, int>& pair) { ++neighbors_begin_[pair.second + 1]; });
     std::partial_sum(neighbors_begin_.begin(), neighbors_begin_.end(), neighbors_begin_.begin());
     neighbors_.resize(neighbors_begin_.back());
     std::vector<int> next(neighbors_begin_.begin(), neighbors_begin_.end() - 1);
-    for_each_pair([&](const std::pair<int, int>& pair) { neighbors_[next[pair.second]++] = pair.first; });
+    for_each_pair(
+        [&](const std::pair<int, int>& pair) { neighbors_[next[pair.second]++] = pair.first; });
   }
 
-  // A row of the factor has entries in the columns on the paths of the tree from those of S up to the diagonal.
+  // A row of the factor has entries in the columns on the paths of the tree from those of S up to
+  // the diagonal.
   void FindParents() {
     parents_.assign(size(), -1);
     counts_.assign(size(), 1);
@@ -145,11 +154,13 @@ class EliminationTree {
     }
   }
 
-  // Children before parents, the one with the most entries last: its column is then likely to join its parent's.
+  // Children before parents, the one with the most entries last: its column is then likely to join
+  // its parent's.
   void PutInPostorder() {
     std::vector<int> by_count(size());
     std::iota(by_count.begin(), by_count.end(), 0);
-    std::stable_sort(by_count.begin(), by_count.end(), [this](int a, int b) { return counts_[a] < counts_[b]; });
+    std::stable_sort(by_count.begin(), by_count.end(),
+                     [this](int a, int b) { return counts_[a] < counts_[b]; });
     std::vector<int> first_child(size(), -1), next(size(), -1);
     std::vector<int> waiting;  // top last
     for (auto child = by_count.rbegin(); child != by_count.rend(); ++child) {
@@ -202,7 +213,8 @@ class EliminationTree {
     }
     begin_.clear();
     for (int at = 0; at < size(); ++at) {
-      if (at == 0 || parents_[at - 1] != at || counts_[at - 1] != counts_[at] + 1 || num_children[at] != 1) {
+      if (at == 0 || parents_[at - 1] != at || counts_[at - 1] != counts_[at] + 1 ||
+          num_children[at] != 1) {
         begin_.push_back(at);
       }
     }
@@ -211,13 +223,15 @@ class EliminationTree {
 
   // From the end: a front may join the one behind it, as it is by then, if that is its parent.
   void JoinFronts() {
-    std::vector<int> begin{size(), begin_[begin_.size() - 2]};  // of the fronts that stay, from the end
-    double zeros = 0.0;                                         // in the last of them
+    std::vector<int> begin{size(),
+                           begin_[begin_.size() - 2]};  // of the fronts that stay, from the end
+    double zeros = 0.0;                                 // in the last of them
     for (auto f = static_cast<int>(begin_.size()) - 3; f >= 0; --f) {
       const int next = begin.back(), end = begin[begin.size() - 2];
       const int parent = parents_[next - 1];
       const double new_zeros = NewZeros(begin_[f], next, end);
-      if (parent >= next && parent < end && IsWorthJoining(begin_[f], end, new_zeros, zeros + new_zeros)) {
+      if (parent >= next && parent < end &&
+          IsWorthJoining(begin_[f], end, new_zeros, zeros + new_zeros)) {
         begin.back() = begin_[f];
         zeros += new_zeros;
       } else {
@@ -229,7 +243,9 @@ class EliminationTree {
   }
   // Those of a front [begin, next) that joins the one behind it, up to `end`, as far as they count.
   double NewZeros(int begin, int next, int end) const {
-    return IsNarrow(end - begin, 0) ? 0.0 : static_cast<double>(next - begin) * (RowsOf(begin, end) - counts_[begin]);
+    return IsNarrow(end - begin, 0)
+               ? 0.0
+               : static_cast<double>(next - begin) * (RowsOf(begin, end) - counts_[begin]);
   }
   bool IsWorthJoining(int begin, int end, double new_zeros, double zeros) const {
     const int columns = end - begin;
@@ -237,7 +253,9 @@ class EliminationTree {
     return new_zeros == 0.0 || (IsNarrow(columns, 1) && share < kZeroShare[0]) ||
            (IsNarrow(columns, 2) && share < kZeroShare[1]) || share < kZeroShare[2];
   }
-  bool IsNarrow(int columns, int limit) const { return columns <= std::ceil(kJoinedColumns[limit] / MeanSize()); }
+  bool IsNarrow(int columns, int limit) const {
+    return columns <= std::ceil(kJoinedColumns[limit] / MeanSize());
+  }
   // Of a front with these pivots: those, and the rows of the last column below it.
   int RowsOf(int begin, int end) const { return end - begin + counts_[end - 1] - 1; }
 
@@ -254,7 +272,8 @@ class EliminationTree {
     for (int f = 0; f < num_fronts; ++f) {
       std::fill(front_of.begin() + begin_[f], front_of.begin() + begin_[f + 1], f);
     }
-    // Row by row, again along the paths of the tree: every front that the row crosses lists it once.
+    // Row by row, again along the paths of the tree: every front that the row crosses lists it
+    // once.
     std::vector<int> last_row(num_fronts, -1);
     for (int row = 0; row < size(); ++row) {
       const auto list = [&](int f) {
@@ -263,7 +282,8 @@ class EliminationTree {
       };
       list(front_of[row]);
       for (int k = neighbors_begin_[row]; k < neighbors_begin_[row + 1]; ++k) {
-        for (int f = front_of[neighbors_[k]]; last_row[f] != row; f = front_of[parents_[begin_[f + 1] - 1]]) {
+        for (int f = front_of[neighbors_[k]]; last_row[f] != row;
+             f = front_of[parents_[begin_[f + 1] - 1]]) {
           list(f);
         }
       }
@@ -274,9 +294,10 @@ class EliminationTree {
   std::vector<int> order_;            // block by position
   std::vector<int> neighbors_begin_;  // per position, and one more
   std::vector<int> neighbors_;        // positions before it
-  std::vector<int> parents_;          // per position: of the first entry below the diagonal; -1: there is none
-  std::vector<int> counts_;           // per position: entries of the column, the diagonal included
-  std::vector<int> begin_;            // of fronts, and one more
+  // per position: of the first entry below the diagonal; -1: there is none
+  std::vector<int> parents_;
+  std::vector<int> counts_;  // per position: entries of the column, the diagonal included
+  std::vector<int> begin_;   // of fronts, and one more
 };
 
 }  // namespace
@@ -285,7 +306,8 @@ Status FindSymbolicFactor(const BlockPattern& pattern, bool may_dissect, Symboli
   *factor = SymbolicFactor();
   std::vector<int> order;
   if (!OrderByAmd(pattern, &order)) {
-    return Status::Error(StatusCode::kUnavailable, "AMD could not order the reduced system (out of memory?)");
+    return Status::Error(StatusCode::kUnavailable,
+                         "AMD could not order the reduced system (out of memory?)");
   }
   EliminationTree tree(pattern, order);
   if (may_dissect && tree.Flops() >= kMinFlopsForDissection && OrderByHalves(pattern, &order)) {

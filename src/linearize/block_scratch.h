@@ -16,12 +16,14 @@ inline void MirrorLowerTriangle(int size, int stride, double* block) {
   }
 }
 
-/// A zeroed padded block for a kernel to sum into: on the stack for the usual sizes, on the heap for frames above 16.
+/// A zeroed padded block for a kernel to sum into: on the stack for the usual sizes, on the heap
+/// for frames above 16.
 class BlockScratch {
  public:
   /// rows × PadToQuad(columns) zeros.
   double* Zeroed(int rows, int columns) {
-    const auto count = static_cast<std::size_t>(rows) * static_cast<std::size_t>(PadToQuad(columns));
+    const auto count =
+        static_cast<std::size_t>(rows) * static_cast<std::size_t>(PadToQuad(columns));
     double* data = stack_;
     if (count > kInline) {
       heap_.resize(std::max(heap_.size(), count));

@@ -9,7 +9,8 @@
 namespace inceres::internal {
 namespace {
 
-constexpr int kChunkSize = 256;    // factors per task on one thread, at most: a few tens of microseconds of built-in Jacobians
+// factors per task on one thread, at most: a few tens of microseconds of built-in Jacobians
+constexpr int kChunkSize = 256;
 constexpr int kSumSize = 16;       // factors per sum of costs; chunks are so many or a multiple
 constexpr int kEntryGrain = 8192;  // connections per task, a few nanoseconds each
 
@@ -32,7 +33,8 @@ void Clamp(const VariableBounds& bounds, double* x) {
 
 }  // namespace
 
-Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor, JacobianStorage storage)
+Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor,
+                     JacobianStorage storage)
     : graph_(&graph),
       layout_(layout),
       executor_(executor),
@@ -49,12 +51,13 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
   chunk_failures_.resize(chunks_.size());
 }
 
-// Where chunks are cut may depend on the number of threads, where sums of costs are may not. Both end at free places, which
-// nobody evaluates: their residuals and Jacobians stay zero.
+// Where chunks are cut may depend on the number of threads, where sums of costs are may not. Both
+// end at free places, which nobody evaluates: their residuals and Jacobians stay zero.
 void Evaluator::BuildChunks(FamilyId id) {
   const int num_factors = families_[id].num_factors;
   const int task_size = executor_.num_threads() > 1 ? families_[id].family->TaskSize() : kChunkSize;
-  const int chunk_size = (std::clamp(task_size, 1, kChunkSize) + kSumSize - 1) / kSumSize * kSumSize;
+  const int chunk_size =
+      (std::clamp(task_size, 1, kChunkSize) + kSumSize - 1) / kSumSize * kSumSize;
   const bool gaps = graph_->NumFreePlaces(id) > 0;
   for (int begin = 0; begin < num_factors;) {
     int end = std::min((begin / chunk_size + 1) * chunk_size, num_factors);
@@ -63,7 +66,8 @@ void Evaluator::BuildChunks(FamilyId id) {
     }
     if (end > begin) {
       chunks_.push_back({id, begin, end, static_cast<int>(sums_.size())});
-      sums_.resize(sums_.size() + static_cast<std::size_t>((end - 1) / kSumSize - begin / kSumSize + 1));
+      sums_.resize(sums_.size() +
+                   static_cast<std::size_t>((end - 1) / kSumSize - begin / kSumSize + 1));
     }
     begin = std::max(end, begin + 1);
   }
@@ -75,7 +79,8 @@ void Evaluator::Rebind(const FactorGraph& graph) {
   std::copy(graph.state().begin(), graph.state().end(), candidate_.begin());
   bounds_.clear();
   BuildBounds();
-  // Without borrowed values all parameters are where they were: in the two states, at offsets of the structure.
+  // Without borrowed values all parameters are where they were: in the two states, at offsets of
+  // the structure.
   const bool borrows = BorrowsValues(graph);
   for (Chunk& chunk : chunks_) {
     chunk.at_candidate = chunk.at_candidate && !borrows;
@@ -84,7 +89,9 @@ void Evaluator::Rebind(const FactorGraph& graph) {
     if (borrows) {
       FindAllParameters(id);
     }
-    if (storage_ == JacobianStorage::kWholeRows) {  // a loss that was not finite may have left 0 · ∞ in columns nobody writes
+    if (storage_ == JacobianStorage::
+                        // a loss that was not finite may have left 0 · ∞ in columns nobody writes
+        kWholeRows) {
       ZeroedArray& J = families_[id].jacobian_values;
       std::fill_n(J.data(), J.size(), 0.0);
     }
@@ -103,7 +110,8 @@ void Evaluator::BuildFamily(FamilyId id) {
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
   executor_.For(static_cast<int>(cache.parameters.size()), kEntryGrain, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
-      cache.tangent_maps[k] = ids[k] < 0 ? nullptr : &tangents_[ids[k]].map();  // null at a free place
+      // null at a free place
+      cache.tangent_maps[k] = ids[k] < 0 ? nullptr : &tangents_[ids[k]].map();
     }
     if (storage_ == JacobianStorage::kBySlot) {
       PlaceInTangent(&cache, begin, end);
@@ -114,7 +122,8 @@ void Evaluator::BuildFamily(FamilyId id) {
 }
 
 // The entries (factor and slot) from begin to end.
-void Evaluator::PlaceInTangent(Linearization* cache, std::ptrdiff_t begin, std::ptrdiff_t end) const {
+void Evaluator::PlaceInTangent(Linearization* cache, std::ptrdiff_t begin,
+                               std::ptrdiff_t end) const {
   const VariableId* ids = begin < end ? graph_->Variables(cache->id, 0) : nullptr;
   for (std::ptrdiff_t k = begin; k < end; ++k) {
     const int position = ids[k] < 0 ? -1 : layout_.position[ids[k]];  // a free place has none
@@ -141,13 +150,15 @@ void Evaluator::PlaceWholeRows(Linearization* cache) const {
   cache->candidate_parameters.resize(cache->parameters.size());
   const int row_stride = PadToQuad(layout_.size());
   const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache->residual_size} * row_stride;
-  cache->jacobian_values = ZeroedArray(static_cast<std::size_t>(cache->num_factors * factor_stride));
+  cache->jacobian_values =
+      ZeroedArray(static_cast<std::size_t>(cache->num_factors * factor_stride));
   double* const J = cache->jacobian_values.data();
   cache->slots = {{J, factor_stride, row_stride, layout_.size()}};
   cache->tangent_offsets = {0};
   for (int s = 0; cache->num_factors > 0 && s < cache->num_slots; ++s) {
     const int position = layout_.position[graph_->Variables(cache->id, 0)[s]];
-    cache->views[s] = {J + (position < 0 ? 0 : layout_.packed_offset[position]), factor_stride, row_stride};
+    cache->views[s] = {J + (position < 0 ? 0 : layout_.packed_offset[position]), factor_stride,
+                       row_stride};
   }
 }
 
@@ -171,13 +182,15 @@ void Evaluator::FindAllParameters(FamilyId id) {
 }
 
 // Of all factors of the family, or of none where there is no room for them.
-void Evaluator::FindParameters(const std::vector<double>& state, FamilyId id, std::vector<const double*>* parameters) const {
+void Evaluator::FindParameters(const std::vector<double>& state, FamilyId id,
+                               std::vector<const double*>* parameters) const {
   const int num_slots = graph_->family(id).num_slots();
   const VariableId* ids = parameters->empty() ? nullptr : graph_->Variables(id, 0);
   executor_.For(static_cast<int>(parameters->size()), kEntryGrain, [&](int begin, int end) {
     const double** const result = parameters->data();
     for (int k = begin; k < end; ++k) {
-      if (k - num_slots >= begin && ids[k] == ids[k - num_slots]) {  // as that of the factor before, as many are
+      if (k - num_slots >= begin &&
+          ids[k] == ids[k - num_slots]) {  // as that of the factor before, as many are
         result[k] = result[k - num_slots];
       } else if (ids[k] >= 0) {  // not a free place
         result[k] = graph_->ValuesIn(state.data(), ids[k]);
@@ -209,8 +222,9 @@ template <typename Compute>
 Status Evaluator::ComputeTangents(const std::vector<double>& state, const Compute& compute) {
   for (const VariableId id : curved_) {
     if (const char* fault = compute(&tangents_[id], id, graph_->ValuesIn(state.data(), id))) {
-      return Status::Error(StatusCode::kEvaluationFailed,
-                           "PlusJacobian of the manifold of variable " + std::to_string(id) + " " + fault);
+      return Status::Error(
+          StatusCode::kEvaluationFailed,
+          "PlusJacobian of the manifold of variable " + std::to_string(id) + " " + fault);
     }
   }
   return Status::Ok();
@@ -232,7 +246,8 @@ bool Evaluator::MoveCandidate(const double* delta) {
   return true;
 }
 
-// Parameters that are not of the state, constants in the user's memory, stay where they are. Whole rows keep both points'.
+// Parameters that are not of the state, constants in the user's memory, stay where they are. Whole
+// rows keep both points'.
 void Evaluator::PointTo(bool candidate, Chunk* chunk) {
   if (storage_ == JacobianStorage::kWholeRows || chunk->at_candidate == candidate) {
     return;
@@ -263,8 +278,8 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
   if (jacobians && leaves_out_zero_blocks_) {
     PlaceInTangent(&cache, cache.Entry(chunk->begin), cache.Entry(chunk->end));
   }
-  const EvaluationFailure failure =
-      jacobians ? cache.Linearize(chunk->begin, chunk->end) : cache.EvaluateCandidate(chunk->begin, chunk->end);
+  const EvaluationFailure failure = jacobians ? cache.Linearize(chunk->begin, chunk->end)
+                                              : cache.EvaluateCandidate(chunk->begin, chunk->end);
   if (!failure.failed()) {
     double* sum = sums_.data() + chunk->first_sum;
     for (int begin = chunk->begin; begin < chunk->end;) {
@@ -285,7 +300,8 @@ double Evaluator::SumCosts(bool jacobians, Linearization* family_cache, int begi
   double* residuals = jacobians ? cache.residuals.data() : cache.candidate_residuals.data();
   const int rows = cache.residual_size;
   if (!graph_->HasLosses(cache.id)) {
-    return PlainCost(residuals + static_cast<std::ptrdiff_t>(begin) * rows, static_cast<std::ptrdiff_t>(end - begin) * rows);
+    return PlainCost(residuals + static_cast<std::ptrdiff_t>(begin) * rows,
+                     static_cast<std::ptrdiff_t>(end - begin) * rows);
   }
   const auto num_slots = static_cast<int>(cache.slots.size());
   const std::ptrdiff_t offset_stride = cache.storage == JacobianStorage::kBySlot ? num_slots : 0;
@@ -294,30 +310,34 @@ double Evaluator::SumCosts(bool jacobians, Linearization* family_cache, int begi
     double* f = residuals + static_cast<std::ptrdiff_t>(i) * rows;
     const Loss* loss = graph_->loss(cache.id, i);
     cost += jacobians ? RobustifyFactor(loss, rows, num_slots, cache.slots.data(), i,
-                                        cache.tangent_offsets.data() + i * offset_stride, loss_curvature_, f)
+                                        cache.tangent_offsets.data() + i * offset_stride,
+                                        loss_curvature_, f)
                       : RobustCost(loss, f, rows);
   }
   return cost;
 }
 
 Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
-  const int first_failed =
-      EvaluateTasks(executor_, &chunk_failures_, [&](int k) { return EvaluateChunk(jacobians, &chunks_[k]); });
+  const int first_failed = EvaluateTasks(
+      executor_, &chunk_failures_, [&](int k) { return EvaluateChunk(jacobians, &chunks_[k]); });
   if (first_failed >= 0) {
     const EvaluationFailure& failure = chunk_failures_[first_failed];
     const Linearization& cache = families_[chunks_[first_failed].family];
     return Status::Error(
         StatusCode::kEvaluationFailed,
         graph_->DescribeFailure(cache.id, failure,
-                                jacobians ? cache.Parameters(failure.factor) : cache.CandidateParameters(failure.factor)));
+                                jacobians ? cache.Parameters(failure.factor)
+                                          : cache.CandidateParameters(failure.factor)));
   }
   *cost = std::accumulate(sums_.begin(), sums_.end(), 0.0);
   return Status::Ok();
 }
 
 Status Evaluator::EvaluateCandidateCost(double* cost) {
-  const Status status = ComputeTangents(
-      candidate_, [this](Tangent* tangent, VariableId id, const double* x) { return tangent->ComputeCandidate(*graph_, id, x); });
+  const Status status =
+      ComputeTangents(candidate_, [this](Tangent* tangent, VariableId id, const double* x) {
+        return tangent->ComputeCandidate(*graph_, id, x);
+      });
   return status.ok() ? EvaluateAll(/*jacobians=*/false, cost) : status;
 }
 
@@ -358,8 +378,10 @@ void Evaluator::SetCurrent(const std::vector<double>& state) {
 
 Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
   if (!known_point) {
-    Status status = ComputeTangents(
-        current_, [this](Tangent* tangent, VariableId id, const double* x) { return tangent->Compute(*graph_, id, x); });
+    Status status =
+        ComputeTangents(current_, [this](Tangent* tangent, VariableId id, const double* x) {
+          return tangent->Compute(*graph_, id, x);
+        });
     if (!status.ok()) {
       return status;
     }
@@ -370,12 +392,15 @@ Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
 std::int64_t Evaluator::Bytes() const {
   std::int64_t bytes = 0;
   for (const Linearization& cache : families_) {
-    bytes += static_cast<std::int64_t>(sizeof(double) * (cache.residuals.size() * 2 + cache.jacobian_values.size()));
-    bytes += static_cast<std::int64_t>(cache.parameters.size() * (2 * sizeof(void*) + sizeof(std::int32_t)));
+    bytes += static_cast<std::int64_t>(sizeof(double) *
+                                       (cache.residuals.size() * 2 + cache.jacobian_values.size()));
+    bytes += static_cast<std::int64_t>(cache.parameters.size() *
+                                       (2 * sizeof(void*) + sizeof(std::int32_t)));
     bytes += static_cast<std::int64_t>(cache.candidate_parameters.size() * sizeof(void*));
   }
   for (const VariableId id : curved_) {
-    bytes += static_cast<std::int64_t>(sizeof(double) * 2 * graph_->AmbientSize(id) * graph_->TangentSize(id));
+    bytes += static_cast<std::int64_t>(sizeof(double) * 2 * graph_->AmbientSize(id) *
+                                       graph_->TangentSize(id));
   }
   return bytes + static_cast<std::int64_t>(sizeof(double) * current_.size() * 2);
 }

@@ -8,7 +8,8 @@
 
 namespace inceres::internal {
 
-FactorLinearizer::FactorLinearizer(const FactorGraph& graph, ValuesOf values, std::function<bool(VariableId)> wanted)
+FactorLinearizer::FactorLinearizer(const FactorGraph& graph, ValuesOf values,
+                                   std::function<bool(VariableId)> wanted)
     : graph_(graph), values_(std::move(values)), wanted_(std::move(wanted)) {
   constant_.kind = TangentMap::Kind::kConstant;
 }
@@ -23,8 +24,9 @@ Status FactorLinearizer::MapOf(VariableId id, const TangentMap** map) {
   tangent.Set(graph_, id, /*wanted=*/true);
   if (tangent.Refresh(graph_, id, values_(id)) != nullptr) {
     tangents_.erase(found);
-    return Status::Error(StatusCode::kEvaluationFailed,
-                         "the manifold of variable " + std::to_string(id) + " has no Jacobian here");
+    return Status::Error(
+        StatusCode::kEvaluationFailed,
+        "the manifold of variable " + std::to_string(id) + " has no Jacobian here");
   }
   return Status::Ok();
 }
@@ -66,11 +68,12 @@ Status FactorLinearizer::Linearize(FactorId id, LinearizedFactor* result) {
   }
   const EvaluationFailure failure = factors.Linearize(id.index, id.index + 1);
   if (failure.failed()) {
-    return Status::Error(StatusCode::kEvaluationFailed, graph_.DescribeFailure(id.family, failure, factors.Parameters(id.index)));
+    return Status::Error(StatusCode::kEvaluationFailed,
+                         graph_.DescribeFailure(id.family, failure, factors.Parameters(id.index)));
   }
   double* f = factors.residuals.data() + std::ptrdiff_t{id.index} * factors.residual_size;
-  RobustifyFactor(graph_.loss(id.family, id.index), factors.residual_size, factors.num_slots, slots_.data(), 0, offsets_.data(),
-                  LossCurvature::kPositive, f);
+  RobustifyFactor(graph_.loss(id.family, id.index), factors.residual_size, factors.num_slots,
+                  slots_.data(), 0, offsets_.data(), LossCurvature::kPositive, f);
   *result = {factors.residual_size, f, slots_.data()};
   return Status::Ok();
 }

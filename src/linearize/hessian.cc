@@ -9,12 +9,15 @@ constexpr int kBlockGrain = 8;
 constexpr int kLandmarkGrain = 64;
 
 std::ptrdiff_t LargestSize(const LandmarkIncidences& incidences) {
-  return incidences.sizes.empty() ? 0 : *std::max_element(incidences.sizes.begin(), incidences.sizes.end());
+  return incidences.sizes.empty()
+             ? 0
+             : *std::max_element(incidences.sizes.begin(), incidences.sizes.end());
 }
 
 }  // namespace
 
-Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans)
+Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences,
+                 const FramePlans& plans)
     : evaluator_(evaluator),
       incidences_(incidences),
       plans_(plans),
@@ -35,7 +38,8 @@ void Hessian::PlaceFrameBlocks() {
   C_begin_.assign(pattern.columns.size(), -1);
   std::int64_t size = 0;
   for (std::size_t k = 0; k < pattern.columns.size(); ++k) {
-    if (plans_.hessian.segments_begin[k + 1] > plans_.hessian.segments_begin[k] || pattern.columns[k] == plans_.block_row[k]) {
+    if (plans_.hessian.segments_begin[k + 1] > plans_.hessian.segments_begin[k] ||
+        pattern.columns[k] == plans_.block_row[k]) {
       C_begin_[k] = size;
       size += pattern.value_begin[k + 1] - pattern.value_begin[k];
     }
@@ -49,12 +53,15 @@ void Hessian::BuildGradientTerms() {
   gradient_segments_begin_.push_back(0);
   for (int frame = 0; frame < pattern.num_blocks(); ++frame) {
     const auto block = static_cast<std::size_t>(pattern.row_begin[frame + 1]) - 1;
-    for (int k = plans_.hessian.segments_begin[block]; k < plans_.hessian.segments_begin[block + 1]; ++k) {
+    for (int k = plans_.hessian.segments_begin[block]; k < plans_.hessian.segments_begin[block + 1];
+         ++k) {
       const ProductPlan::Segment& segment = plans_.hessian.segments[k];
       const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
       const Linearization& cache = evaluator_.families()[source.family];
-      const auto quads = static_cast<std::int32_t>(cache.slots[source.row_slot].factor_stride / kQuad);
-      gradient_segments_.push_back({source.family, source.row_slot, static_cast<int>(gradient_terms_.size()), segment.count});
+      const auto quads =
+          static_cast<std::int32_t>(cache.slots[source.row_slot].factor_stride / kQuad);
+      gradient_segments_.push_back({source.family, source.row_slot,
+                                    static_cast<int>(gradient_terms_.size()), segment.count});
       for (int n = 0; n < segment.count; ++n) {
         const std::int32_t offset = plans_.hessian.terms[segment.first_term + n].b;
         gradient_terms_.push_back({offset, offset / quads * cache.residual_size});
@@ -67,8 +74,10 @@ void Hessian::BuildGradientTerms() {
 void Hessian::Accumulate() {
   const Executor& executor = evaluator_.executor();
   kept_.Observe();
-  executor.For(static_cast<int>(plans_.block_row.size()), kBlockGrain, [&](int b, int e) { AccumulateFrameBlocks(b, e); });
-  executor.For(incidences_.num_landmarks(), kLandmarkGrain, [&](int b, int e) { AccumulateLandmarks(b, e); });
+  executor.For(static_cast<int>(plans_.block_row.size()), kBlockGrain,
+               [&](int b, int e) { AccumulateFrameBlocks(b, e); });
+  executor.For(incidences_.num_landmarks(), kLandmarkGrain,
+               [&](int b, int e) { AccumulateLandmarks(b, e); });
 }
 
 // With a diagonal block goes the gradient of its frame: the Jacobians are then still in the cache.

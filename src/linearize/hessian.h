@@ -10,25 +10,31 @@
 
 namespace inceres::internal {
 
-/// H and η = −Jᵀf, undamped and unscaled, in three parts: C (frame blocks), P (one block a landmark) and η. Of the pattern of the
-/// frame system C has the blocks that factors reach and the diagonal ones: all of them where there are no landmarks, few where
-/// frames share landmarks only. W is not stored: the elimination takes J_fᵀJ_l P⁻¹ straight from the Jacobians.
+/// H and η = −Jᵀf, undamped and unscaled, in three parts: C (frame blocks), P (one block a
+/// landmark) and η. Of the pattern of the frame system C has the blocks that factors reach and the
+/// diagonal ones: all of them where there are no landmarks, few where frames share landmarks only.
+/// W is not stored: the elimination takes J_fᵀJ_l P⁻¹ straight from the Jacobians.
 class Hessian {
  public:
-  Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans);
+  Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences,
+          const FramePlans& plans);
 
-  /// Sums H and η from the evaluator's current residuals and Jacobians. Every block and every entry is summed by one task in a
-  /// fixed order.
+  /// Sums H and η from the evaluator's current residuals and Jacobians. Every block and every entry
+  /// is summed by one task in a fixed order.
   void Accumulate();
 
   /// The blocks of C one after the other, in the order of the pattern.
   const ZeroedArray& C() const { return C_; }
   /// A block of the pattern, or null where C has none: all zeros.
-  const double* FrameBlock(int block) const { return C_begin_[block] < 0 ? nullptr : C_.data() + C_begin_[block]; }
+  const double* FrameBlock(int block) const {
+    return C_begin_[block] < 0 ? nullptr : C_.data() + C_begin_[block];
+  }
   /// P of landmark l: rows four apart.
   const double* P(int l) const { return P_.data() + l * landmark_stride_; }
   /// η of landmark l.
-  const double* LandmarkEta(int l) const { return landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad; }
+  const double* LandmarkEta(int l) const {
+    return landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad;
+  }
   /// Jᵀf, packed: the gradient of the cost.
   const std::vector<double>& gradient() const { return gradient_; }
   /// diag(H), packed: the squared column norms of J.

@@ -7,13 +7,14 @@ namespace inceres::internal {
 namespace {
 
 // Landmark of each factor through one slot, or -1.
-std::vector<std::int32_t> LandmarksThroughSlot(const Linearization& cache, const FactorGraph& graph, const Layout& layout,
-                                               int slot, bool* any) {
+std::vector<std::int32_t> LandmarksThroughSlot(const Linearization& cache, const FactorGraph& graph,
+                                               const Layout& layout, int slot, bool* any) {
   const int num_slots = cache.num_slots;
   std::vector<std::int32_t> landmark(cache.num_factors, -1);
   *any = false;
   for (int i = 0; i < cache.num_factors; ++i) {
-    const int l = layout.LandmarkOf(graph.Variables(cache.id, 0)[static_cast<std::ptrdiff_t>(i) * num_slots + slot]);
+    const int l = layout.LandmarkOf(
+        graph.Variables(cache.id, 0)[static_cast<std::ptrdiff_t>(i) * num_slots + slot]);
     landmark[i] = l;
     *any |= l >= 0;
   }
@@ -49,7 +50,8 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
     auto& targets = y_targets_[cache.id];
     for (int slot = 0; slot < cache.num_slots; ++slot) {
       bool any = false;
-      const std::vector<std::int32_t> landmark = LandmarksThroughSlot(cache, evaluator.graph(), layout, slot, &any);
+      const std::vector<std::int32_t> landmark =
+          LandmarksThroughSlot(cache, evaluator.graph(), layout, slot, &any);
       if (!any) {
         continue;
       }
@@ -61,7 +63,8 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
         }
       }
       std::partial_sum(start.begin(), start.end(), start.begin());
-      std::vector<std::int32_t>& list = factor_lists_.emplace_back(static_cast<std::size_t>(start.back()));
+      std::vector<std::int32_t>& list =
+          factor_lists_.emplace_back(static_cast<std::size_t>(start.back()));
       std::vector<int> next(start.begin(), start.end() - 1);
       for (int i = 0; i < cache.num_factors; ++i) {
         const int l = landmark[i];
@@ -87,7 +90,8 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
     }
   }
   if (factor_lists_.size() > 1) {
-    std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    std::stable_sort(found.begin(), found.end(),
+                     [](const auto& a, const auto& b) { return a.first < b.first; });
   }
   factors_begin.assign(num_landmarks + 1, 0);
   factors.reserve(found.size());
@@ -98,7 +102,8 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
   std::partial_sum(factors_begin.begin(), factors_begin.end(), factors_begin.begin());
 }
 
-// Numbers the incidences and notes in y_targets_, for the time being, 2 · incidence + (not the first factor there).
+// Numbers the incidences and notes in y_targets_, for the time being, 2 · incidence + (not the
+// first factor there).
 void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   const Layout& layout = evaluator.layout();
   const FactorGraph& graph = evaluator.graph();
@@ -107,8 +112,9 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   for (std::size_t l = 0; l < sizes.size(); ++l) {
     for (int k = factors_begin[l]; k < factors_begin[l + 1]; ++k) {
       const LandmarkFactors& entry = factors[k];
-      const auto owner = std::find_if(evaluator.families().begin(), evaluator.families().end(),
-                                      [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
+      const auto owner = std::find_if(
+          evaluator.families().begin(), evaluator.families().end(),
+          [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
       auto& targets = y_targets_[owner->id];
       for (int n = 0; n < entry.count; ++n) {
         const auto first = static_cast<std::ptrdiff_t>(entry.factors[n]) * entry.num_slots;
@@ -122,7 +128,8 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
           if (!known) {
             seen = static_cast<int>(incidences.size());
             const auto f = static_cast<std::size_t>(frame);
-            incidences.push_back({0, layout.quad_offset[f], layout.quad_offset[f + 1] - layout.quad_offset[f]});
+            incidences.push_back(
+                {0, layout.quad_offset[f], layout.quad_offset[f + 1] - layout.quad_offset[f]});
             frames.push_back(frame);
             landmarks.push_back(static_cast<std::int32_t>(l));
           }
@@ -136,8 +143,9 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
 
 void LandmarkIncidences::ChooseStorage(const Layout& layout) {
   const int size = frames.empty() ? 0 : layout.TangentSize(frames[0]);
-  tail = MayHaveTail(size) &&
-         std::all_of(frames.begin(), frames.end(), [&](std::int32_t frame) { return layout.TangentSize(frame) == size; });
+  tail = MayHaveTail(size) && std::all_of(frames.begin(), frames.end(), [&](std::int32_t frame) {
+           return layout.TangentSize(frame) == size;
+         });
   for (LandmarkFactors& entry : factors) {
     entry.y_tail = tail;
   }
@@ -168,7 +176,9 @@ void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk) {
 }
 
 int LandmarkIncidences::ChunkOf(int landmark) const {
-  return static_cast<int>(std::upper_bound(chunk_begin.begin(), chunk_begin.end(), landmark) - chunk_begin.begin()) - 1;
+  return static_cast<int>(std::upper_bound(chunk_begin.begin(), chunk_begin.end(), landmark) -
+                          chunk_begin.begin()) -
+         1;
 }
 
 void LandmarkIncidences::PlaceBlocks(const Layout& layout) {

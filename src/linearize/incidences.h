@@ -8,21 +8,23 @@
 
 namespace inceres::internal {
 
-/// Which frames each landmark is seen from (its separator) and by which factors: the symbolic half of the elimination.
+/// Which frames each landmark is seen from (its separator) and by which factors: the symbolic half
+/// of the elimination.
 ///
-/// Every pair (landmark l, frame i) that shares a factor has one block Y_li = W_li U_invᵀ, stored as landmark-size rows of padded
-/// frame-size entries, or, where that saves memory and all frames are alike, with their last column apart (`tail`; see
-/// MayHaveTail). Blocks of one frame lie together, so that forming a block S_ij walks through two short, sorted
-/// stretches of memory.
+/// Every pair (landmark l, frame i) that shares a factor has one block Y_li = W_li U_invᵀ, stored
+/// as landmark-size rows of padded frame-size entries, or, where that saves memory and all frames
+/// are alike, with their last column apart (`tail`; see MayHaveTail). Blocks of one frame lie
+/// together, so that forming a block S_ij walks through two short, sorted stretches of memory.
 ///
-/// Landmarks are eliminated in chunks, one after the other, that all use the same memory for their Y: large problems would
-/// otherwise spend a quarter of theirs on it. A chunk is as long as its Y takes no more than quads_per_chunk, but at least one
-/// landmark.
+/// Landmarks are eliminated in chunks, one after the other, that all use the same memory for their
+/// Y: large problems would otherwise spend a quarter of theirs on it. A chunk is as long as its Y
+/// takes no more than quads_per_chunk, but at least one landmark.
 struct LandmarkIncidences {
   static constexpr int kMaxLandmarkSize = 4;
   static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 16;  // 2 MiB
 
-  explicit LandmarkIncidences(const Evaluator& evaluator, std::int64_t quads_per_chunk = kQuadsPerChunk);
+  explicit LandmarkIncidences(const Evaluator& evaluator,
+                              std::int64_t quads_per_chunk = kQuadsPerChunk);
 
   int num_landmarks() const { return static_cast<int>(begin.size()) - 1; }
   int num_chunks() const { return static_cast<int>(chunk_begin.size()) - 1; }

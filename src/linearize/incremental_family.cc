@@ -11,7 +11,8 @@ namespace {
 // Below this √w the linearization says nothing about the residual any more.
 constexpr double kNoWeight = 1e-12;
 
-// A residual that changes by less than this share of itself is steady enough for the curvature of its loss to count.
+// A residual that changes by less than this share of itself is steady enough for the curvature of
+// its loss to count.
 constexpr double kSteadyShare = 1.0 / 3.0;
 
 double Dot(const double* a, const double* b, int size) {
@@ -25,15 +26,20 @@ double Dot(const double* a, const double* b, int size) {
 }  // namespace
 
 IncrementalFamily::IncrementalFamily(const FactorGraph& graph, FamilyId id)
-    : factors_(graph, id), kernels_(&BestKernels()), constant_jacobian_(factors_.family->HasConstantJacobian()) {
+    : factors_(graph, id),
+      kernels_(&BestKernels()),
+      constant_jacobian_(factors_.family->HasConstantJacobian()) {
 }
 
 void IncrementalFamily::Grow(int num_places) {
-  const int capacity = num_places > factors_.capacity ? 2 * num_places : factors_.capacity;  // the columns grow in step
+  const int capacity = num_places > factors_.capacity
+                           ? 2 * num_places
+                           : factors_.capacity;  // the columns grow in step
   factors_.Grow(num_places, capacity);
   factors_.candidate_parameters.resize(factors_.parameters.size());
   const auto n = static_cast<std::size_t>(num_places);
-  for (std::vector<double>* residuals : {&predicted_f_, &J_step_, &q_, &candidate_q_, &correction_}) {
+  for (std::vector<double>* residuals :
+       {&predicted_f_, &J_step_, &q_, &candidate_q_, &correction_}) {
     residuals->reserve(First(capacity));
     residuals->resize(First(num_places));
   }
@@ -55,14 +61,16 @@ void IncrementalFamily::Connect(int factor, VariableStore* variable_store) {
     const VariableId id = variables(factor)[s];
     const TangentMap& map = variable_store->map(id);
     const auto at = static_cast<std::size_t>(factors_.Entry(factor)) + s;
-    factors_.Connect(at, variable_store->current(id), graph.HasPins() && map.wanted() ? graph.PinnedValues(id) : nullptr, map);
+    factors_.Connect(at, variable_store->current(id),
+                     graph.HasPins() && map.wanted() ? graph.PinnedValues(id) : nullptr, map);
     factors_.candidate_parameters[at] = variable_store->candidate(id);
     factors_.tangent_offsets[at] = variable_store->quad(id);
     y_targets_[at] = -1;
   }
 }
 
-EvaluationFailure IncrementalFamily::EvaluateCandidate(const std::vector<std::int32_t>& factors, const Executor& executor) {
+EvaluationFailure IncrementalFamily::EvaluateCandidate(const std::vector<std::int32_t>& factors,
+                                                       const Executor& executor) {
   return factors_.ForRuns(factors, executor, [this](int begin, int end) {
     const EvaluationFailure failure = factors_.EvaluateCandidate(begin, end);
     if (!failure.failed()) {
@@ -72,7 +80,8 @@ EvaluationFailure IncrementalFamily::EvaluateCandidate(const std::vector<std::in
   });
 }
 
-EvaluationFailure IncrementalFamily::Linearize(const std::vector<std::int32_t>& factors, const Executor& executor) {
+EvaluationFailure IncrementalFamily::Linearize(const std::vector<std::int32_t>& factors,
+                                               const Executor& executor) {
   return factors_.ForRuns(factors, executor, [this](int begin, int end) {
     const EvaluationFailure failure = factors_.Linearize(begin, end);
     for (int i = begin; i < end && !failure.failed(); ++i) {
@@ -124,7 +133,8 @@ void IncrementalFamily::WeighCandidates(int begin, int end) {
 void IncrementalFamily::Weigh(int factor) {
   const double* f = residual(factor);
   const LossValue value(factors_.graph->loss(id(), factor), f, residual_size());
-  const RobustScale scale(value, steady_[factor] != 0 ? LossCurvature::kNegative : LossCurvature::kNone);
+  const RobustScale scale(value,
+                          steady_[factor] != 0 ? LossCurvature::kNegative : LossCurvature::kNone);
   const bool corrected = scale.is_corrected();
   State& state = states_[factor];
   state.cost = value.cost();
@@ -142,12 +152,15 @@ void IncrementalFamily::Weigh(int factor) {
     }
   }
   if (!scale.is_one()) {
-    scale.Apply(f, residual_size(), num_slots(), slots(), factor, factors_.tangent_offsets.data() + factors_.Entry(factor));
+    scale.Apply(f, residual_size(), num_slots(), slots(), factor,
+                factors_.tangent_offsets.data() + factors_.Entry(factor));
   }
 }
 
-double IncrementalFamily::PredictDecrease(const std::vector<std::int32_t>& factors, const double* padded_step) {
-  kernels_->multiply_rows(factors_.Rows(0, 0), factors.data(), static_cast<int>(factors.size()), padded_step, J_step_.data());
+double IncrementalFamily::PredictDecrease(const std::vector<std::int32_t>& factors,
+                                          const double* padded_step) {
+  kernels_->multiply_rows(factors_.Rows(0, 0), factors.data(), static_cast<int>(factors.size()),
+                          padded_step, J_step_.data());
   double decrease = 0.0;
   for (const std::int32_t factor : factors) {
     for (std::ptrdiff_t k = First(factor); k < First(factor) + residual_size(); ++k) {
@@ -172,8 +185,10 @@ double IncrementalFamily::UnforeseenCost(int factor) const {
   return states_[factor].candidate_cost - states_[factor].cost + slope - 0.5 * curvature;
 }
 
-void IncrementalFamily::SubtractGradient(const std::vector<std::int32_t>& factors, double* padded_rhs) const {
-  kernels_->subtract_transposed(factors_.Rows(0, 0), factors.data(), static_cast<int>(factors.size()), q_.data(), padded_rhs);
+void IncrementalFamily::SubtractGradient(const std::vector<std::int32_t>& factors,
+                                         double* padded_rhs) const {
+  kernels_->subtract_transposed(factors_.Rows(0, 0), factors.data(),
+                                static_cast<int>(factors.size()), q_.data(), padded_rhs);
 }
 
 double IncrementalFamily::CandidateChange(const std::vector<std::int32_t>& factors) const {
@@ -185,14 +200,16 @@ double IncrementalFamily::CandidateChange(const std::vector<std::int32_t>& facto
 }
 
 bool IncrementalFamily::HasCurvedLoss(int factor) const {
-  return LossValue(factors_.graph->loss(id(), factor), residual(factor), residual_size()).rho[2] > 0.0;
+  return LossValue(factors_.graph->loss(id(), factor), residual(factor), residual_size()).rho[2] >
+         0.0;
 }
 
-double IncrementalFamily::TryStep(const std::vector<std::int32_t>& factors, const double* padded_step, double* padded_rhs) {
+double IncrementalFamily::TryStep(const std::vector<std::int32_t>& factors,
+                                  const double* padded_step, double* padded_rhs) {
   FactorRows rows = factors_.Rows(0, 0);
   rows.residuals = q_.data();
-  return kernels_->try_rows(rows, factors.data(), static_cast<int>(factors.size()), padded_step, candidate_q_.data(),
-                            J_step_.data(), padded_rhs);
+  return kernels_->try_rows(rows, factors.data(), static_cast<int>(factors.size()), padded_step,
+                            candidate_q_.data(), J_step_.data(), padded_rhs);
 }
 
 template <int kSize>
@@ -208,10 +225,12 @@ double IncrementalFamily::AcceptSized(const std::vector<std::int32_t>& factors) 
     double squared_change = 0.0;
     const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * size;
     const bool corrected = IsCorrected(factor);
-    const double along = corrected ? Dot(correction_.data() + first, J_step_.data() + first, size) : 0.0;
+    const double along =
+        corrected ? Dot(correction_.data() + first, J_step_.data() + first, size) : 0.0;
     for (std::ptrdiff_t k = first; k < first + size; ++k) {
       const double f = candidate_f[k];
-      const double foreseen = state.inverse_sqrt_w * (J_step_[k] + (corrected ? along * correction_[k] : 0.0));
+      const double foreseen =
+          state.inverse_sqrt_w * (J_step_[k] + (corrected ? along * correction_[k] : 0.0));
       const double predicted = constant_jacobian_ ? f : predicted_f_[k] + foreseen;
       predicted_f_[k] = predicted;
       f_now[k] = f;
@@ -220,7 +239,9 @@ double IncrementalFamily::AcceptSized(const std::vector<std::int32_t>& factors) 
       squared_norm += f * f;
       squared_change += foreseen * foreseen;
     }
-    steady_[factor] = squared_change > 0.0 && squared_change <= kSteadyShare * kSteadyShare * squared_norm ? 1 : 0;
+    steady_[factor] =
+        squared_change > 0.0 && squared_change <= kSteadyShare * kSteadyShare * squared_norm ? 1
+                                                                                             : 0;
     change += state.candidate_cost - state.cost;
     state.cost = state.candidate_cost;
     state.w = state.candidate_w;
@@ -242,10 +263,12 @@ double IncrementalFamily::Accept(const std::vector<std::int32_t>& factors) {
 }
 
 std::int64_t IncrementalFamily::Bytes() const {
-  const std::size_t doubles = factors_.residuals.size() + factors_.candidate_residuals.size() + factors_.jacobian_values.size() +
-                              5 * q_.capacity() + sizeof(State) / sizeof(double) * states_.capacity();
-  return static_cast<std::int64_t>(doubles * sizeof(double) + linearized_.capacity() + steady_.capacity() +
-                                   factors_.parameters.capacity() * (3 * sizeof(void*) + 2 * sizeof(std::int32_t)));
+  const std::size_t doubles = factors_.residuals.size() + factors_.candidate_residuals.size() +
+                              factors_.jacobian_values.size() + 5 * q_.capacity() +
+                              sizeof(State) / sizeof(double) * states_.capacity();
+  return static_cast<std::int64_t>(
+      doubles * sizeof(double) + linearized_.capacity() + steady_.capacity() +
+      factors_.parameters.capacity() * (3 * sizeof(void*) + 2 * sizeof(std::int32_t)));
 }
 
 }  // namespace inceres::internal

@@ -9,13 +9,16 @@ constexpr int kMinRows = 16;  // taller than measurements are, IMU factors inclu
 constexpr int kMaxFactors = 4;
 
 bool TakesPart(const Linearization& cache) {
-  return cache.residual_size >= kMinRows && cache.num_factors > 0 && cache.num_factors <= kMaxFactors;
+  return cache.residual_size >= kMinRows && cache.num_factors > 0 &&
+         cache.num_factors <= kMaxFactors;
 }
 
 }  // namespace
 
 KeptProducts::KeptProducts(const Evaluator& evaluator, const FramePlans& plans)
-    : evaluator_(evaluator), is_stale_(evaluator.families().size(), 1), offsets_(plans.hessian.segments.size(), -1) {
+    : evaluator_(evaluator),
+      is_stale_(evaluator.families().size(), 1),
+      offsets_(plans.hessian.segments.size(), -1) {
   for (const Linearization& cache : evaluator.families()) {
     if (TakesPart(cache)) {
       families_.push_back(cache.id);
@@ -26,7 +29,8 @@ KeptProducts::KeptProducts(const Evaluator& evaluator, const FramePlans& plans)
   for (std::size_t block = 0; block < plans.block_row.size() && !families_.empty(); ++block) {
     const int rows = plans.pattern.block_size(plans.block_row[block]);
     const int stride = PadToQuad(plans.pattern.block_size(plans.pattern.columns[block]));
-    for (int s = plans.hessian.segments_begin[block]; s < plans.hessian.segments_begin[block + 1]; ++s) {
+    for (int s = plans.hessian.segments_begin[block]; s < plans.hessian.segments_begin[block + 1];
+         ++s) {
       const int family = plans.hessian_sources[plans.hessian.segments[s].source].family;
       if (TakesPart(evaluator.families()[family])) {
         offsets_[s] = size;
@@ -40,7 +44,8 @@ KeptProducts::KeptProducts(const Evaluator& evaluator, const FramePlans& plans)
 void KeptProducts::Observe() {
   for (std::size_t k = 0; k < families_.size(); ++k) {
     const ZeroedArray& J = evaluator_.families()[families_[k]].jacobian_values;
-    const bool same = J_[k].size() == J.size() && std::memcmp(J_[k].data(), J.data(), J.size() * sizeof(double)) == 0;
+    const bool same = J_[k].size() == J.size() &&
+                      std::memcmp(J_[k].data(), J.data(), J.size() * sizeof(double)) == 0;
     is_stale_[families_[k]] = same ? 0 : 1;
     if (!same) {
       J_[k].assign(J.data(), J.data() + J.size());

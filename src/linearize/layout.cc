@@ -12,7 +12,8 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
   variables.reserve(graph.num_variables());
   // Landmarks in the order in which factors meet them: neighbors in memory are then used together.
   for (FamilyId f = 0; f < graph.num_families(); ++f) {
-    const auto num_entries = static_cast<std::int64_t>(graph.NumFactors(f)) * graph.family(f).num_slots();
+    const auto num_entries =
+        static_cast<std::int64_t>(graph.NumFactors(f)) * graph.family(f).num_slots();
     const VariableId* ids = num_entries > 0 ? graph.Variables(f, 0) : nullptr;
     for (std::int64_t k = 0; k < num_entries; ++k) {
       const VariableId id = ids[k];
@@ -20,7 +21,8 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
         continue;  // a free place
       }
       char& seen = touched[id];
-      if (seen == 0 && eliminate_landmarks && graph.role(id) == Role::kLandmark && !graph.IsConstant(id)) {
+      if (seen == 0 && eliminate_landmarks && graph.role(id) == Role::kLandmark &&
+          !graph.IsConstant(id)) {
         landmarks.push_back(id);
       }
       seen = 1;
@@ -61,7 +63,8 @@ int Layout::LandmarkOf(VariableId id) const {
 void Layout::Pad(const double* packed, double* padded) const {
   for (std::size_t i = 0; i < variables.size(); ++i) {
     const double* from = packed + packed_offset[i];
-    std::copy(from, packed + packed_offset[i + 1], padded + static_cast<std::int64_t>(quad_offset[i]) * kQuad);
+    std::copy(from, packed + packed_offset[i + 1],
+              padded + static_cast<std::int64_t>(quad_offset[i]) * kQuad);
   }
 }
 

@@ -7,15 +7,17 @@
 
 namespace inceres::internal {
 
-/// Where every variable that moves stands in the linear system. Two tangent vectors exist: the *packed* one the strategies and
-/// the reduced solver see (frames in order, then landmarks), and the *padded* one the kernels read (the same order, each variable
-/// padded to quads). Variables that are constant or that no factor touches have no place in either.
+/// Where every variable that moves stands in the linear system. Two tangent vectors exist: the
+/// *packed* one the strategies and the reduced solver see (frames in order, then landmarks), and
+/// the *padded* one the kernels read (the same order, each variable padded to quads). Variables
+/// that are constant or that no factor touches have no place in either.
 struct Layout {
   /// With eliminate_landmarks false every moving variable is a frame.
   Layout(const FactorGraph& graph, bool eliminate_landmarks);
 
-  std::vector<VariableId> variables;      // moving ones, frames first: the order of both tangent vectors
-  std::vector<int> packed_offset;         // per entry of `variables`, one more: the total
+  std::vector<VariableId>
+      variables;                   // moving ones, frames first: the order of both tangent vectors
+  std::vector<int> packed_offset;  // per entry of `variables`, one more: the total
   std::vector<std::int32_t> quad_offset;  // per entry of `variables`, one more: the total
   std::vector<int> position;              // per VariableId: index into `variables`, or -1
   int num_frames = 0;
@@ -24,8 +26,8 @@ struct Layout {
   int size() const { return packed_offset.back(); }
   int frame_size() const { return packed_offset[num_frames]; }
   int TangentSize(int index) const { return packed_offset[index + 1] - packed_offset[index]; }
-  /// Index of the variable among frames / landmarks, or -1; -1 too for the id -1, which stands at the free places of an edited
-  /// graph.
+  /// Index of the variable among frames / landmarks, or -1; -1 too for the id -1, which stands at
+  /// the free places of an edited graph.
   int Position(VariableId id) const { return id < 0 ? -1 : position[id]; }
   int FrameOf(VariableId id) const;
   int LandmarkOf(VariableId id) const;

@@ -27,7 +27,8 @@ JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
     whole = num_rows <= kMaxWholeRows && graph.NumFreePlaces(id) == 0;
     if (whole && num_factors > 1) {
       const VariableId* ids = graph.Variables(id, 0);
-      whole = std::equal(ids, ids + (num_factors - 1) * graph.family(id).num_slots(), graph.Variables(id, 1));
+      whole = std::equal(ids, ids + (num_factors - 1) * graph.family(id).num_slots(),
+                         graph.Variables(id, 1));
     }
   }
   return whole ? JacobianStorage::kWholeRows : JacobianStorage::kBySlot;
@@ -43,7 +44,8 @@ Linearization::Linearization(const FactorGraph& owner, FamilyId family_id)
       views(num_slots) {
   for (int s = 0; s < num_slots; ++s) {
     const int columns = family->slot(s).tangent_size;
-    slots[s] = {nullptr, std::ptrdiff_t{residual_size} * PadToQuad(columns), PadToQuad(columns), columns};
+    slots[s] = {nullptr, std::ptrdiff_t{residual_size} * PadToQuad(columns), PadToQuad(columns),
+                columns};
   }
 }
 
@@ -54,7 +56,8 @@ void Linearization::GrowTables(int num_places) {
   tangent_maps.resize(num_entries);
   pins.resize(pins.empty() ? 0 : num_entries);
   jacobian_parameters_.resize(pins.size());
-  const std::size_t num_residuals = static_cast<std::size_t>(std::max(num_places, capacity)) * residual_size;
+  const std::size_t num_residuals =
+      static_cast<std::size_t>(std::max(num_places, capacity)) * residual_size;
   if (num_residuals > residuals.size()) {
     Enlarge(std::max(num_residuals, 2 * residuals.size()), residuals.size(), &residuals);
   }
@@ -78,14 +81,15 @@ void Linearization::Grow(int num_places, int new_capacity) {
       views[s] = {slot.data, slot.factor_stride, slot.row_stride};
     }
     jacobian_values = std::move(J);
-    Enlarge(static_cast<std::size_t>(capacity) * residual_size, static_cast<std::size_t>(before) * residual_size,
-            &candidate_residuals);
+    Enlarge(static_cast<std::size_t>(capacity) * residual_size,
+            static_cast<std::size_t>(before) * residual_size, &candidate_residuals);
   }
   GrowTables(num_places);
   tangent_offsets.resize(parameters.size(), -1);
 }
 
-void Linearization::Connect(std::size_t entry, const double* x, const double* pinned, const TangentMap& map) {
+void Linearization::Connect(std::size_t entry, const double* x, const double* pinned,
+                            const TangentMap& map) {
   parameters[entry] = x;
   tangent_maps[entry] = &map;
   Pin(entry, pinned);

@@ -15,45 +15,59 @@ namespace inceres::internal {
 
 /// How the tangent Jacobians of a family's factors lie in memory.
 enum class JacobianStorage {
-  kBySlot,     ///< those of each slot together: factors touch what they like
-  kWholeRows,  ///< rows of J with all columns: a small problem whose factors touch the same variables
+  kBySlot,  ///< those of each slot together: factors touch what they like
+  /// rows of J with all columns: a small problem whose factors touch the same variables
+  kWholeRows,
 };
 
-/// The factors of one family, linearized: where their variables are, residuals and tangent Jacobians, by the places of the
-/// factors, free ones among them. Everyone who evaluates factors does it through one of these, all of a range or those of a list;
-/// columns that he does not need are empty. A factor's *entries* are its slots: entry = factor · num_slots + slot.
+/// The factors of one family, linearized: where their variables are, residuals and tangent
+/// Jacobians, by the places of the factors, free ones among them. Everyone who evaluates factors
+/// does it through one of these, all of a range or those of a list; columns that he does not need
+/// are empty. A factor's *entries* are its slots: entry = factor · num_slots + slot.
 ///
-/// Pinned variables (FactorGraph::PinLinearization) are linearized where they are pinned; residuals are those where they are.
+/// Pinned variables (FactorGraph::PinLinearization) are linearized where they are pinned; residuals
+/// are those where they are.
 struct Linearization {
   Linearization(const FactorGraph& graph, FamilyId id);
 
   /// Room for so many factors in the columns of entries and in the residuals.
   void GrowTables(int num_places);
-  /// And in those of the candidate and the Jacobians. `capacity` of them fit in before they lie elsewhere.
+  /// And in those of the candidate and the Jacobians. `capacity` of them fit in before they lie
+  /// elsewhere.
   void Grow(int num_places, int capacity);
 
   /// Where the entry's variable is and where a pin linearizes it, or null; and its tangent map.
   void Connect(std::size_t entry, const double* x, const double* pinned, const TangentMap& map);
   void Pin(std::size_t entry, const double* pinned);
 
-  /// Residuals of the candidate, of these factors; the batch lacks what a user of his own adds to it, Jacobians say.
+  /// Residuals of the candidate, of these factors; the batch lacks what a user of his own adds to
+  /// it, Jacobians say.
   FactorBatch CandidateBatch(int begin, int end);
-  EvaluationFailure EvaluateCandidate(int begin, int end) { return family->Evaluate(CandidateBatch(begin, end)); }
+  EvaluationFailure EvaluateCandidate(int begin, int end) {
+    return family->Evaluate(CandidateBatch(begin, end));
+  }
   /// Residuals and Jacobians.
   EvaluationFailure Linearize(int begin, int end);
 
-  /// evaluate(begin, end) for each run of neighbors in an ascending list, one after the other or in tasks. The first failure.
+  /// evaluate(begin, end) for each run of neighbors in an ascending list, one after the other or in
+  /// tasks. The first failure.
   template <typename Evaluate>
-  EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor, const Evaluate& evaluate);
+  EvaluationFailure ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor,
+                            const Evaluate& evaluate);
 
   const double* const* Parameters(int factor) const { return parameters.data() + Entry(factor); }
   const double* const* CandidateParameters(int factor) const {
-    return (candidate_parameters.empty() ? parameters : candidate_parameters).data() + Entry(factor);
+    return (candidate_parameters.empty() ? parameters : candidate_parameters).data() +
+           Entry(factor);
   }
   std::ptrdiff_t Entry(int factor) const { return std::ptrdiff_t{factor} * num_slots; }
   /// What products with J take for one factor: all of a family's whole rows are one.
-  int num_blocks() const { return storage == JacobianStorage::kBySlot ? num_factors : std::min(num_factors, 1); }
-  int rows_per_block() const { return residual_size * (storage == JacobianStorage::kBySlot ? 1 : num_factors); }
+  int num_blocks() const {
+    return storage == JacobianStorage::kBySlot ? num_factors : std::min(num_factors, 1);
+  }
+  int rows_per_block() const {
+    return residual_size * (storage == JacobianStorage::kBySlot ? 1 : num_factors);
+  }
   FactorRows Rows(int begin, int end) const;
 
   const FactorGraph* graph;
@@ -68,13 +82,17 @@ struct Linearization {
   ZeroedArray candidate_residuals;
   ZeroedArray jacobian_values;       // all slots, one after the other, or whole rows
   std::vector<SlotJacobians> slots;  // of whole rows there is one
-  std::vector<JacobianView> views;   // the same places slot by slot, as the public interface calls them
+  // the same places slot by slot, as the public interface calls them
+  std::vector<JacobianView> views;
   // Per entry:
-  std::vector<const double*> parameters;            // without the second column: at the point where it was evaluated last
+  // without the second column: at the point where it was evaluated last
+  std::vector<const double*> parameters;
   std::vector<const double*> candidate_parameters;  // or empty
-  std::vector<const double*> pins;                  // where it is linearized, null if where it is; empty without any
+  // where it is linearized, null if where it is; empty without any
+  std::vector<const double*> pins;
   std::vector<const TangentMap*> tangent_maps;
-  // Quads into the padded tangent vector, or -1 where the Jacobian has no block; of whole rows: one 0.
+  // Quads into the padded tangent vector, or -1 where the Jacobian has no block; of whole rows: one
+  // 0.
   std::vector<std::int32_t> tangent_offsets;
 
  private:
@@ -85,14 +103,16 @@ struct Linearization {
   std::vector<EvaluationFailure> failures_;         // per task of ForRuns
 };
 
-/// Whole rows where there are no landmarks, at most 16 unknowns and 1,024 residuals, and within each family all factors touch the
-/// same variables, as in curve fitting and calibration: then J is one small dense matrix.
+/// Whole rows where there are no landmarks, at most 16 unknowns and 1,024 residuals, and within
+/// each family all factors touch the same variables, as in curve fitting and calibration: then J is
+/// one small dense matrix.
 JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout);
 
-/// failures[k] := evaluate(k) for all k, in tasks. What lies behind one that failed is left out, as Ceres calls nothing more
-/// after a failure: returns the first that failed, or -1.
+/// failures[k] := evaluate(k) for all k, in tasks. What lies behind one that failed is left out, as
+/// Ceres calls nothing more after a failure: returns the first that failed, or -1.
 template <typename Evaluate>
-int EvaluateTasks(const Executor& executor, std::vector<EvaluationFailure>* failures, const Evaluate& evaluate) {
+int EvaluateTasks(const Executor& executor, std::vector<EvaluationFailure>* failures,
+                  const Evaluate& evaluate) {
   const int count = static_cast<int>(failures->size());
   LowestIndex first_failed(count);
   executor.For(count, 1, [&](int begin, int end) {
@@ -111,9 +131,10 @@ int EvaluateTasks(const Executor& executor, std::vector<EvaluationFailure>* fail
 }
 
 template <typename Evaluate>
-EvaluationFailure Linearization::ForRuns(const std::vector<std::int32_t>& factors, const Executor& executor,
-                                         const Evaluate& evaluate) {
-  constexpr int kGrain = 512;  // factors a task, at most; a smaller list stays on the calling thread
+EvaluationFailure Linearization::ForRuns(const std::vector<std::int32_t>& factors,
+                                         const Executor& executor, const Evaluate& evaluate) {
+  // factors a task, at most; a smaller list stays on the calling thread
+  constexpr int kGrain = 512;
   const auto run = [&](int begin, int end) -> EvaluationFailure {
     for (int k = begin; k < end;) {
       int next = k + 1;
@@ -134,8 +155,9 @@ EvaluationFailure Linearization::ForRuns(const std::vector<std::int32_t>& factor
     return run(0, count);
   }
   failures_.resize((count + grain - 1) / grain);
-  const int first =
-      EvaluateTasks(executor, &failures_, [&](int task) { return run(task * grain, std::min(count, (task + 1) * grain)); });
+  const int first = EvaluateTasks(executor, &failures_, [&](int task) {
+    return run(task * grain, std::min(count, (task + 1) * grain));
+  });
   return first < 0 ? EvaluationFailure() : failures_[first];
 }
 

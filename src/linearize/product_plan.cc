@@ -14,12 +14,15 @@ struct SlotAdjacency {
   std::vector<std::int32_t> factors;
 };
 
-SlotAdjacency FactorsByFrame(const Linearization& cache, const FactorGraph& graph, const Layout& layout, int slot) {
+SlotAdjacency FactorsByFrame(const Linearization& cache, const FactorGraph& graph,
+                             const Layout& layout, int slot) {
   const int num_slots = cache.num_slots;
   const VariableId* ids = graph.Variables(cache.id, 0);
   SlotAdjacency adjacency;
   adjacency.begin.assign(layout.num_frames + 1, 0);
-  const auto frame_of = [&](int i) { return layout.FrameOf(ids[static_cast<std::ptrdiff_t>(i) * num_slots + slot]); };
+  const auto frame_of = [&](int i) {
+    return layout.FrameOf(ids[static_cast<std::ptrdiff_t>(i) * num_slots + slot]);
+  };
   for (int i = 0; i < cache.num_factors; ++i) {
     const int frame = frame_of(i);
     if (frame >= 0) {
@@ -38,7 +41,8 @@ SlotAdjacency FactorsByFrame(const Linearization& cache, const FactorGraph& grap
   return adjacency;
 }
 
-// The blocks of J that are there, of a family many of whose are left out: by factor, and by the frame they belong to.
+// The blocks of J that are there, of a family many of whose are left out: by factor, and by the
+// frame they belong to.
 struct SparseBlocks {
   struct Block {
     int slot;
@@ -54,7 +58,8 @@ struct SparseBlocks {
   std::vector<Place> places;
 };
 
-SparseBlocks FindSparseBlocks(const Linearization& cache, const FactorGraph& graph, const Layout& layout) {
+SparseBlocks FindSparseBlocks(const Linearization& cache, const FactorGraph& graph,
+                              const Layout& layout) {
   const std::ptrdiff_t num_slots = cache.num_slots;
   const VariableId* ids = graph.Variables(cache.id, 0);
   SparseBlocks sparse;
@@ -62,7 +67,9 @@ SparseBlocks FindSparseBlocks(const Linearization& cache, const FactorGraph& gra
   sparse.frame_begin.assign(layout.num_frames + 1, 0);
   for (std::ptrdiff_t i = 0; i < cache.num_factors; ++i) {
     for (std::ptrdiff_t s = 0; s < num_slots; ++s) {
-      const int frame = cache.tangent_offsets[i * num_slots + s] < 0 ? -1 : layout.FrameOf(ids[i * num_slots + s]);
+      const int frame = cache.tangent_offsets[i * num_slots + s] < 0
+                            ? -1
+                            : layout.FrameOf(ids[i * num_slots + s]);
       if (frame >= 0) {
         sparse.blocks.push_back({static_cast<int>(s), frame});
         ++sparse.frame_begin[frame + 1];
@@ -70,7 +77,8 @@ SparseBlocks FindSparseBlocks(const Linearization& cache, const FactorGraph& gra
     }
     sparse.factor_begin.push_back(static_cast<int>(sparse.blocks.size()));
   }
-  std::partial_sum(sparse.frame_begin.begin(), sparse.frame_begin.end(), sparse.frame_begin.begin());
+  std::partial_sum(sparse.frame_begin.begin(), sparse.frame_begin.end(),
+                   sparse.frame_begin.begin());
   sparse.places.resize(sparse.blocks.size());
   std::vector<int> next(sparse.frame_begin.begin(), sparse.frame_begin.end() - 1);
   for (int i = 0; i < cache.num_factors; ++i) {
@@ -101,8 +109,9 @@ struct CountedBlock {
   Share schur;
 };
 
-// Rows are counted, then every block is given its place, then rows are filled in: the rows of either pass are independent tasks,
-// and nothing is stored twice. Both passes meet the terms of a block in the same order, by source.
+// Rows are counted, then every block is given its place, then rows are filled in: the rows of
+// either pass are independent tasks, and nothing is stored twice. Both passes meet the terms of a
+// block in the same order, by source.
 class PlanBuilder {
  public:
   PlanBuilder(const Evaluator& evaluator, const LandmarkIncidences& incidences, FramePlans* plans)
@@ -160,8 +169,10 @@ class PlanBuilder {
         return counted;
       };
       block(row);  // whatever there is, it has a diagonal
-      ForEachHessianTerm(row, [&](int column, int source, ProductTerm) { block(column).hessian.Add(source); });
-      ForEachSchurTerm(row, [&](int column, int source, ProductTerm) { block(column).schur.Add(source); });
+      ForEachHessianTerm(
+          row, [&](int column, int source, ProductTerm) { block(column).hessian.Add(source); });
+      ForEachSchurTerm(
+          row, [&](int column, int source, ProductTerm) { block(column).schur.Add(source); });
       std::sort(columns.begin(), columns.end());
       rows_[row].reserve(columns.size());
       for (const int column : columns) {
@@ -174,14 +185,16 @@ class PlanBuilder {
   // The pattern, and where in the plans each block begins.
   void Place() {
     BlockPattern& pattern = plans_->pattern;
-    pattern.offsets.assign(layout_.packed_offset.begin(), layout_.packed_offset.begin() + layout_.num_frames + 1);
+    pattern.offsets.assign(layout_.packed_offset.begin(),
+                           layout_.packed_offset.begin() + layout_.num_frames + 1);
     pattern.row_begin.push_back(0);
     pattern.value_begin.push_back(0);
     for (int row = 0; row < layout_.num_frames; ++row) {
       for (const CountedBlock& block : rows_[row]) {
         pattern.columns.push_back(block.column);
         pattern.value_begin.push_back(pattern.value_begin.back() +
-                                      static_cast<std::int64_t>(pattern.block_size(row)) * pattern.block_size(block.column));
+                                      static_cast<std::int64_t>(pattern.block_size(row)) *
+                                          pattern.block_size(block.column));
         plans_->block_row.push_back(row);
         hessian_.Place(block.hessian, &plans_->hessian);
         schur_.Place(block.schur, &plans_->schur);
@@ -202,8 +215,11 @@ class PlanBuilder {
         hessian.Begin(pattern.columns[block], block);
         schur.Begin(pattern.columns[block], block);
       }
-      ForEachHessianTerm(row, [&](int column, int source, ProductTerm term) { hessian.Add(column, source, term); });
-      ForEachSchurTerm(row, [&](int column, int source, ProductTerm term) { schur.Add(column, source, term); });
+      ForEachHessianTerm(row, [&](int column, int source, ProductTerm term) {
+        hessian.Add(column, source, term);
+      });
+      ForEachSchurTerm(
+          row, [&](int column, int source, ProductTerm term) { schur.Add(column, source, term); });
       for (int block = pattern.row_begin[row]; block < pattern.row_begin[row + 1]; ++block) {
         hessian.End(pattern.columns[block], block);
         schur.End(pattern.columns[block], block);
@@ -232,9 +248,12 @@ class PlanBuilder {
   // Writes the terms of a row's blocks to their places.
   class Filling {
    public:
-    Filling(const Places& places, int num_columns, ProductPlan* plan) : places_(places), plan_(plan), next_(num_columns) {}
+    Filling(const Places& places, int num_columns, ProductPlan* plan)
+        : places_(places), plan_(plan), next_(num_columns) {}
 
-    void Begin(int column, int block) { next_[column] = {places_.first_term[block], plan_->segments_begin[block], -1}; }
+    void Begin(int column, int block) {
+      next_[column] = {places_.first_term[block], plan_->segments_begin[block], -1};
+    }
     void Add(int column, int source, ProductTerm term) {
       Next& next = next_[column];
       if (next.source != source) {
@@ -281,7 +300,8 @@ class PlanBuilder {
     }
   }
 
-  // By factor, so that the terms of a block have one source each where a variable is in one slot, as mostly.
+  // By factor, so that the terms of a block have one source each where a variable is in one slot,
+  // as mostly.
   template <typename Visit>
   void ForEachSparseTerm(const Linearization& cache, int row, const Visit& visit) const {
     const SparseBlocks& sparse = sparse_[cache.id];
@@ -292,10 +312,12 @@ class PlanBuilder {
     for (int k = sparse.frame_begin[row]; k < sparse.frame_begin[row + 1]; ++k) {
       const auto [factor, slot] = sparse.places[k];
       const auto row_quads = static_cast<std::int32_t>(cache.slots[slot].factor_stride / kQuad);
-      for (int other = sparse.factor_begin[factor]; other < sparse.factor_begin[factor + 1]; ++other) {
+      for (int other = sparse.factor_begin[factor]; other < sparse.factor_begin[factor + 1];
+           ++other) {
         const auto [column_slot, column] = sparse.blocks[other];
         if (column <= row) {
-          const auto column_quads = static_cast<std::int32_t>(cache.slots[column_slot].factor_stride / kQuad);
+          const auto column_quads =
+              static_cast<std::int32_t>(cache.slots[column_slot].factor_stride / kQuad);
           visit(column, first_source_[cache.id] + slot * num_slots + column_slot,
                 ProductTerm{factor * column_quads, factor * row_quads});
         }
@@ -304,7 +326,8 @@ class PlanBuilder {
   }
 
   template <typename Visit>
-  void ForEachTermOfSlots(const Linearization& cache, int row, int r, int c, const std::int32_t* begin, const std::int32_t* end,
+  void ForEachTermOfSlots(const Linearization& cache, int row, int r, int c,
+                          const std::int32_t* begin, const std::int32_t* end,
                           const Visit& visit) const {
     const VariableId* ids = evaluator_.graph().Variables(cache.id, 0) + c;
     const auto row_quads = static_cast<std::int32_t>(cache.slots[r].factor_stride / kQuad);
@@ -328,7 +351,8 @@ class PlanBuilder {
       for (int other = incidences_.begin[l]; other < incidences_.begin[l + 1]; ++other) {
         const int column = incidences_.frames[other];
         if (column <= row) {
-          visit(column, source, ProductTerm{incidences_.incidences[other].y, incidences_.incidences[q].y});
+          visit(column, source,
+                ProductTerm{incidences_.incidences[other].y, incidences_.incidences[q].y});
         }
       }
     }
@@ -338,10 +362,11 @@ class PlanBuilder {
   const Layout& layout_;
   const LandmarkIncidences& incidences_;
   FramePlans* plans_;
-  std::vector<std::vector<SlotAdjacency>> adjacency_;  // per family and slot, where no blocks are left out
-  std::vector<SparseBlocks> sparse_;                   // per family, where some are
-  std::vector<int> first_source_;                      // per family: of its slot pairs among hessian_sources
-  std::vector<int> source_of_landmark_;                // among schur_sources
+  std::vector<std::vector<SlotAdjacency>>
+      adjacency_;                        // per family and slot, where no blocks are left out
+  std::vector<SparseBlocks> sparse_;     // per family, where some are
+  std::vector<int> first_source_;        // per family: of its slot pairs among hessian_sources
+  std::vector<int> source_of_landmark_;  // among schur_sources
   std::vector<std::vector<CountedBlock>> rows_;
   Places hessian_;
   Places schur_;

@@ -10,8 +10,8 @@
 
 namespace inceres::internal {
 
-/// Which products make up each block of a symmetric block matrix. Terms of one block are sorted by source, in a fixed order: the
-/// sum has one order, whoever computes it.
+/// Which products make up each block of a symmetric block matrix. Terms of one block are sorted by
+/// source, in a fixed order: the sum has one order, whoever computes it.
 struct ProductPlan {
   struct Segment {
     int source;  // what the terms refer to: see FramePlans
@@ -23,12 +23,13 @@ struct ProductPlan {
   std::vector<int> segments_begin;  // per block of the pattern, one more
 };
 
-/// The pattern of the frame system and the products that fill it: C_ij = Σ_factors J_iᵀJ_j and S_ij = C_ij − Σ_landmarks Y_li
-/// Y_ljᵀ.
+/// The pattern of the frame system and the products that fill it: C_ij = Σ_factors J_iᵀJ_j and S_ij
+/// = C_ij − Σ_landmarks Y_li Y_ljᵀ.
 struct FramePlans {
   FramePlans(const Evaluator& evaluator, const LandmarkIncidences& incidences);
 
-  /// A source of the Hessian plan: a family seen through the slot of the row frame and the slot of the column frame.
+  /// A source of the Hessian plan: a family seen through the slot of the row frame and the slot of
+  /// the column frame.
   struct HessianSource {
     int family;
     int row_slot;

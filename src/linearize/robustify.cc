@@ -7,7 +7,8 @@ namespace inceres::internal {
 namespace {
 
 // The padding is left alone.
-void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, const SlotJacobians& slot, int factor) {
+void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows,
+                     const SlotJacobians& slot, int factor) {
   double* J = slot.data + factor * slot.factor_stride;
   const int row_stride = slot.row_stride;
   for (int c = 0; c < slot.columns; ++c) {
@@ -23,13 +24,17 @@ void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows, cons
 
 }  // namespace
 
-// With (1 − α)² = 1 + 2 s ρ''/ρ', ρ' (I − α n nᵀ)² = ρ' I + 2 ρ'' f fᵀ, the loss's part of the Hessian.
-RobustScale::RobustScale(const LossValue& loss, LossCurvature curvature) : sqrt_weight(std::sqrt(loss.rho[1])) {
+// With (1 − α)² = 1 + 2 s ρ''/ρ', ρ' (I − α n nᵀ)² = ρ' I + 2 ρ'' f fᵀ, the loss's part of the
+// Hessian.
+RobustScale::RobustScale(const LossValue& loss, LossCurvature curvature)
+    : sqrt_weight(std::sqrt(loss.rho[1])) {
   const double s = loss.s;
   const double rho1 = loss.rho[1];
   const double rho2 = loss.rho[2];
-  const bool takes_positive = curvature == LossCurvature::kPositive || curvature == LossCurvature::kBoth;
-  const bool takes_negative = curvature == LossCurvature::kNegative || curvature == LossCurvature::kBoth;
+  const bool takes_positive =
+      curvature == LossCurvature::kPositive || curvature == LossCurvature::kBoth;
+  const bool takes_negative =
+      curvature == LossCurvature::kNegative || curvature == LossCurvature::kBoth;
   if (s > 0.0 && rho2 > 0.0 && takes_positive) {
     root = std::sqrt(1.0 + 2.0 * s * rho2 / rho1);
   } else if (s > 0.0 && rho1 > 0.0 && rho2 < 0.0 && takes_negative) {
@@ -38,11 +43,14 @@ RobustScale::RobustScale(const LossValue& loss, LossCurvature curvature) : sqrt_
   alpha_over_s = root != 1.0 ? (1.0 - root) / s : 0.0;
 }
 
-// All at once: the padding is zero and stays so. But a loss that gives NaN must not outlive its evaluation.
-void RobustScale::Apply(const double* f, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
+// All at once: the padding is zero and stays so. But a loss that gives NaN must not outlive its
+// evaluation.
+void RobustScale::Apply(const double* f, int residual_size, int num_slots,
+                        const SlotJacobians* slots, int factor,
                         const std::int32_t* tangent_offsets) const {
   if (std::isfinite(sqrt_weight) && std::isfinite(alpha_over_s)) {
-    return BestKernels().correct_factor(slots, num_slots, factor, tangent_offsets, f, residual_size, sqrt_weight, alpha_over_s);
+    return BestKernels().correct_factor(slots, num_slots, factor, tangent_offsets, f, residual_size,
+                                        sqrt_weight, alpha_over_s);
   }
   for (int k = 0; k < num_slots; ++k) {
     if (tangent_offsets[k] >= 0) {
@@ -70,8 +78,9 @@ double RobustCost(const Loss* loss, const double* f, int residual_size) {
   return LossValue(loss, f, residual_size).cost();
 }
 
-double RobustifyFactor(const Loss* loss, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
-                       const std::int32_t* tangent_offsets, LossCurvature curvature, double* f) {
+double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
+                       const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
+                       LossCurvature curvature, double* f) {
   const LossValue value(loss, f, residual_size);
   const RobustScale scale(value, curvature);
   if (!scale.is_one()) {

@@ -22,7 +22,8 @@ inline double SquaredNorm(const double* f, int size) {
 
 /// A factor's loss at its residual f: ρ, ρ' and ρ'' at s = ‖f‖². Without a loss ρ(s) = s.
 struct LossValue {
-  LossValue(const Loss* loss, const double* f, int residual_size) : s(SquaredNorm(f, residual_size)), rho{s, 1.0, 0.0} {
+  LossValue(const Loss* loss, const double* f, int residual_size)
+      : s(SquaredNorm(f, residual_size)), rho{s, 1.0, 0.0} {
     if (loss != nullptr) {
       loss->Evaluate(s, rho);
     }
@@ -43,11 +44,12 @@ enum class LossCurvature {
   kBoth,
 };
 
-/// Of the curvature along f that ρ' alone gives, the share that stays at least: with less H loses its grip.
+/// Of the curvature along f that ρ' alone gives, the share that stays at least: with less H loses
+/// its grip.
 inline constexpr double kLeastCurvature = 0.5;
 
-/// What makes a factor with a loss a plain least-squares one, whose gradient is the robust one and whose JᵀJ is the robust
-/// Gauss–Newton Hessian (docs/algorithms.md, "Robust losses"; Triggs 1999):
+/// What makes a factor with a loss a plain least-squares one, whose gradient is the robust one and
+/// whose JᵀJ is the robust Gauss–Newton Hessian (docs/algorithms.md, "Robust losses"; Triggs 1999):
 ///
 ///     J := √ρ' (I − α n nᵀ) J,   f := √ρ' / (1 − α) f,   n = f/‖f‖,   (1 − α)² = 1 + 2 s ρ''/ρ'
 ///
@@ -59,9 +61,10 @@ struct RobustScale {
   bool is_corrected() const { return root != 1.0; }
   /// Of f.
   double residual() const { return sqrt_weight / root; }
-  /// Scales the tangent Jacobians of one factor; f as it was evaluated. A negative tangent offset marks a slot without one.
-  void Apply(const double* f, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
-             const std::int32_t* tangent_offsets) const;
+  /// Scales the tangent Jacobians of one factor; f as it was evaluated. A negative tangent offset
+  /// marks a slot without one.
+  void Apply(const double* f, int residual_size, int num_slots, const SlotJacobians* slots,
+             int factor, const std::int32_t* tangent_offsets) const;
 
   double sqrt_weight;         // √ρ'
   double root = 1.0;          // 1 − α
@@ -75,7 +78,8 @@ double PlainCost(const double* f, std::ptrdiff_t count);
 double RobustCost(const Loss* loss, const double* f, int residual_size);
 
 /// The same, and scales f and the tangent Jacobians (RobustScale).
-double RobustifyFactor(const Loss* loss, int residual_size, int num_slots, const SlotJacobians* slots, int factor,
-                       const std::int32_t* tangent_offsets, LossCurvature curvature, double* f);
+double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
+                       const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
+                       LossCurvature curvature, double* f);
 
 }  // namespace inceres::internal

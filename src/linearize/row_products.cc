@@ -6,7 +6,8 @@ namespace inceres::internal {
 
 RowProducts JacobianProduct::Multiply(const double* v) {
   constexpr int kChunkSize = 1024;
-  padded_.resize(static_cast<std::size_t>(evaluator_.layout().quad_offset.back()) * kQuad);  // zeros, where Pad leaves them
+  // zeros, where Pad leaves them
+  padded_.resize(static_cast<std::size_t>(evaluator_.layout().quad_offset.back()) * kQuad);
   if (evaluator_.storage() == JacobianStorage::kWholeRows) {
     std::copy_n(v, evaluator_.layout().size(), padded_.data());
   } else {
@@ -20,8 +21,8 @@ RowProducts JacobianProduct::Multiply(const double* v) {
     evaluator_.executor().For(num_chunks, 1, [&](int begin, int end) {
       for (int chunk = begin; chunk < end; ++chunk) {
         const int first = chunk * kChunkSize;
-        partial_[chunk] =
-            kernels.row_products(cache.Rows(first, std::min(first + kChunkSize, cache.num_blocks())), padded_.data());
+        partial_[chunk] = kernels.row_products(
+            cache.Rows(first, std::min(first + kChunkSize, cache.num_blocks())), padded_.data());
       }
     });
     for (const RowProducts& chunk : partial_) {

@@ -6,8 +6,8 @@
 
 namespace inceres::internal {
 
-/// −(Jv)ᵀ(f + Jv/2) and ‖Jv‖² for packed tangent vectors v: a pass over the Jacobians each, summed over fixed chunks. Allocates
-/// nothing from the second time on.
+/// −(Jv)ᵀ(f + Jv/2) and ‖Jv‖² for packed tangent vectors v: a pass over the Jacobians each, summed
+/// over fixed chunks. Allocates nothing from the second time on.
 class JacobianProduct {
  public:
   explicit JacobianProduct(const Evaluator& evaluator) : evaluator_(evaluator) {}

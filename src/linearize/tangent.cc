@@ -22,8 +22,8 @@ bool IsIdentity(const TangentMap& map) {
   return true;
 }
 
-// Finds for each column its single unit entry; false if there is a column without that form, of which and those after it nothing
-// is known.
+// Finds for each column its single unit entry; false if there is a column without that form, of
+// which and those after it nothing is known.
 bool FindSelection(const TangentMap& map, int* selection) {
   std::fill_n(selection, map.tangent_size, -1);
   for (int c = 0; c < map.tangent_size; ++c) {
@@ -66,14 +66,16 @@ int CountIdentityColumns(const TangentMap& map, const int* selection) {
 }
 
 // Returns null, or what is wrong with M.
-const char* EvaluatePlusJacobian(const FactorGraph& graph, VariableId id, const double* x, std::vector<double>* M) {
+const char* EvaluatePlusJacobian(const FactorGraph& graph, VariableId id, const double* x,
+                                 std::vector<double>* M) {
   const double* pinned = graph.HasPins() ? graph.PinnedValues(id) : nullptr;
   const int count = static_cast<int>(M->size());
   MarkUnwritten(M->data(), count);
   if (!graph.manifold(id)->PlusJacobian(pinned != nullptr ? pinned : x, M->data())) {
     return "returned false";
   }
-  return AreWritten(M->data(), count) ? nullptr : "has an entry that is not finite or was not written";
+  return AreWritten(M->data(), count) ? nullptr
+                                      : "has an entry that is not finite or was not written";
 }
 
 }  // namespace
@@ -85,7 +87,8 @@ void ClassifyTangentMap(TangentMap* map, int* selection) {
     map->kind = TangentMap::Kind::kSelection;
     map->selection = selection;
     map->num_identity_columns = 0;
-    while (map->num_identity_columns < map->tangent_size && selection[map->num_identity_columns] == map->num_identity_columns) {
+    while (map->num_identity_columns < map->tangent_size &&
+           selection[map->num_identity_columns] == map->num_identity_columns) {
       ++map->num_identity_columns;
     }
   } else {
@@ -94,7 +97,8 @@ void ClassifyTangentMap(TangentMap* map, int* selection) {
   }
 }
 
-bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, const double* delta, double* moved) {
+bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, const double* delta,
+                  double* moved) {
   if (const Manifold* manifold = graph.manifold(id)) {
     return manifold->Plus(x, delta, moved);
   }

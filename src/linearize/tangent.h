@@ -7,23 +7,28 @@
 
 namespace inceres::internal {
 
-/// Sets map->kind from map->plus_jacobian: identity, selection (the indices go to `selection`, tangent_size entries) or dense.
+/// Sets map->kind from map->plus_jacobian: identity, selection (the indices go to `selection`,
+/// tangent_size entries) or dense.
 void ClassifyTangentMap(TangentMap* map, int* selection);
 
 /// x ⊞ δ of a variable, into `moved`. False if its manifold's Plus fails.
-bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, const double* delta, double* moved);
+bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, const double* delta,
+                  double* moved);
 
-/// The tangent map of a variable at its point: x, or where the graph pins it. Its address is that of the Tangent.
+/// The tangent map of a variable at its point: x, or where the graph pins it. Its address is that
+/// of the Tangent.
 class Tangent {
  public:
-  /// Takes over a variable. Nobody wants Jacobians of one that is not `wanted`: it counts as constant.
+  /// Takes over a variable. Nobody wants Jacobians of one that is not `wanted`: it counts as
+  /// constant.
   void Set(const FactorGraph& graph, VariableId id, bool wanted);
 
   const TangentMap& map() const { return map_; }
   /// Whether the map depends on the point.
   bool is_curved() const { return curved_ != nullptr && !curved_->M.empty(); }
 
-  /// M := ∂(x ⊞ δ)/∂δ at x, checked. Returns null, or what is wrong with it: words to follow "PlusJacobian".
+  /// M := ∂(x ⊞ δ)/∂δ at x, checked. Returns null, or what is wrong with it: words to follow
+  /// "PlusJacobian".
   const char* Compute(const FactorGraph& graph, VariableId id, const double* x);
   /// The same, if the variable has moved since.
   const char* Refresh(const FactorGraph& graph, VariableId id, const double* x) {

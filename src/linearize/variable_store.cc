@@ -20,7 +20,8 @@ void VariableStore::Add(const FactorGraph& graph, VariableId id) {
   Variable& variable = variables_[id];
   variable.tangent.Set(graph, id, /*wanted=*/false);
   if (graph.StateOffset(id) < 0) {
-    variable.current = variable.candidate = const_cast<double*>(graph.Values(id));  // never written: its tangent size is 0
+    // never written: its tangent size is 0
+    variable.current = variable.candidate = const_cast<double*>(graph.Values(id));
     return;
   }
   const int size = graph.AmbientSize(id);

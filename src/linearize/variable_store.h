@@ -11,13 +11,14 @@
 
 namespace inceres::internal {
 
-/// The variables of a living graph: two values each, current and candidate, which are equal between iterations; the tangent map;
-/// and the place of the step in one padded vector. Addresses never move: pointer tables to them stay right while variables come
-/// and go. Borrowed constants stand where their owner keeps them.
+/// The variables of a living graph: two values each, current and candidate, which are equal between
+/// iterations; the tangent map; and the place of the step in one padded vector. Addresses never
+/// move: pointer tables to them stay right while variables come and go. Borrowed constants stand
+/// where their owner keeps them.
 class VariableStore {
  public:
-  /// Takes over a variable with its values in the graph; it takes no part in the system yet. The id of a removed one is used
-  /// again for one of equal ambient size, and so is its room.
+  /// Takes over a variable with its values in the graph; it takes no part in the system yet. The id
+  /// of a removed one is used again for one of equal ambient size, and so is its room.
   void Add(const FactorGraph& graph, VariableId id);
   /// It takes part from now on, at a place in the padded vector.
   void Enter(const FactorGraph& graph, VariableId id);

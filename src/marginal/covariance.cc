@@ -16,7 +16,8 @@ Status CovarianceOptions::Validate() const {
   if (num_threads < 1) {
     return Invalid("CovarianceOptions::num_threads must be at least 1");
   }
-  return max_inflation > 1.0 ? Status::Ok() : Invalid("CovarianceOptions::max_inflation must exceed 1");
+  return max_inflation > 1.0 ? Status::Ok()
+                             : Invalid("CovarianceOptions::max_inflation must exceed 1");
 }
 
 Status Covariance::Compute(const FactorGraph& graph, const Pairs& pairs) {
@@ -34,7 +35,8 @@ Status Covariance::Compute(const IncrementalSolver& solver, const Pairs& pairs) 
   return ComputeAt(graph, state, pairs);
 }
 
-Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>& state, const Pairs& pairs) {
+Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>& state,
+                             const Pairs& pairs) {
   blocks_.clear();
   Status status = options_.Validate();
   status = status.ok() ? graph.Validate() : status;
@@ -54,7 +56,8 @@ Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>
     for (const auto& pair : pairs) {
       for (const VariableId id : {pair.first, pair.second}) {
         if (!graph.IsConstant(id) && !system.Has(id)) {
-          return Invalid("variable " + std::to_string(id) + " has no covariance: no factor touches it");
+          return Invalid("variable " + std::to_string(id) +
+                         " has no covariance: no factor touches it");
         }
         if (!graph.IsConstant(id)) {
           wanted.push_back(id);
@@ -72,7 +75,8 @@ Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>
       Block& block = blocks_[{a, b}];
       block.rows = graph.TangentSize(a);
       block.columns = graph.TangentSize(b);
-      block.values.assign(static_cast<std::size_t>(block.rows) * static_cast<std::size_t>(block.columns), 0.0);
+      block.values.assign(
+          static_cast<std::size_t>(block.rows) * static_cast<std::size_t>(block.columns), 0.0);
       if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
         using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
         Eigen::Map<RowMajor>(block.values.data(), block.rows, block.columns) = system.Product(a, b);
@@ -98,7 +102,8 @@ bool Covariance::Get(VariableId a, VariableId b, double* covariance) const {
   const Block& block = found->second;
   for (int r = 0; r < block.columns; ++r) {
     for (int c = 0; c < block.rows; ++c) {
-      covariance[r * block.rows + c] = block.values.data()[static_cast<std::ptrdiff_t>(c) * block.columns + r];
+      covariance[r * block.rows + c] =
+          block.values.data()[static_cast<std::ptrdiff_t>(c) * block.columns + r];
     }
   }
   return true;

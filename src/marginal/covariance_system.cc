@@ -9,8 +9,8 @@
 
 namespace inceres::internal {
 
-CovarianceSystem::CovarianceSystem(const FactorGraph& graph, const std::vector<double>& state, int num_threads,
-                                   double max_inflation)
+CovarianceSystem::CovarianceSystem(const FactorGraph& graph, const std::vector<double>& state,
+                                   int num_threads, double max_inflation)
     : graph_(graph),
       max_inflation_(max_inflation),
       executor_(num_threads),
@@ -24,7 +24,8 @@ CovarianceSystem::CovarianceSystem(const FactorGraph& graph, const std::vector<d
 }
 
 Status CovarianceSystem::NotDetermined(VariableId id, const char* why) const {
-  return Status::Error(StatusCode::kSingular, "variable " + std::to_string(id) + " has no covariance: " + why);
+  return Status::Error(StatusCode::kSingular,
+                       "variable " + std::to_string(id) + " has no covariance: " + why);
 }
 
 Status CovarianceSystem::Factorize() {
@@ -42,13 +43,17 @@ Status CovarianceSystem::Factorize() {
   if (!status.ok() || layout_.num_frames == 0) {
     return status;
   }
-  solver_ = MakeReducedSolver(ReducedSolverKind::kAutomatic, nullptr, plans_.pattern, executor_, &status);
+  solver_ =
+      MakeReducedSolver(ReducedSolverKind::kAutomatic, nullptr, plans_.pattern, executor_, &status);
   if (status.ok()) {
-    status = solver_->Factorize(ReducedMatrix(plans_.pattern, elimination_.S(), no_damping.data()), {});
+    status =
+        solver_->Factorize(ReducedMatrix(plans_.pattern, elimination_.S(), no_damping.data()), {});
   }
   if (status.code == StatusCode::kSingular) {
-    return Status::Error(StatusCode::kSingular,
-                         "there is no covariance: the gauge is free, or a variable is not determined (" + status.message + ")");
+    return Status::Error(
+        StatusCode::kSingular,
+        "there is no covariance: the gauge is free, or a variable is not determined (" +
+            status.message + ")");
   }
   return status.ok() ? CheckGauge() : status;
 }
@@ -67,7 +72,8 @@ Status CovarianceSystem::CheckLandmarks() {
       determined = variance * hessian_.P(l)[i * kQuad + i] <= max_inflation_;
     }
     if (!determined) {
-      return NotDetermined(layout_.variables[layout_.num_frames + l], "the landmark is not determined by its factors");
+      return NotDetermined(layout_.variables[layout_.num_frames + l],
+                           "the landmark is not determined by its factors");
     }
   }
   return Status::Ok();
@@ -85,8 +91,9 @@ Eigen::VectorXd CovarianceSystem::DiagonalOfS() const {
   return diagonal;
 }
 
-// A Cholesky factor of a singular matrix often exists, thanks to rounding. Then a right-hand side with a share along the null
-// space has a huge solution: one of mixed signs, in units of the diagonal, has such a share.
+// A Cholesky factor of a singular matrix often exists, thanks to rounding. Then a right-hand side
+// with a share along the null space has a huge solution: one of mixed signs, in units of the
+// diagonal, has such a share.
 Status CovarianceSystem::CheckGauge() {
   const Eigen::VectorXd scale = DiagonalOfS().cwiseSqrt();
   Eigen::MatrixXd probe = scale;
@@ -105,7 +112,8 @@ Status CovarianceSystem::CheckGauge() {
   if (inflation <= max_inflation_) {
     return Status::Ok();
   }
-  const auto after = std::upper_bound(plans_.pattern.offsets.begin(), plans_.pattern.offsets.end(), static_cast<int>(largest));
+  const auto after = std::upper_bound(plans_.pattern.offsets.begin(), plans_.pattern.offsets.end(),
+                                      static_cast<int>(largest));
   return NotDetermined(layout_.variables[after - plans_.pattern.offsets.begin() - 1],
                        "the gauge is free, or what determines it is lost to rounding");
 }
@@ -117,7 +125,8 @@ Status CovarianceSystem::Solve(const Eigen::MatrixXd& right, Eigen::MatrixXd* le
     status = solver_->Solve(right.col(c).data(), {}, {}, left->col(c).data());
   }
   return status.ok() && !left->allFinite()
-             ? Status::Error(StatusCode::kSingular, "there is no covariance: a solution is not finite")
+             ? Status::Error(StatusCode::kSingular,
+                             "there is no covariance: a solution is not finite")
              : status;
 }
 
@@ -129,7 +138,8 @@ void CovarianceSystem::SubtractW() {
     for (int i = 0; i < cache.num_factors; ++i) {
       const VariableId* ids = graph_.Variables(cache.id, i);
       const VariableId* landmark = std::find_if(ids, ids + num_slots, [this](VariableId id) {
-        return layout_.LandmarkOf(id) >= 0 && columns_.count(id) > 0 && columns_.at(id).X.size() == 0;
+        return layout_.LandmarkOf(id) >= 0 && columns_.count(id) > 0 &&
+               columns_.at(id).X.size() == 0;
       });
       if (landmark == ids + num_slots) {
         continue;
@@ -137,15 +147,17 @@ void CovarianceSystem::SubtractW() {
       using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
       const auto jacobian = [&](std::ptrdiff_t s) {
         const SlotJacobians& slot = cache.slots[s];
-        return Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>(slot.data + i * slot.factor_stride, rows, slot.columns,
-                                                                   Eigen::OuterStride<>(slot.row_stride));
+        return Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>(
+            slot.data + i * slot.factor_stride, rows, slot.columns,
+            Eigen::OuterStride<>(slot.row_stride));
       };
       Column& column = columns_.at(*landmark);
       const Eigen::MatrixXd J_l = jacobian(landmark - ids) * column.P_inv;
       for (int s = 0; s < num_slots; ++s) {
         const int frame = layout_.FrameOf(ids[s]);
         if (frame >= 0) {
-          column.V.middleRows(layout_.packed_offset[frame], layout_.TangentSize(frame)) -= jacobian(s).transpose() * J_l;
+          column.V.middleRows(layout_.packed_offset[frame], layout_.TangentSize(frame)) -=
+              jacobian(s).transpose() * J_l;
         }
       }
     }
@@ -164,7 +176,8 @@ Status CovarianceSystem::Prepare(const std::vector<VariableId>& ids) {
     }
     double U_inv[4 * kQuad] = {};
     const double no_damping[kQuad] = {};
-    InvertCholeskyFactor(size, hessian_.P(landmark), no_damping, U_inv);  // as CheckLandmarks has tried
+    InvertCholeskyFactor(size, hessian_.P(landmark), no_damping,
+                         U_inv);  // as CheckLandmarks has tried
     const Eigen::Map<const Eigen::Matrix<double, 4, kQuad, Eigen::RowMajor>> U(U_inv);
     column.P_inv = U.topLeftCorner(size, size).transpose() * U.topLeftCorner(size, size);
   }

@@ -17,13 +17,15 @@ namespace inceres::internal {
 /// The undamped normal equations of a graph at a state, factored, and columns of their inverse.
 class CovarianceSystem {
  public:
-  CovarianceSystem(const FactorGraph& graph, const std::vector<double>& state, int num_threads, double max_inflation);
+  CovarianceSystem(const FactorGraph& graph, const std::vector<double>& state, int num_threads,
+                   double max_inflation);
 
   /// Linearizes, eliminates and factors. kSingular names a variable that is not determined.
   Status Factorize();
   bool Has(VariableId id) const { return layout_.position[id] >= 0; }
 
-  /// Makes V and X = S⁻¹ V of a variable; V of others must have been prepared before they meet it in a Product.
+  /// Makes V and X = S⁻¹ V of a variable; V of others must have been prepared before they meet it
+  /// in a Product.
   Status Prepare(const std::vector<VariableId>& ids);
   /// cov(a, b) of two prepared variables.
   Eigen::MatrixXd Product(VariableId a, VariableId b) const;

@@ -20,7 +20,8 @@ bool Subtract(const LinearPrior::Block& block, const double* x, double* delta) {
   if (block.manifold != nullptr) {
     return block.manifold->Minus(x, block.x0.data(), delta);
   }
-  std::transform(x, x + block.x0.size(), block.x0.begin(), delta, [](double a, double b) { return a - b; });
+  std::transform(x, x + block.x0.size(), block.x0.begin(), delta,
+                 [](double a, double b) { return a - b; });
   return true;
 }
 
@@ -35,12 +36,14 @@ int LinearPrior::num_columns() const {
 }
 
 LinearPriorFamily::LinearPriorFamily(const LinearPrior& shape)
-    : FactorFamily(static_cast<int>(shape.e0.size()), SlotsOf(shape)), num_columns_(shape.num_columns()) {
+    : FactorFamily(static_cast<int>(shape.e0.size()), SlotsOf(shape)),
+      num_columns_(shape.num_columns()) {
 }
 
 bool LinearPriorFamily::Fits(const LinearPrior& prior) const {
   const std::vector<Slot> slots = SlotsOf(prior);
-  bool fits = static_cast<int>(slots.size()) == num_slots() && static_cast<int>(prior.e0.size()) == residual_size();
+  bool fits = static_cast<int>(slots.size()) == num_slots() &&
+              static_cast<int>(prior.e0.size()) == residual_size();
   for (int s = 0; fits && s < num_slots(); ++s) {
     const Slot& other = slots[static_cast<std::size_t>(s)];
     fits = slot(s).ambient_size == other.ambient_size && slot(s).tangent_size == other.tangent_size;
@@ -64,13 +67,16 @@ EvaluationFailure LinearPriorFamily::Evaluate(const FactorBatch& batch) const {
   return failure;
 }
 
-EvaluationFailure LinearPriorFamily::EvaluateOne(int i, const FactorBatch& batch, double* delta) const {
+EvaluationFailure LinearPriorFamily::EvaluateOne(int i, const FactorBatch& batch,
+                                                 double* delta) const {
   const LinearPrior& prior = priors_[static_cast<std::size_t>(i)];
   const double* const* parameters = batch.parameters + static_cast<std::ptrdiff_t>(i) * num_slots();
   double* next = delta;
   for (int s = 0; s < num_slots(); ++s) {
     if (!Subtract(prior.blocks[static_cast<std::size_t>(s)], parameters[s], next)) {
-      return {i, "a variable is too far from where the prior was linearized for their difference to be defined"};
+      return {i,
+              "a variable is too far from where the prior was linearized for their difference to "
+              "be defined"};
     }
     next += slot(s).tangent_size;
   }
@@ -95,8 +101,9 @@ EvaluationFailure LinearPriorFamily::EvaluateOne(int i, const FactorBatch& batch
     }
     const JacobianView& view = batch.jacobians[s];
     for (int r = 0; r < residual_size(); ++r) {
-      std::copy_n(J + static_cast<std::ptrdiff_t>(r) * num_columns_, slot(s).tangent_size,
-                  view.data + i * view.factor_stride + static_cast<std::ptrdiff_t>(r) * view.row_stride);
+      std::copy_n(
+          J + static_cast<std::ptrdiff_t>(r) * num_columns_, slot(s).tangent_size,
+          view.data + i * view.factor_stride + static_cast<std::ptrdiff_t>(r) * view.row_stride);
     }
   }
   return {};

@@ -28,9 +28,11 @@ void MarginalSystem::AddKept(VariableId id) {
 
 namespace {
 
-// Copies a factor's rows into A from `row` on; column_of(slot) is negative for slots that have none.
+// Copies a factor's rows into A from `row` on; column_of(slot) is negative for slots that have
+// none.
 template <typename ColumnOf>
-void CopyRows(const LinearizedFactor& factor, int num_slots, const ColumnOf& column_of, Eigen::Index row, Eigen::MatrixXd* A) {
+void CopyRows(const LinearizedFactor& factor, int num_slots, const ColumnOf& column_of,
+              Eigen::Index row, Eigen::MatrixXd* A) {
   for (int s = 0; s < num_slots; ++s) {
     const SlotJacobians& slot = factor.slots[s];
     const int column = column_of(s);
@@ -47,14 +49,15 @@ void CopyRows(const LinearizedFactor& factor, int num_slots, const ColumnOf& col
 
 }  // namespace
 
-void MarginalSystem::Append(const Eigen::MatrixXd& rows, Eigen::Index first_row, Eigen::Index first_column,
-                            const std::vector<int>& columns) {
+void MarginalSystem::Append(const Eigen::MatrixXd& rows, Eigen::Index first_row,
+                            Eigen::Index first_column, const std::vector<int>& columns) {
   const auto width = static_cast<std::size_t>(NumColumns()) + 1;
   for (Eigen::Index r = first_row; r < rows.rows(); ++r) {
     const std::size_t at = stack_.size();
     stack_.resize(at + width, 0.0);
     for (std::size_t c = 0; c < columns.size(); ++c) {
-      stack_[at + static_cast<std::size_t>(columns[c])] = rows(r, first_column + static_cast<Eigen::Index>(c));
+      stack_[at + static_cast<std::size_t>(columns[c])] =
+          rows(r, first_column + static_cast<Eigen::Index>(c));
     }
     stack_[at + width - 1] = rows(r, rows.cols() - 1);
   }
@@ -65,8 +68,10 @@ Status MarginalSystem::RankLoss(const char* kind, const std::vector<VariableId>&
   for (const VariableId id : offenders) {
     ids += (ids.empty() ? "" : ", ") + std::to_string(id);
   }
-  return Status::Error(StatusCode::kSingular, std::string("the factors do not determine the marginalized ") + kind + " " + ids +
-                                                  ": drop them, or allow rank loss, or keep what they are measured against");
+  return Status::Error(
+      StatusCode::kSingular,
+      std::string("the factors do not determine the marginalized ") + kind + " " + ids +
+          ": drop them, or allow rank loss, or keep what they are measured against");
 }
 
 Status MarginalSystem::Eliminate(const std::vector<FactorId>& factors, const RowsOf& rows_of,
@@ -81,7 +86,8 @@ Status MarginalSystem::Eliminate(const std::vector<FactorId>& factors, const Row
   for (const FactorId& id : factors) {
     const int num_slots = graph_.family(id.family).num_slots();
     const VariableId* ids = graph_.Variables(id.family, id.index);
-    const auto landmark = std::find_if(ids, ids + num_slots, [this](VariableId v) { return landmarks_.count(v) > 0; });
+    const auto landmark = std::find_if(ids, ids + num_slots,
+                                       [this](VariableId v) { return landmarks_.count(v) > 0; });
     if (landmark != ids + num_slots) {
       of_landmark[static_cast<std::size_t>(landmarks_.at(*landmark))].push_back(id);
       continue;
@@ -110,8 +116,10 @@ Status MarginalSystem::Eliminate(const std::vector<FactorId>& factors, const Row
   return offenders->empty() ? EliminateFrames(offenders) : RankLoss("landmarks", *offenders);
 }
 
-// Its rows have columns of its own and those of its separator only. Rank loss is reported when all landmarks have been looked at.
-Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<FactorId>& factors, const RowsOf& rows_of,
+// Its rows have columns of its own and those of its separator only. Rank loss is reported when all
+// landmarks have been looked at.
+Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<FactorId>& factors,
+                                         const RowsOf& rows_of,
                                          std::vector<VariableId>* offenders) {
   const int size = graph_.TangentSize(id);
   std::unordered_map<VariableId, int> local;  // first column in A
@@ -123,14 +131,16 @@ Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<Factor
     for (int s = 0; s < graph_.family(factor.family).num_slots(); ++s) {
       const VariableId other = graph_.Variables(factor.family, factor.index)[s];
       const auto global = columns_.find(other);
-      if (global != columns_.end() && local.emplace(other, size + static_cast<int>(columns.size())).second) {
+      if (global != columns_.end() &&
+          local.emplace(other, size + static_cast<int>(columns.size())).second) {
         for (int c = 0; c < graph_.TangentSize(other); ++c) {
           columns.push_back(global->second + c);
         }
       }
     }
   }
-  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows, size + static_cast<Eigen::Index>(columns.size()) + 1);
+  Eigen::MatrixXd A =
+      Eigen::MatrixXd::Zero(rows, size + static_cast<Eigen::Index>(columns.size()) + 1);
   Eigen::Index row = 0;
   for (const FactorId& factor_id : factors) {
     LinearizedFactor factor;
@@ -158,11 +168,15 @@ Status MarginalSystem::EliminateFrames(std::vector<VariableId>* offenders) {
   const Eigen::Index width = NumColumns() + 1;
   const auto rows = static_cast<Eigen::Index>(stack_.size()) / width;
   Eigen::MatrixXd A =
-      Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(stack_.data(), rows, width);
-  const EliminationOutcome outcome = EliminateColumns(num_frame_columns_, options_.rank_tolerance, &A);
+      Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+          stack_.data(), rows, width);
+  const EliminationOutcome outcome =
+      EliminateColumns(num_frame_columns_, options_.rank_tolerance, &A);
   for (const VariableId id : frames_) {
     const int first = columns_.at(id);
-    const auto mine = [&](int column) { return column >= first && column < first + graph_.TangentSize(id); };
+    const auto mine = [&](int column) {
+      return column >= first && column < first + graph_.TangentSize(id);
+    };
     if (std::any_of(outcome.dependent.begin(), outcome.dependent.end(), mine)) {
       offenders->push_back(id);
     }
@@ -190,14 +204,16 @@ int TruncatePrior(const MarginalizationOptions& options, Eigen::MatrixXd* prior)
   const Eigen::BDCSVD<Eigen::MatrixXd> svd(prior->leftCols(n) * scale.cwiseInverse().asDiagonal(),
                                            Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Eigen::VectorXd& sigma = svd.singularValues();  // descending
-  const double limit = relative ? options.epsilon * static_cast<double>(n) * sigma[0] * sigma[0] : options.epsilon;
+  const double limit =
+      relative ? options.epsilon * static_cast<double>(n) * sigma[0] * sigma[0] : options.epsilon;
   const auto rank = (sigma.array().square() > limit).count();
   if (rank == n) {
     return 0;  // nothing is cut off: the triangle is the more exact form
   }
   const Eigen::VectorXd e0 = svd.matrixU().leftCols(rank).transpose() * prior->col(n);
   prior->setZero();
-  prior->topLeftCorner(rank, n) = sigma.head(rank).asDiagonal() * svd.matrixV().leftCols(rank).transpose() * scale.asDiagonal();
+  prior->topLeftCorner(rank, n) =
+      sigma.head(rank).asDiagonal() * svd.matrixV().leftCols(rank).transpose() * scale.asDiagonal();
   prior->col(n).head(rank) = e0;
   return static_cast<int>(n - rank);
 }

@@ -28,7 +28,8 @@ Status MarginalizationOptions::Validate() const {
 namespace internal {
 namespace {
 
-// The priors that marginalization makes; kept apart from those a user adds, which may not be written to.
+// The priors that marginalization makes; kept apart from those a user adds, which may not be
+// written to.
 class OwnPriorFamily final : public LinearPriorFamily {
  public:
   using LinearPriorFamily::LinearPriorFamily;
@@ -40,8 +41,13 @@ bool Before(FactorId a, FactorId b) {
 
 class Marginalizer {
  public:
-  Marginalizer(const MarginalizationTarget& target, const MarginalizationRequest& request, const MarginalizationOptions& options)
-      : target_(target), graph_(*target.graph), request_(request), options_(options), system_(graph_, options) {}
+  Marginalizer(const MarginalizationTarget& target, const MarginalizationRequest& request,
+               const MarginalizationOptions& options)
+      : target_(target),
+        graph_(*target.graph),
+        request_(request),
+        options_(options),
+        system_(graph_, options) {}
 
   MarginalizationSummary Run() {
     Status& status = summary_.status;
@@ -69,7 +75,8 @@ class Marginalizer {
  private:
   Status Refuse(VariableId id, const std::string& what) {
     summary_.offenders.push_back(id);
-    return Status::Error(StatusCode::kInvalidArgument, "variable " + std::to_string(id) + " " + what);
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "variable " + std::to_string(id) + " " + what);
   }
 
   Status CheckIds() {
@@ -86,8 +93,8 @@ class Marginalizer {
     std::set<VariableId> ordered;
     for (const VariableId id : request_.order) {
       if (!graph_.HasVariable(id) || going_.count(id) > 0) {
-        return Refuse(id,
-                      "is named in the order of the prior but " + std::string(going_.count(id) > 0 ? "goes" : "does not exist"));
+        return Refuse(id, "is named in the order of the prior but " +
+                              std::string(going_.count(id) > 0 ? "goes" : "does not exist"));
       }
       if (!ordered.insert(id).second) {
         return Refuse(id, "is named twice in the order of the prior");
@@ -96,7 +103,8 @@ class Marginalizer {
     return Status::Ok();
   }
 
-  // Factors of the marginalized variables, but for those that are dropped, by themselves or with a variable.
+  // Factors of the marginalized variables, but for those that are dropped, by themselves or with a
+  // variable.
   void CollectFactors() {
     graph_.TrackFactors();
     std::vector<FactorId> lost = request_.dropped_factors;
@@ -118,7 +126,8 @@ class Marginalizer {
 
   // Constants have columns only if they are to be kept and have somewhere to move.
   bool HasColumns(VariableId id) const {
-    return !graph_.IsConstant(id) || (options_.keep_constants && going_.count(id) == 0 && graph_.TangentSize(id) > 0);
+    return !graph_.IsConstant(id) ||
+           (options_.keep_constants && going_.count(id) == 0 && graph_.TangentSize(id) > 0);
   }
 
   void CollectKept() {
@@ -130,7 +139,8 @@ class Marginalizer {
     std::set<VariableId> neighbors;
     for (const FactorId& factor : factors_) {
       const VariableId* ids = graph_.Variables(factor.family, factor.index);
-      std::copy_if(ids, ids + graph_.family(factor.family).num_slots(), std::inserter(neighbors, neighbors.end()),
+      std::copy_if(ids, ids + graph_.family(factor.family).num_slots(),
+                   std::inserter(neighbors, neighbors.end()),
                    [&](VariableId id) { return HasColumns(id) && going_.count(id) == 0; });
     }
     std::vector<VariableId>& kept = summary_.kept;
@@ -143,26 +153,31 @@ class Marginalizer {
   Status CheckLandmarks() {
     std::vector<VariableId> landmarks;
     std::copy_if(summary_.kept.begin(), summary_.kept.end(), std::back_inserter(landmarks),
-                 [&](VariableId id) { return graph_.role(id) == Role::kLandmark && !graph_.IsConstant(id); });
+                 [&](VariableId id) {
+                   return graph_.role(id) == Role::kLandmark && !graph_.IsConstant(id);
+                 });
     if (landmarks.size() < 2) {
       return Status::Ok();
     }
     summary_.offenders = landmarks;
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "the prior would join " + std::to_string(landmarks.size()) + " landmarks (variables " +
-                             std::to_string(landmarks[0]) + ", " + std::to_string(landmarks[1]) +
-                             (landmarks.size() > 2 ? ", …" : "") +
-                             "); a factor touches at most one: marginalize them too, or drop their factors");
+    return Status::Error(
+        StatusCode::kInvalidArgument,
+        "the prior would join " + std::to_string(landmarks.size()) + " landmarks (variables " +
+            std::to_string(landmarks[0]) + ", " + std::to_string(landmarks[1]) +
+            (landmarks.size() > 2 ? ", …" : "") +
+            "); a factor touches at most one: marginalize them too, or drop their factors");
   }
 
   GraphEdit Removal() const {
     GraphEdit edit(graph_);
-    std::for_each(request_.dropped_factors.begin(), request_.dropped_factors.end(), [&](FactorId id) { edit.RemoveFactor(id); });
+    std::for_each(request_.dropped_factors.begin(), request_.dropped_factors.end(),
+                  [&](FactorId id) { edit.RemoveFactor(id); });
     std::for_each(going_.begin(), going_.end(), [&](VariableId id) { edit.RemoveVariable(id); });
     return edit;
   }
 
-  // Whatever could be wrong with the edit is found before a family is added, and before anything is computed.
+  // Whatever could be wrong with the edit is found before a family is added, and before anything is
+  // computed.
   Status CheckRemoval() {
     std::vector<FactorId> removed;
     return graph_.Check(Removal(), &removed);
@@ -184,12 +199,14 @@ class Marginalizer {
     }
     Eigen::MatrixXd rows = system_.result();
     if (!rows.allFinite()) {
-      return Status::Error(StatusCode::kEvaluationFailed, "the prior is not finite: the factors' weights overflow");
+      return Status::Error(StatusCode::kEvaluationFailed,
+                           "the prior is not finite: the factors' weights overflow");
     }
     summary_.num_factors = static_cast<int>(factors_.size());
     summary_.fixed_cost = system_.fixed_cost();
     summary_.num_truncated = TruncatePrior(options_, &rows);
-    summary_.rank = static_cast<int>((rows.leftCols(rows.cols() - 1).array() != 0.0).rowwise().any().count());
+    summary_.rank =
+        static_cast<int>((rows.leftCols(rows.cols() - 1).array() != 0.0).rowwise().any().count());
     WritePrior(rows);
     return Status::Ok();
   }
@@ -197,7 +214,8 @@ class Marginalizer {
   void WritePrior(const Eigen::MatrixXd& rows) {
     for (const VariableId id : summary_.kept) {
       const double* x = target_.values(id);
-      prior_.blocks.push_back({{x, x + graph_.AmbientSize(id)}, graph_.shared_manifold(id), graph_.TangentSize(id)});
+      prior_.blocks.push_back(
+          {{x, x + graph_.AmbientSize(id)}, graph_.shared_manifold(id), graph_.TangentSize(id)});
     }
     const Eigen::Index n = rows.rows();
     prior_.J.resize(static_cast<std::size_t>(n * n));
@@ -210,8 +228,8 @@ class Marginalizer {
     }
   }
 
-  // A family of marginalization's own for priors of this shape. The graph gives families out as constant; this one was not made
-  // so.
+  // A family of marginalization's own for priors of this shape. The graph gives families out as
+  // constant; this one was not made so.
   FamilyId FamilyOf(OwnPriorFamily** family) {
     for (FamilyId id = 0; id < graph_.num_families(); ++id) {
       const auto* own = dynamic_cast<const OwnPriorFamily*>(&graph_.family(id));
@@ -255,7 +273,8 @@ class Marginalizer {
 
 }  // namespace
 
-MarginalizationSummary MarginalizeOn(const MarginalizationTarget& target, const MarginalizationRequest& request,
+MarginalizationSummary MarginalizeOn(const MarginalizationTarget& target,
+                                     const MarginalizationRequest& request,
                                      const MarginalizationOptions& options) {
   try {
     return Marginalizer(target, request, options).Run();
@@ -268,8 +287,8 @@ MarginalizationSummary MarginalizeOn(const MarginalizationTarget& target, const 
 
 }  // namespace internal
 
-MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options,
-                                   FactorGraph* graph) {
+MarginalizationSummary Marginalize(const MarginalizationRequest& request,
+                                   const MarginalizationOptions& options, FactorGraph* graph) {
   const Status valid = graph->Validate();
   if (!valid.ok()) {
     MarginalizationSummary failed;

@@ -42,7 +42,8 @@ class Tracked {
   const FactorGraph* graph_;
 };
 
-std::set<VariableId> LandmarksSeenBy(const FactorGraph& graph, const std::vector<VariableId>& frames) {
+std::set<VariableId> LandmarksSeenBy(const FactorGraph& graph,
+                                     const std::vector<VariableId>& frames) {
   std::set<VariableId> landmarks;
   for (const VariableId frame : frames) {
     graph.ForEachFactorOf(frame, [&](FactorId factor) {
@@ -72,11 +73,13 @@ int CountFactors(const FactorGraph& graph, VariableId landmark, const std::set<V
 
 }  // namespace
 
-MarginalizationRequest OldestFrameRule(const FactorGraph& graph, const std::vector<VariableId>& frames, int min_factors) {
+MarginalizationRequest OldestFrameRule(const FactorGraph& graph,
+                                       const std::vector<VariableId>& frames, int min_factors) {
   return KeyframeRule(graph, frames, {}, min_factors);
 }
 
-MarginalizationRequest SecondNewestFrameRule(const FactorGraph& original, const std::vector<VariableId>& frames) {
+MarginalizationRequest SecondNewestFrameRule(const FactorGraph& original,
+                                             const std::vector<VariableId>& frames) {
   const Tracked tracked(original);
   const FactorGraph& graph = *tracked;
   MarginalizationRequest request;
@@ -87,13 +90,15 @@ MarginalizationRequest SecondNewestFrameRule(const FactorGraph& original, const 
     if (CountFactors(graph, landmark, leaving, &touching) == static_cast<int>(touching.size())) {
       request.dropped.push_back(landmark);
     } else {
-      request.dropped_factors.insert(request.dropped_factors.end(), touching.begin(), touching.end());
+      request.dropped_factors.insert(request.dropped_factors.end(), touching.begin(),
+                                     touching.end());
     }
   }
   return request;
 }
 
-MarginalizationRequest KeyframeRule(const FactorGraph& original, const std::vector<VariableId>& leaving,
+MarginalizationRequest KeyframeRule(const FactorGraph& original,
+                                    const std::vector<VariableId>& leaving,
                                     const std::vector<VariableId>& newest, int min_factors) {
   const Tracked tracked(original);
   const FactorGraph& graph = *tracked;
@@ -105,7 +110,8 @@ MarginalizationRequest KeyframeRule(const FactorGraph& original, const std::vect
   for (const VariableId landmark : LandmarksSeenBy(graph, leaving)) {
     const int num_factors = CountFactors(graph, landmark, gone, &touching);
     if (visible.count(landmark) > 0 && static_cast<int>(touching.size()) < num_factors) {
-      request.dropped_factors.insert(request.dropped_factors.end(), touching.begin(), touching.end());
+      request.dropped_factors.insert(request.dropped_factors.end(), touching.begin(),
+                                     touching.end());
     } else if (num_factors < min_factors) {
       request.dropped.push_back(landmark);
     } else {

@@ -12,12 +12,15 @@ namespace inceres::internal {
 struct MarginalizationTarget {
   FactorGraph* graph = nullptr;
   FactorLinearizer::ValuesOf values;  // the current ones
-  /// Rows that are known without an evaluation: true if it has set them. May be empty. wanted as for FactorLinearizer.
-  std::function<bool(FactorId, const std::function<bool(VariableId)>& wanted, LinearizedFactor*)> cached;
+  /// Rows that are known without an evaluation: true if it has set them. May be empty. wanted as
+  /// for FactorLinearizer.
+  std::function<bool(FactorId, const std::function<bool(VariableId)>& wanted, LinearizedFactor*)>
+      cached;
   std::function<Status(const GraphEdit&)> apply;
 };
 
-MarginalizationSummary MarginalizeOn(const MarginalizationTarget& target, const MarginalizationRequest& request,
+MarginalizationSummary MarginalizeOn(const MarginalizationTarget& target,
+                                     const MarginalizationRequest& request,
                                      const MarginalizationOptions& options);
 
 }  // namespace inceres::internal

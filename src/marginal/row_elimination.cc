@@ -17,7 +17,8 @@ void SortRows(Eigen::MatrixXd* A) {
   const Eigen::VectorXd sizes = A->leftCols(A->cols() - 1).cwiseAbs().rowwise().maxCoeff();
   std::vector<Eigen::Index> order(static_cast<std::size_t>(A->rows()));
   std::iota(order.begin(), order.end(), Eigen::Index{0});
-  std::stable_sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return sizes[a] > sizes[b]; });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Eigen::Index a, Eigen::Index b) { return sizes[a] > sizes[b]; });
   Eigen::MatrixXd sorted(A->rows(), A->cols());
   for (Eigen::Index row = 0; row < A->rows(); ++row) {
     sorted.row(row) = A->row(order[static_cast<std::size_t>(row)]);
@@ -25,10 +26,10 @@ void SortRows(Eigen::MatrixXd* A) {
   A->swap(sorted);
 }
 
-// Takes column `pivot` out of rows [k, …): a reflection that leaves it in row k alone, applied to the columns listed and to those
-// from `first` on.
-void Reflect(Eigen::Index k, Eigen::Index pivot, const std::vector<Eigen::Index>& columns, Eigen::Index first,
-             Eigen::MatrixXd* A) {
+// Takes column `pivot` out of rows [k, …): a reflection that leaves it in row k alone, applied to
+// the columns listed and to those from `first` on.
+void Reflect(Eigen::Index k, Eigen::Index pivot, const std::vector<Eigen::Index>& columns,
+             Eigen::Index first, Eigen::MatrixXd* A) {
   const Eigen::Index rows = A->rows() - k;
   Eigen::VectorXd v = A->col(pivot).tail(rows);
   double beta = 0.0;
@@ -39,7 +40,8 @@ void Reflect(Eigen::Index k, Eigen::Index pivot, const std::vector<Eigen::Index>
   for (const Eigen::Index column : columns) {
     A->col(column).tail(rows).applyHouseholderOnTheLeft(essential, tau, workspace.data());
   }
-  A->bottomRightCorner(rows, A->cols() - first).applyHouseholderOnTheLeft(essential, tau, workspace.data());
+  A->bottomRightCorner(rows, A->cols() - first)
+      .applyHouseholderOnTheLeft(essential, tau, workspace.data());
 }
 
 }  // namespace

@@ -11,14 +11,16 @@ namespace {
 
 static_assert(kUnwritten == internal::kUnwrittenEntry);
 
-void CopyColumns(int ambient_size, int columns, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+void CopyColumns(int ambient_size, int columns, const double* J_ambient, int num_rows,
+                 double* J_tangent, int row_stride) {
   for (int r = 0; r < num_rows; ++r) {
     std::copy_n(J_ambient + static_cast<std::ptrdiff_t>(r) * ambient_size, columns,
                 J_tangent + static_cast<std::ptrdiff_t>(r) * row_stride);
   }
 }
 
-bool TakeAny(int ambient_size, int columns, double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+bool TakeAny(int ambient_size, int columns, double* J_ambient, int num_rows, double* J_tangent,
+             int row_stride) {
   const int count = num_rows * ambient_size;
   if (!AreAllWritten(J_ambient, count)) {
     return false;
@@ -28,7 +30,8 @@ bool TakeAny(int ambient_size, int columns, double* J_ambient, int num_rows, dou
   return true;
 }
 
-void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
+                   int row_stride) {
   for (int r = 0; r < num_rows; ++r) {
     const double* from = J_ambient + static_cast<std::ptrdiff_t>(r) * map.ambient_size;
     double* to = J_tangent + static_cast<std::ptrdiff_t>(r) * row_stride;
@@ -38,13 +41,17 @@ void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows,
   }
 }
 
-// kWidth columns of the product from column `first` on, summed in registers. The sum over k runs upwards, as in a plain matrix
-// product, so that results agree with Ceres's to the last bit; where M is the identity there is nothing to add.
+// kWidth columns of the product from column `first` on, summed in registers. The sum over k runs
+// upwards, as in a plain matrix product, so that results agree with Ceres's to the last bit; where
+// M is the identity there is nothing to add.
 template <int kWidth>
-void MultiplyColumns(const TangentMap& map, int first, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+void MultiplyColumns(const TangentMap& map, int first, const double* J_ambient, int num_rows,
+                     double* J_tangent, int row_stride) {
   for (int r = 0; r < num_rows; ++r) {
     const double* from = J_ambient + static_cast<std::ptrdiff_t>(r) * map.ambient_size;
-    const double* M = map.plus_jacobian + static_cast<std::ptrdiff_t>(map.num_identity_columns) * map.tangent_size + first;
+    const double* M = map.plus_jacobian +
+                      static_cast<std::ptrdiff_t>(map.num_identity_columns) * map.tangent_size +
+                      first;
     double sum[kWidth] = {};
     for (int k = map.num_identity_columns; k < map.ambient_size; ++k, M += map.tangent_size) {
       for (int c = 0; c < kWidth; ++c) {
@@ -57,7 +64,8 @@ void MultiplyColumns(const TangentMap& map, int first, const double* J_ambient, 
 
 // The same sums where all sizes are known: M has kIdentity identity columns.
 template <int kAmbient, int kTangent, int kIdentity>
-void MultiplyFixed(const double* M, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+void MultiplyFixed(const double* M, const double* J_ambient, int num_rows, double* J_tangent,
+                   int row_stride) {
   for (int r = 0; r < num_rows; ++r, J_ambient += kAmbient, J_tangent += row_stride) {
     double sum[kTangent - kIdentity] = {};
     for (int k = kIdentity; k < kAmbient; ++k) {
@@ -70,11 +78,14 @@ void MultiplyFixed(const double* M, const double* J_ambient, int num_rows, doubl
   }
 }
 
-void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
-  if (map.ambient_size == 7 && map.tangent_size == 6 && map.num_identity_columns == 3) {  // position and quaternion
+void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
+              int row_stride) {
+  if (map.ambient_size == 7 && map.tangent_size == 6 &&
+      map.num_identity_columns == 3) {  // position and quaternion
     return MultiplyFixed<7, 6, 3>(map.plus_jacobian, J_ambient, num_rows, J_tangent, row_stride);
   }
-  if (map.ambient_size == 4 && map.tangent_size == 3 && map.num_identity_columns == 0) {  // quaternion
+  if (map.ambient_size == 4 && map.tangent_size == 3 &&
+      map.num_identity_columns == 0) {  // quaternion
     return MultiplyFixed<4, 3, 0>(map.plus_jacobian, J_ambient, num_rows, J_tangent, row_stride);
   }
   int c = map.num_identity_columns;
@@ -103,10 +114,12 @@ bool AreAllWritten(const double* values, int count) {
   if (internal::BestKernels().are_ordinary(values, count)) {
     return true;  // as almost all are; NaN and infinity are not
   }
-  return std::all_of(values, values + count, [](double value) { return std::isfinite(value) && value != kUnwritten; });
+  return std::all_of(values, values + count,
+                     [](double value) { return std::isfinite(value) && value != kUnwritten; });
 }
 
-void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent, int row_stride) {
+void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows,
+                           double* J_tangent, int row_stride) {
   if (map.copies()) {
     CopyColumns(map.ambient_size, map.tangent_size, J_ambient, num_rows, J_tangent, row_stride);
     return;

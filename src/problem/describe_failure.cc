@@ -18,18 +18,21 @@ std::string Number(double value) {
   return text;
 }
 
-// "residual 1 is nan", "entry (0, 2) of the Jacobian of variable 5 was not written"; empty if it is not known.
-std::string Culprit(const FactorFamily& family, const EvaluationFailure& failure, const std::string& variable) {
+// "residual 1 is nan", "entry (0, 2) of the Jacobian of variable 5 was not written"; empty if it is
+// not known.
+std::string Culprit(const FactorFamily& family, const EvaluationFailure& failure,
+                    const std::string& variable) {
   if (failure.entry < 0) {
     return "";
   }
-  const std::string what = failure.value == kUnwritten ? "was not written" : "is " + Number(failure.value);
+  const std::string what =
+      failure.value == kUnwritten ? "was not written" : "is " + Number(failure.value);
   if (failure.slot < 0) {
     return "residual " + std::to_string(failure.entry) + " " + what;
   }
   const int columns = std::max(1, family.slot(failure.slot).ambient_size);
-  return "entry (" + std::to_string(failure.entry / columns) + ", " + std::to_string(failure.entry % columns) +
-         ") of the Jacobian by " + variable + " " + what;
+  return "entry (" + std::to_string(failure.entry / columns) + ", " +
+         std::to_string(failure.entry % columns) + ") of the Jacobian by " + variable + " " + what;
 }
 
 std::string FirstValues(const double* values, int size) {
@@ -48,11 +51,13 @@ std::string internal::DescribeObject(const char* kind, const void* object) {
   return std::string(kind) + " " + address;
 }
 
-std::string FactorGraph::DescribeFailure(FamilyId id, const EvaluationFailure& failure, const double* const* parameters) const {
+std::string FactorGraph::DescribeFailure(FamilyId id, const EvaluationFailure& failure,
+                                         const double* const* parameters) const {
   const FactorFamily& family = this->family(id);
   const VariableId* ids = Variables(id, failure.factor);
   const auto name = [this, ids](int slot) {
-    return variable_name_ != nullptr ? variable_name_(ids[slot]) : internal::VariableName(ids[slot]);
+    return variable_name_ != nullptr ? variable_name_(ids[slot])
+                                     : internal::VariableName(ids[slot]);
   };
   const std::string known_as = family.Describe(failure.factor);
   const std::string culprit = Culprit(family, failure, failure.slot < 0 ? "" : name(failure.slot));
@@ -60,7 +65,8 @@ std::string FactorGraph::DescribeFailure(FamilyId id, const EvaluationFailure& f
   text += culprit.empty() ? "" : ": " + culprit;
   text += known_as.empty() ? "" : "; " + known_as;
   for (int s = 0; s < std::min(family.num_slots(), kMaxVariables); ++s) {
-    text += (s == 0 ? "; at " : ", ") + name(s) + " = " + FirstValues(parameters[s], family.slot(s).ambient_size);
+    text += (s == 0 ? "; at " : ", ") + name(s) + " = " +
+            FirstValues(parameters[s], family.slot(s).ambient_size);
   }
   return text + (family.num_slots() > kMaxVariables ? ", …" : "");
 }

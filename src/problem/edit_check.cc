@@ -16,7 +16,8 @@ Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed)
   }
   if (edit.revision() != revision_) {
     return internal::Invalid("the edit was begun at revision " + std::to_string(edit.revision()) +
-                             " of the graph, which is now at revision " + std::to_string(revision_) + ": begin it anew");
+                             " of the graph, which is now at revision " +
+                             std::to_string(revision_) + ": begin it anew");
   }
   edits_->edited = true;
   Status status;
@@ -37,8 +38,8 @@ namespace {
 Status CheckFinite(const char* call, VariableId id, const double* values, int size) {
   for (int k = 0; k < size; ++k) {
     if (!std::isfinite(values[k])) {
-      return Invalid(std::string(call) + ": value " + std::to_string(k) + " of " + VariableName(id) + " is " +
-                     std::to_string(values[k]));
+      return Invalid(std::string(call) + ": value " + std::to_string(k) + " of " +
+                     VariableName(id) + " is " + std::to_string(values[k]));
     }
   }
   return Status::Ok();
@@ -78,7 +79,8 @@ Status EditCheck::CheckComingVariables() const {
       status = Invalid("AddVariable: " + VariableName(variable.id) + " is given a null pointer");
     }
     if (status.ok() && !variable.is_borrowed) {
-      status = CheckFinite("AddVariable", variable.id, edit_.values().data() + variable.values, variable.ambient_size);
+      status = CheckFinite("AddVariable", variable.id, edit_.values().data() + variable.values,
+                           variable.ambient_size);
     }
   }
   return status;
@@ -91,15 +93,16 @@ Status EditCheck::CheckComingFactors() const {
     }
     const FactorFamily& family = graph_.family(factor.id.family);
     if (family.residual_size() <= 0) {
-      return Invalid(FamilyName(factor.id.family, family) + " has residual size " + std::to_string(family.residual_size()) +
-                     "; it must be positive");
+      return Invalid(FamilyName(factor.id.family, family) + " has residual size " +
+                     std::to_string(family.residual_size()) + "; it must be positive");
     }
     if (factor.num_variables != Graph::Index(family.num_slots())) {
-      return Invalid(FactorName(factor.id) + " is given " + std::to_string(factor.num_variables) + " variables but has " +
-                     std::to_string(family.num_slots()) + " slots");
+      return Invalid(FactorName(factor.id) + " is given " + std::to_string(factor.num_variables) +
+                     " variables but has " + std::to_string(family.num_slots()) + " slots");
     }
     if (family.size() <= factor.id.index) {
-      return Invalid(FactorName(factor.id) + " has no measurement: the family holds " + std::to_string(family.size()));
+      return Invalid(FactorName(factor.id) + " has no measurement: the family holds " +
+                     std::to_string(family.size()));
     }
     Status status = CheckFactor(factor.id, edit_.factor_variables().data() + factor.variables);
     if (!status.ok()) {
@@ -110,15 +113,20 @@ Status EditCheck::CheckComingFactors() const {
 }
 
 Status EditCheck::CheckFactor(FactorId id, const VariableId* ids) const {
-  const FactorFault fault = FindFault(graph_.family(id.family), ids, [this](VariableId variable) { return See(variable); });
-  return fault.fault == Fault::kNone ? Status::Ok() : DescribeFault(graph_, id, ids, fault, See(ids[fault.slot]).record);
+  const FactorFault fault = FindFault(graph_.family(id.family), ids,
+                                      [this](VariableId variable) { return See(variable); });
+  return fault.fault == Fault::kNone
+             ? Status::Ok()
+             : DescribeFault(graph_, id, ids, fault, See(ids[fault.slot]).record);
 }
 
-// A variable that was constant and no longer will be: its own factors were let through with rules only a constant may break.
+// A variable that was constant and no longer will be: its own factors were let through with rules
+// only a constant may break.
 Status EditCheck::CheckFreedVariables() {
   for (const auto& [id, constant] : edit_.constants()) {
     VariableMark& mark = edits_.marks[Graph::Index(id)];
-    if (mark.checked || mark.constant != 0 || mark.new_variable >= 0 || graph_.IsConstant(id) == See(id).constant) {
+    if (mark.checked || mark.constant != 0 || mark.new_variable >= 0 ||
+        graph_.IsConstant(id) == See(id).constant) {
       continue;
     }
     mark.checked = true;
@@ -159,11 +167,13 @@ Status EditCheck::CheckNewValues() const {
     if (status.ok()) {
       const VariableRecord& variable = *See(id).record;
       if (variable.offset < 0) {
-        status = Invalid("SetValues: " + VariableName(id) + " is a borrowed constant: its values are their owner's to change");
+        status = Invalid("SetValues: " + VariableName(id) +
+                         " is a borrowed constant: its values are their owner's to change");
       } else if (offset == GraphEdit::kNoValues) {
         status = Invalid("SetValues: " + VariableName(id) + " is given a null pointer");
       } else {
-        status = CheckFinite("SetValues", id, edit_.values().data() + offset, variable.ambient_size);
+        status =
+            CheckFinite("SetValues", id, edit_.values().data() + offset, variable.ambient_size);
       }
     }
     if (!status.ok()) {
@@ -179,7 +189,8 @@ Status EditCheck::CheckPins() const {
     const auto& [id, offset] = edit_.pins()[i];
     status = CheckVariableId("PinLinearization", id, /*may_come=*/true);
     if (status.ok() && offset != GraphEdit::kNoValues) {
-      status = CheckFinite("PinLinearization", id, edit_.values().data() + offset, See(id).record->ambient_size);
+      status = CheckFinite("PinLinearization", id, edit_.values().data() + offset,
+                           See(id).record->ambient_size);
     }
   }
   return status;

@@ -10,8 +10,9 @@
 
 namespace inceres::internal {
 
-/// One check of an edit against its graph. The edit is first drawn into marks on the variables and places it concerns; every rule
-/// is then looked at with the marks laid over the graph, so in the state the edit would lead to. The destructor wipes the marks.
+/// One check of an edit against its graph. The edit is first drawn into marks on the variables and
+/// places it concerns; every rule is then looked at with the marks laid over the graph, so in the
+/// state the edit would lead to. The destructor wipes the marks.
 class EditCheck {
  public:
   EditCheck(FactorGraph* graph, const GraphEdit& edit, std::vector<FactorId>* removed)

@@ -27,7 +27,8 @@ void EditCheck::ReserveVariables() const {
   }
   for (const VariableId id : edit_.removed_variables()) {
     const VariableRecord& variable = graph_.variables_[Graph::Index(id)];
-    std::vector<VariableId>& ids = edits_.free_variables[FreeKey(variable.ambient_size, variable.offset < 0)];
+    std::vector<VariableId>& ids =
+        edits_.free_variables[FreeKey(variable.ambient_size, variable.offset < 0)];
     ReserveRoom(&ids, ids.size() + edit_.removed_variables().size());
   }
 }
@@ -62,8 +63,8 @@ void EditCheck::ReserveFactors() const {
   }
 }
 
-/// Carries out one checked edit, in the order that GraphEdit documents. What is freed enters the free lists last: the edit's own
-/// ids were taken from them as they were before.
+/// Carries out one checked edit, in the order that GraphEdit documents. What is freed enters the
+/// free lists last: the edit's own ids were taken from them as they were before.
 class EditCommit {
  public:
   EditCommit(FactorGraph* graph, const GraphEdit& edit, const std::vector<FactorId>& removed)
@@ -94,12 +95,14 @@ class EditCommit {
       graph_.UnlinkFactor(id.family, id.index);
     }
     const int num_slots = record.family->num_slots();
-    std::fill_n(record.variables.begin() + static_cast<std::ptrdiff_t>(id.index) * num_slots, num_slots, -1);
+    std::fill_n(record.variables.begin() + static_cast<std::ptrdiff_t>(id.index) * num_slots,
+                num_slots, -1);
     edits_.families[Graph::Index(id.family)].places[Graph::Index(id.index)] = Place::kFree;
     graph_.SetLoss(id.family, id.index, nullptr);
   }
 
-  // The room keeps zeros, so that a look for values that are not finite may run over all of the state.
+  // The room keeps zeros, so that a look for values that are not finite may run over all of the
+  // state.
   void RemoveVariable(VariableId id) {
     VariableRecord& variable = graph_.variables_[Graph::Index(id)];
     if (variable.offset >= 0) {
@@ -117,15 +120,17 @@ class EditCommit {
   }
 
   void AddVariable(const GraphEdit::NewVariable& added) {
-    VariableRecord record = added.is_borrowed ? MakeBorrowed(added.borrowed, added.ambient_size)
-                                              : MakeOwned(added.ambient_size, added.role, added.manifold);
+    VariableRecord record = added.is_borrowed
+                                ? MakeBorrowed(added.borrowed, added.ambient_size)
+                                : MakeOwned(added.ambient_size, added.role, added.manifold);
     const double* values = edit_.values().data() + added.values;
     if (added.id == graph_.num_variables()) {
       graph_.AppendVariable(std::move(record), values);
       return;
     }
     VariableRecord& variable = graph_.variables_[Graph::Index(added.id)];
-    std::vector<VariableId>& ids = edits_.free_variables.at(FreeKey(added.ambient_size, added.is_borrowed));
+    std::vector<VariableId>& ids =
+        edits_.free_variables.at(FreeKey(added.ambient_size, added.is_borrowed));
     assert(variable.removed && ids.back() == added.id);
     ids.pop_back();
     --graph_.num_removed_variables_;
@@ -143,7 +148,8 @@ class EditCommit {
     }
     assert(record.free_places.back() == added.id.index);
     record.free_places.pop_back();
-    edits_.families[Graph::Index(added.id.family)].places[Graph::Index(added.id.index)] = Place::kIncremental;
+    edits_.families[Graph::Index(added.id.family)].places[Graph::Index(added.id.index)] =
+        Place::kIncremental;
     const auto num_slots = static_cast<std::ptrdiff_t>(added.num_variables);
     std::copy_n(ids, num_slots, record.variables.begin() + added.id.index * num_slots);
     graph_.SetLoss(added.id.family, added.id.index, added.loss);
@@ -168,7 +174,8 @@ class EditCommit {
       graph_.SetValues(id, edit_.values().data() + offset);
     }
     for (const auto& [id, offset] : edit_.pins()) {
-      graph_.PinLinearization(id, offset == GraphEdit::kNoValues ? nullptr : edit_.values().data() + offset);
+      graph_.PinLinearization(
+          id, offset == GraphEdit::kNoValues ? nullptr : edit_.values().data() + offset);
     }
   }
 

@@ -1,4 +1,5 @@
-// How an edit is drawn into marks on the variables and places it concerns, and what can be seen to be wrong meanwhile.
+// How an edit is drawn into marks on the variables and places it concerns, and what can be seen to
+// be wrong meanwhile.
 #include <algorithm>
 
 #include "problem/edit_check.h"
@@ -30,7 +31,8 @@ EditCheck::~EditCheck() {
       const FamilyRecord& record = graph_.families_[Graph::Index(factor.id.family)];
       MutablePlace(factor.id) = Place::kFree;
       if (factor.id.index >= record.num_factors) {
-        edits_.families[Graph::Index(factor.id.family)].places.resize(Graph::Index(record.num_factors));
+        edits_.families[Graph::Index(factor.id.family)].places.resize(
+            Graph::Index(record.num_factors));
       }
     }
   }
@@ -43,9 +45,11 @@ void EditCheck::MarkComers() {
     edits_.marks.resize(num_ids);
   }
   for (const GraphEdit::NewVariable& variable : edit_.new_variables()) {
-    edits_.marks[Graph::Index(variable.id)].new_variable = static_cast<std::int32_t>(edits_.comers.size());
-    edits_.comers.push_back(variable.is_borrowed ? MakeBorrowed(variable.borrowed, variable.ambient_size)
-                                                 : MakeOwned(variable.ambient_size, variable.role, variable.manifold));
+    edits_.marks[Graph::Index(variable.id)].new_variable =
+        static_cast<std::int32_t>(edits_.comers.size());
+    edits_.comers.push_back(
+        variable.is_borrowed ? MakeBorrowed(variable.borrowed, variable.ambient_size)
+                             : MakeOwned(variable.ambient_size, variable.role, variable.manifold));
   }
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
     if (factor.id.index >= 0) {
@@ -96,7 +100,8 @@ Status EditCheck::MarkConstants() {
   for (const auto& [id, constant] : edit_.constants()) {
     Status status = CheckVariableId("SetConstant", id, /*may_come=*/true);
     if (status.ok() && See(id).record->offset < 0) {
-      status = Invalid("SetConstant: " + VariableName(id) + " is a borrowed constant, which stays one");
+      status =
+          Invalid("SetConstant: " + VariableName(id) + " is a borrowed constant, which stays one");
     }
     if (!status.ok()) {
       return status;
@@ -141,14 +146,18 @@ Sight EditCheck::See(VariableId id) const {
 }
 
 std::string EditCheck::FactorName(FactorId id) const {
-  return "factor " + std::to_string(id.index) + " of " + FamilyName(id.family, graph_.family(id.family));
+  return "factor " + std::to_string(id.index) + " of " +
+         FamilyName(id.family, graph_.family(id.family));
 }
 
 Status EditCheck::CheckVariableId(const char* call, VariableId id, bool may_come) const {
-  const auto fail = [&](const std::string& what) { return Invalid(std::string(call) + ": " + VariableName(id) + what); };
+  const auto fail = [&](const std::string& what) {
+    return Invalid(std::string(call) + ": " + VariableName(id) + what);
+  };
   switch (See(id).fault) {
     case Fault::kDanglingId:
-      return fail(" does not exist: the graph has " + std::to_string(graph_.num_variables()) + " variables");
+      return fail(" does not exist: the graph has " + std::to_string(graph_.num_variables()) +
+                  " variables");
     case Fault::kRemoved:
       return fail(" has been removed");
     case Fault::kGoing:
@@ -163,16 +172,20 @@ Status EditCheck::CheckVariableId(const char* call, VariableId id, bool may_come
 }
 
 Status EditCheck::CheckFactorId(const char* call, FactorId id, bool may_come) const {
-  const auto fail = [&](const std::string& what) { return Invalid(std::string(call) + ": " + FactorName(id) + what); };
+  const auto fail = [&](const std::string& what) {
+    return Invalid(std::string(call) + ": " + FactorName(id) + what);
+  };
   if (id.family < 0 || id.family >= graph_.num_families()) {
     return Invalid(std::string(call) + ": there is no family " + std::to_string(id.family));
   }
   const auto num_marked = static_cast<int>(edits_.families[Graph::Index(id.family)].places.size());
   if (id.index < 0 || id.index >= std::max(graph_.NumFactors(id.family), num_marked)) {
-    return fail(" does not exist: the family has " + std::to_string(graph_.NumFactors(id.family)) + " places");
+    return fail(" does not exist: the family has " + std::to_string(graph_.NumFactors(id.family)) +
+                " places");
   }
   const Place place = PlaceOf(id);
-  if (id.generation >= 0 && id.generation != graph_.Generation(id.family, id.index) && place != Place::kFree) {
+  if (id.generation >= 0 && id.generation != graph_.Generation(id.family, id.index) &&
+      place != Place::kFree) {
     return fail(" has been removed, and its place given to another one");
   }
   switch (place) {
@@ -181,7 +194,8 @@ Status EditCheck::CheckFactorId(const char* call, FactorId id, bool may_come) co
     case Place::kGoing:
       return fail(may_come ? " is removed by the same edit" : " is removed twice");
     case Place::kComing:
-      return may_come ? Status::Ok() : fail(" is added by the same edit: factors go before others come");
+      return may_come ? Status::Ok()
+                      : fail(" is added by the same edit: factors go before others come");
     case Place::kIncremental:
       break;
   }

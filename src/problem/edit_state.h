@@ -32,25 +32,27 @@ struct VariableMark {
 };
 
 struct FamilyEditState {
-  std::vector<Place> places;              // empty while no edit has looked at them, else one a place
+  std::vector<Place> places;  // empty while no edit has looked at them, else one a place
   std::vector<std::int32_t> generations;  // as FactorGraph::Generation; of places beyond its end: 0
   std::vector<Link> links;                // parallel to the family's variables, once tracked
 };
 
-/// What a graph needs to be edited: which places and ids are free, the factors of each variable, and the marks of an edit that is
-/// being checked.
+/// What a graph needs to be edited: which places and ids are free, the factors of each variable,
+/// and the marks of an edit that is being checked.
 struct EditState {
   bool edited = false;
   std::vector<FamilyEditState> families;
-  std::map<int, std::vector<VariableId>> free_variables;  // by FreeKey; the last one is given out first
+  // by FreeKey; the last one is given out first
+  std::map<int, std::vector<VariableId>> free_variables;
   bool tracked = false;
-  bool untracked_ids = false;          // some factor names a variable that was not there when it was linked
+  bool untracked_ids = false;  // some factor names a variable that was not there when it was linked
   std::vector<Touch> first_touches;    // one a variable, once tracked
   std::vector<VariableMark> marks;     // scratch of Check
   std::vector<VariableRecord> comers;  // scratch of Check: the variables that come
 };
 
-/// Removed variables by their size: borrowed ones have no room of their own, so theirs are kept apart, as negative sizes.
+/// Removed variables by their size: borrowed ones have no room of their own, so theirs are kept
+/// apart, as negative sizes.
 inline int FreeKey(int ambient_size, bool borrowed) {
   return borrowed ? -ambient_size : ambient_size;
 }

@@ -18,7 +18,8 @@ namespace {
 
 std::string CountAndList(const std::vector<VariableId>& variables) {
   constexpr std::size_t kMaxListed = 8;
-  std::string text = std::to_string(variables.size()) + (variables.size() == 1 ? " variable" : " variables");
+  std::string text =
+      std::to_string(variables.size()) + (variables.size() == 1 ? " variable" : " variables");
   for (std::size_t i = 0; i < std::min(variables.size(), kMaxListed); ++i) {
     text += (i == 0 ? " (" : ", ") + std::to_string(variables[i]);
   }
@@ -27,7 +28,8 @@ std::string CountAndList(const std::vector<VariableId>& variables) {
 
 // "2 slots (of 9, 3 values)".
 std::string DescribeSlots(const FactorFamily& family) {
-  std::string text = std::to_string(family.num_slots()) + (family.num_slots() == 1 ? " slot" : " slots");
+  std::string text =
+      std::to_string(family.num_slots()) + (family.num_slots() == 1 ? " slot" : " slots");
   for (int s = 0; s < family.num_slots(); ++s) {
     text += (s == 0 ? " (of " : ", ") + std::to_string(family.slot(s).ambient_size);
   }
@@ -58,7 +60,8 @@ VariableRecord MakeBorrowed(const double* values, int ambient_size) {
 
 EditStateOwner::EditStateOwner() : state_(std::make_unique<EditState>()) {
 }
-EditStateOwner::EditStateOwner(const EditStateOwner& other) : state_(std::make_unique<EditState>(*other.state_)) {
+EditStateOwner::EditStateOwner(const EditStateOwner& other)
+    : state_(std::make_unique<EditState>(*other.state_)) {
 }
 EditStateOwner::EditStateOwner(EditStateOwner&& other) noexcept = default;
 EditStateOwner& EditStateOwner::operator=(const EditStateOwner& other) {
@@ -88,7 +91,8 @@ VariableId FactorGraph::AppendVariable(internal::VariableRecord variable, const 
   return num_variables() - 1;
 }
 
-VariableId FactorGraph::AddVariable(const double* values, int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
+VariableId FactorGraph::AddVariable(const double* values, int ambient_size, Role role,
+                                    std::shared_ptr<const Manifold> manifold) {
   ++revision_;
   return AppendVariable(internal::MakeOwned(ambient_size, role, std::move(manifold)), values);
 }
@@ -118,23 +122,27 @@ bool FactorGraph::Misused(std::string message) {
 }
 
 bool FactorGraph::HasFamily(const char* call, FamilyId id) {
-  return (id >= 0 && id < num_families()) || Misused(std::string(call) + ": there is no family " + std::to_string(id) +
-                                                     "; the graph has " + std::to_string(num_families()));
+  return (id >= 0 && id < num_families()) ||
+         Misused(std::string(call) + ": there is no family " + std::to_string(id) +
+                 "; the graph has " + std::to_string(num_families()));
 }
 
-bool FactorGraph::CanAddFactor(FamilyId id, const FactorFamily& given, const std::vector<VariableId>& variables) {
+bool FactorGraph::CanAddFactor(FamilyId id, const FactorFamily& given,
+                               const std::vector<VariableId>& variables) {
   if (!HasFamily("AddFactor", id)) {
     return false;
   }
   if (&given != &family(id)) {
-    return Misused("AddFactor: " + FamilyName(id, family(id)) + " is not the family given with that id (" + given.Name() + ")");
+    return Misused("AddFactor: " + FamilyName(id, family(id)) +
+                   " is not the family given with that id (" + given.Name() + ")");
   }
   return variables.size() == Index(given.num_slots()) ||
-         Misused("AddFactor: a factor of " + FamilyName(id, given) + " is given " + CountAndList(variables) + " but has " +
-                 DescribeSlots(given));
+         Misused("AddFactor: a factor of " + FamilyName(id, given) + " is given " +
+                 CountAndList(variables) + " but has " + DescribeSlots(given));
 }
 
-int FactorGraph::Connect(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss) {
+int FactorGraph::Connect(FamilyId family, const VariableId* variables,
+                         std::shared_ptr<const Loss> loss) {
   if (!HasFamily("Connect", family)) {
     return -1;
   }
@@ -151,18 +159,21 @@ void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables
   const std::size_t num_slots = Index(record.family->num_slots());
   const std::size_t count = num_slots == 0 ? 0 : variables.size() / num_slots;
   if (count * num_slots != variables.size()) {
-    Misused("ConnectMany: factors of " + FamilyName(family, *record.family) + " have " + DescribeSlots(*record.family) +
-            ", and " + std::to_string(variables.size()) + " variables are not so many each");
+    Misused("ConnectMany: factors of " + FamilyName(family, *record.family) + " have " +
+            DescribeSlots(*record.family) + ", and " + std::to_string(variables.size()) +
+            " variables are not so many each");
     return;
   }
   if (!losses.empty() && losses.size() != count) {
-    Misused("ConnectMany: " + std::to_string(count) + " factors of " + FamilyName(family, *record.family) + " are given " +
-            std::to_string(losses.size()) + " losses");
+    Misused("ConnectMany: " + std::to_string(count) + " factors of " +
+            FamilyName(family, *record.family) + " are given " + std::to_string(losses.size()) +
+            " losses");
     return;
   }
   if (record.num_factors > 0 || edits_->tracked) {
     for (std::size_t i = 0; i < count; ++i) {
-      Connect(family, variables.data() + i * num_slots, losses.empty() ? nullptr : std::move(losses[i]));
+      Connect(family, variables.data() + i * num_slots,
+              losses.empty() ? nullptr : std::move(losses[i]));
     }
     return;
   }
@@ -172,14 +183,16 @@ void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables
   record.num_factors = static_cast<int>(count);
 }
 
-int FactorGraph::AppendFactor(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss) {
+int FactorGraph::AppendFactor(FamilyId family, const VariableId* variables,
+                              std::shared_ptr<const Loss> loss) {
   internal::FamilyRecord& record = families_[Index(family)];
   const int num_slots = record.family->num_slots();
   for (int s = 0; s < num_slots; ++s) {  // an insertion of the range takes longer
     record.variables.push_back(variables[s]);
   }
   if (loss != nullptr || !record.losses.empty()) {
-    record.losses.resize(Index(record.num_factors));  // the first loss of the family: the factors before it have none
+    record.losses.resize(Index(
+        record.num_factors));  // the first loss of the family: the factors before it have none
     record.losses.push_back(std::move(loss));
   }
   internal::FamilyEditState& edits = edits_->families[Index(family)];
@@ -207,11 +220,14 @@ void FactorGraph::SetBounds(VariableId id, const double* lower, const double* up
   assert(id >= 0 && id < num_variables() && "FactorGraph::SetBounds: no such variable");
   const std::size_t size = Index(AmbientSize(id));
   VariableBounds bounds;
-  bounds.lower = lower != nullptr ? std::vector<double>(lower, lower + size) : std::vector<double>(size, -kMax);
-  bounds.upper = upper != nullptr ? std::vector<double>(upper, upper + size) : std::vector<double>(size, kMax);
+  bounds.lower = lower != nullptr ? std::vector<double>(lower, lower + size)
+                                  : std::vector<double>(size, -kMax);
+  bounds.upper =
+      upper != nullptr ? std::vector<double>(upper, upper + size) : std::vector<double>(size, kMax);
   // A NaN stays, for Validate() to find.
-  const bool none = std::all_of(bounds.lower.begin(), bounds.lower.end(), [](double b) { return b <= -kMax; }) &&
-                    std::all_of(bounds.upper.begin(), bounds.upper.end(), [](double b) { return b >= kMax; });
+  const bool none =
+      std::all_of(bounds.lower.begin(), bounds.lower.end(), [](double b) { return b <= -kMax; }) &&
+      std::all_of(bounds.upper.begin(), bounds.upper.end(), [](double b) { return b >= kMax; });
   if (none) {
     bounds_.erase(id);
   } else {
@@ -254,12 +270,14 @@ bool FactorGraph::HasFactor(FamilyId id, int factor) const {
   }
   const internal::FamilyRecord& record = families_[Index(id)];
   const std::vector<internal::Place>& places = edits_->families[Index(id)].places;
-  return factor >= 0 && factor < record.num_factors && (places.empty() || places[Index(factor)] == internal::Place::kIncremental);
+  return factor >= 0 && factor < record.num_factors &&
+         (places.empty() || places[Index(factor)] == internal::Place::kIncremental);
 }
 
 VariableId FactorGraph::FreeVariable(int ambient_size, bool borrowed, int k) const {
   const auto& free = edits_->free_variables;
-  const auto found = ambient_size > 0 ? free.find(internal::FreeKey(ambient_size, borrowed)) : free.end();
+  const auto found =
+      ambient_size > 0 ? free.find(internal::FreeKey(ambient_size, borrowed)) : free.end();
   if (found == free.end() || Index(k) >= found->second.size()) {
     return -1;
   }

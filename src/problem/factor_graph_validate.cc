@@ -51,8 +51,9 @@ Status FactorGraph::Validate() const {
   }
   for (VariableId id = 0; id < num_variables(); ++id) {
     const VariableRecord& variable = variables_[Index(id)];
-    const bool ordinary = variable.ambient_size > 0 && variable.manifold == nullptr && variable.offset >= 0 &&
-                          (variable.role == Role::kFrame || variable.tangent_size <= kMaxLandmarkTangentSize);
+    const bool ordinary =
+        variable.ambient_size > 0 && variable.manifold == nullptr && variable.offset >= 0 &&
+        (variable.role == Role::kFrame || variable.tangent_size <= kMaxLandmarkTangentSize);
     if (ordinary || variable.removed) {
       continue;
     }
@@ -73,25 +74,31 @@ Status FactorGraph::Validate() const {
 
 Status internal::ValidateVariable(VariableId id, const VariableRecord& variable, bool constant) {
   if (variable.ambient_size <= 0) {
-    return Invalid(VariableName(id) + " has ambient size " + std::to_string(variable.ambient_size) + "; it must be positive");
+    return Invalid(VariableName(id) + " has ambient size " + std::to_string(variable.ambient_size) +
+                   "; it must be positive");
   }
   if (variable.offset < 0 && variable.borrowed == nullptr) {
     return Invalid(VariableName(id) + " is a borrowed constant with a null pointer to its values");
   }
-  if (variable.offset < 0 && !AllFinite(variable.borrowed, static_cast<std::size_t>(variable.ambient_size))) {
+  if (variable.offset < 0 &&
+      !AllFinite(variable.borrowed, static_cast<std::size_t>(variable.ambient_size))) {
     return Invalid(VariableName(id) + " is a borrowed constant with a value that is not finite");
   }
   if (variable.manifold != nullptr && variable.manifold->AmbientSize() != variable.ambient_size) {
     return Invalid(VariableName(id) + " has " + std::to_string(variable.ambient_size) +
-                   " values but its manifold has ambient size " + std::to_string(variable.manifold->AmbientSize()));
+                   " values but its manifold has ambient size " +
+                   std::to_string(variable.manifold->AmbientSize()));
   }
   if (variable.tangent_size < 0 || variable.tangent_size > variable.ambient_size) {
     return Invalid(VariableName(id) + " has tangent size " + std::to_string(variable.tangent_size) +
-                   "; it must lie between 0 and its ambient size " + std::to_string(variable.ambient_size));
+                   "; it must lie between 0 and its ambient size " +
+                   std::to_string(variable.ambient_size));
   }
-  if (variable.role == Role::kLandmark && !constant && variable.tangent_size > kMaxLandmarkTangentSize) {
-    return Invalid(VariableName(id) + " is a landmark of tangent size " + std::to_string(variable.tangent_size) +
-                   "; landmarks have at most " + std::to_string(kMaxLandmarkTangentSize) + ": make it a frame");
+  if (variable.role == Role::kLandmark && !constant &&
+      variable.tangent_size > kMaxLandmarkTangentSize) {
+    return Invalid(VariableName(id) + " is a landmark of tangent size " +
+                   std::to_string(variable.tangent_size) + "; landmarks have at most " +
+                   std::to_string(kMaxLandmarkTangentSize) + ": make it a frame");
   }
   return Status::Ok();
 }
@@ -102,7 +109,8 @@ Status FactorGraph::ValidateValues() const {
     for (int k = 0; !variable.removed && variable.offset >= 0 && k < variable.ambient_size; ++k) {
       const double value = state_[static_cast<std::size_t>(variable.offset + k)];
       if (!std::isfinite(value)) {
-        return Invalid("value " + std::to_string(k) + " of " + VariableName(id) + " is " + std::to_string(value));
+        return Invalid("value " + std::to_string(k) + " of " + VariableName(id) + " is " +
+                       std::to_string(value));
       }
     }
   }
@@ -120,12 +128,13 @@ Status FactorGraph::ValidateBounds(VariableId id, const VariableBounds& bounds) 
       return Invalid(entry + " has a bound that is not a number");
     }
     if (!IsConstant(id) && !(lower < upper)) {
-      return Invalid(entry + " has the lower bound " + std::to_string(lower) + ", which is not below its upper bound " +
-                     std::to_string(upper));
+      return Invalid(entry + " has the lower bound " + std::to_string(lower) +
+                     ", which is not below its upper bound " + std::to_string(upper));
     }
     if (IsConstant(id) && (values[k] < lower || values[k] > upper)) {
-      return Invalid(entry + " is constant at " + std::to_string(values[k]) + ", outside its bounds " + std::to_string(lower) +
-                     " and " + std::to_string(upper));
+      return Invalid(entry + " is constant at " + std::to_string(values[k]) +
+                     ", outside its bounds " + std::to_string(lower) + " and " +
+                     std::to_string(upper));
     }
   }
   return Status::Ok();
@@ -135,65 +144,74 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
   const FamilyRecord& record = families_[Index(id)];
   const FactorFamily& family = *record.family;
   if (family.residual_size() <= 0) {
-    return Invalid(FamilyName(id, family) + " has residual size " + std::to_string(family.residual_size()) +
-                   "; it must be positive");
+    return Invalid(FamilyName(id, family) + " has residual size " +
+                   std::to_string(family.residual_size()) + "; it must be positive");
   }
-  if (family.size() < record.num_factors || (family.size() > record.num_factors && !edits_->edited)) {
-    return Invalid(FamilyName(id, family) + " holds " + std::to_string(family.size()) + " measurements but " +
-                   std::to_string(record.num_factors) + " factors are connected");
+  if (family.size() < record.num_factors ||
+      (family.size() > record.num_factors && !edits_->edited)) {
+    return Invalid(FamilyName(id, family) + " holds " + std::to_string(family.size()) +
+                   " measurements but " + std::to_string(record.num_factors) +
+                   " factors are connected");
   }
   const int num_slots = family.num_slots();
   const std::vector<internal::Place>& places = edits_->families[Index(id)].places;
   const bool all_live = places.empty();
   const VariableId* ids = record.variables.data();
-  const bool all_alike = all_live && record.num_factors > 0 && std::equal(ids + num_slots, ids + record.variables.size(), ids);
+  const bool all_alike = all_live && record.num_factors > 0 &&
+                         std::equal(ids + num_slots, ids + record.variables.size(), ids);
   const int num_different = all_alike ? 1 : record.num_factors;
   for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
     if (!all_live && places[Index(factor)] == internal::Place::kFree) {
       continue;
     }
-    bool as_before = factor > 0 && num_slots > 0 && ids[0] >= 0;  // then that one was found to be in order
+    // then that one was found to be in order
+    bool as_before = factor > 0 && num_slots > 0 && ids[0] >= 0;
     for (int s = 0; as_before && s < num_slots; ++s) {
       as_before = ids[s] == ids[s - num_slots];
     }
     if (as_before) {
       continue;
     }
-    const FactorFault fault =
-        internal::FindFault(family, ids, [this](VariableId variable) { return internal::See(variables_, variable); });
+    const FactorFault fault = internal::FindFault(
+        family, ids, [this](VariableId variable) { return internal::See(variables_, variable); });
     if (fault.fault != Fault::kNone) {
       const VariableId culprit = ids[fault.slot];
       const bool known = culprit >= 0 && culprit < num_variables();
-      return internal::DescribeFault(*this, {id, factor}, ids, fault, known ? &variables_[Index(culprit)] : nullptr);
+      return internal::DescribeFault(*this, {id, factor}, ids, fault,
+                                     known ? &variables_[Index(culprit)] : nullptr);
     }
   }
   return Status::Ok();
 }
 
-Status internal::DescribeFault(const FactorGraph& graph, FactorId id, const VariableId* ids, FactorFault fault,
-                               const VariableRecord* culprit) {
+Status internal::DescribeFault(const FactorGraph& graph, FactorId id, const VariableId* ids,
+                               FactorFault fault, const VariableRecord* culprit) {
   const FactorFamily::Slot& slot = graph.family(id.family).slot(fault.slot);
   const VariableId variable = ids[fault.slot];
-  const std::string where = Describe(id.index, graph.family(id.family), ids) + ": slot " + std::to_string(fault.slot);
+  const std::string where =
+      Describe(id.index, graph.family(id.family), ids) + ": slot " + std::to_string(fault.slot);
   switch (fault.fault) {
     case Fault::kDanglingId:
-      return Invalid(where + " names variable " + std::to_string(variable) + ", but the graph has " +
-                     std::to_string(graph.num_variables()) + " variables");
+      return Invalid(where + " names variable " + std::to_string(variable) +
+                     ", but the graph has " + std::to_string(graph.num_variables()) + " variables");
     case Fault::kRemoved:
       return Invalid(where + " names " + VariableName(variable) + ", which has been removed");
     case Fault::kGoing:
       return Invalid(where + " names " + VariableName(variable) + ", which the same edit removes");
     case Fault::kAmbientSize:
-      return Invalid(where + " has ambient size " + std::to_string(slot.ambient_size) + " but " + VariableName(variable) +
-                     " has " + std::to_string(culprit->ambient_size) + " values");
+      return Invalid(where + " has ambient size " + std::to_string(slot.ambient_size) + " but " +
+                     VariableName(variable) + " has " + std::to_string(culprit->ambient_size) +
+                     " values");
     case Fault::kTangentSize:
-      return Invalid(where + " has tangent size " + std::to_string(slot.tangent_size) + " but " + VariableName(variable) +
-                     " has " + std::to_string(culprit->tangent_size) + "; is the manifold the family expects set?");
+      return Invalid(where + " has tangent size " + std::to_string(slot.tangent_size) + " but " +
+                     VariableName(variable) + " has " + std::to_string(culprit->tangent_size) +
+                     "; is the manifold the family expects set?");
     case Fault::kRepeated:
       return Invalid(where + " repeats " + VariableName(variable));
     case Fault::kTwoLandmarks:
-      return Invalid(where + " is a second landmark (" + VariableName(variable) +
-                     "); a factor touches at most one that is not constant: make the others frames");
+      return Invalid(
+          where + " is a second landmark (" + VariableName(variable) +
+          "); a factor touches at most one that is not constant: make the others frames");
     case Fault::kNone:
       break;
   }

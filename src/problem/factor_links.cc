@@ -1,5 +1,5 @@
-// The factors of each variable, as doubly linked lists through the slots: a factor joins and leaves in O(num_slots), and nothing
-// is allocated but two links a slot.
+// The factors of each variable, as doubly linked lists through the slots: a factor joins and leaves
+// in O(num_slots), and nothing is allocated but two links a slot.
 #include "problem/edit_state.h"
 
 namespace inceres {
@@ -11,7 +11,8 @@ using internal::Touch;
 
 namespace {
 
-constexpr FamilyId kUnlinked = -2;  // in Link::previous: the slot names a variable that was not there
+// in Link::previous: the slot names a variable that was not there
+constexpr FamilyId kUnlinked = -2;
 
 }  // namespace
 
@@ -78,12 +79,14 @@ void FactorGraph::UnlinkFactor(FamilyId family, int factor) {
       continue;
     }
     if (link.previous.family >= 0) {
-      edits_->families[Index(link.previous.family)].links[Index(link.previous.entry)].next = link.next;
+      edits_->families[Index(link.previous.family)].links[Index(link.previous.entry)].next =
+          link.next;
     } else {
       edits_->first_touches[Index(record.variables[Index(entry)])] = link.next;
     }
     if (link.next.family >= 0) {
-      edits_->families[Index(link.next.family)].links[Index(link.next.entry)].previous = link.previous;
+      edits_->families[Index(link.next.family)].links[Index(link.next.entry)].previous =
+          link.previous;
     }
   }
 }

@@ -23,7 +23,8 @@ inline std::string FamilyName(FamilyId id, const FactorFamily& family) {
 
 bool AllFinite(const double* values, std::size_t count);
 
-// Without an early end the compiler compares several at a time: for the factors that touch hundreds of variables.
+// Without an early end the compiler compares several at a time: for the factors that touch hundreds
+// of variables.
 inline bool IsAmong(VariableId id, const VariableId* ids, int count) {
   int found = 0;
   for (int k = 0; k < count; ++k) {
@@ -32,7 +33,16 @@ inline bool IsAmong(VariableId id, const VariableId* ids, int count) {
   return found != 0;
 }
 
-enum class Fault : std::uint8_t { kNone, kDanglingId, kRemoved, kGoing, kAmbientSize, kTangentSize, kRepeated, kTwoLandmarks };
+enum class Fault : std::uint8_t {
+  kNone,
+  kDanglingId,
+  kRemoved,
+  kGoing,
+  kAmbientSize,
+  kTangentSize,
+  kRepeated,
+  kTwoLandmarks
+};
 
 struct FactorFault {
   Fault fault = Fault::kNone;
@@ -54,7 +64,8 @@ inline Sight See(const std::vector<VariableRecord>& variables, VariableId id) {
   return {&variable, variable.constant, variable.removed ? Fault::kRemoved : Fault::kNone};
 }
 
-/// The rules of a factor, whether it is there already or comes with an edit: see(id) is the variable as the factor finds it.
+/// The rules of a factor, whether it is there already or comes with an edit: see(id) is the
+/// variable as the factor finds it.
 template <typename SeeVariable>
 FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see) {
   int num_landmarks = 0;
@@ -86,7 +97,7 @@ FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const S
 /// The rules of a variable.
 Status ValidateVariable(VariableId id, const VariableRecord& variable, bool constant);
 /// The fault in words. `culprit` is the variable's record, if it has one.
-Status DescribeFault(const FactorGraph& graph, FactorId id, const VariableId* ids, FactorFault fault,
-                     const VariableRecord* culprit);
+Status DescribeFault(const FactorGraph& graph, FactorId id, const VariableId* ids,
+                     FactorFault fault, const VariableRecord* culprit);
 
 }  // namespace inceres::internal

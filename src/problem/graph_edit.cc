@@ -49,10 +49,11 @@ std::int32_t GraphEdit::NextPlace(FamilyId family) {
   return place;
 }
 
-VariableId GraphEdit::AddVariable(const double* values, int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
+VariableId GraphEdit::AddVariable(const double* values, int ambient_size, Role role,
+                                  std::shared_ptr<const Manifold> manifold) {
   const VariableId id = NextVariable(ambient_size, /*borrowed=*/false);
-  new_variables_.push_back(
-      {id, ambient_size, values_.size(), nullptr, /*is_borrowed=*/false, values != nullptr, role, std::move(manifold)});
+  new_variables_.push_back({id, ambient_size, values_.size(), nullptr, /*is_borrowed=*/false,
+                            values != nullptr, role, std::move(manifold)});
   if (values != nullptr) {
     values_.insert(values_.end(), values, values + std::max(ambient_size, 0));
   }
@@ -61,12 +62,13 @@ VariableId GraphEdit::AddVariable(const double* values, int ambient_size, Role r
 
 VariableId GraphEdit::AddBorrowedConstant(const double* values, int ambient_size) {
   const VariableId id = NextVariable(ambient_size, /*borrowed=*/true);
-  new_variables_.push_back(
-      {id, ambient_size, values_.size(), values, /*is_borrowed=*/true, values != nullptr, Role::kFrame, nullptr});
+  new_variables_.push_back({id, ambient_size, values_.size(), values, /*is_borrowed=*/true,
+                            values != nullptr, Role::kFrame, nullptr});
   return id;
 }
 
-FactorId GraphEdit::Connect(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss) {
+FactorId GraphEdit::Connect(FamilyId family, const VariableId* variables,
+                            std::shared_ptr<const Loss> loss) {
   const bool known = family >= 0 && family < graph_->num_families();
   const int num_slots = known ? graph_->family(family).num_slots() : 0;
   return Connect(family, variables, static_cast<std::size_t>(num_slots), std::move(loss));
@@ -111,8 +113,9 @@ void GraphEdit::PinLinearization(VariableId id, const double* values) {
 }
 
 bool GraphEdit::empty() const {
-  return new_variables_.empty() && new_factors_.empty() && removed_variables_.empty() && removed_factors_.empty() &&
-         losses_.empty() && measurements_.empty() && constants_.empty() && new_values_.empty() && pins_.empty();
+  return new_variables_.empty() && new_factors_.empty() && removed_variables_.empty() &&
+         removed_factors_.empty() && losses_.empty() && measurements_.empty() &&
+         constants_.empty() && new_values_.empty() && pins_.empty();
 }
 
 }  // namespace inceres

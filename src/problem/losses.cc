@@ -7,7 +7,8 @@
 namespace inceres {
 namespace {
 
-// A derivative that underflows to 0 would take the factor out of the system: keep it positive, as Ceres does.
+// A derivative that underflows to 0 would take the factor out of the system: keep it positive, as
+// Ceres does.
 double KeepPositive(double derivative) {
   return std::max(derivative, std::numeric_limits<double>::min());
 }
@@ -70,7 +71,8 @@ TolerantLoss::TolerantLoss(double a, double b) : a_(a), b_(b), rho_at_zero_(b * 
 
 void TolerantLoss::Evaluate(double s, double rho[3]) const {
   const double x = (s - a_) / b_;
-  const double decay = std::exp(-std::fabs(x));  // in (0, 1]: the logistic function from the side that cannot overflow
+  const double decay = std::exp(
+      -std::fabs(x));  // in (0, 1]: the logistic function from the side that cannot overflow
   const double logistic = (x > 0.0 ? 1.0 : decay) / (1.0 + decay);
   rho[0] = b_ * SoftPlus(x) - rho_at_zero_;
   rho[1] = KeepPositive(logistic);

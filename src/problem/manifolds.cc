@@ -1,4 +1,5 @@
-// The manifolds of plain vectors: Euclidean, subset, product, sphere. Those with rotations are in rotation_manifolds.cc.
+// The manifolds of plain vectors: Euclidean, subset, product, sphere. Those with rotations are in
+// rotation_manifolds.cc.
 #include "inceres/problem/manifolds.h"
 
 #include <algorithm>
@@ -72,7 +73,8 @@ bool SubsetManifold::Minus(const double* y, const double* x, double* delta) cons
   return valid_;
 }
 
-ProductManifold::ProductManifold(std::vector<std::shared_ptr<const Manifold>> components) : components_(std::move(components)) {
+ProductManifold::ProductManifold(std::vector<std::shared_ptr<const Manifold>> components)
+    : components_(std::move(components)) {
   for (const std::shared_ptr<const Manifold>& component : components_) {
     if (component != nullptr) {
       ambient_size_ += component->AmbientSize();
@@ -86,7 +88,8 @@ bool ProductManifold::Plus(const double* x, const double* delta, double* x_plus_
     if (component == nullptr) {
       return false;
     }
-    // A component without degrees of freedom is a constant: its Plus is never called, only its values are kept.
+    // A component without degrees of freedom is a constant: its Plus is never called, only its
+    // values are kept.
     if (component->TangentSize() == 0) {
       std::copy_n(x, x == x_plus_delta ? 0 : component->AmbientSize(), x_plus_delta);
     } else if (!component->Plus(x, delta, x_plus_delta)) {
@@ -119,15 +122,17 @@ bool ProductManifold::PlusJacobian(const double* x, double* jacobian) const {
     }
     const int rows = component->AmbientSize();
     const int columns = component->TangentSize();
-    // The component writes its block without gaps at the start of its own rows; from the last row up, each is then moved to its
-    // place. A row's place never lies before its source, nor over the source of an earlier row, so no scratch is needed.
+    // The component writes its block without gaps at the start of its own rows; from the last row
+    // up, each is then moved to its place. A row's place never lies before its source, nor over the
+    // source of an earlier row, so no scratch is needed.
     if (columns > 0 && !component->PlusJacobian(x, jacobian)) {
       return false;
     }
     for (int r = rows - 1; r >= 0; --r) {
       double* row = jacobian + r * tangent_size_;
       double* block = row + first_column;
-      std::memmove(block, jacobian + r * columns, static_cast<std::size_t>(columns) * sizeof(double));
+      std::memmove(block, jacobian + r * columns,
+                   static_cast<std::size_t>(columns) * sizeof(double));
       std::fill(row, block, 0.0);
       std::fill(block + columns, row + tangent_size_, 0.0);
     }
@@ -140,8 +145,9 @@ bool ProductManifold::PlusJacobian(const double* x, double* jacobian) const {
 
 namespace {
 
-// The basis B of the complement of x: the first n − 1 columns of the Householder reflection that takes e_n to ∓u, u = x/‖x‖. With
-// v = u ± e_n:  B_ij = δ_ij − v_i u_j / (1 + |u_n|).  The sign is u_n's, so that nothing cancels.
+// The basis B of the complement of x: the first n − 1 columns of the Householder reflection that
+// takes e_n to ∓u, u = x/‖x‖. With v = u ± e_n:  B_ij = δ_ij − v_i u_j / (1 + |u_n|).  The sign is
+// u_n's, so that nothing cancels.
 struct Complement {
   Complement(const double* x, int n) {
     for (int k = 0; k < n; ++k) {

@@ -98,7 +98,8 @@ bool QuaternionManifold::Minus(const double* y, const double* x, double* delta) 
   return true;
 }
 
-bool EigenQuaternionManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+bool EigenQuaternionManifold::Plus(const double* x, const double* delta,
+                                   double* x_plus_delta) const {
   PlusOnTheLeft<EigenOrder>(x, delta, x_plus_delta);
   return true;
 }
@@ -113,7 +114,8 @@ bool EigenQuaternionManifold::Minus(const double* y, const double* x, double* de
   return true;
 }
 
-bool RotationQuaternionManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+bool RotationQuaternionManifold::Plus(const double* x, const double* delta,
+                                      double* x_plus_delta) const {
   PlusOnTheRight(x, delta, x_plus_delta);
   return true;
 }
@@ -188,7 +190,8 @@ bool LeftPoseManifold::Minus(const double* y, const double* x, double* delta) co
 
 bool SE3Manifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
   const double* phi = delta + 3;
-  const RotationCoefficients k = CoefficientsOfAngle(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
+  const RotationCoefficients k =
+      CoefficientsOfAngle(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
   double J_l[9];
   double R[9];
   double moved[3];
@@ -260,7 +263,8 @@ bool SE2Manifold::Minus(const double* y, const double* x, double* delta) const {
   const double determinant = a * a + b * b;  // of V(ω): zero after a full turn
   const double c = std::cos(x[2]);
   const double s = std::sin(x[2]);
-  const double turned_back[2] = {c * (y[0] - x[0]) + s * (y[1] - x[1]), c * (y[1] - x[1]) - s * (y[0] - x[0])};
+  const double turned_back[2] = {c * (y[0] - x[0]) + s * (y[1] - x[1]),
+                                 c * (y[1] - x[1]) - s * (y[0] - x[0])};
   delta[0] = (a * turned_back[0] + b * turned_back[1]) / determinant;
   delta[1] = (a * turned_back[1] - b * turned_back[0]) / determinant;
   delta[2] = omega;

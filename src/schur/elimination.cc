@@ -14,7 +14,8 @@ constexpr int kBlockGrain = 4;
 constexpr int kLandmarkGrain = 64;
 
 // out += the rows of `block`, `stride` apart; the two do not overlap.
-void AddRows(int rows, int columns, const double* __restrict block, int stride, double* __restrict out) {
+void AddRows(int rows, int columns, const double* __restrict block, int stride,
+             double* __restrict out) {
   for (int r = 0; r < rows; ++r, block += stride, out += columns) {
     int c = 0;
     for (; c + kQuad <= columns; c += kQuad) {
@@ -30,9 +31,13 @@ void AddRows(int rows, int columns, const double* __restrict block, int stride, 
 
 }  // namespace
 
-Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans,
-                         const Hessian& hessian)
-    : evaluator_(evaluator), incidences_(incidences), plans_(plans), hessian_(hessian), kernels_(BestKernels()) {
+Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
+                         const FramePlans& plans, const Hessian& hessian)
+    : evaluator_(evaluator),
+      incidences_(incidences),
+      plans_(plans),
+      hessian_(hessian),
+      kernels_(BestKernels()) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
   U_inv_ = ZeroedArray(num_landmarks * hessian.landmark_stride());
   z_ = ZeroedArray(num_landmarks * kQuad);
@@ -55,7 +60,8 @@ void Elimination::CollectChunkBlocks() {
     for (int block = 0; block < num_blocks; ++block) {
       add(0, ChunkBlock{block, plans_.schur.segments_begin[block]});
       int last = 0;
-      for (int s = plans_.schur.segments_begin[block]; s < plans_.schur.segments_begin[block + 1]; ++s) {
+      for (int s = plans_.schur.segments_begin[block]; s < plans_.schur.segments_begin[block + 1];
+           ++s) {
         const int chunk = plans_.schur_sources[plans_.schur.segments[s].source].chunk;
         if (chunk != last) {
           add(chunk, ChunkBlock{block, s});
@@ -66,7 +72,8 @@ void Elimination::CollectChunkBlocks() {
   };
   chunk_blocks_begin_.assign(incidences_.num_chunks() + 1, 0);
   visit([&](int chunk, const ChunkBlock&) { ++chunk_blocks_begin_[chunk + 1]; });
-  std::partial_sum(chunk_blocks_begin_.begin(), chunk_blocks_begin_.end(), chunk_blocks_begin_.begin());
+  std::partial_sum(chunk_blocks_begin_.begin(), chunk_blocks_begin_.end(),
+                   chunk_blocks_begin_.begin());
   chunk_blocks_.resize(chunk_blocks_begin_.back());
   std::vector<int> next(chunk_blocks_begin_.begin(), chunk_blocks_begin_.end() - 1);
   visit([&](int chunk, const ChunkBlock& place) { chunk_blocks_[next[chunk]++] = place; });
@@ -100,27 +107,31 @@ Status Elimination::Eliminate(const double* landmark_damping) {
   for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
     LowestIndex singular(num_landmarks);
     const int first = incidences_.chunk_begin[chunk];
-    executor.For(incidences_.chunk_begin[chunk + 1] - first, kLandmarkGrain, [&](int begin, int end) {
-      // All factors first: one does not wait for another's roots and divisions, as its own blocks of Y do.
-      for (int l = first + begin; l < first + end; ++l) {
-        if (!Factorize(l, landmark_damping + DampingOffset(l))) {
-          singular.Note(l);
-          return;
-        }
-      }
-      for (int l = first + begin; l < first + end; ++l) {
-        EliminateLandmark(l);
-      }
-    });
+    executor.For(incidences_.chunk_begin[chunk + 1] - first, kLandmarkGrain,
+                 [&](int begin, int end) {
+                   // All factors first: one does not wait for another's roots and divisions, as its
+                   // own blocks of Y do.
+                   for (int l = first + begin; l < first + end; ++l) {
+                     if (!Factorize(l, landmark_damping + DampingOffset(l))) {
+                       singular.Note(l);
+                       return;
+                     }
+                   }
+                   for (int l = first + begin; l < first + end; ++l) {
+                     EliminateLandmark(l);
+                   }
+                 });
     if (singular.get() < num_landmarks) {
       const Layout& layout = evaluator_.layout();
       const VariableId id = layout.variables[layout.num_frames + singular.get()];
-      return Status::Error(StatusCode::kSingular, "the block of landmark variable " + std::to_string(id) +
-                                                      " is not positive definite: its factors do not determine it");
+      return Status::Error(StatusCode::kSingular,
+                           "the block of landmark variable " + std::to_string(id) +
+                               " is not positive definite: its factors do not determine it");
     }
     const int first_block = chunk_blocks_begin_[chunk];
-    executor.For(chunk_blocks_begin_[chunk + 1] - first_block, kBlockGrain,
-                 [&](int begin, int end) { FormBlocks(chunk, first_block + begin, first_block + end); });
+    executor.For(
+        chunk_blocks_begin_[chunk + 1] - first_block, kBlockGrain,
+        [&](int begin, int end) { FormBlocks(chunk, first_block + begin, first_block + end); });
   }
   return Status::Ok();
 }
@@ -138,7 +149,8 @@ void Elimination::FormBlocks(int chunk, int begin, int end) {
   }
 }
 
-// A block of S = C − W P⁻¹ Wᵀ: S_ij = C_ij − Σ_l Y_li Y_ljᵀ over the landmarks of this chunk that both frames share.
+// A block of S = C − W P⁻¹ Wᵀ: S_ij = C_ij − Σ_l Y_li Y_ljᵀ over the landmarks of this chunk that
+// both frames share.
 void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* scratch) {
   const BlockPattern& pattern = plans_.pattern;
   const auto k = static_cast<std::size_t>(place.block);
@@ -154,7 +166,9 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
       std::fill(out, out + rows * columns, 0.0);
     }
   }
-  const auto source_of = [&](int s) { return plans_.schur_sources[plans_.schur.segments[s].source]; };
+  const auto source_of = [&](int s) {
+    return plans_.schur_sources[plans_.schur.segments[s].source];
+  };
   const int end = plans_.schur.segments_begin[k + 1];
   if (place.first_segment == end || source_of(place.first_segment).chunk != chunk) {
     return;  // the first chunk adds nothing here
@@ -186,13 +200,16 @@ void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch)
   const auto i = static_cast<std::size_t>(frame);
   const int size = pattern.block_size(frame);
   double* sum = scratch->Zeroed(1, size);
-  const auto size_of = [&](int k) { return incidences_.sizes[incidences_.landmarks[incidences_.frame_incidences[k]]]; };
+  const auto size_of = [&](int k) {
+    return incidences_.sizes[incidences_.landmarks[incidences_.frame_incidences[k]]];
+  };
   const auto begin_of = [&](int of_chunk) {
     const int* all = incidences_.frame_incidences.data();
     const int landmark = incidences_.chunk_begin[of_chunk];
-    return static_cast<int>(std::partition_point(all + incidences_.frame_begin[i], all + incidences_.frame_begin[i + 1],
-                                                 [&](int q) { return incidences_.landmarks[q] < landmark; }) -
-                            all);
+    return static_cast<int>(
+        std::partition_point(all + incidences_.frame_begin[i], all + incidences_.frame_begin[i + 1],
+                             [&](int q) { return incidences_.landmarks[q] < landmark; }) -
+        all);
   };
   const int end = begin_of(chunk + 1);
   for (int first = begin_of(chunk); first < end;) {
@@ -221,8 +238,9 @@ void Elimination::BackSubstitute(const double* frame_step, double* landmark_step
   const Layout& layout = evaluator_.layout();
   for (int i = 0; i < layout.num_frames; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    std::copy(frame_step + layout.packed_offset[k], frame_step + layout.packed_offset[k + 1],
-              padded_frame_step_.data() + static_cast<std::ptrdiff_t>(layout.quad_offset[k]) * kQuad);
+    std::copy(
+        frame_step + layout.packed_offset[k], frame_step + layout.packed_offset[k + 1],
+        padded_frame_step_.data() + static_cast<std::ptrdiff_t>(layout.quad_offset[k]) * kQuad);
   }
   evaluator_.executor().For(incidences_.num_landmarks(), kLandmarkGrain, [&](int begin, int end) {
     for (int landmark = begin; landmark < end; ++landmark) {
@@ -239,7 +257,8 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) co
   double y[kQuad] = {z[0], z[1], z[2], z[3]};
   if (incidences_.num_chunks() == 1 && !incidences_.tail) {
     kernels_.back_substitute(size, incidences_.incidences.data() + incidences_.begin[l],
-                             incidences_.begin[l + 1] - incidences_.begin[l], Y_.data(), padded_frame_step_.data(), y);
+                             incidences_.begin[l + 1] - incidences_.begin[l], Y_.data(),
+                             padded_frame_step_.data(), y);
   } else {
     double w[kQuad] = {};
     double U_inv_w[kQuad] = {};
@@ -255,7 +274,8 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) co
 }
 
 std::int64_t Elimination::Bytes() const {
-  return static_cast<std::int64_t>(sizeof(double) * (U_inv_.size() + z_.size() + Y_.size() + S_.size() + b_.size()));
+  return static_cast<std::int64_t>(sizeof(double) *
+                                   (U_inv_.size() + z_.size() + Y_.size() + S_.size() + b_.size()));
 }
 
 }  // namespace inceres::internal

@@ -14,23 +14,26 @@ namespace inceres::internal {
 ///     [ P + Λ_l   Wᵀ     ] [δ_l]   [l]      U_invᵀ U_inv = (P + Λ_l)⁻¹,  Y = W U_invᵀ,  z = U_inv l
 ///     [ W         C + Λ_c ] [δ_c] = [c]      S = C − Y Yᵀ,  b = c − Y z,  δ_l = U_invᵀ (z − Yᵀ δ_c)
 ///
-/// Λ_c is left to the factorization of S. Each block of S is accumulated in registers over all landmarks of a chunk that its two
-/// frames share: where all landmarks are one chunk, S is written once and never read back. Y is kept for one chunk at a time;
-/// where there are more, or Y is stored for products alone, the way back takes Wᵀδ_c from the Jacobians. Source: Triggs et al.
+/// Λ_c is left to the factorization of S. Each block of S is accumulated in registers over all
+/// landmarks of a chunk that its two frames share: where all landmarks are one chunk, S is written
+/// once and never read back. Y is kept for one chunk at a time; where there are more, or Y is
+/// stored for products alone, the way back takes Wᵀδ_c from the Jacobians. Source: Triggs et al.
 /// 1999, section 6.1.
 class Elimination {
  public:
-  Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences, const FramePlans& plans, const Hessian& hessian);
+  Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
+              const FramePlans& plans, const Hessian& hessian);
 
-  /// Forms S and b with Λ_l = diag(landmark_damping) (packed, landmarks only). kSingular names the variable whose block
-  /// P + Λ_l has no Cholesky factor.
+  /// Forms S and b with Λ_l = diag(landmark_damping) (packed, landmarks only). kSingular names the
+  /// variable whose block P + Λ_l has no Cholesky factor.
   Status Eliminate(const double* landmark_damping);
 
   /// Values of S in the pattern of the frame system.
   const double* S() const { return S_.data(); }
   const double* b() const { return b_.data(); }
 
-  /// δ_l (packed, landmarks only) from δ_c (packed). The Jacobians must still be those of Eliminate.
+  /// δ_l (packed, landmarks only) from δ_c (packed). The Jacobians must still be those of
+  /// Eliminate.
   void BackSubstitute(const double* frame_step, double* landmark_step);
 
   std::int64_t Bytes() const;

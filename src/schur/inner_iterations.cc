@@ -18,13 +18,16 @@ constexpr double kInitialDamping = 1e-6;
 constexpr double kMinDamping = 1e-10;
 constexpr double kMaxDamping = 1e3;
 constexpr double kDampingFactor = 10.0;
-// Of the step's gain: a run takes a fifth of an iteration. Points that creep gain 0.2 to 0.8, those of a window 0.01 to 0.06.
+// Of the step's gain: a run takes a fifth of an iteration. Points that creep gain 0.2 to 0.8, those
+// of a window 0.01 to 0.06.
 constexpr double kWorthwhileShare = 0.1;
 // Steps creep when they gain more than this share of what the one before gained.
 constexpr double kCreepShare = 0.2;
-// Of the mean gain of all landmarks: one that gained more is asked again. On Ladybug-49 one in 120, with 0.999 of the gain.
+// Of the mean gain of all landmarks: one that gained more is asked again. On Ladybug-49 one in 120,
+// with 0.999 of the gain.
 constexpr double kChosenShare = 0.1;
-// One landmark in so many is asked first, where that makes a sample from which the gain of all can be told.
+// One landmark in so many is asked first, where that makes a sample from which the gain of all can
+// be told.
 constexpr int kSampleStride = 8;
 constexpr int kMinSample = 128;
 
@@ -68,7 +71,8 @@ void InnerIterations::BuildJacobians(const Linearization& cache) {
       const TangentMap*& map = jacobians.maps[std::size_t(i) * num_slots + s];
       if (layout_.Position(id) < 0) {
         map = &constant_;
-      } else if (layout_.LandmarkOf(id) < 0 || graph.manifold(id) != nullptr || graph.bounds(id) != nullptr) {
+      } else if (layout_.LandmarkOf(id) < 0 || graph.manifold(id) != nullptr ||
+                 graph.bounds(id) != nullptr) {
         map = &unwanted_;
       } else {
         map = &identity_[graph.TangentSize(id)];
@@ -89,13 +93,15 @@ void InnerIterations::BuildGroups() {
     for (const LandmarkJacobians& jacobians : jacobians_) {
       for (std::size_t i = 0; i < jacobians.landmarks.size(); ++i) {
         if (jacobians.landmarks[i] >= 0) {
-          visit(jacobians.landmarks[i], static_cast<FamilyId>(&jacobians - jacobians_.data()), static_cast<std::int32_t>(i));
+          visit(jacobians.landmarks[i], static_cast<FamilyId>(&jacobians - jacobians_.data()),
+                static_cast<std::int32_t>(i));
         }
       }
     }
   };
   std::vector<int> next(layout_.num_landmarks() + 1, 0);
-  for_each_sighting([&](int landmark, FamilyId /*family*/, std::int32_t /*factor*/) { ++next[landmark + 1]; });
+  for_each_sighting(
+      [&](int landmark, FamilyId /*family*/, std::int32_t /*factor*/) { ++next[landmark + 1]; });
   std::partial_sum(next.begin(), next.end(), next.begin());
   sightings_.resize(next.back());
   std::vector<FamilyId> families(next.back());
@@ -137,7 +143,8 @@ double InnerIterations::Run(double min_gain, double step_gain) {
     trial.gain = 0.0;
   }
   evaluator_.PointToCandidate();
-  const bool samples = all_are_chosen_ && step_gain > 0.0 && num_landmarks >= kSampleStride * kMinSample;
+  const bool samples =
+      all_are_chosen_ && step_gain > 0.0 && num_landmarks >= kSampleStride * kMinSample;
   if (samples) {
     for (int l = 0; l < num_landmarks; ++l) {
       chosen_[l] = l % kSampleStride == next_sample_;
@@ -146,15 +153,18 @@ double InnerIterations::Run(double min_gain, double step_gain) {
   }
   RunChosen(min_gain);
   if (samples && IsWorthwhile(kSampleStride * SumOfGains(), step_gain)) {
-    std::transform(chosen_.begin(), chosen_.end(), chosen_.begin(), [](char chosen) { return static_cast<char>(chosen == 0); });
+    std::transform(chosen_.begin(), chosen_.end(), chosen_.begin(),
+                   [](char chosen) { return static_cast<char>(chosen == 0); });
     RunChosen(min_gain);
   }
-  num_moved_ = static_cast<int>(std::count_if(trials_.begin(), trials_.end(), [](const Trial& t) { return t.gain > 0.0; }));
+  num_moved_ = static_cast<int>(
+      std::count_if(trials_.begin(), trials_.end(), [](const Trial& t) { return t.gain > 0.0; }));
   return SumOfGains();
 }
 
 double InnerIterations::SumOfGains() const {
-  return std::accumulate(trials_.begin(), trials_.end(), 0.0, [](double sum, const Trial& trial) { return sum + trial.gain; });
+  return std::accumulate(trials_.begin(), trials_.end(), 0.0,
+                         [](double sum, const Trial& trial) { return sum + trial.gain; });
 }
 
 void InnerIterations::RunChosen(double min_gain) {
@@ -166,7 +176,8 @@ void InnerIterations::RunChosen(double min_gain) {
       Propose(l, min_gain);
     }
   });
-  Evaluate(/*jacobians=*/false, [this](int landmark) { return landmark >= 0 && trials_[landmark].moves; });
+  Evaluate(/*jacobians=*/false,
+           [this](int landmark) { return landmark >= 0 && trials_[landmark].moves; });
   executor.For(num_landmarks, kLandmarkGrain, [&](int begin, int end) {
     for (int l = begin; l < end; ++l) {
       Judge(l);
@@ -179,19 +190,20 @@ template <typename Selected>
 void InnerIterations::Evaluate(bool jacobians, const Selected& selected) {
   for (const Linearization& cache : evaluator_.families()) {
     const std::vector<std::int32_t>& landmarks = jacobians_[cache.id].landmarks;
-    evaluator_.executor().For(static_cast<int>(landmarks.size()), kFactorGrain, [&](int begin, int end) {
-      for (int i = begin; i < end;) {
-        if (!selected(landmarks[i])) {
-          ++i;
-          continue;
-        }
-        const int first = i;
-        while (i < end && selected(landmarks[i])) {
-          ++i;
-        }
-        EvaluateRun(cache.id, first, i, jacobians);
-      }
-    });
+    evaluator_.executor().For(static_cast<int>(landmarks.size()), kFactorGrain,
+                              [&](int begin, int end) {
+                                for (int i = begin; i < end;) {
+                                  if (!selected(landmarks[i])) {
+                                    ++i;
+                                    continue;
+                                  }
+                                  const int first = i;
+                                  while (i < end && selected(landmarks[i])) {
+                                    ++i;
+                                  }
+                                  EvaluateRun(cache.id, first, i, jacobians);
+                                }
+                              });
   }
 }
 
@@ -209,7 +221,8 @@ void InnerIterations::EvaluateRun(FamilyId family, int begin, int end, bool jaco
   }
   if (end == begin + 1) {
     const int rows = cache.residual_size;
-    std::fill_n(cache.candidate_residuals.data() + std::ptrdiff_t{begin} * rows, rows, std::numeric_limits<double>::quiet_NaN());
+    std::fill_n(cache.candidate_residuals.data() + std::ptrdiff_t{begin} * rows, rows,
+                std::numeric_limits<double>::quiet_NaN());
     return;
   }
   for (int i = begin; i < end; ++i) {  // of such a batch nothing counts
@@ -282,7 +295,8 @@ void InnerIterations::Accumulate(const Group& group, int size, NormalEquations* 
     const std::int32_t factor = sightings_[k];
     const Loss* loss = cache.graph->loss(cache.id, factor);
     double* f = cache.candidate_residuals.data() + std::ptrdiff_t{factor} * rows;
-    equations->cost += RobustifyFactor(loss, rows, 1, &blocks, factor, &kHasJacobian, LossCurvature::kNone, f);
+    equations->cost +=
+        RobustifyFactor(loss, rows, 1, &blocks, factor, &kHasJacobian, LossCurvature::kNone, f);
   }
   LandmarkFactors factors;
   factors.factors = sightings_.data() + group.begin;
@@ -300,17 +314,20 @@ double InnerIterations::Cost(int landmark) const {
     const int rows = cache.residual_size;
     for (int at = groups_[k].begin; at < groups_[k].end; ++at) {
       const Loss* loss = cache.graph->loss(cache.id, sightings_[at]);
-      cost += RobustCost(loss, cache.candidate_residuals.data() + std::ptrdiff_t{sightings_[at]} * rows, rows);
+      cost += RobustCost(
+          loss, cache.candidate_residuals.data() + std::ptrdiff_t{sightings_[at]} * rows, rows);
     }
   }
   return cost;
 }
 
 std::int64_t InnerIterations::Bytes() const {
-  std::int64_t bytes = static_cast<std::int64_t>(groups_.size() * sizeof(Group) + sightings_.size() * sizeof(std::int32_t) +
-                                                 (sizeof(double) + sizeof(Trial) + sizeof(char)) * trials_.size());
+  std::int64_t bytes = static_cast<std::int64_t>(
+      groups_.size() * sizeof(Group) + sightings_.size() * sizeof(std::int32_t) +
+      (sizeof(double) + sizeof(Trial) + sizeof(char)) * trials_.size());
   for (const LandmarkJacobians& jacobians : jacobians_) {
-    bytes += static_cast<std::int64_t>(jacobians.values.size() * sizeof(double) + jacobians.maps.size() * sizeof(void*) +
+    bytes += static_cast<std::int64_t>(jacobians.values.size() * sizeof(double) +
+                                       jacobians.maps.size() * sizeof(void*) +
                                        jacobians.landmarks.size() * sizeof(std::int32_t));
   }
   return bytes;

@@ -9,36 +9,42 @@
 
 namespace inceres::internal {
 
-/// Improves the landmarks of a candidate one by one with the frames held: for each the damped Gauss–Newton step
+/// Improves the landmarks of a candidate one by one with the frames held: for each the damped
+/// Gauss–Newton step
 ///
 ///     δ_l = −(P + λ diag P)⁻¹ g,   P = Σ ρ' J_lᵀJ_l,  g = Σ ρ' J_lᵀf
 ///
-/// taken if the cost of its factors falls. Given the frames the landmarks are independent, so each is accepted or refused by
-/// itself; λ of a landmark falls tenfold with a success and rises tenfold with a failure. Landmarks on a manifold or
-/// with bounds, and those whose step promises too little, stay where they are.
+/// taken if the cost of its factors falls. Given the frames the landmarks are independent, so each
+/// is accepted or refused by itself; λ of a landmark falls tenfold with a success and rises tenfold
+/// with a failure. Landmarks on a manifold or with bounds, and those whose step promises too
+/// little, stay where they are.
 ///
-/// What it is for: points seen at a small angle are strongly curved in depth, and the joint step, which sees the first order
-/// only, creeps towards them for tens of iterations. Source: Jeong et al., "Pushing the Envelope of Modern Methods for Bundle
-/// Adjustment", 2012 (embedded point iterations); Ceres's inner iterations.
+/// What it is for: points seen at a small angle are strongly curved in depth, and the joint step,
+/// which sees the first order only, creeps towards them for tens of iterations. Source: Jeong et
+/// al., "Pushing the Envelope of Modern Methods for Bundle Adjustment", 2012 (embedded point
+/// iterations); Ceres's inner iterations.
 ///
-/// Cost: of the factors of the landmarks asked one evaluation with the landmark's Jacobian, and one without for those that move,
-/// in runs of neighbors, as families like it best. Of many landmarks every eighth is asked first, each time another eighth, and
-/// the others only where the gain of these lets expect that they are worth it. The same bits for any number of threads.
+/// Cost: of the factors of the landmarks asked one evaluation with the landmark's Jacobian, and one
+/// without for those that move, in runs of neighbors, as families like it best. Of many landmarks
+/// every eighth is asked first, each time another eighth, and the others only where the gain of
+/// these lets expect that they are worth it. The same bits for any number of threads.
 class InnerIterations {
  public:
   explicit InnerIterations(Evaluator* evaluator);
 
-  /// Moves landmarks of the evaluator's candidate; returns by how much its cost fell, ≥ 0. A landmark is left alone if its step
-  /// promises less than `min_gain`. What the step gained that led to the candidate tells what would be worth it; with 0 all
-  /// landmarks are asked.
+  /// Moves landmarks of the evaluator's candidate; returns by how much its cost fell, ≥ 0. A
+  /// landmark is left alone if its step promises less than `min_gain`. What the step gained that
+  /// led to the candidate tells what would be worth it; with 0 all landmarks are asked.
   double Run(double min_gain, double step_gain = 0.0);
 
-  /// Whether it is worth running after a step that gained this much: asked once a step. It is while steps creep, each gaining
-  /// more than a fifth of what the one before did. Where the landmarks gained little beside the step they followed (Pace), they
-  /// rest for a step, then for two, four, …
+  /// Whether it is worth running after a step that gained this much: asked once a step. It is while
+  /// steps creep, each gaining more than a fifth of what the one before did. Where the landmarks
+  /// gained little beside the step they followed (Pace), they rest for a step, then for two, four,
+  /// …
   bool IsDue(double step_gain);
-  /// What a Run gained, and the step before it. Where that was worth it, the next Run asks only the landmarks that brought it:
-  /// those that creep are few. As soon as they gain little, it asks all again.
+  /// What a Run gained, and the step before it. Where that was worth it, the next Run asks only the
+  /// landmarks that brought it: those that creep are few. As soon as they gain little, it asks all
+  /// again.
   void Pace(double gain, double step_gain);
 
   /// Landmarks that the last Run moved.
@@ -52,8 +58,8 @@ class InnerIterations {
     int begin;
     int end;
   };
-  /// What a family is evaluated with when only landmarks move. A factor sees one landmark at most, so that its slots share the
-  /// memory of one Jacobian, rows four apart.
+  /// What a family is evaluated with when only landmarks move. A factor sees one landmark at most,
+  /// so that its slots share the memory of one Jacobian, rows four apart.
   struct LandmarkJacobians {
     std::vector<std::int32_t> landmarks;  // per factor, -1: none that could move
     std::vector<const TangentMap*> maps;  // per factor and slot

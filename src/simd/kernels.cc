@@ -27,9 +27,12 @@ const Kernels* KernelsFor(InstructionSet set) {
       return &kernels_generic::kKernels;
 #ifdef INCERES_X86_KERNELS
     case InstructionSet::kAvx2:
-      return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? &kernels_avx2::kKernels : nullptr;
+      return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")
+                 ? &kernels_avx2::kKernels
+                 : nullptr;
     case InstructionSet::kAvx512:
-      return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq")
+      return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+                     __builtin_cpu_supports("avx512dq")
                  ? &kernels_avx512::kKernels
                  : nullptr;
 #endif
@@ -43,7 +46,8 @@ const Kernels* KernelsFor(InstructionSet set) {
 }
 
 const Kernels& BestKernels() {
-  for (const InstructionSet set : {InstructionSet::kAvx512, InstructionSet::kAvx2, InstructionSet::kNeon}) {
+  for (const InstructionSet set :
+       {InstructionSet::kAvx512, InstructionSet::kAvx2, InstructionSet::kNeon}) {
     if (const Kernels* kernels = KernelsFor(set)) {
       return *kernels;
     }

@@ -5,15 +5,17 @@
 
 namespace inceres::internal {
 
-/// Everything a kernel reads is padded to a multiple of four doubles: a row of a Jacobian, a row of Y, a variable in a tangent
-/// vector. The padding is zero. Offsets of blocks are counted in such quads, so 32 bits reach 64 GiB.
+/// Everything a kernel reads is padded to a multiple of four doubles: a row of a Jacobian, a row of
+/// Y, a variable in a tangent vector. The padding is zero. Offsets of blocks are counted in such
+/// quads, so 32 bits reach 64 GiB.
 constexpr int kQuad = 4;
 static constexpr int PadToQuad(int size) {
   return (size + kQuad - 1) / kQuad * kQuad;
 }
 
-/// Whether blocks of Y with rows of so many entries may be kept with their last column apart, as one quad behind the rows: three
-/// rows of 9, the camera of a BAL problem, then take 7 quads instead of 9. Of residuals or landmarks of size 4 at most.
+/// Whether blocks of Y with rows of so many entries may be kept with their last column apart, as
+/// one quad behind the rows: three rows of 9, the camera of a BAL problem, then take 7 quads
+/// instead of 9. Of residuals or landmarks of size 4 at most.
 static constexpr bool MayHaveTail(int size) {
   return size == 5 || size == 9 || size == 13;
 }
@@ -28,12 +30,13 @@ struct ProductTerm {
   std::int32_t b;
 };
 
-/// C += sign Σ_p B_pᵀ A_p, the one product behind both H_ij = Σ J_iᵀ J_j and S_ij = C_ij − Σ_l Y_il Y_jlᵀ.
-/// A_p is depth × a_size and B_p depth × b_size, row-major, rows padded to quads, or both with their last column apart (`tail`:
-/// then a_size equals b_size, and depth is 4 at most). C is b_size × a_size with rows padded to quads.
+/// C += sign Σ_p B_pᵀ A_p, the one product behind both H_ij = Σ J_iᵀ J_j and S_ij = C_ij − Σ_l Y_il
+/// Y_jlᵀ. A_p is depth × a_size and B_p depth × b_size, row-major, rows padded to quads, or both
+/// with their last column apart (`tail`: then a_size equals b_size, and depth is 4 at most). C is
+/// b_size × a_size with rows padded to quads.
 ///
-/// `symmetric`: every B_p is its A_p, so that C is symmetric. Then only its entries up to the diagonal count: those above it may
-/// have been added to or not.
+/// `symmetric`: every B_p is its A_p, so that C is symmetric. Then only its entries up to the
+/// diagonal count: those above it may have been added to or not.
 struct BlockProducts {
   const double* a = nullptr;
   const double* b = nullptr;
@@ -52,8 +55,9 @@ struct VectorTerm {
   std::int32_t v;
 };
 
-/// y += sign Σ_p A_pᵀ v_p: gradients (A = J, v = f) and the right hand side b (A = Yᵀ, v = z). y has PadToQuad(a_size) entries.
-/// Where the last column of A is apart (`tail`), v_p is a quad, zero beyond depth.
+/// y += sign Σ_p A_pᵀ v_p: gradients (A = J, v = f) and the right hand side b (A = Yᵀ, v = z). y
+/// has PadToQuad(a_size) entries. Where the last column of A is apart (`tail`), v_p is a quad, zero
+/// beyond depth.
 struct VectorProducts {
   const double* a = nullptr;
   const double* v = nullptr;
@@ -64,7 +68,8 @@ struct VectorProducts {
   bool tail = false;
 };
 
-/// The Jacobians of one slot over a family: block i starts at data + i · factor_stride, rows row_stride apart (a multiple of 4).
+/// The Jacobians of one slot over a family: block i starts at data + i · factor_stride, rows
+/// row_stride apart (a multiple of 4).
 struct SlotJacobians {
   double* data = nullptr;
   std::ptrdiff_t factor_stride = 0;
@@ -81,10 +86,12 @@ struct LandmarkFactors {
   int num_slots = 0;
   const SlotJacobians* jacobians = nullptr;  // per slot
   const double* residuals = nullptr;         // residual_size per factor
-  /// Per factor and slot: 2 · (quad offset of the Y block) + 1 if the block was begun by an earlier factor; -1: no frame here.
+  /// Per factor and slot: 2 · (quad offset of the Y block) + 1 if the block was begun by an earlier
+  /// factor; -1: no frame here.
   const std::int32_t* y_targets = nullptr;
-  const std::int32_t* tangent_offsets = nullptr;  // as those of FactorRows; multiply_coupling alone reads them
-  bool y_tail = false;                            // all blocks of Y have their last column apart
+  const std::int32_t* tangent_offsets =
+      nullptr;          // as those of FactorRows; multiply_coupling alone reads them
+  bool y_tail = false;  // all blocks of Y have their last column apart
 };
 
 /// The factors [begin, end) of a family for products with J.
@@ -95,7 +102,8 @@ struct FactorRows {
   int num_slots = 0;
   const SlotJacobians* jacobians = nullptr;
   const double* residuals = nullptr;
-  const std::int32_t* tangent_offsets = nullptr;  // per factor and slot: quad offset into the padded tangent vector, or -1
+  // per factor and slot: quad offset into the padded tangent vector, or -1
+  const std::int32_t* tangent_offsets = nullptr;
 };
 
 /// What a pass over J yields for a tangent vector v.
@@ -111,7 +119,8 @@ struct Incidence {
   std::int32_t quads;  // quads of one row of Y_q
 };
 
-/// One block row's share A of a symmetric product Σ A_rᵀ A_c: depth × size, row-major, rows padded to quads.
+/// One block row's share A of a symmetric product Σ A_rᵀ A_c: depth × size, row-major, rows padded
+/// to quads.
 struct BlockRow {
   const double* A;
   std::int32_t frame;  // quad offset of the row in the padded tangent vector
@@ -120,8 +129,9 @@ struct BlockRow {
   const double* out = nullptr;  // what A replaces, of its shape
 };
 
-/// What a landmark (A = Y, depth its size) or a factor (A = J, depth its residual's) adds to a symmetric block matrix and to
-/// vectors. Rows by ascending block row. If it replaces what was added before, that goes out in the same pass.
+/// What a landmark (A = Y, depth its size) or a factor (A = J, depth its residual's) adds to a
+/// symmetric block matrix and to vectors. Rows by ascending block row. If it replaces what was
+/// added before, that goes out in the same pass.
 struct Contribution {
   const BlockRow* rows = nullptr;
   int count = 0;
@@ -129,27 +139,31 @@ struct Contribution {
   bool replaces = false;  // every row has an `out`
 };
 
-/// What an entry of a Jacobian holds that nobody has written yet; a sum of magnitudes below a hundredth of it proves that none of
-/// them is such an entry, infinite or NaN.
+/// What an entry of a Jacobian holds that nobody has written yet; a sum of magnitudes below a
+/// hundredth of it proves that none of them is such an entry, infinite or NaN.
 constexpr double kUnwrittenEntry = 1e302;
 
-/// Takes over a user's Jacobian J (rows × ambient_size, contiguous): copies its first `columns` to rows row_stride apart and
-/// fills J with kUnwrittenEntry. If the sum of the magnitudes of J does not prove its entries ordinary, J stays and the result is
-/// false.
-using ColumnTake = bool (*)(int ambient_size, int columns, double* J, int rows, double* out, int row_stride);
+/// Takes over a user's Jacobian J (rows × ambient_size, contiguous): copies its first `columns` to
+/// rows row_stride apart and fills J with kUnwrittenEntry. If the sum of the magnitudes of J does
+/// not prove its entries ordinary, J stays and the result is false.
+using ColumnTake = bool (*)(int ambient_size, int columns, double* J, int rows, double* out,
+                            int row_stride);
 
-/// The instruction-set-dependent inner loops. One table an instruction set; all give equal results up to rounding, and each
-/// gives the same bits whenever it is called with the same operands.
+/// The instruction-set-dependent inner loops. One table an instruction set; all give equal results
+/// up to rounding, and each gives the same bits whenever it is called with the same operands.
 struct Kernels {
   const char* name;
 
   /// For the sizes; null if there is none of them.
   ColumnTake (*find_take)(int rows, int ambient_size, int columns);
-  /// Whether the sum of the magnitudes of the values proves that none of them is kUnwrittenEntry, infinite or NaN.
+  /// Whether the sum of the magnitudes of the values proves that none of them is kUnwrittenEntry,
+  /// infinite or NaN.
   bool (*are_ordinary)(const double* values, int count);
-  /// J_s := scale (I − a f fᵀ) J_s of one factor, padding included, for the slots with a tangent offset.
-  void (*correct_factor)(const SlotJacobians* jacobians, int num_slots, int factor, const std::int32_t* tangent_offsets,
-                         const double* f, int residual_size, double scale, double a);
+  /// J_s := scale (I − a f fᵀ) J_s of one factor, padding included, for the slots with a tangent
+  /// offset.
+  void (*correct_factor)(const SlotJacobians* jacobians, int num_slots, int factor,
+                         const std::int32_t* tangent_offsets, const double* f, int residual_size,
+                         double scale, double a);
 
   void (*accumulate_products)(const BlockProducts& products, double sign, double* C);
   void (*accumulate_vectors)(const VectorProducts& products, double sign, double* y);
@@ -157,50 +171,64 @@ struct Kernels {
   /// P += Σ J_lᵀJ_l (rows four apart), eta += −Σ J_lᵀf, for a landmark of tangent size 1 to 4.
   void (*landmark_gram)(int landmark_size, const LandmarkFactors& factors, double* P, double* eta);
   /// Y_q = Σ J_fᵀ (J_l U_invᵀ): U_inv = L⁻¹ with L Lᵀ = P + Λ, lower triangular, rows four apart.
-  void (*eliminate)(int landmark_size, const LandmarkFactors& factors, const double* U_inv, double* Y);
+  void (*eliminate)(int landmark_size, const LandmarkFactors& factors, const double* U_inv,
+                    double* Y);
   /// y −= Σ_q Y_qᵀ δ_f(q).
-  void (*back_substitute)(int landmark_size, const Incidence* incidences, int count, const double* Y, const double* delta,
-                          double* y);
-  /// w += Wᵀ δ = Σ J_lᵀ Σ_f J_f δ_f: what back_substitute needs where Y is not kept. w has four entries.
+  void (*back_substitute)(int landmark_size, const Incidence* incidences, int count,
+                          const double* Y, const double* delta, double* y);
+  /// w += Wᵀ δ = Σ J_lᵀ Σ_f J_f δ_f: what back_substitute needs where Y is not kept. w has four
+  /// entries.
   void (*multiply_coupling)(const LandmarkFactors& factors, const double* delta, double* w);
   /// y_f(q) −= Y_q v for every incidence: what a change v of the landmark's z does to b.
-  void (*subtract_incidences)(int landmark_size, const Incidence* incidences, int count, const double* Y, const double* v,
-                              double* y);
+  void (*subtract_incidences)(int landmark_size, const Incidence* incidences, int count,
+                              const double* Y, const double* v, double* y);
 
-  /// C_rc += sign A_rᵀ A_c for every pair c ≤ r. blocks: the quad offset of C_rc from `C`, row by row; negative: left out.
-  void (*add_outer)(const Contribution& contribution, double sign, const std::int32_t* blocks, double* C);
+  /// C_rc += sign A_rᵀ A_c for every pair c ≤ r. blocks: the quad offset of C_rc from `C`, row by
+  /// row; negative: left out.
+  void (*add_outer)(const Contribution& contribution, double sign, const std::int32_t* blocks,
+                    double* C);
   /// y_r += sign A_rᵀ v and peak_r = max(peak_r, |y_r|). v_out: what v replaces, if A does.
-  void (*add_transposed)(const Contribution& contribution, const double* v, const double* v_out, double sign, double* y,
-                         double* peak);
+  void (*add_transposed)(const Contribution& contribution, const double* v, const double* v_out,
+                         double sign, double* y, double* peak);
   /// y_r += sign diag(A_rᵀ A_r) and peak_r = max(peak_r, |y_r|).
   void (*add_squares)(const Contribution& contribution, double sign, double* y, double* peak);
 
   RowProducts (*row_products)(const FactorRows& rows, const double* v);
 
-  /// out_i = J_i v for the listed factors; result i at out + i · residual_size. `begin`, `end` and `residuals` are not read.
-  void (*multiply_rows)(const FactorRows& rows, const std::int32_t* factors, int count, const double* v, double* out);
-  /// The two products of a trial step v in one pass over the listed factors: out_i = J_i v, and y −= Σ J_iᵀ(p_i − q_i) with
-  /// q = rows.residuals and p the same after the step. Returns −Σ out_iᵀ(q_i + out_i/2). `begin` and `end` are not read.
-  double (*try_rows)(const FactorRows& rows, const std::int32_t* factors, int count, const double* v, const double* p,
-                     double* out, double* y);
+  /// out_i = J_i v for the listed factors; result i at out + i · residual_size. `begin`, `end` and
+  /// `residuals` are not read.
+  void (*multiply_rows)(const FactorRows& rows, const std::int32_t* factors, int count,
+                        const double* v, double* out);
+  /// The two products of a trial step v in one pass over the listed factors: out_i = J_i v, and y
+  /// −= Σ J_iᵀ(p_i − q_i) with q = rows.residuals and p the same after the step. Returns −Σ
+  /// out_iᵀ(q_i + out_i/2). `begin` and `end` are not read.
+  double (*try_rows)(const FactorRows& rows, const std::int32_t* factors, int count,
+                     const double* v, const double* p, double* out, double* y);
   /// y −= Σ J_iᵀ r_i over the listed factors, y laid out as v; r_i at r + i · residual_size.
-  void (*subtract_transposed)(const FactorRows& rows, const std::int32_t* factors, int count, const double* r, double* y);
+  void (*subtract_transposed)(const FactorRows& rows, const std::int32_t* factors, int count,
+                              const double* r, double* y);
 
-  /// C −= A Bᵀ on column-major storage: C is rows × cols, A rows × depth, B cols × depth. The work of a dense Cholesky.
-  void (*subtract_outer)(int rows, int cols, int depth, const double* A, int lda, const double* B, int ldb, double* C, int ldc);
+  /// C −= A Bᵀ on column-major storage: C is rows × cols, A rows × depth, B cols × depth. The work
+  /// of a dense Cholesky.
+  void (*subtract_outer)(int rows, int cols, int depth, const double* A, int lda, const double* B,
+                         int ldb, double* C, int ldc);
   /// X := X L⁻ᵀ for the lower triangular size × size L, X rows × size; column-major.
   void (*solve_lower_transposed)(int rows, int size, const double* L, int ldl, double* X, int ldx);
 
-  /// C −= A Bᵀ on row-major storage, as dot products along the rows: C is rows × cols, A rows × depth, B cols × depth. The work
-  /// of a Cholesky factorization row by row.
-  void (*subtract_row_dots)(int rows, int cols, int depth, const double* A, int lda, const double* B, int ldb, double* C,
-                            int ldc);
+  /// C −= A Bᵀ on row-major storage, as dot products along the rows: C is rows × cols, A rows ×
+  /// depth, B cols × depth. The work of a Cholesky factorization row by row.
+  void (*subtract_row_dots)(int rows, int cols, int depth, const double* A, int lda,
+                            const double* B, int ldb, double* C, int ldc);
 
-  /// The first `columns` columns of J (rows row_stride apart), each contiguous and `stride` after the one before.
-  void (*rows_to_columns)(int rows, int columns, const double* J, int row_stride, double* out, int stride);
-  /// row_products where [J f] is columns, each `stride` after the one before; rows is a multiple of 4 and there are
-  /// columns. Decreases are summed row by row, so that what overflows is an infinite decrease and not none.
-  RowProducts (*column_products)(int rows, int columns, const double* J_f, int stride, const double* v);
+  /// The first `columns` columns of J (rows row_stride apart), each contiguous and `stride` after
+  /// the one before.
+  void (*rows_to_columns)(int rows, int columns, const double* J, int row_stride, double* out,
+                          int stride);
+  /// row_products where [J f] is columns, each `stride` after the one before; rows is a multiple of
+  /// 4 and there are columns. Decreases are summed row by row, so that what overflows is an
+  /// infinite decrease and not none.
+  RowProducts (*column_products)(int rows, int columns, const double* J_f, int stride,
+                                 const double* v);
 };
 
 enum class InstructionSet { kGeneric, kAvx2, kAvx512, kNeon };

@@ -13,11 +13,12 @@ FunctionSample Reduce(FunctionSample sample, LineSearchInterpolation interpolati
   return sample;
 }
 
-double NextStepSize(const SolverOptions& options, const FunctionSample& start, const FunctionSample& previous,
-                    const FunctionSample& current) {
+double NextStepSize(const SolverOptions& options, const FunctionSample& start,
+                    const FunctionSample& previous, const FunctionSample& current) {
   const double smallest = options.max_line_search_step_contraction * current.x;
   const double largest = options.min_line_search_step_contraction * current.x;
-  if (!current.value_is_valid || options.line_search_interpolation == LineSearchInterpolation::kBisection) {
+  if (!current.value_is_valid ||
+      options.line_search_interpolation == LineSearchInterpolation::kBisection) {
     return std::min(std::max(0.5 * current.x, smallest), largest);
   }
   std::vector<FunctionSample> samples = {start, Reduce(current, options.line_search_interpolation)};
@@ -29,7 +30,8 @@ double NextStepSize(const SolverOptions& options, const FunctionSample& start, c
 
 }  // namespace
 
-std::optional<double> SearchArmijo(const SolverOptions& options, const LineFunction& function, LineSearchSummary* summary) {
+std::optional<double> SearchArmijo(const SolverOptions& options, const LineFunction& function,
+                                   LineSearchSummary* summary) {
   const FunctionSample start = {0.0, function.value, function.slope, true, true};
   FunctionSample previous;
   FunctionSample current = function.sample(1.0);

@@ -9,17 +9,21 @@
 
 namespace inceres::internal {
 
-/// A function of the step size, known at 0: φ(0) and φ'(0) < 0 of a step whose largest entry is step_max_norm.
+/// A function of the step size, known at 0: φ(0) and φ'(0) < 0 of a step whose largest entry is
+/// step_max_norm.
 struct LineFunction {
   double value = 0.0;
   double slope = 0.0;
   double step_max_norm = 0.0;
-  std::function<FunctionSample(double t)> sample;  ///< φ(t), valid only if finite; with φ'(t) for kCubic
+  /// φ(t), valid only if finite; with φ'(t) for kCubic
+  std::function<FunctionSample(double t)> sample;
 };
 
-/// The first t, from 1 downwards, with φ(t) ≤ φ(0) + c₁ φ'(0) t; none if the options' limits come first. A t that cannot be
-/// evaluated is found wanting. Counts steps and polynomial seconds in `summary`.
-/// Source: Nocedal & Wright, section 3.1 and 3.5; order of tests and choice of the next t of Ceres 2.1's ArmijoLineSearch.
-std::optional<double> SearchArmijo(const SolverOptions& options, const LineFunction& function, LineSearchSummary* summary);
+/// The first t, from 1 downwards, with φ(t) ≤ φ(0) + c₁ φ'(0) t; none if the options' limits come
+/// first. A t that cannot be evaluated is found wanting. Counts steps and polynomial seconds in
+/// `summary`. Source: Nocedal & Wright, section 3.1 and 3.5; order of tests and choice of the next
+/// t of Ceres 2.1's ArmijoLineSearch.
+std::optional<double> SearchArmijo(const SolverOptions& options, const LineFunction& function,
+                                   LineSearchSummary* summary);
 
 }  // namespace inceres::internal

@@ -8,7 +8,8 @@
 #include "trust_region/small_qr.h"
 
 namespace inceres::internal {
-DenseModel::DenseModel(const Evaluator& evaluator) : LinearModel(evaluator), size_(evaluator.layout().size()) {
+DenseModel::DenseModel(const Evaluator& evaluator)
+    : LinearModel(evaluator), size_(evaluator.layout().size()) {
   for (const Linearization& cache : evaluator.families()) {
     num_rows_ += cache.num_blocks() * cache.rows_per_block();
   }
@@ -27,13 +28,14 @@ void DenseModel::Refresh() {
   const int stride = stride_;
   for (const Linearization& cache : evaluator_.families()) {
     const int rows = cache.num_blocks() * cache.rows_per_block();
-    BestKernels().rows_to_columns(rows, size_, cache.slots[0].data, cache.slots[0].row_stride, top, stride);
+    BestKernels().rows_to_columns(rows, size_, cache.slots[0].data, cache.slots[0].row_stride, top,
+                                  stride);
     std::copy_n(cache.residuals.data(), rows, top + static_cast<std::ptrdiff_t>(size_) * stride);
     top += rows;
   }
   std::fill(H_.begin(), H_.end(), 0.0);
-  BestKernels().subtract_row_dots(size_ + 1, size_, PadToQuad(num_rows_), columns_.data(), stride, columns_.data(), stride,
-                                  H_.data(), size_);
+  BestKernels().subtract_row_dots(size_ + 1, size_, PadToQuad(num_rows_), columns_.data(), stride,
+                                  columns_.data(), stride, H_.data(), size_);
   for (int k = 0; k < size_; ++k) {
     gradient_[k] = -H_[size_ * size_ + k];
     diagonal_[k] = -H_[k * (size_ + 1)];
@@ -52,13 +54,15 @@ Status DenseModel::Solve(const double* damping, double* step) {
   if (factored) {
     return Status::Ok();
   }
-  const auto failed = std::find(inverse_pivots_.begin(), inverse_pivots_.end(), 0.0) - inverse_pivots_.begin();
-  return Status::Error(StatusCode::kSingular, "the normal equations are not positive definite at variable " +
-                                                  std::to_string(VariableAt(static_cast<int>(failed))));
+  const auto failed =
+      std::find(inverse_pivots_.begin(), inverse_pivots_.end(), 0.0) - inverse_pivots_.begin();
+  return Status::Error(StatusCode::kSingular,
+                       "the normal equations are not positive definite at variable " +
+                           std::to_string(VariableAt(static_cast<int>(failed))));
 }
 
-// L Lᵀ = H + Λ and the step; false, with the inverse pivots up to there, at a pivot that is not positive and finite. Size is an
-// int or a constant.
+// L Lᵀ = H + Λ and the step; false, with the inverse pivots up to there, at a pivot that is not
+// positive and finite. Size is an int or a constant.
 template <typename Size>
 bool DenseModel::FactorAndSolve(Size size, const double* damping, double* step) {
   for (int k = 0; k < size * size; ++k) {
@@ -80,14 +84,16 @@ bool DenseModel::FactorAndSolve(Size size, const double* damping, double* step) 
 
 VariableId DenseModel::VariableAt(int column) const {
   const Layout& layout = evaluator_.layout();
-  const auto after = std::upper_bound(layout.packed_offset.begin(), layout.packed_offset.end(), column);
+  const auto after =
+      std::upper_bound(layout.packed_offset.begin(), layout.packed_offset.end(), column);
   return layout.variables[after - layout.packed_offset.begin() - 1];
 }
 
 void DenseModel::Describe(WorkCounts* work) const {
   work->num_frames = static_cast<int>(evaluator_.layout().variables.size());
   work->reduced_size = size_;
-  work->bytes += static_cast<std::int64_t>(sizeof(double) * (columns_.size() + H_.size() + L_.size()));
+  work->bytes +=
+      static_cast<std::int64_t>(sizeof(double) * (columns_.size() + H_.size() + L_.size()));
 }
 
 DenseColumnsQrModel::DenseColumnsQrModel(const Evaluator& evaluator) : DenseModel(evaluator) {
@@ -103,7 +109,8 @@ Status DenseColumnsQrModel::Solve(const double* damping, double* step) {
   SolveDampedColumns(num_rows_, size_, reflected_.data(), scratch_.data(), step);
   clock_->Charge(&seconds_->factorization);
   if (!std::all_of(step, step + size_, [](double entry) { return std::isfinite(entry); })) {
-    return Status::Error(StatusCode::kSingular, "the columns of the Jacobian are linearly dependent");
+    return Status::Error(StatusCode::kSingular,
+                         "the columns of the Jacobian are linearly dependent");
   }
   return Status::Ok();
 }

@@ -7,8 +7,9 @@
 
 namespace inceres::internal {
 
-/// H = JᵀJ of a small problem whose Jacobians are whole rows (JacobianStorage::kWholeRows): [J f] is kept as columns, of which
-/// everything is a dot product or a sum, and nothing is to be planned. Single-threaded.
+/// H = JᵀJ of a small problem whose Jacobians are whole rows (JacobianStorage::kWholeRows): [J f]
+/// is kept as columns, of which everything is a dot product or a sum, and nothing is to be planned.
+/// Single-threaded.
 class DenseModel : public LinearModel {
  public:
   explicit DenseModel(const Evaluator& evaluator);

@@ -28,12 +28,13 @@ void DenseQrModel::Refresh() {
     const int rows = cache.residual_size;
     const int num_slots = cache.num_slots;
     for (int i = 0; i < cache.num_factors; ++i, row += rows) {
-      f_.segment(row, rows) =
-          Eigen::Map<const Eigen::VectorXd>(cache.residuals.data() + static_cast<std::ptrdiff_t>(i) * rows, rows);
+      f_.segment(row, rows) = Eigen::Map<const Eigen::VectorXd>(
+          cache.residuals.data() + static_cast<std::ptrdiff_t>(i) * rows, rows);
       for (int s = 0; s < num_slots; ++s) {
         const int offset =
             cache
-                .tangent_offsets[static_cast<std::size_t>(i) * static_cast<std::size_t>(num_slots) + static_cast<std::size_t>(s)];
+                .tangent_offsets[static_cast<std::size_t>(i) * static_cast<std::size_t>(num_slots) +
+                                 static_cast<std::size_t>(s)];
         if (offset < 0) {
           continue;
         }
@@ -65,7 +66,8 @@ Status DenseQrModel::Solve(const double* damping, double* step) {
   solution = qr.solve(rhs);
   clock_->Charge(&seconds_->factorization);
   if (!solution.allFinite()) {
-    return Status::Error(StatusCode::kSingular, "the columns of the Jacobian are linearly dependent");
+    return Status::Error(StatusCode::kSingular,
+                         "the columns of the Jacobian are linearly dependent");
   }
   return Status::Ok();
 }

@@ -8,9 +8,9 @@
 
 namespace inceres::internal {
 
-/// min ‖Jδ + f‖² + ‖√Λ δ‖² by Householder QR of the stacked rows [J; √Λ], without forming H: the condition number is not squared.
-/// For small, ill-conditioned problems (curve fitting with tolerances near machine precision). Single-threaded. Source: Golub &
-/// Van Loan, section 5.3.
+/// min ‖Jδ + f‖² + ‖√Λ δ‖² by Householder QR of the stacked rows [J; √Λ], without forming H: the
+/// condition number is not squared. For small, ill-conditioned problems (curve fitting with
+/// tolerances near machine precision). Single-threaded. Source: Golub & Van Loan, section 5.3.
 class DenseQrModel final : public LinearModel {
  public:
   explicit DenseQrModel(const Evaluator& evaluator);
@@ -24,8 +24,9 @@ class DenseQrModel final : public LinearModel {
 
  private:
   int num_residuals_ = 0;
-  std::vector<int> packed_of_quad_;  // first packed entry of the variable that starts at a quad offset
-  Eigen::MatrixXd J_;                // rows of the evaluator's factors, family by family
+  // first packed entry of the variable that starts at a quad offset
+  std::vector<int> packed_of_quad_;
+  Eigen::MatrixXd J_;  // rows of the evaluator's factors, family by family
   Eigen::VectorXd f_;
   Eigen::MatrixXd stacked_;
   std::vector<double> gradient_;

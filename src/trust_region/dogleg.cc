@@ -48,7 +48,9 @@ Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
     const std::vector<double>& H_diagonal = model->Diagonal();
     const std::vector<double>& scale = *scale_;
     for (std::size_t j = 0; j < w_.size(); ++j) {
-      w_[j] = std::sqrt(std::clamp(scale[j] * scale[j] * H_diagonal[j], min_diagonal_, max_diagonal_)) / scale[j];
+      w_[j] =
+          std::sqrt(std::clamp(scale[j] * scale[j] * H_diagonal[j], min_diagonal_, max_diagonal_)) /
+          scale[j];
     }
     ComputeGradient(*model);
     const Status solved = ComputeGaussNewtonStep(model, num_solves);
@@ -56,7 +58,8 @@ Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
       return solved;
     }
     if (subspace_ && !subspace_->Build(w_, gradient_, gauss_newton_, model)) {
-      return Status::Error(StatusCode::kSingular, "both the gradient and the Gauss-Newton step are zero");
+      return Status::Error(StatusCode::kSingular,
+                           "both the gradient and the Gauss-Newton step are zero");
     }
   }
   ChooseWithinRadius(model, step);
@@ -69,10 +72,12 @@ void Dogleg::ComputeGradient(const LinearModel& model) {
   alpha_.reset();
 }
 
-// Of a Gauss–Newton step inside the radius nobody asks for it, and it takes a pass over the Jacobians.
+// Of a Gauss–Newton step inside the radius nobody asks for it, and it takes a pass over the
+// Jacobians.
 double Dogleg::CauchyStep(LinearModel* model) {
   if (!alpha_) {
-    std::transform(gradient_.begin(), gradient_.end(), w_.begin(), scratch_.begin(), std::divides<>());
+    std::transform(gradient_.begin(), gradient_.end(), w_.begin(), scratch_.begin(),
+                   std::divides<>());
     alpha_ = Dot(gradient_, gradient_) / model->Quadratic(scratch_.data());
   }
   return *alpha_;
@@ -80,7 +85,8 @@ double Dogleg::CauchyStep(LinearModel* model) {
 
 Status Dogleg::ComputeGaussNewtonStep(LinearModel* model, int* num_solves) {
   if (mu_ >= kMaxMu) {
-    return Status::Error(StatusCode::kSingular, "the Gauss-Newton system stays singular up to the largest regularization");
+    return Status::Error(StatusCode::kSingular,
+                         "the Gauss-Newton system stays singular up to the largest regularization");
   }
   Status solved;
   while (mu_ < kMaxMu) {
@@ -119,12 +125,13 @@ void Dogleg::ChooseWithinRadius(LinearModel* model, double* step) {
   std::transform(p_.begin(), p_.end(), w_.begin(), step, std::divides<>());
 }
 
-// The dog-leg point: from zero to the Cauchy point a, on towards the Gauss–Newton point b, which lies outside, up to where this
-// path leaves the sphere.
+// The dog-leg point: from zero to the Cauchy point a, on towards the Gauss–Newton point b, which
+// lies outside, up to where this path leaves the sphere.
 void Dogleg::FollowTraditionalPath(double alpha) {
   const double gradient_norm = Norm(gradient_);
   if (gradient_norm * alpha >= radius_) {
-    std::transform(gradient_.begin(), gradient_.end(), p_.begin(), [&](double g) { return -radius_ / gradient_norm * g; });
+    std::transform(gradient_.begin(), gradient_.end(), p_.begin(),
+                   [&](double g) { return -radius_ / gradient_norm * g; });
     step_norm_ = radius_;
     return;
   }

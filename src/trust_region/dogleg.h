@@ -7,13 +7,15 @@
 
 namespace inceres::internal {
 
-/// Powell's Dog-Leg in the metric D = clamp(s² diag H)^½ of the scaled columns. With w = D/s everything is said in
-/// unscaled variables: g̃ = g/w, Cauchy step −α g̃ with α = ‖g̃‖²/‖J g̃/w‖², Gauss–Newton step w δ_gn, result δ = p/w. A
-/// Gauss–Newton step that leaves the trust region is replaced by the traditional path's point on the sphere, or by the best one
-/// of the plane (DoglegSubspace).
+/// Powell's Dog-Leg in the metric D = clamp(s² diag H)^½ of the scaled columns. With w = D/s
+/// everything is said in unscaled variables: g̃ = g/w, Cauchy step −α g̃ with α = ‖g̃‖²/‖J g̃/w‖²,
+/// Gauss–Newton step w δ_gn, result δ = p/w. A Gauss–Newton step that leaves the trust region is
+/// replaced by the traditional path's point on the sphere, or by the best one of the plane
+/// (DoglegSubspace).
 ///
-/// The Gauss–Newton step is regularized by μ w² on the diagonal, μ starting at 1e-8 and rising when the system cannot be
-/// factored. Source: Nocedal & Wright, section 4.1; constants of Ceres 2.1's DoglegStrategy.
+/// The Gauss–Newton step is regularized by μ w² on the diagonal, μ starting at 1e-8 and rising when
+/// the system cannot be factored. Source: Nocedal & Wright, section 4.1; constants of Ceres 2.1's
+/// DoglegStrategy.
 class Dogleg final : public TrustRegionStrategy {
  public:
   bool Serves(TrustRegionStrategyKind kind) const override { return !IsDamped(kind); }

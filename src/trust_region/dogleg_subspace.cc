@@ -14,23 +14,27 @@ namespace {
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
 
-// A minimum on the sphere has its gradient along −x; less than this cosine, and the root was not one.
+// A minimum on the sphere has its gradient along −x; less than this cosine, and the root was not
+// one.
 constexpr double kMinCosine = 0.99;
 
 Eigen::Map<const Eigen::VectorXd> AsVector(const std::vector<double>& v) {
   return {v.data(), static_cast<Eigen::Index>(v.size())};
 }
 
-// VᵀHV. The mixed entry comes from columns of equal length in H, so that it is as exact as a dot product of the columns of JV.
+// VᵀHV. The mixed entry comes from columns of equal length in H, so that it is as exact as a dot
+// product of the columns of JV.
 Matrix2d Restrict(LinearModel* model, const Eigen::MatrixX2d& V) {
-  const Vector2d lengths(std::sqrt(model->Quadratic(V.col(0).data())), std::sqrt(model->Quadratic(V.col(1).data())));
+  const Vector2d lengths(std::sqrt(model->Quadratic(V.col(0).data())),
+                         std::sqrt(model->Quadratic(V.col(1).data())));
   double cosine = 0.0;
   if (lengths.minCoeff() > 0.0) {
     const Eigen::VectorXd sum = V.col(0) / lengths[0] + V.col(1) / lengths[1];
     cosine = 0.5 * model->Quadratic(sum.data()) - 1.0;
   }
   Matrix2d B;
-  B << lengths[0] * lengths[0], cosine * lengths[0] * lengths[1], cosine * lengths[0] * lengths[1], lengths[1] * lengths[1];
+  B << lengths[0] * lengths[0], cosine * lengths[0] * lengths[1], cosine * lengths[0] * lengths[1],
+      lengths[1] * lengths[1];
   return B;
 }
 
@@ -42,7 +46,8 @@ std::vector<double> MultiplierPolynomial(const Matrix2d& B, const Vector2d& g, d
   Matrix2d adjugate;
   adjugate << B(1, 1), -B(0, 1), -B(1, 0), B(0, 0);
   return {R, 2.0 * R * trace, R * (trace * trace + 2.0 * determinant) - g.squaredNorm(),
-          -2.0 * (g.dot(adjugate * g) - R * determinant * trace), R * determinant * determinant - (adjugate * g).squaredNorm()};
+          -2.0 * (g.dot(adjugate * g) - R * determinant * trace),
+          R * determinant * determinant - (adjugate * g).squaredNorm()};
 }
 
 }  // namespace
@@ -63,7 +68,8 @@ bool DoglegSubspace::Build(const std::vector<double>& w, const std::vector<doubl
   return true;
 }
 
-bool DoglegSubspace::MinimizeOnBoundary(double radius, const std::vector<double>& gradient, double* p) const {
+bool DoglegSubspace::MinimizeOnBoundary(double radius, const std::vector<double>& gradient,
+                                        double* p) const {
   Eigen::Map<Eigen::VectorXd> result(p, static_cast<Eigen::Index>(gradient.size()));
   if (one_dimensional_) {
     result = -(radius / AsVector(gradient).norm()) * AsVector(gradient);
@@ -78,8 +84,8 @@ bool DoglegSubspace::MinimizeOnBoundary(double radius, const std::vector<double>
   return true;
 }
 
-// Candidates are compared where they meet the sphere, for a root that is off a little is off it too, but taken as they are. Zero
-// if there is none.
+// Candidates are compared where they meet the sphere, for a root that is off a little is off it
+// too, but taken as they are. Zero if there is none.
 Vector2d DoglegSubspace::FindMinimum(double radius) const {
   Vector2d best = Vector2d::Zero();
   double lowest = std::numeric_limits<double>::max();

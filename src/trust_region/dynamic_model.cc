@@ -19,7 +19,9 @@ void DynamicModel::Refresh() {
 bool DynamicModel::ZerosAreAsBefore() const {
   const std::vector<Linearization>& families = evaluator_.families();
   return std::equal(families.begin(), families.end(), tangent_offsets_.begin(),
-                    [](const Linearization& cache, const auto& offsets) { return cache.tangent_offsets == offsets; });
+                    [](const Linearization& cache, const auto& offsets) {
+                      return cache.tangent_offsets == offsets;
+                    });
 }
 
 void DynamicModel::Rebuild() {

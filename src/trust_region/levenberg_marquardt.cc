@@ -7,8 +7,8 @@
 namespace inceres::internal {
 namespace {
 
-// Marquardt's rule. Where a refusal tells that steps cannot be longer, the radius grows more slowly from then on, until so many
-// steps in a row are taken.
+// Marquardt's rule. Where a refusal tells that steps cannot be longer, the radius grows more slowly
+// from then on, until so many steps in a row are taken.
 constexpr double kTenfold = 10.0;
 constexpr double kLeastGrowth = 1.05;
 constexpr double kKeptPromise = 0.25;
@@ -54,7 +54,8 @@ void LevenbergMarquardt::StepAccepted(double quality) {
   if (!tenfold_) {
     shrinking = std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * quality - 1.0, 3));
   } else if (quality > kKeptPromise) {
-    growth_ = ++num_accepted_in_row_ % kStepsInRow == 0 ? std::min(kTenfold, growth_ * growth_) : growth_;
+    growth_ =
+        ++num_accepted_in_row_ % kStepsInRow == 0 ? std::min(kTenfold, growth_ * growth_) : growth_;
     shrinking = 1.0 / growth_;
   }
   radius_ = std::min(max_radius_, radius_ / shrinking);

@@ -4,9 +4,10 @@
 
 namespace inceres::internal {
 
-/// (H + Λ) δ = −g with Λ_j = clamp(s_j² H_jj) / (radius s_j²): Ceres's damping of the scaled columns, in unscaled variables.
-/// Radius rules: Madsen, Nielsen & Tingleff, "Methods for Non-linear Least Squares Problems", 2004, algorithm 3.16; or, as
-/// kMarquardt, those of Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Parameters", 1963.
+/// (H + Λ) δ = −g with Λ_j = clamp(s_j² H_jj) / (radius s_j²): Ceres's damping of the scaled
+/// columns, in unscaled variables. Radius rules: Madsen, Nielsen & Tingleff, "Methods for
+/// Non-linear Least Squares Problems", 2004, algorithm 3.16; or, as kMarquardt, those of Marquardt,
+/// "An Algorithm for Least-Squares Estimation of Nonlinear Parameters", 1963.
 class LevenbergMarquardt final : public TrustRegionStrategy {
  public:
   bool Serves(TrustRegionStrategyKind kind) const override { return IsDamped(kind); }

@@ -7,11 +7,13 @@
 
 namespace inceres::internal {
 
-std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, const Evaluator& evaluator, Status* status) {
+std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
+                                             const Evaluator& evaluator, Status* status) {
   const bool by_qr = options.linear_model == LinearModelKind::kDenseQr;
   if (evaluator.storage() == JacobianStorage::kWholeRows) {
     *status = Status::Ok();
-    return by_qr ? std::make_unique<DenseColumnsQrModel>(evaluator) : std::make_unique<DenseModel>(evaluator);
+    return by_qr ? std::make_unique<DenseColumnsQrModel>(evaluator)
+                 : std::make_unique<DenseModel>(evaluator);
   }
   if (by_qr) {
     *status = Status::Ok();

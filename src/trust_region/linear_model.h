@@ -11,13 +11,15 @@
 
 namespace inceres::internal {
 
-/// The local model every strategy drives: ½‖f + Jδ‖² at the evaluator's current point, however it is represented. Vectors are
-/// packed tangent vectors (frames, then landmarks). H is never damped or scaled; damping is an argument of Solve.
+/// The local model every strategy drives: ½‖f + Jδ‖² at the evaluator's current point, however it
+/// is represented. Vectors are packed tangent vectors (frames, then landmarks). H is never damped
+/// or scaled; damping is an argument of Solve.
 class LinearModel {
  public:
   virtual ~LinearModel() = default;
 
-  /// Where the stages' times are added from now on, by a clock that has just been read when a stage begins.
+  /// Where the stages' times are added from now on, by a clock that has just been read when a stage
+  /// begins.
   void TimeInto(StageSeconds* seconds, StageClock* clock) {
     seconds_ = seconds;
     clock_ = clock;
@@ -32,7 +34,8 @@ class LinearModel {
   /// diag(H): the squared column norms of J.
   virtual const std::vector<double>& Diagonal() const = 0;
 
-  /// Solves (H + diag(damping)) δ = −g. kSingular if there is no such step; the model is then unchanged.
+  /// Solves (H + diag(damping)) δ = −g. kSingular if there is no such step; the model is then
+  /// unchanged.
   virtual Status Solve(const double* damping, double* step) = 0;
 
   /// Name of what solves the (reduced) system.
@@ -44,7 +47,8 @@ class LinearModel {
   /// vᵀHv = ‖Jv‖².
   double Quadratic(const double* v) { return MultiplyJacobian(v).squared_norm; }
 
-  /// L(0) − L(v) = −(Jv)ᵀ(f + Jv/2), as a pass over J: near the optimum its sign decides, and the cheaper ηᵀv − ½vᵀHv cancels.
+  /// L(0) − L(v) = −(Jv)ᵀ(f + Jv/2), as a pass over J: near the optimum its sign decides, and the
+  /// cheaper ηᵀv − ½vᵀHv cancels.
   double ModelDecrease(const double* v) { return MultiplyJacobian(v).model_decrease; }
 
  protected:
@@ -60,8 +64,9 @@ class LinearModel {
   JacobianProduct jacobian_;
 };
 
-/// Makes the model that options.linear_model asks for; kAutomatic means Schur where there are landmarks. It wants TimeInto before
-/// its first use. Fails if the reduced solver cannot be set up.
-std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, const Evaluator& evaluator, Status* status);
+/// Makes the model that options.linear_model asks for; kAutomatic means Schur where there are
+/// landmarks. It wants TimeInto before its first use. Fails if the reduced solver cannot be set up.
+std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
+                                             const Evaluator& evaluator, Status* status);
 
 }  // namespace inceres::internal

@@ -9,10 +9,14 @@ namespace inceres::internal {
 
 /// Where releases of Ceres differ in the loop: whose trace is to be matched.
 enum class CeresRules {
-  k21,  ///< up to 2.1: an infinite or NaN cost counts as converged; parameter_tolerance waits for the first accepted step, unless
-        ///< there are bounds
-  k22,  ///< from 2.2: such a cost is a failed evaluation; parameter_tolerance always waits, and step_norm is 0 as long as it
-        ///< does; a start that cannot be evaluated has a message of its own
+  /// up to 2.1: an infinite or NaN cost counts as converged; parameter_tolerance waits for the
+  /// first accepted step, unless
+  k21,
+  /// < there are bounds
+  /// from 2.2: such a cost is a failed evaluation; parameter_tolerance always waits, and step_norm
+  /// is 0 as long as it
+  k22,
+  /// < does; a start that cannot be evaluated has a message of its own
 };
 
 /// Whoever may end a solve for the promise of its steps.
@@ -20,29 +24,34 @@ class StepJudge {
  public:
   virtual ~StepJudge() = default;
 
-  /// Asked of every step that has a model decrease, before anything is evaluated there: false ends the solve without it, at the
-  /// best state, successfully. `cost` is that of the current state.
+  /// Asked of every step that has a model decrease, before anything is evaluated there: false ends
+  /// the solve without it, at the best state, successfully. `cost` is that of the current state.
   virtual bool IsWorthTrying(const IterationSummary& iteration, double cost) = 0;
 
-  /// Asked of every step that is accepted, before Jacobians are evaluated there: true ends the solve with it, successfully and
-  /// without them. The summary of that iteration has the gradient norms of the one before. Not asked of a step that made factors
-  /// move their expansion points.
+  /// Asked of every step that is accepted, before Jacobians are evaluated there: true ends the
+  /// solve with it, successfully and without them. The summary of that iteration has the gradient
+  /// norms of the one before. Not asked of a step that made factors move their expansion points.
   virtual bool IsLast(const IterationSummary& iteration) = 0;
 
-  /// Asked before each step of a damped strategy: the radius it is to have at least, for with more damping the step would tell
-  /// nothing of weak directions. If it is refused the radius is again what it was. 0: as it is.
+  /// Asked before each step of a damped strategy: the radius it is to have at least, for with more
+  /// damping the step would tell nothing of weak directions. If it is refused the radius is again
+  /// what it was. 0: as it is.
   virtual double LeastRadius() { return 0.0; }
 };
 
-/// What the trust-region loop is told beside SolverOptions, by who solves for Ceres or for an Update.
+/// What the trust-region loop is told beside SolverOptions, by who solves for Ceres or for an
+/// Update.
 struct LoopOptions {
   CeresRules rules = CeresRules::k21;
-  double seconds_spent_before = 0.0;  ///< by the caller on this solve; counted into the time limit and cumulative times
-  double fixed_cost = 0.0;            ///< of the cost, what no variable moves: the function tolerance is relative to the rest
-  StepJudge* judge = nullptr;         ///< not owned; may be null
+  /// by the caller on this solve; counted into the time limit and cumulative times
+  double seconds_spent_before = 0.0;
+  /// of the cost, what no variable moves: the function tolerance is relative to the rest
+  double fixed_cost = 0.0;
+  StepJudge* judge = nullptr;  ///< not owned; may be null
 };
 
 /// Solver::Solve with these.
-void SolveWith(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph, Solver* solver, Summary* summary);
+void SolveWith(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph,
+               Solver* solver, Summary* summary);
 
 }  // namespace inceres::internal

@@ -8,8 +8,9 @@
 namespace inceres::internal {
 namespace {
 
-// Scales row i by 2⁻ᵉ and column i by 2ᵉ until no such pair lowers their norms by a tenth any more. Source: Parlett & Reinsch,
-// "Balancing a matrix for calculation of eigenvalues and eigenvectors", 1969. The sweeps end soon; the limit is for NaN.
+// Scales row i by 2⁻ᵉ and column i by 2ᵉ until no such pair lowers their norms by a tenth any more.
+// Source: Parlett & Reinsch, "Balancing a matrix for calculation of eigenvalues and eigenvectors",
+// 1969. The sweeps end soon; the limit is for NaN.
 void Balance(Eigen::MatrixXd* matrix) {
   constexpr double kWorthwhile = 0.9;
   constexpr int kMaxSweeps = 1000;
@@ -24,7 +25,8 @@ void Balance(Eigen::MatrixXd* matrix) {
       int exponent = 0;
       std::frexp(row / column, &exponent);
       exponent /= 2;
-      if (exponent != 0 && std::ldexp(column, exponent) + std::ldexp(row, -exponent) < kWorthwhile * (column + row)) {
+      if (exponent != 0 && std::ldexp(column, exponent) + std::ldexp(row, -exponent) <
+                               kWorthwhile * (column + row)) {
         matrix->row(i) *= std::ldexp(1.0, -exponent);
         matrix->col(i) *= std::ldexp(1.0, exponent);
         changed = true;
@@ -34,7 +36,8 @@ void Balance(Eigen::MatrixXd* matrix) {
   matrix->diagonal() = diagonal;
 }
 
-// Real parts of the roots of a x² + b x + c. The root that would cancel is found through the product of both (Horn).
+// Real parts of the roots of a x² + b x + c. The root that would cancel is found through the
+// product of both (Horn).
 std::vector<double> QuadraticRoots(double a, double b, double c) {
   const double discriminant = b * b - 4.0 * a * c;
   if (discriminant < 0.0) {
@@ -43,7 +46,8 @@ std::vector<double> QuadraticRoots(double a, double b, double c) {
   const double q = b >= 0.0 ? -b - std::sqrt(discriminant) : -b + std::sqrt(discriminant);
   const double direct = q / (2.0 * a);
   const double through_product = 2.0 * c / q;
-  return b >= 0.0 ? std::vector<double>{direct, through_product} : std::vector<double>{through_product, direct};
+  return b >= 0.0 ? std::vector<double>{direct, through_product}
+                  : std::vector<double>{through_product, direct};
 }
 
 bool CompanionRoots(const std::vector<double>& polynomial, std::vector<double>* roots) {
@@ -83,7 +87,8 @@ double EvaluatePolynomial(const std::vector<double>& polynomial, double x) {
 
 bool RealPartsOfRoots(const std::vector<double>& polynomial, std::vector<double>* roots) {
   roots->clear();
-  const auto leading = std::find_if(polynomial.begin(), polynomial.end(), [](double c) { return c != 0.0; });
+  const auto leading =
+      std::find_if(polynomial.begin(), polynomial.end(), [](double c) { return c != 0.0; });
   const std::vector<double> trimmed(leading, polynomial.end());
   if (trimmed.size() <= 1) {
     return true;
@@ -117,7 +122,8 @@ std::vector<double> Interpolate(const std::vector<FunctionSample>& samples) {
     }
     if (sample.slope_is_valid) {
       for (Eigen::Index j = 0; j < degree; ++j) {
-        powers(row, j) = static_cast<double>(degree - j) * std::pow(sample.x, static_cast<double>(degree - j - 1));
+        powers(row, j) = static_cast<double>(degree - j) *
+                         std::pow(sample.x, static_cast<double>(degree - j - 1));
       }
       wanted(row++) = sample.slope;
     }

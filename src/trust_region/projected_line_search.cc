@@ -1,4 +1,5 @@
-// The line search of a problem with bounds (docs/ceres_contract.md, "Line search for bounds"): members of TrustRegionMinimizer.
+// The line search of a problem with bounds (docs/ceres_contract.md, "Line search for bounds"):
+// members of TrustRegionMinimizer.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -25,7 +26,8 @@ void TrustRegionMinimizer::SearchAlongStep() {
     function.step_max_norm = std::max(function.step_max_norm, std::fabs(entry));
   }
   if (const std::optional<double> t = SearchArmijo(options_, function, &search)) {
-    std::transform(step_.begin(), step_.end(), step_.begin(), [&](double entry) { return entry * *t; });
+    std::transform(step_.begin(), step_.end(), step_.begin(),
+                   [&](double entry) { return entry * *t; });
   }
   search.cost_seconds += summary_.seconds.residuals - residuals_before;
   search.gradient_seconds += summary_.seconds.jacobians - jacobians_before;
@@ -35,7 +37,8 @@ FunctionSample TrustRegionMinimizer::SampleStep(double t) {
   FunctionSample sample;
   sample.x = t;
   scaled_step_.resize(step_.size());
-  std::transform(step_.begin(), step_.end(), scaled_step_.begin(), [t](double entry) { return t * entry; });
+  std::transform(step_.begin(), step_.end(), scaled_step_.begin(),
+                 [t](double entry) { return t * entry; });
   if (!evaluator_.MoveCandidate(scaled_step_.data())) {
     return sample;
   }
@@ -44,14 +47,16 @@ FunctionSample TrustRegionMinimizer::SampleStep(double t) {
     return sample;
   }
   if (options_.observer != nullptr) {
-    options_.observer->BeforeEvaluation(evaluator_.candidate().data(), /*jacobians=*/true, /*new_point=*/true);
+    options_.observer->BeforeEvaluation(evaluator_.candidate().data(), /*jacobians=*/true,
+                                        /*new_point=*/true);
   }
   ++summary_.work.num_jacobian_evaluations;
   if (trial_ == nullptr) {
     trial_ = std::make_unique<Evaluator>(graph_, evaluator_.layout(), evaluator_.executor());
   }
   trial_->SetCurrent(evaluator_.candidate());
-  sample.value_is_valid = trial_->EvaluateJacobians(/*known_point=*/false, &sample.value).ok() && std::isfinite(sample.value);
+  sample.value_is_valid = trial_->EvaluateJacobians(/*known_point=*/false, &sample.value).ok() &&
+                          std::isfinite(sample.value);
   if (sample.value_is_valid) {
     // δᵀg = (Jδ)ᵀf, from the two sums that the pass over J yields.
     const RowProducts products = MultiplyJacobian(*trial_, step_.data());

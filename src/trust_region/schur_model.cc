@@ -7,11 +7,14 @@
 namespace inceres::internal {
 
 PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
-    : LinearModel(evaluator), incidences_(evaluator), plans_(evaluator, incidences_), hessian_(evaluator, incidences_, plans_) {
+    : LinearModel(evaluator),
+      incidences_(evaluator),
+      plans_(evaluator, incidences_),
+      hessian_(evaluator, incidences_, plans_) {
   *status = CheckOffsets();
   if (status->ok() && plans_.pattern.size() > 0) {
-    reduced_solver_ =
-        MakeReducedSolver(options.reduced_solver, options.reduced_solver_factory, plans_.pattern, evaluator.executor(), status);
+    reduced_solver_ = MakeReducedSolver(options.reduced_solver, options.reduced_solver_factory,
+                                        plans_.pattern, evaluator.executor(), status);
   }
 }
 
@@ -26,9 +29,9 @@ Status PlainModel::CheckOffsets() const {
   }
   return largest < kMaxQuads
              ? Status::Ok()
-             : Status::Error(
-                   StatusCode::kInvalidArgument,
-                   "the problem is too large: the Jacobians of one family, or the blocks of one landmark, exceed 32 GiB");
+             : Status::Error(StatusCode::kInvalidArgument,
+                             "the problem is too large: the Jacobians of one family, or the blocks "
+                             "of one landmark, exceed 32 GiB");
 }
 
 void PlainModel::Refresh() {
@@ -36,7 +39,8 @@ void PlainModel::Refresh() {
   clock_->Charge(&seconds_->hessian);
 }
 
-Status PlainModel::SolveReduced(const double* S, const double* b, const double* damping, double* step) {
+Status PlainModel::SolveReduced(const double* S, const double* b, const double* damping,
+                                double* step) {
   if (!reduced_solver_) {
     return Status::Ok();
   }
@@ -58,9 +62,11 @@ void PlainModel::Describe(WorkCounts* work) const {
   work->num_frames = plans_.pattern.num_blocks();
   work->reduced_size = plans_.pattern.size();
   work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
-                 static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() + plans_.schur.terms.size()));
+                 static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() +
+                                                                  plans_.schur.terms.size()));
   for (const Linearization& cache : evaluator_.families()) {
-    // Kernels are sized at compile time up to residuals of 4; longer ones take the loop of run-time length.
+    // Kernels are sized at compile time up to residuals of 4; longer ones take the loop of run-time
+    // length.
     if (cache.residual_size > 4) {
       work->num_dynamic_size_factors += cache.num_factors;
     }
@@ -68,7 +74,8 @@ void PlainModel::Describe(WorkCounts* work) const {
 }
 
 SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
-    : PlainModel(options, evaluator, status), elimination_(evaluator, incidences_, plans_, hessian_) {
+    : PlainModel(options, evaluator, status),
+      elimination_(evaluator, incidences_, plans_, hessian_) {
 }
 
 Status SchurModel::Solve(const double* damping, double* step) {

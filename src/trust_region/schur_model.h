@@ -9,7 +9,8 @@
 
 namespace inceres::internal {
 
-/// S = H: nothing to eliminate (pose graphs, curve fitting). Also the frame half of the Schur model.
+/// S = H: nothing to eliminate (pose graphs, curve fitting). Also the frame half of the Schur
+/// model.
 class PlainModel : public LinearModel {
  public:
   PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status);
@@ -18,7 +19,9 @@ class PlainModel : public LinearModel {
   const std::vector<double>& Gradient() const override { return hessian_.gradient(); }
   const std::vector<double>& Diagonal() const override { return hessian_.diagonal(); }
   Status Solve(const double* damping, double* step) override;
-  const char* SolverName() const override { return reduced_solver_ ? reduced_solver_->Name() : "none"; }
+  const char* SolverName() const override {
+    return reduced_solver_ ? reduced_solver_->Name() : "none";
+  }
   void Describe(WorkCounts* work) const override;
 
  protected:

@@ -8,15 +8,18 @@
 
 namespace inceres::internal {
 
-void SolveDampedColumns(int num_rows, int num_columns, double* columns, double* scratch, double* x) {
+void SolveDampedColumns(int num_rows, int num_columns, double* columns, double* scratch,
+                        double* x) {
   const Kernels& kernels = BestKernels();
   const int stride = DampedColumnStride(num_rows, num_columns);
   const int height = PadToQuad(num_rows + 1);
   const auto column = [&](int c) { return columns + static_cast<std::ptrdiff_t>(c) * stride; };
   double* const diagonal = scratch;
-  double* const dots = scratch + num_columns;  // −vᵀ each column from v's own on, then 2 / ‖v‖² vᵀ each column
+  // −vᵀ each column from v's own on, then 2 / ‖v‖² vᵀ each column
+  double* const dots = scratch + num_columns;
   for (int k = 0; k < num_columns; ++k) {
-    // Column k from row k on: it has J's rows and one of √Λ, then zeros, against which others count for nothing.
+    // Column k from row k on: it has J's rows and one of √Λ, then zeros, against which others count
+    // for nothing.
     double* const v = column(k) + k;
     const int width = num_columns + 1 - k;
     std::fill_n(dots, width, 0.0);
@@ -27,7 +30,8 @@ void SolveDampedColumns(int num_rows, int num_columns, double* columns, double* 
     if (norm > 0.0) {
       v[0] -= diagonal[k];
       for (int c = 1; c < width; ++c) {
-        dots[c] = -two_over_v2 * (dots[c] + diagonal[k] * v[static_cast<std::ptrdiff_t>(c) * stride]);
+        dots[c] =
+            -two_over_v2 * (dots[c] + diagonal[k] * v[static_cast<std::ptrdiff_t>(c) * stride]);
       }
       kernels.subtract_outer(height, width - 1, 1, v, stride, dots + 1, width, v + stride, stride);
     }

@@ -20,8 +20,8 @@ namespace {
 
 using namespace internal;  // NOLINT(google-build-using-namespace): the one place where the public solver meets its parts
 
-// Ceres's rule: the lowest cost seen, rejected candidates included; from the first iteration on whose cost is that of the factors
-// as they are now.
+// Ceres's rule: the lowest cost seen, rejected candidates included; from the first iteration on
+// whose cost is that of the factors as they are now.
 double FinalCost(const Summary& summary, int first_iteration) {
   double cost = first_iteration == 0 ? summary.initial_cost : std::numeric_limits<double>::max();
   for (const IterationSummary& iteration : summary.iterations) {
@@ -53,30 +53,38 @@ struct Workspace {
         reduced_solver(options.reduced_solver),
         dynamic_sparsity(options.dynamic_sparsity),
         evaluator(graph, layout, executor, StorageOf(options, graph, layout)) {
-    evaluator.set_leaves_out_zero_blocks(dynamic_sparsity && evaluator.storage() == JacobianStorage::kBySlot);
+    evaluator.set_leaves_out_zero_blocks(dynamic_sparsity &&
+                                         evaluator.storage() == JacobianStorage::kBySlot);
   }
 
   static bool EliminatesLandmarks(const SolverOptions& options) {
-    const bool by_blocks = options.linear_model == LinearModelKind::kAutomatic || options.linear_model == LinearModelKind::kSchur;
+    const bool by_blocks = options.linear_model == LinearModelKind::kAutomatic ||
+                           options.linear_model == LinearModelKind::kSchur;
     return by_blocks && !options.dynamic_sparsity;
   }
 
   // A reduced solver that was asked for is given the blocks of its system.
-  static JacobianStorage StorageOf(const SolverOptions& options, const FactorGraph& graph, const Layout& layout) {
-    const bool free = options.reduced_solver == ReducedSolverKind::kAutomatic && !options.reduced_solver_factory;
+  static JacobianStorage StorageOf(const SolverOptions& options, const FactorGraph& graph,
+                                   const Layout& layout) {
+    const bool free =
+        options.reduced_solver == ReducedSolverKind::kAutomatic && !options.reduced_solver_factory;
     return free ? StorageFor(graph, layout) : JacobianStorage::kBySlot;
   }
 
   bool Suits(const SolverOptions& options, const FactorGraph& graph) const {
-    // A reduced solver that remembers what it solved, or that may, would take a second solve another way than the first.
-    const bool remembers = options.reduced_solver_factory || options.reduced_solver == ReducedSolverKind::kPcg ||
+    // A reduced solver that remembers what it solved, or that may, would take a second solve
+    // another way than the first.
+    const bool remembers = options.reduced_solver_factory ||
+                           options.reduced_solver == ReducedSolverKind::kPcg ||
                            options.reduced_solver == ReducedSolverKind::kAutomaticInexact;
-    return !remembers && options.num_threads == executor.num_threads() && options.linear_model == linear_model &&
-           options.reduced_solver == reduced_solver && options.dynamic_sparsity == dynamic_sparsity && structure.has_value() &&
+    return !remembers && options.num_threads == executor.num_threads() &&
+           options.linear_model == linear_model && options.reduced_solver == reduced_solver &&
+           options.dynamic_sparsity == dynamic_sparsity && structure.has_value() &&
            structure->IsThatOf(graph);
   }
 
-  std::optional<Structure> structure;  // taken when the first solve is over: who solves once does not pay for it
+  // taken when the first solve is over: who solves once does not pay for it
+  std::optional<Structure> structure;
   Layout layout;
   Executor executor;
   LinearModelKind linear_model;
@@ -94,22 +102,27 @@ class Solver::Impl {
  public:
   explicit Impl(std::int64_t max_bytes) : max_bytes_(max_bytes) {}
 
-  void Solve(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph, Summary* summary);
+  void Solve(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph,
+             Summary* summary);
   bool IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
     return workspace_ != nullptr && workspace_->Suits(options, graph);
   }
   std::int64_t Bytes() const { return workspace_ == nullptr ? 0 : workspace_->bytes; }
 
  private:
-  std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const FactorGraph& graph, Summary* summary);
-  void SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph, Summary* summary, double start);
+  std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const FactorGraph& graph,
+                                     Summary* summary);
+  void SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph,
+                  Summary* summary, double start);
 
   std::int64_t max_bytes_;  // to be held from solve to solve
   std::unique_ptr<Workspace> workspace_;
 };
 
-// The old workspace, bound to the graph, or a new one; null, with the reason in the summary, if there is nothing to solve with.
-std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options, const FactorGraph& graph, Summary* summary) {
+// The old workspace, bound to the graph, or a new one; null, with the reason in the summary, if
+// there is nothing to solve with.
+std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
+                                                 const FactorGraph& graph, Summary* summary) {
   std::unique_ptr<Workspace> workspace = std::move(workspace_);
   summary->structure_reused = workspace != nullptr && workspace->Suits(options, graph);
   if (summary->structure_reused) {
@@ -131,8 +144,8 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options, c
   return workspace;
 }
 
-void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph, Summary* summary,
-                              double start) {
+void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph,
+                              Summary* summary, double start) {
   std::unique_ptr<Workspace> workspace = Prepare(options, *graph, summary);
   if (workspace == nullptr) {
     return;
@@ -144,7 +157,8 @@ void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, Fa
   summary->seconds.setup = NowInSeconds() - start;
 
   loop.seconds_spent_before += summary->seconds.setup;
-  TrustRegionMinimizer minimizer(options, loop, &workspace->evaluator, &model, &workspace->memory, summary);
+  TrustRegionMinimizer minimizer(options, loop, &workspace->evaluator, &model, &workspace->memory,
+                                 summary);
   minimizer.Minimize();
   if (options.dynamic_sparsity) {  // of which model and its solver are known by now
     WorkCounts found;
@@ -167,8 +181,10 @@ void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, Fa
   }
 }
 
-void Solver::Impl::Solve(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph, Summary* summary) {
-  static const Summary& kBlank = *new Summary;  // never destroyed: a solve may come as late as another library's destructors
+void Solver::Impl::Solve(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph,
+                         Summary* summary) {
+  static const Summary& kBlank =
+      *new Summary;  // never destroyed: a solve may come as late as another library's destructors
   const double start = NowInSeconds();
   *summary = kBlank;  // a copy, which keeps the memory of texts and iterations
   summary->kernels = BestKernels().name;
@@ -183,7 +199,8 @@ void Solver::Impl::Solve(const SolverOptions& options, const LoopOptions& loop, 
       summary->message = status.message;
     }
   } catch (const std::bad_alloc&) {
-    // The graph's state is written last, so it is untouched. What a user's factor throws is his and passes through.
+    // The graph's state is written last, so it is untouched. What a user's factor throws is his and
+    // passes through.
     summary->termination = Termination::kFailure;
     summary->message = "Out of memory.";
   }
@@ -206,8 +223,8 @@ void Solver::Solve(const SolverOptions& options, FactorGraph* graph, Summary* su
   impl_->Solve(options, internal::LoopOptions(), graph, summary);
 }
 
-void internal::SolveWith(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph, Solver* solver,
-                         Summary* summary) {
+void internal::SolveWith(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph,
+                         Solver* solver, Summary* summary) {
   solver->impl_->Solve(options, loop, graph, summary);
 }
 

@@ -18,7 +18,8 @@ double StepQuality::Evaluate(double cost, double model_decrease) const {
     return std::numeric_limits<double>::lowest();
   }
   const double relative_decrease = (current_cost_ - cost) / model_decrease;
-  const double historical_relative_decrease = (reference_cost_ - cost) / (decrease_since_reference_ + model_decrease);
+  const double historical_relative_decrease =
+      (reference_cost_ - cost) / (decrease_since_reference_ + model_decrease);
   return std::max(relative_decrease, historical_relative_decrease);
 }
 

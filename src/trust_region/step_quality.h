@@ -2,9 +2,10 @@
 
 namespace inceres::internal {
 
-/// Ratio of actual to predicted decrease, against the last cost or, for non-monotone steps, against a reference cost from further
-/// back. Source: Conn, Gould & Toint, "Trust-Region Methods", algorithm 10.1.2, as in Ceres 2.1 (docs/ceres_contract.md, "Step
-/// quality and non-monotonic steps"). A window of 0 is the monotone rule.
+/// Ratio of actual to predicted decrease, against the last cost or, for non-monotone steps, against
+/// a reference cost from further back. Source: Conn, Gould & Toint, "Trust-Region Methods",
+/// algorithm 10.1.2, as in Ceres 2.1 (docs/ceres_contract.md, "Step quality and non-monotonic
+/// steps"). A window of 0 is the monotone rule.
 class StepQuality {
  public:
   StepQuality(double initial_cost, int max_consecutive_nonmonotonic_steps);

@@ -8,10 +8,12 @@
 
 namespace inceres::internal {
 
-void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling, std::vector<double>* scale) {
+void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling,
+                 std::vector<double>* scale) {
   scale->assign(diagonal.size(), 1.0);
   if (jacobi_scaling) {
-    std::transform(diagonal.begin(), diagonal.end(), scale->begin(), [](double n2) { return 1.0 / (1.0 + std::sqrt(n2)); });
+    std::transform(diagonal.begin(), diagonal.end(), scale->begin(),
+                   [](double n2) { return 1.0 / (1.0 + std::sqrt(n2)); });
   }
 }
 

@@ -10,35 +10,42 @@ namespace inceres::internal {
 
 /// Whether a kind's radius is one over the damping of its steps.
 inline bool IsDamped(TrustRegionStrategyKind kind) {
-  return kind == TrustRegionStrategyKind::kLevenbergMarquardt || kind == TrustRegionStrategyKind::kMarquardt;
+  return kind == TrustRegionStrategyKind::kLevenbergMarquardt ||
+         kind == TrustRegionStrategyKind::kMarquardt;
 }
 
-/// Computes steps from a linear model and moves its own damping or radius by how well they did. Exact mode: Ceres 2.1's constants
-/// and order of operations, restated without scaling J (docs/ceres_contract.md, "Levenberg–Marquardt" and "Dog-Leg").
+/// Computes steps from a linear model and moves its own damping or radius by how well they did.
+/// Exact mode: Ceres 2.1's constants and order of operations, restated without scaling J
+/// (docs/ceres_contract.md, "Levenberg–Marquardt" and "Dog-Leg").
 class TrustRegionStrategy {
  public:
   virtual ~TrustRegionStrategy() = default;
 
   virtual bool Serves(TrustRegionStrategyKind kind) const = 0;
 
-  /// Before the first step of a solve; nothing of an earlier solve is left but memory. `scale` stays where it is until the next.
+  /// Before the first step of a solve; nothing of an earlier solve is left but memory. `scale`
+  /// stays where it is until the next.
   virtual void Start(const SolverOptions& options, const std::vector<double>& scale) = 0;
 
-  /// The next step (packed). kSingular: there is none at this damping, an invalid step. *num_solves counts linear solves.
+  /// The next step (packed). kSingular: there is none at this damping, an invalid step. *num_solves
+  /// counts linear solves.
   virtual Status ComputeStep(LinearModel* model, double* step, int* num_solves) = 0;
 
   virtual void StepAccepted(double quality) = 0;
   virtual void StepRejected() = 0;
   virtual void StepIsInvalid() = 0;
   virtual double Radius() const = 0;
-  /// The next step is to be damped by no more than this radius allows; if it is refused, what was is again.
+  /// The next step is to be damped by no more than this radius allows; if it is refused, what was
+  /// is again.
   virtual void Widen(double /*radius*/) {}
 };
 
 /// s_j = 1/(1 + ‖J_j‖) as measured at iteration 0, or all ones.
-void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling, std::vector<double>* scale);
+void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling,
+                 std::vector<double>* scale);
 
-/// Starts the strategy that the options ask for: *strategy, if that is of the kind, or a new one in its place.
+/// Starts the strategy that the options ask for: *strategy, if that is of the kind, or a new one in
+/// its place.
 void StartStrategy(const SolverOptions& options, const std::vector<double>& scale,
                    std::unique_ptr<TrustRegionStrategy>* strategy);
 

@@ -5,8 +5,9 @@
 namespace inceres::internal {
 namespace {
 
-// visit(number), or visit(first, count) for many, for each number of the structure, in a fixed order, until it returns false.
-// Every list is preceded by its length, so that equal sequences mean equal structures.
+// visit(number), or visit(first, count) for many, for each number of the structure, in a fixed
+// order, until it returns false. Every list is preceded by its length, so that equal sequences mean
+// equal structures.
 template <typename Visit>
 bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
   if (!visit(graph.num_variables()) || !visit(graph.num_families())) {
@@ -18,13 +19,15 @@ bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
     const int flags = (landmark ? 1 : 0) + (graph.IsConstant(id) ? 2 : 0) + (curved ? 4 : 0);
     const std::int64_t offset = graph.StateOffset(id);
     if (!visit(flags) || !visit(graph.AmbientSize(id)) || !visit(graph.TangentSize(id)) ||
-        !visit(static_cast<std::int32_t>(offset)) || !visit(static_cast<std::int32_t>(offset >> 32))) {
+        !visit(static_cast<std::int32_t>(offset)) ||
+        !visit(static_cast<std::int32_t>(offset >> 32))) {
       return false;
     }
   }
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     const FactorFamily& family = graph.family(id);
-    if (!visit(graph.NumFactors(id)) || !visit(family.residual_size()) || !visit(family.num_slots())) {
+    if (!visit(graph.NumFactors(id)) || !visit(family.residual_size()) ||
+        !visit(family.num_slots())) {
       return false;
     }
     for (int s = 0; s < family.num_slots(); ++s) {
@@ -32,7 +35,8 @@ bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
         return false;
       }
     }
-    const std::int64_t num_entries = static_cast<std::int64_t>(graph.NumFactors(id)) * family.num_slots();
+    const std::int64_t num_entries =
+        static_cast<std::int64_t>(graph.NumFactors(id)) * family.num_slots();
     if (num_entries > 0 && !visit(graph.Variables(id, 0), num_entries)) {
       return false;
     }
@@ -81,7 +85,8 @@ struct Comparer {
 Structure::Structure(const FactorGraph& graph) {
   Counter counter;
   ForEachNumber(graph, counter);
-  numbers_.reserve(static_cast<std::size_t>(counter.count));  // taken when a solve has all its memory: no more than needed, then
+  numbers_.reserve(static_cast<std::size_t>(
+      counter.count));  // taken when a solve has all its memory: no more than needed, then
   ForEachNumber(graph, Collector{numbers_});
 }
 

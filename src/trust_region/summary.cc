@@ -113,7 +113,8 @@ std::string Summary::ToJson() const {
       .AddString("kernels", kernels)
       .AddRaw("work", internal::ToJson(work))
       .AddRaw("seconds", internal::ToJson(seconds))
-      .AddArray("iterations", iterations, [](const IterationSummary& iteration) { return inceres::ToJson(iteration); })
+      .AddArray("iterations", iterations,
+                [](const IterationSummary& iteration) { return inceres::ToJson(iteration); })
       .Close();
 }
 

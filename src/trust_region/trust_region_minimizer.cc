@@ -11,19 +11,21 @@
 namespace inceres::internal {
 namespace {
 
-// A landmark moves by itself if it gains more than this share of what the function tolerance allows all of them together.
+// A landmark moves by itself if it gains more than this share of what the function tolerance allows
+// all of them together.
 constexpr double kInnerShare = 0.01;
 
-// A step that gains less than this share of the cost leaves most residuals about as they were: the curvature of their losses
-// counts.
+// A step that gains less than this share of the cost leaves most residuals about as they were: the
+// curvature of their losses counts.
 constexpr double kSteadyGain = 0.01;
 
 constexpr std::size_t kExpectedIterations = 16;
 
 }  // namespace
 
-TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const LoopOptions& loop, Evaluator* evaluator,
-                                           LinearModel* model, TrustRegionMemory* memory, Summary* summary)
+TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const LoopOptions& loop,
+                                           Evaluator* evaluator, LinearModel* model,
+                                           TrustRegionMemory* memory, Summary* summary)
     : options_(options),
       loop_(loop),
       evaluator_(*evaluator),
@@ -67,7 +69,8 @@ void TrustRegionMinimizer::Minimize() {
     if (loop_.judge != nullptr) {
       strategy_->Widen(loop_.judge->LeastRadius());
     }
-    iteration_.trust_region_radius = strategy_->Radius();  // of this step; at its end that of the next
+    // of this step; at its end that of the next
+    iteration_.trust_region_radius = strategy_->Radius();
     if (!ComputeStep()) {
       return;
     }
@@ -102,7 +105,8 @@ void TrustRegionMinimizer::Minimize() {
 bool TrustRegionMinimizer::ProjectStart() {
   std::fill(step_.begin(), step_.end(), 0.0);
   if (!evaluator_.MoveCandidate(step_.data())) {
-    return Finish(Termination::kFailure, {"Unable to project initial point onto the feasible set."});
+    return Finish(Termination::kFailure,
+                  {"Unable to project initial point onto the feasible set."});
   }
   evaluator_.AcceptCandidate();
   state_norm_ = StateNorm();
@@ -151,23 +155,27 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
   }
   const double elapsed = clock_.now() - start_time_ + loop_.seconds_spent_before;
   if (elapsed >= options_.max_solver_time_in_seconds) {
-    return Finish(Termination::kNoConvergence, {"Maximum solver time reached. Total solver time: ", Scientific(elapsed).text(),
-                                                " >= ", Scientific(options_.max_solver_time_in_seconds).text(), "."});
+    return Finish(Termination::kNoConvergence,
+                  {"Maximum solver time reached. Total solver time: ", Scientific(elapsed).text(),
+                   " >= ", Scientific(options_.max_solver_time_in_seconds).text(), "."});
   }
   if (iteration_.iteration >= options_.max_num_iterations) {
-    return Finish(
-        Termination::kNoConvergence,
-        {"Maximum number of iterations reached. Number of iterations: ", std::to_string(iteration_.iteration).c_str(), "."});
+    return Finish(Termination::kNoConvergence,
+                  {"Maximum number of iterations reached. Number of iterations: ",
+                   std::to_string(iteration_.iteration).c_str(), "."});
   }
-  if (iteration_.step_is_successful && iteration_.gradient_max_norm <= options_.gradient_tolerance) {
+  if (iteration_.step_is_successful &&
+      iteration_.gradient_max_norm <= options_.gradient_tolerance) {
     return Finish(Termination::kConvergence,
-                  {"Gradient tolerance reached. Gradient max norm: ", Scientific(iteration_.gradient_max_norm).text(),
+                  {"Gradient tolerance reached. Gradient max norm: ",
+                   Scientific(iteration_.gradient_max_norm).text(),
                    " <= ", Scientific(options_.gradient_tolerance).text()});
   }
   if (iteration_.trust_region_radius <= options_.min_trust_region_radius) {
-    return Finish(Termination::kConvergence, {"Minimum trust region radius reached. Trust region radius: ",
-                                              Scientific(iteration_.trust_region_radius).text(),
-                                              " <= ", Scientific(options_.min_trust_region_radius).text()});
+    return Finish(Termination::kConvergence,
+                  {"Minimum trust region radius reached. Trust region radius: ",
+                   Scientific(iteration_.trust_region_radius).text(),
+                   " <= ", Scientific(options_.min_trust_region_radius).text()});
   }
   return true;
 }
@@ -191,8 +199,8 @@ bool TrustRegionMinimizer::ComputeStep() {
   summary_.work.num_linear_solves += num_solves;
   if (!solved.ok() && solved.code != StatusCode::kSingular) {
     summary_.detail = solved.message;
-    return Finish(Termination::kFailure,
-                  {"Linear solver failed due to unrecoverable non-numeric causes. Please see the error log for clues. "});
+    return Finish(Termination::kFailure, {"Linear solver failed due to unrecoverable non-numeric "
+                                          "causes. Please see the error log for clues. "});
   }
   if (!solved.ok() || !IsFinite(step_)) {
     summary_.detail = solved.ok() ? "the step is not finite" : solved.message;
@@ -211,7 +219,8 @@ bool TrustRegionMinimizer::ComputeStep() {
 bool TrustRegionMinimizer::HandleInvalidStep() {
   if (++num_consecutive_invalid_steps_ >= options_.max_num_consecutive_invalid_steps) {
     return Finish(Termination::kFailure,
-                  {"Number of consecutive invalid steps more than Solver::Options::max_num_consecutive_invalid_steps: ",
+                  {"Number of consecutive invalid steps more than "
+                   "Solver::Options::max_num_consecutive_invalid_steps: ",
                    std::to_string(options_.max_num_consecutive_invalid_steps).c_str()});
   }
   strategy_->StepIsInvalid();
@@ -236,14 +245,16 @@ void TrustRegionMinimizer::ComputeCandidate() {
 
 bool TrustRegionMinimizer::EvaluateCandidate(double* cost) {
   if (options_.observer != nullptr) {
-    options_.observer->BeforeEvaluation(evaluator_.candidate().data(), /*jacobians=*/false, /*new_point=*/true);
+    options_.observer->BeforeEvaluation(evaluator_.candidate().data(), /*jacobians=*/false,
+                                        /*new_point=*/true);
   }
   ++summary_.work.num_residual_evaluations;
   const Status evaluated = evaluator_.EvaluateCandidateCost(cost);
   clock_.Charge(&summary_.seconds.residuals);
   const bool usable = evaluated.ok() && IsCostUsable(*cost);
   if (!usable && summary_.failed_step.empty()) {
-    summary_.failed_step = evaluated.ok() ? "the sum of all costs is not finite" : evaluated.message;
+    summary_.failed_step =
+        evaluated.ok() ? "the sum of all costs is not finite" : evaluated.message;
   }
   return usable;
 }
@@ -252,10 +263,11 @@ bool TrustRegionMinimizer::IsCostUsable(double cost) const {
   return loop_.rules == CeresRules::k21 || std::isfinite(cost);
 }
 
-// What the landmarks gain by themselves counts as promised, as in Ceres: it says nothing about the step's model.
+// What the landmarks gain by themselves counts as promised, as in Ceres: it says nothing about the
+// step's model.
 void TrustRegionMinimizer::RunInnerIterations() {
-  const double min_gain =
-      kInnerShare * options_.function_tolerance * (cost_ - loop_.fixed_cost) / evaluator_.layout().num_landmarks();
+  const double min_gain = kInnerShare * options_.function_tolerance * (cost_ - loop_.fixed_cost) /
+                          evaluator_.layout().num_landmarks();
   const double gain = inner_iterations_->Run(min_gain, cost_ - candidate_cost_);
   summary_.work.num_inner_iterations += inner_iterations_->num_moved();
   inner_iterations_->Pace(gain, cost_ - candidate_cost_);
@@ -275,20 +287,22 @@ bool TrustRegionMinimizer::ParameterToleranceReached() {
   }
   Finish(Termination::kConvergence,
          {"Parameter tolerance reached. Relative step_norm: ",
-          Scientific(iteration_.step_norm / (state_norm_ + tolerance)).text(), " <= ", Scientific(tolerance).text(), "."});
+          Scientific(iteration_.step_norm / (state_norm_ + tolerance)).text(),
+          " <= ", Scientific(tolerance).text(), "."});
   return true;
 }
 
 bool TrustRegionMinimizer::FunctionToleranceReached() {
   iteration_.cost_change = cost_ - candidate_cost_;
   // Written so that a NaN cost counts as converged (CeresRules::k21).
-  if (std::fabs(iteration_.cost_change) > options_.function_tolerance * (cost_ - loop_.fixed_cost)) {
+  if (std::fabs(iteration_.cost_change) >
+      options_.function_tolerance * (cost_ - loop_.fixed_cost)) {
     return false;
   }
   summary_.discarded_cost_change = iteration_.cost_change;
-  Finish(Termination::kConvergence,
-         {"Function tolerance reached. |cost_change|/cost: ", Scientific(std::fabs(iteration_.cost_change) / cost_).text(),
-          " <= ", Scientific(options_.function_tolerance).text()});
+  Finish(Termination::kConvergence, {"Function tolerance reached. |cost_change|/cost: ",
+                                     Scientific(std::fabs(iteration_.cost_change) / cost_).text(),
+                                     " <= ", Scientific(options_.function_tolerance).text()});
   return true;
 }
 
@@ -302,7 +316,8 @@ bool TrustRegionMinimizer::AcceptStep() {
   if (!recentered && loop_.judge != nullptr && loop_.judge->IsLast(iteration_)) {
     return FinishHere();
   }
-  const bool steady = options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_;
+  const bool steady =
+      options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_;
   evaluator_.set_loss_curvature(steady ? LossCurvature::kBoth : LossCurvature::kPositive);
   if (!EvaluateGradientAndJacobian(/*new_point=*/false)) {
     return false;
@@ -327,7 +342,8 @@ bool TrustRegionMinimizer::FinishHere() {
          GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
 }
 
-// At a point just accepted. True if the cost is another function from now on: the best state is then looked for anew.
+// At a point just accepted. True if the cost is another function from now on: the best state is
+// then looked for anew.
 bool TrustRegionMinimizer::Recenter() {
   const int num_recentered = evaluator_.Recenter();
   if (num_recentered == 0) {
@@ -365,11 +381,13 @@ bool TrustRegionMinimizer::EvaluateGradientAndJacobian(bool new_point) {
 
 bool TrustRegionMinimizer::ComputeGradientNorms() {
   const std::vector<double>& g = model_.Gradient();
-  std::transform(g.begin(), g.end(), negative_gradient_.begin(), [](double entry) { return -entry; });
+  std::transform(g.begin(), g.end(), negative_gradient_.begin(),
+                 [](double entry) { return -entry; });
   if (!evaluator_.MoveCandidate(negative_gradient_.data())) {
     return Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
   }
-  iteration_.gradient_norm = StateDistance(evaluator_.current(), evaluator_.candidate(), &iteration_.gradient_max_norm);
+  iteration_.gradient_norm =
+      StateDistance(evaluator_.current(), evaluator_.candidate(), &iteration_.gradient_max_norm);
   return true;
 }
 
@@ -385,12 +403,14 @@ double TrustRegionMinimizer::StateNorm() const {
 }
 
 // ‖a − b‖₂ over the variables that move, and the largest difference.
-double TrustRegionMinimizer::StateDistance(const std::vector<double>& a, const std::vector<double>& b, double* max_norm) const {
+double TrustRegionMinimizer::StateDistance(const std::vector<double>& a,
+                                           const std::vector<double>& b, double* max_norm) const {
   double sum = 0.0;
   double largest = 0.0;
   for (const VariableId id : evaluator_.layout().variables) {
     const auto offset = static_cast<std::size_t>(graph_.StateOffset(id));
-    for (std::size_t k = offset; k < offset + static_cast<std::size_t>(graph_.AmbientSize(id)); ++k) {
+    for (std::size_t k = offset; k < offset + static_cast<std::size_t>(graph_.AmbientSize(id));
+         ++k) {
       const double difference = a[k] - b[k];
       sum += difference * difference;
       largest = std::max(largest, std::fabs(difference));
@@ -402,7 +422,8 @@ double TrustRegionMinimizer::StateDistance(const std::vector<double>& a, const s
   return std::sqrt(sum);
 }
 
-bool TrustRegionMinimizer::Finish(Termination termination, std::initializer_list<const char*> words) {
+bool TrustRegionMinimizer::Finish(Termination termination,
+                                  std::initializer_list<const char*> words) {
   summary_.termination = termination;
   summary_.message.clear();
   summary_.message.reserve(120);  // as long as most

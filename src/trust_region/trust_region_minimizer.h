@@ -19,7 +19,8 @@
 
 namespace inceres::internal {
 
-/// What a minimizer works in. Handed on to the next one of the same sizes, which then asks for no memory.
+/// What a minimizer works in. Handed on to the next one of the same sizes, which then asks for no
+/// memory.
 struct TrustRegionMemory {
   std::vector<double> scale;
   std::vector<double> best_state;
@@ -29,26 +30,29 @@ struct TrustRegionMemory {
   std::unique_ptr<TrustRegionStrategy> strategy;
 };
 
-/// The trust-region loop in exact mode: Ceres's order of evaluations, tests, callbacks and messages (docs/ceres_contract.md,
-/// "Trust-region loop").
+/// The trust-region loop in exact mode: Ceres's order of evaluations, tests, callbacks and messages
+/// (docs/ceres_contract.md, "Trust-region loop").
 ///
 ///     evaluate the start
 ///     while not finished:  step -> candidate -> cost -> tolerances -> accept (evaluate Jacobians) or reject
 ///
-/// With bounds the start is projected first, and each step is shortened by a line search before it is tried.
+/// With bounds the start is projected first, and each step is shortened by a line search before it
+/// is tried.
 ///
-/// Tolerances end the loop before the candidate is accepted, and the state returned is the cheapest accepted one.
+/// Tolerances end the loop before the candidate is accepted, and the state returned is the cheapest
+/// accepted one.
 class TrustRegionMinimizer {
  public:
-  TrustRegionMinimizer(const SolverOptions& options, const LoopOptions& loop, Evaluator* evaluator, LinearModel* model,
-                       TrustRegionMemory* memory, Summary* summary);
+  TrustRegionMinimizer(const SolverOptions& options, const LoopOptions& loop, Evaluator* evaluator,
+                       LinearModel* model, TrustRegionMemory* memory, Summary* summary);
 
   /// Runs to termination. On a usable solution best_state() is the result.
   void Minimize();
 
   const std::vector<double>& best_state() const { return best_state_; }
 
-  /// Costs of iterations before this one are of another function: factors have moved their expansion points since.
+  /// Costs of iterations before this one are of another function: factors have moved their
+  /// expansion points since.
   int first_comparable_iteration() const { return first_comparable_iteration_; }
 
  private:
@@ -74,7 +78,8 @@ class TrustRegionMinimizer {
   bool EvaluateGradientAndJacobian(bool new_point);
   bool ComputeGradientNorms();
   double StateNorm() const;
-  double StateDistance(const std::vector<double>& a, const std::vector<double>& b, double* max_norm) const;
+  double StateDistance(const std::vector<double>& a, const std::vector<double>& b,
+                       double* max_norm) const;
   bool CallbacksContinue();
   bool Finish(Termination termination, std::initializer_list<const char*> words);
 
@@ -98,8 +103,9 @@ class TrustRegionMinimizer {
   IterationSummary iteration_;
   double iteration_start_time_ = 0.0;
 
-  std::unique_ptr<Evaluator> trial_;  // evaluates slopes along a step: the Jacobians of the current point are still needed
-  double cost_ = 0.0;                 // at the current point
+  // evaluates slopes along a step: the Jacobians of the current point are still needed
+  std::unique_ptr<Evaluator> trial_;
+  double cost_ = 0.0;  // at the current point
   double candidate_cost_ = 0.0;
   double best_cost_;
   double model_decrease_ = 0.0;

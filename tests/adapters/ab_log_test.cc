@@ -110,7 +110,8 @@ TEST(AbLog, TheTwoTakeTurns) {
     asked.mode = SolveMode::kStock;
     inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
   }
-  EXPECT_THAT(first, ElementsAre("ours", "stock", "stock", "ours", "stock", "ours", "ours", "stock"));
+  EXPECT_THAT(first,
+              ElementsAre("ours", "stock", "stock", "ours", "stock", "ours", "ours", "stock"));
 }
 
 // Neither has solved it, so there is nothing to write down.
@@ -157,9 +158,11 @@ TEST(AbLog, ViolationsAreWrittenDown) {
   const json line = Lines(asked.ab_log).at(0);
   EXPECT_EQ(line["difference"]["first_iteration"], 3);
   EXPECT_EQ(line["difference"]["parameter_block"], report.comparison->parameters.index);
-  EXPECT_THAT(line["difference"]["violations"].at(0).get<std::string>(), HasSubstr("cost of iteration 3"));
+  EXPECT_THAT(line["difference"]["violations"].at(0).get<std::string>(),
+              HasSubstr("cost of iteration 3"));
   EXPECT_TRUE(line["difference"]["within_spread"].empty());
-  EXPECT_THAT(line["difference"]["spread"]["linear_solvers"].get<std::string>(), HasSubstr("DENSE_SCHUR, SPARSE_SCHUR"));
+  EXPECT_THAT(line["difference"]["spread"]["linear_solvers"].get<std::string>(),
+              HasSubstr("DENSE_SCHUR, SPARSE_SCHUR"));
 }
 
 TEST(AbLog, FallbacksStockAndIncrementalMode) {
@@ -234,7 +237,8 @@ TEST(AbLog, ConcurrentSolvesAndProcessesDoNotMixTheirLines) {
       numbers.push_back(line["solve"]);
     }
   }
-  EXPECT_EQ(by_child, (std::map<int, int>{{-1, 30}, {0, num_lines}, {1, num_lines}, {2, num_lines}}));
+  EXPECT_EQ(by_child,
+            (std::map<int, int>{{-1, 30}, {0, num_lines}, {1, num_lines}, {2, num_lines}}));
   std::sort(numbers.begin(), numbers.end());
   for (std::size_t k = 0; k < numbers.size(); ++k) {
     EXPECT_EQ(numbers[k], static_cast<std::int64_t>(k));
@@ -266,8 +270,9 @@ internal::Environment Read(const std::map<std::string, std::string>& variables) 
 }
 
 TEST(Environment, NothingSetAsksForNothing) {
-  for (const auto& environment : {Read({}), Read({{"INCERES_MODE", ""}, {"INCERES_CROSS_CHECK", ""}, {"INCERES_AB_LOG", ""}}),
-                                  Read({{"INCERES_CROSS_CHECK", "0"}})}) {
+  for (const auto& environment :
+       {Read({}), Read({{"INCERES_MODE", ""}, {"INCERES_CROSS_CHECK", ""}, {"INCERES_AB_LOG", ""}}),
+        Read({{"INCERES_CROSS_CHECK", "0"}})}) {
     EXPECT_EQ(environment.mode, internal::DropinMode::kExact);
     EXPECT_FALSE(environment.cross_check.enabled);
     EXPECT_EQ(environment.ab_log, "");
@@ -276,9 +281,10 @@ TEST(Environment, NothingSetAsksForNothing) {
 }
 
 TEST(Environment, EveryVariable) {
-  const auto environment = Read({{"INCERES_MODE", "incremental"},
-                                 {"INCERES_CROSS_CHECK", "keep=stock,cost=1e-5,parameters=2,iterations=3,radius=0,spread=4"},
-                                 {"INCERES_AB_LOG", "run.jsonl"}});
+  const auto environment = Read(
+      {{"INCERES_MODE", "incremental"},
+       {"INCERES_CROSS_CHECK", "keep=stock,cost=1e-5,parameters=2,iterations=3,radius=0,spread=4"},
+       {"INCERES_AB_LOG", "run.jsonl"}});
   EXPECT_TRUE(environment.complaints.empty());
   EXPECT_EQ(environment.mode, internal::DropinMode::kIncremental);
   EXPECT_TRUE(environment.cross_check.enabled);
@@ -295,7 +301,8 @@ TEST(Environment, EveryVariable) {
   EXPECT_TRUE(Read({{"INCERES_CROSS_CHECK", "1"}}).cross_check.enabled);
 }
 
-// tests/tools/ab_report_page_test.py runs this one with the variables set and looks at the log and at the page drawn from it.
+// tests/tools/ab_report_page_test.py runs this one with the variables set and looks at the log and
+// at the page drawn from it.
 TEST(Environment, ThatOfThisProcess) {
   const bool comparing = std::getenv("INCERES_AB_LOG") != nullptr;
   for (int k = 0; k < 12; ++k) {
@@ -316,9 +323,12 @@ TEST(Environment, ThatOfThisProcess) {
 }
 
 TEST(Environment, UnknownValuesAreNamedAndTheRestHolds) {
-  const auto environment = Read({{"INCERES_MODE", "fast"}, {"INCERES_CROSS_CHECK", "1,keep=both,cost=-1,yes,parameters=1e-3"}});
+  const auto environment =
+      Read({{"INCERES_MODE", "fast"},
+            {"INCERES_CROSS_CHECK", "1,keep=both,cost=-1,yes,parameters=1e-3"}});
   ASSERT_THAT(environment.complaints, SizeIs(4));
-  EXPECT_THAT(environment.complaints[0], AllOf(HasSubstr("INCERES_MODE"), HasSubstr("\"fast\""), HasSubstr("exact")));
+  EXPECT_THAT(environment.complaints[0],
+              AllOf(HasSubstr("INCERES_MODE"), HasSubstr("\"fast\""), HasSubstr("exact")));
   EXPECT_THAT(environment.complaints[1], HasSubstr("\"keep=both\""));
   EXPECT_THAT(environment.complaints[2], HasSubstr("\"cost=-1\""));
   EXPECT_THAT(environment.complaints[3], HasSubstr("\"yes\""));

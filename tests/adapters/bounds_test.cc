@@ -18,13 +18,16 @@ using testing::TestProblem;
 using Options = ceres::Solver::Options;
 using Problem = std::unique_ptr<TestProblem>;
 
-// (10 (y − x²), exp(x − 1) − 1), Rosenbrock's valley but for the exponential: along a step Rosenbrock's own cost is a polynomial
-// of degree four, and the degree five that CUBIC fits to three points then has a leading coefficient of rounding only, in stock
-// as well. Cannot be evaluated where |x| is at least `fail_beyond`, and says so in one of two ways.
+// (10 (y − x²), exp(x − 1) − 1), Rosenbrock's valley but for the exponential: along a step
+// Rosenbrock's own cost is a polynomial of degree four, and the degree five that CUBIC fits to
+// three points then has a leading coefficient of rounding only, in stock as well. Cannot be
+// evaluated where |x| is at least `fail_beyond`, and says so in one of two ways.
 class Valley : public ceres::SizedCostFunction<2, 1, 1> {
  public:
-  explicit Valley(double fail_beyond = 1e9, bool with_nan = false) : fail_beyond_(fail_beyond), with_nan_(with_nan) {}
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  explicit Valley(double fail_beyond = 1e9, bool with_nan = false)
+      : fail_beyond_(fail_beyond), with_nan_(with_nan) {}
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     const double x = parameters[0][0];
     const bool fails = std::abs(x) >= fail_beyond_;
     residuals[0] = fails && with_nan_ ? std::nan("") : 10.0 * (parameters[1][0] - x * x);
@@ -96,7 +99,8 @@ Problem BoundedBundle() {
   return test;
 }
 
-// Inverse depths kept positive; poses on a manifold with bounds on a coordinate and on an entry of the quaternion; velocities.
+// Inverse depths kept positive; poses on a manifold with bounds on a coordinate and on an entry of
+// the quaternion; velocities.
 Problem BoundedWindow() {
   auto test = testing::MakeWindow(5, 25, true);
   for (auto& block : test->blocks) {
@@ -119,7 +123,8 @@ struct Case {
   ceres::LinearSolverType linear_solver;
 };
 
-using Parameters = std::tuple<Case, ceres::LineSearchInterpolationType, ceres::TrustRegionStrategyType, bool>;
+using Parameters =
+    std::tuple<Case, ceres::LineSearchInterpolationType, ceres::TrustRegionStrategyType, bool>;
 
 class Bounds : public ::testing::TestWithParam<Parameters> {};
 
@@ -137,22 +142,24 @@ TEST_P(Bounds, FollowStock) {
   ExpectSameParameters(both, 1e-6);
 }
 
-INSTANTIATE_TEST_SUITE_P(Problems, Bounds,
-                         ::testing::Combine(::testing::Values(Case{"Valley", BoundedValley, ceres::DENSE_QR},
-                                                              Case{"StartOutside", StartOutside, ceres::DENSE_QR},
-                                                              Case{"Inactive", InactiveBounds, ceres::DENSE_NORMAL_CHOLESKY},
-                                                              Case{"Powell", BoundedPowell, ceres::DENSE_QR},
-                                                              Case{"Curve", BoundedCurve, ceres::DENSE_QR},
-                                                              Case{"Bundle", BoundedBundle, ceres::DENSE_SCHUR},
-                                                              Case{"Window", BoundedWindow, ceres::SPARSE_SCHUR}),
-                                            ::testing::Values(ceres::BISECTION, ceres::QUADRATIC, ceres::CUBIC),
-                                            ::testing::Values(ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG), ::testing::Bool()),
-                         [](const ::testing::TestParamInfo<Parameters>& instance) {
-                           return std::string(std::get<0>(instance.param).name) +
-                                  ceres::LineSearchInterpolationTypeToString(std::get<1>(instance.param)) +
-                                  (std::get<2>(instance.param) == ceres::DOGLEG ? "Dogleg" : "") +
-                                  (std::get<3>(instance.param) ? "Nonmonotonic" : "");
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    Problems, Bounds,
+    ::testing::Combine(
+        ::testing::Values(Case{"Valley", BoundedValley, ceres::DENSE_QR},
+                          Case{"StartOutside", StartOutside, ceres::DENSE_QR},
+                          Case{"Inactive", InactiveBounds, ceres::DENSE_NORMAL_CHOLESKY},
+                          Case{"Powell", BoundedPowell, ceres::DENSE_QR},
+                          Case{"Curve", BoundedCurve, ceres::DENSE_QR},
+                          Case{"Bundle", BoundedBundle, ceres::DENSE_SCHUR},
+                          Case{"Window", BoundedWindow, ceres::SPARSE_SCHUR}),
+        ::testing::Values(ceres::BISECTION, ceres::QUADRATIC, ceres::CUBIC),
+        ::testing::Values(ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG), ::testing::Bool()),
+    [](const ::testing::TestParamInfo<Parameters>& instance) {
+      return std::string(std::get<0>(instance.param).name) +
+             ceres::LineSearchInterpolationTypeToString(std::get<1>(instance.param)) +
+             (std::get<2>(instance.param) == ceres::DOGLEG ? "Dogleg" : "") +
+             (std::get<3>(instance.param) ? "Nonmonotonic" : "");
+    });
 
 // The table above is worth something only if searches take steps, and bounds are met.
 TEST(BoundsDetails, TheProblemsExerciseTheSearchAndTheBounds) {
@@ -204,7 +211,9 @@ TEST(BoundsDetails, TrialsThatCannotBeEvaluated) {
         options.linear_solver_type = ceres::DENSE_QR;
         options.line_search_interpolation_type = interpolation;
         options.max_num_iterations = 25;
-        const auto recipe = [&] { return MakeValley(-1.2, -5.0, 5.0, new Valley(fail_beyond, with_nan)); };
+        const auto recipe = [&] {
+          return MakeValley(-1.2, -5.0, 5.0, new Valley(fail_beyond, with_nan));
+        };
         const BothSolved both = SolveBoth(recipe, options);
         ExpectSameSummary(both, 1e-8, true);
         ExpectSameParameters(both, 1e-8);
@@ -225,7 +234,8 @@ TEST(BoundsDetails, FailureAtTheStartLeavesTheInfeasibleStart) {
 // Records the memory at each iteration and stops at one.
 class Watch : public ceres::IterationCallback {
  public:
-  Watch(const TestProblem* test, int stop_at, ceres::CallbackReturnType with) : test_(test), stop_at_(stop_at), with_(with) {}
+  Watch(const TestProblem* test, int stop_at, ceres::CallbackReturnType with)
+      : test_(test), stop_at_(stop_at), with_(with) {}
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
     memory.push_back(test_->blocks);
     return summary.iteration == stop_at_ ? with_ : ceres::SOLVER_CONTINUE;
@@ -246,10 +256,11 @@ TEST(BoundsDetails, MemoryUnderCallbacks) {
         Options options;
         options.linear_solver_type = ceres::DENSE_QR;
         options.update_state_every_iteration = update;
-        const BothSolved both = SolveBoth(StartOutside, options, [&](TestProblem* test, Options* adjusted) {
-          watches.push_back(std::make_unique<Watch>(test, at, with));
-          adjusted->callbacks.push_back(watches.back().get());
-        });
+        const BothSolved both =
+            SolveBoth(StartOutside, options, [&](TestProblem* test, Options* adjusted) {
+              watches.push_back(std::make_unique<Watch>(test, at, with));
+              adjusted->callbacks.push_back(watches.back().get());
+            });
         ExpectSameSummary(both, 1e-9, true);
         ExpectSameParameters(both, 1e-9);
         ASSERT_EQ(watches[0]->memory.size(), watches[1]->memory.size());
@@ -304,7 +315,8 @@ TEST(BoundsDetails, InfinitiesAndNanAreNoBounds) {
   const double infinity = std::numeric_limits<double>::infinity();
   const auto recipe = [&] {
     auto test = testing::MakePowell();
-    test->problem.SetParameterUpperBound(test->blocks[0].data(), 0, 1e9);  // so that the next is stored
+    test->problem.SetParameterUpperBound(test->blocks[0].data(), 0,
+                                         1e9);  // so that the next is stored
     test->problem.SetParameterUpperBound(test->blocks[0].data(), 0, infinity);
     test->problem.SetParameterLowerBound(test->blocks[1].data(), 0, -infinity);
     test->problem.SetParameterLowerBound(test->blocks[2].data(), 0, std::nan(""));
@@ -327,7 +339,9 @@ TEST(BoundsDetails, CrossedBoundsAreStocksToExplain) {
     ceres::Solver::Summary summary;
     Solve(Options(), &test->problem, &summary, {}, &report);
     EXPECT_TRUE(report.used_stock);
-    EXPECT_NE(report.fallback_reason.find("lower bound not below its upper bound"), std::string::npos) << report.fallback_reason;
+    EXPECT_NE(report.fallback_reason.find("lower bound not below its upper bound"),
+              std::string::npos)
+        << report.fallback_reason;
     EXPECT_NE(summary.message.find("infeasible bound"), std::string::npos) << summary.message;
   }
 }

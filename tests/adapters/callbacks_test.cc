@@ -66,7 +66,8 @@ TEST(Callbacks, SeeEveryIterationAndUntouchedMemory) {
     for (std::size_t i = 0; i < r.both.ours.iterations.size(); ++i) {
       EXPECT_EQ(r.recorders[k]->iterations[i].iteration, static_cast<int>(i));
       EXPECT_EQ(r.recorders[k]->iterations[i].cost, r.both.ours.iterations[i].cost);
-      EXPECT_EQ(r.recorders[k]->iterations[i].cumulative_time_in_seconds, r.both.ours.iterations[i].cumulative_time_in_seconds);
+      EXPECT_EQ(r.recorders[k]->iterations[i].cumulative_time_in_seconds,
+                r.both.ours.iterations[i].cumulative_time_in_seconds);
       EXPECT_EQ(r.recorders[k]->memory[i], start);
     }
   }
@@ -95,7 +96,8 @@ TEST(Callbacks, FirstThatDoesNotContinueStops) {
   EXPECT_EQ(r.both.ours.termination_type, ceres::USER_SUCCESS);
   EXPECT_EQ(r.both.ours.message, r.both.stock.message);
   EXPECT_EQ(r.recorders[2]->iterations.size(), 4u);
-  EXPECT_EQ(r.recorders[3]->iterations.size(), 3u) << "the second is not called once the first has stopped";
+  EXPECT_EQ(r.recorders[3]->iterations.size(), 3u)
+      << "the second is not called once the first has stopped";
   ExpectSameParameters(r.both, 1e-9);
   EXPECT_NE(r.both.our_problem->blocks, MakePowell()->blocks);
 }
@@ -122,7 +124,9 @@ TEST(Callbacks, AbortAtTheStart) {
 // Progress.
 
 // Standard output of a solve, times replaced.
-std::string Output(const std::function<void(const Options&, ceres::Problem*, ceres::Solver::Summary*)>& solve, Options options) {
+std::string Output(
+    const std::function<void(const Options&, ceres::Problem*, ceres::Solver::Summary*)>& solve,
+    Options options) {
   const auto test = MakeCurveFit(0.0);
   options.linear_solver_type = ceres::DENSE_QR;
   Recorder recorder(test.get(), -1, ceres::SOLVER_CONTINUE);
@@ -132,18 +136,24 @@ std::string Output(const std::function<void(const Options&, ceres::Problem*, cer
   ceres::Solver::Summary summary;
   solve(options, &test->problem, &summary);
   std::cout.rdbuf(previous);
-  return std::regex_replace(captured.str(), std::regex("[0-9]\\.[0-9]{2}e[-+][0-9]{2}    [0-9]\\.[0-9]{2}e[-+][0-9]{2}\n"),
-                            "TIMES\n");
+  return std::regex_replace(
+      captured.str(),
+      std::regex("[0-9]\\.[0-9]{2}e[-+][0-9]{2}    [0-9]\\.[0-9]{2}e[-+][0-9]{2}\n"), "TIMES\n");
 }
 
 TEST(Progress, TableIsThatOfCeres) {
   Options options;
   options.minimizer_progress_to_stdout = true;
   options.max_num_iterations = 8;
-  const auto stock = [](const Options& o, ceres::Problem* p, ceres::Solver::Summary* s) { ceres::Solve(o, p, s); };
-  const auto ours = [](const Options& o, ceres::Problem* p, ceres::Solver::Summary* s) { inceres::Solve(o, p, s); };
+  const auto stock = [](const Options& o, ceres::Problem* p, ceres::Solver::Summary* s) {
+    ceres::Solve(o, p, s);
+  };
+  const auto ours = [](const Options& o, ceres::Problem* p, ceres::Solver::Summary* s) {
+    inceres::Solve(o, p, s);
+  };
   const std::string table = Output(ours, options);
-  EXPECT_EQ(table, Output(stock, options)) << "rows come before the callbacks, and steps that cannot be evaluated look the same";
+  EXPECT_EQ(table, Output(stock, options))
+      << "rows come before the callbacks, and steps that cannot be evaluated look the same";
   EXPECT_NE(table.find("iter      cost"), std::string::npos);
   EXPECT_NE(table.find("TIMES\ncalled back 8\n"), std::string::npos) << table;
   options.logging_type = ceres::SILENT;
@@ -162,8 +172,10 @@ TEST(Progress, RowFormat) {
   row.iteration_time_in_seconds = 5.33e-4;
   row.cumulative_time_in_seconds = 3.46e-3;
   EXPECT_EQ(internal::ProgressText(row),
-            "iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  iter_time  total_time\n"
-            "   0  4.512500e+01    0.00e+00    9.50e+00   0.00e+00   0.00e+00  1.00e+04        0    5.33e-04    3.46e-03");
+            "iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  "
+            "iter_time  total_time\n"
+            "   0  4.512500e+01    0.00e+00    9.50e+00   0.00e+00   0.00e+00  1.00e+04        0   "
+            " 5.33e-04    3.46e-03");
 }
 
 }  // namespace

@@ -11,11 +11,13 @@ namespace inceres::testing {
 /// The messages of the log while it lives, of this severity or worse.
 class CapturedLog : public google::LogSink {
  public:
-  explicit CapturedLog(google::LogSeverity least = google::GLOG_WARNING) : least_(least) { google::AddLogSink(this); }
+  explicit CapturedLog(google::LogSeverity least = google::GLOG_WARNING) : least_(least) {
+    google::AddLogSink(this);
+  }
   ~CapturedLog() override { google::RemoveLogSink(this); }
 
-  void send(google::LogSeverity severity, const char*, const char*, int, const std::tm*, const char* message,
-            std::size_t length) override {
+  void send(google::LogSeverity severity, const char*, const char*, int, const std::tm*,
+            const char* message, std::size_t length) override {
     if (severity >= least_) {
       const std::lock_guard<std::mutex> lock(mutex_);
       messages_.emplace_back(message, length);

@@ -12,7 +12,8 @@ using Summary = ceres::Solver::Summary;
 
 void ExpectClose(double a, double b, double tolerance, const char* name, int iteration) {
   if (a != b) {
-    EXPECT_LE(std::abs(a - b), tolerance * std::max(std::abs(a), std::abs(b))) << name << " of iteration " << iteration;
+    EXPECT_LE(std::abs(a - b), tolerance * std::max(std::abs(a), std::abs(b)))
+        << name << " of iteration " << iteration;
   }
 }
 
@@ -28,7 +29,8 @@ void ExpectSameTrace(const Summary& a, const Summary& b, double tolerance) {
     const ceres::IterationSummary& x = a.iterations[k];
     const ceres::IterationSummary& y = b.iterations[k];
     const int i = x.iteration;
-    // Differences of costs and gradients near zero are cancellation: measure them against where they started.
+    // Differences of costs and gradients near zero are cancellation: measure them against where
+    // they started.
     const double cost_scale = a.iterations[0].cost;
     const double gradient_scale = a.iterations[0].gradient_max_norm;
     EXPECT_EQ(x.iteration, y.iteration);
@@ -38,7 +40,9 @@ void ExpectSameTrace(const Summary& a, const Summary& b, double tolerance) {
     EXPECT_EQ(x.eta, y.eta) << i;
     EXPECT_EQ(x.linear_solver_iterations, y.linear_solver_iterations) << i;
     ExpectClose(x.cost, y.cost, tolerance, "cost", i);
-    EXPECT_NEAR(x.cost_change, y.cost_change, std::max(tolerance * cost_scale, 1e-12 * std::abs(x.cost_change))) << i;
+    EXPECT_NEAR(x.cost_change, y.cost_change,
+                std::max(tolerance * cost_scale, 1e-12 * std::abs(x.cost_change)))
+        << i;
     EXPECT_NEAR(x.gradient_max_norm, y.gradient_max_norm, tolerance * gradient_scale) << i;
     EXPECT_NEAR(x.gradient_norm, y.gradient_norm, tolerance * a.iterations[0].gradient_norm) << i;
     EXPECT_NEAR(x.step_norm, y.step_norm, 1e-6 * (1.0 + x.step_norm)) << i;
@@ -101,10 +105,13 @@ void ExpectSameTimesSet(const Summary& a, const Summary& b) {
   EXPECT_EQ(a.postprocessor_time_in_seconds < 0.0, b.postprocessor_time_in_seconds < 0.0);
   EXPECT_EQ(a.total_time_in_seconds < 0.0, b.total_time_in_seconds < 0.0);
   EXPECT_EQ(a.linear_solver_time_in_seconds < 0.0, b.linear_solver_time_in_seconds < 0.0);
-  EXPECT_EQ(a.residual_evaluation_time_in_seconds < 0.0, b.residual_evaluation_time_in_seconds < 0.0);
-  EXPECT_EQ(a.jacobian_evaluation_time_in_seconds < 0.0, b.jacobian_evaluation_time_in_seconds < 0.0);
+  EXPECT_EQ(a.residual_evaluation_time_in_seconds < 0.0,
+            b.residual_evaluation_time_in_seconds < 0.0);
+  EXPECT_EQ(a.jacobian_evaluation_time_in_seconds < 0.0,
+            b.jacobian_evaluation_time_in_seconds < 0.0);
   EXPECT_EQ(a.inner_iteration_time_in_seconds, b.inner_iteration_time_in_seconds);
-  for (const auto time : {&Summary::line_search_total_time_in_seconds, &Summary::line_search_cost_evaluation_time_in_seconds,
+  for (const auto time : {&Summary::line_search_total_time_in_seconds,
+                          &Summary::line_search_cost_evaluation_time_in_seconds,
                           &Summary::line_search_gradient_evaluation_time_in_seconds,
                           &Summary::line_search_polynomial_minimization_time_in_seconds}) {
     EXPECT_GE(b.*time, 0.0);
@@ -115,7 +122,8 @@ void ExpectSameTimesSet(const Summary& a, const Summary& b) {
 
 }  // namespace
 
-BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options, const Adjust& adjust) {
+BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options,
+                     const Adjust& adjust) {
   BothSolved both;
   both.stock_problem = recipe();
   both.our_problem = recipe();
@@ -158,7 +166,8 @@ void ExpectSameParameters(const BothSolved& both, double tolerance) {
     const std::vector<double>& x = both.stock_problem->blocks[b];
     const std::vector<double>& y = both.our_problem->blocks[b];
     for (std::size_t k = 0; k < x.size(); ++k) {
-      EXPECT_NEAR(x[k], y[k], tolerance * (1.0 + std::abs(x[k]))) << "block " << b << " entry " << k;
+      EXPECT_NEAR(x[k], y[k], tolerance * (1.0 + std::abs(x[k])))
+          << "block " << b << " entry " << k;
     }
   }
 }

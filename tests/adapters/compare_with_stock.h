@@ -20,10 +20,11 @@ struct BothSolved {
 using Adjust = std::function<void(TestProblem*, ceres::Solver::Options*)>;
 
 /// Each solved with its own evaluation callback, if it has one.
-BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options, const Adjust& adjust = nullptr);
+BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options,
+                     const Adjust& adjust = nullptr);
 
-/// Every field of the summaries but times; costs and norms of the trace to a relative tolerance. Elimination order and Schur
-/// structure only if `same_elimination`.
+/// Every field of the summaries but times; costs and norms of the trace to a relative tolerance.
+/// Elimination order and Schur structure only if `same_elimination`.
 void ExpectSameSummary(const BothSolved& both, double tolerance, bool same_elimination);
 
 /// The parameters both ended with.

@@ -99,13 +99,15 @@ TEST(CrossCheck, ChangesNothingButTheTimeItTakes) {
       inceres::Solve(options, &checked->problem, &summary, asked, &report);
       const std::string output = ::testing::internal::GetCapturedStdout();
       ASSERT_NE(report.comparison, nullptr);
-      EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
+      EXPECT_TRUE(report.comparison->agrees())
+          << ::testing::PrintToString(report.comparison->violations);
       EXPECT_EQ(report.comparison->reason, "");
       EXPECT_EQ(report.comparison->kept, keep);
       EXPECT_EQ(checked->blocks, plain->blocks);
       ExpectSameRun(summary, expected);
       EXPECT_EQ(counter.iterations.size(), report.comparison->ours.iterations.size());
-      EXPECT_EQ(std::count(output.begin(), output.end(), '\n'), static_cast<long>(counter.iterations.size()) + 1);
+      EXPECT_EQ(std::count(output.begin(), output.end(), '\n'),
+                static_cast<long>(counter.iterations.size()) + 1);
       EXPECT_GT(report.comparison->our_seconds, 0.0);
       EXPECT_GT(report.comparison->stock_seconds, 0.0);
     }
@@ -154,7 +156,8 @@ TEST(CrossCheck, NamesTheIterationAndTheVariableThatDiffer) {
   SolveOptions asked = Checked();
   SolveReport report;
   CeresSummary summary;
-  inceres::Solve(Quiet(ceres::DENSE_NORMAL_CHOLESKY), &faced.test->problem, &summary, asked, &report);
+  inceres::Solve(Quiet(ceres::DENSE_NORMAL_CHOLESKY), &faced.test->problem, &summary, asked,
+                 &report);
   EXPECT_EQ(faced.solve, 5);
   const CrossCheckResult& result = *report.comparison;
   EXPECT_TRUE(result.compared);
@@ -171,8 +174,9 @@ TEST(CrossCheck, NamesTheIterationAndTheVariableThatDiffer) {
   EXPECT_EQ(blocks[static_cast<std::size_t>(result.parameters.index)], faced.block);
   EXPECT_THAT(result.violations, Contains(HasSubstr("cost of iteration 3")));
   ASSERT_THAT(log.messages(), SizeIs(1));
-  for (const char* part : {"ours and stock Ceres disagree", "cost of iteration 3", "first iteration that differs: 3",
-                           "component 0 of block 0x", "\n>    3 "}) {
+  for (const char* part :
+       {"ours and stock Ceres disagree", "cost of iteration 3", "first iteration that differs: 3",
+        "component 0 of block 0x", "\n>    3 "}) {
     EXPECT_THAT(log.messages()[0], HasSubstr(part));
   }
 }
@@ -211,7 +215,8 @@ TEST(CrossCheck, FailuresOfBothAgree) {
   CeresSummary summary;
   inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-  EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
+  EXPECT_TRUE(report.comparison->agrees())
+      << ::testing::PrintToString(report.comparison->violations);
   EXPECT_EQ(faced.test->blocks, before);
 }
 
@@ -227,7 +232,8 @@ TEST(CrossCheck, AnExceptionLeavesTheStart) {
     SolveOptions asked = Checked();
     SolveReport report;
     CeresSummary summary;
-    EXPECT_THROW(inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report), std::runtime_error);
+    EXPECT_THROW(inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report),
+                 std::runtime_error);
     EXPECT_EQ(faced.test->blocks, before);
   }
 }
@@ -295,7 +301,8 @@ TEST(CrossCheck, StockModeIsStockAlone) {
 }
 
 TEST(CrossCheck, ASolveThatTheCallbackEndedStaysOurs) {
-  for (const ceres::CallbackReturnType end : {ceres::SOLVER_TERMINATE_SUCCESSFULLY, ceres::SOLVER_ABORT}) {
+  for (const ceres::CallbackReturnType end :
+       {ceres::SOLVER_TERMINATE_SUCCESSFULLY, ceres::SOLVER_ABORT}) {
     const auto plain = MakePowell();
     const auto checked = MakePowell();
     Counter first, second;
@@ -349,7 +356,8 @@ TEST(CrossCheck, TheOrderingStaysTheCallers) {
 
 TEST(CrossCheck, ConstantBlocksAreNeverWritten) {
   const std::size_t bytes = 4096;
-  auto* page = static_cast<double*>(mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+  auto* page = static_cast<double*>(
+      mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
   ASSERT_NE(page, MAP_FAILED);
   page[0] = 2.0;
   const auto test = MakePowell();
@@ -394,8 +402,8 @@ TEST(CrossCheck, ATwistedToleranceIsNamedAndTheSolveGoesOn) {
 
 TEST(CrossCheck, WhatStockWouldAbortOnIsNotCompared) {
   if (CERES_VERSION_MINOR >= 2) {
-    GTEST_SKIP()
-        << "from Ceres 2.2 on use_mixed_precision_solves with SUITE_SPARSE is an invalid option, and goes to stock as such";
+    GTEST_SKIP() << "from Ceres 2.2 on use_mixed_precision_solves with SUITE_SPARSE is an invalid "
+                    "option, and goes to stock as such";
   }
   const auto test = MakePowell();
   Options options = Quiet(ceres::SPARSE_NORMAL_CHOLESKY);
@@ -416,7 +424,8 @@ TEST(CrossCheck, IncrementalModeIsJudgedByItsCost) {
     SolveReport report;
     CeresSummary summary;
     inceres::Solve(Quiet(), &test->problem, &summary, asked, &report);
-    EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
+    EXPECT_TRUE(report.comparison->agrees())
+        << ::testing::PrintToString(report.comparison->violations);
     EXPECT_EQ(report.comparison->first_different_iteration, -1);
   }
   const CapturedLog log;
@@ -439,9 +448,11 @@ TEST(CrossCheck, ASessionGoesOnFromWhatItWrote) {
   SolveReport report;
   CeresSummary summary;
   session.Solve(Quiet(), &test->problem, &summary, asked, &report);
-  EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
+  EXPECT_TRUE(report.comparison->agrees())
+      << ::testing::PrintToString(report.comparison->violations);
   session.Solve(Quiet(), &test->problem, &summary, asked, &report);
-  EXPECT_TRUE(report.comparison->agrees()) << ::testing::PrintToString(report.comparison->violations);
+  EXPECT_TRUE(report.comparison->agrees())
+      << ::testing::PrintToString(report.comparison->violations);
   EXPECT_EQ(report.changes.num_revalued_variables, 0);
   EXPECT_GT(report.changes.num_kept_factors, 0);
 }

@@ -1,4 +1,5 @@
-// Ceres's dynamic_sparsity next to stock Ceres: residual blocks that touch all control points of a curve, of which three count.
+// Ceres's dynamic_sparsity next to stock Ceres: residual blocks that touch all control points of a
+// curve, of which three count.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -28,7 +29,8 @@ class PolygonCost final : public ceres::CostFunction {
     mutable_parameter_block_sizes()->front() = 1;
   }
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     const int n = static_cast<int>(parameter_block_sizes().size()) - 1;
     const double t = parameters[0][0] - n * std::floor(parameters[0][0] / n);
     const int a = std::min(static_cast<int>(t), n - 1);
@@ -40,7 +42,8 @@ class PolygonCost final : public ceres::CostFunction {
       }
     }
     for (int d = 0; d < 2; ++d) {
-      residuals[d] = weights[0] * parameters[slots[0]][d] + weights[1] * parameters[slots[1]][d] - observation_[d];
+      residuals[d] = weights[0] * parameters[slots[0]][d] + weights[1] * parameters[slots[1]][d] -
+                     observation_[d];
       if (jacobians != nullptr && jacobians[0] != nullptr) {
         jacobians[0][d] = parameters[slots[1]][d] - parameters[slots[0]][d];
       }
@@ -81,12 +84,13 @@ std::unique_ptr<TestProblem> MakePolygon(unsigned seed, bool huber) {
     const double angle = 2.0 * M_PI * i / kObservations;
     blocks[0] = test->Add({kCorners * (angle / (2.0 * M_PI)) + 0.4 * normal(random)});
     test->problem.AddResidualBlock(
-        new PolygonCost(kCorners, 4.0 * std::cos(angle) + 0.05 * normal(random), 2.0 * std::sin(angle) + 0.05 * normal(random)),
+        new PolygonCost(kCorners, 4.0 * std::cos(angle) + 0.05 * normal(random),
+                        2.0 * std::sin(angle) + 0.05 * normal(random)),
         huber ? new ceres::HuberLoss(0.4) : nullptr, blocks);
   }
   for (int k = 0; k < kCorners; ++k) {
-    test->problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Spring, 2, 2, 2>(new Spring), nullptr,
-                                   blocks[static_cast<std::size_t>(k) + 1],
+    test->problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Spring, 2, 2, 2>(new Spring),
+                                   nullptr, blocks[static_cast<std::size_t>(k) + 1],
                                    blocks[static_cast<std::size_t>((k + 1) % kCorners) + 1]);
   }
   return test;
@@ -103,7 +107,8 @@ ceres::Solver::Options Options() {
 TEST(DynamicSparsity, TraceIsStocks) {
   for (const unsigned seed : {1U, 2U, 3U}) {
     for (const bool huber : {false, true}) {
-      const BothSolved both = testing::SolveBoth([=] { return MakePolygon(seed, huber); }, Options());
+      const BothSolved both =
+          testing::SolveBoth([=] { return MakePolygon(seed, huber); }, Options());
       EXPECT_FALSE(both.report.used_stock) << both.report.fallback_reason;
       testing::ExpectSameSummary(both, 1e-7, /*same_elimination=*/true);
       testing::ExpectSameParameters(both, 1e-5);

@@ -1,4 +1,5 @@
-// ceres::EvaluationCallback: what it is told, when, and what lies in the user's memory then, next to stock Ceres.
+// ceres::EvaluationCallback: what it is told, when, and what lies in the user's memory then, next
+// to stock Ceres.
 #include <cmath>
 
 #include <ceres/version.h>
@@ -15,7 +16,8 @@ using testing::SolveBoth;
 using testing::TestProblem;
 using Options = ceres::Solver::Options;
 
-// Computes (x, y) ↦ (10 (y − x²), 1 − x) from the user's memory, as a callback does that shares work between cost functions.
+// Computes (x, y) ↦ (10 (y − x²), 1 − x) from the user's memory, as a callback does that shares
+// work between cost functions.
 class SharedWork : public ceres::EvaluationCallback {
  public:
   struct Call {
@@ -41,11 +43,13 @@ class SharedWork : public ceres::EvaluationCallback {
 // Row `row` of the work above; reads no parameter of its own.
 class PreparedCost : public ceres::CostFunction {
  public:
-  PreparedCost(const SharedWork* work, int row, double fail_beyond) : work_(work), row_(row), fail_beyond_(fail_beyond) {
+  PreparedCost(const SharedWork* work, int row, double fail_beyond)
+      : work_(work), row_(row), fail_beyond_(fail_beyond) {
     set_num_residuals(1);
     mutable_parameter_block_sizes()->assign(row == 0 ? 2 : 1, 1);
   }
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     residuals[0] = work_->residuals[row_];
     if (jacobians != nullptr && jacobians[0] != nullptr) {
       jacobians[0][0] = work_->slopes[row_];
@@ -65,7 +69,7 @@ class PreparedCost : public ceres::CostFunction {
 struct Case {
   bool fixed_block = false;  // one residual block that touches only a constant
   double fail_beyond = 1e9;  // trial points with a larger |x| cannot be evaluated
-  bool bounded = false;      // x at most 0.5: a line search evaluates too, and the start is projected
+  bool bounded = false;  // x at most 0.5: a line search evaluates too, and the start is projected
 };
 
 // Keeps the callbacks of both copies: stock's first.
@@ -83,7 +87,8 @@ struct Callbacks {
       double* y = test->Add({1.0});
       double* constant = test->Add({3.0});
       test->problem.AddResidualBlock(new PreparedCost(work, 0, which.fail_beyond), nullptr, x, y);
-      test->problem.AddResidualBlock(new PreparedCost(work, 1, which.fail_beyond), new ceres::CauchyLoss(2.0), x);
+      test->problem.AddResidualBlock(new PreparedCost(work, 1, which.fail_beyond),
+                                     new ceres::CauchyLoss(2.0), x);
       if (which.bounded) {
         test->problem.SetParameterUpperBound(x, 0, 0.5);
         test->problem.SetParameterUpperBound(y, 0, 0.75);
@@ -103,7 +108,8 @@ void ExpectSameCalls(const SharedWork& stock, const SharedWork& ours) {
     EXPECT_EQ(stock.calls[k].jacobians, ours.calls[k].jacobians) << "call " << k;
     EXPECT_EQ(stock.calls[k].new_point, ours.calls[k].new_point) << "call " << k;
     for (std::size_t b = 0; b < stock.calls[k].memory.size(); ++b) {
-      EXPECT_NEAR(stock.calls[k].memory[b][0], ours.calls[k].memory[b][0], 1e-8) << "call " << k << " block " << b;
+      EXPECT_NEAR(stock.calls[k].memory[b][0], ours.calls[k].memory[b][0], 1e-8)
+          << "call " << k << " block " << b;
     }
   }
 }
@@ -126,7 +132,8 @@ TEST_P(EvaluationCallbacks, AreToldWhatStockTells) {
     ExpectSameSummary(both, 1e-9, true);
     ExpectSameParameters(both, 1e-8);
     ExpectSameCalls(*callbacks.all[0], *callbacks.all[1]);
-    EXPECT_GT(both.ours.num_unsuccessful_steps + both.ours.num_line_search_steps, 0) << "the test wants refused points too";
+    EXPECT_GT(both.ours.num_unsuccessful_steps + both.ours.num_line_search_steps, 0)
+        << "the test wants refused points too";
     const int extra = GetParam().fixed_block ? 1 : 0;
     EXPECT_EQ(static_cast<int>(callbacks.all[1]->calls.size()),
               both.ours.num_residual_evaluations + both.ours.num_jacobian_evaluations + extra);
@@ -134,8 +141,8 @@ TEST_P(EvaluationCallbacks, AreToldWhatStockTells) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Problems, EvaluationCallbacks,
-                         ::testing::Values(Case{}, Case{true, 1e9}, Case{true, 1.21}, Case{false, 1e9, true},
-                                           Case{true, 1.21, true}),
+                         ::testing::Values(Case{}, Case{true, 1e9}, Case{true, 1.21},
+                                           Case{false, 1e9, true}, Case{true, 1.21, true}),
                          [](const ::testing::TestParamInfo<Case>& instance) {
                            return std::string(instance.param.fixed_block ? "FixedBlock" : "Plain") +
                                   (instance.param.fail_beyond < 2.0 ? "FailingTrials" : "") +
@@ -182,7 +189,8 @@ TEST(EvaluationCallback, FailureAtTheStartPutsTheStartBack) {
   EXPECT_EQ(both.our_problem->blocks, both.stock_problem->blocks);
 }
 
-// Ceres shows it from 2.2 on. Before, who does not tell has cost functions that were never prepared.
+// Ceres shows it from 2.2 on. Before, who does not tell has cost functions that were never
+// prepared.
 TEST(EvaluationCallback, NotTold) {
   Callbacks callbacks;
   const auto test = callbacks.Recipe({})();

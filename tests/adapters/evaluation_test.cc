@@ -1,4 +1,5 @@
-// How and when cost functions and manifolds are called, and what happens when they fail; stock Ceres is the oracle.
+// How and when cost functions and manifolds are called, and what happens when they fail; stock
+// Ceres is the oracle.
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -27,24 +28,28 @@ struct Calls {
 
 enum class Misbehavior { kReturnsFalse, kNaN, kInfinity, kUnwritten };
 
-// A quadratic with one block that misbehaves in the given cost-only call or the given call with Jacobians (counted from 1; 0:
-// never).
+// A quadratic with one block that misbehaves in the given cost-only call or the given call with
+// Jacobians (counted from 1; 0: never).
 testing::Recipe Misbehaving(Misbehavior kind, int bad_cost_only, int bad_jacobian) {
   return [=] {
     auto test = std::make_unique<TestProblem>();
     auto calls = std::make_shared<Calls>();
     auto hook = [=](double const* const*, double* residuals, double** jacobians) {
-      const bool bad = jacobians == nullptr ? ++calls->num_cost_only == bad_cost_only : ++calls->num_jacobian == bad_jacobian;
+      const bool bad = jacobians == nullptr ? ++calls->num_cost_only == bad_cost_only
+                                            : ++calls->num_jacobian == bad_jacobian;
       if (!bad) {
         return true;
       }
       double* victim = jacobians != nullptr ? &jacobians[0][1] : &residuals[1];
       if (kind != Misbehavior::kReturnsFalse) {
-        *victim = kind == Misbehavior::kNaN ? std::nan("") : kind == Misbehavior::kInfinity ? INFINITY : 1e302;
+        *victim = kind == Misbehavior::kNaN        ? std::nan("")
+                  : kind == Misbehavior::kInfinity ? INFINITY
+                                                   : 1e302;
       }
       return kind != Misbehavior::kReturnsFalse;
     };
-    test->problem.AddResidualBlock(new TargetCost({1.0, 2.0, 3.0}, hook), nullptr, test->Add({5.0, -4.0, 3.5}));
+    test->problem.AddResidualBlock(new TargetCost({1.0, 2.0, 3.0}, hook), nullptr,
+                                   test->Add({5.0, -4.0, 3.5}));
     return test;
   };
 }
@@ -57,8 +62,9 @@ Options Tight() {
   return options;
 }
 
-constexpr const char* kStartFailed =
-    CERES_VERSION_MINOR >= 2 ? "Initial residual and Jacobian evaluation failed." : "Residual and Jacobian evaluation failed.";
+constexpr const char* kStartFailed = CERES_VERSION_MINOR >= 2
+                                         ? "Initial residual and Jacobian evaluation failed."
+                                         : "Residual and Jacobian evaluation failed.";
 
 class Misbehaviors : public ::testing::TestWithParam<Misbehavior> {};
 
@@ -74,7 +80,8 @@ TEST_P(Misbehaviors, AtTheStart) {
 TEST_P(Misbehaviors, AtATrialPoint) {
   const BothSolved both = SolveBoth(Misbehaving(GetParam(), 2, 0), Tight());
   ExpectSameSummary(both, 1e-9, true);
-  EXPECT_EQ(both.ours.num_unsuccessful_steps, 1) << "a step that cannot be evaluated is rejected, no more";
+  EXPECT_EQ(both.ours.num_unsuccessful_steps, 1)
+      << "a step that cannot be evaluated is rejected, no more";
   EXPECT_EQ(both.ours.iterations[2].cost, both.stock.iterations[2].cost);
   EXPECT_TRUE(both.ours.IsSolutionUsable());
   ExpectSameParameters(both, 1e-9);
@@ -84,12 +91,13 @@ TEST_P(Misbehaviors, AtTheJacobianOfAnAcceptedPoint) {
   const BothSolved both = SolveBoth(Misbehaving(GetParam(), 0, 3), Tight());
   ExpectSameSummary(both, 1e-9, true);
   EXPECT_EQ(both.ours.termination_type, ceres::FAILURE);
-  EXPECT_EQ(both.our_problem->blocks, Misbehaving(GetParam(), 0, 0)()->blocks) << "all progress is discarded";
+  EXPECT_EQ(both.our_problem->blocks, Misbehaving(GetParam(), 0, 0)()->blocks)
+      << "all progress is discarded";
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Misbehaviors,
-                         ::testing::Values(Misbehavior::kReturnsFalse, Misbehavior::kNaN, Misbehavior::kInfinity,
-                                           Misbehavior::kUnwritten));
+                         ::testing::Values(Misbehavior::kReturnsFalse, Misbehavior::kNaN,
+                                           Misbehavior::kInfinity, Misbehavior::kUnwritten));
 
 TEST(Evaluation, FixedResidualThatFails) {
   const auto recipe = [] {
@@ -104,14 +112,16 @@ TEST(Evaluation, FixedResidualThatFails) {
   const BothSolved both = SolveBoth(recipe, Tight());
   ExpectSameSummary(both, 1e-9, true);
   EXPECT_EQ(both.ours.message, both.stock.message);
-  EXPECT_EQ(both.ours.message, "Evaluation of the residual 2 failed during removal of fixed residual blocks.");
+  EXPECT_EQ(both.ours.message,
+            "Evaluation of the residual 2 failed during removal of fixed residual blocks.");
   EXPECT_EQ(both.our_problem->blocks, recipe()->blocks);
 }
 
 // Euclidean, but fails in the given call of Plus or PlusJacobian (counted from 1; 0: never).
 class FailingManifold : public manifolds::Manifold {
  public:
-  FailingManifold(int bad_plus, int bad_jacobian) : bad_plus_(bad_plus), bad_jacobian_(bad_jacobian) {}
+  FailingManifold(int bad_plus, int bad_jacobian)
+      : bad_plus_(bad_plus), bad_jacobian_(bad_jacobian) {}
   int AmbientSize() const override { return 3; }
   int TangentSize() const override { return 3; }
   bool Plus(const double* x, const double* delta, double* out) const override {
@@ -136,12 +146,14 @@ class FailingManifold : public manifolds::Manifold {
 testing::Recipe WithFailingManifold(int bad_plus, int bad_jacobian) {
   return [=] {
     auto test = Misbehaving(Misbehavior::kReturnsFalse, 0, 0)();
-    manifolds::Set(&test->problem, test->blocks[0].data(), new FailingManifold(bad_plus, bad_jacobian));
+    manifolds::Set(&test->problem, test->blocks[0].data(),
+                   new FailingManifold(bad_plus, bad_jacobian));
     return test;
   };
 }
 
-// The first call moves along the gradient, the second makes the first candidate, the third moves along the gradient there.
+// The first call moves along the gradient, the second makes the first candidate, the third moves
+// along the gradient there.
 TEST(Evaluation, PlusThatFails) {
   for (const int bad_plus : {1, 2, 3}) {
     SCOPED_TRACE(bad_plus);
@@ -152,8 +164,8 @@ TEST(Evaluation, PlusThatFails) {
   }
 }
 
-// The first call is made by SetManifold. Stock Ceres makes one more before its first evaluation and ignores its result, so no
-// comparison is possible call by call.
+// The first call is made by SetManifold. Stock Ceres makes one more before its first evaluation and
+// ignores its result, so no comparison is possible call by call.
 TEST(Evaluation, PlusJacobianThatFailsIsAFailure) {
   const auto test = WithFailingManifold(0, 2)();
   ceres::Solver::Summary summary;
@@ -163,7 +175,8 @@ TEST(Evaluation, PlusJacobianThatFailsIsAFailure) {
   EXPECT_EQ(test->blocks, WithFailingManifold(0, 0)()->blocks);
 }
 
-// A wrapper may hand the array on in another order to what it wraps: it is given a fresh one for each residual block.
+// A wrapper may hand the array on in another order to what it wraps: it is given a fresh one for
+// each residual block.
 TEST(Evaluation, TheArrayOfJacobiansIsTheCostFunctionsToChange) {
   class Exchanged : public ceres::SizedCostFunction<1, 1, 1> {
    public:
@@ -201,7 +214,8 @@ TEST(Evaluation, ConstantsGetNullJacobiansAndTheUsersMemory) {
    public:
     Pair(const double* variable, const double* constant, int* num_calls)
         : variable_(variable), constant_(constant), num_calls_(num_calls) {}
-    bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    bool Evaluate(double const* const* parameters, double* residuals,
+                  double** jacobians) const override {
       ++*num_calls_;
       EXPECT_NE(parameters[0], variable_) << "variables are the solver's own copies";
       EXPECT_EQ(parameters[1], constant_);
@@ -245,7 +259,8 @@ TEST(Evaluation, OneThreadMeansTheCallersThread) {
       num_elsewhere += std::this_thread::get_id() == caller ? 0 : 1;
       return true;
     };
-    test->problem.AddResidualBlock(new TargetCost(std::vector<double>(9, 0.0), hook), nullptr, test->blocks[1].data());
+    test->problem.AddResidualBlock(new TargetCost(std::vector<double>(9, 0.0), hook), nullptr,
+                                   test->blocks[1].data());
   }
   Options options;
   options.linear_solver_type = ceres::DENSE_SCHUR;
@@ -255,13 +270,15 @@ TEST(Evaluation, OneThreadMeansTheCallersThread) {
   EXPECT_EQ(num_elsewhere, 0);
 }
 
-// The value of one entry at each call: Ceres's sequence of points and of kinds of calls, call by call.
+// The value of one entry at each call: Ceres's sequence of points and of kinds of calls, call by
+// call.
 TEST(Evaluation, CallsComeInCeressOrder) {
   std::vector<std::pair<bool, double>> calls[2];
   int which = 0;
   const auto recipe = [&] {
     auto test = testing::MakeCurveFit(0.0);
-    auto hook = [&calls, k = which++](double const* const* parameters, double*, double** jacobians) {
+    auto hook = [&calls, k = which++](double const* const* parameters, double*,
+                                      double** jacobians) {
       calls[k].emplace_back(jacobians != nullptr, parameters[0][0]);
       return true;
     };

@@ -1,4 +1,5 @@
-// A residual block that cannot be evaluated is named by what its author can find: addresses and values.
+// A residual block that cannot be evaluated is named by what its author can find: addresses and
+// values.
 #include <cmath>
 #include <limits>
 #include <sstream>
@@ -59,8 +60,8 @@ struct SpoiledProblem {
     problem.AddResidualBlock(cost, nullptr, x, y);
   }
   std::string ExpectedPlace() const {
-    return "; cost function " + Address(cost) + "; at parameter block " + Address(x) + " = (1.5, -2), parameter block " +
-           Address(y) + " = (0.25, 1e+300)";
+    return "; cost function " + Address(cost) + "; at parameter block " + Address(x) +
+           " = (1.5, -2), parameter block " + Address(y) + " = (0.25, 1e+300)";
   }
   double x[2] = {1.5, -2.0};
   double y[2] = {0.25, 1e300};
@@ -83,7 +84,9 @@ struct Case {
 std::vector<Case> Cases(const SpoiledProblem* const* problem) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
-  const auto block = [problem](bool second) { return "parameter block " + Address(second ? (*problem)->y : (*problem)->x); };
+  const auto block = [problem](bool second) {
+    return "parameter block " + Address(second ? (*problem)->y : (*problem)->x);
+  };
   std::vector<Case> cases = {
       {[](double*, double**) { return false; }, ": the cost function returned false"},
       {[](double* r, double**) { return r[1] = kNan, true; }, "written: residual 1 is nan"},
@@ -111,16 +114,16 @@ void ExpectNamed(const SolveSpoiled& solve) {
     solve(Options(), &problem.problem, &summary, asked, &report);
     EXPECT_EQ(summary.termination_type, ceres::FAILURE);
     EXPECT_EQ(summary.message, "Residual and Jacobian evaluation failed.");
-    EXPECT_THAT(report.core.detail, AllOf(HasSubstr(spoiled.what), HasSubstr(problem.ExpectedPlace())));
+    EXPECT_THAT(report.core.detail,
+                AllOf(HasSubstr(spoiled.what), HasSubstr(problem.ExpectedPlace())));
     EXPECT_THAT(log.messages(), ::testing::Contains(HasSubstr(report.core.detail)));
     EXPECT_EQ(problem.x[0], 1.5);
   }
 }
 
 TEST(FailureReport, OfExactMode) {
-  ExpectNamed([](const auto& options, auto* problem, auto* summary, const auto& asked, auto* report) {
-    Solve(options, problem, summary, asked, report);
-  });
+  ExpectNamed([](const auto& options, auto* problem, auto* summary, const auto& asked,
+                 auto* report) { Solve(options, problem, summary, asked, report); });
 }
 
 TEST(FailureReport, OfIncrementalMode) {
@@ -131,10 +134,11 @@ TEST(FailureReport, OfIncrementalMode) {
 }
 
 TEST(FailureReport, OfASession) {
-  ExpectNamed([](const auto& options, auto* problem, auto* summary, const auto& asked, auto* report) {
-    CeresSession session{inceres::testing::AlwaysIncremental()};
-    session.Solve(options, problem, summary, asked, report);
-  });
+  ExpectNamed(
+      [](const auto& options, auto* problem, auto* summary, const auto& asked, auto* report) {
+        CeresSession session{inceres::testing::AlwaysIncremental()};
+        session.Solve(options, problem, summary, asked, report);
+      });
 }
 
 TEST(FailureReport, OfConstantBlocksToo) {
@@ -205,7 +209,9 @@ std::vector<std::string> LogOfRoot(ceres::LoggingType logging, const SolveRoot& 
 }
 
 TEST(FailureReport, AStepThatFailsToEvaluateIsAWarningOnceASolve) {
-  const auto stock = [](const auto& options, auto* problem, auto* summary) { ceres::Solve(options, problem, summary); };
+  const auto stock = [](const auto& options, auto* problem, auto* summary) {
+    ceres::Solve(options, problem, summary);
+  };
   const std::string words = "Step failed to evaluate. Treating it as a step with infinite cost";
   const std::vector<std::string> of_stock = LogOfRoot(ceres::PER_MINIMIZER_ITERATION, stock);
   EXPECT_THAT(of_stock, AllOf(Not(IsEmpty()), Each(HasSubstr(words))));
@@ -222,7 +228,8 @@ TEST(FailureReport, AStepThatFailsToEvaluateIsAWarningOnceASolve) {
     };
     const std::vector<std::string> messages = LogOfRoot(ceres::PER_MINIMIZER_ITERATION, ours);
     ASSERT_THAT(messages, SizeIs(1));
-    EXPECT_THAT(messages[0], AllOf(HasSubstr(words), HasSubstr("the cost function returned false"), HasSubstr(" = (-")));
+    EXPECT_THAT(messages[0], AllOf(HasSubstr(words), HasSubstr("the cost function returned false"),
+                                   HasSubstr(" = (-")));
     EXPECT_THAT(failed_step, HasSubstr("parameter block 0x"));
     EXPECT_THAT(LogOfRoot(ceres::SILENT, ours), IsEmpty());
   }

@@ -1,4 +1,5 @@
-// Everything that goes to stock Ceres: the reason, stock's result, and that a strict caller gets an error with nothing touched.
+// Everything that goes to stock Ceres: the reason, stock's result, and that a strict caller gets an
+// error with nothing touched.
 #include "adapters/ceres/fallback/gate.h"
 
 #include <limits>
@@ -23,7 +24,8 @@ class FallbackLines : public google::LogSink {
  public:
   FallbackLines() { google::AddLogSink(this); }
   ~FallbackLines() override { google::RemoveLogSink(this); }
-  void send(google::LogSeverity, const char*, const char*, int, const tm*, const char* message, std::size_t length) override {
+  void send(google::LogSeverity, const char*, const char*, int, const tm*, const char* message,
+            std::size_t length) override {
     const std::string text(message, length);
     if (text.rfind("inceres: handed to stock Ceres: ", 0) == 0) {
       ++count;
@@ -44,8 +46,10 @@ void ExpectStrictRefuses(const Adjust& adjust, const std::string& reason) {
   options.linear_solver_type = ceres::DENSE_SCHUR;
   adjust(test.get(), &options);
   int num_calls = 0;
-  test->problem.AddResidualBlock(new TargetCost({1.0}, [&](auto...) { return ++num_calls > 0; }), nullptr, test->Add({0.0}));
-  if (options.linear_solver_ordering != nullptr && options.linear_solver_ordering->NumElements() > 0) {
+  test->problem.AddResidualBlock(new TargetCost({1.0}, [&](auto...) { return ++num_calls > 0; }),
+                                 nullptr, test->Add({0.0}));
+  if (options.linear_solver_ordering != nullptr &&
+      options.linear_solver_ordering->NumElements() > 0) {
     options.linear_solver_ordering->AddElementToGroup(test->blocks.back().data(), 1);
   }
   const auto before = test->blocks;
@@ -102,15 +106,18 @@ void ExpectHandedOver(const Adjust& adjust, const std::string& reason) {
 // Options.
 
 TEST(Gate, InvalidOptions) {
-  ExpectHandedOver([](TestProblem*, Options* o) { o->max_num_iterations = -1; }, "the options are invalid: ");
+  ExpectHandedOver([](TestProblem*, Options* o) { o->max_num_iterations = -1; },
+                   "the options are invalid: ");
 }
 
 TEST(Gate, LineSearch) {
-  ExpectHandedOver([](TestProblem*, Options* o) { o->minimizer_type = ceres::LINE_SEARCH; }, "LINE_SEARCH");
+  ExpectHandedOver([](TestProblem*, Options* o) { o->minimizer_type = ceres::LINE_SEARCH; },
+                   "LINE_SEARCH");
 }
 
 TEST(Gate, InnerIterations) {
-  ExpectHandedOver([](TestProblem*, Options* o) { o->use_inner_iterations = true; }, "use_inner_iterations");
+  ExpectHandedOver([](TestProblem*, Options* o) { o->use_inner_iterations = true; },
+                   "use_inner_iterations");
 }
 
 TEST(Gate, CheckGradients) {
@@ -126,13 +133,15 @@ TEST(Gate, IterationsToDump) {
 }
 
 TEST(Gate, IterativeSolvers) {
-  ExpectHandedOver([](TestProblem*, Options* o) { o->linear_solver_type = ceres::ITERATIVE_SCHUR; }, "ITERATIVE_SCHUR");
+  ExpectHandedOver([](TestProblem*, Options* o) { o->linear_solver_type = ceres::ITERATIVE_SCHUR; },
+                   "ITERATIVE_SCHUR");
   ExpectHandedOver([](TestProblem*, Options* o) { o->linear_solver_type = ceres::CGNR; }, "CGNR");
 }
 
 // Stock Ceres aborts on these two, so only the strict way can be looked at.
 TEST(Gate, WhatStockAbortsOn) {
-  ExpectStrictRefuses([](TestProblem*, Options* o) { o->min_lm_diagonal = 0.0; }, "min_lm_diagonal");
+  ExpectStrictRefuses([](TestProblem*, Options* o) { o->min_lm_diagonal = 0.0; },
+                      "min_lm_diagonal");
   const auto empty_ordering = [](TestProblem*, Options* o) {
     o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   };
@@ -159,12 +168,15 @@ TEST(Gate, LowerBoundAboveTheUpper) {
 }
 
 TEST(Gate, ConstantOutsideItsBounds) {
-  ExpectHandedOver([](TestProblem* t, Options*) { t->problem.SetParameterLowerBound(t->blocks[0].data(), 0, 1e3); },
+  ExpectHandedOver([](TestProblem* t,
+                      Options*) { t->problem.SetParameterLowerBound(t->blocks[0].data(), 0, 1e3); },
                    "constant outside its bounds");
 }
 
 TEST(Gate, ValueThatIsNotFinite) {
-  ExpectHandedOver([](TestProblem* t, Options*) { t->blocks[5][1] = std::numeric_limits<double>::quiet_NaN(); }, "not finite");
+  ExpectHandedOver(
+      [](TestProblem* t, Options*) { t->blocks[5][1] = std::numeric_limits<double>::quiet_NaN(); },
+      "not finite");
   ExpectHandedOver([](TestProblem* t, Options*) { t->blocks[5][1] = 1e302; }, "not finite");
 }
 
@@ -184,7 +196,8 @@ TEST(Gate, OrderingThatLacksABlock) {
   const auto adjust = [](TestProblem* t, Options* o) {
     o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
     for (std::size_t b = 0; b + 1 < t->blocks.size(); ++b) {
-      o->linear_solver_ordering->AddElementToGroup(t->blocks[b].data(), t->blocks[b].size() == 3 ? 0 : 1);
+      o->linear_solver_ordering->AddElementToGroup(t->blocks[b].data(),
+                                                   t->blocks[b].size() == 3 ? 0 : 1);
     }
   };
   ExpectHandedOver(adjust, "variable parameter blocks");
@@ -194,7 +207,8 @@ TEST(Gate, FirstGroupThatIsNotIndependent) {
   const auto adjust = [](TestProblem* t, Options* o) {
     o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
     for (std::size_t b = 0; b < t->blocks.size(); ++b) {
-      o->linear_solver_ordering->AddElementToGroup(t->blocks[b].data(), b == 1 || t->blocks[b].size() == 3 ? 0 : 1);
+      o->linear_solver_ordering->AddElementToGroup(t->blocks[b].data(),
+                                                   b == 1 || t->blocks[b].size() == 3 ? 0 : 1);
     }
   };
   ExpectHandedOver(adjust, "not an independent set");
@@ -226,7 +240,8 @@ TEST(Gate, DenseQrAboveItsLimit) {
     test.problem.AddResidualBlock(new ShapeOnlyCost(num_residuals, {500}), nullptr, x);
     Options options;
     options.linear_solver_type = ceres::DENSE_QR;
-    EXPECT_EQ(ReasonFor(options, &test.problem).find("DENSE_QR of 30500 x 500") == 0, num_residuals == 30000);
+    EXPECT_EQ(ReasonFor(options, &test.problem).find("DENSE_QR of 30500 x 500") == 0,
+              num_residuals == 30000);
     options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
     EXPECT_EQ(ReasonFor(options, &test.problem), "");
   }

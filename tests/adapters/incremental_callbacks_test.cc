@@ -1,5 +1,5 @@
-// Callbacks, progress table and the user's memory during a solve in incremental mode: the promises of exact mode, kept for
-// iterations that are its own.
+// Callbacks, progress table and the user's memory during a solve in incremental mode: the promises
+// of exact mode, kept for iterations that are its own.
 #include <chrono>
 #include <iostream>
 #include <regex>
@@ -30,7 +30,8 @@ double CostOf(TestProblem* test) {
 // Records what it sees, prints a mark; stops, or throws, at a given iteration.
 class Recorder : public ceres::IterationCallback {
  public:
-  explicit Recorder(TestProblem* test, int stop_at = -1, ceres::CallbackReturnType stop_with = ceres::SOLVER_CONTINUE)
+  explicit Recorder(TestProblem* test, int stop_at = -1,
+                    ceres::CallbackReturnType stop_with = ceres::SOLVER_CONTINUE)
       : test_(test), stop_at_(stop_at), stop_with_(stop_with) {}
 
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
@@ -53,14 +54,16 @@ class Recorder : public ceres::IterationCallback {
   ceres::CallbackReturnType stop_with_;
 };
 
-// A solve that goes through the batch solver, and one that does not: a session's, on a problem solved before and then shaken.
+// A solve that goes through the batch solver, and one that does not: a session's, on a problem
+// solved before and then shaken.
 enum class Way { kBatchFirst, kIncremental };
 constexpr Way kWays[] = {Way::kBatchFirst, Way::kIncremental};
 
 class Bench {
  public:
   explicit Bench(Way way) : Bench(way, OptionsFor(way)) {}
-  Bench(Way way, const SessionOptions& session_options) : test(MakeBundle(5, 40, true)), session(session_options) {
+  Bench(Way way, const SessionOptions& session_options)
+      : test(MakeBundle(5, 40, true)), session(session_options) {
     options.linear_solver_type = ceres::DENSE_SCHUR;
     options.logging_type = ceres::SILENT;
     options.max_num_iterations = 200;
@@ -107,13 +110,15 @@ TEST(IncrementalCallbacks, SeeEveryIterationAndUntouchedMemory) {
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
     EXPECT_EQ(bench.report.update.num_batch_iterations > 0, way == Way::kBatchFirst);
     EXPECT_GT(summary.iterations.size(), 2U);
-    EXPECT_EQ(summary.num_successful_steps + summary.num_unsuccessful_steps, static_cast<int>(summary.iterations.size()));
+    EXPECT_EQ(summary.num_successful_steps + summary.num_unsuccessful_steps,
+              static_cast<int>(summary.iterations.size()));
     for (const Recorder* recorder : {&first, &second}) {
       ASSERT_EQ(recorder->iterations.size(), summary.iterations.size());
       for (std::size_t i = 0; i < summary.iterations.size(); ++i) {
         EXPECT_EQ(recorder->iterations[i].iteration, static_cast<int>(i));
         EXPECT_EQ(recorder->iterations[i].cost, summary.iterations[i].cost);
-        EXPECT_EQ(recorder->iterations[i].cumulative_time_in_seconds, summary.iterations[i].cumulative_time_in_seconds);
+        EXPECT_EQ(recorder->iterations[i].cumulative_time_in_seconds,
+                  summary.iterations[i].cumulative_time_in_seconds);
         EXPECT_EQ(recorder->memory[i], bench.start);
       }
     }
@@ -157,14 +162,17 @@ struct Endless {
   Blocks start;
 };
 
-// Incremental steps that end without convergence are finished by the batch solver: for the user that is one solve.
+// Incremental steps that end without convergence are finished by the batch solver: for the user
+// that is one solve.
 TEST(IncrementalCallbacks, SeeASolveOfTwoPartsAsOne) {
   Endless bench;
   Recorder recorder(bench.test.get());
   bench.options.callbacks = {&recorder};
   const ceres::Solver::Summary& summary = bench.Solve();
-  EXPECT_NE(bench.report.exact_reason.find("are the batch solver's"), std::string::npos) << bench.report.exact_reason;
-  EXPECT_EQ(summary.num_successful_steps + summary.num_unsuccessful_steps, static_cast<int>(summary.iterations.size()));
+  EXPECT_NE(bench.report.exact_reason.find("are the batch solver's"), std::string::npos)
+      << bench.report.exact_reason;
+  EXPECT_EQ(summary.num_successful_steps + summary.num_unsuccessful_steps,
+            static_cast<int>(summary.iterations.size()));
   ASSERT_EQ(recorder.iterations.size(), summary.iterations.size());
   for (std::size_t i = 0; i < summary.iterations.size(); ++i) {
     EXPECT_EQ(summary.iterations[i].iteration, static_cast<int>(i));
@@ -175,7 +183,8 @@ TEST(IncrementalCallbacks, SeeASolveOfTwoPartsAsOne) {
   EXPECT_NEAR(CostOf(bench.test.get()), summary.final_cost, 1e-9 * summary.final_cost);
 }
 
-// A user's word ends the solve in its second part as in its first: with the values he saw, or with those of the start.
+// A user's word ends the solve in its second part as in its first: with the values he saw, or with
+// those of the start.
 TEST(IncrementalCallbacks, EndASolveInItsSecondPart) {
   Endless whole;
   const std::string reason = (whole.Solve(), whole.report.exact_reason);
@@ -187,7 +196,8 @@ TEST(IncrementalCallbacks, EndASolveInItsSecondPart) {
       bench.options.update_state_every_iteration = update;
       bench.options.callbacks = {&recorder};
       const ceres::Solver::Summary& summary = bench.Solve();
-      EXPECT_EQ(summary.termination_type, end == ceres::SOLVER_ABORT ? ceres::USER_FAILURE : ceres::USER_SUCCESS);
+      EXPECT_EQ(summary.termination_type,
+                end == ceres::SOLVER_ABORT ? ceres::USER_FAILURE : ceres::USER_SUCCESS);
       EXPECT_EQ(recorder.iterations.size(), static_cast<std::size_t>(first_part) + 2);
       EXPECT_EQ(bench.test->blocks == bench.start, end == ceres::SOLVER_ABORT);
     }
@@ -208,7 +218,8 @@ TEST(IncrementalCallbacks, TheWorkBudgetEndsAllParts) {
     Bench bench(Way::kIncremental, session_options);
     EXPECT_EQ(bench.Solve().termination_type, ceres::NO_CONVERGENCE);
     EXPECT_EQ(bench.report.exact_reason, "");
-    EXPECT_NEAR(CostOf(bench.test.get()), bench.summary.final_cost, 1e-9 * bench.summary.final_cost);
+    EXPECT_NEAR(CostOf(bench.test.get()), bench.summary.final_cost,
+                1e-9 * bench.summary.final_cost);
   }
 }
 
@@ -220,7 +231,8 @@ TEST(IncrementalCallbacks, UpdateStateEveryIterationShowsTheBestState) {
      public:
       Evaluator(TestProblem* test, std::vector<double>* costs) : test_(test), costs_(costs) {}
       ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-        // The cost of what is in memory now, with a copy: Problem::Evaluate is forbidden within a solve.
+        // The cost of what is in memory now, with a copy: Problem::Evaluate is forbidden within a
+        // solve.
         const auto copy = MakeBundle(5, 40, true);
         for (std::size_t b = 0; b < copy->blocks.size(); ++b) {
           std::copy(test_->blocks[b].begin(), test_->blocks[b].end(), copy->blocks[b].begin());
@@ -262,9 +274,11 @@ TEST(IncrementalCallbacks, TheFirstThatDoesNotContinueStops) {
     EXPECT_EQ(second.iterations.size(), 2U);
     EXPECT_EQ(summary.iterations.size(), 3U);
     EXPECT_NE(bench.test->blocks, bench.start);
-    EXPECT_NEAR(CostOf(bench.test.get()), summary.iterations.back().cost, 1e-9 * summary.final_cost);
+    EXPECT_NEAR(CostOf(bench.test.get()), summary.iterations.back().cost,
+                1e-9 * summary.final_cost);
     bench.options.callbacks.clear();
-    EXPECT_EQ(bench.Solve().termination_type, ceres::CONVERGENCE) << "the session goes on from there";
+    EXPECT_EQ(bench.Solve().termination_type, ceres::CONVERGENCE)
+        << "the session goes on from there";
     EXPECT_GT(bench.report.changes.num_kept_factors, 0);
   }
 }
@@ -284,7 +298,8 @@ TEST(IncrementalCallbacks, AbortRestoresTheStart) {
         EXPECT_EQ(recorder.memory.back() != bench.start, update && at > 0);
         EXPECT_EQ(bench.test->blocks, bench.start);
         bench.options.callbacks.clear();
-        EXPECT_EQ(bench.Solve().termination_type, ceres::CONVERGENCE) << "another solve finds the minimum";
+        EXPECT_EQ(bench.Solve().termination_type, ceres::CONVERGENCE)
+            << "another solve finds the minimum";
         EXPECT_LT(summary.final_cost, 0.999 * summary.initial_cost);
       }
     }
@@ -316,7 +331,8 @@ TEST(IncrementalCallbacks, TheTimeInThemIsReported) {
     Sleeper sleeper;
     bench.options.callbacks = {&sleeper, &sleeper};
     bench.Solve();
-    EXPECT_GE(bench.report.callback_seconds, 0.004 * static_cast<double>(bench.summary.iterations.size()));
+    EXPECT_GE(bench.report.callback_seconds,
+              0.004 * static_cast<double>(bench.summary.iterations.size()));
     EXPECT_LE(bench.report.callback_seconds, bench.summary.minimizer_time_in_seconds);
     bench.options.callbacks.clear();
     bench.Solve();
@@ -348,14 +364,16 @@ TEST(IncrementalProgress, TableIsInTheFormatOfCeres) {
     const std::vector<std::string> lines = LinesOf(&bench);
     ASSERT_EQ(lines.size(), 1 + 2 * bench.summary.iterations.size());
     EXPECT_EQ(lines[0],
-              "iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  iter_time  total_time");
+              "iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  "
+              "ls_iter  iter_time  total_time");
     const std::string small = " +-?[0-9]\\.[0-9]{2}e[-+][0-9]{2,3}";
-    const std::regex row(" *[0-9]+  [0-9]\\.[0-9]{6}e[-+][0-9]{2}" + small + small + small + small + small + " +[0-9]+" + small +
-                         small);
+    const std::regex row(" *[0-9]+  [0-9]\\.[0-9]{6}e[-+][0-9]{2}" + small + small + small + small +
+                         small + " +[0-9]+" + small + small);
     for (std::size_t i = 0; i < bench.summary.iterations.size(); ++i) {
       EXPECT_TRUE(std::regex_match(lines[1 + 2 * i], row)) << lines[1 + 2 * i];
       EXPECT_EQ(std::stoi(lines[1 + 2 * i]), static_cast<int>(i));
-      EXPECT_EQ(lines[2 + 2 * i], "called back " + std::to_string(i)) << "the row comes before the callbacks";
+      EXPECT_EQ(lines[2 + 2 * i], "called back " + std::to_string(i))
+          << "the row comes before the callbacks";
     }
     Bench silent(way);
     silent.options.minimizer_progress_to_stdout = true;

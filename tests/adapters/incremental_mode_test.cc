@@ -53,21 +53,24 @@ void ExpectSameMinimum(const Recipe& recipe, ceres::LinearSolverType type) {
   options.function_tolerance = 1e-7;  // leaves more than that undone where gains fall slowly
   inceres::Solve(options, &ours->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
-  EXPECT_EQ(summary.message.find("Function tolerance reached. |cost_change|/cost: "), 0U) << summary.message;
+  EXPECT_EQ(summary.message.find("Function tolerance reached. |cost_change|/cost: "), 0U)
+      << summary.message;
   EXPECT_FALSE(report.update.message.empty());
   EXPECT_FALSE(report.used_stock);
   EXPECT_NEAR(summary.initial_cost, expected.initial_cost, 1e-9 * expected.initial_cost);
   EXPECT_NEAR(summary.fixed_cost, expected.fixed_cost, 1e-12 * expected.initial_cost);
-  EXPECT_NEAR(summary.final_cost, expected.final_cost, 1e-6 * expected.final_cost + 1e-12 * expected.initial_cost);
+  EXPECT_NEAR(summary.final_cost, expected.final_cost,
+              1e-6 * expected.final_cost + 1e-12 * expected.initial_cost);
   double cost = -1.0;
   ours->problem.Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, nullptr, nullptr);
   EXPECT_NEAR(cost, summary.final_cost, 1e-9 * summary.final_cost + 1e-15 * expected.initial_cost);
-  for (const double seconds : {summary.residual_evaluation_time_in_seconds, summary.jacobian_evaluation_time_in_seconds,
-                               summary.linear_solver_time_in_seconds}) {
+  for (const double seconds :
+       {summary.residual_evaluation_time_in_seconds, summary.jacobian_evaluation_time_in_seconds,
+        summary.linear_solver_time_in_seconds}) {
     EXPECT_GT(seconds, 0.0);
   }
-  EXPECT_LE(summary.residual_evaluation_time_in_seconds + summary.jacobian_evaluation_time_in_seconds +
-                summary.linear_solver_time_in_seconds,
+  EXPECT_LE(summary.residual_evaluation_time_in_seconds +
+                summary.jacobian_evaluation_time_in_seconds + summary.linear_solver_time_in_seconds,
             summary.minimizer_time_in_seconds);
   EXPECT_EQ(report.changes.num_added_factors, summary.num_residual_blocks_reduced);
   EXPECT_EQ(summary.num_residual_blocks_reduced, expected.num_residual_blocks_reduced);
@@ -75,7 +78,8 @@ void ExpectSameMinimum(const Recipe& recipe, ceres::LinearSolverType type) {
   EXPECT_GT(report.update.num_iterations, 0);
   ASSERT_EQ(summary.iterations.size(), report.update.iterations.size());
   EXPECT_GT(summary.iterations.size(), 1U);
-  EXPECT_EQ(summary.num_successful_steps + summary.num_unsuccessful_steps, static_cast<int>(summary.iterations.size()));
+  EXPECT_EQ(summary.num_successful_steps + summary.num_unsuccessful_steps,
+            static_cast<int>(summary.iterations.size()));
   EXPECT_EQ(summary.iterations[0].cost, summary.initial_cost);
   EXPECT_NEAR(summary.iterations.back().cost, summary.final_cost, 1e-9 * expected.initial_cost);
   EXPECT_GE(summary.total_time_in_seconds, summary.minimizer_time_in_seconds);
@@ -83,7 +87,8 @@ void ExpectSameMinimum(const Recipe& recipe, ceres::LinearSolverType type) {
 
 TEST(IncrementalMode, SameMinimumAsStock) {
   for (const ceres::LinearSolverType type :
-       {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY, ceres::ITERATIVE_SCHUR, ceres::CGNR}) {
+       {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY,
+        ceres::ITERATIVE_SCHUR, ceres::CGNR}) {
     SCOPED_TRACE(ceres::LinearSolverTypeToString(type));
     ExpectSameMinimum([] { return MakeBundle(5, 60, true); }, type);
     ExpectSameMinimum([] { return MakeWindow(6, 50, true); }, type);
@@ -113,7 +118,8 @@ TEST(IncrementalMode, LandmarksOfTheFirstGroup) {
 
 TEST(IncrementalMode, AFailureLeavesTheProblemAsItWas) {
   const auto test = MakeBundle(4, 30, true);
-  test->problem.AddResidualBlock(new testing::TargetCost({1.0}, [](auto...) { return false; }), nullptr, test->Add({0.0}));
+  test->problem.AddResidualBlock(new testing::TargetCost({1.0}, [](auto...) { return false; }),
+                                 nullptr, test->Add({0.0}));
   const auto before = test->blocks;
   ceres::Solver::Summary summary;
   SolveOptions asked;
@@ -121,8 +127,10 @@ TEST(IncrementalMode, AFailureLeavesTheProblemAsItWas) {
   asked.mode = SolveMode::kIncremental;
   inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-  EXPECT_NE(summary.message.find("esidual and Jacobian evaluation failed."), std::string::npos) << summary.message;
-  EXPECT_NE(report.core.detail.find("ceres::CostFunction"), std::string::npos) << report.core.detail;
+  EXPECT_NE(summary.message.find("esidual and Jacobian evaluation failed."), std::string::npos)
+      << summary.message;
+  EXPECT_NE(report.core.detail.find("ceres::CostFunction"), std::string::npos)
+      << report.core.detail;
   EXPECT_EQ(test->blocks, before);
 }
 
@@ -192,15 +200,16 @@ TEST(IncrementalGate, OptionsOnlyExactModeHonors) {
   }
 }
 
-// The first group's only block is constant: Ceres then takes DENSE_QR for DENSE_SCHUR, where we form normal equations, and the
-// next group is no first group.
+// The first group's only block is constant: Ceres then takes DENSE_QR for DENSE_SCHUR, where we
+// form normal equations, and the next group is no first group.
 TEST(IncrementalMode, AFirstGroupThatIsAllConstant) {
   double held = 1.0;
   std::vector<double> x = {1.0, 2.0, 3.0};
   const auto solve = [&](ceres::LinearSolverType type, SolveReport* report) {
     ceres::Problem problem;
     const auto connect = [&problem](double* a, double* b) {
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Difference, 1, 1, 1>(new Difference), nullptr, a, b);
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Difference, 1, 1, 1>(new Difference),
+                               nullptr, a, b);
     };
     connect(&held, &x[0]);
     connect(&x[0], &x[1]);
@@ -224,8 +233,9 @@ TEST(IncrementalMode, AFirstGroupThatIsAllConstant) {
     const ceres::Solver::Summary summary = solve(type, &report);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
     EXPECT_EQ(report.fallback_reason, "");
-    EXPECT_EQ(summary.linear_solver_type_used,
-              type == ceres::DENSE_SCHUR ? ceres::DENSE_NORMAL_CHOLESKY : ceres::SPARSE_NORMAL_CHOLESKY);
+    EXPECT_EQ(summary.linear_solver_type_used, type == ceres::DENSE_SCHUR
+                                                   ? ceres::DENSE_NORMAL_CHOLESKY
+                                                   : ceres::SPARSE_NORMAL_CHOLESKY);
     EXPECT_NEAR(x[2], 4.0, 1e-9);
   }
 }
@@ -287,12 +297,14 @@ TEST(IncrementalOptionMapping, NamesWhatHasNoEffect) {
   options.parameter_tolerance = 1e-3;
   options.jacobi_scaling = false;
   options.initial_trust_region_radius = 1.0;
-  EXPECT_EQ(names(options), (std::vector<std::string>{"gradient_tolerance", "parameter_tolerance", "jacobi_scaling"}));
+  EXPECT_EQ(names(options), (std::vector<std::string>{"gradient_tolerance", "parameter_tolerance",
+                                                      "jacobi_scaling"}));
   options = Options();
   options.trust_region_strategy_type = ceres::DOGLEG;
   options.initial_trust_region_radius = 1.0;
   options.max_trust_region_radius = 1e3;
-  EXPECT_EQ(names(options), (std::vector<std::string>{"max_trust_region_radius", "initial_trust_region_radius"}));
+  EXPECT_EQ(names(options),
+            (std::vector<std::string>{"max_trust_region_radius", "initial_trust_region_radius"}));
 }
 
 // Roles.
@@ -305,7 +317,8 @@ TEST(IncrementalRoles, AreSticky) {
   double* other = test.Add({0.0, 0.0});
   test.problem.AddResidualBlock(new testing::ShapeOnlyCost(1, {2, 2}), nullptr, frame, point);
   test.problem.AddResidualBlock(new testing::ShapeOnlyCost(1, {2, 2}), nullptr, frame, other);
-  const auto roles = [&](std::vector<double*> selected, std::vector<double*> past_landmarks, bool given) {
+  const auto roles = [&](std::vector<double*> selected, std::vector<double*> past_landmarks,
+                         bool given) {
     const internal::ProblemView view = internal::Introspect(test.problem);
     internal::LandmarkSelection selection;
     selection.is_landmark.assign(3, 0);
@@ -319,16 +332,19 @@ TEST(IncrementalRoles, AreSticky) {
     const std::vector<Role> result = internal::ChooseIncrementalRoles(view, selection, given, past);
     std::string text;
     for (double* block : {frame, point, other}) {
-      text += result[static_cast<std::size_t>(view.index.Find(block))] == Role::kLandmark ? 'L' : 'F';
+      text +=
+          result[static_cast<std::size_t>(view.index.Find(block))] == Role::kLandmark ? 'L' : 'F';
     }
     return text;
   };
   EXPECT_EQ(roles({point, other}, {}, false), "FLL") << "the selection";
   EXPECT_EQ(roles({}, {point}, false), "FLF") << "landmarks stay";
   EXPECT_EQ(roles({}, {point}, true), "FFF") << "but the user's word rules";
-  EXPECT_EQ(roles({frame}, {point, other}, false), "LFF") << "where two meet, those not selected give way";
+  EXPECT_EQ(roles({frame}, {point, other}, false), "LFF")
+      << "where two meet, those not selected give way";
   test.problem.SetParameterBlockConstant(point);
-  EXPECT_EQ(roles({frame}, {point, other}, false), "LFF") << "a constant gives way too: it may be variable again";
+  EXPECT_EQ(roles({frame}, {point, other}, false), "LFF")
+      << "a constant gives way too: it may be variable again";
   EXPECT_EQ(roles({other}, {point}, false), "FLL") << "or else stays what it was";
   EXPECT_EQ(roles({}, {point}, true), "FLF");
 }

@@ -74,7 +74,8 @@ ceres::Problem::Options ProblemOptions() {
 
 }  // namespace
 
-IncrementalWindow::IncrementalWindow() : memory_(3 * kMaxFrames + 2 * kNumLandmarks), problem_(ProblemOptions()) {
+IncrementalWindow::IncrementalWindow()
+    : memory_(3 * kMaxFrames + 2 * kNumLandmarks), problem_(ProblemOptions()) {
   for (int k = kMaxFrames - 1; k >= 0; --k) {
     frame_room_.push_back(memory_.data() + 3 * k);
   }
@@ -109,8 +110,9 @@ void IncrementalWindow::AddFrame() {
     double c[2];
     ToFrame(before.data(), truth.data(), c);
     problem_.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<OdometryCost, 3, 3, 3>(new OdometryCost{
-            c[0] + 0.01 * Noise(1000 + k), c[1] + 0.01 * Noise(2000 + k), truth[2] - before[2] + 0.01 * Noise(3000 + k)}),
+        new ceres::AutoDiffCostFunction<OdometryCost, 3, 3, 3>(
+            new OdometryCost{c[0] + 0.01 * Noise(1000 + k), c[1] + 0.01 * Noise(2000 + k),
+                             truth[2] - before[2] + 0.01 * Noise(3000 + k)}),
         nullptr, frames_.rbegin()->second, frame);
   } else {
     frames_[k] = frame;
@@ -124,16 +126,17 @@ void IncrementalWindow::AddFrame() {
     if (c[0] > 0.0 && c[0] < 3.0) {
       const int n = 100 * k + l;
       const double outlier = n % 41 == 0 ? 0.3 : 0.0;
-      See(k, l, c[0] / (3.0 + c[0]) + 0.005 * Noise(5000 + n) + outlier, c[1] / (3.0 + c[0]) + 0.005 * Noise(9000 + n));
+      See(k, l, c[0] / (3.0 + c[0]) + 0.005 * Noise(5000 + n) + outlier,
+          c[1] / (3.0 + c[0]) + 0.005 * Noise(9000 + n));
     }
   }
 }
 
 void IncrementalWindow::AddPrior(int k) {
   const std::vector<double> truth = TrueFrame(k);
-  problem_.AddResidualBlock(
-      new ceres::AutoDiffCostFunction<PriorCost, 3, 3>(new PriorCost{{truth[0] + 0.01, truth[1] - 0.01, truth[2] + 0.002}}),
-      nullptr, frames_[k]);
+  problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<PriorCost, 3, 3>(new PriorCost{
+                                {truth[0] + 0.01, truth[1] - 0.01, truth[2] + 0.002}}),
+                            nullptr, frames_[k]);
 }
 
 // A landmark enters the problem with its second sighting.
@@ -142,7 +145,8 @@ void IncrementalWindow::See(int frame, int landmark, double u, double v) {
   sightings.push_back({frame, u, v});
   double*& room = landmarks_[landmark];
   const auto add = [&](const Sighting& sighting) {
-    problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<SightingCost, 2, 3, 2>(new SightingCost{sighting.u, sighting.v}),
+    problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<SightingCost, 2, 3, 2>(
+                                  new SightingCost{sighting.u, sighting.v}),
                               &loss_, frames_[sighting.frame], room);
   };
   if (sightings.size() < 2) {
@@ -167,9 +171,10 @@ void IncrementalWindow::RemoveOldestFrame() {
   frame_room_.push_back(frame);
   for (auto it = sightings_.begin(); it != sightings_.end();) {
     std::vector<Sighting>& sightings = it->second;
-    sightings.erase(std::remove_if(sightings.begin(), sightings.end(),
-                                   [oldest = k](const Sighting& sighting) { return sighting.frame == oldest; }),
-                    sightings.end());
+    sightings.erase(
+        std::remove_if(sightings.begin(), sightings.end(),
+                       [oldest = k](const Sighting& sighting) { return sighting.frame == oldest; }),
+        sightings.end());
     const auto landmark = landmarks_.find(it->first);
     if (sightings.empty() && landmark != landmarks_.end()) {
       problem_.RemoveParameterBlock(landmark->second);
@@ -183,7 +188,8 @@ void IncrementalWindow::RemoveOldestFrame() {
 
 void IncrementalWindow::SetFrozen(bool frozen) {
   const auto set = [&](double* block, bool constant) {
-    constant ? problem_.SetParameterBlockConstant(block) : problem_.SetParameterBlockVariable(block);
+    constant ? problem_.SetParameterBlockConstant(block)
+             : problem_.SetParameterBlockVariable(block);
   };
   for (const auto& [l, landmark] : landmarks_) {
     set(landmark, frozen);

@@ -8,25 +8,29 @@
 
 namespace inceres::testing {
 
-/// A small robot in the plane that drives along a street and sees landmarks ahead: a living ceres::Problem, whose window slides.
-/// Parameter blocks lie in two pools, and the memory of what left the window is used again for what enters it. Two of them, told
-/// the same, are the same problem at other addresses.
+/// A small robot in the plane that drives along a street and sees landmarks ahead: a living
+/// ceres::Problem, whose window slides. Parameter blocks lie in two pools, and the memory of what
+/// left the window is used again for what enters it. Two of them, told the same, are the same
+/// problem at other addresses.
 ///
-/// Frames (x, y, heading) are tied by odometry, the oldest has a prior; a landmark (x, y) at c in the frame's axes is observed as
-/// c / (3 + c_x) with a Huber loss. Costs are AutoDiff, with divisions: cost-only and Jacobian calls differ in their last bits.
+/// Frames (x, y, heading) are tied by odometry, the oldest has a prior; a landmark (x, y) at c in
+/// the frame's axes is observed as c / (3 + c_x) with a Huber loss. Costs are AutoDiff, with
+/// divisions: cost-only and Jacobian calls differ in their last bits.
 class IncrementalWindow {
  public:
   static constexpr int kMaxFrames = 8;
-  static constexpr int kNumLandmarks = 60;  // along the street; those near the window are in the problem
+  // along the street; those near the window are in the problem
+  static constexpr int kNumLandmarks = 60;
 
   IncrementalWindow();
   IncrementalWindow(const IncrementalWindow&) = delete;
   IncrementalWindow& operator=(const IncrementalWindow&) = delete;
 
-  /// A frame enters with odometry and observations, and the landmarks it is the second to see; the oldest leaves if there are
-  /// kMaxFrames already, with the landmarks nobody sees any more.
+  /// A frame enters with odometry and observations, and the landmarks it is the second to see; the
+  /// oldest leaves if there are kMaxFrames already, with the landmarks nobody sees any more.
   void Step();
-  /// Holds all landmarks and all frames but the newest, or frees them (but for the oldest frame of all).
+  /// Holds all landmarks and all frames but the newest, or frees them (but for the oldest frame of
+  /// all).
   void SetFrozen(bool frozen);
   /// Moves one frame and one landmark by hand.
   void Nudge(double by);

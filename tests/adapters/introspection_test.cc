@@ -66,7 +66,8 @@ TEST(Introspection, CountsConstantsFixedResidualsAndUnusedBlocks) {
   EXPECT_EQ(view.all.num_parameters, test->problem.NumParameters());
   EXPECT_EQ(view.all.num_residual_blocks, test->problem.NumResidualBlocks());
   EXPECT_EQ(view.all.num_residuals, test->problem.NumResiduals());
-  // Left out: the constant pose, the constant extrinsic, the block nothing touches; the residual block of the extrinsic alone.
+  // Left out: the constant pose, the constant extrinsic, the block nothing touches; the residual
+  // block of the extrinsic alone.
   EXPECT_EQ(view.reduced.num_parameter_blocks, view.all.num_parameter_blocks - 3);
   EXPECT_EQ(view.reduced.num_residual_blocks, view.all.num_residual_blocks - 1);
   EXPECT_EQ(view.all.num_effective_parameters, view.all.num_parameters - 4);
@@ -113,8 +114,8 @@ TEST(Introspection, SeesWhichResidualBlocksAreLikeTheirNeighbors) {
   }
   EXPECT_EQ(like, (std::vector<bool>{false, true, false, false, false, false}));
   const int first = slots[0];
-  EXPECT_EQ(slots, (std::vector<int>{first, 1 - first, first, 1 - first, first, 1 - first, 1 - first, first, 1 - first, 1 - first,
-                                     first}));
+  EXPECT_EQ(slots, (std::vector<int>{first, 1 - first, first, 1 - first, first, 1 - first,
+                                     1 - first, first, 1 - first, 1 - first, first}));
   EXPECT_EQ(view.block(first).degree, 5);
   EXPECT_EQ(view.block(1 - first).degree, 6);
 }
@@ -166,7 +167,8 @@ TEST(Introspection, NamesDefects) {
   }
   {
     ceres::Problem problem(unsafe);
-    problem.AddResidualBlock(new ShapeOnlyCost(1, {4, 4}), nullptr, memory.data(), memory.data() + 2);
+    problem.AddResidualBlock(new ShapeOnlyCost(1, {4, 4}), nullptr, memory.data(),
+                             memory.data() + 2);
     EXPECT_NE(Introspect(problem).defect.find("overlaps"), std::string::npos);
   }
 }

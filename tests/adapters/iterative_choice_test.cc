@@ -1,4 +1,5 @@
-// ITERATIVE_SCHUR and CGNR in incremental mode: conjugate gradients where the reduced system is large, a direct solver else.
+// ITERATIVE_SCHUR and CGNR in incremental mode: conjugate gradients where the reduced system is
+// large, a direct solver else.
 #include <gtest/gtest.h>
 
 #include "adapters/ceres/plan/option_mapping.h"
@@ -23,7 +24,8 @@ IncrementalOptions Chosen(ceres::LinearSolverType type, int max_direct_size,
   options.linear_solver_type = type;
   const internal::ProblemView view = internal::Introspect(test->problem);
   IncrementalOptions result = core;
-  ChooseIterativeSolver(options, view, internal::ReadOrdering(options, view), max_direct_size, &result);
+  ChooseIterativeSolver(options, view, internal::ReadOrdering(options, view), max_direct_size,
+                        &result);
   return result;
 }
 
@@ -43,7 +45,8 @@ TEST(IterativeChoice, LeavesWhatTheCallerChose) {
   EXPECT_EQ(Chosen(ceres::ITERATIVE_SCHUR, 35, core).reduced_solver, ReducedSolverKind::kResumed);
   core.reduced_solver = ReducedSolverKind::kAutomatic;
   core.batch_share = 0.0;
-  EXPECT_EQ(Chosen(ceres::ITERATIVE_SCHUR, 35, core).batch_share, 0.0) << "every solve by the batch solver, as asked for";
+  EXPECT_EQ(Chosen(ceres::ITERATIVE_SCHUR, 35, core).batch_share, 0.0)
+      << "every solve by the batch solver, as asked for";
 }
 
 // b − a − target, of size 6.
@@ -73,7 +76,8 @@ std::unique_ptr<TestProblem> MakeChain() {
   double* last = nullptr;
   for (int i = 0; i < 1400; ++i) {
     double* next = test->Add(std::vector<double>(6, 0.1 * (i % 7)));
-    test->problem.AddResidualBlock(new TargetCost(std::vector<double>(6, 0.01 * (i % 11))), nullptr, next);
+    test->problem.AddResidualBlock(new TargetCost(std::vector<double>(6, 0.01 * (i % 11))), nullptr,
+                                   next);
     if (last != nullptr) {
       test->problem.AddResidualBlock(new TieCost(0.02 * (i % 5)), nullptr, last, next);
     }
@@ -110,7 +114,8 @@ TEST(IterativeSolvers, EndWhereStockDoes) {
       EXPECT_EQ(summary.linear_solver_type_used, type);
       EXPECT_EQ(report.update.num_pcg_iterations > 0, large);
       ASSERT_GT(summary.iterations.size(), 1U);
-      EXPECT_EQ(summary.iterations[1].linear_solver_iterations > 1, large) << "1 tells of a direct solver";
+      EXPECT_EQ(summary.iterations[1].linear_solver_iterations > 1, large)
+          << "1 tells of a direct solver";
     }
   }
 }
@@ -122,7 +127,8 @@ TEST(IterativeSolvers, ASessionSolvesAgainWithTheOtherKind) {
   CeresSession session{inceres::testing::AlwaysIncremental()};
   ceres::Solver::Summary summary;
   SolveReport report;
-  for (const ceres::LinearSolverType type : {ceres::SPARSE_NORMAL_CHOLESKY, ceres::CGNR, ceres::CGNR}) {
+  for (const ceres::LinearSolverType type :
+       {ceres::SPARSE_NORMAL_CHOLESKY, ceres::CGNR, ceres::CGNR}) {
     options.linear_solver_type = type;
     for (std::size_t b = 0; b < 20; ++b) {
       test->blocks[b][0] += 0.5;

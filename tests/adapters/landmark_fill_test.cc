@@ -39,7 +39,8 @@ class Bundle {
     for (int p = 0; p < num_points; ++p) {
       double* point = points_.emplace_back(test_.Add(std::vector<double>(3, 1.0)));
       if (neighbors) {
-        const std::size_t first = std::uniform_int_distribution<std::size_t>(0, cameras_.size() - 1)(random_);
+        const std::size_t first =
+            std::uniform_int_distribution<std::size_t>(0, cameras_.size() - 1)(random_);
         std::iota(order.begin(), order.end(), first);
       } else {
         std::shuffle(order.begin(), order.end(), random_);
@@ -53,21 +54,26 @@ class Bundle {
     return *this;
   }
 
-  LandmarkSelection Select(const AvailableMemory& available = nullptr, const std::vector<double*>* first_group = nullptr) {
+  LandmarkSelection Select(const AvailableMemory& available = nullptr,
+                           const std::vector<double*>* first_group = nullptr) {
     view_ = Introspect(test_.problem);
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::SPARSE_SCHUR;
     if (first_group != nullptr) {
       options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
       for (const ParameterBlockView& block : view_.blocks) {
-        const bool first = std::find(first_group->begin(), first_group->end(), block.values) != first_group->end();
+        const bool first =
+            std::find(first_group->begin(), first_group->end(), block.values) != first_group->end();
         options.linear_solver_ordering->AddElementToGroup(block.values, first ? 0 : 1);
       }
     }
-    return SelectLandmarks(view_, ReadOrdering(options, view_), FindShapes(view_), ceres::SPARSE_SCHUR, available);
+    return SelectLandmarks(view_, ReadOrdering(options, view_), FindShapes(view_),
+                           ceres::SPARSE_SCHUR, available);
   }
 
-  bool IsLandmark(const LandmarkSelection& selection, double* point) const { return selection.Contains(view_.index.Find(point)); }
+  bool IsLandmark(const LandmarkSelection& selection, double* point) const {
+    return selection.Contains(view_.index.Find(point));
+  }
 
   std::vector<double*>& points() { return points_; }
   ceres::Problem& problem() { return test_.problem; }
@@ -102,11 +108,13 @@ TEST(LandmarkFill, SoTheyDoWhereTheUserPutsThemFirst) {
   }
 }
 
-// No track is long, but there are so few points that the cameras would be coupled to each other by chance.
+// No track is long, but there are so few points that the cameras would be coupled to each other by
+// chance.
 TEST(LandmarkFill, FewPointsOfShortTracksAnywhereStay) {
   for (const unsigned seed : kSeeds) {
     Bundle bundle(600, seed);
-    EXPECT_EQ(bundle.Add(120, 30, /*neighbors=*/false).Select().num_landmarks, 0) << "seed " << seed;
+    EXPECT_EQ(bundle.Add(120, 30, /*neighbors=*/false).Select().num_landmarks, 0)
+        << "seed " << seed;
   }
 }
 
@@ -123,7 +131,8 @@ TEST(LandmarkFill, PointsAlongAStreetAreEliminated) {
   for (const unsigned seed : kSeeds) {
     for (const int num_points : {2000, 8000}) {
       Bundle bundle(500, seed);
-      EXPECT_EQ(bundle.Add(num_points, 5, /*neighbors=*/true).Select().num_landmarks, num_points) << "seed " << seed;
+      EXPECT_EQ(bundle.Add(num_points, 5, /*neighbors=*/true).Select().num_landmarks, num_points)
+          << "seed " << seed;
     }
   }
 }
@@ -132,7 +141,8 @@ TEST(LandmarkFill, PointsAlongAStreetAreEliminated) {
 TEST(LandmarkFill, OnlyTheLongTracksOfAStreetStay) {
   for (const unsigned seed : kSeeds) {
     Bundle bundle(400, seed);
-    const LandmarkSelection selection = bundle.Add(4000, 5, /*neighbors=*/true).Add(10, 300, /*neighbors=*/false).Select();
+    const LandmarkSelection selection =
+        bundle.Add(4000, 5, /*neighbors=*/true).Add(10, 300, /*neighbors=*/false).Select();
     EXPECT_EQ(selection.num_landmarks, 4000) << "seed " << seed;
     EXPECT_EQ(selection.num_kept, 10);
     for (std::size_t p = 0; p < bundle.points().size(); ++p) {
@@ -152,8 +162,8 @@ TEST(LandmarkFill, MemoryThatFitsChangesNothing) {
   EXPECT_EQ(bundle.Select([] { return 1e12; }).is_landmark, bundle.Select().is_landmark);
 }
 
-// As many points as cameras, nearly: to eliminate them is a little cheaper, to leave them a little leaner. With less and less
-// memory first the points stay, then nothing fits.
+// As many points as cameras, nearly: to eliminate them is a little cheaper, to leave them a little
+// leaner. With less and less memory first the points stay, then nothing fits.
 TEST(LandmarkFill, ALeanerChoiceIsTakenWhereMemoryIsShort) {
   Bundle bundle(600, 2);
   bundle.Add(900, 30, /*neighbors=*/false);
@@ -175,9 +185,12 @@ TEST(LandmarkFill, ALeanerChoiceIsTakenWhereMemoryIsShort) {
 TEST(LandmarkFill, TheObstacleSaysHowMuchIsMissing) {
   for (const unsigned seed : kSeeds) {
     Bundle bundle(400, seed);
-    const LandmarkSelection selection = bundle.Add(4000, 12, /*neighbors=*/false).Select([] { return 3.0 * (1 << 20); });
-    EXPECT_NE(selection.obstacle.find("memory: a solve is predicted to take "), std::string::npos) << selection.obstacle;
-    EXPECT_NE(selection.obstacle.find(" at least, 3 MiB are available"), std::string::npos) << selection.obstacle;
+    const LandmarkSelection selection =
+        bundle.Add(4000, 12, /*neighbors=*/false).Select([] { return 3.0 * (1 << 20); });
+    EXPECT_NE(selection.obstacle.find("memory: a solve is predicted to take "), std::string::npos)
+        << selection.obstacle;
+    EXPECT_NE(selection.obstacle.find(" at least, 3 MiB are available"), std::string::npos)
+        << selection.obstacle;
   }
 }
 
@@ -202,12 +215,15 @@ TEST(ReducedGraph, PatternIsThatOfTheReducedSystem) {
       return blocks[std::uniform_int_distribution<std::size_t>(0, blocks.size() - 1)(random)];
     };
     for (double* block : frames) {
-      test.problem.AddParameterBlock(block,
-                                     3 + static_cast<int>(std::find(frames.begin(), frames.end(), block) - frames.begin()) % 4);
+      test.problem.AddParameterBlock(
+          block,
+          3 + static_cast<int>(std::find(frames.begin(), frames.end(), block) - frames.begin()) %
+                  4);
     }
     for (int k = 0; k < 40; ++k) {
       double* frame = any(frames);
-      test.problem.AddResidualBlock(new ShapeOnlyCost(2, {size(frame), 2}), nullptr, frame, any(points));
+      test.problem.AddResidualBlock(new ShapeOnlyCost(2, {size(frame), 2}), nullptr, frame,
+                                    any(points));
     }
     for (int k = 0; k < 8; ++k) {
       double* a = any(frames);
@@ -231,12 +247,16 @@ TEST(ReducedGraph, PatternIsThatOfTheReducedSystem) {
     std::vector<std::set<int>> cliques(view.blocks.size() + view.residuals.size());
     for (std::size_t r = 0; r < view.residuals.size(); ++r) {
       const int* slots = view.SlotsOf(view.residuals[r]);
-      const int* landmark = std::find_if(slots, slots + view.residuals[r].num_slots,
-                                         [&](int b) { return is_landmark[static_cast<std::size_t>(b)] != 0; });
+      const int* landmark = std::find_if(slots, slots + view.residuals[r].num_slots, [&](int b) {
+        return is_landmark[static_cast<std::size_t>(b)] != 0;
+      });
       const bool has = landmark != slots + view.residuals[r].num_slots;
-      std::set<int>& clique = cliques[has ? static_cast<std::size_t>(*landmark) : view.blocks.size() + r];
+      std::set<int>& clique =
+          cliques[has ? static_cast<std::size_t>(*landmark) : view.blocks.size() + r];
       std::copy_if(slots, slots + view.residuals[r].num_slots, std::inserter(clique, clique.end()),
-                   [&](int b) { return view.IsReduced(b) && is_landmark[static_cast<std::size_t>(b)] == 0; });
+                   [&](int b) {
+                     return view.IsReduced(b) && is_landmark[static_cast<std::size_t>(b)] == 0;
+                   });
     }
     std::set<std::pair<int, int>> pairs;
     double elimination = 0.0;
@@ -253,14 +273,16 @@ TEST(ReducedGraph, PatternIsThatOfTheReducedSystem) {
       elimination += b < view.blocks.size() ? 2.0 * frames_size * frames_size : 0.0;
     }
     for (const auto& [i, j] : pairs) {
-      const std::pair<int, int> sizes = std::minmax({view.block(i).tangent_size, view.block(j).tangent_size});
+      const std::pair<int, int> sizes =
+          std::minmax({view.block(i).tangent_size, view.block(j).tangent_size});
       expected.emplace(sizes.first, sizes.second);
     }
     for (int row = 0; row < pattern.num_blocks(); ++row) {
-      for (int k = pattern.row_begin[static_cast<std::size_t>(row)]; k < pattern.row_begin[static_cast<std::size_t>(row) + 1];
-           ++k) {
+      for (int k = pattern.row_begin[static_cast<std::size_t>(row)];
+           k < pattern.row_begin[static_cast<std::size_t>(row) + 1]; ++k) {
         const std::pair<int, int> sizes =
-            std::minmax({pattern.block_size(row), pattern.block_size(pattern.columns[static_cast<std::size_t>(k)])});
+            std::minmax({pattern.block_size(row),
+                         pattern.block_size(pattern.columns[static_cast<std::size_t>(k)])});
         found.emplace(sizes.first, sizes.second);
       }
     }
@@ -269,7 +291,8 @@ TEST(ReducedGraph, PatternIsThatOfTheReducedSystem) {
   }
 }
 
-// r = R (a − b) + noise: enough to be solved. A user's points that are eliminated by stock and stay with us.
+// r = R (a − b) + noise: enough to be solved. A user's points that are eliminated by stock and stay
+// with us.
 class DifferenceCost : public ceres::SizedCostFunction<2, 6, 3> {
  public:
   explicit DifferenceCost(std::mt19937* random) {
@@ -278,7 +301,8 @@ class DifferenceCost : public ceres::SizedCostFunction<2, 6, 3> {
       entry = normal(*random);
     }
   }
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     for (int r = 0; r < 2; ++r) {
       residuals[r] = J_[18 + r];
       for (int k = 0; k < 6; ++k) {
@@ -313,7 +337,8 @@ TEST(LandmarkFill, SolvesAsStockAndReportsWhatTheUserAskedFor) {
       auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
       for (std::size_t p = 0; p < 12; ++p) {
         for (std::size_t c = 0; c < 80; ++c) {
-          problem.AddResidualBlock(new DifferenceCost(&random), nullptr, &cameras[6 * c], &points[3 * p]);
+          problem.AddResidualBlock(new DifferenceCost(&random), nullptr, &cameras[6 * c],
+                                   &points[3 * p]);
           ordering->AddElementToGroup(&cameras[6 * c], 1);
         }
         ordering->AddElementToGroup(&points[3 * p], 0);
@@ -338,10 +363,12 @@ TEST(LandmarkFill, SolvesAsStockAndReportsWhatTheUserAskedFor) {
     EXPECT_EQ(ours.schur_structure_used, stock.schur_structure_used);
     ASSERT_EQ(ours.iterations.size(), stock.iterations.size());
     for (std::size_t k = 0; k < ours.iterations.size(); ++k) {
-      EXPECT_NEAR(ours.iterations[k].cost, stock.iterations[k].cost, 1e-9 * stock.iterations[k].cost);
+      EXPECT_NEAR(ours.iterations[k].cost, stock.iterations[k].cost,
+                  1e-9 * stock.iterations[k].cost);
     }
     ASSERT_EQ(report.options_without_effect.size(), 1U);
-    EXPECT_NE(report.options_without_effect[0].find("12 blocks of the first group stay"), std::string::npos);
+    EXPECT_NE(report.options_without_effect[0].find("12 blocks of the first group stay"),
+              std::string::npos);
   }
 }
 

@@ -16,7 +16,9 @@ using testing::TestProblem;
 // Structure only: the cost functions are never called.
 class Structure {
  public:
-  double* Block(int size) { return test_.Add(std::vector<double>(static_cast<std::size_t>(size), 1.0)); }
+  double* Block(int size) {
+    return test_.Add(std::vector<double>(static_cast<std::size_t>(size), 1.0));
+  }
   std::vector<double*> Blocks(int count, int size) {
     std::vector<double*> blocks;
     for (int k = 0; k < count; ++k) {
@@ -27,12 +29,15 @@ class Structure {
   void Factor(int num_residuals, const std::vector<double*>& blocks) {
     std::vector<int> sizes;
     for (const double* block : blocks) {
-      const auto found = std::find_if(test_.blocks.begin(), test_.blocks.end(), [&](const auto& b) { return b.data() == block; });
+      const auto found = std::find_if(test_.blocks.begin(), test_.blocks.end(),
+                                      [&](const auto& b) { return b.data() == block; });
       sizes.push_back(static_cast<int>(found->size()));
     }
     test_.problem.AddResidualBlock(new ShapeOnlyCost(num_residuals, sizes), nullptr, blocks);
   }
-  void SetManifold(double* block, manifolds::AnyManifold* manifold) { manifolds::Set(&test_.problem, block, manifold); }
+  void SetManifold(double* block, manifolds::AnyManifold* manifold) {
+    manifolds::Set(&test_.problem, block, manifold);
+  }
   ceres::Problem& problem() { return test_.problem; }
 
   // The chosen landmarks, after checking that they are independent.
@@ -41,7 +46,9 @@ class Structure {
     const LandmarkSelection selection = ChooseLandmarks(view, FindShapes(view));
     for (const ResidualBlockView& residual : view.residuals) {
       const int* slots = view.SlotsOf(residual);
-      EXPECT_LE(std::count_if(slots, slots + residual.num_slots, [&](int b) { return selection.Contains(b); }), 1);
+      EXPECT_LE(std::count_if(slots, slots + residual.num_slots,
+                              [&](int b) { return selection.Contains(b); }),
+                1);
     }
     std::vector<const double*> chosen;
     for (std::size_t b = 0; b < view.blocks.size(); ++b) {
@@ -81,7 +88,8 @@ TEST(LandmarkSelection, AddressesDecideNothing) {
     const LandmarkSelection selection = ChooseLandmarks(view, FindShapes(view));
     EXPECT_EQ(selection.num_landmarks, kCount);
     for (std::size_t b = 0; b < view.blocks.size(); ++b) {
-      const bool is_of_first = view.blocks[b].values >= first && view.blocks[b].values < first + 3 * kCount;
+      const bool is_of_first =
+          view.blocks[b].values >= first && view.blocks[b].values < first + 3 * kCount;
       EXPECT_EQ(selection.is_landmark[b] != 0, is_of_first);
     }
   }
@@ -99,7 +107,8 @@ TEST(LandmarkSelection, BundleAdjustmentTakesAllPoints) {
   EXPECT_EQ(s.Choose(), Sorted(points));
 }
 
-// Camera split into quaternion, translation and focal length, all as small as a point: only the points may go.
+// Camera split into quaternion, translation and focal length, all as small as a point: only the
+// points may go.
 TEST(LandmarkSelection, SplitCamerasStayFrames) {
   Structure s;
   const std::vector<double*> rotations = s.Blocks(8, 4);
@@ -204,7 +213,8 @@ TEST(LandmarkSelection, FewCurvePointsHaveNoneEither) {
   for (int k = 0; k < 5; ++k) {
     s.Factor(1, {m, c});
   }
-  EXPECT_TRUE(s.Choose().empty()) << "too few residual blocks for the rule of a fifth: the predicted cost decides";
+  EXPECT_TRUE(s.Choose().empty())
+      << "too few residual blocks for the rule of a fifth: the predicted cost decides";
 }
 
 TEST(LandmarkSelection, ABlockThatTouchesAFifthOfTheResidualsStaysAFrame) {
@@ -216,7 +226,8 @@ TEST(LandmarkSelection, ABlockThatTouchesAFifthOfTheResidualsStaysAFrame) {
       s.Factor(2, {poses[k], point});
     }
     for (int k = 0; k < num_others; ++k) {
-      s.Factor(6, {poses[static_cast<std::size_t>(k) % 10], poses[static_cast<std::size_t>(k + 1) % 10]});
+      s.Factor(6, {poses[static_cast<std::size_t>(k) % 10],
+                   poses[static_cast<std::size_t>(k + 1) % 10]});
     }
     EXPECT_EQ(s.Choose().size(), num_others == 41 ? 1u : 0u) << num_others;
   }
@@ -293,7 +304,8 @@ TEST(LandmarkSelection, UsersFirstGroupIsTakenAsFarAsItIsSmall) {
   EXPECT_EQ(selection.num_too_large, 1);
   EXPECT_FALSE(selection.Contains(view.index.Find(points[0]))) << "constant";
   EXPECT_FALSE(selection.Contains(view.index.Find(large)));
-  EXPECT_EQ(options.linear_solver_ordering->NumElements(), 9) << "the caller's ordering is not edited";
+  EXPECT_EQ(options.linear_solver_ordering->NumElements(), 9)
+      << "the caller's ordering is not edited";
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// What comes and goes leaves nothing behind: thousands of small problems, each of another structure.
+// What comes and goes leaves nothing behind: thousands of small problems, each of another
+// structure.
 #include <thread>
 #include <vector>
 
@@ -17,7 +18,8 @@ using testing::TestProblem;
 
 constexpr int kWarmUp = 500;
 constexpr int kSolves = 3000;
-constexpr long kMaxGrowth = 2 << 20;  // an arena of oneTBB that is lost in each solve is six times as much
+// an arena of oneTBB that is lost in each solve is six times as much
+constexpr long kMaxGrowth = 2 << 20;
 
 // One to seven blocks of one to five values, some under a loss: what few of the last problems were.
 std::unique_ptr<TestProblem> MakeProblem(int k) {
@@ -27,7 +29,8 @@ std::unique_ptr<TestProblem> MakeProblem(int k) {
     double* const block = test->Add(std::vector<double>(size, 0.5));
     for (int repeat = 0; repeat < 1 + k / 35 % 3; ++repeat) {
       ceres::LossFunction* const loss = k % 2 == 0 ? new ceres::HuberLoss(1.0) : nullptr;
-      test->problem.AddResidualBlock(new testing::TargetCost(std::vector<double>(size, 0.1 * i + repeat)), loss, block);
+      test->problem.AddResidualBlock(
+          new testing::TargetCost(std::vector<double>(size, 0.1 * i + repeat)), loss, block);
     }
   }
   return test;
@@ -68,8 +71,9 @@ void SolveStrictly(SolveMode mode, const ceres::Solver::Options& options, ceres:
 }
 
 TEST(MemoryGrowth, OfExactSolves) {
-  ExpectNoGrowth(
-      [](const auto& options, auto* problem, auto* summary) { SolveStrictly(SolveMode::kExact, options, problem, summary); });
+  ExpectNoGrowth([](const auto& options, auto* problem, auto* summary) {
+    SolveStrictly(SolveMode::kExact, options, problem, summary);
+  });
 }
 
 TEST(MemoryGrowth, OfIncrementalSolves) {
@@ -87,7 +91,9 @@ TEST(MemoryGrowth, OfSessions) {
 
 TEST(MemoryGrowth, OfASessionThatMeetsOtherProblems) {
   CeresSession session{inceres::testing::AlwaysIncremental()};
-  ExpectNoGrowth([&](const auto& options, auto* problem, auto* summary) { session.Solve(options, problem, summary); });
+  ExpectNoGrowth([&](const auto& options, auto* problem, auto* summary) {
+    session.Solve(options, problem, summary);
+  });
 }
 
 TEST(MemoryGrowth, OfSolvesInThreadsThatEnd) {

@@ -27,8 +27,9 @@ TEST(OptionsWithoutEffect, NamesEachThatWasSet) {
   options.use_mixed_precision_solves = true;
   options.max_num_line_search_step_size_iterations = 3;
   options.gradient_check_relative_precision = 1e-3;
-  EXPECT_EQ(WithoutEffect(options), (Names{"max_num_line_search_step_size_iterations", "max_lbfgs_rank", "eta",
-                                           "use_mixed_precision_solves", "gradient_check_relative_precision"}));
+  EXPECT_EQ(WithoutEffect(options),
+            (Names{"max_num_line_search_step_size_iterations", "max_lbfgs_rank", "eta",
+                   "use_mixed_precision_solves", "gradient_check_relative_precision"}));
 }
 
 TEST(OptionsWithoutEffect, DependsOnWhatElseIsSet) {
@@ -55,7 +56,8 @@ TEST(OptionsWithoutEffect, OrderingsAreReadByTheSchurTypesOnly) {
   options.linear_solver_type = ceres::DENSE_SCHUR;
   EXPECT_EQ(WithoutEffect(options), Names{});
   options.linear_solver_ordering->AddElementToGroup(&x[2], 2);
-  EXPECT_EQ(WithoutEffect(options), Names{"linear_solver_ordering: the order of groups after the first"});
+  EXPECT_EQ(WithoutEffect(options),
+            Names{"linear_solver_ordering: the order of groups after the first"});
 }
 
 TEST(OptionsWithoutEffect, BlocksTooLargeForALandmark) {
@@ -69,7 +71,9 @@ TEST(OptionsWithoutEffect, BlocksTooLargeForALandmark) {
   landmarks.num_too_large = 2;
   const Names names = OptionsWithoutEffect(options, landmarks, /*is_constrained=*/false);
   ASSERT_EQ(names.size(), 1u);
-  EXPECT_NE(names[0].find("2 blocks of the first group have a tangent size above 4"), std::string::npos) << names[0];
+  EXPECT_NE(names[0].find("2 blocks of the first group have a tangent size above 4"),
+            std::string::npos)
+      << names[0];
 }
 
 TEST(OptionsWithoutEffect, AreInTheReport) {
@@ -130,9 +134,11 @@ TEST(MapOptions, CopiesWhatTheCoreReads) {
   EXPECT_EQ(core.min_line_search_step_contraction, 0.4375);
   EXPECT_EQ(core.max_num_line_search_step_size_iterations, 11);
   options.line_search_interpolation_type = ceres::BISECTION;
-  EXPECT_EQ(MapOptions(options, ceres::DENSE_QR).line_search_interpolation, LineSearchInterpolation::kBisection);
+  EXPECT_EQ(MapOptions(options, ceres::DENSE_QR).line_search_interpolation,
+            LineSearchInterpolation::kBisection);
   options.dogleg_type = ceres::SUBSPACE_DOGLEG;
-  EXPECT_EQ(MapOptions(options, ceres::DENSE_QR).strategy, TrustRegionStrategyKind::kSubspaceDogleg);
+  EXPECT_EQ(MapOptions(options, ceres::DENSE_QR).strategy,
+            TrustRegionStrategyKind::kSubspaceDogleg);
   EXPECT_EQ(MapOptions(options, ceres::DENSE_SCHUR).linear_model, LinearModelKind::kAutomatic);
 }
 
@@ -153,10 +159,12 @@ TEST(MapOptions, DefaultsAgree) {
   EXPECT_EQ(mapped.max_num_consecutive_invalid_steps, defaults.max_num_consecutive_invalid_steps);
   EXPECT_EQ(mapped.line_search_interpolation, defaults.line_search_interpolation);
   EXPECT_EQ(mapped.min_line_search_step_size, defaults.min_line_search_step_size);
-  EXPECT_EQ(mapped.line_search_sufficient_function_decrease, defaults.line_search_sufficient_function_decrease);
+  EXPECT_EQ(mapped.line_search_sufficient_function_decrease,
+            defaults.line_search_sufficient_function_decrease);
   EXPECT_EQ(mapped.max_line_search_step_contraction, defaults.max_line_search_step_contraction);
   EXPECT_EQ(mapped.min_line_search_step_contraction, defaults.min_line_search_step_contraction);
-  EXPECT_EQ(mapped.max_num_line_search_step_size_iterations, defaults.max_num_line_search_step_size_iterations);
+  EXPECT_EQ(mapped.max_num_line_search_step_size_iterations,
+            defaults.max_num_line_search_step_size_iterations);
 }
 
 }  // namespace

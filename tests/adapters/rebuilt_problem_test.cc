@@ -1,5 +1,5 @@
-// A problem that is built anew every frame: a structure met before is found again by content, and no number of an earlier solve
-// survives.
+// A problem that is built anew every frame: a structure met before is found again by content, and
+// no number of an earlier solve survives.
 #include <cmath>
 #include <thread>
 #include <vector>
@@ -36,7 +36,8 @@ Outcome SolveNew(const Recipe& recipe, int num_threads = 1) {
   asked.strict = true;
   Solve(options, &test->problem, &summary, asked, &report);
   EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message << report.fallback_reason;
-  return {report.core.structure_reused, summary.final_cost, {test->blocks.begin(), test->blocks.end()}};
+  return {
+      report.core.structure_reused, summary.final_cost, {test->blocks.begin(), test->blocks.end()}};
 }
 
 class RebuiltProblem : public ::testing::Test {
@@ -46,7 +47,8 @@ class RebuiltProblem : public ::testing::Test {
 };
 
 TEST_F(RebuiltProblem, FindsItsStructureAndHasTheBitsOfTheFirst) {
-  const std::vector<Recipe> recipes = {[] { return MakePowell(); }, [] { return MakeCurveFit(0.5); },
+  const std::vector<Recipe> recipes = {[] { return MakePowell(); },
+                                       [] { return MakeCurveFit(0.5); },
                                        [] { return MakeBundle(6, 40, true); }};
   for (const Recipe& recipe : recipes) {
     const Outcome first = SolveNew(recipe);
@@ -77,7 +79,8 @@ TEST_F(RebuiltProblem, IsSolvedAfterOneWhoseLossWasNotFinite) {
     double* a = test.Add({1.0, 2.0, 3.0});
     double* b = test.Add({4.0});
     for (int i = 0; i < 10; ++i) {
-      test.problem.AddResidualBlock(new testing::TargetCost({1.0 * i, 0.0, 1.0}), new Loss(fails), a);
+      test.problem.AddResidualBlock(new testing::TargetCost({1.0 * i, 0.0, 1.0}), new Loss(fails),
+                                    a);
     }
     test.problem.AddResidualBlock(new testing::TargetCost({2.0}), nullptr, b);
     ceres::Solver::Options options;
@@ -108,7 +111,8 @@ struct Difference {
   double shift = 0.0;
 };
 
-// r = (weighted sum of all entries) − target in each row, with other weights for other targets, rows and places.
+// r = (weighted sum of all entries) − target in each row, with other weights for other targets,
+// rows and places.
 class SumCost : public ceres::CostFunction {
  public:
   SumCost(int num_residuals, std::vector<int> sizes, double target) : target_(target) {
@@ -121,7 +125,8 @@ class SumCost : public ceres::CostFunction {
       residuals[row] = -target_;
       for (std::size_t s = 0; s < sizes.size(); ++s) {
         for (int k = 0; k < sizes[s]; ++k) {
-          const double weight = 1.0 + std::sin(target_ + 3.0 * row + 5.0 * static_cast<double>(s) + k);
+          const double weight =
+              1.0 + std::sin(target_ + 3.0 * row + 5.0 * static_cast<double>(s) + k);
           residuals[row] += weight * x[s][k];
           if (jacobians != nullptr && jacobians[s] != nullptr) {
             jacobians[s][row * sizes[s] + k] = weight;
@@ -136,7 +141,8 @@ class SumCost : public ceres::CostFunction {
   double target_;
 };
 
-// Blocks lie in one array, so that their order by address is the same each time, and are touched by chains of residual blocks.
+// Blocks lie in one array, so that their order by address is the same each time, and are touched by
+// chains of residual blocks.
 std::vector<double> SolveWith(const Difference& difference) {
   std::vector<double> memory(10, 0.3);
   const std::vector<int> sizes = {2, 2, difference.longer_block ? 4 : 3};
@@ -152,8 +158,9 @@ std::vector<double> SolveWith(const Difference& difference) {
     if (difference.swapped_slots && i > 4) {
       std::swap(a, b);
     }
-    problem.AddResidualBlock(new SumCost(num_residuals, {sizes[a], sizes[b]}, 0.1 * i + difference.shift),
-                             difference.loss && i % 3 == 0 ? new ceres::CauchyLoss(0.5) : nullptr, blocks[a], blocks[b]);
+    problem.AddResidualBlock(
+        new SumCost(num_residuals, {sizes[a], sizes[b]}, 0.1 * i + difference.shift),
+        difference.loss && i % 3 == 0 ? new ceres::CauchyLoss(0.5) : nullptr, blocks[a], blocks[b]);
   }
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     problem.AddResidualBlock(new SumCost(sizes[b], {sizes[b]}, 1.0), nullptr, blocks[b]);
@@ -225,7 +232,8 @@ TEST_F(RebuiltProblem, HasTheBitsOfTheFirstAfterAnyOther) {
 
 // A QR factorization eliminates no landmarks, where others of the same problem do.
 TEST_F(RebuiltProblem, HasTheLandmarksOfItsLinearSolver) {
-  const std::unique_ptr<TestProblem> test = MakeBundle(6, 40, true);  // once: its blocks stay in order of address
+  // once: its blocks stay in order of address
+  const std::unique_ptr<TestProblem> test = MakeBundle(6, 40, true);
   const auto num_landmarks = [&test](ceres::LinearSolverType type) {
     ceres::Solver::Options options;
     options.linear_solver_type = type;

@@ -1,4 +1,5 @@
-// What a session takes for the same as last time, and what it does not: each rule with a problem that goes wrong without it.
+// What a session takes for the same as last time, and what it does not: each rule with a problem
+// that goes wrong without it.
 #include <cmath>
 #include <vector>
 
@@ -56,7 +57,8 @@ TEST(SessionRecognition, AnotherCostFunctionInARecycledResidualBlock) {
   tug.problem.AddResidualBlock(&c, nullptr, &tug.x);
   tug.Solve();
   EXPECT_EQ(tug.session.changes().num_kept_factors, 1);
-  EXPECT_EQ(tug.session.changes().num_added_factors + tug.session.changes().num_replaced_factors, 1);
+  EXPECT_EQ(tug.session.changes().num_added_factors + tug.session.changes().num_replaced_factors,
+            1);
   EXPECT_NEAR(tug.x, 5.5, 1e-6);
 }
 
@@ -103,7 +105,8 @@ TEST(SessionRecognition, WithoutVerificationOnlyAddressesCount) {
   EXPECT_NEAR(tug.x, 2.5, 1e-6);
 }
 
-// r = x − target, of a size that changes between Remove and Add, as OKVIS's marginalization error does.
+// r = x − target, of a size that changes between Remove and Add, as OKVIS's marginalization error
+// does.
 class Resizing : public ceres::CostFunction {
  public:
   explicit Resizing(int size) { Resize(size); }
@@ -111,7 +114,8 @@ class Resizing : public ceres::CostFunction {
     set_num_residuals(size);
     mutable_parameter_block_sizes()->assign(1, 1);
   }
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     for (int i = 0; i < num_residuals(); ++i) {
       residuals[i] = parameters[0][0] - i;
       if (jacobians != nullptr && jacobians[0] != nullptr) {

@@ -12,11 +12,13 @@
 
 namespace inceres::testing {
 
-/// r = weight (x − target) in one dimension, with everything in the test's hands, and counts of its calls.
+/// r = weight (x − target) in one dimension, with everything in the test's hands, and counts of its
+/// calls.
 class Pull : public ceres::SizedCostFunction<1, 1> {
  public:
   Pull(double pull_target, double pull_weight) : target(pull_target), weight(pull_weight) {}
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     ++(jacobians == nullptr ? num_cost_only_calls : num_jacobian_calls);
     if (on_call) {
       on_call();
@@ -62,7 +64,8 @@ struct Session {
     return options;
   }
 
-  void Solve(ceres::Problem* problem, const ceres::Solver::Options& given = ceres::Solver::Options()) {
+  void Solve(ceres::Problem* problem,
+             const ceres::Solver::Options& given = ceres::Solver::Options()) {
     ceres::Solver::Options options = given;
     options.logging_type = ceres::SILENT;
     options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;

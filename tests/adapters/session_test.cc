@@ -21,7 +21,8 @@ using testing::Tug;
 template <int Size>
 class Distance : public ceres::SizedCostFunction<Size, Size, 3> {
  public:
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     for (int k = 0; k < Size; ++k) {
       residuals[k] = parameters[0][k] - parameters[1][0];
     }
@@ -46,7 +47,8 @@ TEST(Session, ResetStartsFromNothing) {
   EXPECT_NEAR(tug.x, 3.4, 1e-6);
 }
 
-// What it has learned of windows and modes, too: a small problem is solved exactly until it has lived for a while.
+// What it has learned of windows and modes, too: a small problem is solved exactly until it has
+// lived for a while.
 TEST(Session, ResetForgetsThatAProblemIsNoWindow) {
   auto powell = testing::MakePowell();
   CeresSession session;
@@ -67,7 +69,8 @@ TEST(Session, ResetForgetsThatAProblemIsNoWindow) {
   EXPECT_TRUE(is_exact());
 }
 
-// A Schur solver whose landmarks are all constant is DENSE_QR, in Ceres and here, and here only up to a size.
+// A Schur solver whose landmarks are all constant is DENSE_QR, in Ceres and here, and here only up
+// to a size.
 TEST(Session, AnExactSolveHandsALargeDenseQrToStock) {
   constexpr int kSize = 10;
   std::vector<std::vector<double>> blocks(60, std::vector<double>(kSize, 1.0));
@@ -95,7 +98,8 @@ TEST(Session, AnExactSolveHandsALargeDenseQrToStock) {
   EXPECT_NE(report.fallback_reason.find("DENSE_QR"), std::string::npos) << report.fallback_reason;
 }
 
-// Who says that nothing was edited, and errs, is not believed where the number of blocks says otherwise.
+// Who says that nothing was edited, and errs, is not believed where the number of blocks says
+// otherwise.
 TEST(Session, APromiseThatTheProblemIsUneditedIsChecked) {
   Tug tug;
   Pull c{10.0, 2.0};

@@ -1,4 +1,5 @@
-// A window that slides over a living ceres::Problem, solved by a session and by stock Ceres in lockstep.
+// A window that slides over a living ceres::Problem, solved by a session and by stock Ceres in
+// lockstep.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -27,8 +28,8 @@ ceres::Solver::Options Options(double function_tolerance) {
 
 class SessionWindow : public ::testing::TestWithParam<Landmarks> {
  protected:
-  // Solves both windows from the same values and compares. The reference goes to its minimum; the session may stop
-  // function_tolerance above it.
+  // Solves both windows from the same values and compares. The reference goes to its minimum; the
+  // session may stop function_tolerance above it.
   void SolveBoth(const std::string& where) {
     constexpr double kTolerance = 1e-6;
     stock_.SetValues(ours_.Values());
@@ -44,7 +45,8 @@ class SessionWindow : public ::testing::TestWithParam<Landmarks> {
     ceres::Solve(tight, stock_.problem(), &stock);
     ASSERT_TRUE(stock.IsSolutionUsable()) << where << ": " << stock.message;
     EXPECT_NEAR(ours.initial_cost, cost_before, 1e-9 * cost_before) << where;
-    EXPECT_NEAR(ours.final_cost, ours_.Cost(), 1e-9 * ours_.Cost()) << where << ": the cost reported is that of what was written";
+    EXPECT_NEAR(ours.final_cost, ours_.Cost(), 1e-9 * ours_.Cost())
+        << where << ": the cost reported is that of what was written";
     EXPECT_LE(std::fabs(ours_.Cost() - stock_.Cost()), kTolerance * stock_.Cost()) << where;
     relinearized_ += report_.update.num_relinearized_factors;
   }
@@ -64,7 +66,8 @@ class SessionWindow : public ::testing::TestWithParam<Landmarks> {
     relinearized_from_scratch_ += report.update.num_relinearized_factors;
   }
 
-  ceres::Solver::Options Adjusted(ceres::Solver::Options options, const IncrementalWindow& window) const {
+  ceres::Solver::Options Adjusted(ceres::Solver::Options options,
+                                  const IncrementalWindow& window) const {
     if (GetParam() == Landmarks::kGiven) {
       options.linear_solver_ordering.reset(window.LandmarksFirst());
     }
@@ -91,11 +94,13 @@ TEST_P(SessionWindow, EndsWhereStockDoesWithLessWork) {
     const std::string where = "step " + std::to_string(step);
     SolveBoth(where);
     if (step > 2 * IncrementalWindow::kMaxFrames) {
-      EXPECT_GT(report_.changes.num_revalued_variables, 0) << where << ": the memory of the oldest frame, used again";
+      EXPECT_GT(report_.changes.num_revalued_variables, 0)
+          << where << ": the memory of the oldest frame, used again";
       EXPECT_GT(report_.changes.num_added_factors, 0) << where;
       EXPECT_GT(report_.changes.num_removed_factors, 0) << where;
       EXPECT_GT(report_.changes.num_kept_factors, 2 * report_.changes.num_added_factors) << where;
-      EXPECT_LT(report_.changes.num_replaced_factors, report_.changes.num_kept_factors / 10) << where;
+      EXPECT_LT(report_.changes.num_replaced_factors, report_.changes.num_kept_factors / 10)
+          << where;
     }
     SolveFromScratch(&third);
   }
@@ -141,15 +146,20 @@ TEST_P(SessionWindow, NothingChangedCostsNothing) {
   const std::vector<double> before = ours_.Values();
   SolveBoth("again");
   EXPECT_EQ(report_.changes.num_kept_factors, ours_.problem()->NumResidualBlocks());
-  EXPECT_EQ(report_.changes.num_added_factors + report_.changes.num_removed_factors + report_.changes.num_replaced_factors, 0);
+  EXPECT_EQ(report_.changes.num_added_factors + report_.changes.num_removed_factors +
+                report_.changes.num_replaced_factors,
+            0);
   EXPECT_EQ(report_.changes.num_added_variables + report_.changes.num_removed_variables, 0);
   EXPECT_EQ(report_.changes.num_revalued_variables + report_.changes.num_toggled_constants, 0);
   EXPECT_EQ(report_.update.num_relinearized_factors, 0);
   EXPECT_EQ(ours_.Values(), before);
 }
 
-INSTANTIATE_TEST_SUITE_P(Landmarks, SessionWindow, ::testing::Values(Landmarks::kChosen, Landmarks::kGiven),
-                         [](const auto& instance) { return instance.param == Landmarks::kChosen ? "Chosen" : "Given"; });
+INSTANTIATE_TEST_SUITE_P(Landmarks, SessionWindow,
+                         ::testing::Values(Landmarks::kChosen, Landmarks::kGiven),
+                         [](const auto& instance) {
+                           return instance.param == Landmarks::kChosen ? "Chosen" : "Given";
+                         });
 
 }  // namespace
 }  // namespace inceres

@@ -27,7 +27,8 @@ using CeresSummary = ceres::Solver::Summary;
 
 constexpr int kSize = 8;
 
-// Rows of a Hilbert matrix, bent a little: its normal equations lose most digits. `offset` is added by whoever plays a fault.
+// Rows of a Hilbert matrix, bent a little: its normal equations lose most digits. `offset` is added
+// by whoever plays a fault.
 class HilbertCost : public ceres::SizedCostFunction<2 * kSize, kSize> {
  public:
   HilbertCost(int seed, const double* offset) : offset_(offset) {
@@ -36,7 +37,8 @@ class HilbertCost : public ceres::SizedCostFunction<2 * kSize, kSize> {
       target = std::uniform_real_distribution<double>(-1.0, 1.0)(random);
     }
   }
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     for (int i = 0; i < 2 * kSize; ++i) {
       residuals[i] = *offset_ - targets_[i];
       for (int j = 0; j < kSize; ++j) {
@@ -57,7 +59,8 @@ class HilbertCost : public ceres::SizedCostFunction<2 * kSize, kSize> {
 
 std::unique_ptr<TestProblem> MakeHilbert(int seed, const double* offset) {
   auto test = std::make_unique<TestProblem>();
-  test->problem.AddResidualBlock(new HilbertCost(seed, offset), nullptr, test->Add(std::vector<double>(kSize, 0.1)));
+  test->problem.AddResidualBlock(new HilbertCost(seed, offset), nullptr,
+                                 test->Add(std::vector<double>(kSize, 0.1)));
   return test;
 }
 
@@ -69,7 +72,8 @@ Options Sensitive() {
   return options;
 }
 
-std::shared_ptr<const CrossCheckResult> Checked(const Options& options, ceres::Problem* problem, double spread_factor) {
+std::shared_ptr<const CrossCheckResult> Checked(const Options& options, ceres::Problem* problem,
+                                                double spread_factor) {
   SolveOptions asked;
   SolveReport report;
   asked.cross_check.enabled = true;
@@ -89,19 +93,24 @@ TEST(StockSpread, WhatRoundingIsBlownUpToIsNoViolation) {
     EXPECT_FALSE(at_once->spread);
     num_accused_at_once += at_once->agrees() ? 0 : 1;
     const testing::CapturedLog log(google::GLOG_INFO);
-    const auto result = Checked(Sensitive(), &MakeHilbert(seed, &offset)->problem, CrossCheckOptions().spread_factor);
+    const auto result = Checked(Sensitive(), &MakeHilbert(seed, &offset)->problem,
+                                CrossCheckOptions().spread_factor);
     num_accused += result->agrees() ? 0 : 1;
     EXPECT_EQ(result->spread.has_value(), !at_once->agrees());
     if (result->agrees() && !at_once->agrees()) {
       EXPECT_EQ(result->within_spread.size(), at_once->violations.size());
       EXPECT_EQ(result->first_different_iteration, -1);
-      EXPECT_THAT(result->spread->linear_solvers, HasSubstr("DENSE_NORMAL_CHOLESKY, SPARSE_NORMAL_CHOLESKY"));
+      EXPECT_THAT(result->spread->linear_solvers,
+                  HasSubstr("DENSE_NORMAL_CHOLESKY, SPARSE_NORMAL_CHOLESKY"));
       ASSERT_THAT(log.messages(), Not(IsEmpty()));
       EXPECT_THAT(log.messages().back(), HasSubstr("no more than stock's own linear solvers do"));
     }
   }
   EXPECT_GE(num_accused_at_once, 30);
-  EXPECT_LE(num_accused, 10);  // where stock's solvers happen to end close to each other; one in twelve of 1,000 problems
+  EXPECT_LE(
+      num_accused,
+      // where stock's solvers happen to end close to each other; one in twelve of 1,000 problems
+      10);
 }
 
 // The same problems, of which stock is given others.
@@ -115,18 +124,22 @@ TEST(StockSpread, AViolationAmongThemIsReported) {
     faced.test->problem.AddResidualBlock(new HilbertCost(seed, &offset), nullptr,
                                          faced.test->Add(std::vector<double>(kSize, 0.1)));
     const testing::CapturedLog log;
-    const auto result = Checked(Sensitive(), &faced.test->problem, CrossCheckOptions().spread_factor);
+    const auto result =
+        Checked(Sensitive(), &faced.test->problem, CrossCheckOptions().spread_factor);
     EXPECT_FALSE(result->agrees());
     EXPECT_THAT(result->within_spread, IsEmpty());
     ASSERT_THAT(log.messages(), Not(IsEmpty()));
-    EXPECT_THAT(log.messages().back(), HasSubstr("stock's own linear solvers (DENSE_NORMAL_CHOLESKY, "));
+    EXPECT_THAT(log.messages().back(),
+                HasSubstr("stock's own linear solvers (DENSE_NORMAL_CHOLESKY, "));
   }
 }
 
-// As a preintegration that is integrated again where the bias has moved too far: what it was integrated at stays.
+// As a preintegration that is integrated again where the bias has moved too far: what it was
+// integrated at stays.
 class RememberingCost : public ceres::SizedCostFunction<1, 1> {
  public:
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     const double x = parameters[0][0];
     if (std::abs(x - center_) > 0.5) {
       center_ = x;
@@ -181,7 +194,8 @@ TEST(StockSpread, NobodyNoticesTheMeasurement) {
     Counter counter;
     Options options = Sensitive();
     options.callbacks.push_back(&counter);
-    const auto result = Checked(options, &checked->problem, 1e-3);  // too little: everything is tried
+    // too little: everything is tried
+    const auto result = Checked(options, &checked->problem, 1e-3);
     EXPECT_EQ(static_cast<std::size_t>(counter.calls), result->ours.iterations.size());
     EXPECT_EQ(checked->blocks, plain->blocks);
     EXPECT_EQ(result->ours.final_cost, summary.final_cost);
@@ -240,8 +254,9 @@ struct OrderedBundle {
 
 // Whatever was asked for, with an ordering or without: the others solve the same problem.
 TEST(StockSpread, OtherLinearSolversComeToTheSameEnd) {
-  for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::DENSE_NORMAL_CHOLESKY, ceres::SPARSE_NORMAL_CHOLESKY,
-                          ceres::DENSE_QR, ceres::ITERATIVE_SCHUR, ceres::CGNR}) {
+  for (const auto type :
+       {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::DENSE_NORMAL_CHOLESKY,
+        ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_QR, ceres::ITERATIVE_SCHUR, ceres::CGNR}) {
     for (const bool ordered : {false, true}) {
       OrderedBundle bundle(ordered);
       Options options;
@@ -252,10 +267,13 @@ TEST(StockSpread, OtherLinearSolversComeToTheSameEnd) {
       options.logging_type = ceres::SILENT;
       const CeresSummary summary = bundle.SolveWith(options);
       const auto others = internal::OtherLinearSolvers(options, summary);
-      EXPECT_EQ(others.empty(), type == ceres::DENSE_QR && !ceres::IsDenseLinearAlgebraLibraryTypeAvailable(ceres::LAPACK));
+      EXPECT_EQ(others.empty(),
+                type == ceres::DENSE_QR &&
+                    !ceres::IsDenseLinearAlgebraLibraryTypeAvailable(ceres::LAPACK));
       for (const Options& other : others) {
         const CeresSummary end = OrderedBundle(ordered).SolveWith(other);
-        EXPECT_NEAR(end.final_cost, summary.final_cost, 1e-6 * summary.final_cost) << ceres::LinearSolverTypeToString(type);
+        EXPECT_NEAR(end.final_cost, summary.final_cost, 1e-6 * summary.final_cost)
+            << ceres::LinearSolverTypeToString(type);
       }
     }
   }

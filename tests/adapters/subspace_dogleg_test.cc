@@ -32,7 +32,8 @@ struct Cosine {
 
 std::unique_ptr<TestProblem> MakeLine() {
   auto test = std::make_unique<TestProblem>();
-  test->problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Cosine, 1, 1>(new Cosine), nullptr, test->Add({0.0}));
+  test->problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Cosine, 1, 1>(new Cosine), nullptr,
+                                 test->Add({0.0}));
   return test;
 }
 
@@ -62,14 +63,20 @@ TEST_P(SubspaceDogleg, FollowsStock) {
 INSTANTIATE_TEST_SUITE_P(
     Problems, SubspaceDogleg,
     ::testing::Combine(
-        ::testing::Values(Case{"Line", MakeLine, ceres::DENSE_QR, 0.1}, Case{"Powell", testing::MakePowell, ceres::DENSE_QR, 0.5},
-                          Case{"Curve", [] { return testing::MakeCurveFit(1.0); }, ceres::DENSE_QR, 0.2},
-                          Case{"CurveNormal", [] { return testing::MakeCurveFit(0.0); }, ceres::DENSE_NORMAL_CHOLESKY, 1e4},
-                          Case{"Bundle", [] { return testing::MakeBundle(4, 25, true); }, ceres::DENSE_SCHUR, 0.3},
-                          Case{"Window", [] { return testing::MakeWindow(5, 25, true); }, ceres::SPARSE_SCHUR, 0.5}),
+        ::testing::Values(Case{"Line", MakeLine, ceres::DENSE_QR, 0.1},
+                          Case{"Powell", testing::MakePowell, ceres::DENSE_QR, 0.5},
+                          Case{"Curve", [] { return testing::MakeCurveFit(1.0); }, ceres::DENSE_QR,
+                               0.2},
+                          Case{"CurveNormal", [] { return testing::MakeCurveFit(0.0); },
+                               ceres::DENSE_NORMAL_CHOLESKY, 1e4},
+                          Case{"Bundle", [] { return testing::MakeBundle(4, 25, true); },
+                               ceres::DENSE_SCHUR, 0.3},
+                          Case{"Window", [] { return testing::MakeWindow(5, 25, true); },
+                               ceres::SPARSE_SCHUR, 0.5}),
         ::testing::Bool(), ::testing::Bool()),
     [](const ::testing::TestParamInfo<std::tuple<Case, bool, bool>>& instance) {
-      return std::string(std::get<0>(instance.param).name) + (std::get<1>(instance.param) ? "Nonmonotonic" : "") +
+      return std::string(std::get<0>(instance.param).name) +
+             (std::get<1>(instance.param) ? "Nonmonotonic" : "") +
              (std::get<2>(instance.param) ? "" : "Unscaled");
     });
 

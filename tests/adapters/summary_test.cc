@@ -19,8 +19,9 @@ using testing::MakeWindow;
 using testing::SolveBoth;
 using testing::TestProblem;
 
-ceres::Solver::Options WithSolver(ceres::LinearSolverType type,
-                                  ceres::TrustRegionStrategyType strategy = ceres::LEVENBERG_MARQUARDT) {
+ceres::Solver::Options WithSolver(
+    ceres::LinearSolverType type,
+    ceres::TrustRegionStrategyType strategy = ceres::LEVENBERG_MARQUARDT) {
   ceres::Solver::Options options;
   options.linear_solver_type = type;
   options.trust_region_strategy_type = strategy;
@@ -33,8 +34,8 @@ void ExpectCountIdentities(const ceres::Solver::Summary& summary) {
   for (const ceres::IterationSummary& iteration : summary.iterations) {
     num_invalid += iteration.step_is_valid ? 0 : 1;
   }
-  const bool by_tolerance =
-      summary.message.rfind("Function tolerance", 0) == 0 || summary.message.rfind("Parameter tolerance", 0) == 0;
+  const bool by_tolerance = summary.message.rfind("Function tolerance", 0) == 0 ||
+                            summary.message.rfind("Parameter tolerance", 0) == 0;
   const int S = summary.num_successful_steps;
   const int U = summary.num_unsuccessful_steps;
   EXPECT_EQ(S + U, static_cast<int>(summary.iterations.size()));
@@ -54,7 +55,8 @@ TEST(Summary, Powell) {
 TEST(Summary, CurveFitWithAndWithoutLoss) {
   for (const double width : {0.0, 0.5}) {
     for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
-      const BothSolved both = SolveBoth([&] { return MakeCurveFit(width); }, WithSolver(ceres::DENSE_QR, strategy));
+      const BothSolved both =
+          SolveBoth([&] { return MakeCurveFit(width); }, WithSolver(ceres::DENSE_QR, strategy));
       ExpectSameSummary(both, 1e-9, true);
       ExpectSameParameters(both, 1e-9);
       EXPECT_EQ(both.report.num_landmarks, 0);
@@ -89,7 +91,8 @@ TEST(Summary, BundleWithUsersOrdering) {
     }
   };
   for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY}) {
-    const BothSolved both = SolveBoth([] { return MakeBundle(6, 60, true); }, WithSolver(type), order);
+    const BothSolved both =
+        SolveBoth([] { return MakeBundle(6, 60, true); }, WithSolver(type), order);
     ExpectSameSummary(both, 1e-9, true);
     EXPECT_EQ(both.report.num_landmarks, 60);
   }
@@ -106,18 +109,22 @@ TEST(Summary, EmptiedFirstGroupSwitchesTheLinearSolver) {
       }
     }
   };
-  const BothSolved dense = SolveBoth([] { return MakeBundle(3, 20, true); }, WithSolver(ceres::DENSE_SCHUR), order);
+  const BothSolved dense =
+      SolveBoth([] { return MakeBundle(3, 20, true); }, WithSolver(ceres::DENSE_SCHUR), order);
   ExpectSameSummary(dense, 1e-9, true);
   EXPECT_EQ(dense.ours.linear_solver_type_used, ceres::DENSE_QR);
-  const BothSolved sparse = SolveBoth([] { return MakeBundle(3, 20, true); }, WithSolver(ceres::SPARSE_SCHUR), order);
+  const BothSolved sparse =
+      SolveBoth([] { return MakeBundle(3, 20, true); }, WithSolver(ceres::SPARSE_SCHUR), order);
   ExpectSameSummary(sparse, 1e-9, true);
   EXPECT_EQ(sparse.ours.linear_solver_type_used, ceres::SPARSE_NORMAL_CHOLESKY);
 }
 
 TEST(Summary, WindowWithLocalParameterizationsConstantsAndFixedCost) {
   for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
-    for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_NORMAL_CHOLESKY}) {
-      const BothSolved both = SolveBoth([] { return MakeWindow(5, 30, true); }, WithSolver(type, strategy));
+    for (const auto type :
+         {ceres::DENSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_NORMAL_CHOLESKY}) {
+      const BothSolved both =
+          SolveBoth([] { return MakeWindow(5, 30, true); }, WithSolver(type, strategy));
       ExpectSameSummary(both, 1e-8, false);
       ExpectSameParameters(both, 1e-6);
       EXPECT_GT(both.ours.fixed_cost, 0.0);
@@ -152,7 +159,8 @@ TEST(Summary, OnlyLandmarks) {
 }
 
 TEST(Summary, SchurTypeWithoutLandmarks) {
-  const BothSolved both = SolveBoth([] { return MakeWindow(5, 0, false); }, WithSolver(ceres::DENSE_SCHUR, ceres::DOGLEG));
+  const BothSolved both = SolveBoth([] { return MakeWindow(5, 0, false); },
+                                    WithSolver(ceres::DENSE_SCHUR, ceres::DOGLEG));
   ExpectSameSummary(both, 1e-8, false);
   ExpectSameParameters(both, 1e-6);
   EXPECT_EQ(both.report.num_landmarks, 0);
@@ -198,7 +206,8 @@ TEST(Summary, LimitsOfIterationsAndTime) {
   options.max_solver_time_in_seconds = 0.0;
   const BothSolved both = SolveBoth(MakePowell, options);
   ExpectSameSummary(both, 1e-9, true);
-  EXPECT_EQ(both.ours.message.rfind("Maximum solver time reached. Total solver time: ", 0), 0u) << both.ours.message;
+  EXPECT_EQ(both.ours.message.rfind("Maximum solver time reached. Total solver time: ", 0), 0u)
+      << both.ours.message;
 }
 
 TEST(Summary, TimeSpentBeforeTheLoopCounts) {
@@ -207,7 +216,8 @@ TEST(Summary, TimeSpentBeforeTheLoopCounts) {
   inceres::Solve(WithSolver(ceres::DENSE_QR), &test->problem, &summary);
   ASSERT_FALSE(summary.iterations.empty());
   EXPECT_GE(summary.iterations[0].cumulative_time_in_seconds, summary.preprocessor_time_in_seconds);
-  EXPECT_GE(summary.total_time_in_seconds, summary.preprocessor_time_in_seconds + summary.minimizer_time_in_seconds);
+  EXPECT_GE(summary.total_time_in_seconds,
+            summary.preprocessor_time_in_seconds + summary.minimizer_time_in_seconds);
 }
 
 TEST(Summary, NothingToSolve) {
@@ -232,10 +242,12 @@ TEST(Summary, NothingToSolve) {
     return test;
   };
   for (const testing::Recipe& recipe :
-       {testing::Recipe(empty), testing::Recipe(without_residuals), testing::Recipe(all_constant), testing::Recipe(no_freedom)}) {
+       {testing::Recipe(empty), testing::Recipe(without_residuals), testing::Recipe(all_constant),
+        testing::Recipe(no_freedom)}) {
     const BothSolved both = SolveBoth(recipe, WithSolver(ceres::DENSE_SCHUR));
     ExpectSameSummary(both, 1e-14, true);
-    EXPECT_EQ(both.ours.message, "Function tolerance reached. No non-constant parameter blocks found.");
+    EXPECT_EQ(both.ours.message,
+              "Function tolerance reached. No non-constant parameter blocks found.");
     EXPECT_EQ(both.ours.BriefReport(), both.stock.BriefReport());
     ExpectSameParameters(both, 0.0);
   }
@@ -243,12 +255,19 @@ TEST(Summary, NothingToSolve) {
 
 // Up to its times the long report is Ceres's, character by character.
 TEST(Summary, Reports) {
-  const BothSolved both = SolveBoth([] { return MakeBundle(6, 60, true); }, WithSolver(ceres::DENSE_SCHUR));
+  const BothSolved both =
+      SolveBoth([] { return MakeBundle(6, 60, true); }, WithSolver(ceres::DENSE_SCHUR));
   EXPECT_EQ(both.ours.BriefReport(), both.stock.BriefReport());
-  const auto up_to_times = [](const std::string& report) { return report.substr(0, report.find("Time (in seconds)")); };
-  const auto without_change = [](std::string report) { return report.erase(report.find("Change"), 40); };
-  EXPECT_EQ(without_change(up_to_times(both.ours.FullReport())), without_change(up_to_times(both.stock.FullReport())));
-  EXPECT_NE(both.ours.FullReport().find("Termination:                      CONVERGENCE"), std::string::npos);
+  const auto up_to_times = [](const std::string& report) {
+    return report.substr(0, report.find("Time (in seconds)"));
+  };
+  const auto without_change = [](std::string report) {
+    return report.erase(report.find("Change"), 40);
+  };
+  EXPECT_EQ(without_change(up_to_times(both.ours.FullReport())),
+            without_change(up_to_times(both.stock.FullReport())));
+  EXPECT_NE(both.ours.FullReport().find("Termination:                      CONVERGENCE"),
+            std::string::npos);
 }
 
 TEST(Summary, ThreadsAreBoundedByTheMachine) {
@@ -261,7 +280,8 @@ TEST(Summary, ThreadsAreBoundedByTheMachine) {
 }
 
 TEST(Summary, ReportOfTheCore) {
-  const BothSolved both = SolveBoth([] { return MakeBundle(3, 20, true); }, WithSolver(ceres::DENSE_SCHUR));
+  const BothSolved both =
+      SolveBoth([] { return MakeBundle(3, 20, true); }, WithSolver(ceres::DENSE_SCHUR));
   EXPECT_TRUE(both.report.fallback_reason.empty());
   EXPECT_EQ(both.report.core.work.num_landmarks, 20);
   EXPECT_EQ(both.report.core.iterations.size(), both.ours.iterations.size());

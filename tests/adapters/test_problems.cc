@@ -54,13 +54,17 @@ struct Reprojection {
   }
 };
 
-// world_from_body: p, q (x y z w); point given by a bearing in body i and its inverse depth, seen from body j.
+// world_from_body: p, q (x y z w); point given by a bearing in body i and its inverse depth, seen
+// from body j.
 struct InverseDepthReprojection {
   double bearing_i[2], bearing_j[2];
   template <typename T>
-  bool operator()(const T* pose_i, const T* pose_j, const T* extrinsic, const T* inverse_depth, T* residual) const {
+  bool operator()(const T* pose_i, const T* pose_j, const T* extrinsic, const T* inverse_depth,
+                  T* residual) const {
     using Vector = Eigen::Matrix<T, 3, 1>;
-    const auto rotation = [](const T* pose) { return Eigen::Map<const Eigen::Quaternion<T>>(pose + 3); };
+    const auto rotation = [](const T* pose) {
+      return Eigen::Map<const Eigen::Quaternion<T>>(pose + 3);
+    };
     const auto translation = [](const T* pose) { return Eigen::Map<const Vector>(pose); };
     const Vector camera_i = Vector(T(bearing_i[0]), T(bearing_i[1]), T(1.0)) / inverse_depth[0];
     const Vector body_i = rotation(extrinsic) * camera_i + translation(extrinsic);
@@ -76,14 +80,16 @@ struct InverseDepthReprojection {
 // A linear prior over poses and velocities, dense and of run-time size: r = Σ_k A_k (x_k − x⁰_k).
 class DensePrior : public ceres::CostFunction {
  public:
-  DensePrior(int num_residuals, std::vector<std::vector<double>> origins) : origins_(std::move(origins)) {
+  DensePrior(int num_residuals, std::vector<std::vector<double>> origins)
+      : origins_(std::move(origins)) {
     set_num_residuals(num_residuals);
     for (const auto& origin : origins_) {
       mutable_parameter_block_sizes()->push_back(static_cast<int>(origin.size()));
     }
   }
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     std::fill_n(residuals, num_residuals(), 0.0);
     for (std::size_t k = 0; k < origins_.size(); ++k) {
       const int size = static_cast<int>(origins_[k].size());
@@ -108,17 +114,20 @@ class DensePrior : public ceres::CostFunction {
 };
 
 double Uniform(std::mt19937* engine, double low, double high) {
-  return low + (high - low) * static_cast<double>((*engine)()) / static_cast<double>(std::mt19937::max());
+  return low +
+         (high - low) * static_cast<double>((*engine)()) / static_cast<double>(std::mt19937::max());
 }
 
 std::vector<double> PoseOf(int i) {
-  const Eigen::Quaterniond q(Eigen::AngleAxisd(0.05 * i, Eigen::Vector3d(0.2, 1.0, 0.1).normalized()));
+  const Eigen::Quaterniond q(
+      Eigen::AngleAxisd(0.05 * i, Eigen::Vector3d(0.2, 1.0, 0.1).normalized()));
   return {0.4 * i, 0.05 * i * i, 0.1 * std::sin(i), q.x(), q.y(), q.z(), q.w()};
 }
 
 #if CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR < 2
 ceres::LocalParameterization* MakePoseParameterization() {
-  return new ceres::ProductParameterization(new ceres::IdentityParameterization(3), new ceres::EigenQuaternionParameterization());
+  return new ceres::ProductParameterization(new ceres::IdentityParameterization(3),
+                                            new ceres::EigenQuaternionParameterization());
 }
 #else
 ceres::Manifold* MakePoseParameterization() {
@@ -126,30 +135,37 @@ ceres::Manifold* MakePoseParameterization() {
 }
 #endif
 
-Eigen::Vector3d InCamera(const std::vector<double>& pose, const std::vector<double>& extrinsic, const Eigen::Vector3d& world) {
-  const auto rotation = [](const std::vector<double>& x) { return Eigen::Quaterniond(x[6], x[3], x[4], x[5]); };
-  const auto translation = [](const std::vector<double>& x) { return Eigen::Vector3d(x[0], x[1], x[2]); };
+Eigen::Vector3d InCamera(const std::vector<double>& pose, const std::vector<double>& extrinsic,
+                         const Eigen::Vector3d& world) {
+  const auto rotation = [](const std::vector<double>& x) {
+    return Eigen::Quaterniond(x[6], x[3], x[4], x[5]);
+  };
+  const auto translation = [](const std::vector<double>& x) {
+    return Eigen::Vector3d(x[0], x[1], x[2]);
+  };
   const Eigen::Vector3d body = rotation(pose).conjugate() * (world - translation(pose));
   return rotation(extrinsic).conjugate() * (body - translation(extrinsic));
 }
 
-void AddFeatures(int num_features, bool huber, const std::vector<double*>& poses, double* extrinsic, std::mt19937* engine,
-                 TestProblem* test) {
+void AddFeatures(int num_features, bool huber, const std::vector<double*>& poses, double* extrinsic,
+                 std::mt19937* engine, TestProblem* test) {
   const std::vector<double> true_extrinsic(extrinsic, extrinsic + 7);
   ceres::LossFunction* loss = huber ? new ceres::HuberLoss(1.0) : nullptr;
   const int num_poses = static_cast<int>(poses.size());
   for (int f = 0; f < num_features; ++f) {
-    const Eigen::Vector3d world(Uniform(engine, -2, 4), Uniform(engine, -2, 2), Uniform(engine, 4, 9));
+    const Eigen::Vector3d world(Uniform(engine, -2, 4), Uniform(engine, -2, 2),
+                                Uniform(engine, 4, 9));
     const int anchor = f % (num_poses - 1);
     const Eigen::Vector3d seen = InCamera(PoseOf(anchor), true_extrinsic, world);
     double* inverse_depth = test->Add({1.0 / seen.z() * Uniform(engine, 0.8, 1.2)});
     for (int j = anchor + 1; j < num_poses; ++j) {
       const Eigen::Vector3d other = InCamera(PoseOf(j), true_extrinsic, world);
-      auto* term = new InverseDepthReprojection{{seen.x() / seen.z(), seen.y() / seen.z()},
-                                                {other.x() / other.z() + Uniform(engine, -2e-3, 2e-3), other.y() / other.z()}};
+      auto* term = new InverseDepthReprojection{
+          {seen.x() / seen.z(), seen.y() / seen.z()},
+          {other.x() / other.z() + Uniform(engine, -2e-3, 2e-3), other.y() / other.z()}};
       auto* cost = new ceres::AutoDiffCostFunction<InverseDepthReprojection, 2, 7, 7, 7, 1>(term);
-      test->problem.AddResidualBlock(cost, loss, poses[static_cast<std::size_t>(anchor)], poses[static_cast<std::size_t>(j)],
-                                     extrinsic, inverse_depth);
+      test->problem.AddResidualBlock(cost, loss, poses[static_cast<std::size_t>(anchor)],
+                                     poses[static_cast<std::size_t>(j)], extrinsic, inverse_depth);
     }
   }
   if (num_features == 0) {
@@ -159,12 +175,14 @@ void AddFeatures(int num_features, bool huber, const std::vector<double*>& poses
 
 }  // namespace
 
-TargetCost::TargetCost(std::vector<double> target, Hook hook) : target_(std::move(target)), hook_(std::move(hook)) {
+TargetCost::TargetCost(std::vector<double> target, Hook hook)
+    : target_(std::move(target)), hook_(std::move(hook)) {
   set_num_residuals(static_cast<int>(target_.size()));
   mutable_parameter_block_sizes()->push_back(static_cast<int>(target_.size()));
 }
 
-bool TargetCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool TargetCost::Evaluate(double const* const* parameters, double* residuals,
+                          double** jacobians) const {
   const std::size_t size = target_.size();
   for (std::size_t i = 0; i < size; ++i) {
     residuals[i] = parameters[0][i] - target_[i];
@@ -196,20 +214,24 @@ std::unique_ptr<TestProblem> MakeCurveFit(double loss_width) {
   ceres::LossFunction* loss = loss_width > 0.0 ? new ceres::CauchyLoss(loss_width) : nullptr;
   for (int k = 0; k < 40; ++k) {
     const double x = 0.1 * k;
-    const double y = std::exp(0.3 * x + 0.1) + Uniform(&engine, -0.2, 0.2) + (k == 10 || k == 30 ? 4.0 : 0.0);
-    auto* cost = new ceres::AutoDiffCostFunction<ExponentialTerm, 1, 1, 1>(new ExponentialTerm{x, y});
+    const double y =
+        std::exp(0.3 * x + 0.1) + Uniform(&engine, -0.2, 0.2) + (k == 10 || k == 30 ? 4.0 : 0.0);
+    auto* cost =
+        new ceres::AutoDiffCostFunction<ExponentialTerm, 1, 1, 1>(new ExponentialTerm{x, y});
     test->problem.AddResidualBlock(cost, loss, m, c);
   }
   return test;
 }
 
-std::unique_ptr<TestProblem> MakeBundle(int num_cameras, int num_points, bool first_camera_constant) {
+std::unique_ptr<TestProblem> MakeBundle(int num_cameras, int num_points,
+                                        bool first_camera_constant) {
   auto test = std::make_unique<TestProblem>();
   std::mt19937 engine(5);
   std::vector<std::vector<double>> true_cameras;
   std::vector<double*> cameras;
   for (int c = 0; c < num_cameras; ++c) {
-    std::vector<double> camera = {0.02 * c, -0.05 * c, 0.01, 0.3 * c, 0.1 * std::sin(c), 0.05 * c, 500.0, -0.02, 0.01};
+    std::vector<double> camera = {0.02 * c, -0.05 * c, 0.01,  0.3 * c, 0.1 * std::sin(c),
+                                  0.05 * c, 500.0,     -0.02, 0.01};
     true_cameras.push_back(camera);
     for (int k = 0; k < 6 && c > 0; ++k) {
       camera[static_cast<std::size_t>(k)] += Uniform(&engine, -0.01, 0.01);
@@ -217,17 +239,20 @@ std::unique_ptr<TestProblem> MakeBundle(int num_cameras, int num_points, bool fi
     cameras.push_back(test->Add(camera));
   }
   for (int p = 0; p < num_points; ++p) {
-    const std::vector<double> point = {Uniform(&engine, -2, 2), Uniform(&engine, -2, 2), Uniform(&engine, 5, 9)};
-    double* start = test->Add({point[0] + Uniform(&engine, -0.05, 0.05), point[1], point[2] + Uniform(&engine, -0.1, 0.1)});
+    const std::vector<double> point = {Uniform(&engine, -2, 2), Uniform(&engine, -2, 2),
+                                       Uniform(&engine, 5, 9)};
+    double* start = test->Add({point[0] + Uniform(&engine, -0.05, 0.05), point[1],
+                               point[2] + Uniform(&engine, -0.1, 0.1)});
     for (int c = 0; c < num_cameras; ++c) {
       if (num_cameras > 4 && (p + c) % 3 == 0) {
         continue;
       }
       double uv[2];
       Reprojection{0.0, 0.0}(true_cameras[static_cast<std::size_t>(c)].data(), point.data(), uv);
-      auto* term = new Reprojection{uv[0] + Uniform(&engine, -0.5, 0.5), uv[1] + Uniform(&engine, -0.5, 0.5)};
-      test->problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Reprojection, 2, 9, 3>(term), nullptr,
-                                     cameras[static_cast<std::size_t>(c)], start);
+      auto* term = new Reprojection{uv[0] + Uniform(&engine, -0.5, 0.5),
+                                    uv[1] + Uniform(&engine, -0.5, 0.5)};
+      test->problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Reprojection, 2, 9, 3>(term),
+                                     nullptr, cameras[static_cast<std::size_t>(c)], start);
     }
   }
   if (first_camera_constant) {
@@ -258,11 +283,14 @@ std::unique_ptr<TestProblem> MakeWindow(int num_poses, int num_features, bool hu
   AddFeatures(num_features, huber, poses, extrinsic, &engine, test.get());
   for (int i = 0; i + 1 < num_poses; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    auto* prior = new DensePrior(15, {PoseOf(i), std::vector<double>(9, 0.1), PoseOf(i + 1), std::vector<double>(9, 0.15)});
-    test->problem.AddResidualBlock(prior, nullptr,
-                                   std::vector<double*>{poses[k], velocities[k], poses[k + 1], velocities[k + 1]});
+    auto* prior = new DensePrior(
+        15, {PoseOf(i), std::vector<double>(9, 0.1), PoseOf(i + 1), std::vector<double>(9, 0.15)});
+    test->problem.AddResidualBlock(
+        prior, nullptr,
+        std::vector<double*>{poses[k], velocities[k], poses[k + 1], velocities[k + 1]});
   }
-  test->problem.AddResidualBlock(new DensePrior(5, {PoseOf(1)}), new ceres::CauchyLoss(0.5), extrinsic);
+  test->problem.AddResidualBlock(new DensePrior(5, {PoseOf(1)}), new ceres::CauchyLoss(0.5),
+                                 extrinsic);
   test->problem.AddParameterBlock(test->Add({1.0, 2.0}), 2);
   return test;
 }

@@ -6,9 +6,9 @@
 
 namespace inceres::testing {
 
-/// Powell's function beside one number that climbs from 1 to 3 under r = x² − 9, about which the hook decides: it is told which
-/// solve this is, from 1 (each begins with a Jacobian at the start), and how many cost-only calls it has made, and may change the
-/// residual or refuse.
+/// Powell's function beside one number that climbs from 1 to 3 under r = x² − 9, about which the
+/// hook decides: it is told which solve this is, from 1 (each begins with a Jacobian at the start),
+/// and how many cost-only calls it has made, and may change the residual or refuse.
 struct TwoFacedProblem {
   using Hook = std::function<bool(int solve, int call, double* residual)>;
 
@@ -27,7 +27,8 @@ struct TwoFacedProblem {
  private:
   struct Cost : public ceres::SizedCostFunction<1, 1> {
     explicit Cost(TwoFacedProblem* given) : owner(given) {}
-    bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    bool Evaluate(double const* const* parameters, double* residuals,
+                  double** jacobians) const override {
       const double x = parameters[0][0];
       residuals[0] = x * x - 9.0;
       if (jacobians != nullptr && jacobians[0] != nullptr) {

@@ -18,7 +18,8 @@ namespace {
 template <int... kSizes>
 class Nothing : public ceres::SizedCostFunction<1, kSizes...> {
  public:
-  bool Evaluate(double const* const* /*parameters*/, double* residuals, double** /*jacobians*/) const override {
+  bool Evaluate(double const* const* /*parameters*/, double* residuals,
+                double** /*jacobians*/) const override {
     residuals[0] = 0.0;
     return true;
   }
@@ -31,10 +32,13 @@ class Chain {
     states_.push_back(std::make_unique<std::vector<double>>(6, 0.0));
     const std::size_t n = states_.size();
     if (n > 1) {
-      problem_.AddResidualBlock(new Nothing<6, 6>, nullptr, states_[n - 2]->data(), states_[n - 1]->data());
+      problem_.AddResidualBlock(new Nothing<6, 6>, nullptr, states_[n - 2]->data(),
+                                states_[n - 1]->data());
     }
   }
-  void AddPrior(std::size_t state) { problem_.AddResidualBlock(new Nothing<6>, nullptr, states_[state]->data()); }
+  void AddPrior(std::size_t state) {
+    problem_.AddResidualBlock(new Nothing<6>, nullptr, states_[state]->data());
+  }
   void RemoveFirst() {
     problem_.RemoveParameterBlock(states_.front()->data());
     removed_.push_back(std::move(states_.front()));  // its address is not another's
@@ -104,7 +108,8 @@ TEST(WindowWatch, PointsComeAndGoWithoutASlide) {
   std::vector<double> points(600);
   std::vector<ceres::ResidualBlockId> seen;
   const auto see = [&](std::size_t camera, std::size_t point) {
-    seen.push_back(problem.AddResidualBlock(new Nothing<6, 3>, nullptr, cameras[camera].data(), points.data() + 3 * point));
+    seen.push_back(problem.AddResidualBlock(new Nothing<6, 3>, nullptr, cameras[camera].data(),
+                                            points.data() + 3 * point));
   };
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     see(c, c);
@@ -160,7 +165,8 @@ TEST(ModeChoice, LosesPatienceAndTriesAgainLaterAndLater) {
     // The solve that WantsExact has just let be incremental counts as the first of the next trial.
     choice.Note(Work(4, 300, 2000), Kept(10000), 100, true);
   }
-  EXPECT_EQ(runs_of_exact, (std::vector<int>{ModeChoice::kPause, 2 * ModeChoice::kPause, 4 * ModeChoice::kPause}));
+  EXPECT_EQ(runs_of_exact,
+            (std::vector<int>{ModeChoice::kPause, 2 * ModeChoice::kPause, 4 * ModeChoice::kPause}));
 }
 
 TEST(ModeChoice, ASolveWithNothingToRememberTeachesNothing) {

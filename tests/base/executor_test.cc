@@ -17,8 +17,10 @@ namespace {
 
 constexpr int kCount = 20000;
 
-// y[i] = x[n − 1 − i] + 1, range by range: every task reads what other tasks of the call before wrote.
-void ReverseAndIncrement(const Executor& executor, int grain, const std::vector<int>& x, std::vector<int>* y) {
+// y[i] = x[n − 1 − i] + 1, range by range: every task reads what other tasks of the call before
+// wrote.
+void ReverseAndIncrement(const Executor& executor, int grain, const std::vector<int>& x,
+                         std::vector<int>* y) {
   executor.For(kCount, grain, [&](int begin, int end) {
     for (int i = begin; i < end; ++i) {
       (*y)[static_cast<std::size_t>(i)] = x[static_cast<std::size_t>(kCount - 1 - i)] + 1;
@@ -61,7 +63,8 @@ TEST_P(ExecutorThreads, SeeWhatTheCallBeforeWrote) {
     ReverseAndIncrement(executor, 100, x, &y);
     x.swap(y);
   }
-  // An even number of reversals and fifty increments; the caller reads without any synchronization of its own.
+  // An even number of reversals and fifty increments; the caller reads without any synchronization
+  // of its own.
   for (int i = 0; i < kCount; ++i) {
     ASSERT_EQ(x[static_cast<std::size_t>(i)], i + 50);
   }
@@ -90,7 +93,8 @@ INSTANTIATE_TEST_SUITE_P(Counts, ExecutorThreads, testing::Values(1, 2, 4));
 TEST(Executor, ABodyThatWaitsIsNotEnteredAgainOnItsThread) {
   const Executor executor(2);
   std::atomic<int> num_entered_again{0};
-  // Without captures: the thread sanitizer does not see how oneTBB hands a closure of the body's own to another thread.
+  // Without captures: the thread sanitizer does not see how oneTBB hands a closure of the body's
+  // own to another thread.
   static std::atomic<int> sum{0};
   sum = 0;
   for (int round = 0; round < 20; ++round) {
@@ -116,7 +120,8 @@ int SumInParallel(const Executor& executor) {
   return sum;
 }
 
-// As a cost function does that solves another problem. It waits while every thread of the call around it does the same.
+// As a cost function does that solves another problem. It waits while every thread of the call
+// around it does the same.
 TEST(Executor, ATaskMayMakeAParallelCallAndWaitForAThreadThatDoes) {
   const Executor executor(2);
   std::atomic<int> num_inside{0}, num_right{0};
@@ -159,7 +164,8 @@ TEST(Executor, NoMoreThreadsThanAskedForEachOfTwoCalls) {
 
 TEST(Executor, AnExceptionOutOfATaskLeavesItReadyForTheNextCall) {
   const Executor executor(2);
-  for (int round = 0; round < 600; ++round) {  // more than there are arenas, should each throw lose one
+  for (int round = 0; round < 600;
+       ++round) {  // more than there are arenas, should each throw lose one
     EXPECT_THROW(executor.For(20, 1, [](int, int) { throw 1; }), int);
   }
   EXPECT_EQ(SumInParallel(executor), 4950);

@@ -19,8 +19,9 @@ void ExpectAsPrinted(double value) {
 
 TEST(Scientific, IsWhatPrintfWrites) {
   using Limits = std::numeric_limits<double>;
-  for (const double value : {0.0, -0.0, 1.0, 9.9999995, 9.99999949999, 0.5, 2.5e-7, 1e100, 1e-100, Limits::max(), Limits::min(),
-                             Limits::denorm_min(), Limits::infinity(), Limits::quiet_NaN()}) {
+  for (const double value :
+       {0.0, -0.0, 1.0, 9.9999995, 9.99999949999, 0.5, 2.5e-7, 1e100, 1e-100, Limits::max(),
+        Limits::min(), Limits::denorm_min(), Limits::infinity(), Limits::quiet_NaN()}) {
     ExpectAsPrinted(value);
     ExpectAsPrinted(-value);
   }

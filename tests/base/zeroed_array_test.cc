@@ -9,7 +9,8 @@ namespace inceres::internal {
 namespace {
 
 TEST(ZeroedArray, IsZeroAndAlignedWhateverItsSize) {
-  for (const std::size_t size : {std::size_t{1}, std::size_t{7}, std::size_t{100000}, std::size_t{3} << 20}) {
+  for (const std::size_t size :
+       {std::size_t{1}, std::size_t{7}, std::size_t{100000}, std::size_t{3} << 20}) {
     const ZeroedArray array(size);
     ASSERT_EQ(array.size(), size);
     const auto alignment = static_cast<std::uintptr_t>(CacheLineAllocator<double>::Alignment(size));

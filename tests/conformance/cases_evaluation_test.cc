@@ -43,8 +43,10 @@ TEST(Case52, cost_function_fails_at_iteration_0) {
     const Outcome outcome = Solve(Small(), &world.problem);
     EXPECT_EQ(outcome.summary.termination_type, ceres::FAILURE) << "kind " << kind;
     EXPECT_EQ(outcome.summary.message, kStartFailed);
-    EXPECT_EQ(outcome.errors, std::vector<std::string>{std::string("Terminating: ") + kStartFailed});
-    EXPECT_TRUE(kind == 0 || outcome.warnings.size() == 1u) << "what is wrong with the residual block";
+    EXPECT_EQ(outcome.errors,
+              std::vector<std::string>{std::string("Terminating: ") + kStartFailed});
+    EXPECT_TRUE(kind == 0 || outcome.warnings.size() == 1u)
+        << "what is wrong with the residual block";
     EXPECT_TRUE(outcome.summary.iterations.empty());
     EXPECT_EQ(outcome.summary.num_successful_steps, 0);
     EXPECT_EQ(outcome.summary.num_unsuccessful_steps, 0);
@@ -72,7 +74,8 @@ TEST(Case52, cost_function_fails_at_a_trial_point) {
 
 TEST(Case52, cost_function_fails_at_the_jacobian_of_an_accepted_point) {
   for (const int kind : {0, 1, 2, 3, 4}) {
-    FaultyWorld world([](const double* x, bool with_jacobians) { return with_jacobians && x[0] < 1e-6; }, kind);
+    FaultyWorld world(
+        [](const double* x, bool with_jacobians) { return with_jacobians && x[0] < 1e-6; }, kind);
     Options options = Small();
     options.update_state_every_iteration = true;
     const Summary summary = Solve(options, &world.problem).summary;
@@ -86,7 +89,8 @@ TEST(Case52, cost_function_fails_at_the_jacobian_of_an_accepted_point) {
 // R² whose Plus leads, or whose PlusJacobian is asked for, to where |x₀| is too small.
 class Limited : public manifolds::Manifold {
  public:
-  Limited(const double* plus_limit, const double* jacobian_limit) : plus_limit_(plus_limit), jacobian_limit_(jacobian_limit) {}
+  Limited(const double* plus_limit, const double* jacobian_limit)
+      : plus_limit_(plus_limit), jacobian_limit_(jacobian_limit) {}
   int AmbientSize() const override { return 2; }
   int TangentSize() const override { return 2; }
   bool Plus(const double* x, const double* delta, double* sum) const override {
@@ -107,7 +111,8 @@ class Limited : public manifolds::Manifold {
   const double* jacobian_limit_;
 };
 
-// From (5, 7) the gradient leads to 0.96 x and the first step to 1e-4 x; the sixth is the first that is short enough.
+// From (5, 7) the gradient leads to 0.96 x and the first step to 1e-4 x; the sixth is the first
+// that is short enough.
 void ExpectShorterSteps(const Limited& manifold, World* world) {
   double* x = world->Add(kStart);
   world->problem.AddResidualBlock(Target({0.0, 0.0}, 0.2), nullptr, x);
@@ -158,16 +163,17 @@ TEST(Case52, nothing_is_called_after_a_cost_function_that_failed) {
   double* x = world.Add({1.0});
   for (int& calls : num_calls) {
     const bool fails = &calls == &num_calls[0];
-    world.problem.AddResidualBlock(new Cost(1, {1},
-                                            [&calls, fails](double const* const* p, double* residuals, double** jacobians) {
-                                              ++calls;
-                                              residuals[0] = p[0][0];
-                                              if (jacobians != nullptr && jacobians[0] != nullptr) {
-                                                jacobians[0][0] = 1.0;
-                                              }
-                                              return !fails;
-                                            }),
-                                   nullptr, x);
+    world.problem.AddResidualBlock(
+        new Cost(1, {1},
+                 [&calls, fails](double const* const* p, double* residuals, double** jacobians) {
+                   ++calls;
+                   residuals[0] = p[0][0];
+                   if (jacobians != nullptr && jacobians[0] != nullptr) {
+                     jacobians[0][0] = 1.0;
+                   }
+                   return !fails;
+                 }),
+        nullptr, x);
   }
   EXPECT_EQ(Solve(Small(), &world.problem).summary.termination_type, ceres::FAILURE);
   EXPECT_EQ(std::accumulate(num_calls.begin(), num_calls.end(), 0), 1);

@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "Case table", continued: costs that overflow, ends by the user and by limits, bounds.
+// docs/ceres_contract.md, "Case table", continued: costs that overflow, ends by the user and by
+// limits, bounds.
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -9,7 +10,8 @@
 namespace conformance {
 namespace {
 
-// A cost that is no number: up to Ceres 2.1 every difference from it is within the tolerance, from 2.2 on it cannot be evaluated.
+// A cost that is no number: up to Ceres 2.1 every difference from it is within the tolerance, from
+// 2.2 on it cannot be evaluated.
 void ExpectEndAtNoNumber(const Summary& summary) {
   if (kRelease >= 202) {
     EXPECT_EQ(summary.termination_type, ceres::FAILURE);
@@ -17,7 +19,8 @@ void ExpectEndAtNoNumber(const Summary& summary) {
     EXPECT_EQ(summary.initial_cost, -1.0);
   } else {
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-    EXPECT_TRUE(StartsWith(summary.message, "Function tolerance reached. |cost_change|/cost: ")) << summary.message;
+    EXPECT_TRUE(StartsWith(summary.message, "Function tolerance reached. |cost_change|/cost: "))
+        << summary.message;
     EXPECT_FALSE(std::isfinite(summary.initial_cost));
   }
 }
@@ -26,7 +29,8 @@ void ExpectEndAtNoNumber(const Summary& summary) {
 TEST(Case52, total_cost_overflows) {
   World world;
   double* x = world.Add({1.0});
-  world.problem.AddResidualBlock(Scalar([](double v) { return 1e200 + v; }, [](double) { return 1.0; }), nullptr, x);
+  world.problem.AddResidualBlock(
+      Scalar([](double v) { return 1e200 + v; }, [](double) { return 1.0; }), nullptr, x);
   ExpectEndAtNoNumber(Solve(Small(), &world.problem).summary);
   EXPECT_EQ(x[0], 1.0);
 }
@@ -34,14 +38,16 @@ TEST(Case52, total_cost_overflows) {
 // So large a column is scaled to zero, and no step is valid.
 TEST(Case52, a_column_whose_square_overflows) {
   if (kRelease >= 202) {
-    GTEST_SKIP() << "from Ceres 2.2 on a start of infinite cost ends the solve before its first step";
+    GTEST_SKIP()
+        << "from Ceres 2.2 on a start of infinite cost ends the solve before its first step";
   }
   World world;
   double* x = world.Add({1.0});
   world.problem.AddResidualBlock(Target({0.0}, 1e200), nullptr, x);
   const Summary summary = Solve(Small(), &world.problem).summary;
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-  EXPECT_TRUE(StartsWith(summary.message, "Number of consecutive invalid steps more than ")) << summary.message;
+  EXPECT_TRUE(StartsWith(summary.message, "Number of consecutive invalid steps more than "))
+      << summary.message;
   EXPECT_EQ(summary.iterations.size(), 5u);
   EXPECT_EQ(x[0], 1.0);
 }
@@ -68,7 +74,8 @@ TEST(Case52, invalid_steps) {
   for (const bool update : {false, true}) {
     Line line;
     double* x = line.Add({0.0});
-    line.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }), nullptr, x);
+    line.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }),
+                                  nullptr, x);
     line.problem.SetParameterBlockConstant(line.x);
     Options options = Small();
     options.gradient_tolerance = 0.0;
@@ -113,7 +120,8 @@ TEST(Case52, callback_abort) {
     EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
     EXPECT_EQ(summary.iterations.size(), 5u);
     EXPECT_LT(summary.iterations[4].cost, 12.0);
-    EXPECT_EQ(rosenbrock.blocks[0], (std::vector<double>{-1.2, 1.0})) << "the start, even where the state was written meanwhile";
+    EXPECT_EQ(rosenbrock.blocks[0], (std::vector<double>{-1.2, 1.0}))
+        << "the start, even where the state was written meanwhile";
   }
 }
 
@@ -124,7 +132,8 @@ TEST(Case52, max_iterations_or_time) {
     options.max_num_iterations = time ? 50 : 4;
     options.max_solver_time_in_seconds = time ? 0.2 : 1e9;
     Callback callback([&](const ceres::IterationSummary& iteration) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(time && iteration.iteration == 4 ? 250 : 0));
+      std::this_thread::sleep_for(
+          std::chrono::milliseconds(time && iteration.iteration == 4 ? 250 : 0));
       return ceres::SOLVER_CONTINUE;
     });
     options.callbacks.push_back(&callback);
@@ -132,7 +141,8 @@ TEST(Case52, max_iterations_or_time) {
     EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
     EXPECT_EQ(summary.iterations.size(), 5u);
     const double* x = rosenbrock.x;
-    ExpectClose(0.5 * (std::pow(1.0 - x[0], 2) + 100.0 * std::pow(x[1] - x[0] * x[0], 2)), summary.final_cost);
+    ExpectClose(0.5 * (std::pow(1.0 - x[0], 2) + 100.0 * std::pow(x[1] - x[0] * x[0], 2)),
+                summary.final_cost);
   }
 }
 
@@ -178,7 +188,8 @@ TEST(Case52, nonmonotonic) {
   Callback callback([&](const ceres::IterationSummary& iteration) {
     lowest = iteration.step_is_successful ? std::min(lowest, iteration.cost) : lowest;
     last = iteration.cost;
-    return iteration.step_is_nonmonotonic ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
+    return iteration.step_is_nonmonotonic ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
+                                          : ceres::SOLVER_CONTINUE;
   });
   options.callbacks.push_back(&callback);
   const Summary summary = Solve(options, &rosenbrock.problem).summary;

@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "Case table". Test names follow its rows; each looks at the user's memory afterwards.
+// docs/ceres_contract.md, "Case table". Test names follow its rows; each looks at the user's memory
+// afterwards.
 #include "conformance/support.h"
 #include "support/ceres_manifolds.h"
 
@@ -99,14 +100,15 @@ TEST(Case52, tangent_of_size_0) {
   int num_calls = 0;
   Line line;
   double* y = line.Add({1.0, 2.0});
-  auto* cost = new Cost(1, {1, 2}, [](double const* const* p, double* residuals, double** jacobians) {
-    residuals[0] = p[0][0] - p[1][0];
-    if (jacobians != nullptr) {
-      EXPECT_EQ(jacobians[1], nullptr);
-      jacobians[0][0] = 1.0;
-    }
-    return true;
-  });
+  auto* cost =
+      new Cost(1, {1, 2}, [](double const* const* p, double* residuals, double** jacobians) {
+        residuals[0] = p[0][0] - p[1][0];
+        if (jacobians != nullptr) {
+          EXPECT_EQ(jacobians[1], nullptr);
+          jacobians[0][0] = 1.0;
+        }
+        return true;
+      });
   line.problem.AddResidualBlock(cost, nullptr, line.x, y);
   manifolds::Set(&line.problem, y, new Frozen(&num_calls));
   num_calls = 0;
@@ -132,16 +134,17 @@ TEST(Case52, residual_with_some_constant_blocks) {
   Line line;
   double* c = line.Add({4.0});
   int num_jacobians = 0;
-  auto* cost = new Cost(1, {1, 1}, [&](double const* const* p, double* residuals, double** jacobians) {
-    residuals[0] = p[1][0] - p[0][0];
-    EXPECT_EQ(p[0], c) << "constants are read from the user's memory";
-    if (jacobians != nullptr) {
-      ++num_jacobians;
-      EXPECT_EQ(jacobians[0], nullptr);
-      jacobians[1][0] = 1.0;
-    }
-    return true;
-  });
+  auto* cost =
+      new Cost(1, {1, 1}, [&](double const* const* p, double* residuals, double** jacobians) {
+        residuals[0] = p[1][0] - p[0][0];
+        EXPECT_EQ(p[0], c) << "constants are read from the user's memory";
+        if (jacobians != nullptr) {
+          ++num_jacobians;
+          EXPECT_EQ(jacobians[0], nullptr);
+          jacobians[1][0] = 1.0;
+        }
+        return true;
+      });
   line.problem.AddResidualBlock(cost, nullptr, c, line.x);
   line.problem.SetParameterBlockConstant(c);
   const Summary summary = Solve(Small(), &line.problem).summary;

@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "IterationSummary fields": at iteration 0 and after accepted, rejected and invalid steps.
+// docs/ceres_contract.md, "IterationSummary fields": at iteration 0 and after accepted, rejected
+// and invalid steps.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -36,7 +37,9 @@ TEST(Iteration32, step_is_nonmonotonic) {
   double minimum = trace[0].cost;
   int num_nonmonotonic = 0;
   for (std::size_t i = 1; i < trace.summary.iterations.size(); ++i) {
-    EXPECT_EQ(trace[i].step_is_nonmonotonic, trace[i].step_is_successful && trace[i].cost >= minimum) << i;
+    EXPECT_EQ(trace[i].step_is_nonmonotonic,
+              trace[i].step_is_successful && trace[i].cost >= minimum)
+        << i;
     num_nonmonotonic += trace[i].step_is_nonmonotonic ? 1 : 0;
     minimum = trace[i].step_is_successful ? std::min(minimum, trace[i].cost) : minimum;
   }
@@ -79,8 +82,8 @@ TEST(Iteration32, gradient_max_norm) {
   EXPECT_EQ(Invalid().iterations[1].gradient_max_norm, 1e-200);
 }
 
-// In the ambient space: on the sphere of radius 5 from (0, 3, 4), at atan(4/3), by an angle of ½ · ½ · 5 · 3/5 = 0.75 upwards;
-// from Ceres 2.2 on its manifold has no halves.
+// In the ambient space: on the sphere of radius 5 from (0, 3, 4), at atan(4/3), by an angle of ½ ·
+// ½ · 5 · 3/5 = 0.75 upwards; from Ceres 2.2 on its manifold has no halves.
 TEST(Iteration32, gradient_max_norm_is_measured_in_the_ambient_space) {
   World world;
   double* x = world.Add({0.0, 3.0, 4.0});
@@ -91,7 +94,8 @@ TEST(Iteration32, gradient_max_norm_is_measured_in_the_ambient_space) {
   const Summary summary = Solve(options, &world.problem).summary;
   const double turn = kRelease >= 202 ? 3.0 : 0.75;
   const double angle = std::atan2(4.0, 3.0) + turn;
-  const double max_norm = std::max(std::abs(3.0 - 5.0 * std::cos(angle)), std::abs(4.0 - 5.0 * std::sin(angle)));
+  const double max_norm =
+      std::max(std::abs(3.0 - 5.0 * std::cos(angle)), std::abs(4.0 - 5.0 * std::sin(angle)));
   EXPECT_NEAR(summary.iterations[0].gradient_max_norm, max_norm, 1e-9);
   EXPECT_NEAR(summary.iterations[0].gradient_norm, 10.0 * std::sin(turn / 2.0), 1e-9);
 }
@@ -102,7 +106,8 @@ TEST(Iteration32, step_norm) {
   EXPECT_EQ(trace[0].step_norm, 0.0);
   bool known = kRelease < 202;
   trace.ForEachStep([&](std::size_t i, const auto& x, const auto& candidate) {
-    EXPECT_NEAR(trace[i].step_norm, known ? std::hypot(x[0] - candidate[0], x[1] - candidate[1]) : 0.0, 1e-14);
+    EXPECT_NEAR(trace[i].step_norm,
+                known ? std::hypot(x[0] - candidate[0], x[1] - candidate[1]) : 0.0, 1e-14);
     known = known || trace[i].step_is_successful;
   });
   EXPECT_TRUE(known);
@@ -115,10 +120,12 @@ TEST(Iteration32, relative_decrease) {
   EXPECT_EQ(Invalid().iterations[1].relative_decrease, 0.0);
   EXPECT_EQ(NotEvaluable().relative_decrease, std::numeric_limits<double>::lowest());
   Parabola parabola;
-  EXPECT_NEAR(Solve(Small(), &parabola.problem).summary.iterations[1].relative_decrease, 0.9375, 1e-4);
+  EXPECT_NEAR(Solve(Small(), &parabola.problem).summary.iterations[1].relative_decrease, 0.9375,
+              1e-4);
 }
 
-// After the update: accepted radius/max(1/3, 1 − (2q − 1)³), rejected and invalid 1/2, then 1/4, 1/8, … of it.
+// After the update: accepted radius/max(1/3, 1 − (2q − 1)³), rejected and invalid 1/2, then 1/4,
+// 1/8, … of it.
 TEST(Iteration32, trust_region_radius) {
   const Trace trace;
   EXPECT_EQ(trace[0].trust_region_radius, 1e4);
@@ -126,7 +133,8 @@ TEST(Iteration32, trust_region_radius) {
   double divisor = 2.0;
   for (std::size_t i = 1; i < trace.summary.iterations.size(); ++i) {
     const double q = trace[i].relative_decrease;
-    radius /= trace[i].step_is_successful ? std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * q - 1.0, 3)) : divisor;
+    radius /= trace[i].step_is_successful ? std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * q - 1.0, 3))
+                                          : divisor;
     divisor = trace[i].step_is_successful ? 2.0 : 2.0 * divisor;
     ExpectClose(trace[i].trust_region_radius, radius);
   }
@@ -146,7 +154,9 @@ TEST(Iteration32, eta) {
 TEST(Iteration32, linear_solver_iterations) {
   const Trace trace;
   EXPECT_EQ(trace[0].linear_solver_iterations, 0);
-  trace.ForEachStep([&](std::size_t i, const auto&, const auto&) { EXPECT_EQ(trace[i].linear_solver_iterations, 1); });
+  trace.ForEachStep([&](std::size_t i, const auto&, const auto&) {
+    EXPECT_EQ(trace[i].linear_solver_iterations, 1);
+  });
   Bundle bundle;  // nothing is left of the reduced system
   for (double* camera : bundle.cameras) {
     bundle.problem.SetParameterBlockConstant(camera);

@@ -7,29 +7,31 @@
 
 #include "conformance/support.h"
 
-/// Solves whose every step the tests of IterationSummary know: accepted and rejected ones, invalid ones, one that cannot be
-/// evaluated.
+/// Solves whose every step the tests of IterationSummary know: accepted and rejected ones, invalid
+/// ones, one that cannot be evaluated.
 namespace conformance {
 
 inline constexpr double kFixedCost = 2.0;
 
-/// Rosenbrock's problem beside a fixed cost of 2, with the points of evaluation: each candidate's, and each linearization's.
+/// Rosenbrock's problem beside a fixed cost of 2, with the points of evaluation: each candidate's,
+/// and each linearization's.
 struct Trace : World {
   explicit Trace(bool nonmonotonic = false) {
     double* x = Add({-1.2, 1.0});
     double* c = Add({1.0});
-    auto* cost = new Cost(2, {2}, [this](double const* const* p, double* residuals, double** jacobians) {
-      const double a = p[0][0];
-      const double b = p[0][1];
-      (jacobians == nullptr ? candidates : linearized).push_back({a, b});
-      residuals[0] = 1.0 - a;
-      residuals[1] = 10.0 * (b - a * a);
-      if (jacobians != nullptr) {
-        const double jacobian[4] = {-1.0, 0.0, -20.0 * a, 10.0};
-        std::copy(jacobian, jacobian + 4, jacobians[0]);
-      }
-      return true;
-    });
+    auto* cost =
+        new Cost(2, {2}, [this](double const* const* p, double* residuals, double** jacobians) {
+          const double a = p[0][0];
+          const double b = p[0][1];
+          (jacobians == nullptr ? candidates : linearized).push_back({a, b});
+          residuals[0] = 1.0 - a;
+          residuals[1] = 10.0 * (b - a * a);
+          if (jacobians != nullptr) {
+            const double jacobian[4] = {-1.0, 0.0, -20.0 * a, 10.0};
+            std::copy(jacobian, jacobian + 4, jacobians[0]);
+          }
+          return true;
+        });
     problem.AddResidualBlock(cost, nullptr, x);
     problem.AddResidualBlock(Target({3.0}), nullptr, c);
     problem.SetParameterBlockConstant(c);
@@ -51,7 +53,8 @@ struct Trace : World {
   template <typename Function>
   void ForEachStep(Function f) const {
     std::size_t at = 0;
-    ASSERT_EQ(candidates.size(), summary.iterations.size()) << "the last one ended it by a tolerance";
+    ASSERT_EQ(candidates.size(), summary.iterations.size())
+        << "the last one ended it by a tolerance";
     for (std::size_t i = 1; i < summary.iterations.size(); ++i) {
       f(i, linearized[at], candidates[i - 1]);
       at += summary.iterations[i].step_is_successful ? 1 : 0;
@@ -68,7 +71,8 @@ struct Trace : World {
 inline Summary Invalid() {
   World world;
   double* x = world.Add({0.0});
-  world.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }), nullptr, x);
+  world.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }),
+                                 nullptr, x);
   Options options = Small();
   options.eta = 0.25;
   options.gradient_tolerance = 0.0;

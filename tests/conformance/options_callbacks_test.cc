@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "Callbacks and state updates": what is in the user's memory when. Test names are the fields'.
+// docs/ceres_contract.md, "Callbacks and state updates": what is in the user's memory when. Test
+// names are the fields'.
 #include <iostream>
 #include <sstream>
 
@@ -45,7 +46,8 @@ TEST(Options24, update_state_every_iteration) {
     if (seen.iterations[i].step_is_successful) {
       best = std::min(best, seen.iterations[i].cost);
     }
-    EXPECT_NEAR(RosenbrockCost(seen.memory[i]), best, 1e-12 + 1e-9 * best) << "the best so far, at iteration " << i;
+    EXPECT_NEAR(RosenbrockCost(seen.memory[i]), best, 1e-12 + 1e-9 * best)
+        << "the best so far, at iteration " << i;
   }
 }
 
@@ -86,11 +88,13 @@ TEST(Options24, callbacks) {
   for (std::size_t i = 0; i < seen.iterations.size(); ++i) {
     EXPECT_EQ(seen.iterations[i].iteration, static_cast<int>(i));
     EXPECT_EQ(seen.iterations[i].cost, seen.summary.iterations[i].cost);
-    EXPECT_EQ(seen.iterations[i].cumulative_time_in_seconds, seen.summary.iterations[i].cumulative_time_in_seconds);
+    EXPECT_EQ(seen.iterations[i].cumulative_time_in_seconds,
+              seen.summary.iterations[i].cumulative_time_in_seconds);
   }
 }
 
-// In each iteration: state update, table, the user's in their order; the first that does not continue ends it.
+// In each iteration: state update, table, the user's in their order; the first that does not
+// continue ends it.
 TEST(Options24, callbacks_order) {
   Line line;
   std::vector<double> memory;
@@ -112,7 +116,8 @@ TEST(Options24, callbacks_order) {
   for (std::string text; std::getline(lines, text);) {
     starts.push_back(text.substr(0, 8));
   }
-  EXPECT_EQ(starts, (std::vector<std::string>{"iter    ", "   0  4.", "first 0", "second 0", "   1  4.", "first 1"}));
+  EXPECT_EQ(starts, (std::vector<std::string>{"iter    ", "   0  4.", "first 0", "second 0",
+                                              "   1  4.", "first 1"}));
   ASSERT_EQ(memory.size(), 2u);
   EXPECT_EQ(memory[0], 0.5);
   EXPECT_NEAR(memory[1], 10.0, 1e-3) << "written before the callbacks";
@@ -140,17 +145,19 @@ class Preparation : public ceres::EvaluationCallback {
 
 // r = f(x) where f is taken from what the callback prepared: without its calls the result is wrong.
 struct PreparedWorld : World {
-  explicit PreparedWorld(Preparation* preparation) : World(WithCallback(preparation)), x(Add({-1.2})), y(Add({1.0})) {
+  explicit PreparedWorld(Preparation* preparation)
+      : World(WithCallback(preparation)), x(Add({-1.2})), y(Add({1.0})) {
     preparation->watched = x;
     problem.AddResidualBlock(Target({1.0}), nullptr, x);
-    auto* cost = new Cost(1, {1, 1}, [=](double const* const* p, double* residuals, double** jacobians) {
-      residuals[0] = 10.0 * (p[1][0] - preparation->prepared * preparation->prepared);
-      if (jacobians != nullptr) {
-        jacobians[0][0] = -20.0 * preparation->prepared;
-        jacobians[1][0] = 10.0;
-      }
-      return p[0][0] == preparation->prepared;
-    });
+    auto* cost =
+        new Cost(1, {1, 1}, [=](double const* const* p, double* residuals, double** jacobians) {
+          residuals[0] = 10.0 * (p[1][0] - preparation->prepared * preparation->prepared);
+          if (jacobians != nullptr) {
+            jacobians[0][0] = -20.0 * preparation->prepared;
+            jacobians[1][0] = 10.0;
+          }
+          return p[0][0] == preparation->prepared;
+        });
     problem.AddResidualBlock(cost, nullptr, x, y);
   }
   static ceres::Problem::Options WithCallback(Preparation* preparation) {
@@ -170,13 +177,15 @@ TEST(Options24, evaluation_callback) {
   EXPECT_NEAR(world.x[0], 1.0, 1e-5);
   EXPECT_GT(summary.num_unsuccessful_steps, 0);
   // Every evaluation, the one that ended it by tolerance included.
-  EXPECT_EQ(static_cast<int>(preparation.calls.size()), summary.num_jacobian_evaluations + summary.num_residual_evaluations);
+  EXPECT_EQ(static_cast<int>(preparation.calls.size()),
+            summary.num_jacobian_evaluations + summary.num_residual_evaluations);
   ASSERT_GT(preparation.calls.size(), 3u);
   EXPECT_TRUE(preparation.calls[0].evaluate_jacobians && preparation.calls[0].new_evaluation_point);
   EXPECT_EQ(preparation.calls[0].memory, -1.2);
   for (std::size_t i = 1; i < preparation.calls.size(); ++i) {
     const Prepared& call = preparation.calls[i];
-    EXPECT_NE(call.evaluate_jacobians, call.new_evaluation_point) << "only an accepted candidate is evaluated again";
+    EXPECT_NE(call.evaluate_jacobians, call.new_evaluation_point)
+        << "only an accepted candidate is evaluated again";
     if (!call.new_evaluation_point) {
       EXPECT_EQ(call.memory, preparation.calls[i - 1].memory);
     }
@@ -194,9 +203,11 @@ TEST(Options24, evaluation_callback_and_fixed_residuals) {
   }
   const Summary summary = Solve(Small(), &world.problem).summary;
   EXPECT_EQ(summary.fixed_cost, 4.0);
-  EXPECT_EQ(static_cast<int>(preparation.calls.size()), 1 + summary.num_jacobian_evaluations + summary.num_residual_evaluations);
+  EXPECT_EQ(static_cast<int>(preparation.calls.size()),
+            1 + summary.num_jacobian_evaluations + summary.num_residual_evaluations);
   ASSERT_GT(preparation.calls.size(), 1u);
-  EXPECT_TRUE(!preparation.calls[0].evaluate_jacobians && preparation.calls[0].new_evaluation_point);
+  EXPECT_TRUE(!preparation.calls[0].evaluate_jacobians &&
+              preparation.calls[0].new_evaluation_point);
   EXPECT_TRUE(preparation.calls[1].evaluate_jacobians && preparation.calls[1].new_evaluation_point);
 }
 

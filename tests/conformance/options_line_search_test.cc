@@ -41,8 +41,11 @@ TEST(Options21, line_search_type) {
 }
 
 TEST(Options21, nonlinear_conjugate_gradient_type) {
-  const auto change = [](Options* o) { o->nonlinear_conjugate_gradient_type = ceres::HESTENES_STIEFEL; };
-  EXPECT_EQ(ExpectNoEffect(Small(), change).nonlinear_conjugate_gradient_type, ceres::HESTENES_STIEFEL);
+  const auto change = [](Options* o) {
+    o->nonlinear_conjugate_gradient_type = ceres::HESTENES_STIEFEL;
+  };
+  EXPECT_EQ(ExpectNoEffect(Small(), change).nonlinear_conjugate_gradient_type,
+            ceres::HESTENES_STIEFEL);
 }
 
 TEST(Options21, max_lbfgs_rank) {
@@ -65,19 +68,20 @@ TEST(Options21, max_line_search_step_expansion) {
   ExpectNoEffect(Small(), [](Options* o) { o->max_line_search_step_expansion = 2.0; });
 }
 
-// r = atan(x) from x = 2 with a bound that never binds. The full step goes to about −3.535 and raises the cost from 0.613 to
-// 0.838, so the projected search has to shorten it.
+// r = atan(x) from x = 2 with a bound that never binds. The full step goes to about −3.535 and
+// raises the cost from 0.613 to 0.838, so the projected search has to shorten it.
 struct Overshoot : World {
   Overshoot() : x(Add({2.0})) {
-    auto* cost = new Cost(1, {1}, [this](double const* const* p, double* residuals, double** jacobians) {
-      trials.push_back((p[0][0] - 2.0) / kFullStep);
-      residuals[0] = std::atan(p[0][0]);
-      if (jacobians != nullptr && jacobians[0] != nullptr) {
-        jacobians[0][0] = 1.0 / (1.0 + p[0][0] * p[0][0]);
-        ++num_jacobians;
-      }
-      return true;
-    });
+    auto* cost =
+        new Cost(1, {1}, [this](double const* const* p, double* residuals, double** jacobians) {
+          trials.push_back((p[0][0] - 2.0) / kFullStep);
+          residuals[0] = std::atan(p[0][0]);
+          if (jacobians != nullptr && jacobians[0] != nullptr) {
+            jacobians[0][0] = 1.0 / (1.0 + p[0][0] * p[0][0]);
+            ++num_jacobians;
+          }
+          return true;
+        });
     problem.AddResidualBlock(cost, nullptr, x);
     problem.SetParameterLowerBound(x, 0, -100.0);
   }
@@ -88,7 +92,8 @@ struct Overshoot : World {
   double* x;
 };
 
-// One step. Evaluations: start, t = 1, the search's trials, the candidate, and again with Jacobian if it is accepted.
+// One step. Evaluations: start, t = 1, the search's trials, the candidate, and again with Jacobian
+// if it is accepted.
 Summary OneStep(Overshoot* world, const std::function<void(Options*)>& change = nullptr) {
   Options options = Small();
   options.max_num_iterations = 1;
@@ -115,7 +120,8 @@ TEST(Options21, line_search_interpolation_type) {
   OneStep(&quadratic, [](Options* o) { o->line_search_interpolation_type = ceres::QUADRATIC; });
   EXPECT_EQ(quadratic.num_jacobians, 2);
   Overshoot cubic;
-  const Summary with_gradients = OneStep(&cubic, [](Options* o) { o->line_search_interpolation_type = ceres::CUBIC; });
+  const Summary with_gradients =
+      OneStep(&cubic, [](Options* o) { o->line_search_interpolation_type = ceres::CUBIC; });
   EXPECT_EQ(with_gradients.line_search_interpolation_type, ceres::CUBIC);
   EXPECT_EQ(cubic.num_jacobians, 4) << "every trial of the cubic search wants the gradient";
   EXPECT_NE(cubic.trials[2], quadratic.trials[2]);
@@ -123,13 +129,15 @@ TEST(Options21, line_search_interpolation_type) {
 
 TEST(Options21, min_line_search_step_size) {
   Overshoot world;
-  OneStep(&world, [](Options* o) { o->min_line_search_step_size = 3.0; });  // half the full step is 2.77
+  OneStep(&world,
+          [](Options* o) { o->min_line_search_step_size = 3.0; });  // half the full step is 2.77
   ExpectTrials(world, {0.0, 1.0, 1.0});
   EXPECT_EQ(world.x[0], 2.0) << "the search gives up and the full step is rejected";
 }
 
 TEST(Options21, line_search_sufficient_function_decrease) {
-  Overshoot world;  // half the step lowers the cost by 0.410; with c₁ = 0.7 it would take 0.7 · 0.613
+  // half the step lowers the cost by 0.410; with c₁ = 0.7 it would take 0.7 · 0.613
+  Overshoot world;
   OneStep(&world, [](Options* o) { o->line_search_sufficient_function_decrease = 0.7; });
   ExpectTrials(world, {0.0, 1.0, 0.5, 0.25, 0.25, 0.25});
 }
@@ -148,7 +156,8 @@ TEST(Options21, min_line_search_step_contraction) {
 
 TEST(Options21, max_num_line_search_step_size_iterations) {
   Overshoot off;
-  const Summary summary = OneStep(&off, [](Options* o) { o->max_num_line_search_step_size_iterations = 0; });
+  const Summary summary =
+      OneStep(&off, [](Options* o) { o->max_num_line_search_step_size_iterations = 0; });
   ExpectTrials(off, {0.0, 1.0});
   EXPECT_EQ(summary.num_line_search_steps, 0);
   Overshoot one;

@@ -9,12 +9,15 @@ bool IsIterative(ceres::LinearSolverType type) {
 }
 
 TEST(Options23, linear_solver_type) {
-  for (const auto type : {ceres::DENSE_NORMAL_CHOLESKY, ceres::DENSE_QR, ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_SCHUR,
-                          ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR, ceres::CGNR}) {
+  for (const auto type :
+       {ceres::DENSE_NORMAL_CHOLESKY, ceres::DENSE_QR, ceres::SPARSE_NORMAL_CHOLESKY,
+        ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR, ceres::CGNR}) {
     Bundle bundle;
     Options options;
     options.linear_solver_type = type;
-    const Summary summary = Solve(options, &bundle.problem, IsIterative(type) ? Solver::kAnyone : Solver::kOurs).summary;
+    const Summary summary =
+        Solve(options, &bundle.problem, IsIterative(type) ? Solver::kAnyone : Solver::kOurs)
+            .summary;
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
     EXPECT_EQ(summary.linear_solver_type_given, type);
     EXPECT_EQ(summary.linear_solver_type_used, type);
@@ -24,7 +27,8 @@ TEST(Options23, linear_solver_type) {
 
 TEST(Options23, linear_solver_type_default_is_sparse_normal_cholesky) {
   Bundle bundle;
-  EXPECT_EQ(Solve(Options(), &bundle.problem).summary.linear_solver_type_used, ceres::SPARSE_NORMAL_CHOLESKY);
+  EXPECT_EQ(Solve(Options(), &bundle.problem).summary.linear_solver_type_used,
+            ceres::SPARSE_NORMAL_CHOLESKY);
 }
 
 // J = [1 1; 0 1e-9]: its normal equations have lost the second row, a QR factorization has not.
@@ -50,13 +54,15 @@ TEST(Options23, linear_solver_type_dense_qr_does_not_square_the_condition) {
 }
 
 TEST(Options23, preconditioner_type) {
-  const Summary summary = ExpectNoEffect(Schur(), [](Options* o) { o->preconditioner_type = ceres::SCHUR_JACOBI; });
+  const Summary summary =
+      ExpectNoEffect(Schur(), [](Options* o) { o->preconditioner_type = ceres::SCHUR_JACOBI; });
   EXPECT_EQ(summary.preconditioner_type_given, ceres::SCHUR_JACOBI);
   EXPECT_EQ(summary.preconditioner_type_used, ceres::SCHUR_JACOBI);
 }
 
 TEST(Options23, visibility_clustering_type) {
-  const Summary summary = ExpectNoEffect(Schur(), [](Options* o) { o->visibility_clustering_type = ceres::SINGLE_LINKAGE; });
+  const Summary summary = ExpectNoEffect(
+      Schur(), [](Options* o) { o->visibility_clustering_type = ceres::SINGLE_LINKAGE; });
   EXPECT_EQ(summary.visibility_clustering_type, ceres::SINGLE_LINKAGE);
 }
 
@@ -76,7 +82,8 @@ TEST(Options23, residual_blocks_for_subset_preconditioner) {
 }
 
 TEST(Options23, dense_linear_algebra_library_type) {
-  const Summary summary = ExpectNoEffect(Schur(), [](Options* o) { o->dense_linear_algebra_library_type = ceres::LAPACK; });
+  const Summary summary = ExpectNoEffect(
+      Schur(), [](Options* o) { o->dense_linear_algebra_library_type = ceres::LAPACK; });
   EXPECT_EQ(summary.dense_linear_algebra_library_type, ceres::LAPACK);
 }
 
@@ -86,13 +93,14 @@ TEST(Options23, dense_linear_algebra_library_type_that_is_not_there) {
   options.dense_linear_algebra_library_type = ceres::CUDA;
   const Outcome outcome = Solve(options, &bundle.problem);
   EXPECT_EQ(outcome.summary.termination_type, ceres::FAILURE);
-  EXPECT_EQ(
-      outcome.summary.message,
-      kRelease >= 202
-          ? "Can't use DENSE_SCHUR with dense_linear_algebra_library_type = CUDA because support not enabled when Ceres was "
-            "built."
-          : "Can't use DENSE_SCHUR with Solver::Options::dense_linear_algebra_library_type = CUDA because CUDA was not enabled "
-            "when Ceres was built.");
+  EXPECT_EQ(outcome.summary.message,
+            kRelease >= 202
+                ? "Can't use DENSE_SCHUR with dense_linear_algebra_library_type = CUDA because "
+                  "support not enabled when Ceres was "
+                  "built."
+                : "Can't use DENSE_SCHUR with Solver::Options::dense_linear_algebra_library_type = "
+                  "CUDA because CUDA was not enabled "
+                  "when Ceres was built.");
 }
 
 TEST(Options23, sparse_linear_algebra_library_type) {
@@ -105,7 +113,8 @@ TEST(Options23, sparse_linear_algebra_library_type) {
 #endif
              ceres::EIGEN_SPARSE
        }) {
-    const Summary summary = ExpectNoEffect(options, [&](Options* o) { o->sparse_linear_algebra_library_type = library; });
+    const Summary summary = ExpectNoEffect(
+        options, [&](Options* o) { o->sparse_linear_algebra_library_type = library; });
     EXPECT_EQ(summary.sparse_linear_algebra_library_type, library);
   }
 }
@@ -123,7 +132,8 @@ TEST(Options23, sparse_linear_algebra_library_type_that_is_not_there) {
 }
 
 // Points in the first group, cameras in the second; `group_of_cameras` may be the same.
-std::shared_ptr<ceres::ParameterBlockOrdering> Order(const Bundle& bundle, int group_of_points, int group_of_cameras) {
+std::shared_ptr<ceres::ParameterBlockOrdering> Order(const Bundle& bundle, int group_of_points,
+                                                     int group_of_cameras) {
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   for (double* point : bundle.points) {
     ordering->AddElementToGroup(point, group_of_points);
@@ -143,12 +153,14 @@ TEST(Options23, linear_solver_ordering) {
     options.linear_solver_ordering = Order(bundle, 3, 7);
     const Summary summary = Solve(options, &bundle.problem).summary;
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-    EXPECT_EQ(summary.linear_solver_ordering_given, (std::vector<int>{8, 3})) << "before any removal";
+    EXPECT_EQ(summary.linear_solver_ordering_given, (std::vector<int>{8, 3}))
+        << "before any removal";
     EXPECT_EQ(summary.linear_solver_ordering_used, (std::vector<int>{8, 2}));
   }
 }
 
-// Its lowest group has only constants: DENSE_SCHUR becomes DENSE_QR, SPARSE_SCHUR SPARSE_NORMAL_CHOLESKY.
+// Its lowest group has only constants: DENSE_SCHUR becomes DENSE_QR, SPARSE_SCHUR
+// SPARSE_NORMAL_CHOLESKY.
 TEST(Options23, linear_solver_ordering_whose_first_group_empties) {
   for (const bool dense : {true, false}) {
     Bundle bundle;
@@ -161,7 +173,8 @@ TEST(Options23, linear_solver_ordering_whose_first_group_empties) {
     const Summary summary = Solve(options, &bundle.problem).summary;
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
     EXPECT_EQ(summary.linear_solver_type_given, options.linear_solver_type);
-    EXPECT_EQ(summary.linear_solver_type_used, dense ? ceres::DENSE_QR : ceres::SPARSE_NORMAL_CHOLESKY);
+    EXPECT_EQ(summary.linear_solver_type_used,
+              dense ? ceres::DENSE_QR : ceres::SPARSE_NORMAL_CHOLESKY);
     EXPECT_EQ(summary.linear_solver_ordering_used, (std::vector<int>{3}));
   }
 }
@@ -190,7 +203,8 @@ TEST(Options23, linear_solver_ordering_type) {
   options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
   EXPECT_EQ(ExpectNoEffect(options, [](Options*) {}).linear_solver_ordering_type, ceres::AMD);
   options.linear_solver_type = ceres::DENSE_SCHUR;
-  const Summary summary = ExpectNoEffect(options, [](Options* o) { o->linear_solver_ordering_type = ceres::NESDIS; });
+  const Summary summary =
+      ExpectNoEffect(options, [](Options* o) { o->linear_solver_ordering_type = ceres::NESDIS; });
   EXPECT_EQ(summary.linear_solver_ordering_type, ceres::NESDIS);
 }
 

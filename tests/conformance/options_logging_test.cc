@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "Callback and logging options": progress table, dumps, gradient checks. Test names are the fields'.
+// docs/ceres_contract.md, "Callback and logging options": progress table, dumps, gradient checks.
+// Test names are the fields'.
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,7 +12,8 @@ namespace conformance {
 namespace {
 
 constexpr const char* kHeading =
-    "iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  iter_time  total_time\n";
+    "iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  "
+    "iter_time  total_time\n";
 
 // The two times of a row replaced.
 std::string WithoutTimes(const std::string& table) {
@@ -28,11 +30,13 @@ TEST(Options24, minimizer_progress_to_stdout) {
   options.minimizer_progress_to_stdout = true;
   EXPECT_EQ(WithoutTimes(Solve(options, &line.problem).printed),
             std::string(kHeading) +
-                "   0  4.512500e+01    0.00e+00    9.50e+00   0.00e+00   0.00e+00  1.00e+04        0    TIMES\n"
+                "   0  4.512500e+01    0.00e+00    9.50e+00   0.00e+00   0.00e+00  1.00e+04        "
+                "0    TIMES\n"
                 "   1  4.511598e-07    4.51e+01    9.50e-04   " +
                 kFirstStep +
                 "   1.00e+00  3.00e+04        1    TIMES\n"
-                "   2  5.012552e-16    4.51e-07    3.17e-08   9.50e-04   1.00e+00  9.00e+04        1    TIMES\n");
+                "   2  5.012552e-16    4.51e-07    3.17e-08   9.50e-04   1.00e+00  9.00e+04        "
+                "1    TIMES\n");
 }
 
 TEST(Options24, minimizer_progress_to_stdout_is_off_by_default) {
@@ -60,7 +64,8 @@ TEST(Options24, minimizer_progress_to_stdout_of_a_rejected_step) {
   options.max_num_iterations = 2;
   EXPECT_EQ(WithoutTimes(Solve(options, &world.problem).printed),
             std::string(kHeading) +
-                "   0  4.712500e+01    0.00e+00    9.50e+00   0.00e+00   0.00e+00  1.00e+04        0    TIMES\n"
+                "   0  4.712500e+01    0.00e+00    9.50e+00   0.00e+00   0.00e+00  1.00e+04        "
+                "0    TIMES\n"
                 "   1  1.797693e+308   -1.80e+308    9.50e+00   " +
                 kFirstStep +
                 "  -1.80e+308  5.00e+03        1    TIMES\n"
@@ -76,7 +81,8 @@ TEST(Options24, minimizer_progress_to_stdout_without_the_last_iteration) {
   options.function_tolerance = 0.95;
   const std::string printed = WithoutTimes(Solve(options, &parabola.problem).printed);
   EXPECT_EQ(printed, std::string(kHeading) +
-                         "   0  5.000000e-01    0.00e+00    2.00e+00   0.00e+00   0.00e+00  1.00e+04        0    TIMES\n");
+                         "   0  5.000000e-01    0.00e+00    2.00e+00   0.00e+00   0.00e+00  "
+                         "1.00e+04        0    TIMES\n");
 }
 
 TEST(Options24, logging_type) {
@@ -97,14 +103,17 @@ TEST(Options24, logging_type_silent_and_a_failure) {
     Options options = Small();
     options.logging_type = type;
     const Outcome outcome = Solve(options, &world.problem);
-    EXPECT_EQ(outcome.errors, std::vector<std::string>{std::string("Terminating: ") + kStartFailed});
+    EXPECT_EQ(outcome.errors,
+              std::vector<std::string>{std::string("Terminating: ") + kStartFailed});
   }
 }
 
 // Dumps.
 
 struct DumpFolder {
-  DumpFolder() : path(std::filesystem::temp_directory_path() / ("inceres_conformance_" + std::to_string(::getpid()))) {
+  DumpFolder()
+      : path(std::filesystem::temp_directory_path() /
+             ("inceres_conformance_" + std::to_string(::getpid()))) {
     std::filesystem::create_directory(path);
   }
   ~DumpFolder() { std::filesystem::remove_all(path); }
@@ -125,15 +134,17 @@ TEST(Options24, trust_region_minimizer_iterations_to_dump) {
   Options options = Small();
   options.trust_region_minimizer_iterations_to_dump = {1};
   options.trust_region_problem_dump_directory = folder.path.string();
-  EXPECT_EQ(Solve(options, &line.problem, Solver::kAnyone).summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(Solve(options, &line.problem, Solver::kAnyone).summary.termination_type,
+            ceres::CONVERGENCE);
   const std::string base = "ceres_solver_iteration_001";
-  EXPECT_EQ(folder.Files(),
-            (std::vector<std::string>{base + ".m", base + "_A.txt", base + "_D.txt", base + "_b.txt", base + "_x.txt"}));
+  EXPECT_EQ(folder.Files(), (std::vector<std::string>{base + ".m", base + "_A.txt", base + "_D.txt",
+                                                      base + "_b.txt", base + "_x.txt"}));
 }
 
 TEST(Options24, trust_region_problem_dump_directory) {
   const DumpFolder folder;
-  ExpectNoEffect(Small(), [&](Options* o) { o->trust_region_problem_dump_directory = folder.path.string(); });
+  ExpectNoEffect(
+      Small(), [&](Options* o) { o->trust_region_problem_dump_directory = folder.path.string(); });
   EXPECT_TRUE(folder.Files().empty()) << "no iteration was named";
 }
 
@@ -144,7 +155,8 @@ TEST(Options24, trust_region_problem_dump_format_type) {
   options.trust_region_minimizer_iterations_to_dump = {1};
   options.trust_region_problem_dump_directory = folder.path.string();
   options.trust_region_problem_dump_format_type = ceres::CONSOLE;
-  EXPECT_EQ(Solve(options, &line.problem, Solver::kAnyone).summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(Solve(options, &line.problem, Solver::kAnyone).summary.termination_type,
+            ceres::CONVERGENCE);
   EXPECT_TRUE(folder.Files().empty());
 }
 
@@ -152,8 +164,9 @@ TEST(Options24, trust_region_problem_dump_format_type) {
 
 struct WrongJacobian : World {
   explicit WrongJacobian(double relative_error) : x(Add({0.5})) {
-    problem.AddResidualBlock(Scalar([](double v) { return 10.0 - v; }, [=](double) { return -1.0 - relative_error; }), nullptr,
-                             x);
+    problem.AddResidualBlock(
+        Scalar([](double v) { return 10.0 - v; }, [=](double) { return -1.0 - relative_error; }),
+        nullptr, x);
   }
   double* x;
 };
@@ -175,13 +188,17 @@ TEST(Options24, check_gradients) {
 }
 
 TEST(Options24, gradient_check_relative_precision) {
-  const auto precision = [](double value) { return [=](Options* o) { o->gradient_check_relative_precision = value; }; };
+  const auto precision = [](double value) {
+    return [=](Options* o) { o->gradient_check_relative_precision = value; };
+  };
   EXPECT_EQ(Checked(1e-4, precision(1e-2)).termination_type, ceres::CONVERGENCE);
   EXPECT_EQ(Checked(1e-4, precision(1e-6)).termination_type, ceres::FAILURE);
 }
 
 TEST(Options24, gradient_check_numeric_derivative_relative_step_size) {
-  const auto step = [](Options* o) { o->gradient_check_numeric_derivative_relative_step_size = 1e-4; };
+  const auto step = [](Options* o) {
+    o->gradient_check_numeric_derivative_relative_step_size = 1e-4;
+  };
   EXPECT_EQ(Checked(0.0, step).termination_type, ceres::CONVERGENCE);
   ExpectNoEffect(Small(), step);
 }

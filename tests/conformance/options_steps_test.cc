@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "Trust-region options": which steps are taken and when it ends. Test names are the fields'.
+// docs/ceres_contract.md, "Trust-region options": which steps are taken and when it ends. Test
+// names are the fields'.
 #include <cmath>
 #include <limits>
 
@@ -70,7 +71,8 @@ TEST(Options22, jacobi_scaling) {
 // A Jacobian whose square underflows: the step exists, its model change is 0, so no step is valid.
 struct NeverValid : World {
   NeverValid() : x(Add({0.0})) {
-    problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }), nullptr, x);
+    problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }),
+                             nullptr, x);
   }
   double* x;
 };
@@ -84,15 +86,18 @@ TEST(Options22, max_num_consecutive_invalid_steps) {
     const Summary summary = Solve(options, &world.problem).summary;
     EXPECT_EQ(summary.termination_type, ceres::FAILURE);
     EXPECT_EQ(summary.message,
-              "Number of consecutive invalid steps more than Solver::Options::max_num_consecutive_invalid_steps: " +
+              "Number of consecutive invalid steps more than "
+              "Solver::Options::max_num_consecutive_invalid_steps: " +
                   std::to_string(limit));
-    EXPECT_EQ(summary.iterations.size(), static_cast<std::size_t>(limit)) << "the fatal one is not in the trace";
+    EXPECT_EQ(summary.iterations.size(), static_cast<std::size_t>(limit))
+        << "the fatal one is not in the trace";
     EXPECT_EQ(world.x[0], 0.0);
   }
 }
 
 TEST(Options22, function_tolerance) {
-  for (const double tolerance : {0.93, 0.95}) {  // the first step changes the cost by 0.9375 of itself
+  for (const double tolerance :
+       {0.93, 0.95}) {  // the first step changes the cost by 0.9375 of itself
     Parabola parabola;
     Options options = Small();
     options.function_tolerance = tolerance;
@@ -101,7 +106,9 @@ TEST(Options22, function_tolerance) {
     if (tolerance < 0.9375) {
       EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
     } else {
-      EXPECT_TRUE(StartsWith(summary.message, "Function tolerance reached. |cost_change|/cost: 9.37")) << summary.message;
+      EXPECT_TRUE(
+          StartsWith(summary.message, "Function tolerance reached. |cost_change|/cost: 9.37"))
+          << summary.message;
       EXPECT_NE(summary.message.find(" <= 9.500000e-01"), std::string::npos);
       EXPECT_EQ(parabola.x[0], 1.0) << "the candidate is discarded";
     }
@@ -113,7 +120,8 @@ TEST(Options22, gradient_tolerance) {
   Options options = Small();
   options.gradient_tolerance = 1e-3;
   const Summary summary = Solve(options, &line.problem).summary;
-  EXPECT_EQ(summary.message, "Gradient tolerance reached. Gradient max norm: 9.499050e-04 <= 1.000000e-03");
+  EXPECT_EQ(summary.message,
+            "Gradient tolerance reached. Gradient max norm: 9.499050e-04 <= 1.000000e-03");
   EXPECT_EQ(summary.iterations.size(), 2u);
 }
 
@@ -123,19 +131,23 @@ TEST(Options22, gradient_tolerance_at_successful_iterations_only) {
   Options options = Small();
   options.gradient_tolerance = 10.0;
   const Summary summary = Solve(options, &line.problem).summary;
-  EXPECT_EQ(summary.message, "Gradient tolerance reached. Gradient max norm: 9.500000e+00 <= 1.000000e+01");
+  EXPECT_EQ(summary.message,
+            "Gradient tolerance reached. Gradient max norm: 9.500000e+00 <= 1.000000e+01");
   EXPECT_EQ(summary.iterations.size(), 1u);
 }
 
-// It cannot fire before a step was accepted: up to Ceres 2.1 because ‖x‖ is −1 until then, from 2.2 on because it is not asked.
+// It cannot fire before a step was accepted: up to Ceres 2.1 because ‖x‖ is −1 until then, from 2.2
+// on because it is not asked.
 TEST(Options22, parameter_tolerance) {
   Line line(9.99);
   Options options = Small();
   options.parameter_tolerance = 0.5;
   const Summary summary = Solve(options, &line.problem).summary;
-  EXPECT_TRUE(StartsWith(summary.message, "Parameter tolerance reached. Relative step_norm: ")) << summary.message;
+  EXPECT_TRUE(StartsWith(summary.message, "Parameter tolerance reached. Relative step_norm: "))
+      << summary.message;
   EXPECT_NE(summary.message.find(" <= 5.000000e-01."), std::string::npos) << summary.message;
-  EXPECT_EQ(summary.iterations.size(), 2u) << "the step that ends it is not in the trace, the one before was taken";
+  EXPECT_EQ(summary.iterations.size(), 2u)
+      << "the step that ends it is not in the trace, the one before was taken";
 }
 
 // With bounds ‖x‖ is known from the start, and up to Ceres 2.1 that is enough.
@@ -145,7 +157,8 @@ TEST(Options22, parameter_tolerance_with_bounds) {
   Options options = Small();
   options.parameter_tolerance = 0.5;
   const Summary summary = Solve(options, &line.problem).summary;
-  EXPECT_TRUE(StartsWith(summary.message, "Parameter tolerance reached. Relative step_norm: ")) << summary.message;
+  EXPECT_TRUE(StartsWith(summary.message, "Parameter tolerance reached. Relative step_norm: "))
+      << summary.message;
   const bool waits = kRelease >= 202;
   EXPECT_EQ(summary.iterations.size(), waits ? 2u : 1u);
   EXPECT_EQ(line.x[0] == 9.99, !waits);
@@ -177,7 +190,8 @@ TEST(Options22, inner_iteration_ordering) {
     for (double* point : bundle.points) {
       options.inner_iteration_ordering->AddElementToGroup(point, 0);
     }
-    const Summary summary = Solve(options, &bundle.problem, used ? Solver::kAnyone : Solver::kOurs).summary;
+    const Summary summary =
+        Solve(options, &bundle.problem, used ? Solver::kAnyone : Solver::kOurs).summary;
     EXPECT_EQ(summary.inner_iterations_given, used);
     EXPECT_EQ(summary.inner_iteration_ordering_given, std::vector<int>{8});
     EXPECT_EQ(summary.inner_iteration_ordering_used, std::vector<int>{8});
@@ -190,7 +204,8 @@ TEST(Options22, inner_iteration_tolerance) {
     Options options = Schur();
     options.use_inner_iterations = used;
     options.inner_iteration_tolerance = 0.9;
-    const Summary summary = Solve(options, &bundle.problem, used ? Solver::kAnyone : Solver::kOurs).summary;
+    const Summary summary =
+        Solve(options, &bundle.problem, used ? Solver::kAnyone : Solver::kOurs).summary;
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   }
 }

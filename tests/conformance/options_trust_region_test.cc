@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "Trust-region options": the trust region, up to its radii. Test names are the fields'.
+// docs/ceres_contract.md, "Trust-region options": the trust region, up to its radii. Test names are
+// the fields'.
 #include <atomic>
 #include <chrono>
 #include <thread>
@@ -16,7 +17,8 @@ TEST(Options22, trust_region_strategy_type) {
     const Summary summary = Solve(options, &line.problem).summary;
     EXPECT_EQ(summary.trust_region_strategy_type, strategy);
     ASSERT_GE(summary.iterations.size(), 2u);
-    // Levenberg–Marquardt triples its radius; the Gauss–Newton step is too short to widen Dog-Leg's.
+    // Levenberg–Marquardt triples its radius; the Gauss–Newton step is too short to widen
+    // Dog-Leg's.
     ExpectClose(summary.iterations[1].trust_region_radius, strategy == ceres::DOGLEG ? 1e4 : 3e4);
     EXPECT_NEAR(line.x[0], 10.0, 1e-6);
   }
@@ -60,7 +62,8 @@ TEST(Options22, use_nonmonotonic_steps) {
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
 }
 
-// A window of 0 accepted steps would be monotone; with 1 the reference cost follows after one step above the minimum.
+// A window of 0 accepted steps would be monotone; with 1 the reference cost follows after one step
+// above the minimum.
 TEST(Options22, max_consecutive_nonmonotonic_steps) {
   std::size_t sizes[2];
   for (const int window : {1, 5}) {
@@ -86,7 +89,8 @@ TEST(Options22, max_num_iterations) {
   EXPECT_EQ(summary.iterations.size(), 4u);
 }
 
-// Iteration 0 is evaluated and told of; then it ends, although the gradient already satisfies its tolerance.
+// Iteration 0 is evaluated and told of; then it ends, although the gradient already satisfies its
+// tolerance.
 TEST(Options22, max_num_iterations_zero) {
   Line line(10.0);
   Options options = Small();
@@ -117,7 +121,8 @@ TEST(Options22, max_solver_time_in_seconds) {
   options.callbacks.push_back(&callback);
   const Summary summary = Solve(options, &rosenbrock.problem).summary;
   EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
-  EXPECT_TRUE(StartsWith(summary.message, "Maximum solver time reached. Total solver time: ")) << summary.message;
+  EXPECT_TRUE(StartsWith(summary.message, "Maximum solver time reached. Total solver time: "))
+      << summary.message;
   EXPECT_NE(summary.message.find(" >= 5.000000e-02."), std::string::npos) << summary.message;
   EXPECT_EQ(summary.iterations.size(), 3u);
 }
@@ -127,16 +132,17 @@ TEST(Options22, num_threads) {
   const std::thread::id caller = std::this_thread::get_id();
   int num_elsewhere = 0;
   for (int k = 0; k < 100; ++k) {
-    bundle.problem.AddResidualBlock(new Cost(1, {6},
-                                             [&](double const* const*, double* residuals, double** jacobians) {
-                                               num_elsewhere += std::this_thread::get_id() == caller ? 0 : 1;
-                                               residuals[0] = 0.0;
-                                               if (jacobians != nullptr && jacobians[0] != nullptr) {
-                                                 std::fill_n(jacobians[0], 6, 0.0);
-                                               }
-                                               return true;
-                                             }),
-                                    nullptr, bundle.cameras[0]);
+    bundle.problem.AddResidualBlock(
+        new Cost(1, {6},
+                 [&](double const* const*, double* residuals, double** jacobians) {
+                   num_elsewhere += std::this_thread::get_id() == caller ? 0 : 1;
+                   residuals[0] = 0.0;
+                   if (jacobians != nullptr && jacobians[0] != nullptr) {
+                     std::fill_n(jacobians[0], 6, 0.0);
+                   }
+                   return true;
+                 }),
+        nullptr, bundle.cameras[0]);
   }
   const Summary summary = Solve(Schur(), &bundle.problem).summary;
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
@@ -145,7 +151,8 @@ TEST(Options22, num_threads) {
   EXPECT_EQ(summary.num_threads_used, 1);
 }
 
-// Each call waits for another: with as few residual blocks as these both threads are at work, and never a third.
+// Each call waits for another: with as few residual blocks as these both threads are at work, and
+// never a third.
 TEST(Options22, num_threads_of_two) {
   if (std::thread::hardware_concurrency() < 2) {
     GTEST_SKIP() << "one processor";
@@ -154,22 +161,23 @@ TEST(Options22, num_threads_of_two) {
   std::atomic<int> inside{0};
   std::atomic<int> most{0};
   for (int k = 0; k < 64; ++k) {
-    bundle.problem.AddResidualBlock(new Cost(1, {6},
-                                             [&](double const* const*, double* residuals, double** jacobians) {
-                                               const int now = ++inside;
-                                               for (int seen = most; seen < now && !most.compare_exchange_weak(seen, now);) {
-                                               }
-                                               for (int wait = 0; wait < 1000 && most < 2; ++wait) {
-                                                 std::this_thread::sleep_for(std::chrono::milliseconds(1));
-                                               }
-                                               residuals[0] = 0.0;
-                                               if (jacobians != nullptr && jacobians[0] != nullptr) {
-                                                 std::fill_n(jacobians[0], 6, 0.0);
-                                               }
-                                               --inside;
-                                               return true;
-                                             }),
-                                    nullptr, bundle.cameras[0]);
+    bundle.problem.AddResidualBlock(
+        new Cost(1, {6},
+                 [&](double const* const*, double* residuals, double** jacobians) {
+                   const int now = ++inside;
+                   for (int seen = most; seen < now && !most.compare_exchange_weak(seen, now);) {
+                   }
+                   for (int wait = 0; wait < 1000 && most < 2; ++wait) {
+                     std::this_thread::sleep_for(std::chrono::milliseconds(1));
+                   }
+                   residuals[0] = 0.0;
+                   if (jacobians != nullptr && jacobians[0] != nullptr) {
+                     std::fill_n(jacobians[0], 6, 0.0);
+                   }
+                   --inside;
+                   return true;
+                 }),
+        nullptr, bundle.cameras[0]);
   }
   Options options = Schur();
   options.num_threads = 2;
@@ -189,7 +197,8 @@ TEST(Options22, num_threads_above_the_machine) {
   EXPECT_EQ(outcome.summary.num_threads_used, available);
   ASSERT_EQ(outcome.warnings.size(), 1u);
   EXPECT_EQ(outcome.warnings[0],
-            "Specified options.num_threads: 4000 exceeds maximum available from the threading model Ceres "
+            "Specified options.num_threads: 4000 exceeds maximum available from the threading "
+            "model Ceres "
             "was compiled with: " +
                 std::to_string(available) + ".  Bounding to maximum number available.");
 }
@@ -216,7 +225,8 @@ TEST(Options22, max_trust_region_radius_is_not_that_of_dogleg) {
   options.trust_region_strategy_type = ceres::DOGLEG;
   options.initial_trust_region_radius = 1.0;
   options.max_trust_region_radius = 1.0;
-  // The step is 1 long in the scaled space, D = s·|J| = 1/2, so 2 in x; the radius becomes three times the step's length.
+  // The step is 1 long in the scaled space, D = s·|J| = 1/2, so 2 in x; the radius becomes three
+  // times the step's length.
   const Summary summary = Solve(options, &line.problem).summary;
   ExpectClose(summary.iterations[1].trust_region_radius, 3.0);
 }
@@ -237,7 +247,9 @@ TEST(Options22, min_trust_region_radius) {
   options.min_trust_region_radius = 1e3;
   const Summary summary = Solve(options, &world.problem).summary;
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_EQ(summary.message, "Minimum trust region radius reached. Trust region radius: 1.562500e+02 <= 1.000000e+03");
+  EXPECT_EQ(
+      summary.message,
+      "Minimum trust region radius reached. Trust region radius: 1.562500e+02 <= 1.000000e+03");
   EXPECT_EQ(summary.iterations.size(), 4u);
   EXPECT_EQ(x[0], 0.5);
 }

@@ -15,7 +15,8 @@ std::string Pointer(const double* block) {
 }
 
 // A solve that must fail with this message (or a start of it), without a call, a row or a write.
-void ExpectRefusal(const Options& options, World* world, const std::string& start, bool whole = false) {
+void ExpectRefusal(const Options& options, World* world, const std::string& start,
+                   bool whole = false) {
   double* watched = world->Add({1.0});
   int num_calls = 0;
   int num_callbacks = 0;
@@ -37,7 +38,9 @@ void ExpectRefusal(const Options& options, World* world, const std::string& star
   const auto before = world->blocks;
   const Outcome outcome = Solve(adjusted, &world->problem, Solver::kAnyone);
   EXPECT_EQ(outcome.summary.termination_type, ceres::FAILURE);
-  EXPECT_TRUE(StartsWith(outcome.summary.message, start)) << outcome.summary.message << "\nexpected:\n" << start;
+  EXPECT_TRUE(StartsWith(outcome.summary.message, start))
+      << outcome.summary.message << "\nexpected:\n"
+      << start;
   EXPECT_TRUE(!whole || outcome.summary.message == start) << outcome.summary.message;
   EXPECT_TRUE(outcome.errors.empty()) << outcome.errors[0];
   EXPECT_EQ(outcome.summary.initial_cost, -1.0);
@@ -54,7 +57,8 @@ void ExpectRefusal(const Options& options, World* world, const std::string& star
 
 // Constant and unused blocks are looked at too.
 TEST(Preprocessing51, invalid_value) {
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e302}) {
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e302}) {
     for (const int kind : {0, 1, 2}) {
       Line line;
       double* block = line.Add({1.0, bad, 3.0});
@@ -65,10 +69,11 @@ TEST(Preprocessing51, invalid_value) {
       if (kind == 1) {
         line.problem.SetParameterBlockConstant(block);
       }
-      ExpectRefusal(Small(), &line,
-                    "ParameterBlock: " + Pointer(block) +
-                        " with size 3 has at least one invalid value.\nFirst invalid value is at index: 1.\n"
-                        "Parameter block values: ");
+      ExpectRefusal(
+          Small(), &line,
+          "ParameterBlock: " + Pointer(block) +
+              " with size 3 has at least one invalid value.\nFirst invalid value is at index: 1.\n"
+              "Parameter block values: ");
     }
   }
 }
@@ -82,8 +87,10 @@ TEST(Preprocessing51, infeasible_value_of_a_constant) {
   line.problem.SetParameterUpperBound(block, 1, 4.0);
   ExpectRefusal(Small(), &line,
                 "ParameterBlock: " + Pointer(block) +
-                    " with size 2 has at least one infeasible value.\nFirst infeasible value is at index: 1.\n"
-                    "Lower bound: 3.000000e+00, value: 2.000000e+00, upper bound: 4.000000e+00\nParameter block values: ");
+                    " with size 2 has at least one infeasible value.\nFirst infeasible value is at "
+                    "index: 1.\n"
+                    "Lower bound: 3.000000e+00, value: 2.000000e+00, upper bound: "
+                    "4.000000e+00\nParameter block values: ");
 }
 
 // Equal bounds are infeasible for a variable block.
@@ -95,10 +102,13 @@ TEST(Preprocessing51, infeasible_bound) {
     line.problem.SetParameterLowerBound(block, 0, 2.0);
     line.problem.SetParameterUpperBound(block, 0, upper);
     char bounds[100];
-    std::snprintf(bounds, sizeof(bounds), "Lower bound: %e, upper bound: %e\nParameter block values: ", 2.0, upper);
+    std::snprintf(bounds, sizeof(bounds),
+                  "Lower bound: %e, upper bound: %e\nParameter block values: ", 2.0, upper);
     ExpectRefusal(Small(), &line,
                   "ParameterBlock: " + Pointer(block) +
-                      " with size 2 has at least one infeasible bound.\nFirst infeasible bound is at index: 0.\n" + bounds);
+                      " with size 2 has at least one infeasible bound.\nFirst infeasible bound is "
+                      "at index: 0.\n" +
+                      bounds);
   }
 }
 
@@ -109,10 +119,13 @@ TEST(Preprocessing51, fixed_residual_that_fails) {
   line.problem.AddResidualBlock(Target({3.0}), nullptr, c);
   line.problem.AddResidualBlock(new Cost(1, {1}, [](auto...) { return false; }), nullptr, c);
   line.problem.SetParameterBlockConstant(c);
-  ExpectRefusal(Small(), &line, "Evaluation of the residual 2 failed during removal of fixed residual blocks.", true);
+  ExpectRefusal(Small(), &line,
+                "Evaluation of the residual 2 failed during removal of fixed residual blocks.",
+                true);
 }
 
-std::shared_ptr<ceres::ParameterBlockOrdering> Group(const std::vector<double*>& first, const std::vector<double*>& second) {
+std::shared_ptr<ceres::ParameterBlockOrdering> Group(const std::vector<double*>& first,
+                                                     const std::vector<double*>& second) {
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   for (double* block : first) {
     ordering->AddElementToGroup(block, 0);
@@ -124,13 +137,16 @@ std::shared_ptr<ceres::ParameterBlockOrdering> Group(const std::vector<double*>&
 }
 
 TEST(Preprocessing51, ordering_of_another_size) {
-  for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY}) {
+  for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR,
+                          ceres::SPARSE_NORMAL_CHOLESKY}) {
     Bundle bundle;
     Options options;
     options.linear_solver_type = type;
     options.linear_solver_ordering = Group(bundle.points, {bundle.cameras[0], bundle.cameras[1]});
     ExpectRefusal(options, &bundle,
-                  "The program has 12 parameter blocks, but the parameter block ordering has 11 parameter blocks.", true);
+                  "The program has 12 parameter blocks, but the parameter block ordering has 11 "
+                  "parameter blocks.",
+                  true);
   }
 }
 
@@ -152,16 +168,20 @@ TEST(Preprocessing51, first_group_that_is_not_independent) {
   Options options = Schur();
   options.linear_solver_ordering = Group(first, {bundle.cameras[1], bundle.cameras[2]});
   ExpectRefusal(options, &bundle,
-                "The first elimination group in the parameter block ordering of size 9 is not an independent set", true);
+                "The first elimination group in the parameter block ordering of size 9 is not an "
+                "independent set",
+                true);
 }
 
 TEST(Preprocessing51, ordering_with_a_foreign_pointer) {
   Bundle bundle;
   double foreign = 0.0;
   Options options = Schur();
-  options.linear_solver_ordering = Group(bundle.points, {bundle.cameras[0], bundle.cameras[1], &foreign});
+  options.linear_solver_ordering =
+      Group(bundle.points, {bundle.cameras[0], bundle.cameras[1], &foreign});
   ExpectRefusal(options, &bundle,
-                "User specified ordering contains a pointer to a double that is not a parameter block in the problem. "
+                "User specified ordering contains a pointer to a double that is not a parameter "
+                "block in the problem. "
                 "The invalid double is in group: 1",
                 true);
 }

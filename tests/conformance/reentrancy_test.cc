@@ -60,10 +60,12 @@ TEST(Reentrancy53, solves_in_parallel_threads) {
         Options options = Schur();
         options.num_threads = 1 + which / 2;
         ceres::Solve(options, &bundle.problem, &summary);
-        num_right += summary.termination_type == ceres::CONVERGENCE && std::abs(summary.final_cost - 3.36913424893) < 1e-8;
+        num_right += summary.termination_type == ceres::CONVERGENCE &&
+                     std::abs(summary.final_cost - 3.36913424893) < 1e-8;
       } else {
         Line line;
-        line.problem.AddResidualBlock(new Cost(1, {1}, [](auto...) { return false; }), nullptr, line.x);
+        line.problem.AddResidualBlock(new Cost(1, {1}, [](auto...) { return false; }), nullptr,
+                                      line.x);
         ceres::Solve(Small(), &line.problem, &summary);
         num_right += summary.termination_type == ceres::FAILURE && line.x[0] == 0.5;
       }
@@ -85,13 +87,15 @@ TEST(Reentrancy53, the_problem_can_be_used_as_ever_after_a_solve) {
   const Summary first = Solve(Schur(), &bundle.problem).summary;
   double cost = 0.0;
   std::vector<double> gradient;
-  EXPECT_TRUE(bundle.problem.Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, &gradient, nullptr));
+  EXPECT_TRUE(bundle.problem.Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, &gradient,
+                                      nullptr));
   ExpectClose(cost, first.final_cost, 1e-12);
   for (const double entry : gradient) {
     EXPECT_NEAR(entry, 0.0, 1e-2);
   }
   ceres::Covariance covariance((ceres::Covariance::Options()));
-  const std::vector<std::pair<const double*, const double*>> pairs = {{bundle.points[0], bundle.points[0]}};
+  const std::vector<std::pair<const double*, const double*>> pairs = {
+      {bundle.points[0], bundle.points[0]}};
   EXPECT_TRUE(covariance.Compute(pairs, &bundle.problem));
   std::thread([&] {
     Summary second;

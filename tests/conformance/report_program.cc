@@ -1,5 +1,6 @@
-// Solves several problems as a program would that shows its user all there is: progress table, callbacks' lines, the long report
-// and the result, to the last bit with one thread. check_same_output.py compares what two runs print.
+// Solves several problems as a program would that shows its user all there is: progress table,
+// callbacks' lines, the long report and the result, to the last bit with one thread.
+// check_same_output.py compares what two runs print.
 #include <cstdio>
 #include <iostream>
 
@@ -21,7 +22,8 @@ void SolveAndPrint(const char* name, Options options, World* world) {
   ceres::Solver::Summary summary;
   ceres::Solve(options, &world->problem, &summary);
   std::cout << summary.FullReport() << summary.BriefReport() << std::endl;
-  // On two threads Ceres adds up in the order in which they come: one run in twenty ends with other last bits.
+  // On two threads Ceres adds up in the order in which they come: one run in twenty ends with other
+  // last bits.
   const char* format = options.num_threads == 1 ? "%a " : "%.9g ";
   for (const auto& block : world->blocks) {
     for (const double value : block) {
@@ -33,7 +35,8 @@ void SolveAndPrint(const char* name, Options options, World* world) {
 }
 
 void SolveBundles() {
-  for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY}) {
+  for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR,
+                          ceres::SPARSE_NORMAL_CHOLESKY}) {
     conformance::Bundle bundle(4, 20);
     bundle.problem.SetParameterBlockConstant(bundle.cameras[0]);
     Options options;
@@ -73,7 +76,8 @@ void EndOtherwise() {
   options.callbacks.push_back(&abort);
   SolveAndPrint("abort", options, &aborted);
   conformance::Line failing;
-  failing.problem.AddResidualBlock(new conformance::Cost(1, {1}, [](auto...) { return false; }), nullptr, failing.x);
+  failing.problem.AddResidualBlock(new conformance::Cost(1, {1}, [](auto...) { return false; }),
+                                   nullptr, failing.x);
   SolveAndPrint("failure", conformance::Small(), &failing);
   conformance::Line constant;
   constant.problem.SetParameterBlockConstant(constant.x);

@@ -9,20 +9,23 @@ namespace {
 
 // Times, the version line, and digits of costs that depend on rounding replaced.
 std::string WithoutNumbersOfTheMachine(std::string report) {
-  report = std::regex_replace(report, std::regex("Solver Summary \\(.*\\)\n"), "Solver Summary (VERSION)\n");
-  report = std::regex_replace(report, std::regex(" +[0-9]+\\.[0-9]{6}( \\([0-9]+\\))?\n"), " TIME$1\n");
+  report = std::regex_replace(report, std::regex("Solver Summary \\(.*\\)\n"),
+                              "Solver Summary (VERSION)\n");
+  report =
+      std::regex_replace(report, std::regex(" +[0-9]+\\.[0-9]{6}( \\([0-9]+\\))?\n"), " TIME$1\n");
   return report;
 }
 
 TEST(Report33, BriefReport) {
   Line line;
   EXPECT_EQ(Solve(Small(), &line.problem).summary.BriefReport(),
-            "Ceres Solver Report: Iterations: 3, Initial cost: 4.512500e+01, Final cost: 5.012552e-16, Termination: CONVERGENCE");
+            "Ceres Solver Report: Iterations: 3, Initial cost: 4.512500e+01, Final cost: "
+            "5.012552e-16, Termination: CONVERGENCE");
   Line constant;
   constant.problem.SetParameterBlockConstant(constant.x);
-  EXPECT_EQ(
-      Solve(Small(), &constant.problem).summary.BriefReport(),
-      "Ceres Solver Report: Iterations: -2, Initial cost: 4.512500e+01, Final cost: 4.512500e+01, Termination: CONVERGENCE");
+  EXPECT_EQ(Solve(Small(), &constant.problem).summary.BriefReport(),
+            "Ceres Solver Report: Iterations: -2, Initial cost: 4.512500e+01, Final cost: "
+            "4.512500e+01, Termination: CONVERGENCE");
 }
 
 TEST(Report33, FullReport) {
@@ -30,49 +33,50 @@ TEST(Report33, FullReport) {
   Options options = Small();
   options.max_num_iterations = 1;
   // From 2.2 on the library may be followed by "(Mixed Precision)", and the empty line is gone.
-  const std::string library = kRelease >= 202 ? "EIGEN \nTrust region strategy     LEVENBERG_MARQUARDT\n"
-                                              : "EIGEN\nTrust region strategy     LEVENBERG_MARQUARDT\n\n";
-  EXPECT_EQ(
-      WithoutNumbersOfTheMachine(Solve(options, &line.problem).summary.FullReport()),
-      "\n"
-      "Solver Summary (VERSION)\n"
-      "\n"
-      "                                     Original                  Reduced\n"
-      "Parameter blocks                            1                        1\n"
-      "Parameters                                  1                        1\n"
-      "Residual blocks                             1                        1\n"
-      "Residuals                                   1                        1\n"
-      "\n"
-      "Minimizer                        TRUST_REGION\n"
-      "\n"
-      "Dense linear algebra library            " +
-          library +
-          "                                        Given                     Used\n"
-          "Linear solver                        DENSE_QR                 DENSE_QR\n"
-          "Threads                                     1                        1\n"
-          "Linear solver ordering              AUTOMATIC                        1\n"
-          "\n"
-          "Cost:\n"
-          "Initial                          4.512500e+01\n"
-          "Final                            4.511598e-07\n"
-          "Change                           4.512500e+01\n"
-          "\n"
-          "Minimizer iterations                        2\n"
-          "Successful steps                            2\n"
-          "Unsuccessful steps                          0\n"
-          "\n"
-          "Time (in seconds):\n"
-          "Preprocessor TIME\n"
-          "\n"
-          "  Residual only evaluation TIME (1)\n"
-          "  Jacobian & residual evaluation TIME (2)\n"
-          "  Linear solver TIME (1)\n"
-          "Minimizer TIME\n"
-          "\n"
-          "Postprocessor TIME\n"
-          "Total TIME\n"
-          "\n"
-          "Termination:                   NO_CONVERGENCE (Maximum number of iterations reached. Number of iterations: 1.)\n");
+  const std::string library = kRelease >= 202
+                                  ? "EIGEN \nTrust region strategy     LEVENBERG_MARQUARDT\n"
+                                  : "EIGEN\nTrust region strategy     LEVENBERG_MARQUARDT\n\n";
+  EXPECT_EQ(WithoutNumbersOfTheMachine(Solve(options, &line.problem).summary.FullReport()),
+            "\n"
+            "Solver Summary (VERSION)\n"
+            "\n"
+            "                                     Original                  Reduced\n"
+            "Parameter blocks                            1                        1\n"
+            "Parameters                                  1                        1\n"
+            "Residual blocks                             1                        1\n"
+            "Residuals                                   1                        1\n"
+            "\n"
+            "Minimizer                        TRUST_REGION\n"
+            "\n"
+            "Dense linear algebra library            " +
+                library +
+                "                                        Given                     Used\n"
+                "Linear solver                        DENSE_QR                 DENSE_QR\n"
+                "Threads                                     1                        1\n"
+                "Linear solver ordering              AUTOMATIC                        1\n"
+                "\n"
+                "Cost:\n"
+                "Initial                          4.512500e+01\n"
+                "Final                            4.511598e-07\n"
+                "Change                           4.512500e+01\n"
+                "\n"
+                "Minimizer iterations                        2\n"
+                "Successful steps                            2\n"
+                "Unsuccessful steps                          0\n"
+                "\n"
+                "Time (in seconds):\n"
+                "Preprocessor TIME\n"
+                "\n"
+                "  Residual only evaluation TIME (1)\n"
+                "  Jacobian & residual evaluation TIME (2)\n"
+                "  Linear solver TIME (1)\n"
+                "Minimizer TIME\n"
+                "\n"
+                "Postprocessor TIME\n"
+                "Total TIME\n"
+                "\n"
+                "Termination:                   NO_CONVERGENCE (Maximum number of iterations "
+                "reached. Number of iterations: 1.)\n");
 }
 
 TEST(Report33, FullReportOfASchurType) {
@@ -81,12 +85,17 @@ TEST(Report33, FullReportOfASchurType) {
   Options options = Schur();
   options.trust_region_strategy_type = ceres::DOGLEG;
   const std::string report = Solve(options, &bundle.problem).summary.FullReport();
-  EXPECT_NE(report.find("Parameters                                 42                       36\n"), std::string::npos);
+  EXPECT_NE(report.find("Parameters                                 42                       36\n"),
+            std::string::npos);
   EXPECT_EQ(report.find("Effective parameters"), std::string::npos);
-  EXPECT_NE(report.find("Trust region strategy                  DOGLEG (TRADITIONAL)"), std::string::npos);
-  EXPECT_NE(report.find("Linear solver                     DENSE_SCHUR              DENSE_SCHUR\n"), std::string::npos);
-  EXPECT_NE(report.find("Linear solver ordering              AUTOMATIC                      8,2\n"), std::string::npos);
-  EXPECT_NE(report.find("Schur structure                         2,3,6                    " + Specialized("2,3,6") + "\n"),
+  EXPECT_NE(report.find("Trust region strategy                  DOGLEG (TRADITIONAL)"),
+            std::string::npos);
+  EXPECT_NE(report.find("Linear solver                     DENSE_SCHUR              DENSE_SCHUR\n"),
+            std::string::npos);
+  EXPECT_NE(report.find("Linear solver ordering              AUTOMATIC                      8,2\n"),
+            std::string::npos);
+  EXPECT_NE(report.find("Schur structure                         2,3,6                    " +
+                        Specialized("2,3,6") + "\n"),
             std::string::npos);
   EXPECT_EQ(report.find("Line search steps"), std::string::npos) << report;
 }
@@ -95,14 +104,17 @@ TEST(Report33, FullReportWithAManifold) {
   Rosenbrock rosenbrock;
   manifolds::Set(&rosenbrock.problem, rosenbrock.x, new manifolds::SubsetManifold(2, {1}));
   const std::string report = Solve(Small(), &rosenbrock.problem).summary.FullReport();
-  EXPECT_NE(report.find("Effective parameters                        1                        1\n"), std::string::npos) << report;
+  EXPECT_NE(report.find("Effective parameters                        1                        1\n"),
+            std::string::npos)
+      << report;
 }
 
 TEST(Report33, FullReportWithBounds) {
   Line line;
   line.problem.SetParameterUpperBound(line.x, 0, 100.0);
   const std::string report = Solve(Small(), &line.problem).summary.FullReport();
-  EXPECT_NE(report.find("Line search steps                           0\n"), std::string::npos) << report;
+  EXPECT_NE(report.find("Line search steps                           0\n"), std::string::npos)
+      << report;
 }
 
 TEST(Report33, FullReportOfAFailure) {
@@ -111,7 +123,9 @@ TEST(Report33, FullReportOfAFailure) {
   const std::string report = Solve(Small(), &line.problem).summary.FullReport();
   EXPECT_EQ(report.find("Final "), std::string::npos) << report;
   EXPECT_EQ(report.find("Change "), std::string::npos);
-  EXPECT_NE(report.find(std::string("Termination:                          FAILURE (") + kStartFailed + ")\n"), std::string::npos)
+  EXPECT_NE(report.find(std::string("Termination:                          FAILURE (") +
+                        kStartFailed + ")\n"),
+            std::string::npos)
       << report;
 }
 

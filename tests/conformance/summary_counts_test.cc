@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "Summary fields": costs, counts and times of a solve. Test names are the fields'.
+// docs/ceres_contract.md, "Summary fields": costs, counts and times of a solve. Test names are the
+// fields'.
 #include <cmath>
 #include <limits>
 #include <thread>
@@ -15,7 +16,8 @@ TEST(Summary31, preprocessor_time_in_seconds) {
   EXPECT_GE(summary.minimizer_time_in_seconds, 0.0);
   EXPECT_GE(summary.postprocessor_time_in_seconds, 0.0);
   EXPECT_NEAR(summary.total_time_in_seconds,
-              summary.preprocessor_time_in_seconds + summary.minimizer_time_in_seconds + summary.postprocessor_time_in_seconds,
+              summary.preprocessor_time_in_seconds + summary.minimizer_time_in_seconds +
+                  summary.postprocessor_time_in_seconds,
               0.1 * summary.total_time_in_seconds + 1e-4);
 }
 
@@ -32,7 +34,8 @@ TEST(Summary31, initial_cost) {
   Line line;
   EXPECT_EQ(Solve(Small(), &line.problem).summary.initial_cost, 45.125);
   Line failing;
-  failing.problem.AddResidualBlock(new Cost(1, {1}, [](auto...) { return false; }), nullptr, failing.x);
+  failing.problem.AddResidualBlock(new Cost(1, {1}, [](auto...) { return false; }), nullptr,
+                                   failing.x);
   EXPECT_EQ(Solve(Small(), &failing.problem).summary.initial_cost, -1.0);
 }
 
@@ -65,7 +68,8 @@ TEST(Summary31, final_cost_without_the_discarded_candidate) {
   EXPECT_EQ(Solve(options, &parabola.problem).summary.final_cost, 0.5);
 }
 
-// The iteration that ends by a tolerance is not appended: 3 rows for the line, one row and no other for the parabola.
+// The iteration that ends by a tolerance is not appended: 3 rows for the line, one row and no other
+// for the parabola.
 TEST(Summary31, iterations) {
   Line line;
   EXPECT_EQ(Solve(Small(), &line.problem).summary.iterations.size(), 3u);
@@ -81,7 +85,8 @@ TEST(Summary31, num_successful_steps) {
   EXPECT_EQ(summary.num_successful_steps, 3) << "iteration 0 counts";
   EXPECT_EQ(summary.num_unsuccessful_steps, 0);
   Line failing;
-  failing.problem.AddResidualBlock(new Cost(1, {1}, [](auto...) { return false; }), nullptr, failing.x);
+  failing.problem.AddResidualBlock(new Cost(1, {1}, [](auto...) { return false; }), nullptr,
+                                   failing.x);
   const Summary failed = Solve(Small(), &failing.problem).summary;
   EXPECT_EQ(failed.num_successful_steps, 0);
   EXPECT_EQ(failed.num_unsuccessful_steps, 0);
@@ -105,7 +110,8 @@ TEST(Summary31, num_linear_solves) {
     const Summary summary = Solve(options, &rosenbrock.problem).summary;
     const int S = summary.num_successful_steps;
     const int U = summary.num_unsuccessful_steps;
-    const int T = StartsWith(summary.message, "Function") || StartsWith(summary.message, "Parameter") ? 1 : 0;
+    const int T =
+        StartsWith(summary.message, "Function") || StartsWith(summary.message, "Parameter") ? 1 : 0;
     EXPECT_GT(U, 0);
     EXPECT_EQ(S + U, static_cast<int>(summary.iterations.size()));
     EXPECT_EQ(summary.num_jacobian_evaluations, S);
@@ -117,7 +123,8 @@ TEST(Summary31, num_linear_solves) {
 TEST(Summary31, num_linear_solves_with_invalid_steps) {
   World world;
   double* x = world.Add({0.0});
-  world.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }), nullptr, x);
+  world.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }),
+                                 nullptr, x);
   Options options = Small();
   options.gradient_tolerance = 0.0;
   options.max_num_iterations = 3;
@@ -139,7 +146,9 @@ TEST(Summary31, num_linear_solves_of_dogleg) {
   EXPECT_GT(summary.num_unsuccessful_steps, 0);
   EXPECT_LT(summary.num_linear_solves, static_cast<int>(summary.iterations.size()) - 1);
   for (std::size_t i = 2; i < summary.iterations.size(); ++i) {
-    EXPECT_EQ(summary.iterations[i].linear_solver_iterations, summary.iterations[i - 1].step_is_successful ? 1 : 0) << i;
+    EXPECT_EQ(summary.iterations[i].linear_solver_iterations,
+              summary.iterations[i - 1].step_is_successful ? 1 : 0)
+        << i;
   }
 }
 
@@ -182,7 +191,8 @@ TEST(Summary31, num_threads_used) {
     options.num_threads = given;
     const Summary summary = Solve(options, &line.problem).summary;
     EXPECT_EQ(summary.num_threads_given, given);
-    EXPECT_EQ(summary.num_threads_used, std::min(given, static_cast<int>(std::thread::hardware_concurrency())));
+    EXPECT_EQ(summary.num_threads_used,
+              std::min(given, static_cast<int>(std::thread::hardware_concurrency())));
   }
 }
 
@@ -191,9 +201,11 @@ TEST(Summary31, linear_solver_type_used) {
   EXPECT_EQ(Solve(Small(), &line.problem).summary.linear_solver_type_used, ceres::DENSE_QR);
   Line constant;
   constant.problem.SetParameterBlockConstant(constant.x);
-  EXPECT_EQ(Solve(Small(), &constant.problem).summary.linear_solver_type_used, ceres::SPARSE_NORMAL_CHOLESKY);
+  EXPECT_EQ(Solve(Small(), &constant.problem).summary.linear_solver_type_used,
+            ceres::SPARSE_NORMAL_CHOLESKY);
   Line broken(std::numeric_limits<double>::quiet_NaN());
-  EXPECT_EQ(Solve(Small(), &broken.problem).summary.linear_solver_type_used, ceres::SPARSE_NORMAL_CHOLESKY);
+  EXPECT_EQ(Solve(Small(), &broken.problem).summary.linear_solver_type_used,
+            ceres::SPARSE_NORMAL_CHOLESKY);
 }
 
 // ITERATIVE_SCHUR without E blocks becomes CGNR, and its preconditioner follows.

@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "Summary fields": what a summary tells of the problem. Test names are the fields'.
+// docs/ceres_contract.md, "Summary fields": what a summary tells of the problem. Test names are the
+// fields'.
 #include "conformance/support.h"
 #include "support/ceres_manifolds.h"
 
@@ -39,7 +40,8 @@ TEST(Summary31, copied_from_options) {
   EXPECT_FALSE(summary.inner_iterations_given);
 }
 
-// Group sizes in the order of group ids, as given: a constant block and one without residuals are still in it.
+// Group sizes in the order of group ids, as given: a constant block and one without residuals are
+// still in it.
 TEST(Summary31, linear_solver_ordering_given) {
   Bundle bundle;
   double* unused = bundle.Add({1.0});
@@ -60,7 +62,8 @@ TEST(Summary31, linear_solver_ordering_given) {
   EXPECT_TRUE(Solve(Schur(), &bundle.problem).summary.linear_solver_ordering_given.empty());
 }
 
-// A block of size 3 with two degrees of freedom, a constant one of size 2, one without residuals, and one fixed residual.
+// A block of size 3 with two degrees of freedom, a constant one of size 2, one without residuals,
+// and one fixed residual.
 struct Mixed : World {
   Mixed() {
     double* x = Add({1.0, 2.0, 3.0});
@@ -139,7 +142,8 @@ TEST(Summary31, schur_structure_given_without_f_blocks) {
 
 TEST(Summary31, schur_structure_given_with_residuals_of_several_sizes) {
   Bundle bundle;
-  bundle.problem.AddResidualBlock(Coupled(4, {6, 3}, 1), nullptr, bundle.cameras[0], bundle.points[0]);
+  bundle.problem.AddResidualBlock(Coupled(4, {6, 3}, 1), nullptr, bundle.cameras[0],
+                                  bundle.points[0]);
   const Summary summary = Solve(Schur(), &bundle.problem).summary;
   EXPECT_EQ(summary.schur_structure_given, "d,3,6");
   EXPECT_EQ(summary.schur_structure_used, "d,d,d");
@@ -180,14 +184,17 @@ TEST(Summary31, is_constrained) {
 
 TEST(Summary31, linear_solver_ordering_used) {
   Bundle automatic;
-  EXPECT_EQ(Solve(Schur(), &automatic.problem).summary.linear_solver_ordering_used, (std::vector<int>{8, 3}));
+  EXPECT_EQ(Solve(Schur(), &automatic.problem).summary.linear_solver_ordering_used,
+            (std::vector<int>{8, 3}));
   Bundle normal;
-  EXPECT_EQ(Solve(Options(), &normal.problem).summary.linear_solver_ordering_used, (std::vector<int>{11}));
+  EXPECT_EQ(Solve(Options(), &normal.problem).summary.linear_solver_ordering_used,
+            (std::vector<int>{11}));
   Bundle points_only;
   for (double* camera : points_only.cameras) {
     points_only.problem.SetParameterBlockConstant(camera);
   }
-  EXPECT_EQ(Solve(Schur(), &points_only.problem).summary.linear_solver_ordering_used, (std::vector<int>{8}));
+  EXPECT_EQ(Solve(Schur(), &points_only.problem).summary.linear_solver_ordering_used,
+            (std::vector<int>{8}));
 }
 
 TEST(Summary31, inner_iterations_used) {

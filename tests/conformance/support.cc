@@ -39,8 +39,8 @@ class LogLines : public google::LogSink {
  public:
   explicit LogLines(Outcome* outcome) : outcome_(outcome) { google::AddLogSink(this); }
   ~LogLines() override { google::RemoveLogSink(this); }
-  void send(google::LogSeverity severity, const char*, const char*, int, const tm*, const char* message,
-            std::size_t length) override {
+  void send(google::LogSeverity severity, const char*, const char*, int, const tm*,
+            const char* message, std::size_t length) override {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (severity == google::GLOG_ERROR) {
       outcome_->errors.emplace_back(message, length);
@@ -74,15 +74,21 @@ bool SolvedByUs() {
 Way ThisRun() {
   const char* way = std::getenv("INCERES_CONFORMANCE");
   const std::string name = way == nullptr ? "bare" : way;
-  CHECK(name == "bare" || name == "fallback" || name == "active" || name == "incremental") << "INCERES_CONFORMANCE=" << name;
-  return name == "bare" ? Way::kBare : name == "fallback" ? Way::kFallback : name == "active" ? Way::kActive : Way::kIncremental;
+  CHECK(name == "bare" || name == "fallback" || name == "active" || name == "incremental")
+      << "INCERES_CONFORMANCE=" << name;
+  return name == "bare"       ? Way::kBare
+         : name == "fallback" ? Way::kFallback
+         : name == "active"   ? Way::kActive
+                              : Way::kIncremental;
 }
 
 std::string LibraryOfSolve() {
-  return LibraryAt(dlsym(RTLD_DEFAULT, "_ZN5ceres6Solver5SolveERKNS0_7OptionsEPNS_7ProblemEPNS0_7SummaryE"));
+  return LibraryAt(
+      dlsym(RTLD_DEFAULT, "_ZN5ceres6Solver5SolveERKNS0_7OptionsEPNS_7ProblemEPNS0_7SummaryE"));
 }
 
-Cost::Cost(int num_residuals, const std::vector<int>& sizes, Function function) : function_(std::move(function)) {
+Cost::Cost(int num_residuals, const std::vector<int>& sizes, Function function)
+    : function_(std::move(function)) {
   set_num_residuals(num_residuals);
   mutable_parameter_block_sizes()->assign(sizes.begin(), sizes.end());
 }
@@ -94,25 +100,27 @@ bool Cost::Evaluate(double const* const* parameters, double* residuals, double**
 
 Cost* Target(std::vector<double> target, double weight) {
   const int size = static_cast<int>(target.size());
-  return new Cost(size, {size}, [=](double const* const* parameters, double* residuals, double** jacobians) {
-    for (int i = 0; i < size; ++i) {
-      residuals[i] = weight * (parameters[0][i] - target[static_cast<std::size_t>(i)]);
-      for (int k = 0; k < size && jacobians != nullptr && jacobians[0] != nullptr; ++k) {
-        jacobians[0][i * size + k] = i == k ? weight : 0.0;
-      }
-    }
-    return true;
-  });
+  return new Cost(
+      size, {size}, [=](double const* const* parameters, double* residuals, double** jacobians) {
+        for (int i = 0; i < size; ++i) {
+          residuals[i] = weight * (parameters[0][i] - target[static_cast<std::size_t>(i)]);
+          for (int k = 0; k < size && jacobians != nullptr && jacobians[0] != nullptr; ++k) {
+            jacobians[0][i * size + k] = i == k ? weight : 0.0;
+          }
+        }
+        return true;
+      });
 }
 
 Cost* Scalar(std::function<double(double)> f, std::function<double(double)> derivative) {
-  return new Cost(1, {1}, [=](double const* const* parameters, double* residuals, double** jacobians) {
-    residuals[0] = f(parameters[0][0]);
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = derivative(parameters[0][0]);
-    }
-    return true;
-  });
+  return new Cost(1, {1},
+                  [=](double const* const* parameters, double* residuals, double** jacobians) {
+                    residuals[0] = f(parameters[0][0]);
+                    if (jacobians != nullptr && jacobians[0] != nullptr) {
+                      jacobians[0][0] = derivative(parameters[0][0]);
+                    }
+                    return true;
+                  });
 }
 
 Cost* Coupled(int num_residuals, const std::vector<int>& sizes, int seed) {
@@ -129,45 +137,51 @@ Cost* Coupled(int num_residuals, const std::vector<int>& sizes, int seed) {
   for (double& entry : b) {
     entry = draw();
   }
-  return new Cost(num_residuals, sizes, [=](double const* const* parameters, double* residuals, double** jacobians) {
-    for (int i = 0; i < num_residuals; ++i) {
-      residuals[i] = 0.1 * std::sin(parameters[0][0] + i) - b[static_cast<std::size_t>(i)];
-      for (std::size_t k = 0; k < sizes.size(); ++k) {
-        double* jacobian = jacobians == nullptr ? nullptr : jacobians[k];
-        for (int c = 0; c < sizes[k]; ++c) {
-          const double entry = a[k][static_cast<std::size_t>(i * sizes[k] + c)];
-          residuals[i] += entry * parameters[k][c];
-          if (jacobian != nullptr) {
-            jacobian[i * sizes[k] + c] = entry + (k == 0 && c == 0 ? 0.1 * std::cos(parameters[0][0] + i) : 0.0);
+  return new Cost(
+      num_residuals, sizes,
+      [=](double const* const* parameters, double* residuals, double** jacobians) {
+        for (int i = 0; i < num_residuals; ++i) {
+          residuals[i] = 0.1 * std::sin(parameters[0][0] + i) - b[static_cast<std::size_t>(i)];
+          for (std::size_t k = 0; k < sizes.size(); ++k) {
+            double* jacobian = jacobians == nullptr ? nullptr : jacobians[k];
+            for (int c = 0; c < sizes[k]; ++c) {
+              const double entry = a[k][static_cast<std::size_t>(i * sizes[k] + c)];
+              residuals[i] += entry * parameters[k][c];
+              if (jacobian != nullptr) {
+                jacobian[i * sizes[k] + c] =
+                    entry + (k == 0 && c == 0 ? 0.1 * std::cos(parameters[0][0] + i) : 0.0);
+              }
+            }
           }
         }
-      }
-    }
-    return true;
-  });
+        return true;
+      });
 }
 
 Line::Line(double start) : x(Add({start})) {
-  problem.AddResidualBlock(Scalar([](double v) { return 10.0 - v; }, [](double) { return -1.0; }), nullptr, x);
+  problem.AddResidualBlock(Scalar([](double v) { return 10.0 - v; }, [](double) { return -1.0; }),
+                           nullptr, x);
 }
 
 Parabola::Parabola() : x(Add({1.0})) {
-  problem.AddResidualBlock(Scalar([](double v) { return v * v; }, [](double v) { return 2.0 * v; }), nullptr, x);
+  problem.AddResidualBlock(Scalar([](double v) { return v * v; }, [](double v) { return 2.0 * v; }),
+                           nullptr, x);
 }
 
 Rosenbrock::Rosenbrock() : x(Add({-1.2, 1.0})) {
-  auto* cost = new Cost(2, {2}, [](double const* const* parameters, double* residuals, double** jacobians) {
-    const double* v = parameters[0];
-    residuals[0] = 1.0 - v[0];
-    residuals[1] = 10.0 * (v[1] - v[0] * v[0]);
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = -1.0;
-      jacobians[0][1] = 0.0;
-      jacobians[0][2] = -20.0 * v[0];
-      jacobians[0][3] = 10.0;
-    }
-    return true;
-  });
+  auto* cost =
+      new Cost(2, {2}, [](double const* const* parameters, double* residuals, double** jacobians) {
+        const double* v = parameters[0];
+        residuals[0] = 1.0 - v[0];
+        residuals[1] = 10.0 * (v[1] - v[0] * v[0]);
+        if (jacobians != nullptr && jacobians[0] != nullptr) {
+          jacobians[0][0] = -1.0;
+          jacobians[0][1] = 0.0;
+          jacobians[0][2] = -20.0 * v[0];
+          jacobians[0][3] = 10.0;
+        }
+        return true;
+      });
   problem.AddResidualBlock(cost, nullptr, x);
 }
 
@@ -179,7 +193,8 @@ Bundle::Bundle(int num_cameras, int num_points) {
   for (int p = 0; p < num_points; ++p) {
     points.push_back(Add({1.0, 0.1 * p, -0.5}));
     for (int c = 0; c < num_cameras; ++c) {
-      problem.AddResidualBlock(Coupled(2, {6, 3}, 100 * c + p), nullptr, cameras[static_cast<std::size_t>(c)], points.back());
+      problem.AddResidualBlock(Coupled(2, {6, 3}, 100 * c + p), nullptr,
+                               cameras[static_cast<std::size_t>(c)], points.back());
     }
   }
 }
@@ -195,9 +210,11 @@ Outcome Solve(const Options& options, ceres::Problem* problem, Solver solver) {
     outcome.printed = output.text();
   }
   if (!SolvedByUs()) {
-    EXPECT_EQ(num_calls_by_us, by_us) << "inceres has called a cost function in a run that is stock Ceres's";
+    EXPECT_EQ(num_calls_by_us, by_us)
+        << "inceres has called a cost function in a run that is stock Ceres's";
   } else if (solver == Solver::kOurs) {
-    EXPECT_EQ(num_calls_by_stock, by_stock) << "stock Ceres has called a cost function of a problem that is ours";
+    EXPECT_EQ(num_calls_by_stock, by_stock)
+        << "stock Ceres has called a cost function of a problem that is ours";
   }
   return outcome;
 }

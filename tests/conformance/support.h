@@ -9,9 +9,9 @@
 #include <ceres/ceres.h>
 #include <gtest/gtest.h>
 
-/// The conformance suite is a program as a user has it: it knows nothing of inceres and links only Ceres. It runs as it is, with
-/// inceres_dropin preloaded and told to look at everything and hand it to stock Ceres, and with it active; its verdicts must be
-/// the same.
+/// The conformance suite is a program as a user has it: it knows nothing of inceres and links only
+/// Ceres. It runs as it is, with inceres_dropin preloaded and told to look at everything and hand
+/// it to stock Ceres, and with it active; its verdicts must be the same.
 namespace conformance {
 
 using Options = ceres::Solver::Options;
@@ -21,10 +21,12 @@ using Summary = ceres::Solver::Summary;
 inline constexpr int kRelease = 100 * CERES_VERSION_MAJOR + CERES_VERSION_MINOR;
 
 /// The message of a solve whose start cannot be evaluated.
-inline constexpr const char* kStartFailed =
-    kRelease >= 202 ? "Initial residual and Jacobian evaluation failed." : "Residual and Jacobian evaluation failed.";
+inline constexpr const char* kStartFailed = kRelease >= 202
+                                                ? "Initial residual and Jacobian evaluation failed."
+                                                : "Residual and Jacobian evaluation failed.";
 
-/// A Schur structure that Ceres has an eliminator for, as it reports it: unless it was built without any.
+/// A Schur structure that Ceres has an eliminator for, as it reports it: unless it was built
+/// without any.
 #ifdef CERES_RESTRICT_SCHUR_SPECIALIZATION
 inline std::string Specialized(const std::string& /*sizes*/) {
   return "d,d,d";
@@ -45,9 +47,11 @@ std::string LibraryOfSolve();
 /// A cost function made of a lambda. It notes which library calls it.
 class Cost : public ceres::CostFunction {
  public:
-  using Function = std::function<bool(double const* const* parameters, double* residuals, double** jacobians)>;
+  using Function =
+      std::function<bool(double const* const* parameters, double* residuals, double** jacobians)>;
   Cost(int num_residuals, const std::vector<int>& sizes, Function function);
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
 
  private:
   Function function_;
@@ -57,12 +61,14 @@ class Cost : public ceres::CostFunction {
 Cost* Target(std::vector<double> target, double weight = 1.0);
 /// r = f(x), one number of one number, with its derivative.
 Cost* Scalar(std::function<double(double)> f, std::function<double(double)> derivative);
-/// A smooth residual of several blocks, r_i = Σ a_ik x_k + 0.1 sin(x_0 + i) − b_i with fixed numbers drawn from `seed`.
+/// A smooth residual of several blocks, r_i = Σ a_ik x_k + 0.1 sin(x_0 + i) − b_i with fixed
+/// numbers drawn from `seed`.
 Cost* Coupled(int num_residuals, const std::vector<int>& sizes, int seed);
 
 /// A problem with the memory of its parameter blocks.
 struct World {
-  explicit World(const ceres::Problem::Options& options = ceres::Problem::Options()) : problem(options) {}
+  explicit World(const ceres::Problem::Options& options = ceres::Problem::Options())
+      : problem(options) {}
   virtual ~World() = default;  // ExpectNoEffect holds what derives from it by a pointer to this
   double* Add(std::vector<double> values) { return blocks.emplace_back(std::move(values)).data(); }
 
@@ -88,14 +94,16 @@ struct Rosenbrock : World {
   double* x;
 };
 
-/// Cameras of size 6 first, then points of size 3, each seen by all cameras (residual size 2), and a prior on each block.
+/// Cameras of size 6 first, then points of size 3, each seen by all cameras (residual size 2), and
+/// a prior on each block.
 struct Bundle : World {
   explicit Bundle(int num_cameras = 3, int num_points = 8);
   std::vector<double*> cameras;
   std::vector<double*> points;
 };
 
-/// Who must have called the cost functions in an active run. kAnyone: where going to stock Ceres is right.
+/// Who must have called the cost functions in an active run. kAnyone: where going to stock Ceres is
+/// right.
 enum class Solver { kOurs, kAnyone };
 
 /// A summary, what was printed to std::cout and what went to the log.
@@ -114,8 +122,8 @@ Options Small();
 /// DENSE_SCHUR, everything else as Ceres has it.
 Options Schur();
 
-/// Solves Rosenbrock's problem (or, for a Schur type, the bundle) with and without the change of options: the traces must agree
-/// to rounding. Returns the changed one's summary.
+/// Solves Rosenbrock's problem (or, for a Schur type, the bundle) with and without the change of
+/// options: the traces must agree to rounding. Returns the changed one's summary.
 Summary ExpectNoEffect(const Options& base, const std::function<void(Options*)>& change);
 
 /// a = b to a relative tolerance.
@@ -129,7 +137,9 @@ class Callback : public ceres::IterationCallback {
  public:
   using Function = std::function<ceres::CallbackReturnType(const ceres::IterationSummary&)>;
   explicit Callback(Function function) : function_(std::move(function)) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override { return function_(summary); }
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    return function_(summary);
+  }
 
  private:
   Function function_;

@@ -13,7 +13,8 @@ namespace {
 void ExpectEnd(const Outcome& outcome, ceres::TerminationType type, const std::string& end) {
   EXPECT_EQ(outcome.summary.termination_type, type);
   EXPECT_TRUE(StartsWith(outcome.summary.message, end)) << outcome.summary.message;
-  EXPECT_EQ(outcome.summary.IsSolutionUsable(), type != ceres::FAILURE && type != ceres::USER_FAILURE);
+  EXPECT_EQ(outcome.summary.IsSolutionUsable(),
+            type != ceres::FAILURE && type != ceres::USER_FAILURE);
   EXPECT_EQ(outcome.errors.size(), type == ceres::FAILURE ? 1u : 0u);
   if (type == ceres::FAILURE && !outcome.errors.empty()) {
     EXPECT_EQ(outcome.errors[0], "Terminating: " + outcome.summary.message);
@@ -33,14 +34,16 @@ TEST(Termination34, parameter) {
   options.parameter_tolerance = 1e-3;
   const Outcome outcome = Solve(options, &line.problem);
   ExpectEnd(outcome, ceres::CONVERGENCE, "Parameter tolerance reached. Relative step_norm: 9.498");
-  EXPECT_NE(outcome.summary.message.find(" <= 1.000000e-03."), std::string::npos) << outcome.summary.message;
+  EXPECT_NE(outcome.summary.message.find(" <= 1.000000e-03."), std::string::npos)
+      << outcome.summary.message;
 }
 
 TEST(Termination34, function) {
   Bundle bundle;
   const Outcome outcome = Solve(Schur(), &bundle.problem);
   ExpectEnd(outcome, ceres::CONVERGENCE, "Function tolerance reached. |cost_change|/cost: ");
-  EXPECT_NE(outcome.summary.message.find(" <= 1.000000e-06"), std::string::npos) << outcome.summary.message;
+  EXPECT_NE(outcome.summary.message.find(" <= 1.000000e-06"), std::string::npos)
+      << outcome.summary.message;
 }
 
 TEST(Termination34, radius) {
@@ -56,16 +59,19 @@ TEST(Termination34, radius) {
   world.problem.AddResidualBlock(cost, nullptr, x);
   Options options = Small();
   options.min_trust_region_radius = 5e3;
-  ExpectEnd(Solve(options, &world.problem), ceres::CONVERGENCE,
-            "Minimum trust region radius reached. Trust region radius: 5.000000e+03 <= 5.000000e+03");
+  ExpectEnd(
+      Solve(options, &world.problem), ceres::CONVERGENCE,
+      "Minimum trust region radius reached. Trust region radius: 5.000000e+03 <= 5.000000e+03");
 }
 
 TEST(Termination34, no_variable_blocks) {
   Line line;
   line.problem.SetParameterBlockConstant(line.x);
   const Outcome outcome = Solve(Small(), &line.problem);
-  ExpectEnd(outcome, ceres::CONVERGENCE, "Function tolerance reached. No non-constant parameter blocks found.");
-  EXPECT_EQ(outcome.summary.message, "Function tolerance reached. No non-constant parameter blocks found.");
+  ExpectEnd(outcome, ceres::CONVERGENCE,
+            "Function tolerance reached. No non-constant parameter blocks found.");
+  EXPECT_EQ(outcome.summary.message,
+            "Function tolerance reached. No non-constant parameter blocks found.");
 }
 
 TEST(Termination34, iterations) {
@@ -73,8 +79,10 @@ TEST(Termination34, iterations) {
   Options options = Small();
   options.max_num_iterations = 1;
   const Outcome outcome = Solve(options, &line.problem);
-  ExpectEnd(outcome, ceres::NO_CONVERGENCE, "Maximum number of iterations reached. Number of iterations: 1.");
-  EXPECT_EQ(outcome.summary.message, "Maximum number of iterations reached. Number of iterations: 1.");
+  ExpectEnd(outcome, ceres::NO_CONVERGENCE,
+            "Maximum number of iterations reached. Number of iterations: 1.");
+  EXPECT_EQ(outcome.summary.message,
+            "Maximum number of iterations reached. Number of iterations: 1.");
 }
 
 TEST(Termination34, time) {
@@ -83,7 +91,8 @@ TEST(Termination34, time) {
   options.max_solver_time_in_seconds = 0.0;
   const Outcome outcome = Solve(options, &line.problem);
   ExpectEnd(outcome, ceres::NO_CONVERGENCE, "Maximum solver time reached. Total solver time: ");
-  EXPECT_NE(outcome.summary.message.find(" >= 0.000000e+00."), std::string::npos) << outcome.summary.message;
+  EXPECT_NE(outcome.summary.message.find(" >= 0.000000e+00."), std::string::npos)
+      << outcome.summary.message;
   EXPECT_EQ(outcome.summary.iterations.size(), 1u);
 }
 
@@ -94,12 +103,15 @@ TEST(Termination34, order_of_the_tests) {
   options.min_trust_region_radius = options.initial_trust_region_radius;
   ExpectEnd(Solve(options, &line.problem), ceres::CONVERGENCE, "Gradient tolerance reached.");
   options.max_num_iterations = 0;
-  ExpectEnd(Solve(options, &line.problem), ceres::NO_CONVERGENCE, "Maximum number of iterations reached.");
+  ExpectEnd(Solve(options, &line.problem), ceres::NO_CONVERGENCE,
+            "Maximum number of iterations reached.");
   options.max_solver_time_in_seconds = 0.0;
   ExpectEnd(Solve(options, &line.problem), ceres::NO_CONVERGENCE, "Maximum solver time reached.");
-  Callback callback([](const ceres::IterationSummary&) { return ceres::SOLVER_TERMINATE_SUCCESSFULLY; });
+  Callback callback(
+      [](const ceres::IterationSummary&) { return ceres::SOLVER_TERMINATE_SUCCESSFULLY; });
   options.callbacks.push_back(&callback);
-  ExpectEnd(Solve(options, &line.problem), ceres::USER_SUCCESS, "User callback returned SOLVER_TERMINATE_SUCCESSFULLY.");
+  ExpectEnd(Solve(options, &line.problem), ceres::USER_SUCCESS,
+            "User callback returned SOLVER_TERMINATE_SUCCESSFULLY.");
 }
 
 TEST(Termination34, evaluation_failed_at_iteration_0) {
@@ -157,7 +169,8 @@ TEST(Termination34, plus_of_the_gradient_failed) {
   manifolds::Set(&world.problem, x, new Failing(false));
   const Outcome outcome = Solve(Small(), &world.problem);
   // From 2.2 on whatever fails at the start has one message.
-  const std::string message = kRelease >= 202 ? kStartFailed : "projected_gradient_step = Plus(x, -gradient) failed.";
+  const std::string message =
+      kRelease >= 202 ? kStartFailed : "projected_gradient_step = Plus(x, -gradient) failed.";
   ExpectEnd(outcome, ceres::FAILURE, message);
   EXPECT_EQ(outcome.summary.message, message);
 }
@@ -176,17 +189,20 @@ TEST(Termination34, bounded_and_plus_of_zero_failed) {
 TEST(Termination34, invalid_steps) {
   World world;
   double* x = world.Add({0.0});
-  world.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }), nullptr, x);
+  world.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }),
+                                 nullptr, x);
   Options options = Small();
   options.gradient_tolerance = 0.0;
   const Outcome outcome = Solve(options, &world.problem);
   const std::string message =
-      "Number of consecutive invalid steps more than Solver::Options::max_num_consecutive_invalid_steps: 5";
+      "Number of consecutive invalid steps more than "
+      "Solver::Options::max_num_consecutive_invalid_steps: 5";
   ExpectEnd(outcome, ceres::FAILURE, message);
   EXPECT_EQ(outcome.summary.message, message);
 }
 
-// CHOLMOD gets no memory from the end of iteration 0 on. Ours has asked it for the last time by then: it goes on.
+// CHOLMOD gets no memory from the end of iteration 0 on. Ours has asked it for the last time by
+// then: it goes on.
 TEST(Termination34, fatal_linear_solver_error) {
   for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
     World world;  // a chain, and long: a sparse factorization is right for it
@@ -194,7 +210,8 @@ TEST(Termination34, fatal_linear_solver_error) {
       double* x = world.Add(std::vector<double>(6, 0.1 * i));
       world.problem.AddResidualBlock(Target(std::vector<double>(6, 1.0)), nullptr, x);
       if (i > 0) {
-        world.problem.AddResidualBlock(Coupled(6, {6, 6}, i), nullptr, world.blocks[static_cast<std::size_t>(i - 1)].data(), x);
+        world.problem.AddResidualBlock(Coupled(6, {6, 6}, i), nullptr,
+                                       world.blocks[static_cast<std::size_t>(i - 1)].data(), x);
       }
     }
     const auto start = world.blocks;
@@ -217,7 +234,8 @@ TEST(Termination34, fatal_linear_solver_error) {
       continue;
     }
     const std::string message =
-        "Linear solver failed due to unrecoverable non-numeric causes. Please see the error log for clues. ";
+        "Linear solver failed due to unrecoverable non-numeric causes. Please see the error log "
+        "for clues. ";
     ExpectEnd(outcome, ceres::FAILURE, message);
     EXPECT_EQ(outcome.summary.message, message);
     EXPECT_EQ(outcome.summary.iterations.size(), 1u);
@@ -236,8 +254,8 @@ TEST(Termination34, user_success_and_user_failure) {
     options.callbacks.push_back(&callback);
     const Outcome outcome = Solve(options, &line.problem);
     const bool success = answer == ceres::SOLVER_TERMINATE_SUCCESSFULLY;
-    const std::string message =
-        success ? "User callback returned SOLVER_TERMINATE_SUCCESSFULLY." : "User callback returned SOLVER_ABORT.";
+    const std::string message = success ? "User callback returned SOLVER_TERMINATE_SUCCESSFULLY."
+                                        : "User callback returned SOLVER_ABORT.";
     ExpectEnd(outcome, success ? ceres::USER_SUCCESS : ceres::USER_FAILURE, message);
     EXPECT_EQ(outcome.summary.message, message);
     EXPECT_EQ(outcome.summary.iterations.size(), 1u);

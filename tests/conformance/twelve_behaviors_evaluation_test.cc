@@ -18,8 +18,8 @@ Options Normal() {
   return options;
 }
 
-// OKVIS's IMU error: integrates anew inside Evaluate once the bias has moved far enough, and extrapolates from there till then.
-// r = (x − sin(b) as of the last integration, b − 1).
+// OKVIS's IMU error: integrates anew inside Evaluate once the bias has moved far enough, and
+// extrapolates from there till then. r = (x − sin(b) as of the last integration, b − 1).
 struct Imu {
   double at = 0.0;  // the bias of the last integration
   int num_integrations = 0;
@@ -27,23 +27,24 @@ struct Imu {
   std::mutex mutex;
 
   Cost* MakeCost() {
-    return new Cost(2, {1, 1}, [this](double const* const* p, double* residuals, double** jacobians) {
-      const std::lock_guard<std::mutex> lock(mutex);
-      ++num_calls;
-      if (std::abs(p[1][0] - at) > 0.3) {
-        at = p[1][0];
-        ++num_integrations;
-      }
-      residuals[0] = p[0][0] - std::sin(at) - std::cos(at) * (p[1][0] - at);
-      residuals[1] = p[1][0] - 1.0;
-      if (jacobians != nullptr) {
-        jacobians[0][0] = 1.0;
-        jacobians[0][1] = 0.0;
-        jacobians[1][0] = -std::cos(at);
-        jacobians[1][1] = 1.0;
-      }
-      return true;
-    });
+    return new Cost(2, {1, 1},
+                    [this](double const* const* p, double* residuals, double** jacobians) {
+                      const std::lock_guard<std::mutex> lock(mutex);
+                      ++num_calls;
+                      if (std::abs(p[1][0] - at) > 0.3) {
+                        at = p[1][0];
+                        ++num_integrations;
+                      }
+                      residuals[0] = p[0][0] - std::sin(at) - std::cos(at) * (p[1][0] - at);
+                      residuals[1] = p[1][0] - 1.0;
+                      if (jacobians != nullptr) {
+                        jacobians[0][0] = 1.0;
+                        jacobians[0][1] = 0.0;
+                        jacobians[1][0] = -std::cos(at);
+                        jacobians[1][1] = 1.0;
+                      }
+                      return true;
+                    });
   }
 };
 
@@ -72,9 +73,9 @@ TEST(TwelveBehaviors, b05_evaluate_has_memory) {
   }
 }
 
-// XRSLAM's preintegration factor: corrects by the difference of its argument to the bias in the frame, which Ceres writes at the
-// end of an iteration. One line of events: J and c for calls with and without Jacobians, k for the callback, each with the
-// memory.
+// XRSLAM's preintegration factor: corrects by the difference of its argument to the bias in the
+// frame, which Ceres writes at the end of an iteration. One line of events: J and c for calls with
+// and without Jacobians, k for the callback, each with the memory.
 struct Frame {
   double bias = 0.5;
   double scale = 1.0;
@@ -84,15 +85,16 @@ TEST(TwelveBehaviors, b06_evaluate_reads_user_memory) {
   Frame frame;
   std::vector<std::pair<char, double>> events;
   ceres::Problem problem;
-  auto* factor = new Cost(1, {1}, [&](double const* const* p, double* residuals, double** jacobians) {
-    events.emplace_back(jacobians == nullptr ? 'c' : 'J', frame.bias);
-    EXPECT_NE(p[0], &frame.bias) << "an internal copy is handed in";
-    residuals[0] = std::exp(0.5 * p[0][0]) - 2.0 + 0.1 * (p[0][0] - frame.bias);
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = 0.5 * std::exp(0.5 * p[0][0]) + 0.1;
-    }
-    return true;
-  });
+  auto* factor =
+      new Cost(1, {1}, [&](double const* const* p, double* residuals, double** jacobians) {
+        events.emplace_back(jacobians == nullptr ? 'c' : 'J', frame.bias);
+        EXPECT_NE(p[0], &frame.bias) << "an internal copy is handed in";
+        residuals[0] = std::exp(0.5 * p[0][0]) - 2.0 + 0.1 * (p[0][0] - frame.bias);
+        if (jacobians != nullptr && jacobians[0] != nullptr) {
+          jacobians[0][0] = 0.5 * std::exp(0.5 * p[0][0]) + 0.1;
+        }
+        return true;
+      });
   problem.AddResidualBlock(factor, nullptr, &frame.bias);
   std::vector<double> states;
   Callback callback([&](const ceres::IterationSummary&) {
@@ -110,8 +112,8 @@ TEST(TwelveBehaviors, b06_evaluate_reads_user_memory) {
     return;
   }
   ASSERT_GE(states.size(), 3u);
-  // Iteration 0: Jacobians, write, callback. Then: candidate with what the last iteration wrote; Jacobians at the accepted point
-  // before the write; callback after it.
+  // Iteration 0: Jacobians, write, callback. Then: candidate with what the last iteration wrote;
+  // Jacobians at the accepted point before the write; callback after it.
   std::vector<std::pair<char, double>> expected = {{'J', 0.5}, {'k', 0.5}};
   for (std::size_t i = 1; i < states.size(); ++i) {
     ASSERT_TRUE(summary.iterations[i].step_is_successful);
@@ -125,13 +127,15 @@ TEST(TwelveBehaviors, b06_evaluate_reads_user_memory) {
   EXPECT_NEAR(states[2], 1.3099449692, 1e-9);
 }
 
-// OKVIS2's two-pose error: without Jacobians it gives zero. Accepted on the truncated cost, returned is the lowest full cost.
+// OKVIS2's two-pose error: without Jacobians it gives zero. Accepted on the truncated cost,
+// returned is the lowest full cost.
 TEST(TwelveBehaviors, b07_cost_only_against_jacobian_calls) {
   Line line;
   auto* hack = new Cost(1, {1}, [](double const* const* p, double* residuals, double** jacobians) {
     residuals[0] = jacobians == nullptr ? 0.0 : 2.0 * p[0][0];
     if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = 0.0;  // the step does not know of it: it leads to 10, where the full cost is 200
+      // the step does not know of it: it leads to 10, where the full cost is 200
+      jacobians[0][0] = 0.0;
     }
     return true;
   });
@@ -154,13 +158,14 @@ TEST(TwelveBehaviors, b07_cost_only_against_jacobian_calls) {
 TEST(TwelveBehaviors, b07_an_error_that_is_not_computed_yet) {
   Line line;
   bool computed = false;
-  auto* error = new Cost(1, {1}, [&](double const* const* p, double* residuals, double** jacobians) {
-    residuals[0] = p[0][0] - 4.0;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = 1.0;
-    }
-    return computed;
-  });
+  auto* error =
+      new Cost(1, {1}, [&](double const* const* p, double* residuals, double** jacobians) {
+        residuals[0] = p[0][0] - 4.0;
+        if (jacobians != nullptr && jacobians[0] != nullptr) {
+          jacobians[0][0] = 1.0;
+        }
+        return computed;
+      });
   line.problem.AddResidualBlock(error, nullptr, line.x);
   EXPECT_EQ(Solve(Normal(), &line.problem).summary.termination_type, ceres::FAILURE);
   EXPECT_EQ(line.x[0], 0.5);

@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "Twelve behaviors of estimators", 1 to 4 and 8: whose values, whose memory, whose contents.
+// docs/ceres_contract.md, "Twelve behaviors of estimators", 1 to 4 and 8: whose values, whose
+// memory, whose contents.
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -44,13 +45,14 @@ TEST(TwelveBehaviors, b01_values_are_read_at_solve_time) {
   EXPECT_NEAR(line.x[0], 10.0, 1e-6);
   for (const double value : {-20.0, 4.0, 4.0}) {  // between the solves of a problem that lives on
     line.x[0] = value;
-    ExpectClose(Solve(Tight(), &line.problem).summary.initial_cost, 0.5 * (10.0 - value) * (10.0 - value));
+    ExpectClose(Solve(Tight(), &line.problem).summary.initial_cost,
+                0.5 * (10.0 - value) * (10.0 - value));
     EXPECT_NEAR(line.x[0], 10.0, 1e-5);
   }
 }
 
-// VINS: slots of fixed memory serve another frame, another landmark each time; a new Problem and new cost functions, at addresses
-// that malloc hands out again.
+// VINS: slots of fixed memory serve another frame, another landmark each time; a new Problem and
+// new cost functions, at addresses that malloc hands out again.
 TEST(TwelveBehaviors, b02_pointer_identity_is_not_variable_identity) {
   double pose[5] = {};
   double feature[20] = {};
@@ -68,15 +70,18 @@ TEST(TwelveBehaviors, b02_pointer_identity_is_not_variable_identity) {
     for (int k = 0; k < num_features; ++k) {
       feature[k] = 0.0;
       for (int i = 0; i < 5; ++i) {
-        problem.AddResidualBlock(Difference(k - i + (i % 2 == 0 ? 0.5 : -0.75)), nullptr, &pose[i], &feature[k]);
+        problem.AddResidualBlock(Difference(k - i + (i % 2 == 0 ? 0.5 : -0.75)), nullptr, &pose[i],
+                                 &feature[k]);
       }
     }
     const Summary summary = Solve(Tight(), &problem).summary;
-    // 5 poses with ±1, features that see ±½ three times and ±¾ twice: the mean of the differences is 0.
+    // 5 poses with ±1, features that see ±½ three times and ±¾ twice: the mean of the differences
+    // is 0.
     EXPECT_TRUE(summary.IsSolutionUsable());
     const double shift = num_features / (num_features + 2.0);
     for (int i = 0; i < 5; ++i) {
-      EXPECT_NEAR(pose[i], frame + i + (i % 2 == 0 ? -0.5 : 0.75) * shift, 1e-5) << "frame " << frame;
+      EXPECT_NEAR(pose[i], frame + i + (i % 2 == 0 ? -0.5 : 0.75) * shift, 1e-5)
+          << "frame " << frame;
     }
     for (int k = 0; k < num_features; ++k) {
       EXPECT_NEAR(feature[k], frame + k, 1e-5) << "frame " << frame;
@@ -105,17 +110,20 @@ TEST(TwelveBehaviors, b02_the_same_memory_as_another_variable) {
   }
 }
 
-// VINS moves the whole window after each solve, back to where its first pose was: every bit changes, no cost does.
+// VINS moves the whole window after each solve, back to where its first pose was: every bit
+// changes, no cost does.
 TEST(TwelveBehaviors, b03_every_pose_changes_bitwise_each_frame) {
   World world;
   std::vector<double*> poses;
   for (int i = 0; i < 8; ++i) {
     poses.push_back(world.Add({0.3 * i}));
     if (i > 0) {
-      world.problem.AddResidualBlock(Difference(1.0), nullptr, poses[poses.size() - 2], poses.back());
+      world.problem.AddResidualBlock(Difference(1.0), nullptr, poses[poses.size() - 2],
+                                     poses.back());
     }
     if (i > 1) {
-      world.problem.AddResidualBlock(Difference(2.3), nullptr, poses[poses.size() - 3], poses.back());
+      world.problem.AddResidualBlock(Difference(2.3), nullptr, poses[poses.size() - 3],
+                                     poses.back());
     }
   }
   double cost = -1.0;
@@ -134,7 +142,8 @@ TEST(TwelveBehaviors, b03_every_pose_changes_bitwise_each_frame) {
   }
 }
 
-// OKVIS's marginalization error: sizes, residual count and contents change between Remove and Add of one object.
+// OKVIS's marginalization error: sizes, residual count and contents change between Remove and Add
+// of one object.
 class Marginalization : public ceres::CostFunction {
  public:
   void Become(std::vector<double> targets, double weight) {
@@ -143,7 +152,8 @@ class Marginalization : public ceres::CostFunction {
     set_num_residuals(static_cast<int>(targets_.size()));
     mutable_parameter_block_sizes()->assign(targets_.size(), 1);
   }
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     const std::size_t size = targets_.size();
     for (std::size_t k = 0; k < size; ++k) {
       residuals[k] = weight_ * (parameters[k][0] - targets_[k]);
@@ -182,13 +192,15 @@ TEST(TwelveBehaviors, b04_same_cost_function_with_new_contents) {
     EXPECT_TRUE(Solve(Tight(), &problem).summary.IsSolutionUsable());
     for (int k = 0; k < 4; ++k) {
       const double w2 = k < size ? weight * weight : 0.0;
-      EXPECT_NEAR(x[k], (1.0 + k + w2 * target) / (1.0 + w2), 1e-5) << "frame " << frame << ", block " << k;
+      EXPECT_NEAR(x[k], (1.0 + k + w2 * target) / (1.0 + w2), 1e-5)
+          << "frame " << frame << ", block " << k;
     }
     problem.RemoveResidualBlock(id);
   }
 }
 
-// What VINS's marginalization factor points to is deleted after Solve, while Problem and factor live on.
+// What VINS's marginalization factor points to is deleted after Solve, while Problem and factor
+// live on.
 struct MarginalizationInfo {
   std::vector<double> targets = {1.0, 2.0};
 };
@@ -203,19 +215,20 @@ TEST(TwelveBehaviors, b08_no_evaluation_after_solve_returns) {
     memory.push_back(std::make_unique<std::vector<double>>(2, 0.0));
     double* x = memory.back()->data();
     alive.push_back(std::make_unique<ceres::Problem>());
-    auto* factor = new Cost(2, {2}, [=](double const* const* p, double* residuals, double** jacobians) {
-      if (!*solving) {
-        std::abort();  // its numbers are gone
-      }
-      for (std::size_t k = 0; k < 2; ++k) {
-        residuals[k] = p[0][k] - borrowed->targets[k];
-      }
-      if (jacobians != nullptr && jacobians[0] != nullptr) {
-        const double identity[4] = {1.0, 0.0, 0.0, 1.0};
-        std::memcpy(jacobians[0], identity, sizeof(identity));
-      }
-      return true;
-    });
+    auto* factor =
+        new Cost(2, {2}, [=](double const* const* p, double* residuals, double** jacobians) {
+          if (!*solving) {
+            std::abort();  // its numbers are gone
+          }
+          for (std::size_t k = 0; k < 2; ++k) {
+            residuals[k] = p[0][k] - borrowed->targets[k];
+          }
+          if (jacobians != nullptr && jacobians[0] != nullptr) {
+            const double identity[4] = {1.0, 0.0, 0.0, 1.0};
+            std::memcpy(jacobians[0], identity, sizeof(identity));
+          }
+          return true;
+        });
     alive.back()->AddResidualBlock(factor, nullptr, x);
     EXPECT_TRUE(Solve(Tight(), alive.back().get()).summary.IsSolutionUsable());
     *solving = false;
@@ -223,7 +236,8 @@ TEST(TwelveBehaviors, b08_no_evaluation_after_solve_returns) {
     EXPECT_NEAR(x[1], 2.0, 1e-6);
     memory.back()->assign(2, 5.0);
     if (frame > 1) {
-      alive.erase(alive.begin());  // the Problem of two frames ago goes; its blocks' memory is still there
+      alive.erase(
+          alive.begin());  // the Problem of two frames ago goes; its blocks' memory is still there
     }
   }
   alive.clear();

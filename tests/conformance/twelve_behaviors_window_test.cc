@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "Twelve behaviors of estimators", 9 to 12: weights, priors, toggled constants, threads.
+// docs/ceres_contract.md, "Twelve behaviors of estimators", 9 to 12: weights, priors, toggled
+// constants, threads.
 #include <cmath>
 #include <thread>
 
@@ -18,24 +19,26 @@ Options Vio(int max_num_iterations = 30) {
 
 // r = A [x_0; x_1; …] − b, dense, of run-time size, with x_k measured from `origin`.
 Cost* DensePrior(int num_residuals, const std::vector<int>& sizes, double origin, double diagonal) {
-  return new Cost(num_residuals, sizes, [=](double const* const* p, double* residuals, double** jacobians) {
-    std::fill_n(residuals, num_residuals, 0.0);
-    int offset = 0;
-    for (std::size_t k = 0; k < sizes.size(); ++k) {
-      for (int c = 0; c < sizes[k]; ++c) {
-        for (int r = 0; r < num_residuals; ++r) {
-          const int column = offset + c;
-          const double a = 0.3 * std::cos(1.0 + 3.0 * r + 1.7 * column) + (r == column ? diagonal : 0.0);
-          residuals[r] += a * (p[k][c] - origin);
-          if (jacobians != nullptr && jacobians[k] != nullptr) {
-            jacobians[k][r * sizes[k] + c] = a;
+  return new Cost(
+      num_residuals, sizes, [=](double const* const* p, double* residuals, double** jacobians) {
+        std::fill_n(residuals, num_residuals, 0.0);
+        int offset = 0;
+        for (std::size_t k = 0; k < sizes.size(); ++k) {
+          for (int c = 0; c < sizes[k]; ++c) {
+            for (int r = 0; r < num_residuals; ++r) {
+              const int column = offset + c;
+              const double a =
+                  0.3 * std::cos(1.0 + 3.0 * r + 1.7 * column) + (r == column ? diagonal : 0.0);
+              residuals[r] += a * (p[k][c] - origin);
+              if (jacobians != nullptr && jacobians[k] != nullptr) {
+                jacobians[k][r * sizes[k] + c] = a;
+              }
+            }
           }
+          offset += sizes[k];
         }
-      }
-      offset += sizes[k];
-    }
-    return true;
-  });
+        return true;
+      });
 }
 
 // Poses of size 6, inverse depths of size 1; each depth is seen by its anchor and two more.
@@ -48,7 +51,8 @@ struct Window : World {
       depths.push_back(Add({0.5}));
       const int anchor = f % (num_poses - 2);
       for (int k = 1; k < 3; ++k) {
-        problem.AddResidualBlock(Coupled(2, {6, 6, 1}, seed + 10 * f + k), nullptr, poses[static_cast<std::size_t>(anchor)],
+        problem.AddResidualBlock(Coupled(2, {6, 6, 1}, seed + 10 * f + k), nullptr,
+                                 poses[static_cast<std::size_t>(anchor)],
                                  poses[static_cast<std::size_t>(anchor + k)], depths.back());
       }
     }
@@ -57,28 +61,32 @@ struct Window : World {
   std::vector<double*> depths;
 };
 
-// XRSLAM's gauge prior has a square root of the information of 1e15; OKVIS zeroes the Jacobians of landmarks too close.
+// XRSLAM's gauge prior has a square root of the information of 1e15; OKVIS zeroes the Jacobians of
+// landmarks too close.
 TEST(TwelveBehaviors, b09_huge_weights_and_singular_landmark_blocks) {
   for (const auto strategy : {ceres::DOGLEG, ceres::LEVENBERG_MARQUARDT}) {
     Window window(5, 40, 7);
     std::fill_n(window.poses[0], 6, 1.0 / 3.0);
-    window.problem.AddResidualBlock(Target(std::vector<double>(6, 1.0 / 3.0), 1e15), nullptr, window.poses[0]);
+    window.problem.AddResidualBlock(Target(std::vector<double>(6, 1.0 / 3.0), 1e15), nullptr,
+                                    window.poses[0]);
     for (std::size_t i = 1; i < 5; ++i) {
-      window.problem.AddResidualBlock(Target(std::vector<double>(6, 0.1), 3.0), nullptr, window.poses[i]);
+      window.problem.AddResidualBlock(Target(std::vector<double>(6, 0.1), 3.0), nullptr,
+                                      window.poses[i]);
     }
     std::vector<double*> singular;
     for (int f = 0; f < 6; ++f) {
       singular.push_back(window.Add({0.25}));
       for (std::size_t i = 0; i < 2; ++i) {
-        auto* close = new Cost(2, {6, 1}, [](double const* const*, double* residuals, double** jacobians) {
-          residuals[0] = residuals[1] = 0.1;
-          for (int k = 0; k < 2 && jacobians != nullptr; ++k) {
-            if (jacobians[k] != nullptr) {
-              std::fill_n(jacobians[k], k == 0 ? 12 : 2, 0.0);
-            }
-          }
-          return true;
-        });
+        auto* close =
+            new Cost(2, {6, 1}, [](double const* const*, double* residuals, double** jacobians) {
+              residuals[0] = residuals[1] = 0.1;
+              for (int k = 0; k < 2 && jacobians != nullptr; ++k) {
+                if (jacobians[k] != nullptr) {
+                  std::fill_n(jacobians[k], k == 0 ? 12 : 2, 0.0);
+                }
+              }
+              return true;
+            });
         window.problem.AddResidualBlock(close, nullptr, window.poses[i], singular.back());
       }
     }
@@ -113,14 +121,16 @@ TEST(TwelveBehaviors, b10_dense_dynamic_prior) {
   ExpectClose(summary.final_cost, 24.9930265278, 1e-7);
   std::vector<double> gradient;
   double cost = 0.0;
-  EXPECT_TRUE(window.problem.Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, &gradient, nullptr));
+  EXPECT_TRUE(window.problem.Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, &gradient,
+                                      nullptr));
   ExpectClose(cost, summary.final_cost);
   for (const double entry : gradient) {
     EXPECT_NEAR(entry, 0.0, 1e-3);
   }
 }
 
-// OKVIS2 freezes all landmarks and all but one state, solves two iterations, and lets them go: twice for each frame.
+// OKVIS2 freezes all landmarks and all but one state, solves two iterations, and lets them go:
+// twice for each frame.
 TEST(TwelveBehaviors, b11_constants_toggled_per_solve) {
   Window window(6, 2000, 11);
   for (double* pose : window.poses) {
@@ -161,7 +171,8 @@ TEST(TwelveBehaviors, b11_constants_toggled_per_solve) {
   }
 }
 
-// A map that lives on in one thread, full problems made anew in others: each ends where it ends alone.
+// A map that lives on in one thread, full problems made anew in others: each ends where it ends
+// alone.
 TEST(TwelveBehaviors, b12_concurrent_solves_on_different_problems) {
   const auto live = [](double* cost) {
     Window map(6, 60, 5);

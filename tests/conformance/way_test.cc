@@ -6,7 +6,8 @@ namespace {
 
 TEST(Way, SolveComesFromTheLibraryThisRunIsAbout) {
   const std::string expected = ThisRun() == Way::kBare ? "/libceres.so" : "/libinceres_dropin.so";
-  EXPECT_NE(LibraryOfSolve().find(expected), std::string::npos) << "ceres::Solver::Solve is that of " << LibraryOfSolve();
+  EXPECT_NE(LibraryOfSolve().find(expected), std::string::npos)
+      << "ceres::Solver::Solve is that of " << LibraryOfSolve();
 }
 
 TEST(Way, CostFunctionsAreCalledByWhoSolves) {

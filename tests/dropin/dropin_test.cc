@@ -1,4 +1,5 @@
-// The drop-in from outside: a program that knows only Ceres, run bare and with the drop-in in front of Ceres.
+// The drop-in from outside: a program that knows only Ceres, run bare and with the drop-in in front
+// of Ceres.
 #include <unistd.h>
 
 #include <algorithm>
@@ -21,9 +22,10 @@
 namespace inceres::testing {
 namespace {
 
-// Every way a program has of solving that the program knows; with --wrap those that do not go through the virtual table.
-const std::vector<std::string> kWays = {"free",  "member", "virtual", "c_api", "derived", "evaluation_callback",
-                                        "moved", "living"};
+// Every way a program has of solving that the program knows; with --wrap those that do not go
+// through the virtual table.
+const std::vector<std::string> kWays = {
+    "free", "member", "virtual", "c_api", "derived", "evaluation_callback", "moved", "living"};
 
 // The Ceres it would meet without us, whatever the environment of the test says.
 ProgramRun Bare(const std::string& way) {
@@ -35,8 +37,8 @@ ProgramRun Preloaded(const std::string& way, const std::string& environment = ""
 }
 
 // As a plugin of a program that has no Ceres. `scope`: as plugin_host.cc has it.
-ProgramRun AsPlugin(const std::string& plugin, const std::string& way, const std::string& environment = "",
-                    const std::string& scope = "local") {
+ProgramRun AsPlugin(const std::string& plugin, const std::string& way,
+                    const std::string& environment = "", const std::string& scope = "local") {
   return RunProgram(INCERES_PLUGIN_HOST, plugin + " " + scope + " " + way, environment);
 }
 
@@ -48,7 +50,8 @@ int NumSolved(const ProgramRun& run) {
 
 int CountOf(const std::string& text, const std::string& part) {
   int count = 0;
-  for (std::size_t place = 0; (place = text.find(part, place)) != std::string::npos; place += part.size()) {
+  for (std::size_t place = 0; (place = text.find(part, place)) != std::string::npos;
+       place += part.size()) {
     ++count;
   }
   return count;
@@ -70,7 +73,8 @@ std::string WithoutTimes(const std::string& text) {
   return result;
 }
 
-// Words must be equal and numbers close. What tells of the termination ends with a number of rounding's size.
+// Words must be equal and numbers close. What tells of the termination ends with a number of
+// rounding's size.
 void ExpectSameOutput(const std::string& stock, const std::string& ours, double tolerance) {
   std::istringstream a(WithoutTimes(stock));
   std::istringstream b(WithoutTimes(ours));
@@ -94,7 +98,8 @@ void ExpectSameOutput(const std::string& stock, const std::string& ours, double 
       if (end_a == word_a.c_str()) {
         EXPECT_EQ(word_a, word_b) << line_a;
       } else {
-        EXPECT_LE(std::abs(x - y), tolerance * std::max(1.0, std::abs(x))) << line_a << "\n" << line_b;
+        EXPECT_LE(std::abs(x - y), tolerance * std::max(1.0, std::abs(x))) << line_a << "\n"
+                                                                           << line_b;
       }
     }
   }
@@ -125,19 +130,22 @@ TEST_P(EveryWay, LinkedInCeresPlaceSolvesAsStockDoes) {
 
 TEST_P(EveryWay, WrappedStaticCeresSolvesAsStockDoes) {
   if (INCERES_CERES_IS_STATIC == 0) {
-    GTEST_SKIP() << "Ceres::ceres is shared here, and what calls ceres::Solve inside it cannot be wrapped";
+    GTEST_SKIP()
+        << "Ceres::ceres is shared here, and what calls ceres::Solve inside it cannot be wrapped";
   }
   const ProgramRun ours = RunProgram(INCERES_WRAPPED_PROGRAM, GetParam(), "");
   ASSERT_EQ(ours.exit_code, 0) << ours.err;
   ExpectSameOutput(Bare(GetParam()).out, ours.out, 1e-8);
   if (GetParam() == "virtual") {
-    EXPECT_EQ(NumSolved(ours), 0) << "the virtual table of a static Ceres can be wrapped after all: change the documentation";
+    EXPECT_EQ(NumSolved(ours), 0)
+        << "the virtual table of a static Ceres can be wrapped after all: change the documentation";
   } else {
     EXPECT_GT(NumSolved(ours), 0) << ours.err;
   }
 }
 
-// Among what the loader looks through for a plugin, the program and what was preloaded into it come first.
+// Among what the loader looks through for a plugin, the program and what was preloaded into it come
+// first.
 TEST_P(EveryWay, PluginIsCaughtWhereTheProgramIsPreloaded) {
   const ProgramRun stock = AsPlugin(INCERES_PLAIN_PLUGIN, GetParam());
   ASSERT_EQ(stock.exit_code, 0) << stock.err;
@@ -157,21 +165,23 @@ TEST_P(EveryWay, PluginLinkedInCeresPlaceSolvesAsStockDoes) {
   EXPECT_EQ(NumSolved(ours), NumSolved(Preloaded(GetParam()))) << ours.err;
 }
 
-// RTLD_DEEPBIND: the plugin makes its Problem in its own Ceres, past us. When Ceres then passes the solve to us we know nothing
-// of that Problem; solved by the member function it does not come to us at all. A Problem of the C interface is made inside
-// Ceres, which is bound to us.
+// RTLD_DEEPBIND: the plugin makes its Problem in its own Ceres, past us. When Ceres then passes the
+// solve to us we know nothing of that Problem; solved by the member function it does not come to us
+// at all. A Problem of the C interface is made inside Ceres, which is bound to us.
 TEST_P(EveryWay, PluginBoundToItsOwnCeresFirstIsStocks) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "the sanitizers forbid RTLD_DEEPBIND";
 #endif
-  const ProgramRun run = AsPlugin(INCERES_PLAIN_PLUGIN, GetParam(), "LD_PRELOAD=" INCERES_DROPIN, "deep");
+  const ProgramRun run =
+      AsPlugin(INCERES_PLAIN_PLUGIN, GetParam(), "LD_PRELOAD=" INCERES_DROPIN, "deep");
   ASSERT_EQ(run.exit_code, 0) << run.err;
   if (GetParam() == "c_api") {
     EXPECT_EQ(NumSolved(run), 1) << run.err;
   } else {
     EXPECT_EQ(WithoutTimes(run.out), WithoutTimes(Bare(GetParam()).out));
     EXPECT_EQ(NumSolved(run), 0) << run.err;
-    const bool comes_to_us = CountOf(run.err, "handed to stock Ceres: the problem's constructor was not seen") > 0;
+    const bool comes_to_us =
+        CountOf(run.err, "handed to stock Ceres: the problem's constructor was not seen") > 0;
     EXPECT_EQ(comes_to_us, GetParam() != "member") << run.err;
   }
 }
@@ -180,7 +190,8 @@ TEST_P(EveryWay, PluginWithAStaticCeresInsideIsNotSeen) {
   if (INCERES_CERES_IS_STATIC == 0) {
     GTEST_SKIP() << "Ceres::ceres is shared here";
   }
-  const ProgramRun stock = AsPlugin(INCERES_STATIC_PLUGIN, GetParam(), "LD_PRELOAD=" INCERES_DROPIN);
+  const ProgramRun stock =
+      AsPlugin(INCERES_STATIC_PLUGIN, GetParam(), "LD_PRELOAD=" INCERES_DROPIN);
   ASSERT_EQ(stock.exit_code, 0) << stock.err;
   EXPECT_EQ(WithoutTimes(stock.out), WithoutTimes(Bare(GetParam()).out));
   EXPECT_EQ(stock.err, "inceres solved 0 times\n");
@@ -189,7 +200,8 @@ TEST_P(EveryWay, PluginWithAStaticCeresInsideIsNotSeen) {
 TEST_P(EveryWay, StockModeIsIdenticalToStock) {
   const ProgramRun stock = Bare(GetParam());
   for (const ProgramRun& run :
-       {Preloaded(GetParam(), "INCERES_MODE=stock"), RunProgram(INCERES_LINKED_PROGRAM, GetParam(), "INCERES_MODE=stock")}) {
+       {Preloaded(GetParam(), "INCERES_MODE=stock"),
+        RunProgram(INCERES_LINKED_PROGRAM, GetParam(), "INCERES_MODE=stock")}) {
     EXPECT_EQ(run.exit_code, 0);
     EXPECT_EQ(WithoutTimes(run.out), WithoutTimes(stock.out));
     EXPECT_EQ(run.err, "inceres solved 0 times\n");
@@ -210,13 +222,16 @@ TEST_P(EveryWay, ComparesAndLogsUnnoticed) {
   }
   const std::string lines = test::ReadBytes(log);
   EXPECT_EQ(CountOf(lines, "\n"), NumSolved(plain));
-  EXPECT_EQ(CountOf(lines, "\"difference\": null"), CountOf(lines, "has an evaluation callback")) << lines;
+  EXPECT_EQ(CountOf(lines, "\"difference\": null"), CountOf(lines, "has an evaluation callback"))
+      << lines;
 }
 
-INSTANTIATE_TEST_SUITE_P(Dropin, EveryWay, ::testing::ValuesIn(kWays), [](const auto& way) { return way.param; });
+INSTANTIATE_TEST_SUITE_P(Dropin, EveryWay, ::testing::ValuesIn(kWays),
+                         [](const auto& way) { return way.param; });
 
 TEST(Dropin, IncrementalEndsWhereStockEnds) {
-  const ProgramRun ours = Preloaded("living", "INCERES_MODE=incremental INCERES_WINDOWS=incremental");
+  const ProgramRun ours =
+      Preloaded("living", "INCERES_MODE=incremental INCERES_WINDOWS=incremental");
   EXPECT_EQ(ours.exit_code, 0);
   EXPECT_EQ(NumSolved(ours), 12) << ours.err;
   EXPECT_EQ(CountOf(ours.err, "not incremental"), 0) << ours.err;
@@ -228,7 +243,8 @@ TEST(Dropin, IncrementalSolvesASlidingWindowExactly) {
   const ProgramRun ours = Preloaded("living", "INCERES_MODE=incremental");
   EXPECT_EQ(ours.out, Preloaded("living").out);
   EXPECT_EQ(NumSolved(ours), 12) << ours.err;
-  EXPECT_EQ(CountOf(ours.err, "exact, though asked to be incremental: a window slides, or may"), 1) << ours.err;
+  EXPECT_EQ(CountOf(ours.err, "exact, though asked to be incremental: a window slides, or may"), 1)
+      << ours.err;
 }
 
 TEST(Dropin, AutoSolvesASlidingWindowExactly) {
@@ -237,7 +253,8 @@ TEST(Dropin, AutoSolvesASlidingWindowExactly) {
 
 // What incremental mode does not do exact mode does, before stock is asked.
 TEST(Dropin, IncrementalGivesWayToExact) {
-  const ProgramRun ours = Preloaded("evaluation_callback", "INCERES_MODE=incremental INCERES_WINDOWS=incremental");
+  const ProgramRun ours =
+      Preloaded("evaluation_callback", "INCERES_MODE=incremental INCERES_WINDOWS=incremental");
   EXPECT_EQ(NumSolved(ours), 1) << ours.err;
   EXPECT_EQ(CountOf(ours.err, "inceres: not incremental: "), 1) << ours.err;
   EXPECT_EQ(ours.out, Preloaded("evaluation_callback").out);
@@ -251,15 +268,16 @@ TEST(Dropin, ALogTellsOfSessionsAndOfWhatGoesToStock) {
   EXPECT_EQ(CountOf(sessions, "\"mode\": \"incremental\""), 12) << sessions;
   EXPECT_EQ(CountOf(sessions, "\"violations\": []"), 12) << sessions;
   Preloaded("line_search", "INCERES_AB_LOG=" + log);
-  EXPECT_EQ(CountOf(test::ReadBytes(log), "\"fallback_reason\": \"minimizer_type LINE_SEARCH\""), 1);
+  EXPECT_EQ(CountOf(test::ReadBytes(log), "\"fallback_reason\": \"minimizer_type LINE_SEARCH\""),
+            1);
 }
 
 TEST(Dropin, UnknownModeIsSaidOnceAndExactIsUsed) {
   const ProgramRun ours = Preloaded("living", "INCERES_MODE=fast");
-  EXPECT_EQ(
-      CountOf(ours.err,
-              "INCERES_MODE: \"fast\" means nothing here and is ignored; known are exact, incremental, auto, fallback, stock"),
-      1)
+  EXPECT_EQ(CountOf(ours.err,
+                    "INCERES_MODE: \"fast\" means nothing here and is ignored; known are exact, "
+                    "incremental, auto, fallback, stock"),
+            1)
       << ours.err;
   EXPECT_EQ(ours.out, Preloaded("living").out);
 }
@@ -268,25 +286,33 @@ TEST(Dropin, WhatGoesToStockIsStocksAndSaid) {
   const ProgramRun ours = Preloaded("line_search");
   EXPECT_EQ(ours.out, Bare("line_search").out);
   EXPECT_EQ(NumSolved(ours), 0);
-  EXPECT_EQ(CountOf(ours.err, "inceres: handed to stock Ceres: minimizer_type LINE_SEARCH"), 1) << ours.err;
+  EXPECT_EQ(CountOf(ours.err, "inceres: handed to stock Ceres: minimizer_type LINE_SEARCH"), 1)
+      << ours.err;
 }
 
 TEST(Dropin, AnotherCeresIsPassedThroughUnread) {
 #if defined(__SANITIZE_ADDRESS__)
-  GTEST_SKIP() << "the sanitizers' checks need the types of more of Ceres's classes than the other Ceres of this test has";
+  GTEST_SKIP() << "the sanitizers' checks need the types of more of Ceres's classes than the other "
+                  "Ceres of this test has";
 #endif
-  for (const std::string program : {INCERES_FOREIGN_SONAME_PROGRAM, INCERES_FOREIGN_FUNCTIONS_PROGRAM}) {
+  for (const std::string program :
+       {INCERES_FOREIGN_SONAME_PROGRAM, INCERES_FOREIGN_FUNCTIONS_PROGRAM}) {
     const ProgramRun bare = RunProgram(program, "", "");
     ASSERT_EQ(bare.exit_code, 0) << bare.err;
-    ASSERT_EQ(bare.out, "problem 1\nresidual block of 3\nfree solve 1\nmember solve\nproblem ends\nreturned\n");
+    ASSERT_EQ(
+        bare.out,
+        "problem 1\nresidual block of 3\nfree solve 1\nmember solve\nproblem ends\nreturned\n");
     const ProgramRun ours = RunProgram(program, "", "LD_PRELOAD=" INCERES_DROPIN);
     EXPECT_EQ(ours.exit_code, 0) << ours.err;
     EXPECT_EQ(ours.out, bare.out);
-    EXPECT_EQ(CountOf(ours.err, "the drop-in is for Ceres " INCERES_CERES_RELEASE " (" INCERES_CERES_SONAME ") and found "), 1)
+    EXPECT_EQ(CountOf(ours.err, "the drop-in is for Ceres " INCERES_CERES_RELEASE
+                                " (" INCERES_CERES_SONAME ") and found "),
+              1)
         << ours.err;
     const bool other_soname = program == INCERES_FOREIGN_SONAME_PROGRAM;
-    const std::string reason =
-        other_soname ? "SONAME " INCERES_FOREIGN_SONAME : INCERES_FOREIGN_FUNCTIONS ", so it is not Ceres " INCERES_CERES_RELEASE;
+    const std::string reason = other_soname ? "SONAME " INCERES_FOREIGN_SONAME
+                                            : INCERES_FOREIGN_FUNCTIONS
+                                   ", so it is not Ceres " INCERES_CERES_RELEASE;
     EXPECT_NE(ours.err.find("(" + reason + ")"), std::string::npos) << ours.err;
   }
 }
@@ -295,16 +321,19 @@ TEST(Dropin, AnotherCeresIsPassedThroughUnread) {
 std::optional<gid_t> AnotherGroup() {
   constexpr gid_t kNobody = 65534;
   std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, getgroups(0, nullptr))));
-  groups.resize(static_cast<std::size_t>(std::max(0, getgroups(static_cast<int>(groups.size()), groups.data()))));
+  groups.resize(static_cast<std::size_t>(
+      std::max(0, getgroups(static_cast<int>(groups.size()), groups.data()))));
   if (geteuid() == 0) {
     groups.push_back(kNobody);
   }
-  const auto other = std::find_if(groups.begin(), groups.end(), [](gid_t group) { return group != getgid(); });
+  const auto other =
+      std::find_if(groups.begin(), groups.end(), [](gid_t group) { return group != getgid(); });
   return other == groups.end() ? std::nullopt : std::optional<gid_t>(*other);
 }
 
-// A program that runs with rights its user has not: the loader ignores LD_PRELOAD there, and a drop-in it is linked with must not
-// do what the environment asks, which could be to write to any file.
+// A program that runs with rights its user has not: the loader ignores LD_PRELOAD there, and a
+// drop-in it is linked with must not do what the environment asks, which could be to write to any
+// file.
 TEST(Dropin, WithAnothersRightsTheEnvironmentIsIgnored) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "the sanitizers need what such a program is refused";
@@ -331,7 +360,8 @@ TEST(Dropin, WithAnothersRightsTheEnvironmentIsIgnored) {
   EXPECT_EQ(preloaded.err, "");
 
   const std::string log = folder.File("ab.jsonl");
-  const ProgramRun linked = RunProgram(setgid(INCERES_LINKED_PROGRAM), "free", "INCERES_MODE=stock INCERES_AB_LOG=" + log);
+  const ProgramRun linked = RunProgram(setgid(INCERES_LINKED_PROGRAM), "free",
+                                       "INCERES_MODE=stock INCERES_AB_LOG=" + log);
   EXPECT_EQ(linked.exit_code, 0) << linked.err;
   EXPECT_EQ(NumSolved(linked), 1) << linked.err;
   EXPECT_FALSE(std::filesystem::exists(log));
@@ -339,26 +369,31 @@ TEST(Dropin, WithAnothersRightsTheEnvironmentIsIgnored) {
 
 std::set<std::string> DefinedSymbols(const std::string& library) {
   std::set<std::string> symbols;
-  std::istringstream lines(RunProgram("nm", "-D --defined-only --format=posix '" + library + "'", "").out);
+  std::istringstream lines(
+      RunProgram("nm", "-D --defined-only --format=posix '" + library + "'", "").out);
   for (std::string line; std::getline(lines, line);) {
     symbols.insert(line.substr(0, line.find_first_of(" @")));
   }
   return symbols;
 }
 
-// Both ways of solving, and whatever makes, changes or ends a Problem; neither Evaluate does, nor what 2.2 shows of its inside.
+// Both ways of solving, and whatever makes, changes or ends a Problem; neither Evaluate does, nor
+// what 2.2 shows of its inside.
 TEST(Dropin, ExportsWhatChangesAProblemAndNothingElse) {
-  std::set<std::string> expected = {"_ZN5ceres5SolveERKNS_6Solver7OptionsEPNS_7ProblemEPNS0_7SummaryE",
-                                    "_ZN5ceres6Solver5SolveERKNS0_7OptionsEPNS_7ProblemEPNS0_7SummaryE",
-                                    "inceres_dropin_is_active", "inceres_dropin_num_problems", "inceres_dropin_num_solves"};
+  std::set<std::string> expected = {
+      "_ZN5ceres5SolveERKNS_6Solver7OptionsEPNS_7ProblemEPNS0_7SummaryE",
+      "_ZN5ceres6Solver5SolveERKNS0_7OptionsEPNS_7ProblemEPNS0_7SummaryE",
+      "inceres_dropin_is_active", "inceres_dropin_num_problems", "inceres_dropin_num_solves"};
   for (const std::string& symbol : DefinedSymbols(INCERES_SHARED_CERES)) {
-    if (symbol.rfind("_ZN5ceres7Problem", 0) == 0 && symbol.rfind("_ZN5ceres7Problem8Evaluate", 0) != 0 &&
+    if (symbol.rfind("_ZN5ceres7Problem", 0) == 0 &&
+        symbol.rfind("_ZN5ceres7Problem8Evaluate", 0) != 0 &&
         symbol != "_ZN5ceres7Problem12mutable_implEv") {
       expected.insert(symbol);
     }
   }
   const std::string release = INCERES_CERES_RELEASE;
-  EXPECT_EQ(expected.size(), release == "2.1" ? 27u : 25u) << "2.1 alone has both kinds of manifold";
+  EXPECT_EQ(expected.size(), release == "2.1" ? 27u : 25u)
+      << "2.1 alone has both kinds of manifold";
   EXPECT_EQ(DefinedSymbols(INCERES_DROPIN), expected);
 }
 

@@ -1,5 +1,6 @@
-// The drop-in from inside a program that knows only Ceres, and asks it by its C functions what it has seen. Linked both with the
-// shared Ceres and with a static one, and run in exact, incremental and auto mode.
+// The drop-in from inside a program that knows only Ceres, and asks it by its C functions what it
+// has seen. Linked both with the shared Ceres and with a static one, and run in exact, incremental
+// and auto mode.
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
@@ -76,8 +77,8 @@ TEST(DropinInside, AnEntryDiesWithItsProblem) {
   EXPECT_EQ(inceres_dropin_num_problems(), before);
 }
 
-// A Problem that is solved again finds its Jacobians, also after it has moved; one that its caller removed and added again does
-// not, though nothing about it can be told apart from before.
+// A Problem that is solved again finds its Jacobians, also after it has moved; one that its caller
+// removed and added again does not, though nothing about it can be told apart from before.
 TEST(DropinInside, ALivingProblemIsRemembered) {
   double x = 3.0;
   ceres::Problem::Options options;
@@ -123,8 +124,8 @@ TEST(DropinInside, ACostFunctionThatChangesInPlaceIsNoticed) {
   }
 }
 
-// Each call that edits a living Problem takes effect at the next solve. Whatever edits, it does so when the session, if there is
-// one, knows the problem and would not look again.
+// Each call that edits a living Problem takes effect at the next solve. Whatever edits, it does so
+// when the session, if there is one, knows the problem and would not look again.
 TEST(DropinInside, EveryEditIsSeen) {
   ceres::Problem::Options options;
   manifolds::Borrow(&options);
@@ -141,7 +142,8 @@ TEST(DropinInside, EveryEditIsSeen) {
       return true;
     }
   };
-  problem.AddResidualBlock(new ceres::NumericDiffCostFunction<Product, ceres::CENTRAL, 3, 2>(new Product), nullptr, x);
+  problem.AddResidualBlock(
+      new ceres::NumericDiffCostFunction<Product, ceres::CENTRAL, 3, 2>(new Product), nullptr, x);
   const auto settle = [&](double start) {
     const ceres::Solver::Summary summary = Solve(&problem);
     EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
@@ -194,7 +196,8 @@ TEST(DropinInside, EveryEditIsSeen) {
 // A Problem at the address of another, with the other's arrays.
 TEST(DropinInside, AnAddressServesAnotherProblem) {
   double x = 3.0;
-  const auto memory = std::make_unique<std::aligned_storage_t<sizeof(ceres::Problem), alignof(ceres::Problem)>>();
+  const auto memory =
+      std::make_unique<std::aligned_storage_t<sizeof(ceres::Problem), alignof(ceres::Problem)>>();
   for (const double target : {2.0, 7.0, 11.0}) {
     auto* problem = new (memory.get()) ceres::Problem;
     problem->AddResidualBlock(new Square(target), nullptr, &x);
@@ -251,7 +254,8 @@ TEST(DropinInside, ASolveInsideACostFunctionOfTheSameProblem) {
   }
 }
 
-// Threads that make, edit, solve, move and end Problems of their own, all at once; each gets what it would get alone.
+// Threads that make, edit, solve, move and end Problems of their own, all at once; each gets what
+// it would get alone.
 TEST(DropinInside, ConcurrentProblems) {
   const auto run = [] {
     std::vector<double> results;

@@ -23,7 +23,8 @@ struct CurvePoint {
 
 using Pose = std::array<double, 3>;
 
-// The pose as seen from the one before, with analytic Jacobians; `measured` may change while it is out of the problem.
+// The pose as seen from the one before, with analytic Jacobians; `measured` may change while it is
+// out of the problem.
 class Between : public ceres::SizedCostFunction<3, 3, 3> {
  public:
   Pose measured{};
@@ -85,7 +86,8 @@ void Curve::AddTo(ceres::Problem* problem) {
   for (int i = 0; i < 53; ++i) {
     const double t = 0.1 * i;
     const double y = std::exp(0.3 * t + 0.1) + 0.5 + Noise(i);
-    problem->AddResidualBlock(new ceres::AutoDiffCostFunction<CurvePoint, 1, 3>(new CurvePoint{t, y}), nullptr, x.data());
+    problem->AddResidualBlock(
+        new ceres::AutoDiffCostFunction<CurvePoint, 1, 3>(new CurvePoint{t, y}), nullptr, x.data());
   }
 }
 
@@ -116,10 +118,12 @@ void Chain::Grow(ceres::Problem* problem) {
   Impl& chain = *impl_;
   const int i = chain.frame++;
   const Pose truth = {0.7 * i, 0.3 * std::sin(0.4 * i), 0.1 * i};
-  chain.poses.push_back(std::make_unique<Pose>(Pose{truth[0] + Noise(i), truth[1] + Noise(i + 1), truth[2] + Noise(i + 2)}));
+  chain.poses.push_back(std::make_unique<Pose>(
+      Pose{truth[0] + Noise(i), truth[1] + Noise(i + 1), truth[2] + Noise(i + 2)}));
   double* pose = chain.poses.back()->data();
-  problem->AddResidualBlock(new Fix({truth[0] + Noise(3 * i), truth[1] + Noise(5 * i), truth[2] + Noise(7 * i)}),
-                            new ceres::HuberLoss(0.1), pose);
+  problem->AddResidualBlock(
+      new Fix({truth[0] + Noise(3 * i), truth[1] + Noise(5 * i), truth[2] + Noise(7 * i)}),
+      new ceres::HuberLoss(0.1), pose);
   if (i == 0) {
     return;
   }

@@ -19,8 +19,8 @@ struct Curve {
 /// DENSE_QR, enough iterations.
 ceres::Solver::Options CurveOptions();
 
-/// Planar poses (x, y, θ) in a row, each bound to the one before and to what it sees; old ones leave. The residual blocks of one
-/// frame are removed, changed where they are, and added again.
+/// Planar poses (x, y, θ) in a row, each bound to the one before and to what it sees; old ones
+/// leave. The residual blocks of one frame are removed, changed where they are, and added again.
 class Chain {
  public:
   Chain();

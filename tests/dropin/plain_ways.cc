@@ -21,12 +21,13 @@ namespace {
 using plain::Curve;
 
 void Print(const ceres::Solver::Summary& summary) {
-  std::printf("termination %d: %s\n", static_cast<int>(summary.termination_type), summary.message.c_str());
-  std::printf("cost %.17g -> %.17g, steps %d + %d\n", summary.initial_cost, summary.final_cost, summary.num_successful_steps,
-              summary.num_unsuccessful_steps);
+  std::printf("termination %d: %s\n", static_cast<int>(summary.termination_type),
+              summary.message.c_str());
+  std::printf("cost %.17g -> %.17g, steps %d + %d\n", summary.initial_cost, summary.final_cost,
+              summary.num_successful_steps, summary.num_unsuccessful_steps);
   for (const ceres::IterationSummary& iteration : summary.iterations) {
-    std::printf("iteration %d: cost %.17g radius %.17g step %.17g\n", iteration.iteration, iteration.cost,
-                iteration.trust_region_radius, iteration.step_norm);
+    std::printf("iteration %d: cost %.17g radius %.17g step %.17g\n", iteration.iteration,
+                iteration.cost, iteration.trust_region_radius, iteration.step_norm);
   }
 }
 
@@ -38,7 +39,8 @@ void Print(const char* name, const std::vector<double>& values) {
   std::printf("\n");
 }
 
-void SolveAndPrint(const ceres::Solver::Options& options, ceres::Problem* problem, const std::vector<double>& x) {
+void SolveAndPrint(const ceres::Solver::Options& options, ceres::Problem* problem,
+                   const std::vector<double>& x) {
   ceres::Solver::Summary summary;
   ceres::Solve(options, problem, &summary);
   Print(summary);
@@ -91,7 +93,8 @@ void CApi() {
   int sizes[1] = {1};
   ceres_problem_t* problem = ceres_create_problem();
   for (auto& point : points) {
-    ceres_problem_add_residual_block(problem, LineResidual, point, nullptr, nullptr, 1, 1, sizes, blocks);
+    ceres_problem_add_residual_block(problem, LineResidual, point, nullptr, nullptr, 1, 1, sizes,
+                                     blocks);
   }
   ceres_solve(problem);
   ceres_free_problem(problem);
@@ -167,7 +170,8 @@ void Living() {
     chain.Grow(&problem);
     ceres::Solver::Summary summary;
     ceres::Solve(plain::ChainOptions(), &problem, &summary);
-    std::printf("frame %d: cost %.12g, %s\n", frame, summary.final_cost, summary.IsSolutionUsable() ? "usable" : "not usable");
+    std::printf("frame %d: cost %.12g, %s\n", frame, summary.final_cost,
+                summary.IsSolutionUsable() ? "usable" : "not usable");
   }
   Print("x", chain.Values());
 }
@@ -194,7 +198,8 @@ int SolveInWay(const char* way) {
     if (std::strcmp(way, name) == 0) {
       run();
       std::fflush(stdout);
-      const auto num_solves = reinterpret_cast<long long (*)()>(dlsym(RTLD_DEFAULT, "inceres_dropin_num_solves"));
+      const auto num_solves =
+          reinterpret_cast<long long (*)()>(dlsym(RTLD_DEFAULT, "inceres_dropin_num_solves"));
       if (num_solves != nullptr) {
         std::fprintf(stderr, "inceres solved %lld times\n", num_solves());
       }

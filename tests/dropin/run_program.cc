@@ -8,12 +8,15 @@
 
 namespace inceres::testing {
 
-ProgramRun RunProgram(const std::string& program, const std::string& arguments, const std::string& environment) {
+ProgramRun RunProgram(const std::string& program, const std::string& arguments,
+                      const std::string& environment) {
   const test::TempDir folder;
   const std::string errors = folder.File("stderr");
-  // A preloaded library with a sanitizer's runtime comes before the program's own: that is what we want here.
-  const std::string command = "env ASAN_OPTIONS=$ASAN_OPTIONS:verify_asan_link_order=0 " + environment + " '" + program + "' " +
-                              arguments + " 2> '" + errors + "'";
+  // A preloaded library with a sanitizer's runtime comes before the program's own: that is what we
+  // want here.
+  const std::string command = "env ASAN_OPTIONS=$ASAN_OPTIONS:verify_asan_link_order=0 " +
+                              environment + " '" + program + "' " + arguments + " 2> '" + errors +
+                              "'";
   ProgramRun run;
   std::FILE* pipe = popen(command.c_str(), "r");
   if (pipe == nullptr) {

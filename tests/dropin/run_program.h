@@ -10,7 +10,9 @@ struct ProgramRun {
   std::string err;
 };
 
-/// Runs a program with its arguments; `environment` is a list like "A=1 B=2", without blanks or quotes in its values.
-ProgramRun RunProgram(const std::string& program, const std::string& arguments, const std::string& environment);
+/// Runs a program with its arguments; `environment` is a list like "A=1 B=2", without blanks or
+/// quotes in its values.
+ProgramRun RunProgram(const std::string& program, const std::string& arguments,
+                      const std::string& environment);
 
 }  // namespace inceres::testing

@@ -19,7 +19,8 @@ TEST(SlidingWindow, RecoversTheTrajectoryOfEachPreset) {
   } cases[] = {{"cubic", 50, 0.2}, {"figure_eight", 100, 0.1}, {"ellipse", 50, 0.1}};
   for (const auto& [preset, num_frames, limit] : cases) {
     const VioSequence sequence = Simulate(preset, num_frames);
-    for (const WindowRule rule : {WindowRule::kMarginalizeLandmarks, WindowRule::kKeepSeenLandmarks}) {
+    for (const WindowRule rule :
+         {WindowRule::kMarginalizeLandmarks, WindowRule::kKeepSeenLandmarks}) {
       SlidingWindowOptions options = WindowOptionsOf(sequence);
       options.rule = rule;
       WindowRun run(sequence, options);
@@ -37,7 +38,8 @@ TEST(SlidingWindow, FollowsUsersConventions) {
   expected.Play(60);
   SlidingWindowOptions options = plain;
   options.imu.conventions = ImuConventions::Vins(9.81);
-  options.imu.conventions.noise = ImuConventions::Noise::kContinuous;  // or it would be another estimate
+  // or it would be another estimate
+  options.imu.conventions.noise = ImuConventions::Noise::kContinuous;
   WindowRun run(sequence, options);
   run.Play(60);
   const double* speed_bias = run.estimator.solver().Values(run.estimator.SpeedBiasId(9));
@@ -80,12 +82,15 @@ TEST(SlidingWindow, WithoutFeaturesTheImuCarriesOn) {
     const WindowSummary summary = estimator.AddFrame(frame);
     ASSERT_TRUE(summary.status.ok()) << summary.status.message;
     ImuPreintegrator imu(WindowOptionsOf(sequence).imu);
-    ASSERT_TRUE(imu.Integrate(frame.imu, propagated.gyr_bias.data(), propagated.acc_bias.data()).ok());
+    ASSERT_TRUE(
+        imu.Integrate(frame.imu, propagated.gyr_bias.data(), propagated.acc_bias.data()).ok());
     double speed_bias[9] = {}, next[9];
     std::copy(propagated.velocity.begin(), propagated.velocity.end(), speed_bias);
     std::copy(propagated.gyr_bias.begin(), propagated.gyr_bias.end(), speed_bias + 3);
     std::copy(propagated.acc_bias.begin(), propagated.acc_bias.end(), speed_bias + 6);
-    ASSERT_TRUE(PropagateImu(imu, propagated.pose.data(), speed_bias, nullptr, propagated.pose.data(), next, nullptr).ok());
+    ASSERT_TRUE(PropagateImu(imu, propagated.pose.data(), speed_bias, nullptr,
+                             propagated.pose.data(), next, nullptr)
+                    .ok());
     std::copy_n(next, 3, propagated.velocity.begin());
     EXPECT_LT(PoseError(summary.state.pose, propagated.pose).norm(), 1e-8) << "frame " << i;
   }

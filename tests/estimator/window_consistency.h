@@ -10,8 +10,9 @@
 
 namespace inceres::test {
 
-/// The normalized error squared of the newest pose, e P⁻¹ e with e = estimate ⊟ truth and P its covariance by the window: for a
-/// consistent estimator a χ² variable of six degrees of freedom, with mean 6 and variance 12.
+/// The normalized error squared of the newest pose, e P⁻¹ e with e = estimate ⊟ truth and P its
+/// covariance by the window: for a consistent estimator a χ² variable of six degrees of freedom,
+/// with mean 6 and variance 12.
 struct PoseNees {
   std::vector<double> times;  // of the frames it is taken at
   std::vector<double> means;  // over the runs
@@ -25,8 +26,8 @@ struct PoseNees {
     }
     return sum / static_cast<double>(means.size());
   }
-  /// Half the width of the band around 6 that the mean over the runs at one time keeps in 95 % of all cases (χ² with 6 num_runs
-  /// degrees of freedom, as good as normal).
+  /// Half the width of the band around 6 that the mean over the runs at one time keeps in 95 % of
+  /// all cases (χ² with 6 num_runs degrees of freedom, as good as normal).
   double Band() const { return 1.96 * std::sqrt(12.0 / num_runs); }
   /// The share of the times at which it does.
   double ShareInBand() const {
@@ -38,8 +39,8 @@ struct PoseNees {
   }
 };
 
-/// Plays num_runs simulated windows, seed by seed: another start, other points and other noise each. `adjust` sets the window's
-/// options; NEES is taken at every `stride`-th frame.
+/// Plays num_runs simulated windows, seed by seed: another start, other points and other noise
+/// each. `adjust` sets the window's options; NEES is taken at every `stride`-th frame.
 template <typename Adjust>
 PoseNees MonteCarloNees(VioSceneOptions scene, int num_runs, int stride, const Adjust& adjust) {
   PoseNees nees;
@@ -64,10 +65,13 @@ PoseNees MonteCarloNees(VioSceneOptions scene, int num_runs, int stride, const A
         nees.means.push_back(0.0);
       }
       std::array<double, 225> all{};
-      const Status status = window.estimator.StateCovariance(window.estimator.num_frames() - 1, &all);
+      const Status status =
+          window.estimator.StateCovariance(window.estimator.num_frames() - 1, &all);
       EXPECT_TRUE(status.ok()) << status.message;
-      const Eigen::Matrix<double, 6, 6> P = Eigen::Map<const Eigen::Matrix<double, 15, 15>>(all.data()).topLeftCorner<6, 6>();
-      const Eigen::Matrix<double, 6, 1> error = PoseError(window.summary.state.pose, sequence.frames[frame].truth.pose);
+      const Eigen::Matrix<double, 6, 6> P =
+          Eigen::Map<const Eigen::Matrix<double, 15, 15>>(all.data()).topLeftCorner<6, 6>();
+      const Eigen::Matrix<double, 6, 1> error =
+          PoseError(window.summary.state.pose, sequence.frames[frame].truth.pose);
       nees.means[k++] += error.dot(P.llt().solve(error)) / num_runs;
     }
     squares += window.RmsError() * window.RmsError();
@@ -76,7 +80,8 @@ PoseNees MonteCarloNees(VioSceneOptions scene, int num_runs, int stride, const A
   return nees;
 }
 
-/// The window that the figures of docs/visual_inertial.md are about: a circle in 20 s, 30 points in view or so, a good start.
+/// The window that the figures of docs/visual_inertial.md are about: a circle in 20 s, 30 points in
+/// view or so, a good start.
 inline VioSceneOptions ConsistencyScene(int num_frames) {
   VioSceneOptions scene;
   scene.num_frames = num_frames;

@@ -18,11 +18,15 @@ TEST(WindowInput, OptionsAreChecked) {
   const std::pair<std::function<void(SlidingWindowOptions*)>, const char*> faults[] = {
       {[](auto* o) { o->size = 2; }, "size is 2, not between 3 and 1000"},
       {[](auto* o) { o->min_tracked = -1; }, "min_tracked and min_parallax must not be negative"},
-      {[](auto* o) { o->min_parallax = kNan; }, "min_tracked and min_parallax must not be negative"},
+      {[](auto* o) { o->min_parallax = kNan; },
+       "min_tracked and min_parallax must not be negative"},
       {[](auto* o) { o->feature_sigma[1] = 0.0; }, "feature_sigma[1] must be positive and finite"},
-      {[](auto* o) { o->min_triangulation_parallax = -1.0; }, "min_triangulation_parallax must be positive and finite"},
-      {[](auto* o) { o->max_mean_error = 0.0; }, "max_imu_seconds and max_mean_error must be positive"},
-      {[](auto* o) { o->body_from_camera[6] = 2.0; }, "the quaternion of body_from_camera is not of unit length"},
+      {[](auto* o) { o->min_triangulation_parallax = -1.0; },
+       "min_triangulation_parallax must be positive and finite"},
+      {[](auto* o) { o->max_mean_error = 0.0; },
+       "max_imu_seconds and max_mean_error must be positive"},
+      {[](auto* o) { o->body_from_camera[6] = 2.0; },
+       "the quaternion of body_from_camera is not of unit length"},
       {[](auto* o) { o->body_from_camera[0] = kNan; }, "body_from_camera is not finite"},
       {[](auto* o) { o->imu.conventions = ImuConventions::Okvis(); },
        "imu.conventions.perturbation is kLeft; the reprojections are written for kRight"}};
@@ -48,17 +52,22 @@ TEST(WindowInput, OptionsAreChecked) {
 
 TEST(WindowInput, TheStartIsChecked) {
   SlidingWindowEstimator estimator{SlidingWindowOptions()};
-  EXPECT_EQ(estimator.AddFrame({}).status.message, "SlidingWindowEstimator: Start must come before AddFrame");
+  EXPECT_EQ(estimator.AddFrame({}).status.message,
+            "SlidingWindowEstimator: Start must come before AddFrame");
   WindowStart start;
   start.state.velocity[1] = kNan;
-  EXPECT_EQ(estimator.Start(start, {}).message, "frame at 0 s: the state at the start is not finite");
+  EXPECT_EQ(estimator.Start(start, {}).message,
+            "frame at 0 s: the state at the start is not finite");
   start = {};
   start.state.pose[6] = 0.5;
-  EXPECT_EQ(estimator.Start(start, {}).message, "frame at 0 s: the quaternion at the start is not of unit length");
+  EXPECT_EQ(estimator.Start(start, {}).message,
+            "frame at 0 s: the quaternion at the start is not of unit length");
   start = {};
   start.acc_bias_sigma[2] = 0.0;
-  EXPECT_EQ(estimator.Start(start, {}).message, "frame at 0 s: a standard deviation of the start is not positive and finite");
-  EXPECT_EQ(estimator.Start({}, {{5, {0.1, kNan}}}).message, "frame at 0 s: the observation of track 5 is not finite");
+  EXPECT_EQ(estimator.Start(start, {}).message,
+            "frame at 0 s: a standard deviation of the start is not positive and finite");
+  EXPECT_EQ(estimator.Start({}, {{5, {0.1, kNan}}}).message,
+            "frame at 0 s: the observation of track 5 is not finite");
   EXPECT_EQ(estimator.num_frames(), 0);
   EXPECT_TRUE(estimator.Start({}, {}).ok());
   EXPECT_EQ(estimator.Start({}, {}).message, "SlidingWindowEstimator: Start was called before");
@@ -74,7 +83,8 @@ TEST(WindowInput, AFrameWithBadInputChangesNothing) {
       {[](auto* f) { f->imu.clear(); }, "no IMU samples lead to it"},
       {[](auto* f) { f->imu[3].acc[1] = kNan; }, "IMU sample 3 is not finite"},
       {[](auto* f) { std::swap(f->imu[4], f->imu[5]); }, "IMU sample 5, at "},
-      {[](auto* f) { f->imu.erase(f->imu.begin(), f->imu.begin() + 2); }, ""},  // do not reach back to the last frame
+      {[](auto* f) { f->imu.erase(f->imu.begin(), f->imu.begin() + 2); },
+       ""},  // do not reach back to the last frame
       {[](auto* f) { f->imu.pop_back(); }, ""},
       {[](auto* f) { f->observations[2].point[0] = kNan; }, "is not finite"},
       {[](auto* f) { f->observations[2].track = f->observations[7].track; }, "is observed twice"}};
@@ -97,12 +107,15 @@ TEST(WindowInput, WhatIsNotThereHasNoReadOut) {
   WindowRun run(sequence, WindowOptionsOf(sequence));
   run.Play(8);
   std::array<double, 225> covariance{};
-  EXPECT_EQ(run.estimator.StateCovariance(8, &covariance).message, "the window has no frame 8, but 8");
+  EXPECT_EQ(run.estimator.StateCovariance(8, &covariance).message,
+            "the window has no frame 8, but 8");
   EXPECT_EQ(run.estimator.StateCovariance(-1, &covariance).code, StatusCode::kInvalidArgument);
   std::array<double, 3> point{};
   std::vector<double> hessian{7.0};
-  EXPECT_EQ(run.estimator.LandmarkPosition(123456, &point).message, "track 123456 has no landmark in the window");
-  EXPECT_EQ(run.estimator.LandmarkHessian(123456, &hessian).message, "track 123456 has no landmark in the window");
+  EXPECT_EQ(run.estimator.LandmarkPosition(123456, &point).message,
+            "track 123456 has no landmark in the window");
+  EXPECT_EQ(run.estimator.LandmarkHessian(123456, &hessian).message,
+            "track 123456 has no landmark in the window");
   EXPECT_EQ(hessian, std::vector<double>{7.0});
   EXPECT_TRUE(run.estimator.PriorSpectrum().empty());
 }
@@ -118,7 +131,8 @@ TEST(WindowInput, AFailedSolveLosesNothing) {
   }
   const WindowSummary failed = run.estimator.AddFrame(frame);
   EXPECT_EQ(failed.status.code, StatusCode::kEvaluationFailed);
-  EXPECT_NE(failed.status.message.find("the solve failed, and the frame's views are dropped: "), std::string::npos)
+  EXPECT_NE(failed.status.message.find("the solve failed, and the frame's views are dropped: "),
+            std::string::npos)
       << failed.status.message;
   EXPECT_EQ(failed.state.time, frame.time);
   EXPECT_LT(PoseError(failed.state.pose, sequence.frames[15].truth.pose).norm(), 0.1);

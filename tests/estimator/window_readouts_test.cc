@@ -54,11 +54,13 @@ TEST_P(ReadOuts, CovarianceAndLandmarkHessianAreThoseOfTheDenseSystem) {
   for (int i = 0; i < run_.estimator.num_frames(); ++i) {
     std::array<double, 225> covariance{};
     ASSERT_TRUE(run_.estimator.StateCovariance(i, &covariance).ok());
-    const Eigen::Index pose = offsets_.at(run_.estimator.PoseId(i)), speed_bias = offsets_.at(run_.estimator.SpeedBiasId(i));
+    const Eigen::Index pose = offsets_.at(run_.estimator.PoseId(i)),
+                       speed_bias = offsets_.at(run_.estimator.SpeedBiasId(i));
     Eigen::MatrixXd expected(15, 15);
-    expected << inverse.block(pose, pose, 6, 6), inverse.block(pose, speed_bias, 6, 9), inverse.block(speed_bias, pose, 9, 6),
-        inverse.block(speed_bias, speed_bias, 9, 9);
-    EXPECT_LT(RelativeError(Eigen::Map<const RowMajor>(covariance.data(), 15, 15), expected), 1e-6) << i;
+    expected << inverse.block(pose, pose, 6, 6), inverse.block(pose, speed_bias, 6, 9),
+        inverse.block(speed_bias, pose, 9, 6), inverse.block(speed_bias, speed_bias, 9, 9);
+    EXPECT_LT(RelativeError(Eigen::Map<const RowMajor>(covariance.data(), 15, 15), expected), 1e-6)
+        << i;
   }
   int num_landmarks = 0;
   for (std::size_t track = 0; track < sequence_.points.size(); ++track) {
@@ -77,7 +79,8 @@ TEST_P(ReadOuts, CovarianceAndLandmarkHessianAreThoseOfTheDenseSystem) {
     std::array<double, 3> point{};
     ASSERT_TRUE(run_.estimator.LandmarkPosition(static_cast<std::int64_t>(track), &point).ok());
     const auto& truth = sequence_.points[track].truth;
-    EXPECT_LT(Eigen::Vector3d(point[0] - truth[0], point[1] - truth[1], point[2] - truth[2]).norm(), 3.0);
+    EXPECT_LT(Eigen::Vector3d(point[0] - truth[0], point[1] - truth[1], point[2] - truth[2]).norm(),
+              3.0);
   }
   EXPECT_EQ(num_landmarks, run_.summary.num_landmarks);
   EXPECT_GT(num_landmarks, 10);
@@ -86,17 +89,21 @@ TEST_P(ReadOuts, CovarianceAndLandmarkHessianAreThoseOfTheDenseSystem) {
 TEST_P(ReadOuts, TheSpectrumIsThatOfThePriorInTheGraph) {
   const LinearPrior* prior = FindLinearPrior(*graph_, run_.summary.marginalization.prior);
   ASSERT_NE(prior, nullptr);
-  const Eigen::Map<const RowMajor> J(prior->J.data(), static_cast<Eigen::Index>(prior->e0.size()), prior->num_columns());
-  const Eigen::VectorXd squares = Eigen::JacobiSVD<Eigen::MatrixXd>(J).singularValues().array().square();
+  const Eigen::Map<const RowMajor> J(prior->J.data(), static_cast<Eigen::Index>(prior->e0.size()),
+                                     prior->num_columns());
+  const Eigen::VectorXd squares =
+      Eigen::JacobiSVD<Eigen::MatrixXd>(J).singularValues().array().square();
   const std::vector<double> spectrum = run_.estimator.PriorSpectrum();
   ASSERT_EQ(spectrum.size(), static_cast<std::size_t>(prior->num_columns()));
   EXPECT_TRUE(std::is_sorted(spectrum.begin(), spectrum.end()));
   for (std::size_t k = 0; k < spectrum.size(); ++k) {
-    EXPECT_NEAR(spectrum[k], squares[squares.size() - 1 - static_cast<Eigen::Index>(k)], 1e-12 * squares[0]);
+    EXPECT_NEAR(spectrum[k], squares[squares.size() - 1 - static_cast<Eigen::Index>(k)],
+                1e-12 * squares[0]);
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Forms, ReadOuts, testing::Values(LandmarkForm::kBearing, LandmarkForm::kInverseDepth));
+INSTANTIATE_TEST_SUITE_P(Forms, ReadOuts,
+                         testing::Values(LandmarkForm::kBearing, LandmarkForm::kInverseDepth));
 
 }  // namespace
 }  // namespace inceres::test

@@ -15,7 +15,8 @@ namespace {
 
 using Left = WindowSummary::Left;
 
-// The measurements of the IMU between the frames of the window, oldest first; the family is the first one.
+// The measurements of the IMU between the frames of the window, oldest first; the family is the
+// first one.
 std::vector<const ImuPreintegrator*> ImuMeasurements(const SlidingWindowEstimator& estimator) {
   const FactorGraph& graph = estimator.solver().graph();
   const auto& family = dynamic_cast<const ImuFactorFamily&>(graph.family(0));
@@ -74,7 +75,8 @@ TEST(WindowRules, FramesOfLittleParallaxLeaveAndTheirImuSamplesStay) {
       EXPECT_LT(imu->delta().dt, 0.55);
     }
   }
-  EXPECT_EQ(num_oldest, 10);  // of the 50 frames after the tenth, every fifth ends a measurement of 0.5 s
+  EXPECT_EQ(num_oldest,
+            10);  // of the 50 frames after the tenth, every fifth ends a measurement of 0.5 s
   EXPECT_EQ(num_second_newest, 40);
   EXPECT_LT(run.RmsError(), 0.1);
 }
@@ -112,8 +114,9 @@ TEST(WindowRules, LandmarksGoWithTheOldestFrameOrMoveOn) {
   std::vector<std::int64_t> seen;
   for (const VioObservation& observation : sequence.frames[0].observations) {
     const auto& newest = sequence.frames[10].observations;
-    const bool again =
-        std::any_of(newest.begin(), newest.end(), [&](const VioObservation& other) { return other.point == observation.point; });
+    const bool again = std::any_of(newest.begin(), newest.end(), [&](const VioObservation& other) {
+      return other.point == observation.point;
+    });
     if (again && vins.estimator.LandmarkId(observation.point) >= 0) {
       seen.push_back(observation.point);
     }
@@ -125,14 +128,18 @@ TEST(WindowRules, LandmarksGoWithTheOldestFrameOrMoveOn) {
     EXPECT_EQ(vins.estimator.LandmarkId(track), -1);
     EXPECT_GE(okvis.estimator.LandmarkId(track), 0);
   }
-  EXPECT_GE(okvis.summary.num_reanchored_landmarks, static_cast<int>(seen.size()));  // some are new with the last frame
+  EXPECT_GE(okvis.summary.num_reanchored_landmarks,
+            static_cast<int>(seen.size()));  // some are new with the last frame
   EXPECT_GT(okvis.summary.num_marginalized_landmarks, 0);
   EXPECT_GT(vins.summary.num_marginalized_landmarks, okvis.summary.num_marginalized_landmarks);
-  EXPECT_EQ(InPrior(vins).count(vins.estimator.PoseId(9)), 1u) << "tied to what the oldest saw by the landmarks they share";
-  EXPECT_EQ(InPrior(okvis).count(okvis.estimator.PoseId(9)), 0u) << "its landmarks were kept out of the prior";
+  EXPECT_EQ(InPrior(vins).count(vins.estimator.PoseId(9)), 1u)
+      << "tied to what the oldest saw by the landmarks they share";
+  EXPECT_EQ(InPrior(okvis).count(okvis.estimator.PoseId(9)), 0u)
+      << "its landmarks were kept out of the prior";
 }
 
-// A view is in the prior or in the graph, never in both: with all landmarks gone, the tracks start anew.
+// A view is in the prior or in the graph, never in both: with all landmarks gone, the tracks start
+// anew.
 TEST(WindowRules, NoViewIsUsedTwice) {
   const VioSequence sequence = Simulate("", 12);
   SlidingWindowOptions options = WindowOptionsOf(sequence);

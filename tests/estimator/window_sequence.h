@@ -45,10 +45,12 @@ inline WindowFrame WindowFrameOf(const VioSequence& sequence, std::size_t i) {
 }
 
 inline WindowState TrueState(const VioFrame& frame) {
-  return {frame.time, frame.truth.pose, frame.truth.velocity, frame.truth.gyr_bias, frame.truth.acc_bias};
+  return {frame.time, frame.truth.pose, frame.truth.velocity, frame.truth.gyr_bias,
+          frame.truth.acc_bias};
 }
 
-/// The true first state, off by errors with the start's own standard deviations, so that it is as well known as it says.
+/// The true first state, off by errors with the start's own standard deviations, so that it is as
+/// well known as it says.
 inline WindowStart DrawnStart(const VioSequence& sequence, Random* random, WindowStart start = {}) {
   start.state = TrueState(sequence.frames.front());
   double delta[6];
@@ -67,7 +69,8 @@ inline WindowStart DrawnStart(const VioSequence& sequence, Random* random, Windo
 }
 
 /// estimate ⊟ truth in the tangent of PoseManifold.
-inline Eigen::Matrix<double, 6, 1> PoseError(const std::array<double, 7>& estimate, const std::array<double, 7>& truth) {
+inline Eigen::Matrix<double, 6, 1> PoseError(const std::array<double, 7>& estimate,
+                                             const std::array<double, 7>& truth) {
   Eigen::Matrix<double, 6, 1> error;
   static_cast<void>(PoseManifold().Minus(estimate.data(), truth.data(), error.data()));
   return error;
@@ -102,7 +105,8 @@ struct WindowRun {
   WindowRun(const VioSequence& played, const SlidingWindowOptions& options, unsigned seed = 7)
       : sequence(played), estimator(options) {
     Random random(seed);
-    const Status status = estimator.Start(DrawnStart(sequence, &random, GoodStart()), WindowFrameOf(sequence, 0).observations);
+    const Status status = estimator.Start(DrawnStart(sequence, &random, GoodStart()),
+                                          WindowFrameOf(sequence, 0).observations);
     EXPECT_TRUE(status.ok()) << status.message;
   }
 

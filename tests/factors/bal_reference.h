@@ -6,8 +6,8 @@
 
 namespace inceres {
 
-// The BAL model written down once more, slowly and for any scalar: the tests differentiate it with complex steps. Rodrigues'
-// formula R X = X + sinc w × X + cosc w × (w × X).
+// The BAL model written down once more, slowly and for any scalar: the tests differentiate it with
+// complex steps. Rodrigues' formula R X = X + sinc w × X + cosc w × (w × X).
 template <typename T>
 void ReferenceResidual(const T* camera, const T* X, double x, double y, T* residual) {
   using std::sin;
@@ -19,7 +19,8 @@ void ReferenceResidual(const T* camera, const T* X, double x, double y, T* resid
   const T sinc = zero ? T(1.0) : sin(theta) / theta;
   const T cosc = zero ? T(0.5) : T(2.0) * (half_sine / theta) * (half_sine / theta);
   const T wX[3] = {w[1] * X[2] - w[2] * X[1], w[2] * X[0] - w[0] * X[2], w[0] * X[1] - w[1] * X[0]};
-  const T wwX[3] = {w[1] * wX[2] - w[2] * wX[1], w[2] * wX[0] - w[0] * wX[2], w[0] * wX[1] - w[1] * wX[0]};
+  const T wwX[3] = {w[1] * wX[2] - w[2] * wX[1], w[2] * wX[0] - w[0] * wX[2],
+                    w[0] * wX[1] - w[1] * wX[0]};
   T P[3];
   for (int k = 0; k < 3; ++k) {
     P[k] = X[k] + sinc * wX[k] + cosc * wwX[k] + camera[3 + k];
@@ -39,7 +40,8 @@ struct BalState {
   double y;
 };
 
-// `angle` is the size of the rotation vector; the camera stands back far enough for the point to lie in front.
+// `angle` is the size of the rotation vector; the camera stands back far enough for the point to
+// lie in front.
 inline BalState RandomBalState(std::mt19937_64& random, double angle) {
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
   BalState state;
@@ -69,7 +71,8 @@ inline std::vector<BalState> ThousandBalStates() {
   std::mt19937_64 random(20);
   std::vector<BalState> states;
   for (int k = 0; k < 1000; ++k) {
-    const double angle = k % 2 == 0 ? angles[(k / 2) % 10] : std::uniform_real_distribution<double>(0.0, pi)(random);
+    const double angle =
+        k % 2 == 0 ? angles[(k / 2) % 10] : std::uniform_real_distribution<double>(0.0, pi)(random);
     states.push_back(RandomBalState(random, angle));
   }
   return states;

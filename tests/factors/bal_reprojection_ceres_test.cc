@@ -49,7 +49,8 @@ TEST(BalReprojectionAgainstCeres, ValuesAndJacobians) {
     for (int r = 0; r < 2; ++r) {
       ASSERT_NEAR(residuals[r], expected[r], 1e-9);
     }
-    // Ceres's own derivative near w = 0 is that of X + w × X, off by terms of first order in w: below 1e-7 there.
+    // Ceres's own derivative near w = 0 is that of X + w × X, off by terms of first order in w:
+    // below 1e-7 there.
     const double* w = state.camera;
     const double angle = std::sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
     const double tolerance = angle < 1e-6 ? 1e-9 + angle : 1e-10;

@@ -1,4 +1,5 @@
-// Values and analytic Jacobians against the reference model, differentiated with complex steps: exact to rounding.
+// Values and analytic Jacobians against the reference model, differentiated with complex steps:
+// exact to rounding.
 #include <algorithm>
 #include <complex>
 
@@ -12,7 +13,8 @@ namespace {
 
 using Complex = std::complex<double>;
 
-// Column k of the 2 × 12 Jacobian of the reference: Im f(x + i h e_k) / h, free of cancellation for any h.
+// Column k of the 2 × 12 Jacobian of the reference: Im f(x + i h e_k) / h, free of cancellation for
+// any h.
 void ReferenceColumn(const BalState& state, int k, double column[2]) {
   constexpr double kStep = 1e-40;
   Complex camera[9];
@@ -47,7 +49,9 @@ TEST(BalReprojectionJacobian, AgreesWithTheReferenceAtAThousandStates) {
   std::vector<double> J_p(6 * states.size());
   const JacobianView views[2] = {{J_c.data(), 18, 9}, {J_p.data(), 6, 3}};
   const int num_factors = static_cast<int>(states.size());
-  ASSERT_FALSE(family.Evaluate({0, num_factors, parameters.data(), maps.data(), residuals.data(), views}).failed());
+  ASSERT_FALSE(
+      family.Evaluate({0, num_factors, parameters.data(), maps.data(), residuals.data(), views})
+          .failed());
 
   for (std::size_t i = 0; i < states.size(); ++i) {
     double expected[2];
@@ -59,8 +63,8 @@ TEST(BalReprojectionJacobian, AgreesWithTheReferenceAtAThousandStates) {
       double column[2];
       ReferenceColumn(states[i], k, column);
       for (std::size_t r = 0; r < 2; ++r) {
-        const double actual =
-            k < 9 ? J_c[18 * i + 9 * r + static_cast<std::size_t>(k)] : J_p[6 * i + 3 * r + static_cast<std::size_t>(k - 9)];
+        const double actual = k < 9 ? J_c[18 * i + 9 * r + static_cast<std::size_t>(k)]
+                                    : J_p[6 * i + 3 * r + static_cast<std::size_t>(k - 9)];
         ASSERT_NEAR(actual, column[r], 1e-12 * (1000.0 + std::fabs(column[r])))
             << "state " << i << ", row " << r << ", column " << k;
       }

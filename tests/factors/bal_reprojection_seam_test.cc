@@ -1,4 +1,5 @@
-// What the solver may ask of a family: tangent maps of every kind, strides, ranges, repeated calls, failures.
+// What the solver may ask of a family: tangent maps of every kind, strides, ranges, repeated calls,
+// failures.
 #include <algorithm>
 #include <limits>
 #include <string>
@@ -15,7 +16,8 @@ namespace {
 
 constexpr double kUntouched = -77.0;
 
-// Factors between random cameras and points, and buffers of the layout the solver uses (padded rows).
+// Factors between random cameras and points, and buffers of the layout the solver uses (padded
+// rows).
 class BalReprojectionSeam : public testing::Test {
  protected:
   static constexpr int kCameraStride = 12;
@@ -45,7 +47,8 @@ class BalReprojectionSeam : public testing::Test {
   EvaluationFailure Evaluate(int begin, int end, bool with_jacobians = true) {
     const JacobianView views[2] = {{J_c_.data(), 2 * kCameraStride, kCameraStride},
                                    {J_p_.data(), 2 * kPointStride, kPointStride}};
-    return family_.Evaluate({begin, end, parameters_.data(), with_jacobians ? maps_.data() : nullptr, residuals_.data(),
+    return family_.Evaluate({begin, end, parameters_.data(),
+                             with_jacobians ? maps_.data() : nullptr, residuals_.data(),
                              with_jacobians ? views : nullptr});
   }
 
@@ -71,9 +74,11 @@ class BalReprojectionSeam : public testing::Test {
       for (int c = 0; c < stride; ++c) {
         double expected = c < map.tangent_size ? 0.0 : kUntouched;
         for (int k = 0; c < map.tangent_size && k < map.ambient_size; ++k) {
-          expected += ambient[static_cast<std::size_t>(r * stride + k)] * M[static_cast<std::size_t>(k * map.tangent_size + c)];
+          expected += ambient[static_cast<std::size_t>(r * stride + k)] *
+                      M[static_cast<std::size_t>(k * map.tangent_size + c)];
         }
-        EXPECT_NEAR(tangent[static_cast<std::size_t>(r * stride + c)], expected, 1e-11 * (1.0 + std::fabs(expected)));
+        EXPECT_NEAR(tangent[static_cast<std::size_t>(r * stride + c)], expected,
+                    1e-11 * (1.0 + std::fabs(expected)));
       }
     }
   }
@@ -133,7 +138,8 @@ TEST_F(BalReprojectionSeam, SameBitsForAnySplitAndForCostOnly) {
   EXPECT_EQ(residuals_, residuals);
 }
 
-// 2,000 cameras share the 128 places of the rotation cache: all are evicted, and revisited in another order.
+// 2,000 cameras share the 128 places of the rotation cache: all are evicted, and revisited in
+// another order.
 TEST_F(BalReprojectionSeam, CachedRotationsAreTheRightOnes) {
   Build(2000);
   ASSERT_FALSE(EvaluateAll().failed());
@@ -228,9 +234,11 @@ TEST_F(BalReprojectionFailure, NotANumberInAnyParameter) {
   for (int k = 0; k < 12; ++k) {
     double& value = k < 9 ? states_[3].camera[k] : states_[3].point[k - 9];
     const double good = value;
-    for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    for (const double bad :
+         {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
       value = bad;
-      // A camera at infinity along its axis sees every point at the image center, with a residual that is finite.
+      // A camera at infinity along its axis sees every point at the image center, with a residual
+      // that is finite.
       if (!(k == 5 && bad > 0.0)) {
         ExpectFailure("residual");
       }

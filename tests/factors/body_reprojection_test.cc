@@ -1,4 +1,5 @@
-// Reprojection between two poses of a body with a camera on it: against the same through camera poses, and numeric Jacobians.
+// Reprojection between two poses of a body with a camera on it: against the same through camera
+// poses, and numeric Jacobians.
 #include "inceres/factors/body_reprojection.h"
 
 #include <algorithm>
@@ -32,7 +33,8 @@ std::vector<double> BodyOf(const std::vector<double>& camera, const std::vector<
   return body;
 }
 
-// The reprojection states of pose_states.h, seen from a body whose camera sits at `on_body`, with the features moved on.
+// The reprojection states of pose_states.h, seen from a body whose camera sits at `on_body`, with
+// the features moved on.
 struct BodyState {
   BodyReprojectionFamily::Measurement measurement;
   FactorState state;
@@ -49,15 +51,18 @@ BodyState OnBody(test::Random& random, const test::ReprojectionState& s, bool wi
     body.measurement.velocity_i[k] = 0.3 * random.Unit();
     body.measurement.velocity_j[k] = 0.3 * random.Unit();
     // So that at τ they are where the plain state has them.
-    const double move_i = with_offset ? (tau - body.measurement.offset_i) * body.measurement.velocity_i[k] : 0.0;
-    const double move_j = with_offset ? (tau - body.measurement.offset_j) * body.measurement.velocity_j[k] : 0.0;
+    const double move_i =
+        with_offset ? (tau - body.measurement.offset_i) * body.measurement.velocity_i[k] : 0.0;
+    const double move_j =
+        with_offset ? (tau - body.measurement.offset_j) * body.measurement.velocity_j[k] : 0.0;
     body.measurement.point_i[k] = s.measurement.anchor_point[k] + move_i;
     body.measurement.point_j[k] = s.measurement.observed_point[k] + move_j;
   }
   std::copy_n(s.measurement.sqrt_information, 3, body.measurement.sqrt_information);
   const auto& x = s.state.parameters;
   const Manifold* pose = &test::kPoseManifold;
-  body.state = {{BodyOf(x[0], on_body), BodyOf(x[1], on_body), on_body, x[2]}, {pose, pose, pose, nullptr}};
+  body.state = {{BodyOf(x[0], on_body), BodyOf(x[1], on_body), on_body, x[2]},
+                {pose, pose, pose, nullptr}};
   if (with_offset) {
     body.state.parameters.push_back({tau});
     body.state.manifolds.push_back(nullptr);
@@ -79,9 +84,12 @@ TEST(BodyReprojection, IsTheCamerasReprojectionAndJacobiansAreNumericOnes) {
     const FactorValues values = EvaluateFactor(family, body.state);
     ASSERT_FALSE(values.failure.failed()) << values.failure.reason;
     for (std::size_t r = 0; r < 2; ++r) {
-      EXPECT_NEAR(values.residuals[r], expected.residuals[r], 1e-11 * (1.0 + std::fabs(expected.residuals[r]))) << index;
+      EXPECT_NEAR(values.residuals[r], expected.residuals[r],
+                  1e-11 * (1.0 + std::fabs(expected.residuals[r])))
+          << index;
     }
-    // A feature at infinity, seen twice in one direction, says nothing about where the camera sits: differences leave rounding.
+    // A feature at infinity, seen twice in one direction, says nothing about where the camera sits:
+    // differences leave rounding.
     const bool at_infinity = s.state.parameters[2][0] == 0.0;
     test::ExpectNumericJacobians(family, body.state, at_infinity ? 1e-6 : 1e-8, index++);
   }
@@ -94,7 +102,8 @@ TEST(BodyReprojection, ABearingThatIsEstimatedIsTheSameFunctionOfOneVariableMore
     const bool with_offset = index % 2 == 0;
     BodyState body = OnBody(random, s, with_offset);
     const TimeOffset offset = with_offset ? TimeOffset::kEstimated : TimeOffset::kNone;
-    BodyReprojectionFamily exact(offset), bearing(offset, BodyReprojectionFamily::Feature::kBearing);
+    BodyReprojectionFamily exact(offset),
+        bearing(offset, BodyReprojectionFamily::Feature::kBearing);
     exact.Add(body.measurement);
     const FactorValues expected = EvaluateFactor(exact, body.state);
     const double* m = body.measurement.point_i;
@@ -117,7 +126,8 @@ TEST(BodyReprojection, FailsInTheCamerasPlaneAndOnNonFiniteValues) {
   const std::vector<double> origin{0, 0, 0, 0, 0, 0, 1};
   const Manifold* pose = &test::kPoseManifold;
   FactorState state{{origin, {0, 0, 2, 0, 0, 0, 1}, origin, {0.5}}, {pose, pose, pose, nullptr}};
-  EXPECT_STREQ(EvaluateFactor(family, state).failure.reason, "the feature lies in the observing camera's plane (depth 0)");
+  EXPECT_STREQ(EvaluateFactor(family, state).failure.reason,
+               "the feature lies in the observing camera's plane (depth 0)");
   state.parameters[2][0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_STREQ(EvaluateFactor(family, state).failure.reason, "a residual is not finite");
   EXPECT_EQ(EvaluateFactor(family, state).failure.factor, 0);

@@ -22,13 +22,19 @@ TEST(DiagonalPrior, JacobiansAtAThousandStates) {
     int size, ambient_size, tangent_size;
     const Manifold* manifold;
   };
-  const Case cases[] = {{1, 1, 1, nullptr}, {3, 3, 3, nullptr}, {6, 9, 9, nullptr}, {6, 9, 6, &pose_only}, {6, 9, 6, &middle}};
+  const Case cases[] = {{1, 1, 1, nullptr},
+                        {3, 3, 3, nullptr},
+                        {6, 9, 9, nullptr},
+                        {6, 9, 6, &pose_only},
+                        {6, 9, 6, &middle}};
   for (int i = 0; i < 1000; ++i) {
     const Case& c = cases[i % 5];
     DiagonalPriorFamily family(c.size, c.ambient_size, c.tangent_size);
     const auto size = static_cast<std::size_t>(c.size);
     family.Add({random.Vector(size), random.Vector(size)});
-    test::ExpectNumericJacobians(family, {{random.Vector(static_cast<std::size_t>(c.ambient_size))}, {c.manifold}}, 1e-10, i);
+    test::ExpectNumericJacobians(
+        family, {{random.Vector(static_cast<std::size_t>(c.ambient_size))}, {c.manifold}}, 1e-10,
+        i);
   }
 }
 

@@ -1,5 +1,5 @@
-// The factor of a preintegrated measurement: numeric Jacobians in every convention, the formulas of the estimators whose
-// conventions these are, and what leaves no residual.
+// The factor of a preintegrated measurement: numeric Jacobians in every convention, the formulas of
+// the estimators whose conventions these are, and what leaves no residual.
 #include "inceres/factors/imu_factor.h"
 
 #include <algorithm>
@@ -67,7 +67,8 @@ TEST(ImuFactor, JacobiansInEveryConvention) {
       ImuFactorFamily family;
       family.Add(imu);
       const double angle = repeat == 0 ? angles[number % 4] : random.Between(0.0, 2.8);
-      test::ExpectNumericJacobians(family, RandomState(random, imu, angle), angle > 2.4 ? 1e-6 : 1e-8, number);
+      test::ExpectNumericJacobians(family, RandomState(random, imu, angle),
+                                   angle > 2.4 ? 1e-6 : 1e-8, number);
     }
   }
 }
@@ -79,18 +80,21 @@ Vector15d Whitened(const ImuPreintegrator& imu, const Vector15d& r) {
   return U * r;
 }
 
-void ExpectResidual(const ImuPreintegrator& imu, const FactorState& state, const Vector15d& expected) {
+void ExpectResidual(const ImuPreintegrator& imu, const FactorState& state,
+                    const Vector15d& expected) {
   ImuFactorFamily family;
   family.Add(imu);
   const FactorValues values = EvaluateFactor(family, state);
   ASSERT_FALSE(values.failure.failed()) << values.failure.reason;
   const Vector15d whitened = Whitened(imu, expected);
   for (int r = 0; r < 15; ++r) {
-    EXPECT_NEAR(values.residuals[static_cast<std::size_t>(r)], whitened[r], 1e-10 * whitened.norm()) << "row " << r;
+    EXPECT_NEAR(values.residuals[static_cast<std::size_t>(r)], whitened[r], 1e-10 * whitened.norm())
+        << "row " << r;
   }
 }
 
-// The states of a factor and its measurement, corrected for the biases to first order; acc_column: of b_a in the speed-bias.
+// The states of a factor and its measurement, corrected for the biases to first order; acc_column:
+// of b_a in the speed-bias.
 struct Reading {
   Reading(const ImuPreintegrator& imu, const FactorState& state, int gyr_column, int acc_column) {
     const auto& x = state.parameters;
@@ -100,7 +104,8 @@ struct Reading {
     v_i = ToVector(x[1].data()), v_j = ToVector(x[3].data());
     bg_i = ToVector(x[1].data() + gyr_column), bg_j = ToVector(x[3].data() + gyr_column);
     ba_i = ToVector(x[1].data() + acc_column), ba_j = ToVector(x[3].data() + acc_column);
-    const Eigen::Map<const Eigen::Matrix<double, 9, 6, Eigen::RowMajor>> J(imu.delta().bias_jacobian);
+    const Eigen::Map<const Eigen::Matrix<double, 9, 6, Eigen::RowMajor>> J(
+        imu.delta().bias_jacobian);
     Eigen::Matrix<double, 6, 1> change;
     change << bg_i - ToVector(imu.delta().gyr_bias), ba_i - ToVector(imu.delta().acc_bias);
     const Eigen::Matrix<double, 9, 1> correction = J * change;
@@ -116,14 +121,16 @@ struct Reading {
 // As VINS-Mono's IntegrationBase::evaluate states it, with G = (0, 0, g).
 TEST(ImuFactor, SpeaksVins) {
   test::Random random(22);
-  const ImuPreintegrator imu = Integrated(WithConventions(ImuConventions::Vins(9.8)), test::LivelySamples(random, 20, 0.01));
+  const ImuPreintegrator imu =
+      Integrated(WithConventions(ImuConventions::Vins(9.8)), test::LivelySamples(random, 20, 0.01));
   const FactorState state = RandomState(random, imu, 0.4);
   const Reading m(imu, state, /*gyr_column=*/6, /*acc_column=*/3);
   const Vector3d G(0.0, 0.0, 9.8);
   const Quaterniond back = m.q_i.conjugate();
   Vector15d r;
-  r << back * (0.5 * G * m.dt * m.dt + m.p_j - m.p_i - m.v_i * m.dt) - m.dp, 2.0 * (m.dq.conjugate() * (back * m.q_j)).vec(),
-      back * (G * m.dt + m.v_j - m.v_i) - m.dv, m.ba_j - m.ba_i, m.bg_j - m.bg_i;
+  r << back * (0.5 * G * m.dt * m.dt + m.p_j - m.p_i - m.v_i * m.dt) - m.dp,
+      2.0 * (m.dq.conjugate() * (back * m.q_j)).vec(), back * (G * m.dt + m.v_j - m.v_i) - m.dv,
+      m.ba_j - m.ba_i, m.bg_j - m.bg_i;
   ASSERT_GT((m.dq.conjugate() * back * m.q_j).w(), 0.0);
   ExpectResidual(imu, state, r);
 }
@@ -131,14 +138,16 @@ TEST(ImuFactor, SpeaksVins) {
 // As OKVIS's ImuError states it, measured minus states, with g_W = (0, 0, g).
 TEST(ImuFactor, SpeaksOkvis) {
   test::Random random(23);
-  const ImuPreintegrator imu = Integrated(WithConventions(ImuConventions::Okvis(9.8)), test::LivelySamples(random, 20, 0.01));
+  const ImuPreintegrator imu = Integrated(WithConventions(ImuConventions::Okvis(9.8)),
+                                          test::LivelySamples(random, 20, 0.01));
   const FactorState state = RandomState(random, imu, 0.4);
   const Reading m(imu, state, /*gyr_column=*/3, /*acc_column=*/6);
   const Vector3d g_W(0.0, 0.0, 9.8);
   const Matrix3d C_S0_W = m.q_i.conjugate().toRotationMatrix();
   Vector15d r;
-  r << C_S0_W * (m.p_i - m.p_j + m.v_i * m.dt - 0.5 * g_W * m.dt * m.dt) + m.dp, 2.0 * (m.dq * m.q_j.conjugate() * m.q_i).vec(),
-      C_S0_W * (m.v_i - m.v_j - g_W * m.dt) + m.dv, m.bg_i - m.bg_j, m.ba_i - m.ba_j;
+  r << C_S0_W * (m.p_i - m.p_j + m.v_i * m.dt - 0.5 * g_W * m.dt * m.dt) + m.dp,
+      2.0 * (m.dq * m.q_j.conjugate() * m.q_i).vec(), C_S0_W * (m.v_i - m.v_j - g_W * m.dt) + m.dv,
+      m.bg_i - m.bg_j, m.ba_i - m.ba_j;
   ASSERT_GT((m.dq * m.q_j.conjugate() * m.q_i).w(), 0.0);
   ExpectResidual(imu, state, r);
 }
@@ -146,18 +155,21 @@ TEST(ImuFactor, SpeaksOkvis) {
 // As XRSLAM's CeresPreIntegrationErrorFactor states it.
 TEST(ImuFactor, SpeaksXrslam) {
   test::Random random(24);
-  const ImuPreintegrator imu = Integrated(WithConventions(ImuConventions::Xrslam()), test::LivelySamples(random, 20, 0.01));
+  const ImuPreintegrator imu =
+      Integrated(WithConventions(ImuConventions::Xrslam()), test::LivelySamples(random, 20, 0.01));
   const FactorState state = RandomState(random, imu, 0.4);
   const Reading m(imu, state, /*gyr_column=*/3, /*acc_column=*/6);
   const Vector3d g(0.0, 0.0, -9.80665);
   const Quaterniond back = m.q_i.conjugate();
   Vector15d r;
-  r << test::Log(m.dq.conjugate() * back * m.q_j), back * (m.p_j - m.p_i - m.dt * m.v_i - 0.5 * m.dt * m.dt * g) - m.dp,
+  r << test::Log(m.dq.conjugate() * back * m.q_j),
+      back * (m.p_j - m.p_i - m.dt * m.v_i - 0.5 * m.dt * m.dt * g) - m.dp,
       back * (m.v_j - m.v_i - m.dt * g) - m.dv, m.bg_j - m.bg_i, m.ba_j - m.ba_i;
   ExpectResidual(imu, state, r);
 }
 
-// Order, frame and sign are words, not content: with the rotation vector the cost is the same in all of them.
+// Order, frame and sign are words, not content: with the rotation vector the cost is the same in
+// all of them.
 TEST(ImuFactor, TheCostDoesNotDependOnWords) {
   test::Random random(25);
   const auto samples = test::LivelySamples(random, 25, 0.01);
@@ -175,7 +187,8 @@ TEST(ImuFactor, TheCostDoesNotDependOnWords) {
     const bool gyr_first = conventions.bias_order == ImuConventions::BiasOrder::kGyrFirst;
     for (const std::size_t s : {1, 3}) {
       auto& biases = state.parameters[s];
-      std::fill_n(biases.begin() + (gyr_first ? 3 : 6), 3, s == 1 ? 0.0 : 0.01);  // measured at this gyroscope bias
+      std::fill_n(biases.begin() + (gyr_first ? 3 : 6), 3,
+                  s == 1 ? 0.0 : 0.01);  // measured at this gyroscope bias
       std::fill_n(biases.begin() + (gyr_first ? 6 : 3), 3, s == 1 ? 0.02 : 0.03);
     }
     ImuFactorFamily family;
@@ -192,11 +205,12 @@ TEST(ImuFactor, TheCostDoesNotDependOnWords) {
 TEST(ImuFactor, PropagatedStatesLeaveNoResidual) {
   test::Random random(27);
   for (int number = 0; number < test::kNumConventions; number += 5) {
-    const ImuPreintegrator imu =
-        Integrated(WithConventions(test::NumberedConventions(number)), test::LivelySamples(random, 20, 0.01));
+    const ImuPreintegrator imu = Integrated(WithConventions(test::NumberedConventions(number)),
+                                            test::LivelySamples(random, 20, 0.01));
     FactorState state = RandomState(random, imu, 0.0);
-    const Status status = PropagateImu(imu, state.parameters[0].data(), state.parameters[1].data(), nullptr,
-                                       state.parameters[2].data(), state.parameters[3].data(), nullptr);
+    const Status status =
+        PropagateImu(imu, state.parameters[0].data(), state.parameters[1].data(), nullptr,
+                     state.parameters[2].data(), state.parameters[3].data(), nullptr);
     ASSERT_TRUE(status.ok()) << status.message;
     ImuFactorFamily family;
     family.Add(imu);
@@ -223,8 +237,9 @@ TEST(ImuFactor, RecentersAtTheBiasesOfItsFirstState) {
     EXPECT_TRUE(family.Recenter(0, parameters.data()));
     EXPECT_FALSE(family.Recenter(0, parameters.data())) << "is there already";
     const bool gyr_first = conventions.bias_order == ImuConventions::BiasOrder::kGyrFirst;
-    const ImuPreintegrator fresh = Integrated(WithConventions(conventions), samples, parameters[1] + (gyr_first ? 3 : 6),
-                                              parameters[1] + (gyr_first ? 6 : 3));
+    const ImuPreintegrator fresh =
+        Integrated(WithConventions(conventions), samples, parameters[1] + (gyr_first ? 3 : 6),
+                   parameters[1] + (gyr_first ? 6 : 3));
     EXPECT_EQ(test::Difference(fresh.delta(), family.measurement(0).delta()).norm(), 0.0);
     ImuFactorFamily expected;
     expected.Add(fresh);

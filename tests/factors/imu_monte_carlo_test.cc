@@ -1,4 +1,5 @@
-// Is the covariance the spread of what is integrated? Normalized estimation errors squared over seeded runs.
+// Is the covariance the spread of what is integrated? Normalized estimation errors squared over
+// seeded runs.
 #include <cmath>
 #include <vector>
 
@@ -26,8 +27,8 @@ Vector3d Normal3(test::Random& random, double sigma) {
   return sigma * Vector3d(Normal(random), Normal(random), Normal(random));
 }
 
-// Mean of eᵀΣ⁻¹e over the runs, for `size` leading entries of the error (φ, v, p, b_g, b_a); the sensor's noise is `factor` times
-// what the preintegration believes.
+// Mean of eᵀΣ⁻¹e over the runs, for `size` leading entries of the error (φ, v, p, b_g, b_a); the
+// sensor's noise is `factor` times what the preintegration believes.
 double MeanNees(const ImuOptions& options, int size, double factor) {
   test::Random random(72);
   const ImuNoise& noise = options.noise;
@@ -71,7 +72,8 @@ ImuOptions Noisy(ImuConventions::Integration integration, bool walks) {
 }
 
 TEST(ImuMonteCarlo, TheErrorIsAsLargeAsTheCovarianceSays) {
-  for (const auto integration : {ImuConventions::Integration::kEuler, ImuConventions::Integration::kMidpoint}) {
+  for (const auto integration :
+       {ImuConventions::Integration::kEuler, ImuConventions::Integration::kMidpoint}) {
     for (const bool walks : {false, true}) {
       const int size = walks ? 15 : 9;
       const ImuOptions options = Noisy(integration, walks);

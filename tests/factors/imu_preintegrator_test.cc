@@ -1,4 +1,5 @@
-// Preintegration against closed-form motions, numeric derivatives and a covariance of numeric steps.
+// Preintegration against closed-form motions, numeric derivatives and a covariance of numeric
+// steps.
 #include "inceres/factors/imu_preintegrator.h"
 
 #include <cmath>
@@ -35,12 +36,14 @@ struct Errors {
   double rotation, velocity, position;
 };
 
-Errors ErrorsOf(const ImuPreintegrator& imu, const Vector3d& turn, const Vector3d& v, const Vector3d& p) {
-  return {test::Log(Exp(turn).conjugate() * ToQuaternion(imu.delta().q)).norm(), (ToVector(imu.delta().v) - v).norm(),
-          (ToVector(imu.delta().p) - p).norm()};
+Errors ErrorsOf(const ImuPreintegrator& imu, const Vector3d& turn, const Vector3d& v,
+                const Vector3d& p) {
+  return {test::Log(Exp(turn).conjugate() * ToQuaternion(imu.delta().q)).norm(),
+          (ToVector(imu.delta().v) - v).norm(), (ToVector(imu.delta().p) - p).norm()};
 }
 
-// Turns at a constant rate ω while the force in the world, which is the first frame, is f + ct²: the one felt turns backwards.
+// Turns at a constant rate ω while the force in the world, which is the first frame, is f + ct²:
+// the one felt turns backwards.
 Errors SteadyInTheWorld(Integration integration, int count, const Vector3d& c) {
   const Vector3d omega(0.7, -1.1, 0.4);
   const Vector3d force(1.0, -2.0, 9.0);
@@ -50,8 +53,8 @@ Errors SteadyInTheWorld(Integration integration, int count, const Vector3d& c) {
     samples.push_back(MakeSample(t, omega, Exp(omega * t).conjugate() * (force + c * t * t)));
   }
   constexpr double T = kDuration;
-  return ErrorsOf(Integrated(With(integration), samples), omega * T, force * T + c * T * T * T / 3.0,
-                  0.5 * force * T * T + c * T * T * T * T / 12.0);
+  return ErrorsOf(Integrated(With(integration), samples), omega * T,
+                  force * T + c * T * T * T / 3.0, 0.5 * force * T * T + c * T * T * T * T / 12.0);
 }
 
 Errors GrowingInTheWorld(Integration integration, int count) {
@@ -70,15 +73,18 @@ Errors SteadyInTheBody(Integration integration, int count) {
   const double a = turn.norm();
   const Matrix3d W = test::Cross(turn);
   const Matrix3d I = Matrix3d::Identity();
-  const Matrix3d once = I + (1.0 - std::cos(a)) / (a * a) * W + (a - std::sin(a)) / (a * a * a) * W * W;
-  const Matrix3d twice =
-      0.5 * I + (a - std::sin(a)) / (a * a * a) * W + (0.5 * a * a + std::cos(a) - 1.0) / (a * a * a * a) * W * W;
-  return ErrorsOf(Integrated(With(integration), samples), turn, once * force * kDuration, twice * force * kDuration * kDuration);
+  const Matrix3d once =
+      I + (1.0 - std::cos(a)) / (a * a) * W + (a - std::sin(a)) / (a * a * a) * W * W;
+  const Matrix3d twice = 0.5 * I + (a - std::sin(a)) / (a * a * a) * W +
+                         (0.5 * a * a + std::cos(a) - 1.0) / (a * a * a * a) * W * W;
+  return ErrorsOf(Integrated(With(integration), samples), turn, once * force * kDuration,
+                  twice * force * kDuration * kDuration);
 }
 
 TEST(ImuPreintegrator, ConvergesToClosedFormMotionsAtItsOrder) {
   for (const auto& motion : {GrowingInTheWorld, SteadyInTheBody}) {
-    for (const auto& [integration, order] : {std::pair(Integration::kEuler, 1), std::pair(Integration::kMidpoint, 2)}) {
+    for (const auto& [integration, order] :
+         {std::pair(Integration::kEuler, 1), std::pair(Integration::kMidpoint, 2)}) {
       Errors coarse = motion(integration, 50);
       EXPECT_GT(coarse.velocity, 1e-6) << "too good to tell the order";
       for (const int count : {100, 200, 400}) {
@@ -125,8 +131,10 @@ TEST(ImuPreintegrator, AppendingIsIntegratingAll) {
   ASSERT_TRUE(parts.Append({}).ok());
   ASSERT_TRUE(parts.Append({all.begin() + 8, all.end()}).ok());
   EXPECT_EQ(test::Difference(whole.delta(), parts.delta()).norm(), 0.0);
-  EXPECT_TRUE(std::equal(whole.delta().covariance, whole.delta().covariance + 225, parts.delta().covariance));
-  EXPECT_TRUE(std::equal(whole.delta().bias_jacobian, whole.delta().bias_jacobian + 54, parts.delta().bias_jacobian));
+  EXPECT_TRUE(std::equal(whole.delta().covariance, whole.delta().covariance + 225,
+                         parts.delta().covariance));
+  EXPECT_TRUE(std::equal(whole.delta().bias_jacobian, whole.delta().bias_jacobian + 54,
+                         parts.delta().bias_jacobian));
   EXPECT_EQ(whole.samples().size(), parts.samples().size());
 }
 
@@ -153,13 +161,15 @@ TEST(ImuPreintegrator, BiasJacobiansAreNumericOnes) {
       }
       const Eigen::Matrix<double, 9, 1> numeric = (at[1] - at[0]) / (2.0 * kStep);
       for (int r = 0; r < 9; ++r) {
-        EXPECT_NEAR(center.bias_jacobian[6 * r + c], numeric[r], 1e-8) << "row " << r << ", column " << c;
+        EXPECT_NEAR(center.bias_jacobian[6 * r + c], numeric[r], 1e-8)
+            << "row " << r << ", column " << c;
       }
     }
   }
 }
 
-// One step of (ΔR, Δv, Δp, b_g, b_a), and its derivatives by differences: an oracle for the covariance that shares no formula.
+// One step of (ΔR, Δv, Δp, b_g, b_a), and its derivatives by differences: an oracle for the
+// covariance that shares no formula.
 struct Motion {
   Quaterniond q = Quaterniond::Identity();
   Vector3d v = Vector3d::Zero(), p = Vector3d::Zero(), bg = Vector3d::Zero(), ba = Vector3d::Zero();
@@ -184,10 +194,13 @@ Vector15d Minus(const Motion& b, const Motion& a) {
 
 // `noise`: rate and force at the one end, then at the other.
 using Noise12 = Eigen::Matrix<double, 12, 1>;
-Motion Step(bool midpoint, const ImuSample& from, const ImuSample& to, const Motion& m, const Noise12& noise) {
+Motion Step(bool midpoint, const ImuSample& from, const ImuSample& to, const Motion& m,
+            const Noise12& noise) {
   const double dt = to.time - from.time;
-  const Vector3d w_0 = ToVector(from.gyr) + noise.segment<3>(0) - m.bg, w_1 = ToVector(to.gyr) + noise.segment<3>(6) - m.bg;
-  const Vector3d f_0 = ToVector(from.acc) + noise.segment<3>(3) - m.ba, f_1 = ToVector(to.acc) + noise.segment<3>(9) - m.ba;
+  const Vector3d w_0 = ToVector(from.gyr) + noise.segment<3>(0) - m.bg,
+                 w_1 = ToVector(to.gyr) + noise.segment<3>(6) - m.bg;
+  const Vector3d f_0 = ToVector(from.acc) + noise.segment<3>(3) - m.ba,
+                 f_1 = ToVector(to.acc) + noise.segment<3>(9) - m.ba;
   Motion next = m;
   next.q = m.q * Exp(dt * (midpoint ? Vector3d(0.5 * (w_0 + w_1)) : w_0));
   const Vector3d a = midpoint ? Vector3d(0.5 * (m.q * f_0 + next.q * f_1)) : m.q * f_0;
@@ -208,7 +221,8 @@ Eigen::Matrix<double, 15, columns> Differentiate(const Function& f) {
   return J;
 }
 
-test::Matrix15d NumericCovariance(const ImuOptions& options, const std::vector<ImuSample>& samples) {
+test::Matrix15d NumericCovariance(const ImuOptions& options,
+                                  const std::vector<ImuSample>& samples) {
   const ImuConventions& conventions = options.conventions;
   const bool midpoint = conventions.integration == Integration::kMidpoint;
   const bool continuous = conventions.noise == ImuConventions::Noise::kContinuous;
@@ -218,12 +232,14 @@ test::Matrix15d NumericCovariance(const ImuOptions& options, const std::vector<I
     const ImuSample& from = samples[k - 1];
     const ImuSample& to = samples[k];
     const double dt = to.time - from.time;
-    Eigen::Matrix<double, 15, 15> F =
-        Differentiate<15>([&](const Vector15d& e) { return Step(midpoint, from, to, Moved(motion, e), Noise12::Zero()); });
+    Eigen::Matrix<double, 15, 15> F = Differentiate<15>([&](const Vector15d& e) {
+      return Step(midpoint, from, to, Moved(motion, e), Noise12::Zero());
+    });
     if (!conventions.bias_walks_while_integrating) {
       F.topRightCorner<9, 6>().setZero();
     }
-    const auto V = Differentiate<12>([&](const Noise12& n) { return Step(midpoint, from, to, motion, n); });
+    const auto V =
+        Differentiate<12>([&](const Noise12& n) { return Step(midpoint, from, to, motion, n); });
     // With a density both ends of an interval share one draw.
     Eigen::Matrix<double, 12, 12> Q = Eigen::Matrix<double, 12, 12>::Zero();
     for (int r = 0; r < 12; ++r) {
@@ -237,9 +253,11 @@ test::Matrix15d NumericCovariance(const ImuOptions& options, const std::vector<I
     covariance = (F * covariance * F.transpose() + V * Q * V.transpose()).eval();
     for (int r = 0; r < 3; ++r) {
       const double share = continuous ? dt : dt * dt;
-      covariance(6 + r, 6 + r) += continuous ? options.noise.acc * options.noise.acc * dt * dt * dt / 12.0 : 0.0;
+      covariance(6 + r, 6 + r) +=
+          continuous ? options.noise.acc * options.noise.acc * dt * dt * dt / 12.0 : 0.0;
       covariance(9 + r, 9 + r) += options.noise.gyr_bias_walk * options.noise.gyr_bias_walk * share;
-      covariance(12 + r, 12 + r) += options.noise.acc_bias_walk * options.noise.acc_bias_walk * share;
+      covariance(12 + r, 12 + r) +=
+          options.noise.acc_bias_walk * options.noise.acc_bias_walk * share;
     }
     motion = Step(midpoint, from, to, motion, Noise12::Zero());
   }
@@ -257,7 +275,8 @@ TEST(ImuPreintegrator, CovarianceIsThatOfNumericSteps) {
     const test::Matrix15d expected = NumericCovariance(options, samples);
     for (int r = 0; r < 15; ++r) {
       for (int c = 0; c < 15; ++c) {
-        EXPECT_NEAR(imu.delta().covariance[15 * r + c], expected(r, c), 1e-8 * std::sqrt(expected(r, r) * expected(c, c)))
+        EXPECT_NEAR(imu.delta().covariance[15 * r + c], expected(r, c),
+                    1e-8 * std::sqrt(expected(r, r) * expected(c, c)))
             << "conventions " << number << ", entry " << r << ", " << c;
       }
     }
@@ -269,7 +288,8 @@ TEST(ImuPreintegrator, SqrtInformationIsTheCholeskyFactorOfTheInverseCovariance)
   for (int number = 0; number < test::kNumConventions; ++number) {
     ImuOptions options;
     options.conventions = test::NumberedConventions(number);
-    const ImuPreintegrator imu = Integrated(options, test::LivelySamples(random, 2 + number % 40, 0.005));
+    const ImuPreintegrator imu =
+        Integrated(options, test::LivelySamples(random, 2 + number % 40, 0.005));
     test::Matrix15d U, covariance;
     ASSERT_TRUE(imu.SqrtInformation(U.data()).ok());
     imu.ResidualCovariance(covariance.data());
@@ -291,7 +311,8 @@ TEST(ImuPreintegrator, FirstOrderCorrectionErrsQuadratically) {
     const ImuPreintegrator exact = Integrated({}, samples, change.data(), change.data());
     Eigen::Matrix<double, 6, 1> both;
     both << change, change;
-    const Eigen::Map<const Eigen::Matrix<double, 9, 6, Eigen::RowMajor>> J(imu.delta().bias_jacobian);
+    const Eigen::Map<const Eigen::Matrix<double, 9, 6, Eigen::RowMajor>> J(
+        imu.delta().bias_jacobian);
     const Eigen::Matrix<double, 9, 1> step = J * both;
     const double error = (test::Difference(imu.delta(), exact.delta()) - step).norm();
     EXPECT_GT(error, 1e-8);
@@ -307,7 +328,8 @@ TEST(ImuPreintegrator, AsksForReintegrationPastItsLimits) {
   ImuOptions options;
   options.max_rotation_change = 1e-3;
   options.max_speed_change = 1e-2;
-  ImuPreintegrator imu = Integrated(options, test::LivelySamples(random, 50, 0.01));  // half a second
+  // half a second
+  ImuPreintegrator imu = Integrated(options, test::LivelySamples(random, 50, 0.01));
   const double small[3] = {0.0, 0.00199, 0.0}, large[3] = {0.0, 0.00201, 0.0};
   const double slow[3] = {0.0199, 0.0, 0.0}, fast[3] = {0.0201, 0.0, 0.0};
   EXPECT_FALSE(imu.NeedsReintegration(small, slow));
@@ -337,7 +359,9 @@ TEST(ImuPreintegrator, RefusesBadInputAndStaysAsItWas) {
   const double bad_bias[3] = {0.0, nan, 0.0};
   const ImuPreintegrator imu = Integrated({}, good);
   const auto integrate = [](std::vector<ImuSample> samples) {
-    return [samples](ImuPreintegrator* p) { return p->Integrate(samples, test::kNoBias, test::kNoBias); };
+    return [samples](ImuPreintegrator* p) {
+      return p->Integrate(samples, test::kNoBias, test::kNoBias);
+    };
   };
   ExpectRefused(imu, "two samples", integrate({}));
   ExpectRefused(imu, "got 1", integrate({good[0]}));
@@ -350,11 +374,15 @@ TEST(ImuPreintegrator, RefusesBadInputAndStaysAsItWas) {
   samples = good;
   samples[4].time = samples[3].time;
   ExpectRefused(imu, "IMU sample 4 of 6 has time 0.03", integrate(samples));
-  ExpectRefused(imu, "gyroscope bias", [&](ImuPreintegrator* p) { return p->Integrate(good, bad_bias, test::kNoBias); });
-  ExpectRefused(imu, "accelerometer bias", [&](ImuPreintegrator* p) { return p->Reintegrate(test::kNoBias, bad_bias); });
-  ExpectRefused(imu, "not after the one before it, 0.05", [&](ImuPreintegrator* p) { return p->Append({good[2]}); });
+  ExpectRefused(imu, "gyroscope bias",
+                [&](ImuPreintegrator* p) { return p->Integrate(good, bad_bias, test::kNoBias); });
+  ExpectRefused(imu, "accelerometer bias",
+                [&](ImuPreintegrator* p) { return p->Reintegrate(test::kNoBias, bad_bias); });
+  ExpectRefused(imu, "not after the one before it, 0.05",
+                [&](ImuPreintegrator* p) { return p->Append({good[2]}); });
   const ImuPreintegrator blank;
-  ExpectRefused(blank, "nothing was integrated", [&](ImuPreintegrator* p) { return p->Append(good); });
+  ExpectRefused(blank, "nothing was integrated",
+                [&](ImuPreintegrator* p) { return p->Append(good); });
   ExpectRefused(blank, "nothing was integrated",
                 [&](ImuPreintegrator* p) { return p->Reintegrate(test::kNoBias, test::kNoBias); });
   samples = good;
@@ -363,7 +391,8 @@ TEST(ImuPreintegrator, RefusesBadInputAndStaysAsItWas) {
   samples.resize(3);
   samples[2].time = 1e6;
   ImuPreintegrator overflowing = imu;
-  EXPECT_EQ(overflowing.Integrate(samples, test::kNoBias, test::kNoBias).code, StatusCode::kEvaluationFailed);
+  EXPECT_EQ(overflowing.Integrate(samples, test::kNoBias, test::kNoBias).code,
+            StatusCode::kEvaluationFailed);
   EXPECT_EQ(overflowing.delta().dt, imu.delta().dt);
 }
 
@@ -371,7 +400,8 @@ TEST(ImuOptions, RefusesWhatMakesNoSense) {
   const auto expect = [](const char* word, const ImuOptions& options) {
     test::Random random(10);
     ImuPreintegrator imu(options);
-    const Status status = imu.Integrate(test::LivelySamples(random, 3, 0.01), test::kNoBias, test::kNoBias);
+    const Status status =
+        imu.Integrate(test::LivelySamples(random, 3, 0.01), test::kNoBias, test::kNoBias);
     EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
     EXPECT_NE(status.message.find(word), std::string::npos) << status.message;
   };
@@ -387,7 +417,8 @@ TEST(ImuOptions, RefusesWhatMakesNoSense) {
   expect("max_rotation_change", with([](ImuOptions* o) { o->max_rotation_change = -1.0; }));
   expect("max_speed_change", with([](ImuOptions* o) { o->max_speed_change = NAN; }));
   expect("gravity", with([](ImuOptions* o) { o->conventions.gravity[1] = NAN; }));
-  expect("residual_order", with([](ImuOptions* o) { o->conventions.residual_order[0] = ImuPart::kAccBias; }));
+  expect("residual_order",
+         with([](ImuOptions* o) { o->conventions.residual_order[0] = ImuPart::kAccBias; }));
 }
 
 TEST(ImuPreintegrator, OneIntervalHasInformationWithADensityOnly) {
@@ -424,7 +455,8 @@ TEST(InterpolateImuSamples, CutsAtTheBorders) {
   EXPECT_EQ(cut.size(), 2U);
   ASSERT_TRUE(InterpolateImuSamples(samples, 0.0, 4.0, &cut).ok());
   EXPECT_EQ(cut.size(), 5U);
-  const auto expect_refused = [&](const char* word, const std::vector<ImuSample>& from, double begin, double end) {
+  const auto expect_refused = [&](const char* word, const std::vector<ImuSample>& from,
+                                  double begin, double end) {
     const Status status = InterpolateImuSamples(from, begin, end, &cut);
     EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
     EXPECT_NE(status.message.find(word), std::string::npos) << status.message;

@@ -1,5 +1,6 @@
-// Solves with IMU factors whose biases turn out far from those they were integrated at: the solvers have them integrated anew
-// between iterations, and end with the cost of factors integrated at the biases found.
+// Solves with IMU factors whose biases turn out far from those they were integrated at: the solvers
+// have them integrated anew between iterations, and end with the cost of factors integrated at the
+// biases found.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -28,24 +29,26 @@ double Deviation(double sigma) {
   return 1.0 / sigma;
 }
 
-// A trip with its measurements: samples with biases on them between frames, poses at the frames. Everything is integrated at
-// biases of 0.
+// A trip with its measurements: samples with biases on them between frames, poses at the frames.
+// Everything is integrated at biases of 0.
 class Trip {
  public:
   explicit Trip(const ImuOptions& options)
       : imu_factors(std::make_shared<ImuFactorFamily>()),
-        pose_priors(
-            std::make_shared<PosePriorFamily>(Left(options) ? PosePriorFamily::Side::kLeft : PosePriorFamily::Side::kRight)),
+        pose_priors(std::make_shared<PosePriorFamily>(
+            Left(options) ? PosePriorFamily::Side::kLeft : PosePriorFamily::Side::kRight)),
         first_prior(std::make_shared<DiagonalPriorFamily>(9)),
         options_(options),
-        gyr_column_(options.conventions.bias_order == ImuConventions::BiasOrder::kGyrFirst ? 3 : 6) {
+        gyr_column_(options.conventions.bias_order == ImuConventions::BiasOrder::kGyrFirst ? 3
+                                                                                           : 6) {
     if (Left(options)) {
       manifold_ = std::make_shared<LeftPoseManifold>();
     } else {
       manifold_ = std::make_shared<PoseManifold>();
     }
     test::Random random(81);
-    const std::vector<ImuSample> all = test::LivelySamples(random, (kFrames - 1) * kSamplesPerFrame, 0.005);
+    const std::vector<ImuSample> all =
+        test::LivelySamples(random, (kFrames - 1) * kSamplesPerFrame, 0.005);
     State state;
     for (int k = 0; k < 3; ++k) {
       state.speed_bias[k] = 0.5 * random.Unit();
@@ -55,7 +58,9 @@ class Trip {
         std::vector<ImuSample> true_samples(all.begin() + (frame - 1) * kSamplesPerFrame,
                                             all.begin() + frame * kSamplesPerFrame + 1);
         const ImuPreintegrator truth = test::Integrated(options, true_samples);
-        EXPECT_TRUE(PropagateImu(truth, state.pose, state.speed_bias, nullptr, state.pose, state.speed_bias, nullptr).ok());
+        EXPECT_TRUE(PropagateImu(truth, state.pose, state.speed_bias, nullptr, state.pose,
+                                 state.speed_bias, nullptr)
+                        .ok());
         for (ImuSample& sample : true_samples) {
           for (int k = 0; k < 3; ++k) {
             sample.gyr[k] += kGyrBias[k] + 0.002 * random.Unit();
@@ -74,7 +79,8 @@ class Trip {
 
   // Builder is a FactorGraph or a GraphEdit; families have been added in the order of the members.
   template <typename Builder>
-  void AddFrame(Builder* builder, const double* gyr_bias = test::kNoBias, const double* acc_bias = test::kNoBias) {
+  void AddFrame(Builder* builder, const double* gyr_bias = test::kNoBias,
+                const double* acc_bias = test::kNoBias) {
     const auto frame = static_cast<int>(poses.size());
     poses.push_back(builder->AddVariable(seen_[frame].pose, 7, Role::kFrame, manifold_));
     speed_biases.push_back(builder->AddVariable(states_[frame].speed_bias, 9, Role::kFrame));
@@ -85,17 +91,23 @@ class Trip {
     }
     builder->AddFactor(1, *pose_priors, seen, {poses.back()});
     if (frame == 0) {
-      builder->AddFactor(2, *first_prior, {std::vector<double>(9, 0.0), std::vector<double>(9, Deviation(1.0))},
+      builder->AddFactor(2, *first_prior,
+                         {std::vector<double>(9, 0.0), std::vector<double>(9, Deviation(1.0))},
                          {speed_biases.back()});
     } else {
-      const ImuPreintegrator imu = test::Integrated(options_, measured_[frame - 1], gyr_bias, acc_bias);
-      builder->AddFactor(0, *imu_factors, imu, {poses[frame - 1], speed_biases[frame - 1], poses[frame], speed_biases[frame]});
+      const ImuPreintegrator imu =
+          test::Integrated(options_, measured_[frame - 1], gyr_bias, acc_bias);
+      builder->AddFactor(
+          0, *imu_factors, imu,
+          {poses[frame - 1], speed_biases[frame - 1], poses[frame], speed_biases[frame]});
     }
   }
 
-  // The same with factors integrated at the biases of given values, and nothing to be done about them.
+  // The same with factors integrated at the biases of given values, and nothing to be done about
+  // them.
   FactorGraph FreshGraph(const std::vector<const double*>& values) {
-    options_.max_rotation_change = options_.max_speed_change = std::numeric_limits<double>::infinity();
+    options_.max_rotation_change = options_.max_speed_change =
+        std::numeric_limits<double>::infinity();
     FactorGraph graph = NewGraph();
     for (int frame = 0; frame < kFrames; ++frame) {
       const double* at = frame == 0 ? values[1] : values[2 * (frame - 1) + 1];
@@ -136,7 +148,9 @@ class Trip {
     double pose[7] = {0, 0, 0, 0, 0, 0, 1};
     double speed_bias[9] = {};
   };
-  static bool Left(const ImuOptions& options) { return options.conventions.perturbation == ImuConventions::Perturbation::kLeft; }
+  static bool Left(const ImuOptions& options) {
+    return options.conventions.perturbation == ImuConventions::Perturbation::kLeft;
+  }
 
   ImuOptions options_;
   int gyr_column_;
@@ -158,7 +172,8 @@ ImuOptions Tight(const ImuConventions& conventions) {
 }
 
 // At these values: the cost of fresh factors, and whether a solve of them finds nothing better.
-void ExpectOptimumOfFreshFactors(const ImuOptions& options, const std::vector<const double*>& values, double cost) {
+void ExpectOptimumOfFreshFactors(const ImuOptions& options,
+                                 const std::vector<const double*>& values, double cost) {
   Trip fresh(options);
   FactorGraph graph = fresh.FreshGraph(values);
   SolverOptions solver_options;
@@ -180,9 +195,10 @@ std::vector<const double*> ValuesOf(const Trip& trip, const FactorGraph& graph) 
 }
 
 TEST(ImuSolver, ABatchSolveEndsAtTheOptimumOfFactorsIntegratedAtItsBiases) {
-  for (const ImuConventions& conventions :
-       {ImuConventions(), ImuConventions::Vins(), ImuConventions::Okvis(), ImuConventions::Xrslam()}) {
-    for (const auto strategy : {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg}) {
+  for (const ImuConventions& conventions : {ImuConventions(), ImuConventions::Vins(),
+                                            ImuConventions::Okvis(), ImuConventions::Xrslam()}) {
+    for (const auto strategy :
+         {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg}) {
       const ImuOptions options = Tight(conventions);
       Trip trip(options);
       FactorGraph graph = trip.NewGraph();
@@ -206,7 +222,8 @@ TEST(ImuSolver, WithoutReintegrationTheCostIsAnother) {
   ImuOptions options = Tight(ImuConventions());
   double costs[2];
   for (const bool reintegrate : {false, true}) {
-    options.max_rotation_change = options.max_speed_change = reintegrate ? 1e-7 : std::numeric_limits<double>::infinity();
+    options.max_rotation_change = options.max_speed_change =
+        reintegrate ? 1e-7 : std::numeric_limits<double>::infinity();
     Trip trip(options);
     FactorGraph graph = trip.NewGraph();
     for (int frame = 0; frame < kFrames; ++frame) {
@@ -263,7 +280,8 @@ TEST(ImuSolver, AMeasurementCanBeReplaced) {
   ImuPreintegrator merged = trip.imu_factors->measurement(0);
   const std::vector<ImuSample>& rest = trip.imu_factors->measurement(1).samples();
   ASSERT_TRUE(merged.Append({rest.begin() + 1, rest.end()}).ok());
-  const VariableId kept[4] = {trip.poses[0], trip.speed_biases[0], trip.poses[2], trip.speed_biases[2]};
+  const VariableId kept[4] = {trip.poses[0], trip.speed_biases[0], trip.poses[2],
+                              trip.speed_biases[2]};
   GraphEdit drop(solver.graph());
   drop.RemoveVariable(trip.poses[1]);
   drop.RemoveVariable(trip.speed_biases[1]);
@@ -283,7 +301,8 @@ TEST(ImuSolver, AFactorWithoutInformationIsNamed) {
   const std::vector<double> before = graph.state();
   const Summary summary = Solve(SolverOptions(), &graph);
   EXPECT_EQ(summary.termination, Termination::kFailure);
-  EXPECT_NE(summary.detail.find("factor 0 of IMU preintegration"), std::string::npos) << summary.detail;
+  EXPECT_NE(summary.detail.find("factor 0 of IMU preintegration"), std::string::npos)
+      << summary.detail;
   EXPECT_NE(summary.detail.find("no information matrix"), std::string::npos) << summary.detail;
   EXPECT_EQ(graph.state(), before);
 }

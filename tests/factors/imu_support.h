@@ -47,7 +47,8 @@ inline Matrix3d Cross(const Vector3d& v) {
 /// (φ, v, p) that takes `a` to `b`, both as ImuDelta counts errors.
 inline Eigen::Matrix<double, 9, 1> Difference(const ImuDelta& a, const ImuDelta& b) {
   Eigen::Matrix<double, 9, 1> e;
-  e << Log(ToQuaternion(a.q).conjugate() * ToQuaternion(b.q)), ToVector(b.v) - ToVector(a.v), ToVector(b.p) - ToVector(a.p);
+  e << Log(ToQuaternion(a.q).conjugate() * ToQuaternion(b.q)), ToVector(b.v) - ToVector(a.v),
+      ToVector(b.p) - ToVector(a.p);
   return e;
 }
 
@@ -74,7 +75,8 @@ inline std::vector<ImuSample> LivelySamples(Random& random, int count, double dt
 }
 
 inline ImuPreintegrator Integrated(const ImuOptions& options, const std::vector<ImuSample>& samples,
-                                   const double* gyr_bias = kNoBias, const double* acc_bias = kNoBias) {
+                                   const double* gyr_bias = kNoBias,
+                                   const double* acc_bias = kNoBias) {
   ImuPreintegrator imu(options);
   const Status status = imu.Integrate(samples, gyr_bias, acc_bias);
   EXPECT_TRUE(status.ok()) << status.message;
@@ -83,7 +85,8 @@ inline ImuPreintegrator Integrated(const ImuOptions& options, const std::vector<
 
 /// Any conventions: the bits of `number` choose.
 inline ImuConventions NumberedConventions(int number) {
-  const ImuConventions bases[4] = {ImuConventions(), ImuConventions::Vins(), ImuConventions::Okvis(), ImuConventions::Xrslam()};
+  const ImuConventions bases[4] = {ImuConventions(), ImuConventions::Vins(),
+                                   ImuConventions::Okvis(), ImuConventions::Xrslam()};
   ImuConventions c = bases[number & 3];
   c.perturbation = static_cast<ImuConventions::Perturbation>(number >> 2 & 1);
   c.rotation_residual = static_cast<ImuConventions::RotationResidual>(number >> 3 & 1);

@@ -19,7 +19,8 @@ struct FactorState {
   std::vector<const Manifold*> manifolds;
 };
 
-/// Residuals and tangent Jacobians (row-major, residual_size × tangent_size) of factor 0, all variables free; `held` is constant.
+/// Residuals and tangent Jacobians (row-major, residual_size × tangent_size) of factor 0, all
+/// variables free; `held` is constant.
 struct FactorValues {
   std::vector<double> residuals;
   std::vector<std::vector<double>> jacobians;
@@ -28,7 +29,8 @@ struct FactorValues {
 
 inline constexpr double kUnwritten = -7.25e77;
 
-inline FactorValues EvaluateFactor(const FactorFamily& family, const FactorState& state, int held = -1) {
+inline FactorValues EvaluateFactor(const FactorFamily& family, const FactorState& state,
+                                   int held = -1) {
   FactorValues values;
   const auto num_slots = static_cast<std::size_t>(family.num_slots());
   values.residuals.assign(static_cast<std::size_t>(family.residual_size()), kUnwritten);
@@ -51,18 +53,20 @@ inline FactorValues EvaluateFactor(const FactorFamily& family, const FactorState
       maps[s].plus_jacobian = plus_jacobians[s].data();
     }
     map_pointers.push_back(&maps[s]);
-    values.jacobians.emplace_back(static_cast<std::size_t>(family.residual_size() * slot.tangent_size), kUnwritten);
+    values.jacobians.emplace_back(
+        static_cast<std::size_t>(family.residual_size() * slot.tangent_size), kUnwritten);
   }
   for (std::size_t s = 0; s < num_slots; ++s) {
     views.push_back({values.jacobians[s].data(), 0, family.slot(static_cast<int>(s)).tangent_size});
   }
-  values.failure = family.Evaluate({0, 1, parameters.data(), map_pointers.data(), values.residuals.data(), views.data()});
+  values.failure = family.Evaluate(
+      {0, 1, parameters.data(), map_pointers.data(), values.residuals.data(), views.data()});
   return values;
 }
 
 /// Residuals of factor 0, cost-only call, with variable s moved by δ.
-inline std::vector<double> ResidualsAt(const FactorFamily& family, const FactorState& state, std::size_t s,
-                                       const std::vector<double>& delta) {
+inline std::vector<double> ResidualsAt(const FactorFamily& family, const FactorState& state,
+                                       std::size_t s, const std::vector<double>& delta) {
   std::vector<double> moved = state.parameters[s];
   if (state.manifolds[s] != nullptr) {
     EXPECT_TRUE(state.manifolds[s]->Plus(state.parameters[s].data(), delta.data(), moved.data()));
@@ -77,13 +81,16 @@ inline std::vector<double> ResidualsAt(const FactorFamily& family, const FactorS
   }
   parameters[s] = moved.data();
   std::vector<double> residuals(static_cast<std::size_t>(family.residual_size()), kUnwritten);
-  EXPECT_FALSE(family.Evaluate({0, 1, parameters.data(), nullptr, residuals.data(), nullptr}).failed());
+  EXPECT_FALSE(
+      family.Evaluate({0, 1, parameters.data(), nullptr, residuals.data(), nullptr}).failed());
   return residuals;
 }
 
-/// Compares all Jacobians of factor 0 with central differences of fourth order along the manifolds; the tolerance is relative to
-/// the largest entry of the block. Also: a constant variable's block is not written, and its being constant changes nothing else.
-inline void ExpectNumericJacobians(const FactorFamily& family, const FactorState& state, double tolerance, int index) {
+/// Compares all Jacobians of factor 0 with central differences of fourth order along the manifolds;
+/// the tolerance is relative to the largest entry of the block. Also: a constant variable's block
+/// is not written, and its being constant changes nothing else.
+inline void ExpectNumericJacobians(const FactorFamily& family, const FactorState& state,
+                                   double tolerance, int index) {
   constexpr double kStep = 1e-3;
   const FactorValues values = EvaluateFactor(family, state);
   ASSERT_FALSE(values.failure.failed()) << values.failure.reason << ", state " << index;
@@ -102,7 +109,8 @@ inline void ExpectNumericJacobians(const FactorFamily& family, const FactorState
         at[k] = ResidualsAt(family, state, s, delta);
       }
       for (std::size_t r = 0; r < values.residuals.size(); ++r) {
-        const double numeric = (at[0][r] - 8.0 * at[1][r] + 8.0 * at[2][r] - at[3][r]) / (12.0 * kStep);
+        const double numeric =
+            (at[0][r] - 8.0 * at[1][r] + 8.0 * at[2][r] - at[3][r]) / (12.0 * kStep);
         ASSERT_NEAR(values.jacobians[s][r * columns + c], numeric, tolerance * largest)
             << "state " << index << ", slot " << s << ", row " << r << ", column " << c;
       }
@@ -111,7 +119,8 @@ inline void ExpectNumericJacobians(const FactorFamily& family, const FactorState
     ASSERT_EQ(held.residuals, values.residuals);
     for (std::size_t other = 0; other < state.parameters.size(); ++other) {
       const std::vector<double> untouched(held.jacobians[other].size(), kUnwritten);
-      ASSERT_EQ(held.jacobians[other], other == s ? untouched : values.jacobians[other]) << "state " << index << ", slot " << s;
+      ASSERT_EQ(held.jacobians[other], other == s ? untouched : values.jacobians[other])
+          << "state " << index << ", slot " << s;
     }
   }
 }

@@ -1,4 +1,5 @@
-// Place(index, measurement) of the built-in families: overwrites, appends at the end, writes nothing beyond.
+// Place(index, measurement) of the built-in families: overwrites, appends at the end, writes
+// nothing beyond.
 #include <memory>
 
 #include <gtest/gtest.h>
@@ -18,7 +19,8 @@ namespace inceres {
 namespace {
 
 // Residuals of all factors of the family, each at the same parameters.
-std::vector<double> Residuals(const FactorFamily& family, const std::vector<std::vector<double>>& values) {
+std::vector<double> Residuals(const FactorFamily& family,
+                              const std::vector<std::vector<double>>& values) {
   std::vector<const double*> parameters;
   for (int i = 0; i < family.size(); ++i) {
     for (const std::vector<double>& slot : values) {
@@ -35,7 +37,8 @@ std::vector<double> Residuals(const FactorFamily& family, const std::vector<std:
 }
 
 template <typename Family>
-void ExpectPlaces(Family* added, Family* placed, const typename Family::Measurement& a, const typename Family::Measurement& b,
+void ExpectPlaces(Family* added, Family* placed, const typename Family::Measurement& a,
+                  const typename Family::Measurement& b,
                   const std::vector<std::vector<double>>& values) {
   added->Add(a);
   added->Add(b);
@@ -58,7 +61,8 @@ const std::vector<double> kPoseB = {1.1, -0.2, 0.4, 0.0, 0.6, 0.0, 0.8};
 TEST(Place, BalReprojection) {
   BalReprojectionFamily added;
   BalReprojectionFamily placed;
-  ExpectPlaces(&added, &placed, {1.0, 2.0}, {3.0, -4.0}, {{0.1, 0.2, 0.3, 0.0, 0.0, -5.0, 500.0, 0.0, 0.0}, {0.1, 0.2, 0.3}});
+  ExpectPlaces(&added, &placed, {1.0, 2.0}, {3.0, -4.0},
+               {{0.1, 0.2, 0.3, 0.0, 0.0, -5.0, 500.0, 0.0, 0.0}, {0.1, 0.2, 0.3}});
 }
 
 TEST(Place, DiagonalPrior) {

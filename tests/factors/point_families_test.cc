@@ -1,5 +1,6 @@
-// Landmarks seen by a camera on a body, as pixels, stereo pixels and bearings: residuals against long double, Jacobians against
-// numeric ones, for points and homogeneous points on each manifold that they are meant for.
+// Landmarks seen by a camera on a body, as pixels, stereo pixels and bearings: residuals against
+// long double, Jacobians against numeric ones, for points and homogeneous points on each manifold
+// that they are meant for.
 #include <cmath>
 #include <limits>
 #include <string>
@@ -44,10 +45,12 @@ const Variant kVariants[] = {
 const PinholeCamera kPinhole{461.0, 458.0, 365.0, 247.0, -0.28, 0.07, 2e-4, -1.8e-3};
 const StereoCamera kStereo{435.0, 437.0, 367.0, 252.0, 0.11};
 
-void ExpectNear(const std::vector<double>& actual, const std::vector<Real>& expected, const std::string& what) {
+void ExpectNear(const std::vector<double>& actual, const std::vector<Real>& expected,
+                const std::string& what) {
   ASSERT_EQ(actual.size(), expected.size());
   for (std::size_t r = 0; r < expected.size(); ++r) {
-    ASSERT_NEAR(actual[r], static_cast<double>(expected[r]), 1e-9 * (1.0 + std::fabs(static_cast<double>(expected[r]))))
+    ASSERT_NEAR(actual[r], static_cast<double>(expected[r]),
+                1e-9 * (1.0 + std::fabs(static_cast<double>(expected[r]))))
         << what << ", row " << r;
   }
 }
@@ -56,8 +59,10 @@ void ExpectNear(const std::vector<double>& actual, const std::vector<Real>& expe
 std::vector<Real> ExpectedPixels(const PixelObservation& seen, const Vector3& P) {
   const Real x = P[0] / P[2], y = P[1] / P[2], r = std::sqrt(x * x + y * y);
   const Real radial = kPinhole.k1 * std::pow(r, 2) + kPinhole.k2 * std::pow(r, 4);
-  const Real x_distorted = x + x * radial + 2 * kPinhole.p1 * x * y + kPinhole.p2 * (r * r + 2 * x * x);
-  const Real y_distorted = y + y * radial + kPinhole.p1 * (r * r + 2 * y * y) + 2 * kPinhole.p2 * x * y;
+  const Real x_distorted =
+      x + x * radial + 2 * kPinhole.p1 * x * y + kPinhole.p2 * (r * r + 2 * x * x);
+  const Real y_distorted =
+      y + y * radial + kPinhole.p1 * (r * r + 2 * y * y) + 2 * kPinhole.p2 * x * y;
   const Real e[2] = {kPinhole.f_x * x_distorted + kPinhole.c_x - seen.pixel[0],
                      kPinhole.f_y * y_distorted + kPinhole.c_y - seen.pixel[1]};
   const double* U = seen.sqrt_information;
@@ -68,9 +73,11 @@ TEST(PointFamilies, PixelsAreTheCamerasAndJacobiansNumericOnes) {
   for (const Variant& variant : kVariants) {
     test::Random random(71);
     for (int i = 0; i < 250; ++i) {
-      const SeenLandmark s = RandomSeenLandmark(random, variant.landmark, variant.pose_manifold, variant.landmark_manifold);
-      const PixelObservation seen{{365.0 + 300.0 * random.Unit(), 247.0 + 200.0 * random.Unit()},
-                                  {random.Between(0.5, 2.0), random.Unit(), random.Between(0.5, 2.0)}};
+      const SeenLandmark s = RandomSeenLandmark(random, variant.landmark, variant.pose_manifold,
+                                                variant.landmark_manifold);
+      const PixelObservation seen{
+          {365.0 + 300.0 * random.Unit(), 247.0 + 200.0 * random.Unit()},
+          {random.Between(0.5, 2.0), random.Unit(), random.Between(0.5, 2.0)}};
       PointReprojectionFamily family(kPinhole, variant.landmark, variant.perturbation);
       family.Add(seen);
       const FactorValues values = EvaluateFactor(family, s.state);
@@ -85,8 +92,10 @@ TEST(PointFamilies, StereoPixelsAreThoseOfTwoCamerasAndJacobiansNumericOnes) {
   for (const Variant& variant : kVariants) {
     test::Random random(72);
     for (int i = 0; i < 250; ++i) {
-      const SeenLandmark s = RandomSeenLandmark(random, variant.landmark, variant.pose_manifold, variant.landmark_manifold);
-      StereoObservation seen{{300.0 * random.Unit(), 300.0 * random.Unit()}, 300.0 * random.Unit(), {}};
+      const SeenLandmark s = RandomSeenLandmark(random, variant.landmark, variant.pose_manifold,
+                                                variant.landmark_manifold);
+      StereoObservation seen{
+          {300.0 * random.Unit(), 300.0 * random.Unit()}, 300.0 * random.Unit(), {}};
       for (int r = 0; r < 3; ++r) {
         for (int c = r; c < 3; ++c) {
           seen.sqrt_information[3 * r + c] = r == c ? random.Between(0.5, 2.0) : random.Unit();
@@ -103,7 +112,8 @@ TEST(PointFamilies, StereoPixelsAreThoseOfTwoCamerasAndJacobiansNumericOnes) {
                          kStereo.f_y * left[1] / left[2] + kStereo.c_y - seen.left[1],
                          kStereo.f_x * right[0] / right[2] + kStereo.c_x - seen.right_u};
       const double* U = seen.sqrt_information;
-      ExpectNear(values.residuals, {U[0] * e[0] + U[1] * e[1] + U[2] * e[2], U[4] * e[1] + U[5] * e[2], U[8] * e[2]},
+      ExpectNear(values.residuals,
+                 {U[0] * e[0] + U[1] * e[1] + U[2] * e[2], U[4] * e[1] + U[5] * e[2], U[8] * e[2]},
                  variant.name);
       test::ExpectNumericJacobians(family, s.state, 2e-7, i);
     }
@@ -114,7 +124,8 @@ TEST(PointFamilies, ABearingIsTheSineOfTheAngleAndJacobiansNumericOnes) {
   for (const Variant& variant : kVariants) {
     test::Random random(73);
     for (int i = 0; i < 250; ++i) {
-      const SeenLandmark s = RandomSeenLandmark(random, variant.landmark, variant.pose_manifold, variant.landmark_manifold);
+      const SeenLandmark s = RandomSeenLandmark(random, variant.landmark, variant.pose_manifold,
+                                                variant.landmark_manifold);
       const std::vector<double> direction = random.Vector(3);
       BearingObservation seen;
       std::copy_n(direction.data(), 3, seen.direction);
@@ -122,15 +133,19 @@ TEST(PointFamilies, ABearingIsTheSineOfTheAngleAndJacobiansNumericOnes) {
       family.Add(seen);
       const FactorValues plain = EvaluateFactor(family, s.state);
       ASSERT_FALSE(plain.failure.failed()) << plain.failure.reason;
-      const Vector3 across = test::CrossOf(test::Unit({direction[0], direction[1], direction[2]}), test::Unit(s.in_camera));
-      const double sine = static_cast<double>(std::sqrt(across[0] * across[0] + across[1] * across[1] + across[2] * across[2]));
+      const Vector3 across = test::CrossOf(test::Unit({direction[0], direction[1], direction[2]}),
+                                           test::Unit(s.in_camera));
+      const double sine = static_cast<double>(
+          std::sqrt(across[0] * across[0] + across[1] * across[1] + across[2] * across[2]));
       EXPECT_NEAR(std::hypot(plain.residuals[0], plain.residuals[1]), sine, 1e-12) << variant.name;
 
-      const double U[3] = {random.Between(100.0, 600.0), 100.0 * random.Unit(), random.Between(100.0, 600.0)};
+      const double U[3] = {random.Between(100.0, 600.0), 100.0 * random.Unit(),
+                           random.Between(100.0, 600.0)};
       std::copy_n(U, 3, seen.sqrt_information);
       family.Place(0, seen);
       const FactorValues values = EvaluateFactor(family, s.state);
-      ExpectNear(values.residuals, {U[0] * plain.residuals[0] + U[1] * plain.residuals[1], U[2] * plain.residuals[1]},
+      ExpectNear(values.residuals,
+                 {U[0] * plain.residuals[0] + U[1] * plain.residuals[1], U[2] * plain.residuals[1]},
                  variant.name);
       test::ExpectNumericJacobians(family, s.state, 2e-7, i);
     }
@@ -142,8 +157,8 @@ TEST(PointFamilies, ABearingNearTheAxisIsTheImagesXAndY) {
   for (const double sign : {1.0, -1.0}) {
     BearingFamily family;
     family.Add({{0.0, 0.0, 2.0 * sign}, {1.0, 0.0, 1.0}});
-    const FactorValues values =
-        EvaluateFactor(family, {{origin, origin, {3e-5, 2e-5, sign * 1.0}}, {&kRightPose, &kRightPose, nullptr}});
+    const FactorValues values = EvaluateFactor(
+        family, {{origin, origin, {3e-5, 2e-5, sign * 1.0}}, {&kRightPose, &kRightPose, nullptr}});
     EXPECT_NEAR(values.residuals[0], 3e-5, 1e-12);
     EXPECT_NEAR(values.residuals[1], sign * 2e-5, 1e-12);
   }
@@ -171,25 +186,32 @@ TEST(PointFamilies, APointAtInfinityIsAPointLikeOthers) {
 
 TEST(PointFamilies, FailInTheCamerasPlaneOrCenterAndOnNonFiniteValues) {
   const std::vector<double> origin{0, 0, 0, 0, 0, 0, 1};
-  test::FactorState in_plane{{origin, origin, {1.0, 2.0, 0.0}}, {&kRightPose, &kRightPose, nullptr}};
+  test::FactorState in_plane{{origin, origin, {1.0, 2.0, 0.0}},
+                             {&kRightPose, &kRightPose, nullptr}};
   PointReprojectionFamily pixels(kPinhole);
   StereoReprojectionFamily stereo(kStereo);
   BearingFamily bearing;
   pixels.Add({});
   stereo.Add({});
   bearing.Add({});
-  for (const FactorFamily* family : {static_cast<const FactorFamily*>(&pixels), static_cast<const FactorFamily*>(&stereo)}) {
+  for (const FactorFamily* family :
+       {static_cast<const FactorFamily*>(&pixels), static_cast<const FactorFamily*>(&stereo)}) {
     const FactorValues values = EvaluateFactor(*family, in_plane);
     EXPECT_EQ(values.failure.factor, 0) << family->Name();
-    EXPECT_STREQ(values.failure.reason, "the landmark lies in the camera's plane (depth 0)") << family->Name();
+    EXPECT_STREQ(values.failure.reason, "the landmark lies in the camera's plane (depth 0)")
+        << family->Name();
   }
-  EXPECT_FALSE(EvaluateFactor(bearing, in_plane).failure.failed()) << "a bearing of 90 degrees is one";
+  EXPECT_FALSE(EvaluateFactor(bearing, in_plane).failure.failed())
+      << "a bearing of 90 degrees is one";
   in_plane.parameters[2] = {0.0, 0.0, 0.0};
-  EXPECT_STREQ(EvaluateFactor(bearing, in_plane).failure.reason, "the landmark lies in the center of the camera");
+  EXPECT_STREQ(EvaluateFactor(bearing, in_plane).failure.reason,
+               "the landmark lies in the center of the camera");
   in_plane.parameters[2] = {0.0, std::numeric_limits<double>::quiet_NaN(), 1.0};
-  for (const FactorFamily* family : {static_cast<const FactorFamily*>(&pixels), static_cast<const FactorFamily*>(&stereo),
-                                     static_cast<const FactorFamily*>(&bearing)}) {
-    EXPECT_STREQ(EvaluateFactor(*family, in_plane).failure.reason, "a residual is not finite") << family->Name();
+  for (const FactorFamily* family :
+       {static_cast<const FactorFamily*>(&pixels), static_cast<const FactorFamily*>(&stereo),
+        static_cast<const FactorFamily*>(&bearing)}) {
+    EXPECT_STREQ(EvaluateFactor(*family, in_plane).failure.reason, "a residual is not finite")
+        << family->Name();
   }
 }
 

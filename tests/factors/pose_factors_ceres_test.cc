@@ -1,5 +1,5 @@
-// The same values and derivatives as cost functions written independently for Ceres: rotation matrices of Eigen, AutoDiff, and
-// the chain rule through Ceres's own manifolds.
+// The same values and derivatives as cost functions written independently for Ceres: rotation
+// matrices of Eigen, AutoDiff, and the chain rule through Ceres's own manifolds.
 #include <Eigen/Geometry>
 #include <ceres/autodiff_cost_function.h>
 #include <ceres/rotation.h>
@@ -17,7 +17,8 @@ using Vector3 = Eigen::Matrix<T, 3, 1>;
 template <typename T>
 Vector3<T> IntoCamera(const T* pose, const Vector3<T>& X) {
   const Eigen::Quaternion<T> q(pose[6], pose[3], pose[4], pose[5]);
-  Eigen::Transform<T, 3, Eigen::Isometry> world_from_camera = Eigen::Transform<T, 3, Eigen::Isometry>::Identity();
+  Eigen::Transform<T, 3, Eigen::Isometry> world_from_camera =
+      Eigen::Transform<T, 3, Eigen::Isometry>::Identity();
   world_from_camera.linear() = q.toRotationMatrix();
   world_from_camera.translation() = Vector3<T>(pose[0], pose[1], pose[2]);
   return world_from_camera.inverse() * X;
@@ -42,16 +43,20 @@ struct BetweenError {
   template <typename T>
   bool operator()(const T* a, const T* b, T* residuals) const {
     const auto camera_from_world = [](const T* pose) {
-      return Eigen::Quaternion<T>(pose[6], pose[3], pose[4], pose[5]).toRotationMatrix().transpose().eval();
+      return Eigen::Quaternion<T>(pose[6], pose[3], pose[4], pose[5])
+          .toRotationMatrix()
+          .transpose()
+          .eval();
     };
     const Eigen::Matrix<T, 3, 3> R_a = camera_from_world(a);
     const Eigen::Matrix<T, 3, 3> R_b = camera_from_world(b);
-    const Eigen::Matrix<double, 3, 3> R_ab = Eigen::Quaterniond(m.q_ab[3], m.q_ab[0], m.q_ab[1], m.q_ab[2]).toRotationMatrix();
+    const Eigen::Matrix<double, 3, 3> R_ab =
+        Eigen::Quaterniond(m.q_ab[3], m.q_ab[0], m.q_ab[1], m.q_ab[2]).toRotationMatrix();
     const Eigen::Matrix<T, 3, 3> E = R_a * R_b.transpose() * R_ab.transpose().cast<T>();
     Eigen::Matrix<T, 6, 1> e;
     ceres::RotationMatrixToAngleAxis(E.data(), e.data());
-    e.template tail<3>() =
-        R_b * Vector3<T>(a[0] - b[0], a[1] - b[1], a[2] - b[2]) - Vector3<T>(T(m.p_ab[0]), T(m.p_ab[1]), T(m.p_ab[2]));
+    e.template tail<3>() = R_b * Vector3<T>(a[0] - b[0], a[1] - b[1], a[2] - b[2]) -
+                           Vector3<T>(T(m.p_ab[0]), T(m.p_ab[1]), T(m.p_ab[2]));
     const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> U(m.sqrt_information);
     Eigen::Map<Eigen::Matrix<T, 6, 1>> r(residuals);
     r = U.cast<T>() * e;
@@ -60,9 +65,10 @@ struct BetweenError {
   RelativePoseFamily::Measurement m;
 };
 
-// Ambient Jacobians of the cost function, projected with the manifolds' PlusJacobian, against the family's tangent ones.
-void ExpectSame(const FactorFamily& family, const ceres::CostFunction& cost, const test::FactorState& state, double tolerance,
-                int index) {
+// Ambient Jacobians of the cost function, projected with the manifolds' PlusJacobian, against the
+// family's tangent ones.
+void ExpectSame(const FactorFamily& family, const ceres::CostFunction& cost,
+                const test::FactorState& state, double tolerance, int index) {
   const test::FactorValues ours = test::EvaluateFactor(family, state);
   ASSERT_FALSE(ours.failure.failed());
   const int rows = family.residual_size();
@@ -78,7 +84,8 @@ void ExpectSame(const FactorFamily& family, const ceres::CostFunction& cost, con
   }
   std::vector<double> residuals(static_cast<std::size_t>(rows));
   ASSERT_TRUE(cost.Evaluate(parameters.data(), residuals.data(), blocks.data()));
-  const Eigen::Map<const Eigen::VectorXd> r(ours.residuals.data(), rows), expected_r(residuals.data(), rows);
+  const Eigen::Map<const Eigen::VectorXd> r(ours.residuals.data(), rows),
+      expected_r(residuals.data(), rows);
   ASSERT_LT((r - expected_r).norm(), tolerance * (1.0 + expected_r.norm())) << "state " << index;
 
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -88,9 +95,11 @@ void ExpectSame(const FactorFamily& family, const ceres::CostFunction& cost, con
     if (state.manifolds[s] != nullptr) {
       ASSERT_TRUE(state.manifolds[s]->PlusJacobian(parameters[s], plus.data()));
     }
-    const RowMajor expected = Eigen::Map<const RowMajor>(ambient[s].data(), rows, slot.ambient_size) * plus;
+    const RowMajor expected =
+        Eigen::Map<const RowMajor>(ambient[s].data(), rows, slot.ambient_size) * plus;
     const Eigen::Map<const RowMajor> actual(ours.jacobians[s].data(), rows, slot.tangent_size);
-    ASSERT_LT((actual - expected).norm(), tolerance * (1.0 + expected.norm())) << "state " << index << ", slot " << s;
+    ASSERT_LT((actual - expected).norm(), tolerance * (1.0 + expected.norm()))
+        << "state " << index << ", slot " << s;
   }
 }
 
@@ -100,7 +109,8 @@ TEST(PoseFactorsAgainstCeres, InverseDepthReprojection) {
     if (s.state.parameters[2][0] != 0.0) {  // the textbook form divides by the inverse depth
       InverseDepthReprojectionFamily family;
       family.Add(s.measurement);
-      ceres::AutoDiffCostFunction<ReprojectionError, 2, 7, 7, 1> cost(new ReprojectionError{s.measurement});
+      ceres::AutoDiffCostFunction<ReprojectionError, 2, 7, 7, 1> cost(
+          new ReprojectionError{s.measurement});
       ExpectSame(family, cost, s.state, 1e-9, index);
     }
     ++index;

@@ -23,8 +23,8 @@ TEST(InverseDepthReprojection, JacobiansAtAThousandStates) {
 }
 
 TEST(InverseDepthReprojection, AFeatureInFrontOfBothCameras) {
-  // a at the origin sees the point (0.4, 0, 2); b stands 1 m to the right, turned by 90° to the left (about −y): it looks along
-  // −x.
+  // a at the origin sees the point (0.4, 0, 2); b stands 1 m to the right, turned by 90° to the
+  // left (about −y): it looks along −x.
   InverseDepthReprojectionFamily family;
   family.Add({{0.2, 0.0}, {0.0, 0.5}, {2.0, 3.0, 4.0}});
   const double half = std::sqrt(0.5);
@@ -32,7 +32,8 @@ TEST(InverseDepthReprojection, AFeatureInFrontOfBothCameras) {
                           {&test::kPoseManifold, &test::kPoseManifold, nullptr}};
   const FactorValues values = EvaluateFactor(family, state);
   ASSERT_FALSE(values.failure.failed());
-  // In b: depth 0.6, offset to the left of b's axis (its right is +z): −0.2. Errors (−1/3, −0.5), U = [2 3; 0 4].
+  // In b: depth 0.6, offset to the left of b's axis (its right is +z): −0.2. Errors (−1/3, −0.5), U
+  // = [2 3; 0 4].
   EXPECT_NEAR(values.residuals[0], 2.0 * (-1.0 / 3.0) + 3.0 * -0.5, 1e-14);
   EXPECT_NEAR(values.residuals[1], 4.0 * -0.5, 1e-14);
 }
@@ -40,8 +41,10 @@ TEST(InverseDepthReprojection, AFeatureInFrontOfBothCameras) {
 TEST(InverseDepthReprojection, FailsInTheCamerasPlaneAndOnNonFiniteValues) {
   InverseDepthReprojectionFamily family;
   family.Add({});
-  FactorState state{{{0, 0, 0, 0, 0, 0, 1}, {0, 0, 2, 0, 0, 0, 1}, {0.5}}, {&test::kPoseManifold, &test::kPoseManifold, nullptr}};
-  EXPECT_STREQ(EvaluateFactor(family, state).failure.reason, "the feature lies in the observing camera's plane (depth 0)");
+  FactorState state{{{0, 0, 0, 0, 0, 0, 1}, {0, 0, 2, 0, 0, 0, 1}, {0.5}},
+                    {&test::kPoseManifold, &test::kPoseManifold, nullptr}};
+  EXPECT_STREQ(EvaluateFactor(family, state).failure.reason,
+               "the feature lies in the observing camera's plane (depth 0)");
   state.parameters[1][0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_STREQ(EvaluateFactor(family, state).failure.reason, "a residual is not finite");
   EXPECT_EQ(EvaluateFactor(family, state).failure.factor, 0);
@@ -89,7 +92,8 @@ TEST(RelativePose, FailsOnNonFiniteValues) {
   RelativePoseFamily::Measurement measurement;
   measurement.sqrt_information[35] = 1.0;
   family.Add(measurement);
-  FactorState state{{{0, 0, 0, 0, 0, 0, 1}, {0, 0, 2, 0, 0, 0, 1}}, {&test::kPoseManifold, &test::kPoseManifold}};
+  FactorState state{{{0, 0, 0, 0, 0, 0, 1}, {0, 0, 2, 0, 0, 0, 1}},
+                    {&test::kPoseManifold, &test::kPoseManifold}};
   EXPECT_FALSE(EvaluateFactor(family, state).failure.failed());
   state.parameters[0][2] = std::numeric_limits<double>::infinity();
   EXPECT_STREQ(EvaluateFactor(family, state).failure.reason, "a residual is not finite");
@@ -100,7 +104,9 @@ TEST(SqrtInformation, IsACholeskyFactor) {
   for (int n = 1; n <= 6; ++n) {
     std::vector<double> G = random.Vector(static_cast<std::size_t>(n * n));
     std::vector<double> W(G.size()), U(G.size());
-    const auto at = [n](const std::vector<double>& M, int r, int c) { return M[static_cast<std::size_t>(r * n + c)]; };
+    const auto at = [n](const std::vector<double>& M, int r, int c) {
+      return M[static_cast<std::size_t>(r * n + c)];
+    };
     for (int k = 0; k < n * n; ++k) {
       W[static_cast<std::size_t>(k)] = k % (n + 1) == 0 ? 0.1 : 0.0;
       for (int j = 0; j < n; ++j) {
@@ -123,8 +129,11 @@ TEST(SqrtInformation, IsACholeskyFactor) {
 
 TEST(SqrtInformation, RefusesWhatHasNoFactor) {
   double U[4];
-  for (const std::vector<double>& W :
-       {std::vector<double>{1, 2, 2, 1}, {0, 0, 0, 1}, {-1, 0, 0, 1}, {1, 0, 0, NAN}, {1, INFINITY, 0, 1}}) {
+  for (const std::vector<double>& W : {std::vector<double>{1, 2, 2, 1},
+                                       {0, 0, 0, 1},
+                                       {-1, 0, 0, 1},
+                                       {1, 0, 0, NAN},
+                                       {1, INFINITY, 0, 1}}) {
     EXPECT_FALSE(SqrtInformation(W.data(), 2, U));
   }
 }

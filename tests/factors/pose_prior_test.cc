@@ -29,7 +29,8 @@ void RandomWeight(test::Random& random, int size, double* U) {
     for (int c = 0; c < size; ++c) {
       double sum = r == c ? 1.0 : 0.0;
       for (int k = 0; k < size; ++k) {
-        sum += G[static_cast<std::size_t>(size * k + r)] * G[static_cast<std::size_t>(size * k + c)];
+        sum +=
+            G[static_cast<std::size_t>(size * k + r)] * G[static_cast<std::size_t>(size * k + c)];
       }
       W[static_cast<std::size_t>(size * r + c)] = sum;
     }

@@ -14,14 +14,15 @@ namespace inceres::test {
 
 inline const PoseManifold kPoseManifold;
 
-/// A measurement and a state of an inverse-depth reprojection; parameters: pose a, pose b, inverse depth.
+/// A measurement and a state of an inverse-depth reprojection; parameters: pose a, pose b, inverse
+/// depth.
 struct ReprojectionState {
   InverseDepthReprojectionFamily::Measurement measurement;
   FactorState state;
 };
 
-/// A thousand of them: any rotations, equal poses' rotations, depths down to infinity, the feature well in front of b's plane or
-/// behind it.
+/// A thousand of them: any rotations, equal poses' rotations, depths down to infinity, the feature
+/// well in front of b's plane or behind it.
 inline std::vector<ReprojectionState> ThousandReprojectionStates() {
   Random random(31);
   std::vector<ReprojectionState> states;

@@ -11,8 +11,9 @@
 
 namespace inceres::test {
 
-/// The formulas of the visual factors once more, in long double and the long way round: points are moved through the frames as
-/// metric points, by quaternions, never scaled by an inverse depth or a homogeneous coordinate.
+/// The formulas of the visual factors once more, in long double and the long way round: points are
+/// moved through the frames as metric points, by quaternions, never scaled by an inverse depth or a
+/// homogeneous coordinate.
 using Real = long double;
 using Vector3 = std::array<Real, 3>;
 
@@ -25,7 +26,8 @@ inline Vector3 Turn(const double* q, const Vector3& v, Real sign = 1) {
   const Vector3 u{sign * q[0], sign * q[1], sign * q[2]};
   const Vector3 uv = CrossOf(u, v);
   const Vector3 uuv = CrossOf(u, uv);
-  return {v[0] + 2 * (q[3] * uv[0] + uuv[0]), v[1] + 2 * (q[3] * uv[1] + uuv[1]), v[2] + 2 * (q[3] * uv[2] + uuv[2])};
+  return {v[0] + 2 * (q[3] * uv[0] + uuv[0]), v[1] + 2 * (q[3] * uv[1] + uuv[1]),
+          v[2] + 2 * (q[3] * uv[2] + uuv[2])};
 }
 
 /// A point of the frame of `pose` in the frame the pose is in, and back.
@@ -49,13 +51,15 @@ inline std::vector<double> RandomPose(Random& random) {
   return pose;
 }
 
-/// A landmark seen by a camera on a body: what the parameters of such a factor may be, on manifolds of that perturbation.
+/// A landmark seen by a camera on a body: what the parameters of such a factor may be, on manifolds
+/// of that perturbation.
 struct SeenLandmark {
   FactorState state;
   Vector3 in_camera;  ///< meters
 };
 
-inline SeenLandmark RandomSeenLandmark(Random& random, LandmarkKind kind, const Manifold* pose_manifold,
+inline SeenLandmark RandomSeenLandmark(Random& random, LandmarkKind kind,
+                                       const Manifold* pose_manifold,
                                        const Manifold* landmark_manifold) {
   SeenLandmark seen;
   const std::vector<double> body = RandomPose(random), camera = RandomPose(random);

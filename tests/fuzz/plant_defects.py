@@ -9,6 +9,7 @@ in its source: whoever changes that line has to say here where the defect belong
 """
 
 import pathlib
+import re
 import sys
 
 # (name, source, the text as it is, the text with the defect; IS stands for the question whether it is in force)
@@ -48,9 +49,14 @@ def plant(root, source):
     for name, where, before, after in DEFECTS:
         if where != source:
             continue
-        if text.count(before) != 1:
-            sys.exit(f"plant_defects.py: {source} has {text.count(before)} times, not once, where {name} belongs: {before}")
-        text = text.replace(before, after.replace("IS", f'inceres::fuzz::IsPlanted("{name}")'))
+        # However the lines are broken: a space stands for any white space, and so may what follows
+        # an opening bracket.
+        place = re.compile(re.escape(before).replace(r"\ ", r"\s+").replace(r"\(", r"\(\s*"))
+        planted = after.replace("IS", f'inceres::fuzz::IsPlanted("{name}")')
+        text, count = place.subn(lambda _, planted=planted: planted, text)
+        if count != 1:
+            sys.exit(f"plant_defects.py: {source} has {count} times, not once, where {name} belongs:"
+                     f" {before}")
     return DECLARATION + text
 
 

@@ -1,5 +1,6 @@
-// The edit-sequence law: whatever was added, removed, changed, moved, held, relinearized or damped anew, in whatever order, S and
-// b are those of a rebuild from the same caches, and the step is that of batch.
+// The edit-sequence law: whatever was added, removed, changed, moved, held, relinearized or damped
+// anew, in whatever order, S and b are those of a rebuild from the same caches, and the step is
+// that of batch.
 
 #include <algorithm>
 
@@ -42,7 +43,8 @@ TEST_P(EditSequence, SAndBAndTheStepAreThoseOfARebuild) {
     options.heavy_priors = options.seed % 2 == 0;
     EditWorld world(options);
     for (int round = 0; round < kRounds; ++round) {
-      ASSERT_NO_FATAL_FAILURE(PlayRound(&world)) << "sequence " << options.seed << ", round " << round;
+      ASSERT_NO_FATAL_FAILURE(PlayRound(&world))
+          << "sequence " << options.seed << ", round " << round;
     }
     ASSERT_NO_FATAL_FAILURE(world.ExpectFreshCost()) << "sequence " << options.seed;
   }
@@ -80,7 +82,8 @@ TEST_P(LongEditSequence, HoldsAndKeepsToItsMemory) {
   }
   ASSERT_NO_FATAL_FAILURE(world.ExpectFreshCost());
   EXPECT_GT(num_edits, 9 * kLongRun / 10);
-  // What grows with every edit would have quadrupled since; a largest crowd so far is only seen more and more seldom.
+  // What grows with every edit would have quadrupled since; a largest crowd so far is only seen
+  // more and more seldom.
   EXPECT_LT(static_cast<double>(world.system().Bytes()), 1.5 * bytes);
   EXPECT_LT(world.graph().num_variables(), 1.25 * num_variables);
 }

@@ -32,7 +32,11 @@ bool IsFull(const std::vector<VariableId>& ids, int most) {
 }  // namespace
 
 EditWorld::EditWorld(const EditWorldOptions& options)
-    : options_(options), random_(options.seed), system_(graph_, 1), edit_(graph_), descending_(random_.Below(2) == 0) {
+    : options_(options),
+      random_(options.seed),
+      system_(graph_, 1),
+      edit_(graph_),
+      descending_(random_.Below(2) == 0) {
   for (int& kind : frame_kinds_) {
     kind = random_.Below(10);
   }
@@ -49,7 +53,10 @@ void EditWorld::Rescan() {
   factors_.clear();
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
     if (graph_.HasVariable(id)) {
-      (graph_.StateOffset(id) < 0 ? borrowed_ : graph_.role(id) == Role::kLandmark ? landmarks_ : frames_).push_back(id);
+      (graph_.StateOffset(id) < 0           ? borrowed_
+       : graph_.role(id) == Role::kLandmark ? landmarks_
+                                            : frames_)
+          .push_back(id);
     }
   }
   for (FamilyId family = 0; family < graph_.num_families(); ++family) {
@@ -69,11 +76,14 @@ bool EditWorld::Edit() {
   const test::Random random = random_;
   Compose();
   if (edit_.revision() != graph_.revision()) {
-    random_ = random;  // a new family came meanwhile: the same edit once more, for it was begun too early
+    // a new family came meanwhile: the same edit once more, for it was begun too early
+    random_ = random;
     Compose();
   }
   const Status status = system_.Apply(edit_);
-  const auto says = [&status](const char* what) { return status.message.find(what) != std::string::npos; };
+  const auto says = [&status](const char* what) {
+    return status.message.find(what) != std::string::npos;
+  };
   EXPECT_TRUE(status.ok() || says("second landmark")) << status.message;
   if (status.ok() && options_.permanent_frame && permanent_ < 0) {
     permanent_ = new_values_.begin()->first;
@@ -104,7 +114,8 @@ void EditWorld::Compose() {
 
 // Removals first: what they take with them is then not used by the rest of the edit.
 void EditWorld::Remove() {
-  const bool full = IsFull(frames_, options_.max_frames) || IsFull(landmarks_, options_.max_landmarks);
+  const bool full =
+      IsFull(frames_, options_.max_frames) || IsFull(landmarks_, options_.max_landmarks);
   if (full || random_.Below(8) == 0) {
     RemoveVariable();
   }
@@ -123,7 +134,8 @@ void EditWorld::Change() {
   if (kind <= 1) {
     IsFull(frames_, options_.max_frames) ? AddFactors(frame) : AddFrame();
   } else if (kind <= 4) {
-    IsFull(landmarks_, options_.max_landmarks) || !options_.landmarks ? AddFactors(variable) : AddLandmark();
+    IsFull(landmarks_, options_.max_landmarks) || !options_.landmarks ? AddFactors(variable)
+                                                                      : AddLandmark();
   } else if (kind == 5 && !IsFull(borrowed_, 3)) {
     AddBorrowed();
   } else if (kind <= 9) {
@@ -149,7 +161,8 @@ std::vector<double> EditWorld::RandomValues(int size, bool curved) {
     for (const double value : values) {
       norm += value * value;
     }
-    std::transform(values.begin(), values.end(), values.begin(), [norm](double value) { return value / std::sqrt(norm); });
+    std::transform(values.begin(), values.end(), values.begin(),
+                   [norm](double value) { return value / std::sqrt(norm); });
   }
   return values;
 }
@@ -161,10 +174,10 @@ const double* EditWorld::ValuesOf(VariableId id) const {
 
 void EditWorld::AddFrame() {
   const int kind = frame_kinds_[random_.Below(3)];
-  const std::shared_ptr<const Manifold> manifold = kind == 0 ? std::make_shared<PoseManifold>()
-                                                   : kind == 8
-                                                       ? std::shared_ptr<const Manifold>(std::make_shared<QuaternionManifold>())
-                                                       : nullptr;
+  const std::shared_ptr<const Manifold> manifold =
+      kind == 0   ? std::make_shared<PoseManifold>()
+      : kind == 8 ? std::shared_ptr<const Manifold>(std::make_shared<QuaternionManifold>())
+                  : nullptr;
   const int size = manifold != nullptr ? manifold->AmbientSize() : kind;
   const std::vector<double> values = RandomValues(size, manifold != nullptr);
   const VariableId id = edit_.AddVariable(values.data(), size, Role::kFrame, manifold);
@@ -180,7 +193,8 @@ void EditWorld::AddFrame() {
 
 void EditWorld::AddLandmark() {
   const int kind = landmark_kinds_[random_.Below(2)];
-  const std::shared_ptr<const Manifold> manifold = kind == 0 ? std::make_shared<SphereManifold>(4) : nullptr;
+  const std::shared_ptr<const Manifold> manifold =
+      kind == 0 ? std::make_shared<SphereManifold>(4) : nullptr;
   const int size = manifold != nullptr ? manifold->AmbientSize() : kind;
   const std::vector<double> values = RandomValues(size, manifold != nullptr);
   const VariableId id = edit_.AddVariable(values.data(), size, Role::kLandmark, manifold);
@@ -222,7 +236,8 @@ void EditWorld::AddFactors(VariableId id) {
     const VariableId landmark = Any(landmarks_);
     const bool constant = new_values_.count(landmark) == 0 && graph_.IsConstant(landmark);
     if (!Contains(ids, landmark) && (constant || random_.Below(4) == 0)) {
-      ids.push_back(landmark);  // a second one may come if one of them is constant; else the edit is refused
+      ids.push_back(
+          landmark);  // a second one may come if one of them is constant; else the edit is refused
     }
   }
   // Few orders of the slots, and so few families: ascending by kind, or descending.
@@ -234,11 +249,13 @@ void EditWorld::AddFactors(VariableId id) {
 }
 
 void EditWorld::AddPrior(VariableId id, double sqrt_weight) {
-  Connect(shapes_.at(id).tangent_size, {id}, sqrt_weight, sqrt_weight == 1.0 ? 0.5 : std::pow(10.0, random_.Between(-2.0, 3.0)));
+  Connect(shapes_.at(id).tangent_size, {id}, sqrt_weight,
+          sqrt_weight == 1.0 ? 0.5 : std::pow(10.0, random_.Between(-2.0, 3.0)));
 }
 
 // A factor whose residuals at the current values are random, up to `residual` in size.
-void EditWorld::Connect(int residual_size, const std::vector<VariableId>& ids, double sqrt_weight, double residual) {
+void EditWorld::Connect(int residual_size, const std::vector<VariableId>& ids, double sqrt_weight,
+                        double residual) {
   std::vector<int> key = {residual_size};
   std::vector<FactorFamily::Slot> slots;
   std::vector<const double*> parameters;
@@ -265,7 +282,8 @@ void EditWorld::Connect(int residual_size, const std::vector<VariableId>& ids, d
   }
   const FactorId factor = edit_.AddFactor(found->second.id, family, measurement, ids, RandomLoss());
   std::vector<double> residuals = random_.Vector(residual_size);
-  std::transform(residuals.begin(), residuals.end(), residuals.begin(), [residual](double r) { return residual * r; });
+  std::transform(residuals.begin(), residuals.end(), residuals.begin(),
+                 [residual](double r) { return residual * r; });
   family.SetResiduals(factor.index, parameters.data(), residuals.data());
 }
 
@@ -349,14 +367,16 @@ void EditWorld::ChangeMeasurement() {
 
 // To somewhere near: with a heavy prior about, the cost rises all the same.
 void EditWorld::ChangeValues() {
-  const std::vector<VariableId>& ids = random_.Below(2) == 0 && !landmarks_.empty() ? landmarks_ : frames_;
+  const std::vector<VariableId>& ids =
+      random_.Below(2) == 0 && !landmarks_.empty() ? landmarks_ : frames_;
   const VariableId id = ids.empty() ? -1 : Any(ids);
   if (id < 0 || new_values_.count(id) > 0) {
     return;
   }
   const double size = std::pow(10.0, random_.Between(-8.0, 0.0));
   std::vector<double> step = random_.Vector(shapes_.at(id).tangent_size);
-  std::transform(step.begin(), step.end(), step.begin(), [size](double entry) { return size * entry; });
+  std::transform(step.begin(), step.end(), step.begin(),
+                 [size](double entry) { return size * entry; });
   std::vector<double> moved(ValuesOf(id), ValuesOf(id) + shapes_.at(id).ambient_size);
   if (graph_.manifold(id) != nullptr) {
     EXPECT_TRUE(graph_.manifold(id)->Plus(ValuesOf(id), step.data(), moved.data()));
@@ -369,7 +389,8 @@ void EditWorld::ChangeValues() {
 // Several at once, some of them twice: the last word counts.
 void EditWorld::Toggle() {
   for (int count = 1 + random_.Below(4); count > 0; --count) {
-    const std::vector<VariableId>& ids = random_.Below(2) == 0 && !landmarks_.empty() ? landmarks_ : frames_;
+    const std::vector<VariableId>& ids =
+        random_.Below(2) == 0 && !landmarks_.empty() ? landmarks_ : frames_;
     if (!ids.empty()) {
       const VariableId id = Any(ids);
       edit_.SetConstant(id, random_.Below(3) == 0);
@@ -382,9 +403,11 @@ void EditWorld::Toggle() {
 
 void EditWorld::Relinearize() {
   RelinearizeWork work;
-  const RebuildRule rules[] = {RebuildRule::kWhenCheaper, RebuildRule::kAlways, RebuildRule::kNever};
+  const RebuildRule rules[] = {RebuildRule::kWhenCheaper, RebuildRule::kAlways,
+                               RebuildRule::kNever};
   const RebuildRule rule = rules[random_.Below(6) == 0 ? 1 : 2 * random_.Below(2)];
-  const Status status = system_.Relinearize(std::pow(10.0, random_.Between(-5.0, 1.0)), rule, &work);
+  const Status status =
+      system_.Relinearize(std::pow(10.0, random_.Between(-5.0, 1.0)), rule, &work);
   ASSERT_TRUE(status.ok()) << status.message;
   EXPECT_TRUE(rule != RebuildRule::kAlways || work.rebuilt);
   EXPECT_EQ(system_.NumDirtyFactors(), 0);
@@ -410,7 +433,8 @@ void EditWorld::StepNewFrames() {
   }
   frames.ForEach([&](std::int32_t frame) {
     std::vector<double> step = random_.Vector(schur.frames()[frame].size);
-    std::transform(step.begin(), step.end(), step.begin(), [](double entry) { return 1e-2 * entry; });
+    std::transform(step.begin(), step.end(), step.begin(),
+                   [](double entry) { return 1e-2 * entry; });
     system_.step().SetFrame(frame, step.data());
   });
   for (const std::int32_t landmark : landmarks) {
@@ -449,7 +473,8 @@ void EditWorld::Step() {
   for (int i = 0; i < static_cast<int>(schur.frames().size()); ++i) {
     if (schur.frames()[i].id >= 0 && !schur.frames()[i].held && random_.Below(2) == 0) {
       std::vector<double> step = random_.Vector(schur.frames()[i].size);
-      std::transform(step.begin(), step.end(), step.begin(), [](double entry) { return 1e-2 * entry; });
+      std::transform(step.begin(), step.end(), step.begin(),
+                     [](double entry) { return 1e-2 * entry; });
       system_.step().SetFrame(i, step.data());
     }
   }
@@ -496,7 +521,9 @@ void EditWorld::ExpectLaw() {
       const int size = schur.frames()[row].size;
       const double* S = size > 0 ? schur.S().values(schur.S().row(row).back().offset) : nullptr;
       for (int k = 0; k < size; ++k) {
-        const double expected = schur.frames()[row].held ? 1.0 : mu_ * std::max(S[k * (PadToQuad(size) + 1)], kTinyDiagonal);
+        const double expected = schur.frames()[row].held
+                                    ? 1.0
+                                    : mu_ * std::max(S[k * (PadToQuad(size) + 1)], kTinyDiagonal);
         ASSERT_EQ(reduced_.damping()[schur.FrameOffset(row) + k], expected);
       }
     }
@@ -507,11 +534,14 @@ void EditWorld::ExpectLaw() {
   ASSERT_EQ(reduced_.damping(), damping);
   ASSERT_EQ(reduced_.constant(), held);
   for (int row = 0; row < static_cast<int>(held.size()); ++row) {
-    ASSERT_EQ(reduced_.pulls()[row], reduced_.Pull(schur, row, b.data() + schur.FrameOffset(row))) << "row " << row;
+    ASSERT_EQ(reduced_.pulls()[row], reduced_.Pull(schur, row, b.data() + schur.FrameOffset(row)))
+        << "row " << row;
   }
   // Now and then the solver is told no more than the first of the rows.
-  const auto rows_of = [this, &schur](const std::vector<std::int32_t>& rows) -> ReducedSolver::Rows {
-    return {rows.empty() ? schur.S().num_rows() : rows.front(), random_.Below(3) == 0 ? nullptr : &rows};
+  const auto rows_of = [this,
+                        &schur](const std::vector<std::int32_t>& rows) -> ReducedSolver::Rows {
+    return {rows.empty() ? schur.S().num_rows() : rows.front(),
+            random_.Below(3) == 0 ? nullptr : &rows};
   };
   std::vector<std::int32_t> changed;
   schur.TakeUnfactoredRows(&changed);

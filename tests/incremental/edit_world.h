@@ -17,24 +17,28 @@ namespace inceres::internal {
 struct EditWorldOptions {
   unsigned seed = 1;
   bool landmarks = true;
-  bool heavy_priors = true;      ///< of weight 1e14, on frames and landmarks, now and then
-  bool permanent_frame = false;  ///< the first variable stays for good, and takes part in half of the factors
-  int max_frames = 8;            ///< removed ones make room for others
+  bool heavy_priors = true;  ///< of weight 1e14, on frames and landmarks, now and then
+  bool permanent_frame =
+      false;           ///< the first variable stays for good, and takes part in half of the factors
+  int max_frames = 8;  ///< removed ones make room for others
   int max_landmarks = 16;
 };
 
-/// A small problem that random edits change in every way there is, the incremental system that follows it, and the resumed factor
-/// of its S: what the edit-sequence law is tested on. Frames of many sizes and manifolds, landmarks of every size, losses,
-/// constants that come as such or become so, factors of two landmarks, borrowed constants.
+/// A small problem that random edits change in every way there is, the incremental system that
+/// follows it, and the resumed factor of its S: what the edit-sequence law is tested on. Frames of
+/// many sizes and manifolds, landmarks of every size, losses, constants that come as such or become
+/// so, factors of two landmarks, borrowed constants.
 class EditWorld {
  public:
   explicit EditWorld(const EditWorldOptions& options);
 
-  /// An edit of one to four changes. False if the graph refused it: two free landmarks met in a factor.
+  /// An edit of one to four changes. False if the graph refused it: two free landmarks met in a
+  /// factor.
   bool Edit();
   /// Linearizes what is dirty, under a random rule and a random damping of the landmarks.
   void Relinearize();
-  /// A step of the frames that have come and of the landmarks they see, on S as far as these frames are concerned.
+  /// A step of the frames that have come and of the landmarks they see, on S as far as these frames
+  /// are concerned.
   void StepNewFrames();
   /// Linearizes some factors anew and damps some landmarks anew.
   void MarkSome();
@@ -68,7 +72,8 @@ class EditWorld {
   void AddBorrowed();
   void AddFactors(VariableId id);
   void AddPrior(VariableId id, double weight);
-  void Connect(int residual_size, const std::vector<VariableId>& ids, double sqrt_weight, double residual);
+  void Connect(int residual_size, const std::vector<VariableId>& ids, double sqrt_weight,
+               double residual);
   void RemoveFactor();
   void RemoveVariable();
   void ChangeLoss();
@@ -78,7 +83,9 @@ class EditWorld {
   std::shared_ptr<const Loss> RandomLoss();
   std::vector<double> RandomValues(int size, bool curved);
   const double* ValuesOf(VariableId id) const;
-  VariableId Any(const std::vector<VariableId>& ids) { return ids[random_.Below(static_cast<int>(ids.size()))]; }
+  VariableId Any(const std::vector<VariableId>& ids) {
+    return ids[random_.Below(static_cast<int>(ids.size()))];
+  }
   FactorId AnyFactor();
 
   const EditWorldOptions options_;
@@ -92,10 +99,11 @@ class EditWorld {
   bool mu_changed_ = true;
   GraphEdit edit_;
   bool descending_;
-  int frame_kinds_[3];                                    // 0: pose, 8: quaternion, else the size of a Euclidean variable
-  int landmark_kinds_[2];                                 // 0: on a sphere, else the size
-  std::map<std::vector<int>, Family> families_;           // by residual size and sizes of the slots
-  std::map<VariableId, std::vector<double>> new_values_;  // of variables the edit under construction adds
+  int frame_kinds_[3];     // 0: pose, 8: quaternion, else the size of a Euclidean variable
+  int landmark_kinds_[2];  // 0: on a sphere, else the size
+  std::map<std::vector<int>, Family> families_;  // by residual size and sizes of the slots
+  // of variables the edit under construction adds
+  std::map<VariableId, std::vector<double>> new_values_;
   std::map<VariableId, Shape> shapes_;
   std::vector<VariableId> frames_;
   std::vector<VariableId> landmarks_;
@@ -104,7 +112,8 @@ class EditWorld {
   std::vector<VariableId> borrowed_;
   std::vector<FactorId> factors_;
   std::vector<FactorId> removed_factors_;
-  std::vector<FactorId> placed_;  // whose measurements the edit under construction has changed already
+  // whose measurements the edit under construction has changed already
+  std::vector<FactorId> placed_;
   std::vector<std::unique_ptr<std::vector<double>>> memory_;  // of borrowed constants
 };
 

@@ -21,14 +21,17 @@ namespace {
 constexpr int kLandmarksPerFrame = 6;
 constexpr int kViews = 6;
 
-// Linear in all but a sine: f_r = x_r + y_r + 0.1 sin(x_r) − m_r. Its measurements allocate nothing.
+// Linear in all but a sine: f_r = x_r + y_r + 0.1 sin(x_r) − m_r. Its measurements allocate
+// nothing.
 class ViewFamily final : public AmbientFamily<ViewFamily> {
  public:
   struct Measurement {
     double m[2];
   };
   ViewFamily() : AmbientFamily(2, {{6, 6}, {3, 3}}) {}
-  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+  void Place(int index, const Measurement& measurement) {
+    PlaceIn(&measurements_, index, measurement);
+  }
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "view"; }
   bool EvaluateOne(int i, const double* const* x, double* residuals, double** jacobians) const {
@@ -39,7 +42,8 @@ class ViewFamily final : public AmbientFamily<ViewFamily> {
           const double phase = 1.0 + 7.0 * r + 3.0 * k + s + i % 13;  // of its own for every place
           residuals[r] += std::sin(phase) * x[s][k] + 0.1 * std::sin(x[s][k] + phase);
           if (jacobians != nullptr && jacobians[s] != nullptr) {
-            jacobians[s][r * slot(s).ambient_size + k] = std::sin(phase) + 0.1 * std::cos(x[s][k] + phase);
+            jacobians[s][r * slot(s).ambient_size + k] =
+                std::sin(phase) + 0.1 * std::cos(x[s][k] + phase);
           }
         }
       }
@@ -66,8 +70,10 @@ class SlidingWindow {
         edit_.RemoveVariable(landmark);
       }
     }
-    const double start[6] = {random_.Unit(), random_.Unit(), random_.Unit(), random_.Unit(), random_.Unit(), random_.Unit()};
-    const VariableId frame = frames_[step_ % num_frames_] = edit_.AddVariable(start, 6, Role::kFrame);
+    const double start[6] = {random_.Unit(), random_.Unit(), random_.Unit(),
+                             random_.Unit(), random_.Unit(), random_.Unit()};
+    const VariableId frame = frames_[step_ % num_frames_] =
+        edit_.AddVariable(start, 6, Role::kFrame);
     const VariableId alone[1] = {frame};
     prior_.mean.assign(start, start + 6);
     priors_->Place(edit_.Connect(prior_family_, alone).index, prior_);
@@ -76,7 +82,8 @@ class SlidingWindow {
       for (int v = 0; v < kViews && v <= step_; ++v) {
         const VariableId ids[2] = {frames_[(step_ - v) % num_frames_], landmark};
         if (step_ < num_frames_ || v < num_frames_) {
-          views_->Place(edit_.Connect(view_family_, ids, loss_).index, {{random_.Unit(), random_.Unit()}});
+          views_->Place(edit_.Connect(view_family_, ids, loss_).index,
+                        {{random_.Unit(), random_.Unit()}});
         }
       }
     }
@@ -111,7 +118,8 @@ class SlidingWindow {
   std::vector<std::array<VariableId, kLandmarksPerFrame>> landmarks_;
 };
 
-// How S δ = b is solved, and how many frames the window has: a step of more than 180 unknowns is cut off another way.
+// How S δ = b is solved, and how many frames the window has: a step of more than 180 unknowns is
+// cut off another way.
 class IncrementalAllocations : public testing::TestWithParam<std::tuple<ReducedSolverKind, int>> {};
 
 TEST_P(IncrementalAllocations, NothingInASlidingWindow) {
@@ -145,7 +153,8 @@ TEST_P(IncrementalAllocations, NothingInASlidingWindow) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Solvers, IncrementalAllocations,
-                         testing::Combine(testing::Values(ReducedSolverKind::kAutomatic, ReducedSolverKind::kResumed,
+                         testing::Combine(testing::Values(ReducedSolverKind::kAutomatic,
+                                                          ReducedSolverKind::kResumed,
                                                           ReducedSolverKind::kPcg),
                                           testing::Values(10, 40)));
 

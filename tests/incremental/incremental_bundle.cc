@@ -27,7 +27,8 @@ VariableId IncrementalBundle::AddVariable(Role role, int size) {
   return id;
 }
 
-// Near zero at the origin, about which all variables begin, and hardly curved: there is one minimum.
+// Near zero at the origin, about which all variables begin, and hardly curved: there is one
+// minimum.
 SmoothFamily::Measurement IncrementalBundle::RandomMeasurement(const SmoothFamily& family) {
   SmoothFamily::Measurement measurement = family.MakeMeasurement(&random_);
   const std::size_t row = measurement.size() / family.residual_size();
@@ -41,9 +42,12 @@ SmoothFamily::Measurement IncrementalBundle::RandomMeasurement(const SmoothFamil
 
 FactorId IncrementalBundle::Add(Factor factor) {
   const FamilyId family = families_[factor.kind];
-  const FactorId id = factor.kind == kPrior ? edit_.AddFactor(family, *priors_, factor.prior, factor.variables, factor.loss)
-                      : factor.kind == kTie ? edit_.AddFactor(family, *ties_, factor.smooth, factor.variables, factor.loss)
-                                            : edit_.AddFactor(family, *views_, factor.smooth, factor.variables, factor.loss);
+  const FactorId id =
+      factor.kind == kPrior
+          ? edit_.AddFactor(family, *priors_, factor.prior, factor.variables, factor.loss)
+      : factor.kind == kTie
+          ? edit_.AddFactor(family, *ties_, factor.smooth, factor.variables, factor.loss)
+          : edit_.AddFactor(family, *views_, factor.smooth, factor.variables, factor.loss);
   factors_[{id.family, id.index}] = std::move(factor);
   return id;
 }
@@ -58,7 +62,8 @@ VariableId IncrementalBundle::AddFrame() {
   return frame;
 }
 
-VariableId IncrementalBundle::AddLandmark(const std::vector<VariableId>& frames, std::shared_ptr<const Loss> loss) {
+VariableId IncrementalBundle::AddLandmark(const std::vector<VariableId>& frames,
+                                          std::shared_ptr<const Loss> loss) {
   const VariableId landmark = AddVariable(Role::kLandmark, 3);
   landmarks_.push_back(landmark);
   for (const VariableId frame : frames) {
@@ -68,14 +73,19 @@ VariableId IncrementalBundle::AddLandmark(const std::vector<VariableId>& frames,
 }
 
 FactorId IncrementalBundle::AddPrior(VariableId frame, double sqrt_information) {
-  return Add({kPrior, {frame}, nullptr, {random_.Vector(6), std::vector<double>(6, sqrt_information)}, {}});
+  return Add({kPrior,
+              {frame},
+              nullptr,
+              {random_.Vector(6), std::vector<double>(6, sqrt_information)},
+              {}});
 }
 
 void IncrementalBundle::RemoveVariable(VariableId id) {
   edit_.RemoveVariable(id);
   for (auto factor = factors_.begin(); factor != factors_.end();) {
     const auto& ids = factor->second.variables;
-    factor = std::find(ids.begin(), ids.end(), id) != ids.end() ? factors_.erase(factor) : std::next(factor);
+    factor = std::find(ids.begin(), ids.end(), id) != ids.end() ? factors_.erase(factor)
+                                                                : std::next(factor);
   }
   variables_.erase(id);
   frames_.erase(std::remove(frames_.begin(), frames_.end(), id), frames_.end());
@@ -120,14 +130,16 @@ void IncrementalBundle::Apply() {
   edit_.Restart();
 }
 
-void IncrementalBundle::Grow(int num_frames, int num_landmarks, int views, std::shared_ptr<const Loss> loss) {
+void IncrementalBundle::Grow(int num_frames, int num_landmarks, int views,
+                             std::shared_ptr<const Loss> loss) {
   const auto first = static_cast<int>(frames_.size());
   for (int i = 0; i < num_frames; ++i) {
     AddFrame();
   }
   const int begin = std::max(0, first - views + 1);
   for (int l = 0; l < num_landmarks; ++l) {
-    const int at = begin + random_.Below(std::max(1, static_cast<int>(frames_.size()) - views - begin + 1));
+    const int at =
+        begin + random_.Below(std::max(1, static_cast<int>(frames_.size()) - views - begin + 1));
     const int end = std::min(at + views, static_cast<int>(frames_.size()));
     AddLandmark({frames_.begin() + at, frames_.begin() + end}, loss);
   }
@@ -138,14 +150,17 @@ void IncrementalBundle::Rebuild(bool from_values_held, FactorGraph* graph) const
   std::map<VariableId, VariableId> renamed;
   for (const auto& [id, variable] : variables_) {
     // A constant stays where it is held: that may be elsewhere than where it began.
-    const double* values = from_values_held || variable.constant ? solver.Values(id) : variable.start.data();
-    renamed[id] = graph->AddVariable(values, static_cast<int>(variable.start.size()), variable.role);
+    const double* values =
+        from_values_held || variable.constant ? solver.Values(id) : variable.start.data();
+    renamed[id] =
+        graph->AddVariable(values, static_cast<int>(variable.start.size()), variable.role);
     graph->SetConstant(renamed[id], variable.constant);
   }
   auto priors = std::make_shared<DiagonalPriorFamily>(6);
   auto ties = std::make_shared<SmoothFamily>(6, Slots{{6, 6}, {6, 6}});
   auto views = std::make_shared<SmoothFamily>(2, Slots{{6, 6}, {3, 3}});
-  const FamilyId ids[3] = {graph->AddFamily(priors), graph->AddFamily(ties), graph->AddFamily(views)};
+  const FamilyId ids[3] = {graph->AddFamily(priors), graph->AddFamily(ties),
+                           graph->AddFamily(views)};
   for (const auto& [key, factor] : factors_) {
     std::vector<VariableId> variables;
     for (const VariableId id : factor.variables) {
@@ -154,7 +169,8 @@ void IncrementalBundle::Rebuild(bool from_values_held, FactorGraph* graph) const
     if (factor.kind == kPrior) {
       graph->AddFactor(ids[kPrior], *priors, factor.prior, variables, factor.loss);
     } else {
-      graph->AddFactor(ids[factor.kind], factor.kind == kTie ? *ties : *views, factor.smooth, variables, factor.loss);
+      graph->AddFactor(ids[factor.kind], factor.kind == kTie ? *ties : *views, factor.smooth,
+                       variables, factor.loss);
     }
   }
 }
@@ -176,7 +192,8 @@ double IncrementalBundle::FreshMinimum(const IncrementalOptions& options) const 
   std::map<VariableId, VariableId> renamed;
   for (const auto& [id, variable] : variables_) {
     const double* values = variable.constant ? solver.Values(id) : variable.start.data();
-    renamed[id] = fresh.edit_.AddVariable(values, static_cast<int>(variable.start.size()), variable.role);
+    renamed[id] =
+        fresh.edit_.AddVariable(values, static_cast<int>(variable.start.size()), variable.role);
     fresh.edit_.SetConstant(renamed[id], variable.constant);
   }
   for (const auto& [key, factor] : factors_) {

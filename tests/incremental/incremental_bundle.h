@@ -12,8 +12,8 @@
 
 namespace inceres::test {
 
-/// A bundle of frames (6) and landmarks (3) that an IncrementalSolver follows, and a plain record of what it is made of, from
-/// which the same problem can be built anew for the batch solver.
+/// A bundle of frames (6) and landmarks (3) that an IncrementalSolver follows, and a plain record
+/// of what it is made of, from which the same problem can be built anew for the batch solver.
 class IncrementalBundle {
  public:
   explicit IncrementalBundle(const IncrementalOptions& options, unsigned seed = 1);
@@ -23,7 +23,8 @@ class IncrementalBundle {
   /// A frame with a prior, tied to the one before it.
   VariableId AddFrame();
   /// A landmark seen from these frames.
-  VariableId AddLandmark(const std::vector<VariableId>& frames, std::shared_ptr<const Loss> loss = nullptr);
+  VariableId AddLandmark(const std::vector<VariableId>& frames,
+                         std::shared_ptr<const Loss> loss = nullptr);
   /// A prior at a random place.
   FactorId AddPrior(VariableId frame, double sqrt_information);
   void RemoveVariable(VariableId id);
@@ -38,9 +39,11 @@ class IncrementalBundle {
   /// Carries the edit out and begins the next.
   void Apply();
   /// Frames and landmarks at once: `views` neighboring frames see each.
-  void Grow(int num_frames, int num_landmarks, int views, std::shared_ptr<const Loss> loss = nullptr);
+  void Grow(int num_frames, int num_landmarks, int views,
+            std::shared_ptr<const Loss> loss = nullptr);
 
-  /// A batch solve of the problem as recorded, from the values held now, or from those the variables came with.
+  /// A batch solve of the problem as recorded, from the values held now, or from those the
+  /// variables came with.
   Summary SolveInBatch(bool from_values_held) const;
   /// The cost another IncrementalSolver finds, which never knew what was removed.
   double FreshMinimum(const IncrementalOptions& options) const;

@@ -133,8 +133,11 @@ TEST(IncrementalEdits, AConstantMovesWithItsValues) {
   bundle.SetValues(bundle.landmarks()[3], landmark);
   bundle.Apply();
   ExpectBatchMinimum(&bundle);
-  EXPECT_EQ(std::vector<double>(bundle.solver.Values(bundle.frames()[2]), bundle.solver.Values(bundle.frames()[2]) + 6), frame);
-  EXPECT_EQ(std::vector<double>(bundle.solver.Values(bundle.landmarks()[3]), bundle.solver.Values(bundle.landmarks()[3]) + 3),
+  EXPECT_EQ(std::vector<double>(bundle.solver.Values(bundle.frames()[2]),
+                                bundle.solver.Values(bundle.frames()[2]) + 6),
+            frame);
+  EXPECT_EQ(std::vector<double>(bundle.solver.Values(bundle.landmarks()[3]),
+                                bundle.solver.Values(bundle.landmarks()[3]) + 3),
             landmark);
 }
 
@@ -179,7 +182,8 @@ TEST(IncrementalEdits, ThousandsOfConstantsToggleWithoutAnEvaluation) {
 
 // An edit that is refused does not change a bit of what comes after.
 TEST(IncrementalEdits, ARefusedEditNeverWas) {
-  const auto play = [](bool with_failures, std::vector<double>* values, std::vector<double>* costs) {
+  const auto play = [](bool with_failures, std::vector<double>* values,
+                       std::vector<double>* costs) {
     IncrementalBundle bundle(IncrementalOptions{}, 8);
     bundle.Grow(6, 30, 3);
     for (int step = 0; step < 6; ++step) {

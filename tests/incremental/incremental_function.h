@@ -9,10 +9,13 @@
 
 namespace inceres::test {
 
-/// A living problem of one variable of one, which is 1 to begin with, and one factor, whose residual the function gives.
+/// A living problem of one variable of one, which is 1 to begin with, and one factor, whose
+/// residual the function gives.
 struct IncrementalFunction {
-  IncrementalFunction(const IncrementalOptions& options, FunctionFamily::Function function) : solver(options) {
-    auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, std::move(function));
+  IncrementalFunction(const IncrementalOptions& options, FunctionFamily::Function function)
+      : solver(options) {
+    auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
+                                                   std::move(function));
     const FamilyId id = solver.AddFamily(family);
     GraphEdit edit(solver.graph());
     const double start = 1.0;

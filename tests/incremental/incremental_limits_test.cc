@@ -1,4 +1,5 @@
-// An Update may be cut short at any time: it ends with the best state so far, and a later one goes on.
+// An Update may be cut short at any time: it ends with the best state so far, and a later one goes
+// on.
 
 #include <atomic>
 #include <chrono>
@@ -23,7 +24,8 @@ IncrementalOptions WithoutBatch() {
   return options;
 }
 
-// What is cut short never costs more than where it began, and in the end the minimum is that of an Update without limits.
+// What is cut short never costs more than where it began, and in the end the minimum is that of an
+// Update without limits.
 void ExpectAnytime(const IncrementalOptions& options, int most_updates) {
   IncrementalBundle free(WithoutBatch(), 10);
   free.Grow(10, 60, 3);
@@ -69,7 +71,8 @@ TEST(IncrementalLimits, FactorEvaluationsAreOverdrawnByOneIterationAtMost) {
   bundle.Grow(10, 60, 3);
   const UpdateSummary summary = bundle.solver.Update();
   EXPECT_EQ(summary.termination, Termination::kNoConvergence);
-  EXPECT_EQ(summary.num_relinearized_factors, bundle.num_factors()) << "without a linearization there is no cost";
+  EXPECT_EQ(summary.num_relinearized_factors, bundle.num_factors())
+      << "without a linearization there is no cost";
   EXPECT_EQ(summary.num_iterations, 0);
   EXPECT_EQ(summary.final_cost, summary.initial_cost);
 }
@@ -87,7 +90,8 @@ TEST(IncrementalLimits, FactorEvaluationsOfTheBatchSolverCountToo) {
   limited.Grow(10, 60, 3);
   const UpdateSummary summary = limited.solver.Update();
   EXPECT_EQ(summary.termination, Termination::kNoConvergence);
-  EXPECT_LT(summary.num_evaluated_factors + summary.num_relinearized_factors, 8 * bundle.num_factors());
+  EXPECT_LT(summary.num_evaluated_factors + summary.num_relinearized_factors,
+            8 * bundle.num_factors());
 }
 
 TEST(IncrementalLimits, Seconds) {
@@ -128,11 +132,13 @@ TEST(IncrementalLimits, AStopAskedForBeforeAnUpdateWithNothingToDoEndsThatOne) {
   EXPECT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
 }
 
-// One variable that creeps towards its minimum: every evaluation waits until the other thread has asked for the stop.
+// One variable that creeps towards its minimum: every evaluation waits until the other thread has
+// asked for the stop.
 TEST(IncrementalLimits, AStopFromAnotherThreadEndsTheUpdateThatRuns) {
   std::atomic<bool> running{false};
   std::atomic<bool> asked{false};
-  const auto slow = [&](int, const double* const* parameters, double* residuals, double** jacobians) {
+  const auto slow = [&](int, const double* const* parameters, double* residuals,
+                        double** jacobians) {
     running = true;
     while (!asked) {
       std::this_thread::yield();

@@ -29,7 +29,8 @@ TEST_P(IncrementalReducedSolvers, EndAtTheBatchMinimum) {
   };
   bundle.Grow(10, 60, 3);
   expect_minimum("at first");
-  const FactorId pins[] = {bundle.AddPrior(bundle.frames()[0], 1e7), bundle.AddPrior(bundle.frames()[5], 1e7)};
+  const FactorId pins[] = {bundle.AddPrior(bundle.frames()[0], 1e7),
+                           bundle.AddPrior(bundle.frames()[5], 1e7)};
   bundle.Apply();
   expect_minimum("with priors of weight 1e14");
   bundle.Grow(4, 20, 3, std::make_shared<HuberLoss>(0.2));
@@ -62,8 +63,9 @@ std::string NameOf(const testing::TestParamInfo<ReducedSolverKind>& info) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, IncrementalReducedSolvers,
-                         testing::Values(ReducedSolverKind::kAutomatic, ReducedSolverKind::kResumed, ReducedSolverKind::kDense,
-                                         ReducedSolverKind::kSparse, ReducedSolverKind::kPcg),
+                         testing::Values(ReducedSolverKind::kAutomatic, ReducedSolverKind::kResumed,
+                                         ReducedSolverKind::kDense, ReducedSolverKind::kSparse,
+                                         ReducedSolverKind::kPcg),
                          NameOf);
 
 IncrementalOptions OptionsWith(const ReducedSolverFactory& factory) {
@@ -120,10 +122,12 @@ class CountingSolver final : public ReducedSolver {
   }
   Status Factorize(const ReducedMatrix& A, const Rows& changed) override {
     ++calls_.factorizations;
-    calls_.changed_rows = changed.rows != nullptr ? static_cast<int>(changed.rows->size()) : A.pattern().num_blocks();
+    calls_.changed_rows =
+        changed.rows != nullptr ? static_cast<int>(changed.rows->size()) : A.pattern().num_blocks();
     return solver_.Factorize(A, changed);
   }
-  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override {
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+               double* x) override {
     return solver_.Solve(b, changed_b, truncation, x);
   }
 
@@ -132,10 +136,12 @@ class CountingSolver final : public ReducedSolver {
   EigenLdltSolver solver_;
 };
 
-// Of a new pattern once, and of the rows that have changed: here those of a frame whose prior comes and goes.
+// Of a new pattern once, and of the rows that have changed: here those of a frame whose prior comes
+// and goes.
 TEST(IncrementalReducedSolverFactory, IsToldWhatHasChanged) {
   CountingSolver::Calls calls;
-  IncrementalBundle bundle(OptionsWith([&calls] { return std::make_unique<CountingSolver>(&calls); }), 11);
+  IncrementalBundle bundle(
+      OptionsWith([&calls] { return std::make_unique<CountingSolver>(&calls); }), 11);
   bundle.Grow(12, 60, 3);
   EXPECT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
   EXPECT_EQ(calls.analyses, 1);
@@ -159,7 +165,8 @@ class BrokenSolver final : public ReducedSolver {
   Status Factorize(const ReducedMatrix& /*A*/, const Rows& /*changed*/) override {
     return Status::Error(StatusCode::kUnavailable, "no device");
   }
-  Status Solve(const double* /*b*/, const Rows& /*changed*/, const Truncation& /*truncation*/, double* /*x*/) override {
+  Status Solve(const double* /*b*/, const Rows& /*changed*/, const Truncation& /*truncation*/,
+               double* /*x*/) override {
     return Status::Ok();
   }
 };

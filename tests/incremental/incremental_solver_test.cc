@@ -24,8 +24,9 @@ namespace {
 using test::FunctionFamily;
 using test::IncrementalFunction;
 
-// A simulated street whose cameras arrive one by one, with the points that two cameras so far see. The first two hold the
-// gauge at their true poses: held at noisy ones they would keep every residual large, where Huber's loss converges slowly.
+// A simulated street whose cameras arrive one by one, with the points that two cameras so far see.
+// The first two hold the gauge at their true poses: held at noisy ones they would keep every
+// residual large, where Huber's loss converges slowly.
 class Street {
  public:
   explicit Street(const IncrementalOptions& options)
@@ -60,7 +61,8 @@ class Street {
       if (point >= 0) {
         Observe(sightings.back(), point, &edit);
       } else if (sightings.size() == 2) {
-        point = edit.AddVariable(problem_.points.data() + 3 * observation.point, 3, Role::kLandmark);
+        point =
+            edit.AddVariable(problem_.points.data() + 3 * observation.point, 3, Role::kLandmark);
         Observe(sightings[0], point, &edit);
         Observe(sightings[1], point, &edit);
       }
@@ -91,7 +93,8 @@ class Street {
   };
 
   void Observe(const Sighting& sighting, VariableId point, GraphEdit* edit) {
-    edit->AddFactor(family_, *reprojections_, {sighting.x, sighting.y}, {cameras_[sighting.camera], point}, loss_);
+    edit->AddFactor(family_, *reprojections_, {sighting.x, sighting.y},
+                    {cameras_[sighting.camera], point}, loss_);
   }
 
   BalProblem problem_;
@@ -165,14 +168,16 @@ TEST(IncrementalSolver, StopsAtItsLimitsWithTheBestStateSoFar) {
   EXPECT_EQ(one.num_iterations, 1);
   EXPECT_LT(one.final_cost, one.initial_cost);
   const UpdateSummary next = street.solver.Update();
-  EXPECT_NEAR(next.initial_cost, one.final_cost, 1e-12 * one.final_cost) << "it goes on where it stopped";
+  EXPECT_NEAR(next.initial_cost, one.final_cost, 1e-12 * one.final_cost)
+      << "it goes on where it stopped";
 }
 
 TEST(IncrementalSolver, ParksALandmarkWithoutInformation) {
   IncrementalOptions options;
   options.batch_share = 1.0;  // the batch solver damps it instead
   IncrementalSolver solver(options);
-  const auto blind = [](int, const double* const* parameters, double* residuals, double** jacobians) {
+  const auto blind = [](int, const double* const* parameters, double* residuals,
+                        double** jacobians) {
     residuals[0] = parameters[0][0] - 2.0;
     if (jacobians != nullptr) {
       jacobians[0][0] = 1.0;
@@ -180,7 +185,8 @@ TEST(IncrementalSolver, ParksALandmarkWithoutInformation) {
     }
     return true;
   };
-  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, blind);
+  auto family =
+      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, blind);
   const double start = 7.0;
   const FamilyId id = solver.AddFamily(family);
   GraphEdit edit(solver.graph());
@@ -198,7 +204,8 @@ TEST(IncrementalSolver, ParksALandmarkWithoutInformation) {
 TEST(IncrementalSolver, AFactorThatFailsIsNamedAndMayRecover) {
   IncrementalSolver solver{IncrementalOptions{}};
   bool broken = false;
-  const auto moody = [&broken](int i, const double* const* parameters, double* residuals, double** jacobians) {
+  const auto moody = [&broken](int i, const double* const* parameters, double* residuals,
+                               double** jacobians) {
     residuals[0] = parameters[0][0] - i;
     if (jacobians != nullptr) {
       jacobians[0][0] = 1.0;
@@ -235,7 +242,8 @@ TEST(IncrementalSolver, AFactorThatFailsIsNamedAndMayRecover) {
 
 // exp(x) creeps down; its Jacobian fails below 0.5, which the first step reaches.
 TEST(IncrementalSolver, AFailureAfterAStepKeepsTheStepAndItsCost) {
-  const auto halting = [](int, const double* const* parameters, double* residuals, double** jacobians) {
+  const auto halting = [](int, const double* const* parameters, double* residuals,
+                          double** jacobians) {
     residuals[0] = std::exp(parameters[0][0]);
     if (jacobians != nullptr) {
       jacobians[0][0] = residuals[0];
@@ -268,7 +276,8 @@ TEST(IncrementalSolver, AnEditThatCannotBeIsRefusedUntouched) {
 }
 
 TEST(IncrementalOptions, EachFieldIsValidatedByName) {
-  const auto expect_named = [](const char* field, const std::function<void(IncrementalOptions*)>& spoil) {
+  const auto expect_named = [](const char* field,
+                               const std::function<void(IncrementalOptions*)>& spoil) {
     IncrementalOptions options;
     ASSERT_TRUE(options.Validate().ok());
     spoil(&options);
@@ -280,13 +289,16 @@ TEST(IncrementalOptions, EachFieldIsValidatedByName) {
   expect_named("max_num_iterations", [](IncrementalOptions* o) { o->max_num_iterations = -1; });
   expect_named("max_seconds", [](IncrementalOptions* o) { o->max_seconds = 0.0; });
   expect_named("function_tolerance", [](IncrementalOptions* o) { o->function_tolerance = -1.0; });
-  expect_named("min_relative_decrease", [](IncrementalOptions* o) { o->min_relative_decrease = std::nan(""); });
-  expect_named("max_factor_evaluations", [](IncrementalOptions* o) { o->max_factor_evaluations = 0; });
+  expect_named("min_relative_decrease",
+               [](IncrementalOptions* o) { o->min_relative_decrease = std::nan(""); });
+  expect_named("max_factor_evaluations",
+               [](IncrementalOptions* o) { o->max_factor_evaluations = 0; });
   expect_named("num_threads", [](IncrementalOptions* o) { o->num_threads = 0; });
   expect_named("min_damping", [](IncrementalOptions* o) { o->min_damping = 0.0; });
   expect_named("initial_damping", [](IncrementalOptions* o) { o->initial_damping = 1e-12; });
   expect_named("max_damping", [](IncrementalOptions* o) { o->max_damping = 1e-6; });
-  expect_named("relinearization_share", [](IncrementalOptions* o) { o->relinearization_share = -0.5; });
+  expect_named("relinearization_share",
+               [](IncrementalOptions* o) { o->relinearization_share = -0.5; });
   expect_named("max_new_frame_steps", [](IncrementalOptions* o) { o->max_new_frame_steps = -1; });
   expect_named("truncation_share", [](IncrementalOptions* o) { o->truncation_share = -0.5; });
 }

@@ -1,4 +1,5 @@
-// Steps of an active set: the dog-leg path between the Cauchy point and the step, and landmarks that step by themselves.
+// Steps of an active set: the dog-leg path between the Cauchy point and the step, and landmarks
+// that step by themselves.
 
 #include <cmath>
 #include <memory>
@@ -18,7 +19,8 @@ using test::FunctionFamily;
 // One frame x and landmarks l_i with residuals (x − 1, 3 (l_i − x) + l_i² / 10).
 class Star {
  public:
-  explicit Star(int num_landmarks, std::shared_ptr<const Loss> loss = nullptr, double landmark_damping = 0.0)
+  explicit Star(int num_landmarks, std::shared_ptr<const Loss> loss = nullptr,
+                double landmark_damping = 0.0)
       : system_(graph_, 1) {
     const auto view = [](int, const double* const* x, double* residuals, double** jacobians) {
       residuals[0] = x[0][0] - 1.0;
@@ -31,7 +33,8 @@ class Star {
       }
       return true;
     };
-    auto views = std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, view);
+    auto views =
+        std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, view);
     const FamilyId id = graph_.AddFamily(views);
     const double start = 4.0;
     const VariableId frame = graph_.AddVariable(&start, 1, Role::kFrame);
@@ -96,7 +99,8 @@ TEST(DoglegPath, HasTheNormAskedForAndGainsMoreTheLongerItIs) {
   }
   EXPECT_NEAR(last_gain, full_gain, 1e-2 * full_gain);
   system.step().Shorten(10.0 * full_norm);
-  EXPECT_NEAR(system.step().ScaledNorm(), full_norm, 1e-9 * full_norm) << "never beyond the step itself";
+  EXPECT_NEAR(system.step().ScaledNorm(), full_norm, 1e-9 * full_norm)
+      << "never beyond the step itself";
 }
 
 TEST(DoglegPath, AStepIsShortenedWithoutBeingEvaluatedFirst) {
@@ -126,7 +130,8 @@ TEST(DoglegPath, StartsDownTheGradient) {
   double change = 0.0;
   double predicted = 0.0;
   ASSERT_TRUE(system.step().Evaluate(&change, &predicted).ok());
-  EXPECT_NEAR(-change, predicted, 1e-4 * predicted) << "so short a step does what the gradient says";
+  EXPECT_NEAR(-change, predicted, 1e-4 * predicted)
+      << "so short a step does what the gradient says";
 }
 
 TEST(LandmarkSteps, LowerTheCostAndMoveNoFrame) {
@@ -147,7 +152,8 @@ TEST(LandmarkSteps, LowerTheCostAndMoveNoFrame) {
   EXPECT_NEAR(system.cost(), sum, 1e-12 * before);
 }
 
-// A damping of 9 leaves a tenth of the step; the next one is as long as the slope and the curvature seen ask for.
+// A damping of 9 leaves a tenth of the step; the next one is as long as the slope and the curvature
+// seen ask for.
 TEST(LandmarkSteps, DampingDoesNotMakeThemCreep) {
   constexpr double kDamping = 9.0;
   const double minimum = 5.0 * (std::sqrt(13.8) - 3.0);  // of 3 (l − 4) + l² / 10
@@ -188,7 +194,8 @@ TEST(LandmarkSteps, ThoseThatDoNotGainStayWhereTheyAre) {
   EXPECT_NE(*system.variables().current(2), 3.0);
 }
 
-// What is kept by difference stays good to the accuracy asked for when the cost falls by many orders of magnitude.
+// What is kept by difference stays good to the accuracy asked for when the cost falls by many
+// orders of magnitude.
 TEST(LandmarkSteps, TheGainOfAllIsRightAfterTheCostHasFallenFar) {
   Star star(3);
   IncrementalSystem& system = star.system();

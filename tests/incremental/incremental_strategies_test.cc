@@ -1,5 +1,5 @@
-// The ways an Update can go: through the batch solver alone, with the thesis's damping or rule, with and without steps of
-// landmarks.
+// The ways an Update can go: through the batch solver alone, with the thesis's damping or rule,
+// with and without steps of landmarks.
 
 #include <algorithm>
 #include <cmath>
@@ -49,7 +49,8 @@ TEST_P(BatchOnly, IsTheBatchSolverBitForBit) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Strategies, BatchOnly,
-                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg));
+                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt,
+                                         TrustRegionStrategyKind::kDogleg));
 
 TEST(BatchPhase, TakesAnUpdateThatIsMostlyNewAndNoOther) {
   IncrementalOptions options;
@@ -93,16 +94,20 @@ TEST_P(Variants, EndAtTheBatchMinimum) {
 
 INSTANTIATE_TEST_SUITE_P(
     Options, Variants,
-    testing::Values(Variant{"ThesisDamping", [](IncrementalOptions* o) { o->damping = DampingForm::kThesis; }},
-                    Variant{"StepSizeRule", [](IncrementalOptions* o) { o->relinearization = RelinearizationRule::kStepSize; }},
-                    Variant{"NoLandmarkPasses", [](IncrementalOptions* o) { o->max_landmark_passes = 0; }},
-                    Variant{"NoNewFrameSteps", [](IncrementalOptions* o) { o->max_new_frame_steps = 0; }},
-                    Variant{"NothingTruncated", [](IncrementalOptions* o) { o->truncation_share = 0.0; }},
-                    Variant{"AlwaysRebuilt", [](IncrementalOptions* o) { o->rebuild = RebuildPolicy::kAlways; }},
-                    Variant{"NeverRebuilt", [](IncrementalOptions* o) { o->rebuild = RebuildPolicy::kNever; }}),
+    testing::Values(
+        Variant{"ThesisDamping", [](IncrementalOptions* o) { o->damping = DampingForm::kThesis; }},
+        Variant{"StepSizeRule",
+                [](IncrementalOptions* o) { o->relinearization = RelinearizationRule::kStepSize; }},
+        Variant{"NoLandmarkPasses", [](IncrementalOptions* o) { o->max_landmark_passes = 0; }},
+        Variant{"NoNewFrameSteps", [](IncrementalOptions* o) { o->max_new_frame_steps = 0; }},
+        Variant{"NothingTruncated", [](IncrementalOptions* o) { o->truncation_share = 0.0; }},
+        Variant{"AlwaysRebuilt",
+                [](IncrementalOptions* o) { o->rebuild = RebuildPolicy::kAlways; }},
+        Variant{"NeverRebuilt", [](IncrementalOptions* o) { o->rebuild = RebuildPolicy::kNever; }}),
     [](const auto& variant) { return std::string(variant.param.name); });
 
-// A large step threshold keeps old Jacobians until convergence is at stake: fewer linearizations than with a tiny one.
+// A large step threshold keeps old Jacobians until convergence is at stake: fewer linearizations
+// than with a tiny one.
 TEST(StepSizeRule, LinearizesByItsThreshold) {
   const auto linearized_with = [](double step) {
     IncrementalOptions options;
@@ -116,7 +121,8 @@ TEST(StepSizeRule, LinearizesByItsThreshold) {
   EXPECT_GT(linearized_with(1e-12), linearized_with(1e3));
 }
 
-// θ = 0: whether S follows by difference or is summed anew, the iterates are the same up to rounding.
+// θ = 0: whether S follows by difference or is summed anew, the iterates are the same up to
+// rounding.
 TEST(RebuildPolicy, DifferencesGiveTheIteratesOfRebuilding) {
   const auto play = [](RebuildPolicy policy, std::vector<double>* values) {
     IncrementalOptions options;
@@ -149,7 +155,8 @@ TEST(RebuildPolicy, DifferencesGiveTheIteratesOfRebuilding) {
   }
   ASSERT_EQ(followed.size(), rebuilt.size());
   for (std::size_t k = 0; k < rebuilt.size(); ++k) {
-    EXPECT_NEAR(followed[k], rebuilt[k], 1e-9 * std::max(1.0, std::fabs(rebuilt[k]))) << "value " << k;
+    EXPECT_NEAR(followed[k], rebuilt[k], 1e-9 * std::max(1.0, std::fabs(rebuilt[k])))
+        << "value " << k;
   }
 }
 
@@ -196,8 +203,8 @@ TEST(RebuildPolicy, WhenCheaperRebuildsAfterStepsOfAllAndNotForOneNewFactor) {
   EXPECT_EQ(one_landmark.num_rebuilds, 0);
 }
 
-// An outlier under a robust loss slides along a line, Gauss–Newton step by Gauss–Newton step; by itself the landmark gets there
-// in few steps of the frames.
+// An outlier under a robust loss slides along a line, Gauss–Newton step by Gauss–Newton step; by
+// itself the landmark gets there in few steps of the frames.
 TEST(LandmarkPasses, BringOutliersHomeInFewerIterations) {
   const auto run = [](int passes) {
     IncrementalOptions options;
@@ -206,7 +213,8 @@ TEST(LandmarkPasses, BringOutliersHomeInFewerIterations) {
     options.max_num_iterations = 500;
     options.function_tolerance = 1e-9;
     IncrementalSolver solver(options);
-    // A frame held by a prior; a landmark l with residuals (l − x − m, 0.02 l): weak across, far out along the first.
+    // A frame held by a prior; a landmark l with residuals (l − x − m, 0.02 l): weak across, far
+    // out along the first.
     const auto view = [](int i, const double* const* x, double* residuals, double** jacobians) {
       residuals[0] = x[1][0] - x[0][0] - (i == 0 ? 40.0 : 0.0);
       residuals[1] = 0.3 * std::sin(x[1][0]) + 0.1 * x[1][0];
@@ -225,8 +233,10 @@ TEST(LandmarkPasses, BringOutliersHomeInFewerIterations) {
       }
       return true;
     };
-    auto views = std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, view);
-    auto priors = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, prior);
+    auto views =
+        std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, view);
+    auto priors =
+        std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, prior);
     const FamilyId view_id = solver.AddFamily(views);
     const FamilyId prior_id = solver.AddFamily(priors);
     GraphEdit edit(solver.graph());
@@ -241,7 +251,8 @@ TEST(LandmarkPasses, BringOutliersHomeInFewerIterations) {
       edit.AddFactor(view_id, *views, 0, {frame, landmark}, std::make_shared<HuberLoss>(0.5));
     }
     EXPECT_TRUE(solver.Apply(edit).ok());
-    // Most of it new would keep landmarks from going ahead: a second Update, after the landmark is put elsewhere, is not.
+    // Most of it new would keep landmarks from going ahead: a second Update, after the landmark is
+    // put elsewhere, is not.
     solver.Update();
     edit.Restart();
     edit.SetValues(landmark, &start[1]);
@@ -264,8 +275,9 @@ struct Arrival {
   std::vector<double> frame;
   std::vector<double> others;  // the older frames
 };
-Arrival ArriveWith(int max_new_frame_steps, int max_num_iterations, bool hold_others,
-                   std::int64_t max_factor_evaluations = IncrementalOptions().max_factor_evaluations) {
+Arrival ArriveWith(
+    int max_new_frame_steps, int max_num_iterations, bool hold_others,
+    std::int64_t max_factor_evaluations = IncrementalOptions().max_factor_evaluations) {
   IncrementalOptions options;
   options.batch_share = 1.0;
   IncrementalBundle bundle(options, 6);
@@ -289,7 +301,8 @@ Arrival ArriveWith(int max_new_frame_steps, int max_num_iterations, bool hold_ot
   Arrival arrival;
   arrival.summary = bundle.solver.Update();
   const auto append = [&](VariableId id, std::vector<double>* values) {
-    values->insert(values->end(), bundle.solver.Values(id), bundle.solver.Values(id) + bundle.solver.graph().AmbientSize(id));
+    values->insert(values->end(), bundle.solver.Values(id),
+                   bundle.solver.Values(id) + bundle.solver.graph().AmbientSize(id));
   };
   append(frame, &arrival.frame);
   for (const VariableId id : others) {
@@ -358,27 +371,29 @@ TEST(NewFrameSteps, SpareTheReducedSystem) {
   EXPECT_NEAR(with.final_cost, without.final_cost, 1e-6 * without.final_cost);
 }
 
-// Two cameras close together see a point so that their rays part: it is best at infinity. A third, far from them, then sees it
-// well.
+// Two cameras close together see a point so that their rays part: it is best at infinity. A third,
+// far from them, then sees it well.
 TEST(LandmarkDamping, AFarPointDoesNotRunAway) {
   constexpr double kFocal = 500.0;
-  // Residuals: how far the camera is from where the prior has it, and the point (X, Z) in the image; slots: camera, point.
+  // Residuals: how far the camera is from where the prior has it, and the point (X, Z) in the
+  // image; slots: camera, point.
   const auto camera_at = [](double position, double seen) {
-    return std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {2, 2}},
-                                            [position, seen](int, const double* const* x, double* residuals, double** jacobians) {
-                                              const double X = x[1][0] - position - x[0][0];
-                                              const double Z = x[1][1];
-                                              residuals[0] = 1e4 * x[0][0];
-                                              residuals[1] = kFocal * (X / Z - seen);
-                                              if (jacobians != nullptr) {
-                                                jacobians[0][0] = 1e4;
-                                                jacobians[0][1] = -kFocal / Z;
-                                                jacobians[1][0] = jacobians[1][1] = 0.0;
-                                                jacobians[1][2] = kFocal / Z;
-                                                jacobians[1][3] = -kFocal * X / (Z * Z);
-                                              }
-                                              return true;
-                                            });
+    return std::make_shared<FunctionFamily>(
+        2, std::vector<FactorFamily::Slot>{{1, 1}, {2, 2}},
+        [position, seen](int, const double* const* x, double* residuals, double** jacobians) {
+          const double X = x[1][0] - position - x[0][0];
+          const double Z = x[1][1];
+          residuals[0] = 1e4 * x[0][0];
+          residuals[1] = kFocal * (X / Z - seen);
+          if (jacobians != nullptr) {
+            jacobians[0][0] = 1e4;
+            jacobians[0][1] = -kFocal / Z;
+            jacobians[1][0] = jacobians[1][1] = 0.0;
+            jacobians[1][2] = kFocal / Z;
+            jacobians[1][3] = -kFocal * X / (Z * Z);
+          }
+          return true;
+        });
   };
   IncrementalOptions options;
   options.batch_share = 1.0;  // never in batch

@@ -1,5 +1,6 @@
-// The law of the incremental Schur complement: whatever was added, moved, relinearized or damped anew, in whatever order, S and b
-// are those of a rebuild from the same cached Jacobians, weights and landmark damping.
+// The law of the incremental Schur complement: whatever was added, moved, relinearized or damped
+// anew, in whatever order, S and b are those of a rebuild from the same cached Jacobians, weights
+// and landmark damping.
 
 #include "incremental/incremental_system.h"
 
@@ -44,7 +45,8 @@ using test::RandomGraph;
 // Grows a random problem and does random things to the incremental system that follows it.
 class Sequence {
  public:
-  explicit Sequence(unsigned seed) : graph_(seed), random_(seed + 1000), system_(graph_.graph(), 1) {
+  explicit Sequence(unsigned seed)
+      : graph_(seed), random_(seed + 1000), system_(graph_.graph(), 1) {
     for (int i = 0; i < 3; ++i) {
       AddFrame();
     }
@@ -54,8 +56,9 @@ class Sequence {
     if (random_.Below(3) == 0) {
       AddFrame();
     }
-    const VariableId landmark = random_.Below(4) == 0 ? graph_.AddLandmark(std::make_shared<SphereManifold>(4))
-                                                      : graph_.AddLandmark(1 + random_.Below(4));
+    const VariableId landmark = random_.Below(4) == 0
+                                    ? graph_.AddLandmark(std::make_shared<SphereManifold>(4))
+                                    : graph_.AddLandmark(1 + random_.Below(4));
     landmarks_.push_back(landmark);
     Observe(landmark);
     Observe(landmarks_[random_.Below(static_cast<int>(landmarks_.size()))]);
@@ -64,8 +67,10 @@ class Sequence {
   void Relinearize() {
     follower_.TakeUp(graph_.graph(), &system_);
     RelinearizeWork work;
-    const RebuildRule rules[] = {RebuildRule::kWhenCheaper, RebuildRule::kAlways, RebuildRule::kNever};
-    const Status status = system_.Relinearize(std::pow(10.0, random_.Between(-9.0, 1.0)), rules[random_.Below(3)], &work);
+    const RebuildRule rules[] = {RebuildRule::kWhenCheaper, RebuildRule::kAlways,
+                                 RebuildRule::kNever};
+    const Status status = system_.Relinearize(std::pow(10.0, random_.Between(-9.0, 1.0)),
+                                              rules[random_.Below(3)], &work);
     ASSERT_TRUE(status.ok()) << status.message;
   }
 
@@ -155,18 +160,22 @@ TEST_P(IncrementalSystemLaw, SAndBAreThoseOfARebuild) {
   for (int round = 0; round < 25; ++round) {
     sequence.Grow();
     sequence.Relinearize();
-    ASSERT_NO_FATAL_FAILURE(BatchSystem(sequence.graph(), sequence.system()).ExpectLaw()) << "grown, round " << round;
+    ASSERT_NO_FATAL_FAILURE(BatchSystem(sequence.graph(), sequence.system()).ExpectLaw())
+        << "grown, round " << round;
     sequence.Step();
-    ASSERT_NO_FATAL_FAILURE(BatchSystem(sequence.graph(), sequence.system()).ExpectLaw()) << "moved, round " << round;
+    ASSERT_NO_FATAL_FAILURE(BatchSystem(sequence.graph(), sequence.system()).ExpectLaw())
+        << "moved, round " << round;
     sequence.MarkSome();
     sequence.Relinearize();
-    ASSERT_NO_FATAL_FAILURE(BatchSystem(sequence.graph(), sequence.system()).ExpectLaw()) << "relinearized, round " << round;
+    ASSERT_NO_FATAL_FAILURE(BatchSystem(sequence.graph(), sequence.system()).ExpectLaw())
+        << "relinearized, round " << round;
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, IncrementalSystemLaw, testing::Range(0U, 20U));
 
-// What the old linearization predicts, f̂, is exact for a step no factor curves under: the error it is kept for is then zero.
+// What the old linearization predicts, f̂, is exact for a step no factor curves under: the error it
+// is kept for is then zero.
 TEST(IncrementalSystem, TheErrorOfALinearizationIsThatOfItsPrediction) {
   RandomGraph graph(3);
   const VariableId frame = graph.AddFrame(3);
@@ -193,7 +202,8 @@ TEST(IncrementalSystem, TheErrorOfALinearizationIsThatOfItsPrediction) {
   EXPECT_NEAR(errors[0] / errors[1], 4.0, 0.5) << "the error is of second order in the step";
 }
 
-// f = x, far out in the linear part of a Huber loss: its second derivative is ρ' across f, and nothing along it.
+// f = x, far out in the linear part of a Huber loss: its second derivative is ρ' across f, and
+// nothing along it.
 class Outlier {
  public:
   Outlier() {
@@ -207,10 +217,12 @@ class Outlier {
       }
       return true;
     };
-    const auto family = std::make_shared<test::FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}}, measure);
+    const auto family =
+        std::make_shared<test::FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}}, measure);
     const double start[2] = {3.0, 4.0};
     const VariableId frame = graph_.AddVariable(start, 2, Role::kFrame);
-    graph_.AddFactor(graph_.AddFamily(family), *family, 0, {frame}, std::make_shared<HuberLoss>(0.1));
+    graph_.AddFactor(graph_.AddFamily(family), *family, 0, {frame},
+                     std::make_shared<HuberLoss>(0.1));
     system_ = std::make_unique<IncrementalSystem>(graph_, 1);
     Follower().TakeUp(graph_, system_.get());
     Relinearize();
@@ -250,7 +262,8 @@ class Outlier {
   // ‖J d‖² over that of √ρ' times the plain Jacobian, d of length 1.
   double Curvature(double x, double y) const {
     const double* J = family().Jacobian(0, 0);
-    const double w = 0.1 / std::hypot(system_->variables().current(0)[0], system_->variables().current(0)[1]);
+    const double w =
+        0.1 / std::hypot(system_->variables().current(0)[0], system_->variables().current(0)[1]);
     return (std::pow(J[0] * x + J[1] * y, 2) + std::pow(J[kQuad] * x + J[kQuad + 1] * y, 2)) / w;
   }
 
@@ -317,7 +330,8 @@ TEST(CorrectedLinearization, IsTakenBackWhereRowsAreAskedFor) {
   for (int r = 0; r < 2; ++r) {
     EXPECT_NEAR(factor.f[r], sqrt_w * x[r], 1e-14);
     for (int c = 0; c < 2; ++c) {
-      EXPECT_NEAR(factor.slots[0].data[r * factor.slots[0].row_stride + c], r == c ? sqrt_w : 0.0, 1e-14);
+      EXPECT_NEAR(factor.slots[0].data[r * factor.slots[0].row_stride + c], r == c ? sqrt_w : 0.0,
+                  1e-14);
     }
   }
 }
@@ -333,10 +347,12 @@ TEST(CorrectedLinearization, IsNotThatOfAFactorWhoseResidualChangesMuch) {
   outlier.ExpectGradient();
 }
 
-// A landmark's coordinates have units of their own: a strong prior on one of them leaves the others their information.
+// A landmark's coordinates have units of their own: a strong prior on one of them leaves the others
+// their information.
 TEST(IncrementalSystem, AStrongPriorOnOneCoordinateDoesNotParkALandmark) {
   FactorGraph graph;
-  const auto measure = [](int i, const double* const* parameters, double* residuals, double** jacobians) {
+  const auto measure = [](int i, const double* const* parameters, double* residuals,
+                          double** jacobians) {
     for (int k = 0; k < 2; ++k) {
       residuals[k] = parameters[0][k] + parameters[1][0] - i;
       if (jacobians != nullptr) {
@@ -354,8 +370,10 @@ TEST(IncrementalSystem, AStrongPriorOnOneCoordinateDoesNotParkALandmark) {
     }
     return true;
   };
-  auto views = std::make_shared<test::FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}, {1, 1}}, measure);
-  auto pins = std::make_shared<test::FunctionFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}}, pin);
+  auto views = std::make_shared<test::FunctionFamily>(
+      2, std::vector<FactorFamily::Slot>{{2, 2}, {1, 1}}, measure);
+  auto pins =
+      std::make_shared<test::FunctionFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}}, pin);
   const double zero[2] = {0.0, 0.0};
   const VariableId landmark = graph.AddVariable(zero, 2, Role::kLandmark);
   const VariableId frame = graph.AddVariable(zero, 1, Role::kFrame);

@@ -1,5 +1,5 @@
-// What an Update says can be relied on: after cost functions that refused, where the cost is next to zero, and where it is not
-// finite.
+// What an Update says can be relied on: after cost functions that refused, where the cost is next
+// to zero, and where it is not finite.
 
 #include <cmath>
 #include <memory>
@@ -26,23 +26,24 @@ struct Pixel {
   double xy[2] = {0.0, 0.0};
 };
 
-// Cameras in a row that do not turn, with priors, see points some 5 in front of them. One point may be forbidden to come nearer
-// than a depth: its cost function then refuses.
+// Cameras in a row that do not turn, with priors, see points some 5 in front of them. One point may
+// be forbidden to come nearer than a depth: its cost function then refuses.
 struct Row {
   explicit Row(unsigned seed) : random(seed), pixels(kCameras * kPoints) {
     auto views = std::make_shared<FunctionFamily>(
         2, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}},
         [this](int i, const double* const* p, double* f, double** J) { return View(i, p, f, J); });
-    auto priors = std::make_shared<FunctionFamily>(3, std::vector<FactorFamily::Slot>{{3, 3}},
-                                                   [this](int i, const double* const* p, double* f, double** J) {
-                                                     for (int k = 0; k < 3; ++k) {
-                                                       f[k] = 10.0 * (p[0][k] - (k == 0 ? 0.5 * i : 0.0));
-                                                     }
-                                                     for (int k = 0; J != nullptr && J[0] != nullptr && k < 9; ++k) {
-                                                       J[0][k] = k % 4 == 0 ? 10.0 : 0.0;
-                                                     }
-                                                     return true;
-                                                   });
+    auto priors = std::make_shared<FunctionFamily>(
+        3, std::vector<FactorFamily::Slot>{{3, 3}},
+        [this](int i, const double* const* p, double* f, double** J) {
+          for (int k = 0; k < 3; ++k) {
+            f[k] = 10.0 * (p[0][k] - (k == 0 ? 0.5 * i : 0.0));
+          }
+          for (int k = 0; J != nullptr && J[0] != nullptr && k < 9; ++k) {
+            J[0][k] = k % 4 == 0 ? 10.0 : 0.0;
+          }
+          return true;
+        });
     view_family = views;
     const FamilyId view_id = solver.AddFamily(views);
     const FamilyId prior_id = solver.AddFamily(priors);
@@ -54,7 +55,8 @@ struct Row {
     }
     for (int l = 0; l < kPoints; ++l) {
       const double truth[3] = {random.Gaussian() + 1.5, random.Gaussian(), 5.0 + random.Gaussian()};
-      const double start[3] = {truth[0] + 0.1 * random.Gaussian(), truth[1] + 0.1 * random.Gaussian(),
+      const double start[3] = {truth[0] + 0.1 * random.Gaussian(),
+                               truth[1] + 0.1 * random.Gaussian(),
                                truth[2] + 0.3 * random.Gaussian()};
       points.push_back(edit.AddVariable(start, 3, Role::kLandmark));
       for (int c = 0; c < kCameras; ++c) {
@@ -71,7 +73,9 @@ struct Row {
     EXPECT_TRUE(solver.Apply(edit).ok());
   }
 
-  static std::size_t Index(int camera, int point) { return static_cast<std::size_t>(camera) * kPoints + point; }
+  static std::size_t Index(int camera, int point) {
+    return static_cast<std::size_t>(camera) * kPoints + point;
+  }
 
   bool View(int i, const double* const* p, double* f, double** J) const {
     const double x = p[1][0] - p[0][0];
@@ -82,7 +86,8 @@ struct Row {
     }
     f[0] = x / depth - pixels[static_cast<std::size_t>(i)].xy[0];
     f[1] = y / depth - pixels[static_cast<std::size_t>(i)].xy[1];
-    const double D[6] = {1.0 / depth, 0.0, -x / (depth * depth), 0.0, 1.0 / depth, -y / (depth * depth)};
+    const double D[6] = {1.0 / depth, 0.0,         -x / (depth * depth),
+                         0.0,         1.0 / depth, -y / (depth * depth)};
     for (int s = 0; J != nullptr && s < 2; ++s) {
       for (int k = 0; J[s] != nullptr && k < 6; ++k) {
         J[s][k] = s == 0 ? -D[k] : D[k];
@@ -134,7 +139,8 @@ TEST(IncrementalTrust, RefusalsOfOneUpdateDoNotHoldTheNextOnesBack) {
         }
       }
     }
-    row.nearest = 0.99 * (row.solver.Values(row.points[0])[2] - row.solver.Values(row.cameras[0])[2]);
+    row.nearest =
+        0.99 * (row.solver.Values(row.points[0])[2] - row.solver.Values(row.cameras[0])[2]);
     row.Revised(row.views_of);
     const UpdateSummary sick = row.solver.Update();
     refused += sick.num_rejected_steps;
@@ -154,7 +160,8 @@ TEST(IncrementalTrust, RefusalsOfOneUpdateDoNotHoldTheNextOnesBack) {
 TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
   std::vector<double> steps;
   auto family = std::make_shared<FunctionFamily>(
-      3, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}}, [&](int i, const double* const* p, double* f, double** J) {
+      3, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}},
+      [&](int i, const double* const* p, double* f, double** J) {
         const double c = std::cos(p[0][2]);
         const double s = std::sin(p[0][2]);
         const double dx = p[1][0] - p[0][0];
@@ -162,7 +169,9 @@ TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
         f[0] = 20.0 * (c * dx + s * dy - 1.0);
         f[1] = 20.0 * (-s * dx + c * dy);
         f[2] = 50.0 * (p[1][2] - p[0][2] - steps[static_cast<std::size_t>(i)]);
-        const double first[9] = {-20 * c, -20 * s, 20 * (-s * dx + c * dy), 20 * s, -20 * c, 20 * (-c * dx - s * dy), 0, 0, -50};
+        const double first[9] = {-20 * c, -20 * s, 20 * (-s * dx + c * dy),
+                                 20 * s,  -20 * c, 20 * (-c * dx - s * dy),
+                                 0,       0,       -50};
         const double second[9] = {20 * c, 20 * s, 0, -20 * s, 20 * c, 0, 0, 0, 50};
         for (int k = 0; J != nullptr && k < 18; ++k) {
           double* block = J[k / 9];
@@ -202,13 +211,14 @@ TEST(IncrementalTrust, WhatACostFunctionRefusesToEvaluateProvesNoMinimum) {
   IncrementalOptions options;
   options.batch_share = 1.0;
   bool refuses = true;
-  IncrementalFunction world(options, [&refuses](int, const double* const* x, double* f, double** J) {
-    f[0] = x[0][0] - 3.0;
-    if (J != nullptr && J[0] != nullptr) {
-      J[0][0] = 1.0;
-    }
-    return !refuses || x[0][0] == 1.0;  // nowhere but where it starts
-  });
+  IncrementalFunction world(options,
+                            [&refuses](int, const double* const* x, double* f, double** J) {
+                              f[0] = x[0][0] - 3.0;
+                              if (J != nullptr && J[0] != nullptr) {
+                                J[0][0] = 1.0;
+                              }
+                              return !refuses || x[0][0] == 1.0;  // nowhere but where it starts
+                            });
   ASSERT_TRUE(world.applied);
   const UpdateSummary refused = world.solver.Update();
   EXPECT_EQ(refused.termination, Termination::kNoConvergence) << refused.message;

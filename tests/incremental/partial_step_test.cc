@@ -1,4 +1,5 @@
-// The step of some frames while all others stay: right against a dense oracle, and few frames where the pull is local.
+// The step of some frames while all others stay: right against a dense oracle, and few frames where
+// the pull is local.
 
 #include "incremental/partial_step.h"
 
@@ -21,7 +22,8 @@ using test::RandomGraph;
 
 constexpr double kMu = 1e-3;
 
-// S' of an incremental system with damping mu · diag(C), b, and what the free frames have to gain, as dense matrices.
+// S' of an incremental system with damping mu · diag(C), b, and what the free frames have to gain,
+// as dense matrices.
 class Reduced {
  public:
   explicit Reduced(RandomGraph* graph) : system_(graph->graph(), 1) {
@@ -133,7 +135,8 @@ TEST(PartialStep, IsThatOfTheFramesItTakesAndGainsWhatIsAsked) {
     const double whole = reduced.WholeGain();
     int num_before = 0;
     for (const double share : {0.3, 0.9, 0.97, 0.9999}) {
-      ASSERT_TRUE(partial.Find(reduced.schur(), reduced.vectors(), share * whole)) << seed << ": " << share;
+      ASSERT_TRUE(partial.Find(reduced.schur(), reduced.vectors(), share * whole))
+          << seed << ": " << share;
       ExpectStep(reduced, partial, share * whole);
       EXPECT_GE(partial.num_frames(), num_before);
       num_before = partial.num_frames();
@@ -159,7 +162,8 @@ TEST(PartialStep, StopsWhereTheFactorWouldGrowTooLarge) {
   Reduced reduced(graph.get());
   ASSERT_NO_FATAL_FAILURE(reduced.Linearize());
   PartialStep partial{Tuning::Truncate()};
-  EXPECT_FALSE(partial.Find(reduced.schur(), reduced.vectors(), (1.0 - 1e-12) * reduced.WholeGain()));
+  EXPECT_FALSE(
+      partial.Find(reduced.schur(), reduced.vectors(), (1.0 - 1e-12) * reduced.WholeGain()));
 }
 
 // A chain at rest but for its last link: the frames near it make the step.

@@ -1,4 +1,5 @@
-// First-estimate Jacobians: pinned variables are linearized where they are pinned, residuals stay where the variables are.
+// First-estimate Jacobians: pinned variables are linearized where they are pinned, residuals stay
+// where the variables are.
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -17,8 +18,8 @@ namespace {
 // Two curved frames, a Euclidean one and a landmark; factors with and without losses join them.
 struct World {
   World() : random(7) {
-    frames = {random.AddFrame(std::make_shared<PoseManifold>()), random.AddFrame(std::make_shared<SE3Manifold>()),
-              random.AddFrame(3)};
+    frames = {random.AddFrame(std::make_shared<PoseManifold>()),
+              random.AddFrame(std::make_shared<SE3Manifold>()), random.AddFrame(3)};
     landmark = random.AddLandmark(2);
     random.Connect(7, {frames[0], frames[1]});
     random.Connect(6, {frames[1], frames[2]}, std::make_shared<HuberLoss>(0.1));
@@ -29,7 +30,8 @@ struct World {
     for (const VariableId id : pins) {
       const double* x = graph().Values(id);
       std::vector<double> pin(x, x + graph().AmbientSize(id));
-      const std::vector<double> step = random.random().Vector(static_cast<std::size_t>(graph().TangentSize(id)));
+      const std::vector<double> step =
+          random.random().Vector(static_cast<std::size_t>(graph().TangentSize(id)));
       if (graph().manifold(id) != nullptr) {
         EXPECT_TRUE(graph().manifold(id)->Plus(x, step.data(), pin.data()));
       } else {
@@ -40,8 +42,9 @@ struct World {
   }
   FactorGraph& graph() { return random.graph(); }
 
-  // What the linearization must be: J of each factor at the pinned point, f at the values, corrected for the loss at f.
-  // Through a factor that is shifted so that it has at the pins the residual it has at the values, which the oracle linearizes.
+  // What the linearization must be: J of each factor at the pinned point, f at the values,
+  // corrected for the loss at f. Through a factor that is shifted so that it has at the pins the
+  // residual it has at the values, which the oracle linearizes.
   Eigen::MatrixXd ExpectedHessian(Eigen::VectorXd* gradient) {
     const std::vector<VariableId> ids = {0, 1, 2, landmark};
     FactorGraph plain = graph();
@@ -119,7 +122,8 @@ TEST(PinnedLinearization, OfTheIncrementalSystem) {
     EXPECT_TRUE(system.Relinearize(0.0, internal::RebuildRule::kNever, &work).ok());
     for (int frame = 0; frame < 3; ++frame) {
       entries.insert(entries.end(), system.schur().FrameDiagonal(frame),
-                     system.schur().FrameDiagonal(frame) + system.schur().frames()[static_cast<std::size_t>(frame)].size);
+                     system.schur().FrameDiagonal(frame) +
+                         system.schur().frames()[static_cast<std::size_t>(frame)].size);
     }
     return entries;
   };
@@ -134,7 +138,9 @@ TEST(PinnedLinearization, OfTheIncrementalSystem) {
   Eigen::VectorXd gradient;
   const Eigen::MatrixXd H = world.ExpectedHessian(&gradient);
   for (std::size_t k = 0; k < pinned.size(); ++k) {
-    EXPECT_NEAR(pinned[k], H(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(k)), 1e-12 * pinned[k]) << k;
+    EXPECT_NEAR(pinned[k], H(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(k)),
+                1e-12 * pinned[k])
+        << k;
   }
   EXPECT_NE(pinned, before);
   edit.Restart();
@@ -152,7 +158,8 @@ TEST(PinnedLinearization, ABadPinIsRefused) {
   World world;
   GraphEdit edit(world.graph());
   edit.PinLinearization(9, world.pin_values[0].data());
-  EXPECT_EQ(world.graph().Apply(edit).message, "PinLinearization: variable 9 does not exist: the graph has 4 variables");
+  EXPECT_EQ(world.graph().Apply(edit).message,
+            "PinLinearization: variable 9 does not exist: the graph has 4 variables");
   edit.Restart();
   world.pin_values[0][2] = std::nan("");
   edit.PinLinearization(world.pins[0], world.pin_values[0].data());

@@ -14,11 +14,13 @@ namespace {
 
 using test::FunctionFamily;
 
-// x_b − x_a = 1, x_0 = 0 and, from each of its frames, landmark − x_a = 2: all linear, so nothing is ever linearized twice.
+// x_b − x_a = 1, x_0 = 0 and, from each of its frames, landmark − x_a = 2: all linear, so nothing
+// is ever linearized twice.
 class Chain {
  public:
   Chain() : solver(NeverInBatch()), edit(solver.graph()) {
-    ties_ = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, Difference);
+    ties_ = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
+                                             Difference);
     ties_id_ = solver.AddFamily(ties_);
     prior_ = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, Prior);
     prior_id_ = solver.AddFamily(prior_);
@@ -136,7 +138,8 @@ TEST(ReducedStructure, FollowsRemovals) {
   const ReducedStructure structure = chain.solver.Structure();
   EXPECT_EQ(structure.frames, (std::vector<VariableId>{a, -1, c, d}));
   EXPECT_EQ(Pairs(structure), (std::vector<std::pair<int, int>>{{3, 2}}));
-  EXPECT_EQ(structure.changed, (std::vector<bool>{true, true, true, false})) << "the removal counts, though no Update ran then";
+  EXPECT_EQ(structure.changed, (std::vector<bool>{true, true, true, false}))
+      << "the removal counts, though no Update ran then";
 }
 
 TEST(ReducedStructure, IsEmptyWhereTheOptionsAreNotValid) {

@@ -1,4 +1,5 @@
-// The thresholds of the incremental solver have names, and those of a new solver are what was set before.
+// The thresholds of the incremental solver have names, and those of a new solver are what was set
+// before.
 
 #include "incremental/tuning.h"
 
@@ -23,7 +24,8 @@ TEST(Tuning, EveryThresholdOfTheHeaderHasItsName) {
   for (const NamedThreshold& threshold : NamedThresholds(&tuning)) {
     EXPECT_TRUE((threshold.real == nullptr) != (threshold.count == nullptr)) << threshold.name;
     names.insert(threshold.name);
-    places.insert(threshold.real != nullptr ? static_cast<const void*>(threshold.real) : threshold.count);
+    places.insert(threshold.real != nullptr ? static_cast<const void*>(threshold.real)
+                                            : threshold.count);
   }
   std::ifstream header(INCERES_SOURCE_DIR "/src/incremental/tuning.h");
   ASSERT_TRUE(header.good());

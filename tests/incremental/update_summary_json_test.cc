@@ -22,16 +22,18 @@ UpdateSummary Numbered() {
   s.failed_step = "a factor";
   s.ended_by_batch_rule = s.rests_on_refusals = true;
   double real = 0.5;
-  for (double* field : {&s.initial_cost, &s.final_cost, &s.remaining_decrease, &s.seconds, &s.batch_seconds, &s.linearize_seconds,
-                        &s.solve_seconds, &s.select_seconds, &s.landmark_seconds, &s.evaluate_seconds, &s.accept_seconds}) {
+  for (double* field : {&s.initial_cost, &s.final_cost, &s.remaining_decrease, &s.seconds,
+                        &s.batch_seconds, &s.linearize_seconds, &s.solve_seconds, &s.select_seconds,
+                        &s.landmark_seconds, &s.evaluate_seconds, &s.accept_seconds}) {
     *field = real++;
   }
   int count = 1000;
-  for (int* field :
-       {&s.num_iterations, &s.num_batch_iterations, &s.num_rejected_steps, &s.num_shortened_steps, &s.num_relinearized_factors,
-        &s.num_recentered_factors, &s.num_eliminated_landmarks, &s.num_updated_landmarks, &s.num_factored_rows,
-        &s.num_reorderings, &s.num_solved_rows, &s.num_pcg_iterations, &s.num_landmark_passes, &s.num_visited_landmarks,
-        &s.num_moved_frames, &s.num_rebuilds, &s.num_drifted_frames, &s.num_undetermined_landmarks}) {
+  for (int* field : {&s.num_iterations, &s.num_batch_iterations, &s.num_rejected_steps,
+                     &s.num_shortened_steps, &s.num_relinearized_factors, &s.num_recentered_factors,
+                     &s.num_eliminated_landmarks, &s.num_updated_landmarks, &s.num_factored_rows,
+                     &s.num_reorderings, &s.num_solved_rows, &s.num_pcg_iterations,
+                     &s.num_landmark_passes, &s.num_visited_landmarks, &s.num_moved_frames,
+                     &s.num_rebuilds, &s.num_drifted_frames, &s.num_undetermined_landmarks}) {
     *field = count++;
   }
   s.batch_stages.elimination = 77.5;
@@ -42,44 +44,52 @@ UpdateSummary Numbered() {
   row.step = UpdateStep::kLandmarks;
   row.accepted = row.refreshed = true;
   real = 100.5;
-  for (double* field :
-       {&row.cost, &row.cost_change, &row.predicted_change, &row.relative_decrease, &row.step_norm, &row.gradient_max_norm,
-        &row.gradient_norm, &row.damping, &row.radius, &row.seconds, &row.solve_seconds, &row.cumulative_seconds}) {
+  for (double* field : {&row.cost, &row.cost_change, &row.predicted_change, &row.relative_decrease,
+                        &row.step_norm, &row.gradient_max_norm, &row.gradient_norm, &row.damping,
+                        &row.radius, &row.seconds, &row.solve_seconds, &row.cumulative_seconds}) {
     *field = real++;
   }
   count = 2000;
-  for (int* field : {&row.iteration, &row.num_moved_frames, &row.num_visited_landmarks, &row.num_relinearized_factors,
-                     &row.num_linear_solver_iterations}) {
+  for (int* field : {&row.iteration, &row.num_moved_frames, &row.num_visited_landmarks,
+                     &row.num_relinearized_factors, &row.num_linear_solver_iterations}) {
     *field = count++;
   }
   row.num_evaluated_factors = 5000000003;
   return s;
 }
 
-constexpr const char* kReals[] = {"initial_cost",     "final_cost",        "undone",        "seconds",
-                                  "batch_seconds",    "linearise_seconds", "solve_seconds", "select_seconds",
-                                  "landmark_seconds", "evaluate_seconds",  "accept_seconds"};
-constexpr const char* kCounts[] = {
-    "num_iterations",           "num_batch_iterations",  "num_rejected_steps",       "num_shortened_steps",
-    "num_relinearised_factors", "num_recentred_factors", "num_eliminated_landmarks", "num_updated_landmarks",
-    "num_factored_rows",        "num_reorderings",       "num_solved_rows",          "num_pcg_iterations",
-    "num_landmark_passes",      "num_visited_landmarks", "num_moved_frames",         "num_rebuilds",
-    "num_drifted_frames",       "num_parked_landmarks"};
+constexpr const char* kReals[] = {"initial_cost",     "final_cost",     "undone",
+                                  "seconds",          "batch_seconds",  "linearise_seconds",
+                                  "solve_seconds",    "select_seconds", "landmark_seconds",
+                                  "evaluate_seconds", "accept_seconds"};
+constexpr const char* kCounts[] = {"num_iterations",           "num_batch_iterations",
+                                   "num_rejected_steps",       "num_shortened_steps",
+                                   "num_relinearised_factors", "num_recentred_factors",
+                                   "num_eliminated_landmarks", "num_updated_landmarks",
+                                   "num_factored_rows",        "num_reorderings",
+                                   "num_solved_rows",          "num_pcg_iterations",
+                                   "num_landmark_passes",      "num_visited_landmarks",
+                                   "num_moved_frames",         "num_rebuilds",
+                                   "num_drifted_frames",       "num_parked_landmarks"};
 
-constexpr const char* kRowReals[] = {"cost",      "cost_change",       "predicted_change", "relative_decrease",
-                                     "step_norm", "gradient_max_norm", "gradient_norm",    "damping",
-                                     "radius",    "seconds",           "solve_seconds",    "cumulative_seconds"};
-constexpr const char* kRowCounts[] = {"iteration", "num_moved_frames", "num_visited_landmarks", "num_relinearised_factors",
-                                      "num_linear_solver_iterations"};
+constexpr const char* kRowReals[] = {
+    "cost",      "cost_change",       "predicted_change", "relative_decrease",
+    "step_norm", "gradient_max_norm", "gradient_norm",    "damping",
+    "radius",    "seconds",           "solve_seconds",    "cumulative_seconds"};
+constexpr const char* kRowCounts[] = {"iteration", "num_moved_frames", "num_visited_landmarks",
+                                      "num_relinearised_factors", "num_linear_solver_iterations"};
 
-// What the struct holds beside the fields in the lists is a termination, two texts, two flags, two 64-bit counts, stages and the
-// trace.
+// What the struct holds beside the fields in the lists is a termination, two texts, two flags, two
+// 64-bit counts, stages and the trace.
 TEST(UpdateSummaryJson, IsTestedForEveryField) {
-  EXPECT_EQ(sizeof(UpdateSummary), 2 * sizeof(std::string) + sizeof(std::vector<UpdateIteration>) + sizeof(StageSeconds) +
+  EXPECT_EQ(sizeof(UpdateSummary), 2 * sizeof(std::string) + sizeof(std::vector<UpdateIteration>) +
+                                       sizeof(StageSeconds) +
                                        8 * (1 + 1 + std::size(kReals) + std::size(kCounts) / 2 + 2))
       << "a field came or went: name it in the lists above and in ToJson";
-  // A step with three flags fills eight bytes with the first count, and so does the last count alone; in between are three.
-  EXPECT_EQ(sizeof(UpdateIteration), 8 * (std::size(kRowReals) + 2 + 2 + 1 + 1)) << "the same for a row of the trace";
+  // A step with three flags fills eight bytes with the first count, and so does the last count
+  // alone; in between are three.
+  EXPECT_EQ(sizeof(UpdateIteration), 8 * (std::size(kRowReals) + 2 + 2 + 1 + 1))
+      << "the same for a row of the trace";
 }
 
 #ifdef INCERES_HAVE_NLOHMANN_JSON
@@ -169,8 +179,8 @@ TEST(UpdateSummary, CountsWhatAnUpdateDid) {
   EXPECT_GT(first.num_moved_frames, 0);
   EXPECT_GT(first.bytes, 0);
   EXPECT_GT(first.seconds, 0.0);
-  EXPECT_LE(first.linearize_seconds + first.solve_seconds + first.select_seconds + first.landmark_seconds +
-                first.evaluate_seconds + first.accept_seconds,
+  EXPECT_LE(first.linearize_seconds + first.solve_seconds + first.select_seconds +
+                first.landmark_seconds + first.evaluate_seconds + first.accept_seconds,
             first.seconds);
 }
 

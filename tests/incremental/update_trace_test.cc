@@ -1,4 +1,5 @@
-// The trace of an Update, one row an iteration, and the observer that sees each row and may end the Update.
+// The trace of an Update, one row an iteration, and the observer that sees each row and may end the
+// Update.
 
 #include <cmath>
 #include <functional>
@@ -19,13 +20,16 @@ class Watcher final : public UpdateObserver {
  public:
   using Watch = std::function<ObserverAction(const UpdateIteration&)>;
   explicit Watcher(Watch watch) : watch_(std::move(watch)) {}
-  ObserverAction EndOfIteration(const UpdateIteration& iteration) override { return watch_(iteration); }
+  ObserverAction EndOfIteration(const UpdateIteration& iteration) override {
+    return watch_(iteration);
+  }
 
  private:
   Watch watch_;
 };
 
-// By the batch solver first; by the incremental one alone; by both, with landmark steps and refused steps on the way.
+// By the batch solver first; by the incremental one alone; by both, with landmark steps and refused
+// steps on the way.
 std::vector<IncrementalOptions> Ways() {
   IncrementalOptions batch;
   batch.function_tolerance = 1e-9;
@@ -77,7 +81,8 @@ void ExpectConsistent(const UpdateIteration& row, const UpdateIteration& previou
   EXPECT_EQ(row.iteration, previous.iteration + 1);
   EXPECT_GE(row.cumulative_seconds, previous.cumulative_seconds);
   EXPECT_LE(row.solve_seconds, row.seconds);
-  EXPECT_NEAR(row.cost, row.accepted ? previous.cost - row.cost_change : previous.cost, 1e-9 * previous.cost);
+  EXPECT_NEAR(row.cost, row.accepted ? previous.cost - row.cost_change : previous.cost,
+              1e-9 * previous.cost);
   if (row.step == UpdateStep::kNone) {
     return;
   }
@@ -85,7 +90,8 @@ void ExpectConsistent(const UpdateIteration& row, const UpdateIteration& previou
   EXPECT_GT(row.num_evaluated_factors, 0);
   if (row.step != UpdateStep::kLandmarks) {
     EXPECT_GT(row.predicted_change, 0.0);
-    EXPECT_NEAR(row.relative_decrease, row.cost_change / row.predicted_change, 1e-9 * std::fabs(row.relative_decrease));
+    EXPECT_NEAR(row.relative_decrease, row.cost_change / row.predicted_change,
+                1e-9 * std::fabs(row.relative_decrease));
     EXPECT_GE(row.num_linear_solver_iterations, 1);
   }
 }
@@ -167,7 +173,8 @@ TEST(UpdateObserver, MayEndAnUpdateAndKeepTheState) {
     IncrementalBundle bundle(options, 12);
     bundle.Grow(10, 60, 3);
     Watcher second([](const UpdateIteration& row) {
-      return row.iteration == 2 ? ObserverAction::kTerminateSuccessfully : ObserverAction::kContinue;
+      return row.iteration == 2 ? ObserverAction::kTerminateSuccessfully
+                                : ObserverAction::kContinue;
     });
     UpdateSummary stopped;
     bundle.solver.Update(&stopped, &second);
@@ -176,7 +183,8 @@ TEST(UpdateObserver, MayEndAnUpdateAndKeepTheState) {
     EXPECT_EQ(stopped.iterations.size(), 3U);
     EXPECT_LT(stopped.final_cost, stopped.initial_cost);
     const UpdateSummary next = bundle.solver.Update();
-    EXPECT_NEAR(next.initial_cost, stopped.final_cost, 1e-9 * stopped.final_cost) << "it goes on from there";
+    EXPECT_NEAR(next.initial_cost, stopped.final_cost, 1e-9 * stopped.final_cost)
+        << "it goes on from there";
     EXPECT_EQ(next.termination, Termination::kConvergence);
   }
 }
@@ -188,8 +196,9 @@ TEST(UpdateObserver, AbortPutsTheValuesBack) {
       bundle.Grow(10, 60, 3);
       IncrementalBundle undisturbed(options, 12);
       undisturbed.Grow(10, 60, 3);
-      Watcher aborts(
-          [at](const UpdateIteration& row) { return row.iteration == at ? ObserverAction::kAbort : ObserverAction::kContinue; });
+      Watcher aborts([at](const UpdateIteration& row) {
+        return row.iteration == at ? ObserverAction::kAbort : ObserverAction::kContinue;
+      });
       UpdateSummary aborted;
       bundle.solver.Update(&aborted, &aborts);
       EXPECT_EQ(aborted.termination, Termination::kUserFailure);

@@ -16,7 +16,8 @@ namespace {
 
 constexpr std::ptrdiff_t kCameraSize = BalProblem::kCameraSize;
 
-// A BAL camera and a homogeneous point X: P = R X.xyz + t X.w, whose projection does not depend on the length of X.
+// A BAL camera and a homogeneous point X: P = R X.xyz + t X.w, whose projection does not depend on
+// the length of X.
 struct HomogeneousReprojectionError {
   double observed[2];
 
@@ -42,7 +43,8 @@ struct UnitLength {
 
 void Hold(Gauge gauge, int camera_size, Instance* instance) {
   for (int i = 0; i < 2 && gauge == Gauge::kTwoCamerasConstant; ++i) {
-    instance->problem->SetParameterBlockConstant(instance->x.data() + std::ptrdiff_t{i} * camera_size);
+    instance->problem->SetParameterBlockConstant(instance->x.data() +
+                                                 std::ptrdiff_t{i} * camera_size);
   }
 }
 
@@ -71,7 +73,8 @@ BalProblem BundledBal(const std::string& name) {
   return bal;
 }
 
-std::unique_ptr<Instance> MakeBal(const BalProblem& bal, tools::BalCameraModel model, Gauge gauge, const tools::LossSpec& loss) {
+std::unique_ptr<Instance> MakeBal(const BalProblem& bal, tools::BalCameraModel model, Gauge gauge,
+                                  const tools::LossSpec& loss) {
   auto instance = std::make_unique<Instance>();
   instance->x = tools::CamerasIn(bal, model);
   const auto first_point = static_cast<std::ptrdiff_t>(instance->x.size());
@@ -88,11 +91,13 @@ std::unique_ptr<Instance> MakeBal(const BalProblem& bal, tools::BalCameraModel m
   return instance;
 }
 
-std::unique_ptr<Instance> MakeHomogeneous(const BalProblem& bal, Gauge gauge, const tools::LossSpec& loss) {
+std::unique_ptr<Instance> MakeHomogeneous(const BalProblem& bal, Gauge gauge,
+                                          const tools::LossSpec& loss) {
   auto instance = std::make_unique<Instance>();
   instance->x = bal.cameras;
   for (int j = 0; j < bal.num_points; ++j) {
-    const Eigen::Vector4d X = Eigen::Map<const Eigen::Vector3d>(bal.PointData(j)).homogeneous().normalized();
+    const Eigen::Vector4d X =
+        Eigen::Map<const Eigen::Vector3d>(bal.PointData(j)).homogeneous().normalized();
     instance->x.insert(instance->x.end(), X.data(), X.data() + 4);
   }
   double* cameras = instance->x.data();
@@ -101,13 +106,13 @@ std::unique_ptr<Instance> MakeHomogeneous(const BalProblem& bal, Gauge gauge, co
   ceres::LossFunction* shared_loss = tools::MakeCeresLoss(loss).release();  // owned by the problem
   for (const BalObservation& observation : bal.observations) {
     auto* error = new HomogeneousReprojectionError{{observation.x, observation.y}};
-    instance->problem->AddResidualBlock(new ceres::AutoDiffCostFunction<HomogeneousReprojectionError, 2, 9, 4>(error),
-                                        shared_loss, cameras + kCameraSize * observation.camera,
-                                        points + std::ptrdiff_t{4} * observation.point);
+    instance->problem->AddResidualBlock(
+        new ceres::AutoDiffCostFunction<HomogeneousReprojectionError, 2, 9, 4>(error), shared_loss,
+        cameras + kCameraSize * observation.camera, points + std::ptrdiff_t{4} * observation.point);
   }
   for (std::ptrdiff_t j = 0; j < bal.num_points; ++j) {
-    instance->problem->AddResidualBlock(new ceres::AutoDiffCostFunction<UnitLength, 1, 4>(new UnitLength), nullptr,
-                                        points + 4 * j);
+    instance->problem->AddResidualBlock(
+        new ceres::AutoDiffCostFunction<UnitLength, 1, 4>(new UnitLength), nullptr, points + 4 * j);
     instance->landmarks.push_back(points + 4 * j);
   }
   Hold(gauge, BalProblem::kCameraSize, instance.get());

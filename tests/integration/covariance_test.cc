@@ -1,4 +1,5 @@
-// Covariances of a ceres::Problem as the adapter hands it to the core, next to those of ceres::Covariance.
+// Covariances of a ceres::Problem as the adapter hands it to the core, next to those of
+// ceres::Covariance.
 #include "inceres/solver/covariance.h"
 
 #include <algorithm>
@@ -22,8 +23,8 @@ struct Translation {
   explicit Translation(const ceres::Problem& problem) {
     const internal::ProblemView view = internal::Introspect(problem);
     const internal::ShapeTable shapes = internal::FindShapes(view);
-    const auto blocks =
-        internal::BuildGraph(view, internal::PlanGraph(view, shapes, internal::ChooseLandmarks(view, shapes)), &graph);
+    const auto blocks = internal::BuildGraph(
+        view, internal::PlanGraph(view, shapes, internal::ChooseLandmarks(view, shapes)), &graph);
     for (const internal::StateBlock& block : blocks) {
       for (VariableId id = 0; id < graph.num_variables(); ++id) {
         if (graph.StateOffset(id) == block.offset) {
@@ -36,7 +37,8 @@ struct Translation {
   std::map<const double*, VariableId> variable;
 };
 
-void ExpectStock(std::unique_ptr<Instance> instance, const std::vector<std::pair<int, int>>& pairs) {
+void ExpectStock(std::unique_ptr<Instance> instance,
+                 const std::vector<std::pair<int, int>>& pairs) {
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_SCHUR;
   options.max_num_iterations = 50;
@@ -68,10 +70,14 @@ void ExpectStock(std::unique_ptr<Instance> instance, const std::vector<std::pair
     const auto [a, b] = our_pairs[k];
     const int rows = translation.graph.TangentSize(a);
     const int columns = translation.graph.TangentSize(b);
-    num_landmarks += translation.graph.role(a) == Role::kLandmark || translation.graph.role(b) == Role::kLandmark ? 1 : 0;
+    num_landmarks +=
+        translation.graph.role(a) == Role::kLandmark || translation.graph.role(b) == Role::kLandmark
+            ? 1
+            : 0;
     std::vector<double> expected(static_cast<std::size_t>(rows * columns));
     std::vector<double> actual(expected.size());
-    ASSERT_TRUE(stock.GetCovarianceBlockInTangentSpace(stock_pairs[k].first, stock_pairs[k].second, expected.data()));
+    ASSERT_TRUE(stock.GetCovarianceBlockInTangentSpace(stock_pairs[k].first, stock_pairs[k].second,
+                                                       expected.data()));
     ASSERT_TRUE(ours.Get(a, b, actual.data()));
     double largest = 0.0;
     for (const double entry : expected) {
@@ -79,7 +85,8 @@ void ExpectStock(std::unique_ptr<Instance> instance, const std::vector<std::pair
     }
     ASSERT_GT(largest, 0.0);
     for (std::size_t i = 0; i < expected.size(); ++i) {
-      EXPECT_NEAR(actual[i], expected[i], 1e-7 * largest) << "pair " << pairs[k].first << ", " << pairs[k].second;
+      EXPECT_NEAR(actual[i], expected[i], 1e-7 * largest)
+          << "pair " << pairs[k].first << ", " << pairs[k].second;
     }
   }
   EXPECT_GE(num_landmarks, 2);
@@ -92,7 +99,8 @@ TEST(CovarianceOfACeresProblem, PosesOnAManifoldAndInverseDepths) {
 }
 
 TEST(CovarianceOfACeresProblem, CamerasAndPoints) {
-  ExpectStock(MakeBal(SmallStreet(3, 1.0), tools::BalCameraModel::kAngleAxis, Gauge::kTwoCamerasConstant, Huber(1.0)),
+  ExpectStock(MakeBal(SmallStreet(3, 1.0), tools::BalCameraModel::kAngleAxis,
+                      Gauge::kTwoCamerasConstant, Huber(1.0)),
               {{2, 2}, {3, 2}, {7, 7}, {30, 30}, {30, 3}, {4, 31}, {30, 31}});
 }
 
@@ -101,11 +109,14 @@ TEST(CovarianceOfACeresProblem, FreeGaugeIsAStatusInBoth) {
       MakeBal(SmallStreet(3, 1.0), tools::BalCameraModel::kAngleAxis, Gauge::kFree, Huber(1.0));
   const Translation translation(*instance->problem);
   const VariableId camera = translation.variable.at(instance->x.data());
-  EXPECT_EQ(Covariance().Compute(translation.graph, {{camera, camera}}).code, StatusCode::kSingular);
+  EXPECT_EQ(Covariance().Compute(translation.graph, {{camera, camera}}).code,
+            StatusCode::kSingular);
   ceres::Covariance::Options options;
   options.algorithm_type = ceres::SPARSE_QR;
   EXPECT_FALSE(ceres::Covariance(options).Compute(
-      std::vector<std::pair<const double*, const double*>>{{instance->x.data(), instance->x.data()}}, instance->problem.get()));
+      std::vector<std::pair<const double*, const double*>>{
+          {instance->x.data(), instance->x.data()}},
+      instance->problem.get()));
 }
 
 }  // namespace

@@ -22,7 +22,8 @@ constexpr int kTrackLength = 5;  // poses that see a point, its host included
 constexpr double kFocalLength = 400.0;
 
 using Pose = Eigen::Matrix<double, 7, 1>;  // p (3), q (x y z w): world from camera
-using PoseManifold = ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::EigenQuaternionManifold>;
+using PoseManifold =
+    ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::EigenQuaternionManifold>;
 
 // A point seen in the host along (bearing, 1) at depth 1/ρ, seen again by another pose. Pixels.
 struct InverseDepthError {
@@ -34,8 +35,10 @@ struct InverseDepthError {
     using Vector3 = Eigen::Matrix<T, 3, 1>;
     using Quaternion = Eigen::Quaternion<T>;
     const Vector3 in_host = Vector3(T(bearing[0]), T(bearing[1]), T(1.0)) / inverse_depth[0];
-    const Vector3 world = Eigen::Map<const Quaternion>(host + 3) * in_host + Eigen::Map<const Vector3>(host);
-    const Vector3 seen = Eigen::Map<const Quaternion>(other + 3).conjugate() * (world - Eigen::Map<const Vector3>(other));
+    const Vector3 world =
+        Eigen::Map<const Quaternion>(host + 3) * in_host + Eigen::Map<const Vector3>(host);
+    const Vector3 seen = Eigen::Map<const Quaternion>(other + 3).conjugate() *
+                         (world - Eigen::Map<const Vector3>(other));
     residuals[0] = kFocalLength * (seen[0] / seen[2] - observed[0]);
     residuals[1] = kFocalLength * (seen[1] / seen[2] - observed[1]);
     return true;
@@ -44,13 +47,16 @@ struct InverseDepthError {
 
 using AmbientCost = ceres::AutoDiffCostFunction<InverseDepthError, 2, 7, 7, 1>;
 
-// [p + δp, q ⊗ [δθ/2; 1] normalized] with [I; 0] for its Jacobian: honest only together with TangentCost.
+// [p + δp, q ⊗ [δθ/2; 1] normalized] with [I; 0] for its Jacobian: honest only together with
+// TangentCost.
 class VinsPoseParameterization : public sliding_window::LocalParameterization {
  public:
   bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
-    Eigen::Map<Eigen::Vector3d>{x_plus_delta} = Eigen::Map<const Eigen::Vector3d>(x) + Eigen::Map<const Eigen::Vector3d>(delta);
+    Eigen::Map<Eigen::Vector3d>{x_plus_delta} =
+        Eigen::Map<const Eigen::Vector3d>(x) + Eigen::Map<const Eigen::Vector3d>(delta);
     const Eigen::Quaterniond turn(1.0, 0.5 * delta[3], 0.5 * delta[4], 0.5 * delta[5]);
-    Eigen::Map<Eigen::Quaterniond>{x_plus_delta + 3} = (Eigen::Map<const Eigen::Quaterniond>(x + 3) * turn).normalized();
+    Eigen::Map<Eigen::Quaterniond>{x_plus_delta + 3} =
+        (Eigen::Map<const Eigen::Quaterniond>(x + 3) * turn).normalized();
     return true;
   }
   bool ComputeJacobian(const double* /*x*/, double* jacobian) const override {
@@ -66,7 +72,8 @@ class TangentCost : public ceres::SizedCostFunction<2, 7, 7, 1> {
  public:
   explicit TangentCost(const InverseDepthError& error) : ambient_(new InverseDepthError(error)) {}
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
     if (!ambient_.Evaluate(parameters, residuals, jacobians)) {
       return false;
     }
@@ -116,8 +123,10 @@ Pose Disturbed(const Pose& pose, Random* random) {
   return result;
 }
 
-void AddPoint(PoseUpdate update, int point, ceres::LossFunction* loss, Random* random, Instance* instance) {
-  const Eigen::Vector3d world(random->Between(-3.0, 3.0), random->Between(-2.0, 2.0), random->Between(5.0, 10.0));
+void AddPoint(PoseUpdate update, int point, ceres::LossFunction* loss, Random* random,
+              Instance* instance) {
+  const Eigen::Vector3d world(random->Between(-3.0, 3.0), random->Between(-2.0, 2.0),
+                              random->Between(5.0, 10.0));
   const int host = point % (kNumPoses - kTrackLength + 1);
   const Eigen::Vector3d in_host = InCamera(TruePose(host), world);
   double* poses = instance->x.data();
@@ -127,12 +136,14 @@ void AddPoint(PoseUpdate update, int point, ceres::LossFunction* loss, Random* r
     const Eigen::Vector3d seen = InCamera(TruePose(other), world);
     const double noise = 0.5 / kFocalLength;
     const InverseDepthError error{{in_host.x() / in_host.z(), in_host.y() / in_host.z()},
-                                  {seen.x() / seen.z() + noise * random->Unit(), seen.y() / seen.z() + noise * random->Unit()}};
-    ceres::CostFunction* cost = update == PoseUpdate::kManifold
-                                    ? static_cast<ceres::CostFunction*>(new AmbientCost(new InverseDepthError(error)))
-                                    : new TangentCost(error);
-    instance->problem->AddResidualBlock(cost, loss, poses + std::ptrdiff_t{7} * host, poses + std::ptrdiff_t{7} * other,
-                                        inverse_depth);
+                                  {seen.x() / seen.z() + noise * random->Unit(),
+                                   seen.y() / seen.z() + noise * random->Unit()}};
+    ceres::CostFunction* cost =
+        update == PoseUpdate::kManifold
+            ? static_cast<ceres::CostFunction*>(new AmbientCost(new InverseDepthError(error)))
+            : new TangentCost(error);
+    instance->problem->AddResidualBlock(cost, loss, poses + std::ptrdiff_t{7} * host,
+                                        poses + std::ptrdiff_t{7} * other, inverse_depth);
   }
   instance->landmarks.push_back(inverse_depth);
 }

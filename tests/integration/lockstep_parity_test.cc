@@ -1,9 +1,11 @@
-// One step from each state that stock Ceres visits, by several configurations of stock Ceres and by us, from the same bytes.
+// One step from each state that stock Ceres visits, by several configurations of stock Ceres and by
+// us, from the same bytes.
 //
-// Where a whole solve amplifies rounding until stock Ceres no longer agrees with itself, single steps still tell a wrong solver
-// from one that rounds differently. The yardstick is stock's SPARSE_NORMAL_CHOLESKY: on Ladybug-49 its steps are ten times
-// closer to the exact solution of the linear system than those of stock's Schur solvers, which share their elimination and so
-// look closer to each other than they are to the truth.
+// Where a whole solve amplifies rounding until stock Ceres no longer agrees with itself, single
+// steps still tell a wrong solver from one that rounds differently. The yardstick is stock's
+// SPARSE_NORMAL_CHOLESKY: on Ladybug-49 its steps are ten times closer to the exact solution of the
+// linear system than those of stock's Schur solvers, which share their elimination and so look
+// closer to each other than they are to the truth.
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -21,11 +23,12 @@ namespace inceres::test {
 namespace {
 
 constexpr double kBar = 1e-9;
-// Where stock Ceres differs from itself by more, in the Gauss-Newton step of Dog-Leg, which is hardly damped, and along the
-// gauge.
+// Where stock Ceres differs from itself by more, in the Gauss-Newton step of Dog-Leg, which is
+// hardly damped, and along the gauge.
 constexpr double kTimesStock = 10.0;
 constexpr double kDoglegCap = 2e-5;
-// A damped system on which stock's configurations differ by more than this is singular up to rounding: at radii above 1e10.
+// A damped system on which stock's configurations differ by more than this is singular up to
+// rounding: at radii above 1e10.
 constexpr double kStockHasNoAnswer = 1e-6;
 constexpr Configuration kYardstick{ceres::SPARSE_NORMAL_CHOLESKY};
 
@@ -34,7 +37,8 @@ struct Case {
   Factory make;
   ceres::TrustRegionStrategyType strategy;
   tools::LossSpec loss;
-  std::vector<Configuration> others;  // of stock Ceres, next to the yardstick; ours gets the options of the first
+  // of stock Ceres, next to the yardstick; ours gets the options of the first
+  std::vector<Configuration> others;
   int num_iterations;
   int all_up_to;  // the states: these, and from there on every sixth
   int least_states;
@@ -71,7 +75,8 @@ class StateRecorder : public ceres::IterationCallback {
   const std::vector<double>& x_;
 };
 
-// The first step from a state. Who takes one that changes no digit of the cost, as the last ones may, tells nothing else of it.
+// The first step from a state. Who takes one that changes no digit of the cost, as the last ones
+// may, tells nothing else of it.
 struct Step {
   double cost;  // after the step, accepted or not
   bool is_told;
@@ -80,13 +85,15 @@ struct Step {
 };
 
 // Empty if the linear system could not be factored.
-std::optional<Step> TakeStep(Who who, const Configuration& configuration, ceres::TrustRegionStrategyType strategy,
-                             const State& state, Instance* instance) {
+std::optional<Step> TakeStep(Who who, const Configuration& configuration,
+                             ceres::TrustRegionStrategyType strategy, const State& state,
+                             Instance* instance) {
   instance->x = state.x;
   ceres::Solver::Options options = ZeroToleranceOptions(strategy, 1);
   options.initial_trust_region_radius = state.radius;
   const ceres::Solver::Summary summary = Solve(who, configuration, options, instance);
-  if (summary.iterations.size() == 1) {  // a step that changes no digit of the cost ends a solve without tolerances
+  if (summary.iterations.size() ==
+      1) {  // a step that changes no digit of the cost ends a solve without tolerances
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
     return Step{summary.initial_cost, false, 0.0, 0.0};
   }
@@ -105,8 +112,8 @@ double Norm(const std::vector<double>& x) {
   return std::sqrt(sum);
 }
 
-// Largest differences: of the cost after the step and of the decrease the model promised relative to the cost, of the step's
-// length relative to that of the state.
+// Largest differences: of the cost after the step and of the decrease the model promised relative
+// to the cost, of the step's length relative to that of the state.
 struct Difference {
   double cost = 0.0;
   double model_decrease = 0.0;
@@ -117,7 +124,8 @@ struct Difference {
     if (!a.is_told || !b.is_told) {
       return;
     }
-    model_decrease = std::max(model_decrease, std::abs(a.model_decrease - b.model_decrease) / a.cost);
+    model_decrease =
+        std::max(model_decrease, std::abs(a.model_decrease - b.model_decrease) / a.cost);
     length = std::max(length, std::abs(a.length - b.length) / Norm(state.x));
   }
 };
@@ -149,22 +157,27 @@ class LockstepParity : public ::testing::TestWithParam<Case> {
     return states;
   }
 
-  // One step of each from a state, ours included. False if stock Ceres has no answer to compare with: a configuration could not
-  // factor the linear system, or the damping of Levenberg-Marquardt is lost in rounding.
+  // One step of each from a state, ours included. False if stock Ceres has no answer to compare
+  // with: a configuration could not factor the linear system, or the damping of Levenberg-Marquardt
+  // is lost in rounding.
   bool Compare(const State& state) {
     const Case& c = GetParam();
-    const std::optional<Step> yardstick = TakeStep(Who::kStock, kYardstick, c.strategy, state, instance_.get());
+    const std::optional<Step> yardstick =
+        TakeStep(Who::kStock, kYardstick, c.strategy, state, instance_.get());
     Difference spread = stock_;
     for (const Configuration& other : c.others) {
-      const std::optional<Step> step = TakeStep(Who::kStock, other, c.strategy, state, instance_.get());
+      const std::optional<Step> step =
+          TakeStep(Who::kStock, other, c.strategy, state, instance_.get());
       if (!yardstick.has_value() || !step.has_value() ||
-          (c.strategy != ceres::DOGLEG && RelativeDifference(yardstick->cost, step->cost) > kStockHasNoAnswer)) {
+          (c.strategy != ceres::DOGLEG &&
+           RelativeDifference(yardstick->cost, step->cost) > kStockHasNoAnswer)) {
         return false;
       }
       spread.Include(*yardstick, *step, state);
     }
     stock_ = spread;
-    const std::optional<Step> our_step = TakeStep(Who::kInceres, c.others.front(), c.strategy, state, instance_.get());
+    const std::optional<Step> our_step =
+        TakeStep(Who::kInceres, c.others.front(), c.strategy, state, instance_.get());
     EXPECT_TRUE(our_step.has_value()) << "every configuration of stock Ceres has a step here";
     if (our_step.has_value()) {
       ours_.Include(*yardstick, *our_step, state);
@@ -206,8 +219,9 @@ Factory LadybugFactory(tools::BalCameraModel model) {
 }
 
 Factory StreetFactory(tools::BalCameraModel model) {
-  return
-      [model](const tools::LossSpec& loss) { return MakeBal(BundledBal("street-16-1200-pre.txt"), model, Gauge::kFree, loss); };
+  return [model](const tools::LossSpec& loss) {
+    return MakeBal(BundledBal("street-16-1200-pre.txt"), model, Gauge::kFree, loss);
+  };
 }
 
 std::vector<Case> Cases() {
@@ -216,20 +230,37 @@ std::vector<Case> Cases() {
   const Configuration automatic_sparse_schur{ceres::SPARSE_SCHUR};
   std::vector<Case> cases;
   for (const bool quaternion : {false, true}) {
-    const auto model = quaternion ? tools::BalCameraModel::kQuaternion : tools::BalCameraModel::kAngleAxis;
+    const auto model =
+        quaternion ? tools::BalCameraModel::kQuaternion : tools::BalCameraModel::kAngleAxis;
     const std::string suffix = quaternion ? "_Quaternion" : "_AngleAxis";
     for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
       for (const tools::LossSpec& loss : {tools::LossSpec(), Huber(1.0)}) {
-        cases.push_back(
-            {"Ladybug49" + suffix, LadybugFactory(model), strategy, loss, {dense_schur, sparse_schur}, 32, 8, 9, kLadybug});
-        cases.push_back(
-            {"BundledStreet" + suffix, StreetFactory(model), strategy, loss, {dense_schur, automatic_sparse_schur}, 20, 20, 15});
+        cases.push_back({"Ladybug49" + suffix,
+                         LadybugFactory(model),
+                         strategy,
+                         loss,
+                         {dense_schur, sparse_schur},
+                         32,
+                         8,
+                         9,
+                         kLadybug});
+        cases.push_back({"BundledStreet" + suffix,
+                         StreetFactory(model),
+                         strategy,
+                         loss,
+                         {dense_schur, automatic_sparse_schur},
+                         20,
+                         20,
+                         15});
       }
     }
   }
   // From the start of the file stock Ceres differs from itself too much to compare whole solves.
-  const Factory sphere = [](const tools::LossSpec& loss) { return MakePoseGraph(FindData(kSphere), loss); };
-  cases.push_back({"Sphere", sphere, ceres::DOGLEG, {}, {automatic_sparse_schur}, 4, 4, 4, kSphere});
+  const Factory sphere = [](const tools::LossSpec& loss) {
+    return MakePoseGraph(FindData(kSphere), loss);
+  };
+  cases.push_back(
+      {"Sphere", sphere, ceres::DOGLEG, {}, {automatic_sparse_schur}, 4, 4, 4, kSphere});
   return cases;
 }
 

@@ -16,7 +16,8 @@ ceres::Solver::Options DefaultOptions(ceres::TrustRegionStrategyType strategy) {
   return options;
 }
 
-ceres::Solver::Options ZeroToleranceOptions(ceres::TrustRegionStrategyType strategy, int num_iterations) {
+ceres::Solver::Options ZeroToleranceOptions(ceres::TrustRegionStrategyType strategy,
+                                            int num_iterations) {
   ceres::Solver::Options options = DefaultOptions(strategy);
   options.max_num_iterations = num_iterations;
   options.function_tolerance = 0.0;
@@ -25,12 +26,14 @@ ceres::Solver::Options ZeroToleranceOptions(ceres::TrustRegionStrategyType strat
   return options;
 }
 
-ceres::Solver::Summary Solve(Who who, const Configuration& configuration, ceres::Solver::Options options, Instance* instance) {
+ceres::Solver::Summary Solve(Who who, const Configuration& configuration,
+                             ceres::Solver::Options options, Instance* instance) {
   options.linear_solver_type = configuration.linear_solver;
   options.dense_linear_algebra_library_type = configuration.dense;
   options.sparse_linear_algebra_library_type = configuration.sparse;
   // A new one each time: stock Ceres changes the caller's ordering.
-  options.linear_solver_ordering = configuration.landmarks_first ? instance->LandmarksFirst() : nullptr;
+  options.linear_solver_ordering =
+      configuration.landmarks_first ? instance->LandmarksFirst() : nullptr;
   ceres::Solver::Summary summary;
   if (who == Who::kStock) {
     ceres::Solve(options, instance->problem.get(), &summary);
@@ -45,8 +48,8 @@ ceres::Solver::Summary Solve(Who who, const Configuration& configuration, ceres:
   return summary;
 }
 
-Solved Solve(Who who, const Configuration& configuration, const ceres::Solver::Options& options, const Factory& make,
-             const tools::LossSpec& loss) {
+Solved Solve(Who who, const Configuration& configuration, const ceres::Solver::Options& options,
+             const Factory& make, const tools::LossSpec& loss) {
   Solved run;
   const std::unique_ptr<Instance> instance = make(loss);
   if (instance == nullptr) {

@@ -21,10 +21,13 @@ struct Configuration {
 /// Who solves.
 enum class Who { kStock, kInceres };
 
-/// Silent options with the strategy, one thread, tolerances at Ceres's defaults and iterations enough to reach them.
+/// Silent options with the strategy, one thread, tolerances at Ceres's defaults and iterations
+/// enough to reach them.
 ceres::Solver::Options DefaultOptions(ceres::TrustRegionStrategyType strategy);
-/// The same with all three tolerances 0: exactly `num_iterations` steps, unless one changes nothing.
-ceres::Solver::Options ZeroToleranceOptions(ceres::TrustRegionStrategyType strategy, int num_iterations);
+/// The same with all three tolerances 0: exactly `num_iterations` steps, unless one changes
+/// nothing.
+ceres::Solver::Options ZeroToleranceOptions(ceres::TrustRegionStrategyType strategy,
+                                            int num_iterations);
 
 /// One solve and the state it ended in.
 struct Solved {
@@ -32,13 +35,14 @@ struct Solved {
   std::vector<double> x;
 };
 
-/// Solves `instance` where it stands; its `x` is the result. A test failure if the shim hands the problem to stock Ceres or
-/// eliminates other landmarks than the instance's.
-ceres::Solver::Summary Solve(Who who, const Configuration& configuration, ceres::Solver::Options options, Instance* instance);
+/// Solves `instance` where it stands; its `x` is the result. A test failure if the shim hands the
+/// problem to stock Ceres or eliminates other landmarks than the instance's.
+ceres::Solver::Summary Solve(Who who, const Configuration& configuration,
+                             ceres::Solver::Options options, Instance* instance);
 
 /// Builds the problem anew and solves it.
-Solved Solve(Who who, const Configuration& configuration, const ceres::Solver::Options& options, const Factory& make,
-             const tools::LossSpec& loss);
+Solved Solve(Who who, const Configuration& configuration, const ceres::Solver::Options& options,
+             const Factory& make, const tools::LossSpec& loss);
 
 /// |a − b| relative to the larger; 0 if both are the same number.
 double RelativeDifference(double a, double b);

@@ -52,7 +52,8 @@ std::unique_ptr<Instance> MakePoseGraph(const std::string& path, const tools::Lo
   EXPECT_TRUE(read.ok()) << read.message;
   auto instance = std::make_unique<Instance>();
   instance->x = graph.poses;
-  const Status built = tools::BuildPoseGraphCeresProblem(graph, loss, instance->x.data(), &instance->problem);
+  const Status built =
+      tools::BuildPoseGraphCeresProblem(graph, loss, instance->x.data(), &instance->problem);
   EXPECT_TRUE(built.ok()) << built.message;
   return read.ok() && built.ok() ? std::move(instance) : nullptr;
 }
@@ -64,8 +65,9 @@ std::unique_ptr<Instance> MakePowell(const tools::LossSpec& loss) {
   ceres::LossFunction* shared_loss = tools::MakeCeresLoss(loss).release();  // owned by the problem
   const int pairs[4][2] = {{0, 1}, {2, 3}, {1, 2}, {0, 3}};
   for (int term = 0; term < 4; ++term) {
-    instance->problem->AddResidualBlock(new ceres::AutoDiffCostFunction<PowellTerm, 1, 1, 1>(new PowellTerm{term}), shared_loss,
-                                        instance->x.data() + pairs[term][0], instance->x.data() + pairs[term][1]);
+    instance->problem->AddResidualBlock(
+        new ceres::AutoDiffCostFunction<PowellTerm, 1, 1, 1>(new PowellTerm{term}), shared_loss,
+        instance->x.data() + pairs[term][0], instance->x.data() + pairs[term][1]);
   }
   return instance;
 }
@@ -79,8 +81,9 @@ std::unique_ptr<Instance> MakeCurveFit(const tools::LossSpec& loss) {
   for (int i = 0; i < 60; ++i) {
     const double x = i / 12.0;
     const double y = std::exp(0.3 * x + 0.1) + 0.2 * random.Unit() + (i % 10 == 7 ? 4.0 : 0.0);
-    instance->problem->AddResidualBlock(new ceres::AutoDiffCostFunction<ExponentialError, 1, 1, 1>(new ExponentialError{x, y}),
-                                        shared_loss, instance->x.data(), instance->x.data() + 1);
+    instance->problem->AddResidualBlock(
+        new ceres::AutoDiffCostFunction<ExponentialError, 1, 1, 1>(new ExponentialError{x, y}),
+        shared_loss, instance->x.data(), instance->x.data() + 1);
   }
   return instance;
 }

@@ -16,10 +16,11 @@ TraceDifference CompareTraces(const ceres::Solver::Summary& a, const ceres::Solv
   for (std::size_t k = 0; k < std::min(a.iterations.size(), b.iterations.size()); ++k) {
     const ceres::IterationSummary& x = a.iterations[k];
     const ceres::IterationSummary& y = b.iterations[k];
-    difference.same_decisions =
-        difference.same_decisions && x.step_is_valid == y.step_is_valid && x.step_is_successful == y.step_is_successful;
+    difference.same_decisions = difference.same_decisions && x.step_is_valid == y.step_is_valid &&
+                                x.step_is_successful == y.step_is_successful;
     difference.cost = std::max(difference.cost, RelativeDifference(x.cost, y.cost));
-    difference.radius = std::max(difference.radius, RelativeDifference(x.trust_region_radius, y.trust_region_radius));
+    difference.radius = std::max(difference.radius,
+                                 RelativeDifference(x.trust_region_radius, y.trust_region_radius));
   }
   return difference;
 }
@@ -27,7 +28,8 @@ TraceDifference CompareTraces(const ceres::Solver::Summary& a, const ceres::Solv
 double SmallestChange(const ceres::Solver::Summary& summary) {
   double change = std::numeric_limits<double>::max();
   for (std::size_t k = 1; k < summary.iterations.size(); ++k) {
-    change = std::min(change, std::abs(summary.iterations[k].cost_change) / summary.iterations[k].cost);
+    change =
+        std::min(change, std::abs(summary.iterations[k].cost_change) / summary.iterations[k].cost);
   }
   return change;
 }

@@ -12,12 +12,13 @@ struct TraceDifference {
 };
 TraceDifference CompareTraces(const ceres::Solver::Summary& a, const ceres::Solver::Summary& b);
 
-/// Smallest change of the cost by a step, relative to the cost. Where it comes near rounding, the relative decrease, the decision
-/// and the next radius hang on the last digits of the cost.
+/// Smallest change of the cost by a step, relative to the cost. Where it comes near rounding, the
+/// relative decrease, the decision and the next radius hang on the last digits of the cost.
 double SmallestChange(const ceres::Solver::Summary& summary);
 
-/// Smallest distance of the relative decreases from the values at which the strategies decide: 0.001; 0.25 and 0.75 for Dog-Leg.
-/// Where it comes near rounding, two solvers may decide differently and both be right.
+/// Smallest distance of the relative decreases from the values at which the strategies decide:
+/// 0.001; 0.25 and 0.75 for Dog-Leg. Where it comes near rounding, two solvers may decide
+/// differently and both be right.
 double DistanceFromThresholds(const ceres::Solver::Summary& summary);
 
 /// The counts of evaluations, solves and steps, one EXPECT each.

@@ -1,4 +1,5 @@
-// Whole solves next to stock Ceres, on problems on which two configurations of stock Ceres agree with each other.
+// Whole solves next to stock Ceres, on problems on which two configurations of stock Ceres agree
+// with each other.
 #include <ostream>
 #include <string>
 #include <vector>
@@ -16,7 +17,8 @@ namespace {
 
 // Where these do not hold, a difference between two solvers says nothing about either.
 // (Stock's two ways through M3500 by Dog-Leg: up to 9e-11 apart with 2.1, 4e-10 with 2.2.)
-constexpr double kStockAgreesWithItself = 100 * CERES_VERSION_MAJOR + CERES_VERSION_MINOR >= 202 ? 5e-10 : 1e-10;
+constexpr double kStockAgreesWithItself =
+    100 * CERES_VERSION_MAJOR + CERES_VERSION_MINOR >= 202 ? 5e-10 : 1e-10;
 constexpr double kLeastChange = 1e-9;
 constexpr double kLeastThresholdDistance = 1e-5;
 constexpr std::size_t kLeastIterations = 4;  // the start included
@@ -32,7 +34,8 @@ struct Problem {
   tools::LossSpec loss;  // of the robust variant
   Configuration stock;   // ours gets the same options
   Configuration other;   // stock again, rounding differently
-  int lm_iterations;     // of the runs with zero tolerances: as long as steps change the cost by more than rounding
+  // of the runs with zero tolerances: as long as steps change the cost by more than rounding
+  int lm_iterations;
   int dogleg_iterations;
   std::string data = {};  // of the public data sets, if it needs one
 };
@@ -45,7 +48,8 @@ struct Case {
 };
 
 std::string NameOf(const Case& c) {
-  return c.problem.name + (c.strategy == ceres::DOGLEG ? "_Dogleg" : "_Lm") + (c.robust ? "_Huber" : "_Squared") +
+  return c.problem.name + (c.strategy == ceres::DOGLEG ? "_Dogleg" : "_Lm") +
+         (c.robust ? "_Huber" : "_Squared") +
          (c.zero_tolerances ? "_ZeroTolerances" : "_DefaultTolerances");
 }
 
@@ -54,8 +58,10 @@ void PrintTo(const Case& c, std::ostream* stream) {
 }
 
 ceres::Solver::Options OptionsOf(const Case& c) {
-  const int num_iterations = c.strategy == ceres::DOGLEG ? c.problem.dogleg_iterations : c.problem.lm_iterations;
-  return c.zero_tolerances ? ZeroToleranceOptions(c.strategy, num_iterations) : DefaultOptions(c.strategy);
+  const int num_iterations =
+      c.strategy == ceres::DOGLEG ? c.problem.dogleg_iterations : c.problem.lm_iterations;
+  return c.zero_tolerances ? ZeroToleranceOptions(c.strategy, num_iterations)
+                           : DefaultOptions(c.strategy);
 }
 
 // Two solves by stock Ceres that round differently, and ours.
@@ -65,7 +71,8 @@ struct Solves {
   Solved ours;
 };
 
-Solves SolveByAll(const Problem& problem, const tools::LossSpec& loss, const ceres::Solver::Options& options) {
+Solves SolveByAll(const Problem& problem, const tools::LossSpec& loss,
+                  const ceres::Solver::Options& options) {
   return {Solve(Who::kStock, problem.stock, options, problem.make, loss),
           Solve(Who::kStock, problem.other, options, problem.make, loss),
           Solve(Who::kInceres, problem.stock, options, problem.make, loss)};
@@ -89,7 +96,8 @@ void ExpectOursFollowsStock(const Solves& solves) {
   ASSERT_GE(DistanceFromThresholds(stock.summary), kLeastThresholdDistance);
 
   EXPECT_EQ(stock.summary.termination_type, ours.summary.termination_type) << ours.summary.message;
-  EXPECT_NEAR(static_cast<double>(stock.summary.iterations.size()), static_cast<double>(ours.summary.iterations.size()), 1.0);
+  EXPECT_NEAR(static_cast<double>(stock.summary.iterations.size()),
+              static_cast<double>(ours.summary.iterations.size()), 1.0);
   EXPECT_TRUE(difference.same_decisions);
   EXPECT_LE(difference.cost, kCostBar);
   EXPECT_LE(difference.radius, kRadiusBar);
@@ -107,7 +115,8 @@ TEST_P(TraceParity, FollowsStock) {
   if (!c.problem.data.empty() && FindData(c.problem.data).empty()) {
     GTEST_SKIP() << MissingData(c.problem.data);
   }
-  ExpectOursFollowsStock(SolveByAll(c.problem, c.robust ? c.problem.loss : tools::LossSpec(), OptionsOf(c)));
+  ExpectOursFollowsStock(
+      SolveByAll(c.problem, c.robust ? c.problem.loss : tools::LossSpec(), OptionsOf(c)));
 }
 
 const char kStreet[] = "street-16-1200-pre.txt";
@@ -131,16 +140,21 @@ Factory BundledFactory(const std::string& file, Gauge gauge) {
 }
 
 Factory HomogeneousFactory(Gauge gauge) {
-  return [gauge](const tools::LossSpec& loss) { return MakeHomogeneous(SmallStreet(5, 1.0), gauge, loss); };
+  return [gauge](const tools::LossSpec& loss) {
+    return MakeHomogeneous(SmallStreet(5, 1.0), gauge, loss);
+  };
 }
 
 Factory InverseDepthFactory(PoseUpdate update) {
   return [update](const tools::LossSpec& loss) { return MakeInverseDepth(update, loss); };
 }
 
-Problem PoseGraphProblem(const std::string& name, const std::string& file, int lm_iterations, int dogleg_iterations) {
+Problem PoseGraphProblem(const std::string& name, const std::string& file, int lm_iterations,
+                         int dogleg_iterations) {
   const Configuration automatic{ceres::SPARSE_NORMAL_CHOLESKY};
-  const auto make = [file](const tools::LossSpec& loss) { return MakePoseGraph(FindData(file), loss); };
+  const auto make = [file](const tools::LossSpec& loss) {
+    return MakePoseGraph(FindData(file), loss);
+  };
   return {name, make, Huber(2.0), automatic, kSparseSchur, lm_iterations, dogleg_iterations, file};
 }
 
@@ -150,14 +164,18 @@ std::vector<Problem> WellConditioned() {
   const Configuration lapack_qr{ceres::DENSE_QR, false, ceres::LAPACK};
   const Gauge held = Gauge::kTwoCamerasConstant;
   return {
-      {"GeneratedStreet", StreetFactory(held), Huber(1.0), kDenseSchur, kSparseSchurLandmarksFirst, 5, 4},
-      {"BundledStreet", BundledFactory(kStreet, held), Huber(1.0), kSparseSchur, kDenseSchurLandmarksFirst, 5, 4},
-      {"BundledLoop", BundledFactory(kLoop, held), Huber(1.0), kDenseSchurLandmarksFirst, kSparseSchur, 5, 5},
-      {"InverseDepthManifold", InverseDepthFactory(PoseUpdate::kManifold), Huber(1.0), kDenseSchur, kSparseSchurLandmarksFirst, 5,
-       4},
-      {"InverseDepthLocalParameterization", InverseDepthFactory(PoseUpdate::kLocalParameterization), Huber(1.0), kDenseSchur,
+      {"GeneratedStreet", StreetFactory(held), Huber(1.0), kDenseSchur, kSparseSchurLandmarksFirst,
+       5, 4},
+      {"BundledStreet", BundledFactory(kStreet, held), Huber(1.0), kSparseSchur,
+       kDenseSchurLandmarksFirst, 5, 4},
+      {"BundledLoop", BundledFactory(kLoop, held), Huber(1.0), kDenseSchurLandmarksFirst,
+       kSparseSchur, 5, 5},
+      {"InverseDepthManifold", InverseDepthFactory(PoseUpdate::kManifold), Huber(1.0), kDenseSchur,
        kSparseSchurLandmarksFirst, 5, 4},
-      {"Homogeneous", HomogeneousFactory(held), Huber(1.0), kSparseSchur, kDenseSchurLandmarksFirst, 5, 3},
+      {"InverseDepthLocalParameterization", InverseDepthFactory(PoseUpdate::kLocalParameterization),
+       Huber(1.0), kDenseSchur, kSparseSchurLandmarksFirst, 5, 4},
+      {"Homogeneous", HomogeneousFactory(held), Huber(1.0), kSparseSchur, kDenseSchurLandmarksFirst,
+       5, 3},
       PoseGraphProblem("M3500", "pose_graph/M3500.g2o", 12, 6),
       {"Powell", MakePowell, Huber(1.0), dense_qr, lapack_qr, 12, 12},
       {"CurveFit", MakeCurveFit, Huber(0.5), dense_qr, lapack_qr, 12, 12},
@@ -168,10 +186,14 @@ std::vector<Problem> WellConditioned() {
 std::vector<Problem> GaugeFree() {
   const Gauge free = Gauge::kFree;
   return {
-      {"FreeGeneratedStreet", StreetFactory(free), Huber(1.0), kDenseSchur, kSparseSchurLandmarksFirst, 5, 0},
-      {"FreeBundledStreet", BundledFactory(kStreet, free), Huber(1.0), kSparseSchur, kDenseSchurLandmarksFirst, 5, 0},
-      {"FreeBundledLoop", BundledFactory(kLoop, free), Huber(1.0), kDenseSchurLandmarksFirst, kSparseSchur, 5, 0},
-      {"FreeHomogeneous", HomogeneousFactory(free), Huber(1.0), kSparseSchur, kDenseSchurLandmarksFirst, 5, 0},
+      {"FreeGeneratedStreet", StreetFactory(free), Huber(1.0), kDenseSchur,
+       kSparseSchurLandmarksFirst, 5, 0},
+      {"FreeBundledStreet", BundledFactory(kStreet, free), Huber(1.0), kSparseSchur,
+       kDenseSchurLandmarksFirst, 5, 0},
+      {"FreeBundledLoop", BundledFactory(kLoop, free), Huber(1.0), kDenseSchurLandmarksFirst,
+       kSparseSchur, 5, 0},
+      {"FreeHomogeneous", HomogeneousFactory(free), Huber(1.0), kSparseSchur,
+       kDenseSchurLandmarksFirst, 5, 0},
   };
 }
 
@@ -188,7 +210,8 @@ std::vector<Case> Cases() {
       }
     }
   }
-  // Large. Dog-Leg from the start of the file is a matter for lockstep: stock Ceres differs from itself by 2e-9.
+  // Large. Dog-Leg from the start of the file is a matter for lockstep: stock Ceres differs from
+  // itself by 2e-9.
   const Problem sphere = PoseGraphProblem("Sphere", "pose_graph/sphere.g2o", 5, 0);
   cases.push_back({sphere, ceres::LEVENBERG_MARQUARDT, false, false});
   cases.push_back({sphere, ceres::LEVENBERG_MARQUARDT, true, true});
@@ -199,8 +222,8 @@ std::string NameOfInstance(const ::testing::TestParamInfo<Case>& instance) {
   return NameOf(instance.param);
 }
 
-// Between the clamps the Jacobi scale cancels out of the damping; only where they bite does it show that it is frozen at the
-// start.
+// Between the clamps the Jacobi scale cancels out of the damping; only where they bite does it show
+// that it is frozen at the start.
 class ClampedDamping : public ::testing::TestWithParam<bool> {};
 
 TEST_P(ClampedDamping, FollowsStock) {
@@ -208,19 +231,23 @@ TEST_P(ClampedDamping, FollowsStock) {
     SCOPED_TRACE(dogleg ? "Dog-Leg" : "Levenberg-Marquardt");
     // A radius within which the steps hang on the damping.
     const Problem street = WellConditioned().front();
-    ceres::Solver::Options options = ZeroToleranceOptions(dogleg ? ceres::DOGLEG : ceres::LEVENBERG_MARQUARDT, 6);
+    ceres::Solver::Options options =
+        ZeroToleranceOptions(dogleg ? ceres::DOGLEG : ceres::LEVENBERG_MARQUARDT, 6);
     options.initial_trust_region_radius = 10.0;
     options.jacobi_scaling = GetParam();
-    const Solved unclamped = Solve(Who::kInceres, street.stock, options, street.make, tools::LossSpec());
+    const Solved unclamped =
+        Solve(Who::kInceres, street.stock, options, street.make, tools::LossSpec());
     options.min_lm_diagonal = options.jacobi_scaling ? 0.5 : 1e3;
     options.max_lm_diagonal = options.jacobi_scaling ? 0.9 : 1e5;
     const Solves clamped = SolveByAll(street, tools::LossSpec(), options);
-    EXPECT_GT(CompareTraces(unclamped.summary, clamped.ours.summary).cost, 1e-3) << "the clamps do nothing here";
+    EXPECT_GT(CompareTraces(unclamped.summary, clamped.ours.summary).cost, 1e-3)
+        << "the clamps do nothing here";
     ExpectOursFollowsStock(clamped);
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Exact, ClampedDamping, ::testing::Bool(), ::testing::PrintToStringParamName());
+INSTANTIATE_TEST_SUITE_P(Exact, ClampedDamping, ::testing::Bool(),
+                         ::testing::PrintToStringParamName());
 
 INSTANTIATE_TEST_SUITE_P(Exact, TraceParity, ::testing::ValuesIn(Cases()), NameOfInstance);
 

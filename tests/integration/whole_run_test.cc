@@ -1,4 +1,5 @@
-// Fifty iterations of Levenberg-Marquardt with all tolerances 0: where it ends, and that threads do not change a bit.
+// Fifty iterations of Levenberg-Marquardt with all tolerances 0: where it ends, and that threads do
+// not change a bit.
 #include <ostream>
 #include <string>
 #include <thread>
@@ -54,7 +55,8 @@ class WholeRun : public ::testing::TestWithParam<Case> {
 TEST_P(WholeRun, EndsWhereStockEnds) {
   const Solved stock = SolveBy(Who::kStock, 1);
   const Solved ours = SolveBy(Who::kInceres, 1);
-  RecordProperty("cost_difference", Printed(RelativeDifference(stock.summary.final_cost, ours.summary.final_cost)));
+  RecordProperty("cost_difference",
+                 Printed(RelativeDifference(stock.summary.final_cost, ours.summary.final_cost)));
   EXPECT_LT(stock.summary.final_cost, 0.1 * stock.summary.initial_cost);
   EXPECT_LE(RelativeDifference(stock.summary.initial_cost, ours.summary.initial_cost), 1e-14);
   EXPECT_LE(RelativeDifference(stock.summary.final_cost, ours.summary.final_cost), kFinalCostBar);

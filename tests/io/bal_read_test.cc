@@ -44,7 +44,8 @@ class BalReadTest : public ::testing::Test {
     problem_.points = {1.0};
     const Status status = ReadText(text);
     EXPECT_EQ(status.code, StatusCode::kIo) << what;
-    const std::string expected = dir_.File("problem.txt") + ":" + std::to_string(line) + ": " + what;
+    const std::string expected =
+        dir_.File("problem.txt") + ":" + std::to_string(line) + ": " + what;
     EXPECT_EQ(status.message.substr(0, expected.size()), expected) << status.message;
     EXPECT_EQ(problem_.num_cameras, 77);
     EXPECT_EQ(problem_.points.size(), 1u);
@@ -82,7 +83,8 @@ TEST_F(BalReadTest, AcceptsAnyWhiteSpaceAndPlus) {
     old_mac += c == '\n' ? '\r' : c;
     flat += c == '\n' ? '\t' : c;
   }
-  const std::string variants[] = {windows, old_mac, "  \n\n" + flat + "\n \n", Replaced(kSmall, "3 -4", "+3 -4.0E+0"),
+  const std::string variants[] = {windows, old_mac, "  \n\n" + flat + "\n \n",
+                                  Replaced(kSmall, "3 -4", "+3 -4.0E+0"),
                                   std::string(kSmall, sizeof(kSmall) - 2)};
   for (const std::string& text : variants) {
     problem_ = BalProblem();
@@ -103,9 +105,11 @@ TEST_F(BalReadTest, CountsLinesForEveryKindOfLineEnd) {
 }
 
 TEST_F(BalReadTest, TokensAcrossBufferEndsAreWhole) {
-  // A megabyte of blanks and line ends in odd pieces shifts the numbers over every place of the buffer's end.
+  // A megabyte of blanks and line ends in odd pieces shifts the numbers over every place of the
+  // buffer's end.
   for (int shift = 0; shift < 40; ++shift) {
-    const std::string text = std::string((1 << 18) - 45 + static_cast<std::size_t>(shift), ' ') + kSmall;
+    const std::string text =
+        std::string((1 << 18) - 45 + static_cast<std::size_t>(shift), ' ') + kSmall;
     problem_ = BalProblem();
     ASSERT_TRUE(ReadText(text).ok());
     ExpectSmall();
@@ -114,13 +118,16 @@ TEST_F(BalReadTest, TokensAcrossBufferEndsAreWhole) {
 
 TEST_F(BalReadTest, ExtremeNumbers) {
   const std::string tiny = "4.9406564584124654e-324", huge = "-1.7976931348623157e308";
-  ASSERT_TRUE(ReadText(Replaced(Replaced(Replaced(kSmall, "-1.5", tiny), "2.5e1", huge), "3 -4", "-1e-400 -0")).ok());
+  ASSERT_TRUE(ReadText(Replaced(Replaced(Replaced(kSmall, "-1.5", tiny), "2.5e1", huge), "3 -4",
+                                "-1e-400 -0"))
+                  .ok());
   EXPECT_EQ(problem_.observations[0].x, std::numeric_limits<double>::denorm_min());
   EXPECT_EQ(problem_.observations[0].y, std::numeric_limits<double>::lowest());
   EXPECT_EQ(problem_.observations[1].x, 0.0);
   EXPECT_TRUE(std::signbit(problem_.observations[1].y));
   ExpectError(Replaced(kSmall, "-1.5", "1e400"), 2, "observation 0: x: '1e400' is too large");
-  ExpectError(Replaced(kSmall, "-1.5", "-" + std::string(400, '9')), 2, "observation 0: x: '-9999999999");
+  ExpectError(Replaced(kSmall, "-1.5", "-" + std::string(400, '9')), 2,
+              "observation 0: x: '-9999999999");
 }
 
 TEST_F(BalReadTest, EveryTruncationIsAnErrorThatNamesTheField) {
@@ -128,7 +135,8 @@ TEST_F(BalReadTest, EveryTruncationIsAnErrorThatNamesTheField) {
   for (std::size_t size = 0; size < text.size() - 2; ++size) {
     const Status status = ReadText(text.substr(0, size));
     ASSERT_EQ(status.code, StatusCode::kIo) << size;
-    ASSERT_NE(status.message.find("the file ends here"), std::string::npos) << size << " " << status.message;
+    ASSERT_NE(status.message.find("the file ends here"), std::string::npos)
+        << size << " " << status.message;
   }
   ExpectError("", 1, "number of cameras: missing, the file ends here");
   ExpectError("2 1", 1, "number of observations: missing");
@@ -140,42 +148,58 @@ TEST_F(BalReadTest, EveryTruncationIsAnErrorThatNamesTheField) {
 TEST_F(BalReadTest, WrongCounts) {
   ExpectError(Replaced(kSmall, "2 1 2", "-2 1 2"), 1, "number of cameras: -2 is not between 1 and");
   ExpectError(Replaced(kSmall, "2 1 2", "2 0 2"), 1, "number of points: 0 is not between 1 and");
-  ExpectError(Replaced(kSmall, "2 1 2", "2 1 99999999999"), 1, "number of observations: 99999999999 is not between");
-  ExpectError(Replaced(kSmall, "2 1 2", "2 1 1e30"), 1, "number of observations: '1e30' is not an integer");
-  ExpectError(Replaced(kSmall, "2 1 2", "2 1 2.5"), 1, "number of observations: '2.5' is not an integer");
-  ExpectError(Replaced(kSmall, "2 1 2", "2 1 99999999999999999999"), 1, "number of observations: '99999999999999999999' is too");
+  ExpectError(Replaced(kSmall, "2 1 2", "2 1 99999999999"), 1,
+              "number of observations: 99999999999 is not between");
+  ExpectError(Replaced(kSmall, "2 1 2", "2 1 1e30"), 1,
+              "number of observations: '1e30' is not an integer");
+  ExpectError(Replaced(kSmall, "2 1 2", "2 1 2.5"), 1,
+              "number of observations: '2.5' is not an integer");
+  ExpectError(Replaced(kSmall, "2 1 2", "2 1 99999999999999999999"), 1,
+              "number of observations: '99999999999999999999' is too");
   // Too many announced: not allocated up front, and found out where the data no longer fits.
-  ExpectError(Replaced(kSmall, "2 1 2", "2 1 2000000000"), 5, "observation 2: point: index 2 is not");
+  ExpectError(Replaced(kSmall, "2 1 2", "2 1 2000000000"), 5,
+              "observation 2: point: index 2 is not");
 }
 
 TEST_F(BalReadTest, IndicesOutOfRange) {
-  ExpectError(Replaced(kSmall, "1 0 3", "2 0 3"), 3, "observation 1: camera: index 2 is not between 0 and 1");
-  ExpectError(Replaced(kSmall, "1 0 3", "-1 0 3"), 3, "observation 1: camera: index -1 is not between 0 and 1");
-  ExpectError(Replaced(kSmall, "1 0 3", "1 1 3"), 3, "observation 1: point: index 1 is not between 0 and 0");
-  ExpectError(Replaced(kSmall, "1 0 3", "4294967296 0 3"), 3, "observation 1: camera: index 4294967296 is not");
-  ExpectError(Replaced(kSmall, "1 0 3", "0.5 0 3"), 3, "observation 1: camera: '0.5' is not an integer");
+  ExpectError(Replaced(kSmall, "1 0 3", "2 0 3"), 3,
+              "observation 1: camera: index 2 is not between 0 and 1");
+  ExpectError(Replaced(kSmall, "1 0 3", "-1 0 3"), 3,
+              "observation 1: camera: index -1 is not between 0 and 1");
+  ExpectError(Replaced(kSmall, "1 0 3", "1 1 3"), 3,
+              "observation 1: point: index 1 is not between 0 and 0");
+  ExpectError(Replaced(kSmall, "1 0 3", "4294967296 0 3"), 3,
+              "observation 1: camera: index 4294967296 is not");
+  ExpectError(Replaced(kSmall, "1 0 3", "0.5 0 3"), 3,
+              "observation 1: camera: '0.5' is not an integer");
 }
 
 TEST_F(BalReadTest, NumbersThatAreNot) {
   for (const char* token : {"nan", "NaN", "-nan", "inf", "-Infinity"}) {
-    ExpectError(Replaced(kSmall, "-1.5", token), 2, std::string("observation 0: x: '") + token + "' is not a finite number");
+    ExpectError(Replaced(kSmall, "-1.5", token), 2,
+                std::string("observation 0: x: '") + token + "' is not a finite number");
   }
   for (const char* token : {"abc", "1.5x", "0x10", "--1", "+-1", "+", "-", "1,5", "1e", "#"}) {
-    ExpectError(Replaced(kSmall, "-1.5", token), 2, std::string("observation 0: x: '") + token + "' is not a number");
+    ExpectError(Replaced(kSmall, "-1.5", token), 2,
+                std::string("observation 0: x: '") + token + "' is not a number");
   }
-  ExpectError(Replaced(kSmall, "12\n", "nan\n"), 14, "camera 1: angle-axis y: 'nan' is not a finite number");
-  ExpectError(Replaced(kSmall, "0.125", std::string("\0\x01", 2)), 22, "point 0: x: '?\?' is not a number");
+  ExpectError(Replaced(kSmall, "12\n", "nan\n"), 14,
+              "camera 1: angle-axis y: 'nan' is not a finite number");
+  ExpectError(Replaced(kSmall, "0.125", std::string("\0\x01", 2)), 22,
+              "point 0: x: '?\?' is not a number");
   ExpectError(Replaced(kSmall, "0.125", std::string(100000, '1')), 22, "point 0: x: '1111111111");
 }
 
 TEST_F(BalReadTest, TrailingData) {
-  ExpectError(std::string(kSmall) + "7\n", 25, "after the last point (are the counts of the header right?): unexpected '7'");
+  ExpectError(std::string(kSmall) + "7\n", 25,
+              "after the last point (are the counts of the header right?): unexpected '7'");
 }
 
 TEST_F(BalReadTest, MissingFileAndDirectory) {
   Status status = ReadBal(dir_.File("no_such.txt"), &problem_);
   EXPECT_EQ(status.code, StatusCode::kIo);
-  EXPECT_EQ(status.message, dir_.File("no_such.txt") + ": cannot open for reading: No such file or directory");
+  EXPECT_EQ(status.message,
+            dir_.File("no_such.txt") + ": cannot open for reading: No such file or directory");
   status = ReadBal(dir_.path(), &problem_);
   EXPECT_EQ(status.code, StatusCode::kIo);
   EXPECT_NE(status.message.find("directory"), std::string::npos) << status.message;

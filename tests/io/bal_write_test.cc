@@ -37,7 +37,8 @@ BalProblem MakeProblem(int num_cameras, int num_points, int num_observations) {
   problem.num_cameras = num_cameras;
   problem.num_points = num_points;
   for (int i = 0; i < num_observations; ++i) {
-    problem.observations.push_back({i % num_cameras, i % num_points, AnyDouble(&random), AnyDouble(&random)});
+    problem.observations.push_back(
+        {i % num_cameras, i % num_points, AnyDouble(&random), AnyDouble(&random)});
   }
   problem.cameras.resize(static_cast<std::size_t>(num_cameras) * 9);
   problem.points.resize(static_cast<std::size_t>(num_points) * 3);
@@ -94,7 +95,8 @@ TEST_P(BalCompression, RoundTripKeepsEveryBit) {
 }
 
 TEST_P(BalCompressed, SeveralStreamsInOneFile) {
-  // Two problems in two compressed streams: the second is data after the last point, which only a reader of both can see.
+  // Two problems in two compressed streams: the second is data after the last point, which only a
+  // reader of both can see.
   ASSERT_TRUE(WriteBal(File("a"), MakeProblem(2, 5, 10)).ok());
   WriteBytes(File("b"), ReadBytes(File("a")) + ReadBytes(File("a")));
   BalProblem read;
@@ -106,14 +108,17 @@ TEST_P(BalCompressed, SeveralStreamsInOneFile) {
 TEST_P(BalCompression, EveryTruncationIsAnError) {
   ASSERT_TRUE(WriteBal(File("a"), MakeProblem(2, 5, 10)).ok());
   const std::string bytes = ReadBytes(File("a"));
-  // Of plain text the last number may lose digits and stay a number: the separator is what is missing then.
-  const std::size_t last = IsPlain() ? bytes.find_last_of('\n', bytes.size() - 2) : bytes.size() - 1;
+  // Of plain text the last number may lose digits and stay a number: the separator is what is
+  // missing then.
+  const std::size_t last =
+      IsPlain() ? bytes.find_last_of('\n', bytes.size() - 2) : bytes.size() - 1;
   for (std::size_t size = 0; size <= last; ++size) {
     WriteBytes(File("b"), bytes.substr(0, size));
     BalProblem read;
     const Status status = ReadBal(File("b"), &read);
     ASSERT_EQ(status.code, StatusCode::kIo) << size;
-    ASSERT_NE(status.message.find(IsPlain() ? "ends here" : "truncated"), std::string::npos) << size << " " << status.message;
+    ASSERT_NE(status.message.find(IsPlain() ? "ends here" : "truncated"), std::string::npos)
+        << size << " " << status.message;
     ASSERT_EQ(status.message.find(File("b") + ":"), 0u) << status.message;
     ASSERT_EQ(read.num_cameras, 0);
   }
@@ -174,10 +179,14 @@ TEST_P(BalCompression, UnwritablePath) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, BalCompression, ::testing::Values(".txt", ".gz", ".bz2"),
-                         [](const auto& instance) { return std::string(instance.param).substr(1); });
+                         [](const auto& instance) {
+                           return std::string(instance.param).substr(1);
+                         });
 
 INSTANTIATE_TEST_SUITE_P(All, BalCompressed, ::testing::Values(".gz", ".bz2"),
-                         [](const auto& instance) { return std::string(instance.param).substr(1); });
+                         [](const auto& instance) {
+                           return std::string(instance.param).substr(1);
+                         });
 
 TEST(BalWrite, FullDevice) {
   if (!std::filesystem::exists("/dev/full")) {

@@ -54,7 +54,8 @@ void WriteBlanks(const std::string& path, std::int64_t count) {
 void ExpectRefused(const Status& status, const std::string& path, const std::string& limit) {
   EXPECT_EQ(status.code, StatusCode::kIo);
   EXPECT_EQ(status.message.rfind(path + ":", 0), 0U) << status.message;
-  EXPECT_NE(status.message.find("unpacks to more than " + limit + " bytes"), std::string::npos) << status.message;
+  EXPECT_NE(status.message.find("unpacks to more than " + limit + " bytes"), std::string::npos)
+      << status.message;
   EXPECT_NE(status.message.find("max_unpacked_bytes"), std::string::npos) << status.message;
 }
 
@@ -105,7 +106,8 @@ TEST(UnpackLimit, AProblemIsReadUpToIt) {
   problem.cameras.assign(9, 0.5);
   problem.points.assign(3, 0.25);
   ASSERT_TRUE(WriteBal(directory.File("plain.txt"), problem).ok());
-  const auto size = static_cast<std::int64_t>(std::filesystem::file_size(directory.File("plain.txt")));
+  const auto size =
+      static_cast<std::int64_t>(std::filesystem::file_size(directory.File("plain.txt")));
   for (const char* name : {"problem.gz", "problem.bz2"}) {
     const std::string path = directory.File(name);
     ASSERT_TRUE(WriteBal(path, problem).ok());
@@ -121,7 +123,8 @@ TEST(UnknownTag, IsCutAndCleaned) {
   const test::TempDir directory;
   const std::string path = directory.File("tags.txt");
   const std::string bell = "\x07\x1b[31mTAG\xc3\xa9";
-  for (const std::string& tag : {std::string(1 << 20, 'x'), bell, bell + std::string(1 << 20, '\x01')}) {
+  for (const std::string& tag :
+       {std::string(1 << 20, 'x'), bell, bell + std::string(1 << 20, '\x01')}) {
     for (const std::string& begin : {std::string(), std::string("VIO 1\n")}) {
       test::WriteBytes(path, begin + tag + " 1 2 3\n");
       for (const Reader& read : TaggedReaders()) {
@@ -135,7 +138,9 @@ TEST(UnknownTag, IsCutAndCleaned) {
   }
   test::WriteBytes(path, bell + " 1 2 3\n");
   EXPECT_EQ(ReaderOf(ReadG2o)(path, ReadOptions()).message,
-            path + ":1: ??[31mTAG??: tag: not known; known are VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX");
+            path +
+                ":1: ??[31mTAG??: tag: not known; known are VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, "
+                "EDGE_SE3:QUAT and FIX");
 }
 
 }  // namespace

@@ -47,14 +47,16 @@ std::string Diagonal(double w) {
   return text;
 }
 
-const std::string kFirst = "KEYFRAME 0" + kIdentity + "0 0 0\nFEATURE 0 3 0.1 0.2 0\nFEATURE 0 1 0.3 0.4 0.5\n";
+const std::string kFirst =
+    "KEYFRAME 0" + kIdentity + "0 0 0\nFEATURE 0 3 0.1 0.2 0\nFEATURE 0 1 0.3 0.4 0.5\n";
 const std::string kSecond = "KEYFRAME 1" + kQuarter + "1 2 3\n";
 
 TEST_F(KeyframesTest, ReadsAllRecords) {
-  const Status status = ReadText("# comment\r\n\r\n" + kFirst + kSecond +
-                                 "DEPTH_GUESS 0 1 0.25\nFEATURE 1 1 -0.1 -0.2 0.75\nOBS 1 0 1 0.5 0.6 0.7 4 1 9\n"
-                                 "BETWEEN 0 1" +
-                                 kQuarter + "7 8 9" + Diagonal(4.0) + "\n");
+  const Status status =
+      ReadText("# comment\r\n\r\n" + kFirst + kSecond +
+               "DEPTH_GUESS 0 1 0.25\nFEATURE 1 1 -0.1 -0.2 0.75\nOBS 1 0 1 0.5 0.6 0.7 4 1 9\n"
+               "BETWEEN 0 1" +
+               kQuarter + "7 8 9" + Diagonal(4.0) + "\n");
   ASSERT_TRUE(status.ok()) << status.message;
   ASSERT_EQ(sequence_.keyframes.size(), 2u);
   ASSERT_EQ(sequence_.features.size(), 3u);
@@ -94,18 +96,23 @@ TEST_F(KeyframesTest, ReadsAllRecords) {
 TEST_F(KeyframesTest, ErrorsOfOrder) {
   ExpectError("# nothing\n", 2, "the file has no keyframes");
   ExpectError("FEATURE 0 0 1 1 0\n", 1, "FEATURE: tag: before the first KEYFRAME");
-  ExpectError(kFirst + "POINT 1\n", 4, "POINT: tag: not known; known are KEYFRAME, DEPTH_GUESS, FEATURE, OBS and BETWEEN");
+  ExpectError(kFirst + "POINT 1\n", 4,
+              "POINT: tag: not known; known are KEYFRAME, DEPTH_GUESS, FEATURE, OBS and BETWEEN");
   ExpectError(kFirst + kFirst, 4, "KEYFRAME: i: keyframe 0 where 1 comes next");
   ExpectError(kFirst + "FEATURE 1 0 1 1 0\n", 4, "FEATURE: i: 1 is not the keyframe above, 0");
   ExpectError(kFirst + "FEATURE 0 3 1 1 0\n", 4, "FEATURE: k: feature 3 is twice in keyframe 0");
   ExpectError(kFirst + "DEPTH_GUESS 1 3 1\n", 4, "DEPTH_GUESS: i: keyframe 1 has not arrived yet");
   ExpectError(kFirst + "DEPTH_GUESS 0 2 1\n", 4, "DEPTH_GUESS: k: keyframe 0 has no feature 2");
-  ExpectError(kFirst + kSecond + "OBS 0 0 1 0 0 0 1 0 1\n", 5, "OBS: i: 0 is not the keyframe above, 1");
-  ExpectError(kFirst + kSecond + "OBS 1 1 1 0 0 0 1 0 1\n", 5, "OBS: a: the observing keyframe itself");
-  ExpectError(kFirst + kSecond + "OBS 1 0 2 0 0 0 1 0 1\n", 5, "OBS: k: keyframe 0 has no feature 2");
+  ExpectError(kFirst + kSecond + "OBS 0 0 1 0 0 0 1 0 1\n", 5,
+              "OBS: i: 0 is not the keyframe above, 1");
+  ExpectError(kFirst + kSecond + "OBS 1 1 1 0 0 0 1 0 1\n", 5,
+              "OBS: a: the observing keyframe itself");
+  ExpectError(kFirst + kSecond + "OBS 1 0 2 0 0 0 1 0 1\n", 5,
+              "OBS: k: keyframe 0 has no feature 2");
   ExpectError(kFirst + kSecond + "BETWEEN 0 2" + kIdentity + "0 0 0" + Diagonal(1.0), 5,
               "BETWEEN: b: keyframe 2 has not arrived yet");
-  ExpectError(kFirst + kSecond + "BETWEEN 1 1" + kIdentity + "0 0 0" + Diagonal(1.0), 5, "BETWEEN: b: keyframe 1 with itself");
+  ExpectError(kFirst + kSecond + "BETWEEN 1 1" + kIdentity + "0 0 0" + Diagonal(1.0), 5,
+              "BETWEEN: b: keyframe 1 with itself");
 }
 
 TEST_F(KeyframesTest, ErrorsOfNumbers) {
@@ -113,19 +120,24 @@ TEST_F(KeyframesTest, ErrorsOfNumbers) {
   ExpectError("KEYFRAME 0 1 0 0 0 1 0 0 0 -1 0 0 0\n", 1, "KEYFRAME: R: not a rotation matrix");
   ExpectError("KEYFRAME 0 2 0 0 0 2 0 0 0 2 0 0 0\n", 1, "KEYFRAME: R: not a rotation matrix");
   ExpectError("KEYFRAME 0 0 0 0 0 0 0 0 0 0 0 0 0\n", 1, "KEYFRAME: R: not a rotation matrix");
-  ExpectError("KEYFRAME 0" + kIdentity + "0 nan 0\n", 1, "KEYFRAME: p(1): 'nan' is not a finite number");
-  ExpectError("KEYFRAME 0" + kIdentity + "0 0 0 5\n", 1, "KEYFRAME: after the last field: unexpected '5'");
+  ExpectError("KEYFRAME 0" + kIdentity + "0 nan 0\n", 1,
+              "KEYFRAME: p(1): 'nan' is not a finite number");
+  ExpectError("KEYFRAME 0" + kIdentity + "0 0 0 5\n", 1,
+              "KEYFRAME: after the last field: unexpected '5'");
   ExpectError("KEYFRAME -1" + kIdentity + "0 0 0\n", 1, "KEYFRAME: i: -1 is negative");
-  ExpectError("KEYFRAME 99999999999" + kIdentity + "0 0 0\n", 1, "KEYFRAME: i: 99999999999 is too large");
+  ExpectError("KEYFRAME 99999999999" + kIdentity + "0 0 0\n", 1,
+              "KEYFRAME: i: 99999999999 is too large");
   ExpectError(kFirst + "FEATURE 0 5 1 1 -2\n", 4, "FEATURE: d_obs: negative");
   ExpectError(kFirst + "FEATURE 0 5 1\n", 4, "FEATURE: y: missing, the line ends here");
   ExpectError(kFirst + "DEPTH_GUESS 0 3 0\n", 4, "DEPTH_GUESS: d: not positive");
   ExpectError(kFirst + kSecond + "OBS 1 0 1 0 0 0 1 2 1\n", 5, "OBS: w: not positive definite");
   ExpectError(kFirst + kSecond + "OBS 1 0 1 0 0 0 1 x 1\n", 5, "OBS: w01: 'x' is not a number");
-  ExpectError(kFirst + kSecond + "BETWEEN 0 1" + kIdentity + "0 0 0" + Diagonal(0.0), 5, "BETWEEN: w: not positive definite");
+  ExpectError(kFirst + kSecond + "BETWEEN 0 1" + kIdentity + "0 0 0" + Diagonal(0.0), 5,
+              "BETWEEN: w: not positive definite");
   std::string skewed = Diagonal(1.0);
   skewed.replace(skewed.rfind("0.0"), 3, "0.5");
-  ExpectError(kFirst + kSecond + "BETWEEN 0 1" + kIdentity + "0 0 0" + skewed, 5, "BETWEEN: w: not symmetric: row 5, column 4");
+  ExpectError(kFirst + kSecond + "BETWEEN 0 1" + kIdentity + "0 0 0" + skewed, 5,
+              "BETWEEN: w: not symmetric: row 5, column 4");
   EXPECT_EQ(ReadKeyframes(dir_.File("none.kf"), &sequence_).message,
             dir_.File("none.kf") + ": cannot open for reading: No such file or directory");
 }

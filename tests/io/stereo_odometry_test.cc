@@ -32,7 +32,8 @@ class StereoOdometryTest : public ::testing::Test {
   std::string Folder() { return std::filesystem::path(dir_.File("x")).parent_path().string(); }
 
   // With this text in that file.
-  void ExpectError(const std::string& name, const std::string& text, int line, const std::string& what) {
+  void ExpectError(const std::string& name, const std::string& text, int line,
+                   const std::string& what) {
     const TempDir other;
     std::filesystem::copy_file(File(name), other.File("kept"));
     Write(name, text);
@@ -43,7 +44,8 @@ class StereoOdometryTest : public ::testing::Test {
     EXPECT_EQ(status.message, File(name) + ":" + std::to_string(line) + ": " + what);
     EXPECT_EQ(odometry_.point_ids.size(), 77u);
     EXPECT_TRUE(odometry_.poses.empty());
-    std::filesystem::copy_file(other.File("kept"), File(name), std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::copy_file(other.File("kept"), File(name),
+                               std::filesystem::copy_options::overwrite_existing);
   }
 
   TempDir dir_;
@@ -83,14 +85,17 @@ TEST_F(StereoOdometryTest, ErrorsOfTheFolder) {
   EXPECT_EQ(ReadStereoOdometry(dir_.File("none"), &odometry_).message,
             dir_.File("none") + ": cannot be read: No such file or directory");
   WriteBytes(dir_.File("VO_calibration.txt"), "1 1 0 0 0 1\n");
-  EXPECT_EQ(Read().message, Folder() + ": 2 calibration files, VO_calibration*.txt, where one is wanted");
+  EXPECT_EQ(Read().message,
+            Folder() + ": 2 calibration files, VO_calibration*.txt, where one is wanted");
   std::filesystem::remove(dir_.File("VO_calibration.txt"));
   std::filesystem::remove(File("stereo_factors"));
-  EXPECT_EQ(Read().message, File("stereo_factors") + ": cannot open for reading: No such file or directory");
+  EXPECT_EQ(Read().message,
+            File("stereo_factors") + ": cannot open for reading: No such file or directory");
   std::filesystem::remove(File("calibration"));
   const Status status = Read();
   EXPECT_EQ(status.code, StatusCode::kIo);
-  EXPECT_EQ(status.message, Folder() + ": no calibration files, VO_calibration*.txt, where one is wanted");
+  EXPECT_EQ(status.message,
+            Folder() + ": no calibration files, VO_calibration*.txt, where one is wanted");
 }
 
 TEST_F(StereoOdometryTest, ErrorsOfTheCalibration) {
@@ -98,27 +103,36 @@ TEST_F(StereoOdometryTest, ErrorsOfTheCalibration) {
   ExpectError("calibration", "700 710 0 600 180\n", 1, "baseline: missing, the line ends here");
   ExpectError("calibration", "700 710 0 600 180 0\n", 1, "baseline: not positive");
   ExpectError("calibration", "700 -710 0 600 180 1\n", 1, "f_y: not positive");
-  ExpectError("calibration", "700 710 1 600 180 0.5\n", 1, "skew: not 0: the images must be rectified");
-  ExpectError("calibration", "700 710 0 600 180 0.5 1\n", 1, "after the last field: unexpected '1'");
-  ExpectError("calibration", "700 710 0 600 180 0.5\n700 710 0 600 180 0.5\n", 2, "f_x: a second calibration");
+  ExpectError("calibration", "700 710 1 600 180 0.5\n", 1,
+              "skew: not 0: the images must be rectified");
+  ExpectError("calibration", "700 710 0 600 180 0.5 1\n", 1,
+              "after the last field: unexpected '1'");
+  ExpectError("calibration", "700 710 0 600 180 0.5\n700 710 0 600 180 0.5\n", 2,
+              "f_x: a second calibration");
 }
 
 TEST_F(StereoOdometryTest, ErrorsOfThePoses) {
   ExpectError("camera_poses", "", 1, "the file has no poses");
-  ExpectError("camera_poses", "0 " + kIdentity + "2 " + kIdentity, 2, "i: pose 2 where 1 comes next");
+  ExpectError("camera_poses", "0 " + kIdentity + "2 " + kIdentity, 2,
+              "i: pose 2 where 1 comes next");
   ExpectError("camera_poses", "-1 " + kIdentity, 1, "i: -1 is negative");
-  ExpectError("camera_poses", "0 1 0 0 0 0 1 0 nan 0 0 1 0 0 0 0 1\n", 1, "T(1, 3): 'nan' is not a finite number");
-  ExpectError("camera_poses", "0 1 0 0 0 0 1 0 0 0 0 -1 0 0 0 0 1\n", 1, "T: not a rotation matrix");
-  ExpectError("camera_poses", "0 1 0 0 0 0 1 0 0 0 0 1 0 0 0 1 1\n", 1, "T: the last row is not 0 0 0 1");
+  ExpectError("camera_poses", "0 1 0 0 0 0 1 0 nan 0 0 1 0 0 0 0 1\n", 1,
+              "T(1, 3): 'nan' is not a finite number");
+  ExpectError("camera_poses", "0 1 0 0 0 0 1 0 0 0 0 -1 0 0 0 0 1\n", 1,
+              "T: not a rotation matrix");
+  ExpectError("camera_poses", "0 1 0 0 0 0 1 0 0 0 0 1 0 0 0 1 1\n", 1,
+              "T: the last row is not 0 0 0 1");
 }
 
 TEST_F(StereoOdometryTest, ErrorsOfTheSightings) {
   ExpectError("stereo_factors", "\n\n", 3, "the file has no sightings");
   ExpectError("stereo_factors", "2 5 20 8 22 4 5 6\n", 1, "i: there is no pose 2");
   ExpectError("stereo_factors", "0 -5 20 8 22 4 5 6\n", 1, "p: -5 is negative");
-  ExpectError("stereo_factors", "0 5 20 8 22 4 5 6\n0 5 20 8 22 4 5 6\n", 2, "p: pose 0 sees point 5 twice");
+  ExpectError("stereo_factors", "0 5 20 8 22 4 5 6\n0 5 20 8 22 4 5 6\n", 2,
+              "p: pose 0 sees point 5 twice");
   ExpectError("stereo_factors", "0 5 20 x 22 4 5 6\n", 1, "u_r: 'x' is not a number");
-  ExpectError("stereo_factors", "0 5 20 8 22 4 5 -6\n", 1, "Z: not positive: the point is not in front of the camera");
+  ExpectError("stereo_factors", "0 5 20 8 22 4 5 -6\n", 1,
+              "Z: not positive: the point is not in front of the camera");
 }
 
 TEST(PublicStereoOdometry, Reads) {

@@ -66,7 +66,8 @@ TEST_F(AutomaticSolverTest, AnAgedOrderIsRenewed) {
   EXPECT_EQ(solver_.work().reorderings, 1);
 }
 
-// Arms from one place, one frame of each in turn: an envelope holds them all side by side in any order that begins at one end.
+// Arms from one place, one frame of each in turn: an envelope holds them all side by side in any
+// order that begins at one end.
 GrowingSystem Arms(int count, int length, int band) {
   GrowingSystem system(1);
   for (int i = 0; i < count * length; ++i) {
@@ -87,7 +88,8 @@ TEST_F(AutomaticSolverTest, ArmsAreSparse) {
   EXPECT_EQ(std::string(solver_.Name()).substr(0, 15), "sparse Cholesky");
 }
 
-// All changes: the sparse factor. Then the newest row changes, again and again: the resumed factor, once catching up is worth it.
+// All changes: the sparse factor. Then the newest row changes, again and again: the resumed factor,
+// once catching up is worth it.
 TEST_F(AutomaticSolverTest, SolversTakeTurns) {
   GrowingSystem system = Arms(5, 20, 6);
   const int newest = system.num_rows() - 1;

@@ -1,5 +1,5 @@
-// The pattern that SymmetricBlockRows keeps, against a set of pairs, as solvers see it too, and that removed blocks come back as
-// zeros.
+// The pattern that SymmetricBlockRows keeps, against a set of pairs, as solvers see it too, and
+// that removed blocks come back as zeros.
 #include "linear/block_rows.h"
 
 #include <algorithm>
@@ -19,7 +19,8 @@ class BlockRowsTest : public testing::Test {
  protected:
   void AddRow() {
     const int size = 1 + random_.Below(7);
-    const auto dead = static_cast<int>(std::find(alive_.begin(), alive_.end(), false) - alive_.begin());
+    const auto dead =
+        static_cast<int>(std::find(alive_.begin(), alive_.end(), false) - alive_.begin());
     if (dead < S_.num_rows()) {
       S_.ReviveRow(dead, size);
       alive_[static_cast<std::size_t>(dead)] = true;
@@ -77,11 +78,13 @@ class BlockRowsTest : public testing::Test {
     }
   }
 
-  // The pattern is that of the rows which are there, over the same values; of held ones a view leaves out the blocks.
+  // The pattern is that of the rows which are there, over the same values; of held ones a view
+  // leaves out the blocks.
   void ExpectView() {
     const std::vector<double> diagonal(2000, 1.0);
     std::vector<char> held(alive_.size());
-    std::generate(held.begin(), held.end(), [this] { return static_cast<char>(random_.Below(4) == 0); });
+    std::generate(held.begin(), held.end(),
+                  [this] { return static_cast<char>(random_.Below(4) == 0); });
     const ReducedMatrix A(S_, diagonal.data(), held.data());
     const BlockPattern& pattern = A.pattern();
     ASSERT_EQ(pattern.num_blocks(), std::count(alive_.begin(), alive_.end(), true));
@@ -92,10 +95,12 @@ class BlockRowsTest : public testing::Test {
       EXPECT_EQ(pattern.offsets[static_cast<std::size_t>(i)], offset);
       EXPECT_EQ(pattern.block_size(i), S_.size_of(row));
       offset += S_.size_of(row);
-      for (int k = pattern.row_begin[static_cast<std::size_t>(i)]; k < pattern.row_begin[static_cast<std::size_t>(i) + 1]; ++k) {
+      for (int k = pattern.row_begin[static_cast<std::size_t>(i)];
+           k < pattern.row_begin[static_cast<std::size_t>(i) + 1]; ++k) {
         const int column = A.RowId(pattern.columns[static_cast<std::size_t>(k)]);
         ASSERT_EQ(*expected++, std::pair(row, column));
-        const bool left_out = held[static_cast<std::size_t>(row)] != 0 || held[static_cast<std::size_t>(column)] != 0;
+        const bool left_out =
+            held[static_cast<std::size_t>(row)] != 0 || held[static_cast<std::size_t>(column)] != 0;
         ASSERT_EQ(A.Block(i, k), left_out ? nullptr : S_.values(S_.Find(row, column)));
       }
     }

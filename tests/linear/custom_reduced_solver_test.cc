@@ -68,7 +68,8 @@ class CountingSolver final : public ReducedSolver {
     ++record_.num_factorizations;
     return record_.factorization.ok() ? solver_.Factorize(A, changed) : record_.factorization;
   }
-  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override {
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+               double* x) override {
     ++record_.num_solves;
     return solver_.Solve(b, changed_b, truncation, x);
   }
@@ -116,7 +117,8 @@ TEST(CustomReducedSolver, SingularIsAnInvalidStepOtherErrorsAreFatal) {
   Summary summary = SolveCounting(&record, &bundle->graph());
   EXPECT_EQ(summary.termination, Termination::kFailure);
   EXPECT_EQ(record.num_factorizations, SolverOptions().max_num_consecutive_invalid_steps);
-  EXPECT_NE(summary.message.find("consecutive invalid steps"), std::string::npos) << summary.message;
+  EXPECT_NE(summary.message.find("consecutive invalid steps"), std::string::npos)
+      << summary.message;
   EXPECT_EQ(summary.detail, "not today");
   EXPECT_EQ(bundle->graph().state(), state);
 
@@ -126,7 +128,8 @@ TEST(CustomReducedSolver, SingularIsAnInvalidStepOtherErrorsAreFatal) {
   EXPECT_EQ(summary.termination, Termination::kFailure);
   EXPECT_EQ(record.num_factorizations, 1);
   EXPECT_EQ(summary.message,
-            "Linear solver failed due to unrecoverable non-numeric causes. Please see the error log for clues. ");
+            "Linear solver failed due to unrecoverable non-numeric causes. Please see the error "
+            "log for clues. ");
   EXPECT_EQ(summary.detail, "the GPU is gone");
   EXPECT_EQ(bundle->graph().state(), state);
 }

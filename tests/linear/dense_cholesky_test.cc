@@ -29,7 +29,8 @@ std::vector<double> SolveWith(int num_threads, const RandomSystem& system) {
 // Sizes around the panel, the strip of rows, and the size below which no thread is woken.
 TEST(DenseCholesky, SameBitsForAnyNumberOfThreads) {
   for (const int num_blocks : {1, 14, 15, 33, 49, 70}) {
-    const RandomSystem system(std::vector<int>(static_cast<std::size_t>(num_blocks), 9), Fill::kDense);
+    const RandomSystem system(std::vector<int>(static_cast<std::size_t>(num_blocks), 9),
+                              Fill::kDense);
     const std::vector<double> one = SolveWith(1, system);
     EXPECT_EQ(SolveWith(1, system), one);
     EXPECT_EQ(SolveWith(2, system), one) << num_blocks << " blocks";

@@ -14,8 +14,8 @@
 namespace inceres::internal {
 namespace {
 
-// A window of VINS: poses that are all coupled, then a speed and bias each, coupled to its neighbors in time and to two poses; a
-// prior couples the first of them to every pose.
+// A window of VINS: poses that are all coupled, then a speed and bias each, coupled to its
+// neighbors in time and to two poses; a prior couples the first of them to every pose.
 std::set<std::pair<int, int>> WindowCouplings(int frames) {
   std::set<std::pair<int, int>> coupled;
   for (int i = 0; i < frames; ++i) {
@@ -52,7 +52,8 @@ TEST(DenseOrder, IsAPermutationWithItsOffsets) {
   std::iota(all.begin(), all.end(), 0);
   EXPECT_EQ(sorted, all);
   for (int place = 0; place < 22; ++place) {
-    EXPECT_EQ(order.offsets[place + 1] - order.offsets[place], system.pattern.block_size(order.blocks[place]));
+    EXPECT_EQ(order.offsets[place + 1] - order.offsets[place],
+              system.pattern.block_size(order.blocks[place]));
   }
 }
 
@@ -73,7 +74,8 @@ TEST(DenseOrder, AFullMatrixKeepsItsOrder) {
   EXPECT_NEAR(order.flops, n * n * n / 3.0, 0.2 * n * n * n / 3.0);
 }
 
-// What lies ahead of the first block of a row is zero in the factor: then nothing that is left out was missing.
+// What lies ahead of the first block of a row is zero in the factor: then nothing that is left out
+// was missing.
 TEST(DenseOrder, RowsOfTheFactorBeginWhereItSays) {
   for (const int frames : {2, 5, 11}) {
     const RandomSystem system = Window(frames);
@@ -89,7 +91,10 @@ TEST(DenseOrder, RowsOfTheFactorBeginWhereItSays) {
     const Eigen::MatrixXd L = permuted.llt().matrixL();
     for (std::size_t place = 0; place < order.blocks.size(); ++place) {
       const int begin = order.offsets[order.first[place]];
-      EXPECT_EQ(L.block(order.offsets[place], 0, order.offsets[place + 1] - order.offsets[place], begin).norm(), 0.0);
+      EXPECT_EQ(
+          L.block(order.offsets[place], 0, order.offsets[place + 1] - order.offsets[place], begin)
+              .norm(),
+          0.0);
     }
   }
 }
@@ -120,7 +125,8 @@ TEST(DenseOrder, TheFailureIsNamedByThePatternsOwnNumber) {
   system.Spoil(system.pattern.offsets[first_eliminated] + 2);
   const Status status = solver.Factorize(system.Matrix(), {});
   EXPECT_EQ(status.code, StatusCode::kSingular);
-  EXPECT_NE(status.message.find("at frame " + std::to_string(first_eliminated)), std::string::npos) << status.message;
+  EXPECT_NE(status.message.find("at frame " + std::to_string(first_eliminated)), std::string::npos)
+      << status.message;
 }
 
 }  // namespace

@@ -17,17 +17,21 @@ class EigenLdltSolver final : public inceres::ReducedSolver {
       using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
       const int rows = pattern.block_size(i), columns = pattern.block_size(j);
       dense.block(pattern.offsets[i], pattern.offsets[j], rows, columns) =
-          Eigen::Map<const Block, 0, Eigen::OuterStride<>>(block, rows, columns, Eigen::OuterStride<>(stride));
+          Eigen::Map<const Block, 0, Eigen::OuterStride<>>(block, rows, columns,
+                                                           Eigen::OuterStride<>(stride));
     });
     dense.diagonal() += Eigen::Map<const Eigen::VectorXd>(A.diagonal(), pattern.size());
     ldlt_.compute(dense);  // reads the lower triangle only
-    if (ldlt_.info() != Eigen::Success || !ldlt_.isPositive() || !(ldlt_.vectorD().minCoeff() > 0.0)) {
-      return inceres::Status::Error(inceres::StatusCode::kSingular, "the reduced system is not positive definite");
+    if (ldlt_.info() != Eigen::Success || !ldlt_.isPositive() ||
+        !(ldlt_.vectorD().minCoeff() > 0.0)) {
+      return inceres::Status::Error(inceres::StatusCode::kSingular,
+                                    "the reduced system is not positive definite");
     }
     return inceres::Status::Ok();
   }
 
-  inceres::Status Solve(const double* b, const Rows& /*changed*/, const Truncation& /*truncation*/, double* x) override {
+  inceres::Status Solve(const double* b, const Rows& /*changed*/, const Truncation& /*truncation*/,
+                        double* x) override {
     const Eigen::Index size = ldlt_.rows();
     Eigen::Map<Eigen::VectorXd>(x, size) = ldlt_.solve(Eigen::Map<const Eigen::VectorXd>(b, size));
     return inceres::Status::Ok();

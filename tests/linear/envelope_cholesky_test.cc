@@ -1,4 +1,5 @@
-// The Cholesky factor that resumes: right against a dense oracle, and the same to the last bit as one from scratch.
+// The Cholesky factor that resumes: right against a dense oracle, and the same to the last bit as
+// one from scratch.
 
 #include "linear/envelope_cholesky.h"
 
@@ -12,7 +13,8 @@
 namespace inceres::internal {
 namespace {
 
-// A symmetric positive definite matrix of mixed block sizes: a band of couplings to recent rows and a few to far ones.
+// A symmetric positive definite matrix of mixed block sizes: a band of couplings to recent rows and
+// a few to far ones.
 class GrowingEnvelope {
  public:
   explicit GrowingEnvelope(unsigned seed) : engine_(seed) {}
@@ -95,7 +97,8 @@ class GrowingEnvelope {
   SymmetricBlockRows S_;
 };
 
-void ExpectSolves(const EnvelopeCholesky& cholesky, GrowingEnvelope& system, const Eigen::VectorXd& damping) {
+void ExpectSolves(const EnvelopeCholesky& cholesky, GrowingEnvelope& system,
+                  const Eigen::VectorXd& damping) {
   const Eigen::VectorXd b = system.RandomVector();
   Eigen::VectorXd x(b.size());
   cholesky.Solve(b.data(), x.data());
@@ -127,7 +130,8 @@ TEST(EnvelopeCholesky, ResumedIsBitwiseTheSameAsFromScratch) {
     const int changed = static_cast<int>(engine() % static_cast<unsigned>(system.S().num_rows()));
     system.Perturb(changed);
     const Eigen::VectorXd damping = Eigen::VectorXd::Constant(system.size(), 1e-3);
-    ASSERT_TRUE(resumed.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), changed).ok());
+    ASSERT_TRUE(
+        resumed.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), changed).ok());
     EnvelopeCholesky scratch;
     ASSERT_TRUE(scratch.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0).ok());
     const Eigen::VectorXd b = system.RandomVector();

@@ -1,4 +1,5 @@
-// Orders for the envelope: permutations with the newest rows last, cheaper where the order of arrival has aged.
+// Orders for the envelope: permutations with the newest rows last, cheaper where the order of
+// arrival has aged.
 #include "linear/envelope_order.h"
 
 #include <algorithm>
@@ -38,7 +39,8 @@ TEST(EnvelopeOrder, IsAPermutationOfTheRowsWithTheNewestLast) {
     std::vector<int> sorted = order;
     std::sort(sorted.begin(), sorted.end());
     EXPECT_EQ(std::unique(sorted.begin(), sorted.end()), sorted.end());
-    EXPECT_TRUE(std::all_of(order.begin(), order.end(), [&](int row) { return system.S.size_of(row) > 0; }));
+    EXPECT_TRUE(std::all_of(order.begin(), order.end(),
+                            [&](int row) { return system.S.size_of(row) > 0; }));
   }
 }
 
@@ -120,8 +122,10 @@ TEST(EnvelopeFlops, FollowsTheOrder) {
   for (int i = 0; i < 30; ++i) {
     permuted.AddRow(2);
     for (int j = 0; j < i; ++j) {
-      const int row = std::max(order[static_cast<std::size_t>(i)], order[static_cast<std::size_t>(j)]);
-      const int column = std::min(order[static_cast<std::size_t>(i)], order[static_cast<std::size_t>(j)]);
+      const int row =
+          std::max(order[static_cast<std::size_t>(i)], order[static_cast<std::size_t>(j)]);
+      const int column =
+          std::min(order[static_cast<std::size_t>(i)], order[static_cast<std::size_t>(j)]);
       if (system.S.Find(row, column) >= 0) {
         permuted.FindOrAdd(i, j);
       }
@@ -147,7 +151,8 @@ TEST(EnvelopeFlops, AddUpOverTheRows) {
     const double all = EnvelopeFlops(system.S, nullptr, order, 0);
     double sum = 0.0;
     for (int i = 0; i < order.num_places(); ++i) {
-      sum += EnvelopeFlops(system.S, nullptr, order, i) - EnvelopeFlops(system.S, nullptr, order, i + 1);
+      sum += EnvelopeFlops(system.S, nullptr, order, i) -
+             EnvelopeFlops(system.S, nullptr, order, i + 1);
     }
     EXPECT_EQ(all, sum);
     system.held.assign(50, 1);

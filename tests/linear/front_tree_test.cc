@@ -1,4 +1,5 @@
-// The assembly tree against a Cholesky factor by hand: every entry of the factor has a place, and every front knows its parent.
+// The assembly tree against a Cholesky factor by hand: every entry of the factor has a place, and
+// every front knows its parent.
 #include "linear/front_tree.h"
 
 #include <map>
@@ -16,7 +17,8 @@ namespace {
 using Fill = RandomSystem::Fill;
 
 // The entries of the factor of S in this order, by blocks: row position and column position.
-std::set<std::pair<int, int>> FilledBlocks(const BlockPattern& pattern, const std::vector<int>& order) {
+std::set<std::pair<int, int>> FilledBlocks(const BlockPattern& pattern,
+                                           const std::vector<int>& order) {
   const int n = pattern.num_blocks();
   std::vector<int> position(static_cast<std::size_t>(n));
   for (int at = 0; at < n; ++at) {
@@ -85,7 +87,8 @@ class FrontTreeLaws : public testing::TestWithParam<TreeCase> {
 };
 
 TEST_P(FrontTreeLaws, TheOrderIsAPermutation) {
-  EXPECT_EQ(std::set<int>(tree_.order.begin(), tree_.order.end()).size(), static_cast<std::size_t>(pattern_.num_blocks()));
+  EXPECT_EQ(std::set<int>(tree_.order.begin(), tree_.order.end()).size(),
+            static_cast<std::size_t>(pattern_.num_blocks()));
 }
 
 TEST_P(FrontTreeLaws, FrontsCoverTheOrderChildrenFirst) {
@@ -117,7 +120,8 @@ TEST_P(FrontTreeLaws, RowsAscendAndHoldEveryEntryOfTheFactor) {
   }
   for (const auto& [row, column] : FilledBlocks(pattern_, tree_.order)) {
     for (int k = 0; k < SizeAt(column); ++k) {
-      EXPECT_EQ(rows_of_column[OffsetOf(column) + k].count(OffsetOf(row)), 1u) << row << ", " << column;
+      EXPECT_EQ(rows_of_column[OffsetOf(column) + k].count(OffsetOf(row)), 1u)
+          << row << ", " << column;
     }
   }
 }
@@ -130,10 +134,13 @@ TEST_P(FrontTreeLaws, EveryBlockOfSIsAPieceAtItsPlace) {
       const FrontPiece& piece = tree_.pieces[k];
       EXPECT_TRUE(seen.insert(piece.block).second);
       const auto i =
-          std::upper_bound(pattern_.row_begin.begin(), pattern_.row_begin.end(), piece.block) - pattern_.row_begin.begin() - 1;
+          std::upper_bound(pattern_.row_begin.begin(), pattern_.row_begin.end(), piece.block) -
+          pattern_.row_begin.begin() - 1;
       const int j = pattern_.columns[piece.block];
       EXPECT_EQ(piece.i, i);
-      const auto position = [this](long b) { return std::find(tree_.order.begin(), tree_.order.end(), b) - tree_.order.begin(); };
+      const auto position = [this](long b) {
+        return std::find(tree_.order.begin(), tree_.order.end(), b) - tree_.order.begin();
+      };
       EXPECT_EQ(rows[piece.row], OffsetOf(static_cast<int>(position(i))));
       EXPECT_EQ(rows[piece.column], OffsetOf(static_cast<int>(position(j))));
       EXPECT_LT(std::min(piece.row, piece.column), tree_.fronts[f].width);
@@ -144,15 +151,19 @@ TEST_P(FrontTreeLaws, EveryBlockOfSIsAPieceAtItsPlace) {
 
 INSTANTIATE_TEST_SUITE_P(
     Patterns, FrontTreeLaws,
-    testing::Values(TreeCase{"One", {{3}, Fill::kDense}}, TreeCase{"Forest", {std::vector<int>(40, 3), Fill::kDiagonal}},
+    testing::Values(TreeCase{"One", {{3}, Fill::kDense}},
+                    TreeCase{"Forest", {std::vector<int>(40, 3), Fill::kDiagonal}},
                     TreeCase{"Full", {{6, 1, 15, 9, 3, 7, 33, 2}, Fill::kDense}},
                     TreeCase{"Band", {std::vector<int>(120, 6), Fill::kBand}},
-                    TreeCase{"MixedBand", {{6, 1, 15, 9, 3, 7, 33, 2, 6, 6, 9, 1, 1, 1, 6, 15}, Fill::kBand}},
+                    TreeCase{"MixedBand",
+                             {{6, 1, 15, 9, 3, 7, 33, 2, 6, 6, 9, 1, 1, 1, 6, 15}, Fill::kBand}},
                     TreeCase{"Path",
-                             {std::vector<int>(300, 9), [](int i, int j) { return i - j <= 8 || (i - j) % 90 == 0; }, 1}}),
+                             {std::vector<int>(300, 9),
+                              [](int i, int j) { return i - j <= 8 || (i - j) % 90 == 0; }, 1}}),
     [](const auto& instance) { return instance.param.name; });
 
-// No fault of the matrix: not kSingular, upon which the same would be tried again with more damping.
+// No fault of the matrix: not kSingular, upon which the same would be tried again with more
+// damping.
 TEST(FrontTree, OutOfMemoryIsSaidAndForgotten) {
   test::SuiteSparseMemory memory;
   if (!memory.IsReachable()) {

@@ -13,8 +13,9 @@
 
 namespace inceres::internal {
 
-/// A living S of mixed block sizes, symmetric positive definite and well conditioned: each row coupled to a few recent ones and
-/// now and then to a far one. With damping, a mask and a right-hand side.
+/// A living S of mixed block sizes, symmetric positive definite and well conditioned: each row
+/// coupled to a few recent ones and now and then to a far one. With damping, a mask and a
+/// right-hand side.
 struct GrowingSystem {
   explicit GrowingSystem(unsigned seed) : random(seed) {}
 
@@ -90,7 +91,9 @@ struct GrowingSystem {
     }
     for (int i = 0; i < num_rows(); ++i) {
       for (int k = OffsetOf(i); k < OffsetOf(i) + S.size_of(i); ++k) {
-        dense(k, k) = held[static_cast<std::size_t>(i)] != 0 ? 1.0 : dense(k, k) + damping[static_cast<std::size_t>(k)];
+        dense(k, k) = held[static_cast<std::size_t>(i)] != 0
+                          ? 1.0
+                          : dense(k, k) + damping[static_cast<std::size_t>(k)];
       }
     }
     return dense;
@@ -112,7 +115,8 @@ struct GrowingSystem {
     diagonal_ = damping;
     free_b_ = b;
     for (int i = 0; i < num_rows(); ++i) {
-      for (int k = OffsetOf(i); held[static_cast<std::size_t>(i)] != 0 && k < OffsetOf(i) + S.size_of(i); ++k) {
+      for (int k = OffsetOf(i);
+           held[static_cast<std::size_t>(i)] != 0 && k < OffsetOf(i) + S.size_of(i); ++k) {
         diagonal_[static_cast<std::size_t>(k)] = 1.0;
         free_b_[static_cast<std::size_t>(k)] = 0.0;
       }
@@ -125,7 +129,8 @@ struct GrowingSystem {
     const Status analyzed = is_new ? solver->Analyze(A) : Status::Ok();
     return analyzed.ok() ? solver->Factorize(A, changed) : analyzed;
   }
-  Status Solve(const ReducedSolver::Rows& changed_b, const ReducedSolver::Truncation& truncation, ReducedSolver* solver) {
+  Status Solve(const ReducedSolver::Rows& changed_b, const ReducedSolver::Truncation& truncation,
+               ReducedSolver* solver) {
     Matrix();
     return solver->Solve(free_b_.data(), changed_b, truncation, x.data());
   }
@@ -147,7 +152,8 @@ struct GrowingSystem {
   std::int64_t analyzed_version_ = -1;
 
   void CopyBlock(int i, const SymmetricBlockRows::Entry& entry, Eigen::MatrixXd* dense) const {
-    const bool left_out = held[static_cast<std::size_t>(i)] != 0 || held[static_cast<std::size_t>(entry.column)] != 0;
+    const bool left_out =
+        held[static_cast<std::size_t>(i)] != 0 || held[static_cast<std::size_t>(entry.column)] != 0;
     const int stride = PadToQuad(S.size_of(entry.column));
     for (int r = 0; r < S.size_of(i) && !left_out; ++r) {
       for (int c = 0; c < S.size_of(entry.column); ++c) {
@@ -159,8 +165,8 @@ struct GrowingSystem {
   }
 };
 
-/// A random change to a system: rows appended, changed, removed, held or freed, damping and b changed. What a solver must be
-/// told.
+/// A random change to a system: rows appended, changed, removed, held or freed, damping and b
+/// changed. What a solver must be told.
 struct RandomChange {
   RandomChange(GrowingSystem* system, bool may_hold) {
     change.first_row = system->num_rows();
@@ -183,7 +189,8 @@ struct RandomChange {
         system->held[static_cast<std::size_t>(row)] ^= 1;
         Touch(row);
       } else if (kind == 6) {
-        for (std::size_t k = static_cast<std::size_t>(system->OffsetOf(row)); k < system->b.size(); ++k) {
+        for (std::size_t k = static_cast<std::size_t>(system->OffsetOf(row)); k < system->b.size();
+             ++k) {
           system->b[k] = random.Unit();
         }
         first_b = std::min(first_b, row);

@@ -1,5 +1,5 @@
-// What every solver promises of a reduced system that grows, whatever changed between two calls: the built-in ones, and the
-// example of the documentation.
+// What every solver promises of a reduced system that grows, whatever changed between two calls:
+// the built-in ones, and the example of the documentation.
 #include <cmath>
 #include <limits>
 
@@ -26,7 +26,9 @@ class GrowingSystemLaws : public testing::TestWithParam<GrowingCase> {
  protected:
   GrowingSystemLaws() { MakeAnew(); }
 
-  void MakeAnew() { solver_ = MakeResumingSolver(GetParam().kind, GetParam().factory, {1e-12, 1000}, executor_); }
+  void MakeAnew() {
+    solver_ = MakeResumingSolver(GetParam().kind, GetParam().factory, {1e-12, 1000}, executor_);
+  }
   bool IsBuiltIn() const { return !GetParam().factory; }
 
   Status Update(GrowingSystem* system, const ReducedSolver::Rows& change, int first_b) {
@@ -39,7 +41,8 @@ class GrowingSystemLaws : public testing::TestWithParam<GrowingCase> {
     EXPECT_LE(test::RelativeError(system.X(), expected), 1e-10);
     for (int i = 0; i < system.num_rows(); ++i) {
       if (system.held[static_cast<std::size_t>(i)] != 0) {
-        EXPECT_TRUE(system.X().segment(system.OffsetOf(i), system.S.size_of(i)).isZero(0.0)) << "held row " << i;
+        EXPECT_TRUE(system.X().segment(system.OffsetOf(i), system.S.size_of(i)).isZero(0.0))
+            << "held row " << i;
       }
     }
   }
@@ -131,15 +134,16 @@ TEST_P(GrowingSystemLaws, AnIndefiniteCouplingIsSingular) {
   EXPECT_NE(failed.message.find("not positive definite"), std::string::npos) << failed.message;
 }
 
-INSTANTIATE_TEST_SUITE_P(Solvers, GrowingSystemLaws,
-                         testing::Values(GrowingCase{"Automatic", ReducedSolverKind::kAutomatic, nullptr},
-                                         GrowingCase{"Resumed", ReducedSolverKind::kResumed, nullptr},
-                                         GrowingCase{"Dense", ReducedSolverKind::kDense, nullptr},
-                                         GrowingCase{"Sparse", ReducedSolverKind::kSparse, nullptr},
-                                         GrowingCase{"Pcg", ReducedSolverKind::kPcg, nullptr},
-                                         GrowingCase{"EigenLdlt", ReducedSolverKind::kAutomatic,
-                                                     [] { return std::make_unique<EigenLdltSolver>(); }}),
-                         [](const auto& instance) { return instance.param.name; });
+INSTANTIATE_TEST_SUITE_P(
+    Solvers, GrowingSystemLaws,
+    testing::Values(GrowingCase{"Automatic", ReducedSolverKind::kAutomatic, nullptr},
+                    GrowingCase{"Resumed", ReducedSolverKind::kResumed, nullptr},
+                    GrowingCase{"Dense", ReducedSolverKind::kDense, nullptr},
+                    GrowingCase{"Sparse", ReducedSolverKind::kSparse, nullptr},
+                    GrowingCase{"Pcg", ReducedSolverKind::kPcg, nullptr},
+                    GrowingCase{"EigenLdlt", ReducedSolverKind::kAutomatic,
+                                [] { return std::make_unique<EigenLdltSolver>(); }}),
+    [](const auto& instance) { return instance.param.name; });
 
 }  // namespace
 }  // namespace inceres::internal

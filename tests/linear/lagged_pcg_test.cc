@@ -1,4 +1,5 @@
-// Conjugate gradients with the factor of an earlier matrix: as exact as promised, and the factor renewed only when it must be.
+// Conjugate gradients with the factor of an earlier matrix: as exact as promised, and the factor
+// renewed only when it must be.
 #include "linear/lagged_pcg.h"
 
 #include <cmath>
@@ -26,7 +27,8 @@ class LaggedPcgTest : public testing::Test {
     const std::vector<double> b = system.random.Vector(static_cast<std::size_t>(A.rows()));
     Eigen::VectorXd x = Eigen::VectorXd::Constant(A.rows(), 77.0);
     EXPECT_TRUE(solver_.Solve(b.data(), {}, {}, x.data()).ok());
-    const Eigen::VectorXd exact = A.llt().solve(Eigen::Map<const Eigen::VectorXd>(b.data(), A.rows()));
+    const Eigen::VectorXd exact =
+        A.llt().solve(Eigen::Map<const Eigen::VectorXd>(b.data(), A.rows()));
     return std::sqrt((x - exact).dot(A * (x - exact)) / exact.dot(A * exact));
   }
 
@@ -45,7 +47,8 @@ class LaggedPcgTest : public testing::Test {
 
 TEST_F(LaggedPcgTest, SolvesInEveryPattern) {
   for (const auto& [sizes, fill] :
-       {std::pair{std::vector<int>{6, 1, 15, 9, 3, 7, 33, 2}, Fill::kDense}, std::pair{std::vector<int>(60, 9), Fill::kBand},
+       {std::pair{std::vector<int>{6, 1, 15, 9, 3, 7, 33, 2}, Fill::kDense},
+        std::pair{std::vector<int>(60, 9), Fill::kBand},
         std::pair{std::vector<int>{5}, Fill::kDiagonal}}) {
     RandomSystem system(sizes, fill);
     system.values[static_cast<std::size_t>(system.pattern.value_begin[0])] += 1.0;

@@ -1,4 +1,5 @@
-// Incremental PCG: as good a step as Cholesky's where the matrix is bad, and what it keeps from call to call.
+// Incremental PCG: as good a step as Cholesky's where the matrix is bad, and what it keeps from
+// call to call.
 #include "linear/pcg_solver.h"
 
 #include <cmath>
@@ -29,8 +30,9 @@ double EnergyError(const GrowingSystem& system) {
   return static_cast<double>(std::sqrt(error.dot(A * error) / expected.dot(A * expected)));
 }
 
-// A pose graph without a prior: A = Σ (e_i − e_j)(e_i − e_j)ᵀ over odometry and a few loops, entry by entry, so the gauge is free
-// and only damping holds it. The right-hand side comes from edges too: gradient of a cost.
+// A pose graph without a prior: A = Σ (e_i − e_j)(e_i − e_j)ᵀ over odometry and a few loops, entry
+// by entry, so the gauge is free and only damping holds it. The right-hand side comes from edges
+// too: gradient of a cost.
 GrowingSystem FreeGauge(int num_rows, double damping, double scale_of_last) {
   GrowingSystem system(2);
   system.coupling = 0.0;
@@ -103,7 +105,8 @@ TEST(PcgSolver, AWarmStartTakesFewerIterations) {
   PcgSolver solver({1e-6, 5000});
   ASSERT_TRUE(Update(&solver, &system, {}).ok());
   const int cold = solver.work().iterations;
-  for (std::size_t k = system.b.size() - 6; k < system.b.size(); ++k) {  // a factor between the last two has another residual
+  for (std::size_t k = system.b.size() - 6; k < system.b.size();
+       ++k) {  // a factor between the last two has another residual
     const double force = 0.01 * system.random.Unit();
     system.b[k] += force;
     system.b[k - 6] -= force;
@@ -153,7 +156,8 @@ TEST(PcgSolver, CutShortItIsStillAStepDownhill) {
     ASSERT_TRUE(Update(&solver, &system, {}).ok());
     EXPECT_FALSE(solver.work().converged);
     EXPECT_EQ(solver.work().iterations, iterations);
-    const double decrease = system.FreeB().dot(system.X()) - 0.5 * system.X().dot(system.Dense() * system.X());
+    const double decrease =
+        system.FreeB().dot(system.X()) - 0.5 * system.X().dot(system.Dense() * system.X());
     EXPECT_GT(decrease, last);
     last = decrease;
   }

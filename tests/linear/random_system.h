@@ -13,11 +13,13 @@
 
 namespace inceres::internal {
 
-/// A random symmetric positive definite block matrix S + diag, well conditioned, in a pattern of its own.
+/// A random symmetric positive definite block matrix S + diag, well conditioned, in a pattern of
+/// its own.
 struct RandomSystem {
   enum class Fill { kDense, kBand, kDiagonal };
 
-  /// Blocks of `sizes`. kBand has the blocks beside the diagonal, some at distance five, and a last row that is full.
+  /// Blocks of `sizes`. kBand has the blocks beside the diagonal, some at distance five, and a last
+  /// row that is full.
   RandomSystem(const std::vector<int>& sizes, Fill fill, unsigned seed = 1)
       : RandomSystem(
             sizes,
@@ -28,7 +30,8 @@ struct RandomSystem {
             seed) {}
 
   /// With the blocks (row, column < row) of `coupled`, and the diagonal.
-  RandomSystem(const std::vector<int>& sizes, const std::set<std::pair<int, int>>& coupled, unsigned seed = 1)
+  RandomSystem(const std::vector<int>& sizes, const std::set<std::pair<int, int>>& coupled,
+               unsigned seed = 1)
       : RandomSystem(
             sizes,
             [&coupled](int i, int j) {
@@ -36,8 +39,10 @@ struct RandomSystem {
             },
             seed) {}
 
-  template <typename HasBlock, typename = std::enable_if_t<std::is_invocable_r_v<bool, HasBlock, int, int>>>
-  RandomSystem(const std::vector<int>& sizes, const HasBlock& has_block, unsigned seed) : random(seed) {
+  template <typename HasBlock,
+            typename = std::enable_if_t<std::is_invocable_r_v<bool, HasBlock, int, int>>>
+  RandomSystem(const std::vector<int>& sizes, const HasBlock& has_block, unsigned seed)
+      : random(seed) {
     const int n = static_cast<int>(sizes.size());
     pattern.offsets = {0};
     pattern.row_begin = {0};
@@ -48,7 +53,8 @@ struct RandomSystem {
         if (i == j || has_block(i, j)) {
           pattern.columns.push_back(j);
           pattern.value_begin.push_back(pattern.value_begin.back() +
-                                        std::int64_t{sizes[static_cast<std::size_t>(i)]} * sizes[static_cast<std::size_t>(j)]);
+                                        std::int64_t{sizes[static_cast<std::size_t>(i)]} *
+                                            sizes[static_cast<std::size_t>(j)]);
         }
       }
       pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
@@ -63,7 +69,8 @@ struct RandomSystem {
     for (int i = 0; i < pattern.num_blocks(); ++i) {
       const auto r = static_cast<std::size_t>(i);
       const int size = pattern.block_size(i);
-      double* block = values.data() + pattern.value_begin[static_cast<std::size_t>(pattern.row_begin[r + 1]) - 1];
+      double* block = values.data() +
+                      pattern.value_begin[static_cast<std::size_t>(pattern.row_begin[r + 1]) - 1];
       for (int a = 0; a < size; ++a) {
         for (int b = 0; b < a; ++b) {
           block[b * size + a] = block[a * size + b];

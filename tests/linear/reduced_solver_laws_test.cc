@@ -1,4 +1,5 @@
-// What every ReducedSolver promises, checked for the built-in ones and for the example of the documentation.
+// What every ReducedSolver promises, checked for the built-in ones and for the example of the
+// documentation.
 #include <algorithm>
 #include <functional>
 #include <memory>
@@ -37,7 +38,8 @@ class ReducedSolverLaws : public testing::TestWithParam<SolverCase> {
       const std::vector<double> b = system.random.Vector(static_cast<std::size_t>(n));
       Eigen::VectorXd x = Eigen::VectorXd::Constant(n, 77.0);
       ASSERT_TRUE(solver_->Solve(b.data(), {}, {}, x.data()).ok());
-      EXPECT_LT(test::RelativeError(x, llt.solve(Eigen::Map<const Eigen::VectorXd>(b.data(), n))), 1e-11);
+      EXPECT_LT(test::RelativeError(x, llt.solve(Eigen::Map<const Eigen::VectorXd>(b.data(), n))),
+                1e-11);
     }
   }
 
@@ -64,7 +66,8 @@ TEST_P(ReducedSolverLaws, ManySizes) {
 
 TEST_P(ReducedSolverLaws, PowerOfTwoStrides) {
   for (const int size : {64, 128, 256, 384}) {
-    ExpectSolvesNew(RandomSystem(std::vector<int>(static_cast<std::size_t>(size / 4), 4), Fill::kBand));
+    ExpectSolvesNew(
+        RandomSystem(std::vector<int>(static_cast<std::size_t>(size / 4), 4), Fill::kBand));
   }
 }
 
@@ -120,7 +123,8 @@ TEST_P(ReducedSolverLaws, NotPositiveDefiniteIsSingularAndTheSolverWorksAgain) {
         system.Spoil(at);
         const Status failed = solver_->Factorize(system.Matrix(), {});
         EXPECT_EQ(failed.code, StatusCode::kSingular) << num_blocks << " blocks, row " << at;
-        EXPECT_NE(failed.message.find("not positive definite"), std::string::npos) << failed.message;
+        EXPECT_NE(failed.message.find("not positive definite"), std::string::npos)
+            << failed.message;
         system.diagonal = good;
         ExpectSolves(system);
       }
@@ -133,11 +137,15 @@ TEST_P(ReducedSolverLaws, ZeroMatrixAndNaNAreSingular) {
   ASSERT_TRUE(solver_->Analyze(system.Matrix()).ok());
   const std::vector<double> zeros(system.values.size(), 0.0);
   const std::vector<double> no_diagonal(6, 0.0);
-  EXPECT_EQ(solver_->Factorize(ReducedMatrix(system.pattern, zeros.data(), no_diagonal.data()), {}).code, StatusCode::kSingular);
+  EXPECT_EQ(
+      solver_->Factorize(ReducedMatrix(system.pattern, zeros.data(), no_diagonal.data()), {}).code,
+      StatusCode::kSingular);
   std::vector<double> nan = system.values;
   nan[0] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(solver_->Factorize(ReducedMatrix(system.pattern, nan.data(), system.diagonal.data()), {}).code,
-            StatusCode::kSingular);
+  EXPECT_EQ(
+      solver_->Factorize(ReducedMatrix(system.pattern, nan.data(), system.diagonal.data()), {})
+          .code,
+      StatusCode::kSingular);
   ExpectSolves(system);
 }
 
@@ -148,10 +156,17 @@ TEST_P(ReducedSolverLaws, HasAName) {
 
 INSTANTIATE_TEST_SUITE_P(
     Solvers, ReducedSolverLaws,
-    testing::Values(
-        SolverCase{"DenseCholesky", [](const Executor& executor) { return std::make_unique<DenseCholesky>(executor); }},
-        SolverCase{"SparseCholesky", [](const Executor& executor) { return std::make_unique<SparseCholesky>(executor); }},
-        SolverCase{"EigenLdlt", [](const Executor&) { return std::make_unique<EigenLdltSolver>(); }}),
+    testing::Values(SolverCase{"DenseCholesky",
+                               [](const Executor& executor) {
+                                 return std::make_unique<DenseCholesky>(executor);
+                               }},
+                    SolverCase{"SparseCholesky",
+                               [](const Executor& executor) {
+                                 return std::make_unique<SparseCholesky>(executor);
+                               }},
+                    SolverCase{
+                        "EigenLdlt",
+                        [](const Executor&) { return std::make_unique<EigenLdltSolver>(); }}),
     [](const auto& instance) { return instance.param.name; });
 
 }  // namespace

@@ -1,5 +1,5 @@
-// The resumed factor and substitutions: without truncation the same bits as from scratch, with it an error that stays bounded,
-// and in either case no work on rows that nothing reaches.
+// The resumed factor and substitutions: without truncation the same bits as from scratch, with it
+// an error that stays bounded, and in either case no work on rows that nothing reaches.
 #include "linear/resumed_solver.h"
 
 #include <cmath>
@@ -15,8 +15,8 @@ namespace {
 
 constexpr ReducedSolver::Truncation kExact;
 
-Status Update(ReducedSolver* solver, GrowingSystem* system, const ReducedSolver::Rows& changed, int first_b,
-              const ReducedSolver::Truncation& truncation = kExact) {
+Status Update(ReducedSolver* solver, GrowingSystem* system, const ReducedSolver::Rows& changed,
+              int first_b, const ReducedSolver::Truncation& truncation = kExact) {
   const Status status = system->Factorize(changed, solver);
   return status.ok() ? system->Solve({first_b}, truncation, solver) : status;
 }
@@ -29,13 +29,17 @@ std::vector<double> FromScratch(const GrowingSystem& system, const RowOrder& ord
     for (const int row : order.rows()) {
       const int offset = system.OffsetOf(row);
       for (int k = 0; k < system.S.size_of(row); ++k, ++at) {
-        to[static_cast<std::size_t>(to_places ? at : offset + k)] = from[static_cast<std::size_t>(to_places ? offset + k : at)];
+        to[static_cast<std::size_t>(to_places ? at : offset + k)] =
+            from[static_cast<std::size_t>(to_places ? offset + k : at)];
       }
     }
     return to;
   };
   EnvelopeCholesky cholesky;
-  EXPECT_TRUE(cholesky.Factorize(system.S, order, permute(system.damping, true).data(), 0, system.held.data()).ok());
+  EXPECT_TRUE(
+      cholesky
+          .Factorize(system.S, order, permute(system.damping, true).data(), 0, system.held.data())
+          .ok());
   std::vector<double> x(system.b.size());
   cholesky.Solve(permute(system.b, true).data(), x.data());
   return permute(x, false);
@@ -56,7 +60,8 @@ TEST(ResumedSolver, SameBitsAsFromScratchUnderRandomChanges) {
     for (int step = 0; step < 60; ++step) {
       const RandomChange edit(&system, /*may_hold=*/true);
       ASSERT_TRUE(Update(&solver, &system, edit.change, edit.first_b).ok());
-      ASSERT_EQ(system.x, FromScratch(system, solver.order())) << "seed " << seed << ", step " << step;
+      ASSERT_EQ(system.x, FromScratch(system, solver.order()))
+          << "seed " << seed << ", step " << step;
     }
     const Eigen::VectorXd expected = system.Dense().llt().solve(system.FreeB());
     EXPECT_LE((system.X() - expected).norm(), 1e-12 * expected.norm());
@@ -121,7 +126,8 @@ TEST(ResumedSolver, NothingChangedIsNothingDone) {
   EXPECT_EQ(system.x, before);
 }
 
-// A change far down the rows is stopped by the threshold; one that reaches a far row by a loop goes there.
+// A change far down the rows is stopped by the threshold; one that reaches a far row by a loop goes
+// there.
 TEST(ResumedSolver, ALoopCarriesTheChangeToItsEnd) {
   GrowingSystem system = Chain(300);
   system.Couple(299, 100);
@@ -135,7 +141,8 @@ TEST(ResumedSolver, ALoopCarriesTheChangeToItsEnd) {
   EXPECT_GT(solver.work().solved.first_row, 70);
 }
 
-// Many steps, each of which truncates: the error does not add up. Weights 1: the bound on a row's change is sqrt(threshold).
+// Many steps, each of which truncates: the error does not add up. Weights 1: the bound on a row's
+// change is sqrt(threshold).
 TEST(ResumedSolver, TheErrorOfTruncationStaysBounded) {
   GrowingSystem system(11);
   system.diagonal_entry = 8.0;  // changes die away slowly
@@ -150,15 +157,19 @@ TEST(ResumedSolver, TheErrorOfTruncationStaysBounded) {
     const int row = step == 0 ? 0 : 70 + system.random.Below(10);
     system.b[static_cast<std::size_t>(system.OffsetOf(row))] += 1e-4;
     const std::vector<double> weights(system.b.size(), 1.0);
-    ASSERT_TRUE(Update(&solver, &system, {step == 0 ? 0 : row, nullptr}, row, {weights.data(), kThreshold}).ok());
+    ASSERT_TRUE(
+        Update(&solver, &system, {step == 0 ? 0 : row, nullptr}, row, {weights.data(), kThreshold})
+            .ok());
     left_out += solver.work().solved.first_row > 0;
     const Eigen::VectorXd expected = system.Dense().llt().solve(system.FreeB());
-    ASSERT_LE((system.X() - expected).lpNorm<Eigen::Infinity>(), 2.0 * std::sqrt(kThreshold)) << step;
+    ASSERT_LE((system.X() - expected).lpNorm<Eigen::Infinity>(), 2.0 * std::sqrt(kThreshold))
+        << step;
   }
   EXPECT_GT(left_out, 390);
 }
 
-// The caller applies a part of the solution: b and x follow there, and the rest is still the solution.
+// The caller applies a part of the solution: b and x follow there, and the rest is still the
+// solution.
 TEST(ResumedSolver, GoesOnFromAPartlyAppliedSolution) {
   GrowingSystem system = Chain(60);
   std::fill(system.damping.begin(), system.damping.end(), 0.0);
@@ -185,7 +196,8 @@ TEST(ResumedSolver, RecoversFromASingularRow) {
   const Status failed = Update(&solver, &system, {8, nullptr}, 12);
   EXPECT_EQ(failed.code, StatusCode::kSingular);
   EXPECT_NE(failed.message.find("block row 8"), std::string::npos) << failed.message;
-  EXPECT_EQ(solver.Solve(system.b.data(), {12}, kExact, system.x.data()).code, StatusCode::kSingular);
+  EXPECT_EQ(solver.Solve(system.b.data(), {12}, kExact, system.x.data()).code,
+            StatusCode::kSingular);
   system.damping[24] = 0.25;
   ASSERT_TRUE(Update(&solver, &system, {8, nullptr}, 12).ok());
   EXPECT_EQ(solver.work().factored_rows, 4);
@@ -204,14 +216,16 @@ TEST(ResumedSolver, CatchesUpWithASolveItMissed) {
   EXPECT_EQ(system.x, FromScratch(system, solver.order()));
 }
 
-// Against a count of the multiplications and additions of a textbook factorization inside the envelope.
+// Against a count of the multiplications and additions of a textbook factorization inside the
+// envelope.
 TEST(ResumedSolver, PredictsTheFlopsOfADenseFactor) {
   GrowingSystem system = Chain(1, 4);
   for (int i = 0; i < 29; ++i) {
     system.AddRow(4, 30, false);
   }
   ResumedSolver solver;
-  EXPECT_NEAR(solver.PlanFor(system.Matrix(), {}).flops, 120.0 * 120.0 * 120.0 / 3.0, 0.05 * 120.0 * 120.0 * 120.0 / 3.0);
+  EXPECT_NEAR(solver.PlanFor(system.Matrix(), {}).flops, 120.0 * 120.0 * 120.0 / 3.0,
+              0.05 * 120.0 * 120.0 * 120.0 / 3.0);
   ASSERT_TRUE(Update(&solver, &system, {}, 0).ok());
   const double all = solver.work().factor_flops;
   EXPECT_EQ(solver.PlanFor(system.Matrix(), {30, nullptr}).flops, 0.0);
@@ -220,7 +234,8 @@ TEST(ResumedSolver, PredictsTheFlopsOfADenseFactor) {
   EXPECT_GT(solver.Bytes(), 120u * 120u / 2u * sizeof(double));
 }
 
-// A way there and back, with few landmarks in common between: what the loops of a long path do to the order of arrival.
+// A way there and back, with few landmarks in common between: what the loops of a long path do to
+// the order of arrival.
 class AgedOrder : public testing::Test {
  protected:
   static constexpr int kTurn = 150;
@@ -234,7 +249,8 @@ class AgedOrder : public testing::Test {
     for (int near = 1; near <= kBand && near <= row; ++near) {
       rows_.push_back(row - near);
     }
-    for (int old = 2 * kTurn - row; row > kTurn + kBand && old > 2 * kTurn - row - kBand && old >= 0; --old) {
+    for (int old = 2 * kTurn - row;
+         row > kTurn + kBand && old > 2 * kTurn - row - kBand && old >= 0; --old) {
       system_.Couple(row, old);
       rows_.push_back(old);
     }
@@ -301,7 +317,8 @@ TEST_F(AgedOrder, IsRenewedNowAndThen) {
   EXPECT_LE(reorderings_, kTurn / 5);
   EXPECT_LT(flops_, 0.3 * arrival_flops_);
   // The envelope is smaller.
-  EXPECT_LT(EnvelopeFlops(system_.S, nullptr, solver_.order(), 0), 0.3 * EnvelopeFlops(system_.S, nullptr, arrival_, 0));
+  EXPECT_LT(EnvelopeFlops(system_.S, nullptr, solver_.order(), 0),
+            0.3 * EnvelopeFlops(system_.S, nullptr, arrival_, 0));
 }
 
 TEST_F(AgedOrder, SurvivesRemovalsAndHeldRows) {

@@ -24,24 +24,30 @@ class SelectSolver : public testing::Test {
     return solver->Name();
   }
 
-  static RandomSystem Blocks(int count, Fill fill) { return {std::vector<int>(static_cast<std::size_t>(count), 6), fill}; }
+  static RandomSystem Blocks(int count, Fill fill) {
+    return {std::vector<int>(static_cast<std::size_t>(count), 6), fill};
+  }
 
   Executor executor_{1};
 };
 
 TEST_F(SelectSolver, AutomaticIsDenseForSmallSystems) {
-  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(20, Fill::kBand).pattern), "dense Cholesky");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(20, Fill::kBand).pattern),
+            "dense Cholesky");
 }
 
 TEST_F(SelectSolver, AutomaticIsDenseForFullSystems) {
-  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(70, Fill::kDense).pattern), "dense Cholesky");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(70, Fill::kDense).pattern),
+            "dense Cholesky");
 }
 
 TEST_F(SelectSolver, AutomaticIsSparseForLongBands) {
-  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(1000, Fill::kBand).pattern).substr(0, 15), "sparse Cholesky");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(1000, Fill::kBand).pattern).substr(0, 15),
+            "sparse Cholesky");
 }
 
-// Poses that share landmarks over ten frames, speeds and biases that know their neighbors in time: far from full.
+// Poses that share landmarks over ten frames, speeds and biases that know their neighbors in time:
+// far from full.
 TEST_F(SelectSolver, AutomaticIsSparseForAWindowOfInertialFrames) {
   constexpr int kFrames = 50;
   std::vector<int> sizes;
@@ -56,10 +62,13 @@ TEST_F(SelectSolver, AutomaticIsSparseForAWindowOfInertialFrames) {
       }
     }
     if (i > 0) {
-      coupled.insert({{pose, speed_bias - 2}, {speed_bias, pose - 2}, {speed_bias, speed_bias - 2}});
+      coupled.insert(
+          {{pose, speed_bias - 2}, {speed_bias, pose - 2}, {speed_bias, speed_bias - 2}});
     }
   }
-  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, RandomSystem(sizes, coupled).pattern).substr(0, 15), "sparse Cholesky");
+  EXPECT_EQ(
+      NameFor(ReducedSolverKind::kAutomatic, RandomSystem(sizes, coupled).pattern).substr(0, 15),
+      "sparse Cholesky");
 }
 
 TEST_F(SelectSolver, AutomaticInexactIteratesWhereFactoringWouldTakeLonger) {
@@ -67,14 +76,16 @@ TEST_F(SelectSolver, AutomaticInexactIteratesWhereFactoringWouldTakeLonger) {
   EXPECT_EQ(NameFor(kind, Blocks(20, Fill::kBand).pattern), "dense Cholesky");
   EXPECT_EQ(NameFor(kind, Blocks(1000, Fill::kBand).pattern).substr(0, 15), "sparse Cholesky");
   EXPECT_EQ(NameFor(kind, Blocks(400, Fill::kDense).pattern).substr(0, 3), "PCG");
-  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(400, Fill::kDense).pattern), "dense Cholesky");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kAutomatic, Blocks(400, Fill::kDense).pattern),
+            "dense Cholesky");
 }
 
 // What the choice has analyzed serves as the factor.
 TEST_F(SelectSolver, PcgIsReadyToFactorize) {
   const RandomSystem system = Blocks(3, Fill::kDense);
   Status status;
-  const auto solver = MakeReducedSolver(ReducedSolverKind::kPcg, nullptr, system.pattern, executor_, &status);
+  const auto solver =
+      MakeReducedSolver(ReducedSolverKind::kPcg, nullptr, system.pattern, executor_, &status);
   ASSERT_TRUE(status.ok());
   ASSERT_TRUE(solver->Factorize(system.Matrix(), {}).ok());
   std::vector<double> x(static_cast<std::size_t>(system.pattern.size()));
@@ -85,15 +96,18 @@ TEST_F(SelectSolver, PcgIsReadyToFactorize) {
 TEST_F(SelectSolver, AWishIsGranted) {
   EXPECT_EQ(NameFor(ReducedSolverKind::kDense, Blocks(100, Fill::kBand).pattern), "dense Cholesky");
   EXPECT_EQ(NameFor(ReducedSolverKind::kPcg, Blocks(3, Fill::kDense).pattern).substr(0, 3), "PCG");
-  EXPECT_EQ(NameFor(ReducedSolverKind::kSparse, Blocks(3, Fill::kDense).pattern).substr(0, 15), "sparse Cholesky");
+  EXPECT_EQ(NameFor(ReducedSolverKind::kSparse, Blocks(3, Fill::kDense).pattern).substr(0, 15),
+            "sparse Cholesky");
 }
 
 TEST_F(SelectSolver, TheFactoryGoesBeforeEveryKind) {
   const RandomSystem system = Blocks(3, Fill::kDense);
-  for (const auto kind : {ReducedSolverKind::kAutomatic, ReducedSolverKind::kDense, ReducedSolverKind::kSparse}) {
+  for (const auto kind :
+       {ReducedSolverKind::kAutomatic, ReducedSolverKind::kDense, ReducedSolverKind::kSparse}) {
     Status status;
     const auto solver = MakeReducedSolver(
-        kind, [] { return std::make_unique<EigenLdltSolver>(); }, system.pattern, executor_, &status);
+        kind, [] { return std::make_unique<EigenLdltSolver>(); }, system.pattern, executor_,
+        &status);
     ASSERT_TRUE(status.ok());
     EXPECT_STREQ(solver->Name(), "Eigen LDLT");
     EXPECT_TRUE(solver->Factorize(system.Matrix(), {}).ok()) << "is analyzed already";
@@ -104,7 +118,8 @@ TEST_F(SelectSolver, AFactoryThatReturnsNullIsNamed) {
   const RandomSystem system = Blocks(3, Fill::kDense);
   Status status;
   const auto solver = MakeReducedSolver(
-      ReducedSolverKind::kAutomatic, [] { return std::unique_ptr<ReducedSolver>(); }, system.pattern, executor_, &status);
+      ReducedSolverKind::kAutomatic, [] { return std::unique_ptr<ReducedSolver>(); },
+      system.pattern, executor_, &status);
   EXPECT_EQ(solver, nullptr);
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
   EXPECT_EQ(status.message, "SolverOptions::reduced_solver_factory returned null");

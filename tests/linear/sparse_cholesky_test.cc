@@ -15,11 +15,14 @@
 namespace inceres::internal {
 namespace {
 
-// A path of frames of 6 that know the ten before them, with a loop every 60 frames: subtrees beside each other, large fronts
-// above.
+// A path of frames of 6 that know the ten before them, with a loop every 60 frames: subtrees beside
+// each other, large fronts above.
 RandomSystem PathWithLoops(int num_frames, unsigned seed = 1) {
   return {std::vector<int>(static_cast<std::size_t>(num_frames), 6),
-          [](int i, int j) { return i - j <= 10 || (i % 60 == 0 && j % 60 == 0 && (i - j) % 180 == 0); }, seed};
+          [](int i, int j) {
+            return i - j <= 10 || (i % 60 == 0 && j % 60 == 0 && (i - j) % 180 == 0);
+          },
+          seed};
 }
 
 std::vector<double> Ramp(int size) {
@@ -30,8 +33,8 @@ std::vector<double> Ramp(int size) {
   return b;
 }
 
-// Cameras of 6, each coupled to half of a few points of 3, and sets of such that share nothing but one last block: fronts with
-// very many children, some of them in subtrees beside each other.
+// Cameras of 6, each coupled to half of a few points of 3, and sets of such that share nothing but
+// one last block: fronts with very many children, some of them in subtrees beside each other.
 RandomSystem FewPointsSeenByMany(int num_cameras, int num_points, int num_sets, unsigned seed) {
   std::vector<int> sizes;
   std::vector<int> set_of;
@@ -78,7 +81,8 @@ TEST(SparseCholesky, SolvesALongPathWithLoops) {
   const std::vector<double> b = Ramp(system.pattern.size());
   const std::vector<double> x = factored.Solve(b);
   const auto n = static_cast<Eigen::Index>(b.size());
-  const Eigen::VectorXd expected = system.Dense().llt().solve(Eigen::Map<const Eigen::VectorXd>(b.data(), n));
+  const Eigen::VectorXd expected =
+      system.Dense().llt().solve(Eigen::Map<const Eigen::VectorXd>(b.data(), n));
   EXPECT_LT(test::RelativeError(Eigen::Map<const Eigen::VectorXd>(x.data(), n), expected), 1e-12);
 }
 
@@ -100,8 +104,10 @@ TEST(SparseCholesky, SolvesForFewPointsSeenByMany) {
     const std::vector<double> x = Factored(1, system).Solve(b);
     EXPECT_EQ(Factored(2, system).Solve(b), x) << "seed " << seed;
     const auto n = static_cast<Eigen::Index>(b.size());
-    const Eigen::VectorXd expected = system.Dense().llt().solve(Eigen::Map<const Eigen::VectorXd>(b.data(), n));
-    EXPECT_LT(test::RelativeError(Eigen::Map<const Eigen::VectorXd>(x.data(), n), expected), 1e-12) << "seed " << seed;
+    const Eigen::VectorXd expected =
+        system.Dense().llt().solve(Eigen::Map<const Eigen::VectorXd>(b.data(), n));
+    EXPECT_LT(test::RelativeError(Eigen::Map<const Eigen::VectorXd>(x.data(), n), expected), 1e-12)
+        << "seed " << seed;
   }
 }
 
@@ -116,12 +122,13 @@ TEST(SparseCholesky, SameBitsForFewPointsSeenByManyInTasks) {
   }
 }
 
-// The update matrices of a thousand cameras, 40 times the factor's columns of a camera each, do not wait for the front of the
-// points.
+// The update matrices of a thousand cameras, 40 times the factor's columns of a camera each, do not
+// wait for the front of the points.
 TEST(SparseCholesky, MemoryForFewPointsSeenByManyIsThatOfTheFactor) {
   const RandomSystem system = FewPointsSeenByMany(800, 40, 1, 5);
   const Factored factored(1, system);
-  EXPECT_LT(static_cast<double>(factored.solver.Bytes()), 2.0 * sizeof(double) * factored.solver.PredictedEntries());
+  EXPECT_LT(static_cast<double>(factored.solver.Bytes()),
+            2.0 * sizeof(double) * factored.solver.PredictedEntries());
 }
 
 TEST(SparseCholesky, NamesTheFrameThatFails) {
@@ -130,7 +137,8 @@ TEST(SparseCholesky, NamesTheFrameThatFails) {
     system.Spoil(6 * frame + 4);
     const Factored factored(2, system);
     EXPECT_EQ(factored.status.code, StatusCode::kSingular);
-    EXPECT_EQ(factored.status.message, "the reduced system is not positive definite at frame " + std::to_string(frame));
+    EXPECT_EQ(factored.status.message,
+              "the reduced system is not positive definite at frame " + std::to_string(frame));
   }
 }
 
@@ -142,11 +150,14 @@ TEST(SparseCholesky, WorksAgainAfterAFailure) {
   const std::vector<double> good = system.diagonal;
   system.Spoil(700);
   EXPECT_FALSE(factored.solver.Factorize(system.Matrix(), {}).ok());
-  EXPECT_TRUE(factored.solver.Factorize(ReducedMatrix(system.pattern, system.values.data(), good.data()), {}).ok());
+  EXPECT_TRUE(factored.solver
+                  .Factorize(ReducedMatrix(system.pattern, system.values.data(), good.data()), {})
+                  .ok());
   EXPECT_EQ(factored.Solve(b), x);
 }
 
-// The factor of a path takes memory in proportion to its length, and less than a few times that of S.
+// The factor of a path takes memory in proportion to its length, and less than a few times that of
+// S.
 TEST(SparseCholesky, MemoryGrowsWithTheFactor) {
   const RandomSystem half = PathWithLoops(400);
   const RandomSystem whole = PathWithLoops(800);

@@ -21,14 +21,15 @@ class FailingFactors : public testing::Test {
   using Spoil = std::function<bool(int i, double* residuals, double** jacobians)>;
 
   void Build(Spoil spoil) {
-    auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
-                                                   [spoil](int i, const double* const* x, double* residuals, double** jacobians) {
-                                                     residuals[0] = x[0][0];
-                                                     if (jacobians != nullptr && jacobians[0] != nullptr) {
-                                                       jacobians[0][0] = 1.0;
-                                                     }
-                                                     return spoil(i, residuals, jacobians);
-                                                   });
+    auto family = std::make_shared<FunctionFamily>(
+        1, std::vector<FactorFamily::Slot>{{1, 1}},
+        [spoil](int i, const double* const* x, double* residuals, double** jacobians) {
+          residuals[0] = x[0][0];
+          if (jacobians != nullptr && jacobians[0] != nullptr) {
+            jacobians[0][0] = 1.0;
+          }
+          return spoil(i, residuals, jacobians);
+        });
     const double one = 1.0;
     const VariableId x = graph_.AddVariable(&one, 1, Role::kFrame);
     const FamilyId id = graph_.AddFamily(family);
@@ -41,7 +42,8 @@ class FailingFactors : public testing::Test {
     for (const int num_threads : {1, 4}) {
       const CorePipeline core(graph_, true, num_threads);
       EXPECT_EQ(core.status.code, StatusCode::kEvaluationFailed);
-      EXPECT_EQ(core.status.message.rfind(expected + "; at variable 0 = (", 0), 0U) << core.status.message;
+      EXPECT_EQ(core.status.message.rfind(expected + "; at variable 0 = (", 0), 0U)
+          << core.status.message;
     }
   }
 
@@ -58,7 +60,9 @@ TEST_F(FailingFactors, ResidualsThatAreNotFinite) {
     residuals[0] = i == 17 ? kNaN : residuals[0];
     return true;
   });
-  ExpectFailure("factor 17 of function (variables 0): a residual is not finite or was not written: residual 0 is nan");
+  ExpectFailure(
+      "factor 17 of function (variables 0): a residual is not finite or was not written: residual "
+      "0 is nan");
 }
 
 TEST_F(FailingFactors, JacobiansThatAreNotFinite) {
@@ -69,7 +73,8 @@ TEST_F(FailingFactors, JacobiansThatAreNotFinite) {
     return true;
   });
   ExpectFailure(
-      "factor 599 of function (variables 0): a Jacobian entry is not finite or was not written: entry (0, 0) of the Jacobian by "
+      "factor 599 of function (variables 0): a Jacobian entry is not finite or was not written: "
+      "entry (0, 0) of the Jacobian by "
       "variable 0 is inf");
 }
 
@@ -104,7 +109,8 @@ Status EvaluateOn(std::shared_ptr<const Manifold> manifold) {
   graph.AddFactor(graph.AddFamily(family), *family, family->MakeMeasurement(&random), {x});
   CorePipeline core(graph);
   double cost = 0.0;
-  EXPECT_EQ(core.evaluator.EvaluateCandidateCost(&cost).ok(), core.status.ok()) << "cost-only evaluations ask as well";
+  EXPECT_EQ(core.evaluator.EvaluateCandidateCost(&cost).ok(), core.status.ok())
+      << "cost-only evaluations ask as well";
   const double far = 100.0;
   EXPECT_FALSE(core.evaluator.MoveCandidate(&far));
   return core.status;
@@ -116,7 +122,8 @@ TEST(FailingManifolds, PlusJacobianFalseInfiniteOrNotWritten) {
             "PlusJacobian of the manifold of variable 0 returned false");
   for (const double entry : {HUGE_VAL, kNaN}) {
     EXPECT_EQ(EvaluateOn(std::make_shared<OddManifold>(true, entry)).message,
-              "PlusJacobian of the manifold of variable 0 has an entry that is not finite or was not written");
+              "PlusJacobian of the manifold of variable 0 has an entry that is not finite or was "
+              "not written");
   }
 }
 

@@ -28,7 +28,8 @@ TEST(Evaluator, MovesEveryVariableOnItsManifoldAndNoConstant) {
   const auto bundle = MakeBundle(CurvedBundle());
   const FactorGraph& graph = bundle->graph();
   CorePipeline core(graph);
-  const std::vector<double> delta = bundle->random().Vector(static_cast<std::size_t>(core.layout.size()));
+  const std::vector<double> delta =
+      bundle->random().Vector(static_cast<std::size_t>(core.layout.size()));
   ASSERT_TRUE(core.evaluator.MoveCandidate(delta.data()));
   EXPECT_EQ(core.evaluator.current(), graph.state());
   std::vector<double> expected = graph.state();
@@ -47,7 +48,8 @@ TEST(Evaluator, MovesEveryVariableOnItsManifoldAndNoConstant) {
   EXPECT_EQ(core.evaluator.candidate(), expected);
 }
 
-// The candidate's cost, then its Jacobians after acceptance, are those of a graph that starts there.
+// The candidate's cost, then its Jacobians after acceptance, are those of a graph that starts
+// there.
 TEST(Evaluator, AnAcceptedCandidateIsLikeAFreshStart) {
   const auto bundle = MakeBundle(CurvedBundle());
   CorePipeline core(bundle->graph());
@@ -56,7 +58,8 @@ TEST(Evaluator, AnAcceptedCandidateIsLikeAFreshStart) {
     ASSERT_TRUE(core.evaluator.MoveCandidate(delta.data()));
     double candidate_cost = 0.0;
     ASSERT_TRUE(core.evaluator.EvaluateCandidateCost(&candidate_cost).ok());
-    EXPECT_NEAR(candidate_cost, test::CostAt(bundle->graph(), core.evaluator.candidate()), 1e-12 * candidate_cost);
+    EXPECT_NEAR(candidate_cost, test::CostAt(bundle->graph(), core.evaluator.candidate()),
+                1e-12 * candidate_cost);
     core.evaluator.AcceptCandidate();
     double cost = 0.0;
     ASSERT_TRUE(core.evaluator.EvaluateJacobians(/*known_point=*/true, &cost).ok());
@@ -76,7 +79,8 @@ TEST(Evaluator, ARejectedCandidateLeavesNoTrace) {
   const auto bundle = MakeBundle(CurvedBundle());
   CorePipeline core(bundle->graph());
   const std::vector<double> gradient = core.hessian.gradient();
-  const std::vector<double> delta = bundle->random().Vector(static_cast<std::size_t>(core.layout.size()));
+  const std::vector<double> delta =
+      bundle->random().Vector(static_cast<std::size_t>(core.layout.size()));
   ASSERT_TRUE(core.evaluator.MoveCandidate(delta.data()));
   double cost = 0.0;
   ASSERT_TRUE(core.evaluator.EvaluateCandidateCost(&cost).ok());
@@ -86,7 +90,8 @@ TEST(Evaluator, ARejectedCandidateLeavesNoTrace) {
   EXPECT_EQ(cost, core.cost);
 }
 
-// A manifold whose map changes its kind from one point to the next: the classification is done anew every time.
+// A manifold whose map changes its kind from one point to the next: the classification is done anew
+// every time.
 TEST(Evaluator, TangentMapsAreClassifiedAtEveryPoint) {
   class Switching final : public Manifold {
    public:
@@ -111,7 +116,8 @@ TEST(Evaluator, TangentMapsAreClassifiedAtEveryPoint) {
   CorePipeline core(random.graph());
   const double values[3][2] = {{0.5, 0.1}, {1.5, 0.2}, {2.5, 0.3}};
   for (const auto& value : values) {
-    const double delta[2] = {value[0] - core.evaluator.current()[0], value[1] - core.evaluator.current()[1]};
+    const double delta[2] = {value[0] - core.evaluator.current()[0],
+                             value[1] - core.evaluator.current()[1]};
     double cost = 0.0;
     ASSERT_TRUE(core.evaluator.MoveCandidate(delta));
     ASSERT_TRUE(core.evaluator.EvaluateCandidateCost(&cost).ok());
@@ -120,7 +126,9 @@ TEST(Evaluator, TangentMapsAreClassifiedAtEveryPoint) {
     core.hessian.Accumulate();
     random.graph().mutable_state() = core.evaluator.current();
     const test::DenseOracle oracle(random.graph(), {x});
-    EXPECT_LT(test::RelativeError(test::ToDense(core.plans.pattern, core.hessian.C().data()), oracle.H), 1e-12);
+    EXPECT_LT(
+        test::RelativeError(test::ToDense(core.plans.pattern, core.hessian.C().data()), oracle.H),
+        1e-12);
   }
 }
 

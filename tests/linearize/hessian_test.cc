@@ -32,17 +32,22 @@ void ExpectEqualsOracle(const FactorGraph& graph, bool eliminate_landmarks) {
   EXPECT_LT(RelativeError(test::ToDense(core.plans.pattern, test::FrameHessian(core).data()),
                           oracle.H.topLeftCorner(num_frame_columns, num_frame_columns)),
             kTolerance);
-  const Eigen::Map<const Eigen::VectorXd> gradient(core.hessian.gradient().data(), core.layout.size());
+  const Eigen::Map<const Eigen::VectorXd> gradient(core.hessian.gradient().data(),
+                                                   core.layout.size());
   EXPECT_LT(RelativeError(gradient, oracle.g), kTolerance);
-  const Eigen::Map<const Eigen::VectorXd> diagonal(core.hessian.diagonal().data(), core.layout.size());
+  const Eigen::Map<const Eigen::VectorXd> diagonal(core.hessian.diagonal().data(),
+                                                   core.layout.size());
   EXPECT_LT(RelativeError(diagonal, oracle.H.diagonal()), kTolerance);
   for (int l = 0; l < core.layout.num_landmarks(); ++l) {
-    const int first = core.layout.packed_offset[static_cast<std::size_t>(core.layout.num_frames + l)];
+    const int first =
+        core.layout.packed_offset[static_cast<std::size_t>(core.layout.num_frames + l)];
     const int size = core.layout.TangentSize(core.layout.num_frames + l);
     using Rows = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>;
-    EXPECT_LT(RelativeError(Rows(core.hessian.P(l)).topLeftCorner(size, size), oracle.H.block(first, first, size, size)),
+    EXPECT_LT(RelativeError(Rows(core.hessian.P(l)).topLeftCorner(size, size),
+                            oracle.H.block(first, first, size, size)),
               kTolerance);
-    EXPECT_LT(RelativeError(Eigen::Map<const Eigen::VectorXd>(core.hessian.LandmarkEta(l), size), -oracle.g.segment(first, size)),
+    EXPECT_LT(RelativeError(Eigen::Map<const Eigen::VectorXd>(core.hessian.LandmarkEta(l), size),
+                            -oracle.g.segment(first, size)),
               kTolerance);
   }
 }
@@ -114,13 +119,16 @@ TEST(Hessian, LandmarksSeenInEveryUnusualWay) {
   ExpectEqualsOracle(random.graph());
 }
 
-// A subset manifold is a selection, a Euclidean one the identity; both must give what the dense product gives.
+// A subset manifold is a selection, a Euclidean one the identity; both must give what the dense
+// product gives.
 TEST(Hessian, EveryKindOfTangentMap) {
   RandomGraph random(22);
   const VariableId identity = random.AddFrame(std::make_shared<EuclideanManifold>(5));
-  const VariableId selection = random.AddFrame(std::make_shared<SubsetManifold>(7, std::vector<int>{0, 3, 6}));
+  const VariableId selection =
+      random.AddFrame(std::make_shared<SubsetManifold>(7, std::vector<int>{0, 3, 6}));
   const VariableId dense = random.AddFrame(std::make_shared<SE3Manifold>());
-  const VariableId landmark = random.AddLandmark(std::make_shared<SubsetManifold>(4, std::vector<int>{2}));
+  const VariableId landmark =
+      random.AddLandmark(std::make_shared<SubsetManifold>(4, std::vector<int>{2}));
   random.Connect(3, {identity, selection});
   random.Connect(3, {selection, dense});
   random.Connect(2, {dense, landmark, identity});
@@ -145,7 +153,8 @@ TEST(Hessian, SameBitsForAnyNumberOfThreads) {
   }
 }
 
-// The oracle itself: its gradient against central differences of the robust cost along every tangent direction.
+// The oracle itself: its gradient against central differences of the robust cost along every
+// tangent direction.
 TEST(DenseOracle, GradientEqualsCentralDifferences) {
   BundleOptions options;
   options.num_landmarks = 6;
@@ -168,11 +177,13 @@ TEST(DenseOracle, GradientEqualsCentralDifferences) {
     delta[static_cast<std::size_t>(k)] = -h;
     ASSERT_TRUE(evaluator.MoveCandidate(delta.data()));
     const double behind = test::CostAt(graph, evaluator.candidate());
-    EXPECT_NEAR((ahead - behind) / (2.0 * h), oracle.g[k], 1e-7 * (1.0 + oracle.g.norm())) << "direction " << k;
+    EXPECT_NEAR((ahead - behind) / (2.0 * h), oracle.g[k], 1e-7 * (1.0 + oracle.g.norm()))
+        << "direction " << k;
   }
 }
 
-// Each frame with itself and with the next; frames that share landmarks only have no block of C between them, though S has one.
+// Each frame with itself and with the next; frames that share landmarks only have no block of C
+// between them, though S has one.
 TEST(Hessian, StoresOnlyTheBlocksThatFactorsReach) {
   BundleOptions options;
   options.num_frames = 5;

@@ -62,12 +62,16 @@ std::set<std::pair<int, int>> SharedPairs(const FactorGraph& graph, const Layout
 
 class Incidences : public testing::TestWithParam<Case> {
  protected:
-  Incidences() : bundle_(MakeBundle(MixedBundle(GetParam()))), core_(bundle_->graph(), true, 1, GetParam().quads_per_chunk) {}
+  Incidences()
+      : bundle_(MakeBundle(MixedBundle(GetParam()))),
+        core_(bundle_->graph(), true, 1, GetParam().quads_per_chunk) {}
 
   std::int64_t QuadsOf(int incidence) const {
     const LandmarkIncidences& all = core_.incidences;
-    const int frame_size = core_.layout.TangentSize(all.frames[static_cast<std::size_t>(incidence)]);
-    const int depth = all.sizes[static_cast<std::size_t>(all.landmarks[static_cast<std::size_t>(incidence)])];
+    const int frame_size =
+        core_.layout.TangentSize(all.frames[static_cast<std::size_t>(incidence)]);
+    const int depth =
+        all.sizes[static_cast<std::size_t>(all.landmarks[static_cast<std::size_t>(incidence)])];
     return all.tail ? QuadsWithTail(depth, frame_size) : depth * PadToQuad(frame_size) / kQuad;
   }
 
@@ -79,9 +83,11 @@ TEST_P(Incidences, OnePerLandmarkAndFrameThatShareAFactor) {
   const LandmarkIncidences& all = core_.incidences;
   std::set<std::pair<int, int>> found;
   for (int l = 0; l < all.num_landmarks(); ++l) {
-    for (int q = all.begin[static_cast<std::size_t>(l)]; q < all.begin[static_cast<std::size_t>(l) + 1]; ++q) {
+    for (int q = all.begin[static_cast<std::size_t>(l)];
+         q < all.begin[static_cast<std::size_t>(l) + 1]; ++q) {
       EXPECT_EQ(all.landmarks[static_cast<std::size_t>(q)], l);
-      EXPECT_TRUE(found.emplace(l, all.frames[static_cast<std::size_t>(q)]).second) << "twice the same frame";
+      EXPECT_TRUE(found.emplace(l, all.frames[static_cast<std::size_t>(q)]).second)
+          << "twice the same frame";
     }
   }
   EXPECT_EQ(found, SharedPairs(bundle_->graph(), core_.layout));
@@ -91,7 +97,8 @@ TEST_P(Incidences, ChunksAreAsLongAsTheirYAllows) {
   const LandmarkIncidences& all = core_.incidences;
   const auto quads_of = [&](int landmark) {
     std::int64_t quads = 0;
-    for (int q = all.begin[static_cast<std::size_t>(landmark)]; q < all.begin[static_cast<std::size_t>(landmark) + 1]; ++q) {
+    for (int q = all.begin[static_cast<std::size_t>(landmark)];
+         q < all.begin[static_cast<std::size_t>(landmark) + 1]; ++q) {
       quads += QuadsOf(q);
     }
     return quads;
@@ -109,7 +116,8 @@ TEST_P(Incidences, ChunksAreAsLongAsTheirYAllows) {
     }
     EXPECT_TRUE(quads <= GetParam().quads_per_chunk || end == all.chunk_begin[chunk] + 1);
     if (end < all.num_landmarks()) {
-      EXPECT_GT(quads + quads_of(end), GetParam().quads_per_chunk) << "the next landmark would have fitted";
+      EXPECT_GT(quads + quads_of(end), GetParam().quads_per_chunk)
+          << "the next landmark would have fitted";
     }
     largest = std::max(largest, quads);
   }
@@ -130,7 +138,8 @@ TEST_P(Incidences, BlocksOfYLieSideBySideByFrameAndNeverOverlap) {
       const int size = all.sizes[static_cast<std::size_t>(landmark)];
       EXPECT_EQ(all.frames[q], frame);
       const int chunk = all.ChunkOf(landmark);
-      EXPECT_LT(last, std::make_tuple(chunk, size, landmark)) << "not sorted by chunk, then landmark size, then landmark";
+      EXPECT_LT(last, std::make_tuple(chunk, size, landmark))
+          << "not sorted by chunk, then landmark size, then landmark";
       last = {chunk, size, landmark};
       std::int64_t& place = next[static_cast<std::size_t>(chunk)];
       EXPECT_EQ(all.incidences[q].y, place);
@@ -142,18 +151,21 @@ TEST_P(Incidences, BlocksOfYLieSideBySideByFrameAndNeverOverlap) {
   EXPECT_EQ(*std::max_element(next.begin(), next.end()), all.y_quads);
 }
 
-// Walks the factors as the elimination does: the first that reaches a block begins it, later ones add to it.
+// Walks the factors as the elimination does: the first that reaches a block begins it, later ones
+// add to it.
 TEST_P(Incidences, TargetsBeginEachBlockOnceAndCoverEveryFactor) {
   const LandmarkIncidences& all = core_.incidences;
   const FactorGraph& graph = bundle_->graph();
   int num_factors = 0;
   for (int l = 0; l < all.num_landmarks(); ++l) {
     std::set<std::int32_t> begun;
-    for (int k = all.factors_begin[static_cast<std::size_t>(l)]; k < all.factors_begin[static_cast<std::size_t>(l) + 1]; ++k) {
+    for (int k = all.factors_begin[static_cast<std::size_t>(l)];
+         k < all.factors_begin[static_cast<std::size_t>(l) + 1]; ++k) {
       const LandmarkFactors& entry = all.factors[static_cast<std::size_t>(k)];
       const auto& families = core_.evaluator.families();
-      const auto owner = std::find_if(families.begin(), families.end(),
-                                      [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
+      const auto owner = std::find_if(
+          families.begin(), families.end(),
+          [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
       ASSERT_NE(owner, families.end());
       EXPECT_EQ(entry.residual_size, owner->family->residual_size());
       EXPECT_EQ(entry.residuals, owner->residuals.data());
@@ -169,15 +181,16 @@ TEST_P(Incidences, TargetsBeginEachBlockOnceAndCoverEveryFactor) {
         }
       }
     }
-    EXPECT_EQ(begun.size(),
-              static_cast<std::size_t>(all.begin[static_cast<std::size_t>(l) + 1] - all.begin[static_cast<std::size_t>(l)]));
+    EXPECT_EQ(begun.size(), static_cast<std::size_t>(all.begin[static_cast<std::size_t>(l) + 1] -
+                                                     all.begin[static_cast<std::size_t>(l)]));
   }
   int expected = 0;
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     for (int i = 0; i < graph.NumFactors(id); ++i) {
       const VariableId* ids = graph.Variables(id, i);
-      expected += std::any_of(ids, ids + graph.family(id).num_slots(),
-                              [&](VariableId variable) { return core_.layout.LandmarkOf(variable) >= 0; });
+      expected += std::any_of(ids, ids + graph.family(id).num_slots(), [&](VariableId variable) {
+        return core_.layout.LandmarkOf(variable) >= 0;
+      });
     }
   }
   EXPECT_EQ(num_factors, expected);
@@ -189,12 +202,13 @@ TEST_P(Incidences, LastColumnsAreApartWhereAllFramesAreOfASizeThatSavesThePaddin
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, Incidences,
-                         testing::Values(Case{1}, Case{2}, Case{3}, Case{4}, Case{1, 1}, Case{2, 90}, Case{3, 300},
-                                         Case{1, 80, {9}}, Case{2, LandmarkIncidences::kQuadsPerChunk, {13}}, Case{3, 80, {7}},
-                                         Case{4, 80, {9, 5}}));
+                         testing::Values(Case{1}, Case{2}, Case{3}, Case{4}, Case{1, 1},
+                                         Case{2, 90}, Case{3, 300}, Case{1, 80, {9}},
+                                         Case{2, LandmarkIncidences::kQuadsPerChunk, {13}},
+                                         Case{3, 80, {7}}, Case{4, 80, {9, 5}}));
 
-// Landmark 2 is the first slot of one factor and the second slot of another of the same family; landmark 3 has constant frames
-// only; landmark 4 is seen twice by frame 0.
+// Landmark 2 is the first slot of one factor and the second slot of another of the same family;
+// landmark 3 has constant frames only; landmark 4 is seen twice by frame 0.
 TEST(LandmarkIncidences, LandmarksInAnySlotWithConstantsAndTwiceTheSameFrame) {
   RandomGraph random(5);
   random.AddFrame(3);

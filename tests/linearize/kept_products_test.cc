@@ -11,7 +11,8 @@ namespace {
 
 using test::CorePipeline;
 
-// Three frames with a frozen prior of 18 rows on all of them, a tall factor with curvature, and short ones.
+// Three frames with a frozen prior of 18 rows on all of them, a tall factor with curvature, and
+// short ones.
 class KeptProductsOfWindow : public testing::Test {
  protected:
   KeptProductsOfWindow() {
@@ -34,7 +35,8 @@ class KeptProductsOfWindow : public testing::Test {
 
   // The pipeline moved on to another point and evaluated there.
   void MoveOn(CorePipeline* core) {
-    const std::vector<double> delta = random_.random().Vector(static_cast<std::size_t>(core->layout.size()));
+    const std::vector<double> delta =
+        random_.random().Vector(static_cast<std::size_t>(core->layout.size()));
     ASSERT_TRUE(core->evaluator.MoveCandidate(delta.data()));
     ASSERT_TRUE(core->evaluator.EvaluateCandidateCost(&core->cost).ok());
     core->evaluator.AcceptCandidate();

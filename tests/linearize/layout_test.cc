@@ -11,9 +11,9 @@ namespace {
 
 using test::RandomGraph;
 
-// Variables 0: landmark of size 3; 1: frame of size 6; 2: constant frame; 3: untouched frame; 4: landmark of size 1; 5: frame of
-// size 9; 6: borrowed; 7: constant landmark; 8: pose (tangent 6 of 7); 9: subset manifold with nothing free. Factors meet
-// landmark 4 before landmark 0.
+// Variables 0: landmark of size 3; 1: frame of size 6; 2: constant frame; 3: untouched frame; 4:
+// landmark of size 1; 5: frame of size 9; 6: borrowed; 7: constant landmark; 8: pose (tangent 6 of
+// 7); 9: subset manifold with nothing free. Factors meet landmark 4 before landmark 0.
 std::unique_ptr<RandomGraph> MakeMixed() {
   auto random = std::make_unique<RandomGraph>(1);
   random->AddLandmark(3);

@@ -17,7 +17,9 @@ using test::RandomGraph;
 
 class Plans : public testing::TestWithParam<bool> {
  protected:
-  Plans() : bundle_(MakeBundle(Options())), core_(bundle_->graph(), /*eliminate_landmarks=*/GetParam()) {}
+  Plans()
+      : bundle_(MakeBundle(Options())),
+        core_(bundle_->graph(), /*eliminate_landmarks=*/GetParam()) {}
 
   static BundleOptions Options() {
     BundleOptions options;
@@ -77,11 +79,13 @@ TEST_P(Plans, PatternIsTheLowerTriangleOfConnectedFrames) {
   for (int row = 0; row < pattern.num_blocks(); ++row) {
     const auto r = static_cast<std::size_t>(row);
     EXPECT_EQ(pattern.block_size(row), core_.layout.TangentSize(row));
-    EXPECT_EQ(pattern.columns[static_cast<std::size_t>(pattern.row_begin[r + 1]) - 1], row) << "the diagonal is last";
+    EXPECT_EQ(pattern.columns[static_cast<std::size_t>(pattern.row_begin[r + 1]) - 1], row)
+        << "the diagonal is last";
     for (int k = pattern.row_begin[r]; k < pattern.row_begin[r + 1]; ++k) {
       const auto b = static_cast<std::size_t>(k);
       EXPECT_EQ(core_.plans.block_row[b], row);
-      EXPECT_TRUE(k == pattern.row_begin[r] || pattern.columns[b - 1] < pattern.columns[b]) << "columns ascend";
+      EXPECT_TRUE(k == pattern.row_begin[r] || pattern.columns[b - 1] < pattern.columns[b])
+          << "columns ascend";
       EXPECT_EQ(pattern.value_begin[b], values);
       values += std::int64_t{pattern.block_size(row)} * pattern.block_size(pattern.columns[b]);
       found.emplace(row, pattern.columns[b]);
@@ -112,14 +116,19 @@ TEST_P(Plans, SegmentsPartTheTermsAndNameTheirSourceOnce) {
 
 TEST_P(Plans, TermsPointIntoTheirArrays) {
   for (const ProductPlan::Segment& segment : core_.plans.hessian.segments) {
-    const FramePlans::HessianSource& source = core_.plans.hessian_sources[static_cast<std::size_t>(segment.source)];
-    const Linearization& cache = core_.evaluator.families()[static_cast<std::size_t>(source.family)];
+    const FramePlans::HessianSource& source =
+        core_.plans.hessian_sources[static_cast<std::size_t>(segment.source)];
+    const Linearization& cache =
+        core_.evaluator.families()[static_cast<std::size_t>(source.family)];
     for (int t = segment.first_term; t < segment.first_term + segment.count; ++t) {
       const ProductTerm& term = core_.plans.hessian.terms[static_cast<std::size_t>(t)];
-      const std::ptrdiff_t a_stride = cache.slots[static_cast<std::size_t>(source.column_slot)].factor_stride;
-      const std::ptrdiff_t b_stride = cache.slots[static_cast<std::size_t>(source.row_slot)].factor_stride;
+      const std::ptrdiff_t a_stride =
+          cache.slots[static_cast<std::size_t>(source.column_slot)].factor_stride;
+      const std::ptrdiff_t b_stride =
+          cache.slots[static_cast<std::size_t>(source.row_slot)].factor_stride;
       EXPECT_EQ(term.a * kQuad % a_stride, 0);
-      EXPECT_EQ(term.a * kQuad / a_stride, term.b * kQuad / b_stride) << "both operands are of the same factor";
+      EXPECT_EQ(term.a * kQuad / a_stride, term.b * kQuad / b_stride)
+          << "both operands are of the same factor";
       EXPECT_LT(term.a * kQuad / a_stride, cache.num_factors);
     }
   }
@@ -133,7 +142,8 @@ TEST_P(Plans, NumberOfSchurProducts) {
   std::size_t expected = 0;
   for (int l = 0; l < core_.incidences.num_landmarks(); ++l) {
     const auto i = static_cast<std::size_t>(l);
-    const auto k = static_cast<std::size_t>(core_.incidences.begin[i + 1] - core_.incidences.begin[i]);
+    const auto k =
+        static_cast<std::size_t>(core_.incidences.begin[i + 1] - core_.incidences.begin[i]);
     expected += k * (k + 1) / 2;
   }
   EXPECT_EQ(core_.plans.schur.terms.size(), expected);

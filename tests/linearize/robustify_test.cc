@@ -1,4 +1,5 @@
-// The correction for a loss against the matrices of Triggs, and the two edge cases: s = 0 and ρ'' > 0.
+// The correction for a loss against the matrices of Triggs, and the two edge cases: s = 0 and ρ'' >
+// 0.
 #include "linearize/robustify.h"
 
 #include <cmath>
@@ -46,12 +47,15 @@ struct Case {
   }
 
   double Correct(const Loss& loss, LossCurvature curvature = LossCurvature::kPositive) {
-    const SlotJacobians slots[2] = {{J[0].data(), kRows * kStride, kStride, 6}, {J[1].data(), kRows * 4, 4, 3}};
+    const SlotJacobians slots[2] = {{J[0].data(), kRows * kStride, kStride, 6},
+                                    {J[1].data(), kRows * 4, 4, 3}};
     const std::int32_t offsets[2] = {7, -1};
     return RobustifyFactor(&loss, kRows, 2, slots, 1, offsets, curvature, f.data());
   }
 
-  Matrix FirstSlot() const { return Eigen::Map<const Matrix>(J[0].data() + kRows * kStride, kRows, kStride); }
+  Matrix FirstSlot() const {
+    return Eigen::Map<const Matrix>(J[0].data() + kRows * kStride, kRows, kStride);
+  }
   Eigen::Vector3d Residual() const { return Eigen::Vector3d(f[0], f[1], f[2]); }
 
   std::vector<std::vector<double>> J;
@@ -61,10 +65,11 @@ struct Case {
 class Robustify : public testing::TestWithParam<double> {};
 
 TEST_P(Robustify, GradientAndHessianAreThoseOfTheRobustCost) {
-  const std::shared_ptr<const Loss> losses[] = {std::make_shared<HuberLoss>(0.4),          std::make_shared<CauchyLoss>(0.5),
-                                                std::make_shared<SoftLOneLoss>(0.3),       std::make_shared<ArctanLoss>(0.7),
-                                                std::make_shared<TolerantLoss>(0.5, 0.2),  std::make_shared<ConvexLoss>(),
-                                                std::make_shared<ScaledLoss>(nullptr, 4.0)};
+  const std::shared_ptr<const Loss> losses[] = {
+      std::make_shared<HuberLoss>(0.4),          std::make_shared<CauchyLoss>(0.5),
+      std::make_shared<SoftLOneLoss>(0.3),       std::make_shared<ArctanLoss>(0.7),
+      std::make_shared<TolerantLoss>(0.5, 0.2),  std::make_shared<ConvexLoss>(),
+      std::make_shared<ScaledLoss>(nullptr, 4.0)};
   for (const auto& loss : losses) {
     const Case before(GetParam());
     Case after(GetParam());
@@ -91,7 +96,8 @@ TEST_P(Robustify, GradientAndHessianAreThoseOfTheRobustCost) {
 
 INSTANTIATE_TEST_SUITE_P(Scales, Robustify, testing::Values(0.1, 1.0, 3.0));
 
-// The correction for ρ'' > 0, entry by entry: f := √ρ'/(1−α) f, J := √ρ' (I − α/s f fᵀ) J with the f of before.
+// The correction for ρ'' > 0, entry by entry: f := √ρ'/(1−α) f, J := √ρ' (I − α/s f fᵀ) J with the
+// f of before.
 TEST(RobustifyFactor, SecondOrderFormula) {
   const Case before(1.0);
   Case after(1.0);
@@ -106,7 +112,8 @@ TEST(RobustifyFactor, SecondOrderFormula) {
   EXPECT_LT((after.FirstSlot() - std::sqrt(rho1) * projector * before.FirstSlot()).norm(), 1e-14);
 }
 
-// With ρ'' < 0 the gradient stays, and of the curvature along f the share 1 + 2 s ρ''/ρ' is left, or half.
+// With ρ'' < 0 the gradient stays, and of the curvature along f the share 1 + 2 s ρ''/ρ' is left,
+// or half.
 TEST(RobustifyFactor, CurvatureIsReducedDownToHalf) {
   for (const double size : {0.3, 3.0}) {
     const CauchyLoss loss(1.0);
@@ -118,13 +125,16 @@ TEST(RobustifyFactor, CurvatureIsReducedDownToHalf) {
     const Eigen::Vector3d f = before.Residual();
     const double s = f.squaredNorm();
     const Eigen::VectorXd g = plain.FirstSlot().transpose() * plain.Residual();
-    EXPECT_LT((reduced.FirstSlot().transpose() * reduced.Residual() - g).norm(), 1e-13 * (1.0 + g.norm()));
+    EXPECT_LT((reduced.FirstSlot().transpose() * reduced.Residual() - g).norm(),
+              1e-13 * (1.0 + g.norm()));
     const double rho1 = 1.0 / (1.0 + s);
     const double share = std::max(0.5, 1.0 - 2.0 * s * rho1);  // ρ'' = −ρ'²
     EXPECT_EQ(share == 0.5, size == 3.0);
-    const Matrix weight = rho1 * (Matrix::Identity(kRows, kRows) - (1.0 - share) / s * f * f.transpose());
+    const Matrix weight =
+        rho1 * (Matrix::Identity(kRows, kRows) - (1.0 - share) / s * f * f.transpose());
     const Matrix expected = before.FirstSlot().transpose() * weight * before.FirstSlot();
-    EXPECT_LT((reduced.FirstSlot().transpose() * reduced.FirstSlot() - expected).norm(), 1e-13 * (1.0 + expected.norm()));
+    EXPECT_LT((reduced.FirstSlot().transpose() * reduced.FirstSlot() - expected).norm(),
+              1e-13 * (1.0 + expected.norm()));
   }
 }
 
@@ -140,7 +150,8 @@ TEST(RobustifyFactor, OtherFactorsConstantsAndPaddingStayAsTheyWere) {
   Case after(1.0);
   after.Correct(ConvexLoss());
   EXPECT_EQ(after.J[1], before.J[1]);
-  EXPECT_TRUE(std::equal(before.J[0].begin(), before.J[0].begin() + kRows * kStride, after.J[0].begin()));
+  EXPECT_TRUE(
+      std::equal(before.J[0].begin(), before.J[0].begin() + kRows * kStride, after.J[0].begin()));
   EXPECT_NE(after.J[0], before.J[0]);
   EXPECT_EQ(after.FirstSlot().rightCols(2), Matrix::Zero(kRows, 2));
 }

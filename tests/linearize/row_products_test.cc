@@ -24,8 +24,10 @@ TEST(MultiplyJacobian, EqualsTheDenseOracle) {
   const auto bundle = MakeBundle(options);
   const CorePipeline core(bundle->graph());
   const test::DenseOracle oracle(bundle->graph(), core.layout.variables);
-  const std::vector<double> v = bundle->random().Vector(static_cast<std::size_t>(core.layout.size()));
-  const Eigen::VectorXd Jv = oracle.J * Eigen::Map<const Eigen::VectorXd>(v.data(), core.layout.size());
+  const std::vector<double> v =
+      bundle->random().Vector(static_cast<std::size_t>(core.layout.size()));
+  const Eigen::VectorXd Jv =
+      oracle.J * Eigen::Map<const Eigen::VectorXd>(v.data(), core.layout.size());
   const RowProducts products = MultiplyJacobian(core.evaluator, v.data());
   EXPECT_NEAR(products.squared_norm, Jv.squaredNorm(), 1e-12 * Jv.squaredNorm());
   EXPECT_NEAR(products.model_decrease, -Jv.dot(oracle.f + 0.5 * Jv), 1e-12 * Jv.squaredNorm());
@@ -36,7 +38,8 @@ TEST(MultiplyJacobian, SameBitsForAnyNumberOfThreads) {
   options.num_landmarks = 1500;  // several chunks of factors
   const auto bundle = MakeBundle(options);
   const CorePipeline one(bundle->graph(), true, 1);
-  const std::vector<double> v = bundle->random().Vector(static_cast<std::size_t>(one.layout.size()));
+  const std::vector<double> v =
+      bundle->random().Vector(static_cast<std::size_t>(one.layout.size()));
   const RowProducts expected = MultiplyJacobian(one.evaluator, v.data());
   for (const int num_threads : {2, 4}) {
     const CorePipeline many(bundle->graph(), true, num_threads);

@@ -26,12 +26,15 @@ TEST(TangentClasses, IdentityAndSelection) {
   const Classified permuted(3, 2, {0, 1, 0, 0, 1, 0});
   EXPECT_EQ(permuted.map.kind, TangentMap::Kind::kSelection);
   EXPECT_EQ(permuted.selection, (std::vector<int>{2, 0}));
-  EXPECT_EQ(Classified(2, 2, {1, 0, 0, 0}).map.kind, TangentMap::Kind::kDense);  // a zero column selects nothing
+  EXPECT_EQ(Classified(2, 2, {1, 0, 0, 0}).map.kind,
+            TangentMap::Kind::kDense);  // a zero column selects nothing
 }
 
 TEST(TangentClasses, LeadingIdentityColumnsOfADenseMap) {
   // A pose: the translation as it is, the rest anything.
-  EXPECT_EQ(Classified(5, 4, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, .5, .1, 0, 0, .2, .3, 0, 0, .4, .7}).map.num_identity_columns, 2);
+  EXPECT_EQ(Classified(5, 4, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, .5, .1, 0, 0, .2, .3, 0, 0, .4, .7})
+                .map.num_identity_columns,
+            2);
   // An entry beside the one in its row, or below it in its column: not a copy any more.
   EXPECT_EQ(Classified(3, 2, {1, 0.1, 0, 1, 0, 2}).map.num_identity_columns, 0);
   EXPECT_EQ(Classified(3, 2, {1, 0, 0, 2, 0.1, 1}).map.num_identity_columns, 0);

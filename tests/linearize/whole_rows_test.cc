@@ -16,8 +16,8 @@
 namespace inceres::internal {
 namespace {
 
-// Variables a (size 2), q (a unit quaternion) and b (1), a constant c (3); seven factors of a, c, q and three of b, a, all
-// robust.
+// Variables a (size 2), q (a unit quaternion) and b (1), a constant c (3); seven factors of a, c, q
+// and three of b, a, all robust.
 class WholeRows : public testing::Test {
  protected:
   WholeRows() {
@@ -31,17 +31,23 @@ class WholeRows : public testing::Test {
     AddFactors(3, {{1, 1}, {2, 2}}, {2, 0}, 3);
   }
 
-  VariableId AddVariable(int size) { return graph_.AddVariable(random_.Vector(size).data(), size, Role::kFrame); }
+  VariableId AddVariable(int size) {
+    return graph_.AddVariable(random_.Vector(size).data(), size, Role::kFrame);
+  }
 
-  void AddFactors(int rows, const std::vector<FactorFamily::Slot>& slots, const std::vector<VariableId>& variables, int count) {
+  void AddFactors(int rows, const std::vector<FactorFamily::Slot>& slots,
+                  const std::vector<VariableId>& variables, int count) {
     const auto family = std::make_shared<test::SmoothFamily>(rows, slots);
     const FamilyId id = graph_.AddFamily(family);
     for (int i = 0; i < count; ++i) {
-      graph_.AddFactor(id, *family, family->MakeMeasurement(&random_), variables, std::make_shared<CauchyLoss>(0.7));
+      graph_.AddFactor(id, *family, family->MakeMeasurement(&random_), variables,
+                       std::make_shared<CauchyLoss>(0.7));
     }
   }
 
-  JacobianStorage Storage() const { return StorageFor(graph_, Layout(graph_, /*eliminate_landmarks=*/true)); }
+  JacobianStorage Storage() const {
+    return StorageFor(graph_, Layout(graph_, /*eliminate_landmarks=*/true));
+  }
 
   test::Random random_{5};
   FactorGraph graph_;
@@ -65,7 +71,8 @@ TEST_F(WholeRows, HoldTheJacobians) {
       for (int r = 0; r < cache.rows_per_block(); ++r, ++row) {
         EXPECT_NEAR(cache.residuals.data()[r], oracle.f(row), 1e-12);
         for (int c = 0; c < stride; ++c) {
-          EXPECT_NEAR(cache.slots[0].data[r * stride + c], c < layout.size() ? oracle.J(row, c) : 0.0, 1e-12)
+          EXPECT_NEAR(cache.slots[0].data[r * stride + c],
+                      c < layout.size() ? oracle.J(row, c) : 0.0, 1e-12)
               << "row " << row << ", column " << c;
         }
       }
@@ -92,7 +99,8 @@ TEST_F(WholeRows, AreNotForFactorsOfDifferentVariables) {
   const VariableId other = AddVariable(1);
   AddFactors(1, {{1, 1}}, {other}, 1);
   EXPECT_EQ(Storage(), JacobianStorage::kWholeRows);  // each family has variables of its own
-  const auto family = std::make_shared<test::SmoothFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}});
+  const auto family =
+      std::make_shared<test::SmoothFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}});
   const FamilyId id = graph_.AddFamily(family);
   graph_.AddFactor(id, *family, family->MakeMeasurement(&random_), {other});
   EXPECT_EQ(Storage(), JacobianStorage::kWholeRows);
@@ -116,7 +124,8 @@ TEST_F(WholeRows, AreNotForManyResiduals) {
 TEST_F(WholeRows, AreNotForLandmarks) {
   graph_.SetRole(2, Role::kLandmark);
   EXPECT_EQ(Storage(), JacobianStorage::kBySlot);
-  EXPECT_EQ(StorageFor(graph_, Layout(graph_, /*eliminate_landmarks=*/false)), JacobianStorage::kWholeRows);
+  EXPECT_EQ(StorageFor(graph_, Layout(graph_, /*eliminate_landmarks=*/false)),
+            JacobianStorage::kWholeRows);
 }
 
 TEST_F(WholeRows, AreNotForFreePlaces) {

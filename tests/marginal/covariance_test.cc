@@ -17,8 +17,10 @@ namespace {
 using Eigen::MatrixXd;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Every block, computed in one order and read in both, against the dense inverse of the oracle's Hessian.
-void ExpectInverse(const FactorGraph& graph, const std::vector<VariableId>& moving, const Covariance& covariance) {
+// Every block, computed in one order and read in both, against the dense inverse of the oracle's
+// Hessian.
+void ExpectInverse(const FactorGraph& graph, const std::vector<VariableId>& moving,
+                   const Covariance& covariance) {
   const DenseOracle oracle(graph, moving);
   const MatrixXd inverse = oracle.H.inverse();
   Eigen::Index row = 0;
@@ -29,8 +31,9 @@ void ExpectInverse(const FactorGraph& graph, const std::vector<VariableId>& movi
       block.setConstant(1e30);
       ASSERT_TRUE(covariance.Get(a, b, block.data()));
       const MatrixXd expected = inverse.block(row, column, block.rows(), block.cols());
-      const double scale = std::sqrt(inverse.block(row, row, block.rows(), block.rows()).norm() *
-                                     inverse.block(column, column, block.cols(), block.cols()).norm());
+      const double scale =
+          std::sqrt(inverse.block(row, row, block.rows(), block.rows()).norm() *
+                    inverse.block(column, column, block.cols(), block.cols()).norm());
       EXPECT_LT((block - expected).norm(), 1e-10 * scale) << a << ", " << b;
       column += block.cols();
     }
@@ -146,7 +149,8 @@ TEST(Covariance, ALandmarkSeenOnceIsAStatusThatNamesIt) {
   Covariance covariance;
   const Status status = covariance.Compute(random.graph(), {{frame, frame}});
   EXPECT_EQ(status.code, StatusCode::kSingular);
-  EXPECT_EQ(status.message, "variable 1 has no covariance: the landmark is not determined by its factors");
+  EXPECT_EQ(status.message,
+            "variable 1 has no covariance: the landmark is not determined by its factors");
 }
 
 TEST(Covariance, BadIdsAndOptions) {
@@ -156,13 +160,16 @@ TEST(Covariance, BadIdsAndOptions) {
   random.Connect(3, {0});
   Covariance covariance;
   EXPECT_EQ(covariance.Compute(random.graph(), {{0, 5}}).message, "variable 5 does not exist");
-  EXPECT_EQ(covariance.Compute(random.graph(), {{0, 1}}).message, "variable 1 has no covariance: no factor touches it");
+  EXPECT_EQ(covariance.Compute(random.graph(), {{0, 1}}).message,
+            "variable 1 has no covariance: no factor touches it");
   CovarianceOptions options;
   options.num_threads = 0;
-  EXPECT_EQ(Covariance(options).Compute(random.graph(), {}).message, "CovarianceOptions::num_threads must be at least 1");
+  EXPECT_EQ(Covariance(options).Compute(random.graph(), {}).message,
+            "CovarianceOptions::num_threads must be at least 1");
   options.num_threads = 1;
   options.max_inflation = 1.0;
-  EXPECT_EQ(Covariance(options).Compute(random.graph(), {}).message, "CovarianceOptions::max_inflation must exceed 1");
+  EXPECT_EQ(Covariance(options).Compute(random.graph(), {}).message,
+            "CovarianceOptions::max_inflation must exceed 1");
 }
 
 // Of a living problem, with free places and a prior, at the values it holds.

@@ -25,20 +25,25 @@ class LinearFamily final : public AmbientFamily<LinearFamily> {
   using AmbientFamily::AmbientFamily;
 
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+  void Place(int index, const Measurement& measurement) {
+    PlaceIn(&measurements_, index, measurement);
+  }
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "linear"; }
-  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
     const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
     Eigen::Map<Eigen::VectorXd> f(residuals, residual_size());
     f = -measurement.b;
     int column = 0;
     for (int s = 0; s < num_slots(); ++s) {
       const int size = slot(s).ambient_size;
-      f += measurement.A.middleCols(column, size) * Eigen::Map<const Eigen::VectorXd>(parameters[s], size);
+      f += measurement.A.middleCols(column, size) *
+           Eigen::Map<const Eigen::VectorXd>(parameters[s], size);
       if (jacobians != nullptr && jacobians[s] != nullptr) {
         using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-        Eigen::Map<RowMajor>(jacobians[s], residual_size(), size) = measurement.A.middleCols(column, size);
+        Eigen::Map<RowMajor>(jacobians[s], residual_size(), size) =
+            measurement.A.middleCols(column, size);
       }
       column += size;
     }
@@ -49,11 +54,13 @@ class LinearFamily final : public AmbientFamily<LinearFamily> {
   std::vector<Measurement> measurements_;
 };
 
-/// The families of linear factors of one graph, by shape. `add_family` puts a new one into the graph.
+/// The families of linear factors of one graph, by shape. `add_family` puts a new one into the
+/// graph.
 class LinearFamilies {
  public:
   template <typename AddFamily>
-  std::pair<FamilyId, LinearFamily*> For(int rows, const std::vector<int>& sizes, const AddFamily& add_family) {
+  std::pair<FamilyId, LinearFamily*> For(int rows, const std::vector<int>& sizes,
+                                         const AddFamily& add_family) {
     std::vector<int> key = sizes;
     key.push_back(rows);
     auto& [id, family] = families_[key];
@@ -80,13 +87,15 @@ struct LinearWorld {
     EXPECT_TRUE(graph.Apply(edit).ok());
     return id;
   }
-  FactorId AddFactor(const std::vector<VariableId>& ids, const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
+  FactorId AddFactor(const std::vector<VariableId>& ids, const Eigen::MatrixXd& A,
+                     const Eigen::VectorXd& b) {
     std::vector<int> sizes;
     for (const VariableId id : ids) {
       sizes.push_back(graph.AmbientSize(id));
     }
     const auto [family_id, family] =
-        families.For(static_cast<int>(b.size()), sizes, [&](const auto& added) { return graph.AddFamily(added); });
+        families.For(static_cast<int>(b.size()), sizes,
+                     [&](const auto& added) { return graph.AddFamily(added); });
     GraphEdit edit(graph);
     const FactorId factor = edit.AddFactor(family_id, *family, {A, b}, ids);
     const Status status = graph.Apply(edit);
@@ -110,7 +119,8 @@ inline Eigen::MatrixXd RandomMatrix(Random* random, Eigen::Index rows, Eigen::In
 
 inline Eigen::MatrixXd InformationOf(const LinearPrior& prior) {
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const Eigen::Map<const RowMajor> J(prior.J.data(), static_cast<Eigen::Index>(prior.e0.size()), prior.num_columns());
+  const Eigen::Map<const RowMajor> J(prior.J.data(), static_cast<Eigen::Index>(prior.e0.size()),
+                                     prior.num_columns());
   return J.transpose() * J;
 }
 

@@ -62,9 +62,11 @@ TEST(IncrementalMarginalization, OfALinearProblemLeavesTheOptimumWhereItWas) {
   const std::vector<double> zero(3, 0.0);
   for (int i = 0; i < 6; ++i) {
     frames.push_back(edit.AddVariable(zero.data(), 3, Role::kFrame));
-    edit.AddFactor(prior_id, *priors, {RandomMatrix(&random, 3, 3), RandomMatrix(&random, 3, 1)}, {frames.back()});
+    edit.AddFactor(prior_id, *priors, {RandomMatrix(&random, 3, 3), RandomMatrix(&random, 3, 1)},
+                   {frames.back()});
     if (i > 0) {
-      edit.AddFactor(link_id, *links, {RandomMatrix(&random, 3, 6), RandomMatrix(&random, 3, 1)}, {frames[i - 1], frames[i]});
+      edit.AddFactor(link_id, *links, {RandomMatrix(&random, 3, 6), RandomMatrix(&random, 3, 1)},
+                     {frames[i - 1], frames[i]});
     }
   }
   for (int l = 0; l < 10; ++l) {
@@ -81,25 +83,29 @@ TEST(IncrementalMarginalization, OfALinearProblemLeavesTheOptimumWhereItWas) {
     before.emplace_back(solver.Values(id), solver.Values(id) + solver.graph().AmbientSize(id));
   }
   const double cost = solver.cost();
-  const MarginalizationSummary summary =
-      solver.Marginalize(OldestFrameRule(solver.graph(), {frames[0]}, /*min_factors=*/0), MarginalizationOptions());
+  const MarginalizationSummary summary = solver.Marginalize(
+      OldestFrameRule(solver.graph(), {frames[0]}, /*min_factors=*/0), MarginalizationOptions());
   ASSERT_TRUE(summary.status.ok()) << summary.status.message;
-  EXPECT_EQ(summary.num_cached_factors, summary.num_factors);  // a linear problem's Jacobians do not age
+  EXPECT_EQ(summary.num_cached_factors,
+            summary.num_factors);  // a linear problem's Jacobians do not age
   const UpdateSummary update = solver.Update();
   EXPECT_EQ(update.termination, Termination::kConvergence);
   EXPECT_EQ(update.num_relinearized_factors, 1);  // the prior
   for (VariableId id = 0; id < solver.graph().num_variables(); ++id) {
     for (int k = 0; solver.graph().HasVariable(id) && k < solver.graph().AmbientSize(id); ++k) {
-      EXPECT_NEAR(solver.Values(id)[k], before[static_cast<std::size_t>(id)][static_cast<std::size_t>(k)], 1e-5);
+      EXPECT_NEAR(solver.Values(id)[k],
+                  before[static_cast<std::size_t>(id)][static_cast<std::size_t>(k)], 1e-5);
     }
   }
   EXPECT_NEAR(solver.cost() + summary.fixed_cost, cost, 1e-9 * cost);
   EXPECT_NEAR(solver.cost(), BatchMinimum(CopyOf(solver)), 1e-9 * solver.cost());
 }
 
-// A window over a nonlinear problem slides for forty frames; every Update ends where a batch solve of the same problem, prior
-// included, ends, and nothing grows. The first frame is held by an information of `stiff`.
-void SlideWindow(double sqrt_stiff, const MarginalizationOptions& options, std::shared_ptr<const Loss> loss) {
+// A window over a nonlinear problem slides for forty frames; every Update ends where a batch solve
+// of the same problem, prior included, ends, and nothing grows. The first frame is held by an
+// information of `stiff`.
+void SlideWindow(double sqrt_stiff, const MarginalizationOptions& options,
+                 std::shared_ptr<const Loss> loss) {
   IncrementalBundle bundle(Tight(), 5);
   const auto grow = [&] { bundle.Grow(1, 12, 3, loss); };
   bundle.Grow(8, 60, 3, loss);
@@ -116,7 +122,9 @@ void SlideWindow(double sqrt_stiff, const MarginalizationOptions& options, std::
     const double minimum = BatchMinimum(copy);
     ASSERT_NEAR(bundle.solver.cost(), minimum, 1e-7 * minimum) << k;
     const MarginalizationSummary summary = bundle.solver.Marginalize(
-        OldestFrameRule(bundle.solver.graph(), {bundle.frames()[static_cast<std::size_t>(k)]}, /*min_factors=*/0), options);
+        OldestFrameRule(bundle.solver.graph(), {bundle.frames()[static_cast<std::size_t>(k)]},
+                        /*min_factors=*/0),
+        options);
     ASSERT_TRUE(summary.status.ok()) << k << ": " << summary.status.message;
     num_cached += summary.num_cached_factors;
     bundle.edit().Restart();
@@ -154,8 +162,10 @@ TEST(IncrementalMarginalization, CachedRowsAreThoseOfTheFactors) {
     bundle.Grow(8, 60, 3, std::make_shared<CauchyLoss>(0.5));
     ASSERT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
     FactorGraph copy = CopyOf(bundle.solver);
-    const MarginalizationRequest request = OldestFrameRule(bundle.solver.graph(), {bundle.frames()[0]}, /*min_factors=*/0);
-    const MarginalizationSummary live = bundle.solver.Marginalize(request, MarginalizationOptions());
+    const MarginalizationRequest request =
+        OldestFrameRule(bundle.solver.graph(), {bundle.frames()[0]}, /*min_factors=*/0);
+    const MarginalizationSummary live =
+        bundle.solver.Marginalize(request, MarginalizationOptions());
     const MarginalizationSummary fresh = Marginalize(request, MarginalizationOptions(), &copy);
     ASSERT_TRUE(live.status.ok() && fresh.status.ok());
     EXPECT_GT(live.num_cached_factors, 0);
@@ -178,7 +188,8 @@ TEST(IncrementalMarginalization, FailureLeavesTheSolverAsItWas) {
   const std::vector<double> values = bundle.Values();
   const double cost = bundle.solver.cost();
   const MarginalizationSummary failed = bundle.solver.Marginalize(
-      OldestFrameRule(bundle.solver.graph(), {bundle.frames()[0]}, /*min_factors=*/0), MarginalizationOptions());
+      OldestFrameRule(bundle.solver.graph(), {bundle.frames()[0]}, /*min_factors=*/0),
+      MarginalizationOptions());
   EXPECT_EQ(failed.status.code, StatusCode::kSingular);
   EXPECT_EQ(failed.offenders, std::vector<VariableId>{lonely});
   EXPECT_EQ(bundle.solver.graph().num_factors(), bundle.num_factors());
@@ -188,7 +199,8 @@ TEST(IncrementalMarginalization, FailureLeavesTheSolverAsItWas) {
   IncrementalOptions bad;
   bad.num_threads = 0;
   IncrementalSolver invalid(bad);
-  EXPECT_EQ(invalid.Marginalize({}, MarginalizationOptions()).status.code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(invalid.Marginalize({}, MarginalizationOptions()).status.code,
+            StatusCode::kInvalidArgument);
 }
 
 // A factor that does not point where it is linearized any more, after new values without an Update.
@@ -199,25 +211,31 @@ TEST(IncrementalMarginalization, ChangedFactorsAreEvaluated) {
   bundle.SetValues(bundle.frames()[1], std::vector<double>(6, 0.3));
   bundle.Apply();
   FactorGraph copy = CopyOf(bundle.solver);
-  const MarginalizationRequest request = OldestFrameRule(bundle.solver.graph(), {bundle.frames()[0]}, /*min_factors=*/0);
+  const MarginalizationRequest request =
+      OldestFrameRule(bundle.solver.graph(), {bundle.frames()[0]}, /*min_factors=*/0);
   const MarginalizationSummary live = bundle.solver.Marginalize(request, MarginalizationOptions());
   const MarginalizationSummary fresh = Marginalize(request, MarginalizationOptions(), &copy);
   ASSERT_TRUE(live.status.ok() && fresh.status.ok());
   EXPECT_LT(live.num_cached_factors, live.num_factors);
   const VectorXd expected = GradientOf(*FindLinearPrior(copy, fresh.prior));
-  EXPECT_LT(RelativeError(GradientOf(*FindLinearPrior(bundle.solver.graph(), live.prior)), expected), 1e-4);
+  EXPECT_LT(
+      RelativeError(GradientOf(*FindLinearPrior(bundle.solver.graph(), live.prior)), expected),
+      1e-4);
 }
 
-// JᵀJ of a prior is formed once: on a manifold too, however far its variables turn and however eager the solver is.
+// JᵀJ of a prior is formed once: on a manifold too, however far its variables turn and however
+// eager the solver is.
 TEST(IncrementalMarginalization, ThePriorIsNeverRelinearized) {
-  for (const RelinearizationRule rule : {RelinearizationRule::kResidualError, RelinearizationRule::kStepSize}) {
+  for (const RelinearizationRule rule :
+       {RelinearizationRule::kResidualError, RelinearizationRule::kStepSize}) {
     IncrementalOptions options = Tight();
     options.relinearization = rule;
     options.relinearization_share = 0.0;
     options.relinearization_step = 1e-12;
     IncrementalSolver solver(options);
     Random random(10);
-    auto smooth = std::make_shared<SmoothFamily>(7, std::vector<FactorFamily::Slot>{{3, 3}, {7, 6}});
+    auto smooth =
+        std::make_shared<SmoothFamily>(7, std::vector<FactorFamily::Slot>{{3, 3}, {7, 6}});
     auto anchor = std::make_shared<SmoothFamily>(4, std::vector<FactorFamily::Slot>{{3, 3}});
     auto pull = std::make_shared<SmoothFamily>(7, std::vector<FactorFamily::Slot>{{7, 6}});
     const FamilyId smooth_id = solver.AddFamily(smooth);
@@ -227,7 +245,8 @@ TEST(IncrementalMarginalization, ThePriorIsNeverRelinearized) {
     const double zero[3] = {};
     const double pose[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
     const VariableId gone = edit.AddVariable(zero, 3, Role::kFrame);
-    const VariableId kept = edit.AddVariable(pose, 7, Role::kFrame, std::make_shared<PoseManifold>());
+    const VariableId kept =
+        edit.AddVariable(pose, 7, Role::kFrame, std::make_shared<PoseManifold>());
     edit.AddFactor(smooth_id, *smooth, smooth->MakeMeasurement(&random), {gone, kept});
     edit.AddFactor(anchor_id, *anchor, anchor->MakeMeasurement(&random), {gone});
     ASSERT_TRUE(solver.Apply(edit).ok());
@@ -242,7 +261,8 @@ TEST(IncrementalMarginalization, ThePriorIsNeverRelinearized) {
     const UpdateSummary summary = solver.Update();
     EXPECT_GT(summary.num_iterations, 1);
     EXPECT_GT(summary.num_relinearized_factors, 2);
-    EXPECT_LE(summary.num_relinearized_factors, 2 + summary.num_iterations);  // both at first, then the pull alone
+    EXPECT_LE(summary.num_relinearized_factors,
+              2 + summary.num_iterations);  // both at first, then the pull alone
   }
 }
 

@@ -1,4 +1,5 @@
-// A chain of linear-Gaussian factors with old states marginalized one at a time is the Kalman filter.
+// A chain of linear-Gaussian factors with old states marginalized one at a time is the Kalman
+// filter.
 #include <Eigen/Dense>
 #include <gtest/gtest.h>
 
@@ -50,7 +51,8 @@ struct Model {
 
 // Prediction and update as in any textbook, the covariance in Joseph's form.
 struct KalmanFilter {
-  explicit KalmanFilter(const Model& the_model) : model(the_model), mean(model.m0), covariance(model.P0) {}
+  explicit KalmanFilter(const Model& the_model)
+      : model(the_model), mean(model.m0), covariance(model.P0) {}
   void Predict() {
     mean = model.F * mean;
     covariance = model.F * covariance * model.F.transpose() + model.Q;
@@ -73,7 +75,8 @@ LinearMeasurement Prior(const Model& model) {
   return {Whitener(model.P0), Whitener(model.P0) * model.m0};
 }
 LinearMeasurement Sensed(const Model& model, int k) {
-  return {Whitener(model.R) * model.H, Whitener(model.R) * model.measurements[static_cast<std::size_t>(k)]};
+  return {Whitener(model.R) * model.H,
+          Whitener(model.R) * model.measurements[static_cast<std::size_t>(k)]};
 }
 LinearMeasurement Moved(const Model& model) {
   MatrixXd A(kSize, 2 * kSize);
@@ -88,7 +91,9 @@ TEST(MarginalizedChain, IsTheKalmanFilter) {
   LinearWorld world;
   // Wherever the states stand: a linear prior does not depend on it.
   const auto anywhere = [&] { return VectorXd(5.0 * RandomMatrix(&random, kSize, 1)); };
-  const auto add = [&](const std::vector<VariableId>& ids, const LinearMeasurement& m) { world.AddFactor(ids, m.A, m.b); };
+  const auto add = [&](const std::vector<VariableId>& ids, const LinearMeasurement& m) {
+    world.AddFactor(ids, m.A, m.b);
+  };
   VariableId state = world.AddVariable(anywhere());
   add({state}, Prior(model));
   for (int k = 0; k < kStates; ++k) {
@@ -96,7 +101,8 @@ TEST(MarginalizedChain, IsTheKalmanFilter) {
     filter.Update(model.measurements[static_cast<std::size_t>(k)]);
     const DenseOracle oracle(world.graph, {state});
     const MatrixXd covariance = oracle.H.inverse();
-    const VectorXd mean = Eigen::Map<const VectorXd>(world.graph.Values(state), kSize) - covariance * oracle.g;
+    const VectorXd mean =
+        Eigen::Map<const VectorXd>(world.graph.Values(state), kSize) - covariance * oracle.g;
     ASSERT_LT((covariance - filter.covariance).norm(), 1e-12 * filter.covariance.norm()) << k;
     ASSERT_LT((mean - filter.mean).norm(), 1e-12 * std::max(1.0, filter.mean.norm())) << k;
 
@@ -104,7 +110,8 @@ TEST(MarginalizedChain, IsTheKalmanFilter) {
     add({state, next}, Moved(model));
     MarginalizationRequest request;
     request.marginalized = {state};
-    const MarginalizationSummary summary = Marginalize(request, MarginalizationOptions(), &world.graph);
+    const MarginalizationSummary summary =
+        Marginalize(request, MarginalizationOptions(), &world.graph);
     ASSERT_TRUE(summary.status.ok()) << summary.status.message;
     ASSERT_EQ(summary.kept, std::vector<VariableId>{next});
     state = next;
@@ -129,9 +136,11 @@ TEST(MarginalizedChain, IsTheKalmanFilterOnAnIncrementalGraph) {
   options.max_num_iterations = 10;
   IncrementalSolver solver(options);
   LinearFamilies families;
-  const auto add = [&](GraphEdit* edit, const std::vector<VariableId>& ids, const LinearMeasurement& m) {
-    const auto [id, family] = families.For(static_cast<int>(m.b.size()), std::vector<int>(ids.size(), kSize),
-                                           [&](const auto& added) { return solver.AddFamily(added); });
+  const auto add = [&](GraphEdit* edit, const std::vector<VariableId>& ids,
+                       const LinearMeasurement& m) {
+    const auto [id, family] =
+        families.For(static_cast<int>(m.b.size()), std::vector<int>(ids.size(), kSize),
+                     [&](const auto& added) { return solver.AddFamily(added); });
     if (edit->revision() != solver.graph().revision()) {
       edit->Restart();  // a family came
     }
@@ -166,7 +175,8 @@ TEST(MarginalizedChain, IsTheKalmanFilterOnAnIncrementalGraph) {
     const MarginalizationSummary summary = solver.Marginalize(request, MarginalizationOptions());
     ASSERT_TRUE(summary.status.ok()) << summary.status.message;
     EXPECT_GT(summary.num_cached_factors, 0);
-    const MatrixXd covariance = InformationOf(*FindLinearPrior(solver.graph(), summary.prior)).inverse();
+    const MatrixXd covariance =
+        InformationOf(*FindLinearPrior(solver.graph(), summary.prior)).inverse();
     ASSERT_LT((covariance - filter.covariance).norm(), 1e-12 * filter.covariance.norm()) << k;
     state = next;
     edit.Restart();

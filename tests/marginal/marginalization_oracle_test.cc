@@ -1,4 +1,5 @@
-// Priors against a Schur complement in 128-bit floating point, and against each other over orders of elimination.
+// Priors against a Schur complement in 128-bit floating point, and against each other over orders
+// of elimination.
 #include <algorithm>
 #include <cmath>
 
@@ -18,8 +19,10 @@ using Eigen::VectorXd;
 
 __extension__ typedef __float128 Quad;
 
-// H_rr − H_rm H_mm⁻¹ H_mr and the same of the gradient, by Gauss–Jordan steps on the leading columns of [H g] in 128 bits.
-void QuadSchurComplement(const MatrixXd& J, const VectorXd& f, int num_marginalized, MatrixXd* H, VectorXd* g) {
+// H_rr − H_rm H_mm⁻¹ H_mr and the same of the gradient, by Gauss–Jordan steps on the leading
+// columns of [H g] in 128 bits.
+void QuadSchurComplement(const MatrixXd& J, const VectorXd& f, int num_marginalized, MatrixXd* H,
+                         VectorXd* g) {
   const auto n = static_cast<std::size_t>(J.cols());
   std::vector<std::vector<Quad>> M(n, std::vector<Quad>(n + 1, 0));
   for (std::size_t i = 0; i < n; ++i) {
@@ -44,7 +47,8 @@ void QuadSchurComplement(const MatrixXd& J, const VectorXd& f, int num_marginali
   g->resize(static_cast<Eigen::Index>(n - m));
   for (std::size_t i = m; i < n; ++i) {
     for (std::size_t k = m; k < n; ++k) {
-      (*H)(static_cast<Eigen::Index>(i - m), static_cast<Eigen::Index>(k - m)) = static_cast<double>(M[i][k]);
+      (*H)(static_cast<Eigen::Index>(i - m), static_cast<Eigen::Index>(k - m)) =
+          static_cast<double>(M[i][k]);
     }
     (*g)[static_cast<Eigen::Index>(i - m)] = static_cast<double>(M[i][n]);
   }
@@ -57,15 +61,18 @@ double ScaledError(const MatrixXd& A, const MatrixXd& B) {
 }
 double ScaledError(const VectorXd& a, const VectorXd& b, const MatrixXd& H) {
   const VectorXd scale = H.diagonal().cwiseSqrt().cwiseInverse();
-  return (scale.asDiagonal() * (a - b)).cwiseAbs().maxCoeff() / (scale.asDiagonal() * b).cwiseAbs().maxCoeff();
+  return (scale.asDiagonal() * (a - b)).cwiseAbs().maxCoeff() /
+         (scale.asDiagonal() * b).cwiseAbs().maxCoeff();
 }
 
-void ExpectSamePrior(const LinearPrior& prior, const MatrixXd& H, const VectorXd& g, double tolerance) {
+void ExpectSamePrior(const LinearPrior& prior, const MatrixXd& H, const VectorXd& g,
+                     double tolerance) {
   EXPECT_LT(ScaledError(InformationOf(prior), H), tolerance);
   EXPECT_LT(ScaledError(GradientOf(prior), g, H), tolerance);
 }
 
-// Frames in a chain, points seen from several of them, priors; factor weights from 1e-2 to 1e14, the extremes included.
+// Frames in a chain, points seen from several of them, priors; factor weights from 1e-2 to 1e14,
+// the extremes included.
 struct StiffWorld {
   explicit StiffWorld(unsigned seed) : random(seed) {
     for (int i = 0; i < 6; ++i) {
@@ -96,7 +103,8 @@ struct StiffWorld {
     const int kind = count++ % 5;
     const double exponent = kind == 0 ? 14.0 : kind == 1 ? -2.0 : random.Between(-2.0, 14.0);
     const double sqrt_weight = std::pow(10.0, 0.5 * exponent);
-    world.AddFactor(ids, sqrt_weight * RandomMatrix(&random, rows, columns), sqrt_weight * RandomMatrix(&random, rows, 1));
+    world.AddFactor(ids, sqrt_weight * RandomMatrix(&random, rows, columns),
+                    sqrt_weight * RandomMatrix(&random, rows, 1));
   }
 
   Random random;
@@ -107,8 +115,8 @@ struct StiffWorld {
 };
 
 // The frames kept of what factors of the gone ones say, in 128 bits.
-void Expected(const FactorGraph& graph, const std::vector<VariableId>& gone, const std::vector<VariableId>& kept, MatrixXd* H,
-              VectorXd* g) {
+void Expected(const FactorGraph& graph, const std::vector<VariableId>& gone,
+              const std::vector<VariableId>& kept, MatrixXd* H, VectorXd* g) {
   // Only the factors that touch one of the gone.
   FactorGraph part = graph;
   std::vector<FactorId> others;
@@ -117,8 +125,10 @@ void Expected(const FactorGraph& graph, const std::vector<VariableId>& gone, con
   for (FamilyId family = 0; family < part.num_families(); ++family) {
     for (int i = 0; i < part.NumFactors(family); ++i) {
       const VariableId* ids = part.HasFactor(family, i) ? part.Variables(family, i) : nullptr;
-      if (ids != nullptr && std::none_of(ids, ids + part.family(family).num_slots(),
-                                         [&](VariableId id) { return std::find(gone.begin(), gone.end(), id) != gone.end(); })) {
+      if (ids != nullptr &&
+          std::none_of(ids, ids + part.family(family).num_slots(), [&](VariableId id) {
+            return std::find(gone.begin(), gone.end(), id) != gone.end();
+          })) {
         edit.RemoveFactor({family, i});
       }
     }
@@ -146,7 +156,8 @@ TEST(Marginalization, OfStiffFactorsIsTheSchurComplementInQuadPrecision) {
     MarginalizationRequest request;
     request.marginalized = gone;
     request.order = kept;
-    const MarginalizationSummary summary = Marginalize(request, MarginalizationOptions(), &stiff.world.graph);
+    const MarginalizationSummary summary =
+        Marginalize(request, MarginalizationOptions(), &stiff.world.graph);
     ASSERT_TRUE(summary.status.ok()) << summary.status.message;
     EXPECT_EQ(summary.kept, kept);
     SCOPED_TRACE(seed);
@@ -169,7 +180,8 @@ TEST(Marginalization, OrderOfEliminationDoesNotMatter) {
       if (trial == 0) {  // all at once
         steps = {stiff.landmarks};
         steps[0].insert(steps[0].end(), frames, frames + 3);
-      } else if (trial <= orders.size()) {  // landmark by landmark from the last, then frame by frame
+      } else if (trial <=
+                 orders.size()) {  // landmark by landmark from the last, then frame by frame
         for (auto id = stiff.landmarks.rbegin(); id != stiff.landmarks.rend(); ++id) {
           steps.push_back({*id});
         }
@@ -177,7 +189,8 @@ TEST(Marginalization, OrderOfEliminationDoesNotMatter) {
           steps.push_back({frames[k]});
         }
       } else {  // the frames with all landmarks but one, then that one: a landmark in a prior
-        steps = {std::vector<VariableId>(stiff.landmarks.begin(), stiff.landmarks.end() - 1), {stiff.landmarks.back()}};
+        steps = {std::vector<VariableId>(stiff.landmarks.begin(), stiff.landmarks.end() - 1),
+                 {stiff.landmarks.back()}};
         steps[0].insert(steps[0].end(), frames, frames + 3);
       }
       MarginalizationSummary summary;
@@ -188,7 +201,8 @@ TEST(Marginalization, OrderOfEliminationDoesNotMatter) {
         summary = Marginalize(request, MarginalizationOptions(), &graph);
         ASSERT_TRUE(summary.status.ok()) << summary.status.message;
       }
-      // Rows that never were part of a step are still in their own factors: the whole information is what must be the same.
+      // Rows that never were part of a step are still in their own factors: the whole information
+      // is what must be the same.
       const DenseOracle oracle(graph, kept);
       if (trial == 0) {
         H = oracle.H;
@@ -202,7 +216,8 @@ TEST(Marginalization, OrderOfEliminationDoesNotMatter) {
   }
 }
 
-// Curved frames and landmarks, losses, constants: the prior is the Schur complement of the linearized problem.
+// Curved frames and landmarks, losses, constants: the prior is the Schur complement of the
+// linearized problem.
 TEST(Marginalization, OfARandomBundleIsTheSchurComplement) {
   for (unsigned seed = 1; seed <= 10; ++seed) {
     BundleOptions options;
@@ -227,7 +242,8 @@ TEST(Marginalization, OfARandomBundleIsTheSchurComplement) {
     graph.ForEachFactorOf(frame, [&](FactorId factor) {
       const VariableId* ids = graph.Variables(factor.family, factor.index);
       for (int s = 0; s < graph.family(factor.family).num_slots(); ++s) {
-        if (graph.role(ids[s]) == Role::kLandmark && std::find(gone.begin(), gone.end(), ids[s]) == gone.end() &&
+        if (graph.role(ids[s]) == Role::kLandmark &&
+            std::find(gone.begin(), gone.end(), ids[s]) == gone.end() &&
             std::find(constants.begin(), constants.end(), ids[s]) == constants.end()) {
           (graph.IsConstant(ids[s]) ? constants : gone).push_back(ids[s]);
         }

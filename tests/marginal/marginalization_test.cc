@@ -36,10 +36,12 @@ struct Chain : LinearWorld {
     landmark = AddVariable(RandomMatrix(&random, 2, 1), Role::kLandmark);
     prior = AddFactor({0}, RandomMatrix(&random, 2, 2), RandomMatrix(&random, 2, 1));
     for (int i = 0; i < 3; ++i) {
-      links.push_back(AddFactor({i, i + 1}, RandomMatrix(&random, 2, 4), RandomMatrix(&random, 2, 1)));
+      links.push_back(
+          AddFactor({i, i + 1}, RandomMatrix(&random, 2, 4), RandomMatrix(&random, 2, 1)));
     }
     for (int i = 0; i < 2; ++i) {
-      views.push_back(AddFactor({i, landmark}, RandomMatrix(&random, 2, 4), RandomMatrix(&random, 2, 1)));
+      views.push_back(
+          AddFactor({i, landmark}, RandomMatrix(&random, 2, 4), RandomMatrix(&random, 2, 1)));
     }
   }
   Random random{11};
@@ -50,8 +52,9 @@ struct Chain : LinearWorld {
 };
 
 // A failure leaves everything as it was.
-void ExpectRefused(FactorGraph* graph, const MarginalizationRequest& request, const MarginalizationOptions& options,
-                   StatusCode code, const std::string& message, const std::vector<VariableId>& offenders) {
+void ExpectRefused(FactorGraph* graph, const MarginalizationRequest& request,
+                   const MarginalizationOptions& options, StatusCode code,
+                   const std::string& message, const std::vector<VariableId>& offenders) {
   const std::string before = Dump(*graph);
   const MarginalizationSummary summary = Marginalize(request, options, graph);
   EXPECT_EQ(summary.status.code, code);
@@ -65,18 +68,22 @@ TEST(MarginalizationFailure, BadIdsAndOptions) {
   Chain chain;
   const MarginalizationOptions options;
   const auto invalid = StatusCode::kInvalidArgument;
-  ExpectRefused(&chain.graph, Request({0, 9}), options, invalid, "variable 9 is to be marginalized or dropped but does not exist",
-                {9});
+  ExpectRefused(&chain.graph, Request({0, 9}), options, invalid,
+                "variable 9 is to be marginalized or dropped but does not exist", {9});
   MarginalizationRequest request = Request({0, 1});
   request.dropped = {1};
-  ExpectRefused(&chain.graph, request, options, invalid, "variable 1 is to be marginalized or dropped twice", {1});
+  ExpectRefused(&chain.graph, request, options, invalid,
+                "variable 1 is to be marginalized or dropped twice", {1});
   request = Request({0});
   request.order = {1, 0};
-  ExpectRefused(&chain.graph, request, options, invalid, "variable 0 is named in the order of the prior but goes", {0});
+  ExpectRefused(&chain.graph, request, options, invalid,
+                "variable 0 is named in the order of the prior but goes", {0});
   request.order = {1, 7};
-  ExpectRefused(&chain.graph, request, options, invalid, "variable 7 is named in the order of the prior but does not exist", {7});
+  ExpectRefused(&chain.graph, request, options, invalid,
+                "variable 7 is named in the order of the prior but does not exist", {7});
   request.order = {1, 2, 1};
-  ExpectRefused(&chain.graph, request, options, invalid, "variable 1 is named twice in the order of the prior", {1});
+  ExpectRefused(&chain.graph, request, options, invalid,
+                "variable 1 is named twice in the order of the prior", {1});
   request = Request({0});
   request.dropped_factors = {chain.prior, chain.prior};
   EXPECT_EQ(Marginalize(request, options, &chain.graph).status.code, invalid);
@@ -84,10 +91,12 @@ TEST(MarginalizationFailure, BadIdsAndOptions) {
   ExpectRefused(&chain.graph, request, options, invalid, "RemoveFactor: there is no family 7", {});
   MarginalizationOptions bad;
   bad.epsilon = -1.0;
-  ExpectRefused(&chain.graph, Request({0}), bad, invalid, "MarginalizationOptions::epsilon must be finite and not negative", {});
+  ExpectRefused(&chain.graph, Request({0}), bad, invalid,
+                "MarginalizationOptions::epsilon must be finite and not negative", {});
   bad = MarginalizationOptions();
   bad.rank_tolerance = 1.0;
-  ExpectRefused(&chain.graph, Request({0}), bad, invalid, "MarginalizationOptions::rank_tolerance must lie in [0, 1)", {});
+  ExpectRefused(&chain.graph, Request({0}), bad, invalid,
+                "MarginalizationOptions::rank_tolerance must lie in [0, 1)", {});
 }
 
 TEST(MarginalizationFailure, TwoLandmarksInOnePrior) {
@@ -95,7 +104,8 @@ TEST(MarginalizationFailure, TwoLandmarksInOnePrior) {
   const VariableId second = chain.AddVariable(VectorXd::Zero(2), Role::kLandmark);
   chain.AddFactor({0, second}, RandomMatrix(&chain.random, 2, 4), VectorXd::Zero(2));
   ExpectRefused(&chain.graph, Request({0}), MarginalizationOptions(), StatusCode::kInvalidArgument,
-                "the prior would join 2 landmarks (variables 4, 5); a factor touches at most one: marginalize them too, or drop "
+                "the prior would join 2 landmarks (variables 4, 5); a factor touches at most one: "
+                "marginalize them too, or drop "
                 "their factors",
                 {chain.landmark, second});
 }
@@ -109,7 +119,8 @@ TEST(MarginalizationFailure, RankLossNamesEveryLandmark) {
   }
   const MarginalizationRequest request = Request({0, chain.landmark, seen_once[0], seen_once[1]});
   ExpectRefused(&chain.graph, request, MarginalizationOptions(), StatusCode::kSingular,
-                "the factors do not determine the marginalized landmarks 5, 6: drop them, or allow rank loss, or keep what they "
+                "the factors do not determine the marginalized landmarks 5, 6: drop them, or allow "
+                "rank loss, or keep what they "
                 "are measured against",
                 seen_once);
 
@@ -119,7 +130,8 @@ TEST(MarginalizationFailure, RankLossNamesEveryLandmark) {
   allowed.allow_rank_loss = true;
   const MarginalizationSummary summary = Marginalize(request, allowed, &chain.graph);
   ASSERT_TRUE(summary.status.ok()) << summary.status.message;
-  const MarginalizationSummary expected = Marginalize(Request({0, other.landmark}), MarginalizationOptions(), &other.graph);
+  const MarginalizationSummary expected =
+      Marginalize(Request({0, other.landmark}), MarginalizationOptions(), &other.graph);
   ASSERT_TRUE(expected.status.ok());
   EXPECT_LT(RelativeError(InformationOf(*FindLinearPrior(chain.graph, summary.prior)),
                           InformationOf(*FindLinearPrior(other.graph, expected.prior))),
@@ -131,7 +143,8 @@ TEST(MarginalizationFailure, RankLossOfFrames) {
   MarginalizationRequest request = Request({0, chain.landmark});
   request.dropped_factors = {chain.prior, chain.links[0], chain.views[0]};
   ExpectRefused(&chain.graph, request, MarginalizationOptions(), StatusCode::kSingular,
-                "the factors do not determine the marginalized variables 0: drop them, or allow rank loss, or keep what they are "
+                "the factors do not determine the marginalized variables 0: drop them, or allow "
+                "rank loss, or keep what they are "
                 "measured against",
                 {0});
 }
@@ -139,11 +152,16 @@ TEST(MarginalizationFailure, RankLossOfFrames) {
 TEST(MarginalizationFailure, AFactorThatCannotBeEvaluated) {
   Chain chain;
   const FamilyId family = chain.graph.AddFamily(std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{2, 2}}, [](int, const double* const*, double*, double**) { return false; }));
-  auto& function = const_cast<FunctionFamily&>(dynamic_cast<const FunctionFamily&>(chain.graph.family(family)));
+      1, std::vector<FactorFamily::Slot>{{2, 2}},
+      [](int, const double* const*, double*, double**) { return false; }));
+  auto& function =
+      const_cast<FunctionFamily&>(dynamic_cast<const FunctionFamily&>(chain.graph.family(family)));
   chain.graph.AddFactor(family, function, 0, {0});
-  ExpectRefused(&chain.graph, Request({0, chain.landmark}), MarginalizationOptions(), StatusCode::kEvaluationFailed,
-                "factor 0 of function (variables 0): the cost function returned false; at variable 0 = (", {});
+  ExpectRefused(
+      &chain.graph, Request({0, chain.landmark}), MarginalizationOptions(),
+      StatusCode::kEvaluationFailed,
+      "factor 0 of function (variables 0): the cost function returned false; at variable 0 = (",
+      {});
 }
 
 TEST(Marginalization, TheCallersOrder) {
@@ -151,11 +169,13 @@ TEST(Marginalization, TheCallersOrder) {
   Chain by_id;
   MarginalizationRequest request = Request({chain.landmark, 1});
   request.order = {3, 2, 0};  // 3 is no neighbor
-  const MarginalizationSummary summary = Marginalize(request, MarginalizationOptions(), &chain.graph);
+  const MarginalizationSummary summary =
+      Marginalize(request, MarginalizationOptions(), &chain.graph);
   ASSERT_TRUE(summary.status.ok()) << summary.status.message;
   EXPECT_EQ(summary.kept, (std::vector<VariableId>{2, 0}));
   request.order.clear();
-  const MarginalizationSummary sorted = Marginalize(request, MarginalizationOptions(), &by_id.graph);
+  const MarginalizationSummary sorted =
+      Marginalize(request, MarginalizationOptions(), &by_id.graph);
   EXPECT_EQ(sorted.kept, (std::vector<VariableId>{0, 2}));
   const MatrixXd H = InformationOf(*FindLinearPrior(chain.graph, summary.prior));
   const MatrixXd H_by_id = InformationOf(*FindLinearPrior(by_id.graph, sorted.prior));
@@ -169,22 +189,26 @@ TEST(Marginalization, DroppedVariablesAndFactorsSayNothing) {
   MarginalizationRequest request = Request({0});
   request.dropped = {chain.landmark};
   request.dropped_factors = {chain.links[2]};
-  const MarginalizationSummary summary = Marginalize(request, MarginalizationOptions(), &chain.graph);
+  const MarginalizationSummary summary =
+      Marginalize(request, MarginalizationOptions(), &chain.graph);
   ASSERT_TRUE(summary.status.ok()) << summary.status.message;
   EXPECT_EQ(summary.num_factors, 2);
   GraphEdit edit(without.graph);
   edit.RemoveVariable(without.landmark);
   edit.RemoveFactor(without.links[2]);
   ASSERT_TRUE(without.graph.Apply(edit).ok());
-  const MarginalizationSummary expected = Marginalize(Request({0}), MarginalizationOptions(), &without.graph);
-  EXPECT_EQ(FindLinearPrior(chain.graph, summary.prior)->J, FindLinearPrior(without.graph, expected.prior)->J);
+  const MarginalizationSummary expected =
+      Marginalize(Request({0}), MarginalizationOptions(), &without.graph);
+  EXPECT_EQ(FindLinearPrior(chain.graph, summary.prior)->J,
+            FindLinearPrior(without.graph, expected.prior)->J);
   EXPECT_FALSE(chain.graph.HasVariable(chain.landmark));
   EXPECT_FALSE(chain.graph.HasFactor(chain.links[2].family, chain.links[2].index));
 }
 
 TEST(Marginalization, WithNobodyToTellThereIsNoPrior) {
   Chain chain;
-  const MarginalizationSummary summary = Marginalize(Request({0, 1, 2, 3, 4}), MarginalizationOptions(), &chain.graph);
+  const MarginalizationSummary summary =
+      Marginalize(Request({0, 1, 2, 3, 4}), MarginalizationOptions(), &chain.graph);
   ASSERT_TRUE(summary.status.ok()) << summary.status.message;
   EXPECT_EQ(summary.prior.family, -1);
   EXPECT_EQ(chain.graph.num_factors(), 0);
@@ -202,7 +226,8 @@ TEST(Marginalization, TheOptimumStaysWhereItWas) {
   FactorGraph solved = chain.graph;
   ASSERT_TRUE(Solve(options, &solved).IsSolutionUsable());
   // Not at the optimum: the prior of a linear problem does not depend on where it is linearized.
-  const MarginalizationSummary summary = Marginalize(Request({0, chain.landmark}), MarginalizationOptions(), &chain.graph);
+  const MarginalizationSummary summary =
+      Marginalize(Request({0, chain.landmark}), MarginalizationOptions(), &chain.graph);
   ASSERT_TRUE(summary.status.ok());
   ASSERT_TRUE(Solve(options, &chain.graph).IsSolutionUsable());
   for (VariableId id = 1; id < 4; ++id) {
@@ -210,7 +235,8 @@ TEST(Marginalization, TheOptimumStaysWhereItWas) {
       EXPECT_NEAR(chain.graph.Values(id)[k], solved.Values(id)[k], 1e-8);
     }
   }
-  EXPECT_NEAR(CostAt(chain.graph, chain.graph.state()) + summary.fixed_cost, CostAt(solved, solved.state()), 1e-12);
+  EXPECT_NEAR(CostAt(chain.graph, chain.graph.state()) + summary.fixed_cost,
+              CostAt(solved, solved.state()), 1e-12);
 }
 
 TEST(MarginalizationConstants, AreKnownOrKept) {
@@ -222,7 +248,9 @@ TEST(MarginalizationConstants, AreKnownOrKept) {
     const MarginalizationSummary summary = Marginalize(Request({0, 4}), options, &chain.graph);
     EXPECT_TRUE(summary.status.ok()) << summary.status.message;
     return std::make_pair(summary.kept,
-                          summary.prior.family < 0 ? MatrixXd() : InformationOf(*FindLinearPrior(chain.graph, summary.prior)));
+                          summary.prior.family < 0
+                              ? MatrixXd()
+                              : InformationOf(*FindLinearPrior(chain.graph, summary.prior)));
   };
   EXPECT_TRUE(run(true, false).first.empty());
   const auto kept = run(true, true);
@@ -235,20 +263,25 @@ TEST(MarginalizationConstants, GoAsTheyAre) {
   Chain chain;
   chain.graph.SetConstant(0, true);
   FactorGraph before = chain.graph;
-  const MarginalizationSummary summary = Marginalize(Request({0, chain.landmark}), MarginalizationOptions(), &chain.graph);
+  const MarginalizationSummary summary =
+      Marginalize(Request({0, chain.landmark}), MarginalizationOptions(), &chain.graph);
   ASSERT_TRUE(summary.status.ok()) << summary.status.message;
   EXPECT_EQ(summary.kept, std::vector<VariableId>{1});
-  // What the link alone says about x_1 with x_0 known, and nothing more: two views fix a point of two coordinates.
+  // What the link alone says about x_1 with x_0 known, and nothing more: two views fix a point of
+  // two coordinates.
   const DenseOracle all(before, {chain.landmark, 1});
   const DenseOracle rest(chain.graph, {1});
   const MatrixXd P = all.H.topLeftCorner(2, 2);
   const MatrixXd W = all.H.bottomLeftCorner(2, 2);
-  EXPECT_LT(RelativeError(rest.H, all.H.bottomRightCorner(2, 2) - W * P.inverse() * W.transpose()), 1e-12);
+  EXPECT_LT(RelativeError(rest.H, all.H.bottomRightCorner(2, 2) - W * P.inverse() * W.transpose()),
+            1e-12);
   EXPECT_LT(RelativeError(rest.g, all.g.tail(2) - W * P.inverse() * all.g.head(2)), 1e-12);
 }
 
-// A prior with one strong, one middling and one weak direction about x_1 (3): information 1e4, 1, 1e-10 along known axes.
-MarginalizationSummary Thresholded(PriorThreshold threshold, double epsilon, MatrixXd* information, VectorXd* gradient) {
+// A prior with one strong, one middling and one weak direction about x_1 (3): information 1e4, 1,
+// 1e-10 along known axes.
+MarginalizationSummary Thresholded(PriorThreshold threshold, double epsilon, MatrixXd* information,
+                                   VectorXd* gradient) {
   LinearWorld world;
   Random random(5);
   world.AddVariable(RandomMatrix(&random, 1, 1));
@@ -276,7 +309,8 @@ MarginalizationSummary Thresholded(PriorThreshold threshold, double epsilon, Mat
 TEST(MarginalizationThreshold, CutsOffWhatIsBelowIt) {
   MatrixXd information;
   VectorXd gradient;
-  const auto expect = [&](const MarginalizationSummary& summary, int truncated, const Eigen::Vector3d& expected) {
+  const auto expect = [&](const MarginalizationSummary& summary, int truncated,
+                          const Eigen::Vector3d& expected) {
     EXPECT_EQ(summary.num_truncated, truncated);
     EXPECT_EQ(summary.rank, 3 - truncated);
     for (int k = 0; k < 3; ++k) {
@@ -286,16 +320,20 @@ TEST(MarginalizationThreshold, CutsOffWhatIsBelowIt) {
   };
   expect(Thresholded(PriorThreshold::kNone, 1e-8, &information, &gradient), 0, {1e4, 1.0, 1e-10});
   expect(Thresholded(PriorThreshold::kAbsolute, 1e-8, &information, &gradient), 1, {1e4, 1.0, 0.0});
-  expect(Thresholded(PriorThreshold::kAbsolute, 1e-11, &information, &gradient), 0, {1e4, 1.0, 1e-10});
+  expect(Thresholded(PriorThreshold::kAbsolute, 1e-11, &information, &gradient), 0,
+         {1e4, 1.0, 1e-10});
   expect(Thresholded(PriorThreshold::kAbsolute, 10.0, &information, &gradient), 2, {1e4, 0.0, 0.0});
   // Against the largest of the scaled matrix, which lies between 1 and 3.
-  const MarginalizationSummary relative = Thresholded(PriorThreshold::kRelative, 1e-12, &information, &gradient);
+  const MarginalizationSummary relative =
+      Thresholded(PriorThreshold::kRelative, 1e-12, &information, &gradient);
   EXPECT_EQ(relative.num_truncated, 1);
   EXPECT_NEAR(information(0, 0), 1e4, 1e-4);
-  EXPECT_EQ(Thresholded(PriorThreshold::kRelative, 1e-16, &information, &gradient).num_truncated, 0);
+  EXPECT_EQ(Thresholded(PriorThreshold::kRelative, 1e-16, &information, &gradient).num_truncated,
+            0);
 }
 
-// The relative threshold looks at directions in units of the variables: a weak unit is not a weak direction.
+// The relative threshold looks at directions in units of the variables: a weak unit is not a weak
+// direction.
 TEST(MarginalizationThreshold, RelativeDoesNotMindUnits) {
   LinearWorld world;
   world.AddVariable(VectorXd::Zero(1));
@@ -312,12 +350,13 @@ TEST(MarginalizationThreshold, RelativeDoesNotMindUnits) {
 
 // Priors on manifolds: at x₀ ⊞ δ the residual is e₀ + J δ, exactly, and the Jacobian stays J.
 TEST(LinearPriorOnManifolds, IsLinearInTheDifference) {
-  const std::vector<std::shared_ptr<const Manifold>> manifolds = {std::make_shared<SE3Manifold>(),
-                                                                  std::make_shared<PoseManifold>(),
-                                                                  std::make_shared<QuaternionManifold>(),
-                                                                  std::make_shared<EigenQuaternionManifold>(),
-                                                                  std::make_shared<SubsetManifold>(4, std::vector<int>{1}),
-                                                                  nullptr};
+  const std::vector<std::shared_ptr<const Manifold>> manifolds = {
+      std::make_shared<SE3Manifold>(),
+      std::make_shared<PoseManifold>(),
+      std::make_shared<QuaternionManifold>(),
+      std::make_shared<EigenQuaternionManifold>(),
+      std::make_shared<SubsetManifold>(4, std::vector<int>{1}),
+      nullptr};
   for (const auto& manifold : manifolds) {
     RandomGraph random(17);
     FactorGraph& graph = random.graph();
@@ -332,12 +371,15 @@ TEST(LinearPriorOnManifolds, IsLinearInTheDifference) {
     random.Connect(9, {gone, kept});
     random.Connect(4, {gone});
     const DenseOracle before(graph, {gone, kept});
-    const MarginalizationSummary summary = Marginalize(Request({gone}), MarginalizationOptions(), &graph);
+    const MarginalizationSummary summary =
+        Marginalize(Request({gone}), MarginalizationOptions(), &graph);
     ASSERT_TRUE(summary.status.ok()) << summary.status.message;
     const LinearPrior prior = *FindLinearPrior(graph, summary.prior);
     const MatrixXd H_mm_inverse = before.H.topLeftCorner(3, 3).inverse();
     const MatrixXd W = before.H.bottomLeftCorner(d, 3);
-    EXPECT_LT(RelativeError(InformationOf(prior), before.H.bottomRightCorner(d, d) - W * H_mm_inverse * W.transpose()), 1e-12);
+    EXPECT_LT(RelativeError(InformationOf(prior),
+                            before.H.bottomRightCorner(d, d) - W * H_mm_inverse * W.transpose()),
+              1e-12);
 
     std::vector<double> delta = random.random().Vector(static_cast<std::size_t>(d));
     for (double& entry : delta) {
@@ -353,7 +395,8 @@ TEST(LinearPriorOnManifolds, IsLinearInTheDifference) {
     const DenseOracle after(graph, {kept});
     using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     const Eigen::Map<const RowMajor> J(prior.J.data(), d, d);
-    const VectorXd expected = Eigen::Map<const VectorXd>(prior.e0.data(), d) + J * Eigen::Map<const VectorXd>(delta.data(), d);
+    const VectorXd expected = Eigen::Map<const VectorXd>(prior.e0.data(), d) +
+                              J * Eigen::Map<const VectorXd>(delta.data(), d);
     EXPECT_LT(RelativeError(after.f.tail(d), expected), 1e-13);
   }
 }
@@ -364,7 +407,8 @@ TEST(LinearPriorOnManifolds, TheJacobianStaysWhatItWasAfterALargeTurn) {
   const VariableId gone = random.AddFrame(2);
   const VariableId kept = random.AddFrame(std::make_shared<PoseManifold>());
   random.Connect(9, {gone, kept});
-  const MarginalizationSummary summary = Marginalize(Request({gone}), MarginalizationOptions(), &graph);
+  const MarginalizationSummary summary =
+      Marginalize(Request({gone}), MarginalizationOptions(), &graph);
   ASSERT_TRUE(summary.status.ok());
   const LinearPrior* prior = FindLinearPrior(graph, summary.prior);
   random.Perturb(1.0);
@@ -389,7 +433,8 @@ TEST(LinearPriorOnManifolds, TheJacobianStaysWhatItWasAfterALargeTurn) {
   EXPECT_TRUE(holder.HasConstantJacobian());
 }
 
-// First-estimate Jacobians: what is kept is pinned where it is, and not moved by the next marginalization.
+// First-estimate Jacobians: what is kept is pinned where it is, and not moved by the next
+// marginalization.
 TEST(FirstEstimateJacobians, PinOnceAndStay) {
   Chain chain;
   MarginalizationOptions options;
@@ -414,17 +459,22 @@ TEST(FirstEstimateJacobians, OfThePriorAreThoseAtThePins) {
   const VariableId kept = random.AddFrame(3);
   random.Connect(8, {gone, kept});
   const DenseOracle at_pins(graph, {gone, kept});
-  graph.PinLinearization(gone, std::vector<double>(graph.Values(gone), graph.Values(gone) + 3).data());
-  graph.PinLinearization(kept, std::vector<double>(graph.Values(kept), graph.Values(kept) + 3).data());
+  graph.PinLinearization(gone,
+                         std::vector<double>(graph.Values(gone), graph.Values(gone) + 3).data());
+  graph.PinLinearization(kept,
+                         std::vector<double>(graph.Values(kept), graph.Values(kept) + 3).data());
   random.Perturb(0.5);
   const DenseOracle here(graph, {gone, kept});
-  const MarginalizationSummary summary = Marginalize(Request({gone}), MarginalizationOptions(), &graph);
+  const MarginalizationSummary summary =
+      Marginalize(Request({gone}), MarginalizationOptions(), &graph);
   ASSERT_TRUE(summary.status.ok());
   const LinearPrior& prior = *FindLinearPrior(graph, summary.prior);
   const MatrixXd H_mm_inverse = at_pins.H.topLeftCorner(3, 3).inverse();
   const MatrixXd W = at_pins.H.bottomLeftCorner(3, 3);
   const VectorXd g = at_pins.J.transpose() * here.f;
-  EXPECT_LT(RelativeError(InformationOf(prior), at_pins.H.bottomRightCorner(3, 3) - W * H_mm_inverse * W.transpose()), 1e-12);
+  EXPECT_LT(RelativeError(InformationOf(prior),
+                          at_pins.H.bottomRightCorner(3, 3) - W * H_mm_inverse * W.transpose()),
+            1e-12);
   EXPECT_LT(RelativeError(GradientOf(prior), g.tail(3) - W * H_mm_inverse * g.head(3)), 1e-12);
 }
 
@@ -436,16 +486,19 @@ TEST(Marginalization, OfALandmarkWithManyObservations) {
   std::vector<VariableId> frames;
   for (int i = 0; i < 120; ++i) {
     frames.push_back(random.AddFrame(i % 3 == 0 ? 6 : 2));
-    random.Connect(2, {frames.back(), landmark}, i % 2 == 0 ? std::make_shared<HuberLoss>(0.2) : nullptr);
+    random.Connect(2, {frames.back(), landmark},
+                   i % 2 == 0 ? std::make_shared<HuberLoss>(0.2) : nullptr);
   }
   std::vector<VariableId> order = {landmark};
   order.insert(order.end(), frames.begin(), frames.end());
   const DenseOracle before(graph, order);
-  const MarginalizationSummary summary = Marginalize(Request({landmark}), MarginalizationOptions(), &graph);
+  const MarginalizationSummary summary =
+      Marginalize(Request({landmark}), MarginalizationOptions(), &graph);
   ASSERT_TRUE(summary.status.ok()) << summary.status.message;
   const auto n = before.H.rows() - 3;
   const MatrixXd W = before.H.bottomLeftCorner(n, 3);
-  const MatrixXd expected = before.H.bottomRightCorner(n, n) - W * before.H.topLeftCorner(3, 3).inverse() * W.transpose();
+  const MatrixXd expected =
+      before.H.bottomRightCorner(n, n) - W * before.H.topLeftCorner(3, 3).inverse() * W.transpose();
   EXPECT_LT(RelativeError(InformationOf(*FindLinearPrior(graph, summary.prior)), expected), 1e-12);
   EXPECT_EQ(summary.rank, 120 * 2 - 3);
 }

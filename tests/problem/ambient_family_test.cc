@@ -24,7 +24,8 @@ class Projection : public testing::TestWithParam<int> {
     return values;
   }
 
-  // J_ambient · M into rows of stride tangent_size + 3, checked against a plain triple loop; the padding must stay as it was.
+  // J_ambient · M into rows of stride tangent_size + 3, checked against a plain triple loop; the
+  // padding must stay as it was.
   void ExpectProduct(const TangentMap& map, const std::vector<double>& M, int num_rows) {
     const int stride = map.tangent_size + 3;
     const std::vector<double> J = RandomValues(num_rows * map.ambient_size);
@@ -34,10 +35,11 @@ class Projection : public testing::TestWithParam<int> {
       for (int c = 0; c < stride; ++c) {
         double expected = c < map.tangent_size ? 0.0 : kUntouched;
         for (int k = 0; c < map.tangent_size && k < map.ambient_size; ++k) {
-          expected +=
-              J[static_cast<std::size_t>(r * map.ambient_size + k)] * M[static_cast<std::size_t>(k * map.tangent_size + c)];
+          expected += J[static_cast<std::size_t>(r * map.ambient_size + k)] *
+                      M[static_cast<std::size_t>(k * map.tangent_size + c)];
         }
-        ASSERT_NEAR(result[static_cast<std::size_t>(r * stride + c)], expected, 1e-14) << "row " << r << ", column " << c;
+        ASSERT_NEAR(result[static_cast<std::size_t>(r * stride + c)], expected, 1e-14)
+            << "row " << r << ", column " << c;
       }
     }
   }
@@ -60,8 +62,8 @@ TEST_P(Projection, DenseIsTheProduct) {
 TEST_P(Projection, LeadingIdentityColumnsAreCopied) {
   const int dense_columns = GetParam();
   for (const int identity_columns : {1, 2, 3, 6}) {
-    TangentMap map{TangentMap::Kind::kDense, identity_columns + dense_columns + 1, identity_columns + dense_columns, nullptr,
-                   nullptr};
+    TangentMap map{TangentMap::Kind::kDense, identity_columns + dense_columns + 1,
+                   identity_columns + dense_columns, nullptr, nullptr};
     map.num_identity_columns = identity_columns;
     std::vector<double> M = RandomValues(map.ambient_size * map.tangent_size);
     for (int r = 0; r < map.ambient_size; ++r) {
@@ -91,38 +93,53 @@ TEST_P(Projection, SelectionPicksColumns) {
   std::vector<double> M(static_cast<std::size_t>(ambient_size * tangent_size), 0.0);
   std::vector<int> selection;
   for (int c = 0; c < tangent_size; ++c) {
-    selection.push_back(c == 0 ? ambient_size - 1 : c);  // not ascending: the order of a selection is free
+    // not ascending: the order of a selection is free
+    selection.push_back(c == 0 ? ambient_size - 1 : c);
     M[static_cast<std::size_t>(selection.back() * tangent_size + c)] = 1.0;
   }
-  ExpectProduct({TangentMap::Kind::kSelection, ambient_size, tangent_size, M.data(), selection.data()}, M, 4);
+  ExpectProduct(
+      {TangentMap::Kind::kSelection, ambient_size, tangent_size, M.data(), selection.data()}, M, 4);
 }
 
 TEST_P(Projection, ConstantIsNotWritten) {
   const int size = GetParam();
   const std::vector<double> J = RandomValues(2 * size);
   std::vector<double> result(static_cast<std::size_t>(2 * size), kUntouched);
-  ProjectToTangentSpace({TangentMap::Kind::kConstant, size, size, nullptr, nullptr}, J.data(), 2, result.data(), size);
+  ProjectToTangentSpace({TangentMap::Kind::kConstant, size, size, nullptr, nullptr}, J.data(), 2,
+                        result.data(), size);
   EXPECT_EQ(result, std::vector<double>(static_cast<std::size_t>(2 * size), kUntouched));
 }
 
 INSTANTIATE_TEST_SUITE_P(Sizes, Projection, testing::Values(1, 2, 3, 4, 6, 7, 9, 11, 15));
 
-// f = (a² + b, a·b) of a slot (a, unused) and a slot (b): `fault` breaks factor 2 in one of the ways a user can.
-enum class Fault { kNone, kReturnsFalse, kForgottenResidual, kInfiniteResidual, kForgottenJacobian, kNanJacobian };
+// f = (a² + b, a·b) of a slot (a, unused) and a slot (b): `fault` breaks factor 2 in one of the
+// ways a user can.
+enum class Fault {
+  kNone,
+  kReturnsFalse,
+  kForgottenResidual,
+  kInfiniteResidual,
+  kForgottenJacobian,
+  kNanJacobian
+};
 
 class ToyFamily final : public AmbientFamily<ToyFamily> {
  public:
-  ToyFamily(int size, Fault fault) : AmbientFamily(2, {{2, 1}, {1, 1}}), size_(size), fault_(fault) {}
+  ToyFamily(int size, Fault fault)
+      : AmbientFamily(2, {{2, 1}, {1, 1}}), size_(size), fault_(fault) {}
   int size() const override { return size_; }
   const char* Name() const override { return "toy"; }
 
-  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
     const bool broken = i == 2;
     const double a = parameters[0][0];
     const double b = parameters[1][0];
     residuals[0] = a * a + b;
     if (!(broken && fault_ == Fault::kForgottenResidual)) {
-      residuals[1] = broken && fault_ == Fault::kInfiniteResidual ? std::numeric_limits<double>::infinity() : a * b;
+      residuals[1] = broken && fault_ == Fault::kInfiniteResidual
+                         ? std::numeric_limits<double>::infinity()
+                         : a * b;
     }
     if (jacobians != nullptr && jacobians[0] != nullptr) {
       jacobians[0][0] = 2.0 * a;
@@ -150,8 +167,12 @@ class AmbientFamilyTest : public testing::Test {
 
   EvaluationFailure Evaluate(Fault fault, bool with_jacobians, int begin = 0, int end = kSize) {
     const ToyFamily family(kSize, fault);
-    const FactorBatch batch{
-        begin, end, parameters_, with_jacobians ? maps_ : nullptr, residuals_.data(), with_jacobians ? views_ : nullptr};
+    const FactorBatch batch{begin,
+                            end,
+                            parameters_,
+                            with_jacobians ? maps_ : nullptr,
+                            residuals_.data(),
+                            with_jacobians ? views_ : nullptr};
     return family.Evaluate(batch);
   }
 
@@ -199,28 +220,36 @@ TEST_F(AmbientFamilyTest, NamesTheFactorAndTheFault) {
     bool with_jacobians;
     const char* word;
   };
-  for (const Case& c : {Case{Fault::kReturnsFalse, false, "false"}, Case{Fault::kReturnsFalse, true, "false"},
-                        Case{Fault::kForgottenResidual, false, "residual"}, Case{Fault::kForgottenResidual, true, "residual"},
-                        Case{Fault::kInfiniteResidual, false, "residual"}, Case{Fault::kForgottenJacobian, true, "Jacobian"},
-                        Case{Fault::kNanJacobian, true, "Jacobian"}}) {
+  for (const Case& c :
+       {Case{Fault::kReturnsFalse, false, "false"}, Case{Fault::kReturnsFalse, true, "false"},
+        Case{Fault::kForgottenResidual, false, "residual"},
+        Case{Fault::kForgottenResidual, true, "residual"},
+        Case{Fault::kInfiniteResidual, false, "residual"},
+        Case{Fault::kForgottenJacobian, true, "Jacobian"},
+        Case{Fault::kNanJacobian, true, "Jacobian"}}) {
     const EvaluationFailure failure = Evaluate(c.fault, c.with_jacobians);
     EXPECT_EQ(failure.factor, 2);
     EXPECT_NE(std::string(failure.reason).find(c.word), std::string::npos) << failure.reason;
   }
-  EXPECT_FALSE(Evaluate(Fault::kNanJacobian, false).failed());  // a cost-only call asks for no Jacobian
+  EXPECT_FALSE(
+      Evaluate(Fault::kNanJacobian, false).failed());  // a cost-only call asks for no Jacobian
 }
 
-// f = a x + b y of one row over x (size 2), a constant and y (1): Jacobians that may be written straight to their places.
+// f = a x + b y of one row over x (size 2), a constant and y (1): Jacobians that may be written
+// straight to their places.
 class RowFamily final : public AmbientFamily<RowFamily> {
  public:
   explicit RowFamily(Fault fault) : AmbientFamily(1, {{2, 2}, {1, 1}, {1, 1}}), fault_(fault) {}
   int size() const override { return 5; }
   const char* Name() const override { return "row"; }
 
-  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
     const bool broken = i == 2;
     if (!(broken && fault_ == Fault::kForgottenResidual)) {
-      residuals[0] = broken && fault_ == Fault::kInfiniteResidual ? HUGE_VAL : i * parameters[0][0] + parameters[2][0];
+      residuals[0] = broken && fault_ == Fault::kInfiniteResidual
+                         ? HUGE_VAL
+                         : i * parameters[0][0] + parameters[2][0];
     }
     if (jacobians != nullptr) {
       EXPECT_EQ(jacobians[1], nullptr);
@@ -239,11 +268,14 @@ class RowFamily final : public AmbientFamily<RowFamily> {
 
 class RowFamilyTest : public testing::Test {
  protected:
-  // Rows four apart of x and y side by side, or those of each by themselves; the maps of factor 3 are other objects or the same.
+  // Rows four apart of x and y side by side, or those of each by themselves; the maps of factor 3
+  // are other objects or the same.
   EvaluationFailure Evaluate(Fault fault, bool together, bool same_maps) {
     J_.assign(40, kUntouched);
-    const JacobianView together_views[3] = {{J_.data(), 4, 4}, {J_.data(), 4, 4}, {J_.data() + 2, 4, 4}};
-    const JacobianView apart_views[3] = {{J_.data(), 4, 4}, {J_.data(), 4, 4}, {J_.data() + 20, 4, 4}};
+    const JacobianView together_views[3] = {
+        {J_.data(), 4, 4}, {J_.data(), 4, 4}, {J_.data() + 2, 4, 4}};
+    const JacobianView apart_views[3] = {
+        {J_.data(), 4, 4}, {J_.data(), 4, 4}, {J_.data() + 20, 4, 4}};
     const TangentMap maps[2][3] = {{Map(2), constant_, Map(1)}, {Map(2), constant_, Map(1)}};
     std::vector<const TangentMap*> pointers;
     std::vector<const double*> parameters;
@@ -253,11 +285,13 @@ class RowFamilyTest : public testing::Test {
         parameters.push_back(values_);
       }
     }
-    return RowFamily(fault).Evaluate(
-        {1, 5, parameters.data(), pointers.data(), residuals_, together ? together_views : apart_views});
+    return RowFamily(fault).Evaluate({1, 5, parameters.data(), pointers.data(), residuals_,
+                                      together ? together_views : apart_views});
   }
 
-  static TangentMap Map(int size) { return {TangentMap::Kind::kIdentity, size, size, nullptr, nullptr}; }
+  static TangentMap Map(int size) {
+    return {TangentMap::Kind::kIdentity, size, size, nullptr, nullptr};
+  }
 
   const TangentMap constant_{TangentMap::Kind::kConstant, 1, 0, nullptr, nullptr};
   const double values_[2] = {3.0, 4.0};
@@ -288,9 +322,10 @@ TEST_F(RowFamilyTest, NamesTheFirstFactorAtFault) {
     Fault fault;
     const char* word;
   };
-  for (const Case& c : {Case{Fault::kReturnsFalse, "false"}, Case{Fault::kForgottenResidual, "residual"},
-                        Case{Fault::kInfiniteResidual, "residual"}, Case{Fault::kForgottenJacobian, "Jacobian"},
-                        Case{Fault::kNanJacobian, "Jacobian"}}) {
+  for (const Case& c :
+       {Case{Fault::kReturnsFalse, "false"}, Case{Fault::kForgottenResidual, "residual"},
+        Case{Fault::kInfiniteResidual, "residual"}, Case{Fault::kForgottenJacobian, "Jacobian"},
+        Case{Fault::kNanJacobian, "Jacobian"}}) {
     for (const bool together : {false, true}) {
       for (const bool same_maps : {false, true}) {
         const EvaluationFailure failure = Evaluate(c.fault, together, same_maps);
@@ -356,7 +391,8 @@ TEST(AmbientFamily, ServesWideFactors) {
     views.push_back({block.data(), 33, 11});
   }
   double residuals[3];
-  ASSERT_FALSE(family.Evaluate({0, 1, parameters.data(), maps.data(), residuals, views.data()}).failed());
+  ASSERT_FALSE(
+      family.Evaluate({0, 1, parameters.data(), maps.data(), residuals, views.data()}).failed());
   for (std::size_t s = 0; s < J.size(); ++s) {
     for (std::size_t k = 0; k < 33; ++k) {
       ASSERT_EQ(J[s][k], 100.0 * static_cast<double>(s) + static_cast<double>(k));

@@ -7,7 +7,8 @@
 
 namespace inceres {
 
-// A family whose factors are only connected, never evaluated: what the tests of the graph itself need.
+// A family whose factors are only connected, never evaluated: what the tests of the graph itself
+// need.
 class BlankFamily final : public FactorFamily {
  public:
   struct Measurement {};
@@ -18,7 +19,9 @@ class BlankFamily final : public FactorFamily {
   void Place(int index, const Measurement&) { size_ += index == size_ ? 1 : 0; }
   int size() const override { return size_; }
   const char* Name() const override { return "blank"; }
-  EvaluationFailure Evaluate(const FactorBatch& batch) const override { return {batch.begin, "blank factors have no residual"}; }
+  EvaluationFailure Evaluate(const FactorBatch& batch) const override {
+    return {batch.begin, "blank factors have no residual"};
+  }
 
  private:
   int size_;

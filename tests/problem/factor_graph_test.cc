@@ -15,7 +15,9 @@ TEST(FactorGraph, VariablesLieOneAfterTheOtherInTheState) {
   FactorGraph graph;
   EXPECT_EQ(graph.AddVariable(kValues, 3, Role::kLandmark), 0);
   EXPECT_EQ(graph.AddBorrowedConstant(kValues + 5, 2), 1);
-  EXPECT_EQ(graph.AddVariable(kValues + 3, 4, Role::kFrame, std::make_shared<RotationQuaternionManifold>()), 2);
+  EXPECT_EQ(graph.AddVariable(kValues + 3, 4, Role::kFrame,
+                              std::make_shared<RotationQuaternionManifold>()),
+            2);
   EXPECT_EQ(graph.num_variables(), 3);
   EXPECT_EQ(graph.state(), (std::vector<double>{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0}));
   EXPECT_EQ(graph.StateOffset(0), 0);
@@ -59,8 +61,8 @@ TEST(FactorGraph, WhatIsConstant) {
   FactorGraph graph;
   const VariableId x = graph.AddVariable(kValues, 2, Role::kFrame);
   const VariableId borrowed = graph.AddBorrowedConstant(kValues, 2);
-  const VariableId no_freedom =
-      graph.AddVariable(kValues, 2, Role::kFrame, std::make_shared<SubsetManifold>(2, std::vector<int>{0, 1}));
+  const VariableId no_freedom = graph.AddVariable(
+      kValues, 2, Role::kFrame, std::make_shared<SubsetManifold>(2, std::vector<int>{0, 1}));
   EXPECT_FALSE(graph.IsConstant(x));
   EXPECT_TRUE(graph.IsConstant(borrowed));
   EXPECT_TRUE(graph.IsConstant(no_freedom));
@@ -84,7 +86,8 @@ TEST(FactorGraph, ConnectsFactorsInOrder) {
   for (int k = 0; k < 4; ++k) {
     graph.AddVariable(kValues + k, 1, Role::kFrame);
   }
-  const auto pairs = std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}});
+  const auto pairs =
+      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}});
   const auto singles = std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}});
   const FamilyId pair_id = graph.AddFamily(pairs);
   const FamilyId single_id = graph.AddFamily(singles);
@@ -101,7 +104,8 @@ TEST(FactorGraph, ConnectsFactorsInOrder) {
   EXPECT_TRUE(graph.Validate().ok());
 }
 
-// The list of losses appears with the first loss; factors before and after it without one have none.
+// The list of losses appears with the first loss; factors before and after it without one have
+// none.
 TEST(FactorGraph, LossesBelongToTheirFactors) {
   FactorGraph graph;
   graph.AddVariable(kValues, 1, Role::kFrame);
@@ -133,13 +137,15 @@ TEST(FactorGraph, ConnectManyIsConnectOneAfterTheOther) {
         for (int k = 0; k < 3; ++k) {
           graph->AddVariable(kValues + k, 1, Role::kFrame);
         }
-        graph->AddFamily(std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, 6));
+        graph->AddFamily(
+            std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, 6));
         if (tracked) {
           graph->TrackFactors();
         }
       }
       for (int time = 0; time < 2; ++time) {  // to none, then to some
-        many.ConnectMany(0, variables, with_losses ? losses : std::vector<std::shared_ptr<const Loss>>());
+        many.ConnectMany(0, variables,
+                         with_losses ? losses : std::vector<std::shared_ptr<const Loss>>());
         for (std::size_t i = 0; i < 3; ++i) {
           single.Connect(0, variables.data() + 2 * i, with_losses ? losses[i] : nullptr);
         }
@@ -175,7 +181,8 @@ TEST(FactorGraph, ReserveChangesNothingButCapacity) {
 
 TEST(FactorGraph, DescribesAFactor) {
   FactorGraph graph;
-  const auto family = std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}});
+  const auto family =
+      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}});
   const FamilyId id = graph.AddFamily(family);
   graph.AddFactor(id, *family, {}, {0, 1});
   graph.AddFactor(id, *family, {}, {3, 112});

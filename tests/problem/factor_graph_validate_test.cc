@@ -13,7 +13,8 @@ namespace {
 
 class Validate : public testing::Test {
  protected:
-  // Variables 0 (frame, 2 values), 1 and 2 (landmarks, 3 values); family 0 with one good factor between 0 and 1.
+  // Variables 0 (frame, 2 values), 1 and 2 (landmarks, 3 values); family 0 with one good factor
+  // between 0 and 1.
   Validate() {
     graph_.AddVariable(kValues, 2, Role::kFrame);
     graph_.AddVariable(kValues, 3, Role::kLandmark);
@@ -27,7 +28,8 @@ class Validate : public testing::Test {
     EXPECT_NE(status.message.find(expected), std::string::npos) << "message: " << status.message;
   }
 
-  FamilyId AddBlank(std::vector<FactorFamily::Slot> slots, const std::vector<VariableId>& variables) {
+  FamilyId AddBlank(std::vector<FactorFamily::Slot> slots,
+                    const std::vector<VariableId>& variables) {
     const FamilyId id = graph_.AddFamily(std::make_shared<BlankFamily>(1, std::move(slots), 1));
     graph_.Connect(id, variables.data());
     return id;
@@ -35,7 +37,8 @@ class Validate : public testing::Test {
 
   static constexpr double kValues[9] = {1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0};
   FactorGraph graph_;
-  std::shared_ptr<BlankFamily> family_ = std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}, {3, 3}});
+  std::shared_ptr<BlankFamily> family_ =
+      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}, {3, 3}});
   FamilyId id_ = graph_.AddFamily(family_);
 };
 
@@ -49,12 +52,15 @@ TEST_F(Validate, AcceptsAnEmptyGraph) {
 
 TEST_F(Validate, DanglingId) {
   graph_.AddFactor(id_, *family_, {}, {0, 7});
-  ExpectError("factor 1 of blank (variables 0, 7): slot 1 names variable 7, but the graph has 3 variables");
+  ExpectError(
+      "factor 1 of blank (variables 0, 7): slot 1 names variable 7, but the graph has 3 variables");
 }
 
 TEST_F(Validate, FewerVariablesThanSlots) {
   EXPECT_EQ(graph_.AddFactor(id_, *family_, {}, {0}), -1);
-  ExpectError("AddFactor: a factor of family 0 (blank) is given 1 variable (0) but has 2 slots (of 2, 3 values)");
+  ExpectError(
+      "AddFactor: a factor of family 0 (blank) is given 1 variable (0) but has 2 slots (of 2, 3 "
+      "values)");
   EXPECT_EQ(graph_.NumFactors(id_), 1);
   EXPECT_EQ(family_->size(), 1);
 }
@@ -83,7 +89,8 @@ TEST_F(Validate, NoSuchFamily) {
     EXPECT_EQ(by_connect.Connect(id, variables), -1);
     by_connect_many.ConnectMany(id, {0, 1});
     for (const FactorGraph* graph : {&by_add, &by_connect, &by_connect_many}) {
-      EXPECT_NE(graph->Validate().message.find("there is no family " + std::to_string(id) + "; the graph has 1"),
+      EXPECT_NE(graph->Validate().message.find("there is no family " + std::to_string(id) +
+                                               "; the graph has 1"),
                 std::string::npos)
           << graph->Validate().message;
     }
@@ -99,7 +106,9 @@ TEST_F(Validate, AnotherFamilysObject) {
 
 TEST_F(Validate, AnIncompleteFactorAmongMany) {
   graph_.ConnectMany(id_, {0, 1, 0});
-  ExpectError("ConnectMany: factors of family 0 (blank) have 2 slots (of 2, 3 values), and 3 variables are not so many each");
+  ExpectError(
+      "ConnectMany: factors of family 0 (blank) have 2 slots (of 2, 3 values), and 3 variables are "
+      "not so many each");
 }
 
 TEST_F(Validate, AsManyLossesAsFactors) {
@@ -114,7 +123,8 @@ TEST_F(Validate, NegativeId) {
 
 TEST_F(Validate, AmbientSizeOfASlot) {
   graph_.AddFactor(id_, *family_, {}, {1, 2});
-  ExpectError("factor 1 of blank (variables 1, 2): slot 0 has ambient size 2 but variable 1 has 3 values");
+  ExpectError(
+      "factor 1 of blank (variables 1, 2): slot 0 has ambient size 2 but variable 1 has 3 values");
 }
 
 TEST_F(Validate, TangentSizeOfASlot) {
@@ -182,7 +192,8 @@ TEST_F(Validate, TangentSizeOfAManifold) {
     graph.AddVariable(kValues, 2, Role::kFrame, std::make_shared<OddManifold>(tangent_size));
     const Status status = graph.Validate();
     EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
-    EXPECT_NE(status.message.find("variable 0 has tangent size " + std::to_string(tangent_size)), std::string::npos);
+    EXPECT_NE(status.message.find("variable 0 has tangent size " + std::to_string(tangent_size)),
+              std::string::npos);
   }
 }
 
@@ -198,13 +209,14 @@ TEST_F(Validate, NegativeSizeOfAVariable) {
 
 // One fault at each place of a small state, so that no position in the vectorized check is missed.
 TEST_F(Validate, ValueThatIsNotFinite) {
-  for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()}) {
+  for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity(),
+                           -std::numeric_limits<double>::infinity()}) {
     for (std::size_t k = 0; k < graph_.state().size(); ++k) {
       const double good = graph_.state()[k];
       graph_.mutable_state()[k] = bad;
-      const std::string where = k < 2
-                                    ? "value " + std::to_string(k) + " of variable 0"
-                                    : "value " + std::to_string((k - 2) % 3) + " of variable " + std::to_string(1 + (k - 2) / 3);
+      const std::string where = k < 2 ? "value " + std::to_string(k) + " of variable 0"
+                                      : "value " + std::to_string((k - 2) % 3) + " of variable " +
+                                            std::to_string(1 + (k - 2) / 3);
       ExpectError(where + " is ");
       graph_.mutable_state()[k] = good;
     }

@@ -7,15 +7,18 @@
 
 namespace inceres {
 
-// All that can be seen of a graph, for tests of what must not have changed. Pointers are printed as such.
+// All that can be seen of a graph, for tests of what must not have changed. Pointers are printed as
+// such.
 inline std::string Dump(const FactorGraph& graph) {
   std::ostringstream text;
   text.precision(17);
-  text << "revision " << graph.revision() << ", live " << graph.num_live_variables() << ", factors " << graph.num_factors();
+  text << "revision " << graph.revision() << ", live " << graph.num_live_variables() << ", factors "
+       << graph.num_factors();
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
-    text << "\nvariable " << id << (graph.HasVariable(id) ? "" : " removed") << " sizes " << graph.AmbientSize(id) << ' '
-         << graph.TangentSize(id) << " role " << static_cast<int>(graph.role(id)) << " constant " << graph.IsConstant(id)
-         << " manifold " << graph.manifold(id) << " offset " << graph.StateOffset(id);
+    text << "\nvariable " << id << (graph.HasVariable(id) ? "" : " removed") << " sizes "
+         << graph.AmbientSize(id) << ' ' << graph.TangentSize(id) << " role "
+         << static_cast<int>(graph.role(id)) << " constant " << graph.IsConstant(id) << " manifold "
+         << graph.manifold(id) << " offset " << graph.StateOffset(id);
     text << " borrowed " << (graph.StateOffset(id) < 0 ? graph.Values(id) : nullptr);
     for (int k = 0; graph.PinnedValues(id) != nullptr && k < graph.AmbientSize(id); ++k) {
       text << (k == 0 ? " pinned" : "") << ' ' << graph.PinnedValues(id)[k];
@@ -31,14 +34,15 @@ inline std::string Dump(const FactorGraph& graph) {
       text << ' ' << graph.FreePlace(id, k);
     }
     for (int i = 0; i < graph.NumFactors(id); ++i) {
-      text << "\n  " << graph.DescribeFactor(id, i) << (graph.HasFactor(id, i) ? "" : " removed") << " loss "
-           << graph.loss(id, i);
+      text << "\n  " << graph.DescribeFactor(id, i) << (graph.HasFactor(id, i) ? "" : " removed")
+           << " loss " << graph.loss(id, i);
     }
   }
   for (int size = 1; size <= 9; ++size) {
     for (const bool borrowed : {false, true}) {
       for (int k = 0; graph.FreeVariable(size, borrowed, k) >= 0; ++k) {
-        text << "\nfree of size " << size << (borrowed ? " borrowed " : " ") << graph.FreeVariable(size, borrowed, k);
+        text << "\nfree of size " << size << (borrowed ? " borrowed " : " ")
+             << graph.FreeVariable(size, borrowed, k);
       }
     }
   }

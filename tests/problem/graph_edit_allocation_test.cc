@@ -12,7 +12,8 @@ namespace {
 
 constexpr double kValues[3] = {1.0, 2.0, 3.0};
 
-// A frame and a landmark come and go, each landmark seen from all frames; one loss, one constant and one value change each step.
+// A frame and a landmark come and go, each landmark seen from all frames; one loss, one constant
+// and one value change each step.
 class Window {
  public:
   int Step() {
@@ -28,7 +29,8 @@ class Window {
       const VariableId ids[2] = {window_[f], window_.back()};
       views_->Place(edit_.Connect(0, ids, loss_).index, {});
     }
-    edit_.SetConstant(window_[0], even_ = !even_);  // freed again if it lives on, which looks at all its factors
+    edit_.SetConstant(
+        window_[0], even_ = !even_);  // freed again if it lives on, which looks at all its factors
     edit_.SetConstant(window_.back(), even_);
     edit_.SetConstant(window_[window_.size() / 2], !even_);
     edit_.SetValues(window_[1], kValues);
@@ -37,13 +39,15 @@ class Window {
     EXPECT_TRUE(status.ok()) << status.message;
     const std::int64_t before_commit = test::NumAllocations();
     graph_.Commit(edit_, removed_);
-    EXPECT_EQ(test::NumAllocations(), before_commit);  // what could fail, Check has done, even where the graph still grows
+    EXPECT_EQ(test::NumAllocations(),
+              before_commit);  // what could fail, Check has done, even where the graph still grows
     return static_cast<int>(test::NumAllocations() - before);
   }
 
  private:
   FactorGraph graph_;
-  std::shared_ptr<BlankFamily> views_ = std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}, {3, 3}});
+  std::shared_ptr<BlankFamily> views_ =
+      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}, {3, 3}});
   FamilyId id_ = graph_.AddFamily(views_);
   GraphEdit edit_{graph_};
   std::shared_ptr<const Loss> loss_ = std::make_shared<HuberLoss>(1.0);

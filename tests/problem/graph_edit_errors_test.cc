@@ -1,4 +1,5 @@
-// Every edit that cannot be carried out is refused as a whole: the id at fault is named and nothing has changed.
+// Every edit that cannot be carried out is refused as a whole: the id at fault is named and nothing
+// has changed.
 #include <cmath>
 #include <limits>
 
@@ -18,8 +19,9 @@ using Ids = std::vector<VariableId>;
 
 class EditErrors : public testing::Test {
  protected:
-  // Variables 0 (frame, 2 values), 1 to 3 (landmarks, 3 values, the last constant), 4 (borrowed, 2 values), 5 (removed).
-  // Family 0: factors 0 to 2 between the frame and each landmark, place 3 free. Family 1: factor 0 between 1 and 3.
+  // Variables 0 (frame, 2 values), 1 to 3 (landmarks, 3 values, the last constant), 4 (borrowed, 2
+  // values), 5 (removed). Family 0: factors 0 to 2 between the frame and each landmark, place 3
+  // free. Family 1: factor 0 between 1 and 3.
   EditErrors() {
     graph_.AddVariable(kValues, 2, Role::kFrame);
     for (int l = 0; l < 3; ++l) {
@@ -52,7 +54,8 @@ class EditErrors : public testing::Test {
     ExpectNoMarksLeft();
   }
 
-  // Anything still marked as going or constant would get in the way of an edit that concerns everything.
+  // Anything still marked as going or constant would get in the way of an edit that concerns
+  // everything.
   void ExpectNoMarksLeft() {
     GraphEdit all(graph_);
     for (const VariableId id : {0, 1, 2, 4}) {
@@ -123,7 +126,8 @@ TEST_F(EditErrors, StaleAfterAnyChangeOfStructure) {
     const GraphEdit now(graph_);
     EXPECT_EQ(now.revision(), graph_.revision());
     ExpectRefused(stale, "the edit was begun at revision " + std::to_string(revision) +
-                             " of the graph, which is now at revision " + std::to_string(graph_.revision()));
+                             " of the graph, which is now at revision " +
+                             std::to_string(graph_.revision()));
   };
   graph_.AddVariable(kValues, 2, Role::kFrame);
   expect_stale();
@@ -169,7 +173,8 @@ TEST_F(EditErrors, RemoveVariableOfTheSameEdit) {
 TEST_F(EditErrors, RemoveFactor) {
   edit_.RemoveFactor({0, 0});
   edit_.RemoveFactor({0, 4});
-  ExpectRefused("RemoveFactor: factor 4 of family 0 (blank) does not exist: the family has 4 places");
+  ExpectRefused(
+      "RemoveFactor: factor 4 of family 0 (blank) does not exist: the family has 4 places");
 }
 
 TEST_F(EditErrors, RemoveNegativeFactor) {
@@ -263,29 +268,35 @@ TEST_F(EditErrors, ConnectWithoutMeasurement) {
 
 TEST_F(EditErrors, ConnectToNoVariable) {
   edit_.AddFactor(0, *views_, {}, {0, 6});
-  ExpectRefused("factor 3 of blank (variables 0, 6): slot 1 names variable 6, but the graph has 6 variables");
+  ExpectRefused(
+      "factor 3 of blank (variables 0, 6): slot 1 names variable 6, but the graph has 6 variables");
 }
 
 TEST_F(EditErrors, ConnectToARemovedVariable) {
   edit_.AddFactor(0, *views_, {}, {0, 5});
-  ExpectRefused("factor 3 of blank (variables 0, 5): slot 1 names variable 5, which has been removed");
+  ExpectRefused(
+      "factor 3 of blank (variables 0, 5): slot 1 names variable 5, which has been removed");
 }
 
 TEST_F(EditErrors, ConnectToAVariableThatGoes) {
   edit_.RemoveVariable(2);
   edit_.AddFactor(0, *views_, {}, {0, 2});
-  ExpectRefused("factor 3 of blank (variables 0, 2): slot 1 names variable 2, which the same edit removes");
+  ExpectRefused(
+      "factor 3 of blank (variables 0, 2): slot 1 names variable 2, which the same edit removes");
 }
 
 TEST_F(EditErrors, ConnectWithAnotherAmbientSize) {
   edit_.AddFactor(0, *views_, {}, {1, 2});
-  ExpectRefused("factor 3 of blank (variables 1, 2): slot 0 has ambient size 2 but variable 1 has 3 values");
+  ExpectRefused(
+      "factor 3 of blank (variables 1, 2): slot 0 has ambient size 2 but variable 1 has 3 values");
 }
 
 TEST_F(EditErrors, ConnectANewVariableWithAnotherTangentSize) {
-  const VariableId id = edit_.AddVariable(kValues, 3, Role::kLandmark, std::make_shared<SubsetManifold>(3, std::vector<int>{1}));
+  const VariableId id = edit_.AddVariable(kValues, 3, Role::kLandmark,
+                                          std::make_shared<SubsetManifold>(3, std::vector<int>{1}));
   edit_.AddFactor(0, *views_, {}, {0, id});
-  ExpectRefused("factor 3 of blank (variables 0, 5): slot 1 has tangent size 3 but variable 5 has 2");
+  ExpectRefused(
+      "factor 3 of blank (variables 0, 5): slot 1 has tangent size 3 but variable 5 has 2");
 }
 
 TEST_F(EditErrors, ConnectTwiceToAVariable) {
@@ -309,7 +320,8 @@ TEST_F(EditErrors, FamilyWithoutResiduals) {
   edit_.Restart();
   edit_.AddFactor(2, *family, {}, {0});
   const Status status = graph_.Apply(edit_);
-  EXPECT_NE(status.message.find("family 2 (blank) has residual size 0"), std::string::npos) << status.message;
+  EXPECT_NE(status.message.find("family 2 (blank) has residual size 0"), std::string::npos)
+      << status.message;
 }
 
 TEST_F(EditErrors, SetConstant) {
@@ -336,7 +348,9 @@ TEST_F(EditErrors, SetConstantOfABorrowedOne) {
 
 TEST_F(EditErrors, FreeingASecondLandmark) {
   edit_.SetConstant(3, false);
-  ExpectRefused("SetConstant(3, false): factor 0 of blank (variables 1, 3): slot 1 is a second landmark (variable 3)");
+  ExpectRefused(
+      "SetConstant(3, false): factor 0 of blank (variables 1, 3): slot 1 is a second landmark "
+      "(variable 3)");
   for (const bool remove : {true, false}) {
     edit_.Restart();
     edit_.SetConstant(3, false);
@@ -351,14 +365,16 @@ TEST_F(EditErrors, FreeingASecondLandmark) {
 }
 
 TEST_F(EditErrors, FreeingAVariableOfAnotherTangentSize) {
-  const VariableId id = edit_.AddVariable(kValues, 3, Role::kLandmark, std::make_shared<SubsetManifold>(3, std::vector<int>{1}));
+  const VariableId id = edit_.AddVariable(kValues, 3, Role::kLandmark,
+                                          std::make_shared<SubsetManifold>(3, std::vector<int>{1}));
   edit_.SetConstant(id, true);
   edit_.AddFactor(0, *views_, {}, {0, id});
   ASSERT_TRUE(graph_.Apply(edit_).ok());
   GraphEdit edit(graph_);
   edit.SetConstant(id, false);
   const std::string before = Dump(graph_);
-  EXPECT_NE(graph_.Apply(edit).message.find("slot 1 has tangent size 3 but variable 5 has 2"), std::string::npos);
+  EXPECT_NE(graph_.Apply(edit).message.find("slot 1 has tangent size 3 but variable 5 has 2"),
+            std::string::npos);
   EXPECT_EQ(Dump(graph_), before);
 }
 
@@ -368,7 +384,8 @@ TEST_F(EditErrors, FreeingALandmarkTooLarge) {
   ASSERT_TRUE(graph_.Apply(edit_).ok());
   GraphEdit edit(graph_);
   edit.SetConstant(id, false);
-  EXPECT_NE(graph_.Apply(edit).message.find("variable 6 is a landmark of tangent size 5"), std::string::npos);
+  EXPECT_NE(graph_.Apply(edit).message.find("variable 6 is a landmark of tangent size 5"),
+            std::string::npos);
   EXPECT_TRUE(graph_.IsConstant(id));
 }
 

@@ -1,4 +1,5 @@
-// Random edits against a model that keeps the graph as plain maps and knows nothing of places, rooms and lists.
+// Random edits against a model that keeps the graph as plain maps and knows nothing of places,
+// rooms and lists.
 #include <algorithm>
 #include <map>
 #include <set>
@@ -21,7 +22,9 @@ class NumberedFamily final : public FactorFamily {
   void Place(int index, int measurement) { PlaceIn(&numbers, index, measurement); }
   int size() const override { return static_cast<int>(numbers.size()); }
   const char* Name() const override { return "numbered"; }
-  EvaluationFailure Evaluate(const FactorBatch& batch) const override { return {batch.begin, "not to be evaluated"}; }
+  EvaluationFailure Evaluate(const FactorBatch& batch) const override {
+    return {batch.begin, "not to be evaluated"};
+  }
 
   std::vector<int> numbers;
 };
@@ -59,7 +62,10 @@ class RandomEdits {
  public:
   explicit RandomEdits(unsigned seed) : random_(seed) {
     for (const std::vector<FactorFamily::Slot>& slots :
-         {std::vector<FactorFamily::Slot>{{2, 2}, {3, 3}}, {{2, 2}, {2, 2}}, {{3, 3}}, {{2, 2}, {2, 2}, {3, 3}}}) {
+         {std::vector<FactorFamily::Slot>{{2, 2}, {3, 3}},
+          {{2, 2}, {2, 2}},
+          {{3, 3}},
+          {{2, 2}, {2, 2}, {3, 3}}}) {
       families_.push_back(std::make_shared<NumberedFamily>(slots));
       graph_.AddFamily(families_.back());
     }
@@ -113,7 +119,9 @@ class RandomEdits {
         keys.push_back(key);
       }
     }
-    return keys.empty() ? none : keys[static_cast<std::size_t>(random_.Below(static_cast<int>(keys.size())))];
+    return keys.empty()
+               ? none
+               : keys[static_cast<std::size_t>(random_.Below(static_cast<int>(keys.size())))];
   }
 
   void Change() {
@@ -158,7 +166,8 @@ class RandomEdits {
     for (int s = 0; s < graph_.family(family).num_slots(); ++s) {
       std::vector<VariableId> fitting;
       for (const auto& [id, variable] : next_.variables) {
-        if (static_cast<int>(variable.values.size()) == graph_.family(family).slot(s).ambient_size &&
+        if (static_cast<int>(variable.values.size()) ==
+                graph_.family(family).slot(s).ambient_size &&
             std::count(ids.begin(), ids.end(), id) == 0) {
           fitting.push_back(id);
         }
@@ -166,11 +175,14 @@ class RandomEdits {
       if (fitting.empty()) {
         return;
       }
-      ids.push_back(fitting[static_cast<std::size_t>(random_.Below(static_cast<int>(fitting.size())))]);
+      ids.push_back(
+          fitting[static_cast<std::size_t>(random_.Below(static_cast<int>(fitting.size())))]);
     }
-    const std::shared_ptr<const Loss> loss = random_.Below(3) == 0 ? std::make_shared<HuberLoss>(1.0) : nullptr;
+    const std::shared_ptr<const Loss> loss =
+        random_.Below(3) == 0 ? std::make_shared<HuberLoss>(1.0) : nullptr;
     const int number = ++last_number_;
-    const FactorId id = edit_.AddFactor(family, *families_[static_cast<std::size_t>(family)], number, ids, loss);
+    const FactorId id =
+        edit_.AddFactor(family, *families_[static_cast<std::size_t>(family)], number, ids, loss);
     const Key key = {family, id.index};
     EXPECT_EQ(model_.factors.count(key) + next_.factors.count(key), 0u);
     next_.factors[key] = {ids, loss, number};
@@ -182,8 +194,9 @@ class RandomEdits {
       return;
     }
     const std::set<Key> factors = next_.FactorsOf(id);
-    const bool of_this_edit =
-        std::any_of(factors.begin(), factors.end(), [this](const Key& key) { return model_.factors.count(key) == 0; });
+    const bool of_this_edit = std::any_of(factors.begin(), factors.end(), [this](const Key& key) {
+      return model_.factors.count(key) == 0;
+    });
     if (of_this_edit || set_variables_.count(id) > 0) {
       return;
     }
@@ -278,9 +291,12 @@ class RandomEdits {
     }
     for (const auto& [key, factor] : model_.factors) {
       ASSERT_TRUE(graph_.HasFactor(key.first, key.second));
-      ASSERT_TRUE(std::equal(factor.variables.begin(), factor.variables.end(), graph_.Variables(key.first, key.second)));
+      ASSERT_TRUE(std::equal(factor.variables.begin(), factor.variables.end(),
+                             graph_.Variables(key.first, key.second)));
       ASSERT_EQ(graph_.loss(key.first, key.second), factor.loss.get());
-      ASSERT_EQ(families_[static_cast<std::size_t>(key.first)]->numbers[static_cast<std::size_t>(key.second)], factor.number);
+      ASSERT_EQ(families_[static_cast<std::size_t>(key.first)]
+                    ->numbers[static_cast<std::size_t>(key.second)],
+                factor.number);
     }
   }
 

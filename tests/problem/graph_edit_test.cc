@@ -26,7 +26,9 @@ class NotedFamily final : public FactorFamily {
   void Place(int index, int measurement) { PlaceIn(&notes, index, measurement); }
   int size() const override { return static_cast<int>(notes.size()); }
   const char* Name() const override { return "noted"; }
-  EvaluationFailure Evaluate(const FactorBatch& batch) const override { return {batch.begin, "not to be evaluated"}; }
+  EvaluationFailure Evaluate(const FactorBatch& batch) const override {
+    return {batch.begin, "not to be evaluated"};
+  }
 
   std::vector<int> notes;
 };
@@ -34,7 +36,8 @@ class NotedFamily final : public FactorFamily {
 std::vector<std::pair<int, int>> FactorsOf(FactorGraph* graph, VariableId id) {
   graph->TrackFactors();
   std::vector<std::pair<int, int>> factors;
-  graph->ForEachFactorOf(id, [&](FactorId factor) { factors.emplace_back(factor.family, factor.index); });
+  graph->ForEachFactorOf(
+      id, [&](FactorId factor) { factors.emplace_back(factor.family, factor.index); });
   return factors;
 }
 
@@ -70,7 +73,8 @@ TEST_F(Edit, GivesOutIdsAtOnceAndAddsTogether) {
   GraphEdit edit(graph_);
   EXPECT_TRUE(edit.empty());
   const double borrowed[2] = {7.0, 8.0};
-  const VariableId landmark = edit.AddVariable(kValues, 3, Role::kLandmark, std::make_shared<SphereManifold>(3));
+  const VariableId landmark =
+      edit.AddVariable(kValues, 3, Role::kLandmark, std::make_shared<SphereManifold>(3));
   const VariableId constant = edit.AddBorrowedConstant(borrowed, 2);
   EXPECT_EQ(landmark, 5);
   EXPECT_EQ(constant, 6);
@@ -169,7 +173,8 @@ TEST_F(Edit, ReusesIdsOfTheSameSizeAndTheirRoom) {
   EXPECT_EQ(graph_.num_live_variables(), 7);
 }
 
-// A borrowed constant has no room in the state, so its id is not one for a variable that needs some.
+// A borrowed constant has no room in the state, so its id is not one for a variable that needs
+// some.
 TEST_F(Edit, BorrowedConstantsReuseTheirOwnIds) {
   GraphEdit edit(graph_);
   edit.AddBorrowedConstant(kValues, 2);
@@ -253,7 +258,8 @@ TEST_F(Edit, SettingsComeAfterAdditionsAndTheLastOneHolds) {
   EXPECT_EQ(graph_.loss(id_, factor.index), nullptr);
 }
 
-// A refused or abandoned edit may have left measurements in the family; the next one writes over them.
+// A refused or abandoned edit may have left measurements in the family; the next one writes over
+// them.
 TEST_F(Edit, AnAbandonedEditLeavesNothingToTripOver) {
   {
     GraphEdit abandoned(graph_);
@@ -292,7 +298,8 @@ TEST_F(Edit, ValidateFindsAPlainFactorOfARemovedVariable) {
   edit.RemoveVariable(3);
   Apply(edit);
   graph_.AddFactor(id_, *views_, 2, {1, 3});
-  EXPECT_NE(graph_.Validate().message.find("slot 1 names variable 3, which has been removed"), std::string::npos);
+  EXPECT_NE(graph_.Validate().message.find("slot 1 names variable 3, which has been removed"),
+            std::string::npos);
 }
 
 TEST_F(Edit, ACopyIsAGraphOfItsOwn) {

@@ -20,7 +20,8 @@ void ExpectSame(const Loss& ours, const ceres::LossFunction& theirs) {
     ours.Evaluate(s, rho);
     theirs.Evaluate(s, expected);
     for (int order = 0; order < 3; ++order) {
-      ASSERT_NEAR(rho[order], expected[order], 1e-14 * (1.0 + std::fabs(expected[order]))) << "s = " << s << ", order " << order;
+      ASSERT_NEAR(rho[order], expected[order], 1e-14 * (1.0 + std::fabs(expected[order])))
+          << "s = " << s << ", order " << order;
     }
   }
 }
@@ -56,9 +57,9 @@ TEST(LossesAgainstCeres, Scaled) {
 }
 
 TEST(LossesAgainstCeres, Composed) {
-  ExpectSame(
-      ComposedLoss(std::make_shared<CauchyLoss>(1.7), std::make_shared<HuberLoss>(2.0)),
-      ceres::ComposedLoss(new ceres::CauchyLoss(1.7), ceres::TAKE_OWNERSHIP, new ceres::HuberLoss(2.0), ceres::TAKE_OWNERSHIP));
+  ExpectSame(ComposedLoss(std::make_shared<CauchyLoss>(1.7), std::make_shared<HuberLoss>(2.0)),
+             ceres::ComposedLoss(new ceres::CauchyLoss(1.7), ceres::TAKE_OWNERSHIP,
+                                 new ceres::HuberLoss(2.0), ceres::TAKE_OWNERSHIP));
 }
 
 }  // namespace

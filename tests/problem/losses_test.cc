@@ -31,7 +31,8 @@ std::vector<LossCase> AllLosses() {
           {"Tukey", std::make_shared<TukeyLoss>(1.5), 1.5 * 1.5},
           {"Scaled", std::make_shared<ScaledLoss>(cauchy, 2.5), -1.0},
           {"ScaledIdentity", std::make_shared<ScaledLoss>(nullptr, 2.5), -1.0},
-          {"Composed", std::make_shared<ComposedLoss>(cauchy, std::make_shared<SoftLOneLoss>(0.9)), -1.0},
+          {"Composed", std::make_shared<ComposedLoss>(cauchy, std::make_shared<SoftLOneLoss>(0.9)),
+           -1.0},
           {"ComposedWithIdentity", std::make_shared<ComposedLoss>(nullptr, cauchy), -1.0}};
 }
 
@@ -84,7 +85,9 @@ TEST_P(LossLaws, HugeResidualsStayFinite) {
 }
 
 INSTANTIATE_TEST_SUITE_P(BuiltIn, LossLaws, testing::ValuesIn(AllLosses()),
-                         [](const testing::TestParamInfo<LossCase>& instance) { return instance.param.name; });
+                         [](const testing::TestParamInfo<LossCase>& instance) {
+                           return instance.param.name;
+                         });
 
 TEST(Losses, KnownValues) {
   double rho[3];

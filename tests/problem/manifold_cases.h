@@ -26,7 +26,8 @@ inline std::vector<double> RandomVector(Random& random, int size, double limit =
   return values;
 }
 
-// A unit quaternion; every fifth is within 1e-9 of the identity and every fifth within 1e-9 of a half turn.
+// A unit quaternion; every fifth is within 1e-9 of the identity and every fifth within 1e-9 of a
+// half turn.
 inline std::vector<double> RandomQuaternion(Random& random) {
   std::vector<double> q = RandomVector(random, 4);
   const double shrink = std::uniform_int_distribution<int>(0, 4)(random);
@@ -63,7 +64,9 @@ inline void PrintTo(const ManifoldCase& manifold_case, std::ostream* stream) {
 }
 
 inline std::vector<ManifoldCase> AllManifolds() {
-  const auto vector_of = [](int size) { return [size](Random& random) { return RandomVector(random, size); }; };
+  const auto vector_of = [](int size) {
+    return [size](Random& random) { return RandomVector(random, size); };
+  };
   const auto product_point = [](Random& random) {
     std::vector<double> x = RandomVector(random, 5);
     const std::vector<double> q = RandomQuaternion(random);
@@ -72,17 +75,21 @@ inline std::vector<ManifoldCase> AllManifolds() {
     x.insert(x.end(), rest.begin(), rest.end());
     return x;
   };
-  const auto product = std::make_shared<ProductManifold>(std::vector<std::shared_ptr<const Manifold>>{
-      std::make_shared<EuclideanManifold>(3), std::make_shared<SubsetManifold>(2, std::vector<int>{0, 1}),
-      std::make_shared<QuaternionManifold>(), std::make_shared<SphereManifold>(4)});
+  const auto product =
+      std::make_shared<ProductManifold>(std::vector<std::shared_ptr<const Manifold>>{
+          std::make_shared<EuclideanManifold>(3),
+          std::make_shared<SubsetManifold>(2, std::vector<int>{0, 1}),
+          std::make_shared<QuaternionManifold>(), std::make_shared<SphereManifold>(4)});
   return {
       {"Euclidean", std::make_shared<EuclideanManifold>(5), 5, 5, vector_of(5)},
-      {"Subset", std::make_shared<SubsetManifold>(6, std::vector<int>{4, 0, 4}), 6, 4, vector_of(6)},
+      {"Subset", std::make_shared<SubsetManifold>(6, std::vector<int>{4, 0, 4}), 6, 4,
+       vector_of(6)},
       {"Sphere3", std::make_shared<SphereManifold>(3), 3, 2, vector_of(3)},
       {"Sphere4", std::make_shared<SphereManifold>(4), 4, 3, vector_of(4)},
       {"Quaternion", std::make_shared<QuaternionManifold>(), 4, 3, RandomQuaternion},
       {"EigenQuaternion", std::make_shared<EigenQuaternionManifold>(), 4, 3, RandomQuaternion},
-      {"RotationQuaternion", std::make_shared<RotationQuaternionManifold>(), 4, 3, RandomQuaternion},
+      {"RotationQuaternion", std::make_shared<RotationQuaternionManifold>(), 4, 3,
+       RandomQuaternion},
       {"Pose", std::make_shared<PoseManifold>(), 7, 6, RandomPose},
       {"LeftPose", std::make_shared<LeftPoseManifold>(), 7, 6, RandomPose},
       {"SE3", std::make_shared<SE3Manifold>(), 7, 6, RandomPose},

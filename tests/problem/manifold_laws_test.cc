@@ -25,7 +25,9 @@ class ManifoldLaws : public testing::TestWithParam<ManifoldCase> {
     EXPECT_TRUE(manifold().PlusJacobian(x.data(), J.data()));
     return J;
   }
-  std::vector<double> RandomDelta(double limit) { return RandomVector(random_, manifold().TangentSize(), limit); }
+  std::vector<double> RandomDelta(double limit) {
+    return RandomVector(random_, manifold().TangentSize(), limit);
+  }
 
   Random random_{20240607};
 };
@@ -74,7 +76,8 @@ TEST_P(ManifoldLaws, PlusJacobianIsTheDerivativeOfPlus) {
   }
 }
 
-// For steps so small that their square vanishes, x ⊞ δ = x + J δ to the last bits, whatever branch the formulas take.
+// For steps so small that their square vanishes, x ⊞ δ = x + J δ to the last bits, whatever branch
+// the formulas take.
 TEST_P(ManifoldLaws, TinyStepsAreLinear) {
   const auto d = static_cast<std::size_t>(manifold().TangentSize());
   for (const double limit : {1e-9, 1e-12, 1e-100, 1e-160, 1e-300}) {
@@ -94,8 +97,8 @@ TEST_P(ManifoldLaws, TinyStepsAreLinear) {
   }
 }
 
-// Along one direction, from 1e-6 to 2: the distance traveled per unit of step changes no faster than curvature allows, so a jump
-// between a Taylor branch and its closed form shows.
+// Along one direction, from 1e-6 to 2: the distance traveled per unit of step changes no faster
+// than curvature allows, so a jump between a Taylor branch and its closed form shows.
 TEST_P(ManifoldLaws, StepsAreSmoothAcrossTheBranches) {
   for (int k = 0; k < 100; ++k) {
     const std::vector<double> x = GetParam().random_point(random_);
@@ -164,14 +167,17 @@ TEST_P(ManifoldLaws, MinusWithoutAClosedForm) {
 }
 
 INSTANTIATE_TEST_SUITE_P(BuiltIn, ManifoldLaws, testing::ValuesIn(AllManifolds()),
-                         [](const testing::TestParamInfo<ManifoldCase>& instance) { return instance.param.name; });
+                         [](const testing::TestParamInfo<ManifoldCase>& instance) {
+                           return instance.param.name;
+                         });
 
 TEST(PoseManifolds, MinusTakesBothSignsOfAQuaternionForOne) {
   const double x[7] = {1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8};
   const double y[7] = {1.5, 2.0, 3.0, 0.0, 0.0, -0.6, -0.8};
   double delta[6];
-  for (const std::shared_ptr<const Manifold>& manifold : {std::shared_ptr<const Manifold>(std::make_shared<PoseManifold>()),
-                                                          std::shared_ptr<const Manifold>(std::make_shared<SE3Manifold>())}) {
+  for (const std::shared_ptr<const Manifold>& manifold :
+       {std::shared_ptr<const Manifold>(std::make_shared<PoseManifold>()),
+        std::shared_ptr<const Manifold>(std::make_shared<SE3Manifold>())}) {
     ASSERT_TRUE(manifold->Minus(y, x, delta));
     EXPECT_NEAR(std::hypot(delta[3], delta[4], delta[5]), 0.0, 1e-15);
     EXPECT_NEAR(std::hypot(delta[0], delta[1], delta[2]), 0.5, 1e-15);
@@ -214,7 +220,8 @@ TEST(ProductManifold, NullComponentFails) {
 
 // Undefined wherever a component is.
 TEST(ProductManifold, PassesFailureOn) {
-  const ProductManifold manifold({std::make_shared<EuclideanManifold>(1), std::make_shared<SphereManifold>(3)});
+  const ProductManifold manifold(
+      {std::make_shared<EuclideanManifold>(1), std::make_shared<SphereManifold>(3)});
   const double x[4] = {1.0, 0.0, 0.0, 0.0};
   const double delta[3] = {0.1, 0.1, 0.1};
   double result[12];

@@ -1,4 +1,5 @@
-// Large steps against slow, obvious computations: matrix exponentials by their series, angles by scalar products.
+// Large steps against slow, obvious computations: matrix exponentials by their series, angles by
+// scalar products.
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -16,7 +17,8 @@ Square Multiply(const Square& A, const Square& B, int n) {
   for (int r = 0; r < n; ++r) {
     for (int k = 0; k < n; ++k) {
       for (int c = 0; c < n; ++c) {
-        C[static_cast<std::size_t>(r * n + c)] += A[static_cast<std::size_t>(r * n + k)] * B[static_cast<std::size_t>(k * n + c)];
+        C[static_cast<std::size_t>(r * n + c)] +=
+            A[static_cast<std::size_t>(r * n + k)] * B[static_cast<std::size_t>(k * n + c)];
       }
     }
   }
@@ -43,16 +45,19 @@ Square Exponential(const Square& A, int n) {
 Square PoseMatrix(const double* p, const double* q) {
   double R[9];
   QuaternionToMatrix(q, R);
-  return {R[0], R[1], R[2], p[0], R[3], R[4], R[5], p[1], R[6], R[7], R[8], p[2], 0.0L, 0.0L, 0.0L, 1.0L};
+  return {R[0], R[1], R[2], p[0], R[3], R[4], R[5], p[1],
+          R[6], R[7], R[8], p[2], 0.0L, 0.0L, 0.0L, 1.0L};
 }
 
 Square TwistMatrix(const double* rho, const double* phi) {
-  return {0.0L, -phi[2], phi[1], rho[0], phi[2], 0.0L, -phi[0], rho[1], -phi[1], phi[0], 0.0L, rho[2], 0.0L, 0.0L, 0.0L, 0.0L};
+  return {0.0L,    -phi[2], phi[1], rho[0], phi[2], 0.0L, -phi[0], rho[1],
+          -phi[1], phi[0],  0.0L,   rho[2], 0.0L,   0.0L, 0.0L,    0.0L};
 }
 
 void ExpectEqual(const Square& actual, const Square& expected, double tolerance) {
   for (std::size_t k = 0; k < expected.size(); ++k) {
-    ASSERT_NEAR(static_cast<double>(actual[k]), static_cast<double>(expected[k]), tolerance) << "entry " << k;
+    ASSERT_NEAR(static_cast<double>(actual[k]), static_cast<double>(expected[k]), tolerance)
+        << "entry " << k;
   }
 }
 
@@ -66,8 +71,8 @@ TEST(ManifoldOracle, SE3IsTheMatrixExponential) {
     const std::vector<double> xi = RandomVector(random, 6, k % 3 == 0 ? 1e-3 : 2.5);
     double moved[7];
     ASSERT_TRUE(manifold.Plus(x.data(), xi.data(), moved));
-    const Square expected =
-        Multiply(PoseMatrix(x.data(), x.data() + 3), Exponential(TwistMatrix(xi.data(), xi.data() + 3), 4), 4);
+    const Square expected = Multiply(PoseMatrix(x.data(), x.data() + 3),
+                                     Exponential(TwistMatrix(xi.data(), xi.data() + 3), 4), 4);
     ExpectEqual(PoseMatrix(moved, moved + 3), expected, 1e-13);
   }
 }
@@ -81,7 +86,8 @@ TEST(ManifoldOracle, PoseMovesRotationAndPositionApart) {
     double moved[7];
     ASSERT_TRUE(manifold.Plus(x.data(), delta.data(), moved));
     const Square turn = Exponential(TwistMatrix(kOrigin, delta.data() + 3), 4);
-    ExpectEqual(PoseMatrix(kOrigin, moved + 3), Multiply(PoseMatrix(kOrigin, x.data() + 3), turn, 4), 1e-13);
+    ExpectEqual(PoseMatrix(kOrigin, moved + 3),
+                Multiply(PoseMatrix(kOrigin, x.data() + 3), turn, 4), 1e-13);
     for (std::size_t c = 0; c < 3; ++c) {
       EXPECT_EQ(moved[c], x[c] + delta[c]);
     }
@@ -97,7 +103,8 @@ TEST(ManifoldOracle, LeftPoseTurnsOnTheLeft) {
     double moved[7];
     ASSERT_TRUE(manifold.Plus(x.data(), delta.data(), moved));
     const Square turn = Exponential(TwistMatrix(kOrigin, delta.data() + 3), 4);
-    ExpectEqual(PoseMatrix(kOrigin, moved + 3), Multiply(turn, PoseMatrix(kOrigin, x.data() + 3), 4), 1e-13);
+    ExpectEqual(PoseMatrix(kOrigin, moved + 3),
+                Multiply(turn, PoseMatrix(kOrigin, x.data() + 3), 4), 1e-13);
     for (std::size_t c = 0; c < 3; ++c) {
       EXPECT_EQ(moved[c], x[c] + delta[c]);
     }
@@ -113,7 +120,8 @@ TEST(ManifoldOracle, RotationQuaternionTurnsOnTheRight) {
     double moved[4];
     ASSERT_TRUE(manifold.Plus(q.data(), phi.data(), moved));
     const Square turn = Exponential(TwistMatrix(kOrigin, phi.data()), 4);
-    ExpectEqual(PoseMatrix(kOrigin, moved), Multiply(PoseMatrix(kOrigin, q.data()), turn, 4), 1e-13);
+    ExpectEqual(PoseMatrix(kOrigin, moved), Multiply(PoseMatrix(kOrigin, q.data()), turn, 4),
+                1e-13);
   }
 }
 
@@ -123,7 +131,8 @@ TEST(ManifoldOracle, QuaternionTurnsOnTheLeftByTwiceTheAngle) {
     const std::vector<double> q = RandomQuaternion(random);
     const std::vector<double> delta = RandomVector(random, 3, 1.5);
     const double twice[3] = {2.0 * delta[0], 2.0 * delta[1], 2.0 * delta[2]};
-    const Square expected = Multiply(Exponential(TwistMatrix(kOrigin, twice), 4), PoseMatrix(kOrigin, q.data()), 4);
+    const Square expected =
+        Multiply(Exponential(TwistMatrix(kOrigin, twice), 4), PoseMatrix(kOrigin, q.data()), 4);
     double moved[4];
     ASSERT_TRUE(EigenQuaternionManifold().Plus(q.data(), delta.data(), moved));
     ExpectEqual(PoseMatrix(kOrigin, moved), expected, 1e-13);
@@ -139,7 +148,15 @@ TEST(ManifoldOracle, SE2IsTheMatrixExponential) {
   Random random(5);
   const SE2Manifold manifold;
   const auto pose = [](const double* x) {
-    return Square{std::cos(x[2]), -std::sin(x[2]), x[0], std::sin(x[2]), std::cos(x[2]), x[1], 0.0L, 0.0L, 1.0L};
+    return Square{std::cos(x[2]),
+                  -std::sin(x[2]),
+                  x[0],
+                  std::sin(x[2]),
+                  std::cos(x[2]),
+                  x[1],
+                  0.0L,
+                  0.0L,
+                  1.0L};
   };
   for (int k = 0; k < 300; ++k) {
     const std::vector<double> x = RandomVector(random, 3, 3.0);
@@ -180,8 +197,8 @@ TEST(ManifoldOracle, SphereWorksAtExtremeScales) {
     const double delta[2] = {0.3, 0.4};
     double moved[3];
     ASSERT_TRUE(SphereManifold(3).Plus(x, delta, moved));
-    const double dot =
-        (x[0] / scale) * (moved[0] / scale) + (x[1] / scale) * (moved[1] / scale) + (x[2] / scale) * (moved[2] / scale);
+    const double dot = (x[0] / scale) * (moved[0] / scale) + (x[1] / scale) * (moved[1] / scale) +
+                       (x[2] / scale) * (moved[2] / scale);
     EXPECT_NEAR(dot / 9.0, std::cos(0.5), 1e-15);
   }
 }

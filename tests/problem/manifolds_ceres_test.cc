@@ -7,13 +7,15 @@
 namespace inceres {
 namespace {
 
-void ExpectSame(const Manifold& ours, const ceres::Manifold& theirs, const std::function<std::vector<double>(Random&)>& point) {
+void ExpectSame(const Manifold& ours, const ceres::Manifold& theirs,
+                const std::function<std::vector<double>(Random&)>& point) {
   Random random(12);
   ASSERT_EQ(ours.AmbientSize(), theirs.AmbientSize());
   ASSERT_EQ(ours.TangentSize(), theirs.TangentSize());
   for (int k = 0; k < 1000; ++k) {
     const std::vector<double> x = point(random);
-    const std::vector<double> delta = RandomVector(random, ours.TangentSize(), k % 2 == 0 ? 2.0 : 1e-8);
+    const std::vector<double> delta =
+        RandomVector(random, ours.TangentSize(), k % 2 == 0 ? 2.0 : 1e-8);
     std::vector<double> moved(x.size()), expected(x.size());
     ASSERT_TRUE(ours.Plus(x.data(), delta.data(), moved.data()));
     ASSERT_TRUE(theirs.Plus(x.data(), delta.data(), expected.data()));
@@ -38,7 +40,8 @@ TEST(ManifoldsAgainstCeres, EigenQuaternion) {
 }
 
 TEST(ManifoldsAgainstCeres, Subset) {
-  ExpectSame(SubsetManifold(5, {1, 3}), ceres::SubsetManifold(5, {1, 3}), [](Random& random) { return RandomVector(random, 5); });
+  ExpectSame(SubsetManifold(5, {1, 3}), ceres::SubsetManifold(5, {1, 3}),
+             [](Random& random) { return RandomVector(random, 5); });
 }
 
 }  // namespace

@@ -51,7 +51,8 @@ TEST_F(PoseComposition, PlanarIsTheProductOfMatrices) {
     ComposePlanarPoses(a, b, c);
     InvertPlanarPose(a, inverse);
     EXPECT_LT((PlanarMatrix(c) - PlanarMatrix(a) * PlanarMatrix(b)).norm(), 1e-14);
-    EXPECT_LT((PlanarMatrix(inverse) * PlanarMatrix(a) - Eigen::Matrix3d::Identity()).norm(), 1e-14);
+    EXPECT_LT((PlanarMatrix(inverse) * PlanarMatrix(a) - Eigen::Matrix3d::Identity()).norm(),
+              1e-14);
     EXPECT_EQ(c[2], a[2] + b[2]);
   }
 }
@@ -64,9 +65,11 @@ TEST_F(PoseComposition, SpatialIsTheProductOfMatrices) {
     ComposePoses(a, b, c);
     InvertPose(a, inverse);
     EXPECT_LT((SpatialMatrix(c) - SpatialMatrix(a) * SpatialMatrix(b)).norm(), 1e-14);
-    EXPECT_LT((SpatialMatrix(inverse) * SpatialMatrix(a) - Eigen::Matrix4d::Identity()).norm(), 1e-14);
+    EXPECT_LT((SpatialMatrix(inverse) * SpatialMatrix(a) - Eigen::Matrix4d::Identity()).norm(),
+              1e-14);
     TransformPoint(a, b, y);
-    EXPECT_LT((SpatialMatrix(c).topRightCorner<3, 1>() - Eigen::Map<Eigen::Vector3d>(y)).norm(), 1e-14);
+    EXPECT_LT((SpatialMatrix(c).topRightCorner<3, 1>() - Eigen::Map<Eigen::Vector3d>(y)).norm(),
+              1e-14);
   }
 }
 

@@ -8,7 +8,8 @@
 namespace inceres {
 namespace {
 
-// The series themselves, in long double: sinc, cosc, sinq = Σ (−θ²)ᵏ / (2k + 1)!, (2k + 2)!, (2k + 3)!.
+// The series themselves, in long double: sinc, cosc, sinq = Σ (−θ²)ᵏ / (2k + 1)!, (2k + 2)!, (2k +
+// 3)!.
 long double Series(double theta_squared, int first) {
   long double term = 1.0L;
   for (int k = 2; k <= first; ++k) {
@@ -48,7 +49,8 @@ TEST(Rotation, CoefficientsOfAFullTurn) {
   EXPECT_NEAR(k.cosc, 0.0, 1e-30);
 }
 
-// Exp(φ + δ) = Exp(J_l(φ) δ) Exp(φ) to first order: the left Jacobian by central differences of the rotation matrix.
+// Exp(φ + δ) = Exp(J_l(φ) δ) Exp(φ) to first order: the left Jacobian by central differences of the
+// rotation matrix.
 TEST(Rotation, LeftJacobianIsTheDerivativeOfExp) {
   std::mt19937_64 random(7);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
@@ -63,7 +65,8 @@ TEST(Rotation, LeftJacobianIsTheDerivativeOfExp) {
       RotationPolynomial(w, k.sinc, k.cosc, R);
       MultiplyMatrixVector(R, v, y);
     };
-    const RotationCoefficients k = CoefficientsOfAngle(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
+    const RotationCoefficients k =
+        CoefficientsOfAngle(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
     double J_l[9];
     double y[3];
     RotationPolynomial(phi, k.cosc, k.sinq, J_l);
@@ -87,7 +90,8 @@ TEST(Rotation, LeftJacobianIsTheDerivativeOfExp) {
 TEST(Rotation, LogInvertsExp) {
   std::mt19937_64 random(8);
   std::normal_distribution<double> normal;
-  for (const double angle : {0.0, 1e-300, 1e-160, 1e-30, 1e-9, 1e-3, 0.5, 1.5, 3.0, M_PI - 1e-7, M_PI - 1e-12}) {
+  for (const double angle :
+       {0.0, 1e-300, 1e-160, 1e-30, 1e-9, 1e-3, 0.5, 1.5, 3.0, M_PI - 1e-7, M_PI - 1e-12}) {
     for (int n = 0; n < 50; ++n) {
       double phi[3] = {normal(random), normal(random), normal(random)};
       const double norm = std::sqrt(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
@@ -118,13 +122,15 @@ TEST(Rotation, InverseLeftJacobianInvertsTheLeftJacobian) {
   for (int n = 0; n < 1000; ++n) {
     const double size = n % 4 == 0 ? 0.08 : n % 4 == 1 ? 1e-8 : 1.8;
     const double phi[3] = {size * uniform(random), size * uniform(random), size * uniform(random)};
-    const RotationCoefficients k = CoefficientsOfAngle(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
+    const RotationCoefficients k =
+        CoefficientsOfAngle(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
     double J[9], J_inverse[9];
     RotationPolynomial(phi, k.cosc, k.sinq, J);
     RotationPolynomial(phi, -0.5, InverseLeftJacobianCoefficient(phi), J_inverse);
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c) {
-        const double product = J[3 * r] * J_inverse[c] + J[3 * r + 1] * J_inverse[3 + c] + J[3 * r + 2] * J_inverse[6 + c];
+        const double product = J[3 * r] * J_inverse[c] + J[3 * r + 1] * J_inverse[3 + c] +
+                               J[3 * r + 2] * J_inverse[6 + c];
         ASSERT_NEAR(product, r == c ? 1.0 : 0.0, 1e-14) << n;
       }
     }

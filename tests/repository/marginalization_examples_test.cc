@@ -1,4 +1,5 @@
-// The examples of docs/visual_inertial.md on marginalization and covariance, compiled and run as they stand there.
+// The examples of docs/visual_inertial.md on marginalization and covariance, compiled and run as
+// they stand there.
 #include <memory>
 #include <vector>
 
@@ -62,7 +63,8 @@ TEST(VisualInertialExamples, TakeOutAFrameAndAskForTheCovariance) {
     speed_biases.push_back(edit.AddVariable(bias, 3, inceres::Role::kFrame));
     edit.AddFactor(bias_id, *biases, {{0.0, 0.0, 0.0}, {1.0, 1.0, 1.0}}, {speed_biases.back()});
   }
-  edit.AddFactor(anchor_id, *anchors, {std::vector<double>(pose, pose + 7), std::vector<double>(7, 10.0)}, {poses[0]});
+  edit.AddFactor(anchor_id, *anchors,
+                 {std::vector<double>(pose, pose + 7), std::vector<double>(7, 10.0)}, {poses[0]});
   inceres::RelativePoseFamily::Measurement motion;
   for (int k = 0; k < 6; ++k) {
     motion.sqrt_information[7 * k] = 10.0;

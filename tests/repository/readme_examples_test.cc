@@ -117,7 +117,8 @@ graph.AddFactor(height_family, *heights, 1.5, {pose});
 TEST(ReadmeExamples, SwapTheSolver) {
   double x = 0.0;
   ceres::Problem problem;
-  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Distance, 1, 1>(new Distance), nullptr, &x);
+  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Distance, 1, 1>(new Distance), nullptr,
+                           &x);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   double final_cost = 1.0;
@@ -129,7 +130,8 @@ TEST(ReadmeExamples, SwapTheSolver) {
 TEST(ReadmeExamples, AskForAReport) {
   double x = 0.0;
   ceres::Problem problem;
-  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Distance, 1, 1>(new Distance), nullptr, &x);
+  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Distance, 1, 1>(new Distance), nullptr,
+                           &x);
   bool solved = false;
   AskForAReport(ceres::Solver::Options(), problem, &solved);
   EXPECT_TRUE(solved);
@@ -152,7 +154,8 @@ TEST(ReadmeExamples, OwnFactors) {
   inceres::FactorGraph graph;
   const double start[7] = {0.5, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0};
   const double place[3] = {4.0, 0.0, 1.5};
-  const inceres::VariableId pose = graph.AddVariable(start, 7, inceres::Role::kFrame, std::make_shared<inceres::PoseManifold>());
+  const inceres::VariableId pose =
+      graph.AddVariable(start, 7, inceres::Role::kFrame, std::make_shared<inceres::PoseManifold>());
   const inceres::VariableId beacon = graph.AddVariable(place, 3, inceres::Role::kLandmark);
   graph.SetConstant(beacon, true);
   AddOwnFactors(pose, beacon, graph);

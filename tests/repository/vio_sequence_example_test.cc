@@ -1,4 +1,5 @@
-// The example of docs/visual_inertial.md that reads a simulated sequence, compiled and run as it stands there.
+// The example of docs/visual_inertial.md that reads a simulated sequence, compiled and run as it
+// stands there.
 
 #include <algorithm>
 #include <string>

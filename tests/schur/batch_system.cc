@@ -9,11 +9,13 @@ namespace inceres::internal {
 namespace {
 
 constexpr double kLaw = 1e-10;
-constexpr double kTinyDiagonal = 1e-12;  // a frame without factors is damped by this, so that its step is 0
+// a frame without factors is damped by this, so that its step is 0
+constexpr double kTinyDiagonal = 1e-12;
 
 }  // namespace
 
-BatchSystem::BatchSystem(const FactorGraph& graph, const IncrementalSystem& system) : graph_(graph), system_(system) {
+BatchSystem::BatchSystem(const FactorGraph& graph, const IncrementalSystem& system)
+    : graph_(graph), system_(system) {
   const IncrementalSchur& schur = system.schur();
   row_of_.assign(graph.num_variables(), -1);
   landmark_of_.assign(graph.num_variables(), -1);
@@ -56,7 +58,8 @@ void BatchSystem::SumFamily(const IncrementalFamily& family) {
 void BatchSystem::SumFactor(const IncrementalFamily& family, int i) {
   ++num_factors_;
   cost_ += family.Cost(i);
-  const Vector q = Eigen::Map<const Eigen::VectorXd>(family.q(i), family.residual_size()).cast<long double>();
+  const Vector q =
+      Eigen::Map<const Eigen::VectorXd>(family.q(i), family.residual_size()).cast<long double>();
   std::vector<std::pair<int, Matrix>> frames;
   Landmark* landmark = nullptr;
   Matrix J_landmark;
@@ -91,7 +94,8 @@ void BatchSystem::SumFactor(const IncrementalFamily& family, int i) {
   landmark->l -= J_landmark.transpose() * q;
   for (const auto& [row, J] : frames) {
     auto& separators = landmark->separators;
-    auto at = std::find_if(separators.begin(), separators.end(), [row = row](const Separator& s) { return s.row == row; });
+    auto at = std::find_if(separators.begin(), separators.end(),
+                           [row = row](const Separator& s) { return s.row == row; });
     if (at == separators.end()) {
       at = separators.insert(at, {row, Matrix::Zero(J.cols(), J_landmark.cols())});
     }
@@ -114,8 +118,8 @@ void BatchSystem::Eliminate(int landmark) {
     const Matrix W_P_inv = P.solve(row.W.transpose()).transpose();
     b_.segment(system_.schur().FrameOffset(row.row), row.W.rows()) -= W_P_inv * l.l;
     for (const Separator& column : l.separators) {
-      S_.block(system_.schur().FrameOffset(row.row), system_.schur().FrameOffset(column.row), row.W.rows(), column.W.rows()) -=
-          W_P_inv * column.W.transpose();
+      S_.block(system_.schur().FrameOffset(row.row), system_.schur().FrameOffset(column.row),
+               row.W.rows(), column.W.rows()) -= W_P_inv * column.W.transpose();
     }
   }
 }
@@ -126,7 +130,8 @@ void BatchSystem::ExpectLaw() const {
   ASSERT_NO_FATAL_FAILURE(ExpectB());
   ASSERT_EQ(system_.num_factors(), num_factors_);
   ASSERT_EQ(graph_.num_factors(), num_factors_);
-  ASSERT_LE(std::fabs(system_.cost() - static_cast<double>(cost_)), kLaw * static_cast<double>(cost_));
+  ASSERT_LE(std::fabs(system_.cost() - static_cast<double>(cost_)),
+            kLaw * static_cast<double>(cost_));
 }
 
 void BatchSystem::ExpectLandmarks() const {
@@ -145,8 +150,10 @@ void BatchSystem::ExpectLandmarks() const {
     const bool empty = scale.size() > 0 && !(scale.minCoeff() > 0.0);
     long double smallest = 0.0;
     if (!empty) {
-      const Matrix scaled = scale.cwiseInverse().asDiagonal() * P * scale.cwiseInverse().asDiagonal();
-      smallest = Eigen::SelfAdjointEigenSolver<Matrix>(scaled, Eigen::EigenvaluesOnly).eigenvalues()[0];
+      const Matrix scaled =
+          scale.cwiseInverse().asDiagonal() * P * scale.cwiseInverse().asDiagonal();
+      smallest =
+          Eigen::SelfAdjointEigenSolver<Matrix>(scaled, Eigen::EigenvaluesOnly).eigenvalues()[0];
     }
     if (landmark.held || empty) {
       ASSERT_FALSE(system_.schur().IsInS(l)) << "landmark " << landmark.id;
@@ -188,7 +195,8 @@ void BatchSystem::ExpectB() const {
     for (int r = 0; r < schur.S().size_of(row); ++r) {
       const int i = schur.FrameOffset(row) + r;
       const auto C = static_cast<double>(C_diagonal_[i]);
-      ASSERT_LE(std::fabs(schur.b(row)[r] - static_cast<double>(b_[i])), kLaw * std::sqrt(2.0 * C * static_cast<double>(cost_)))
+      ASSERT_LE(std::fabs(schur.b(row)[r] - static_cast<double>(b_[i])),
+                kLaw * std::sqrt(2.0 * C * static_cast<double>(cost_)))
           << "b(" << i << ") = " << b_[i] << ", row " << row;
       ASSERT_LE(std::fabs(schur.FrameDiagonal(row)[r] - C), kLaw * C) << "C(" << i << ")";
     }
@@ -219,7 +227,9 @@ void BatchSystem::ExpectStep(const std::vector<double>& frame_step, double mu) c
   ASSERT_EQ(static_cast<int>(frame_step.size()), size());
   std::vector<double> padded;
   const auto room = [&padded](std::int32_t quad, int count) {
-    padded.resize(std::max<std::size_t>(padded.size(), static_cast<std::size_t>(quad) * kQuad + PadToQuad(count)), 0.0);
+    padded.resize(std::max<std::size_t>(padded.size(),
+                                        static_cast<std::size_t>(quad) * kQuad + PadToQuad(count)),
+                  0.0);
     return padded.data() + std::ptrdiff_t{quad} * kQuad;
   };
   long double error = 0.0;
@@ -240,7 +250,8 @@ void BatchSystem::ExpectStep(const std::vector<double>& frame_step, double mu) c
     }
     Vector rhs = landmarks_[l].l;
     for (const Separator& separator : landmarks_[l].separators) {
-      rhs -= separator.W.transpose() * expected.segment(schur.FrameOffset(separator.row), separator.W.rows());
+      rhs -= separator.W.transpose() *
+             expected.segment(schur.FrameOffset(separator.row), separator.W.rows());
     }
     const Vector delta = Damped(l).llt().solve(rhs);
     double* step = room(landmark.quad, landmark.size);

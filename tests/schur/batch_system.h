@@ -9,8 +9,9 @@
 
 namespace inceres::internal {
 
-/// S and b of an incremental system, summed densely in long double from the Jacobians, weights and landmark dampings cached in
-/// it: what the incremental ones are judged by. Which variables a factor touches is asked of the graph, not of the system.
+/// S and b of an incremental system, summed densely in long double from the Jacobians, weights and
+/// landmark dampings cached in it: what the incremental ones are judged by. Which variables a
+/// factor touches is asked of the graph, not of the system.
 class BatchSystem {
  public:
   using Matrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
@@ -18,14 +19,15 @@ class BatchSystem {
 
   BatchSystem(const FactorGraph& graph, const IncrementalSystem& system);
 
-  /// The law: |S − S_batch|_ij ≤ 1e-10 √(C_ii C_jj), |b − b_batch|_i ≤ 1e-10 √(C_ii 2F), diag(C) and the cost to 1e-10; and
-  /// exactly those landmarks take part that are free and have information.
+  /// The law: |S − S_batch|_ij ≤ 1e-10 √(C_ii C_jj), |b − b_batch|_i ≤ 1e-10 √(C_ii 2F), diag(C)
+  /// and the cost to 1e-10; and exactly those landmarks take part that are free and have
+  /// information.
   void ExpectLaw() const;
 
   /// (S + diag(damping)) δ = b over the frames that are not held; damping = mu · diag(C).
   Vector SolveFrames(double mu) const;
-  /// Expects that the packed step of the frames, and what the system makes of it for the landmarks, is that of the batch, in the
-  /// metric of C.
+  /// Expects that the packed step of the frames, and what the system makes of it for the landmarks,
+  /// is that of the batch, in the metric of C.
   void ExpectStep(const std::vector<double>& frame_step, double mu) const;
 
  private:

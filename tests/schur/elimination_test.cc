@@ -32,8 +32,10 @@ Eigen::VectorXd Solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
 
 constexpr std::int64_t kOneChunk = LandmarkIncidences::kQuadsPerChunk;
 
-// Landmarks eliminated by the core, the reduced system solved by Eigen, against everything solved by Eigen.
-void ExpectDenseStep(const FactorGraph& graph, const Eigen::VectorXd& damping, std::int64_t quads_per_chunk) {
+// Landmarks eliminated by the core, the reduced system solved by Eigen, against everything solved
+// by Eigen.
+void ExpectDenseStep(const FactorGraph& graph, const Eigen::VectorXd& damping,
+                     std::int64_t quads_per_chunk) {
   const CorePipeline core(graph, true, 1, quads_per_chunk);
   ASSERT_TRUE(core.status.ok()) << core.status.message;
   const DenseOracle oracle(graph, core.layout.variables);
@@ -51,7 +53,8 @@ void ExpectDenseStep(const FactorGraph& graph, const Eigen::VectorXd& damping, s
   if (n_c > 0) {
     const Eigen::MatrixXd W = H.topRightCorner(n_c, n_l);
     const Eigen::LLT<Eigen::MatrixXd> P(H.bottomRightCorner(n_l, n_l));
-    EXPECT_LT(RelativeError(S, oracle.H.topLeftCorner(n_c, n_c) - W * P.solve(W.transpose())), 1e-10);
+    EXPECT_LT(RelativeError(S, oracle.H.topLeftCorner(n_c, n_c) - W * P.solve(W.transpose())),
+              1e-10);
     EXPECT_LT(RelativeError(b, -oracle.g.head(n_c) + W * P.solve(oracle.g.tail(n_l))), 1e-9);
   }
 
@@ -167,16 +170,17 @@ class SingularLandmarks : public testing::Test {
       random_.Connect(2, {0, 1});
     }
     random_.Connect(2, {0, 2});
-    auto blind = std::make_shared<test::FunctionFamily>(2, std::vector<FactorFamily::Slot>{{6, 6}, {3, 3}},
-                                                        [](int, const double* const* x, double* residuals, double** jacobians) {
-                                                          std::copy_n(x[0], 2, residuals);
-                                                          if (jacobians != nullptr) {
-                                                            std::fill_n(jacobians[0], 12, 0.0);
-                                                            jacobians[0][0] = jacobians[0][7] = 1.0;
-                                                            std::fill_n(jacobians[1], 6, 0.0);
-                                                          }
-                                                          return true;
-                                                        });
+    auto blind = std::make_shared<test::FunctionFamily>(
+        2, std::vector<FactorFamily::Slot>{{6, 6}, {3, 3}},
+        [](int, const double* const* x, double* residuals, double** jacobians) {
+          std::copy_n(x[0], 2, residuals);
+          if (jacobians != nullptr) {
+            std::fill_n(jacobians[0], 12, 0.0);
+            jacobians[0][0] = jacobians[0][7] = 1.0;
+            std::fill_n(jacobians[1], 6, 0.0);
+          }
+          return true;
+        });
     random_.graph().AddFactor(random_.graph().AddFamily(blind), *blind, 0, {0, 3});
   }
   RandomGraph random_{43};
@@ -209,7 +213,8 @@ TEST_F(SingularLandmarks, EliminationWorksAgainAfterAFailure) {
   ASSERT_TRUE(elimination.Eliminate(some.data()).ok());
   Elimination fresh(core.evaluator, core.incidences, core.plans, core.hessian);
   ASSERT_TRUE(fresh.Eliminate(some.data()).ok());
-  EXPECT_TRUE(std::equal(fresh.S(), fresh.S() + core.plans.pattern.value_begin.back(), elimination.S()));
+  EXPECT_TRUE(
+      std::equal(fresh.S(), fresh.S() + core.plans.pattern.value_begin.back(), elimination.S()));
   EXPECT_TRUE(std::equal(fresh.b(), fresh.b() + 6, elimination.b()));
 }
 
@@ -266,7 +271,8 @@ TEST_P(EliminationByThreads, SameBitsForAnyNumberOfThreads) {
     const CorePipeline many(bundle->graph(), true, num_threads, GetParam());
     Elimination actual(many.evaluator, many.incidences, many.plans, many.hessian);
     ASSERT_TRUE(actual.Eliminate(damping.data()).ok());
-    EXPECT_TRUE(std::equal(expected.S(), expected.S() + one.plans.pattern.value_begin.back(), actual.S()));
+    EXPECT_TRUE(
+        std::equal(expected.S(), expected.S() + one.plans.pattern.value_begin.back(), actual.S()));
     EXPECT_TRUE(std::equal(expected.b(), expected.b() + one.layout.frame_size(), actual.b()));
     EXPECT_EQ(LandmarkSteps(many, &actual), expected_step);
   }

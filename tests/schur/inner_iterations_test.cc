@@ -69,7 +69,8 @@ TEST(InnerIterations, FramesStayAndPassesEndWhereEachLandmarkIsAtItsMinimum) {
   for (int i = 0; i < core.layout.num_frames; ++i) {
     const VariableId id = core.layout.variables[i];
     for (int k = 0; k < core.evaluator.graph().AmbientSize(id); ++k) {
-      EXPECT_EQ(core.evaluator.graph().ValuesIn(core.evaluator.current().data(), id)[k], core.evaluator.graph().Values(id)[k]);
+      EXPECT_EQ(core.evaluator.graph().ValuesIn(core.evaluator.current().data(), id)[k],
+                core.evaluator.graph().Values(id)[k]);
     }
   }
 }
@@ -98,7 +99,8 @@ TEST(InnerIterations, LandmarksOnAManifoldStay) {
     }
     ++num_curved;
     for (int k = 0; k < core.evaluator.graph().AmbientSize(id); ++k) {
-      EXPECT_EQ(core.evaluator.graph().ValuesIn(core.evaluator.candidate().data(), id)[k], core.evaluator.graph().Values(id)[k]);
+      EXPECT_EQ(core.evaluator.graph().ValuesIn(core.evaluator.candidate().data(), id)[k],
+                core.evaluator.graph().Values(id)[k]);
     }
   }
   EXPECT_GT(num_curved, 0);
@@ -107,7 +109,8 @@ TEST(InnerIterations, LandmarksOnAManifoldStay) {
 // A landmark y with the residual exp(y) − 1, which cannot be evaluated below `floor`.
 struct Cliff {
   explicit Cliff(double floor) {
-    const auto evaluate = [floor](int, const double* const* x, double* residuals, double** jacobians) {
+    const auto evaluate = [floor](int, const double* const* x, double* residuals,
+                                  double** jacobians) {
       residuals[0] = std::exp(x[1][0]) - 1.0 + 0.0 * x[0][0];
       if (jacobians != nullptr) {
         jacobians[0][0] = 0.0;
@@ -115,7 +118,8 @@ struct Cliff {
       }
       return x[1][0] >= floor;
     };
-    const auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, evaluate);
+    const auto family = std::make_shared<FunctionFamily>(
+        1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, evaluate);
     const FamilyId id = graph.AddFamily(family);
     const double zero = 0.0;
     const double start = 2.0;
@@ -141,7 +145,8 @@ TEST(InnerIterations, AStepThatCannotBeEvaluatedIsTakenBackAndTheNextIsShorter) 
   EXPECT_GE(*y, 1.5);
 }
 
-// The landmarks rest one step, then two, then four, while they gain little; a gain that counts ends that.
+// The landmarks rest one step, then two, then four, while they gain little; a gain that counts ends
+// that.
 TEST(InnerIterations, RestWhereLandmarksGainLittleBesideTheStep) {
   const auto bundle = MakeBundle(Bundle());
   CorePipeline core(bundle->graph());
@@ -197,7 +202,8 @@ TEST(InnerIterations, OfManyLandmarksASampleTellsWhetherTheOthersAreAsked) {
   InnerIterations asks_all(&worthwhile.evaluator);
   EXPECT_EQ(asks_all.Run(0.0, /*step_gain=*/gain_of_all), gain_of_all);
   EXPECT_EQ(asks_all.num_moved(), unsampled.num_moved());
-  EXPECT_EQ(worthwhile.evaluator.candidate(), all.evaluator.candidate()) << "landmarks move by themselves";
+  EXPECT_EQ(worthwhile.evaluator.candidate(), all.evaluator.candidate())
+      << "landmarks move by themselves";
 
   CorePipeline vain(bundle->graph());
   InnerIterations asks_few(&vain.evaluator);
@@ -210,7 +216,8 @@ TEST(InnerIterations, OfManyLandmarksASampleTellsWhetherTheOthersAreAsked) {
     sum += gain;
     num_moved += asks_few.num_moved();
   }
-  EXPECT_NEAR(sum, gain_of_all, 1e-12 * gain_of_all) << "each time others are asked, in the end all";
+  EXPECT_NEAR(sum, gain_of_all, 1e-12 * gain_of_all)
+      << "each time others are asked, in the end all";
   EXPECT_EQ(num_moved, unsampled.num_moved());
 }
 

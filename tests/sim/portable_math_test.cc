@@ -10,12 +10,15 @@ namespace {
 TEST(PortableMath, AgreesWithTheLibrary) {
   Random random(3, 0);
   for (int i = 0; i < 20000; ++i) {
-    const double x = random.Uniform(-1.0, 1.0) * (i % 2 == 0 ? 4.0 : 5000.0), y = random.Uniform(-4.0, 4.0);
+    const double x = random.Uniform(-1.0, 1.0) * (i % 2 == 0 ? 4.0 : 5000.0),
+                 y = random.Uniform(-4.0, 4.0);
     EXPECT_NEAR(PortableSin(x), std::sin(x), 2e-15) << x;
     EXPECT_NEAR(PortableCos(x), std::cos(x), 2e-15) << x;
     EXPECT_NEAR(PortableAtan2(y, x), std::atan2(y, x), 2e-15) << y << " " << x;
     const double positive = std::abs(x) + 1e-300;
-    EXPECT_NEAR(PortableLog(positive), std::log(positive), 1e-15 * (1.0 + std::abs(std::log(positive)))) << positive;
+    EXPECT_NEAR(PortableLog(positive), std::log(positive),
+                1e-15 * (1.0 + std::abs(std::log(positive))))
+        << positive;
   }
 }
 

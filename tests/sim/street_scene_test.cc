@@ -85,7 +85,9 @@ Vector3 Point(const BalProblem& problem, int point) {
 
 double Depth(const BalProblem& problem, const BalObservation& observation) {
   const double* c = problem.CameraData(observation.camera);
-  const Vector3 P = Rotation::FromAngleAxis({c[0], c[1], c[2]}) * Point(problem, observation.point) + Vector3{c[3], c[4], c[5]};
+  const Vector3 P =
+      Rotation::FromAngleAxis({c[0], c[1], c[2]}) * Point(problem, observation.point) +
+      Vector3{c[3], c[4], c[5]};
   return -P[2];
 }
 
@@ -106,9 +108,11 @@ void ExpectWellPosed(const StreetScene& scene) {
       ASSERT_GT(Depth(scene.problem, observation), 0.0) << "start values behind the camera";
       const Vector3 ray = Point(truth, point) - Center(truth, observation.camera);
       for (std::size_t j = first; j < i; ++j) {
-        ASSERT_LT(truth.observations[j].camera, observation.camera) << "sorted, and nobody sees a point twice";
+        ASSERT_LT(truth.observations[j].camera, observation.camera)
+            << "sorted, and nobody sees a point twice";
         const Vector3 other = Point(truth, point) - Center(truth, truth.observations[j].camera);
-        least_cosine = std::min(least_cosine, Dot(ray, other) / std::sqrt(Dot(ray, ray) * Dot(other, other)));
+        least_cosine =
+            std::min(least_cosine, Dot(ray, other) / std::sqrt(Dot(ray, ray) * Dot(other, other)));
       }
     }
     ASSERT_GE(i - first, 2u) << point;
@@ -127,7 +131,8 @@ TEST(StreetScene, PresetsHaveExactCounts) {
                  {"venice11", 11, 8366, 20271},
                  {"cathedral", 92, 57957, 422163},
                  {"path-1000", 1000, 40000, 200000}};
-  ASSERT_EQ(StreetScenePresets(), (std::vector<std::string>{"ladybug-like", "venice11", "cathedral", "path-1000", "path-10000"}));
+  ASSERT_EQ(StreetScenePresets(), (std::vector<std::string>{"ladybug-like", "venice11", "cathedral",
+                                                            "path-1000", "path-10000"}));
   for (const auto& preset : presets) {
     SCOPED_TRACE(preset.name);
     StreetSceneOptions options;
@@ -148,7 +153,9 @@ TEST(StreetScene, UnknownPresetListsTheKnownOnes) {
   options.num_cameras = 77;
   const Status status = GetStreetScenePreset("atlantis", &options);
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
-  EXPECT_EQ(status.message, "no preset 'atlantis'; known are ladybug-like, venice11, cathedral, path-1000, path-10000");
+  EXPECT_EQ(
+      status.message,
+      "no preset 'atlantis'; known are ladybug-like, venice11, cathedral, path-1000, path-10000");
   EXPECT_EQ(options.num_cameras, 77);
 }
 
@@ -187,7 +194,8 @@ TEST(StreetScene, TruthHasNoReprojectionError) {
   for (const StreetSceneOptions& options : {Small(), SmallLoop()}) {
     const StreetScene scene = Generate(options);
     EXPECT_LT(ReprojectionRms(scene.truth), 1e-9);
-    // The measurements are off by the pixel noise in each of two coordinates; the start values by much more.
+    // The measurements are off by the pixel noise in each of two coordinates; the start values by
+    // much more.
     BalProblem at_truth = scene.truth;
     at_truth.observations = scene.problem.observations;
     EXPECT_NEAR(ReprojectionRms(at_truth), 0.5 * std::sqrt(2.0), 0.02);
@@ -196,7 +204,8 @@ TEST(StreetScene, TruthHasNoReprojectionError) {
 }
 
 TEST(StreetScene, SameSeedSameBitsOnEveryPlatform) {
-  // Recorded once. A change here means that a seed no longer gives what it gave: say so in the release notes.
+  // Recorded once. A change here means that a seed no longer gives what it gave: say so in the
+  // release notes.
   EXPECT_EQ(HashOf(Generate(Small()).problem), 10520762951160320968u);
   EXPECT_EQ(HashOf(Generate(SmallLoop()).problem), 5999202756793536975u);
   StreetSceneOptions other = Small();
@@ -210,10 +219,12 @@ TEST(StreetScene, NoiseKnobsTouchWhatTheyNameOnly) {
   quiet.distortion_noise = quiet.point_noise = 0.0;
   const StreetScene reference = Generate(quiet);
   EXPECT_EQ(HashOf(reference.problem), HashOf(reference.truth));
-  EXPECT_EQ(HashOf(Generate(Small()).truth), HashOf(reference.truth)) << "noise must not change the scene";
+  EXPECT_EQ(HashOf(Generate(Small()).truth), HashOf(reference.truth))
+      << "noise must not change the scene";
   const std::pair<double StreetSceneOptions::*, int> knobs[] = {
-      {&StreetSceneOptions::pixel_noise, 0}, {&StreetSceneOptions::rotation_noise, 1},   {&StreetSceneOptions::position_noise, 1},
-      {&StreetSceneOptions::focal_noise, 1}, {&StreetSceneOptions::distortion_noise, 1}, {&StreetSceneOptions::point_noise, 2},
+      {&StreetSceneOptions::pixel_noise, 0},      {&StreetSceneOptions::rotation_noise, 1},
+      {&StreetSceneOptions::position_noise, 1},   {&StreetSceneOptions::focal_noise, 1},
+      {&StreetSceneOptions::distortion_noise, 1}, {&StreetSceneOptions::point_noise, 2},
   };
   for (const auto& [knob, kind] : knobs) {
     StreetSceneOptions options = quiet;
@@ -242,8 +253,9 @@ TEST(StreetScene, NoiseHasTheSizeAskedFor) {
     const Vector3 moved = Center(scene.problem, i) - Center(scene.truth, i);
     centers += Dot(moved, moved);
     const double *a = scene.problem.CameraData(i), *b = scene.truth.CameraData(i);
-    const Vector3 turned =
-        (Rotation::FromAngleAxis({a[0], a[1], a[2]}) * Rotation::FromAngleAxis({b[0], b[1], b[2]}).Inverse()).ToAngleAxis();
+    const Vector3 turned = (Rotation::FromAngleAxis({a[0], a[1], a[2]}) *
+                            Rotation::FromAngleAxis({b[0], b[1], b[2]}).Inverse())
+                               .ToAngleAxis();
     rotations += Dot(turned, turned);
   }
   EXPECT_NEAR(std::sqrt(points / 18000), 0.2, 0.01);
@@ -280,7 +292,8 @@ int LoopPairs(const StreetScene& scene, int least_distance) {
   std::set<std::pair<int, int>> pairs;
   const auto& observations = scene.truth.observations;
   for (std::size_t i = 0; i < observations.size(); ++i) {
-    for (std::size_t j = i + 1; j < observations.size() && observations[j].point == observations[i].point; ++j) {
+    for (std::size_t j = i + 1;
+         j < observations.size() && observations[j].point == observations[i].point; ++j) {
       if (observations[j].camera - observations[i].camera >= least_distance) {
         pairs.emplace(observations[i].camera, observations[j].camera);
       }
@@ -337,11 +350,13 @@ TEST(StreetScene, DrawnTracksAreAsLongAtTheEndAsAtTheStart) {
   EXPECT_NEAR(seen[1], 6.0, 0.5);
   EXPECT_NEAR(seen[2], seen[1], 0.3);
   options.track_length = 1.5;
-  EXPECT_EQ(options.Validate().message, "StreetSceneOptions: track_length is 1.5, not between 2 and 1000");
+  EXPECT_EQ(options.Validate().message,
+            "StreetSceneOptions: track_length is 1.5, not between 2 and 1000");
   options.track_length = 2.0;
   options.num_points = 500;
   EXPECT_EQ(options.Validate().message,
-            "StreetSceneOptions: track_length is 2, observations about 1000: two equations each are fewer than the unknowns of "
+            "StreetSceneOptions: track_length is 2, observations about 1000: two equations each "
+            "are fewer than the unknowns of "
             "400 cameras and 500 points");
 }
 
@@ -412,12 +427,14 @@ TEST(StreetScene, EveryOptionHasARange) {
       options.*field = value;
       const Status status = options.Validate();
       EXPECT_EQ(status.code, StatusCode::kInvalidArgument) << name << " " << value;
-      EXPECT_EQ(status.message.find(std::string("StreetSceneOptions: ") + name + " is "), 0u) << status.message;
+      EXPECT_EQ(status.message.find(std::string("StreetSceneOptions: ") + name + " is "), 0u)
+          << status.message;
     }
   }
   StreetSceneOptions options = Small();
   options.num_cameras = 1;
-  EXPECT_EQ(options.Validate().message, "StreetSceneOptions: num_cameras is 1, not between 2 and 1000000");
+  EXPECT_EQ(options.Validate().message,
+            "StreetSceneOptions: num_cameras is 1, not between 2 and 1000000");
   options = Small();
   options.num_points = 0;
   EXPECT_NE(options.Validate().message.find("num_points is 0"), std::string::npos);

@@ -57,7 +57,9 @@ TEST(Trajectory, DerivativesAgreeWithNumericOnes) {
       const std::array<double, 3> turn = Turn(before, after);
       for (std::size_t k = 0; k < 3; ++k) {
         ASSERT_NEAR((after.pose[k] - before.pose[k]) / (2 * kStep), now.velocity[k], 1e-6) << time;
-        ASSERT_NEAR((after.velocity[k] - before.velocity[k]) / (2 * kStep), now.acceleration[k], 1e-6) << time;
+        ASSERT_NEAR((after.velocity[k] - before.velocity[k]) / (2 * kStep), now.acceleration[k],
+                    1e-6)
+            << time;
         ASSERT_NEAR(turn[k] / (2 * kStep), now.angular_rate[k], 1e-6) << time;
       }
     }
@@ -163,20 +165,26 @@ TEST(Trajectory, NamesAndRanges) {
   ASSERT_EQ(TrajectoryNames(), (std::vector<std::string>{"circle", "figure_eight", "ellipse"}));
   EXPECT_TRUE(GetTrajectoryShape("ellipse", &shape).ok());
   EXPECT_EQ(shape, Shape::kEllipse);
-  EXPECT_EQ(GetTrajectoryShape("square", &shape).message, "no trajectory 'square'; known are circle, figure_eight, ellipse");
+  EXPECT_EQ(GetTrajectoryShape("square", &shape).message,
+            "no trajectory 'square'; known are circle, figure_eight, ellipse");
   EXPECT_EQ(shape, Shape::kEllipse);
   const std::pair<double TrajectoryOptions::*, const char*> fields[] = {
-      {&TrajectoryOptions::radius, "radius"},         {&TrajectoryOptions::height, "height"},
-      {&TrajectoryOptions::period, "period"},         {&TrajectoryOptions::roll, "roll"},
-      {&TrajectoryOptions::pitch, "pitch"},           {&TrajectoryOptions::standing_start, "standing_start"},
-      {&TrajectoryOptions::stop_every, "stop_every"}, {&TrajectoryOptions::stop_duration, "stop_duration"}};
+      {&TrajectoryOptions::radius, "radius"},
+      {&TrajectoryOptions::height, "height"},
+      {&TrajectoryOptions::period, "period"},
+      {&TrajectoryOptions::roll, "roll"},
+      {&TrajectoryOptions::pitch, "pitch"},
+      {&TrajectoryOptions::standing_start, "standing_start"},
+      {&TrajectoryOptions::stop_every, "stop_every"},
+      {&TrajectoryOptions::stop_duration, "stop_duration"}};
   for (const auto& [field, name] : fields) {
     for (const double value : {-2.0, 1e7, std::nan(""), std::numeric_limits<double>::infinity()}) {
       TrajectoryOptions options;
       options.*field = value;
       const Status status = options.Validate();
       EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
-      EXPECT_EQ(status.message.find(std::string("TrajectoryOptions: ") + name + " is "), 0u) << status.message;
+      EXPECT_EQ(status.message.find(std::string("TrajectoryOptions: ") + name + " is "), 0u)
+          << status.message;
     }
   }
 }

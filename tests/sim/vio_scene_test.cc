@@ -36,7 +36,8 @@ VioSceneOptions Preset(const std::string& name) {
 
 VioSceneOptions Quiet() {
   VioSceneOptions options;
-  options.pixel_noise = options.gyr_noise = options.acc_noise = options.gyr_bias_walk = options.acc_bias_walk = 0.0;
+  options.pixel_noise = options.gyr_noise = options.acc_noise = options.gyr_bias_walk =
+      options.acc_bias_walk = 0.0;
   options.initial_gyr_bias = options.initial_acc_bias = 0.0;
   options.position_drift = options.rotation_drift = options.point_noise = 0.0;
   return options;
@@ -89,7 +90,8 @@ std::vector<std::vector<int>> Tracks(const VioSequence& sequence) {
   return tracks;
 }
 
-// Largest distance of a place propagated through a frame's samples from the true one, in meters; turns count in radians.
+// Largest distance of a place propagated through a frame's samples from the true one, in meters;
+// turns count in radians.
 double PropagationError(const VioSceneOptions& options) {
   const VioSequence sequence = Generate(options);
   double largest = 0.0;
@@ -107,7 +109,8 @@ double PropagationError(const VioSceneOptions& options) {
     MultiplyQuaternions(inverse, pose + 3, difference);
     LogQuaternion(difference, phi);
     for (std::size_t k = 0; k < 3; ++k) {
-      largest = std::max({largest, std::fabs(pose[k] - to.pose[k]), std::fabs(next[k] - to.velocity[k]), std::fabs(phi[k])});
+      largest = std::max({largest, std::fabs(pose[k] - to.pose[k]),
+                          std::fabs(next[k] - to.velocity[k]), std::fabs(phi[k])});
     }
   }
   return largest;
@@ -137,7 +140,9 @@ TEST(VioScene, TruthIsSeenWhereItIs) {
   for (const VioFrame& frame : sequence.frames) {
     for (const VioObservation& observation : frame.observations) {
       double x = 0.0, y = 0.0;
-      ASSERT_TRUE(sequence.Project(frame.truth.pose, sequence.points[static_cast<std::size_t>(observation.point)].truth, &x, &y));
+      ASSERT_TRUE(sequence.Project(
+          frame.truth.pose, sequence.points[static_cast<std::size_t>(observation.point)].truth, &x,
+          &y));
       ASSERT_EQ(observation.x, x);
       ASSERT_EQ(observation.y, y);
       ASSERT_TRUE(x >= 0.0 && x <= 640.0 && y >= 0.0 && y <= 480.0);
@@ -166,7 +171,8 @@ TEST(VioScene, PresetsAndTheCountsOfCubic) {
   EXPECT_EQ(Generate(Preset("figure_eight")).frames.size(), 600u);
   EXPECT_EQ(Generate(Preset("ellipse")).points.size(), 2000u);
   options.num_frames = 77;
-  EXPECT_EQ(GetVioScenePreset("atlantis", &options).message, "no preset 'atlantis'; known are cubic, figure_eight, ellipse");
+  EXPECT_EQ(GetVioScenePreset("atlantis", &options).message,
+            "no preset 'atlantis'; known are cubic, figure_eight, ellipse");
   EXPECT_EQ(options.num_frames, 77);
 }
 
@@ -187,7 +193,8 @@ std::array<double, 3> Direction(const VioSequence& sequence, std::size_t point, 
 // The angle under which a point sees the cameras of two frames.
 double Parallax(const VioSequence& sequence, std::size_t point, std::size_t i, std::size_t j) {
   const std::array<double, 3> a = Direction(sequence, point, i), b = Direction(sequence, point, j);
-  return 2.0 * std::asin(0.5 * std::sqrt(std::pow(a[0] - b[0], 2) + std::pow(a[1] - b[1], 2) + std::pow(a[2] - b[2], 2)));
+  return 2.0 * std::asin(0.5 * std::sqrt(std::pow(a[0] - b[0], 2) + std::pow(a[1] - b[1], 2) +
+                                         std::pow(a[2] - b[2], 2)));
 }
 
 TEST(VioScene, EveryPointIsSeenFromDifferentDirections) {
@@ -202,7 +209,8 @@ TEST(VioScene, EveryPointIsSeenFromDifferentDirections) {
     double widest = 0.0;
     for (const int i : tracks[k]) {
       for (const int j : tracks[k]) {
-        widest = std::max(widest, Parallax(sequence, k, static_cast<std::size_t>(i), static_cast<std::size_t>(j)));
+        widest = std::max(widest, Parallax(sequence, k, static_cast<std::size_t>(i),
+                                           static_cast<std::size_t>(j)));
       }
     }
     ASSERT_GE(widest, 0.05 - 1e-9) << k;
@@ -210,7 +218,8 @@ TEST(VioScene, EveryPointIsSeenFromDifferentDirections) {
 }
 
 TEST(VioScene, SameSeedSameBitsOnEveryPlatform) {
-  // Recorded once. A change here means that a seed no longer gives what it gave: say so in the release notes.
+  // Recorded once. A change here means that a seed no longer gives what it gave: say so in the
+  // release notes.
   EXPECT_EQ(HashOf(Generate(Preset("cubic"))), 9913339551232657041u);
   EXPECT_EQ(HashOf(Generate(Preset("ellipse"))), 7942677916724438203u);
   VioSceneOptions other = Preset("cubic");
@@ -247,27 +256,33 @@ TEST(VioScene, NoiseKnobsTouchWhatTheyNameOnly) {
     VioSceneOptions options = quiet;
     options.*knob.knob = 0.01;
     const VioSequence sequence = Generate(options);
+    EXPECT_EQ(
+        differs(sequence,
+                [](const VioFrame& a, const VioFrame& b) {
+                  return !std::equal(a.imu.back().gyr, a.imu.back().gyr + 3, b.imu.back().gyr) ||
+                         !std::equal(a.imu.back().acc, a.imu.back().acc + 3, b.imu.back().acc);
+                }),
+        knob.imu);
     EXPECT_EQ(differs(sequence,
                       [](const VioFrame& a, const VioFrame& b) {
-                        return !std::equal(a.imu.back().gyr, a.imu.back().gyr + 3, b.imu.back().gyr) ||
-                               !std::equal(a.imu.back().acc, a.imu.back().acc + 3, b.imu.back().acc);
-                      }),
-              knob.imu);
-    EXPECT_EQ(differs(sequence,
-                      [](const VioFrame& a, const VioFrame& b) {
-                        return a.truth.gyr_bias != b.truth.gyr_bias || a.truth.acc_bias != b.truth.acc_bias;
+                        return a.truth.gyr_bias != b.truth.gyr_bias ||
+                               a.truth.acc_bias != b.truth.acc_bias;
                       }),
               knob.truth_bias);
     EXPECT_EQ(differs(sequence,
                       [](const VioFrame& a, const VioFrame& b) {
-                        return !std::equal(a.observations.begin(), a.observations.end(), b.observations.begin(),
-                                           [](const auto& c, const auto& d) { return c.x == d.x && c.y == d.y; });
+                        return !std::equal(
+                            a.observations.begin(), a.observations.end(), b.observations.begin(),
+                            [](const auto& c, const auto& d) { return c.x == d.x && c.y == d.y; });
                       }),
               knob.pixels);
-    EXPECT_EQ(differs(sequence, [](const VioFrame& a, const VioFrame& b) { return a.start.pose != b.start.pose; }),
+    EXPECT_EQ(differs(sequence, [](const VioFrame& a,
+                                   const VioFrame& b) { return a.start.pose != b.start.pose; }),
               knob.start_pose);
     EXPECT_EQ(sequence.points.front().start != reference.points.front().start, knob.start_points);
-    EXPECT_FALSE(differs(sequence, [](const VioFrame& a, const VioFrame& b) { return a.truth.pose != b.truth.pose; }));
+    EXPECT_FALSE(differs(sequence, [](const VioFrame& a, const VioFrame& b) {
+      return a.truth.pose != b.truth.pose;
+    }));
   }
 }
 
@@ -281,7 +296,8 @@ TEST(VioScene, PixelNoiseHasTheSizeAskedFor) {
   int count = 0;
   for (std::size_t i = 0; i < clean.frames.size(); ++i) {
     for (std::size_t k = 0; k < clean.frames[i].observations.size(); ++k) {
-      const VioObservation &a = noisy.frames[i].observations[k], &b = clean.frames[i].observations[k];
+      const VioObservation &a = noisy.frames[i].observations[k],
+                           &b = clean.frames[i].observations[k];
       for (const double error : {a.x - b.x, a.y - b.y}) {
         sum += error;
         squares += error * error;
@@ -301,8 +317,9 @@ double GyrDifference(const VioSequence& a, const VioSequence& b, bool of_samples
   for (std::size_t i = 1; i < a.frames.size(); ++i) {
     for (std::size_t n = 1; n < a.frames[i].imu.size(); ++n) {
       for (std::size_t k = 0; k < 3; ++k) {
-        const double change = of_samples ? a.frames[i].imu[n].gyr[k] - b.frames[i].imu[n].gyr[k]
-                                         : a.frames[i].truth.gyr_bias[k] - a.frames[i - 1].truth.gyr_bias[k];
+        const double change =
+            of_samples ? a.frames[i].imu[n].gyr[k] - b.frames[i].imu[n].gyr[k]
+                       : a.frames[i].truth.gyr_bias[k] - a.frames[i - 1].truth.gyr_bias[k];
         squares += change * change;
         ++count;
       }
@@ -321,11 +338,13 @@ TEST(VioScene, ImuNoiseHasTheDensityAskedFor) {
     options.imu_per_frame = imu_per_frame;
     const VioSequence exact = Generate(options);
     options.gyr_noise = 2e-3;
-    EXPECT_NEAR(GyrDifference(Generate(options), exact, true), 2e-3 * std::sqrt(10.0 * imu_per_frame),
+    EXPECT_NEAR(GyrDifference(Generate(options), exact, true),
+                2e-3 * std::sqrt(10.0 * imu_per_frame),
                 0.02 * 2e-3 * std::sqrt(10.0 * imu_per_frame));
     options.gyr_noise = 0.0;
     options.gyr_bias_walk = 3e-3;  // whatever the rate, frames are 0.1 s apart
-    EXPECT_NEAR(GyrDifference(Generate(options), exact, false), 3e-3 * std::sqrt(0.1), 0.08 * 3e-3 * std::sqrt(0.1));
+    EXPECT_NEAR(GyrDifference(Generate(options), exact, false), 3e-3 * std::sqrt(0.1),
+                0.08 * 3e-3 * std::sqrt(0.1));
   }
 }
 
@@ -337,15 +356,16 @@ TEST(VioScene, TheTrueBiasIsThatOfTheSampleAtTheFrame) {
   const VioSequence biased = Generate(options);
   for (std::size_t i = 0; i < exact.frames.size(); ++i) {
     for (std::size_t k = 0; k < 3; ++k) {
-      EXPECT_NEAR(biased.frames[i].imu.back().gyr[k] - exact.frames[i].imu.back().gyr[k], biased.frames[i].truth.gyr_bias[k],
-                  1e-13);
-      EXPECT_NEAR(biased.frames[i].imu.back().acc[k] - exact.frames[i].imu.back().acc[k], biased.frames[i].truth.acc_bias[k],
-                  1e-13);
+      EXPECT_NEAR(biased.frames[i].imu.back().gyr[k] - exact.frames[i].imu.back().gyr[k],
+                  biased.frames[i].truth.gyr_bias[k], 1e-13);
+      EXPECT_NEAR(biased.frames[i].imu.back().acc[k] - exact.frames[i].imu.back().acc[k],
+                  biased.frames[i].truth.acc_bias[k], 1e-13);
     }
   }
 }
 
-// At the truth, the whitened residuals of the IMU factors have a mean square of one: sequence, noise and factor are of one mind.
+// At the truth, the whitened residuals of the IMU factors have a mean square of one: sequence,
+// noise and factor are of one mind.
 TEST(VioScene, ImuFactorsFindTheNoiseTheyAreToldOf) {
   const PoseManifold manifold;
   double squares = 0.0;
@@ -359,13 +379,15 @@ TEST(VioScene, ImuFactorsFindTheNoiseTheyAreToldOf) {
     for (std::size_t i = 1; i < sequence.frames.size(); ++i) {
       ImuPreintegrator imu(imu_options);
       const VioState *from = &sequence.frames[i - 1].truth, *to = &sequence.frames[i].truth;
-      ASSERT_TRUE(imu.Integrate(sequence.frames[i].imu, from->gyr_bias.data(), from->acc_bias.data()).ok());
+      ASSERT_TRUE(
+          imu.Integrate(sequence.frames[i].imu, from->gyr_bias.data(), from->acc_bias.data()).ok());
       ImuFactorFamily family;
       family.Add(imu);
       test::FactorState state;
       for (const VioState* end : {from, to}) {
         state.parameters.emplace_back(end->pose.begin(), end->pose.end());
-        std::vector<double>& speed_bias = state.parameters.emplace_back(end->velocity.begin(), end->velocity.end());
+        std::vector<double>& speed_bias =
+            state.parameters.emplace_back(end->velocity.begin(), end->velocity.end());
         speed_bias.insert(speed_bias.end(), end->gyr_bias.begin(), end->gyr_bias.end());
         speed_bias.insert(speed_bias.end(), end->acc_bias.begin(), end->acc_bias.end());
       }
@@ -377,8 +399,8 @@ TEST(VioScene, ImuFactorsFindTheNoiseTheyAreToldOf) {
     }
   }
   ASSERT_EQ(count, 20 * 49 * 15);
-  // 0.0233: two standard deviations of the mean of so many squares; 0.01: the ends of an interval, which the midpoint rule counts
-  // half.
+  // 0.0233: two standard deviations of the mean of so many squares; 0.01: the ends of an interval,
+  // which the midpoint rule counts half.
   EXPECT_NEAR(squares / count, 1.0, 0.0233 + 0.01);
 }
 
@@ -392,7 +414,8 @@ TEST(VioScene, OutliersAreAsManyAndAsFarAsAskedFor) {
   double largest = 0.0;
   for (std::size_t i = 0; i < clean.frames.size(); ++i) {
     for (std::size_t k = 0; k < clean.frames[i].observations.size(); ++k) {
-      const VioObservation &a = sequence.frames[i].observations[k], &b = clean.frames[i].observations[k];
+      const VioObservation &a = sequence.frames[i].observations[k],
+                           &b = clean.frames[i].observations[k];
       const double off = std::max(std::fabs(a.x - b.x), std::fabs(a.y - b.y));
       EXPECT_EQ(off > 0.0, a.outlier);
       largest = std::max(largest, off);
@@ -422,8 +445,11 @@ TEST(VioScene, StartValuesDriftSmoothlyFromTheTruth) {
       MultiplyQuaternions(frames[i].start.pose.data() + 3, inverse, difference);
       LogQuaternion(difference, phi);
       for (std::size_t k = 0; k < 3; ++k) {
-        const auto drift = [&](std::size_t n) { return frames[n].start.pose[k] - frames[n].truth.pose[k]; };
-        EXPECT_NEAR((drift(i + 1) - drift(i - 1)) / 0.2, frames[i].start.velocity[k] - frames[i].truth.velocity[k], 1e-3);
+        const auto drift = [&](std::size_t n) {
+          return frames[n].start.pose[k] - frames[n].truth.pose[k];
+        };
+        EXPECT_NEAR((drift(i + 1) - drift(i - 1)) / 0.2,
+                    frames[i].start.velocity[k] - frames[i].truth.velocity[k], 1e-3);
         position += drift(i) * drift(i);
         rotation += phi[k] * phi[k];
         EXPECT_EQ(frames[i].start.gyr_bias[k], 0.0);
@@ -448,7 +474,8 @@ TEST(VioScene, DropoutLeavesOutItsShare) {
   const VioSequence all = Generate(options);
   const std::vector<std::vector<int>> tracks = Tracks(all);
   for (const std::vector<int>& track : tracks) {
-    ASSERT_EQ(track.back() - track.front() + 1, static_cast<int>(track.size())) << "as long as it is in view";
+    ASSERT_EQ(track.back() - track.front() + 1, static_cast<int>(track.size()))
+        << "as long as it is in view";
   }
   options.dropout = 0.4;
   const VioSequence some = Generate(options);
@@ -461,7 +488,8 @@ TEST(VioScene, LoopsAreClosedByTheShareOfPointsAskedFor) {
   options.num_frames = 400;  // two rounds
   const auto revisits = [&] {
     const std::vector<std::vector<int>> tracks = Tracks(Generate(options));
-    return std::count_if(tracks.begin(), tracks.end(), [](const auto& track) { return track.back() - track.front() > 150; });
+    return std::count_if(tracks.begin(), tracks.end(),
+                         [](const auto& track) { return track.back() - track.front() > 150; });
   };
   options.loop_fraction = 0.0;
   EXPECT_EQ(revisits(), 0);
@@ -473,7 +501,8 @@ TEST(VioScene, LoopsAreClosedByTheShareOfPointsAskedFor) {
   EXPECT_NEAR(static_cast<double>(half), 0.5 * static_cast<double>(all), 50.0);
   options.max_track_length = 7;
   const std::vector<std::vector<int>> tracks = Tracks(Generate(options));
-  EXPECT_TRUE(std::all_of(tracks.begin(), tracks.end(), [](const auto& track) { return track.size() <= 7u; }));
+  EXPECT_TRUE(std::all_of(tracks.begin(), tracks.end(),
+                          [](const auto& track) { return track.size() <= 7u; }));
 }
 
 TEST(VioScene, ImpossibleWishesAreErrorsThatSaySo) {
@@ -532,17 +561,21 @@ TEST(VioScene, EveryOptionHasARange) {
       options.*field = value;
       const Status status = options.Validate();
       EXPECT_EQ(status.code, StatusCode::kInvalidArgument) << name << " " << value;
-      EXPECT_EQ(status.message.find(std::string("VioSceneOptions: ") + name + " is "), 0u) << status.message;
+      EXPECT_EQ(status.message.find(std::string("VioSceneOptions: ") + name + " is "), 0u)
+          << status.message;
     }
   }
-  const std::pair<int VioSceneOptions::*, const char*> counts[] = {{&VioSceneOptions::num_frames, "num_frames"},
-                                                                   {&VioSceneOptions::imu_per_frame, "imu_per_frame"},
-                                                                   {&VioSceneOptions::num_points, "num_points"},
-                                                                   {&VioSceneOptions::max_track_length, "max_track_length"}};
+  const std::pair<int VioSceneOptions::*, const char*> counts[] = {
+      {&VioSceneOptions::num_frames, "num_frames"},
+      {&VioSceneOptions::imu_per_frame, "imu_per_frame"},
+      {&VioSceneOptions::num_points, "num_points"},
+      {&VioSceneOptions::max_track_length, "max_track_length"}};
   for (const auto& [field, name] : counts) {
     VioSceneOptions options;
     options.*field = 0;
-    EXPECT_EQ(options.Validate().message.find(std::string("VioSceneOptions: ") + name + " is 0, not between "), 0u);
+    EXPECT_EQ(options.Validate().message.find(std::string("VioSceneOptions: ") + name +
+                                              " is 0, not between "),
+              0u);
   }
 }
 

@@ -1,4 +1,5 @@
-// The kernels of dense matrices on odd sizes and strides; what lies outside the given rows stays as it was.
+// The kernels of dense matrices on odd sizes and strides; what lies outside the given rows stays as
+// it was.
 #include "simd/kernel_fixture.h"
 
 namespace inceres::internal {
@@ -36,9 +37,11 @@ class DenseKernels : public KernelTest {
       }
     }
     Matrix C = start;
-    kernels().subtract_outer(rows, cols, depth, A.values.data(), A.stride, B.values.data(), B.stride, C.values.data(), C.stride);
-    ExpectClose(C.values, expected.values, 1.0 + depth, 1e-13,
-                std::to_string(rows) + " x " + std::to_string(cols) + ", depth " + std::to_string(depth));
+    kernels().subtract_outer(rows, cols, depth, A.values.data(), A.stride, B.values.data(),
+                             B.stride, C.values.data(), C.stride);
+    ExpectClose(
+        C.values, expected.values, 1.0 + depth, 1e-13,
+        std::to_string(rows) + " x " + std::to_string(cols) + ", depth " + std::to_string(depth));
   }
 };
 
@@ -61,17 +64,19 @@ TEST_P(DenseKernels, SubtractOuterDeeperThanASlice) {
   }
 }
 
-// Cutting the rows into strips of 96 must not change a bit: that is what makes the factor independent of the thread count.
+// Cutting the rows into strips of 96 must not change a bit: that is what makes the factor
+// independent of the thread count.
 TEST_P(DenseKernels, SubtractOuterByStripsGivesTheSameBits) {
   const int rows = 301;
   const Matrix A(rows, 40, &random_);
   const Matrix B(16, 40, &random_);
   Matrix whole(rows, 16, &random_);
   Matrix strips = whole;
-  kernels().subtract_outer(rows, 16, 40, A.values.data(), A.stride, B.values.data(), B.stride, whole.values.data(), whole.stride);
+  kernels().subtract_outer(rows, 16, 40, A.values.data(), A.stride, B.values.data(), B.stride,
+                           whole.values.data(), whole.stride);
   for (int top = 0; top < rows; top += 96) {
-    kernels().subtract_outer(std::min(96, rows - top), 16, 40, A.values.data() + top, A.stride, B.values.data(), B.stride,
-                             strips.values.data() + top, strips.stride);
+    kernels().subtract_outer(std::min(96, rows - top), 16, 40, A.values.data() + top, A.stride,
+                             B.values.data(), B.stride, strips.values.data() + top, strips.stride);
   }
   EXPECT_EQ(whole.values, strips.values);
 }
@@ -88,7 +93,8 @@ TEST_P(DenseKernels, SolveLowerTransposedForOddSizes) {
       }
       const Matrix right(rows, size, &random_);
       Matrix X = right;
-      kernels().solve_lower_transposed(rows, size, L.values.data(), L.stride, X.values.data(), X.stride);
+      kernels().solve_lower_transposed(rows, size, L.values.data(), L.stride, X.values.data(),
+                                       X.stride);
       Matrix product = X;  // X Lᵀ must give the right-hand side back; entries between columns stay
       for (int r = 0; r < rows; ++r) {
         for (int c = 0; c < size; ++c) {
@@ -98,7 +104,8 @@ TEST_P(DenseKernels, SolveLowerTransposedForOddSizes) {
           }
         }
       }
-      ExpectClose(product.values, right.values, size, 1e-13, std::to_string(rows) + " rows, size " + std::to_string(size));
+      ExpectClose(product.values, right.values, size, 1e-13,
+                  std::to_string(rows) + " rows, size " + std::to_string(size));
       if (HasFatalFailure()) {
         return;
       }
@@ -124,10 +131,11 @@ TEST_P(DenseKernels, SubtractRowDotsForOddSizes) {
             expected(c, r) -= sum;
           }
         }
-        kernels().subtract_row_dots(rows, cols, depth, A.values.data(), A.stride, B.values.data(), B.stride, C.values.data(),
-                                    C.stride);
+        kernels().subtract_row_dots(rows, cols, depth, A.values.data(), A.stride, B.values.data(),
+                                    B.stride, C.values.data(), C.stride);
         ExpectClose(C.values, expected.values, 1.0 + depth, 1e-13,
-                    std::to_string(rows) + " x " + std::to_string(cols) + ", depth " + std::to_string(depth));
+                    std::to_string(rows) + " x " + std::to_string(cols) + ", depth " +
+                        std::to_string(depth));
       }
     }
   }
@@ -144,7 +152,8 @@ TEST_P(DenseKernels, RowsToColumnsForOddSizes) {
           expected(r, c) = J(c, r);
         }
       }
-      kernels().rows_to_columns(rows, columns, J.values.data(), J.stride, actual.values.data(), actual.stride);
+      kernels().rows_to_columns(rows, columns, J.values.data(), J.stride, actual.values.data(),
+                                actual.stride);
       EXPECT_EQ(actual.values, expected.values) << rows << " x " << columns;
     }
   }
@@ -164,10 +173,13 @@ TEST_P(DenseKernels, ColumnProductsForOddSizes) {
         expected.model_decrease -= Jv * (J_f(r, columns) + 0.5 * Jv);
         expected.squared_norm += Jv * Jv;
       }
-      const RowProducts actual = kernels().column_products(rows, columns, J_f.values.data(), J_f.stride, v.data());
+      const RowProducts actual =
+          kernels().column_products(rows, columns, J_f.values.data(), J_f.stride, v.data());
       const double tolerance = 1e-13 * (1.0 + rows * columns);
-      EXPECT_NEAR(actual.model_decrease, expected.model_decrease, tolerance) << rows << " x " << columns;
-      EXPECT_NEAR(actual.squared_norm, expected.squared_norm, tolerance) << rows << " x " << columns;
+      EXPECT_NEAR(actual.model_decrease, expected.model_decrease, tolerance)
+          << rows << " x " << columns;
+      EXPECT_NEAR(actual.squared_norm, expected.squared_norm, tolerance)
+          << rows << " x " << columns;
     }
   }
 }

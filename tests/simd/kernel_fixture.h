@@ -12,13 +12,15 @@
 
 namespace inceres::internal {
 
-/// A kernel test that runs once for every instruction set and is skipped, by name, where there is none.
+/// A kernel test that runs once for every instruction set and is skipped, by name, where there is
+/// none.
 class KernelTest : public testing::TestWithParam<InstructionSet> {
  protected:
   void SetUp() override {
     kernels_ = KernelsFor(GetParam());
     if (kernels_ == nullptr) {
-      GTEST_SKIP() << "this build or processor has no kernels of the set " << testing::PrintToString(GetParam());
+      GTEST_SKIP() << "this build or processor has no kernels of the set "
+                   << testing::PrintToString(GetParam());
     }
   }
 
@@ -62,7 +64,8 @@ class KernelTest : public testing::TestWithParam<InstructionSet> {
 
 /// Both within `tolerance` of the sum of the magnitudes that went into it.
 template <typename Values, typename Expected>
-void ExpectClose(const Values& actual, const Expected& expected, double scale, double tolerance, const std::string& what) {
+void ExpectClose(const Values& actual, const Expected& expected, double scale, double tolerance,
+                 const std::string& what) {
   ASSERT_EQ(actual.size(), expected.size());
   for (std::size_t k = 0; k < actual.size(); ++k) {
     ASSERT_NEAR(actual[k], expected[k], tolerance * scale) << what << ", entry " << k;
@@ -83,10 +86,10 @@ inline std::string InstructionSetName(const testing::TestParamInfo<InstructionSe
   return "Unknown";
 }
 
-#define INCERES_FOR_ALL_INSTRUCTION_SETS(Fixture)                                                                       \
-  INSTANTIATE_TEST_SUITE_P(                                                                                             \
-      Sets, Fixture,                                                                                                    \
-      testing::Values(InstructionSet::kGeneric, InstructionSet::kAvx2, InstructionSet::kAvx512, InstructionSet::kNeon), \
-      InstructionSetName)
+#define INCERES_FOR_ALL_INSTRUCTION_SETS(Fixture)                                           \
+  INSTANTIATE_TEST_SUITE_P(Sets, Fixture,                                                   \
+                           testing::Values(InstructionSet::kGeneric, InstructionSet::kAvx2, \
+                                           InstructionSet::kAvx512, InstructionSet::kNeon), \
+                           InstructionSetName)
 
 }  // namespace inceres::internal

@@ -1,5 +1,6 @@
-// The kernels of the elimination and of the way back against plain loops: landmark sizes 1 to 4, residuals from 1 to beyond a
-// slice, several slots of different sizes, a frame that is touched twice, a slot without a frame.
+// The kernels of the elimination and of the way back against plain loops: landmark sizes 1 to 4,
+// residuals from 1 to beyond a slice, several slots of different sizes, a frame that is touched
+// twice, a slot without a frame.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -13,22 +14,24 @@ namespace {
 constexpr double kTolerance = 1e-13;
 constexpr int kResidualSizes[] = {1, 2, 3, 4, 5, 6, 15, 16, 17, 33};
 
-// Five factors of a family with slots: frame of size 6, the landmark, frame of size 9, frame of size 3, unless told. Three of
-// them, in an order of their own, see the landmark; the third slot of the last has no frame; the fourth slot is the same frame in
-// all.
+// Five factors of a family with slots: frame of size 6, the landmark, frame of size 9, frame of
+// size 3, unless told. Three of them, in an order of their own, see the landmark; the third slot of
+// the last has no frame; the fourth slot is the same frame in all.
 struct LandmarkCase {
-  LandmarkCase(int landmark_size, int residual_size, test::Random* random, std::array<int, 3> frame_sizes = {6, 9, 3})
+  LandmarkCase(int landmark_size, int residual_size, test::Random* random,
+               std::array<int, 3> frame_sizes = {6, 9, 3})
       : size(landmark_size), rows(residual_size) {
     sizes = {frame_sizes[0], landmark_size, frame_sizes[1], frame_sizes[2]};
     for (const int slot_size : sizes) {
-      AlignedVector<double>& values =
-          storage.emplace_back(static_cast<std::size_t>(kNumFactors * rows * PadToQuad(slot_size)), 0.0);
+      AlignedVector<double>& values = storage.emplace_back(
+          static_cast<std::size_t>(kNumFactors * rows * PadToQuad(slot_size)), 0.0);
       for (int r = 0; r < kNumFactors * rows; ++r) {
         for (int c = 0; c < slot_size; ++c) {
           values[static_cast<std::size_t>(r * PadToQuad(slot_size) + c)] = random->Unit();
         }
       }
-      jacobians.push_back({values.data(), std::ptrdiff_t{rows} * PadToQuad(slot_size), PadToQuad(slot_size), slot_size});
+      jacobians.push_back({values.data(), std::ptrdiff_t{rows} * PadToQuad(slot_size),
+                           PadToQuad(slot_size), slot_size});
     }
     residuals = random->Vector(static_cast<std::size_t>(kNumFactors * rows));
     Place();
@@ -55,12 +58,14 @@ struct LandmarkCase {
           continue;
         }
         // A place for each frame; the landmark where nothing of a frame's step is.
-        tangent_offsets[static_cast<std::size_t>(factor) * sizes.size() + static_cast<std::size_t>(s)] =
+        tangent_offsets[static_cast<std::size_t>(factor) * sizes.size() +
+                        static_cast<std::size_t>(s)] =
             s == kLandmarkSlot ? kLandmarkQuad : 4 * s + (s == 3 ? 0 : 16 * factor);
         if (s == kLandmarkSlot) {
           continue;
         }
-        std::int32_t& target = targets[static_cast<std::size_t>(factor) * sizes.size() + static_cast<std::size_t>(s)];
+        std::int32_t& target =
+            targets[static_cast<std::size_t>(factor) * sizes.size() + static_cast<std::size_t>(s)];
         if (s == 3 && shared >= 0) {
           target = 2 * shared + 1;
           continue;
@@ -77,7 +82,9 @@ struct LandmarkCase {
     const SlotJacobians& view = jacobians[static_cast<std::size_t>(slot)];
     return view.data[factor * view.factor_stride + row * view.row_stride + column];
   }
-  double f(int factor, int row) const { return residuals[static_cast<std::size_t>(factor * rows + row)]; }
+  double f(int factor, int row) const {
+    return residuals[static_cast<std::size_t>(factor * rows + row)];
+  }
 
   static constexpr int kNumFactors = 5;
   static constexpr int kLandmarkSlot = 1;
@@ -103,7 +110,8 @@ class LandmarkKernels : public KernelTest {
     for (int size = 1; size <= 4; ++size) {
       for (const int rows : kResidualSizes) {
         const LandmarkCase problem(size, rows, &random_);
-        check(problem, "landmark size " + std::to_string(size) + ", residual size " + std::to_string(rows));
+        check(problem,
+              "landmark size " + std::to_string(size) + ", residual size " + std::to_string(rows));
         if (HasFatalFailure()) {
           return;
         }
@@ -124,9 +132,11 @@ TEST_P(LandmarkKernels, GramAddsHAndEtaToWhatIsThere) {
       for (int i = 0; i < problem.rows; ++i) {
         for (int r = 0; r < problem.size; ++r) {
           for (int c = 0; c < problem.size; ++c) {
-            P_expected[static_cast<std::size_t>(r * kQuad + c)] += problem.J(1, factor, i, r) * problem.J(1, factor, i, c);
+            P_expected[static_cast<std::size_t>(r * kQuad + c)] +=
+                problem.J(1, factor, i, r) * problem.J(1, factor, i, c);
           }
-          eta_expected[static_cast<std::size_t>(r)] -= problem.J(1, factor, i, r) * problem.f(factor, i);
+          eta_expected[static_cast<std::size_t>(r)] -=
+              problem.J(1, factor, i, r) * problem.f(factor, i);
         }
       }
     }
@@ -184,15 +194,17 @@ TEST_P(LandmarkKernels, EliminateWritesTheLastColumnApart) {
         kernels().eliminate(size, problem.factors, U_inv.data(), padded.data());
         const int padded_quads = size * PadToQuad(frame_size) / kQuad;
         for (std::int32_t& target : problem.targets) {
-          target = target < 0 ? target : 2 * (target / 2 / padded_quads * QuadsWithTail(size, frame_size)) + target % 2;
+          target = target < 0 ? target
+                              : 2 * (target / 2 / padded_quads * QuadsWithTail(size, frame_size)) +
+                                    target % 2;
         }
         problem.factors.y_tail = true;
         const AlignedVector<double> expected = WithTail(padded, size, frame_size);
         AlignedVector<double> Y(expected.size(), 1e300);
         kernels().eliminate(size, problem.factors, U_inv.data(), Y.data());
         ExpectClose(Y, expected, 12.0 * rows, kTolerance,
-                    "frames of " + std::to_string(frame_size) + ", landmark size " + std::to_string(size) + ", residual size " +
-                        std::to_string(rows));
+                    "frames of " + std::to_string(frame_size) + ", landmark size " +
+                        std::to_string(size) + ", residual size " + std::to_string(rows));
         if (HasFatalFailure()) {
           return;
         }
@@ -218,7 +230,8 @@ TEST_P(LandmarkKernels, MultiplyCouplingAddsWTransposedDelta) {
           for (int c = 0; c < problem.sizes[static_cast<std::size_t>(s)]; ++c) {
             for (int k = 0; k < problem.size; ++k) {
               expected[static_cast<std::size_t>(k)] +=
-                  problem.J(1, factor, i, k) * problem.J(s, factor, i, c) * delta[static_cast<std::size_t>(offset * kQuad + c)];
+                  problem.J(1, factor, i, k) * problem.J(s, factor, i, c) *
+                  delta[static_cast<std::size_t>(offset * kQuad + c)];
             }
           }
         }
@@ -240,17 +253,20 @@ TEST_P(LandmarkKernels, BackSubstituteSubtractsYTransposedDelta) {
       std::vector<double> expected = y;
       for (const int frame : {5, 0, 7}) {
         const int block = frame % 6;
-        incidences.push_back({block * size * stride / kQuad, frame * stride / kQuad, stride / kQuad});
+        incidences.push_back(
+            {block * size * stride / kQuad, frame * stride / kQuad, stride / kQuad});
         for (int k = 0; k < size; ++k) {
           for (int c = 0; c < frame_size; ++c) {
-            expected[static_cast<std::size_t>(k)] -= Y[static_cast<std::size_t>((block * size + k) * stride + c)] *
-                                                     delta[static_cast<std::size_t>(frame * stride + c)];
+            expected[static_cast<std::size_t>(k)] -=
+                Y[static_cast<std::size_t>((block * size + k) * stride + c)] *
+                delta[static_cast<std::size_t>(frame * stride + c)];
           }
         }
       }
       kernels().back_substitute(size, incidences.data(), 3, Y.data(), delta.data(), y.data());
-      ExpectClose(y, expected, 3.0 * frame_size, kTolerance,
-                  "landmark size " + std::to_string(size) + ", frame size " + std::to_string(frame_size));
+      ExpectClose(
+          y, expected, 3.0 * frame_size, kTolerance,
+          "landmark size " + std::to_string(size) + ", frame size " + std::to_string(frame_size));
       if (HasFatalFailure()) {
         return;
       }
@@ -269,17 +285,20 @@ TEST_P(LandmarkKernels, SubtractIncidencesIsTheTransposeOfBackSubstitute) {
       std::vector<Incidence> incidences;
       for (const int frame : {5, 0, 7}) {
         const int block = frame % 6;
-        incidences.push_back({block * size * stride / kQuad, frame * stride / kQuad, stride / kQuad});
+        incidences.push_back(
+            {block * size * stride / kQuad, frame * stride / kQuad, stride / kQuad});
         for (int k = 0; k < size; ++k) {
           for (int c = 0; c < frame_size; ++c) {
             expected[static_cast<std::size_t>(frame * stride + c)] -=
-                Y[static_cast<std::size_t>((block * size + k) * stride + c)] * v[static_cast<std::size_t>(k)];
+                Y[static_cast<std::size_t>((block * size + k) * stride + c)] *
+                v[static_cast<std::size_t>(k)];
           }
         }
       }
       kernels().subtract_incidences(size, incidences.data(), 3, Y.data(), v.data(), y.data());
-      ExpectClose(y, expected, 4.0, kTolerance,
-                  "landmark size " + std::to_string(size) + ", frame size " + std::to_string(frame_size));
+      ExpectClose(
+          y, expected, 4.0, kTolerance,
+          "landmark size " + std::to_string(size) + ", frame size " + std::to_string(frame_size));
       if (HasFatalFailure()) {
         return;
       }

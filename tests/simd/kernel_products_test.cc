@@ -23,7 +23,8 @@ class ProductKernels : public KernelTest {
     return terms;
   }
 
-  static AlignedVector<double> NaiveProducts(const BlockProducts& products, double sign, AlignedVector<double> C) {
+  static AlignedVector<double> NaiveProducts(const BlockProducts& products, double sign,
+                                             AlignedVector<double> C) {
     const int a_stride = PadToQuad(products.a_size);
     const int b_stride = PadToQuad(products.b_size);
     for (int p = 0; p < products.count; ++p) {
@@ -50,8 +51,9 @@ class ProductKernels : public KernelTest {
     kernels().accumulate_products(products, sign, C.data());
     AlignedVector<double> C_generic = start;
     generic().accumulate_products(products, sign, C_generic.data());
-    const std::string what = "depth " + std::to_string(depth) + ", " + std::to_string(b_size) + " x " + std::to_string(a_size) +
-                             ", " + std::to_string(count) + " terms";
+    const std::string what = "depth " + std::to_string(depth) + ", " + std::to_string(b_size) +
+                             " x " + std::to_string(a_size) + ", " + std::to_string(count) +
+                             " terms";
     const double scale = 1.0 + count * depth;
     ExpectClose(C, NaiveProducts(products, sign, start), scale, kTolerance, what);
     ExpectClose(C, C_generic, scale, kTolerance, what + ", against generic");
@@ -72,7 +74,8 @@ TEST_P(ProductKernels, EqualPlainLoopsForEverySize) {
 }
 
 TEST_P(ProductKernels, EqualPlainLoopsForLongResidualsAndLargeFrames) {
-  for (const auto& [depth, a_size, b_size] : {std::tuple{15, 15, 15}, {17, 6, 9}, {31, 4, 1}, {2, 33, 20}, {3, 21, 40}}) {
+  for (const auto& [depth, a_size, b_size] :
+       {std::tuple{15, 15, 15}, {17, 6, 9}, {31, 4, 1}, {2, 33, 20}, {3, 21, 40}}) {
     ExpectProducts(depth, a_size, b_size, 3, 1.0);
   }
 }
@@ -98,15 +101,18 @@ TEST_P(ProductKernels, BlocksWithTheirLastColumnApartGiveTheSame) {
         std::vector<ProductTerm> terms_apart = terms;
         const int padded_quads = depth * PadToQuad(size) / kQuad;
         for (ProductTerm& term : terms_apart) {
-          term = {term.a / padded_quads * QuadsWithTail(depth, size), term.b / padded_quads * QuadsWithTail(depth, size)};
+          term = {term.a / padded_quads * QuadsWithTail(depth, size),
+                  term.b / padded_quads * QuadsWithTail(depth, size)};
         }
         const BlockProducts products{A.data(), B.data(), terms.data(), count, depth, size, size};
-        const BlockProducts apart{A_apart.data(), B_apart.data(), terms_apart.data(), count, depth, size, size, true};
+        const BlockProducts apart{
+            A_apart.data(), B_apart.data(), terms_apart.data(), count, depth, size, size, true};
         const AlignedVector<double> start = PaddedRows(size, size);
         AlignedVector<double> C = start;
         kernels().accumulate_products(apart, -1.0, C.data());
         ExpectClose(C, NaiveProducts(products, -1.0, start), 1.0 + count * depth, kTolerance,
-                    "size " + std::to_string(size) + ", depth " + std::to_string(depth) + ", terms " + std::to_string(count));
+                    "size " + std::to_string(size) + ", depth " + std::to_string(depth) +
+                        ", terms " + std::to_string(count));
         if (HasFatalFailure()) {
           return;
         }
@@ -115,7 +121,8 @@ TEST_P(ProductKernels, BlocksWithTheirLastColumnApartGiveTheSame) {
   }
 }
 
-// The entries up to the diagonal have the bits they have without the hint, with their last column apart or not.
+// The entries up to the diagonal have the bits they have without the hint, with their last column
+// apart or not.
 TEST_P(ProductKernels, SymmetricProductsHaveTheSameBits) {
   for (int size = 1; size <= 21; ++size) {
     for (int depth = 1; depth <= 5; ++depth) {
@@ -140,8 +147,8 @@ TEST_P(ProductKernels, SymmetricProductsHaveTheSameBits) {
         for (int r = 0; r < size; ++r) {
           for (int c = 0; c <= r; ++c) {
             const auto at = static_cast<std::size_t>(r * PadToQuad(size) + c);
-            ASSERT_EQ(half[at], whole[at]) << "size " << size << ", depth " << depth << ", tail " << tail << ", " << r << " "
-                                           << c;
+            ASSERT_EQ(half[at], whole[at]) << "size " << size << ", depth " << depth << ", tail "
+                                           << tail << ", " << r << " " << c;
           }
         }
       }
@@ -167,7 +174,8 @@ TEST_P(ProductKernels, VectorProductsEqualPlainLoops) {
       const std::vector<double> v = random_.Vector(static_cast<std::size_t>(kNumStored * depth));
       std::vector<VectorTerm> terms;
       for (int p = 0; p < 7; ++p) {
-        terms.push_back({random_.Below(kNumStored) * depth * PadToQuad(size) / kQuad, random_.Below(kNumStored) * depth});
+        terms.push_back({random_.Below(kNumStored) * depth * PadToQuad(size) / kQuad,
+                         random_.Below(kNumStored) * depth});
       }
       const VectorProducts products{A.data(), v.data(), terms.data(), 7, depth, size};
       const AlignedVector<double> start = PaddedRows(1, size);
@@ -176,13 +184,15 @@ TEST_P(ProductKernels, VectorProductsEqualPlainLoops) {
         for (int k = 0; k < depth; ++k) {
           for (int c = 0; c < size; ++c) {
             expected[static_cast<std::size_t>(c)] -=
-                A[static_cast<std::size_t>(term.a * kQuad + k * PadToQuad(size) + c)] * v[static_cast<std::size_t>(term.v + k)];
+                A[static_cast<std::size_t>(term.a * kQuad + k * PadToQuad(size) + c)] *
+                v[static_cast<std::size_t>(term.v + k)];
           }
         }
       }
       AlignedVector<double> y = start;
       kernels().accumulate_vectors(products, -1.0, y.data());
-      ExpectClose(y, expected, 7.0 * depth, kTolerance, "size " + std::to_string(size) + ", depth " + std::to_string(depth));
+      ExpectClose(y, expected, 7.0 * depth, kTolerance,
+                  "size " + std::to_string(size) + ", depth " + std::to_string(depth));
       if (HasFatalFailure()) {
         return;
       }
@@ -206,9 +216,12 @@ TEST_P(ProductKernels, VectorProductsOfBlocksWithTheirLastColumnApart) {
       }
       AlignedVector<double> y = PaddedRows(1, size);
       AlignedVector<double> expected = y;
-      kernels().accumulate_vectors({A.data(), v.data(), terms.data(), 7, depth, size}, -1.0, expected.data());
-      kernels().accumulate_vectors({A_apart.data(), v.data(), terms_apart.data(), 7, depth, size, true}, -1.0, y.data());
-      ExpectClose(y, expected, 7.0 * depth, kTolerance, "size " + std::to_string(size) + ", depth " + std::to_string(depth));
+      kernels().accumulate_vectors({A.data(), v.data(), terms.data(), 7, depth, size}, -1.0,
+                                   expected.data());
+      kernels().accumulate_vectors(
+          {A_apart.data(), v.data(), terms_apart.data(), 7, depth, size, true}, -1.0, y.data());
+      ExpectClose(y, expected, 7.0 * depth, kTolerance,
+                  "size " + std::to_string(size) + ", depth " + std::to_string(depth));
     }
   }
 }
@@ -256,14 +269,17 @@ TEST_P(ProductKernels, ReplacedContributionsEqualTwoPasses) {
           kernels().add_outer(out, 1.0, blocks.data(), C->data());
           kernels().add_outer(in, -1.0, blocks.data(), C->data());
         },
-        [&](Vector C) { kernels().add_outer(replacing, -1.0, blocks.data(), C->data()); }, "outer, depth ");
+        [&](Vector C) { kernels().add_outer(replacing, -1.0, blocks.data(), C->data()); },
+        "outer, depth ");
     check(
         quads,
         [&](Vector y) {
           kernels().add_transposed(out, v_old.data(), nullptr, 1.0, y->data(), peak.data());
           kernels().add_transposed(in, v.data(), nullptr, -1.0, y->data(), peak.data());
         },
-        [&](Vector y) { kernels().add_transposed(replacing, v.data(), v_old.data(), -1.0, y->data(), peak.data()); },
+        [&](Vector y) {
+          kernels().add_transposed(replacing, v.data(), v_old.data(), -1.0, y->data(), peak.data());
+        },
         "transposed, depth ");
     check(
         quads,
@@ -271,11 +287,13 @@ TEST_P(ProductKernels, ReplacedContributionsEqualTwoPasses) {
           kernels().add_squares(out, 1.0, y->data(), peak.data());
           kernels().add_squares(in, -1.0, y->data(), peak.data());
         },
-        [&](Vector y) { kernels().add_squares(replacing, -1.0, y->data(), peak.data()); }, "squares, depth ");
+        [&](Vector y) { kernels().add_squares(replacing, -1.0, y->data(), peak.data()); },
+        "squares, depth ");
   }
 }
 
-// Three block rows of different sizes; one block is left out, and what stands in C between the blocks stays.
+// Three block rows of different sizes; one block is left out, and what stands in C between the
+// blocks stays.
 TEST_P(ProductKernels, ContributionsEqualPlainLoops) {
   for (int depth = 1; depth <= 8; ++depth) {
     for (int size = 1; size <= 13; ++size) {
@@ -319,8 +337,8 @@ TEST_P(ProductKernels, ContributionsEqualPlainLoops) {
           for (int i = 0; i < sizes[r] && blocks[at] >= 0; ++i) {
             for (int j = 0; j < sizes[c]; ++j) {
               for (int k = 0; k < depth; ++k) {
-                C_expected[static_cast<std::size_t>((blocks[at] + i * rows[c].quads) * kQuad + j)] -=
-                    entry(r, k, i) * entry(c, k, j);
+                C_expected[static_cast<std::size_t>((blocks[at] + i * rows[c].quads) * kQuad +
+                                                    j)] -= entry(r, k, i) * entry(c, k, j);
               }
             }
           }
@@ -339,7 +357,8 @@ TEST_P(ProductKernels, ContributionsEqualPlainLoops) {
       kernels().add_squares(contribution, -1.0, squares.data(), peak.data());
       ExpectClose(squares, squares_expected, depth + 1.0, kTolerance, what + ", squares");
       for (std::size_t k = 0; k < peak.size(); ++k) {
-        ASSERT_EQ(peak[k], std::max({0.25, std::fabs(y[k]), std::fabs(squares[k])})) << what << ", entry " << k;
+        ASSERT_EQ(peak[k], std::max({0.25, std::fabs(y[k]), std::fabs(squares[k])}))
+            << what << ", entry " << k;
       }
     }
   }
@@ -349,8 +368,9 @@ INCERES_FOR_ALL_INSTRUCTION_SETS(ProductKernels);
 
 TEST(Kernels, TheBestSetIsOneOfTheSets) {
   const Kernels* best = &BestKernels();
-  EXPECT_TRUE(best == KernelsFor(InstructionSet::kGeneric) || best == KernelsFor(InstructionSet::kAvx2) ||
-              best == KernelsFor(InstructionSet::kAvx512) || best == KernelsFor(InstructionSet::kNeon));
+  EXPECT_TRUE(
+      best == KernelsFor(InstructionSet::kGeneric) || best == KernelsFor(InstructionSet::kAvx2) ||
+      best == KernelsFor(InstructionSet::kAvx512) || best == KernelsFor(InstructionSet::kNeon));
 #ifdef __aarch64__
   EXPECT_STREQ(best->name, "neon");
 #endif

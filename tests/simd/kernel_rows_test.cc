@@ -1,4 +1,5 @@
-// What a pass over J yields for a vector: −(Jv)ᵀ(f + Jv/2) and ‖Jv‖²; and with it the change Jᵀ(f − p) of a gradient.
+// What a pass over J yields for a vector: −(Jv)ᵀ(f + Jv/2) and ‖Jv‖²; and with it the change Jᵀ(f −
+// p) of a gradient.
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -11,8 +12,8 @@ namespace {
 
 class RowKernels : public KernelTest {
  protected:
-  // Factors of three slots (sizes 9, 3 and frame_size); variables stand in the tangent vector in an order of their own, and the
-  // third slot of every other factor is a constant.
+  // Factors of three slots (sizes 9, 3 and frame_size); variables stand in the tangent vector in an
+  // order of their own, and the third slot of every other factor is a constant.
   void ExpectRowProducts(int rows, int frame_size) {
     constexpr int kNumFactors = 7;
     const int sizes[3] = {9, 3, frame_size};
@@ -20,7 +21,8 @@ class RowKernels : public KernelTest {
     std::vector<SlotJacobians> jacobians;
     for (const int size : sizes) {
       storage.push_back(PaddedRows(kNumFactors * rows, size));
-      jacobians.push_back({storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size), PadToQuad(size), size});
+      jacobians.push_back(
+          {storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size), PadToQuad(size), size});
     }
     const std::vector<double> f = random_.Vector(static_cast<std::size_t>(kNumFactors * rows));
     // Two variables a slot: quads 0 and 3 for size 9, 6 and 7 for size 3, then those of frame_size.
@@ -46,7 +48,8 @@ class RowKernels : public KernelTest {
         for (int s = 0; s < 3; ++s) {
           const int offset = offsets[static_cast<std::size_t>(3 * i + s)];
           for (int c = 0; offset >= 0 && c < sizes[s]; ++c) {
-            Jv += storage[static_cast<std::size_t>(s)][static_cast<std::size_t>((i * rows + r) * PadToQuad(sizes[s]) + c)] *
+            Jv += storage[static_cast<std::size_t>(s)]
+                         [static_cast<std::size_t>((i * rows + r) * PadToQuad(sizes[s]) + c)] *
                   v[static_cast<std::size_t>(offset * kQuad + c)];
           }
         }
@@ -57,8 +60,10 @@ class RowKernels : public KernelTest {
     const FactorRows factor_rows{2, 6, rows, 3, jacobians.data(), f.data(), offsets.data()};
     const RowProducts actual = kernels().row_products(factor_rows, v.data());
     const double scale = 100.0 * rows * frame_size;
-    EXPECT_NEAR(actual.model_decrease, decrease, 1e-13 * scale) << rows << " rows, frame size " << frame_size;
-    EXPECT_NEAR(actual.squared_norm, squared_norm, 1e-13 * scale) << rows << " rows, frame size " << frame_size;
+    EXPECT_NEAR(actual.model_decrease, decrease, 1e-13 * scale)
+        << rows << " rows, frame size " << frame_size;
+    EXPECT_NEAR(actual.squared_norm, squared_norm, 1e-13 * scale)
+        << rows << " rows, frame size " << frame_size;
     const RowProducts reference = generic().row_products(factor_rows, v.data());
     EXPECT_NEAR(actual.model_decrease, reference.model_decrease, 1e-13 * scale);
     EXPECT_NEAR(actual.squared_norm, reference.squared_norm, 1e-13 * scale);
@@ -67,8 +72,8 @@ class RowKernels : public KernelTest {
   }
 
   // try_rows is multiply_rows, the decrease, and subtract_transposed of p − f, in one pass.
-  void ExpectTriedRows(const FactorRows& rows, const std::vector<std::int32_t>& factors, const AlignedVector<double>& v,
-                       double decrease) {
+  void ExpectTriedRows(const FactorRows& rows, const std::vector<std::int32_t>& factors,
+                       const AlignedVector<double>& v, double decrease) {
     constexpr std::size_t kNumFactors = 7;
     const std::size_t size = kNumFactors * static_cast<std::size_t>(rows.residual_size);
     const std::vector<double> p = random_.Vector(size);
@@ -83,7 +88,8 @@ class RowKernels : public KernelTest {
     AlignedVector<double> expected_y = y;
     generic().multiply_rows(rows, factors.data(), count, v.data(), expected_product.data());
     generic().subtract_transposed(rows, factors.data(), count, change.data(), expected_y.data());
-    const double actual = kernels().try_rows(rows, factors.data(), count, v.data(), p.data(), product.data(), y.data());
+    const double actual = kernels().try_rows(rows, factors.data(), count, v.data(), p.data(),
+                                             product.data(), y.data());
     EXPECT_NEAR(actual, decrease, 1e-11 * rows.residual_size * static_cast<double>(v.size()));
     ExpectClose(product, expected_product, static_cast<double>(v.size()), 1e-13, "J v");
     ExpectClose(y, expected_y, static_cast<double>(size), 1e-13, "y");
@@ -98,7 +104,8 @@ TEST_P(RowKernels, EqualPlainLoopsForEverySize) {
   }
 }
 
-// What is not copied stays as it was; what is taken is marked, unless something in it is not ordinary.
+// What is not copied stays as it was; what is taken is marked, unless something in it is not
+// ordinary.
 TEST_P(RowKernels, TakeColumnsAndMarkWhereTheyWere) {
   for (int ambient_size = 1; ambient_size <= 20; ++ambient_size) {
     for (int columns = 1; columns <= ambient_size; ++columns) {
@@ -128,7 +135,8 @@ TEST_P(RowKernels, TakeColumnsAndMarkWhereTheyWere) {
             std::vector<double> left = J;
             left[k] = bad;
             const std::vector<double> before = left;
-            EXPECT_FALSE(take(ambient_size, columns, left.data(), rows, out.data(), stride)) << "entry " << k;
+            EXPECT_FALSE(take(ambient_size, columns, left.data(), rows, out.data(), stride))
+                << "entry " << k;
             EXPECT_EQ(std::memcmp(left.data(), before.data(), count * sizeof(double)), 0);
           }
         }
@@ -148,7 +156,8 @@ TEST_P(RowKernels, CorrectTheSlotsThatHaveAnOffset) {
       std::vector<SlotJacobians> jacobians;
       for (const int size : sizes) {
         storage.push_back(PaddedRows(3 * rows, size));
-        jacobians.push_back({storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size), PadToQuad(size), size});
+        jacobians.push_back(
+            {storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size), PadToQuad(size), size});
       }
       std::vector<AlignedVector<double>> expected = storage;
       for (const std::size_t s : {0, 2}) {
@@ -167,7 +176,8 @@ TEST_P(RowKernels, CorrectTheSlotsThatHaveAnOffset) {
       kernels().correct_factor(jacobians.data(), 3, 1, offsets, f, rows, 0.3, a);
       for (std::size_t s = 0; s < 3; ++s) {
         for (std::size_t k = 0; k < storage[s].size(); ++k) {
-          EXPECT_NEAR(storage[s][k], expected[s][k], 1e-15) << rows << " rows, a " << a << ", slot " << s;
+          EXPECT_NEAR(storage[s][k], expected[s][k], 1e-15)
+              << rows << " rows, a " << a << ", slot " << s;
         }
       }
     }
@@ -187,8 +197,9 @@ TEST_P(RowKernels, FindWhatIsNotOrdinaryWhereverItIs) {
     EXPECT_TRUE(kernels().are_ordinary(values.data(), count)) << count;
     for (double& value : values) {
       const double kept = value;
-      for (const double bad : {kUnwrittenEntry, -kUnwrittenEntry, std::numeric_limits<double>::quiet_NaN(),
-                               -std::numeric_limits<double>::infinity()}) {
+      for (const double bad :
+           {kUnwrittenEntry, -kUnwrittenEntry, std::numeric_limits<double>::quiet_NaN(),
+            -std::numeric_limits<double>::infinity()}) {
         value = bad;
         EXPECT_FALSE(kernels().are_ordinary(values.data(), count)) << count;
       }

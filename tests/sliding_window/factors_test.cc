@@ -57,9 +57,14 @@ TEST(ProjectionFactor, JacobiansAreDerivatives) {
   for (int i = 0; i < kNumStates; ++i) {
     const Pose T_wi = random.AnyPose();
     const Pose T_bc = Near({}, 0.5, &random);
-    const ProjectionFactor factor(random.Vector(0.5).head<2>(), random.Vector(0.5).head<2>(), 460.0 / 1.5);
-    const Values x{ToVector(T_wi), ToVector(Near(T_wi, 0.2, &random)), ToVector(T_bc), {random.Uniform(0.1, 0.8)}};
-    ExpectJacobiansAreDerivatives(factor, x, {ByVinsPose(), ByVinsPose(), ByVinsPose(), Straight(1)}, 1e-6);
+    const ProjectionFactor factor(random.Vector(0.5).head<2>(), random.Vector(0.5).head<2>(),
+                                  460.0 / 1.5);
+    const Values x{ToVector(T_wi),
+                   ToVector(Near(T_wi, 0.2, &random)),
+                   ToVector(T_bc),
+                   {random.Uniform(0.1, 0.8)}};
+    ExpectJacobiansAreDerivatives(factor, x,
+                                  {ByVinsPose(), ByVinsPose(), ByVinsPose(), Straight(1)}, 1e-6);
   }
 }
 
@@ -72,12 +77,14 @@ TEST(ReprojectionError, JacobiansAreDerivativesAndZeroBehindTheCamera) {
     const Pose T_sc = Near({}, 0.5, &random);
     const double w = random.Uniform(0.5, 2.0);
     const auto landmark_at = [&](double depth) {
-      const Eigen::Vector3d p = T_ws * (T_sc * (depth * random.Vector(0.5).head<2>().homogeneous()));
+      const Eigen::Vector3d p =
+          T_ws * (T_sc * (depth * random.Vector(0.5).head<2>().homogeneous()));
       return std::vector<double>{w * p.x(), w * p.y(), w * p.z(), w};
     };
     const ReprojectionError error(random.Vector(0.5).head<2>(), 460.0 / 1.5);
-    ExpectJacobiansAreDerivatives(error, {ToVector(T_ws), landmark_at(random.Uniform(1.0, 9.0)), ToVector(T_sc)},
-                                  {By(pose), By(point), By(pose)}, 1e-6);
+    ExpectJacobiansAreDerivatives(
+        error, {ToVector(T_ws), landmark_at(random.Uniform(1.0, 9.0)), ToVector(T_sc)},
+        {By(pose), By(point), By(pose)}, 1e-6);
     const Values behind{ToVector(T_ws), landmark_at(-2.0), ToVector(T_sc)};
     for (const RowMajorMatrix& J : Linearize(error, nullptr, Pointers(behind)).J) {
       EXPECT_EQ(J.norm(), 0.0);
@@ -99,8 +106,10 @@ struct ImuCase {
   ImuState i, j;
 };
 
-Values ImuValues(const ImuState& i, const ImuState& j, void (*write)(const ImuState&, double*, double*)) {
-  Values x{std::vector<double>(7), std::vector<double>(9), std::vector<double>(7), std::vector<double>(9)};
+Values ImuValues(const ImuState& i, const ImuState& j,
+                 void (*write)(const ImuState&, double*, double*)) {
+  Values x{std::vector<double>(7), std::vector<double>(9), std::vector<double>(7),
+           std::vector<double>(9)};
   write(i, x[0].data(), x[1].data());
   write(j, x[2].data(), x[3].data());
   return x;
@@ -109,8 +118,8 @@ Values ImuValues(const ImuState& i, const ImuState& j, void (*write)(const ImuSt
 TEST(ImuFactor, JacobiansAreDerivativesAlsoAwayFromTheBiasOfTheIntegration) {
   for (unsigned seed = 0; seed < kNumStates; ++seed) {
     ImuCase at(seed);
-    const auto imu = std::make_shared<ImuPreintegration>(ImuNoise(), at.samples, at.i.ba + at.random.Vector(0.05),
-                                                         at.i.bg + at.random.Vector(0.05));
+    const auto imu = std::make_shared<ImuPreintegration>(
+        ImuNoise(), at.samples, at.i.ba + at.random.Vector(0.05), at.i.bg + at.random.Vector(0.05));
     ExpectJacobiansAreDerivatives(ImuFactor(imu), ImuValues(at.i, at.j, StateToParameters),
                                   {ByVinsPose(), Straight(9), ByVinsPose(), Straight(9)}, 1e-6);
   }
@@ -119,7 +128,9 @@ TEST(ImuFactor, JacobiansAreDerivativesAlsoAwayFromTheBiasOfTheIntegration) {
 TEST(ImuFactor, IsZeroAtThePropagatedState) {
   const ImuCase at(4);
   const auto imu = std::make_shared<ImuPreintegration>(ImuNoise(), at.samples, at.i.ba, at.i.bg);
-  EXPECT_LT(ResidualAt(ImuFactor(imu), ImuValues(at.i, Propagate(*imu, at.i), StateToParameters)).norm(), 1e-8);
+  EXPECT_LT(
+      ResidualAt(ImuFactor(imu), ImuValues(at.i, Propagate(*imu, at.i), StateToParameters)).norm(),
+      1e-8);
 }
 
 TEST(ImuError, JacobiansAreDerivatives) {
@@ -127,8 +138,8 @@ TEST(ImuError, JacobiansAreDerivatives) {
   for (unsigned seed = 0; seed < kNumStates; ++seed) {
     const ImuCase at(seed);
     const ImuError error({}, at.samples, at.i.ba, at.i.bg);
-    ExpectJacobiansAreDerivatives(error, ImuValues(at.i, at.j, StateToBlocks), {By(pose), Straight(9), By(pose), Straight(9)},
-                                  1e-6);
+    ExpectJacobiansAreDerivatives(error, ImuValues(at.i, at.j, StateToBlocks),
+                                  {By(pose), Straight(9), By(pose), Straight(9)}, 1e-6);
     EXPECT_EQ(error.num_integrations(), 1);
   }
 }
@@ -154,12 +165,14 @@ TEST(PriorErrors, JacobiansAreDerivatives) {
     PoseError::Vector6 information;
     information << 1.0, 2.0, 3.0, 0.0, 5.0, 6.0;
     const PoseError pose_error(known, information);
-    ExpectJacobiansAreDerivatives(pose_error, {ToVector(Near(known, 0.3, &random))}, {By(pose)}, 1e-7);
+    ExpectJacobiansAreDerivatives(pose_error, {ToVector(Near(known, 0.3, &random))}, {By(pose)},
+                                  1e-7);
     EXPECT_LT(ResidualAt(pose_error, {ToVector(known)}).norm(), 1e-14);
     SpeedAndBiasError::Vector9 speed_bias;
     speed_bias << random.Vector(1.0), random.Vector(1.0), random.Vector(1.0);
-    ExpectJacobiansAreDerivatives(SpeedAndBiasError(speed_bias, SpeedAndBiasError::Vector9::LinSpaced(1.0, 9.0)),
-                                  {std::vector<double>(9, 0.1)}, {Straight(9)}, 1e-7);
+    ExpectJacobiansAreDerivatives(
+        SpeedAndBiasError(speed_bias, SpeedAndBiasError::Vector9::LinSpaced(1.0, 9.0)),
+        {std::vector<double>(9, 0.1)}, {Straight(9)}, 1e-7);
   }
 }
 

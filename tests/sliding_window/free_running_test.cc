@@ -22,7 +22,8 @@ RunOptions Options(bool free_extrinsics) {
 }
 
 SolveFunction SolveBy(inceres::SolveMode mode) {
-  return [mode](const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+  return [mode](const ceres::Solver::Options& options, ceres::Problem* problem,
+                ceres::Solver::Summary* summary) {
     inceres::SolveOptions asked;
     inceres::SolveReport report;
     asked.mode = mode;
@@ -34,7 +35,8 @@ SolveFunction SolveBy(inceres::SolveMode mode) {
 
 SolveFunction SolveBySession() {
   auto session = std::make_shared<inceres::CeresSession>();
-  return [session](const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+  return [session](const ceres::Solver::Options& options, ceres::Problem* problem,
+                   ceres::Solver::Summary* summary) {
     inceres::SolveOptions asked;
     inceres::SolveReport report;
     asked.strict = true;
@@ -47,7 +49,8 @@ using Play = std::function<RunReport(const SolveFunction&)>;
 
 constexpr double kAteTolerance = 0.01;
 
-void ExpectAsGoodAsStock(const Play& play, const SolveFunction& ours, std::size_t num_solves, double tolerance = kAteTolerance) {
+void ExpectAsGoodAsStock(const Play& play, const SolveFunction& ours, std::size_t num_solves,
+                         double tolerance = kAteTolerance) {
   const RunReport stock = play(SolveWithStock);
   const RunReport report = play(ours);
   EXPECT_EQ(stock.solve_ms.size(), num_solves);
@@ -76,16 +79,19 @@ TEST(FreeRunning, VinsExactExtrinsicsFree) {
   ExpectAsGoodAsStock(Vins(true), SolveBy(inceres::SolveMode::kExact), kNumFramesOfRun - 10);
 }
 TEST(FreeRunning, VinsIncremental) {
-  ExpectAsGoodAsStock(Vins(false), SolveBy(inceres::SolveMode::kIncremental), kNumFramesOfRun - 10, kAteToleranceOfOtherSteps);
+  ExpectAsGoodAsStock(Vins(false), SolveBy(inceres::SolveMode::kIncremental), kNumFramesOfRun - 10,
+                      kAteToleranceOfOtherSteps);
 }
 TEST(FreeRunning, OkvisExact) {
   ExpectAsGoodAsStock(Okvis(false, false), SolveBy(inceres::SolveMode::kExact), kNumFramesOfRun);
 }
 TEST(FreeRunning, OkvisSession) {
-  ExpectAsGoodAsStock(Okvis(false, false), SolveBySession(), kNumFramesOfRun, kAteToleranceOfOtherSteps);
+  ExpectAsGoodAsStock(Okvis(false, false), SolveBySession(), kNumFramesOfRun,
+                      kAteToleranceOfOtherSteps);
 }
 TEST(FreeRunning, OkvisSessionConstantsToggled) {
-  ExpectAsGoodAsStock(Okvis(false, true), SolveBySession(), 2 * kNumFramesOfRun, kAteToleranceOfOtherSteps);
+  ExpectAsGoodAsStock(Okvis(false, true), SolveBySession(), 2 * kNumFramesOfRun,
+                      kAteToleranceOfOtherSteps);
 }
 
 }  // namespace

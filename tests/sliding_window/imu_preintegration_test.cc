@@ -26,7 +26,8 @@ TEST(ImuPreintegration, StraightMotionIsExact) {
   EXPECT_EQ(j.pose.q.coeffs(), Eigen::Quaterniond::Identity().coeffs());
 }
 
-// A circle of radius 2 at 1.5 rad/s, facing along it: turn rate and specific force are constant in body axes.
+// A circle of radius 2 at 1.5 rad/s, facing along it: turn rate and specific force are constant in
+// body axes.
 TEST(ImuPreintegration, CircleIsExactToTheOrderOfTheMidPointRule) {
   const double w = 1.5;
   const double radius = 2.0;
@@ -34,7 +35,8 @@ TEST(ImuPreintegration, CircleIsExactToTheOrderOfTheMidPointRule) {
     const double dt = 1.0 / num_samples;
     std::vector<ImuSample> samples;
     for (int i = 0; i <= num_samples; ++i) {
-      samples.push_back({dt * i, Vector3d(0.0, radius * w * w, 0.0) + kGravity, Vector3d(0.0, 0.0, w)});
+      samples.push_back(
+          {dt * i, Vector3d(0.0, radius * w * w, 0.0) + kGravity, Vector3d(0.0, 0.0, w)});
     }
     ImuState i;
     i.pose.p = Vector3d(0.0, -radius, 0.0);
@@ -81,8 +83,8 @@ TEST(ImuPreintegration, BiasJacobianIsADerivative) {
       ahead.Repropagate(ba + da, bg + dg);
       behind.Repropagate(ba - da, bg - dg);
       Eigen::Matrix<double, 9, 1> difference;
-      difference << ahead.delta_p() - behind.delta_p(), Log(behind.delta_q().conjugate() * ahead.delta_q()),
-          ahead.delta_v() - behind.delta_v();
+      difference << ahead.delta_p() - behind.delta_p(),
+          Log(behind.delta_q().conjugate() * ahead.delta_q()), ahead.delta_v() - behind.delta_v();
       const Eigen::Matrix<double, 9, 1> column = at.jacobian().block<9, 1>(0, Imu::kBa + k);
       EXPECT_LT((difference / (2.0 * kStep) - column).norm(), 1e-8) << "column " << k;
     }
@@ -107,7 +109,8 @@ TEST(ImuPreintegration, CovarianceIsThatOfSamples) {
     }
     const Imu other(noise, noisy, Vector3d::Zero(), Vector3d::Zero());
     Eigen::Matrix<double, 9, 1> e;
-    e << other.delta_p() - exact.delta_p(), Log(exact.delta_q().conjugate() * other.delta_q()), other.delta_v() - exact.delta_v();
+    e << other.delta_p() - exact.delta_p(), Log(exact.delta_q().conjugate() * other.delta_q()),
+        other.delta_v() - exact.delta_v();
     sampled += e * e.transpose() / kNumRuns;
   }
   // Whitened it is the identity, but for chance and for the two half samples at the ends.
@@ -128,9 +131,10 @@ TEST(ImuPreintegration, AppendIsAsIfTheSamplesHadComeTogether) {
   EXPECT_EQ(parts.covariance(), whole.covariance());
   EXPECT_EQ(parts.sqrt_information(), whole.sqrt_information());
   EXPECT_EQ(parts.dt(), whole.dt());
-  EXPECT_LT(
-      (whole.sqrt_information() * whole.covariance() * whole.sqrt_information().transpose() - Imu::Matrix15::Identity()).norm(),
-      1e-8);
+  EXPECT_LT((whole.sqrt_information() * whole.covariance() * whole.sqrt_information().transpose() -
+             Imu::Matrix15::Identity())
+                .norm(),
+            1e-8);
 }
 
 }  // namespace

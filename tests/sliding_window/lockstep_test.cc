@@ -1,5 +1,5 @@
-// Both estimators, each twice: one solves with stock Ceres, the other with inceres in exact mode, every single solve from the
-// same start.
+// Both estimators, each twice: one solves with stock Ceres, the other with inceres in exact mode,
+// every single solve from the same start.
 
 #include <algorithm>
 #include <cmath>
@@ -42,8 +42,10 @@ class Lockstep {
   int num_solves() const { return num_solves_; }
 
  private:
-  // Cost functions with a memory (ImuError) are brought to rest by a first solve, so that the other two meet them alike.
-  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+  // Cost functions with a memory (ImuError) are brought to rest by a first solve, so that the other
+  // two meet them alike.
+  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
+             ceres::Solver::Summary* summary) {
     const std::vector<double> start = estimator_.values();
     ceres::Solve(options, problem, summary);
     estimator_.set_values(start);
@@ -58,8 +60,10 @@ class Lockstep {
     inceres::Solve(options, problem, &ours, asked, &report);
     EXPECT_EQ(report.fallback_reason, "");
     EXPECT_LT(LargestDifference(estimator_.values(), end), 1e-6) << "solve " << num_solves_;
-    EXPECT_NEAR(ours.initial_cost, summary->initial_cost, 1e-12 * summary->initial_cost) << "solve " << num_solves_;
-    EXPECT_NEAR(ours.final_cost, summary->final_cost, 1e-8 * summary->final_cost) << "solve " << num_solves_;
+    EXPECT_NEAR(ours.initial_cost, summary->initial_cost, 1e-12 * summary->initial_cost)
+        << "solve " << num_solves_;
+    EXPECT_NEAR(ours.final_cost, summary->final_cost, 1e-8 * summary->final_cost)
+        << "solve " << num_solves_;
     EXPECT_EQ(ours.iterations.size(), summary->iterations.size()) << "solve " << num_solves_;
     EXPECT_EQ(ours.termination_type, summary->termination_type) << "solve " << num_solves_;
     estimator_.set_values(end);

@@ -22,7 +22,8 @@ using Eigen::VectorXd;
 // H and b of residuals with tangent Jacobians, added up by hand.
 struct Dense {
   explicit Dense(int size) : H(MatrixXd::Zero(size, size)), b(VectorXd::Zero(size)) {}
-  void Add(const LinearizedFactor& factor, const std::vector<MatrixXd>& tangent, const std::vector<int>& offsets) {
+  void Add(const LinearizedFactor& factor, const std::vector<MatrixXd>& tangent,
+           const std::vector<int>& offsets) {
     MatrixXd J = MatrixXd::Zero(factor.r.size(), b.size());
     for (std::size_t i = 0; i < offsets.size(); ++i) {
       J.middleCols(offsets[i], tangent[i].cols()) += factor.J[i] * tangent[i];
@@ -60,8 +61,10 @@ class Pull : public ceres::CostFunction {
       b_[i] = random->Uniform(-1.0, 1.0);
     }
   }
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    Eigen::Map<VectorXd>(residuals, b_.size()) = A_ * Eigen::Map<const VectorXd>(parameters[0], b_.size()) + b_;
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    Eigen::Map<VectorXd>(residuals, b_.size()) =
+        A_ * Eigen::Map<const VectorXd>(parameters[0], b_.size()) + b_;
     if (jacobians != nullptr && jacobians[0] != nullptr) {
       Eigen::Map<RowMajorMatrix>(jacobians[0], b_.size(), b_.size()) = A_;
     }
@@ -75,7 +78,8 @@ class Pull : public ceres::CostFunction {
 
 struct Scene {
   RandomState random{1};
-  std::vector<std::vector<double>> poses{ToVector({}), ToVector({{0.3, 0.1, 0.0}, Exp({0.0, 0.1, 0.0})}),
+  std::vector<std::vector<double>> poses{ToVector({}),
+                                         ToVector({{0.3, 0.1, 0.0}, Exp({0.0, 0.1, 0.0})}),
                                          ToVector({{0.6, -0.1, 0.1}, Exp({0.1, 0.1, 0.0})})};
   std::vector<double> extrinsic = ToVector({{0.1, 0.0, 0.0}, Exp({0.0, 0.0, 0.1})});
   ceres::CauchyLoss loss{1.0};
@@ -94,16 +98,20 @@ TEST(VinsMarginalization, IsTheDenseSchurComplement) {
   const MatrixXd depth_tangent = MatrixXd::Identity(1, 1);
   for (std::size_t k = 0; k < 3; ++k) {
     const Pull pull(7, &scene.random);
-    info.Add(pull, nullptr, {scene.poses[k].data()}, k == 0 ? std::vector<int>{0} : std::vector<int>{});
+    info.Add(pull, nullptr, {scene.poses[k].data()},
+             k == 0 ? std::vector<int>{0} : std::vector<int>{});
     dense.Add(Linearize(pull, nullptr, {scene.poses[k].data()}), {pose_tangent}, {pose_at[k]});
   }
   for (int d = 0; d < 4; ++d) {
     for (int k = 1; k < 3; ++k) {
-      const ProjectionFactor factor(scene.random.Vector(0.4).head<2>(), scene.random.Vector(0.4).head<2>(), 20.0);
-      const std::vector<double*> blocks{scene.poses[0].data(), scene.poses[k].data(), scene.extrinsic.data(), &depths[d]};
+      const ProjectionFactor factor(scene.random.Vector(0.4).head<2>(),
+                                    scene.random.Vector(0.4).head<2>(), 20.0);
+      const std::vector<double*> blocks{scene.poses[0].data(), scene.poses[k].data(),
+                                        scene.extrinsic.data(), &depths[d]};
       info.Add(factor, &scene.loss, blocks, {0, 3});
       dense.Add(Linearize(factor, &scene.loss, {blocks.begin(), blocks.end()}),
-                {pose_tangent, pose_tangent, pose_tangent, depth_tangent}, {0, pose_at[k], extrinsic_at, 6 + d});
+                {pose_tangent, pose_tangent, pose_tangent, depth_tangent},
+                {0, pose_at[k], extrinsic_at, 6 + d});
     }
   }
   info.Marginalize();
@@ -113,7 +121,8 @@ TEST(VinsMarginalization, IsTheDenseSchurComplement) {
 
   // As a factor: r at the point of linearization, and J dx away from it.
   const std::vector<double*> kept = info.KeptBlocks({});
-  ASSERT_EQ(kept, (std::vector<double*>{scene.poses[1].data(), scene.poses[2].data(), scene.extrinsic.data()}));
+  ASSERT_EQ(kept, (std::vector<double*>{scene.poses[1].data(), scene.poses[2].data(),
+                                        scene.extrinsic.data()}));
   const MarginalizationFactor factor(&info);
   const Values x{scene.poses[1], scene.poses[2], scene.extrinsic};
   EXPECT_EQ(ResidualAt(factor, x), info.r());
@@ -132,7 +141,8 @@ TEST(VinsMarginalization, TellsNothingOfDirectionsThatNothingMeasured) {
       }
       for (int k = 0; J != nullptr && k < 2; ++k) {
         if (J[k] != nullptr) {
-          Eigen::Map<RowMajorMatrix>(J[k], 9, 9) = (k == 0 ? -1.0 : 1.0) * RowMajorMatrix::Identity(9, 9);
+          Eigen::Map<RowMajorMatrix>(J[k], 9, 9) =
+              (k == 0 ? -1.0 : 1.0) * RowMajorMatrix::Identity(9, 9);
         }
       }
       return true;
@@ -165,8 +175,8 @@ struct OkvisScene : Scene {
       costs.push_back(std::make_unique<Pull>(7, &random));
       pulls.push_back(problem.AddResidualBlock(costs.back().get(), nullptr, poses[k].data()));
       costs.push_back(std::make_unique<ReprojectionError>(random.Vector(0.4).head<2>(), 20.0));
-      sightings.push_back(
-          problem.AddResidualBlock(costs.back().get(), &loss, poses[k].data(), landmark.data(), extrinsic.data()));
+      sightings.push_back(problem.AddResidualBlock(costs.back().get(), &loss, poses[k].data(),
+                                                   landmark.data(), extrinsic.data()));
     }
   }
   MatrixXd PoseTangent(const std::vector<double>& x) const { return By(pose_manifold).jacobian(x); }
@@ -176,8 +186,9 @@ struct OkvisScene : Scene {
                {PoseTangent(pose), MatrixXd::Identity(4, 3)}, {3 + 6 * k, 0});
   }
   void AddPull(int k, const std::vector<double>& pose, Dense* dense) const {
-    dense->Add(Linearize(*problem.GetCostFunctionForResidualBlock(pulls[k]), nullptr, {pose.data()}), {PoseTangent(pose)},
-               {3 + 6 * k});
+    dense->Add(
+        Linearize(*problem.GetCostFunctionForResidualBlock(pulls[k]), nullptr, {pose.data()}),
+        {PoseTangent(pose)}, {3 + 6 * k});
   }
 
   PoseManifold pose_manifold;
@@ -216,7 +227,8 @@ TEST(OkvisMarginalization, IsTheDenseSchurComplementInOneOrSeveralSteps) {
     ExpectSame(error.prior().J, error.prior().r, dense);
     const Values x{scene.poses[1], scene.poses[2]};
     EXPECT_EQ(ResidualAt(error, x), error.prior().r);
-    ExpectJacobiansAreDerivatives(error, x, {By(scene.pose_manifold), By(scene.pose_manifold)}, 1e-6);
+    ExpectJacobiansAreDerivatives(error, x, {By(scene.pose_manifold), By(scene.pose_manifold)},
+                                  1e-6);
   }
 }
 
@@ -228,7 +240,8 @@ TEST(OkvisMarginalization, LinearizesAConnectedBlockWhereItWasFirst) {
   error.Update();
   EXPECT_EQ(error.num_residuals(), 6);
   const std::vector<double> first = scene.poses[1];
-  scene.pose_manifold.Plus(first.data(), VectorXd::Constant(6, 0.01).eval().data(), scene.poses[1].data());
+  scene.pose_manifold.Plus(first.data(), VectorXd::Constant(6, 0.01).eval().data(),
+                           scene.poses[1].data());
   error.Add(scene.problem, scene.sightings[1]);
   error.Add(scene.problem, scene.sightings[2]);
   error.Add(scene.problem, scene.pulls[2]);

@@ -29,7 +29,9 @@ inline Motion Straight(int size) {
             Eigen::Map<Eigen::VectorXd>(moved.data(), d.size()) += d;
             return moved;
           },
-          [size](const std::vector<double>& /*x*/) { return RowMajorMatrix(RowMajorMatrix::Identity(size, size)); }};
+          [size](const std::vector<double>& /*x*/) {
+            return RowMajorMatrix(RowMajorMatrix::Identity(size, size));
+          }};
 }
 
 /// `Object` is a ceres::Manifold or a ceres::LocalParameterization.
@@ -75,9 +77,10 @@ inline Eigen::VectorXd ResidualAt(const ceres::CostFunction& cost, const Values&
   return r;
 }
 
-/// Compares the cost function's tangent Jacobians with central differences, and its residual with Jacobians with that without.
-inline void ExpectJacobiansAreDerivatives(const ceres::CostFunction& cost, const Values& x, const std::vector<Motion>& motions,
-                                          double tolerance) {
+/// Compares the cost function's tangent Jacobians with central differences, and its residual with
+/// Jacobians with that without.
+inline void ExpectJacobiansAreDerivatives(const ceres::CostFunction& cost, const Values& x,
+                                          const std::vector<Motion>& motions, double tolerance) {
   constexpr double kStep = 1e-5;
   const LinearizedFactor at_x = Linearize(cost, nullptr, Pointers(x));
   ASSERT_EQ(at_x.r, ResidualAt(cost, x));
@@ -90,8 +93,10 @@ inline void ExpectJacobiansAreDerivatives(const ceres::CostFunction& cost, const
       Values behind(x);
       ahead[i] = motions[i].plus(x[i], d);
       behind[i] = motions[i].plus(x[i], -d);
-      const Eigen::VectorXd difference = (ResidualAt(cost, ahead) - ResidualAt(cost, behind)) / (2.0 * kStep);
-      EXPECT_LT((J.col(k) - difference).cwiseAbs().maxCoeff(), tolerance * scale) << "block " << i << ", column " << k;
+      const Eigen::VectorXd difference =
+          (ResidualAt(cost, ahead) - ResidualAt(cost, behind)) / (2.0 * kStep);
+      EXPECT_LT((J.col(k) - difference).cwiseAbs().maxCoeff(), tolerance * scale)
+          << "block " << i << ", column " << k;
     }
   }
 }

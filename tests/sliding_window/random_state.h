@@ -12,8 +12,12 @@ class RandomState {
  public:
   explicit RandomState(unsigned seed) : random_(seed) {}
 
-  double Uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random_); }
-  Eigen::Vector3d Vector(double size) { return {Uniform(-size, size), Uniform(-size, size), Uniform(-size, size)}; }
+  double Uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random_);
+  }
+  Eigen::Vector3d Vector(double size) {
+    return {Uniform(-size, size), Uniform(-size, size), Uniform(-size, size)};
+  }
   Pose AnyPose() { return {Vector(5.0), Exp(Vector(1.8))}; }
   ImuState AnyState() { return {AnyPose(), Vector(2.0), Vector(0.1), Vector(0.02)}; }
 

@@ -21,15 +21,18 @@ constexpr unsigned kNumCosts = 200;
 constexpr double kFocalLength = 460.0, kPixelSigma = 1.5;
 
 // Residual and Jacobians, each against its largest entry; and the residual without Jacobians.
-void ExpectTheSame(const ceres::CostFunction& lean, const ceres::CostFunction& realistic, const Values& x, double tolerance) {
+void ExpectTheSame(const ceres::CostFunction& lean, const ceres::CostFunction& realistic,
+                   const Values& x, double tolerance) {
   const LinearizedFactor a = Linearize(lean, nullptr, Pointers(x));
   const LinearizedFactor b = Linearize(realistic, nullptr, Pointers(x));
   ASSERT_EQ(a.r.size(), b.r.size());
-  EXPECT_LE((a.r - b.r).cwiseAbs().maxCoeff(), tolerance * std::max(1.0, a.r.cwiseAbs().maxCoeff()));
+  EXPECT_LE((a.r - b.r).cwiseAbs().maxCoeff(),
+            tolerance * std::max(1.0, a.r.cwiseAbs().maxCoeff()));
   EXPECT_EQ(ResidualAt(realistic, x), b.r);
   ASSERT_EQ(a.J.size(), b.J.size());
   for (std::size_t i = 0; i < a.J.size(); ++i) {
-    EXPECT_LE((a.J[i] - b.J[i]).cwiseAbs().maxCoeff(), tolerance * a.J[i].cwiseAbs().maxCoeff()) << "block " << i;
+    EXPECT_LE((a.J[i] - b.J[i]).cwiseAbs().maxCoeff(), tolerance * a.J[i].cwiseAbs().maxCoeff())
+        << "block " << i;
   }
 }
 
@@ -64,7 +67,8 @@ TEST(RealisticCosts, ReprojectionAlsoBehindTheCamera) {
     const Pose extrinsic{random.Vector(0.5), Exp(random.Vector(0.5))};
     const double w = random.Uniform(0.5, 2.0);
     const double depth = i % 10 == 0 ? -2.0 : random.Uniform(0.5, 9.0);
-    const Eigen::Vector3d p = pose * (extrinsic * (depth * random.Vector(0.5).head<2>().homogeneous()));
+    const Eigen::Vector3d p =
+        pose * (extrinsic * (depth * random.Vector(0.5).head<2>().homogeneous()));
     const Values x{ToVector(pose), {w * p.x(), w * p.y(), w * p.z(), w}, ToVector(extrinsic)};
     const Eigen::Vector2d xy = random.Vector(0.5).head<2>();
     const RealisticReprojectionError realistic(xy, kFocalLength, kPixelSigma);
@@ -73,8 +77,10 @@ TEST(RealisticCosts, ReprojectionAlsoBehindTheCamera) {
   }
 }
 
-Values ImuBlocks(const ImuState& i, const ImuState& j, void (*write)(const ImuState&, double*, double*)) {
-  Values x{std::vector<double>(7), std::vector<double>(9), std::vector<double>(7), std::vector<double>(9)};
+Values ImuBlocks(const ImuState& i, const ImuState& j,
+                 void (*write)(const ImuState&, double*, double*)) {
+  Values x{std::vector<double>(7), std::vector<double>(9), std::vector<double>(7),
+           std::vector<double>(9)};
   write(i, x[0].data(), x[1].data());
   write(j, x[2].data(), x[3].data());
   return x;
@@ -96,7 +102,8 @@ TEST(RealisticCosts, Imu) {
     ExpectTheSame(ImuFactor(imu), RealisticImuFactor(imu), of_vins, 1e-6);
     ExpectNullJacobiansAreLeftAlone(RealisticImuFactor(imu), of_vins);
     const Values of_okvis = ImuBlocks(i, j, StateToBlocks);
-    ExpectTheSame(ImuError({}, samples, i.ba, bg), RealisticImuError({}, samples, i.ba, bg), of_okvis, 1e-9);
+    ExpectTheSame(ImuError({}, samples, i.ba, bg), RealisticImuError({}, samples, i.ba, bg),
+                  of_okvis, 1e-9);
     ExpectNullJacobiansAreLeftAlone(RealisticImuError({}, samples, i.ba, bg), of_okvis);
   }
 }
@@ -113,7 +120,8 @@ TEST(RealisticCosts, TheCamerasDerivativeIsThatOfItsDistortedImage) {
     camera.Project(point, &J);
     for (int k = 0; k < 4; ++k) {
       const Eigen::Vector4d step = 1e-5 * Eigen::Vector4d::Unit(k);
-      const Eigen::Vector2d difference = (camera.Project(point + step, nullptr) - camera.Project(point - step, nullptr)) / 2e-5;
+      const Eigen::Vector2d difference =
+          (camera.Project(point + step, nullptr) - camera.Project(point - step, nullptr)) / 2e-5;
       EXPECT_LT((J.col(k) - difference).norm(), 1e-6 * kFocalLength);
     }
   }

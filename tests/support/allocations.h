@@ -4,12 +4,14 @@
 
 namespace inceres::test {
 
-/// How often memory was asked for so far, by whoever in the program: operator new, malloc, libraries, all threads. A test program
-/// that links inceres_allocations counts. Environment INCERES_TRAP_ALLOCATIONS: abort() at the first one inside AllocationTrap,
-/// for a debugger to show.
+/// How often memory was asked for so far, by whoever in the program: operator new, malloc,
+/// libraries, all threads. A test program that links inceres_allocations counts. Environment
+/// INCERES_TRAP_ALLOCATIONS: abort() at the first one inside AllocationTrap, for a debugger to
+/// show.
 std::int64_t NumAllocations();
 
-/// False where nothing can be counted: a sanitizer has its own allocator, or the C library is not glibc.
+/// False where nothing can be counted: a sanitizer has its own allocator, or the C library is not
+/// glibc.
 bool CanCountAllocations();
 
 /// While one lives, allocations trap if the environment asks for it.

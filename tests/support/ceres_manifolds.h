@@ -11,7 +11,8 @@
 #include <ceres/sphere_manifold.h>
 #endif
 
-/// Ceres's manifolds as tests write them, whatever the release calls them. 2.0 has them as LocalParameterizations, without Minus.
+/// Ceres's manifolds as tests write them, whatever the release calls them. 2.0 has them as
+/// LocalParameterizations, without Minus.
 namespace manifolds {
 
 #if CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR == 0
@@ -28,7 +29,9 @@ class Manifold : public ceres::LocalParameterization {
 
   int GlobalSize() const final { return AmbientSize(); }
   int LocalSize() const final { return TangentSize(); }
-  bool ComputeJacobian(const double* x, double* jacobian) const final { return PlusJacobian(x, jacobian); }
+  bool ComputeJacobian(const double* x, double* jacobian) const final {
+    return PlusJacobian(x, jacobian);
+  }
 };
 
 using SubsetManifold = ceres::SubsetParameterization;

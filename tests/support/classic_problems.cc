@@ -10,9 +10,10 @@ namespace inceres::test {
 namespace {
 
 // A factor in two variables of size 1: residual and its two derivatives.
-void AddScalarPair(FactorGraph* graph, VariableId a, VariableId b, double (*f)(double, double), double (*df_da)(double, double),
-                   double (*df_db)(double, double)) {
-  const auto function = [f, df_da, df_db](int, const double* const* x, double* residuals, double** jacobians) {
+void AddScalarPair(FactorGraph* graph, VariableId a, VariableId b, double (*f)(double, double),
+                   double (*df_da)(double, double), double (*df_db)(double, double)) {
+  const auto function = [f, df_da, df_db](int, const double* const* x, double* residuals,
+                                          double** jacobians) {
     residuals[0] = f(x[0][0], x[1][0]);
     if (jacobians != nullptr && jacobians[0] != nullptr) {
       jacobians[0][0] = df_da(x[0][0], x[1][0]);
@@ -22,7 +23,8 @@ void AddScalarPair(FactorGraph* graph, VariableId a, VariableId b, double (*f)(d
     }
     return true;
   };
-  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, function);
+  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
+                                                 function);
   graph->AddFactor(graph->AddFamily(family), *family, 0, {a, b});
 }
 
@@ -35,14 +37,16 @@ void MakePowell(FactorGraph* graph) {
     x[k] = graph->AddVariable(start + k, 1, Role::kFrame);
   }
   AddScalarPair(
-      graph, x[0], x[1], [](double a, double b) { return a + 10.0 * b; }, [](double, double) { return 1.0; },
-      [](double, double) { return 10.0; });
+      graph, x[0], x[1], [](double a, double b) { return a + 10.0 * b; },
+      [](double, double) { return 1.0; }, [](double, double) { return 10.0; });
   AddScalarPair(
       graph, x[2], x[3], [](double a, double b) { return std::sqrt(5.0) * (a - b); },
-      [](double, double) { return std::sqrt(5.0); }, [](double, double) { return -std::sqrt(5.0); });
+      [](double, double) { return std::sqrt(5.0); },
+      [](double, double) { return -std::sqrt(5.0); });
   AddScalarPair(
       graph, x[1], x[2], [](double a, double b) { return (a - 2.0 * b) * (a - 2.0 * b); },
-      [](double a, double b) { return 2.0 * (a - 2.0 * b); }, [](double a, double b) { return -4.0 * (a - 2.0 * b); });
+      [](double a, double b) { return 2.0 * (a - 2.0 * b); },
+      [](double a, double b) { return -4.0 * (a - 2.0 * b); });
   AddScalarPair(
       graph, x[0], x[3], [](double a, double b) { return std::sqrt(10.0) * (a - b) * (a - b); },
       [](double a, double b) { return 2.0 * std::sqrt(10.0) * (a - b); },
@@ -52,7 +56,8 @@ void MakePowell(FactorGraph* graph) {
 void MakeRosenbrock(FactorGraph* graph) {
   const double start[2] = {-1.2, 1.0};
   const VariableId x = graph->AddVariable(start, 2, Role::kFrame);
-  const auto function = [](int, const double* const* parameters, double* residuals, double** jacobians) {
+  const auto function = [](int, const double* const* parameters, double* residuals,
+                           double** jacobians) {
     const double* p = parameters[0];
     residuals[0] = 10.0 * (p[1] - p[0] * p[0]);
     residuals[1] = 1.0 - p[0];
@@ -62,7 +67,8 @@ void MakeRosenbrock(FactorGraph* graph) {
     }
     return true;
   };
-  auto family = std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}}, function);
+  auto family =
+      std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}}, function);
   graph->AddFactor(graph->AddFamily(family), *family, 0, {x});
 }
 
@@ -71,12 +77,14 @@ void MakeCurveFit(FactorGraph* graph, std::shared_ptr<const Loss> loss, bool out
   std::vector<std::pair<double, double>> points;
   for (int i = 0; i < 40; ++i) {
     const double x = 0.125 * i;
-    points.emplace_back(x, std::exp(0.3 * x + 0.1) + 0.2 * random.Unit() + (outliers && i % 10 == 4 ? 4.0 : 0.0));
+    points.emplace_back(
+        x, std::exp(0.3 * x + 0.1) + 0.2 * random.Unit() + (outliers && i % 10 == 4 ? 4.0 : 0.0));
   }
   const double zero = 0.0;
   const VariableId m = graph->AddVariable(&zero, 1, Role::kFrame);
   const VariableId c = graph->AddVariable(&zero, 1, Role::kFrame);
-  const auto function = [points](int i, const double* const* parameters, double* residuals, double** jacobians) {
+  const auto function = [points](int i, const double* const* parameters, double* residuals,
+                                 double** jacobians) {
     const auto [x, y] = points[static_cast<std::size_t>(i)];
     const double model = std::exp(parameters[0][0] * x + parameters[1][0]);
     residuals[0] = y - model;
@@ -88,7 +96,8 @@ void MakeCurveFit(FactorGraph* graph, std::shared_ptr<const Loss> loss, bool out
     }
     return true;
   };
-  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, function);
+  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
+                                                 function);
   const FamilyId id = graph->AddFamily(family);
   for (std::size_t i = 0; i < points.size(); ++i) {
     graph->AddFactor(id, *family, 0, {m, c}, loss);

@@ -16,9 +16,11 @@
 
 namespace inceres::test {
 
-/// The parts of the core up to H, put together for one graph as the solver does it, with the Jacobians evaluated.
+/// The parts of the core up to H, put together for one graph as the solver does it, with the
+/// Jacobians evaluated.
 struct CorePipeline {
-  explicit CorePipeline(const FactorGraph& graph, bool eliminate_landmarks = true, int num_threads = 1,
+  explicit CorePipeline(const FactorGraph& graph, bool eliminate_landmarks = true,
+                        int num_threads = 1,
                         std::int64_t quads_per_chunk = internal::LandmarkIncidences::kQuadsPerChunk)
       : executor(num_threads),
         layout(graph, eliminate_landmarks),
@@ -46,7 +48,8 @@ inline std::vector<double> FrameHessian(const CorePipeline& core) {
   std::vector<double> values(static_cast<std::size_t>(pattern.value_begin.back()), 0.0);
   for (std::size_t k = 0; k < pattern.columns.size(); ++k) {
     if (const double* block = core.hessian.FrameBlock(static_cast<int>(k))) {
-      std::copy(block, block + (pattern.value_begin[k + 1] - pattern.value_begin[k]), values.begin() + pattern.value_begin[k]);
+      std::copy(block, block + (pattern.value_begin[k + 1] - pattern.value_begin[k]),
+                values.begin() + pattern.value_begin[k]);
     }
   }
   return values;
@@ -54,16 +57,18 @@ inline std::vector<double> FrameHessian(const CorePipeline& core) {
 
 /// The symmetric matrix that `values` hold in a pattern.
 inline Eigen::MatrixXd ToDense(const BlockPattern& pattern, const double* values) {
-  using Block = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+  using Block =
+      Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
   Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(pattern.size(), pattern.size());
   for (int row = 0; row < pattern.num_blocks(); ++row) {
     const auto r = static_cast<std::size_t>(row);
     for (int k = pattern.row_begin[r]; k < pattern.row_begin[r + 1]; ++k) {
       const auto c = static_cast<std::size_t>(pattern.columns[static_cast<std::size_t>(k)]);
-      const Block block(values + pattern.value_begin[static_cast<std::size_t>(k)], pattern.block_size(row),
-                        pattern.block_size(static_cast<int>(c)));
+      const Block block(values + pattern.value_begin[static_cast<std::size_t>(k)],
+                        pattern.block_size(row), pattern.block_size(static_cast<int>(c)));
       dense.block(pattern.offsets[r], pattern.offsets[c], block.rows(), block.cols()) = block;
-      dense.block(pattern.offsets[c], pattern.offsets[r], block.cols(), block.rows()) = block.transpose();
+      dense.block(pattern.offsets[c], pattern.offsets[r], block.cols(), block.rows()) =
+          block.transpose();
     }
   }
   return dense;

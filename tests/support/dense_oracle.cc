@@ -10,7 +10,8 @@ namespace {
 using RowMajorMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // Column of each variable, or -1.
-std::vector<int> ColumnsOf(const FactorGraph& graph, const std::vector<VariableId>& variables, int* num_columns) {
+std::vector<int> ColumnsOf(const FactorGraph& graph, const std::vector<VariableId>& variables,
+                           int* num_columns) {
   std::vector<int> column(static_cast<std::size_t>(graph.num_variables()), -1);
   *num_columns = 0;
   for (const VariableId id : variables) {
@@ -24,7 +25,8 @@ std::vector<int> ColumnsOf(const FactorGraph& graph, const std::vector<VariableI
 struct Maps {
   Maps(const FactorGraph& graph, const std::vector<int>& column) {
     for (VariableId id = 0; id < graph.num_variables(); ++id) {
-      RowMajorMatrix& M = plus.emplace_back(RowMajorMatrix::Identity(graph.AmbientSize(id), graph.TangentSize(id)));
+      RowMajorMatrix& M =
+          plus.emplace_back(RowMajorMatrix::Identity(graph.AmbientSize(id), graph.TangentSize(id)));
       const bool constant = column[static_cast<std::size_t>(id)] < 0;
       if (!constant && graph.manifold(id) != nullptr) {
         EXPECT_TRUE(graph.manifold(id)->PlusJacobian(graph.Values(id), M.data()));
@@ -42,7 +44,8 @@ struct Maps {
   std::vector<TangentMap> maps;
 };
 
-// f := scale f, J := √ρ' (I − α/s f fᵀ) J, where α is the root below 1 of ½α² − α − s ρ''/ρ' = 0, or 0 where ρ'' ≤ 0.
+// f := scale f, J := √ρ' (I − α/s f fᵀ) J, where α is the root below 1 of ½α² − α − s ρ''/ρ' = 0,
+// or 0 where ρ'' ≤ 0.
 double Correct(const Loss* loss, Eigen::Ref<Eigen::VectorXd> f, Eigen::Ref<Eigen::MatrixXd> J) {
   const double s = f.squaredNorm();
   if (loss == nullptr) {
@@ -50,9 +53,11 @@ double Correct(const Loss* loss, Eigen::Ref<Eigen::VectorXd> f, Eigen::Ref<Eigen
   }
   double rho[3];
   loss->Evaluate(s, rho);
-  const double alpha = rho[2] > 0.0 && s > 0.0 ? 1.0 - std::sqrt(1.0 + 2.0 * s * rho[2] / rho[1]) : 0.0;
+  const double alpha =
+      rho[2] > 0.0 && s > 0.0 ? 1.0 - std::sqrt(1.0 + 2.0 * s * rho[2] / rho[1]) : 0.0;
   if (alpha != 0.0) {
-    const Eigen::MatrixXd projector = Eigen::MatrixXd::Identity(f.size(), f.size()) - alpha / s * f * f.transpose();
+    const Eigen::MatrixXd projector =
+        Eigen::MatrixXd::Identity(f.size(), f.size()) - alpha / s * f * f.transpose();
     J = (projector * J).eval();
   }
   J *= std::sqrt(rho[1]);
@@ -65,7 +70,8 @@ struct FamilyRows {
   std::vector<std::vector<double>> jacobians;  // per slot, unpadded
 };
 
-FamilyRows EvaluateFamily(const FactorGraph& graph, FamilyId id, const std::vector<double>& state, const Maps* maps) {
+FamilyRows EvaluateFamily(const FactorGraph& graph, FamilyId id, const std::vector<double>& state,
+                          const Maps* maps) {
   const FactorFamily& family = graph.family(id);
   const auto n = static_cast<std::size_t>(graph.NumFactors(id));
   FamilyRows rows;
@@ -77,7 +83,8 @@ FamilyRows EvaluateFamily(const FactorGraph& graph, FamilyId id, const std::vect
       const VariableId variable = graph.Variables(id, i)[s];
       const bool gap = variable < 0;  // the rows of a free place stay zero
       parameters.push_back(gap ? nullptr : graph.ValuesIn(state.data(), variable));
-      map_of.push_back(maps == nullptr || gap ? nullptr : &maps->maps[static_cast<std::size_t>(variable)]);
+      map_of.push_back(maps == nullptr || gap ? nullptr
+                                              : &maps->maps[static_cast<std::size_t>(variable)]);
     }
   }
   std::vector<JacobianView> views;
@@ -131,13 +138,15 @@ DenseOracle::DenseOracle(const FactorGraph& graph, const std::vector<VariableId>
         f.segment(row, size).setZero();
         continue;
       }
-      f.segment(row, size) = Eigen::Map<const Eigen::VectorXd>(rows.residuals.data() + std::ptrdiff_t{i} * size, size);
+      f.segment(row, size) =
+          Eigen::Map<const Eigen::VectorXd>(rows.residuals.data() + std::ptrdiff_t{i} * size, size);
       for (int s = 0; s < family.num_slots(); ++s) {
         const int first = column[static_cast<std::size_t>(graph.Variables(id, i)[s])];
         const int width = family.slot(s).tangent_size;
         if (first >= 0) {
           J.block(row, first, size, width) = Eigen::Map<const RowMajorMatrix>(
-              rows.jacobians[static_cast<std::size_t>(s)].data() + std::ptrdiff_t{i} * size * width, size, width);
+              rows.jacobians[static_cast<std::size_t>(s)].data() + std::ptrdiff_t{i} * size * width,
+              size, width);
         }
       }
       cost += Correct(graph.loss(id, i), f.segment(row, size), J.middleRows(row, size));

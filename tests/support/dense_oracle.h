@@ -8,11 +8,13 @@
 
 namespace inceres::test {
 
-/// The linearized problem written out as matrices, straight from the graph: families evaluated one by one, Jacobians projected
-/// by products with the manifolds' PlusJacobian, losses applied as Triggs writes them. Shares no code with src/. Free places of
-/// an edited graph are rows of zeros; pins are not looked at.
+/// The linearized problem written out as matrices, straight from the graph: families evaluated one
+/// by one, Jacobians projected by products with the manifolds' PlusJacobian, losses applied as
+/// Triggs writes them. Shares no code with src/. Free places of an edited graph are rows of zeros;
+/// pins are not looked at.
 struct DenseOracle {
-  /// The columns are those of `variables`, one after the other; every other variable counts as constant.
+  /// The columns are those of `variables`, one after the other; every other variable counts as
+  /// constant.
   DenseOracle(const FactorGraph& graph, const std::vector<VariableId>& variables);
 
   double cost = 0.0;  // ½ Σ ρ

@@ -23,11 +23,13 @@ VariableId RandomGraph::AddCurved(Role role, std::shared_ptr<const Manifold> man
   for (double& value : values) {
     value /= std::sqrt(norm);
   }
-  return graph_.AddVariable(values.data(), static_cast<int>(values.size()), role, std::move(manifold));
+  return graph_.AddVariable(values.data(), static_cast<int>(values.size()), role,
+                            std::move(manifold));
 }
 
 VariableId RandomGraph::AddBorrowed(int size) {
-  borrowed_.push_back(std::make_unique<std::vector<double>>(random_.Vector(static_cast<std::size_t>(size))));
+  borrowed_.push_back(
+      std::make_unique<std::vector<double>>(random_.Vector(static_cast<std::size_t>(size))));
   return graph_.AddBorrowedConstant(borrowed_.back()->data(), size);
 }
 
@@ -50,15 +52,18 @@ RandomGraph::Family& RandomGraph::FamilyFor(int residual_size, const std::vector
   return found->second;
 }
 
-void RandomGraph::Connect(int residual_size, const std::vector<VariableId>& ids, std::shared_ptr<const Loss> loss, double noise) {
+void RandomGraph::Connect(int residual_size, const std::vector<VariableId>& ids,
+                          std::shared_ptr<const Loss> loss, double noise) {
   Family& family = FamilyFor(residual_size, ids);
-  const int i = graph_.AddFactor(family.id, *family.family, family.family->MakeMeasurement(&random_), ids, std::move(loss));
+  const int i = graph_.AddFactor(family.id, *family.family,
+                                 family.family->MakeMeasurement(&random_), ids, std::move(loss));
   std::vector<const double*> parameters;
   for (const VariableId id : ids) {
     parameters.push_back(graph_.Values(id));
   }
   std::vector<double> residuals = random_.Vector(static_cast<std::size_t>(residual_size));
-  std::transform(residuals.begin(), residuals.end(), residuals.begin(), [noise](double r) { return noise * r; });
+  std::transform(residuals.begin(), residuals.end(), residuals.begin(),
+                 [noise](double r) { return noise * r; });
   family.family->SetResiduals(i, parameters.data(), residuals.data());
 }
 
@@ -68,7 +73,8 @@ void RandomGraph::Perturb(double size) {
       continue;
     }
     std::vector<double> delta = random_.Vector(static_cast<std::size_t>(graph_.TangentSize(id)));
-    std::transform(delta.begin(), delta.end(), delta.begin(), [size](double d) { return size * d; });
+    std::transform(delta.begin(), delta.end(), delta.begin(),
+                   [size](double d) { return size * d; });
     std::vector<double> moved(graph_.Values(id), graph_.Values(id) + graph_.AmbientSize(id));
     if (graph_.manifold(id) == nullptr) {
       std::transform(moved.begin(), moved.end(), delta.begin(), moved.begin(), std::plus<>());
@@ -95,7 +101,8 @@ class BundleMaker {
       const VariableId frame = frames_[static_cast<std::size_t>(i)];
       graph_.Connect(graph_.graph().TangentSize(frame), {frame}, nullptr, options_.noise);
       if (i > 0) {
-        graph_.Connect(1 + (i * 4) % 15, {frames_[static_cast<std::size_t>(i) - 1], frame}, nullptr, options_.noise);
+        graph_.Connect(1 + (i * 4) % 15, {frames_[static_cast<std::size_t>(i) - 1], frame}, nullptr,
+                       options_.noise);
       }
     }
     for (int l = 0; l < options_.num_landmarks; ++l) {
@@ -106,7 +113,9 @@ class BundleMaker {
   }
 
  private:
-  static int InTurn(const std::vector<int>& sizes, int i) { return sizes[static_cast<std::size_t>(i) % sizes.size()]; }
+  static int InTurn(const std::vector<int>& sizes, int i) {
+    return sizes[static_cast<std::size_t>(i) % sizes.size()];
+  }
 
   VariableId MakeFrame(int i) {
     if (!options_.manifolds || i % 4 == 0) {
@@ -134,16 +143,18 @@ class BundleMaker {
 
   void MakeLandmark(int l) {
     const bool curved = options_.manifolds && l % 3 == 0;
-    const VariableId landmark =
-        curved ? graph_.AddLandmark(std::make_shared<SphereManifold>(4)) : graph_.AddLandmark(InTurn(options_.landmark_sizes, l));
+    const VariableId landmark = curved ? graph_.AddLandmark(std::make_shared<SphereManifold>(4))
+                                       : graph_.AddLandmark(InTurn(options_.landmark_sizes, l));
     graph_.graph().SetConstant(landmark, options_.constants && l % 7 == 2);
-    const int first = graph_.random().Below(std::max(1, options_.num_frames - options_.num_views + 1));
+    const int first =
+        graph_.random().Below(std::max(1, options_.num_frames - options_.num_views + 1));
     for (int v = options_.hosted ? 1 : 0; v < options_.num_views; ++v) {
       std::vector<VariableId> ids = {frames_[static_cast<std::size_t>(first + v)], landmark};
       if (options_.hosted) {
         ids.insert(ids.begin(), frames_[static_cast<std::size_t>(first)]);
       }
-      graph_.Connect(InTurn(options_.residual_sizes, l + v), ids, MakeLoss(num_observations_++), options_.noise);
+      graph_.Connect(InTurn(options_.residual_sizes, l + v), ids, MakeLoss(num_observations_++),
+                     options_.noise);
     }
   }
 

@@ -16,17 +16,23 @@ class RandomGraph {
   explicit RandomGraph(unsigned seed) : random_(seed) {}
 
   VariableId AddFrame(int size) { return AddVariable(size, Role::kFrame, nullptr); }
-  VariableId AddFrame(std::shared_ptr<const Manifold> manifold) { return AddCurved(Role::kFrame, std::move(manifold)); }
+  VariableId AddFrame(std::shared_ptr<const Manifold> manifold) {
+    return AddCurved(Role::kFrame, std::move(manifold));
+  }
   VariableId AddLandmark(int size) { return AddVariable(size, Role::kLandmark, nullptr); }
-  VariableId AddLandmark(std::shared_ptr<const Manifold> manifold) { return AddCurved(Role::kLandmark, std::move(manifold)); }
+  VariableId AddLandmark(std::shared_ptr<const Manifold> manifold) {
+    return AddCurved(Role::kLandmark, std::move(manifold));
+  }
   /// A constant in memory of this object.
   VariableId AddBorrowed(int size);
 
-  /// Adds a factor between these variables; its residuals at the current values are random, up to `noise` in size.
-  void Connect(int residual_size, const std::vector<VariableId>& ids, std::shared_ptr<const Loss> loss = nullptr,
-               double noise = 0.5);
+  /// Adds a factor between these variables; its residuals at the current values are random, up to
+  /// `noise` in size.
+  void Connect(int residual_size, const std::vector<VariableId>& ids,
+               std::shared_ptr<const Loss> loss = nullptr, double noise = 0.5);
 
-  /// Moves every variable that is not constant by a random tangent vector with entries up to `size`.
+  /// Moves every variable that is not constant by a random tangent vector with entries up to
+  /// `size`.
   void Perturb(double size);
 
   FactorGraph& graph() { return graph_; }
@@ -58,14 +64,16 @@ struct BundleOptions {
   std::vector<int> residual_sizes = {2};  ///< of observations, taken in turn
   int num_views = 3;                      ///< frames that see each landmark
   bool hosted = false;                    ///< observations touch the landmark's first frame as well
-  bool manifolds = false;                 ///< quaternions, spheres, subsets and poses instead of some Euclidean variables
-  bool losses = false;                    ///< Huber, Cauchy or Tolerant on two of three observations
-  bool constants = false;                 ///< a frame and a landmark in seven are constant
-  double noise = 0.5;                     ///< size of the residuals before Perturb
-  double perturbation = 0.0;              ///< moves the start away from where the residuals are that small
+  /// quaternions, spheres, subsets and poses instead of some Euclidean variables
+  bool manifolds = false;
+  bool losses = false;        ///< Huber, Cauchy or Tolerant on two of three observations
+  bool constants = false;     ///< a frame and a landmark in seven are constant
+  double noise = 0.5;         ///< size of the residuals before Perturb
+  double perturbation = 0.0;  ///< moves the start away from where the residuals are that small
 };
 
-/// Frames along a path, each landmark seen by num_views neighbors, factors between consecutive frames, priors on every frame.
+/// Frames along a path, each landmark seen by num_views neighbors, factors between consecutive
+/// frames, priors on every frame.
 std::unique_ptr<RandomGraph> MakeBundle(const BundleOptions& options);
 
 }  // namespace inceres::test

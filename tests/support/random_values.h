@@ -6,7 +6,8 @@
 
 namespace inceres::test {
 
-/// Seeded numbers for tests: the same on every machine, because only the engine's bits and plain arithmetic are used.
+/// Seeded numbers for tests: the same on every machine, because only the engine's bits and plain
+/// arithmetic are used.
 class Random {
  public:
   explicit Random(unsigned seed) : engine_(seed) {}

@@ -6,11 +6,12 @@
 
 namespace inceres::test {
 
-/// The memory that AMD and CHOLMOD get, from all solvers of this process: Deny() makes every further allocation fail, until
-/// Grant() or the end of this object.
+/// The memory that AMD and CHOLMOD get, from all solvers of this process: Deny() makes every
+/// further allocation fail, until Grant() or the end of this object.
 class SuiteSparseMemory {
  public:
-  SuiteSparseMemory() : current_(static_cast<Functions*>(dlsym(RTLD_DEFAULT, "SuiteSparse_config"))) {
+  SuiteSparseMemory()
+      : current_(static_cast<Functions*>(dlsym(RTLD_DEFAULT, "SuiteSparse_config"))) {
     if (current_ != nullptr) {
       usual_ = *current_;
     }
@@ -23,7 +24,8 @@ class SuiteSparseMemory {
   bool IsReachable() const { return current_ != nullptr; }
 
   void Deny() {
-    *current_ = {[](std::size_t) -> void* { return nullptr; }, [](std::size_t, std::size_t) -> void* { return nullptr; },
+    *current_ = {[](std::size_t) -> void* { return nullptr; },
+                 [](std::size_t, std::size_t) -> void* { return nullptr; },
                  [](void*, std::size_t) -> void* { return nullptr; }};
   }
   void Grant() {

@@ -4,7 +4,8 @@
 
 namespace inceres::test {
 
-SmoothFamily::SmoothFamily(int residual_size, std::vector<Slot> slots) : AmbientFamily(residual_size, std::move(slots)) {
+SmoothFamily::SmoothFamily(int residual_size, std::vector<Slot> slots)
+    : AmbientFamily(residual_size, std::move(slots)) {
   for (int s = 0; s < num_slots(); ++s) {
     num_entries_ += slot(s).ambient_size;
   }
@@ -28,12 +29,14 @@ void SmoothFamily::SetResiduals(int i, const double* const* parameters, const do
   std::vector<double> f(static_cast<std::size_t>(residual_size()));
   EvaluateOne(i, parameters, f.data(), nullptr);
   for (int r = 0; r < residual_size(); ++r) {
-    measurements_[static_cast<std::size_t>(i)][static_cast<std::size_t>(r * (1 + 3 * num_entries_))] +=
+    measurements_[static_cast<std::size_t>(i)]
+                 [static_cast<std::size_t>(r * (1 + 3 * num_entries_))] +=
         residuals[r] - f[static_cast<std::size_t>(r)];
   }
 }
 
-bool SmoothFamily::EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+bool SmoothFamily::EvaluateOne(int i, const double* const* parameters, double* residuals,
+                               double** jacobians) const {
   const double* next = measurements_[static_cast<std::size_t>(i)].data();
   for (int r = 0; r < residual_size(); ++r) {
     residuals[r] = *next++;

@@ -14,8 +14,8 @@ namespace inceres::test {
 ///
 ///     f_r(x) = c_r + Σ_k (A_rk x_k + B_rk sin(x_k + φ_rk))
 ///
-/// over the ambient entries x_k of all slots in turn. Dominated by A, so a least-squares problem of them has one clear minimum
-/// nearby.
+/// over the ambient entries x_k of all slots in turn. Dominated by A, so a least-squares problem of
+/// them has one clear minimum nearby.
 class SmoothFamily final : public AmbientFamily<SmoothFamily> {
  public:
   using Measurement = std::vector<double>;  // see MakeMeasurement
@@ -25,13 +25,16 @@ class SmoothFamily final : public AmbientFamily<SmoothFamily> {
   /// Random A, B and φ of a factor, c zero.
   Measurement MakeMeasurement(Random* random) const;
   void Add(Measurement measurement) { measurements_.push_back(std::move(measurement)); }
-  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+  void Place(int index, const Measurement& measurement) {
+    PlaceIn(&measurements_, index, measurement);
+  }
   /// Sets c so that f is `residuals` at these parameters.
   void SetResiduals(int i, const double* const* parameters, const double* residuals);
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "smooth test factor"; }
-  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const;
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const;
 
  private:
   int num_entries_ = 0;  // of all slots
@@ -42,7 +45,8 @@ class SmoothFamily final : public AmbientFamily<SmoothFamily> {
 class FunctionFamily final : public AmbientFamily<FunctionFamily> {
  public:
   using Measurement = int;  // ignored: the function knows factor i
-  using Function = std::function<bool(int i, const double* const* parameters, double* residuals, double** jacobians)>;
+  using Function = std::function<bool(int i, const double* const* parameters, double* residuals,
+                                      double** jacobians)>;
 
   FunctionFamily(int residual_size, std::vector<Slot> slots, Function function)
       : AmbientFamily(residual_size, std::move(slots)), function_(std::move(function)) {}
@@ -51,7 +55,8 @@ class FunctionFamily final : public AmbientFamily<FunctionFamily> {
   void Place(int index, Measurement) { size_ += index == size_ ? 1 : 0; }
   int size() const override { return size_; }
   const char* Name() const override { return "function"; }
-  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
     return function_(i, parameters, residuals, jacobians);
   }
 

@@ -7,14 +7,16 @@
 namespace inceres::tools {
 namespace {
 
-// A solver whose runs take the given seconds, one after the other (the first is the pre-pass), and write down that they ran.
+// A solver whose runs take the given seconds, one after the other (the first is the pre-pass), and
+// write down that they ran.
 class FakeSolver {
  public:
   FakeSolver(std::string name, std::vector<double> seconds, double final_cost, std::string* log)
       : name_(std::move(name)), seconds_(std::move(seconds)), final_cost_(final_cost), log_(log) {}
 
   Contender MakeContender(const std::string& solver) {
-    return {solver, name_, [this](std::optional<int> limit, RunOutcome* outcome) { return Run(limit, outcome); }};
+    return {solver, name_,
+            [this](std::optional<int> limit, RunOutcome* outcome) { return Run(limit, outcome); }};
   }
 
   SolveRecord record;  // what every run returns but for the seconds
@@ -49,7 +51,8 @@ class RunComparisonTest : public testing::Test {
     options.repeats = 2;
     options.drop_slow = drop_slow;
     return RunComparison(
-        ours_.MakeContender("inceres"), {a_.MakeContender("ceres"), b_.MakeContender("ceres"), slow_.MakeContender("ceres")},
+        ours_.MakeContender("inceres"),
+        {a_.MakeContender("ceres"), b_.MakeContender("ceres"), slow_.MakeContender("ceres")},
         options, [this](const std::string& line) { announced_ += line + "\n"; }, &result_);
   }
 
@@ -71,7 +74,8 @@ TEST_F(RunComparisonTest, DropsTheHopelessAndSaysSo) {
   ASSERT_TRUE(Compare().ok());
   ASSERT_EQ(result_.dropped.size(), 1U);
   EXPECT_EQ(result_.dropped[0].configuration, "slow");
-  EXPECT_NE(announced_.find("dropped ceres slow: hopelessly slow: 2600 ms"), std::string::npos) << announced_;
+  EXPECT_NE(announced_.find("dropped ceres slow: hopelessly slow: 2600 ms"), std::string::npos)
+      << announced_;
   EXPECT_EQ(result_.stock.size(), 2U);
 }
 
@@ -90,7 +94,8 @@ TEST_F(RunComparisonTest, ComparesWithTheFastestStockRoundByRound) {
   EXPECT_DOUBLE_EQ(ratio.median, 0.625);
   EXPECT_DOUBLE_EQ(result_.ours.Seconds().median, 2.0);
   EXPECT_DOUBLE_EQ(result_.ours.SecondsPerIteration(), 0.5);
-  EXPECT_EQ(result_.ours.parameters, std::vector<double>{1.0});  // of the first round, not of the pre-pass
+  EXPECT_EQ(result_.ours.parameters,
+            std::vector<double>{1.0});  // of the first round, not of the pre-pass
 }
 
 TEST_F(RunComparisonTest, CostDifferenceIsAgainstTheLowestStockCost) {

@@ -14,15 +14,19 @@ SolveRecord Record(double seconds, double final_cost) {
   record.iterations = 2;
   record.seconds = seconds;
   record.stage_seconds = {{"setup", 0.25 * seconds}, {"total", seconds}};
-  record.trace = {{0.1 * seconds, 100.0, true}, {0.5 * seconds, 1.005 * final_cost, true}, {0.9 * seconds, final_cost, true}};
+  record.trace = {{0.1 * seconds, 100.0, true},
+                  {0.5 * seconds, 1.005 * final_cost, true},
+                  {0.9 * seconds, final_cost, true}};
   return record;
 }
 
 class AbReportTest : public testing::Test {
  protected:
   AbReportTest() {
-    result_.ours = {"inceres", "dense_schur", {Record(1.0, 10.0), Record(2.0, 10.0), Record(3.0, 10.0)}, {}};
-    result_.stock = {{"ceres", "sparse_schur", {Record(4.0, 10.1), Record(4.0, 10.1), Record(4.0, 10.5)}, {}}};
+    result_.ours = {
+        "inceres", "dense_schur", {Record(1.0, 10.0), Record(2.0, 10.0), Record(3.0, 10.0)}, {}};
+    result_.stock = {
+        {"ceres", "sparse_schur", {Record(4.0, 10.1), Record(4.0, 10.1), Record(4.0, 10.5)}, {}}};
     result_.dropped = {{"dense_schur", "hopelessly slow"}};
     context_.problem = "bal:street.txt";
     context_.description = "2 cameras";
@@ -45,7 +49,8 @@ TEST_F(AbReportTest, JsonHasTheAgreedFields) {
   EXPECT_EQ(ours.at("seconds").at("median"), 2.0);
   EXPECT_EQ(ours.at("seconds").at("min"), 1.0);
   EXPECT_EQ(ours.at("seconds").at("max"), 3.0);
-  EXPECT_EQ(ours.at("stage_seconds"), nlohmann::json({{"setup", 0.5}, {"total", 2.0}})) << "medians";
+  EXPECT_EQ(ours.at("stage_seconds"), nlohmann::json({{"setup", 0.5}, {"total", 2.0}}))
+      << "medians";
   EXPECT_EQ(ours.at("initial_cost"), 100.0);
   EXPECT_EQ(ours.at("final_cost"), 10.0);
   EXPECT_EQ(ours.at("final_cost_spread"), 0.0);
@@ -73,8 +78,9 @@ TEST_F(AbReportTest, TimeToGapIsAgainstTheLowestCostOfAllRuns) {
 TEST_F(AbReportTest, TableNamesEverySolverTheRatioAndTheEnvironment) {
   const std::string table = AbTable(context_, result_);
   for (const char* text :
-       {"bal:street.txt", "inceres", "sparse_schur", "dropped: hopelessly slow", "median 0.500, min 0.250, max 0.750",
-        "relative difference of final costs", "cpu: a <cpu>", "2.50e-01 of the scene size"}) {
+       {"bal:street.txt", "inceres", "sparse_schur", "dropped: hopelessly slow",
+        "median 0.500, min 0.250, max 0.750", "relative difference of final costs", "cpu: a <cpu>",
+        "2.50e-01 of the scene size"}) {
     EXPECT_NE(table.find(text), std::string::npos) << text << " is missing in\n" << table;
   }
 }

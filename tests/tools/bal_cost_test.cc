@@ -13,7 +13,8 @@
 namespace inceres::tools {
 namespace {
 
-ceres::Solver::Summary SolveBal(const BalProblem& bal, BalCameraModel model, const char* loss_text = "none") {
+ceres::Solver::Summary SolveBal(const BalProblem& bal, BalCameraModel model,
+                                const char* loss_text = "none") {
   LossSpec loss;
   EXPECT_TRUE(ParseLoss(loss_text, &loss).ok());
   std::vector<double> cameras = CamerasIn(bal, model);
@@ -28,7 +29,8 @@ ceres::Solver::Summary SolveBal(const BalProblem& bal, BalCameraModel model, con
 }
 
 TEST(BalReprojectionError, ProjectsAKnownPoint) {
-  // Camera turned by 90 degrees about z, point straight ahead but for (0.1, 0.2) at depth 2, f = 100, k1 = 1, k2 = 2.
+  // Camera turned by 90 degrees about z, point straight ahead but for (0.1, 0.2) at depth 2, f =
+  // 100, k1 = 1, k2 = 2.
   const double camera[] = {0.0, 0.0, M_PI / 2, 0.0, 0.0, -2.0, 100.0, 1.0, 2.0};
   const double point[] = {0.2, -0.1, 0.0};  // turned: (0.1, 0.2, 0)
   double residuals[2];
@@ -82,7 +84,8 @@ TEST(GeometryOf, CenterIsWhatTheCameraMapsToItsOrigin) {
   ASSERT_EQ(scene.points.size(), 30U);
   for (int i = 0; i < bal.num_cameras; ++i) {
     Eigen::Vector3d P;
-    ceres::AngleAxisRotatePoint(bal.CameraData(i), scene.centers[static_cast<std::size_t>(i)].data(), P.data());
+    ceres::AngleAxisRotatePoint(bal.CameraData(i),
+                                scene.centers[static_cast<std::size_t>(i)].data(), P.data());
     EXPECT_LT((P + Eigen::Map<const Eigen::Vector3d>(bal.CameraData(i) + 3)).norm(), 1e-12);
   }
 }

@@ -1,4 +1,5 @@
-// Our factors as cost functions of Ceres: projected through the block manifold they give the tangent Jacobians; AutoDiff agrees.
+// Our factors as cost functions of Ceres: projected through the block manifold they give the
+// tangent Jacobians; AutoDiff agrees.
 #include "tools/problems/factor_cost_function.h"
 
 #include <Eigen/Core>
@@ -24,14 +25,16 @@ struct Evaluated {
   std::vector<RowMajor> jacobians;  // ambient
 };
 
-Evaluated EvaluateCost(const ceres::CostFunction& cost, const test::FactorState& state, int held = -1) {
+Evaluated EvaluateCost(const ceres::CostFunction& cost, const test::FactorState& state,
+                       int held = -1) {
   Evaluated result;
   result.residuals.resize(static_cast<std::size_t>(cost.num_residuals()));
   std::vector<const double*> parameters;
   std::vector<double*> blocks;
   for (std::size_t s = 0; s < state.parameters.size(); ++s) {
     parameters.push_back(state.parameters[s].data());
-    result.jacobians.push_back(RowMajor::Constant(cost.num_residuals(), cost.parameter_block_sizes()[s], test::kUnwritten));
+    result.jacobians.push_back(RowMajor::Constant(
+        cost.num_residuals(), cost.parameter_block_sizes()[s], test::kUnwritten));
   }
   for (std::size_t s = 0; s < state.parameters.size(); ++s) {
     blocks.push_back(static_cast<int>(s) == held ? nullptr : result.jacobians[s].data());
@@ -41,7 +44,8 @@ Evaluated EvaluateCost(const ceres::CostFunction& cost, const test::FactorState&
 }
 
 // wrapped · [I; 0] = the tangent Jacobian = autodiff · PlusJacobian of the true manifold.
-void ExpectSameTangent(const ceres::CostFunction& wrapped, const ceres::CostFunction& autodiff, const test::FactorState& state) {
+void ExpectSameTangent(const ceres::CostFunction& wrapped, const ceres::CostFunction& autodiff,
+                       const test::FactorState& state) {
   const Evaluated ours = EvaluateCost(wrapped, state);
   const Evaluated theirs = EvaluateCost(autodiff, state);
   std::vector<const double*> parameters;
@@ -52,7 +56,8 @@ void ExpectSameTangent(const ceres::CostFunction& wrapped, const ceres::CostFunc
   ASSERT_TRUE(wrapped.Evaluate(parameters.data(), cost_only.data(), nullptr));
   ASSERT_EQ(cost_only, ours.residuals);
   for (std::size_t r = 0; r < ours.residuals.size(); ++r) {
-    ASSERT_NEAR(ours.residuals[r], theirs.residuals[r], 1e-9 * (1.0 + std::fabs(theirs.residuals[r])));
+    ASSERT_NEAR(ours.residuals[r], theirs.residuals[r],
+                1e-9 * (1.0 + std::fabs(theirs.residuals[r])));
   }
   for (std::size_t s = 0; s < state.parameters.size(); ++s) {
     RowMajor actual = ours.jacobians[s];
@@ -66,7 +71,8 @@ void ExpectSameTangent(const ceres::CostFunction& wrapped, const ceres::CostFunc
     }
     ASSERT_LT((actual - expected).norm(), 1e-9 * (1.0 + expected.norm())) << "slot " << s;
     const Evaluated held = EvaluateCost(wrapped, state, static_cast<int>(s));
-    ASSERT_EQ(held.jacobians[s], RowMajor::Constant(actual.rows(), held.jacobians[s].cols(), test::kUnwritten));
+    ASSERT_EQ(held.jacobians[s],
+              RowMajor::Constant(actual.rows(), held.jacobians[s].cols(), test::kUnwritten));
   }
 }
 
@@ -74,7 +80,8 @@ TEST(FactorCostFunction, InverseDepthReprojection) {
   for (const test::ReprojectionState& s : test::ThousandReprojectionStates()) {
     auto family = std::make_unique<InverseDepthReprojectionFamily>();
     family->Add(s.measurement);
-    const std::unique_ptr<ceres::CostFunction> autodiff(InverseDepthReprojectionError::Create(s.measurement));
+    const std::unique_ptr<ceres::CostFunction> autodiff(
+        InverseDepthReprojectionError::Create(s.measurement));
     ExpectSameTangent(FactorCostFunction(std::move(family)), *autodiff, s.state);
   }
 }
@@ -95,7 +102,8 @@ TEST(FactorCostFunction, StereoReprojection) {
   test::Random random(6);
   const StereoCamera camera{500.0, 510.0, 320.0, 240.0, 0.3};
   for (int n = 0; n < 1000; ++n) {
-    const test::SeenLandmark seen = test::RandomSeenLandmark(random, LandmarkKind::kPoint, &test::kPoseManifold, nullptr);
+    const test::SeenLandmark seen =
+        test::RandomSeenLandmark(random, LandmarkKind::kPoint, &test::kPoseManifold, nullptr);
     StereoObservation measurement;
     measurement.left[0] = 300.0 * random.Unit();
     measurement.left[1] = 200.0 * random.Unit();
@@ -105,7 +113,8 @@ TEST(FactorCostFunction, StereoReprojection) {
     }
     auto family = std::make_unique<StereoReprojectionFamily>(camera);
     family->Add(measurement);
-    const std::unique_ptr<ceres::CostFunction> autodiff(StereoReprojectionError::Create(measurement, camera));
+    const std::unique_ptr<ceres::CostFunction> autodiff(
+        StereoReprojectionError::Create(measurement, camera));
     ExpectSameTangent(FactorCostFunction(std::move(family)), *autodiff, seen.state);
   }
 }
@@ -119,17 +128,20 @@ TEST(FactorCostFunction, PlanarRelativePose) {
     a[2] *= 20.0;
     const std::vector<double> motion = random.Vector(3), U = random.Vector(6);
     std::copy(motion.begin(), motion.end(), measurement.motion);
-    b[2] = a[2] + motion[2] + (n % 3 == 0 ? 3.1 : random.Between(-3.1, 3.1)) + 2.0 * M_PI * (n % 5 - 2);
+    b[2] = a[2] + motion[2] + (n % 3 == 0 ? 3.1 : random.Between(-3.1, 3.1)) +
+           2.0 * M_PI * (n % 5 - 2);
     std::size_t next = 0;
     for (const std::size_t k : {0u, 1u, 2u, 4u, 5u, 8u}) {
       measurement.sqrt_information[k] = U[next++];
     }
     auto family = std::make_unique<PlanarRelativePoseFamily>();
     family->Add(measurement);
-    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> sqrt_information(measurement.sqrt_information);
-    const std::unique_ptr<ceres::CostFunction> autodiff(
-        Se2BetweenError::Create(Eigen::Map<const Eigen::Vector3d>(motion.data()), sqrt_information));
-    ExpectSameTangent(FactorCostFunction(std::move(family)), *autodiff, {{a, b}, {nullptr, nullptr}});
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> sqrt_information(
+        measurement.sqrt_information);
+    const std::unique_ptr<ceres::CostFunction> autodiff(Se2BetweenError::Create(
+        Eigen::Map<const Eigen::Vector3d>(motion.data()), sqrt_information));
+    ExpectSameTangent(FactorCostFunction(std::move(family)), *autodiff,
+                      {{a, b}, {nullptr, nullptr}});
   }
 }
 
@@ -140,7 +152,8 @@ TEST(FactorCostFunction, DiagonalPriorOnPartOfACamera) {
   family->Add(prior);
   const std::unique_ptr<ceres::CostFunction> autodiff(
       DiagonalPriorError<6, 9>::Create(prior.mean.data(), prior.sqrt_information.data()));
-  ExpectSameTangent(FactorCostFunction(std::move(family)), *autodiff, {{random.Vector(9)}, {nullptr}});
+  ExpectSameTangent(FactorCostFunction(std::move(family)), *autodiff,
+                    {{random.Vector(9)}, {nullptr}});
 }
 
 TEST(FactorCostFunction, AFactorThatFailsReturnsFalse) {

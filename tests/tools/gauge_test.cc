@@ -24,7 +24,8 @@ SceneGeometry RandomScene() {
 }
 
 SceneGeometry Moved(SceneGeometry scene) {
-  const Eigen::Matrix3d rotation = Eigen::AngleAxisd(2.1, Vector3d(1.0, -2.0, 0.5).normalized()).toRotationMatrix();
+  const Eigen::Matrix3d rotation =
+      Eigen::AngleAxisd(2.1, Vector3d(1.0, -2.0, 0.5).normalized()).toRotationMatrix();
   for (auto* positions : {&scene.centers, &scene.points}) {
     for (Vector3d& X : *positions) {
       X = 4.5 * (rotation * X) + Vector3d(10.0, -20.0, 30.0);

@@ -1,4 +1,5 @@
-// A user's program: one problem that grows and one rebuilt for each step see the same; so does stock's side of a replay.
+// A user's program: one problem that grows and one rebuilt for each step see the same; so does
+// stock's side of a replay.
 #include "tools/replay/living_run.h"
 
 #include <algorithm>
@@ -16,13 +17,15 @@ namespace {
 std::vector<ReplayScript> SomeScripts() {
   ReplayScript planar;
   EXPECT_TRUE(MakePoseGraphReplay(NoisyPoseGraph(2, 15), &planar).ok());
-  return {MakeBalReplay(SmallBal(6, 40), {}), MakeKeyframeReplay(SmallKeyframes(9)), MakeStereoReplay(SmallStereo(8)), planar};
+  return {MakeBalReplay(SmallBal(6, 40), {}), MakeKeyframeReplay(SmallKeyframes(9)),
+          MakeStereoReplay(SmallStereo(8)), planar};
 }
 
 ReplaySettings SettingsOf(const ReplayScript& script) {
   ReplaySettings settings;
   settings.dogleg = script.dogleg;
-  EXPECT_TRUE(ParseReplayLinearSolver("", "auto", HasLandmarks(script), &settings.linear_solver).ok());
+  EXPECT_TRUE(
+      ParseReplayLinearSolver("", "auto", HasLandmarks(script), &settings.linear_solver).ok());
   return settings;
 }
 
@@ -31,7 +34,8 @@ TEST(LivingRun, GrowingAndRebuildingEndWhereAReplayOfStockDoes) {
     const ReplaySettings settings = SettingsOf(script);
     LivingReport plain, rebuilt;
     ASSERT_TRUE(PlayLiving(script, 0, settings, LivingMode::kPlain, PlainCeresSolve, &plain).ok());
-    ASSERT_TRUE(PlayLiving(script, 0, settings, LivingMode::kRebuild, PlainCeresSolve, &rebuilt).ok());
+    ASSERT_TRUE(
+        PlayLiving(script, 0, settings, LivingMode::kRebuild, PlainCeresSolve, &rebuilt).ok());
     const std::unique_ptr<ReplaySolver> stock = MakeStockReplaySolver(settings);
     ASSERT_EQ(plain.solves.size(), script.steps.size());
     ASSERT_EQ(rebuilt.solves.size(), script.steps.size());
@@ -42,8 +46,11 @@ TEST(LivingRun, GrowingAndRebuildingEndWhereAReplayOfStockDoes) {
       // Ceres orders blocks by address, so that sums may round otherwise.
       for (const LivingReport* report : {&plain, &rebuilt}) {
         const ReplayOutcome& solve = report->solves[i];
-        EXPECT_NEAR(solve.initial_cost, expected.initial_cost, 1e-9 * (expected.initial_cost + 1e-9)) << script.description;
-        EXPECT_NEAR(solve.final_cost, expected.final_cost, 1e-9 * (expected.final_cost + 1e-9)) << script.description;
+        EXPECT_NEAR(solve.initial_cost, expected.initial_cost,
+                    1e-9 * (expected.initial_cost + 1e-9))
+            << script.description;
+        EXPECT_NEAR(solve.final_cost, expected.final_cost, 1e-9 * (expected.final_cost + 1e-9))
+            << script.description;
       }
     }
     EXPECT_GT(plain.total_seconds, plain.solves.front().seconds);
@@ -54,8 +61,8 @@ TEST(LivingRun, RebuildingHandsEachSolveANewProblemOverTheSameBlocks) {
   const ReplayScript script = MakeKeyframeReplay(SmallKeyframes(6));
   std::vector<std::vector<double*>> blocks;
   std::vector<int> residual_blocks;
-  const CeresSolveFunction look = [&](const ceres::Solver::Options& options, ceres::Problem* problem,
-                                      ceres::Solver::Summary* summary) {
+  const CeresSolveFunction look = [&](const ceres::Solver::Options& options,
+                                      ceres::Problem* problem, ceres::Solver::Summary* summary) {
     problem->GetParameterBlocks(&blocks.emplace_back());
     residual_blocks.push_back(problem->NumResidualBlocks());
     ceres::Solve(options, problem, summary);
@@ -80,8 +87,11 @@ TEST(LivingRun, AtOnce) {
   ASSERT_TRUE(PlayAtOnce(script, 0, SettingsOf(script), PlainCeresSolve, &report).ok());
   ASSERT_EQ(report.solves.size(), 1u);
   LivingReport growing;
-  ASSERT_TRUE(PlayLiving(script, 0, SettingsOf(script), LivingMode::kPlain, PlainCeresSolve, &growing).ok());
-  EXPECT_NEAR(report.solves[0].final_cost, growing.solves.back().final_cost, 1e-4 * growing.solves.back().final_cost);
+  ASSERT_TRUE(
+      PlayLiving(script, 0, SettingsOf(script), LivingMode::kPlain, PlainCeresSolve, &growing)
+          .ok());
+  EXPECT_NEAR(report.solves[0].final_cost, growing.solves.back().final_cost,
+              1e-4 * growing.solves.back().final_cost);
 
   LivingReport file;
   const BalSource source(SmallBal(6, 40));
@@ -95,9 +105,11 @@ TEST(LivingRun, AStepThatCannotBeAddedIsNamed) {
   ReplayScript script;
   script.steps.resize(2);
   script.steps[0].variables.resize(1);
-  script.steps[0].factors.push_back({DiagonalPriorFamily::Measurement{{1.0, 2.0, 3.0}, {1.0, 1.0, 1.0}}, {0}, {}});
+  script.steps[0].factors.push_back(
+      {DiagonalPriorFamily::Measurement{{1.0, 2.0, 3.0}, {1.0, 1.0, 1.0}}, {0}, {}});
   script.steps[1].variables.resize(1);
-  script.steps[1].factors.push_back({DiagonalPriorFamily::Measurement{{1.0, 2.0}, {1.0, 1.0}}, {1}, {}});
+  script.steps[1].factors.push_back(
+      {DiagonalPriorFamily::Measurement{{1.0, 2.0}, {1.0, 1.0}}, {1}, {}});
   ReplaySettings settings;
   settings.autodiff = true;
   for (const LivingMode mode : {LivingMode::kPlain, LivingMode::kRebuild}) {
@@ -137,7 +149,8 @@ TEST(LivingRun, LinearSolversByName) {
   EXPECT_EQ(type, ceres::SPARSE_SCHUR);
   const Status status = ParseReplayLinearSolver("--x", "magic", true, &type);
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
-  EXPECT_EQ(status.message, "--x 'magic': use one of auto, dense_schur, sparse_schur, sparse_normal_cholesky");
+  EXPECT_EQ(status.message,
+            "--x 'magic': use one of auto, dense_schur, sparse_schur, sparse_normal_cholesky");
   EXPECT_EQ(type, ceres::SPARSE_SCHUR);
 }
 

@@ -15,12 +15,13 @@ TEST(ParseLoss, ReadsWhatToStringWrites) {
 }
 
 TEST(ParseLoss, NamesWhatIsWrongAndChangesNothing) {
-  for (const char* text :
-       {"", "huber", "huber:", "huber:0", "huber:-1", "huber:nan", "huber:1x", "tukey:1", "none:1", "cauchy:inf"}) {
+  for (const char* text : {"", "huber", "huber:", "huber:0", "huber:-1", "huber:nan", "huber:1x",
+                           "tukey:1", "none:1", "cauchy:inf"}) {
     LossSpec spec{LossSpec::Kind::kHuber, 3.0};
     const Status status = ParseLoss(text, &spec);
     EXPECT_EQ(status.code, StatusCode::kInvalidArgument) << text;
-    EXPECT_NE(status.message.find("'" + std::string(text) + "'"), std::string::npos) << status.message;
+    EXPECT_NE(status.message.find("'" + std::string(text) + "'"), std::string::npos)
+        << status.message;
     EXPECT_EQ(ToString(spec), "huber:3");
   }
 }
@@ -35,7 +36,8 @@ TEST(MakeLoss, CeresAndCoreAgree) {
       MakeCeresLoss(spec)->Evaluate(s, ceres_rho);
       MakeCoreLoss(spec)->Evaluate(s, core_rho);
       for (int k = 0; k < 3; ++k) {
-        EXPECT_NEAR(ceres_rho[k], core_rho[k], 1e-15 * (1.0 + std::abs(ceres_rho[k]))) << text << " at " << s;
+        EXPECT_NEAR(ceres_rho[k], core_rho[k], 1e-15 * (1.0 + std::abs(ceres_rho[k])))
+            << text << " at " << s;
       }
     }
   }

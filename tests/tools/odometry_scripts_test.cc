@@ -1,4 +1,5 @@
-// The protocols of the replays of stereo odometries and pose graphs, counted on small problems and on the public ones.
+// The protocols of the replays of stereo odometries and pose graphs, counted on small problems and
+// on the public ones.
 #include <algorithm>
 #include <cctype>
 #include <map>
@@ -26,12 +27,14 @@ using Spatial = RelativePoseFamily::Measurement;
 
 template <typename Measurement>
 int CountFactors(const ReplayStep& step) {
-  return static_cast<int>(std::count_if(step.factors.begin(), step.factors.end(), [](const ReplayFactor& factor) {
-    return std::holds_alternative<Measurement>(factor.measurement);
-  }));
+  return static_cast<int>(
+      std::count_if(step.factors.begin(), step.factors.end(), [](const ReplayFactor& factor) {
+        return std::holds_alternative<Measurement>(factor.measurement);
+      }));
 }
 
-// The cost of the whole script at its start values; poses and points follow from the values before them.
+// The cost of the whole script at its start values; poses and points follow from the values before
+// them.
 double CostAtStart(const ReplayScript& script) {
   ReplayCeresProblem living(false);
   for (const ReplayStep& step : script.steps) {
@@ -56,7 +59,9 @@ TEST(StereoReplay, PointsEnterWithTheirSecondPoseAndAllTheirSightings) {
   for (std::size_t i = 0; i < script.steps.size(); ++i) {
     const ReplayStep& step = script.steps[i];
     int fresh = 0, due = 0;
-    for (; next < odometry.sightings.size() && odometry.sightings[next].pose <= static_cast<int>(i) + 1; ++next) {
+    for (; next < odometry.sightings.size() &&
+           odometry.sightings[next].pose <= static_cast<int>(i) + 1;
+         ++next) {
       const int count = ++sightings[odometry.sightings[next].point];
       fresh += count == 2 ? 1 : 0;
       due += count == 2 ? 2 : count > 2 ? 1 : 0;
@@ -70,7 +75,8 @@ TEST(StereoReplay, PointsEnterWithTheirSecondPoseAndAllTheirSightings) {
     }
     for (const ReplayFactor& factor : step.factors) {
       EXPECT_EQ(ToString(factor.loss), "huber:1");
-      ASSERT_LT(*std::max_element(factor.variables.begin(), factor.variables.end()), static_cast<int>(kinds.size()));
+      ASSERT_LT(*std::max_element(factor.variables.begin(), factor.variables.end()),
+                static_cast<int>(kinds.size()));
       EXPECT_EQ(factor.variables[1], 0);
       EXPECT_EQ(kinds[static_cast<std::size_t>(factor.variables[2])], Kind::kPoint);
     }
@@ -78,14 +84,18 @@ TEST(StereoReplay, PointsEnterWithTheirSecondPoseAndAllTheirSightings) {
   EXPECT_GT(sightings.size(), 70u);
 }
 
-// With the odometry and the triangulations as they should be nothing is left but what the second and third sightings differ by.
+// With the odometry and the triangulations as they should be nothing is left but what the second
+// and third sightings differ by.
 TEST(StereoReplay, StartsWherePosesAndTriangulationsPutIt) {
   StereoOdometry exact = SmallStereo(10);
-  for (StereoSighting& sighting : exact.sightings) {  // as if every pose saw what the first to see it triangulated
-    const auto first = std::find_if(exact.sightings.begin(), exact.sightings.end(),
-                                    [&](const StereoSighting& other) { return other.point == sighting.point; });
+  for (StereoSighting& sighting :
+       exact.sightings) {  // as if every pose saw what the first to see it triangulated
+    const auto first =
+        std::find_if(exact.sightings.begin(), exact.sightings.end(),
+                     [&](const StereoSighting& other) { return other.point == sighting.point; });
     double world[3], back[7], X[3];
-    TransformPoint(exact.poses[static_cast<std::size_t>(first->pose)].data(), first->in_camera, world);
+    TransformPoint(exact.poses[static_cast<std::size_t>(first->pose)].data(), first->in_camera,
+                   world);
     InvertPose(exact.poses[static_cast<std::size_t>(sighting.pose)].data(), back);
     TransformPoint(back, world, X);
     sighting.left[0] = 500.0 * X[0] / X[2] + 320.0;
@@ -125,10 +135,12 @@ TEST_P(PoseGraphReplay, APoseArrivesWithItsEdgesToEarlierOnes) {
     }
   }
   EXPECT_TRUE(script.steps[0].variables[0].constant);
-  EXPECT_TRUE(std::equal(graph.PoseData(25), graph.PoseData(25) + graph.PoseSize(), script.steps[0].variables[0].start.begin()));
+  EXPECT_TRUE(std::equal(graph.PoseData(25), graph.PoseData(25) + graph.PoseSize(),
+                         script.steps[0].variables[0].start.begin()));
 }
 
-// The same cost as the graph has as a ceres::Problem, but for the third order of the rotations' errors.
+// The same cost as the graph has as a ceres::Problem, but for the third order of the rotations'
+// errors.
 TEST_P(PoseGraphReplay, HasTheCostOfTheGraph) {
   PoseGraph graph = NoisyPoseGraph(GetParam(), 26);
   ReplayScript script;
@@ -171,10 +183,11 @@ TEST_P(PoseGraphReplay, APoseBeginsAtThePresentEstimate) {
   ASSERT_TRUE(living.Add(script.steps[3]).ok());
   ASSERT_TRUE(growing.Add(script.steps[3], &factor_graph).ok());
   std::array<double, 7> expected{};
-  (GetParam() == 2 ? ComposePlanarPoses : ComposePoses)(moved.data() + 3 * size, script.steps[3].variables[0].start.data(),
-                                                        expected.data());
+  (GetParam() == 2 ? ComposePlanarPoses : ComposePoses)(
+      moved.data() + 3 * size, script.steps[3].variables[0].start.data(), expected.data());
   const std::vector<double> state = living.State();
-  EXPECT_TRUE(std::equal(expected.begin(), expected.begin() + graph.PoseSize(), state.begin() + 4 * graph.PoseSize()));
+  EXPECT_TRUE(std::equal(expected.begin(), expected.begin() + graph.PoseSize(),
+                         state.begin() + 4 * graph.PoseSize()));
   EXPECT_EQ(factor_graph.state(), state);
 }
 
@@ -187,7 +200,8 @@ TEST_P(PoseGraphReplay, WhatTheFileFixesStaysWhereItStands) {
   const ReplayVariable& fixed = script.steps[1].variables[0];
   EXPECT_TRUE(fixed.constant);
   EXPECT_LT(fixed.start_from, 0);
-  EXPECT_TRUE(std::equal(graph.PoseData(3), graph.PoseData(3) + graph.PoseSize(), fixed.start.begin()));
+  EXPECT_TRUE(
+      std::equal(graph.PoseData(3), graph.PoseData(3) + graph.PoseSize(), fixed.start.begin()));
 }
 
 TEST_P(PoseGraphReplay, ErrorsNameTheCulprit) {
@@ -198,14 +212,20 @@ TEST_P(PoseGraphReplay, ErrorsNameTheCulprit) {
   flat.edges[1].information[0] = -1.0;  // from pose 2 to pose 0, which points backwards
   Status status = MakePoseGraphReplay(flat, &script);
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
-  EXPECT_NE(status.message.find(": the information matrix is not positive definite"), std::string::npos) << status.message;
+  EXPECT_NE(status.message.find(": the information matrix is not positive definite"),
+            std::string::npos)
+      << status.message;
   EXPECT_EQ(status.message.substr(0, 7), "edge 1,") << status.message;
   PoseGraph loose = graph;
-  const auto ends_later = [](const PoseGraphEdge& edge) { return std::min(edge.from, edge.to) == 2; };  // pose 3, id 10
-  loose.edges.erase(std::remove_if(loose.edges.begin(), loose.edges.end(), ends_later), loose.edges.end());
+  const auto ends_later = [](const PoseGraphEdge& edge) {
+    return std::min(edge.from, edge.to) == 2;
+  };  // pose 3, id 10
+  loose.edges.erase(std::remove_if(loose.edges.begin(), loose.edges.end(), ends_later),
+                    loose.edges.end());
   status = MakePoseGraphReplay(loose, &script);
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
-  EXPECT_EQ(status.message, "vertex 10 has no edge to one of a lower id: it has no place when it arrives");
+  EXPECT_EQ(status.message,
+            "vertex 10 has no edge to one of a lower id: it has no place when it arrives");
   EXPECT_EQ(script.description, "as it was");
 }
 
@@ -239,12 +259,14 @@ TEST_P(PublicReplay, PoseGraphsCanBePlayed) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Graphs, PublicReplay,
-                         testing::Values("pose_graph/M3500.g2o", "pose_graph/intel.g2o", "pose_graph/sphere.g2o",
-                                         "pose_graph/parking-garage.g2o", "pose_graph/city10000.g2o", "pose_graph/kitti_05.g2o"),
+                         testing::Values("pose_graph/M3500.g2o", "pose_graph/intel.g2o",
+                                         "pose_graph/sphere.g2o", "pose_graph/parking-garage.g2o",
+                                         "pose_graph/city10000.g2o", "pose_graph/kitti_05.g2o"),
                          [](const auto& instance) {
                            std::string name = instance.param;
                            std::replace_if(
-                               name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) == 0; }, '_');
+                               name.begin(), name.end(),
+                               [](unsigned char c) { return std::isalnum(c) == 0; }, '_');
                            return name;
                          });
 

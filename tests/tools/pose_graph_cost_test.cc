@@ -18,7 +18,8 @@ TEST(Se2BetweenError, VanishesAtTheMeasurementAndWrapsTheAngle) {
   const Se2BetweenError error(measured, Eigen::Matrix3d::Identity());
   const double a[] = {3.0, -1.0, 3.0};
   // Three whole turns away: the same pose.
-  const double b[] = {3.0 + std::cos(3.0) - 2.0 * std::sin(3.0), -1.0 + std::sin(3.0) + 2.0 * std::cos(3.0), 3.5 - 6.0 * M_PI};
+  const double b[] = {3.0 + std::cos(3.0) - 2.0 * std::sin(3.0),
+                      -1.0 + std::sin(3.0) + 2.0 * std::cos(3.0), 3.5 - 6.0 * M_PI};
   double residuals[3];
   error(a, b, residuals);
   for (const double r : residuals) {
@@ -30,9 +31,11 @@ TEST(Se3BetweenError, IsWeightedPositionAndRotationVector) {
   Se3BetweenError::Matrix6d weight = Se3BetweenError::Matrix6d::Identity();
   weight(0, 0) = 2.0;
   weight(5, 5) = 10.0;
-  const Se3BetweenError error(Eigen::Vector3d(1.0, 0.0, 0.0), Eigen::Quaterniond::Identity(), weight);
+  const Se3BetweenError error(Eigen::Vector3d(1.0, 0.0, 0.0), Eigen::Quaterniond::Identity(),
+                              weight);
   const Eigen::Quaterniond q_a(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX()));
-  const Eigen::Quaterniond q_b = q_a * Eigen::Quaterniond(Eigen::AngleAxisd(1e-4, Eigen::Vector3d::UnitZ()));
+  const Eigen::Quaterniond q_b =
+      q_a * Eigen::Quaterniond(Eigen::AngleAxisd(1e-4, Eigen::Vector3d::UnitZ()));
   const Eigen::Vector3d p_a(4.0, 5.0, 6.0);
   const Eigen::Vector3d p_b = p_a + q_a * Eigen::Vector3d(1.5, 0.25, 0.0);
   Eigen::Matrix<double, 6, 1> r;
@@ -57,7 +60,8 @@ TEST_P(PoseGraphSolve, RecoversTheCircleFromPerfectMeasurements) {
   EXPECT_GT(summary.initial_cost, 1e-3);
   EXPECT_LT(summary.final_cost, 1e-12);
   for (int k = 0; k < graph.PoseSize(); ++k) {
-    EXPECT_EQ(poses[static_cast<std::size_t>(k)], graph.poses[static_cast<std::size_t>(k)]) << "the first pose is constant";
+    EXPECT_EQ(poses[static_cast<std::size_t>(k)], graph.poses[static_cast<std::size_t>(k)])
+        << "the first pose is constant";
   }
   const double* opposite = poses.data() + 6 * graph.PoseSize();
   EXPECT_NEAR(opposite[0], -5.0, 1e-6);
@@ -72,7 +76,8 @@ TEST_P(PoseGraphSolve, AnIndefiniteInformationMatrixIsAnErrorThatNamesTheEdge) {
   PoseGraph graph = SmallPoseGraph(GetParam());
   graph.edges[4].information[0] = -1.0;
   std::unique_ptr<ceres::Problem> problem;
-  const Status status = BuildPoseGraphCeresProblem(graph, LossSpec{LossSpec::Kind::kHuber, 1.0}, graph.poses.data(), &problem);
+  const Status status = BuildPoseGraphCeresProblem(graph, LossSpec{LossSpec::Kind::kHuber, 1.0},
+                                                   graph.poses.data(), &problem);
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
   EXPECT_NE(status.message.find("edge 4"), std::string::npos) << status.message;
   EXPECT_EQ(problem, nullptr);
@@ -81,7 +86,9 @@ TEST_P(PoseGraphSolve, AnIndefiniteInformationMatrixIsAnErrorThatNamesTheEdge) {
 TEST_P(PoseGraphSolve, EveryEdgeHasTheLoss) {
   PoseGraph graph = SmallPoseGraph(GetParam());
   std::unique_ptr<ceres::Problem> problem;
-  ASSERT_TRUE(BuildPoseGraphCeresProblem(graph, LossSpec{LossSpec::Kind::kHuber, 1.0}, graph.poses.data(), &problem).ok());
+  ASSERT_TRUE(BuildPoseGraphCeresProblem(graph, LossSpec{LossSpec::Kind::kHuber, 1.0},
+                                         graph.poses.data(), &problem)
+                  .ok());
   std::vector<ceres::ResidualBlockId> edges;
   problem->GetResidualBlocks(&edges);
   ASSERT_EQ(edges.size(), graph.edges.size());
@@ -105,7 +112,8 @@ TEST(BuildPoseGraphCeresProblem, AGraphWithoutEdgesIsAnError) {
   PoseGraph graph = SmallPoseGraph(2);
   graph.edges.clear();
   std::unique_ptr<ceres::Problem> problem;
-  EXPECT_EQ(BuildPoseGraphCeresProblem(graph, LossSpec{}, graph.poses.data(), &problem).code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(BuildPoseGraphCeresProblem(graph, LossSpec{}, graph.poses.data(), &problem).code,
+            StatusCode::kInvalidArgument);
 }
 
 TEST(PoseDifference, AnglesOneTurnApartAreTheSame) {

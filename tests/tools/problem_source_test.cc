@@ -19,7 +19,8 @@ namespace {
 TEST(OpenProblem, ReadsBalAndG2o) {
   const test::TempDir directory;
   ASSERT_TRUE(WriteBal(directory.File("small.txt"), SmallBal()).ok());
-  test::WriteBytes(directory.File("two.g2o"), "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nEDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n");
+  test::WriteBytes(directory.File("two.g2o"),
+                   "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nEDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n");
   std::unique_ptr<ProblemSource> source;
   Status status = OpenProblem("bal:" + directory.File("small.txt"), &source);
   ASSERT_TRUE(status.ok()) << status.message;
@@ -61,7 +62,8 @@ TEST(OpenProblem, KnowsPresetsAndFilesOfVisualInertialSequences) {
     EXPECT_TRUE(source->HasLandmarks());
     ProblemSource::CeresInstance instance;
     ASSERT_TRUE(source->MakeCeresInstance(LossSpec{}, &instance).ok());
-    EXPECT_TRUE(start.empty() || start == instance.parameters) << "what was written is what is simulated";
+    EXPECT_TRUE(start.empty() || start == instance.parameters)
+        << "what was written is what is simulated";
     start = instance.parameters;
   }
   std::unique_ptr<ProblemSource> source;
@@ -72,7 +74,9 @@ TEST(OpenProblem, KnowsPresetsAndFilesOfVisualInertialSequences) {
   sequence.frames[0].observations.clear();
   sequence.points.clear();
   ASSERT_TRUE(WriteVioSequence(directory.File("one.vio"), sequence).ok());
-  EXPECT_NE(OpenProblem("vio:" + directory.File("one.vio"), &source).message.find("two or more frames"), std::string::npos);
+  EXPECT_NE(
+      OpenProblem("vio:" + directory.File("one.vio"), &source).message.find("two or more frames"),
+      std::string::npos);
 }
 
 // Stock and ours minimize one function: the same cost, and the same gradient, to the last digits.

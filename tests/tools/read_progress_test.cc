@@ -32,11 +32,13 @@ TEST_F(ReadProgressTest, NothingBeforeItsTime) {
 
 TEST_F(ReadProgressTest, ShareOfTheFile) {
   EXPECT_EQ(Printed(0.0, 4000000),
-            "reading big.txt: 25 % of 4 MB\nreading big.txt: 50 % of 4 MB\nreading big.txt: 100 % of 4 MB\n");
+            "reading big.txt: 25 % of 4 MB\nreading big.txt: 50 % of 4 MB\nreading big.txt: 100 % "
+            "of 4 MB\n");
 }
 
 TEST_F(ReadProgressTest, OfAPipeOnlyWhatCame) {
-  EXPECT_EQ(Printed(0.0, 0), "reading big.txt: 1 MB\nreading big.txt: 2 MB\nreading big.txt: 4 MB\n");
+  EXPECT_EQ(Printed(0.0, 0),
+            "reading big.txt: 1 MB\nreading big.txt: 2 MB\nreading big.txt: 4 MB\n");
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// A replay in lockstep: all ways to solve see the same problem; failures and excesses are counted, not hidden.
+// A replay in lockstep: all ways to solve see the same problem; failures and excesses are counted,
+// not hidden.
 #include "tools/replay/replay_run.h"
 
 #include <algorithm>
@@ -34,15 +35,18 @@ std::vector<ReplayScript> Scripts() {
           spatial};
 }
 
-std::vector<ReplayRow> Play(const ReplayScript& script, ReplaySettings settings, ReplaySolver* ours, int max_steps = 0) {
+std::vector<ReplayRow> Play(const ReplayScript& script, ReplaySettings settings, ReplaySolver* ours,
+                            int max_steps = 0) {
   settings.dogleg = script.dogleg;
-  settings.linear_solver = HasLandmarks(script) ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
+  settings.linear_solver =
+      HasLandmarks(script) ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
   const std::unique_ptr<ReplaySolver> stock = MakeStockReplaySolver(settings);
   ReplayReference judge(settings);
   std::vector<ReplayRow> rows;
   int calls = 0;
   const Status status = RunReplay(
-      script, {max_steps, true}, ours, stock.get(), &judge, [&](const ReplayRow& row) { EXPECT_EQ(row.step, ++calls); }, &rows);
+      script, {max_steps, true}, ours, stock.get(), &judge,
+      [&](const ReplayRow& row) { EXPECT_EQ(row.step, ++calls); }, &rows);
   EXPECT_TRUE(status.ok()) << status.message;
   EXPECT_EQ(static_cast<int>(rows.size()), calls);
   return rows;
@@ -54,7 +58,8 @@ TEST(Replay, OursAndStockGoThroughTheSameCosts) {
       ReplaySettings settings;
       settings.autodiff = autodiff;
       settings.dogleg = script.dogleg;
-      settings.linear_solver = HasLandmarks(script) ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
+      settings.linear_solver =
+          HasLandmarks(script) ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
       settings.function_tolerance = 1e-9;
       const std::unique_ptr<ReplaySolver> ours = MakeExactReplaySolver(settings);
       const std::vector<ReplayRow> rows = Play(script, settings, ours.get());
@@ -62,12 +67,14 @@ TEST(Replay, OursAndStockGoThroughTheSameCosts) {
       for (const ReplayRow& row : rows) {
         ASSERT_TRUE(row.ours.outcome.usable) << row.ours.outcome.message;
         ASSERT_TRUE(row.stock->outcome.usable) << row.stock->outcome.message;
-        const bool solved = row.ours.outcome.initial_cost < 1e-20;  // one edge, which the first pose that moves starts along
+        // one edge, which the first pose that moves starts along
+        const bool solved = row.ours.outcome.initial_cost < 1e-20;
         EXPECT_TRUE(solved || row.ours.cost < row.ours.outcome.initial_cost);
         EXPECT_NEAR(row.ours.outcome.final_cost, row.ours.cost, 1e-9 * row.ours.cost)
             << "what it reports is not its state's cost";
         EXPECT_NEAR(row.stock->outcome.final_cost, row.stock->cost, 1e-9 * row.stock->cost);
-        EXPECT_NEAR(row.ours.outcome.initial_cost, row.stock->outcome.initial_cost, 1e-4 * row.stock->outcome.initial_cost);
+        EXPECT_NEAR(row.ours.outcome.initial_cost, row.stock->outcome.initial_cost,
+                    1e-4 * row.stock->outcome.initial_cost);
         EXPECT_NEAR(row.ours.cost, row.stock->cost, 1e-6 * row.stock->cost);
         ASSERT_TRUE(row.RelativeCostExcess().has_value());
         EXPECT_LT(std::fabs(*row.RelativeCostExcess()), 1e-6);
@@ -77,7 +84,8 @@ TEST(Replay, OursAndStockGoThroughTheSameCosts) {
   }
 }
 
-// The solver that remembers, against the minimum that stock reaches from the same state at tolerances of 1e-12.
+// The solver that remembers, against the minimum that stock reaches from the same state at
+// tolerances of 1e-12.
 class IncrementalReplay : public testing::TestWithParam<bool> {};
 
 TEST_P(IncrementalReplay, StaysWithinItsToleranceOfTheMinimum) {
@@ -93,7 +101,8 @@ TEST_P(IncrementalReplay, StaysWithinItsToleranceOfTheMinimum) {
     ASSERT_EQ(rows.size(), script.steps.size());
     for (const ReplayRow& row : rows) {
       ASSERT_TRUE(row.ours.outcome.usable) << row.ours.outcome.message;
-      EXPECT_NEAR(row.ours.outcome.final_cost, row.ours.cost, 1e-9 * row.ours.cost) << "what it reports is not its state's cost";
+      EXPECT_NEAR(row.ours.outcome.final_cost, row.ours.cost, 1e-9 * row.ours.cost)
+          << "what it reports is not its state's cost";
       ASSERT_TRUE(row.RelativeCostExcess().has_value());
       EXPECT_LT(*row.RelativeCostExcess(), settings.function_tolerance) << "step " << row.step;
     }
@@ -107,7 +116,8 @@ TEST(Replay, APriorWithoutAnAutoDiffVersionIsAnError) {
   step.variables.emplace_back();  // a point
   step.factors.push_back({DiagonalPriorFamily::Measurement{{1.0, 2.0}, {1.0, 1.0}}, {0}, {}});
   FactorGraph graph;
-  EXPECT_EQ(ReplayGraph(true).Add(step, &graph).message, "factor 0 of the step: it has no AutoDiff version");
+  EXPECT_EQ(ReplayGraph(true).Add(step, &graph).message,
+            "factor 0 of the step: it has no AutoDiff version");
   EXPECT_FALSE(ReplayCeresProblem(true).Add(step).ok());
   FactorGraph other;
   EXPECT_TRUE(ReplayGraph(false).Add(step, &other).ok());
@@ -175,7 +185,8 @@ TEST(Replay, GraphAndCeresProblemAgreeOnTheStateAndItsCost) {
     autodiff.SetState(moved);
     EXPECT_EQ(autodiff.State(), moved);
 
-    EXPECT_EQ(Solve({}, &edited).final_cost, Solve({}, &graph).final_cost) << "not the same problem";
+    EXPECT_EQ(Solve({}, &edited).final_cost, Solve({}, &graph).final_cost)
+        << "not the same problem";
   }
 }
 
@@ -259,7 +270,8 @@ TEST(Replay, RelativeCostExcess) {
   row.ours.cost = 1e-20;  // both are rounding of 1e3
   row.optimum_cost = 1e-25;
   EXPECT_EQ(*row.RelativeCostExcess(), 0.0);
-  row.ours.outcome.initial_cost = row.ours.cost;  // began there: not the rounding of anything larger
+  // began there: not the rounding of anything larger
+  row.ours.outcome.initial_cost = row.ours.cost;
   EXPECT_GT(*row.RelativeCostExcess(), 1e3);
   row.num_factors = 2;  // residuals of 1e-10 standard deviations
   EXPECT_EQ(*row.RelativeCostExcess(), 0.0);
@@ -327,7 +339,8 @@ TEST(Replay, SummaryNamesWhatWentWrong) {
   const std::string text = ReplaySummaryText({}, summary);
   EXPECT_NE(text.find("stock: 1 steps whose solve failed: 3\n"), std::string::npos) << text;
   EXPECT_NE(text.find("stock: 1 steps ended before they converged\n"), std::string::npos);
-  EXPECT_NE(text.find("stock: 3 iterations of 12 whose linear solve or evaluation failed\n"), std::string::npos);
+  EXPECT_NE(text.find("stock: 3 iterations of 12 whose linear solve or evaluation failed\n"),
+            std::string::npos);
   EXPECT_NE(text.find("ours: reports a cost that is not its state's"), std::string::npos);
   EXPECT_EQ(text.find("ours: 1 steps"), std::string::npos);
 }
@@ -370,7 +383,9 @@ TEST(Replay, Flatness) {
   EXPECT_NEAR(json["growth_percent"]["bytes_per_step"].get<double>(), 0.0, 1e-9);
   EXPECT_FALSE(json["early"]["work"].contains("bytes"));
   const std::string text = FlatnessText(flatness);
-  EXPECT_NE(text.find("visits                                   2000           3505     +75.2 %\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("visits                                   2000           3505     +75.2 %\n"),
+            std::string::npos)
+      << text;
   EXPECT_NE(text.find("150-250        301-400"), std::string::npos);
 }
 

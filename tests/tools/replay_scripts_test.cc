@@ -41,9 +41,10 @@ BalProblem Chain() {
 
 template <typename Measurement>
 int CountFactors(const ReplayStep& step) {
-  return static_cast<int>(std::count_if(step.factors.begin(), step.factors.end(), [](const ReplayFactor& factor) {
-    return std::holds_alternative<Measurement>(factor.measurement);
-  }));
+  return static_cast<int>(
+      std::count_if(step.factors.begin(), step.factors.end(), [](const ReplayFactor& factor) {
+        return std::holds_alternative<Measurement>(factor.measurement);
+      }));
 }
 
 TEST(BalReplay, PointsEnterWithTheirSecondCamera) {
@@ -51,7 +52,8 @@ TEST(BalReplay, PointsEnterWithTheirSecondCamera) {
   const ReplayScript script = MakeBalReplay(bal, {});
   EXPECT_FALSE(script.dogleg);
   ASSERT_EQ(script.steps.size(), 5u);
-  // Points p with p mod 4 = c enter with camera c + 1: two of them, with two observations each; the third comes a step later.
+  // Points p with p mod 4 = c enter with camera c + 1: two of them, with two observations each; the
+  // third comes a step later.
   const int points[5] = {2, 2, 2, 2, 0};
   const int observations[5] = {4, 6, 6, 6, 2};
   std::set<std::pair<double, double>> seen;
@@ -81,13 +83,16 @@ TEST(BalReplay, FactorsNameTheVariablesOfTheirObservation) {
     variables.insert(variables.end(), step.variables.begin(), step.variables.end());
     for (const ReplayFactor& factor : step.factors) {
       for (const int variable : factor.variables) {
-        ASSERT_LT(static_cast<std::size_t>(variable), variables.size()) << "a variable before it arrived";
+        ASSERT_LT(static_cast<std::size_t>(variable), variables.size())
+            << "a variable before it arrived";
       }
       if (const Bal* m = std::get_if<Bal>(&factor.measurement)) {
-        // The observations are perfect, the start values near the truth: a wrong camera or point would be tens of pixels off.
+        // The observations are perfect, the start values near the truth: a wrong camera or point
+        // would be tens of pixels off.
         double r[2];
-        BalReprojectionError{{m->x, m->y}}(variables[static_cast<std::size_t>(factor.variables[0])].start.data(),
-                                           variables[static_cast<std::size_t>(factor.variables[1])].start.data(), r);
+        BalReprojectionError{{m->x, m->y}}(
+            variables[static_cast<std::size_t>(factor.variables[0])].start.data(),
+            variables[static_cast<std::size_t>(factor.variables[1])].start.data(), r);
         EXPECT_LT(std::hypot(r[0], r[1]), 15.0);
       }
     }
@@ -97,7 +102,9 @@ TEST(BalReplay, FactorsNameTheVariablesOfTheirObservation) {
 TEST(BalReplay, NoiseAndPriors) {
   const BalProblem bal = SmallBal(40, 200);
   const ReplayScript script = MakeBalReplay(bal, {});
-  double sum[3] = {0.0, 0.0, 0.0};  // squares of rotation, translation and point noise over what the prior says they are
+  double sum[3] = {
+      0.0, 0.0,
+      0.0};  // squares of rotation, translation and point noise over what the prior says they are
   double count[3] = {0.0, 0.0, 0.0};
   double sigma[3] = {0.0, 0.0, 0.0};
   for (const ReplayStep& step : script.steps) {
@@ -108,7 +115,8 @@ TEST(BalReplay, NoiseAndPriors) {
       }
       const bool camera = prior->mean.size() == 6;
       ASSERT_EQ(prior->mean.size(), camera ? 6u : 3u);
-      // All cameras but the first come one by one after all points and two cameras arrived in step 1.
+      // All cameras but the first come one by one after all points and two cameras arrived in step
+      // 1.
       const int number = factor.variables[0];
       const int index = camera ? (number == 1 ? 1 : number - 200) : number - 2;
       const double* solved = camera ? bal.CameraData(index) : bal.PointData(index);
@@ -116,7 +124,8 @@ TEST(BalReplay, NoiseAndPriors) {
         const std::size_t kind = camera ? (k < 3 ? 0 : 1) : 2;
         sigma[kind] = 0.1 / prior->sqrt_information[k];
         const double noise = (prior->mean[k] - solved[k]) / sigma[kind];
-        if (camera || std::fabs(noise) < 10.0) {  // points come in the order of the observations, which is theirs
+        if (camera || std::fabs(noise) <
+                          10.0) {  // points come in the order of the observations, which is theirs
           sum[kind] += noise * noise;
           count[kind] += 1.0;
         }
@@ -140,7 +149,8 @@ TEST(BalReplay, Options) {
   EXPECT_EQ(plain.steps[0].variables[0].kind, Kind::kBalCameraPose);
   EXPECT_TRUE(plain.steps[0].variables[0].constant);
   EXPECT_FALSE(plain.steps[0].variables[1].constant);
-  EXPECT_TRUE(std::equal(bal.CameraData(0), bal.CameraData(0) + 9, plain.steps[0].variables[0].start.begin()));
+  EXPECT_TRUE(std::equal(bal.CameraData(0), bal.CameraData(0) + 9,
+                         plain.steps[0].variables[0].start.begin()));
   EXPECT_NE(start(plain)[0], bal.CameraData(1)[0]);
   EXPECT_EQ(start(plain)[6], bal.CameraData(1)[6]);
 
@@ -174,7 +184,10 @@ TEST(KeyframeReplay, FeaturesEnterAtTheirFirstObservation) {
     for (const KeyframeObservation& observation : keyframe.observations) {
       if (entered.insert(observation.feature).second) {
         ++fresh;
-        measured += sequence.features[static_cast<std::size_t>(observation.feature)].inverse_depth > 0.0 ? 1 : 0;
+        measured +=
+            sequence.features[static_cast<std::size_t>(observation.feature)].inverse_depth > 0.0
+                ? 1
+                : 0;
       }
     }
     EXPECT_EQ(static_cast<int>(step.variables.size()), fresh + (i == 0 ? 2 : 1));
@@ -200,8 +213,9 @@ TEST(KeyframeReplay, StartOfAnInverseDepth) {
   EXPECT_EQ(script.steps[0].variables[2].start[0], 0.3);  // guessed
   EXPECT_EQ(script.steps[0].variables[3].start[0], 0.8);  // measured
   EXPECT_EQ(script.steps[0].variables[4].start[0], 0.5);  // neither
-  const auto prior = std::find_if(script.steps[0].factors.begin(), script.steps[0].factors.end(),
-                                  [](const ReplayFactor& factor) { return std::holds_alternative<Prior>(factor.measurement); });
+  const auto prior = std::find_if(
+      script.steps[0].factors.begin(), script.steps[0].factors.end(),
+      [](const ReplayFactor& factor) { return std::holds_alternative<Prior>(factor.measurement); });
   ASSERT_NE(prior, script.steps[0].factors.end());
   EXPECT_EQ(std::get<Prior>(prior->measurement).mean[0], 0.8);
   EXPECT_DOUBLE_EQ(std::get<Prior>(prior->measurement).sqrt_information[0], 10.0);
@@ -251,7 +265,8 @@ TEST(VioReplay, PointsEnterWithTheirSecondFrameAndFramesWithTheirImuFactor) {
       const bool sighting = std::holds_alternative<PointSighting>(factor.measurement);
       EXPECT_EQ(ToString(factor.loss), sighting ? "huber:1" : "none");
       for (const int variable : factor.variables) {
-        ASSERT_LT(static_cast<std::size_t>(variable), kinds.size()) << "a variable before it arrived";
+        ASSERT_LT(static_cast<std::size_t>(variable), kinds.size())
+            << "a variable before it arrived";
       }
       if (sighting) {
         EXPECT_EQ(kinds[static_cast<std::size_t>(factor.variables[2])], Kind::kPoint);
@@ -302,13 +317,15 @@ double MeanTrackOf(const ReplayScript& script, std::size_t first, std::size_t la
   double observations = 0.0, points = 0.0;
   for (std::size_t i = first; i < last; ++i) {
     observations += CountFactors<Bal>(script.steps[i]);
-    points += static_cast<double>(std::count_if(script.steps[i].variables.begin(), script.steps[i].variables.end(),
-                                                [](const ReplayVariable& v) { return v.kind == Kind::kPoint; }));
+    points += static_cast<double>(
+        std::count_if(script.steps[i].variables.begin(), script.steps[i].variables.end(),
+                      [](const ReplayVariable& v) { return v.kind == Kind::kPoint; }));
   }
   return observations / points;
 }
 
-// How many cameras lie between the first and the last that a factor ties together through one point, at most.
+// How many cameras lie between the first and the last that a factor ties together through one
+// point, at most.
 int LongestTie(const ReplayScript& script) {
   std::vector<int> camera, first_seen;  // by variable
   int cameras = 0, longest = 0;
@@ -344,11 +361,14 @@ TEST(PathReplay, IsAlikeFromOneEndToTheOther) {
     factors += CountFactors<Bal>(step);
   }
   EXPECT_NEAR(factors / 900.0, 41.0, 3.0);
-  // Nowhere is the origin farther away than anywhere else: it would be a lever for noise in the rotations.
+  // Nowhere is the origin farther away than anywhere else: it would be a lever for noise in the
+  // rotations.
   for (const ReplayStep& step : script.steps) {
-    const ReplayVariable& camera = *std::find_if(step.variables.rbegin(), step.variables.rend(),
-                                                 [](const ReplayVariable& v) { return v.kind != Kind::kPoint; });
-    EXPECT_NEAR(std::hypot(camera.start[3], camera.start[4], camera.start[5]), 200.0 / (2.0 * M_PI), 5.0);
+    const ReplayVariable& camera =
+        *std::find_if(step.variables.rbegin(), step.variables.rend(),
+                      [](const ReplayVariable& v) { return v.kind != Kind::kPoint; });
+    EXPECT_NEAR(std::hypot(camera.start[3], camera.start[4], camera.start[5]), 200.0 / (2.0 * M_PI),
+                5.0);
   }
 }
 

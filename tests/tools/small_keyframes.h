@@ -9,9 +9,9 @@
 
 namespace inceres::tools {
 
-/// Keyframes on a circle that look inwards at points on a smaller one, which each keyframe anchors six new ones of and the next
-/// three see again; relative poses of neighbors and of the last with the first. Observations with a little noise, perturbed
-/// start values.
+/// Keyframes on a circle that look inwards at points on a smaller one, which each keyframe anchors
+/// six new ones of and the next three see again; relative poses of neighbors and of the last with
+/// the first. Observations with a little noise, perturbed start values.
 inline KeyframeSequence SmallKeyframes(int count) {
   std::mt19937 random(17);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
@@ -32,7 +32,8 @@ inline KeyframeSequence SmallKeyframes(int count) {
     const double angle = 0.1 * i;
     // Turned by −angle about y, from 4 m out the camera looks at the middle.
     const double turn[3] = {0.0, -angle, 0.0};
-    std::array<double, 7> pose{4.0 * std::sin(angle), 0.0, -4.0 * std::cos(angle), 0.0, 0.0, 0.0, 1.0};
+    std::array<double, 7> pose{
+        4.0 * std::sin(angle), 0.0, -4.0 * std::cos(angle), 0.0, 0.0, 0.0, 1.0};
     ExpQuaternion(turn, pose.data() + 3);
     truth.push_back(pose);
     Keyframe keyframe;
@@ -45,8 +46,11 @@ inline KeyframeSequence SmallKeyframes(int count) {
     double P[3];
     for (int f = std::max(0, 6 * (i - 3)); f < 6 * i; ++f) {
       into_camera(pose, points[static_cast<std::size_t>(f)].data(), P);
-      keyframe.observations.push_back(
-          {f, P[0] / P[2] + 1e-3 * uniform(random), P[1] / P[2] + 1e-3 * uniform(random), 0.0, {2e5, 1e3, 2.5e5}});
+      keyframe.observations.push_back({f,
+                                       P[0] / P[2] + 1e-3 * uniform(random),
+                                       P[1] / P[2] + 1e-3 * uniform(random),
+                                       0.0,
+                                       {2e5, 1e3, 2.5e5}});
       if (f >= 6 * (i - 1) && f % 3 != 0) {
         keyframe.depth_guesses.push_back({f, 0.3});
       }
@@ -55,7 +59,8 @@ inline KeyframeSequence SmallKeyframes(int count) {
       const std::array<double, 3> X{uniform(random), uniform(random), uniform(random)};
       into_camera(pose, X.data(), P);
       keyframe.features.push_back(static_cast<int>(points.size()));
-      sequence.features.push_back({i, k, P[0] / P[2], P[1] / P[2], k % 2 == 0 ? 1.0 / P[2] + 0.01 * uniform(random) : 0.0});
+      sequence.features.push_back(
+          {i, k, P[0] / P[2], P[1] / P[2], k % 2 == 0 ? 1.0 / P[2] + 0.01 * uniform(random) : 0.0});
       points.push_back(X);
     }
     for (const int a : {i - 1, 0}) {

@@ -10,7 +10,8 @@
 
 namespace inceres::tools {
 
-/// Cameras on a line that all see all points of a box in front of them; perfect observations, perturbed start values.
+/// Cameras on a line that all see all points of a box in front of them; perfect observations,
+/// perturbed start values.
 inline BalProblem SmallBal(int num_cameras = 4, int num_points = 30) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
@@ -18,8 +19,15 @@ inline BalProblem SmallBal(int num_cameras = 4, int num_points = 30) {
   bal.num_cameras = num_cameras;
   bal.num_points = num_points;
   for (int i = 0; i < num_cameras; ++i) {
-    const double camera[] = {
-        0.1 * uniform(random), 0.1 * uniform(random), 0.1 * uniform(random), 0.5 * i, 0.0, -6.0, 500.0, -0.05, 0.01};
+    const double camera[] = {0.1 * uniform(random),
+                             0.1 * uniform(random),
+                             0.1 * uniform(random),
+                             0.5 * i,
+                             0.0,
+                             -6.0,
+                             500.0,
+                             -0.05,
+                             0.01};
     bal.cameras.insert(bal.cameras.end(), std::begin(camera), std::end(camera));
   }
   for (int i = 0; i < 3 * num_points; ++i) {
@@ -38,7 +46,8 @@ inline BalProblem SmallBal(int num_cameras = 4, int num_points = 30) {
   return bal;
 }
 
-/// Poses on a circle, relative poses of neighbors and one loop; perfect measurements, perturbed start values.
+/// Poses on a circle, relative poses of neighbors and one loop; perfect measurements, perturbed
+/// start values.
 inline PoseGraph SmallPoseGraph(int dimension, int num_poses = 12) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> uniform(-0.05, 0.05);
@@ -50,13 +59,15 @@ inline PoseGraph SmallPoseGraph(int dimension, int num_poses = 12) {
     const double angle = step * i;
     const double noise = i == 0 ? 0.0 : 1.0;
     if (dimension == 2) {
-      const double pose[] = {5.0 * std::cos(angle) + noise * uniform(random), 5.0 * std::sin(angle) + noise * uniform(random),
+      const double pose[] = {5.0 * std::cos(angle) + noise * uniform(random),
+                             5.0 * std::sin(angle) + noise * uniform(random),
                              std::remainder(angle + noise * uniform(random), 2.0 * M_PI)};
       graph.poses.insert(graph.poses.end(), std::begin(pose), std::end(pose));
     } else {
       const double half = 0.5 * (angle + noise * uniform(random));
-      const double pose[] = {5.0 * std::cos(angle), 5.0 * std::sin(angle), noise * uniform(random), 0.0, 0.0,
-                             std::sin(half),        std::cos(half)};
+      const double pose[] = {
+          5.0 * std::cos(angle), 5.0 * std::sin(angle), noise * uniform(random), 0.0, 0.0,
+          std::sin(half),        std::cos(half)};
       graph.poses.insert(graph.poses.end(), std::begin(pose), std::end(pose));
     }
   }

@@ -12,9 +12,9 @@
 
 namespace inceres::tools {
 
-/// A walk in space or in the plane with noisy relative poses: of each pose with the two before and, of every fifth, with the
-/// first of all; edges point either way. Ids have gaps and stand in reverse. The values are those of the true walk; information
-/// matrices are full.
+/// A walk in space or in the plane with noisy relative poses: of each pose with the two before and,
+/// of every fifth, with the first of all; edges point either way. Ids have gaps and stand in
+/// reverse. The values are those of the true walk; information matrices are full.
 inline PoseGraph NoisyPoseGraph(int dimension, int num_poses) {
   std::mt19937 random(23);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
@@ -41,21 +41,26 @@ inline PoseGraph NoisyPoseGraph(int dimension, int num_poses) {
   for (int i = num_poses - 1; i >= 0; --i) {
     graph.ids.push_back(3 * i + 1);
     const auto& pose = truth[static_cast<std::size_t>(i)];
-    graph.poses.insert(graph.poses.end(), pose.begin(), pose.begin() + static_cast<std::ptrdiff_t>(size));
+    graph.poses.insert(graph.poses.end(), pose.begin(),
+                       pose.begin() + static_cast<std::ptrdiff_t>(size));
   }
   const auto add_edge = [&](int from, int to) {
     PoseGraphEdge edge;
     edge.from = num_poses - 1 - from;
     edge.to = num_poses - 1 - to;
     std::array<double, 7> back{};
-    (dimension == 2 ? InvertPlanarPose : InvertPose)(truth[static_cast<std::size_t>(from)].data(), back.data());
-    const std::array<double, 7> motion = compose(back.data(), truth[static_cast<std::size_t>(to)].data());
-    edge.measurement = compose(motion.data(), near(0.03 * uniform(random), 0.02 * uniform(random)).data());
+    (dimension == 2 ? InvertPlanarPose : InvertPose)(truth[static_cast<std::size_t>(from)].data(),
+                                                     back.data());
+    const std::array<double, 7> motion =
+        compose(back.data(), truth[static_cast<std::size_t>(to)].data());
+    edge.measurement =
+        compose(motion.data(), near(0.03 * uniform(random), 0.02 * uniform(random)).data());
     const int d = graph.TangentSize();
     for (int r = 0; r < d; ++r) {
       for (int c = 0; c <= r; ++c) {
         const double value = r == c ? 50.0 + 10.0 * r : 4.0 * uniform(random);
-        edge.information[static_cast<std::size_t>(r * d + c)] = edge.information[static_cast<std::size_t>(c * d + r)] = value;
+        edge.information[static_cast<std::size_t>(r * d + c)] =
+            edge.information[static_cast<std::size_t>(c * d + r)] = value;
       }
     }
     graph.edges.push_back(edge);
@@ -72,8 +77,9 @@ inline PoseGraph NoisyPoseGraph(int dimension, int num_poses) {
   return graph;
 }
 
-/// A stereo camera that drives a bend past points which each pose sees six new ones of and the next three see again; pose 14 sees
-/// the points of pose 0 once more. Half a pixel of noise on the sightings, a little on the odometry.
+/// A stereo camera that drives a bend past points which each pose sees six new ones of and the next
+/// three see again; pose 14 sees the points of pose 0 once more. Half a pixel of noise on the
+/// sightings, a little on the odometry.
 inline StereoOdometry SmallStereo(int num_poses) {
   std::mt19937 random(29);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
@@ -88,7 +94,8 @@ inline StereoOdometry SmallStereo(int num_poses) {
     }
     odometry.poses.push_back(noisy);
     for (int p = 0; p < 6; ++p) {
-      const double in_camera[3] = {2.0 * uniform(random), uniform(random), 5.0 + 2.0 * uniform(random)};
+      const double in_camera[3] = {2.0 * uniform(random), uniform(random),
+                                   5.0 + 2.0 * uniform(random)};
       TransformPoint(pose.data(), in_camera, points.emplace_back().data());
       odometry.point_ids.push_back(100 + 7 * static_cast<int>(points.size()));
     }

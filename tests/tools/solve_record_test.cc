@@ -5,7 +5,8 @@
 namespace inceres::tools {
 namespace {
 
-const std::vector<CostSample> kTrace = {{0.1, 200.0, true}, {0.2, 101.0, true}, {0.3, 100.0, false}, {0.4, 100.0001, true}};
+const std::vector<CostSample> kTrace = {
+    {0.1, 200.0, true}, {0.2, 101.0, true}, {0.3, 100.0, false}, {0.4, 100.0001, true}};
 
 TEST(TimeToGap, IsTheFirstAcceptedSampleWithinTheGap) {
   EXPECT_EQ(TimeToGap(kTrace, 100.0, 1.0), 0.1);

@@ -24,7 +24,8 @@ TEST(Summarize, OneValueIsItsOwnSpread) {
 }
 
 TEST(SummarizeRatios, AreTakenRoundByRound) {
-  // The machine is ten times slower in the second round: the ratio of medians would be 2 / 2, the ratios of rounds show 1/2.
+  // The machine is ten times slower in the second round: the ratio of medians would be 2 / 2, the
+  // ratios of rounds show 1/2.
   const Spread ratio = SummarizeRatios({1.0, 10.0, 2.0}, {2.0, 20.0, 2.0});
   EXPECT_EQ(ratio.median, 0.5);
   EXPECT_EQ(ratio.min, 0.5);

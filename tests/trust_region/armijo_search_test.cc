@@ -52,14 +52,16 @@ TEST(Armijo, TakesTheFullStepIfItWill) {
 }
 
 TEST(Armijo, Bisects) {
-  const Trace trace = Search(With(LineSearchInterpolation::kBisection), -1.0, Quadratic, QuadraticSlope);
+  const Trace trace =
+      Search(With(LineSearchInterpolation::kBisection), -1.0, Quadratic, QuadraticSlope);
   EXPECT_EQ(trace.visited, (std::vector<double>{1.0, 0.5, 0.25, 0.125}));
   EXPECT_EQ(trace.t, 0.125);
   EXPECT_EQ(trace.summary.num_steps, 3);
 }
 
 TEST(Armijo, APolynomialFindsTheMinimumAtOnce) {
-  for (const auto interpolation : {LineSearchInterpolation::kQuadratic, LineSearchInterpolation::kCubic}) {
+  for (const auto interpolation :
+       {LineSearchInterpolation::kQuadratic, LineSearchInterpolation::kCubic}) {
     const Trace trace = Search(With(interpolation), -1.0, Quadratic, QuadraticSlope);
     ASSERT_EQ(trace.visited.size(), 2U);
     EXPECT_NEAR(*trace.t, 0.1, 1e-12);

@@ -1,4 +1,5 @@
-// Bounds of variables in the batch Solve: the optimum meets its first-order conditions, nothing ever leaves them.
+// Bounds of variables in the batch Solve: the optimum meets its first-order conditions, nothing
+// ever leaves them.
 #include <cmath>
 #include <limits>
 
@@ -26,7 +27,8 @@ SolverOptions Tight() {
 // Checks every point that is evaluated.
 class Watch final : public SolveObserver {
  public:
-  Watch(const FactorGraph& graph, const std::vector<double>& lower, const std::vector<double>& upper)
+  Watch(const FactorGraph& graph, const std::vector<double>& lower,
+        const std::vector<double>& upper)
       : graph_(graph), lower_(lower), upper_(upper) {}
   void BeforeEvaluation(const double* state, bool /*jacobians*/, bool /*new_point*/) override {
     for (std::size_t k = 0; k < graph_.state().size(); ++k) {
@@ -45,9 +47,11 @@ class Watch final : public SolveObserver {
 
 TEST(BoundedSolve, RosenbrockAgainstAWall) {
   for (const auto interpolation :
-       {LineSearchInterpolation::kBisection, LineSearchInterpolation::kQuadratic, LineSearchInterpolation::kCubic}) {
-    for (const auto strategy : {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg,
-                                TrustRegionStrategyKind::kSubspaceDogleg}) {
+       {LineSearchInterpolation::kBisection, LineSearchInterpolation::kQuadratic,
+        LineSearchInterpolation::kCubic}) {
+    for (const auto strategy :
+         {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg,
+          TrustRegionStrategyKind::kSubspaceDogleg}) {
       FactorGraph graph;
       test::MakeRosenbrock(&graph);
       const std::vector<double> lower = {-2.0, -1.0};
@@ -63,10 +67,12 @@ TEST(BoundedSolve, RosenbrockAgainstAWall) {
       EXPECT_TRUE(summary.is_constrained);
       EXPECT_TRUE(watch.within);
       EXPECT_EQ(graph.state()[0], 0.5) << "active, to the last bit";
-      // The method clamps steps of the free problem: once at the wall it creeps along it, and may stop before the foot.
+      // The method clamps steps of the free problem: once at the wall it creeps along it, and may
+      // stop before the foot.
       EXPECT_NEAR(graph.state()[1], 0.25, 0.01);
       EXPECT_NEAR(summary.final_cost, 0.125, 2e-3);
-      EXPECT_EQ(watch.num_evaluations, summary.work.num_residual_evaluations + summary.work.num_jacobian_evaluations);
+      EXPECT_EQ(watch.num_evaluations,
+                summary.work.num_residual_evaluations + summary.work.num_jacobian_evaluations);
       EXPECT_NE(summary.ToJson().find("\"is_constrained\": true"), std::string::npos);
     }
   }
@@ -138,7 +144,9 @@ TEST(BoundedSolve, StartOutsideIsProjectedAndAFailureLeavesIt) {
   EXPECT_DOUBLE_EQ(summary.initial_cost, 0.5 * (std::pow(10.0 * (0.5 - 9.0), 2) + 16.0));
 
   class Abort final : public SolveObserver {
-    ObserverAction EndOfIteration(const IterationSummary&, const double*) override { return ObserverAction::kAbort; }
+    ObserverAction EndOfIteration(const IterationSummary&, const double*) override {
+      return ObserverAction::kAbort;
+    }
   } abort;
   options.observer = &abort;
   graph.mutable_state() = start;
@@ -180,7 +188,9 @@ TEST(Bounds, WhatNothingCanMeetIsNamed) {
   test::MakeRosenbrock(&graph);
   const double one[] = {0.0, 1.0};
   graph.SetBounds(0, one, one);
-  ExpectRefused(graph, "value 0 of variable 0 has the lower bound 0.000000, which is not below its upper bound 0.000000");
+  ExpectRefused(graph,
+                "value 0 of variable 0 has the lower bound 0.000000, which is not below its upper "
+                "bound 0.000000");
   const double nan[] = {1.0, std::nan("")};
   graph.SetBounds(0, nullptr, nan);
   ExpectRefused(graph, "value 1 of variable 0 has a bound that is not a number");
@@ -188,7 +198,9 @@ TEST(Bounds, WhatNothingCanMeetIsNamed) {
   const double upper[] = {5.0, 0.5};
   graph.SetBounds(0, nullptr, upper);
   const Status status = graph.Validate();
-  EXPECT_NE(status.message.find("value 1 of variable 0 is constant at 1.000000, outside its bounds"), std::string::npos)
+  EXPECT_NE(
+      status.message.find("value 1 of variable 0 is constant at 1.000000, outside its bounds"),
+      std::string::npos)
       << status.message;
   const double at[] = {5.0, 1.0};
   graph.SetBounds(0, at, at);

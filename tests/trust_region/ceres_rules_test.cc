@@ -17,7 +17,8 @@ using internal::CeresRules;
 // ½ (scale (x − 1))² from x = 3.
 void MakeLine(double scale, std::shared_ptr<const Loss> loss, FactorGraph* graph) {
   auto family = std::make_shared<test::FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}}, [scale](int, const double* const* x, double* residuals, double** jacobians) {
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [scale](int, const double* const* x, double* residuals, double** jacobians) {
         residuals[0] = scale * (x[0][0] - 1.0);
         if (jacobians != nullptr) {
           jacobians[0][0] = scale;
@@ -25,10 +26,12 @@ void MakeLine(double scale, std::shared_ptr<const Loss> loss, FactorGraph* graph
         return true;
       });
   const double start = 3.0;
-  graph->AddFactor(graph->AddFamily(family), *family, 0, {graph->AddVariable(&start, 1, Role::kFrame)}, std::move(loss));
+  graph->AddFactor(graph->AddFamily(family), *family, 0,
+                   {graph->AddVariable(&start, 1, Role::kFrame)}, std::move(loss));
 }
 
-// Not a number inside a ring around the minimum, which the first steps of a small radius do not reach.
+// Not a number inside a ring around the minimum, which the first steps of a small radius do not
+// reach.
 class HoleyLoss : public Loss {
  public:
   void Evaluate(double s, double rho[3]) const override {
@@ -66,8 +69,8 @@ TEST(CeresRules, StartOfInfiniteCost) {
   }
 }
 
-// The second step falls into the hole: up to 2.1 that is convergence, from 2.2 on a rejected step, after which shorter ones go
-// on.
+// The second step falls into the hole: up to 2.1 that is convergence, from 2.2 on a rejected step,
+// after which shorter ones go on.
 TEST(CeresRules, TrialPointWithoutANumber) {
   SolverOptions options;
   options.initial_trust_region_radius = 1.0;
@@ -87,7 +90,8 @@ TEST(CeresRules, TrialPointWithoutANumber) {
   }
 }
 
-// With bounds the norm of the start is known, so up to 2.1 the tolerance can be met by the very first step.
+// With bounds the norm of the start is known, so up to 2.1 the tolerance can be met by the very
+// first step.
 TEST(CeresRules, ParameterToleranceBeforeTheFirstAcceptedStep) {
   SolverOptions options;
   options.parameter_tolerance = 0.9;

@@ -34,7 +34,8 @@ class Converges : public testing::TestWithParam<Configuration> {
   Summary SolveToConvergence(FactorGraph* graph) {
     Summary summary = Solve(options_, graph);
     EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
-    EXPECT_EQ(summary.num_successful_steps + summary.num_unsuccessful_steps, static_cast<int>(summary.iterations.size()));
+    EXPECT_EQ(summary.num_successful_steps + summary.num_unsuccessful_steps,
+              static_cast<int>(summary.iterations.size()));
     EXPECT_NEAR(summary.iterations.front().cost, summary.initial_cost, 0.0);
     EXPECT_LE(summary.final_cost, summary.initial_cost);
     return summary;
@@ -103,16 +104,19 @@ TEST(ReduceCurvatureOfLosses, TakesFewerIterations) {
 std::string ConfigurationName(const testing::TestParamInfo<Configuration>& info) {
   const char* models[] = {"Automatic", "Schur", "Plain", "DenseQr"};
   const char* strategies[] = {"LevenbergMarquardt", "Marquardt", "Dogleg", "SubspaceDogleg"};
-  return std::string(strategies[static_cast<int>(std::get<0>(info.param))]) + models[static_cast<int>(std::get<1>(info.param))];
+  return std::string(strategies[static_cast<int>(std::get<0>(info.param))]) +
+         models[static_cast<int>(std::get<1>(info.param))];
 }
 
-INSTANTIATE_TEST_SUITE_P(Configurations, Converges,
-                         testing::Combine(testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt,
-                                                          TrustRegionStrategyKind::kMarquardt, TrustRegionStrategyKind::kDogleg,
-                                                          TrustRegionStrategyKind::kSubspaceDogleg),
-                                          testing::Values(LinearModelKind::kAutomatic, LinearModelKind::kSchur,
-                                                          LinearModelKind::kPlain, LinearModelKind::kDenseQr)),
-                         ConfigurationName);
+INSTANTIATE_TEST_SUITE_P(
+    Configurations, Converges,
+    testing::Combine(testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt,
+                                     TrustRegionStrategyKind::kMarquardt,
+                                     TrustRegionStrategyKind::kDogleg,
+                                     TrustRegionStrategyKind::kSubspaceDogleg),
+                     testing::Values(LinearModelKind::kAutomatic, LinearModelKind::kSchur,
+                                     LinearModelKind::kPlain, LinearModelKind::kDenseQr)),
+    ConfigurationName);
 
 class BundleConverges : public testing::TestWithParam<int> {};  // landmark size
 
@@ -127,8 +131,10 @@ TEST_P(BundleConverges, ToTheSameMinimumWhateverSolves) {
   bundle.losses = bundle.constants = bundle.hosted = true;
   bundle.perturbation = 0.3;
   double minimum = -1.0;
-  for (const auto strategy : {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg}) {
-    for (const auto model : {LinearModelKind::kAutomatic, LinearModelKind::kPlain, LinearModelKind::kDenseQr}) {
+  for (const auto strategy :
+       {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg}) {
+    for (const auto model :
+         {LinearModelKind::kAutomatic, LinearModelKind::kPlain, LinearModelKind::kDenseQr}) {
       for (const auto reduced : {ReducedSolverKind::kAutomatic, ReducedSolverKind::kSparse}) {
         const auto graph = MakeBundle(bundle);
         SolverOptions options;
@@ -141,7 +147,8 @@ TEST_P(BundleConverges, ToTheSameMinimumWhateverSolves) {
         ASSERT_EQ(summary.termination, Termination::kConvergence) << summary.message;
         minimum = minimum < 0.0 ? summary.final_cost : minimum;
         EXPECT_NEAR(summary.final_cost, minimum, 1e-9 * minimum);
-        EXPECT_NEAR(summary.final_cost, test::CostAt(graph->graph(), graph->graph().state()), 1e-9 * minimum);
+        EXPECT_NEAR(summary.final_cost, test::CostAt(graph->graph(), graph->graph().state()),
+                    1e-9 * minimum);
         const internal::Layout layout(graph->graph(), true);
         EXPECT_LT(test::DenseOracle(graph->graph(), layout.variables).g.norm(), 1e-4);
       }

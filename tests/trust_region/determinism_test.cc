@@ -42,11 +42,13 @@ class SameBits : public testing::TestWithParam<TrustRegionStrategyKind> {
 };
 
 TEST_P(SameBits, ForAnyNumberOfThreadsAndEveryRun) {
-  for (const auto kind : {ReducedSolverKind::kDense, ReducedSolverKind::kSparse, ReducedSolverKind::kPcg}) {
+  for (const auto kind :
+       {ReducedSolverKind::kDense, ReducedSolverKind::kSparse, ReducedSolverKind::kPcg}) {
     std::vector<double> expected_state;
     const Summary expected = SolveWith(1, kind, &expected_state);
     for (const int num_threads : {1, 2, 4, 2}) {
-      SCOPED_TRACE(std::string(expected.reduced_solver) + ", " + std::to_string(num_threads) + " threads");
+      SCOPED_TRACE(std::string(expected.reduced_solver) + ", " + std::to_string(num_threads) +
+                   " threads");
       std::vector<double> state;
       ExpectSameBits(SolveWith(num_threads, kind, &state), expected);
       EXPECT_EQ(state, expected_state);
@@ -60,8 +62,10 @@ std::string StrategyName(const testing::TestParamInfo<TrustRegionStrategyKind>& 
 }
 
 INSTANTIATE_TEST_SUITE_P(Strategies, SameBits,
-                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kMarquardt,
-                                         TrustRegionStrategyKind::kDogleg, TrustRegionStrategyKind::kSubspaceDogleg),
+                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt,
+                                         TrustRegionStrategyKind::kMarquardt,
+                                         TrustRegionStrategyKind::kDogleg,
+                                         TrustRegionStrategyKind::kSubspaceDogleg),
                          StrategyName);
 
 }  // namespace

@@ -1,4 +1,5 @@
-// Blocks of Jacobians that are all zeros, left out of H: the same steps, whatever moves between linearizations.
+// Blocks of Jacobians that are all zeros, left out of H: the same steps, whatever moves between
+// linearizations.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -20,7 +21,8 @@ namespace {
 
 using test::ExpectSameBits;
 
-// The point of a closed quadratic B-spline at t, less an observation. Slots: t, then all control points, of which three count.
+// The point of a closed quadratic B-spline at t, less an observation. Slots: t, then all control
+// points, of which three count.
 class CurveFamily final : public AmbientFamily<CurveFamily> {
  public:
   explicit CurveFamily(int num_control_points) : AmbientFamily(2, Slots(num_control_points)) {}
@@ -28,7 +30,8 @@ class CurveFamily final : public AmbientFamily<CurveFamily> {
   void Add(double x, double y) { observations_.push_back({x, y}); }
   int size() const override { return static_cast<int>(observations_.size()); }
   const char* Name() const override { return "curve"; }
-  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
     const int n = num_slots() - 1;
     const double t = parameters[0][0] - n * std::floor(parameters[0][0] / n);
     const int first = std::min(static_cast<int>(t), n - 1);
@@ -42,7 +45,8 @@ class CurveFamily final : public AmbientFamily<CurveFamily> {
     }
     for (int d = 0; d < 2; ++d) {
       double tangent = 0.0;
-      residuals[d] = -(d == 0 ? observations_[static_cast<std::size_t>(i)].x : observations_[static_cast<std::size_t>(i)].y);
+      residuals[d] = -(d == 0 ? observations_[static_cast<std::size_t>(i)].x
+                              : observations_[static_cast<std::size_t>(i)].y);
       for (int k = 0; k < 3; ++k) {
         const int slot = 1 + (first + k) % n;
         residuals[d] += weights[k] * parameters[slot][d];
@@ -73,10 +77,12 @@ class CurveFamily final : public AmbientFamily<CurveFamily> {
 // Neighbors are near each other.
 class SpringFamily final : public AmbientFamily<SpringFamily> {
  public:
-  explicit SpringFamily(int num_springs) : AmbientFamily(2, {{2, 2}, {2, 2}}), num_springs_(num_springs) {}
+  explicit SpringFamily(int num_springs)
+      : AmbientFamily(2, {{2, 2}, {2, 2}}), num_springs_(num_springs) {}
   int size() const override { return num_springs_; }
   const char* Name() const override { return "spring"; }
-  bool EvaluateOne(int, const double* const* parameters, double* residuals, double** jacobians) const {
+  bool EvaluateOne(int, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
     for (int d = 0; d < 2; ++d) {
       residuals[d] = 0.05 * (parameters[0][d] - parameters[1][d]);
     }
@@ -96,7 +102,8 @@ class SpringFamily final : public AmbientFamily<SpringFamily> {
 constexpr int kControlPoints = 60;
 constexpr int kObservations = 250;
 
-FactorGraph MakeCurve(unsigned seed, const std::shared_ptr<const Loss>& loss = nullptr, bool some_constant = false) {
+FactorGraph MakeCurve(unsigned seed, const std::shared_ptr<const Loss>& loss = nullptr,
+                      bool some_constant = false) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   FactorGraph graph;
@@ -116,7 +123,8 @@ FactorGraph MakeCurve(unsigned seed, const std::shared_ptr<const Loss>& loss = n
     const double angle = 2.0 * M_PI * i / kObservations;
     const double t = kControlPoints * (angle / (2.0 * M_PI)) + 0.6 * normal(random);
     slots[0] = graph.AddVariable(&t, 1, Role::kFrame);
-    curve->Add(5.0 * std::cos(angle) + 0.02 * normal(random), 2.0 * std::sin(angle) + 0.02 * normal(random));
+    curve->Add(5.0 * std::cos(angle) + 0.02 * normal(random),
+               2.0 * std::sin(angle) + 0.02 * normal(random));
     graph.Connect(curve_id, slots.data(), loss);
   }
   for (int k = 0; k < kControlPoints; ++k) {
@@ -156,13 +164,16 @@ void ExpectSameTrace(const Summary& a, const Summary& b, double tolerance) {
   for (std::size_t k = 0; k < a.iterations.size(); ++k) {
     EXPECT_EQ(a.iterations[k].step_is_successful, b.iterations[k].step_is_successful) << k;
     EXPECT_NEAR(a.iterations[k].cost, b.iterations[k].cost, tolerance * b.iterations[k].cost) << k;
-    EXPECT_NEAR(a.iterations[k].gradient_norm, b.iterations[k].gradient_norm, tolerance * b.iterations[0].gradient_norm) << k;
+    EXPECT_NEAR(a.iterations[k].gradient_norm, b.iterations[k].gradient_norm,
+                tolerance * b.iterations[0].gradient_norm)
+        << k;
   }
 }
 
 TEST(DynamicSparsity, TraceIsThatOfTheWholeJacobian) {
   for (const unsigned seed : {1U, 2U, 3U}) {
-    for (const auto strategy : {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg}) {
+    for (const auto strategy :
+         {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg}) {
       SolverOptions dynamic = Dynamic();
       SolverOptions whole = Static();
       dynamic.strategy = whole.strategy = strategy;
@@ -187,8 +198,8 @@ TEST(DynamicSparsity, SoItIsWithLossesAndConstants) {
     const std::vector<int> before = Segments(a);
     SolverOptions dynamic = Dynamic();
     SolverOptions whole = Static();
-    dynamic.max_num_iterations = whole.max_num_iterations =
-        8;  // a redescending loss makes rounding errors grow from step to step
+    // a redescending loss makes rounding errors grow from step to step
+    dynamic.max_num_iterations = whole.max_num_iterations = 8;
     ExpectSameTrace(Solve(dynamic, &a), Solve(whole, &b), 1e-7);
     EXPECT_NE(Segments(a), before);
   }
@@ -238,7 +249,8 @@ TEST(DynamicSparsity, NamesTheModelsItDoesNotGoWith) {
     SolverOptions options = Dynamic();
     options.linear_model = model;
     EXPECT_EQ(options.Validate().code, StatusCode::kInvalidArgument);
-    EXPECT_NE(options.Validate().message.find("SolverOptions::dynamic_sparsity"), std::string::npos);
+    EXPECT_NE(options.Validate().message.find("SolverOptions::dynamic_sparsity"),
+              std::string::npos);
   }
 }
 

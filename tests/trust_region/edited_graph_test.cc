@@ -1,4 +1,5 @@
-// The batch solver and graphs that edits have changed: neither free places nor removed variables matter.
+// The batch solver and graphs that edits have changed: neither free places nor removed variables
+// matter.
 #include <gtest/gtest.h>
 
 #include "inceres/problem/graph_edit.h"
@@ -41,7 +42,8 @@ class EditedGraph : public testing::Test {
   }
 
   FactorGraph graph_;
-  std::shared_ptr<FunctionFamily> priors_ = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, Draw);
+  std::shared_ptr<FunctionFamily> priors_ =
+      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, Draw);
   std::shared_ptr<FunctionFamily> pairs_ =
       std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, Join);
   FamilyId prior_id_ = graph_.AddFamily(priors_);
@@ -56,7 +58,8 @@ TEST_F(EditedGraph, FreePlacesAreEmptyAndFilledOnesSolved) {
   ASSERT_TRUE(graph_.Apply(edit).ok());
   const Summary gaps = Solve(SolverOptions(), &graph_);
   ASSERT_TRUE(gaps.IsSolutionUsable()) << gaps.message;
-  // x_0 and x_1 are drawn by their priors alone; x_2 − 2 + 4 (x_2 − x_3) = 0, x_3 − 3 + 4 (x_3 − x_2) = 0.
+  // x_0 and x_1 are drawn by their priors alone; x_2 − 2 + 4 (x_2 − x_3) = 0, x_3 − 3 + 4 (x_3 −
+  // x_2) = 0.
   const double expected[4] = {0.0, 1.0, 2.0 + 4.0 / 9.0, 3.0 - 4.0 / 9.0};
   for (int i = 0; i < 4; ++i) {
     EXPECT_NEAR(*graph_.Values(i), expected[i], 1e-6) << i;
@@ -90,7 +93,8 @@ TEST_F(EditedGraph, RemovedVariablesDoNotMatter) {
   ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
   ASSERT_TRUE(Solve(SolverOptions(), &untouched).IsSolutionUsable());
   EXPECT_LT(summary.final_cost, summary.initial_cost);
-  EXPECT_TRUE(std::equal(untouched.state().begin(), untouched.state().end(), graph_.state().begin()));
+  EXPECT_TRUE(
+      std::equal(untouched.state().begin(), untouched.state().end(), graph_.state().begin()));
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// What fails, when, and what is left of it: the case table of Ceres 2.1. State before a failed solve = state after it.
+// What fails, when, and what is left of it: the case table of Ceres 2.1. State before a failed
+// solve = state after it.
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -20,8 +21,8 @@ using test::FunctionFamily;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr char kEvaluationFailed[] = "Residual and Jacobian evaluation failed.";
 
-// Rosenbrock's function, and a second factor that costs nothing until it misbehaves: at the n-th cost-only evaluation or at the
-// n-th evaluation with Jacobians (counted from 0).
+// Rosenbrock's function, and a second factor that costs nothing until it misbehaves: at the n-th
+// cost-only evaluation or at the n-th evaluation with Jacobians (counted from 0).
 class Failing : public testing::TestWithParam<TrustRegionStrategyKind> {
  protected:
   enum class How { kFalse, kNotANumber, kInfinite, kUnwritten, kJacobianNotANumber };
@@ -31,8 +32,10 @@ class Failing : public testing::TestWithParam<TrustRegionStrategyKind> {
     start_ = graph_.state();
     auto family = std::make_shared<FunctionFamily>(
         1, std::vector<FactorFamily::Slot>{{2, 2}},
-        [this, how, at_cost, at_jacobian](int, const double* const*, double* residuals, double** jacobians) {
-          const bool now = jacobians == nullptr ? num_costs_++ == at_cost : num_jacobians_++ == at_jacobian;
+        [this, how, at_cost, at_jacobian](int, const double* const*, double* residuals,
+                                          double** jacobians) {
+          const bool now =
+              jacobians == nullptr ? num_costs_++ == at_cost : num_jacobians_++ == at_jacobian;
           if (how != How::kUnwritten || !now) {
             residuals[0] = !now || how == How::kJacobianNotANumber ? 0.0
                            : how == How::kNotANumber               ? kNaN
@@ -57,14 +60,16 @@ class Failing : public testing::TestWithParam<TrustRegionStrategyKind> {
 };
 
 TEST_P(Failing, AtTheStart) {
-  for (const How how : {How::kFalse, How::kNotANumber, How::kInfinite, How::kUnwritten, How::kJacobianNotANumber}) {
+  for (const How how :
+       {How::kFalse, How::kNotANumber, How::kInfinite, How::kUnwritten, How::kJacobianNotANumber}) {
     graph_ = FactorGraph();
     num_costs_ = num_jacobians_ = 0;
     Build(how, -1, 0);
     const Summary summary = Solve(options_, &graph_);
     EXPECT_EQ(summary.termination, Termination::kFailure);
     EXPECT_EQ(summary.message, kEvaluationFailed);
-    EXPECT_NE(summary.detail.find("factor 0 of function (variables 0)"), std::string::npos) << summary.detail;
+    EXPECT_NE(summary.detail.find("factor 0 of function (variables 0)"), std::string::npos)
+        << summary.detail;
     EXPECT_TRUE(summary.iterations.empty());
     EXPECT_EQ(summary.num_successful_steps, 0);
     EXPECT_EQ(summary.num_unsuccessful_steps, 0);
@@ -108,14 +113,15 @@ TEST_P(Failing, AtTheJacobianOfAnAcceptedPoint) {
 
 TEST_P(Failing, EveryTrialPoint) {
   Build(How::kFalse, -1, -1);
-  auto never = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}},
-                                                [](int, const double* const*, double* residuals, double** jacobians) {
-                                                  residuals[0] = 0.0;
-                                                  if (jacobians != nullptr) {
-                                                    std::fill_n(jacobians[0], 2, 0.0);
-                                                  }
-                                                  return jacobians != nullptr;
-                                                });
+  auto never = std::make_shared<FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{2, 2}},
+      [](int, const double* const*, double* residuals, double** jacobians) {
+        residuals[0] = 0.0;
+        if (jacobians != nullptr) {
+          std::fill_n(jacobians[0], 2, 0.0);
+        }
+        return jacobians != nullptr;
+      });
   graph_.AddFactor(graph_.AddFamily(never), *never, 0, {0});
   options_.max_num_iterations = 1000;
   const Summary summary = Solve(options_, &graph_);
@@ -125,9 +131,12 @@ TEST_P(Failing, EveryTrialPoint) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Strategies, Failing,
-                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg),
+                         testing::Values(TrustRegionStrategyKind::kLevenbergMarquardt,
+                                         TrustRegionStrategyKind::kDogleg),
                          [](const auto& instance) {
-                           return instance.param == TrustRegionStrategyKind::kDogleg ? "Dogleg" : "LevenbergMarquardt";
+                           return instance.param == TrustRegionStrategyKind::kDogleg
+                                      ? "Dogleg"
+                                      : "LevenbergMarquardt";
                          });
 
 TEST(InvalidGraphs, FailWithTheMessageOfValidate) {
@@ -165,16 +174,18 @@ TEST(StandingStill, AFactorThatCannotBeEvaluatedFails) {
   EXPECT_NE(summary.detail.find("not finite"), std::string::npos) << summary.detail;
 }
 
-// f = 1 whatever x is: J = 0, no step can lower the model, and five invalid steps in a row end the solve.
+// f = 1 whatever x is: J = 0, no step can lower the model, and five invalid steps in a row end the
+// solve.
 std::shared_ptr<FunctionFamily> FlatFamily() {
-  return std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
-                                          [](int, const double* const*, double* residuals, double** jacobians) {
-                                            residuals[0] = 1.0;
-                                            if (jacobians != nullptr) {
-                                              jacobians[0][0] = 0.0;
-                                            }
-                                            return true;
-                                          });
+  return std::make_shared<FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [](int, const double* const*, double* residuals, double** jacobians) {
+        residuals[0] = 1.0;
+        if (jacobians != nullptr) {
+          jacobians[0][0] = 0.0;
+        }
+        return true;
+      });
 }
 
 // x ⊞ 0 ≠ x, so the gradient test cannot fire.
@@ -194,16 +205,19 @@ class MovingManifold final : public Manifold {
 
 TEST(InvalidSteps, EndTheSolveAndRestoreTheState) {
   const double value = 4.0;
-  for (const auto strategy : {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg}) {
+  for (const auto strategy :
+       {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg}) {
     FactorGraph graph;
     const auto family = FlatFamily();
-    graph.AddFactor(graph.AddFamily(family), *family, 0,
-                    {graph.AddVariable(&value, 1, Role::kFrame, std::make_shared<MovingManifold>())});
+    graph.AddFactor(
+        graph.AddFamily(family), *family, 0,
+        {graph.AddVariable(&value, 1, Role::kFrame, std::make_shared<MovingManifold>())});
     SolverOptions options;
     options.strategy = strategy;
     const Summary summary = Solve(options, &graph);
     EXPECT_EQ(summary.termination, Termination::kFailure);
-    EXPECT_NE(summary.message.find("max_num_consecutive_invalid_steps: 5"), std::string::npos) << summary.message;
+    EXPECT_NE(summary.message.find("max_num_consecutive_invalid_steps: 5"), std::string::npos)
+        << summary.message;
     EXPECT_EQ(summary.iterations.size(), 5u) << "the start and four invalid steps";
     EXPECT_FALSE(summary.iterations.back().step_is_valid);
     EXPECT_EQ(summary.iterations.back().cost, 0.5);
@@ -217,9 +231,11 @@ class FlakySolver final : public ReducedSolver {
  public:
   const char* Name() const override { return "flaky"; }
   Status Factorize(const ReducedMatrix& A, const Rows& changed) override {
-    return num_calls_++ % 2 == 0 ? Status::Error(StatusCode::kSingular, "not this time") : solver_.Factorize(A, changed);
+    return num_calls_++ % 2 == 0 ? Status::Error(StatusCode::kSingular, "not this time")
+                                 : solver_.Factorize(A, changed);
   }
-  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) override {
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+               double* x) override {
     return solver_.Solve(b, changed_b, truncation, x);
   }
 
@@ -245,7 +261,8 @@ TEST(InvalidSteps, NoGradientIsConvergence) {
   const double value = 4.0;
   FactorGraph graph;
   const auto family = FlatFamily();
-  graph.AddFactor(graph.AddFamily(family), *family, 0, {graph.AddVariable(&value, 1, Role::kFrame)});
+  graph.AddFactor(graph.AddFamily(family), *family, 0,
+                  {graph.AddVariable(&value, 1, Role::kFrame)});
   EXPECT_EQ(Solve(SolverOptions(), &graph).termination, Termination::kConvergence);
 }
 
@@ -269,14 +286,15 @@ class Fence final : public Manifold {
 };
 
 Summary SolveFenced(double limit, double slope, FactorGraph* graph) {
-  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
-                                                 [slope](int, const double* const* x, double* residuals, double** jacobians) {
-                                                   residuals[0] = slope * (x[0][0] - 3.0);
-                                                   if (jacobians != nullptr) {
-                                                     jacobians[0][0] = slope;
-                                                   }
-                                                   return true;
-                                                 });
+  auto family = std::make_shared<FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [slope](int, const double* const* x, double* residuals, double** jacobians) {
+        residuals[0] = slope * (x[0][0] - 3.0);
+        if (jacobians != nullptr) {
+          jacobians[0][0] = slope;
+        }
+        return true;
+      });
   const double zero = 0.0;
   graph->AddFactor(graph->AddFamily(family), *family, 0,
                    {graph->AddVariable(&zero, 1, Role::kFrame, std::make_shared<Fence>(limit))});
@@ -299,17 +317,19 @@ TEST(PlusFails, AlongTheGradientIsAFailure) {
   EXPECT_EQ(graph.state()[0], 0.0);
 }
 
-// A cost that overflows although every residual is finite is not looked at (Ceres up to 2.1): the solve ends, nothing moves.
+// A cost that overflows although every residual is finite is not looked at (Ceres up to 2.1): the
+// solve ends, nothing moves.
 TEST(NotFinite, OverflowingCostEndsWithoutMoving) {
   FactorGraph graph;
-  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
-                                                 [](int, const double* const* x, double* residuals, double** jacobians) {
-                                                   residuals[0] = 1e200 * x[0][0];
-                                                   if (jacobians != nullptr) {
-                                                     jacobians[0][0] = 1e200;
-                                                   }
-                                                   return true;
-                                                 });
+  auto family = std::make_shared<FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [](int, const double* const* x, double* residuals, double** jacobians) {
+        residuals[0] = 1e200 * x[0][0];
+        if (jacobians != nullptr) {
+          jacobians[0][0] = 1e200;
+        }
+        return true;
+      });
   const double one = 1.0;
   graph.AddFactor(graph.AddFamily(family), *family, 0, {graph.AddVariable(&one, 1, Role::kFrame)});
   const Summary summary = Solve(SolverOptions(), &graph);

@@ -30,7 +30,8 @@ class Recorder final : public SolveObserver, public internal::StepJudge {
     return summary.iteration != not_worth;
   }
   bool IsLast(const IterationSummary& summary) override { return summary.iteration == last; }
-  ObserverAction EndOfIteration(const IterationSummary& summary, const double* best_state) override {
+  ObserverAction EndOfIteration(const IterationSummary& summary,
+                                const double* best_state) override {
     log += "|";
     iterations.push_back(summary);
     best.emplace_back(best_state, best_state + graph_.state().size());
@@ -87,7 +88,8 @@ TEST_F(Observer, EndsWithAStepWithoutJacobiansThere) {
   EXPECT_EQ(recorder_.log.substr(recorder_.log.size() - 2), "r|");
   ASSERT_EQ(static_cast<int>(summary.iterations.size()), recorder_.last + 1);
   EXPECT_EQ(summary.final_cost, whole.iterations[recorder_.last].cost);
-  EXPECT_EQ(summary.iterations.back().gradient_norm, summary.iterations[recorder_.last - 1].gradient_norm);
+  EXPECT_EQ(summary.iterations.back().gradient_norm,
+            summary.iterations[recorder_.last - 1].gradient_norm);
   EXPECT_EQ(graph_.state(), recorder_.best.back());
   EXPECT_NE(graph_.state(), start_);
 }
@@ -115,7 +117,8 @@ TEST_F(Observer, SeesEveryEvaluationAndEveryIteration) {
     expected += summary.iterations[k].step_is_successful ? "rj|" : "r|";
   }
   EXPECT_EQ(recorder_.log, expected);
-  EXPECT_GT(summary.num_unsuccessful_steps, 0) << "no rejected step: half of the order is not tested";
+  EXPECT_GT(summary.num_unsuccessful_steps, 0)
+      << "no rejected step: half of the order is not tested";
   EXPECT_EQ(recorder_.iterations.size(), summary.iterations.size());
   for (std::size_t k = 0; k < summary.iterations.size(); ++k) {
     EXPECT_EQ(recorder_.iterations[k].cost, summary.iterations[k].cost);

@@ -30,7 +30,8 @@ TEST_P(BadOptions, AreNamedAndLeaveTheStateAlone) {
   GetParam().spoil(&options);
   const Status status = options.Validate();
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
-  EXPECT_NE(status.message.find("SolverOptions::" + GetParam().field + " = "), std::string::npos) << status.message;
+  EXPECT_NE(status.message.find("SolverOptions::" + GetParam().field + " = "), std::string::npos)
+      << status.message;
 
   FactorGraph graph;
   test::MakePowell(&graph);
@@ -47,21 +48,30 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         BadOption{"num_threads", [](SolverOptions* o) { o->num_threads = 0; }},
         BadOption{"max_num_iterations", [](SolverOptions* o) { o->max_num_iterations = -1; }},
-        BadOption{"max_solver_time_in_seconds", [](SolverOptions* o) { o->max_solver_time_in_seconds = -1.0; }},
-        BadOption{"max_solver_time_in_seconds", [](SolverOptions* o) { o->max_solver_time_in_seconds = kNaN; }},
+        BadOption{"max_solver_time_in_seconds",
+                  [](SolverOptions* o) { o->max_solver_time_in_seconds = -1.0; }},
+        BadOption{"max_solver_time_in_seconds",
+                  [](SolverOptions* o) { o->max_solver_time_in_seconds = kNaN; }},
         BadOption{"function_tolerance", [](SolverOptions* o) { o->function_tolerance = -1e-9; }},
         BadOption{"function_tolerance", [](SolverOptions* o) { o->function_tolerance = kNaN; }},
         BadOption{"gradient_tolerance", [](SolverOptions* o) { o->gradient_tolerance = -1e-9; }},
         BadOption{"parameter_tolerance", [](SolverOptions* o) { o->parameter_tolerance = -1e-9; }},
-        BadOption{"min_trust_region_radius", [](SolverOptions* o) { o->min_trust_region_radius = 0.0; }},
-        BadOption{"max_trust_region_radius", [](SolverOptions* o) { o->max_trust_region_radius = 1e-40; }},
-        BadOption{"initial_trust_region_radius", [](SolverOptions* o) { o->initial_trust_region_radius = 1e17; }},
-        BadOption{"initial_trust_region_radius", [](SolverOptions* o) { o->initial_trust_region_radius = 0.0; }},
-        BadOption{"initial_trust_region_radius", [](SolverOptions* o) { o->initial_trust_region_radius = kNaN; }},
-        BadOption{"min_relative_decrease", [](SolverOptions* o) { o->min_relative_decrease = -0.1; }},
+        BadOption{"min_trust_region_radius",
+                  [](SolverOptions* o) { o->min_trust_region_radius = 0.0; }},
+        BadOption{"max_trust_region_radius",
+                  [](SolverOptions* o) { o->max_trust_region_radius = 1e-40; }},
+        BadOption{"initial_trust_region_radius",
+                  [](SolverOptions* o) { o->initial_trust_region_radius = 1e17; }},
+        BadOption{"initial_trust_region_radius",
+                  [](SolverOptions* o) { o->initial_trust_region_radius = 0.0; }},
+        BadOption{"initial_trust_region_radius",
+                  [](SolverOptions* o) { o->initial_trust_region_radius = kNaN; }},
+        BadOption{"min_relative_decrease",
+                  [](SolverOptions* o) { o->min_relative_decrease = -0.1; }},
         BadOption{"min_lm_diagonal", [](SolverOptions* o) { o->min_lm_diagonal = 0.0; }},
         BadOption{"max_lm_diagonal", [](SolverOptions* o) { o->max_lm_diagonal = 1e-7; }},
-        BadOption{"max_num_consecutive_invalid_steps", [](SolverOptions* o) { o->max_num_consecutive_invalid_steps = -1; }},
+        BadOption{"max_num_consecutive_invalid_steps",
+                  [](SolverOptions* o) { o->max_num_consecutive_invalid_steps = -1; }},
         BadOption{"max_consecutive_nonmonotonic_steps",
                   [](SolverOptions* o) {
                     o->use_nonmonotonic_steps = true;
@@ -69,9 +79,12 @@ INSTANTIATE_TEST_SUITE_P(
                   }},
         BadOption{"line_search_sufficient_function_decrease",
                   [](SolverOptions* o) { o->line_search_sufficient_function_decrease = 1.0; }},
-        BadOption{"max_line_search_step_contraction", [](SolverOptions* o) { o->max_line_search_step_contraction = 0.0; }},
-        BadOption{"min_line_search_step_contraction", [](SolverOptions* o) { o->min_line_search_step_contraction = 1e-3; }},
-        BadOption{"min_line_search_step_size", [](SolverOptions* o) { o->min_line_search_step_size = kNaN; }},
+        BadOption{"max_line_search_step_contraction",
+                  [](SolverOptions* o) { o->max_line_search_step_contraction = 0.0; }},
+        BadOption{"min_line_search_step_contraction",
+                  [](SolverOptions* o) { o->min_line_search_step_contraction = 1e-3; }},
+        BadOption{"min_line_search_step_size",
+                  [](SolverOptions* o) { o->min_line_search_step_size = kNaN; }},
         BadOption{"max_num_line_search_step_size_iterations",
                   [](SolverOptions* o) { o->max_num_line_search_step_size_iterations = -1; }}),
     [](const auto& instance) { return instance.param.field + std::to_string(instance.index); });

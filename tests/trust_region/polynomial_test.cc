@@ -45,11 +45,13 @@ TEST(Polynomial, RootsOfEveryDegree) {
   ExpectRoots({0.0, 0.0, 3.0}, {}, 0.0);
   ExpectRoots({2.0, -3.0}, {1.5}, 1e-15);
   ExpectRoots(FromRoots({1.0, -4.0}, -2.0), {1.0, -4.0}, 1e-14);
-  ExpectRoots(FromRoots({3.0, 1e-9}, 1.0), {3.0, 1e-9}, 1e-15);  // cancels in the textbook's formula
-  ExpectRoots({0.0, 1.0, 2.0, 10.0}, {-1.0, -1.0}, 1e-15);       // −1 ± 3i
+  ExpectRoots(FromRoots({3.0, 1e-9}, 1.0), {3.0, 1e-9},
+              1e-15);                                       // cancels in the textbook's formula
+  ExpectRoots({0.0, 1.0, 2.0, 10.0}, {-1.0, -1.0}, 1e-15);  // −1 ± 3i
   ExpectRoots(FromRoots({1.0, 2.0, -3.0}, 5.0), {1.0, 2.0, -3.0}, 1e-12);
-  ExpectRoots(FromRoots({1e-4, 1.0, 1e4, -1e3}, 1e-3), {1e-4, 1.0, 1e4, -1e3}, 1e-9);  // wants balancing
-  ExpectRoots({1.0, 0.0, 2.0, 0.0, 1.0}, {0.0, 0.0, 0.0, 0.0}, 1e-7);                  // ±i, twice
+  ExpectRoots(FromRoots({1e-4, 1.0, 1e4, -1e3}, 1e-3), {1e-4, 1.0, 1e4, -1e3},
+              1e-9);                                                   // wants balancing
+  ExpectRoots({1.0, 0.0, 2.0, 0.0, 1.0}, {0.0, 0.0, 0.0, 0.0}, 1e-7);  // ±i, twice
 }
 
 TEST(Polynomial, RandomRoots) {
@@ -73,12 +75,14 @@ TEST(Polynomial, NotANumberEnds) {
 TEST(Polynomial, InterpolatesValuesAndSlopes) {
   const Polynomial cubic = {2.0, -1.0, 0.5, 3.0};
   const auto sample = [&](double x, bool value, bool slope) {
-    return FunctionSample{x, EvaluatePolynomial(cubic, x), EvaluatePolynomial({6.0, -2.0, 0.5}, x), value, slope};
+    return FunctionSample{x, EvaluatePolynomial(cubic, x), EvaluatePolynomial({6.0, -2.0, 0.5}, x),
+                          value, slope};
   };
   const std::vector<std::vector<FunctionSample>> sets = {
       {sample(0.0, true, true), sample(1.5, true, true)},
       {sample(0.0, true, true), sample(1.5, true, false), sample(-1.0, true, false)},
-      {sample(0.0, true, true), sample(1.5, true, false), sample(-1.0, false, true), sample(9.0, false, false)},
+      {sample(0.0, true, true), sample(1.5, true, false), sample(-1.0, false, true),
+       sample(9.0, false, false)},
   };
   for (const auto& samples : sets) {
     const Polynomial found = Interpolate(samples);
@@ -97,7 +101,10 @@ TEST(Polynomial, MinimumInsideAtAnEndAndNowhere) {
   EXPECT_NEAR(MinimizeInterpolant(parabola(0.3), 0.001, 0.6), 0.3, 1e-14);
   EXPECT_EQ(MinimizeInterpolant(parabola(0.9), 0.001, 0.6), 0.6);
   EXPECT_EQ(MinimizeInterpolant(parabola(-0.9), 0.001, 0.6), 0.001);
-  EXPECT_EQ(MinimizeInterpolant({{0.0, 4.0, 0.0, true, true}, {1.0, 4.0, 0.0, true, true}}, 0.2, 0.6), 0.4) << "flat: the middle";
+  EXPECT_EQ(
+      MinimizeInterpolant({{0.0, 4.0, 0.0, true, true}, {1.0, 4.0, 0.0, true, true}}, 0.2, 0.6),
+      0.4)
+      << "flat: the middle";
 }
 
 }  // namespace

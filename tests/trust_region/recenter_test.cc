@@ -1,5 +1,5 @@
-// Factors that are expansions about a point of their own, which solvers let them move between iterations
-// (FactorFamily::Recenter), against the same problem with the functions themselves.
+// Factors that are expansions about a point of their own, which solvers let them move between
+// iterations (FactorFamily::Recenter), against the same problem with the functions themselves.
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -16,7 +16,8 @@ namespace {
 constexpr double kLimit = 1e-4;
 constexpr int kCount = 12;
 
-// y − h(x) with h(x) = x + 2 sin x, either as it is or expanded about a center c of its own: h(c) + h'(c) (x − c).
+// y − h(x) with h(x) = x + 2 sin x, either as it is or expanded about a center c of its own: h(c) +
+// h'(c) (x − c).
 class ExpandedFamily final : public AmbientFamily<ExpandedFamily> {
  public:
   using Measurement = double;  // the first center
@@ -41,7 +42,8 @@ class ExpandedFamily final : public AmbientFamily<ExpandedFamily> {
     *centers_[factor] = x;
     return true;
   }
-  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
     const double x = parameters[0][0];
     const double c = expands_ ? *centers_[i] : x;
     residuals[0] = parameters[1][0] - (c + 2.0 * std::sin(c)) - (1.0 + 2.0 * std::cos(c)) * (x - c);
@@ -62,10 +64,13 @@ class ExpandedFamily final : public AmbientFamily<ExpandedFamily> {
   std::vector<std::unique_ptr<double>> centers_;
 };
 
-// Pairs (x_i, y_i) coupled by the family, x_i drawn to its successor, y_i to a measured value: residuals do not vanish.
+// Pairs (x_i, y_i) coupled by the family, x_i drawn to its successor, y_i to a measured value:
+// residuals do not vanish.
 struct Chain {
   explicit Chain(bool expands)
-      : expanded(std::make_shared<ExpandedFamily>(expands)), links(Difference(0.5, 0.2)), anchors(Anchor()) {}
+      : expanded(std::make_shared<ExpandedFamily>(expands)),
+        links(Difference(0.5, 0.2)),
+        anchors(Anchor()) {}
 
   static std::shared_ptr<test::FunctionFamily> Difference(double weight, double offset) {
     const auto function = [=](int, const double* const* x, double* r, double** J) {
@@ -77,7 +82,8 @@ struct Chain {
       }
       return true;
     };
-    return std::make_shared<test::FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, function);
+    return std::make_shared<test::FunctionFamily>(
+        1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, function);
   }
   static std::shared_ptr<test::FunctionFamily> Anchor() {
     const auto function = [](int i, const double* const* x, double* r, double** J) {
@@ -87,7 +93,8 @@ struct Chain {
       }
       return true;
     };
-    return std::make_shared<test::FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, function);
+    return std::make_shared<test::FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
+                                                  function);
   }
 
   // Builder is a FactorGraph or a GraphEdit.
@@ -137,7 +144,8 @@ double ReferenceCost() {
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_EQ(chain.expanded->num_calls, 0) << "a family that does not recenter was asked to";
   EXPECT_EQ(summary.work.num_recentered_factors, 0);
-  EXPECT_GT(summary.final_cost, 0.1) << "residuals vanish: costs of different functions would be alike";
+  EXPECT_GT(summary.final_cost, 0.1)
+      << "residuals vanish: costs of different functions would be alike";
   return summary.final_cost;
 }
 
@@ -165,14 +173,16 @@ TEST(Recenter, ABatchSolveEndsWithEveryCenterAtItsValue) {
       for (int i = 0; i < kCount; ++i) {
         EXPECT_LE(std::fabs(chain.expanded->center(i) - graph.Values(chain.xs[i])[0]), kLimit);
       }
-      EXPECT_NEAR(summary.final_cost, CostNow(graph), 1e-13) << "the cost of what the factors were once";
+      EXPECT_NEAR(summary.final_cost, CostNow(graph), 1e-13)
+          << "the cost of what the factors were once";
       EXPECT_NEAR(summary.final_cost, ReferenceCost(), 1e-6);
       EXPECT_GT(summary.initial_cost, summary.final_cost);
     }
   }
 }
 
-// Where the expansion is nearly flat a step goes far, to a place where the function expanded anew is larger than at the start.
+// Where the expansion is nearly flat a step goes far, to a place where the function expanded anew
+// is larger than at the start.
 TEST(Recenter, TheFinalCostIsThatOfTheFactorsAsTheyAreNow) {
   Chain chain(/*expands=*/true);
   FactorGraph graph;

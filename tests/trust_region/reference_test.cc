@@ -40,23 +40,31 @@ class AgainstReference : public testing::TestWithParam<ReferenceCase> {
     const Summary summary = Solve(options_, graph);
     EXPECT_EQ(summary.termination, reference.termination) << summary.message;
     EXPECT_GE(reference.iterations.size(), 4u) << "says little";
-    EXPECT_LE(std::abs(static_cast<int>(summary.iterations.size()) - static_cast<int>(reference.iterations.size())), 1);
+    EXPECT_LE(std::abs(static_cast<int>(summary.iterations.size()) -
+                       static_cast<int>(reference.iterations.size())),
+              1);
     double scale = reference.iterations.front().cost;
-    for (std::size_t k = 0; k < std::min(summary.iterations.size(), reference.iterations.size()); ++k) {
+    for (std::size_t k = 0; k < std::min(summary.iterations.size(), reference.iterations.size());
+         ++k) {
       const IterationSummary& ours = summary.iterations[k];
       const IterationSummary& theirs = reference.iterations[k];
       scale = std::min(scale, theirs.cost);
       ASSERT_NEAR(ours.cost, theirs.cost, tolerance * theirs.cost + 1e-15) << "iteration " << k;
       if (std::fabs(theirs.cost_change) > 1e-8 * theirs.cost || k == 0) {
         EXPECT_EQ(ours.step_is_successful, theirs.step_is_successful) << "iteration " << k;
-        EXPECT_NEAR(ours.trust_region_radius, theirs.trust_region_radius, 1e-5 * theirs.trust_region_radius) << "iteration " << k;
+        EXPECT_NEAR(ours.trust_region_radius, theirs.trust_region_radius,
+                    1e-5 * theirs.trust_region_radius)
+            << "iteration " << k;
         EXPECT_NEAR(ours.step_norm, theirs.step_norm, 1e-6 * theirs.step_norm) << "iteration " << k;
-        EXPECT_NEAR(ours.gradient_max_norm, theirs.gradient_max_norm, 1e-6 * theirs.gradient_max_norm + 1e-9)
+        EXPECT_NEAR(ours.gradient_max_norm, theirs.gradient_max_norm,
+                    1e-6 * theirs.gradient_max_norm + 1e-9)
             << "iteration " << k;
       }
     }
     for (std::size_t k = 0; k < reference.state.size(); ++k) {
-      EXPECT_NEAR(graph->state()[k], reference.state[k], 1e-4 * (1.0 + std::fabs(reference.state[k]))) << "value " << k;
+      EXPECT_NEAR(graph->state()[k], reference.state[k],
+                  1e-4 * (1.0 + std::fabs(reference.state[k])))
+          << "value " << k;
     }
   }
 
@@ -100,7 +108,8 @@ TEST_P(AgainstReference, BundleWithEverything) {
   bundle.residual_sizes = {2, 3, 5};
   bundle.hosted = bundle.manifolds = bundle.losses = bundle.constants = true;
   bundle.perturbation = 1.0;
-  for (const LinearModelKind model : {LinearModelKind::kAutomatic, LinearModelKind::kPlain, LinearModelKind::kDenseQr}) {
+  for (const LinearModelKind model :
+       {LinearModelKind::kAutomatic, LinearModelKind::kPlain, LinearModelKind::kDenseQr}) {
     ExpectSameTrace(&MakeBundle(bundle)->graph(), model, 1e-9);
   }
 }
@@ -112,13 +121,15 @@ TEST_P(AgainstReference, WithoutJacobiScaling) {
   ExpectSameTrace(&MakeBundle(bundle)->graph(), LinearModelKind::kAutomatic, 1e-9);
 }
 
-INSTANTIATE_TEST_SUITE_P(Strategies, AgainstReference,
-                         testing::Values(ReferenceCase{"LevenbergMarquardt", TrustRegionStrategyKind::kLevenbergMarquardt, false},
-                                         ReferenceCase{"Dogleg", TrustRegionStrategyKind::kDogleg, false},
-                                         ReferenceCase{"LevenbergMarquardtNonmonotonic",
-                                                       TrustRegionStrategyKind::kLevenbergMarquardt, true},
-                                         ReferenceCase{"DoglegNonmonotonic", TrustRegionStrategyKind::kDogleg, true}),
-                         [](const auto& instance) { return instance.param.name; });
+INSTANTIATE_TEST_SUITE_P(
+    Strategies, AgainstReference,
+    testing::Values(ReferenceCase{"LevenbergMarquardt",
+                                  TrustRegionStrategyKind::kLevenbergMarquardt, false},
+                    ReferenceCase{"Dogleg", TrustRegionStrategyKind::kDogleg, false},
+                    ReferenceCase{"LevenbergMarquardtNonmonotonic",
+                                  TrustRegionStrategyKind::kLevenbergMarquardt, true},
+                    ReferenceCase{"DoglegNonmonotonic", TrustRegionStrategyKind::kDogleg, true}),
+    [](const auto& instance) { return instance.param.name; });
 
 }  // namespace
 }  // namespace inceres

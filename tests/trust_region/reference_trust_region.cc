@@ -27,12 +27,17 @@ VectorXd SolveStacked(const MatrixXd& A, const VectorXd& D, const VectorXd& b) {
 
 class Reference {
  public:
-  Reference(const SolverOptions& options, const std::vector<VariableId>& variables, FactorGraph graph)
-      : options_(options), variables_(variables), graph_(std::move(graph)), radius_(options.initial_trust_region_radius) {}
+  Reference(const SolverOptions& options, const std::vector<VariableId>& variables,
+            FactorGraph graph)
+      : options_(options),
+        variables_(variables),
+        graph_(std::move(graph)),
+        radius_(options.initial_trust_region_radius) {}
 
   ReferenceTrace Run() {
     Linearize();
-    s_ = options_.jacobi_scaling ? VectorXd(1.0 / (1.0 + J_.colwise().norm().transpose().array())) : VectorXd::Ones(J_.cols());
+    s_ = options_.jacobi_scaling ? VectorXd(1.0 / (1.0 + J_.colwise().norm().transpose().array()))
+                                 : VectorXd::Ones(J_.cols());
     J_ = J_ * s_.asDiagonal();
     current_ = minimum_ = reference_ = candidate_ = cost_;
     it_.cost = cost_;
@@ -74,7 +79,8 @@ class Reference {
       if (graph_.manifold(id) != nullptr) {
         EXPECT_TRUE(graph_.manifold(id)->Plus(graph_.Values(id), delta.data() + at, x));
       } else {
-        Eigen::Map<VectorXd>(x, graph_.AmbientSize(id)) += delta.segment(at, graph_.AmbientSize(id));
+        Eigen::Map<VectorXd>(x, graph_.AmbientSize(id)) +=
+            delta.segment(at, graph_.AmbientSize(id));
       }
       at += graph_.TangentSize(id);
     }
@@ -99,8 +105,9 @@ class Reference {
     if (it_.iteration >= options_.max_num_iterations) {
       return false;
     }
-    const bool converged = (it_.step_is_successful && it_.gradient_max_norm <= options_.gradient_tolerance) ||
-                           radius_ <= options_.min_trust_region_radius;
+    const bool converged =
+        (it_.step_is_successful && it_.gradient_max_norm <= options_.gradient_tolerance) ||
+        radius_ <= options_.min_trust_region_radius;
     if (converged) {
       trace_.termination = Termination::kConvergence;
     }
@@ -108,11 +115,18 @@ class Reference {
   }
 
   VectorXd Clamped() const {
-    return J_.colwise().squaredNorm().transpose().array().max(options_.min_lm_diagonal).min(options_.max_lm_diagonal);
+    return J_.colwise()
+        .squaredNorm()
+        .transpose()
+        .array()
+        .max(options_.min_lm_diagonal)
+        .min(options_.max_lm_diagonal);
   }
 
   // The step y of the scaled variables.
-  VectorXd LevenbergMarquardt() const { return -SolveStacked(J_, (Clamped() / radius_).cwiseSqrt(), r_); }
+  VectorXd LevenbergMarquardt() const {
+    return -SolveStacked(J_, (Clamped() / radius_).cwiseSqrt(), r_);
+  }
 
   VectorXd Dogleg() {
     const VectorXd D = Clamped().cwiseSqrt();
@@ -151,8 +165,8 @@ class Reference {
       trace_.termination = Termination::kConvergence;
       return false;
     }
-    it_.relative_decrease =
-        std::max((current_ - candidate_cost) / model, (reference_ - candidate_cost) / (since_reference_ + model));
+    it_.relative_decrease = std::max((current_ - candidate_cost) / model,
+                                     (reference_ - candidate_cost) / (since_reference_ + model));
     it_.step_is_successful = it_.relative_decrease > options_.min_relative_decrease;
     if (!it_.step_is_successful) {
       it_.cost = candidate_cost;
@@ -171,7 +185,8 @@ class Reference {
 
   void AcceptRadius(bool lm, double q) {
     if (lm) {
-      radius_ = std::min(options_.max_trust_region_radius, radius_ / std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * q - 1.0, 3)));
+      radius_ = std::min(options_.max_trust_region_radius,
+                         radius_ / std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * q - 1.0, 3)));
       nu_ = 2.0;
       return;
     }
@@ -198,7 +213,8 @@ class Reference {
         since_candidate_ = 0.0;
       }
     }
-    if (num_nonmonotonic_ == (options_.use_nonmonotonic_steps ? options_.max_consecutive_nonmonotonic_steps : 0)) {
+    if (num_nonmonotonic_ ==
+        (options_.use_nonmonotonic_steps ? options_.max_consecutive_nonmonotonic_steps : 0)) {
       reference_ = candidate_;
       since_reference_ = since_candidate_;
     }
@@ -219,12 +235,14 @@ class Reference {
   double mu_ = 1e-8;
   double dogleg_norm_ = 0.0;
   int num_nonmonotonic_ = 0;
-  double current_ = 0.0, minimum_ = 0.0, reference_ = 0.0, candidate_ = 0.0, since_reference_ = 0.0, since_candidate_ = 0.0;
+  double current_ = 0.0, minimum_ = 0.0, reference_ = 0.0, candidate_ = 0.0, since_reference_ = 0.0,
+         since_candidate_ = 0.0;
 };
 
 }  // namespace
 
-ReferenceTrace RunReference(const SolverOptions& options, const std::vector<VariableId>& variables, FactorGraph graph) {
+ReferenceTrace RunReference(const SolverOptions& options, const std::vector<VariableId>& variables,
+                            FactorGraph graph) {
   return Reference(options, variables, std::move(graph)).Run();
 }
 

@@ -53,13 +53,16 @@ TEST_P(RepeatedAllocations, NoneInASecondSolve) {
 
 INSTANTIATE_TEST_SUITE_P(
     Ways, RepeatedAllocations,
-    testing::Values(
-        Way{"Schur", LinearModelKind::kSchur, ReducedSolverKind::kDense, TrustRegionStrategyKind::kLevenbergMarquardt, 1},
-        Way{"SchurDogleg", LinearModelKind::kSchur, ReducedSolverKind::kDense, TrustRegionStrategyKind::kDogleg, 1},
-        Way{"SchurSparse", LinearModelKind::kSchur, ReducedSolverKind::kSparse, TrustRegionStrategyKind::kLevenbergMarquardt, 1},
-        Way{"SchurTwoThreads", LinearModelKind::kSchur, ReducedSolverKind::kDense, TrustRegionStrategyKind::kLevenbergMarquardt,
-            2},
-        Way{"Plain", LinearModelKind::kPlain, ReducedSolverKind::kDense, TrustRegionStrategyKind::kLevenbergMarquardt, 1}),
+    testing::Values(Way{"Schur", LinearModelKind::kSchur, ReducedSolverKind::kDense,
+                        TrustRegionStrategyKind::kLevenbergMarquardt, 1},
+                    Way{"SchurDogleg", LinearModelKind::kSchur, ReducedSolverKind::kDense,
+                        TrustRegionStrategyKind::kDogleg, 1},
+                    Way{"SchurSparse", LinearModelKind::kSchur, ReducedSolverKind::kSparse,
+                        TrustRegionStrategyKind::kLevenbergMarquardt, 1},
+                    Way{"SchurTwoThreads", LinearModelKind::kSchur, ReducedSolverKind::kDense,
+                        TrustRegionStrategyKind::kLevenbergMarquardt, 2},
+                    Way{"Plain", LinearModelKind::kPlain, ReducedSolverKind::kDense,
+                        TrustRegionStrategyKind::kLevenbergMarquardt, 1}),
     test::NameOf);
 
 }  // namespace

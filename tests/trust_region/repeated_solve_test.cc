@@ -1,4 +1,5 @@
-// A Solver that has met a structure sets up nothing again and remembers no number: the same bits as a solve from nothing.
+// A Solver that has met a structure sets up nothing again and remembers no number: the same bits as
+// a solve from nothing.
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -42,7 +43,8 @@ SolverOptions TenIterations() {
 }
 
 // Solves the same problem with the solver and from nothing; the solver's summary.
-Summary SolveBothWays(const SolverOptions& options, const BundleOptions& bundle_options, Solver* solver) {
+Summary SolveBothWays(const SolverOptions& options, const BundleOptions& bundle_options,
+                      Solver* solver) {
   const auto ours = MakeBundle(bundle_options);
   const auto fresh = MakeBundle(bundle_options);
   Summary summary = solver->Solve(options, &ours->graph());
@@ -73,12 +75,16 @@ TEST_P(RepeatedSolve, HasTheBitsOfASolveFromNothing) {
 
 INSTANTIATE_TEST_SUITE_P(
     Ways, RepeatedSolve,
-    testing::Values(
-        Way{"Schur", LinearModelKind::kAutomatic, ReducedSolverKind::kDense, TrustRegionStrategyKind::kLevenbergMarquardt, 1},
-        Way{"SchurSparse", LinearModelKind::kSchur, ReducedSolverKind::kSparse, TrustRegionStrategyKind::kDogleg, 1},
-        Way{"SchurTwoThreads", LinearModelKind::kSchur, ReducedSolverKind::kDense, TrustRegionStrategyKind::kDogleg, 2},
-        Way{"Plain", LinearModelKind::kPlain, ReducedSolverKind::kDense, TrustRegionStrategyKind::kLevenbergMarquardt, 1},
-        Way{"Qr", LinearModelKind::kDenseQr, ReducedSolverKind::kAutomatic, TrustRegionStrategyKind::kLevenbergMarquardt, 1}),
+    testing::Values(Way{"Schur", LinearModelKind::kAutomatic, ReducedSolverKind::kDense,
+                        TrustRegionStrategyKind::kLevenbergMarquardt, 1},
+                    Way{"SchurSparse", LinearModelKind::kSchur, ReducedSolverKind::kSparse,
+                        TrustRegionStrategyKind::kDogleg, 1},
+                    Way{"SchurTwoThreads", LinearModelKind::kSchur, ReducedSolverKind::kDense,
+                        TrustRegionStrategyKind::kDogleg, 2},
+                    Way{"Plain", LinearModelKind::kPlain, ReducedSolverKind::kDense,
+                        TrustRegionStrategyKind::kLevenbergMarquardt, 1},
+                    Way{"Qr", LinearModelKind::kDenseQr, ReducedSolverKind::kAutomatic,
+                        TrustRegionStrategyKind::kLevenbergMarquardt, 1}),
     test::NameOf);
 
 TEST(RepeatedSolve, AnotherStructureIsSetUpAnew) {
@@ -132,25 +138,28 @@ TEST(RepeatedSolve, SetConstantIsAnotherStructure) {
   EXPECT_FALSE(solver.IsReadyFor(TenIterations(), bundle->graph()));
 }
 
-// One variable of size 2, pulled to where `target` says; the borrowed constant b is added to the residual.
+// One variable of size 2, pulled to where `target` says; the borrowed constant b is added to the
+// residual.
 struct Pull {
   Pull(const double* b, std::shared_ptr<const Loss> loss, double target) {
     const double start[2] = {0.0, 0.0};
-    auto family = std::make_shared<test::FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}, {2, 2}},
-                                                         [target](int, const double* const* x, double* f, double** J) {
-                                                           for (int k = 0; k < 2; ++k) {
-                                                             f[k] = x[0][k] + x[1][k] - target;
-                                                           }
-                                                           if (J != nullptr && J[0] != nullptr) {
-                                                             J[0][0] = J[0][3] = 1.0;
-                                                             J[0][1] = J[0][2] = 0.0;
-                                                           }
-                                                           if (target > 100.0) {
-                                                             throw std::runtime_error("far too far");
-                                                           }
-                                                           return true;
-                                                         });
-    const VariableId ids[2] = {graph.AddVariable(start, 2, Role::kFrame), graph.AddBorrowedConstant(b, 2)};
+    auto family = std::make_shared<test::FunctionFamily>(
+        2, std::vector<FactorFamily::Slot>{{2, 2}, {2, 2}},
+        [target](int, const double* const* x, double* f, double** J) {
+          for (int k = 0; k < 2; ++k) {
+            f[k] = x[0][k] + x[1][k] - target;
+          }
+          if (J != nullptr && J[0] != nullptr) {
+            J[0][0] = J[0][3] = 1.0;
+            J[0][1] = J[0][2] = 0.0;
+          }
+          if (target > 100.0) {
+            throw std::runtime_error("far too far");
+          }
+          return true;
+        });
+    const VariableId ids[2] = {graph.AddVariable(start, 2, Role::kFrame),
+                               graph.AddBorrowedConstant(b, 2)};
     family->Add(0);
     graph.Connect(graph.AddFamily(family), ids, std::move(loss));
   }

@@ -11,7 +11,8 @@ namespace {
 struct Columns {
   Columns(const Eigen::MatrixXd& J, const Eigen::VectorXd& f, const Eigen::VectorXd& damping)
       : num_rows(static_cast<int>(J.rows())),
-        values(Eigen::MatrixXd::Zero(DampedColumnStride(num_rows, static_cast<int>(J.cols())), J.cols() + 1)) {
+        values(Eigen::MatrixXd::Zero(DampedColumnStride(num_rows, static_cast<int>(J.cols())),
+                                     J.cols() + 1)) {
     values.topRows(J.rows()) << J, f;
     values.block(J.rows(), 0, J.cols(), J.cols()) = damping.cwiseSqrt().asDiagonal();
   }
@@ -40,7 +41,8 @@ TEST(SolveDampedColumns, IsTheLeastSquaresSolution) {
       const Eigen::MatrixXd H = J.transpose() * J + Eigen::MatrixXd(damping.asDiagonal());
       const Eigen::VectorXd expected = -H.ldlt().solve(J.transpose() * f);
       const Eigen::VectorXd x = Columns(J, f, damping).Solve();
-      EXPECT_LE((x - expected).norm(), 1e-12 * (1.0 + expected.norm())) << num_rows << " x " << size;
+      EXPECT_LE((x - expected).norm(), 1e-12 * (1.0 + expected.norm()))
+          << num_rows << " x " << size;
     }
   }
 }

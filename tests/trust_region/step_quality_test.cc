@@ -20,20 +20,24 @@ TEST(StepQuality, MonotoneIsThePlainRatio) {
 
 TEST(StepQuality, ACandidateThatCannotBeEvaluatedIsTheWorst) {
   const StepQuality quality(10.0, 3);
-  EXPECT_EQ(quality.Evaluate(std::numeric_limits<double>::max(), 1.0), std::numeric_limits<double>::lowest());
-  EXPECT_EQ(quality.Evaluate(std::numeric_limits<double>::infinity(), 1.0), std::numeric_limits<double>::lowest());
+  EXPECT_EQ(quality.Evaluate(std::numeric_limits<double>::max(), 1.0),
+            std::numeric_limits<double>::lowest());
+  EXPECT_EQ(quality.Evaluate(std::numeric_limits<double>::infinity(), 1.0),
+            std::numeric_limits<double>::lowest());
 }
 
 // An increase counts against the reference cost with the decreases predicted since.
 TEST(StepQuality, IncreasesAreMeasuredAgainstTheReference) {
   StepQuality quality(10.0, 2);
-  quality.StepAccepted(4.0, 5.0);                                    // reference stays 10, predicted since: 5
-  EXPECT_DOUBLE_EQ(quality.Evaluate(6.0, 1.0), (10.0 - 6.0) / 6.0);  // against the current cost it would be -2
+  quality.StepAccepted(4.0, 5.0);  // reference stays 10, predicted since: 5
+  EXPECT_DOUBLE_EQ(quality.Evaluate(6.0, 1.0),
+                   (10.0 - 6.0) / 6.0);  // against the current cost it would be -2
   quality.StepAccepted(6.0, 1.0);
   EXPECT_DOUBLE_EQ(quality.Evaluate(5.0, 2.0), 0.625);  // (10 − 5) / (6 + 2) against (6 − 5) / 2
 }
 
-// After `window` steps without a new minimum, the reference becomes the highest cost since the minimum.
+// After `window` steps without a new minimum, the reference becomes the highest cost since the
+// minimum.
 TEST(StepQuality, TheReferenceMovesWhenTheWindowIsFull) {
   StepQuality quality(10.0, 2);
   quality.StepAccepted(4.0, 5.0);

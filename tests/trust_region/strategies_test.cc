@@ -11,10 +11,12 @@
 namespace inceres::internal {
 namespace {
 
-// A model over a real linearization that records the damping it is asked for and refuses the first `num_refusals` solves.
+// A model over a real linearization that records the damping it is asked for and refuses the first
+// `num_refusals` solves.
 class RecordingModel final : public LinearModel {
  public:
-  explicit RecordingModel(const test::CorePipeline& core) : LinearModel(core.evaluator), core_(core) {}
+  explicit RecordingModel(const test::CorePipeline& core)
+      : LinearModel(core.evaluator), core_(core) {}
   void Refresh() override {}
   const std::vector<double>& Gradient() const override { return core_.hessian.gradient(); }
   const std::vector<double>& Diagonal() const override { return core_.hessian.diagonal(); }
@@ -100,8 +102,8 @@ TEST_F(Strategies, LevenbergMarquardtRadius) {
   EXPECT_DOUBLE_EQ(strategy_->Radius(), 3.75 / 1.125 / 2.0);  // the factor started anew
 }
 
-// Ten times the damping after refusals, a tenth after steps that keep their promise; after a refusal the radius grows by less,
-// until four steps in a row are taken.
+// Ten times the damping after refusals, a tenth after steps that keep their promise; after a
+// refusal the radius grows by less, until four steps in a row are taken.
 TEST_F(Strategies, MarquardtsRule) {
   options_.initial_trust_region_radius = 1.0;
   options_.max_trust_region_radius = 1e6;
@@ -129,7 +131,8 @@ TEST_F(Strategies, MarquardtsRule) {
 
 TEST_F(Strategies, AWidenedRadiusIsTakenBackByARefusal) {
   options_.initial_trust_region_radius = 8.0;
-  for (const auto kind : {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kMarquardt}) {
+  for (const auto kind :
+       {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kMarquardt}) {
     Make(kind);
     strategy_->Widen(2.0);  // it is wider
     EXPECT_DOUBLE_EQ(strategy_->Radius(), 8.0);
@@ -169,7 +172,8 @@ TEST_F(Strategies, DoglegRaisesMuUntilTheSystemCanBeFactored) {
   for (std::size_t k = 1; k < 4; ++k) {
     EXPECT_NEAR(model_->dampings[k][0] / model_->dampings[k - 1][0], 10.0, 1e-9);
   }
-  const double D2_over_s2 = std::max(1e-6, scale_[0] * scale_[0] * model_->Diagonal()[0]) / (scale_[0] * scale_[0]);
+  const double D2_over_s2 =
+      std::max(1e-6, scale_[0] * scale_[0] * model_->Diagonal()[0]) / (scale_[0] * scale_[0]);
   EXPECT_NEAR(model_->dampings[0][0], 1e-8 * D2_over_s2, 1e-20);
   strategy_->StepAccepted(0.5);  // μ falls by five
   ASSERT_TRUE(Step().ok());
@@ -216,13 +220,15 @@ TEST_F(Strategies, DoglegSolvesAnewOnlyAfterAcceptanceOrAnInvalidStep) {
   EXPECT_EQ(num_solves_, 3);
 }
 
-// A short Gauss–Newton step is taken whole; a smaller radius gives a step of exactly that length in the metric w.
+// A short Gauss–Newton step is taken whole; a smaller radius gives a step of exactly that length in
+// the metric w.
 TEST_F(Strategies, DoglegStepHasTheLengthOfTheRadius) {
   options_.initial_trust_region_radius = 1e4;
   Make(TrustRegionStrategyKind::kDogleg);
   model_->answer.assign(3, 0.0);
   for (std::size_t j = 0; j < 3; ++j) {
-    model_->answer[j] = -10.0 * model_->Gradient()[j] + (j == 0 ? 5.0 : 1.0);  // longer than the Cauchy step
+    // longer than the Cauchy step
+    model_->answer[j] = -10.0 * model_->Gradient()[j] + (j == 0 ? 5.0 : 1.0);
   }
   ASSERT_TRUE(Step().ok());
   for (std::size_t j = 0; j < 3; ++j) {
@@ -258,12 +264,14 @@ TEST_F(Strategies, DoglegRadius) {
   model_->answer = {100.0, -200.0, 300.0};
   ASSERT_TRUE(Step().ok());
   strategy_->StepAccepted(0.9);
-  EXPECT_NEAR(strategy_->Radius(), 6.0, 1e-9);  // three times the step's length, which was the radius
+  EXPECT_NEAR(strategy_->Radius(), 6.0,
+              1e-9);  // three times the step's length, which was the radius
   strategy_->StepAccepted(0.9);
   EXPECT_NEAR(strategy_->Radius(), 6.0, 1e-9);
 }
 
-// The step is the lowest point of the model among all of its length in the plane of g̃ and the Gauss–Newton step.
+// The step is the lowest point of the model among all of its length in the plane of g̃ and the
+// Gauss–Newton step.
 TEST_F(Strategies, SubspaceDoglegIsTheMinimumOnTheCircle) {
   options_.initial_trust_region_radius = 1e-2;
   Make(TrustRegionStrategyKind::kSubspaceDogleg);
@@ -319,7 +327,8 @@ TEST_F(Strategies, SubspaceDoglegOnALineAndOfNothing) {
   }
   ASSERT_TRUE(Step().ok());
   for (std::size_t j = 0; j < 3; ++j) {
-    EXPECT_NEAR(step_[j] / model_->answer[j], step_[0] / model_->answer[0], 1e-9) << "along the gradient";
+    EXPECT_NEAR(step_[j] / model_->answer[j], step_[0] / model_->answer[0], 1e-9)
+        << "along the gradient";
   }
   EXPECT_GT(step_[0] / model_->answer[0], 0.0);
 }

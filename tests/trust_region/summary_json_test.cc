@@ -33,7 +33,8 @@ TEST(SummaryJson, DoesNotDependOnTheLocale) {
   Summary summary;
   summary.final_cost = 12345.5;
   summary.work.bytes = 1234567;
-  const std::locale before = std::locale::global(std::locale(std::locale::classic(), new CommaNumbers));
+  const std::locale before =
+      std::locale::global(std::locale(std::locale::classic(), new CommaNumbers));
   const std::string json = summary.ToJson();
   std::locale::global(before);
   EXPECT_NE(json.find("\"final_cost\": 12345.5,"), std::string::npos) << json;
@@ -58,7 +59,8 @@ TEST(SummaryJson, HoldsWhatTheSummaryHolds) {
   ASSERT_EQ(json["iterations"].size(), summary.iterations.size());
   for (std::size_t k = 0; k < summary.iterations.size(); ++k) {
     EXPECT_EQ(json["iterations"][k]["cost"].get<double>(), summary.iterations[k].cost);
-    EXPECT_EQ(json["iterations"][k]["successful"].get<bool>(), summary.iterations[k].step_is_successful);
+    EXPECT_EQ(json["iterations"][k]["successful"].get<bool>(),
+              summary.iterations[k].step_is_successful);
   }
 }
 

@@ -1,4 +1,5 @@
-// Why a solve ends when nothing fails: limits, tolerances, nothing to do; and which state it returns.
+// Why a solve ends when nothing fails: limits, tolerances, nothing to do; and which state it
+// returns.
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -55,7 +56,8 @@ TEST(Termination, IterationLimitReturnsTheBestState) {
   const Summary summary = Solve(options, &bundle->graph());
   EXPECT_EQ(summary.termination, Termination::kNoConvergence);
   EXPECT_EQ(summary.iterations.size(), 4u);
-  EXPECT_NEAR(test::CostAt(bundle->graph(), bundle->graph().state()), summary.final_cost, 1e-12 * summary.final_cost);
+  EXPECT_NEAR(test::CostAt(bundle->graph(), bundle->graph().state()), summary.final_cost,
+              1e-12 * summary.final_cost);
   EXPECT_LT(summary.final_cost, summary.initial_cost);
 }
 
@@ -98,12 +100,14 @@ TEST(Termination, FunctionToleranceReturnsThePreviousIterate) {
   options.function_tolerance = 1e-3;
   const Summary summary = Solve(options, &graph);
   EXPECT_EQ(summary.termination, Termination::kConvergence);
-  EXPECT_TRUE(StartsWith(summary.message, "Function tolerance reached. |cost_change|/cost:")) << summary.message;
+  EXPECT_TRUE(StartsWith(summary.message, "Function tolerance reached. |cost_change|/cost:"))
+      << summary.message;
   EXPECT_NEAR(summary.iterations.back().cost, test::CostAt(graph, graph.state()), 1e-13);
   EXPECT_GT(summary.work.num_residual_evaluations, summary.iterations.back().iteration);
 }
 
-// Until a step was accepted the norm of the state counts as unknown: the test cannot fire (Ceres up to 2.1).
+// Until a step was accepted the norm of the state counts as unknown: the test cannot fire (Ceres up
+// to 2.1).
 TEST(Termination, ParameterToleranceOnlyAfterAnAcceptedStep) {
   FactorGraph graph;
   test::MakeCurveFit(&graph);
@@ -111,28 +115,31 @@ TEST(Termination, ParameterToleranceOnlyAfterAnAcceptedStep) {
   options.parameter_tolerance = 0.5;
   const Summary summary = Solve(options, &graph);
   EXPECT_EQ(summary.termination, Termination::kConvergence);
-  EXPECT_TRUE(StartsWith(summary.message, "Parameter tolerance reached. Relative step_norm:")) << summary.message;
+  EXPECT_TRUE(StartsWith(summary.message, "Parameter tolerance reached. Relative step_norm:"))
+      << summary.message;
   EXPECT_GE(summary.num_successful_steps, 2);
 }
 
 TEST(Termination, TrustRegionRadiusAtItsMinimum) {
   // A wrong Jacobian: every step leads uphill.
   FactorGraph graph;
-  auto family = std::make_shared<test::FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
-                                                       [](int, const double* const* x, double* residuals, double** jacobians) {
-                                                         residuals[0] = 10.0 + x[0][0];
-                                                         if (jacobians != nullptr) {
-                                                           jacobians[0][0] = -1.0;
-                                                         }
-                                                         return true;
-                                                       });
+  auto family = std::make_shared<test::FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [](int, const double* const* x, double* residuals, double** jacobians) {
+        residuals[0] = 10.0 + x[0][0];
+        if (jacobians != nullptr) {
+          jacobians[0][0] = -1.0;
+        }
+        return true;
+      });
   const double zero = 0.0;
   graph.AddFactor(graph.AddFamily(family), *family, 0, {graph.AddVariable(&zero, 1, Role::kFrame)});
   SolverOptions options = NoTolerances();
   options.min_trust_region_radius = 1e-3;
   const Summary summary = Solve(options, &graph);
   EXPECT_EQ(summary.termination, Termination::kConvergence);
-  EXPECT_TRUE(StartsWith(summary.message, "Minimum trust region radius reached.")) << summary.message;
+  EXPECT_TRUE(StartsWith(summary.message, "Minimum trust region radius reached."))
+      << summary.message;
   EXPECT_EQ(summary.num_successful_steps, 1);
   EXPECT_EQ(summary.num_unsuccessful_steps, static_cast<int>(summary.iterations.size()) - 1);
   EXPECT_EQ(graph.state()[0], 0.0);
@@ -191,9 +198,9 @@ TEST(Termination, UntouchedVariablesAndConstantsKeepTheirValues) {
   int num_moved = 0;
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     const auto at = static_cast<std::size_t>(graph.StateOffset(id));
-    const bool same =
-        std::equal(before.begin() + graph.StateOffset(id), before.begin() + graph.StateOffset(id) + graph.AmbientSize(id),
-                   graph.state().begin() + static_cast<std::ptrdiff_t>(at));
+    const bool same = std::equal(before.begin() + graph.StateOffset(id),
+                                 before.begin() + graph.StateOffset(id) + graph.AmbientSize(id),
+                                 graph.state().begin() + static_cast<std::ptrdiff_t>(at));
     const bool still = graph.IsConstant(id) || id == graph.num_variables() - 1;
     EXPECT_EQ(same, still) << "variable " << id;
     num_moved += same ? 0 : 1;
@@ -201,10 +208,12 @@ TEST(Termination, UntouchedVariablesAndConstantsKeepTheirValues) {
   EXPECT_GT(num_moved, 10);
 }
 
-// With non-monotone steps the last state need not be the best; the best is returned, and the lines that rise are marked.
+// With non-monotone steps the last state need not be the best; the best is returned, and the lines
+// that rise are marked.
 TEST(Termination, NonmonotonicStepsReturnTheCheapestState) {
   bool rose = false;
-  for (const auto strategy : {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg}) {
+  for (const auto strategy :
+       {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kDogleg}) {
     for (int limit = 1; limit <= 25; ++limit) {
       FactorGraph graph;
       test::MakeRosenbrock(&graph);

@@ -20,21 +20,27 @@ Status RunOurs(const Contender& ours, std::optional<int> iteration_limit, RunOut
   }
   const SolveRecord& record = outcome->record;
   if (record.used_stock) {
-    return Status::Error(StatusCode::kUnavailable,
-                         "NO MEASUREMENT: inceres handed this problem to stock Ceres, which would be "
-                         "compared with itself. Reason: " +
-                             record.fallback_reason);
+    return Status::Error(
+        StatusCode::kUnavailable,
+        "NO MEASUREMENT: inceres handed this problem to stock Ceres, which would be "
+        "compared with itself. Reason: " +
+            record.fallback_reason);
   }
-  return record.usable ? Status::Ok() : Status::Error(StatusCode::kEvaluationFailed, "inceres failed: " + Describe(record));
+  return record.usable
+             ? Status::Ok()
+             : Status::Error(StatusCode::kEvaluationFailed, "inceres failed: " + Describe(record));
 }
 
 // Runs a stock configuration once; returns why it cannot be used, or nothing.
-std::optional<std::string> RunStock(const Contender& stock, std::optional<int> iteration_limit, RunOutcome* outcome) {
+std::optional<std::string> RunStock(const Contender& stock, std::optional<int> iteration_limit,
+                                    RunOutcome* outcome) {
   const Status status = stock.run(iteration_limit, outcome);
   if (!status.ok()) {
     return status.message;
   }
-  return outcome->record.usable ? std::nullopt : std::optional<std::string>("failed: " + Describe(outcome->record));
+  return outcome->record.usable
+             ? std::nullopt
+             : std::optional<std::string>("failed: " + Describe(outcome->record));
 }
 
 std::string Milliseconds(double seconds) {
@@ -42,7 +48,8 @@ std::string Milliseconds(double seconds) {
 }
 
 // The stock configurations worth repeating; the others go to `dropped`.
-std::vector<Contender> PrePass(const std::vector<Contender>& stock, const AbOptions& options, std::vector<Dropped>* dropped) {
+std::vector<Contender> PrePass(const std::vector<Contender>& stock, const AbOptions& options,
+                               std::vector<Dropped>* dropped) {
   std::vector<std::pair<Contender, double>> usable;
   double best = std::numeric_limits<double>::infinity();
   for (const Contender& contender : stock) {
@@ -57,8 +64,9 @@ std::vector<Contender> PrePass(const std::vector<Contender>& stock, const AbOpti
   std::vector<Contender> kept;
   for (const auto& [contender, seconds] : usable) {
     if (options.drop_slow && seconds > options.hopeless_factor * best) {
-      dropped->push_back({contender.configuration,
-                          "hopelessly slow: " + Milliseconds(seconds) + " for the pre-pass, the best " + Milliseconds(best)});
+      dropped->push_back({contender.configuration, "hopelessly slow: " + Milliseconds(seconds) +
+                                                       " for the pre-pass, the best " +
+                                                       Milliseconds(best)});
     } else {
       kept.push_back(contender);
     }
@@ -86,8 +94,9 @@ void DropFailed(const std::vector<std::optional<std::string>>& failures, AbResul
   result->stock = std::move(kept);
 }
 
-Status RunRounds(const Contender& ours, const std::vector<Contender>& stock, const AbOptions& options,
-                 const std::function<void(const std::string&)>& announce, AbResult* result) {
+Status RunRounds(const Contender& ours, const std::vector<Contender>& stock,
+                 const AbOptions& options, const std::function<void(const std::string&)>& announce,
+                 AbResult* result) {
   result->ours = {ours.solver, ours.configuration, {}, {}};
   for (const Contender& contender : stock) {
     result->stock.push_back({contender.solver, contender.configuration, {}, {}});
@@ -99,7 +108,8 @@ Status RunRounds(const Contender& ours, const std::vector<Contender>& stock, con
     if (!status.ok()) {
       return status;
     }
-    std::string line = "round " + std::to_string(round + 1) + "/" + std::to_string(options.repeats) + ": inceres " +
+    std::string line = "round " + std::to_string(round + 1) + "/" +
+                       std::to_string(options.repeats) + ": inceres " +
                        Milliseconds(outcome.record.seconds);
     Keep(std::move(outcome), &result->ours);
     for (std::size_t i = 0; i < stock.size(); ++i) {
@@ -108,7 +118,8 @@ Status RunRounds(const Contender& ours, const std::vector<Contender>& stock, con
       }
       RunOutcome stock_outcome;
       failures[i] = RunStock(stock[i], std::nullopt, &stock_outcome);
-      line += ", " + stock[i].configuration + " " + (failures[i] ? "failed" : Milliseconds(stock_outcome.record.seconds));
+      line += ", " + stock[i].configuration + " " +
+              (failures[i] ? "failed" : Milliseconds(stock_outcome.record.seconds));
       Keep(std::move(stock_outcome), &result->stock[i]);
     }
     announce(line);
@@ -157,9 +168,10 @@ std::vector<std::pair<std::string, double>> ContenderRuns::StageSeconds() const 
 }
 
 const ContenderRuns& AbResult::FastestStock() const {
-  return *std::min_element(stock.begin(), stock.end(), [](const ContenderRuns& a, const ContenderRuns& b) {
-    return a.Seconds().median < b.Seconds().median;
-  });
+  return *std::min_element(stock.begin(), stock.end(),
+                           [](const ContenderRuns& a, const ContenderRuns& b) {
+                             return a.Seconds().median < b.Seconds().median;
+                           });
 }
 
 double AbResult::LowestStockCost() const {
@@ -186,12 +198,14 @@ Spread AbResult::RatioToBestStock() const {
 }
 
 double AbResult::RelativeCostDifference() const {
-  const double floor = std::max(1e-16 * ours.first().initial_cost, std::numeric_limits<double>::min());
+  const double floor =
+      std::max(1e-16 * ours.first().initial_cost, std::numeric_limits<double>::min());
   const double reference = std::max(LowestStockCost(), floor);
   return (std::max(ours.first().final_cost, floor) - reference) / reference;
 }
 
-Status RunComparison(const Contender& ours, const std::vector<Contender>& stock, const AbOptions& options,
+Status RunComparison(const Contender& ours, const std::vector<Contender>& stock,
+                     const AbOptions& options,
                      const std::function<void(const std::string&)>& announce, AbResult* result) {
   *result = AbResult{};
   RunOutcome warm_up;
@@ -207,8 +221,10 @@ Status RunComparison(const Contender& ours, const std::vector<Contender>& stock,
     status = RunRounds(ours, kept, options, announce, result);
   }
   if (status.ok() && result->stock.empty()) {
-    const std::string reason = result->dropped.empty() ? "none was given" : result->dropped.back().reason;
-    return Status::Error(StatusCode::kEvaluationFailed, "no stock configuration solves this problem: " + reason);
+    const std::string reason =
+        result->dropped.empty() ? "none was given" : result->dropped.back().reason;
+    return Status::Error(StatusCode::kEvaluationFailed,
+                         "no stock configuration solves this problem: " + reason);
   }
   return status;
 }

@@ -12,8 +12,8 @@
 
 namespace inceres::tools {
 
-/// One of the solvers under comparison. `run` solves the problem once from the start; with a limit it stops after that many
-/// iterations if the settings do not stop it sooner.
+/// One of the solvers under comparison. `run` solves the problem once from the start; with a limit
+/// it stops after that many iterations if the settings do not stop it sooner.
 struct Contender {
   std::string solver;         ///< "inceres" or "ceres"
   std::string configuration;  ///< "dense_schur_points_first"
@@ -29,11 +29,13 @@ struct ContenderRuns {
 
   const SolveRecord& first() const { return rounds.front(); }
   Spread Seconds() const;
-  /// Largest − smallest final cost over the rounds: zero for a solver whose result is the same every time.
+  /// Largest − smallest final cost over the rounds: zero for a solver whose result is the same
+  /// every time.
   double FinalCostSpread() const;
   /// Median seconds of one iteration, the share of the set-up included.
   double SecondsPerIteration() const;
-  /// Median seconds of each stage, in the solver's own names and order, as the first round has them.
+  /// Median seconds of each stage, in the solver's own names and order, as the first round has
+  /// them.
   std::vector<std::pair<std::string, double>> StageSeconds() const;
 };
 
@@ -54,23 +56,25 @@ struct AbResult {
   double LowestCost() const;                  ///< of all
   /// Ours against the fastest stock, round by round.
   Spread RatioToBestStock() const;
-  /// (our final cost − lowest stock final cost) / lowest stock final cost. Costs below 1e-16 of the initial cost are rounding and
-  /// count as that.
+  /// (our final cost − lowest stock final cost) / lowest stock final cost. Costs below 1e-16 of the
+  /// initial cost are rounding and count as that.
   double RelativeCostDifference() const;
 };
 
 struct AbOptions {
   int repeats = 11;
-  bool drop_slow = true;         ///< whether the pre-pass takes out hopelessly slow stock configurations
+  bool drop_slow = true;  ///< whether the pre-pass takes out hopelessly slow stock configurations
   double hopeless_factor = 2.5;  ///< slower than the best by more than this is hopeless
   int pre_pass_iterations = 3;
 };
 
-/// The protocol: a pre-pass of a few iterations of everyone, which warms up, finds a shim that falls back to stock, and drops
-/// hopeless stock configurations; then `repeats` rounds ours, stock A, stock B, …, interleaved so that drifts of the machine hit
-/// all alike. `announce` is told what happens, a line at a time. Errors: ours does not solve the problem, no stock configuration
-/// does, or the shim used stock Ceres (kUnavailable).
-Status RunComparison(const Contender& ours, const std::vector<Contender>& stock, const AbOptions& options,
+/// The protocol: a pre-pass of a few iterations of everyone, which warms up, finds a shim that
+/// falls back to stock, and drops hopeless stock configurations; then `repeats` rounds ours, stock
+/// A, stock B, …, interleaved so that drifts of the machine hit all alike. `announce` is told what
+/// happens, a line at a time. Errors: ours does not solve the problem, no stock configuration does,
+/// or the shim used stock Ceres (kUnavailable).
+Status RunComparison(const Contender& ours, const std::vector<Contender>& stock,
+                     const AbOptions& options,
                      const std::function<void(const std::string&)>& announce, AbResult* result);
 
 }  // namespace inceres::tools

@@ -14,7 +14,8 @@ struct Gap {
   const char* name;
   double value;
 };
-constexpr std::array<Gap, 4> kGaps = {{{"1e-2", 1e-2}, {"1e-3", 1e-3}, {"1e-4", 1e-4}, {"1e-5", 1e-5}}};
+constexpr std::array<Gap, 4> kGaps = {
+    {{"1e-2", 1e-2}, {"1e-3", 1e-3}, {"1e-4", 1e-4}, {"1e-5", 1e-5}}};
 
 [[gnu::format(printf, 1, 2)]] std::string Format(const char* format, ...) {
   char line[512];
@@ -28,9 +29,10 @@ constexpr std::array<Gap, 4> kGaps = {{{"1e-2", 1e-2}, {"1e-3", 1e-3}, {"1e-4", 
 std::string TableRow(const ContenderRuns& runs, const Spread& ratio) {
   const Spread seconds = runs.Seconds();
   const SolveRecord& record = runs.first();
-  return Format("%-8s %-26s %9.4f %9.4f %9.4f %8.2f  %13.6e  %17.11e %5d  %-14s %6.3f\n", runs.solver.c_str(),
-                runs.configuration.c_str(), seconds.median, seconds.min, seconds.max, 1e3 * runs.SecondsPerIteration(),
-                record.initial_cost, record.final_cost, record.iterations, record.termination.c_str(), ratio.median);
+  return Format("%-8s %-26s %9.4f %9.4f %9.4f %8.2f  %13.6e  %17.11e %5d  %-14s %6.3f\n",
+                runs.solver.c_str(), runs.configuration.c_str(), seconds.median, seconds.min,
+                seconds.max, 1e3 * runs.SecondsPerIteration(), record.initial_cost,
+                record.final_cost, record.iterations, record.termination.c_str(), ratio.median);
 }
 
 // Ours against these runs, round by round.
@@ -87,9 +89,10 @@ json RunJson(const ContenderRuns& runs, double lowest_cost) {
 }
 
 std::string Header(const AbContext& context, const AbResult& result) {
-  std::string text = context.problem + ": " + context.description + "; threads: " + std::to_string(context.threads) +
-                     ", repeats: " + std::to_string(result.ours.rounds.size()) + ", loss: " + ToString(context.settings.robust) +
-                     "\n";
+  std::string text = context.problem + ": " + context.description +
+                     "; threads: " + std::to_string(context.threads) +
+                     ", repeats: " + std::to_string(result.ours.rounds.size()) +
+                     ", loss: " + ToString(context.settings.robust) + "\n";
   for (const auto& [name, value] : context.environment) {
     text += "  " + name + ": " + value + "\n";
   }
@@ -100,21 +103,25 @@ std::string Header(const AbContext& context, const AbResult& result) {
 
 std::string AbTable(const AbContext& context, const AbResult& result) {
   std::string text = Header(context, result);
-  text += Format("%-8s %-26s %9s %9s %9s %8s  %13s  %17s %5s  %-14s %6s\n", "solver", "configuration", "median s", "min s",
-                 "max s", "ms/iter", "initial cost", "final cost", "iter", "termination", "ours/x");
+  text += Format("%-8s %-26s %9s %9s %9s %8s  %13s  %17s %5s  %-14s %6s\n", "solver",
+                 "configuration", "median s", "min s", "max s", "ms/iter", "initial cost",
+                 "final cost", "iter", "termination", "ours/x");
   text += TableRow(result.ours, {1.0, 1.0, 1.0});
   for (const ContenderRuns& runs : result.stock) {
     text += TableRow(runs, RatioOfOursTo(result, runs));
   }
   for (const Dropped& dropped : result.dropped) {
-    text += Format("%-8s %-26s dropped: %s\n", "ceres", dropped.configuration.c_str(), dropped.reason.c_str());
+    text += Format("%-8s %-26s dropped: %s\n", "ceres", dropped.configuration.c_str(),
+                   dropped.reason.c_str());
   }
   const Spread ratio = result.RatioToBestStock();
-  text += Format("\nratio to the best stock (%s): median %.3f, min %.3f, max %.3f\n", result.FastestStock().configuration.c_str(),
-                 ratio.median, ratio.min, ratio.max);
-  text += Format("relative difference of final costs (ours - lowest stock): %.3e\n", result.RelativeCostDifference());
+  text += Format("\nratio to the best stock (%s): median %.3f, min %.3f, max %.3f\n",
+                 result.FastestStock().configuration.c_str(), ratio.median, ratio.min, ratio.max);
+  text += Format("relative difference of final costs (ours - lowest stock): %.3e\n",
+                 result.RelativeCostDifference());
   text += Format(
-      "largest parameter difference, gauge removed: positions %.2e and points %.2e of the scene size, rotations %.2e rad\n",
+      "largest parameter difference, gauge removed: positions %.2e and points %.2e of the scene "
+      "size, rotations %.2e rad\n",
       context.difference.positions, context.difference.points, context.difference.rotations);
   return text;
 }
@@ -146,7 +153,8 @@ json AbJson(const AbContext& context, const AbResult& result) {
             {"points", context.difference.points},
             {"rotations", context.difference.rotations}}},
           {"options_without_effect", result.ours.first().options_without_effect},
-          {"environment", json(std::map<std::string, std::string>(context.environment.begin(), context.environment.end()))}};
+          {"environment", json(std::map<std::string, std::string>(context.environment.begin(),
+                                                                  context.environment.end()))}};
 }
 
 }  // namespace inceres::tools

@@ -15,7 +15,8 @@
 namespace inceres::tools {
 namespace {
 
-// The file that supplies dgemm_ to CHOLMOD and Ceres, links resolved, last two components: the folder tells the flavours apart.
+// The file that supplies dgemm_ to CHOLMOD and Ceres, links resolved, last two components: the
+// folder tells the flavours apart.
 std::string BlasLibrary() {
   void* dgemm = dlsym(RTLD_DEFAULT, "dgemm_");
   Dl_info info;
@@ -23,9 +24,11 @@ std::string BlasLibrary() {
     return "unknown";
   }
   char resolved[PATH_MAX];
-  const std::string path = realpath(info.dli_fname, resolved) != nullptr ? resolved : info.dli_fname;
+  const std::string path =
+      realpath(info.dli_fname, resolved) != nullptr ? resolved : info.dli_fname;
   const std::size_t last = path.rfind('/');
-  const std::size_t folder = last == std::string::npos || last == 0 ? last : path.rfind('/', last - 1);
+  const std::size_t folder =
+      last == std::string::npos || last == 0 ? last : path.rfind('/', last - 1);
   return folder == std::string::npos ? path : path.substr(folder + 1);
 }
 
@@ -52,11 +55,16 @@ std::string Now() {
 }  // namespace
 
 std::vector<std::pair<std::string, std::string>> DescribeEnvironment() {
-  return {{"cpu", internal::CpuModel()},   {"hardware_threads", std::to_string(std::thread::hardware_concurrency())},
-          {"compiler", kBuildCompiler},    {"flags", kBuildFlags},
-          {"build_type", kBuildType},      {"commit", kBuildCommit},
-          {"ceres", CERES_VERSION_STRING}, {"blas", BlasLibrary()},
-          {"blas_config", BlasConfig()},   {"date", Now()}};
+  return {{"cpu", internal::CpuModel()},
+          {"hardware_threads", std::to_string(std::thread::hardware_concurrency())},
+          {"compiler", kBuildCompiler},
+          {"flags", kBuildFlags},
+          {"build_type", kBuildType},
+          {"commit", kBuildCommit},
+          {"ceres", CERES_VERSION_STRING},
+          {"blas", BlasLibrary()},
+          {"blas_config", BlasConfig()},
+          {"date", Now()}};
 }
 
 bool BlasIsSerialOpenBlas() {

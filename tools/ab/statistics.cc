@@ -36,7 +36,8 @@ double Percentile(std::vector<double> values, double fraction) {
   return *nth;
 }
 
-Spread SummarizeRatios(const std::vector<double>& numerators, const std::vector<double>& denominators) {
+Spread SummarizeRatios(const std::vector<double>& numerators,
+                       const std::vector<double>& denominators) {
   assert(numerators.size() == denominators.size());
   std::vector<double> ratios(numerators.size());
   std::transform(numerators.begin(), numerators.end(), denominators.begin(), ratios.begin(),

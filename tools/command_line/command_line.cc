@@ -28,8 +28,8 @@ void PrintHelp(const std::string& usage) {
       std::snprintf(shortest, sizeof(shortest), "%g", std::strtod(default_value.c_str(), nullptr));
       default_value = shortest;
     }
-    std::printf("  --%s (%s; default: %s)\n      %s\n", flag.name.c_str(), flag.type.c_str(), default_value.c_str(),
-                flag.description.c_str());
+    std::printf("  --%s (%s; default: %s)\n      %s\n", flag.name.c_str(), flag.type.c_str(),
+                default_value.c_str(), flag.description.c_str());
   }
 }
 
@@ -44,7 +44,8 @@ std::optional<int> ParseCommandLine(const std::string& usage, int* argc, char***
   }
   gflags::HandleCommandLineHelpFlags();
   if (*argc > 1) {
-    return Fail(kExitUsage, "surplus argument '" + std::string((*argv)[1]) + "'; all inputs are flags, see --help");
+    return Fail(kExitUsage, "surplus argument '" + std::string((*argv)[1]) +
+                                "'; all inputs are flags, see --help");
   }
   return std::nullopt;
 }
@@ -55,7 +56,8 @@ int RunTool(const std::string& usage, int argc, char** argv, const std::function
   }
   const Status status = run();
   if (!status.ok()) {
-    return Fail(status.code == StatusCode::kInvalidArgument ? kExitUsage : kExitFailure, status.message);
+    return Fail(status.code == StatusCode::kInvalidArgument ? kExitUsage : kExitFailure,
+                status.message);
   }
   return kExitSuccess;
 }
@@ -72,12 +74,14 @@ Status CheckNumbers(std::initializer_list<IntegerFlag> integers,
                     std::initializer_list<std::pair<const char*, double>> tolerances) {
   for (const auto& [name, value, least] : integers) {
     if (value < least) {
-      return Invalid(std::string(name) + " " + std::to_string(value) + ": must be at least " + std::to_string(least));
+      return Invalid(std::string(name) + " " + std::to_string(value) + ": must be at least " +
+                     std::to_string(least));
     }
   }
   for (const auto& [name, value] : tolerances) {
     if (!std::isfinite(value) || value < 0.0) {
-      return Invalid(std::string(name) + " " + std::to_string(value) + ": must be a finite number, at least 0");
+      return Invalid(std::string(name) + " " + std::to_string(value) +
+                     ": must be a finite number, at least 0");
     }
   }
   return Status::Ok();

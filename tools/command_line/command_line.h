@@ -19,13 +19,14 @@ enum ExitCode {
   kExitUsedStock = 4,  ///< ab_compare: the shim handed the problem to stock Ceres
 };
 
-/// Parses the command line with gflags. Returns the exit code if the program is to end now: after --help (only this project's
-/// flags, on standard output), --version, or a surplus argument. `usage` is what the program does, with examples.
-/// A flag gflags does not know or cannot convert ends the process with code 1, as gflags does.
+/// Parses the command line with gflags. Returns the exit code if the program is to end now: after
+/// --help (only this project's flags, on standard output), --version, or a surplus argument.
+/// `usage` is what the program does, with examples. A flag gflags does not know or cannot convert
+/// ends the process with code 1, as gflags does.
 std::optional<int> ParseCommandLine(const std::string& usage, int* argc, char*** argv);
 
-/// What main() returns of a tool that does one thing: parses the command line, runs, and says what went wrong; an invalid
-/// argument is a usage error.
+/// What main() returns of a tool that does one thing: parses the command line, runs, and says what
+/// went wrong; an invalid argument is a usage error.
 int RunTool(const std::string& usage, int argc, char** argv, const std::function<Status()>& run);
 
 /// What a flag that makes no sense is: kInvalidArgument.
@@ -41,7 +42,8 @@ struct IntegerFlag {
   int least;
 };
 
-/// The first flag that is below its least value, or a tolerance that is not a finite number of at least 0, as Invalid.
+/// The first flag that is below its least value, or a tolerance that is not a finite number of at
+/// least 0, as Invalid.
 Status CheckNumbers(std::initializer_list<IntegerFlag> integers,
                     std::initializer_list<std::pair<const char*, double>> tolerances);
 

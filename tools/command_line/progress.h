@@ -8,8 +8,8 @@
 
 namespace inceres::tools {
 
-/// Prints one line an iteration on standard output, in the format of Ceres's own progress table, whoever solves: as a callback of
-/// Ceres (stock and shim) and as an observer of the core.
+/// Prints one line an iteration on standard output, in the format of Ceres's own progress table,
+/// whoever solves: as a callback of Ceres (stock and shim) and as an observer of the core.
 class ProgressTable : public ceres::IterationCallback, public SolveObserver {
  public:
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
@@ -17,7 +17,8 @@ class ProgressTable : public ceres::IterationCallback, public SolveObserver {
     return ceres::SOLVER_CONTINUE;
   }
 
-  ObserverAction EndOfIteration(const IterationSummary& summary, const double* /*best_state*/) override {
+  ObserverAction EndOfIteration(const IterationSummary& summary,
+                                const double* /*best_state*/) override {
     Print(summary);
     return ObserverAction::kContinue;
   }
@@ -27,11 +28,14 @@ class ProgressTable : public ceres::IterationCallback, public SolveObserver {
   template <typename AnySummary>
   static void Print(const AnySummary& s) {
     if (s.iteration == 0) {
-      std::puts("iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  iter_time  total_time");
+      std::puts(
+          "iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  "
+          "iter_time  total_time");
     }
-    std::printf("% 4d % 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e     % 4d   % 3.2e   % 3.2e\n", s.iteration, s.cost,
-                s.cost_change, s.gradient_max_norm, s.step_norm, s.relative_decrease, s.trust_region_radius,
-                s.linear_solver_iterations, s.iteration_time_in_seconds, s.cumulative_time_in_seconds);
+    std::printf("% 4d % 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e     % 4d   % 3.2e   % 3.2e\n",
+                s.iteration, s.cost, s.cost_change, s.gradient_max_norm, s.step_norm,
+                s.relative_decrease, s.trust_region_radius, s.linear_solver_iterations,
+                s.iteration_time_in_seconds, s.cumulative_time_in_seconds);
     std::fflush(stdout);
   }
 };

@@ -3,7 +3,8 @@
 #include <gflags/gflags.h>
 
 DEFINE_int64(max_unpacked_bytes, 0,
-             "What a compressed file may unpack to; 0: 64 MiB, or 200 times the size of the file, whichever is more.");
+             "What a compressed file may unpack to; 0: 64 MiB, or 200 times the size of the file, "
+             "whichever is more.");
 
 namespace inceres::tools {
 

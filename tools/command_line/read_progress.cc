@@ -7,7 +7,10 @@
 namespace inceres::tools {
 
 ReadProgressPrinter::ReadProgressPrinter(std::string path, std::FILE* out, double every_seconds)
-    : path_(std::move(path)), out_(out), every_seconds_(every_seconds), next_(internal::NowInSeconds() + every_seconds) {
+    : path_(std::move(path)),
+      out_(out),
+      every_seconds_(every_seconds),
+      next_(internal::NowInSeconds() + every_seconds) {
 }
 
 void ReadProgressPrinter::operator()(std::int64_t bytes_read, std::int64_t file_bytes) {
@@ -21,7 +24,8 @@ void ReadProgressPrinter::operator()(std::int64_t bytes_read, std::int64_t file_
                  100.0 * static_cast<double>(bytes_read) / static_cast<double>(file_bytes),
                  1e-6 * static_cast<double>(file_bytes));
   } else {
-    std::fprintf(out_, "reading %s: %.0f MB\n", path_.c_str(), 1e-6 * static_cast<double>(bytes_read));
+    std::fprintf(out_, "reading %s: %.0f MB\n", path_.c_str(),
+                 1e-6 * static_cast<double>(bytes_read));
   }
   std::fflush(out_);
 }

@@ -6,8 +6,8 @@
 
 namespace inceres::tools {
 
-/// Says how far the reading of a file is, one line a second once it has taken a second: `reading FILE: 25 % of 812 MB`. Give it
-/// to ReadBal.
+/// Says how far the reading of a file is, one line a second once it has taken a second: `reading
+/// FILE: 25 % of 812 MB`. Give it to ReadBal.
 class ReadProgressPrinter {
  public:
   ReadProgressPrinter(std::string path, std::FILE* out, double every_seconds = 1.0);

@@ -15,7 +15,8 @@ Status WriteTextFile(const std::string& path, const std::string& text) {
   const int write_error = errno;
   const bool closed = std::fclose(file) == 0;
   if (!written || !closed) {
-    return Status::Error(StatusCode::kIo, path + ": " + std::strerror(written ? errno : write_error));
+    return Status::Error(StatusCode::kIo,
+                         path + ": " + std::strerror(written ? errno : write_error));
   }
   return Status::Ok();
 }

@@ -58,7 +58,8 @@ Vector3d UpDirection(const BalProblem& bal) {
   return up.norm() > 0.0 ? Vector3d(up.normalized()) : Vector3d(Vector3d::UnitY());
 }
 
-// Coordinates along one axis between which most of the scene lies: all cameras, nine tenths of the points.
+// Coordinates along one axis between which most of the scene lies: all cameras, nine tenths of the
+// points.
 std::pair<double, double> Range(const SceneGeometry& scene, const Vector3d& axis) {
   std::vector<double> values;
   for (const Vector3d& X : scene.points) {
@@ -89,7 +90,8 @@ View ChooseView(const BalProblem& solved) {
     const Vector3d flat = flatten * (C - mean);
     spread += flat * flat.transpose();
   }
-  Vector3d right = flatten * Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(2);
+  Vector3d right =
+      flatten * Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(2);
   right = right.norm() > 1e-6 ? Vector3d(right.normalized()) : up.unitOrthogonal();
 
   View view;
@@ -108,7 +110,8 @@ bool IsVisible(const Vector2d& p) {
 
 void AppendPoints(const View& view, const std::vector<Vector3d>& points, std::string* svg) {
   *svg += "<path class=\"points\" d=\"";
-  const std::size_t stride = std::max<std::size_t>(1, (points.size() + kMaxPoints - 1) / kMaxPoints);
+  const std::size_t stride =
+      std::max<std::size_t>(1, (points.size() + kMaxPoints - 1) / kMaxPoints);
   for (std::size_t i = 0; i < points.size(); i += stride) {
     const Vector2d p = view.Apply(points[i]);
     if (IsVisible(p)) {
@@ -119,7 +122,8 @@ void AppendPoints(const View& view, const std::vector<Vector3d>& points, std::st
 }
 
 // A camera is a small wedge that opens in the direction it looks.
-void AppendCamera(const View& view, const BalProblem& bal, int camera, const Vector3d& center, std::string* svg) {
+void AppendCamera(const View& view, const BalProblem& bal, int camera, const Vector3d& center,
+                  std::string* svg) {
   const Vector2d apex = view.Apply(center).cwiseMax(-1e4).cwiseMin(1e4);
   Vector2d forward = view.axes * InWorld(bal, camera, -Vector3d::UnitZ());
   forward = forward.norm() > 1e-9 ? Vector2d(forward.normalized()) : Vector2d(0.0, 1.0);
@@ -127,39 +131,47 @@ void AppendCamera(const View& view, const BalProblem& bal, int camera, const Vec
   const Vector2d across(-0.45 * along.y(), 0.45 * along.x());
   const Vector2d a = apex + along + across;
   const Vector2d b = apex + along - across;
-  AppendFormat(svg, "<path class=\"camera\" d=\"M%.1f %.1fL%.1f %.1fL%.1f %.1fz\"/>\n", apex.x(), apex.y(), a.x(), a.y(), b.x(),
-               b.y());
+  AppendFormat(svg, "<path class=\"camera\" d=\"M%.1f %.1fL%.1f %.1fL%.1f %.1fz\"/>\n", apex.x(),
+               apex.y(), a.x(), a.y(), b.x(), b.y());
 }
 
-void AppendPanel(const char* id, double left, const View& view, const BalProblem& bal, std::string* svg) {
+void AppendPanel(const char* id, double left, const View& view, const BalProblem& bal,
+                 std::string* svg) {
   const SceneGeometry scene = GeometryOf(bal);
-  AppendFormat(svg, "<g id=\"%s\" transform=\"translate(%.0f %.0f)\">\n<rect class=\"frame\" width=\"%.0f\" height=\"%.0f\"/>\n",
+  AppendFormat(svg,
+               "<g id=\"%s\" transform=\"translate(%.0f %.0f)\">\n<rect class=\"frame\" "
+               "width=\"%.0f\" height=\"%.0f\"/>\n",
                id, left, kTop, kPanel, kPanel);
   *svg += "<g clip-path=\"url(#panel)\">\n";
   AppendPoints(view, scene.points, svg);
   for (int i = 0; i < bal.num_cameras; ++i) {
     AppendCamera(view, bal, i, scene.centers[static_cast<std::size_t>(i)], svg);
   }
-  AppendFormat(svg, "</g>\n<text x=\"12\" y=\"26\">%s: %.4g px RMS</text>\n</g>\n", id, RmsReprojectionError(bal));
+  AppendFormat(svg, "</g>\n<text x=\"12\" y=\"26\">%s: %.4g px RMS</text>\n</g>\n", id,
+               RmsReprojectionError(bal));
 }
 
 }  // namespace
 
-std::string BalPictureSvg(const std::string& title, const BalProblem& before, const BalProblem& after,
-                          const std::vector<CostSample>& trace) {
+std::string BalPictureSvg(const std::string& title, const BalProblem& before,
+                          const BalProblem& after, const std::vector<CostSample>& trace) {
   std::string svg = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
-  AppendFormat(&svg, "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" height=\"%.0f\">\n",
+  AppendFormat(&svg,
+               "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
+               "height=\"%.0f\">\n",
                kWidth, kHeight, kWidth, kHeight);
   svg +=
       "<style>\n"
-      "text{font:15px sans-serif;fill:#333} .title{font-size:20px} .tick{font-size:12px;text-anchor:end;fill:#666}\n"
+      "text{font:15px sans-serif;fill:#333} .title{font-size:20px} "
+      ".tick{font-size:12px;text-anchor:end;fill:#666}\n"
       ".frame{fill:#fbfbf8;stroke:#ccc} "
       ".points{stroke:#5b7c99;stroke-width:1.4;stroke-linecap:round;stroke-opacity:.55;fill:none}\n"
       ".camera{fill:#d9541e;fill-opacity:.75;stroke:#8c3210;stroke-width:.6}\n"
       ".grid{stroke:#e4e4e0;fill:none} .curve{stroke:#d9541e;stroke-width:2;fill:none}\n"
       ".accepted{fill:#d9541e} .rejected{fill:#fff;stroke:#999}\n"
       "</style>\n";
-  AppendFormat(&svg, "<clipPath id=\"panel\"><rect width=\"%.0f\" height=\"%.0f\"/></clipPath>\n", kPanel, kPanel);
+  AppendFormat(&svg, "<clipPath id=\"panel\"><rect width=\"%.0f\" height=\"%.0f\"/></clipPath>\n",
+               kPanel, kPanel);
   AppendFormat(&svg, "<rect width=\"%.0f\" height=\"%.0f\" fill=\"#fff\"/>\n", kWidth, kHeight);
   svg += "<text class=\"title\" x=\"20\" y=\"42\">" + EscapeXml(title) + "</text>\n";
   const View view = ChooseView(after);

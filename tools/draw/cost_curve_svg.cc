@@ -17,8 +17,8 @@ struct CurveScale {
   std::size_t last_iteration;
 
   double X(std::size_t iteration) const {
-    return frame.left +
-           frame.width * static_cast<double>(iteration) / static_cast<double>(std::max<std::size_t>(1, last_iteration));
+    return frame.left + frame.width * static_cast<double>(iteration) /
+                            static_cast<double>(std::max<std::size_t>(1, last_iteration));
   }
   double Y(double cost) const {
     const double clamped = std::clamp(std::log10(std::max(cost, 1e-300)), low, high);
@@ -48,8 +48,11 @@ std::string CostCurveSvg(const std::vector<CostSample>& trace, const SvgFrame& f
   constexpr int kLines = 4;
   for (int k = 0; k <= kLines; ++k) {
     const double cost = std::pow(10.0, scale.low + (scale.high - scale.low) * k / kLines);
-    AppendFormat(&svg, "<path class=\"grid\" d=\"M%.0f %.1fH%.0f\"/><text class=\"tick\" x=\"%.0f\" y=\"%.1f\">%.4g</text>\n",
-                 frame.left, scale.Y(cost), frame.left + frame.width, frame.left - 8.0, scale.Y(cost) + 4.0, cost);
+    AppendFormat(&svg,
+                 "<path class=\"grid\" d=\"M%.0f %.1fH%.0f\"/><text class=\"tick\" x=\"%.0f\" "
+                 "y=\"%.1f\">%.4g</text>\n",
+                 frame.left, scale.Y(cost), frame.left + frame.width, frame.left - 8.0,
+                 scale.Y(cost) + 4.0, cost);
   }
   std::string line;
   std::string dots;
@@ -59,11 +62,13 @@ std::string CostCurveSvg(const std::vector<CostSample>& trace, const SvgFrame& f
     if (trace[i].accepted) {
       AppendFormat(&line, "%s%.1f %.1f", line.empty() ? "M" : "L", x, y);
     }
-    AppendFormat(&dots, "<circle class=\"%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"3\"/>\n", trace[i].accepted ? "accepted" : "rejected",
-                 x, y);
+    AppendFormat(&dots, "<circle class=\"%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"3\"/>\n",
+                 trace[i].accepted ? "accepted" : "rejected", x, y);
   }
   svg += "<path class=\"curve\" d=\"" + line + "\"/>\n" + dots;
-  AppendFormat(&svg, "<text x=\"%.0f\" y=\"%.0f\">cost (logarithmic) over %zu iterations; hollow: rejected steps</text>\n</g>\n",
+  AppendFormat(&svg,
+               "<text x=\"%.0f\" y=\"%.0f\">cost (logarithmic) over %zu iterations; hollow: "
+               "rejected steps</text>\n</g>\n",
                frame.left, frame.top + frame.height + 30.0, scale.last_iteration);
   return svg;
 }

@@ -20,7 +20,9 @@ class Dice {
   /// Of any magnitude between these, both positive.
   double Magnitude(double low, double high) { return low * std::pow(high / low, Unit()); }
   /// Uniform in low … high, both included.
-  int Int(int low, int high) { return low + static_cast<int>(engine_() % static_cast<std::uint64_t>(high - low + 1)); }
+  int Int(int low, int high) {
+    return low + static_cast<int>(engine_() % static_cast<std::uint64_t>(high - low + 1));
+  }
   bool Chance(double probability) { return Unit() < probability; }
   std::uint64_t Bits() { return engine_(); }
 
@@ -28,7 +30,8 @@ class Dice {
   std::mt19937_64 engine_;
 };
 
-/// A seed for stream `index` of `seed`: neighbors have nothing in common (the mixing step of SplitMix64).
+/// A seed for stream `index` of `seed`: neighbors have nothing in common (the mixing step of
+/// SplitMix64).
 inline std::uint64_t SeedOf(std::uint64_t seed, std::uint64_t index) {
   std::uint64_t z = seed * 0x9e3779b97f4a7c15u + (index + 1) * 0xbf58476d1ce4e5b9u;
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;

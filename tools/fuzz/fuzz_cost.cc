@@ -42,7 +42,8 @@ CallWatch& TheCallWatch() {
   return watch;
 }
 
-FuzzCost::FuzzCost(Kind kind, const std::vector<int>& sizes, int num_residuals, double weight, double curvature, Dice* dice)
+FuzzCost::FuzzCost(Kind kind, const std::vector<int>& sizes, int num_residuals, double weight,
+                   double curvature, Dice* dice)
     : kind_(kind), weight_(weight), curvature_(curvature) {
   for (const int block_size : sizes) {
     mutable_parameter_block_sizes()->push_back(block_size);
@@ -119,7 +120,8 @@ bool FuzzCost::IsFaulty(const double* x) const {
   return fault_ != Fault::kNone && distance > limit_;
 }
 
-bool FuzzCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool FuzzCost::Evaluate(double const* const* parameters, double* residuals,
+                        double** jacobians) const {
   const Call call;
   const bool faulty = IsFaulty(parameters[0]);
   if (faulty && fault_ == Fault::kRefuse) {
@@ -143,13 +145,15 @@ bool FuzzCost::Evaluate(double const* const* parameters, double* residuals, doub
   if (evaluated && faulty && fault_ == Fault::kInfResidual) {
     residuals[num_residuals() - 1] = std::numeric_limits<double>::infinity();
   }
-  if (evaluated && faulty && fault_ == Fault::kNanJacobian && jacobians != nullptr && jacobians[0] != nullptr) {
+  if (evaluated && faulty && fault_ == Fault::kNanJacobian && jacobians != nullptr &&
+      jacobians[0] != nullptr) {
     jacobians[0][0] = std::numeric_limits<double>::quiet_NaN();
   }
   return evaluated;
 }
 
-void FuzzCost::Smooth(double const* const* parameters, double* residuals, double** jacobians) const {
+void FuzzCost::Smooth(double const* const* parameters, double* residuals,
+                      double** jacobians) const {
   const int m = num_residuals();
   for (int i = 0; i < m; ++i) {
     residuals[i] = -weight_ * b_[At(i)];
@@ -171,11 +175,13 @@ void FuzzCost::Smooth(double const* const* parameters, double* residuals, double
   }
 }
 
-bool FuzzCost::Projection(double const* const* parameters, double* residuals, double** jacobians) const {
+bool FuzzCost::Projection(double const* const* parameters, double* residuals,
+                          double** jacobians) const {
   using Vector3 = std::array<double, 3>;
   const double* camera = parameters[0];
   const int camera_size = size(0);
-  const Vector3 omega = camera_size >= 6 ? Vector3{camera[3], camera[4], camera[5]} : Vector3{0.0, 0.0, 0.0};
+  const Vector3 omega =
+      camera_size >= 6 ? Vector3{camera[3], camera[4], camera[5]} : Vector3{0.0, 0.0, 0.0};
   const double f = camera_size == 7 ? camera[6] : kFocalLength;
   const auto cross = [](const Vector3& a, const Vector3& b) {
     return Vector3{a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
@@ -199,12 +205,15 @@ bool FuzzCost::Projection(double const* const* parameters, double* residuals, do
   }
   for (std::size_t i = 0; i < 2; ++i) {
     // Of residual i by a movement d of p.
-    const auto derivative = [&](const Vector3& d) { return weight_ * f * inverse * (d[i] - ray[i] * d[2]); };
+    const auto derivative = [&](const Vector3& d) {
+      return weight_ * f * inverse * (d[i] - ray[i] * d[2]);
+    };
     for (std::size_t j = 0; j < 3; ++j) {
       Vector3 e = {0.0, 0.0, 0.0};
       e[j] = 1.0;
       const Vector3 e_turned = cross(omega, e);
-      const double by_point = derivative({e[0] + e_turned[0], e[1] + e_turned[1], e[2] + e_turned[2]});
+      const double by_point =
+          derivative({e[0] + e_turned[0], e[1] + e_turned[1], e[2] + e_turned[2]});
       if (jacobians[1] != nullptr) {
         jacobians[1][i * 3 + j] = by_point;
       }
@@ -222,7 +231,8 @@ bool FuzzCost::Projection(double const* const* parameters, double* residuals, do
   return true;
 }
 
-void FuzzCost::Distance(double const* const* parameters, double* residuals, double** jacobians) const {
+void FuzzCost::Distance(double const* const* parameters, double* residuals,
+                        double** jacobians) const {
   double squared = kTipRadius * kTipRadius;
   for (int j = 0; j < size(0); ++j) {
     const double d = parameters[1][j] - parameters[0][j];

@@ -43,12 +43,16 @@ class FuzzCost final : public ceres::CostFunction {
  public:
   enum class Kind { kSmooth, kProjection, kDistance };
 
-  FuzzCost(Kind kind, const std::vector<int>& sizes, int num_residuals, double weight, double curvature, Dice* dice);
+  FuzzCost(Kind kind, const std::vector<int>& sizes, int num_residuals, double weight,
+           double curvature, Dice* dice);
 
   static void* operator new(std::size_t bytes) { return Recycled::Take(bytes); }
-  static void operator delete(void* memory, std::size_t bytes) { Recycled::GiveBack(memory, bytes); }
+  static void operator delete(void* memory, std::size_t bytes) {
+    Recycled::GiveBack(memory, bytes);
+  }
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
 
   /// Chooses b such that the residual at these values is `noise`-sized times the weight.
   void Measure(const std::vector<const double*>& truth, double noise, Dice* dice);
@@ -57,8 +61,8 @@ class FuzzCost final : public ceres::CostFunction {
   /// The cost ½ Σ (size of the terms of each residual)²: what rounding errors are relative to.
   double Magnitude(double const* const* parameters) const;
 
-  /// From now on faulty where the first block has gone further than `margin` from `x` along a random direction; a negative margin
-  /// makes it faulty at x.
+  /// From now on faulty where the first block has gone further than `margin` from `x` along a
+  /// random direction; a negative margin makes it faulty at x.
   void SetFault(Fault fault, const double* x, double margin, Dice* dice);
   Fault fault() const { return fault_; }
   Kind kind() const { return kind_; }

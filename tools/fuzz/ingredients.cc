@@ -92,20 +92,23 @@ std::unique_ptr<ceres::Manifold> CurvedManifold(int size, Dice* dice, std::vecto
       return std::make_unique<ceres::LineManifold<3>>();
     case 7:
       Normalize(x, 3);
-      return std::make_unique<ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::EigenQuaternionManifold>>();
+      return std::make_unique<
+          ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::EigenQuaternionManifold>>();
     default:
       return nullptr;
   }
 }
 
 void ChooseLinearSolver(const OptionRange& range, Dice* dice, ceres::Solver::Options* options) {
-  constexpr ceres::LinearSolverType kTypes[] = {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::DENSE_NORMAL_CHOLESKY,
+  constexpr ceres::LinearSolverType kTypes[] = {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR,
+                                                ceres::DENSE_NORMAL_CHOLESKY,
                                                 ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_QR};
   options->linear_solver_type = kTypes[dice->Int(0, range.follows_stock ? 4 : 3)];
 }
 
 void ChooseStrategy(Dice* dice, ceres::Solver::Options* options) {
-  options->trust_region_strategy_type = dice->Chance(0.7) ? ceres::LEVENBERG_MARQUARDT : ceres::DOGLEG;
+  options->trust_region_strategy_type =
+      dice->Chance(0.7) ? ceres::LEVENBERG_MARQUARDT : ceres::DOGLEG;
   options->dogleg_type = dice->Chance(0.5) ? ceres::TRADITIONAL_DOGLEG : ceres::SUBSPACE_DOGLEG;
 }
 
@@ -133,13 +136,15 @@ std::unique_ptr<ceres::LossFunction> RandomLoss(Dice* dice) {
     case 7:
       return std::make_unique<ceres::TukeyLoss>(a + 0.5);
     case 8:
-      return std::make_unique<ceres::ScaledLoss>(dice->Chance(0.5) ? nullptr : RandomLoss(dice).release(),
-                                                 dice->Magnitude(0.1, 10.0), ceres::TAKE_OWNERSHIP);
+      return std::make_unique<ceres::ScaledLoss>(
+          dice->Chance(0.5) ? nullptr : RandomLoss(dice).release(), dice->Magnitude(0.1, 10.0),
+          ceres::TAKE_OWNERSHIP);
     default:
       if (dice->Chance(0.5)) {
         return std::make_unique<ceres::TrivialLoss>();
       }
-      return std::make_unique<ceres::ComposedLoss>(new ceres::HuberLoss(a), ceres::TAKE_OWNERSHIP, new ceres::CauchyLoss(2.0 * a),
+      return std::make_unique<ceres::ComposedLoss>(new ceres::HuberLoss(a), ceres::TAKE_OWNERSHIP,
+                                                   new ceres::CauchyLoss(2.0 * a),
                                                    ceres::TAKE_OWNERSHIP);
   }
 }

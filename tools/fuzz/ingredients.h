@@ -13,18 +13,24 @@
 
 namespace inceres::fuzz {
 
-/// A random robust loss: Huber, SoftLOne, Cauchy, Arctan, Tolerant, Tukey, trivial, scaled or composed.
+/// A random robust loss: Huber, SoftLOne, Cauchy, Arctan, Tolerant, Tukey, trivial, scaled or
+/// composed.
 std::unique_ptr<ceres::LossFunction> RandomLoss(Dice* dice);
 
 /// A user's own loss, whose content can be replaced while it is in use, in recycled memory.
 class ChangeableLoss final : public ceres::LossFunction {
  public:
-  explicit ChangeableLoss(std::unique_ptr<ceres::LossFunction> content) : content_(std::move(content)) {}
-  void Evaluate(double squared_norm, double rho[3]) const override { content_->Evaluate(squared_norm, rho); }
+  explicit ChangeableLoss(std::unique_ptr<ceres::LossFunction> content)
+      : content_(std::move(content)) {}
+  void Evaluate(double squared_norm, double rho[3]) const override {
+    content_->Evaluate(squared_norm, rho);
+  }
   void Change(std::unique_ptr<ceres::LossFunction> content) { content_ = std::move(content); }
 
   static void* operator new(std::size_t bytes) { return Recycled::Take(bytes); }
-  static void operator delete(void* memory, std::size_t bytes) { Recycled::GiveBack(memory, bytes); }
+  static void operator delete(void* memory, std::size_t bytes) {
+    Recycled::GiveBack(memory, bytes);
+  }
 
  private:
   std::unique_ptr<ceres::LossFunction> content_;
@@ -35,7 +41,8 @@ std::unique_ptr<ceres::Manifold> RandomManifold(int size, Dice* dice, std::vecto
 
 /// Which options a life may draw.
 struct OptionRange {
-  bool follows_stock = false;  ///< exact mode: what other modes have no use for, or hand to stock, too
+  /// exact mode: what other modes have no use for, or hand to stock, too
+  bool follows_stock = false;
 };
 
 /// Options of a solve that ceres::Solve accepts, from the range.

@@ -60,7 +60,8 @@ class PlainDescent {
 };
 
 bool PlainDescent::CostHere(double* cost) {
-  return world_->problem().Evaluate(evaluate_, cost, nullptr, nullptr, nullptr) && std::isfinite(*cost);
+  return world_->problem().Evaluate(evaluate_, cost, nullptr, nullptr, nullptr) &&
+         std::isfinite(*cost);
 }
 
 bool PlainDescent::Linearize() {
@@ -74,11 +75,13 @@ bool PlainDescent::Linearize() {
   for (int row = 0; row < jacobian.num_rows; ++row) {
     const auto r = static_cast<std::size_t>(row);
     for (int k = jacobian.rows[r]; k < jacobian.rows[r + 1]; ++k) {
-      J(row, jacobian.cols[static_cast<std::size_t>(k)]) = jacobian.values[static_cast<std::size_t>(k)];
+      J(row, jacobian.cols[static_cast<std::size_t>(k)]) =
+          jacobian.values[static_cast<std::size_t>(k)];
     }
   }
   H_ = J.transpose() * J;
-  g_ = J.transpose() * Eigen::Map<const Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size()));
+  g_ = J.transpose() * Eigen::Map<const Eigen::VectorXd>(
+                           residuals.data(), static_cast<Eigen::Index>(residuals.size()));
   HoldBounded();
   return H_.allFinite() && g_.allFinite();
 }
@@ -88,8 +91,10 @@ void PlainDescent::HoldBounded() {
   int column = 0;
   for (const World::Block* block : variable_) {
     for (int j = 0; block->manifold == nullptr && j < block->size; ++j) {
-      const bool low = block->x[j] <= world_->problem().GetParameterLowerBound(block->x, j) && g_[column + j] > 0.0;
-      const bool high = block->x[j] >= world_->problem().GetParameterUpperBound(block->x, j) && g_[column + j] < 0.0;
+      const bool low = block->x[j] <= world_->problem().GetParameterLowerBound(block->x, j) &&
+                       g_[column + j] > 0.0;
+      const bool high = block->x[j] >= world_->problem().GetParameterUpperBound(block->x, j) &&
+                        g_[column + j] < 0.0;
       if (low || high) {
         H_.row(column + j).setZero();
         H_.col(column + j).setZero();
@@ -108,9 +113,9 @@ void PlainDescent::Move(const Eigen::VectorXd& step) {
       block->manifold->Plus(x.data(), delta, block->x);
     } else {
       for (int j = 0; j < block->size; ++j) {
-        block->x[j] =
-            std::min(std::max(x[static_cast<std::size_t>(j)] + delta[j], world_->problem().GetParameterLowerBound(block->x, j)),
-                     world_->problem().GetParameterUpperBound(block->x, j));
+        block->x[j] = std::min(std::max(x[static_cast<std::size_t>(j)] + delta[j],
+                                        world_->problem().GetParameterLowerBound(block->x, j)),
+                               world_->problem().GetParameterUpperBound(block->x, j));
       }
     }
     delta += TangentSize(*block);
@@ -126,7 +131,8 @@ bool PlainDescent::Step(double damping, double* promise) {
   const Eigen::VectorXd step = A.ldlt().solve(-g_);
   *promise = -step.dot(g_) - 0.5 * step.dot(H_ * step);
   if (!step.allFinite() || !(*promise > 0.0)) {
-    *promise = std::numeric_limits<double>::infinity();  // a system that could not be solved promises nothing
+    // a system that could not be solved promises nothing
+    *promise = std::numeric_limits<double>::infinity();
     return false;
   }
   const std::vector<double> before = world_->Values();
@@ -154,7 +160,8 @@ bool PlainDescent::Run() {
     if (taken && (static_cast<int>(costs_.size()) > kMaxSteps || !Linearize())) {
       break;
     }
-    if (promise <= kPromiseShare * tolerance_ * (costs_.back() - fixed_cost_) && damping <= kHardlyDamped) {
+    if (promise <= kPromiseShare * tolerance_ * (costs_.back() - fixed_cost_) &&
+        damping <= kHardlyDamped) {
       break;
     }
     damping = taken ? std::max(0.1 * damping, kLeastDamping) : 10.0 * damping;
@@ -178,11 +185,14 @@ Verdict Judge(World* world, double function_tolerance) {
   verdict.cost = descent.costs().front();
   verdict.best = descent.costs().back();
   const double variable = std::max(verdict.best - fixed_cost, 0.0);
-  verdict.excess = (verdict.cost - verdict.best) / std::max(variable, std::numeric_limits<double>::min());
-  const double rounding = kNineDigits * kNineDigits * magnitude + kRounding * std::sqrt(magnitude * verdict.cost);
+  verdict.excess =
+      (verdict.cost - verdict.best) / std::max(variable, std::numeric_limits<double>::min());
+  const double rounding =
+      kNineDigits * kNineDigits * magnitude + kRounding * std::sqrt(magnitude * verdict.cost);
   const double allowed = kExcessTolerances * function_tolerance * variable + rounding;
   const auto first = descent.costs().begin();
-  const auto gained = std::find_if(first, descent.costs().end(), [&](double cost) { return verdict.cost - cost > allowed; });
+  const auto gained = std::find_if(first, descent.costs().end(),
+                                   [&](double cost) { return verdict.cost - cost > allowed; });
   verdict.steps = static_cast<int>(gained - first);
   verdict.is_excess = gained != descent.costs().end();
   verdict.is_creeping = verdict.is_excess && verdict.steps > kCreepingSteps;

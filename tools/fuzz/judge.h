@@ -11,29 +11,35 @@ struct Verdict {
   double best = 0.0;    ///< where it ends
   /// Accepted steps until it had gained kExcessTolerances, or all of them.
   int steps = 0;
-  double excess = 0.0;       ///< (cost − best) / (best − fixed cost)
-  bool is_excess = false;    ///< above kExcessTolerances × tolerance × (best − fixed cost), and above what rounding explains
-  bool is_creeping = false;  ///< an excess of which kCreepingSteps steps gained less than kExcessTolerances
+  double excess = 0.0;  ///< (cost − best) / (best − fixed cost)
+  /// above kExcessTolerances × tolerance × (best − fixed cost), and above what rounding explains
+  bool is_excess = false;
+  /// an excess of which kCreepingSteps steps gained less than kExcessTolerances
+  bool is_creeping = false;
 };
 
 /// How far above the minimum of its basin a solve may end, in units of its function tolerance.
 constexpr double kExcessTolerances = 10.0;
 
-/// Where so many steps of plain LM do not gain that much together, each gains less than a tolerance: its own test for
-/// convergence, of one step's gain, would end there as well. Such ends are counted, not condemned.
+/// Where so many steps of plain LM do not gain that much together, each gains less than a
+/// tolerance: its own test for convergence, of one step's gain, would end there as well. Such ends
+/// are counted, not condemned.
 constexpr int kCreepingSteps = 15;
 
-/// Descends from the world's values by dense LM that shares no code with any solver under test: normal equations of
-/// ceres::Problem::Evaluate, solved by Eigen, damped by λ diag(H), λ from 1e-4. The basin is that of the point by construction: a
-/// step is taken only if what it gains is between a fourth and four times what the model promised; else λ grows, until steps are
-/// as short as the model is good. It ends when a hardly damped step promises less than a thousandth of the tolerance. Coordinates
-/// at a bound that the gradient pushes against stay there; others are clamped.
+/// Descends from the world's values by dense LM that shares no code with any solver under test:
+/// normal equations of ceres::Problem::Evaluate, solved by Eigen, damped by λ diag(H), λ from 1e-4.
+/// The basin is that of the point by construction: a step is taken only if what it gains is between
+/// a fourth and four times what the model promised; else λ grows, until steps are as short as the
+/// model is good. It ends when a hardly damped step promises less than a thousandth of the
+/// tolerance. Coordinates at a bound that the gradient pushes against stay there; others are
+/// clamped.
 ///
-/// Where the cost at the minimum is nearly zero, relative to it means nothing: with M = World::Magnitude(), the cost if no term
-/// of any residual canceled another, an excess below 1e-18 M (nine digits of every residual), and what rounding makes of costs,
-/// 1e-13 √(M cost), is none.
+/// Where the cost at the minimum is nearly zero, relative to it means nothing: with M =
+/// World::Magnitude(), the cost if no term of any residual canceled another, an excess below 1e-18
+/// M (nine digits of every residual), and what rounding makes of costs, 1e-13 √(M cost), is none.
 ///
-/// The world's values are as before when it returns. The faults of cost functions are in force: the judge goes around them.
+/// The world's values are as before when it returns. The faults of cost functions are in force: the
+/// judge goes around them.
 Verdict Judge(World* world, double function_tolerance);
 
 }  // namespace inceres::fuzz

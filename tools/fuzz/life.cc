@@ -30,7 +30,8 @@ void OrderPointsFirst(const World& world, ceres::Solver::Options* options) {
   options->linear_solver_ordering = ordering;
 }
 
-// Edits and options of a life come from `chooses`, so that they do not depend on what the checks of a solve need dice for.
+// Edits and options of a life come from `chooses`, so that they do not depend on what the checks of
+// a solve need dice for.
 class Life {
  public:
   Life(const LifePlan& plan, Counts* counts)
@@ -80,12 +81,14 @@ std::optional<Finding> Life::Solve() {
     OrderPointsFirst(world_, &options_);
   }
   ++solves_;
-  std::optional<Finding> finding = SolveAndCheck(options_, &world_, solver_.get(), &checks_, counts_);
+  std::optional<Finding> finding =
+      SolveAndCheck(options_, &world_, solver_.get(), &checks_, counts_);
   if (plan_.verbose) {
     double cost = 0.0;
     world_.problem().Evaluate({}, &cost, nullptr, nullptr, nullptr);
-    std::printf("  solve %ld: %zu blocks, %zu factors, cost %.12g%s\n", solves_, world_.blocks().size(), world_.factors().size(),
-                cost, finding ? " <- a defect" : "");
+    std::printf("  solve %ld: %zu blocks, %zu factors, cost %.12g%s\n", solves_,
+                world_.blocks().size(), world_.factors().size(), cost,
+                finding ? " <- a defect" : "");
     std::fputs(finding ? finding->iterations.c_str() : "", stdout);
   }
   return finding;

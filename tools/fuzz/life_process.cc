@@ -38,7 +38,8 @@ constexpr char kWorstCreeping[] = "worst_creeping_excess";
   alarm(kMaxSeconds);
   Counts counts;
   std::optional<Defect> defect;
-  // A new thread has a heap of its own, untouched: which addresses come back does not depend on what was before.
+  // A new thread has a heap of its own, untouched: which addresses come back does not depend on
+  // what was before.
   std::thread([&] { defect = Live(plan, &counts); }).join();
   nlohmann::json told = {{"counts", ToJson(counts)}};
   if (defect) {
@@ -46,7 +47,8 @@ constexpr char kWorstCreeping[] = "worst_creeping_excess";
   }
   const std::string text = told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   std::fflush(nullptr);
-  const bool written = write(pipe, text.data(), text.size()) == static_cast<ssize_t>(text.size());  // less than a pipe holds
+  // less than a pipe holds
+  const bool written = write(pipe, text.data(), text.size()) == static_cast<ssize_t>(text.size());
   _exit(written ? 0 : 1);
 }
 
@@ -60,8 +62,9 @@ std::string ReadAll(int pipe) {
 }
 
 Defect Crash(const LifePlan& plan, int status) {
-  const std::string cause =
-      WIFSIGNALED(status) ? strsignal(WTERMSIG(status)) : "exit code " + std::to_string(WEXITSTATUS(status));
+  const std::string cause = WIFSIGNALED(status)
+                                ? strsignal(WTERMSIG(status))
+                                : "exit code " + std::to_string(WEXITSTATUS(status));
   return {plan, 0, 0, {"crash", "the life ended by " + cause + "; --verbose tells after what"}};
 }
 

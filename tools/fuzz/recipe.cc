@@ -63,7 +63,8 @@ Recipe RandomRecipe(bool bounds, Dice* dice) {
   Recipe recipe;
   recipe.noise = dice->Magnitude(1e-3, 1.0);
   recipe.manifold_chance = dice->Chance(0.5) ? 0.3 : 0.0;
-  constexpr void (*kShapes[])(Dice*, Recipe*) = {Bundle, Bundle, Chain, PoseGraph, Star, DenseSmall, Mixed, Mixed};
+  constexpr void (*kShapes[])(Dice*, Recipe*) = {Bundle, Bundle,     Chain, PoseGraph,
+                                                 Star,   DenseSmall, Mixed, Mixed};
   kShapes[dice->Int(0, 7)](dice, &recipe);
   if (dice->Chance(0.1)) {
     recipe.noise = 0.0;  // the cost at the minimum is that of rounding

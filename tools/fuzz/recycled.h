@@ -6,10 +6,12 @@
 
 namespace inceres::fuzz {
 
-/// Memory for objects of up to kBytes that comes back at once: what was freed last is given out next, whatever its type was. A
-/// cost function that is deleted and its successor have one address, and so have a loss and the cost function after it.
+/// Memory for objects of up to kBytes that comes back at once: what was freed last is given out
+/// next, whatever its type was. A cost function that is deleted and its successor have one address,
+/// and so have a loss and the cost function after it.
 ///
-/// Threads: one. The memory itself is never given back, for it may be asked for until the process ends.
+/// Threads: one. The memory itself is never given back, for it may be asked for until the process
+/// ends.
 class Recycled {
  public:
   static constexpr std::size_t kBytes = 512;

@@ -1,4 +1,5 @@
-// The solver of a program that knows nothing of inceres and is linked to the drop-in in Ceres's place.
+// The solver of a program that knows nothing of inceres and is linked to the drop-in in Ceres's
+// place.
 #include <dlfcn.h>
 
 #include <cstdio>
@@ -10,12 +11,15 @@ namespace inceres::fuzz {
 namespace {
 
 // ceres::Solver::Solve as a function of its object, which it is in the Itanium C++ ABI.
-using SolverSolve = void (*)(ceres::Solver*, const ceres::Solver::Options&, ceres::Problem*, ceres::Solver::Summary*);
+using SolverSolve = void (*)(ceres::Solver*, const ceres::Solver::Options&, ceres::Problem*,
+                             ceres::Solver::Summary*);
 
 class CeresAsLinked : public SolverUnderTest {
  public:
-  CeresAsLinked(bool follows_stock, bool may_follow_stock) : follows_stock_(follows_stock), may_follow_stock_(may_follow_stock) {}
-  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) override {
+  CeresAsLinked(bool follows_stock, bool may_follow_stock)
+      : follows_stock_(follows_stock), may_follow_stock_(may_follow_stock) {}
+  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
+             ceres::Solver::Summary* summary) override {
     ceres::Solve(options, problem, summary);
   }
   bool follows_stock() const override { return follows_stock_; }
@@ -26,7 +30,8 @@ class CeresAsLinked : public SolverUnderTest {
   bool may_follow_stock_;
 };
 
-// The one of the Ceres library itself: a lookup that begins there does not see the drop-in in front of it.
+// The one of the Ceres library itself: a lookup that begins there does not see the drop-in in front
+// of it.
 SolverSolve StockSolverSolve() {
   void* ceres = dlopen(INCERES_CERES_SONAME, RTLD_LAZY | RTLD_NOLOAD);
   const char* const symbol = "_ZN5ceres6Solver5SolveERKNS0_7OptionsEPNS_7ProblemEPNS0_7SummaryE";
@@ -50,7 +55,8 @@ std::unique_ptr<SolverUnderTest> MakeSolver(const std::string& mode) {
   return std::make_unique<CeresAsLinked>(mode == "dropin", mode != "dropin_incremental");
 }
 
-void SolveByStock(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+void SolveByStock(const ceres::Solver::Options& options, ceres::Problem* problem,
+                  ceres::Solver::Summary* summary) {
   static const SolverSolve kSolve = StockSolverSolve();
   ceres::Solver solver;
   kSolve(&solver, options, problem, summary);

@@ -9,7 +9,8 @@ namespace {
 class OneShot : public SolverUnderTest {
  public:
   explicit OneShot(SolveMode mode) { options_.mode = mode; }
-  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) override {
+  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
+             ceres::Solver::Summary* summary) override {
     inceres::Solve(options, problem, summary, options_, &report_);
   }
   void Reset() override { ForgetStructures(); }
@@ -24,7 +25,8 @@ class OneShot : public SolverUnderTest {
 
 class Session : public SolverUnderTest {
  public:
-  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) override {
+  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
+             ceres::Solver::Summary* summary) override {
     session_.Solve(options, problem, summary, SolveOptions(), &report_);
   }
   void Reset() override { session_.Reset(); }
@@ -55,7 +57,8 @@ std::unique_ptr<SolverUnderTest> MakeSolver(const std::string& mode) {
   return std::make_unique<OneShot>(mode == "exact" ? SolveMode::kExact : SolveMode::kIncremental);
 }
 
-void SolveByStock(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+void SolveByStock(const ceres::Solver::Options& options, ceres::Problem* problem,
+                  ceres::Solver::Summary* summary) {
   ceres::Solve(options, problem, summary);
 }
 

@@ -17,13 +17,15 @@ constexpr double kOursShare = 100.0;
 constexpr double kNineDigits = 1e-9;  // of residuals, where costs are nearly zero
 constexpr double kNudge = 1e-14;      // of the values next to the start, relative
 
-ceres::Solver::Summary SolveFrom(const std::vector<double>& start, const ceres::Solver::Options& options, World* world) {
+ceres::Solver::Summary SolveFrom(const std::vector<double>& start,
+                                 const ceres::Solver::Options& options, World* world) {
   ceres::Solver::Summary summary;
   world->SetValues(start);
   ceres::Solver::Options alone = options;
   alone.num_threads = 1;                            // the sums of several depend on which is first
   if (options.linear_solver_ordering != nullptr) {  // stock edits it
-    alone.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(*options.linear_solver_ordering);
+    alone.linear_solver_ordering =
+        std::make_shared<ceres::ParameterBlockOrdering>(*options.linear_solver_ordering);
   }
   SolveByStock(alone, &world->problem(), &summary);
   return summary;
@@ -31,26 +33,31 @@ ceres::Solver::Summary SolveFrom(const std::vector<double>& start, const ceres::
 
 }  // namespace
 
-StockTraces::StockTraces(const ceres::Solver::Options& options, const std::vector<double>& start, World* world, Dice* dice) {
+StockTraces::StockTraces(const ceres::Solver::Options& options, const std::vector<double>& start,
+                         World* world, Dice* dice) {
   const std::vector<double> values = world->Values();
   summary_ = SolveFrom(start, options, world);
   end_ = world->Values();
   floor_ = kNineDigits * kNineDigits * world->Magnitude();
 
   ceres::Solver::Options other = options;
-  other.linear_solver_type = options.linear_solver_type == ceres::DENSE_QR ? ceres::DENSE_NORMAL_CHOLESKY : ceres::DENSE_QR;
+  other.linear_solver_type = options.linear_solver_type == ceres::DENSE_QR
+                                 ? ceres::DENSE_NORMAL_CHOLESKY
+                                 : ceres::DENSE_QR;
   std::vector<double> nudged = start;
   for (double& x : nudged) {
     x *= 1.0 + kNudge * dice->Signed();
   }
-  distance_ = std::max(Distance(SolveFrom(start, other, world)), Distance(SolveFrom(nudged, options, world)));
+  distance_ = std::max(Distance(SolveFrom(start, other, world)),
+                       Distance(SolveFrom(nudged, options, world)));
   agree_ = distance_ <= kStockAgrees;
   world->SetValues(values);
 }
 
 // The largest relative difference of costs along the way; infinite if the ways are not the same.
 double StockTraces::Distance(const ceres::Solver::Summary& other) const {
-  if (other.termination_type != summary_.termination_type || other.iterations.size() != summary_.iterations.size()) {
+  if (other.termination_type != summary_.termination_type ||
+      other.iterations.size() != summary_.iterations.size()) {
     return std::numeric_limits<double>::infinity();
   }
   double distance = 0.0;
@@ -60,13 +67,15 @@ double StockTraces::Distance(const ceres::Solver::Summary& other) const {
     if (a.step_is_successful != b.step_is_successful) {
       return std::numeric_limits<double>::infinity();
     }
-    distance = std::max(distance, std::abs(a.cost - b.cost) / (std::abs(a.cost) + floor_ + std::numeric_limits<double>::min()));
+    distance = std::max(distance, std::abs(a.cost - b.cost) / (std::abs(a.cost) + floor_ +
+                                                               std::numeric_limits<double>::min()));
   }
   return distance;
 }
 
 bool StockTraces::EndedByLength() const {
-  return summary_.message.rfind("Gradient tolerance", 0) == 0 || summary_.message.rfind("Parameter tolerance", 0) == 0;
+  return summary_.message.rfind("Gradient tolerance", 0) == 0 ||
+         summary_.message.rfind("Parameter tolerance", 0) == 0;
 }
 
 std::optional<std::string> StockTraces::Difference(const ceres::Solver::Summary& ours) const {
@@ -75,10 +84,12 @@ std::optional<std::string> StockTraces::Difference(const ceres::Solver::Summary&
     return std::nullopt;
   }
   char text[300];
-  std::snprintf(
-      text, sizeof text, "ours: %s, %zu iterations, cost %.12g; stock: %s, %zu iterations, cost %.12g; costs differ by %.2g",
-      ceres::TerminationTypeToString(ours.termination_type), ours.iterations.size(), ours.final_cost,
-      ceres::TerminationTypeToString(summary_.termination_type), summary_.iterations.size(), summary_.final_cost, distance);
+  std::snprintf(text, sizeof text,
+                "ours: %s, %zu iterations, cost %.12g; stock: %s, %zu iterations, cost %.12g; "
+                "costs differ by %.2g",
+                ceres::TerminationTypeToString(ours.termination_type), ours.iterations.size(),
+                ours.final_cost, ceres::TerminationTypeToString(summary_.termination_type),
+                summary_.iterations.size(), summary_.final_cost, distance);
   return text + std::string(" (") + ours.message + "; " + summary_.message + ")";
 }
 

@@ -11,17 +11,18 @@
 
 namespace inceres::fuzz {
 
-/// How stock Ceres solves from some values: by the user's linear solver, by another one, and from values next to these. Where the
-/// three agree there is a trace to follow.
+/// How stock Ceres solves from some values: by the user's linear solver, by another one, and from
+/// values next to these. Where the three agree there is a trace to follow.
 class StockTraces {
  public:
   /// The world's values are as before when it returns.
-  StockTraces(const ceres::Solver::Options& options, const std::vector<double>& start, World* world, Dice* dice);
+  StockTraces(const ceres::Solver::Options& options, const std::vector<double>& start, World* world,
+              Dice* dice);
 
   /// Whether rounding decides nothing: same termination, as many iterations, costs within 1e-8.
   bool agree() const { return agree_; }
-  /// What is different in `ours`, if anything: termination, number of iterations, which of them were accepted, or a cost by more
-  /// than 1e-6 and a hundred times what stock's differ by.
+  /// What is different in `ours`, if anything: termination, number of iterations, which of them
+  /// were accepted, or a cost by more than 1e-6 and a hundred times what stock's differ by.
   std::optional<std::string> Difference(const ceres::Solver::Summary& ours) const;
 
   /// Whether stock ended by its gradient or parameter tolerance, which tell nothing of the cost.

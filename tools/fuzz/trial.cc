@@ -18,9 +18,9 @@ constexpr double kSameCost = 1e-9;
 std::string IterationsOf(const char* whose, const ceres::Solver::Summary& summary) {
   std::string lines = Text("  %s, %s\n", whose, summary.message.c_str());
   for (const ceres::IterationSummary& i : summary.iterations) {
-    lines += Text("  %4d%s cost %.14g change %.3g ratio %.3g gradient %.2g step %.2g radius %.2g\n", i.iteration,
-                  i.step_is_successful ? " " : "!", i.cost, i.cost_change, i.relative_decrease, i.gradient_max_norm, i.step_norm,
-                  i.trust_region_radius);
+    lines += Text("  %4d%s cost %.14g change %.3g ratio %.3g gradient %.2g step %.2g radius %.2g\n",
+                  i.iteration, i.step_is_successful ? " " : "!", i.cost, i.cost_change,
+                  i.relative_decrease, i.gradient_max_norm, i.step_norm, i.trust_region_radius);
   }
   return lines;
 }
@@ -40,8 +40,10 @@ void Trial::LookAtStart() {
   std::vector<double> gradient;
   ceres::CRSMatrix jacobian;
   const auto finite = [](double value) { return std::isfinite(value); };
-  start_has_cost_ = world_->problem().Evaluate({}, &start_cost_, nullptr, nullptr, nullptr) && finite(start_cost_);
-  start_evaluates_ = start_has_cost_ && world_->problem().Evaluate({}, nullptr, nullptr, &gradient, &jacobian) &&
+  start_has_cost_ = world_->problem().Evaluate({}, &start_cost_, nullptr, nullptr, nullptr) &&
+                    finite(start_cost_);
+  start_evaluates_ = start_has_cost_ &&
+                     world_->problem().Evaluate({}, nullptr, nullptr, &gradient, &jacobian) &&
 
                      std::all_of(gradient.begin(), gradient.end(), finite) &&
                      std::all_of(jacobian.values.begin(), jacobian.values.end(), finite);
@@ -65,7 +67,8 @@ std::optional<Finding> Trial::Run() {
   ++counts_->solves;
   counts_->handed_to_stock += solver_->used_stock() ? 1 : 0;
   constexpr Check kWithoutCalls[] = {&Trial::Memory, &Trial::Bounds, &Trial::Calls};
-  constexpr Check kWithCalls[] = {&Trial::Costs, &Trial::Termination, &Trial::Trace, &Trial::Repetition, &Trial::End};
+  constexpr Check kWithCalls[] = {&Trial::Costs, &Trial::Termination, &Trial::Trace,
+                                  &Trial::Repetition, &Trial::End};
   std::optional<Finding> finding;
   for (const Check check : kWithoutCalls) {
     finding = finding ? finding : (this->*check)();
@@ -75,7 +78,8 @@ std::optional<Finding> Trial::Run() {
     finding = finding || solver_->used_stock() ? finding : (this->*check)();
   }
   if (finding) {
-    finding->iterations = IterationsOf("ours", summary_) + (stock_ != nullptr ? IterationsOf("stock", stock_->summary()) : "");
+    finding->iterations = IterationsOf("ours", summary_) +
+                          (stock_ != nullptr ? IterationsOf("stock", stock_->summary()) : "");
   }
   return finding;
 }
@@ -83,10 +87,12 @@ std::optional<Finding> Trial::Run() {
 std::optional<Finding> Trial::Calls() {
   const CallWatch& watch = TheCallWatch();
   if (watch.calls_too_late > 0 || watch.active > 0) {
-    return Finding{"called_after_return", Text("%ld calls of cost functions after Solve returned", watch.calls_too_late.load())};
+    return Finding{"called_after_return", Text("%ld calls of cost functions after Solve returned",
+                                               watch.calls_too_late.load())};
   }
   if (watch.overlapping_calls > 0) {
-    return Finding{"called_concurrently", Text("%ld calls at a time with num_threads 1", watch.overlapping_calls.load())};
+    return Finding{"called_concurrently",
+                   Text("%ld calls at a time with num_threads 1", watch.overlapping_calls.load())};
   }
   return std::nullopt;
 }
@@ -122,12 +128,15 @@ std::optional<Finding> Trial::Bounds() {
   return std::nullopt;
 }
 
-// Stock's final cost is the least of all iterations, that of a refused step included that gained, but too little for its length:
-// memory then has the least accepted one. And where the start cannot be evaluated, what stock says.
+// Stock's final cost is the least of all iterations, that of a refused step included that gained,
+// but too little for its length: memory then has the least accepted one. And where the start cannot
+// be evaluated, what stock says.
 bool Trial::SaysAsStock(double cost, double rounding) {
   double accepted = std::numeric_limits<double>::infinity();
   for (const ceres::IterationSummary& iteration : summary_.iterations) {
-    accepted = iteration.step_is_successful || iteration.iteration == 0 ? std::min(accepted, iteration.cost) : accepted;
+    accepted = iteration.step_is_successful || iteration.iteration == 0
+                   ? std::min(accepted, iteration.cost)
+                   : accepted;
   }
   return std::abs(cost - accepted) <= kSameCost * std::abs(cost) + rounding ||
          (!start_evaluates_ && Stock().summary().termination_type == summary_.termination_type);
@@ -145,18 +154,20 @@ std::optional<Finding> Trial::Costs() {
     if (solver_->follows_stock() && SaysAsStock(cost, rounding)) {
       return std::nullopt;
     }
-    return Finding{"wrong_final_cost", Text("the summary says %s with %.17g, memory has %.17g%s",
-                                            ceres::TerminationTypeToString(summary_.termination_type), summary_.final_cost, cost,
-                                            evaluated ? "" : " (cannot be evaluated)")};
+    return Finding{"wrong_final_cost",
+                   Text("the summary says %s with %.17g, memory has %.17g%s",
+                        ceres::TerminationTypeToString(summary_.termination_type),
+                        summary_.final_cost, cost, evaluated ? "" : " (cannot be evaluated)")};
   }
-  if (!options_.use_nonmonotonic_steps && start_has_cost_ && cost > start_cost_ * (1.0 + kSameCost) + rounding) {
+  if (!options_.use_nonmonotonic_steps && start_has_cost_ &&
+      cost > start_cost_ * (1.0 + kSameCost) + rounding) {
     return Finding{"went_up", Text("from %.17g to %.17g", start_cost_, cost)};
   }
   return std::nullopt;
 }
 
-std::optional<Finding> SolveAndCheck(const ceres::Solver::Options& options, World* world, SolverUnderTest* solver, Dice* dice,
-                                     Counts* counts) {
+std::optional<Finding> SolveAndCheck(const ceres::Solver::Options& options, World* world,
+                                     SolverUnderTest* solver, Dice* dice, Counts* counts) {
   return Trial(options, world, solver, dice, counts).Run();
 }
 

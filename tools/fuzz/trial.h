@@ -22,19 +22,23 @@ struct Counts {
   long edits = 0;
   long solves = 0;
   long handed_to_stock = 0;
-  long failures = 0;       ///< with a cause: a start that cannot be evaluated, a cost function that is faulty, or stock fails too
+  /// with a cause: a start that cannot be evaluated, a cost function that is faulty, or stock fails
+  /// too
+  long failures = 0;
   long not_converged = 0;  ///< a limit ended it
   long judged = 0;         ///< ends from which plain LM was let go on
   long creeping = 0;       ///< … an excess in a valley too flat to hold it against anyone
-  long beside_faults = 0;  ///< … an excess while a cost function is faulty, and stock's end has one too
-  long as_stock = 0;       ///< … an excess in exact mode, and stock's end has one as large
-  long traces_compared = 0;            ///< exact mode: iteration by iteration with stock
-  long traces_chaotic = 0;             ///< … not compared: stock's own solvers do not agree
+  /// … an excess while a cost function is faulty, and stock's end has one too
+  long beside_faults = 0;
+  long as_stock = 0;         ///< … an excess in exact mode, and stock's end has one as large
+  long traces_compared = 0;  ///< exact mode: iteration by iteration with stock
+  long traces_chaotic = 0;   ///< … not compared: stock's own solvers do not agree
   double worst_creeping_excess = 0.0;  ///< in function tolerances
 };
 
-/// Solves the world's problem once and looks at all that a caller may rely on. The world is left where the solver left it.
-std::optional<Finding> SolveAndCheck(const ceres::Solver::Options& options, World* world, SolverUnderTest* solver, Dice* dice,
-                                     Counts* counts);
+/// Solves the world's problem once and looks at all that a caller may rely on. The world is left
+/// where the solver left it.
+std::optional<Finding> SolveAndCheck(const ceres::Solver::Options& options, World* world,
+                                     SolverUnderTest* solver, Dice* dice, Counts* counts);
 
 }  // namespace inceres::fuzz

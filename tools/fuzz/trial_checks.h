@@ -13,11 +13,18 @@ namespace inceres::fuzz {
 /// printf into a string of up to 500 characters.
 __attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...);
 
-/// One solve and the checks of it, in trial.cc (memory, calls, costs) and trial_end.cc (how and where it ended).
+/// One solve and the checks of it, in trial.cc (memory, calls, costs) and trial_end.cc (how and
+/// where it ended).
 class Trial {
  public:
-  Trial(const ceres::Solver::Options& options, World* world, SolverUnderTest* solver, Dice* dice, Counts* counts)
-      : options_(options), world_(world), solver_(solver), dice_(dice), counts_(counts), start_(world->Values()) {}
+  Trial(const ceres::Solver::Options& options, World* world, SolverUnderTest* solver, Dice* dice,
+        Counts* counts)
+      : options_(options),
+        world_(world),
+        solver_(solver),
+        dice_(dice),
+        counts_(counts),
+        start_(world->Values()) {}
 
   std::optional<Finding> Run();
 

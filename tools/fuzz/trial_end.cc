@@ -8,11 +8,12 @@
 namespace inceres::fuzz {
 namespace {
 
-// A solver that has used up at least this many iterations, where stock needs less than a fifth of them, does not converge.
+// A solver that has used up at least this many iterations, where stock needs less than a fifth of
+// them, does not converge.
 constexpr int kManyIterations = 50;
 constexpr double kFewShare = 0.2;
-// Where stock's own solvers go different ways, how far ours in exact mode may end from the minimum is a matter of luck too: up to
-// so many function tolerances.
+// Where stock's own solvers go different ways, how far ours in exact mode may end from the minimum
+// is a matter of luck too: up to so many function tolerances.
 constexpr double kChaoticExcess = 1000.0;
 constexpr double kRepetitionChance = 0.1;
 
@@ -20,8 +21,10 @@ constexpr double kRepetitionChance = 0.1;
 
 std::optional<Finding> Trial::Termination() {
   if (summary_.termination_type == ceres::FAILURE) {
-    if (start_evaluates_ && !world_->HasFault() && Stock().summary().termination_type != ceres::FAILURE) {
-      return Finding{"failed", "FAILURE from a start that can be evaluated, where stock solves: " + summary_.message};
+    if (start_evaluates_ && !world_->HasFault() &&
+        Stock().summary().termination_type != ceres::FAILURE) {
+      return Finding{"failed", "FAILURE from a start that can be evaluated, where stock solves: " +
+                                   summary_.message};
     }
     ++counts_->failures;
     return std::nullopt;
@@ -29,9 +32,9 @@ std::optional<Finding> Trial::Termination() {
   // What remembers need not ask for Jacobians.
   const bool start_will_do = solver_->follows_stock() ? start_evaluates_ : start_has_cost_;
   if (!start_will_do && Stock().summary().termination_type == ceres::FAILURE) {
-    return Finding{"no_failure",
-                   Text("%s from a start that cannot be evaluated: ", ceres::TerminationTypeToString(summary_.termination_type)) +
-                       summary_.message};
+    return Finding{"no_failure", Text("%s from a start that cannot be evaluated: ",
+                                      ceres::TerminationTypeToString(summary_.termination_type)) +
+                                     summary_.message};
   }
   if (summary_.termination_type != ceres::NO_CONVERGENCE) {
     return std::nullopt;
@@ -59,9 +62,12 @@ std::optional<Finding> Trial::CheckLimit() {
     ++counts_->creeping;  // stock has not come to a minimum either
     return std::nullopt;
   }
-  return Finding{is_there ? "does_not_end" : "slow",
-                 Text("no convergence in %d iterations, cost %.12g, plain LM goes to %.12g; stock %.12g in %zu",
-                      options_.max_num_iterations, summary_.final_cost, verdict.best, stock.final_cost, stock.iterations.size())};
+  return Finding{
+      is_there ? "does_not_end" : "slow",
+      Text(
+          "no convergence in %d iterations, cost %.12g, plain LM goes to %.12g; stock %.12g in %zu",
+          options_.max_num_iterations, summary_.final_cost, verdict.best, stock.final_cost,
+          stock.iterations.size())};
 }
 
 const StockTraces& Trial::Stock() {
@@ -110,11 +116,14 @@ std::optional<Finding> Trial::Repetition() {
   for (std::size_t i = 0; i < values.size(); ++i) {
     difference = std::max(difference, std::abs(values[i] - values_again[i]));
   }
-  return Finding{"not_repeated",
-                 Text("with %d threads %s, cost %.17g, with %d threads %s, cost %.17g; values differ by %.3g%s",
-                      options_.num_threads, ceres::TerminationTypeToString(summary_.termination_type), summary_.final_cost,
-                      other.num_threads, ceres::TerminationTypeToString(again.termination_type), again.final_cost, difference,
-                      forgets ? ", the structure forgotten in between" : "")};
+  return Finding{
+      "not_repeated",
+      Text(
+          "with %d threads %s, cost %.17g, with %d threads %s, cost %.17g; values differ by %.3g%s",
+          options_.num_threads, ceres::TerminationTypeToString(summary_.termination_type),
+          summary_.final_cost, other.num_threads,
+          ceres::TerminationTypeToString(again.termination_type), again.final_cost, difference,
+          forgets ? ", the structure forgotten in between" : "")};
 }
 
 // Where plain LM goes from stock's end.
@@ -141,7 +150,8 @@ std::optional<Finding> Trial::End() {
 std::optional<Finding> Trial::CheckExcess(const Verdict& ours) {
   if (ours.is_creeping) {
     ++counts_->creeping;
-    counts_->worst_creeping_excess = std::max(counts_->worst_creeping_excess, ours.excess / options_.function_tolerance);
+    counts_->worst_creeping_excess =
+        std::max(counts_->worst_creeping_excess, ours.excess / options_.function_tolerance);
     return std::nullopt;
   }
   const Verdict stock = StockVerdict();
@@ -149,20 +159,26 @@ std::optional<Finding> Trial::CheckExcess(const Verdict& ours) {
     ++counts_->beside_faults;
     return std::nullopt;
   }
-  const bool is_no_worse = !stock.judged || ours.cost - ours.best <= 2.0 * (stock.cost - stock.best);
-  const bool chaotic = solver_->follows_stock() && !Stock().agree() && ours.excess < kChaoticExcess * options_.function_tolerance;
+  const bool is_no_worse =
+      !stock.judged || ours.cost - ours.best <= 2.0 * (stock.cost - stock.best);
+  const bool chaotic = solver_->follows_stock() && !Stock().agree() &&
+                       ours.excess < kChaoticExcess * options_.function_tolerance;
   if ((solver_->may_follow_stock() || Stock().EndedByLength()) && (chaotic || is_no_worse)) {
     ++counts_->as_stock;
     return std::nullopt;
   }
-  const std::string kind = world_->HasFault() ? "excess_beside_fault" : is_no_worse ? "excess_as_stock" : "excess";
-  return Finding{kind, Text("%.3g tolerances above where plain LM goes, which gains ten in %d steps: %.12g, %.12g (tolerance "
-                            "%.2g, %zu iterations); stock "
-                            "ends at %.12g with an excess of %.2g tolerances after %zu iterations; ",
-                            ours.excess / options_.function_tolerance, ours.steps, ours.cost, ours.best,
-                            options_.function_tolerance, summary_.iterations.size(), stock.cost,
-                            stock.excess / options_.function_tolerance, Stock().summary().iterations.size()) +
-                           summary_.message};
+  const std::string kind = world_->HasFault() ? "excess_beside_fault"
+                           : is_no_worse      ? "excess_as_stock"
+                                              : "excess";
+  return Finding{
+      kind, Text("%.3g tolerances above where plain LM goes, which gains ten in %d steps: %.12g, "
+                 "%.12g (tolerance "
+                 "%.2g, %zu iterations); stock "
+                 "ends at %.12g with an excess of %.2g tolerances after %zu iterations; ",
+                 ours.excess / options_.function_tolerance, ours.steps, ours.cost, ours.best,
+                 options_.function_tolerance, summary_.iterations.size(), stock.cost,
+                 stock.excess / options_.function_tolerance, Stock().summary().iterations.size()) +
+                summary_.message};
 }
 
 }  // namespace inceres::fuzz

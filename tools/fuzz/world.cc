@@ -42,7 +42,8 @@ World::~World() {
 }
 
 bool World::HasFault() const {
-  return std::any_of(factors_.begin(), factors_.end(), [](const auto& factor) { return factor->cost->fault() != Fault::kNone; });
+  return std::any_of(factors_.begin(), factors_.end(),
+                     [](const auto& factor) { return factor->cost->fault() != Fault::kNone; });
 }
 
 double World::Magnitude() const {
@@ -61,10 +62,11 @@ double World::Magnitude() const {
 double World::FixedCost() const {
   double sum = 0.0;
   for (const auto& factor : factors_) {
-    const bool is_fixed =
-        std::all_of(factor->blocks.begin(), factor->blocks.end(), [](const Block* block) { return block->constant; });
+    const bool is_fixed = std::all_of(factor->blocks.begin(), factor->blocks.end(),
+                                      [](const Block* block) { return block->constant; });
     double cost = 0.0;
-    if (is_fixed && problem_->EvaluateResidualBlock(factor->id, /*apply_loss_function=*/true, &cost, nullptr, nullptr)) {
+    if (is_fixed && problem_->EvaluateResidualBlock(factor->id, /*apply_loss_function=*/true, &cost,
+                                                    nullptr, nullptr)) {
       sum += cost;
     }
   }
@@ -88,7 +90,8 @@ void World::SetValues(const std::vector<double>& values) {
 }
 
 double World::Weight() {
-  return (recipe_.projective ? 100.0 : 1.0) * dice_->Magnitude(1.0 / recipe_.weight_spread, recipe_.weight_spread + 1e-9);
+  return (recipe_.projective ? 100.0 : 1.0) *
+         dice_->Magnitude(1.0 / recipe_.weight_spread, recipe_.weight_spread + 1e-9);
 }
 
 World::Block* World::AddBlock(bool is_point, int size) {
@@ -137,7 +140,8 @@ void World::PlaceBlock(Block* block) {
 }
 
 void World::Perturb(Block* block, double size) {
-  const int tangent_size = block->manifold != nullptr ? block->manifold->TangentSize() : block->size;
+  const int tangent_size =
+      block->manifold != nullptr ? block->manifold->TangentSize() : block->size;
   std::vector<double> step(static_cast<std::size_t>(tangent_size));
   for (double& s : step) {
     s = size * dice_->Signed();
@@ -156,7 +160,8 @@ void World::Perturb(Block* block, double size) {
 
 void World::AddFrame() {
   const auto& sizes = recipe_.frame_sizes;
-  Block* frame = AddBlock(false, sizes[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(sizes.size()) - 1))]);
+  Block* frame = AddBlock(
+      false, sizes[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(sizes.size()) - 1))]);
   const std::vector<Block*> frames = Blocks(false);
   if (frames.size() == 1 || dice_->Chance(recipe_.prior_chance)) {
     AddPrior(frame, Weight());
@@ -165,13 +170,15 @@ void World::AddFrame() {
     AddLink(frame, frames[frames.size() - 2]);
   }
   if (frames.size() > 2 && dice_->Chance(recipe_.loop_chance)) {
-    AddLink(frame, frames[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(frames.size()) - 3))]);
+    AddLink(frame,
+            frames[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(frames.size()) - 3))]);
   }
 }
 
 void World::AddPoint() {
   const auto& sizes = recipe_.point_sizes;
-  Block* point = AddBlock(true, sizes[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(sizes.size()) - 1))]);
+  Block* point = AddBlock(
+      true, sizes[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(sizes.size()) - 1))]);
   for (int view = 0; view < recipe_.views; ++view) {
     Observe(point);
   }
@@ -188,7 +195,8 @@ void World::AddLink(Block* block, Block* other) {
   if (block->size == other->size && dice_->Chance(recipe_.distance_chance)) {
     Connect(FuzzCost::Kind::kDistance, {other, block}, 1, Weight(), true);
   } else {
-    Connect(FuzzCost::Kind::kSmooth, {other, block}, dice_->Int(1, std::max(1, std::min(block->size, 8))), Weight(), true);
+    Connect(FuzzCost::Kind::kSmooth, {other, block},
+            dice_->Int(1, std::max(1, std::min(block->size, 8))), Weight(), true);
   }
 }
 
@@ -197,7 +205,8 @@ void World::Observe(Block* point) {
   if (frames.empty()) {
     return;
   }
-  Block* frame = frames[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(frames.size()) - 1))];
+  Block* frame =
+      frames[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(frames.size()) - 1))];
   if (recipe_.projective) {
     Connect(FuzzCost::Kind::kProjection, {frame, point}, 2, Weight(), true);
   } else {
@@ -205,7 +214,8 @@ void World::Observe(Block* point) {
   }
 }
 
-void World::Connect(FuzzCost::Kind kind, const std::vector<Block*>& blocks, int num_residuals, double weight, bool may_lose) {
+void World::Connect(FuzzCost::Kind kind, const std::vector<Block*>& blocks, int num_residuals,
+                    double weight, bool may_lose) {
   auto factor = std::make_unique<Factor>();
   std::vector<int> sizes;
   std::vector<const double*> truth;
@@ -213,7 +223,8 @@ void World::Connect(FuzzCost::Kind kind, const std::vector<Block*>& blocks, int 
     sizes.push_back(block->size);
     truth.push_back(block->truth.data());
   }
-  factor->cost = std::make_unique<FuzzCost>(kind, sizes, num_residuals, weight, recipe_.curvature, dice_);
+  factor->cost =
+      std::make_unique<FuzzCost>(kind, sizes, num_residuals, weight, recipe_.curvature, dice_);
   factor->cost->Measure(truth, recipe_.noise, dice_);
   factor->blocks = blocks;
   if (may_lose && dice_->Chance(recipe_.loss_chance)) {
@@ -253,11 +264,13 @@ std::vector<World::Block*> World::Blocks(bool points) const {
 }
 
 World::Block* World::AnyBlock() {
-  return blocks_[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(blocks_.size()) - 1))].get();
+  return blocks_[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(blocks_.size()) - 1))]
+      .get();
 }
 
 World::Factor* World::AnyFactor() {
-  return factors_[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(factors_.size()) - 1))].get();
+  return factors_[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(factors_.size()) - 1))]
+      .get();
 }
 
 }  // namespace inceres::fuzz

@@ -14,7 +14,8 @@
 
 namespace inceres::fuzz {
 
-/// What a random problem is like; drawn once for a life, so that what is added later fits what there is.
+/// What a random problem is like; drawn once for a life, so that what is added later fits what
+/// there is.
 struct Recipe {
   bool projective = false;       ///< cameras and points, else smooth functions
   std::vector<int> frame_sizes;  ///< of 1 to 30
@@ -40,8 +41,8 @@ struct Recipe {
 /// `bounds`: whether the recipe may have them.
 Recipe RandomRecipe(bool bounds, Dice* dice);
 
-/// A ceres::Problem that random edits change in every way a user's program can, with the objects it rests on. What is removed is
-/// freed at once, and its memory serves what comes next.
+/// A ceres::Problem that random edits change in every way a user's program can, with the objects it
+/// rests on. What is removed is freed at once, and its memory serves what comes next.
 class World {
  public:
   World(const Recipe& recipe, Dice* dice);
@@ -74,7 +75,8 @@ class World {
   bool HasFault() const;
   /// Σ FuzzCost::Magnitude of all factors at the current values.
   double Magnitude() const;
-  /// Of the factors whose blocks are all constant: what Ceres's function tolerance is relative to does not have it.
+  /// Of the factors whose blocks are all constant: what Ceres's function tolerance is relative to
+  /// does not have it.
   double FixedCost() const;
   /// All values, block after block, and back.
   std::vector<double> Values() const;
@@ -85,7 +87,8 @@ class World {
   void PlaceBlock(Block* block);
   void AddFrame();
   void AddPoint();
-  void Connect(FuzzCost::Kind kind, const std::vector<Block*>& blocks, int num_residuals, double weight, bool may_lose);
+  void Connect(FuzzCost::Kind kind, const std::vector<Block*>& blocks, int num_residuals,
+               double weight, bool may_lose);
   void Insert(Factor* factor);
   void AddPrior(Block* block, double weight);
   void AddLink(Block* block, Block* other);
@@ -120,7 +123,8 @@ class World {
   std::vector<std::unique_ptr<Block>> blocks_;
   std::vector<std::unique_ptr<Factor>> factors_;
   std::vector<double*> free_memory_;  // the last one freed is the next one used
-  std::vector<double> memory_;        // one piece, so that which address is lower does not depend on what was before
+  // one piece, so that which address is lower does not depend on what was before
+  std::vector<double> memory_;
 };
 
 }  // namespace inceres::fuzz

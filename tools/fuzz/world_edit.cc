@@ -54,7 +54,8 @@ const char* World::FrameComes() {
 }
 
 const char* World::PointComes() {
-  if (recipe_.point_sizes.empty() || static_cast<int>(Blocks(true).size()) >= Room(recipe_.num_points)) {
+  if (recipe_.point_sizes.empty() ||
+      static_cast<int>(Blocks(true).size()) >= Room(recipe_.num_points)) {
     return BlockGoes();
   }
   AddPoint();
@@ -84,24 +85,30 @@ const char* World::FactorComes() {
 }
 
 const char* World::MeasurementIsRevised() {
-  AnyFactor()->cost->Shift(recipe_.projective ? dice_->Magnitude(1e-4, 0.1) : dice_->Magnitude(1e-3, 2.0), dice_);
+  AnyFactor()->cost->Shift(
+      recipe_.projective ? dice_->Magnitude(1e-4, 0.1) : dice_->Magnitude(1e-3, 2.0), dice_);
   return "a measurement is revised in place";
 }
 
 void World::RemoveBlock(Block* block) {
   for (const auto& factor : factors_) {
-    // With fast removal Ceres would take them in the order of their addresses, and lives would depend on malloc.
-    if (recipe_.fast_removal && std::count(factor->blocks.begin(), factor->blocks.end(), block) > 0) {
+    // With fast removal Ceres would take them in the order of their addresses, and lives would
+    // depend on malloc.
+    if (recipe_.fast_removal &&
+        std::count(factor->blocks.begin(), factor->blocks.end(), block) > 0) {
       problem_->RemoveResidualBlock(factor->id);
     }
   }
   problem_->RemoveParameterBlock(block->x);
-  factors_.erase(
-      std::remove_if(factors_.begin(), factors_.end(),
-                     [&](const auto& factor) { return std::count(factor->blocks.begin(), factor->blocks.end(), block) > 0; }),
-      factors_.end());
+  factors_.erase(std::remove_if(factors_.begin(), factors_.end(),
+                                [&](const auto& factor) {
+                                  return std::count(factor->blocks.begin(), factor->blocks.end(),
+                                                    block) > 0;
+                                }),
+                 factors_.end());
   free_memory_.push_back(block->x);
-  blocks_.erase(std::find_if(blocks_.begin(), blocks_.end(), [&](const auto& other) { return other.get() == block; }));
+  blocks_.erase(std::find_if(blocks_.begin(), blocks_.end(),
+                             [&](const auto& other) { return other.get() == block; }));
 }
 
 // Another cost function of the same kind on the same blocks, where the old one was.
@@ -117,7 +124,8 @@ const char* World::FactorIsReplaced() {
   const int num_residuals = factor->cost->num_residuals();
   problem_->RemoveResidualBlock(factor->id);
   factor->cost.reset();
-  factor->cost = std::make_unique<FuzzCost>(kind, sizes, num_residuals, Weight(), recipe_.curvature, dice_);
+  factor->cost =
+      std::make_unique<FuzzCost>(kind, sizes, num_residuals, Weight(), recipe_.curvature, dice_);
   factor->cost->Measure(truth, recipe_.noise, dice_);
   Insert(factor);
   return "a factor is replaced at its address";
@@ -145,9 +153,11 @@ const char* World::Toggle() {
 }
 
 const char* World::FaultBegins() {
-  constexpr Fault kFaults[] = {Fault::kRefuse, Fault::kRefuse, Fault::kNanResidual, Fault::kInfResidual, Fault::kNanJacobian};
+  constexpr Fault kFaults[] = {Fault::kRefuse, Fault::kRefuse, Fault::kNanResidual,
+                               Fault::kInfResidual, Fault::kNanJacobian};
   Factor* factor = AnyFactor();
-  const double margin = dice_->Chance(0.05) ? -1.0 : recipe_.perturbation * dice_->Magnitude(1e-3, 1.0);
+  const double margin =
+      dice_->Chance(0.05) ? -1.0 : recipe_.perturbation * dice_->Magnitude(1e-3, 1.0);
   factor->cost->SetFault(kFaults[dice_->Int(0, 4)], factor->blocks[0]->x, margin, dice_);
   return "a cost function turns faulty";
 }

@@ -16,13 +16,15 @@
 namespace inceres::tools {
 namespace {
 
-using QuaternionCameraManifold = ceres::ProductManifold<ceres::QuaternionManifold, ceres::EuclideanManifold<6>>;
+using QuaternionCameraManifold =
+    ceres::ProductManifold<ceres::QuaternionManifold, ceres::EuclideanManifold<6>>;
 
 double* Block(double* blocks, int index, int size) {
   return blocks + static_cast<std::ptrdiff_t>(index) * size;
 }
 
-ceres::CostFunction* CostOf(const BalObservation& observation, BalCameraModel model, BalJacobians jacobians) {
+ceres::CostFunction* CostOf(const BalObservation& observation, BalCameraModel model,
+                            BalJacobians jacobians) {
   if (jacobians == BalJacobians::kAnalytic) {
     assert(model == BalCameraModel::kAngleAxis);
     return MakeFactorCost<BalReprojectionFamily>({observation.x, observation.y});
@@ -50,17 +52,20 @@ std::vector<double> CamerasIn(const BalProblem& bal, BalCameraModel model) {
   return cameras;
 }
 
-std::unique_ptr<ceres::Problem> BuildBalCeresProblem(const BalProblem& bal, const LossSpec& loss, double* cameras, double* points,
+std::unique_ptr<ceres::Problem> BuildBalCeresProblem(const BalProblem& bal, const LossSpec& loss,
+                                                     double* cameras, double* points,
                                                      BalCameraModel model, BalJacobians jacobians) {
   auto problem = std::make_unique<ceres::Problem>();
-  ceres::LossFunction* shared_loss = MakeCeresLoss(loss).release();  // owned by the problem, which counts its uses
+  // owned by the problem, which counts its uses
+  ceres::LossFunction* shared_loss = MakeCeresLoss(loss).release();
   for (const BalObservation& observation : bal.observations) {
     problem->AddResidualBlock(CostOf(observation, model, jacobians), shared_loss,
                               Block(cameras, observation.camera, CameraSize(model)),
                               Block(points, observation.point, BalProblem::kPointSize));
   }
   if (model == BalCameraModel::kQuaternion) {
-    auto* manifold = new QuaternionCameraManifold;  // owned by the problem; at least one camera is observed
+    // owned by the problem; at least one camera is observed
+    auto* manifold = new QuaternionCameraManifold;
     for (int i = 0; i < bal.num_cameras; ++i) {
       double* camera = Block(cameras, i, CameraSize(model));
       if (problem->HasParameterBlock(camera)) {
@@ -71,7 +76,8 @@ std::unique_ptr<ceres::Problem> BuildBalCeresProblem(const BalProblem& bal, cons
   return problem;
 }
 
-std::shared_ptr<ceres::ParameterBlockOrdering> PointsFirstOrdering(const BalProblem& bal, double* cameras, double* points,
+std::shared_ptr<ceres::ParameterBlockOrdering> PointsFirstOrdering(const BalProblem& bal,
+                                                                   double* cameras, double* points,
                                                                    BalCameraModel model) {
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   for (const BalObservation& observation : bal.observations) {
@@ -85,7 +91,8 @@ double RmsReprojectionError(const BalProblem& bal) {
   double sum = 0.0;
   for (const BalObservation& observation : bal.observations) {
     double r[2];
-    BalReprojectionError{{observation.x, observation.y}}(bal.CameraData(observation.camera), bal.PointData(observation.point), r);
+    BalReprojectionError{{observation.x, observation.y}}(bal.CameraData(observation.camera),
+                                                         bal.PointData(observation.point), r);
     sum += r[0] * r[0] + r[1] * r[1];
   }
   return std::sqrt(sum / static_cast<double>(bal.observations.size()));

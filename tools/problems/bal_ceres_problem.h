@@ -30,18 +30,23 @@ int CameraSize(BalCameraModel model);
 /// The file's cameras in a model: num_cameras × CameraSize(model).
 std::vector<double> CamerasIn(const BalProblem& bal, BalCameraModel model);
 
-/// The problem as users of Ceres write it: one residual block an observation, in the order of the file, over parameter
-/// blocks in the caller's arrays (cameras as CamerasIn lays them out; points num_points × 3), which must outlive the result.
-/// `bal` supplies the observations only. Requires bal.Validate().ok().
-std::unique_ptr<ceres::Problem> BuildBalCeresProblem(const BalProblem& bal, const LossSpec& loss, double* cameras, double* points,
-                                                     BalCameraModel model = BalCameraModel::kAngleAxis,
-                                                     BalJacobians jacobians = BalJacobians::kAutoDiff);
+/// The problem as users of Ceres write it: one residual block an observation, in the order of the
+/// file, over parameter blocks in the caller's arrays (cameras as CamerasIn lays them out; points
+/// num_points × 3), which must outlive the result. `bal` supplies the observations only. Requires
+/// bal.Validate().ok().
+std::unique_ptr<ceres::Problem> BuildBalCeresProblem(
+    const BalProblem& bal, const LossSpec& loss, double* cameras, double* points,
+    BalCameraModel model = BalCameraModel::kAngleAxis,
+    BalJacobians jacobians = BalJacobians::kAutoDiff);
 
-/// The explicit elimination ordering: points in group 0, cameras in group 1. Only of blocks that an observation touches.
-std::shared_ptr<ceres::ParameterBlockOrdering> PointsFirstOrdering(const BalProblem& bal, double* cameras, double* points,
-                                                                   BalCameraModel model = BalCameraModel::kAngleAxis);
+/// The explicit elimination ordering: points in group 0, cameras in group 1. Only of blocks that an
+/// observation touches.
+std::shared_ptr<ceres::ParameterBlockOrdering> PointsFirstOrdering(
+    const BalProblem& bal, double* cameras, double* points,
+    BalCameraModel model = BalCameraModel::kAngleAxis);
 
-/// Root mean square over the observations of the distance ‖r‖ between projected and observed position, in pixels; no loss.
+/// Root mean square over the observations of the distance ‖r‖ between projected and observed
+/// position, in pixels; no loss.
 double RmsReprojectionError(const BalProblem& bal);
 
 /// Camera centers −Rᵀt and points, for comparisons and pictures.

@@ -7,8 +7,8 @@
 
 namespace inceres::tools {
 
-/// Projects a point given in camera coordinates: p = −P.xy / P.z, (x, y) = f (1 + k1 |p|² + k2 |p|⁴) p with intrinsics [f k1 k2],
-/// and subtracts the observation. Pixels.
+/// Projects a point given in camera coordinates: p = −P.xy / P.z, (x, y) = f (1 + k1 |p|² + k2
+/// |p|⁴) p with intrinsics [f k1 k2], and subtracts the observation. Pixels.
 template <typename T>
 void BalResidual(const T P[3], const T intrinsics[3], const double observed[2], T residuals[2]) {
   const T p_x = -P[0] / P[2];
@@ -19,8 +19,9 @@ void BalResidual(const T P[3], const T intrinsics[3], const double observed[2], 
   residuals[1] = scale * p_y - observed[1];
 }
 
-/// Reprojection error of a BAL camera [angle-axis, t, f, k1, k2] (9) and a point (3): what users of Ceres write for BAL files.
-/// Source: Snavely, Seitz & Szeliski, "Photo Tourism", 2006; Agarwal et al., "Bundle Adjustment in the Large", 2010.
+/// Reprojection error of a BAL camera [angle-axis, t, f, k1, k2] (9) and a point (3): what users of
+/// Ceres write for BAL files. Source: Snavely, Seitz & Szeliski, "Photo Tourism", 2006; Agarwal et
+/// al., "Bundle Adjustment in the Large", 2010.
 struct BalReprojectionError {
   double observed[2];
 

@@ -23,13 +23,16 @@ FactorCostFunction::FactorCostFunction(std::unique_ptr<const FactorFamily> famil
   set_num_residuals(family_->residual_size());
   for (int s = 0; s < num_slots_; ++s) {
     const FactorFamily::Slot& slot = family_->slot(s);
-    assert(slot.tangent_size == slot.ambient_size || slot.tangent_size <= static_cast<int>(std::size(kLeadingColumns)));
+    assert(slot.tangent_size == slot.ambient_size ||
+           slot.tangent_size <= static_cast<int>(std::size(kLeadingColumns)));
     mutable_parameter_block_sizes()->push_back(slot.ambient_size);
-    sizes_[s] = {static_cast<std::int16_t>(slot.ambient_size), static_cast<std::int16_t>(slot.tangent_size)};
+    sizes_[s] = {static_cast<std::int16_t>(slot.ambient_size),
+                 static_cast<std::int16_t>(slot.tangent_size)};
   }
 }
 
-bool FactorCostFunction::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool FactorCostFunction::Evaluate(double const* const* parameters, double* residuals,
+                                  double** jacobians) const {
   FactorBatch batch;
   batch.end = 1;
   batch.parameters = parameters;

@@ -27,7 +27,8 @@ Vector3d MedianPosition(const std::vector<Vector3d>& positions) {
   Vector3d median;
   std::vector<double> values(positions.size());
   for (int axis = 0; axis < 3; ++axis) {
-    std::transform(positions.begin(), positions.end(), values.begin(), [axis](const Vector3d& p) { return p[axis]; });
+    std::transform(positions.begin(), positions.end(), values.begin(),
+                   [axis](const Vector3d& p) { return p[axis]; });
     median[axis] = MedianInPlace(&values);
   }
   return median;
@@ -35,14 +36,17 @@ Vector3d MedianPosition(const std::vector<Vector3d>& positions) {
 
 double MedianDistance(const std::vector<Vector3d>& positions, const Vector3d& middle) {
   std::vector<double> distances(positions.size());
-  std::transform(positions.begin(), positions.end(), distances.begin(), [&](const Vector3d& p) { return (p - middle).norm(); });
+  std::transform(positions.begin(), positions.end(), distances.begin(),
+                 [&](const Vector3d& p) { return (p - middle).norm(); });
   return MedianInPlace(&distances);
 }
 
-double LargestDistance(const std::vector<Vector3d>& from, const std::vector<Vector3d>& to, const Eigen::Matrix4d& similarity) {
+double LargestDistance(const std::vector<Vector3d>& from, const std::vector<Vector3d>& to,
+                       const Eigen::Matrix4d& similarity) {
   double largest = 0.0;
   for (std::size_t i = 0; i < from.size(); ++i) {
-    const Vector3d aligned = similarity.topLeftCorner<3, 3>() * from[i] + similarity.topRightCorner<3, 1>();
+    const Vector3d aligned =
+        similarity.topLeftCorner<3, 3>() * from[i] + similarity.topRightCorner<3, 1>();
     largest = std::max(largest, (aligned - to[i]).norm());
   }
   return largest;
@@ -60,8 +64,10 @@ double SceneSize(const SceneGeometry& scene) {
   return MedianDistance(positions, MedianPosition(positions));
 }
 
-GeometryDifference DifferenceUpToSimilarity(const SceneGeometry& scene, const SceneGeometry& reference) {
-  assert(scene.centers.size() == reference.centers.size() && scene.points.size() == reference.points.size());
+GeometryDifference DifferenceUpToSimilarity(const SceneGeometry& scene,
+                                            const SceneGeometry& reference) {
+  assert(scene.centers.size() == reference.centers.size() &&
+         scene.points.size() == reference.points.size());
   const std::vector<Vector3d> from = AllPositions(scene);
   const std::vector<Vector3d> to = AllPositions(reference);
   assert(from.size() >= 3);

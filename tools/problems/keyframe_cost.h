@@ -12,8 +12,9 @@
 
 namespace inceres::tools {
 
-/// The factors of keyframe problems as users of Ceres write them, for AutoDiff. A pose is a block of 7: center p,
-/// world_from_camera quaternion x, y, z, w. The residuals are those of the built-in families of the same names.
+/// The factors of keyframe problems as users of Ceres write them, for AutoDiff. A pose is a block
+/// of 7: center p, world_from_camera quaternion x, y, z, w. The residuals are those of the built-in
+/// families of the same names.
 struct InverseDepthReprojectionError {
   InverseDepthReprojectionFamily::Measurement measurement;
 
@@ -31,7 +32,8 @@ struct InverseDepthReprojectionError {
     return true;
   }
 
-  static ceres::CostFunction* Create(const InverseDepthReprojectionFamily::Measurement& measurement) {
+  static ceres::CostFunction* Create(
+      const InverseDepthReprojectionFamily::Measurement& measurement) {
     return new ceres::AutoDiffCostFunction<InverseDepthReprojectionError, 2, 7, 7, 1>(
         new InverseDepthReprojectionError{measurement});
   }
@@ -52,13 +54,15 @@ struct RelativePoseError {
     Eigen::Matrix<T, 6, 1> e;
     ceres::QuaternionToAngleAxis(scalar_first, e.data());
     e.template tail<3>() = q_b.conjugate() * (p_a - p_b) - p_ab.cast<T>();
-    const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> U(measurement.sqrt_information);
+    const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> U(
+        measurement.sqrt_information);
     Eigen::Map<Eigen::Matrix<T, 6, 1>>(residuals).noalias() = U.cast<T>() * e;
     return true;
   }
 
   static ceres::CostFunction* Create(const RelativePoseFamily::Measurement& measurement) {
-    return new ceres::AutoDiffCostFunction<RelativePoseError, 6, 7, 7>(new RelativePoseError{measurement});
+    return new ceres::AutoDiffCostFunction<RelativePoseError, 6, 7, 7>(
+        new RelativePoseError{measurement});
   }
 };
 

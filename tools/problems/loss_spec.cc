@@ -18,13 +18,15 @@ Status ParseLoss(const std::string& text, LossSpec* spec) {
   const std::size_t colon = text.find(':');
   const std::string name = text.substr(0, colon);
   if ((name != "huber" && name != "cauchy") || colon == std::string::npos) {
-    return Status::Error(StatusCode::kInvalidArgument, "'" + text + "' is not a loss: use none, huber:A or cauchy:A");
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "'" + text + "' is not a loss: use none, huber:A or cauchy:A");
   }
   const std::string number = text.substr(colon + 1);
   char* end = nullptr;
   const double scale = std::strtod(number.c_str(), &end);
   if (number.empty() || *end != '\0' || !std::isfinite(scale) || scale <= 0.0) {
-    return Status::Error(StatusCode::kInvalidArgument, "'" + text + "': the scale '" + number + "' is not a positive number");
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "'" + text + "': the scale '" + number + "' is not a positive number");
   }
   *spec = {name == "huber" ? LossSpec::Kind::kHuber : LossSpec::Kind::kCauchy, scale};
   return Status::Ok();
@@ -35,7 +37,8 @@ std::string ToString(const LossSpec& spec) {
     return "none";
   }
   char number[32];
-  const auto [end, error] = std::to_chars(number, number + sizeof(number), spec.scale);  // the shortest that reads back
+  // the shortest that reads back
+  const auto [end, error] = std::to_chars(number, number + sizeof(number), spec.scale);
   assert(error == std::errc());
   return (spec.kind == LossSpec::Kind::kHuber ? "huber:" : "cauchy:") + std::string(number, end);
 }

@@ -20,7 +20,8 @@ void Whiten(const double* U, const double A[9], double* M) {
 
 }  // namespace
 
-bool PlanarRelativePoseFamily::EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+bool PlanarRelativePoseFamily::EvaluateOne(int i, const double* const* parameters,
+                                           double* residuals, double** jacobians) const {
   const Measurement& measured = measurements_[static_cast<std::size_t>(i)];
   const double *a = parameters[0], *b = parameters[1], *U = measured.sqrt_information;
   const double c = std::cos(a[2]), s = std::sin(a[2]);

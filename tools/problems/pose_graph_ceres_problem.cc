@@ -16,14 +16,17 @@ namespace {
 
 // L with LᵀL = information; false if there is none.
 template <int kSize>
-bool SqrtInformation(const PoseGraphEdge& edge, Eigen::Matrix<double, kSize, kSize>* sqrt_information) {
+bool SqrtInformation(const PoseGraphEdge& edge,
+                     Eigen::Matrix<double, kSize, kSize>* sqrt_information) {
   using RowMajor = Eigen::Matrix<double, kSize, kSize, Eigen::RowMajor>;
-  const Eigen::LLT<Eigen::Matrix<double, kSize, kSize>> cholesky(Eigen::Map<const RowMajor>(edge.information.data()));
+  const Eigen::LLT<Eigen::Matrix<double, kSize, kSize>> cholesky(
+      Eigen::Map<const RowMajor>(edge.information.data()));
   *sqrt_information = cholesky.matrixU();
   return cholesky.info() == Eigen::Success;
 }
 
-bool AddPlanarEdge(const PoseGraphEdge& edge, ceres::LossFunction* loss, double* from, double* to, ceres::Problem* problem) {
+bool AddPlanarEdge(const PoseGraphEdge& edge, ceres::LossFunction* loss, double* from, double* to,
+                   ceres::Problem* problem) {
   Eigen::Matrix3d sqrt_information;
   if (!SqrtInformation<3>(edge, &sqrt_information)) {
     return false;
@@ -33,21 +36,24 @@ bool AddPlanarEdge(const PoseGraphEdge& edge, ceres::LossFunction* loss, double*
   return true;
 }
 
-bool AddSpatialEdge(const PoseGraphEdge& edge, ceres::LossFunction* loss, double* from, double* to, ceres::Problem* problem) {
+bool AddSpatialEdge(const PoseGraphEdge& edge, ceres::LossFunction* loss, double* from, double* to,
+                    ceres::Problem* problem) {
   Se3BetweenError::Matrix6d sqrt_information;
   if (!SqrtInformation<6>(edge, &sqrt_information)) {
     return false;
   }
   const Eigen::Vector3d position(edge.measurement.data());
   const Eigen::Quaterniond rotation(edge.measurement.data() + 3);
-  problem->AddResidualBlock(Se3BetweenError::Create(position, rotation, sqrt_information), loss, from, from + 3, to, to + 3);
+  problem->AddResidualBlock(Se3BetweenError::Create(position, rotation, sqrt_information), loss,
+                            from, from + 3, to, to + 3);
   return true;
 }
 
 void SetManifoldsAndConstants(const PoseGraph& graph, double* poses, ceres::Problem* problem) {
   const int size = graph.PoseSize();
   if (graph.dimension == 3) {
-    auto* manifold = new ceres::EigenQuaternionManifold;  // owned by the problem; an edge has two quaternions
+    // owned by the problem; an edge has two quaternions
+    auto* manifold = new ceres::EigenQuaternionManifold;
     for (int i = 0; i < graph.NumVertices(); ++i) {
       double* quaternion = poses + static_cast<std::ptrdiff_t>(i) * size + 3;
       if (problem->HasParameterBlock(quaternion)) {
@@ -90,11 +96,13 @@ Status BuildPoseGraphCeresProblem(const PoseGraph& graph, const LossSpec& loss, 
     const PoseGraphEdge& edge = graph.edges[i];
     double* from = poses + static_cast<std::ptrdiff_t>(edge.from) * graph.PoseSize();
     double* to = poses + static_cast<std::ptrdiff_t>(edge.to) * graph.PoseSize();
-    const bool added = graph.dimension == 2 ? AddPlanarEdge(edge, shared_loss, from, to, result.get())
-                                            : AddSpatialEdge(edge, shared_loss, from, to, result.get());
+    const bool added = graph.dimension == 2
+                           ? AddPlanarEdge(edge, shared_loss, from, to, result.get())
+                           : AddSpatialEdge(edge, shared_loss, from, to, result.get());
     if (!added) {
-      return Status::Error(StatusCode::kInvalidArgument,
-                           "edge " + std::to_string(i) + ": the information matrix is not positive definite");
+      return Status::Error(
+          StatusCode::kInvalidArgument,
+          "edge " + std::to_string(i) + ": the information matrix is not positive definite");
     }
     static_cast<void>(owned_loss.release());  // the problem owns it now
   }
@@ -103,7 +111,8 @@ Status BuildPoseGraphCeresProblem(const PoseGraph& graph, const LossSpec& loss, 
   return Status::Ok();
 }
 
-GeometryDifference PoseDifference(const PoseGraph& graph, const std::vector<double>& a, const std::vector<double>& b) {
+GeometryDifference PoseDifference(const PoseGraph& graph, const std::vector<double>& a,
+                                  const std::vector<double>& b) {
   GeometryDifference difference;
   const int num_coordinates = graph.dimension;
   for (int i = 0; i < graph.NumVertices(); ++i) {
@@ -115,7 +124,8 @@ GeometryDifference PoseDifference(const PoseGraph& graph, const std::vector<doub
     const double angle =
         graph.dimension == 2
             ? std::abs(std::remainder(pose_a[2] - pose_b[2], 2.0 * M_PI))
-            : Eigen::Map<const Eigen::Quaterniond>(pose_a + 3).angularDistance(Eigen::Map<const Eigen::Quaterniond>(pose_b + 3));
+            : Eigen::Map<const Eigen::Quaterniond>(pose_a + 3)
+                  .angularDistance(Eigen::Map<const Eigen::Quaterniond>(pose_b + 3));
     difference.rotations = std::max(difference.rotations, angle);
   }
   difference.positions /= PositionSpread(graph, b);

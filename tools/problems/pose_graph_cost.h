@@ -6,8 +6,9 @@
 
 namespace inceres::tools {
 
-/// Error of a relative planar pose between two poses [x y θ]: L [R(θ_a)ᵀ (p_b − p_a) − p_m; wrap(θ_b − θ_a − θ_m)], with
-/// LᵀL the information matrix. The angle is wrapped to (−π, π], so poses need no manifold.
+/// Error of a relative planar pose between two poses [x y θ]: L [R(θ_a)ᵀ (p_b − p_a) − p_m;
+/// wrap(θ_b − θ_a − θ_m)], with LᵀL the information matrix. The angle is wrapped to (−π, π], so
+/// poses need no manifold.
 class Se2BetweenError {
  public:
   Se2BetweenError(const Eigen::Vector3d& measured, const Eigen::Matrix3d& sqrt_information)
@@ -22,14 +23,17 @@ class Se2BetweenError {
     const T c = cos(pose_a[2]);
     const T s = sin(pose_a[2]);
     Eigen::Matrix<T, 3, 1> error;
-    error << c * dx + s * dy - measured_[0], c * dy - s * dx - measured_[1], Wrap(pose_b[2] - pose_a[2] - measured_[2]);
+    error << c * dx + s * dy - measured_[0], c * dy - s * dx - measured_[1],
+        Wrap(pose_b[2] - pose_a[2] - measured_[2]);
     Eigen::Map<Eigen::Matrix<T, 3, 1>> weighted(residuals);
     weighted = sqrt_information_.cast<T>() * error;
     return true;
   }
 
-  static ceres::CostFunction* Create(const Eigen::Vector3d& measured, const Eigen::Matrix3d& sqrt_information) {
-    return new ceres::AutoDiffCostFunction<Se2BetweenError, 3, 3, 3>(new Se2BetweenError(measured, sqrt_information));
+  static ceres::CostFunction* Create(const Eigen::Vector3d& measured,
+                                     const Eigen::Matrix3d& sqrt_information) {
+    return new ceres::AutoDiffCostFunction<Se2BetweenError, 3, 3, 3>(
+        new Se2BetweenError(measured, sqrt_information));
   }
 
   EIGEN_MAKE_ALIGNED_OPERATOR_NEW
@@ -46,14 +50,15 @@ class Se2BetweenError {
   Eigen::Matrix3d sqrt_information_;
 };
 
-/// Error of a relative spatial pose between poses given as two blocks each, position p (3) and unit quaternion q (x y z w):
-/// L [q_a* (p_b − p_a) − p_m; 2 vec(q_m* q_a* q_b)], with LᵀL the information matrix; 2 vec is the rotation vector to first
-/// order.
+/// Error of a relative spatial pose between poses given as two blocks each, position p (3) and unit
+/// quaternion q (x y z w): L [q_a* (p_b − p_a) − p_m; 2 vec(q_m* q_a* q_b)], with LᵀL the
+/// information matrix; 2 vec is the rotation vector to first order.
 class Se3BetweenError {
  public:
   using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
-  Se3BetweenError(const Eigen::Vector3d& position, const Eigen::Quaterniond& rotation, const Matrix6d& sqrt_information)
+  Se3BetweenError(const Eigen::Vector3d& position, const Eigen::Quaterniond& rotation,
+                  const Matrix6d& sqrt_information)
       : position_(position), rotation_(rotation), sqrt_information_(sqrt_information) {}
 
   template <typename T>
@@ -62,7 +67,8 @@ class Se3BetweenError {
     const Eigen::Quaternion<T> a_inverse = Eigen::Map<const Eigen::Quaternion<T>>(q_a).conjugate();
     const Eigen::Quaternion<T> rotation = a_inverse * Eigen::Map<const Eigen::Quaternion<T>>(q_b);
     const Eigen::Quaternion<T> error = rotation_.conjugate().cast<T>() * rotation;
-    const Vector3 position = a_inverse * (Eigen::Map<const Vector3>(p_b) - Eigen::Map<const Vector3>(p_a));
+    const Vector3 position =
+        a_inverse * (Eigen::Map<const Vector3>(p_b) - Eigen::Map<const Vector3>(p_a));
     Eigen::Matrix<T, 6, 1> stacked;
     stacked << position - position_.cast<T>(), T(2.0) * error.vec();
     Eigen::Map<Eigen::Matrix<T, 6, 1>> weighted(residuals);
@@ -70,7 +76,8 @@ class Se3BetweenError {
     return true;
   }
 
-  static ceres::CostFunction* Create(const Eigen::Vector3d& position, const Eigen::Quaterniond& rotation,
+  static ceres::CostFunction* Create(const Eigen::Vector3d& position,
+                                     const Eigen::Quaterniond& rotation,
                                      const Matrix6d& sqrt_information) {
     return new ceres::AutoDiffCostFunction<Se3BetweenError, 6, 3, 4, 3, 4>(
         new Se3BetweenError(position, rotation, sqrt_information));

@@ -18,22 +18,28 @@ class PoseGraphSource : public ProblemSource {
   explicit PoseGraphSource(PoseGraph graph) : graph_(std::move(graph)) {}
 
   std::string Describe() const override {
-    return std::to_string(graph_.NumVertices()) + " poses in " + std::to_string(graph_.dimension) + "D, " +
-           std::to_string(graph_.edges.size()) + " edges";
+    return std::to_string(graph_.NumVertices()) + " poses in " + std::to_string(graph_.dimension) +
+           "D, " + std::to_string(graph_.edges.size()) + " edges";
   }
   bool HasLandmarks() const override { return false; }
 
   Status MakeCeresInstance(const LossSpec& loss, CeresInstance* instance) const override {
     instance->parameters = graph_.poses;
-    return BuildPoseGraphCeresProblem(graph_, loss, instance->parameters.data(), &instance->problem);
+    return BuildPoseGraphCeresProblem(graph_, loss, instance->parameters.data(),
+                                      &instance->problem);
   }
-  Status MakeGraph(const LossSpec& /*loss*/, std::unique_ptr<FactorGraph>* /*graph*/) const override {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "--builtin_factors: there are built-in factors for bal: and vio: problems only");
+  Status MakeGraph(const LossSpec& /*loss*/,
+                   std::unique_ptr<FactorGraph>* /*graph*/) const override {
+    return Status::Error(
+        StatusCode::kInvalidArgument,
+        "--builtin_factors: there are built-in factors for bal: and vio: problems only");
   }
-  std::vector<double> ParametersOf(const FactorGraph& graph) const override { return graph.state(); }
+  std::vector<double> ParametersOf(const FactorGraph& graph) const override {
+    return graph.state();
+  }
 
-  GeometryDifference Difference(const std::vector<double>& a, const std::vector<double>& b) const override {
+  GeometryDifference Difference(const std::vector<double>& a,
+                                const std::vector<double>& b) const override {
     return PoseDifference(graph_, a, b);
   }
 
@@ -60,8 +66,8 @@ BalProblem BalSource::WithParameters(const std::vector<double>& parameters) cons
 }
 
 std::string BalSource::Describe() const {
-  return std::to_string(bal_.num_cameras) + " cameras, " + std::to_string(bal_.num_points) + " points, " +
-         std::to_string(bal_.observations.size()) + " observations";
+  return std::to_string(bal_.num_cameras) + " cameras, " + std::to_string(bal_.num_points) +
+         " points, " + std::to_string(bal_.observations.size()) + " observations";
 }
 
 std::vector<double> BalSource::Parameters() const {
@@ -74,14 +80,16 @@ Status BalSource::MakeCeresInstance(const LossSpec& loss, CeresInstance* instanc
   instance->parameters = Parameters();
   double* cameras = instance->parameters.data();
   double* points = cameras + bal_.cameras.size();
-  instance->problem = BuildBalCeresProblem(bal_, loss, cameras, points, BalCameraModel::kAngleAxis, jacobians_);
+  instance->problem =
+      BuildBalCeresProblem(bal_, loss, cameras, points, BalCameraModel::kAngleAxis, jacobians_);
   instance->landmarks_first = PointsFirstOrdering(bal_, cameras, points);
   return Status::Ok();
 }
 
 Status BalSource::MakeGraph(const LossSpec& loss, std::unique_ptr<FactorGraph>* graph) const {
   auto result = std::make_unique<FactorGraph>();
-  result->Reserve(bal_.num_cameras + bal_.num_points, static_cast<int>(bal_.cameras.size() + bal_.points.size()));
+  result->Reserve(bal_.num_cameras + bal_.num_points,
+                  static_cast<int>(bal_.cameras.size() + bal_.points.size()));
   for (int i = 0; i < bal_.num_cameras; ++i) {
     result->AddVariable(bal_.CameraData(i), BalProblem::kCameraSize, Role::kFrame);
   }
@@ -113,16 +121,20 @@ std::vector<double> BalSource::ParametersOf(const FactorGraph& graph) const {
   return graph.state();
 }
 
-GeometryDifference BalSource::Difference(const std::vector<double>& a, const std::vector<double>& b) const {
+GeometryDifference BalSource::Difference(const std::vector<double>& a,
+                                         const std::vector<double>& b) const {
   return DifferenceUpToSimilarity(GeometryOf(WithParameters(a)), GeometryOf(WithParameters(b)));
 }
 
-Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSource>* source, BalJacobians jacobians) {
+Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSource>* source,
+                   BalJacobians jacobians) {
   const std::size_t colon = specification.find(':');
   const std::string kind = specification.substr(0, colon);
-  if (colon == std::string::npos || colon + 1 == specification.size() || (kind != "bal" && kind != "g2o" && kind != "vio")) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "--problem '" + specification + "': use bal:FILE, g2o:FILE, vio:FILE or vio:PRESET");
+  if (colon == std::string::npos || colon + 1 == specification.size() ||
+      (kind != "bal" && kind != "g2o" && kind != "vio")) {
+    return Status::Error(
+        StatusCode::kInvalidArgument,
+        "--problem '" + specification + "': use bal:FILE, g2o:FILE, vio:FILE or vio:PRESET");
   }
   const std::string path = specification.substr(colon + 1);
   if (kind == "bal") {

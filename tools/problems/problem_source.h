@@ -16,14 +16,16 @@
 
 namespace inceres::tools {
 
-/// A problem from a file that is solved again and again, each time from the same start values on freshly built objects.
+/// A problem from a file that is solved again and again, each time from the same start values on
+/// freshly built objects.
 class ProblemSource {
  public:
   /// One copy for Ceres: the parameter values and the problem over them.
   struct CeresInstance {
     std::vector<double> parameters;
     std::unique_ptr<ceres::Problem> problem;
-    std::shared_ptr<ceres::ParameterBlockOrdering> landmarks_first;  ///< null if there are no landmarks
+    /// null if there are no landmarks
+    std::shared_ptr<ceres::ParameterBlockOrdering> landmarks_first;
   };
 
   virtual ~ProblemSource() = default;
@@ -34,14 +36,16 @@ class ProblemSource {
 
   virtual Status MakeCeresInstance(const LossSpec& loss, CeresInstance* instance) const = 0;
 
-  /// The same problem as a factor graph of built-in factors; kInvalidArgument if there are none for it.
+  /// The same problem as a factor graph of built-in factors; kInvalidArgument if there are none for
+  /// it.
   virtual Status MakeGraph(const LossSpec& loss, std::unique_ptr<FactorGraph>* graph) const = 0;
 
   /// The graph's values, laid out like CeresInstance::parameters.
   virtual std::vector<double> ParametersOf(const FactorGraph& graph) const = 0;
 
   /// Largest difference between two solutions after the gauge is removed.
-  virtual GeometryDifference Difference(const std::vector<double>& a, const std::vector<double>& b) const = 0;
+  virtual GeometryDifference Difference(const std::vector<double>& a,
+                                        const std::vector<double>& b) const = 0;
 };
 
 /// A BAL problem; parameters are the cameras, then the points.
@@ -60,7 +64,8 @@ class BalSource : public ProblemSource {
   Status MakeCeresInstance(const LossSpec& loss, CeresInstance* instance) const override;
   Status MakeGraph(const LossSpec& loss, std::unique_ptr<FactorGraph>* graph) const override;
   std::vector<double> ParametersOf(const FactorGraph& graph) const override;
-  GeometryDifference Difference(const std::vector<double>& a, const std::vector<double>& b) const override;
+  GeometryDifference Difference(const std::vector<double>& a,
+                                const std::vector<double>& b) const override;
 
  private:
   std::vector<double> Parameters() const;
@@ -69,8 +74,8 @@ class BalSource : public ProblemSource {
   BalJacobians jacobians_;
 };
 
-/// Opens "bal:FILE", "g2o:FILE", "vio:FILE" or "vio:PRESET". `jacobians` are for bal: the cost functions of vio: are analytic,
-/// those of g2o: AutoDiff.
+/// Opens "bal:FILE", "g2o:FILE", "vio:FILE" or "vio:PRESET". `jacobians` are for bal: the cost
+/// functions of vio: are analytic, those of g2o: AutoDiff.
 Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSource>* source,
                    BalJacobians jacobians = BalJacobians::kAutoDiff);
 

@@ -12,10 +12,12 @@ namespace inceres::tools {
 namespace {
 
 std::size_t NumSteps(const ReplayScript& script, int max_steps) {
-  return max_steps > 0 ? std::min(script.steps.size(), static_cast<std::size_t>(max_steps)) : script.steps.size();
+  return max_steps > 0 ? std::min(script.steps.size(), static_cast<std::size_t>(max_steps))
+                       : script.steps.size();
 }
 
-Status AddSteps(const ReplayScript& script, std::size_t begin, std::size_t end, ReplayCeresProblem* problem) {
+Status AddSteps(const ReplayScript& script, std::size_t begin, std::size_t end,
+                ReplayCeresProblem* problem) {
   for (std::size_t i = begin; i < end; ++i) {
     if (Status status = problem->Add(script.steps[i]); !status.ok()) {
       status.message = "step " + std::to_string(i + 1) + ": " + status.message;
@@ -40,12 +42,13 @@ template <typename Run>
 Status Time(const Run& run, LivingReport* report) {
   const auto start = std::chrono::steady_clock::now();
   Status status = run();
-  report->total_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report->total_seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return status;
 }
 
-Status GrowOne(const ReplayScript& script, std::size_t count, const ReplaySettings& settings, const CeresSolveFunction& solve,
-               LivingReport* report) {
+Status GrowOne(const ReplayScript& script, std::size_t count, const ReplaySettings& settings,
+               const CeresSolveFunction& solve, LivingReport* report) {
   ReplayCeresProblem living(settings.autodiff);
   for (std::size_t i = 0; i < count; ++i) {
     if (Status status = AddSteps(script, i, i + 1, &living); !status.ok()) {
@@ -56,10 +59,10 @@ Status GrowOne(const ReplayScript& script, std::size_t count, const ReplaySettin
   return Status::Ok();
 }
 
-// Steps before the last are added over arrays that are then set back to what they had come to: only from there does the last one
-// begin.
-Status BuildEach(const ReplayScript& script, std::size_t count, const ReplaySettings& settings, const CeresSolveFunction& solve,
-                 LivingReport* report) {
+// Steps before the last are added over arrays that are then set back to what they had come to: only
+// from there does the last one begin.
+Status BuildEach(const ReplayScript& script, std::size_t count, const ReplaySettings& settings,
+                 const CeresSolveFunction& solve, LivingReport* report) {
   std::vector<double> parameters(NumParameters(script, count));
   std::vector<double> state;
   for (std::size_t i = 0; i < count; ++i) {
@@ -89,14 +92,15 @@ nlohmann::json ToJson(const ReplayOutcome& solve, std::size_t number) {
 
 }  // namespace
 
-Status PlayLiving(const ReplayScript& script, int max_steps, const ReplaySettings& settings, LivingMode mode,
-                  const CeresSolveFunction& solve, LivingReport* report) {
+Status PlayLiving(const ReplayScript& script, int max_steps, const ReplaySettings& settings,
+                  LivingMode mode, const CeresSolveFunction& solve, LivingReport* report) {
   const auto play = mode == LivingMode::kPlain ? GrowOne : BuildEach;
-  return Time([&] { return play(script, NumSteps(script, max_steps), settings, solve, report); }, report);
+  return Time([&] { return play(script, NumSteps(script, max_steps), settings, solve, report); },
+              report);
 }
 
-Status PlayAtOnce(const ReplayScript& script, int max_steps, const ReplaySettings& settings, const CeresSolveFunction& solve,
-                  LivingReport* report) {
+Status PlayAtOnce(const ReplayScript& script, int max_steps, const ReplaySettings& settings,
+                  const CeresSolveFunction& solve, LivingReport* report) {
   return Time(
       [&] {
         ReplayCeresProblem whole(settings.autodiff);
@@ -116,8 +120,8 @@ Status PlayAtOnce(const ProblemSource& source, const LossSpec& loss, const Repla
         ProblemSource::CeresInstance instance;
         Status status = source.MakeCeresInstance(loss, &instance);
         if (status.ok()) {
-          report->solves.push_back(
-              TimeCeresSolve(CeresOptions(settings, instance.landmarks_first), instance.problem.get(), solve));
+          report->solves.push_back(TimeCeresSolve(CeresOptions(settings, instance.landmarks_first),
+                                                  instance.problem.get(), solve));
         }
         return status;
       },

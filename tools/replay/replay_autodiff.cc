@@ -27,20 +27,26 @@ ceres::CostFunction* MakePrior(const DiagonalPriorFamily::Measurement& prior, in
 
 }  // namespace
 
-std::unique_ptr<ceres::CostFunction> MakeAutoDiffCost(const ReplayFactor& factor, ReplayVariable::Kind first) {
+std::unique_ptr<ceres::CostFunction> MakeAutoDiffCost(const ReplayFactor& factor,
+                                                      ReplayVariable::Kind first) {
   ceres::CostFunction* cost = nullptr;
   if (const auto* bal = std::get_if<BalReprojectionFamily::Measurement>(&factor.measurement)) {
     cost = BalReprojectionError::Create({0, 0, bal->x, bal->y});
-  } else if (const auto* reprojection = std::get_if<InverseDepthReprojectionFamily::Measurement>(&factor.measurement)) {
+  } else if (const auto* reprojection =
+                 std::get_if<InverseDepthReprojectionFamily::Measurement>(&factor.measurement)) {
     cost = InverseDepthReprojectionError::Create(*reprojection);
-  } else if (const auto* relative = std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
+  } else if (const auto* relative =
+                 std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
     cost = RelativePoseError::Create(*relative);
-  } else if (const auto* prior = std::get_if<DiagonalPriorFamily::Measurement>(&factor.measurement)) {
+  } else if (const auto* prior =
+                 std::get_if<DiagonalPriorFamily::Measurement>(&factor.measurement)) {
     cost = MakePrior(*prior, AmbientSize(first));
   } else if (const auto* stereo = std::get_if<StereoPointSighting>(&factor.measurement)) {
     cost = StereoReprojectionError::Create(stereo->seen, *stereo->camera);
-  } else if (const auto* planar = std::get_if<PlanarRelativePoseFamily::Measurement>(&factor.measurement)) {
-    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> U(planar->sqrt_information);
+  } else if (const auto* planar =
+                 std::get_if<PlanarRelativePoseFamily::Measurement>(&factor.measurement)) {
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> U(
+        planar->sqrt_information);
     cost = Se2BetweenError::Create(Eigen::Map<const Eigen::Vector3d>(planar->motion), U);
   }
   return std::unique_ptr<ceres::CostFunction>(cost);

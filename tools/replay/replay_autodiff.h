@@ -8,8 +8,9 @@
 
 namespace inceres::tools {
 
-/// The factor as an AutoDiff cost function; `first` is the kind of its first variable. Null for factors that have none:
-/// visual-inertial ones, and priors of a shape that no replay has so far.
-std::unique_ptr<ceres::CostFunction> MakeAutoDiffCost(const ReplayFactor& factor, ReplayVariable::Kind first);
+/// The factor as an AutoDiff cost function; `first` is the kind of its first variable. Null for
+/// factors that have none: visual-inertial ones, and priors of a shape that no replay has so far.
+std::unique_ptr<ceres::CostFunction> MakeAutoDiffCost(const ReplayFactor& factor,
+                                                      ReplayVariable::Kind first);
 
 }  // namespace inceres::tools

@@ -19,9 +19,10 @@ namespace {
 constexpr double kRotationNoise = 1e-3;     // rad
 constexpr double kTranslationNoise = 1e-4;  // of the median point distance
 constexpr double kPointNoise = 2e-3;        // of the median point distance
-constexpr double kPriorFactor = 10.0;       // standard deviations of the prior over those of the noise
+constexpr double kPriorFactor = 10.0;  // standard deviations of the prior over those of the noise
 
-// Standard normal numbers from the engine's bits by Box and Muller's formula: the same with every standard library.
+// Standard normal numbers from the engine's bits by Box and Muller's formula: the same with every
+// standard library.
 class Gauss {
  public:
   explicit Gauss(unsigned seed) : engine_(seed) {}
@@ -41,7 +42,8 @@ double MedianPointDistance(const BalProblem& bal) {
   std::vector<double> distances;
   for (const BalObservation& observation : bal.observations) {
     const double* camera = bal.CameraData(observation.camera);
-    const RotationCoefficients k = CoefficientsOfAngle(camera[0] * camera[0] + camera[1] * camera[1] + camera[2] * camera[2]);
+    const RotationCoefficients k =
+        CoefficientsOfAngle(camera[0] * camera[0] + camera[1] * camera[1] + camera[2] * camera[2]);
     double R[9], P[3];
     RotationPolynomial(camera, k.sinc, k.cosc, R);
     MultiplyMatrixVector(R, bal.PointData(observation.point), P);
@@ -55,7 +57,8 @@ double MedianPointDistance(const BalProblem& bal) {
 // Observations by camera and by point, as indices.
 struct Sightings {
   explicit Sightings(const BalProblem& bal)
-      : of_camera(static_cast<std::size_t>(bal.num_cameras)), of_point(static_cast<std::size_t>(bal.num_points)) {
+      : of_camera(static_cast<std::size_t>(bal.num_cameras)),
+        of_point(static_cast<std::size_t>(bal.num_points)) {
     for (std::size_t i = 0; i < bal.observations.size(); ++i) {
       of_camera[static_cast<std::size_t>(bal.observations[i].camera)].push_back(i);
       of_point[static_cast<std::size_t>(bal.observations[i].point)].push_back(i);
@@ -88,7 +91,8 @@ class BalScript {
   void AddCamera(int camera, ReplayStep* step) {
     const double* values = bal_.CameraData(camera);
     ReplayVariable variable;
-    variable.kind = options_.free_intrinsics ? ReplayVariable::Kind::kBalCamera : ReplayVariable::Kind::kBalCameraPose;
+    variable.kind = options_.free_intrinsics ? ReplayVariable::Kind::kBalCamera
+                                             : ReplayVariable::Kind::kBalCameraPose;
     variable.constant = camera == 0;
     std::copy_n(values, 9, variable.start.begin());
     std::vector<double> sigmas(3, kRotationNoise);
@@ -108,7 +112,8 @@ class BalScript {
 
   bool SeenByAnotherBefore(int point, int camera) const {
     const std::vector<std::size_t>& all = sightings_.of_point[static_cast<std::size_t>(point)];
-    return std::any_of(all.begin(), all.end(), [&](std::size_t i) { return bal_.observations[i].camera < camera; });
+    return std::any_of(all.begin(), all.end(),
+                       [&](std::size_t i) { return bal_.observations[i].camera < camera; });
   }
 
   // Whether the point was seen before, but not lately.
@@ -121,12 +126,14 @@ class BalScript {
     return options_.loop_gap > 0 && last >= 0 && camera - last > options_.loop_gap;
   }
 
-  // The point with its observations by earlier cameras and the first by this one; the caller goes on with any others.
+  // The point with its observations by earlier cameras and the first by this one; the caller goes
+  // on with any others.
   void AddPoint(int point, int camera, ReplayStep* step) {
     ReplayVariable variable;
     variable.kind = ReplayVariable::Kind::kPoint;
     std::copy_n(bal_.PointData(point), 3, variable.start.begin());
-    point_variable_[static_cast<std::size_t>(point)] = Add(variable, std::vector<double>(3, kPointNoise * distance_), step);
+    point_variable_[static_cast<std::size_t>(point)] =
+        Add(variable, std::vector<double>(3, kPointNoise * distance_), step);
     bool first_by_this_camera = true;
     for (const std::size_t i : sightings_.of_point[static_cast<std::size_t>(point)]) {
       const int seen_by = bal_.observations[i].camera;
@@ -144,7 +151,8 @@ class BalScript {
                              kUnitHuber});
   }
 
-  // Adds noise to the leading coordinates, the variable to the step, and the prior. Returns the variable's number.
+  // Adds noise to the leading coordinates, the variable to the step, and the prior. Returns the
+  // variable's number.
   int Add(ReplayVariable variable, const std::vector<double>& sigmas, ReplayStep* step) {
     const int number = num_variables_++;
     if (!variable.constant) {
@@ -186,7 +194,8 @@ Status SolveForReplay(int num_threads, BalProblem* bal) {
   options.max_num_iterations = 400;
   const Summary summary = inceres::Solve(options, graph.get());
   if (!summary.IsSolutionUsable()) {
-    return Status::Error(StatusCode::kEvaluationFailed, "solving the whole problem first: " + summary.message + summary.detail);
+    return Status::Error(StatusCode::kEvaluationFailed,
+                         "solving the whole problem first: " + summary.message + summary.detail);
   }
   *bal = source.WithParameters(source.ParametersOf(*graph));
   return Status::Ok();
@@ -194,7 +203,8 @@ Status SolveForReplay(int num_threads, BalProblem* bal) {
 
 ReplayScript MakeBalReplay(const BalProblem& bal, const BalReplayOptions& options) {
   ReplayScript script;
-  script.description = std::to_string(bal.num_cameras) + " cameras, " + std::to_string(bal.num_points) + " points, " +
+  script.description = std::to_string(bal.num_cameras) + " cameras, " +
+                       std::to_string(bal.num_points) + " points, " +
                        std::to_string(bal.observations.size()) + " observations";
   script.steps = BalScript(bal, options).Make();
   return script;

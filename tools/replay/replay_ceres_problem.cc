@@ -14,7 +14,8 @@
 
 namespace inceres::tools {
 ceres::Manifold* ReplayCeresProblem::ManifoldOf(ReplayVariable::Kind kind) {
-  using PlainPoseManifold = ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::EigenQuaternionManifold>;
+  using PlainPoseManifold =
+      ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::EigenQuaternionManifold>;
   const auto found = manifolds_.find(kind);
   if (found != manifolds_.end()) {
     return found->second;
@@ -23,7 +24,8 @@ ceres::Manifold* ReplayCeresProblem::ManifoldOf(ReplayVariable::Kind kind) {
   if (kind == ReplayVariable::Kind::kBalCameraPose) {
     manifold = new ceres::SubsetManifold(9, {6, 7, 8});
   } else if (kind == ReplayVariable::Kind::kPose) {
-    manifold = autodiff_ ? static_cast<ceres::Manifold*>(new PlainPoseManifold) : new PoseBlockManifold;
+    manifold =
+        autodiff_ ? static_cast<ceres::Manifold*>(new PlainPoseManifold) : new PoseBlockManifold;
   }
   return manifolds_[kind] = manifold;
 }
@@ -41,12 +43,14 @@ ceres::LossFunction* ReplayCeresProblem::LossOf(const LossSpec& spec) {
 
 ceres::CostFunction* ReplayCeresProblem::CostOf(const ReplayFactor& factor) const {
   if (autodiff_) {
-    return MakeAutoDiffCost(factor, kinds_[static_cast<std::size_t>(factor.variables[0])]).release();
+    return MakeAutoDiffCost(factor, kinds_[static_cast<std::size_t>(factor.variables[0])])
+        .release();
   }
   if (const auto* bal = std::get_if<BalReprojectionFamily::Measurement>(&factor.measurement)) {
     return MakeFactorCost<BalReprojectionFamily>(*bal);
   }
-  if (const auto* reprojection = std::get_if<InverseDepthReprojectionFamily::Measurement>(&factor.measurement)) {
+  if (const auto* reprojection =
+          std::get_if<InverseDepthReprojectionFamily::Measurement>(&factor.measurement)) {
     return MakeFactorCost<InverseDepthReprojectionFamily>(*reprojection);
   }
   if (const auto* relative = std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
@@ -61,12 +65,14 @@ ceres::CostFunction* ReplayCeresProblem::CostOf(const ReplayFactor& factor) cons
   if (const auto* stereo = std::get_if<StereoPointSighting>(&factor.measurement)) {
     return MakeFactorCost<StereoReprojectionFamily>(stereo->seen, *stereo->camera);
   }
-  if (const auto* planar = std::get_if<PlanarRelativePoseFamily::Measurement>(&factor.measurement)) {
+  if (const auto* planar =
+          std::get_if<PlanarRelativePoseFamily::Measurement>(&factor.measurement)) {
     return MakeFactorCost<PlanarRelativePoseFamily>(*planar);
   }
   const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
   const int ambient_size = AmbientSize(kinds_[static_cast<std::size_t>(factor.variables[0])]);
-  return MakeFactorCost<DiagonalPriorFamily>(prior, static_cast<int>(prior.mean.size()), ambient_size, ambient_size);
+  return MakeFactorCost<DiagonalPriorFamily>(prior, static_cast<int>(prior.mean.size()),
+                                             ambient_size, ambient_size);
 }
 
 double* ReplayCeresProblem::Place(ReplayVariable::Kind kind, const double* start) {
@@ -82,8 +88,9 @@ double* ReplayCeresProblem::Place(ReplayVariable::Kind kind, const double* start
 }
 
 Status ReplayCeresProblem::Add(const ReplayStep& step) {
-  const std::vector<std::array<double, 9>> starts = StartValues(
-      step, static_cast<int>(values_.size()), [this](int number) { return values_[static_cast<std::size_t>(number)]; });
+  const std::vector<std::array<double, 9>> starts =
+      StartValues(step, static_cast<int>(values_.size()),
+                  [this](int number) { return values_[static_cast<std::size_t>(number)]; });
   for (std::size_t i = 0; i < step.variables.size(); ++i) {
     const ReplayVariable& variable = step.variables[i];
     double* values = Place(variable.kind, starts[i].data());
@@ -98,8 +105,9 @@ Status ReplayCeresProblem::Add(const ReplayStep& step) {
     const ReplayFactor& factor = step.factors[i];
     ceres::CostFunction* cost = CostOf(factor);
     if (cost == nullptr) {
-      return Status::Error(StatusCode::kInvalidArgument,
-                           "factor " + std::to_string(i) + " of the step: it has no AutoDiff version");
+      return Status::Error(
+          StatusCode::kInvalidArgument,
+          "factor " + std::to_string(i) + " of the step: it has no AutoDiff version");
     }
     std::vector<double*> blocks;
     for (const int variable : factor.variables) {

@@ -18,19 +18,22 @@ namespace inceres::tools {
 /// A ceres::Problem that grows by the steps of a replay.
 class ReplayCeresProblem {
  public:
-  /// Owns the values of the variables or, with `storage`, puts them there, one variable after the other: room for all, which must
-  /// outlive the problem.
-  explicit ReplayCeresProblem(bool autodiff, double* storage = nullptr) : autodiff_(autodiff), storage_(storage) {}
+  /// Owns the values of the variables or, with `storage`, puts them there, one variable after the
+  /// other: room for all, which must outlive the problem.
+  explicit ReplayCeresProblem(bool autodiff, double* storage = nullptr)
+      : autodiff_(autodiff), storage_(storage) {}
   ReplayCeresProblem(const ReplayCeresProblem&) = delete;
   ReplayCeresProblem& operator=(const ReplayCeresProblem&) = delete;
 
-  /// kInvalidArgument names the first factor that has no AutoDiff version; the step is then partly added.
+  /// kInvalidArgument names the first factor that has no AutoDiff version; the step is then partly
+  /// added.
   Status Add(const ReplayStep& step);
 
   ceres::Problem* problem() { return problem_.get(); }
   /// The problem of a script that is complete, together with what it needs but for the values.
   std::unique_ptr<ceres::Problem> TakeProblem() { return std::move(problem_); }
-  /// A copy, as solves need one of their own: landmarks in group 0, frames in group 1, constants and unused variables too.
+  /// A copy, as solves need one of their own: landmarks in group 0, frames in group 1, constants
+  /// and unused variables too.
   std::shared_ptr<ceres::ParameterBlockOrdering> LandmarksFirst() const;
 
   /// All variables in order of arrival.

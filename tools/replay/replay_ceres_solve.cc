@@ -8,7 +8,8 @@
 namespace inceres::tools {
 namespace {
 
-constexpr ceres::LinearSolverType kLinearSolvers[] = {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY};
+constexpr ceres::LinearSolverType kLinearSolvers[] = {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR,
+                                                      ceres::SPARSE_NORMAL_CHOLESKY};
 
 bool IsSchur(ceres::LinearSolverType type) {
   return type == ceres::DENSE_SCHUR || type == ceres::SPARSE_SCHUR;
@@ -16,7 +17,8 @@ bool IsSchur(ceres::LinearSolverType type) {
 
 std::string NameOf(ceres::LinearSolverType type) {
   std::string name = ceres::LinearSolverTypeToString(type);
-  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return name;
 }
 
@@ -47,8 +49,9 @@ std::string DescribeLinearSolver(ceres::LinearSolverType type) {
   return NameOf(type) + (IsSchur(type) ? ", landmarks first" : "");
 }
 
-ceres::Solver::Options CeresOptions(const ReplaySettings& settings,
-                                    const std::shared_ptr<ceres::ParameterBlockOrdering>& landmarks_first) {
+ceres::Solver::Options CeresOptions(
+    const ReplaySettings& settings,
+    const std::shared_ptr<ceres::ParameterBlockOrdering>& landmarks_first) {
   ceres::Solver::Options options;
   options.trust_region_strategy_type = settings.dogleg ? ceres::DOGLEG : ceres::LEVENBERG_MARQUARDT;
   options.linear_solver_type = settings.linear_solver;
@@ -62,7 +65,8 @@ ceres::Solver::Options CeresOptions(const ReplaySettings& settings,
   return options;
 }
 
-ReplayOutcome TimeCeresSolve(const ceres::Solver::Options& options, ceres::Problem* problem, const CeresSolveFunction& solve) {
+ReplayOutcome TimeCeresSolve(const ceres::Solver::Options& options, ceres::Problem* problem,
+                             const CeresSolveFunction& solve) {
   ceres::Solver::Summary summary;
   const auto start = std::chrono::steady_clock::now();
   solve(options, problem, &summary);
@@ -70,11 +74,13 @@ ReplayOutcome TimeCeresSolve(const ceres::Solver::Options& options, ceres::Probl
   return OutcomeOf(summary, elapsed.count());
 }
 
-ReplayOutcome SolveGrowing(const ReplaySettings& settings, ReplayCeresProblem* living, const CeresSolveFunction& solve) {
+ReplayOutcome SolveGrowing(const ReplaySettings& settings, ReplayCeresProblem* living,
+                           const CeresSolveFunction& solve) {
   return TimeCeresSolve(CeresOptions(settings, living->LandmarksFirst()), living->problem(), solve);
 }
 
-Status ParseReplayLinearSolver(const std::string& flag, const std::string& name, bool landmarks, ceres::LinearSolverType* type) {
+Status ParseReplayLinearSolver(const std::string& flag, const std::string& name, bool landmarks,
+                               ceres::LinearSolverType* type) {
   if (name == "auto") {
     *type = landmarks ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
     return Status::Ok();

@@ -24,15 +24,20 @@ ReplayWindow WindowOf(const std::vector<ReplayRow>& rows, int first, int last) {
   ReplayWindow window;
   window.first = first;
   window.last = last;
-  window.ms = MedianOf(rows, first, last, [](const ReplaySide& side) { return 1e3 * side.outcome.seconds; });
-  window.growth_ms = MedianOf(rows, first, last, [](const ReplaySide& side) { return 1e3 * side.growth_seconds; });
-  window.iterations = MedianOf(rows, first, last, [](const ReplaySide& side) { return 1.0 * side.outcome.iterations; });
+  window.ms = MedianOf(rows, first, last,
+                       [](const ReplaySide& side) { return 1e3 * side.outcome.seconds; });
+  window.growth_ms =
+      MedianOf(rows, first, last, [](const ReplaySide& side) { return 1e3 * side.growth_seconds; });
+  window.iterations = MedianOf(
+      rows, first, last, [](const ReplaySide& side) { return 1.0 * side.outcome.iterations; });
   const auto& names = rows[static_cast<std::size_t>(last - 1)].ours.outcome.work;
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (names[i].first == kBytes) {
       window.bytes_per_step = static_cast<double>(names[i].second) / last;
     } else {
-      const auto count = [i](const ReplaySide& side) { return static_cast<double>(side.outcome.work[i].second); };
+      const auto count = [i](const ReplaySide& side) {
+        return static_cast<double>(side.outcome.work[i].second);
+      };
       window.work.emplace_back(names[i].first, MedianOf(rows, first, last, count));
     }
   }
@@ -88,7 +93,8 @@ std::string FlatnessText(const ReplayFlatness& flatness) {
   std::string text;
   const std::string ranges[] = {std::to_string(early.first) + "-" + std::to_string(early.last),
                                 std::to_string(late.first) + "-" + std::to_string(late.last)};
-  AppendFormat(&text, "\nours, median of steps          %14s %14s     growth\n", ranges[0].c_str(), ranges[1].c_str());
+  AppendFormat(&text, "\nours, median of steps          %14s %14s     growth\n", ranges[0].c_str(),
+               ranges[1].c_str());
   AppendLine(&text, "ms", early.ms, late.ms);
   AppendLine(&text, "ms to add the step", early.growth_ms, late.growth_ms);
   AppendLine(&text, "iterations", early.iterations, late.iterations);

@@ -20,7 +20,8 @@ struct ReplayWindow {
   double growth_ms = 0.0;  ///< adding the step
   double iterations = 0.0;
   std::vector<std::pair<std::string, double>> work;  ///< counts by name, "bytes" aside
-  std::optional<double> bytes_per_step;              ///< bytes held after the last step over the number of steps so far
+  /// bytes held after the last step over the number of steps so far
+  std::optional<double> bytes_per_step;
 };
 
 /// Whether a step costs the same however much came before.
@@ -41,8 +42,9 @@ std::optional<double> GrowthInPercent(double early, double late);
 /// A table for people.
 std::string FlatnessText(const ReplayFlatness& flatness);
 
-/// {"early": {"first", "last", "ms", "growth_ms", "iterations", "work": {…}, "bytes_per_step" (null without)}, "late": {…},
-/// "growth_percent": {"ms", "growth_ms", "iterations", "bytes_per_step", "work": {…}}, null where there is none to speak of}.
+/// {"early": {"first", "last", "ms", "growth_ms", "iterations", "work": {…}, "bytes_per_step" (null
+/// without)}, "late": {…}, "growth_percent": {"ms", "growth_ms", "iterations", "bytes_per_step",
+/// "work": {…}}, null where there is none to speak of}.
 nlohmann::json FlatnessJson(const ReplayFlatness& flatness);
 
 }  // namespace inceres::tools

@@ -36,17 +36,21 @@ Status ReplayGraph::VisitFamily(const ReplayFactor& factor, const Visit& visit) 
   const int tangent_size = TangentSize(first_kind);
   if (const auto* bal = std::get_if<BalReprojectionFamily::Measurement>(&factor.measurement)) {
     visit(&bal_[tangent_size], *bal, tangent_size);
-  } else if (const auto* reprojection = std::get_if<InverseDepthReprojectionFamily::Measurement>(&factor.measurement)) {
+  } else if (const auto* reprojection =
+                 std::get_if<InverseDepthReprojectionFamily::Measurement>(&factor.measurement)) {
     visit(&inverse_depth_, *reprojection);
-  } else if (const auto* relative = std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
+  } else if (const auto* relative =
+                 std::get_if<RelativePoseFamily::Measurement>(&factor.measurement)) {
     visit(&relative_pose_, *relative);
   } else if (const auto* sighting = std::get_if<PointSighting>(&factor.measurement)) {
     visit(&points_[sighting->camera.get()], sighting->seen, *sighting->camera);
-  } else if (const auto* imu = std::get_if<std::shared_ptr<const ImuPreintegrator>>(&factor.measurement)) {
+  } else if (const auto* imu =
+                 std::get_if<std::shared_ptr<const ImuPreintegrator>>(&factor.measurement)) {
     visit(&imu_, **imu);
   } else if (const auto* stereo = std::get_if<StereoPointSighting>(&factor.measurement)) {
     visit(&stereo_[stereo->camera.get()], stereo->seen, *stereo->camera);
-  } else if (const auto* planar = std::get_if<PlanarRelativePoseFamily::Measurement>(&factor.measurement)) {
+  } else if (const auto* planar =
+                 std::get_if<PlanarRelativePoseFamily::Measurement>(&factor.measurement)) {
     visit(&planar_, *planar);
   } else {
     const auto& prior = std::get<DiagonalPriorFamily::Measurement>(factor.measurement);
@@ -102,15 +106,18 @@ Status ReplayGraph::AddStep(const ReplayStep& step, const ValueFunction& value, 
   for (std::size_t i = 0; i < step.variables.size(); ++i) {
     const ReplayVariable& variable = step.variables[i];
     const Role role = IsLandmark(variable.kind) ? Role::kLandmark : Role::kFrame;
-    const VariableId id = target->AddVariable(starts[i].data(), AmbientSize(variable.kind), role, ManifoldOf(variable.kind));
+    const VariableId id = target->AddVariable(starts[i].data(), AmbientSize(variable.kind), role,
+                                              ManifoldOf(variable.kind));
     if (variable.constant) {
       target->SetConstant(id, true);
     }
   }
   for (const ReplayFactor& factor : step.factors) {
-    const Status status = VisitFamily(factor, [&](auto* member, const auto& measurement, const auto&... /*sizes*/) {
-      target->AddFactor(member->id, *member->family, measurement, factor.variables, LossOf(factor.loss));
-    });
+    const Status status =
+        VisitFamily(factor, [&](auto* member, const auto& measurement, const auto&... /*sizes*/) {
+          target->AddFactor(member->id, *member->family, measurement, factor.variables,
+                            LossOf(factor.loss));
+        });
     if (!status.ok()) {
       return status;
     }
@@ -119,14 +126,16 @@ Status ReplayGraph::AddStep(const ReplayStep& step, const ValueFunction& value, 
 }
 
 Status ReplayGraph::Add(const ReplayStep& step, FactorGraph* graph) {
-  const Status status = Prepare(step, [graph](auto family) { return graph->AddFamily(std::move(family)); });
+  const Status status =
+      Prepare(step, [graph](auto family) { return graph->AddFamily(std::move(family)); });
   return status.ok() ? AddStep(
                            step, [graph](VariableId id) { return graph->Values(id); }, graph)
                      : status;
 }
 
-Status ReplayGraph::AddAsEdit(const ReplayStep& step, const FactorGraph& graph, const ValueFunction& value,
-                              const AddFamilyFunction& add_family, const ApplyFunction& apply) {
+Status ReplayGraph::AddAsEdit(const ReplayStep& step, const FactorGraph& graph,
+                              const ValueFunction& value, const AddFamilyFunction& add_family,
+                              const ApplyFunction& apply) {
   Status status = Prepare(step, add_family);
   if (!status.ok()) {
     return status;

@@ -15,22 +15,24 @@
 
 namespace inceres::tools {
 
-/// What a factor graph needs to grow by the steps of a replay: families, manifolds and losses, made when first used. The factors
-/// are the built-in analytic ones or the same as AutoDiff cost functions. Variable ids are the replay's numbers, and the graph's
-/// state is laid out like a replay's. One object grows one graph, which is empty at first.
+/// What a factor graph needs to grow by the steps of a replay: families, manifolds and losses, made
+/// when first used. The factors are the built-in analytic ones or the same as AutoDiff cost
+/// functions. Variable ids are the replay's numbers, and the graph's state is laid out like a
+/// replay's. One object grows one graph, which is empty at first.
 class ReplayGraph {
  public:
   explicit ReplayGraph(bool autodiff) : autodiff_(autodiff) {}
 
-  /// kInvalidArgument names the first factor whose shape has no AutoDiff version; the graph then lacks the step.
+  /// kInvalidArgument names the first factor whose shape has no AutoDiff version; the graph then
+  /// lacks the step.
   Status Add(const ReplayStep& step, FactorGraph* graph);
 
   using AddFamilyFunction = std::function<FamilyId(std::shared_ptr<const FactorFamily>)>;
   using ApplyFunction = std::function<Status(const GraphEdit&)>;
   using ValueFunction = std::function<const double*(VariableId)>;
-  /// The same for a graph that changes by transactions, like an IncrementalSolver's, which keeps the variables' present values
-  /// itself: adds the step's new families, then applies one edit of `graph` with everything else. Fails where Add or `apply`
-  /// does.
+  /// The same for a graph that changes by transactions, like an IncrementalSolver's, which keeps
+  /// the variables' present values itself: adds the step's new families, then applies one edit of
+  /// `graph` with everything else. Fails where Add or `apply` does.
   Status AddAsEdit(const ReplayStep& step, const FactorGraph& graph, const ValueFunction& value,
                    const AddFamilyFunction& add_family, const ApplyFunction& apply);
 
@@ -43,8 +45,8 @@ class ReplayGraph {
   };
   using PriorShape = std::tuple<int, int, int>;  // rows, ambient size, tangent size
 
-  // Calls visit(member, measurement, sizes…) with the member for factors of this shape, its measurement, and the arguments of
-  // the family's constructor.
+  // Calls visit(member, measurement, sizes…) with the member for factors of this shape, its
+  // measurement, and the arguments of the family's constructor.
   template <typename Visit>
   Status VisitFamily(const ReplayFactor& factor, const Visit& visit);
   template <typename Visit>
@@ -70,7 +72,8 @@ class ReplayGraph {
   std::map<const StereoCamera*, Member<StereoReprojectionFamily>> stereo_;
   Member<PlanarRelativePoseFamily> planar_;
   std::map<PriorShape, Member<DiagonalPriorFamily>> priors_;
-  std::map<std::vector<int>, Member<CeresCostFamily>> autodiff_families_;  // by residual size, then the sizes of each slot
+  // by residual size, then the sizes of each slot
+  std::map<std::vector<int>, Member<CeresCostFamily>> autodiff_families_;
 };
 
 }  // namespace inceres::tools

@@ -18,7 +18,9 @@ constexpr int kLoopGap = 10;                  // keyframes further apart than th
 class KeyframeScript {
  public:
   explicit KeyframeScript(const KeyframeSequence& sequence)
-      : sequence_(sequence), guess_(sequence.features.size(), 0.0), variable_(sequence.features.size(), -1) {}
+      : sequence_(sequence),
+        guess_(sequence.features.size(), 0.0),
+        variable_(sequence.features.size(), -1) {}
 
   std::vector<ReplayStep> Make() {
     std::vector<ReplayStep> steps(sequence_.keyframes.size() - 1);
@@ -54,26 +56,33 @@ class KeyframeScript {
     const double measured = sequence_.features[feature].inverse_depth;
     ReplayVariable inverse_depth;
     inverse_depth.kind = ReplayVariable::Kind::kInverseDepth;
-    inverse_depth.start[0] = guess_[feature] > 0.0 ? guess_[feature] : measured > 0.0 ? measured : kUnknownInverseDepth;
+    inverse_depth.start[0] = guess_[feature] > 0.0 ? guess_[feature]
+                             : measured > 0.0      ? measured
+                                                   : kUnknownInverseDepth;
     variable_[feature] = num_variables_++;
     step->variables.push_back(inverse_depth);
     if (measured > 0.0) {
-      step->factors.push_back({DiagonalPriorFamily::Measurement{{measured}, {1.0 / kDepthSigma}}, {variable_[feature]}, {}});
+      step->factors.push_back({DiagonalPriorFamily::Measurement{{measured}, {1.0 / kDepthSigma}},
+                               {variable_[feature]},
+                               {}});
     }
   }
 
   void AddObservation(const KeyframeObservation& observation, ReplayStep* step) {
-    const KeyframeFeature& feature = sequence_.features[static_cast<std::size_t>(observation.feature)];
+    const KeyframeFeature& feature =
+        sequence_.features[static_cast<std::size_t>(observation.feature)];
     const std::array<double, 3>& w = observation.information;
     const double information[4] = {w[0], w[1], w[1], w[2]};
     double U[4];
-    static_cast<void>(SqrtInformation(information, 2, U));  // the reader let only positive definite ones through
+    static_cast<void>(
+        SqrtInformation(information, 2, U));  // the reader let only positive definite ones through
     const InverseDepthReprojectionFamily::Measurement measurement{
         {feature.x, feature.y}, {observation.x, observation.y}, {U[0], U[1], U[3]}};
-    step->factors.push_back({measurement,
-                             {pose_variable_[static_cast<std::size_t>(feature.anchor)], pose_variable_.back(),
-                              variable_[static_cast<std::size_t>(observation.feature)]},
-                             kUnitHuber});
+    step->factors.push_back(
+        {measurement,
+         {pose_variable_[static_cast<std::size_t>(feature.anchor)], pose_variable_.back(),
+          variable_[static_cast<std::size_t>(observation.feature)]},
+         kUnitHuber});
   }
 
   void AddBetween(const KeyframeBetween& between, ReplayStep* step) {
@@ -81,10 +90,10 @@ class KeyframeScript {
     std::copy(between.q_ab.begin(), between.q_ab.end(), measurement.q_ab);
     std::copy(between.p_ab.begin(), between.p_ab.end(), measurement.p_ab);
     static_cast<void>(SqrtInformation(between.information.data(), 6, measurement.sqrt_information));
-    step->factors.push_back(
-        {measurement,
-         {pose_variable_[static_cast<std::size_t>(between.a)], pose_variable_[static_cast<std::size_t>(between.b)]},
-         kUnitHuber});
+    step->factors.push_back({measurement,
+                             {pose_variable_[static_cast<std::size_t>(between.a)],
+                              pose_variable_[static_cast<std::size_t>(between.b)]},
+                             kUnitHuber});
     step->closes_loop = step->closes_loop || std::abs(between.a - between.b) > kLoopGap;
   }
 
@@ -99,8 +108,9 @@ class KeyframeScript {
 
 ReplayScript MakeKeyframeReplay(const KeyframeSequence& sequence) {
   ReplayScript script;
-  script.description = std::to_string(sequence.keyframes.size()) + " keyframes, " + std::to_string(sequence.NumObservations()) +
-                       " observations, " + std::to_string(sequence.NumBetweens()) + " relative poses";
+  script.description = std::to_string(sequence.keyframes.size()) + " keyframes, " +
+                       std::to_string(sequence.NumObservations()) + " observations, " +
+                       std::to_string(sequence.NumBetweens()) + " relative poses";
   script.dogleg = true;
   script.steps = KeyframeScript(sequence).Make();
   return script;

@@ -13,7 +13,8 @@ namespace {
 constexpr double kCircumference = 200.0;  // m, of the circuit
 constexpr double kSpacing = 1.375;        // m between cameras: 16 of them within sight of a point
 constexpr double kPointsPerCamera = 6.5;
-constexpr double kTrackLength = 7.0;  // as drawn; 6.4 in the mean come out, for not every point has so many cameras about it
+// as drawn; 6.4 in the mean come out, for not every point has so many cameras about it
+constexpr double kTrackLength = 7.0;
 constexpr double kLoopFraction = 0.3;
 constexpr double kLoopStretch = 0.1;  // of the circuit
 constexpr int kMinCameras = 20;
@@ -33,7 +34,8 @@ StreetSceneOptions SceneOptions(const PathReplayOptions& path) {
   return options;
 }
 
-// Puts the origin into the middle of all points: X' = X − m, t' = t + R m leaves every projection as it is.
+// Puts the origin into the middle of all points: X' = X − m, t' = t + R m leaves every projection
+// as it is.
 void Center(BalProblem* bal) {
   double middle[3] = {0.0, 0.0, 0.0};
   for (std::size_t i = 0; i < bal->points.size(); ++i) {
@@ -44,7 +46,8 @@ void Center(BalProblem* bal) {
   }
   for (int i = 0; i < bal->num_cameras; ++i) {
     double* camera = bal->CameraData(i);
-    const RotationCoefficients k = CoefficientsOfAngle(camera[0] * camera[0] + camera[1] * camera[1] + camera[2] * camera[2]);
+    const RotationCoefficients k =
+        CoefficientsOfAngle(camera[0] * camera[0] + camera[1] * camera[1] + camera[2] * camera[2]);
     double R[9], shift[3];
     RotationPolynomial(camera, k.sinc, k.cosc, R);
     MultiplyMatrixVector(R, middle, shift);
@@ -57,12 +60,14 @@ void Center(BalProblem* bal) {
 }  // namespace
 
 Status MakePathReplay(const PathReplayOptions& options, ReplayScript* script) {
-  const int least = options.loops ? static_cast<int>(kCircumference / kSpacing) + kMinCameras : kMinCameras;
+  const int least =
+      options.loops ? static_cast<int>(kCircumference / kSpacing) + kMinCameras : kMinCameras;
   if (options.num_cameras < least) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "a path of " + std::to_string(options.num_cameras) +
-                             " cameras: " + (options.loops ? "to close a loop it needs at least " : "it needs at least ") +
-                             std::to_string(least));
+    return Status::Error(
+        StatusCode::kInvalidArgument,
+        "a path of " + std::to_string(options.num_cameras) + " cameras: " +
+            (options.loops ? "to close a loop it needs at least " : "it needs at least ") +
+            std::to_string(least));
   }
   StreetScene scene;
   Status status = GenerateStreetScene(SceneOptions(options), &scene);
@@ -78,7 +83,8 @@ Status MakePathReplay(const PathReplayOptions& options, ReplayScript* script) {
   protocol.seed = options.seed;
   protocol.loop_gap = kLoopGap;
   *script = MakeBalReplay(bal, protocol);
-  script->description = "path of " + script->description + (options.loops ? ", a loop every lap" : ", no loops");
+  script->description =
+      "path of " + script->description + (options.loops ? ", a loop every lap" : ", no loops");
   return status;
 }
 

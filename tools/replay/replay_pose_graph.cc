@@ -16,13 +16,15 @@ namespace {
 
 constexpr int kLoopGap = 10;  // poses further apart than this close a loop
 
-bool MakeMeasurement(const PoseGraphEdge& edge, PlanarRelativePoseFamily::Measurement* measurement) {
+bool MakeMeasurement(const PoseGraphEdge& edge,
+                     PlanarRelativePoseFamily::Measurement* measurement) {
   std::copy_n(edge.measurement.begin(), 3, measurement->motion);
   return SqrtInformation(edge.information.data(), 3, measurement->sqrt_information);
 }
 
-// RelativePoseFamily's a is the edge's `to`, its b `from`: then R_abᵀ is the measured rotation and p_ab the measured position.
-// Its rotation residual, which comes first, is minus the rotation vector of q_m* q_from* q_to.
+// RelativePoseFamily's a is the edge's `to`, its b `from`: then R_abᵀ is the measured rotation and
+// p_ab the measured position. Its rotation residual, which comes first, is minus the rotation
+// vector of q_m* q_from* q_to.
 bool MakeMeasurement(const PoseGraphEdge& edge, RelativePoseFamily::Measurement* measurement) {
   std::copy_n(edge.measurement.begin(), 3, measurement->p_ab);
   ConjugateQuaternion(edge.measurement.data() + 3, measurement->q_ab);
@@ -39,7 +41,10 @@ bool MakeMeasurement(const PoseGraphEdge& edge, RelativePoseFamily::Measurement*
 class PoseGraphScript {
  public:
   explicit PoseGraphScript(const PoseGraph& graph)
-      : graph_(graph), order_(graph.ids.size()), position_(graph.ids.size()), edges_(graph.ids.size()) {
+      : graph_(graph),
+        order_(graph.ids.size()),
+        position_(graph.ids.size()),
+        edges_(graph.ids.size()) {
     std::iota(order_.begin(), order_.end(), 0);
     std::sort(order_.begin(), order_.end(), [&](int a, int b) { return Id(a) < Id(b); });
     for (std::size_t i = 0; i < order_.size(); ++i) {
@@ -77,20 +82,24 @@ class PoseGraphScript {
   Status AddPose(int position, ReplayStep* step) {
     const int vertex = order_[static_cast<std::size_t>(position)];
     ReplayVariable variable;
-    variable.kind = graph_.dimension == 2 ? ReplayVariable::Kind::kPlanarPose : ReplayVariable::Kind::kPose;
+    variable.kind =
+        graph_.dimension == 2 ? ReplayVariable::Kind::kPlanarPose : ReplayVariable::Kind::kPose;
     std::copy_n(graph_.PoseData(vertex), graph_.PoseSize(), variable.start.begin());
-    const bool fixed = std::find(graph_.fixed.begin(), graph_.fixed.end(), vertex) != graph_.fixed.end();
+    const bool fixed =
+        std::find(graph_.fixed.begin(), graph_.fixed.end(), vertex) != graph_.fixed.end();
     variable.constant = fixed || (position == 0 && graph_.fixed.empty());
     if (position > 0 && !fixed) {
       const std::vector<std::size_t>& edges = edges_[static_cast<std::size_t>(position)];
       if (edges.empty()) {
         return Status::Error(
             StatusCode::kInvalidArgument,
-            "vertex " + std::to_string(Id(vertex)) + " has no edge to one of a lower id: it has no place when it arrives");
+            "vertex " + std::to_string(Id(vertex)) +
+                " has no edge to one of a lower id: it has no place when it arrives");
       }
-      const std::size_t odometry = *std::max_element(edges.begin(), edges.end(), [&](std::size_t a, std::size_t b) {
-        return Position(OtherEnd(a, vertex)) < Position(OtherEnd(b, vertex));
-      });
+      const std::size_t odometry =
+          *std::max_element(edges.begin(), edges.end(), [&](std::size_t a, std::size_t b) {
+            return Position(OtherEnd(a, vertex)) < Position(OtherEnd(b, vertex));
+          });
       const int neighbor = OtherEnd(odometry, vertex);
       const std::array<double, 7> motion = graph_.MotionFrom(graph_.edges[odometry], neighbor);
       std::copy(motion.begin(), motion.end(), variable.start.begin());
@@ -106,10 +115,13 @@ class PoseGraphScript {
     step->closes_loop = step->closes_loop || std::abs(from - to) > kLoopGap;
     PlanarRelativePoseFamily::Measurement planar;
     RelativePoseFamily::Measurement spatial;
-    if (!(graph_.dimension == 2 ? MakeMeasurement(edge, &planar) : MakeMeasurement(edge, &spatial))) {
+    if (!(graph_.dimension == 2 ? MakeMeasurement(edge, &planar)
+                                : MakeMeasurement(edge, &spatial))) {
       return Status::Error(StatusCode::kInvalidArgument,
-                           "edge " + std::to_string(number) + ", from vertex " + std::to_string(Id(edge.from)) + " to " +
-                               std::to_string(Id(edge.to)) + ": the information matrix is not positive definite");
+                           "edge " + std::to_string(number) + ", from vertex " +
+                               std::to_string(Id(edge.from)) + " to " +
+                               std::to_string(Id(edge.to)) +
+                               ": the information matrix is not positive definite");
     }
     if (graph_.dimension == 2) {
       step->factors.push_back({planar, {from, to}, {}});
@@ -129,8 +141,9 @@ class PoseGraphScript {
 
 Status MakePoseGraphReplay(const PoseGraph& graph, ReplayScript* script) {
   ReplayScript made;
-  made.description = std::to_string(graph.NumVertices()) + " poses in " + std::to_string(graph.dimension) + "D, " +
-                     std::to_string(graph.edges.size()) + " edges";
+  made.description = std::to_string(graph.NumVertices()) + " poses in " +
+                     std::to_string(graph.dimension) + "D, " + std::to_string(graph.edges.size()) +
+                     " edges";
   made.dogleg = true;
   Status status = PoseGraphScript(graph).Make(&made.steps);
   if (status.ok()) {

@@ -14,7 +14,10 @@ nlohmann::json OrNull(const std::optional<double>& value) {
 }
 
 nlohmann::json ToJson(const ReplayLatency& latency) {
-  return {{"median", latency.median}, {"p95", latency.p95}, {"max", latency.max}, {"total", latency.total}};
+  return {{"median", latency.median},
+          {"p95", latency.p95},
+          {"max", latency.max},
+          {"total", latency.total}};
 }
 
 nlohmann::json StepsJson(const ReplaySideSummary& side) {
@@ -57,7 +60,8 @@ nlohmann::json ToJson(const ReplayRow& row) {
 
 void AppendSide(std::string* text, const char* name, const ReplaySideSummary& side) {
   if (!side.failed.empty()) {
-    AppendFormat(text, "%s: %zu steps whose solve failed: %s\n", name, side.failed.size(), StepList(side.failed).c_str());
+    AppendFormat(text, "%s: %zu steps whose solve failed: %s\n", name, side.failed.size(),
+                 StepList(side.failed).c_str());
   }
   if (side.unconverged > 0) {
     AppendFormat(text, "%s: %d steps ended before they converged\n", name, side.unconverged);
@@ -67,27 +71,32 @@ void AppendSide(std::string* text, const char* name, const ReplaySideSummary& si
                  static_cast<long long>(side.invalid_steps), side.iterations);
   }
   if (side.max_report_error > 1e-6) {
-    AppendFormat(text, "%s: reports a cost that is not its state's: off by up to %.1e, relative\n", name, side.max_report_error);
+    AppendFormat(text, "%s: reports a cost that is not its state's: off by up to %.1e, relative\n",
+                 name, side.max_report_error);
   }
 }
 
 void AppendTimes(std::string* text, const char* name, const ReplayLatency& latency) {
-  AppendFormat(text, "%-30s %9.2f %9.2f %9.2f %10.1f\n", name, latency.median, latency.p95, latency.max, latency.total);
+  AppendFormat(text, "%-30s %9.2f %9.2f %9.2f %10.1f\n", name, latency.median, latency.p95,
+               latency.max, latency.total);
 }
 
 }  // namespace
 
 std::string ReplayTableHeader() {
-  return "  step frames landmarks factors |  ours ms iter            cost | stock ms iter            cost | excess\n";
+  return "  step frames landmarks factors |  ours ms iter            cost | stock ms iter          "
+         "  cost | excess\n";
 }
 
 std::string ReplayTableLine(const ReplayRow& row) {
   const ReplayOutcome& ours = row.ours.outcome;
   std::string line;
-  AppendFormat(&line, "%6d %6d %9d %7d | %8.2f %4d %15.8e |", row.step, row.num_frames, row.num_landmarks, row.num_factors,
-               1e3 * ours.seconds, ours.iterations, row.ours.cost);
+  AppendFormat(&line, "%6d %6d %9d %7d | %8.2f %4d %15.8e |", row.step, row.num_frames,
+               row.num_landmarks, row.num_factors, 1e3 * ours.seconds, ours.iterations,
+               row.ours.cost);
   if (row.stock.has_value()) {
-    AppendFormat(&line, " %8.2f %4d %15.8e |", 1e3 * row.stock->outcome.seconds, row.stock->outcome.iterations, row.stock->cost);
+    AppendFormat(&line, " %8.2f %4d %15.8e |", 1e3 * row.stock->outcome.seconds,
+                 row.stock->outcome.iterations, row.stock->cost);
   } else {
     AppendFormat(&line, " %8s %4s %15s |", "-", "-", "-");
   }
@@ -113,7 +122,8 @@ std::string StepList(const std::vector<int>& steps) {
     while (last + 1 < steps.size() && steps[last + 1] == steps[last] + 1) {
       ++last;
     }
-    text += (i == 0 ? "" : ", ") + std::to_string(steps[i]) + (last > i ? "-" + std::to_string(steps[last]) : "");
+    text += (i == 0 ? "" : ", ") + std::to_string(steps[i]) +
+            (last > i ? "-" + std::to_string(steps[last]) : "");
     i = last + 1;
   }
   return text;
@@ -121,38 +131,46 @@ std::string StepList(const std::vector<int>& steps) {
 
 std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary& summary) {
   std::string text;
-  AppendFormat(&text, "\n%d steps, %d threads, ms a step    median       p95       max      total\n", summary.steps,
-               context.threads);
+  AppendFormat(&text,
+               "\n%d steps, %d threads, ms a step    median       p95       max      total\n",
+               summary.steps, context.threads);
   AppendTimes(&text, "ours", summary.ours.ms);
   if (summary.stock.has_value()) {
     AppendTimes(&text, "stock", summary.stock->ms);
-    AppendFormat(&text, "%-30s %9.4f %30.4f\n", "ours / stock", *summary.ratio_median, *summary.ratio_total);
+    AppendFormat(&text, "%-30s %9.4f %30.4f\n", "ours / stock", *summary.ratio_median,
+                 *summary.ratio_total);
   }
   AppendTimes(&text, "ours, adding the step", summary.ours.growth_ms);
   if (summary.stock.has_value()) {
     AppendTimes(&text, "stock, adding the step", summary.stock->growth_ms);
   }
   if (summary.worst_loop_ratio.has_value()) {
-    AppendFormat(&text, "ours / stock, worst step that closes a loop: %.4f\n", *summary.worst_loop_ratio);
+    AppendFormat(&text, "ours / stock, worst step that closes a loop: %.4f\n",
+                 *summary.worst_loop_ratio);
   }
   if (summary.max_relative_cost_excess.has_value()) {
-    AppendFormat(&text, "largest relative excess of our cost over the batch optimum: %.2e\n", *summary.max_relative_cost_excess);
+    AppendFormat(&text, "largest relative excess of our cost over the batch optimum: %.2e\n",
+                 *summary.max_relative_cost_excess);
   }
   if (!summary.in_excess.empty()) {
-    AppendFormat(&text, "steps whose excess is above the tolerance: %s\n", StepList(summary.in_excess).c_str());
+    AppendFormat(&text, "steps whose excess is above the tolerance: %s\n",
+                 StepList(summary.in_excess).c_str());
   }
   if (summary.ours_lower + summary.stock_lower > 0) {
-    AppendFormat(&text, "steps that left one side lower by more than the tolerance: ours %d, stock %d\n", summary.ours_lower,
-                 summary.stock_lower);
+    AppendFormat(&text,
+                 "steps that left one side lower by more than the tolerance: ours %d, stock %d\n",
+                 summary.ours_lower, summary.stock_lower);
   }
   AppendSide(&text, "ours", summary.ours);
   if (summary.stock.has_value()) {
     AppendSide(&text, "stock", *summary.stock);
   }
-  return text + "ours:  " + context.ours + "\n" + (summary.stock.has_value() ? "stock: " + context.stock + "\n" : "");
+  return text + "ours:  " + context.ours + "\n" +
+         (summary.stock.has_value() ? "stock: " + context.stock + "\n" : "");
 }
 
-nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& summary, const std::vector<ReplayRow>& rows) {
+nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& summary,
+                          const std::vector<ReplayRow>& rows) {
   nlohmann::json environment = nlohmann::json::object();
   for (const auto& [name, value] : context.environment) {
     environment[name] = value;
@@ -181,7 +199,8 @@ nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& sum
           {"worst_loop_ratio", OrNull(summary.worst_loop_ratio)},
           {"lower", {{"ours", summary.ours_lower}, {"stock", summary.stock_lower}}},
           {"failed_steps",
-           {{"ours", summary.ours.failed.size()}, {"stock", both ? nlohmann::json(summary.stock->failed.size()) : null}}},
+           {{"ours", summary.ours.failed.size()},
+            {"stock", both ? nlohmann::json(summary.stock->failed.size()) : null}}},
           {"ours_steps", StepsJson(summary.ours)},
           {"stock_steps", both ? StepsJson(*summary.stock) : null},
           {"environment", environment},
@@ -199,7 +218,10 @@ nlohmann::json StructureJson(int step, const ReducedStructure& structure) {
       changed_rows.push_back(row);
     }
   }
-  return {{"step", step}, {"frames", structure.frames}, {"blocks", blocks}, {"changed_rows", changed_rows}};
+  return {{"step", step},
+          {"frames", structure.frames},
+          {"blocks", blocks},
+          {"changed_rows", changed_rows}};
 }
 
 }  // namespace inceres::tools

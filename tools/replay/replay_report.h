@@ -34,13 +34,16 @@ std::string StepList(const std::vector<int>& steps);
 /// The lines under the table.
 std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary& summary);
 
-/// The report for programs: {"steps", "ours_ms": {"median", "p95", "max", "total"}, "stock_ms": {…}, "ratio_median",
-/// "ratio_total", "max_relative_cost_excess", "steps_in_excess": [numbers], "worst_loop_ratio", "failed_steps": {"ours": how
-/// many, "stock"}, "ours_steps": {"failed": [numbers], "unconverged", "iterations", "invalid_steps", "growth_ms": {"median", …}},
+/// The report for programs: {"steps", "ours_ms": {"median", "p95", "max", "total"}, "stock_ms":
+/// {…}, "ratio_median", "ratio_total", "max_relative_cost_excess", "steps_in_excess": [numbers],
+/// "worst_loop_ratio", "failed_steps": {"ours": how many, "stock"}, "ours_steps": {"failed":
+/// [numbers], "unconverged", "iterations", "invalid_steps", "growth_ms": {"median", …}},
 /// "stock_steps": {…}, …, "rows": [one object a step]}. What there is none of is null.
-nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& summary, const std::vector<ReplayRow>& rows);
+nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& summary,
+                          const std::vector<ReplayRow>& rows);
 
-/// {"step", "frames": [variable of each block row], "blocks": [[row, column], …] below the diagonal, "changed_rows": […]}
+/// {"step", "frames": [variable of each block row], "blocks": [[row, column], …] below the
+/// diagonal, "changed_rows": […]}
 nlohmann::json StructureJson(int step, const ReducedStructure& structure);
 
 }  // namespace inceres::tools

@@ -10,7 +10,8 @@ namespace {
 Status Grow(const ReplayStep& step, ReplaySolver* solver, ReplaySide* side) {
   const auto start = std::chrono::steady_clock::now();
   Status status = solver->AddStep(step);
-  side->growth_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  side->growth_seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (!status.ok()) {
     status.message = solver->Name() + ": " + status.message;
   }
@@ -27,8 +28,8 @@ void Count(const ReplayStep& step, ReplayRow* row) {
 }
 
 // `start`, if not null, is where ours began the step: the optimum is sought from there.
-void Judge(const std::vector<double>* start, const ReplaySolver& ours, const ReplaySolver* stock, ReplayReference* judge,
-           ReplayRow* row) {
+void Judge(const std::vector<double>* start, const ReplaySolver& ours, const ReplaySolver* stock,
+           ReplayReference* judge, ReplayRow* row) {
   row->optimum_cost.reset();
   if (judge == nullptr) {
     row->ours.cost = row->ours.outcome.final_cost;
@@ -60,8 +61,10 @@ std::optional<double> ReplayRow::RelativeCostExcess() const {
   return optimum > 0.0 ? (std::max(ours.cost, Rounding()) - optimum) / optimum : 0.0;
 }
 
-Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, ReplaySolver* ours, ReplaySolver* stock,
-                 ReplayReference* judge, const std::function<void(const ReplayRow&)>& on_row, std::vector<ReplayRow>* rows) {
+Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, ReplaySolver* ours,
+                 ReplaySolver* stock, ReplayReference* judge,
+                 const std::function<void(const ReplayRow&)>& on_row,
+                 std::vector<ReplayRow>* rows) {
   std::size_t count = script.steps.size();
   if (options.max_steps > 0) {
     count = std::min(count, static_cast<std::size_t>(options.max_steps));

@@ -14,7 +14,8 @@ namespace inceres::tools {
 struct ReplaySide {
   ReplayOutcome outcome;
   double growth_seconds = 0.0;  ///< AddStep
-  double cost = 0.0;            ///< of its state after the solve: by the judge, or as reported where the judge does not look
+  /// of its state after the solve: by the judge, or as reported where the judge does not look
+  double cost = 0.0;
 };
 
 /// One step of a replay. Variables and factors are counted from the start of the replay.
@@ -26,12 +27,12 @@ struct ReplayRow {
   bool closes_loop = false;
   ReplaySide ours;
   std::optional<ReplaySide> stock;  ///< absent if stock does not play
-  /// The minimum stock Levenberg–Marquardt reaches from the state ours started the step with; absent if not asked for or if that
-  /// solve failed.
+  /// The minimum stock Levenberg–Marquardt reaches from the state ours started the step with;
+  /// absent if not asked for or if that solve failed.
   std::optional<double> optimum_cost;
 
-  /// What costs that low are: 1e-16 of the step's initial cost, or residuals of 1e-10 standard deviations, 1e-20 a factor. A
-  /// chain of poses along its odometry has no other cost.
+  /// What costs that low are: 1e-16 of the step's initial cost, or residuals of 1e-10 standard
+  /// deviations, 1e-20 a factor. A chain of poses along its odometry has no other cost.
   double Rounding() const;
 
   /// (our cost − optimum) / optimum. Costs below Rounding() count as that.
@@ -39,15 +40,18 @@ struct ReplayRow {
 };
 
 struct ReplayRunOptions {
-  int max_steps = 0;         ///< 0: all
-  bool find_optimum = true;  ///< fill ReplayRow::optimum_cost: as slow as a cold stock solve each step, not timed
+  int max_steps = 0;  ///< 0: all
+  /// fill ReplayRow::optimum_cost: as slow as a cold stock solve each step, not timed
+  bool find_optimum = true;
 };
 
-/// Plays the script to both sides in lockstep: each step both grow, then ours solves, then stock, then the judge looks. Each side
-/// goes on from its own state. A solve that fails is in its row and ends nothing; an error is a step that cannot be added.
-/// `on_row` is called after each step. `stock` may be null: then, without find_optimum, the judge looks at the last step only,
-/// for its evaluation takes the time of the whole problem.
-Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, ReplaySolver* ours, ReplaySolver* stock,
-                 ReplayReference* judge, const std::function<void(const ReplayRow&)>& on_row, std::vector<ReplayRow>* rows);
+/// Plays the script to both sides in lockstep: each step both grow, then ours solves, then stock,
+/// then the judge looks. Each side goes on from its own state. A solve that fails is in its row and
+/// ends nothing; an error is a step that cannot be added. `on_row` is called after each step.
+/// `stock` may be null: then, without find_optimum, the judge looks at the last step only, for its
+/// evaluation takes the time of the whole problem.
+Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, ReplaySolver* ours,
+                 ReplaySolver* stock, ReplayReference* judge,
+                 const std::function<void(const ReplayRow&)>& on_row, std::vector<ReplayRow>* rows);
 
 }  // namespace inceres::tools

@@ -25,7 +25,8 @@ double Seconds(Function function) {
 
 SolverOptions CoreOptions(const ReplaySettings& settings) {
   SolverOptions options;
-  options.strategy = settings.dogleg ? TrustRegionStrategyKind::kDogleg : TrustRegionStrategyKind::kLevenbergMarquardt;
+  options.strategy = settings.dogleg ? TrustRegionStrategyKind::kDogleg
+                                     : TrustRegionStrategyKind::kLevenbergMarquardt;
   options.num_threads = settings.num_threads;
   options.max_num_iterations = settings.max_num_iterations;
   options.function_tolerance = settings.function_tolerance;
@@ -48,7 +49,8 @@ ReplayOutcome OutcomeOf(const Summary& summary, double seconds) {
   ReplayOutcome outcome;
   outcome.usable = summary.IsSolutionUsable();
   outcome.termination = ToString(summary.termination);
-  outcome.message = outcome.usable ? "" : summary.message + (summary.detail.empty() ? "" : ": " + summary.detail);
+  outcome.message =
+      outcome.usable ? "" : summary.message + (summary.detail.empty() ? "" : ": " + summary.detail);
   outcome.seconds = seconds;
   outcome.initial_cost = summary.initial_cost;
   outcome.final_cost = summary.final_cost;
@@ -64,17 +66,20 @@ ReplayOutcome OutcomeOf(const Summary& summary, double seconds) {
 }
 
 std::string Describe(const ReplaySettings& settings) {
-  return std::string(settings.dogleg ? "Dog-Leg" : "LM") + ", " + (settings.autodiff ? "AutoDiff" : "analytic factors");
+  return std::string(settings.dogleg ? "Dog-Leg" : "LM") + ", " +
+         (settings.autodiff ? "AutoDiff" : "analytic factors");
 }
 
 // A ceres::Problem solved by stock Ceres or by the shim.
 class CeresReplaySolver : public ReplaySolver {
  public:
-  CeresReplaySolver(const ReplaySettings& settings, bool shim) : settings_(settings), shim_(shim), living_(settings.autodiff) {}
+  CeresReplaySolver(const ReplaySettings& settings, bool shim)
+      : settings_(settings), shim_(shim), living_(settings.autodiff) {}
 
   std::string Name() const override {
-    return (shim_ ? "inceres (exact, ceres::Problem)" : "Ceres (" + DescribeLinearSolver(settings_.linear_solver) + ")") + ", " +
-           Describe(settings_);
+    return (shim_ ? "inceres (exact, ceres::Problem)"
+                  : "Ceres (" + DescribeLinearSolver(settings_.linear_solver) + ")") +
+           ", " + Describe(settings_);
   }
   Status AddStep(const ReplayStep& step) override { return living_.Add(step); }
 
@@ -86,7 +91,9 @@ class CeresReplaySolver : public ReplaySolver {
     strict.strict = true;
     return SolveGrowing(settings_, &living_,
                         [&strict](const ceres::Solver::Options& options, ceres::Problem* problem,
-                                  ceres::Solver::Summary* summary) { inceres::Solve(options, problem, summary, strict); });
+                                  ceres::Solver::Summary* summary) {
+                          inceres::Solve(options, problem, summary, strict);
+                        });
   }
 
   std::vector<double> State() const override { return living_.State(); }
@@ -102,11 +109,14 @@ class CoreReplaySolver : public ReplaySolver {
  public:
   explicit CoreReplaySolver(const ReplaySettings& settings) : settings_(settings), living_(false) {}
 
-  std::string Name() const override { return "inceres (exact, factor graph), " + Describe(settings_); }
+  std::string Name() const override {
+    return "inceres (exact, factor graph), " + Describe(settings_);
+  }
   Status AddStep(const ReplayStep& step) override { return living_.Add(step, &graph_); }
   ReplayOutcome Solve() override {
     Summary summary;
-    const double seconds = Seconds([&] { summary = inceres::Solve(CoreOptions(settings_), &graph_); });
+    const double seconds =
+        Seconds([&] { summary = inceres::Solve(CoreOptions(settings_), &graph_); });
     return OutcomeOf(summary, seconds);
   }
   std::vector<double> State() const override { return graph_.state(); }
@@ -124,7 +134,8 @@ class IncrementalReplaySolver : public ReplaySolver {
       : autodiff_(settings.autodiff), solver_(Options(settings)), living_(settings.autodiff) {}
 
   std::string Name() const override {
-    return std::string("inceres (incremental, factor graph), ") + (autodiff_ ? "AutoDiff" : "analytic factors");
+    return std::string("inceres (incremental, factor graph), ") +
+           (autodiff_ ? "AutoDiff" : "analytic factors");
   }
   Status AddStep(const ReplayStep& step) override {
     return living_.AddAsEdit(
@@ -201,14 +212,16 @@ struct ReplayReference::Impl {
   explicit Impl(const ReplaySettings& ours) : settings(ours), living(ours.autodiff) {
     settings.dogleg = false;
     settings.max_num_iterations = 500;
-    settings.function_tolerance = settings.gradient_tolerance = settings.parameter_tolerance = 1e-12;
+    settings.function_tolerance = settings.gradient_tolerance = settings.parameter_tolerance =
+        1e-12;
   }
 
   ReplaySettings settings;
   ReplayCeresProblem living;
 };
 
-ReplayReference::ReplayReference(const ReplaySettings& settings) : impl_(std::make_unique<Impl>(settings)) {
+ReplayReference::ReplayReference(const ReplaySettings& settings)
+    : impl_(std::make_unique<Impl>(settings)) {
 }
 
 ReplayReference::~ReplayReference() = default;
@@ -220,7 +233,8 @@ Status ReplayReference::AddStep(const ReplayStep& step) {
 double ReplayReference::CostAt(const std::vector<double>& state) {
   impl_->living.SetState(state);
   double cost = 0.0;
-  const bool evaluated = impl_->living.problem()->Evaluate(ceres::Problem::EvaluateOptions(), &cost, nullptr, nullptr, nullptr);
+  const bool evaluated = impl_->living.problem()->Evaluate(ceres::Problem::EvaluateOptions(), &cost,
+                                                           nullptr, nullptr, nullptr);
   return evaluated ? cost : std::numeric_limits<double>::quiet_NaN();
 }
 

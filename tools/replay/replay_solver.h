@@ -35,7 +35,8 @@ class ReplaySolver {
   /// "stock Ceres, dense_schur, dogleg".
   virtual std::string Name() const = 0;
 
-  /// Adds the step's variables and factors to the living problem. Not part of a step's latency; the runner times it apart.
+  /// Adds the step's variables and factors to the living problem. Not part of a step's latency; the
+  /// runner times it apart.
   virtual Status AddStep(const ReplayStep& step) = 0;
 
   /// Solves from the current state. A solve that fails is an outcome that is not usable.
@@ -50,9 +51,10 @@ class ReplaySolver {
 
 /// How every side solves.
 struct ReplaySettings {
-  bool autodiff = false;                                       ///< AutoDiff cost functions; else the analytic factors
-  bool dogleg = false;                                         ///< else Levenberg–Marquardt
-  ceres::LinearSolverType linear_solver = ceres::DENSE_SCHUR;  ///< of stock Ceres; Schur solvers have landmarks first
+  bool autodiff = false;  ///< AutoDiff cost functions; else the analytic factors
+  bool dogleg = false;    ///< else Levenberg–Marquardt
+  /// of stock Ceres; Schur solvers have landmarks first
+  ceres::LinearSolverType linear_solver = ceres::DENSE_SCHUR;
   int num_threads = 1;
   int max_num_iterations = 50;
   double function_tolerance = 1e-6;
@@ -60,18 +62,20 @@ struct ReplaySettings {
   double parameter_tolerance = 1e-8;
 };
 
-/// Stock Ceres with the linear solver of the settings, for a problem that grows: a Schur solver where there are landmarks.
+/// Stock Ceres with the linear solver of the settings, for a problem that grows: a Schur solver
+/// where there are landmarks.
 std::unique_ptr<ReplaySolver> MakeStockReplaySolver(const ReplaySettings& settings);
 
-/// Ours in exact mode: the core's batch solver on the analytic factors, or the shim on AutoDiff cost functions.
+/// Ours in exact mode: the core's batch solver on the analytic factors, or the shim on AutoDiff
+/// cost functions.
 std::unique_ptr<ReplaySolver> MakeExactReplaySolver(const ReplaySettings& settings);
 
 /// The core's IncrementalSolver on a factor graph of analytic factors or AutoDiff cost functions.
 /// Levenberg–Marquardt in its own metric, whatever the settings say of the strategy.
 std::unique_ptr<ReplaySolver> MakeIncrementalReplaySolver(const ReplaySettings& settings);
 
-/// The judge: the same problem in stock Ceres. Evaluates any state, and finds the minimum that stock Levenberg–Marquardt reaches
-/// from it at tolerances of 1e-12.
+/// The judge: the same problem in stock Ceres. Evaluates any state, and finds the minimum that
+/// stock Levenberg–Marquardt reaches from it at tolerances of 1e-12.
 class ReplayReference {
  public:
   explicit ReplayReference(const ReplaySettings& settings);

@@ -26,7 +26,8 @@ int AmbientSize(ReplayVariable::Kind kind) {
 }
 
 int TangentSize(ReplayVariable::Kind kind) {
-  const bool six = kind == ReplayVariable::Kind::kBalCameraPose || kind == ReplayVariable::Kind::kPose;
+  const bool six =
+      kind == ReplayVariable::Kind::kBalCameraPose || kind == ReplayVariable::Kind::kPose;
   return six ? 6 : AmbientSize(kind);
 }
 
@@ -41,13 +42,17 @@ std::vector<std::array<double, 9>> StartValues(const ReplayStep& step, int first
     std::array<double, 9> start = variable.start;
     if (variable.start_from >= 0) {
       assert(variable.start_from < first + static_cast<int>(starts.size()));
-      const double* pose = variable.start_from < first ? value(variable.start_from)
-                                                       : starts[static_cast<std::size_t>(variable.start_from - first)].data();
-      assert(variable.kind == ReplayVariable::Kind::kPlanarPose || variable.kind == ReplayVariable::Kind::kPoint ||
+      const double* pose =
+          variable.start_from < first
+              ? value(variable.start_from)
+              : starts[static_cast<std::size_t>(variable.start_from - first)].data();
+      assert(variable.kind == ReplayVariable::Kind::kPlanarPose ||
+             variable.kind == ReplayVariable::Kind::kPoint ||
              variable.kind == ReplayVariable::Kind::kPose);
       (variable.kind == ReplayVariable::Kind::kPlanarPose ? ComposePlanarPoses
-       : variable.kind == ReplayVariable::Kind::kPoint    ? TransformPoint
-                                                          : ComposePoses)(pose, variable.start.data(), start.data());
+       : variable.kind == ReplayVariable::Kind::kPoint
+           ? TransformPoint
+           : ComposePoses)(pose, variable.start.data(), start.data());
     }
     starts.push_back(start);
   }

@@ -19,23 +19,26 @@
 
 namespace inceres::tools {
 
-/// What a problem that arrives step by step is made of, whoever solves it. Variables are numbered 0, 1, 2, … in order of arrival,
-/// over all steps; factors name them by that number.
+/// What a problem that arrives step by step is made of, whoever solves it. Variables are numbered
+/// 0, 1, 2, … in order of arrival, over all steps; factors name them by that number.
 struct ReplayVariable {
   enum class Kind {
     kBalCamera,      ///< 9: rotation vector, translation, f, k1, k2
     kBalCameraPose,  ///< the same with f, k1, k2 held constant
     kPoint,          ///< 3, a landmark
-    kPose,       ///< 7 on PoseManifold: place and quaternion x, y, z, w of a camera or a body in the world, or of a camera on it
-    kSpeedBias,  ///< 9: velocity, biases of the gyroscope and the accelerometer
+    /// 7 on PoseManifold: place and quaternion x, y, z, w of a camera or a body in the world, or of
+    /// a camera on it
+    kPose,
+    kSpeedBias,     ///< 9: velocity, biases of the gyroscope and the accelerometer
     kInverseDepth,  ///< 1, a landmark
     kPlanarPose,    ///< 3: x, y, angle
   };
   Kind kind = Kind::kPoint;
   std::array<double, 9> start{};  ///< only the first AmbientSize(kind) entries are used
   bool constant = false;
-  /// The number of an earlier pose that `start` is seen from: the variable begins at T ∘ start (poses) or T start (points), where
-  /// T is what that pose has come to when this variable arrives. Negative: `start` is seen from the world.
+  /// The number of an earlier pose that `start` is seen from: the variable begins at T ∘ start
+  /// (poses) or T start (points), where T is what that pose has come to when this variable arrives.
+  /// Negative: `start` is seen from the world.
   int start_from = -1;
 };
 
@@ -59,8 +62,9 @@ struct StereoPointSighting {
 };
 
 struct ReplayFactor {
-  std::variant<BalReprojectionFamily::Measurement, InverseDepthReprojectionFamily::Measurement, RelativePoseFamily::Measurement,
-               DiagonalPriorFamily::Measurement, PointSighting, std::shared_ptr<const ImuPreintegrator>, StereoPointSighting,
+  std::variant<BalReprojectionFamily::Measurement, InverseDepthReprojectionFamily::Measurement,
+               RelativePoseFamily::Measurement, DiagonalPriorFamily::Measurement, PointSighting,
+               std::shared_ptr<const ImuPreintegrator>, StereoPointSighting,
                PlanarRelativePoseFamily::Measurement>
       measurement;
   std::vector<int> variables;  ///< one per slot of the family
@@ -76,13 +80,17 @@ struct ReplayStep {
 /// A whole replay.
 struct ReplayScript {
   std::string description;  ///< "49 cameras, 7776 points, …"
-  bool dogleg = false;      ///< the trust-region strategy this kind of problem is usually solved with; else Levenberg–Marquardt
+  /// the trust-region strategy this kind of problem is usually solved with; else
+  /// Levenberg–Marquardt
+  bool dogleg = false;
   std::vector<ReplayStep> steps;
 };
 
-/// Where the step's variables begin, the first of which has number `first`; `value` gives the present value of those before it.
-/// The kinds of a variable and of the pose it starts from must go together: both planar, or a pose or point in space and a pose.
-std::vector<std::array<double, 9>> StartValues(const ReplayStep& step, int first, const std::function<const double*(int)>& value);
+/// Where the step's variables begin, the first of which has number `first`; `value` gives the
+/// present value of those before it. The kinds of a variable and of the pose it starts from must go
+/// together: both planar, or a pose or point in space and a pose.
+std::vector<std::array<double, 9>> StartValues(const ReplayStep& step, int first,
+                                               const std::function<const double*(int)>& value);
 
 /// Whether a variable of the script is a landmark.
 bool HasLandmarks(const ReplayScript& script);

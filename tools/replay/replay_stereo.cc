@@ -16,7 +16,9 @@ constexpr int kLoopGap = 10;  // a point not seen for more poses than that close
 class StereoScript {
  public:
   explicit StereoScript(const StereoOdometry& odometry)
-      : odometry_(odometry), camera_(std::make_shared<StereoCamera>(odometry.camera)), points_(odometry.point_ids.size()) {}
+      : odometry_(odometry),
+        camera_(std::make_shared<StereoCamera>(odometry.camera)),
+        points_(odometry.point_ids.size()) {}
 
   std::vector<ReplayStep> Make() {
     std::vector<ReplayStep> steps(odometry_.poses.size() - 1);
@@ -87,7 +89,9 @@ class StereoScript {
     std::copy_n(sighting.left, 2, measurement.seen.left);
     measurement.seen.right_u = sighting.right_u;
     step->factors.push_back(
-        {measurement, {pose_variable_[static_cast<std::size_t>(sighting.pose)], on_body_, point}, kUnitHuber});
+        {measurement,
+         {pose_variable_[static_cast<std::size_t>(sighting.pose)], on_body_, point},
+         kUnitHuber});
   }
 
   const StereoOdometry& odometry_;
@@ -102,8 +106,9 @@ class StereoScript {
 
 ReplayScript MakeStereoReplay(const StereoOdometry& odometry) {
   ReplayScript script;
-  script.description = std::to_string(odometry.poses.size()) + " poses, " + std::to_string(odometry.point_ids.size()) +
-                       " points, " + std::to_string(odometry.sightings.size()) + " stereo sightings";
+  script.description = std::to_string(odometry.poses.size()) + " poses, " +
+                       std::to_string(odometry.point_ids.size()) + " points, " +
+                       std::to_string(odometry.sightings.size()) + " stereo sightings";
   script.steps = StereoScript(odometry).Make();
   return script;
 }

@@ -27,7 +27,8 @@ void RaiseTo(std::optional<double>* largest, double value) {
 }
 
 // Each step's `rounding` is as of ReplayRow.
-ReplaySideSummary SummarizeSide(const std::vector<const ReplaySide*>& steps, const std::vector<double>& rounding) {
+ReplaySideSummary SummarizeSide(const std::vector<const ReplaySide*>& steps,
+                                const std::vector<double>& rounding) {
   ReplaySideSummary summary;
   summary.ms = LatencyOf(steps, [](const ReplaySide& side) { return side.outcome.seconds; });
   summary.growth_ms = LatencyOf(steps, [](const ReplaySide& side) { return side.growth_seconds; });
@@ -40,7 +41,8 @@ ReplaySideSummary SummarizeSide(const std::vector<const ReplaySide*>& steps, con
     summary.unconverged += outcome.termination == "CONVERGENCE" ? 0 : 1;
     const double scale = std::max(std::fabs(steps[i]->cost), rounding[i]);
     if (scale > 0.0) {
-      summary.max_report_error = std::max(summary.max_report_error, std::fabs(outcome.final_cost - steps[i]->cost) / scale);
+      summary.max_report_error = std::max(summary.max_report_error,
+                                          std::fabs(outcome.final_cost - steps[i]->cost) / scale);
     }
   }
   for (const ReplaySide* step : steps) {
@@ -57,9 +59,12 @@ void Compare(const std::vector<ReplayRow>& rows, double tolerance, ReplaySummary
   for (const ReplayRow& row : rows) {
     const double ours = row.ours.cost, stock = row.stock->cost;
     // A cost that cannot be evaluated is not lower than any; rounding is not a difference.
-    const double margin = std::max(tolerance, 1e-14) * std::fabs(std::min(ours, stock)) + row.Rounding();
-    summary->ours_lower += ours + margin < stock || (std::isfinite(ours) && !std::isfinite(stock)) ? 1 : 0;
-    summary->stock_lower += stock + margin < ours || (std::isfinite(stock) && !std::isfinite(ours)) ? 1 : 0;
+    const double margin =
+        std::max(tolerance, 1e-14) * std::fabs(std::min(ours, stock)) + row.Rounding();
+    summary->ours_lower +=
+        ours + margin < stock || (std::isfinite(ours) && !std::isfinite(stock)) ? 1 : 0;
+    summary->stock_lower +=
+        stock + margin < ours || (std::isfinite(stock) && !std::isfinite(ours)) ? 1 : 0;
     if (row.closes_loop) {
       RaiseTo(&summary->worst_loop_ratio, row.ours.outcome.seconds / row.stock->outcome.seconds);
     }

@@ -24,21 +24,25 @@ struct ReplaySideSummary {
   int unconverged = 0;             ///< usable, but ended by the limit of iterations
   std::int64_t invalid_steps = 0;  ///< iterations whose linear solve failed
   int iterations = 0;              ///< of all steps
-  double max_report_error = 0.0;   ///< largest relative difference between the cost it reports and that of its state
+  /// largest relative difference between the cost it reports and that of its state
+  double max_report_error = 0.0;
 };
 
 /// A replay in a few numbers.
 struct ReplaySummary {
   int steps = 0;
   ReplaySideSummary ours;
-  std::optional<ReplaySideSummary> stock;          ///< absent, like the ratios, if stock did not play
-  std::optional<double> ratio_median;              ///< our median over stock's
-  std::optional<double> ratio_total;               ///< our total over stock's
-  int ours_lower = 0;                              ///< steps after which our cost was lower by more than the tolerance
-  int stock_lower = 0;                             ///< steps after which stock's was
-  std::optional<double> max_relative_cost_excess;  ///< of our costs over the optimum's; absent if no step has one
-  std::vector<int> in_excess;                      ///< steps whose excess is above the tolerance: not there yet, or another basin
-  std::optional<double> worst_loop_ratio;          ///< largest ratio of latencies over the steps that close a loop
+  std::optional<ReplaySideSummary> stock;  ///< absent, like the ratios, if stock did not play
+  std::optional<double> ratio_median;      ///< our median over stock's
+  std::optional<double> ratio_total;       ///< our total over stock's
+  int ours_lower = 0;   ///< steps after which our cost was lower by more than the tolerance
+  int stock_lower = 0;  ///< steps after which stock's was
+  /// of our costs over the optimum's; absent if no step has one
+  std::optional<double> max_relative_cost_excess;
+  /// steps whose excess is above the tolerance: not there yet, or another basin
+  std::vector<int> in_excess;
+  /// largest ratio of latencies over the steps that close a loop
+  std::optional<double> worst_loop_ratio;
 };
 
 /// Costs that differ by less than `tolerance`, relative, count as equal. Requires one row or more.

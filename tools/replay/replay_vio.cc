@@ -42,7 +42,8 @@ class VioScript {
         points_(sequence.points.size()) {
     imu_options_.noise = sequence.imu_noise;
     std::copy(sequence.gravity.begin(), sequence.gravity.end(), imu_options_.conventions.gravity);
-    imu_options_.max_rotation_change = imu_options_.max_speed_change = std::numeric_limits<double>::infinity();
+    imu_options_.max_rotation_change = imu_options_.max_speed_change =
+        std::numeric_limits<double>::infinity();
   }
 
   Status Make(std::vector<ReplayStep>* steps) {
@@ -115,7 +116,8 @@ class VioScript {
       if (point.variable < 0) {
         ReplayVariable variable;
         variable.kind = ReplayVariable::Kind::kPoint;
-        const std::array<double, 3>& start = sequence_.points[static_cast<std::size_t>(observation.point)].start;
+        const std::array<double, 3>& start =
+            sequence_.points[static_cast<std::size_t>(observation.point)].start;
         std::copy(start.begin(), start.end(), variable.start.begin());
         point.variable = Add(variable, step);
         AddSighting(point.last_frame, point.first, step);
@@ -130,7 +132,8 @@ class VioScript {
     const double weight = 1.0 / sequence_.pixel_noise;
     const PixelObservation seen{{observation.x, observation.y}, {weight, 0.0, weight}};
     step->factors.push_back({PointSighting{seen, camera_},
-                             {PoseOf(i), camera_variable_, points_[static_cast<std::size_t>(observation.point)].variable},
+                             {PoseOf(i), camera_variable_,
+                              points_[static_cast<std::size_t>(observation.point)].variable},
                              options_.loss});
   }
 
@@ -146,11 +149,13 @@ class VioScript {
 
 }  // namespace
 
-Status MakeVioReplay(const VioSequence& sequence, const VioReplayOptions& options, ReplayScript* script) {
+Status MakeVioReplay(const VioSequence& sequence, const VioReplayOptions& options,
+                     ReplayScript* script) {
   ReplayScript made;
-  made.description = std::to_string(sequence.frames.size()) + " frames, " + std::to_string(sequence.points.size()) + " points, " +
-                     std::to_string(sequence.NumObservations()) + " observations, " + std::to_string(sequence.frames.size() - 1) +
-                     " IMU factors";
+  made.description = std::to_string(sequence.frames.size()) + " frames, " +
+                     std::to_string(sequence.points.size()) + " points, " +
+                     std::to_string(sequence.NumObservations()) + " observations, " +
+                     std::to_string(sequence.frames.size() - 1) + " IMU factors";
   made.dogleg = true;
   Status status = VioScript(sequence, options).Make(&made.steps);
   if (status.ok()) {

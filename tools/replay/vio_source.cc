@@ -49,19 +49,24 @@ class VioSource : public ProblemSource {
     return Status::Ok();
   }
 
-  std::vector<double> ParametersOf(const FactorGraph& graph) const override { return graph.state(); }
+  std::vector<double> ParametersOf(const FactorGraph& graph) const override {
+    return graph.state();
+  }
 
   // Nothing to align: the first pose is fixed, and the IMU knows the scale.
-  GeometryDifference Difference(const std::vector<double>& a, const std::vector<double>& b) const override {
+  GeometryDifference Difference(const std::vector<double>& a,
+                                const std::vector<double>& b) const override {
     SceneGeometry scene;
     GeometryDifference difference;
     ForEachVariable([&](ReplayVariable::Kind kind, std::size_t offset) {
       const Eigen::Map<const Eigen::Vector3d> at_a(a.data() + offset), at_b(b.data() + offset);
       if (kind == ReplayVariable::Kind::kPose) {
-        const Eigen::Map<const Eigen::Quaterniond> q_a(a.data() + offset + 3), q_b(b.data() + offset + 3);
+        const Eigen::Map<const Eigen::Quaterniond> q_a(a.data() + offset + 3),
+            q_b(b.data() + offset + 3);
         scene.centers.emplace_back(at_b);
         difference.positions = std::max(difference.positions, (at_a - at_b).norm());
-        difference.rotations = std::max(difference.rotations, q_a.normalized().angularDistance(q_b.normalized()));
+        difference.rotations =
+            std::max(difference.rotations, q_a.normalized().angularDistance(q_b.normalized()));
       } else if (kind == ReplayVariable::Kind::kPoint) {
         scene.points.emplace_back(at_b);
         difference.points = std::max(difference.points, (at_a - at_b).norm());
@@ -87,8 +92,9 @@ class VioSource : public ProblemSource {
 
   std::size_t Size() const {
     std::size_t size = 0;
-    ForEachVariable(
-        [&](ReplayVariable::Kind kind, std::size_t offset) { size = offset + static_cast<std::size_t>(AmbientSize(kind)); });
+    ForEachVariable([&](ReplayVariable::Kind kind, std::size_t offset) {
+      size = offset + static_cast<std::size_t>(AmbientSize(kind));
+    });
     return size;
   }
 
@@ -111,7 +117,8 @@ Status OpenVioSequence(const std::string& name, VioSequence* sequence) {
   VioSceneOptions options;
   const std::vector<std::string> presets = VioScenePresets();
   const bool is_preset = std::find(presets.begin(), presets.end(), name) != presets.end();
-  Status status = is_preset ? GetVioScenePreset(name, &options) : ReadVioSequence(name, sequence, ReadOptionsFromFlags());
+  Status status = is_preset ? GetVioScenePreset(name, &options)
+                            : ReadVioSequence(name, sequence, ReadOptionsFromFlags());
   if (status.ok() && is_preset) {
     status = GenerateVioScene(options, sequence);
   }

@@ -157,7 +157,8 @@ double Random::Uniform(double low, double high) {
   return low + (high - low) * Uniform();
 }
 
-// The polar method of Marsaglia; the second number of the pair is not kept, so that a call depends on nothing before it.
+// The polar method of Marsaglia; the second number of the pair is not kept, so that a call depends
+// on nothing before it.
 double Random::Normal() {
   for (;;) {
     const double u = Uniform(-1.0, 1.0), v = Uniform(-1.0, 1.0);
@@ -173,7 +174,8 @@ int Random::Below(int size) {
 }
 
 Vector3 Random::Normal3(double standard_deviation) {
-  const double x = Normal(), y = Normal(), z = Normal();  // one after the other: the order of arguments is not specified
+  const double x = Normal(), y = Normal(),
+               z = Normal();  // one after the other: the order of arguments is not specified
   return standard_deviation * Vector3{x, y, z};
 }
 

@@ -6,8 +6,9 @@
 
 namespace inceres::internal {
 
-// Elementary functions made of IEEE operations (+ - * / sqrt) only, so that a simulated scene has the same bits everywhere: those
-// of the C library differ in the last place from platform to platform. Accurate to about 1e-15; meant for moderate arguments.
+// Elementary functions made of IEEE operations (+ - * / sqrt) only, so that a simulated scene has
+// the same bits everywhere: those of the C library differ in the last place from platform to
+// platform. Accurate to about 1e-15; meant for moderate arguments.
 double PortableSin(double x);
 double PortableCos(double x);
 double PortableLog(double x);  ///< x > 0
@@ -33,8 +34,9 @@ struct Rotation {
   Rotation operator*(const Rotation& other) const;
 };
 
-/// Random numbers with the same bits everywhere: std::mt19937_64 is specified to the bit, the distributions of the standard are
-/// not. Different streams of one seed are independent, so that switching one noise off leaves everything else as it was.
+/// Random numbers with the same bits everywhere: std::mt19937_64 is specified to the bit, the
+/// distributions of the standard are not. Different streams of one seed are independent, so that
+/// switching one noise off leaves everything else as it was.
 class Random {
  public:
   Random(std::uint64_t seed, std::uint64_t stream);

@@ -28,7 +28,8 @@ Status FindPreset(const Presets& presets, const std::string& name, const Preset*
     }
     known += std::string(known.empty() ? "" : ", ") + preset.name;
   }
-  return Status::Error(StatusCode::kInvalidArgument, "no preset '" + name + "'; known are " + known);
+  return Status::Error(StatusCode::kInvalidArgument,
+                       "no preset '" + name + "'; known are " + known);
 }
 
 }  // namespace inceres::internal

@@ -10,7 +10,8 @@ constexpr double kFrequency = kTwoPi / 80.0;
 
 }  // namespace
 
-StreetPath::StreetPath(double circumference) : circumference_(circumference), radius_(circumference / kTwoPi) {
+StreetPath::StreetPath(double circumference)
+    : circumference_(circumference), radius_(circumference / kTwoPi) {
 }
 
 Vector3 StreetPath::Position(double s) const {
@@ -22,7 +23,8 @@ Vector3 StreetPath::Position(double s) const {
 }
 
 double StreetPath::Heading(double s) const {
-  return closed() ? s / radius_ : PortableAtan2(-kAmplitude * kFrequency * PortableCos(kFrequency * s), 1.0);
+  return closed() ? s / radius_
+                  : PortableAtan2(-kAmplitude * kFrequency * PortableCos(kFrequency * s), 1.0);
 }
 
 Vector3 StreetPath::Place(double s, double left, double height) const {

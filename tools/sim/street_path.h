@@ -4,8 +4,9 @@
 
 namespace inceres::internal {
 
-/// The middle of the street on the ground, and how far along it one is: s in meters. World axes: x to the right of the start,
-/// y up, the start looks along -z. Either open and gently winding, or a circle of given circumference driven counterclockwise.
+/// The middle of the street on the ground, and how far along it one is: s in meters. World axes: x
+/// to the right of the start, y up, the start looks along -z. Either open and gently winding, or a
+/// circle of given circumference driven counterclockwise.
 class StreetPath {
  public:
   /// `circumference` 0: open.
@@ -18,7 +19,8 @@ class StreetPath {
 
   bool closed() const { return circumference_ > 0.0; }
   double circumference() const { return circumference_; }
-  /// How far to the left of the middle things may stand: inside a circle there is no more room than this.
+  /// How far to the left of the middle things may stand: inside a circle there is no more room than
+  /// this.
   double left_room() const;
 
  private:

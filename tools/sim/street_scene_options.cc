@@ -16,11 +16,14 @@ struct Preset {
   double laps, loop_fraction, loop_stretch;
 };
 
-// The sizes of problems that the literature reports on; the scenes are ours. Then paths on which the growth of time and memory
-// with size can be seen: each place is passed twice, and recognized along a tenth of the circuit.
+// The sizes of problems that the literature reports on; the scenes are ours. Then paths on which
+// the growth of time and memory with size can be seen: each place is passed twice, and recognized
+// along a tenth of the circuit.
 constexpr Preset kPresets[] = {
-    {"ladybug-like", 49, 7776, 31843, 0.0, 0.3, 1.0},      {"venice11", 11, 8366, 20271, 0.0, 0.3, 1.0},
-    {"cathedral", 92, 57957, 422163, 2.0, 0.7, 1.0},       {"path-1000", 1000, 40000, 200000, 2.0, 0.3, 0.1},
+    {"ladybug-like", 49, 7776, 31843, 0.0, 0.3, 1.0},
+    {"venice11", 11, 8366, 20271, 0.0, 0.3, 1.0},
+    {"cathedral", 92, 57957, 422163, 2.0, 0.7, 1.0},
+    {"path-1000", 1000, 40000, 200000, 2.0, 0.3, 0.1},
     {"path-10000", 10000, 400000, 2000000, 2.0, 0.3, 0.1},
 };
 
@@ -32,15 +35,20 @@ Status CheckSizes(const StreetSceneOptions& options) {
   const std::int64_t cameras = options.num_cameras, points = options.num_points;
   const bool exact = options.num_observations != 0;
   const std::int64_t observations =
-      exact ? options.num_observations : static_cast<std::int64_t>(options.track_length * static_cast<double>(points));
+      exact ? options.num_observations
+            : static_cast<std::int64_t>(options.track_length * static_cast<double>(points));
   if (exact && (observations < 2 * points || observations > cameras * points)) {
-    return Invalid("num_observations is " + std::to_string(observations) + ", not between two per point (" +
-                   std::to_string(2 * points) + ") and every point in every camera (" + std::to_string(cameras * points) + ")");
+    return Invalid("num_observations is " + std::to_string(observations) +
+                   ", not between two per point (" + std::to_string(2 * points) +
+                   ") and every point in every camera (" + std::to_string(cameras * points) + ")");
   }
-  if (2 * observations + 7 < 9 * cameras + 3 * points) {  // seven are the free choice of the coordinate frame
+  if (2 * observations + 7 <
+      9 * cameras + 3 * points) {  // seven are the free choice of the coordinate frame
     return Invalid((exact ? "num_observations is "
-                          : "track_length is " + internal::ShortNumber(options.track_length) + ", observations about ") +
-                   std::to_string(observations) + ": two equations each are fewer than the unknowns of " +
+                          : "track_length is " + internal::ShortNumber(options.track_length) +
+                                ", observations about ") +
+                   std::to_string(observations) +
+                   ": two equations each are fewer than the unknowns of " +
                    std::to_string(cameras) + " cameras and " + std::to_string(points) + " points");
   }
   return Status::Ok();
@@ -75,9 +83,9 @@ Status StreetSceneOptions::Validate() const {
   }
   const double circumference = laps > 0.0 ? camera_spacing * num_cameras / laps : 0.0;
   if (circumference > 0.0 && circumference < internal::kMinCircumference) {
-    return Invalid("camera_spacing is " + internal::ShortNumber(camera_spacing) + ": a circuit of " +
-                   internal::ShortNumber(circumference) + " m, at least " + internal::ShortNumber(internal::kMinCircumference) +
-                   " m are needed");
+    return Invalid("camera_spacing is " + internal::ShortNumber(camera_spacing) +
+                   ": a circuit of " + internal::ShortNumber(circumference) + " m, at least " +
+                   internal::ShortNumber(internal::kMinCircumference) + " m are needed");
   }
   return CheckSizes(*this);
 }

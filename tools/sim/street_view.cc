@@ -28,17 +28,21 @@ StreetView::StreetView(const StreetSceneOptions& options, double spacing)
   }
 }
 
-// Somebody walks through the street with a camera in the hand, looking a little upwards and from side to side.
+// Somebody walks through the street with a camera in the hand, looking a little upwards and from
+// side to side.
 StreetCamera StreetView::MakeCamera(int index, Random* random) const {
   StreetCamera camera;
   camera.s = spacing_ * (index + random->Uniform(-kJitter, kJitter));
   const double left = 0.3 * random->Normal();
   const double height = 1.6 + 0.1 * random->Normal();
   camera.center = path_.Place(camera.s, std::clamp(left, -1.0, 1.0), height);
-  const double yaw = path_.Heading(camera.s) + 0.2 * PortableSin(0.7 * index) + 0.05 * random->Normal();
+  const double yaw =
+      path_.Heading(camera.s) + 0.2 * PortableSin(0.7 * index) + 0.05 * random->Normal();
   const double pitch = 0.08 + 0.05 * random->Normal();
   const double roll = 0.05 * random->Normal();
-  camera.R = (Rotation::AboutAxis(1, yaw) * Rotation::AboutAxis(0, pitch) * Rotation::AboutAxis(2, roll)).Inverse();
+  camera.R =
+      (Rotation::AboutAxis(1, yaw) * Rotation::AboutAxis(0, pitch) * Rotation::AboutAxis(2, roll))
+          .Inverse();
   camera.focal = 800.0 + 15.0 * random->Normal();
   camera.k1 = -0.05 + 0.005 * random->Normal();
   camera.k2 = 0.01 + 0.002 * random->Normal();
@@ -52,7 +56,8 @@ bool StreetView::Sees(const StreetCamera& camera, const Vector3& position) const
   }
   const Vector3 p = camera.R * ray;
   const double depth = -p[2];
-  return depth >= kMinDepth && std::abs(p[0]) <= kHalfWidth * depth && std::abs(p[1]) <= kHalfHeight * depth;
+  return depth >= kMinDepth && std::abs(p[0]) <= kHalfWidth * depth &&
+         std::abs(p[1]) <= kHalfHeight * depth;
 }
 
 // A facade on either side, or the ground between them.
@@ -68,7 +73,8 @@ Vector3 StreetView::RandomPosition(double s, Random* random) const {
 }
 
 // The cameras that come by at s and see the position; found by their even spacing, not by search.
-void StreetView::CollectPass(double s, int anchor, const Vector3& position, std::vector<int>* candidates) const {
+void StreetView::CollectPass(double s, int anchor, const Vector3& position,
+                             std::vector<int>* candidates) const {
   const double last_index = static_cast<double>(cameras_.size()) - 1.0;
   const double first = std::max(0.0, std::ceil((s - kVisibleRange) / spacing_ - kJitter));
   const double last = std::min(last_index, std::floor(s / spacing_ + kJitter));
@@ -88,7 +94,8 @@ bool StreetView::IsRecognizable(double s) const {
 
 bool StreetView::PlacePoint(int anchor, Random* random, StreetPoint* point) const {
   const StreetCamera& camera = cameras_[static_cast<std::size_t>(anchor)];
-  const bool recognized = path_.closed() && random->Uniform() < loop_fraction_ && IsRecognizable(camera.s);
+  const bool recognized =
+      path_.closed() && random->Uniform() < loop_fraction_ && IsRecognizable(camera.s);
   for (int attempt = 0; attempt < kMaxTries; ++attempt) {
     const double s = camera.s + random->Uniform(kMinDepth, kVisibleRange);
     point->position = RandomPosition(s, random);
@@ -107,7 +114,8 @@ bool StreetView::PlacePoint(int anchor, Random* random, StreetPoint* point) cons
   return false;
 }
 
-// Shuffles the candidates behind the anchor, then brings the first with enough parallax to the second place.
+// Shuffles the candidates behind the anchor, then brings the first with enough parallax to the
+// second place.
 bool StreetView::ChoosePartner(int anchor, Random* random, StreetPoint* point) const {
   std::vector<int>& candidates = point->candidates;
   const int size = static_cast<int>(candidates.size());

@@ -16,7 +16,8 @@ int DrawTrackLength(double mean, Random* random) {
   return 2 + static_cast<int>(std::min(extra, 1e6));
 }
 
-std::int64_t AdjustTrackLengths(std::int64_t total, const std::vector<int>& longest, std::vector<int>* lengths) {
+std::int64_t AdjustTrackLengths(std::int64_t total, const std::vector<int>& longest,
+                                std::vector<int>* lengths) {
   std::int64_t missing = total - std::accumulate(lengths->begin(), lengths->end(), std::int64_t{0});
   const int step = missing > 0 ? 1 : -1;
   for (bool moved = true; missing != 0 && moved;) {

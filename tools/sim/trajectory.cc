@@ -16,8 +16,9 @@ using Shape = TrajectoryOptions::Shape;
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kRamp = 1.0;  // seconds from standing to full speed
 
-constexpr std::pair<const char*, Shape> kShapes[] = {
-    {"circle", Shape::kCircle}, {"figure_eight", Shape::kFigureEight}, {"ellipse", Shape::kEllipse}};
+constexpr std::pair<const char*, Shape> kShapes[] = {{"circle", Shape::kCircle},
+                                                     {"figure_eight", Shape::kFigureEight},
+                                                     {"ellipse", Shape::kEllipse}};
 
 // A function of time at a moment: value, first and second derivative.
 struct Jet {
@@ -41,7 +42,8 @@ Jet Cos(const Jet& x) {
 // A step from 0 to 1 whose first two derivatives vanish at both ends, and its integral from 0.
 Jet Step(double tau) {
   const double square = tau * tau, rest = 1.0 - tau;
-  return {square * tau * (10.0 + tau * (-15.0 + 6.0 * tau)), 30.0 * square * rest * rest, 60.0 * tau * rest * (1.0 - 2.0 * tau)};
+  return {square * tau * (10.0 + tau * (-15.0 + 6.0 * tau)), 30.0 * square * rest * rest,
+          60.0 * tau * rest * (1.0 - 2.0 * tau)};
 }
 
 double StepIntegral(double tau) {
@@ -138,7 +140,8 @@ void SetPlace(const std::array<Jet, 3>& place, Motion* motion) {
 
 // R = R_z(yaw) R_y(pitch) R_x(roll) and its angular rate in the body's frame.
 void SetOrientation(const Jet& yaw, const Jet& pitch, const Jet& roll, Motion* motion) {
-  const Rotation R = Rotation::AboutAxis(2, yaw.f) * Rotation::AboutAxis(1, pitch.f) * Rotation::AboutAxis(0, roll.f);
+  const Rotation R = Rotation::AboutAxis(2, yaw.f) * Rotation::AboutAxis(1, pitch.f) *
+                     Rotation::AboutAxis(0, roll.f);
   const double sign = R.w < 0.0 ? -1.0 : 1.0;
   for (std::size_t k = 0; k < 3; ++k) {
     motion->pose[3 + k] = sign * R.v[k];
@@ -146,7 +149,8 @@ void SetOrientation(const Jet& yaw, const Jet& pitch, const Jet& roll, Motion* m
   motion->pose[6] = sign * R.w;
   const double sr = PortableSin(roll.f), cr = PortableCos(roll.f);
   const double sp = PortableSin(pitch.f), cp = PortableCos(pitch.f);
-  motion->angular_rate = {roll.d - yaw.d * sp, pitch.d * cr + yaw.d * sr * cp, -pitch.d * sr + yaw.d * cr * cp};
+  motion->angular_rate = {roll.d - yaw.d * sp, pitch.d * cr + yaw.d * sr * cp,
+                          -pitch.d * sr + yaw.d * cr * cp};
 }
 
 }  // namespace
@@ -181,7 +185,8 @@ Status GetTrajectoryShape(const std::string& name, TrajectoryOptions::Shape* sha
     }
     known += std::string(known.empty() ? "" : ", ") + candidate;
   }
-  return Status::Error(StatusCode::kInvalidArgument, "no trajectory '" + name + "'; known are " + known);
+  return Status::Error(StatusCode::kInvalidArgument,
+                       "no trajectory '" + name + "'; known are " + known);
 }
 
 Motion MotionAt(const TrajectoryOptions& options, double time) {
@@ -192,8 +197,8 @@ Motion MotionAt(const TrajectoryOptions& options, double time) {
   internal::Jet yaw = internal::YawOf(options.shape, phase);
   yaw.f += 2.0 * internal::kPi * progress.turned.f;
   yaw.d += 2.0 * internal::kPi * progress.turned.d;
-  internal::SetOrientation(yaw, options.pitch * internal::Sin(progress.moved), options.roll * internal::Cos(progress.moved),
-                           &motion);
+  internal::SetOrientation(yaw, options.pitch * internal::Sin(progress.moved),
+                           options.roll * internal::Cos(progress.moved), &motion);
   return motion;
 }
 

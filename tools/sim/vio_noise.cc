@@ -46,7 +46,8 @@ class Sensor {
   Vector3 bias_;
 };
 
-// A slow wandering from 0: two sines for each coordinate, of random sizes, with periods of about kDriftPeriod.
+// A slow wandering from 0: two sines for each coordinate, of random sizes, with periods of about
+// kDriftPeriod.
 class Drift {
  public:
   Drift(std::uint64_t seed, Stream stream, double size) {
@@ -127,9 +128,15 @@ void MakeStartValues(const VioSceneOptions& options, VioSequence* sequence) {
     Vector3 moved, faster, turned, ignored;
     position.At(frame.time, &moved, &faster);
     rotation.At(frame.time, &turned, &ignored);
-    const Rotation R = Rotation::FromAngleAxis(turned) * Rotation{truth.pose[6], {truth.pose[3], truth.pose[4], truth.pose[5]}};
-    frame.start.pose = {
-        truth.pose[0] + moved[0], truth.pose[1] + moved[1], truth.pose[2] + moved[2], R.v[0], R.v[1], R.v[2], R.w};
+    const Rotation R = Rotation::FromAngleAxis(turned) *
+                       Rotation{truth.pose[6], {truth.pose[3], truth.pose[4], truth.pose[5]}};
+    frame.start.pose = {truth.pose[0] + moved[0],
+                        truth.pose[1] + moved[1],
+                        truth.pose[2] + moved[2],
+                        R.v[0],
+                        R.v[1],
+                        R.v[2],
+                        R.w};
     frame.start.velocity = truth.velocity + faster;
   }
   Random random(options.seed, kPointNoise);

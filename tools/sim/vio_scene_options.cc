@@ -16,7 +16,8 @@ VioSceneOptions Cubic() {
   options.num_observations = 789;
   options.frame_rate = 4.0;
   options.imu_per_frame = 50;
-  // A start as far off as the one reported: the whitened cost is 2.8e3, 2.5e3, 2.8e3 for seeds 1 to 3; there it was 2.514e3.
+  // A start as far off as the one reported: the whitened cost is 2.8e3, 2.5e3, 2.8e3 for seeds 1 to
+  // 3; there it was 2.514e3.
   options.initial_gyr_bias = 5e-4;
   options.initial_acc_bias = 5e-3;
   options.position_drift = 0.006;
@@ -53,7 +54,8 @@ struct Preset {
   VioSceneOptions (*make)();
 };
 
-constexpr Preset kPresets[] = {{"cubic", Cubic}, {"figure_eight", FigureEight}, {"ellipse", Ellipse}};
+constexpr Preset kPresets[] = {
+    {"cubic", Cubic}, {"figure_eight", FigureEight}, {"ellipse", Ellipse}};
 
 Status Invalid(const std::string& what) {
   return Status::Error(StatusCode::kInvalidArgument, "VioSceneOptions: " + what);
@@ -97,7 +99,8 @@ Status VioSceneOptions::Validate() const {
     return Invalid("camera." + fault);
   }
   if (num_observations != 0 && num_observations < 2 * static_cast<std::int64_t>(num_points)) {
-    return Invalid("num_observations is " + std::to_string(num_observations) + ", fewer than two per point (" +
+    return Invalid("num_observations is " + std::to_string(num_observations) +
+                   ", fewer than two per point (" +
                    std::to_string(2 * static_cast<std::int64_t>(num_points)) + ")");
   }
   return trajectory.Validate();

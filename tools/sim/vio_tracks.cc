@@ -23,13 +23,16 @@ Rotation RotationOf(const std::array<double, 7>& pose) {
 Status Infeasible(const std::string& what) {
   return Status::Error(StatusCode::kInvalidArgument,
                        "visual-inertial scene: " + what +
-                           "; ask for fewer, or for more frames, a larger max_depth, less dropout or less min_parallax");
+                           "; ask for fewer, or for more frames, a larger max_depth, less dropout "
+                           "or less min_parallax");
 }
 
 }  // namespace
 
 VioTracker::VioTracker(const VioSceneOptions& options, const VioSequence& sequence)
-    : options_(options), sequence_(sequence), min_parallax_(2.0 * PortableSin(0.5 * options.min_parallax)) {
+    : options_(options),
+      sequence_(sequence),
+      min_parallax_(2.0 * PortableSin(0.5 * options.min_parallax)) {
   const std::array<double, 7>& camera = sequence.camera.imu_from_camera;
   for (const VioFrame& frame : sequence.frames) {
     const Rotation R_wb = RotationOf(frame.truth.pose);
@@ -42,11 +45,13 @@ Status VioTracker::MakeTracks(std::vector<VioTrack>* tracks) const {
   Random random(options_.seed, 1);
   const std::int64_t num_frames = options_.num_frames;
   for (std::int64_t i = 0; i < options_.num_points; ++i) {
-    // Each frame is the anchor of its share of the points; where it finds none, the next one that does.
+    // Each frame is the anchor of its share of the points; where it finds none, the next one that
+    // does.
     const std::int64_t first = i * num_frames / options_.num_points;
     VioTrack track;
     std::int64_t skipped = 0;
-    while (skipped < num_frames && !PlacePoint(static_cast<int>((first + skipped) % num_frames), &random, &track)) {
+    while (skipped < num_frames &&
+           !PlacePoint(static_cast<int>((first + skipped) % num_frames), &random, &track)) {
       ++skipped;
     }
     if (skipped == num_frames) {
@@ -57,8 +62,9 @@ Status VioTracker::MakeTracks(std::vector<VioTrack>* tracks) const {
   if (Status status = LimitTracks(tracks); !status.ok()) {
     return status;
   }
-  std::stable_sort(tracks->begin(), tracks->end(),
-                   [](const VioTrack& a, const VioTrack& b) { return a.frames.front() < b.frames.front(); });
+  std::stable_sort(tracks->begin(), tracks->end(), [](const VioTrack& a, const VioTrack& b) {
+    return a.frames.front() < b.frames.front();
+  });
   return Status::Ok();
 }
 
@@ -80,10 +86,12 @@ bool VioTracker::PlacePoint(int anchor, Random* random, VioTrack* track) const {
 // Somewhere in the image of the anchor, were it not distorted.
 Vector3 VioTracker::RandomPosition(int anchor, Random* random) const {
   const auto& [f_x, f_y, c_x, c_y] = sequence_.camera.intrinsics;
-  const double u = random->Uniform(0.0, sequence_.camera.width), v = random->Uniform(0.0, sequence_.camera.height);
+  const double u = random->Uniform(0.0, sequence_.camera.width),
+               v = random->Uniform(0.0, sequence_.camera.height);
   const double depth = random->Uniform(options_.min_depth, options_.max_depth);
   const std::size_t i = static_cast<std::size_t>(anchor);
-  return centers_[i] + world_from_camera_[i] * (depth * Vector3{(u - c_x) / f_x, (v - c_y) / f_y, 1.0});
+  return centers_[i] +
+         world_from_camera_[i] * (depth * Vector3{(u - c_x) / f_x, (v - c_y) / f_y, 1.0});
 }
 
 bool VioTracker::Sees(int frame, const Vector3& point) const {
@@ -91,18 +99,20 @@ bool VioTracker::Sees(int frame, const Vector3& point) const {
   const double depth = (world_from_camera_[i].Inverse() * (point - centers_[i]))[2];
   double x = 0.0, y = 0.0;
   return depth >= options_.min_depth && depth <= options_.max_depth &&
-         sequence_.Project(sequence_.frames[i].truth.pose, point, &x, &y) && x >= 0.0 && x <= sequence_.camera.width &&
-         y >= 0.0 && y <= sequence_.camera.height;
+         sequence_.Project(sequence_.frames[i].truth.pose, point, &x, &y) && x >= 0.0 &&
+         x <= sequence_.camera.width && y >= 0.0 && y <= sequence_.camera.height;
 }
 
-// The anchor, then the frames around it until it goes out of view and, if it is recognized, all others that see it: on one side
-// of the anchor, then on the other, whichever comes first. In some of them, but not in the anchor, it is not detected.
+// The anchor, then the frames around it until it goes out of view and, if it is recognized, all
+// others that see it: on one side of the anchor, then on the other, whichever comes first. In some
+// of them, but not in the anchor, it is not detected.
 void VioTracker::CollectFrames(int anchor, bool recognized, Random* random, VioTrack* track) const {
   track->frames.assign(1, anchor);
   const int first_step = random->Uniform() < 0.5 ? 1 : -1;
   for (const int step : {first_step, -first_step}) {
     bool in_view = true;
-    for (int frame = anchor + step; frame >= 0 && frame < options_.num_frames && (in_view || recognized); frame += step) {
+    for (int frame = anchor + step;
+         frame >= 0 && frame < options_.num_frames && (in_view || recognized); frame += step) {
       const bool seen = Sees(frame, track->point);
       in_view = in_view && seen;
       if (seen && random->Uniform() >= options_.dropout) {
@@ -112,7 +122,8 @@ void VioTracker::CollectFrames(int anchor, bool recognized, Random* random, VioT
   }
 }
 
-// Brings the first frame that sees it from a direction different enough from the anchor's to the second place.
+// Brings the first frame that sees it from a direction different enough from the anchor's to the
+// second place.
 bool VioTracker::ChoosePartner(VioTrack* track) const {
   const auto direction = [&](int frame) {
     const Vector3 ray = track->point - centers_[static_cast<std::size_t>(frame)];
@@ -145,9 +156,12 @@ Status VioTracker::LimitTracks(std::vector<VioTrack>* tracks) const {
     for (const int most : longest) {
       lengths.push_back(std::min(DrawTrackLength(mean, &random), most));
     }
-    if (const std::int64_t missing = AdjustTrackLengths(options_.num_observations, longest, &lengths); missing != 0) {
-      return Infeasible("the frames make at most " + std::to_string(options_.num_observations - missing) +
-                        " observations of the " + std::to_string(options_.num_observations) + " asked for");
+    if (const std::int64_t missing =
+            AdjustTrackLengths(options_.num_observations, longest, &lengths);
+        missing != 0) {
+      return Infeasible(
+          "the frames make at most " + std::to_string(options_.num_observations - missing) +
+          " observations of the " + std::to_string(options_.num_observations) + " asked for");
     }
   }
   for (std::size_t i = 0; i < lengths.size(); ++i) {

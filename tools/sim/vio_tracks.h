@@ -13,14 +13,16 @@ struct VioTrack {
   std::vector<int> frames;
 };
 
-/// Places the points of a scene where the frames of the sequence, at their true poses, see them, and decides who observes which:
-/// as many points and, if asked for, observations as the options say.
+/// Places the points of a scene where the frames of the sequence, at their true poses, see them,
+/// and decides who observes which: as many points and, if asked for, observations as the options
+/// say.
 class VioTracker {
  public:
   /// `sequence` has the camera and the frames' truth.
   VioTracker(const VioSceneOptions& options, const VioSequence& sequence);
 
-  /// The tracks in the order in which they begin; or kInvalidArgument if the frames do not see so much.
+  /// The tracks in the order in which they begin; or kInvalidArgument if the frames do not see so
+  /// much.
   Status MakeTracks(std::vector<VioTrack>* tracks) const;
 
  private:

@@ -39,14 +39,16 @@ Status RunCeres(const RunPlan& plan, const ProblemSource& source, RunOutcome* ou
   }
   ceres::Solver::Summary summary;
   if (plan.engine == Engine::kStock) {
-    const double seconds = Seconds([&] { ceres::Solve(options, instance.problem.get(), &summary); });
+    const double seconds =
+        Seconds([&] { ceres::Solve(options, instance.problem.get(), &summary); });
     outcome->record = RecordOf(summary, seconds);
   } else {
     SolveOptions asked;
     SolveReport report;
     asked.strict = plan.strict;
     asked.mode = plan.settings.incremental ? SolveMode::kIncremental : SolveMode::kExact;
-    const double seconds = Seconds([&] { inceres::Solve(options, instance.problem.get(), &summary, asked, &report); });
+    const double seconds =
+        Seconds([&] { inceres::Solve(options, instance.problem.get(), &summary, asked, &report); });
     outcome->record = RecordOf(summary, asked.mode, report, seconds);
   }
   outcome->parameters = std::move(instance.parameters);
@@ -72,17 +74,20 @@ Status RunCore(const RunPlan& plan, const ProblemSource& source, RunOutcome* out
   return Status::Ok();
 }
 
-// The whole graph as one edit. Families, manifolds and losses stay the graph's, which must outlive the solver.
+// The whole graph as one edit. Families, manifolds and losses stay the graph's, which must outlive
+// the solver.
 Status CopyInto(IncrementalSolver* solver, const FactorGraph& graph) {
   const auto borrow = [](const auto* object) {
-    return std::shared_ptr<std::remove_pointer_t<decltype(object)>>(std::shared_ptr<void>(), object);
+    return std::shared_ptr<std::remove_pointer_t<decltype(object)>>(std::shared_ptr<void>(),
+                                                                    object);
   };
   for (FamilyId family = 0; family < graph.num_families(); ++family) {
     solver->AddFamily(borrow(&graph.family(family)));
   }
   GraphEdit edit(solver->graph());
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
-    edit.AddVariable(graph.Values(id), graph.AmbientSize(id), graph.role(id), borrow(graph.manifold(id)));
+    edit.AddVariable(graph.Values(id), graph.AmbientSize(id), graph.role(id),
+                     borrow(graph.manifold(id)));
     if (graph.IsConstant(id)) {
       edit.SetConstant(id, true);
     }
@@ -132,7 +137,8 @@ Status Run(const RunPlan& plan, const ProblemSource& source, RunOutcome* outcome
   if (plan.engine != Engine::kCore) {
     return RunCeres(plan, source, outcome);
   }
-  return plan.settings.incremental ? RunIncrementalCore(plan, source, outcome) : RunCore(plan, source, outcome);
+  return plan.settings.incremental ? RunIncrementalCore(plan, source, outcome)
+                                   : RunCore(plan, source, outcome);
 }
 
 }  // namespace inceres::tools

@@ -21,10 +21,13 @@ enum class Engine {
 struct RunPlan {
   Engine engine = Engine::kShim;
   SolverSettings settings;
-  ceres::LinearSolverType linear_solver = ceres::DENSE_SCHUR;  ///< for the core, settings.linear_solver decides
-  bool landmarks_first = false;       ///< hand Ceres the explicit elimination ordering; requires landmarks
-  bool strict = false;                ///< the shim fails where it would use stock Ceres
-  ProgressTable* progress = nullptr;  ///< prints a line an iteration; may be null; incremental mode has nobody to call it
+  /// for the core, settings.linear_solver decides
+  ceres::LinearSolverType linear_solver = ceres::DENSE_SCHUR;
+  bool landmarks_first =
+      false;            ///< hand Ceres the explicit elimination ordering; requires landmarks
+  bool strict = false;  ///< the shim fails where it would use stock Ceres
+  /// prints a line an iteration; may be null; incremental mode has nobody to call it
+  ProgressTable* progress = nullptr;
 };
 
 /// What came of it.
@@ -33,8 +36,9 @@ struct RunOutcome {
   std::vector<double> parameters;  ///< laid out like ProblemSource::CeresInstance::parameters
 };
 
-/// Builds the problem anew and solves it. Only the Solve call is timed, its own set-up included. An error means that the problem
-/// could not be built or the options do not go together; a solve that fails is an outcome whose record is not usable.
+/// Builds the problem anew and solves it. Only the Solve call is timed, its own set-up included. An
+/// error means that the problem could not be built or the options do not go together; a solve that
+/// fails is an outcome whose record is not usable.
 Status Run(const RunPlan& plan, const ProblemSource& source, RunOutcome* outcome);
 
 }  // namespace inceres::tools

@@ -13,7 +13,8 @@ void FillIterations(const Iterations& iterations, SolveRecord* record) {
   record->iterations = std::max(0, static_cast<int>(iterations.size()) - 1);
   record->trace.reserve(iterations.size());
   for (const auto& iteration : iterations) {
-    record->trace.push_back({iteration.cumulative_time_in_seconds, iteration.cost, iteration.step_is_successful});
+    record->trace.push_back(
+        {iteration.cumulative_time_in_seconds, iteration.cost, iteration.step_is_successful});
   }
 }
 
@@ -67,7 +68,8 @@ SolveRecord RecordOf(const ceres::Solver::Summary& summary, double seconds) {
   return record;
 }
 
-SolveRecord RecordOf(const ceres::Solver::Summary& summary, SolveMode mode, const SolveReport& report, double seconds) {
+SolveRecord RecordOf(const ceres::Solver::Summary& summary, SolveMode mode,
+                     const SolveReport& report, double seconds) {
   SolveRecord record = RecordOf(summary, seconds);
   record.used_stock = report.used_stock;
   record.fallback_reason = report.fallback_reason;
@@ -103,12 +105,14 @@ SolveRecord RecordOf(const UpdateSummary& summary, double seconds) {
   record.initial_cost = summary.initial_cost;
   record.final_cost = summary.final_cost;
   record.seconds = seconds;
-  record.trace = {{seconds - summary.seconds, summary.initial_cost, true}, {seconds, summary.final_cost, true}};
+  record.trace = {{seconds - summary.seconds, summary.initial_cost, true},
+                  {seconds, summary.final_cost, true}};
   FillIncremental(summary, &record);
   return record;
 }
 
-std::optional<double> TimeToGap(const std::vector<CostSample>& trace, double reference_cost, double gap) {
+std::optional<double> TimeToGap(const std::vector<CostSample>& trace, double reference_cost,
+                                double gap) {
   const auto reached = std::find_if(trace.begin(), trace.end(), [=](const CostSample& sample) {
     return sample.accepted && sample.cost - reference_cost <= gap * reference_cost;
   });

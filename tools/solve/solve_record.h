@@ -29,12 +29,12 @@ struct SolveRecord {
   std::string linear_solver;
   double initial_cost = -1.0;
   double final_cost = -1.0;
-  int iterations = 0;    ///< completed steps, accepted or not; the evaluation of the start is not one
+  int iterations = 0;  ///< completed steps, accepted or not; the evaluation of the start is not one
   double seconds = 0.0;  ///< the whole Solve call, by our own clock
   std::vector<CostSample> trace;
   std::vector<std::pair<std::string, double>> stage_seconds;
   std::vector<std::pair<std::string, std::int64_t>> work;  ///< counts of an incremental solve
-  bool used_stock = false;                                 ///< the shim handed the problem to stock Ceres
+  bool used_stock = false;  ///< the shim handed the problem to stock Ceres
   std::string fallback_reason;
   std::vector<std::string> options_without_effect;
 };
@@ -43,7 +43,8 @@ struct SolveRecord {
 SolveRecord RecordOf(const ceres::Solver::Summary& summary, double seconds);
 
 /// Record of a solve by the shim. Stages come from the core where the core did the work.
-SolveRecord RecordOf(const ceres::Solver::Summary& summary, SolveMode mode, const SolveReport& report, double seconds);
+SolveRecord RecordOf(const ceres::Solver::Summary& summary, SolveMode mode,
+                     const SolveReport& report, double seconds);
 
 /// Record of a solve by the core alone.
 SolveRecord RecordOf(const Summary& summary, double seconds);
@@ -51,8 +52,9 @@ SolveRecord RecordOf(const Summary& summary, double seconds);
 /// Record of an incremental solve by the core alone.
 SolveRecord RecordOf(const UpdateSummary& summary, double seconds);
 
-/// Seconds until the solve first held a state whose cost was at most (1 + gap) · reference_cost; empty if it never did.
-/// Rejected candidates do not count. Requires reference_cost ≥ 0.
-std::optional<double> TimeToGap(const std::vector<CostSample>& trace, double reference_cost, double gap);
+/// Seconds until the solve first held a state whose cost was at most (1 + gap) · reference_cost;
+/// empty if it never did. Rejected candidates do not count. Requires reference_cost ≥ 0.
+std::optional<double> TimeToGap(const std::vector<CostSample>& trace, double reference_cost,
+                                double gap);
 
 }  // namespace inceres::tools

@@ -10,27 +10,35 @@
 #include "tools/command_line/command_line.h"
 
 DEFINE_string(trust_region, "lm", "Trust-region strategy: lm (Levenberg-Marquardt) or dogleg.");
-DEFINE_string(
-    linear_solver, "auto",
-    "Linear solver: auto, dense_schur, sparse_schur, iterative_schur, sparse_normal_cholesky, dense_normal_cholesky, "
-    "dense_qr or cgnr, as Ceres names them. auto: a Schur solver for bal and vio, sparse_normal_cholesky for pose graphs. "
-    "inceres refuses the iterative ones on a ceres::Problem (iterative_schur with --builtin_factors is its PCG); of the Cholesky "
-    "and Schur ones on a ceres::Problem it takes whichever it predicts to "
-    "be cheapest, with --builtin_factors the one named, and for auto the cheapest, PCG among them. In ab_compare this is for "
-    "inceres; stock runs in --configurations.");
+DEFINE_string(linear_solver, "auto",
+              "Linear solver: auto, dense_schur, sparse_schur, iterative_schur, "
+              "sparse_normal_cholesky, dense_normal_cholesky, "
+              "dense_qr or cgnr, as Ceres names them. auto: a Schur solver for bal and vio, "
+              "sparse_normal_cholesky for pose graphs. "
+              "inceres refuses the iterative ones on a ceres::Problem (iterative_schur with "
+              "--builtin_factors is its PCG); of the Cholesky "
+              "and Schur ones on a ceres::Problem it takes whichever it predicts to "
+              "be cheapest, with --builtin_factors the one named, and for auto the cheapest, PCG "
+              "among them. In ab_compare this is for "
+              "inceres; stock runs in --configurations.");
 DEFINE_int32(num_threads, 1, "Threads of the solver, at least 1.");
 DEFINE_int32(max_num_iterations, 50, "Stop after this many iterations, at least 0.");
-DEFINE_double(function_tolerance, 1e-6, "Stop when the cost changes by less than this, relative; 0: never.");
+DEFINE_double(function_tolerance, 1e-6,
+              "Stop when the cost changes by less than this, relative; 0: never.");
 DEFINE_double(gradient_tolerance, 1e-10, "Stop when no entry of the gradient is larger; 0: never.");
-DEFINE_double(parameter_tolerance, 1e-8, "Stop when the step is shorter than this, relative to the parameters; 0: never.");
+DEFINE_double(parameter_tolerance, 1e-8,
+              "Stop when the step is shorter than this, relative to the parameters; 0: never.");
 DEFINE_double(initial_trust_region_radius, 1e4,
               "First trust-region radius; the damping of lm starts at its reciprocal. Above 0.");
 DEFINE_string(robust, "none",
-              "Robust loss: none, huber:A or cauchy:A, with the scale A in the units of the residual (BAL: pixels).");
+              "Robust loss: none, huber:A or cauchy:A, with the scale A in the units of the "
+              "residual (BAL: pixels).");
 DEFINE_string(mode, "exact",
-              "exact (follows the iterations of Ceres) or incremental (re-uses Jacobians while they are good enough).");
+              "exact (follows the iterations of Ceres) or incremental (re-uses Jacobians while "
+              "they are good enough).");
 DEFINE_bool(builtin_factors, false,
-            "Let inceres use its own analytic factors on its own factor graph instead of cost functions; bal and vio only.");
+            "Let inceres use its own analytic factors on its own factor graph instead of cost "
+            "functions; bal and vio only.");
 
 namespace inceres::tools {
 namespace {
@@ -49,29 +57,33 @@ Status ParseLinearSolver(const std::string& text, std::optional<ceres::LinearSol
     return Status::Ok();
   }
   for (const ceres::LinearSolverType candidate :
-       {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY,
-        ceres::DENSE_NORMAL_CHOLESKY, ceres::DENSE_QR, ceres::CGNR}) {
+       {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR,
+        ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_NORMAL_CHOLESKY, ceres::DENSE_QR,
+        ceres::CGNR}) {
     if (FlagName(candidate) == text) {
       *type = candidate;
       return Status::Ok();
     }
   }
-  return Invalid(
-      "--linear_solver '" + text +
-      "': use auto, dense_schur, sparse_schur, iterative_schur, sparse_normal_cholesky, dense_normal_cholesky, dense_qr "
-      "or cgnr");
+  return Invalid("--linear_solver '" + text +
+                 "': use auto, dense_schur, sparse_schur, iterative_schur, sparse_normal_cholesky, "
+                 "dense_normal_cholesky, dense_qr "
+                 "or cgnr");
 }
 
 Status ParseMode(const std::string& text, bool* incremental) {
   *incremental = text == "incremental";
-  return *incremental || text == "exact" ? Status::Ok() : Invalid("--mode '" + text + "': use exact or incremental");
+  return *incremental || text == "exact"
+             ? Status::Ok()
+             : Invalid("--mode '" + text + "': use exact or incremental");
 }
 
 Status CheckRadius() {
   const double radius = FLAGS_initial_trust_region_radius;
   return std::isfinite(radius) && radius > 0.0
              ? Status::Ok()
-             : Invalid("--initial_trust_region_radius " + std::to_string(radius) + ": must be a finite number above 0");
+             : Invalid("--initial_trust_region_radius " + std::to_string(radius) +
+                       ": must be a finite number above 0");
 }
 
 // What Ceres and the core call by the same names.
@@ -93,14 +105,16 @@ Status ReadSolverFlags(SolverSettings* settings) {
   if (!robust.ok()) {
     robust.message = "--robust " + robust.message;
   }
-  for (Status& status : std::vector<Status>{
-           ParseMode(FLAGS_mode, &read.incremental), ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
-           ParseLinearSolver(FLAGS_linear_solver, &read.linear_solver),
-           CheckNumbers({{"--num_threads", FLAGS_num_threads, 1}, {"--max_num_iterations", FLAGS_max_num_iterations, 0}},
-                        {{"--function_tolerance", FLAGS_function_tolerance},
-                         {"--gradient_tolerance", FLAGS_gradient_tolerance},
-                         {"--parameter_tolerance", FLAGS_parameter_tolerance}}),
-           CheckRadius(), robust}) {
+  for (Status& status :
+       std::vector<Status>{ParseMode(FLAGS_mode, &read.incremental),
+                           ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
+                           ParseLinearSolver(FLAGS_linear_solver, &read.linear_solver),
+                           CheckNumbers({{"--num_threads", FLAGS_num_threads, 1},
+                                         {"--max_num_iterations", FLAGS_max_num_iterations, 0}},
+                                        {{"--function_tolerance", FLAGS_function_tolerance},
+                                         {"--gradient_tolerance", FLAGS_gradient_tolerance},
+                                         {"--parameter_tolerance", FLAGS_parameter_tolerance}}),
+                           CheckRadius(), robust}) {
     if (!status.ok()) {
       return status;
     }
@@ -116,17 +130,20 @@ Status ReadSolverFlags(SolverSettings* settings) {
   return Status::Ok();
 }
 
-ceres::LinearSolverType LinearSolverOr(const SolverSettings& settings, ceres::LinearSolverType automatic) {
+ceres::LinearSolverType LinearSolverOr(const SolverSettings& settings,
+                                       ceres::LinearSolverType automatic) {
   return settings.linear_solver.value_or(automatic);
 }
 
 std::string FlagName(ceres::LinearSolverType type) {
   std::string name = ceres::LinearSolverTypeToString(type);
-  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return name;
 }
 
-Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType type, ceres::Solver::Options* options) {
+Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType type,
+                      ceres::Solver::Options* options) {
   ceres::Solver::Options result;
   result.trust_region_strategy_type = settings.trust_region;
   result.linear_solver_type = type;
@@ -164,13 +181,16 @@ Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
         return Invalid("--linear_solver " + FlagName(*settings.linear_solver) +
                        " is iterative: not available with --builtin_factors");
     }
-    const bool dense = *settings.linear_solver == ceres::DENSE_SCHUR || *settings.linear_solver == ceres::DENSE_NORMAL_CHOLESKY;
-    result.reduced_solver = *settings.linear_solver == ceres::ITERATIVE_SCHUR ? ReducedSolverKind::kPcg
-                            : dense                                           ? ReducedSolverKind::kDense
-                                                                              : ReducedSolverKind::kSparse;
+    const bool dense = *settings.linear_solver == ceres::DENSE_SCHUR ||
+                       *settings.linear_solver == ceres::DENSE_NORMAL_CHOLESKY;
+    result.reduced_solver = *settings.linear_solver == ceres::ITERATIVE_SCHUR
+                                ? ReducedSolverKind::kPcg
+                            : dense ? ReducedSolverKind::kDense
+                                    : ReducedSolverKind::kSparse;
   }
-  result.strategy =
-      settings.trust_region == ceres::DOGLEG ? TrustRegionStrategyKind::kDogleg : TrustRegionStrategyKind::kLevenbergMarquardt;
+  result.strategy = settings.trust_region == ceres::DOGLEG
+                        ? TrustRegionStrategyKind::kDogleg
+                        : TrustRegionStrategyKind::kLevenbergMarquardt;
   CopyNumbers(settings, &result);
   Status status = result.Validate();
   if (status.ok()) {
@@ -182,8 +202,9 @@ Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
 Status ToIncrementalOptions(const SolverSettings& settings, IncrementalOptions* options,
                             std::vector<std::string>* without_effect) {
   if (settings.linear_solver.has_value()) {
-    return Invalid("--linear_solver " + FlagName(*settings.linear_solver) +
-                   ": with --mode incremental --builtin_factors there is only one; leave it at auto");
+    return Invalid(
+        "--linear_solver " + FlagName(*settings.linear_solver) +
+        ": with --mode incremental --builtin_factors there is only one; leave it at auto");
   }
   const SolverSettings defaults;
   const std::pair<const char*, bool> ignored[] = {
@@ -198,9 +219,11 @@ Status ToIncrementalOptions(const SolverSettings& settings, IncrementalOptions* 
   result.max_num_iterations = settings.max_num_iterations;
   result.function_tolerance = settings.function_tolerance;
   result.num_threads = settings.num_threads;
-  result.batch_strategy =
-      settings.trust_region == ceres::DOGLEG ? TrustRegionStrategyKind::kDogleg : TrustRegionStrategyKind::kLevenbergMarquardt;
-  result.initial_damping = std::clamp(1.0 / settings.initial_trust_region_radius, result.min_damping, result.max_damping);
+  result.batch_strategy = settings.trust_region == ceres::DOGLEG
+                              ? TrustRegionStrategyKind::kDogleg
+                              : TrustRegionStrategyKind::kLevenbergMarquardt;
+  result.initial_damping = std::clamp(1.0 / settings.initial_trust_region_radius,
+                                      result.min_damping, result.max_damping);
   const Status status = result.Validate();
   if (status.ok()) {
     *options = result;

@@ -28,24 +28,28 @@ struct SolverSettings {
   bool incremental = false;  ///< ours solves in incremental mode
 };
 
-/// Reads --trust_region, --linear_solver, --num_threads, --max_num_iterations, --function_tolerance, --gradient_tolerance,
-/// --parameter_tolerance, --initial_trust_region_radius, --robust, --mode and --builtin_factors. A value that makes no sense is
-/// kInvalidArgument; the message names the flag and what it may be.
+/// Reads --trust_region, --linear_solver, --num_threads, --max_num_iterations,
+/// --function_tolerance, --gradient_tolerance, --parameter_tolerance,
+/// --initial_trust_region_radius, --robust, --mode and --builtin_factors. A value that makes no
+/// sense is kInvalidArgument; the message names the flag and what it may be.
 Status ReadSolverFlags(SolverSettings* settings);
 
 /// The linear solver the settings ask for; `automatic` where they leave it open.
-ceres::LinearSolverType LinearSolverOr(const SolverSettings& settings, ceres::LinearSolverType automatic);
+ceres::LinearSolverType LinearSolverOr(const SolverSettings& settings,
+                                       ceres::LinearSolverType automatic);
 
 /// "dense_schur", "sparse_normal_cholesky", …: what --linear_solver reads.
 std::string FlagName(ceres::LinearSolverType type);
 
-/// The settings as options of Ceres (stock and shim), and of the core. ITERATIVE_SCHUR is the core's PCG; it
-/// refuses CGNR.
-Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType type, ceres::Solver::Options* options);
+/// The settings as options of Ceres (stock and shim), and of the core. ITERATIVE_SCHUR is the
+/// core's PCG; it refuses CGNR.
+Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType type,
+                      ceres::Solver::Options* options);
 Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options);
 
-/// The settings as options of the IncrementalSolver; its damping starts at 1 / --initial_trust_region_radius. It has one linear
-/// solver and refuses --linear_solver. `without_effect` gets the other flags that were set and do nothing there.
+/// The settings as options of the IncrementalSolver; its damping starts at 1 /
+/// --initial_trust_region_radius. It has one linear solver and refuses --linear_solver.
+/// `without_effect` gets the other flags that were set and do nothing there.
 Status ToIncrementalOptions(const SolverSettings& settings, IncrementalOptions* options,
                             std::vector<std::string>* without_effect);
 

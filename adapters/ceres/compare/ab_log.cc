@@ -23,7 +23,8 @@
 namespace inceres::internal {
 namespace {
 
-// What this process knows of a log file. Never destroyed: solves may still run while the process ends.
+// What this process knows of a log file. Never destroyed: solves may still run while the process
+// ends.
 struct LogState {
   std::int64_t num_solves = 0;
   std::uint64_t num_comparisons = 0;
@@ -46,7 +47,8 @@ void ComplainOnce(const std::string& path, const char* reason) {
   bool& complained = registry.logs[path].complained;
   if (!complained) {
     complained = true;
-    LOG(WARNING) << "inceres: the A/B log " << path << " cannot be written (" << reason << "); solves go on without it";
+    LOG(WARNING) << "inceres: the A/B log " << path << " cannot be written (" << reason
+                 << "); solves go on without it";
   }
 }
 
@@ -54,7 +56,8 @@ void ComplainOnce(const std::string& path, const char* reason) {
 std::string Now() {
   const auto now = std::chrono::system_clock::now();
   const std::time_t seconds = std::chrono::system_clock::to_time_t(now);
-  const auto milliseconds = std::chrono::duration_cast<std::chrono::milliseconds>(now.time_since_epoch()).count() % 1000;
+  const auto milliseconds =
+      std::chrono::duration_cast<std::chrono::milliseconds>(now.time_since_epoch()).count() % 1000;
   std::tm parts;
   gmtime_r(&seconds, &parts);
   char text[48];
@@ -86,16 +89,20 @@ std::string Sizes(const ceres::Solver::Summary& summary) {
       .Add("effective_parameters", summary.num_effective_parameters_reduced)
       .Add("residual_blocks", summary.num_residual_blocks_reduced)
       .Add("residuals", summary.num_residuals_reduced)
-      .Add("constant_parameter_blocks", summary.num_parameter_blocks - summary.num_parameter_blocks_reduced)
+      .Add("constant_parameter_blocks",
+           summary.num_parameter_blocks - summary.num_parameter_blocks_reduced)
       .Close();
 }
 
 std::string Structure(const SolveReport& report, const ceres::Solver::Summary& summary) {
   JsonObject json;
-  json.AddString("linear_solver_given", ceres::LinearSolverTypeToString(summary.linear_solver_type_given))
-      .AddString("linear_solver_used", ceres::LinearSolverTypeToString(summary.linear_solver_type_used))
+  json.AddString("linear_solver_given",
+                 ceres::LinearSolverTypeToString(summary.linear_solver_type_given))
+      .AddString("linear_solver_used",
+                 ceres::LinearSolverTypeToString(summary.linear_solver_type_used))
       .AddString("schur_structure", summary.schur_structure_used)
-      .AddString("strategy", ceres::TrustRegionStrategyTypeToString(summary.trust_region_strategy_type))
+      .AddString("strategy",
+                 ceres::TrustRegionStrategyTypeToString(summary.trust_region_strategy_type))
       .Add("threads", summary.num_threads_used);
   if (!report.used_stock) {
     json.Add("landmarks", report.num_landmarks)
@@ -154,7 +161,8 @@ std::string Differences(const CrossCheckResult& result, const JudgedTolerances& 
       .Add("parameter_block", result.parameters.index)
       .Add("parameter_block_size", result.parameters.size)
       .Add("component", result.parameters.component)
-      .Add("iterations", static_cast<int>(result.ours.iterations.size()) - static_cast<int>(result.stock.iterations.size()))
+      .Add("iterations", static_cast<int>(result.ours.iterations.size()) -
+                             static_cast<int>(result.stock.iterations.size()))
       .Add("first_iteration", result.first_different_iteration)
       .AddArray("violations", result.violations, JsonString)
       .AddArray("within_spread", result.within_spread, JsonString)
@@ -165,7 +173,8 @@ std::string Differences(const CrossCheckResult& result, const JudgedTolerances& 
 }
 
 std::string Machine() {
-  static const std::string& kCpu = *new std::string(CpuModel());  // never destroyed, as the environment
+  static const std::string& kCpu =
+      *new std::string(CpuModel());  // never destroyed, as the environment
   return JsonObject()
       .AddString("cpu", kCpu)
       .Add("hardware_threads", static_cast<int>(std::thread::hardware_concurrency()))
@@ -192,7 +201,8 @@ std::string LogLine(const SolveCall& call, std::int64_t number) {
   const SolveReport& report = *call.report;
   const SolveMode mode = call.solve_options.mode;
   const CrossCheckResult& result = *report.comparison;
-  const bool solved_by_ours = result.compared || (!report.used_stock && report.fallback_reason.empty());
+  const bool solved_by_ours =
+      result.compared || (!report.used_stock && report.fallback_reason.empty());
   const bool solved_by_stock = result.compared || report.used_stock;
   return JsonObject()
       .AddString("time", Now())
@@ -203,8 +213,11 @@ std::string LogLine(const SolveCall& call, std::int64_t number) {
       .AddRaw("sizes", Sizes(*call.summary))
       .AddRaw("structure", Structure(report, *call.summary))
       .AddRaw("ours", solved_by_ours ? OurOutcome(report, mode) : "null")
-      .AddRaw("stock", solved_by_stock ? Outcome(result.stock, result.stock_seconds).Close() : "null")
-      .AddRaw("difference", result.compared ? Differences(result, TolerancesFor(call.solve_options, call.options)) : "null")
+      .AddRaw("stock",
+              solved_by_stock ? Outcome(result.stock, result.stock_seconds).Close() : "null")
+      .AddRaw("difference",
+              result.compared ? Differences(result, TolerancesFor(call.solve_options, call.options))
+                              : "null")
       .AddString("first", Name(result.first))
       .AddString("kept", Name(result.kept))
       .AddString("fallback_reason", report.fallback_reason)

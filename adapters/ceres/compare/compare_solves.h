@@ -32,11 +32,13 @@ struct SolvedStates {
   std::vector<double> stock;
 };
 
-/// By how much solves of stock Ceres, from one start, with different linear solvers, differ from each other; the largest where
-/// there are several. Multiplied already: a difference of ours up to this much is excused.
+/// By how much solves of stock Ceres, from one start, with different linear solvers, differ from
+/// each other; the largest where there are several. Multiplied already: a difference of ours up to
+/// this much is excused.
 struct Excuse {
-  int first_different_iteration = std::numeric_limits<int>::max();  ///< from here on no trace is judged, nor how long it is
-  std::vector<double> costs;                                        ///< up to each iteration before that one
+  /// from here on no trace is judged, nor how long it is
+  int first_different_iteration = std::numeric_limits<int>::max();
+  std::vector<double> costs;  ///< up to each iteration before that one
   std::vector<double> radii;
   double final_cost = 0.0;
   double parameters = 0.0;
@@ -44,13 +46,14 @@ struct Excuse {
   bool terminations = false;  ///< they end in different ways
 };
 
-/// Judges result->ours against result->stock: fills cost_difference, parameters, first_different_iteration, violations, and in
-/// `reason` what was not judged because a clock or a callback ended a solve.
-void Compare(const UserState& layout, const SolvedStates& states, const JudgedTolerances& tolerances, const Excuse& excuse,
-             CrossCheckResult* result);
+/// Judges result->ours against result->stock: fills cost_difference, parameters,
+/// first_different_iteration, violations, and in `reason` what was not judged because a clock or a
+/// callback ended a solve.
+void Compare(const UserState& layout, const SolvedStates& states,
+             const JudgedTolerances& tolerances, const Excuse& excuse, CrossCheckResult* result);
 
-/// Adds to the excuse what the two solves of `pair`, both stock's, differ by, times `factor`. `pair` has been compared without
-/// an excuse.
+/// Adds to the excuse what the two solves of `pair`, both stock's, differ by, times `factor`.
+/// `pair` has been compared without an excuse.
 void Widen(const CrossCheckResult& pair, double factor, Excuse* excuse);
 
 }  // namespace inceres::internal

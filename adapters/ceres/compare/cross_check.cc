@@ -20,8 +20,9 @@ namespace inceres {
 
 Status CrossCheckOptions::Validate() const {
   const auto complaint = [](const char* field, double value) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "CrossCheckOptions::" + std::string(field) + " is " + std::to_string(value) + "; it must be at least 0");
+    return Status::Error(StatusCode::kInvalidArgument, "CrossCheckOptions::" + std::string(field) +
+                                                           " is " + std::to_string(value) +
+                                                           "; it must be at least 0");
   };
   if (cost_tolerance && !(*cost_tolerance >= 0.0)) {
     return complaint("cost_tolerance", *cost_tolerance);
@@ -50,7 +51,8 @@ namespace {
 // Puts the start values back unless told that all went well.
 class StartGuard {
  public:
-  StartGuard(const UserState& layout, const std::vector<double>& start) : layout_(layout), start_(start) {}
+  StartGuard(const UserState& layout, const std::vector<double>& start)
+      : layout_(layout), start_(start) {}
   ~StartGuard() {
     if (armed_) {
       layout_.Write(start_);
@@ -76,7 +78,8 @@ double SolveWithOurs(const SolveCall& call, const OurSolve& ours) {
 }
 
 // Null if it must not be done again.
-SecondOpinion::SolveAgain Again(const SolveCall& call, const OurSolve& ours, Repeatable repeatable) {
+SecondOpinion::SolveAgain Again(const SolveCall& call, const OurSolve& ours,
+                                Repeatable repeatable) {
   if (repeatable == Repeatable::kNo) {
     return nullptr;
   }
@@ -89,7 +92,8 @@ SecondOpinion::SolveAgain Again(const SolveCall& call, const OurSolve& ours, Rep
   };
 }
 
-void SolveWithBoth(const SolveCall& call, const OurSolve& ours, Repeatable repeatable, CrossCheckResult* result) {
+void SolveWithBoth(const SolveCall& call, const OurSolve& ours, Repeatable repeatable,
+                   CrossCheckResult* result) {
   const CrossCheckOptions& check = call.solve_options.cross_check;
   const UserState layout(*call.problem);
   SolvedStates states;
@@ -118,10 +122,12 @@ void SolveWithBoth(const SolveCall& call, const OurSolve& ours, Repeatable repea
   result->compared = true;
   if (WantsSecondOpinion(check, *result)) {
     const SecondOpinion::SolveAgain again = Again(call, ours, repeatable);
-    SecondOpinion(call.options, call.problem, layout, states, tolerances, check.spread_factor, again).Judge(result);
+    SecondOpinion(call.options, call.problem, layout, states, tolerances, check.spread_factor,
+                  again)
+        .Judge(result);
   }
-  const bool ended_by_callback =
-      result->ours.termination_type == ceres::USER_SUCCESS || result->ours.termination_type == ceres::USER_FAILURE;
+  const bool ended_by_callback = result->ours.termination_type == ceres::USER_SUCCESS ||
+                                 result->ours.termination_type == ceres::USER_FAILURE;
   result->kept = ended_by_callback ? SolvedBy::kOurs : check.keep;
   guard.Disarm();
   layout.Write(result->kept == SolvedBy::kOurs ? states.ours : states.stock);
@@ -157,18 +163,21 @@ std::string ComparisonObstacle(const SolveCall& call) {
       call.options.sparse_linear_algebra_library_type == ceres::SUITE_SPARSE) {
     return "stock Ceres aborts the process on use_mixed_precision_solves with SUITE_SPARSE";
   }
-  ceres::EvaluationCallback* const callback = EvaluationCallbackOf(*call.problem, asked.evaluation_callback);
+  ceres::EvaluationCallback* const callback =
+      EvaluationCallbackOf(*call.problem, asked.evaluation_callback);
   ProblemView view;
   OrderingView ordering;
   const bool incremental = asked.mode == SolveMode::kIncremental;
-  const std::string obstacle = FindObstacle(call.options, *call.problem, incremental, callback, &view, &ordering);
+  const std::string obstacle =
+      FindObstacle(call.options, *call.problem, incremental, callback, &view, &ordering);
   if (obstacle.empty() && callback != nullptr) {
     return "the problem has an evaluation callback, which a second solve would call again";
   }
   return obstacle;
 }
 
-void SolveAndCompare(const SolveCall& call, const OurSolve& ours, Repeatable repeatable, const std::string& obstacle) {
+void SolveAndCompare(const SolveCall& call, const OurSolve& ours, Repeatable repeatable,
+                     const std::string& obstacle) {
   const std::string& log = call.solve_options.ab_log;
   SolveReport* report = call.report;
   const auto result = std::make_shared<CrossCheckResult>();
@@ -193,7 +202,8 @@ void SolveAndCompare(const SolveCall& call, const OurSolve& ours, Repeatable rep
 
 }  // namespace
 
-void SolveAsAsked(SolveCall call, const OurSolve& ours, Repeatable repeatable, const std::string& obstacle) {
+void SolveAsAsked(SolveCall call, const OurSolve& ours, Repeatable repeatable,
+                  const std::string& obstacle) {
   CHECK(call.problem != nullptr);  // as ceres::Solve
   CHECK(call.summary != nullptr);
   SolveReport unread;

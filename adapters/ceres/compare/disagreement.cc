@@ -22,8 +22,8 @@ std::string HalfRow(const Trace& trace, int k) {
   const ceres::IterationSummary& iteration = trace[static_cast<std::size_t>(k)];
   const char* mark = iteration.step_is_successful ? " " : iteration.step_is_valid ? "r" : "i";
   char text[96];
-  std::snprintf(text, sizeof(text), "%19.12e %9.2e %9.2e %s    ", iteration.cost, iteration.step_norm,
-                iteration.trust_region_radius, mark);
+  std::snprintf(text, sizeof(text), "%19.12e %9.2e %9.2e %s    ", iteration.cost,
+                iteration.step_norm, iteration.trust_region_radius, mark);
   return text;
 }
 
@@ -36,7 +36,8 @@ std::string Traces(const CrossCheckResult& result) {
   const int end = std::min(rows, begin + kRowsBefore + kRowsAfter);
   std::ostringstream text;
   const std::string half = "               cost    |step|    radius      ";
-  text << "  iter  ours " << half.substr(5) << "  stock " << half.substr(6) << "(r: rejected, i: invalid)\n";
+  text << "  iter  ours " << half.substr(5) << "  stock " << half.substr(6)
+       << "(r: rejected, i: invalid)\n";
   for (int k = begin; k < end; ++k) {
     char head[16];
     std::snprintf(head, sizeof(head), "%c %4d ", k == marked ? '>' : ' ', k);
@@ -48,10 +49,11 @@ std::string Traces(const CrossCheckResult& result) {
   return text.str();
 }
 
-void DescribeEnd(const char* who, const ceres::Solver::Summary& summary, double seconds, std::ostringstream* text) {
-  *text << "  " << who << ": " << summary.iterations.size() << " rows, final cost " << summary.final_cost << ", "
-        << ceres::TerminationTypeToString(summary.termination_type) << ", " << 1e3 * seconds << " ms (" << summary.message
-        << ")\n";
+void DescribeEnd(const char* who, const ceres::Solver::Summary& summary, double seconds,
+                 std::ostringstream* text) {
+  *text << "  " << who << ": " << summary.iterations.size() << " rows, final cost "
+        << summary.final_cost << ", " << ceres::TerminationTypeToString(summary.termination_type)
+        << ", " << 1e3 * seconds << " ms (" << summary.message << ")\n";
 }
 
 // Nothing if it was not measured.
@@ -60,8 +62,9 @@ void DescribeSpread(const CrossCheckResult& result, std::ostringstream* text) {
     return;
   }
   const StockSpread& spread = *result.spread;
-  *text << "  stock's own linear solvers (" << spread.linear_solvers << ") differ by " << spread.cost << " in the final cost, "
-        << spread.parameter << " in a parameter, " << spread.iterations << " iterations";
+  *text << "  stock's own linear solvers (" << spread.linear_solvers << ") differ by "
+        << spread.cost << " in the final cost, " << spread.parameter << " in a parameter, "
+        << spread.iterations << " iterations";
   if (spread.first_different_iteration >= 0) {
     *text << ", from iteration " << spread.first_different_iteration << " on";
   }
@@ -74,7 +77,8 @@ std::string DescribeExcuse(const CrossCheckResult& result) {
   std::ostringstream text;
   text.precision(2);
   text << "inceres: cross-check: ours and stock Ceres differ, but "
-       << (result.reason.empty() ? "no more than stock's own linear solvers do" : result.reason) << '\n';
+       << (result.reason.empty() ? "no more than stock's own linear solvers do" : result.reason)
+       << '\n';
   for (const std::string& difference : result.within_spread) {
     text << "  " << difference << '\n';
   }
@@ -97,9 +101,10 @@ std::string DescribeDisagreement(const CrossCheckResult& result) {
   text.precision(6);
   if (worst.block != nullptr) {
     text.precision(12);
-    text << "  parameter that differs most: component " << worst.component << " of block " << worst.block << " of size "
-         << worst.size << " (number " << worst.index << " of GetParameterBlocks): ours " << worst.ours << ", stock "
-         << worst.stock << ", relative difference " << worst.relative << '\n';
+    text << "  parameter that differs most: component " << worst.component << " of block "
+         << worst.block << " of size " << worst.size << " (number " << worst.index
+         << " of GetParameterBlocks): ours " << worst.ours << ", stock " << worst.stock
+         << ", relative difference " << worst.relative << '\n';
   }
   DescribeEnd("ours", result.ours, result.our_seconds, &text);
   DescribeEnd("stock", result.stock, result.stock_seconds, &text);

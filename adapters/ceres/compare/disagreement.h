@@ -6,8 +6,8 @@
 
 namespace inceres::internal {
 
-/// What the log says of a cross-check that found violations: each of them, the first iteration that differs, the parameter that
-/// differs most, and both traces side by side around that iteration.
+/// What the log says of a cross-check that found violations: each of them, the first iteration that
+/// differs, the parameter that differs most, and both traces side by side around that iteration.
 std::string DescribeDisagreement(const CrossCheckResult& result);
 
 /// What the log says of one that found differences beyond the tolerances, but excused them.

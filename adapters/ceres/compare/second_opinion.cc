@@ -24,7 +24,8 @@ using Options = ceres::Solver::Options;
 constexpr int kMaxDenseSize = 1000;
 
 bool HaveSparse(Options* options) {
-  for (const auto library : {options->sparse_linear_algebra_library_type, ceres::SUITE_SPARSE, ceres::EIGEN_SPARSE}) {
+  for (const auto library :
+       {options->sparse_linear_algebra_library_type, ceres::SUITE_SPARSE, ceres::EIGEN_SPARSE}) {
     if (library != ceres::NO_SPARSE && ceres::IsSparseLinearAlgebraLibraryTypeAvailable(library)) {
       options->sparse_linear_algebra_library_type = library;
       return true;
@@ -40,28 +41,33 @@ std::vector<ceres::LinearSolverType> OtherTypes(ceres::LinearSolverType type, bo
     case ceres::DENSE_NORMAL_CHOLESKY:
       return {ceres::SPARSE_NORMAL_CHOLESKY, ceres::SPARSE_SCHUR};
     case ceres::SPARSE_SCHUR:
-      return small ? std::vector<ceres::LinearSolverType>{ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_SCHUR}
+      return small ? std::vector<ceres::LinearSolverType>{ceres::SPARSE_NORMAL_CHOLESKY,
+                                                          ceres::DENSE_SCHUR}
                    : std::vector<ceres::LinearSolverType>{ceres::SPARSE_NORMAL_CHOLESKY};
     case ceres::SPARSE_NORMAL_CHOLESKY:
-      return small ? std::vector<ceres::LinearSolverType>{ceres::SPARSE_SCHUR, ceres::DENSE_NORMAL_CHOLESKY}
+      return small ? std::vector<ceres::LinearSolverType>{ceres::SPARSE_SCHUR,
+                                                          ceres::DENSE_NORMAL_CHOLESKY}
                    : std::vector<ceres::LinearSolverType>{ceres::SPARSE_SCHUR};
     default:
       return {};
   }
 }
 
-// Normal equations are no measure of a QR factorization, which is there because they lose digits: another one is.
+// Normal equations are no measure of a QR factorization, which is there because they lose digits:
+// another one is.
 std::optional<Options> OtherLibrary(const Options& quiet) {
   Options other = quiet;
   other.dense_linear_algebra_library_type =
       quiet.dense_linear_algebra_library_type == ceres::EIGEN ? ceres::LAPACK : ceres::EIGEN;
-  const bool available = ceres::IsDenseLinearAlgebraLibraryTypeAvailable(other.dense_linear_algebra_library_type);
+  const bool available =
+      ceres::IsDenseLinearAlgebraLibraryTypeAvailable(other.dense_linear_algebra_library_type);
   return available ? std::optional<Options>(other) : std::nullopt;
 }
 
 Options OtherPreconditioner(const Options& quiet, ceres::LinearSolverType type) {
   Options other = quiet;
-  const ceres::PreconditionerType second = type == ceres::CGNR ? ceres::IDENTITY : ceres::SCHUR_JACOBI;
+  const ceres::PreconditionerType second =
+      type == ceres::CGNR ? ceres::IDENTITY : ceres::SCHUR_JACOBI;
   other.preconditioner_type = quiet.preconditioner_type == ceres::JACOBI ? second : ceres::JACOBI;
   return other;
 }
@@ -69,14 +75,15 @@ Options OtherPreconditioner(const Options& quiet, ceres::LinearSolverType type) 
 std::string Excused(double first, double again) {
   std::ostringstream text;
   text.precision(12);
-  text << "the cost functions remember earlier calls: at the same start the cost was " << first << ", then " << again
-       << "; with what they remember now, ours and stock agree";
+  text << "the cost functions remember earlier calls: at the same start the cost was " << first
+       << ", then " << again << "; with what they remember now, ours and stock agree";
   return text.str();
 }
 
 }  // namespace
 
-std::vector<Options> OtherLinearSolvers(const Options& quiet, const ceres::Solver::Summary& solved) {
+std::vector<Options> OtherLinearSolvers(const Options& quiet,
+                                        const ceres::Solver::Summary& solved) {
   const ceres::LinearSolverType type = solved.linear_solver_type_used;
   if (type == ceres::DENSE_QR) {
     const std::optional<Options> other = OtherLibrary(quiet);
@@ -86,7 +93,8 @@ std::vector<Options> OtherLinearSolvers(const Options& quiet, const ceres::Solve
     return {OtherPreconditioner(quiet, type)};
   }
   std::vector<Options> others;
-  for (const ceres::LinearSolverType other_type : OtherTypes(type, solved.num_effective_parameters_reduced <= kMaxDenseSize)) {
+  for (const ceres::LinearSolverType other_type :
+       OtherTypes(type, solved.num_effective_parameters_reduced <= kMaxDenseSize)) {
     Options other = quiet;
     other.linear_solver_type = other_type;
     other.dynamic_sparsity = false;
@@ -94,7 +102,8 @@ std::vector<Options> OtherLinearSolvers(const Options& quiet, const ceres::Solve
     if (!ceres::IsSchurType(type) || !ceres::IsSchurType(other_type)) {
       other.linear_solver_ordering = nullptr;  // its groups are for the other kind
     }
-    const bool sparse = other_type == ceres::SPARSE_SCHUR || other_type == ceres::SPARSE_NORMAL_CHOLESKY;
+    const bool sparse =
+        other_type == ceres::SPARSE_SCHUR || other_type == ceres::SPARSE_NORMAL_CHOLESKY;
     if (!sparse || HaveSparse(&other)) {
       others.push_back(std::move(other));
     }
@@ -108,7 +117,8 @@ Options QuietOptions(const Options& options) {
   quiet.minimizer_progress_to_stdout = false;
   quiet.logging_type = ceres::SILENT;
   if (options.linear_solver_ordering != nullptr) {
-    quiet.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(*options.linear_solver_ordering);
+    quiet.linear_solver_ordering =
+        std::make_shared<ceres::ParameterBlockOrdering>(*options.linear_solver_ordering);
   }
   return quiet;
 }
@@ -120,11 +130,14 @@ bool WantsSecondOpinion(const CrossCheckOptions& check, const CrossCheckResult& 
     return false;
   }
   return !result.violations.empty() ||
-         (check.spread_interval > 0 && number % static_cast<std::uint64_t>(check.spread_interval) == 0);
+         (check.spread_interval > 0 &&
+          number % static_cast<std::uint64_t>(check.spread_interval) == 0);
 }
 
-SecondOpinion::SecondOpinion(const Options& options, ceres::Problem* problem, const UserState& layout, const SolvedStates& states,
-                             const JudgedTolerances& tolerances, double factor, const SolveAgain& ours_again)
+SecondOpinion::SecondOpinion(const Options& options, ceres::Problem* problem,
+                             const UserState& layout, const SolvedStates& states,
+                             const JudgedTolerances& tolerances, double factor,
+                             const SolveAgain& ours_again)
     : quiet_(QuietOptions(options)),
       problem_(problem),
       layout_(layout),
@@ -166,18 +179,22 @@ void SecondOpinion::SolveWith(const Options& other, CrossCheckResult* result) {
   Compare(layout_, states, tolerances_, Excuse(), &pair);
   Widen(pair, factor_, &excuse_);
   if (!result->spread) {
-    result->spread.emplace().linear_solvers = ceres::LinearSolverTypeToString(result->stock.linear_solver_type_used);
+    result->spread.emplace().linear_solvers =
+        ceres::LinearSolverTypeToString(result->stock.linear_solver_type_used);
   }
   StockSpread& spread = *result->spread;
-  spread.linear_solvers += std::string(", ") + ceres::LinearSolverTypeToString(pair.ours.linear_solver_type_used);
+  spread.linear_solvers +=
+      std::string(", ") + ceres::LinearSolverTypeToString(pair.ours.linear_solver_type_used);
   spread.cost = std::max(spread.cost, std::abs(pair.cost_difference));
   spread.parameter = std::max(spread.parameter, pair.parameters.relative);
-  const int surplus = static_cast<int>(pair.ours.iterations.size()) - static_cast<int>(pair.stock.iterations.size());
+  const int surplus = static_cast<int>(pair.ours.iterations.size()) -
+                      static_cast<int>(pair.stock.iterations.size());
   spread.iterations = std::max(spread.iterations, std::abs(surplus));
   if (pair.first_different_iteration >= 0) {
-    spread.first_different_iteration = spread.first_different_iteration < 0
-                                           ? pair.first_different_iteration
-                                           : std::min(spread.first_different_iteration, pair.first_different_iteration);
+    spread.first_different_iteration =
+        spread.first_different_iteration < 0
+            ? pair.first_different_iteration
+            : std::min(spread.first_different_iteration, pair.first_different_iteration);
   }
   spread.seconds += seconds;
 }
@@ -189,10 +206,11 @@ void SecondOpinion::JudgeAnew(CrossCheckResult* result) const {
   Compare(layout_, states_, tolerances_, excuse_, result);
 }
 
-// Our solver makes the same bits of the same problem. What makes it meet another cost at the same start is not in it. Failures
-// are never excused by this.
+// Our solver makes the same bits of the same problem. What makes it meet another cost at the same
+// start is not in it. Failures are never excused by this.
 bool SecondOpinion::CostFunctionsRemember(CrossCheckResult* result) const {
-  if (ours_again_ == nullptr || !result->stock.IsSolutionUsable() || !result->ours.IsSolutionUsable()) {
+  if (ours_again_ == nullptr || !result->stock.IsSolutionUsable() ||
+      !result->ours.IsSolutionUsable()) {
     return false;
   }
   CrossCheckResult again;

@@ -29,12 +29,15 @@ void LogProgress(const ceres::IterationSummary& iteration, bool to_stdout) {
 
 std::string ProgressText(const ceres::IterationSummary& iteration) {
   char row[256];
-  std::snprintf(row, sizeof(row), "% 4d % 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e     % 4d   % 3.2e   % 3.2e",
-                iteration.iteration, iteration.cost, iteration.cost_change, iteration.gradient_max_norm, iteration.step_norm,
-                iteration.relative_decrease, iteration.trust_region_radius, iteration.linear_solver_iterations,
+  std::snprintf(row, sizeof(row),
+                "% 4d % 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e     % 4d   % 3.2e   % 3.2e",
+                iteration.iteration, iteration.cost, iteration.cost_change,
+                iteration.gradient_max_norm, iteration.step_norm, iteration.relative_decrease,
+                iteration.trust_region_radius, iteration.linear_solver_iterations,
                 iteration.iteration_time_in_seconds, iteration.cumulative_time_in_seconds);
   const char* heading =
-      "iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  iter_time  total_time\n";
+      "iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  "
+      "iter_time  total_time\n";
   return iteration.iteration == 0 ? std::string(heading) + row : row;
 }
 
@@ -50,7 +53,8 @@ void CallbackObserver::BeforeEvaluation(const double* state, bool jacobians, boo
   }
 }
 
-ObserverAction CallbackObserver::EndOfIteration(const IterationSummary& iteration, const double* best_state) {
+ObserverAction CallbackObserver::EndOfIteration(const IterationSummary& iteration,
+                                                const double* best_state) {
   if (options_.update_state) {
     WriteToUser(blocks_, best_state);
   }
@@ -59,7 +63,8 @@ ObserverAction CallbackObserver::EndOfIteration(const IterationSummary& iteratio
   return ReportIteration(options_, with_fixed_cost, &callback_seconds_);
 }
 
-ObserverAction ReportIteration(const ReportOptions& options, const IterationSummary& iteration, double* callback_seconds) {
+ObserverAction ReportIteration(const ReportOptions& options, const IterationSummary& iteration,
+                               double* callback_seconds) {
   const ceres::IterationSummary summary = ToCeres(iteration, options.eta);
   if (options.logs) {
     LogProgress(summary, options.to_stdout);

@@ -11,10 +11,12 @@
 
 namespace inceres::internal {
 
-/// Ceres's progress table: the row of one iteration, preceded by the heading at iteration 0, without the last newline.
+/// Ceres's progress table: the row of one iteration, preceded by the heading at iteration 0,
+/// without the last newline.
 std::string ProgressText(const ceres::IterationSummary& iteration);
 
-/// What of the options is asked again and again during a solve: a copy, as Ceres takes one, for a callback may change the user's.
+/// What of the options is asked again and again during a solve: a copy, as Ceres takes one, for a
+/// callback may change the user's.
 struct ReportOptions {
   explicit ReportOptions(const ceres::Solver::Options& options)
       : callbacks(options.callbacks),
@@ -30,26 +32,33 @@ struct ReportOptions {
   double eta;
 };
 
-/// What Ceres does at the end of an iteration once the user's memory is as it is to be: log the progress row (unless silent),
-/// call the user's callbacks until one of them stops the solve. Adds the seconds these took to `*callback_seconds`.
-ObserverAction ReportIteration(const ReportOptions& options, const IterationSummary& iteration, double* callback_seconds);
+/// What Ceres does at the end of an iteration once the user's memory is as it is to be: log the
+/// progress row (unless silent), call the user's callbacks until one of them stops the solve. Adds
+/// the seconds these took to `*callback_seconds`.
+ObserverAction ReportIteration(const ReportOptions& options, const IterationSummary& iteration,
+                               double* callback_seconds);
 
-/// What Ceres does at the end of an iteration, in its order: copy the best state to the user's memory (if asked to), then
-/// ReportIteration. And, if the problem has an evaluation callback, before an evaluation: copy the point to the user's memory
-/// and call it.
+/// What Ceres does at the end of an iteration, in its order: copy the best state to the user's
+/// memory (if asked to), then ReportIteration. And, if the problem has an evaluation callback,
+/// before an evaluation: copy the point to the user's memory and call it.
 class CallbackObserver : public SolveObserver {
  public:
   /// Borrows all for the length of a solve; `evaluation_callback` may be null. `fixed_cost` is
   /// of residual blocks that are not in the graph.
-  CallbackObserver(const ceres::Solver::Options& options, ceres::EvaluationCallback* evaluation_callback,
+  CallbackObserver(const ceres::Solver::Options& options,
+                   ceres::EvaluationCallback* evaluation_callback,
                    const std::vector<StateBlock>& blocks, double fixed_cost)
-      : options_(options), evaluation_callback_(evaluation_callback), blocks_(blocks), fixed_cost_(fixed_cost) {}
+      : options_(options),
+        evaluation_callback_(evaluation_callback),
+        blocks_(blocks),
+        fixed_cost_(fixed_cost) {}
 
   /// False if nobody would notice that the solve goes on without it.
   bool IsNeeded() const;
 
   void BeforeEvaluation(const double* state, bool jacobians, bool new_point) override;
-  ObserverAction EndOfIteration(const IterationSummary& iteration, const double* best_state) override;
+  ObserverAction EndOfIteration(const IterationSummary& iteration,
+                                const double* best_state) override;
 
   /// Spent in the user's iteration callbacks so far.
   double callback_seconds() const { return callback_seconds_; }

@@ -16,8 +16,10 @@
 namespace inceres::internal {
 namespace {
 
-void WriteReport(const SolveInput& input, const LandmarkCounts& landmarks, Summary core, SolveReport* report) {
-  report->options_without_effect = OptionsWithoutEffect(input.options, landmarks, core.is_constrained);
+void WriteReport(const SolveInput& input, const LandmarkCounts& landmarks, Summary core,
+                 SolveReport* report) {
+  report->options_without_effect =
+      OptionsWithoutEffect(input.options, landmarks, core.is_constrained);
   report->num_landmarks = landmarks.num_landmarks;
   report->num_frames = input.view.reduced.num_parameter_blocks - landmarks.num_landmarks;
   report->core = std::move(core);
@@ -56,12 +58,14 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   AddFixedCost(summary->fixed_cost, &core);
   LogFailedStep(input.options, core.failed_step);
   if (core.termination == Termination::kFailure) {
-    LOG_IF(WARNING, !core.detail.empty()) << "inceres: " << core.detail;  // where Ceres prints the residual block's numbers
+    LOG_IF(WARNING, !core.detail.empty())
+        << "inceres: " << core.detail;  // where Ceres prints the residual block's numbers
     LOG(ERROR) << "Terminating: " << core.message;
   }
   // After a failure the graph still holds the start, and an update_state_every_iteration is undone.
   WriteToUser(blocks, graph.state().data());
-  summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;
+  summary->minimizer_time_in_seconds =
+      input.clock.Seconds() - summary->preprocessor_time_in_seconds;
   WriteSolution(input.options, core, summary);
   WriteReport(input, landmarks, std::move(core), report);
   report->callback_seconds = observer.callback_seconds();
@@ -69,8 +73,9 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
 
 }  // namespace
 
-std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type, FactorGraph* graph,
-                                  LandmarkCounts* landmarks, ceres::Solver::Summary* summary) {
+std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type,
+                                  FactorGraph* graph, LandmarkCounts* landmarks,
+                                  ceres::Solver::Summary* summary) {
   *landmarks = input.plan->landmarks;
   std::vector<StateBlock> blocks = BuildGraph(input.view, *input.plan, graph);
   WriteLinearSolver(input.view, input.ordering, input.plan->landmarks, type, summary);
@@ -90,10 +95,12 @@ void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, Solv
     summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
     summary->preprocessor_time_in_seconds = input.clock.Seconds();
     if (!fixed.error.empty()) {
-      summary->message = fixed.error;  // not logged: Ceres is silent about what fails before its loop
+      // not logged: Ceres is silent about what fails before its loop
+      summary->message = fixed.error;
     } else {
       WriteNothingToSolve(fixed.cost, summary);
-      summary->minimizer_time_in_seconds = input.clock.Seconds() - summary->preprocessor_time_in_seconds;
+      summary->minimizer_time_in_seconds =
+          input.clock.Seconds() - summary->preprocessor_time_in_seconds;
     }
     WriteReport(input, LandmarkCounts(), Summary(), report);
   }

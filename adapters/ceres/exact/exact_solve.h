@@ -11,13 +11,15 @@
 
 namespace inceres::internal {
 
-/// The problem as a graph, by the input's plan. Of the view only the parameter blocks and totals are kept. Returns where each
-/// block that the solver moves lies in the graph's state.
-std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type, FactorGraph* graph,
-                                  LandmarkCounts* landmarks, ceres::Solver::Summary* summary);
+/// The problem as a graph, by the input's plan. Of the view only the parameter blocks and totals
+/// are kept. Returns where each block that the solver moves lies in the graph's state.
+std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type,
+                                  FactorGraph* graph, LandmarkCounts* landmarks,
+                                  ceres::Solver::Summary* summary);
 
-/// Solves with the core in exact mode: fixed cost, landmarks, graph, minimization, write-back, summary. Writes user memory as
-/// Ceres does: only blocks it moved, the best state if it is usable, else what was there before.
+/// Solves with the core in exact mode: fixed cost, landmarks, graph, minimization, write-back,
+/// summary. Writes user memory as Ceres does: only blocks it moved, the best state if it is usable,
+/// else what was there before.
 void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report);
 
 }  // namespace inceres::internal

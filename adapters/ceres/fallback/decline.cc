@@ -8,7 +8,8 @@ void Decline(const SolveCall& call, const std::string& reason) {
   call.report->fallback_reason = reason;
   if (call.solve_options.strict) {
     call.summary->termination_type = ceres::FAILURE;
-    call.summary->message = "inceres does not solve this problem, and strict forbids stock Ceres: " + reason;
+    call.summary->message =
+        "inceres does not solve this problem, and strict forbids stock Ceres: " + reason;
     return;
   }
   call.report->used_stock = true;

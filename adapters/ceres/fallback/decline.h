@@ -18,12 +18,14 @@ struct SolveCall {
   SolveReport* report;
 };
 
-/// Stock Ceres's solver. The member function is called, not the free ceres::Solve: the free one goes through the member, so
-/// whoever replaces the member must never be reached from here by way of the free one.
-void SolveWithStock(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary);
+/// Stock Ceres's solver. The member function is called, not the free ceres::Solve: the free one
+/// goes through the member, so whoever replaces the member must never be reached from here by way
+/// of the free one.
+void SolveWithStock(const ceres::Solver::Options& options, ceres::Problem* problem,
+                    ceres::Solver::Summary* summary);
 
-/// A problem we do not solve: stock Ceres does, unless the caller is strict. Requires that nothing of the user's has been called
-/// or written so far.
+/// A problem we do not solve: stock Ceres does, unless the caller is strict. Requires that nothing
+/// of the user's has been called or written so far.
 void Decline(const SolveCall& call, const std::string& reason);
 
 }  // namespace inceres::internal

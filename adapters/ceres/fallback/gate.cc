@@ -13,8 +13,9 @@ bool IsIndependent(const ProblemView& view, const std::vector<int>& group) {
   }
   for (const ResidualBlockView& residual : view.residuals) {
     const int* slots = view.SlotsOf(residual);
-    const auto count =
-        std::count_if(slots, slots + residual.num_slots, [&](int b) { return in_group[static_cast<std::size_t>(b)] != 0; });
+    const auto count = std::count_if(slots, slots + residual.num_slots, [&](int b) {
+      return in_group[static_cast<std::size_t>(b)] != 0;
+    });
     if (count > 1) {
       return false;
     }
@@ -22,7 +23,8 @@ bool IsIndependent(const ProblemView& view, const std::vector<int>& group) {
   return true;
 }
 
-std::string OrderingObstacle(const ProblemView& view, const OrderingView& ordering, ceres::LinearSolverType type) {
+std::string OrderingObstacle(const ProblemView& view, const OrderingView& ordering,
+                             ceres::LinearSolverType type) {
   if (!ordering.given || !(IsSchurType(type) || type == ceres::SPARSE_NORMAL_CHOLESKY)) {
     return "";
   }
@@ -33,7 +35,8 @@ std::string OrderingObstacle(const ProblemView& view, const OrderingView& orderi
     return "linear_solver_ordering has " + std::to_string(ordering.num_elements) + " of the " +
            std::to_string(view.reduced.num_parameter_blocks) + " variable parameter blocks";
   }
-  if (IsSchurType(type) && ordering.group_sizes.size() > 1 && !IsIndependent(view, ordering.first_group)) {
+  if (IsSchurType(type) && ordering.group_sizes.size() > 1 &&
+      !IsIndependent(view, ordering.first_group)) {
     return "the first group of linear_solver_ordering is not an independent set";
   }
   return "";
@@ -42,15 +45,16 @@ std::string OrderingObstacle(const ProblemView& view, const OrderingView& orderi
 std::string InfeasibleBounds(const ProblemView& view) {
   for (const ParameterBlockView& block : view.blocks) {
     if (block.bounds == BoundsKind::kInfeasible) {
-      return Describe(block) +
-             (block.constant ? " is constant outside its bounds" : " has a lower bound not below its upper bound");
+      return Describe(block) + (block.constant ? " is constant outside its bounds"
+                                               : " has a lower bound not below its upper bound");
     }
   }
   return "";
 }
 
 // What exact mode cannot do either.
-std::string CommonObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering) {
+std::string CommonObstacle(const ceres::Solver::Options& options, const ProblemView& view,
+                           const OrderingView& ordering) {
   if (!view.defect.empty()) {
     return view.defect;
   }
@@ -67,8 +71,9 @@ std::string TooLargeForQr(const ProblemView& view) {
   if (rows * columns <= kMaxDenseQrEntries) {
     return "";
   }
-  return "DENSE_QR of " + std::to_string(static_cast<long>(rows)) + " x " + std::to_string(static_cast<long>(columns)) +
-         " entries exceeds the limit of " + std::to_string(static_cast<long>(kMaxDenseQrEntries));
+  return "DENSE_QR of " + std::to_string(static_cast<long>(rows)) + " x " +
+         std::to_string(static_cast<long>(columns)) + " entries exceeds the limit of " +
+         std::to_string(static_cast<long>(kMaxDenseQrEntries));
 }
 
 // In either mode.
@@ -89,7 +94,8 @@ std::string CommonOptionsObstacle(const ceres::Solver::Options& options) {
   if (!options.trust_region_minimizer_iterations_to_dump.empty()) {
     return "trust_region_minimizer_iterations_to_dump";
   }
-  if (options.linear_solver_ordering != nullptr && options.linear_solver_ordering->NumElements() == 0) {
+  if (options.linear_solver_ordering != nullptr &&
+      options.linear_solver_ordering->NumElements() == 0) {
     return "linear_solver_ordering is empty";
   }
   if (options.min_lm_diagonal <= 0.0) {
@@ -100,20 +106,25 @@ std::string CommonOptionsObstacle(const ceres::Solver::Options& options) {
 
 }  // namespace
 
-std::string DenseQrObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering) {
+std::string DenseQrObstacle(const ceres::Solver::Options& options, const ProblemView& view,
+                            const OrderingView& ordering) {
   const bool nothing_to_solve = view.reduced.num_parameter_blocks == 0;
-  return nothing_to_solve || EffectiveLinearSolver(options, ordering) != ceres::DENSE_QR ? "" : TooLargeForQr(view);
+  return nothing_to_solve || EffectiveLinearSolver(options, ordering) != ceres::DENSE_QR
+             ? ""
+             : TooLargeForQr(view);
 }
 
 std::string OptionsObstacle(const ceres::Solver::Options& options) {
   const std::string obstacle = CommonOptionsObstacle(options);
   if (obstacle.empty() && IsIterative(options.linear_solver_type)) {
-    return std::string("linear_solver_type ") + ceres::LinearSolverTypeToString(options.linear_solver_type);
+    return std::string("linear_solver_type ") +
+           ceres::LinearSolverTypeToString(options.linear_solver_type);
   }
   return obstacle;
 }
 
-std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering) {
+std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view,
+                            const OrderingView& ordering) {
   const std::string obstacle = CommonObstacle(options, view, ordering);
   return !obstacle.empty() ? obstacle : DenseQrObstacle(options, view, ordering);
 }
@@ -136,8 +147,8 @@ std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options,
   return "";
 }
 
-std::string IncrementalProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view,
-                                       const OrderingView& ordering) {
+std::string IncrementalProblemObstacle(const ceres::Solver::Options& options,
+                                       const ProblemView& view, const OrderingView& ordering) {
   const std::string obstacle = CommonObstacle(options, view, ordering);
   if (!obstacle.empty()) {
     return obstacle;
@@ -150,15 +161,19 @@ std::string IncrementalProblemObstacle(const ceres::Solver::Options& options, co
   return "";
 }
 
-std::string FindObstacle(const ceres::Solver::Options& options, const ceres::Problem& problem, bool incremental,
-                         const ceres::EvaluationCallback* evaluation_callback, ProblemView* view, OrderingView* ordering) {
-  const std::string obstacle = incremental ? IncrementalOptionsObstacle(options, evaluation_callback) : OptionsObstacle(options);
+std::string FindObstacle(const ceres::Solver::Options& options, const ceres::Problem& problem,
+                         bool incremental, const ceres::EvaluationCallback* evaluation_callback,
+                         ProblemView* view, OrderingView* ordering) {
+  const std::string obstacle = incremental
+                                   ? IncrementalOptionsObstacle(options, evaluation_callback)
+                                   : OptionsObstacle(options);
   if (!obstacle.empty()) {
     return obstacle;
   }
   Introspect(problem, view);
   *ordering = ReadOrdering(options, *view);
-  return incremental ? IncrementalProblemObstacle(options, *view, *ordering) : ProblemObstacle(options, *view, *ordering);
+  return incremental ? IncrementalProblemObstacle(options, *view, *ordering)
+                     : ProblemObstacle(options, *view, *ordering);
 }
 
 }  // namespace inceres::internal

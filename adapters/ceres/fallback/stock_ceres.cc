@@ -2,7 +2,8 @@
 
 namespace inceres::internal {
 
-void SolveWithStock(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+void SolveWithStock(const ceres::Solver::Options& options, ceres::Problem* problem,
+                    ceres::Solver::Summary* summary) {
   ceres::Solver solver;
   solver.Solve(options, problem, summary);
 }

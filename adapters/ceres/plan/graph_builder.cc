@@ -13,7 +13,8 @@ namespace {
 
 class Builder {
  public:
-  Builder(const ProblemView& view, const GraphPlan& plan, FactorGraph* graph) : view_(view), plan_(plan), graph_(*graph) {}
+  Builder(const ProblemView& view, const GraphPlan& plan, FactorGraph* graph)
+      : view_(view), plan_(plan), graph_(*graph) {}
 
   std::vector<StateBlock> Run() {
     graph_.Reserve(static_cast<int>(plan_.blocks.size()), view_.reduced.num_parameters);
@@ -35,7 +36,8 @@ class Builder {
       return;
     }
     const Role role = plan_.landmarks.Contains(b) ? Role::kLandmark : Role::kFrame;
-    const VariableId id = graph_.AddVariable(block.values, block.ambient_size, role, manifolds_.Get(block.manifold));
+    const VariableId id =
+        graph_.AddVariable(block.values, block.ambient_size, role, manifolds_.Get(block.manifold));
     if (block.bounds != BoundsKind::kNone) {
       const double* lower = view_.bounds.data() + block.first_bound;
       graph_.SetBounds(id, lower, lower + block.ambient_size);
@@ -45,7 +47,8 @@ class Builder {
 
   void AddFamily(const GraphPlan::Family& family) {
     const std::size_t num_factors = family.residuals.size();
-    const auto costs = std::make_shared<CeresCostFamily>(family.shape.num_residuals, family.shape.slots);
+    const auto costs =
+        std::make_shared<CeresCostFamily>(family.shape.num_residuals, family.shape.slots);
     costs->Reserve(num_factors);
     std::vector<std::shared_ptr<const Loss>> losses;  // none, or one for each factor
     for (std::size_t k = 0; k < num_factors; ++k) {
@@ -69,7 +72,8 @@ class Builder {
 
 }  // namespace
 
-std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& plan, FactorGraph* graph) {
+std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& plan,
+                                   FactorGraph* graph) {
   return Builder(view, plan, graph).Run();
 }
 
@@ -78,7 +82,9 @@ void NameVariables(const std::vector<StateBlock>& blocks, FactorGraph* graph) {
     const double* user = graph->Values(id);  // of a borrowed constant
     const std::int64_t offset = graph->StateOffset(id);
     if (offset >= 0) {
-      const auto at = [](const StateBlock& block, std::int64_t wanted) { return block.offset < wanted; };
+      const auto at = [](const StateBlock& block, std::int64_t wanted) {
+        return block.offset < wanted;
+      };
       user = std::lower_bound(blocks.begin(), blocks.end(), offset, at)->user;
     }
     return DescribeObject("parameter block", user);

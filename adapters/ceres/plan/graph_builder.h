@@ -16,14 +16,16 @@ struct StateBlock {
   int size = 0;
 };
 
-/// Adds to an empty graph what the plan says: the blocks the solver moves, the constants they meet (borrowed), and the residual
-/// blocks. The plan is one of a problem of this structure.
+/// Adds to an empty graph what the plan says: the blocks the solver moves, the constants they meet
+/// (borrowed), and the residual blocks. The plan is one of a problem of this structure.
 ///
-/// Returns where each moved block lies. The graph borrows cost functions, losses, manifolds and constants. Cost: linear.
-std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& plan, FactorGraph* graph);
+/// Returns where each moved block lies. The graph borrows cost functions, losses, manifolds and
+/// constants. Cost: linear.
+std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& plan,
+                                   FactorGraph* graph);
 
-/// Has the graph's messages name variables by the parameter blocks they stand for. `blocks` is BuildGraph's and outlives the
-/// graph's solves.
+/// Has the graph's messages name variables by the parameter blocks they stand for. `blocks` is
+/// BuildGraph's and outlives the graph's solves.
 void NameVariables(const std::vector<StateBlock>& blocks, FactorGraph* graph);
 
 /// user memory := state, for every block the solver moves and nothing else.

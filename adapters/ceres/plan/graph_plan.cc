@@ -62,16 +62,19 @@ class Planner {
     for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
       const ResidualBlockView& residual = view_.residuals[r];
       if (!residual.fixed) {
-        const int slot = view_.FindSlot(residual, [this](int b) { return plan_.landmarks.Contains(b); });
+        const int slot =
+            view_.FindSlot(residual, [this](int b) { return plan_.landmarks.Contains(b); });
         landmark_slot_[r] = slot;
-        row_of[r] = slot < 0 ? num_landmarks : variable_of_[At(view_.SlotsOf(residual)[slot])] - first_landmark_;
+        row_of[r] = slot < 0 ? num_landmarks
+                             : variable_of_[At(view_.SlotsOf(residual)[slot])] - first_landmark_;
       }
     }
     order_ = SortIntoRows(At(num_landmarks) + 1, row_of).items;
   }
 
   void PlanFamilies() {
-    // A family for each shape and slot of the landmark (slot -1: none): place numbers of the shapes, one more for each shape.
+    // A family for each shape and slot of the landmark (slot -1: none): place numbers of the
+    // shapes, one more for each shape.
     std::vector<int> family_at(At(shapes_.num_places) + shapes_.shapes.size(), -1);
     std::vector<int> family_of(order_.size());
     std::vector<std::vector<int>> members;
@@ -79,7 +82,8 @@ class Planner {
     for (std::size_t k = 0; k < order_.size(); ++k) {
       const std::size_t r = At(order_[k]);
       const int shape = shapes_.shape_of[r];
-      int& family = family_at[At(shapes_.shapes[At(shape)].first_place + shape + 1 + landmark_slot_[r])];
+      int& family =
+          family_at[At(shapes_.shapes[At(shape)].first_place + shape + 1 + landmark_slot_[r])];
       if (family < 0) {
         family = static_cast<int>(sizes.size());
         sizes.push_back(0);
@@ -107,7 +111,8 @@ class Planner {
     for (const int r : residuals) {
       const ResidualBlockView& residual = view_.residuals[At(r)];
       const int* slots = view_.SlotsOf(residual);
-      variable = std::transform(slots, slots + residual.num_slots, variable, [&](int b) { return variable_of_[At(b)]; });
+      variable = std::transform(slots, slots + residual.num_slots, variable,
+                                [&](int b) { return variable_of_[At(b)]; });
     }
     family.residuals = std::move(residuals);
   }
@@ -123,7 +128,8 @@ class Planner {
 
 }  // namespace
 
-GraphPlan PlanGraph(const ProblemView& view, const ShapeTable& shapes, LandmarkSelection landmarks) {
+GraphPlan PlanGraph(const ProblemView& view, const ShapeTable& shapes,
+                    LandmarkSelection landmarks) {
   return Planner(view, shapes, std::move(landmarks)).Run();
 }
 

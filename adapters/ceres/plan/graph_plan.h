@@ -9,12 +9,12 @@
 
 namespace inceres::internal {
 
-/// Which block and which residual block of a problem stand where in its graph. Numbers only, nothing of the user's, so that it
-/// serves every problem of the same structure.
+/// Which block and which residual block of a problem stand where in its graph. Numbers only,
+/// nothing of the user's, so that it serves every problem of the same structure.
 ///
-/// Variables are the blocks that residual blocks touch: constants and frames, then landmarks, both in order of first appearance,
-/// so that nothing depends on addresses. There is one family for each shape and landmark slot, the factors of one landmark next
-/// to each other.
+/// Variables are the blocks that residual blocks touch: constants and frames, then landmarks, both
+/// in order of first appearance, so that nothing depends on addresses. There is one family for each
+/// shape and landmark slot, the factors of one landmark next to each other.
 struct GraphPlan {
   struct Family {
     FactorShape shape;

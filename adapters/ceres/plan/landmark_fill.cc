@@ -14,8 +14,9 @@
 namespace inceres::internal {
 namespace {
 
-constexpr double kAlwaysFine = 300.0;        // unknowns of S
-constexpr double kCheapPerSlot = 1000.0;     // flops of a step: as long as evaluating takes, and a tenth of the analysis
+constexpr double kAlwaysFine = 300.0;  // unknowns of S
+// flops of a step: as long as evaluating takes, and a tenth of the analysis
+constexpr double kCheapPerSlot = 1000.0;
 constexpr double kLongTracks[] = {2, 4, 8};  // shares of the unknowns of S
 constexpr double kLessFill = 0.7;            // S must lose so much before it is worth analyzing
 constexpr double kAdvantage = 0.8;           // of what is not the selection itself
@@ -35,7 +36,8 @@ struct Choice {
 
 class FillChooser {
  public:
-  FillChooser(const ProblemView& view, const AvailableMemory& available, LandmarkSelection* selection)
+  FillChooser(const ProblemView& view, const AvailableMemory& available,
+              LandmarkSelection* selection)
       : view_(view), available_(available), selection_(*selection) {}
 
   void Run() {
@@ -45,8 +47,8 @@ class FillChooser {
     }
     frames_size -= landmarks_size_;
     const double cheap = kCheapPerSlot * static_cast<double>(view_.slots.size());
-    if (frames_size <= kAlwaysFine ||
-        (PredictFullSystem(frames_size).cost <= cheap && frames_size * frames_size < kAlwaysFits / 12.0)) {
+    if (frames_size <= kAlwaysFine || (PredictFullSystem(frames_size).cost <= cheap &&
+                                       frames_size * frames_size < kAlwaysFits / 12.0)) {
       return;
     }
     SumCommonBytes();
@@ -73,9 +75,10 @@ class FillChooser {
         row += padded_size;
         pairs += s + 1;
       }
-      common_bytes_ += residual.fixed ? 0.0
-                                      : sizeof(double) * residual.num_residuals * row + kBytesPerSlot * residual.num_slots +
-                                            kBytesPerProduct * pairs;
+      common_bytes_ += residual.fixed
+                           ? 0.0
+                           : sizeof(double) * residual.num_residuals * row +
+                                 kBytesPerSlot * residual.num_slots + kBytesPerProduct * pairs;
     }
   }
 
@@ -88,7 +91,8 @@ class FillChooser {
     const ReducedPrediction full = PredictFullSystem(graph.size());
     const ReducedGraph::Envelope envelope = graph.EnvelopeOfAppearance();
     choice.cost = graph.elimination_flops() + std::min(full.cost, envelope.flops);
-    choice.bytes = Bytes(graph, std::min(full.bytes, kBytesPerEnvelopeEntry * envelope.entries), BlocksAtMost(graph));
+    choice.bytes = Bytes(graph, std::min(full.bytes, kBytesPerEnvelopeEntry * envelope.entries),
+                         BlocksAtMost(graph));
     return choice;
   }
 
@@ -96,7 +100,8 @@ class FillChooser {
     return std::min(0.5 * graph.num_frames() * graph.num_frames(), graph.num_pairs());
   }
   double Bytes(const ReducedGraph& graph, double solver, double blocks) const {
-    return common_bytes_ + solver + kBytesPerBlock * blocks + kBytesPerProduct * graph.num_landmark_pairs();
+    return common_bytes_ + solver + kBytesPerBlock * blocks +
+           kBytesPerProduct * graph.num_landmark_pairs();
   }
 
   bool Fits(double bytes) {
@@ -129,8 +134,10 @@ class FillChooser {
     return choice;
   }
 
-  // The selection without landmarks that meet this many unknowns; empty if that are none, or too many unknowns themselves.
-  std::vector<char> Without(const ReducedGraph& graph, double frames_size, bool at_any_price) const {
+  // The selection without landmarks that meet this many unknowns; empty if that are none, or too
+  // many unknowns themselves.
+  std::vector<char> Without(const ReducedGraph& graph, double frames_size,
+                            bool at_any_price) const {
     std::vector<char> is_landmark = selection_.is_landmark;
     double kept = 0.0;
     for (std::size_t b = 0; b < is_landmark.size(); ++b) {
@@ -187,9 +194,11 @@ class FillChooser {
       }
     }
     if (!Fits(other.bytes)) {
-      const auto mebibytes = [](double bytes) { return std::to_string(static_cast<long>(bytes / (1 << 20))) + " MiB"; };
-      selection_.obstacle = "memory: a solve is predicted to take " + mebibytes(other.bytes) + " at least, " +
-                            mebibytes(available_bytes_) + " are available";
+      const auto mebibytes = [](double bytes) {
+        return std::to_string(static_cast<long>(bytes / (1 << 20))) + " MiB";
+      };
+      selection_.obstacle = "memory: a solve is predicted to take " + mebibytes(other.bytes) +
+                            " at least, " + mebibytes(available_bytes_) + " are available";
       return;
     }
     for (std::size_t b = 0; b < other.is_landmark.size(); ++b) {
@@ -210,7 +219,8 @@ class FillChooser {
 
 }  // namespace
 
-void KeepLongTracks(const ProblemView& view, const AvailableMemory& available, LandmarkSelection* selection) {
+void KeepLongTracks(const ProblemView& view, const AvailableMemory& available,
+                    LandmarkSelection* selection) {
   if (selection->num_landmarks > 0 || available) {
     FillChooser(view, available, selection).Run();
   }

@@ -20,7 +20,9 @@ constexpr double kSparseFactor = 4.0;
 // Kinds of blocks, by union-find over "stood in the same slot of the same shape".
 class KindFinder {
  public:
-  explicit KindFinder(std::size_t num_blocks) : parent_(num_blocks) { std::iota(parent_.begin(), parent_.end(), 0); }
+  explicit KindFinder(std::size_t num_blocks) : parent_(num_blocks) {
+    std::iota(parent_.begin(), parent_.end(), 0);
+  }
 
   int Find(int b) {
     while (parent_[At(b)] != b) {
@@ -40,7 +42,8 @@ struct Kind {
   double unknowns = 0.0;
   double eliminate = 0.0;    // Σ e D² + o
   double keep_sparse = 0.0;  // Σ 4 e (D + e)² + o
-  // The first slot of the first residual block that touches it: kinds of one cost go by it, not by addresses.
+  // The first slot of the first residual block that touches it: kinds of one cost go by it, not by
+  // addresses.
   std::pair<int, int> first_use = {std::numeric_limits<int>::max(), 0};
 
   double CostPerUnknown() const { return eliminate / unknowns; }
@@ -49,7 +52,10 @@ struct Kind {
 class Chooser {
  public:
   Chooser(const ProblemView& view, const ShapeTable& shapes)
-      : view_(view), shapes_(shapes), candidate_(view.blocks.size(), 0), kinds_(view.blocks.size()) {}
+      : view_(view),
+        shapes_(shapes),
+        candidate_(view.blocks.size(), 0),
+        kinds_(view.blocks.size()) {}
 
   LandmarkSelection Run() {
     LandmarkSelection selection;
@@ -62,7 +68,8 @@ class Chooser {
     IndexResiduals();
     std::vector<Kind> kinds = CollectKinds();
     std::stable_sort(kinds.begin(), kinds.end(), [](const Kind& a, const Kind& b) {
-      return std::make_pair(a.CostPerUnknown(), a.first_use) < std::make_pair(b.CostPerUnknown(), b.first_use);
+      return std::make_pair(a.CostPerUnknown(), a.first_use) <
+             std::make_pair(b.CostPerUnknown(), b.first_use);
     });
     taken_.assign(view_.residuals.size(), 0);
     unknowns_left_ = view_.reduced.num_effective_parameters;
@@ -74,15 +81,17 @@ class Chooser {
 
  private:
   // The densest factorization of all there is costs less than handling one landmark.
-  bool NothingIsWorthIt() const { return std::pow(view_.reduced.num_effective_parameters, 3) / 3.0 <= kHandling; }
+  bool NothingIsWorthIt() const {
+    return std::pow(view_.reduced.num_effective_parameters, 3) / 3.0 <= kHandling;
+  }
 
   int MarkCandidates() {
     const int num_residuals = view_.reduced.num_residual_blocks;
     int count = 0;
     for (std::size_t b = 0; b < view_.blocks.size(); ++b) {
       const ParameterBlockView& block = view_.blocks[b];
-      const bool everywhere =
-          num_residuals >= kMinResidualsForShareRule && kShareRule * static_cast<long>(block.degree) >= num_residuals;
+      const bool everywhere = num_residuals >= kMinResidualsForShareRule &&
+                              kShareRule * static_cast<long>(block.degree) >= num_residuals;
       candidate_[b] = block.reduced() && block.tangent_size <= kMaxLandmarkSize && !everywhere;
       count += candidate_[b];
     }
@@ -111,7 +120,8 @@ class Chooser {
     }
   }
 
-  // `met[kind]` remembers the residual block in which a kind was last met, and the block it was met in.
+  // `met[kind]` remembers the residual block in which a kind was last met, and the block it was met
+  // in.
   void DropThoseThatMeetTheirOwnKind() {
     struct Meeting {
       int residual = -1;
@@ -210,7 +220,8 @@ class Chooser {
     Kind free;
     for (const int b : kind.blocks) {
       const auto residuals = residuals_of_[b];
-      if (std::none_of(residuals.begin(), residuals.end(), [&](int r) { return taken_[At(r)] != 0; })) {
+      if (std::none_of(residuals.begin(), residuals.end(),
+                       [&](int r) { return taken_[At(r)] != 0; })) {
         Add(b, &free);
       }
     }
@@ -246,7 +257,8 @@ class Chooser {
 
 }  // namespace
 
-LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering, int max_size) {
+LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering,
+                                        int max_size) {
   LandmarkSelection selection;
   selection.is_landmark.assign(view.blocks.size(), 0);
   for (const int b : ordering.first_group) {
@@ -261,15 +273,17 @@ LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& sha
   return Chooser(view, shapes).Run();
 }
 
-LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering, const ShapeTable& shapes,
-                                  ceres::LinearSolverType type, const AvailableMemory& available) {
+LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering,
+                                  const ShapeTable& shapes, ceres::LinearSolverType type,
+                                  const AvailableMemory& available) {
   if (type == ceres::DENSE_QR) {
     LandmarkSelection none;
     none.is_landmark.assign(view.blocks.size(), 0);
     return none;
   }
-  LandmarkSelection selection =
-      LandmarksAreGiven(ordering, type) ? LandmarksOfFirstGroup(view, ordering) : ChooseLandmarks(view, shapes);
+  LandmarkSelection selection = LandmarksAreGiven(ordering, type)
+                                    ? LandmarksOfFirstGroup(view, ordering)
+                                    : ChooseLandmarks(view, shapes);
   KeepLongTracks(view, available, &selection);
   return selection;
 }

@@ -15,33 +15,42 @@ inline constexpr int kMaxLandmarkSize = 4;
 
 struct LandmarkCounts {
   int num_landmarks = 0;
-  int num_too_large = 0;  ///< blocks of the user's first group that stay frames because their tangent size exceeds the largest
-  int num_kept = 0;       ///< blocks that were to be landmarks and stay frames because S would become too full (KeepLongTracks)
+  /// blocks of the user's first group that stay frames because their tangent size exceeds the
+  /// largest
+  int num_too_large = 0;
+  /// blocks that were to be landmarks and stay frames because S would become too full
+  /// (KeepLongTracks)
+  int num_kept = 0;
 };
 
-/// Which blocks are eliminated before the reduced system is formed: at most one in any residual block.
+/// Which blocks are eliminated before the reduced system is formed: at most one in any residual
+/// block.
 struct LandmarkSelection : LandmarkCounts {
   std::vector<char> is_landmark;  ///< per parameter block
-  std::string obstacle;           ///< why no choice can be solved with: too little memory; empty if one can
+  std::string obstacle;  ///< why no choice can be solved with: too little memory; empty if one can
 
   bool Contains(int block) const { return is_landmark[static_cast<std::size_t>(block)] != 0; }
 };
 
-/// Takes the landmarks the user asked for: the blocks of the ordering's first group, as far as they are small enough; what Ceres
-/// would eliminate without a limit. The group is an independent set (the gate has checked).
-LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering, int max_size = kMaxLandmarkSize);
+/// Takes the landmarks the user asked for: the blocks of the ordering's first group, as far as they
+/// are small enough; what Ceres would eliminate without a limit. The group is an independent set
+/// (the gate has checked).
+LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering,
+                                        int max_size = kMaxLandmarkSize);
 
 /// Chooses landmarks by predicted cost.
 ///
-/// Candidates are variable blocks of tangent size e ≤ 4 that touch less than a fifth of all residual blocks (with ten residual
-/// blocks or more). They are sorted into *kinds*: two blocks are of one kind if both ever stand in the same slot of residual
-/// blocks of one shape. A block that shares a residual block with another of its own kind is no landmark: so the poses of a pose
-/// graph, whole or split into rotation and translation, stay frames whatever their size, and so do neighbors on a chain. What is
-/// left of a kind is independent, and kinds are taken in order of their cost per eliminated unknown, as far as no earlier kind
-/// stands in the way.
+/// Candidates are variable blocks of tangent size e ≤ 4 that touch less than a fifth of all
+/// residual blocks (with ten residual blocks or more). They are sorted into *kinds*: two blocks are
+/// of one kind if both ever stand in the same slot of residual blocks of one shape. A block that
+/// shares a residual block with another of its own kind is no landmark: so the poses of a pose
+/// graph, whole or split into rotation and translation, stay frames whatever their size, and so do
+/// neighbors on a chain. What is left of a kind is independent, and kinds are taken in order of
+/// their cost per eliminated unknown, as far as no earlier kind stands in the way.
 ///
-/// A kind is taken if that is predicted to be cheaper than leaving it in. With D the summed tangent size of the frames that a
-/// landmark meets, N the unknowns left, E those of the kind, in multiplications:
+/// A kind is taken if that is predicted to be cheaper than leaving it in. With D the summed tangent
+/// size of the frames that a landmark meets, N the unknowns left, E those of the kind, in
+/// multiplications:
 ///
 ///     eliminate:  Σ (e D² + o)                              one small block each, o = 100 for handling it
 ///     keep:       min( (N³ − (N − E)³) / 3,                 in a dense Cholesky factorization
@@ -50,10 +59,12 @@ LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingV
 /// Cost: linear in slots.
 LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& shapes);
 
-/// Which of the two, or neither for a QR factorization, goes with a linear solver (the effective one); without the landmarks that
-/// KeepLongTracks takes back from either. What the user asked for is a hint, too: the solution is the same up to rounding.
-LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering, const ShapeTable& shapes,
-                                  ceres::LinearSolverType type, const AvailableMemory& available = nullptr);
+/// Which of the two, or neither for a QR factorization, goes with a linear solver (the effective
+/// one); without the landmarks that KeepLongTracks takes back from either. What the user asked for
+/// is a hint, too: the solution is the same up to rounding.
+LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering,
+                                  const ShapeTable& shapes, ceres::LinearSolverType type,
+                                  const AvailableMemory& available = nullptr);
 
 /// Whether the user has said which blocks to eliminate.
 inline bool LandmarksAreGiven(const OrderingView& ordering, ceres::LinearSolverType type) {

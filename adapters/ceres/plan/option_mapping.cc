@@ -42,11 +42,15 @@ void CheckLineSearch(Differences* differences) {
   using Options = ceres::Solver::Options;
   differences->Check("line_search_direction_type", &Options::line_search_direction_type);
   differences->Check("line_search_type", &Options::line_search_type);
-  differences->Check("nonlinear_conjugate_gradient_type", &Options::nonlinear_conjugate_gradient_type);
+  differences->Check("nonlinear_conjugate_gradient_type",
+                     &Options::nonlinear_conjugate_gradient_type);
   differences->Check("max_lbfgs_rank", &Options::max_lbfgs_rank);
-  differences->Check("use_approximate_eigenvalue_bfgs_scaling", &Options::use_approximate_eigenvalue_bfgs_scaling);
-  differences->Check("max_num_line_search_direction_restarts", &Options::max_num_line_search_direction_restarts);
-  differences->Check("line_search_sufficient_curvature_decrease", &Options::line_search_sufficient_curvature_decrease);
+  differences->Check("use_approximate_eigenvalue_bfgs_scaling",
+                     &Options::use_approximate_eigenvalue_bfgs_scaling);
+  differences->Check("max_num_line_search_direction_restarts",
+                     &Options::max_num_line_search_direction_restarts);
+  differences->Check("line_search_sufficient_curvature_decrease",
+                     &Options::line_search_sufficient_curvature_decrease);
   differences->Check("max_line_search_step_expansion", &Options::max_line_search_step_expansion);
 }
 
@@ -55,10 +59,14 @@ void CheckProjectedLineSearch(Differences* differences) {
   using Options = ceres::Solver::Options;
   differences->Check("line_search_interpolation_type", &Options::line_search_interpolation_type);
   differences->Check("min_line_search_step_size", &Options::min_line_search_step_size);
-  differences->Check("line_search_sufficient_function_decrease", &Options::line_search_sufficient_function_decrease);
-  differences->Check("max_line_search_step_contraction", &Options::max_line_search_step_contraction);
-  differences->Check("min_line_search_step_contraction", &Options::min_line_search_step_contraction);
-  differences->Check("max_num_line_search_step_size_iterations", &Options::max_num_line_search_step_size_iterations);
+  differences->Check("line_search_sufficient_function_decrease",
+                     &Options::line_search_sufficient_function_decrease);
+  differences->Check("max_line_search_step_contraction",
+                     &Options::max_line_search_step_contraction);
+  differences->Check("min_line_search_step_contraction",
+                     &Options::min_line_search_step_contraction);
+  differences->Check("max_num_line_search_step_size_iterations",
+                     &Options::max_num_line_search_step_size_iterations);
 }
 
 // Choices within Ceres's own linear algebra, and the iterative solvers.
@@ -67,15 +75,19 @@ void CheckLinearSolver(Differences* differences) {
   differences->Check("eta", &Options::eta);
   differences->Check("preconditioner_type", &Options::preconditioner_type);
   differences->Check("visibility_clustering_type", &Options::visibility_clustering_type);
-  differences->Check("residual_blocks_for_subset_preconditioner", &Options::residual_blocks_for_subset_preconditioner);
-  differences->Check("dense_linear_algebra_library_type", &Options::dense_linear_algebra_library_type);
-  differences->Check("sparse_linear_algebra_library_type", &Options::sparse_linear_algebra_library_type);
+  differences->Check("residual_blocks_for_subset_preconditioner",
+                     &Options::residual_blocks_for_subset_preconditioner);
+  differences->Check("dense_linear_algebra_library_type",
+                     &Options::dense_linear_algebra_library_type);
+  differences->Check("sparse_linear_algebra_library_type",
+                     &Options::sparse_linear_algebra_library_type);
   differences->Check("use_explicit_schur_complement", &Options::use_explicit_schur_complement);
   differences->Check("use_mixed_precision_solves", &Options::use_mixed_precision_solves);
   differences->Check("max_num_refinement_iterations", &Options::max_num_refinement_iterations);
   differences->Check("min_linear_solver_iterations", &Options::min_linear_solver_iterations);
   differences->Check("max_linear_solver_iterations", &Options::max_linear_solver_iterations);
-  ForEachOptionOfThisRelease([&](const char* name, auto member) { differences->Check(name, member); });
+  ForEachOptionOfThisRelease(
+      [&](const char* name, auto member) { differences->Check(name, member); });
 }
 
 // Features that are off: with any of them on, the problem would have gone to stock Ceres.
@@ -83,22 +95,28 @@ void CheckFeaturesThatAreOff(const ceres::Solver::Options& options, Differences*
   using Options = ceres::Solver::Options;
   differences->Check("inner_iteration_ordering", &Options::inner_iteration_ordering);
   differences->Check("inner_iteration_tolerance", &Options::inner_iteration_tolerance);
-  differences->Check("trust_region_problem_dump_directory", &Options::trust_region_problem_dump_directory);
-  differences->Check("trust_region_problem_dump_format_type", &Options::trust_region_problem_dump_format_type);
-  differences->Check("gradient_check_relative_precision", &Options::gradient_check_relative_precision);
+  differences->Check("trust_region_problem_dump_directory",
+                     &Options::trust_region_problem_dump_directory);
+  differences->Check("trust_region_problem_dump_format_type",
+                     &Options::trust_region_problem_dump_format_type);
+  differences->Check("gradient_check_relative_precision",
+                     &Options::gradient_check_relative_precision);
   differences->Check("gradient_check_numeric_derivative_relative_step_size",
                      &Options::gradient_check_numeric_derivative_relative_step_size);
   if (options.trust_region_strategy_type == ceres::DOGLEG) {
-    differences->Check("max_trust_region_radius", &Options::max_trust_region_radius);  // as in Ceres
+    differences->Check("max_trust_region_radius",
+                       &Options::max_trust_region_radius);  // as in Ceres
   } else {
     differences->Check("dogleg_type", &Options::dogleg_type);
   }
   if (!options.use_nonmonotonic_steps) {
-    differences->Check("max_consecutive_nonmonotonic_steps", &Options::max_consecutive_nonmonotonic_steps);
+    differences->Check("max_consecutive_nonmonotonic_steps",
+                       &Options::max_consecutive_nonmonotonic_steps);
   }
 }
 
-void CheckOrdering(const ceres::Solver::Options& options, const LandmarkCounts& landmarks, Differences* differences) {
+void CheckOrdering(const ceres::Solver::Options& options, const LandmarkCounts& landmarks,
+                   Differences* differences) {
   if (options.linear_solver_ordering == nullptr) {
     return;
   }
@@ -110,16 +128,18 @@ void CheckOrdering(const ceres::Solver::Options& options, const LandmarkCounts& 
   }
   if (landmarks.num_too_large > 0) {
     differences->Add("linear_solver_ordering: " + std::to_string(landmarks.num_too_large) +
-                     " blocks of the first group have a tangent size above " + std::to_string(kMaxLandmarkSize) +
-                     " and stay in the reduced system");
+                     " blocks of the first group have a tangent size above " +
+                     std::to_string(kMaxLandmarkSize) + " and stay in the reduced system");
   }
   if (landmarks.num_kept > 0 && num_groups > 1) {
     differences->Add("linear_solver_ordering: " + std::to_string(landmarks.num_kept) +
-                     " blocks of the first group stay in the reduced system, which would be fuller without them");
+                     " blocks of the first group stay in the reduced system, which would be fuller "
+                     "without them");
   }
 }
 
-void CheckCommon(const ceres::Solver::Options& options, const LandmarkCounts& landmarks, Differences* differences) {
+void CheckCommon(const ceres::Solver::Options& options, const LandmarkCounts& landmarks,
+                 Differences* differences) {
   CheckLineSearch(differences);
   CheckLinearSolver(differences);
   CheckFeaturesThatAreOff(options, differences);
@@ -147,11 +167,13 @@ LineSearchInterpolation InterpolationOf(const ceres::Solver::Options& options) {
 }
 
 // Scalar unknowns left when the landmarks are eliminated.
-int ReducedSize(const ProblemView& view, const OrderingView& ordering, ceres::LinearSolverType type) {
+int ReducedSize(const ProblemView& view, const OrderingView& ordering,
+                ceres::LinearSolverType type) {
   const LandmarkSelection landmarks = SelectLandmarks(view, ordering, FindShapes(view), type);
   int size = 0;
   for (std::size_t b = 0; b < view.blocks.size(); ++b) {
-    size += view.blocks[b].reduced() && landmarks.is_landmark[b] == 0 ? view.blocks[b].tangent_size : 0;
+    size +=
+        view.blocks[b].reduced() && landmarks.is_landmark[b] == 0 ? view.blocks[b].tangent_size : 0;
   }
   return size;
 }
@@ -166,8 +188,8 @@ int NumThreads(const ceres::Solver::Options& options) {
   const int available = hardware == 0 ? INT_MAX : static_cast<int>(hardware);
   if (options.num_threads > available) {
     LOG(WARNING) << "Specified options.num_threads: " << options.num_threads
-                 << " exceeds maximum available from the threading model Ceres was compiled with: " << available
-                 << ".  Bounding to maximum number available.";
+                 << " exceeds maximum available from the threading model Ceres was compiled with: "
+                 << available << ".  Bounding to maximum number available.";
   }
   return std::min(options.num_threads, available);
 }
@@ -175,7 +197,8 @@ int NumThreads(const ceres::Solver::Options& options) {
 SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSolverType type) {
   SolverOptions core;
   core.strategy = StrategyOf(options);
-  core.linear_model = type == ceres::DENSE_QR ? LinearModelKind::kDenseQr : LinearModelKind::kAutomatic;
+  core.linear_model =
+      type == ceres::DENSE_QR ? LinearModelKind::kDenseQr : LinearModelKind::kAutomatic;
   core.dynamic_sparsity = options.dynamic_sparsity;
   core.max_num_iterations = options.max_num_iterations;
   core.max_solver_time_in_seconds = options.max_solver_time_in_seconds;
@@ -201,7 +224,8 @@ SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSol
   return core;
 }
 
-std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks,
+std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options,
+                                              const LandmarkCounts& landmarks,
                                               bool is_constrained) {
   Differences differences(options);
   if (!is_constrained) {
@@ -211,21 +235,25 @@ std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& opti
   return differences.Take();
 }
 
-IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, const IncrementalOptions& core) {
+IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options,
+                                         const IncrementalOptions& core) {
   IncrementalOptions result = core;
   result.max_num_iterations = options.max_num_iterations;
-  result.max_seconds = std::max(options.max_solver_time_in_seconds, std::numeric_limits<double>::min());
+  result.max_seconds =
+      std::max(options.max_solver_time_in_seconds, std::numeric_limits<double>::min());
   result.function_tolerance = options.function_tolerance;
   result.min_relative_decrease = options.min_relative_decrease;
   result.num_threads = NumThreads(options);
   result.batch_strategy = StrategyOf(options);
   if (options.trust_region_strategy_type == ceres::LEVENBERG_MARQUARDT) {
-    result.initial_damping = std::clamp(1.0 / options.initial_trust_region_radius, core.min_damping, core.max_damping);
+    result.initial_damping =
+        std::clamp(1.0 / options.initial_trust_region_radius, core.min_damping, core.max_damping);
   }
   return result;
 }
 
-std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks) {
+std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options,
+                                                         const LandmarkCounts& landmarks) {
   using Options = ceres::Solver::Options;
   Differences differences(options);
   differences.Check("dynamic_sparsity", &Options::dynamic_sparsity);
@@ -235,7 +263,8 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
   differences.Check("min_trust_region_radius", &Options::min_trust_region_radius);
   differences.Check("min_lm_diagonal", &Options::min_lm_diagonal);
   differences.Check("max_lm_diagonal", &Options::max_lm_diagonal);
-  differences.Check("max_num_consecutive_invalid_steps", &Options::max_num_consecutive_invalid_steps);
+  differences.Check("max_num_consecutive_invalid_steps",
+                    &Options::max_num_consecutive_invalid_steps);
   differences.Check("jacobi_scaling", &Options::jacobi_scaling);
   if (options.trust_region_strategy_type == ceres::DOGLEG) {
     differences.Check("initial_trust_region_radius", &Options::initial_trust_region_radius);
@@ -245,11 +274,13 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
   return differences.Take();
 }
 
-void ChooseIterativeSolver(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering,
-                           int max_direct_size, IncrementalOptions* core) {
+void ChooseIterativeSolver(const ceres::Solver::Options& options, const ProblemView& view,
+                           const OrderingView& ordering, int max_direct_size,
+                           IncrementalOptions* core) {
   const ceres::LinearSolverType type = IncrementalLinearSolver(options, ordering);
   if (!IsIterative(type) || core->reduced_solver != ReducedSolverKind::kAutomatic ||
-      view.reduced.num_effective_parameters <= max_direct_size || ReducedSize(view, ordering, type) <= max_direct_size) {
+      view.reduced.num_effective_parameters <= max_direct_size ||
+      ReducedSize(view, ordering, type) <= max_direct_size) {
     return;
   }
   core->reduced_solver = ReducedSolverKind::kPcg;

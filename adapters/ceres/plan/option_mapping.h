@@ -16,29 +16,35 @@ namespace inceres::internal {
 /// min(options.num_threads, what the machine has), with a warning if that is less, as in Ceres.
 int NumThreads(const ceres::Solver::Options& options);
 
-/// The core's options for the same solve. `type` is the effective linear solver. Left to the caller: num_threads, observer.
+/// The core's options for the same solve. `type` is the effective linear solver. Left to the
+/// caller: num_threads, observer.
 SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSolverType type);
 
-/// Names of the options that the user set away from their defaults and that change nothing in a solve by the core.
-/// `is_constrained`: some variable block has bounds.
-std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks,
-                                              bool is_constrained);
+/// Names of the options that the user set away from their defaults and that change nothing in a
+/// solve by the core. `is_constrained`: some variable block has bounds.
+std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& options,
+                                              const LandmarkCounts& landmarks, bool is_constrained);
 
-/// The options of an incremental solve: `core`, with what the user's options say in its place. The damping starts at
-/// 1 / initial_trust_region_radius, as Ceres's Levenberg-Marquardt does.
-IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options, const IncrementalOptions& core);
+/// The options of an incremental solve: `core`, with what the user's options say in its place. The
+/// damping starts at 1 / initial_trust_region_radius, as Ceres's Levenberg-Marquardt does.
+IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options,
+                                         const IncrementalOptions& core);
 
-/// Names of the options that the user set away from their defaults and that change nothing in an incremental solve.
-std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options, const LandmarkCounts& landmarks);
+/// Names of the options that the user set away from their defaults and that change nothing in an
+/// incremental solve.
+std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options,
+                                                         const LandmarkCounts& landmarks);
 
-/// Reduced systems of up to so many unknowns are solved directly even if an iterative solver was asked for: were their factor
-/// full, it would take 256 MiB.
+/// Reduced systems of up to so many unknowns are solved directly even if an iterative solver was
+/// asked for: were their factor full, it would take 256 MiB.
 inline constexpr int kMaxDirectSize = 8192;
 
-/// What ITERATIVE_SCHUR and CGNR mean in incremental mode: preconditioned conjugate gradients, from the first step on, where the
-/// reduced system has more than `max_direct_size` unknowns; below, nothing. Neither do they mean anything where `core` names a
-/// solver itself. Cost: that of choosing landmarks, if there are that many unknowns.
-void ChooseIterativeSolver(const ceres::Solver::Options& options, const ProblemView& view, const OrderingView& ordering,
-                           int max_direct_size, IncrementalOptions* core);
+/// What ITERATIVE_SCHUR and CGNR mean in incremental mode: preconditioned conjugate gradients, from
+/// the first step on, where the reduced system has more than `max_direct_size` unknowns; below,
+/// nothing. Neither do they mean anything where `core` names a solver itself. Cost: that of
+/// choosing landmarks, if there are that many unknowns.
+void ChooseIterativeSolver(const ceres::Solver::Options& options, const ProblemView& view,
+                           const OrderingView& ordering, int max_direct_size,
+                           IncrementalOptions* core);
 
 }  // namespace inceres::internal

@@ -53,7 +53,8 @@ void ReducedGraph::NumberFrames(const ProblemView& view, const std::vector<char>
   seen_in_.assign(At(num_frames()), -1);
 }
 
-void ReducedGraph::AddCliqueOfLandmark(const ProblemView& view, const CompressedRows::Row& residuals, int landmark) {
+void ReducedGraph::AddCliqueOfLandmark(const ProblemView& view,
+                                       const CompressedRows::Row& residuals, int landmark) {
   for (const int r : residuals) {
     AddToClique(view, view.residuals[At(r)]);
   }
@@ -131,7 +132,8 @@ ReducedGraph::Envelope ReducedGraph::EnvelopeOfAppearance() const {
 }
 
 template <typename Visit>
-void ReducedGraph::ForEachNeighbor(int frame, int last, std::vector<int>* seen, const Visit& visit) const {
+void ReducedGraph::ForEachNeighbor(int frame, int last, std::vector<int>* seen,
+                                   const Visit& visit) const {
   int left = last + 1;  // frames up to `last` that are not seen yet
   const auto see = [&](int other) {
     if (other <= last && (*seen)[At(other)] != frame) {
@@ -145,7 +147,8 @@ void ReducedGraph::ForEachNeighbor(int frame, int last, std::vector<int>* seen, 
     if (left == 0) {
       return;
     }
-    std::for_each(members_.begin() + clique_begin_[At(clique)], members_.begin() + clique_begin_[At(clique) + 1], see);
+    std::for_each(members_.begin() + clique_begin_[At(clique)],
+                  members_.begin() + clique_begin_[At(clique) + 1], see);
   }
 }
 
@@ -155,8 +158,9 @@ double ReducedGraph::SampleFill() const {
   double filled = 0.0;
   double all = 0.0;
   for (int frame = 0; frame < num_frames(); frame += stride) {
-    ForEachNeighbor(frame, num_frames() - 1, &seen,
-                    [&](int other) { filled += static_cast<double>(SizeOf(frame)) * SizeOf(other); });
+    ForEachNeighbor(frame, num_frames() - 1, &seen, [&](int other) {
+      filled += static_cast<double>(SizeOf(frame)) * SizeOf(other);
+    });
     all += SizeOf(frame) * size();
   }
   return all > 0.0 ? filled / all : 0.0;
@@ -173,7 +177,8 @@ BlockPattern ReducedGraph::Pattern() const {
     ForEachNeighbor(row, row, &seen, [&](int column) { pattern.columns.push_back(column); });
     std::sort(pattern.columns.begin() + begin, pattern.columns.end());
     for (auto column = pattern.columns.begin() + begin; column != pattern.columns.end(); ++column) {
-      pattern.value_begin.push_back(pattern.value_begin.back() + std::int64_t{SizeOf(row)} * SizeOf(*column));
+      pattern.value_begin.push_back(pattern.value_begin.back() +
+                                    std::int64_t{SizeOf(row)} * SizeOf(*column));
     }
     pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
   }

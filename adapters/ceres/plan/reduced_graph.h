@@ -9,9 +9,9 @@
 
 namespace inceres::internal {
 
-/// Which blocks of the reduced system S are there for a choice of landmarks, without forming any: frames in order of first
-/// appearance and cliques of them, all pairs of which have a block. A landmark's frames are a clique, and so are the variable
-/// blocks of a residual block without one.
+/// Which blocks of the reduced system S are there for a choice of landmarks, without forming any:
+/// frames in order of first appearance and cliques of them, all pairs of which have a block. A
+/// landmark's frames are a clique, and so are the variable blocks of a residual block without one.
 class ReducedGraph {
  public:
   /// `is_landmark`: per parameter block, at most one in any residual block. Cost: linear in slots.
@@ -22,16 +22,19 @@ class ReducedGraph {
   double size() const { return offsets_.back(); }
   /// Multiplications and additions of the elimination.
   double elimination_flops() const { return elimination_flops_; }
-  /// Pairs of frames, and frames with themselves, in the cliques of landmarks, as often as they are there; in all cliques.
+  /// Pairs of frames, and frames with themselves, in the cliques of landmarks, as often as they are
+  /// there; in all cliques.
   double num_landmark_pairs() const { return num_landmark_pairs_; }
   double num_pairs() const { return num_pairs_; }
-  /// Scalar unknowns of the largest clique of a landmark; all its pairs are there, and have to be factored.
+  /// Scalar unknowns of the largest clique of a landmark; all its pairs are there, and have to be
+  /// factored.
   double largest_clique() const { return largest_clique_; }
   /// Summed tangent size of the frames of a landmark.
   double FramesSize(int block) const { return frames_size_[static_cast<std::size_t>(block)]; }
 
-  /// Flops and entries of a Cholesky factor whose rows begin where those of S do, the frames in order of first appearance and
-  /// those that are nearly everywhere last: what a better order may undercut. Cost: linear.
+  /// Flops and entries of a Cholesky factor whose rows begin where those of S do, the frames in
+  /// order of first appearance and those that are nearly everywhere last: what a better order may
+  /// undercut. Cost: linear.
   struct Envelope {
     double flops = 0.0;
     double entries = 0.0;
@@ -46,14 +49,16 @@ class ReducedGraph {
 
  private:
   void NumberFrames(const ProblemView& view, const std::vector<char>& is_landmark);
-  void AddCliqueOfLandmark(const ProblemView& view, const CompressedRows::Row& residuals, int landmark);
+  void AddCliqueOfLandmark(const ProblemView& view, const CompressedRows::Row& residuals,
+                           int landmark);
   void AddToClique(const ProblemView& view, const ResidualBlockView& residual);
   double EndClique();
   void IndexCliques();
   template <typename Visit>
   void ForEachNeighbor(int frame, int last, std::vector<int>* seen, const Visit& visit) const;
   int SizeOf(int frame) const {
-    return offsets_[static_cast<std::size_t>(frame) + 1] - offsets_[static_cast<std::size_t>(frame)];
+    return offsets_[static_cast<std::size_t>(frame) + 1] -
+           offsets_[static_cast<std::size_t>(frame)];
   }
 
   std::vector<int> frame_of_;        // per parameter block, or -1

@@ -16,7 +16,9 @@ namespace inceres::internal {
 /// Wall time since construction.
 class WallClock {
  public:
-  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+  double Seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
 
  private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
@@ -27,11 +29,14 @@ struct SolveInput {
   const ceres::Solver::Options& options;
   ProblemView& view;  ///< a solver may give back what it no longer needs of it
   const OrderingView& ordering;
-  const WallClock& clock;                                    ///< started with the solve
-  ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< of the problem, if Ceres shows it or the caller told
-  /// The last iteration of the part of this solve that another solver did, where there is one: it is this one's start.
+  const WallClock& clock;  ///< started with the solve
+  /// of the problem, if Ceres shows it or the caller told
+  ceres::EvaluationCallback* evaluation_callback = nullptr;
+  /// The last iteration of the part of this solve that another solver did, where there is one: it
+  /// is this one's start.
   std::optional<int> last_iteration = std::nullopt;
-  std::shared_ptr<const GraphPlan> plan = nullptr;  ///< ChoosePlan's; null in a session, and where there is nothing to solve for
+  /// ChoosePlan's; null in a session, and where there is nothing to solve for
+  std::shared_ptr<const GraphPlan> plan = nullptr;
 };
 
 }  // namespace inceres::internal

@@ -6,8 +6,8 @@
 namespace inceres::internal {
 namespace {
 
-// All that the plan of a graph depends on, in numbers: sizes of the blocks, blocks of the residual blocks, and landmarks the
-// user has named. Neither values nor anything of the user's.
+// All that the plan of a graph depends on, in numbers: sizes of the blocks, blocks of the residual
+// blocks, and landmarks the user has named. Neither values nor anything of the user's.
 class Fingerprint {
  public:
   Fingerprint(const ProblemView& view, const OrderingView& ordering, ceres::LinearSolverType type)
@@ -25,17 +25,23 @@ class Fingerprint {
   }
 
   // Cost: linear in slots, without an allocation.
-  bool IsThatOf(const ProblemView& view, const OrderingView& ordering, ceres::LinearSolverType type) const {
+  bool IsThatOf(const ProblemView& view, const OrderingView& ordering,
+                ceres::LinearSolverType type) const {
     const auto is_block = [](const Block& a, const ParameterBlockView& b) {
-      return a.ambient_size == b.ambient_size && a.tangent_size == b.tangent_size && a.constant == b.constant;
+      return a.ambient_size == b.ambient_size && a.tangent_size == b.tangent_size &&
+             a.constant == b.constant;
     };
     const auto is_residual = [](const ResidualBlockShape& a, const ResidualBlockShape& b) {
-      return a.num_residuals == b.num_residuals && a.first_slot == b.first_slot && a.num_slots == b.num_slots;
+      return a.num_residuals == b.num_residuals && a.first_slot == b.first_slot &&
+             a.num_slots == b.num_slots;
     };
     return type_ == type && landmarks_are_given_ == LandmarksAreGiven(ordering, type) &&
-           (!landmarks_are_given_ || first_group_ == ordering.first_group) && slots_ == view.slots &&
-           std::equal(blocks_.begin(), blocks_.end(), view.blocks.begin(), view.blocks.end(), is_block) &&
-           std::equal(residuals_.begin(), residuals_.end(), view.residuals.begin(), view.residuals.end(), is_residual);
+           (!landmarks_are_given_ || first_group_ == ordering.first_group) &&
+           slots_ == view.slots &&
+           std::equal(blocks_.begin(), blocks_.end(), view.blocks.begin(), view.blocks.end(),
+                      is_block) &&
+           std::equal(residuals_.begin(), residuals_.end(), view.residuals.begin(),
+                      view.residuals.end(), is_residual);
   }
 
  private:
@@ -77,27 +83,33 @@ void StructureCache::GiveBack(std::unique_ptr<ProblemView> view) {
   }
 }
 
-std::shared_ptr<const GraphPlan> StructureCache::PlanFor(const ProblemView& view, const OrderingView& ordering,
+std::shared_ptr<const GraphPlan> StructureCache::PlanFor(const ProblemView& view,
+                                                         const OrderingView& ordering,
                                                          ceres::LinearSolverType type) {
   const bool is_small = view.residuals.size() + view.slots.size() <= kMaxNumbers;
   std::shared_ptr<const KnownPlan> known;
   if (is_small) {
-    known = plans_.Share([&](const KnownPlan& plan) { return plan.structure.IsThatOf(view, ordering, type); });
+    known = plans_.Share(
+        [&](const KnownPlan& plan) { return plan.structure.IsThatOf(view, ordering, type); });
   }
   if (known == nullptr) {
     const ShapeTable shapes = FindShapes(view);
-    GraphPlan plan = PlanGraph(view, shapes, SelectLandmarks(view, ordering, shapes, type, AvailableBytes));
+    GraphPlan plan =
+        PlanGraph(view, shapes, SelectLandmarks(view, ordering, shapes, type, AvailableBytes));
     if (!is_small || !plan.landmarks.obstacle.empty()) {  // there may be more memory another time
       return std::make_shared<const GraphPlan>(std::move(plan));
     }
-    known = std::make_shared<const KnownPlan>(KnownPlan{Fingerprint(view, ordering, type), std::move(plan)});
+    known = std::make_shared<const KnownPlan>(
+        KnownPlan{Fingerprint(view, ordering, type), std::move(plan)});
     plans_.Put(known);
   }
   return {known, &known->plan};
 }
 
-std::unique_ptr<Solver> StructureCache::TakeSolver(const SolverOptions& options, const FactorGraph& graph) {
-  std::unique_ptr<Solver> solver = solvers_.Take([&](const Solver& kept) { return kept.IsReadyFor(options, graph); });
+std::unique_ptr<Solver> StructureCache::TakeSolver(const SolverOptions& options,
+                                                   const FactorGraph& graph) {
+  std::unique_ptr<Solver> solver =
+      solvers_.Take([&](const Solver& kept) { return kept.IsReadyFor(options, graph); });
   return solver != nullptr ? std::move(solver) : std::make_unique<Solver>(kMaxSolverBytes);
 }
 

@@ -16,8 +16,9 @@
 
 namespace inceres::internal {
 
-/// The last few things that were put in, for whoever can use one again; the one that has waited longest makes room for a new one.
-/// Guarded; nothing is destroyed under the lock. `Pointer` is one that may be null.
+/// The last few things that were put in, for whoever can use one again; the one that has waited
+/// longest makes room for a new one. Guarded; nothing is destroyed under the lock. `Pointer` is one
+/// that may be null.
 template <typename Pointer>
 class LastFew {
  public:
@@ -57,7 +58,8 @@ class LastFew {
   // Moves the latest that suits to the end; false if none does.
   template <typename Suits>
   bool FindLast(const Suits& suits) {
-    const auto found = std::find_if(kept_.rbegin(), kept_.rend(), [&suits](const Pointer& kept) { return suits(*kept); });
+    const auto found = std::find_if(kept_.rbegin(), kept_.rend(),
+                                    [&suits](const Pointer& kept) { return suits(*kept); });
     if (found == kept_.rend()) {
       return false;
     }
@@ -74,12 +76,14 @@ class LastFew {
   std::vector<Pointer> kept_;  // the latest at the end
 };
 
-/// What solves of small problems leave to the next ones of the same structure, for a window estimator builds a new ceres::Problem
-/// every frame, often of a shape it had before: memory of views, plans of graphs, and solvers of the core that are set up. All
-/// are found by content, never by address, and nothing that was computed from numbers is used again. Beyond small problems set-up
-/// is a small share of a solve, and memory worth more.
+/// What solves of small problems leave to the next ones of the same structure, for a window
+/// estimator builds a new ceres::Problem every frame, often of a shape it had before: memory of
+/// views, plans of graphs, and solvers of the core that are set up. All are found by content, never
+/// by address, and nothing that was computed from numbers is used again. Beyond small problems
+/// set-up is a small share of a solve, and memory worth more.
 ///
-/// Threads: any. Concurrent solves, and one within another, take a view and a solver each, and share plans, which nobody changes.
+/// Threads: any. Concurrent solves, and one within another, take a view and a solver each, and
+/// share plans, which nobody changes.
 class StructureCache {
  public:
   /// Residual blocks and slots of a problem whose plan is kept.
@@ -95,7 +99,8 @@ class StructureCache {
   void GiveBack(std::unique_ptr<ProblemView> view);
 
   /// The plan for this problem and effective linear solver: one that was kept or else a new one.
-  std::shared_ptr<const GraphPlan> PlanFor(const ProblemView& view, const OrderingView& ordering, ceres::LinearSolverType type);
+  std::shared_ptr<const GraphPlan> PlanFor(const ProblemView& view, const OrderingView& ordering,
+                                           ceres::LinearSolverType type);
 
   /// A solver that is ready for this graph, else a new one.
   std::unique_ptr<Solver> TakeSolver(const SolverOptions& options, const FactorGraph& graph);
@@ -111,7 +116,8 @@ class StructureCache {
   LastFew<std::unique_ptr<Solver>> solvers_;
 };
 
-/// Finds or makes the input's plan, where there is anything to solve for. Returns what forbids it, or nothing.
+/// Finds or makes the input's plan, where there is anything to solve for. Returns what forbids it,
+/// or nothing.
 std::string ChoosePlan(ceres::LinearSolverType type, SolveInput* input);
 
 }  // namespace inceres::internal

@@ -18,7 +18,8 @@ class CeresManifold : public Manifold {
   explicit CeresManifold(const UserManifold* manifold) : manifold_(manifold) {}
   int AmbientSize() const override { return AmbientSizeOf(*manifold_); }
   int TangentSize() const override { return TangentSizeOf(*manifold_); }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override {
     return manifold_->Plus(x, delta, x_plus_delta);
   }
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override {
@@ -39,7 +40,8 @@ class CeresLoss : public Loss {
   const ceres::LossFunction* loss_;
 };
 
-/// One adapter for each distinct object of the user's; the last one is remembered, for neighbors mostly share.
+/// One adapter for each distinct object of the user's; the last one is remembered, for neighbors
+/// mostly share.
 template <typename Base, typename Adapter, typename Foreign>
 class AdapterTable {
  public:
@@ -68,9 +70,9 @@ class AdapterTable {
 
 using ManifoldTable = AdapterTable<Manifold, CeresManifold, UserManifold>;
 
-/// One adapter for each of the user's losses, over several solves. A loss that comes back at the same address keeps its adapter
-/// only if it still gives the same values at 25 arguments from 4⁻¹² to 4¹²: a factor whose adapter is not the one Get returns has
-/// another loss.
+/// One adapter for each of the user's losses, over several solves. A loss that comes back at the
+/// same address keeps its adapter only if it still gives the same values at 25 arguments from 4⁻¹²
+/// to 4¹²: a factor whose adapter is not the one Get returns has another loss.
 class LossTable {
  public:
   /// Begins a solve: each loss is looked at again.
@@ -78,7 +80,8 @@ class LossTable {
     ++solve_;
     last_loss_ = nullptr;
   }
-  /// The adapter of a loss of this solve; null for null. Cost: one hash lookup where the loss differs from the one before.
+  /// The adapter of a loss of this solve; null for null. Cost: one hash lookup where the loss
+  /// differs from the one before.
   const std::shared_ptr<const Loss>& Get(const ceres::LossFunction* loss);
   /// Ends a solve: what was not asked for is forgotten, for it may be gone.
   void End();

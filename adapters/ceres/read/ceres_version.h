@@ -12,11 +12,13 @@
 
 #include "src/trust_region/loop_options.h"
 
-// Everything that differs between releases of Ceres is in this file and in dropin/src/ceres_symbols.h. 2.0 has
-// LocalParameterizations only and 2.2 Manifolds only; 2.1 has both and shows a LocalParameterization as a Manifold of its own.
+// Everything that differs between releases of Ceres is in this file and in
+// dropin/src/ceres_symbols.h. 2.0 has LocalParameterizations only and 2.2 Manifolds only; 2.1 has
+// both and shows a LocalParameterization as a Manifold of its own.
 #define INCERES_CERES_RELEASE (100 * CERES_VERSION_MAJOR + CERES_VERSION_MINOR)
 #if INCERES_CERES_RELEASE < 200 || INCERES_CERES_RELEASE > 202
-#error "The Ceres adapter of inceres is written for Ceres 2.0, 2.1 and 2.2; see adapters/ceres/read/ceres_version.h"
+#error \
+    "The Ceres adapter of inceres is written for Ceres 2.0, 2.1 and 2.2; see adapters/ceres/read/ceres_version.h"
 #endif
 #define INCERES_CERES_HAS_MANIFOLDS (INCERES_CERES_RELEASE >= 201)
 #define INCERES_CERES_HAS_LOCAL_PARAMETERIZATIONS (INCERES_CERES_RELEASE <= 201)
@@ -31,8 +33,8 @@ namespace inceres::internal {
 
 #if INCERES_CERES_HAS_MANIFOLDS
 
-/// What the user makes of a block's tangent space. Only the functions below may be asked of it: Minus of a LocalParameterization
-/// aborts in Ceres 2.1.
+/// What the user makes of a block's tangent space. Only the functions below may be asked of it:
+/// Minus of a LocalParameterization aborts in Ceres 2.1.
 using UserManifold = ceres::Manifold;
 
 /// Of a block, whichever way the user set it; null if Euclidean.
@@ -68,9 +70,11 @@ inline bool PlusJacobianOf(const UserManifold& manifold, const double* x, double
 
 #endif
 
-/// The evaluation callback that the problem was made with. Ceres shows it from 2.2 on; before, it is what the caller tells.
-inline ceres::EvaluationCallback* EvaluationCallbackOf([[maybe_unused]] const ceres::Problem& problem,
-                                                       [[maybe_unused]] ceres::EvaluationCallback* told) {
+/// The evaluation callback that the problem was made with. Ceres shows it from 2.2 on; before, it
+/// is what the caller tells.
+inline ceres::EvaluationCallback* EvaluationCallbackOf(
+    [[maybe_unused]] const ceres::Problem& problem,
+    [[maybe_unused]] ceres::EvaluationCallback* told) {
 #if INCERES_CERES_RELEASE >= 202
   return problem.options().evaluation_callback;
 #else
@@ -81,7 +85,8 @@ inline ceres::EvaluationCallback* EvaluationCallbackOf([[maybe_unused]] const ce
 /// Whose trace exact mode follows.
 constexpr CeresRules kCeresRules = INCERES_CERES_RELEASE >= 202 ? CeresRules::k22 : CeresRules::k21;
 
-/// check(name, member) for each option that only some releases have. Only Ceres's own linear algebra reads them.
+/// check(name, member) for each option that only some releases have. Only Ceres's own linear
+/// algebra reads them.
 template <typename Check>
 void ForEachOptionOfThisRelease(const Check& check) {
   using Options = ceres::Solver::Options;
@@ -103,7 +108,8 @@ inline void WriteOptionsOfThisRelease([[maybe_unused]] const ceres::Solver::Opti
 #endif
 }
 
-/// Whether this Ceres was built with its Schur eliminators for fixed block sizes, as it is by default.
+/// Whether this Ceres was built with its Schur eliminators for fixed block sizes, as it is by
+/// default.
 #ifdef CERES_RESTRICT_SCHUR_SPECIALIZATION
 constexpr bool kCeresHasSchurSpecializations = false;
 #else
@@ -112,15 +118,17 @@ constexpr bool kCeresHasSchurSpecializations = true;
 
 /// Bounds of a block as Ceres sees them.
 enum class BoundsKind {
-  kNone,        ///< no value is bounded
-  kBounded,     ///< some value is bounded
-  kInfeasible,  ///< nothing can be done: a constant lies outside, or a lower bound is not below its upper bound
+  kNone,     ///< no value is bounded
+  kBounded,  ///< some value is bounded
+  /// nothing can be done: a constant lies outside, or a lower bound is not below its upper bound
+  kInfeasible,
 };
 
-/// Appends the block's lower bounds, then its upper bounds, to *bounds if any value is bounded. Two map lookups a value: Ceres
-/// has no cheaper question. Unbounded is ∓max; infinities set by the user are unbounded too, and so is NaN, as in Ceres.
-inline BoundsKind ReadBounds(const ceres::Problem& problem, const double* values, int size, bool constant,
-                             std::vector<double>* bounds) {
+/// Appends the block's lower bounds, then its upper bounds, to *bounds if any value is bounded. Two
+/// map lookups a value: Ceres has no cheaper question. Unbounded is ∓max; infinities set by the
+/// user are unbounded too, and so is NaN, as in Ceres.
+inline BoundsKind ReadBounds(const ceres::Problem& problem, const double* values, int size,
+                             bool constant, std::vector<double>* bounds) {
   constexpr double kMax = std::numeric_limits<double>::max();
   const auto count = static_cast<std::size_t>(size);
   const std::size_t first = bounds->size();

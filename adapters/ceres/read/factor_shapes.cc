@@ -11,14 +11,17 @@ FactorFamily::Slot SlotOf(const ParameterBlockView& block) {
   return {block.ambient_size, block.tangent_size > 0 ? block.tangent_size : block.ambient_size};
 }
 
-bool HasShape(const ProblemView& view, const ResidualBlockView& residual, const FactorShape& shape) {
-  if (residual.num_residuals != shape.num_residuals || residual.num_slots != static_cast<int>(shape.slots.size())) {
+bool HasShape(const ProblemView& view, const ResidualBlockView& residual,
+              const FactorShape& shape) {
+  if (residual.num_residuals != shape.num_residuals ||
+      residual.num_slots != static_cast<int>(shape.slots.size())) {
     return false;
   }
   const int* blocks = view.SlotsOf(residual);
   for (std::size_t s = 0; s < shape.slots.size(); ++s) {
     const FactorFamily::Slot slot = SlotOf(view.block(blocks[s]));
-    if (slot.ambient_size != shape.slots[s].ambient_size || slot.tangent_size != shape.slots[s].tangent_size) {
+    if (slot.ambient_size != shape.slots[s].ambient_size ||
+        slot.tangent_size != shape.slots[s].tangent_size) {
       return false;
     }
   }
@@ -29,7 +32,8 @@ std::uint64_t HashShape(const ProblemView& view, const ResidualBlockView& residu
   std::uint64_t hash = static_cast<std::uint64_t>(residual.num_residuals);
   for (int s = 0; s < residual.num_slots; ++s) {
     const FactorFamily::Slot slot = SlotOf(view.block(view.SlotsOf(residual)[s]));
-    hash = (hash ^ static_cast<std::uint64_t>(slot.ambient_size * 4096 + slot.tangent_size)) * UINT64_C(0x100000001b3);
+    hash = (hash ^ static_cast<std::uint64_t>(slot.ambient_size * 4096 + slot.tangent_size)) *
+           UINT64_C(0x100000001b3);
   }
   return hash;
 }
@@ -58,12 +62,15 @@ ShapeTable FindShapes(const ProblemView& view) {
       continue;
     }
     if (!residual.like_previous &&
-        (previous < 0 || !HasShape(view, residual, table.shapes[static_cast<std::size_t>(previous)]))) {
+        (previous < 0 ||
+         !HasShape(view, residual, table.shapes[static_cast<std::size_t>(previous)]))) {
       const std::uint64_t hash = HashShape(view, residual);
       const auto [first, last] = shapes_by_hash.equal_range(hash);
       previous = -1;
       for (auto it = first; it != last && previous < 0; ++it) {
-        previous = HasShape(view, residual, table.shapes[static_cast<std::size_t>(it->second)]) ? it->second : -1;
+        previous = HasShape(view, residual, table.shapes[static_cast<std::size_t>(it->second)])
+                       ? it->second
+                       : -1;
       }
       if (previous < 0) {
         previous = static_cast<int>(table.shapes.size());

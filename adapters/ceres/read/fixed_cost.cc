@@ -10,9 +10,11 @@
 namespace inceres::internal {
 namespace {
 
-// cost = ½ρ(‖f‖²); false if the residual block cannot be evaluated. As in Ceres the loss's own output is not checked.
-bool EvaluateCost(const ProblemView& view, const ResidualBlockView& residual, std::vector<const double*>* parameters,
-                  std::vector<double>* values, double* cost) {
+// cost = ½ρ(‖f‖²); false if the residual block cannot be evaluated. As in Ceres the loss's own
+// output is not checked.
+bool EvaluateCost(const ProblemView& view, const ResidualBlockView& residual,
+                  std::vector<const double*>* parameters, std::vector<double>* values,
+                  double* cost) {
   parameters->clear();
   for (int s = 0; s < residual.num_slots; ++s) {
     parameters->push_back(view.block(view.SlotsOf(residual)[s]).values);
@@ -53,7 +55,8 @@ FixedCost EvaluateFixedCost(const ProblemView& view, ceres::EvaluationCallback* 
     }
     double cost = 0.0;
     if (!EvaluateCost(view, view.residuals[r], &parameters, &values, &cost)) {
-      result.error = "Evaluation of the residual " + std::to_string(r) + " failed during removal of fixed residual blocks.";
+      result.error = "Evaluation of the residual " + std::to_string(r) +
+                     " failed during removal of fixed residual blocks.";
       return result;
     }
     result.cost += cost;

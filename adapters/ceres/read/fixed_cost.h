@@ -12,12 +12,14 @@ namespace inceres::internal {
 
 /// The part of the cost that cannot move.
 struct FixedCost {
-  double cost = 0.0;  ///< ½ Σ ρ over the residual blocks that touch no variable block; up to the failure, if one failed
+  /// ½ Σ ρ over the residual blocks that touch no variable block; up to the failure, if one failed
+  double cost = 0.0;
   std::string error;  ///< Ceres's message if a residual block could not be evaluated, else empty
 };
 
-/// Evaluates, in program order and without Jacobians, the residual blocks all of whose parameter blocks are constant.
-/// `callback`, if given, is prepared once, before the first of them. `visit`, if given, is told each one's index and cost.
+/// Evaluates, in program order and without Jacobians, the residual blocks all of whose parameter
+/// blocks are constant. `callback`, if given, is prepared once, before the first of them. `visit`,
+/// if given, is told each one's index and cost.
 FixedCost EvaluateFixedCost(const ProblemView& view, ceres::EvaluationCallback* callback,
                             const std::function<void(std::size_t, double)>& visit = nullptr);
 

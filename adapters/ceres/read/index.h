@@ -21,13 +21,16 @@ struct CompressedRows {
     const int* end() const { return last; }
     int size() const { return static_cast<int>(last - first); }
   };
-  Row operator[](int row) const { return {items.data() + begin[At(row)], items.data() + begin[At(row) + 1]}; }
+  Row operator[](int row) const {
+    return {items.data() + begin[At(row)], items.data() + begin[At(row) + 1]};
+  }
 
   std::vector<int> begin;  ///< of each row, into items; one more than rows
   std::vector<int> items;
 };
 
-/// Calls for_each(add) twice, which calls add(row, item) for every item: a counting sort, items of one row as they come.
+/// Calls for_each(add) twice, which calls add(row, item) for every item: a counting sort, items of
+/// one row as they come.
 template <typename ForEach>
 CompressedRows SortIntoRows(std::size_t num_rows, const ForEach& for_each) {
   CompressedRows rows;

@@ -15,12 +15,14 @@ void SetDefect(ProblemView* view, std::string text) {
   }
 }
 
-ParameterBlockView ReadParameterBlock(const ceres::Problem& problem, double* values, std::vector<double>* bounds) {
+ParameterBlockView ReadParameterBlock(const ceres::Problem& problem, double* values,
+                                      std::vector<double>* bounds) {
   ParameterBlockView block;
   block.values = values;
   block.ambient_size = problem.ParameterBlockSize(values);
   block.manifold = ManifoldOf(problem, values);
-  block.tangent_size = block.manifold != nullptr ? TangentSizeOf(*block.manifold) : block.ambient_size;
+  block.tangent_size =
+      block.manifold != nullptr ? TangentSizeOf(*block.manifold) : block.ambient_size;
   block.constant = block.tangent_size == 0 || problem.IsParameterBlockConstant(values);
   block.first_bound = bounds->size();
   block.bounds = ReadBounds(problem, values, block.ambient_size, block.constant, bounds);
@@ -28,7 +30,8 @@ ParameterBlockView ReadParameterBlock(const ceres::Problem& problem, double* val
 }
 
 void CheckValues(const ParameterBlockView& block, ProblemView* view) {
-  if (!AreWritten(block.values, block.ambient_size)) {  // what Ceres fills outputs with it rejects as input
+  if (!AreWritten(block.values,
+                  block.ambient_size)) {  // what Ceres fills outputs with it rejects as input
     SetDefect(view, Describe(block) + " has a value that is not finite");
   }
 }
@@ -54,7 +57,8 @@ void ReadParameterBlocks(const ceres::Problem& problem, ProblemView* view) {
 
 class ResidualReader {
  public:
-  explicit ResidualReader(ProblemView* view) : view_(*view), last_residual_(view->blocks.size(), -1) {}
+  explicit ResidualReader(ProblemView* view)
+      : view_(*view), last_residual_(view->blocks.size(), -1) {}
 
   void Run(const ceres::Problem& problem) {
     std::vector<ceres::ResidualBlockId> ids;
@@ -95,9 +99,12 @@ class ResidualReader {
   };
 
   // Names the residual block in program order, which is the order Ceres's own messages use.
-  std::string ThisResidual() const { return "residual block " + std::to_string(view_.residuals.size()); }
+  std::string ThisResidual() const {
+    return "residual block " + std::to_string(view_.residuals.size());
+  }
 
-  // Whether the slots, which are still those of the residual block before, are right for this one too; its neighbors' often are.
+  // Whether the slots, which are still those of the residual block before, are right for this one
+  // too; its neighbors' often are.
   bool RepeatsSlots(const ResidualBlockView& residual) const {
     const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
     const auto num_slots = static_cast<std::size_t>(residual.num_slots);
@@ -124,7 +131,8 @@ class ResidualReader {
     if (!residual.fixed) {
       add(&view_.reduced);
       for (int s = 0; s < residual.num_slots; ++s) {
-        view_.blocks[static_cast<std::size_t>(view_.SlotsOf(residual)[s])].degree += repeats.num_residual_blocks;
+        view_.blocks[static_cast<std::size_t>(view_.SlotsOf(residual)[s])].degree +=
+            repeats.num_residual_blocks;
       }
     }
   }
@@ -137,7 +145,8 @@ class ResidualReader {
     residual->fixed = true;
     residual->like_previous = false;
     if (sizes.size() != pointers_.size()) {
-      SetDefect(&view_, "the cost function of " + ThisResidual() + " has changed its number of parameter blocks");
+      SetDefect(&view_, "the cost function of " + ThisResidual() +
+                            " has changed its number of parameter blocks");
     }
     for (std::size_t s = 0; s < pointers_.size(); ++s) {
       const int b = FindBlock(previous, s);
@@ -146,7 +155,8 @@ class ResidualReader {
       residual->fixed = residual->fixed && block.constant;
       Meet(b);
       if (s < sizes.size() && sizes[s] != block.ambient_size) {
-        SetDefect(&view_, "the cost function of " + ThisResidual() + " expects another size than that of " + Describe(block));
+        SetDefect(&view_, "the cost function of " + ThisResidual() +
+                              " expects another size than that of " + Describe(block));
       }
     }
   }
@@ -187,7 +197,8 @@ void Count(const ParameterBlockView& block, ProblemTotals* totals) {
 
 std::string Describe(const ParameterBlockView& block) {
   char text[80];
-  std::snprintf(text, sizeof(text), "parameter block %p of size %d", static_cast<const void*>(block.values), block.ambient_size);
+  std::snprintf(text, sizeof(text), "parameter block %p of size %d",
+                static_cast<const void*>(block.values), block.ambient_size);
   return text;
 }
 
@@ -228,7 +239,8 @@ void IntrospectValues(const ceres::Problem& problem, ProblemView* view) {
     CheckValues(block, view);
     if (block.bounds != BoundsKind::kNone) {
       known_bounds.clear();
-      block.bounds = ReadBounds(problem, block.values, block.ambient_size, block.constant, &known_bounds);
+      block.bounds =
+          ReadBounds(problem, block.values, block.ambient_size, block.constant, &known_bounds);
     }
   }
 }

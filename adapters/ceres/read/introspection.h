@@ -21,9 +21,11 @@ struct ParameterBlockView {
   int degree = 0;         ///< residual blocks that touch it and at least one variable block
   bool constant = false;  ///< set constant by the user, or of tangent size 0
   BoundsKind bounds = BoundsKind::kNone;
-  std::size_t first_bound = 0;  ///< into ProblemView::bounds: its lower bounds, then its upper ones; if it has any
+  /// into ProblemView::bounds: its lower bounds, then its upper ones; if it has any
+  std::size_t first_bound = 0;
 
-  /// Whether the solver moves it: variable and touched by a residual block. Ceres calls what is left the reduced program.
+  /// Whether the solver moves it: variable and touched by a residual block. Ceres calls what is
+  /// left the reduced program.
   bool reduced() const { return !constant && degree > 0; }
 };
 
@@ -39,7 +41,8 @@ struct ResidualBlockView : ResidualBlockShape {
   const ceres::CostFunction* cost = nullptr;
   const ceres::LossFunction* loss = nullptr;  ///< null: plain squared norm
   bool fixed = true;                          ///< touches no variable block
-  bool like_previous = false;  ///< as many residuals of the same blocks as the residual block before: of one family
+  /// as many residuals of the same blocks as the residual block before: of one family
+  bool like_previous = false;
 };
 
 /// Sizes as Ceres's summary counts them.
@@ -51,26 +54,31 @@ struct ProblemTotals {
   int num_residuals = 0;
 };
 
-/// All the shim knows of a ceres::Problem: one pass through its public API. Nothing of the user's but the memory of its parameter
-/// blocks and size getters is touched; no cost function is evaluated.
+/// All the shim knows of a ceres::Problem: one pass through its public API. Nothing of the user's
+/// but the memory of its parameter blocks and size getters is touched; no cost function is
+/// evaluated.
 struct ProblemView {
   std::vector<ParameterBlockView> blocks;    ///< by address (the only order Ceres shows)
   std::vector<ResidualBlockView> residuals;  ///< in program order
-  std::vector<int> slots;                    ///< block of each slot of the residual blocks, see SlotsOf
-  std::vector<double> bounds;                ///< of the bounded blocks
-  PointerIndex index;                        ///< address to index in `blocks`
+  std::vector<int> slots;      ///< block of each slot of the residual blocks, see SlotsOf
+  std::vector<double> bounds;  ///< of the bounded blocks
+  PointerIndex index;          ///< address to index in `blocks`
   ProblemTotals all;
   ProblemTotals reduced;
-  std::string defect;  ///< the first thing no solver but stock should look at (a block twice in a residual block, …); else empty
+  /// the first thing no solver but stock should look at (a block twice in a residual block, …);
+  /// else empty
+  std::string defect;
 
   /// Whether its memory is worth keeping.
-  bool IsSmall() const { return blocks.capacity() + residuals.capacity() + slots.capacity() <= 4096; }
+  bool IsSmall() const {
+    return blocks.capacity() + residuals.capacity() + slots.capacity() <= 4096;
+  }
 
   /// Empties it; the memory stays.
   void Clear();
 
-  /// Gives back the memory of residual blocks, slots and index, most of the view, for who has built a graph of them; unless it is
-  /// small.
+  /// Gives back the memory of residual blocks, slots and index, most of the view, for who has built
+  /// a graph of them; unless it is small.
   void ForgetResidualBlocks() {
     if (IsSmall()) {
       return;
@@ -80,7 +88,9 @@ struct ProblemView {
     index = PointerIndex();
   }
 
-  const int* SlotsOf(const ResidualBlockView& residual) const { return slots.data() + residual.first_slot; }
+  const int* SlotsOf(const ResidualBlockView& residual) const {
+    return slots.data() + residual.first_slot;
+  }
   /// The first slot of a residual block whose block is one of these, or -1.
   template <typename IsOne>
   int FindSlot(const ResidualBlockView& residual, const IsOne& is_one) const {
@@ -93,12 +103,14 @@ struct ProblemView {
   bool IsReduced(int i) const { return block(i).reduced(); }
 };
 
-/// Reads the problem. Cost: linear in slots, plus a few map lookups per parameter block inside Ceres (two per bound).
+/// Reads the problem. Cost: linear in slots, plus a few map lookups per parameter block inside
+/// Ceres (two per bound).
 ProblemView Introspect(const ceres::Problem& problem);
 /// The same into the memory of an earlier view.
 void Introspect(const ceres::Problem& problem, ProblemView* view);
 
-/// The same of a problem in which, since this view was taken, nothing but values has changed. Cost: linear in parameters.
+/// The same of a problem in which, since this view was taken, nothing but values has changed. Cost:
+/// linear in parameters.
 void IntrospectValues(const ceres::Problem& problem, ProblemView* view);
 
 /// "parameter block 0x55… of size 7", for messages.

@@ -34,7 +34,8 @@ OrderingView ReadOrdering(const ceres::Solver::Options& options, const ProblemVi
   return result;
 }
 
-ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering) {
+ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& options,
+                                              const OrderingView& ordering) {
   if (ordering.first_group_emptied && options.linear_solver_type == ceres::DENSE_SCHUR) {
     return ceres::DENSE_QR;
   }
@@ -47,11 +48,13 @@ ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& opti
   return options.linear_solver_type;
 }
 
-ceres::LinearSolverType TypeToPlanFor(const ceres::Solver::Options& options, const OrderingView& ordering) {
+ceres::LinearSolverType TypeToPlanFor(const ceres::Solver::Options& options,
+                                      const OrderingView& ordering) {
   return options.dynamic_sparsity ? ceres::DENSE_QR : EffectiveLinearSolver(options, ordering);
 }
 
-ceres::LinearSolverType IncrementalLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering) {
+ceres::LinearSolverType IncrementalLinearSolver(const ceres::Solver::Options& options,
+                                                const OrderingView& ordering) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(options, ordering);
   return type == ceres::DENSE_QR ? ceres::DENSE_NORMAL_CHOLESKY : type;
 }

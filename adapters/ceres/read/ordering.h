@@ -8,12 +8,12 @@
 
 namespace inceres::internal {
 
-/// The user's linear_solver_ordering after the blocks that Ceres removes (constant, untouched) are gone. The caller's object is
-/// only read; stock Ceres edits it.
+/// The user's linear_solver_ordering after the blocks that Ceres removes (constant, untouched) are
+/// gone. The caller's object is only read; stock Ceres edits it.
 struct OrderingView {
   bool given = false;
-  int num_elements = 0;              ///< what is left, addresses that are no parameter block included
-  bool has_unknown = false;          ///< some address is no parameter block of the problem
+  int num_elements = 0;      ///< what is left, addresses that are no parameter block included
+  bool has_unknown = false;  ///< some address is no parameter block of the problem
   bool first_group_emptied = false;  ///< removal emptied the lowest group
   std::vector<int> group_sizes;      ///< of the groups left, by increasing id
   std::vector<int> first_group;      ///< block indices of the lowest group left
@@ -26,15 +26,20 @@ inline bool IsIterative(ceres::LinearSolverType type) {
   return type == ceres::ITERATIVE_SCHUR || type == ceres::CGNR;
 }
 
-/// The type Ceres would end up with: a Schur type whose first group was emptied becomes the type without elimination.
-ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering);
+/// The type Ceres would end up with: a Schur type whose first group was emptied becomes the type
+/// without elimination.
+ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& options,
+                                              const OrderingView& ordering);
 
-/// The type by which landmarks are chosen: with dynamic_sparsity, as for a QR factorization, none are, for it is the zeros of
-/// each linearization that say what is coupled.
-ceres::LinearSolverType TypeToPlanFor(const ceres::Solver::Options& options, const OrderingView& ordering);
+/// The type by which landmarks are chosen: with dynamic_sparsity, as for a QR factorization, none
+/// are, for it is the zeros of each linearization that say what is coupled.
+ceres::LinearSolverType TypeToPlanFor(const ceres::Solver::Options& options,
+                                      const OrderingView& ordering);
 
-/// The effective type in incremental mode, which forms normal equations: for who asked for DENSE_SCHUR that is what he gets where
-/// Ceres takes DENSE_QR (a window whose landmarks are all held, say).
-ceres::LinearSolverType IncrementalLinearSolver(const ceres::Solver::Options& options, const OrderingView& ordering);
+/// The effective type in incremental mode, which forms normal equations: for who asked for
+/// DENSE_SCHUR that is what he gets where Ceres takes DENSE_QR (a window whose landmarks are all
+/// held, say).
+ceres::LinearSolverType IncrementalLinearSolver(const ceres::Solver::Options& options,
+                                                const OrderingView& ordering);
 
 }  // namespace inceres::internal

@@ -6,7 +6,8 @@
 
 namespace inceres::internal {
 
-/// Dense indices of addresses: an open-addressing hash table filled in one go. Cost of a lookup: about one cache line.
+/// Dense indices of addresses: an open-addressing hash table filled in one go. Cost of a lookup:
+/// about one cache line.
 class PointerIndex {
  public:
   /// Index i belongs to pointers[i]; the pointers are distinct and not null.
@@ -47,9 +48,11 @@ class PointerIndex {
     int index = -1;
   };
 
-  // Fibonacci hashing: the high bits of the product depend on all address bits, also when blocks lie at a regular stride.
+  // Fibonacci hashing: the high bits of the product depend on all address bits, also when blocks
+  // lie at a regular stride.
   std::size_t Home(const void* pointer) const {
-    return static_cast<std::size_t>((reinterpret_cast<std::uintptr_t>(pointer) * UINT64_C(0x9E3779B97F4A7C15)) >> shift_);
+    return static_cast<std::size_t>(
+        (reinterpret_cast<std::uintptr_t>(pointer) * UINT64_C(0x9E3779B97F4A7C15)) >> shift_);
   }
 
   std::vector<Entry> entries_;

@@ -9,8 +9,9 @@
 
 namespace inceres::internal {
 
-/// The caller's memory of all parameter blocks that a solve may write: those not constant. Constant ones are never written, for
-/// they may lie in read-only memory or belong to a solve in another thread too.
+/// The caller's memory of all parameter blocks that a solve may write: those not constant. Constant
+/// ones are never written, for they may lie in read-only memory or belong to a solve in another
+/// thread too.
 class UserState {
  public:
   struct Block {
@@ -32,8 +33,8 @@ class UserState {
   int num_values_ = 0;
 };
 
-/// What is in the user's memory of the blocks that a solver moves. It is there again when this is gone, by an exception out of
-/// user code too, unless Keep was called.
+/// What is in the user's memory of the blocks that a solver moves. It is there again when this is
+/// gone, by an exception out of user code too, unless Keep was called.
 class StartValues {
  public:
   explicit StartValues(const ProblemView& view);

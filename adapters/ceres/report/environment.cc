@@ -13,8 +13,8 @@ namespace internal {
 namespace {
 
 std::optional<DropinMode> ModeNamed(const std::string& name) {
-  for (const DropinMode mode :
-       {DropinMode::kExact, DropinMode::kIncremental, DropinMode::kAuto, DropinMode::kFallback, DropinMode::kStock}) {
+  for (const DropinMode mode : {DropinMode::kExact, DropinMode::kIncremental, DropinMode::kAuto,
+                                DropinMode::kFallback, DropinMode::kStock}) {
     if (name == ModeName(mode)) {
       return mode;
     }
@@ -62,7 +62,8 @@ bool ReadItem(const std::string& item, CrossCheckOptions* check) {
 }
 
 std::string Complaint(const char* variable, const std::string& value, const char* known) {
-  return std::string(variable) + ": \"" + value + "\" means nothing here and is ignored; known are " + known;
+  return std::string(variable) + ": \"" + value +
+         "\" means nothing here and is ignored; known are " + known;
 }
 
 SolveMode ModeOfOneSolve(DropinMode mode) {
@@ -107,7 +108,8 @@ Environment ReadEnvironment(const std::function<const char*(const char*)>& varia
   if (const std::optional<DropinMode> known = ModeNamed(mode)) {
     environment.mode = *known;
   } else if (!mode.empty()) {
-    environment.complaints.push_back(Complaint("INCERES_MODE", mode, "exact, incremental, auto, fallback, stock"));
+    environment.complaints.push_back(
+        Complaint("INCERES_MODE", mode, "exact, incremental, auto, fallback, stock"));
   }
   const std::string windows = value_of("INCERES_WINDOWS");
   environment.exact_windows = windows != "incremental";
@@ -119,7 +121,8 @@ Environment ReadEnvironment(const std::function<const char*(const char*)>& varia
     if (!item.empty() && !ReadItem(item, &environment.cross_check)) {
       environment.complaints.push_back(
           Complaint("INCERES_CROSS_CHECK", item,
-                    "1, 0, keep=ours, keep=stock, cost=X, parameters=X, iterations=N, radius=X, spread=X with X, N >= 0"));
+                    "1, 0, keep=ours, keep=stock, cost=X, parameters=X, iterations=N, radius=X, "
+                    "spread=X with X, N >= 0"));
     }
   }
   environment.ab_log = value_of("INCERES_AB_LOG");
@@ -129,9 +132,10 @@ Environment ReadEnvironment(const std::function<const char*(const char*)>& varia
 const Environment& TheEnvironment() {
   // Never destroyed: a solve may come as late as another library's destructors.
   static const Environment& kEnvironment = *[] {
-    // Nothing where the program has rights that its user has not (setuid, setgid, capabilities): with them he could have a log
-    // written to any file.
-    Environment read = ReadEnvironment([](const char* name) -> const char* { return secure_getenv(name); });
+    // Nothing where the program has rights that its user has not (setuid, setgid, capabilities):
+    // with them he could have a log written to any file.
+    Environment read =
+        ReadEnvironment([](const char* name) -> const char* { return secure_getenv(name); });
     for (const std::string& complaint : read.complaints) {
       LOG(WARNING) << "inceres: " << complaint;
     }

@@ -12,9 +12,9 @@ namespace inceres::internal {
 enum class DropinMode {
   kExact,        ///< inceres::SolveMode::kExact
   kIncremental,  ///< incremental wherever it can, exact where it cannot
-  kAuto,         ///< as kIncremental, and exact while that takes less work (SessionOptions::automatic)
-  kFallback,     ///< looked at as in exact mode, then handed to stock Ceres whatever it is
-  kStock,        ///< nothing is looked at
+  kAuto,      ///< as kIncremental, and exact while that takes less work (SessionOptions::automatic)
+  kFallback,  ///< looked at as in exact mode, then handed to stock Ceres whatever it is
+  kStock,     ///< nothing is looked at
 };
 
 const char* ModeName(DropinMode mode);
@@ -32,7 +32,8 @@ struct Environment {
 /// `variable` gives a variable's value or null, as std::getenv does.
 Environment ReadEnvironment(const std::function<const char*(const char*)>& variable);
 
-/// That of this process: read at the first call, then the same for good. Complaints go to the log, once. Threads: any.
+/// That of this process: read at the first call, then the same for good. Complaints go to the log,
+/// once. Threads: any.
 const Environment& TheEnvironment();
 
 }  // namespace inceres::internal

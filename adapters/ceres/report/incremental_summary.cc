@@ -14,32 +14,36 @@
 namespace inceres::internal {
 namespace {
 
-// In Ceres's words (docs/ceres_contract.md, "Termination and messages") where it has any; the Update's own are in
-// SolveReport::update.
+// In Ceres's words (docs/ceres_contract.md, "Termination and messages") where it has any; the
+// Update's own are in SolveReport::update.
 std::string MessageOf(const UpdateSummary& update, const SolveInput& input, double seconds_before) {
   const ceres::Solver::Options& options = input.options;
   if (update.termination == Termination::kFailure) {
     const bool at_start = update.iterations.empty() && kCeresRules == CeresRules::k22;
-    return at_start ? "Initial residual and Jacobian evaluation failed." : "Residual and Jacobian evaluation failed.";
+    return at_start ? "Initial residual and Jacobian evaluation failed."
+                    : "Residual and Jacobian evaluation failed.";
   }
   if (update.ended_by_batch_rule) {
     return update.message;
   }
   if (update.termination == Termination::kConvergence) {
-    const double share = update.final_cost > 0.0 ? std::fabs(update.remaining_decrease) / update.final_cost : 0.0;
-    return std::string("Function tolerance reached. |cost_change|/cost: ") + Scientific(share).text() +
-           " <= " + Scientific(options.function_tolerance).text();
+    const double share =
+        update.final_cost > 0.0 ? std::fabs(update.remaining_decrease) / update.final_cost : 0.0;
+    return std::string("Function tolerance reached. |cost_change|/cost: ") +
+           Scientific(share).text() + " <= " + Scientific(options.function_tolerance).text();
   }
   if (update.termination != Termination::kNoConvergence) {
     return update.message;
   }
   const int num_iterations = input.last_iteration.value_or(0) + update.num_iterations;
   if (num_iterations >= options.max_num_iterations) {
-    return "Maximum number of iterations reached. Number of iterations: " + std::to_string(num_iterations) + ".";
+    return "Maximum number of iterations reached. Number of iterations: " +
+           std::to_string(num_iterations) + ".";
   }
   const double seconds = seconds_before + update.seconds;
   if (seconds >= options.max_solver_time_in_seconds) {
-    return std::string("Maximum solver time reached. Total solver time: ") + Scientific(seconds).text() +
+    return std::string("Maximum solver time reached. Total solver time: ") +
+           Scientific(seconds).text() +
            " >= " + Scientific(options.max_solver_time_in_seconds).text() + ".";
   }
   return update.message;  // no step at the largest damping; the work budget of a session's options
@@ -58,11 +62,16 @@ Summary ToSummary(const UpdateResult& result, const SolveInput& input) {
   core.final_cost = update.final_cost + result.outside_cost;
   core.fixed_cost = result.fixed_cost;
   core.iterations = result.trace;
-  const auto successful = [](const IterationSummary& iteration) { return iteration.step_is_successful; };
-  core.num_successful_steps = static_cast<int>(std::count_if(core.iterations.begin(), core.iterations.end(), successful));
-  core.num_unsuccessful_steps = static_cast<int>(core.iterations.size()) - core.num_successful_steps;
+  const auto successful = [](const IterationSummary& iteration) {
+    return iteration.step_is_successful;
+  };
+  core.num_successful_steps =
+      static_cast<int>(std::count_if(core.iterations.begin(), core.iterations.end(), successful));
+  core.num_unsuccessful_steps =
+      static_cast<int>(core.iterations.size()) - core.num_successful_steps;
   core.reduced_solver = "incremental";
-  core.work.num_residual_evaluations = core.work.num_jacobian_evaluations = -1;  // there are no whole passes to count
+  // there are no whole passes to count
+  core.work.num_residual_evaluations = core.work.num_jacobian_evaluations = -1;
   core.work.num_linear_solves = update.num_iterations;
   core.seconds = update.batch_stages;
   core.seconds.residuals += update.evaluate_seconds + update.landmark_seconds;
@@ -86,11 +95,11 @@ void ReportNothingToSolve(const SolveInput& input, SolveReport* report) {
   report->options_without_effect = IncrementalOptionsWithoutEffect(input.options, LandmarkCounts());
 }
 
-bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input, ceres::Solver::Summary* summary,
-                 SolveReport* report) {
+bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input,
+                 ceres::Solver::Summary* summary, SolveReport* report) {
   WriteSolution(input.options, core, summary);
-  summary->final_cost =
-      core.final_cost;  // of the user's memory: a refused step that came lower, which Ceres counts, is not there
+  // of the user's memory: a refused step that came lower, which Ceres counts, is not there
+  summary->final_cost = core.final_cost;
   LogFailedStep(input.options, core.failed_step);
   const bool usable = core.IsSolutionUsable();
   const bool failed = core.termination == Termination::kFailure;

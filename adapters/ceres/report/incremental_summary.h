@@ -26,12 +26,14 @@ struct UpdateResult {
   double callback_seconds = 0.0;
 };
 
-/// The core's summary of an Update, with the costs of all residual blocks and a message in Ceres's words where it has any.
+/// The core's summary of an Update, with the costs of all residual blocks and a message in Ceres's
+/// words where it has any.
 Summary ToSummary(const UpdateResult& result, const SolveInput& input);
 
-/// Writes what of an Update the Summary and the report have places for. False after a failure, which is logged.
-bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input, ceres::Solver::Summary* summary,
-                 SolveReport* report);
+/// Writes what of an Update the Summary and the report have places for. False after a failure,
+/// which is logged.
+bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input,
+                 ceres::Solver::Summary* summary, SolveReport* report);
 
 /// The report of a problem without a variable parameter block.
 void ReportNothingToSolve(const SolveInput& input, SolveReport* report);

@@ -53,11 +53,12 @@ void WriteOptions(const ceres::Solver::Options& options, ceres::Solver::Summary*
   WriteOptionsOfThisRelease(options, summary);
 }
 
-// The two strings of ceres::Solver::Summary that name the block sizes of a Schur problem: "residual,landmark,frame" in tangent
-// sizes, "d" where they vary, over the residual blocks that touch a landmark; zeros if none does.
+// The two strings of ceres::Solver::Summary that name the block sizes of a Schur problem:
+// "residual,landmark,frame" in tangent sizes, "d" where they vary, over the residual blocks that
+// touch a landmark; zeros if none does.
 struct SchurStructure {
   std::string given;  // as found in the problem
-  std::string used;   // the closest of the specializations Ceres would pick (which ours need not be)
+  std::string used;  // the closest of the specializations Ceres would pick (which ours need not be)
 };
 
 constexpr int kDynamic = -1;
@@ -75,7 +76,8 @@ void Merge(int size, int* seen) {
 std::string ToText(const Sizes& sizes) {
   std::string text;
   for (const int size : sizes) {
-    text += (text.empty() ? "" : ",") + (size == kDynamic ? std::string("d") : std::to_string(size));
+    text +=
+        (text.empty() ? "" : ",") + (size == kDynamic ? std::string("d") : std::to_string(size));
   }
   return text;
 }
@@ -85,8 +87,9 @@ Sizes BestSpecialization(const Sizes& sizes) {
   if (!kCeresHasSchurSpecializations) {
     return {kDynamic, kDynamic, kDynamic};
   }
-  constexpr Sizes kExact[] = {{2, 2, 2}, {2, 2, 3}, {2, 2, 4}, {2, 3, 3}, {2, 3, 4}, {2, 3, 6}, {2, 3, 9}, {2, 4, 3},
-                              {2, 4, 4}, {2, 4, 6}, {2, 4, 8}, {2, 4, 9}, {3, 3, 3}, {4, 4, 2}, {4, 4, 3}, {4, 4, 4}};
+  constexpr Sizes kExact[] = {{2, 2, 2}, {2, 2, 3}, {2, 2, 4}, {2, 3, 3}, {2, 3, 4}, {2, 3, 6},
+                              {2, 3, 9}, {2, 4, 3}, {2, 4, 4}, {2, 4, 6}, {2, 4, 8}, {2, 4, 9},
+                              {3, 3, 3}, {4, 4, 2}, {4, 4, 3}, {4, 4, 4}};
   if (std::find(std::begin(kExact), std::end(kExact), sizes) != std::end(kExact)) {
     return sizes;
   }
@@ -148,7 +151,8 @@ ceres::IterationSummary ToCeres(const IterationSummary& iteration, double eta) {
   return result;
 }
 
-void WriteGiven(const ceres::Solver::Options& options, const ProblemView& view, ceres::Solver::Summary* summary) {
+void WriteGiven(const ceres::Solver::Options& options, const ProblemView& view,
+                ceres::Solver::Summary* summary) {
   WriteOptions(options, summary);
   summary->num_parameter_blocks = view.all.num_parameter_blocks;
   summary->num_parameters = view.all.num_parameters;
@@ -163,7 +167,8 @@ void WriteGiven(const ceres::Solver::Options& options, const ProblemView& view, 
   summary->inner_iteration_time_in_seconds = 0.0;
 }
 
-void WriteSolution(const ceres::Solver::Options& options, const Summary& core, ceres::Solver::Summary* summary) {
+void WriteSolution(const ceres::Solver::Options& options, const Summary& core,
+                   ceres::Solver::Summary* summary) {
   summary->termination_type = ToCeres(core.termination);
   summary->message = core.message;
   summary->iterations.reserve(core.iterations.size());
@@ -178,7 +183,8 @@ void WriteSolution(const ceres::Solver::Options& options, const Summary& core, c
   summary->num_line_search_steps = core.line_search.num_steps;
   summary->line_search_cost_evaluation_time_in_seconds = core.line_search.cost_seconds;
   summary->line_search_gradient_evaluation_time_in_seconds = core.line_search.gradient_seconds;
-  summary->line_search_polynomial_minimization_time_in_seconds = core.line_search.polynomial_seconds;
+  summary->line_search_polynomial_minimization_time_in_seconds =
+      core.line_search.polynomial_seconds;
   summary->line_search_total_time_in_seconds = core.line_search.total_seconds;
   summary->num_successful_steps = core.num_successful_steps;
   summary->num_unsuccessful_steps = core.num_unsuccessful_steps;
@@ -187,8 +193,9 @@ void WriteSolution(const ceres::Solver::Options& options, const Summary& core, c
   summary->num_jacobian_evaluations = core.work.num_jacobian_evaluations;
   summary->residual_evaluation_time_in_seconds = core.seconds.residuals;
   summary->jacobian_evaluation_time_in_seconds = core.seconds.jacobians;
-  summary->linear_solver_time_in_seconds =
-      core.seconds.hessian + core.seconds.elimination + core.seconds.factorization + core.seconds.back_substitution;
+  summary->linear_solver_time_in_seconds = core.seconds.hessian + core.seconds.elimination +
+                                           core.seconds.factorization +
+                                           core.seconds.back_substitution;
 }
 
 void WriteNothingToSolve(double fixed_cost, ceres::Solver::Summary* summary) {
@@ -206,8 +213,9 @@ void WriteReduced(const ProblemView& view, ceres::Solver::Summary* summary) {
   summary->num_residuals_reduced = view.reduced.num_residuals;
 }
 
-void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering, const LandmarkSelection& landmarks,
-                       ceres::LinearSolverType type, ceres::Solver::Summary* summary) {
+void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering,
+                       const LandmarkSelection& landmarks, ceres::LinearSolverType type,
+                       ceres::Solver::Summary* summary) {
   summary->linear_solver_type_used = type;
   const int num_frames = view.reduced.num_parameter_blocks - landmarks.num_landmarks;
   if (!IsSchurType(type)) {
@@ -217,8 +225,8 @@ void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering, co
   }
   const bool given = LandmarksAreGiven(ordering, type);
   const bool differs = given && (landmarks.num_too_large > 0 || landmarks.num_kept > 0);
-  const SchurStructure structure =
-      FindSchurStructure(view, differs ? LandmarksOfFirstGroup(view, ordering, /*max_size=*/INT_MAX) : landmarks);
+  const SchurStructure structure = FindSchurStructure(
+      view, differs ? LandmarksOfFirstGroup(view, ordering, /*max_size=*/INT_MAX) : landmarks);
   summary->schur_structure_given = structure.given;
   summary->schur_structure_used = structure.used;
   if (given) {  // what the user asked for, even where it is solved in another order
@@ -234,12 +242,16 @@ void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering, co
 
 void LogFailedStep(const ceres::Solver::Options& options, const std::string& failed_step) {
   LOG_IF(WARNING, !failed_step.empty() && options.logging_type != ceres::SILENT)
-      << "Step failed to evaluate. Treating it as a step with infinite cost. The first one of this solve: " << failed_step;
+      << "Step failed to evaluate. Treating it as a step with infinite cost. The first one of this "
+         "solve: "
+      << failed_step;
 }
 
 void Prepend(const ceres::Solver::Summary& first, ceres::Solver::Summary* summary) {
   summary->initial_cost = first.initial_cost;
-  const int start = summary->iterations.empty() ? 0 : 1;  // counted with the first part's, for it is where that ended
+  const int start = summary->iterations.empty()
+                        ? 0
+                        : 1;  // counted with the first part's, for it is where that ended
   summary->num_successful_steps += first.num_successful_steps - start;
   summary->num_unsuccessful_steps += first.num_unsuccessful_steps;
   summary->num_linear_solves += first.num_linear_solves;
@@ -247,10 +259,12 @@ void Prepend(const ceres::Solver::Summary& first, ceres::Solver::Summary* summar
   summary->residual_evaluation_time_in_seconds += first.residual_evaluation_time_in_seconds;
   summary->jacobian_evaluation_time_in_seconds += first.jacobian_evaluation_time_in_seconds;
   summary->preprocessor_time_in_seconds = first.preprocessor_time_in_seconds;
-  summary->minimizer_time_in_seconds =
-      summary->total_time_in_seconds - first.preprocessor_time_in_seconds - summary->postprocessor_time_in_seconds;
+  summary->minimizer_time_in_seconds = summary->total_time_in_seconds -
+                                       first.preprocessor_time_in_seconds -
+                                       summary->postprocessor_time_in_seconds;
   std::vector<ceres::IterationSummary> iterations = first.iterations;
-  iterations.insert(iterations.end(), summary->iterations.begin() + start, summary->iterations.end());
+  iterations.insert(iterations.end(), summary->iterations.begin() + start,
+                    summary->iterations.end());
   summary->iterations = std::move(iterations);
 }
 

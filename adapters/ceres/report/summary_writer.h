@@ -12,14 +12,17 @@
 
 namespace inceres::internal {
 
-/// One line of the trace in Ceres's type. `eta` is the option's: reported where Ceres has not solved for a good step.
+/// One line of the trace in Ceres's type. `eta` is the option's: reported where Ceres has not
+/// solved for a good step.
 ceres::IterationSummary ToCeres(const IterationSummary& iteration, double eta);
 
 /// What Ceres writes before it preprocesses: copies of the options, sizes of the whole problem.
-void WriteGiven(const ceres::Solver::Options& options, const ProblemView& view, ceres::Solver::Summary* summary);
+void WriteGiven(const ceres::Solver::Options& options, const ProblemView& view,
+                ceres::Solver::Summary* summary);
 
 /// Costs, iterations, termination, counts and times of a solve by the core.
-void WriteSolution(const ceres::Solver::Options& options, const Summary& core, ceres::Solver::Summary* summary);
+void WriteSolution(const ceres::Solver::Options& options, const Summary& core,
+                   ceres::Solver::Summary* summary);
 
 /// The result of a problem in which nothing can move.
 void WriteNothingToSolve(double fixed_cost, ceres::Solver::Summary* summary);
@@ -28,17 +31,19 @@ void WriteNothingToSolve(double fixed_cost, ceres::Solver::Summary* summary);
 void WriteReduced(const ProblemView& view, ceres::Solver::Summary* summary);
 
 /// Linear solver used, its Schur structure, and the groups of the elimination.
-void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering, const LandmarkSelection& landmarks,
-                       ceres::LinearSolverType type, ceres::Solver::Summary* summary);
+void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering,
+                       const LandmarkSelection& landmarks, ceres::LinearSolverType type,
+                       ceres::Solver::Summary* summary);
 
 /// Group sizes of an ordering by increasing id; empty for null.
 std::vector<int> GroupSizes(const ceres::ParameterBlockOrdering* ordering);
 
-/// As Ceres's warning of a step that could not be evaluated, which a logging_type of SILENT suppresses; but once a solve, and
-/// with what was at fault. Nothing if `failed_step` is empty.
+/// As Ceres's warning of a step that could not be evaluated, which a logging_type of SILENT
+/// suppresses; but once a solve, and with what was at fault. Nothing if `failed_step` is empty.
 void LogFailedStep(const ceres::Solver::Options& options, const std::string& failed_step);
 
-/// `summary` tells of the second part of a solve, numbered on from the first (SolveInput::last_iteration): makes it tell of both.
+/// `summary` tells of the second part of a solve, numbered on from the first
+/// (SolveInput::last_iteration): makes it tell of both.
 void Prepend(const ceres::Solver::Summary& first, ceres::Solver::Summary* summary);
 
 }  // namespace inceres::internal

@@ -15,21 +15,24 @@ bool SameBits(const double* a, const double* b, std::size_t size) {
 }
 
 bool HasShape(const FactorFamily& family, const FactorShape& shape) {
-  if (family.residual_size() != shape.num_residuals || family.num_slots() != static_cast<int>(shape.slots.size())) {
+  if (family.residual_size() != shape.num_residuals ||
+      family.num_slots() != static_cast<int>(shape.slots.size())) {
     return false;
   }
   for (int s = 0; s < family.num_slots(); ++s) {
     const FactorFamily::Slot& slot = shape.slots[At(s)];
-    if (family.slot(s).ambient_size != slot.ambient_size || family.slot(s).tangent_size != slot.tangent_size) {
+    if (family.slot(s).ambient_size != slot.ambient_size ||
+        family.slot(s).tangent_size != slot.tangent_size) {
       return false;
     }
   }
   return true;
 }
 
-// Where two landmarks meet, those that the selection does not want give way; at most one is left then. A constant counts too: it
-// may be variable in the next solve.
-void Separate(const ProblemView& view, const LandmarkSelection& selection, std::vector<Role>* roles) {
+// Where two landmarks meet, those that the selection does not want give way; at most one is left
+// then. A constant counts too: it may be variable in the next solve.
+void Separate(const ProblemView& view, const LandmarkSelection& selection,
+              std::vector<Role>* roles) {
   const auto is_landmark = [&](int b) { return (*roles)[At(b)] == Role::kLandmark; };
   for (const ResidualBlockView& residual : view.residuals) {
     const int* begin = view.SlotsOf(residual);
@@ -49,7 +52,8 @@ void Separate(const ProblemView& view, const LandmarkSelection& selection, std::
 
 }  // namespace
 
-std::vector<Role> ChooseIncrementalRoles(const ProblemView& view, const LandmarkSelection& selection, bool given,
+std::vector<Role> ChooseIncrementalRoles(const ProblemView& view,
+                                         const LandmarkSelection& selection, bool given,
                                          const std::vector<PastRole>& past) {
   std::vector<Role> roles(view.blocks.size(), Role::kFrame);
   for (std::size_t b = 0; b < view.blocks.size(); ++b) {
@@ -67,7 +71,11 @@ std::vector<Role> ChooseIncrementalRoles(const ProblemView& view, const Landmark
 class IncrementalProblem::Follower {
  public:
   Follower(const ProblemNow& now, IncrementalProblem* problem, ProblemChanges* changes)
-      : view_(now.view), problem_(*problem), solver_(problem->solver_), edit_(problem->edit_), changes_(*changes) {
+      : view_(now.view),
+        problem_(*problem),
+        solver_(problem->solver_),
+        edit_(problem->edit_),
+        changes_(*changes) {
     ChooseRoles(now);
     ChooseFamilies(now.shapes);
     edit_.Restart();  // after the last AddFamily: it would make the edit stale
@@ -84,8 +92,8 @@ class IncrementalProblem::Follower {
   }
 
  private:
-  // A residual block that is new to the graph; by landmark (index into variables_; after all others if there is none), then in
-  // program order.
+  // A residual block that is new to the graph; by landmark (index into variables_; after all others
+  // if there is none), then in program order.
   struct NewFactor {
     int landmark = -1;
     int residual = -1;
@@ -99,7 +107,8 @@ class IncrementalProblem::Follower {
     for (const Variable& variable : problem_.variables_) {
       const int b = view_.index.Find(variable.user);
       if (b >= 0) {
-        const bool was_landmark = variable.role == Role::kLandmark && view_.block(b).tangent_size == variable.tangent_size;
+        const bool was_landmark = variable.role == Role::kLandmark &&
+                                  view_.block(b).tangent_size == variable.tangent_size;
         past[At(b)] = was_landmark ? PastRole::kLandmark : PastRole::kFrame;
       }
     }
@@ -115,7 +124,8 @@ class IncrementalProblem::Follower {
       if (residual.fixed) {
         continue;
       }
-      const int landmark_slot = view_.FindSlot(residual, [this](int b) { return roles_[At(b)] == Role::kLandmark; });
+      const int landmark_slot =
+          view_.FindSlot(residual, [this](int b) { return roles_[At(b)] == Role::kLandmark; });
       const FactorShape& shape = shapes.ShapeOf(r);
       int& family = family_at[At(shape.first_place + shapes.shape_of[r] + 1 + landmark_slot)];
       if (family < 0) {
@@ -134,7 +144,8 @@ class IncrementalProblem::Follower {
       return static_cast<int>(found - families.begin());
     }
     Family family;
-    family.family = std::make_shared<RememberingFamily>(shape.num_residuals, shape.slots, problem_.trust_ == Trust::kVerified);
+    family.family = std::make_shared<RememberingFamily>(shape.num_residuals, shape.slots,
+                                                        problem_.trust_ == Trust::kVerified);
     family.landmark_slot = landmark_slot;
     family.id = solver_.AddFamily(family.family);
     families.push_back(std::move(family));
@@ -160,16 +171,20 @@ class IncrementalProblem::Follower {
     }
   }
 
-  // The same space at the same address: what is cached about its tangents holds. Values are another matter.
+  // The same space at the same address: what is cached about its tangents holds. Values are another
+  // matter.
   bool IsSame(const Variable& variable, const ParameterBlockView& block, Role role) const {
-    if (variable.ambient_size != block.ambient_size || variable.tangent_size != block.tangent_size ||
-        variable.manifold != block.manifold || variable.role != role) {
+    if (variable.ambient_size != block.ambient_size ||
+        variable.tangent_size != block.tangent_size || variable.manifold != block.manifold ||
+        variable.role != role) {
       return false;
     }
-    if (block.manifold == nullptr || block.tangent_size == 0 || problem_.trust_ == Trust::kAddresses) {
+    if (block.manifold == nullptr || block.tangent_size == 0 ||
+        problem_.trust_ == Trust::kAddresses) {
       return true;
     }
-    const std::vector<double> plus_jacobian = ReadPlusJacobian(*block.manifold, solver_.Values(variable.id));
+    const std::vector<double> plus_jacobian =
+        ReadPlusJacobian(*block.manifold, solver_.Values(variable.id));
     return !plus_jacobian.empty() && plus_jacobian.size() == variable.plus_jacobian.size() &&
            SameBits(plus_jacobian.data(), variable.plus_jacobian.data(), plus_jacobian.size());
   }
@@ -181,7 +196,8 @@ class IncrementalProblem::Follower {
       edit_.SetConstant(variable.id, block.constant);
       ++changes_.num_toggled_constants;
     }
-    const bool revalued = !SameBits(block.values, solver_.Values(variable.id), At(block.ambient_size));
+    const bool revalued =
+        !SameBits(block.values, solver_.Values(variable.id), At(block.ambient_size));
     if (revalued) {
       edit_.SetValues(variable.id, block.values);
       ++changes_.num_revalued_variables;
@@ -195,7 +211,9 @@ class IncrementalProblem::Follower {
     problem_.variables_.push_back(std::move(variable));
   }
 
-  const Variable& VariableOf(int b) const { return problem_.variables_[At(problem_.variable_of_[At(b)])]; }
+  const Variable& VariableOf(int b) const {
+    return problem_.variables_[At(problem_.variable_of_[At(b)])];
+  }
 
   void MatchFactors() {
     old_factors_.swap(problem_.factors_);
@@ -217,7 +235,8 @@ class IncrementalProblem::Follower {
     }
   }
 
-  // The residual blocks mostly stand in the order of last time; where they do not, a hash table is built, once a solve.
+  // The residual blocks mostly stand in the order of last time; where they do not, a hash table is
+  // built, once a solve.
   int FindOld(ceres::ResidualBlockId block) {
     if (next_old_ < old_factors_.size() && old_factors_[next_old_].block == block) {
       return static_cast<int>(next_old_++);
@@ -238,19 +257,22 @@ class IncrementalProblem::Follower {
 
   bool HasSameVariables(const Factor& factor, const ResidualBlockView& residual) const {
     const RememberingFamily& family = *problem_.families_[At(factor.family)].family;
-    if (family.residual_size() != residual.num_residuals || family.num_slots() != residual.num_slots) {
+    if (family.residual_size() != residual.num_residuals ||
+        family.num_slots() != residual.num_slots) {
       return false;
     }
     for (int s = 0; s < residual.num_slots; ++s) {
       const int b = view_.SlotsOf(residual)[s];
-      if (problem_.variable_of_[At(b)] < 0 || VariableOf(b).id != old_factor_variables_[At(factor.first_variable + s)]) {
+      if (problem_.variable_of_[At(b)] < 0 ||
+          VariableOf(b).id != old_factor_variables_[At(factor.first_variable + s)]) {
         return false;
       }
     }
     return true;
   }
 
-  // A residual block that stays in the graph: as it is if it is proved to be the same, else to be linearized anew.
+  // A residual block that stays in the graph: as it is if it is proved to be the same, else to be
+  // linearized anew.
   void Keep(const ResidualBlockView& residual, Factor factor) {
     if (MustLinearize(factor, residual)) {
       factor.cost = residual.cost;
@@ -280,11 +302,14 @@ class IncrementalProblem::Follower {
     if (problem_.trust_ == Trust::kAddresses) {
       return false;
     }
-    // Where the caller has set other values the solver linearizes anew anyway: nothing cached needs a proof.
+    // Where the caller has set other values the solver linearizes anew anyway: nothing cached needs
+    // a proof.
     const int* slots = view_.SlotsOf(residual);
-    const bool revalued = std::any_of(slots, slots + residual.num_slots,
-                                      [this](int b) { return revalued_[At(problem_.variable_of_[At(b)])] != 0; });
-    return !revalued && !problem_.families_[At(factor.family)].family->Recognize(factor.id.index, residual.cost);
+    const bool revalued = std::any_of(slots, slots + residual.num_slots, [this](int b) {
+      return revalued_[At(problem_.variable_of_[At(b)])] != 0;
+    });
+    return !revalued &&
+           !problem_.families_[At(factor.family)].family->Recognize(factor.id.index, residual.cost);
   }
 
   // What was not met again goes; what touches a variable that goes does so by itself.
@@ -296,7 +321,8 @@ class IncrementalProblem::Follower {
       const Factor& factor = old_factors_[i];
       RememberingFamily& family = *problem_.families_[At(factor.family)].family;
       const auto first = old_factor_variables_.begin() + factor.first_variable;
-      if (std::none_of(first, first + family.num_slots(), [this](VariableId id) { return going_[At(id)] != 0; })) {
+      if (std::none_of(first, first + family.num_slots(),
+                       [this](VariableId id) { return going_[At(id)] != 0; })) {
         edit_.RemoveFactor(factor.id);
       }
       family.PlaceBorrowed(factor.id.index, nullptr);  // the cost function may be gone
@@ -304,7 +330,8 @@ class IncrementalProblem::Follower {
     }
   }
 
-  // Blocks of the new residual blocks by first appearance, frames before landmarks: the order does not depend on addresses.
+  // Blocks of the new residual blocks by first appearance, frames before landmarks: the order does
+  // not depend on addresses.
   void AddVariables() {
     for (const Role role : {Role::kFrame, Role::kLandmark}) {
       for (const NewFactor& added : new_factors_) {
@@ -331,7 +358,8 @@ class IncrementalProblem::Follower {
     if (block.constant && problem_.trust_ == Trust::kNothing) {
       variable.id = edit_.AddBorrowedConstant(block.values, block.ambient_size);
     } else {
-      variable.id = edit_.AddVariable(block.values, block.ambient_size, role, manifolds_.Get(block.manifold));
+      variable.id =
+          edit_.AddVariable(block.values, block.ambient_size, role, manifolds_.Get(block.manifold));
       if (block.constant) {
         edit_.SetConstant(variable.id, true);
       }
@@ -342,10 +370,11 @@ class IncrementalProblem::Follower {
 
   void AddFactors() {
     for (NewFactor& added : new_factors_) {
-      const int landmark_slot = problem_.families_[At(family_of_[At(added.residual)])].landmark_slot;
+      const int landmark_slot =
+          problem_.families_[At(family_of_[At(added.residual)])].landmark_slot;
       const int* slots = view_.SlotsOf(view_.residuals[At(added.residual)]);
-      added.landmark =
-          landmark_slot < 0 ? static_cast<int>(problem_.variables_.size()) : problem_.variable_of_[At(slots[landmark_slot])];
+      added.landmark = landmark_slot < 0 ? static_cast<int>(problem_.variables_.size())
+                                         : problem_.variable_of_[At(slots[landmark_slot])];
     }
     const std::size_t first_new = problem_.factors_.size();
     for (std::size_t k = 0; k < new_factors_.size(); ++k) {
@@ -399,9 +428,10 @@ Status IncrementalProblem::Follow(const ProblemNow& now, ProblemChanges* changes
   *changes = ProblemChanges();
   Follower(now, this, changes).Run();
   forgotten_.clear();
-  num_landmarks_ = static_cast<int>(std::count_if(variables_.begin(), variables_.end(), [](const Variable& variable) {
-    return variable.role == Role::kLandmark && !variable.constant;
-  }));
+  num_landmarks_ = static_cast<int>(
+      std::count_if(variables_.begin(), variables_.end(), [](const Variable& variable) {
+        return variable.role == Role::kLandmark && !variable.constant;
+      }));
   return solver_.Apply(edit_);
 }
 

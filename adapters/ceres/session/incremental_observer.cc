@@ -7,7 +7,8 @@ IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveConte
   result.iteration = row.iteration + context.last_iteration.value_or(0);
   result.step_is_valid = row.step != UpdateStep::kNone || row.iteration == 0;
   result.step_is_successful = row.accepted;
-  const double candidate_cost = row.cost - row.cost_change;  // cost is that of before: the step was refused
+  // cost is that of before: the step was refused
+  const double candidate_cost = row.cost - row.cost_change;
   result.cost = (row.accepted ? row.cost : candidate_cost) + context.outside_cost;
   result.cost_change = row.cost_change;
   result.gradient_max_norm = row.gradient_max_norm;
@@ -23,8 +24,9 @@ IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveConte
   return result;
 }
 
-IncrementalObserver::IncrementalObserver(const ceres::Solver::Options& options, const ProblemView& view,
-                                         std::function<void()> write, const SolveContext& context)
+IncrementalObserver::IncrementalObserver(const ceres::Solver::Options& options,
+                                         const ProblemView& view, std::function<void()> write,
+                                         const SolveContext& context)
     : options_(options), write_(std::move(write)), context_(context) {
   if (options_.update_state) {
     start_values_.emplace(view);
@@ -36,8 +38,10 @@ ObserverAction IncrementalObserver::EndOfIteration(const UpdateIteration& iterat
   if (options_.update_state) {
     write_();
   }
-  const bool is_known = iteration.iteration == 0 && context_.last_iteration.has_value();  // from the part before
-  return is_known ? ObserverAction::kContinue : ReportIteration(options_, trace_.back(), &callback_seconds_);
+  // from the part before
+  const bool is_known = iteration.iteration == 0 && context_.last_iteration.has_value();
+  return is_known ? ObserverAction::kContinue
+                  : ReportIteration(options_, trace_.back(), &callback_seconds_);
 }
 
 }  // namespace inceres::internal

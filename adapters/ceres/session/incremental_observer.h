@@ -17,21 +17,23 @@ namespace inceres::internal {
 
 /// What of a solve does not show in its Update.
 struct SolveContext {
-  double outside_cost = 0.0;                         ///< of residual blocks that are not in the graph
-  double seconds_before = 0.0;                       ///< spent before the Update began
+  double outside_cost = 0.0;    ///< of residual blocks that are not in the graph
+  double seconds_before = 0.0;  ///< spent before the Update began
   std::optional<int> last_iteration = std::nullopt;  ///< SolveInput::last_iteration
 };
 
-/// Keeps Ceres's promises at the end of an iteration of an incremental solve, as CallbackObserver does in exact mode, and writes
-/// the trace in the terms of IterationSummary.
+/// Keeps Ceres's promises at the end of an iteration of an incremental solve, as CallbackObserver
+/// does in exact mode, and writes the trace in the terms of IterationSummary.
 ///
-/// While it lives and update_state_every_iteration is on, the user's memory follows the solve. It is as before when this object
-/// is gone (an exception out of user code included), unless Keep was called.
+/// While it lives and update_state_every_iteration is on, the user's memory follows the solve. It
+/// is as before when this object is gone (an exception out of user code included), unless Keep was
+/// called.
 class IncrementalObserver : public UpdateObserver {
  public:
-  /// Borrows all for the length of a solve. `write` puts the best state so far into the user's memory.
-  IncrementalObserver(const ceres::Solver::Options& options, const ProblemView& view, std::function<void()> write,
-                      const SolveContext& context);
+  /// Borrows all for the length of a solve. `write` puts the best state so far into the user's
+  /// memory.
+  IncrementalObserver(const ceres::Solver::Options& options, const ProblemView& view,
+                      std::function<void()> write, const SolveContext& context);
 
   ObserverAction EndOfIteration(const UpdateIteration& iteration) override;
   /// What is in the user's memory stays.
@@ -53,8 +55,8 @@ class IncrementalObserver : public UpdateObserver {
   double callback_seconds_ = 0.0;
 };
 
-/// One row of an Update's trace as Ceres would tell it: costs with what is outside the graph, of a refused step that of its
-/// candidate; the radius is 1 / damping.
+/// One row of an Update's trace as Ceres would tell it: costs with what is outside the graph, of a
+/// refused step that of its candidate; the radius is 1 / damping.
 IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveContext& context);
 
 }  // namespace inceres::internal

@@ -20,13 +20,14 @@ namespace inceres::internal {
 /// What a block was in the last solve.
 enum class PastRole : char { kNone, kFrame, kLandmark };
 
-/// Roles of the parameter blocks in a solve that follows another. To change a role costs as much as to remove the block and add
-/// it anew, so roles are sticky: landmarks stay landmarks as long as no two meet in a residual block, and frames become landmarks
-/// when the selection makes them so. With `given` (by the user) the selection rules alone, but for constants, which keep their
-/// roles.
+/// Roles of the parameter blocks in a solve that follows another. To change a role costs as much as
+/// to remove the block and add it anew, so roles are sticky: landmarks stay landmarks as long as no
+/// two meet in a residual block, and frames become landmarks when the selection makes them so. With
+/// `given` (by the user) the selection rules alone, but for constants, which keep their roles.
 ///
 /// Requires that no two blocks of the selection meet in a residual block. Cost: linear in slots.
-std::vector<Role> ChooseIncrementalRoles(const ProblemView& view, const LandmarkSelection& selection, bool given,
+std::vector<Role> ChooseIncrementalRoles(const ProblemView& view,
+                                         const LandmarkSelection& selection, bool given,
                                          const std::vector<PastRole>& past);
 
 /// What a problem looks like this time.
@@ -39,34 +40,41 @@ struct ProblemNow {
 
 /// How much an IncrementalProblem keeps.
 enum class Trust {
-  kNothing,    ///< solved once: nothing is kept to be recognized
-  kVerified,   ///< a cost function is taken for the one of the last solve if it evaluates to the same residual
+  kNothing,  ///< solved once: nothing is kept to be recognized
+  /// a cost function is taken for the one of the last solve if it evaluates to the same residual
+  kVerified,
   kAddresses,  ///< … if it has the same address
 };
 
-/// An IncrementalSolver that follows a ceres::Problem: it knows which variable stands for which parameter block, which factor for
-/// which residual block, and turns what has changed into one edit. (The rules of recognition are in inceres/ceres/session.h.)
+/// An IncrementalSolver that follows a ceres::Problem: it knows which variable stands for which
+/// parameter block, which factor for which residual block, and turns what has changed into one
+/// edit. (The rules of recognition are in inceres/ceres/session.h.)
 ///
-/// In the graph are the residual blocks that touch a variable block, and those that did so once and have since become constant.
+/// In the graph are the residual blocks that touch a variable block, and those that did so once and
+/// have since become constant.
 class IncrementalProblem {
  public:
-  IncrementalProblem(const IncrementalOptions& options, Trust trust) : solver_(options), edit_(solver_.graph()), trust_(trust) {
+  IncrementalProblem(const IncrementalOptions& options, Trust trust)
+      : solver_(options), edit_(solver_.graph()), trust_(trust) {
     solver_.SetVariableNames([this](VariableId id) { return NameOf(id); });
   }
   IncrementalProblem(const IncrementalProblem&) = delete;
   IncrementalProblem& operator=(const IncrementalProblem&) = delete;
 
-  /// Brings the solver's graph to where the problem is. After an error the object is of no more use.
+  /// Brings the solver's graph to where the problem is. After an error the object is of no more
+  /// use.
   Status Follow(const ProblemNow& now, ProblemChanges* changes);
   IncrementalSolver& solver() { return solver_; }
-  /// Whether this residual block of the view last followed is in the graph: then its cost is part of the solver's.
+  /// Whether this residual block of the view last followed is in the graph: then its cost is part
+  /// of the solver's.
   bool Holds(std::size_t residual) const { return factor_of_[residual] >= 0; }
   /// Current number of variable landmarks of the problem.
   int num_landmarks() const { return num_landmarks_; }
 
   /// user memory := what the solver found, for the blocks it moves.
   void WriteToUser(const ProblemView& view) const;
-  /// After a successful Update: takes the proofs by which Follow will recognize what it meets again.
+  /// After a successful Update: takes the proofs by which Follow will recognize what it meets
+  /// again.
   void Remember();
 
   void Forget(const ceres::CostFunction* cost) { forgotten_.insert(cost); }
@@ -82,7 +90,8 @@ class IncrementalProblem {
     int tangent_size = 0;
     Role role = Role::kFrame;
     bool constant = false;
-    std::vector<double> plus_jacobian;  // at the solver's values; empty without a manifold or a proof
+    // at the solver's values; empty without a manifold or a proof
+    std::vector<double> plus_jacobian;
   };
   struct Factor {
     ceres::ResidualBlockId block = nullptr;

@@ -31,11 +31,12 @@ struct Costs {
 
 Costs FixedCosts(const ProblemView& view, const IncrementalProblem& living) {
   Costs costs;
-  const FixedCost all = EvaluateFixedCost(view, /*callback=*/nullptr, [&](std::size_t r, double cost) {
-    if (!living.Holds(r)) {
-      costs.outside += cost;
-    }
-  });
+  const FixedCost all =
+      EvaluateFixedCost(view, /*callback=*/nullptr, [&](std::size_t r, double cost) {
+        if (!living.Holds(r)) {
+          costs.outside += cost;
+        }
+      });
   costs.fixed = all.cost;
   costs.error = all.error;
   return costs;
@@ -43,14 +44,15 @@ Costs FixedCosts(const ProblemView& view, const IncrementalProblem& living) {
 
 IncrementalOptions WithTimeLeft(const IncrementalOptions& core, double seconds_spent) {
   IncrementalOptions options = core;
-  options.max_seconds = std::max(options.max_seconds - seconds_spent, std::numeric_limits<double>::min());
+  options.max_seconds =
+      std::max(options.max_seconds - seconds_spent, std::numeric_limits<double>::min());
   return options;
 }
 
 // The end of a solve: what is usable goes to the user's memory by `write`, and everything is told.
 template <typename Write>
-bool Conclude(UpdateResult* result, IncrementalObserver* observer, const SolveInput& input, ceres::Solver::Summary* summary,
-              SolveReport* report, Write&& write) {
+bool Conclude(UpdateResult* result, IncrementalObserver* observer, const SolveInput& input,
+              ceres::Solver::Summary* summary, SolveReport* report, Write&& write) {
   result->trace = observer->TakeTrace();
   result->callback_seconds = observer->callback_seconds();
   Summary core = ToSummary(*result, input);
@@ -62,14 +64,15 @@ bool Conclude(UpdateResult* result, IncrementalObserver* observer, const SolveIn
   return WriteUpdate(std::move(*result), std::move(core), input, summary, report);
 }
 
-bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, IncrementalProblem* living,
-              ceres::Solver::Summary* summary, SolveReport* report) {
+bool Minimize(const SolveInput& input, const IncrementalOptions& core_options,
+              IncrementalProblem* living, ceres::Solver::Summary* summary, SolveReport* report) {
   const ceres::LinearSolverType type = IncrementalLinearSolver(input.options, input.ordering);
   const ShapeTable shapes = FindShapes(input.view);
   const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
   UpdateResult result;
   result.landmarks = landmarks;
-  const Status status = living->Follow({input.view, shapes, landmarks, LandmarksAreGiven(input.ordering, type)}, &result.changes);
+  const Status status = living->Follow(
+      {input.view, shapes, landmarks, LandmarksAreGiven(input.ordering, type)}, &result.changes);
   if (!status.ok()) {
     return Fail(status.message, summary);
   }
@@ -95,8 +98,8 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options, I
 }
 
 // A graph of its own, and no one to remember it: the batch solver's from beginning to end.
-bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_options, ceres::Solver::Summary* summary,
-                  SolveReport* report) {
+bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_options,
+                  ceres::Solver::Summary* summary, SolveReport* report) {
   const ceres::LinearSolverType type = IncrementalLinearSolver(input.options, input.ordering);
   const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
   UpdateResult result;
@@ -115,21 +118,25 @@ bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_option
   IncrementalObserver observer(input.options, input.view, [&] { WriteToUser(blocks, shown_state); },
                                {result.outside_cost, result.seconds_before, input.last_iteration});
   const IncrementalOptions options = WithTimeLeft(core_options, result.seconds_before);
-  std::unique_ptr<Solver> solver = StructureCache::OfProcess().TakeSolver(OneTimeOptions(options), graph);
+  std::unique_ptr<Solver> solver =
+      StructureCache::OfProcess().TakeSolver(OneTimeOptions(options), graph);
   SolveOnce(options, solver.get(), &graph, &result.update, &observer, &shown_state);
   StructureCache::OfProcess().GiveBack(std::move(solver));
-  return Conclude(&result, &observer, input, summary, report, [&] { WriteToUser(blocks, graph.state().data()); });
+  return Conclude(&result, &observer, input, summary, report,
+                  [&] { WriteToUser(blocks, graph.state().data()); });
 }
 
 }  // namespace
 
-bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core, IncrementalProblem* living,
-                        ceres::Solver::Summary* summary, SolveReport* report) {
+bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core,
+                        IncrementalProblem* living, ceres::Solver::Summary* summary,
+                        SolveReport* report) {
   WriteGiven(input.options, input.view, summary);
   summary->num_threads_used = core.num_threads;
   bool solved = true;
   if (input.view.reduced.num_parameter_blocks > 0) {
-    solved = living != nullptr ? Minimize(input, core, living, summary, report) : MinimizeOnce(input, core, summary, report);
+    solved = living != nullptr ? Minimize(input, core, living, summary, report)
+                               : MinimizeOnce(input, core, summary, report);
   } else {
     // What is living stays as it is: the next solve finds what has changed since.
     const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);

@@ -8,8 +8,8 @@
 namespace inceres::internal {
 namespace {
 
-// In units of an evaluation with Jacobians, what goes with it included. An incremental one also renews what is cached of it and
-// its landmark, and a tried step predicts: a third more each.
+// In units of an evaluation with Jacobians, what goes with it included. An incremental one also
+// renews what is cached of it and its landmark, and a tried step predicts: a third more each.
 constexpr double kResiduals = 0.3;
 constexpr double kIncrementalJacobians = 1.3;
 constexpr double kIncrementalResiduals = 0.4;
@@ -18,14 +18,18 @@ constexpr double kRow = 1.0;          // of the reduced system, factored
 
 }  // namespace
 
-double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes, int num_frames, bool verified) {
-  const double num_factors = changes.num_kept_factors + changes.num_replaced_factors + changes.num_added_factors;
+double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes, int num_frames,
+                 bool verified) {
+  const double num_factors =
+      changes.num_kept_factors + changes.num_replaced_factors + changes.num_added_factors;
   const double iterations = std::max(1, update.num_iterations);
-  const double exact = num_factors * (iterations + 1.0 + kResiduals * iterations) + kRow * num_frames * iterations;
-  const double incremental = num_factors * (kBookkeeping + (verified ? kResiduals : 0.0)) +
-                             kIncrementalJacobians * update.num_relinearized_factors +
-                             kIncrementalResiduals * static_cast<double>(update.num_evaluated_factors) +
-                             kRow * static_cast<double>(update.num_factored_rows);
+  const double exact =
+      num_factors * (iterations + 1.0 + kResiduals * iterations) + kRow * num_frames * iterations;
+  const double incremental =
+      num_factors * (kBookkeeping + (verified ? kResiduals : 0.0)) +
+      kIncrementalJacobians * update.num_relinearized_factors +
+      kIncrementalResiduals * static_cast<double>(update.num_evaluated_factors) +
+      kRow * static_cast<double>(update.num_factored_rows);
   return incremental / exact;
 }
 
@@ -39,7 +43,8 @@ bool ModeChoice::WantsExact() {
   return true;
 }
 
-void ModeChoice::Note(const UpdateSummary& update, const ProblemChanges& changes, int num_frames, bool verified) {
+void ModeChoice::Note(const UpdateSummary& update, const ProblemChanges& changes, int num_frames,
+                      bool verified) {
   if (2 * changes.num_added_factors > changes.num_kept_factors) {
     return;  // mostly new: nothing was remembered yet
   }
@@ -49,12 +54,14 @@ void ModeChoice::Note(const UpdateSummary& update, const ProblemChanges& changes
     return;
   }
   char text[128];
-  std::snprintf(text, sizeof text, "auto: incremental solves took %.2f times the work that exact ones would", ratio);
+  std::snprintf(text, sizeof text,
+                "auto: incremental solves took %.2f times the work that exact ones would", ratio);
   reason_ = text;
   num_losses_ = 0;
   num_exact_left_ = pause_;
   pause_ *= 2;
-  LOG(INFO) << "inceres: " << reason_ << "; the next " << num_exact_left_ << " solves of this problem are exact.";
+  LOG(INFO) << "inceres: " << reason_ << "; the next " << num_exact_left_
+            << " solves of this problem are exact.";
 }
 
 }  // namespace inceres::internal

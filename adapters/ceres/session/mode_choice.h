@@ -7,12 +7,14 @@
 
 namespace inceres::internal {
 
-/// Learns from the solves of a living problem whether to remember is worth it. Work is counted, not timed, so that a program does
-/// the same whenever it runs: evaluations of residual blocks, those with Jacobians as units, and rows of the reduced system.
+/// Learns from the solves of a living problem whether to remember is worth it. Work is counted, not
+/// timed, so that a program does the same whenever it runs: evaluations of residual blocks, those
+/// with Jacobians as units, and rows of the reduced system.
 ///
-/// An incremental solve tells both sides: what it did itself, and by its iterations what an exact one would have done, for that
-/// evaluates everything in each. After kLosses solves in a row that cost more than exact ones the next are exact, first kPause of
-/// them, each time it comes to the same twice as many; then it is tried again.
+/// An incremental solve tells both sides: what it did itself, and by its iterations what an exact
+/// one would have done, for that evaluates everything in each. After kLosses solves in a row that
+/// cost more than exact ones the next are exact, first kPause of them, each time it comes to the
+/// same twice as many; then it is tried again.
 class ModeChoice {
  public:
   static constexpr int kLosses = 3;
@@ -20,8 +22,10 @@ class ModeChoice {
 
   /// Whether the next solve should be exact. Call once a solve.
   bool WantsExact();
-  /// What an incremental solve took. `verified`: each residual block that stayed was evaluated to be recognized.
-  void Note(const UpdateSummary& update, const ProblemChanges& changes, int num_frames, bool verified);
+  /// What an incremental solve took. `verified`: each residual block that stayed was evaluated to
+  /// be recognized.
+  void Note(const UpdateSummary& update, const ProblemChanges& changes, int num_frames,
+            bool verified);
   /// Why solves are exact now.
   const std::string& reason() const { return reason_; }
 
@@ -33,6 +37,7 @@ class ModeChoice {
 };
 
 /// Work of an incremental solve over that of an exact one with as many iterations.
-double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes, int num_frames, bool verified);
+double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes, int num_frames,
+                 bool verified);
 
 }  // namespace inceres::internal

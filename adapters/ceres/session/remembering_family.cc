@@ -9,8 +9,8 @@
 namespace inceres::internal {
 namespace {
 
-// How far, relative, the residuals of a cost-only and of a Jacobian call may lie apart and still be one function's: rounding,
-// cancellation between prediction and measurement included.
+// How far, relative, the residuals of a cost-only and of a Jacobian call may lie apart and still be
+// one function's: rounding, cancellation between prediction and measurement included.
 constexpr double kRounding = 1e-6;
 
 }  // namespace
@@ -83,7 +83,8 @@ bool RememberingFamily::EvaluateCostOnly(const ceres::CostFunction& cost, const 
   return cost.Evaluate(pointers_.data(), residual_.data(), nullptr);
 }
 
-// Whether residual_, of a cost-only call, says something, and the same as the Jacobian call. A NaN says nothing.
+// Whether residual_, of a cost-only call, says something, and the same as the Jacobian call. A NaN
+// says nothing.
 bool RememberingFamily::Proves(const double* with_jacobians) const {
   double squared_norm = 0.0;
   double squared_difference = 0.0;

@@ -10,13 +10,15 @@
 
 namespace inceres::internal {
 
-/// A family of a user's cost functions, borrowed, with what it takes to recognize them later: of each, the parameters x̄ of its
-/// last Jacobian call and the residual there.
+/// A family of a user's cost functions, borrowed, with what it takes to recognize them later: of
+/// each, the parameters x̄ of its last Jacobian call and the residual there.
 ///
-/// Recognition compares cost-only calls with each other: a Jacobian call may round differently (AutoDiff divides otherwise than
-/// plain doubles do). So Remember, after a solve, evaluates cost-only at x̄; Recognize, before the next one, does so again.
+/// Recognition compares cost-only calls with each other: a Jacobian call may round differently
+/// (AutoDiff divides otherwise than plain doubles do). So Remember, after a solve, evaluates
+/// cost-only at x̄; Recognize, before the next one, does so again.
 ///
-/// Threads: Evaluate as any family, on disjoint ranges; the rest from one thread. Memory per place: Σ ambient sizes + residuals.
+/// Threads: Evaluate as any family, on disjoint ranges; the rest from one thread. Memory per place:
+/// Σ ambient sizes + residuals.
 class RememberingFamily final : public CeresCostFamily {
  public:
   /// Without `remembers` nothing is kept, and Recognize is always false.
@@ -24,14 +26,15 @@ class RememberingFamily final : public CeresCostFamily {
 
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
-  /// Puts a cost function to a place, in use or the next one; what was known of the place is forgotten. Null: no cost function is
-  /// there any more.
+  /// Puts a cost function to a place, in use or the next one; what was known of the place is
+  /// forgotten. Null: no cost function is there any more.
   void PlaceBorrowed(int i, const ceres::CostFunction* cost);
 
   /// Prepares all places linearized since the last call to be recognized.
   void Remember();
-  /// Whether `cost` evaluates, cost only, to the remembered residual, bit by bit. False also if that proves nothing: the residual
-  /// was zero, it was another one when Jacobians were asked for, or the place was never linearized.
+  /// Whether `cost` evaluates, cost only, to the remembered residual, bit by bit. False also if
+  /// that proves nothing: the residual was zero, it was another one when Jacobians were asked for,
+  /// or the place was never linearized.
   bool Recognize(int i, const ceres::CostFunction* cost);
 
  private:

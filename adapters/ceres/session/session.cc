@@ -24,7 +24,8 @@ namespace inceres {
 
 namespace {
 
-// Iterations after which incremental steps are given up for this solve: those that converge mostly take fewer than ten.
+// Iterations after which incremental steps are given up for this solve: those that converge mostly
+// take fewer than ten.
 constexpr int kPatience = 25;
 
 std::int64_t NumEvaluations(const UpdateSummary& update) {
@@ -49,20 +50,25 @@ class CeresSession::Impl {
   // Whether the problem can still have the structure that was looked at.
   bool LooksTheSame(const ceres::Problem& problem) const {
     return problem.NumResidualBlocks() == view.all.num_residual_blocks &&
-           problem.NumParameterBlocks() == view.all.num_parameter_blocks && problem.NumResiduals() == view.all.num_residuals;
+           problem.NumParameterBlocks() == view.all.num_parameter_blocks &&
+           problem.NumResiduals() == view.all.num_residuals;
   }
 
   void SolveOnce(const internal::SolveCall& call);
 
   const char* ReasonForExact(const ceres::Solver::Options& solver_options);
-  bool IsUnfinished(const internal::SolveInput& input, const SolveReport& report, const ceres::Solver::Summary& summary) const;
-  bool FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input, const internal::StartValues& start,
-                     SolveReport* report, ceres::Solver::Summary* summary);
-  // What came of a part of a solve: nothing, and all is as before it; an end; an abort, or values that cannot be evaluated.
+  bool IsUnfinished(const internal::SolveInput& input, const SolveReport& report,
+                    const ceres::Solver::Summary& summary) const;
+  bool FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input,
+                     const internal::StartValues& start, SolveReport* report,
+                     ceres::Solver::Summary* summary);
+  // What came of a part of a solve: nothing, and all is as before it; an end; an abort, or values
+  // that cannot be evaluated.
   enum class Part { kNone, kDone, kAborted };
-  Part GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy, int max_iterations, SolveReport* report,
-                   ceres::Solver::Summary* summary);
-  void SolveExactlyFor(const char* reason, const internal::SolveCall& call, internal::SolveInput* input);
+  Part GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy,
+                   int max_iterations, SolveReport* report, ceres::Solver::Summary* summary);
+  void SolveExactlyFor(const char* reason, const internal::SolveCall& call,
+                       internal::SolveInput* input);
 
   const SessionOptions options;
   internal::WindowWatch watch;
@@ -80,7 +86,8 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   const auto& [solver_options, problem, summary, solve_options, report] = call;
   internal::OrderingView ordering;
   has_view = has_view && solve_options.problem_unedited && LooksTheSame(*problem);
-  ceres::EvaluationCallback* const callback = internal::EvaluationCallbackOf(*problem, solve_options.evaluation_callback);
+  ceres::EvaluationCallback* const callback =
+      internal::EvaluationCallbackOf(*problem, solve_options.evaluation_callback);
   std::string obstacle = internal::IncrementalOptionsObstacle(solver_options, callback);
   if (obstacle.empty()) {
     Look(*problem);
@@ -100,8 +107,10 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   std::unique_ptr<internal::IncrementalProblem> working = std::move(living);
   IncrementalOptions core = internal::MapIncrementalOptions(solver_options, options.core);
   internal::ChooseIterativeSolver(solver_options, view, ordering, internal::kMaxDirectSize, &core);
-  if (working == nullptr || core.num_threads != num_threads || core.reduced_solver != reduced_solver) {
-    const auto trust = options.verify_cached_factors ? internal::Trust::kVerified : internal::Trust::kAddresses;
+  if (working == nullptr || core.num_threads != num_threads ||
+      core.reduced_solver != reduced_solver) {
+    const auto trust =
+        options.verify_cached_factors ? internal::Trust::kVerified : internal::Trust::kAddresses;
     working = std::make_unique<internal::IncrementalProblem>(core, trust);
     num_threads = core.num_threads;
     reduced_solver = core.reduced_solver;
@@ -111,7 +120,8 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
     choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
-    solved = !IsUnfinished(input, *report, *summary) || FinishInBatch(*problem, input, start, report, summary);
+    solved = !IsUnfinished(input, *report, *summary) ||
+             FinishInBatch(*problem, input, start, report, summary);
   }
   if (solved) {
     start.Keep();
@@ -119,24 +129,31 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   }
 }
 
-// Whether a solve has ended without convergence that is proven, though no limit of the user's asked for it.
+// Whether a solve has ended without convergence that is proven, though no limit of the user's asked
+// for it.
 bool CeresSession::Impl::IsUnfinished(const internal::SolveInput& input, const SolveReport& report,
                                       const ceres::Solver::Summary& summary) const {
-  const bool has_ended = summary.termination_type == ceres::CONVERGENCE && !report.update.rests_on_refusals;
-  return !has_ended && summary.IsSolutionUsable() && summary.termination_type != ceres::USER_SUCCESS &&
+  const bool has_ended =
+      summary.termination_type == ceres::CONVERGENCE && !report.update.rests_on_refusals;
+  return !has_ended && summary.IsSolutionUsable() &&
+         summary.termination_type != ceres::USER_SUCCESS &&
          !internal::IsIterative(input.options.linear_solver_type) &&
          static_cast<int>(summary.iterations.size()) <= input.options.max_num_iterations &&
          NumEvaluations(report.update) < options.core.max_factor_evaluations &&
          input.clock.Seconds() < input.options.max_solver_time_in_seconds;
 }
 
-// The batch solver, from the values in the user's memory. What is remembered stays, and finds the values changed.
-CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy,
+// The batch solver, from the values in the user's memory. What is remembered stays, and finds the
+// values changed.
+CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveInput& input,
+                                                         TrustRegionStrategyKind strategy,
                                                          int max_iterations, SolveReport* report,
                                                          ceres::Solver::Summary* summary) {
   internal::SolveInput again{input.options, view, input.ordering, input.clock};
   again.last_iteration = static_cast<int>(summary->iterations.size()) - 1;
-  if (!internal::ChoosePlan(internal::IncrementalLinearSolver(input.options, input.ordering), &again).empty()) {
+  if (!internal::ChoosePlan(internal::IncrementalLinearSolver(input.options, input.ordering),
+                            &again)
+           .empty()) {
     return Part::kNone;  // no memory for it
   }
   has_view = false;  // the batch solver's graph takes its place
@@ -149,7 +166,8 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
   core.batch_share = std::min(core.batch_share, 0.5);
   core.batch_strategy = strategy;
   internal::SolveIncrementally(again, core, nullptr, summary, report);
-  // What was reached stays, unless it is found to have no cost: what is remembered of it is then out of date.
+  // What was reached stays, unless it is found to have no cost: what is remembered of it is then
+  // out of date.
   if (summary->termination_type == ceres::FAILURE && !summary->iterations.empty()) {
     *summary = std::move(first);
     *report = before;
@@ -160,18 +178,24 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
   report->callback_seconds += before.callback_seconds;
   report->update.num_evaluated_factors += before.update.num_evaluated_factors;
   report->update.num_relinearized_factors += before.update.num_relinearized_factors;
-  report->exact_reason = !before.exact_reason.empty() ? before.exact_reason
-                                                      : "incremental steps did not converge: those after iteration " +
-                                                            std::to_string(*again.last_iteration) + " are the batch solver's";
+  report->exact_reason = !before.exact_reason.empty()
+                             ? before.exact_reason
+                             : "incremental steps did not converge: those after iteration " +
+                                   std::to_string(*again.last_iteration) +
+                                   " are the batch solver's";
   return summary->IsSolutionUsable() ? Part::kDone : Part::kAborted;
 }
 
-// What incremental steps did not finish, first from where they have come to, by Marquardt's rule; where that does not end either,
-// from the start, as who remembers nothing would have gone. The lower of both ends counts. False after an abort.
-bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input,
-                                       const internal::StartValues& start, SolveReport* report, ceres::Solver::Summary* summary) {
+// What incremental steps did not finish, first from where they have come to, by Marquardt's rule;
+// where that does not end either, from the start, as who remembers nothing would have gone. The
+// lower of both ends counts. False after an abort.
+bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
+                                       const internal::SolveInput& input,
+                                       const internal::StartValues& start, SolveReport* report,
+                                       ceres::Solver::Summary* summary) {
   const auto iterations_left = [&] {
-    return std::max(0, input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1);
+    return std::max(
+        0, input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1);
   };
   constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
   const int share = std::min(iterations_left(), std::max(kPatience, iterations_left() / 2));
@@ -185,7 +209,8 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem, const inte
   internal::StartValues reached(view);  // there again, unless what comes now ends lower
   start.PutBack();
   Look(problem);
-  const TrustRegionStrategyKind strategy = internal::MapIncrementalOptions(input.options, options.core).batch_strategy;
+  const TrustRegionStrategyKind strategy =
+      internal::MapIncrementalOptions(input.options, options.core).batch_strategy;
   part = GoOnInBatch(input, strategy, iterations_left(), report, summary);
   if (part == Part::kAborted) {
     return false;
@@ -202,7 +227,8 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem, const inte
   }
   summary->termination_type = termination;
   summary->message = message;
-  if (termination == ceres::CONVERGENCE || part == Part::kNone || !IsUnfinished(input, *report, *summary)) {
+  if (termination == ceres::CONVERGENCE || part == Part::kNone ||
+      !IsUnfinished(input, *report, *summary)) {
     return true;
   }
   Look(problem);
@@ -221,12 +247,14 @@ const char* CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& sol
 }
 
 // What was remembered is out of date then, and takes memory.
-void CeresSession::Impl::SolveExactlyFor(const char* reason, const internal::SolveCall& call, internal::SolveInput* input) {
+void CeresSession::Impl::SolveExactlyFor(const char* reason, const internal::SolveCall& call,
+                                         internal::SolveInput* input) {
   living.reset();
   has_view = false;  // an exact solve empties it
   std::string too_much = internal::DenseQrObstacle(input->options, input->view, input->ordering);
   if (too_much.empty()) {
-    too_much = internal::ChoosePlan(internal::TypeToPlanFor(input->options, input->ordering), input);
+    too_much =
+        internal::ChoosePlan(internal::TypeToPlanFor(input->options, input->ordering), input);
   }
   if (!too_much.empty()) {
     internal::Decline(call, too_much);
@@ -241,12 +269,14 @@ CeresSession::CeresSession(const SessionOptions& options) : impl_(std::make_uniq
 
 CeresSession::~CeresSession() = default;
 
-void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-                         const SolveOptions& solve_options, SolveReport* report) {
+void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
+                         ceres::Solver::Summary* summary, const SolveOptions& solve_options,
+                         SolveReport* report) {
   SolveOptions incremental = solve_options;
   incremental.mode = SolveMode::kIncremental;
   internal::SolveAsAsked(
-      {options, problem, summary, incremental, report}, [this](const internal::SolveCall& call) { impl_->SolveOnce(call); },
+      {options, problem, summary, incremental, report},
+      [this](const internal::SolveCall& call) { impl_->SolveOnce(call); },
       internal::Repeatable::kNo);
 }
 

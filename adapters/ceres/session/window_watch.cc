@@ -13,7 +13,8 @@ constexpr int kMaxStates = 100;
 constexpr int kMaxResidualBlocks = 16384;
 
 bool IsOfWindowSize(int num_residual_blocks, int num_blocks, int num_large) {
-  return num_residual_blocks <= kMaxResidualBlocks && (num_large > 0 ? num_large : num_blocks) <= kMaxStates;
+  return num_residual_blocks <= kMaxResidualBlocks &&
+         (num_large > 0 ? num_large : num_blocks) <= kMaxStates;
 }
 
 void Mix(std::size_t* hash, std::size_t value) {
@@ -37,16 +38,20 @@ bool IsOfWindowSize(const ceres::Problem& problem) {
   }
   std::vector<double*> blocks;
   problem.GetParameterBlocks(&blocks);
-  const auto num_large = std::count_if(blocks.begin(), blocks.end(), [&problem](const double* values) {
-    return problem.ParameterBlockSize(values) > kLandmarkSize && !problem.IsParameterBlockConstant(values);
-  });
-  return IsOfWindowSize(problem.NumResidualBlocks(), static_cast<int>(blocks.size()), static_cast<int>(num_large));
+  const auto num_large =
+      std::count_if(blocks.begin(), blocks.end(), [&problem](const double* values) {
+        return problem.ParameterBlockSize(values) > kLandmarkSize &&
+               !problem.IsParameterBlockConstant(values);
+      });
+  return IsOfWindowSize(problem.NumResidualBlocks(), static_cast<int>(blocks.size()),
+                        static_cast<int>(num_large));
 }
 
 bool WindowWatch::WantsExact(const ProblemView& view) {
-  const auto num_large = std::count_if(view.blocks.begin(), view.blocks.end(), [](const ParameterBlockView& block) {
-    return block.reduced() && block.tangent_size > kLandmarkSize;
-  });
+  const auto num_large =
+      std::count_if(view.blocks.begin(), view.blocks.end(), [](const ParameterBlockView& block) {
+        return block.reduced() && block.tangent_size > kLandmarkSize;
+      });
   const bool slid = HasSlid(view, num_large > 0);
   slides_ = begun_ && (slides_ || slid);
   num_quiet_ = slid || !begun_ ? 0 : num_quiet_ + 1;
@@ -55,8 +60,8 @@ bool WindowWatch::WantsExact(const ProblemView& view) {
     slides_ = false;
     return false;
   }
-  return slides_ ||
-         IsOfWindowSize(view.reduced.num_residual_blocks, view.reduced.num_parameter_blocks, static_cast<int>(num_large));
+  return slides_ || IsOfWindowSize(view.reduced.num_residual_blocks,
+                                   view.reduced.num_parameter_blocks, static_cast<int>(num_large));
 }
 
 bool WindowWatch::HasSlid(const ProblemView& view, bool any_large) {
@@ -74,7 +79,8 @@ bool WindowWatch::HasSlid(const ProblemView& view, bool any_large) {
   bool has_new_link = false;
   for (const ResidualBlockView& residual : view.residuals) {
     const int* slots = view.SlotsOf(residual);
-    if (residual.fixed || !std::all_of(slots, slots + residual.num_slots, [&](int b) { return is_state(view.block(b)); })) {
+    if (residual.fixed || !std::all_of(slots, slots + residual.num_slots,
+                                       [&](int b) { return is_state(view.block(b)); })) {
       continue;
     }
     links_now_.push_back(HashOf(view, residual));
@@ -84,7 +90,8 @@ bool WindowWatch::HasSlid(const ProblemView& view, bool any_large) {
     has_new_link |= all_old && !std::binary_search(links_.begin(), links_.end(), links_now_.back());
   }
   std::sort(links_now_.begin(), links_now_.end());
-  const bool any_gone = !std::includes(states_now_.begin(), states_now_.end(), states_.begin(), states_.end());
+  const bool any_gone =
+      !std::includes(states_now_.begin(), states_now_.end(), states_.begin(), states_.end());
   states_.swap(states_now_);
   links_.swap(links_now_);
   return any_gone && has_new_link;

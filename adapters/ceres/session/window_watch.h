@@ -9,24 +9,27 @@
 
 namespace inceres::internal {
 
-/// Whether the problem is of a window's size: few blocks larger than a landmark, and not many residual blocks. Such a one is
-/// solved exactly in little time, and its values may be about to be made final by marginalization. Cost: a few map lookups inside
-/// Ceres a parameter block.
+/// Whether the problem is of a window's size: few blocks larger than a landmark, and not many
+/// residual blocks. Such a one is solved exactly in little time, and its values may be about to be
+/// made final by marginalization. Cost: a few map lookups inside Ceres a parameter block.
 bool IsOfWindowSize(const ceres::Problem& problem);
 
-/// Watches a living problem for marginalization: what a solve leaves undone in weak directions is harmless while the next solve
-/// goes on, and becomes final where states are taken out and a prior stands for what they knew.
+/// Watches a living problem for marginalization: what a solve leaves undone in weak directions is
+/// harmless while the next solve goes on, and becomes final where states are taken out and a prior
+/// stands for what they knew.
 ///
-/// A window has slid if, since the last look, a state was removed and a residual block has come that touches states which were
-/// there before and nothing else, as a prior does. A state is a block with more than four tangent unknowns, or any block where
-/// none has more.
+/// A window has slid if, since the last look, a state was removed and a residual block has come
+/// that touches states which were there before and nothing else, as a prior does. A state is a
+/// block with more than four tangent unknowns, or any block where none has more.
 class WindowWatch {
  public:
-  /// Solves in a row without a slide after which a problem of a window's size counts as one that only grows.
+  /// Solves in a row without a slide after which a problem of a window's size counts as one that
+  /// only grows.
   static constexpr int kQuietSolves = 20;
 
-  /// Looks at the problem as it is for this solve. True if the solve should be exact: the window slid, now or within the last
-  /// kQuietSolves, or it is of a window's size and has not lived for as many solves.
+  /// Looks at the problem as it is for this solve. True if the solve should be exact: the window
+  /// slid, now or within the last kQuietSolves, or it is of a window's size and has not lived for
+  /// as many solves.
   bool WantsExact(const ProblemView& view);
 
  private:
@@ -34,7 +37,8 @@ class WindowWatch {
 
   // Of the last look, ascending.
   std::vector<const double*> states_;
-  std::vector<std::size_t> links_;  // of residual blocks that touch states only: hashes of what they are
+  // of residual blocks that touch states only: hashes of what they are
+  std::vector<std::size_t> links_;
   std::vector<const double*> states_now_;
   std::vector<std::size_t> links_now_;
   int num_quiet_ = 0;

@@ -34,7 +34,8 @@ ones); the sum of the final costs. Exit code: 0 success, 1 failure, 2 usage.
 // Sets an option from the text of its value; false if the text is no such value.
 using Setter = std::function<bool(const std::string&)>;
 
-Setter ToInteger(std::int64_t low, std::int64_t high, const std::function<void(std::int64_t)>& set) {
+Setter ToInteger(std::int64_t low, std::int64_t high,
+                 const std::function<void(std::int64_t)>& set) {
   return [=](const std::string& text) {
     char* end = nullptr;
     const long long value = std::strtoll(text.c_str(), &end, 10);
@@ -78,20 +79,24 @@ std::map<std::string, Setter> MakeSetters(RunOptions* options) {
       {"--scene",
        [options](const std::string& text) {
          Scene scene = Scene::kHall;
-         const bool fine = ToChoice<Scene>({{"hall", Scene::kHall}, {"startup", Scene::kStartup}}, &scene)(text);
+         const bool fine =
+             ToChoice<Scene>({{"hall", Scene::kHall}, {"startup", Scene::kStartup}}, &scene)(text);
          SetScene(scene, options);
          return fine;
        }},
       {"--kick", ToInt(0, 1000000, &options->kick)},
       {"--frames", ToInt(20, 1000000, &options->num_frames)},
       {"--features", ToInt(20, 5000, &options->num_features)},
-      {"--seed", ToInteger(0, INT64_MAX, [options](std::int64_t seed) { options->simulator.seed = seed; })},
-      {"--ordering",
-       ToChoice<Ordering>({{"auto", Ordering::kAuto}, {"landmarks_first", Ordering::kLandmarksFirst}}, &estimator.ordering)},
-      {"--linear_solver", ToChoice<ceres::LinearSolverType>({{"dense_schur", ceres::DENSE_SCHUR},
-                                                             {"sparse_schur", ceres::SPARSE_SCHUR},
-                                                             {"sparse_normal_cholesky", ceres::SPARSE_NORMAL_CHOLESKY}},
-                                                            &estimator.linear_solver)},
+      {"--seed",
+       ToInteger(0, INT64_MAX, [options](std::int64_t seed) { options->simulator.seed = seed; })},
+      {"--ordering", ToChoice<Ordering>({{"auto", Ordering::kAuto},
+                                         {"landmarks_first", Ordering::kLandmarksFirst}},
+                                        &estimator.ordering)},
+      {"--linear_solver", ToChoice<ceres::LinearSolverType>(
+                              {{"dense_schur", ceres::DENSE_SCHUR},
+                               {"sparse_schur", ceres::SPARSE_SCHUR},
+                               {"sparse_normal_cholesky", ceres::SPARSE_NORMAL_CHOLESKY}},
+                              &estimator.linear_solver)},
       {"--max_iterations", ToInt(1, 1000000, &estimator.max_num_iterations)},
       {"--max_solver_time", ToPositive(&estimator.max_solver_time)},
       {"--json",
@@ -117,7 +122,8 @@ struct Argument {
 
 // The arguments with values, the scene first: what else is said changes it, wherever it stands.
 std::vector<Argument> SceneFirst(std::vector<Argument> arguments) {
-  std::stable_partition(arguments.begin(), arguments.end(), [](const Argument& a) { return a.name == "--scene"; });
+  std::stable_partition(arguments.begin(), arguments.end(),
+                        [](const Argument& a) { return a.name == "--scene"; });
   return arguments;
 }
 
@@ -132,12 +138,13 @@ Argument Take(int argc, char** argv, int* i) {
 
 }  // namespace
 
-std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** argv, RunOptions* options,
-                                    const std::vector<Switch>& own_switches) {
+std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** argv,
+                                    RunOptions* options, const std::vector<Switch>& own_switches) {
   std::vector<Switch> switches{
       {"--free_extrinsics", "estimate where the camera sits on the body; otherwise it is held",
        &options->estimator.free_extrinsics},
-      {"--realistic_costs", "cost functions that give the same but cost what those of estimators in the field do",
+      {"--realistic_costs",
+       "cost functions that give the same but cost what those of estimators in the field do",
        &options->estimator.realistic_costs}};
   switches.insert(switches.end(), own_switches.begin(), own_switches.end());
   const std::map<std::string, Setter> setters = MakeSetters(options);
@@ -148,7 +155,8 @@ std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** a
       PrintHelp(usage, switches);
       return 0;
     }
-    const auto known = std::find_if(switches.begin(), switches.end(), [&](const Switch& a) { return a.name == text; });
+    const auto known = std::find_if(switches.begin(), switches.end(),
+                                    [&](const Switch& a) { return a.name == text; });
     if (known != switches.end()) {
       *known->value = true;
       continue;
@@ -161,7 +169,8 @@ std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** a
   }
   for (const auto& [name, value] : SceneFirst(std::move(arguments))) {
     if (!setters.at(name)(value)) {
-      std::fprintf(stderr, "%s: %s: '%s' is not a value it can have; see --help\n", argv[0], name.c_str(), value.c_str());
+      std::fprintf(stderr, "%s: %s: '%s' is not a value it can have; see --help\n", argv[0],
+                   name.c_str(), value.c_str());
       return kExitUsage;
     }
   }

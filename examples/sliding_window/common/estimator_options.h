@@ -10,7 +10,8 @@
 namespace sliding_window {
 
 /// What solves: ceres::Solve, or whatever has its signature.
-using SolveFunction = std::function<void(const ceres::Solver::Options&, ceres::Problem*, ceres::Solver::Summary*)>;
+using SolveFunction =
+    std::function<void(const ceres::Solver::Options&, ceres::Problem*, ceres::Solver::Summary*)>;
 
 enum class Ordering {
   kAuto,            ///< Ceres chooses what is eliminated
@@ -19,7 +20,8 @@ enum class Ordering {
 
 struct EstimatorOptions {
   bool free_extrinsics = false;  // estimate where the camera sits on the body
-  bool realistic_costs = false;  // cost functions that cost what those of estimators in the field do
+  // cost functions that cost what those of estimators in the field do
+  bool realistic_costs = false;
   Ordering ordering = Ordering::kAuto;
   ceres::LinearSolverType linear_solver = ceres::DENSE_SCHUR;
   int max_num_iterations = 8;

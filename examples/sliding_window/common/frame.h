@@ -24,7 +24,8 @@ struct Observation {
 
 struct Frame {
   double time = 0.0;
-  std::vector<ImuSample> imu;  // from the previous frame's time to this one's, both included; empty for the first frame
+  // from the previous frame's time to this one's, both included; empty for the first frame
+  std::vector<ImuSample> imu;
   std::vector<Observation> observations;
 };
 

@@ -35,25 +35,33 @@ struct Corrected {
 Corrected Correct(const Imu& imu, const ImuState& i) {
   const Vector3d dba = i.ba - imu.ba();
   const Vector3d dbg = i.bg - imu.bg();
-  const auto D = [&imu](int row, int column) -> Matrix3d { return imu.jacobian().block<3, 3>(row, column); };
+  const auto D = [&imu](int row, int column) -> Matrix3d {
+    return imu.jacobian().block<3, 3>(row, column);
+  };
   const Vector3d turn = D(Imu::kTheta, Imu::kBg) * dbg;
-  return {imu.delta_q() * Exp(turn), imu.delta_p() + D(Imu::kP, Imu::kBa) * dba + D(Imu::kP, Imu::kBg) * dbg,
+  return {imu.delta_q() * Exp(turn),
+          imu.delta_p() + D(Imu::kP, Imu::kBa) * dba + D(Imu::kP, Imu::kBg) * dbg,
           imu.delta_v() + D(Imu::kV, Imu::kBa) * dba + D(Imu::kV, Imu::kBg) * dbg, turn};
 }
 
-void SetJacobians(const Imu& imu, const ImuState& i, const ImuState& j, const Corrected& delta, FullImuResidual* full) {
+void SetJacobians(const Imu& imu, const ImuState& i, const ImuState& j, const Corrected& delta,
+                  FullImuResidual* full) {
   const double dt = imu.dt();
-  const auto D = [&imu](int row, int column) -> Matrix3d { return imu.jacobian().block<3, 3>(row, column); };
+  const auto D = [&imu](int row, int column) -> Matrix3d {
+    return imu.jacobian().block<3, 3>(row, column);
+  };
   const Quaterniond e = delta.q.inverse() * i.pose.q.inverse() * j.pose.q;
   Imu::Matrix15& F_i = full->F_i;
   F_i.setZero();
   F_i.block<3, 3>(Imu::kP, Imu::kP) = -i.pose.q.inverse().toRotationMatrix();
-  F_i.block<3, 3>(Imu::kP, Imu::kTheta) = Skew(i.pose.q.inverse() * (j.pose.p - i.pose.p - i.v * dt + 0.5 * dt * dt * kGravity));
+  F_i.block<3, 3>(Imu::kP, Imu::kTheta) =
+      Skew(i.pose.q.inverse() * (j.pose.p - i.pose.p - i.v * dt + 0.5 * dt * dt * kGravity));
   F_i.block<3, 3>(Imu::kP, Imu::kV) = -i.pose.q.inverse().toRotationMatrix() * dt;
   F_i.block<3, 3>(Imu::kTheta, Imu::kTheta) =
-      -(LeftMatrix(delta.q.inverse()) * RightMatrix(i.pose.q.inverse() * j.pose.q)).bottomRightCorner<3, 3>();
-  F_i.block<3, 3>(Imu::kTheta, Imu::kBg) =
-      -RightMatrix(e).bottomRightCorner<3, 3>() * RightJacobian(delta.turn) * D(Imu::kTheta, Imu::kBg);
+      -(LeftMatrix(delta.q.inverse()) * RightMatrix(i.pose.q.inverse() * j.pose.q))
+           .bottomRightCorner<3, 3>();
+  F_i.block<3, 3>(Imu::kTheta, Imu::kBg) = -RightMatrix(e).bottomRightCorner<3, 3>() *
+                                           RightJacobian(delta.turn) * D(Imu::kTheta, Imu::kBg);
   F_i.block<3, 3>(Imu::kV, Imu::kTheta) = Skew(i.pose.q.inverse() * (j.v - i.v + dt * kGravity));
   F_i.block<3, 3>(Imu::kV, Imu::kV) = -i.pose.q.inverse().toRotationMatrix();
   for (const int row : {Imu::kP, Imu::kV}) {
@@ -74,12 +82,15 @@ void SetJacobians(const Imu& imu, const ImuState& i, const ImuState& j, const Co
 
 }  // namespace
 
-FullImuResidual EvaluateInFull(const Imu& imu, const ImuState& i, const ImuState& j, bool with_jacobians) {
+FullImuResidual EvaluateInFull(const Imu& imu, const ImuState& i, const ImuState& j,
+                               bool with_jacobians) {
   const double dt = imu.dt();
   const Corrected delta = Correct(imu, i);
   FullImuResidual full;
-  full.e.segment<3>(Imu::kP) = i.pose.q.inverse() * (j.pose.p - i.pose.p - i.v * dt + 0.5 * dt * dt * kGravity) - delta.p;
-  full.e.segment<3>(Imu::kTheta) = 2.0 * (delta.q.inverse() * (i.pose.q.inverse() * j.pose.q)).vec();
+  full.e.segment<3>(Imu::kP) =
+      i.pose.q.inverse() * (j.pose.p - i.pose.p - i.v * dt + 0.5 * dt * dt * kGravity) - delta.p;
+  full.e.segment<3>(Imu::kTheta) =
+      2.0 * (delta.q.inverse() * (i.pose.q.inverse() * j.pose.q)).vec();
   full.e.segment<3>(Imu::kV) = i.pose.q.inverse() * (j.v - i.v + dt * kGravity) - delta.v;
   full.e.segment<3>(Imu::kBa) = j.ba - i.ba;
   full.e.segment<3>(Imu::kBg) = j.bg - i.bg;
@@ -90,7 +101,8 @@ FullImuResidual EvaluateInFull(const Imu& imu, const ImuState& i, const ImuState
 }
 
 Imu::Matrix15 SqrtInformationOf(const Imu::Matrix15& covariance) {
-  // W is lower triangular: the factor of the inverse with rows and columns in reverse, reversed back.
+  // W is lower triangular: the factor of the inverse with rows and columns in reverse, reversed
+  // back.
   const Imu::Matrix15 information = covariance.inverse();
   const Imu::Matrix15 L = Eigen::LLT<Imu::Matrix15>(information.reverse()).matrixL();
   return L.transpose().reverse();

@@ -7,8 +7,8 @@ namespace sliding_window {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-ImuPreintegration::ImuPreintegration(const ImuNoise& noise, const std::vector<ImuSample>& samples, const Vector3d& ba,
-                                     const Vector3d& bg)
+ImuPreintegration::ImuPreintegration(const ImuNoise& noise, const std::vector<ImuSample>& samples,
+                                     const Vector3d& ba, const Vector3d& bg)
     : noise_(noise), samples_(samples) {
   Repropagate(ba, bg);
 }
@@ -52,7 +52,8 @@ void ImuPreintegration::Step(const ImuSample& from, const ImuSample& to) {
   delta_p_ += delta_v_ * dt + 0.5 * dt * dt * a;
   delta_v_ += dt * a;
 
-  // First order: theta_1 = dR^T theta_0 - J_r dt bg, and the mean acceleration a moves with theta_0, theta_1 and ba.
+  // First order: theta_1 = dR^T theta_0 - J_r dt bg, and the mean acceleration a moves with
+  // theta_0, theta_1 and ba.
   const Matrix3d theta_theta = dq.conjugate().toRotationMatrix();
   const Matrix3d theta_bg = -dt * RightJacobian(turn);
   const Matrix3d a_theta_1 = -0.5 * R_1 * Skew(a_1);
@@ -71,16 +72,20 @@ void ImuPreintegration::Step(const ImuSample& from, const ImuSample& to) {
   }
   jacobian_ = F * jacobian_;
 
-  // The sensors' white noise enters where the biases do; its variance over one sample is density^2 / dt.
+  // The sensors' white noise enters where the biases do; its variance over one sample is density^2
+  // / dt.
   const double acc_variance = noise_.acc * noise_.acc / dt;
   const double gyr_variance = noise_.gyr * noise_.gyr / dt;
   Eigen::Matrix<double, 9, 6> G = F.block<9, 6>(0, kBa);
   const Eigen::Matrix<double, 9, 3> G_acc = G.leftCols<3>();
   const Eigen::Matrix<double, 9, 3> G_gyr = G.rightCols<3>();
   covariance_ = F * covariance_ * F.transpose();
-  covariance_.topLeftCorner<9, 9>() += acc_variance * G_acc * G_acc.transpose() + gyr_variance * G_gyr * G_gyr.transpose();
-  covariance_.block<3, 3>(kBa, kBa).diagonal().array() += noise_.acc_bias_walk * noise_.acc_bias_walk * dt;
-  covariance_.block<3, 3>(kBg, kBg).diagonal().array() += noise_.gyr_bias_walk * noise_.gyr_bias_walk * dt;
+  covariance_.topLeftCorner<9, 9>() +=
+      acc_variance * G_acc * G_acc.transpose() + gyr_variance * G_gyr * G_gyr.transpose();
+  covariance_.block<3, 3>(kBa, kBa).diagonal().array() +=
+      noise_.acc_bias_walk * noise_.acc_bias_walk * dt;
+  covariance_.block<3, 3>(kBg, kBg).diagonal().array() +=
+      noise_.gyr_bias_walk * noise_.gyr_bias_walk * dt;
 }
 
 void ImuPreintegration::UpdateSqrtInformation() {

@@ -17,13 +17,15 @@ struct ImuNoise {
   double gyr_bias_walk = 2e-5;  // rad/s^2/sqrt(Hz)
 };
 
-/// The IMU samples between two frames i and j as one relative motion, whatever the state of frame i is:
+/// The IMU samples between two frames i and j as one relative motion, whatever the state of frame i
+/// is:
 ///
 ///     p_j = p_i + v_i dt - g dt^2 / 2 + R_i delta_p,   v_j = v_i - g dt + R_i delta_v,   q_j = q_i delta_q
 ///
-/// integrated by the mid-point rule at fixed biases, with its covariance and its derivative with respect to the biases. Errors
-/// are ordered p, theta (delta_q Exp(theta)), v, ba, bg. Source: Forster et al., On-Manifold Preintegration (T-RO 2017); Qin et
-/// al., VINS-Mono (T-RO 2018), section IV.B.
+/// integrated by the mid-point rule at fixed biases, with its covariance and its derivative with
+/// respect to the biases. Errors are ordered p, theta (delta_q Exp(theta)), v, ba, bg. Source:
+/// Forster et al., On-Manifold Preintegration (T-RO 2017); Qin et al., VINS-Mono (T-RO 2018),
+/// section IV.B.
 class ImuPreintegration {
  public:
   static constexpr int kP = 0, kTheta = 3, kV = 6, kBa = 9, kBg = 12, kSize = 15;
@@ -31,8 +33,8 @@ class ImuPreintegration {
   using Matrix15 = Eigen::Matrix<double, kSize, kSize>;
 
   /// At least two samples, times increasing.
-  ImuPreintegration(const ImuNoise& noise, const std::vector<ImuSample>& samples, const Eigen::Vector3d& ba,
-                    const Eigen::Vector3d& bg);
+  ImuPreintegration(const ImuNoise& noise, const std::vector<ImuSample>& samples,
+                    const Eigen::Vector3d& ba, const Eigen::Vector3d& bg);
 
   /// Goes on with the samples after the last one; the first of `samples` repeats it.
   void Append(const std::vector<ImuSample>& samples);
@@ -46,7 +48,8 @@ class ImuPreintegration {
   const Eigen::Vector3d& delta_v() const { return delta_v_; }
   const Eigen::Vector3d& ba() const { return ba_; }
   const Eigen::Vector3d& bg() const { return bg_; }
-  /// d(error at j) / d(error at i): its columns kBa and kBg are the derivatives with respect to the biases.
+  /// d(error at j) / d(error at i): its columns kBa and kBg are the derivatives with respect to the
+  /// biases.
   const Matrix15& jacobian() const { return jacobian_; }
   const Matrix15& covariance() const { return covariance_; }
   /// W with W^T W = covariance^-1.

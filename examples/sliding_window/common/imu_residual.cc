@@ -16,8 +16,8 @@ ImuState Propagate(const ImuPreintegration& imu, const ImuState& i) {
   return j;
 }
 
-void EvaluateImuResidual(const ImuPreintegration& imu, const ImuState& i, const ImuState& j, Imu::Vector15* r, Imu::Matrix15* J_i,
-                         Imu::Matrix15* J_j) {
+void EvaluateImuResidual(const ImuPreintegration& imu, const ImuState& i, const ImuState& j,
+                         Imu::Vector15* r, Imu::Matrix15* J_i, Imu::Matrix15* J_j) {
   const double dt = imu.dt();
   const Imu::Matrix15& D = imu.jacobian();
   const Vector3d dba = i.ba - imu.ba();
@@ -29,9 +29,10 @@ void EvaluateImuResidual(const ImuPreintegration& imu, const ImuState& i, const 
   const Vector3d way = R_i_inv * (j.pose.p - i.pose.p - i.v * dt + 0.5 * dt * dt * kGravity);
   const Vector3d gain = R_i_inv * (j.v - i.v + dt * kGravity);
   const Quaterniond e = delta_q.conjugate() * i.pose.q.conjugate() * j.pose.q;
-  for (const auto& [row, measured] : {std::pair(Imu::kP, imu.delta_p()), std::pair(Imu::kV, imu.delta_v())}) {
-    r->segment<3>(row) =
-        (row == Imu::kP ? way : gain) - measured - D.block<3, 3>(row, Imu::kBa) * dba - D.block<3, 3>(row, Imu::kBg) * dbg;
+  for (const auto& [row, measured] :
+       {std::pair(Imu::kP, imu.delta_p()), std::pair(Imu::kV, imu.delta_v())}) {
+    r->segment<3>(row) = (row == Imu::kP ? way : gain) - measured -
+                         D.block<3, 3>(row, Imu::kBa) * dba - D.block<3, 3>(row, Imu::kBg) * dbg;
   }
   r->segment<3>(Imu::kTheta) = 2.0 * e.vec();
   r->segment<3>(Imu::kBa) = j.ba - i.ba;
@@ -41,7 +42,8 @@ void EvaluateImuResidual(const ImuPreintegration& imu, const ImuState& i, const 
     return;
   }
 
-  // 2 vec(e dq) = 2 vec(e) + from_right theta for dq = Exp(theta); likewise 2 vec(dq e) from the left.
+  // 2 vec(e dq) = 2 vec(e) + from_right theta for dq = Exp(theta); likewise 2 vec(dq e) from the
+  // left.
   const Matrix3d from_right = e.w() * Matrix3d::Identity() + Skew(e.vec());
   const Matrix3d from_left = e.w() * Matrix3d::Identity() - Skew(e.vec());
   J_i->setZero();
@@ -49,7 +51,8 @@ void EvaluateImuResidual(const ImuPreintegration& imu, const ImuState& i, const 
   J_i->block<3, 3>(Imu::kP, Imu::kTheta) = Skew(way);
   J_i->block<3, 3>(Imu::kP, Imu::kV) = -dt * R_i_inv;
   J_i->block<3, 3>(Imu::kTheta, Imu::kTheta) = -from_left * delta_q.conjugate().toRotationMatrix();
-  J_i->block<3, 3>(Imu::kTheta, Imu::kBg) = -from_left * RightJacobian(turn) * D.block<3, 3>(Imu::kTheta, Imu::kBg);
+  J_i->block<3, 3>(Imu::kTheta, Imu::kBg) =
+      -from_left * RightJacobian(turn) * D.block<3, 3>(Imu::kTheta, Imu::kBg);
   J_i->block<3, 3>(Imu::kV, Imu::kTheta) = Skew(gain);
   J_i->block<3, 3>(Imu::kV, Imu::kV) = -R_i_inv;
   for (const int row : {Imu::kP, Imu::kV}) {

@@ -27,7 +27,8 @@ inline Eigen::Vector3d Log(const Eigen::Quaterniond& q) {
   const double sine = q.vec().norm();
   // atan(sine / w) / sine, by its series where the division loses digits.
   const double half = std::atan(sine / q.w());
-  return 2.0 * (sine < 1e-4 ? (1.0 - sine * sine / (3.0 * q.w() * q.w())) / q.w() : half / sine) * q.vec();
+  return 2.0 * (sine < 1e-4 ? (1.0 - sine * sine / (3.0 * q.w() * q.w())) / q.w() : half / sine) *
+         q.vec();
 }
 
 /// J_r with Exp(phi + d) = Exp(phi) Exp(J_r d) to first order in d.

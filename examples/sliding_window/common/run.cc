@@ -24,7 +24,8 @@ Statistics Summarize(std::vector<double> values) {
   }
   std::sort(values.begin(), values.end());
   const auto at = [&values](double part) {
-    return values[static_cast<std::size_t>(std::lround(part * static_cast<double>(values.size() - 1)))];
+    return values[static_cast<std::size_t>(
+        std::lround(part * static_cast<double>(values.size() - 1)))];
   };
   return {at(0.5), at(0.95), values.back(), std::accumulate(values.begin(), values.end(), 0.0)};
 }
@@ -33,14 +34,16 @@ std::string ToJson(const RunReport& report) {
   const Statistics ms = Summarize(report.solve_ms);
   char text[400];
   std::snprintf(text, sizeof text,
-                "{\"frames\": %d, \"solve_ms\": {\"median\": %.6g, \"p95\": %.6g, \"max\": %.6g, \"total\": %.6g}, "
+                "{\"frames\": %d, \"solve_ms\": {\"median\": %.6g, \"p95\": %.6g, \"max\": %.6g, "
+                "\"total\": %.6g}, "
                 "\"ate_m\": %.17g, \"position_rmse_m\": %.17g, \"final_cost_sum\": %.17g}\n",
-                report.num_frames, ms.median, ms.p95, ms.max, ms.total, report.ate_m, report.position_rmse_m,
-                report.final_cost_sum);
+                report.num_frames, ms.median, ms.p95, ms.max, ms.total, report.ate_m,
+                report.position_rmse_m, report.final_cost_sum);
   return text;
 }
 
-// Up or down by what value, seed and solve say, so that it does not matter in which order the values come.
+// Up or down by what value, seed and solve say, so that it does not matter in which order the
+// values come.
 double Kicked(double value, std::uint64_t seed) {
   std::uint64_t bits = 0;
   std::memcpy(&bits, &value, sizeof bits);
@@ -55,12 +58,14 @@ void KickAll(std::uint64_t seed, ceres::Problem* problem) {
   for (double* block : blocks) {
     if (!problem->IsParameterBlockConstant(block)) {
       const int size = problem->ParameterBlockSize(block);
-      std::transform(block, block + size, block, [seed](double value) { return Kicked(value, seed); });
+      std::transform(block, block + size, block,
+                     [seed](double value) { return Kicked(value, seed); });
     }
   }
 }
 
-double PositionRmse(const std::vector<Eigen::Vector3d>& estimated, const std::vector<Eigen::Vector3d>& truth) {
+double PositionRmse(const std::vector<Eigen::Vector3d>& estimated,
+                    const std::vector<Eigen::Vector3d>& truth) {
   double sum = 0.0;
   for (std::size_t i = 0; i < truth.size(); ++i) {
     sum += (estimated[i] - truth[i]).squaredNorm();
@@ -70,24 +75,27 @@ double PositionRmse(const std::vector<Eigen::Vector3d>& estimated, const std::ve
 
 }  // namespace
 
-RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator, const SolveFunction& solve) {
+RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator,
+              const SolveFunction& solve) {
   RunReport report;
   report.num_frames = options.num_frames;
-  const SolveFunction timed_solve = [&](const ceres::Solver::Options& solver, ceres::Problem* problem,
-                                        ceres::Solver::Summary* summary) {
+  const SolveFunction timed_solve = [&](const ceres::Solver::Options& solver,
+                                        ceres::Problem* problem, ceres::Solver::Summary* summary) {
     if (options.kick != 0) {
       KickAll(static_cast<std::uint64_t>(options.kick) << 32U | report.solve_ms.size(), problem);
     }
     const auto start = std::chrono::steady_clock::now();
     solve(solver, problem, summary);
-    const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - start;
+    const std::chrono::duration<double, std::milli> elapsed =
+        std::chrono::steady_clock::now() - start;
     report.solve_ms.push_back(elapsed.count());
     report.final_cost_sum += summary->final_cost;
   };
 
   Simulator simulator(options.simulator);
   const Start start = MakeStart(options, simulator);
-  const AddFrame add_frame = make_estimator(options.estimator, timed_solve, start.state, start.body_from_cameras);
+  const AddFrame add_frame =
+      make_estimator(options.estimator, timed_solve, start.state, start.body_from_cameras);
   std::vector<Eigen::Vector3d> estimated;
   std::vector<Eigen::Vector3d> truth;
   for (int i = 0; i < options.num_frames; ++i) {

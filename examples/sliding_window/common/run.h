@@ -12,18 +12,22 @@
 namespace sliding_window {
 
 enum class Scene {
-  kHall,     ///< one camera, a start that the first frames settle
-  kStartup,  ///< two cameras, and a start that leaves attitude, biases and calibration weakly determined for seconds
+  kHall,  ///< one camera, a start that the first frames settle
+  /// two cameras, and a start that leaves attitude, biases and calibration weakly determined for
+  /// seconds
+  kStartup,
 };
 
 /// A run of an estimator through the simulated hall.
 struct RunOptions {
   Scene scene = Scene::kHall;
   int num_frames = 300;
-  int num_features = 150;  // that have a variable at a time, on average; kStartup: that an image shows
-  int kick = 0;            // not 0: seed of one ulp, up or down, on every value that a solve starts from
-  bool is_aligned =
-      false;  // kStartup: speed and attitude start as an alignment of images and IMU leaves them, not as OKVIS starts
+  int num_features =
+      150;       // that have a variable at a time, on average; kStartup: that an image shows
+  int kick = 0;  // not 0: seed of one ulp, up or down, on every value that a solve starts from
+  // kStartup: speed and attitude start as an alignment of images and IMU leaves them, not as OKVIS
+  // starts
+  bool is_aligned = false;
   SimulatorOptions simulator;
   EstimatorOptions estimator;
   std::string json;  // file for the report; none if empty
@@ -33,8 +37,9 @@ struct RunReport {
   int num_frames = 0;
   std::vector<double> solve_ms;  // per solve
   double ate_m = 0.0;            // as evo_ape --align
-  double position_rmse_m = 0.0;  // of the same positions as they are: the first pose's position and yaw are the true ones
-  double final_cost_sum = 0.0;   // of all solves
+  // of the same positions as they are: the first pose's position and yaw are the true ones
+  double position_rmse_m = 0.0;
+  double final_cost_sum = 0.0;  // of all solves
 };
 
 /// A flag without a value that only one program has.
@@ -43,23 +48,27 @@ struct Switch {
   bool* value;
 };
 
-/// Options from the command line. After --help, or a message on standard error that names what is wrong with an argument, the
-/// code to exit with.
-std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** argv, RunOptions* options,
-                                    const std::vector<Switch>& switches = {});
+/// Options from the command line. After --help, or a message on standard error that names what is
+/// wrong with an argument, the code to exit with.
+std::optional<int> ParseCommandLine(const std::string& usage, int argc, char** argv,
+                                    RunOptions* options, const std::vector<Switch>& switches = {});
 
 /// An estimator as the run sees it: takes a frame, tells where the newest one is.
 using AddFrame = std::function<ImuState(const Frame&)>;
-/// Makes an estimator that solves with `solve` and starts from that state and extrinsic calibration.
-using MakeEstimator = std::function<AddFrame(const EstimatorOptions&, const SolveFunction& solve, const ImuState& start,
-                                             const std::vector<Pose>& body_from_cameras)>;
+/// Makes an estimator that solves with `solve` and starts from that state and extrinsic
+/// calibration.
+using MakeEstimator =
+    std::function<AddFrame(const EstimatorOptions&, const SolveFunction& solve,
+                           const ImuState& start, const std::vector<Pose>& body_from_cameras)>;
 
-/// Plays the frames. The estimator starts with a velocity a little wrong, biases of zero and, if it is to estimate it, a
-/// calibration that is off by a centimeter and half a degree; kStartup: see MakeStart. Times `solve`, everything that it does,
-/// and nothing else.
-RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator, const SolveFunction& solve);
+/// Plays the frames. The estimator starts with a velocity a little wrong, biases of zero and, if it
+/// is to estimate it, a calibration that is off by a centimeter and half a degree; kStartup: see
+/// MakeStart. Times `solve`, everything that it does, and nothing else.
+RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator,
+              const SolveFunction& solve);
 
-/// Prints the report, and writes the JSON file if one was asked for. False, with a message, if it cannot be written.
+/// Prints the report, and writes the JSON file if one was asked for. False, with a message, if it
+/// cannot be written.
 bool Write(const RunOptions& options, const RunReport& report);
 
 }  // namespace sliding_window

@@ -31,7 +31,8 @@ Path PathAt(const Flight& flight, double t) {
   return path;
 }
 
-// Attitude as yaw, pitch, roll (world from body = Rz Ry Rx) and their rates: the yaw turns once a round, the rest sways.
+// Attitude as yaw, pitch, roll (world from body = Rz Ry Rx) and their rates: the yaw turns once a
+// round, the rest sways.
 struct Attitude {
   Vector3d ypr, rate;
 };
@@ -54,18 +55,21 @@ Vector3d BodyRate(const Attitude& attitude) {
   const double pitch = attitude.ypr[1];
   const double roll = attitude.ypr[2];
   const Vector3d& rate = attitude.rate;
-  return {rate[2] - std::sin(pitch) * rate[0], std::cos(roll) * rate[1] + std::sin(roll) * std::cos(pitch) * rate[0],
+  return {rate[2] - std::sin(pitch) * rate[0],
+          std::cos(roll) * rate[1] + std::sin(roll) * std::cos(pitch) * rate[0],
           -std::sin(roll) * rate[1] + std::cos(roll) * std::cos(pitch) * rate[0]};
 }
 
 Eigen::Quaterniond ToQuaternion(const Vector3d& ypr) {
-  return Eigen::AngleAxisd(ypr[0], Vector3d::UnitZ()) * Eigen::AngleAxisd(ypr[1], Vector3d::UnitY()) *
+  return Eigen::AngleAxisd(ypr[0], Vector3d::UnitZ()) *
+         Eigen::AngleAxisd(ypr[1], Vector3d::UnitY()) *
          Eigen::AngleAxisd(ypr[2], Vector3d::UnitX());
 }
 
 bool InImage(const Vector3d& in_camera) {
   return in_camera.z() > kVisibleDepth &&
-         std::abs(in_camera.x() / in_camera.z()) * Simulator::kFocalLength < Simulator::kHalfWidth &&
+         std::abs(in_camera.x() / in_camera.z()) * Simulator::kFocalLength <
+             Simulator::kHalfWidth &&
          std::abs(in_camera.y() / in_camera.z()) * Simulator::kFocalLength < Simulator::kHalfHeight;
 }
 
@@ -92,9 +96,11 @@ Vector3d Simulator::SpecificForce(double time) const {
 std::vector<Pose> Simulator::TrueExtrinsics() const {
   Matrix3d R;  // columns: the camera's axes (right, down, ahead) in the body's (ahead, left, up)
   R << 0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0;
-  const Pose left{Vector3d(0.10, 0.02, -0.03), Eigen::Quaterniond(R) * Exp(Vector3d(0.02, -0.03, 0.01))};
+  const Pose left{Vector3d(0.10, 0.02, -0.03),
+                  Eigen::Quaterniond(R) * Exp(Vector3d(0.02, -0.03, 0.01))};
   const Pose right{Vector3d(kBaseline, 0.001, -0.002), Exp(Vector3d(-0.004, 0.006, 0.003))};
-  return options_.num_cameras == 1 ? std::vector<Pose>{left} : std::vector<Pose>{left, left * right};
+  return options_.num_cameras == 1 ? std::vector<Pose>{left}
+                                   : std::vector<Pose>{left, left * right};
 }
 
 Frame Simulator::Next() {
@@ -120,7 +126,8 @@ ImuSample Simulator::NextImuSample() {
   ba_ += Noise(noise.acc_bias_walk * std::sqrt(kImuPeriod));
   bg_ += Noise(noise.gyr_bias_walk * std::sqrt(kImuPeriod));
   return {t, SpecificForce(t) + Noise(noise.acc / std::sqrt(kImuPeriod)),
-          BodyRate(AttitudeAt(options_.flight, start_ + t)) + bg_ + Noise(noise.gyr / std::sqrt(kImuPeriod))};
+          BodyRate(AttitudeAt(options_.flight, start_ + t)) + bg_ +
+              Noise(noise.gyr / std::sqrt(kImuPeriod))};
 }
 
 void Simulator::Observe(Frame* frame) {
@@ -146,7 +153,8 @@ void Simulator::Observe(Frame* frame) {
   }
 }
 
-void Simulator::ObserveTrack(const Track& track, int camera, const Pose& camera_from_world, Frame* frame) {
+void Simulator::ObserveTrack(const Track& track, int camera, const Pose& camera_from_world,
+                             Frame* frame) {
   const Vector3d in_camera = camera_from_world * track.point;
   if (!InImage(in_camera)) {
     return;
@@ -162,7 +170,9 @@ void Simulator::ObserveTrack(const Track& track, int camera, const Pose& camera_
 Vector3d Simulator::PixelNoise() {
   const Vector3d noise = Noise(options_.pixel_noise / kFocalLength);
   std::uniform_real_distribution<double> share(0.0, 1.0);
-  return options_.outlier_share > 0.0 && share(random_) < options_.outlier_share ? kOutlierFactor * noise : noise;
+  return options_.outlier_share > 0.0 && share(random_) < options_.outlier_share
+             ? kOutlierFactor * noise
+             : noise;
 }
 
 Simulator::Track Simulator::NewTrack(const Pose& world_from_camera) {

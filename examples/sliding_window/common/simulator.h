@@ -11,10 +11,11 @@ namespace sliding_window {
 
 /// How the drone flies.
 struct Flight {
-  double latest_start = 0.0;  // s; how late on its path the run may begin: when is drawn from the seed
-  double size = 1.0;          // 1: rounds of 12 m by 8 m
-  double round_rate = 0.3;    // rad/s
-  double sway = 1.0;          // of the attitude; 1: 0.25 rad in yaw, 0.12 in pitch, 0.15 in roll
+  double latest_start =
+      0.0;            // s; how late on its path the run may begin: when is drawn from the seed
+  double size = 1.0;  // 1: rounds of 12 m by 8 m
+  double round_rate = 0.3;  // rad/s
+  double sway = 1.0;        // of the attitude; 1: 0.25 rad in yaw, 0.12 in pitch, 0.15 in roll
 };
 
 struct SimulatorOptions {
@@ -23,20 +24,23 @@ struct SimulatorOptions {
   double min_depth = 1.5;     // m, of new features
   double max_depth = 12.0;    // m
   int tracks_per_frame = 70;  // features that an image shows
-  int min_track_length = 3;   // frames; a feature is lost after a random number of them, or when it leaves the image
+  // frames; a feature is lost after a random number of them, or when it leaves the image
+  int min_track_length = 3;
   int max_track_length = 13;
   double pixel_noise = 0.7;    // standard deviation, pixels
   double outlier_share = 0.0;  // of the observations, whose noise is kOutlierFactor as large
-  double depth_error = 0.0;    // standard deviation of the guessed depths, as a share of them; 0: none are guessed
-  double acc_bias = 0.05;      // m/s^2, standard deviation of the first
-  double gyr_bias = 0.005;     // rad/s
+  // standard deviation of the guessed depths, as a share of them; 0: none are guessed
+  double depth_error = 0.0;
+  double acc_bias = 0.05;   // m/s^2, standard deviation of the first
+  double gyr_bias = 0.005;  // rad/s
   ImuNoise imu_noise;
   Flight flight;
 };
 
-/// A drone that flies rounds through a hall, with one camera or two (10 Hz) that look ahead and an IMU (200 Hz). Its path is
-/// closed-form, so that the truth is exact; noise is drawn from the seed. Features are made where the camera looks, at random
-/// depths, and last for a random number of frames.
+/// A drone that flies rounds through a hall, with one camera or two (10 Hz) that look ahead and an
+/// IMU (200 Hz). Its path is closed-form, so that the truth is exact; noise is drawn from the seed.
+/// Features are made where the camera looks, at random depths, and last for a random number of
+/// frames.
 class Simulator {
  public:
   static constexpr double kFocalLength = 460.0;  // pixels
@@ -52,7 +56,8 @@ class Simulator {
 
   /// The true state at a time; the biases are those of the last sample made.
   ImuState Truth(double time) const;
-  /// What an accelerometer without noise reads at a time: gravity and the drone's acceleration, with the bias of the last sample.
+  /// What an accelerometer without noise reads at a time: gravity and the drone's acceleration,
+  /// with the bias of the last sample.
   Eigen::Vector3d SpecificForce(double time) const;
   /// Body from each camera: a camera looks along the body's x axis, its own z.
   std::vector<Pose> TrueExtrinsics() const;

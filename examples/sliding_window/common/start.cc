@@ -17,7 +17,8 @@ Start HallStart(Start start, bool free_extrinsics) {
   start.state.v += Vector3d(0.05, -0.03, 0.02);
   if (free_extrinsics) {
     for (Pose& extrinsic : start.body_from_cameras) {
-      extrinsic = extrinsic * Pose{Vector3d(0.01, -0.01, 0.005), Exp(Vector3d(0.008, -0.005, 0.004))};
+      extrinsic =
+          extrinsic * Pose{Vector3d(0.01, -0.01, 0.005), Exp(Vector3d(0.008, -0.005, 0.004))};
     }
   }
   return start;

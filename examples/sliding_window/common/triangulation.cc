@@ -18,12 +18,14 @@ std::optional<Vector3d> Triangulate(const std::vector<Sight>& sights) {
     A += across;
     b += across * sight.world_from_camera.p;
   }
-  // Along parallel lines A is singular: its smallest eigenvalue is the sum of squared angles to the mean direction.
+  // Along parallel lines A is singular: its smallest eigenvalue is the sum of squared angles to the
+  // mean direction.
   const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(A);
   if (eigen.eigenvalues()[0] < kMinParallax2) {
     return std::nullopt;
   }
-  const Vector3d point = eigen.eigenvectors() * (eigen.eigenvectors().transpose() * b).cwiseQuotient(eigen.eigenvalues());
+  const Vector3d point = eigen.eigenvectors() *
+                         (eigen.eigenvectors().transpose() * b).cwiseQuotient(eigen.eigenvalues());
   for (const Sight& sight : sights) {
     if ((sight.world_from_camera.Inverse() * point).z() < kMinDepth) {
       return std::nullopt;

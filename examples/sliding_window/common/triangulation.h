@@ -15,8 +15,8 @@ struct Sight {
   Eigen::Vector2d xy;
 };
 
-/// The world point nearest to all lines of sight (least squares). Nothing if they are nearly parallel or the point is not in
-/// front of every camera.
+/// The world point nearest to all lines of sight (least squares). Nothing if they are nearly
+/// parallel or the point is not in front of every camera.
 std::optional<Eigen::Vector3d> Triangulate(const std::vector<Sight>& sights);
 
 }  // namespace sliding_window

@@ -9,15 +9,18 @@
 
 namespace sliding_window {
 
-/// The IMU between two frames (EvaluateImuResidual). Parameter blocks: pose (7, see PoseManifold) and speed and biases (9: v, bg,
-/// ba) of both. Evaluate has a memory: when the gyroscope's bias has moved away from that of the integration, it integrates
-/// anew, at the biases it is called with, and goes on from there. Threads: any number.
+/// The IMU between two frames (EvaluateImuResidual). Parameter blocks: pose (7, see PoseManifold)
+/// and speed and biases (9: v, bg, ba) of both. Evaluate has a memory: when the gyroscope's bias
+/// has moved away from that of the integration, it integrates anew, at the biases it is called
+/// with, and goes on from there. Threads: any number.
 class ImuError : public ceres::SizedCostFunction<15, 7, 9, 7, 9> {
  public:
-  ImuError(const ImuNoise& noise, const std::vector<ImuSample>& samples, const Eigen::Vector3d& ba, const Eigen::Vector3d& bg)
+  ImuError(const ImuNoise& noise, const std::vector<ImuSample>& samples, const Eigen::Vector3d& ba,
+           const Eigen::Vector3d& bg)
       : imu_(noise, samples, ba, bg) {}
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
 
   int num_integrations() const { return num_integrations_; }
 

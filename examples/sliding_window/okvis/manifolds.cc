@@ -44,8 +44,10 @@ PoseManifold::LiftMatrix PoseManifold::Lift(const Pose& pose) {
   return J;
 }
 
-bool HomogeneousPointManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
-  Eigen::Map<Vector3d>{x_plus_delta} = Eigen::Map<const Vector3d>(x) + Eigen::Map<const Vector3d>(delta);
+bool HomogeneousPointManifold::Plus(const double* x, const double* delta,
+                                    double* x_plus_delta) const {
+  Eigen::Map<Vector3d>{x_plus_delta} =
+      Eigen::Map<const Vector3d>(x) + Eigen::Map<const Vector3d>(delta);
   x_plus_delta[3] = x[3];
   return true;
 }

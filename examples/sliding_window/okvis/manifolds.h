@@ -19,7 +19,8 @@ class PoseManifold : public ceres::Manifold {
   bool Minus(const double* y, const double* x, double* y_minus_x) const override;
   bool MinusJacobian(const double* x, double* jacobian) const override;
 
-  /// The MinusJacobian at a pose. What a cost function knows by tangent, times this, is its ambient Jacobian.
+  /// The MinusJacobian at a pose. What a cost function knows by tangent, times this, is its ambient
+  /// Jacobian.
   static LiftMatrix Lift(const Pose& pose);
 };
 

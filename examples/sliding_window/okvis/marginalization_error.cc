@@ -11,24 +11,28 @@ using Eigen::VectorXd;
 
 namespace {
 
-// sqrt(diag H), so that meters, radians and their rates are weighed alike where eigenvalues are judged.
+// sqrt(diag H), so that meters, radians and their rates are weighed alike where eigenvalues are
+// judged.
 VectorXd ScaleOf(const MatrixXd& H) {
   return (H.diagonal().array() > 1e-9).select(H.diagonal().array().max(0.0).sqrt(), 1e-3);
 }
 
 NormalEquations Scaled(const NormalEquations& equations, const VectorXd& scale) {
   const VectorXd inverse = scale.cwiseInverse();
-  return {inverse.asDiagonal() * equations.H * inverse.asDiagonal(), inverse.cwiseProduct(equations.b)};
+  return {inverse.asDiagonal() * equations.H * inverse.asDiagonal(),
+          inverse.cwiseProduct(equations.b)};
 }
 
 }  // namespace
 
 const MarginalizationError::Block* MarginalizationError::Find(const double* address) const {
-  const auto found = std::find_if(blocks_.begin(), blocks_.end(), [=](const Block& block) { return block.address == address; });
+  const auto found = std::find_if(blocks_.begin(), blocks_.end(),
+                                  [=](const Block& block) { return block.address == address; });
   return found == blocks_.end() ? nullptr : &*found;
 }
 
-int MarginalizationError::FindOrConnect(double* address, int size, const ceres::Manifold* manifold) {
+int MarginalizationError::FindOrConnect(double* address, int size,
+                                        const ceres::Manifold* manifold) {
   if (const Block* known = Find(address)) {
     return static_cast<int>(known - blocks_.data());
   }
@@ -50,15 +54,16 @@ void MarginalizationError::Add(const ceres::Problem& problem, ceres::ResidualBlo
   for (double* address : addresses) {
     connected.push_back(problem.IsParameterBlockConstant(address)
                             ? -1
-                            : FindOrConnect(address, problem.ParameterBlockSize(address), problem.GetManifold(address)));
+                            : FindOrConnect(address, problem.ParameterBlockSize(address),
+                                            problem.GetManifold(address)));
   }
   std::vector<const double*> x;
   x.reserve(addresses.size());
   for (std::size_t i = 0; i < addresses.size(); ++i) {
     x.push_back(connected[i] < 0 ? addresses[i] : blocks_[connected[i]].x_0.data());
   }
-  const LinearizedFactor factor =
-      Linearize(*problem.GetCostFunctionForResidualBlock(residual), problem.GetLossFunctionForResidualBlock(residual), x);
+  const LinearizedFactor factor = Linearize(*problem.GetCostFunctionForResidualBlock(residual),
+                                            problem.GetLossFunctionForResidualBlock(residual), x);
   std::vector<std::pair<int, MatrixXd>> J;  // tangent, by the place of its rows
   for (std::size_t i = 0; i < factor.J.size(); ++i) {
     if (connected[i] < 0) {
@@ -74,7 +79,8 @@ void MarginalizationError::Add(const ceres::Problem& problem, ceres::ResidualBlo
   for (const auto& [row, J_row] : J) {
     equations_.b.segment(row, J_row.cols()) += J_row.transpose() * factor.r;
     for (const auto& [column, J_column] : J) {
-      equations_.H.block(row, column, J_row.cols(), J_column.cols()) += J_row.transpose() * J_column;
+      equations_.H.block(row, column, J_row.cols(), J_column.cols()) +=
+          J_row.transpose() * J_column;
     }
   }
 }
@@ -99,7 +105,8 @@ void MarginalizationError::MarginalizeOut(const std::vector<double*>& leaving) {
   const NormalEquations ordered{equations_.H(order, order), equations_.b(order)};
   const VectorXd scale = ScaleOf(ordered.H);
   const NormalEquations scaled = Scaled(ordered, scale);
-  equations_ = MarginalizeFirst(scaled, num_dropped, RoundingError(scaled.H.topLeftCorner(num_dropped, num_dropped)));
+  equations_ = MarginalizeFirst(scaled, num_dropped,
+                                RoundingError(scaled.H.topLeftCorner(num_dropped, num_dropped)));
   equations_ = Scaled(equations_, scale.tail(equations_.b.size()).cwiseInverse());
   blocks_.erase(blocks_.begin(), stays);
   for (Block& block : blocks_) {
@@ -127,7 +134,8 @@ std::vector<double*> MarginalizationError::Blocks() const {
   return addresses;
 }
 
-bool MarginalizationError::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool MarginalizationError::Evaluate(double const* const* parameters, double* residuals,
+                                    double** jacobians) const {
   const Eigen::Index n = prior_.r.size();
   VectorXd dx(n);
   for (std::size_t i = 0; i < blocks_.size(); ++i) {
@@ -136,8 +144,8 @@ bool MarginalizationError::Evaluate(double const* const* parameters, double* res
     const auto J_tangent = prior_.J.middleCols(block.offset, block.tangent_size());
     double* jacobian = jacobians != nullptr ? jacobians[i] : nullptr;
     if (block.manifold == nullptr) {
-      dx.segment(block.offset, size) =
-          Eigen::Map<const VectorXd>(parameters[i], size) - Eigen::Map<const VectorXd>(block.x_0.data(), size);
+      dx.segment(block.offset, size) = Eigen::Map<const VectorXd>(parameters[i], size) -
+                                       Eigen::Map<const VectorXd>(block.x_0.data(), size);
       if (jacobian != nullptr) {
         Eigen::Map<RowMajorMatrix>(jacobian, n, size) = J_tangent;
       }

@@ -26,8 +26,9 @@ ceres::Problem::Options OwnNothing() {
 
 }  // namespace
 
-OkvisEstimator::OkvisEstimator(const EstimatorOptions& options, const OkvisOptions& okvis_options, SolveFunction solve,
-                               const ImuState& start, const std::vector<Pose>& body_from_cameras)
+OkvisEstimator::OkvisEstimator(const EstimatorOptions& options, const OkvisOptions& okvis_options,
+                               SolveFunction solve, const ImuState& start,
+                               const std::vector<Pose>& body_from_cameras)
     : options_(options),
       okvis_options_(okvis_options),
       solve_(std::move(solve)),
@@ -42,8 +43,9 @@ OkvisEstimator::OkvisEstimator(const EstimatorOptions& options, const OkvisOptio
     body_from_cameras[i].ToParameters(pose);
     problem_.AddParameterBlock(pose, 7, &pose_manifold_);
     if (options_.free_extrinsics) {
-      extrinsics_[i].prior =
-          AddResidual(std::make_unique<PoseError>(body_from_cameras[i], sigma.array().square().inverse()), nullptr, {pose});
+      extrinsics_[i].prior = AddResidual(
+          std::make_unique<PoseError>(body_from_cameras[i], sigma.array().square().inverse()),
+          nullptr, {pose});
     } else {
       problem_.SetParameterBlockConstant(pose);
     }
@@ -64,15 +66,17 @@ void OkvisEstimator::AddFrame(const Frame& frame) {
   Marginalize();
 }
 
-std::unique_ptr<ceres::CostFunction> OkvisEstimator::MakeReprojectionError(const Eigen::Vector2d& xy) const {
+std::unique_ptr<ceres::CostFunction> OkvisEstimator::MakeReprojectionError(
+    const Eigen::Vector2d& xy) const {
   if (options_.realistic_costs) {
-    return std::make_unique<RealisticReprojectionError>(xy, options_.focal_length, options_.pixel_noise);
+    return std::make_unique<RealisticReprojectionError>(xy, options_.focal_length,
+                                                        options_.pixel_noise);
   }
   return std::make_unique<ReprojectionError>(xy, options_.focal_length / options_.pixel_noise);
 }
 
-std::unique_ptr<ceres::CostFunction> OkvisEstimator::MakeImuError(const std::vector<ImuSample>& samples,
-                                                                  const ImuState& state) const {
+std::unique_ptr<ceres::CostFunction> OkvisEstimator::MakeImuError(
+    const std::vector<ImuSample>& samples, const ImuState& state) const {
   if (options_.realistic_costs) {
     return std::make_unique<RealisticImuError>(options_.imu_noise, samples, state.ba, state.bg);
   }
@@ -87,10 +91,12 @@ void OkvisEstimator::AddBlocks(int id, const Frame& frame) {
     StateToBlocks(start_, blocks.pose, blocks.speed_bias);
     SetPosePrior(id, okvis_options_.first_pose_information);
     SpeedAndBiasError::Vector9 sigma;
-    sigma << Eigen::Vector3d::Constant(okvis_options_.speed_sigma), Eigen::Vector3d::Constant(okvis_options_.gyr_bias_sigma),
+    sigma << Eigen::Vector3d::Constant(okvis_options_.speed_sigma),
+        Eigen::Vector3d::Constant(okvis_options_.gyr_bias_sigma),
         Eigen::Vector3d::Constant(okvis_options_.acc_bias_sigma);
     blocks.speed_bias_prior = AddResidual(
-        std::make_unique<SpeedAndBiasError>(SpeedAndBiasError::Vector9(blocks.speed_bias), sigma.array().square().inverse()),
+        std::make_unique<SpeedAndBiasError>(SpeedAndBiasError::Vector9(blocks.speed_bias),
+                                            sigma.array().square().inverse()),
         nullptr, {blocks.speed_bias});
     return;
   }
@@ -98,15 +104,16 @@ void OkvisEstimator::AddBlocks(int id, const Frame& frame) {
   const ImuState state = StateFromBlocks(before.pose, before.speed_bias);
   const ImuPreintegration imu(options_.imu_noise, frame.imu, state.ba, state.bg);
   StateToBlocks(Propagate(imu, state), blocks.pose, blocks.speed_bias);
-  blocks.imu =
-      AddResidual(MakeImuError(frame.imu, state), nullptr, {before.pose, before.speed_bias, blocks.pose, blocks.speed_bias});
+  blocks.imu = AddResidual(MakeImuError(frame.imu, state), nullptr,
+                           {before.pose, before.speed_bias, blocks.pose, blocks.speed_bias});
 }
 
 void OkvisEstimator::AddObservations(int id, const std::vector<Observation>& observations) {
   for (const Observation& observation : observations) {
     Landmark& landmark = landmarks_[observation.feature];
     const std::pair<int, int> key(id, observation.camera);
-    landmark.sightings[key] = {observation.xy, observation.depth, {MakeReprojectionError(observation.xy)}};
+    landmark.sightings[key] = {
+        observation.xy, observation.depth, {MakeReprojectionError(observation.xy)}};
     if (landmark.is_variable) {
       AddSighting(&landmark, key);
     } else {
@@ -132,8 +139,8 @@ void OkvisEstimator::AddLandmarkIfSeenWell(Landmark* landmark) {
 std::optional<Eigen::Vector3d> OkvisEstimator::FirstPosition(const Landmark& landmark) const {
   std::vector<Sight> sights;
   for (const auto& [key, sighting] : landmark.sightings) {
-    const Pose world_from_camera =
-        Pose::FromParameters(frames_.at(key.first).pose) * Pose::FromParameters(extrinsics_[key.second].pose);
+    const Pose world_from_camera = Pose::FromParameters(frames_.at(key.first).pose) *
+                                   Pose::FromParameters(extrinsics_[key.second].pose);
     if (sighting.depth > 0.0) {
       return world_from_camera * (sighting.depth * sighting.xy.homogeneous());
     }
@@ -145,21 +152,25 @@ std::optional<Eigen::Vector3d> OkvisEstimator::FirstPosition(const Landmark& lan
 void OkvisEstimator::AddSighting(Landmark* landmark, std::pair<int, int> frame_and_camera) {
   const auto [frame, camera] = frame_and_camera;
   Residual& residual = landmark->sightings.at(frame_and_camera).residual;
-  residual = AddResidual(std::move(residual.cost), &loss_, {frames_.at(frame).pose, landmark->x, extrinsics_[camera].pose});
+  residual = AddResidual(std::move(residual.cost), &loss_,
+                         {frames_.at(frame).pose, landmark->x, extrinsics_[camera].pose});
 }
 
 bool OkvisEstimator::IsKeyframe(int id, const std::vector<Observation>& observations) const {
   if (okvis_options_.keyframe_interval > 0) {
     return id % okvis_options_.keyframe_interval == 0;
   }
-  const auto last = std::find_if(frames_.rbegin(), frames_.rend(), [](const auto& frame) { return frame.second.is_keyframe; });
+  const auto last = std::find_if(frames_.rbegin(), frames_.rend(),
+                                 [](const auto& frame) { return frame.second.is_keyframe; });
   if (last == frames_.rend()) {
     return true;
   }
-  const auto num_shared = std::count_if(observations.begin(), observations.end(), [&](const Observation& observation) {
-    return landmarks_.at(observation.feature).IsSeenIn(last->first);
-  });
-  return id > last->first && static_cast<double>(num_shared) < kKeyframeOverlap * static_cast<double>(observations.size());
+  const auto num_shared =
+      std::count_if(observations.begin(), observations.end(), [&](const Observation& observation) {
+        return landmarks_.at(observation.feature).IsSeenIn(last->first);
+      });
+  return id > last->first && static_cast<double>(num_shared) <
+                                 kKeyframeOverlap * static_cast<double>(observations.size());
 }
 
 // Position and yaw, which no sensor tells, of the frame that is the oldest now.
@@ -168,16 +179,19 @@ void OkvisEstimator::SetPosePrior(int id, double information) {
   PoseError::Vector6 diagonal;
   diagonal << information, information, information, 0.0, 0.0, information;
   double* pose = frames_.at(id).pose;
-  pose_prior_ = AddResidual(std::make_unique<PoseError>(Pose::FromParameters(pose), diagonal), nullptr, {pose});
+  pose_prior_ = AddResidual(std::make_unique<PoseError>(Pose::FromParameters(pose), diagonal),
+                            nullptr, {pose});
 }
 
 void OkvisEstimator::SetAllConstantBut(int newest, bool constant) {
   const FrameBlocks& free = frames_.at(newest);
   const auto is_extrinsic = [this](const double* block) {
-    return std::any_of(extrinsics_.begin(), extrinsics_.end(), [block](const Extrinsic& a) { return a.pose == block; });
+    return std::any_of(extrinsics_.begin(), extrinsics_.end(),
+                       [block](const Extrinsic& a) { return a.pose == block; });
   };
   ForEachBlock([&](double* block, int /*size*/) {
-    if (block == free.pose || block == free.speed_bias || (is_extrinsic(block) && !options_.free_extrinsics)) {
+    if (block == free.pose || block == free.speed_bias ||
+        (is_extrinsic(block) && !options_.free_extrinsics)) {
       return;
     }
     if (constant) {
@@ -193,7 +207,9 @@ void OkvisEstimator::Solve(int max_num_iterations) {
   solver.max_num_iterations = max_num_iterations;
   if (options_.ordering == Ordering::kLandmarksFirst) {
     solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    ForEachBlock([&](double* block, int size) { solver.linear_solver_ordering->AddElementToGroup(block, size == 4 ? 0 : 1); });
+    ForEachBlock([&](double* block, int size) {
+      solver.linear_solver_ordering->AddElementToGroup(block, size == 4 ? 0 : 1);
+    });
   }
   ceres::Solver::Summary summary;
   solve_(solver, &problem_, &summary);
@@ -217,12 +233,15 @@ void OkvisEstimator::ForEachBlock(const std::function<void(double*, int)>& visit
 }
 
 ImuState OkvisEstimator::newest_state() const {
-  return frames_.empty() ? start_ : StateFromBlocks(frames_.rbegin()->second.pose, frames_.rbegin()->second.speed_bias);
+  return frames_.empty()
+             ? start_
+             : StateFromBlocks(frames_.rbegin()->second.pose, frames_.rbegin()->second.speed_bias);
 }
 
 std::vector<double> OkvisEstimator::Values() {
   std::vector<double> values;
-  ForEachBlock([&](const double* block, int size) { values.insert(values.end(), block, block + size); });
+  ForEachBlock(
+      [&](const double* block, int size) { values.insert(values.end(), block, block + size); });
   return values;
 }
 
@@ -234,7 +253,8 @@ void OkvisEstimator::SetValues(const std::vector<double>& values) {
   });
 }
 
-OkvisEstimator::Residual OkvisEstimator::AddResidual(std::unique_ptr<ceres::CostFunction> cost, ceres::LossFunction* loss,
+OkvisEstimator::Residual OkvisEstimator::AddResidual(std::unique_ptr<ceres::CostFunction> cost,
+                                                     ceres::LossFunction* loss,
                                                      const std::vector<double*>& blocks) {
   const ceres::ResidualBlockId id = problem_.AddResidualBlock(cost.get(), loss, blocks);
   return {std::move(cost), id};

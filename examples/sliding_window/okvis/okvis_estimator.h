@@ -18,10 +18,13 @@ namespace sliding_window {
 
 struct OkvisOptions {
   int num_keyframes = 5;
-  int num_imu_frames = 3;     // the newest frames; only these have speed and biases
-  bool newest_first = false;  // before each solve, another of two iterations in which only the newest frame is free
-  int keyframe_interval = 0;  // every so manieth frame is a keyframe; 0: one that shares too little with the last keyframe
-  // What is known at the start: information of the first pose's position and yaw, standard deviations of the rest.
+  int num_imu_frames = 3;  // the newest frames; only these have speed and biases
+  // before each solve, another of two iterations in which only the newest frame is free
+  bool newest_first = false;
+  // every so manieth frame is a keyframe; 0: one that shares too little with the last keyframe
+  int keyframe_interval = 0;
+  // What is known at the start: information of the first pose's position and yaw, standard
+  // deviations of the rest.
   double first_pose_information = 1e8;
   double speed_sigma = 0.1;         // m/s
   double gyr_bias_sigma = 0.02;     // rad/s
@@ -30,8 +33,8 @@ struct OkvisOptions {
   double extrinsic_r_sigma = 0.02;  // rad
 };
 
-/// A visual-inertial estimator as OKVIS builds it: one ceres::Problem lives as long as the estimator, owns nothing, and follows
-/// the map by additions and removals:
+/// A visual-inertial estimator as OKVIS builds it: one ceres::Problem lives as long as the
+/// estimator, owns nothing, and follows the map by additions and removals:
 ///
 ///     poses 7/6 of keyframes and the newest frames; speed and biases 9 (v, bg, ba) of the newest frames; each camera on the body
 ///     7/6 (held or free); landmarks 4/3, homogeneous reprojection errors (Cauchy), IMU errors, priors of great weight on the
@@ -40,7 +43,8 @@ struct OkvisOptions {
 /// Source: Leutenegger et al., Keyframe-based visual-inertial odometry (IJRR 2015).
 class OkvisEstimator {
  public:
-  OkvisEstimator(const EstimatorOptions& options, const OkvisOptions& okvis_options, SolveFunction solve, const ImuState& start,
+  OkvisEstimator(const EstimatorOptions& options, const OkvisOptions& okvis_options,
+                 SolveFunction solve, const ImuState& start,
                  const std::vector<Pose>& body_from_cameras);
   OkvisEstimator(const OkvisEstimator&) = delete;
   OkvisEstimator& operator=(const OkvisEstimator&) = delete;
@@ -90,7 +94,8 @@ class OkvisEstimator {
   using LandmarkIterator = std::map<int, Landmark>::iterator;
 
   std::unique_ptr<ceres::CostFunction> MakeReprojectionError(const Eigen::Vector2d& xy) const;
-  std::unique_ptr<ceres::CostFunction> MakeImuError(const std::vector<ImuSample>& samples, const ImuState& state) const;
+  std::unique_ptr<ceres::CostFunction> MakeImuError(const std::vector<ImuSample>& samples,
+                                                    const ImuState& state) const;
   void AddBlocks(int id, const Frame& frame);
   void AddObservations(int id, const std::vector<Observation>& observations);
   void AddLandmarkIfSeenWell(Landmark* landmark);
@@ -110,7 +115,8 @@ class OkvisEstimator {
   void RemoveLandmark(LandmarkIterator landmark);
   void PutBackMarginalizationError();
 
-  Residual AddResidual(std::unique_ptr<ceres::CostFunction> cost, ceres::LossFunction* loss, const std::vector<double*>& blocks);
+  Residual AddResidual(std::unique_ptr<ceres::CostFunction> cost, ceres::LossFunction* loss,
+                       const std::vector<double*>& blocks);
   void RemoveResidual(Residual* residual);
   void LinearizeAndRemove(Residual* residual);
 

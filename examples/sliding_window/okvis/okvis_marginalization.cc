@@ -5,7 +5,8 @@
 namespace sliding_window {
 namespace {
 
-constexpr double kPosePriorInformation = 1e14;  // of the oldest pose's position and yaw, once the first has left
+// of the oldest pose's position and yaw, once the first has left
+constexpr double kPosePriorInformation = 1e14;
 
 }  // namespace
 
@@ -45,8 +46,8 @@ void OkvisEstimator::LeaveImuWindow(int id) {
   }
 }
 
-// What the frame alone knew of landmarks is dropped; landmarks that the newest frame does not see any more are marginalized with
-// it.
+// What the frame alone knew of landmarks is dropped; landmarks that the newest frame does not see
+// any more are marginalized with it.
 void OkvisEstimator::RemovePose(int id, bool marginalize_landmarks) {
   FrameBlocks& frame = frames_.at(id);
   const bool is_oldest = id == frames_.begin()->first;
@@ -57,7 +58,8 @@ void OkvisEstimator::RemovePose(int id, bool marginalize_landmarks) {
       continue;
     }
     const bool in_view = landmark.IsSeenIn(next_frame_ - 1);
-    if (marginalize_landmarks && !in_view && landmark.is_variable && landmark.sightings.size() >= 2) {
+    if (marginalize_landmarks && !in_view && landmark.is_variable &&
+        landmark.sightings.size() >= 2) {
       MarginalizeLandmark(&landmark);
     } else {
       for (auto sighting = landmark.sightings.lower_bound({id, 0}); landmark.IsSeenIn(id);) {

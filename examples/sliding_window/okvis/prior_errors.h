@@ -7,13 +7,16 @@
 
 namespace sliding_window {
 
-/// A pose known: r = sqrt(information) [p - p_0; 2 vec(q q_0^-1)], information per coordinate (world axes, zero for none).
+/// A pose known: r = sqrt(information) [p - p_0; 2 vec(q q_0^-1)], information per coordinate
+/// (world axes, zero for none).
 class PoseError : public ceres::SizedCostFunction<6, 7> {
  public:
   using Vector6 = Eigen::Matrix<double, 6, 1>;
-  PoseError(const Pose& pose, const Vector6& information) : pose_(pose), sqrt_information_(information.cwiseSqrt()) {}
+  PoseError(const Pose& pose, const Vector6& information)
+      : pose_(pose), sqrt_information_(information.cwiseSqrt()) {}
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
 
  private:
   Pose pose_;
@@ -27,7 +30,8 @@ class SpeedAndBiasError : public ceres::SizedCostFunction<9, 9> {
   SpeedAndBiasError(const Vector9& speed_bias, const Vector9& information)
       : speed_bias_(speed_bias), sqrt_information_(information.cwiseSqrt()) {}
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
 
  private:
   Vector9 speed_bias_, sqrt_information_;

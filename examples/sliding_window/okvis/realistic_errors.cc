@@ -46,14 +46,15 @@ MatrixXd InverseJacobian(const Matrix4d& T_inverse, const Vector3d& p, const Vec
   return J;
 }
 
-// PoseManifold::Lift, its quaternion's part as the product that it is: of the derivative of the turn by the quaternion q q_0^-1,
-// and of that by q (x, y, z, w).
+// PoseManifold::Lift, its quaternion's part as the product that it is: of the derivative of the
+// turn by the quaternion q q_0^-1, and of that by q (x, y, z, w).
 PoseManifold::LiftMatrix LiftInFull(const Pose& pose) {
   const Eigen::Quaterniond inverse = pose.q.inverse();
   Eigen::Matrix<double, 3, 4> by_product = Eigen::Matrix<double, 3, 4>::Zero();
   by_product.leftCols<3>().diagonal().setConstant(2.0);
   Matrix4d product;  // q q_0^-1 = product q
-  product << inverse.w() * Matrix3d::Identity() - Skew(inverse.vec()), inverse.vec(), -inverse.vec().transpose(), inverse.w();
+  product << inverse.w() * Matrix3d::Identity() - Skew(inverse.vec()), inverse.vec(),
+      -inverse.vec().transpose(), inverse.w();
   PoseManifold::LiftMatrix lift = PoseManifold::LiftMatrix::Zero();
   lift.topLeftCorner<3, 3>().setIdentity();
   lift.bottomRightCorner<3, 4>() = by_product * product;
@@ -84,8 +85,9 @@ Vector2d DistortedCamera::Project(const Vector4d& point, Matrix24* jacobian) con
   if (jacobian != nullptr) {
     const double radial_1 = 2.0 * (k1 + 2.0 * k2 * rr);  // d radial / d x = radial_1 x
     Eigen::Matrix2d by_plane;
-    by_plane << 1.0 + radial + radial_1 * xx + 2.0 * p1 * y + 6.0 * p2 * x, radial_1 * xy + 2.0 * p1 * x + 2.0 * p2 * y,
-        radial_1 * xy + 2.0 * p2 * y + 2.0 * p1 * x, 1.0 + radial + radial_1 * yy + 2.0 * p2 * x + 6.0 * p1 * y;
+    by_plane << 1.0 + radial + radial_1 * xx + 2.0 * p1 * y + 6.0 * p2 * x,
+        radial_1 * xy + 2.0 * p1 * x + 2.0 * p2 * y, radial_1 * xy + 2.0 * p2 * y + 2.0 * p1 * x,
+        1.0 + radial + radial_1 * yy + 2.0 * p2 * x + 6.0 * p1 * y;
     Matrix24 plane_by_point = Matrix24::Zero();
     plane_by_point << z_inv, 0.0, -x * z_inv, 0.0, 0.0, z_inv, -y * z_inv, 0.0;
     *jacobian = focal_length * by_plane * plane_by_point;
@@ -93,13 +95,15 @@ Vector2d DistortedCamera::Project(const Vector4d& point, Matrix24* jacobian) con
   return focal_length * distorted + center;
 }
 
-RealisticReprojectionError::RealisticReprojectionError(const Vector2d& xy, double focal_length, double pixel_sigma)
+RealisticReprojectionError::RealisticReprojectionError(const Vector2d& xy, double focal_length,
+                                                       double pixel_sigma)
     : camera_{focal_length, Vector2d::Zero(), Vector4d::Zero()},
       keypoint_(focal_length * xy),
       sqrt_information_(Eigen::Matrix2d::Identity() / pixel_sigma) {
 }
 
-bool RealisticReprojectionError::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool RealisticReprojectionError::Evaluate(double const* const* parameters, double* residuals,
+                                          double** jacobians) const {
   const Pose pose = Pose::FromParameters(parameters[0]);
   const Pose extrinsic = Pose::FromParameters(parameters[2]);
   const Matrix4d T_sw = InverseOf(ToMatrix(pose));
@@ -133,24 +137,27 @@ bool RealisticReprojectionError::Evaluate(double const* const* parameters, doubl
 namespace {
 
 // F has columns p, theta (body axes), v, ba, bg.
-void WriteJacobians(const Imu::Matrix15& W, const Imu::Matrix15& F, const Pose& pose, double* pose_jacobian,
-                    double* speed_bias_jacobian) {
+void WriteJacobians(const Imu::Matrix15& W, const Imu::Matrix15& F, const Pose& pose,
+                    double* pose_jacobian, double* speed_bias_jacobian) {
   if (pose_jacobian != nullptr) {
     Eigen::Matrix<double, 15, 6> F_pose = F.leftCols<6>();
     F_pose.rightCols<3>() *= pose.q.toRotationMatrix().transpose();
     const Eigen::Matrix<double, 15, 6> minimal = W * F_pose;
-    Eigen::Map<Eigen::Matrix<double, 15, 7, Eigen::RowMajor>>{pose_jacobian} = minimal * PoseManifold::Lift(pose);
+    Eigen::Map<Eigen::Matrix<double, 15, 7, Eigen::RowMajor>>{pose_jacobian} =
+        minimal * PoseManifold::Lift(pose);
   }
   if (speed_bias_jacobian != nullptr) {
     Eigen::Matrix<double, 15, 9> F_speed_bias;
     F_speed_bias << F.middleCols<3>(Imu::kV), F.middleCols<3>(Imu::kBg), F.middleCols<3>(Imu::kBa);
-    Eigen::Map<Eigen::Matrix<double, 15, 9, Eigen::RowMajor>>{speed_bias_jacobian} = W * F_speed_bias;
+    Eigen::Map<Eigen::Matrix<double, 15, 9, Eigen::RowMajor>>{speed_bias_jacobian} =
+        W * F_speed_bias;
   }
 }
 
 }  // namespace
 
-bool RealisticImuError::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool RealisticImuError::Evaluate(double const* const* parameters, double* residuals,
+                                 double** jacobians) const {
   const ImuState i = StateFromBlocks(parameters[0], parameters[1]);
   const ImuState j = StateFromBlocks(parameters[2], parameters[3]);
   const std::lock_guard<std::mutex> lock(mutex_);

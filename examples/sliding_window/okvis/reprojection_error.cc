@@ -12,7 +12,8 @@ namespace {
 
 constexpr double kMinDepth = 0.2;  // m
 
-void WritePoseJacobian(const Matrix23& by_p, const Matrix23& by_theta, const Pose& pose, double* jacobian) {
+void WritePoseJacobian(const Matrix23& by_p, const Matrix23& by_theta, const Pose& pose,
+                       double* jacobian) {
   Eigen::Matrix<double, 2, 6> J;
   J << by_p, by_theta;
   Eigen::Map<Eigen::Matrix<double, 2, 7, Eigen::RowMajor>>{jacobian} = J * PoseManifold::Lift(pose);
@@ -20,7 +21,8 @@ void WritePoseJacobian(const Matrix23& by_p, const Matrix23& by_theta, const Pos
 
 }  // namespace
 
-bool ReprojectionError::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool ReprojectionError::Evaluate(double const* const* parameters, double* residuals,
+                                 double** jacobians) const {
   const Pose T_ws = Pose::FromParameters(parameters[0]);
   const Pose T_sc = Pose::FromParameters(parameters[2]);
   const Vector3d landmark(parameters[1]);
@@ -45,7 +47,8 @@ bool ReprojectionError::Evaluate(double const* const* parameters, double* residu
     WritePoseJacobian(-w * by_world, by_world * Skew(from_body), T_ws, jacobians[0]);
   }
   if (jacobians[1] != nullptr) {
-    Eigen::Map<Eigen::Matrix<double, 2, 4, Eigen::RowMajor>>{jacobians[1]} << by_world, -by_world * T_ws.p - by_body * T_sc.p;
+    Eigen::Map<Eigen::Matrix<double, 2, 4, Eigen::RowMajor>>{jacobians[1]} << by_world,
+        -by_world * T_ws.p - by_body * T_sc.p;
   }
   if (jacobians[2] != nullptr) {
     WritePoseJacobian(-w * by_body, by_body * Skew(from_camera), T_sc, jacobians[2]);

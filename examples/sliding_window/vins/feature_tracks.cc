@@ -39,11 +39,13 @@ bool FeatureTracks::SecondNewestIsKeyframe() const {
   for (const auto& [number, track] : tracks_) {
     num_tracked += track.start < kNewest && track.last() == kNewest;
     if (track.start <= kNewest - 2 && track.last() >= kNewest - 1) {
-      parallax += (track.xy[kNewest - 1 - track.start] - track.xy[kNewest - 2 - track.start]).norm();
+      parallax +=
+          (track.xy[kNewest - 1 - track.start] - track.xy[kNewest - 2 - track.start]).norm();
       ++num_compared;
     }
   }
-  return num_tracked < kMinTracked || num_compared == 0 || parallax >= kKeyframeParallax * num_compared;
+  return num_tracked < kMinTracked || num_compared == 0 ||
+         parallax >= kKeyframeParallax * num_compared;
 }
 
 std::vector<FeatureTrack*> FeatureTracks::Usable() {
@@ -66,7 +68,8 @@ void FeatureTracks::TriangulateNew(const std::vector<Pose>& world_from_camera) {
       sights.push_back({world_from_camera[frame], track->xy[frame - track->start]});
     }
     const auto point = Triangulate(sights);
-    track->inverse_depth = 1.0 / (point ? (world_from_camera[track->start].Inverse() * *point).z() : kGuessedDepth);
+    track->inverse_depth =
+        1.0 / (point ? (world_from_camera[track->start].Inverse() * *point).z() : kGuessedDepth);
   }
 }
 
@@ -81,7 +84,8 @@ void FeatureTracks::RemoveOldest(const Pose& camera_0, const Pose& camera_1) {
       return false;
     }
     if (track->inverse_depth > 0.0) {
-      const Eigen::Vector3d point = camera_0 * (track->xy.front().homogeneous() / track->inverse_depth);
+      const Eigen::Vector3d point =
+          camera_0 * (track->xy.front().homogeneous() / track->inverse_depth);
       const double depth = (camera_1.Inverse() * point).z();
       track->inverse_depth = depth > 0.0 ? 1.0 / depth : 0.0;
     }

@@ -25,14 +25,16 @@ class FeatureTracks {
 
   void Add(int frame, const std::vector<Observation>& observations);
 
-  /// Whether the frame before the newest saw enough that is new to be kept: few features that were known, or much parallax to the
-  /// frame before it.
+  /// Whether the frame before the newest saw enough that is new to be kept: few features that were
+  /// known, or much parallax to the frame before it.
   bool SecondNewestIsKeyframe() const;
 
-  /// The tracks worth a variable: seen twice, and long enough ago to be seen again. In order of their numbers.
+  /// The tracks worth a variable: seen twice, and long enough ago to be seen again. In order of
+  /// their numbers.
   std::vector<FeatureTrack*> Usable();
 
-  /// Gives every usable track without a depth one, from lines of sight, or a guess where those are too parallel.
+  /// Gives every usable track without a depth one, from lines of sight, or a guess where those are
+  /// too parallel.
   void TriangulateNew(const std::vector<Pose>& world_from_camera);
   /// Forgets tracks whose depth came out negative.
   void RemoveBehindCamera();

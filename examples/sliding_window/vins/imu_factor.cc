@@ -7,7 +7,9 @@ namespace sliding_window {
 using Imu = ImuPreintegration;
 
 ImuState StateFromParameters(const double* pose, const double* speed_bias) {
-  const auto part = [speed_bias](int begin) { return Eigen::Map<const Eigen::Vector3d>(speed_bias + begin); };
+  const auto part = [speed_bias](int begin) {
+    return Eigen::Map<const Eigen::Vector3d>(speed_bias + begin);
+  };
   return {Pose::FromParameters(pose), part(0), part(3), part(6)};
 }
 
@@ -16,7 +18,8 @@ void StateToParameters(const ImuState& state, double* pose, double* speed_bias) 
   Eigen::Map<Eigen::Matrix<double, 9, 1>>(speed_bias) << state.v, state.ba, state.bg;
 }
 
-bool ImuFactor::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool ImuFactor::Evaluate(double const* const* parameters, double* residuals,
+                         double** jacobians) const {
   const ImuState i = StateFromParameters(parameters[0], parameters[1]);
   const ImuState j = StateFromParameters(parameters[2], parameters[3]);
   Imu::Vector15 r;
@@ -32,7 +35,8 @@ bool ImuFactor::Evaluate(double const* const* parameters, double* residuals, dou
   for (const int frame : {0, 1}) {
     const Imu::Matrix15& J = frame == 0 ? J_i : J_j;
     if (double* pose = jacobians[2 * frame]) {
-      Eigen::Map<Eigen::Matrix<double, 15, 7, Eigen::RowMajor>>{pose} << J.leftCols<6>(), Imu::Vector15::Zero();
+      Eigen::Map<Eigen::Matrix<double, 15, 7, Eigen::RowMajor>>{pose} << J.leftCols<6>(),
+          Imu::Vector15::Zero();
     }
     if (double* speed_bias = jacobians[2 * frame + 1]) {
       Eigen::Map<Eigen::Matrix<double, 15, 9, Eigen::RowMajor>>{speed_bias} = J.rightCols<9>();

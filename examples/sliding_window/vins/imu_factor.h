@@ -8,13 +8,15 @@
 
 namespace sliding_window {
 
-/// The IMU between frames i and j (EvaluateImuResidual). Parameter blocks: pose i (7), speed and biases i (9: v, ba, bg), pose j,
-/// speed and biases j. Shares the preintegration with the estimator.
+/// The IMU between frames i and j (EvaluateImuResidual). Parameter blocks: pose i (7), speed and
+/// biases i (9: v, ba, bg), pose j, speed and biases j. Shares the preintegration with the
+/// estimator.
 class ImuFactor : public ceres::SizedCostFunction<15, 7, 9, 7, 9> {
  public:
   explicit ImuFactor(std::shared_ptr<const ImuPreintegration> imu) : imu_(std::move(imu)) {}
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
 
  private:
   std::shared_ptr<const ImuPreintegration> imu_;

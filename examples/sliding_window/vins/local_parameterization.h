@@ -10,8 +10,8 @@
 
 namespace sliding_window {
 
-// VINS is written with LocalParameterizations, which Ceres has up to 2.1. From 2.2 on this stands in, as in programs that moved
-// on.
+// VINS is written with LocalParameterizations, which Ceres has up to 2.1. From 2.2 on this stands
+// in, as in programs that moved on.
 #if CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR < 2
 
 using ceres::LocalParameterization;
@@ -26,9 +26,13 @@ class LocalParameterization : public ceres::Manifold {
 
   int AmbientSize() const final { return GlobalSize(); }
   int TangentSize() const final { return LocalSize(); }
-  bool PlusJacobian(const double* x, double* jacobian) const final { return ComputeJacobian(x, jacobian); }
+  bool PlusJacobian(const double* x, double* jacobian) const final {
+    return ComputeJacobian(x, jacobian);
+  }
   // A solve needs neither.
-  bool Minus(const double* /*y*/, const double* /*x*/, double* /*y_minus_x*/) const final { return false; }
+  bool Minus(const double* /*y*/, const double* /*x*/, double* /*y_minus_x*/) const final {
+    return false;
+  }
   bool MinusJacobian(const double* /*x*/, double* /*jacobian*/) const final { return false; }
 };
 

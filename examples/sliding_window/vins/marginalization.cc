@@ -14,7 +14,8 @@ constexpr double kEigenvalueThreshold = 1e-8;
 // x minus x_0 in the tangent space of a block.
 VectorXd Difference(const MarginalizationInfo::Block& block, const double* x) {
   if (block.size != Pose::kSize) {
-    return Eigen::Map<const VectorXd>(x, block.size) - Eigen::Map<const VectorXd>(block.x_0.data(), block.size);
+    return Eigen::Map<const VectorXd>(x, block.size) -
+           Eigen::Map<const VectorXd>(block.x_0.data(), block.size);
   }
   const Pose pose = Pose::FromParameters(x);
   const Pose pose_0 = Pose::FromParameters(block.x_0.data());
@@ -41,7 +42,11 @@ void MarginalizationInfo::Add(const ceres::CostFunction& cost, const ceres::Loss
 int MarginalizationInfo::FindOrAddBlock(double* address, int size) {
   const auto [found, is_new] = block_at_.emplace(address, static_cast<int>(blocks_.size()));
   if (is_new) {
-    blocks_.push_back({address, size, size == Pose::kSize ? Pose::kTangentSize : size, -1, {address, address + size}});
+    blocks_.push_back({address,
+                       size,
+                       size == Pose::kSize ? Pose::kTangentSize : size,
+                       -1,
+                       {address, address + size}});
     is_dropped_.push_back(false);
   }
   return found->second;
@@ -83,7 +88,8 @@ void MarginalizationInfo::Marginalize() {
     }
   }
   factors_.clear();
-  SquareRoot prior = TakeSquareRoot(MarginalizeFirst(all, num_dropped, kEigenvalueThreshold), kEigenvalueThreshold);
+  SquareRoot prior = TakeSquareRoot(MarginalizeFirst(all, num_dropped, kEigenvalueThreshold),
+                                    kEigenvalueThreshold);
   J_ = std::move(prior.J);
   r_ = std::move(prior.r);
   for (std::size_t i = 0; i < blocks_.size(); ++i) {
@@ -94,7 +100,8 @@ void MarginalizationInfo::Marginalize() {
   }
 }
 
-std::vector<double*> MarginalizationInfo::KeptBlocks(const std::unordered_map<const double*, double*>& moved) const {
+std::vector<double*> MarginalizationInfo::KeptBlocks(
+    const std::unordered_map<const double*, double*>& moved) const {
   std::vector<double*> addresses;
   for (const Block& block : kept_) {
     const auto found = moved.find(block.address);
@@ -110,7 +117,8 @@ MarginalizationFactor::MarginalizationFactor(const MarginalizationInfo* info) : 
   }
 }
 
-bool MarginalizationFactor::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool MarginalizationFactor::Evaluate(double const* const* parameters, double* residuals,
+                                     double** jacobians) const {
   const Eigen::Index n = info_->r().size();
   VectorXd dx(n);
   for (std::size_t i = 0; i < info_->kept().size(); ++i) {

@@ -12,14 +12,16 @@
 
 namespace sliding_window {
 
-/// What the window knew of variables that leave it, as a linear residual J dx + r over those that stay:
+/// What the window knew of variables that leave it, as a linear residual J dx + r over those that
+/// stay:
 ///
 ///     info.Add(factor, loss, its blocks, which of them leave);   // for every factor that touches what leaves
 ///     info.Marginalize();
 ///     problem.AddResidualBlock(new MarginalizationFactor(&info), nullptr, info.KeptBlocks(where they lie now));
 ///
-/// Factors are linearized once, at the values their blocks have when they are added. Blocks of size 7 are poses, with the
-/// derivatives in their first six columns. Source: Qin et al., VINS-Mono (T-RO 2018), section VI.C.
+/// Factors are linearized once, at the values their blocks have when they are added. Blocks of size
+/// 7 are poses, with the derivatives in their first six columns. Source: Qin et al., VINS-Mono
+/// (T-RO 2018), section VI.C.
 class MarginalizationInfo {
  public:
   struct Block {
@@ -31,11 +33,12 @@ class MarginalizationInfo {
   };
 
   /// `dropped`: which of `blocks` leave, by their places in it.
-  void Add(const ceres::CostFunction& cost, const ceres::LossFunction* loss, const std::vector<double*>& blocks,
-           const std::vector<int>& dropped);
+  void Add(const ceres::CostFunction& cost, const ceres::LossFunction* loss,
+           const std::vector<double*>& blocks, const std::vector<int>& dropped);
   void Marginalize();
 
-  /// Where the kept blocks lie now, in the order of J's columns. A block that `moved` does not name has not moved.
+  /// Where the kept blocks lie now, in the order of J's columns. A block that `moved` does not name
+  /// has not moved.
   std::vector<double*> KeptBlocks(const std::unordered_map<const double*, double*>& moved) const;
 
   const std::vector<Block>& kept() const { return kept_; }
@@ -61,12 +64,13 @@ class MarginalizationInfo {
   Eigen::VectorXd r_;
 };
 
-/// The prior as a cost function of as many residuals as J has rows. Refers to `info`, which must live as long as this is
-/// evaluated.
+/// The prior as a cost function of as many residuals as J has rows. Refers to `info`, which must
+/// live as long as this is evaluated.
 class MarginalizationFactor : public ceres::CostFunction {
  public:
   explicit MarginalizationFactor(const MarginalizationInfo* info);
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
 
  private:
   const MarginalizationInfo* info_;

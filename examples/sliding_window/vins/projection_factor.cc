@@ -18,7 +18,8 @@ void WritePoseJacobian(const Matrix23& by_p, const Matrix23& by_theta, double* j
 
 }  // namespace
 
-bool ProjectionFactor::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool ProjectionFactor::Evaluate(double const* const* parameters, double* residuals,
+                                double** jacobians) const {
   const Pose T_wi = Pose::FromParameters(parameters[0]);
   const Pose T_wj = Pose::FromParameters(parameters[1]);
   const Pose T_bc = Pose::FromParameters(parameters[2]);
@@ -48,7 +49,8 @@ bool ProjectionFactor::Evaluate(double const* const* parameters, double* residua
     WritePoseJacobian(-by_world, by_body_j * Skew(in_body_j), jacobians[1]);
   }
   if (jacobians[2] != nullptr) {
-    WritePoseJacobian(by_body_i - by_body_j, by_x * Skew(x) - by_camera_i * Skew(in_camera_i), jacobians[2]);
+    WritePoseJacobian(by_body_i - by_body_j, by_x * Skew(x) - by_camera_i * Skew(in_camera_i),
+                      jacobians[2]);
   }
   if (jacobians[3] != nullptr) {
     Eigen::Map<Eigen::Vector2d>{jacobians[3]} = -by_camera_i * in_camera_i / lambda;

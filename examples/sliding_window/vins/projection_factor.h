@@ -5,7 +5,8 @@
 
 namespace sliding_window {
 
-/// A feature first seen in frame i at xy_i with inverse depth lambda, and seen again in frame j at xy_j:
+/// A feature first seen in frame i at xy_i with inverse depth lambda, and seen again in frame j at
+/// xy_j:
 ///
 ///     x = T_bc^-1 T_wj^-1 T_wi T_bc (xy_i, 1) / lambda,    r = weight (x.xy / x.z - xy_j)
 ///
@@ -15,7 +16,8 @@ class ProjectionFactor : public ceres::SizedCostFunction<2, 7, 7, 7, 1> {
   ProjectionFactor(const Eigen::Vector2d& xy_i, const Eigen::Vector2d& xy_j, double weight)
       : xy_i_(xy_i), xy_j_(xy_j), weight_(weight) {}
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
 
  private:
   Eigen::Vector2d xy_i_, xy_j_;

@@ -12,7 +12,8 @@ using Imu = ImuPreintegration;
 
 namespace {
 
-void WriteWeightedImu(const Imu::Matrix15& W, const Imu::Matrix15& F, double* pose_jacobian, double* speed_bias_jacobian) {
+void WriteWeightedImu(const Imu::Matrix15& W, const Imu::Matrix15& F, double* pose_jacobian,
+                      double* speed_bias_jacobian) {
   if (pose_jacobian != nullptr) {
     Eigen::Map<Eigen::Matrix<double, 15, 7, Eigen::RowMajor>> J(pose_jacobian);
     J.setZero();
@@ -34,7 +35,8 @@ void WriteReduced(const Eigen::MatrixXd& reduce, const Eigen::MatrixXd& by_pose,
 
 }  // namespace
 
-bool RealisticImuFactor::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool RealisticImuFactor::Evaluate(double const* const* parameters, double* residuals,
+                                  double** jacobians) const {
   const ImuState i = StateFromParameters(parameters[0], parameters[1]);
   const ImuState j = StateFromParameters(parameters[2], parameters[3]);
   const FullImuResidual full = EvaluateInFull(*imu_, i, j, jacobians != nullptr);
@@ -47,7 +49,8 @@ bool RealisticImuFactor::Evaluate(double const* const* parameters, double* resid
   return true;
 }
 
-bool RealisticProjectionFactor::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool RealisticProjectionFactor::Evaluate(double const* const* parameters, double* residuals,
+                                         double** jacobians) const {
   const Pose i = Pose::FromParameters(parameters[0]);
   const Pose j = Pose::FromParameters(parameters[1]);
   const Pose c = Pose::FromParameters(parameters[2]);
@@ -58,7 +61,8 @@ bool RealisticProjectionFactor::Evaluate(double const* const* parameters, double
   const Vector3d in_world = i.q * in_body_i + i.p;
   const Vector3d in_body_j = j.q.inverse() * (in_world - j.p);
   const Vector3d x = c.q.inverse() * (in_body_j - c.p);
-  Eigen::Map<Eigen::Vector2d>{residuals} = sqrt_information_ * ((x / x.z()).head<2>() - point_j_.head<2>());
+  Eigen::Map<Eigen::Vector2d>{residuals} =
+      sqrt_information_ * ((x / x.z()).head<2>() - point_j_.head<2>());
   if (jacobians == nullptr) {
     return true;
   }
@@ -87,8 +91,8 @@ bool RealisticProjectionFactor::Evaluate(double const* const* parameters, double
     WriteReduced(reduce, by_pose, jacobians[2]);
   }
   if (jacobians[3] != nullptr) {
-    Eigen::Map<Eigen::Vector2d>{jacobians[3]} =
-        reduce * R_c.transpose() * R_j.transpose() * R_i * R_c * point_i_ * -1.0 / (lambda * lambda);
+    Eigen::Map<Eigen::Vector2d>{jacobians[3]} = reduce * R_c.transpose() * R_j.transpose() * R_i *
+                                                R_c * point_i_ * -1.0 / (lambda * lambda);
   }
   return true;
 }

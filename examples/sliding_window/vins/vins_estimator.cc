@@ -22,8 +22,8 @@ constexpr int kNumSolvesBeforeExtrinsics = 20;
 
 }  // namespace
 
-VinsEstimator::VinsEstimator(const EstimatorOptions& options, int max_features, SolveFunction solve, const ImuState& start,
-                             const Pose& body_from_camera)
+VinsEstimator::VinsEstimator(const EstimatorOptions& options, int max_features, SolveFunction solve,
+                             const ImuState& start, const Pose& body_from_camera)
     : options_(options),
       solve_(std::move(solve)),
       body_from_camera_(body_from_camera),
@@ -37,7 +37,8 @@ void VinsEstimator::AddFrame(const Frame& frame) {
     states_[k] = newest_state_;
   } else {
     const ImuState& before = states_[k - 1];
-    imu_[k] = std::make_shared<ImuPreintegration>(options_.imu_noise, frame.imu, before.ba, before.bg);
+    imu_[k] =
+        std::make_shared<ImuPreintegration>(options_.imu_noise, frame.imu, before.ba, before.bg);
     states_[k] = Propagate(*imu_[k], before);
   }
   features_.Add(k, frame.observations);
@@ -58,7 +59,8 @@ void VinsEstimator::Optimize() {
   used_features_ = features_.Usable();
   used_features_.resize(std::min(used_features_.size(), para_inverse_depth_.size()));
 
-  // The problem owns cost functions, loss and parameterizations. Blocks are registered before they have their values.
+  // The problem owns cost functions, loss and parameterizations. Blocks are registered before they
+  // have their values.
   ceres::Problem problem;
   auto* loss = new ceres::CauchyLoss(1.0);
   AddBlocks(&problem);
@@ -94,14 +96,15 @@ void VinsEstimator::AddResiduals(ceres::Problem* problem, ceres::LossFunction* l
     problem->AddResidualBlock(new MarginalizationFactor(prior_.get()), nullptr, prior_blocks_);
   }
   for (int k = 1; k < kNumFrames; ++k) {
-    problem->AddResidualBlock(MakeImuFactor(k), nullptr, para_pose_[k - 1], para_speed_bias_[k - 1], para_pose_[k],
-                              para_speed_bias_[k]);
+    problem->AddResidualBlock(MakeImuFactor(k), nullptr, para_pose_[k - 1], para_speed_bias_[k - 1],
+                              para_pose_[k], para_speed_bias_[k]);
   }
   for (std::size_t i = 0; i < used_features_.size(); ++i) {
     const FeatureTrack& track = *used_features_[i];
     for (int k = track.start + 1; k <= track.last(); ++k) {
-      problem->AddResidualBlock(MakeProjectionFactor(track.xy.front(), track.xy[k - track.start]), loss, para_pose_[track.start],
-                                para_pose_[k], para_extrinsic_, &para_inverse_depth_[i]);
+      problem->AddResidualBlock(MakeProjectionFactor(track.xy.front(), track.xy[k - track.start]),
+                                loss, para_pose_[track.start], para_pose_[k], para_extrinsic_,
+                                &para_inverse_depth_[i]);
     }
   }
 }
@@ -113,7 +116,8 @@ ceres::CostFunction* VinsEstimator::MakeImuFactor(int frame) const {
   return new ImuFactor(imu_[frame]);
 }
 
-ceres::CostFunction* VinsEstimator::MakeProjectionFactor(const Eigen::Vector2d& xy_i, const Eigen::Vector2d& xy_j) const {
+ceres::CostFunction* VinsEstimator::MakeProjectionFactor(const Eigen::Vector2d& xy_i,
+                                                         const Eigen::Vector2d& xy_j) const {
   if (options_.realistic_costs) {
     return new RealisticProjectionFactor(xy_i, xy_j, projection_weight());
   }
@@ -146,12 +150,14 @@ void VinsEstimator::StatesToParameters() {
   }
 }
 
-// Where the window is and which way it faces about the vertical no sensor tells: frame 0 keeps what it had.
+// Where the window is and which way it faces about the vertical no sensor tells: frame 0 keeps what
+// it had.
 void VinsEstimator::ParametersToStates() {
   const Pose before = states_[0].pose;
   const Pose after = Pose::FromParameters(para_pose_[0]);
   const Eigen::Quaterniond change = before.q * after.q.conjugate();
-  const Eigen::Quaterniond yaw(Eigen::AngleAxisd(2.0 * std::atan2(change.z(), change.w()), Vector3d::UnitZ()));
+  const Eigen::Quaterniond yaw(
+      Eigen::AngleAxisd(2.0 * std::atan2(change.z(), change.w()), Vector3d::UnitZ()));
   for (int k = 0; k < kNumFrames; ++k) {
     ImuState& state = states_[k];
     state = StateFromParameters(para_pose_[k], para_speed_bias_[k]);
@@ -168,7 +174,8 @@ std::vector<double> VinsEstimator::Values() const {
   std::vector<double> values(&para_pose_[0][0], &para_pose_[0][0] + 7 * kNumFrames);
   values.insert(values.end(), &para_speed_bias_[0][0], &para_speed_bias_[0][0] + 9 * kNumFrames);
   values.insert(values.end(), para_extrinsic_, para_extrinsic_ + 7);
-  values.insert(values.end(), para_inverse_depth_.begin(), para_inverse_depth_.begin() + used_features_.size());
+  values.insert(values.end(), para_inverse_depth_.begin(),
+                para_inverse_depth_.begin() + used_features_.size());
   return values;
 }
 

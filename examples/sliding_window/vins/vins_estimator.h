@@ -14,8 +14,9 @@
 
 namespace sliding_window {
 
-/// A visual-inertial estimator as VINS-Mono builds it. A window of eleven frames slides with every image; for each, a new
-/// ceres::Problem is made over the same arrays, which stand for other frames and other features every time:
+/// A visual-inertial estimator as VINS-Mono builds it. A window of eleven frames slides with every
+/// image; for each, a new ceres::Problem is made over the same arrays, which stand for other frames
+/// and other features every time:
 ///
 ///     poses 7/6 (p, q), speed and biases 9 (v, ba, bg), camera on body 7/6 (held or free), one inverse depth per feature
 ///     projection factors (Cauchy), IMU factors between consecutive frames, the prior of what has left the window
@@ -26,10 +27,10 @@ class VinsEstimator {
   static constexpr int kNewest = FeatureTracks::kNewest;
   static constexpr int kNumFrames = kNewest + 1;
 
-  /// `start` is the state at the first frame, `body_from_camera` the extrinsic calibration to start with. At most `max_features`
-  /// features have a variable at a time.
-  VinsEstimator(const EstimatorOptions& options, int max_features, SolveFunction solve, const ImuState& start,
-                const Pose& body_from_camera);
+  /// `start` is the state at the first frame, `body_from_camera` the extrinsic calibration to start
+  /// with. At most `max_features` features have a variable at a time.
+  VinsEstimator(const EstimatorOptions& options, int max_features, SolveFunction solve,
+                const ImuState& start, const Pose& body_from_camera);
   VinsEstimator(const VinsEstimator&) = delete;
   VinsEstimator& operator=(const VinsEstimator&) = delete;
 
@@ -40,14 +41,16 @@ class VinsEstimator {
   const Pose& extrinsic() const { return body_from_camera_; }
   const MarginalizationInfo* prior() const { return prior_.get(); }
 
-  /// All values the running solve is about, for a solve function that looks at them or changes them.
+  /// All values the running solve is about, for a solve function that looks at them or changes
+  /// them.
   std::vector<double> Values() const;
   void SetValues(const std::vector<double>& values);
 
  private:
   /// New ones, to whom they are given.
   ceres::CostFunction* MakeImuFactor(int frame) const;
-  ceres::CostFunction* MakeProjectionFactor(const Eigen::Vector2d& xy_i, const Eigen::Vector2d& xy_j) const;
+  ceres::CostFunction* MakeProjectionFactor(const Eigen::Vector2d& xy_i,
+                                            const Eigen::Vector2d& xy_j) const;
 
   void Optimize();
   void AddBlocks(ceres::Problem* problem);
@@ -70,7 +73,8 @@ class VinsEstimator {
   int num_frames_ = 0;  // in the window
   int num_solves_ = 0;
   std::array<ImuState, kNumFrames> states_;
-  std::array<std::shared_ptr<ImuPreintegration>, kNumFrames> imu_;  // from the frame before to this one
+  // from the frame before to this one
+  std::array<std::shared_ptr<ImuPreintegration>, kNumFrames> imu_;
   Pose body_from_camera_;
   FeatureTracks features_;
   std::vector<FeatureTrack*> used_features_;  // in the running solve; those of para_inverse_depth_

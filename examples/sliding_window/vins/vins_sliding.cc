@@ -10,7 +10,8 @@ namespace sliding_window {
 namespace {
 
 // The places in `blocks` of what leaves.
-std::vector<int> PlacesOf(const std::vector<double*>& blocks, const std::vector<const double*>& leaving) {
+std::vector<int> PlacesOf(const std::vector<double*>& blocks,
+                          const std::vector<const double*>& leaving) {
   std::vector<int> places;
   for (std::size_t i = 0; i < blocks.size(); ++i) {
     if (std::find(leaving.begin(), leaving.end(), blocks[i]) != leaving.end()) {
@@ -30,7 +31,8 @@ void VinsEstimator::MarginalizeOldest(const ceres::LossFunction& loss) {
     info->Add(MarginalizationFactor(prior_.get()), nullptr, prior_blocks_,
               PlacesOf(prior_blocks_, {para_pose_[0], para_speed_bias_[0]}));
   }
-  info->Add(ImuFactor(imu_[1]), nullptr, {para_pose_[0], para_speed_bias_[0], para_pose_[1], para_speed_bias_[1]}, {0, 1});
+  info->Add(ImuFactor(imu_[1]), nullptr,
+            {para_pose_[0], para_speed_bias_[0], para_pose_[1], para_speed_bias_[1]}, {0, 1});
   for (std::size_t i = 0; i < used_features_.size(); ++i) {
     const FeatureTrack& track = *used_features_[i];
     for (int k = 1; track.start == 0 && k <= track.last(); ++k) {
@@ -46,7 +48,8 @@ void VinsEstimator::MarginalizeOldest(const ceres::LossFunction& loss) {
     moved[para_speed_bias_[k]] = para_speed_bias_[k - 1];
   }
   prior_blocks_ = info->KeptBlocks(moved);
-  prior_ = std::move(info);  // the running problem's prior factor is left without its prior: it is not evaluated any more
+  // the running problem's prior factor is left without its prior: it is not evaluated any more
+  prior_ = std::move(info);
 }
 
 // The frame before the newest leaves the prior; what the frame saw is forgotten.

@@ -7,18 +7,21 @@
 
 namespace inceres {
 
-/// Reprojection of a point X (3, world frame) into a camera of the "Bundle Adjustment in the Large" model, with analytic
-/// Jacobians. Slot 0 is the camera [w(3), t(3), f, k1, k2]: rotation vector in radians, translation, focal length in pixels, two
-/// radial distortion coefficients. Slot 1 is the point.
+/// Reprojection of a point X (3, world frame) into a camera of the "Bundle Adjustment in the Large"
+/// model, with analytic Jacobians. Slot 0 is the camera [w(3), t(3), f, k1, k2]: rotation vector in
+/// radians, translation, focal length in pixels, two radial distortion coefficients. Slot 1 is the
+/// point.
 ///
 ///     P = Exp(w) X + t,   p = −P_xy / P_z,   residual = f (1 + k1 r² + k2 r⁴) p − (x, y),   r = ‖p‖        (2 rows, pixels)
 ///
-/// The camera looks along −z. A factor fails to evaluate when P_z = 0 or a result is not finite; points behind the camera
-/// (P_z > 0) evaluate, as in the model. The formulas are smooth at every rotation, w = 0 and ‖w‖ = π included.
+/// The camera looks along −z. A factor fails to evaluate when P_z = 0 or a result is not finite;
+/// points behind the camera (P_z > 0) evaluate, as in the model. The formulas are smooth at every
+/// rotation, w = 0 and ‖w‖ = π included.
 ///
-/// Cost: about 32 ns a factor with Jacobians, 7 ns without (x86-64, SSE2, 49 cameras); rotations are computed once per camera
-/// and call where they can be. Allocates nothing in Evaluate. Threads: as FactorFamily; Add is for one writer.
-/// Source: Agarwal, Snavely, Seitz & Szeliski, "Bundle Adjustment in the Large", ECCV 2010, and the file format's page.
+/// Cost: about 32 ns a factor with Jacobians, 7 ns without (x86-64, SSE2, 49 cameras); rotations
+/// are computed once per camera and call where they can be. Allocates nothing in Evaluate. Threads:
+/// as FactorFamily; Add is for one writer. Source: Agarwal, Snavely, Seitz & Szeliski, "Bundle
+/// Adjustment in the Large", ECCV 2010, and the file format's page.
 class INCERES_EXPORT BalReprojectionFamily final : public FactorFamily {
  public:
   /// An observed image point in pixels, origin at the image center, y upwards.
@@ -27,13 +30,15 @@ class INCERES_EXPORT BalReprojectionFamily final : public FactorFamily {
     double y = 0.0;
   };
 
-  /// Tangent sizes other than the defaults are for cameras or points on a manifold, for example a SubsetManifold that holds the
-  /// intrinsics constant (tangent size 6).
+  /// Tangent sizes other than the defaults are for cameras or points on a manifold, for example a
+  /// SubsetManifold that holds the intrinsics constant (tangent size 6).
   explicit BalReprojectionFamily(int camera_tangent_size = 9, int point_tangent_size = 3);
 
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+  void Place(int index, const Measurement& measurement) {
+    PlaceIn(&measurements_, index, measurement);
+  }
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
 
   int size() const override { return static_cast<int>(measurements_.size()); }

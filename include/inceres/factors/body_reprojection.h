@@ -7,35 +7,39 @@
 
 namespace inceres {
 
-/// Reprojection of an inverse-depth feature between cameras on a body, with analytic Jacobians: what VINS estimates. Frame i
-/// stores the feature as a bearing and an inverse depth λ (1, 1/m) in its camera, frame j sees it. Slots, by `Views`:
+/// Reprojection of an inverse-depth feature between cameras on a body, with analytic Jacobians:
+/// what VINS estimates. Frame i stores the feature as a bearing and an inverse depth λ (1, 1/m) in
+/// its camera, frame j sees it. Slots, by `Views`:
 ///
 ///     kTwoPoses             pose i, pose j, camera, λ             one camera; VINS's ProjectionFactor, TwoFrameOneCam
 ///     kTwoPosesTwoCameras   pose i, pose j, camera i, camera j, λ                              TwoFrameTwoCam
 ///     kOnePoseTwoCameras    camera i, camera j, λ                 at one time; OneFrameTwoCam
 ///
-/// and, if it is estimated, the time offset τ (1, s) at the end. With Feature::kBearing the bearing is estimated too and λ's slot
-/// is (m_x, m_y, λ), three Euclidean values: m_i taken as exact, as VINS does, has all observations of a feature share an error
-/// that nobody accounts for, and covariances come out too small. Where the feature was seen at i is then a measurement like the
-/// others: DiagonalPriorFamily(2, 3, 3) on that variable. A pose (p, R) is that of the body (the IMU) in the world, a camera
-/// (t_c, R_c) is body_from_camera; both [p(3), q(x, y, z, w)] on PoseManifold; no other manifold will do. No two slots of a
-/// factor may be one variable.
+/// and, if it is estimated, the time offset τ (1, s) at the end. With Feature::kBearing the bearing
+/// is estimated too and λ's slot is (m_x, m_y, λ), three Euclidean values: m_i taken as exact, as
+/// VINS does, has all observations of a feature share an error that nobody accounts for, and
+/// covariances come out too small. Where the feature was seen at i is then a measurement like the
+/// others: DiagonalPriorFamily(2, 3, 3) on that variable. A pose (p, R) is that of the body (the
+/// IMU) in the world, a camera (t_c, R_c) is body_from_camera; both [p(3), q(x, y, z, w)] on
+/// PoseManifold; no other manifold will do. No two slots of a factor may be one variable.
 ///
 ///     m = m_i − (τ − τ_i) ṁ_i,   z = z_j − (τ − τ_j) ż_j                       (features move on as the clocks disagree)
 ///     h = R_cjᵀ (R_jᵀ (R_i (R_ci m + λ t_ci) + λ (p_i − p_j)) − λ t_cj)        λ times the point in camera j
 ///     residual = U (h_xy / h_z − z)                                            kPlane: 2 rows, whitened
 ///     residual = U B (h / ‖h‖ − (z, 1) / ‖(z, 1)‖)                             kUnitSphere: 2 rows, whitened
 ///
-/// With one pose R_jᵀ R_i = I and p_i = p_j. B (2×3) spans the tangent plane of the sphere at z_j, its rows near the image's x
-/// and y when z_j is near the axis: VINS's UNIT_SPHERE_ERROR, for wide lenses; it is 0 in the opposite direction as well.
+/// With one pose R_jᵀ R_i = I and p_i = p_j. B (2×3) spans the tangent plane of the sphere at z_j,
+/// its rows near the image's x and y when z_j is near the axis: VINS's UNIT_SPHERE_ERROR, for wide
+/// lenses; it is 0 in the opposite direction as well.
 ///
-/// h is smooth at λ = 0, a point at infinity. Fails to evaluate where h_z = 0 (kUnitSphere: h = 0) or a result is not finite;
-/// points behind the camera evaluate, as in the model. Without a time offset m = m_i and z = z_j.
+/// h is smooth at λ = 0, a point at infinity. Fails to evaluate where h_z = 0 (kUnitSphere: h = 0)
+/// or a result is not finite; points behind the camera evaluate, as in the model. Without a time
+/// offset m = m_i and z = z_j.
 ///
-/// Cost: about 250 multiplications a factor with Jacobians, no transcendental function, nothing allocated. Threads: as
-/// FactorFamily; Add is for one writer.
-/// Source: Qin & Shen, "Online Temporal Calibration for Monocular Visual-Inertial Systems", 2018; Qin, Li & Shen, "VINS-Mono",
-/// 2018, eq. 25 (the unit sphere); derived in inverse_depth_chain.h.
+/// Cost: about 250 multiplications a factor with Jacobians, no transcendental function, nothing
+/// allocated. Threads: as FactorFamily; Add is for one writer. Source: Qin & Shen, "Online Temporal
+/// Calibration for Monocular Visual-Inertial Systems", 2018; Qin, Li & Shen, "VINS-Mono", 2018, eq.
+/// 25 (the unit sphere); derived in inverse_depth_chain.h.
 class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
  public:
   enum class TimeOffset : unsigned char { kNone, kEstimated };
@@ -48,21 +52,25 @@ class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
 
   /// Image points are in the plane z = 1, without distortion.
   struct Measurement {
-    double point_i[2] = {0.0, 0.0};                ///< m_i: where the feature was first seen; with kBearing of no use
-    double point_j[2] = {0.0, 0.0};                ///< z_j: where it is seen at j
-    double velocity_i[2] = {0.0, 0.0};             ///< ṁ_i, 1/s; without a time offset of no use
-    double velocity_j[2] = {0.0, 0.0};             ///< ż_j, 1/s
-    double offset_i = 0.0;                         ///< τ_i: offset already allowed for when the feature was stamped, s
-    double offset_j = 0.0;                         ///< τ_j
+    double point_i[2] = {0.0,
+                         0.0};  ///< m_i: where the feature was first seen; with kBearing of no use
+    double point_j[2] = {0.0, 0.0};     ///< z_j: where it is seen at j
+    double velocity_i[2] = {0.0, 0.0};  ///< ṁ_i, 1/s; without a time offset of no use
+    double velocity_j[2] = {0.0, 0.0};  ///< ż_j, 1/s
+    double offset_i = 0.0;  ///< τ_i: offset already allowed for when the feature was stamped, s
+    double offset_j = 0.0;  ///< τ_j
     double sqrt_information[3] = {1.0, 0.0, 1.0};  ///< U = [u00 u01; 0 u11], see SqrtInformation
   };
 
-  explicit BodyReprojectionFamily(TimeOffset offset = TimeOffset::kNone, Feature feature = Feature::kInverseDepth,
+  explicit BodyReprojectionFamily(TimeOffset offset = TimeOffset::kNone,
+                                  Feature feature = Feature::kInverseDepth,
                                   Views views = Views::kTwoPoses, Error error = Error::kPlane);
 
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+  void Place(int index, const Measurement& measurement) {
+    PlaceIn(&measurements_, index, measurement);
+  }
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
 
   int size() const override { return static_cast<int>(measurements_.size()); }

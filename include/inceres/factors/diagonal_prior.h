@@ -11,11 +11,12 @@ namespace inceres {
 ///
 ///     residual_k = sqrt_information_k · (x_k − mean_k),   k < size         (size rows)
 ///
-/// Linear in the variable's own coordinates, so it suits vectors: points, inverse depths, BAL cameras. Fails to evaluate where a
-/// residual is not finite.
+/// Linear in the variable's own coordinates, so it suits vectors: points, inverse depths, BAL
+/// cameras. Fails to evaluate where a residual is not finite.
 ///
-/// Cost: one multiplication a row; allocates nothing in Evaluate (maps that are neither identity nor selection cost a product and
-/// a small scratch). Threads: as FactorFamily; Add is for one writer.
+/// Cost: one multiplication a row; allocates nothing in Evaluate (maps that are neither identity
+/// nor selection cost a product and a small scratch). Threads: as FactorFamily; Add is for one
+/// writer.
 class INCERES_EXPORT DiagonalPriorFamily final : public FactorFamily {
  public:
   struct Measurement {
@@ -25,13 +26,16 @@ class INCERES_EXPORT DiagonalPriorFamily final : public FactorFamily {
 
   /// A prior on all of a Euclidean variable with `size` coordinates.
   explicit DiagonalPriorFamily(int size) : DiagonalPriorFamily(size, size, size) {}
-  /// A prior on the first `size` of `ambient_size` coordinates of a variable with that tangent size, for example (6, 9, 9) on the
-  /// pose of a BAL camera, or (6, 9, 6) if a SubsetManifold holds its intrinsics. Requires size ≤ ambient_size.
-  DiagonalPriorFamily(int size, int ambient_size, int tangent_size) : FactorFamily(size, {{ambient_size, tangent_size}}) {}
+  /// A prior on the first `size` of `ambient_size` coordinates of a variable with that tangent
+  /// size, for example (6, 9, 9) on the pose of a BAL camera, or (6, 9, 6) if a SubsetManifold
+  /// holds its intrinsics. Requires size ≤ ambient_size.
+  DiagonalPriorFamily(int size, int ambient_size, int tangent_size)
+      : FactorFamily(size, {{ambient_size, tangent_size}}) {}
 
   /// Requires vectors of the family's size.
   void Add(const Measurement& measurement) { Place(size(), measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size(). Requires vectors of the family's size.
+  /// Overwrites the measurement at `index`, or appends it if index == size(). Requires vectors of
+  /// the family's size.
   void Place(int index, const Measurement& measurement);
 
   int size() const override { return static_cast<int>(means_.size()) / residual_size(); }
@@ -39,7 +43,8 @@ class INCERES_EXPORT DiagonalPriorFamily final : public FactorFamily {
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:
-  void WriteJacobian(const double* sqrt_information, const TangentMap& map, double* J, int row_stride) const;
+  void WriteJacobian(const double* sqrt_information, const TangentMap& map, double* J,
+                     int row_stride) const;
 
   std::vector<double> means_;  // factor-major, residual_size() each
   std::vector<double> sqrt_information_;

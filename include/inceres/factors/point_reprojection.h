@@ -7,21 +7,23 @@
 
 namespace inceres {
 
-/// A pinhole camera with radial-tangential distortion: z > 0 is in front, x right and y down in the image, pixels from its upper
-/// left corner. A point (x, y, z) of the camera's frame is seen at
+/// A pinhole camera with radial-tangential distortion: z > 0 is in front, x right and y down in the
+/// image, pixels from its upper left corner. A point (x, y, z) of the camera's frame is seen at
 ///
 ///     (a, b) = (x, y) / z,   r² = a² + b²,   s = 1 + k1 r² + k2 r⁴
 ///     u = f_x (s a + 2 p1 a b + p2 (r² + 2a²)) + c_x
 ///     v = f_y (s b + p1 (r² + 2b²) + 2 p2 a b) + c_y
 ///
-/// Source: Brown, "Decentering distortion of lenses", 1966; the order of the coefficients is that of OpenCV.
+/// Source: Brown, "Decentering distortion of lenses", 1966; the order of the coefficients is that
+/// of OpenCV.
 struct PinholeCamera {
   double f_x = 1.0, f_y = 1.0;  ///< focal lengths, pixels
   double c_x = 0.0, c_y = 0.0;  ///< principal point, pixels
   double k1 = 0.0, k2 = 0.0;    ///< radial distortion
   double p1 = 0.0, p2 = 0.0;    ///< tangential distortion
 
-  /// (u, v) of a point (a, b) of the plane z = 1. If J is not null it becomes ∂(u, v)/∂(a, b), row-major. Pure, no allocation.
+  /// (u, v) of a point (a, b) of the plane z = 1. If J is not null it becomes ∂(u, v)/∂(a, b),
+  /// row-major. Pure, no allocation.
   void Project(double a, double b, double pixel[2], double* J = nullptr) const {
     const double r2 = a * a + b * b;
     const double s = 1.0 + r2 * (k1 + r2 * k2);
@@ -37,8 +39,9 @@ struct PinholeCamera {
     }
   }
 
-  /// The point (a, b) of the plane z = 1 that is seen at a pixel: Project backwards, by Newton's method, to the rounding of the
-  /// pixel. False, `point` untouched, where that does not converge: beyond where the distortion folds the image.
+  /// The point (a, b) of the plane z = 1 that is seen at a pixel: Project backwards, by Newton's
+  /// method, to the rounding of the pixel. False, `point` untouched, where that does not converge:
+  /// beyond where the distortion folds the image.
   [[nodiscard]] bool Unproject(const double pixel[2], double point[2]) const {
     const double tolerance = 1e-14 * (std::fabs(pixel[0]) + std::fabs(pixel[1]) + f_x + f_y);
     double a = (pixel[0] - c_x) / f_x, b = (pixel[1] - c_y) / f_y;
@@ -64,20 +67,24 @@ struct PinholeCamera {
 
 /// Where a camera sees a landmark.
 struct PixelObservation {
-  double pixel[2] = {0.0, 0.0};                  ///< z, pixels
-  double sqrt_information[3] = {1.0, 0.0, 1.0};  ///< U = [u00 u01; 0 u11], 1/pixel, see SqrtInformation
+  double pixel[2] = {0.0, 0.0};  ///< z, pixels
+  double sqrt_information[3] = {1.0, 0.0,
+                                1.0};  ///< U = [u00 u01; 0 u11], 1/pixel, see SqrtInformation
 };
 
-/// Reprojection of a landmark into a pinhole camera with radial-tangential distortion, with analytic Jacobians: what OKVIS
-/// estimates. Slots, h and all else as PointObservationFamily has it.
+/// Reprojection of a landmark into a pinhole camera with radial-tangential distortion, with
+/// analytic Jacobians: what OKVIS estimates. Slots, h and all else as PointObservationFamily has
+/// it.
 ///
 ///     residual = U (camera(h_xy / h_z) − z)                                    (2 rows, whitened)
 ///
-/// Fails to evaluate where h_z = 0 or a result is not finite. The camera is one for the family; its intrinsics are not estimated
-/// (BalReprojectionFamily does that).
-class INCERES_EXPORT PointReprojectionFamily final : public PointObservationFamily<PixelObservation> {
+/// Fails to evaluate where h_z = 0 or a result is not finite. The camera is one for the family; its
+/// intrinsics are not estimated (BalReprojectionFamily does that).
+class INCERES_EXPORT PointReprojectionFamily final
+    : public PointObservationFamily<PixelObservation> {
  public:
-  explicit PointReprojectionFamily(const PinholeCamera& camera, LandmarkKind landmark = LandmarkKind::kPoint,
+  explicit PointReprojectionFamily(const PinholeCamera& camera,
+                                   LandmarkKind landmark = LandmarkKind::kPoint,
                                    Perturbation perturbation = Perturbation::kRight)
       : PointObservationFamily(2, landmark, perturbation), camera_(camera) {}
 

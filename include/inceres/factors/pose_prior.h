@@ -9,10 +9,11 @@
 
 namespace inceres {
 
-/// The upper triangular U with UᵀU = information (row-major, size × size, symmetric positive definite; only its upper triangle is
-/// read): ‖U r‖² = rᵀ information r, so U whitens a residual. Writes U row-major with zeros below the diagonal. Returns false, U
-/// then undefined, if the matrix is not positive definite or not finite. U must not alias information. Allocates nothing.
-/// Source: Golub & Van Loan, "Matrix Computations", 4th ed., section 4.2 (Cholesky, outer-product form).
+/// The upper triangular U with UᵀU = information (row-major, size × size, symmetric positive
+/// definite; only its upper triangle is read): ‖U r‖² = rᵀ information r, so U whitens a residual.
+/// Writes U row-major with zeros below the diagonal. Returns false, U then undefined, if the matrix
+/// is not positive definite or not finite. U must not alias information. Allocates nothing. Source:
+/// Golub & Van Loan, "Matrix Computations", 4th ed., section 4.2 (Cholesky, outer-product form).
 [[nodiscard]] inline bool SqrtInformation(const double* information, int size, double* U) {
   for (int r = 0; r < size; ++r) {
     for (int c = 0; c < size; ++c) {
@@ -43,25 +44,30 @@ namespace inceres {
 ///     residual = U [p − p_0; Log(R_0ᵀ R)]   on PoseManifold (R Exp(φ)),
 ///     residual = U [p − p_0; Log(R R_0ᵀ)]   on LeftPoseManifold (Exp(φ) R)     (6 rows: meters, then radians; whitened)
 ///
-/// so that U is the square root of an information matrix in the manifold's own tangent. No other manifold will do. Smooth
-/// wherever the rotation residual is below π. Fails to evaluate where a result is not finite.
+/// so that U is the square root of an information matrix in the manifold's own tangent. No other
+/// manifold will do. Smooth wherever the rotation residual is below π. Fails to evaluate where a
+/// result is not finite.
 ///
-/// Cost: a 6×6 triangular product and one arc tangent a factor, nothing allocated. Threads: as FactorFamily; Add is for one
-/// writer. Source: Sola, Deray & Atchuthan, "A micro Lie theory for state estimation in robotics", 2018, appendix B.
+/// Cost: a 6×6 triangular product and one arc tangent a factor, nothing allocated. Threads: as
+/// FactorFamily; Add is for one writer. Source: Sola, Deray & Atchuthan, "A micro Lie theory for
+/// state estimation in robotics", 2018, appendix B.
 class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
  public:
   using Side = Perturbation;
 
   struct Measurement {
-    double pose[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};  ///< p_0, then R_0 as a unit quaternion x, y, z, w
-    double sqrt_information[36] = {};                      ///< U, row-major, upper triangular, see SqrtInformation
+    double pose[7] = {0.0, 0.0, 0.0, 0.0,
+                      0.0, 0.0, 1.0};  ///< p_0, then R_0 as a unit quaternion x, y, z, w
+    double sqrt_information[36] = {};  ///< U, row-major, upper triangular, see SqrtInformation
   };
 
   explicit PosePriorFamily(Side side = Side::kRight) : FactorFamily(6, {{7, 6}}), side_(side) {}
 
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+  void Place(int index, const Measurement& measurement) {
+    PlaceIn(&measurements_, index, measurement);
+  }
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "pose prior"; }
@@ -72,13 +78,16 @@ class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
   std::vector<Measurement> measurements_;
 };
 
-/// A prior on a velocity and biases, [v(3), biases(6)], or on anything else with nine Euclidean coordinates:
+/// A prior on a velocity and biases, [v(3), biases(6)], or on anything else with nine Euclidean
+/// coordinates:
 ///
 ///     residual = U (x − x_0)                                                  (9 rows, whitened)
 ///
-/// A diagonal U is cheaper as DiagonalPriorFamily(9). Fails to evaluate where a residual is not finite.
+/// A diagonal U is cheaper as DiagonalPriorFamily(9). Fails to evaluate where a residual is not
+/// finite.
 ///
-/// Cost: a 9×9 triangular copy a factor, nothing allocated. Threads: as FactorFamily; Add is for one writer.
+/// Cost: a 9×9 triangular copy a factor, nothing allocated. Threads: as FactorFamily; Add is for
+/// one writer.
 class INCERES_EXPORT SpeedBiasPriorFamily final : public FactorFamily {
  public:
   struct Measurement {
@@ -90,7 +99,9 @@ class INCERES_EXPORT SpeedBiasPriorFamily final : public FactorFamily {
 
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+  void Place(int index, const Measurement& measurement) {
+    PlaceIn(&measurements_, index, measurement);
+  }
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "speed-bias prior"; }

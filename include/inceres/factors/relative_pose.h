@@ -7,17 +7,20 @@
 
 namespace inceres {
 
-/// A measured relative pose of two cameras, for example a loop closure; with analytic Jacobians. Slots 0 and 1 are the poses a
-/// and b: [p(3), q(x, y, z, w)] on PoseManifold (problem/manifolds.h), p the camera's center in the world, R = R(q)
-/// world_from_camera, (δp, φ) ↦ (p + δp, R Exp(φ)). No other manifold will do: Jacobians are written in its tangent.
+/// A measured relative pose of two cameras, for example a loop closure; with analytic Jacobians.
+/// Slots 0 and 1 are the poses a and b: [p(3), q(x, y, z, w)] on PoseManifold
+/// (problem/manifolds.h), p the camera's center in the world, R = R(q) world_from_camera, (δp, φ) ↦
+/// (p + δp, R Exp(φ)). No other manifold will do: Jacobians are written in its tangent.
 ///
 ///     residual = U [ Log(R_aᵀ R_b R_abᵀ) ; R_bᵀ (p_a − p_b) − p_ab ]        (6 rows: radians, then meters; whitened)
 ///
-/// so R_ab turns vectors of camera b into those of camera a, and p_ab is a's center seen from b. Smooth wherever the rotation
-/// residual is below π. Fails to evaluate where a result is not finite.
+/// so R_ab turns vectors of camera b into those of camera a, and p_ab is a's center seen from b.
+/// Smooth wherever the rotation residual is below π. Fails to evaluate where a result is not
+/// finite.
 ///
-/// Cost: two 6×6 triangular products and one arc tangent a factor, nothing allocated. Threads: as FactorFamily; Add is for one
-/// writer. Source: Sola, Deray & Atchuthan, "A micro Lie theory for state estimation in robotics", 2018, appendix B.
+/// Cost: two 6×6 triangular products and one arc tangent a factor, nothing allocated. Threads: as
+/// FactorFamily; Add is for one writer. Source: Sola, Deray & Atchuthan, "A micro Lie theory for
+/// state estimation in robotics", 2018, appendix B.
 class INCERES_EXPORT RelativePoseFamily final : public FactorFamily {
  public:
   struct Measurement {
@@ -30,7 +33,9 @@ class INCERES_EXPORT RelativePoseFamily final : public FactorFamily {
 
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) { PlaceIn(&measurements_, index, measurement); }
+  void Place(int index, const Measurement& measurement) {
+    PlaceIn(&measurements_, index, measurement);
+  }
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
 
   int size() const override { return static_cast<int>(measurements_.size()); }

@@ -5,7 +5,8 @@
 
 namespace inceres {
 
-/// Two rectified images: same intrinsics, no distortion, the right camera `baseline` along the left one's x axis.
+/// Two rectified images: same intrinsics, no distortion, the right camera `baseline` along the left
+/// one's x axis.
 struct StereoCamera {
   double f_x = 1.0, f_y = 1.0;  ///< focal lengths, pixels
   double c_x = 0.0, c_y = 0.0;  ///< principal point, pixels
@@ -14,20 +15,23 @@ struct StereoCamera {
 
 /// Where a stereo camera sees a landmark. Of a disparity d, right_u = left[0] − d.
 struct StereoObservation {
-  double left[2] = {0.0, 0.0};                                     ///< u_l, v: pixels
-  double right_u = 0.0;                                            ///< u_r: pixels, in the same row
-  double sqrt_information[9] = {1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0};  ///< U, row-major, upper triangular, see SqrtInformation
+  double left[2] = {0.0, 0.0};  ///< u_l, v: pixels
+  double right_u = 0.0;         ///< u_r: pixels, in the same row
+  double sqrt_information[9] = {
+      1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0};  ///< U, row-major, upper triangular, see SqrtInformation
 };
 
-/// Reprojection of a landmark into a rectified stereo camera, with analytic Jacobians. Slots, h and all else as
-/// PointObservationFamily has it; the camera of slot 1 is the left one.
+/// Reprojection of a landmark into a rectified stereo camera, with analytic Jacobians. Slots, h and
+/// all else as PointObservationFamily has it; the camera of slot 1 is the left one.
 ///
 ///     residual = U [f_x h_x / h_z + c_x − u_l;  f_y h_y / h_z + c_y − v;  f_x (h_x − ω baseline) / h_z + c_x − u_r]
 ///
 /// (3 rows, whitened). Fails to evaluate where h_z = 0 or a result is not finite.
-class INCERES_EXPORT StereoReprojectionFamily final : public PointObservationFamily<StereoObservation> {
+class INCERES_EXPORT StereoReprojectionFamily final
+    : public PointObservationFamily<StereoObservation> {
  public:
-  explicit StereoReprojectionFamily(const StereoCamera& camera, LandmarkKind landmark = LandmarkKind::kPoint,
+  explicit StereoReprojectionFamily(const StereoCamera& camera,
+                                    LandmarkKind landmark = LandmarkKind::kPoint,
                                     Perturbation perturbation = Perturbation::kRight)
       : PointObservationFamily(3, landmark, perturbation), camera_(camera) {}
 

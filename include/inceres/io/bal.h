@@ -28,11 +28,12 @@ struct BalObservation {
 ///
 /// The camera looks along its negative z axis: a point in front of it has P.z < 0.
 ///
-/// The arrays are plain storage, so a solver may take CameraData(i) and PointData(j) as its parameter blocks: those
-/// pointers stay valid as long as the vectors are not resized.
+/// The arrays are plain storage, so a solver may take CameraData(i) and PointData(j) as its
+/// parameter blocks: those pointers stay valid as long as the vectors are not resized.
 struct INCERES_EXPORT BalProblem {
-  static constexpr int kCameraSize = 9;  ///< [a0 a1 a2, t0 t1 t2, f, k1, k2]; a in radians, f in pixels
-  static constexpr int kPointSize = 3;   ///< X in world coordinates
+  /// [a0 a1 a2, t0 t1 t2, f, k1, k2]; a in radians, f in pixels
+  static constexpr int kCameraSize = 9;
+  static constexpr int kPointSize = 3;  ///< X in world coordinates
 
   int num_cameras = 0;
   int num_points = 0;
@@ -40,48 +41,64 @@ struct INCERES_EXPORT BalProblem {
   std::vector<double> cameras;  ///< num_cameras x 9, camera by camera
   std::vector<double> points;   ///< num_points x 3, point by point
 
-  double* CameraData(int camera) { return cameras.data() + static_cast<std::size_t>(camera) * kCameraSize; }
-  const double* CameraData(int camera) const { return cameras.data() + static_cast<std::size_t>(camera) * kCameraSize; }
-  double* PointData(int point) { return points.data() + static_cast<std::size_t>(point) * kPointSize; }
-  const double* PointData(int point) const { return points.data() + static_cast<std::size_t>(point) * kPointSize; }
+  double* CameraData(int camera) {
+    return cameras.data() + static_cast<std::size_t>(camera) * kCameraSize;
+  }
+  const double* CameraData(int camera) const {
+    return cameras.data() + static_cast<std::size_t>(camera) * kCameraSize;
+  }
+  double* PointData(int point) {
+    return points.data() + static_cast<std::size_t>(point) * kPointSize;
+  }
+  const double* PointData(int point) const {
+    return points.data() + static_cast<std::size_t>(point) * kPointSize;
+  }
 
-  /// Ok if the counts are positive, the arrays have the sizes the counts say, every index is in range and every number is
-  /// finite; otherwise kInvalidArgument with a message that names the first offending entry. Cost: one pass.
+  /// Ok if the counts are positive, the arrays have the sizes the counts say, every index is in
+  /// range and every number is finite; otherwise kInvalidArgument with a message that names the
+  /// first offending entry. Cost: one pass.
   Status Validate() const;
 };
 
-/// Told how far a read has come: bytes of the file (as they are on disk) read so far, and of how many; 0 if that is not known, as
-/// of a pipe.
+/// Told how far a read has come: bytes of the file (as they are on disk) read so far, and of how
+/// many; 0 if that is not known, as of a pipe.
 using ReadProgress = std::function<void(std::int64_t bytes_read, std::int64_t file_bytes)>;
 
-/// Reads a BAL file: text, or text compressed with gzip (name ends in .gz) or bzip2 (name ends in .bz2).
+/// Reads a BAL file: text, or text compressed with gzip (name ends in .gz) or bzip2 (name ends in
+/// .bz2).
 ///
-/// The text is a stream of numbers separated by any white space (spaces, tabs, LF, CR LF or CR line ends, also several or none
-/// at the end of the file): three counts, `camera point x y` for each observation, nine numbers per camera, three per point.
-/// A leading '+' is accepted.
+/// The text is a stream of numbers separated by any white space (spaces, tabs, LF, CR LF or CR line
+/// ends, also several or none at the end of the file): three counts, `camera point x y` for each
+/// observation, nine numbers per camera, three per point. A leading '+' is accepted.
 ///
-/// Every failure is kIo with a message `file:line: field: what is wrong`: a missing or unreadable file, corrupt or truncated
-/// compression, a compressed file that unpacks to more than `options` allow, a truncated file, a count that is not a positive
-/// integer, an index out of range, NaN, infinity or a number beyond the range of double, anything that is not a number, and data
-/// after the last point. `*problem` is then unchanged.
+/// Every failure is kIo with a message `file:line: field: what is wrong`: a missing or unreadable
+/// file, corrupt or truncated compression, a compressed file that unpacks to more than `options`
+/// allow, a truncated file, a count that is not a positive integer, an index out of range, NaN,
+/// infinity or a number beyond the range of double, anything that is not a number, and data after
+/// the last point. `*problem` is then unchanged.
 ///
-/// `progress`, if given, is called from the reading thread after each piece (at most 256 kB of the file).
+/// `progress`, if given, is called from the reading thread after each piece (at most 256 kB of the
+/// file).
 ///
-/// Cost: one pass over the file through a buffer of fixed size; memory is that of the result. Threads: no shared state.
-INCERES_EXPORT Status ReadBal(const std::string& path, BalProblem* problem, const ReadProgress& progress = nullptr,
+/// Cost: one pass over the file through a buffer of fixed size; memory is that of the result.
+/// Threads: no shared state.
+INCERES_EXPORT Status ReadBal(const std::string& path, BalProblem* problem,
+                              const ReadProgress& progress = nullptr,
                               const ReadOptions& options = ReadOptions());
 
-/// Writes a BAL file, compressed if the name ends in .gz or .bz2. Numbers are written in the shortest form that reads back
-/// as the same double.
+/// Writes a BAL file, compressed if the name ends in .gz or .bz2. Numbers are written in the
+/// shortest form that reads back as the same double.
 ///
-/// Writes to `path`.partial and renames it at the end, so that an interrupted or failed write never leaves half a file under
-/// the name asked for (an existing path that is no regular file, such as a pipe, is written directly). A problem that does not
-/// Validate() is kInvalidArgument and nothing is written; a failed write (no such directory, no permission, disk full) is
-/// kIo with the system's reason. Threads: no shared state.
+/// Writes to `path`.partial and renames it at the end, so that an interrupted or failed write never
+/// leaves half a file under the name asked for (an existing path that is no regular file, such as a
+/// pipe, is written directly). A problem that does not Validate() is kInvalidArgument and nothing
+/// is written; a failed write (no such directory, no permission, disk full) is kIo with the
+/// system's reason. Threads: no shared state.
 INCERES_EXPORT Status WriteBal(const std::string& path, const BalProblem& problem);
 
-/// Root mean square of the distance between observed and predicted image points, in pixels: sqrt(sum |e_i|^2 / n). The cost of a
-/// least-squares solver is n / 2 times its square. Requires a problem that Validate()s; not finite if a point has depth 0.
+/// Root mean square of the distance between observed and predicted image points, in pixels:
+/// sqrt(sum |e_i|^2 / n). The cost of a least-squares solver is n / 2 times its square. Requires a
+/// problem that Validate()s; not finite if a point has depth 0.
 INCERES_EXPORT double ReprojectionRms(const BalProblem& problem);
 
 }  // namespace inceres

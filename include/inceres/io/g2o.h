@@ -16,50 +16,61 @@ namespace inceres {
 struct PoseGraphEdge {
   int from = 0;  ///< dense index of the vertex the measurement starts at
   int to = 0;    ///< dense index of the vertex it leads to
-  /// 2D: [x y theta]; 3D: [x y z qx qy qz qw], the quaternion of unit length. Only the first PoseSize() entries are used.
+  /// 2D: [x y theta]; 3D: [x y z qx qy qz qw], the quaternion of unit length. Only the first
+  /// PoseSize() entries are used.
   std::array<double, 7> measurement{};
-  /// Inverse covariance in the tangent order of g2o, 2D: [x y theta], 3D: [x y z rx ry rz]; the full symmetric matrix, d x d row
-  /// by row with d = TangentSize(). Only the first d * d entries are used.
+  /// Inverse covariance in the tangent order of g2o, 2D: [x y theta], 3D: [x y z rx ry rz]; the
+  /// full symmetric matrix, d x d row by row with d = TangentSize(). Only the first d * d entries
+  /// are used.
   std::array<double, 36> information{};
 };
 
-/// A pose graph as read from a g2o file. All poses are of one kind: planar (dimension 2) or spatial (dimension 3).
+/// A pose graph as read from a g2o file. All poses are of one kind: planar (dimension 2) or spatial
+/// (dimension 3).
 struct INCERES_EXPORT PoseGraph {
-  int dimension = 0;                 ///< 2 or 3
-  std::vector<std::int64_t> ids;     ///< id in the file of each vertex; index = order of appearance
-  std::vector<double> poses;         ///< num_vertices x PoseSize(): 2D [x y theta], 3D [x y z qx qy qz qw]; meters, radians
+  int dimension = 0;              ///< 2 or 3
+  std::vector<std::int64_t> ids;  ///< id in the file of each vertex; index = order of appearance
+  /// num_vertices x PoseSize(): 2D [x y theta], 3D [x y z qx qy qz qw]; meters, radians
+  std::vector<double> poses;
   std::vector<PoseGraphEdge> edges;  ///< in the order of the file
-  std::vector<int> fixed;            ///< dense indices named by FIX lines, in the order of the file, each once
+  /// dense indices named by FIX lines, in the order of the file, each once
+  std::vector<int> fixed;
 
   int NumVertices() const { return static_cast<int>(ids.size()); }
   int PoseSize() const { return dimension == 2 ? 3 : 7; }
   int TangentSize() const { return dimension == 2 ? 3 : 6; }
-  double* PoseData(int vertex) { return poses.data() + static_cast<std::size_t>(vertex) * static_cast<std::size_t>(PoseSize()); }
+  double* PoseData(int vertex) {
+    return poses.data() + static_cast<std::size_t>(vertex) * static_cast<std::size_t>(PoseSize());
+  }
   const double* PoseData(int vertex) const {
     return poses.data() + static_cast<std::size_t>(vertex) * static_cast<std::size_t>(PoseSize());
   }
 
-  /// The motion an edge measured, seen from one of its vertices: its measurement from `from`, the inverse from `to`. Only the
-  /// first PoseSize() entries are used.
+  /// The motion an edge measured, seen from one of its vertices: its measurement from `from`, the
+  /// inverse from `to`. Only the first PoseSize() entries are used.
   std::array<double, 7> MotionFrom(const PoseGraphEdge& edge, int vertex) const;
   /// Where the edge puts its other end if `vertex`, one of its two, is at `pose`.
   std::array<double, 7> AcrossEdge(const PoseGraphEdge& edge, int vertex, const double* pose) const;
 };
 
-/// Reads a g2o pose graph (optionally .gz or .bz2): VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX lines, blank
-/// lines and lines that start with '#'. Information matrices come as their upper triangle, row by row. Lines may come in any
-/// order: edges and FIX lines may name vertices that follow. Quaternions are normalized (files print a few digits only).
+/// Reads a g2o pose graph (optionally .gz or .bz2): VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT,
+/// EDGE_SE3:QUAT and FIX lines, blank lines and lines that start with '#'. Information matrices
+/// come as their upper triangle, row by row. Lines may come in any order: edges and FIX lines may
+/// name vertices that follow. Quaternions are normalized (files print a few digits only).
 ///
-/// A file that has edges and no VERTEX line has the vertices its edges name, in the order of their ids: the first at the origin,
-/// each later one where an edge puts it, from the vertex of the highest id that has its place: along the odometry.
+/// A file that has edges and no VERTEX line has the vertices its edges name, in the order of their
+/// ids: the first at the origin, each later one where an edge puts it, from the vertex of the
+/// highest id that has its place: along the odometry.
 ///
-/// Every failure is kIo with a message `file:line: tag: field: what is wrong`: a missing file, corrupt compression or one beyond
-/// the limit of `options`, an unknown tag, planar and spatial poses in one file, a missing or surplus field, a number that is not
-/// finite, a quaternion of zero length, a negative diagonal of an information matrix, a vertex twice, an edge or FIX that names a
-/// vertex the file does not have, an edge from a vertex to itself, a file without vertices and edges, and edges alone that do not
-/// hang together. `*graph` is then unchanged.
+/// Every failure is kIo with a message `file:line: tag: field: what is wrong`: a missing file,
+/// corrupt compression or one beyond the limit of `options`, an unknown tag, planar and spatial
+/// poses in one file, a missing or surplus field, a number that is not finite, a quaternion of zero
+/// length, a negative diagonal of an information matrix, a vertex twice, an edge or FIX that names
+/// a vertex the file does not have, an edge from a vertex to itself, a file without vertices and
+/// edges, and edges alone that do not hang together. `*graph` is then unchanged.
 ///
 /// Cost: one pass over the file. Threads: no shared state.
-INCERES_EXPORT Status ReadG2o(const std::string& path, PoseGraph* graph, const ReadOptions& options = ReadOptions());
+INCERES_EXPORT Status ReadG2o(const std::string& path, PoseGraph* graph,
+                              const ReadOptions& options = ReadOptions());
 
 }  // namespace inceres

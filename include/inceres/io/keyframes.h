@@ -25,8 +25,9 @@ struct KeyframeObservation {
   int feature = 0;  ///< index into KeyframeSequence::features
   double x = 0.0;   ///< normalized image point
   double y = 0.0;
-  double inverse_depth = 0.0;           ///< measured, 1/m; 0: not measured
-  std::array<double, 3> information{};  ///< w00 w01 w11 of the 2 x 2 information matrix of (x, y), positive definite
+  double inverse_depth = 0.0;  ///< measured, 1/m; 0: not measured
+  /// w00 w01 w11 of the 2 x 2 information matrix of (x, y), positive definite
+  std::array<double, 3> information{};
 };
 
 /// An initial guess of a feature's inverse depth.
@@ -35,20 +36,22 @@ struct KeyframeDepthGuess {
   double inverse_depth = 0.0;  ///< 1/m
 };
 
-/// A measured relative pose of two keyframes, C_a C_b^-1 = T_ab: with camera_from_world rotations R and centers p,
-/// R_a R_b^T = R_ab and R_b (p_a - p_b) = p_ab.
+/// A measured relative pose of two keyframes, C_a C_b^-1 = T_ab: with camera_from_world rotations R
+/// and centers p, R_a R_b^T = R_ab and R_b (p_a - p_b) = p_ab.
 struct KeyframeBetween {
   int a = 0;
   int b = 0;
   std::array<double, 4> q_ab{0.0, 0.0, 0.0, 1.0};  ///< R_ab as a unit quaternion x, y, z, w
   std::array<double, 3> p_ab{};                    ///< meters
-  std::array<double, 36> information{};            ///< 6 x 6, row-major, rotation before position; symmetric positive definite
+  /// 6 x 6, row-major, rotation before position; symmetric positive definite
+  std::array<double, 36> information{};
 };
 
 /// One keyframe and all that arrives with it, each kind in the order of the file.
 struct Keyframe {
-  /// Initial guess as the built-in PoseManifold stores poses: the camera's center p in the world (3, meters), then the rotation
-  /// world_from_camera as a unit quaternion x, y, z, w (the file has camera_from_world).
+  /// Initial guess as the built-in PoseManifold stores poses: the camera's center p in the world
+  /// (3, meters), then the rotation world_from_camera as a unit quaternion x, y, z, w (the file has
+  /// camera_from_world).
   std::array<double, 7> pose{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
   std::vector<KeyframeDepthGuess> depth_guesses;
   std::vector<int> features;  ///< anchored here: indices into KeyframeSequence::features
@@ -65,7 +68,8 @@ struct INCERES_EXPORT KeyframeSequence {
   int NumBetweens() const;
 };
 
-/// Reads a keyframe sequence (optionally .gz or .bz2), one record a line; blank lines and lines that start with '#' are skipped:
+/// Reads a keyframe sequence (optionally .gz or .bz2), one record a line; blank lines and lines
+/// that start with '#' are skipped:
 ///
 ///     KEYFRAME i  R(9, row-major) p(3)      keyframe i, numbered 0, 1, 2, …: x_c = R (x_w - p); what follows arrives with it
 ///     DEPTH_GUESS i k d                     initial guess of the inverse depth of feature k anchored in keyframe i
@@ -75,12 +79,13 @@ struct INCERES_EXPORT KeyframeSequence {
 ///
 /// Rotations are projected on the nearest unit quaternion (files print few digits).
 ///
-/// Every failure is kIo with a message `file:line: TAG: field: what is wrong`: a missing file, corrupt compression or one beyond
-/// the limit of `options`, an unknown tag, a record before the first KEYFRAME, keyframes not numbered in order, a missing or
-/// surplus field, a number that is not finite, an R that is no rotation, a keyframe or feature that has not arrived yet, a
-/// feature twice in one keyframe, an inverse depth that is negative (or 0 in a guess), an information matrix that is not
-/// symmetric positive definite, and a file without keyframes.
-/// `*sequence` is then unchanged.
+/// Every failure is kIo with a message `file:line: TAG: field: what is wrong`: a missing file,
+/// corrupt compression or one beyond the limit of `options`, an unknown tag, a record before the
+/// first KEYFRAME, keyframes not numbered in order, a missing or surplus field, a number that is
+/// not finite, an R that is no rotation, a keyframe or feature that has not arrived yet, a feature
+/// twice in one keyframe, an inverse depth that is negative (or 0 in a guess), an information
+/// matrix that is not symmetric positive definite, and a file without keyframes. `*sequence` is
+/// then unchanged.
 ///
 /// Cost: one pass over the file. Threads: no shared state.
 INCERES_EXPORT Status ReadKeyframes(const std::string& path, KeyframeSequence* sequence,

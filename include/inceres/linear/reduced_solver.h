@@ -11,40 +11,45 @@
 
 namespace inceres {
 
-/// The open interface for A δ = b, A = S + diag, in batch and in incremental solves. The built-in solvers implement it; implement
-/// it to plug in your own, and hand a factory to SolverOptions or IncrementalOptions::reduced_solver_factory. See
-/// docs/reduced_solver.md for a worked example. What is told of changes may be ignored: whoever factors and solves for all of it
-/// is right.
+/// The open interface for A δ = b, A = S + diag, in batch and in incremental solves. The built-in
+/// solvers implement it; implement it to plug in your own, and hand a factory to SolverOptions or
+/// IncrementalOptions::reduced_solver_factory. See docs/reduced_solver.md for a worked example.
+/// What is told of changes may be ignored: whoever factors and solves for all of it is right.
 ///
-/// Call order: Analyze before the first Factorize and whenever a block or a row has come or gone; any number of Factorize, each
-/// followed by any number of Solve if it succeeded. A stays as it is from Factorize to the last Solve. Vectors are packed as
-/// pattern().offsets says. One thread calls; the same calls must give the same bits if solves are to.
+/// Call order: Analyze before the first Factorize and whenever a block or a row has come or gone;
+/// any number of Factorize, each followed by any number of Solve if it succeeded. A stays as it is
+/// from Factorize to the last Solve. Vectors are packed as pattern().offsets says. One thread
+/// calls; the same calls must give the same bits if solves are to.
 class INCERES_EXPORT ReducedSolver {
  public:
-  /// Some block rows, by their ids (ReducedMatrix::RowId): none before first_row, and of those the listed ones, ascending; null:
-  /// perhaps all. A batch solve says no more than "perhaps all".
+  /// Some block rows, by their ids (ReducedMatrix::RowId): none before first_row, and of those the
+  /// listed ones, ascending; null: perhaps all. A batch solve says no more than "perhaps all".
   struct Rows {
     int first_row = 0;
     const std::vector<int>* rows = nullptr;
   };
 
-  /// Where a solution may be left as it was: a block row has hardly changed if Σ weights[k] · change_k² ≤ threshold over its
-  /// scalars k. Threshold 0: nothing is left out, and weights may be null.
+  /// Where a solution may be left as it was: a block row has hardly changed if Σ weights[k] ·
+  /// change_k² ≤ threshold over its scalars k. Threshold 0: nothing is left out, and weights may be
+  /// null.
   struct Truncation {
     const double* weights = nullptr;  ///< packed, ≥ 0, for example diag(C)
     double threshold = 0.0;
   };
 
-  /// Work of the last Factorize and the last Solve, in block rows; as it is made: that of who does all of it.
+  /// Work of the last Factorize and the last Solve, in block rows; as it is made: that of who does
+  /// all of it.
   struct Work {
     static constexpr int kAll = -1;
-    int factored_rows = kAll;   ///< of the factor computed, or preconditioner blocks inverted
-    int forward_rows = kAll;    ///< substituted forwards
-    int solved_rows = kAll;     ///< substituted backwards
-    Rows solved;                ///< x of other block rows was left as it was; the list is good until the next call
-    int iterations = 0;         ///< of conjugate gradients
-    int reorderings = 0;        ///< of the rows of S, before or in Factorize
-    bool converged = true;      ///< the iteration's tolerance was reached; if not, x is still a step downhill
+    int factored_rows = kAll;  ///< of the factor computed, or preconditioner blocks inverted
+    int forward_rows = kAll;   ///< substituted forwards
+    int solved_rows = kAll;    ///< substituted backwards
+    /// x of other block rows was left as it was; the list is good until the next call
+    Rows solved;
+    int iterations = 0;   ///< of conjugate gradients
+    int reorderings = 0;  ///< of the rows of S, before or in Factorize
+    /// the iteration's tolerance was reached; if not, x is still a step downhill
+    bool converged = true;
     double factor_flops = 0.0;  ///< of Factorize, as predicted from the pattern; 0: not known
   };
 
@@ -56,15 +61,18 @@ class INCERES_EXPORT ReducedSolver {
   /// Announces a pattern, for symbolic work. A's values and diagonal may not be there yet.
   virtual Status Analyze(const ReducedMatrix& /*A*/) { return Status::Ok(); }
 
-  /// Factors A. `changed`: what differs from the last Factorize, in values, diagonal or constancy; a row stands for its blocks
-  /// (row, column ≤ row), and a removed one changed too. Returns StatusCode::kSingular when A is not positive definite: it is
-  /// then tried again with more damping, and the next `changed` counts from this Factorize all the same.
+  /// Factors A. `changed`: what differs from the last Factorize, in values, diagonal or constancy;
+  /// a row stands for its blocks (row, column ≤ row), and a removed one changed too. Returns
+  /// StatusCode::kSingular when A is not positive definite: it is then tried again with more
+  /// damping, and the next `changed` counts from this Factorize all the same.
   virtual Status Factorize(const ReducedMatrix& A, const Rows& changed) = 0;
 
-  /// x = A⁻¹ b, not aliased. In x: the last solution, less what the caller has applied of it since, which is what rows left out
-  /// keep and what an iteration may start from. b outside changed_b is as in the last Solve, and a row whose part of x was
-  /// applied counts as changed. After a row was removed or came back, all of x is to be written.
-  virtual Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation, double* x) = 0;
+  /// x = A⁻¹ b, not aliased. In x: the last solution, less what the caller has applied of it since,
+  /// which is what rows left out keep and what an iteration may start from. b outside changed_b is
+  /// as in the last Solve, and a row whose part of x was applied counts as changed. After a row was
+  /// removed or came back, all of x is to be written.
+  virtual Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+                       double* x) = 0;
 
   const Work& work() const { return work_; }
 
@@ -77,18 +85,21 @@ class INCERES_EXPORT ReducedSolver {
 
 /// Which built-in solver takes the reduced system S δ = b.
 enum class ReducedSolverKind {
-  /// By predicted flops: dense for small or full systems, else sparse; in an IncrementalSolver, call by call, kResumed while
-  /// little has changed and kSparse when much has.
+  /// By predicted flops: dense for small or full systems, else sparse; in an IncrementalSolver,
+  /// call by call, kResumed while little has changed and kSparse when much has.
   kAutomatic,
-  kDense,    ///< dense Cholesky of our own
-  kSparse,   ///< sparse Cholesky of our own, multifrontal, on as many threads as the solve has
-  kResumed,  ///< envelope Cholesky, factored anew only behind the first changed row: IncrementalSolver only
-  /// Conjugate gradients. In a batch solve preconditioned by the Cholesky factor of an earlier S, which is renewed when they take
-  /// long: steps are right to 1e-4 in the norm of the energy, the cost they promise to 1e-8, so that the iterations are Ceres's
-  /// to that accuracy only, and there is nothing to gain where forming S costs more than factoring it. In an IncrementalSolver
-  /// with blocks as preconditioner, from the last solution (ICE-BA).
+  kDense,   ///< dense Cholesky of our own
+  kSparse,  ///< sparse Cholesky of our own, multifrontal, on as many threads as the solve has
+  /// envelope Cholesky, factored anew only behind the first changed row: IncrementalSolver only
+  kResumed,
+  /// Conjugate gradients. In a batch solve preconditioned by the Cholesky factor of an earlier S,
+  /// which is renewed when they take long: steps are right to 1e-4 in the norm of the energy, the
+  /// cost they promise to 1e-8, so that the iterations are Ceres's to that accuracy only, and there
+  /// is nothing to gain where forming S costs more than factoring it. In an IncrementalSolver with
+  /// blocks as preconditioner, from the last solution (ICE-BA).
   kPcg,
-  kAutomaticInexact,  ///< as kAutomatic, or kPcg where that is predicted to take less: batch solves only
+  /// as kAutomatic, or kPcg where that is predicted to take less: batch solves only
+  kAutomaticInexact,
 };
 
 using ReducedSolverFactory = std::function<std::unique_ptr<ReducedSolver>()>;

@@ -14,20 +14,23 @@ namespace inceres {
 
 namespace internal {
 
-/// Takes over an ambient Jacobian (num_rows × ambient_size, contiguous): copies its first `columns` to rows row_stride apart, the
-/// product with M = [I; 0], and marks it as unwritten, for the next factor to write. False, and J_ambient as it was, if the sum
-/// of the magnitudes of its entries does not prove that they are ordinary.
-using TakeFunction = bool (*)(int ambient_size, int columns, double* J_ambient, int num_rows, double* J_tangent, int row_stride);
+/// Takes over an ambient Jacobian (num_rows × ambient_size, contiguous): copies its first `columns`
+/// to rows row_stride apart, the product with M = [I; 0], and marks it as unwritten, for the next
+/// factor to write. False, and J_ambient as it was, if the sum of the magnitudes of its entries
+/// does not prove that they are ordinary.
+using TakeFunction = bool (*)(int ambient_size, int columns, double* J_ambient, int num_rows,
+                              double* J_tangent, int row_stride);
 
 /// The fastest for the sizes.
 INCERES_EXPORT TakeFunction FindTake(int num_rows, int ambient_size, int columns);
 
 }  // namespace internal
 
-/// Writes J_tangent (num_rows × map.tangent_size, rows row_stride apart) = J_ambient (row-major, contiguous) · M.
-/// Does nothing where no Jacobian is wanted. Cost: a copy for identity and selection maps.
-INCERES_EXPORT void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
-                                          int row_stride);
+/// Writes J_tangent (num_rows × map.tangent_size, rows row_stride apart) = J_ambient (row-major,
+/// contiguous) · M. Does nothing where no Jacobian is wanted. Cost: a copy for identity and
+/// selection maps.
+INCERES_EXPORT void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient,
+                                          int num_rows, double* J_tangent, int row_stride);
 
 /// What entries nobody has written yet hold.
 constexpr double kUnwritten = 1e302;
@@ -50,7 +53,8 @@ inline void MarkUnwritten(double* values, int count) {
   }
 }
 
-/// Whether a sum of magnitudes proves that each of them is finite and has been written. It need not: a finite one may be larger.
+/// Whether a sum of magnitudes proves that each of them is finite and has been written. It need
+/// not: a finite one may be larger.
 inline bool AreOrdinary(double sum_of_magnitudes) {
   return sum_of_magnitudes < 0.01 * kUnwritten;
 }
@@ -75,15 +79,17 @@ inline bool AreWritten(const double* values, int count) {
   return AreAllWritten(values, count);
 }
 
-/// A family of factors given one at a time with ambient Jacobians, as a user of Ceres writes them. Derived supplies
+/// A family of factors given one at a time with ambient Jacobians, as a user of Ceres writes them.
+/// Derived supplies
 ///
 ///     bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const;
 ///
-/// with Ceres's conventions: `jacobians` is null for a cost-only call; jacobians[s] is null for a constant, otherwise
-/// row-major residual_size × ambient_size; false means "cannot be evaluated here". Outputs are filled beforehand with an
-/// impossible value and checked afterwards, so a forgotten entry, a NaN or an infinity is reported with the factor's index, that
-/// of the first factor at fault; but later ones of the same call may have been evaluated by then.
-/// Source: the obligations of ceres::CostFunction::Evaluate (Ceres 2.1, residual_block.cc).
+/// with Ceres's conventions: `jacobians` is null for a cost-only call; jacobians[s] is null for a
+/// constant, otherwise row-major residual_size × ambient_size; false means "cannot be evaluated
+/// here". Outputs are filled beforehand with an impossible value and checked afterwards, so a
+/// forgotten entry, a NaN or an infinity is reported with the factor's index, that of the first
+/// factor at fault; but later ones of the same call may have been evaluated by then. Source: the
+/// obligations of ceres::CostFunction::Evaluate (Ceres 2.1, residual_block.cc).
 template <typename Derived>
 class AmbientFamily : public FactorFamily {
  public:
@@ -104,8 +110,8 @@ class AmbientFamily : public FactorFamily {
   static constexpr const char* kBadJacobian = "a Jacobian entry is not finite or was not written";
   static constexpr std::size_t kInlineSlots = 16;
 
-  // Where the ambient Jacobians of one factor are written, always marked as unwritten when a factor begins. Up to kInline doubles
-  // live on the stack: small factors allocate nothing.
+  // Where the ambient Jacobians of one factor are written, always marked as unwritten when a factor
+  // begins. Up to kInline doubles live on the stack: small factors allocate nothing.
   struct Scratch {
     static constexpr std::size_t kInline = 512;
     struct Slot {
@@ -129,12 +135,13 @@ class AmbientFamily : public FactorFamily {
       for (int s = 0; s < family.num_slots(); ++s) {
         const FactorFamily::Slot& slot = family.slot(s);
         const JacobianView& view = batch.jacobians[s];
-        slots[s] = {nullptr,
-                    view.data + batch.begin * view.factor_stride,
-                    view.factor_stride,
-                    view.row_stride,
-                    family.residual_size() * slot.ambient_size,
-                    internal::FindTake(family.residual_size(), slot.ambient_size, slot.tangent_size)};
+        slots[s] = {
+            nullptr,
+            view.data + batch.begin * view.factor_stride,
+            view.factor_stride,
+            view.row_stride,
+            family.residual_size() * slot.ambient_size,
+            internal::FindTake(family.residual_size(), slot.ambient_size, slot.tangent_size)};
         size += static_cast<std::size_t>(slots[s].size);
       }
       if (size > kInline) {
@@ -182,10 +189,13 @@ class AmbientFamily : public FactorFamily {
     const TangentMap* const* maps = Maps(batch);
     const int num_slots = this->num_slots();
     const int rows = residual_size();
-    for (int i = batch.begin; i < batch.end; ++i, parameters += num_slots, residuals += rows, maps += num_slots) {
+    for (int i = batch.begin; i < batch.end;
+         ++i, parameters += num_slots, residuals += rows, maps += num_slots) {
       for (int s = 0; s < num_slots; ++s) {
-        // What is unwanted is asked for all the same: code that never met a constant may not look for a null pointer.
-        scratch.blocks[s] = maps[s]->kind == TangentMap::Kind::kConstant ? nullptr : scratch.slots[s].values;
+        // What is unwanted is asked for all the same: code that never met a constant may not look
+        // for a null pointer.
+        scratch.blocks[s] =
+            maps[s]->kind == TangentMap::Kind::kConstant ? nullptr : scratch.slots[s].values;
       }
       if (!derived().EvaluateOne(i, parameters, residuals, scratch.blocks)) {
         return FirstFault(batch, i, {i, kReturnedFalse});
@@ -201,19 +211,24 @@ class AmbientFamily : public FactorFamily {
     return FirstFault(batch, batch.end, {});
   }
 
-  // Whether all factors touch the same variables by Jacobians of one row that are their own tangent ones, as in curve fitting.
+  // Whether all factors touch the same variables by Jacobians of one row that are their own tangent
+  // ones, as in curve fitting.
   bool IsInPlace(const FactorBatch& batch) const {
     const int num_slots = this->num_slots();
-    if (residual_size() != 1 || num_slots > static_cast<int>(kInlineSlots) || batch.begin == batch.end) {
+    if (residual_size() != 1 || num_slots > static_cast<int>(kInlineSlots) ||
+        batch.begin == batch.end) {
       return false;
     }
     const TangentMap* const* maps = Maps(batch);
     for (int s = 0; s < num_slots; ++s) {
-      if (maps[s]->kind != TangentMap::Kind::kIdentity && maps[s]->kind != TangentMap::Kind::kConstant) {
+      if (maps[s]->kind != TangentMap::Kind::kIdentity &&
+          maps[s]->kind != TangentMap::Kind::kConstant) {
         return false;
       }
     }
-    return std::equal(maps, maps + static_cast<std::ptrdiff_t>(batch.end - batch.begin - 1) * num_slots, maps + num_slots);
+    return std::equal(maps,
+                      maps + static_cast<std::ptrdiff_t>(batch.end - batch.begin - 1) * num_slots,
+                      maps + num_slots);
   }
 
   // Neighboring entries of the rows of such Jacobians.
@@ -246,7 +261,8 @@ class AmbientFamily : public FactorFamily {
         continue;
       }
       const JacobianView& view = batch.jacobians[s];
-      const Run run = {view.data + batch.begin * view.factor_stride, view.factor_stride, slot(s).ambient_size};
+      const Run run = {view.data + batch.begin * view.factor_stride, view.factor_stride,
+                       slot(s).ambient_size};
       Run* const last = num_runs > 0 ? &runs[num_runs - 1] : nullptr;
       if (last != nullptr && last->first + last->size == run.first && last->stride == run.stride) {
         last->size += run.size;
@@ -259,7 +275,8 @@ class AmbientFamily : public FactorFamily {
 
   // Such Jacobians are written straight to their places.
   EvaluationFailure EvaluateInPlace(const FactorBatch& batch) const {
-    const int num_slots = std::min(this->num_slots(), static_cast<int>(kInlineSlots));  // as IsInPlace has seen
+    // as IsInPlace has seen
+    const int num_slots = std::min(this->num_slots(), static_cast<int>(kInlineSlots));
     double* blocks[kInlineSlots] = {};  // of one factor, whose function may change the array
     double* next[kInlineSlots];
     std::ptrdiff_t strides[kInlineSlots];
@@ -294,7 +311,8 @@ class AmbientFamily : public FactorFamily {
       }
     });
     const EvaluationFailure returned_false = {i, kReturnedFalse};
-    return FirstFaultInPlace(batch, runs, num_runs, i, i < batch.end ? returned_false : EvaluationFailure());
+    return FirstFaultInPlace(batch, runs, num_runs, i,
+                             i < batch.end ? returned_false : EvaluationFailure());
   }
 
   // Of the batch's first factor.
@@ -313,7 +331,8 @@ class AmbientFamily : public FactorFamily {
     MarkUnwritten(Residuals(batch), (batch.end - batch.begin) * residual_size());
   }
 
-  // The first factor before `end` with a bad residual; without one `failure`, which is of a factor behind them.
+  // The first factor before `end` with a bad residual; without one `failure`, which is of a factor
+  // behind them.
   EvaluationFailure FirstFault(const FactorBatch& batch, int end, EvaluationFailure failure) const {
     const double* residuals = Residuals(batch);
     if (AreAllWritten(residuals, (end - batch.begin) * residual_size())) {
@@ -328,7 +347,8 @@ class AmbientFamily : public FactorFamily {
     return {i, kBadResidual, -1, r, residuals[r]};
   }
 
-  // The index of the first entry that is not finite or was not written; −1 if it can no longer be told.
+  // The index of the first entry that is not finite or was not written; −1 if it can no longer be
+  // told.
   static int FirstUnwritten(const double* values, int count) {
     for (int k = 0; k < count; ++k) {
       if (!AreAllWritten(values + k, 1)) {
@@ -354,8 +374,8 @@ class AmbientFamily : public FactorFamily {
     return {factor, kBadJacobian};
   }
 
-  EvaluationFailure FirstFaultInPlace(const FactorBatch& batch, const Run* runs, int num_runs, int end,
-                                      EvaluationFailure failure) const {
+  EvaluationFailure FirstFaultInPlace(const FactorBatch& batch, const Run* runs, int num_runs,
+                                      int end, EvaluationFailure failure) const {
     int first_bad = end;
     for (const Run* run = runs; run != runs + num_runs; ++run) {
       if (IsOrdinary(*run, end - batch.begin)) {
@@ -370,18 +390,22 @@ class AmbientFamily : public FactorFamily {
         }
       });
     }
-    return first_bad == end ? FirstFault(batch, end, failure)
-                            : FirstFault(batch, first_bad + 1, BadJacobianInPlace(batch, first_bad));
+    return first_bad == end
+               ? FirstFault(batch, end, failure)
+               : FirstFault(batch, first_bad + 1, BadJacobianInPlace(batch, first_bad));
   }
 
-  // Whether that is shown by a look at all that lies between its first entry and its last, where it is little more than its own.
+  // Whether that is shown by a look at all that lies between its first entry and its last, where it
+  // is little more than its own.
   static bool IsOrdinary(const Run& run, int num_rows) {
-    return run.stride <= 4 * run.size && AreAllWritten(run.first, (num_rows - 1) * static_cast<int>(run.stride) + run.size);
+    return run.stride <= 4 * run.size &&
+           AreAllWritten(run.first, (num_rows - 1) * static_cast<int>(run.stride) + run.size);
   }
 
   // False if an entry of a Jacobian that is wanted is not finite or was not written.
   static bool TakeOver(const TangentMap& map, const typename Scratch::Slot& slot, int rows) {
-    if (map.copies() && slot.take(map.ambient_size, map.tangent_size, slot.values, rows, slot.J_tangent, slot.row_stride)) {
+    if (map.copies() && slot.take(map.ambient_size, map.tangent_size, slot.values, rows,
+                                  slot.J_tangent, slot.row_stride)) {
       return true;  // as most do
     }
     if (map.wanted()) {

@@ -9,9 +9,10 @@
 
 namespace inceres {
 
-/// How an ambient Jacobian of one variable becomes a tangent one at the current linearization point:
-/// J_tangent = J_ambient · M with M = ∂(x ⊞ δ)/∂δ (ambient_size × tangent_size). The graph classifies M once per variable and
-/// linearization, so that the common cases cost a copy instead of a product.
+/// How an ambient Jacobian of one variable becomes a tangent one at the current linearization
+/// point: J_tangent = J_ambient · M with M = ∂(x ⊞ δ)/∂δ (ambient_size × tangent_size). The graph
+/// classifies M once per variable and linearization, so that the common cases cost a copy instead
+/// of a product.
 struct TangentMap {
   enum class Kind : unsigned char {
     kConstant,   ///< the variable is held constant: its Jacobian must not be written
@@ -25,37 +26,46 @@ struct TangentMap {
   int tangent_size = 0;
   const double* plus_jacobian = nullptr;  ///< M, row-major; kSelection and kDense only
   const int* selection = nullptr;         ///< tangent_size indices; kSelection only
-  /// kSelection and kDense only: the first columns of M that are unit vectors of the same index, in rows without another entry (a
-  /// pose of translation and quaternion has three, one of VINS all six): there the product is a copy.
+  /// kSelection and kDense only: the first columns of M that are unit vectors of the same index, in
+  /// rows without another entry (a pose of translation and quaternion has three, one of VINS all
+  /// six): there the product is a copy.
   int num_identity_columns = 0;
 
   /// Whether a Jacobian is to be written.
   bool wanted() const { return kind != Kind::kConstant && kind != Kind::kUnwanted; }
   /// Whether M = [I; 0]: the tangent Jacobian is the first columns of the ambient one.
-  bool copies() const { return kind == Kind::kIdentity || (kind == Kind::kSelection && num_identity_columns == tangent_size); }
+  bool copies() const {
+    return kind == Kind::kIdentity ||
+           (kind == Kind::kSelection && num_identity_columns == tangent_size);
+  }
 };
 
-/// Where the tangent Jacobians of one slot go: entry (r, c) of factor i is data[i · factor_stride + r · row_stride + c].
-/// row_stride ≥ tangent size; the columns beyond the tangent size are zero and must stay so. What lies between two factors' may
-/// be read, by the thread that evaluates them, but is not written.
+/// Where the tangent Jacobians of one slot go: entry (r, c) of factor i is data[i · factor_stride +
+/// r · row_stride + c]. row_stride ≥ tangent size; the columns beyond the tangent size are zero and
+/// must stay so. What lies between two factors' may be read, by the thread that evaluates them, but
+/// is not written.
 struct JacobianView {
   double* data = nullptr;
   std::ptrdiff_t factor_stride = 0;
   int row_stride = 0;
 };
 
-/// One call's worth of work: the factors [begin, end) of a family. Index i below always counts from the family's first factor.
+/// One call's worth of work: the factors [begin, end) of a family. Index i below always counts from
+/// the family's first factor.
 struct FactorBatch {
   int begin = 0;
   int end = 0;
-  const double* const* parameters = nullptr;        ///< parameters[i · num_slots + s]: the ambient values of slot s
+  /// parameters[i · num_slots + s]: the ambient values of slot s
+  const double* const* parameters = nullptr;
   const TangentMap* const* tangent_maps = nullptr;  ///< same index; null for a cost-only evaluation
-  double* residuals = nullptr;                      ///< residuals[i · residual_size + r], to be written
-  const JacobianView* jacobians = nullptr;          ///< one view a slot, to be written; null for a cost-only evaluation
+  double* residuals = nullptr;  ///< residuals[i · residual_size + r], to be written
+  /// one view a slot, to be written; null for a cost-only evaluation
+  const JacobianView* jacobians = nullptr;
 };
 
-/// Names the factor that could not be evaluated; `factor` is negative on success. Which number it was, if it was one, is said by
-/// the rest: residual `entry`, or entry `entry` (row-major, of the ambient Jacobian) of slot `slot`.
+/// Names the factor that could not be evaluated; `factor` is negative on success. Which number it
+/// was, if it was one, is said by the rest: residual `entry`, or entry `entry` (row-major, of the
+/// ambient Jacobian) of slot `slot`.
 struct EvaluationFailure {
   int factor = -1;
   const char* reason = "";  ///< static string
@@ -70,16 +80,18 @@ namespace internal {
 INCERES_EXPORT std::string DescribeObject(const char* kind, const void* object);
 }  // namespace internal
 
-/// Like factors stored together: same residual size, same ambient and tangent size in every slot. This is the seam between
-/// the solver and every kind of measurement: one virtual call evaluates a *range* of factors, so built-in families loop over
-/// plain arrays and foreign ones (a user's cost functions) pay one indirect call a range.
+/// Like factors stored together: same residual size, same ambient and tangent size in every slot.
+/// This is the seam between the solver and every kind of measurement: one virtual call evaluates a
+/// *range* of factors, so built-in families loop over plain arrays and foreign ones (a user's cost
+/// functions) pay one indirect call a range.
 ///
-/// A family owns the measurements; the FactorGraph owns the connections (which variables factor i touches) and the losses.
-/// Evaluate writes residuals and *tangent* Jacobians, both before any robust loss. A family whose formulas give ambient
-/// Jacobians derives from AmbientFamily (problem/ambient_family.h), which projects.
+/// A family owns the measurements; the FactorGraph owns the connections (which variables factor i
+/// touches) and the losses. Evaluate writes residuals and *tangent* Jacobians, both before any
+/// robust loss. A family whose formulas give ambient Jacobians derives from AmbientFamily
+/// (problem/ambient_family.h), which projects.
 ///
-/// Threads: Evaluate is called concurrently, on disjoint ranges, when the solver runs with several threads, and only from the
-/// solving thread when it runs with one.
+/// Threads: Evaluate is called concurrently, on disjoint ranges, when the solver runs with several
+/// threads, and only from the solving thread when it runs with one.
 class INCERES_EXPORT FactorFamily {
  public:
   struct Slot {
@@ -87,7 +99,8 @@ class INCERES_EXPORT FactorFamily {
     int tangent_size = 0;
   };
 
-  FactorFamily(int residual_size, std::vector<Slot> slots) : residual_size_(residual_size), slots_(std::move(slots)) {}
+  FactorFamily(int residual_size, std::vector<Slot> slots)
+      : residual_size_(residual_size), slots_(std::move(slots)) {}
   virtual ~FactorFamily() = default;
   FactorFamily(const FactorFamily&) = delete;
   FactorFamily& operator=(const FactorFamily&) = delete;
@@ -102,38 +115,45 @@ class INCERES_EXPORT FactorFamily {
   /// What error messages call a factor of this family, for example "BAL reprojection".
   virtual const char* Name() const = 0;
 
-  /// What the user knows one factor by, for error messages: the address of an object of his, say. Empty: by its index alone.
+  /// What the user knows one factor by, for error messages: the address of an object of his, say.
+  /// Empty: by its index alone.
   virtual std::string Describe(int /*factor*/) const { return ""; }
 
-  /// Evaluates the factors [batch.begin, batch.end). Must write every residual, and every Jacobian that is wanted. On failure
-  /// names the first factor that failed; what was written is then ignored.
+  /// Evaluates the factors [batch.begin, batch.end). Must write every residual, and every Jacobian
+  /// that is wanted. On failure names the first factor that failed; what was written is then
+  /// ignored.
   virtual EvaluationFailure Evaluate(const FactorBatch& batch) const = 0;
 
-  /// How many factors are worth a task of their own where several threads evaluate, at least 1: few where one may take long, as
-  /// a user's function may. Changes no result.
+  /// How many factors are worth a task of their own where several threads evaluate, at least 1: few
+  /// where one may take long, as a user's function may. Changes no result.
   virtual int TaskSize() const { return 256; }
 
   /// Whether Recenter may ever do anything: solvers ask before they call it.
   virtual bool Recenters() const { return false; }
 
-  /// For factors whose formula is an expansion about a point of their own, as a preintegrated IMU measurement is about the biases
-  /// it was integrated at: moves that point of one factor to the values its variables have now (num_slots() pointers), if they
-  /// have gone too far from it. Returns whether it did; Evaluate then computes another function than before.
+  /// For factors whose formula is an expansion about a point of their own, as a preintegrated IMU
+  /// measurement is about the biases it was integrated at: moves that point of one factor to the
+  /// values its variables have now (num_slots() pointers), if they have gone too far from it.
+  /// Returns whether it did; Evaluate then computes another function than before.
   ///
-  /// Solvers call it between two iterations only: at the start of a solve and at each accepted point, for the factors whose
-  /// variables have moved, on the solving thread and never while Evaluate runs. They linearize a factor that has changed anew,
-  /// and compare no cost from before with one from after. It is const because the measurement stays what it is; but two graphs
-  /// that are solved at the same time must not share a family whose expansion points move.
+  /// Solvers call it between two iterations only: at the start of a solve and at each accepted
+  /// point, for the factors whose variables have moved, on the solving thread and never while
+  /// Evaluate runs. They linearize a factor that has changed anew, and compare no cost from before
+  /// with one from after. It is const because the measurement stays what it is; but two graphs that
+  /// are solved at the same time must not share a family whose expansion points move.
   virtual bool Recenter(int /*factor*/, const double* const* /*parameters*/) const { return false; }
 
-  /// True if the tangent Jacobians that Evaluate writes do not depend on the values: the incremental solver then forms JᵀJ once.
+  /// True if the tangent Jacobians that Evaluate writes do not depend on the values: the
+  /// incremental solver then forms JᵀJ once.
   virtual bool HasConstantJacobian() const { return false; }
 
  protected:
-  /// What Place(index, measurement) does in a family that keeps a vector of measurements: overwrites, or appends at the end.
-  /// Beyond the end nothing is written, and FactorGraph::Check finds the family too small.
+  /// What Place(index, measurement) does in a family that keeps a vector of measurements:
+  /// overwrites, or appends at the end. Beyond the end nothing is written, and FactorGraph::Check
+  /// finds the family too small.
   template <typename Measurement>
-  static void PlaceIn(std::vector<Measurement>* measurements, int index, const Measurement& measurement) {
+  static void PlaceIn(std::vector<Measurement>* measurements, int index,
+                      const Measurement& measurement) {
     const auto i = static_cast<std::size_t>(index);
     if (i < measurements->size()) {
       (*measurements)[i] = measurement;

@@ -19,22 +19,37 @@ namespace inceres {
 using VariableId = std::int32_t;
 using FamilyId = std::int32_t;
 
-/// Names a factor of a graph: its family and its place there. The place of a removed factor is given to a later one: ids that a
-/// GraphEdit has given know which one they mean, and an edit refuses them once it is gone.
+/// Names a factor of a graph: its family and its place there. The place of a removed factor is
+/// given to a later one: ids that a GraphEdit has given know which one they mean, and an edit
+/// refuses them once it is gone.
 struct FactorId {
   FamilyId family = -1;
   std::int32_t index = -1;
   std::int32_t generation = -1;  ///< factors that had the place before; -1: whichever has it
 };
 
-/// Bounds on the values of a variable, one entry a value: lower ≤ x ≤ upper. ∓infinity, or ∓the largest double, means none.
+/// A family in a graph, with its type: AddFactor takes it, so that the compiler refuses a
+/// measurement of another family. Converts to the family's id.
+template <typename Family>
+struct FamilyHandle {
+  FamilyId id = -1;  ///< -1: none, which AddFactor refuses
+  std::shared_ptr<Family> family;
+
+  operator FamilyId() const { return id; }  // NOLINT(google-explicit-constructor): it is one
+  Family& operator*() const { return *family; }
+  Family* operator->() const { return family.get(); }
+};
+
+/// Bounds on the values of a variable, one entry a value: lower ≤ x ≤ upper. ∓infinity, or ∓the
+/// largest double, means none.
 struct VariableBounds {
   std::vector<double> lower;
   std::vector<double> upper;
 };
 
-/// What the solver does with a variable: landmarks (tangent size 1 to 4, at most one a factor) are eliminated first, one small
-/// block each; frames (poses, velocities, calibrations, …) stay in the reduced system.
+/// What the solver does with a variable: landmarks (tangent size 1 to 4, at most one a factor) are
+/// eliminated first, one small block each; frames (poses, velocities, calibrations, …) stay in the
+/// reduced system.
 enum class Role : std::uint8_t { kFrame, kLandmark };
 
 class GraphEdit;
@@ -53,10 +68,11 @@ struct VariableRecord {
 
 struct FamilyRecord {
   std::shared_ptr<const FactorFamily> family;
-  std::vector<VariableId> variables;                // factor-major, num_slots each
-  std::vector<std::shared_ptr<const Loss>> losses;  // empty while no factor has one, else one a factor
-  int num_factors = 0;                              // places
-  std::vector<std::int32_t> free_places;            // the last one is given out first
+  std::vector<VariableId> variables;  // factor-major, num_slots each
+  std::vector<std::shared_ptr<const Loss>>
+      losses;                             // empty while no factor has one, else one a factor
+  int num_factors = 0;                    // places
+  std::vector<std::int32_t> free_places;  // the last one is given out first
 };
 
 // What a graph needs to be edited (src/problem/edit_state.h); copies of a graph have their own.
@@ -82,46 +98,66 @@ class EditCommit;
 
 }  // namespace internal
 
-/// The problem  min_x ½ Σ_j ρ_j(‖f_j(x)‖²): variables on manifolds, factors grouped in families, losses, constants.
+/// The problem  min_x ½ Σ_j ρ_j(‖f_j(x)‖²): variables on manifolds, factors grouped in families,
+/// losses, constants.
 ///
-/// The graph owns the values of its variables (one contiguous *state*) and the connections of its factors. It reports nothing
-/// while it is built; Validate(), which every solve calls first, names what is wrong. A call that cannot be carried out at all
-/// (no such family, fewer or more variables than a factor has slots) changes nothing but what Validate() says. Ids are dense: 0,
-/// 1, 2, … in order of addition.
+/// The graph owns the values of its variables (one contiguous *state*) and the connections of its
+/// factors. It reports nothing while it is built; Validate(), which every solve calls first, names
+/// what is wrong. A call that cannot be carried out at all (no such family, fewer or more variables
+/// than a factor has slots) changes nothing but what Validate() says. Ids are dense: 0, 1, 2, … in
+/// order of addition.
 ///
-/// A graph that lives on is changed by transactions (GraphEdit, graph_edit.h), which are checked as a whole and can remove. Ids
-/// then have gaps: what is removed leaves its id free, with its room in the state or its place in the family, for something later
-/// of the same size or family. num_variables() and NumFactors() go on counting ids and places, free ones included.
+/// A graph that lives on is changed by transactions (GraphEdit, graph_edit.h), which are checked as
+/// a whole and can remove. Ids then have gaps: what is removed leaves its id free, with its room in
+/// the state or its place in the family, for something later of the same size or family.
+/// num_variables() and NumFactors() go on counting ids and places, free ones included.
 ///
 /// Threads: one writer; concurrent reads are fine. Two graphs share nothing.
 /// Source: Dellaert & Kaess, "Factor Graphs for Robot Perception", 2017.
 class INCERES_EXPORT FactorGraph {
  public:
-  /// Adds a variable with ambient_size values, which are copied (they must not lie in this graph's own state). A null manifold
-  /// means Euclidean. Cost: no allocation beyond the growth of two vectors.
-  VariableId AddVariable(const double* values, int ambient_size, Role role, std::shared_ptr<const Manifold> manifold = nullptr);
+  /// Adds a variable with ambient_size values, which are copied (they must not lie in this graph's
+  /// own state). A null manifold means Euclidean. Cost: no allocation beyond the growth of two
+  /// vectors.
+  VariableId AddVariable(const double* values, int ambient_size, Role role,
+                         std::shared_ptr<const Manifold> manifold = nullptr);
 
-  /// Adds a constant whose values are *borrowed*: read in place at each evaluation, never written. `values` must outlive the
-  /// graph's last solve. Its tangent size is 0 and it stays constant whatever SetConstant says.
+  /// Adds a constant whose values are *borrowed*: read in place at each evaluation, never written.
+  /// `values` must outlive the graph's last solve. Its tangent size is 0 and it stays constant
+  /// whatever SetConstant says.
   VariableId AddBorrowedConstant(const double* values, int ambient_size);
 
-  /// Adds a family; its factors are connected with Connect, in the family's order. −1 if it is null.
+  /// Adds a family; its factors are connected with Connect, in the family's order. −1 if it is
+  /// null.
   FamilyId AddFamily(std::shared_ptr<const FactorFamily> family);
 
-  /// Connects the family's next factor to one variable per slot, with a loss (null: ½‖f‖²). Returns the factor's index in the
-  /// family, or −1 if there is no such family. `variables` has family.num_slots() entries. Cost: no allocation beyond the growth
-  /// of a vector; losses cost nothing while no factor of the family has one.
-  int Connect(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss = nullptr);
+  /// The same, of a family whose type is known: the handle is what AddFactor takes.
+  template <typename Family>
+  FamilyHandle<Family> AddFamily(std::shared_ptr<Family> family) {
+    const FamilyId id = AddFamily(std::shared_ptr<const FactorFamily>(family));
+    return {id, std::move(family)};
+  }
 
-  /// Connects several of the family's next factors at once, in less time than one after the other: num_slots variables each, and
-  /// a loss each or no losses at all, else none is connected. Takes the vectors' memory over where the family has no factors yet.
-  void ConnectMany(FamilyId family, std::vector<VariableId> variables, std::vector<std::shared_ptr<const Loss>> losses = {});
+  /// Connects the family's next factor to one variable per slot, with a loss (null: ½‖f‖²). Returns
+  /// the factor's index in the family, or −1 if there is no such family. `variables` has
+  /// family.num_slots() entries. Cost: no allocation beyond the growth of a vector; losses cost
+  /// nothing while no factor of the family has one.
+  int Connect(FamilyId family, const VariableId* variables,
+              std::shared_ptr<const Loss> loss = nullptr);
 
-  /// Adds the measurement to a built-in family and connects it: graph.AddFactor(id, family, measurement, {camera, point}, loss).
-  /// Returns −1, and adds no measurement, if `family` is not the one of this id or `variables` not one for each of its slots.
+  /// Connects several of the family's next factors at once, in less time than one after the other:
+  /// num_slots variables each, and a loss each or no losses at all, else none is connected. Takes
+  /// the vectors' memory over where the family has no factors yet.
+  void ConnectMany(FamilyId family, std::vector<VariableId> variables,
+                   std::vector<std::shared_ptr<const Loss>> losses = {});
+
+  /// Adds the measurement to a built-in family and connects it: graph.AddFactor(id, family,
+  /// measurement, {camera, point}, loss). Returns −1, and adds no measurement, if `family` is not
+  /// the one of this id or `variables` not one for each of its slots.
   template <typename Family>
   int AddFactor(FamilyId id, Family& family, const typename Family::Measurement& measurement,
-                const std::vector<VariableId>& variables, std::shared_ptr<const Loss> loss = nullptr) {
+                const std::vector<VariableId>& variables,
+                std::shared_ptr<const Loss> loss = nullptr) {
     if (!CanAddFactor(id, family, variables)) {
       return -1;
     }
@@ -129,46 +165,64 @@ class INCERES_EXPORT FactorGraph {
     return Connect(id, variables.data(), std::move(loss));
   }
 
+  /// The same through the handle of the family: graph.AddFactor(reprojections, {x, y}, {camera,
+  /// point}, loss).
+  template <typename Family>
+  int AddFactor(const FamilyHandle<Family>& handle, const typename Family::Measurement& measurement,
+                const std::vector<VariableId>& variables,
+                std::shared_ptr<const Loss> loss = nullptr) {
+    return AddFactor(handle.id, *handle.family, measurement, variables, std::move(loss));
+  }
+
   void SetConstant(VariableId id, bool constant) { variables_[Index(id)].constant = constant; }
   void SetRole(VariableId id, Role role) { variables_[Index(id)].role = role; }
-  /// Keeps the variable's values within bounds of ambient size each, which are copied; null means none on that side, and both
-  /// null lift them. The batch Solve honors them: it projects the start, and every point it tries is x ⊞ δ clamped entry by
-  /// entry, so the values of a variable with a manifold stay within their bounds but may leave the manifold, as in Ceres. They go
-  /// with the variable when an edit removes it. Validate() refuses a lower bound that is not below its upper, and a constant
-  /// outside its bounds. Cost: one node of a map for a bounded variable.
+  /// Keeps the variable's values within bounds of ambient size each, which are copied; null means
+  /// none on that side, and both null lift them. The batch Solve honors them: it projects the
+  /// start, and every point it tries is x ⊞ δ clamped entry by entry, so the values of a variable
+  /// with a manifold stay within their bounds but may leave the manifold, as in Ceres. They go with
+  /// the variable when an edit removes it. Validate() refuses a lower bound that is not below its
+  /// upper, and a constant outside its bounds. Cost: one node of a map for a bounded variable.
   void SetBounds(VariableId id, const double* lower, const double* upper);
-  /// First-estimate Jacobians: from now on factors are linearized with this variable at these values (ambient size, copied) and
-  /// the others where they are or are pinned; residuals and costs stay those of the current values. Null lets go of it. What it
-  /// is for: a variable that a marginalization prior holds is linearized in one point only, so that no information appears along
-  /// directions that nothing measured. A pinned variable costs its factors a second, cost-only evaluation a linearization. Its
-  /// tangent coordinates at both points must mean the same, as in vector spaces and groups; those of a SphereManifold do not.
-  /// Source: Huang, Mourikis & Roumeliotis, "A first-estimates Jacobian EKF for improving SLAM consistency", 2008.
+  /// First-estimate Jacobians: from now on factors are linearized with this variable at these
+  /// values (ambient size, copied) and the others where they are or are pinned; residuals and costs
+  /// stay those of the current values. Null lets go of it. What it is for: a variable that a
+  /// marginalization prior holds is linearized in one point only, so that no information appears
+  /// along directions that nothing measured. A pinned variable costs its factors a second,
+  /// cost-only evaluation a linearization. Its tangent coordinates at both points must mean the
+  /// same, as in vector spaces and groups; those of a SphereManifold do not. Source: Huang,
+  /// Mourikis & Roumeliotis, "A first-estimates Jacobian EKF for improving SLAM consistency", 2008.
   void PinLinearization(VariableId id, const double* values);
   /// Null means ½‖f‖².
   void SetLoss(FamilyId family, int factor, std::shared_ptr<const Loss> loss);
-  /// Overwrites the values of a variable the graph owns; borrowed values are their owner's to change, so those are left alone.
+  /// Overwrites the values of a variable the graph owns; borrowed values are their owner's to
+  /// change, so those are left alone.
   void SetValues(VariableId id, const double* values);
   void Reserve(int num_variables, int num_values);
 
-  /// Carries out an edit begun on this graph: Check, then Commit. On an error, which names the id at fault, nothing has changed.
-  /// Cost: proportional to the edit and the degrees of the variables it removes or frees; the first such edit makes one pass over
-  /// the factors (TrackFactors).
+  /// Carries out an edit begun on this graph: Check, then Commit. On an error, which names the id
+  /// at fault, nothing has changed. Cost: proportional to the edit and the degrees of the variables
+  /// it removes or frees; the first such edit makes one pass over the factors (TrackFactors).
   Status Apply(const GraphEdit& edit);
-  /// The first half of Apply, for a caller with caches: says whether the edit can be carried out, and which factors it removes,
-  /// those that go with their variables included, each once. Changes nothing that can be seen, but it reserves what Commit
-  /// needs; so it counts as writing. In the steady state it allocates nothing. `removed` is empty after an error.
+  /// The first half of Apply, for a caller with caches: says whether the edit can be carried out,
+  /// and which factors it removes, those that go with their variables included, each once. Changes
+  /// nothing that can be seen, but it reserves what Commit needs; so it counts as writing. In the
+  /// steady state it allocates nothing. `removed` is empty after an error.
   Status Check(const GraphEdit& edit, std::vector<FactorId>* removed);
-  /// The second half: carries out an edit that Check has passed, with the factors it named; the graph must be as it was then.
-  /// Cannot fail, and allocates nothing of its own (a measurement set by the edit may).
+  /// The second half: carries out an edit that Check has passed, with the factors it named; the
+  /// graph must be as it was then. Cannot fail, and allocates nothing of its own (a measurement set
+  /// by the edit may).
   void Commit(const GraphEdit& edit, const std::vector<FactorId>& removed);
 
-  /// Grows with every change of structure (AddVariable, AddFamily, Connect, Apply): an edit begun at another one is refused.
+  /// Grows with every change of structure (AddVariable, AddFamily, Connect, Apply): an edit begun
+  /// at another one is refused.
   std::int64_t revision() const { return revision_; }
 
-  /// Keeps from now on a list of each variable's factors: two links a slot. One pass over the factors; later calls cost nothing.
+  /// Keeps from now on a list of each variable's factors: two links a slot. One pass over the
+  /// factors; later calls cost nothing.
   void TrackFactors();
   bool TracksFactors() const;
-  /// Calls f(FactorId) for every factor that touches the variable, the last connected first. Needs TrackFactors() before it.
+  /// Calls f(FactorId) for every factor that touches the variable, the last connected first. Needs
+  /// TrackFactors() before it.
   template <typename F>
   void ForEachFactorOf(VariableId id, F&& f) const {
     for (FactorId entry = FirstEntryOf(id); entry.family >= 0;) {
@@ -181,7 +235,9 @@ class INCERES_EXPORT FactorGraph {
   /// Ids given out, those of removed variables included.
   int num_variables() const { return static_cast<int>(variables_.size()); }
   int num_live_variables() const { return num_variables() - num_removed_variables_; }
-  bool HasVariable(VariableId id) const { return id >= 0 && id < num_variables() && !variables_[Index(id)].removed; }
+  bool HasVariable(VariableId id) const {
+    return id >= 0 && id < num_variables() && !variables_[Index(id)].removed;
+  }
   int num_families() const { return static_cast<int>(families_.size()); }
   /// Factors of all families; free places do not count.
   int num_factors() const;
@@ -189,8 +245,11 @@ class INCERES_EXPORT FactorGraph {
   int AmbientSize(VariableId id) const { return variables_[Index(id)].ambient_size; }
   int TangentSize(VariableId id) const { return variables_[Index(id)].tangent_size; }
   Role role(VariableId id) const { return variables_[Index(id)].role; }
-  /// True if held constant by SetConstant, borrowed, or of tangent size 0; of a removed variable too.
-  bool IsConstant(VariableId id) const { return variables_[Index(id)].constant || variables_[Index(id)].tangent_size == 0; }
+  /// True if held constant by SetConstant, borrowed, or of tangent size 0; of a removed variable
+  /// too.
+  bool IsConstant(VariableId id) const {
+    return variables_[Index(id)].constant || variables_[Index(id)].tangent_size == 0;
+  }
   /// Null if no value of the variable is bounded.
   const VariableBounds* bounds(VariableId id) const {
     const auto found = bounds_.find(id);
@@ -199,7 +258,9 @@ class INCERES_EXPORT FactorGraph {
   bool HasBounds() const { return !bounds_.empty(); }
   const Manifold* manifold(VariableId id) const { return variables_[Index(id)].manifold.get(); }
   /// For whoever outlives the graph or the variable.
-  const std::shared_ptr<const Manifold>& shared_manifold(VariableId id) const { return variables_[Index(id)].manifold; }
+  const std::shared_ptr<const Manifold>& shared_manifold(VariableId id) const {
+    return variables_[Index(id)].manifold;
+  }
   /// Where the variable is linearized; null if where it is.
   const double* PinnedValues(VariableId id) const {
     const auto found = pins_.find(id);
@@ -211,7 +272,9 @@ class INCERES_EXPORT FactorGraph {
   const FactorFamily& family(FamilyId id) const { return *families_[Index(id)].family; }
   /// Number of *connected* factors of the family: of its places, if some of them are free.
   int NumFactors(FamilyId id) const { return families_[Index(id)].num_factors; }
-  int NumFreePlaces(FamilyId id) const { return static_cast<int>(families_[Index(id)].free_places.size()); }
+  int NumFreePlaces(FamilyId id) const {
+    return static_cast<int>(families_[Index(id)].free_places.size());
+  }
   bool HasFactor(FamilyId id, int factor) const;
   /// The variables of factor i: num_slots entries, all -1 at a free place.
   const VariableId* Variables(FamilyId id, int factor) const {
@@ -226,15 +289,15 @@ class INCERES_EXPORT FactorGraph {
   /// True if any factor of the family has a loss.
   bool HasLosses(FamilyId id) const { return !families_[Index(id)].losses.empty(); }
 
-  /// What the next edit takes: the id of the k-th removed variable of this ambient size, or the k-th free place of a family,
-  /// the one freed last first; -1 when there are no more.
+  /// What the next edit takes: the id of the k-th removed variable of this ambient size, or the
+  /// k-th free place of a family, the one freed last first; -1 when there are no more.
   VariableId FreeVariable(int ambient_size, bool borrowed, int k) const;
   std::int32_t FreePlace(FamilyId id, int k) const;
   /// How many factors had the place and are removed.
   std::int32_t Generation(FamilyId id, std::int32_t place) const;
 
-  /// All owned values, one variable after the other in order of addition: what the solver copies, moves and writes back. The room
-  /// of a removed variable holds zeros.
+  /// All owned values, one variable after the other in order of addition: what the solver copies,
+  /// moves and writes back. The room of a removed variable holds zeros.
   const std::vector<double>& state() const { return state_; }
   std::vector<double>& mutable_state() { return state_; }
   /// Offset of the variable's values in the state, or -1 if they are borrowed.
@@ -245,20 +308,27 @@ class INCERES_EXPORT FactorGraph {
     return variable.offset < 0 ? variable.borrowed : state + variable.offset;
   }
 
-  /// Everything that makes the graph unsolvable, first culprit named: a call that could not be carried out, ids out of range,
-  /// sizes that do not match a slot (of a constant only the ambient size counts) or the manifold, bounds that nothing can meet, a
-  /// variable twice in a factor, two variable landmarks in a factor, a variable landmark of tangent size above 4, values that are
-  /// null or not finite, a family that holds more or fewer measurements than were connected (more is fine once an edit was
-  /// checked: a refused one may have placed some). Cost: one pass over factors and values; allocates for the message only.
+  /// Everything that makes the graph unsolvable, first culprit named: a call that could not be
+  /// carried out, ids out of range, sizes that do not match a slot (of a constant only the ambient
+  /// size counts) or the manifold, bounds that nothing can meet, a variable twice in a factor, two
+  /// variable landmarks in a factor, a variable landmark of tangent size above 4, values that are
+  /// null or not finite, a family that holds more or fewer measurements than were connected (more
+  /// is fine once an edit was checked: a refused one may have placed some). Cost: one pass over
+  /// factors and values; allocates for the message only.
   Status Validate() const;
 
   /// "factor 7 of BAL reprojection (variables 3, 112)": for messages.
   std::string DescribeFactor(FamilyId id, int factor) const;
-  /// The same, and what went wrong with which number, what the family says of the factor (FactorFamily::Describe), and the first
-  /// values of its variables, of which `parameters` holds one pointer a slot: at the point where it failed.
-  std::string DescribeFailure(FamilyId id, const EvaluationFailure& failure, const double* const* parameters) const;
-  /// What the user knows a variable by, for DescribeFailure: the address of a parameter block, say. Null: by its id.
-  void SetVariableNames(std::function<std::string(VariableId)> name_of) { variable_name_ = std::move(name_of); }
+  /// The same, and what went wrong with which number, what the family says of the factor
+  /// (FactorFamily::Describe), and the first values of its variables, of which `parameters` holds
+  /// one pointer a slot: at the point where it failed.
+  std::string DescribeFailure(FamilyId id, const EvaluationFailure& failure,
+                              const double* const* parameters) const;
+  /// What the user knows a variable by, for DescribeFailure: the address of a parameter block, say.
+  /// Null: by its id.
+  void SetVariableNames(std::function<std::string(VariableId)> name_of) {
+    variable_name_ = std::move(name_of);
+  }
 
  private:
   friend class internal::EditCheck;
@@ -266,13 +336,15 @@ class INCERES_EXPORT FactorGraph {
 
   static std::size_t Index(std::int32_t id) { return static_cast<std::size_t>(id); }
   VariableId AppendVariable(internal::VariableRecord variable, const double* values);
-  bool CanAddFactor(FamilyId id, const FactorFamily& family, const std::vector<VariableId>& variables);
+  bool CanAddFactor(FamilyId id, const FactorFamily& family,
+                    const std::vector<VariableId>& variables);
   bool HasFamily(const char* call, FamilyId id);
   bool Misused(std::string message);
   int AppendFactor(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss);
   void LinkFactor(FamilyId family, int factor);
   void UnlinkFactor(FamilyId family, int factor);
-  // A variable's entries, factor · num_slots + slot in the place of the index; the family -1 after the last.
+  // A variable's entries, factor · num_slots + slot in the place of the index; the family -1 after
+  // the last.
   FactorId FirstEntryOf(VariableId id) const;
   FactorId NextEntry(FactorId entry) const;
   Status ValidateValues() const;
@@ -282,8 +354,9 @@ class INCERES_EXPORT FactorGraph {
   std::vector<internal::VariableRecord> variables_;
   std::vector<internal::FamilyRecord> families_;
   std::vector<double> state_;
-  std::map<VariableId, VariableBounds> bounds_;     // of the bounded ones
-  std::map<VariableId, std::vector<double>> pins_;  // of the pinned ones: their linearization points
+  std::map<VariableId, VariableBounds> bounds_;  // of the bounded ones
+  // of the pinned ones: their linearization points
+  std::map<VariableId, std::vector<double>> pins_;
 
   std::function<std::string(VariableId)> variable_name_;
   Status misuse_;  // the first call that could not be carried out

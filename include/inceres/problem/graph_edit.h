@@ -12,16 +12,18 @@
 
 namespace inceres {
 
-/// A transaction on a living FactorGraph: collects changes, which FactorGraph::Apply (or IncrementalSolver::Apply) carries out
-/// all together or, if anything is wrong with them, not at all. Ids are given out at once, so later calls of the same edit can
-/// use them; they belong to the graph only after Apply. One edit at a time: an edit begun before another one was applied is
+/// A transaction on a living FactorGraph: collects changes, which FactorGraph::Apply (or
+/// IncrementalSolver::Apply) carries out all together or, if anything is wrong with them, not at
+/// all. Ids are given out at once, so later calls of the same edit can use them; they belong to the
+/// graph only after Apply. One edit at a time: an edit begun before another one was applied is
 /// refused.
 ///
-/// Order within an edit: factors go, variables go, variables and factors come, then losses, measurements, constants, values and
-/// pins are set. So room that this edit frees is used by the next one.
+/// Order within an edit: factors go, variables go, variables and factors come, then losses,
+/// measurements, constants, values and pins are set. So room that this edit frees is used by the
+/// next one.
 ///
-/// Threads: one writer. Nothing here touches the graph, but AddFactor writes the measurement into the family at once, at a place
-/// no factor uses.
+/// Threads: one writer. Nothing here touches the graph, but AddFactor writes the measurement into
+/// the family at once, at a place no factor uses.
 class INCERES_EXPORT GraphEdit {
  public:
   /// Begins an edit of this graph, which must outlive it and stay where it is.
@@ -29,43 +31,62 @@ class INCERES_EXPORT GraphEdit {
   /// Forgets everything and begins anew on the graph as it is now; memory is kept.
   void Restart();
 
-  /// As FactorGraph::AddVariable. An id of a removed variable of the same ambient size is used again.
-  VariableId AddVariable(const double* values, int ambient_size, Role role, std::shared_ptr<const Manifold> manifold = nullptr);
+  /// As FactorGraph::AddVariable. An id of a removed variable of the same ambient size is used
+  /// again.
+  VariableId AddVariable(const double* values, int ambient_size, Role role,
+                         std::shared_ptr<const Manifold> manifold = nullptr);
   /// As FactorGraph::AddBorrowedConstant.
   VariableId AddBorrowedConstant(const double* values, int ambient_size);
   /// Removes the variable and, like Ceres, every factor that touches it.
   void RemoveVariable(VariableId id) { removed_variables_.push_back(id); }
 
-  /// Connects a factor whose measurement the caller puts into the family, at the index returned, before Apply. `variables` has
-  /// family.num_slots() entries.
-  FactorId Connect(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss = nullptr);
-  /// The same for a built-in family: the measurement is placed here. (A family of your own needs a Measurement and
-  /// Place(index, measurement), which overwrites, or at index == size() appends.)
+  /// Connects a factor whose measurement the caller puts into the family, at the index returned,
+  /// before Apply. `variables` has family.num_slots() entries.
+  FactorId Connect(FamilyId family, const VariableId* variables,
+                   std::shared_ptr<const Loss> loss = nullptr);
+  /// The same for a built-in family: the measurement is placed here. (A family of your own needs a
+  /// Measurement and Place(index, measurement), which overwrites, or at index == size() appends.)
   template <typename Family>
   FactorId AddFactor(FamilyId id, Family& family, const typename Family::Measurement& measurement,
-                     const std::vector<VariableId>& variables, std::shared_ptr<const Loss> loss = nullptr) {
+                     const std::vector<VariableId>& variables,
+                     std::shared_ptr<const Loss> loss = nullptr) {
     const FactorId factor = Connect(id, variables.data(), variables.size(), std::move(loss));
     if (factor.index >= 0) {
       family.Place(factor.index, measurement);
     }
     return factor;
   }
-  /// Removes the factor. Its measurement stays in the family, unused, until the place is given to another one.
+  /// The same through the handle of the family.
+  template <typename Family>
+  FactorId AddFactor(const FamilyHandle<Family>& handle,
+                     const typename Family::Measurement& measurement,
+                     const std::vector<VariableId>& variables,
+                     std::shared_ptr<const Loss> loss = nullptr) {
+    return AddFactor(handle.id, *handle.family, measurement, variables, std::move(loss));
+  }
+  /// Removes the factor. Its measurement stays in the family, unused, until the place is given to
+  /// another one.
   void RemoveFactor(FactorId id) { removed_factors_.push_back(id); }
 
-  void SetLoss(FactorId id, std::shared_ptr<const Loss> loss) { losses_.emplace_back(id, std::move(loss)); }
+  void SetLoss(FactorId id, std::shared_ptr<const Loss> loss) {
+    losses_.emplace_back(id, std::move(loss));
+  }
   /// Replaces the measurement of a built-in family's factor, when the edit is applied.
   template <typename Family>
-  void SetMeasurement(FactorId id, Family& family, const typename Family::Measurement& measurement) {
-    measurements_.emplace_back(id, [&family, measurement, id] { family.Place(id.index, measurement); });
+  void SetMeasurement(FactorId id, Family& family,
+                      const typename Family::Measurement& measurement) {
+    measurements_.emplace_back(id,
+                               [&family, measurement, id] { family.Place(id.index, measurement); });
   }
   /// Tells that the caller has changed, in his own family, what the factor measures.
   void MeasurementChanged(FactorId id) { measurements_.emplace_back(id, nullptr); }
-  /// Thousands of these per edit are cheap: a constant is a mask over the system, its factors are not evaluated again.
+  /// Thousands of these per edit are cheap: a constant is a mask over the system, its factors are
+  /// not evaluated again.
   void SetConstant(VariableId id, bool constant) { constants_.emplace_back(id, constant); }
   /// New values for a variable the graph owns; its factors are linearized anew.
   void SetValues(VariableId id, const double* values);
-  /// As FactorGraph::PinLinearization; the variable's factors are linearized anew. A null pointer lets go of it.
+  /// As FactorGraph::PinLinearization; the variable's factors are linearized anew. A null pointer
+  /// lets go of it.
   void PinLinearization(VariableId id, const double* values);
 
   bool empty() const;
@@ -92,8 +113,12 @@ class INCERES_EXPORT GraphEdit {
   const std::vector<double>& values() const { return values_; }
   const std::vector<VariableId>& removed_variables() const { return removed_variables_; }
   const std::vector<FactorId>& removed_factors() const { return removed_factors_; }
-  const std::vector<std::pair<FactorId, std::shared_ptr<const Loss>>>& losses() const { return losses_; }
-  const std::vector<std::pair<FactorId, std::function<void()>>>& measurements() const { return measurements_; }
+  const std::vector<std::pair<FactorId, std::shared_ptr<const Loss>>>& losses() const {
+    return losses_;
+  }
+  const std::vector<std::pair<FactorId, std::function<void()>>>& measurements() const {
+    return measurements_;
+  }
   const std::vector<std::pair<VariableId, bool>>& constants() const { return constants_; }
   /// Offsets into values(), kNoValues where the caller passed null or an id that is not there.
   const std::vector<std::pair<VariableId, std::size_t>>& new_values() const { return new_values_; }
@@ -107,15 +132,18 @@ class INCERES_EXPORT GraphEdit {
  private:
   VariableId NextVariable(int ambient_size, bool borrowed);
   std::int32_t NextPlace(FamilyId family);
-  FactorId Connect(FamilyId family, const VariableId* variables, std::size_t num_variables, std::shared_ptr<const Loss> loss);
+  FactorId Connect(FamilyId family, const VariableId* variables, std::size_t num_variables,
+                   std::shared_ptr<const Loss> loss);
   int AmbientSize(VariableId id) const;
   std::size_t Store(VariableId id, const double* values);
 
   const FactorGraph* graph_;
   std::int64_t revision_;
   int num_appended_variables_ = 0;
-  std::map<std::pair<int, bool>, int> reused_variables_;  // by ambient size and whether borrowed: taken from the free ids
-  std::map<FamilyId, std::pair<int, int>> places_;        // by family: taken from the free places, appended
+  // by ambient size and whether borrowed: taken from the free ids
+  std::map<std::pair<int, bool>, int> reused_variables_;
+  // by family: taken from the free places, appended
+  std::map<FamilyId, std::pair<int, int>> places_;
   std::vector<NewVariable> new_variables_;
   std::vector<NewFactor> new_factors_;
   std::vector<VariableId> factor_variables_;

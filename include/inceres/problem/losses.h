@@ -7,24 +7,28 @@
 
 namespace inceres {
 
-/// A robust loss ρ(s) of the squared residual norm s = ‖f‖²; a factor costs ½ρ(s). Null means ρ(s) = s.
+/// A robust loss ρ(s) of the squared residual norm s = ‖f‖²; a factor costs ½ρ(s). Null means ρ(s)
+/// = s.
 ///
-/// The built-in losses follow. Evaluate is called concurrently when the solver runs with several threads.
-/// Source: Triggs et al., "Bundle Adjustment — A Modern Synthesis", 1999, section 4.3.
+/// The built-in losses follow. Evaluate is called concurrently when the solver runs with several
+/// threads. Source: Triggs et al., "Bundle Adjustment — A Modern Synthesis", 1999, section 4.3.
 class INCERES_EXPORT Loss {
  public:
   virtual ~Loss() = default;
 
-  /// rho[0] = ρ(s), rho[1] = ρ'(s), rho[2] = ρ''(s), for s ≥ 0. Requires ρ(0) = 0 and ρ' > 0 where ρ'' > 0.
+  /// rho[0] = ρ(s), rho[1] = ρ'(s), rho[2] = ρ''(s), for s ≥ 0. Requires ρ(0) = 0 and ρ' > 0 where
+  /// ρ'' > 0.
   virtual void Evaluate(double s, double rho[3]) const = 0;
 };
 
-/// The built-in robust losses ρ(s) of s = ‖f‖². Each has ρ(0) = 0 and, TolerantLoss, ScaledLoss and ComposedLoss aside, ρ'(0) =
-/// 1, so that small residuals cost what they cost without a loss. Definitions and parameters are those of the Ceres losses of the
-/// same names. A scale `a` is in units of the residual norm, unless a class says otherwise, and must be positive.
+/// The built-in robust losses ρ(s) of s = ‖f‖². Each has ρ(0) = 0 and, TolerantLoss, ScaledLoss and
+/// ComposedLoss aside, ρ'(0) = 1, so that small residuals cost what they cost without a loss.
+/// Definitions and parameters are those of the Ceres losses of the same names. A scale `a` is in
+/// units of the residual norm, unless a class says otherwise, and must be positive.
 ///
-/// Cost: a few operations, at most a square root and a transcendental function. Threads: immutable, share freely.
-/// Source: Triggs et al., "Bundle Adjustment — A Modern Synthesis", 1999, section 4.3; the documentation of Ceres 2.1.
+/// Cost: a few operations, at most a square root and a transcendental function. Threads: immutable,
+/// share freely. Source: Triggs et al., "Bundle Adjustment — A Modern Synthesis", 1999, section
+/// 4.3; the documentation of Ceres 2.1.
 
 /// ρ(s) = s for s ≤ a², else 2a√s − a²: quadratic, then linear in the residual norm.
 class INCERES_EXPORT HuberLoss final : public Loss {
@@ -67,8 +71,8 @@ class INCERES_EXPORT ArctanLoss final : public Loss {
   double a_;
 };
 
-/// ρ(s) = b log(1 + e^((s − a)/b)) − b log(1 + e^(−a/b)): nearly nothing up to a, then s − a; b is the width of the transition.
-/// Both a and b are in units of s, the *squared* norm, and positive.
+/// ρ(s) = b log(1 + e^((s − a)/b)) − b log(1 + e^(−a/b)): nearly nothing up to a, then s − a; b is
+/// the width of the transition. Both a and b are in units of s, the *squared* norm, and positive.
 class INCERES_EXPORT TolerantLoss final : public Loss {
  public:
   TolerantLoss(double a, double b);
@@ -80,7 +84,8 @@ class INCERES_EXPORT TolerantLoss final : public Loss {
   double rho_at_zero_;
 };
 
-/// Tukey's biweight: ρ(s) = a²/3 (1 − (1 − s/a²)³) for s ≤ a², else a²/3. Residuals beyond a have no influence at all.
+/// Tukey's biweight: ρ(s) = a²/3 (1 − (1 − s/a²)³) for s ≤ a², else a²/3. Residuals beyond a have
+/// no influence at all.
 class INCERES_EXPORT TukeyLoss final : public Loss {
  public:
   explicit TukeyLoss(double a) : b_(a * a) {}
@@ -90,10 +95,12 @@ class INCERES_EXPORT TukeyLoss final : public Loss {
   double b_;
 };
 
-/// scale · ρ(s). A null loss means ρ(s) = s, so ScaledLoss(nullptr, w) weights the squared norm by w.
+/// scale · ρ(s). A null loss means ρ(s) = s, so ScaledLoss(nullptr, w) weights the squared norm by
+/// w.
 class INCERES_EXPORT ScaledLoss final : public Loss {
  public:
-  ScaledLoss(std::shared_ptr<const Loss> loss, double scale) : loss_(std::move(loss)), scale_(scale) {}
+  ScaledLoss(std::shared_ptr<const Loss> loss, double scale)
+      : loss_(std::move(loss)), scale_(scale) {}
   void Evaluate(double s, double rho[3]) const override;
 
  private:
@@ -104,7 +111,8 @@ class INCERES_EXPORT ScaledLoss final : public Loss {
 /// f(g(s)). A null f or g means the identity.
 class INCERES_EXPORT ComposedLoss final : public Loss {
  public:
-  ComposedLoss(std::shared_ptr<const Loss> f, std::shared_ptr<const Loss> g) : f_(std::move(f)), g_(std::move(g)) {}
+  ComposedLoss(std::shared_ptr<const Loss> f, std::shared_ptr<const Loss> g)
+      : f_(std::move(f)), g_(std::move(g)) {}
   void Evaluate(double s, double rho[3]) const override;
 
  private:

@@ -7,11 +7,14 @@
 
 namespace inceres {
 
-/// A space a variable lives on: x ⊞ δ moves x (ambient size a) along a tangent vector δ (size d ≤ a).
+/// A space a variable lives on: x ⊞ δ moves x (ambient size a) along a tangent vector δ (size d ≤
+/// a).
 ///
-/// A Euclidean variable needs no manifold (null pointer). Implement this class for a space of your own; the built-in ones
-/// follow. Calls of Plus and PlusJacobian by the solver come from the solving thread only, never concurrently; Minus, which only
-/// prior factors use (solver/linear_prior.h), is called while factors are evaluated, so from any of the solver's threads.
+/// A Euclidean variable needs no manifold (null pointer). Implement this class for a space of your
+/// own; the built-in ones follow. Calls of Plus and PlusJacobian by the solver come from the
+/// solving thread only, never concurrently; Minus, which only prior factors use
+/// (solver/linear_prior.h), is called while factors are evaluated, so from any of the solver's
+/// threads.
 class INCERES_EXPORT Manifold {
  public:
   virtual ~Manifold() = default;
@@ -22,32 +25,40 @@ class INCERES_EXPORT Manifold {
   /// Degrees of freedom, d. Zero makes the variable a constant.
   virtual int TangentSize() const = 0;
 
-  /// x_plus_delta = x ⊞ delta. x and x_plus_delta have AmbientSize() entries and may alias; delta has TangentSize().
-  /// Returns false when the result is undefined; the solver then treats the step as one that cannot be evaluated.
-  [[nodiscard]] virtual bool Plus(const double* x, const double* delta, double* x_plus_delta) const = 0;
+  /// x_plus_delta = x ⊞ delta. x and x_plus_delta have AmbientSize() entries and may alias; delta
+  /// has TangentSize(). Returns false when the result is undefined; the solver then treats the step
+  /// as one that cannot be evaluated.
+  [[nodiscard]] virtual bool Plus(const double* x, const double* delta,
+                                  double* x_plus_delta) const = 0;
 
-  /// ∂(x ⊞ δ)/∂δ at δ = 0, row-major AmbientSize() × TangentSize(). Must satisfy PlusJacobian = d Plus exactly: the projection
-  /// of a user's ambient Jacobian is J_ambient · PlusJacobian. Returns false when undefined at x.
+  /// ∂(x ⊞ δ)/∂δ at δ = 0, row-major AmbientSize() × TangentSize(). Must satisfy PlusJacobian = d
+  /// Plus exactly: the projection of a user's ambient Jacobian is J_ambient · PlusJacobian. Returns
+  /// false when undefined at x.
   [[nodiscard]] virtual bool PlusJacobian(const double* x, double* jacobian) const = 0;
 
-  /// delta = y ⊟ x: the δ with x ⊞ δ = y, the shortest where there are several. y and x have AmbientSize() entries, delta has
-  /// TangentSize() and aliases neither. Returns false where there is none, or none can be found.
+  /// delta = y ⊟ x: the δ with x ⊞ δ = y, the shortest where there are several. y and x have
+  /// AmbientSize() entries, delta has TangentSize() and aliases neither. Returns false where there
+  /// is none, or none can be found.
   ///
-  /// The default solves x ⊞ δ = y by Newton's method from δ = 0 with central differences of Plus, to the last few digits: some
-  /// 2 d calls of Plus a step and a few steps, with allocations. It finds the δ near zero and does not know that a point may have
-  /// two representations (q and −q): override it where a closed form is known, as all built-in manifolds do.
+  /// The default solves x ⊞ δ = y by Newton's method from δ = 0 with central differences of Plus,
+  /// to the last few digits: some 2 d calls of Plus a step and a few steps, with allocations. It
+  /// finds the δ near zero and does not know that a point may have two representations (q and −q):
+  /// override it where a closed form is known, as all built-in manifolds do.
   [[nodiscard]] virtual bool Minus(const double* y, const double* x, double* delta) const;
 };
 
-/// The built-in manifolds. Angles are radians; quaternions are unit Hamilton quaternions. Nothing here normalizes a quaternion: ⊞
-/// keeps the norm it finds up to rounding, so that x ⊞ 0 = x to the last bit and PlusJacobian is exact at any x.
+/// The built-in manifolds. Angles are radians; quaternions are unit Hamilton quaternions. Nothing
+/// here normalizes a quaternion: ⊞ keeps the norm it finds up to rounding, so that x ⊞ 0 = x to the
+/// last bit and PlusJacobian is exact at any x.
 ///
-/// Minus is a closed form everywhere: of rotations the one by at most π, with q and −q the same point; false at the antipode of a
-/// sphere, and where ⊞ itself is undefined. What a SubsetManifold holds constant is not looked at.
+/// Minus is a closed form everywhere: of rotations the one by at most π, with q and −q the same
+/// point; false at the antipode of a sphere, and where ⊞ itself is undefined. What a SubsetManifold
+/// holds constant is not looked at.
 ///
-/// None allocates in Plus, PlusJacobian or Minus; all are immutable and may be shared by variables, graphs and threads.
-/// Source: Hertzberg et al., "Integrating generic sensor fusion algorithms with sound state representations through encapsulation
-/// of manifolds", 2013; Sola, Deray & Atchuthan, "A micro Lie theory for state estimation in robotics", 2018.
+/// None allocates in Plus, PlusJacobian or Minus; all are immutable and may be shared by variables,
+/// graphs and threads. Source: Hertzberg et al., "Integrating generic sensor fusion algorithms with
+/// sound state representations through encapsulation of manifolds", 2013; Sola, Deray & Atchuthan,
+/// "A micro Lie theory for state estimation in robotics", 2018.
 
 /// Rⁿ: x + δ. A null manifold means the same and is cheaper; this class is for ProductManifold.
 class INCERES_EXPORT EuclideanManifold final : public Manifold {
@@ -55,7 +66,8 @@ class INCERES_EXPORT EuclideanManifold final : public Manifold {
   explicit EuclideanManifold(int size) : size_(size) {}
   int AmbientSize() const override { return size_; }
   int TangentSize() const override { return size_; }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
   [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 
@@ -63,14 +75,16 @@ class INCERES_EXPORT EuclideanManifold final : public Manifold {
   int size_;
 };
 
-/// Rⁿ with some coordinates held constant; δ moves the others, in their order. Without any left the tangent size is 0 and the
-/// variable is a constant. An index outside [0, n) is a mistake: Plus and PlusJacobian then return false.
+/// Rⁿ with some coordinates held constant; δ moves the others, in their order. Without any left the
+/// tangent size is 0 and the variable is a constant. An index outside [0, n) is a mistake: Plus and
+/// PlusJacobian then return false.
 class INCERES_EXPORT SubsetManifold final : public Manifold {
  public:
   SubsetManifold(int size, const std::vector<int>& constant_indices);
   int AmbientSize() const override { return size_; }
   int TangentSize() const override { return static_cast<int>(free_.size()); }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
   [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 
@@ -80,14 +94,16 @@ class INCERES_EXPORT SubsetManifold final : public Manifold {
   std::vector<int> free_;  // the coordinates that move, ascending
 };
 
-/// Several manifolds side by side: the values of the first, then of the second, …; the tangent vector likewise. A null component
-/// is a mistake: it has size 0, and Plus and PlusJacobian then return false.
+/// Several manifolds side by side: the values of the first, then of the second, …; the tangent
+/// vector likewise. A null component is a mistake: it has size 0, and Plus and PlusJacobian then
+/// return false.
 class INCERES_EXPORT ProductManifold final : public Manifold {
  public:
   explicit ProductManifold(std::vector<std::shared_ptr<const Manifold>> components);
   int AmbientSize() const override { return ambient_size_; }
   int TangentSize() const override { return tangent_size_; }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
   [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 
@@ -97,17 +113,19 @@ class INCERES_EXPORT ProductManifold final : public Manifold {
   int tangent_size_ = 0;
 };
 
-/// The sphere of radius ‖x‖ in Rⁿ, tangent size n − 1: homogeneous points and directions. δ moves x by the angle ‖δ‖ along a
-/// great circle,
+/// The sphere of radius ‖x‖ in Rⁿ, tangent size n − 1: homogeneous points and directions. δ moves x
+/// by the angle ‖δ‖ along a great circle,
 ///     x ⊞ δ = cos‖δ‖ x + ‖x‖ sinc‖δ‖ B δ,    B (n × n−1) an orthonormal basis of the complement of x (Householder).
-/// Undefined (returns false) at x = 0. B jumps where x_n changes sign, which is harmless: it is fixed within a linearization.
-/// Source: Hartley & Zisserman, "Multiple View Geometry", 2nd ed., appendix 6.9.3.
+/// Undefined (returns false) at x = 0. B jumps where x_n changes sign, which is harmless: it is
+/// fixed within a linearization. Source: Hartley & Zisserman, "Multiple View Geometry", 2nd ed.,
+/// appendix 6.9.3.
 class INCERES_EXPORT SphereManifold final : public Manifold {
  public:
   explicit SphereManifold(int ambient_size) : size_(ambient_size) {}
   int AmbientSize() const override { return size_; }
   int TangentSize() const override { return size_ - 1; }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
   [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 
@@ -122,7 +140,8 @@ class INCERES_EXPORT QuaternionManifold final : public Manifold {
  public:
   int AmbientSize() const override { return 4; }
   int TangentSize() const override { return 3; }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
   [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
@@ -132,18 +151,20 @@ class INCERES_EXPORT EigenQuaternionManifold final : public Manifold {
  public:
   int AmbientSize() const override { return 4; }
   int TangentSize() const override { return 3; }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
   [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
 
-/// Rotation with a right perturbation by a rotation vector, q ⊞ φ = q ⊗ Exp(φ): R Exp(φ), the convention of VINS, XRSLAM and most
-/// inertial estimators. Storage x, y, z, w.
+/// Rotation with a right perturbation by a rotation vector, q ⊞ φ = q ⊗ Exp(φ): R Exp(φ), the
+/// convention of VINS, XRSLAM and most inertial estimators. Storage x, y, z, w.
 class INCERES_EXPORT RotationQuaternionManifold final : public Manifold {
  public:
   int AmbientSize() const override { return 4; }
   int TangentSize() const override { return 3; }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
   [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
@@ -153,29 +174,33 @@ class INCERES_EXPORT PoseManifold final : public Manifold {
  public:
   int AmbientSize() const override { return 7; }
   int TangentSize() const override { return 6; }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
   [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
 
-/// PoseManifold perturbed on the left: storage p (3), q (x, y, z, w); δ = (δp, φ), both in the world frame; p + δp, Exp(φ) ⊗ q.
-/// The convention of OKVIS.
+/// PoseManifold perturbed on the left: storage p (3), q (x, y, z, w); δ = (δp, φ), both in the
+/// world frame; p + δp, Exp(φ) ⊗ q. The convention of OKVIS.
 class INCERES_EXPORT LeftPoseManifold final : public Manifold {
  public:
   int AmbientSize() const override { return 7; }
   int TangentSize() const override { return 6; }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
   [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
 
-/// Pose as a rigid motion T = (R, p): storage p (3), q (x, y, z, w); ξ = (ρ, φ), translation first; T Exp(ξ):
+/// Pose as a rigid motion T = (R, p): storage p (3), q (x, y, z, w); ξ = (ρ, φ), translation first;
+/// T Exp(ξ):
 ///     p + R J_l(φ) ρ,   q ⊗ Exp(φ).
 class INCERES_EXPORT SE3Manifold final : public Manifold {
  public:
   int AmbientSize() const override { return 7; }
   int TangentSize() const override { return 6; }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
   [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };
@@ -187,7 +212,8 @@ class INCERES_EXPORT SE2Manifold final : public Manifold {
  public:
   int AmbientSize() const override { return 3; }
   int TangentSize() const override { return 3; }
-  [[nodiscard]] bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
   [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
 };

@@ -6,10 +6,12 @@
 
 namespace inceres {
 
-/// Rigid motions as plain arrays: planar [x y θ] (meters, radians), spatial [p(3), q(x, y, z, w)] with a unit quaternion, as
-/// PoseManifold stores poses. T = (p, R) takes a point of its own frame to R X + p. All functions are pure and allocate nothing.
+/// Rigid motions as plain arrays: planar [x y θ] (meters, radians), spatial [p(3), q(x, y, z, w)]
+/// with a unit quaternion, as PoseManifold stores poses. T = (p, R) takes a point of its own frame
+/// to R X + p. All functions are pure and allocate nothing.
 
-/// c = a ∘ b, a planar motion after which b is made in the frame it led to; θ_c = θ_a + θ_b, not wrapped. c must not alias.
+/// c = a ∘ b, a planar motion after which b is made in the frame it led to; θ_c = θ_a + θ_b, not
+/// wrapped. c must not alias.
 inline void ComposePlanarPoses(const double a[3], const double b[3], double c[3]) {
   const double cosine = std::cos(a[2]), sine = std::sin(a[2]);
   c[0] = a[0] + cosine * b[0] - sine * b[1];
@@ -35,8 +37,8 @@ inline void TransformPoint(const double pose[7], const double X[3], double y[3])
   }
 }
 
-/// c = a ∘ b: R_c = R_a R_b, p_c = p_a + R_a p_b; the quaternion is made of unit length again, so that chains of any length are
-/// poses. c must not alias.
+/// c = a ∘ b: R_c = R_a R_b, p_c = p_a + R_a p_b; the quaternion is made of unit length again, so
+/// that chains of any length are poses. c must not alias.
 inline void ComposePoses(const double a[7], const double b[7], double c[7]) {
   TransformPoint(a, b, c);
   MultiplyQuaternions(a + 3, b + 3, c + 3);

@@ -4,9 +4,10 @@
 
 namespace inceres {
 
-/// Rotations as plain arrays: a rotation vector φ (3, radians), a unit Hamilton quaternion stored x, y, z, w (Eigen's layout), a
-/// row-major 3×3 matrix. All functions are closed forms with a Taylor branch near zero, allocate nothing and are pure.
-/// Source: Sola, Deray & Atchuthan, "A micro Lie theory for state estimation in robotics", 2018, appendices A and B.
+/// Rotations as plain arrays: a rotation vector φ (3, radians), a unit Hamilton quaternion stored
+/// x, y, z, w (Eigen's layout), a row-major 3×3 matrix. All functions are closed forms with a
+/// Taylor branch near zero, allocate nothing and are pure. Source: Sola, Deray & Atchuthan, "A
+/// micro Lie theory for state estimation in robotics", 2018, appendices A and B.
 
 /// The scalars of the closed forms at angle θ = ‖φ‖:
 ///     Exp(φ)  = I + sinc·[φ]× + cosc·[φ]×²        (rotation matrix)
@@ -19,8 +20,9 @@ struct RotationCoefficients {
 
 /// sin θ / θ from θ² and θ; the series keeps the smallest angles, whose square underflows, exact.
 inline double Sinc(double theta_squared, double theta) {
-  return theta_squared < 1e-8 ? 1.0 - theta_squared * (1.0 / 6.0) * (1.0 - theta_squared * (1.0 / 20.0))
-                              : std::sin(theta) / theta;
+  return theta_squared < 1e-8
+             ? 1.0 - theta_squared * (1.0 / 6.0) * (1.0 - theta_squared * (1.0 / 20.0))
+             : std::sin(theta) / theta;
 }
 
 inline RotationCoefficients CoefficientsOfAngle(double theta_squared) {
@@ -28,18 +30,31 @@ inline RotationCoefficients CoefficientsOfAngle(double theta_squared) {
     // θ − sin θ would lose digits here. The first term left out is below 1e-16 of the sum.
     const double t = theta_squared;
     return {
-        1.0 - t / 6.0 * (1.0 - t / 20.0 * (1.0 - t / 42.0 * (1.0 - t / 72.0 * (1.0 - t / 110.0 * (1.0 - t / 156.0))))),
-        0.5 * (1.0 - t / 12.0 * (1.0 - t / 30.0 * (1.0 - t / 56.0 * (1.0 - t / 90.0 * (1.0 - t / 132.0 * (1.0 - t / 182.0)))))),
-        1.0 / 6.0 * (1.0 - t / 20.0 * (1.0 - t / 42.0 * (1.0 - t / 72.0 * (1.0 - t / 110.0 * (1.0 - t / 156.0)))))};
+        1.0 - t / 6.0 *
+                  (1.0 -
+                   t / 20.0 *
+                       (1.0 - t / 42.0 * (1.0 - t / 72.0 * (1.0 - t / 110.0 * (1.0 - t / 156.0))))),
+        0.5 *
+            (1.0 -
+             t / 12.0 *
+                 (1.0 -
+                  t / 30.0 *
+                      (1.0 - t / 56.0 * (1.0 - t / 90.0 * (1.0 - t / 132.0 * (1.0 - t / 182.0)))))),
+        1.0 / 6.0 *
+            (1.0 -
+             t / 20.0 *
+                 (1.0 - t / 42.0 * (1.0 - t / 72.0 * (1.0 - t / 110.0 * (1.0 - t / 156.0)))))};
   }
   const double theta = std::sqrt(theta_squared);
   // Half angles: 1 − cos θ = 2 sin²(θ/2) does not cancel near multiples of 2π.
   const double sin_half = std::sin(0.5 * theta);
   const double sin_theta = 2.0 * sin_half * std::cos(0.5 * theta);
-  return {sin_theta / theta, 2.0 * sin_half * sin_half / theta_squared, (theta - sin_theta) / (theta_squared * theta)};
+  return {sin_theta / theta, 2.0 * sin_half * sin_half / theta_squared,
+          (theta - sin_theta) / (theta_squared * theta)};
 }
 
-/// M = I + a·[φ]× + b·[φ]×², row-major: the rotation matrix for (sinc, cosc), the left Jacobian for (cosc, sinq).
+/// M = I + a·[φ]× + b·[φ]×², row-major: the rotation matrix for (sinc, cosc), the left Jacobian for
+/// (cosc, sinq).
 inline void RotationPolynomial(const double phi[3], double a, double b, double M[9]) {
   const double x = phi[0], y = phi[1], z = phi[2];
   const double bxy = b * x * y, bxz = b * x * z, byz = b * y * z;
@@ -54,13 +69,15 @@ inline void RotationPolynomial(const double phi[3], double a, double b, double M
   M[8] = 1.0 - b * (x * x + y * y);
 }
 
-/// The scalar c of the inverse left Jacobian J_l⁻¹(φ) = I − ½[φ]× + c·[φ]×², at ‖φ‖ < 2π; J_r⁻¹(φ) = J_l⁻¹(−φ):
+/// The scalar c of the inverse left Jacobian J_l⁻¹(φ) = I − ½[φ]× + c·[φ]×², at ‖φ‖ < 2π; J_r⁻¹(φ)
+/// = J_l⁻¹(−φ):
 ///     c = (1 − (θ/2) cot(θ/2)) / θ².
 inline double InverseLeftJacobianCoefficient(const double phi[3]) {
   const double t = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2];
   if (t < 0.01) {
     // The first term left out is below 1e-18 of the sum.
-    return 1.0 / 12.0 * (1.0 + t / 60.0 * (1.0 + t / 42.0 * (1.0 + t / 40.0 * (1.0 + t * (5.0 / 198.0)))));
+    return 1.0 / 12.0 *
+           (1.0 + t / 60.0 * (1.0 + t / 42.0 * (1.0 + t / 40.0 * (1.0 + t * (5.0 / 198.0)))));
   }
   const double half = 0.5 * std::sqrt(t);
   return (1.0 - half * std::cos(half) / std::sin(half)) / t;
@@ -89,8 +106,10 @@ inline void LogQuaternion(const double q[4], double phi[3]) {
   const double sine = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
   const double sign = q[3] < 0.0 ? -1.0 : 1.0;
   const double cosine = sign * q[3];
-  // atan2 is accurate at every angle, where acos(w) loses half the digits near zero and asin near π.
-  const double scale = sine < 1e-100 ? 2.0 * sign / cosine : 2.0 * sign * std::atan2(sine, cosine) / sine;
+  // atan2 is accurate at every angle, where acos(w) loses half the digits near zero and asin near
+  // π.
+  const double scale =
+      sine < 1e-100 ? 2.0 * sign / cosine : 2.0 * sign * std::atan2(sine, cosine) / sine;
   for (int k = 0; k < 3; ++k) {
     phi[k] = scale * q[k];
   }
@@ -126,12 +145,13 @@ inline void QuaternionToMatrix(const double q[4], double R[9]) {
   R[8] = 1.0 - 2.0 * (x * x + y * y);
 }
 
-/// The unit quaternion x, y, z, w ≥ 0 of a row-major rotation matrix; of a matrix that is one only up to a few digits, a rotation
-/// that close. Source: Shepperd, "Quaternion from rotation matrix", 1978: divides by the largest component.
+/// The unit quaternion x, y, z, w ≥ 0 of a row-major rotation matrix; of a matrix that is one only
+/// up to a few digits, a rotation that close. Source: Shepperd, "Quaternion from rotation matrix",
+/// 1978: divides by the largest component.
 inline void MatrixToQuaternion(const double R[9], double q[4]) {
   // Four times the squares of x, y, z, w.
-  const double squares[4] = {1.0 + R[0] - R[4] - R[8], 1.0 - R[0] + R[4] - R[8], 1.0 - R[0] - R[4] + R[8],
-                             1.0 + R[0] + R[4] + R[8]};
+  const double squares[4] = {1.0 + R[0] - R[4] - R[8], 1.0 - R[0] + R[4] - R[8],
+                             1.0 - R[0] - R[4] + R[8], 1.0 + R[0] + R[4] + R[8]};
   int largest = 0;
   for (int k = 1; k < 4; ++k) {
     largest = squares[k] > squares[largest] ? k : largest;
@@ -139,8 +159,10 @@ inline void MatrixToQuaternion(const double R[9], double q[4]) {
   // Row l holds four times the products of component l with x, y, z, w.
   const double xy = R[1] + R[3], xz = R[2] + R[6], yz = R[5] + R[7];
   const double xw = R[7] - R[5], yw = R[2] - R[6], zw = R[3] - R[1];
-  const double products[4][4] = {
-      {squares[0], xy, xz, xw}, {xy, squares[1], yz, yw}, {xz, yz, squares[2], zw}, {xw, yw, zw, squares[3]}};
+  const double products[4][4] = {{squares[0], xy, xz, xw},
+                                 {xy, squares[1], yz, yw},
+                                 {xz, yz, squares[2], zw},
+                                 {xw, yw, zw, squares[3]}};
   const double* row = products[largest];
   double norm = std::sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2] + row[3] * row[3]);
   norm = row[3] < 0.0 ? -norm : norm;

@@ -9,78 +9,95 @@
 
 namespace inceres {
 
-/// Whether S and b follow a change by difference, or are summed anew from the cached Jacobians. The same up to rounding.
+/// Whether S and b follow a change by difference, or are summed anew from the cached Jacobians. The
+/// same up to rounding.
 enum class RebuildPolicy { kWhenCheaper, kAlways, kNever };
 
 /// When a factor that was moved is linearized anew.
 enum class RelinearizationRule {
   kResidualError,  ///< the error of its old linearization counts in units of the objective
-  kStepSize,  ///< ‖δ_i‖_∞ of one of its variables reaches a threshold in a step (IncrementalSolver's thesis, EIBA, ICE-BA)
+  /// ‖δ_i‖_∞ of one of its variables reaches a threshold in a step (IncrementalSolver's thesis,
+  /// EIBA, ICE-BA)
+  kStepSize,
 };
 
 /// Which matrix the damping μ is added to.
 enum class DampingForm {
   kHybrid,  ///< μ diag(C) on the frames, and on a landmark the μ of its last elimination, ≥ 1e-6
-  kThesis,  ///< μ diag(S) on the frames, none on landmarks: for comparison, it does not survive real data
+  /// μ diag(S) on the frames, none on landmarks: for comparison, it does not survive real data
+  kThesis,
 };
 
 /// Options of an IncrementalSolver. The thresholds are shares of what function_tolerance allows.
 struct INCERES_EXPORT IncrementalOptions {
-  /// Of a share: what the graph asks for as it is at each Update. Landmarks: 0.1 and 0.03. None, as in a pose graph: 0 and 0, for
-  /// there steps that mix linearization points, or leave part of the frames behind, promise what they do not keep.
+  /// Of a share: what the graph asks for as it is at each Update. Landmarks: 0.1 and 0.03. None, as
+  /// in a pose graph: 0 and 0, for there steps that mix linearization points, or leave part of the
+  /// frames behind, promise what they do not keep.
   static constexpr double kByGraph = -1.0;
 
   int max_num_iterations = 50;  ///< per Update, ≥ 0
-  double max_seconds = 1e9;     ///< per Update, > 0, looked at between iterations; the best state so far is kept
-  /// Work budget per Update, > 0: factors evaluated, with or without Jacobians. Looked at between iterations.
+  /// per Update, > 0, looked at between iterations; the best state so far is kept
+  double max_seconds = 1e9;
+  /// Work budget per Update, > 0: factors evaluated, with or without Jacobians. Looked at between
+  /// iterations.
   std::int64_t max_factor_evaluations = std::numeric_limits<std::int64_t>::max();
-  /// ≥ 0: an Update ends when everything left undone, by the model from fresh enough Jacobians, is less than a share of this
-  /// times the cost that can change.
+  /// ≥ 0: an Update ends when everything left undone, by the model from fresh enough Jacobians, is
+  /// less than a share of this times the cost that can change.
   double function_tolerance = 1e-6;
-  /// ≥ 0: of the cost, what no variable can move, such as factors whose variables are all constant. The function tolerance is
-  /// relative to the rest, as in Ceres; costs are reported with it.
+  /// ≥ 0: of the cost, what no variable can move, such as factors whose variables are all constant.
+  /// The function tolerance is relative to the rest, as in Ceres; costs are reported with it.
   double fixed_cost = 0.0;
-  double min_relative_decrease = 1e-3;  ///< ≥ 0: accept a step iff (actual decrease) / (predicted decrease) exceeds it
-  double initial_damping = 1e-4;  ///< ≥ min_damping: μ at the first Update; later ones start from the last μ, at most this
-  double min_damping = 1e-8;      ///< > 0, for the gauge may be free
-  double max_damping = 1e8;       ///< ≥ initial_damping: an Update that needs more ends as a failure to converge
-  /// ≥ 0: an Update in which more than this share of the factors are new or changed goes to the batch solver first, which is
-  /// cheaper when everything moves; what is then left undone beyond the tolerance is finished. 0: every Update is a batch solve
-  /// and nothing else, iterate for iterate that of inceres::Solve; 1 or more: no Update ever is. (A graph from which factors were
+  /// ≥ 0: accept a step iff (actual decrease) / (predicted decrease) exceeds it
+  double min_relative_decrease = 1e-3;
+  /// ≥ min_damping: μ at the first Update; later ones start from the last μ, at most this
+  double initial_damping = 1e-4;
+  double min_damping = 1e-8;  ///< > 0, for the gauge may be free
+  /// ≥ initial_damping: an Update that needs more ends as a failure to converge
+  double max_damping = 1e8;
+  /// ≥ 0: an Update in which more than this share of the factors are new or changed goes to the
+  /// batch solver first, which is cheaper when everything moves; what is then left undone beyond
+  /// the tolerance is finished. 0: every Update is a batch solve and nothing else, iterate for
+  /// iterate that of inceres::Solve; 1 or more: no Update ever is. (A graph from which factors were
   /// removed and whose places are still free is never solved in batch.)
   double batch_share = 0.5;
-  TrustRegionStrategyKind batch_strategy = TrustRegionStrategyKind::kLevenbergMarquardt;  ///< of the batch solver
-  int num_threads = 1;  ///< ≥ 1: of evaluation and of large factorizations; the result is the same to the last bit
+  /// of the batch solver
+  TrustRegionStrategyKind batch_strategy = TrustRegionStrategyKind::kLevenbergMarquardt;
+  /// ≥ 1: of evaluation and of large factorizations; the result is the same to the last bit
+  int num_threads = 1;
 
   DampingForm damping = DampingForm::kHybrid;
   RelinearizationRule relinearization = RelinearizationRule::kResidualError;
-  /// θ_r of kResidualError: a factor is linearized anew when the squared error of its old linearization exceeds this share of
-  /// function_tolerance · 2F / (number of factors). ≥ 0, or kByGraph; 0 linearizes every factor that moved.
+  /// θ_r of kResidualError: a factor is linearized anew when the squared error of its old
+  /// linearization exceeds this share of function_tolerance · 2F / (number of factors). ≥ 0, or
+  /// kByGraph; 0 linearizes every factor that moved.
   double relinearization_share = kByGraph;
-  /// ε of kStepSize, > 0, in the units of the tangent spaces. Whatever the rule, convergence is declared on Jacobians that are
-  /// fresh enough by the first one only.
+  /// ε of kStepSize, > 0, in the units of the tangent spaces. Whatever the rule, convergence is
+  /// declared on Jacobians that are fresh enough by the first one only.
   double relinearization_step = 1e-3;
 
-  /// θ_a: frames whose steps together are worth less than this share of the predicted decrease (or a little of what
-  /// function_tolerance allows, if that is more) stay put, postponed to a later iteration or Update. In [0, 1), or kByGraph; 0
-  /// moves all.
+  /// θ_a: frames whose steps together are worth less than this share of the predicted decrease (or
+  /// a little of what function_tolerance allows, if that is more) stay put, postponed to a later
+  /// iteration or Update. In [0, 1), or kByGraph; 0 moves all.
   double truncation_share = kByGraph;
 
-  /// ≥ 0: after a step of the frames, at most so many Gauss–Newton steps of landmarks alone, taken by those that could still gain
-  /// much by themselves (ICE-BA's embedded point iteration). Each evaluates their factors only. Unless 0, a batch solve takes
-  /// some too, after steps that creep (SolverOptions::refine_landmarks), except with batch_share 0.
+  /// ≥ 0: after a step of the frames, at most so many Gauss–Newton steps of landmarks alone, taken
+  /// by those that could still gain much by themselves (ICE-BA's embedded point iteration). Each
+  /// evaluates their factors only. Unless 0, a batch solve takes some too, after steps that creep
+  /// (SolverOptions::refine_landmarks), except with batch_share 0.
   int max_landmark_passes = 5;
 
-  /// ≥ 0: an Update begins with at most so many steps of the frames that have come since the last one and of the landmarks they
-  /// see, all other frames held, while these gain much: a new frame mostly starts far from where it belongs, and until it is
-  /// there all else need not follow. One of max_num_iterations is left to the others. Not taken if more than half is new or there
-  /// is much of it, nor with truncation_share 0 or kThesis.
+  /// ≥ 0: an Update begins with at most so many steps of the frames that have come since the last
+  /// one and of the landmarks they see, all other frames held, while these gain much: a new frame
+  /// mostly starts far from where it belongs, and until it is there all else need not follow. One
+  /// of max_num_iterations is left to the others. Not taken if more than half is new or there is
+  /// much of it, nor with truncation_share 0 or kThesis.
   int max_new_frame_steps = 3;
 
   RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;
   ReducedSolverKind reduced_solver = ReducedSolverKind::kAutomatic;  ///< not kAutomaticInexact
-  /// If set, makes the solver for S δ = b instead of a built-in one, for the batch solver too (docs/reduced_solver.md). It is
-  /// told what has changed from one call to the next. Read by the constructor of IncrementalSolver.
+  /// If set, makes the solver for S δ = b instead of a built-in one, for the batch solver too
+  /// (docs/reduced_solver.md). It is told what has changed from one call to the next. Read by the
+  /// constructor of IncrementalSolver.
   ReducedSolverFactory reduced_solver_factory;
 
   /// What is wrong with these options, the first culprit named.

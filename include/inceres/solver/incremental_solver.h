@@ -15,48 +15,57 @@
 
 namespace inceres {
 
-/// Looks on while an IncrementalSolver works, and may stop it. What SolveObserver is to the batch solver.
+/// Looks on while an IncrementalSolver works, and may stop it. What SolveObserver is to the batch
+/// solver.
 class INCERES_EXPORT UpdateObserver {
  public:
   virtual ~UpdateObserver() = default;
 
-  /// At the end of iteration 0, which is the start, and of every later one, on the thread that called Update; not of the one that
-  /// finds out that nothing is left to do. IncrementalSolver::Values() then gives the best state so far; nothing else of the
-  /// solver may be called but RequestStop(). kTerminateSuccessfully ends the Update with that state, kAbort with the values held
-  /// before it.
+  /// At the end of iteration 0, which is the start, and of every later one, on the thread that
+  /// called Update; not of the one that finds out that nothing is left to do.
+  /// IncrementalSolver::Values() then gives the best state so far; nothing else of the solver may
+  /// be called but RequestStop(). kTerminateSuccessfully ends the Update with that state, kAbort
+  /// with the values held before it.
   virtual ObserverAction EndOfIteration(const UpdateIteration& iteration) = 0;
 };
 
-/// The block sparsity of the reduced system S of an IncrementalSolver, and where its last Update changed it. For pictures and
-/// for understanding what an Update costs; the numbers themselves stay inside.
+/// The block sparsity of the reduced system S of an IncrementalSolver, and where its last Update
+/// changed it. For pictures and for understanding what an Update costs; the numbers themselves stay
+/// inside.
 struct ReducedStructure {
-  /// A block below the diagonal: row > column. Stored, so it may have become zero: blocks go when one of their frames does.
+  /// A block below the diagonal: row > column. Stored, so it may have become zero: blocks go when
+  /// one of their frames does.
   struct Block {
     int row;
     int column;
   };
-  /// The frame of each block row, in order of arrival: the order in which the resumed Cholesky eliminates them too until loops
-  /// have aged it. −1: a frame was removed and its row is not in use again yet. A frame that is held constant keeps its row.
+  /// The frame of each block row, in order of arrival: the order in which the resumed Cholesky
+  /// eliminates them too until loops have aged it. −1: a frame was removed and its row is not in
+  /// use again yet. A frame that is held constant keeps its row.
   std::vector<VariableId> frames;
   /// Sorted by row, then by column.
   std::vector<Block> blocks;
-  /// Per block row: the last Update, or an edit since the one before, added to its blocks or took from them. A block changed
-  /// only if both of its rows did.
+  /// Per block row: the last Update, or an edit since the one before, added to its blocks or took
+  /// from them. A block changed only if both of its rows did.
   std::vector<bool> changed;
 };
 
-/// The solver that remembers: after the first Update, work goes with what changed. Apply edits, then Update.
+/// The solver that remembers: after the first Update, work goes with what changed. Apply edits,
+/// then Update.
 ///
-/// An Update that is mostly new goes to the batch solver first. Otherwise: Levenberg–Marquardt on the reduced system with diag(C)
-/// as the metric; a landmark takes up the current damping only when it is re-eliminated, so that a change of damping touches no
-/// landmark. Frames whose share of the step is worth little stay put, landmarks that could gain much by themselves step by
-/// themselves, and an Update ends when what is left undone is worth less than the function tolerance. A rejected step refreshes
-/// old Jacobians before it retreats, first along the dog-leg path, then by more damping; convergence is declared on fresh
-/// Jacobians only: old ones defer it, they do not replace it. docs/incremental.md explains, and how to choose the thresholds.
+/// An Update that is mostly new goes to the batch solver first. Otherwise: Levenberg–Marquardt on
+/// the reduced system with diag(C) as the metric; a landmark takes up the current damping only when
+/// it is re-eliminated, so that a change of damping touches no landmark. Frames whose share of the
+/// step is worth little stay put, landmarks that could gain much by themselves step by themselves,
+/// and an Update ends when what is left undone is worth less than the function tolerance. A
+/// rejected step refreshes old Jacobians before it retreats, first along the dog-leg path, then by
+/// more damping; convergence is declared on fresh Jacobians only: old ones defer it, they do not
+/// replace it. docs/incremental.md explains, and how to choose the thresholds.
 ///
-/// Threads: one writer; Update works on options.num_threads, and calls no factor concurrently when that is 1. Source:
-/// algorithms 2 to 4 of the thesis "A General Incremental Bundle Adjustment Framework for Visual-Inertial SLAM" (Zhejiang
-/// University), with the corrections that docs/algorithms.md states.
+/// Threads: one writer; Update works on options.num_threads, and calls no factor concurrently when
+/// that is 1. Source: algorithms 2 to 4 of the thesis "A General Incremental Bundle Adjustment
+/// Framework for Visual-Inertial SLAM" (Zhejiang University), with the corrections that
+/// docs/algorithms.md states.
 class INCERES_EXPORT IncrementalSolver {
  public:
   explicit IncrementalSolver(const IncrementalOptions& options);
@@ -70,40 +79,57 @@ class INCERES_EXPORT IncrementalSolver {
   /// Adds a family, for good: families cost nothing while they are empty.
   FamilyId AddFamily(std::shared_ptr<const FactorFamily> family);
 
+  /// The same, of a family whose type is known: the handle is what GraphEdit::AddFactor takes.
+  template <typename Family>
+  FamilyHandle<Family> AddFamily(std::shared_ptr<Family> family) {
+    const FamilyId id = AddFamily(std::shared_ptr<const FactorFamily>(family));
+    return {id, std::move(family)};
+  }
+
   /// As FactorGraph::SetVariableNames: what messages call the variables.
   void SetVariableNames(std::function<std::string(VariableId)> name_of);
 
-  /// Carries out an edit, begun with GraphEdit(solver.graph()), all or nothing: an error names the id at fault, and the solver is
-  /// as it was. No factor is evaluated before the next Update; families take measurements in. Cost: goes with the edit.
+  /// Carries out an edit, begun with GraphEdit(solver.graph()), all or nothing: an error names the
+  /// id at fault, and the solver is as it was. No factor is evaluated before the next Update;
+  /// families take measurements in. Cost: goes with the edit.
   Status Apply(const GraphEdit& edit);
 
-  /// Takes variables out and keeps what their factors say about others as a prior factor: Marginalize (marginalization.h) at the
-  /// current values, all or nothing, with the cached Jacobians wherever an Update would still call them good enough to converge
-  /// on; so best after one that converged. The next Update starts from where everything is.
-  MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options);
+  /// Takes variables out and keeps what their factors say about others as a prior factor:
+  /// Marginalize (marginalization.h) at the current values, all or nothing, with the cached
+  /// Jacobians wherever an Update would still call them good enough to converge on; so best after
+  /// one that converged. The next Update starts from where everything is.
+  MarginalizationSummary Marginalize(const MarginalizationRequest& request,
+                                     const MarginalizationOptions& options);
 
-  /// Other options from the next Update on, but for num_threads, reduced_solver and its factory, which stay what they were.
+  /// Other options from the next Update on, but for num_threads, reduced_solver and its factory,
+  /// which stay what they were.
   void SetOptions(const IncrementalOptions& options);
 
-  /// Minimizes from the current state. A failure names its factor or variable and keeps the last accepted step; what was changed
-  /// since the last Update takes part again in the next one, from there.
+  /// Minimizes from the current state. A failure names its factor or variable and keeps the last
+  /// accepted step; what was changed since the last Update takes part again in the next one, from
+  /// there.
   UpdateSummary Update();
-  /// The same into the memory of an earlier summary: in a steady state nothing is allocated. `observer`, which may be null, sees
-  /// every iteration and may end the Update; with one an Update costs a pass over all variables more, and one an iteration. After
-  /// its kAbort the values are those of before the Update, and the next one works as after a failure.
+  /// The same into the memory of an earlier summary: in a steady state nothing is allocated.
+  /// `observer`, which may be null, sees every iteration and may end the Update; with one an Update
+  /// costs a pass over all variables more, and one an iteration. After its kAbort the values are
+  /// those of before the Update, and the next one works as after a failure.
   void Update(UpdateSummary* summary, UpdateObserver* observer = nullptr);
 
-  /// From any thread: the Update that runs now, or else the next one, ends at its next iteration with the best state so far.
+  /// From any thread: the Update that runs now, or else the next one, ends at its next iteration
+  /// with the best state so far.
   void RequestStop();
 
-  /// Current values of a variable: what the last Update found, or what it was added with; to an observer the best so far. (Not
-  /// those of the graph's own state, which follow from time to time.)
+  /// Current values of a variable: what the last Update found, or what it was added with; to an
+  /// observer the best so far. (Not those of the graph's own state, which follow from time to
+  /// time.)
   const double* Values(VariableId id) const;
-  /// ½ Σ ρ at the current state, as of the last Update; if that failed, of the factors that were evaluated before it.
+  /// ½ Σ ρ at the current state, as of the last Update; if that failed, of the factors that were
+  /// evaluated before it.
   double cost() const;
 
-  /// Which blocks S has, and which of its rows the last Update changed. Not during an Update. After one that the batch solver
-  /// ended by itself S waits to be formed by the next one. Cost: proportional to the blocks.
+  /// Which blocks S has, and which of its rows the last Update changed. Not during an Update. After
+  /// one that the batch solver ended by itself S waits to be formed by the next one. Cost:
+  /// proportional to the blocks.
   ReducedStructure Structure() const;
 
  private:

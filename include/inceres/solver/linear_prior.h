@@ -11,12 +11,13 @@
 
 namespace inceres {
 
-/// What is left of factors and variables that were marginalized: a square-root prior on their neighbors x_1 … x_k, linearized
-/// once and for all at x₀,
+/// What is left of factors and variables that were marginalized: a square-root prior on their
+/// neighbors x_1 … x_k, linearized once and for all at x₀,
 ///
 ///     e(x) = e₀ + J δ,   δ = (x_1 ⊟ x₀_1, …, x_k ⊟ x₀_k).
 ///
-/// JᵀJ is its information, −Jᵀe₀ its right-hand side at x₀. J has as many rows as columns, rows of zeros included.
+/// JᵀJ is its information, −Jᵀe₀ its right-hand side at x₀. J has as many rows as columns, rows of
+/// zeros included.
 struct INCERES_EXPORT LinearPrior {
   /// One variable of the prior.
   struct Block {
@@ -32,17 +33,19 @@ struct INCERES_EXPORT LinearPrior {
   int num_columns() const;
 };
 
-/// The factors that LinearPriors are: one slot a block. A family holds priors of one shape: the same number of rows and the same
-/// sizes, block by block.
+/// The factors that LinearPriors are: one slot a block. A family holds priors of one shape: the
+/// same number of rows and the same sizes, block by block.
 ///
-/// The tangent Jacobian is J itself, at every x: the first-estimate Jacobian, which is a choice and not the derivative of e once
-/// a rotation has moved from x₀. (VINS and OKVIS make the same one.) It holds for ⊞ of vector spaces and groups, whose tangent
-/// coordinates at x and x₀ mean the same; those of a SphereManifold do not after a large move.
-/// Fails to evaluate where an x ⊟ x₀ is undefined or a residual is not finite.
+/// The tangent Jacobian is J itself, at every x: the first-estimate Jacobian, which is a choice and
+/// not the derivative of e once a rotation has moved from x₀. (VINS and OKVIS make the same one.)
+/// It holds for ⊞ of vector spaces and groups, whose tangent coordinates at x and x₀ mean the same;
+/// those of a SphereManifold do not after a large move. Fails to evaluate where an x ⊟ x₀ is
+/// undefined or a residual is not finite.
 ///
-/// Cost: rows × columns multiplications a factor, a copy of J for Jacobians; nothing allocated up to 256 columns. JᵀJ is formed
-/// once by the incremental solver (HasConstantJacobian). Threads: as FactorFamily; Place is for one writer.
-/// Source: Leutenegger et al., "Keyframe-based visual–inertial odometry using nonlinear optimization", 2015, section 3.5.
+/// Cost: rows × columns multiplications a factor, a copy of J for Jacobians; nothing allocated up
+/// to 256 columns. JᵀJ is formed once by the incremental solver (HasConstantJacobian). Threads: as
+/// FactorFamily; Place is for one writer. Source: Leutenegger et al., "Keyframe-based
+/// visual–inertial odometry using nonlinear optimization", 2015, section 3.5.
 class INCERES_EXPORT LinearPriorFamily : public FactorFamily {
  public:
   using Measurement = LinearPrior;
@@ -70,7 +73,8 @@ class INCERES_EXPORT LinearPriorFamily : public FactorFamily {
   std::vector<LinearPrior> priors_;
 };
 
-/// The prior that a factor of a graph is; null if it is of another kind, or there is no such factor.
+/// The prior that a factor of a graph is; null if it is of another kind, or there is no such
+/// factor.
 INCERES_EXPORT const LinearPrior* FindLinearPrior(const FactorGraph& graph, FactorId factor);
 
 }  // namespace inceres

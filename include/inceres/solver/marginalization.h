@@ -8,28 +8,35 @@
 
 namespace inceres {
 
-/// Which directions of a prior are cut off as noise: those whose eigenvalue λ of its information JᵀJ is small.
+/// Which directions of a prior are cut off as noise: those whose eigenvalue λ of its information
+/// JᵀJ is small.
 enum class PriorThreshold {
-  kNone,      ///< none: the QR factor is kept as it is, which is exact; directions without information are rows of zeros
+  /// none: the QR factor is kept as it is, which is exact; directions without information are rows
+  /// of zeros
+  kNone,
   kAbsolute,  ///< λ ≤ epsilon (VINS: 1e-8)
-  kRelative,  ///< λ ≤ epsilon · n · λ_max of the matrix scaled to a unit diagonal (OKVIS: epsilon of double)
+  /// λ ≤ epsilon · n · λ_max of the matrix scaled to a unit diagonal (OKVIS: epsilon of double)
+  kRelative,
 };
 
 /// Options of Marginalize.
 struct INCERES_EXPORT MarginalizationOptions {
   PriorThreshold threshold = PriorThreshold::kNone;
   double epsilon = 1e-8;  ///< of the threshold, ≥ 0
-  /// A marginalized variable with a direction that no factor measures makes the call fail with its id. If allowed, what is
-  /// measured is used and the rest left out, which is the same as the pseudo-inverse of VINS and OKVIS: right for the others, to
-  /// whom a point seen once says nothing.
+  /// A marginalized variable with a direction that no factor measures makes the call fail with its
+  /// id. If allowed, what is measured is used and the rest left out, which is the same as the
+  /// pseudo-inverse of VINS and OKVIS: right for the others, to whom a point seen once says
+  /// nothing.
   bool allow_rank_loss = false;
-  /// In [0, 1): a column of the marginalized variables counts as unmeasured when elimination leaves less than this share of it.
+  /// In [0, 1): a column of the marginalized variables counts as unmeasured when elimination leaves
+  /// less than this share of it.
   double rank_tolerance = 1e-12;
-  /// Constants among the neighbors are exactly known to a prior, which says nothing about them if they are set free later. If
-  /// kept, their columns are part of it (as VINS keeps its extrinsics); borrowed constants never are.
+  /// Constants among the neighbors are exactly known to a prior, which says nothing about them if
+  /// they are set free later. If kept, their columns are part of it (as VINS keeps its extrinsics);
+  /// borrowed constants never are.
   bool keep_constants = false;
-  /// Pins the variables that the prior keeps to where they are linearized now (FactorGraph::PinLinearization), but for those
-  /// pinned before.
+  /// Pins the variables that the prior keeps to where they are linearized now
+  /// (FactorGraph::PinLinearization), but for those pinned before.
   bool first_estimate_jacobians = false;
 
   /// What is wrong with these options, the first culprit named.
@@ -38,74 +45,90 @@ struct INCERES_EXPORT MarginalizationOptions {
 
 /// What goes, and how. Nothing may be named twice.
 struct INCERES_EXPORT MarginalizationRequest {
-  std::vector<VariableId> marginalized;   ///< removed; what their factors say about others becomes a prior
-  std::vector<VariableId> dropped;        ///< removed with all their factors, whose information is lost
+  /// removed; what their factors say about others becomes a prior
+  std::vector<VariableId> marginalized;
+  std::vector<VariableId> dropped;  ///< removed with all their factors, whose information is lost
   std::vector<FactorId> dropped_factors;  ///< removed, their information lost
-  /// The prior's order: variables named here come first, in this order, where the prior has them; then the others by id.
+  /// The prior's order: variables named here come first, in this order, where the prior has them;
+  /// then the others by id.
   std::vector<VariableId> order;
 };
 
 /// What Marginalize did.
 struct INCERES_EXPORT MarginalizationSummary {
   Status status;
-  std::vector<VariableId> offenders;  ///< of a status that is not ok: the ids at fault, where there are any
-  FactorId prior;                     ///< the new factor; family -1 if nothing is left to say or nobody to say it about
-  std::vector<VariableId> kept;       ///< the prior's variables in its order
-  int rank = 0;                       ///< rows of the prior that say something
-  int num_truncated = 0;              ///< directions cut off by the threshold
-  int num_factors = 0;                ///< that went into the prior
-  int num_cached_factors = 0;         ///< of them with the Jacobians of a live solver, not evaluated
-  double fixed_cost = 0.0;  ///< ½‖·‖² of their residuals that no variable can change any more: the cost falls by it
+  /// of a status that is not ok: the ids at fault, where there are any
+  std::vector<VariableId> offenders;
+  /// the new factor; family -1 if nothing is left to say or nobody to say it about
+  FactorId prior;
+  std::vector<VariableId> kept;  ///< the prior's variables in its order
+  int rank = 0;                  ///< rows of the prior that say something
+  int num_truncated = 0;         ///< directions cut off by the threshold
+  int num_factors = 0;           ///< that went into the prior
+  int num_cached_factors = 0;    ///< of them with the Jacobians of a live solver, not evaluated
+  /// ½‖·‖² of their residuals that no variable can change any more: the cost falls by it
+  double fixed_cost = 0.0;
 };
 
-/// Takes variables out of a graph and keeps what their factors say about the neighbors r as one LinearPrior factor: with the
-/// marginalized ones m,
+/// Takes variables out of a graph and keeps what their factors say about the neighbors r as one
+/// LinearPrior factor: with the marginalized ones m,
 ///
 ///     JᵀJ = H_rr − H_rm H_mm⁻¹ H_mr,   −Jᵀe₀ = η_r − H_rm H_mm⁻¹ η_m,
 ///
-/// by QR of the stacked Jacobians [J_m J_r f], landmarks first with one small QR each, then frames; H is never formed, so a
-/// factor of weight 1e14 beside one of 1e-2 costs no digits. Residuals and Jacobians are taken at the current values (Jacobians
-/// of pinned variables where they are pinned), corrected for robust losses as the solver does; damping plays no part. J stays
-/// what it is (linear_prior.h).
+/// by QR of the stacked Jacobians [J_m J_r f], landmarks first with one small QR each, then frames;
+/// H is never formed, so a factor of weight 1e14 beside one of 1e-2 costs no digits. Residuals and
+/// Jacobians are taken at the current values (Jacobians of pinned variables where they are pinned),
+/// corrected for robust losses as the solver does; damping plays no part. J stays what it is
+/// (linear_prior.h).
 ///
-/// A transaction: on an error nothing has changed. kInvalidArgument: an id or option is wrong, or the prior would join two
-/// landmarks that are not constant (offenders: those; marginalize them too, or drop their factors). kSingular: rank loss
-/// (offenders: the variables without enough information; all landmarks at fault, or all frames). kEvaluationFailed: as in a
-/// solve. A constant can be marginalized: it is fixed where it is. Free places that removed factors leave are used again.
+/// A transaction: on an error nothing has changed. kInvalidArgument: an id or option is wrong, or
+/// the prior would join two landmarks that are not constant (offenders: those; marginalize them
+/// too, or drop their factors). kSingular: rank loss (offenders: the variables without enough
+/// information; all landmarks at fault, or all frames). kEvaluationFailed: as in a solve. A
+/// constant can be marginalized: it is fixed where it is. Free places that removed factors leave
+/// are used again.
 ///
 /// Priors of like shape share a family, so that a window that slides for ever does not grow.
 ///
-/// Cost: rows · columns² of the factors and variables concerned, plus (this overload) one check of the whole graph. One thread.
-/// Source: docs/visual_inertial.md; Leutenegger et al. 2015 and Qin, Li & Shen, "VINS-Mono", 2018, for what it replaces.
-INCERES_EXPORT MarginalizationSummary Marginalize(const MarginalizationRequest& request, const MarginalizationOptions& options,
+/// Cost: rows · columns² of the factors and variables concerned, plus (this overload) one check of
+/// the whole graph. One thread. Source: docs/visual_inertial.md; Leutenegger et al. 2015 and Qin,
+/// Li & Shen, "VINS-Mono", 2018, for what it replaces.
+INCERES_EXPORT MarginalizationSummary Marginalize(const MarginalizationRequest& request,
+                                                  const MarginalizationOptions& options,
                                                   FactorGraph* graph);
 
-/// Which landmarks go with the frames that leave a window: three rules of known estimators, as requests to Marginalize. None of
-/// them changes anything.
+/// Which landmarks go with the frames that leave a window: three rules of known estimators, as
+/// requests to Marginalize. None of them changes anything.
 ///
-/// A frame is whatever does not have the role of a landmark: the poses, velocities and biases of one image are given together.
-/// "Seen by" a frame: some factor touches both. What is constant or borrowed among the landmarks stays where it is.
-/// Cost: the factors of the frames given and of the landmarks they see; a pass over a copy of the graph if it does not track its
-/// variables' factors yet, which after the first Marginalize it does.
+/// A frame is whatever does not have the role of a landmark: the poses, velocities and biases of
+/// one image are given together. "Seen by" a frame: some factor touches both. What is constant or
+/// borrowed among the landmarks stays where it is. Cost: the factors of the frames given and of the
+/// landmarks they see; a pass over a copy of the graph if it does not track its variables' factors
+/// yet, which after the first Marginalize it does.
 
-/// The oldest frame leaves with all landmarks it sees: every factor of it goes into the prior. Landmarks with fewer than
-/// min_factors factors (2 or more views, for a landmark and not just its ray) are dropped instead.
-/// Source: VINS-Mono's MARGIN_OLD (Qin, Li & Shen, "VINS-Mono: A robust and versatile monocular visual-inertial state estimator",
-/// 2018, section VI-C).
-INCERES_EXPORT MarginalizationRequest OldestFrameRule(const FactorGraph& graph, const std::vector<VariableId>& frames,
+/// The oldest frame leaves with all landmarks it sees: every factor of it goes into the prior.
+/// Landmarks with fewer than min_factors factors (2 or more views, for a landmark and not just its
+/// ray) are dropped instead. Source: VINS-Mono's MARGIN_OLD (Qin, Li & Shen, "VINS-Mono: A robust
+/// and versatile monocular visual-inertial state estimator", 2018, section VI-C).
+INCERES_EXPORT MarginalizationRequest OldestFrameRule(const FactorGraph& graph,
+                                                      const std::vector<VariableId>& frames,
                                                       int min_factors = 2);
 
-/// A frame leaves that is too like its neighbors to be worth its linearization: factors that tie it to landmarks are dropped,
-/// and landmarks that have no others with them; what else touches it (the prior, preintegrated motion) is marginalized. Source:
-/// VINS-Mono's MARGIN_SECOND_NEW.
-INCERES_EXPORT MarginalizationRequest SecondNewestFrameRule(const FactorGraph& graph, const std::vector<VariableId>& frames);
+/// A frame leaves that is too like its neighbors to be worth its linearization: factors that tie it
+/// to landmarks are dropped, and landmarks that have no others with them; what else touches it (the
+/// prior, preintegrated motion) is marginalized. Source: VINS-Mono's MARGIN_SECOND_NEW.
+INCERES_EXPORT MarginalizationRequest SecondNewestFrameRule(const FactorGraph& graph,
+                                                            const std::vector<VariableId>& frames);
 
-/// Landmarks the leaving frames see: one that a frame of `newest` sees too stays, and its factors with the leaving frames are
-/// dropped, so that it stays out of the prior; any other is marginalized, or dropped if it has fewer than min_factors factors. A
-/// landmark all of whose factors touch a leaving frame, as an inverse depth does whose anchor leaves, cannot stay.
-/// Source: Leutenegger et al., "Keyframe-based visual–inertial odometry using nonlinear optimization", 2015, section 3.5 (OKVIS's
-/// applyMarginalizationStrategy).
-INCERES_EXPORT MarginalizationRequest KeyframeRule(const FactorGraph& graph, const std::vector<VariableId>& leaving,
-                                                   const std::vector<VariableId>& newest, int min_factors = 2);
+/// Landmarks the leaving frames see: one that a frame of `newest` sees too stays, and its factors
+/// with the leaving frames are dropped, so that it stays out of the prior; any other is
+/// marginalized, or dropped if it has fewer than min_factors factors. A landmark all of whose
+/// factors touch a leaving frame, as an inverse depth does whose anchor leaves, cannot stay.
+/// Source: Leutenegger et al., "Keyframe-based visual–inertial odometry using nonlinear
+/// optimization", 2015, section 3.5 (OKVIS's applyMarginalizationStrategy).
+INCERES_EXPORT MarginalizationRequest KeyframeRule(const FactorGraph& graph,
+                                                   const std::vector<VariableId>& leaving,
+                                                   const std::vector<VariableId>& newest,
+                                                   int min_factors = 2);
 
 }  // namespace inceres

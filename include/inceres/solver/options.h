@@ -9,32 +9,36 @@ namespace inceres {
 class SolveObserver;
 
 enum class TrustRegionStrategyKind {
-  kLevenbergMarquardt,  ///< Nocedal & Wright, section 10.3; radius update of Madsen, Nielsen & Tingleff 2004
-  /// The same step, with Marquardt's own rule (1963): a tenth of the damping after a step that kept a fourth of its promise, ten
-  /// times as much after a refused one; by less once steps are refused as soon as it falls. Bolder in long valleys, and it passes
-  /// over no length of steps.
+  /// Nocedal & Wright, section 10.3; radius update of Madsen, Nielsen & Tingleff 2004
+  kLevenbergMarquardt,
+  /// The same step, with Marquardt's own rule (1963): a tenth of the damping after a step that kept
+  /// a fourth of its promise, ten times as much after a refused one; by less once steps are refused
+  /// as soon as it falls. Bolder in long valleys, and it passes over no length of steps.
   kMarquardt,
-  kDogleg,          ///< Powell's traditional Dog-Leg, Gauss–Newton step regularized by μ when needed
-  kSubspaceDogleg,  ///< the best step in the plane of gradient and Gauss–Newton step (Byrd, Schnabel & Shultz 1988)
+  kDogleg,  ///< Powell's traditional Dog-Leg, Gauss–Newton step regularized by μ when needed
+  /// the best step in the plane of gradient and Gauss–Newton step (Byrd, Schnabel & Shultz 1988)
+  kSubspaceDogleg,
 };
 
 enum class LinearModelKind {
   kAutomatic,  ///< kSchur if the graph has landmarks, else kPlain
   kSchur,      ///< landmarks eliminated block by block, reduced system S δ_c = b
   kPlain,      ///< landmarks treated as frames: S = H (pose graphs, curve fitting)
-  kDenseQr,    ///< Householder QR of the stacked, scaled Jacobian: does not square the condition number; small problems only
+  /// Householder QR of the stacked, scaled Jacobian: does not square the condition number; small
+  /// problems only
+  kDenseQr,
 };
 
-/// Where a line search that has failed at one point tries the next: at half of it, or at the minimum of the polynomial through
-/// what is known.
+/// Where a line search that has failed at one point tries the next: at half of it, or at the
+/// minimum of the polynomial through what is known.
 enum class LineSearchInterpolation {
   kBisection,
   kQuadratic,  ///< of cost and slope at the start and costs at the last two points
   kCubic,      ///< of costs and slopes at all three: a Jacobian evaluation each
 };
 
-/// Options of a batch solve in exact mode. Names, defaults and meanings are those of ceres::Solver::Options 2.1, so a trace can
-/// be compared line by line.
+/// Options of a batch solve in exact mode. Names, defaults and meanings are those of
+/// ceres::Solver::Options 2.1, so a trace can be compared line by line.
 struct INCERES_EXPORT SolverOptions {
   TrustRegionStrategyKind strategy = TrustRegionStrategyKind::kLevenbergMarquardt;
   LinearModelKind linear_model = LinearModelKind::kAutomatic;
@@ -43,53 +47,64 @@ struct INCERES_EXPORT SolverOptions {
   /// If set, makes the solver for S δ_c = b instead of a built-in one.
   ReducedSolverFactory reduced_solver_factory;
 
-  /// Find the blocks of the Jacobian that are all zeros at each linearization, and leave them out of H and its factorization,
-  /// whose pattern is then made anew whenever the zeros have moved. For factors that touch many variables of which few count at a
-  /// time: the points of a curve, a grid that is looked up. Solution and trace are the same up to rounding; where few blocks are
-  /// zero it only costs. Landmarks are treated as frames. With linear_model kAutomatic or kPlain.
+  /// Find the blocks of the Jacobian that are all zeros at each linearization, and leave them out
+  /// of H and its factorization, whose pattern is then made anew whenever the zeros have moved. For
+  /// factors that touch many variables of which few count at a time: the points of a curve, a grid
+  /// that is looked up. Solution and trace are the same up to rounding; where few blocks are zero
+  /// it only costs. Landmarks are treated as frames. With linear_model kAutomatic or kPlain.
   bool dynamic_sparsity = false;
 
-  /// Upper bound on threads, 1 to 1024. With 1 nothing of the user's is ever called concurrently. The result does not depend on
-  /// it.
+  /// Upper bound on threads, 1 to 1024. With 1 nothing of the user's is ever called concurrently.
+  /// The result does not depend on it.
   int num_threads = 1;
 
   int max_num_iterations = 50;              ///< ≥ 0; 0 evaluates the start and returns
   double max_solver_time_in_seconds = 1e9;  ///< ≥ 0; looked at between iterations only
   double function_tolerance = 1e-6;         ///< stop if |ΔF| ≤ function_tolerance · F
-  double gradient_tolerance = 1e-10;        ///< stop if max |x − (x ⊞ −g)| ≤ gradient_tolerance
-  double parameter_tolerance = 1e-8;        ///< stop if ‖Δx‖ ≤ parameter_tolerance · (‖x‖ + parameter_tolerance)
+  double gradient_tolerance = 1e-10;  ///< stop if max |x − (x ⊞ −g)| ≤ gradient_tolerance
+  /// stop if ‖Δx‖ ≤ parameter_tolerance · (‖x‖ + parameter_tolerance)
+  double parameter_tolerance = 1e-8;
 
-  double initial_trust_region_radius = 1e4;  ///< > 0; for Levenberg–Marquardt 1/radius is the damping
-  double max_trust_region_radius = 1e16;     ///< ≥ min; Levenberg–Marquardt only, as in Ceres
-  double min_trust_region_radius = 1e-32;    ///< > 0; stop at or below
-  double min_relative_decrease = 1e-3;       ///< accept a step iff (actual decrease) / (predicted decrease) exceeds it
-  double min_lm_diagonal = 1e-6;             ///< clamp on the squared column norms of the scaled Jacobian
+  /// > 0; for Levenberg–Marquardt 1/radius is the damping
+  double initial_trust_region_radius = 1e4;
+  double max_trust_region_radius = 1e16;   ///< ≥ min; Levenberg–Marquardt only, as in Ceres
+  double min_trust_region_radius = 1e-32;  ///< > 0; stop at or below
+  /// accept a step iff (actual decrease) / (predicted decrease) exceeds it
+  double min_relative_decrease = 1e-3;
+  double min_lm_diagonal = 1e-6;  ///< clamp on the squared column norms of the scaled Jacobian
   double max_lm_diagonal = 1e32;
   int max_num_consecutive_invalid_steps = 5;  ///< ≥ 0
-  bool jacobi_scaling = true;                 ///< scale by 1/(1 + column norm) as measured at iteration 0
-  bool use_nonmonotonic_steps = false;  ///< accept some increases (Conn, Gould & Toint, section 10.1); the best state is returned
+  bool jacobi_scaling = true;  ///< scale by 1/(1 + column norm) as measured at iteration 0
+  /// accept some increases (Conn, Gould & Toint, section 10.1); the best state is returned
+  bool use_nonmonotonic_steps = false;
   int max_consecutive_nonmonotonic_steps = 5;  ///< > 0 if use_nonmonotonic_steps
 
-  /// After steps that creep, gaining more than a fifth of what the step before gained, improve landmarks one by one, each by one
-  /// Gauss–Newton step with the frames held: all of them first, then those that brought the gain, and all again once those gain
-  /// less than a tenth of what the step itself does; where all gain less, none after the next step, then after two, four, …
-  /// Points seen at a small angle then need a third of the iterations. Leaves landmarks on a manifold alone. Changes the trace:
-  /// Ceres's inner iterations minimize each block to the end. Source: Jeong et al. 2012 (embedded point iterations).
+  /// After steps that creep, gaining more than a fifth of what the step before gained, improve
+  /// landmarks one by one, each by one Gauss–Newton step with the frames held: all of them first,
+  /// then those that brought the gain, and all again once those gain less than a tenth of what the
+  /// step itself does; where all gain less, none after the next step, then after two, four, …
+  /// Points seen at a small angle then need a third of the iterations. Leaves landmarks on a
+  /// manifold alone. Changes the trace: Ceres's inner iterations minimize each block to the end.
+  /// Source: Jeong et al. 2012 (embedded point iterations).
   bool refine_landmarks = false;
 
-  /// Where a robust loss takes away curvature (ρ'' < 0), let H have up to half of it less, in steps after one that gained less
-  /// than a hundredth of the cost. Without that, as in Ceres, H has more curvature than the cost: each step gains 1.3 to 1.7
-  /// times what it promises, and convergence is as much slower. Changes the trace. Source: Triggs et al. 1999, section 4.3.
+  /// Where a robust loss takes away curvature (ρ'' < 0), let H have up to half of it less, in steps
+  /// after one that gained less than a hundredth of the cost. Without that, as in Ceres, H has more
+  /// curvature than the cost: each step gains 1.3 to 1.7 times what it promises, and convergence is
+  /// as much slower. Changes the trace. Source: Triggs et al. 1999, section 4.3.
   bool reduce_curvature_of_losses = false;
 
-  /// Of graphs with bounds only: each step δ is shortened to t δ until the cost at x ⊞ t δ, clamped to the bounds, falls by at
-  /// least line_search_sufficient_function_decrease of what the slope at 0 promises (Armijo). If no t does, δ is tried as it is.
+  /// Of graphs with bounds only: each step δ is shortened to t δ until the cost at x ⊞ t δ, clamped
+  /// to the bounds, falls by at least line_search_sufficient_function_decrease of what the slope at
+  /// 0 promises (Armijo). If no t does, δ is tried as it is.
   LineSearchInterpolation line_search_interpolation = LineSearchInterpolation::kCubic;
   double line_search_sufficient_function_decrease = 1e-4;  ///< between 0 and 1
-  double max_line_search_step_contraction = 1e-3;          ///< the next t is at least this share of the last; between 0 and 1
-  double min_line_search_step_contraction = 0.6;           ///< and at most this; above the one before, at most 1
-  double min_line_search_step_size = 1e-9;                 ///< > 0; give up when t max |δ| falls below
-  int max_num_line_search_step_size_iterations = 20;       ///< ≥ 0; 0: no line search
+  /// the next t is at least this share of the last; between 0 and 1
+  double max_line_search_step_contraction = 1e-3;
+  double min_line_search_step_contraction =
+      0.6;                                  ///< and at most this; above the one before, at most 1
+  double min_line_search_step_size = 1e-9;  ///< > 0; give up when t max |δ| falls below
+  int max_num_line_search_step_size_iterations = 20;  ///< ≥ 0; 0: no line search
 
   /// Called at evaluations and after iterations; not owned; may be null.
   SolveObserver* observer = nullptr;

@@ -19,7 +19,8 @@ enum class Termination {
 /// "CONVERGENCE", "NO_CONVERGENCE", … as Ceres prints them.
 INCERES_EXPORT const char* ToString(Termination termination);
 
-/// One line of the trace. Fields mean what ceres::IterationSummary's do (Ceres 2.1), iteration 0 being the start.
+/// One line of the trace. Fields mean what ceres::IterationSummary's do (Ceres 2.1), iteration 0
+/// being the start.
 struct INCERES_EXPORT IterationSummary {
   int iteration = 0;
   bool step_is_valid = false;
@@ -57,17 +58,21 @@ struct INCERES_EXPORT WorkCounts {
   int num_residual_evaluations = 0;  ///< cost-only passes over the factors
   int num_jacobian_evaluations = 0;
   int num_linear_solves = 0;
-  std::int64_t num_inner_iterations = 0;      ///< steps of single landmarks, SolverOptions::refine_landmarks
-  int num_recentered_factors = 0;             ///< expansion points moved between iterations, FactorFamily::Recenter
-  int num_frames = 0;                         ///< variable frames in the reduced system
-  int num_landmarks = 0;                      ///< eliminated landmarks
-  int reduced_size = 0;                       ///< scalar unknowns of the reduced system
-  std::int64_t num_schur_products = 0;        ///< block products per elimination
-  std::int64_t num_dynamic_size_factors = 0;  ///< factors served by the dynamic instead of a compile-time kernel
-  std::int64_t bytes = 0;                     ///< arrays of the solver: Jacobians, H, S, factor
+  /// steps of single landmarks, SolverOptions::refine_landmarks
+  std::int64_t num_inner_iterations = 0;
+  int num_recentered_factors =
+      0;                  ///< expansion points moved between iterations, FactorFamily::Recenter
+  int num_frames = 0;     ///< variable frames in the reduced system
+  int num_landmarks = 0;  ///< eliminated landmarks
+  int reduced_size = 0;   ///< scalar unknowns of the reduced system
+  std::int64_t num_schur_products = 0;  ///< block products per elimination
+  std::int64_t num_dynamic_size_factors =
+      0;                   ///< factors served by the dynamic instead of a compile-time kernel
+  std::int64_t bytes = 0;  ///< arrays of the solver: Jacobians, H, S, factor
 };
 
-/// The line search along clamped steps of a problem with bounds; its evaluations count among all others.
+/// The line search along clamped steps of a problem with bounds; its evaluations count among all
+/// others.
 struct INCERES_EXPORT LineSearchSummary {
   int num_steps = 0;              ///< points found wanting
   double cost_seconds = 0.0;      ///< evaluations without slope
@@ -79,16 +84,20 @@ struct INCERES_EXPORT LineSearchSummary {
 /// What happened. Everything a caller needs to act on a failure is here; nothing is only logged.
 struct INCERES_EXPORT Summary {
   Termination termination = Termination::kFailure;
-  std::string message = "inceres::Solve was not called.";  ///< in Ceres's words where Ceres has them
-  std::string detail;  ///< the culprit behind a failure or the last invalid step: which factor or variable, and why
-  /// The first step whose end could not be evaluated, and which was refused as one of infinite cost: which factor or variable,
-  /// and why. Empty if there was none.
+  /// in Ceres's words where Ceres has them
+  std::string message = "inceres::Solve was not called.";
+  /// the culprit behind a failure or the last invalid step: which factor or variable, and why
+  std::string detail;
+  /// The first step whose end could not be evaluated, and which was refused as one of infinite
+  /// cost: which factor or variable, and why. Empty if there was none.
   std::string failed_step;
   double initial_cost = -1.0;  ///< -1 if the start could not be evaluated
   double final_cost = -1.0;
-  double fixed_cost =
-      0.0;  ///< of residual blocks of a ceres::Problem that cannot move, for which no graph has a factor: part of all costs
-  double discarded_cost_change = 0.0;  ///< of the last step if it ended the solve by the function tolerance: it was not taken
+  /// of residual blocks of a ceres::Problem that cannot move, for which no graph has a factor: part
+  /// of all costs
+  double fixed_cost = 0.0;
+  /// of the last step if it ended the solve by the function tolerance: it was not taken
+  double discarded_cost_change = 0.0;
   std::vector<IterationSummary> iterations;
   int num_successful_steps = -1;
   int num_unsuccessful_steps = -1;
@@ -96,7 +105,8 @@ struct INCERES_EXPORT Summary {
   LineSearchSummary line_search;
   bool structure_reused = false;  ///< set up by an earlier solve of the same Solver
   std::string reduced_solver;     ///< name of the solver of the reduced system
-  const char* kernels = "";       ///< instruction set of the kernels used: "generic", "avx2", "avx512", "neon"
+  /// instruction set of the kernels used: "generic", "avx2", "avx512", "neon"
+  const char* kernels = "";
   WorkCounts work;
   StageSeconds seconds;
 

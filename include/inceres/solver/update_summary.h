@@ -11,7 +11,9 @@ namespace inceres {
 
 /// What an iteration of an Update did.
 enum class UpdateStep {
-  kNone,       ///< no step: the start; the reduced system had no factor; or old Jacobians were renewed before success was claimed
+  /// no step: the start; the reduced system had no factor; or old Jacobians were renewed before
+  /// success was claimed
+  kNone,
   kBatch,      ///< one of the batch solver's
   kFrames,     ///< frames of the active set, or new ones alone, and the landmarks behind them
   kLandmarks,  ///< landmarks alone, each accepted or not for itself
@@ -20,50 +22,59 @@ enum class UpdateStep {
 /// "none", "batch", "frames", "landmarks".
 INCERES_EXPORT const char* ToString(UpdateStep step);
 
-/// One line of the trace of an Update, iteration 0 being the start. What follows from a step (residuals, gradients, the
-/// linearizations it asks for) counts as part of it. The last solve, which finds out that nothing is left to do, has no line.
+/// One line of the trace of an Update, iteration 0 being the start. What follows from a step
+/// (residuals, gradients, the linearizations it asks for) counts as part of it. The last solve,
+/// which finds out that nothing is left to do, has no line.
 struct INCERES_EXPORT UpdateIteration {
   int iteration = 0;
   UpdateStep step = UpdateStep::kNone;
   bool accepted = false;  ///< the state moved; true of the start
-  /// Cut to the radius, or refused and tried again, along the dog-leg path. What follows is of the last try.
+  /// Cut to the radius, or refused and tried again, along the dog-leg path. What follows is of the
+  /// last try.
   bool shortened = false;
   /// Old Jacobians were renewed, instead of more damping or before success was claimed.
   bool refreshed = false;
-  double cost = 0.0;               ///< ½ Σ ρ of the state after it
-  double cost_change = 0.0;        ///< cost before − cost of the candidate, if refused too; −DBL_MAX if that has none
+  double cost = 0.0;  ///< ½ Σ ρ of the state after it
+  /// cost before − cost of the candidate, if refused too; −DBL_MAX if that has none
+  double cost_change = 0.0;
   double predicted_change = 0.0;   ///< the same by the model; 0 of kLandmarks
   double relative_decrease = 0.0;  ///< their ratio
-  double step_norm = 0.0;          ///< ‖δ‖ in the tangent spaces; ‖x − candidate‖ of kBatch
-  /// With an observer only: max and norm of (b, l), the gradient with the frames' part as it is when the landmarks follow; at the
-  /// start and after steps of new frames without the landmarks these see. Of kBatch as in IterationSummary, always.
+  double step_norm = 0.0;  ///< ‖δ‖ in the tangent spaces; ‖x − candidate‖ of kBatch
+  /// With an observer only: max and norm of (b, l), the gradient with the frames' part as it is
+  /// when the landmarks follow; at the start and after steps of new frames without the landmarks
+  /// these see. Of kBatch as in IterationSummary, always.
   double gradient_max_norm = 0.0;
   double gradient_norm = 0.0;
   double damping = 0.0;  ///< μ after it; 0 of the batch solver's Dog-Leg
-  double radius = 0.0;   ///< of the trust region after it: infinite unless a step was shortened; Ceres's of kBatch
+  /// of the trust region after it: infinite unless a step was shortened; Ceres's of kBatch
+  double radius = 0.0;
   int num_moved_frames = 0;
   int num_visited_landmarks = 0;
   int num_relinearized_factors = 0;
   std::int64_t num_evaluated_factors = 0;
-  int num_linear_solver_iterations = 0;  ///< of PCG; 1 if a direct solver solved, 0 if there was nothing to solve
+  /// of PCG; 1 if a direct solver solved, 0 if there was nothing to solve
+  int num_linear_solver_iterations = 0;
   double seconds = 0.0;
   double solve_seconds = 0.0;       ///< of them in the solver of the reduced system
   double cumulative_seconds = 0.0;  ///< since the Update began
 };
 
-/// What one Update of an IncrementalSolver did: counts, which do not depend on the machine, and seconds.
+/// What one Update of an IncrementalSolver did: counts, which do not depend on the machine, and
+/// seconds.
 struct INCERES_EXPORT UpdateSummary {
   Termination termination = Termination::kFailure;
   std::string message;
   std::string failed_step;  ///< as in Summary
   /// The batch solver's own rules ended it, as Ceres's would: `message` is in Ceres's words.
   bool ended_by_batch_rule = false;
-  /// Convergence was concluded from refused steps alone: undamped, the model promised more than the tolerance, and no step that
-  /// was tried kept it. So it is at a kink of the cost; it may also be that a good length of steps was passed over.
+  /// Convergence was concluded from refused steps alone: undamped, the model promised more than the
+  /// tolerance, and no step that was tried kept it. So it is at a kink of the cost; it may also be
+  /// that a good length of steps was passed over.
   bool rests_on_refusals = false;
   double initial_cost = 0.0;
   double final_cost = 0.0;
-  /// What the model saw left to gain before the last step of the frames, or at convergence: truncated and unvisited parts too.
+  /// What the model saw left to gain before the last step of the frames, or at convergence:
+  /// truncated and unvisited parts too.
   double remaining_decrease = 0.0;
 
   int num_iterations = 0;
@@ -71,19 +82,20 @@ struct INCERES_EXPORT UpdateSummary {
   int num_rejected_steps = 0;
   int num_shortened_steps = 0;  ///< tried again along the dog-leg path
   int num_relinearized_factors = 0;
-  int num_recentered_factors = 0;          ///< whose expansion point moved between iterations, FactorFamily::Recenter
+  /// whose expansion point moved between iterations, FactorFamily::Recenter
+  int num_recentered_factors = 0;
   std::int64_t num_evaluated_factors = 0;  ///< cost-only, at candidates
   int num_eliminated_landmarks = 0;        ///< taken out of S and put back with new blocks
   int num_updated_landmarks = 0;           ///< whose right-hand side alone followed
   int num_factored_rows = 0;               ///< block rows of the reduced system refactored
-  int num_reorderings = 0;                 ///< of the reduced system's rows, whose order had aged (loops)
-  int num_solved_rows = 0;                 ///< block rows substituted backwards
+  int num_reorderings = 0;  ///< of the reduced system's rows, whose order had aged (loops)
+  int num_solved_rows = 0;  ///< block rows substituted backwards
   int num_pcg_iterations = 0;
   int num_landmark_passes = 0;    ///< steps of landmarks alone
   int num_visited_landmarks = 0;  ///< leaves back-substituted
   int num_moved_frames = 0;
-  int num_rebuilds = 0;                ///< switch decisions: S and b summed anew
-  int num_drifted_frames = 0;          ///< rows of S summed anew because cancellation had eaten digits
+  int num_rebuilds = 0;        ///< switch decisions: S and b summed anew
+  int num_drifted_frames = 0;  ///< rows of S summed anew because cancellation had eaten digits
   int num_undetermined_landmarks = 0;  ///< without information at the end
   std::int64_t bytes = 0;              ///< of the caches, S and its factor
 

@@ -1,4 +1,5 @@
-// Minimizes ½ (10 − x)² through the Ceres shim from an installation: Ceres's own hello-world with another namespace.
+// Minimizes ½ (10 − x)² through the Ceres shim from an installation: Ceres's own hello-world with
+// another namespace.
 #include <cmath>
 #include <cstdio>
 
@@ -20,6 +21,7 @@ int main() {
   ceres::Solver::Summary summary;
   inceres::SolveReport report;
   inceres::Solve(ceres::Solver::Options(), &problem, &summary, {}, &report);
-  std::printf("x = %.9g, %s\n%s\n", x, report.used_stock ? "by stock Ceres" : "by inceres", summary.BriefReport().c_str());
+  std::printf("x = %.9g, %s\n%s\n", x, report.used_stock ? "by stock Ceres" : "by inceres",
+              summary.BriefReport().c_str());
   return summary.IsSolutionUsable() && !report.used_stock && std::abs(x - 10.0) < 1e-3 ? 0 : 1;
 }

@@ -11,7 +11,8 @@ class Offset : public inceres::AmbientFamily<Offset> {
   Offset() : AmbientFamily(1, {{1, 1}}) {}
   int size() const override { return 1; }
   const char* Name() const override { return "offset"; }
-  bool EvaluateOne(int /*i*/, const double* const* parameters, double* residuals, double** jacobians) const {
+  bool EvaluateOne(int /*i*/, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
     residuals[0] = parameters[0][0] - 3.0;
     if (jacobians != nullptr && jacobians[0] != nullptr) {
       jacobians[0][0] = 1.0;

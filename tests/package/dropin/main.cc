@@ -1,4 +1,5 @@
-// Minimizes ½ (10 − x)² with ceres::Solve, from an installation whose drop-in stands in front of Ceres.
+// Minimizes ½ (10 − x)² with ceres::Solve, from an installation whose drop-in stands in front of
+// Ceres.
 #include <cmath>
 #include <cstdio>
 

@@ -20,16 +20,19 @@
 
 namespace inceres::internal {
 
-// The adapter's way to stock Ceres, in the drop-in: past our own ceres::Solver::Solve to the member function behind it. The next
-// *free* ceres::Solve would come back to us, for it calls the member by way of the dynamic linker.
-void SolveWithStock(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+// The adapter's way to stock Ceres, in the drop-in: past our own ceres::Solver::Solve to the member
+// function behind it. The next *free* ceres::Solve would come back to us, for it calls the member
+// by way of the dynamic linker.
+void SolveWithStock(const ceres::Solver::Options& options, ceres::Problem* problem,
+                    ceres::Solver::Summary* summary) {
   ceres::Solver solver;
   Next().SolverSolve(&solver, options, problem, summary);
 }
 
 namespace {
 
-// A session in use by one solve at a time: a cost function may solve the Problem it is evaluated for, however odd that is.
+// A session in use by one solve at a time: a cost function may solve the Problem it is evaluated
+// for, however odd that is.
 class Borrowed {
  public:
   explicit Borrowed(KnownProblem* known) : known_(known), mine_(!known->busy.exchange(true)) {}
@@ -54,14 +57,16 @@ SolveOptions Asked(const KnownProblem& known, SolveMode mode) {
   return options;
 }
 
-// Which residual blocks are new is known from the calls that added them, whatever their addresses: their cost functions are
-// forgotten, so that a residual block removed and added again is linearized anew even where nothing that can be evaluated
-// differs: estimators make new cost functions where old ones stood, or change one between its removal and its return. And where
-// no call has edited the problem, it is not looked through again.
+// Which residual blocks are new is known from the calls that added them, whatever their addresses:
+// their cost functions are forgotten, so that a residual block removed and added again is
+// linearized anew even where nothing that can be evaluated differs: estimators make new cost
+// functions where old ones stood, or change one between its removal and its return. And where no
+// call has edited the problem, it is not looked through again.
 //
-// What no wrapped call tells is believed no more than in any CeresSession: the values of parameters are compared, and the cost
-// function of a residual block that stayed must still evaluate to its residual, bit by bit. For it may have changed where it
-// stands, by memory of its own or of the user's that is no argument of it, and neither is an edit of the Problem.
+// What no wrapped call tells is believed no more than in any CeresSession: the values of parameters
+// are compared, and the cost function of a residual block that stayed must still evaluate to its
+// residual, bit by bit. For it may have changed where it stands, by memory of its own or of the
+// user's that is no argument of it, and neither is an edit of the Problem.
 void TellWhatIsNew(KnownProblem* known) {
   if (known->session != nullptr) {
     for (const ceres::CostFunction* cost : known->added_cost_functions) {
@@ -82,9 +87,10 @@ CeresSession& SessionOf(DropinMode mode, KnownProblem* known) {
   return *known->session;
 }
 
-// Whether it was solved; if not, nothing has happened, for the solve is strict. A Problem's first solve needs no session:
-// many Problems are solved once, on a stack. The second begins one.
-bool SolvedIncrementally(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
+// Whether it was solved; if not, nothing has happened, for the solve is strict. A Problem's first
+// solve needs no session: many Problems are solved once, on a stack. The second begins one.
+bool SolvedIncrementally(DropinMode mode, KnownProblem* known,
+                         const ceres::Solver::Options& options, ceres::Problem* problem,
                          ceres::Solver::Summary* summary) {
   const Borrowed borrowed(known);
   SolveOptions asked = Asked(*known, SolveMode::kIncremental);
@@ -104,27 +110,31 @@ bool SolvedIncrementally(DropinMode mode, KnownProblem* known, const ceres::Solv
   }
   TheRegistry().CountSolve();
   if (!report.exact_reason.empty()) {
-    LOG_FIRST_N(INFO, 1) << "inceres: exact, though asked to be incremental: " << report.exact_reason << " (said once).";
+    LOG_FIRST_N(INFO, 1) << "inceres: exact, though asked to be incremental: "
+                         << report.exact_reason << " (said once).";
     VLOG(1) << "inceres: exact: " << report.exact_reason;
     return true;
   }
   const ProblemChanges& changes = report.changes;
-  VLOG(1) << "inceres: incremental: " << changes.num_added_factors << " residual blocks new, " << changes.num_removed_factors
-          << " removed, " << changes.num_replaced_factors << " not recognized, " << changes.num_kept_factors << " kept; "
-          << changes.num_revalued_variables << " parameter blocks revalued; " << report.update.num_relinearized_factors
-          << " linearized in " << report.update.num_iterations << " iterations.";
+  VLOG(1) << "inceres: incremental: " << changes.num_added_factors << " residual blocks new, "
+          << changes.num_removed_factors << " removed, " << changes.num_replaced_factors
+          << " not recognized, " << changes.num_kept_factors << " kept; "
+          << changes.num_revalued_variables << " parameter blocks revalued; "
+          << report.update.num_relinearized_factors << " linearized in "
+          << report.update.num_iterations << " iterations.";
   return true;
 }
 
-// A Problem's first solve, of a window's size: exact, as those of a session would be (SessionOptions::exact_windows), and without
-// one, for a window may be built anew for every frame.
-bool IsFirstOfWindow(const KnownProblem& known, const ceres::Solver::Options& options, const ceres::Problem& problem) {
-  return TheEnvironment().exact_windows && known.num_solves == 0 && !IsIterative(options.linear_solver_type) &&
-         IsOfWindowSize(problem);
+// A Problem's first solve, of a window's size: exact, as those of a session would be
+// (SessionOptions::exact_windows), and without one, for a window may be built anew for every frame.
+bool IsFirstOfWindow(const KnownProblem& known, const ceres::Solver::Options& options,
+                     const ceres::Problem& problem) {
+  return TheEnvironment().exact_windows && known.num_solves == 0 &&
+         !IsIterative(options.linear_solver_type) && IsOfWindowSize(problem);
 }
 
-void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options, ceres::Problem* problem,
-                ceres::Solver::Summary* summary) {
+void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options,
+                ceres::Problem* problem, ceres::Solver::Summary* summary) {
   TellWhatIsNew(known);
   const bool exact = mode == DropinMode::kExact || IsFirstOfWindow(*known, options, *problem);
   if (exact || !SolvedIncrementally(mode, known, options, problem, summary)) {
@@ -137,32 +147,37 @@ void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Optio
 }
 
 // As exact mode does.
-std::string Look(const ceres::Solver::Options& options, const ceres::Problem& problem, ceres::EvaluationCallback* callback) {
+std::string Look(const ceres::Solver::Options& options, const ceres::Problem& problem,
+                 ceres::EvaluationCallback* callback) {
   std::unique_ptr<ProblemView> view = StructureCache::OfProcess().TakeView();
   OrderingView ordering;
-  std::string obstacle = FindObstacle(options, problem, /*incremental=*/false, callback, view.get(), &ordering);
+  std::string obstacle =
+      FindObstacle(options, problem, /*incremental=*/false, callback, view.get(), &ordering);
   StructureCache::OfProcess().GiveBack(std::move(view));
   return obstacle;
 }
 
-void HandOver(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-              const std::string& reason) {
+void HandOver(const ceres::Solver::Options& options, ceres::Problem* problem,
+              ceres::Solver::Summary* summary, const std::string& reason) {
   SolveOptions asked = OptionsFromEnvironment();
   asked.mode = SolveMode::kExact;
   SolveAsAsked(
-      {options, problem, summary, asked, nullptr}, [&reason](const SolveCall& call) { Decline(call, reason); }, Repeatable::kNo,
-      reason);
+      {options, problem, summary, asked, nullptr},
+      [&reason](const SolveCall& call) { Decline(call, reason); }, Repeatable::kNo, reason);
 }
 
 }  // namespace
 
-void SolveInsteadOfCeres(const Environment& environment, KnownProblem* known, const ceres::Solver::Options& options,
-                         ceres::Problem* problem, ceres::Solver::Summary* summary) {
-  LOG_FIRST_N(INFO, 1) << "inceres: the drop-in solves for Ceres, mode " << ModeName(environment.mode) << ".";
+void SolveInsteadOfCeres(const Environment& environment, KnownProblem* known,
+                         const ceres::Solver::Options& options, ceres::Problem* problem,
+                         ceres::Solver::Summary* summary) {
+  LOG_FIRST_N(INFO, 1) << "inceres: the drop-in solves for Ceres, mode "
+                       << ModeName(environment.mode) << ".";
   CHECK(problem != nullptr);  // as ceres::Solve
   CHECK(summary != nullptr);
   if (known == nullptr) {
-    HandOver(options, problem, summary, "the problem's constructor was not seen, so it may have an evaluation callback");
+    HandOver(options, problem, summary,
+             "the problem's constructor was not seen, so it may have an evaluation callback");
     return;
   }
   if (environment.mode == DropinMode::kFallback) {

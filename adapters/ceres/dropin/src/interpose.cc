@@ -1,5 +1,5 @@
-// The functions that stand in for Ceres's. Compiled twice: under Ceres's own symbols for the shared library, under __wrap_… for
-// a program linked with --wrap.
+// The functions that stand in for Ceres's. Compiled twice: under Ceres's own symbols for the shared
+// library, under __wrap_… for a program linked with --wrap.
 #include "adapters/ceres/dropin/src/ceres_symbols.h"
 #include "adapters/ceres/dropin/src/dropin_solve.h"
 #include "adapters/ceres/dropin/src/registry.h"
@@ -8,8 +8,9 @@
 
 namespace inceres::internal::interposed {
 
-#define INCERES_DECLARE_INTERPOSED(name, symbol, ...) \
-  [[gnu::visibility("default")]] std::remove_pointer_t<decltype(NextCeres::name)> name __asm__(INCERES_SYMBOL_PREFIX symbol);
+#define INCERES_DECLARE_INTERPOSED(name, symbol, ...)                                           \
+  [[gnu::visibility("default")]] std::remove_pointer_t<decltype(NextCeres::name)> name __asm__( \
+      INCERES_SYMBOL_PREFIX symbol);
 INCERES_CERES_SYMBOLS(INCERES_DECLARE_INTERPOSED)
 #undef INCERES_DECLARE_INTERPOSED
 
@@ -23,12 +24,13 @@ bool IsActive() {
 
 // Whether edits are of interest.
 bool Remembers() {
-  static const bool kRemembers =
-      IsActive() && (TheEnvironment().mode == DropinMode::kIncremental || TheEnvironment().mode == DropinMode::kAuto);
+  static const bool kRemembers = IsActive() && (TheEnvironment().mode == DropinMode::kIncremental ||
+                                                TheEnvironment().mode == DropinMode::kAuto);
   return kRemembers;
 }
 
-// `added`: the cost function of a new residual block, else null. Before its first solve everything of a Problem is new.
+// `added`: the cost function of a new residual block, else null. Before its first solve everything
+// of a Problem is new.
 void NoteEdit(const ceres::Problem* problem, const ceres::CostFunction* added) {
   KnownProblem* known = Remembers() ? TheRegistry().Find(problem) : nullptr;
   if (known == nullptr || known->num_solves == 0) {
@@ -41,7 +43,8 @@ void NoteEdit(const ceres::Problem* problem, const ceres::CostFunction* added) {
 }
 
 template <typename... Parameters, typename... Arguments>
-void Edit(void (*next)(ceres::Problem*, Parameters...), ceres::Problem* problem, Arguments... arguments) {
+void Edit(void (*next)(ceres::Problem*, Parameters...), ceres::Problem* problem,
+          Arguments... arguments) {
   next(problem, arguments...);
   NoteEdit(problem, nullptr);
 }
@@ -64,7 +67,8 @@ void NoteMove(const ceres::Problem* from, const ceres::Problem* to) {
   }
 }
 
-// Before the destructor runs: another thread may construct a Problem at this address as soon as it is free.
+// Before the destructor runs: another thread may construct a Problem at this address as soon as it
+// is free.
 void NoteEnd(const ceres::Problem* problem) {
   if (IsActive()) {
     TheRegistry().Remove(problem);
@@ -73,7 +77,8 @@ void NoteEnd(const ceres::Problem* problem) {
 
 }  // namespace
 
-void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary) {
+void Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
+           ceres::Solver::Summary* summary) {
   if (IsActive()) {
     SolveInsteadOfCeres(TheEnvironment(), TheRegistry().Find(problem), options, problem, summary);
   } else {
@@ -81,8 +86,8 @@ void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres
   }
 }
 
-void SolverSolve(ceres::Solver* solver, const ceres::Solver::Options& options, ceres::Problem* problem,
-                 ceres::Solver::Summary* summary) {
+void SolverSolve(ceres::Solver* solver, const ceres::Solver::Options& options,
+                 ceres::Problem* problem, ceres::Solver::Summary* summary) {
   if (IsActive()) {
     SolveInsteadOfCeres(TheEnvironment(), TheRegistry().Find(problem), options, problem, summary);
   } else {
@@ -136,14 +141,17 @@ void EndBaseProblem(ceres::Problem* problem) {
   Next().EndBaseProblem(problem);
 }
 
-ceres::ResidualBlockId AddResidualBlock(ceres::Problem* problem, ceres::CostFunction* cost, ceres::LossFunction* loss,
-                                        double* const* blocks, int num_blocks) {
-  const ceres::ResidualBlockId id = Next().AddResidualBlock(problem, cost, loss, blocks, num_blocks);
+ceres::ResidualBlockId AddResidualBlock(ceres::Problem* problem, ceres::CostFunction* cost,
+                                        ceres::LossFunction* loss, double* const* blocks,
+                                        int num_blocks) {
+  const ceres::ResidualBlockId id =
+      Next().AddResidualBlock(problem, cost, loss, blocks, num_blocks);
   NoteEdit(problem, cost);
   return id;
 }
 
-ceres::ResidualBlockId AddResidualBlockOn(ceres::Problem* problem, ceres::CostFunction* cost, ceres::LossFunction* loss,
+ceres::ResidualBlockId AddResidualBlockOn(ceres::Problem* problem, ceres::CostFunction* cost,
+                                          ceres::LossFunction* loss,
                                           const std::vector<double*>& blocks) {
   const ceres::ResidualBlockId id = Next().AddResidualBlockOn(problem, cost, loss, blocks);
   NoteEdit(problem, cost);
@@ -161,7 +169,8 @@ void AddParameterBlockWithParameterization(ceres::Problem* problem, double* valu
   Edit(Next().AddParameterBlockWithParameterization, problem, values, size, parameterization);
 }
 
-void SetParameterization(ceres::Problem* problem, double* values, ceres::LocalParameterization* parameterization) {
+void SetParameterization(ceres::Problem* problem, double* values,
+                         ceres::LocalParameterization* parameterization) {
   Edit(Next().SetParameterization, problem, values, parameterization);
 }
 
@@ -169,7 +178,8 @@ void SetParameterization(ceres::Problem* problem, double* values, ceres::LocalPa
 
 #if INCERES_CERES_HAS_MANIFOLDS
 
-void AddParameterBlockWithManifold(ceres::Problem* problem, double* values, int size, ceres::Manifold* manifold) {
+void AddParameterBlockWithManifold(ceres::Problem* problem, double* values, int size,
+                                   ceres::Manifold* manifold) {
   Edit(Next().AddParameterBlockWithManifold, problem, values, size, manifold);
 }
 

@@ -43,8 +43,10 @@ std::string SonameOf(const link_map& map) {
   for (const ElfW(Dyn)* entry = map.l_ld; entry->d_tag != DT_NULL; ++entry) {
     if (entry->d_tag == DT_STRTAB) {
       // The loader has turned it into an address, on most machines.
-      const ElfW(Addr) address = entry->d_un.d_ptr < map.l_addr ? map.l_addr + entry->d_un.d_ptr : entry->d_un.d_ptr;
-      const auto from_here = static_cast<std::ptrdiff_t>(address - reinterpret_cast<ElfW(Addr)>(map.l_ld));
+      const ElfW(Addr) address =
+          entry->d_un.d_ptr < map.l_addr ? map.l_addr + entry->d_un.d_ptr : entry->d_un.d_ptr;
+      const auto from_here =
+          static_cast<std::ptrdiff_t>(address - reinterpret_cast<ElfW(Addr)>(map.l_ld));
       strings = reinterpret_cast<const char*>(map.l_ld) + from_here;
     } else if (entry->d_tag == DT_SONAME) {
       offset = entry->d_un.d_val;
@@ -72,12 +74,14 @@ std::string Mismatch(const void* solve) {
     return "no shared library behind this one has ceres::Solver::Solve";
   }
   if (ceres.soname != kSoname) {
-    return ceres.file + " (" + (ceres.soname.empty() ? "no SONAME" : "SONAME " + ceres.soname) + ")";
+    return ceres.file + " (" + (ceres.soname.empty() ? "no SONAME" : "SONAME " + ceres.soname) +
+           ")";
   }
   for (const Feature& feature : kFeatures) {
     const bool found = LibraryOf(dlsym(RTLD_NEXT, feature.symbol)).base == ceres.base;
     if (found != feature.expected) {
-      return ceres.file + (found ? " (with " : " (without ") + feature.symbol + ", so it is not " + Release() + ")";
+      return ceres.file + (found ? " (with " : " (without ") + feature.symbol + ", so it is not " +
+             Release() + ")";
     }
   }
   return "";
@@ -85,14 +89,15 @@ std::string Mismatch(const void* solve) {
 
 NextCeres FindNext() {
   NextCeres next;
-#define INCERES_FIND_NEXT(name, symbol, ...) next.name = reinterpret_cast<decltype(next.name)>(dlsym(RTLD_NEXT, symbol));
+#define INCERES_FIND_NEXT(name, symbol, ...) \
+  next.name = reinterpret_cast<decltype(next.name)>(dlsym(RTLD_NEXT, symbol));
   INCERES_CERES_SYMBOLS(INCERES_FIND_NEXT)
 #undef INCERES_FIND_NEXT
   const std::string found = Mismatch(reinterpret_cast<const void*>(next.SolverSolve));
   next.is_ours = found.empty();
   if (!next.is_ours) {
-    LOG(WARNING) << "inceres: the drop-in is for " << Release() << " (" << kSoname << ") and found " << found
-                 << "; it stands aside, and that Ceres solves everything.";
+    LOG(WARNING) << "inceres: the drop-in is for " << Release() << " (" << kSoname << ") and found "
+                 << found << "; it stands aside, and that Ceres solves everything.";
   }
   return next;
 }

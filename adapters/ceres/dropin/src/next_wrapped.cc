@@ -3,7 +3,8 @@
 
 namespace inceres::internal {
 namespace real {
-#define INCERES_DECLARE_REAL(name, symbol, ...) std::remove_pointer_t<decltype(NextCeres::name)> name __asm__("__real_" symbol);
+#define INCERES_DECLARE_REAL(name, symbol, ...) \
+  std::remove_pointer_t<decltype(NextCeres::name)> name __asm__("__real_" symbol);
 INCERES_CERES_SYMBOLS(INCERES_DECLARE_REAL)
 #undef INCERES_DECLARE_REAL
 }  // namespace real

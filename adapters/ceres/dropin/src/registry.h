@@ -19,22 +19,27 @@ namespace inceres::internal {
 ///
 /// Threads: as Ceres's own Problem, one at a time; `busy` alone may be asked from several.
 struct KnownProblem {
-  ceres::EvaluationCallback* evaluation_callback = nullptr;  ///< from Problem::Options, which Ceres up to 2.1 shows to nobody
+  /// from Problem::Options, which Ceres up to 2.1 shows to nobody
+  ceres::EvaluationCallback* evaluation_callback = nullptr;
 
   std::int64_t num_solves = 0;  ///< of this Problem, by whichever solver
 
   // Kept in incremental and auto mode, from the first solve on.
-  bool edited = false;  ///< since the session was last asked: a block added or removed, a constant, manifold or bound set
-  /// Cost functions of the residual blocks added since the last solve. Their contents may have changed even if residual block,
-  /// address and residual are all those of a residual block removed before.
+  /// since the session was last asked: a block added or removed, a constant, manifold or bound set
+  bool edited = false;
+  /// Cost functions of the residual blocks added since the last solve. Their contents may have
+  /// changed even if residual block, address and residual are all those of a residual block removed
+  /// before.
   std::vector<const ceres::CostFunction*> added_cost_functions;
 
   std::unique_ptr<CeresSession> session;  ///< from the second solve on, if that is incremental
-  std::atomic<bool> busy{false};          ///< a solve uses the session: a solve nested in it, of the same Problem, may not
+  std::atomic<bool> busy{
+      false};  ///< a solve uses the session: a solve nested in it, of the same Problem, may not
 };
 
-/// The living Problems of a process by address: all that the drop-in remembers. An entry is made by a Problem's constructor, goes
-/// with it when it is moved, and ends with its destructor, before the address can be used again.
+/// The living Problems of a process by address: all that the drop-in remembers. An entry is made by
+/// a Problem's constructor, goes with it when it is moved, and ends with its destructor, before the
+/// address can be used again.
 ///
 /// Threads: any. Cost: a lock and a hash lookup a call.
 class Registry {

@@ -11,24 +11,31 @@
 
 namespace inceres {
 
-/// Cost functions written for Ceres, AutoDiff ones most often, as factors of a FactorGraph or an IncrementalSolver of the core,
-/// next to the built-in families. One family holds cost functions of one shape: `residual_size` residuals over blocks of the
-/// ambient sizes of `slots`, whose tangent sizes are those of the variables. They are called with Ceres's conventions; their
-/// ambient Jacobians are projected by the variables' manifolds, which are the core's (problem/manifolds.h).
+/// Cost functions written for Ceres, AutoDiff ones most often, as factors of a FactorGraph or an
+/// IncrementalSolver of the core, next to the built-in families. One family holds cost functions of
+/// one shape: `residual_size` residuals over blocks of the ambient sizes of `slots`, whose tangent
+/// sizes are those of the variables. They are called with Ceres's conventions; their ambient
+/// Jacobians are projected by the variables' manifolds, which are the core's (problem/manifolds.h).
 ///
-/// A cost function of another shape is a mistake that nobody notices before it writes beyond its room. One that returns false, or
-/// writes what is not finite, is an evaluation that fails, named with its factor.
+/// A cost function of another shape is a mistake that nobody notices before it writes beyond its
+/// room. One that returns false, or writes what is not finite, is an evaluation that fails, named
+/// with its factor.
 ///
-/// Cost: one virtual call a factor, nothing allocated up to 512 Jacobian entries. Threads: cost functions are called concurrently
-/// if the solver runs with several threads, as in Ceres; Add and Place are for one writer.
+/// Cost: one virtual call a factor, nothing allocated up to 512 Jacobian entries. Threads: cost
+/// functions are called concurrently if the solver runs with several threads, as in Ceres; Add and
+/// Place are for one writer.
 class CeresCostFamily : public AmbientFamily<CeresCostFamily> {
  public:
   using Measurement = std::shared_ptr<const ceres::CostFunction>;
 
-  CeresCostFamily(int residual_size, std::vector<Slot> slots) : AmbientFamily<CeresCostFamily>(residual_size, std::move(slots)) {}
+  CeresCostFamily(int residual_size, std::vector<Slot> slots)
+      : AmbientFamily<CeresCostFamily>(residual_size, std::move(slots)) {}
 
-  /// A cost function that whoever owns it keeps for as long as the family has it. Nothing is counted.
-  static Measurement Borrowed(const ceres::CostFunction* cost) { return Measurement(Measurement(), cost); }
+  /// A cost function that whoever owns it keeps for as long as the family has it. Nothing is
+  /// counted.
+  static Measurement Borrowed(const ceres::CostFunction* cost) {
+    return Measurement(Measurement(), cost);
+  }
 
   void Reserve(std::size_t num_factors) { costs_.reserve(num_factors); }
   void Add(Measurement cost) { costs_.push_back(std::move(cost)); }
@@ -38,9 +45,12 @@ class CeresCostFamily : public AmbientFamily<CeresCostFamily> {
 
   int size() const override { return static_cast<int>(costs_.size()); }
   const char* Name() const override { return "ceres::CostFunction"; }
-  std::string Describe(int i) const override { return internal::DescribeObject("cost function", at(i).get()); }
+  std::string Describe(int i) const override {
+    return internal::DescribeObject("cost function", at(i).get());
+  }
 
-  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
     return at(i)->Evaluate(parameters, residuals, jacobians);
   }
 

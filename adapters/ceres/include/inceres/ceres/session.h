@@ -13,29 +13,35 @@ namespace inceres {
 
 /// What a CeresSession is told once.
 struct INCERES_EXPORT SessionOptions {
-  /// Thresholds and damping limits. What a ceres::Solver::Options says too is taken from there at each solve: max_num_iterations,
-  /// max_seconds, function_tolerance, min_relative_decrease, num_threads, batch_strategy, and with LM initial_damping.
+  /// Thresholds and damping limits. What a ceres::Solver::Options says too is taken from there at
+  /// each solve: max_num_iterations, max_seconds, function_tolerance, min_relative_decrease,
+  /// num_threads, batch_strategy, and with LM initial_damping.
   IncrementalOptions core;
 
-  /// Whether a residual block that looks the same (same id, cost function, loss and parameter blocks) must prove it by evaluating
-  /// to the same residual before its Jacobian is used again. Turn it off only if no address of a cost function is ever used again
-  /// for another one and no cost function ever changes: nothing else is left to notice it.
+  /// Whether a residual block that looks the same (same id, cost function, loss and parameter
+  /// blocks) must prove it by evaluating to the same residual before its Jacobian is used again.
+  /// Turn it off only if no address of a cost function is ever used again for another one and no
+  /// cost function ever changes: nothing else is left to notice it.
   bool verify_cached_factors = true;
 
-  /// Whether a solve is exact where a window slides: where states are taken out and a prior stands for what they knew, what a
-  /// solve leaves undone in weak directions becomes final, and a trajectory may be several times as wrong although each cost is
-  /// within the tolerance. So a problem of a window's size (up to 100 blocks of more than four tangent unknowns, up to 16,384
-  /// residual blocks) is solved exactly until 20 solves in a row have passed without a slide, and one of any size for 20 solves
-  /// after one. SolveReport::exact_reason tells of it. False: every solve is incremental.
+  /// Whether a solve is exact where a window slides: where states are taken out and a prior stands
+  /// for what they knew, what a solve leaves undone in weak directions becomes final, and a
+  /// trajectory may be several times as wrong although each cost is within the tolerance. So a
+  /// problem of a window's size (up to 100 blocks of more than four tangent unknowns, up to 16,384
+  /// residual blocks) is solved exactly until 20 solves in a row have passed without a slide, and
+  /// one of any size for 20 solves after one. SolveReport::exact_reason tells of it. False: every
+  /// solve is incremental.
   bool exact_windows = true;
 
-  /// Whether solves are exact while that takes less work, as counted in the incremental solves so far; now and then those are
-  /// tried again. SolveReport::exact_reason tells, and the log when it changes.
+  /// Whether solves are exact while that takes less work, as counted in the incremental solves so
+  /// far; now and then those are tried again. SolveReport::exact_reason tells, and the log when it
+  /// changes.
   bool automatic = false;
 };
 
-/// Solves a living ceres::Problem again and again. Between two solves the caller adds and removes residual and parameter blocks,
-/// sets constants, moves values, as ever; the session finds out what changed and does the work of that, not of the whole problem.
+/// Solves a living ceres::Problem again and again. Between two solves the caller adds and removes
+/// residual and parameter blocks, sets constants, moves values, as ever; the session finds out what
+/// changed and does the work of that, not of the whole problem.
 ///
 ///     inceres::CeresSession session;
 ///     while (NextFrame(&problem)) {
@@ -44,22 +50,26 @@ struct INCERES_EXPORT SessionOptions {
 ///
 /// Nothing is believed because an address is the same, for addresses come back:
 /// - values are compared with those the session last wrote, bit by bit;
-/// - a cost function must evaluate (cost only, at the values of its last linearization) to the residual it had there, bit by bit.
-///   A residual of zero proves nothing, nor does one that depends on whether Jacobians are asked for; such a residual block, like
-///   one that fails, is linearized anew in every solve;
-/// - a manifold must have the plus-Jacobian it had; a loss must give the values it gave at 25 arguments from 4⁻¹² to 4¹².
+/// - a cost function must evaluate (cost only, at the values of its last linearization) to the
+///   residual it had there, bit by bit. A residual of zero proves nothing, nor does one that
+///   depends on whether Jacobians are asked for; such a residual block, like one that fails, is
+///   linearized anew in every solve;
+/// - a manifold must have the plus-Jacobian it had; a loss must give the values it gave at 25
+///   arguments from 4⁻¹² to 4¹².
 /// What these tests cannot see, Forget and Reset tell.
 ///
-/// What incremental steps have not finished after 25 iterations, or have concluded from refused steps alone, the batch solver
-/// goes on with, from there and then from the start (docs/swap.md).
+/// What incremental steps have not finished after 25 iterations, or have concluded from refused
+/// steps alone, the batch solver goes on with, from there and then from the start (docs/swap.md).
 ///
-/// The results are those of SolveMode::kIncremental: a minimum within function_tolerance, not Ceres's trace, nor always Ceres's
-/// minimum where there are several. What that mode does not support goes to stock Ceres, for this one call. The problem may also
-/// be another one from call to call: what it shares with the last one is found by the same rules.
+/// The results are those of SolveMode::kIncremental: a minimum within function_tolerance, not
+/// Ceres's trace, nor always Ceres's minimum where there are several. What that mode does not
+/// support goes to stock Ceres, for this one call. The problem may also be another one from call to
+/// call: what it shares with the last one is found by the same rules.
 ///
-/// User code is called, and user memory touched, only during Solve. Cost: one pass over the problem, with one cost-only
-/// evaluation a residual block, plus the work of what changed. Memory: what the core keeps, and the parameters and residual of
-/// each residual block. Threads: one at a time; two sessions share nothing. docs/swap.md tells what a session notices.
+/// User code is called, and user memory touched, only during Solve. Cost: one pass over the
+/// problem, with one cost-only evaluation a residual block, plus the work of what changed. Memory:
+/// what the core keeps, and the parameters and residual of each residual block. Threads: one at a
+/// time; two sessions share nothing. docs/swap.md tells what a session notices.
 class INCERES_EXPORT CeresSession {
  public:
   explicit CeresSession(const SessionOptions& options = SessionOptions());
@@ -67,12 +77,14 @@ class INCERES_EXPORT CeresSession {
   CeresSession(const CeresSession&) = delete;
   CeresSession& operator=(const CeresSession&) = delete;
 
-  /// As inceres::Solve in incremental mode, whatever solve_options.mode says. A failure, a callback's abort and an exception out
-  /// of user code leave user memory as it was and make the session forget everything.
-  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-             const SolveOptions& solve_options = SolveOptions(), SolveReport* report = nullptr);
-  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem, ceres::Solver::Summary* summary,
-             SolveReport* report) {
+  /// As inceres::Solve in incremental mode, whatever solve_options.mode says. A failure, a
+  /// callback's abort and an exception out of user code leave user memory as it was and make the
+  /// session forget everything.
+  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
+             ceres::Solver::Summary* summary, const SolveOptions& solve_options = SolveOptions(),
+             SolveReport* report = nullptr);
+  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
+             ceres::Solver::Summary* summary, SolveReport* report) {
     Solve(options, problem, summary, SolveOptions(), report);
   }
 
