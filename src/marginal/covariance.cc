@@ -1,6 +1,7 @@
 #include "inceres/solver/covariance.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <new>
 #include <string>
 
@@ -18,6 +19,30 @@ Status CovarianceOptions::Validate() const {
   }
   return max_inflation > 1.0 ? Status::Ok()
                              : Invalid("CovarianceOptions::max_inflation must exceed 1");
+}
+
+std::string RankDeficiency::ToString() const {
+  std::string text;
+  if (!landmarks.empty()) {
+    text = std::to_string(landmarks.size()) +
+           " landmarks are not determined by their factors, the first of them variable " +
+           std::to_string(landmarks.front());
+  }
+  const char* separator = ": ";
+  if (!directions.empty()) {
+    text += (text.empty() ? "" : "; ") + std::to_string(directions.size()) +
+            (has_more ? " directions or more are open" : " directions are open");
+  }
+  for (const Direction& direction : directions) {
+    for (const auto& [id, share] : direction.shares) {
+      char percent[16];
+      std::snprintf(percent, sizeof(percent), " (%.2f)", share);
+      text += separator + ("variable " + std::to_string(id)) + percent;
+      separator = ", ";
+    }
+    separator = "; ";
+  }
+  return text;
 }
 
 Status Covariance::Compute(const FactorGraph& graph, const Pairs& pairs) {
@@ -38,6 +63,7 @@ Status Covariance::Compute(const IncrementalSolver& solver, const Pairs& pairs) 
 Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>& state,
                              const Pairs& pairs) {
   blocks_.clear();
+  deficiency_ = RankDeficiency();
   Status status = options_.Validate();
   status = status.ok() ? graph.Validate() : status;
   if (!status.ok()) {
@@ -51,24 +77,23 @@ Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>
     }
   }
   try {
-    internal::CovarianceSystem system(graph, state, options_.num_threads, options_.max_inflation);
-    std::vector<VariableId> wanted;
-    for (const auto& pair : pairs) {
-      for (const VariableId id : {pair.first, pair.second}) {
+    internal::CovarianceSystem system(graph, state, options_);
+    Pairs moving;
+    for (const auto& [a, b] : pairs) {
+      for (const VariableId id : {a, b}) {
         if (!graph.IsConstant(id) && !system.Has(id)) {
           return Invalid("variable " + std::to_string(id) +
                          " has no covariance: no factor touches it");
         }
-        if (!graph.IsConstant(id)) {
-          wanted.push_back(id);
-        }
+      }
+      if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
+        moving.emplace_back(a, b);
       }
     }
-    std::sort(wanted.begin(), wanted.end());
-    wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
-    if (!wanted.empty()) {
+    if (!moving.empty()) {
       status = system.Factorize();
-      status = status.ok() ? system.Prepare(wanted) : status;
+      status = status.ok() ? system.Prepare(moving) : status;
+      deficiency_ = system.deficiency();
     }
     for (std::size_t k = 0; status.ok() && k < pairs.size(); ++k) {
       const auto [a, b] = pairs[k];

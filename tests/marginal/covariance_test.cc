@@ -140,6 +140,83 @@ TEST(Covariance, AFreeGaugeIsAStatus) {
   }
 }
 
+// Frames along a path, each seen by the next few, and landmarks that three of them see: the factor
+// has few of all pairs, and landmarks far apart share none.
+struct Path {
+  explicit Path(int num_frames, unsigned seed) : random(seed) {
+    for (int i = 0; i < num_frames; ++i) {
+      frames.push_back(random.AddFrame(i % 4 == 3 ? 3 : 6));
+      random.Connect(6, {frames.back()});
+    }
+    for (int i = 0; i + 2 < num_frames; ++i) {
+      landmarks.push_back(random.AddLandmark(1 + i % 3));
+      for (int k = 0; k < 3; ++k) {
+        random.Connect(4, {frames[static_cast<std::size_t>(i + k)], landmarks.back()});
+      }
+    }
+  }
+  RandomGraph random;
+  std::vector<VariableId> frames, landmarks;
+};
+
+TEST(Covariance, OfAllOnAPathComesFromTheFactor) {
+  Path path(30, 11);
+  const std::vector<VariableId> moving = Moving(path.random.graph());
+  Covariance covariance;
+  // All pairs: what the factor does not have is solved for.
+  const Status status = covariance.Compute(path.random.graph(), AllPairs(moving));
+  ASSERT_TRUE(status.ok()) << status.message;
+  ExpectInverse(path.random.graph(), moving, covariance);
+  // The variances alone.
+  Covariance::Pairs own;
+  for (const VariableId id : moving) {
+    own.emplace_back(id, id);
+  }
+  Covariance variances;
+  ASSERT_TRUE(variances.Compute(path.random.graph(), own).ok());
+  for (const VariableId id : moving) {
+    double expected[36], found[36];
+    const int size = path.random.graph().TangentSize(id);
+    ASSERT_TRUE(covariance.Get(id, id, expected));
+    ASSERT_TRUE(variances.Get(id, id, found));
+    for (int k = 0; k < size * size; ++k) {
+      EXPECT_NEAR(found[k], expected[k], 1e-12 * std::abs(expected[0])) << id;
+    }
+    EXPECT_FALSE(variances.Get(id, id == moving[0] ? moving[1] : moving[0], found));
+  }
+}
+
+// Three coordinates of a chain without an anchor, and a fourth variable that only a sum determines.
+TEST(Covariance, TellsWhatIsOpen) {
+  LinearWorld world;
+  Random random(3);
+  for (int i = 0; i < 12; ++i) {
+    world.AddVariable(RandomMatrix(&random, 3, 1));
+    if (i > 0 && i != 8) {  // 0 to 7 are one chain, 8 to 11 another
+      MatrixXd A(3, 6);
+      A << -MatrixXd::Identity(3, 3), MatrixXd::Identity(3, 3);
+      world.AddFactor({i - 1, i}, A, RandomMatrix(&random, 3, 1));
+    }
+  }
+  world.AddFactor({0}, MatrixXd::Identity(3, 3), RandomMatrix(&random, 3, 1));
+  Covariance covariance;
+  EXPECT_EQ(covariance.Compute(world.graph, {{0, 0}}).code, StatusCode::kSingular);
+  const RankDeficiency& open = covariance.deficiency();
+  ASSERT_EQ(open.directions.size(), 3u) << open.ToString();
+  EXPECT_FALSE(open.has_more);
+  for (const RankDeficiency::Direction& direction : open.directions) {
+    ASSERT_EQ(direction.shares.size(), 4u) << open.ToString();
+    for (const auto& [id, share] : direction.shares) {
+      EXPECT_GE(id, 8);
+      EXPECT_GT(share, 0.05);
+    }
+  }
+  EXPECT_NE(open.ToString().find("3 directions are open: variable "), std::string::npos);
+  world.AddFactor({9}, MatrixXd::Identity(3, 3), RandomMatrix(&random, 3, 1));
+  ASSERT_TRUE(covariance.Compute(world.graph, {{0, 0}}).ok());
+  EXPECT_TRUE(covariance.deficiency().directions.empty());
+}
+
 TEST(Covariance, ALandmarkSeenOnceIsAStatusThatNamesIt) {
   RandomGraph random(6);
   const VariableId frame = random.AddFrame(6);
@@ -151,6 +228,9 @@ TEST(Covariance, ALandmarkSeenOnceIsAStatusThatNamesIt) {
   EXPECT_EQ(status.code, StatusCode::kSingular);
   EXPECT_EQ(status.message,
             "variable 1 has no covariance: the landmark is not determined by its factors");
+  EXPECT_EQ(covariance.deficiency().landmarks, std::vector<VariableId>{landmark});
+  EXPECT_EQ(covariance.deficiency().ToString(),
+            "1 landmarks are not determined by their factors, the first of them variable 1");
 }
 
 TEST(Covariance, BadIdsAndOptions) {
