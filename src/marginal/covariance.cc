@@ -45,11 +45,11 @@ std::string RankDeficiency::ToString() const {
   return text;
 }
 
-Status Covariance::Compute(const FactorGraph& graph, const Pairs& pairs) {
+Status GraphCovariance::Compute(const FactorGraph& graph, const Pairs& pairs) {
   return ComputeAt(graph, graph.state(), pairs);
 }
 
-Status Covariance::Compute(const IncrementalSolver& solver, const Pairs& pairs) {
+Status GraphCovariance::Compute(const IncrementalSolver& solver, const Pairs& pairs) {
   const FactorGraph& graph = solver.graph();
   std::vector<double> state = graph.state();
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
@@ -60,8 +60,8 @@ Status Covariance::Compute(const IncrementalSolver& solver, const Pairs& pairs) 
   return ComputeAt(graph, state, pairs);
 }
 
-Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>& state,
-                             const Pairs& pairs) {
+Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<double>& state,
+                                  const Pairs& pairs) {
   blocks_.clear();
   deficiency_ = RankDeficiency();
   Status status = options_.Validate();
@@ -114,7 +114,7 @@ Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>
   return status;
 }
 
-bool Covariance::Get(VariableId a, VariableId b, double* covariance) const {
+bool GraphCovariance::Get(VariableId a, VariableId b, double* covariance) const {
   auto found = blocks_.find({a, b});
   if (found != blocks_.end()) {
     std::copy(found->second.values.begin(), found->second.values.end(), covariance);

@@ -278,8 +278,8 @@ bool CovarianceSystem::IsSelected(const Column& a, const Column& b) const {
 }
 
 // One solution a pair is enough: that of the variable with more of the pairs that need one.
-Status CovarianceSystem::SolveForPairs(const Covariance::Pairs& pairs) {
-  Covariance::Pairs open;
+Status CovarianceSystem::SolveForPairs(const GraphCovariance::Pairs& pairs) {
+  GraphCovariance::Pairs open;
   std::map<VariableId, int> count;
   for (const auto& [a, b] : pairs) {
     if (!IsSelected(columns_.at(a), columns_.at(b))) {
@@ -297,7 +297,7 @@ Status CovarianceSystem::SolveForPairs(const Covariance::Pairs& pairs) {
   return status;
 }
 
-Status CovarianceSystem::Prepare(const Covariance::Pairs& pairs) {
+Status CovarianceSystem::Prepare(const GraphCovariance::Pairs& pairs) {
   double wanted_columns = 0.0;
   for (const auto& pair : pairs) {
     for (const VariableId id : {pair.first, pair.second}) {

@@ -18,7 +18,7 @@
 namespace inceres::internal {
 
 /// The undamped normal equations of a graph at a state, factored, and blocks of their inverse. With
-/// V of a variable as Covariance defines it, which touches few frames, a block is a sum over these:
+/// V of a variable as GraphCovariance defines it, which touches few frames, a block is a sum over these:
 ///
 ///     cov(a, b) = Σ_ij V_aiᵀ (S⁻¹)_ij V_bj + [a = b is a landmark] P_b⁻¹.
 ///
@@ -36,7 +36,7 @@ class CovarianceSystem {
   const RankDeficiency& deficiency() const { return deficiency_; }
 
   /// Makes ready what Product needs for these pairs, of variables that it Has.
-  Status Prepare(const Covariance::Pairs& pairs);
+  Status Prepare(const GraphCovariance::Pairs& pairs);
   /// cov(a, b) of one of the pairs.
   Eigen::MatrixXd Product(VariableId a, VariableId b) const;
 
@@ -60,7 +60,7 @@ class CovarianceSystem {
   Status Solve(const Eigen::MatrixXd& right, Eigen::MatrixXd* left);
   Status SolveFor(VariableId id);
   Status InvertFactor();
-  Status SolveForPairs(const Covariance::Pairs& pairs);
+  Status SolveForPairs(const GraphCovariance::Pairs& pairs);
   bool IsSelected(const Column& a, const Column& b) const;
   Eigen::MatrixXd FromSolution(const Column& a, const Column& b) const;
   Eigen::MatrixXd FromInverse(const Column& a, const Column& b) const;

@@ -20,7 +20,7 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 // Every block, computed in one order and read in both, against the dense inverse of the oracle's
 // Hessian.
 void ExpectInverse(const FactorGraph& graph, const std::vector<VariableId>& moving,
-                   const Covariance& covariance) {
+                   const GraphCovariance& covariance) {
   const DenseOracle oracle(graph, moving);
   const MatrixXd inverse = oracle.H.inverse();
   Eigen::Index row = 0;
@@ -41,8 +41,8 @@ void ExpectInverse(const FactorGraph& graph, const std::vector<VariableId>& movi
   }
 }
 
-Covariance::Pairs AllPairs(const std::vector<VariableId>& ids) {
-  Covariance::Pairs pairs;
+GraphCovariance::Pairs AllPairs(const std::vector<VariableId>& ids) {
+  GraphCovariance::Pairs pairs;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     for (std::size_t k = i; k < ids.size(); ++k) {
       pairs.emplace_back((i + k) % 2 == 0 ? ids[i] : ids[k], (i + k) % 2 == 0 ? ids[k] : ids[i]);
@@ -75,7 +75,7 @@ TEST(Covariance, IsTheInverseOfTheHessian) {
     options.hosted = seed == 5;
     const std::unique_ptr<RandomGraph> bundle = MakeBundle(options);
     const std::vector<VariableId> moving = Moving(bundle->graph());
-    Covariance covariance;
+    GraphCovariance covariance;
     const Status status = covariance.Compute(bundle->graph(), AllPairs(moving));
     ASSERT_TRUE(status.ok()) << status.message;
     SCOPED_TRACE(seed);
@@ -88,7 +88,7 @@ TEST(Covariance, OfLandmarksAloneAndFramesAlone) {
   for (int l = 0; l < 3; ++l) {
     landmarks.Connect(4, {landmarks.AddLandmark(2)});
   }
-  Covariance covariance;
+  GraphCovariance covariance;
   ASSERT_TRUE(covariance.Compute(landmarks.graph(), AllPairs({0, 1, 2})).ok());
   ExpectInverse(landmarks.graph(), {0, 1, 2}, covariance);
   RandomGraph frames(4);
@@ -106,7 +106,7 @@ TEST(Covariance, BlocksOfConstantsAreZero) {
   const VariableId free = random.AddFrame(3);
   random.graph().SetConstant(held, true);
   random.Connect(4, {held, free});
-  Covariance covariance;
+  GraphCovariance covariance;
   ASSERT_TRUE(covariance.Compute(random.graph(), {{held, free}, {free, free}}).ok());
   double block[6] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
   ASSERT_TRUE(covariance.Get(held, free, block));
@@ -128,7 +128,7 @@ TEST(Covariance, AFreeGaugeIsAStatus) {
         world.AddFactor({i - 1, i}, A, RandomMatrix(&random, 3, 1));
       }
     }
-    Covariance covariance;
+    GraphCovariance covariance;
     const Status status = covariance.Compute(world.graph, {{0, 0}});
     EXPECT_EQ(status.code, StatusCode::kSingular) << size;
     double block[9];
@@ -162,17 +162,17 @@ struct Path {
 TEST(Covariance, OfAllOnAPathComesFromTheFactor) {
   Path path(30, 11);
   const std::vector<VariableId> moving = Moving(path.random.graph());
-  Covariance covariance;
+  GraphCovariance covariance;
   // All pairs: what the factor does not have is solved for.
   const Status status = covariance.Compute(path.random.graph(), AllPairs(moving));
   ASSERT_TRUE(status.ok()) << status.message;
   ExpectInverse(path.random.graph(), moving, covariance);
   // The variances alone.
-  Covariance::Pairs own;
+  GraphCovariance::Pairs own;
   for (const VariableId id : moving) {
     own.emplace_back(id, id);
   }
-  Covariance variances;
+  GraphCovariance variances;
   ASSERT_TRUE(variances.Compute(path.random.graph(), own).ok());
   for (const VariableId id : moving) {
     double expected[36], found[36];
@@ -199,7 +199,7 @@ TEST(Covariance, TellsWhatIsOpen) {
     }
   }
   world.AddFactor({0}, MatrixXd::Identity(3, 3), RandomMatrix(&random, 3, 1));
-  Covariance covariance;
+  GraphCovariance covariance;
   EXPECT_EQ(covariance.Compute(world.graph, {{0, 0}}).code, StatusCode::kSingular);
   const RankDeficiency& open = covariance.deficiency();
   ASSERT_EQ(open.directions.size(), 3u) << open.ToString();
@@ -223,7 +223,7 @@ TEST(Covariance, ALandmarkSeenOnceIsAStatusThatNamesIt) {
   random.Connect(8, {frame});
   const VariableId landmark = random.AddLandmark(3);
   random.Connect(2, {frame, landmark});
-  Covariance covariance;
+  GraphCovariance covariance;
   const Status status = covariance.Compute(random.graph(), {{frame, frame}});
   EXPECT_EQ(status.code, StatusCode::kSingular);
   EXPECT_EQ(status.message,
@@ -238,17 +238,17 @@ TEST(Covariance, BadIdsAndOptions) {
   random.AddFrame(2);
   random.AddFrame(2);
   random.Connect(3, {0});
-  Covariance covariance;
+  GraphCovariance covariance;
   EXPECT_EQ(covariance.Compute(random.graph(), {{0, 5}}).message, "variable 5 does not exist");
   EXPECT_EQ(covariance.Compute(random.graph(), {{0, 1}}).message,
             "variable 1 has no covariance: no factor touches it");
   CovarianceOptions options;
   options.num_threads = 0;
-  EXPECT_EQ(Covariance(options).Compute(random.graph(), {}).message,
+  EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
             "CovarianceOptions::num_threads must be at least 1");
   options.num_threads = 1;
   options.max_inflation = 1.0;
-  EXPECT_EQ(Covariance(options).Compute(random.graph(), {}).message,
+  EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
             "CovarianceOptions::max_inflation must exceed 1");
 }
 
@@ -270,7 +270,7 @@ TEST(Covariance, OfALivingProblem) {
     }
   }
   const std::vector<VariableId> moving = Moving(copy);
-  Covariance covariance;
+  GraphCovariance covariance;
   const Status status = covariance.Compute(bundle.solver, AllPairs(moving));
   ASSERT_TRUE(status.ok()) << status.message;
   // The oracle's rows of a graph without gaps.
@@ -286,7 +286,7 @@ TEST(Covariance, IsTheSameForAnyNumberOfThreads) {
   for (const int num_threads : {1, 4}) {
     CovarianceOptions options;
     options.num_threads = num_threads;
-    Covariance covariance(options);
+    GraphCovariance covariance(options);
     const Status status = covariance.Compute(bundle->graph(), {{0, 1}});
     ASSERT_TRUE(status.ok()) << status.message;
     ASSERT_TRUE(covariance.Get(0, 1, blocks[num_threads / 4]));

@@ -34,7 +34,7 @@ if (!summary.status.ok()) {
 
 void AskForCovariance(const inceres::IncrementalSolver& solver, VariableId newest_pose, VariableId speed_bias, double* variance) {
 // [quoted in docs/visual_inertial.md]
-inceres::Covariance covariance;
+inceres::GraphCovariance covariance;
 const inceres::Status status = covariance.Compute(solver, {{newest_pose, newest_pose}, {newest_pose, speed_bias}});
 double pose_covariance[36];
 covariance.Get(newest_pose, newest_pose, pose_covariance);  // row-major, in the tangent space

@@ -13,7 +13,7 @@ namespace inceres {
 
 class IncrementalSolver;
 
-/// Options of Covariance.
+/// Options of GraphCovariance.
 struct INCERES_EXPORT CovarianceOptions {
   int num_threads = 1;  ///< ≥ 1: evaluation; the result is the same to the last bit
   /// > 1: a variance that exceeds the one with all else known by more than this factor counts as
@@ -60,11 +60,11 @@ struct INCERES_EXPORT RankDeficiency {
 /// landmark or a factor; pairs beyond take solves again. Memory: once more the factor of S.
 /// One caller; threads as options say. Source: Triggs et al. 1999, section 9; Takahashi, Fagan &
 /// Chen 1973; docs/visual_inertial.md.
-class INCERES_EXPORT Covariance {
+class INCERES_EXPORT GraphCovariance {
  public:
   using Pairs = std::vector<std::pair<VariableId, VariableId>>;
 
-  explicit Covariance(const CovarianceOptions& options = {}) : options_(options) {}
+  explicit GraphCovariance(const CovarianceOptions& options = {}) : options_(options) {}
 
   /// Computes the blocks of these pairs, in one or the other order, and forgets all others. Blocks
   /// of constants are zero, as in Ceres. On an error there are none: an id that does not exist or
