@@ -186,10 +186,13 @@ void Print(const std::vector<Result>& results, const nlohmann::json& report) {
   std::printf("%-18s %10s %8s %12s  %s\n", "", "seconds", "ratio", "difference", "verdict");
   for (std::size_t k = 0; k < results.size(); ++k) {
     const nlohmann::json& row = report["results"][k];
-    const std::string difference =
-        row["largest_difference"].is_null() ? "-" : row["largest_difference"].dump().substr(0, 10);
+    char difference[16] = "-";
+    if (!row["largest_difference"].is_null()) {
+      std::snprintf(difference, sizeof(difference), "%.1e",
+                    row["largest_difference"].get<double>());
+    }
     std::printf("%-18s %10.4f %8.3f %12s  %s%s%s\n", results[k].name.c_str(),
-                row["seconds"].get<double>(), row["ratio"].get<double>(), difference.c_str(),
+                row["seconds"].get<double>(), row["ratio"].get<double>(), difference,
                 results[k].computed ? "computed" : "rank deficient",
                 results[k].message.empty() ? "" : ": ", results[k].message.c_str());
   }

@@ -232,9 +232,10 @@ INSTANTIATE_TEST_SUITE_P(Dropin, EveryWay, ::testing::ValuesIn(kWays),
 
 // Ours says what is open; stock counts columns.
 TEST(Dropin, CovariancesAreOurs) {
-  EXPECT_EQ(CountOf(Preloaded("covariance").err, "inceres: no covariance: "), 1);
-  EXPECT_EQ(CountOf(Bare("covariance").err, "Jacobian matrix is rank deficient"), 1);
-  EXPECT_EQ(CountOf(Preloaded("covariance", "INCERES_MODE=fallback").err, "inceres: no cov"), 0);
+  EXPECT_EQ(CountOf(Preloaded("open_covariance").err, "inceres: no covariance: "), 1);
+  EXPECT_EQ(CountOf(Bare("open_covariance").err, "Jacobian matrix is rank deficient"), 1);
+  EXPECT_EQ(CountOf(Preloaded("open_covariance", "INCERES_MODE=fallback").err, "inceres: no cov"),
+            0);
 }
 
 TEST(Dropin, IncrementalEndsWhereStockEnds) {

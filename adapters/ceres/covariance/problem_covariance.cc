@@ -168,7 +168,9 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
     core.max_inflation = kHopelessInflation;
     GraphCovariance doubtful(core);
     status = doubtful.Compute(graph, wanted);
-    return status.ok() ? Decline("variances that the normal equations lose too many digits of")
+    return status.ok() ? Decline("variances that the normal equations lose too many digits of: " +
+                                 DescribeDeficiency(covariance.deficiency(), *view, *plan) +
+                                 " to 1e-8 of what else determines them")
                        : Fail(DescribeDeficiency(doubtful.deficiency(), *view, *plan) + " (" +
                               status.message + ")");
   }
