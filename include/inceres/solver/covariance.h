@@ -26,10 +26,11 @@ struct INCERES_EXPORT CovarianceOptions {
 /// values, with Jacobians corrected for robust losses (and pinned where variables are), undamped.
 /// With S = C − W P⁻¹ Wᵀ,
 ///
-///     cov(a, b) = V_aᵀ S⁻¹ V_b + [a = b is a landmark] P_b⁻¹,    V = E_a of a frame, −W P⁻¹ of a landmark,
+///     cov(a, b) = V_aᵀ S⁻¹ V_b + [a = b is a landmark] P_b⁻¹
 ///
-/// so a frame or landmark costs as many solves with the factor of S as it has degrees of freedom,
-/// whatever sees it. Of factors that are whitened; otherwise it is a multiple.
+/// with V = E_a of a frame and −W P⁻¹ of a landmark, so a frame or landmark costs as many solves
+/// with the factor of S as it has degrees of freedom, whatever sees it. Of factors that are
+/// whitened; otherwise it is a multiple.
 ///
 /// What is not determined has no covariance: a free gauge, or a landmark without enough views
 /// anywhere in the problem, is kSingular with the variable, not a large number. Through H, not J: a
