@@ -9,8 +9,9 @@ namespace inceres::tools {
 /// A measured relative pose of two planar poses a, b, each [x y θ], meters and radians, without a
 /// manifold: angles may be any number of turns apart. With analytic Jacobians.
 ///
-///     residual = U [ R(θ_a)ᵀ (p_b − p_a) − p_m ; wrap(θ_b − θ_a − θ_m) ]        (3 rows, whitened; wrap to [−π, π])
+///     residual = U [ R(θ_a)ᵀ (p_b − p_a) − p_m ; wrap(θ_b − θ_a − θ_m) ]
 ///
+/// (3 rows, whitened; wrap to [−π, π]).
 /// Threads: as FactorFamily; Add is for one writer.
 class PlanarRelativePoseFamily final : public AmbientFamily<PlanarRelativePoseFamily> {
  public:
