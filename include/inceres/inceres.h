@@ -22,6 +22,7 @@
 #include "inceres/linear/reduced_matrix.h"
 #include "inceres/linear/reduced_solver.h"
 #include "inceres/problem/ambient_family.h"
+#include "inceres/problem/check_jacobians.h"
 #include "inceres/problem/factor_family.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/graph_edit.h"
