@@ -27,16 +27,19 @@ void SolveOnce(const internal::SolveCall& call) {
     internal::SolveWithStock(options, problem, summary);
     return;
   }
-  const bool incremental = solve_options.mode == SolveMode::kIncremental;
   ceres::EvaluationCallback* const callback =
       internal::EvaluationCallbackOf(*problem, solve_options.evaluation_callback);
   std::unique_ptr<internal::ProblemView> view_memory =
       internal::StructureCache::OfProcess().TakeView();
   internal::ProblemView& view = *view_memory;
   internal::OrderingView ordering;
-  const std::string obstacle =
-      internal::FindObstacle(options, *problem, incremental, callback, &view, &ordering);
+  const std::string obstacle = internal::FindObstacle(
+      options, solve_options.mode == SolveMode::kIncremental, callback,
+      [&] { internal::Introspect(*problem, &view); }, view, &ordering, &report->exact_reason);
+  const bool incremental =
+      solve_options.mode == SolveMode::kIncremental && report->exact_reason.empty();
   if (!obstacle.empty()) {
+    report->exact_reason.clear();
     internal::Decline(call, obstacle);
     return;
   }

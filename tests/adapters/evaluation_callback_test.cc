@@ -202,7 +202,7 @@ TEST(EvaluationCallback, NotTold) {
   EXPECT_EQ(summary.initial_cost < 100.0, CERES_VERSION_MINOR >= 2);
 }
 
-TEST(EvaluationCallback, IncrementalModeAndSessionsHandItToStock) {
+TEST(EvaluationCallback, IncrementalModeAndSessionsSolveExactly) {
   for (const bool session : {false, true}) {
     Callbacks callbacks;
     const auto test = callbacks.Recipe({})();
@@ -217,9 +217,9 @@ TEST(EvaluationCallback, IncrementalModeAndSessionsHandItToStock) {
     } else {
       Solve(options, &test->problem, &summary, asked, &report);
     }
-    EXPECT_TRUE(report.used_stock);
-    EXPECT_EQ(report.fallback_reason, "incremental mode: evaluation callback");
-    EXPECT_GT(callbacks.all[0]->calls.size(), 2u) << "stock knows it from the problem";
+    EXPECT_FALSE(report.used_stock) << report.fallback_reason;
+    EXPECT_EQ(report.exact_reason, "an evaluation callback, which is told of whole points only");
+    EXPECT_GT(callbacks.all[0]->calls.size(), 2u);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   }
 }

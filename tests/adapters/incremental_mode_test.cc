@@ -8,6 +8,7 @@
 #include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/ceres/session/incremental_problem.h"
 #include "adapters/compare_with_stock.h"
+#include "inceres/ceres/session.h"
 
 namespace inceres {
 namespace {
@@ -170,10 +171,8 @@ TEST(IncrementalMode, NothingToSolve) {
 
 // What it hands on.
 
-TEST(IncrementalGate, OptionsOnlyExactModeHonors) {
+TEST(IncrementalGate, OptionsNoModeHonors) {
   const std::vector<std::pair<std::string, std::function<void(Options*)>>> cases = {
-      {"use_nonmonotonic_steps", [](Options* options) { options->use_nonmonotonic_steps = true; }},
-      {"DENSE_QR", [](Options* options) { options->linear_solver_type = ceres::DENSE_QR; }},
       {"LINE_SEARCH", [](Options* options) { options->minimizer_type = ceres::LINE_SEARCH; }},
       {"use_inner_iterations", [](Options* options) { options->use_inner_iterations = true; }},
   };
@@ -197,6 +196,46 @@ TEST(IncrementalGate, OptionsOnlyExactModeHonors) {
     EXPECT_TRUE(report.used_stock);
     EXPECT_NE(report.fallback_reason.find(reason), std::string::npos) << report.fallback_reason;
     EXPECT_LT(summary.final_cost, summary.initial_cost);
+  }
+}
+
+// What only exact mode does is done exactly, trace and all, and said.
+TEST(IncrementalGate, OptionsOnlyExactModeHonors) {
+  const std::vector<std::pair<std::string, std::function<void(Options*, ceres::Problem*, double*)>>>
+      cases = {
+          {"use_nonmonotonic_steps", [](Options* options, ceres::Problem*,
+                                        double*) { options->use_nonmonotonic_steps = true; }},
+          {"DENSE_QR", [](Options* options, ceres::Problem*,
+                          double*) { options->linear_solver_type = ceres::DENSE_QR; }},
+          {"bounds", [](Options*, ceres::Problem* problem,
+                        double* block) { problem->SetParameterLowerBound(block, 0, -1e6); }},
+      };
+  for (const auto& [reason, set] : cases) {
+    for (const bool session : {false, true}) {
+      SCOPED_TRACE(reason);
+      const auto test = MakeBundle(3, 20, true);
+      const auto exact = MakeBundle(3, 20, true);
+      Options options = Quiet(ceres::DENSE_SCHUR);
+      set(&options, &test->problem, test->blocks.back().data());
+      set(&options, &exact->problem, exact->blocks.back().data());
+      ceres::Solver::Summary summary;
+      SolveOptions asked;
+      SolveReport report;
+      asked.mode = SolveMode::kIncremental;
+      asked.strict = true;
+      if (session) {
+        CeresSession().Solve(options, &test->problem, &summary, asked, &report);
+      } else {
+        inceres::Solve(options, &test->problem, &summary, asked, &report);
+      }
+      EXPECT_FALSE(report.used_stock) << report.fallback_reason;
+      EXPECT_NE(report.exact_reason.find(reason), std::string::npos) << report.exact_reason;
+      ceres::Solver::Summary expected;
+      inceres::Solve(options, &exact->problem, &expected);
+      EXPECT_EQ(summary.iterations.size(), expected.iterations.size());
+      EXPECT_EQ(summary.final_cost, expected.final_cost);
+      EXPECT_EQ(test->blocks, exact->blocks);
+    }
   }
 }
 
@@ -240,24 +279,12 @@ TEST(IncrementalMode, AFirstGroupThatIsAllConstant) {
   }
 }
 
-TEST(IncrementalGate, Bounds) {
-  const auto test = MakeBundle(3, 20, true);
-  test->problem.SetParameterLowerBound(test->blocks.back().data(), 0, -1e6);
-  ceres::Solver::Summary summary;
-  SolveOptions asked;
-  SolveReport report;
-  asked.mode = SolveMode::kIncremental;
-  inceres::Solve(Quiet(ceres::DENSE_SCHUR), &test->problem, &summary, asked, &report);
-  EXPECT_TRUE(report.used_stock);
-  EXPECT_EQ(report.fallback_reason.find("incremental mode: bounds"), 0U);
-}
-
 TEST(IncrementalGate, DefaultsPass) {
-  EXPECT_EQ(internal::IncrementalOptionsObstacle(Options()), "");
+  EXPECT_EQ(internal::NeedsExactMode(Options(), nullptr), "");
   Options dogleg;
   dogleg.trust_region_strategy_type = ceres::DOGLEG;
   dogleg.dogleg_type = ceres::SUBSPACE_DOGLEG;
-  EXPECT_EQ(internal::IncrementalOptionsObstacle(dogleg), "");
+  EXPECT_EQ(internal::NeedsExactMode(dogleg, nullptr), "");
 }
 
 // Options.

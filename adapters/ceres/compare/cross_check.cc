@@ -168,8 +168,10 @@ std::string ComparisonObstacle(const SolveCall& call) {
   ProblemView view;
   OrderingView ordering;
   const bool incremental = asked.mode == SolveMode::kIncremental;
-  const std::string obstacle =
-      FindObstacle(call.options, *call.problem, incremental, callback, &view, &ordering);
+  std::string exact_reason;
+  const std::string obstacle = FindObstacle(
+      call.options, incremental, callback, [&] { Introspect(*call.problem, &view); }, view,
+      &ordering, &exact_reason);
   if (obstacle.empty() && callback != nullptr) {
     return "the problem has an evaluation callback, which a second solve would call again";
   }

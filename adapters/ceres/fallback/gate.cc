@@ -129,51 +129,52 @@ std::string ProblemObstacle(const ceres::Solver::Options& options, const Problem
   return !obstacle.empty() ? obstacle : DenseQrObstacle(options, view, ordering);
 }
 
-std::string IncrementalOptionsObstacle(const ceres::Solver::Options& options,
-                                       const ceres::EvaluationCallback* evaluation_callback) {
-  const std::string obstacle = CommonOptionsObstacle(options);
-  if (!obstacle.empty()) {
-    return obstacle;
-  }
+std::string NeedsExactMode(const ceres::Solver::Options& options,
+                           const ceres::EvaluationCallback* evaluation_callback) {
   if (evaluation_callback != nullptr) {
-    return "incremental mode: evaluation callback";
+    return "an evaluation callback, which is told of whole points only";
   }
   if (options.use_nonmonotonic_steps) {
-    return "incremental mode: use_nonmonotonic_steps";
+    return "use_nonmonotonic_steps, and incremental steps go down only";
   }
-  if (options.linear_solver_type == ceres::DENSE_QR) {
-    return "incremental mode: linear_solver_type DENSE_QR, for the normal equations are formed";
-  }
-  return "";
+  return options.linear_solver_type == ceres::DENSE_QR
+             ? "linear_solver_type DENSE_QR, and incremental steps form normal equations"
+             : "";
 }
 
-std::string IncrementalProblemObstacle(const ceres::Solver::Options& options,
-                                       const ProblemView& view, const OrderingView& ordering) {
-  const std::string obstacle = CommonObstacle(options, view, ordering);
+std::string NeedsExactMode(const ProblemView& view) {
+  const auto bounded =
+      std::find_if(view.blocks.begin(), view.blocks.end(), [](const ParameterBlockView& block) {
+        return block.reduced() && block.bounds != BoundsKind::kNone;
+      });
+  return bounded == view.blocks.end()
+             ? ""
+             : "bounds, onto which incremental steps are not projected: " + Describe(*bounded) +
+                   " has some";
+}
+
+std::string FindObstacle(const ceres::Solver::Options& options, bool incremental,
+                         const ceres::EvaluationCallback* evaluation_callback,
+                         const std::function<void()>& look, const ProblemView& view,
+                         OrderingView* ordering, std::string* exact_reason) {
+  *exact_reason = incremental ? NeedsExactMode(options, evaluation_callback) : "";
+  const auto is_incremental = [&] { return incremental && exact_reason->empty(); };
+  std::string obstacle =
+      is_incremental() ? CommonOptionsObstacle(options) : OptionsObstacle(options);
   if (!obstacle.empty()) {
     return obstacle;
   }
-  for (const ParameterBlockView& block : view.blocks) {
-    if (block.reduced() && block.bounds != BoundsKind::kNone) {
-      return "incremental mode: bounds: " + Describe(block) + " has some";
-    }
+  look();
+  *ordering = ReadOrdering(options, view);
+  if (is_incremental()) {
+    *exact_reason = NeedsExactMode(view);
+    obstacle = is_incremental() ? "" : OptionsObstacle(options);
   }
-  return "";
-}
-
-std::string FindObstacle(const ceres::Solver::Options& options, const ceres::Problem& problem,
-                         bool incremental, const ceres::EvaluationCallback* evaluation_callback,
-                         ProblemView* view, OrderingView* ordering) {
-  const std::string obstacle = incremental
-                                   ? IncrementalOptionsObstacle(options, evaluation_callback)
-                                   : OptionsObstacle(options);
   if (!obstacle.empty()) {
     return obstacle;
   }
-  Introspect(problem, view);
-  *ordering = ReadOrdering(options, *view);
-  return incremental ? IncrementalProblemObstacle(options, *view, *ordering)
-                     : ProblemObstacle(options, *view, *ordering);
+  return is_incremental() ? CommonObstacle(options, view, *ordering)
+                          : ProblemObstacle(options, view, *ordering);
 }
 
 }  // namespace inceres::internal

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include <ceres/evaluation_callback.h>
@@ -27,18 +28,19 @@ std::string ProblemObstacle(const ceres::Solver::Options& options, const Problem
 std::string DenseQrObstacle(const ceres::Solver::Options& options, const ProblemView& view,
                             const OrderingView& ordering);
 
-/// The same two questions for incremental mode: what exact mode cannot do either, and what only it
-/// can. `evaluation_callback` is the problem's, or null.
-std::string IncrementalOptionsObstacle(
-    const ceres::Solver::Options& options,
-    const ceres::EvaluationCallback* evaluation_callback = nullptr);
-std::string IncrementalProblemObstacle(const ceres::Solver::Options& options,
-                                       const ProblemView& view, const OrderingView& ordering);
+/// What these options, or bounds of this problem, ask of a solve in incremental mode that only exact
+/// mode has: its reason for being exact, or an empty string. `evaluation_callback` is the problem's,
+/// or null.
+std::string NeedsExactMode(const ceres::Solver::Options& options,
+                           const ceres::EvaluationCallback* evaluation_callback);
+std::string NeedsExactMode(const ProblemView& view);
 
-/// Reads the problem and asks both questions: why it cannot be solved here, or an empty string.
-/// `view` and `ordering` are filled unless the options alone are an obstacle.
-std::string FindObstacle(const ceres::Solver::Options& options, const ceres::Problem& problem,
-                         bool incremental, const ceres::EvaluationCallback* evaluation_callback,
-                         ProblemView* view, OrderingView* ordering);
+/// Asks all questions: why the problem cannot be solved here, or an empty string. `look` reads it
+/// into the view, unless the options alone are an obstacle; the ordering is read then too.
+/// *exact_reason: why a solve in incremental mode is to be exact, or empty.
+std::string FindObstacle(const ceres::Solver::Options& options, bool incremental,
+                         const ceres::EvaluationCallback* evaluation_callback,
+                         const std::function<void()>& look, const ProblemView& view,
+                         OrderingView* ordering, std::string* exact_reason);
 
 }  // namespace inceres::internal

@@ -56,7 +56,7 @@ class CeresSession::Impl {
 
   void SolveOnce(const internal::SolveCall& call);
 
-  const char* ReasonForExact(const ceres::Solver::Options& solver_options);
+  std::string ReasonForExact(const ceres::Solver::Options& solver_options);
   bool IsUnfinished(const internal::SolveInput& input, const SolveReport& report,
                     const ceres::Solver::Summary& summary) const;
   bool FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input,
@@ -67,7 +67,7 @@ class CeresSession::Impl {
   enum class Part { kNone, kDone, kAborted };
   Part GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy,
                    int max_iterations, SolveReport* report, ceres::Solver::Summary* summary);
-  void SolveExactlyFor(const char* reason, const internal::SolveCall& call,
+  void SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
                        internal::SolveInput* input);
 
   const SessionOptions options;
@@ -88,18 +88,19 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   has_view = has_view && solve_options.problem_unedited && LooksTheSame(*problem);
   ceres::EvaluationCallback* const callback =
       internal::EvaluationCallbackOf(*problem, solve_options.evaluation_callback);
-  std::string obstacle = internal::IncrementalOptionsObstacle(solver_options, callback);
-  if (obstacle.empty()) {
-    Look(*problem);
-    ordering = internal::ReadOrdering(solver_options, view);
-    obstacle = internal::IncrementalProblemObstacle(solver_options, view, ordering);
-  }
+  std::string reason;
+  const std::string obstacle = internal::FindObstacle(
+      solver_options, /*incremental=*/true, callback, [&] { Look(*problem); }, view, &ordering,
+      &reason);
   if (!obstacle.empty()) {
     internal::Decline(call, obstacle);
     return;
   }
-  internal::SolveInput input{solver_options, view, ordering, clock};
-  if (const char* reason = ReasonForExact(solver_options)) {
+  internal::SolveInput input{solver_options, view, ordering, clock, callback};
+  if (reason.empty()) {
+    reason = ReasonForExact(solver_options);
+  }
+  if (!reason.empty()) {
     SolveExactlyFor(reason, call, &input);
     return;
   }
@@ -235,19 +236,19 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   return GoOnInBatch(input, kGoOn, iterations_left(), report, summary) != Part::kAborted;
 }
 
-// Null: the solve is to be incremental. Exact mode has no iterative solver.
-const char* CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& solver_options) {
+// Empty: the solve is to be incremental. Exact mode has no iterative solver.
+std::string CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& solver_options) {
   if (internal::IsIterative(solver_options.linear_solver_type)) {
-    return nullptr;
+    return "";
   }
   if (options.exact_windows && watch.WantsExact(view)) {
     return "a window slides, or may: what a solve leaves undone would become final";
   }
-  return options.automatic && choice.WantsExact() ? choice.reason().c_str() : nullptr;
+  return options.automatic && choice.WantsExact() ? choice.reason() : "";
 }
 
 // What was remembered is out of date then, and takes memory.
-void CeresSession::Impl::SolveExactlyFor(const char* reason, const internal::SolveCall& call,
+void CeresSession::Impl::SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
                                          internal::SolveInput* input) {
   living.reset();
   has_view = false;  // an exact solve empties it

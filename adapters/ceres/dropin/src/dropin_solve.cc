@@ -151,8 +151,10 @@ std::string Look(const ceres::Solver::Options& options, const ceres::Problem& pr
                  ceres::EvaluationCallback* callback) {
   std::unique_ptr<ProblemView> view = StructureCache::OfProcess().TakeView();
   OrderingView ordering;
-  std::string obstacle =
-      FindObstacle(options, problem, /*incremental=*/false, callback, view.get(), &ordering);
+  std::string exact_reason;
+  std::string obstacle = FindObstacle(
+      options, /*incremental=*/false, callback, [&] { Introspect(problem, view.get()); }, *view,
+      &ordering, &exact_reason);
   StructureCache::OfProcess().GiveBack(std::move(view));
   return obstacle;
 }

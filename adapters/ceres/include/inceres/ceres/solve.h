@@ -38,8 +38,8 @@ struct INCERES_EXPORT SolveOptions {
   /// The problem's own ceres::Problem::Options::evaluation_callback, not owned. Ceres up to 2.1
   /// shows it to nobody, so a problem that has one must say so here, or it is not called; from 2.2
   /// on it is seen, and this is not looked at. In exact mode it is called as in Ceres: the point is
-  /// copied to the user's memory before each evaluation. In incremental mode, and from a
-  /// CeresSession, such a problem goes to stock Ceres, which knows the callback by itself.
+  /// copied to the user's memory before each evaluation. In incremental mode such a problem is solved
+  /// exactly.
   ceres::EvaluationCallback* evaluation_callback = nullptr;
 
   /// CeresSession only: since its last solve, which was of this problem, nothing was added,
@@ -91,7 +91,8 @@ struct INCERES_EXPORT ProblemChanges {
 struct INCERES_EXPORT SolveReport {
   bool used_stock = false;      ///< stock Ceres solved it
   std::string fallback_reason;  ///< why; empty if we solved it
-  std::string exact_reason;     ///< why a session's solve was exact; empty if it was incremental
+  /// why a solve in incremental mode was exact; empty if it was not
+  std::string exact_reason;
   std::vector<std::string>
       options_without_effect;     ///< options set away from their default that change nothing here
   int num_landmarks = 0;          ///< blocks eliminated as landmarks
