@@ -17,6 +17,7 @@
 #include "tools/command_line/read_flags.h"
 #include "tools/command_line/read_progress.h"
 #include "tools/command_line/text_file.h"
+#include "tools/draw/bal_page.h"
 #include "tools/draw/bal_picture.h"
 #include "tools/problems/bal_ceres_problem.h"
 #include "tools/problems/problem_source.h"
@@ -30,7 +31,10 @@ DEFINE_bool(landmarks_first, false,
             "Put points before cameras in the ordering of the ceres::Problem, instead of leaving "
             "the order to the solver.");
 DEFINE_string(picture, "",
-              "Draw cameras and points before and after and the cost curve to this SVG file.");
+              "Show before and after in this file. NAME.html: a page with cameras and points from "
+              "above and from the side, the cost curve, a histogram of the reprojection errors and "
+              "the figures. Any other name: an SVG picture with cameras and points from above and "
+              "the cost curve.");
 
 namespace inceres::tools {
 namespace {
@@ -156,6 +160,27 @@ nlohmann::json ToJson(const SolverSettings& settings, const Solved& solved) {
           {"options_without_effect", record.options_without_effect}};
 }
 
+bool EndsWith(const std::string& text, const std::string& end) {
+  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+std::string Picture(const SolverSettings& settings, const Solved& solved) {
+  const std::string name = FLAGS_input.substr(FLAGS_input.rfind('/') + 1);
+  if (!EndsWith(FLAGS_picture, ".html")) {
+    return BalPictureSvg(name + ": " + solved.description, solved.before, solved.after,
+                         solved.record.trace);
+  }
+  BalPageContent content;
+  content.title = name;
+  content.solver = solved.solver;
+  content.robust = ToString(settings.robust);
+  content.num_threads = settings.num_threads;
+  content.before = &solved.before;
+  content.after = &solved.after;
+  content.record = &solved.record;
+  return BalPageHtml(content);
+}
+
 // Writes what was asked for; the first failure ends it.
 Status WriteFiles(const SolverSettings& settings, const Solved& solved) {
   Status status;
@@ -166,10 +191,7 @@ Status WriteFiles(const SolverSettings& settings, const Solved& solved) {
     status = WriteJsonReport(ToJson(settings, solved).dump(2));
   }
   if (status.ok() && !FLAGS_picture.empty()) {
-    const std::string title =
-        FLAGS_input.substr(FLAGS_input.rfind('/') + 1) + ": " + solved.description;
-    status = WriteTextFile(FLAGS_picture,
-                           BalPictureSvg(title, solved.before, solved.after, solved.record.trace));
+    status = WriteTextFile(FLAGS_picture, Picture(settings, solved));
   }
   return status;
 }
