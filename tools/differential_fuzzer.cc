@@ -43,7 +43,7 @@ namespace {
 using tools::ExitCode;
 
 const tools::ToolHelp kHelp = {
-    "Let random problems live random lives, solve them again and again, and judge every end.",
+    "Let random problems live random lives, solve them often, judge every end.",
     "A solver of ours solves, plain Levenberg-Marquardt judges. A defect is exit code 1, and "
     "printed with the command that repeats it; docs/fuzzing.md tells what counts as one. --json "
     "appends a line for each mode to its file.",

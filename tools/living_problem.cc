@@ -52,7 +52,7 @@ namespace inceres::tools {
 namespace {
 
 const ToolHelp kHelp = {
-    "Play a problem that grows to ceres::Solve: a program that knows nothing of inceres.",
+    "Play a problem that grows to ceres::Solve, and know nothing of inceres.",
     "Edits of a ceres::Problem and ceres::Solve after each, linked to the shared Ceres. Run it "
     "bare, or with the drop-in preloaded and INCERES_MODE set. The problems are replay's, see "
     "replay --help. A solve that fails is exit code 1, after the report.",

@@ -61,6 +61,7 @@ class Output:
         if options.quiet and options.progress == "always":
             parser.error("--quiet and --progress always contradict each other")
         self._json = options.json
+        self._warns = not options.quiet
         self._speaks = not options.quiet and options.json != "-"
         wanted = options.progress == "always" or (options.progress == "auto" and sys.stderr.isatty())
         self._next = time.monotonic() + 1.0 if wanted and not options.quiet else float("inf")
@@ -68,6 +69,10 @@ class Output:
     def say(self, text):
         if self._speaks:
             print(text)
+
+    def warn(self, text):
+        if self._warns:
+            print(text, file=sys.stderr)
 
     def progress(self, make_text):
         """A line a second once work has taken a second; the text is made only then."""

@@ -74,7 +74,7 @@ std::optional<int> ParseCommandLine(const ToolHelp& help, int* argc, char*** arg
     return Fail(kExitUsage, "surplus argument '" + std::string((*argv)[1]) +
                                 "'; all inputs are flags, see --help");
   }
-  const Status status = CheckOutputFlags();
+  const Status status = ApplyOutputFlags();
   return status.ok() ? std::nullopt : std::optional<int>(Fail(kExitUsage, status.message));
 }
 

@@ -43,7 +43,7 @@ std::FILE* ProgressOutputBesideTable() {
   return seen && FLAGS_progress == "auto" ? nullptr : ProgressOutput();
 }
 
-Status CheckOutputFlags() {
+Status ApplyOutputFlags() {
   if (FLAGS_progress != "auto" && FLAGS_progress != "always" && FLAGS_progress != "never") {
     return Status::Error(StatusCode::kInvalidArgument,
                          "--progress '" + FLAGS_progress + "': use auto, always or never");
@@ -51,6 +51,9 @@ Status CheckOutputFlags() {
   if (FLAGS_quiet && FLAGS_progress == "always") {
     return Status::Error(StatusCode::kInvalidArgument,
                          "--quiet and --progress always contradict each other");
+  }
+  if (FLAGS_quiet) {  // no such flag, no effect: not every program has glog's
+    gflags::SetCommandLineOptionWithMode("minloglevel", "2", gflags::SET_FLAG_IF_DEFAULT);
   }
   return Status::Ok();
 }

@@ -1,6 +1,6 @@
 # cmake -P script: makes OUTPUT, the man page of the program TOOL, of what its --help and --version say. HELP2MAN is that program.
 execute_process(COMMAND ${TOOL} --help OUTPUT_VARIABLE help COMMAND_ERROR_IS_FATAL ANY)
-if(NOT help MATCHES "^Usage: [^\n]*\n([^\n]+[^\n.])\\.?\n")
+if(NOT help MATCHES "^Usage: [^\n]*\n([A-Z][^\n]+)\\.\n")
   message(FATAL_ERROR "${TOOL} --help does not begin with a line of usage and a sentence:\n${help}")
 endif()
 execute_process(
