@@ -22,8 +22,8 @@ bool JsonTakesStandardOutput() {
 }
 
 std::FILE* Nowhere() {
-  static std::FILE* const nowhere = std::fopen("/dev/null", "w");
-  return nowhere;
+  static std::FILE* const kNowhere = std::fopen("/dev/null", "w");
+  return kNowhere;
 }
 
 }  // namespace
