@@ -140,7 +140,8 @@ Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSour
   const std::string path = specification.substr(colon + 1);
   if (kind == "bal") {
     BalProblem bal;
-    Status status = ReadBal(path, &bal, ReadProgressPrinter(path, ProgressOutput()), ReadOptionsFromFlags());
+    Status status =
+        ReadBal(path, &bal, ReadProgressPrinter(path, ProgressOutput()), ReadOptionsFromFlags());
     status = status.ok() ? CheckConnected(bal) : status;
     if (status.ok()) {
       *source = std::make_unique<BalSource>(std::move(bal), jacobians);
