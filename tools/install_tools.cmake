@@ -1,19 +1,23 @@
-# Installs what users run, with a man page each where there is help2man to make one. The fuzzer has a man page, and stays: it judges
-# the build that it is part of.
+# Installs what users run, with a man page each where there is help2man to make one. The fuzzer has a
+# man page, and stays: it judges the build that it is part of.
 set(installed_tools bal_solve ab_compare replay bal_generate vio_simulate)
 if(TARGET living_problem)
   list(APPEND installed_tools living_problem)
 endif()
 # What a partial build lacks is left out.
-install(TARGETS ${installed_tools} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools OPTIONAL)
+install(TARGETS ${installed_tools}
+  RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools OPTIONAL)
 
 # The script lies beside its package and the version, which in the source tree it has from CMakeLists.txt.
 file(CONFIGURE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/version.txt CONTENT "@PROJECT_VERSION@\n" @ONLY)
 set(script_folder ${CMAKE_INSTALL_DATADIR}/inceres)
 install(PROGRAMS ab_report DESTINATION ${script_folder} COMPONENT tools)
-install(DIRECTORY ab_page DESTINATION ${script_folder} COMPONENT tools FILES_MATCHING PATTERN "*.py" PATTERN "*.css")
-install(FILES ${CMAKE_CURRENT_BINARY_DIR}/version.txt DESTINATION ${script_folder}/ab_page COMPONENT tools)
-file(RELATIVE_PATH script_from_bin ${CMAKE_INSTALL_FULL_BINDIR} ${CMAKE_INSTALL_FULL_DATADIR}/inceres/ab_report)
+install(DIRECTORY ab_page DESTINATION ${script_folder} COMPONENT tools
+  FILES_MATCHING PATTERN "*.py" PATTERN "*.css")
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/version.txt
+  DESTINATION ${script_folder}/ab_page COMPONENT tools)
+file(RELATIVE_PATH script_from_bin
+  ${CMAKE_INSTALL_FULL_BINDIR} ${CMAKE_INSTALL_FULL_DATADIR}/inceres/ab_report)
 install(CODE "
   set(link \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_BINDIR}/ab_report\")
   get_filename_component(folder \"\${link}\" DIRECTORY)
@@ -33,7 +37,8 @@ function(inceres_add_man_page name program)
   set(script ${CMAKE_CURRENT_SOURCE_DIR}/man/make_man_page.cmake)
   file(MAKE_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR}/man)
   add_custom_command(OUTPUT ${page}
-    COMMAND ${CMAKE_COMMAND} -D HELP2MAN=${INCERES_HELP2MAN} -D TOOL=${program} -D OUTPUT=${page} -P ${script}
+    COMMAND ${CMAKE_COMMAND}
+      -D HELP2MAN=${INCERES_HELP2MAN} -D TOOL=${program} -D OUTPUT=${page} -P ${script}
     DEPENDS ${script} ${ARGN} COMMENT "Man page of ${name}" VERBATIM)
   set(man_pages ${man_pages} ${page} PARENT_SCOPE)
 endfunction()
@@ -41,9 +46,11 @@ endfunction()
 foreach(tool IN LISTS installed_tools)
   inceres_add_man_page(${tool} $<TARGET_FILE:${tool}> ${tool})
 endforeach()
-inceres_add_man_page(ab_report ${CMAKE_CURRENT_SOURCE_DIR}/ab_report ${CMAKE_CURRENT_SOURCE_DIR}/ab_page/habits.py)
+inceres_add_man_page(ab_report
+  ${CMAKE_CURRENT_SOURCE_DIR}/ab_report ${CMAKE_CURRENT_SOURCE_DIR}/ab_page/habits.py)
 install(FILES ${man_pages} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT tools OPTIONAL)
-inceres_add_man_page(differential_fuzzer $<TARGET_FILE:differential_fuzzer> differential_fuzzer)
+inceres_add_man_page(differential_fuzzer
+  $<TARGET_FILE:differential_fuzzer> differential_fuzzer)
 
 # With the rest where programs can be run as they are built; with a sanitizer's runtime in them, when asked.
 if(CMAKE_CXX_FLAGS MATCHES "-fsanitize")

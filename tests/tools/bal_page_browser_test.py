@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""The page of bal_solve --picture in headless Chromium, on a laptop and a phone, light and dark. Arguments: the executable, the
-folder of bundled problems. Exit code 77, which CTest reports as skipped, if there is no Chromium."""
+"""The page of bal_solve --picture in headless Chromium, on a laptop and a phone, light and dark.
+Arguments: the executable, the folder of bundled problems. Exit code 77, which CTest reports as
+skipped, if there is no Chromium."""
 
 import json
 import sys
@@ -28,7 +29,8 @@ class BalPageBrowserTest(PageTestCase):
                 figures = seen["figures"]
                 self.assertEqual(figures["iterations"], str(report["iterations"]))
                 self.assertEqual(figures["final_cost"], f"{report['final_cost']:.6g}")
-                self.assertEqual(figures["initial_rms_pixels"], f"{report['initial_rms_pixels']:.4g}")
+                self.assertEqual(figures["initial_rms_pixels"],
+                                 f"{report['initial_rms_pixels']:.4g}")
                 self.assertIn("from the side", seen["text"])
 
     def test_light_and_dark(self):
@@ -36,7 +38,8 @@ class BalPageBrowserTest(PageTestCase):
 
     def test_a_screenshot_is_no_blank(self):
         picture = self.folder / "page.png"
-        self.chromium(self.draw()[0], f"--screenshot={picture}", "--window-size=1280,1900", "--hide-scrollbars")
+        self.chromium(self.draw()[0], f"--screenshot={picture}", "--window-size=1280,1900",
+                      "--hide-scrollbars")
         self.assertGreater(picture.stat().st_size, 60000)
 
 

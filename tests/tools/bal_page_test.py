@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""The page of bal_solve --picture: its parts, and the numbers of the run. Arguments: the executable, the folder of bundled
-problems."""
+"""The page of bal_solve --picture: its parts, and the numbers of the run. Arguments: the
+executable, the folder of bundled problems."""
 
 import html.parser
 import json
@@ -13,12 +13,14 @@ import unittest
 from tool_test_support import bundled_problem, run, write_small_bal
 
 TOOL, BAL_DATA = sys.argv[1:3]
-PARTS = {"before", "before_top", "before_side", "after", "after_top", "after_side", "cost", "errors", "facts"}
+PARTS = {"before", "before_top", "before_side", "after", "after_top", "after_side", "cost",
+         "errors", "facts"}
 VOID = {"meta", "link"}
 
 
 class Page(html.parser.HTMLParser):
-    """What a page has: ids, figures, references, and how many elements of a class within each id."""
+    """What a page has: ids, figures, references, and how many elements of a class within each
+    id."""
 
     def __init__(self, text):
         super().__init__()
@@ -28,7 +30,8 @@ class Page(html.parser.HTMLParser):
 
     def handle_starttag(self, tag, attributes):
         attributes = dict(attributes)
-        self.references += [value for name, value in attributes.items() if name in ("src", "href", "xlink:href")]
+        self.references += [value for name, value in attributes.items()
+                            if name in ("src", "href", "xlink:href")]
         if tag not in VOID:
             self.open.append((tag, attributes.get("id")))
         for identity in {identity for _, identity in self.open if identity}:
@@ -64,18 +67,22 @@ class BalPageTest(unittest.TestCase):
             return Page(text), text, json.load(json_file)
 
     def test_parts_and_numbers(self):
-        for flags in ((), ("--builtin_factors",), ("--solver", "ceres"), ("--mode", "incremental"), ("--robust", "huber:0.5"),
-                      ("--mode", "incremental", "--builtin_factors"), ("--max_num_iterations", "0")):
+        for flags in ((), ("--builtin_factors",), ("--solver", "ceres"), ("--mode", "incremental"),
+                      ("--robust", "huber:0.5"),
+                      ("--mode", "incremental", "--builtin_factors"),
+                      ("--max_num_iterations", "0")):
             page, text, report = self.draw(self.small, *flags)
             self.assertEqual(page.errors, [], flags)
             self.assertEqual(PARTS - set(page.counts), set(), flags)
-            for key in ("num_cameras", "num_points", "num_observations", "initial_cost", "final_cost", "initial_rms_pixels",
+            for key in ("num_cameras", "num_points", "num_observations", "initial_cost",
+                        "final_cost", "initial_rms_pixels",
                         "final_rms_pixels", "iterations", "seconds"):
                 self.assertEqual(page.figures[key], report[key], (key, flags))
             for view in ("before_top", "before_side", "after_top", "after_side"):
                 self.assertEqual(page.counts[view]["camera"], report["num_cameras"], view)
             samples = sum(page.counts["cost"].get(kind, 0) for kind in ("accepted", "rejected"))
-            self.assertEqual(samples, 2 * len(report["trace"]))  # drawn for a wide and a narrow screen
+            self.assertEqual(samples,
+                             2 * len(report["trace"]))  # drawn for a wide and a narrow screen
             self.assertIn(f"{report['termination']}: ", text)
             self.assertNotRegex(text, r"\b(nan|inf)\b")
 
@@ -88,7 +95,8 @@ class BalPageTest(unittest.TestCase):
     def test_errors_fall(self):
         page, _, report = self.draw(bundled_problem(BAL_DATA))
         for name in ("median", "p95"):
-            self.assertLess(page.figures[f"{name}_error_after"], page.figures[f"{name}_error_before"])
+            self.assertLess(page.figures[f"{name}_error_after"],
+                            page.figures[f"{name}_error_before"])
         self.assertLess(page.figures["median_error_after"], 1.5 * report["final_rms_pixels"])
         self.assertGreaterEqual(page.figures["max_error_after"], report["final_rms_pixels"])
 

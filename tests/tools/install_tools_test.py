@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""cmake --install --component tools: the tools run where they are put, each with its man page where there is help2man, below DESTDIR
-as well. Arguments: the build directory, the tools that it installs."""
+"""cmake --install --component tools: the tools run where they are put, each with its man page where
+there is help2man, below DESTDIR as well. Arguments: the build directory, the tools that it
+installs."""
 
 import pathlib
 import os
@@ -20,12 +21,14 @@ class InstallToolsTest(unittest.TestCase):
         self.folder = pathlib.Path(directory.name)
 
     def install(self, prefix, **environment):
-        subprocess.run(["cmake", "--install", BUILD, "--component", "tools", "--prefix", prefix], env={**os.environ, **environment},
+        subprocess.run(["cmake", "--install", BUILD, "--component", "tools", "--prefix", prefix],
+                       env={**os.environ, **environment},
                        check=True, capture_output=True, timeout=120)
 
     def check(self, prefix):
         for tool in [*TOOLS, "ab_report"]:
-            done = subprocess.run([prefix / "bin" / tool, "--version"], capture_output=True, text=True, timeout=60, check=True)
+            done = subprocess.run([prefix / "bin" / tool, "--version"], capture_output=True,
+                                  text=True, timeout=60, check=True)
             self.assertTrue(done.stdout.startswith(f"{tool} (inceres) "), done.stdout)
             if shutil.which("help2man"):
                 self.assertTrue((prefix / "share/man/man1" / f"{tool}.1").exists(), tool)

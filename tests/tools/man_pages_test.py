@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""The man pages of the tools: made by help2man, they have their sections and groff has nothing to warn of. Arguments: the script that
-makes one, the tools. Exit code 77, which CTest reports as skipped, without help2man or groff."""
+"""The man pages of the tools: made by help2man, they have their sections and groff has nothing to
+warn of. Arguments: the script that makes one, the tools. Exit code 77, which CTest reports as
+skipped, without help2man or groff."""
 
 import pathlib
 import shutil
@@ -20,12 +21,14 @@ class ManPagesTest(unittest.TestCase):
         self.page = pathlib.Path(directory.name) / "page.1"
 
     def make(self, tool):
-        subprocess.run([NEEDED["cmake"], "-D", f"HELP2MAN={NEEDED['help2man']}", "-D", f"TOOL={tool}", "-D", f"OUTPUT={self.page}", "-P",
+        subprocess.run([NEEDED["cmake"], "-D", f"HELP2MAN={NEEDED['help2man']}", "-D",
+                        f"TOOL={tool}", "-D", f"OUTPUT={self.page}", "-P",
                         SCRIPT], check=True, timeout=60)
 
     def groff(self):
         """(text, warnings) of the page as man shows it."""
-        done = subprocess.run([NEEDED["groff"], "-man", "-ww", "-rHY=0", "-Tascii", "-P-cbou", self.page], capture_output=True, text=True, timeout=60,
+        done = subprocess.run([NEEDED["groff"], "-man", "-ww", "-rHY=0", "-Tascii", "-P-cbou",
+                               self.page], capture_output=True, text=True, timeout=60,
                               check=True)
         return done.stdout, done.stderr
 
@@ -38,7 +41,8 @@ class ManPagesTest(unittest.TestCase):
             for section in ("NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXAMPLES", "EXIT CODES"):
                 self.assertIn(section, lines, tool)
             name = pathlib.Path(tool).name
-            summary = subprocess.run([tool, "--help"], capture_output=True, text=True, timeout=60, check=True).stdout.splitlines()[1]
+            summary = subprocess.run([tool, "--help"], capture_output=True, text=True, timeout=60,
+                                     check=True).stdout.splitlines()[1]
             words = " ".join(text.split())
             self.assertIn(f"NAME {name} - {summary.rstrip('.')} SYNOPSIS {name} [OPTION]...", words)
 
@@ -46,15 +50,18 @@ class ManPagesTest(unittest.TestCase):
         for tool in TOOLS:
             self.make(tool)
             shown = [line.strip() for line in self.groff()[0].splitlines()]
-            text = subprocess.run([tool, "--help"], capture_output=True, text=True, timeout=60, check=True).stdout
+            text = subprocess.run([tool, "--help"], capture_output=True, text=True, timeout=60,
+                                  check=True).stdout
             commands = text.partition("Examples:\n")[2].partition("\nOptions:")[0].splitlines()
             for line in filter(None, map(str.strip, commands)):
                 if line.startswith(("#", pathlib.Path(tool).name)):
                     self.assertIn(line, shown, tool)
 
     def test_a_program_without_such_help_is_refused(self):
-        done = subprocess.run([NEEDED["cmake"], "-D", f"HELP2MAN={NEEDED['help2man']}", "-D", "TOOL=/bin/true", "-D", f"OUTPUT={self.page}",
-                               "-P", SCRIPT], capture_output=True, text=True, timeout=60, check=False)
+        done = subprocess.run([NEEDED["cmake"], "-D", f"HELP2MAN={NEEDED['help2man']}", "-D",
+                               "TOOL=/bin/true", "-D", f"OUTPUT={self.page}",
+                               "-P", SCRIPT], capture_output=True, text=True, timeout=60,
+                              check=False)
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("line of usage", done.stderr)
         self.assertFalse(self.page.exists())

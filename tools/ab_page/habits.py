@@ -1,5 +1,5 @@
-"""What the command line of every tool has (docs/tools.md): help, version, quiet, progress, JSON and exit codes, as the programs in
-C++ have them."""
+"""What the command line of every tool has (docs/tools.md): help, version, quiet, progress, JSON and
+exit codes, as the programs in C++ have them."""
 
 import argparse
 import json
@@ -18,7 +18,8 @@ LICENSE = "License: BSD-3-Clause. There is no warranty, to the extent permitted 
 
 
 def version():
-    """The project's: installed it is in a file beside this one, in the source tree where CMake has it from."""
+    """The project's: installed it is in a file beside this one, in the source tree where CMake has
+    it from."""
     here = pathlib.Path(__file__).resolve().parent
     installed = here / "version.txt"
     if installed.exists():
@@ -40,17 +41,21 @@ class Parser(argparse.ArgumentParser):
 def make_parser(tool, summary, details, examples):
     """A parser with the flags of every tool. `examples`: (purpose, command)."""
     shown = "\n\n".join(f"  # {purpose}\n  {command}" for purpose, command in examples)
-    parser = Parser(prog=tool, usage=argparse.SUPPRESS, description=f"{summary}\n\n{details}\n\nExamples:\n{shown}",
-                    epilog=EXIT_CODES, formatter_class=argparse.RawDescriptionHelpFormatter, add_help=False)
+    parser = Parser(prog=tool, usage=argparse.SUPPRESS,
+                    description=f"{summary}\n\n{details}\n\nExamples:\n{shown}",
+                    epilog=EXIT_CODES, formatter_class=argparse.RawDescriptionHelpFormatter,
+                    add_help=False)
     parser._optionals.title = "Options"  # as in the other tools; argparse has no public name for it
     parser.add_argument("--help", "-h", action="help", help="print this and exit")
     parser.add_argument("--json", metavar="REPORT", default="",
-                        help="write the report to this file as JSON; -: to standard output, which then gets nothing else")
+                        help="write the report to this file as JSON; -: to standard output, which "
+                             "then gets nothing else")
     parser.add_argument("--quiet", action="store_true", help="print nothing where all goes well")
     parser.add_argument("--progress", choices=("auto", "always", "never"), default="auto",
-                        help="tell on standard error, once a second, how far work is that takes more than one: always, never, or "
-                             "auto: if that is a terminal")
-    parser.add_argument("--version", action="version", help="print the version and exit", version=f"{tool} (inceres) {version()}\n\n{LICENSE}")
+                        help="tell on standard error, once a second, how far work is that takes more "
+                             "than one: always, never, or auto: if that is a terminal")
+    parser.add_argument("--version", action="version", help="print the version and exit",
+                        version=f"{tool} (inceres) {version()}\n\n{LICENSE}")
     return parser
 
 
@@ -63,7 +68,8 @@ class Output:
         self._json = options.json
         self._warns = not options.quiet
         self._speaks = not options.quiet and options.json != "-"
-        wanted = options.progress == "always" or (options.progress == "auto" and sys.stderr.isatty())
+        wanted = options.progress == "always" or (options.progress == "auto"
+                                                  and sys.stderr.isatty())
         self._next = time.monotonic() + 1.0 if wanted and not options.quiet else float("inf")
 
     def say(self, text):
