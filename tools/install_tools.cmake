@@ -1,5 +1,5 @@
-# Installs what users run, with a man page each where there is help2man to make one. The fuzzer has a
-# man page, and stays: it judges the build that it is part of.
+# Installs what users run, with a man page each where there is help2man to make one. The fuzzer
+# has a man page, and stays: it judges the build that it is part of.
 set(installed_tools bal_solve ab_compare replay bal_generate vio_simulate)
 if(TARGET living_problem)
   list(APPEND installed_tools living_problem)
@@ -8,7 +8,8 @@ endif()
 install(TARGETS ${installed_tools}
   RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools OPTIONAL)
 
-# The script lies beside its package and the version, which in the source tree it has from CMakeLists.txt.
+# The script lies beside its package and the version, which in the source tree it has from
+# CMakeLists.txt.
 file(CONFIGURE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/version.txt CONTENT "@PROJECT_VERSION@\n" @ONLY)
 set(script_folder ${CMAKE_INSTALL_DATADIR}/inceres)
 install(PROGRAMS ab_report DESTINATION ${script_folder} COMPONENT tools)
@@ -52,7 +53,8 @@ install(FILES ${man_pages} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT to
 inceres_add_man_page(differential_fuzzer
   $<TARGET_FILE:differential_fuzzer> differential_fuzzer)
 
-# With the rest where programs can be run as they are built; with a sanitizer's runtime in them, when asked.
+# With the rest where programs can be run as they are built; with a sanitizer's runtime in them,
+# when asked.
 if(CMAKE_CXX_FLAGS MATCHES "-fsanitize")
   add_custom_target(man_pages DEPENDS ${man_pages})
 else()

@@ -77,8 +77,8 @@ class PageTestCase(unittest.TestCase):
         text = page.read_text(encoding="utf-8")
         script = PROBE.replace("PAGE", json.dumps(text).replace("</", "<\\/"))
         probe = self.folder / "probe.html"
-        probe.write_text(f'<!DOCTYPE html><meta charset="utf-8"><iframe width="{width}" height="900">'
-                         f"</iframe><pre></pre><script>{script}</script>",
+        probe.write_text(f'<!DOCTYPE html><meta charset="utf-8"><iframe width="{width}" '
+                         f'height="900"></iframe><pre></pre><script>{script}</script>',
                          encoding="utf-8")
         dom = self.chromium(probe, "--dump-dom", "--virtual-time-budget=20000", *flags)
         found = re.search(r"<pre>(\{.*?\})</pre>", dom, re.DOTALL)

@@ -52,8 +52,8 @@ def make_parser(tool, summary, details, examples):
                              "then gets nothing else")
     parser.add_argument("--quiet", action="store_true", help="print nothing where all goes well")
     parser.add_argument("--progress", choices=("auto", "always", "never"), default="auto",
-                        help="tell on standard error, once a second, how far work is that takes more "
-                             "than one: always, never, or auto: if that is a terminal")
+                        help="tell on standard error, once a second, how far work is that takes "
+                             "more than one: always, never, or auto: if that is a terminal")
     parser.add_argument("--version", action="version", help="print the version and exit",
                         version=f"{tool} (inceres) {version()}\n\n{LICENSE}")
     return parser
