@@ -6,7 +6,7 @@
 
 #include <cmath>
 #include <cstdio>
-#include <fstream>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -14,6 +14,9 @@
 #include <gflags/gflags.h>
 
 #include "tools/command_line/command_line.h"
+#include "tools/command_line/heartbeat.h"
+#include "tools/command_line/json_report.h"
+#include "tools/command_line/output.h"
 
 DEFINE_int32(runs, 100, "simulated windows, seed by seed");
 DEFINE_int32(frames, 100, "camera frames of each, ten a second");
@@ -22,7 +25,6 @@ DEFINE_int32(size, 10, "frames of the window");
 DEFINE_string(rule, "okvis",
               "what happens to landmarks of the oldest frame that the newest one sees: okvis (they "
               "stay) or vins");
-DEFINE_string(json, "", "a file for what docs/make_window_pictures.py draws");
 
 namespace {
 
@@ -33,13 +35,13 @@ using inceres::StatusCode;
 using inceres::WindowRule;
 using inceres::test::PoseNees;
 
-constexpr char kUsage[] =
-    "plays simulated windows and compares the errors of the newest pose with its covariance: the "
-    "mean over the runs is 6 for an\n"
-    "estimator whose covariances are right. Exit code 1 if, over all times, the mean with "
-    "first-estimate Jacobians on is not in\n"
-    "the 95 % band of one time.\n\n  window_consistency --runs 100 --frames 100 --json "
-    "consistency.json";
+const inceres::tools::ToolHelp kHelp = {
+    "Play simulated windows and compare the errors of the newest pose with its covariance.",
+    "The mean over the runs is 6 for an estimator whose covariances are right. Exit code 1 as well "
+    "if, over all times, the mean with first-estimate Jacobians on is not in the 95 % band of one "
+    "time. docs/make_window_pictures.py draws what --json writes.",
+    {{"a hundred windows of ten seconds",
+      "window_consistency --runs 100 --frames 100 --json consistency.json"}}};
 
 struct Variant {
   const char* name;
@@ -63,7 +65,7 @@ std::string Array(const std::vector<double>& values) {
 }
 
 Status WriteJson(const std::vector<PoseNees>& results) {
-  std::ofstream file(FLAGS_json);
+  std::ostringstream file;
   file << "{\"runs\": " << FLAGS_runs << ", \"frames\": " << FLAGS_frames
        << ", \"size\": " << FLAGS_size << ", \"rule\": \"" << FLAGS_rule << "\""
        << ", \"band\": " << results.front().Band()
@@ -73,8 +75,8 @@ Status WriteJson(const std::vector<PoseNees>& results) {
          << "\", \"rms\": " << results[k].rms_error << ", \"nees\": " << Array(results[k].means)
          << "}";
   }
-  file << "}\n";
-  return file.flush() ? Status::Ok() : Status::Error(StatusCode::kIo, "cannot write " + FLAGS_json);
+  file << "}";
+  return inceres::tools::WriteJsonReport(file.str());
 }
 
 Status Run() {
@@ -88,6 +90,7 @@ Status Run() {
   }
   std::vector<PoseNees> results;
   for (const Variant& variant : kVariants) {
+    const inceres::tools::Heartbeat heartbeat(inceres::tools::ProgressOutput(), variant.name);
     results.push_back(inceres::test::MonteCarloNees(
         inceres::test::ConsistencyScene(FLAGS_frames), FLAGS_runs, FLAGS_stride,
         [&](SlidingWindowOptions* options) {
@@ -98,14 +101,13 @@ Status Run() {
           options->marginalization.first_estimate_jacobians = variant.first_estimates;
         }));
     const PoseNees& nees = results.back();
-    std::printf(
+    std::fprintf(
+        inceres::tools::Out(),
         "%-28s mean %.3f of 6, in the band 6 +- %.3f at %.0f %% of the times; RMS error %.4g m\n",
         variant.name, nees.Mean(), nees.Band(), 100.0 * nees.ShareInBand(), nees.rms_error);
   }
-  if (!FLAGS_json.empty()) {
-    if (Status status = WriteJson(results); !status.ok()) {
-      return status;
-    }
+  if (Status status = WriteJson(results); !status.ok()) {
+    return status;
   }
   const double mean = results.front().Mean();
   return std::fabs(mean - 6.0) <= results.front().Band()
@@ -117,5 +119,5 @@ Status Run() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return inceres::tools::RunTool(kUsage, argc, argv, Run);
+  return inceres::tools::RunTool(kHelp, argc, argv, Run);
 }

@@ -20,6 +20,8 @@
 #include "estimator/window_sequence.h"
 #include "inceres/estimator/trajectory_error.h"
 #include "tools/command_line/command_line.h"
+#include "tools/command_line/heartbeat.h"
+#include "tools/command_line/output.h"
 #include "tools/problems/factor_cost_function.h"
 
 DEFINE_int32(frames, 10000, "camera frames, ten a second; 3000 or more");
@@ -39,14 +41,11 @@ using inceres::StatusCode;
 using inceres::VariableId;
 using inceres::internal::Window;
 
-constexpr char kUsage[] =
-    "plays a long simulated sequence, frame by frame, and prints thread CPU time a frame (median "
-    "of frames 1,000 to 2,000 and "
-    "of\n"
-    "the last 1,000, 99th percentile), memory, and the absolute trajectory error, ours and "
-    "stock's. Exit code 1 if a frame "
-    "fails.\n\n"
-    "  window_endurance --frames 10000";
+const inceres::tools::ToolHelp kHelp = {
+    "Play a long simulated sequence, frame by frame, with ours and stock, and print its cost.",
+    "Thread CPU time a frame (median of frames 1,000 to 2,000 and of the last 1,000, 99th "
+    "percentile), memory, and the absolute trajectory error. Exit code 1 as well if a frame fails.",
+    {{"a quarter of an hour's sequence", "window_endurance --frames 10000"}}};
 
 // A factor of a living graph as a cost function, tangent Jacobians in the leading columns as in
 // FactorCostFunction: blocks with a manifold need PoseBlockManifold.
@@ -272,34 +271,39 @@ double Quantile(const std::vector<double>& all, std::size_t begin, std::size_t e
   return values[static_cast<std::size_t>(at)];
 }
 
+using inceres::tools::Out;
+
 void PrintRow(const char* what, const std::vector<double>& early, const std::vector<double>& late) {
   const std::size_t end = late.size();
   const double before = Quantile(early, 1000, 2000, 0.5),
                after = Quantile(late, end - 1000, end, 0.5);
   const double median = Quantile(late, 0, end, 0.5), p99 = Quantile(late, 0, end, 0.99);
-  std::printf(
+  std::fprintf(
+      Out(),
       "  %-18s median %.4g at frames 1,000 to 2,000, %.4g in the last 1,000: %+.1f %%; all: median "
       "%.4g, p99 %.4g = %.2f\n",
       what, before, after, 100.0 * (after / before - 1.0), median, p99, p99 / median);
 }
 
 void Print(const char* name, const Play& early, const Play& late) {
-  std::printf("%s\n", name);
+  std::fprintf(Out(), "%s\n", name);
   PrintRow("CPU, ms", early.milliseconds, late.milliseconds);
   if (Quantile(late.evaluations, 0, late.evaluations.size(), 0.5) > 0.0) {
     PrintRow("evaluated factors", early.evaluations, late.evaluations);
   }
   PrintRow("landmarks", early.landmarks, late.landmarks);
-  std::printf("  memory             %.1f MB at frame 2,000, %.1f MB at the end\n",
-              late.early_megabytes, late.late_megabytes);
-  std::printf("  ATE                %.4g m; RPE over 1 m %.4g m\n",
-              inceres::AbsoluteTrajectoryError(late.estimate, late.truth),
-              inceres::RelativePoseErrorOverPath(late.estimate, late.truth, 1.0).translation);
+  std::fprintf(Out(), "  memory             %.1f MB at frame 2,000, %.1f MB at the end\n",
+               late.early_megabytes, late.late_megabytes);
+  std::fprintf(Out(), "  ATE                %.4g m; RPE over 1 m %.4g m\n",
+               inceres::AbsoluteTrajectoryError(late.estimate, late.truth),
+               inceres::RelativePoseErrorOverPath(late.estimate, late.truth, 1.0).translation);
 }
 
 // All frames; the last 1,000 in turn with frames 1,000 to 2,000 of a window begun anew, so that
 // whatever else the machine does slows both.
 Status PlayAndPrint(const inceres::VioSequence& sequence, bool stock) {
+  const inceres::tools::Heartbeat heartbeat(inceres::tools::ProgressOutput(),
+                                            stock ? "playing stock" : "playing ours");
   Player all(sequence, stock), young(sequence, stock);
   Status status = all.Start();
   status = status.ok() ? all.PlayTo(sequence.frames.size() - 1000) : status;
@@ -311,7 +315,7 @@ Status PlayAndPrint(const inceres::VioSequence& sequence, bool stock) {
   }
   if (status.ok()) {
     Print(stock ? "stock Ceres, " CERES_VERSION_STRING : "inceres", young.play(), all.play());
-    std::fflush(stdout);
+    std::fflush(Out());
   }
   return status;
 }
@@ -334,5 +338,5 @@ Status Run() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return inceres::tools::RunTool(kUsage, argc, argv, Run);
+  return inceres::tools::RunTool(kHelp, argc, argv, Run);
 }

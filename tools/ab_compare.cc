@@ -16,7 +16,9 @@
 #include "tools/ab/ab_report.h"
 #include "tools/ab/environment.h"
 #include "tools/command_line/command_line.h"
-#include "tools/command_line/text_file.h"
+#include "tools/command_line/json_report.h"
+#include "tools/command_line/output.h"
+#include "tools/command_line/progress_lines.h"
 #include "tools/problems/problem_source.h"
 #include "tools/solve/run_solver.h"
 #include "tools/solve/solver_flags.h"
@@ -37,27 +39,25 @@ DEFINE_string(configurations, "",
 DEFINE_double(tolerance, 1e-6,
               "Exit with code 3 if our final cost is above the lowest of stock by more than this, "
               "relative. Negative: it must be lower.");
-DEFINE_string(json, "", "Also write the report to this file as JSON.");
 
 namespace inceres::tools {
 namespace {
 
-constexpr char kUsage[] =
-    "solves a problem with inceres and with stock Ceres in each of its sensible configurations, in "
-    "interleaved repeats from the "
-    "same\n"
-    "start values, and compares seconds, costs and parameters.\n\n"
-    "  ab_compare --problem bal:problem-49-7776-pre.txt --json ab.json\n"
-    "  ab_compare --problem g2o:sphere.g2o --repeats 5 --trust_region dogleg\n"
-    "  ab_compare --problem vio:cubic --trust_region dogleg\n"
-    "  ab_compare --problem bal:FILE --function_tolerance 0 --gradient_tolerance 0 "
-    "--parameter_tolerance 0   (all 50 "
-    "iterations)\n\n"
-    "Each run builds the ceres::Problem anew, untimed, and times the whole Solve call. Exit code: "
-    "0 success, 1 failure, 2 usage, "
-    "3 our\n"
-    "final cost is higher than the best stock run's by more than --tolerance, 4 inceres handed the "
-    "problem to stock Ceres.";
+const ToolHelp kHelp = {
+    "Solve a problem with inceres and with stock Ceres, interleaved, and compare.",
+    "Stock runs in each of its sensible configurations, all from the same start values. Each run "
+    "builds the ceres::Problem anew, untimed, and times the whole Solve call. The report has "
+    "seconds, costs and parameters.",
+    {{"Ladybug-49, and the report for programs",
+      "ab_compare --problem bal:problem-49-7776-pre.txt --json ab.json"},
+     {"a pose graph", "ab_compare --problem g2o:sphere.g2o --repeats 5 --trust_region dogleg"},
+     {"a simulated visual-inertial sequence",
+      "ab_compare --problem vio:cubic --trust_region dogleg"},
+     {"all of ten iterations",
+      "ab_compare --problem bal:problem.txt --max_num_iterations 10 --function_tolerance 0 "
+      "--gradient_tolerance 0 --parameter_tolerance 0"}},
+    {{kExitWorse, "our final cost is above the best stock run's by more than --tolerance"},
+     {kExitUsedStock, "inceres handed the problem to stock Ceres: no measurement"}}};
 
 struct Configuration {
   const char* name;
@@ -171,19 +171,20 @@ int Report(const SolverSettings& settings, const ProblemSource& source, const Ab
   context.settings = settings;
   context.difference = source.Difference(result.ours.parameters, result.FastestStock().parameters);
   context.environment = DescribeEnvironment();
-  std::fputs(AbTable(context, result).c_str(), stdout);
+  std::fputs(AbTable(context, result).c_str(), Out());
   for (const std::string& option : result.ours.first().options_without_effect) {
-    std::printf("note: inceres accepts this option without effect: %s\n", option.c_str());
+    std::fprintf(Out(), "note: inceres accepts this option without effect: %s\n", option.c_str());
   }
   if (!BlasIsSerialOpenBlas()) {
-    std::puts(
+    std::fputs(
         "WARNING: the BLAS of this process is not the serial OpenBLAS; do not compare these times "
-        "with others.");
+        "with others.\n",
+        Out());
   }
-  if (!FLAGS_json.empty()) {
-    const Status status = WriteTextFile(FLAGS_json, AbJson(context, result).dump(2) + "\n");
+  if (WantsJson()) {
+    const Status status = WriteJsonReport(AbJson(context, result).dump(2));
     if (!status.ok()) {
-      return Fail(kExitFailure, "--json " + status.message);
+      return Fail(kExitFailure, status.message);
     }
   }
   if (!(result.RelativeCostDifference() <= FLAGS_tolerance)) {
@@ -226,9 +227,10 @@ int Main() {
   options.repeats = FLAGS_repeats;
   options.drop_slow = FLAGS_configurations.empty();
   AbResult result;
+  ProgressLines progress(ProgressOutput());
   status = RunComparison(
       MakeOurs(settings, *source), MakeStock(settings, configurations, *source), options,
-      [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); }, &result);
+      [&](const std::string& line) { progress([&] { return line; }); }, &result);
   if (!status.ok()) {
     return Fail(status.code == StatusCode::kUnavailable ? kExitUsedStock : kExitFailure,
                 status.message);
@@ -242,6 +244,6 @@ int Main() {
 int main(int argc, char** argv) {
   google::InitGoogleLogging(argv[0]);
   FLAGS_logtostderr = true;
-  const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kUsage, &argc, &argv);
+  const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kHelp, &argc, &argv);
   return exit_code ? *exit_code : inceres::tools::Main();
 }

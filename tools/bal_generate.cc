@@ -7,9 +7,13 @@
 #include <utility>
 
 #include <gflags/gflags.h>
+#include <nlohmann/json.hpp>
 
 #include "inceres/io/bal.h"
 #include "tools/command_line/command_line.h"
+#include "tools/command_line/heartbeat.h"
+#include "tools/command_line/json_report.h"
+#include "tools/command_line/output.h"
 #include "tools/sim/street_scene.h"
 
 DEFINE_string(output, "",
@@ -54,20 +58,24 @@ namespace {
 
 using inceres::Status;
 using inceres::StatusCode;
+using inceres::tools::Heartbeat;
+using inceres::tools::Invalid;
 using inceres::tools::IsSet;
+using inceres::tools::Out;
+using inceres::tools::ProgressOutput;
+using inceres::tools::WriteJsonReport;
 
-constexpr char kUsage[] =
-    "makes a bundle-adjustment problem in the BAL format from a simulated scene: a camera on a "
-    "path through\n"
-    "a street of points, with local visibility and, if wanted, loops. The counts come out exactly; "
-    "start values are the truth "
-    "plus noise.\n\n"
-    "  bal_generate --preset venice11 --output venice11.txt\n"
-    "  bal_generate --num_cameras 200 --laps 2 --track_length 5 --outlier_fraction 0.02 --output "
-    "loop.txt.bz2 --truth "
-    "truth.txt.bz2\n\n"
-    "The file can be read by bal_solve, by the bundle adjuster of the Ceres examples, and by any "
-    "other program for BAL files.";
+const inceres::tools::ToolHelp kHelp = {
+    "Make a bundle-adjustment problem in BAL format from a simulated street.",
+    "A camera on a path through a street of points, with local visibility and, if wanted, loops. "
+    "The counts come out exactly; start values are the truth plus noise. The file can be read by "
+    "bal_solve, by the bundle adjuster of the Ceres examples, and by any other program for BAL "
+    "files.",
+    {{"eleven cameras, as many points as Venice has",
+      "bal_generate --preset venice11 --output venice11.txt"},
+     {"two laps with outliers, and the truth beside them",
+      "bal_generate --num_cameras 200 --laps 2 --track_length 5 --outlier_fraction 0.02 --output "
+      "loop.txt.bz2 --truth truth.txt.bz2"}}};
 
 Status ToCount(const char* what, double value, int* count) {
   if (!(value >= 0.0 && value <= 2147483646.0)) {
@@ -131,55 +139,79 @@ Status OptionsFromFlags(inceres::StreetSceneOptions* options) {
   return Status::Ok();
 }
 
-Status Run() {
+Status CheckFlags() {
   if (FLAGS_output.empty()) {
-    return Status::Error(StatusCode::kInvalidArgument, "--output FILE is required; see --help");
+    return Invalid("--output FILE is required; see --help");
   }
   if (FLAGS_output == FLAGS_truth) {
-    return Status::Error(StatusCode::kInvalidArgument, "--output and --truth name the same file");
+    return Invalid("--output and --truth name the same file");
   }
   for (const auto& [exact, relative] : {std::pair("num_points", "points_per_camera"),
                                         std::pair("num_observations", "track_length")}) {
     if (IsSet(exact) && IsSet(relative)) {
-      return Status::Error(
-          StatusCode::kInvalidArgument,
-          std::string("--") + exact + " and --" + relative + " both say the same; give one");
+      return Invalid(std::string("--") + exact + " and --" + relative +
+                     " both say the same; give one");
     }
   }
+  return Status::Ok();
+}
+
+Status Generate(inceres::StreetScene* scene) {
   inceres::StreetSceneOptions options;
   if (Status status = OptionsFromFlags(&options); !status.ok()) {
     return status;
   }
-  inceres::StreetScene scene;
-  if (Status status = inceres::GenerateStreetScene(options, &scene); !status.ok()) {
-    return status;
-  }
-  if (Status status = inceres::WriteBal(FLAGS_output, scene.problem); !status.ok()) {
-    return status;
-  }
-  if (!FLAGS_truth.empty()) {
-    if (Status status = inceres::WriteBal(FLAGS_truth, scene.truth); !status.ok()) {
-      return status;
-    }
-  }
+  const Heartbeat heartbeat(ProgressOutput(), "simulating");
+  return inceres::GenerateStreetScene(options, scene);
+}
+
+Status Write(const inceres::StreetScene& scene) {
+  const Heartbeat heartbeat(ProgressOutput(), "writing " + FLAGS_output);
+  const Status status = inceres::WriteBal(FLAGS_output, scene.problem);
+  return status.ok() && !FLAGS_truth.empty() ? inceres::WriteBal(FLAGS_truth, scene.truth) : status;
+}
+
+Status Report(const inceres::StreetScene& scene) {
   const inceres::BalProblem& problem = scene.problem;
-  std::printf("cameras       %d\npoints        %d\nobservations  %zu, of them %zu outliers\n",
-              problem.num_cameras, problem.num_points, problem.observations.size(),
-              scene.outliers.size());
   inceres::BalProblem at_truth = scene.truth;
   at_truth.observations = problem.observations;
-  std::printf("RMS error     %.6g px at the start values, %.6g px at the truth\n",
-              inceres::ReprojectionRms(problem), inceres::ReprojectionRms(at_truth));
-  std::printf("wrote         %s\n", FLAGS_output.c_str());
+  const double start_rms = inceres::ReprojectionRms(problem);
+  const double true_rms = inceres::ReprojectionRms(at_truth);
+  std::fprintf(
+      Out(), "cameras       %d\npoints        %d\nobservations  %zu, of them %zu outliers\n",
+      problem.num_cameras, problem.num_points, problem.observations.size(), scene.outliers.size());
+  std::fprintf(Out(), "RMS error     %.6g px at the start values, %.6g px at the truth\n",
+               start_rms, true_rms);
+  std::fprintf(Out(), "wrote         %s\n", FLAGS_output.c_str());
   if (!FLAGS_truth.empty()) {
-    std::printf("truth         %s\n", FLAGS_truth.c_str());
+    std::fprintf(Out(), "truth         %s\n", FLAGS_truth.c_str());
   }
-  return std::fflush(stdout) == 0 ? Status::Ok()
-                                  : Status::Error(StatusCode::kIo, "cannot print the summary");
+  if (std::fflush(Out()) != 0) {
+    return Status::Error(StatusCode::kIo, "cannot print the summary");
+  }
+  const nlohmann::json report = {
+      {"output", FLAGS_output},
+      {"truth", FLAGS_truth.empty() ? nlohmann::json() : nlohmann::json(FLAGS_truth)},
+      {"num_cameras", problem.num_cameras},
+      {"num_points", problem.num_points},
+      {"num_observations", problem.observations.size()},
+      {"num_outliers", scene.outliers.size()},
+      {"initial_rms_pixels", start_rms},
+      {"true_rms_pixels", true_rms},
+      {"seed", FLAGS_seed}};
+  return WriteJsonReport(report.dump(2));
+}
+
+Status Run() {
+  inceres::StreetScene scene;
+  Status status = CheckFlags();
+  status = status.ok() ? Generate(&scene) : status;
+  status = status.ok() ? Write(scene) : status;
+  return status.ok() ? Report(scene) : status;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  return inceres::tools::RunTool(kUsage, argc, argv, Run);
+  return inceres::tools::RunTool(kHelp, argc, argv, Run);
 }

@@ -11,9 +11,13 @@
 
 #include "inceres/io/bal.h"
 #include "tools/command_line/command_line.h"
+#include "tools/command_line/heartbeat.h"
+#include "tools/command_line/json_report.h"
+#include "tools/command_line/output.h"
 #include "tools/command_line/read_flags.h"
 #include "tools/command_line/read_progress.h"
 #include "tools/command_line/text_file.h"
+#include "tools/draw/bal_page.h"
 #include "tools/draw/bal_picture.h"
 #include "tools/problems/bal_ceres_problem.h"
 #include "tools/problems/problem_source.h"
@@ -26,24 +30,29 @@ DEFINE_string(output, "", "Write the solved problem to this BAL file (.gz and .b
 DEFINE_bool(landmarks_first, false,
             "Put points before cameras in the ordering of the ceres::Problem, instead of leaving "
             "the order to the solver.");
-DEFINE_string(json, "",
-              "Write sizes, costs, seconds and the cost of every iteration to this file as JSON.");
 DEFINE_string(picture, "",
-              "Draw cameras and points before and after and the cost curve to this SVG file.");
+              "Show before and after in this file. NAME.html: a page with cameras and points from "
+              "above and from the side, the cost curve, a histogram of the reprojection errors and "
+              "the figures. Any other name: an SVG picture with cameras and points from above and "
+              "the cost curve.");
 
 namespace inceres::tools {
 namespace {
 
-constexpr char kUsage[] =
-    "solves a bundle-adjustment problem in BAL format and says what became of it: a line an "
-    "iteration, a table at the end.\n\n"
-    "  bal_solve --input problem-49-7776-pre.txt\n"
-    "  bal_solve --input problem.txt.bz2 --trust_region dogleg --robust huber:1.5 --output "
-    "solved.txt --picture solved.svg\n"
-    "  bal_solve --input problem.txt --mode incremental --builtin_factors\n"
-    "  bal_solve --input problem.txt --solver ceres --linear_solver sparse_schur --num_threads 4 "
-    "--json solved.json\n\n"
-    "Exit code: 0 solved (also if stopped by --max_num_iterations), 1 failure, 2 usage.";
+const ToolHelp kHelp = {
+    "Solve a bundle-adjustment problem in BAL format and tell what became of it.",
+    "A line an iteration, then a table. A solve that --max_num_iterations stopped is a success.",
+    {{"a table of the iterations and of the result", "bal_solve --input problem-49-7776-pre.txt"},
+     {"the solved file, and a page to show a colleague",
+      "bal_solve --input problem.txt.bz2 --robust huber:1.5 --output solved.txt --picture "
+      "solved.html"},
+     {"with the solver that re-uses Jacobians, and the built-in factors",
+      "bal_solve --input problem.txt --mode incremental --builtin_factors"},
+     {"with stock Ceres, and the figures for programs",
+      "bal_solve --input problem.txt --solver ceres --linear_solver sparse_schur --num_threads 4 "
+      "--json solved.json"},
+     {"JSON into a pipe",
+      "bal_solve --input problem.txt --json - | python3 -m json.tool --compact"}}};
 
 struct Solved {
   BalProblem before;
@@ -95,22 +104,22 @@ ceres::LinearSolverType AutomaticLinearSolver(const BalProblem& bal) {
 
 void PrintTable(const Solved& solved) {
   const SolveRecord& record = solved.record;
-  std::printf("\n%-22s %s\n%-22s %s (%s)\n", "problem", solved.description.c_str(), "solver",
-              solved.solver.c_str(), record.linear_solver.c_str());
-  std::printf("%-22s %.10e -> %.10e\n", "cost", record.initial_cost, record.final_cost);
-  std::printf("%-22s %.6f -> %.6f px\n", "RMS reprojection error",
-              RmsReprojectionError(solved.before), RmsReprojectionError(solved.after));
-  std::printf("%-22s %d\n%-22s %s: %s\n", "iterations", record.iterations, "termination",
-              record.termination.c_str(), record.message.c_str());
-  std::printf("%-22s %.6f s\n", "time", record.seconds);
+  std::fprintf(Out(), "\n%-22s %s\n%-22s %s (%s)\n", "problem", solved.description.c_str(),
+               "solver", solved.solver.c_str(), record.linear_solver.c_str());
+  std::fprintf(Out(), "%-22s %.10e -> %.10e\n", "cost", record.initial_cost, record.final_cost);
+  std::fprintf(Out(), "%-22s %.6f -> %.6f px\n", "RMS reprojection error",
+               RmsReprojectionError(solved.before), RmsReprojectionError(solved.after));
+  std::fprintf(Out(), "%-22s %d\n%-22s %s: %s\n", "iterations", record.iterations, "termination",
+               record.termination.c_str(), record.message.c_str());
+  std::fprintf(Out(), "%-22s %.6f s\n", "time", record.seconds);
   for (const auto& [stage, seconds] : record.stage_seconds) {
-    std::printf("  %-20s %.6f s\n", stage.c_str(), seconds);
+    std::fprintf(Out(), "  %-20s %.6f s\n", stage.c_str(), seconds);
   }
   for (const auto& [name, count] : record.work) {
-    std::printf("  %-20s %lld\n", name.c_str(), static_cast<long long>(count));
+    std::fprintf(Out(), "  %-20s %lld\n", name.c_str(), static_cast<long long>(count));
   }
   for (const std::string& option : record.options_without_effect) {
-    std::printf("note: accepted without effect: %s\n", option.c_str());
+    std::fprintf(Out(), "note: accepted without effect: %s\n", option.c_str());
   }
 }
 
@@ -151,20 +160,38 @@ nlohmann::json ToJson(const SolverSettings& settings, const Solved& solved) {
           {"options_without_effect", record.options_without_effect}};
 }
 
+bool EndsWith(const std::string& text, const std::string& end) {
+  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+std::string Picture(const SolverSettings& settings, const Solved& solved) {
+  const std::string name = FLAGS_input.substr(FLAGS_input.rfind('/') + 1);
+  if (!EndsWith(FLAGS_picture, ".html")) {
+    return BalPictureSvg(name + ": " + solved.description, solved.before, solved.after,
+                         solved.record.trace);
+  }
+  BalPageContent content;
+  content.title = name;
+  content.solver = solved.solver;
+  content.robust = ToString(settings.robust);
+  content.num_threads = settings.num_threads;
+  content.before = &solved.before;
+  content.after = &solved.after;
+  content.record = &solved.record;
+  return BalPageHtml(content);
+}
+
 // Writes what was asked for; the first failure ends it.
 Status WriteFiles(const SolverSettings& settings, const Solved& solved) {
   Status status;
   if (!FLAGS_output.empty()) {
     status = WriteBal(FLAGS_output, solved.after);
   }
-  if (status.ok() && !FLAGS_json.empty()) {
-    status = WriteTextFile(FLAGS_json, ToJson(settings, solved).dump(2) + "\n");
+  if (status.ok() && WantsJson()) {
+    status = WriteJsonReport(ToJson(settings, solved).dump(2));
   }
   if (status.ok() && !FLAGS_picture.empty()) {
-    const std::string title =
-        FLAGS_input.substr(FLAGS_input.rfind('/') + 1) + ": " + solved.description;
-    status = WriteTextFile(FLAGS_picture,
-                           BalPictureSvg(title, solved.before, solved.after, solved.record.trace));
+    status = WriteTextFile(FLAGS_picture, Picture(settings, solved));
   }
   return status;
 }
@@ -176,8 +203,8 @@ int Main() {
     return Fail(kExitUsage, status.message);
   }
   BalProblem bal;
-  status =
-      ReadBal(FLAGS_input, &bal, ReadProgressPrinter(FLAGS_input, stderr), ReadOptionsFromFlags());
+  status = ReadBal(FLAGS_input, &bal, ReadProgressPrinter(FLAGS_input, ProgressOutput()),
+                   ReadOptionsFromFlags());
   if (!status.ok()) {
     return Fail(kExitFailure, status.message);
   }
@@ -186,7 +213,10 @@ int Main() {
   plan.progress = &progress;
   const BalSource source(std::move(bal));
   RunOutcome outcome;
-  status = Run(plan, source, &outcome);
+  {  // incremental mode calls nobody meanwhile
+    const Heartbeat heartbeat(plan.settings.incremental ? ProgressOutput() : nullptr, "solving");
+    status = Run(plan, source, &outcome);
+  }
   if (!status.ok()) {
     return Fail(kExitUsage, status.message);
   }
@@ -209,6 +239,6 @@ int Main() {
 int main(int argc, char** argv) {
   google::InitGoogleLogging(argv[0]);
   FLAGS_logtostderr = true;
-  const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kUsage, &argc, &argv);
+  const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kHelp, &argc, &argv);
   return exit_code ? *exit_code : inceres::tools::Main();
 }

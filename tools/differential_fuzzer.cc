@@ -10,7 +10,6 @@
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
-#include <fstream>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,6 +20,9 @@
 #include <sys/wait.h>
 
 #include "tools/command_line/command_line.h"
+#include "tools/command_line/json_report.h"
+#include "tools/command_line/output.h"
+#include "tools/command_line/progress_lines.h"
 #include "tools/fuzz/life_process.h"
 
 DEFINE_string(mode, "all",
@@ -32,7 +34,6 @@ DEFINE_uint64(first_life, 0, "Begins with this life of the seed.");
 DEFINE_uint64(lives, 100, "How many lives in each mode.");
 DEFINE_int32(edits, 60, "Edits of a life; it is solved after every few.");
 DEFINE_double(seconds, 0.0, "No new life begins in a mode after so many seconds; 0: no limit.");
-DEFINE_string(json, "", "Append a line of JSON for each mode to this file.");
 DEFINE_bool(verbose, false,
             "Print every edit and solve, and the iterations of the one that is a defect.");
 
@@ -41,16 +42,14 @@ namespace {
 
 using tools::ExitCode;
 
-constexpr char kUsage[] =
-    "lets random problems live random lives, has a solver of ours solve them again and again, and "
-    "judges every end by plain "
-    "LM.\n\n"
-    "  differential_fuzzer --mode session --lives 1000\n"
-    "  differential_fuzzer --seed 7 --lives 1000000 --seconds 10000 --json night.jsonl\n\n"
-    "A defect is printed with the command that repeats it. Exit code: 0 no defect, 1 a defect, 2 "
-    "usage. docs/fuzzing.md tells "
-    "what\n"
-    "counts as a defect.";
+const tools::ToolHelp kHelp = {
+    "Let random problems live random lives, solve them often, judge every end.",
+    "A solver of ours solves, plain Levenberg-Marquardt judges. A defect is exit code 1, and "
+    "printed with the command that repeats it; docs/fuzzing.md tells what counts as one. --json "
+    "appends a line for each mode to its file.",
+    {{"a thousand lives", "differential_fuzzer --mode session --lives 1000"},
+     {"a night of all modes, less than three hours each",
+      "differential_fuzzer --seed 7 --lives 1000000 --seconds 10000 --json night.jsonl"}}};
 
 // The modes that need the drop-in in Ceres's place: this program's sibling has them.
 struct DropInMode {
@@ -78,16 +77,19 @@ nlohmann::json ToJson(const Defect& defect) {
           {"kind", defect.finding.kind}, {"detail", defect.finding.detail}};
 }
 
+// A defect is told whatever --quiet says, and never among JSON.
 void Print(const Defect& defect) {
   const LifePlan& plan = defect.plan;
-  std::printf("DEFECT %s, mode %s, seed %ju, life %ju, after %ld edits, solve %ld: %s\n",
-              defect.finding.kind.c_str(), plan.mode.c_str(),
-              static_cast<std::uintmax_t>(plan.seed), static_cast<std::uintmax_t>(plan.life),
-              defect.edits, defect.solves, defect.finding.detail.c_str());
-  std::printf("  differential_fuzzer --mode %s --seed %ju --first_life %ju --lives 1 --edits %d\n",
-              plan.mode.c_str(), static_cast<std::uintmax_t>(plan.seed),
-              static_cast<std::uintmax_t>(plan.life), plan.max_edits);
-  std::fflush(stdout);
+  std::FILE* const out = tools::Out() == stdout ? stdout : stderr;
+  std::fprintf(out, "DEFECT %s, mode %s, seed %ju, life %ju, after %ld edits, solve %ld: %s\n",
+               defect.finding.kind.c_str(), plan.mode.c_str(),
+               static_cast<std::uintmax_t>(plan.seed), static_cast<std::uintmax_t>(plan.life),
+               defect.edits, defect.solves, defect.finding.detail.c_str());
+  std::fprintf(out,
+               "  differential_fuzzer --mode %s --seed %ju --first_life %ju --lives 1 --edits %d\n",
+               plan.mode.c_str(), static_cast<std::uintmax_t>(plan.seed),
+               static_cast<std::uintmax_t>(plan.life), plan.max_edits);
+  std::fflush(out);
 }
 
 struct ModeResult {
@@ -102,6 +104,7 @@ ModeResult RunMode(const std::string& mode) {
   ModeResult result;
   result.mode = mode;
   const auto begin = std::chrono::steady_clock::now();
+  tools::ProgressLines progress(tools::ProgressOutput());
   while (result.lives < FLAGS_lives && (FLAGS_seconds <= 0.0 || result.seconds < FLAGS_seconds)) {
     const LifePlan plan{FLAGS_seed, FLAGS_first_life + result.lives, mode, FLAGS_edits,
                         FLAGS_verbose};
@@ -110,15 +113,20 @@ ModeResult RunMode(const std::string& mode) {
       result.defects.push_back(*defect);
     }
     ++result.lives;
+    progress([&] {
+      return mode + ": " + std::to_string(result.lives) + " of " + std::to_string(FLAGS_lives) +
+             " lives, " + std::to_string(result.defects.size()) + " defects";
+    });
     result.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   }
   return result;
 }
 
-void Report(const ModeResult& result) {
+Status Report(const ModeResult& result) {
   const Counts& c = result.counts;
-  std::printf(
+  std::fprintf(
+      tools::Out(),
       "%s: %ju lives, %ld edits, %ld solves in %.1f s; %ld judged, %ld creeping (worst %.2g "
       "tolerances), %ld beside faults, "
       "%ld as far as stock; traces: %ld compared, %ld chaotic; %ld handed to stock, %ld failures "
@@ -128,10 +136,7 @@ void Report(const ModeResult& result) {
       result.seconds, c.judged, c.creeping, c.worst_creeping_excess, c.beside_faults, c.as_stock,
       c.traces_compared, c.traces_chaotic, c.handed_to_stock, c.failures, c.not_converged,
       result.defects.size());
-  std::fflush(stdout);
-  if (FLAGS_json.empty()) {
-    return;
-  }
+  std::fflush(tools::Out());
   nlohmann::json line = ToJson(c);
   line.update({{"mode", result.mode},
                {"seed", FLAGS_seed},
@@ -142,11 +147,7 @@ void Report(const ModeResult& result) {
   for (const Defect& defect : result.defects) {
     line["defects"].push_back(ToJson(defect));
   }
-  std::ofstream file(FLAGS_json, std::ios::app);
-  file << line << '\n';
-  if (!file.flush()) {
-    std::exit(tools::Fail(ExitCode::kExitUsage, "cannot write " + FLAGS_json));
-  }
+  return tools::AppendJsonReport(line.dump());
 }
 
 // Runs the sibling that is linked to the drop-in, with this program's flags; returns its exit code.
@@ -159,8 +160,8 @@ int RunSibling(const DropInMode& mode) {
     setenv("INCERES_MODE", mode.environment, 1);
     setenv("INCERES_WINDOWS", "incremental", 1);  // small as these problems are
     std::vector<std::string> words = {sibling.string(), std::string("--mode=") + mode.name};
-    for (const char* flag :
-         {"seed", "first_life", "lives", "edits", "seconds", "json", "verbose"}) {
+    for (const char* flag : {"seed", "first_life", "lives", "edits", "seconds", "json", "verbose",
+                             "quiet", "progress"}) {
       words.push_back(std::string("--") + flag + "=" +
                       gflags::GetCommandLineFlagInfoOrDie(flag).current_value);
     }
@@ -171,7 +172,7 @@ int RunSibling(const DropInMode& mode) {
     }
     arguments.push_back(nullptr);
     execv(arguments[0], arguments.data());
-    std::_Exit(tools::Fail(ExitCode::kExitUsage,
+    std::_Exit(tools::Fail(ExitCode::kExitFailure,
                            "cannot run " + words[0] + ", which has the mode " + mode.name));
   }
   int status = 0;
@@ -187,6 +188,10 @@ const DropInMode* FindDropInMode(const std::string& name) {
 
 // Runs each of the modes where it is; the highest exit code of them.
 int RunModes(const std::vector<std::string>& wanted) {
+  if (FLAGS_verbose && tools::Out() != stdout) {
+    return tools::Fail(ExitCode::kExitUsage,
+                       "--verbose prints, which --quiet and --json - do not let it");
+  }
   const std::vector<std::string> modes_here = Modes();
   const auto is_here = [&](const std::string& mode) {
     return std::find(modes_here.begin(), modes_here.end(), mode) != modes_here.end();
@@ -200,7 +205,9 @@ int RunModes(const std::vector<std::string>& wanted) {
   for (const std::string& mode : wanted) {
     if (is_here(mode)) {
       const ModeResult result = RunMode(mode);
-      Report(result);
+      if (const Status status = Report(result); !status.ok()) {
+        return tools::Fail(ExitCode::kExitFailure, status.message);
+      }
       worst =
           std::max<int>(worst, result.defects.empty() ? tools::kExitSuccess : tools::kExitFailure);
     } else {
@@ -228,12 +235,12 @@ int main(int argc, char** argv) {
   FLAGS_minloglevel = google::GLOG_FATAL;  // every failure that is provoked here has its message
   google::InitGoogleLogging(argv[0]);
   if (const std::optional<int> exit_code =
-          inceres::tools::ParseCommandLine(inceres::fuzz::kUsage, &argc, &argv)) {
+          inceres::tools::ParseCommandLine(inceres::fuzz::kHelp, &argc, &argv)) {
     return *exit_code;
   }
   try {
     return inceres::fuzz::RunModes(inceres::fuzz::WantedModes());
   } catch (const std::exception& error) {
-    return inceres::tools::Fail(inceres::tools::kExitUsage, error.what());
+    return inceres::tools::Fail(inceres::tools::kExitFailure, error.what());
   }
 }

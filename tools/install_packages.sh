@@ -14,6 +14,7 @@ packages=(
   libgoogle-glog-dev libgflags-dev nlohmann-json3-dev zlib1g-dev libbz2-dev
   libgtest-dev libgmock-dev libbenchmark-dev
   clang-format clang-tidy
+  help2man groff-base
 )
 for option in "$@"; do
   case $option in

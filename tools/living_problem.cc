@@ -2,6 +2,7 @@
 // preloaded.
 
 #include <cmath>
+#include <cstddef>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -11,7 +12,9 @@
 #include <glog/logging.h>
 
 #include "tools/command_line/command_line.h"
-#include "tools/command_line/text_file.h"
+#include "tools/command_line/json_report.h"
+#include "tools/command_line/output.h"
+#include "tools/command_line/progress_lines.h"
 #include "tools/replay/living_run.h"
 #include "tools/replay_problem.h"
 
@@ -44,23 +47,21 @@ DEFINE_string(linear_solver, "auto",
               "dense_schur or sparse_schur, landmarks first; sparse_normal_cholesky; or auto: "
               "dense_schur where there are "
               "landmarks, else sparse_normal_cholesky.");
-DEFINE_string(json, "", "Write the report to this file.");
 
 namespace inceres::tools {
 namespace {
 
-constexpr char kUsage[] =
-    "plays a problem that grows step by step by edits of a ceres::Problem and ceres::Solve after "
-    "each: a program that knows "
-    "nothing "
-    "of inceres, linked to the shared Ceres. Run it bare, or with the drop-in preloaded and "
-    "INCERES_MODE set. The problems are "
-    "replay's, see replay --help.\n\n"
-    "  living_problem --problem kf:fr3_office.kf\n"
-    "  LD_PRELOAD=libinceres_dropin.so INCERES_MODE=incremental living_problem --problem "
-    "g2o:M3500.g2o --steps 500\n"
-    "  living_problem --problem bal:problem-49-7776-pre.txt --oneshot --robust huber:1.0\n\n"
-    "Exit code: 0 all solves usable, 1 a file or a solve failed, 2 usage.";
+const ToolHelp kHelp = {
+    "Play a problem that grows to ceres::Solve, and know nothing of inceres.",
+    "Edits of a ceres::Problem and ceres::Solve after each, linked to the shared Ceres. Run it "
+    "bare, or with the drop-in preloaded and INCERES_MODE set. The problems are replay's, see "
+    "replay --help. A solve that fails is exit code 1, after the report.",
+    {{"keyframes, by stock Ceres", "living_problem --problem kf:fr3_office.kf"},
+     {"a pose graph, by inceres in Ceres's place",
+      "LD_PRELOAD=libinceres_dropin.so INCERES_MODE=incremental living_problem --problem "
+      "g2o:M3500.g2o --steps 500"},
+     {"one solve of a whole file",
+      "living_problem --problem bal:problem-49-7776-pre.txt --oneshot --robust huber:1.0"}}};
 
 bool IsFromFile() {
   const std::string kind = FLAGS_problem.substr(0, FLAGS_problem.find(':'));
@@ -157,7 +158,13 @@ Status PlayScript(Run* run) {
     return PlayAtOnce(script, 0, run->settings, PlainCeresSolve, &run->report);
   }
   const LivingMode mode = FLAGS_mode == "plain" ? LivingMode::kPlain : LivingMode::kRebuild;
-  return PlayLiving(script, FLAGS_steps, run->settings, mode, PlainCeresSolve, &run->report);
+  ProgressLines progress(ProgressOutput());
+  const auto on_solve = [&progress](std::size_t solve, std::size_t num_solves) {
+    progress(
+        [&] { return "solve " + std::to_string(solve) + " of " + std::to_string(num_solves); });
+  };
+  return PlayLiving(script, FLAGS_steps, run->settings, mode, PlainCeresSolve, &run->report,
+                    on_solve);
 }
 
 Status Report(const Run& run) {
@@ -169,7 +176,8 @@ Status Report(const Run& run) {
   json["trust_region"] = run.settings.dogleg ? "dogleg" : "lm";
   json["autodiff"] = run.settings.autodiff;
   const nlohmann::json& ms = json["solve_ms"];
-  std::printf(
+  std::fprintf(
+      Out(),
       "%s: %s\n%s, %s: %zu solves, ms median %.3g, p95 %.3g, max %.3g, total %.6g; %.3g s in all; "
       "last cost %.9e\n",
       FLAGS_problem.c_str(), run.description.c_str(),
@@ -177,7 +185,7 @@ Status Report(const Run& run) {
       json["trust_region"].get<std::string>().c_str(), run.report.solves.size(),
       ms["median"].get<double>(), ms["p95"].get<double>(), ms["max"].get<double>(),
       ms["total"].get<double>(), run.report.total_seconds, run.report.solves.back().final_cost);
-  return FLAGS_json.empty() ? Status::Ok() : WriteTextFile(FLAGS_json, json.dump(1) + "\n");
+  return WriteJsonReport(json.dump(1));
 }
 
 // Names the first solve that failed.
@@ -205,5 +213,5 @@ Status Main() {
 
 int main(int argc, char** argv) {
   google::InitGoogleLogging(argv[0]);
-  return inceres::tools::RunTool(inceres::tools::kUsage, argc, argv, inceres::tools::Main);
+  return inceres::tools::RunTool(inceres::tools::kHelp, argc, argv, inceres::tools::Main);
 }

@@ -14,7 +14,9 @@
 
 #include "tools/ab/environment.h"
 #include "tools/command_line/command_line.h"
-#include "tools/command_line/text_file.h"
+#include "tools/command_line/json_report.h"
+#include "tools/command_line/output.h"
+#include "tools/command_line/progress_lines.h"
 #include "tools/replay/replay_ceres_solve.h"
 #include "tools/replay/replay_flatness.h"
 #include "tools/replay/replay_report.h"
@@ -68,20 +70,14 @@ DEFINE_int32(
 DEFINE_int32(
     structure_step, 0,
     "Add to the JSON report the blocks of the reduced system after this step; 0: of none.");
-DEFINE_string(json, "", "Write all steps and the summary to this file as JSON.");
 
 namespace inceres::tools {
 namespace {
 
-constexpr char kUsage[] =
-    "plays a problem that grows step by step: inceres and stock Ceres solve it again, warm, after "
-    "each step, in lockstep and at "
-    "the same tolerances; the solve calls are timed, and apart from them what it takes to add a "
-    "step to each side's problem.\n\n"
-    "  replay --problem bal:problem-49-7776-pre.txt\n"
-    "  replay --problem bal:problem.txt --no_priors --free_intrinsics --steps 20\n"
-    "  replay --problem kf:fr3_office.kf --stock_autodiff --json report.json\n"
-    "  replay --problem path:2000 --nostock --flat\n\n"
+const ToolHelp kHelp = {
+    "Play a problem that grows step by step to inceres and stock Ceres, side by side.",
+    "Both solve it again, warm, after each step, in lockstep and at the same tolerances. The solve "
+    "calls are timed, and apart from them what it takes to add a step to each side's problem.\n"
     "bal: cameras in index order with the points that two of them see, near the solution of the "
     "whole file, with priors.\n"
     "kf: a keyframe sequence with inverse-depth landmarks and loop closures.\n"
@@ -90,8 +86,15 @@ constexpr char kUsage[] =
     "loops.\n"
     "vio: frames of a visual-inertial sequence, with points in the world; analytic factors only.\n"
     "path: cameras along a generated path, each seeing about 40 points; with --loops it comes back "
-    "to places seen before.\n\n"
-    "Exit code: 0 all steps solved, 1 a file or one of our solves failed, 2 usage.";
+    "to places seen before.\n"
+    "A step of ours that fails is exit code 1, after the report.",
+    {{"Ladybug-49, camera by camera", "replay --problem bal:problem-49-7776-pre.txt"},
+     {"its first twenty cameras, without what holds them",
+      "replay --problem bal:problem.txt --no_priors --free_intrinsics --steps 20"},
+     {"keyframes against stock as its users write it, for programs",
+      "replay --problem kf:fr3_office.kf --stock_autodiff --json report.json"},
+     {"whether a step of a long path costs what one of a short path does",
+      "replay --problem path:2000 --nostock --flat"}}};
 
 Status CheckFlags() {
   if (FLAGS_mode != "exact" && FLAGS_mode != "incremental") {
@@ -111,7 +114,7 @@ Status CheckFlags() {
       !status.ok()) {
     return status;
   }
-  if (FLAGS_structure_step > 0 && (FLAGS_mode != "incremental" || FLAGS_json.empty())) {
+  if (FLAGS_structure_step > 0 && (FLAGS_mode != "incremental" || !WantsJson())) {
     return Invalid("--structure_step: needs --mode incremental and --json");
   }
   return CheckNumbers({{"--steps", FLAGS_steps, 0},
@@ -139,12 +142,17 @@ ReplaySettings Settings(const ReplayScript& script) {
   return settings;
 }
 
+int NumSteps(const ReplayScript& script) {
+  const int all = static_cast<int>(script.steps.size());
+  return FLAGS_steps > 0 ? std::min(FLAGS_steps, all) : all;
+}
+
 void PrintRow(const ReplayRow& row) {
   const bool failed =
       !row.ours.outcome.usable || (row.stock.has_value() && !row.stock->outcome.usable);
   if (row.step == 1 || row.step % FLAGS_print_every == 0 || row.closes_loop || failed) {
-    std::fputs(ReplayTableLine(row).c_str(), stdout);
-    std::fflush(stdout);
+    std::fputs(ReplayTableLine(row).c_str(), Out());
+    std::fflush(Out());
   }
 }
 
@@ -171,17 +179,17 @@ ReplayContext Context(const ReplayScript& script, const ReplaySolver& ours,
 Status Report(const ReplayContext& context, const ReplaySummary& summary,
               const std::vector<ReplayRow>& rows,
               const std::optional<ReducedStructure>& structure) {
-  std::fputs(ReplaySummaryText(context, summary).c_str(), stdout);
-  nlohmann::json json = FLAGS_json.empty() ? nlohmann::json() : ReplayJson(context, summary, rows);
+  std::fputs(ReplaySummaryText(context, summary).c_str(), Out());
+  nlohmann::json json = WantsJson() ? ReplayJson(context, summary, rows) : nlohmann::json();
   if (FLAGS_flat) {
     const ReplayFlatness flatness = MeasureFlatness(rows);
-    std::fputs(FlatnessText(flatness).c_str(), stdout);
+    std::fputs(FlatnessText(flatness).c_str(), Out());
     json["flat"] = FlatnessJson(flatness);
   }
   if (structure.has_value()) {
     json["structure"] = StructureJson(FLAGS_structure_step, *structure);
   }
-  return FLAGS_json.empty() ? Status::Ok() : WriteTextFile(FLAGS_json, json.dump(2) + "\n");
+  return WriteJsonReport(json.dump(2));
 }
 
 int Play(const ReplayScript& script) {
@@ -194,12 +202,16 @@ int Play(const ReplayScript& script) {
   const std::unique_ptr<ReplaySolver> stock =
       FLAGS_stock ? MakeStockReplaySolver(stock_settings) : nullptr;
   ReplayReference judge(settings);
-  std::printf("%s: %s\n%s", FLAGS_problem.c_str(), script.description.c_str(),
-              ReplayTableHeader().c_str());
+  std::fprintf(Out(), "%s: %s\n%s", FLAGS_problem.c_str(), script.description.c_str(),
+               ReplayTableHeader().c_str());
   std::vector<ReplayRow> rows;
   std::optional<ReducedStructure> structure;
+  ProgressLines progress(ProgressOutputBesideTable());
   const auto look_at = [&](const ReplayRow& row) {
     PrintRow(row);
+    progress([&] {
+      return "step " + std::to_string(row.step) + " of " + std::to_string(NumSteps(script));
+    });
     if (row.step == FLAGS_structure_step) {
       structure = ours->Structure();
     }
@@ -222,8 +234,7 @@ int Play(const ReplayScript& script) {
 
 // --flat needs room for both of its windows, --structure_step its step.
 Status CheckLength(const ReplayScript& script) {
-  const int all = static_cast<int>(script.steps.size());
-  const int steps = FLAGS_steps > 0 ? std::min(FLAGS_steps, all) : all;
+  const int steps = NumSteps(script);
   if (FLAGS_structure_step > steps) {
     return Invalid("--structure_step " + std::to_string(FLAGS_structure_step) + ": there are " +
                    std::to_string(steps) + " steps");
@@ -255,6 +266,6 @@ int main(int argc, char** argv) {
   FLAGS_logtostderr = true;
   // stock warns of every failed factorization; the report counts them
   FLAGS_minloglevel = google::GLOG_ERROR;
-  const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kUsage, &argc, &argv);
+  const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kHelp, &argc, &argv);
   return exit_code ? *exit_code : inceres::tools::Main();
 }

@@ -14,6 +14,8 @@
 #include "inceres/io/keyframes.h"
 #include "inceres/io/stereo_odometry.h"
 #include "tools/command_line/command_line.h"
+#include "tools/command_line/heartbeat.h"
+#include "tools/command_line/output.h"
 #include "tools/command_line/read_flags.h"
 #include "tools/command_line/read_progress.h"
 #include "tools/replay/replay_scripts.h"
@@ -59,14 +61,16 @@ Status CheckKind(const std::string& kind) {
 
 Status MakeBalScript(const std::string& path, int num_threads, ReplayScript* script) {
   BalProblem bal;
-  Status status = ReadBal(path, &bal, ReadProgressPrinter(path, stderr), ReadOptionsFromFlags());
+  Status status =
+      ReadBal(path, &bal, ReadProgressPrinter(path, ProgressOutput()), ReadOptionsFromFlags());
   if (status.ok() && (bal.num_cameras < 2 || bal.observations.empty())) {
     status = Status::Error(StatusCode::kIo,
                            path + ": a replay needs two or more cameras, and observations");
   }
   if (status.ok() && FLAGS_presolve) {
-    std::printf("solving %s first, not timed\n", path.c_str());
-    std::fflush(stdout);
+    std::fprintf(Out(), "solving %s first, not timed\n", path.c_str());
+    std::fflush(Out());
+    const Heartbeat heartbeat(ProgressOutput(), "solving " + path);
     status = SolveForReplay(num_threads, &bal);
   }
   if (status.ok()) {

@@ -5,9 +5,13 @@
 #include <string>
 
 #include <gflags/gflags.h>
+#include <nlohmann/json.hpp>
 
 #include "inceres/io/vio_sequence.h"
 #include "tools/command_line/command_line.h"
+#include "tools/command_line/heartbeat.h"
+#include "tools/command_line/json_report.h"
+#include "tools/command_line/output.h"
 #include "tools/sim/vio_scene.h"
 
 DEFINE_string(output, "", "the file to write: any name, or compressed as .gz or .bz2 (required)");
@@ -54,14 +58,19 @@ namespace {
 
 using inceres::Status;
 using inceres::StatusCode;
+using inceres::tools::Heartbeat;
+using inceres::tools::Out;
+using inceres::tools::ProgressOutput;
+using inceres::tools::WriteJsonReport;
 
-constexpr char kUsage[] =
-    "simulates a camera with an IMU along a smooth trajectory: IMU samples, observations of "
-    "points, start values and\n"
-    "the truth behind them. The format is explained in the file and in docs/visual_inertial.md.\n\n"
-    "  vio_simulate --preset cubic --output cubic.vio\n"
-    "  vio_simulate --trajectory figure_eight --frames 400 --points 1000 --outlier_fraction 0.02 "
-    "--output eight.vio.gz";
+const inceres::tools::ToolHelp kHelp = {
+    "Simulate a camera with an IMU along a smooth trajectory and write the sequence.",
+    "IMU samples, observations of points, start values and the truth behind them. The format is "
+    "explained in the file and in docs/visual_inertial.md.",
+    {{"fifty frames, ready to solve", "vio_simulate --preset cubic --output cubic.vio"},
+     {"a figure of eight with outliers",
+      "vio_simulate --trajectory figure_eight --frames 400 --points 1000 --outlier_fraction 0.02 "
+      "--output eight.vio.gz"}}};
 
 // A flag sets its option if there is no preset, or if it was given.
 template <typename Flag, typename Option>
@@ -145,35 +154,53 @@ double ReprojectionRms(const inceres::VioSequence& sequence, bool truth) {
   return count > 0 ? std::sqrt(sum / count) : 0.0;
 }
 
+Status Report(const inceres::VioSequence& sequence, int imu_per_frame) {
+  const std::size_t num_frames = sequence.frames.size();
+  const double start_rms = ReprojectionRms(sequence, false);
+  const double true_rms = ReprojectionRms(sequence, true);
+  std::fprintf(Out(), "frames        %zu, %.6g s\nIMU factors   %zu, of %d samples each\n",
+               num_frames, sequence.frames.back().time, num_frames - 1, imu_per_frame + 1);
+  std::fprintf(Out(), "points        %zu\nobservations  %d, of them %d outliers\n",
+               sequence.points.size(), sequence.NumObservations(), sequence.NumOutliers());
+  std::fprintf(Out(), "RMS error     %.6g px at the start values, %.6g px at the truth\n",
+               start_rms, true_rms);
+  std::fprintf(Out(), "wrote         %s\n", FLAGS_output.c_str());
+  if (std::fflush(Out()) != 0) {
+    return Status::Error(StatusCode::kIo, "cannot print the summary");
+  }
+  const nlohmann::json report = {{"output", FLAGS_output},
+                                 {"num_frames", num_frames},
+                                 {"seconds", sequence.frames.back().time},
+                                 {"num_imu_factors", num_frames - 1},
+                                 {"num_points", sequence.points.size()},
+                                 {"num_observations", sequence.NumObservations()},
+                                 {"num_outliers", sequence.NumOutliers()},
+                                 {"initial_rms_pixels", start_rms},
+                                 {"true_rms_pixels", true_rms},
+                                 {"seed", FLAGS_seed}};
+  return WriteJsonReport(report.dump(2));
+}
+
 Status Run() {
   if (FLAGS_output.empty()) {
     return Status::Error(StatusCode::kInvalidArgument, "--output FILE is required; see --help");
   }
   inceres::VioSceneOptions options;
-  if (Status status = OptionsFromFlags(&options); !status.ok()) {
-    return status;
-  }
   inceres::VioSequence sequence;
-  if (Status status = inceres::GenerateVioScene(options, &sequence); !status.ok()) {
-    return status;
+  Status status = OptionsFromFlags(&options);
+  if (status.ok()) {
+    const Heartbeat heartbeat(ProgressOutput(), "simulating");
+    status = inceres::GenerateVioScene(options, &sequence);
   }
-  if (Status status = inceres::WriteVioSequence(FLAGS_output, sequence); !status.ok()) {
-    return status;
+  if (status.ok()) {
+    const Heartbeat heartbeat(ProgressOutput(), "writing " + FLAGS_output);
+    status = inceres::WriteVioSequence(FLAGS_output, sequence);
   }
-  const std::size_t num_frames = sequence.frames.size();
-  std::printf("frames        %zu, %.6g s\nIMU factors   %zu, of %d samples each\n", num_frames,
-              sequence.frames.back().time, num_frames - 1, options.imu_per_frame + 1);
-  std::printf("points        %zu\nobservations  %d, of them %d outliers\n", sequence.points.size(),
-              sequence.NumObservations(), sequence.NumOutliers());
-  std::printf("RMS error     %.6g px at the start values, %.6g px at the truth\n",
-              ReprojectionRms(sequence, false), ReprojectionRms(sequence, true));
-  std::printf("wrote         %s\n", FLAGS_output.c_str());
-  return std::fflush(stdout) == 0 ? Status::Ok()
-                                  : Status::Error(StatusCode::kIo, "cannot print the summary");
+  return status.ok() ? Report(sequence, options.imu_per_frame) : status;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  return inceres::tools::RunTool(kUsage, argc, argv, Run);
+  return inceres::tools::RunTool(kHelp, argc, argv, Run);
 }

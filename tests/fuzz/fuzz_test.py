@@ -100,7 +100,7 @@ def test_usage(program):
     code, output, _ = run(program, "--help")
     assert code == 0 and "--first_life" in output
     done = subprocess.run([program, "--mode=exact", "--lives=1", "--json=/nowhere/file"], capture_output=True, text=True, check=False)
-    assert done.returncode == 2 and "/nowhere/file" in done.stderr, done.stderr
+    assert done.returncode == 1 and "/nowhere/file" in done.stderr, done.stderr
     code, output, lines = run(program, "--mode=incremental", "--seed=3", "--lives=2", "--edits=10", "--verbose")
     assert "edit 1: " in output and "solve 1: " in output and lines[0]["lives"] == 2, output
     assert run(program, "--mode=incremental", "--seed=3", "--lives=1000000", "--seconds=0.2")[2][0]["lives"] < 1000000

@@ -2,53 +2,16 @@
 """The page of tools/ab_report in headless Chromium: it renders, says nothing on the console, nothing sticks out, and the figures a
 reader sees are the log's. Argument: the script. Exit code 77, which CTest reports as skipped, if there is no Chromium."""
 
-import html
-import json
-import os
-import pathlib
-import re
-import shutil
 import statistics
 import subprocess
 import sys
-import tempfile
 import unittest
 
 sys.dont_write_bytecode = True
 from ab_log_maker import line, window_run, write  # noqa: E402
+from browser_page import CHROMIUM, SKIPPED, PageTestCase  # noqa: E402
 
 SCRIPT = sys.argv[1]
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-
-# Runs in the page, in a frame as wide as a phone or a laptop, and leaves what it measured as the outer page's text.
-PROBE = """
-const frame = document.querySelector('iframe');
-frame.onload = () => {
-  const page = frame.contentDocument, seen = [...page.querySelectorAll('svg')].filter(svg => svg.getBoundingClientRect().width > 0);
-  const outside = [], tiny = [], lost = [];
-  for (const svg of seen) {
-    const box = svg.viewBox.baseVal, scale = svg.getBoundingClientRect().width / box.width;
-    for (const text of svg.querySelectorAll('text')) {
-      const b = text.getBBox();
-      if (b.x < -1 || b.y < -1 || b.x + b.width > box.width + 1 || b.y + b.height > box.height + 1) outside.push(text.textContent);
-      if (parseFloat(frame.contentWindow.getComputedStyle(text).fontSize) * scale < 9.5) tiny.push(text.textContent);
-    }
-    for (const mark of svg.querySelectorAll('circle, rect, polyline')) {
-      const b = mark.getBBox();
-      if (!(b.x >= -8 && b.y >= -8 && b.x + b.width <= box.width + 8 && b.y + b.height <= box.height + 8)) lost.push(mark.outerHTML);
-    }
-  }
-  const figures = {};
-  for (const figure of page.querySelectorAll('[data-value]')) {
-    if (figure.getBoundingClientRect().height > 0) figures[figure.id] = figure.innerText;
-  }
-  const root = page.documentElement;
-  const dark = frame.contentWindow.getComputedStyle(page.body).backgroundColor;
-  document.querySelector('pre').textContent = JSON.stringify({figures, pictures: seen.length, points: page.querySelectorAll('circle.point').length,
-    overflow: root.scrollWidth - root.clientWidth, outside, tiny, lost, background: dark, text: page.body.innerText});
-};
-frame.srcdoc = PAGE;
-"""
 
 
 def in_words(seconds):
@@ -60,39 +23,11 @@ def in_words(seconds):
     return ""
 
 
-class BrowserTest(unittest.TestCase):
-    def setUp(self):
-        directory = tempfile.TemporaryDirectory()
-        self.addCleanup(directory.cleanup)
-        self.folder = pathlib.Path(directory.name)
-
+class BrowserTest(PageTestCase):
     def page(self, lines):
         write(self.folder / "run.jsonl", lines)
         subprocess.run([sys.executable, SCRIPT, self.folder / "run.jsonl"], check=True, timeout=120, capture_output=True)
         return self.folder / "run.html"
-
-    def chromium(self, path, *flags):
-        command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--enable-logging=stderr",
-                   f"--user-data-dir={self.folder / 'profile'}", *flags, path.as_uri()]
-        result = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True, env={**os.environ, "HOME": str(self.folder)})
-        self.assertNotIn("CONSOLE", result.stderr)
-        return result.stdout
-
-    def measure(self, page, width, *flags):
-        text = page.read_text(encoding="utf-8")
-        script = PROBE.replace("PAGE", json.dumps(text).replace("</", "<\\/"))
-        probe = self.folder / "probe.html"
-        probe.write_text(f'<!DOCTYPE html><meta charset="utf-8"><iframe width="{width}" height="900"></iframe><pre></pre><script>{script}</script>',
-                         encoding="utf-8")
-        dom = self.chromium(probe, "--dump-dom", "--virtual-time-budget=20000", *flags)
-        found = re.search(r"<pre>(\{.*?\})</pre>", dom, re.DOTALL)
-        self.assertIsNotNone(found, "the page did not load in its frame")
-        seen = json.loads(html.unescape(found.group(1)))
-        for defect in ("outside", "tiny", "lost"):
-            self.assertEqual(seen[defect], [], f"{defect} at {width} pixels")
-        self.assertEqual(seen["overflow"], 0, f"at {width} pixels")
-        self.assertNotRegex(seen["text"], r"\b(NaN|None|undefined)\b")
-        return seen
 
     def test_a_run_on_a_laptop_and_a_phone(self):
         records = window_run(300)
@@ -114,12 +49,7 @@ class BrowserTest(unittest.TestCase):
             self.assertEqual(seen["points"], 4 * len(both))
 
     def test_light_and_dark(self):
-        page = self.page(window_run(30))
-        light = self.measure(page, 1366, "--blink-settings=preferredColorScheme=1")["background"]
-        dark = self.measure(page, 1366, "--blink-settings=preferredColorScheme=0")["background"]
-        brightness = [sum(map(int, re.findall(r"\d+", color)[:3])) for color in (light, dark)]
-        self.assertGreater(brightness[0], 600)
-        self.assertLess(brightness[1], 150)
+        self.check_light_and_dark(self.page(window_run(30)))
 
     def test_odd_logs(self):
         extremes = [line(0, 1e-6, 1e3), line(1, 1e3, 1e-6, cost_difference=0.5), line(2, cost_difference=0.0), line(3)]
@@ -140,6 +70,6 @@ class BrowserTest(unittest.TestCase):
 
 if __name__ == "__main__":
     if CHROMIUM is None:
-        print("SKIPPED: no chromium, chromium-browser or google-chrome on the PATH (tools/install_packages.sh --browser)")
+        print(SKIPPED)
         sys.exit(77)
     unittest.main(argv=sys.argv[:1])

@@ -6,6 +6,8 @@ import os
 import random
 import subprocess
 
+IDENTITY = "1 0 0 0 1 0 0 0 1"  # a rotation, row by row
+
 
 def write_small_bal(path, num_cameras=6, num_points=40):
     """Cameras in a row that see every point of a box in front of them; noisy observations, perturbed start values."""
@@ -33,6 +35,26 @@ def project(camera, point):
     r2 = x * x + y * y
     scale = f * (1 + k1 * r2 + k2 * r2 * r2)
     return scale * x, scale * y
+
+
+def write_small_keyframes(path, num_keyframes=14):
+    """Cameras that move sideways past points 2 m away; each keyframe anchors 8 and sees those of the two before again."""
+    lines = ["# a wall"]
+    for i in range(num_keyframes):
+        lines.append(f"KEYFRAME {i} {IDENTITY} {0.2 * i + (0.01 if i else 0)} 0 0")
+        for k in range(8 if i else 0):
+            lines.append(f"DEPTH_GUESS {i - 1} {k} 0.4")
+        for k in range(8):
+            lines.append(f"FEATURE {i} {k} {0.1 * k - 0.4} {0.05 * (k % 3)} {0.5 if k % 2 else 0}")
+        for a in range(max(0, i - 2), i):
+            for k in range(8):
+                lines.append(f"OBS {i} {a} {k} {0.1 * k - 0.4 - 0.1 * (i - a)} {0.05 * (k % 3)} 0 2e5 0 2e5")
+        for a in {i - 1, i - 12} - {-1} if i else ():
+            if a >= 0:
+                information = " ".join("100" if k % 7 == 0 else "0" for k in range(36))
+                lines.append(f"BETWEEN {a} {i} {IDENTITY} {-0.2 * (i - a)} 0 0 {information}")
+    with open(path, "w", encoding="ascii") as file:
+        file.write("\n".join(lines) + "\n")
 
 
 def write_small_stereo(folder, num_poses=6, num_points=20):

@@ -86,11 +86,13 @@ def defect(record):
     return None
 
 
-def read(path):
-    """(solves, broken): the lines of the file in order; broken ones as (line number, reason). Empty lines are skipped."""
+def read(path, progress=lambda make_text: None):
+    """(solves, broken): the lines of the file in order; broken ones as (line number, reason). Empty lines are skipped. `progress` is
+    called line by line with what makes a text of how far reading is."""
     solves, broken = [], []
     with open(path, encoding="utf-8", errors="replace", newline="\n") as file:
         for number, line in enumerate(file, 1):
+            progress(lambda number=number: f"reading {path}: line {number:,}")
             if not line.strip():
                 continue
             try:

@@ -2,56 +2,84 @@
 
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <vector>
+#include <cstring>
 
 #include <gflags/gflags.h>
 
+#include "tools/command_line/output.h"
+
 DECLARE_bool(help);
 DECLARE_bool(helpshort);
+DECLARE_bool(version);
 
 namespace inceres::tools {
 namespace {
 
-// gflags' own --help also lists the flags of every library; a stranger wants ours.
-void PrintHelp(const std::string& usage) {
-  std::printf("%s: %s\n\nFlags:\n", gflags::ProgramInvocationShortName(), usage.c_str());
-  std::vector<gflags::CommandLineFlagInfo> flags;
-  gflags::GetAllFlags(&flags);
-  for (const gflags::CommandLineFlagInfo& flag : flags) {
-    if (flag.filename.find("tools/") == std::string::npos) {
+// Whether a word of the command line that names no flag is --noFLAG.
+bool IsNegation(const std::string& name) {
+  gflags::CommandLineFlagInfo flag;
+  return name.rfind("no", 0) == 0 &&
+         gflags::GetCommandLineFlagInfo(name.substr(2).c_str(), &flag) && flag.type == "bool";
+}
+
+// gflags ends the process with code 1 where a flag is unknown or its value cannot be read; here
+// those are usage errors like any other, and found before gflags looks.
+Status CheckArguments(int argc, char** argv) {
+  for (int i = 1; i < argc && std::strcmp(argv[i], "--") != 0; ++i) {
+    const std::string argument = argv[i];
+    if (argument.size() < 2 || argument[0] != '-') {
+      continue;  // surplus: ParseCommandLine tells
+    }
+    const std::size_t equals = argument.find('=');
+    const std::size_t dashes = argument[1] == '-' ? 2 : 1;
+    const std::string name = argument.substr(dashes, equals - dashes);
+    gflags::CommandLineFlagInfo flag;
+    if (!gflags::GetCommandLineFlagInfo(name.c_str(), &flag)) {
+      if (equals == std::string::npos && IsNegation(name)) {
+        continue;
+      }
+      return Invalid("unknown command line flag '" + name + "'; see --help");
+    }
+    if (equals == std::string::npos && flag.type == "bool") {
       continue;
     }
-    std::string default_value = flag.default_value.empty() ? "none" : flag.default_value;
-    if (flag.type == "double") {
-      char shortest[32];
-      std::snprintf(shortest, sizeof(shortest), "%g", std::strtod(default_value.c_str(), nullptr));
-      default_value = shortest;
+    if (equals == std::string::npos && ++i == argc) {
+      return Invalid("flag '--" + name + "' is missing its value");
     }
-    std::printf("  --%s (%s; default: %s)\n      %s\n", flag.name.c_str(), flag.type.c_str(),
-                default_value.c_str(), flag.description.c_str());
+    const std::string value = equals == std::string::npos ? argv[i] : argument.substr(equals + 1);
+    if (gflags::SetCommandLineOption(name.c_str(), value.c_str()).empty()) {
+      return Invalid("illegal value '" + value + "' specified for " + flag.type + " flag '" + name +
+                     "'");
+    }
   }
+  return Status::Ok();
 }
 
 }  // namespace
 
-std::optional<int> ParseCommandLine(const std::string& usage, int* argc, char*** argv) {
-  gflags::SetUsageMessage(usage);
-  gflags::ParseCommandLineNonHelpFlags(argc, argv, true);
-  if (FLAGS_help || FLAGS_helpshort) {
-    PrintHelp(usage);
-    return kExitSuccess;
+std::optional<int> ParseCommandLine(const ToolHelp& help, int* argc, char*** argv) {
+  gflags::SetArgv(*argc, const_cast<const char**>(*argv));
+  if (const Status status = CheckArguments(*argc, *argv); !status.ok()) {
+    return Fail(kExitUsage, status.message);
   }
+  gflags::ParseCommandLineNonHelpFlags(argc, argv, true);
+  const std::string tool = gflags::ProgramInvocationShortName();
+  if (FLAGS_help || FLAGS_helpshort || FLAGS_version) {
+    std::fputs((FLAGS_version ? VersionText(tool) : HelpText(tool, help)).c_str(), stdout);
+    return std::fflush(stdout) == 0 ? kExitSuccess : kExitFailure;
+  }
+  gflags::SetUsageMessage(help.summary);
   gflags::HandleCommandLineHelpFlags();
   if (*argc > 1) {
     return Fail(kExitUsage, "surplus argument '" + std::string((*argv)[1]) +
                                 "'; all inputs are flags, see --help");
   }
-  return std::nullopt;
+  const Status status = ApplyOutputFlags();
+  return status.ok() ? std::nullopt : std::optional<int>(Fail(kExitUsage, status.message));
 }
 
-int RunTool(const std::string& usage, int argc, char** argv, const std::function<Status()>& run) {
-  if (const std::optional<int> exit_code = ParseCommandLine(usage, &argc, &argv)) {
+int RunTool(const ToolHelp& help, int argc, char** argv, const std::function<Status()>& run) {
+  if (const std::optional<int> exit_code = ParseCommandLine(help, &argc, &argv)) {
     return *exit_code;
   }
   const Status status = run();

@@ -7,10 +7,11 @@
 #include <utility>
 
 #include "inceres/status.h"
+#include "tools/command_line/help.h"
 
 namespace inceres::tools {
 
-/// Exit codes of the tools.
+/// Exit codes of the tools: docs/tools.md.
 enum ExitCode {
   kExitSuccess = 0,
   kExitFailure = 1,    ///< a file could not be read or written, a problem not solved
@@ -20,14 +21,13 @@ enum ExitCode {
 };
 
 /// Parses the command line with gflags. Returns the exit code if the program is to end now: after
-/// --help (only this project's flags, on standard output), --version, or a surplus argument.
-/// `usage` is what the program does, with examples. A flag gflags does not know or cannot convert
-/// ends the process with code 1, as gflags does.
-std::optional<int> ParseCommandLine(const std::string& usage, int* argc, char*** argv);
+/// --help, --version, a flag that is unknown or whose value cannot be read, a surplus argument, or
+/// flags of the output that contradict each other.
+std::optional<int> ParseCommandLine(const ToolHelp& help, int* argc, char*** argv);
 
 /// What main() returns of a tool that does one thing: parses the command line, runs, and says what
 /// went wrong; an invalid argument is a usage error.
-int RunTool(const std::string& usage, int argc, char** argv, const std::function<Status()>& run);
+int RunTool(const ToolHelp& help, int argc, char** argv, const std::function<Status()>& run);
 
 /// What a flag that makes no sense is: kInvalidArgument.
 Status Invalid(const std::string& message);

@@ -6,8 +6,8 @@
 
 namespace inceres::tools {
 
-Status WriteTextFile(const std::string& path, const std::string& text) {
-  std::FILE* file = std::fopen(path.c_str(), "w");
+Status WriteTextFile(const std::string& path, const std::string& text, const char* how) {
+  std::FILE* file = std::fopen(path.c_str(), how);
   if (file == nullptr) {
     return Status::Error(StatusCode::kIo, path + ": " + std::strerror(errno));
   }

@@ -42,9 +42,9 @@ CurveScale ChooseScale(const std::vector<CostSample>& trace, const SvgFrame& fra
 
 }  // namespace
 
-std::string CostCurveSvg(const std::vector<CostSample>& trace, const SvgFrame& frame) {
+std::string CostCurveShapes(const std::vector<CostSample>& trace, const SvgFrame& frame) {
   const CurveScale scale = ChooseScale(trace, frame);
-  std::string svg = "<g id=\"cost\">\n";
+  std::string svg;
   constexpr int kLines = 4;
   for (int k = 0; k <= kLines; ++k) {
     const double cost = std::pow(10.0, scale.low + (scale.high - scale.low) * k / kLines);
@@ -65,11 +65,16 @@ std::string CostCurveSvg(const std::vector<CostSample>& trace, const SvgFrame& f
     AppendFormat(&dots, "<circle class=\"%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"3\"/>\n",
                  trace[i].accepted ? "accepted" : "rejected", x, y);
   }
-  svg += "<path class=\"curve\" d=\"" + line + "\"/>\n" + dots;
+  return svg + "<path class=\"curve\" d=\"" + line + "\"/>\n" + dots;
+}
+
+std::string CostCurveSvg(const std::vector<CostSample>& trace, const SvgFrame& frame) {
+  std::string svg = "<g id=\"cost\">\n" + CostCurveShapes(trace, frame);
   AppendFormat(&svg,
                "<text x=\"%.0f\" y=\"%.0f\">cost (logarithmic) over %zu iterations; hollow: "
                "rejected steps</text>\n</g>\n",
-               frame.left, frame.top + frame.height + 30.0, scale.last_iteration);
+               frame.left, frame.top + frame.height + 30.0,
+               trace.empty() ? std::size_t{0} : trace.size() - 1);
   return svg;
 }
 

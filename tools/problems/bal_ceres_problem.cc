@@ -87,6 +87,18 @@ std::shared_ptr<ceres::ParameterBlockOrdering> PointsFirstOrdering(const BalProb
   return ordering;
 }
 
+std::vector<double> ReprojectionErrors(const BalProblem& bal) {
+  std::vector<double> errors;
+  errors.reserve(bal.observations.size());
+  for (const BalObservation& observation : bal.observations) {
+    double r[2];
+    BalReprojectionError{{observation.x, observation.y}}(bal.CameraData(observation.camera),
+                                                         bal.PointData(observation.point), r);
+    errors.push_back(std::hypot(r[0], r[1]));
+  }
+  return errors;
+}
+
 double RmsReprojectionError(const BalProblem& bal) {
   double sum = 0.0;
   for (const BalObservation& observation : bal.observations) {

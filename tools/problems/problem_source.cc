@@ -4,6 +4,7 @@
 
 #include "inceres/io/bal_graph.h"
 #include "inceres/io/g2o.h"
+#include "tools/command_line/output.h"
 #include "tools/command_line/read_flags.h"
 #include "tools/command_line/read_progress.h"
 #include "tools/problems/pose_graph_ceres_problem.h"
@@ -116,7 +117,8 @@ Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSour
   const std::string path = specification.substr(colon + 1);
   if (kind == "bal") {
     BalProblem bal;
-    Status status = ReadBal(path, &bal, ReadProgressPrinter(path, stderr), ReadOptionsFromFlags());
+    Status status =
+        ReadBal(path, &bal, ReadProgressPrinter(path, ProgressOutput()), ReadOptionsFromFlags());
     status = status.ok() ? CheckConnected(bal) : status;
     if (status.ok()) {
       *source = std::make_unique<BalSource>(std::move(bal), jacobians);

@@ -47,14 +47,22 @@ Status Time(const Run& run, LivingReport* report) {
   return status;
 }
 
+void Tell(const OnLivingSolve& on_solve, std::size_t solve, std::size_t num_solves) {
+  if (on_solve != nullptr) {
+    on_solve(solve, num_solves);
+  }
+}
+
 Status GrowOne(const ReplayScript& script, std::size_t count, const ReplaySettings& settings,
-               const CeresSolveFunction& solve, LivingReport* report) {
+               const CeresSolveFunction& solve, const OnLivingSolve& on_solve,
+               LivingReport* report) {
   ReplayCeresProblem living(settings.autodiff);
   for (std::size_t i = 0; i < count; ++i) {
     if (Status status = AddSteps(script, i, i + 1, &living); !status.ok()) {
       return status;
     }
     report->solves.push_back(SolveGrowing(settings, &living, solve));
+    Tell(on_solve, i + 1, count);
   }
   return Status::Ok();
 }
@@ -62,7 +70,8 @@ Status GrowOne(const ReplayScript& script, std::size_t count, const ReplaySettin
 // Steps before the last are added over arrays that are then set back to what they had come to: only
 // from there does the last one begin.
 Status BuildEach(const ReplayScript& script, std::size_t count, const ReplaySettings& settings,
-                 const CeresSolveFunction& solve, LivingReport* report) {
+                 const CeresSolveFunction& solve, const OnLivingSolve& on_solve,
+                 LivingReport* report) {
   std::vector<double> parameters(NumParameters(script, count));
   std::vector<double> state;
   for (std::size_t i = 0; i < count; ++i) {
@@ -74,6 +83,7 @@ Status BuildEach(const ReplayScript& script, std::size_t count, const ReplaySett
       return status;
     }
     report->solves.push_back(SolveGrowing(settings, &rebuilt, solve));
+    Tell(on_solve, i + 1, count);
     state = rebuilt.State();
   }
   return Status::Ok();
@@ -93,10 +103,12 @@ nlohmann::json ToJson(const ReplayOutcome& solve, std::size_t number) {
 }  // namespace
 
 Status PlayLiving(const ReplayScript& script, int max_steps, const ReplaySettings& settings,
-                  LivingMode mode, const CeresSolveFunction& solve, LivingReport* report) {
+                  LivingMode mode, const CeresSolveFunction& solve, LivingReport* report,
+                  const OnLivingSolve& on_solve) {
   const auto play = mode == LivingMode::kPlain ? GrowOne : BuildEach;
-  return Time([&] { return play(script, NumSteps(script, max_steps), settings, solve, report); },
-              report);
+  return Time(
+      [&] { return play(script, NumSteps(script, max_steps), settings, solve, on_solve, report); },
+      report);
 }
 
 Status PlayAtOnce(const ReplayScript& script, int max_steps, const ReplaySettings& settings,

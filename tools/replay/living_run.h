@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -20,6 +22,9 @@ enum class LivingMode {
   kRebuild,
 };
 
+/// Told after each solve: how many are done, of how many.
+using OnLivingSolve = std::function<void(std::size_t solve, std::size_t num_solves)>;
+
 /// What a run did, solve by solve.
 struct LivingReport {
   std::vector<ReplayOutcome> solves;
@@ -29,9 +34,10 @@ struct LivingReport {
 /// Plays up to `max_steps` steps (0: all) of a script with edits of a ceres::Problem and one call
 /// of `solve` after each, and nothing else: what runs here is what a program runs that knows Ceres
 /// only. A solve that fails is in the report and ends nothing; an error is a step that cannot be
-/// added.
+/// added. `on_solve` may be null; after each solve it is told how many are done, of how many.
 Status PlayLiving(const ReplayScript& script, int max_steps, const ReplaySettings& settings,
-                  LivingMode mode, const CeresSolveFunction& solve, LivingReport* report);
+                  LivingMode mode, const CeresSolveFunction& solve, LivingReport* report,
+                  const OnLivingSolve& on_solve = nullptr);
 
 /// Adds up to `max_steps` steps (0: all), then solves once.
 Status PlayAtOnce(const ReplayScript& script, int max_steps, const ReplaySettings& settings,
