@@ -5,8 +5,8 @@
 namespace inceres {
 namespace {
 
-// Of objects within objects, such as a scaled loss of a composed one: what is deeper is refused, for
-// reading takes a part of the stack for each.
+// Of objects within objects, such as a scaled loss of a composed one: what is deeper is refused,
+// for reading takes a part of the stack for each.
 constexpr int kMaxDepth = 16;
 
 }  // namespace

@@ -7,8 +7,8 @@
 
 namespace inceres::internal {
 
-/// Writes all measurements of a built-in family that are doubles only (measurement_members.h), place
-/// by place.
+/// Writes all measurements of a built-in family that are doubles only (measurement_members.h),
+/// place by place.
 template <typename Family>
 void WriteMeasurements(const Family& family, GraphWriter* writer) {
   writer->WriteLong(family.size());

@@ -1,6 +1,6 @@
-// Saved graphs from anyone: whatever is done to one, with a checksum that is right, loading it fails
-// with a reason or gives a graph that validates, and asks for no memory that the file is not as
-// large as.
+// Saved graphs from anyone: whatever is done to one, with a checksum that is right, loading it
+// fails with a reason or gives a graph that validates, and asks for no memory that the file is not
+// as large as.
 #include <algorithm>
 #include <cstdint>
 #include <cstring>

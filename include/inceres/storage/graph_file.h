@@ -30,16 +30,16 @@ struct LoadedFamilies {
 
 /// Writes a graph with everything it owns to a file, compressed if the name ends in .gz or .bz2:
 /// variables with their values, manifolds, roles, constants, bounds and pins; families with their
-/// measurements; factors with their losses; and which ids and places are free, in the order in which
-/// edits will take them again. A graph that was loaded goes on as the saved one would have: the same
-/// ids, the same bits.
+/// measurements; factors with their losses; and which ids and places are free, in the order in
+/// which edits will take them again. A graph that was loaded goes on as the saved one would have:
+/// the same ids, the same bits.
 ///
-/// Not kept: the values of a borrowed constant are, as a constant that the graph owns (its values in
-/// the state come with it); names of variables (SetVariableNames); ids of factors that a GraphEdit
-/// began with. Manifolds and losses that were shared stay shared.
+/// Not kept: the values of a borrowed constant are, as a constant that the graph owns (its values
+/// in the state come with it); names of variables (SetVariableNames); ids of factors that a
+/// GraphEdit began with. Manifolds and losses that were shared stay shared.
 ///
-/// Errors: what Validate says of the graph; kInvalidArgument for a type without a format, named; kIo
-/// as WriteBal has them: nothing of a file that fails is left under its name.
+/// Errors: what Validate says of the graph; kInvalidArgument for a type without a format, named;
+/// kIo as WriteBal has them: nothing of a file that fails is left under its name.
 ///
 /// The format: "INCEREGR", a version (1), size and CRC-32 of the rest; numbers little-endian. A
 /// program reads files of its own version and earlier ones. Cost: the file in memory, and one pass.

@@ -53,9 +53,9 @@ class FormatTable {
 
 }  // namespace internal
 
-/// The formats by which SaveGraph and LoadGraph write and read families, manifolds and losses: those
-/// of all built-in types, and yours once you have added them. A file names the format of each object;
-/// what has none of that name is not read, and nothing is ever loaded but data.
+/// The formats by which SaveGraph and LoadGraph write and read families, manifolds and losses:
+/// those of all built-in types, and yours once you have added them. A file names the format of each
+/// object; what has none of that name is not read, and nothing is ever loaded but data.
 ///
 ///     formats.AddFamily<MyFamily>(
 ///         "my_project.my_family",

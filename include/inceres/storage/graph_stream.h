@@ -16,8 +16,8 @@ namespace inceres {
 class GraphFormats;
 
 /// What a format of a type of yours (GraphFormats) writes an object with: numbers one after the
-/// other, little-endian on every machine, without names. Nothing here fails at once: the first thing
-/// that cannot be written is status().
+/// other, little-endian on every machine, without names. Nothing here fails at once: the first
+/// thing that cannot be written is status().
 class INCERES_EXPORT GraphWriter {
  public:
   /// `formats` must outlive the writer.
@@ -64,8 +64,8 @@ class INCERES_EXPORT GraphReader {
   double ReadDouble();
   /// `count` doubles; false, and nothing is written, if there are not that many.
   bool ReadDoubles(double* values, std::size_t count);
-  /// `count` doubles in memory that is asked for once it is known that they are there; empty after a
-  /// failure.
+  /// `count` doubles in memory that is asked for once it is known that they are there; empty after
+  /// a failure.
   std::vector<double> ReadVector(std::size_t count);
   std::string ReadString();
   /// How many items follow, of at least bytes_each ≥ 1 bytes: a number that the rest of the object
