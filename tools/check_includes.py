@@ -27,6 +27,7 @@ ARROWS = {
     "incremental": ["trust_region", "marginal"],
     "estimator": ["incremental", "factors"],
     "io": ["factors", "problem"],
+    "storage": ["io", "factors", "solver"],
 }
 # The same within adapters/ceres, between what lies in a folder there; what lies beside them may include them all.
 ADAPTER = "adapters/ceres"

@@ -43,8 +43,8 @@ void SetValues(Graph* graph, VariableId id, const Eigen::MatrixBase<Vector>& val
   graph->SetValues(id, copy.data());
 }
 
-/// The values of a variable, where the graph keeps them: good until a variable is added or the graph
-/// goes. ValuesOf<3>(graph, id) has its size at compile time, which must be the ambient one.
+/// The values of a variable, where the graph keeps them: good until a variable is added or the
+/// graph goes. ValuesOf<3>(graph, id) has its size at compile time, which must be the ambient one.
 template <int kSize = Eigen::Dynamic>
 Eigen::Map<const Eigen::Matrix<double, kSize, 1>> ValuesOf(const FactorGraph& graph,
                                                            VariableId id) {
@@ -65,8 +65,8 @@ Eigen::Map<const Eigen::Matrix<double, kSize, 1>> ValuesOf(const ValueSnapshot& 
   return Eigen::Map<const Eigen::Matrix<double, kSize, 1>>(snapshot.Values(id));
 }
 
-/// A unit quaternion as inceres stores it but for QuaternionManifold, x, y, z, w, which is how Eigen
-/// stores its own: seen in place.
+/// A unit quaternion as inceres stores it but for QuaternionManifold, x, y, z, w, which is how
+/// Eigen stores its own: seen in place.
 inline Eigen::Map<const Eigen::Quaterniond> QuaternionAt(const double* xyzw) {
   return Eigen::Map<const Eigen::Quaterniond>(xyzw);
 }
@@ -79,8 +79,8 @@ inline Eigen::Vector4d WxyzOf(const Eigen::Quaterniond& q) {
   return {q.w(), q.x(), q.y(), q.z()};
 }
 
-/// A pose as the pose manifolds and built-in factors store it, [p(3), q(x, y, z, w)], world_from_body
-/// for a body in the world.
+/// A pose as the pose manifolds and built-in factors store it, [p(3), q(x, y, z, w)],
+/// world_from_body for a body in the world.
 inline Eigen::Matrix<double, 7, 1> PoseValues(const Eigen::Isometry3d& pose) {
   Eigen::Matrix<double, 7, 1> values;
   values << pose.translation(), Eigen::Quaterniond(pose.linear()).normalized().coeffs();

@@ -1,8 +1,8 @@
 #pragma once
 
-/// All of the core in one include: problem, factors, solvers, the estimator. Files of problems
-/// (inceres/io) are another library, inceres::io; Eigen's types need inceres/eigen.h; the shim for
-/// Ceres inceres/ceres/solve.h. Headers of their own compile faster.
+/// All of the core in one include: problem, factors, solvers, the estimator. Files of problems and
+/// saved graphs (inceres/io, inceres/storage) are another library, inceres::io; Eigen's types need
+/// inceres/eigen.h; the shim for Ceres inceres/ceres/solve.h. Headers of their own compile faster.
 
 #include "inceres/estimator/sliding_window_estimator.h"
 #include "inceres/estimator/trajectory_error.h"

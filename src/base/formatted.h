@@ -7,7 +7,8 @@
 
 namespace inceres::internal {
 
-/// What printf would print, at most 511 bytes of it, for a report that is put together once a solve.
+/// What printf would print, at most 511 bytes of it, for a report that is put together once a
+/// solve.
 [[gnu::format(printf, 1, 2)]] inline std::string Formatted(const char* format, ...) {
   char text[512];
   std::va_list arguments;

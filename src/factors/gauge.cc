@@ -13,7 +13,8 @@
 namespace inceres {
 namespace {
 
-// A coordinate holds the scale only if the scale moves it by this share of what it moves the center.
+// A coordinate holds the scale only if the scale moves it by this share of what it moves the
+// center.
 constexpr double kLeastShare = 1e-3;
 
 Status Invalid(const std::string& message) {

@@ -16,9 +16,9 @@ struct SlotPoint {
   bool has_tangent = true;
 };
 
-/// Checks factors of one family, one after the other, and writes what it finds into a report. Arrays
-/// are of all places up to the largest factor asked for, for a batch counts from the family's first
-/// one.
+/// Checks factors of one family, one after the other, and writes what it finds into a report.
+/// Arrays are of all places up to the largest factor asked for, for a batch counts from the
+/// family's first one.
 class FamilyCheck {
  public:
   FamilyCheck(const FactorFamily& family, FamilyId id, int num_places,

@@ -108,8 +108,8 @@ TEST(SnapshotThreads, ReadersOfALatestValueSeeWholeValuesInOrder) {
   EXPECT_FALSE(torn);
 }
 
-// While a solver is edited and updated, two threads read: each snapshot's values belong to its cost,
-// and numbers never fall.
+// While a solver is edited and updated, two threads read: each snapshot's values belong to its
+// cost, and numbers never fall.
 TEST(SnapshotThreads, AreConsistentWhileTheSolverWorks) {
   IncrementalBundle bundle(Publishing());
   std::atomic<bool> done{false}, wrong{false};

@@ -1,4 +1,5 @@
-// CheckJacobians: right families pass, a planted mistake is found and named, failures have a status.
+// CheckJacobians: right families pass, a planted mistake is found and named, failures have a
+// status.
 #include "inceres/problem/check_jacobians.h"
 
 #include <cmath>

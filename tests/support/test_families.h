@@ -28,6 +28,7 @@ class SmoothFamily final : public AmbientFamily<SmoothFamily> {
   void Place(int index, const Measurement& measurement) {
     PlaceIn(&measurements_, index, measurement);
   }
+  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
   /// Sets c so that f is `residuals` at these parameters.
   void SetResiduals(int i, const double* const* parameters, const double* residuals);
 

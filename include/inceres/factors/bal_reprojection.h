@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "inceres/export.h"
@@ -41,6 +42,7 @@ class INCERES_EXPORT BalReprojectionFamily final : public FactorFamily {
     PlaceIn(&measurements_, index, measurement);
   }
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
+  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "BAL reprojection"; }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "inceres/export.h"
@@ -74,6 +75,11 @@ class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
     PlaceIn(&measurements_, index, measurement);
   }
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
+  TimeOffset time_offset() const { return offset_; }
+  Feature feature() const { return feature_; }
+  Views views() const { return views_; }
+  Error error() const { return error_; }
+  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "body reprojection"; }

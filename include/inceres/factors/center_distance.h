@@ -22,8 +22,8 @@ INCERES_EXPORT void CenterOf(CenterKind kind, const double* values, double cente
 ///
 ///     residual = sqrt_information · (‖c_b − c_a‖ − distance)                       (1 row)
 ///
-/// Poses may be on any manifold of tangent size 6. Fails to evaluate where the centers coincide or a
-/// result is not finite. Cost: two rotations a factor at most, nothing allocated. Threads: as
+/// Poses may be on any manifold of tangent size 6. Fails to evaluate where the centers coincide or
+/// a result is not finite. Cost: two rotations a factor at most, nothing allocated. Threads: as
 /// FactorFamily; Add is for one writer.
 class INCERES_EXPORT CenterDistanceFamily final : public AmbientFamily<CenterDistanceFamily> {
  public:

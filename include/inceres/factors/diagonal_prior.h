@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "inceres/export.h"
@@ -37,12 +38,20 @@ class INCERES_EXPORT DiagonalPriorFamily final : public FactorFamily {
   /// Overwrites the measurement at `index`, or appends it if index == size(). Requires vectors of
   /// the family's size.
   void Place(int index, const Measurement& measurement);
+  /// `size` entries each, of the prior at `index`.
+  const double* mean(int index) const { return means_.data() + Offset(index); }
+  const double* sqrt_information(int index) const {
+    return sqrt_information_.data() + Offset(index);
+  }
 
   int size() const override { return static_cast<int>(means_.size()) / residual_size(); }
   const char* Name() const override { return "diagonal prior"; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:
+  std::size_t Offset(int index) const {
+    return static_cast<std::size_t>(index) * static_cast<std::size_t>(residual_size());
+  }
   void WriteJacobian(const double* sqrt_information, const TangentMap& map, double* J,
                      int row_stride) const;
 

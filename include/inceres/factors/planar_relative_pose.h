@@ -15,9 +15,9 @@ namespace inceres {
 ///
 /// (3 rows, whitened; wrap to [−π, π]).
 ///
-/// Fails to evaluate where a result is not finite. Cost: two 3×3 triangular products and one angle a
-/// factor, nothing allocated. Threads: as FactorFamily; Add is for one writer. Source: Grisetti et
-/// al., "A tutorial on graph-based SLAM", 2010, section IV.
+/// Fails to evaluate where a result is not finite. Cost: two 3×3 triangular products and one angle
+/// a factor, nothing allocated. Threads: as FactorFamily; Add is for one writer. Source: Grisetti
+/// et al., "A tutorial on graph-based SLAM", 2010, section IV.
 class INCERES_EXPORT PlanarRelativePoseFamily final
     : public AmbientFamily<PlanarRelativePoseFamily> {
  public:

@@ -43,6 +43,11 @@ class PointObservationFamily : public FactorFamily {
     PlaceIn(&measurements_, index, measurement);
   }
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
+  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
+  LandmarkKind landmark() const {
+    return slot(2).ambient_size == 3 ? LandmarkKind::kPoint : LandmarkKind::kHomogeneous;
+  }
+  Perturbation perturbation() const { return perturbation_; }
 
   int size() const override { return static_cast<int>(measurements_.size()); }
 
@@ -51,9 +56,6 @@ class PointObservationFamily : public FactorFamily {
       : FactorFamily(residual_size,
                      {{7, 6}, {7, 6}, {landmark == LandmarkKind::kPoint ? 3 : 4, 3}}),
         perturbation_(perturbation) {}
-
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
-  Perturbation perturbation() const { return perturbation_; }
 
  private:
   std::vector<Measurement> measurements_;

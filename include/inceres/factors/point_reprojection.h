@@ -88,6 +88,7 @@ class INCERES_EXPORT PointReprojectionFamily final
                                    Perturbation perturbation = Perturbation::kRight)
       : PointObservationFamily(2, landmark, perturbation), camera_(camera) {}
 
+  const PinholeCamera& camera() const { return camera_; }
   const char* Name() const override { return "point reprojection"; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <vector>
 
 #include "inceres/export.h"
@@ -68,6 +69,8 @@ class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
   void Place(int index, const Measurement& measurement) {
     PlaceIn(&measurements_, index, measurement);
   }
+  Side side() const { return side_; }
+  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "pose prior"; }
@@ -102,6 +105,7 @@ class INCERES_EXPORT SpeedBiasPriorFamily final : public FactorFamily {
   void Place(int index, const Measurement& measurement) {
     PlaceIn(&measurements_, index, measurement);
   }
+  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "speed-bias prior"; }

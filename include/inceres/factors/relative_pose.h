@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "inceres/export.h"
@@ -37,6 +38,7 @@ class INCERES_EXPORT RelativePoseFamily final : public FactorFamily {
     PlaceIn(&measurements_, index, measurement);
   }
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
+  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "relative pose"; }

@@ -27,15 +27,15 @@ struct G2oGraph {
 [[nodiscard]] INCERES_EXPORT bool ToMeasurement(const PoseGraphEdge& edge,
                                                 PlanarRelativePoseFamily::Measurement* measurement);
 /// An edge as a factor of slots to, from: RelativePoseFamily measures where a is seen from b, and
-/// has the rotation first. The same cost as g2o's up to second order of the rotation residual, which
-/// there is a vector of a quaternion and here a rotation vector. False if the information is not
-/// positive definite.
+/// has the rotation first. The same cost as g2o's up to second order of the rotation residual,
+/// which there is a vector of a quaternion and here a rotation vector. False if the information is
+/// not positive definite.
 [[nodiscard]] INCERES_EXPORT bool ToMeasurement(const PoseGraphEdge& edge,
                                                 RelativePoseFamily::Measurement* measurement);
 
 /// Adds the vertices of a pose graph as frames and its edges as factors. Planar poses [x, y, θ] are
-/// Euclidean, spatial ones on PoseManifold. The vertices of FIX lines are held constant; where there
-/// are none the gauge is free: HoldGauge (factors/gauge.h) holds the first pose.
+/// Euclidean, spatial ones on PoseManifold. The vertices of FIX lines are held constant; where
+/// there are none the gauge is free: HoldGauge (factors/gauge.h) holds the first pose.
 ///
 /// kInvalidArgument, graph and ids unchanged, if the information of an edge is not positive
 /// definite; the message names the edge. `ids` may be null. Cost: one pass. Threads: one writer.

@@ -48,7 +48,8 @@ struct INCERES_EXPORT JacobianReport {
   int num_entries = 0;
   int num_wrong = 0;  ///< entries that are wrong
   /// Entries that differ by more than the tolerance, but by no more than the numeric derivative may
-  /// err: at a kink, or where residuals are so large that nothing can be said. Look at other values.
+  /// err: at a kink, or where residuals are so large that nothing can be said. Look at other
+  /// values.
   int num_uncertain = 0;
   /// Of the wrong entries, or else of all, that of the largest relative error; factor −1 if there
   /// are none.
@@ -56,13 +57,13 @@ struct INCERES_EXPORT JacobianReport {
   std::string factor_name;  ///< of worst, as error messages call it
 
   bool ok() const { return status.ok() && num_wrong == 0; }
-  /// "BAL reprojection: 2 of 24 entries wrong; worst: factor 0 …, slot 1, row 0, column 2: 3 instead
-  /// of 4.5", or why nothing could be said.
+  /// "2 of 24 entries wrong, in 2 factors; worst: factor 0 of BAL reprojection (variables 3, 112),
+  /// slot 1, row 0, column 2: 3 where the numeric derivative is 4.5", or why nothing could be said.
   std::string ToString() const;
 };
 
-/// Compares the Jacobians that a family writes with derivatives of its residuals, at the values of a
-/// graph and in the tangent spaces of its variables: what every factor of your own should pass,
+/// Compares the Jacobians that a family writes with derivatives of its residuals, at the values of
+/// a graph and in the tangent spaces of its variables: what every factor of your own should pass,
 /// at several values, before it is solved with. Of constants too, as if they were not; not of what
 /// is borrowed or has no tangent space.
 ///

@@ -95,6 +95,7 @@ class INCERES_EXPORT EditStateOwner {
 
 class EditCheck;
 class EditCommit;
+class GraphRestorer;
 
 }  // namespace internal
 
@@ -325,6 +326,7 @@ class INCERES_EXPORT FactorGraph {
  private:
   friend class internal::EditCheck;
   friend class internal::EditCommit;
+  friend class internal::GraphRestorer;
 
   static std::size_t Index(std::int32_t id) { return static_cast<std::size_t>(id); }
   VariableId AppendVariable(internal::VariableRecord variable, const double* values);

@@ -35,6 +35,7 @@ class INCERES_EXPORT HuberLoss final : public Loss {
  public:
   explicit HuberLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
+  double a() const { return a_; }
 
  private:
   double a_;
@@ -44,20 +45,24 @@ class INCERES_EXPORT HuberLoss final : public Loss {
 /// ρ(s) = 2a² (√(1 + s/a²) − 1): a smooth HuberLoss.
 class INCERES_EXPORT SoftLOneLoss final : public Loss {
  public:
-  explicit SoftLOneLoss(double a) : b_(a * a) {}
+  explicit SoftLOneLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
+  double a() const { return a_; }
 
  private:
+  double a_;
   double b_;
 };
 
 /// ρ(s) = a² log(1 + s/a²).
 class INCERES_EXPORT CauchyLoss final : public Loss {
  public:
-  explicit CauchyLoss(double a) : b_(a * a) {}
+  explicit CauchyLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
+  double a() const { return a_; }
 
  private:
+  double a_;
   double b_;
 };
 
@@ -66,6 +71,7 @@ class INCERES_EXPORT ArctanLoss final : public Loss {
  public:
   explicit ArctanLoss(double a) : a_(a) {}
   void Evaluate(double s, double rho[3]) const override;
+  double a() const { return a_; }
 
  private:
   double a_;
@@ -77,6 +83,8 @@ class INCERES_EXPORT TolerantLoss final : public Loss {
  public:
   TolerantLoss(double a, double b);
   void Evaluate(double s, double rho[3]) const override;
+  double a() const { return a_; }
+  double b() const { return b_; }
 
  private:
   double a_;
@@ -88,10 +96,12 @@ class INCERES_EXPORT TolerantLoss final : public Loss {
 /// no influence at all.
 class INCERES_EXPORT TukeyLoss final : public Loss {
  public:
-  explicit TukeyLoss(double a) : b_(a * a) {}
+  explicit TukeyLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
+  double a() const { return a_; }
 
  private:
+  double a_;
   double b_;
 };
 
@@ -102,6 +112,8 @@ class INCERES_EXPORT ScaledLoss final : public Loss {
   ScaledLoss(std::shared_ptr<const Loss> loss, double scale)
       : loss_(std::move(loss)), scale_(scale) {}
   void Evaluate(double s, double rho[3]) const override;
+  const Loss* loss() const { return loss_.get(); }
+  double scale() const { return scale_; }
 
  private:
   std::shared_ptr<const Loss> loss_;
@@ -114,6 +126,8 @@ class INCERES_EXPORT ComposedLoss final : public Loss {
   ComposedLoss(std::shared_ptr<const Loss> f, std::shared_ptr<const Loss> g)
       : f_(std::move(f)), g_(std::move(g)) {}
   void Evaluate(double s, double rho[3]) const override;
+  const Loss* f() const { return f_.get(); }
+  const Loss* g() const { return g_.get(); }
 
  private:
   std::shared_ptr<const Loss> f_;

@@ -81,6 +81,8 @@ class INCERES_EXPORT EuclideanManifold final : public Manifold {
 class INCERES_EXPORT SubsetManifold final : public Manifold {
  public:
   SubsetManifold(int size, const std::vector<int>& constant_indices);
+  /// The coordinates that move, ascending.
+  const std::vector<int>& free_indices() const { return free_; }
   int AmbientSize() const override { return size_; }
   int TangentSize() const override { return static_cast<int>(free_.size()); }
   [[nodiscard]] bool Plus(const double* x, const double* delta,
@@ -100,6 +102,7 @@ class INCERES_EXPORT SubsetManifold final : public Manifold {
 class INCERES_EXPORT ProductManifold final : public Manifold {
  public:
   explicit ProductManifold(std::vector<std::shared_ptr<const Manifold>> components);
+  const std::vector<std::shared_ptr<const Manifold>>& components() const { return components_; }
   int AmbientSize() const override { return ambient_size_; }
   int TangentSize() const override { return tangent_size_; }
   [[nodiscard]] bool Plus(const double* x, const double* delta,

@@ -17,10 +17,10 @@ enum class ObserverAction { kContinue, kTerminateSuccessfully, kAbort };
 /// Takes one line of text, without its line end. Called on the thread that solves.
 using LogSink = std::function<void(const std::string& line)>;
 
-/// Called after an iteration of a batch solve, on the thread that called Solve. `best_state` is what
-/// a stop here would return, laid out like FactorGraph::state(): graph.ValuesIn(best_state, id) are
-/// the values of a variable; the graph's own state stays that of the start until the solve is over.
-/// Both arguments are good for the length of the call.
+/// Called after an iteration of a batch solve, on the thread that called Solve. `best_state` is
+/// what a stop here would return, laid out like FactorGraph::state(): graph.ValuesIn(best_state,
+/// id) are the values of a variable; the graph's own state stays that of the start until the solve
+/// is over. Both arguments are good for the length of the call.
 using IterationCallback =
     std::function<ObserverAction(const IterationSummary& iteration, const double* best_state)>;
 

@@ -105,7 +105,8 @@ struct INCERES_EXPORT IncrementalOptions {
   LogSink progress;
   /// If set, asked after every iteration of an Update. As with an observer, kTerminateSuccessfully
   /// ends it with the best state so far, kAbort with the values held before it. After an iteration
-  /// come the row of progress, the observer, then this; who ends the Update is the last to be asked.
+  /// come the row of progress, the observer, then this; who ends the Update is the last to be
+  /// asked.
   ///
   /// With `progress` or `callback` an Update costs what it costs with an observer. What they or the
   /// observer throw passes through Update: the solver then holds the values it held before, and the

@@ -64,9 +64,9 @@ struct ReducedStructure {
 /// replace it. docs/incremental.md explains, and how to choose the thresholds.
 ///
 /// Threads: one writer, and readers by ReadSnapshot; Update works on options.num_threads, and calls
-/// no factor concurrently when that is 1. Source: algorithms 2 to 4 of the thesis "A General Incremental Bundle Adjustment
-/// Framework for Visual-Inertial SLAM" (Zhejiang University), with the corrections that
-/// docs/algorithms.md states.
+/// no factor concurrently when that is 1. Source: algorithms 2 to 4 of the thesis "A General
+/// Incremental Bundle Adjustment Framework for Visual-Inertial SLAM" (Zhejiang University), with
+/// the corrections that docs/algorithms.md states.
 class INCERES_EXPORT IncrementalSolver {
  public:
   explicit IncrementalSolver(const IncrementalOptions& options);
@@ -128,10 +128,10 @@ class INCERES_EXPORT IncrementalSolver {
   /// evaluated before it.
   double cost() const;
 
-  /// Copies what the last Update with publish_snapshots ended with. From any thread, at any time, but
-  /// not while the solver is made or destroyed. False, `snapshot` untouched, if there was no such
-  /// Update yet. All values of a snapshot, and its cost, are of one and the same state; an edit shows
-  /// in it after the next Update.
+  /// Copies what the last Update with publish_snapshots ended with. From any thread, at any time,
+  /// but not while the solver is made or destroyed. False, `snapshot` untouched, if there was no
+  /// such Update yet. All values of a snapshot, and its cost, are of one and the same state; an
+  /// edit shows in it after the next Update.
   ///
   /// The Update never waits for a reader, and allocates nothing for its copy once problems have
   /// stopped growing for three Updates; readers wait for each other for as long as a copy takes.

@@ -117,8 +117,8 @@ struct INCERES_EXPORT UpdateSummary {
   /// One line an Update: iterations, costs, how many frames moved and factors were linearized,
   /// milliseconds, termination.
   std::string BriefReport() const;
-  /// A page in the layout of Summary::FullReport: costs, iterations, work by kind, seconds by stage,
-  /// termination. For people, as that is.
+  /// A page in the layout of Summary::FullReport: costs, iterations, work by kind, seconds by
+  /// stage, termination. For people, as that is.
   std::string FullReport() const;
 };
 

@@ -1,0 +1,166 @@
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "inceres/factors/bal_reprojection.h"
+#include "inceres/factors/bearing.h"
+#include "inceres/factors/body_reprojection.h"
+#include "inceres/factors/center_distance.h"
+#include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/planar_relative_pose.h"
+#include "inceres/factors/point_reprojection.h"
+#include "inceres/factors/pose_prior.h"
+#include "inceres/factors/relative_pose.h"
+#include "inceres/factors/stereo_reprojection.h"
+#include "storage/built_in.h"
+#include "storage/measurement_members.h"
+#include "storage/measurements.h"
+#include "storage/vector_families.h"
+
+namespace inceres::internal {
+namespace {
+
+// `write` and `make` are of what the family is made with; its measurements follow.
+template <typename Family, typename Write, typename Make>
+void Add(const char* name, GraphFormats* formats, Write write, Make make) {
+  formats->AddFamily<Family>(
+      std::string("inceres.") + name,
+      [write](const Family& family, GraphWriter* writer) {
+        write(family, writer);
+        WriteMeasurements(family, writer);
+      },
+      [make](GraphReader* reader) -> std::shared_ptr<Family> {
+        const std::shared_ptr<Family> family = make(reader);
+        ReadMeasurements(family.get(), reader);
+        return family;
+      });
+}
+
+// A family that is made with nothing.
+template <typename Family>
+void AddPlain(const char* name, GraphFormats* formats) {
+  Add<Family>(
+      name, formats, [](const Family&, GraphWriter*) {},
+      [](GraphReader*) { return std::make_shared<Family>(); });
+}
+
+template <typename Family>
+void WriteLandmark(const Family& family, GraphWriter* writer) {
+  writer->WriteInt(static_cast<std::int32_t>(family.landmark()));
+  writer->WriteInt(static_cast<std::int32_t>(family.perturbation()));
+}
+
+LandmarkKind ReadLandmark(GraphReader* reader) {
+  return reader->ReadEnum(LandmarkKind::kHomogeneous, "the kind of landmark");
+}
+
+Perturbation ReadSide(GraphReader* reader) {
+  return reader->ReadEnum(Perturbation::kLeft, "the side of perturbation");
+}
+
+void AddReprojections(GraphFormats* formats) {
+  Add<BalReprojectionFamily>(
+      "bal_reprojection", formats,
+      [](const BalReprojectionFamily& family, GraphWriter* writer) {
+        writer->WriteInt(family.slot(0).tangent_size);
+        writer->WriteInt(family.slot(1).tangent_size);
+      },
+      [](GraphReader* reader) {
+        const int camera = reader->ReadIntIn(0, 9, "the tangent size of a camera");
+        const int point = reader->ReadIntIn(0, 3, "the tangent size of a point");
+        return std::make_shared<BalReprojectionFamily>(camera, point);
+      });
+  Add<BodyReprojectionFamily>(
+      "body_reprojection", formats,
+      [](const BodyReprojectionFamily& family, GraphWriter* writer) {
+        writer->WriteInt(static_cast<std::int32_t>(family.time_offset()));
+        writer->WriteInt(static_cast<std::int32_t>(family.feature()));
+        writer->WriteInt(static_cast<std::int32_t>(family.views()));
+        writer->WriteInt(static_cast<std::int32_t>(family.error()));
+      },
+      [](GraphReader* reader) {
+        using Body = BodyReprojectionFamily;
+        const auto offset = reader->ReadEnum(Body::TimeOffset::kEstimated, "the time offset");
+        const auto feature = reader->ReadEnum(Body::Feature::kBearing, "the kind of feature");
+        const auto views = reader->ReadEnum(Body::Views::kOnePoseTwoCameras, "the views");
+        const auto error = reader->ReadEnum(Body::Error::kUnitSphere, "the kind of error");
+        return std::make_shared<Body>(offset, feature, views, error);
+      });
+  AddPlain<InverseDepthReprojectionFamily>("inverse_depth_reprojection", formats);
+}
+
+void AddPointFamilies(GraphFormats* formats) {
+  Add<BearingFamily>("bearing", formats, WriteLandmark<BearingFamily>, [](GraphReader* reader) {
+    const LandmarkKind landmark = ReadLandmark(reader);
+    return std::make_shared<BearingFamily>(landmark, ReadSide(reader));
+  });
+  Add<PointReprojectionFamily>(
+      "point_reprojection", formats,
+      [](const PointReprojectionFamily& family, GraphWriter* writer) {
+        WriteLandmark(family, writer);
+        const PinholeCamera& c = family.camera();
+        for (const double value : {c.f_x, c.f_y, c.c_x, c.c_y, c.k1, c.k2, c.p1, c.p2}) {
+          writer->WriteDouble(value);
+        }
+      },
+      [](GraphReader* reader) {
+        const LandmarkKind landmark = ReadLandmark(reader);
+        const Perturbation side = ReadSide(reader);
+        PinholeCamera c;
+        for (double* value : {&c.f_x, &c.f_y, &c.c_x, &c.c_y, &c.k1, &c.k2, &c.p1, &c.p2}) {
+          *value = reader->ReadDouble();
+        }
+        return std::make_shared<PointReprojectionFamily>(c, landmark, side);
+      });
+  Add<StereoReprojectionFamily>(
+      "stereo_reprojection", formats,
+      [](const StereoReprojectionFamily& family, GraphWriter* writer) {
+        WriteLandmark(family, writer);
+        const StereoCamera& c = family.camera();
+        for (const double value : {c.f_x, c.f_y, c.c_x, c.c_y, c.baseline}) {
+          writer->WriteDouble(value);
+        }
+      },
+      [](GraphReader* reader) {
+        const LandmarkKind landmark = ReadLandmark(reader);
+        const Perturbation side = ReadSide(reader);
+        StereoCamera c;
+        for (double* value : {&c.f_x, &c.f_y, &c.c_x, &c.c_y, &c.baseline}) {
+          *value = reader->ReadDouble();
+        }
+        return std::make_shared<StereoReprojectionFamily>(c, landmark, side);
+      });
+}
+
+void AddPoseFamilies(GraphFormats* formats) {
+  AddPlain<RelativePoseFamily>("relative_pose", formats);
+  AddPlain<PlanarRelativePoseFamily>("planar_relative_pose", formats);
+  AddPlain<SpeedBiasPriorFamily>("speed_bias_prior", formats);
+  Add<PosePriorFamily>(
+      "pose_prior", formats,
+      [](const PosePriorFamily& family, GraphWriter* writer) {
+        writer->WriteInt(static_cast<std::int32_t>(family.side()));
+      },
+      [](GraphReader* reader) { return std::make_shared<PosePriorFamily>(ReadSide(reader)); });
+  Add<CenterDistanceFamily>(
+      "center_distance", formats,
+      [](const CenterDistanceFamily& family, GraphWriter* writer) {
+        writer->WriteInt(static_cast<std::int32_t>(family.kind()));
+      },
+      [](GraphReader* reader) {
+        return std::make_shared<CenterDistanceFamily>(
+            reader->ReadEnum(CenterKind::kPlanarPose, "the kind of center"));
+      });
+}
+
+}  // namespace
+
+void AddBuiltInFamilies(GraphFormats* formats) {
+  AddReprojections(formats);
+  AddPointFamilies(formats);
+  AddPoseFamilies(formats);
+  AddVectorFamilies(formats);
+}
+
+}  // namespace inceres::internal

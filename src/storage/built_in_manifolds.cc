@@ -1,0 +1,89 @@
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "inceres/problem/manifolds.h"
+#include "storage/built_in.h"
+
+namespace inceres::internal {
+namespace {
+
+// A manifold without parameters.
+template <typename M>
+void AddPlain(const char* name, GraphFormats* formats) {
+  formats->AddManifold<M>(
+      std::string("inceres.") + name, [](const M&, GraphWriter*) {},
+      [](GraphReader*) { return std::make_shared<M>(); });
+}
+
+// One that is its ambient size.
+template <typename M>
+void AddSized(const char* name, GraphFormats* formats) {
+  formats->AddManifold<M>(
+      std::string("inceres.") + name,
+      [](const M& manifold, GraphWriter* writer) { writer->WriteInt(manifold.AmbientSize()); },
+      [](GraphReader* reader) {
+        return std::make_shared<M>(reader->ReadIntIn(1, 1 << 30, "a manifold's size"));
+      });
+}
+
+// A byte a coordinate, so that a size is as large as what is read for it.
+void WriteSubset(const SubsetManifold& manifold, GraphWriter* writer) {
+  const std::vector<int>& free = manifold.free_indices();
+  std::string moves(static_cast<std::size_t>(manifold.AmbientSize()), '\0');
+  for (const int k : free) {
+    moves[static_cast<std::size_t>(k)] = '\1';
+  }
+  writer->WriteString(moves);
+}
+
+std::shared_ptr<SubsetManifold> ReadSubset(GraphReader* reader) {
+  const std::string moves = reader->ReadString();
+  std::vector<int> constant;
+  for (std::size_t k = 0; k < moves.size(); ++k) {
+    if (moves[k] == '\0') {
+      constant.push_back(static_cast<int>(k));
+    }
+  }
+  return std::make_shared<SubsetManifold>(static_cast<int>(moves.size()), constant);
+}
+
+void WriteProduct(const ProductManifold& manifold, GraphWriter* writer) {
+  writer->WriteLong(static_cast<std::int64_t>(manifold.components().size()));
+  for (const std::shared_ptr<const Manifold>& component : manifold.components()) {
+    writer->WriteManifold(component.get());
+  }
+}
+
+std::shared_ptr<ProductManifold> ReadProduct(GraphReader* reader) {
+  const std::size_t count = reader->ReadCount(1);
+  std::vector<std::shared_ptr<const Manifold>> components;
+  std::int64_t size = 0;
+  for (std::size_t k = 0; k < count && reader->ok(); ++k) {
+    components.push_back(reader->ReadManifold());
+    size += components.back() != nullptr ? components.back()->AmbientSize() : 0;
+  }
+  if (size > (1 << 30)) {
+    reader->Fail("a product of too many values");
+  }
+  return reader->ok() ? std::make_shared<ProductManifold>(std::move(components)) : nullptr;
+}
+
+}  // namespace
+
+void AddBuiltInManifolds(GraphFormats* formats) {
+  AddSized<EuclideanManifold>("euclidean_manifold", formats);
+  AddSized<SphereManifold>("sphere_manifold", formats);
+  AddPlain<QuaternionManifold>("quaternion_manifold", formats);
+  AddPlain<EigenQuaternionManifold>("eigen_quaternion_manifold", formats);
+  AddPlain<RotationQuaternionManifold>("rotation_quaternion_manifold", formats);
+  AddPlain<PoseManifold>("pose_manifold", formats);
+  AddPlain<LeftPoseManifold>("left_pose_manifold", formats);
+  AddPlain<SE3Manifold>("se3_manifold", formats);
+  AddPlain<SE2Manifold>("se2_manifold", formats);
+  formats->AddManifold<SubsetManifold>("inceres.subset_manifold", WriteSubset, ReadSubset);
+  formats->AddManifold<ProductManifold>("inceres.product_manifold", WriteProduct, ReadProduct);
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,163 @@
+#include "storage/parse_graph.h"
+
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "inceres/storage/graph_formats.h"
+#include "storage/print_graph.h"
+
+namespace inceres::internal {
+namespace {
+
+class GraphParser {
+ public:
+  GraphParser(GraphReader* reader, GraphParts* parts,
+              std::vector<std::shared_ptr<FactorFamily>>* families)
+      : reader_(*reader), parts_(*parts), families_(*families) {}
+
+  void Parse() {
+    const std::size_t num_manifolds = reader_.ReadCount(16);
+    for (std::size_t k = 0; k < num_manifolds && reader_.ok(); ++k) {
+      manifolds_.push_back(
+          reader_.formats().ReadManifold("manifold " + std::to_string(k), &reader_));
+    }
+    const std::size_t num_losses = reader_.ReadCount(16);
+    for (std::size_t k = 0; k < num_losses && reader_.ok(); ++k) {
+      losses_.push_back(reader_.formats().ReadLoss("loss " + std::to_string(k), &reader_));
+    }
+    ParseVariables();
+    ParseBounds();
+    ParsePins();
+    parts_.free_variables = ParseIds(reader_.ReadCount(4));
+    const std::size_t num_families = reader_.ReadCount(16);
+    for (std::size_t k = 0; k < num_families && reader_.ok(); ++k) {
+      ParseFamily();
+    }
+    if (reader_.ok() && reader_.remaining() > 0) {
+      reader_.Fail(std::to_string(reader_.remaining()) + " bytes are left over");
+    }
+  }
+
+ private:
+  void ParseVariables();
+  void ParseBounds();
+  void ParsePins();
+  void ParseFamily();
+  std::vector<std::int32_t> ParseIds(std::size_t count);
+  // The ambient size of a variable whose id is read; 0 after a failure.
+  std::size_t ParseSizeOf(VariableId* id);
+  // The object of a number that is read; null for −1.
+  template <typename T>
+  std::shared_ptr<const T> ParseShared(const std::vector<std::shared_ptr<const T>>& objects,
+                                       const char* what);
+
+  GraphReader& reader_;
+  GraphParts& parts_;
+  std::vector<std::shared_ptr<FactorFamily>>& families_;
+  std::vector<std::shared_ptr<const Manifold>> manifolds_;
+  std::vector<std::shared_ptr<const Loss>> losses_;
+};
+
+template <typename T>
+std::shared_ptr<const T> GraphParser::ParseShared(
+    const std::vector<std::shared_ptr<const T>>& objects, const char* what) {
+  const std::int32_t number =
+      reader_.ReadIntIn(-1, static_cast<std::int32_t>(objects.size()) - 1, what);
+  return number < 0 ? nullptr : objects[static_cast<std::size_t>(number)];
+}
+
+// As many as ReadCount has found room for.
+std::vector<std::int32_t> GraphParser::ParseIds(std::size_t count) {
+  std::vector<std::int32_t> ids(count);
+  for (std::int32_t& id : ids) {
+    id = reader_.ReadInt();
+  }
+  return ids;
+}
+
+void GraphParser::ParseVariables() {
+  const std::size_t count = reader_.ReadCount(9);
+  if (count > static_cast<std::size_t>(INT32_MAX)) {
+    reader_.Fail("more variables than a graph can have");
+    return;
+  }
+  std::size_t num_values = 0;
+  for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
+    GraphParts::Variable variable;
+    const std::uint8_t flags = reader_.ReadByte();
+    variable.role = (flags & kIsLandmark) != 0 ? Role::kLandmark : Role::kFrame;
+    variable.constant = (flags & kIsConstant) != 0;
+    variable.removed = (flags & kIsRemoved) != 0;
+    variable.ambient_size = reader_.ReadIntIn(1, 1 << 30, "the size of a variable");
+    variable.manifold = ParseShared(manifolds_, "the number of a manifold");
+    num_values += static_cast<std::size_t>(variable.ambient_size);
+    parts_.variables.push_back(std::move(variable));
+  }
+  parts_.state = reader_.ReadVector(num_values);
+}
+
+std::size_t GraphParser::ParseSizeOf(VariableId* id) {
+  const auto num_variables = static_cast<std::int32_t>(parts_.variables.size());
+  *id = reader_.ReadIntIn(0, num_variables - 1, "a variable");
+  return reader_.ok() ? static_cast<std::size_t>(
+                            parts_.variables[static_cast<std::size_t>(*id)].ambient_size)
+                      : 0;
+}
+
+void GraphParser::ParseBounds() {
+  const std::size_t count = reader_.ReadCount(20);
+  for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
+    VariableId id = -1;
+    const std::size_t size = ParseSizeOf(&id);
+    VariableBounds bounds;
+    bounds.lower = reader_.ReadVector(size);
+    bounds.upper = reader_.ReadVector(size);
+    parts_.bounds[id] = std::move(bounds);
+  }
+}
+
+void GraphParser::ParsePins() {
+  const std::size_t count = reader_.ReadCount(12);
+  for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
+    VariableId id = -1;
+    const std::size_t size = ParseSizeOf(&id);
+    parts_.pins[id] = reader_.ReadVector(size);
+  }
+}
+
+void GraphParser::ParseFamily() {
+  const std::string name = "family " + std::to_string(families_.size());
+  families_.push_back(reader_.formats().ReadFamily(name, &reader_));
+  if (!reader_.ok()) {
+    return;
+  }
+  GraphParts::Family family;
+  family.family = families_.back();
+  const auto num_slots = static_cast<std::size_t>(family.family->num_slots());
+  const std::size_t num_factors = reader_.ReadCount(num_slots > 0 ? 4 * num_slots : 1);
+  // Of factors without variables there is nothing to count but the measurements.
+  if (num_factors > static_cast<std::size_t>(family.family->size())) {
+    reader_.Fail(name + " has " + std::to_string(num_factors) + " factors but " +
+                 std::to_string(family.family->size()) + " measurements");
+    return;
+  }
+  family.num_factors = static_cast<std::int64_t>(num_factors);
+  family.variables = ParseIds(num_factors * num_slots);
+  if (reader_.ReadByte() != 0) {
+    for (std::size_t k = 0; k < num_factors && reader_.ok(); ++k) {
+      family.losses.push_back(ParseShared(losses_, "the number of a loss"));
+    }
+  }
+  family.free_places = ParseIds(reader_.ReadCount(4));
+  parts_.families.push_back(std::move(family));
+}
+
+}  // namespace
+
+void ParseGraph(GraphReader* reader, GraphParts* parts,
+                std::vector<std::shared_ptr<FactorFamily>>* families) {
+  GraphParser(reader, parts, families).Parse();
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,187 @@
+#include "storage/print_graph.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "inceres/storage/graph_formats.h"
+
+namespace inceres::internal {
+namespace {
+
+// Objects that others share, each once and by its number.
+template <typename T>
+class Shared {
+ public:
+  /// −1 of null.
+  std::int32_t Add(const T* object) {
+    if (object == nullptr) {
+      return -1;
+    }
+    const auto added = numbers_.emplace(object, static_cast<std::int32_t>(objects_.size()));
+    if (added.second) {
+      objects_.push_back(object);
+    }
+    return added.first->second;
+  }
+  void Print(const std::string& kind, GraphWriter* writer) const {
+    writer->WriteLong(static_cast<std::int64_t>(objects_.size()));
+    for (std::size_t k = 0; k < objects_.size(); ++k) {
+      writer->formats().Write(*objects_[k], kind + " " + std::to_string(k), writer);
+    }
+  }
+
+ private:
+  std::map<const T*, std::int32_t> numbers_;
+  std::vector<const T*> objects_;
+};
+
+class GraphPrinter {
+ public:
+  GraphPrinter(const FactorGraph& graph, GraphWriter* writer) : graph_(graph), writer_(*writer) {}
+
+  void Print() {
+    Collect();
+    manifolds_.Print("manifold", &writer_);
+    losses_.Print("loss", &writer_);
+    PrintVariables();
+    PrintBounds();
+    PrintPins();
+    PrintFreeVariables();
+    writer_.WriteLong(graph_.num_families());
+    for (FamilyId id = 0; id < graph_.num_families(); ++id) {
+      PrintFamily(id);
+    }
+  }
+
+ private:
+  void Collect();
+  void PrintVariables();
+  void PrintBounds();
+  void PrintPins();
+  void PrintFreeVariables();
+  void PrintFamily(FamilyId id);
+  std::size_t SizeOf(VariableId id) const {
+    return static_cast<std::size_t>(graph_.AmbientSize(id));
+  }
+
+  const FactorGraph& graph_;
+  GraphWriter& writer_;
+  Shared<Manifold> manifolds_;
+  Shared<Loss> losses_;
+};
+
+void GraphPrinter::Collect() {
+  for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    manifolds_.Add(graph_.manifold(id));
+  }
+  for (FamilyId id = 0; id < graph_.num_families(); ++id) {
+    for (int factor = 0; graph_.HasLosses(id) && factor < graph_.NumFactors(id); ++factor) {
+      losses_.Add(graph_.loss(id, factor));
+    }
+  }
+}
+
+void GraphPrinter::PrintVariables() {
+  writer_.WriteLong(graph_.num_variables());
+  for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    const bool exists = graph_.HasVariable(id);
+    // IsConstant is true of a tangent space of size 0 too, which may be the manifold's.
+    writer_.WriteByte(static_cast<std::uint8_t>(
+        (graph_.role(id) == Role::kLandmark ? kIsLandmark : 0) |
+        (graph_.IsConstant(id) ? kIsConstant : 0) | (exists ? 0 : kIsRemoved)));
+    writer_.WriteInt(graph_.AmbientSize(id));
+    writer_.WriteInt(manifolds_.Add(graph_.manifold(id)));
+  }
+  for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    if (graph_.HasVariable(id)) {
+      writer_.WriteDoubles(graph_.Values(id), SizeOf(id));
+    } else {
+      writer_.WriteDoubles(std::vector<double>(SizeOf(id), 0.0).data(), SizeOf(id));
+    }
+  }
+}
+
+void GraphPrinter::PrintBounds() {
+  std::vector<VariableId> bounded;
+  for (VariableId id = 0; graph_.HasBounds() && id < graph_.num_variables(); ++id) {
+    if (graph_.bounds(id) != nullptr) {
+      bounded.push_back(id);
+    }
+  }
+  writer_.WriteLong(static_cast<std::int64_t>(bounded.size()));
+  for (const VariableId id : bounded) {
+    writer_.WriteInt(id);
+    writer_.WriteDoubles(graph_.bounds(id)->lower.data(), SizeOf(id));
+    writer_.WriteDoubles(graph_.bounds(id)->upper.data(), SizeOf(id));
+  }
+}
+
+void GraphPrinter::PrintPins() {
+  std::vector<VariableId> pinned;
+  for (VariableId id = 0; graph_.HasPins() && id < graph_.num_variables(); ++id) {
+    if (graph_.PinnedValues(id) != nullptr) {
+      pinned.push_back(id);
+    }
+  }
+  writer_.WriteLong(static_cast<std::int64_t>(pinned.size()));
+  for (const VariableId id : pinned) {
+    writer_.WriteInt(id);
+    writer_.WriteDoubles(graph_.PinnedValues(id), SizeOf(id));
+  }
+}
+
+// Of each size those that were borrowed first: what is loaded owns all, and takes the last first.
+void GraphPrinter::PrintFreeVariables() {
+  std::set<int> sizes;
+  for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    if (!graph_.HasVariable(id)) {
+      sizes.insert(graph_.AmbientSize(id));
+    }
+  }
+  std::vector<VariableId> last_first;
+  for (const int size : sizes) {
+    for (const bool borrowed : {false, true}) {
+      VariableId id = 0;
+      for (int k = 0; (id = graph_.FreeVariable(size, borrowed, k)) >= 0; ++k) {
+        last_first.push_back(id);
+      }
+    }
+  }
+  writer_.WriteLong(static_cast<std::int64_t>(last_first.size()));
+  std::for_each(last_first.rbegin(), last_first.rend(),
+                [this](VariableId id) { writer_.WriteInt(id); });
+}
+
+void GraphPrinter::PrintFamily(FamilyId id) {
+  const FactorFamily& family = graph_.family(id);
+  writer_.formats().Write(family, "family " + std::to_string(id) + " (" + family.Name() + ")",
+                          &writer_);
+  const int num_factors = graph_.NumFactors(id);
+  writer_.WriteLong(num_factors);
+  for (int factor = 0; factor < num_factors; ++factor) {
+    const VariableId* variables = graph_.Variables(id, factor);
+    std::for_each(variables, variables + family.num_slots(),
+                  [this](VariableId variable) { writer_.WriteInt(variable); });
+  }
+  writer_.WriteByte(graph_.HasLosses(id) ? 1 : 0);
+  for (int factor = 0; graph_.HasLosses(id) && factor < num_factors; ++factor) {
+    writer_.WriteInt(losses_.Add(graph_.loss(id, factor)));
+  }
+  const int num_free = graph_.NumFreePlaces(id);
+  writer_.WriteLong(num_free);
+  for (int k = num_free - 1; k >= 0; --k) {
+    writer_.WriteInt(graph_.FreePlace(id, k));
+  }
+}
+
+}  // namespace
+
+void PrintGraph(const FactorGraph& graph, GraphWriter* writer) {
+  GraphPrinter(graph, writer).Print();
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,25 @@
+#pragma once
+
+#include "inceres/problem/factor_graph.h"
+#include "inceres/storage/graph_stream.h"
+
+namespace inceres::internal {
+
+/// What stands in a file behind its heading, in this order:
+///
+///     manifolds, losses      each that occurs, once
+///     variables              flags, ambient size, manifold
+///     state                  their values
+///     bounds, pins           of those that have any
+///     free variables         removed ones
+///     families               each with its factors' variables and losses, and its free places
+///
+/// A failure is the writer's.
+void PrintGraph(const FactorGraph& graph, GraphWriter* writer);
+
+/// Flags of a variable in a file.
+constexpr std::uint8_t kIsLandmark = 1;
+constexpr std::uint8_t kIsConstant = 2;
+constexpr std::uint8_t kIsRemoved = 4;
+
+}  // namespace inceres::internal

@@ -1,0 +1,227 @@
+// Formats: types of the user's, what has none, what is nested, and readers that trust nothing.
+#include "inceres/storage/graph_formats.h"
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "inceres/problem/ambient_family.h"
+#include "inceres/solver/solver.h"
+#include "inceres/storage/graph_file.h"
+
+namespace inceres {
+namespace {
+
+// x − target, of a user's.
+class TargetFamily final : public AmbientFamily<TargetFamily> {
+ public:
+  using Measurement = double;
+  TargetFamily() : AmbientFamily(1, {{1, 1}}) {}
+  void Add(double target) { targets.push_back(target); }
+  int size() const override { return static_cast<int>(targets.size()); }
+  const char* Name() const override { return "target"; }
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
+    residuals[0] = parameters[0][0] - targets[static_cast<std::size_t>(i)];
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      jacobians[0][0] = 1.0;
+    }
+    return true;
+  }
+
+  std::vector<double> targets;
+};
+
+// ρ(s) = a s, and a line that is stretched.
+class SlopeLoss final : public Loss {
+ public:
+  explicit SlopeLoss(double a) : slope(a) {}
+  void Evaluate(double s, double rho[3]) const override {
+    rho[0] = slope * s;
+    rho[1] = slope;
+    rho[2] = 0.0;
+  }
+  double slope;
+};
+class StretchedLine final : public Manifold {
+ public:
+  int AmbientSize() const override { return 1; }
+  int TangentSize() const override { return 1; }
+  bool Plus(const double* x, const double* delta, double* sum) const override {
+    *sum = *x + 2.0 * *delta;
+    return true;
+  }
+  bool PlusJacobian(const double*, double* jacobian) const override {
+    *jacobian = 2.0;
+    return true;
+  }
+};
+
+void Register(GraphFormats* formats) {
+  formats->AddFamily<TargetFamily>(
+      "test.target",
+      [](const TargetFamily& family, GraphWriter* writer) {
+        writer->WriteLong(family.size());
+        writer->WriteDoubles(family.targets.data(), family.targets.size());
+      },
+      [](GraphReader* reader) {
+        auto family = std::make_shared<TargetFamily>();
+        family->targets = reader->ReadVector(reader->ReadCount(8));
+        return family;
+      });
+  formats->AddLoss<SlopeLoss>(
+      "test.slope",
+      [](const SlopeLoss& loss, GraphWriter* writer) { writer->WriteDouble(loss.slope); },
+      [](GraphReader* reader) { return std::make_shared<SlopeLoss>(reader->ReadDouble()); });
+  formats->AddManifold<StretchedLine>(
+      "test.stretched_line", [](const StretchedLine&, GraphWriter*) {},
+      [](GraphReader*) { return std::make_shared<StretchedLine>(); });
+}
+
+class UsersTypes : public testing::Test {
+ protected:
+  UsersTypes() {
+    const double start = 10.0;
+    const VariableId x =
+        graph_.AddVariable(&start, 1, Role::kFrame, std::make_shared<StretchedLine>());
+    const auto family = graph_.AddFamily(std::make_shared<TargetFamily>());
+    const auto slope = std::make_shared<SlopeLoss>(3.0);
+    graph_.AddFactor(family, 1.0, {x}, slope);
+    graph_.AddFactor(family, 2.0, {x}, std::make_shared<ScaledLoss>(slope, 2.0));
+  }
+
+  FactorGraph graph_;
+  std::string bytes_;
+};
+
+TEST_F(UsersTypes, AreKeptByFormatsOfTheirs) {
+  GraphFormats formats;
+  Register(&formats);
+  ASSERT_TRUE(SaveGraphToBytes(graph_, formats, &bytes_).ok());
+  FactorGraph loaded;
+  LoadedFamilies families;
+  const Status status = LoadGraphFromBytes(bytes_, formats, &loaded, &families);
+  ASSERT_TRUE(status.ok()) << status.message;
+  loaded.AddFactor(families.Handle<TargetFamily>(0), 2.0, {0});
+  // Weights 3, 6 and 1 on 1, 2 and 2.
+  EXPECT_TRUE(Solve(SolverOptions(), &loaded).IsSolutionUsable());
+  EXPECT_NEAR(*loaded.Values(0), 1.7, 1e-6);
+}
+
+TEST_F(UsersTypes, WithoutAFormatAreNamedWhenSaved) {
+  GraphFormats formats;
+  Status status = SaveGraphToBytes(graph_, formats, &bytes_);
+  EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
+  EXPECT_NE(status.message.find("manifold 0 is of a type without a format"), std::string::npos)
+      << status.message;
+  EXPECT_NE(status.message.find("StretchedLine"), std::string::npos) << status.message;
+  EXPECT_TRUE(bytes_.empty());
+}
+
+TEST_F(UsersTypes, WithoutAFormatAreNamedWhenLoaded) {
+  GraphFormats formats;
+  Register(&formats);
+  ASSERT_TRUE(SaveGraphToBytes(graph_, formats, &bytes_).ok());
+  FactorGraph loaded;
+  const Status status = LoadGraphFromBytes(bytes_, GraphFormats(), &loaded);
+  EXPECT_EQ(status.code, StatusCode::kUnavailable);
+  EXPECT_EQ(status.message,
+            "manifold 0 has the format 'test.stretched_line', which is not known here");
+}
+
+// A reader that leaves something, takes too much, or makes nothing.
+TEST_F(UsersTypes, ReadersThatDoNotFitAreFoundOut) {
+  GraphFormats formats;
+  Register(&formats);
+  ASSERT_TRUE(SaveGraphToBytes(graph_, formats, &bytes_).ok());
+  const auto write = [](const TargetFamily&, GraphWriter*) {};
+  const auto load = [this](const GraphFormats& with) {
+    FactorGraph loaded;
+    const Status status = LoadGraphFromBytes(bytes_, with, &loaded);
+    EXPECT_EQ(status.code, StatusCode::kIo);
+    return status.message;
+  };
+  formats.AddFamily<TargetFamily>("test.target", write,
+                                  [](GraphReader*) { return std::make_shared<TargetFamily>(); });
+  EXPECT_EQ(load(formats), "family 0 (test.target): 24 bytes are left over");
+  formats.AddFamily<TargetFamily>("test.target", write, [](GraphReader* reader) {
+    reader->ReadVector(4);
+    return std::make_shared<TargetFamily>();
+  });
+  EXPECT_EQ(load(formats), "family 0 (test.target): it ends before all of it is read");
+  formats.AddFamily<TargetFamily>("test.target", write, [](GraphReader* reader) {
+    reader->ReadVector(3);
+    return std::shared_ptr<TargetFamily>();
+  });
+  EXPECT_EQ(load(formats), "family 0 (test.target): nothing was read");
+  formats.AddFamily<TargetFamily>("test.target", write, [](GraphReader* reader) {
+    reader->Fail("a target that moves");
+    return std::shared_ptr<TargetFamily>();
+  });
+  EXPECT_EQ(load(formats), "family 0 (test.target): a target that moves");
+}
+
+TEST(GraphFormats, RefuseObjectsThatAreNestedTooDeeply) {
+  std::shared_ptr<const Loss> loss = std::make_shared<HuberLoss>(1.0);
+  GraphFormats formats;
+  for (int depth = 0; depth < 40; ++depth) {
+    FactorGraph graph;
+    const double start = 1.0;
+    const VariableId x = graph.AddVariable(&start, 1, Role::kFrame);
+    const auto family = graph.AddFamily(std::make_shared<TargetFamily>());
+    Register(&formats);
+    graph.AddFactor(family, 1.0, {x}, loss);
+    std::string bytes;
+    FactorGraph loaded;
+    const Status status = SaveGraphToBytes(graph, formats, &bytes);
+    EXPECT_EQ(status.ok(), depth < 16) << depth;
+    if (status.ok()) {
+      EXPECT_TRUE(LoadGraphFromBytes(bytes, formats, &loaded).ok()) << depth;
+    }
+    loss = std::make_shared<ScaledLoss>(loss, 2.0);
+  }
+}
+
+TEST(GraphStream, NumbersAreLittleEndianAndExact) {
+  const GraphFormats formats;
+  GraphWriter writer(formats);
+  writer.WriteInt(0x01020304);
+  writer.WriteLong(-2);
+  writer.WriteDouble(-0.0);
+  writer.WriteDouble(std::nextafter(1.0, 2.0));
+  writer.WriteString("name");
+  EXPECT_EQ(writer.bytes().substr(0, 4), std::string("\x04\x03\x02\x01", 4));
+  GraphReader reader(writer.bytes().data(), writer.bytes().size(), formats);
+  EXPECT_EQ(reader.ReadInt(), 0x01020304);
+  EXPECT_EQ(reader.ReadLong(), -2);
+  EXPECT_TRUE(std::signbit(reader.ReadDouble()));
+  EXPECT_EQ(reader.ReadDouble(), std::nextafter(1.0, 2.0));
+  EXPECT_EQ(reader.ReadString(), "name");
+  EXPECT_TRUE(reader.ok());
+  EXPECT_EQ(reader.remaining(), 0u);
+  EXPECT_EQ(reader.ReadLong(), 0);
+  EXPECT_FALSE(reader.ok());
+  EXPECT_EQ(reader.ReadCount(1), 0u) << "after a failure";
+}
+
+TEST(GraphStream, RangesAreChecked) {
+  const GraphFormats formats;
+  GraphWriter writer(formats);
+  writer.WriteInt(7);
+  writer.WriteLong(3);
+  {
+    GraphReader reader(writer.bytes().data(), writer.bytes().size(), formats);
+    EXPECT_EQ(reader.ReadIntIn(0, 6, "the day"), 0);
+    EXPECT_EQ(reader.status().message, "the day is 7, which it cannot be");
+  }
+  GraphReader reader(writer.bytes().data(), writer.bytes().size(), formats);
+  EXPECT_EQ(reader.ReadIntIn(7, 7, "the day"), 7);
+  EXPECT_EQ(reader.ReadCount(1), 0u) << "nothing is left for three items";
+  EXPECT_FALSE(reader.ok());
+}
+
+}  // namespace
+}  // namespace inceres
