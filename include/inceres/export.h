@@ -1,4 +1,5 @@
 #pragma once
 
-/// Marks what the library exports; everything else is compiled with hidden visibility.
+/// Marks what the shared libraries export; everything else is compiled with hidden visibility. In
+/// inceres::internal it marks what one of them calls of another, no promise to anyone else.
 #define INCERES_EXPORT [[gnu::visibility("default")]]
