@@ -70,8 +70,7 @@ function(inceres_set_shared target output_name)
     OUTPUT_NAME ${output_name}
     VERSION ${PROJECT_VERSION}
     SOVERSION ${INCERES_SOVERSION}
-    LINK_DEPENDS ${map}
-    INSTALL_RPATH $ORIGIN)
+    LINK_DEPENDS ${map})
   target_link_options(${target} PRIVATE
     LINKER:--version-script=${map} LINKER:-z,defs LINKER:-Bsymbolic-functions)
 endfunction()
