@@ -21,6 +21,7 @@ set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS_POLICY ">=")
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS
   ${PROJECT_BINARY_DIR}/src ${PROJECT_BINARY_DIR}/src/io ${PROJECT_BINARY_DIR}/adapters/ceres)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(triggers ${PROJECT_SOURCE_DIR}/packaging/deb/triggers)  # of packages with a shared library
 
 # Debian's version and the names with the SONAME in them.
 set(deb_version ${PROJECT_VERSION}-${CPACK_DEBIAN_PACKAGE_RELEASE})
@@ -48,33 +49,39 @@ macro(inceres_add_deb component package section depends summary text)
   set(CPACK_DEBIAN_${upper}_PACKAGE_NAME ${package})
   set(CPACK_DEBIAN_${upper}_PACKAGE_SECTION ${section})
   set(CPACK_DEBIAN_${upper}_PACKAGE_DEPENDS "${depends}")
+  if("${section}" STREQUAL libs)
+    set(CPACK_DEBIAN_${upper}_PACKAGE_CONTROL_EXTRA ${triggers})
+  endif()
   set(CPACK_DEBIAN_${upper}_DESCRIPTION "${summary}\n${text}")
   install(FILES packaging/deb/copyright ${PROJECT_BINARY_DIR}/cmake/changelog.Debian.gz
     DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/doc/${package}
     COMPONENT ${component} EXCLUDE_FROM_ALL)
 endmacro()
 
-set(about "inceres minimizes bundle-adjustment problems and pose graphs, at once or step by step as they grow.")
+string(CONCAT about
+  "inceres minimizes bundle-adjustment problems and pose graphs, at once or\n"
+  "step by step as they grow.")
 inceres_add_deb(core ${deb_core} libs ""
   "bundle-adjustment solver, incremental: shared libraries"
-  "${about}\nThis package has the solver, libinceres_core, and the readers of problem files, libinceres_io.")
+  "${about}\nThis package has the solver, libinceres_core, and the readers of problem\nfiles, libinceres_io.")
 inceres_add_deb(core_dev libinceres-dev libdevel
   "${deb_core} ${same}, libtbb-dev, libsuitesparse-dev, libmetis-dev, zlib1g-dev, libbz2-dev"
   "bundle-adjustment solver, incremental: development files"
-  "${about}\nThis package has headers, static libraries, and files for CMake and pkg-config.")
+  "${about}\nThis package has headers, static libraries, and files for CMake and\npkg-config.")
+set(needs_ceres "libceres-dev, libgoogle-glog-dev, libeigen3-dev")
 if(TARGET inceres_ceres_shared)
   inceres_add_deb(ceres ${deb_ceres} libs "${deb_core} ${same}"
     "bundle-adjustment solver for problems written with Ceres: shared library"
     "${about}\nThis package has inceres::Solve for a ceres::Problem. It brings Ceres.")
   inceres_add_deb(ceres_dev libinceres-ceres-dev libdevel
-    "${deb_ceres} ${same}, libinceres-dev ${same}, inceres-dropin ${same}, libceres-dev, libgoogle-glog-dev, libeigen3-dev"
+    "${deb_ceres} ${same}, libinceres-dev ${same}, inceres-dropin ${same}, ${needs_ceres}"
     "bundle-adjustment solver for problems written with Ceres: development files"
-    "${about}\nThis package has headers and libraries to call it from code written with Ceres.")
+    "${about}\nThis package has headers and libraries to call it from code written with\nCeres.")
 endif()
 if(TARGET inceres_dropin)
   inceres_add_deb(dropin inceres-dropin libs ""
     "bundle-adjustment solver that takes the place of Ceres in a program"
-    "${about}\nThis package has a library to preload into programs that use the shared Ceres.")
+    "${about}\nThis package has a library to preload into programs that use the shared\nCeres.")
 endif()
 if(INCERES_BUILD_TOOLS)
   inceres_add_deb(tools inceres-tools science ""

@@ -28,7 +28,7 @@ cmake --preset deb "${definitions[@]}"
 cmake --build --preset deb --parallel "$(nproc)"
 rm -rf build-deb/packages
 umask 022
-(cd build-deb && cpack > cpack.log) || { cat build-deb/cpack.log >&2; exit 1; }
+(cd build-deb && cpack > cpack.log 2>&1) || { cat build-deb/cpack.log >&2; exit 1; }
 rm -rf build-deb/packages/_CPack_Packages
 if command -v lintian > /dev/null; then
   lintian --fail-on error --tag-display-limit 0 build-deb/packages/*.deb
