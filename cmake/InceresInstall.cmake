@@ -1,7 +1,9 @@
-# Installs libraries, headers, tools, a find_package(inceres) configuration with one export set per library, so that a user of
-# inceres::core needs no Ceres, and .pc files. No file has a path of this machine in it: the prefix can be moved.
+# Installs libraries, headers, tools, a find_package(inceres) configuration with one export set per
+# library, so that a user of inceres::core needs no Ceres, and .pc files. No file has a path of this
+# machine in it: the prefix can be moved.
 #
-# Each file belongs to one of the install components, which are Debian packages too (cmake/InceresPackages.cmake):
+# Each file belongs to one of the install components, which are Debian packages too
+# (cmake/InceresPackages.cmake):
 #   core, core_dev   shared libraries of core and io; what one builds against them with
 #   ceres, ceres_dev the same for the adapter to Ceres
 #   dropin           the library to preload

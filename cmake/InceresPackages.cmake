@@ -1,5 +1,5 @@
-# Debian packages, one for each install component: `cpack` in a build directory of preset deb, or tools/package_deb.sh. Configure
-# with the prefix /usr, for which the folders are Debian's.
+# Debian packages, one for each install component: `cpack` in a build directory of preset deb, or
+# tools/package_deb.sh. Configure with the prefix /usr, for which the folders are Debian's.
 set(INCERES_PACKAGE_MAINTAINER "inceres authors <inceres@users.noreply.github.com>"
   CACHE STRING "Who answers for the .deb packages: a name and an <address>")
 
@@ -32,7 +32,8 @@ set(same "(= ${deb_version})")
 # What every package has to have: who may do what with it, and what changed.
 file(STRINGS packaging/deb/changelog changelog_head LIMIT_COUNT 1)
 if(NOT changelog_head MATCHES "^inceres \\(${deb_version}\\)")
-  message(FATAL_ERROR "packaging/deb/changelog begins with \"${changelog_head}\": not ${deb_version}")
+  message(FATAL_ERROR
+    "packaging/deb/changelog begins with \"${changelog_head}\": not ${deb_version}")
 endif()
 find_program(GZIP_PROGRAM gzip REQUIRED)
 mark_as_advanced(GZIP_PROGRAM)
@@ -40,8 +41,8 @@ execute_process(COMMAND ${GZIP_PROGRAM} -9n
   INPUT_FILE ${PROJECT_SOURCE_DIR}/packaging/deb/changelog
   OUTPUT_FILE ${PROJECT_BINARY_DIR}/cmake/changelog.Debian.gz COMMAND_ERROR_IS_FATAL ANY)
 
-# inceres_add_deb(COMPONENT PACKAGE SECTION DEPENDS SUMMARY TEXT): one package. Shared libraries that its programs load are added
-# to DEPENDS by dpkg-shlibdeps.
+# inceres_add_deb(COMPONENT PACKAGE SECTION DEPENDS SUMMARY TEXT): one package. Shared libraries
+# that its programs load are added to DEPENDS by dpkg-shlibdeps.
 set(CPACK_COMPONENTS_ALL)
 macro(inceres_add_deb component package section depends summary text)
   list(APPEND CPACK_COMPONENTS_ALL ${component})
@@ -63,7 +64,7 @@ string(CONCAT about
   "step by step as they grow.")
 inceres_add_deb(core ${deb_core} libs ""
   "bundle-adjustment solver, incremental: shared libraries"
-  "${about}\nThis package has the solver, libinceres_core, and the readers of problem\nfiles, libinceres_io.")
+  "${about}\nThis package has the solver and the readers of problem files.")
 inceres_add_deb(core_dev libinceres-dev libdevel
   "${deb_core} ${same}, libtbb-dev, libsuitesparse-dev, libmetis-dev, zlib1g-dev, libbz2-dev"
   "bundle-adjustment solver, incremental: development files"

@@ -1,12 +1,15 @@
-# A .pc file for each shared library, or for the static one where no shared one is built. The prefix is where the file is found:
-# it can be moved. Ceres, SuiteSparse and METIS have no .pc file in Debian and are named as the linker knows them.
+# A .pc file for each shared library, or for the static one where no shared one is built. The prefix
+# is where the file is found: it can be moved. Ceres, SuiteSparse and METIS have no .pc file in
+# Debian and are named as the linker knows them.
 file(RELATIVE_PATH INCERES_PC_TO_PREFIX
   ${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig ${CMAKE_INSTALL_PREFIX})
 string(REGEX REPLACE "/$" "" INCERES_PC_TO_PREFIX ${INCERES_PC_TO_PREFIX})
 
-# inceres_install_pc(NAME LIBRARY COMPONENT DESCRIPTION REQUIRES LIBS REQUIRES_INSIDE LIBS_INSIDE): the last two are what the
-# library itself needs, of which a program sees nothing where it is shared.
-function(inceres_install_pc name library component description requires libs requires_inside libs_inside)
+# inceres_install_pc(NAME LIBRARY COMPONENT DESCRIPTION REQUIRES LIBS REQUIRES_INSIDE LIBS_INSIDE):
+# the last two are what the library itself needs, of which a program sees nothing where it is
+# shared.
+function(inceres_install_pc
+  name library component description requires libs requires_inside libs_inside)
   set(private .private)
   if(NOT TARGET inceres_${library}_shared AND NOT library STREQUAL dropin)
     set(private)

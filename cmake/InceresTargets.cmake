@@ -15,7 +15,8 @@ function(inceres_set_defaults target)
   endif()
 endfunction()
 
-# One folder of src/ that becomes part of inceres::core: an object library that sees the public headers and src/.
+# One folder of src/ that becomes part of inceres::core: an object library that sees the public
+# headers and src/.
 function(inceres_add_module name)
   add_library(inceres_${name} OBJECT ${ARGN})
   inceres_set_defaults(inceres_${name})
@@ -23,9 +24,10 @@ function(inceres_add_module name)
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>)
 endfunction()
 
-# A component of the package, in two forms made of the same objects: inceres_NAME is static, inceres_NAME_shared is shared and
-# there if INCERES_BUILD_SHARED. This project's programs and tests link the static one, for they look inside; where the
-# project is part of another, inceres::NAME is the form that BUILD_SHARED_LIBS asks for.
+# A component of the package, in two forms made of the same objects: inceres_NAME is static,
+# inceres_NAME_shared is shared and there if INCERES_BUILD_SHARED. This project's programs and tests
+# link the static one, for they look inside; where the project is part of another, inceres::NAME is
+# the form that BUILD_SHARED_LIBS asks for.
 #   inceres_add_component(NAME OBJECT_LIBRARY…)
 function(inceres_add_component name)
   list(TRANSFORM ARGN REPLACE "(.+)" "$<TARGET_OBJECTS:\\1>" OUTPUT_VARIABLE objects)
@@ -61,8 +63,9 @@ function(inceres_link_component name)
   endforeach()
 endfunction()
 
-# A shared library of this project: its SONAME, and nothing exported but what is marked INCERES_EXPORT (docs/abi.md). Its calls of
-# its own functions go straight there, as in the static one.
+# A shared library of this project: its SONAME, and nothing exported but what is marked
+# INCERES_EXPORT (docs/abi.md). Its calls of its own functions go straight there, as in the static
+# one.
 function(inceres_set_shared target output_name)
   set(map ${PROJECT_BINARY_DIR}/cmake/exports.map)
   configure_file(${PROJECT_SOURCE_DIR}/cmake/exports.map.in ${map} @ONLY)

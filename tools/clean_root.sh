@@ -1,10 +1,14 @@
 #!/usr/bin/env bash
-# A root file system with nothing but Debian 12's base, to try in it what a stranger's machine would do. As root, on a machine with
-# mmdebstrap or debootstrap; mounts are seen by the commands inside alone and end with them.
+# A root file system with nothing but Debian 12's base, to try in it what a stranger's machine would
+# do. As root, on a machine with mmdebstrap or debootstrap; mounts are seen by the commands inside
+# alone and end with them.
 #
-#   tools/clean_root.sh why_not            prints why it cannot work here, and succeeds then
-#   tools/clean_root.sh make FOLDER        from the network, or from $INCERES_BASE_ARCHIVE, a tar file of such a base
-#   tools/clean_root.sh run FOLDER COMMAND…   in FOLDER as root, with the network, at / and with a clean environment
+#   tools/clean_root.sh why_not               prints why it cannot work here, and succeeds then
+#   tools/clean_root.sh make FOLDER           makes one, from the network
+#   tools/clean_root.sh run FOLDER COMMAND…   runs COMMAND in it: as root, with the network, at /,
+#                                             with a clean environment
+#
+# INCERES_DEBIAN_MIRROR is the mirror; INCERES_BASE_ARCHIVE a tar file of such a base, then taken.
 set -euo pipefail
 
 mirror=${INCERES_DEBIAN_MIRROR:-http://deb.debian.org/debian}
@@ -32,7 +36,7 @@ make() {
     debootstrap --variant=minbase bookworm "$folder" "$mirror" > /dev/null
   fi
   cp --dereference /etc/resolv.conf /etc/hosts "$folder/etc/"
-  # Neither translations nor the list of package contents are asked for, and a service is never started.
+  # Translations are not asked for, and no service is started.
   echo 'Acquire::Languages "none";' > "$folder/etc/apt/apt.conf.d/99clean-root"
   printf '#!/bin/sh\nexit 101\n' > "$folder/usr/sbin/policy-rc.d"
   chmod +x "$folder/usr/sbin/policy-rc.d"
@@ -45,8 +49,9 @@ run() {
   unshare --mount --propagation private bash -c '
     folder=$1; shift
     mount -t proc proc "$folder/proc" && mount --rbind /dev "$folder/dev" &&
-      exec env --ignore-environment PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LC_ALL=C.UTF-8 \
-        DEBIAN_FRONTEND=noninteractive chroot "$folder" "$@"' bash "$folder" "$@"
+      exec env --ignore-environment HOME=/root LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive \
+        PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
+        chroot "$folder" "$@"' bash "$folder" "$@"
 }
 
 case ${1-} in

@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# Builds the libraries and tools and makes .deb packages of them, in build-deb/packages/, for the Debian it runs on. From any
-# directory, from a fresh clone.
+# Builds the libraries and tools and makes .deb packages of them, in build-deb/packages/, for the
+# Debian it runs on. From any directory, from a fresh clone.
 #
 #   tools/package_deb.sh [--no-install] [-DNAME=VALUE]...
 #
-# --no-install: do not install missing packages first. Definitions go to CMake, -DINCERES_PACKAGE_MAINTAINER="Name <address>"
-# among them. The packages are looked through by lintian, if it is there; its errors are errors here.
+# --no-install: do not install missing packages first. Definitions go to CMake,
+# -DINCERES_PACKAGE_MAINTAINER="Name <address>" among them. The packages are looked through by
+# lintian, if it is there; its errors are errors here.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

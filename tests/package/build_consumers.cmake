@@ -1,5 +1,5 @@
-# cmake -P script: installs BINARY_DIR below WORK_DIR, moves the installation elsewhere, then configures, builds and runs each
-# consumer project against it.
+# cmake -P script: installs BINARY_DIR below WORK_DIR, moves the installation elsewhere, then
+# configures, builds and runs each consumer project against it.
 cmake_minimum_required(VERSION 3.25)
 
 function(run)
@@ -9,7 +9,8 @@ function(run)
   endif()
 endfunction()
 
-# expect_libraries(PROGRAM WITH WITHOUT): what it loads matches the first regular expression and not the second.
+# expect_libraries(PROGRAM WITH WITHOUT): what it loads matches the first regular expression and not
+# the second.
 function(expect_libraries program with without)
   execute_process(COMMAND ldd ${program} OUTPUT_VARIABLE libraries COMMAND_ERROR_IS_FATAL ANY)
   if(NOT libraries MATCHES "${with}" OR libraries MATCHES "${without}|not found")
@@ -17,7 +18,8 @@ function(expect_libraries program with without)
   endif()
 endfunction()
 
-# consume(NAME [FORM] OPTIONS…): builds and runs the project of this name; OPTIONS go to its configure step.
+# consume(NAME OPTIONS…): builds and runs the project of this name; OPTIONS go to its
+# configure step.
 function(consume name)
   set(build ${WORK_DIR}/${name})
   if("-Dinceres_SHARED=ON" IN_LIST ARGN)
@@ -33,7 +35,8 @@ function(consume name)
   endif()
 endfunction()
 
-# consume_pc(NAME OPTIONS…): the same program by pkg-config alone, the OPTIONS to the compiler after its flags.
+# consume_pc(NAME OPTIONS…): the same program by pkg-config alone; OPTIONS go to the compiler, after
+# its flags.
 function(consume_pc name)
   set(program ${WORK_DIR}/${name}/pc_consumer)
   set(ENV{PKG_CONFIG_PATH} ${prefix}/${LIB_DIR}/pkgconfig)
@@ -45,7 +48,8 @@ function(consume_pc name)
   run(${CMAKE_COMMAND} -E env LD_LIBRARY_PATH=${prefix}/${LIB_DIR} ${program})
 endfunction()
 
-# No file that others read has a path of this machine in it, neither where it was built nor where it was installed first.
+# No file that others read has a path of this machine in it, neither where it was built nor where it
+# was installed first.
 function(expect_no_paths)
   file(GLOB_RECURSE files ${prefix}/*.cmake ${prefix}/*.pc ${prefix}/*.h)
   list(LENGTH files count)
@@ -77,8 +81,8 @@ file(MAKE_DIRECTORY ${WORK_DIR}/moved)
 file(RENAME ${WORK_DIR}/installed_first ${prefix})
 expect_no_paths()
 
-# Users of the core need neither Ceres nor what only the inside of inceres uses. Of CHOLMOD, whose supernodal part is under the
-# GPL, the core links nothing: it orders by AMD and METIS.
+# Users of the core need neither Ceres nor what only the inside of inceres uses. Of CHOLMOD, whose
+# supernodal part is under the GPL, the core links nothing: it orders by AMD and METIS.
 set(no_ceres -DCMAKE_DISABLE_FIND_PACKAGE_Ceres=ON)
 set(core_alone ${no_ceres} -DCMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON
   -DCMAKE_DISABLE_FIND_PACKAGE_ZLIB=ON -DCMAKE_DISABLE_FIND_PACKAGE_BZip2=ON)

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Compares the table of docs/licenses.md with what ldd shows of built files.
 
-    check_licenses.py PAGE COLUMN=FILE...    print a line for each difference, exit with 1 if there is any
+    check_licenses.py PAGE COLUMN=FILE...    print each difference, exit with 1 if there is any
     check_licenses.py --self_test            see that each kind of difference is reported
 
-COLUMN is "core", "io", "ceres and drop-in" or "tools". Every library that a FILE loads has a row with "brings" or "may" in its
-column; what the page says it always brings is loaded by one of the column's files; and no license with the GPL in it stands in
-the rows that core or io bring, but those with GCC's exception and the LGPL.
+COLUMN is "core", "io", "ceres and drop-in" or "tools". Every library that a FILE loads has a row
+with "brings" or "may" in its column; what the page says it always brings is loaded by one of the
+column's files; and no license with the GPL in it stands in the rows that core or io bring, but
+those with GCC's exception and the LGPL.
 """
 
 import collections
@@ -25,7 +26,9 @@ def rows_of(page):
     """A dict for each row of the table: its cells by the names of their columns."""
     rows, header = [], None
     for line in page.splitlines():
-        cells = [cell.strip().strip("`") for cell in line.strip().strip("|").split("|")] if line.startswith("|") else []
+        cells = []
+        if line.startswith("|"):
+            cells = [cell.strip().strip("`") for cell in line.strip().strip("|").split("|")]
         if cells[:3] == HEADER:
             header = cells
         elif header and not cells:
@@ -41,7 +44,8 @@ def stem(soname):
 
 def loaded_by(file):
     """Names of the libraries, without versions, that a program or library loads."""
-    lines = subprocess.run(["ldd", file], check=True, capture_output=True, text=True).stdout.splitlines()
+    done = subprocess.run(["ldd", file], check=True, capture_output=True, text=True)
+    lines = done.stdout.splitlines()
     missing = [line.strip() for line in lines if "not found" in line]
     if missing:
         sys.exit(f"{file}: {'; '.join(missing)}")
@@ -57,17 +61,19 @@ def differences(rows, loaded):
     """loaded: of each column what its files load, a set for each file."""
     problems = []
     names = [row["library"] for row in rows]
-    problems += [f"{name} has {count} rows" for name, count in collections.Counter(names).items() if count > 1]
+    problems += [f"{name} has {count} rows" for name, count in collections.Counter(names).items()
+                 if count > 1]
     for column, files in loaded.items():
         marks = {row["library"]: row.get(column) for row in rows}
-        problems += [f"{name}: \"{mark}\" in column {column}" for name, mark in marks.items() if mark not in MARKS]
+        problems += [f'{name}: "{mark}" in column {column}' for name, mark in marks.items()
+                     if mark not in MARKS]
         everything = set().union(*files)
-        problems += [f"{column} loads {name}, which the page does not say" for name in sorted(everything)
-                     if marks.get(name, "-") == "-"]
-        problems += [f"{column} does not load {name}, which the page says it brings" for name, mark in marks.items()
-                     if mark == "brings" and name not in everything]
-    problems += [f"{row['library']} is under the GPL and in column {column}" for row in rows for column in ("core", "io")
-                 if is_gpl(row["license"]) and row.get(column) != "-"]
+        problems += [f"{column} loads {name}, which the page does not say"
+                     for name in sorted(everything) if marks.get(name, "-") == "-"]
+        problems += [f"{column} does not load {name}, which the page says it brings"
+                     for name, mark in marks.items() if mark == "brings" and name not in everything]
+    problems += [f"{row['library']} is under the GPL and in column {column}" for row in rows
+                 for column in ("core", "io") if is_gpl(row["license"]) and row.get(column) != "-"]
     return problems
 
 
@@ -90,10 +96,13 @@ def self_test():
         ("nothing", rows, good, None),
         ("one that may be loaded", rows, {**good, "core": [{"libamd", "libc", "libgomp"}]}, None),
         ("an unknown library", rows, {**good, "io": [{"libc", "libz"}]}, "io loads libz"),
-        ("one the page denies", rows, {**good, "core": [{"libamd", "libc", "libspqr"}]}, "core loads libspqr"),
+        ("one the page denies", rows, {**good, "core": [{"libamd", "libc", "libspqr"}]},
+         "core loads libspqr"),
         ("one that is not loaded", rows, {**good, "core": [{"libc"}]}, "core does not load libamd"),
-        ("the GPL in the core", rows_of(SAMPLE.replace("**GPL 2+** | -", "**GPL 2+** | may")), good, "libspqr is under the GPL"),
-        ("a mark nobody knows", rows_of(SAMPLE.replace("brings | brings", "brings | some")), good, 'libc: "some"'),
+        ("the GPL in the core", rows_of(SAMPLE.replace("**GPL 2+** | -", "**GPL 2+** | may")), good,
+         "libspqr is under the GPL"),
+        ("a mark nobody knows", rows_of(SAMPLE.replace("brings | brings", "brings | some")), good,
+         'libc: "some"'),
         ("a missing column", rows, {"tools": [{"libc"}]}, "in column tools"),
         ("two rows", rows + rows[:1], good, "libamd has 2 rows"),
         ("an empty page", [], good, "core loads libamd"),
@@ -101,7 +110,8 @@ def self_test():
     failures = 0
     for what, case_rows, loaded, message in cases:
         problems = differences(case_rows, loaded)
-        if (message is None) != (not problems) or (message and not any(message in problem for problem in problems)):
+        as_expected = not problems if message is None else any(message in text for text in problems)
+        if not as_expected:
             print(f"{what}: {problems}", file=sys.stderr)
             failures += 1
     print(f"check_licenses: {len(cases)} cases, {failures} failures")

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Tests tools/abi/exported_symbols.py on small libraries: what it takes for a broken promise, and what for news.
+"""Tests tools/abi/exported_symbols.py on small libraries: what it takes for a broken promise, and
+what for news.
 
     exported_symbols_test.py COMPILER
 """
@@ -24,7 +25,8 @@ class ExportedSymbolsTest(unittest.TestCase):
         """Exit code and messages of an action on a library made of source."""
         library = self.folder / "libsample.so"
         subprocess.run(
-            [COMPILER, "-shared", "-fPIC", "-x", "c++", "-", "-o", library, f"-Wl,-soname,libsample.so.{soversion}"],
+            [COMPILER, "-shared", "-fPIC", "-x", "c++", "-", "-o", library,
+             f"-Wl,-soname,libsample.so.{soversion}"],
             input=source, text=True, check=True)
         done = subprocess.run(
             [sys.executable, SCRIPT, action, library, "--lists", self.folder, "--release", release],
@@ -56,11 +58,12 @@ class ExportedSymbolsTest(unittest.TestCase):
 
     def test_it_may_go_with_the_soname(self):
         self.update("void First() {} void Second() {}")
-        code, messages = self.run_script("check", "void First() {}", release="0.2.0", soversion="0.2")
+        later = {"release": "0.2.0", "soversion": "0.2"}
+        code, messages = self.run_script("check", "void First() {}", **later)
         self.assertEqual(code, 1)
         self.assertIn("is of libsample.so.0.1, the library is libsample.so.0.2", messages)
-        self.update("void First() {}", release="0.2.0", soversion="0.2")
-        self.assertEqual(self.run_script("check", "void First() {}", release="0.2.0", soversion="0.2"), (0, ""))
+        self.update("void First() {}", **later)
+        self.assertEqual(self.run_script("check", "void First() {}", **later), (0, ""))
 
     def test_before_its_release_a_symbol_may_go(self):
         self.update("void First() {} void Second() {}")
@@ -77,7 +80,8 @@ class ExportedSymbolsTest(unittest.TestCase):
         self.assertEqual(lines[2:], ["_Z5Firstv 0.1.0", "_Z6Secondv 0.1.1"])
 
     def test_what_is_no_library_is_named(self):
-        done = subprocess.run([sys.executable, SCRIPT, "check", "missing.so"], capture_output=True, text=True, check=False)
+        done = subprocess.run([sys.executable, SCRIPT, "check", "missing.so"],
+                              capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 1)
         self.assertIn("missing.so does not exist", done.stderr)
 

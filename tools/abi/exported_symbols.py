@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""What the shared libraries export, compared with the lists beside this script or written there (docs/abi.md).
+"""What the shared libraries export, compared with the lists beside this script or written there.
 
-    tools/abi/exported_symbols.py check LIBRARY...     exit with 1 and a line for each difference
-    tools/abi/exported_symbols.py update LIBRARY...    write the lists anew; refused where released symbols are gone
+    tools/abi/exported_symbols.py check LIBRARY...    exit with 1 and a line for each difference
+    tools/abi/exported_symbols.py update LIBRARY...   write the lists anew; no release loses symbols
 
-LIBRARY is a built file such as build/src/libinceres_core.so; its list is libinceres_core.symbols, a line for each symbol with the
-release it came in. A symbol of an earlier release may only go together with the SONAME. --lists FOLDER and --release VERSION
-take the place of this folder and of the version in CMakeLists.txt.
+LIBRARY is a built file such as build/src/libinceres_core.so; its list is libinceres_core.symbols, a
+line for each symbol with the release it came in. A symbol of an earlier release may only go
+together with the SONAME (docs/abi.md). --lists FOLDER and --release VERSION take the place of this
+folder and of the version in CMakeLists.txt.
 """
 
 import argparse
@@ -30,8 +31,10 @@ def soname_of(library):
 
 
 def symbols_of(library):
-    """Mangled names. Not the weak ones of functions, templates that a program instantiates itself, nor the version's own."""
-    rows = [line.split() for line in run("nm", "--dynamic", "--defined-only", str(library)).splitlines()]
+    """Mangled names. Not those of weak functions, which a program instantiates itself, nor of the
+    version node."""
+    lines = run("nm", "--dynamic", "--defined-only", str(library)).splitlines()
+    rows = [line.split() for line in lines]
     return {name.partition("@")[0] for *_, kind, name in rows if kind not in "AW"}
 
 
@@ -80,23 +83,29 @@ def lost_promises(symbols, listed, soname, release):
     """The symbols of earlier releases that are gone although the SONAME has stayed."""
     if listed.soname != soname:
         return set()
-    return {name for name, since in listed.since.items() if name not in symbols and numbers(since) < numbers(release)}
+    gone = set(listed.since) - symbols
+    return {name for name in gone if numbers(listed.since[name]) < numbers(release)}
+
+
+def lost_text(symbol, release):
+    return (f"{symbol} is gone, which release {release} had: programs linked to it no longer "
+            "start; bring it back or raise the version that the SONAME is made of")
 
 
 def differences(library, folder, release):
     soname, symbols, listed = soname_of(library), symbols_of(library), list_of(library, folder)
     if listed.soname != soname:
-        return [f"{listed.path.name} is of {listed.soname}, the library is {soname}: update the list"]
+        return [
+            f"{listed.path.name} is of {listed.soname}, the library is {soname}: update the list"
+        ]
     lost = lost_promises(symbols, listed, soname, release)
     gone, new = set(listed.since) - symbols, symbols - set(listed.since)
     text = demangled(gone | new)
-    problems = [
-        f"{soname}: {text[name]} is gone, which release {listed.since[name]} had: programs linked to it no longer start; "
-        "bring it back or raise the version that the SONAME is made of" for name in sorted(lost)
-    ]
-    problems += [f"{soname}: {text[name]} is on the list and not exported: update it" for name in sorted(gone - lost)]
-    problems += [f"{soname}: {text[name]} is exported and not on the list: update it" for name in sorted(new)]
-    return problems
+    problems = [lost_text(text[name], listed.since[name]) for name in sorted(lost)]
+    problems += [f"{text[name]} is on the list and not exported: update it"
+                 for name in sorted(gone - lost)]
+    problems += [f"{text[name]} is exported and not on the list: update it" for name in sorted(new)]
+    return [f"{soname}: {problem}" for problem in problems]
 
 
 def update(library, folder, release):
@@ -105,7 +114,7 @@ def update(library, folder, release):
     lost = lost_promises(symbols, listed, soname, release)
     if lost:
         text = demangled(lost)
-        return [f"{soname}: {text[name]} is gone, which release {listed.since[name]} had" for name in sorted(lost)]
+        return [f"{soname}: {lost_text(text[name], listed.since[name])}" for name in sorted(lost)]
     since = listed.since if listed.soname == soname else {}
     listed.soname, listed.since = soname, {name: since.get(name, release) for name in symbols}
     listed.write()
@@ -114,7 +123,8 @@ def update(library, folder, release):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("action", choices=["check", "update"])
     parser.add_argument("libraries", nargs="+", type=pathlib.Path, metavar="LIBRARY")
     parser.add_argument("--lists", type=pathlib.Path, default=HERE, metavar="FOLDER")
