@@ -2,9 +2,11 @@
 
 #include <string>
 
+#include "inceres/export.h"
+
 namespace inceres::internal {
 
 /// The processor's name as the system tells it, "unknown" if it does not.
-std::string CpuModel();
+INCERES_EXPORT std::string CpuModel();
 
 }  // namespace inceres::internal

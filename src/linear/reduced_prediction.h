@@ -1,5 +1,6 @@
 #pragma once
 
+#include "inceres/export.h"
 #include "inceres/linear/reduced_matrix.h"
 #include "inceres/status.h"
 
@@ -13,13 +14,14 @@ struct ReducedPrediction {
 
 /// Cost: that of the symbolic analysis, half a microsecond a block of S, where S is neither small
 /// nor full. Fails as that does.
-Status PredictReducedSolver(const BlockPattern& pattern, ReducedPrediction* prediction);
+INCERES_EXPORT Status PredictReducedSolver(const BlockPattern& pattern,
+                                           ReducedPrediction* prediction);
 
 /// The same for a full S with so many unknowns.
-ReducedPrediction PredictFullSystem(double size);
+INCERES_EXPORT ReducedPrediction PredictFullSystem(double size);
 
 /// Whether kAutomatic takes the dense solver for an S of this size, of which this share is there.
-bool IsSolvedDensely(double size, double fill);
+INCERES_EXPORT bool IsSolvedDensely(double size, double fill);
 /// The share of S that is there.
 double FillOf(const BlockPattern& pattern);
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "inceres/export.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/solver/options.h"
 #include "inceres/solver/solver.h"
@@ -51,7 +52,7 @@ struct LoopOptions {
 };
 
 /// Solver::Solve with these.
-void SolveWith(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph,
-               Solver* solver, Summary* summary);
+INCERES_EXPORT void SolveWith(const SolverOptions& options, const LoopOptions& loop,
+                              FactorGraph* graph, Solver* solver, Summary* summary);
 
 }  // namespace inceres::internal

@@ -204,7 +204,7 @@ class INCERES_EXPORT SlidingWindowEstimator {
   VariableId LandmarkId(std::int64_t track) const;  ///< −1: the track has no landmark
 
  private:
-  class Impl;
+  class INCERES_HIDDEN Impl;
   std::unique_ptr<Impl> impl_;
 };
 

@@ -143,7 +143,7 @@ class INCERES_EXPORT IncrementalSolver {
   ReducedStructure Structure() const;
 
  private:
-  class Impl;
+  class INCERES_HIDDEN Impl;
   std::unique_ptr<Impl> impl_;
 };
 

@@ -86,7 +86,7 @@ class INCERES_EXPORT Solver {
   friend Summary Solve(const SolverOptions& options, FactorGraph* graph);
   friend void internal::SolveWith(const SolverOptions& options, const internal::LoopOptions& loop,
                                   FactorGraph* graph, Solver* solver, Summary* summary);
-  class Impl;
+  class INCERES_HIDDEN Impl;
   std::unique_ptr<Impl> impl_;
 };
 

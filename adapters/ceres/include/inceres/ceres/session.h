@@ -96,7 +96,7 @@ class INCERES_EXPORT CeresSession {
   void Reset();
 
  private:
-  class Impl;
+  class INCERES_HIDDEN Impl;
   std::unique_ptr<Impl> impl_;
 };
 
