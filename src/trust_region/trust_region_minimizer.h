@@ -81,6 +81,7 @@ class TrustRegionMinimizer {
   double StateDistance(const std::vector<double>& a, const std::vector<double>& b,
                        double* max_norm) const;
   bool CallbacksContinue();
+  ObserverAction AskObservers();
   bool Finish(Termination termination, std::initializer_list<const char*> words);
 
   const SolverOptions& options_;
