@@ -2,6 +2,7 @@
 // minimizes its reprojection error.
 //
 //     01_first_adjustment bal_data/street-16-1200-pre.txt
+#include <algorithm>
 #include <cstddef>
 #include <cstdio>
 #include <iostream>
@@ -90,7 +91,7 @@ int main(int argc, char** argv) {
   // [end of quote]
   PrintTrace(summary);
   WriteBack(adjustment, &problem);
-  std::printf("\n%s: %s\n", inceres::ToString(summary.termination), summary.message.c_str());
+  std::printf("\n%s\n", summary.BriefReport().c_str());
   std::printf("after: %.2f pixels root mean square\n", inceres::ReprojectionRms(problem));
   std::printf("%d landmarks eliminated; the rest is a system of %d unknowns, solved by %s\n",
               summary.work.num_landmarks, summary.work.reduced_size,

@@ -1,15 +1,16 @@
 // Lesson 4, robust losses: a circle through points of which a fifth is wrong, with and without.
 //
 //     04_robust_losses [picture.svg]
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 #include <vector>
 
 #include "examples/noise.h"
+#include "examples/picture.h"
 #include "inceres/problem/ambient_family.h"
 #include "inceres/problem/losses.h"
 #include "inceres/solver/solver.h"
@@ -35,9 +36,8 @@ class CircleFamily : public inceres::AmbientFamily<CircleFamily> {
     const double distance = std::hypot(dx, dy);
     residual[0] = distance - circle[0][2];
     if (J != nullptr && J[0] != nullptr) {
-      J[0][0] = -dx / distance;
-      J[0][1] = -dy / distance;
-      J[0][2] = -1.0;
+      const double by_circle[3] = {-dx / distance, -dy / distance, -1.0};
+      std::copy_n(by_circle, 3, J[0]);
     }
     return distance > 0.0;
   }
@@ -47,7 +47,6 @@ class CircleFamily : public inceres::AmbientFamily<CircleFamily> {
 };
 
 constexpr Circle kTruth = {1.0, 2.0, 5.0};
-
 // 40 points on three quarters of the circle, 2 cm beside it, and ten far to the right of it.
 std::vector<Point> Measure() {
   Noise noise(4);
@@ -77,27 +76,21 @@ Circle Fit(const std::vector<Point>& points, const std::shared_ptr<const inceres
 // [end of quote]
 
 struct Contender {
-  const char* name;
-  const char* color;
+  const char *name, *color;
   Circle circle;
 };
 
 bool Draw(const std::vector<Point>& points, const std::vector<Contender>& fits, const char* path) {
-  std::ofstream svg(path);
-  svg << R"(<svg xmlns="http://www.w3.org/2000/svg" viewBox="-6 -9 20 15" font-size="0.6">)" << '\n'
-      << R"(<rect x="-6" y="-9" width="20" height="15" fill="white"/>)" << '\n';
-  double y = -8.0;
+  Picture picture(path, -6.0, -6.0, 22.0, 15.0);
+  double y = 8.0;
   for (const Contender& fit : fits) {
-    svg << "<circle cx='" << fit.circle[0] << "' cy='" << -fit.circle[1] << "' r='" << fit.circle[2]
-        << "' fill='none' stroke-width='0.08' stroke='" << fit.color << "'/>\n"
-        << "<text x='9' y='" << y << "' fill='" << fit.color << "'>" << fit.name << "</text>\n";
-    y += 0.8;
+    picture.Circle(fit.circle[0], fit.circle[1], fit.circle[2], fit.color);
+    picture.Text(10.0, y -= 1.0, fit.name, fit.color);
   }
   for (const Point& point : points) {
-    svg << "<circle cx='" << point[0] << "' cy='" << -point[1] << "' r='0.1' fill='#333'/>\n";
+    picture.Dot(point[0], point[1], "#333");
   }
-  svg << "</svg>\n";
-  return static_cast<bool>(svg.flush());
+  return picture.Close();
 }
 
 }  // namespace
@@ -119,8 +112,8 @@ int main(int argc, char** argv) {
   std::printf("%-20s %8s %8s %8s %10s\n", "loss", "x", "y", "radius", "off by");
   for (const Contender& fit : fits) {
     const Circle& c = fit.circle;
-    std::printf("%-20s %8.3f %8.3f %8.3f %8.3f m\n", fit.name, c[0], c[1], c[2],
-                std::hypot(c[0] - kTruth[0], c[1] - kTruth[1], c[2] - kTruth[2]));
+    const double off = std::hypot(c[0] - kTruth[0], c[1] - kTruth[1], c[2] - kTruth[2]);
+    std::printf("%-20s %8.3f %8.3f %8.3f %8.3f m\n", fit.name, c[0], c[1], c[2], off);
   }
   return argc < 2 || Draw(points, fits, argv[1]) ? 0 : 1;
 }
