@@ -40,6 +40,7 @@ inceres::Summary Optimize(Poses* before, Poses* after) {
   inceres::FactorGraph graph;
   const auto edges = graph.AddFamily(std::make_shared<inceres::RelativePoseFamily>());
   const auto manifold = std::make_shared<inceres::PoseManifold>();
+  const auto huber = std::make_shared<inceres::HuberLoss>(3.0);
   std::vector<inceres::VariableId> ids;
   for (int i = 0; i < 2 * eight::kLap; ++i) {
     // Dead reckoning: each pose starts where odometry puts it.
@@ -50,10 +51,12 @@ inceres::Summary Optimize(Poses* before, Poses* after) {
     if (i > 0) {
       graph.AddFactor(edges, Whitened(step), {ids[ids.size() - 2], ids.back()});
     }
-    if (i >= eight::kLap && i % 10 == 0) {  // recognized: a lap ago we were here
-      const auto loss = std::make_shared<inceres::HuberLoss>(3.0);
-      graph.AddFactor(edges, Whitened(eight::Measure(i - eight::kLap, i)),
-                      {ids[static_cast<std::size_t>(i - eight::kLap)], ids.back()}, loss);
+    // Recognized: a lap ago we were here, and half a lap ago where the eight crosses itself.
+    for (const int lag : {eight::kLap, eight::kLap / 2}) {
+      if (i >= lag && i % (lag == eight::kLap ? 5 : lag) == 0) {
+        const auto place = ids[static_cast<std::size_t>(i - lag)];
+        graph.AddFactor(edges, Whitened(eight::Measure(i - lag, i)), {place, ids.back()}, huber);
+      }
     }
   }
   graph.SetConstant(ids.front(), true);  // relative measurements leave it free where all begins
