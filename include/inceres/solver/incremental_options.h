@@ -65,7 +65,8 @@ struct INCERES_EXPORT IncrementalOptions {
   /// ≥ 1: of evaluation and of large factorizations; the result is the same to the last bit
   int num_threads = 1;
 
-  DampingForm damping = DampingForm::kHybrid;
+  DampingForm damping = DampingForm::kHybrid;  ///< which matrix μ is added to
+  /// when a moved factor is linearized anew
   RelinearizationRule relinearization = RelinearizationRule::kResidualError;
   /// θ_r of kResidualError: a factor is linearized anew when the squared error of its old
   /// linearization exceeds this share of function_tolerance · 2F / (number of factors). ≥ 0, or
@@ -93,7 +94,7 @@ struct INCERES_EXPORT IncrementalOptions {
   /// much of it, nor with truncation_share 0 or kThesis.
   int max_new_frame_steps = 3;
 
-  RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;
+  RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;               ///< of S and b
   ReducedSolverKind reduced_solver = ReducedSolverKind::kAutomatic;  ///< not kAutomaticInexact
   /// If set, makes the solver for S δ = b instead of a built-in one, for the batch solver too
   /// (docs/reduced_solver.md). It is told what has changed from one call to the next. Read by the
