@@ -43,16 +43,26 @@ namespace inceres {
 class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
  public:
   /// Whether the clocks' offset τ is a variable.
-  enum class TimeOffset : unsigned char { kNone, kEstimated };
+  enum class TimeOffset : unsigned char {
+    kNone,       ///< it is not
+    kEstimated,  ///< it is: the last slot
+  };
   /// What the landmark's variable holds.
   enum class Feature : unsigned char {
     kInverseDepth,  ///< λ; its bearing at i is the measurement's
     kBearing,       ///< (m_x, m_y, λ)
   };
   /// Which poses and cameras the two views are from.
-  enum class Views : unsigned char { kTwoPoses, kTwoPosesTwoCameras, kOnePoseTwoCameras };
+  enum class Views : unsigned char {
+    kTwoPoses,            ///< of one camera, at two times
+    kTwoPosesTwoCameras,  ///< of two cameras, at two times
+    kOnePoseTwoCameras,   ///< of two cameras, at one time
+  };
   /// Where the error is measured: in the plane z = 1, or across the ray.
-  enum class Error : unsigned char { kPlane, kUnitSphere };
+  enum class Error : unsigned char {
+    kPlane,       ///< h_xy / h_z − z_j
+    kUnitSphere,  ///< B (h / ‖h‖ − d)
+  };
 
   /// Image points are in the plane z = 1, without distortion.
   struct Measurement {

@@ -26,7 +26,13 @@ struct ImuNoise {
 };
 
 /// The parts of an IMU residual.
-enum class ImuPart : unsigned char { kRotation, kPosition, kVelocity, kGyrBias, kAccBias };
+enum class ImuPart : unsigned char {
+  kRotation,  ///< φ
+  kPosition,  ///< p
+  kVelocity,  ///< v
+  kGyrBias,   ///< b_g
+  kAccBias,   ///< b_a
+};
 
 /// How an estimator writes its inertial terms. None of it changes what is estimated, but for the
 /// noise; all of it changes what the numbers look like, and a user who moves over wants to find his
@@ -44,10 +50,13 @@ struct INCERES_EXPORT ImuConventions {
   /// Which of the two is subtracted.
   enum class Sign : unsigned char {
     kStateMinusMeasured,  ///< what the states say, minus what was measured
-    kMeasuredMinusState,
+    kMeasuredMinusState,  ///< the other way around
   };
   /// Which bias stands first in the speed-bias variable.
-  enum class BiasOrder : unsigned char { kGyrFirst, kAccFirst };
+  enum class BiasOrder : unsigned char {
+    kGyrFirst,  ///< v, b_g, b_a
+    kAccFirst,  ///< v, b_a, b_g
+  };
   /// What is assumed between two samples.
   enum class Integration : unsigned char {
     /// mean of the rates at both ends, mean of the forces turned into the first frame: second order

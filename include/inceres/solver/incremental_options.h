@@ -11,7 +11,11 @@ namespace inceres {
 
 /// Whether S and b follow a change by difference, or are summed anew from the cached Jacobians. The
 /// same up to rounding.
-enum class RebuildPolicy { kWhenCheaper, kAlways, kNever };
+enum class RebuildPolicy {
+  kWhenCheaper,  ///< by the blocks that either way would take
+  kAlways,       ///< summed anew in each iteration: to tell rounding from other causes
+  kNever,        ///< always by difference
+};
 
 /// When a factor that was moved is linearized anew.
 enum class RelinearizationRule {

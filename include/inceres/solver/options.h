@@ -34,7 +34,7 @@ enum class LinearModelKind {
 /// Where a line search that has failed at one point tries the next: at half of it, or at the
 /// minimum of the polynomial through what is known.
 enum class LineSearchInterpolation {
-  kBisection,
+  kBisection,  ///< at half of it
   kQuadratic,  ///< of cost and slope at the start and costs at the last two points
   kCubic,      ///< of costs and slopes at all three: a Jacobian evaluation each
 };

@@ -12,7 +12,10 @@
 namespace inceres {
 
 /// One of the two solvers of a comparison.
-enum class SolvedBy { kOurs, kStock };
+enum class SolvedBy {
+  kOurs,   ///< inceres
+  kStock,  ///< Ceres itself
+};
 
 /// Asks that stock Ceres solves the same problem from the same start, and that the two results are
 /// compared. For a trial run: it takes the time of both.
