@@ -3,11 +3,12 @@
 
     check_quoted_code.py ROOT            README.md and every page of docs/
     check_quoted_code.py FILE.md ROOT    one file
-    check_quoted_code.py --self_test     plant one violation of each kind: it must be reported
+    check_quoted_code.py --self_test     plant one violation of each kind and see that it is reported
 
 Every block of C++ must follow a line `<!-- quotes PATH -->` and equal, line by line, one of the
-stretches between `// [quoted in FILE.md, …]` and `// [end of quote]` of ROOT/PATH; and every
-stretch must be quoted in each of the files that it names. Exits with 1 and a message otherwise.
+stretches between `// [quoted in FILE.md, …]` and `// [end of quote]` of ROOT/PATH, taken out of the
+indentation that all its lines share; and every stretch must be quoted in each of the files that it
+names. Exits with 1 and a message otherwise.
 """
 
 import difflib
@@ -15,11 +16,12 @@ import pathlib
 import re
 import sys
 import tempfile
+import textwrap
 
 FENCE = re.compile(r"^```(?:cpp|c\+\+|cc|cxx|C\+\+)\s", re.MULTILINE)
 BLOCK = re.compile(r"<!-- quotes (?P<path>\S+) -->\n+```cpp\n(?P<code>.*?)^```$",
                    re.DOTALL | re.MULTILINE)
-STRETCH = re.compile(r"^// \[quoted in ([^\]]*)\]\n(.*?)^// \[end of quote\]$",
+STRETCH = re.compile(r"^ *// \[quoted in ([^\]]*)\]\n(.*?)^ *// \[end of quote\]$",
                      re.DOTALL | re.MULTILINE)
 SOURCE_FOLDERS = ("tests", "examples")
 
@@ -27,7 +29,7 @@ SOURCE_FOLDERS = ("tests", "examples")
 def stretches_of(source, document):
     """The stretches of a source that name the document, by its path or its name alone."""
     text = source.read_text(encoding="utf-8") if source.is_file() else ""
-    return [code for names, code in STRETCH.findall(text)
+    return [textwrap.dedent(code) for names, code in STRETCH.findall(text)
             if any(document.endswith(name.strip()) for name in names.split(","))]
 
 
@@ -78,13 +80,13 @@ def check_all(root):
     return problems, count
 
 
-# Names that do not exist are put together, so that this file, which is looked at too, does not cite
-# them.
+# The name of a page that does not exist is put together: this file, which is looked at too, is not
+# to cite it.
 PAGE = "docs/a" + ".md"
 CLEAN = {
     "README.md": "Text.\n",
     PAGE: "<!-- quotes tests/a_test.cc -->\n```cpp\nint x;\n```\n",
-    "tests/a_test.cc": f"// [quoted in {PAGE}]\nint x;\n// [end of quote]\n",
+    "tests/a_test.cc": f"  // [quoted in {PAGE}]\n  int x;\n  // [end of quote]\n",
 }
 VIOLATIONS = [
     (PAGE, "int x;", "int y;", "does not quote tests/a_test.cc as it is"),
