@@ -2,7 +2,8 @@
 """Draws the README's bar chart and prints its table, both from benchmarks/readme_figures.json.
 
     docs/make_readme_chart.py            writes docs/readme_chart.svg, prints the table
-    docs/make_readme_chart.py --check    writes nothing; exits with 1 if chart or README differ
+    docs/make_readme_chart.py --check    writes nothing; exits with 1 if chart or README differ, or
+                                         the README is longer than 120 lines of 120 columns
 
 The JSON has each row with its command, machine, commit and date; benchmarks/readme_table.py
 --record measures those rows anew that it can.
@@ -16,6 +17,7 @@ from xml.sax.saxutils import escape
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FIGURES = ROOT / "benchmarks" / "readme_figures.json"
 CHART = ROOT / "docs" / "readme_chart.svg"
+PAGE = 120  # lines of the README, and columns
 
 WIDTH, LEFT, ROW, BAR, UNIT = 760, 340, 38, 13, 170  # pixels; UNIT is Ceres's time
 
@@ -52,7 +54,8 @@ def chart(rows):
              '<title>Time of a solve: Ceres and inceres; each pair in units of Ceres</title>']
     for i, row in enumerate(rows):
         y = 10 + ROW * i
-        parts += [f'<text x="{LEFT - 10}" y="{y + 17}" text-anchor="end">{escape(row["problem"])}</text>',
+        parts += [f'<text x="{LEFT - 10}" y="{y + 17}" text-anchor="end">'
+                  f'{escape(row["problem"])}</text>',
                   bar(LEFT, y, UNIT, "#b0b7bf", f"Ceres {time_of(row['ceres_ms'])}"),
                   bar(LEFT, y + BAR, UNIT * row["ratio"], "#1f77b4",
                       f"inceres {time_of(row['inceres_ms'])}: {speed_up(row)}")]
@@ -71,11 +74,14 @@ def main(arguments):
         print(table(rows))
         return 0
     problems = []
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    if len(readme.splitlines()) > PAGE or max(map(len, readme.splitlines())) > PAGE:
+        problems.append(f"README.md is longer than {PAGE} lines, or a line than {PAGE} columns")
     if not CHART.is_file() or CHART.read_text(encoding="utf-8") != chart(rows):
         problems.append(f"{CHART} is not the chart of {FIGURES}: run docs/make_readme_chart.py")
-    if table(rows) not in (ROOT / "README.md").read_text(encoding="utf-8"):
+    if table(rows) not in readme:
         problems.append(f"README.md does not have the table of {FIGURES}:\n{table(rows)}")
-    print("\n".join(problems) or f"the chart and the table of the README are those of {FIGURES.name}")
+    print("\n".join(problems) or f"the README's chart and table are those of {FIGURES.name}")
     return 1 if problems else 0
 
 
