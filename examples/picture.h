@@ -11,16 +11,16 @@ class Picture {
  public:
   /// The part of the plane that is shown: its lower left corner and its size.
   Picture(const std::string& path, double x, double y, double width, double height)
-      : svg_(path), line_width_(0.005 * width) {
+      : svg_(path), line_width_(0.003 * width) {
     svg_ << "<svg xmlns='http://www.w3.org/2000/svg' viewBox='" << x << ' ' << -y - height << ' '
-         << width << ' ' << height << "' font-family='sans-serif' font-size='" << 0.035 * width
+         << width << ' ' << height << "' font-family='sans-serif' font-size='" << 0.028 * width
          << "'>\n<rect x='" << x << "' y='" << -y - height << "' width='" << width << "' height='"
          << height << "' fill='white'/>\n";
   }
 
   void Dot(double x, double y, const char* color) {
-    svg_ << "<circle cx='" << x << "' cy='" << -y << "' r='" << line_width_ << "' fill='" << color
-         << "'/>\n";
+    svg_ << "<circle cx='" << x << "' cy='" << -y << "' r='" << 1.6 * line_width_ << "' fill='"
+         << color << "'/>\n";
   }
   void Circle(double x, double y, double radius, const char* color) {
     svg_ << "<circle cx='" << x << "' cy='" << -y << "' r='" << radius
