@@ -85,7 +85,7 @@ bool Draw(const std::vector<Point>& points, const std::vector<Contender>& fits, 
   double y = 8.0;
   for (const Contender& fit : fits) {
     picture.Circle(fit.circle[0], fit.circle[1], fit.circle[2], fit.color);
-    picture.Text(10.0, y -= 1.0, fit.name, fit.color);
+    picture.Text(9.5, y -= 1.0, fit.name, fit.color);
   }
   for (const Point& point : points) {
     picture.Dot(point[0], point[1], "#333");
