@@ -21,7 +21,7 @@ constexpr double kSigma = 0.5;                  // pixels
 
 struct Estimate {
   double x = 0.0, z = 0.0;              // meters
-  double sigma_x = 0.0, sigma_z = 0.0;  // what Covariance says of them
+  double sigma_x = 0.0, sigma_z = 0.0;  // what GraphCovariance says of them
 };
 
 // Two cameras a baseline apart, each with a noisy sight of the point.
@@ -45,7 +45,7 @@ bool Triangulate(double baseline, Estimate* estimate) {
   if (!inceres::Solve(inceres::SolverOptions(), &graph).IsSolutionUsable()) {
     return false;
   }
-  inceres::Covariance covariance;
+  inceres::GraphCovariance covariance;
   double block[9];
   const inceres::Status status = covariance.Compute(graph, {{point, point}});
   if (!status.ok() || !covariance.Get(point, point, block)) {

@@ -36,6 +36,7 @@ ADAPTER_ARROWS = {
     "plan": ["read"],
     "report": ["plan"],
     "exact": ["report"],
+    "covariance": ["plan"],
     "compare": ["plan", "fallback"],
     "session": ["exact", "compare"],
 }

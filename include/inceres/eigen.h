@@ -108,7 +108,7 @@ template <typename Matrix>
 
 /// The block cov(a, b) of a covariance that was computed for this graph: tangent size of a × of b.
 /// Empty if it was not computed.
-inline std::optional<Eigen::MatrixXd> CovarianceBlock(const Covariance& covariance,
+inline std::optional<Eigen::MatrixXd> CovarianceBlock(const GraphCovariance& covariance,
                                                       const FactorGraph& graph, VariableId a,
                                                       VariableId b) {
   if (!graph.HasVariable(a) || !graph.HasVariable(b)) {

@@ -18,7 +18,8 @@
 namespace inceres {
 namespace {
 
-using namespace internal;  // NOLINT(google-build-using-namespace): the one place where the public solver meets its parts
+// The one place where the public solver meets its parts.
+using namespace internal;  // NOLINT(google-build-using-namespace)
 
 // Ceres's rule: the lowest cost seen, rejected candidates included; from the first iteration on
 // whose cost is that of the factors as they are now.

@@ -34,7 +34,8 @@ struct TrustRegionMemory {
 /// (docs/ceres_contract.md, "Trust-region loop").
 ///
 ///     evaluate the start
-///     while not finished:  step -> candidate -> cost -> tolerances -> accept (evaluate Jacobians) or reject
+///     while not finished:
+///       step -> candidate -> cost -> tolerances -> accept (evaluate Jacobians) or reject
 ///
 /// With bounds the start is projected first, and each step is shortened by a line search before it
 /// is tried.

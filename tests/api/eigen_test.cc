@@ -82,7 +82,7 @@ TEST(Eigen, CovariancesAreMatrices) {
   const auto three = graph.AddFamily(std::make_shared<DiagonalPriorFamily>(3));
   graph.AddFactor(two, {{0.0, 0.0}, {2.0, 4.0}}, {a});
   graph.AddFactor(three, {{0.0, 0.0, 0.0}, {1.0, 1.0, 1.0}}, {b});
-  Covariance covariance;
+  GraphCovariance covariance;
   ASSERT_TRUE(covariance.Compute(graph, {{a, a}, {a, b}}).ok());
   const auto own = CovarianceBlock(covariance, graph, a, a);
   ASSERT_TRUE(own.has_value());

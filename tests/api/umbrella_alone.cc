@@ -12,7 +12,7 @@ double CostByUmbrellaAlone() {
   graph.AddFactor(priors, {{3.0, 4.0}, {1.0, 1.0}}, {x}, std::make_shared<HuberLoss>(10.0));
   const Summary batch = Solve(SolverOptions(), &graph);
   IncrementalSolver solver{IncrementalOptions()};
-  Covariance covariance;
+  GraphCovariance covariance;
   const bool complete = batch.IsSolutionUsable() && solver.graph().num_factors() == 0 &&
                         covariance.Compute(graph, {{x, x}}).ok() && INCERES_VERSION_MAJOR >= 0;
   return complete ? batch.final_cost : -1.0;

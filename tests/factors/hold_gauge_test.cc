@@ -144,7 +144,7 @@ TEST(HoldGauge, MakesCovariancesExist) {
       SmallBundle bundle;
       bundle.Minimize();
       ASSERT_TRUE(HoldGauge(OfBal(reference, scale), &bundle.graph).ok());
-      Covariance covariance;
+      GraphCovariance covariance;
       const Status status =
           covariance.Compute(bundle.graph, {{bundle.points[0], bundle.points[0]}});
       EXPECT_EQ(status.ok(), scale != GaugeScale::kMeasured) << status.message;

@@ -11,7 +11,9 @@ namespace inceres {
 /// A measured relative pose of two planar poses a, b, each [x y θ], meters and radians, without a
 /// manifold: angles may be any number of turns apart. With analytic Jacobians.
 ///
-///     residual = U [ R(θ_a)ᵀ (p_b − p_a) − p_m ; wrap(θ_b − θ_a − θ_m) ]        (3 rows, whitened; wrap to [−π, π])
+///     residual = U [ R(θ_a)ᵀ (p_b − p_a) − p_m ; wrap(θ_b − θ_a − θ_m) ]
+///
+/// (3 rows, whitened; wrap to [−π, π]).
 ///
 /// Fails to evaluate where a result is not finite. Cost: two 3×3 triangular products and one angle a
 /// factor, nothing allocated. Threads: as FactorFamily; Add is for one writer. Source: Grisetti et
