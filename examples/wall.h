@@ -7,8 +7,8 @@
 #include "inceres/factors/point_reprojection.h"
 
 /// A long wall, and a camera that passes it at four meters, looking straight at it, with a picture
-/// every meter: camera i stands at x = i, y = z = 0, its z axis ahead. Whatever is asked for has the
-/// same answer each time.
+/// every meter: camera i stands at x = i, y = z = 0, its z axis ahead. Whatever is asked for has
+/// the same answer each time.
 namespace wall {
 
 constexpr double kFocal = 500.0;  // pixels

@@ -143,7 +143,8 @@ TEST(IncrementalEdits, AConstantMovesWithItsValues) {
             landmark);
 }
 
-// Its memory may be read only, as that of a constexpr array is: the batch phase writes all else back.
+// Its memory may be read only, as that of a constexpr array is: the batch phase writes all else
+// back.
 TEST(IncrementalEdits, ABorrowedConstantIsNeverWritten) {
   static constexpr double kIdentity[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
   constexpr double kFirst[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
