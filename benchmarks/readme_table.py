@@ -1,14 +1,17 @@
 #!/usr/bin/env python3
-"""Measures the table of the README: ours against stock Ceres on the problems named below, one row a run of ab_compare.
+"""Measures whole solves: ours against stock Ceres on the problems named below, one row a run of ab_compare. docs/performance.md has
+all of them; --record puts those that the README shows into benchmarks/readme_figures.json, with machine, commit and date, for
+docs/make_readme_chart.py to draw.
 
-    benchmarks/readme_table.py [--repeats 11] [--only TEXT] [--stages]
+    benchmarks/readme_table.py [--repeats 11] [--only TEXT] [--stages] [--record]
 
 With --stages each row is followed by its parts: set-up, residuals, Jacobians, linear step, everything else. Needs build/bin/ab_compare and the data of INCERES_DATA_DIR (or ../shared/data beside the repository). In rows of one thread stock's CHOLMOD
-is kept on one too (stock_environment.py); with two it is as packaged. Leave the machine alone meanwhile. Exit code: 0 all ratios as
-asked and no cost above stock's, 1 one is not, 2 a row could not be measured.
+is kept on one too (stock_environment.py); with two it is as packaged. Leave the machine alone meanwhile. Exit code: 0 all ratios within
+their limits and no cost above stock's, 1 one is not, 2 a row could not be measured.
 """
 
 import argparse
+import datetime
 import json
 import os
 import pathlib
@@ -26,7 +29,7 @@ STAGES = {"set-up": ("preprocessor", "setup"), "residuals": ("residuals",), "Jac
 FIFTY = ["--max_num_iterations", "50", "--function_tolerance", "0", "--gradient_tolerance", "0", "--parameter_tolerance", "0"]
 LADYBUG = f"bal:{DATA}/bal/problem-49-7776-pre.txt"
 
-# What the row says, the problem, the flags, and the largest ratio asked for (None: to be seen). LINEAR_LIMITS has those whose linear
+# What the row says, the problem, the flags, and the largest ratio allowed (None: to be seen). LINEAR_LIMITS has those whose linear
 # step has one of its own: it gets a row too.
 ROWS = [
     ("Ladybug-49, LM, 50 iterations, AutoDiff, 1 thread", LADYBUG, FIFTY, 0.50),
@@ -44,6 +47,7 @@ ROWS = [
     ("M3500.g2o, incremental mode, Dog-Leg", f"g2o:{DATA}/pose_graph/M3500.g2o", ["--mode", "incremental", "--trust_region", "dogleg"], None),
 ]
 LINEAR_LIMITS = {ROWS[0][0]: 0.35}
+FIGURES = ROOT / "benchmarks" / "readme_figures.json"
 
 
 def measure(problem, flags, repeats):
@@ -105,28 +109,58 @@ def parts(report):
     return [f"| – {name} | {columns[0][name]} | {columns[1][name]} | | | | |" for name in columns[0]]
 
 
+def processor():
+    """What the machine calls its processor."""
+    for line in pathlib.Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return "unknown processor"
+
+
+def commit():
+    command = ["git", "-C", ROOT, "rev-parse", "--short", "HEAD"]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def record(figures, text, report, repeats, provenance):
+    """Puts a report into the rows of the README's figures that are of this row; returns how many they are."""
+    ours, stock = contenders(report)
+    rows = [row for row in figures["rows"] if row.get("row") == text]
+    for row in rows:
+        row.update(ceres_ms=1e3 * stock["seconds"]["median"], inceres_ms=1e3 * ours["seconds"]["median"],
+                   ratio=report["ratio_to_best_stock"]["median"],
+                   command=f"benchmarks/readme_table.py --repeats {repeats} --only '{text}'", **provenance)
+    return len(rows)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeats", type=int, default=11, help="rounds, at least 1")
     parser.add_argument("--only", default="", help="only the rows whose text contains this")
     parser.add_argument("--stages", action="store_true", help="each row's parts too")
+    parser.add_argument("--record", action="store_true", help="put rows that the README shows into readme_figures.json")
     arguments = parser.parse_args()
     chosen = [row for row in ROWS if arguments.only in row[0]]
     if arguments.repeats < 1 or not chosen:
         parser.error("--repeats is below 1, or --only names no row")
-    print("| problem | ours | fastest stock | ratio | asked for | relative difference of final costs | as asked |\n"
+    print("| problem | ours | fastest stock | ratio | limit | relative difference of final costs | within |\n"
           "|---|---|---|---|---|---|---|", flush=True)
     all_fine = True
+    figures = json.loads(FIGURES.read_text(encoding="utf-8"))
     try:
+        provenance = {"machine": f"{processor()}, {os.cpu_count()} threads", "commit": commit(),
+                      "date": datetime.date.today().isoformat()} if arguments.record else {}
         for text, problem, flags, limit in chosen:
             report = measure(problem, flags, arguments.repeats)
+            if arguments.record and record(figures, text, report, arguments.repeats, provenance) > 0:
+                FIGURES.write_text(json.dumps(figures, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
             judged = [(text, *judge(report, limit))]
             if text in LINEAR_LIMITS:
                 judged.append(("its linear step alone", *judge_linear_step(report, LINEAR_LIMITS[text])))
             all_fine = all_fine and all(fine for _, _, fine in judged)
             rows = [f"| {name} | {' | '.join(cells)} |" for name, cells, _ in judged] + (parts(report) if arguments.stages else [])
             print("\n".join(rows), flush=True)
-    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:  # a report without what is read here
+    except (OSError, RuntimeError, subprocess.CalledProcessError, KeyError, TypeError, ValueError) as error:  # a report without what is read here
         print(f"readme_table.py: {error!r}", file=sys.stderr)
         return 2
     return 0 if all_fine else 1

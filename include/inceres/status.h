@@ -24,12 +24,15 @@ enum class StatusCode {
 ///
 /// Cost: the success value holds an empty string and allocates nothing.
 struct [[nodiscard]] INCERES_EXPORT Status {
-  StatusCode code = StatusCode::kOk;
+  StatusCode code = StatusCode::kOk;  ///< what kind of thing went wrong
   /// names variable, factor, file or field, and the likely cause; empty on success
   std::string message;
 
+  /// Success.
   static Status Ok() { return {}; }
+  /// A failure and its culprit.
   static Status Error(StatusCode code, std::string message) { return {code, std::move(message)}; }
+  /// Whether it is a success.
   bool ok() const { return code == StatusCode::kOk; }
 };
 

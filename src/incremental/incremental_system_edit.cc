@@ -219,7 +219,8 @@ void IncrementalSystem::Reattach() {
 void IncrementalSystem::TakeValues() {
   ForgetNewFrames();
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
-    if (graph_.HasVariable(id)) {
+    // What is borrowed is read where it lies, and may lie where nobody can write.
+    if (graph_.HasVariable(id) && graph_.StateOffset(id) >= 0) {
       variables_.Set(id, graph_.Values(id));
     }
   }

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include "inceres/factors/point_reprojection.h"
 #include "inceres/problem/losses.h"
+#include "inceres/problem/manifolds.h"
 #include "incremental/incremental_bundle.h"
 
 namespace inceres {
@@ -139,6 +141,31 @@ TEST(IncrementalEdits, AConstantMovesWithItsValues) {
   EXPECT_EQ(std::vector<double>(bundle.solver.Values(bundle.landmarks()[3]),
                                 bundle.solver.Values(bundle.landmarks()[3]) + 3),
             landmark);
+}
+
+// Its memory may be read only, as that of a constexpr array is: the batch phase writes all else
+// back.
+TEST(IncrementalEdits, ABorrowedConstantIsNeverWritten) {
+  static constexpr double kIdentity[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
+  constexpr double kFirst[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
+  constexpr double kSecond[7] = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
+  constexpr double kPoint[3] = {0.0, 0.0, 4.0};
+  IncrementalSolver solver(IncrementalOptions{});
+  const auto sights = solver.AddFamily(std::make_shared<PointReprojectionFamily>(PinholeCamera()));
+  const auto manifold = std::make_shared<PoseManifold>();
+  GraphEdit edit(solver.graph());
+  const VariableId on_body = edit.AddBorrowedConstant(kIdentity, 7);
+  const VariableId point = edit.AddVariable(kPoint, 3, Role::kLandmark);
+  for (const double* pose : {kFirst, kSecond}) {
+    const VariableId frame = edit.AddVariable(pose, 7, Role::kFrame, manifold);
+    edit.SetConstant(frame, true);
+    edit.AddFactor(sights, {{-pose[0] / 5.0, 0.1}, {1.0, 0.0, 1.0}}, {frame, on_body, point});
+  }
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  const UpdateSummary summary = solver.Update();
+  EXPECT_GT(summary.num_batch_iterations, 0);
+  EXPECT_NEAR(solver.Values(point)[2], 5.0, 1e-6) << summary.message;
+  EXPECT_EQ(solver.Values(on_body), kIdentity);
 }
 
 // A constant is a mask over the system.

@@ -12,6 +12,7 @@
 """
 
 import pathlib
+import posixpath
 import re
 import sys
 import tempfile
@@ -96,7 +97,7 @@ class Tree:
     def find_document(self, name, citing):
         """The document of this name, from the root, from the folder of who cites it, or wherever it is; None if there is none."""
         name = name.lstrip("/")
-        beside = (pathlib.PurePosixPath(citing).parent / name).as_posix()
+        beside = posixpath.normpath(pathlib.PurePosixPath(citing).parent / name)
         for path in [name, beside]:
             if path in self.documents:
                 return path

@@ -50,6 +50,22 @@ class ReadmeTableTest(unittest.TestCase):
         incremental["runs"][0]["stage_seconds"] = {"update": 4.0}
         self.assertIn("| – set-up | - | 1000.0 ms | | | | |", readme_table.parts(incremental))
 
+    def test_a_report_is_recorded_in_the_rows_that_are_of_it(self):
+        figures = {"rows": [{"problem": "p", "row": "this", "note": "n"}, {"problem": "q", "row": "that", "ratio": 1.0}]}
+        self.assertEqual(readme_table.record(figures, "this", report(), 11, {"commit": "c"}), 1)
+        row = figures["rows"][0]
+        self.assertEqual((row["ceres_ms"], row["inceres_ms"], row["ratio"], row["commit"], row["note"]), (1e4, 4e3, 0.4, "c", "n"))
+        self.assertEqual(figures["rows"][1], {"problem": "q", "row": "that", "ratio": 1.0})
+        self.assertEqual(readme_table.record(figures, "neither", report(), 11, {}), 0)
+
+    def test_the_readme_shows_rows_that_are_measured(self):
+        rows = readme_table.json.loads(readme_table.FIGURES.read_text(encoding="utf-8"))["rows"]
+        measured = {row["row"] for row in rows if "row" in row}
+        self.assertTrue(measured and measured <= {row[0] for row in readme_table.ROWS}, measured)
+        for row in rows:
+            self.assertTrue({"problem", "ceres_ms", "inceres_ms", "ratio", "command", "machine", "commit", "date"} <= row.keys(), row)
+            self.assertAlmostEqual(row["inceres_ms"] / row["ceres_ms"], row["ratio"], delta=0.1 * row["ratio"])
+
     def test_every_limit_has_its_row(self):
         self.assertTrue(readme_table.LINEAR_LIMITS.keys() <= {row[0] for row in readme_table.ROWS})
 

@@ -39,14 +39,14 @@ enum class LandmarkForm : unsigned char {
 /// Options of a SlidingWindowEstimator.
 struct INCERES_EXPORT SlidingWindowOptions {
   int size = 10;  ///< frames that stay after each call, 3 .. 1000; a solve has one more
-  WindowRule rule = WindowRule::kMarginalizeLandmarks;
+  WindowRule rule = WindowRule::kMarginalizeLandmarks;  ///< for the oldest frame's landmarks
   /// The frame before the newest is a keyframe if the newest one shows fewer than so many known
   /// tracks, or if it moved at least so far from the one before it, as the mean over common tracks
   /// in the plane z = 1. Otherwise it leaves, not the oldest one: its views are dropped, and the
   /// IMU's measurements before and after it become one. ≥ 0; 0 makes every frame a keyframe.
   /// Source: VINS-Mono (Qin, Li & Shen 2018, section V.A).
   int min_tracked = 20;
-  double min_parallax = 10.0 / 460.0;
+  double min_parallax = 10.0 / 460.0;  ///< in the plane z = 1; see min_tracked
   /// Seconds that a measurement of the IMU may span before the frame stays whatever it sees; > 0. A
   /// body that stands still would otherwise gather samples for ever.
   double max_imu_seconds = 2.0;
@@ -58,7 +58,7 @@ struct INCERES_EXPORT SlidingWindowOptions {
   std::array<double, 2> feature_sigma{1.0 / 460.0, 1.0 / 460.0};
   /// On the whitened two-vector of a view; null: none. The default leaves alone what is noise.
   std::shared_ptr<const Loss> loss = std::make_shared<HuberLoss>(3.0);
-  LandmarkForm landmark_form = LandmarkForm::kBearing;
+  LandmarkForm landmark_form = LandmarkForm::kBearing;  ///< how landmarks are written down
   /// A track becomes a landmark when two views of it differ by so much in the plane z = 1, turned
   /// into the same direction; > 0.
   double min_triangulation_parallax = 0.02;
@@ -102,24 +102,24 @@ struct WindowState {
 
 /// The state at the first frame, and how well it is known: standard deviations, > 0.
 struct WindowStart {
-  WindowState state;
+  WindowState state;  ///< where the window begins
   std::array<double, 6> pose_sigma{1e-3, 1e-3, 1e-3,
-                                   1e-2, 1e-2, 1e-2};  ///< meters; radians about the body's axes
-  std::array<double, 3> velocity_sigma{0.1, 0.1, 0.1};
-  std::array<double, 3> gyr_bias_sigma{0.01, 0.01, 0.01};
-  std::array<double, 3> acc_bias_sigma{0.1, 0.1, 0.1};
+                                   1e-2, 1e-2, 1e-2};   ///< meters; radians about the body's axes
+  std::array<double, 3> velocity_sigma{0.1, 0.1, 0.1};  ///< m/s
+  std::array<double, 3> gyr_bias_sigma{0.01, 0.01, 0.01};  ///< rad/s
+  std::array<double, 3> acc_bias_sigma{0.1, 0.1, 0.1};     ///< m/s²
 };
 
 /// A feature of an image: which track it continues, and where it is in the plane z = 1 of the
 /// camera, without distortion.
 struct WindowObservation {
-  std::int64_t track = 0;
-  std::array<double, 2> point{};
+  std::int64_t track = 0;         ///< the same number in every image that shows it
+  std::array<double, 2> point{};  ///< (x, y) in the plane z = 1
 };
 
 /// An image and the samples that lead to it.
 struct WindowFrame {
-  double time = 0.0;
+  double time = 0.0;  ///< seconds, later than the last frame's
   /// Increasing times, from the last frame's (or before) to this one's (or after); cut and
   /// interpolated at both.
   std::vector<ImuSample> imu;
@@ -129,6 +129,7 @@ struct WindowFrame {
 
 /// What a call did.
 struct WindowSummary {
+  /// Which frame a call took out of the window.
   enum class Left : unsigned char { kNone, kOldest, kSecondNewest };
 
   /// Of the first thing that went wrong, the culprit named. Whatever it is, no state is lost: a
@@ -175,8 +176,10 @@ class INCERES_EXPORT SlidingWindowEstimator {
 
   /// Takes up the next frame. The summary's memory is used again.
   void AddFrame(const WindowFrame& frame, WindowSummary* summary);
+  /// The same into a new summary.
   WindowSummary AddFrame(const WindowFrame& frame);
 
+  /// Frames in the window now.
   int num_frames() const;
   /// Of frame i of the window, 0 the oldest. Requires 0 ≤ i < num_frames().
   WindowState State(int i) const;
@@ -199,7 +202,9 @@ class INCERES_EXPORT SlidingWindowEstimator {
 
   /// The living graph behind it, for whatever else is to be known: its ids are those below.
   const IncrementalSolver& solver() const;
+  /// The variable of frame i's pose. Requires 0 ≤ i < num_frames().
   VariableId PoseId(int i) const;
+  /// The variable of frame i's velocity and biases. Requires 0 ≤ i < num_frames().
   VariableId SpeedBiasId(int i) const;
   VariableId LandmarkId(std::int64_t track) const;  ///< −1: the track has no landmark
 

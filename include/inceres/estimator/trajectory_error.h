@@ -21,7 +21,7 @@ INCERES_EXPORT double AbsoluteTrajectoryError(const Trajectory& estimate, const 
 struct RelativePoseError {
   double translation = 0.0;       ///< root mean square, meters
   double rotation_degrees = 0.0;  ///< root mean square
-  int num_pairs = 0;
+  int num_pairs = 0;              ///< pairs that the means are over
 };
 
 /// The error of the motion between consecutive pairs of poses, (T_i⁻¹ T_j)⁻¹ of the truth times

@@ -28,19 +28,21 @@ class INCERES_EXPORT BalReprojectionFamily final : public FactorFamily {
  public:
   /// An observed image point in pixels, origin at the image center, y upwards.
   struct Measurement {
-    double x = 0.0;
-    double y = 0.0;
+    double x = 0.0;  ///< to the right, pixels
+    double y = 0.0;  ///< up, pixels
   };
 
   /// Tangent sizes other than the defaults are for cameras or points on a manifold, for example a
   /// SubsetManifold that holds the intrinsics constant (tangent size 6).
   explicit BalReprojectionFamily(int camera_tangent_size = 9, int point_tangent_size = 3);
 
+  /// Appends a measurement.
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
   void Place(int index, const Measurement& measurement) {
     PlaceIn(&measurements_, index, measurement);
   }
+  /// Memory for so many factors.
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
   const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 

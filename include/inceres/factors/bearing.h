@@ -24,6 +24,7 @@ struct BearingObservation {
 /// landmark in the world.
 class INCERES_EXPORT BearingFamily final : public PointObservationFamily<BearingObservation> {
  public:
+  /// For landmarks and poses of these kinds.
   explicit BearingFamily(LandmarkKind landmark = LandmarkKind::kPoint,
                          Perturbation perturbation = Perturbation::kRight)
       : PointObservationFamily(2, landmark, perturbation) {}

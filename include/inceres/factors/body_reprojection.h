@@ -45,13 +45,27 @@ namespace inceres {
 /// 25 (the unit sphere); derived in inverse_depth_chain.h.
 class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
  public:
-  enum class TimeOffset : unsigned char { kNone, kEstimated };
+  /// Whether the clocks' offset τ is a variable.
+  enum class TimeOffset : unsigned char {
+    kNone,       ///< it is not
+    kEstimated,  ///< it is: the last slot
+  };
+  /// What the landmark's variable holds.
   enum class Feature : unsigned char {
     kInverseDepth,  ///< λ; its bearing at i is the measurement's
     kBearing,       ///< (m_x, m_y, λ)
   };
-  enum class Views : unsigned char { kTwoPoses, kTwoPosesTwoCameras, kOnePoseTwoCameras };
-  enum class Error : unsigned char { kPlane, kUnitSphere };
+  /// Which poses and cameras the two views are from.
+  enum class Views : unsigned char {
+    kTwoPoses,            ///< of one camera, at two times
+    kTwoPosesTwoCameras,  ///< of two cameras, at two times
+    kOnePoseTwoCameras,   ///< of two cameras, at one time
+  };
+  /// Where the error is measured: in the plane z = 1, or across the ray.
+  enum class Error : unsigned char {
+    kPlane,       ///< h_xy / h_z − z_j
+    kUnitSphere,  ///< B (h / ‖h‖ − d)
+  };
 
   /// Image points are in the plane z = 1, without distortion.
   struct Measurement {
@@ -65,15 +79,18 @@ class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
     double sqrt_information[3] = {1.0, 0.0, 1.0};  ///< U = [u00 u01; 0 u11], see SqrtInformation
   };
 
+  /// For factors of these kinds: they decide the slots.
   explicit BodyReprojectionFamily(TimeOffset offset = TimeOffset::kNone,
                                   Feature feature = Feature::kInverseDepth,
                                   Views views = Views::kTwoPoses, Error error = Error::kPlane);
 
+  /// Appends a measurement.
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
   void Place(int index, const Measurement& measurement) {
     PlaceIn(&measurements_, index, measurement);
   }
+  /// Memory for so many factors.
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
   TimeOffset time_offset() const { return offset_; }
   Feature feature() const { return feature_; }

@@ -20,6 +20,7 @@ namespace inceres {
 /// writer.
 class INCERES_EXPORT DiagonalPriorFamily final : public FactorFamily {
  public:
+  /// What the prior says of each coordinate.
   struct Measurement {
     std::vector<double> mean;              ///< size entries
     std::vector<double> sqrt_information;  ///< size entries: 1 / standard deviation

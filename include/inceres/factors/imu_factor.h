@@ -34,11 +34,13 @@ namespace inceres {
 /// Add is for one writer. Source: Forster et al. 2017, section VI.C; derived in imu_factor.cc.
 class INCERES_EXPORT ImuFactorFamily final : public FactorFamily {
  public:
+  /// What Add and Place take: samples integrated between the two states.
   using Measurement = ImuPreintegrator;
 
   ImuFactorFamily();
   ~ImuFactorFamily() override;
 
+  /// Appends a measurement.
   void Add(const Measurement& measurement) { Place(size(), measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
   void Place(int index, const Measurement& measurement);

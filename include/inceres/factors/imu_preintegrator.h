@@ -26,7 +26,13 @@ struct ImuNoise {
 };
 
 /// The parts of an IMU residual.
-enum class ImuPart : unsigned char { kRotation, kPosition, kVelocity, kGyrBias, kAccBias };
+enum class ImuPart : unsigned char {
+  kRotation,  ///< φ
+  kPosition,  ///< p
+  kVelocity,  ///< v
+  kGyrBias,   ///< b_g
+  kAccBias,   ///< b_a
+};
 
 /// How an estimator writes its inertial terms. None of it changes what is estimated, but for the
 /// noise; all of it changes what the numbers look like, and a user who moves over wants to find his
@@ -36,20 +42,28 @@ struct INCERES_EXPORT ImuConventions {
   /// stands: kRight Log(ΔRᵀ R_iᵀ R_j), in the frame of j; kLeft Log(R_iᵀ R_j ΔRᵀ), in the frame of
   /// i.
   using Perturbation = inceres::Perturbation;
+  /// How the rotation's error becomes three numbers.
   enum class RotationResidual : unsigned char {
     kLog,          ///< the rotation vector
     kTwiceVector,  ///< 2 vec(q), q the quaternion with w ≥ 0: the same to third order, flat at π
   };
+  /// Which of the two is subtracted.
   enum class Sign : unsigned char {
     kStateMinusMeasured,  ///< what the states say, minus what was measured
-    kMeasuredMinusState,
+    kMeasuredMinusState,  ///< the other way around
   };
-  enum class BiasOrder : unsigned char { kGyrFirst, kAccFirst };
+  /// Which bias stands first in the speed-bias variable.
+  enum class BiasOrder : unsigned char {
+    kGyrFirst,  ///< v, b_g, b_a
+    kAccFirst,  ///< v, b_a, b_g
+  };
+  /// What is assumed between two samples.
   enum class Integration : unsigned char {
     /// mean of the rates at both ends, mean of the forces turned into the first frame: second order
     kMidpoint,
     kEuler,  ///< a sample holds until the next one: first order
   };
+  /// What the numbers of ImuNoise mean.
   enum class Noise : unsigned char {
     /// Densities: σ²/Δt for each interval of length Δt, walks σ²Δt. The position gets what white
     /// noise leaves there within an interval, σ_a²Δt³/12, without which one interval alone would
@@ -61,9 +75,9 @@ struct INCERES_EXPORT ImuConventions {
     kPerSample,
   };
 
-  Perturbation perturbation = Perturbation::kRight;
-  RotationResidual rotation_residual = RotationResidual::kLog;
-  Sign sign = Sign::kStateMinusMeasured;
+  Perturbation perturbation = Perturbation::kRight;  ///< on which side a pose is perturbed
+  RotationResidual rotation_residual = RotationResidual::kLog;  ///< of the rotation's three rows
+  Sign sign = Sign::kStateMinusMeasured;                        ///< of all rows
   /// The order of the 15 residuals, three each.
   ImuPart residual_order[5] = {ImuPart::kRotation, ImuPart::kVelocity, ImuPart::kPosition,
                                ImuPart::kGyrBias, ImuPart::kAccBias};
@@ -71,8 +85,8 @@ struct INCERES_EXPORT ImuConventions {
   BiasOrder bias_order = BiasOrder::kGyrFirst;
   double gravity[3] = {0.0, 0.0,
                        -9.81};  ///< g, the acceleration of free fall in the world frame, m/s²
-  Integration integration = Integration::kMidpoint;
-  Noise noise = Noise::kContinuous;
+  Integration integration = Integration::kMidpoint;  ///< between two samples
+  Noise noise = Noise::kContinuous;                  ///< what the numbers of ImuOptions::noise mean
   /// Whether the biases walk while they are integrated, which correlates them with the motion
   /// (15×15), or only between the two states (9×9 and a diagonal).
   bool bias_walks_while_integrating = true;
@@ -93,14 +107,14 @@ struct INCERES_EXPORT ImuConventions {
 
 /// All that preintegration has to know beside the samples.
 struct INCERES_EXPORT ImuOptions {
-  ImuNoise noise;
-  ImuConventions conventions;
+  ImuNoise noise;              ///< of the samples
+  ImuConventions conventions;  ///< of whoever uses the numbers
   /// Samples are integrated anew, by the solver between two iterations, once the biases have moved
   /// so far from those they were integrated at that the rotation ‖δb_g‖Δt (rad) or the speed
   /// ‖δb_a‖Δt (m/s) exceeds these; until then the first-order correction serves, whose error is
   /// quadratic in δb_g. ≥ 0; 0: whenever a bias has moved; infinity: never.
   double max_rotation_change = 1e-4;
-  double max_speed_change = 1e-2;
+  double max_speed_change = 1e-2;  ///< m/s; see max_rotation_change
 
   /// What is wrong with these options, the first culprit named.
   Status Validate() const;
@@ -118,9 +132,9 @@ struct ImuDelta {
                  0.0};  ///< Δv in the first frame, m/s: without the start's velocity and gravity
   double p[3] = {0.0, 0.0, 0.0};         ///< Δp in the first frame, m
   double gyr_bias[3] = {0.0, 0.0, 0.0};  ///< integrated at these biases
-  double acc_bias[3] = {0.0, 0.0, 0.0};
-  double bias_jacobian[9 * 6] = {};  ///< ∂(φ, v, p)/∂(b_g, b_a), row-major
-  double covariance[15 * 15] = {};   ///< of (φ, v, p, b_g, b_a), row-major
+  double acc_bias[3] = {0.0, 0.0, 0.0};  ///< and at these
+  double bias_jacobian[9 * 6] = {};      ///< ∂(φ, v, p)/∂(b_g, b_a), row-major
+  double covariance[15 * 15] = {};       ///< of (φ, v, p, b_g, b_a), row-major
 };
 
 /// Integrates IMU samples into one relative motion with its covariance and its derivative with
@@ -157,8 +171,11 @@ class INCERES_EXPORT ImuPreintegrator {
   /// Whether these biases are further from those integrated at than the options allow.
   [[nodiscard]] bool NeedsReintegration(const double gyr_bias[3], const double acc_bias[3]) const;
 
+  /// As given to the constructor.
   const ImuOptions& options() const { return options_; }
+  /// All samples integrated, kept to integrate them anew.
   const std::vector<ImuSample>& samples() const { return samples_; }
+  /// What they say about the motion.
   const ImuDelta& delta() const { return delta_; }
 
   /// Covariance of the residual, 15×15 row-major, in the order and frame of the conventions. In the

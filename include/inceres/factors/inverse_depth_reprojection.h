@@ -38,11 +38,13 @@ class INCERES_EXPORT InverseDepthReprojectionFamily final : public FactorFamily 
 
   InverseDepthReprojectionFamily() : FactorFamily(2, {{7, 6}, {7, 6}, {1, 1}}) {}
 
+  /// Appends a measurement.
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
   void Place(int index, const Measurement& measurement) {
     PlaceIn(&measurements_, index, measurement);
   }
+  /// Memory for so many factors.
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
   const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 

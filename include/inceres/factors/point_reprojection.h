@@ -17,10 +17,14 @@ namespace inceres {
 /// Source: Brown, "Decentering distortion of lenses", 1966; the order of the coefficients is that
 /// of OpenCV.
 struct PinholeCamera {
-  double f_x = 1.0, f_y = 1.0;  ///< focal lengths, pixels
-  double c_x = 0.0, c_y = 0.0;  ///< principal point, pixels
-  double k1 = 0.0, k2 = 0.0;    ///< radial distortion
-  double p1 = 0.0, p2 = 0.0;    ///< tangential distortion
+  double f_x = 1.0;  ///< focal length along x, pixels
+  double f_y = 1.0;  ///< and along y
+  double c_x = 0.0;  ///< principal point, pixels
+  double c_y = 0.0;  ///< likewise
+  double k1 = 0.0;   ///< radial distortion, of r²
+  double k2 = 0.0;   ///< and of r⁴
+  double p1 = 0.0;   ///< tangential distortion
+  double p2 = 0.0;   ///< likewise
 
   /// (u, v) of a point (a, b) of the plane z = 1. If J is not null it becomes ∂(u, v)/∂(a, b),
   /// row-major. Pure, no allocation.
@@ -83,6 +87,7 @@ struct PixelObservation {
 class INCERES_EXPORT PointReprojectionFamily final
     : public PointObservationFamily<PixelObservation> {
  public:
+  /// For one camera, and landmarks and poses of these kinds.
   explicit PointReprojectionFamily(const PinholeCamera& camera,
                                    LandmarkKind landmark = LandmarkKind::kPoint,
                                    Perturbation perturbation = Perturbation::kRight)

@@ -54,16 +54,20 @@ namespace inceres {
 /// state estimation in robotics", 2018, appendix B.
 class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
  public:
+  /// On which side the pose is perturbed.
   using Side = Perturbation;
 
+  /// Where the pose should be, and how well that is known.
   struct Measurement {
     double pose[7] = {0.0, 0.0, 0.0, 0.0,
                       0.0, 0.0, 1.0};  ///< p_0, then R_0 as a unit quaternion x, y, z, w
     double sqrt_information[36] = {};  ///< U, row-major, upper triangular, see SqrtInformation
   };
 
+  /// For poses that are perturbed on this side.
   explicit PosePriorFamily(Side side = Side::kRight) : FactorFamily(6, {{7, 6}}), side_(side) {}
 
+  /// Appends a measurement.
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
   void Place(int index, const Measurement& measurement) {
@@ -93,6 +97,7 @@ class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
 /// one writer.
 class INCERES_EXPORT SpeedBiasPriorFamily final : public FactorFamily {
  public:
+  /// What velocity and biases should be, and how well that is known.
   struct Measurement {
     double speed_bias[9] = {};         ///< x_0
     double sqrt_information[81] = {};  ///< U, row-major, upper triangular, see SqrtInformation
@@ -100,6 +105,7 @@ class INCERES_EXPORT SpeedBiasPriorFamily final : public FactorFamily {
 
   SpeedBiasPriorFamily() : FactorFamily(9, {{9, 9}}) {}
 
+  /// Appends a measurement.
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
   void Place(int index, const Measurement& measurement) {

@@ -24,6 +24,7 @@ namespace inceres {
 /// state estimation in robotics", 2018, appendix B.
 class INCERES_EXPORT RelativePoseFamily final : public FactorFamily {
  public:
+  /// The measured pose of b in a, and how well it is known.
   struct Measurement {
     double q_ab[4] = {0.0, 0.0, 0.0, 1.0};  ///< R_ab as a unit quaternion x, y, z, w
     double p_ab[3] = {0.0, 0.0, 0.0};       ///< meters
@@ -32,11 +33,13 @@ class INCERES_EXPORT RelativePoseFamily final : public FactorFamily {
 
   RelativePoseFamily() : FactorFamily(6, {{7, 6}, {7, 6}}) {}
 
+  /// Appends a measurement.
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
   void Place(int index, const Measurement& measurement) {
     PlaceIn(&measurements_, index, measurement);
   }
+  /// Memory for so many factors.
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
   const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 

@@ -8,9 +8,11 @@ namespace inceres {
 /// Two rectified images: same intrinsics, no distortion, the right camera `baseline` along the left
 /// one's x axis.
 struct StereoCamera {
-  double f_x = 1.0, f_y = 1.0;  ///< focal lengths, pixels
-  double c_x = 0.0, c_y = 0.0;  ///< principal point, pixels
-  double baseline = 0.1;        ///< meters
+  double f_x = 1.0;       ///< focal length along x, pixels
+  double f_y = 1.0;       ///< and along y
+  double c_x = 0.0;       ///< principal point, pixels
+  double c_y = 0.0;       ///< likewise
+  double baseline = 0.1;  ///< meters
 };
 
 /// Where a stereo camera sees a landmark. Of a disparity d, right_u = left[0] − d.
@@ -32,6 +34,7 @@ struct StereoObservation {
 class INCERES_EXPORT StereoReprojectionFamily final
     : public PointObservationFamily<StereoObservation> {
  public:
+  /// For one stereo camera, and landmarks and poses of these kinds.
   explicit StereoReprojectionFamily(const StereoCamera& camera,
                                     LandmarkKind landmark = LandmarkKind::kPoint,
                                     Perturbation perturbation = Perturbation::kRight)

@@ -35,21 +35,25 @@ struct INCERES_EXPORT BalProblem {
   static constexpr int kCameraSize = 9;
   static constexpr int kPointSize = 3;  ///< X in world coordinates
 
-  int num_cameras = 0;
-  int num_points = 0;
-  std::vector<BalObservation> observations;
-  std::vector<double> cameras;  ///< num_cameras x 9, camera by camera
-  std::vector<double> points;   ///< num_points x 3, point by point
+  int num_cameras = 0;                       ///< at least 1 in a problem that Validate()s
+  int num_points = 0;                        ///< likewise
+  std::vector<BalObservation> observations;  ///< in the order of the file
+  std::vector<double> cameras;               ///< num_cameras x 9, camera by camera
+  std::vector<double> points;                ///< num_points x 3, point by point
 
+  /// The kCameraSize values of a camera.
   double* CameraData(int camera) {
     return cameras.data() + static_cast<std::size_t>(camera) * kCameraSize;
   }
+  /// The kCameraSize values of a camera.
   const double* CameraData(int camera) const {
     return cameras.data() + static_cast<std::size_t>(camera) * kCameraSize;
   }
+  /// The kPointSize values of a point.
   double* PointData(int point) {
     return points.data() + static_cast<std::size_t>(point) * kPointSize;
   }
+  /// The kPointSize values of a point.
   const double* PointData(int point) const {
     return points.data() + static_cast<std::size_t>(point) * kPointSize;
   }

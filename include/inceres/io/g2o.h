@@ -36,12 +36,17 @@ struct INCERES_EXPORT PoseGraph {
   /// dense indices named by FIX lines, in the order of the file, each once
   std::vector<int> fixed;
 
+  /// Vertices of the file.
   int NumVertices() const { return static_cast<int>(ids.size()); }
+  /// Doubles that store a pose: 3 or 7.
   int PoseSize() const { return dimension == 2 ? 3 : 7; }
+  /// Degrees of freedom of a pose: 3 or 6.
   int TangentSize() const { return dimension == 2 ? 3 : 6; }
+  /// The PoseSize() values of a vertex.
   double* PoseData(int vertex) {
     return poses.data() + static_cast<std::size_t>(vertex) * static_cast<std::size_t>(PoseSize());
   }
+  /// The PoseSize() values of a vertex.
   const double* PoseData(int vertex) const {
     return poses.data() + static_cast<std::size_t>(vertex) * static_cast<std::size_t>(PoseSize());
   }

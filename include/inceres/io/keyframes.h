@@ -13,18 +13,18 @@ namespace inceres {
 
 /// A point on the ray through an image point of the keyframe that saw it first, its anchor.
 struct KeyframeFeature {
-  int anchor = 0;  ///< the keyframe that saw it first
-  int index = 0;   ///< its number in the anchor, as in the file
-  double x = 0.0;  ///< image point in the anchor, normalized (plane z = 1)
-  double y = 0.0;
+  int anchor = 0;              ///< the keyframe that saw it first
+  int index = 0;               ///< its number in the anchor, as in the file
+  double x = 0.0;              ///< image point in the anchor, normalized (plane z = 1)
+  double y = 0.0;              ///< likewise
   double inverse_depth = 0.0;  ///< measured in the anchor, 1/m; 0: not measured
 };
 
 /// The keyframe it arrives with sees a feature of an earlier one.
 struct KeyframeObservation {
-  int feature = 0;  ///< index into KeyframeSequence::features
-  double x = 0.0;   ///< normalized image point
-  double y = 0.0;
+  int feature = 0;             ///< index into KeyframeSequence::features
+  double x = 0.0;              ///< normalized image point
+  double y = 0.0;              ///< likewise
   double inverse_depth = 0.0;  ///< measured, 1/m; 0: not measured
   /// w00 w01 w11 of the 2 x 2 information matrix of (x, y), positive definite
   std::array<double, 3> information{};
@@ -39,8 +39,8 @@ struct KeyframeDepthGuess {
 /// A measured relative pose of two keyframes, C_a C_b^-1 = T_ab: with camera_from_world rotations R
 /// and centers p, R_a R_b^T = R_ab and R_b (p_a - p_b) = p_ab.
 struct KeyframeBetween {
-  int a = 0;
-  int b = 0;
+  int a = 0;                                       ///< index of the one keyframe
+  int b = 0;                                       ///< index of the other
   std::array<double, 4> q_ab{0.0, 0.0, 0.0, 1.0};  ///< R_ab as a unit quaternion x, y, z, w
   std::array<double, 3> p_ab{};                    ///< meters
   /// 6 x 6, row-major, rotation before position; symmetric positive definite
@@ -53,18 +53,20 @@ struct Keyframe {
   /// (3, meters), then the rotation world_from_camera as a unit quaternion x, y, z, w (the file has
   /// camera_from_world).
   std::array<double, 7> pose{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
-  std::vector<KeyframeDepthGuess> depth_guesses;
+  std::vector<KeyframeDepthGuess> depth_guesses;  ///< of features known by now
   std::vector<int> features;  ///< anchored here: indices into KeyframeSequence::features
-  std::vector<KeyframeObservation> observations;
-  std::vector<KeyframeBetween> betweens;
+  std::vector<KeyframeObservation> observations;  ///< of features anchored earlier
+  std::vector<KeyframeBetween> betweens;          ///< odometry and loops
 };
 
 /// What a keyframe-based visual odometry hands to its back-end, keyframe by keyframe.
 struct INCERES_EXPORT KeyframeSequence {
-  std::vector<Keyframe> keyframes;
+  std::vector<Keyframe> keyframes;        ///< in the order of arrival
   std::vector<KeyframeFeature> features;  ///< of all keyframes, in the order of the file
 
+  /// Observations of all keyframes.
   int NumObservations() const;
+  /// Relative poses of all keyframes.
   int NumBetweens() const;
 };
 

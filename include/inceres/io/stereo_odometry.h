@@ -25,7 +25,7 @@ struct StereoSighting {
 /// What a stereo visual odometry hands to its back-end: where it thinks its camera was, and the
 /// tracks of its points.
 struct INCERES_EXPORT StereoOdometry {
-  StereoCamera camera;
+  StereoCamera camera;  ///< one for all images
   /// The odometry's estimates in the order of time, as PoseManifold stores poses: the left camera's
   /// center in the world (3, meters), then world_from_camera as a unit quaternion x, y, z, w.
   std::vector<std::array<double, 7>> poses;

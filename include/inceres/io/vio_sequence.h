@@ -15,14 +15,15 @@ namespace inceres {
 /// A pinhole camera with radial-tangential distortion (factors/point_reprojection.h), and its place
 /// on the IMU: a point x_b in the frame of the IMU is at x_c = R_bcᵀ (x_b − p_bc) in the camera's.
 struct VioCamera {
-  int width = 640;  ///< pixels; u from 0 to width
-  int height = 480;
+  int width = 640;                                               ///< pixels; u from 0 to width
+  int height = 480;                                              ///< pixels; v from 0 to height
   std::array<double, 4> intrinsics{460.0, 460.0, 320.0, 240.0};  ///< f_x, f_y, c_x, c_y, pixels
   std::array<double, 4> distortion{};                            ///< k1, k2, p1, p2
   /// imu_from_camera [p_bc(3), q_bc(x, y, z, w)]; by default the camera looks along the x axis of
   /// the IMU, its right is −y.
   std::array<double, 7> imu_from_camera{0.1, 0.0, 0.05, -0.5, 0.5, -0.5, 0.5};
 
+  /// Its intrinsics, as the factors take them.
   PinholeCamera Pinhole() const {
     return {intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3],
             distortion[0], distortion[1], distortion[2], distortion[3]};
@@ -41,8 +42,9 @@ struct VioState {
 
 /// A point as seen in a frame.
 struct VioObservation {
-  int point = 0;  ///< index into VioSequence::points
-  double x = 0.0, y = 0.0;
+  int point = 0;         ///< index into VioSequence::points
+  double x = 0.0;        ///< pixels, distortion included
+  double y = 0.0;        ///< likewise
   bool outlier = false;  ///< whether it is known to be wrong
 };
 
@@ -50,7 +52,7 @@ struct VioObservation {
 struct VioFrame {
   double time = 0.0;  ///< seconds
   VioState start;     ///< initial guess
-  VioState truth;
+  VioState truth;     ///< what it really was
   /// The samples from the last frame's to this one's: the first has the time of the last frame and
   /// is that frame's last sample, the last one has the time of this frame; ready for
   /// ImuPreintegrator::Integrate. Of the first frame: those up to its time.
@@ -58,21 +60,25 @@ struct VioFrame {
   std::vector<VioObservation> observations;  ///< sorted by point, none twice
 };
 
+/// A point of the scene.
 struct VioPoint {
   std::array<double, 3> start{};  ///< initial guess, meters in the world
-  std::array<double, 3> truth{};
+  std::array<double, 3> truth{};  ///< where it really is, meters in the world
 };
 
 /// Images and inertial measurements with the truth behind them.
 struct INCERES_EXPORT VioSequence {
-  VioCamera camera;
+  VioCamera camera;          ///< one for all frames
   ImuNoise imu_noise;        ///< densities (ImuConventions::Noise::kContinuous)
   double pixel_noise = 1.0;  ///< standard deviation of an image coordinate, for its weight; > 0
+  /// g, the acceleration of free fall in the world, m/s²
   std::array<double, 3> gravity{0.0, 0.0, -9.81};
-  std::vector<VioFrame> frames;
-  std::vector<VioPoint> points;
+  std::vector<VioFrame> frames;  ///< in the order of time
+  std::vector<VioPoint> points;  ///< numbered as observations name them
 
+  /// Observations of all frames.
   int NumObservations() const;
+  /// Those of them known to be wrong.
   int NumOutliers() const;
   /// Where the camera sees a point of the world from this pose of the IMU; false if it is not in
   /// front of the camera.

@@ -25,8 +25,11 @@ struct BlockPattern {
   std::vector<std::int64_t> value_begin;
   bool padded = false;  ///< rows of a block are padded to whole fours
 
+  /// Block rows, as many as frames.
   int num_blocks() const { return static_cast<int>(offsets.size()) - 1; }
+  /// Scalar rows.
   int size() const { return offsets.back(); }
+  /// Scalar rows of a block row.
   int block_size(int i) const {
     return offsets[static_cast<std::size_t>(i) + 1] - offsets[static_cast<std::size_t>(i)];
   }

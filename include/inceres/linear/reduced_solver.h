@@ -25,7 +25,8 @@ class INCERES_EXPORT ReducedSolver {
   /// Some block rows, by their ids (ReducedMatrix::RowId): none before first_row, and of those the
   /// listed ones, ascending; null: perhaps all. A batch solve says no more than "perhaps all".
   struct Rows {
-    int first_row = 0;
+    int first_row = 0;  ///< none before this one
+    /// ids, ascending; null: perhaps all from first_row on
     const std::vector<int>* rows = nullptr;
   };
 
@@ -34,16 +35,16 @@ class INCERES_EXPORT ReducedSolver {
   /// null.
   struct Truncation {
     const double* weights = nullptr;  ///< packed, ≥ 0, for example diag(C)
-    double threshold = 0.0;
+    double threshold = 0.0;           ///< in the units of weights · x²; ≥ 0
   };
 
   /// Work of the last Factorize and the last Solve, in block rows; as it is made: that of who does
   /// all of it.
   struct Work {
-    static constexpr int kAll = -1;
-    int factored_rows = kAll;  ///< of the factor computed, or preconditioner blocks inverted
-    int forward_rows = kAll;   ///< substituted forwards
-    int solved_rows = kAll;    ///< substituted backwards
+    static constexpr int kAll = -1;  ///< of a count: all rows that there are
+    int factored_rows = kAll;        ///< of the factor computed, or preconditioner blocks inverted
+    int forward_rows = kAll;         ///< substituted forwards
+    int solved_rows = kAll;          ///< substituted backwards
     /// x of other block rows was left as it was; the list is good until the next call
     Rows solved;
     int iterations = 0;   ///< of conjugate gradients
@@ -74,13 +75,14 @@ class INCERES_EXPORT ReducedSolver {
   virtual Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
                        double* x) = 0;
 
+  /// What the last Factorize and the last Solve did.
   const Work& work() const { return work_; }
 
   /// Memory held.
   virtual std::size_t Bytes() const { return 0; }
 
  protected:
-  Work work_;
+  Work work_;  ///< for the solver to fill
 };
 
 /// Which built-in solver takes the reduced system S δ = b.
@@ -102,6 +104,7 @@ enum class ReducedSolverKind {
   kAutomaticInexact,
 };
 
+/// Makes a solver of yours, for each solve or IncrementalSolver that asks for one.
 using ReducedSolverFactory = std::function<std::unique_ptr<ReducedSolver>()>;
 
 }  // namespace inceres

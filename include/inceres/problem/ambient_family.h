@@ -94,10 +94,13 @@ inline bool AreWritten(const double* values, int count) {
 template <typename Derived>
 class AmbientFamily : public FactorFamily {
  public:
+  /// As FactorFamily.
   using FactorFamily::FactorFamily;
 
+  /// Few: a user's function may take long.
   int TaskSize() const override { return 16; }
 
+  /// Calls EvaluateOne for each factor, checks what it wrote and projects its Jacobians.
   EvaluationFailure Evaluate(const FactorBatch& batch) const override {
     if (batch.jacobians == nullptr) {
       return EvaluateResiduals(batch);

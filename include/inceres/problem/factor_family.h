@@ -14,6 +14,7 @@ namespace inceres {
 /// classifies M once per variable and linearization, so that the common cases cost a copy instead
 /// of a product.
 struct TangentMap {
+  /// What M is.
   enum class Kind : unsigned char {
     kConstant,   ///< the variable is held constant: its Jacobian must not be written
     kIdentity,   ///< M = I: copy
@@ -21,9 +22,9 @@ struct TangentMap {
     kDense,      ///< anything else: multiply by plus_jacobian
     kUnwanted,   ///< not constant, but its Jacobian is of no use this time: it must not be written
   };
-  Kind kind = Kind::kIdentity;
-  int ambient_size = 0;
-  int tangent_size = 0;
+  Kind kind = Kind::kIdentity;            ///< what to do with a Jacobian
+  int ambient_size = 0;                   ///< rows of M
+  int tangent_size = 0;                   ///< columns of M
   const double* plus_jacobian = nullptr;  ///< M, row-major; kSelection and kDense only
   const int* selection = nullptr;         ///< tangent_size indices; kSelection only
   /// kSelection and kDense only: the first columns of M that are unit vectors of the same index, in
@@ -45,16 +46,16 @@ struct TangentMap {
 /// must stay so. What lies between two factors' may be read, by the thread that evaluates them, but
 /// is not written.
 struct JacobianView {
-  double* data = nullptr;
-  std::ptrdiff_t factor_stride = 0;
-  int row_stride = 0;
+  double* data = nullptr;            ///< entry (0, 0) of factor 0
+  std::ptrdiff_t factor_stride = 0;  ///< from factor to factor
+  int row_stride = 0;                ///< from row to row
 };
 
 /// One call's worth of work: the factors [begin, end) of a family. Index i below always counts from
 /// the family's first factor.
 struct FactorBatch {
-  int begin = 0;
-  int end = 0;
+  int begin = 0;  ///< the first factor to evaluate
+  int end = 0;    ///< one after the last
   /// parameters[i · num_slots + s]: the ambient values of slot s
   const double* const* parameters = nullptr;
   const TangentMap* const* tangent_maps = nullptr;  ///< same index; null for a cost-only evaluation
@@ -67,11 +68,12 @@ struct FactorBatch {
 /// was, if it was one, is said by the rest: residual `entry`, or entry `entry` (row-major, of the
 /// ambient Jacobian) of slot `slot`.
 struct EvaluationFailure {
-  int factor = -1;
+  int factor = -1;          ///< index in its family
   const char* reason = "";  ///< static string
   int slot = -1;            ///< of the Jacobian at fault; −1: a residual, or nothing of the kind
   int entry = -1;           ///< −1: not known
   double value = 0.0;       ///< that stands there
+  /// Whether there is a failure.
   bool failed() const { return factor >= 0; }
 };
 
@@ -94,19 +96,24 @@ INCERES_EXPORT std::string DescribeObject(const char* kind, const void* object);
 /// threads, and only from the solving thread when it runs with one.
 class INCERES_EXPORT FactorFamily {
  public:
+  /// What a factor takes at one of its places: values, and degrees of freedom.
   struct Slot {
-    int ambient_size = 0;
-    int tangent_size = 0;
+    int ambient_size = 0;  ///< values of the variable
+    int tangent_size = 0;  ///< its degrees of freedom
   };
 
+  /// For factors with so many residuals, and a variable for each slot.
   FactorFamily(int residual_size, std::vector<Slot> slots)
       : residual_size_(residual_size), slots_(std::move(slots)) {}
   virtual ~FactorFamily() = default;
   FactorFamily(const FactorFamily&) = delete;
   FactorFamily& operator=(const FactorFamily&) = delete;
 
+  /// Residuals of a factor.
   int residual_size() const { return residual_size_; }
+  /// Variables of a factor.
   int num_slots() const { return static_cast<int>(slots_.size()); }
+  /// The sizes of slot s. Requires 0 ≤ s < num_slots().
   const Slot& slot(int s) const { return slots_[static_cast<std::size_t>(s)]; }
 
   /// Number of factors whose measurements the family holds.

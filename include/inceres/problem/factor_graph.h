@@ -16,15 +16,17 @@
 
 namespace inceres {
 
+/// Names a variable of a graph; −1: none.
 using VariableId = std::int32_t;
+/// Names a family of a graph; −1: none.
 using FamilyId = std::int32_t;
 
 /// Names a factor of a graph: its family and its place there. The place of a removed factor is
 /// given to a later one: ids that a GraphEdit has given know which one they mean, and an edit
 /// refuses them once it is gone.
 struct FactorId {
-  FamilyId family = -1;
-  std::int32_t index = -1;
+  FamilyId family = -1;          ///< −1: none
+  std::int32_t index = -1;       ///< its place in the family
   std::int32_t generation = -1;  ///< factors that had the place before; -1: whichever has it
 };
 
@@ -32,19 +34,22 @@ struct FactorId {
 /// measurement of another family. Converts to the family's id. Copies of the graph know it too.
 template <typename Family>
 struct FamilyHandle {
-  FamilyId id = -1;  ///< -1, or a null family: none, which AddFactor refuses
-  std::shared_ptr<Family> family;
+  FamilyId id = -1;                ///< -1, or a null family: none, which AddFactor refuses
+  std::shared_ptr<Family> family;  ///< the family itself, shared with the graph
 
+  /// The id, for calls that take one.
   operator FamilyId() const { return id; }  // NOLINT(google-explicit-constructor): it is one
+  /// The family itself.
   Family& operator*() const { return *family; }
+  /// The family itself.
   Family* operator->() const { return family.get(); }
 };
 
 /// Bounds on the values of a variable, one entry a value: lower ≤ x ≤ upper. ∓infinity, or ∓the
 /// largest double, means none.
 struct VariableBounds {
-  std::vector<double> lower;
-  std::vector<double> upper;
+  std::vector<double> lower;  ///< as many as the variable has values
+  std::vector<double> upper;  ///< likewise
 };
 
 /// What the solver does with a variable: landmarks (tangent size 1 to 4, at most one a factor) are
@@ -167,7 +172,9 @@ class INCERES_EXPORT FactorGraph {
     return Connect(handle.id, variables.data(), std::move(loss));
   }
 
+  /// Holds a variable where it is, or sets it free. Requires an id that exists.
   void SetConstant(VariableId id, bool constant) { variables_[Index(id)].constant = constant; }
+  /// Changes what the solver does with a variable. Requires an id that exists.
   void SetRole(VariableId id, Role role) { variables_[Index(id)].role = role; }
   /// Keeps the variable's values within bounds of ambient size each, which are copied; null means
   /// none on that side, and both null lift them. The batch Solve honors them: it projects the
@@ -190,6 +197,7 @@ class INCERES_EXPORT FactorGraph {
   /// Overwrites the values of a variable the graph owns; borrowed values are their owner's to
   /// change, so those are left alone.
   void SetValues(VariableId id, const double* values);
+  /// Memory for so many variables, of so many values together.
   void Reserve(int num_variables, int num_values);
 
   /// Carries out an edit begun on this graph: Check, then Commit. On an error, which names the id
@@ -213,6 +221,7 @@ class INCERES_EXPORT FactorGraph {
   /// Keeps from now on a list of each variable's factors: two links a slot. One pass over the
   /// factors; later calls cost nothing.
   void TrackFactors();
+  /// Whether TrackFactors has been called.
   bool TracksFactors() const;
   /// Calls f(FactorId) for every factor that touches the variable, the last connected first. Needs
   /// TrackFactors() before it.
@@ -227,16 +236,22 @@ class INCERES_EXPORT FactorGraph {
 
   /// Ids given out, those of removed variables included.
   int num_variables() const { return static_cast<int>(variables_.size()); }
+  /// Variables that are not removed.
   int num_live_variables() const { return num_variables() - num_removed_variables_; }
+  /// Whether the id is that of a variable that is there.
   bool HasVariable(VariableId id) const {
     return id >= 0 && id < num_variables() && !variables_[Index(id)].removed;
   }
+  /// Families, empty ones included.
   int num_families() const { return static_cast<int>(families_.size()); }
   /// Factors of all families; free places do not count.
   int num_factors() const;
 
+  /// Doubles that store the variable. This and what follows require ids that exist.
   int AmbientSize(VariableId id) const { return variables_[Index(id)].ambient_size; }
+  /// Its degrees of freedom.
   int TangentSize(VariableId id) const { return variables_[Index(id)].tangent_size; }
+  /// What the solver does with it.
   Role role(VariableId id) const { return variables_[Index(id)].role; }
   /// True if held constant by SetConstant, borrowed, or of tangent size 0; of a removed variable
   /// too.
@@ -248,7 +263,9 @@ class INCERES_EXPORT FactorGraph {
     const auto found = bounds_.find(id);
     return found == bounds_.end() ? nullptr : &found->second;
   }
+  /// Whether any variable has bounds.
   bool HasBounds() const { return !bounds_.empty(); }
+  /// The space it lives on; null: Euclidean.
   const Manifold* manifold(VariableId id) const { return variables_[Index(id)].manifold.get(); }
   /// For whoever outlives the graph or the variable.
   const std::shared_ptr<const Manifold>& shared_manifold(VariableId id) const {
@@ -259,15 +276,20 @@ class INCERES_EXPORT FactorGraph {
     const auto found = pins_.find(id);
     return found == pins_.end() ? nullptr : found->second.data();
   }
+  /// Whether any variable is pinned.
   bool HasPins() const { return !pins_.empty(); }
+  /// Its values, wherever they are kept.
   const double* Values(VariableId id) const { return ValuesIn(state_.data(), id); }
 
+  /// The family of this id.
   const FactorFamily& family(FamilyId id) const { return *families_[Index(id)].family; }
   /// Number of *connected* factors of the family: of its places, if some of them are free.
   int NumFactors(FamilyId id) const { return families_[Index(id)].num_factors; }
+  /// Its places that removed factors have left free.
   int NumFreePlaces(FamilyId id) const {
     return static_cast<int>(families_[Index(id)].free_places.size());
   }
+  /// Whether there is a factor at this place.
   bool HasFactor(FamilyId id, int factor) const;
   /// The variables of factor i: num_slots entries, all -1 at a free place.
   const VariableId* Variables(FamilyId id, int factor) const {
@@ -285,6 +307,7 @@ class INCERES_EXPORT FactorGraph {
   /// What the next edit takes: the id of the k-th removed variable of this ambient size, or the
   /// k-th free place of a family, the one freed last first; -1 when there are no more.
   VariableId FreeVariable(int ambient_size, bool borrowed, int k) const;
+  /// The k-th free place of a family, the one freed last first; −1 when there are no more.
   std::int32_t FreePlace(FamilyId id, int k) const;
   /// How many factors had the place and are removed.
   std::int32_t Generation(FamilyId id, std::int32_t place) const;
@@ -292,6 +315,7 @@ class INCERES_EXPORT FactorGraph {
   /// All owned values, one variable after the other in order of addition: what the solver copies,
   /// moves and writes back. The room of a removed variable holds zeros.
   const std::vector<double>& state() const { return state_; }
+  /// The same, to be written by whoever minimizes.
   std::vector<double>& mutable_state() { return state_; }
   /// Offset of the variable's values in the state, or -1 if they are borrowed.
   std::int64_t StateOffset(VariableId id) const { return variables_[Index(id)].offset; }

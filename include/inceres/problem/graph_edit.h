@@ -64,6 +64,7 @@ class INCERES_EXPORT GraphEdit {
   /// another one.
   void RemoveFactor(FactorId id) { removed_factors_.push_back(id); }
 
+  /// Replaces the factor's loss; null: ½‖f‖².
   void SetLoss(FactorId id, std::shared_ptr<const Loss> loss) {
     losses_.emplace_back(id, std::move(loss));
   }
@@ -88,44 +89,58 @@ class INCERES_EXPORT GraphEdit {
   /// lets go of it.
   void PinLinearization(VariableId id, const double* values);
 
+  /// Whether nothing has been asked for since it began.
   bool empty() const;
   /// What is wrong with a handle that a call was given: the edit is refused for it.
   const Status& misuse() const { return misuse_; }
 
+  /// A variable that the edit adds. This and what follows is what Apply reads.
   struct NewVariable {
-    VariableId id;
-    int ambient_size;
-    std::size_t values;      ///< offset into values(), unless borrowed
-    const double* borrowed;  ///< where a borrowed constant lies
-    bool is_borrowed;
-    bool has_values;  ///< false: the caller passed null
-    Role role;
-    std::shared_ptr<const Manifold> manifold;
+    VariableId id;                             ///< given out by AddVariable
+    int ambient_size;                          ///< doubles that store it
+    std::size_t values;                        ///< offset into values(), unless borrowed
+    const double* borrowed;                    ///< where a borrowed constant lies
+    bool is_borrowed;                          ///< whether its values stay where they are
+    bool has_values;                           ///< false: the caller passed null
+    Role role;                                 ///< what the solver does with it
+    std::shared_ptr<const Manifold> manifold;  ///< null: Euclidean
   };
+  /// A factor that the edit adds.
   struct NewFactor {
-    FactorId id;                ///< index -1 if there is no such family
-    std::size_t variables;      ///< offset into factor_variables()
-    std::size_t num_variables;  ///< given by the caller
-    std::shared_ptr<const Loss> loss;
+    FactorId id;                       ///< index -1 if there is no such family
+    std::size_t variables;             ///< offset into factor_variables()
+    std::size_t num_variables;         ///< given by the caller
+    std::shared_ptr<const Loss> loss;  ///< null: ½‖f‖²
   };
+  /// In the order of the calls; so are all lists below.
   const std::vector<NewVariable>& new_variables() const { return new_variables_; }
+  /// Factors to come.
   const std::vector<NewFactor>& new_factors() const { return new_factors_; }
+  /// What NewFactor::variables points into.
   const std::vector<VariableId>& factor_variables() const { return factor_variables_; }
+  /// What all offsets to values point into.
   const std::vector<double>& values() const { return values_; }
+  /// Variables to go.
   const std::vector<VariableId>& removed_variables() const { return removed_variables_; }
+  /// Factors to go by themselves; those of removed variables are not listed.
   const std::vector<FactorId>& removed_factors() const { return removed_factors_; }
+  /// Losses to set.
   const std::vector<std::pair<FactorId, std::shared_ptr<const Loss>>>& losses() const {
     return losses_;
   }
+  /// Measurements that change, with what places them; null: the caller has done so.
   const std::vector<std::pair<FactorId, std::function<void()>>>& measurements() const {
     return measurements_;
   }
+  /// Variables to hold or to set free.
   const std::vector<std::pair<VariableId, bool>>& constants() const { return constants_; }
   /// Offsets into values(), kNoValues where the caller passed null or an id that is not there.
   const std::vector<std::pair<VariableId, std::size_t>>& new_values() const { return new_values_; }
   /// The same; kNoValues lets go.
   const std::vector<std::pair<VariableId, std::size_t>>& pins() const { return pins_; }
+  /// an offset that points to no values
   static constexpr std::size_t kNoValues = static_cast<std::size_t>(-1);
+  /// The graph it was begun on.
   const FactorGraph& graph() const { return *graph_; }
   /// The graph's revision when the edit began.
   std::int64_t revision() const { return revision_; }

@@ -21,6 +21,7 @@ class INCERES_EXPORT Loss {
   virtual void Evaluate(double s, double rho[3]) const = 0;
 };
 
+/// \file
 /// The built-in robust losses ρ(s) of s = ‖f‖². Each has ρ(0) = 0 and, TolerantLoss, ScaledLoss and
 /// ComposedLoss aside, ρ'(0) = 1, so that small residuals cost what they cost without a loss.
 /// Definitions and parameters are those of the Ceres losses of the same names. A scale `a` is in
@@ -33,6 +34,7 @@ class INCERES_EXPORT Loss {
 /// ρ(s) = s for s ≤ a², else 2a√s − a²: quadratic, then linear in the residual norm.
 class INCERES_EXPORT HuberLoss final : public Loss {
  public:
+  /// Quadratic up to a, linear beyond.
   explicit HuberLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
   double a() const { return a_; }
@@ -45,6 +47,7 @@ class INCERES_EXPORT HuberLoss final : public Loss {
 /// ρ(s) = 2a² (√(1 + s/a²) − 1): a smooth HuberLoss.
 class INCERES_EXPORT SoftLOneLoss final : public Loss {
  public:
+  /// Quadratic well below a, linear well above.
   explicit SoftLOneLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
   double a() const { return a_; }
@@ -57,6 +60,7 @@ class INCERES_EXPORT SoftLOneLoss final : public Loss {
 /// ρ(s) = a² log(1 + s/a²).
 class INCERES_EXPORT CauchyLoss final : public Loss {
  public:
+  /// Quadratic well below a.
   explicit CauchyLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
   double a() const { return a_; }
@@ -69,6 +73,7 @@ class INCERES_EXPORT CauchyLoss final : public Loss {
 /// ρ(s) = a atan(s / a). Here `a` is in units of s, the *squared* norm.
 class INCERES_EXPORT ArctanLoss final : public Loss {
  public:
+  /// Bounded by a π/2; a in units of s.
   explicit ArctanLoss(double a) : a_(a) {}
   void Evaluate(double s, double rho[3]) const override;
   double a() const { return a_; }
@@ -81,6 +86,7 @@ class INCERES_EXPORT ArctanLoss final : public Loss {
 /// the width of the transition. Both a and b are in units of s, the *squared* norm, and positive.
 class INCERES_EXPORT TolerantLoss final : public Loss {
  public:
+  /// Both in units of s, both positive.
   TolerantLoss(double a, double b);
   void Evaluate(double s, double rho[3]) const override;
   double a() const { return a_; }
@@ -96,6 +102,7 @@ class INCERES_EXPORT TolerantLoss final : public Loss {
 /// no influence at all.
 class INCERES_EXPORT TukeyLoss final : public Loss {
  public:
+  /// Bounded by a²/3, which it reaches at a.
   explicit TukeyLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
   double a() const { return a_; }
@@ -109,6 +116,7 @@ class INCERES_EXPORT TukeyLoss final : public Loss {
 /// w.
 class INCERES_EXPORT ScaledLoss final : public Loss {
  public:
+  /// The loss, which may be null, times the scale, which is positive.
   ScaledLoss(std::shared_ptr<const Loss> loss, double scale)
       : loss_(std::move(loss)), scale_(scale) {}
   void Evaluate(double s, double rho[3]) const override;
@@ -123,6 +131,7 @@ class INCERES_EXPORT ScaledLoss final : public Loss {
 /// f(g(s)). A null f or g means the identity.
 class INCERES_EXPORT ComposedLoss final : public Loss {
  public:
+  /// The outer and the inner loss; either may be null.
   ComposedLoss(std::shared_ptr<const Loss> f, std::shared_ptr<const Loss> g)
       : f_(std::move(f)), g_(std::move(g)) {}
   void Evaluate(double s, double rho[3]) const override;

@@ -47,6 +47,7 @@ class INCERES_EXPORT Manifold {
   [[nodiscard]] virtual bool Minus(const double* y, const double* x, double* delta) const;
 };
 
+/// \file
 /// The built-in manifolds. Angles are radians; quaternions are unit Hamilton quaternions. Nothing
 /// here normalizes a quaternion: ⊞ keeps the norm it finds up to rounding, so that x ⊞ 0 = x to the
 /// last bit and PlusJacobian is exact at any x.
@@ -63,6 +64,7 @@ class INCERES_EXPORT Manifold {
 /// Rⁿ: x + δ. A null manifold means the same and is cheaper; this class is for ProductManifold.
 class INCERES_EXPORT EuclideanManifold final : public Manifold {
  public:
+  /// Of so many coordinates.
   explicit EuclideanManifold(int size) : size_(size) {}
   int AmbientSize() const override { return size_; }
   int TangentSize() const override { return size_; }
@@ -80,6 +82,7 @@ class INCERES_EXPORT EuclideanManifold final : public Manifold {
 /// PlusJacobian then return false.
 class INCERES_EXPORT SubsetManifold final : public Manifold {
  public:
+  /// Of `size` coordinates, those of constant_indices held; indices out of range are a mistake.
   SubsetManifold(int size, const std::vector<int>& constant_indices);
   /// The coordinates that move, ascending.
   const std::vector<int>& free_indices() const { return free_; }
@@ -101,6 +104,7 @@ class INCERES_EXPORT SubsetManifold final : public Manifold {
 /// return false.
 class INCERES_EXPORT ProductManifold final : public Manifold {
  public:
+  /// These, in this order.
   explicit ProductManifold(std::vector<std::shared_ptr<const Manifold>> components);
   const std::vector<std::shared_ptr<const Manifold>>& components() const { return components_; }
   int AmbientSize() const override { return ambient_size_; }
@@ -126,6 +130,7 @@ class INCERES_EXPORT ProductManifold final : public Manifold {
 /// linearization. Source: Hartley & Zisserman, "Multiple View Geometry", 2nd ed., appendix 6.9.3.
 class INCERES_EXPORT SphereManifold final : public Manifold {
  public:
+  /// Of points with so many coordinates, at least 2.
   explicit SphereManifold(int ambient_size) : size_(ambient_size) {}
   int AmbientSize() const override { return size_; }
   int TangentSize() const override { return size_ - 1; }

@@ -25,6 +25,7 @@ inline double Sinc(double theta_squared, double theta) {
              : std::sin(theta) / theta;
 }
 
+/// The coefficients at θ, from θ²; by series where a closed form would lose digits.
 inline RotationCoefficients CoefficientsOfAngle(double theta_squared) {
   if (theta_squared < 0.25) {
     // θ − sin θ would lose digits here. The first term left out is below 1e-16 of the sum.

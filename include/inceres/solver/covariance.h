@@ -20,6 +20,7 @@ struct INCERES_EXPORT CovarianceOptions {
   /// infinite. At 1e12 four digits are left of it.
   double max_inflation = 1e12;
 
+  /// What is wrong with these options, the first culprit named.
   Status Validate() const;
 };
 
@@ -62,8 +63,10 @@ struct INCERES_EXPORT RankDeficiency {
 /// Chen 1973; docs/visual_inertial.md.
 class INCERES_EXPORT GraphCovariance {
  public:
+  /// Pairs of variables, in either order.
   using Pairs = std::vector<std::pair<VariableId, VariableId>>;
 
+  /// Holds no covariances yet.
   explicit GraphCovariance(const CovarianceOptions& options = {}) : options_(options) {}
 
   /// Computes the blocks of these pairs, in one or the other order, and forgets all others. Blocks

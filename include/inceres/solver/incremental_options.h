@@ -12,7 +12,11 @@ namespace inceres {
 
 /// Whether S and b follow a change by difference, or are summed anew from the cached Jacobians. The
 /// same up to rounding.
-enum class RebuildPolicy { kWhenCheaper, kAlways, kNever };
+enum class RebuildPolicy {
+  kWhenCheaper,  ///< by the blocks that either way would take
+  kAlways,       ///< summed anew in each iteration: to tell rounding from other causes
+  kNever,        ///< always by difference
+};
 
 /// When a factor that was moved is linearized anew.
 enum class RelinearizationRule {
@@ -66,7 +70,8 @@ struct INCERES_EXPORT IncrementalOptions {
   /// ≥ 1: of evaluation and of large factorizations; the result is the same to the last bit
   int num_threads = 1;
 
-  DampingForm damping = DampingForm::kHybrid;
+  DampingForm damping = DampingForm::kHybrid;  ///< which matrix μ is added to
+  /// when a moved factor is linearized anew
   RelinearizationRule relinearization = RelinearizationRule::kResidualError;
   /// θ_r of kResidualError: a factor is linearized anew when the squared error of its old
   /// linearization exceeds this share of function_tolerance · 2F / (number of factors). ≥ 0, or
@@ -94,7 +99,7 @@ struct INCERES_EXPORT IncrementalOptions {
   /// much of it, nor with truncation_share 0 or kThesis.
   int max_new_frame_steps = 3;
 
-  RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;
+  RebuildPolicy rebuild = RebuildPolicy::kWhenCheaper;               ///< of S and b
   ReducedSolverKind reduced_solver = ReducedSolverKind::kAutomatic;  ///< not kAutomaticInexact
   /// If set, makes the solver for S δ = b instead of a built-in one, for the batch solver too
   /// (docs/reduced_solver.md). It is told what has changed from one call to the next. Read by the

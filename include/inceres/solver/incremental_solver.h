@@ -37,8 +37,8 @@ struct ReducedStructure {
   /// A block below the diagonal: row > column. Stored, so it may have become zero: blocks go when
   /// one of their frames does.
   struct Block {
-    int row;
-    int column;
+    int row;     ///< block row, below the diagonal
+    int column;  ///< block column
   };
   /// The frame of each block row, in order of arrival: the order in which the resumed Cholesky
   /// eliminates them too until loops have aged it. −1: a frame was removed and its row is not in
@@ -69,6 +69,7 @@ struct ReducedStructure {
 /// the corrections that docs/algorithms.md states.
 class INCERES_EXPORT IncrementalSolver {
  public:
+  /// An empty problem. What is wrong with the options is told by the first Apply or Update.
   explicit IncrementalSolver(const IncrementalOptions& options);
   ~IncrementalSolver();
   IncrementalSolver(const IncrementalSolver&) = delete;

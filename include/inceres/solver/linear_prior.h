@@ -25,9 +25,9 @@ struct INCERES_EXPORT LinearPrior {
     std::shared_ptr<const Manifold> manifold;  ///< null: Euclidean
     int tangent_size = 0;                      ///< of the manifold, or x0.size()
   };
-  std::vector<Block> blocks;
-  std::vector<double> J;   ///< row-major, e0.size() × Σ tangent_size, whitened
-  std::vector<double> e0;  ///< whitened
+  std::vector<Block> blocks;  ///< x_1 … x_k
+  std::vector<double> J;      ///< row-major, e0.size() × Σ tangent_size, whitened
+  std::vector<double> e0;     ///< whitened
 
   /// Σ tangent_size over the blocks.
   int num_columns() const;
@@ -48,6 +48,7 @@ struct INCERES_EXPORT LinearPrior {
 /// visual–inertial odometry using nonlinear optimization", 2015, section 3.5.
 class INCERES_EXPORT LinearPriorFamily : public FactorFamily {
  public:
+  /// What Add and Place take.
   using Measurement = LinearPrior;
 
   /// For priors of the shape of this one.
@@ -59,6 +60,7 @@ class INCERES_EXPORT LinearPriorFamily : public FactorFamily {
   void Add(const LinearPrior& prior) { Place(size(), prior); }
   /// Overwrites the prior at `index`, or appends it if index == size(). Requires a prior that fits.
   void Place(int index, const LinearPrior& prior);
+  /// The prior at an index.
   const LinearPrior& prior(int index) const { return priors_[static_cast<std::size_t>(index)]; }
 
   int size() const override { return static_cast<int>(priors_.size()); }

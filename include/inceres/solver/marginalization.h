@@ -21,8 +21,8 @@ enum class PriorThreshold {
 
 /// Options of Marginalize.
 struct INCERES_EXPORT MarginalizationOptions {
-  PriorThreshold threshold = PriorThreshold::kNone;
-  double epsilon = 1e-8;  ///< of the threshold, ≥ 0
+  PriorThreshold threshold = PriorThreshold::kNone;  ///< which directions count as noise
+  double epsilon = 1e-8;                             ///< of the threshold, ≥ 0
   /// A marginalized variable with a direction that no factor measures makes the call fail with its
   /// id. If allowed, what is measured is used and the rest left out, which is the same as the
   /// pseudo-inverse of VINS and OKVIS: right for the others, to whom a point seen once says
@@ -56,7 +56,7 @@ struct INCERES_EXPORT MarginalizationRequest {
 
 /// What Marginalize did.
 struct INCERES_EXPORT MarginalizationSummary {
-  Status status;
+  Status status;  ///< not ok: nothing has changed
   /// of a status that is not ok: the ids at fault, where there are any
   std::vector<VariableId> offenders;
   /// the new factor; family -1 if nothing is left to say or nobody to say it about
@@ -97,6 +97,7 @@ INCERES_EXPORT MarginalizationSummary Marginalize(const MarginalizationRequest& 
                                                   const MarginalizationOptions& options,
                                                   FactorGraph* graph);
 
+/// \file
 /// Which landmarks go with the frames that leave a window: three rules of known estimators, as
 /// requests to Marginalize. None of them changes anything.
 ///

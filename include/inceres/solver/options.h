@@ -9,6 +9,7 @@ namespace inceres {
 
 class SolveObserver;
 
+/// How a step is chosen, and how far it may go.
 enum class TrustRegionStrategyKind {
   /// Nocedal & Wright, section 10.3; radius update of Madsen, Nielsen & Tingleff 2004
   kLevenbergMarquardt,
@@ -24,6 +25,7 @@ enum class TrustRegionStrategyKind {
 /// "levenberg_marquardt", "marquardt", "dogleg", "subspace_dogleg".
 INCERES_EXPORT const char* ToString(TrustRegionStrategyKind kind);
 
+/// Which linear system a step solves.
 enum class LinearModelKind {
   kAutomatic,  ///< kSchur if the graph has landmarks, else kPlain
   kSchur,      ///< landmarks eliminated block by block, reduced system S δ_c = b
@@ -36,7 +38,7 @@ enum class LinearModelKind {
 /// Where a line search that has failed at one point tries the next: at half of it, or at the
 /// minimum of the polynomial through what is known.
 enum class LineSearchInterpolation {
-  kBisection,
+  kBisection,  ///< at half of it
   kQuadratic,  ///< of cost and slope at the start and costs at the last two points
   kCubic,      ///< of costs and slopes at all three: a Jacobian evaluation each
 };
@@ -44,8 +46,10 @@ enum class LineSearchInterpolation {
 /// Options of a batch solve in exact mode. Names, defaults and meanings are those of
 /// ceres::Solver::Options 2.1, so a trace can be compared line by line.
 struct INCERES_EXPORT SolverOptions {
+  /// how steps are chosen
   TrustRegionStrategyKind strategy = TrustRegionStrategyKind::kLevenbergMarquardt;
-  LinearModelKind linear_model = LinearModelKind::kAutomatic;
+  LinearModelKind linear_model = LinearModelKind::kAutomatic;  ///< which linear system gives them
+  /// how the reduced system is solved
   ReducedSolverKind reduced_solver = ReducedSolverKind::kAutomatic;
 
   /// If set, makes the solver for S δ_c = b instead of a built-in one.
@@ -76,7 +80,7 @@ struct INCERES_EXPORT SolverOptions {
   /// accept a step iff (actual decrease) / (predicted decrease) exceeds it
   double min_relative_decrease = 1e-3;
   double min_lm_diagonal = 1e-6;  ///< clamp on the squared column norms of the scaled Jacobian
-  double max_lm_diagonal = 1e32;
+  double max_lm_diagonal = 1e32;  ///< ≥ min_lm_diagonal; the other end of the clamp
   int max_num_consecutive_invalid_steps = 5;  ///< ≥ 0
   bool jacobi_scaling = true;  ///< scale by 1/(1 + column norm) as measured at iteration 0
   /// accept some increases (Conn, Gould & Toint, section 10.1); the best state is returned

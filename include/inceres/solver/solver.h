@@ -62,7 +62,9 @@ class INCERES_EXPORT Solver {
   /// Holds nothing from one solve to the next where that would take more than max_bytes.
   explicit Solver(std::int64_t max_bytes = std::numeric_limits<std::int64_t>::max());
   ~Solver();
+  /// Takes over what the other one holds.
   Solver(Solver&&) noexcept;
+  /// Takes over what the other one holds.
   Solver& operator=(Solver&&) noexcept;
 
   /// As the free function.

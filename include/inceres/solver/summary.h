@@ -9,6 +9,7 @@
 
 namespace inceres {
 
+/// How a solve or an Update ended.
 enum class Termination {
   kConvergence,    ///< a tolerance was reached
   kNoConvergence,  ///< iteration or time limit; the state is the best found
@@ -23,22 +24,22 @@ INCERES_EXPORT const char* ToString(Termination termination);
 /// One line of the trace. Fields mean what ceres::IterationSummary's do (Ceres 2.1), iteration 0
 /// being the start.
 struct INCERES_EXPORT IterationSummary {
-  int iteration = 0;
-  bool step_is_valid = false;
-  bool step_is_successful = false;
-  bool step_is_nonmonotonic = false;
-  double cost = 0.0;               ///< of the new state if accepted, of the candidate if rejected
-  double cost_change = 0.0;        ///< cost before − candidate cost
-  double gradient_max_norm = 0.0;  ///< max |x − (x ⊞ −g)|
-  double gradient_norm = 0.0;      ///< ‖x − (x ⊞ −g)‖
-  double step_norm = 0.0;          ///< ‖x − candidate‖, ambient
-  double model_cost_change = 0.0;  ///< predicted decrease; not in Ceres's
-  double relative_decrease = 0.0;  ///< actual / predicted decrease
-  double trust_region_radius = 0.0;
-  int linear_solver_iterations = 0;
-  double iteration_time_in_seconds = 0.0;
-  double step_solver_time_in_seconds = 0.0;
-  double cumulative_time_in_seconds = 0.0;
+  int iteration = 0;                  ///< 0 is the start
+  bool step_is_valid = false;         ///< the step could be computed and evaluated
+  bool step_is_successful = false;    ///< it was accepted
+  bool step_is_nonmonotonic = false;  ///< accepted although the cost rose
+  double cost = 0.0;                 ///< of the new state if accepted, of the candidate if rejected
+  double cost_change = 0.0;          ///< cost before − candidate cost
+  double gradient_max_norm = 0.0;    ///< max |x − (x ⊞ −g)|
+  double gradient_norm = 0.0;        ///< ‖x − (x ⊞ −g)‖
+  double step_norm = 0.0;            ///< ‖x − candidate‖, ambient
+  double model_cost_change = 0.0;    ///< predicted decrease; not in Ceres's
+  double relative_decrease = 0.0;    ///< actual / predicted decrease
+  double trust_region_radius = 0.0;  ///< after the step
+  int linear_solver_iterations = 0;  ///< 1 of a direct solver
+  double iteration_time_in_seconds = 0.0;    ///< of this iteration, seconds
+  double step_solver_time_in_seconds = 0.0;  ///< of it in computing the step
+  double cumulative_time_in_seconds = 0.0;   ///< since the solve began
 };
 
 /// Seconds per stage of the solve, named as the folders that do the work.
@@ -51,14 +52,14 @@ struct INCERES_EXPORT StageSeconds {
   double factorization = 0.0;      ///< Cholesky (or QR) of the reduced system, its solve
   double back_substitution = 0.0;  ///< landmark steps
   double model_cost = 0.0;         ///< the pass over J that predicts the decrease
-  double total = 0.0;
+  double total = 0.0;              ///< of the whole solve, what no other field has included
 };
 
 /// How much work a solve was: counts that do not depend on the machine.
 struct INCERES_EXPORT WorkCounts {
   int num_residual_evaluations = 0;  ///< cost-only passes over the factors
-  int num_jacobian_evaluations = 0;
-  int num_linear_solves = 0;
+  int num_jacobian_evaluations = 0;  ///< passes with Jacobians
+  int num_linear_solves = 0;         ///< systems solved for a step
   /// steps of single landmarks, SolverOptions::refine_landmarks
   std::int64_t num_inner_iterations = 0;
   int num_recentered_factors =
@@ -75,11 +76,11 @@ struct INCERES_EXPORT WorkCounts {
 /// The line search along clamped steps of a problem with bounds; its evaluations count among all
 /// others.
 struct INCERES_EXPORT LineSearchSummary {
-  int num_steps = 0;              ///< points found wanting
-  double cost_seconds = 0.0;      ///< evaluations without slope
-  double gradient_seconds = 0.0;  ///< with
-  double polynomial_seconds = 0.0;
-  double total_seconds = 0.0;
+  int num_steps = 0;                ///< points found wanting
+  double cost_seconds = 0.0;        ///< evaluations without slope
+  double gradient_seconds = 0.0;    ///< with
+  double polynomial_seconds = 0.0;  ///< in finding the next point
+  double total_seconds = 0.0;       ///< all of the above
 };
 
 /// How large a problem is. What moves: variables that are not constant and that a factor touches.
@@ -95,7 +96,7 @@ struct INCERES_EXPORT ProblemSizes {
 
 /// What happened. Everything a caller needs to act on a failure is here; nothing is only logged.
 struct INCERES_EXPORT Summary {
-  Termination termination = Termination::kFailure;
+  Termination termination = Termination::kFailure;  ///< how it ended
   /// in Ceres's words where Ceres has them
   std::string message = "inceres::Solve was not called.";
   /// the culprit behind a failure or the last invalid step: which factor or variable, and why
@@ -104,28 +105,29 @@ struct INCERES_EXPORT Summary {
   /// cost: which factor or variable, and why. Empty if there was none.
   std::string failed_step;
   double initial_cost = -1.0;  ///< -1 if the start could not be evaluated
-  double final_cost = -1.0;
+  double final_cost = -1.0;    ///< of the state returned; −1 if there was no evaluation
   /// of residual blocks of a ceres::Problem that cannot move, for which no graph has a factor: part
   /// of all costs
   double fixed_cost = 0.0;
   /// of the last step if it ended the solve by the function tolerance: it was not taken
   double discarded_cost_change = 0.0;
-  std::vector<IterationSummary> iterations;
-  int num_successful_steps = -1;
-  int num_unsuccessful_steps = -1;
-  bool is_constrained = false;  ///< some variable that moves has bounds
-  LineSearchSummary line_search;
-  bool structure_reused = false;  ///< set up by an earlier solve of the same Solver
-  std::string reduced_solver;     ///< name of the solver of the reduced system
+  std::vector<IterationSummary> iterations;  ///< the trace, the start included
+  int num_successful_steps = -1;             ///< steps accepted, the start included
+  int num_unsuccessful_steps = -1;           ///< steps refused
+  bool is_constrained = false;               ///< some variable that moves has bounds
+  LineSearchSummary line_search;             ///< of problems with bounds
+  bool structure_reused = false;             ///< set up by an earlier solve of the same Solver
+  std::string reduced_solver;                ///< name of the solver of the reduced system
   /// instruction set of the kernels used: "generic", "avx2", "avx512", "neon"
   const char* kernels = "";
   /// "levenberg_marquardt", "marquardt", "dogleg", "subspace_dogleg"
   const char* strategy = "";
-  int num_threads = 0;
-  ProblemSizes sizes;
-  WorkCounts work;
-  StageSeconds seconds;
+  int num_threads = 0;   ///< as the options had it
+  ProblemSizes sizes;    ///< of the graph
+  WorkCounts work;       ///< what was done
+  StageSeconds seconds;  ///< how long it took
 
+  /// Whether the state is the best one found, and not that of before the solve.
   bool IsSolutionUsable() const {
     return termination == Termination::kConvergence || termination == Termination::kNoConvergence ||
            termination == Termination::kUserSuccess;

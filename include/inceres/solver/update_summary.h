@@ -27,9 +27,9 @@ INCERES_EXPORT const char* ToString(UpdateStep step);
 /// (residuals, gradients, the linearizations it asks for) counts as part of it. The last solve,
 /// which finds out that nothing is left to do, has no line.
 struct INCERES_EXPORT UpdateIteration {
-  int iteration = 0;
-  UpdateStep step = UpdateStep::kNone;
-  bool accepted = false;  ///< the state moved; true of the start
+  int iteration = 0;                    ///< 0 is the start
+  UpdateStep step = UpdateStep::kNone;  ///< what moved
+  bool accepted = false;                ///< the state moved; true of the start
   /// Cut to the radius, or refused and tried again, along the dog-leg path. What follows is of the
   /// last try.
   bool shortened = false;
@@ -45,17 +45,17 @@ struct INCERES_EXPORT UpdateIteration {
   /// when the landmarks follow; at the start and after steps of new frames without the landmarks
   /// these see. Of kBatch as in IterationSummary, always.
   double gradient_max_norm = 0.0;
-  double gradient_norm = 0.0;
-  double damping = 0.0;  ///< μ after it; 0 of the batch solver's Dog-Leg
+  double gradient_norm = 0.0;  ///< see gradient_max_norm
+  double damping = 0.0;        ///< μ after it; 0 of the batch solver's Dog-Leg
   /// of the trust region after it: infinite unless a step was shortened; Ceres's of kBatch
   double radius = 0.0;
-  int num_moved_frames = 0;
-  int num_visited_landmarks = 0;
-  int num_relinearized_factors = 0;
-  std::int64_t num_evaluated_factors = 0;
+  int num_moved_frames = 0;                ///< frames of the active set
+  int num_visited_landmarks = 0;           ///< leaves back-substituted
+  int num_relinearized_factors = 0;        ///< evaluated with Jacobians
+  std::int64_t num_evaluated_factors = 0;  ///< evaluated for their cost
   /// of PCG; 1 if a direct solver solved, 0 if there was nothing to solve
   int num_linear_solver_iterations = 0;
-  double seconds = 0.0;
+  double seconds = 0.0;             ///< of this iteration
   double solve_seconds = 0.0;       ///< of them in the solver of the reduced system
   double cumulative_seconds = 0.0;  ///< since the Update began
 };
@@ -63,44 +63,44 @@ struct INCERES_EXPORT UpdateIteration {
 /// What one Update of an IncrementalSolver did: counts, which do not depend on the machine, and
 /// seconds.
 struct INCERES_EXPORT UpdateSummary {
-  Termination termination = Termination::kFailure;
-  std::string message;
-  std::string failed_step;  ///< as in Summary
+  Termination termination = Termination::kFailure;  ///< how it ended
+  std::string message;                              ///< why; of a failure with the culprit
+  std::string failed_step;                          ///< as in Summary
   /// The batch solver's own rules ended it, as Ceres's would: `message` is in Ceres's words.
   bool ended_by_batch_rule = false;
   /// Convergence was concluded from refused steps alone: undamped, the model promised more than the
   /// tolerance, and no step that was tried kept it. So it is at a kink of the cost; it may also be
   /// that a good length of steps was passed over.
   bool rests_on_refusals = false;
-  double initial_cost = 0.0;
-  double final_cost = 0.0;
+  double initial_cost = 0.0;  ///< ½ Σ ρ where it began
+  double final_cost = 0.0;    ///< ½ Σ ρ where it ended
   /// What the model saw left to gain before the last step of the frames, or at convergence:
   /// truncated and unvisited parts too.
   double remaining_decrease = 0.0;
 
-  int num_iterations = 0;
-  int num_batch_iterations = 0;  ///< of them by the batch solver
-  int num_rejected_steps = 0;
-  int num_shortened_steps = 0;  ///< tried again along the dog-leg path
-  int num_relinearized_factors = 0;
+  int num_iterations = 0;            ///< solves of the reduced system
+  int num_batch_iterations = 0;      ///< of them by the batch solver
+  int num_rejected_steps = 0;        ///< given up, not tried again shorter
+  int num_shortened_steps = 0;       ///< tried again along the dog-leg path
+  int num_relinearized_factors = 0;  ///< evaluated with Jacobians
   /// whose expansion point moved between iterations, FactorFamily::Recenter
   int num_recentered_factors = 0;
   std::int64_t num_evaluated_factors = 0;  ///< cost-only, at candidates
   int num_eliminated_landmarks = 0;        ///< taken out of S and put back with new blocks
   int num_updated_landmarks = 0;           ///< whose right-hand side alone followed
   int num_factored_rows = 0;               ///< block rows of the reduced system refactored
-  int num_reorderings = 0;  ///< of the reduced system's rows, whose order had aged (loops)
-  int num_solved_rows = 0;  ///< block rows substituted backwards
-  int num_pcg_iterations = 0;
+  int num_reorderings = 0;        ///< of the reduced system's rows, whose order had aged (loops)
+  int num_solved_rows = 0;        ///< block rows substituted backwards
+  int num_pcg_iterations = 0;     ///< conjugate-gradient iterations, of all solves
   int num_landmark_passes = 0;    ///< steps of landmarks alone
   int num_visited_landmarks = 0;  ///< leaves back-substituted
-  int num_moved_frames = 0;
-  int num_rebuilds = 0;        ///< switch decisions: S and b summed anew
-  int num_drifted_frames = 0;  ///< rows of S summed anew because cancellation had eaten digits
+  int num_moved_frames = 0;       ///< over all iterations
+  int num_rebuilds = 0;           ///< switch decisions: S and b summed anew
+  int num_drifted_frames = 0;     ///< rows of S summed anew because cancellation had eaten digits
   int num_undetermined_landmarks = 0;  ///< without information at the end
   std::int64_t bytes = 0;              ///< of the caches, S and its factor
 
-  double seconds = 0.0;
+  double seconds = 0.0;            ///< of the Update
   double batch_seconds = 0.0;      ///< in the batch solver
   double linearize_seconds = 0.0;  ///< evaluation with Jacobians, S and b
   double solve_seconds = 0.0;      ///< of the reduced system
@@ -110,7 +110,7 @@ struct INCERES_EXPORT UpdateSummary {
   double accept_seconds = 0.0;     ///< residuals, gradients and right-hand sides
   StageSeconds batch_stages;       ///< of batch_seconds
 
-  std::vector<UpdateIteration> iterations;
+  std::vector<UpdateIteration> iterations;  ///< the trace, the start included
 
   /// One JSON object with every field above.
   std::string ToJson() const;

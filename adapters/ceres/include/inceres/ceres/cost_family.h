@@ -26,8 +26,10 @@ namespace inceres {
 /// Place are for one writer.
 class CeresCostFamily : public AmbientFamily<CeresCostFamily> {
  public:
+  /// What Add and Place take.
   using Measurement = std::shared_ptr<const ceres::CostFunction>;
 
+  /// For cost functions of this shape: see above.
   CeresCostFamily(int residual_size, std::vector<Slot> slots)
       : AmbientFamily<CeresCostFamily>(residual_size, std::move(slots)) {}
 
@@ -37,10 +39,13 @@ class CeresCostFamily : public AmbientFamily<CeresCostFamily> {
     return Measurement(Measurement(), cost);
   }
 
+  /// Memory for so many factors.
   void Reserve(std::size_t num_factors) { costs_.reserve(num_factors); }
+  /// Appends a cost function of the family's shape.
   void Add(Measurement cost) { costs_.push_back(std::move(cost)); }
   /// Puts the cost function at an index: one in use or the next one.
   void Place(int index, const Measurement& cost) { PlaceIn(&costs_, index, cost); }
+  /// The cost function at an index.
   const Measurement& at(int index) const { return costs_[static_cast<std::size_t>(index)]; }
 
   int size() const override { return static_cast<int>(costs_.size()); }
@@ -49,6 +54,7 @@ class CeresCostFamily : public AmbientFamily<CeresCostFamily> {
     return internal::DescribeObject("cost function", at(i).get());
   }
 
+  /// Calls the cost function; for AmbientFamily.
   bool EvaluateOne(int i, const double* const* parameters, double* residuals,
                    double** jacobians) const {
     return at(i)->Evaluate(parameters, residuals, jacobians);

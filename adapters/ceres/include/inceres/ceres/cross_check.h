@@ -11,7 +11,11 @@
 
 namespace inceres {
 
-enum class SolvedBy { kOurs, kStock };
+/// One of the two solvers of a comparison.
+enum class SolvedBy {
+  kOurs,   ///< inceres
+  kStock,  ///< Ceres itself
+};
 
 /// Asks that stock Ceres solves the same problem from the same start, and that the two results are
 /// compared. For a trial run: it takes the time of both.
@@ -21,7 +25,7 @@ enum class SolvedBy { kOurs, kStock };
 /// Incremental mode promises only a minimum: ours must not end above stock by more than the
 /// function tolerance, and nothing else is judged unless it is set.
 struct INCERES_EXPORT CrossCheckOptions {
-  bool enabled = false;
+  bool enabled = false;  ///< whether stock solves, too
   /// Whose result stays in the parameter blocks and in the summary. A solve that the caller's
   /// callback ended stays ours.
   SolvedBy keep = SolvedBy::kOurs;
@@ -66,11 +70,11 @@ struct INCERES_EXPORT CrossCheckOptions {
 struct INCERES_EXPORT ParameterDifference {
   /// the address the caller gave to Ceres; null if all parameters are the same to the last bit
   const double* block = nullptr;
-  int index = -1;  ///< of the block among Problem::GetParameterBlocks
-  int size = 0;    ///< of the block
-  int component = -1;
-  double ours = 0.0;
-  double stock = 0.0;
+  int index = -1;         ///< of the block among Problem::GetParameterBlocks
+  int size = 0;           ///< of the block
+  int component = -1;     ///< the entry of the block
+  double ours = 0.0;      ///< its value where ours ended
+  double stock = 0.0;     ///< its value where stock ended
   double relative = 0.0;  ///< |ours − stock| / scale of the block
 };
 
@@ -98,20 +102,21 @@ struct INCERES_EXPORT CrossCheckResult {
   /// because the cost functions remember, which `reason` then says. Empty if there are violations.
   std::vector<std::string> within_spread;
   std::optional<StockSpread> spread;  ///< if it was measured
-  SolvedBy kept = SolvedBy::kOurs;
-  SolvedBy first = SolvedBy::kOurs;  ///< who solved it first
+  SolvedBy kept = SolvedBy::kOurs;    ///< whose result the caller has
+  SolvedBy first = SolvedBy::kOurs;   ///< who solved it first
 
-  ceres::Solver::Summary ours;
-  ceres::Solver::Summary stock;
-  double our_seconds = 0.0;    ///< the whole call without the caller's iteration callbacks
-  double stock_seconds = 0.0;  ///< the whole call
+  ceres::Solver::Summary ours;   ///< of our solve, whichever was kept
+  ceres::Solver::Summary stock;  ///< of stock's
+  double our_seconds = 0.0;      ///< the whole call without the caller's iteration callbacks
+  double stock_seconds = 0.0;    ///< the whole call
 
   /// (ours − stock) / max(ours, stock, ε·initial cost) of the final costs
   double cost_difference = 0.0;
-  ParameterDifference parameters;
+  ParameterDifference parameters;  ///< where the two ends differ most
   /// the first one beyond tolerance; −1 if none, or if there is no trace to compare
   int first_different_iteration = -1;
 
+  /// Compared, and nothing is beyond what the tolerances and stock's spread allow.
   bool agrees() const { return compared && violations.empty(); }
 };
 

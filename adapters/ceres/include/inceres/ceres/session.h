@@ -72,6 +72,7 @@ struct INCERES_EXPORT SessionOptions {
 /// time; two sessions share nothing. docs/swap.md tells what a session notices.
 class INCERES_EXPORT CeresSession {
  public:
+  /// Remembers nothing yet; the options hold for the session's life.
   explicit CeresSession(const SessionOptions& options = SessionOptions());
   ~CeresSession();
   CeresSession(const CeresSession&) = delete;
@@ -83,6 +84,7 @@ class INCERES_EXPORT CeresSession {
   void Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
              ceres::Solver::Summary* summary, const SolveOptions& solve_options = SolveOptions(),
              SolveReport* report = nullptr);
+  /// The same with default options, for who wants the report only.
   void Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
              ceres::Solver::Summary* summary, SolveReport* report) {
     Solve(options, problem, summary, SolveOptions(), report);

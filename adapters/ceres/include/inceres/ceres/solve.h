@@ -18,10 +18,10 @@ namespace inceres {
 /// How inceres::Solve treats a ceres::Problem.
 enum class SolveMode {
   kExact,  ///< follows Ceres's trace: same strategy, same decisions, same termination
-  /// re-uses Jacobians and what follows from them while they are good enough: to a minimum within
+  /// re-uses Jacobians and what follows from them while they are good enough: to a minimum, to within
+  /// function_tolerance, by another path and with less work; of several minima maybe to another one
+  /// than Ceres
   kIncremental,
-  /// < function_tolerance, by another path and with less work; of several minima maybe to another
-  /// one than Ceres
   kStock,  ///< hands everything to stock Ceres
 };
 
@@ -75,12 +75,12 @@ INCERES_EXPORT SolveOptions OptionsFromEnvironment();
 /// What an incremental solve found different from what it remembered; at a first solve everything
 /// is new.
 struct INCERES_EXPORT ProblemChanges {
-  int num_added_variables = 0;
-  int num_removed_variables = 0;
+  int num_added_variables = 0;     ///< parameter blocks not seen before
+  int num_removed_variables = 0;   ///< parameter blocks that are gone
   int num_revalued_variables = 0;  ///< whose values the caller has changed
   int num_toggled_constants = 0;   ///< made constant or variable
-  int num_added_factors = 0;
-  int num_removed_factors = 0;
+  int num_added_factors = 0;       ///< residual blocks not seen before
+  int num_removed_factors = 0;     ///< residual blocks that are gone
   /// same parameter blocks, but not proved to be the same: linearized anew
   int num_replaced_factors = 0;
   int num_kept_factors = 0;    ///< taken over from the last solve

@@ -1,0 +1,335 @@
+// The examples of the site's guides, compiled and run as they stand there.
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <fstream>
+#include <functional>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "inceres/factors/bal_reprojection.h"
+#include "inceres/factors/diagonal_prior.h"
+#include "inceres/factors/pose_prior.h"
+#include "inceres/factors/relative_pose.h"
+#include "inceres/io/bal.h"
+#include "inceres/io/g2o.h"
+#include "inceres/problem/losses.h"
+#include "inceres/problem/pose_composition.h"
+#include "inceres/problem/rotation.h"
+#include "inceres/solver/covariance.h"
+#include "inceres/solver/incremental_solver.h"
+#include "inceres/solver/solver.h"
+#include "support/temp_dir.h"
+
+namespace {
+
+using inceres::FactorGraph;
+using inceres::VariableId;
+
+// Three poses along a line and back to the first, which is off by a little.
+constexpr const char* kGraph = R"(VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1
+VERTEX_SE3:QUAT 1 1.1 0 0 0 0 0 1
+VERTEX_SE3:QUAT 2 2.1 0.1 0 0 0 0 1
+EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 4 0 0 4 0 4
+EDGE_SE3:QUAT 1 2 1 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 4 0 0 4 0 4
+EDGE_SE3:QUAT 0 2 2.3 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 4 0 0 4 0 4
+)";
+
+// clang-format off
+// [quoted in docs/pose_graphs.md]
+// An edge of the file as RelativePoseFamily has it: a is the edge's `to`, b its `from`. False if
+// the information matrix is not positive definite.
+bool FromEdge(const inceres::PoseGraphEdge& edge,
+              inceres::RelativePoseFamily::Measurement* measurement) {
+  std::copy_n(edge.measurement.begin(), 3, measurement->p_ab);
+  inceres::ConjugateQuaternion(edge.measurement.data() + 3, measurement->q_ab);
+  double information[36];  // rotation before position; the rotation is the other way around
+  for (std::size_t r = 0; r < 6; ++r) {
+    for (std::size_t c = 0; c < 6; ++c) {
+      const double sign = (r < 3) == (c < 3) ? 1.0 : -1.0;
+      information[6 * r + c] = sign * edge.information[6 * ((r + 3) % 6) + (c + 3) % 6];
+    }
+  }
+  return inceres::SqrtInformation(information, 6, measurement->sqrt_information);
+}
+// [end of quote]
+
+int SolvePoseGraph(const std::string& path, FactorGraph* made) {
+// [quoted in docs/pose_graphs.md]
+inceres::PoseGraph file;
+const inceres::Status read = inceres::ReadG2o(path, &file);
+if (!read.ok()) {
+  std::cerr << read.message << '\n';  // file:line: tag: field: what is wrong
+  return 1;
+}
+inceres::FactorGraph graph;
+const auto edges = graph.AddFamily(std::make_shared<inceres::RelativePoseFamily>());
+const auto manifold = std::make_shared<inceres::PoseManifold>();
+for (int vertex = 0; vertex < file.NumVertices(); ++vertex) {  // ids are 0, 1, 2, …
+  graph.AddVariable(file.PoseData(vertex), 7, inceres::Role::kFrame, manifold);
+}
+for (const inceres::PoseGraphEdge& edge : file.edges) {
+  inceres::RelativePoseFamily::Measurement measurement;
+  if (!FromEdge(edge, &measurement)) {
+    std::cerr << "an information matrix is not positive definite\n";
+    return 1;
+  }
+  graph.AddFactor(edges, measurement, {edge.to, edge.from});
+}
+graph.SetConstant(file.fixed.empty() ? 0 : file.fixed[0], true);  // relative poses leave it free
+inceres::SolverOptions options;
+options.strategy = inceres::TrustRegionStrategyKind::kDogleg;
+const inceres::Summary summary = inceres::Solve(options, &graph);
+// [end of quote]
+  EXPECT_EQ(summary.termination, inceres::Termination::kConvergence) << summary.message;
+  *made = graph;
+  return 0;
+}
+
+double MinimumOf(FactorGraph graph) {
+// [quoted in docs/errors.md]
+const inceres::Summary summary = inceres::Solve(inceres::SolverOptions(), &graph);
+switch (summary.termination) {
+  case inceres::Termination::kConvergence:
+  case inceres::Termination::kUserSuccess:
+    break;
+  case inceres::Termination::kNoConvergence:  // a limit: the state is the best one found
+    std::cerr << "stopped early: " << summary.message << '\n';
+    break;
+  case inceres::Termination::kFailure:        // the state is what it was
+  case inceres::Termination::kUserFailure:
+    std::cerr << summary.message << ' ' << summary.detail << '\n';
+}
+// [end of quote]
+  return summary.final_cost;
+}
+
+bool Edit(inceres::IncrementalSolver* living, VariableId camera) {
+  inceres::IncrementalSolver& solver = *living;
+// [quoted in docs/errors.md]
+inceres::GraphEdit edit(solver.graph());
+edit.RemoveVariable(camera);
+const inceres::Status status = solver.Apply(edit);
+if (!status.ok()) {
+  std::cerr << status.message << '\n';  // names the id at fault; nothing has changed
+}
+// [end of quote]
+  return status.ok();
+}
+
+inceres::SolverOptions Exact() {
+// [quoted in docs/tolerances.md]
+inceres::SolverOptions options;
+options.function_tolerance = 1e-12;   // stop when a step gains less than this share of the cost
+options.gradient_tolerance = 0.0;     // 0: never for this reason
+options.parameter_tolerance = 0.0;
+options.max_num_iterations = 200;
+// [end of quote]
+  return options;
+}
+
+inceres::IncrementalOptions FrontEnd() {
+// [quoted in docs/real_time.md]
+inceres::IncrementalOptions options;
+options.max_factor_evaluations = 200000;  // the budget: the same on every machine, every time
+options.max_seconds = 0.03;               // the deadline: for what the budget did not foresee
+options.function_tolerance = 1e-4;        // the next frame comes soon
+inceres::IncrementalSolver solver(options);
+// [end of quote]
+  return options;
+}
+
+inceres::UpdateSummary UpdateUntil(inceres::IncrementalSolver* living,
+                                   std::atomic<bool>* frame_has_come) {
+  inceres::IncrementalSolver& solver = *living;
+// [quoted in docs/real_time.md]
+std::thread watch([&] {
+  while (!*frame_has_come) {
+    std::this_thread::yield();  // wait for whatever your program waits for
+  }
+  solver.RequestStop();         // from any thread: the Update ends at its next iteration
+});
+const inceres::UpdateSummary summary = solver.Update();
+// [end of quote]
+  watch.join();
+  return summary;
+}
+
+// [quoted in docs/real_time.md]
+class Deadline : public inceres::UpdateObserver {
+ public:
+  explicit Deadline(std::function<bool()> is_over) : is_over_(std::move(is_over)) {}
+  inceres::ObserverAction EndOfIteration(const inceres::UpdateIteration& /*iteration*/) override {
+    return is_over_() ? inceres::ObserverAction::kTerminateSuccessfully
+                      : inceres::ObserverAction::kContinue;
+  }
+
+ private:
+  std::function<bool()> is_over_;
+};
+// [end of quote]
+
+inceres::Summary SolveInexactly(const std::string& path, inceres::FactorGraph* made) {
+  inceres::FactorGraph& graph = *made;
+// [quoted in docs/large_problems.md]
+inceres::BalProblem problem;
+const inceres::Status read = inceres::ReadBal(path, &problem);
+const auto reprojections = graph.AddFamily(std::make_shared<inceres::BalReprojectionFamily>());
+graph.Reserve(problem.num_cameras + problem.num_points,
+              9 * problem.num_cameras + 3 * problem.num_points);
+reprojections->Reserve(static_cast<int>(problem.observations.size()));
+for (int i = 0; i < problem.num_cameras; ++i) {
+  graph.AddVariable(problem.CameraData(i), 9, inceres::Role::kFrame);
+}
+for (int j = 0; j < problem.num_points; ++j) {
+  graph.AddVariable(problem.PointData(j), 3, inceres::Role::kLandmark);
+}
+for (const inceres::BalObservation& seen : problem.observations) {
+  graph.AddFactor(reprojections, {seen.x, seen.y},
+                  {seen.camera, problem.num_cameras + seen.point});
+}
+inceres::SolverOptions options;
+options.reduced_solver = inceres::ReducedSolverKind::kAutomaticInexact;  // PCG where it is cheaper
+options.num_threads = 4;
+const inceres::Summary summary = inceres::Solve(options, &graph);
+// [end of quote]
+  EXPECT_TRUE(read.ok()) << read.message;
+  return summary;
+}
+
+inceres::Summary SolveAsInGtsam(const double* camera_values, const double* point_values) {
+  const double x = 10.0, y = 20.0;
+// [quoted in docs/from_gtsam.md]
+inceres::FactorGraph graph;  // NonlinearFactorGraph and Values in one
+const auto seen = graph.AddFamily(std::make_shared<inceres::BalReprojectionFamily>());
+const auto priors = graph.AddFamily(std::make_shared<inceres::DiagonalPriorFamily>(9));
+// values.insert(X(0), …); values.insert(L(0), …)
+const auto camera = graph.AddVariable(camera_values, 9, inceres::Role::kFrame);
+const auto point = graph.AddVariable(point_values, 3, inceres::Role::kLandmark);
+// graph.emplace_shared<…>(…), with a noiseModel::Robust
+graph.AddFactor(seen, {x, y}, {camera, point}, std::make_shared<inceres::HuberLoss>(1.0));
+// graph.addPrior(X(0), …): 1 / sigma for each entry
+const std::vector<double> mean(camera_values, camera_values + 9), weights(9, 100.0);
+graph.AddFactor(priors, {mean, weights}, {camera});
+const inceres::Summary summary = inceres::Solve(inceres::SolverOptions(), &graph);
+const double* solved = graph.Values(camera);  // result.at<…>(X(0))
+// [end of quote]
+  EXPECT_NE(solved, nullptr);
+  return summary;
+}
+
+bool UncertaintyOf(const FactorGraph& graph, VariableId pose, std::array<double, 36>* out) {
+  std::array<double, 36>& covariance = *out;
+// [quoted in docs/from_gtsam.md, docs/from_g2o.md]
+inceres::Covariance covariances;  // Marginals; computeMarginals
+const inceres::Status status = covariances.Compute(graph, {{pose, pose}});
+const bool known = status.ok() && covariances.Get(pose, pose, covariance.data());
+// [end of quote]
+  return known;
+}
+
+FactorGraph LineOfPoses() {
+  const inceres::test::TempDir folder;
+  const std::string path = folder.File("line.g2o");
+  std::ofstream(path) << kGraph;
+  FactorGraph graph;
+  EXPECT_EQ(SolvePoseGraph(path, &graph), 0);
+  return graph;
+}
+
+// A camera at the origin that looks at a point, and values from which it is found.
+constexpr double kCamera[9] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 500.0, 0.0, 0.0};
+constexpr double kPoint[3] = {0.11, 0.19, -5.0};
+
+inceres::BalProblem SmallProblem() {
+  inceres::BalProblem problem;
+  problem.num_cameras = 2;
+  problem.num_points = 1;
+  problem.cameras.assign(kCamera, kCamera + 9);
+  problem.cameras.insert(problem.cameras.end(), kCamera, kCamera + 9);
+  problem.cameras[9 + 3] = 1.0;
+  problem.points.assign(kPoint, kPoint + 3);
+  problem.observations = {{0, 0, 10.0, 20.0}, {1, 0, 110.0, 20.0}};
+  return problem;
+}
+
+// A camera that an anchor and a point hold, added to a solver that lives on.
+VariableId AddCamera(inceres::IncrementalSolver* solver) {
+  const auto priors = solver->AddFamily(std::make_shared<inceres::DiagonalPriorFamily>(9));
+  inceres::GraphEdit edit(solver->graph());
+  const VariableId camera = edit.AddVariable(kCamera, 9, inceres::Role::kFrame);
+  const std::vector<double> mean(9, 1.0), weights(9, 1.0);
+  edit.AddFactor(priors, {mean, weights}, {camera});
+  EXPECT_TRUE(solver->Apply(edit).ok());
+  return camera;
+}
+
+TEST(GuidesExamples, APoseGraphEndsBetweenWhatItsEdgesSay) {
+  const FactorGraph graph = LineOfPoses();
+  // The chain says 2, the loop 2.3: each of the three edges takes a third of the difference.
+  EXPECT_NEAR(graph.Values(1)[0], 1.1, 1e-6);
+  EXPECT_NEAR(graph.Values(2)[0], 2.2, 1e-6);
+  EXPECT_NEAR(MinimumOf(graph), 0.5 * 3 * 0.01, 1e-7);
+  std::array<double, 36> covariance{};
+  ASSERT_TRUE(UncertaintyOf(graph, 2, &covariance));
+  EXPECT_NEAR(covariance[0], 2.0 / 3.0, 1e-6);  // two edges in a row, beside one
+}
+
+TEST(GuidesExamples, AFileThatIsNotThereIsTold) {
+  FactorGraph graph;
+  EXPECT_EQ(SolvePoseGraph("/no/such/file.g2o", &graph), 1);
+}
+
+TEST(GuidesExamples, AnEditOfWhatIsGoneIsRefused) {
+  inceres::IncrementalSolver solver{inceres::IncrementalOptions()};
+  const VariableId camera = AddCamera(&solver);
+  EXPECT_TRUE(Edit(&solver, camera));
+  EXPECT_FALSE(Edit(&solver, camera));
+}
+
+TEST(GuidesExamples, OptionsAreValid) {
+  EXPECT_TRUE(Exact().Validate().ok());
+  EXPECT_TRUE(FrontEnd().Validate().ok());
+}
+
+TEST(GuidesExamples, AnUpdateStopsWhenAsked) {
+  inceres::IncrementalSolver solver{inceres::IncrementalOptions()};
+  AddCamera(&solver);
+  std::atomic<bool> frame_has_come{true};
+  EXPECT_NE(UpdateUntil(&solver, &frame_has_come).termination, inceres::Termination::kFailure);
+}
+
+TEST(GuidesExamples, ADeadlineKeepsTheState) {
+  inceres::IncrementalSolver solver{inceres::IncrementalOptions()};
+  AddCamera(&solver);
+  Deadline deadline([] { return true; });
+  inceres::UpdateSummary summary;
+  solver.Update(&summary, &deadline);
+  EXPECT_EQ(summary.termination, inceres::Termination::kUserSuccess);
+}
+
+TEST(GuidesExamples, ABalFileIsSolved) {
+  const inceres::test::TempDir folder;
+  const std::string path = folder.File("two_cameras.txt");
+  ASSERT_TRUE(inceres::WriteBal(path, SmallProblem()).ok());
+  FactorGraph graph;
+  const inceres::Summary summary = SolveInexactly(path, &graph);
+  EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+  EXPECT_LT(summary.final_cost, 1e-6);
+}
+
+TEST(GuidesExamples, WhatGtsamUsersWriteIsSolved) {
+  const inceres::Summary summary = SolveAsInGtsam(kCamera, kPoint);
+  EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+  EXPECT_LT(summary.final_cost, 1e-3);
+}
+
+}  // namespace
