@@ -55,7 +55,10 @@ struct VariableBounds {
 /// What the solver does with a variable: landmarks (tangent size 1 to 4, at most one a factor) are
 /// eliminated first, one small block each; frames (poses, velocities, calibrations, …) stay in the
 /// reduced system.
-enum class Role : std::uint8_t { kFrame, kLandmark };
+enum class Role : std::uint8_t {
+  kFrame,     ///< stays in the reduced system
+  kLandmark,  ///< eliminated first
+};
 
 class GraphEdit;
 namespace internal {

@@ -19,7 +19,11 @@ void SolveWith(const SolverOptions& options, const LoopOptions& loop, FactorGrap
 }  // namespace internal
 
 /// What an observer wants after an iteration.
-enum class ObserverAction { kContinue, kTerminateSuccessfully, kAbort };
+enum class ObserverAction {
+  kContinue,               ///< go on
+  kTerminateSuccessfully,  ///< end, with the best state so far
+  kAbort,                  ///< end, with the state of before
+};
 
 /// The hooks of the trust-region loop, in Ceres's order (docs/ceres_contract.md, "Trust-region
 /// loop"): an observer sees every evaluation before it happens and every iteration after it ended.
