@@ -36,6 +36,7 @@ ADAPTER_ARROWS = {
     "plan": ["read"],
     "report": ["plan"],
     "exact": ["report"],
+    "covariance": ["plan"],
     "compare": ["plan", "fallback"],
     "session": ["exact", "compare"],
 }
@@ -47,6 +48,8 @@ OUTER = {
     "benchmarks": ["adapters", "tools", "tests", "benchmarks"],
     "examples": ["adapters", "tools", "examples"],
 }
+# Headers at the top of include/inceres that stand above all modules.
+UMBRELLAS = {"inceres.h", "eigen.h"}
 # Packages that the core must build without; logging and flags belong to the tools.
 FORBIDDEN_IN_CORE = ("ceres", "glog", "gflags", "gtest", "gmock", "benchmark")
 # All that a kernel translation unit may pull in: types and intrinsics, no inline library code (the linker could keep a copy
@@ -78,10 +81,12 @@ def includes_of(path):
 
 
 def owner_of(relative):
-    """(kind, module) of a file by its path from the root: kind is "root", "public", "internal", or an outer folder's name."""
+    """(kind, module) of a file by its path from the root: kind is "root", "umbrella", "public", "internal", or an outer folder's name."""
     parts = relative.parts
     if parts[:2] == ("include", "inceres"):
-        return ("root", None) if len(parts) == 3 else ("public", parts[2])
+        if len(parts) > 3:
+            return "public", parts[2]
+        return ("umbrella" if parts[2] in UMBRELLAS else "root"), None
     if parts[0] == "src":
         return "internal", parts[1]
     return parts[0], None
@@ -104,6 +109,10 @@ def check_core_include(kind, module, target_kind, target_module):
         return None
     if target_kind in OUTER:
         return f"the core may not include {target_kind}/"
+    if kind == "umbrella":
+        return None if target_kind == "public" else "an umbrella header includes public headers only"
+    if target_kind == "umbrella":
+        return "an umbrella header is for users: include what is needed of it"
     if kind == "root":
         return "a header at the top of include/inceres includes no module"
     if kind == "public" and target_kind == "internal":
@@ -136,7 +145,7 @@ def check_file(root, path):
     """Violations of one file as (line, header, reason)."""
     kind, module = owner_of(path.relative_to(root))
     in_core = kind not in OUTER
-    if in_core and kind != "root" and module not in ARROWS:
+    if in_core and kind not in ("root", "umbrella") and module not in ARROWS:
         yield 1, "", f"module {module} is not in the architecture"
         return
     for number, bracket, header in includes_of(path):

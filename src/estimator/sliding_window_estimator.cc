@@ -110,7 +110,7 @@ Status SlidingWindowEstimator::StateCovariance(int i, std::array<double, 225>* c
         "the window has no frame " + std::to_string(i) + ", but " + std::to_string(num_frames()));
   }
   const VariableId pose = PoseId(i), speed_bias = SpeedBiasId(i);
-  Covariance blocks;
+  GraphCovariance blocks;
   const Status status =
       blocks.Compute(solver(), {{pose, pose}, {pose, speed_bias}, {speed_bias, speed_bias}});
   if (!status.ok()) {

@@ -11,15 +11,14 @@ WindowGraph::WindowGraph(const SlidingWindowOptions& options)
       options_(options),
       has_bearing_(options.landmark_form == LandmarkForm::kBearing),
       gyr_column_(LayoutOf(options.imu.conventions).gyr_column),
-      views_(std::make_shared<BodyReprojectionFamily>(
+      imu_(solver.AddFamily(std::make_shared<ImuFactorFamily>())),
+      pose_priors_(solver.AddFamily(std::make_shared<PosePriorFamily>())),
+      speed_bias_priors_(solver.AddFamily(std::make_shared<DiagonalPriorFamily>(9))),
+      bearings_(solver.AddFamily(std::make_shared<DiagonalPriorFamily>(2, 3, 3))),
+      views_(solver.AddFamily(std::make_shared<BodyReprojectionFamily>(
           BodyReprojectionFamily::TimeOffset::kNone,
           has_bearing_ ? BodyReprojectionFamily::Feature::kBearing
-                       : BodyReprojectionFamily::Feature::kInverseDepth)) {
-  imu_id_ = solver.AddFamily(imu_);
-  pose_priors_id_ = solver.AddFamily(pose_priors_);
-  speed_bias_priors_id_ = solver.AddFamily(speed_bias_priors_);
-  bearings_id_ = solver.AddFamily(bearings_);
-  views_id_ = solver.AddFamily(views_);
+                       : BodyReprojectionFamily::Feature::kInverseDepth))) {
 }
 
 std::array<double, 9> WindowGraph::SpeedBiasOf(const WindowState& state) const {
@@ -58,7 +57,7 @@ void WindowGraph::AddStart(const WindowStart& start, const FrameRecord& record, 
   for (std::size_t k = 0; k < 6; ++k) {
     pose.sqrt_information[7 * k] = 1.0 / start.pose_sigma[k];
   }
-  edit->AddFactor(pose_priors_id_, *pose_priors_, pose, {record.pose});
+  edit->AddFactor(pose_priors_, pose, {record.pose});
   WindowState sigmas;
   sigmas.velocity = start.velocity_sigma;
   sigmas.gyr_bias = start.gyr_bias_sigma;
@@ -68,12 +67,12 @@ void WindowGraph::AddStart(const WindowStart& start, const FrameRecord& record, 
   for (const double s : sigma) {
     speed_bias.sqrt_information.push_back(1.0 / s);
   }
-  edit->AddFactor(speed_bias_priors_id_, *speed_bias_priors_, speed_bias, {record.speed_bias});
+  edit->AddFactor(speed_bias_priors_, speed_bias, {record.speed_bias});
 }
 
 FactorId WindowGraph::AddImu(const ImuPreintegrator& imu, const FrameRecord& from,
                              const FrameRecord& to, GraphEdit* edit) {
-  return edit->AddFactor(imu_id_, *imu_, imu, {from.pose, from.speed_bias, to.pose, to.speed_bias});
+  return edit->AddFactor(imu_, imu, {from.pose, from.speed_bias, to.pose, to.speed_bias});
 }
 
 VariableId WindowGraph::AddLandmark(const Feature& feature, View* anchor_view, GraphEdit* edit) {
@@ -84,7 +83,7 @@ VariableId WindowGraph::AddLandmark(const Feature& feature, View* anchor_view, G
   }
   const VariableId landmark = edit->AddVariable(values, 3, Role::kLandmark);
   anchor_view->factor =
-      edit->AddFactor(bearings_id_, *bearings_,
+      edit->AddFactor(bearings_,
                       {{anchor_view->point.begin(), anchor_view->point.end()},
                        {1.0 / options_.feature_sigma[0], 1.0 / options_.feature_sigma[1]}},
                       {landmark}, options_.loss);
@@ -98,8 +97,8 @@ void WindowGraph::AddView(VariableId landmark, const FrameRecord& anchor, const 
   std::copy(view->point.begin(), view->point.end(), measurement.point_j);
   measurement.sqrt_information[0] = 1.0 / options_.feature_sigma[0];
   measurement.sqrt_information[2] = 1.0 / options_.feature_sigma[1];
-  view->factor = edit->AddFactor(views_id_, *views_, measurement,
-                                 {anchor.pose, record.pose, camera_, landmark}, options_.loss);
+  view->factor = edit->AddFactor(views_, measurement, {anchor.pose, record.pose, camera_, landmark},
+                                 options_.loss);
 }
 
 Feature WindowGraph::FeatureOf(VariableId landmark, const View& anchor_view) const {

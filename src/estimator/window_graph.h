@@ -70,13 +70,11 @@ class WindowGraph {
   const bool has_bearing_;
   const int gyr_column_;  // of a speed-bias
   std::shared_ptr<const Manifold> pose_manifold_ = std::make_shared<PoseManifold>();
-  std::shared_ptr<ImuFactorFamily> imu_ = std::make_shared<ImuFactorFamily>();
-  std::shared_ptr<PosePriorFamily> pose_priors_ = std::make_shared<PosePriorFamily>();
-  std::shared_ptr<DiagonalPriorFamily> speed_bias_priors_ =
-      std::make_shared<DiagonalPriorFamily>(9);
-  std::shared_ptr<DiagonalPriorFamily> bearings_ = std::make_shared<DiagonalPriorFamily>(2, 3, 3);
-  std::shared_ptr<BodyReprojectionFamily> views_;
-  FamilyId imu_id_, pose_priors_id_, speed_bias_priors_id_, bearings_id_, views_id_;
+  const FamilyHandle<ImuFactorFamily> imu_;
+  const FamilyHandle<PosePriorFamily> pose_priors_;
+  const FamilyHandle<DiagonalPriorFamily> speed_bias_priors_;
+  const FamilyHandle<DiagonalPriorFamily> bearings_;
+  const FamilyHandle<BodyReprojectionFamily> views_;
   VariableId camera_ = -1;
 };
 

@@ -134,10 +134,10 @@ RotationResponse Respond(const ImuConventions& conventions, const Comparison& c,
 
 // The Jacobians before whitening, as functions of one comparison. With right perturbations R
 // Exp(φ), E = ΔRᵀ R_iᵀ R_j:
-//     ∂E/∂φ_j: E Exp(φ_j),                ∂E/∂φ_i: E Exp(−R_jᵀR_i φ_i),      ∂E/∂φ_Δ: Exp(−φ_Δ) E,
+//     ∂E/∂φ_j: E Exp(φ_j),       ∂E/∂φ_i: E Exp(−R_jᵀR_i φ_i),   ∂E/∂φ_Δ: Exp(−φ_Δ) E,
 //     ∂way/∂φ_i = [way]×,                 ∂gain/∂φ_i = [gain]×.
 // With left ones Exp(φ) R, E = R_iᵀ R_j ΔRᵀ:
-//     ∂E/∂φ_j: Exp(R_iᵀφ_j) E,            ∂E/∂φ_i: Exp(−R_iᵀφ_i) E,          ∂E/∂φ_Δ: E Exp(−ΔR φ_Δ),
+//     ∂E/∂φ_j: Exp(R_iᵀφ_j) E,   ∂E/∂φ_i: Exp(−R_iᵀφ_i) E,       ∂E/∂φ_Δ: E Exp(−ΔR φ_Δ),
 //     and φ on the left is R_iᵀφ on the right: ∂way/∂φ_i = [way]× R_iᵀ, ∂gain/∂φ_i = [gain]× R_iᵀ.
 class Derivatives {
  public:

@@ -65,8 +65,9 @@ struct InverseDepthChain {
 /// for b_j, a_w = R_j a_b for the world, a_i = R_iᵀ a_w for b_i, a_m = R_ciᵀ a_i for m. With right
 /// perturbations R Exp(φ), where ∂(R v)/∂φ = −R[v]× and ∂(Rᵀv)/∂φ = [Rᵀv]×:
 ///     p_i: λ a_w = −p_j,   φ_i: b_i × a_i,   φ_j: a_b × b_j,
-///     t_ci: λ a_i,   φ_ci: m × a_m,   t_cj: −λ a_b,   φ_cj: a × h;   the sums if camera i is camera j,
+///     t_ci: λ a_i,   φ_ci: m × a_m,   t_cj: −λ a_b,   φ_cj: a × h,
 ///     m: a_m,   λ: a_i·t_ci + a_w·(p_i − p_j) − a_b·t_cj.
+/// If camera i is camera j, its columns are the sums of the two.
 template <int poses, int cameras>
 class InverseDepthRow {
  public:

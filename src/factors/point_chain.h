@@ -130,9 +130,10 @@ double WritePointJacobians(const FactorBatch& batch, int i, const PointChain& ch
 
 /// Evaluates a batch of landmarks seen by `sensor`, which has
 ///     static constexpr int kRows;
-///     void SqrtInformation(const Measurement&, double* U) const;                            // row-major
-///     void Error(const Measurement&, const double h[3], double omega, double* e, double (*A)[4]) const;
-///     const char* ReasonAt(const double h[3]) const;                         // why a residual there is not finite
+///     void SqrtInformation(const Measurement&, double* U) const;  // row-major
+///     void Error(const Measurement&, const double h[3], double omega, double* e,
+///                double (*A)[4]) const;
+///     const char* ReasonAt(const double h[3]) const;  // why a residual there is not finite
 /// where A, if not null, becomes ∂e/∂(h, ω). `measurement_of(i)` is the measurement of factor i.
 template <typename Sensor, typename MeasurementOf>
 EvaluationFailure EvaluatePoints(const FactorBatch& batch, int landmark_size,

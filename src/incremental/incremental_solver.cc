@@ -9,8 +9,10 @@
 #include "incremental/batch_phase.h"
 #include "incremental/cached_rows.h"
 #include "incremental/incremental_minimizer.h"
+#include "incremental/latest_value.h"
 #include "incremental/shares.h"
 #include "incremental/tuning.h"
+#include "incremental/update_listeners.h"
 #include "marginal/marginalize.h"
 
 namespace inceres {
@@ -45,6 +47,8 @@ class IncrementalSolver::Impl {
                                      const MarginalizationOptions& options);
   void Update(UpdateSummary* summary, UpdateObserver* observer);
   ReducedStructure Structure();
+  void PublishSnapshot(Termination termination);
+  bool ReadSnapshot(ValueSnapshot* snapshot);
   double cost() const { return cost_; }
   const double* Values(VariableId id) const {
     return shown_state_ != nullptr ? graph.ValuesIn(shown_state_, id)
@@ -58,6 +62,7 @@ class IncrementalSolver::Impl {
   std::atomic<bool> stop{false};
 
  private:
+  void MinimizeOrPutBack(UpdateTrace* trace);
   void TakeValues();
   void Form();
   void Restart();
@@ -79,7 +84,35 @@ class IncrementalSolver::Impl {
   // the batch solver was the last to move, and there was no incremental system
   bool in_batch_ = false;
   int num_waiting_ = 0;  // factors dirty only because the batch solver was the last to move
+  internal::LatestValue<ValueSnapshot> snapshots_;
+  std::int64_t num_snapshots_ = 0;
 };
+
+void IncrementalSolver::Impl::PublishSnapshot(Termination termination) {
+  if (!options_.publish_snapshots) {
+    return;
+  }
+  ValueSnapshot* snapshot = snapshots_.Draft();
+  snapshot->number_ = ++num_snapshots_;
+  snapshot->cost_ = cost_;
+  snapshot->termination_ = termination;
+  snapshot->offsets_.clear();
+  snapshot->values_.clear();
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    const bool exists = graph.HasVariable(id);
+    snapshot->offsets_.push_back(exists ? static_cast<std::ptrdiff_t>(snapshot->values_.size())
+                                        : -1);
+    if (exists) {
+      const double* values = Values(id);
+      snapshot->values_.insert(snapshot->values_.end(), values, values + graph.AmbientSize(id));
+    }
+  }
+  snapshots_.Publish();
+}
+
+bool IncrementalSolver::Impl::ReadSnapshot(ValueSnapshot* snapshot) {
+  return snapshots_.Read([snapshot](const ValueSnapshot& latest) { *snapshot = latest; });
+}
 
 // The graph's state follows the values held now.
 void IncrementalSolver::Impl::TakeValues() {
@@ -202,7 +235,8 @@ void IncrementalSolver::Impl::PutBackStart() {
 
 void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* observer) {
   Clear(summary);
-  UpdateTrace trace(observer, summary);
+  internal::UpdateListeners listeners(options_, observer);
+  UpdateTrace trace(listeners.AsObserver(), summary);
   const Status valid = options_.Validate();
   if (!valid.ok()) {
     summary->message = valid.message;
@@ -215,11 +249,7 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
     summary->initial_cost = cost_;
     trace.EndRow(cost_);
   } else {
-    if (observer != nullptr) {
-      TakeValues();
-      start_state_ = graph.state();
-    }
-    Minimize(&trace);
+    MinimizeOrPutBack(&trace);
     changed_rows_.clear();
     if (live != nullptr) {
       live->schur().TakeChangedRows(&changed_rows_);
@@ -238,6 +268,28 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
   summary->num_undetermined_landmarks =
       live != nullptr ? live->schur().blocks().num_undetermined() : 0;
   summary->seconds = internal::NowInSeconds() - trace.start_seconds();
+}
+
+// What an observer throws passes through, and leaves the values and the cost of before.
+void IncrementalSolver::Impl::MinimizeOrPutBack(UpdateTrace* trace) {
+  if (!trace->observed()) {
+    Minimize(trace);
+    return;
+  }
+  TakeValues();
+  start_state_ = graph.state();
+  const double start_cost = cost_;
+  try {
+    Minimize(trace);
+  } catch (...) {
+    shown_state_ = nullptr;
+    stop = false;
+    held_back_ = false;
+    num_waiting_ = 0;
+    cost_ = start_cost;
+    PutBackStart();
+    throw;
+  }
 }
 
 void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
@@ -325,12 +377,17 @@ MarginalizationSummary IncrementalSolver::Marginalize(const MarginalizationReque
 
 UpdateSummary IncrementalSolver::Update() {
   UpdateSummary summary;
-  impl_->Update(&summary, nullptr);
+  Update(&summary);
   return summary;
 }
 
 void IncrementalSolver::Update(UpdateSummary* summary, UpdateObserver* observer) {
   impl_->Update(summary, observer);
+  impl_->PublishSnapshot(summary->termination);
+}
+
+bool IncrementalSolver::ReadSnapshot(ValueSnapshot* snapshot) const {
+  return impl_->ReadSnapshot(snapshot);
 }
 
 void IncrementalSolver::RequestStop() {

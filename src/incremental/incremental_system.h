@@ -32,7 +32,8 @@ struct RelinearizeWork {
 /// A living problem with everything that was ever computed for it: values, cached linearizations, S
 /// and b. What an incremental strategy drives:
 ///
-///     edits -> Relinearize -> (solve S' δ_c = b elsewhere) -> step().SetFrame, Visit, Evaluate -> Accept or step().Reject
+///     edits -> Relinearize -> (solve S' δ_c = b elsewhere)
+///           -> step().SetFrame, Visit, Evaluate -> Accept or step().Reject
 ///
 /// The cost of each verb goes with the factors it touches, not with the size of the problem. Edits
 /// follow those of the graph; removals come before the graph forgets, additions after it knows.

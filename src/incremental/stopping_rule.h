@@ -11,7 +11,8 @@ namespace inceres::internal {
 /// that the model sees left, G what of it landmarks could gain by themselves, and T the tolerance,
 /// it ends when
 ///
-///     R + (c − 1) G ≤ σ T,   or the steps to come gain little: a R / (1 − φ) + max(4, c) G ≤ T / 2,
+///     R + (c − 1) G ≤ σ T,
+///     or the steps to come gain little: a R / (1 − φ) + max(4, c) G ≤ T / 2,
 ///     or so many iterations have together gained no more than T, and R ≤ T.
 ///
 /// c is by how much landmarks gained more than they promised in their last pass, a the same of the

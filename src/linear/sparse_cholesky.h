@@ -39,6 +39,14 @@ class SparseCholesky final : public ReducedSolver {
   /// What a factorization takes, the tree included.
   double PredictedBytes() const;
 
+  /// What was analyzed, and column j of front f of the last factor, its pivots' rows first: for who
+  /// goes on from the factor.
+  const FrontTree& tree() const { return tree_; }
+  const double* Column(int f, int j) const {
+    return L_.data() + tree_.factor_begin[f] +
+           static_cast<std::ptrdiff_t>(j) * tree_.fronts[f].stride();
+  }
+
  private:
   /// The block of S at which it fails; -1: it does not.
   int FactorSegment(int index, const ReducedMatrix& A);

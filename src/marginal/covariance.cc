@@ -1,6 +1,7 @@
 #include "inceres/solver/covariance.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <new>
 #include <string>
 
@@ -20,11 +21,35 @@ Status CovarianceOptions::Validate() const {
                              : Invalid("CovarianceOptions::max_inflation must exceed 1");
 }
 
-Status Covariance::Compute(const FactorGraph& graph, const Pairs& pairs) {
+std::string RankDeficiency::ToString() const {
+  std::string text;
+  if (!landmarks.empty()) {
+    text = std::to_string(landmarks.size()) +
+           " landmarks are not determined by their factors, the first of them variable " +
+           std::to_string(landmarks.front());
+  }
+  const char* separator = ": ";
+  if (!directions.empty()) {
+    text += (text.empty() ? "" : "; ") + std::to_string(directions.size()) +
+            (has_more ? " directions or more are open" : " directions are open");
+  }
+  for (const Direction& direction : directions) {
+    for (const auto& [id, share] : direction.shares) {
+      char percent[16];
+      std::snprintf(percent, sizeof(percent), " (%.2f)", share);
+      text += separator + ("variable " + std::to_string(id)) + percent;
+      separator = ", ";
+    }
+    separator = "; ";
+  }
+  return text;
+}
+
+Status GraphCovariance::Compute(const FactorGraph& graph, const Pairs& pairs) {
   return ComputeAt(graph, graph.state(), pairs);
 }
 
-Status Covariance::Compute(const IncrementalSolver& solver, const Pairs& pairs) {
+Status GraphCovariance::Compute(const IncrementalSolver& solver, const Pairs& pairs) {
   const FactorGraph& graph = solver.graph();
   std::vector<double> state = graph.state();
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
@@ -35,9 +60,10 @@ Status Covariance::Compute(const IncrementalSolver& solver, const Pairs& pairs) 
   return ComputeAt(graph, state, pairs);
 }
 
-Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>& state,
-                             const Pairs& pairs) {
+Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<double>& state,
+                                  const Pairs& pairs) {
   blocks_.clear();
+  deficiency_ = RankDeficiency();
   Status status = options_.Validate();
   status = status.ok() ? graph.Validate() : status;
   if (!status.ok()) {
@@ -51,24 +77,23 @@ Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>
     }
   }
   try {
-    internal::CovarianceSystem system(graph, state, options_.num_threads, options_.max_inflation);
-    std::vector<VariableId> wanted;
-    for (const auto& pair : pairs) {
-      for (const VariableId id : {pair.first, pair.second}) {
+    internal::CovarianceSystem system(graph, state, options_);
+    Pairs moving;
+    for (const auto& [a, b] : pairs) {
+      for (const VariableId id : {a, b}) {
         if (!graph.IsConstant(id) && !system.Has(id)) {
           return Invalid("variable " + std::to_string(id) +
                          " has no covariance: no factor touches it");
         }
-        if (!graph.IsConstant(id)) {
-          wanted.push_back(id);
-        }
+      }
+      if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
+        moving.emplace_back(a, b);
       }
     }
-    std::sort(wanted.begin(), wanted.end());
-    wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
-    if (!wanted.empty()) {
+    if (!moving.empty()) {
       status = system.Factorize();
-      status = status.ok() ? system.Prepare(wanted) : status;
+      status = status.ok() ? system.Prepare(moving) : status;
+      deficiency_ = system.deficiency();
     }
     for (std::size_t k = 0; status.ok() && k < pairs.size(); ++k) {
       const auto [a, b] = pairs[k];
@@ -89,7 +114,7 @@ Status Covariance::ComputeAt(const FactorGraph& graph, const std::vector<double>
   return status;
 }
 
-bool Covariance::Get(VariableId a, VariableId b, double* covariance) const {
+bool GraphCovariance::Get(VariableId a, VariableId b, double* covariance) const {
   auto found = blocks_.find({a, b});
   if (found != blocks_.end()) {
     std::copy(found->second.values.begin(), found->second.values.end(), covariance);

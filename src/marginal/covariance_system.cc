@@ -4,28 +4,71 @@
 #include <cmath>
 #include <string>
 
-#include "linear/select_solver.h"
 #include "linear/small_cholesky.h"
+#include "marginal/null_space.h"
 
 namespace inceres::internal {
+namespace {
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// A share of a direction worth naming, and how many of them.
+constexpr double kShare = 0.01;
+constexpr int kMostShares = 8;
+constexpr int kMostDirections = 32;
+
+}  // namespace
 
 CovarianceSystem::CovarianceSystem(const FactorGraph& graph, const std::vector<double>& state,
-                                   int num_threads, double max_inflation)
+                                   const CovarianceOptions& options)
     : graph_(graph),
-      max_inflation_(max_inflation),
-      executor_(num_threads),
+      options_(options),
+      executor_(options.num_threads),
       layout_(graph, /*eliminate_landmarks=*/true),
       evaluator_(graph, layout_, executor_),
       incidences_(evaluator_),
       plans_(evaluator_, incidences_),
       hessian_(evaluator_, incidences_, plans_),
-      elimination_(evaluator_, incidences_, plans_, hessian_) {
+      elimination_(evaluator_, incidences_, plans_, hessian_),
+      factor_(executor_) {
   evaluator_.SetCurrent(state);
 }
 
-Status CovarianceSystem::NotDetermined(VariableId id, const char* why) const {
+Status CovarianceSystem::NotDetermined(VariableId id, const char* why) {
+  FindDirections();
+  std::string found;
+  if (!deficiency_.directions.empty()) {
+    found = "; " + std::to_string(deficiency_.directions.size()) +
+            (deficiency_.has_more ? " directions or more are open" : " directions are open");
+  }
   return Status::Error(StatusCode::kSingular,
-                       "variable " + std::to_string(id) + " has no covariance: " + why);
+                       "variable " + std::to_string(id) + " has no covariance: " + why + found);
+}
+
+void CovarianceSystem::FindDirections() {
+  if (diagonal_.size() == 0 || !deficiency_.directions.empty()) {
+    return;
+  }
+  const Eigen::MatrixXd directions =
+      FindNullSpace(plans_.pattern, elimination_.S(), diagonal_, 1.0 / options_.max_inflation,
+                    kMostDirections + 1, executor_);
+  deficiency_.has_more = directions.cols() > kMostDirections;
+  for (Eigen::Index c = 0; c < std::min<Eigen::Index>(directions.cols(), kMostDirections); ++c) {
+    std::vector<std::pair<VariableId, double>> shares;
+    for (int frame = 0; frame < layout_.num_frames; ++frame) {
+      shares.emplace_back(layout_.variables[frame],
+                          directions.col(c)
+                              .segment(layout_.packed_offset[frame], layout_.TangentSize(frame))
+                              .squaredNorm());
+    }
+    const auto end = std::remove_if(shares.begin(), shares.end(),
+                                    [](const auto& share) { return share.second < kShare; });
+    shares.erase(end, shares.end());
+    std::stable_sort(shares.begin(), shares.end(),
+                     [](const auto& a, const auto& b) { return a.second > b.second; });
+    shares.resize(std::min<std::size_t>(shares.size(), kMostShares));
+    deficiency_.directions.push_back({std::move(shares)});
+  }
 }
 
 Status CovarianceSystem::Factorize() {
@@ -43,13 +86,14 @@ Status CovarianceSystem::Factorize() {
   if (!status.ok() || layout_.num_frames == 0) {
     return status;
   }
-  solver_ =
-      MakeReducedSolver(ReducedSolverKind::kAutomatic, nullptr, plans_.pattern, executor_, &status);
+  diagonal_ = DiagonalOfS();
+  const ReducedMatrix S(plans_.pattern, elimination_.S(), no_damping.data());
+  status = factor_.Analyze(S);
   if (status.ok()) {
-    status =
-        solver_->Factorize(ReducedMatrix(plans_.pattern, elimination_.S(), no_damping.data()), {});
+    status = factor_.Factorize(S, {});
   }
   if (status.code == StatusCode::kSingular) {
+    FindDirections();
     return Status::Error(
         StatusCode::kSingular,
         "there is no covariance: the gauge is free, or a variable is not determined (" +
@@ -69,14 +113,16 @@ Status CovarianceSystem::CheckLandmarks() {
       for (int k = i; k < size; ++k) {
         variance += U_inv[k * kQuad + i] * U_inv[k * kQuad + i];
       }
-      determined = variance * hessian_.P(l)[i * kQuad + i] <= max_inflation_;
+      determined = variance * hessian_.P(l)[i * kQuad + i] <= options_.max_inflation;
     }
     if (!determined) {
-      return NotDetermined(layout_.variables[layout_.num_frames + l],
-                           "the landmark is not determined by its factors");
+      deficiency_.landmarks.push_back(layout_.variables[layout_.num_frames + l]);
     }
   }
-  return Status::Ok();
+  return deficiency_.landmarks.empty()
+             ? Status::Ok()
+             : NotDetermined(deficiency_.landmarks.front(),
+                             "the landmark is not determined by its factors");
 }
 
 Eigen::VectorXd CovarianceSystem::DiagonalOfS() const {
@@ -95,7 +141,7 @@ Eigen::VectorXd CovarianceSystem::DiagonalOfS() const {
 // with a share along the null space has a huge solution: one of mixed signs, in units of the
 // diagonal, has such a share.
 Status CovarianceSystem::CheckGauge() {
-  const Eigen::VectorXd scale = DiagonalOfS().cwiseSqrt();
+  const Eigen::VectorXd scale = diagonal_.cwiseSqrt();
   Eigen::MatrixXd probe = scale;
   std::uint32_t bits = 1;
   for (Eigen::Index i = 0; i < probe.size(); ++i) {
@@ -109,7 +155,7 @@ Status CovarianceSystem::CheckGauge() {
   }
   Eigen::Index largest = 0;
   const double inflation = (scale.array() * solution.col(0).array()).abs().maxCoeff(&largest);
-  if (inflation <= max_inflation_) {
+  if (inflation <= options_.max_inflation) {
     return Status::Ok();
   }
   const auto after = std::upper_bound(plans_.pattern.offsets.begin(), plans_.pattern.offsets.end(),
@@ -121,8 +167,8 @@ Status CovarianceSystem::CheckGauge() {
 Status CovarianceSystem::Solve(const Eigen::MatrixXd& right, Eigen::MatrixXd* left) {
   left->resize(right.rows(), right.cols());
   Status status;
-  for (Eigen::Index c = 0; status.ok() && solver_ != nullptr && c < right.cols(); ++c) {
-    status = solver_->Solve(right.col(c).data(), {}, {}, left->col(c).data());
+  for (Eigen::Index c = 0; status.ok() && c < right.cols(); ++c) {
+    status = factor_.Solve(right.col(c).data(), {}, {}, left->col(c).data());
   }
   return status.ok() && !left->allFinite()
              ? Status::Error(StatusCode::kSingular,
@@ -130,80 +176,184 @@ Status CovarianceSystem::Solve(const Eigen::MatrixXd& right, Eigen::MatrixXd* le
              : status;
 }
 
-// V −= W P⁻¹ of the landmarks prepared, W = Σ J_cᵀ J_l, in one pass over the factors.
+// V of a frame is a unit matrix, that of a landmark zero for now.
+void CovarianceSystem::MakeColumn(VariableId id) {
+  Column& column = columns_[id];
+  const int size = graph_.TangentSize(id);
+  const int landmark = layout_.LandmarkOf(id);
+  if (landmark < 0) {
+    column.frames = {layout_.FrameOf(id)};
+  } else {
+    column.frames.assign(incidences_.frames.begin() + incidences_.begin[landmark],
+                         incidences_.frames.begin() + incidences_.begin[landmark + 1]);
+  }
+  int rows = 0;
+  for (const int frame : column.frames) {
+    column.rows.push_back(rows);
+    rows += layout_.TangentSize(frame);
+  }
+  column.V.setZero(rows, size);
+  if (landmark < 0) {
+    column.V.setIdentity();
+    return;
+  }
+  double U_inv[4 * kQuad] = {};
+  const double no_damping[kQuad] = {};
+  InvertCholeskyFactor(size, hessian_.P(landmark), no_damping,
+                       U_inv);  // as CheckLandmarks has tried
+  const Eigen::Map<const Eigen::Matrix<double, 4, kQuad, Eigen::RowMajor>> U(U_inv);
+  column.P_inv = U.topLeftCorner(size, size).transpose() * U.topLeftCorner(size, size);
+}
+
+// V −= W P⁻¹ of the landmarks there are columns of, W = Σ J_cᵀ J_l, in one pass over the factors.
 void CovarianceSystem::SubtractW() {
   for (const Linearization& cache : evaluator_.families()) {
     const int num_slots = cache.num_slots;
-    const int rows = cache.residual_size;
     for (int i = 0; i < cache.num_factors; ++i) {
       const VariableId* ids = graph_.Variables(cache.id, i);
-      const VariableId* landmark = std::find_if(ids, ids + num_slots, [this](VariableId id) {
-        return layout_.LandmarkOf(id) >= 0 && columns_.count(id) > 0 &&
-               columns_.at(id).X.size() == 0;
-      });
-      if (landmark == ids + num_slots) {
+      const VariableId* landmark = std::find_if(
+          ids, ids + num_slots, [this](VariableId id) { return layout_.LandmarkOf(id) >= 0; });
+      const auto wanted = landmark == ids + num_slots ? columns_.end() : columns_.find(*landmark);
+      if (wanted == columns_.end()) {
         continue;
       }
-      using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
       const auto jacobian = [&](std::ptrdiff_t s) {
         const SlotJacobians& slot = cache.slots[s];
         return Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>(
-            slot.data + i * slot.factor_stride, rows, slot.columns,
+            slot.data + i * slot.factor_stride, cache.residual_size, slot.columns,
             Eigen::OuterStride<>(slot.row_stride));
       };
-      Column& column = columns_.at(*landmark);
+      Column& column = wanted->second;
       const Eigen::MatrixXd J_l = jacobian(landmark - ids) * column.P_inv;
       for (int s = 0; s < num_slots; ++s) {
         const int frame = layout_.FrameOf(ids[s]);
         if (frame >= 0) {
-          column.V.middleRows(layout_.packed_offset[frame], layout_.TangentSize(frame)) -=
-              jacobian(s).transpose() * J_l;
+          const auto at = std::find(column.frames.begin(), column.frames.end(), frame);
+          column.V.middleRows(column.rows[at - column.frames.begin()],
+                              layout_.TangentSize(frame)) -= jacobian(s).transpose() * J_l;
         }
       }
     }
   }
 }
 
-Status CovarianceSystem::Prepare(const std::vector<VariableId>& ids) {
-  for (const VariableId id : ids) {
-    Column& column = columns_[id];
-    const int size = graph_.TangentSize(id);
-    column.V.setZero(layout_.frame_size(), size);
-    const int landmark = layout_.LandmarkOf(id);
-    if (landmark < 0) {
-      column.V.middleRows(layout_.packed_offset[layout_.FrameOf(id)], size).setIdentity();
-      continue;
-    }
-    double U_inv[4 * kQuad] = {};
-    const double no_damping[kQuad] = {};
-    InvertCholeskyFactor(size, hessian_.P(landmark), no_damping,
-                         U_inv);  // as CheckLandmarks has tried
-    const Eigen::Map<const Eigen::Matrix<double, 4, kQuad, Eigen::RowMajor>> U(U_inv);
-    column.P_inv = U.topLeftCorner(size, size).transpose() * U.topLeftCorner(size, size);
+Status CovarianceSystem::CheckVariance(int frame, int k, double variance) {
+  return variance * diagonal_[layout_.packed_offset[frame] + k] <= options_.max_inflation
+             ? Status::Ok()
+             : NotDetermined(layout_.variables[frame], "what determines it is lost to rounding");
+}
+
+Status CovarianceSystem::SolveFor(VariableId id) {
+  Column& column = columns_.at(id);
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(layout_.frame_size(), column.V.cols());
+  for (std::size_t i = 0; i < column.frames.size(); ++i) {
+    const int frame = column.frames[i];
+    right.middleRows(layout_.packed_offset[frame], layout_.TangentSize(frame)) =
+        column.V.middleRows(column.rows[i], layout_.TangentSize(frame));
   }
-  SubtractW();
-  const Eigen::VectorXd diagonal = layout_.num_frames > 0 ? DiagonalOfS() : Eigen::VectorXd();
-  for (const VariableId id : ids) {
-    Column& column = columns_.at(id);
-    const Status status = Solve(column.V, &column.X);
-    if (!status.ok()) {
-      return status;
+  Status status = Solve(right, &column.X);
+  const int frame = layout_.FrameOf(id);
+  for (int k = 0; frame >= 0 && status.ok() && k < graph_.TangentSize(id); ++k) {
+    status = CheckVariance(frame, k, column.X(layout_.packed_offset[frame] + k, k));
+  }
+  return status;
+}
+
+Status CovarianceSystem::InvertFactor() {
+  inverse_ = std::make_unique<SelectedInverse>(factor_, plans_.pattern, executor_);
+  Status status;
+  for (int frame = 0; frame < layout_.num_frames; ++frame) {
+    for (int k = 0; status.ok() && k < layout_.TangentSize(frame); ++k) {
+      status = CheckVariance(frame, k, inverse_->Diagonal(frame, k));
     }
-    const int frame = layout_.FrameOf(id);
-    for (int k = 0; frame >= 0 && k < graph_.TangentSize(id); ++k) {
-      const int row = layout_.packed_offset[frame] + k;
-      if (!(column.X(row, k) * diagonal[row] <= max_inflation_)) {
-        return NotDetermined(id, "what determines it is lost to rounding");
+  }
+  return status;
+}
+
+bool CovarianceSystem::IsSelected(const Column& a, const Column& b) const {
+  return inverse_ != nullptr && std::all_of(a.frames.begin(), a.frames.end(), [&](int i) {
+           return std::all_of(b.frames.begin(), b.frames.end(),
+                              [&](int j) { return inverse_->Has(i, j); });
+         });
+}
+
+// One solution a pair is enough: that of the variable with more of the pairs that need one.
+Status CovarianceSystem::SolveForPairs(const GraphCovariance::Pairs& pairs) {
+  GraphCovariance::Pairs open;
+  std::map<VariableId, int> count;
+  for (const auto& [a, b] : pairs) {
+    if (!IsSelected(columns_.at(a), columns_.at(b))) {
+      open.emplace_back(a, b);
+      ++count[a];
+      ++count[b];
+    }
+  }
+  Status status;
+  for (const auto& [a, b] : open) {
+    if (status.ok() && columns_.at(a).X.size() == 0 && columns_.at(b).X.size() == 0) {
+      status = SolveFor(count[a] > count[b] ? a : b);
+    }
+  }
+  return status;
+}
+
+Status CovarianceSystem::Prepare(const GraphCovariance::Pairs& pairs) {
+  double wanted_columns = 0.0;
+  for (const auto& pair : pairs) {
+    for (const VariableId id : {pair.first, pair.second}) {
+      if (columns_.count(id) == 0) {
+        MakeColumn(id);
+        wanted_columns += graph_.TangentSize(id);
       }
     }
   }
-  return Status::Ok();
+  SubtractW();
+  if (layout_.num_frames == 0) {
+    return Status::Ok();
+  }
+  Status status;
+  if (SelectedInverse::PredictedFlops(factor_.tree()) <
+      2.0 * factor_.PredictedEntries() * wanted_columns) {
+    status = InvertFactor();
+  }
+  return status.ok() ? SolveForPairs(pairs) : status;
+}
+
+Eigen::MatrixXd CovarianceSystem::FromSolution(const Column& a, const Column& b) const {
+  Eigen::MatrixXd product = Eigen::MatrixXd::Zero(a.V.cols(), b.V.cols());
+  for (std::size_t i = 0; i < a.frames.size(); ++i) {
+    const int rows = layout_.TangentSize(a.frames[i]);
+    product += a.V.middleRows(a.rows[i], rows).transpose() *
+               b.X.middleRows(layout_.packed_offset[a.frames[i]], rows);
+  }
+  return product;
+}
+
+Eigen::MatrixXd CovarianceSystem::FromInverse(const Column& a, const Column& b) const {
+  Eigen::MatrixXd product = Eigen::MatrixXd::Zero(a.V.cols(), b.V.cols());
+  RowMajor block;
+  for (std::size_t i = 0; i < a.frames.size(); ++i) {
+    for (std::size_t j = 0; j < b.frames.size(); ++j) {
+      block.resize(layout_.TangentSize(a.frames[i]), layout_.TangentSize(b.frames[j]));
+      inverse_->Block(a.frames[i], b.frames[j], block.data());
+      product += a.V.middleRows(a.rows[i], block.rows()).transpose() * block *
+                 b.V.middleRows(b.rows[j], block.cols());
+    }
+  }
+  return product;
 }
 
 Eigen::MatrixXd CovarianceSystem::Product(VariableId a, VariableId b) const {
   const Column& left = columns_.at(a);
   const Column& right = columns_.at(b);
-  Eigen::MatrixXd covariance = left.V.transpose() * right.X;
+  Eigen::MatrixXd covariance;
+  if (right.X.size() > 0) {
+    covariance = FromSolution(left, right);
+  } else if (left.X.size() > 0) {
+    covariance = FromSolution(right, left).transpose();
+  } else {
+    covariance = FromInverse(left, right);
+  }
   if (a == b && left.P_inv.size() > 0) {
     covariance += left.P_inv;
   }

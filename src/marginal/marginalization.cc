@@ -29,10 +29,19 @@ namespace internal {
 namespace {
 
 // The priors that marginalization makes; kept apart from those a user adds, which may not be
-// written to.
+// written to. A graph gives its families out as constant: these say by themselves who may write.
 class OwnPriorFamily final : public LinearPriorFamily {
  public:
+  static std::shared_ptr<OwnPriorFamily> Make(const LinearPrior& shape) {
+    auto made = std::make_shared<OwnPriorFamily>(shape);
+    made->self_ = made;
+    return made;
+  }
   using LinearPriorFamily::LinearPriorFamily;
+  std::shared_ptr<OwnPriorFamily> self() const { return self_.lock(); }
+
+ private:
+  std::weak_ptr<OwnPriorFamily> self_;
 };
 
 bool Before(FactorId a, FactorId b) {
@@ -228,27 +237,25 @@ class Marginalizer {
     }
   }
 
-  // A family of marginalization's own for priors of this shape. The graph gives families out as
-  // constant; this one was not made so.
-  FamilyId FamilyOf(OwnPriorFamily** family) {
+  // A family of marginalization's own for priors of this shape.
+  FamilyHandle<OwnPriorFamily> FamilyForPrior() {
     for (FamilyId id = 0; id < graph_.num_families(); ++id) {
       const auto* own = dynamic_cast<const OwnPriorFamily*>(&graph_.family(id));
       if (own != nullptr && own->Fits(prior_)) {
-        *family = const_cast<OwnPriorFamily*>(own);
-        return id;
+        return {id, own->self()};
       }
     }
-    auto made = std::make_shared<OwnPriorFamily>(prior_);
-    *family = made.get();
-    return graph_.AddFamily(std::move(made));
+    return graph_.AddFamily(OwnPriorFamily::Make(prior_));
   }
 
   Status Apply() {
-    OwnPriorFamily* family = nullptr;
-    const FamilyId family_id = summary_.rank > 0 ? FamilyOf(&family) : -1;
+    FamilyHandle<OwnPriorFamily> family;
+    if (summary_.rank > 0) {
+      family = FamilyForPrior();  // before the edit begins: a family that comes changes the graph
+    }
     GraphEdit edit = Removal();
-    if (family != nullptr) {
-      summary_.prior = edit.AddFactor(family_id, *family, prior_, summary_.kept);
+    if (summary_.rank > 0) {
+      summary_.prior = edit.AddFactor(family, prior_, summary_.kept);
     } else {
       summary_.kept.clear();
     }

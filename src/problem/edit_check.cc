@@ -19,6 +19,9 @@ Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed)
                              " of the graph, which is now at revision " +
                              std::to_string(revision_) + ": begin it anew");
   }
+  if (!edit.misuse().ok()) {
+    return edit.misuse();
+  }
   edits_->edited = true;
   Status status;
   try {
@@ -89,7 +92,7 @@ Status EditCheck::CheckComingVariables() const {
 Status EditCheck::CheckComingFactors() const {
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
     if (factor.id.index < 0) {
-      return Invalid("Connect: there is no family " + std::to_string(factor.id.family));
+      return Invalid(NoFamily("Connect", graph_, factor.id.family));
     }
     const FactorFamily& family = graph_.family(factor.id.family);
     if (family.residual_size() <= 0) {

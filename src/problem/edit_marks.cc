@@ -176,7 +176,7 @@ Status EditCheck::CheckFactorId(const char* call, FactorId id, bool may_come) co
     return Invalid(std::string(call) + ": " + FactorName(id) + what);
   };
   if (id.family < 0 || id.family >= graph_.num_families()) {
-    return Invalid(std::string(call) + ": there is no family " + std::to_string(id.family));
+    return Invalid(NoFamily(call, graph_, id.family));
   }
   const auto num_marked = static_cast<int>(edits_.families[Graph::Index(id.family)].places.size());
   if (id.index < 0 || id.index >= std::max(graph_.NumFactors(id.family), num_marked)) {

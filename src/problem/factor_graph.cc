@@ -122,23 +122,18 @@ bool FactorGraph::Misused(std::string message) {
 }
 
 bool FactorGraph::HasFamily(const char* call, FamilyId id) {
-  return (id >= 0 && id < num_families()) ||
-         Misused(std::string(call) + ": there is no family " + std::to_string(id) +
-                 "; the graph has " + std::to_string(num_families()));
+  return (id >= 0 && id < num_families()) || Misused(internal::NoFamily(call, *this, id));
 }
 
-bool FactorGraph::CanAddFactor(FamilyId id, const FactorFamily& given,
+bool FactorGraph::CanAddFactor(FamilyId id, const FactorFamily* given,
                                const std::vector<VariableId>& variables) {
-  if (!HasFamily("AddFactor", id)) {
-    return false;
+  Status handle = internal::CheckHandle("AddFactor", *this, id, given);
+  if (!handle.ok()) {
+    return Misused(std::move(handle.message));
   }
-  if (&given != &family(id)) {
-    return Misused("AddFactor: " + FamilyName(id, family(id)) +
-                   " is not the family given with that id (" + given.Name() + ")");
-  }
-  return variables.size() == Index(given.num_slots()) ||
-         Misused("AddFactor: a factor of " + FamilyName(id, given) + " is given " +
-                 CountAndList(variables) + " but has " + DescribeSlots(given));
+  return variables.size() == Index(given->num_slots()) ||
+         Misused("AddFactor: a factor of " + FamilyName(id, *given) + " is given " +
+                 CountAndList(variables) + " but has " + DescribeSlots(*given));
 }
 
 int FactorGraph::Connect(FamilyId family, const VariableId* variables,

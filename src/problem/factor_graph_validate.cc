@@ -30,6 +30,19 @@ std::string Describe(int factor, const FactorFamily& family, const VariableId* i
 
 }  // namespace
 
+Status internal::CheckHandle(const char* call, const FactorGraph& graph, FamilyId id,
+                             const FactorFamily* given) {
+  if (id < 0 || id >= graph.num_families()) {
+    return Invalid(internal::NoFamily(call, graph, id));
+  }
+  if (given != &graph.family(id)) {
+    return Invalid(std::string(call) + ": " + FamilyName(id, graph.family(id)) +
+                   " is not the family of the handle (" +
+                   (given == nullptr ? "which has none" : given->Name()) + ")");
+  }
+  return Status::Ok();
+}
+
 // x·0 is NaN for a NaN and for an infinity; four sums hide the latency of the addition.
 bool internal::AllFinite(const double* values, std::size_t count) {
   double sums[4] = {0.0, 0.0, 0.0, 0.0};

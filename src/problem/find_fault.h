@@ -21,6 +21,15 @@ inline std::string FamilyName(FamilyId id, const FactorFamily& family) {
   return "family " + std::to_string(id) + " (" + family.Name() + ")";
 }
 
+inline std::string NoFamily(const char* call, const FactorGraph& graph, FamilyId id) {
+  return std::string(call) + ": there is no family " + std::to_string(id) + "; the graph has " +
+         std::to_string(graph.num_families());
+}
+
+/// Whether the graph has the family `given` under this id.
+Status CheckHandle(const char* call, const FactorGraph& graph, FamilyId id,
+                   const FactorFamily* given);
+
 bool AllFinite(const double* values, std::size_t count);
 
 // Without an early end the compiler compares several at a time: for the factors that touch hundreds

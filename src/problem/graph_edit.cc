@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "problem/find_fault.h"
+
 namespace inceres {
 
 GraphEdit::GraphEdit(const FactorGraph& graph) : graph_(&graph), revision_(graph.revision()) {
@@ -9,6 +11,7 @@ GraphEdit::GraphEdit(const FactorGraph& graph) : graph_(&graph), revision_(graph
 
 void GraphEdit::Restart() {
   revision_ = graph_->revision();
+  misuse_ = Status::Ok();
   num_appended_variables_ = 0;
   for (auto& [size, taken] : reused_variables_) {
     taken = 0;
@@ -27,6 +30,14 @@ void GraphEdit::Restart() {
   constants_.clear();
   new_values_.clear();
   pins_.clear();
+}
+
+bool GraphEdit::Knows(const char* call, FamilyId id, const FactorFamily* given) {
+  Status handle = internal::CheckHandle(call, *graph_, id, given);
+  if (!handle.ok() && misuse_.ok()) {
+    misuse_ = handle;
+  }
+  return handle.ok();
 }
 
 VariableId GraphEdit::NextVariable(int ambient_size, bool borrowed) {
@@ -113,9 +124,9 @@ void GraphEdit::PinLinearization(VariableId id, const double* values) {
 }
 
 bool GraphEdit::empty() const {
-  return new_variables_.empty() && new_factors_.empty() && removed_variables_.empty() &&
-         removed_factors_.empty() && losses_.empty() && measurements_.empty() &&
-         constants_.empty() && new_values_.empty() && pins_.empty();
+  return misuse_.ok() && new_variables_.empty() && new_factors_.empty() &&
+         removed_variables_.empty() && removed_factors_.empty() && losses_.empty() &&
+         measurements_.empty() && constants_.empty() && new_values_.empty() && pins_.empty();
 }
 
 }  // namespace inceres

@@ -11,8 +11,8 @@ namespace inceres::internal {
 
 /// Eliminates the landmarks from (H + Λ) δ = η (docs/algorithms.md, "Schur complement"):
 ///
-///     [ P + Λ_l   Wᵀ     ] [δ_l]   [l]      U_invᵀ U_inv = (P + Λ_l)⁻¹,  Y = W U_invᵀ,  z = U_inv l
-///     [ W         C + Λ_c ] [δ_c] = [c]      S = C − Y Yᵀ,  b = c − Y z,  δ_l = U_invᵀ (z − Yᵀ δ_c)
+///     [ P + Λ_l   Wᵀ      ] [δ_l]   [l]    U_invᵀ U_inv = (P + Λ_l)⁻¹,  Y = W U_invᵀ,  z = U_inv l
+///     [ W         C + Λ_c ] [δ_c] = [c]    S = C − Y Yᵀ,  b = c − Y z,  δ_l = U_invᵀ (z − Yᵀ δ_c)
 ///
 /// Λ_c is left to the factorization of S. Each block of S is accumulated in registers over all
 /// landmarks of a chunk that its two frames share: where all landmarks are one chunk, S is written

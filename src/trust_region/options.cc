@@ -17,6 +17,20 @@ Status Require(bool condition, const char* name, const T& value, const char* rul
 
 }  // namespace
 
+const char* ToString(TrustRegionStrategyKind kind) {
+  switch (kind) {
+    case TrustRegionStrategyKind::kLevenbergMarquardt:
+      return "levenberg_marquardt";
+    case TrustRegionStrategyKind::kMarquardt:
+      return "marquardt";
+    case TrustRegionStrategyKind::kDogleg:
+      return "dogleg";
+    case TrustRegionStrategyKind::kSubspaceDogleg:
+      return "subspace_dogleg";
+  }
+  return "unknown";
+}
+
 Status SolverOptions::Validate() const {
   const Status checks[] = {
       Require(!dynamic_sparsity || linear_model == LinearModelKind::kAutomatic ||

@@ -18,7 +18,8 @@
 namespace inceres {
 namespace {
 
-using namespace internal;  // NOLINT(google-build-using-namespace): the one place where the public solver meets its parts
+// The one place where the public solver meets its parts.
+using namespace internal;  // NOLINT(google-build-using-namespace)
 
 // Ceres's rule: the lowest cost seen, rejected candidates included; from the first iteration on
 // whose cost is that of the factors as they are now.
@@ -42,6 +43,29 @@ void SummarizeStandstill(Evaluator* evaluator, Summary* summary) {
   summary->termination = Termination::kConvergence;
   summary->message = "Function tolerance reached. No non-constant parameter blocks found.";
   summary->initial_cost = summary->final_cost = cost;
+}
+
+// Of the whole graph; what moves is known once there is a layout.
+ProblemSizes SizesOf(const FactorGraph& graph) {
+  ProblemSizes sizes;
+  sizes.num_variables = graph.num_live_variables();
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    sizes.num_values += graph.HasVariable(id) ? graph.AmbientSize(id) : 0;
+  }
+  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    const int count = graph.NumFactors(id) - graph.NumFreePlaces(id);
+    sizes.num_factors += count;
+    sizes.num_residuals += static_cast<std::int64_t>(count) * graph.family(id).residual_size();
+  }
+  return sizes;
+}
+
+void CountWhatMoves(const FactorGraph& graph, const Layout& layout, ProblemSizes* sizes) {
+  sizes->num_moving_variables = static_cast<int>(layout.variables.size());
+  sizes->num_dimensions = layout.size();
+  for (const VariableId id : layout.variables) {
+    sizes->num_moving_values += graph.AmbientSize(id);
+  }
 }
 
 // What a structure is set up with.
@@ -154,6 +178,7 @@ void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, Fa
   summary->reduced_solver = model.SolverName();
   summary->work.bytes = workspace->evaluator.Bytes();
   model.Describe(&summary->work);
+  CountWhatMoves(*graph, workspace->layout, &summary->sizes);
   summary->seconds.setup = NowInSeconds() - start;
 
   loop.seconds_spent_before += summary->seconds.setup;
@@ -188,6 +213,9 @@ void Solver::Impl::Solve(const SolverOptions& options, const LoopOptions& loop, 
   const double start = NowInSeconds();
   *summary = kBlank;  // a copy, which keeps the memory of texts and iterations
   summary->kernels = BestKernels().name;
+  summary->strategy = ToString(options.strategy);
+  summary->num_threads = options.num_threads;
+  summary->sizes = SizesOf(*graph);
   Status status = options.Validate();
   if (status.ok()) {
     status = graph->Validate();

@@ -66,6 +66,18 @@ std::string ToJson(const WorkCounts& work) {
 
 namespace {
 
+std::string ToJson(const ProblemSizes& sizes) {
+  return JsonObject()
+      .Add("num_variables", sizes.num_variables)
+      .Add("num_values", sizes.num_values)
+      .Add("num_moving_variables", sizes.num_moving_variables)
+      .Add("num_moving_values", sizes.num_moving_values)
+      .Add("num_dimensions", sizes.num_dimensions)
+      .Add("num_factors", sizes.num_factors)
+      .Add("num_residuals", sizes.num_residuals)
+      .Close();
+}
+
 std::string ToJson(const LineSearchSummary& search) {
   return JsonObject()
       .Add("num_steps", search.num_steps)
@@ -111,6 +123,9 @@ std::string Summary::ToJson() const {
       .AddRaw("structure_reused", structure_reused ? "true" : "false")
       .AddString("reduced_solver", reduced_solver)
       .AddString("kernels", kernels)
+      .AddString("strategy", strategy)
+      .Add("num_threads", num_threads)
+      .AddRaw("sizes", inceres::ToJson(sizes))
       .AddRaw("work", internal::ToJson(work))
       .AddRaw("seconds", internal::ToJson(seconds))
       .AddArray("iterations", iterations,

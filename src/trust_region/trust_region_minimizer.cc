@@ -181,12 +181,28 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
 }
 
 bool TrustRegionMinimizer::CallbacksContinue() {
-  if (options_.observer == nullptr) {
+  if (options_.observer == nullptr && !options_.progress && !options_.callback) {
     return true;
   }
-  const ObserverAction action = options_.observer->EndOfIteration(iteration_, best_state_.data());
+  const ObserverAction action = AskObservers();
   clock_.Read();
   return GoesOn(action, &summary_.termination, &summary_.message);
+}
+
+ObserverAction TrustRegionMinimizer::AskObservers() {
+  if (options_.progress) {
+    if (iteration_.iteration == 0) {
+      options_.progress(ProgressHeading());
+    }
+    options_.progress(ProgressRow(iteration_));
+  }
+  ObserverAction action = ObserverAction::kContinue;
+  if (options_.observer != nullptr) {
+    action = options_.observer->EndOfIteration(iteration_, best_state_.data());
+  }
+  return action == ObserverAction::kContinue && options_.callback
+             ? options_.callback(iteration_, best_state_.data())
+             : action;
 }
 
 // False only on an unrecoverable failure; otherwise iteration_.step_is_valid tells.

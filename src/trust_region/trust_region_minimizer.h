@@ -34,7 +34,8 @@ struct TrustRegionMemory {
 /// (docs/ceres_contract.md, "Trust-region loop").
 ///
 ///     evaluate the start
-///     while not finished:  step -> candidate -> cost -> tolerances -> accept (evaluate Jacobians) or reject
+///     while not finished:
+///       step -> candidate -> cost -> tolerances -> accept (evaluate Jacobians) or reject
 ///
 /// With bounds the start is projected first, and each step is shortened by a line search before it
 /// is tried.
@@ -81,6 +82,7 @@ class TrustRegionMinimizer {
   double StateDistance(const std::vector<double>& a, const std::vector<double>& b,
                        double* max_norm) const;
   bool CallbacksContinue();
+  ObserverAction AskObservers();
   bool Finish(Termination termination, std::initializer_list<const char*> words);
 
   const SolverOptions& options_;

@@ -17,10 +17,11 @@
 
 namespace {
 
-void SwapTheSolver(const ceres::Solver::Options& options, ceres::Problem& problem, double* final_cost) {
+void SwapTheSolver(const ceres::Solver::Options& options, ceres::Problem& problem,
+                   double* final_cost) {
 // [quoted in docs/swap.md]
 ceres::Solver::Summary summary;
-inceres::Solve(options, &problem, &summary);               // was: ceres::Solve(options, &problem, &summary)
+inceres::Solve(options, &problem, &summary);  // was: ceres::Solve(options, &problem, &summary)
 // [end of quote]
   *final_cost = summary.final_cost;
 }
@@ -30,8 +31,8 @@ bool AskForAReport(const ceres::Solver::Options& options, ceres::Problem& proble
 // [quoted in docs/swap.md]
 inceres::SolveOptions solve_options;
 inceres::SolveReport report;
-solve_options.strict = true;                               // an error instead of stock Ceres
-solve_options.mode = inceres::SolveMode::kIncremental;     // or kExact, the default; or kStock, to compare
+solve_options.strict = true;                            // an error instead of stock Ceres
+solve_options.mode = inceres::SolveMode::kIncremental;  // or kExact, the default; or kStock
 inceres::Solve(options, &problem, &summary, solve_options, &report);
 // [end of quote]
   return summary.IsSolutionUsable() && !report.used_stock;
@@ -58,11 +59,14 @@ struct Start {
 class Chain {
  public:
   Chain() : positions_(100, 0.0) {
-    problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<Start, 1, 1>(new Start), nullptr, positions_.data());
+    problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<Start, 1, 1>(new Start), nullptr,
+                              positions_.data());
   }
   bool AddFrame() {
     double* last = positions_.data() + size_;
-    problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<Odometry, 1, 1, 1>(new Odometry{0.1 * size_}), nullptr, last, last + 1);
+    problem_.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Odometry, 1, 1, 1>(new Odometry{0.1 * size_}), nullptr,
+        last, last + 1);
     return ++size_ < 20;
   }
 
@@ -75,13 +79,14 @@ void FollowAProblem(const ceres::Solver::Options& options, Chain& chain, int* nu
   ceres::Problem& problem = chain.problem_;
   const auto add_frame = [&] { return chain.AddFrame(); };
 // [quoted in docs/swap.md]
-inceres::CeresSession session;                             // lives as long as the problem does
+inceres::CeresSession session;  // lives as long as the problem does
 inceres::SolveReport report;
 ceres::Solver::Summary summary;
-while (add_frame()) {                                      // AddResidualBlock, RemoveParameterBlock, … as ever
-  session.Solve(options, &problem, &summary, {}, &report); // was: ceres::Solve(options, &problem, &summary)
-  std::cout << report.changes.num_added_factors << " new, " << report.changes.num_kept_factors << " kept, "
-            << report.update.num_relinearized_factors << " linearized\n";
+while (add_frame()) {           // AddResidualBlock, RemoveParameterBlock, … as ever
+  // Was: ceres::Solve(options, &problem, &summary).
+  session.Solve(options, &problem, &summary, {}, &report);
+  std::cout << report.changes.num_added_factors << " new, " << report.changes.num_kept_factors
+            << " kept, " << report.update.num_relinearized_factors << " linearized\n";
 }
 // [end of quote]
   *num_kept = report.changes.num_kept_factors;

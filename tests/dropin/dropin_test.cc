@@ -24,8 +24,9 @@ namespace {
 
 // Every way a program has of solving that the program knows; with --wrap those that do not go
 // through the virtual table.
-const std::vector<std::string> kWays = {
-    "free", "member", "virtual", "c_api", "derived", "evaluation_callback", "moved", "living"};
+const std::vector<std::string> kWays = {"free",  "member",  "virtual",
+                                        "c_api", "derived", "evaluation_callback",
+                                        "moved", "living",  "covariance"};
 
 // The Ceres it would meet without us, whatever the environment of the test says.
 ProgramRun Bare(const std::string& way) {
@@ -229,6 +230,14 @@ TEST_P(EveryWay, ComparesAndLogsUnnoticed) {
 INSTANTIATE_TEST_SUITE_P(Dropin, EveryWay, ::testing::ValuesIn(kWays),
                          [](const auto& way) { return way.param; });
 
+// Ours says what is open; stock counts columns.
+TEST(Dropin, CovariancesAreOurs) {
+  EXPECT_EQ(CountOf(Preloaded("open_covariance").err, "inceres: no covariance: "), 1);
+  EXPECT_EQ(CountOf(Bare("open_covariance").err, "Jacobian matrix is rank deficient"), 1);
+  EXPECT_EQ(CountOf(Preloaded("open_covariance", "INCERES_MODE=fallback").err, "inceres: no cov"),
+            0);
+}
+
 TEST(Dropin, IncrementalEndsWhereStockEnds) {
   const ProgramRun ours =
       Preloaded("living", "INCERES_MODE=incremental INCERES_WINDOWS=incremental");
@@ -377,8 +386,8 @@ std::set<std::string> DefinedSymbols(const std::string& library) {
   return symbols;
 }
 
-// Both ways of solving, and whatever makes, changes or ends a Problem; neither Evaluate does, nor
-// what 2.2 shows of its inside.
+// Both ways of solving, all of Covariance, and whatever makes, changes or ends a Problem; neither
+// Evaluate does, nor what 2.2 shows of its inside.
 TEST(Dropin, ExportsWhatChangesAProblemAndNothingElse) {
   std::set<std::string> expected = {
       "_ZN5ceres5SolveERKNS_6Solver7OptionsEPNS_7ProblemEPNS0_7SummaryE",
@@ -390,9 +399,12 @@ TEST(Dropin, ExportsWhatChangesAProblemAndNothingElse) {
         symbol != "_ZN5ceres7Problem12mutable_implEv") {
       expected.insert(symbol);
     }
+    if (symbol.find("5ceres10Covariance") != std::string::npos) {
+      expected.insert(symbol);
+    }
   }
   const std::string release = INCERES_CERES_RELEASE;
-  EXPECT_EQ(expected.size(), release == "2.1" ? 27u : 25u)
+  EXPECT_EQ(expected.size(), release == "2.1" ? 37u : 35u)
       << "2.1 alone has both kinds of manifold";
   EXPECT_EQ(DefinedSymbols(INCERES_DROPIN), expected);
 }

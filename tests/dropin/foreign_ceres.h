@@ -12,7 +12,10 @@ void SolverSolve(Opaque* solver, const Opaque* options, Opaque* problem, Opaque*
 void MakeProblemWith(Opaque* problem,
                      const Opaque* options) __asm__("_ZN5ceres7ProblemC1ERKNS0_7OptionsE");
 void EndProblem(Opaque* problem) __asm__("_ZN5ceres7ProblemD1Ev");
-void* AddResidualBlock(Opaque* problem, Opaque* cost, Opaque* loss, double* const* blocks, int num_blocks) __asm__(
+// clang-format off
+void* AddResidualBlock(Opaque* problem, Opaque* cost, Opaque* loss, double* const* blocks,
+                       int num_blocks) __asm__(
     "_ZN5ceres7Problem16AddResidualBlockEPNS_12CostFunctionEPNS_12LossFunctionEPKPdi");
+// clang-format on
 
 }  // namespace foreign

@@ -77,6 +77,18 @@ void Virtual() {
   Print("x", curve.x);
 }
 
+// Six unknowns on four residuals, or five while the last is constant and one on a sphere.
+struct Mixed {
+  template <typename T>
+  bool operator()(const T* a, const T* b, const T* c, T* residuals) const {
+    residuals[0] = a[0] + 2.0 * b[0] - c[0];
+    residuals[1] = a[1] * b[1] + c[0];
+    residuals[2] = a[2] - b[0] * b[1] + 0.5 * c[0];
+    residuals[3] = 3.0 * b[1] - a[0] * a[2];
+    return true;
+  }
+};
+
 int LineResidual(void* data, double** parameters, double* residuals, double** jacobians) {
   const double* point = static_cast<double*>(data);
   residuals[0] = point[1] - std::exp(parameters[0][0] * point[0]);
@@ -185,10 +197,57 @@ void LineSearch() {
   SolveAndPrint(options, &problem, curve.x);
 }
 
+// Of three blocks, one of them on a sphere, one constant, in all of Ceres's ways.
+void Covariances() {
+  Curve curve;
+  ceres::Problem problem;
+  curve.AddTo(&problem);
+  ceres::Solver::Summary summary;
+  ceres::Solve(plain::CurveOptions(), &problem, &summary);
+  double first[3] = {1.0, 2.0, 2.0};
+  double second[2] = {1.0, 2.0};
+  double held = 4.0;
+  problem.AddParameterBlock(first, 3, new ceres::SphereManifold<3>);
+  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Mixed, 4, 3, 2, 1>(new Mixed),
+                           new ceres::HuberLoss(1.0), first, second, &held);
+  problem.SetParameterBlockConstant(&held);
+  ceres::Covariance covariance{ceres::Covariance::Options()};
+  std::vector<double> values(64, 0.0);
+  std::printf("%d\n", covariance.Compute({{first, second}, {second, second}}, &problem) ? 1 : 0);
+  std::printf("%d", covariance.GetCovarianceBlock(first, second, values.data()) ? 1 : 0);
+  Print(" block", values);
+  std::printf("%d",
+              covariance.GetCovarianceBlockInTangentSpace(second, first, values.data()) ? 1 : 0);
+  Print(" tangent block, turned", values);
+  std::printf("%d", covariance.GetCovarianceBlock(first, &held, values.data()) ? 1 : 0);
+  Print(" block of a constant", values);
+  const std::vector<const double*> blocks = {second, &held, first};
+  std::printf("%d\n", covariance.Compute(blocks, &problem) ? 1 : 0);
+  std::printf("%d", covariance.GetCovarianceMatrix(blocks, values.data()) ? 1 : 0);
+  Print(" matrix", values);
+  std::printf("%d", covariance.GetCovarianceMatrixInTangentSpace(blocks, values.data()) ? 1 : 0);
+  Print(" tangent matrix", values);
+}
+
+// Of a problem that leaves directions open, which both tell in their own words.
+void OpenCovariance() {
+  Curve curve;
+  ceres::Problem problem;
+  curve.AddTo(&problem);
+  double blocks[6] = {1.0, 2.0, 2.0, 1.0, 2.0, 4.0};
+  problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Mixed, 4, 3, 2, 1>(new Mixed), nullptr,
+                           blocks, blocks + 3, blocks + 5);
+  ceres::Covariance covariance{ceres::Covariance::Options()};
+  std::printf("%d\n", covariance.Compute(std::vector<const double*>{blocks}, &problem) ? 1 : 0);
+}
+
 constexpr std::pair<const char*, void (*)()> kWays[] = {
-    {"free", FreeFunction},  {"member", Member},   {"virtual", Virtual},
-    {"c_api", CApi},         {"derived", Derived}, {"evaluation_callback", EvaluationCallback},
-    {"moved", MovedProblem}, {"living", Living},   {"line_search", LineSearch},
+    {"covariance", Covariances}, {"open_covariance", OpenCovariance},
+    {"free", FreeFunction},      {"member", Member},
+    {"virtual", Virtual},        {"c_api", CApi},
+    {"derived", Derived},        {"evaluation_callback", EvaluationCallback},
+    {"moved", MovedProblem},     {"living", Living},
+    {"line_search", LineSearch},
 };
 
 }  // namespace

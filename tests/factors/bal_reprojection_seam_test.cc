@@ -280,11 +280,10 @@ TEST(BalReprojectionGraph, ConnectsThroughTheGraph) {
   FactorGraph graph;
   const VariableId camera = graph.AddVariable(state.camera, 9, Role::kFrame);
   const VariableId point = graph.AddVariable(state.point, 3, Role::kLandmark);
-  const auto family = std::make_shared<BalReprojectionFamily>();
-  const FamilyId id = graph.AddFamily(family);
-  graph.AddFactor(id, *family, {state.x, state.y}, {camera, point});
+  const auto family = graph.AddFamily(std::make_shared<BalReprojectionFamily>());
+  graph.AddFactor(family, {state.x, state.y}, {camera, point});
   EXPECT_TRUE(graph.Validate().ok());
-  EXPECT_EQ(graph.DescribeFactor(id, 0), "factor 0 of BAL reprojection (variables 0, 1)");
+  EXPECT_EQ(graph.DescribeFactor(family, 0), "factor 0 of BAL reprojection (variables 0, 1)");
 }
 
 }  // namespace

@@ -34,10 +34,11 @@ double Deviation(double sigma) {
 class Trip {
  public:
   explicit Trip(const ImuOptions& options)
-      : imu_factors(std::make_shared<ImuFactorFamily>()),
-        pose_priors(std::make_shared<PosePriorFamily>(
-            Left(options) ? PosePriorFamily::Side::kLeft : PosePriorFamily::Side::kRight)),
-        first_prior(std::make_shared<DiagonalPriorFamily>(9)),
+      : imu_factors{-1, std::make_shared<ImuFactorFamily>()},
+        pose_priors{
+            -1, std::make_shared<PosePriorFamily>(Left(options) ? PosePriorFamily::Side::kLeft
+                                                                : PosePriorFamily::Side::kRight)},
+        first_prior{-1, std::make_shared<DiagonalPriorFamily>(9)},
         options_(options),
         gyr_column_(options.conventions.bias_order == ImuConventions::BiasOrder::kGyrFirst ? 3
                                                                                            : 6) {
@@ -77,7 +78,7 @@ class Trip {
     }
   }
 
-  // Builder is a FactorGraph or a GraphEdit; families have been added in the order of the members.
+  // Builder is a FactorGraph or a GraphEdit; its families are there.
   template <typename Builder>
   void AddFrame(Builder* builder, const double* gyr_bias = test::kNoBias,
                 const double* acc_bias = test::kNoBias) {
@@ -89,16 +90,16 @@ class Trip {
     for (int k = 0; k < 6; ++k) {
       seen.sqrt_information[7 * k] = Deviation(k < 3 ? 0.01 : 0.002);
     }
-    builder->AddFactor(1, *pose_priors, seen, {poses.back()});
+    builder->AddFactor(pose_priors, seen, {poses.back()});
     if (frame == 0) {
-      builder->AddFactor(2, *first_prior,
+      builder->AddFactor(first_prior,
                          {std::vector<double>(9, 0.0), std::vector<double>(9, Deviation(1.0))},
                          {speed_biases.back()});
     } else {
       const ImuPreintegrator imu =
           test::Integrated(options_, measured_[frame - 1], gyr_bias, acc_bias);
       builder->AddFactor(
-          0, *imu_factors, imu,
+          imu_factors, imu,
           {poses[frame - 1], speed_biases[frame - 1], poses[frame], speed_biases[frame]});
     }
   }
@@ -125,9 +126,9 @@ class Trip {
   }
   template <typename Owner>
   void AddFamilies(Owner* owner) {
-    owner->AddFamily(imu_factors);
-    owner->AddFamily(pose_priors);
-    owner->AddFamily(first_prior);
+    imu_factors = owner->AddFamily(imu_factors.family);
+    pose_priors = owner->AddFamily(pose_priors.family);
+    first_prior = owner->AddFamily(first_prior.family);
   }
 
   void ExpectBiasesFound(const double* speed_bias) const {
@@ -137,9 +138,9 @@ class Trip {
     }
   }
 
-  std::shared_ptr<ImuFactorFamily> imu_factors;
-  std::shared_ptr<PosePriorFamily> pose_priors;
-  std::shared_ptr<DiagonalPriorFamily> first_prior;
+  FamilyHandle<ImuFactorFamily> imu_factors;
+  FamilyHandle<PosePriorFamily> pose_priors;
+  FamilyHandle<DiagonalPriorFamily> first_prior;
   std::vector<VariableId> poses;
   std::vector<VariableId> speed_biases;
 
@@ -285,7 +286,7 @@ TEST(ImuSolver, AMeasurementCanBeReplaced) {
   GraphEdit drop(solver.graph());
   drop.RemoveVariable(trip.poses[1]);
   drop.RemoveVariable(trip.speed_biases[1]);
-  drop.AddFactor(0, *trip.imu_factors, merged, {kept, kept + 4});
+  drop.AddFactor(trip.imu_factors, merged, {kept, kept + 4});
   ASSERT_TRUE(solver.Apply(drop).ok());
   const UpdateSummary summary = solver.Update();
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;

@@ -115,7 +115,7 @@ void ExpectRecovers(std::shared_ptr<Family> family, LandmarkKind landmark,
   const VariableId camera =
       graph.AddVariable(scene.cameras[0].data(), 7, Role::kFrame, pose_manifold);
   graph.SetConstant(camera, true);
-  const FamilyId id = graph.AddFamily(family);
+  const auto handle = graph.AddFamily(family);
   std::vector<VariableId> landmarks;
   for (int k = 0; k < kPoints; ++k) {
     std::vector<double> X = scene.points[static_cast<std::size_t>(k)];
@@ -127,7 +127,7 @@ void ExpectRecovers(std::shared_ptr<Family> family, LandmarkKind landmark,
     landmarks.push_back(graph.AddVariable(start.data(), static_cast<int>(X.size()), Role::kLandmark,
                                           landmark_manifold));
     for (int i = 0; i < kPoses; ++i) {
-      graph.AddFactor(id, *family, measure(scene.InCamera(i, 0, k)),
+      graph.AddFactor(handle, measure(scene.InCamera(i, 0, k)),
                       {scene.pose_ids[static_cast<std::size_t>(i)], camera, landmarks.back()});
     }
   }
@@ -213,10 +213,9 @@ class StereoWindow {
     offset = graph.AddVariable(&no_offset, 1, Role::kFrame);
     for (const Views views :
          {Views::kTwoPoses, Views::kTwoPosesTwoCameras, Views::kOnePoseTwoCameras}) {
-      families_.push_back(std::make_shared<BodyReprojectionFamily>(
+      families_.push_back(graph.AddFamily(std::make_shared<BodyReprojectionFamily>(
           BodyReprojectionFamily::TimeOffset::kEstimated,
-          BodyReprojectionFamily::Feature::kInverseDepth, views, error));
-      ids_.push_back(graph.AddFamily(families_.back()));
+          BodyReprojectionFamily::Feature::kInverseDepth, views, error)));
     }
     for (int k = 0; k < kPoints; ++k) {
       AddFeature(k);
@@ -249,21 +248,18 @@ class StereoWindow {
       const VariableId j = scene.pose_ids[static_cast<std::size_t>(pose)];
       Measure(scene.InCamera(pose, 1, k), m.point_j, m.velocity_j);
       if (pose == 0) {
-        graph.AddFactor(ids_[2], *families_[2], m, {left, right, depths.back(), offset});
+        graph.AddFactor(families_[2], m, {left, right, depths.back(), offset});
         continue;
       }
-      graph.AddFactor(ids_[1], *families_[1], m,
-                      {scene.pose_ids[0], j, left, right, depths.back(), offset});
+      graph.AddFactor(families_[1], m, {scene.pose_ids[0], j, left, right, depths.back(), offset});
       Measure(scene.InCamera(pose, 0, k), m.point_j, m.velocity_j);
-      graph.AddFactor(ids_[0], *families_[0], m,
-                      {scene.pose_ids[0], j, left, depths.back(), offset});
+      graph.AddFactor(families_[0], m, {scene.pose_ids[0], j, left, depths.back(), offset});
     }
   }
 
   std::shared_ptr<const Manifold> pose_manifold_;
   test::Random random_;
-  std::vector<std::shared_ptr<BodyReprojectionFamily>> families_;
-  std::vector<FamilyId> ids_;
+  std::vector<FamilyHandle<BodyReprojectionFamily>> families_;
 };
 
 TEST(VisualSolver, AStereoWindowOnThePlaneAndOnTheSphere) {

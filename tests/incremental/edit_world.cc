@@ -271,20 +271,20 @@ void EditWorld::Connect(int residual_size, const std::vector<VariableId>& ids, d
   auto found = families_.find(key);
   if (found == families_.end()) {
     auto family = std::make_shared<test::SmoothFamily>(residual_size, slots);
-    found = families_.emplace(key, Family{graph_.AddFamily(family), family}).first;
+    found = families_.emplace(key, graph_.AddFamily(family)).first;
   }
-  test::SmoothFamily& family = *found->second.family;
-  test::SmoothFamily::Measurement measurement = family.MakeMeasurement(&random_);
+  const FamilyHandle<test::SmoothFamily>& family = found->second;
+  test::SmoothFamily::Measurement measurement = family->MakeMeasurement(&random_);
   const std::size_t row = measurement.size() / residual_size;
   for (std::size_t k = 0; k < measurement.size(); ++k) {
     const bool phase = k % row > 0 && k % row % 3 == 0;
     measurement[k] *= phase ? 1.0 : sqrt_weight;
   }
-  const FactorId factor = edit_.AddFactor(found->second.id, family, measurement, ids, RandomLoss());
+  const FactorId factor = edit_.AddFactor(family, measurement, ids, RandomLoss());
   std::vector<double> residuals = random_.Vector(residual_size);
   std::transform(residuals.begin(), residuals.end(), residuals.begin(),
                  [residual](double r) { return residual * r; });
-  family.SetResiduals(factor.index, parameters.data(), residuals.data());
+  family->SetResiduals(factor.index, parameters.data(), residuals.data());
 }
 
 std::shared_ptr<const Loss> EditWorld::RandomLoss() {
@@ -354,11 +354,11 @@ void EditWorld::ChangeMeasurement() {
     if (family.id != factor.family) {
       continue;
     }
-    const auto measurement = family.family->MakeMeasurement(&random_);
+    const auto measurement = family->MakeMeasurement(&random_);
     if (random_.Below(2) == 0) {
-      edit_.SetMeasurement(factor, *family.family, measurement);
+      edit_.SetMeasurement(factor, family, measurement);
     } else {
-      family.family->Place(factor.index, measurement);
+      family->Place(factor.index, measurement);
       edit_.MeasurementChanged(factor);
       placed_.push_back(factor);
     }

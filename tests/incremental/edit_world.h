@@ -53,10 +53,6 @@ class EditWorld {
   const FactorGraph& graph() const { return graph_; }
 
  private:
-  struct Family {
-    FamilyId id;
-    std::shared_ptr<test::SmoothFamily> family;
-  };
   struct Shape {
     int ambient_size;
     int tangent_size;
@@ -101,7 +97,8 @@ class EditWorld {
   bool descending_;
   int frame_kinds_[3];     // 0: pose, 8: quaternion, else the size of a Euclidean variable
   int landmark_kinds_[2];  // 0: on a sphere, else the size
-  std::map<std::vector<int>, Family> families_;  // by residual size and sizes of the slots
+  // by residual size and sizes of the slots
+  std::map<std::vector<int>, FamilyHandle<test::SmoothFamily>> families_;
   // of variables the edit under construction adds
   std::map<VariableId, std::vector<double>> new_values_;
   std::map<VariableId, Shape> shapes_;

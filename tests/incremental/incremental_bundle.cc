@@ -13,10 +13,9 @@ using Slots = std::vector<FactorFamily::Slot>;
 IncrementalBundle::IncrementalBundle(const IncrementalOptions& options, unsigned seed)
     : solver(options),
       random_(seed),
-      priors_(std::make_shared<DiagonalPriorFamily>(6)),
-      ties_(std::make_shared<SmoothFamily>(6, Slots{{6, 6}, {6, 6}})),
-      views_(std::make_shared<SmoothFamily>(2, Slots{{6, 6}, {3, 3}})),
-      families_{solver.AddFamily(priors_), solver.AddFamily(ties_), solver.AddFamily(views_)},
+      priors_(solver.AddFamily(std::make_shared<DiagonalPriorFamily>(6))),
+      ties_(solver.AddFamily(std::make_shared<SmoothFamily>(6, Slots{{6, 6}, {6, 6}}))),
+      views_(solver.AddFamily(std::make_shared<SmoothFamily>(2, Slots{{6, 6}, {3, 3}}))),
       edit_(solver.graph()) {
 }
 
@@ -41,13 +40,10 @@ SmoothFamily::Measurement IncrementalBundle::RandomMeasurement(const SmoothFamil
 }
 
 FactorId IncrementalBundle::Add(Factor factor) {
-  const FamilyId family = families_[factor.kind];
-  const FactorId id =
-      factor.kind == kPrior
-          ? edit_.AddFactor(family, *priors_, factor.prior, factor.variables, factor.loss)
-      : factor.kind == kTie
-          ? edit_.AddFactor(family, *ties_, factor.smooth, factor.variables, factor.loss)
-          : edit_.AddFactor(family, *views_, factor.smooth, factor.variables, factor.loss);
+  const FactorId id = factor.kind == kPrior
+                          ? edit_.AddFactor(priors_, factor.prior, factor.variables, factor.loss)
+                          : edit_.AddFactor(factor.kind == kTie ? ties_ : views_, factor.smooth,
+                                            factor.variables, factor.loss);
   factors_[{id.family, id.index}] = std::move(factor);
   return id;
 }
@@ -111,10 +107,10 @@ void IncrementalBundle::ChangeMeasurement(FactorId id) {
   Factor& factor = factors_[{id.family, id.index}];
   if (factor.kind == kPrior) {
     factor.prior.mean = random_.Vector(6);
-    edit_.SetMeasurement(id, *priors_, factor.prior);
+    edit_.SetMeasurement(id, priors_, factor.prior);
   } else {
-    SmoothFamily& family = factor.kind == kTie ? *ties_ : *views_;
-    factor.smooth = RandomMeasurement(family);
+    const FamilyHandle<SmoothFamily>& family = factor.kind == kTie ? ties_ : views_;
+    factor.smooth = RandomMeasurement(*family);
     edit_.SetMeasurement(id, family, factor.smooth);
   }
 }
@@ -156,21 +152,18 @@ void IncrementalBundle::Rebuild(bool from_values_held, FactorGraph* graph) const
         graph->AddVariable(values, static_cast<int>(variable.start.size()), variable.role);
     graph->SetConstant(renamed[id], variable.constant);
   }
-  auto priors = std::make_shared<DiagonalPriorFamily>(6);
-  auto ties = std::make_shared<SmoothFamily>(6, Slots{{6, 6}, {6, 6}});
-  auto views = std::make_shared<SmoothFamily>(2, Slots{{6, 6}, {3, 3}});
-  const FamilyId ids[3] = {graph->AddFamily(priors), graph->AddFamily(ties),
-                           graph->AddFamily(views)};
+  const auto priors = graph->AddFamily(std::make_shared<DiagonalPriorFamily>(6));
+  const auto ties = graph->AddFamily(std::make_shared<SmoothFamily>(6, Slots{{6, 6}, {6, 6}}));
+  const auto views = graph->AddFamily(std::make_shared<SmoothFamily>(2, Slots{{6, 6}, {3, 3}}));
   for (const auto& [key, factor] : factors_) {
     std::vector<VariableId> variables;
     for (const VariableId id : factor.variables) {
       variables.push_back(renamed.at(id));
     }
     if (factor.kind == kPrior) {
-      graph->AddFactor(ids[kPrior], *priors, factor.prior, variables, factor.loss);
+      graph->AddFactor(priors, factor.prior, variables, factor.loss);
     } else {
-      graph->AddFactor(ids[factor.kind], factor.kind == kTie ? *ties : *views, factor.smooth,
-                       variables, factor.loss);
+      graph->AddFactor(factor.kind == kTie ? ties : views, factor.smooth, variables, factor.loss);
     }
   }
 }

@@ -74,7 +74,6 @@ class IncrementalBundle {
     SmoothFamily::Measurement smooth;
   };
 
-  struct Families;
   using Key = std::pair<FamilyId, int>;
 
   VariableId AddVariable(Role role, int size);
@@ -84,10 +83,9 @@ class IncrementalBundle {
   void Rebuild(bool from_values_held, FactorGraph* graph) const;
 
   Random random_;
-  std::shared_ptr<DiagonalPriorFamily> priors_;
-  std::shared_ptr<SmoothFamily> ties_;
-  std::shared_ptr<SmoothFamily> views_;
-  FamilyId families_[3];
+  FamilyHandle<DiagonalPriorFamily> priors_;
+  FamilyHandle<SmoothFamily> ties_;
+  FamilyHandle<SmoothFamily> views_;
   GraphEdit edit_;
   std::vector<VariableId> frames_;
   std::vector<VariableId> landmarks_;

@@ -14,13 +14,12 @@ namespace inceres::test {
 struct IncrementalFunction {
   IncrementalFunction(const IncrementalOptions& options, FunctionFamily::Function function)
       : solver(options) {
-    auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
-                                                   std::move(function));
-    const FamilyId id = solver.AddFamily(family);
+    const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
+        1, std::vector<FactorFamily::Slot>{{1, 1}}, std::move(function)));
     GraphEdit edit(solver.graph());
     const double start = 1.0;
     x = edit.AddVariable(&start, 1, Role::kFrame);
-    edit.AddFactor(id, *family, 0, {x});
+    edit.AddFactor(family, 0, {x});
     applied = solver.Apply(edit).ok();
   }
 

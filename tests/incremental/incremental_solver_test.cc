@@ -30,7 +30,8 @@ using test::IncrementalFunction;
 class Street {
  public:
   explicit Street(const IncrementalOptions& options)
-      : solver(options), reprojections_(std::make_shared<BalReprojectionFamily>()) {
+      : solver(options),
+        reprojections_(solver.AddFamily(std::make_shared<BalReprojectionFamily>())) {
     StreetSceneOptions scene_options;
     scene_options.num_cameras = 10;
     scene_options.num_points = 300;
@@ -39,7 +40,6 @@ class Street {
     EXPECT_TRUE(GenerateStreetScene(scene_options, &scene).ok());
     problem_ = scene.problem;
     std::copy_n(scene.truth.cameras.begin(), 2 * 9, problem_.cameras.begin());
-    family_ = solver.AddFamily(reprojections_);
     points_.assign(problem_.num_points, -1);
     sightings_.resize(problem_.num_points);
   }
@@ -93,14 +93,13 @@ class Street {
   };
 
   void Observe(const Sighting& sighting, VariableId point, GraphEdit* edit) {
-    edit->AddFactor(family_, *reprojections_, {sighting.x, sighting.y},
-                    {cameras_[sighting.camera], point}, loss_);
+    edit->AddFactor(reprojections_, {sighting.x, sighting.y}, {cameras_[sighting.camera], point},
+                    loss_);
   }
 
   BalProblem problem_;
-  std::shared_ptr<BalReprojectionFamily> reprojections_;
+  FamilyHandle<BalReprojectionFamily> reprojections_;
   std::shared_ptr<const Loss> loss_ = std::make_shared<HuberLoss>(1.0);
-  FamilyId family_ = -1;
   std::vector<VariableId> cameras_;
   std::vector<VariableId> points_;
   std::vector<std::vector<Sighting>> sightings_;
@@ -185,14 +184,13 @@ TEST(IncrementalSolver, ParksALandmarkWithoutInformation) {
     }
     return true;
   };
-  auto family =
-      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, blind);
   const double start = 7.0;
-  const FamilyId id = solver.AddFamily(family);
+  const auto family = solver.AddFamily(
+      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, blind));
   GraphEdit edit(solver.graph());
   const VariableId frame = edit.AddVariable(&start, 1, Role::kFrame);
   const VariableId landmark = edit.AddVariable(&start, 1, Role::kLandmark);
-  edit.AddFactor(id, *family, 0, {frame, landmark});
+  edit.AddFactor(family, 0, {frame, landmark});
   ASSERT_TRUE(solver.Apply(edit).ok());
   const UpdateSummary summary = solver.Update();
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
@@ -212,19 +210,19 @@ TEST(IncrementalSolver, AFactorThatFailsIsNamedAndMayRecover) {
     }
     return !(broken && i == 1);
   };
-  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, moody);
   const double start = 5.0;
-  const FamilyId id = solver.AddFamily(family);
+  const auto family = solver.AddFamily(
+      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, moody));
   GraphEdit edit(solver.graph());
   const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
-  edit.AddFactor(id, *family, 0, {x});
+  edit.AddFactor(family, 0, {x});
   ASSERT_TRUE(solver.Apply(edit).ok());
   ASSERT_EQ(solver.Update().termination, Termination::kConvergence);
   EXPECT_NEAR(*solver.Values(x), 0.0, 1e-6);
 
   broken = true;
   edit.Restart();
-  edit.AddFactor(id, *family, 0, {x});
+  edit.AddFactor(family, 0, {x});
   ASSERT_TRUE(solver.Apply(edit).ok());
   const double before = *solver.Values(x);
   const double cost = solver.cost();

@@ -33,21 +33,20 @@ class Star {
       }
       return true;
     };
-    auto views =
-        std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, view);
-    const FamilyId id = graph_.AddFamily(views);
+    const auto views = graph_.AddFamily(
+        std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, view));
     const double start = 4.0;
     const VariableId frame = graph_.AddVariable(&start, 1, Role::kFrame);
     for (int i = 0; i < num_landmarks; ++i) {
       const double other = 2.0 + i;
       const VariableId landmark = graph_.AddVariable(&other, 1, Role::kLandmark);
-      graph_.AddFactor(id, *views, 0, {frame, landmark}, loss);
+      graph_.AddFactor(views, 0, {frame, landmark}, loss);
     }
     for (VariableId v = 0; v < graph_.num_variables(); ++v) {
       system_.AddVariable(v);
     }
     for (int i = 0; i < num_landmarks; ++i) {
-      system_.AddFactor({id, i});
+      system_.AddFactor({views, i});
     }
     RelinearizeWork work;
     EXPECT_TRUE(system_.Relinearize(landmark_damping, RebuildRule::kNever, &work).ok());

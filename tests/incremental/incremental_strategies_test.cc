@@ -233,22 +233,20 @@ TEST(LandmarkPasses, BringOutliersHomeInFewerIterations) {
       }
       return true;
     };
-    auto views =
-        std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, view);
-    auto priors =
-        std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, prior);
-    const FamilyId view_id = solver.AddFamily(views);
-    const FamilyId prior_id = solver.AddFamily(priors);
+    const auto views = solver.AddFamily(
+        std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, view));
+    const auto priors = solver.AddFamily(
+        std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, prior));
     GraphEdit edit(solver.graph());
     const double start[2] = {1.0, 30.0};
     const VariableId frame = edit.AddVariable(&start[0], 1, Role::kFrame);
     const VariableId landmark = edit.AddVariable(&start[1], 1, Role::kLandmark);
-    edit.AddFactor(prior_id, *priors, 0, {frame});
+    edit.AddFactor(priors, 0, {frame});
     for (int i = 0; i < 10; ++i) {
-      edit.AddFactor(prior_id, *priors, 0, {edit.AddVariable(&start[0], 1, Role::kFrame)});
+      edit.AddFactor(priors, 0, {edit.AddVariable(&start[0], 1, Role::kFrame)});
     }
     for (int i = 0; i < 3; ++i) {
-      edit.AddFactor(view_id, *views, 0, {frame, landmark}, std::make_shared<HuberLoss>(0.5));
+      edit.AddFactor(views, 0, {frame, landmark}, std::make_shared<HuberLoss>(0.5));
     }
     EXPECT_TRUE(solver.Apply(edit).ok());
     // Most of it new would keep landmarks from going ahead: a second Update, after the landmark is
@@ -402,14 +400,13 @@ TEST(LandmarkDamping, AFarPointDoesNotRunAway) {
   VariableId point = -1;
   const auto see = [&](double position, double seen) {
     const double zero = 0.0;
-    const auto family = camera_at(position, seen);
-    const FamilyId id = solver.AddFamily(family);
+    const auto family = solver.AddFamily(camera_at(position, seen));
     GraphEdit edit(solver.graph());
     const VariableId camera = edit.AddVariable(&zero, 1, Role::kFrame);
     if (point < 0) {
       point = edit.AddVariable(start.data(), 2, Role::kLandmark);
     }
-    edit.AddFactor(id, *family, 0, {camera, point});
+    edit.AddFactor(family, 0, {camera, point});
     ASSERT_TRUE(solver.Apply(edit).ok());
   };
   see(0.0, 1.0);

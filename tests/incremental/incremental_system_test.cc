@@ -221,8 +221,7 @@ class Outlier {
         std::make_shared<test::FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}}, measure);
     const double start[2] = {3.0, 4.0};
     const VariableId frame = graph_.AddVariable(start, 2, Role::kFrame);
-    graph_.AddFactor(graph_.AddFamily(family), *family, 0, {frame},
-                     std::make_shared<HuberLoss>(0.1));
+    graph_.AddFactor(graph_.AddFamily(family), 0, {frame}, std::make_shared<HuberLoss>(0.1));
     system_ = std::make_unique<IncrementalSystem>(graph_, 1);
     Follower().TakeUp(graph_, system_.get());
     Relinearize();
@@ -377,8 +376,8 @@ TEST(IncrementalSystem, AStrongPriorOnOneCoordinateDoesNotParkALandmark) {
   const double zero[2] = {0.0, 0.0};
   const VariableId landmark = graph.AddVariable(zero, 2, Role::kLandmark);
   const VariableId frame = graph.AddVariable(zero, 1, Role::kFrame);
-  graph.AddFactor(graph.AddFamily(views), *views, 0, {landmark, frame});
-  graph.AddFactor(graph.AddFamily(pins), *pins, 0, {landmark});
+  graph.AddFactor(graph.AddFamily(views), 0, {landmark, frame});
+  graph.AddFactor(graph.AddFamily(pins), 0, {landmark});
   IncrementalSystem system(graph, 1);
   Follower().TakeUp(graph, &system);
   RelinearizeWork work;

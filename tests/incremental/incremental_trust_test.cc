@@ -33,7 +33,8 @@ struct Row {
     auto views = std::make_shared<FunctionFamily>(
         2, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}},
         [this](int i, const double* const* p, double* f, double** J) { return View(i, p, f, J); });
-    auto priors = std::make_shared<FunctionFamily>(
+    view_family = solver.AddFamily(views);
+    const auto priors = solver.AddFamily(std::make_shared<FunctionFamily>(
         3, std::vector<FactorFamily::Slot>{{3, 3}},
         [this](int i, const double* const* p, double* f, double** J) {
           for (int k = 0; k < 3; ++k) {
@@ -43,15 +44,12 @@ struct Row {
             J[0][k] = k % 4 == 0 ? 10.0 : 0.0;
           }
           return true;
-        });
-    view_family = views;
-    const FamilyId view_id = solver.AddFamily(views);
-    const FamilyId prior_id = solver.AddFamily(priors);
+        }));
     GraphEdit edit(solver.graph());
     for (int c = 0; c < kCameras; ++c) {
       const double camera[3] = {0.5 * c, 0.0, 0.0};
       cameras.push_back(edit.AddVariable(camera, 3, Role::kFrame));
-      edit.AddFactor(prior_id, *priors, c, {cameras.back()});
+      edit.AddFactor(priors, c, {cameras.back()});
     }
     for (int l = 0; l < kPoints; ++l) {
       const double truth[3] = {random.Gaussian() + 1.5, random.Gaussian(), 5.0 + random.Gaussian()};
@@ -67,7 +65,7 @@ struct Row {
     }
     for (int c = 0; c < kCameras; ++c) {
       for (int l = 0; l < kPoints; ++l) {
-        views_of.push_back(edit.AddFactor(view_id, *views, 0, {cameras[c], points[l]}));
+        views_of.push_back(edit.AddFactor(view_family, 0, {cameras[c], points[l]}));
       }
     }
     EXPECT_TRUE(solver.Apply(edit).ok());
@@ -100,7 +98,7 @@ struct Row {
   void Revised(const std::vector<FactorId>& factors) {
     GraphEdit edit(solver.graph());
     for (const FactorId& factor : factors) {
-      edit.SetMeasurement(factor, *view_family, 0);
+      edit.SetMeasurement(factor, view_family, 0);
     }
     ASSERT_TRUE(solver.Apply(edit).ok());
   }
@@ -120,7 +118,7 @@ struct Row {
   std::vector<Pixel> pixels;
   double nearest = 0.0;
   IncrementalSolver solver{IncrementalOptions()};
-  std::shared_ptr<FunctionFamily> view_family;
+  FamilyHandle<FunctionFamily> view_family;
   std::vector<VariableId> cameras;
   std::vector<VariableId> points;
   std::vector<FactorId> views_of;
@@ -159,7 +157,8 @@ TEST(IncrementalTrust, RefusalsOfOneUpdateDoNotHoldTheNextOnesBack) {
 // A chain of poses without a loop: its minimum is zero but for rounding.
 TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
   std::vector<double> steps;
-  auto family = std::make_shared<FunctionFamily>(
+  IncrementalSolver solver{IncrementalOptions()};
+  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
       3, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}},
       [&](int i, const double* const* p, double* f, double** J) {
         const double c = std::cos(p[0][2]);
@@ -180,9 +179,7 @@ TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
           }
         }
         return true;
-      });
-  IncrementalSolver solver{IncrementalOptions()};
-  const FamilyId id = solver.AddFamily(family);
+      }));
   Random random(3);
   double pose[3] = {100.0, -40.0, 0.3};
   GraphEdit edit(solver.graph());
@@ -195,7 +192,7 @@ TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
     pose[1] += std::sin(pose[2]);
     pose[2] += steps.back();
     const VariableId next = edit.AddVariable(pose, 3, Role::kFrame);
-    edit.AddFactor(id, *family, n, {last, next});
+    edit.AddFactor(family, n, {last, next});
     last = next;
     ASSERT_TRUE(solver.Apply(edit).ok());
     edit.Restart();

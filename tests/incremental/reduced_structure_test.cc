@@ -19,16 +19,15 @@ using test::FunctionFamily;
 class Chain {
  public:
   Chain() : solver(NeverInBatch()), edit(solver.graph()) {
-    ties_ = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
-                                             Difference);
-    ties_id_ = solver.AddFamily(ties_);
-    prior_ = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, Prior);
-    prior_id_ = solver.AddFamily(prior_);
+    ties_ = solver.AddFamily(std::make_shared<FunctionFamily>(
+        1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, Difference));
+    prior_ = solver.AddFamily(
+        std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, Prior));
     edit.Restart();
   }
   VariableId AddFrame() { return edit.AddVariable(&start_, 1, Role::kFrame); }
-  FactorId Tie(VariableId a, VariableId b) { return edit.AddFactor(ties_id_, *ties_, 0, {a, b}); }
-  void AddPrior(VariableId frame) { edit.AddFactor(prior_id_, *prior_, 0, {frame}); }
+  FactorId Tie(VariableId a, VariableId b) { return edit.AddFactor(ties_, 0, {a, b}); }
+  void AddPrior(VariableId frame) { edit.AddFactor(prior_, 0, {frame}); }
   void AddLandmark(const std::vector<VariableId>& frames) {
     const VariableId landmark = edit.AddVariable(&start_, 1, Role::kLandmark);
     for (const VariableId frame : frames) {
@@ -74,10 +73,8 @@ class Chain {
   }
 
   const double start_ = 0.5;
-  std::shared_ptr<FunctionFamily> ties_;
-  std::shared_ptr<FunctionFamily> prior_;
-  FamilyId ties_id_ = -1;
-  FamilyId prior_id_ = -1;
+  FamilyHandle<FunctionFamily> ties_;
+  FamilyHandle<FunctionFamily> prior_;
 };
 
 std::vector<std::pair<int, int>> Pairs(const ReducedStructure& structure) {

@@ -1,101 +1,103 @@
-// Covariances of a ceres::Problem as the adapter hands it to the core, next to those of
-// ceres::Covariance.
-#include "inceres/solver/covariance.h"
+// inceres::Covariance of a ceres::Problem next to ceres::Covariance.
+#include "inceres/ceres/covariance.h"
 
 #include <algorithm>
-#include <map>
 
 #include <ceres/covariance.h>
+#include <ceres/evaluation_callback.h>
 #include <ceres/solver.h>
 #include <gtest/gtest.h>
 
-#include "adapters/ceres/plan/graph_builder.h"
-#include "adapters/ceres/plan/landmark_selection.h"
-#include "adapters/ceres/read/factor_shapes.h"
-#include "adapters/ceres/read/introspection.h"
 #include "integration/problems.h"
 
 namespace inceres::test {
 namespace {
 
-// The graph of a problem, and which of its variables each parameter block is.
-struct Translation {
-  explicit Translation(const ceres::Problem& problem) {
-    const internal::ProblemView view = internal::Introspect(problem);
-    const internal::ShapeTable shapes = internal::FindShapes(view);
-    const auto blocks = internal::BuildGraph(
-        view, internal::PlanGraph(view, shapes, internal::ChooseLandmarks(view, shapes)), &graph);
-    for (const internal::StateBlock& block : blocks) {
-      for (VariableId id = 0; id < graph.num_variables(); ++id) {
-        if (graph.StateOffset(id) == block.offset) {
-          variable[block.user] = id;
-        }
-      }
-    }
-  }
-  FactorGraph graph;
-  std::map<const double*, VariableId> variable;
-};
+using Pairs = std::vector<std::pair<const double*, const double*>>;
 
-void ExpectStock(std::unique_ptr<Instance> instance,
-                 const std::vector<std::pair<int, int>>& pairs) {
+std::vector<double*> BlocksOf(const ceres::Problem& problem) {
+  std::vector<double*> blocks;
+  problem.GetParameterBlocks(&blocks);
+  std::sort(blocks.begin(), blocks.end());
+  return blocks;
+}
+
+Pairs PairsOf(const ceres::Problem& problem, const std::vector<std::pair<int, int>>& indices) {
+  const std::vector<double*> blocks = BlocksOf(problem);
+  Pairs pairs;
+  for (const auto& [a, b] : indices) {
+    pairs.emplace_back(blocks[static_cast<std::size_t>(a)], blocks[static_cast<std::size_t>(b)]);
+  }
+  return pairs;
+}
+
+void Solve(ceres::Problem* problem) {
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_SCHUR;
   options.max_num_iterations = 50;
   ceres::Solver::Summary summary;
-  ceres::Solve(options, instance->problem.get(), &summary);
+  ceres::Solve(options, problem, &summary);
   ASSERT_TRUE(summary.IsSolutionUsable());
+}
 
-  std::vector<double*> blocks;
-  instance->problem->GetParameterBlocks(&blocks);
-  std::sort(blocks.begin(), blocks.end());
-  ceres::Covariance::Options covariance_options;
-  covariance_options.algorithm_type = ceres::SPARSE_QR;
-  ceres::Covariance stock(covariance_options);
-  std::vector<std::pair<const double*, const double*>> stock_pairs;
-  const Translation translation(*instance->problem);
-  Covariance::Pairs our_pairs;
-  for (const auto& [a, b] : pairs) {
-    const double* block_a = blocks[static_cast<std::size_t>(a)];
-    const double* block_b = blocks[static_cast<std::size_t>(b)];
-    stock_pairs.emplace_back(block_a, block_b);
-    our_pairs.emplace_back(translation.variable.at(block_a), translation.variable.at(block_b));
+void ExpectClose(const std::vector<double>& ours, const std::vector<double>& stock) {
+  double largest = 0.0;
+  for (const double entry : stock) {
+    largest = std::max(largest, std::abs(entry));
   }
-  ASSERT_TRUE(stock.Compute(stock_pairs, instance->problem.get()));
-  Covariance ours;
-  const Status status = ours.Compute(translation.graph, our_pairs);
-  ASSERT_TRUE(status.ok()) << status.message;
-  int num_landmarks = 0;
-  for (std::size_t k = 0; k < pairs.size(); ++k) {
-    const auto [a, b] = our_pairs[k];
-    const int rows = translation.graph.TangentSize(a);
-    const int columns = translation.graph.TangentSize(b);
-    num_landmarks +=
-        translation.graph.role(a) == Role::kLandmark || translation.graph.role(b) == Role::kLandmark
-            ? 1
-            : 0;
-    std::vector<double> expected(static_cast<std::size_t>(rows * columns));
-    std::vector<double> actual(expected.size());
-    ASSERT_TRUE(stock.GetCovarianceBlockInTangentSpace(stock_pairs[k].first, stock_pairs[k].second,
-                                                       expected.data()));
-    ASSERT_TRUE(ours.Get(a, b, actual.data()));
-    double largest = 0.0;
-    for (const double entry : expected) {
-      largest = std::max(largest, std::abs(entry));
-    }
-    ASSERT_GT(largest, 0.0);
-    for (std::size_t i = 0; i < expected.size(); ++i) {
-      EXPECT_NEAR(actual[i], expected[i], 1e-7 * largest)
-          << "pair " << pairs[k].first << ", " << pairs[k].second;
-    }
+  for (std::size_t i = 0; i < stock.size(); ++i) {
+    EXPECT_NEAR(ours[i], stock[i], 1e-7 * largest) << i;
   }
-  EXPECT_GE(num_landmarks, 2);
+}
+
+// Each pair, in both orders and both spaces.
+void ExpectSameBlocks(const Covariance& ours, const ceres::Covariance& stock, const Pairs& pairs) {
+  for (std::size_t k = 0; k < 2 * pairs.size(); ++k) {
+    const auto& [first, second] = pairs[k / 2];
+    const double* a = k % 2 == 0 ? first : second;
+    const double* b = k % 2 == 0 ? second : first;
+    SCOPED_TRACE(k);
+    std::vector<double> expected(100, 7.0), actual(100, 7.0);
+    ASSERT_TRUE(stock.GetCovarianceBlock(a, b, expected.data()));
+    ASSERT_TRUE(ours.GetCovarianceBlock(a, b, actual.data()));
+    ExpectClose(actual, expected);
+    ASSERT_TRUE(stock.GetCovarianceBlockInTangentSpace(a, b, expected.data()));
+    ASSERT_TRUE(ours.GetCovarianceBlockInTangentSpace(a, b, actual.data()));
+    ExpectClose(actual, expected);
+  }
+}
+
+void ExpectStock(std::unique_ptr<Instance> instance,
+                 const std::vector<std::pair<int, int>>& indices) {
+  Solve(instance->problem.get());
+  const Pairs pairs = PairsOf(*instance->problem, indices);
+  for (const bool apply_loss_function : {true, false}) {
+    ceres::Covariance::Options options;
+    options.apply_loss_function = apply_loss_function;
+    ceres::Covariance stock(options);
+    ASSERT_TRUE(stock.Compute(pairs, instance->problem.get()));
+    Covariance ours(options);
+    ASSERT_TRUE(ours.Compute(pairs, instance->problem.get())) << ours.report().message;
+    EXPECT_FALSE(ours.report().used_stock) << ours.report().message;
+    ExpectSameBlocks(ours, stock, pairs);
+  }
 }
 
 // Poses first in memory, then the inverse depths; poses 0 and 1 are constant.
 TEST(CovarianceOfACeresProblem, PosesOnAManifoldAndInverseDepths) {
-  ExpectStock(MakeInverseDepth(PoseUpdate::kManifold, Huber(1.0)),
-              {{2, 2}, {2, 3}, {11, 4}, {11, 11}, {20, 20}, {20, 2}, {5, 40}, {20, 21}, {20, 200}});
+  for (const PoseUpdate update : {PoseUpdate::kManifold, PoseUpdate::kLocalParameterization}) {
+    ExpectStock(MakeInverseDepth(update, Huber(1.0)), {{2, 2},
+                                                       {2, 3},
+                                                       {11, 4},
+                                                       {11, 11},
+                                                       {20, 20},
+                                                       {20, 2},
+                                                       {5, 40},
+                                                       {20, 21},
+                                                       {20, 200},
+                                                       {0, 20},
+                                                       {1, 2}});
+  }
 }
 
 TEST(CovarianceOfACeresProblem, CamerasAndPoints) {
@@ -104,19 +106,135 @@ TEST(CovarianceOfACeresProblem, CamerasAndPoints) {
               {{2, 2}, {3, 2}, {7, 7}, {30, 30}, {30, 3}, {4, 31}, {30, 31}});
 }
 
-TEST(CovarianceOfACeresProblem, FreeGaugeIsAStatusInBoth) {
+// All cameras and points at once: the blocks come from the factor of S.
+TEST(CovarianceOfACeresProblem, EveryBlockOfAStreet) {
+  const std::unique_ptr<Instance> instance =
+      MakeBal(SmallStreet(4, 1.0), tools::BalCameraModel::kAngleAxis, Gauge::kTwoCamerasConstant,
+              tools::LossSpec());
+  Solve(instance->problem.get());
+  Pairs pairs;
+  for (const double* block : BlocksOf(*instance->problem)) {
+    pairs.emplace_back(block, block);
+  }
+  ceres::Covariance stock{ceres::Covariance::Options()};
+  ASSERT_TRUE(stock.Compute(pairs, instance->problem.get()));
+  Covariance ours{ceres::Covariance::Options()};
+  ASSERT_TRUE(ours.Compute(pairs, instance->problem.get()));
+  EXPECT_FALSE(ours.report().used_stock);
+  ExpectSameBlocks(ours, stock, pairs);
+}
+
+TEST(CovarianceOfACeresProblem, MatricesAreMadeOfBlocks) {
+  const std::unique_ptr<Instance> instance =
+      MakeInverseDepth(PoseUpdate::kManifold, tools::LossSpec());
+  Solve(instance->problem.get());
+  const std::vector<double*> all = BlocksOf(*instance->problem);
+  const std::vector<const double*> blocks = {all[3], all[0], all[30], all[2]};
+  ceres::Covariance stock{ceres::Covariance::Options()};
+  ASSERT_TRUE(stock.Compute(blocks, instance->problem.get()));
+  Covariance ours{ceres::Covariance::Options()};
+  ASSERT_TRUE(ours.Compute(blocks, instance->problem.get()));
+  std::vector<double> expected(22 * 22), actual(22 * 22);
+  ASSERT_TRUE(stock.GetCovarianceMatrix(blocks, expected.data()));
+  ASSERT_TRUE(ours.GetCovarianceMatrix(blocks, actual.data()));
+  ExpectClose(actual, expected);
+  ASSERT_TRUE(stock.GetCovarianceMatrixInTangentSpace(blocks, expected.data()));
+  ASSERT_TRUE(ours.GetCovarianceMatrixInTangentSpace(blocks, actual.data()));
+  ExpectClose(actual, expected);
+  EXPECT_FALSE(ours.GetCovarianceMatrix({all[3], all[4]}, actual.data())) << "never computed";
+}
+
+TEST(CovarianceOfACeresProblem, AFreeGaugeIsFalseInBothAndNamed) {
   const std::unique_ptr<Instance> instance =
       MakeBal(SmallStreet(3, 1.0), tools::BalCameraModel::kAngleAxis, Gauge::kFree, Huber(1.0));
-  const Translation translation(*instance->problem);
-  const VariableId camera = translation.variable.at(instance->x.data());
-  EXPECT_EQ(Covariance().Compute(translation.graph, {{camera, camera}}).code,
-            StatusCode::kSingular);
+  const Pairs pairs = {{instance->x.data(), instance->x.data()}};
+  ceres::Covariance stock{ceres::Covariance::Options()};
+  EXPECT_FALSE(stock.Compute(pairs, instance->problem.get()));
+  Covariance ours{ceres::Covariance::Options()};
+  EXPECT_FALSE(ours.Compute(pairs, instance->problem.get()));
+  EXPECT_FALSE(ours.report().used_stock);
+  EXPECT_NE(ours.report().message.find("7 directions are open, which move parameter block 0x"),
+            std::string::npos)
+      << ours.report().message;
+  double block[81];
+  EXPECT_FALSE(ours.GetCovarianceBlock(pairs[0].first, pairs[0].first, block));
+}
+
+TEST(CovarianceOfACeresProblem, ABlockNobodyTouchesDoesNotMatterUnlessAskedFor) {
+  const std::unique_ptr<Instance> instance = MakeCurveFit(tools::LossSpec());
+  const double* x = instance->x.data();
+  double lonely = 1.0;
+  instance->problem->AddParameterBlock(&lonely, 1);
+  ceres::Covariance stock{ceres::Covariance::Options()};
+  ASSERT_TRUE(stock.Compute(Pairs{{x, x}}, instance->problem.get()));
+  Covariance ours{ceres::Covariance::Options()};
+  ASSERT_TRUE(ours.Compute(Pairs{{x, x}}, instance->problem.get()));
+  EXPECT_FALSE(ours.report().used_stock);
+  double expected = 0.0, actual = 1.0;
+  ASSERT_TRUE(stock.GetCovarianceBlock(x, x, &expected));
+  ASSERT_TRUE(ours.GetCovarianceBlock(x, x, &actual));
+  EXPECT_NEAR(actual, expected, 1e-9 * expected);
+  ours.Compute(Pairs{{&lonely, &lonely}}, instance->problem.get());
+  EXPECT_TRUE(ours.report().used_stock);
+  EXPECT_EQ(ours.report().message, "no residual block touches a parameter block");
+}
+
+TEST(CovarianceOfACeresProblem, DenseSvdIsStocksAndSaid) {
+  const std::unique_ptr<Instance> instance = MakeCurveFit(tools::LossSpec());
+  const double* x = instance->x.data();
   ceres::Covariance::Options options;
-  options.algorithm_type = ceres::SPARSE_QR;
-  EXPECT_FALSE(ceres::Covariance(options).Compute(
-      std::vector<std::pair<const double*, const double*>>{
-          {instance->x.data(), instance->x.data()}},
-      instance->problem.get()));
+  options.algorithm_type = ceres::DENSE_SVD;
+  options.null_space_rank = -1;
+  Covariance ours(options);
+  ASSERT_TRUE(ours.Compute(Pairs{{x, x + 1}}, instance->problem.get()));
+  EXPECT_TRUE(ours.report().used_stock);
+  EXPECT_EQ(ours.report().message, "algorithm_type DENSE_SVD");
+  ceres::Covariance stock(options);
+  ASSERT_TRUE(stock.Compute(Pairs{{x, x + 1}}, instance->problem.get()));
+  double expected = 0.0, actual = 1.0;
+  ASSERT_TRUE(stock.GetCovarianceBlock(x, x + 1, &expected));
+  ASSERT_TRUE(ours.GetCovarianceBlock(x, x + 1, &actual));
+  EXPECT_EQ(actual, expected);
+}
+
+struct CountingCallback : ceres::EvaluationCallback {
+  void PrepareForEvaluation(bool evaluate_jacobians, bool new_evaluation_point) override {
+    num_calls += evaluate_jacobians && new_evaluation_point ? 1 : 100;
+  }
+  int num_calls = 0;
+};
+
+TEST(CovarianceOfACeresProblem, AnEvaluationCallbackIsCalledOnceAhead) {
+  const std::unique_ptr<Instance> instance = MakeCurveFit(tools::LossSpec());
+  const double* x = instance->x.data();
+  CountingCallback callback;
+  Covariance ours{ceres::Covariance::Options()};
+  ours.SetEvaluationCallback(&callback);
+  double variance = 0.0;
+  EXPECT_FALSE(ours.GetCovarianceBlock(x, x, &variance)) << "before Compute";
+  ASSERT_TRUE(ours.Compute(Pairs{{x, x}}, instance->problem.get()));
+  EXPECT_EQ(callback.num_calls, 1);
+  EXPECT_TRUE(ours.GetCovarianceBlock(x, x, &variance));
+  EXPECT_GT(variance, 0.0);
+}
+
+TEST(CovarianceOfACeresProblem, HasTheSameBitsForAnyNumberOfThreads) {
+  const std::unique_ptr<Instance> instance =
+      MakeBal(SmallStreet(5, 1.0), tools::BalCameraModel::kAngleAxis, Gauge::kTwoCamerasConstant,
+              Huber(1.0));
+  const Pairs pairs = PairsOf(*instance->problem, {{2, 2}, {3, 30}, {40, 40}});
+  std::vector<double> values[2] = {std::vector<double>(243), std::vector<double>(243)};
+  for (const int num_threads : {1, 4}) {
+    ceres::Covariance::Options options;
+    options.num_threads = num_threads;
+    Covariance ours(options);
+    ASSERT_TRUE(ours.Compute(pairs, instance->problem.get()));
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      ours.GetCovarianceBlock(pairs[k].first, pairs[k].second,
+                              values[num_threads / 4].data() + 81 * k);
+    }
+  }
+  EXPECT_EQ(values[0], values[1]);
 }
 
 }  // namespace

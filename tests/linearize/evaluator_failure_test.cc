@@ -21,7 +21,9 @@ class FailingFactors : public testing::Test {
   using Spoil = std::function<bool(int i, double* residuals, double** jacobians)>;
 
   void Build(Spoil spoil) {
-    auto family = std::make_shared<FunctionFamily>(
+    const double one = 1.0;
+    const VariableId x = graph_.AddVariable(&one, 1, Role::kFrame);
+    const auto family = graph_.AddFamily(std::make_shared<FunctionFamily>(
         1, std::vector<FactorFamily::Slot>{{1, 1}},
         [spoil](int i, const double* const* x, double* residuals, double** jacobians) {
           residuals[0] = x[0][0];
@@ -29,12 +31,9 @@ class FailingFactors : public testing::Test {
             jacobians[0][0] = 1.0;
           }
           return spoil(i, residuals, jacobians);
-        });
-    const double one = 1.0;
-    const VariableId x = graph_.AddVariable(&one, 1, Role::kFrame);
-    const FamilyId id = graph_.AddFamily(family);
+        }));
     for (int i = 0; i < 600; ++i) {
-      graph_.AddFactor(id, *family, 0, {x});
+      graph_.AddFactor(family, 0, {x});
     }
   }
 
@@ -106,7 +105,7 @@ Status EvaluateOn(std::shared_ptr<const Manifold> manifold) {
   test::Random random(1);
   const double one = 1.0;
   const VariableId x = graph.AddVariable(&one, 1, Role::kFrame, std::move(manifold));
-  graph.AddFactor(graph.AddFamily(family), *family, family->MakeMeasurement(&random), {x});
+  graph.AddFactor(graph.AddFamily(family), family->MakeMeasurement(&random), {x});
   CorePipeline core(graph);
   double cost = 0.0;
   EXPECT_EQ(core.evaluator.EvaluateCandidateCost(&cost).ok(), core.status.ok())

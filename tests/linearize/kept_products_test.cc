@@ -24,9 +24,8 @@ class KeptProductsOfWindow : public testing::Test {
     }
     shape.J = random_.random().Vector(18 * 18);
     shape.e0 = random_.random().Vector(18);
-    auto priors = std::make_shared<LinearPriorFamily>(shape);
-    prior_family_ = graph().AddFamily(priors);
-    graph().AddFactor(prior_family_, *priors, shape, frames);
+    prior_family_ = graph().AddFamily(std::make_shared<LinearPriorFamily>(shape));
+    graph().AddFactor(prior_family_, shape, frames);
     random_.Connect(20, {frames[0], frames[1]});
     random_.Connect(2, {frames[1], frames[2]});
   }
@@ -44,7 +43,7 @@ class KeptProductsOfWindow : public testing::Test {
   }
 
   test::RandomGraph random_{5};
-  FamilyId prior_family_ = 0;
+  FamilyHandle<LinearPriorFamily> prior_family_;
 };
 
 TEST_F(KeptProductsOfWindow, OnlyAFrozenJacobianIsKept) {

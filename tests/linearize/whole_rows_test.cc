@@ -37,10 +37,9 @@ class WholeRows : public testing::Test {
 
   void AddFactors(int rows, const std::vector<FactorFamily::Slot>& slots,
                   const std::vector<VariableId>& variables, int count) {
-    const auto family = std::make_shared<test::SmoothFamily>(rows, slots);
-    const FamilyId id = graph_.AddFamily(family);
+    const auto family = graph_.AddFamily(std::make_shared<test::SmoothFamily>(rows, slots));
     for (int i = 0; i < count; ++i) {
-      graph_.AddFactor(id, *family, family->MakeMeasurement(&random_), variables,
+      graph_.AddFactor(family, family->MakeMeasurement(&random_), variables,
                        std::make_shared<CauchyLoss>(0.7));
     }
   }
@@ -99,12 +98,11 @@ TEST_F(WholeRows, AreNotForFactorsOfDifferentVariables) {
   const VariableId other = AddVariable(1);
   AddFactors(1, {{1, 1}}, {other}, 1);
   EXPECT_EQ(Storage(), JacobianStorage::kWholeRows);  // each family has variables of its own
-  const auto family =
-      std::make_shared<test::SmoothFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}});
-  const FamilyId id = graph_.AddFamily(family);
-  graph_.AddFactor(id, *family, family->MakeMeasurement(&random_), {other});
+  const auto family = graph_.AddFamily(
+      std::make_shared<test::SmoothFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}));
+  graph_.AddFactor(family, family->MakeMeasurement(&random_), {other});
   EXPECT_EQ(Storage(), JacobianStorage::kWholeRows);
-  graph_.AddFactor(id, *family, family->MakeMeasurement(&random_), {2});
+  graph_.AddFactor(family, family->MakeMeasurement(&random_), {2});
   EXPECT_EQ(Storage(), JacobianStorage::kBySlot);
 }
 

@@ -20,7 +20,7 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 // Every block, computed in one order and read in both, against the dense inverse of the oracle's
 // Hessian.
 void ExpectInverse(const FactorGraph& graph, const std::vector<VariableId>& moving,
-                   const Covariance& covariance) {
+                   const GraphCovariance& covariance) {
   const DenseOracle oracle(graph, moving);
   const MatrixXd inverse = oracle.H.inverse();
   Eigen::Index row = 0;
@@ -41,8 +41,8 @@ void ExpectInverse(const FactorGraph& graph, const std::vector<VariableId>& movi
   }
 }
 
-Covariance::Pairs AllPairs(const std::vector<VariableId>& ids) {
-  Covariance::Pairs pairs;
+GraphCovariance::Pairs AllPairs(const std::vector<VariableId>& ids) {
+  GraphCovariance::Pairs pairs;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     for (std::size_t k = i; k < ids.size(); ++k) {
       pairs.emplace_back((i + k) % 2 == 0 ? ids[i] : ids[k], (i + k) % 2 == 0 ? ids[k] : ids[i]);
@@ -75,7 +75,7 @@ TEST(Covariance, IsTheInverseOfTheHessian) {
     options.hosted = seed == 5;
     const std::unique_ptr<RandomGraph> bundle = MakeBundle(options);
     const std::vector<VariableId> moving = Moving(bundle->graph());
-    Covariance covariance;
+    GraphCovariance covariance;
     const Status status = covariance.Compute(bundle->graph(), AllPairs(moving));
     ASSERT_TRUE(status.ok()) << status.message;
     SCOPED_TRACE(seed);
@@ -88,7 +88,7 @@ TEST(Covariance, OfLandmarksAloneAndFramesAlone) {
   for (int l = 0; l < 3; ++l) {
     landmarks.Connect(4, {landmarks.AddLandmark(2)});
   }
-  Covariance covariance;
+  GraphCovariance covariance;
   ASSERT_TRUE(covariance.Compute(landmarks.graph(), AllPairs({0, 1, 2})).ok());
   ExpectInverse(landmarks.graph(), {0, 1, 2}, covariance);
   RandomGraph frames(4);
@@ -106,7 +106,7 @@ TEST(Covariance, BlocksOfConstantsAreZero) {
   const VariableId free = random.AddFrame(3);
   random.graph().SetConstant(held, true);
   random.Connect(4, {held, free});
-  Covariance covariance;
+  GraphCovariance covariance;
   ASSERT_TRUE(covariance.Compute(random.graph(), {{held, free}, {free, free}}).ok());
   double block[6] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
   ASSERT_TRUE(covariance.Get(held, free, block));
@@ -128,7 +128,7 @@ TEST(Covariance, AFreeGaugeIsAStatus) {
         world.AddFactor({i - 1, i}, A, RandomMatrix(&random, 3, 1));
       }
     }
-    Covariance covariance;
+    GraphCovariance covariance;
     const Status status = covariance.Compute(world.graph, {{0, 0}});
     EXPECT_EQ(status.code, StatusCode::kSingular) << size;
     double block[9];
@@ -140,17 +140,97 @@ TEST(Covariance, AFreeGaugeIsAStatus) {
   }
 }
 
+// Frames along a path, each seen by the next few, and landmarks that three of them see: the factor
+// has few of all pairs, and landmarks far apart share none.
+struct Path {
+  explicit Path(int num_frames, unsigned seed) : random(seed) {
+    for (int i = 0; i < num_frames; ++i) {
+      frames.push_back(random.AddFrame(i % 4 == 3 ? 3 : 6));
+      random.Connect(6, {frames.back()});
+    }
+    for (int i = 0; i + 2 < num_frames; ++i) {
+      landmarks.push_back(random.AddLandmark(1 + i % 3));
+      for (int k = 0; k < 3; ++k) {
+        random.Connect(4, {frames[static_cast<std::size_t>(i + k)], landmarks.back()});
+      }
+    }
+  }
+  RandomGraph random;
+  std::vector<VariableId> frames, landmarks;
+};
+
+TEST(Covariance, OfAllOnAPathComesFromTheFactor) {
+  Path path(30, 11);
+  const std::vector<VariableId> moving = Moving(path.random.graph());
+  GraphCovariance covariance;
+  // All pairs: what the factor does not have is solved for.
+  const Status status = covariance.Compute(path.random.graph(), AllPairs(moving));
+  ASSERT_TRUE(status.ok()) << status.message;
+  ExpectInverse(path.random.graph(), moving, covariance);
+  // The variances alone.
+  GraphCovariance::Pairs own;
+  for (const VariableId id : moving) {
+    own.emplace_back(id, id);
+  }
+  GraphCovariance variances;
+  ASSERT_TRUE(variances.Compute(path.random.graph(), own).ok());
+  for (const VariableId id : moving) {
+    double expected[36], found[36];
+    const int size = path.random.graph().TangentSize(id);
+    ASSERT_TRUE(covariance.Get(id, id, expected));
+    ASSERT_TRUE(variances.Get(id, id, found));
+    for (int k = 0; k < size * size; ++k) {
+      EXPECT_NEAR(found[k], expected[k], 1e-12 * std::abs(expected[0])) << id;
+    }
+    EXPECT_FALSE(variances.Get(id, id == moving[0] ? moving[1] : moving[0], found));
+  }
+}
+
+// Three coordinates of a chain without an anchor, and a fourth variable that only a sum determines.
+TEST(Covariance, TellsWhatIsOpen) {
+  LinearWorld world;
+  Random random(3);
+  for (int i = 0; i < 12; ++i) {
+    world.AddVariable(RandomMatrix(&random, 3, 1));
+    if (i > 0 && i != 8) {  // 0 to 7 are one chain, 8 to 11 another
+      MatrixXd A(3, 6);
+      A << -MatrixXd::Identity(3, 3), MatrixXd::Identity(3, 3);
+      world.AddFactor({i - 1, i}, A, RandomMatrix(&random, 3, 1));
+    }
+  }
+  world.AddFactor({0}, MatrixXd::Identity(3, 3), RandomMatrix(&random, 3, 1));
+  GraphCovariance covariance;
+  EXPECT_EQ(covariance.Compute(world.graph, {{0, 0}}).code, StatusCode::kSingular);
+  const RankDeficiency& open = covariance.deficiency();
+  ASSERT_EQ(open.directions.size(), 3u) << open.ToString();
+  EXPECT_FALSE(open.has_more);
+  for (const RankDeficiency::Direction& direction : open.directions) {
+    ASSERT_EQ(direction.shares.size(), 4u) << open.ToString();
+    for (const auto& [id, share] : direction.shares) {
+      EXPECT_GE(id, 8);
+      EXPECT_GT(share, 0.05);
+    }
+  }
+  EXPECT_NE(open.ToString().find("3 directions are open: variable "), std::string::npos);
+  world.AddFactor({9}, MatrixXd::Identity(3, 3), RandomMatrix(&random, 3, 1));
+  ASSERT_TRUE(covariance.Compute(world.graph, {{0, 0}}).ok());
+  EXPECT_TRUE(covariance.deficiency().directions.empty());
+}
+
 TEST(Covariance, ALandmarkSeenOnceIsAStatusThatNamesIt) {
   RandomGraph random(6);
   const VariableId frame = random.AddFrame(6);
   random.Connect(8, {frame});
   const VariableId landmark = random.AddLandmark(3);
   random.Connect(2, {frame, landmark});
-  Covariance covariance;
+  GraphCovariance covariance;
   const Status status = covariance.Compute(random.graph(), {{frame, frame}});
   EXPECT_EQ(status.code, StatusCode::kSingular);
   EXPECT_EQ(status.message,
             "variable 1 has no covariance: the landmark is not determined by its factors");
+  EXPECT_EQ(covariance.deficiency().landmarks, std::vector<VariableId>{landmark});
+  EXPECT_EQ(covariance.deficiency().ToString(),
+            "1 landmarks are not determined by their factors, the first of them variable 1");
 }
 
 TEST(Covariance, BadIdsAndOptions) {
@@ -158,17 +238,17 @@ TEST(Covariance, BadIdsAndOptions) {
   random.AddFrame(2);
   random.AddFrame(2);
   random.Connect(3, {0});
-  Covariance covariance;
+  GraphCovariance covariance;
   EXPECT_EQ(covariance.Compute(random.graph(), {{0, 5}}).message, "variable 5 does not exist");
   EXPECT_EQ(covariance.Compute(random.graph(), {{0, 1}}).message,
             "variable 1 has no covariance: no factor touches it");
   CovarianceOptions options;
   options.num_threads = 0;
-  EXPECT_EQ(Covariance(options).Compute(random.graph(), {}).message,
+  EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
             "CovarianceOptions::num_threads must be at least 1");
   options.num_threads = 1;
   options.max_inflation = 1.0;
-  EXPECT_EQ(Covariance(options).Compute(random.graph(), {}).message,
+  EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
             "CovarianceOptions::max_inflation must exceed 1");
 }
 
@@ -190,7 +270,7 @@ TEST(Covariance, OfALivingProblem) {
     }
   }
   const std::vector<VariableId> moving = Moving(copy);
-  Covariance covariance;
+  GraphCovariance covariance;
   const Status status = covariance.Compute(bundle.solver, AllPairs(moving));
   ASSERT_TRUE(status.ok()) << status.message;
   // The oracle's rows of a graph without gaps.
@@ -206,7 +286,7 @@ TEST(Covariance, IsTheSameForAnyNumberOfThreads) {
   for (const int num_threads : {1, 4}) {
     CovarianceOptions options;
     options.num_threads = num_threads;
-    Covariance covariance(options);
+    GraphCovariance covariance(options);
     const Status status = covariance.Compute(bundle->graph(), {{0, 1}});
     ASSERT_TRUE(status.ok()) << status.message;
     ASSERT_TRUE(covariance.Get(0, 1, blocks[num_threads / 4]));

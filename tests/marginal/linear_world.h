@@ -59,24 +59,23 @@ class LinearFamily final : public AmbientFamily<LinearFamily> {
 class LinearFamilies {
  public:
   template <typename AddFamily>
-  std::pair<FamilyId, LinearFamily*> For(int rows, const std::vector<int>& sizes,
-                                         const AddFamily& add_family) {
+  FamilyHandle<LinearFamily> For(int rows, const std::vector<int>& sizes,
+                                 const AddFamily& add_family) {
     std::vector<int> key = sizes;
     key.push_back(rows);
-    auto& [id, family] = families_[key];
-    if (family == nullptr) {
+    FamilyHandle<LinearFamily>& handle = families_[key];
+    if (handle.family == nullptr) {
       std::vector<FactorFamily::Slot> slots;
       for (const int size : sizes) {
         slots.push_back({size, size});
       }
-      family = std::make_shared<LinearFamily>(rows, slots);
-      id = add_family(family);
+      handle = add_family(std::make_shared<LinearFamily>(rows, slots));
     }
-    return {id, family.get()};
+    return handle;
   }
 
  private:
-  std::map<std::vector<int>, std::pair<FamilyId, std::shared_ptr<LinearFamily>>> families_;
+  std::map<std::vector<int>, FamilyHandle<LinearFamily>> families_;
 };
 
 /// A graph of linear factors, changed by edits.
@@ -93,11 +92,10 @@ struct LinearWorld {
     for (const VariableId id : ids) {
       sizes.push_back(graph.AmbientSize(id));
     }
-    const auto [family_id, family] =
-        families.For(static_cast<int>(b.size()), sizes,
-                     [&](const auto& added) { return graph.AddFamily(added); });
+    const auto family = families.For(static_cast<int>(b.size()), sizes,
+                                     [&](const auto& added) { return graph.AddFamily(added); });
     GraphEdit edit(graph);
-    const FactorId factor = edit.AddFactor(family_id, *family, {A, b}, ids);
+    const FactorId factor = edit.AddFactor(family, {A, b}, ids);
     const Status status = graph.Apply(edit);
     EXPECT_TRUE(status.ok()) << status.message;
     return factor;

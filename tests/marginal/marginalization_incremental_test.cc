@@ -53,26 +53,26 @@ TEST(IncrementalMarginalization, OfALinearProblemLeavesTheOptimumWhereItWas) {
   IncrementalSolver solver(Tight());
   LinearFamilies families;
   const auto add_family = [&](const auto& family) { return solver.AddFamily(family); };
-  const auto [prior_id, priors] = families.For(3, {3}, add_family);
-  const auto [link_id, links] = families.For(3, {3, 3}, add_family);
-  const auto [view_id, views] = families.For(2, {3, 2}, add_family);
+  const auto priors = families.For(3, {3}, add_family);
+  const auto links = families.For(3, {3, 3}, add_family);
+  const auto views = families.For(2, {3, 2}, add_family);
   GraphEdit edit(solver.graph());
   std::vector<VariableId> frames;
   std::vector<VariableId> landmarks;
   const std::vector<double> zero(3, 0.0);
   for (int i = 0; i < 6; ++i) {
     frames.push_back(edit.AddVariable(zero.data(), 3, Role::kFrame));
-    edit.AddFactor(prior_id, *priors, {RandomMatrix(&random, 3, 3), RandomMatrix(&random, 3, 1)},
+    edit.AddFactor(priors, {RandomMatrix(&random, 3, 3), RandomMatrix(&random, 3, 1)},
                    {frames.back()});
     if (i > 0) {
-      edit.AddFactor(link_id, *links, {RandomMatrix(&random, 3, 6), RandomMatrix(&random, 3, 1)},
+      edit.AddFactor(links, {RandomMatrix(&random, 3, 6), RandomMatrix(&random, 3, 1)},
                      {frames[i - 1], frames[i]});
     }
   }
   for (int l = 0; l < 10; ++l) {
     landmarks.push_back(edit.AddVariable(zero.data(), 2, Role::kLandmark));
     for (int v = 0; v < 3; ++v) {
-      edit.AddFactor(view_id, *views, {RandomMatrix(&random, 2, 5), RandomMatrix(&random, 2, 1)},
+      edit.AddFactor(views, {RandomMatrix(&random, 2, 5), RandomMatrix(&random, 2, 1)},
                      {frames[(l + v) % 6], landmarks.back()});
     }
   }
@@ -234,21 +234,20 @@ TEST(IncrementalMarginalization, ThePriorIsNeverRelinearized) {
     options.relinearization_step = 1e-12;
     IncrementalSolver solver(options);
     Random random(10);
-    auto smooth =
-        std::make_shared<SmoothFamily>(7, std::vector<FactorFamily::Slot>{{3, 3}, {7, 6}});
-    auto anchor = std::make_shared<SmoothFamily>(4, std::vector<FactorFamily::Slot>{{3, 3}});
-    auto pull = std::make_shared<SmoothFamily>(7, std::vector<FactorFamily::Slot>{{7, 6}});
-    const FamilyId smooth_id = solver.AddFamily(smooth);
-    const FamilyId anchor_id = solver.AddFamily(anchor);
-    const FamilyId pull_id = solver.AddFamily(pull);
+    const auto smooth = solver.AddFamily(
+        std::make_shared<SmoothFamily>(7, std::vector<FactorFamily::Slot>{{3, 3}, {7, 6}}));
+    const auto anchor = solver.AddFamily(
+        std::make_shared<SmoothFamily>(4, std::vector<FactorFamily::Slot>{{3, 3}}));
+    const auto pull = solver.AddFamily(
+        std::make_shared<SmoothFamily>(7, std::vector<FactorFamily::Slot>{{7, 6}}));
     GraphEdit edit(solver.graph());
     const double zero[3] = {};
     const double pose[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
     const VariableId gone = edit.AddVariable(zero, 3, Role::kFrame);
     const VariableId kept =
         edit.AddVariable(pose, 7, Role::kFrame, std::make_shared<PoseManifold>());
-    edit.AddFactor(smooth_id, *smooth, smooth->MakeMeasurement(&random), {gone, kept});
-    edit.AddFactor(anchor_id, *anchor, anchor->MakeMeasurement(&random), {gone});
+    edit.AddFactor(smooth, smooth->MakeMeasurement(&random), {gone, kept});
+    edit.AddFactor(anchor, anchor->MakeMeasurement(&random), {gone});
     ASSERT_TRUE(solver.Apply(edit).ok());
     solver.Update();
     MarginalizationRequest request;
@@ -256,7 +255,7 @@ TEST(IncrementalMarginalization, ThePriorIsNeverRelinearized) {
     ASSERT_TRUE(solver.Marginalize(request, MarginalizationOptions()).status.ok());
     edit.Restart();
     SmoothFamily::Measurement strong = pull->MakeMeasurement(&random);
-    edit.AddFactor(pull_id, *pull, strong, {kept});
+    edit.AddFactor(pull, strong, {kept});
     ASSERT_TRUE(solver.Apply(edit).ok());
     const UpdateSummary summary = solver.Update();
     EXPECT_GT(summary.num_iterations, 1);

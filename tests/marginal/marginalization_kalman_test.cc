@@ -138,13 +138,13 @@ TEST(MarginalizedChain, IsTheKalmanFilterOnAnIncrementalGraph) {
   LinearFamilies families;
   const auto add = [&](GraphEdit* edit, const std::vector<VariableId>& ids,
                        const LinearMeasurement& m) {
-    const auto [id, family] =
+    const auto family =
         families.For(static_cast<int>(m.b.size()), std::vector<int>(ids.size(), kSize),
                      [&](const auto& added) { return solver.AddFamily(added); });
     if (edit->revision() != solver.graph().revision()) {
       edit->Restart();  // a family came
     }
-    edit->AddFactor(id, *family, m, ids);
+    edit->AddFactor(family, m, ids);
   };
   // Families first: an edit does not outlive a change of the graph.
   families.For(kSize, {kSize}, [&](const auto& added) { return solver.AddFamily(added); });

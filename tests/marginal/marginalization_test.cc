@@ -151,12 +151,10 @@ TEST(MarginalizationFailure, RankLossOfFrames) {
 
 TEST(MarginalizationFailure, AFactorThatCannotBeEvaluated) {
   Chain chain;
-  const FamilyId family = chain.graph.AddFamily(std::make_shared<FunctionFamily>(
+  const auto family = chain.graph.AddFamily(std::make_shared<FunctionFamily>(
       1, std::vector<FactorFamily::Slot>{{2, 2}},
       [](int, const double* const*, double*, double**) { return false; }));
-  auto& function =
-      const_cast<FunctionFamily&>(dynamic_cast<const FunctionFamily&>(chain.graph.family(family)));
-  chain.graph.AddFactor(family, function, 0, {0});
+  chain.graph.AddFactor(family, 0, {0});
   ExpectRefused(
       &chain.graph, Request({0, chain.landmark}), MarginalizationOptions(),
       StatusCode::kEvaluationFailed,

@@ -86,21 +86,20 @@ TEST(FactorGraph, ConnectsFactorsInOrder) {
   for (int k = 0; k < 4; ++k) {
     graph.AddVariable(kValues + k, 1, Role::kFrame);
   }
-  const auto pairs =
-      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}});
-  const auto singles = std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}});
-  const FamilyId pair_id = graph.AddFamily(pairs);
-  const FamilyId single_id = graph.AddFamily(singles);
-  EXPECT_EQ(graph.AddFactor(pair_id, *pairs, {}, {0, 1}), 0);
-  EXPECT_EQ(graph.AddFactor(single_id, *singles, {}, {2}), 0);
-  EXPECT_EQ(graph.AddFactor(pair_id, *pairs, {}, {3, 2}), 1);
+  const auto pairs = graph.AddFamily(
+      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}));
+  const auto singles =
+      graph.AddFamily(std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}));
+  EXPECT_EQ(graph.AddFactor(pairs, {}, {0, 1}), 0);
+  EXPECT_EQ(graph.AddFactor(singles, {}, {2}), 0);
+  EXPECT_EQ(graph.AddFactor(pairs, {}, {3, 2}), 1);
   EXPECT_EQ(graph.num_families(), 2);
   EXPECT_EQ(graph.num_factors(), 3);
-  EXPECT_EQ(graph.NumFactors(pair_id), 2);
-  EXPECT_EQ(graph.Variables(pair_id, 1)[0], 3);
-  EXPECT_EQ(graph.Variables(pair_id, 1)[1], 2);
-  EXPECT_EQ(graph.Variables(single_id, 0)[0], 2);
-  EXPECT_EQ(&graph.family(single_id), singles.get());
+  EXPECT_EQ(graph.NumFactors(pairs), 2);
+  EXPECT_EQ(graph.Variables(pairs, 1)[0], 3);
+  EXPECT_EQ(graph.Variables(pairs, 1)[1], 2);
+  EXPECT_EQ(graph.Variables(singles, 0)[0], 2);
+  EXPECT_EQ(&graph.family(singles), singles.family.get());
   EXPECT_TRUE(graph.Validate().ok());
 }
 
@@ -109,20 +108,20 @@ TEST(FactorGraph, ConnectsFactorsInOrder) {
 TEST(FactorGraph, LossesBelongToTheirFactors) {
   FactorGraph graph;
   graph.AddVariable(kValues, 1, Role::kFrame);
-  const auto family = std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}});
-  const FamilyId id = graph.AddFamily(family);
+  const auto family =
+      graph.AddFamily(std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}));
   const auto huber = std::make_shared<HuberLoss>(1.0);
-  graph.AddFactor(id, *family, {}, {0});
-  graph.AddFactor(id, *family, {}, {0});
-  EXPECT_FALSE(graph.HasLosses(id));
-  EXPECT_EQ(graph.loss(id, 1), nullptr);
-  graph.AddFactor(id, *family, {}, {0}, huber);
-  graph.AddFactor(id, *family, {}, {0});
-  EXPECT_TRUE(graph.HasLosses(id));
-  EXPECT_EQ(graph.loss(id, 0), nullptr);
-  EXPECT_EQ(graph.loss(id, 1), nullptr);
-  EXPECT_EQ(graph.loss(id, 2), huber.get());
-  EXPECT_EQ(graph.loss(id, 3), nullptr);
+  graph.AddFactor(family, {}, {0});
+  graph.AddFactor(family, {}, {0});
+  EXPECT_FALSE(graph.HasLosses(family));
+  EXPECT_EQ(graph.loss(family, 1), nullptr);
+  graph.AddFactor(family, {}, {0}, huber);
+  graph.AddFactor(family, {}, {0});
+  EXPECT_TRUE(graph.HasLosses(family));
+  EXPECT_EQ(graph.loss(family, 0), nullptr);
+  EXPECT_EQ(graph.loss(family, 1), nullptr);
+  EXPECT_EQ(graph.loss(family, 2), huber.get());
+  EXPECT_EQ(graph.loss(family, 3), nullptr);
 }
 
 TEST(FactorGraph, ConnectManyIsConnectOneAfterTheOther) {
@@ -181,12 +180,11 @@ TEST(FactorGraph, ReserveChangesNothingButCapacity) {
 
 TEST(FactorGraph, DescribesAFactor) {
   FactorGraph graph;
-  const auto family =
-      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}});
-  const FamilyId id = graph.AddFamily(family);
-  graph.AddFactor(id, *family, {}, {0, 1});
-  graph.AddFactor(id, *family, {}, {3, 112});
-  EXPECT_EQ(graph.DescribeFactor(id, 1), "factor 1 of blank (variables 3, 112)");
+  const auto family = graph.AddFamily(
+      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}));
+  graph.AddFactor(family, {}, {0, 1});
+  graph.AddFactor(family, {}, {3, 112});
+  EXPECT_EQ(graph.DescribeFactor(family, 1), "factor 1 of blank (variables 3, 112)");
 }
 
 }  // namespace

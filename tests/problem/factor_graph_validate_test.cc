@@ -19,7 +19,7 @@ class Validate : public testing::Test {
     graph_.AddVariable(kValues, 2, Role::kFrame);
     graph_.AddVariable(kValues, 3, Role::kLandmark);
     graph_.AddVariable(kValues, 3, Role::kLandmark);
-    graph_.AddFactor(id_, *family_, {}, {0, 1});
+    graph_.AddFactor(family_, {}, {0, 1});
   }
 
   void ExpectError(const std::string& expected) const {
@@ -30,16 +30,15 @@ class Validate : public testing::Test {
 
   FamilyId AddBlank(std::vector<FactorFamily::Slot> slots,
                     const std::vector<VariableId>& variables) {
-    const FamilyId id = graph_.AddFamily(std::make_shared<BlankFamily>(1, std::move(slots), 1));
+    const auto id = graph_.AddFamily(std::make_shared<BlankFamily>(1, std::move(slots), 1));
     graph_.Connect(id, variables.data());
     return id;
   }
 
   static constexpr double kValues[9] = {1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0};
   FactorGraph graph_;
-  std::shared_ptr<BlankFamily> family_ =
-      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}, {3, 3}});
-  FamilyId id_ = graph_.AddFamily(family_);
+  const FamilyHandle<BlankFamily> family_ = graph_.AddFamily(
+      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}, {3, 3}}));
 };
 
 TEST_F(Validate, AcceptsAGoodGraph) {
@@ -51,33 +50,33 @@ TEST_F(Validate, AcceptsAnEmptyGraph) {
 }
 
 TEST_F(Validate, DanglingId) {
-  graph_.AddFactor(id_, *family_, {}, {0, 7});
+  graph_.AddFactor(family_, {}, {0, 7});
   ExpectError(
       "factor 1 of blank (variables 0, 7): slot 1 names variable 7, but the graph has 3 variables");
 }
 
 TEST_F(Validate, FewerVariablesThanSlots) {
-  EXPECT_EQ(graph_.AddFactor(id_, *family_, {}, {0}), -1);
+  EXPECT_EQ(graph_.AddFactor(family_, {}, {0}), -1);
   ExpectError(
       "AddFactor: a factor of family 0 (blank) is given 1 variable (0) but has 2 slots (of 2, 3 "
       "values)");
-  EXPECT_EQ(graph_.NumFactors(id_), 1);
+  EXPECT_EQ(graph_.NumFactors(family_), 1);
   EXPECT_EQ(family_->size(), 1);
 }
 
 TEST_F(Validate, MoreVariablesThanSlots) {
-  EXPECT_EQ(graph_.AddFactor(id_, *family_, {}, std::vector<VariableId>(1000, 2)), -1);
+  EXPECT_EQ(graph_.AddFactor(family_, {}, std::vector<VariableId>(1000, 2)), -1);
   ExpectError("is given 1000 variables (2, 2, 2, 2, 2, 2, 2, 2, …) but has 2 slots");
 }
 
 TEST_F(Validate, NoVariables) {
-  EXPECT_EQ(graph_.AddFactor(id_, *family_, {}, {}), -1);
+  EXPECT_EQ(graph_.AddFactor(family_, {}, {}), -1);
   ExpectError("is given 0 variables but has 2 slots");
 }
 
 TEST_F(Validate, TheFirstCallThatFailedIsNamed) {
   EXPECT_EQ(graph_.AddFamily(nullptr), -1);
-  EXPECT_EQ(graph_.AddFactor(7, *family_, {}, {0, 1}), -1);
+  EXPECT_EQ(graph_.AddFactor(FamilyHandle<BlankFamily>{7, family_.family}, {}, {0, 1}), -1);
   ExpectError("AddFamily: the family is a null pointer");
 }
 
@@ -85,7 +84,7 @@ TEST_F(Validate, NoSuchFamily) {
   for (const FamilyId id : {-1, 1, 1 << 30}) {
     FactorGraph by_add = graph_, by_connect = graph_, by_connect_many = graph_;
     const VariableId variables[] = {0, 1};
-    EXPECT_EQ(by_add.AddFactor(id, *family_, {}, {0, 1}), -1);
+    EXPECT_EQ(by_add.AddFactor(FamilyHandle<BlankFamily>{id, family_.family}, {}, {0, 1}), -1);
     EXPECT_EQ(by_connect.Connect(id, variables), -1);
     by_connect_many.ConnectMany(id, {0, 1});
     for (const FactorGraph* graph : {&by_add, &by_connect, &by_connect_many}) {
@@ -98,31 +97,42 @@ TEST_F(Validate, NoSuchFamily) {
   }
 }
 
-TEST_F(Validate, AnotherFamilysObject) {
-  BlankFamily other(1, {{2, 2}, {3, 3}});
-  EXPECT_EQ(graph_.AddFactor(id_, other, {}, {0, 1}), -1);
-  ExpectError("AddFactor: family 0 (blank) is not the family given with that id (blank)");
+TEST_F(Validate, AHandleOfAnotherGraph) {
+  FactorGraph other;
+  const auto handle = other.AddFamily(
+      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}, {3, 3}}));
+  EXPECT_EQ(graph_.AddFactor(handle, {}, {0, 1}), -1);
+  ExpectError("AddFactor: family 0 (blank) is not the family of the handle (blank)");
+  EXPECT_EQ(handle->size(), 0);
+}
+
+TEST_F(Validate, AHandleWithoutAFamily) {
+  FactorGraph another = graph_;
+  EXPECT_EQ(another.AddFactor(FamilyHandle<BlankFamily>(), {}, {0, 1}), -1);
+  EXPECT_NE(another.Validate().message.find("AddFactor: there is no family -1"), std::string::npos);
+  EXPECT_EQ(graph_.AddFactor(FamilyHandle<BlankFamily>{0, nullptr}, {}, {0, 1}), -1);
+  ExpectError("AddFactor: family 0 (blank) is not the family of the handle (which has none)");
 }
 
 TEST_F(Validate, AnIncompleteFactorAmongMany) {
-  graph_.ConnectMany(id_, {0, 1, 0});
+  graph_.ConnectMany(family_, {0, 1, 0});
   ExpectError(
       "ConnectMany: factors of family 0 (blank) have 2 slots (of 2, 3 values), and 3 variables are "
       "not so many each");
 }
 
 TEST_F(Validate, AsManyLossesAsFactors) {
-  graph_.ConnectMany(id_, {0, 1}, std::vector<std::shared_ptr<const Loss>>(2));
+  graph_.ConnectMany(family_, {0, 1}, std::vector<std::shared_ptr<const Loss>>(2));
   ExpectError("ConnectMany: 1 factors of family 0 (blank) are given 2 losses");
 }
 
 TEST_F(Validate, NegativeId) {
-  graph_.AddFactor(id_, *family_, {}, {-1, 1});
+  graph_.AddFactor(family_, {}, {-1, 1});
   ExpectError("factor 1 of blank (variables -1, 1): slot 0 names variable -1");
 }
 
 TEST_F(Validate, AmbientSizeOfASlot) {
-  graph_.AddFactor(id_, *family_, {}, {1, 2});
+  graph_.AddFactor(family_, {}, {1, 2});
   ExpectError(
       "factor 1 of blank (variables 1, 2): slot 0 has ambient size 2 but variable 1 has 3 values");
 }
@@ -248,7 +258,7 @@ TEST_F(Validate, MeasurementsWithoutConnection) {
 
 TEST_F(Validate, ConnectionsWithoutMeasurement) {
   const VariableId ids[2] = {0, 2};
-  graph_.Connect(id_, ids);
+  graph_.Connect(family_, ids);
   ExpectError("family 0 (blank) holds 1 measurements but 2 factors are connected");
 }
 

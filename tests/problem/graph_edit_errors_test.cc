@@ -26,13 +26,13 @@ class EditErrors : public testing::Test {
     graph_.AddVariable(kValues, 2, Role::kFrame);
     for (int l = 0; l < 3; ++l) {
       const VariableId landmark = graph_.AddVariable(kValues, 3, Role::kLandmark);
-      graph_.AddFactor(0, *views_, {}, {0, landmark});
+      graph_.AddFactor(views_, {}, {0, landmark});
     }
     graph_.AddBorrowedConstant(kValues, 2);
     graph_.AddVariable(kValues, 3, Role::kLandmark);
-    graph_.AddFactor(0, *views_, {}, {0, 5});
+    graph_.AddFactor(views_, {}, {0, 5});
     graph_.SetConstant(3, true);
-    graph_.AddFactor(pair_id_, *pairs_, {}, {1, 3}, std::make_shared<HuberLoss>(1.0));
+    graph_.AddFactor(pairs_, {}, {1, 3}, std::make_shared<HuberLoss>(1.0));
     GraphEdit edit(graph_);
     edit.RemoveVariable(5);
     EXPECT_TRUE(graph_.Apply(edit).ok());
@@ -71,10 +71,10 @@ class EditErrors : public testing::Test {
 
   static constexpr double kValues[9] = {1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0};
   FactorGraph graph_;
-  std::shared_ptr<BlankFamily> views_ = std::make_shared<BlankFamily>(1, Slots{{2, 2}, {3, 3}});
-  std::shared_ptr<BlankFamily> pairs_ = std::make_shared<BlankFamily>(1, Slots{{3, 3}, {3, 3}});
-  FamilyId view_id_ = graph_.AddFamily(views_);
-  FamilyId pair_id_ = graph_.AddFamily(pairs_);
+  const FamilyHandle<BlankFamily> views_ =
+      graph_.AddFamily(std::make_shared<BlankFamily>(1, Slots{{2, 2}, {3, 3}}));
+  const FamilyHandle<BlankFamily> pairs_ =
+      graph_.AddFamily(std::make_shared<BlankFamily>(1, Slots{{3, 3}, {3, 3}}));
   GraphEdit edit_{graph_};
   std::string before_;
 };
@@ -89,10 +89,10 @@ TEST_F(EditErrors, AnIdWhosePlaceHasBeenGivenToAnotherFactor) {
   FactorId first;
   FactorId second;
   for (FactorId* id : {&first, &second}) {
-    edit_.RemoveFactor({view_id_, 0});
+    edit_.RemoveFactor({views_, 0});
     ASSERT_TRUE(graph_.Apply(edit_).ok());
     edit_.Restart();
-    *id = edit_.AddFactor(view_id_, *views_, {}, {0, 1});
+    *id = edit_.AddFactor(views_, {}, {0, 1});
     ASSERT_TRUE(graph_.Apply(edit_).ok());
     edit_.Restart();
   }
@@ -133,7 +133,7 @@ TEST_F(EditErrors, StaleAfterAnyChangeOfStructure) {
   expect_stale();
   graph_.AddBorrowedConstant(kValues, 2);
   expect_stale();
-  graph_.AddFamily(pairs_);
+  graph_.AddFamily(pairs_.family);
   expect_stale();
   EXPECT_EQ(graph_.revision(), revision + 3);
   const GraphEdit empty(graph_);
@@ -199,7 +199,7 @@ TEST_F(EditErrors, RemoveFactorTwice) {
 }
 
 TEST_F(EditErrors, RemoveFactorOfTheSameEdit) {
-  edit_.RemoveFactor(edit_.AddFactor(0, *views_, {}, {0, 1}));
+  edit_.RemoveFactor(edit_.AddFactor(views_, {}, {0, 1}));
   ExpectRefused("RemoveFactor: factor 3 of family 0 (blank) is added by the same edit");
 }
 
@@ -244,15 +244,43 @@ TEST_F(EditErrors, AddBorrowedConstantThatIsNotFinite) {
 }
 
 TEST_F(EditErrors, ConnectToNoFamily) {
+  const Ids ids = {0, 1};
   for (const FamilyId id : {-1, 2}) {
     edit_.Restart();
-    edit_.AddFactor(id, *views_, {}, {0, 1});
+    edit_.Connect(id, ids.data());
     ExpectRefused("Connect: there is no family " + std::to_string(id));
+    edit_.Restart();
+    EXPECT_EQ(edit_.AddFactor(FamilyHandle<BlankFamily>{id, views_.family}, {}, {0, 1}).index, -1);
+    ExpectRefused("AddFactor: there is no family " + std::to_string(id) + "; the graph has 2");
   }
 }
 
+TEST_F(EditErrors, AHandleWithoutAFamily) {
+  EXPECT_EQ(edit_.AddFactor(FamilyHandle<BlankFamily>(), {}, {0, 1}).index, -1);
+  EXPECT_FALSE(edit_.empty());
+  ExpectRefused("AddFactor: there is no family -1");
+  edit_.Restart();
+  EXPECT_EQ(edit_.AddFactor(FamilyHandle<BlankFamily>{0, nullptr}, {}, {0, 1}).index, -1);
+  ExpectRefused("AddFactor: family 0 (blank) is not the family of the handle (which has none)");
+  edit_.Restart();
+  edit_.SetMeasurement({0, 1}, FamilyHandle<BlankFamily>(), {});
+  ExpectRefused("SetMeasurement: family 0 (blank) is not the family of the handle");
+}
+
+// The measurement would otherwise go into a family that the factor is not of.
+TEST_F(EditErrors, AHandleOfAnotherFamily) {
+  const int size = pairs_->size();
+  EXPECT_EQ(edit_.AddFactor(FamilyHandle<BlankFamily>{0, pairs_.family}, {}, {0, 1}).index, -1);
+  edit_.AddFactor(views_, {}, {0, 1});
+  ExpectRefused("AddFactor: family 0 (blank) is not the family of the handle (blank)");
+  EXPECT_EQ(pairs_->size(), size);
+  edit_.Restart();
+  edit_.SetMeasurement({0, 1}, pairs_, {});
+  ExpectRefused("SetMeasurement: family 0 (blank) is not the family of the handle (blank)");
+}
+
 TEST_F(EditErrors, ConnectWithTooFewVariables) {
-  edit_.AddFactor(0, *views_, {}, {0});
+  edit_.AddFactor(views_, {}, {0});
   ExpectRefused("factor 3 of family 0 (blank) is given 1 variables but has 2 slots");
 }
 
@@ -267,26 +295,26 @@ TEST_F(EditErrors, ConnectWithoutMeasurement) {
 }
 
 TEST_F(EditErrors, ConnectToNoVariable) {
-  edit_.AddFactor(0, *views_, {}, {0, 6});
+  edit_.AddFactor(views_, {}, {0, 6});
   ExpectRefused(
       "factor 3 of blank (variables 0, 6): slot 1 names variable 6, but the graph has 6 variables");
 }
 
 TEST_F(EditErrors, ConnectToARemovedVariable) {
-  edit_.AddFactor(0, *views_, {}, {0, 5});
+  edit_.AddFactor(views_, {}, {0, 5});
   ExpectRefused(
       "factor 3 of blank (variables 0, 5): slot 1 names variable 5, which has been removed");
 }
 
 TEST_F(EditErrors, ConnectToAVariableThatGoes) {
   edit_.RemoveVariable(2);
-  edit_.AddFactor(0, *views_, {}, {0, 2});
+  edit_.AddFactor(views_, {}, {0, 2});
   ExpectRefused(
       "factor 3 of blank (variables 0, 2): slot 1 names variable 2, which the same edit removes");
 }
 
 TEST_F(EditErrors, ConnectWithAnotherAmbientSize) {
-  edit_.AddFactor(0, *views_, {}, {1, 2});
+  edit_.AddFactor(views_, {}, {1, 2});
   ExpectRefused(
       "factor 3 of blank (variables 1, 2): slot 0 has ambient size 2 but variable 1 has 3 values");
 }
@@ -294,18 +322,18 @@ TEST_F(EditErrors, ConnectWithAnotherAmbientSize) {
 TEST_F(EditErrors, ConnectANewVariableWithAnotherTangentSize) {
   const VariableId id = edit_.AddVariable(kValues, 3, Role::kLandmark,
                                           std::make_shared<SubsetManifold>(3, std::vector<int>{1}));
-  edit_.AddFactor(0, *views_, {}, {0, id});
+  edit_.AddFactor(views_, {}, {0, id});
   ExpectRefused(
       "factor 3 of blank (variables 0, 5): slot 1 has tangent size 3 but variable 5 has 2");
 }
 
 TEST_F(EditErrors, ConnectTwiceToAVariable) {
-  edit_.AddFactor(1, *pairs_, {}, {1, 1});
+  edit_.AddFactor(pairs_, {}, {1, 1});
   ExpectRefused("factor 1 of blank (variables 1, 1): slot 1 repeats variable 1");
 }
 
 TEST_F(EditErrors, ConnectTwoLandmarks) {
-  edit_.AddFactor(1, *pairs_, {}, {1, 2});
+  edit_.AddFactor(pairs_, {}, {1, 2});
   ExpectRefused("factor 1 of blank (variables 1, 2): slot 1 is a second landmark (variable 2)");
   edit_.SetConstant(1, true);  // the state the edit leads to is what counts
   std::vector<FactorId> removed;
@@ -315,10 +343,9 @@ TEST_F(EditErrors, ConnectTwoLandmarks) {
 }
 
 TEST_F(EditErrors, FamilyWithoutResiduals) {
-  const auto family = std::make_shared<BlankFamily>(0, Slots{{2, 2}});
-  graph_.AddFamily(family);
+  const auto family = graph_.AddFamily(std::make_shared<BlankFamily>(0, Slots{{2, 2}}));
   edit_.Restart();
-  edit_.AddFactor(2, *family, {}, {0});
+  edit_.AddFactor(family, {}, {0});
   const Status status = graph_.Apply(edit_);
   EXPECT_NE(status.message.find("family 2 (blank) has residual size 0"), std::string::npos)
       << status.message;
@@ -368,7 +395,7 @@ TEST_F(EditErrors, FreeingAVariableOfAnotherTangentSize) {
   const VariableId id = edit_.AddVariable(kValues, 3, Role::kLandmark,
                                           std::make_shared<SubsetManifold>(3, std::vector<int>{1}));
   edit_.SetConstant(id, true);
-  edit_.AddFactor(0, *views_, {}, {0, id});
+  edit_.AddFactor(views_, {}, {0, id});
   ASSERT_TRUE(graph_.Apply(edit_).ok());
   GraphEdit edit(graph_);
   edit.SetConstant(id, false);
@@ -402,7 +429,7 @@ TEST_F(EditErrors, SetLossOfAFactorThatGoesWithItsVariable) {
 }
 
 TEST_F(EditErrors, SetMeasurement) {
-  edit_.SetMeasurement({0, 9}, *views_, {});
+  edit_.SetMeasurement({0, 9}, views_, {});
   ExpectRefused("SetMeasurement: factor 9 of family 0 (blank) does not exist");
 }
 

@@ -66,8 +66,7 @@ class RandomEdits {
           {{2, 2}, {2, 2}},
           {{3, 3}},
           {{2, 2}, {2, 2}, {3, 3}}}) {
-      families_.push_back(std::make_shared<NumberedFamily>(slots));
-      graph_.AddFamily(families_.back());
+      families_.push_back(graph_.AddFamily(std::make_shared<NumberedFamily>(slots)));
     }
   }
 
@@ -182,7 +181,7 @@ class RandomEdits {
         random_.Below(3) == 0 ? std::make_shared<HuberLoss>(1.0) : nullptr;
     const int number = ++last_number_;
     const FactorId id =
-        edit_.AddFactor(family, *families_[static_cast<std::size_t>(family)], number, ids, loss);
+        edit_.AddFactor(families_[static_cast<std::size_t>(family)], number, ids, loss);
     const Key key = {family, id.index};
     EXPECT_EQ(model_.factors.count(key) + next_.factors.count(key), 0u);
     next_.factors[key] = {ids, loss, number};
@@ -253,7 +252,7 @@ class RandomEdits {
       return;
     }
     factor.number = ++last_number_;
-    edit_.SetMeasurement(id, *families_[static_cast<std::size_t>(key.first)], factor.number);
+    edit_.SetMeasurement(id, families_[static_cast<std::size_t>(key.first)], factor.number);
   }
 
   void AddFault() {
@@ -268,7 +267,7 @@ class RandomEdits {
       case 3:
         return edit_.SetValues(-1, &kNone);
       default:
-        edit_.AddFactor(2, *families_[2], 0, {-1});
+        edit_.AddFactor(families_[2], 0, {-1});
     }
   }
 
@@ -302,7 +301,7 @@ class RandomEdits {
 
   test::Random random_;
   FactorGraph graph_;
-  std::vector<std::shared_ptr<NumberedFamily>> families_;
+  std::vector<FamilyHandle<NumberedFamily>> families_;
   GraphEdit edit_{graph_};
   Model model_;
   Model next_;

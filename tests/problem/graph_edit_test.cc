@@ -52,7 +52,7 @@ class Edit : public testing::Test {
     for (int l = 0; l < 3; ++l) {
       const VariableId landmark = graph_.AddVariable(kValues + l, 3, Role::kLandmark);
       for (const VariableId frame : {0, 1}) {
-        graph_.AddFactor(id_, *views_, 10 * landmark + frame, {frame, landmark});
+        graph_.AddFactor(views_, 10 * landmark + frame, {frame, landmark});
       }
     }
   }
@@ -65,8 +65,8 @@ class Edit : public testing::Test {
   }
 
   FactorGraph graph_;
-  std::shared_ptr<NotedFamily> views_ = std::make_shared<NotedFamily>(Slots{{2, 2}, {3, 3}});
-  FamilyId id_ = graph_.AddFamily(views_);
+  const FamilyHandle<NotedFamily> views_ =
+      graph_.AddFamily(std::make_shared<NotedFamily>(Slots{{2, 2}, {3, 3}}));
 };
 
 TEST_F(Edit, GivesOutIdsAtOnceAndAddsTogether) {
@@ -80,8 +80,8 @@ TEST_F(Edit, GivesOutIdsAtOnceAndAddsTogether) {
   EXPECT_EQ(constant, 6);
   edit.SetConstant(landmark, true);
   const auto loss = std::make_shared<HuberLoss>(1.0);
-  const FactorId plain = edit.AddFactor(id_, *views_, 60, {constant, landmark});
-  const FactorId robust = edit.AddFactor(id_, *views_, 61, {1, landmark}, loss);
+  const FactorId plain = edit.AddFactor(views_, 60, {constant, landmark});
+  const FactorId robust = edit.AddFactor(views_, 61, {1, landmark}, loss);
   EXPECT_EQ(plain.index, 6);
   EXPECT_EQ(robust.index, 7);
   EXPECT_FALSE(edit.empty());
@@ -96,15 +96,15 @@ TEST_F(Edit, GivesOutIdsAtOnceAndAddsTogether) {
   EXPECT_TRUE(graph_.IsConstant(landmark));
   EXPECT_EQ(graph_.Values(landmark)[2], 3.0);
   EXPECT_EQ(graph_.Values(constant), borrowed);
-  EXPECT_EQ(graph_.Variables(id_, plain.index)[0], constant);
-  EXPECT_EQ(graph_.loss(id_, plain.index), nullptr);
-  EXPECT_EQ(graph_.loss(id_, robust.index), loss.get());
-  EXPECT_EQ(graph_.loss(id_, 0), nullptr);
+  EXPECT_EQ(graph_.Variables(views_, plain.index)[0], constant);
+  EXPECT_EQ(graph_.loss(views_, plain.index), nullptr);
+  EXPECT_EQ(graph_.loss(views_, robust.index), loss.get());
+  EXPECT_EQ(graph_.loss(views_, 0), nullptr);
 }
 
 TEST_F(Edit, RemovesAVariableWithItsFactors) {
   GraphEdit edit(graph_);
-  edit.RemoveFactor({id_, 5});
+  edit.RemoveFactor({views_, 5});
   edit.RemoveVariable(3);
   std::vector<FactorId> removed;
   const std::string before = Dump(graph_);
@@ -119,13 +119,13 @@ TEST_F(Edit, RemovesAVariableWithItsFactors) {
   EXPECT_TRUE(graph_.IsConstant(3));
   EXPECT_EQ(graph_.num_variables(), 5);
   EXPECT_EQ(graph_.num_live_variables(), 4);
-  EXPECT_EQ(graph_.NumFactors(id_), 6);
-  EXPECT_EQ(graph_.NumFreePlaces(id_), 3);
+  EXPECT_EQ(graph_.NumFactors(views_), 6);
+  EXPECT_EQ(graph_.NumFreePlaces(views_), 3);
   EXPECT_EQ(graph_.num_factors(), 3);
   for (int i = 0; i < 6; ++i) {
     const bool there = i != 2 && i != 3 && i != 5;
-    EXPECT_EQ(graph_.HasFactor(id_, i), there);
-    EXPECT_EQ(graph_.Variables(id_, i)[0] >= 0, there);
+    EXPECT_EQ(graph_.HasFactor(views_, i), there);
+    EXPECT_EQ(graph_.Variables(views_, i)[0] >= 0, there);
   }
   EXPECT_EQ(FactorsOf(&graph_, 1), (Factors{{0, 1}}));
   EXPECT_EQ(FactorsOf(&graph_, 0), (Factors{{0, 4}, {0, 0}}));
@@ -194,25 +194,25 @@ TEST_F(Edit, BorrowedConstantsReuseTheirOwnIds) {
 
 TEST_F(Edit, ReusesPlaces) {
   GraphEdit edit(graph_);
-  edit.SetLoss({id_, 1}, std::make_shared<HuberLoss>(1.0));
+  edit.SetLoss({views_, 1}, std::make_shared<HuberLoss>(1.0));
   Apply(edit);
   edit.Restart();
-  edit.RemoveFactor({id_, 1});
-  edit.RemoveFactor({id_, 4});
+  edit.RemoveFactor({views_, 1});
+  edit.RemoveFactor({views_, 4});
   Apply(edit);
-  EXPECT_EQ(graph_.loss(id_, 1), nullptr);
-  EXPECT_EQ(graph_.FreePlace(id_, 0), 4);
-  EXPECT_EQ(graph_.FreePlace(id_, 1), 1);
-  EXPECT_EQ(graph_.FreePlace(id_, 2), -1);
+  EXPECT_EQ(graph_.loss(views_, 1), nullptr);
+  EXPECT_EQ(graph_.FreePlace(views_, 0), 4);
+  EXPECT_EQ(graph_.FreePlace(views_, 1), 1);
+  EXPECT_EQ(graph_.FreePlace(views_, 2), -1);
   edit.Restart();
-  EXPECT_EQ(edit.AddFactor(id_, *views_, 77, {1, 2}).index, 4);
-  EXPECT_EQ(edit.AddFactor(id_, *views_, 78, {0, 4}).index, 1);
-  EXPECT_EQ(edit.AddFactor(id_, *views_, 79, {0, 2}).index, 6);
+  EXPECT_EQ(edit.AddFactor(views_, 77, {1, 2}).index, 4);
+  EXPECT_EQ(edit.AddFactor(views_, 78, {0, 4}).index, 1);
+  EXPECT_EQ(edit.AddFactor(views_, 79, {0, 2}).index, 6);
   Apply(edit);
   EXPECT_EQ(views_->notes, (std::vector<int>{20, 78, 30, 31, 77, 41, 79}));
-  EXPECT_EQ(graph_.NumFreePlaces(id_), 0);
+  EXPECT_EQ(graph_.NumFreePlaces(views_), 0);
   EXPECT_EQ(FactorsOf(&graph_, 2), (Factors{{0, 6}, {0, 4}, {0, 0}}));
-  EXPECT_EQ(graph_.Variables(id_, 1)[1], 4);
+  EXPECT_EQ(graph_.Variables(views_, 1)[1], 4);
 }
 
 // What an edit frees is used by the next one only.
@@ -220,7 +220,7 @@ TEST_F(Edit, RoomFreedByAnEditIsNotUsedByIt) {
   GraphEdit edit(graph_);
   edit.RemoveVariable(4);
   EXPECT_EQ(edit.AddVariable(kValues, 3, Role::kLandmark), 5);
-  EXPECT_EQ(edit.AddFactor(id_, *views_, 50, {0, 5}).index, 6);
+  EXPECT_EQ(edit.AddFactor(views_, 50, {0, 5}).index, 6);
   Apply(edit);
   EXPECT_EQ(GraphEdit(graph_).AddVariable(kValues, 3, Role::kLandmark), 4);
   EXPECT_EQ(graph_.num_factors(), 5);
@@ -232,30 +232,30 @@ TEST_F(Edit, SettingsComeAfterAdditionsAndTheLastOneHolds) {
   const auto loss = std::make_shared<HuberLoss>(1.0);
   edit.SetValues(1, kValues + 4);
   edit.SetConstant(1, true);
-  edit.SetMeasurement({id_, 2}, *views_, 90);
-  edit.SetLoss({id_, 2}, nullptr);
+  edit.SetMeasurement({views_, 2}, views_, 90);
+  edit.SetLoss({views_, 2}, nullptr);
   edit.SetValues(1, kValues + 6);
   edit.SetConstant(1, false);
   edit.SetConstant(0, false);
   edit.SetConstant(0, true);
-  edit.SetMeasurement({id_, 2}, *views_, 91);
-  edit.SetLoss({id_, 2}, loss);
+  edit.SetMeasurement({views_, 2}, views_, 91);
+  edit.SetLoss({views_, 2}, loss);
   const VariableId landmark = edit.AddVariable(kValues, 3, Role::kLandmark);
   edit.SetValues(landmark, kValues + 3);
-  const FactorId factor = edit.AddFactor(id_, *views_, 92, {0, landmark}, loss);
-  edit.SetMeasurement(factor, *views_, 93);
+  const FactorId factor = edit.AddFactor(views_, 92, {0, landmark}, loss);
+  edit.SetMeasurement(factor, views_, 93);
   edit.SetLoss(factor, nullptr);
-  edit.MeasurementChanged({id_, 0});
+  edit.MeasurementChanged({views_, 0});
   EXPECT_EQ(views_->notes[2], 30);
   Apply(edit);
   EXPECT_EQ(graph_.Values(1)[0], 7.0);
   EXPECT_FALSE(graph_.IsConstant(1));
   EXPECT_TRUE(graph_.IsConstant(0));
   EXPECT_EQ(views_->notes[2], 91);
-  EXPECT_EQ(graph_.loss(id_, 2), loss.get());
+  EXPECT_EQ(graph_.loss(views_, 2), loss.get());
   EXPECT_EQ(graph_.Values(landmark)[0], 4.0);
   EXPECT_EQ(views_->notes[6], 93);
-  EXPECT_EQ(graph_.loss(id_, factor.index), nullptr);
+  EXPECT_EQ(graph_.loss(views_, factor.index), nullptr);
 }
 
 // A refused or abandoned edit may have left measurements in the family; the next one writes over
@@ -263,11 +263,11 @@ TEST_F(Edit, SettingsComeAfterAdditionsAndTheLastOneHolds) {
 TEST_F(Edit, AnAbandonedEditLeavesNothingToTripOver) {
   {
     GraphEdit abandoned(graph_);
-    abandoned.AddFactor(id_, *views_, 1000, {0, 2});
-    abandoned.AddFactor(id_, *views_, 1001, {0, 2});
+    abandoned.AddFactor(views_, 1000, {0, 2});
+    abandoned.AddFactor(views_, 1001, {0, 2});
   }
   GraphEdit edit(graph_);
-  edit.AddFactor(id_, *views_, 99, {0, 2});
+  edit.AddFactor(views_, 99, {0, 2});
   Apply(edit);
   EXPECT_EQ(views_->notes[6], 99);
   EXPECT_EQ(graph_.num_factors(), 7);
@@ -280,10 +280,10 @@ TEST_F(Edit, PlainAdditionsJoinTheListsOfFactors) {
   Apply(edit);
   views_->Add(1);
   const Ids early = {0, 5};
-  graph_.Connect(id_, early.data());
+  graph_.Connect(views_, early.data());
   EXPECT_FALSE(graph_.Validate().ok());
   EXPECT_EQ(graph_.AddVariable(kValues, 3, Role::kLandmark), 5);
-  graph_.AddFactor(id_, *views_, 2, {1, 5});
+  graph_.AddFactor(views_, 2, {1, 5});
   EXPECT_TRUE(graph_.Validate().ok());
   EXPECT_EQ(FactorsOf(&graph_, 5), (Factors{{0, 7}, {0, 6}}));
   edit.Restart();
@@ -297,7 +297,7 @@ TEST_F(Edit, ValidateFindsAPlainFactorOfARemovedVariable) {
   GraphEdit edit(graph_);
   edit.RemoveVariable(3);
   Apply(edit);
-  graph_.AddFactor(id_, *views_, 2, {1, 3});
+  graph_.AddFactor(views_, 2, {1, 3});
   EXPECT_NE(graph_.Validate().message.find("slot 1 names variable 3, which has been removed"),
             std::string::npos);
 }
@@ -333,17 +333,17 @@ TEST_F(Edit, ASlidingWindowDoesNotGrow) {
     const VariableId landmark = edit.AddVariable(kValues, 3, Role::kLandmark);
     window.insert(window.end(), {frame, landmark});
     for (std::size_t f = 0; f < window.size(); f += 2) {
-      edit.AddFactor(id_, *views_, step, {window[f], landmark});
+      edit.AddFactor(views_, step, {window[f], landmark});
     }
     Apply(edit);
     if (step == 10) {
       num_variables = graph_.num_variables();
-      num_places = graph_.NumFactors(id_);
+      num_places = graph_.NumFactors(views_);
       num_values = graph_.state().size();
     }
   }
   EXPECT_EQ(graph_.num_variables(), num_variables);
-  EXPECT_EQ(graph_.NumFactors(id_), num_places);
+  EXPECT_EQ(graph_.NumFactors(views_), num_places);
   EXPECT_EQ(graph_.state().size(), num_values);
   EXPECT_EQ(views_->size(), num_places);
   EXPECT_EQ(graph_.num_live_variables(), 5 + 6);

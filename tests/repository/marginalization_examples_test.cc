@@ -18,13 +18,16 @@ namespace {
 using inceres::VariableId;
 
 // clang-format off
-inceres::MarginalizationSummary TakeOut(inceres::IncrementalSolver* from, VariableId pose_0, VariableId speed_bias_0,
-                                        VariableId pose_1, VariableId speed_bias_1, VariableId extrinsics) {
+inceres::MarginalizationSummary TakeOut(inceres::IncrementalSolver* from, VariableId pose_0,
+                                        VariableId speed_bias_0, VariableId pose_1,
+                                        VariableId speed_bias_1, VariableId extrinsics) {
   inceres::IncrementalSolver& solver = *from;
 // [quoted in docs/visual_inertial.md]
-inceres::MarginalizationRequest request = inceres::OldestFrameRule(solver.graph(), {pose_0, speed_bias_0});
+inceres::MarginalizationRequest request =
+    inceres::OldestFrameRule(solver.graph(), {pose_0, speed_bias_0});
 request.order = {pose_1, speed_bias_1, extrinsics};  // the prior's columns; the others follow by id
-const inceres::MarginalizationSummary summary = solver.Marginalize(request, inceres::MarginalizationOptions());
+const inceres::MarginalizationSummary summary =
+    solver.Marginalize(request, inceres::MarginalizationOptions());
 if (!summary.status.ok()) {
   // nothing has changed; summary.offenders are the ids at fault
 }
@@ -32,10 +35,12 @@ if (!summary.status.ok()) {
   return summary;
 }
 
-void AskForCovariance(const inceres::IncrementalSolver& solver, VariableId newest_pose, VariableId speed_bias, double* variance) {
+void AskForCovariance(const inceres::IncrementalSolver& solver, VariableId newest_pose,
+                      VariableId speed_bias, double* variance) {
 // [quoted in docs/visual_inertial.md]
-inceres::Covariance covariance;
-const inceres::Status status = covariance.Compute(solver, {{newest_pose, newest_pose}, {newest_pose, speed_bias}});
+inceres::GraphCovariance covariance;
+const inceres::Status status =
+    covariance.Compute(solver, {{newest_pose, newest_pose}, {newest_pose, speed_bias}});
 double pose_covariance[36];
 covariance.Get(newest_pose, newest_pose, pose_covariance);  // row-major, in the tangent space
 // [end of quote]
@@ -46,12 +51,9 @@ covariance.Get(newest_pose, newest_pose, pose_covariance);  // row-major, in the
 
 TEST(VisualInertialExamples, TakeOutAFrameAndAskForTheCovariance) {
   inceres::IncrementalSolver solver({});
-  auto motions = std::make_shared<inceres::RelativePoseFamily>();
-  auto biases = std::make_shared<inceres::DiagonalPriorFamily>(3);
-  auto anchors = std::make_shared<inceres::DiagonalPriorFamily>(7, 7, 6);
-  const auto motion_id = solver.AddFamily(motions);
-  const auto bias_id = solver.AddFamily(biases);
-  const auto anchor_id = solver.AddFamily(anchors);
+  const auto motions = solver.AddFamily(std::make_shared<inceres::RelativePoseFamily>());
+  const auto biases = solver.AddFamily(std::make_shared<inceres::DiagonalPriorFamily>(3));
+  const auto anchors = solver.AddFamily(std::make_shared<inceres::DiagonalPriorFamily>(7, 7, 6));
   inceres::GraphEdit edit(solver.graph());
   const auto manifold = std::make_shared<inceres::PoseManifold>();
   const double pose[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
@@ -61,16 +63,16 @@ TEST(VisualInertialExamples, TakeOutAFrameAndAskForTheCovariance) {
   for (int k = 0; k < 3; ++k) {
     poses.push_back(edit.AddVariable(pose, 7, inceres::Role::kFrame, manifold));
     speed_biases.push_back(edit.AddVariable(bias, 3, inceres::Role::kFrame));
-    edit.AddFactor(bias_id, *biases, {{0.0, 0.0, 0.0}, {1.0, 1.0, 1.0}}, {speed_biases.back()});
+    edit.AddFactor(biases, {{0.0, 0.0, 0.0}, {1.0, 1.0, 1.0}}, {speed_biases.back()});
   }
-  edit.AddFactor(anchor_id, *anchors,
-                 {std::vector<double>(pose, pose + 7), std::vector<double>(7, 10.0)}, {poses[0]});
+  edit.AddFactor(anchors, {std::vector<double>(pose, pose + 7), std::vector<double>(7, 10.0)},
+                 {poses[0]});
   inceres::RelativePoseFamily::Measurement motion;
   for (int k = 0; k < 6; ++k) {
     motion.sqrt_information[7 * k] = 10.0;
   }
-  edit.AddFactor(motion_id, *motions, motion, {poses[0], poses[1]});
-  edit.AddFactor(motion_id, *motions, motion, {poses[1], poses[2]});
+  edit.AddFactor(motions, motion, {poses[0], poses[1]});
+  edit.AddFactor(motions, motion, {poses[1], poses[2]});
   ASSERT_TRUE(solver.Apply(edit).ok());
   solver.Update();
   const inceres::MarginalizationSummary summary =

@@ -28,7 +28,8 @@ struct Distance {
 };
 
 // clang-format off
-void SwapTheSolver(const ceres::Solver::Options& options, ceres::Problem& problem, double* final_cost) {
+void SwapTheSolver(const ceres::Solver::Options& options, ceres::Problem& problem,
+                   double* final_cost) {
 // [quoted in README.md]
 ceres::Solver::Summary summary;
 inceres::Solve(options, &problem, &summary);  // was: ceres::Solve(options, &problem, &summary);
@@ -50,14 +51,14 @@ if (!report.fallback_reason.empty()) {
   *solved = report.fallback_reason.empty() && summary.IsSolutionUsable();
 }
 
-inceres::Summary SolveWithTheCore(const double* camera_values, const double* point_values, double x, double y) {
+inceres::Summary SolveWithTheCore(const double* camera_values, const double* point_values,
+                                  double x, double y) {
 // [quoted in README.md]
 inceres::FactorGraph graph;
-auto reprojections = std::make_shared<inceres::BalReprojectionFamily>();
-const inceres::FamilyId family = graph.AddFamily(reprojections);
+const auto reprojections = graph.AddFamily(std::make_shared<inceres::BalReprojectionFamily>());
 const inceres::VariableId camera = graph.AddVariable(camera_values, 9, inceres::Role::kFrame);
 const inceres::VariableId point = graph.AddVariable(point_values, 3, inceres::Role::kLandmark);
-graph.AddFactor(family, *reprojections, {x, y}, {camera, point}, std::make_shared<inceres::HuberLoss>(1.0));
+graph.AddFactor(reprojections, {x, y}, {camera, point}, std::make_shared<inceres::HuberLoss>(1.0));
 const inceres::Summary summary = inceres::Solve(inceres::SolverOptions(), &graph);
 // [end of quote]
   return summary;
@@ -77,17 +78,20 @@ struct RangeError {  // as for Ceres: how far X is from the pose's center, again
 // [end of quote]
 
 // [quoted in README.md]
-class HeightFamily : public inceres::AmbientFamily<HeightFamily> {  // a barometer: 10 (p_z - height)
+// A barometer: 10 (p_z - height).
+class HeightFamily : public inceres::AmbientFamily<HeightFamily> {
  public:
   using Measurement = double;
-  HeightFamily() : AmbientFamily(1, {{7, 6}}) {}  // residuals; ambient and tangent size of each variable
+  // One residual; ambient and tangent size of each variable.
+  HeightFamily() : AmbientFamily(1, {{7, 6}}) {}
 
   void Add(double height) { heights_.push_back(height); }
   void Place(int index, double height) { PlaceIn(&heights_, index, height); }  // for edits
   int size() const override { return static_cast<int>(heights_.size()); }
   const char* Name() const override { return "height"; }
 
-  bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const {
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
     residuals[0] = 10.0 * (parameters[0][2] - heights_[static_cast<std::size_t>(i)]);
     if (jacobians != nullptr && jacobians[0] != nullptr) {  // null: cost only, or a constant
       std::fill_n(jacobians[0], 7, 0.0);
@@ -101,15 +105,17 @@ class HeightFamily : public inceres::AmbientFamily<HeightFamily> {  // a baromet
 };
 // [end of quote]
 
-void AddOwnFactors(inceres::VariableId pose, inceres::VariableId beacon, inceres::FactorGraph& graph) {
+void AddOwnFactors(inceres::VariableId pose, inceres::VariableId beacon,
+                   inceres::FactorGraph& graph) {
 // [quoted in README.md]
-auto ranges = std::make_shared<inceres::CeresCostFamily>(1, std::vector<inceres::FactorFamily::Slot>{{7, 6}, {3, 3}});
-auto heights = std::make_shared<HeightFamily>();
-const inceres::FamilyId range_family = graph.AddFamily(ranges);
-const inceres::FamilyId height_family = graph.AddFamily(heights);
-auto cost = std::make_shared<ceres::AutoDiffCostFunction<RangeError, 1, 7, 3>>(new RangeError{5.0});
-graph.AddFactor(range_family, *ranges, cost, {pose, beacon});
-graph.AddFactor(height_family, *heights, 1.5, {pose});
+using Slots = std::vector<inceres::FactorFamily::Slot>;
+const auto ranges =
+    graph.AddFamily(std::make_shared<inceres::CeresCostFamily>(1, Slots{{7, 6}, {3, 3}}));
+const auto heights = graph.AddFamily(std::make_shared<HeightFamily>());
+auto cost =
+    std::make_shared<ceres::AutoDiffCostFunction<RangeError, 1, 7, 3>>(new RangeError{5.0});
+graph.AddFactor(ranges, cost, {pose, beacon});
+graph.AddFactor(heights, 1.5, {pose});
 // [end of quote]
 }
 // clang-format on

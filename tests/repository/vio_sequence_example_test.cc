@@ -34,7 +34,8 @@ for (std::size_t i = 1; status.ok() && i < sequence.frames.size(); ++i) {
   // From frame i - 1 to frame i, at the biases it starts with.
   const inceres::VioState& start = sequence.frames[i - 1].start;
   measurements.emplace_back(options);
-  status = measurements.back().Integrate(sequence.frames[i].imu, start.gyr_bias.data(), start.acc_bias.data());
+  status = measurements.back().Integrate(sequence.frames[i].imu, start.gyr_bias.data(),
+                                         start.acc_bias.data());
 }
 // [end of quote]
   // clang-format on

@@ -46,12 +46,9 @@ options.conventions = inceres::ImuConventions::Vins(9.81);
 options.noise = {0.004, 0.08, 2e-4, 4e-3};  // gyr, acc, their biases' walks
 
 inceres::IncrementalSolver solver({});
-auto imu_factors = std::make_shared<inceres::ImuFactorFamily>();
-auto pose_priors = std::make_shared<inceres::PosePriorFamily>();
-auto speed_bias_priors = std::make_shared<inceres::SpeedBiasPriorFamily>();
-const inceres::FamilyId imu_family = solver.AddFamily(imu_factors);
-const inceres::FamilyId pose_prior_family = solver.AddFamily(pose_priors);
-const inceres::FamilyId speed_bias_prior_family = solver.AddFamily(speed_bias_priors);
+const auto imu_factors = solver.AddFamily(std::make_shared<inceres::ImuFactorFamily>());
+const auto pose_priors = solver.AddFamily(std::make_shared<inceres::PosePriorFamily>());
+const auto speed_bias_priors = solver.AddFamily(std::make_shared<inceres::SpeedBiasPriorFamily>());
 auto pose_manifold = std::make_shared<inceres::PoseManifold>();  // LeftPoseManifold with Okvis()
 // [end of quote]
 
@@ -75,7 +72,7 @@ for (Frame* frame : {&i, &j}) {
   frame->pose_id = edit.AddVariable(frame->pose, 7, inceres::Role::kFrame, pose_manifold);
   frame->speed_bias_id = edit.AddVariable(frame->speed_bias, 9, inceres::Role::kFrame);
 }
-edit.AddFactor(imu_family, *imu_factors, imu, {i.pose_id, i.speed_bias_id, j.pose_id, j.speed_bias_id});
+edit.AddFactor(imu_factors, imu, {i.pose_id, i.speed_bias_id, j.pose_id, j.speed_bias_id});
 // [end of quote]
   // clang-format on
   ASSERT_TRUE(status.ok()) << status.message;
@@ -87,10 +84,10 @@ edit.AddFactor(imu_family, *imu_factors, imu, {i.pose_id, i.speed_bias_id, j.pos
   for (int k = 0; k < 9; ++k) {
     still.sqrt_information[10 * k] = k < 3 ? 1000.0 : 1.0;
   }
-  edit.AddFactor(pose_prior_family, *pose_priors, at_rest, {i.pose_id});
-  edit.AddFactor(pose_prior_family, *pose_priors, at_rest, {j.pose_id});
-  edit.AddFactor(speed_bias_prior_family, *speed_bias_priors, still, {i.speed_bias_id});
-  edit.AddFactor(speed_bias_prior_family, *speed_bias_priors, still, {j.speed_bias_id});
+  edit.AddFactor(pose_priors, at_rest, {i.pose_id});
+  edit.AddFactor(pose_priors, at_rest, {j.pose_id});
+  edit.AddFactor(speed_bias_priors, still, {i.speed_bias_id});
+  edit.AddFactor(speed_bias_priors, still, {j.speed_bias_id});
   ASSERT_TRUE(solver.Apply(edit).ok());
   const inceres::UpdateSummary summary = solver.Update();
   EXPECT_NE(summary.termination, inceres::Termination::kFailure) << summary.message;
@@ -112,16 +109,18 @@ camera.c_x = 367.0;
 camera.c_y = 248.0;
 camera.k1 = -0.283;
 camera.k2 = 0.0739;
-auto seen = std::make_shared<inceres::PointReprojectionFamily>(camera, inceres::LandmarkKind::kHomogeneous,
-                                                               inceres::Perturbation::kLeft);
-const inceres::FamilyId seen_family = graph.AddFamily(seen);
+const auto seen = graph.AddFamily(std::make_shared<inceres::PointReprojectionFamily>(
+    camera, inceres::LandmarkKind::kHomogeneous, inceres::Perturbation::kLeft));
 auto left_pose = std::make_shared<inceres::LeftPoseManifold>();
 const inceres::VariableId T_wb = graph.AddVariable(body_pose, 7, inceres::Role::kFrame, left_pose);
-const inceres::VariableId T_bc = graph.AddVariable(camera_on_body, 7, inceres::Role::kFrame, left_pose);
+const inceres::VariableId T_bc =
+    graph.AddVariable(camera_on_body, 7, inceres::Role::kFrame, left_pose);
+auto scale_stays = std::make_shared<inceres::SubsetManifold>(4, std::vector<int>{3});
 const inceres::VariableId point =
-    graph.AddVariable(homogeneous_point, 4, inceres::Role::kLandmark, std::make_shared<inceres::SubsetManifold>(4, std::vector<int>{3}));
+    graph.AddVariable(homogeneous_point, 4, inceres::Role::kLandmark, scale_stays);
 graph.SetConstant(T_bc, true);
-graph.AddFactor(seen_family, *seen, {{u, v}, {1.0, 0.0, 1.0}}, {T_wb, T_bc, point}, std::make_shared<inceres::CauchyLoss>(1.0));
+graph.AddFactor(seen, {{u, v}, {1.0, 0.0, 1.0}}, {T_wb, T_bc, point},
+                std::make_shared<inceres::CauchyLoss>(1.0));
 // [end of quote]
   // clang-format on
   inceres::SolverOptions options;

@@ -181,7 +181,7 @@ class SingularLandmarks : public testing::Test {
           }
           return true;
         });
-    random_.graph().AddFactor(random_.graph().AddFamily(blind), *blind, 0, {0, 3});
+    random_.graph().AddFactor(random_.graph().AddFamily(blind), 0, {0, 3});
   }
   RandomGraph random_{43};
 };

@@ -118,14 +118,13 @@ struct Cliff {
       }
       return x[1][0] >= floor;
     };
-    const auto family = std::make_shared<FunctionFamily>(
-        1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, evaluate);
-    const FamilyId id = graph.AddFamily(family);
+    const auto family = graph.AddFamily(std::make_shared<FunctionFamily>(
+        1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, evaluate));
     const double zero = 0.0;
     const double start = 2.0;
     const VariableId frame = graph.AddVariable(&zero, 1, Role::kFrame);
     landmark = graph.AddVariable(&start, 1, Role::kLandmark);
-    graph.AddFactor(id, *family, 0, {frame, landmark});
+    graph.AddFactor(family, 0, {frame, landmark});
   }
   FactorGraph graph;
   VariableId landmark;

@@ -25,7 +25,7 @@ void AddScalarPair(FactorGraph* graph, VariableId a, VariableId b, double (*f)(d
   };
   auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
                                                  function);
-  graph->AddFactor(graph->AddFamily(family), *family, 0, {a, b});
+  graph->AddFactor(graph->AddFamily(family), 0, {a, b});
 }
 
 }  // namespace
@@ -69,7 +69,7 @@ void MakeRosenbrock(FactorGraph* graph) {
   };
   auto family =
       std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}}, function);
-  graph->AddFactor(graph->AddFamily(family), *family, 0, {x});
+  graph->AddFactor(graph->AddFamily(family), 0, {x});
 }
 
 void MakeCurveFit(FactorGraph* graph, std::shared_ptr<const Loss> loss, bool outliers) {
@@ -96,11 +96,10 @@ void MakeCurveFit(FactorGraph* graph, std::shared_ptr<const Loss> loss, bool out
     }
     return true;
   };
-  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
-                                                 function);
-  const FamilyId id = graph->AddFamily(family);
+  const auto family = graph->AddFamily(std::make_shared<FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, function));
   for (std::size_t i = 0; i < points.size(); ++i) {
-    graph->AddFactor(id, *family, 0, {m, c}, loss);
+    graph->AddFactor(family, 0, {m, c}, loss);
   }
 }
 

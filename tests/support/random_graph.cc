@@ -33,7 +33,8 @@ VariableId RandomGraph::AddBorrowed(int size) {
   return graph_.AddBorrowedConstant(borrowed_.back()->data(), size);
 }
 
-RandomGraph::Family& RandomGraph::FamilyFor(int residual_size, const std::vector<VariableId>& ids) {
+const FamilyHandle<SmoothFamily>& RandomGraph::FamilyFor(int residual_size,
+                                                         const std::vector<VariableId>& ids) {
   std::vector<int> shape = {residual_size};
   std::vector<FactorFamily::Slot> slots;
   for (const VariableId id : ids) {
@@ -47,16 +48,15 @@ RandomGraph::Family& RandomGraph::FamilyFor(int residual_size, const std::vector
   auto found = families_.find(shape);
   if (found == families_.end()) {
     auto family = std::make_shared<SmoothFamily>(residual_size, slots);
-    found = families_.emplace(shape, Family{graph_.AddFamily(family), family}).first;
+    found = families_.emplace(shape, graph_.AddFamily(family)).first;
   }
   return found->second;
 }
 
 void RandomGraph::Connect(int residual_size, const std::vector<VariableId>& ids,
                           std::shared_ptr<const Loss> loss, double noise) {
-  Family& family = FamilyFor(residual_size, ids);
-  const int i = graph_.AddFactor(family.id, *family.family,
-                                 family.family->MakeMeasurement(&random_), ids, std::move(loss));
+  const FamilyHandle<SmoothFamily>& family = FamilyFor(residual_size, ids);
+  const int i = graph_.AddFactor(family, family->MakeMeasurement(&random_), ids, std::move(loss));
   std::vector<const double*> parameters;
   for (const VariableId id : ids) {
     parameters.push_back(graph_.Values(id));
@@ -64,7 +64,7 @@ void RandomGraph::Connect(int residual_size, const std::vector<VariableId>& ids,
   std::vector<double> residuals = random_.Vector(static_cast<std::size_t>(residual_size));
   std::transform(residuals.begin(), residuals.end(), residuals.begin(),
                  [noise](double r) { return noise * r; });
-  family.family->SetResiduals(i, parameters.data(), residuals.data());
+  family->SetResiduals(i, parameters.data(), residuals.data());
 }
 
 void RandomGraph::Perturb(double size) {

@@ -39,18 +39,15 @@ class RandomGraph {
   Random& random() { return random_; }
 
  private:
-  struct Family {
-    FamilyId id;
-    std::shared_ptr<SmoothFamily> family;
-  };
-
   VariableId AddVariable(int size, Role role, std::shared_ptr<const Manifold> manifold);
   VariableId AddCurved(Role role, std::shared_ptr<const Manifold> manifold);
-  Family& FamilyFor(int residual_size, const std::vector<VariableId>& ids);
+  const FamilyHandle<SmoothFamily>& FamilyFor(int residual_size,
+                                              const std::vector<VariableId>& ids);
 
   Random random_;
   FactorGraph graph_;
-  std::map<std::vector<int>, Family> families_;  // by residual size and sizes of the slots
+  // by residual size and sizes of the slots
+  std::map<std::vector<int>, FamilyHandle<SmoothFamily>> families_;
   std::vector<std::unique_ptr<std::vector<double>>> borrowed_;
 };
 

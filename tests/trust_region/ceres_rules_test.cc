@@ -26,8 +26,8 @@ void MakeLine(double scale, std::shared_ptr<const Loss> loss, FactorGraph* graph
         return true;
       });
   const double start = 3.0;
-  graph->AddFactor(graph->AddFamily(family), *family, 0,
-                   {graph->AddVariable(&start, 1, Role::kFrame)}, std::move(loss));
+  graph->AddFactor(graph->AddFamily(family), 0, {graph->AddVariable(&start, 1, Role::kFrame)},
+                   std::move(loss));
 }
 
 // Not a number inside a ring around the minimum, which the first steps of a small radius do not

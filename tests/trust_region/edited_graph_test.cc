@@ -16,9 +16,9 @@ class EditedGraph : public testing::Test {
     const double zero = 0.0;
     for (int i = 0; i < 4; ++i) {
       graph_.AddVariable(&zero, 1, Role::kFrame);
-      graph_.AddFactor(prior_id_, *priors_, 0, {i});
+      graph_.AddFactor(priors_, 0, {i});
       if (i > 0) {
-        graph_.AddFactor(pair_id_, *pairs_, 0, {i - 1, i});
+        graph_.AddFactor(pairs_, 0, {i - 1, i});
       }
     }
   }
@@ -42,19 +42,17 @@ class EditedGraph : public testing::Test {
   }
 
   FactorGraph graph_;
-  std::shared_ptr<FunctionFamily> priors_ =
-      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, Draw);
-  std::shared_ptr<FunctionFamily> pairs_ =
-      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, Join);
-  FamilyId prior_id_ = graph_.AddFamily(priors_);
-  FamilyId pair_id_ = graph_.AddFamily(pairs_);
+  FamilyHandle<FunctionFamily> priors_ = graph_.AddFamily(
+      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, Draw));
+  FamilyHandle<FunctionFamily> pairs_ = graph_.AddFamily(
+      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, Join));
 };
 
 TEST_F(EditedGraph, FreePlacesAreEmptyAndFilledOnesSolved) {
   FactorGraph untouched = graph_;
   GraphEdit edit(graph_);
-  edit.RemoveFactor({pair_id_, 1});
-  edit.RemoveFactor({pair_id_, 0});
+  edit.RemoveFactor({pairs_, 1});
+  edit.RemoveFactor({pairs_, 0});
   ASSERT_TRUE(graph_.Apply(edit).ok());
   const Summary gaps = Solve(SolverOptions(), &graph_);
   ASSERT_TRUE(gaps.IsSolutionUsable()) << gaps.message;
@@ -66,8 +64,8 @@ TEST_F(EditedGraph, FreePlacesAreEmptyAndFilledOnesSolved) {
   }
 
   edit.Restart();
-  edit.AddFactor(pair_id_, *pairs_, 0, {0, 1});
-  edit.AddFactor(pair_id_, *pairs_, 0, {1, 2});
+  edit.AddFactor(pairs_, 0, {0, 1});
+  edit.AddFactor(pairs_, 0, {1, 2});
   const double zero = 0.0;
   for (int i = 0; i < 4; ++i) {
     edit.SetValues(i, &zero);

@@ -48,7 +48,7 @@ class Failing : public testing::TestWithParam<TrustRegionStrategyKind> {
           }
           return !now || how != How::kFalse;
         });
-    graph_.AddFactor(graph_.AddFamily(family), *family, 0, {0});
+    graph_.AddFactor(graph_.AddFamily(family), 0, {0});
     options_.strategy = GetParam();
   }
 
@@ -122,7 +122,7 @@ TEST_P(Failing, EveryTrialPoint) {
         }
         return jacobians != nullptr;
       });
-  graph_.AddFactor(graph_.AddFamily(never), *never, 0, {0});
+  graph_.AddFactor(graph_.AddFamily(never), 0, {0});
   options_.max_num_iterations = 1000;
   const Summary summary = Solve(options_, &graph_);
   EXPECT_EQ(summary.termination, Termination::kConvergence) << "the radius shrinks to its minimum";
@@ -210,7 +210,7 @@ TEST(InvalidSteps, EndTheSolveAndRestoreTheState) {
     FactorGraph graph;
     const auto family = FlatFamily();
     graph.AddFactor(
-        graph.AddFamily(family), *family, 0,
+        graph.AddFamily(family), 0,
         {graph.AddVariable(&value, 1, Role::kFrame, std::make_shared<MovingManifold>())});
     SolverOptions options;
     options.strategy = strategy;
@@ -261,8 +261,7 @@ TEST(InvalidSteps, NoGradientIsConvergence) {
   const double value = 4.0;
   FactorGraph graph;
   const auto family = FlatFamily();
-  graph.AddFactor(graph.AddFamily(family), *family, 0,
-                  {graph.AddVariable(&value, 1, Role::kFrame)});
+  graph.AddFactor(graph.AddFamily(family), 0, {graph.AddVariable(&value, 1, Role::kFrame)});
   EXPECT_EQ(Solve(SolverOptions(), &graph).termination, Termination::kConvergence);
 }
 
@@ -296,7 +295,7 @@ Summary SolveFenced(double limit, double slope, FactorGraph* graph) {
         return true;
       });
   const double zero = 0.0;
-  graph->AddFactor(graph->AddFamily(family), *family, 0,
+  graph->AddFactor(graph->AddFamily(family), 0,
                    {graph->AddVariable(&zero, 1, Role::kFrame, std::make_shared<Fence>(limit))});
   return Solve(SolverOptions(), graph);
 }
@@ -331,7 +330,7 @@ TEST(NotFinite, OverflowingCostEndsWithoutMoving) {
         return true;
       });
   const double one = 1.0;
-  graph.AddFactor(graph.AddFamily(family), *family, 0, {graph.AddVariable(&one, 1, Role::kFrame)});
+  graph.AddFactor(graph.AddFamily(family), 0, {graph.AddVariable(&one, 1, Role::kFrame)});
   const Summary summary = Solve(SolverOptions(), &graph);
   EXPECT_NE(summary.termination, Termination::kNoConvergence) << summary.message;
   EXPECT_EQ(graph.state()[0], 1.0);

@@ -68,9 +68,9 @@ class ExpandedFamily final : public AmbientFamily<ExpandedFamily> {
 // residuals do not vanish.
 struct Chain {
   explicit Chain(bool expands)
-      : expanded(std::make_shared<ExpandedFamily>(expands)),
-        links(Difference(0.5, 0.2)),
-        anchors(Anchor()) {}
+      : expanded{-1, std::make_shared<ExpandedFamily>(expands)},
+        links{-1, Difference(0.5, 0.2)},
+        anchors{-1, Anchor()} {}
 
   static std::shared_ptr<test::FunctionFamily> Difference(double weight, double offset) {
     const auto function = [=](int, const double* const* x, double* r, double** J) {
@@ -97,34 +97,40 @@ struct Chain {
                                                   function);
   }
 
+  // Owner is a FactorGraph or an IncrementalSolver.
+  template <typename Owner>
+  void AddFamilies(Owner* owner) {
+    expanded = owner->AddFamily(expanded.family);
+    links = owner->AddFamily(links.family);
+    anchors = owner->AddFamily(anchors.family);
+  }
+
   // Builder is a FactorGraph or a GraphEdit.
   template <typename Builder>
-  void AddPair(Builder* builder, FamilyId first) {
+  void AddPair(Builder* builder) {
     const double x = 0.4 + 0.05 * static_cast<double>(xs.size());
     const double y = 0.0;
     xs.push_back(builder->AddVariable(&x, 1, Role::kFrame));
     ys.push_back(builder->AddVariable(&y, 1, Role::kFrame));
-    builder->AddFactor(first, *expanded, 0.0, {xs.back(), ys.back()});
-    builder->AddFactor(first + 2, *anchors, 0, {ys.back()});
+    builder->AddFactor(expanded, 0.0, {xs.back(), ys.back()});
+    builder->AddFactor(anchors, 0, {ys.back()});
     if (xs.size() > 1) {
-      builder->AddFactor(first + 1, *links, 0, {xs[xs.size() - 2], xs.back()});
+      builder->AddFactor(links, 0, {xs[xs.size() - 2], xs.back()});
     }
   }
 
-  std::shared_ptr<ExpandedFamily> expanded;
-  std::shared_ptr<test::FunctionFamily> links;
-  std::shared_ptr<test::FunctionFamily> anchors;
+  FamilyHandle<ExpandedFamily> expanded;
+  FamilyHandle<test::FunctionFamily> links;
+  FamilyHandle<test::FunctionFamily> anchors;
   std::vector<VariableId> xs;
   std::vector<VariableId> ys;
 };
 
 FactorGraph MakeGraph(Chain* chain) {
   FactorGraph graph;
-  const FamilyId first = graph.AddFamily(chain->expanded);
-  graph.AddFamily(chain->links);
-  graph.AddFamily(chain->anchors);
+  chain->AddFamilies(&graph);
   for (int i = 0; i < kCount; ++i) {
-    chain->AddPair(&graph, first);
+    chain->AddPair(&graph);
   }
   return graph;
 }
@@ -186,10 +192,8 @@ TEST(Recenter, ABatchSolveEndsWithEveryCenterAtItsValue) {
 TEST(Recenter, TheFinalCostIsThatOfTheFactorsAsTheyAreNow) {
   Chain chain(/*expands=*/true);
   FactorGraph graph;
-  const FamilyId first = graph.AddFamily(chain.expanded);
-  graph.AddFamily(chain.links);
-  graph.AddFamily(chain.anchors);
-  chain.AddPair(&graph, first);
+  chain.AddFamilies(&graph);
+  chain.AddPair(&graph);
   const double flat = 2.0;
   graph.SetValues(chain.xs[0], &flat);
   SolverOptions options = Tight();
@@ -207,15 +211,13 @@ TEST(Recenter, IncrementalUpdatesEndWithEveryCenterAtItsValue) {
     options.function_tolerance = 1e-12;
     IncrementalSolver solver(options);
     Chain chain(/*expands=*/true);
-    const FamilyId first = solver.AddFamily(chain.expanded);
-    solver.AddFamily(chain.links);
-    solver.AddFamily(chain.anchors);
+    chain.AddFamilies(&solver);
     int num_recentered = 0;
     for (int i = 1; i < kCount; ++i) {
       GraphEdit edit(solver.graph());
-      chain.AddPair(&edit, first);
+      chain.AddPair(&edit);
       if (i == 1) {
-        chain.AddPair(&edit, first);  // one alone would have a cost of 0
+        chain.AddPair(&edit);  // one alone would have a cost of 0
       }
       ASSERT_TRUE(solver.Apply(edit).ok());
       const UpdateSummary summary = solver.Update();

@@ -133,7 +133,7 @@ TEST(Termination, TrustRegionRadiusAtItsMinimum) {
         return true;
       });
   const double zero = 0.0;
-  graph.AddFactor(graph.AddFamily(family), *family, 0, {graph.AddVariable(&zero, 1, Role::kFrame)});
+  graph.AddFactor(graph.AddFamily(family), 0, {graph.AddVariable(&zero, 1, Role::kFrame)});
   SolverOptions options = NoTolerances();
   options.min_trust_region_radius = 1e-3;
   const Summary summary = Solve(options, &graph);

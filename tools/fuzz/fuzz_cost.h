@@ -35,8 +35,9 @@ enum class Fault {
 /// Residuals whose minimum is known and whose shape is chosen:
 ///
 ///     kSmooth      r = w (A φ(x) − b),  φ(x) = x + c sin x,  of any blocks
-///     kProjection  r = w (f (p_x, p_y) / p_z − b),  p = q + ω × q,  q = X − position; camera (position, ω, f) of size 3, 6 or 7,
-///     point X kDistance    r = w (|x₁ − x₀| − b), two blocks of one size
+///     kProjection  r = w (f (p_x, p_y) / p_z − b),  p = q + ω × q,  q = X − position;
+///                  camera (position, ω, f) of size 3, 6 or 7, point X
+///     kDistance    r = w (|x₁ − x₀| − b), two blocks of one size
 ///
 /// Of kProjection, a point nearer than 0.05 is refused, as cheirality guards do.
 class FuzzCost final : public ceres::CostFunction {

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "inceres/factors/bal_reprojection.h"
+#include "inceres/io/bal_graph.h"
 #include "inceres/io/g2o.h"
 #include "tools/command_line/read_flags.h"
 #include "tools/command_line/read_progress.h"
@@ -88,30 +88,7 @@ Status BalSource::MakeCeresInstance(const LossSpec& loss, CeresInstance* instanc
 
 Status BalSource::MakeGraph(const LossSpec& loss, std::unique_ptr<FactorGraph>* graph) const {
   auto result = std::make_unique<FactorGraph>();
-  result->Reserve(bal_.num_cameras + bal_.num_points,
-                  static_cast<int>(bal_.cameras.size() + bal_.points.size()));
-  for (int i = 0; i < bal_.num_cameras; ++i) {
-    result->AddVariable(bal_.CameraData(i), BalProblem::kCameraSize, Role::kFrame);
-  }
-  for (int i = 0; i < bal_.num_points; ++i) {
-    result->AddVariable(bal_.PointData(i), BalProblem::kPointSize, Role::kLandmark);
-  }
-  std::vector<char> observed(static_cast<std::size_t>(result->num_variables()), 0);
-  const std::shared_ptr<const Loss> shared_loss = MakeCoreLoss(loss);
-  auto family = std::make_shared<BalReprojectionFamily>();
-  const FamilyId id = result->AddFamily(family);
-  for (const BalObservation& observation : bal_.observations) {
-    family->Add({observation.x, observation.y});
-    const VariableId variables[] = {observation.camera, bal_.num_cameras + observation.point};
-    result->Connect(id, variables, shared_loss);
-    for (const VariableId variable : variables) {
-      observed[static_cast<std::size_t>(variable)] = 1;
-    }
-  }
-  for (VariableId variable = 0; variable < result->num_variables(); ++variable) {
-    // What nothing observes is no part of the ceres::Problem either.
-    result->SetConstant(variable, observed[static_cast<std::size_t>(variable)] == 0);
-  }
+  AddBal(bal_, MakeCoreLoss(loss), result.get());
   *graph = std::move(result);
   return Status::Ok();
 }

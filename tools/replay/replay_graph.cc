@@ -83,11 +83,11 @@ Status ReplayGraph::Prepare(const ReplayStep& step, const AddFamilyFunction& add
   for (const ReplayVariable& variable : step.variables) {
     kinds_.push_back(variable.kind);
   }
-  const auto add = [&add_family](auto* member, const auto& /*measurement*/, const auto&... sizes) {
-    if (member->family == nullptr) {
-      using Family = typename std::remove_reference_t<decltype(member->family)>::element_type;
-      member->family = std::make_shared<Family>(sizes...);
-      member->id = add_family(member->family);
+  const auto add = [&add_family](auto* handle, const auto& /*measurement*/, const auto&... sizes) {
+    if (handle->family == nullptr) {
+      using Family = typename std::remove_reference_t<decltype(handle->family)>::element_type;
+      handle->family = std::make_shared<Family>(sizes...);
+      handle->id = add_family(handle->family);
     }
   };
   for (std::size_t i = 0; i < step.factors.size(); ++i) {
@@ -114,9 +114,8 @@ Status ReplayGraph::AddStep(const ReplayStep& step, const ValueFunction& value, 
   }
   for (const ReplayFactor& factor : step.factors) {
     const Status status =
-        VisitFamily(factor, [&](auto* member, const auto& measurement, const auto&... /*sizes*/) {
-          target->AddFactor(member->id, *member->family, measurement, factor.variables,
-                            LossOf(factor.loss));
+        VisitFamily(factor, [&](auto* handle, const auto& measurement, const auto&... /*sizes*/) {
+          target->AddFactor(*handle, measurement, factor.variables, LossOf(factor.loss));
         });
     if (!status.ok()) {
       return status;

@@ -37,16 +37,10 @@ class ReplayGraph {
                    const AddFamilyFunction& add_family, const ApplyFunction& apply);
 
  private:
-  // A family and its id in the graph.
-  template <typename Family>
-  struct Member {
-    FamilyId id = -1;
-    std::shared_ptr<Family> family;
-  };
   using PriorShape = std::tuple<int, int, int>;  // rows, ambient size, tangent size
 
-  // Calls visit(member, measurement, sizes…) with the member for factors of this shape, its
-  // measurement, and the arguments of the family's constructor.
+  // Calls visit(handle, measurement, sizes…) with the handle of the family for factors of this
+  // shape, the factor's measurement, and the arguments of the family's constructor.
   template <typename Visit>
   Status VisitFamily(const ReplayFactor& factor, const Visit& visit);
   template <typename Visit>
@@ -64,16 +58,16 @@ class ReplayGraph {
   std::vector<ReplayVariable::Kind> kinds_;
   std::map<ReplayVariable::Kind, std::shared_ptr<const Manifold>> manifolds_;
   std::map<LossSpec, std::shared_ptr<const Loss>> losses_;
-  std::map<int, Member<BalReprojectionFamily>> bal_;  // by tangent size of the camera
-  Member<InverseDepthReprojectionFamily> inverse_depth_;
-  Member<RelativePoseFamily> relative_pose_;
-  std::map<const PinholeCamera*, Member<PointReprojectionFamily>> points_;
-  Member<ImuFactorFamily> imu_;
-  std::map<const StereoCamera*, Member<StereoReprojectionFamily>> stereo_;
-  Member<PlanarRelativePoseFamily> planar_;
-  std::map<PriorShape, Member<DiagonalPriorFamily>> priors_;
+  std::map<int, FamilyHandle<BalReprojectionFamily>> bal_;  // by tangent size of the camera
+  FamilyHandle<InverseDepthReprojectionFamily> inverse_depth_;
+  FamilyHandle<RelativePoseFamily> relative_pose_;
+  std::map<const PinholeCamera*, FamilyHandle<PointReprojectionFamily>> points_;
+  FamilyHandle<ImuFactorFamily> imu_;
+  std::map<const StereoCamera*, FamilyHandle<StereoReprojectionFamily>> stereo_;
+  FamilyHandle<PlanarRelativePoseFamily> planar_;
+  std::map<PriorShape, FamilyHandle<DiagonalPriorFamily>> priors_;
   // by residual size, then the sizes of each slot
-  std::map<std::vector<int>, Member<CeresCostFamily>> autodiff_families_;
+  std::map<std::vector<int>, FamilyHandle<CeresCostFamily>> autodiff_families_;
 };
 
 }  // namespace inceres::tools

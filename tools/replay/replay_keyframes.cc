@@ -5,15 +5,13 @@
 #include <utility>
 #include <vector>
 
-#include "inceres/factors/pose_prior.h"
+#include "inceres/io/keyframe_graph.h"
 #include "tools/replay/replay_scripts.h"
 
 namespace inceres::tools {
 namespace {
 
-constexpr double kDepthSigma = 0.1;           // 1/m, of a measured inverse depth
-constexpr double kUnknownInverseDepth = 0.5;  // 1/m
-constexpr int kLoopGap = 10;                  // keyframes further apart than this close a loop
+constexpr int kLoopGap = 10;  // keyframes further apart than this close a loop
 
 class KeyframeScript {
  public:
@@ -53,31 +51,29 @@ class KeyframeScript {
   }
 
   void AddFeature(std::size_t feature, ReplayStep* step) {
+    static const KeyframeGraphOptions kUsual;
     const double measured = sequence_.features[feature].inverse_depth;
     ReplayVariable inverse_depth;
     inverse_depth.kind = ReplayVariable::Kind::kInverseDepth;
     inverse_depth.start[0] = guess_[feature] > 0.0 ? guess_[feature]
                              : measured > 0.0      ? measured
-                                                   : kUnknownInverseDepth;
+                                                   : kUsual.unknown_inverse_depth;
     variable_[feature] = num_variables_++;
     step->variables.push_back(inverse_depth);
     if (measured > 0.0) {
-      step->factors.push_back({DiagonalPriorFamily::Measurement{{measured}, {1.0 / kDepthSigma}},
-                               {variable_[feature]},
-                               {}});
+      step->factors.push_back(
+          {DiagonalPriorFamily::Measurement{{measured}, {1.0 / kUsual.depth_sigma}},
+           {variable_[feature]},
+           {}});
     }
   }
 
   void AddObservation(const KeyframeObservation& observation, ReplayStep* step) {
     const KeyframeFeature& feature =
         sequence_.features[static_cast<std::size_t>(observation.feature)];
-    const std::array<double, 3>& w = observation.information;
-    const double information[4] = {w[0], w[1], w[1], w[2]};
-    double U[4];
-    static_cast<void>(
-        SqrtInformation(information, 2, U));  // the reader let only positive definite ones through
-    const InverseDepthReprojectionFamily::Measurement measurement{
-        {feature.x, feature.y}, {observation.x, observation.y}, {U[0], U[1], U[3]}};
+    InverseDepthReprojectionFamily::Measurement measurement;
+    // the reader let only positive definite ones through
+    static_cast<void>(ToMeasurement(feature, observation, &measurement));
     step->factors.push_back(
         {measurement,
          {pose_variable_[static_cast<std::size_t>(feature.anchor)], pose_variable_.back(),
@@ -87,9 +83,7 @@ class KeyframeScript {
 
   void AddBetween(const KeyframeBetween& between, ReplayStep* step) {
     RelativePoseFamily::Measurement measurement;
-    std::copy(between.q_ab.begin(), between.q_ab.end(), measurement.q_ab);
-    std::copy(between.p_ab.begin(), between.p_ab.end(), measurement.p_ab);
-    static_cast<void>(SqrtInformation(between.information.data(), 6, measurement.sqrt_information));
+    static_cast<void>(ToMeasurement(between, &measurement));
     step->factors.push_back({measurement,
                              {pose_variable_[static_cast<std::size_t>(between.a)],
                               pose_variable_[static_cast<std::size_t>(between.b)]},

@@ -7,36 +7,13 @@
 #include <utility>
 #include <vector>
 
-#include "inceres/factors/pose_prior.h"
-#include "inceres/problem/rotation.h"
+#include "inceres/io/g2o_graph.h"
 #include "tools/replay/replay_scripts.h"
 
 namespace inceres::tools {
 namespace {
 
 constexpr int kLoopGap = 10;  // poses further apart than this close a loop
-
-bool MakeMeasurement(const PoseGraphEdge& edge,
-                     PlanarRelativePoseFamily::Measurement* measurement) {
-  std::copy_n(edge.measurement.begin(), 3, measurement->motion);
-  return SqrtInformation(edge.information.data(), 3, measurement->sqrt_information);
-}
-
-// RelativePoseFamily's a is the edge's `to`, its b `from`: then R_abᵀ is the measured rotation and
-// p_ab the measured position. Its rotation residual, which comes first, is minus the rotation
-// vector of q_m* q_from* q_to.
-bool MakeMeasurement(const PoseGraphEdge& edge, RelativePoseFamily::Measurement* measurement) {
-  std::copy_n(edge.measurement.begin(), 3, measurement->p_ab);
-  ConjugateQuaternion(edge.measurement.data() + 3, measurement->q_ab);
-  double information[36];
-  for (std::size_t r = 0; r < 6; ++r) {
-    for (std::size_t c = 0; c < 6; ++c) {
-      const double sign = (r < 3) == (c < 3) ? 1.0 : -1.0;
-      information[6 * r + c] = sign * edge.information[6 * ((r + 3) % 6) + (c + 3) % 6];
-    }
-  }
-  return SqrtInformation(information, 6, measurement->sqrt_information);
-}
 
 class PoseGraphScript {
  public:
@@ -115,8 +92,7 @@ class PoseGraphScript {
     step->closes_loop = step->closes_loop || std::abs(from - to) > kLoopGap;
     PlanarRelativePoseFamily::Measurement planar;
     RelativePoseFamily::Measurement spatial;
-    if (!(graph_.dimension == 2 ? MakeMeasurement(edge, &planar)
-                                : MakeMeasurement(edge, &spatial))) {
+    if (!(graph_.dimension == 2 ? ToMeasurement(edge, &planar) : ToMeasurement(edge, &spatial))) {
       return Status::Error(StatusCode::kInvalidArgument,
                            "edge " + std::to_string(number) + ", from vertex " +
                                std::to_string(Id(edge.from)) + " to " +

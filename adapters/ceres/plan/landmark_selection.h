@@ -52,9 +52,10 @@ LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingV
 /// size of the frames that a landmark meets, N the unknowns left, E those of the kind, in
 /// multiplications:
 ///
-///     eliminate:  Σ (e D² + o)                              one small block each, o = 100 for handling it
-///     keep:       min( (N³ − (N − E)³) / 3,                 in a dense Cholesky factorization
-///                      Σ (4 e (D + e)² + o) )               in a sparse one, which does the same less regularly
+///     eliminate:  Σ (e D² + o)                one small block each, o = 100 for handling it
+///     keep:       min( (N³ − (N − E)³) / 3,   in a dense Cholesky factorization
+///                      Σ (4 e (D + e)² + o) ) in a sparse one, which does the same less
+///                                             regularly
 ///
 /// Cost: linear in slots.
 LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& shapes);

@@ -17,8 +17,7 @@
 // both and shows a LocalParameterization as a Manifold of its own.
 #define INCERES_CERES_RELEASE (100 * CERES_VERSION_MAJOR + CERES_VERSION_MINOR)
 #if INCERES_CERES_RELEASE < 200 || INCERES_CERES_RELEASE > 202
-#error \
-    "The Ceres adapter of inceres is written for Ceres 2.0, 2.1 and 2.2; see adapters/ceres/read/ceres_version.h"
+#error "The Ceres adapter of inceres is written for Ceres 2.0, 2.1 and 2.2: read/ceres_version.h"
 #endif
 #define INCERES_CERES_HAS_MANIFOLDS (INCERES_CERES_RELEASE >= 201)
 #define INCERES_CERES_HAS_LOCAL_PARAMETERIZATIONS (INCERES_CERES_RELEASE <= 201)

@@ -12,12 +12,15 @@ namespace {
 
 constexpr int kExitUsage = 2;
 constexpr char kFlags[] = R"(
-  --scene WHICH           hall: one camera, a mild start. startup: two cameras, 90 points an image, and seconds in which attitude,
-                          biases and calibration are hardly determined; SPARSE_SCHUR, 10 iterations, 50 images; hall
+  --scene WHICH           hall: one camera, a mild start. startup: two cameras, 90 points an image,
+                          and seconds in which attitude, biases and calibration are hardly
+                          determined; SPARSE_SCHUR, 10 iterations, 50 images; hall
   --frames N              images to play, at least 20; 300
-  --features N            features that have a variable at a time, on average (startup: that an image shows), 20 to 5000; 150
+  --features N            features that have a variable at a time, on average (startup: that an
+                          image shows), 20 to 5000; 150
   --seed N                of the simulation; 1
-  --kick N                not 0: seed of one ulp, up or down, on every value that a solve starts from; 0
+  --kick N                not 0: seed of one ulp, up or down, on every value that a solve starts
+                          from; 0
   --ordering WHICH        auto: Ceres chooses what is eliminated; landmarks_first; auto
   --linear_solver WHICH   dense_schur, sparse_schur or sparse_normal_cholesky; dense_schur
   --max_iterations N      of a solve, at least 1; 8
@@ -26,9 +29,10 @@ constexpr char kFlags[] = R"(
   --help                  this text
 )";
 constexpr char kOutput[] = R"(
-Prints, as JSON: frames; milliseconds of the calls of ceres::Solve (median, p95, max, total); the absolute trajectory error of the newest
-frame's position in meters, as evo_ape --align; the same error without alignment (the first pose's position and yaw are the true
-ones); the sum of the final costs. Exit code: 0 success, 1 failure, 2 usage.
+Prints, as JSON: frames; milliseconds of the calls of ceres::Solve (median, p95, max, total); the
+absolute trajectory error of the newest frame's position in meters, as evo_ape --align; the same
+error without alignment (the first pose's position and yaw are the true ones); the sum of the final
+costs. Exit code: 0 success, 1 failure, 2 usage.
 )";
 
 // Sets an option from the text of its value; false if the text is no such value.

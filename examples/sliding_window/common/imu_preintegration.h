@@ -20,7 +20,9 @@ struct ImuNoise {
 /// The IMU samples between two frames i and j as one relative motion, whatever the state of frame i
 /// is:
 ///
-///     p_j = p_i + v_i dt - g dt^2 / 2 + R_i delta_p,   v_j = v_i - g dt + R_i delta_v,   q_j = q_i delta_q
+///     p_j = p_i + v_i dt - g dt^2 / 2 + R_i delta_p
+///     v_j = v_i - g dt + R_i delta_v
+///     q_j = q_i delta_q
 ///
 /// integrated by the mid-point rule at fixed biases, with its covariance and its derivative with
 /// respect to the biases. Errors are ordered p, theta (delta_q Exp(theta)), v, ba, bg. Source:

@@ -36,9 +36,12 @@ struct OkvisOptions {
 /// A visual-inertial estimator as OKVIS builds it: one ceres::Problem lives as long as the
 /// estimator, owns nothing, and follows the map by additions and removals:
 ///
-///     poses 7/6 of keyframes and the newest frames; speed and biases 9 (v, bg, ba) of the newest frames; each camera on the body
-///     7/6 (held or free); landmarks 4/3, homogeneous reprojection errors (Cauchy), IMU errors, priors of great weight on the
-///     oldest frame, the marginalization error
+///     poses             7/6 of keyframes and the newest frames
+///     speed and biases  9 (v, bg, ba) of the newest frames
+///     cameras           7/6 each on the body, held or free
+///     landmarks         4/3, homogeneous
+///     errors            reprojection (Cauchy), IMU, priors of great weight on the oldest frame,
+///                       marginalization
 ///
 /// Source: Leutenegger et al., Keyframe-based visual-inertial odometry (IJRR 2015).
 class OkvisEstimator {

@@ -15,9 +15,11 @@ namespace sliding_window {
 /// What the window knew of variables that leave it, as a linear residual J dx + r over those that
 /// stay:
 ///
-///     info.Add(factor, loss, its blocks, which of them leave);   // for every factor that touches what leaves
+///     // For every factor that touches what leaves:
+///     info.Add(factor, loss, its blocks, which of them leave);
 ///     info.Marginalize();
-///     problem.AddResidualBlock(new MarginalizationFactor(&info), nullptr, info.KeptBlocks(where they lie now));
+///     problem.AddResidualBlock(new MarginalizationFactor(&info), nullptr,
+///                              info.KeptBlocks(where they lie now));
 ///
 /// Factors are linearized once, at the values their blocks have when they are added. Blocks of size
 /// 7 are poses, with the derivatives in their first six columns. Source: Qin et al., VINS-Mono

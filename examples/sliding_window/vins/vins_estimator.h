@@ -18,8 +18,10 @@ namespace sliding_window {
 /// image; for each, a new ceres::Problem is made over the same arrays, which stand for other frames
 /// and other features every time:
 ///
-///     poses 7/6 (p, q), speed and biases 9 (v, ba, bg), camera on body 7/6 (held or free), one inverse depth per feature
-///     projection factors (Cauchy), IMU factors between consecutive frames, the prior of what has left the window
+///     variables  poses 7/6 (p, q), speed and biases 9 (v, ba, bg), the camera on the body 7/6
+///                (held or free), one inverse depth per feature
+///     factors    projections (Cauchy), IMU factors between consecutive frames, the prior of what
+///                has left the window
 ///
 /// Source: Qin, Li, Shen: VINS-Mono (T-RO 2018).
 class VinsEstimator {

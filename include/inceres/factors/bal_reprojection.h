@@ -12,7 +12,8 @@ namespace inceres {
 /// radians, translation, focal length in pixels, two radial distortion coefficients. Slot 1 is the
 /// point.
 ///
-///     P = Exp(w) X + t,   p = −P_xy / P_z,   residual = f (1 + k1 r² + k2 r⁴) p − (x, y),   r = ‖p‖        (2 rows, pixels)
+///     P = Exp(w) X + t,   p = −P_xy / P_z,   r = ‖p‖
+///     residual = f (1 + k1 r² + k2 r⁴) p − (x, y)        (2 rows, pixels)
 ///
 /// The camera looks along −z. A factor fails to evaluate when P_z = 0 or a result is not finite;
 /// points behind the camera (P_z > 0) evaluate, as in the model. The formulas are smooth at every

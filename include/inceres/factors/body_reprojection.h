@@ -11,10 +11,11 @@ namespace inceres {
 /// what VINS estimates. Frame i stores the feature as a bearing and an inverse depth λ (1, 1/m) in
 /// its camera, frame j sees it. Slots, by `Views`:
 ///
-///     kTwoPoses             pose i, pose j, camera, λ             one camera; VINS's ProjectionFactor, TwoFrameOneCam
-///     kTwoPosesTwoCameras   pose i, pose j, camera i, camera j, λ                              TwoFrameTwoCam
-///     kOnePoseTwoCameras    camera i, camera j, λ                 at one time; OneFrameTwoCam
+///     kTwoPoses             pose i, pose j, camera, λ
+///     kTwoPosesTwoCameras   pose i, pose j, camera i, camera j, λ
+///     kOnePoseTwoCameras    camera i, camera j, λ                  both at one time
 ///
+/// (VINS's ProjectionFactor or TwoFrameOneCam, its TwoFrameTwoCam and its OneFrameTwoCam),
 /// and, if it is estimated, the time offset τ (1, s) at the end. With Feature::kBearing the bearing
 /// is estimated too and λ's slot is (m_x, m_y, λ), three Euclidean values: m_i taken as exact, as
 /// VINS does, has all observations of a feature share an error that nobody accounts for, and
@@ -23,14 +24,15 @@ namespace inceres {
 /// IMU) in the world, a camera (t_c, R_c) is body_from_camera; both [p(3), q(x, y, z, w)] on
 /// PoseManifold; no other manifold will do. No two slots of a factor may be one variable.
 ///
-///     m = m_i − (τ − τ_i) ṁ_i,   z = z_j − (τ − τ_j) ż_j                       (features move on as the clocks disagree)
-///     h = R_cjᵀ (R_jᵀ (R_i (R_ci m + λ t_ci) + λ (p_i − p_j)) − λ t_cj)        λ times the point in camera j
-///     residual = U (h_xy / h_z − z)                                            kPlane: 2 rows, whitened
-///     residual = U B (h / ‖h‖ − (z, 1) / ‖(z, 1)‖)                             kUnitSphere: 2 rows, whitened
+///     m = m_i − (τ − τ_i) ṁ_i,   z = z_j − (τ − τ_j) ż_j
+///     h = R_cjᵀ (R_jᵀ (R_i (R_ci m + λ t_ci) + λ (p_i − p_j)) − λ t_cj)
+///     residual = U (h_xy / h_z − z)                      kPlane: 2 rows, whitened
+///     residual = U B (h / ‖h‖ − (z, 1) / ‖(z, 1)‖)       kUnitSphere: 2 rows, whitened
 ///
-/// With one pose R_jᵀ R_i = I and p_i = p_j. B (2×3) spans the tangent plane of the sphere at z_j,
-/// its rows near the image's x and y when z_j is near the axis: VINS's UNIT_SPHERE_ERROR, for wide
-/// lenses; it is 0 in the opposite direction as well.
+/// Features move on by as much as the clocks disagree: m and z are where they are at one time. h is
+/// λ times the point in camera j. With one pose R_jᵀ R_i = I and p_i = p_j. B (2×3) spans the
+/// tangent plane of the sphere at z_j, its rows near the image's x and y when z_j is near the axis:
+/// VINS's UNIT_SPHERE_ERROR, for wide lenses; it is 0 in the opposite direction as well.
 ///
 /// h is smooth at λ = 0, a point at infinity. Fails to evaluate where h_z = 0 (kUnitSphere: h = 0)
 /// or a result is not finite; points behind the camera evaluate, as in the model. Without a time

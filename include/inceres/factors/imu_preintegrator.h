@@ -204,7 +204,8 @@ INCERES_EXPORT Status InterpolateImuSamples(const std::vector<ImuSample>& sample
 /// `covariance` 15×15, row-major, over (δp, φ) of the pose with φ as the conventions perturb, then
 /// the speed-bias. Outputs may be the inputs.
 ///
-///     R_j = R_i ΔR,   v_j = v_i + gΔt + R_i Δv,   p_j = p_i + v_iΔt + ½gΔt² + R_i Δp,   P_j = F P_i Fᵀ + G Σ Gᵀ
+///     R_j = R_i ΔR,   v_j = v_i + gΔt + R_i Δv,   p_j = p_i + v_iΔt + ½gΔt² + R_i Δp
+///     P_j = F P_i Fᵀ + G Σ Gᵀ
 ///
 /// with Δ corrected to first order for the state's biases, so that the state it gives and the one
 /// it came from leave the factor of the same preintegration no residual. Integrate at the state's

@@ -14,11 +14,12 @@ namespace inceres {
 /// world_from_camera, (δp, φ) ↦ (p + δp, R Exp(φ)). No other manifold on the poses will do:
 /// Jacobians are written in its tangent.
 ///
-///     h = R_bᵀ (R_a m_a + d (p_a − p_b)),   m_a = (x_a, y_a, 1)        d times the point in camera coordinates of b
-///     residual = U (h_xy / h_z − z_b)                                  (2 rows, whitened)
+///     h = R_bᵀ (R_a m_a + d (p_a − p_b)),   m_a = (x_a, y_a, 1)
+///     residual = U (h_xy / h_z − z_b)        (2 rows, whitened)
 ///
-/// h is smooth at d = 0, a point at infinity. Fails to evaluate where h_z = 0 or a result is not
-/// finite; points behind the camera evaluate, as in the model.
+/// h is d times the point in camera coordinates of b. It is smooth at d = 0, a point at infinity.
+/// Fails to evaluate where h_z = 0 or a result is not finite; points behind the camera evaluate, as
+/// in the model.
 ///
 /// Cost: about 150 multiplications a factor with Jacobians, no transcendental function, nothing
 /// allocated. Threads: as FactorFamily; Add is for one writer. Source: Civera, Davison & Montiel,

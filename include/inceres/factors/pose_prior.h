@@ -42,11 +42,11 @@ namespace inceres {
 /// A prior on a pose [p(3), q(x, y, z, w)], with analytic Jacobians:
 ///
 ///     residual = U [p − p_0; Log(R_0ᵀ R)]   on PoseManifold (R Exp(φ)),
-///     residual = U [p − p_0; Log(R R_0ᵀ)]   on LeftPoseManifold (Exp(φ) R)     (6 rows: meters, then radians; whitened)
+///     residual = U [p − p_0; Log(R R_0ᵀ)]   on LeftPoseManifold (Exp(φ) R)
 ///
-/// so that U is the square root of an information matrix in the manifold's own tangent. No other
-/// manifold will do. Smooth wherever the rotation residual is below π. Fails to evaluate where a
-/// result is not finite.
+/// (6 rows: meters, then radians; whitened), so that U is the square root of an information matrix
+/// in the manifold's own tangent. No other manifold will do. Smooth wherever the rotation residual
+/// is below π. Fails to evaluate where a result is not finite.
 ///
 /// Cost: a 6×6 triangular product and one arc tangent a factor, nothing allocated. Threads: as
 /// FactorFamily; Add is for one writer. Source: Sola, Deray & Atchuthan, "A micro Lie theory for

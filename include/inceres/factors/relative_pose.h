@@ -12,11 +12,11 @@ namespace inceres {
 /// (problem/manifolds.h), p the camera's center in the world, R = R(q) world_from_camera, (δp, φ) ↦
 /// (p + δp, R Exp(φ)). No other manifold will do: Jacobians are written in its tangent.
 ///
-///     residual = U [ Log(R_aᵀ R_b R_abᵀ) ; R_bᵀ (p_a − p_b) − p_ab ]        (6 rows: radians, then meters; whitened)
+///     residual = U [ Log(R_aᵀ R_b R_abᵀ) ; R_bᵀ (p_a − p_b) − p_ab ]
 ///
-/// so R_ab turns vectors of camera b into those of camera a, and p_ab is a's center seen from b.
-/// Smooth wherever the rotation residual is below π. Fails to evaluate where a result is not
-/// finite.
+/// (6 rows: radians, then meters; whitened), so R_ab turns vectors of camera b into those of camera
+/// a, and p_ab is a's center seen from b. Smooth wherever the rotation residual is below π. Fails
+/// to evaluate where a result is not finite.
 ///
 /// Cost: two 6×6 triangular products and one arc tangent a factor, nothing allocated. Threads: as
 /// FactorFamily; Add is for one writer. Source: Sola, Deray & Atchuthan, "A micro Lie theory for

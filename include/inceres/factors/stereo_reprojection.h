@@ -26,7 +26,9 @@ struct StereoObservation {
 /// Reprojection of a landmark into a rectified stereo camera, with analytic Jacobians. Slots, h and
 /// all else as PointObservationFamily has it; the camera of slot 1 is the left one.
 ///
-///     residual = U [f_x h_x / h_z + c_x − u_l;  f_y h_y / h_z + c_y − v;  f_x (h_x − ω baseline) / h_z + c_x − u_r]
+///     residual = U [ f_x h_x / h_z + c_x − u_l;
+///                    f_y h_y / h_z + c_y − v;
+///                    f_x (h_x − ω baseline) / h_z + c_x − u_r ]
 ///
 /// (3 rows, whitened). Fails to evaluate where h_z = 0 or a result is not finite.
 class INCERES_EXPORT StereoReprojectionFamily final

@@ -73,11 +73,15 @@ struct INCERES_EXPORT KeyframeSequence {
 /// Reads a keyframe sequence (optionally .gz or .bz2), one record a line; blank lines and lines
 /// that start with '#' are skipped:
 ///
-///     KEYFRAME i  R(9, row-major) p(3)      keyframe i, numbered 0, 1, 2, …: x_c = R (x_w - p); what follows arrives with it
-///     DEPTH_GUESS i k d                     initial guess of the inverse depth of feature k anchored in keyframe i
-///     FEATURE i k x y d_obs                 feature k first seen in keyframe i, the current one; d_obs = 0: not measured
-///     OBS i a k x y d_obs w00 w01 w11       keyframe i, the current one, sees feature k anchored in the earlier keyframe a
-///     BETWEEN a b R(9) p(3) w(36)           C_a C_b^-1 = T_ab, w row-major, rotation before position
+///     KEYFRAME i  R(9, row-major) p(3)   keyframe i, numbered 0, 1, 2, …: x_c = R (x_w - p);
+///                                        what follows arrives with it
+///     DEPTH_GUESS i k d                  initial guess of the inverse depth of feature k
+///                                        anchored in keyframe i
+///     FEATURE i k x y d_obs              feature k first seen in keyframe i, the current one;
+///                                        d_obs = 0: not measured
+///     OBS i a k x y d_obs w00 w01 w11    keyframe i, the current one, sees feature k anchored
+///                                        in the earlier keyframe a
+///     BETWEEN a b R(9) p(3) w(36)        C_a C_b^-1 = T_ab, w row-major, rotation first
 ///
 /// Rotations are projected on the nearest unit quaternion (files print few digits).
 ///

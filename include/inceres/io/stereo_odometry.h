@@ -36,10 +36,12 @@ struct INCERES_EXPORT StereoOdometry {
 
 /// Reads a stereo odometry from the three text files of a folder, one record a line:
 ///
-///     VO_calibration*.txt      f_x f_y skew c_x c_y baseline                 one line; pixels and meters, skew 0
-///     VO_camera_poses*.txt     i  T(16)                                      pose i, numbered 0, 1, 2, …: world_from_camera,
-///                                                                            4 x 4 row-major; meters
-///     VO_stereo_factors*.txt   i p u_l u_r v X Y Z                           pose i sees point p, any id from 0 on
+///     VO_calibration*.txt      f_x f_y skew c_x c_y baseline   one line; pixels and meters, skew 0
+///     VO_camera_poses*.txt     i  T(16)                        pose i, numbered 0, 1, 2, …:
+///                                                              world_from_camera, 4 x 4
+///                                                              row-major; meters
+///     VO_stereo_factors*.txt   i p u_l u_r v X Y Z             pose i sees point p, any id from
+///                                                              0 on
 ///
 /// where * is any text, the same in all three names. Rotations are projected on the
 /// nearest unit quaternion (files print few digits). Blank lines are skipped.

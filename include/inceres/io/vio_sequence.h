@@ -92,14 +92,15 @@ struct INCERES_EXPORT VioSequence {
 /// Reads a visual-inertial sequence (optionally .gz or .bz2), one record a line; blank lines and
 /// lines that start with '#' are skipped:
 ///
-///     VIO 1                                              the first record: the version of the format
+///     VIO 1                            the first record: the version of the format
 ///     CAMERA width height  f_x f_y c_x c_y  k1 k2 p1 p2  p_bc(3) q_bc(4)
-///     NOISE pixel  gyr acc gyr_bias_walk acc_bias_walk   standard deviation in pixels; densities of the IMU
+///     NOISE pixel  gyr acc gyr_bias_walk acc_bias_walk
+///                                      standard deviation in pixels; densities of the IMU
 ///     GRAVITY g(3)
-///     POINT k  start(3)  truth(3)                        numbered 0, 1, 2, …; before the first OBS of it
-///     IMU t  gyr(3)  acc(3)                              increasing times; one at the time of each frame
-///     FRAME i t  start(16)  truth(16)                    numbered 0, 1, 2, …; p(3) q(4) v(3) b_g(3) b_a(3), each
-///     OBS k x y outlier                                  the frame above sees point k; outlier is 0 or 1
+///     POINT k  start(3)  truth(3)      numbered 0, 1, 2, …; before the first OBS of it
+///     IMU t  gyr(3)  acc(3)            increasing times; one at the time of each frame
+///     FRAME i t  start(16)  truth(16)  numbered 0, 1, 2, …; p(3) q(4) v(3) b_g(3) b_a(3), each
+///     OBS k x y outlier                the frame above sees point k; outlier is 0 or 1
 ///
 /// CAMERA, NOISE and GRAVITY, each once, stand before the first IMU. Quaternions are x, y, z, w.
 /// Everything stands in the order of arrival: a frame comes after the samples that lead to it.

@@ -82,7 +82,8 @@ inline bool AreWritten(const double* values, int count) {
 /// A family of factors given one at a time with ambient Jacobians, as a user of Ceres writes them.
 /// Derived supplies
 ///
-///     bool EvaluateOne(int i, const double* const* parameters, double* residuals, double** jacobians) const;
+///     bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+///                      double** jacobians) const;
 ///
 /// with Ceres's conventions: `jacobians` is null for a cost-only call; jacobians[s] is null for a
 /// constant, otherwise row-major residual_size × ambient_size; false means "cannot be evaluated

@@ -31,10 +31,11 @@ struct FactorId {
 };
 
 /// A family in a graph, with its type: AddFactor takes it, so that the compiler refuses a
-/// measurement of another family. Converts to the family's id.
+/// measurement of another family. Converts to the family's id. Copies of the graph know it too.
 template <typename Family>
 struct FamilyHandle {
-  FamilyId id = -1;                ///< -1: none, which AddFactor refuses
+  /// -1, or a null family: none, which AddFactor refuses
+  FamilyId id = -1;
   std::shared_ptr<Family> family;  ///< the family itself, shared with the graph
 
   /// The id, for calls that take one.
@@ -159,27 +160,19 @@ class INCERES_EXPORT FactorGraph {
   void ConnectMany(FamilyId family, std::vector<VariableId> variables,
                    std::vector<std::shared_ptr<const Loss>> losses = {});
 
-  /// Adds the measurement to a built-in family and connects it: graph.AddFactor(id, family,
-  /// measurement, {camera, point}, loss). Returns −1, and adds no measurement, if `family` is not
-  /// the one of this id or `variables` not one for each of its slots.
-  template <typename Family>
-  int AddFactor(FamilyId id, Family& family, const typename Family::Measurement& measurement,
-                const std::vector<VariableId>& variables,
-                std::shared_ptr<const Loss> loss = nullptr) {
-    if (!CanAddFactor(id, family, variables)) {
-      return -1;
-    }
-    family.Add(measurement);
-    return Connect(id, variables.data(), std::move(loss));
-  }
-
-  /// The same through the handle of the family: graph.AddFactor(reprojections, {x, y}, {camera,
-  /// point}, loss).
+  /// Adds the measurement to the family and connects it: graph.AddFactor(reprojections, {x, y},
+  /// {camera, point}, loss). Returns the factor's index in the family; −1, and adds no measurement,
+  /// if the handle is not of a family of this graph or `variables` not one for each of its slots.
+  /// (A family of your own needs a Measurement and Add(measurement), which appends.)
   template <typename Family>
   int AddFactor(const FamilyHandle<Family>& handle, const typename Family::Measurement& measurement,
                 const std::vector<VariableId>& variables,
                 std::shared_ptr<const Loss> loss = nullptr) {
-    return AddFactor(handle.id, *handle.family, measurement, variables, std::move(loss));
+    if (!CanAddFactor(handle.id, handle.family.get(), variables)) {
+      return -1;
+    }
+    handle->Add(measurement);
+    return Connect(handle.id, variables.data(), std::move(loss));
   }
 
   /// Holds a variable where it is, or sets it free. Requires an id that exists.
@@ -363,7 +356,7 @@ class INCERES_EXPORT FactorGraph {
 
   static std::size_t Index(std::int32_t id) { return static_cast<std::size_t>(id); }
   VariableId AppendVariable(internal::VariableRecord variable, const double* values);
-  bool CanAddFactor(FamilyId id, const FactorFamily& family,
+  bool CanAddFactor(FamilyId id, const FactorFamily* given,
                     const std::vector<VariableId>& variables);
   bool HasFamily(const char* call, FamilyId id);
   bool Misused(std::string message);

@@ -44,25 +44,21 @@ class INCERES_EXPORT GraphEdit {
   /// before Apply. `variables` has family.num_slots() entries.
   FactorId Connect(FamilyId family, const VariableId* variables,
                    std::shared_ptr<const Loss> loss = nullptr);
-  /// The same for a built-in family: the measurement is placed here. (A family of your own needs a
-  /// Measurement and Place(index, measurement), which overwrites, or at index == size() appends.)
-  template <typename Family>
-  FactorId AddFactor(FamilyId id, Family& family, const typename Family::Measurement& measurement,
-                     const std::vector<VariableId>& variables,
-                     std::shared_ptr<const Loss> loss = nullptr) {
-    const FactorId factor = Connect(id, variables.data(), variables.size(), std::move(loss));
-    if (factor.index >= 0) {
-      family.Place(factor.index, measurement);
-    }
-    return factor;
-  }
-  /// The same through the handle of the family.
+  /// The same, and places the measurement: edit.AddFactor(reprojections, {x, y}, {camera, point},
+  /// loss). If the handle is not of a family of this graph, the factor's index is −1, and the edit
+  /// is refused. (A family of your own needs a Measurement and Place(index, measurement), which
+  /// overwrites, or at index == size() appends.)
   template <typename Family>
   FactorId AddFactor(const FamilyHandle<Family>& handle,
                      const typename Family::Measurement& measurement,
                      const std::vector<VariableId>& variables,
                      std::shared_ptr<const Loss> loss = nullptr) {
-    return AddFactor(handle.id, *handle.family, measurement, variables, std::move(loss));
+    if (!Knows("AddFactor", handle.id, handle.family.get())) {
+      return {handle.id, -1, -1};
+    }
+    const FactorId factor = Connect(handle.id, variables.data(), variables.size(), std::move(loss));
+    handle->Place(factor.index, measurement);
+    return factor;
   }
   /// Removes the factor. Its measurement stays in the family, unused, until the place is given to
   /// another one.
@@ -72,12 +68,15 @@ class INCERES_EXPORT GraphEdit {
   void SetLoss(FactorId id, std::shared_ptr<const Loss> loss) {
     losses_.emplace_back(id, std::move(loss));
   }
-  /// Replaces the measurement of a built-in family's factor, when the edit is applied.
+  /// Replaces the measurement of a factor, which is one of the handle's family, when the edit is
+  /// applied.
   template <typename Family>
-  void SetMeasurement(FactorId id, Family& family,
+  void SetMeasurement(FactorId id, const FamilyHandle<Family>& handle,
                       const typename Family::Measurement& measurement) {
-    measurements_.emplace_back(id,
-                               [&family, measurement, id] { family.Place(id.index, measurement); });
+    if (Knows("SetMeasurement", id.family, handle.family.get())) {
+      measurements_.emplace_back(
+          id, [handle, measurement, id] { handle->Place(id.index, measurement); });
+    }
   }
   /// Tells that the caller has changed, in his own family, what the factor measures.
   void MeasurementChanged(FactorId id) { measurements_.emplace_back(id, nullptr); }
@@ -92,6 +91,8 @@ class INCERES_EXPORT GraphEdit {
 
   /// Whether nothing has been asked for since it began.
   bool empty() const;
+  /// What is wrong with a handle that a call was given: the edit is refused for it.
+  const Status& misuse() const { return misuse_; }
 
   /// A variable that the edit adds. This and what follows is what Apply reads.
   struct NewVariable {
@@ -145,6 +146,8 @@ class INCERES_EXPORT GraphEdit {
   std::int64_t revision() const { return revision_; }
 
  private:
+  // Whether the graph has the family under this id; misuse_ says it if not.
+  bool Knows(const char* call, FamilyId id, const FactorFamily* given);
   VariableId NextVariable(int ambient_size, bool borrowed);
   std::int32_t NextPlace(FamilyId family);
   FactorId Connect(FamilyId family, const VariableId* variables, std::size_t num_variables,
@@ -154,6 +157,7 @@ class INCERES_EXPORT GraphEdit {
 
   const FactorGraph* graph_;
   std::int64_t revision_;
+  Status misuse_;
   int num_appended_variables_ = 0;
   // by ambient size and whether borrowed: taken from the free ids
   std::map<std::pair<int, bool>, int> reused_variables_;

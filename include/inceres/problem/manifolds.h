@@ -119,10 +119,12 @@ class INCERES_EXPORT ProductManifold final : public Manifold {
 
 /// The sphere of radius ‖x‖ in Rⁿ, tangent size n − 1: homogeneous points and directions. δ moves x
 /// by the angle ‖δ‖ along a great circle,
-///     x ⊞ δ = cos‖δ‖ x + ‖x‖ sinc‖δ‖ B δ,    B (n × n−1) an orthonormal basis of the complement of x (Householder).
-/// Undefined (returns false) at x = 0. B jumps where x_n changes sign, which is harmless: it is
-/// fixed within a linearization. Source: Hartley & Zisserman, "Multiple View Geometry", 2nd ed.,
-/// appendix 6.9.3.
+///
+///     x ⊞ δ = cos‖δ‖ x + ‖x‖ sinc‖δ‖ B δ,
+///
+/// with B (n × n−1) an orthonormal basis of the complement of x (Householder). Undefined (returns
+/// false) at x = 0. B jumps where x_n changes sign, which is harmless: it is fixed within a
+/// linearization. Source: Hartley & Zisserman, "Multiple View Geometry", 2nd ed., appendix 6.9.3.
 class INCERES_EXPORT SphereManifold final : public Manifold {
  public:
   /// Of points with so many coordinates, at least 2.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -12,7 +13,7 @@ namespace inceres {
 
 class IncrementalSolver;
 
-/// Options of Covariance.
+/// Options of GraphCovariance.
 struct INCERES_EXPORT CovarianceOptions {
   int num_threads = 1;  ///< ≥ 1: evaluation; the result is the same to the last bit
   /// > 1: a variance that exceeds the one with all else known by more than this factor counts as
@@ -23,29 +24,50 @@ struct INCERES_EXPORT CovarianceOptions {
   Status Validate() const;
 };
 
+/// What the factors leave open, of a problem that has no covariance.
+struct INCERES_EXPORT RankDeficiency {
+  /// A direction in which the cost does not change, with the frames that move along it: each with
+  /// its share of the squared length, measured in units of the diagonal of S, largest first, those
+  /// above 0.01 and at most eight.
+  struct Direction {
+    std::vector<std::pair<VariableId, double>> shares;  ///< of each frame, the largest first
+  };
+  std::vector<VariableId> landmarks;  ///< that their own factors do not determine
+  std::vector<Direction> directions;  ///< of all else, at most 32; a free gauge has 6 or 7
+  bool has_more = false;              ///< there are more than these directions
+
+  /// "2 directions are open: variable 3 (0.81), variable 4 (0.19); variable 7 (1.00)".
+  std::string ToString() const;
+};
+
 /// Covariances of estimates, in their tangent spaces: blocks of H⁻¹ = (JᵀJ)⁻¹ at the current
 /// values, with Jacobians corrected for robust losses (and pinned where variables are), undamped.
 /// With S = C − W P⁻¹ Wᵀ,
 ///
-///     cov(a, b) = V_aᵀ S⁻¹ V_b + [a = b is a landmark] P_b⁻¹,    V = E_a of a frame, −W P⁻¹ of a landmark,
+///     cov(a, b) = V_aᵀ S⁻¹ V_b + [a = b is a landmark] P_b⁻¹,
+///     V = E_a of a frame, −W P⁻¹ of a landmark,
 ///
-/// so a frame or landmark costs as many solves with the factor of S as it has degrees of freedom,
-/// whatever sees it. Of factors that are whitened; otherwise it is a multiple.
+/// so a landmark's covariance is the full one, not that for known frames. Of factors that are
+/// whitened; otherwise it is a multiple.
 ///
 /// What is not determined has no covariance: a free gauge, or a landmark without enough views
 /// anywhere in the problem, is kSingular with the variable, not a large number. Through H, not J: a
 /// stiff factor of 1e14 beside weak ones of 1e-2 that it ties together exceeds max_inflation.
 ///
-/// Cost: one linearization, elimination and factorization of the whole problem, then the solves.
-/// One caller; threads as options say. Source: Triggs et al. 1999, section 9;
-/// docs/visual_inertial.md.
-class INCERES_EXPORT Covariance {
+/// Cost: one linearization, elimination and factorization of the whole problem, and then whichever
+/// is predicted to take less: a solve with the factor of S for each degree of freedom of what is
+/// asked for, or all entries of S⁻¹ where that factor has any, in the time of about three
+/// factorizations. The latter has all frames and landmarks, and all pairs of frames that share a
+/// landmark or a factor; pairs beyond take solves again. Memory: once more the factor of S.
+/// One caller; threads as options say. Source: Triggs et al. 1999, section 9; Takahashi, Fagan &
+/// Chen 1973; docs/visual_inertial.md.
+class INCERES_EXPORT GraphCovariance {
  public:
   /// Pairs of variables, in either order.
   using Pairs = std::vector<std::pair<VariableId, VariableId>>;
 
   /// Holds no covariances yet.
-  explicit Covariance(const CovarianceOptions& options = {}) : options_(options) {}
+  explicit GraphCovariance(const CovarianceOptions& options = {}) : options_(options) {}
 
   /// Computes the blocks of these pairs, in one or the other order, and forgets all others. Blocks
   /// of constants are zero, as in Ceres. On an error there are none: an id that does not exist or
@@ -57,6 +79,10 @@ class INCERES_EXPORT Covariance {
   /// Writes cov(a, b), row-major, tangent sizes of a × b. False if it was not computed.
   bool Get(VariableId a, VariableId b, double* covariance) const;
 
+  /// What was found open when the last Compute returned kSingular; else empty. Its cost is a
+  /// factorization and some two hundred solves, then only.
+  const RankDeficiency& deficiency() const { return deficiency_; }
+
  private:
   Status ComputeAt(const FactorGraph& graph, const std::vector<double>& state, const Pairs& pairs);
 
@@ -67,6 +93,7 @@ class INCERES_EXPORT Covariance {
   };
   CovarianceOptions options_;
   std::map<std::pair<VariableId, VariableId>, Block> blocks_;
+  RankDeficiency deficiency_;
 };
 
 }  // namespace inceres

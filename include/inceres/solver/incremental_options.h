@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "inceres/export.h"
+#include "inceres/solver/callbacks.h"
 #include "inceres/solver/options.h"
 #include "inceres/status.h"
 
@@ -104,6 +105,21 @@ struct INCERES_EXPORT IncrementalOptions {
   /// (docs/reduced_solver.md). It is told what has changed from one call to the next. Read by the
   /// constructor of IncrementalSolver.
   ReducedSolverFactory reduced_solver_factory;
+
+  /// If set, is given a table of the progress of every Update, line by line (ProgressRow).
+  LogSink progress;
+  /// If set, asked after every iteration of an Update. As with an observer, kTerminateSuccessfully
+  /// ends it with the best state so far, kAbort with the values held before it. After an iteration
+  /// come the row of progress, the observer, then this; who ends the Update is the last to be asked.
+  ///
+  /// With `progress` or `callback` an Update costs what it costs with an observer. What they or the
+  /// observer throw passes through Update: the solver then holds the values it held before, and the
+  /// next Update works as after a failure.
+  UpdateCallback callback;
+
+  /// Each Update ends with a copy of all values and the cost, which other threads then read
+  /// (IncrementalSolver::ReadSnapshot). Costs a pass over all variables.
+  bool publish_snapshots = false;
 
   /// What is wrong with these options, the first culprit named.
   Status Validate() const;

@@ -12,6 +12,7 @@
 #include "inceres/solver/marginalization.h"
 #include "inceres/solver/solver.h"
 #include "inceres/solver/update_summary.h"
+#include "inceres/solver/value_snapshot.h"
 
 namespace inceres {
 
@@ -62,8 +63,8 @@ struct ReducedStructure {
 /// more damping; convergence is declared on fresh Jacobians only: old ones defer it, they do not
 /// replace it. docs/incremental.md explains, and how to choose the thresholds.
 ///
-/// Threads: one writer; Update works on options.num_threads, and calls no factor concurrently when
-/// that is 1. Source: algorithms 2 to 4 of the thesis "A General Incremental Bundle Adjustment
+/// Threads: one writer, and readers by ReadSnapshot; Update works on options.num_threads, and calls
+/// no factor concurrently when that is 1. Source: algorithms 2 to 4 of the thesis "A General Incremental Bundle Adjustment
 /// Framework for Visual-Inertial SLAM" (Zhejiang University), with the corrections that
 /// docs/algorithms.md states.
 class INCERES_EXPORT IncrementalSolver {
@@ -127,6 +128,15 @@ class INCERES_EXPORT IncrementalSolver {
   /// ½ Σ ρ at the current state, as of the last Update; if that failed, of the factors that were
   /// evaluated before it.
   double cost() const;
+
+  /// Copies what the last Update with publish_snapshots ended with. From any thread, at any time, but
+  /// not while the solver is made or destroyed. False, `snapshot` untouched, if there was no such
+  /// Update yet. All values of a snapshot, and its cost, are of one and the same state; an edit shows
+  /// in it after the next Update.
+  ///
+  /// The Update never waits for a reader, and allocates nothing for its copy once problems have
+  /// stopped growing for three Updates; readers wait for each other for as long as a copy takes.
+  bool ReadSnapshot(ValueSnapshot* snapshot) const;
 
   /// Which blocks S has, and which of its rows the last Update changed. Not during an Update. After
   /// one that the batch solver ended by itself S waits to be formed by the next one. Cost:

@@ -2,6 +2,7 @@
 
 #include "inceres/export.h"
 #include "inceres/linear/reduced_solver.h"
+#include "inceres/solver/callbacks.h"
 #include "inceres/status.h"
 
 namespace inceres {
@@ -20,6 +21,9 @@ enum class TrustRegionStrategyKind {
   /// the best step in the plane of gradient and Gauss–Newton step (Byrd, Schnabel & Shultz 1988)
   kSubspaceDogleg,
 };
+
+/// "levenberg_marquardt", "marquardt", "dogleg", "subspace_dogleg".
+INCERES_EXPORT const char* ToString(TrustRegionStrategyKind kind);
 
 /// Which linear system a step solves.
 enum class LinearModelKind {
@@ -112,6 +116,18 @@ struct INCERES_EXPORT SolverOptions {
 
   /// Called at evaluations and after iterations; not owned; may be null.
   SolveObserver* observer = nullptr;
+
+  /// If set, is given the table of progress as Ceres prints it, line by line while the solve goes
+  /// on: `options.progress = LogTo(std::cout)`. Iteration 0 brings the heading and its row, every
+  /// later one its row; one that ends the solve by the function or parameter tolerance has none.
+  LogSink progress;
+  /// If set, asked after every iteration that has a row: to go on, to end with the best state
+  /// (kUserSuccess), or to abort with the state of the start (kUserFailure). After an iteration
+  /// come the row of progress, the observer, then this; who ends the solve is the last to be asked.
+  ///
+  /// What `progress`, `callback` or the observer throws passes through Solve: the graph is then as
+  /// before it, and the next solve sets its structure up anew.
+  IterationCallback callback;
 
   /// What is wrong with these options, the first culprit named.
   Status Validate() const;

@@ -6,6 +6,7 @@
 
 #include "inceres/export.h"
 #include "inceres/problem/factor_graph.h"
+#include "inceres/solver/callbacks.h"
 #include "inceres/solver/options.h"
 #include "inceres/solver/summary.h"
 
@@ -17,13 +18,6 @@ struct LoopOptions;
 void SolveWith(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph,
                Solver* solver, Summary* summary);
 }  // namespace internal
-
-/// What an observer wants after an iteration.
-enum class ObserverAction {
-  kContinue,               ///< go on
-  kTerminateSuccessfully,  ///< end, with the best state so far
-  kAbort,                  ///< end, with the state of before
-};
 
 /// The hooks of the trust-region loop, in Ceres's order (docs/ceres_contract.md, "Trust-region
 /// loop"): an observer sees every evaluation before it happens and every iteration after it ended.

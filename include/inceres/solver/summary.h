@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <iosfwd>
 #include <string>
 #include <vector>
 
@@ -82,6 +83,17 @@ struct INCERES_EXPORT LineSearchSummary {
   double total_seconds = 0.0;       ///< all of the above
 };
 
+/// How large a problem is. What moves: variables that are not constant and that a factor touches.
+struct INCERES_EXPORT ProblemSizes {
+  int num_variables = 0;           ///< of the graph, constants included, removed ones not
+  int num_values = 0;              ///< of them: the sum of their ambient sizes
+  int num_moving_variables = 0;    ///< 0 if the options or the graph were refused
+  int num_moving_values = 0;       ///< the sum of their ambient sizes
+  int num_dimensions = 0;          ///< the sum of their tangent sizes: the unknowns
+  int num_factors = 0;             ///< of all families
+  std::int64_t num_residuals = 0;  ///< the sum of the factors' residual sizes
+};
+
 /// What happened. Everything a caller needs to act on a failure is here; nothing is only logged.
 struct INCERES_EXPORT Summary {
   Termination termination = Termination::kFailure;  ///< how it ended
@@ -108,6 +120,10 @@ struct INCERES_EXPORT Summary {
   std::string reduced_solver;                ///< name of the solver of the reduced system
   /// instruction set of the kernels used: "generic", "avx2", "avx512", "neon"
   const char* kernels = "";
+  /// "levenberg_marquardt", "marquardt", "dogleg", "subspace_dogleg"
+  const char* strategy = "";
+  int num_threads = 0;   ///< as the options said
+  ProblemSizes sizes;    ///< of the problem
   WorkCounts work;       ///< what was done
   StageSeconds seconds;  ///< how long it took
 
@@ -118,6 +134,15 @@ struct INCERES_EXPORT Summary {
   }
   /// Termination, costs, iterations, counts and seconds as one JSON object.
   std::string ToJson() const;
+  /// One line, as Ceres's: iterations, initial and final cost, termination.
+  std::string BriefReport() const;
+  /// A page, laid out as Ceres's: sizes, solver, costs, iterations, seconds by stage with how often
+  /// in brackets, termination with its message, and the culprit of a failure. For people: its words
+  /// may change; programs read the fields or ToJson. The numbers are in the words of the C locale.
+  std::string FullReport() const;
 };
+
+/// BriefReport, without a line end.
+INCERES_EXPORT std::ostream& operator<<(std::ostream& stream, const Summary& summary);
 
 }  // namespace inceres

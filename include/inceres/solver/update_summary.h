@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <iosfwd>
 #include <string>
 #include <vector>
 
@@ -113,6 +114,15 @@ struct INCERES_EXPORT UpdateSummary {
 
   /// One JSON object with every field above.
   std::string ToJson() const;
+  /// One line an Update: iterations, costs, how many frames moved and factors were linearized,
+  /// milliseconds, termination.
+  std::string BriefReport() const;
+  /// A page in the layout of Summary::FullReport: costs, iterations, work by kind, seconds by stage,
+  /// termination. For people, as that is.
+  std::string FullReport() const;
 };
+
+/// BriefReport, without a line end.
+INCERES_EXPORT std::ostream& operator<<(std::ostream& stream, const UpdateSummary& summary);
 
 }  // namespace inceres

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <type_traits>
+#include <utility>
 #include <vector>
 
+#include <ceres/covariance.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
@@ -37,7 +39,33 @@
 #define INCERES_MANIFOLD_SYMBOLS(X)
 #endif
 
+#define INCERES_COVARIANCE_SYMBOLS(X)                                                     \
+  X(MakeCovariance, "_ZN5ceres10CovarianceC1ERKNS0_7OptionsE",                            \
+    void(ceres::Covariance*, const ceres::Covariance::Options&))                          \
+  X(MakeBaseCovariance, "_ZN5ceres10CovarianceC2ERKNS0_7OptionsE",                        \
+    void(ceres::Covariance*, const ceres::Covariance::Options&))                          \
+  X(EndCovariance, "_ZN5ceres10CovarianceD1Ev", void(ceres::Covariance*))                 \
+  X(EndBaseCovariance, "_ZN5ceres10CovarianceD2Ev", void(ceres::Covariance*))             \
+  X(ComputePairs,                                                                         \
+    "_ZN5ceres10Covariance7ComputeERKSt6vectorISt4pairIPKdS4_ESaIS5_EE"                   \
+    "PNS_7ProblemE",                                                                      \
+    bool(ceres::Covariance*, const std::vector<std::pair<const double*, const double*>>&, \
+         ceres::Problem*))                                                                \
+  X(ComputeBlocks, "_ZN5ceres10Covariance7ComputeERKSt6vectorIPKdSaIS3_EEPNS_7ProblemE",  \
+    bool(ceres::Covariance*, const std::vector<const double*>&, ceres::Problem*))         \
+  X(GetBlock, "_ZNK5ceres10Covariance18GetCovarianceBlockEPKdS2_Pd",                      \
+    bool(const ceres::Covariance*, const double*, const double*, double*))                \
+  X(GetTangentBlock, "_ZNK5ceres10Covariance32GetCovarianceBlockInTangentSpaceEPKdS2_Pd", \
+    bool(const ceres::Covariance*, const double*, const double*, double*))                \
+  X(GetMatrix, "_ZNK5ceres10Covariance19GetCovarianceMatrixERKSt6vectorIPKdSaIS3_EEPd",   \
+    bool(const ceres::Covariance*, const std::vector<const double*>&, double*))           \
+  X(GetTangentMatrix,                                                                     \
+    "_ZNK5ceres10Covariance33GetCovarianceMatrixInTangentSpaceERKSt6vectorIPKdSaIS3_EE"   \
+    "Pd",                                                                                 \
+    bool(const ceres::Covariance*, const std::vector<const double*>&, double*))
+
 #define INCERES_CERES_SYMBOLS(X)                                                                   \
+  INCERES_COVARIANCE_SYMBOLS(X)                                                                    \
   INCERES_PARAMETERIZATION_SYMBOLS(X)                                                              \
   INCERES_MANIFOLD_SYMBOLS(X)                                                                      \
   X(Solve, "_ZN5ceres5SolveERKNS_6Solver7OptionsEPNS_7ProblemEPNS0_7SummaryE",                     \

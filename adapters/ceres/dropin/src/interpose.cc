@@ -1,8 +1,10 @@
 // The functions that stand in for Ceres's. Compiled twice: under Ceres's own symbols for the shared
 // library, under __wrap_… for a program linked with --wrap.
 #include "adapters/ceres/dropin/src/ceres_symbols.h"
+#include "adapters/ceres/dropin/src/covariance_registry.h"
 #include "adapters/ceres/dropin/src/dropin_solve.h"
 #include "adapters/ceres/dropin/src/registry.h"
+#include "adapters/ceres/read/ceres_version.h"
 #include "adapters/ceres/report/environment.h"
 #include "inceres/ceres/dropin.h"
 
@@ -73,6 +75,20 @@ void NoteEnd(const ceres::Problem* problem) {
   if (IsActive()) {
     TheRegistry().Remove(problem);
   }
+}
+
+// False if it is stock's to do. What was computed before is forgotten.
+bool ComputeInsteadOfCeres(const ceres::Covariance* covariance,
+                           const ProblemCovariance::Pairs& pairs, const ceres::Problem* problem,
+                           bool* computed) {
+  if (!IsActive() || TheEnvironment().mode == DropinMode::kFallback) {
+    return false;
+  }
+  const KnownProblem* known = TheRegistry().Find(problem);
+  return TheCovariances().Compute(
+      covariance, pairs, *problem,
+      EvaluationCallbackOf(*problem, known != nullptr ? known->evaluation_callback : nullptr),
+      computed);
 }
 
 }  // namespace
@@ -211,6 +227,75 @@ void SetParameterLowerBound(ceres::Problem* problem, double* values, int index, 
 
 void SetParameterUpperBound(ceres::Problem* problem, double* values, int index, double bound) {
   Edit(Next().SetParameterUpperBound, problem, values, index, bound);
+}
+
+void MakeCovariance(ceres::Covariance* covariance, const ceres::Covariance::Options& options) {
+  Next().MakeCovariance(covariance, options);
+  if (IsActive()) {  // else the layout of the options may be another
+    TheCovariances().Add(covariance, options);
+  }
+}
+
+void MakeBaseCovariance(ceres::Covariance* covariance, const ceres::Covariance::Options& options) {
+  Next().MakeBaseCovariance(covariance, options);
+  if (IsActive()) {
+    TheCovariances().Add(covariance, options);
+  }
+}
+
+// Before the destructor runs, as with a Problem.
+void EndCovariance(ceres::Covariance* covariance) {
+  TheCovariances().Remove(covariance);
+  Next().EndCovariance(covariance);
+}
+
+void EndBaseCovariance(ceres::Covariance* covariance) {
+  TheCovariances().Remove(covariance);
+  Next().EndBaseCovariance(covariance);
+}
+
+bool ComputePairs(ceres::Covariance* covariance, const ProblemCovariance::Pairs& pairs,
+                  ceres::Problem* problem) {
+  bool computed = false;
+  return ComputeInsteadOfCeres(covariance, pairs, problem, &computed)
+             ? computed
+             : Next().ComputePairs(covariance, pairs, problem);
+}
+
+bool ComputeBlocks(ceres::Covariance* covariance, const std::vector<const double*>& blocks,
+                   ceres::Problem* problem) {
+  bool computed = false;
+  return ComputeInsteadOfCeres(covariance, ProblemCovariance::AllPairs(blocks), problem, &computed)
+             ? computed
+             : Next().ComputeBlocks(covariance, blocks, problem);
+}
+
+bool GetBlock(const ceres::Covariance* covariance, const double* a, const double* b,
+              double* block) {
+  const ProblemCovariance* ours = TheCovariances().Find(covariance);
+  return ours != nullptr ? ours->GetBlock(a, b, /*ambient=*/true, block)
+                         : Next().GetBlock(covariance, a, b, block);
+}
+
+bool GetTangentBlock(const ceres::Covariance* covariance, const double* a, const double* b,
+                     double* block) {
+  const ProblemCovariance* ours = TheCovariances().Find(covariance);
+  return ours != nullptr ? ours->GetBlock(a, b, /*ambient=*/false, block)
+                         : Next().GetTangentBlock(covariance, a, b, block);
+}
+
+bool GetMatrix(const ceres::Covariance* covariance, const std::vector<const double*>& blocks,
+               double* matrix) {
+  const ProblemCovariance* ours = TheCovariances().Find(covariance);
+  return ours != nullptr ? ours->GetMatrix(blocks, /*ambient=*/true, matrix)
+                         : Next().GetMatrix(covariance, blocks, matrix);
+}
+
+bool GetTangentMatrix(const ceres::Covariance* covariance, const std::vector<const double*>& blocks,
+                      double* matrix) {
+  const ProblemCovariance* ours = TheCovariances().Find(covariance);
+  return ours != nullptr ? ours->GetMatrix(blocks, /*ambient=*/false, matrix)
+                         : Next().GetTangentMatrix(covariance, blocks, matrix);
 }
 
 }  // namespace inceres::internal::interposed

@@ -45,7 +45,7 @@ struct INCERES_EXPORT SessionOptions {
 ///
 ///     inceres::CeresSession session;
 ///     while (NextFrame(&problem)) {
-///       session.Solve(options, &problem, &summary);   // was: ceres::Solve(options, &problem, &summary)
+///       session.Solve(options, &problem, &summary);  // was: ceres::Solve(…)
 ///     }
 ///
 /// Nothing is believed because an address is the same, for addresses come back:

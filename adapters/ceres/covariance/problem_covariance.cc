@@ -1,0 +1,284 @@
+#include "adapters/ceres/covariance/problem_covariance.h"
+
+#include <algorithm>
+#include <memory>
+#include <set>
+
+#include <Eigen/Core>
+#include <glog/logging.h>
+
+#include "adapters/ceres/plan/graph_builder.h"
+#include "adapters/ceres/plan/structure_cache.h"
+#include "adapters/ceres/read/index.h"
+#include "adapters/ceres/read/ordering.h"
+#include "inceres/solver/covariance.h"
+
+namespace inceres::internal {
+namespace {
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using ConstRowMajor = Eigen::Map<const RowMajor>;
+
+// Variances inflated by more than this have lost half of their digits in the normal equations:
+// stock's QR of the Jacobian has the word. Beyond the second nothing of them is left.
+constexpr double kTrustedInflation = 1e8;
+constexpr double kHopelessInflation = 1e12;
+
+std::string NameOf(const ProblemView& view, int block) {
+  return Describe(view.blocks[At(block)]);
+}
+
+// The graph's variables by their parameter blocks.
+std::string DescribeDeficiency(const RankDeficiency& open, const ProblemView& view,
+                               const GraphPlan& plan) {
+  std::string text;
+  if (!open.landmarks.empty()) {
+    text = std::to_string(open.landmarks.size()) +
+           " parameter blocks are not determined by their own residual blocks, among them " +
+           NameOf(view, plan.blocks[At(open.landmarks.front())]);
+  }
+  if (!open.directions.empty()) {
+    text += (text.empty() ? "" : "; ") + std::to_string(open.directions.size()) +
+            (open.has_more ? " directions or more are open" : " directions are open");
+  }
+  const char* separator = ", which move ";
+  for (const RankDeficiency::Direction& direction : open.directions) {
+    if (!direction.shares.empty()) {
+      text += separator + NameOf(view, plan.blocks[At(direction.shares.front().first)]);
+      separator = "; ";
+    }
+  }
+  return text;
+}
+
+}  // namespace
+
+ProblemCovariance::Outcome ProblemCovariance::Decline(std::string why) {
+  message_ = std::move(why);
+  return Outcome::kDeclined;
+}
+
+ProblemCovariance::Outcome ProblemCovariance::Fail(std::string why) {
+  message_ = std::move(why);
+  LOG(ERROR) << "inceres: no covariance: " << message_;
+  return Outcome::kFailed;
+}
+
+// What Ceres ends the process for, and a variable block without a residual block, which has no
+// variance.
+std::string ProblemCovariance::FindMisuse(const Pairs& pairs) const {
+  std::set<std::pair<const double*, const double*>> seen;
+  for (const auto& pair : pairs) {
+    if (!seen.insert(pair).second) {
+      return "a pair of parameter blocks is there twice";
+    }
+    for (const double* block : {pair.first, pair.second}) {
+      const auto found = blocks_.find(block);
+      if (found == blocks_.end()) {
+        return "a parameter block is not the problem's";
+      }
+      if (!found->second.constant && !found->second.touched) {
+        return "no residual block touches a parameter block";
+      }
+    }
+  }
+  return "";
+}
+
+void ProblemCovariance::RememberBlocks(const ProblemView& view, const Pairs& pairs) {
+  std::set<const double*> asked;
+  for (const auto& [a, b] : pairs) {
+    asked.insert({a, b});
+  }
+  for (const ParameterBlockView& block : view.blocks) {
+    BlockOfUser& kept = blocks_[block.values];
+    kept.ambient_size = block.ambient_size;
+    kept.tangent_size = block.tangent_size;
+    kept.constant = block.constant;
+    kept.touched = block.degree > 0;
+    if (block.manifold != nullptr && !block.constant && asked.count(block.values) > 0) {
+      kept.plus_jacobian.resize(At(block.ambient_size) * At(block.tangent_size));
+      PlusJacobianOf(*block.manifold, block.values, kept.plus_jacobian.data());
+    }
+  }
+}
+
+ProblemCovariance::Outcome ProblemCovariance::Compute(const ceres::Covariance::Options& options,
+                                                      const Pairs& pairs,
+                                                      const ceres::Problem& problem,
+                                                      ceres::EvaluationCallback* callback) {
+  blocks_.clear();
+  covariances_.clear();
+  message_.clear();
+  if (options.algorithm_type != ceres::SPARSE_QR) {
+    return Decline("algorithm_type DENSE_SVD");
+  }
+  ProblemView view = Introspect(problem);
+  if (!view.defect.empty()) {
+    return Decline(view.defect);
+  }
+  RememberBlocks(view, pairs);
+  const std::string misuse = FindMisuse(pairs);
+  if (!misuse.empty()) {
+    return Decline(misuse);
+  }
+  if (view.reduced.num_parameter_blocks == 0) {
+    return Outcome::kComputed;
+  }
+  for (ResidualBlockView& residual : view.residuals) {
+    residual.loss = options.apply_loss_function ? residual.loss : nullptr;
+  }
+  view.bounds.clear();
+  for (ParameterBlockView& block : view.blocks) {  // they do not matter here
+    block.bounds = BoundsKind::kNone;
+  }
+  if (callback != nullptr) {
+    callback->PrepareForEvaluation(/*evaluate_jacobians=*/true, /*new_evaluation_point=*/true);
+  }
+  return ComputeMoving(options, pairs, &view);
+}
+
+ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
+    const ceres::Covariance::Options& options, const Pairs& pairs, ProblemView* view) {
+  const OrderingView ordering;
+  const std::shared_ptr<const GraphPlan> plan =
+      StructureCache::OfProcess().PlanFor(*view, ordering, ceres::SPARSE_SCHUR);
+  if (!plan->landmarks.obstacle.empty()) {
+    return Decline(plan->landmarks.obstacle);
+  }
+  FactorGraph graph;
+  const std::vector<StateBlock> state = BuildGraph(*view, *plan, &graph);
+  NameVariables(state, &graph);
+  std::map<const double*, VariableId> ids;
+  for (std::size_t id = 0; id < plan->blocks.size(); ++id) {
+    ids[view->blocks[At(plan->blocks[id])].values] = static_cast<VariableId>(id);
+  }
+  GraphCovariance::Pairs wanted;
+  for (const auto& [a, b] : pairs) {
+    if (!blocks_.at(a).constant && !blocks_.at(b).constant) {
+      wanted.emplace_back(ids.at(a), ids.at(b));
+    }
+  }
+  CovarianceOptions core;
+  core.num_threads = std::max(1, options.num_threads);
+  core.max_inflation = kTrustedInflation;
+  GraphCovariance covariance(core);
+  Status status = covariance.Compute(graph, wanted);
+  if (status.code == StatusCode::kSingular) {
+    core.max_inflation = kHopelessInflation;
+    GraphCovariance doubtful(core);
+    status = doubtful.Compute(graph, wanted);
+    return status.ok() ? Decline("variances that the normal equations lose too many digits of: " +
+                                 DescribeDeficiency(covariance.deficiency(), *view, *plan) +
+                                 " to 1e-8 of what else determines them")
+                       : Fail(DescribeDeficiency(doubtful.deficiency(), *view, *plan) + " (" +
+                              status.message + ")");
+  }
+  if (!status.ok()) {
+    return status.code == StatusCode::kEvaluationFailed ? Fail(status.message)
+                                                        : Decline(status.message);
+  }
+  for (const auto& [a, b] : pairs) {
+    const BlockOfUser &block_a = blocks_.at(a), &block_b = blocks_.at(b);
+    if (!block_a.constant && !block_b.constant) {
+      std::vector<double>& kept = covariances_[{a, b}];
+      kept.resize(At(block_a.tangent_size) * At(block_b.tangent_size));
+      covariance.Get(ids.at(a), ids.at(b), kept.data());
+    }
+  }
+  return Outcome::kComputed;
+}
+
+ProblemCovariance::Pairs ProblemCovariance::AllPairs(const std::vector<const double*>& blocks) {
+  Pairs pairs;
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    for (std::size_t j = i; j < blocks.size(); ++j) {
+      pairs.emplace_back(blocks[i], blocks[j]);
+    }
+  }
+  return pairs;
+}
+
+const std::vector<double>* ProblemCovariance::Find(const double* a, const double* b,
+                                                   bool* turned) const {
+  auto found = covariances_.find({a, b});
+  *turned = found == covariances_.end();
+  if (*turned) {
+    found = covariances_.find({b, a});
+  }
+  return found == covariances_.end() ? nullptr : &found->second;
+}
+
+// J_a cov J_bᵀ.
+void ProblemCovariance::Lift(const BlockOfUser& a, const BlockOfUser& b,
+                             const std::vector<double>& tangent, double* covariance) const {
+  RowMajor lifted = ConstRowMajor(tangent.data(), a.tangent_size, b.tangent_size);
+  if (!a.plus_jacobian.empty()) {
+    lifted =
+        (ConstRowMajor(a.plus_jacobian.data(), a.ambient_size, a.tangent_size) * lifted).eval();
+  }
+  if (!b.plus_jacobian.empty()) {
+    lifted =
+        (lifted * ConstRowMajor(b.plus_jacobian.data(), b.ambient_size, b.tangent_size).transpose())
+            .eval();
+  }
+  std::copy_n(lifted.data(), lifted.size(), covariance);
+}
+
+bool ProblemCovariance::GetBlock(const double* a, const double* b, bool ambient,
+                                 double* covariance) const {
+  const auto of_a = blocks_.find(a), of_b = blocks_.find(b);
+  const bool known = of_a != blocks_.end() && of_b != blocks_.end();
+  if (known && (of_a->second.constant || of_b->second.constant)) {
+    const auto size = [ambient](const BlockOfUser& block) {
+      return At(ambient ? block.ambient_size : block.tangent_size);
+    };
+    std::fill_n(covariance, size(of_a->second) * size(of_b->second), 0.0);
+    return true;
+  }
+  bool turned = false;
+  const std::vector<double>* found = known ? Find(a, b, &turned) : nullptr;
+  if (found == nullptr) {
+    LOG(ERROR) << "Unable to find covariance block for " << a << " " << b;
+    return false;
+  }
+  const BlockOfUser &block_a = of_a->second, &block_b = of_b->second;
+  std::vector<double> tangent = *found;
+  if (turned) {
+    Eigen::Map<RowMajor>(tangent.data(), block_a.tangent_size, block_b.tangent_size) =
+        ConstRowMajor(found->data(), block_b.tangent_size, block_a.tangent_size).transpose();
+  }
+  if (ambient) {
+    Lift(block_a, block_b, tangent, covariance);
+  } else {
+    std::copy(tangent.begin(), tangent.end(), covariance);
+  }
+  return true;
+}
+
+bool ProblemCovariance::GetMatrix(const std::vector<const double*>& blocks, bool ambient,
+                                  double* covariance) const {
+  std::vector<int> offsets = {0};
+  for (const double* block : blocks) {
+    const auto found = blocks_.find(block);
+    if (found == blocks_.end()) {
+      LOG(ERROR) << "Unable to find parameter block " << block << " in the problem.";
+      return false;
+    }
+    offsets.push_back(offsets.back() +
+                      (ambient ? found->second.ambient_size : found->second.tangent_size));
+  }
+  Eigen::Map<RowMajor> whole(covariance, offsets.back(), offsets.back());
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    for (std::size_t j = 0; j < blocks.size(); ++j) {
+      RowMajor part(offsets[i + 1] - offsets[i], offsets[j + 1] - offsets[j]);
+      if (!GetBlock(blocks[i], blocks[j], ambient, part.data())) {
+        return false;
+      }
+      whole.block(offsets[i], offsets[j], part.rows(), part.cols()) = part;
+    }
+  }
+  return true;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <ceres/covariance.h>
+#include <ceres/evaluation_callback.h>
+#include <ceres/problem.h>
+
+#include "adapters/ceres/read/introspection.h"
+
+namespace inceres::internal {
+
+/// Blocks of the covariance of a ceres::Problem, by the core. Keeps numbers only: neither the
+/// problem nor anything of it is looked at once Compute has returned.
+class ProblemCovariance {
+ public:
+  using Pairs = std::vector<std::pair<const double*, const double*>>;
+
+  enum class Outcome {
+    kComputed,
+    kFailed,   ///< the Jacobian is rank deficient, or it cannot be evaluated: Ceres's false
+    kDeclined  ///< not done here, for message(): stock's to do
+  };
+
+  /// What ceres::Covariance::Compute does with these pairs. `callback`: the problem's own, or null.
+  Outcome Compute(const ceres::Covariance::Options& options, const Pairs& pairs,
+                  const ceres::Problem& problem, ceres::EvaluationCallback* callback);
+  /// Why it failed or was declined; empty after kComputed.
+  const std::string& message() const { return message_; }
+
+  /// As the functions of ceres::Covariance of like names, in the ambient or the tangent space.
+  /// False, and said in the log, where the block was not computed.
+  bool GetBlock(const double* a, const double* b, bool ambient, double* covariance) const;
+  bool GetMatrix(const std::vector<const double*>& blocks, bool ambient, double* covariance) const;
+
+  /// All pairs of these blocks.
+  static Pairs AllPairs(const std::vector<const double*>& blocks);
+
+ private:
+  struct BlockOfUser {
+    int ambient_size = 0;
+    int tangent_size = 0;
+    bool constant = false;
+    bool touched = false;               // by a residual block with a variable block
+    std::vector<double> plus_jacobian;  // ambient × tangent, row-major; empty: a unit matrix
+  };
+
+  std::string FindMisuse(const Pairs& pairs) const;
+  void RememberBlocks(const ProblemView& view, const Pairs& pairs);
+  Outcome Decline(std::string why);
+  Outcome Fail(std::string why);
+  Outcome ComputeMoving(const ceres::Covariance::Options& options, const Pairs& pairs,
+                        ProblemView* view);
+  void Lift(const BlockOfUser& a, const BlockOfUser& b, const std::vector<double>& tangent,
+            double* covariance) const;
+  const std::vector<double>* Find(const double* a, const double* b, bool* turned) const;
+
+  std::map<const double*, BlockOfUser> blocks_;  // all of the problem
+  std::map<std::pair<const double*, const double*>, std::vector<double>> covariances_;  // tangent
+  std::string message_;
+};
+
+}  // namespace inceres::internal

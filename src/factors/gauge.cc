@@ -1,0 +1,263 @@
+#include "inceres/factors/gauge.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "inceres/factors/diagonal_prior.h"
+#include "inceres/factors/pose_prior.h"
+#include "inceres/problem/rotation.h"
+
+namespace inceres {
+namespace {
+
+// A coordinate holds the scale only if the scale moves it by this share of what it moves the center.
+constexpr double kLeastShare = 1e-3;
+
+Status Invalid(const std::string& message) {
+  return Status::Error(StatusCode::kInvalidArgument, "HoldGauge: " + message);
+}
+
+std::string Name(VariableId id) {
+  return "variable " + std::to_string(id);
+}
+
+int AmbientSizeOf(CenterKind kind) {
+  return kind == CenterKind::kPose ? 7 : kind == CenterKind::kBalCamera ? 9 : 3;
+}
+
+// Where the position stands among the values.
+int FirstOfPosition(CenterKind kind) {
+  return kind == CenterKind::kBalCamera ? 3 : 0;
+}
+
+bool IsOnLeftPose(const Manifold* manifold) {
+  return dynamic_cast<const LeftPoseManifold*>(manifold) != nullptr;
+}
+
+class GaugeHolder {
+ public:
+  GaugeHolder(const GaugeOptions& options, FactorGraph* graph) : options_(options), graph_(*graph) {
+    held_.reference = options.reference;
+  }
+
+  Status Choose();
+  void Hold();
+  const HeldGauge& held() const { return held_; }
+
+ private:
+  Status CheckFrame(VariableId id) const;
+  bool IsOfKind(VariableId id) const;
+  Status CheckPrior() const;
+  Status ChooseOther();
+  Status ChooseCoordinate();
+  void HoldReference();
+  void HoldScale();
+  double DistanceTo(VariableId id, double apart[3]) const;
+  void MotionByScale(double motion[3]) const;
+
+  const GaugeOptions& options_;
+  FactorGraph& graph_;
+  HeldGauge held_;
+};
+
+bool GaugeHolder::IsOfKind(VariableId id) const {
+  const int ambient = AmbientSizeOf(options_.kind);
+  const int tangent = options_.kind == CenterKind::kPose ? 6 : ambient;
+  return graph_.HasVariable(id) && graph_.role(id) == Role::kFrame &&
+         graph_.AmbientSize(id) == ambient && graph_.TangentSize(id) == tangent;
+}
+
+Status GaugeHolder::CheckFrame(VariableId id) const {
+  if (!graph_.HasVariable(id)) {
+    return Invalid("there is no " + Name(id));
+  }
+  return IsOfKind(id) ? Status::Ok()
+                      : Invalid(Name(id) + " is no frame of this kind and its sizes");
+}
+
+// The side on which a prior on a pose perturbs is that of the pose's manifold.
+Status GaugeHolder::CheckPrior() const {
+  const Manifold* manifold = graph_.manifold(held_.reference);
+  const bool fits =
+      dynamic_cast<const PoseManifold*>(manifold) != nullptr || IsOnLeftPose(manifold);
+  return options_.kind != CenterKind::kPose || options_.reference_by == GaugeReference::kConstant ||
+                 fits
+             ? Status::Ok()
+             : Invalid(Name(held_.reference) +
+                       " is on another manifold than the prior on a pose needs: use kConstant");
+}
+
+double GaugeHolder::DistanceTo(VariableId id, double apart[3]) const {
+  double a[3], b[3];
+  CenterOf(options_.kind, graph_.Values(held_.reference), a);
+  CenterOf(options_.kind, graph_.Values(id), b);
+  for (int k = 0; k < 3; ++k) {
+    apart[k] = b[k] - a[k];
+  }
+  return std::hypot(apart[0], apart[1], apart[2]);
+}
+
+Status GaugeHolder::Choose() {
+  for (VariableId id = 0; id < graph_.num_variables() && held_.reference < 0; ++id) {
+    held_.reference = IsOfKind(id) ? id : -1;
+  }
+  if (held_.reference < 0) {
+    return Invalid("the graph has no frame of this kind and its sizes");
+  }
+  Status status = CheckFrame(held_.reference);
+  status = status.ok() ? CheckPrior() : status;
+  if (!status.ok() || options_.scale_by == GaugeScale::kMeasured) {
+    return status;
+  }
+  if (options_.kind == CenterKind::kPlanarPose) {
+    return Invalid("relative poses in the plane measure the scale: it is not held");
+  }
+  status = ChooseOther();
+  return status.ok() && options_.scale_by == GaugeScale::kCoordinate ? ChooseCoordinate() : status;
+}
+
+Status GaugeHolder::ChooseOther() {
+  double apart[3];
+  held_.other = options_.other;
+  for (VariableId id = 0; id < graph_.num_variables() && options_.other < 0; ++id) {
+    if (id == held_.reference || !IsOfKind(id) || graph_.IsConstant(id)) {
+      continue;
+    }
+    const double distance = DistanceTo(id, apart);
+    if (held_.other < 0 || distance > held_.distance) {
+      held_.other = id;
+      held_.distance = distance;
+    }
+  }
+  if (held_.other < 0) {
+    return Invalid("the scale needs a second frame of this kind that is not constant");
+  }
+  const Status status = CheckFrame(held_.other);
+  if (!status.ok()) {
+    return status;
+  }
+  if (held_.other == held_.reference) {
+    return Invalid(Name(held_.other) + " is the reference: the scale needs another one");
+  }
+  if (graph_.IsConstant(held_.other)) {
+    return Invalid(Name(held_.other) + " is constant: the scale needs one that moves");
+  }
+  held_.distance = DistanceTo(held_.other, apart);
+  if (!(held_.distance > 0.0 && std::isfinite(held_.distance))) {
+    return Invalid("the centers of variables " + std::to_string(held_.reference) + " and " +
+                   std::to_string(held_.other) + " coincide: their distance holds no scale");
+  }
+  return Status::Ok();
+}
+
+// How the other's stored position moves when the scale about the reference's center grows.
+void GaugeHolder::MotionByScale(double motion[3]) const {
+  DistanceTo(held_.other, motion);
+  if (options_.kind == CenterKind::kBalCamera) {  // t = −R c
+    const double* w = graph_.Values(held_.other);
+    const RotationCoefficients angle = CoefficientsOfAngle(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+    double R[9];
+    RotationPolynomial(w, angle.sinc, angle.cosc, R);
+    const double back[3] = {-motion[0], -motion[1], -motion[2]};
+    MultiplyMatrixVector(R, back, motion);
+  }
+}
+
+Status GaugeHolder::ChooseCoordinate() {
+  double motion[3];
+  MotionByScale(motion);
+  const int first = FirstOfPosition(options_.kind);
+  int k = options_.coordinate - first;
+  if (options_.coordinate < 0) {
+    k = 0;
+    for (int other = 1; other < 3; ++other) {
+      k = std::fabs(motion[other]) > std::fabs(motion[k]) ? other : k;
+    }
+  }
+  if (k < 0 || k >= 3) {
+    return Invalid("coordinate " + std::to_string(options_.coordinate) +
+                   " is none of the position");
+  }
+  if (!(std::fabs(motion[k]) >= kLeastShare * held_.distance)) {
+    return Invalid("coordinate " + std::to_string(first + k) + " of " + Name(held_.other) +
+                   " does not change when the scale does");
+  }
+  held_.coordinate = first + k;
+  held_.distance = 0.0;
+  return Status::Ok();
+}
+
+void GaugeHolder::HoldReference() {
+  if (options_.reference_by == GaugeReference::kConstant) {
+    graph_.SetConstant(held_.reference, true);
+    return;
+  }
+  const double* values = graph_.Values(held_.reference);
+  if (options_.kind == CenterKind::kPose) {
+    PosePriorFamily::Measurement prior;
+    std::copy_n(values, 7, prior.pose);
+    for (int k = 0; k < 6; ++k) {
+      prior.sqrt_information[7 * k] = 1.0;
+    }
+    const auto side =
+        IsOnLeftPose(graph_.manifold(held_.reference)) ? Perturbation::kLeft : Perturbation::kRight;
+    const auto family = graph_.AddFamily(std::make_shared<PosePriorFamily>(side));
+    graph_.AddFactor(family, prior, {held_.reference});
+    held_.reference_family = family;
+    return;
+  }
+  const int ambient = AmbientSizeOf(options_.kind);
+  const int size = options_.kind == CenterKind::kBalCamera ? 6 : ambient;
+  const auto family =
+      graph_.AddFamily(std::make_shared<DiagonalPriorFamily>(size, ambient, ambient));
+  graph_.AddFactor(family,
+                   {std::vector<double>(values, values + size),
+                    std::vector<double>(static_cast<std::size_t>(size), 1.0)},
+                   {held_.reference});
+  held_.reference_family = family;
+}
+
+void GaugeHolder::HoldScale() {
+  if (options_.scale_by == GaugeScale::kDistance) {
+    const auto family = graph_.AddFamily(std::make_shared<CenterDistanceFamily>(options_.kind));
+    graph_.AddFactor(family, {held_.distance, 1.0 / held_.distance},
+                     {held_.reference, held_.other});
+    held_.scale_family = family;
+    return;
+  }
+  // A prior is on leading coordinates: those before it are given no weight.
+  const int size = held_.coordinate + 1;
+  const double* values = graph_.Values(held_.other);
+  std::vector<double> weights(static_cast<std::size_t>(size), 0.0);
+  weights.back() = 1.0;
+  const auto family = graph_.AddFamily(std::make_shared<DiagonalPriorFamily>(
+      size, graph_.AmbientSize(held_.other), graph_.TangentSize(held_.other)));
+  graph_.AddFactor(family, {std::vector<double>(values, values + size), weights}, {held_.other});
+  held_.scale_family = family;
+}
+
+void GaugeHolder::Hold() {
+  HoldReference();
+  if (held_.other >= 0) {
+    HoldScale();
+  }
+}
+
+}  // namespace
+
+Status HoldGauge(const GaugeOptions& options, FactorGraph* graph, HeldGauge* held) {
+  GaugeHolder holder(options, graph);
+  const Status status = holder.Choose();
+  if (status.ok()) {
+    holder.Hold();
+    if (held != nullptr) {
+      *held = holder.held();
+    }
+  }
+  return status;
+}
+
+}  // namespace inceres

@@ -1,0 +1,158 @@
+#include "inceres/io/keyframe_graph.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <memory>
+#include <utility>
+
+#include "inceres/factors/pose_prior.h"
+#include "inceres/problem/manifolds.h"
+
+namespace inceres {
+namespace {
+
+Status Invalid(const std::string& message) {
+  return Status::Error(StatusCode::kInvalidArgument, message);
+}
+
+class KeyframeAdder {
+ public:
+  KeyframeAdder(const KeyframeSequence& sequence, const KeyframeGraphOptions& options)
+      : sequence_(sequence), options_(options) {}
+
+  /// Fills the families, which can fail, before the graph is touched.
+  Status MeasureAll();
+  void AddTo(FactorGraph* graph);
+  KeyframeGraph* ids() { return &ids_; }
+
+ private:
+  void FindStarts();
+
+  const KeyframeSequence& sequence_;
+  const KeyframeGraphOptions& options_;
+  KeyframeGraph ids_;
+  std::vector<double> starts_;  // by feature
+};
+
+Status KeyframeAdder::MeasureAll() {
+  if (!(options_.depth_sigma > 0.0) || !std::isfinite(options_.unknown_inverse_depth)) {
+    return Invalid("KeyframeGraphOptions::depth_sigma must be > 0, unknown_inverse_depth finite");
+  }
+  ids_.reprojections.family = std::make_shared<InverseDepthReprojectionFamily>();
+  ids_.depths.family = std::make_shared<DiagonalPriorFamily>(1);
+  ids_.betweens.family = std::make_shared<RelativePoseFamily>();
+  for (std::size_t i = 0; i < sequence_.keyframes.size(); ++i) {
+    for (const KeyframeObservation& observation : sequence_.keyframes[i].observations) {
+      InverseDepthReprojectionFamily::Measurement seen;
+      if (!ToMeasurement(sequence_.features[static_cast<std::size_t>(observation.feature)],
+                         observation, &seen)) {
+        return Invalid("keyframe " + std::to_string(i) + ", observation of feature " +
+                       std::to_string(observation.feature) +
+                       ": the information matrix is not positive definite");
+      }
+      ids_.reprojections->Add(seen);
+    }
+    for (const KeyframeBetween& between : sequence_.keyframes[i].betweens) {
+      RelativePoseFamily::Measurement measured;
+      if (!ToMeasurement(between, &measured)) {
+        return Invalid("relative pose of keyframes " + std::to_string(between.a) + " and " +
+                       std::to_string(between.b) +
+                       ": the information matrix is not positive definite");
+      }
+      ids_.betweens->Add(measured);
+    }
+  }
+  return Status::Ok();
+}
+
+// Where each feature starts.
+void KeyframeAdder::FindStarts() {
+  for (const KeyframeFeature& feature : sequence_.features) {
+    starts_.push_back(feature.inverse_depth > 0.0 ? feature.inverse_depth
+                                                  : options_.unknown_inverse_depth);
+  }
+  for (const Keyframe& keyframe : sequence_.keyframes) {
+    for (const KeyframeDepthGuess& guess : keyframe.depth_guesses) {
+      starts_[static_cast<std::size_t>(guess.feature)] = guess.inverse_depth;
+    }
+  }
+}
+
+void KeyframeAdder::AddTo(FactorGraph* graph) {
+  FindStarts();
+  const std::shared_ptr<const Loss>& loss = options_.read.loss;
+  ids_.reprojections.id = graph->AddFamily(ids_.reprojections.family).id;
+  ids_.depths.id = graph->AddFamily(ids_.depths.family).id;
+  ids_.betweens.id = graph->AddFamily(ids_.betweens.family).id;
+  const auto manifold = std::make_shared<PoseManifold>();
+  for (const Keyframe& keyframe : sequence_.keyframes) {
+    ids_.poses.push_back(graph->AddVariable(keyframe.pose.data(), 7, Role::kFrame, manifold));
+  }
+  ids_.features.assign(sequence_.features.size(), -1);
+  for (std::size_t i = 0; i < sequence_.keyframes.size(); ++i) {
+    for (const KeyframeObservation& observation : sequence_.keyframes[i].observations) {
+      const auto number = static_cast<std::size_t>(observation.feature);
+      const KeyframeFeature& feature = sequence_.features[number];
+      VariableId& id = ids_.features[number];
+      if (id < 0) {
+        const double start = starts_[number];
+        id = graph->AddVariable(&start, 1, Role::kLandmark);
+        if (feature.inverse_depth > 0.0) {
+          graph->AddFactor(ids_.depths, {{feature.inverse_depth}, {1.0 / options_.depth_sigma}},
+                           {id});
+        }
+      }
+      const VariableId slots[] = {ids_.poses[static_cast<std::size_t>(feature.anchor)],
+                                  ids_.poses[i], id};
+      graph->Connect(ids_.reprojections, slots, loss);
+    }
+    for (const KeyframeBetween& between : sequence_.keyframes[i].betweens) {
+      const VariableId slots[] = {ids_.poses[static_cast<std::size_t>(between.a)],
+                                  ids_.poses[static_cast<std::size_t>(between.b)]};
+      graph->Connect(ids_.betweens, slots, loss);
+    }
+  }
+}
+
+}  // namespace
+
+bool ToMeasurement(const KeyframeFeature& feature, const KeyframeObservation& observation,
+                   InverseDepthReprojectionFamily::Measurement* measurement) {
+  const std::array<double, 3>& w = observation.information;
+  const double information[4] = {w[0], w[1], w[1], w[2]};
+  double U[4];
+  if (!SqrtInformation(information, 2, U)) {
+    return false;
+  }
+  *measurement = {{feature.x, feature.y}, {observation.x, observation.y}, {U[0], U[1], U[3]}};
+  return true;
+}
+
+bool ToMeasurement(const KeyframeBetween& between, RelativePoseFamily::Measurement* measurement) {
+  std::copy(between.q_ab.begin(), between.q_ab.end(), measurement->q_ab);
+  std::copy(between.p_ab.begin(), between.p_ab.end(), measurement->p_ab);
+  return SqrtInformation(between.information.data(), 6, measurement->sqrt_information);
+}
+
+Status AddKeyframes(const KeyframeSequence& sequence, const KeyframeGraphOptions& options,
+                    FactorGraph* graph, KeyframeGraph* ids) {
+  KeyframeAdder adder(sequence, options);
+  Status status = adder.MeasureAll();
+  if (status.ok()) {
+    adder.AddTo(graph);
+    if (ids != nullptr) {
+      *ids = std::move(*adder.ids());
+    }
+  }
+  return status;
+}
+
+Status ReadKeyframes(const std::string& path, FactorGraph* graph, KeyframeGraph* ids,
+                     const KeyframeGraphOptions& options) {
+  KeyframeSequence sequence;
+  const Status status = ReadKeyframes(path, &sequence, options.read.file);
+  return status.ok() ? AddKeyframes(sequence, options, graph, ids) : status;
+}
+
+}  // namespace inceres

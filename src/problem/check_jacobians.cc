@@ -1,0 +1,170 @@
+#include "inceres/problem/check_jacobians.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdio>
+
+#include "problem/family_check.h"
+#include "problem/find_fault.h"
+
+namespace inceres {
+namespace {
+
+using internal::FamilyCheck;
+using internal::Invalid;
+using internal::SlotPoint;
+
+std::string Number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.9g", value);
+  return text;
+}
+
+std::vector<SlotPoint> PointIn(const FactorGraph& graph, FamilyId id, int factor) {
+  std::vector<SlotPoint> point;
+  const VariableId* variables = graph.Variables(id, factor);
+  for (int s = 0; s < graph.family(id).num_slots(); ++s) {
+    const VariableId variable = variables[s];
+    point.push_back(
+        {graph.Values(variable), graph.manifold(variable), graph.TangentSize(variable) > 0});
+  }
+  return point;
+}
+
+// False after a failure, which the report has.
+bool CheckFamily(const FactorGraph& graph, FamilyId id, const JacobianCheckOptions& options,
+                 JacobianReport* report) {
+  const int num_places = graph.NumFactors(id);
+  const int step = std::max(1, (num_places + options.max_factors - 1) / options.max_factors);
+  FamilyCheck check(graph.family(id), id, num_places, options, report);
+  for (int factor = 0; factor < num_places; factor += step) {
+    if (!graph.HasFactor(id, factor)) {
+      continue;
+    }
+    const std::vector<SlotPoint> point = PointIn(graph, id, factor);
+    if (check.Check(factor, point)) {
+      continue;
+    }
+    std::vector<const double*> values;
+    for (const SlotPoint& slot : point) {
+      values.push_back(slot.values);
+    }
+    report->status = Status::Error(
+        StatusCode::kEvaluationFailed,
+        check.failure().failed()
+            ? graph.DescribeFailure(id, check.failure(), values.data())
+            : graph.DescribeFactor(id, factor) + ": cannot evaluate " + check.what_failed());
+    return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+Status JacobianCheckOptions::Validate() const {
+  const auto fail = [](const char* field, double value, const char* rule) {
+    return Invalid(std::string("JacobianCheckOptions::") + field + " = " + Number(value) +
+                   " but must be " + rule);
+  };
+  if (!(tolerance > 0.0)) {
+    return fail("tolerance", tolerance, "> 0");
+  }
+  if (!(relative_step > 0.0 && std::isfinite(relative_step))) {
+    return fail("relative_step", relative_step, "> 0");
+  }
+  return max_factors < 1 ? fail("max_factors", max_factors, ">= 1") : Status::Ok();
+}
+
+std::string JacobianReport::ToString() const {
+  if (!status.ok()) {
+    return status.message;
+  }
+  std::string text = std::to_string(num_wrong) + " of " + std::to_string(num_entries) +
+                     " entries wrong, in " + std::to_string(num_factors) + " factors";
+  if (num_uncertain > 0) {
+    text += "; " + std::to_string(num_uncertain) + " uncertain";
+  }
+  if (worst.factor >= 0) {
+    text += std::string("; ") + (num_wrong > 0 ? "worst" : "least exact") + ": " + factor_name +
+            ", slot " + std::to_string(worst.slot) + ", row " + std::to_string(worst.row) +
+            ", column " + std::to_string(worst.column) + ": " + Number(worst.analytic) +
+            " where the numeric derivative is " + Number(worst.numeric);
+  }
+  return text;
+}
+
+JacobianReport CheckJacobians(const FactorGraph& graph, FamilyId family,
+                              const JacobianCheckOptions& options) {
+  JacobianReport report;
+  report.status = options.Validate();
+  if (report.status.ok() && (family < 0 || family >= graph.num_families())) {
+    report.status = Invalid("CheckJacobians: there is no family " + std::to_string(family));
+  }
+  if (report.status.ok()) {
+    report.status = graph.Validate();
+  }
+  if (report.status.ok() && CheckFamily(graph, family, options, &report) &&
+      report.worst.factor >= 0) {
+    report.factor_name = graph.DescribeFactor(family, report.worst.factor);
+  }
+  return report;
+}
+
+JacobianReport CheckJacobians(const FactorGraph& graph, const JacobianCheckOptions& options) {
+  JacobianReport report;
+  report.status = options.Validate();
+  if (report.status.ok()) {
+    report.status = graph.Validate();
+  }
+  for (FamilyId id = 0; report.status.ok() && id < graph.num_families(); ++id) {
+    CheckFamily(graph, id, options, &report);
+  }
+  if (report.status.ok() && report.worst.factor >= 0) {
+    report.factor_name = graph.DescribeFactor(report.worst.family, report.worst.factor);
+  }
+  return report;
+}
+
+JacobianReport CheckJacobians(const FactorFamily& family, int factor,
+                              const std::vector<const double*>& values,
+                              const std::vector<const Manifold*>& manifolds,
+                              const JacobianCheckOptions& options) {
+  JacobianReport report;
+  report.status = options.Validate();
+  const auto num_slots = static_cast<std::size_t>(family.num_slots());
+  const std::string name = "factor " + std::to_string(factor) + " of " + family.Name();
+  if (report.status.ok() && (factor < 0 || factor >= family.size())) {
+    report.status = Invalid("CheckJacobians: there is no " + name);
+  } else if (report.status.ok() && (values.size() != num_slots ||
+                                    (!manifolds.empty() && manifolds.size() != num_slots))) {
+    report.status = Invalid("CheckJacobians: " + name + " has " + std::to_string(num_slots) +
+                            " slots: as many values are needed, and as many manifolds or none");
+  }
+  std::vector<SlotPoint> point(num_slots);
+  for (std::size_t s = 0; report.status.ok() && s < num_slots; ++s) {
+    const FactorFamily::Slot& slot = family.slot(static_cast<int>(s));
+    point[s] = {values[s], manifolds.empty() ? nullptr : manifolds[s], true};
+    const Manifold* manifold = point[s].manifold;
+    const int ambient = manifold == nullptr ? slot.ambient_size : manifold->AmbientSize();
+    const int tangent = manifold == nullptr ? slot.ambient_size : manifold->TangentSize();
+    if (values[s] == nullptr || ambient != slot.ambient_size || tangent != slot.tangent_size) {
+      report.status = Invalid(
+          "CheckJacobians: slot " + std::to_string(s) + " of " + name +
+          (values[s] == nullptr ? " has no values" : " is of other sizes than its manifold"));
+    }
+  }
+  if (!report.status.ok()) {
+    return report;
+  }
+  FamilyCheck check(family, -1, factor + 1, options, &report);
+  report.factor_name = name;
+  if (!check.Check(factor, point)) {
+    const char* reason = check.failure().failed() ? check.failure().reason : "cannot be evaluated";
+    report.status = Status::Error(StatusCode::kEvaluationFailed,
+                                  name + ": " + reason + " " + check.what_failed());
+  }
+  return report;
+}
+
+}  // namespace inceres

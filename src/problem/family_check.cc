@@ -1,0 +1,139 @@
+#include "problem/family_check.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "problem/find_fault.h"
+
+namespace inceres::internal {
+
+bool FamilyCheck::WriteAnalytic() {
+  for (std::size_t s = 0; s < num_slots_; ++s) {
+    const FactorFamily::Slot& slot = family_.slot(static_cast<int>(s));
+    maps_[s] = TangentMap();
+    maps_[s].ambient_size = slot.ambient_size;
+    maps_[s].tangent_size = point_[s].has_tangent ? slot.tangent_size : 0;
+    maps_[s].kind = NumColumns(s) == 0 ? TangentMap::Kind::kConstant : TangentMap::Kind::kIdentity;
+    if (NumColumns(s) > 0 && point_[s].manifold != nullptr) {
+      plus_[s].assign(static_cast<std::size_t>(slot.ambient_size * slot.tangent_size), 0.0);
+      if (!point_[s].manifold->PlusJacobian(point_[s].values, plus_[s].data())) {
+        what_failed_ = "PlusJacobian of the manifold of slot " + std::to_string(s);
+        return false;
+      }
+      maps_[s].kind = TangentMap::Kind::kDense;
+      maps_[s].plus_jacobian = plus_[s].data();
+    }
+    parameters_[First() + s] = point_[s].values;
+    map_pointers_[First() + s] = &maps_[s];
+    jacobians_[s].assign(num_rows_ * NumColumns(s), 0.0);
+    views_[s] = {jacobians_[s].data(), 0, maps_[s].tangent_size};
+  }
+  failure_ = family_.Evaluate({factor_, factor_ + 1, parameters_.data(), map_pointers_.data(),
+                               residuals_.data(), views_.data()});
+  largest_.assign(num_rows_, 0.0);
+  for (std::size_t s = 0; s < num_slots_ && !failure_.failed(); ++s) {
+    for (std::size_t k = 0; k < jacobians_[s].size(); ++k) {
+      double& largest = largest_[k / NumColumns(s)];
+      largest = std::max(largest, std::fabs(jacobians_[s][k]));
+    }
+  }
+  return !failure_.failed();
+}
+
+// The residuals with one variable moved.
+bool FamilyCheck::EvaluateAt(std::size_t slot, const std::vector<double>& delta,
+                             double* residuals) {
+  const int size = family_.slot(static_cast<int>(slot)).ambient_size;
+  std::vector<double> moved(point_[slot].values, point_[slot].values + size);
+  if (point_[slot].manifold != nullptr) {
+    if (!point_[slot].manifold->Plus(point_[slot].values, delta.data(), moved.data())) {
+      return false;
+    }
+  } else {
+    std::transform(moved.begin(), moved.end(), delta.begin(), moved.begin(), std::plus<>());
+  }
+  parameters_[First() + slot] = moved.data();
+  const bool evaluated = !family_
+                              .Evaluate({factor_, factor_ + 1, parameters_.data(), nullptr,
+                                         residuals_.data(), nullptr})
+                              .failed();
+  parameters_[First() + slot] = point_[slot].values;
+  const double* first = residuals_.data() + static_cast<std::size_t>(factor_) * num_rows_;
+  std::copy(first, first + num_rows_, residuals);
+  return evaluated && AllFinite(residuals, num_rows_);
+}
+
+bool FamilyCheck::CheckColumn(std::size_t slot, std::size_t column) {
+  std::vector<double> delta(NumColumns(slot), 0.0);
+  double scale = 1.0;
+  if (point_[slot].manifold == nullptr) {
+    scale = std::max(scale, std::fabs(point_[slot].values[column]));
+  }
+  NumericDerivative derivative;
+  const bool found = DifferentiateByRidders(
+      options_.relative_step * scale, num_rows_,
+      [&](double t, double* residuals) {
+        delta[column] = t;
+        return EvaluateAt(slot, delta, residuals);
+      },
+      &derivative);
+  if (!found) {
+    what_failed_ = "residuals beside the values, along slot " + std::to_string(slot) + ", column " +
+                   std::to_string(column);
+    return false;
+  }
+  Judge(slot, column, derivative);
+  return true;
+}
+
+void FamilyCheck::Judge(std::size_t slot, std::size_t column, const NumericDerivative& derivative) {
+  for (std::size_t r = 0; r < num_rows_; ++r) {
+    JacobianEntry entry;
+    entry.family = id_;
+    entry.factor = factor_;
+    entry.slot = static_cast<int>(slot);
+    entry.row = static_cast<int>(r);
+    entry.column = static_cast<int>(column);
+    entry.analytic = jacobians_[slot][r * NumColumns(slot) + column];
+    entry.numeric = derivative.value[r];
+    entry.numeric_error = derivative.error[r];
+    const double difference = std::fabs(entry.analytic - entry.numeric);
+    const double scale = std::max(largest_[r], std::fabs(entry.numeric));
+    entry.relative_error = difference == 0.0           ? 0.0
+                           : std::isfinite(difference) ? difference / scale
+                                                       : std::numeric_limits<double>::infinity();
+    // Not <=: an entry that is NaN is wrong.
+    const bool differs = !(difference <= options_.tolerance * scale);
+    const bool wrong = differs && !(difference <= entry.numeric_error);
+    ++report_.num_entries;
+    report_.num_uncertain += differs && !wrong ? 1 : 0;
+    const bool first_wrong = wrong && report_.num_wrong == 0;
+    report_.num_wrong += wrong ? 1 : 0;
+    const bool counts = wrong || report_.num_wrong == 0;
+    if (report_.worst.factor < 0 || first_wrong ||
+        (counts && !(entry.relative_error <= report_.worst.relative_error))) {
+      report_.worst = entry;
+    }
+  }
+}
+
+bool FamilyCheck::Check(int factor, const std::vector<SlotPoint>& point) {
+  factor_ = factor;
+  point_ = point;
+  if (!WriteAnalytic()) {
+    return false;
+  }
+  for (std::size_t s = 0; s < num_slots_; ++s) {
+    for (std::size_t c = 0; c < NumColumns(s); ++c) {
+      if (!CheckColumn(s, c)) {
+        return false;
+      }
+    }
+  }
+  ++report_.num_factors;
+  return true;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,97 @@
+#include <algorithm>
+#include <ostream>
+
+#include "inceres/solver/summary.h"
+#include "inceres/version.h"
+#include "trust_region/report_text.h"
+
+namespace inceres {
+
+using internal::Formatted;
+using internal::ReportLine;
+using internal::ReportSeconds;
+
+namespace {
+
+// Steps tried: the start is no iteration.
+int NumIterations(const Summary& summary) {
+  return std::max(0, static_cast<int>(summary.iterations.size()) - 1);
+}
+
+std::string Sizes(const ProblemSizes& sizes) {
+  return Formatted("%45s%25s\n", "Problem", "Moving") +
+         ReportLine("Variables", sizes.num_variables, sizes.num_moving_variables) +
+         ReportLine("Values", sizes.num_values, sizes.num_moving_values) +
+         ReportLine("Dimensions", Formatted("%25s%25d", "", sizes.num_dimensions)) +
+         ReportLine("Factors", static_cast<std::int64_t>(sizes.num_factors)) +
+         ReportLine("Residuals", sizes.num_residuals);
+}
+
+std::string SolverUsed(const Summary& summary) {
+  const WorkCounts& work = summary.work;
+  std::string text = ReportLine("Trust region strategy", summary.strategy);
+  if (!summary.reduced_solver.empty()) {
+    text += ReportLine("Linear solver", summary.reduced_solver) +
+            ReportLine("Eliminated landmarks", work.num_landmarks) +
+            ReportLine("Frames", work.num_frames) + ReportLine("Reduced system", work.reduced_size);
+  }
+  text += ReportLine("Threads", summary.num_threads) + ReportLine("Kernels", summary.kernels);
+  return text + (summary.structure_reused ? "Structure of an earlier solve\n" : "");
+}
+
+std::string Costs(const Summary& summary) {
+  std::string text = "Cost:\n" + ReportLine("Initial", summary.initial_cost);
+  if (summary.IsSolutionUsable()) {
+    text += ReportLine("Final", summary.final_cost) +
+            ReportLine("Change", summary.initial_cost - summary.final_cost);
+  }
+  return text;
+}
+
+std::string Seconds(const Summary& summary) {
+  const StageSeconds& seconds = summary.seconds;
+  const WorkCounts& work = summary.work;
+  std::string text =
+      "Time (in seconds):\n" + ReportSeconds("Setup", seconds.setup) + "\n" +
+      ReportSeconds("  Residual evaluation", seconds.residuals, work.num_residual_evaluations) +
+      ReportSeconds("  Jacobian evaluation", seconds.jacobians, work.num_jacobian_evaluations) +
+      ReportSeconds("  Hessian", seconds.hessian) +
+      ReportSeconds("  Elimination", seconds.elimination) +
+      ReportSeconds("  Factorization", seconds.factorization, work.num_linear_solves) +
+      ReportSeconds("  Back-substitution", seconds.back_substitution) +
+      ReportSeconds("  Model cost", seconds.model_cost);
+  if (summary.line_search.num_steps > 0) {
+    text += ReportSeconds("  Line search", summary.line_search.total_seconds,
+                          summary.line_search.num_steps);
+  }
+  return text + ReportSeconds("Total", seconds.total);
+}
+
+}  // namespace
+
+std::string Summary::BriefReport() const {
+  return Formatted(
+      "inceres Solve: Iterations: %d, Initial cost: %e, Final cost: %e, Termination: %s",
+      NumIterations(*this), initial_cost, final_cost, ToString(termination));
+}
+
+std::string Summary::FullReport() const {
+  std::string text = internal::ReportTitle("Solver Summary", INCERES_VERSION_STRING);
+  text += Sizes(sizes) + "\n" + SolverUsed(*this) + "\n" + Costs(*this) + "\n";
+  text += ReportLine("Iterations", NumIterations(*this)) +
+          ReportLine("Successful steps", std::max(0, num_successful_steps)) +
+          ReportLine("Unsuccessful steps", std::max(0, num_unsuccessful_steps));
+  if (work.num_inner_iterations > 0) {
+    text += ReportLine("Steps of single landmarks", work.num_inner_iterations);
+  }
+  text +=
+      "\n" + Seconds(*this) + "\n" + internal::ReportTermination(ToString(termination), message);
+  text += detail.empty() ? "" : "Detail: " + detail + "\n";
+  return text + (failed_step.empty() ? "" : "Refused step: " + failed_step + "\n");
+}
+
+std::ostream& operator<<(std::ostream& stream, const Summary& summary) {
+  return stream << summary.BriefReport();
+}
+
+}  // namespace inceres

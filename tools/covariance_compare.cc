@@ -1,0 +1,277 @@
+// Covariances by inceres and by stock Ceres's algorithms on one problem, side by side.
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <ceres/covariance.h>
+#include <ceres/manifold.h>
+#include <ceres/solver.h>
+#include <gflags/gflags.h>
+#include <nlohmann/json.hpp>
+
+#include "inceres/ceres/covariance.h"
+#include "tools/ab/environment.h"
+#include "tools/ab/statistics.h"
+#include "tools/command_line/command_line.h"
+#include "tools/command_line/text_file.h"
+#include "tools/problems/problem_source.h"
+
+DEFINE_string(problem, "", "The problem: bal:FILE (text, .gz or .bz2).");
+DEFINE_string(gauge, "held",
+              "held: the first camera is constant, and one coordinate of the second camera's "
+              "position; free: nothing is.");
+DEFINE_int32(iterations, 0, "Iterations of Levenberg-Marquardt ahead of it, at least 0.");
+DEFINE_bool(points, false, "Ask for the covariance of every point too, not of cameras alone.");
+DEFINE_string(algorithms, "sparse_qr",
+              "Comma-separated algorithms of stock: sparse_qr (SuiteSparseQR), eigen_qr (Eigen's "
+              "sparse QR), dense_svd; empty: none.");
+DEFINE_int32(repeats, 3, "Rounds in which each runs once, at least 1.");
+DEFINE_int32(num_threads, 1, "Threads that evaluate, at least 1.");
+DEFINE_string(json, "", "Also write the report to this file as JSON.");
+
+namespace inceres::tools {
+namespace {
+
+constexpr char kUsage[] =
+    "computes the covariances of the cameras of a problem, each with itself, by inceres and by\n"
+    "algorithms of stock Ceres, in interleaved rounds, and compares seconds and values.\n\n"
+    "  covariance_compare --problem bal:problem-21-11315-pre.txt --json out.json\n"
+    "  covariance_compare --problem bal:problem-49-7776-pre.txt --algorithms sparse_qr,eigen_qr\n"
+    "  covariance_compare --problem bal:path-400.txt --algorithms= --points\n\n"
+    "Exit code: 0 success, 1 failure, 2 usage.";
+
+constexpr int kCameraSize = 9;
+constexpr int kPointSize = 3;
+
+using Pairs = std::vector<std::pair<const double*, const double*>>;
+using Clock = std::chrono::steady_clock;
+
+struct Result {
+  std::string name;
+  bool computed = false;
+  bool used_stock = false;
+  std::string message;
+  std::vector<double> seconds;
+  std::vector<double> values;  // all blocks one after the other
+};
+
+// One that computes: fills all of the result but its name, and adds a time.
+using Contender = std::function<void(const Pairs&, ceres::Problem*, Result*)>;
+
+std::size_t SizeOf(const ceres::Problem& problem, const double* block) {
+  return static_cast<std::size_t>(problem.ParameterBlockTangentSize(block));
+}
+
+template <typename AnyCovariance>
+void Run(AnyCovariance* covariance, const Pairs& pairs, ceres::Problem* problem, Result* result) {
+  const Clock::time_point start = Clock::now();
+  result->computed = covariance->Compute(pairs, problem);
+  result->seconds.push_back(std::chrono::duration<double>(Clock::now() - start).count());
+  result->values.clear();
+  for (const auto& [a, b] : pairs) {
+    if (!result->computed) {
+      break;
+    }
+    std::vector<double> block(SizeOf(*problem, a) * SizeOf(*problem, b));
+    result->computed = covariance->GetCovarianceBlockInTangentSpace(a, b, block.data());
+    result->values.insert(result->values.end(), block.begin(), block.end());
+  }
+}
+
+void RunOurs(const Pairs& pairs, ceres::Problem* problem, Result* result) {
+  ceres::Covariance::Options options;
+  options.num_threads = FLAGS_num_threads;
+  Covariance covariance(options);
+  Run(&covariance, pairs, problem, result);
+  result->used_stock = covariance.report().used_stock;
+  result->message = covariance.report().message;
+}
+
+Contender Stock(ceres::CovarianceAlgorithmType algorithm,
+                ceres::SparseLinearAlgebraLibraryType library) {
+  return [=](const Pairs& pairs, ceres::Problem* problem, Result* result) {
+    ceres::Covariance::Options options;
+    options.num_threads = FLAGS_num_threads;
+    options.algorithm_type = algorithm;
+    options.sparse_linear_algebra_library_type = library;
+    ceres::Covariance covariance(options);
+    Run(&covariance, pairs, problem, result);
+    result->message = result->computed ? "" : "returned false";
+  };
+}
+
+Status FindContenders(std::vector<Contender>* contenders, std::vector<Result>* results) {
+  *contenders = {RunOurs};
+  results->resize(1);
+  results->back().name = "inceres";
+  std::istringstream names(FLAGS_algorithms);
+  for (std::string name; std::getline(names, name, ',');) {
+    if (name == "sparse_qr") {
+      contenders->push_back(Stock(ceres::SPARSE_QR, ceres::SUITE_SPARSE));
+    } else if (name == "eigen_qr") {
+      contenders->push_back(Stock(ceres::SPARSE_QR, ceres::EIGEN_SPARSE));
+    } else if (name == "dense_svd") {
+      contenders->push_back(Stock(ceres::DENSE_SVD, ceres::SUITE_SPARSE));
+    } else {
+      return Invalid("--algorithms: '" + name + "' is unknown; see --help");
+    }
+    results->emplace_back();
+    results->back().name = "ceres " + name;
+  }
+  return Status::Ok();
+}
+
+// The largest difference of an entry, relative to √(Σ_ii Σ_jj), where both have computed.
+double LargestDifference(const Pairs& pairs, const ceres::Problem& problem, const Result& ours,
+                         const Result& other) {
+  double largest = 0.0;
+  std::size_t at = 0;
+  for (const auto& pair : pairs) {
+    const std::size_t size = SizeOf(problem, pair.first);
+    for (std::size_t i = 0; i < size; ++i) {
+      for (std::size_t j = 0; j < size; ++j) {
+        const double scale =
+            std::sqrt(other.values[at + i * size + i]) * std::sqrt(other.values[at + j * size + j]);
+        const std::size_t k = at + i * size + j;
+        if (scale > 0.0) {
+          largest = std::max(largest, std::abs(ours.values[k] - other.values[k]) / scale);
+        }
+      }
+    }
+    at += size * size;
+  }
+  return largest;
+}
+
+void HoldGauge(const BalProblem& bal, ProblemSource::CeresInstance* instance) {
+  double* cameras = instance->parameters.data();
+  instance->problem->SetParameterBlockConstant(cameras);
+  if (bal.num_cameras > 1) {
+    instance->problem->SetManifold(cameras + kCameraSize,
+                                   new ceres::SubsetManifold(kCameraSize, {3}));
+  }
+}
+
+Pairs Requested(const BalProblem& bal, const ProblemSource::CeresInstance& instance) {
+  Pairs pairs;
+  const double* cameras = instance.parameters.data();
+  for (int i = FLAGS_gauge == "held" ? 1 : 0; i < bal.num_cameras; ++i) {
+    pairs.emplace_back(cameras + i * kCameraSize, cameras + i * kCameraSize);
+  }
+  const double* points = cameras + static_cast<std::ptrdiff_t>(bal.num_cameras) * kCameraSize;
+  for (std::ptrdiff_t i = 0; FLAGS_points && i < bal.num_points; ++i) {
+    pairs.emplace_back(points + i * kPointSize, points + i * kPointSize);
+  }
+  return pairs;
+}
+
+void Solve(ceres::Problem* problem) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::SPARSE_SCHUR;
+  options.max_num_iterations = FLAGS_iterations;
+  options.num_threads = FLAGS_num_threads;
+  options.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, problem, &summary);
+}
+
+void Print(const std::vector<Result>& results, const nlohmann::json& report) {
+  std::printf("%-18s %10s %8s %12s  %s\n", "", "seconds", "ratio", "difference", "verdict");
+  for (std::size_t k = 0; k < results.size(); ++k) {
+    const nlohmann::json& row = report["results"][k];
+    char difference[16] = "-";
+    if (!row["largest_difference"].is_null()) {
+      std::snprintf(difference, sizeof(difference), "%.1e",
+                    row["largest_difference"].get<double>());
+    }
+    std::printf("%-18s %10.4f %8.3f %12s  %s%s%s\n", results[k].name.c_str(),
+                row["seconds"].get<double>(), row["ratio"].get<double>(), difference,
+                results[k].computed ? "computed" : "rank deficient",
+                results[k].message.empty() ? "" : ": ", results[k].message.c_str());
+  }
+}
+
+nlohmann::json MakeReport(const ProblemSource& source, const Pairs& pairs,
+                          const ceres::Problem& problem, const std::vector<Result>& results) {
+  nlohmann::json report = {{"problem", FLAGS_problem},
+                           {"description", source.Describe()},
+                           {"gauge", FLAGS_gauge},
+                           {"iterations", FLAGS_iterations},
+                           {"num_threads", FLAGS_num_threads},
+                           {"blocks", pairs.size()}};
+  const double ours = Summarize(results[0].seconds).median;
+  for (const Result& result : results) {
+    const bool comparable = &result != &results[0] && result.computed && results[0].computed;
+    const double seconds = Summarize(result.seconds).median;
+    nlohmann::json row = {{"name", result.name},
+                          {"computed", result.computed},
+                          {"used_stock", result.used_stock},
+                          {"message", result.message},
+                          {"seconds", seconds},
+                          {"all_seconds", result.seconds},
+                          {"ratio", ours / seconds},
+                          {"largest_difference", nullptr}};
+    if (comparable) {
+      row["largest_difference"] = LargestDifference(pairs, problem, results[0], result);
+    }
+    report["results"].push_back(row);
+  }
+  return report;
+}
+
+Status RunAll() {
+  const Status numbers = CheckNumbers({{"repeats", FLAGS_repeats, 1},
+                                       {"num_threads", FLAGS_num_threads, 1},
+                                       {"iterations", FLAGS_iterations, 0}},
+                                      {});
+  if (!numbers.ok()) {
+    return numbers;
+  }
+  if (FLAGS_problem.rfind("bal:", 0) != 0) {
+    return Invalid("--problem must be bal:FILE");
+  }
+  if (FLAGS_gauge != "held" && FLAGS_gauge != "free") {
+    return Invalid("--gauge must be held or free, not '" + FLAGS_gauge + "'");
+  }
+  std::vector<Contender> contenders;
+  std::vector<Result> results;
+  Status status = FindContenders(&contenders, &results);
+  std::unique_ptr<ProblemSource> source;
+  status = status.ok() ? OpenProblem(FLAGS_problem, &source) : status;
+  ProblemSource::CeresInstance instance;
+  status = status.ok() ? source->MakeCeresInstance(LossSpec(), &instance) : status;
+  if (!status.ok()) {
+    return status;
+  }
+  const BalProblem& bal = static_cast<const BalSource&>(*source).bal();
+  if (FLAGS_gauge == "held") {
+    HoldGauge(bal, &instance);
+  }
+  if (FLAGS_iterations > 0) {
+    Solve(instance.problem.get());
+  }
+  const Pairs pairs = Requested(bal, instance);
+  for (int round = 0; round < FLAGS_repeats; ++round) {
+    for (std::size_t k = 0; k < contenders.size(); ++k) {
+      contenders[k](pairs, instance.problem.get(), &results[k]);
+    }
+  }
+  const nlohmann::json report = MakeReport(*source, pairs, *instance.problem, results);
+  std::printf("%s, %zu blocks\n\n", source->Describe().c_str(), pairs.size());
+  Print(results, report);
+  return FLAGS_json.empty() ? Status::Ok() : WriteTextFile(FLAGS_json, report.dump(2) + "\n");
+}
+
+}  // namespace
+}  // namespace inceres::tools
+
+int main(int argc, char** argv) {
+  return inceres::tools::RunTool(inceres::tools::kUsage, argc, argv, inceres::tools::RunAll);
+}
