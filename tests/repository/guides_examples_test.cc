@@ -149,6 +149,9 @@ inceres::Summary SolveInexactly(const std::string& path, inceres::FactorGraph* m
   inceres::FactorGraph& graph = *made;
 // [quoted in docs/large_problems.md]
 const inceres::Status read = inceres::ReadBal(path, &graph);  // points are landmarks
+if (!read.ok()) {
+  std::cerr << read.message << '\n';  // file:line: field: what is wrong
+}
 inceres::SolverOptions options;
 options.reduced_solver = inceres::ReducedSolverKind::kAutomaticInexact;  // PCG where it is cheaper
 options.num_threads = 4;
