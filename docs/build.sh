@@ -26,6 +26,7 @@ doxygen - << CONFIGURATION
 OUTPUT_DIRECTORY = $work
 GENERATE_TAGFILE = $work/inceres.tag
 CONFIGURATION
+tools/site/check_enum_values.py "$work/xml"
 export SITE_REFERENCE=$work/inceres.tag
 mkdocs build --strict --site-dir "$work/site" 2> "$work/messages" || {
   grep -v INFO "$work/messages" >&2

@@ -9,7 +9,7 @@ namespace inceres {
 
 /// What kind of thing went wrong; the message of a Status names the culprit.
 enum class StatusCode {
-  kOk,
+  kOk,  ///< nothing did
   /// an option or a graph that cannot be solved as given (dangling id, wrong size, two landmarks)
   kInvalidArgument,
   kEvaluationFailed,  ///< a factor returned false, or a residual or Jacobian is not finite

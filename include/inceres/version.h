@@ -7,6 +7,9 @@
 ///
 /// Until 1.0 a new minor release may change the API, a patch does not.
 #define INCERES_VERSION_MAJOR 0
+/// The second number of the version.
 #define INCERES_VERSION_MINOR 1
+/// The third number of the version.
 #define INCERES_VERSION_PATCH 0
+/// The version as text.
 #define INCERES_VERSION_STRING "0.1.0"

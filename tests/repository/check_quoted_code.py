@@ -3,7 +3,7 @@
 
     check_quoted_code.py ROOT            README.md and every page of docs/
     check_quoted_code.py FILE.md ROOT    one file
-    check_quoted_code.py --self_test     plant one violation of each kind and see that it is reported
+    check_quoted_code.py --self_test     plant one violation of each kind: it must be reported
 
 Every block of C++ must follow a line `<!-- quotes PATH -->` and equal, line by line, one of the
 stretches between `// [quoted in FILE.md, …]` and `// [end of quote]` of ROOT/PATH, taken out of the

@@ -17,13 +17,11 @@
 
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
-#include "inceres/factors/pose_prior.h"
-#include "inceres/factors/relative_pose.h"
 #include "inceres/io/bal.h"
-#include "inceres/io/g2o.h"
+#include "inceres/io/bal_graph.h"
+#include "inceres/io/g2o_graph.h"
 #include "inceres/problem/losses.h"
-#include "inceres/problem/pose_composition.h"
-#include "inceres/problem/rotation.h"
+#include "inceres/solver/callbacks.h"
 #include "inceres/solver/covariance.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
@@ -44,49 +42,19 @@ EDGE_SE3:QUAT 0 2 2.3 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 4 0 0 4 0 4
 )";
 
 // clang-format off
-// [quoted in docs/pose_graphs.md]
-// An edge of the file as RelativePoseFamily has it: a is the edge's `to`, b its `from`. False if
-// the information matrix is not positive definite.
-bool FromEdge(const inceres::PoseGraphEdge& edge,
-              inceres::RelativePoseFamily::Measurement* measurement) {
-  std::copy_n(edge.measurement.begin(), 3, measurement->p_ab);
-  inceres::ConjugateQuaternion(edge.measurement.data() + 3, measurement->q_ab);
-  double information[36];  // rotation before position; the rotation is the other way around
-  for (std::size_t r = 0; r < 6; ++r) {
-    for (std::size_t c = 0; c < 6; ++c) {
-      const double sign = (r < 3) == (c < 3) ? 1.0 : -1.0;
-      information[6 * r + c] = sign * edge.information[6 * ((r + 3) % 6) + (c + 3) % 6];
-    }
-  }
-  return inceres::SqrtInformation(information, 6, measurement->sqrt_information);
-}
-// [end of quote]
-
 int SolvePoseGraph(const std::string& path, FactorGraph* made) {
 // [quoted in docs/pose_graphs.md]
-inceres::PoseGraph file;
-const inceres::Status read = inceres::ReadG2o(path, &file);
+inceres::FactorGraph graph;
+inceres::G2oGraph ids;
+const inceres::Status read = inceres::ReadG2o(path, &graph, &ids);  // planar or spatial
 if (!read.ok()) {
   std::cerr << read.message << '\n';  // file:line: tag: field: what is wrong
   return 1;
 }
-inceres::FactorGraph graph;
-const auto edges = graph.AddFamily(std::make_shared<inceres::RelativePoseFamily>());
-const auto manifold = std::make_shared<inceres::PoseManifold>();
-for (int vertex = 0; vertex < file.NumVertices(); ++vertex) {  // ids are 0, 1, 2, …
-  graph.AddVariable(file.PoseData(vertex), 7, inceres::Role::kFrame, manifold);
-}
-for (const inceres::PoseGraphEdge& edge : file.edges) {
-  inceres::RelativePoseFamily::Measurement measurement;
-  if (!FromEdge(edge, &measurement)) {
-    std::cerr << "an information matrix is not positive definite\n";
-    return 1;
-  }
-  graph.AddFactor(edges, measurement, {edge.to, edge.from});
-}
-graph.SetConstant(file.fixed.empty() ? 0 : file.fixed[0], true);  // relative poses leave it free
+graph.SetConstant(ids.poses[0], true);  // relative poses leave the whole free to move
 inceres::SolverOptions options;
 options.strategy = inceres::TrustRegionStrategyKind::kDogleg;
+options.progress = inceres::LogTo(std::cout);
 const inceres::Summary summary = inceres::Solve(options, &graph);
 // [end of quote]
   EXPECT_EQ(summary.termination, inceres::Termination::kConvergence) << summary.message;
@@ -180,21 +148,9 @@ class Deadline : public inceres::UpdateObserver {
 inceres::Summary SolveInexactly(const std::string& path, inceres::FactorGraph* made) {
   inceres::FactorGraph& graph = *made;
 // [quoted in docs/large_problems.md]
-inceres::BalProblem problem;
-const inceres::Status read = inceres::ReadBal(path, &problem);
-const auto reprojections = graph.AddFamily(std::make_shared<inceres::BalReprojectionFamily>());
-graph.Reserve(problem.num_cameras + problem.num_points,
-              9 * problem.num_cameras + 3 * problem.num_points);
-reprojections->Reserve(static_cast<int>(problem.observations.size()));
-for (int i = 0; i < problem.num_cameras; ++i) {
-  graph.AddVariable(problem.CameraData(i), 9, inceres::Role::kFrame);
-}
-for (int j = 0; j < problem.num_points; ++j) {
-  graph.AddVariable(problem.PointData(j), 3, inceres::Role::kLandmark);
-}
-for (const inceres::BalObservation& seen : problem.observations) {
-  graph.AddFactor(reprojections, {seen.x, seen.y},
-                  {seen.camera, problem.num_cameras + seen.point});
+const inceres::Status read = inceres::ReadBal(path, &graph);  // points are landmarks
+if (!read.ok()) {
+  std::cerr << read.message << '\n';  // file:line: field: what is wrong
 }
 inceres::SolverOptions options;
 options.reduced_solver = inceres::ReducedSolverKind::kAutomaticInexact;  // PCG where it is cheaper
@@ -229,7 +185,7 @@ const double* solved = graph.Values(camera);  // result.at<…>(X(0))
 bool UncertaintyOf(const FactorGraph& graph, VariableId pose, std::array<double, 36>* out) {
   std::array<double, 36>& covariance = *out;
 // [quoted in docs/from_gtsam.md, docs/from_g2o.md]
-inceres::Covariance covariances;  // Marginals; computeMarginals
+inceres::GraphCovariance covariances;  // Marginals; computeMarginals
 const inceres::Status status = covariances.Compute(graph, {{pose, pose}});
 const bool known = status.ok() && covariances.Get(pose, pose, covariance.data());
 // [end of quote]

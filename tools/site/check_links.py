@@ -82,7 +82,8 @@ class Site:
 
 
 CLEAN = {
-    "index.html": '<a href="a/b.html#there">b</a> <img src="a/x.svg"> <a href="#here" id="here">h</a>'
+    "index.html": '<a href="a/b.html#there">b</a> <img src="a/x.svg">'
+                  '<a href="#here" id="here">h</a>'
                   '<a href="https://example.org">e</a>',
     "a/b.html": '<h2 id="there">There</h2> <a href="../index.html">back</a>',
     "a/x.svg": "<svg/>",

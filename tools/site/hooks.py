@@ -30,6 +30,8 @@ INCLUDE_FOLDERS = ("include/", "adapters/ceres/include/")
 CODE = re.compile(r"(^```.*?^```[^\n]*$|^~~~.*?^~~~[^\n]*$|`[^`\n]+`)", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"(?<=\]\()([^)\s]+)(?=(?:\s+\"[^\"]*\")?\))")
 ATTRIBUTE = re.compile(r"(?<=\s)((?:href|src)=\")([^\"]+)(?=\")")
+TABLE = re.compile(r"<table>.*?</table>", re.DOTALL)
+TABLE_CODE = re.compile(r"(?<=<code>)[^<]*(?=</code>)")
 MERMAID = re.compile(r"^```mermaid\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 MERGED_LIST = re.compile(r"^(?![ \t]*(?:[-*+]|\d+\.) |[ \t]*[|#>]|<|    )\S.*\n(?:[-*+]|\d+\.) .*",
                          re.MULTILINE)
@@ -181,9 +183,13 @@ def on_page_content(html_text, page, config, files):
     html_text = html_text.replace('="site:', '="')
     for number, svg in enumerate(diagrams, 1):
         html_text = html_text.replace(f'id="diagram-{number}">', f'id="diagram-{number}">{svg}')
-    # A table may be wider than the page: it scrolls by itself.
-    return html_text.replace("<table>", '<div class="wide"><table>').replace(
-        "</table>", "</table></div>")
+    return TABLE.sub(lambda match: f'<div class="wide">{breakable(match.group())}</div>', html_text)
+
+
+def breakable(table):
+    """A table whose long names may go on in the next line; wider than the page it scrolls."""
+    return TABLE_CODE.sub(lambda match: re.sub(r"(_|::|(?<=[a-z][a-z])(?=[A-Z]))", r"\1<wbr>",
+                                               match.group()), table)
 
 
 def on_post_build(config):

@@ -130,7 +130,11 @@ struct WindowFrame {
 /// What a call did.
 struct WindowSummary {
   /// Which frame a call took out of the window.
-  enum class Left : unsigned char { kNone, kOldest, kSecondNewest };
+  enum class Left : unsigned char {
+    kNone,          ///< none
+    kOldest,        ///< marginalized
+    kSecondNewest,  ///< it was no keyframe: its views are dropped
+  };
 
   /// Of the first thing that went wrong, the culprit named. Whatever it is, no state is lost: a
   /// frame with bad input is not taken up at all; one whose solve fails stays as the IMU predicts

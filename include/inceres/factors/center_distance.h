@@ -27,23 +27,29 @@ INCERES_EXPORT void CenterOf(CenterKind kind, const double* values, double cente
 /// FactorFamily; Add is for one writer.
 class INCERES_EXPORT CenterDistanceFamily final : public AmbientFamily<CenterDistanceFamily> {
  public:
+  /// The distance, and how well it is known.
   struct Measurement {
     double distance = 1.0;          ///< > 0, in the units of the world
     double sqrt_information = 1.0;  ///< 1 / standard deviation
   };
 
+  /// Between variables of this kind.
   explicit CenterDistanceFamily(CenterKind kind);
 
+  /// Appends a measurement.
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
   void Place(int index, const Measurement& measurement) {
     PlaceIn(&measurements_, index, measurement);
   }
+  /// Of both variables.
   CenterKind kind() const { return kind_; }
+  /// The measurement at an index.
   const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "center distance"; }
+  /// For AmbientFamily.
   bool EvaluateOne(int i, const double* const* parameters, double* residuals,
                    double** jacobians) const;
 

@@ -26,10 +26,10 @@ enum class GaugeScale : unsigned char {
 
 /// Options of HoldGauge. Variables that are −1 are chosen.
 struct INCERES_EXPORT GaugeOptions {
-  CenterKind kind = CenterKind::kPose;  ///< of the variables that are held
-  GaugeReference reference_by = GaugeReference::kConstant;
-  VariableId reference = -1;  ///< −1: the first frame of this kind
-  GaugeScale scale_by = GaugeScale::kMeasured;
+  CenterKind kind = CenterKind::kPose;                      ///< of the variables that are held
+  GaugeReference reference_by = GaugeReference::kConstant;  ///< of position and orientation
+  VariableId reference = -1;                                ///< −1: the first frame of this kind
+  GaugeScale scale_by = GaugeScale::kMeasured;              ///< of the scale
   VariableId other = -1;  ///< of the scale; −1: the one whose center is furthest from the reference
   /// of kCoordinate: index among the values of the other; −1: the position's that matters most
   int coordinate = -1;
@@ -37,7 +37,7 @@ struct INCERES_EXPORT GaugeOptions {
 
 /// What HoldGauge has held.
 struct HeldGauge {
-  VariableId reference = -1;
+  VariableId reference = -1;       ///< what is held
   VariableId other = -1;           ///< −1: the scale is not held
   int coordinate = -1;             ///< of the other; −1: not by a coordinate
   double distance = 0.0;           ///< between the centers, of kDistance

@@ -21,6 +21,7 @@ namespace inceres {
 class INCERES_EXPORT PlanarRelativePoseFamily final
     : public AmbientFamily<PlanarRelativePoseFamily> {
  public:
+  /// The measured motion from a to b, and how well it is known.
   struct Measurement {
     double motion[3] = {0.0, 0.0, 0.0};  ///< p_m, θ_m: b seen from a
     double sqrt_information[9] = {
@@ -29,18 +30,22 @@ class INCERES_EXPORT PlanarRelativePoseFamily final
 
   PlanarRelativePoseFamily() : AmbientFamily(3, {{3, 3}, {3, 3}}) {}
 
+  /// Appends a measurement.
   void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
   void Place(int index, const Measurement& measurement) {
     PlaceIn(&measurements_, index, measurement);
   }
 
+  /// The measurement at an index.
   const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
+  /// Memory for so many factors.
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "planar relative pose"; }
 
+  /// For AmbientFamily.
   bool EvaluateOne(int i, const double* const* parameters, double* residuals,
                    double** jacobians) const;
 

@@ -15,9 +15,9 @@ namespace inceres {
 
 /// Which variables of a graph a BAL problem has become.
 struct BalGraph {
-  FamilyHandle<BalReprojectionFamily> reprojections;
-  std::vector<VariableId> cameras;  ///< by the number in the file
-  std::vector<VariableId> points;   ///< the same
+  FamilyHandle<BalReprojectionFamily> reprojections;  ///< of the observations
+  std::vector<VariableId> cameras;                    ///< by the number in the file
+  std::vector<VariableId> points;                     ///< the same
 };
 
 /// Adds the cameras (frames), points (landmarks) and observations of a problem to a graph, in the

@@ -27,9 +27,10 @@ struct G2oGraph {
 [[nodiscard]] INCERES_EXPORT bool ToMeasurement(const PoseGraphEdge& edge,
                                                 PlanarRelativePoseFamily::Measurement* measurement);
 /// An edge as a factor of slots to, from: RelativePoseFamily measures where a is seen from b, and
-/// has the rotation first. The same cost as g2o's up to second order of the rotation residual,
-/// which there is a vector of a quaternion and here a rotation vector. False if the information is
-/// not positive definite.
+/// has the rotation first. The information of the rotation is taken for that of the rotation
+/// vector, and the position's for the axes of `from`, as Ceres's example of pose graphs does; g2o's
+/// own error is the vector of the quaternion, half as long, in the axes that were measured. False
+/// if the information is not positive definite.
 [[nodiscard]] INCERES_EXPORT bool ToMeasurement(const PoseGraphEdge& edge,
                                                 RelativePoseFamily::Measurement* measurement);
 

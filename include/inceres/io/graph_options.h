@@ -9,7 +9,7 @@ namespace inceres {
 
 /// What readers take that make factors of a file's measurements.
 struct GraphReadOptions {
-  ReadOptions file;
+  ReadOptions file;                  ///< of the reader of the file
   std::shared_ptr<const Loss> loss;  ///< of every factor that is a measurement; null: ½‖f‖²
 };
 

@@ -25,9 +25,9 @@ struct KeyframeGraphOptions {
 struct KeyframeGraph {
   std::vector<VariableId> poses;     ///< by keyframe: frames on PoseManifold
   std::vector<VariableId> features;  ///< inverse depths, landmarks; −1: no keyframe sees it again
-  FamilyHandle<InverseDepthReprojectionFamily> reprojections;
-  FamilyHandle<DiagonalPriorFamily> depths;  ///< measured inverse depths
-  FamilyHandle<RelativePoseFamily> betweens;
+  FamilyHandle<InverseDepthReprojectionFamily> reprojections;  ///< of the observations
+  FamilyHandle<DiagonalPriorFamily> depths;                    ///< measured inverse depths
+  FamilyHandle<RelativePoseFamily> betweens;                   ///< of the relative poses
 };
 
 /// An observation of a feature, and a relative pose, as factors. False if the information is not
@@ -35,6 +35,7 @@ struct KeyframeGraph {
 [[nodiscard]] INCERES_EXPORT bool ToMeasurement(
     const KeyframeFeature& feature, const KeyframeObservation& observation,
     InverseDepthReprojectionFamily::Measurement* measurement);
+/// The same of a relative pose.
 [[nodiscard]] INCERES_EXPORT bool ToMeasurement(const KeyframeBetween& between,
                                                 RelativePoseFamily::Measurement* measurement);
 

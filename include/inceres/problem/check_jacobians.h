@@ -28,9 +28,9 @@ struct INCERES_EXPORT JacobianCheckOptions {
 
 /// An entry of the tangent Jacobian of a factor, and what it should be.
 struct JacobianEntry {
-  FamilyId family = -1;  ///< −1 where no graph was given
-  int factor = -1;
-  int slot = -1;
+  FamilyId family = -1;         ///< −1 where no graph was given
+  int factor = -1;              ///< index in its family; −1: none
+  int slot = -1;                ///< of the variable
   int row = -1;                 ///< of the residual
   int column = -1;              ///< of the tangent vector of the slot's variable
   double analytic = 0.0;        ///< what the family has written
@@ -45,8 +45,8 @@ struct INCERES_EXPORT JacobianReport {
   /// is no such family or the options are wrong. What follows is then of no use.
   Status status;
   int num_factors = 0;  ///< that were checked
-  int num_entries = 0;
-  int num_wrong = 0;  ///< entries that are wrong
+  int num_entries = 0;  ///< that were compared
+  int num_wrong = 0;    ///< entries that are wrong
   /// Entries that differ by more than the tolerance, but by no more than the numeric derivative may
   /// err: at a kink, or where residuals are so large that nothing can be said. Look at other
   /// values.
@@ -56,6 +56,7 @@ struct INCERES_EXPORT JacobianReport {
   JacobianEntry worst;
   std::string factor_name;  ///< of worst, as error messages call it
 
+  /// Whether all could be checked, and none is wrong.
   bool ok() const { return status.ok() && num_wrong == 0; }
   /// "2 of 24 entries wrong, in 2 factors; worst: factor 0 of BAL reprojection (variables 3, 112),
   /// slot 1, row 0, column 2: 3 where the numeric derivative is 4.5", or why nothing could be said.

@@ -34,7 +34,8 @@ struct FactorId {
 /// measurement of another family. Converts to the family's id. Copies of the graph know it too.
 template <typename Family>
 struct FamilyHandle {
-  FamilyId id = -1;                ///< -1, or a null family: none, which AddFactor refuses
+  /// -1, or a null family: none, which AddFactor refuses
+  FamilyId id = -1;
   std::shared_ptr<Family> family;  ///< the family itself, shared with the graph
 
   /// The id, for calls that take one.
@@ -55,7 +56,10 @@ struct VariableBounds {
 /// What the solver does with a variable: landmarks (tangent size 1 to 4, at most one a factor) are
 /// eliminated first, one small block each; frames (poses, velocities, calibrations, …) stay in the
 /// reduced system.
-enum class Role : std::uint8_t { kFrame, kLandmark };
+enum class Role : std::uint8_t {
+  kFrame,     ///< stays in the reduced system
+  kLandmark,  ///< eliminated first
+};
 
 class GraphEdit;
 namespace internal {

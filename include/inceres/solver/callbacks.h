@@ -12,7 +12,11 @@ struct IterationSummary;
 struct UpdateIteration;
 
 /// What an observer or a callback wants after an iteration.
-enum class ObserverAction { kContinue, kTerminateSuccessfully, kAbort };
+enum class ObserverAction {
+  kContinue,               ///< go on
+  kTerminateSuccessfully,  ///< end, with the best state so far
+  kAbort,                  ///< end, with the state of before
+};
 
 /// Takes one line of text, without its line end. Called on the thread that solves.
 using LogSink = std::function<void(const std::string& line)>;
@@ -34,12 +38,14 @@ INCERES_EXPORT LogSink LogTo(std::ostream& stream);
 /// The heading of the table of progress, as Ceres prints it, and the row of one iteration. Numbers
 /// in the words of the program's C locale, as Ceres's.
 INCERES_EXPORT std::string ProgressHeading();
+/// The row of one iteration of a batch solve.
 INCERES_EXPORT std::string ProgressRow(const IterationSummary& iteration);
 
 /// The same for an Update, whose iterations have more to say: what kind of step it was (a '-'
 /// behind it: refused), what is in Ceres's table, and how many frames moved and factors were
 /// linearized. A gradient is given where there is one (UpdateIteration::gradient_max_norm).
 INCERES_EXPORT std::string UpdateProgressHeading();
+/// The row of one iteration of an Update.
 INCERES_EXPORT std::string ProgressRow(const UpdateIteration& iteration);
 
 }  // namespace inceres

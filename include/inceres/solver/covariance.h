@@ -30,7 +30,7 @@ struct INCERES_EXPORT RankDeficiency {
   /// its share of the squared length, measured in units of the diagonal of S, largest first, those
   /// above 0.01 and at most eight.
   struct Direction {
-    std::vector<std::pair<VariableId, double>> shares;
+    std::vector<std::pair<VariableId, double>> shares;  ///< of each frame, the largest first
   };
   std::vector<VariableId> landmarks;  ///< that their own factors do not determine
   std::vector<Direction> directions;  ///< of all else, at most 32; a free gauge has 6 or 7

@@ -85,12 +85,12 @@ struct INCERES_EXPORT LineSearchSummary {
 
 /// How large a problem is. What moves: variables that are not constant and that a factor touches.
 struct INCERES_EXPORT ProblemSizes {
-  int num_variables = 0;         ///< of the graph, constants included, removed ones not
-  int num_values = 0;            ///< of them: the sum of their ambient sizes
-  int num_moving_variables = 0;  ///< 0 if the options or the graph were refused
-  int num_moving_values = 0;     ///< the sum of their ambient sizes
-  int num_dimensions = 0;        ///< the sum of their tangent sizes: the unknowns
-  int num_factors = 0;
+  int num_variables = 0;           ///< of the graph, constants included, removed ones not
+  int num_values = 0;              ///< of them: the sum of their ambient sizes
+  int num_moving_variables = 0;    ///< 0 if the options or the graph were refused
+  int num_moving_values = 0;       ///< the sum of their ambient sizes
+  int num_dimensions = 0;          ///< the sum of their tangent sizes: the unknowns
+  int num_factors = 0;             ///< of all families
   std::int64_t num_residuals = 0;  ///< the sum of the factors' residual sizes
 };
 
@@ -122,8 +122,8 @@ struct INCERES_EXPORT Summary {
   const char* kernels = "";
   /// "levenberg_marquardt", "marquardt", "dogleg", "subspace_dogleg"
   const char* strategy = "";
-  int num_threads = 0;   ///< as the options had it
-  ProblemSizes sizes;    ///< of the graph
+  int num_threads = 0;   ///< as the options said
+  ProblemSizes sizes;    ///< of the problem
   WorkCounts work;       ///< what was done
   StageSeconds seconds;  ///< how long it took
 

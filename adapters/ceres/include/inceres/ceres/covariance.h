@@ -38,10 +38,11 @@ class INCERES_EXPORT Covariance {
  public:
   /// How the last Compute went.
   struct Report {
-    bool used_stock = false;
-    std::string message;  ///< why stock was used, or why there is no covariance; else empty
+    bool used_stock = false;  ///< stock Ceres computed them
+    std::string message;      ///< why stock was used, or why there is no covariance; else empty
   };
 
+  /// Holds no covariances yet.
   explicit Covariance(const ceres::Covariance::Options& options);
   ~Covariance();
   Covariance(const Covariance&) = delete;
@@ -55,20 +56,25 @@ class INCERES_EXPORT Covariance {
   /// at the values the parameter blocks have.
   bool Compute(const std::vector<std::pair<const double*, const double*>>& covariance_blocks,
                ceres::Problem* problem);
+  /// The same, of all pairs of these blocks.
   bool Compute(const std::vector<const double*>& parameter_blocks, ceres::Problem* problem);
 
   /// As the functions of ceres::Covariance, but that false, and a line in the log, is the answer
   /// where Ceres ends the process: before Compute, or after it has returned false.
   bool GetCovarianceBlock(const double* parameter_block1, const double* parameter_block2,
                           double* covariance_block) const;
+  /// The same, not lifted to the ambient space.
   bool GetCovarianceBlockInTangentSpace(const double* parameter_block1,
                                         const double* parameter_block2,
                                         double* covariance_block) const;
+  /// The same, of several blocks at once.
   bool GetCovarianceMatrix(const std::vector<const double*>& parameter_blocks,
                            double* covariance_matrix) const;
+  /// The same, of several blocks, not lifted to the ambient space.
   bool GetCovarianceMatrixInTangentSpace(const std::vector<const double*>& parameter_blocks,
                                          double* covariance_matrix) const;
 
+  /// Of the last Compute.
   const Report& report() const { return report_; }
 
  private:

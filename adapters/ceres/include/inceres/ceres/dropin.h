@@ -1,8 +1,8 @@
 #pragma once
 
 /* What a program may ask the drop-in, in C, so that it can look for these with dlsym:
-   `libinceres_dropin.so` exports them beside the functions of Ceres that it stands in for. Threads:
-   any. */
+ * `libinceres_dropin.so` exports them beside the functions of Ceres that it stands in for. Threads:
+ * any. */
 
 #ifdef __cplusplus
 extern "C" {

@@ -18,9 +18,9 @@ namespace inceres {
 /// How inceres::Solve treats a ceres::Problem.
 enum class SolveMode {
   kExact,  ///< follows Ceres's trace: same strategy, same decisions, same termination
-  /// re-uses Jacobians and what follows from them while they are good enough: to a minimum, to within
-  /// function_tolerance, by another path and with less work; of several minima maybe to another one
-  /// than Ceres
+  /// re-uses Jacobians and what follows from them while they are good enough: to a minimum, to
+  /// within function_tolerance, by another path and with less work; of several minima maybe to
+  /// another one than Ceres
   kIncremental,
   kStock,  ///< hands everything to stock Ceres
 };
