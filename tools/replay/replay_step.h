@@ -15,7 +15,7 @@
 #include "inceres/factors/relative_pose.h"
 #include "inceres/factors/stereo_reprojection.h"
 #include "tools/problems/loss_spec.h"
-#include "tools/problems/planar_relative_pose.h"
+#include "inceres/factors/planar_relative_pose.h"
 
 namespace inceres::tools {
 

@@ -1,9 +1,9 @@
-#include "tools/problems/planar_relative_pose.h"
+#include "inceres/factors/planar_relative_pose.h"
 
 #include <cmath>
 #include <cstddef>
 
-namespace inceres::tools {
+namespace inceres {
 namespace {
 
 // M = U A for 3 × 3 matrices, U upper triangular.
@@ -46,4 +46,4 @@ bool PlanarRelativePoseFamily::EvaluateOne(int i, const double* const* parameter
   return true;
 }
 
-}  // namespace inceres::tools
+}  // namespace inceres

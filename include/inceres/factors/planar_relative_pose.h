@@ -2,9 +2,10 @@
 
 #include <vector>
 
+#include "inceres/export.h"
 #include "inceres/problem/ambient_family.h"
 
-namespace inceres::tools {
+namespace inceres {
 
 /// A measured relative pose of two planar poses a, b, each [x y θ], meters and radians, without a
 /// manifold: angles may be any number of turns apart. With analytic Jacobians.
@@ -12,7 +13,8 @@ namespace inceres::tools {
 ///     residual = U [ R(θ_a)ᵀ (p_b − p_a) − p_m ; wrap(θ_b − θ_a − θ_m) ]        (3 rows, whitened; wrap to [−π, π])
 ///
 /// Threads: as FactorFamily; Add is for one writer.
-class PlanarRelativePoseFamily final : public AmbientFamily<PlanarRelativePoseFamily> {
+class INCERES_EXPORT PlanarRelativePoseFamily final
+    : public AmbientFamily<PlanarRelativePoseFamily> {
  public:
   struct Measurement {
     double motion[3] = {0.0, 0.0, 0.0};  ///< p_m, θ_m: b seen from a
@@ -38,4 +40,4 @@ class PlanarRelativePoseFamily final : public AmbientFamily<PlanarRelativePoseFa
   std::vector<Measurement> measurements_;
 };
 
-}  // namespace inceres::tools
+}  // namespace inceres
