@@ -46,6 +46,7 @@ OUTER = {
     "tests": ["adapters", "tools", "tests", "benchmarks", "examples"],
     "benchmarks": ["adapters", "tools", "tests", "benchmarks"],
     "examples": ["adapters", "tools", "examples"],
+    "python": ["python"],
 }
 # Packages that the core must build without; logging and flags belong to the tools.
 FORBIDDEN_IN_CORE = ("ceres", "glog", "gflags", "gtest", "gmock", "benchmark")

@@ -2,10 +2,11 @@
 # Installs what building and testing inceres needs on Debian 12, and makes the serial OpenBLAS the BLAS and LAPACK that programs
 # load. Does nothing, quickly, when all is there. Runs as root or through sudo; asks nothing.
 #
-#   tools/install_packages.sh [--browser] [--arm64]
+#   tools/install_packages.sh [--browser] [--arm64] [--python]
 #
 # --browser adds Chromium, 300 MB, in which one test looks at the page of tools/ab_report; without it that test is skipped. --arm64
 # adds a cross compiler and an emulator, with which the kernels for arm64 are tested.
+# --python adds what the Python package and its tests need; without it they are skipped.
 set -euo pipefail
 
 packages=(
@@ -19,6 +20,12 @@ for option in "$@"; do
   case $option in
     --browser) packages+=(chromium) ;;
     --arm64) packages+=(g++-aarch64-linux-gnu qemu-user) ;;
+    --python)
+      packages+=(
+        pybind11-dev python3-dev python3-numpy python3-setuptools python3-wheel python3-venv
+        python3-matplotlib mypy
+      )
+      ;;
     *) echo "install_packages.sh: unknown option $option" >&2; exit 2 ;;
   esac
 done
