@@ -77,15 +77,12 @@ EvaluationFailure CustomFamily::Evaluate(const FactorBatch& batch) const {
   for (int i = batch.begin; i < batch.end; ++i) {
     factors.push_back(i);
   }
-  Result result;
-  EvaluationFailure failure =
-      Call(batch, factors.data(), static_cast<int>(factors.size()), &result);
-  if (!failure.failed()) {
-    failure = HandOver(batch, result);
-  }
+  // Kept from other threads until it is read: the function may use its arrays again.
   const py::gil_scoped_acquire gil;
-  result = Result();
-  return failure;
+  Result result;
+  const EvaluationFailure failure =
+      Call(batch, factors.data(), static_cast<int>(factors.size()), &result);
+  return failure.failed() ? failure : HandOver(batch, result);
 }
 
 EvaluationFailure CustomFamily::Call(const FactorBatch& batch, const std::int32_t* factors,

@@ -32,20 +32,23 @@ class BalEvaluator:
 
     def __init__(self):
         self.num_calls = 0
+        self.buffers = [np.empty((2, 0))]
 
     def __call__(self, measurements, parameters, wanted):
         self.num_calls += 1
         (cameras, of_camera), (points, of_point) = parameters
         count = len(measurements)
-        residuals = np.empty((2, count))
-        jacobians = (np.empty((18, count)), np.empty((6, count))) if wanted else None
+        if count != self.buffers[0].shape[1]:  # what was returned has been read by the next call
+            self.buffers = [np.empty((rows, count)) for rows in (2, 18, 6)]
+        residuals = self.buffers[0]
+        jacobians = self.buffers[1:] if wanted else None
         rotations, left = _rotations(cameras[:, :3])
-        tables = np.vstack([rotations, cameras[:, 3:].T, left])
+        tables = np.vstack([rotations, cameras[:, 3:].T, left][:3 if wanted else 2])
         for begin in range(0, count, PIECE):
             piece = slice(begin, min(begin + PIECE, count))
-            camera = tables[:, of_camera[piece]] if wanted else tables[:15, of_camera[piece]]
             evaluate_piece(
-                camera, points[of_point[piece]].T.copy(), measurements[piece],
+                tables.take(of_camera[piece], axis=1), points.T.take(of_point[piece], axis=1),
+                measurements[piece],
                 residuals[:, piece],
                 None if jacobians is None else [J[:, piece] for J in jacobians])
         if jacobians is None:
