@@ -48,6 +48,7 @@ OUTER = {
     "tests": ["adapters", "tools", "tests", "benchmarks", "examples"],
     "benchmarks": ["adapters", "tools", "tests", "benchmarks"],
     "examples": ["adapters", "tools", "examples"],
+    "python": ["python"],
 }
 # Headers at the top of include/inceres that stand above all modules.
 UMBRELLAS = {"inceres.h", "eigen.h"}

@@ -2,11 +2,12 @@
 # Installs what building and testing inceres needs on Debian 12, and makes the serial OpenBLAS the BLAS and LAPACK that programs
 # load. Does nothing, quickly, when all is there. Runs as root or through sudo; asks nothing.
 #
-#   tools/install_packages.sh [--browser] [--arm64] [--site]
+#   tools/install_packages.sh [--browser] [--arm64] [--site] [--python]
 #
 # --browser adds Chromium, 300 MB, in which one test looks at the page of tools/ab_report; without
 # it that test is skipped. --arm64 adds a cross compiler and an emulator, with which the kernels for
 # arm64 are tested. --site adds what docs/build.sh builds the site with.
+# --python adds what the Python package and its tests need; without it they are skipped.
 set -euo pipefail
 
 packages=(
@@ -22,6 +23,12 @@ for option in "$@"; do
     --browser) packages+=(chromium) ;;
     --arm64) packages+=(g++-aarch64-linux-gnu qemu-user) ;;
     --site) packages+=(mkdocs python3-pygments doxygen graphviz) ;;
+    --python)
+      packages+=(
+        pybind11-dev python3-dev python3-numpy python3-setuptools python3-wheel python3-venv
+        python3-matplotlib mypy
+      )
+      ;;
     *) echo "install_packages.sh: unknown option $option" >&2; exit 2 ;;
   esac
 done

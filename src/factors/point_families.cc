@@ -5,6 +5,7 @@
 #include "factors/image_error.h"
 #include "factors/point_chain.h"
 #include "inceres/factors/bearing.h"
+#include "inceres/factors/equidistant_reprojection.h"
 #include "inceres/factors/point_reprojection.h"
 #include "inceres/factors/stereo_reprojection.h"
 
@@ -37,6 +38,34 @@ struct PixelSensor {
   }
 
   static const char* ReasonAt(const double h[3]) { return internal::ImageReason(h); }
+};
+
+struct EquidistantSensor {
+  static constexpr int kRows = 2;
+  const EquidistantCamera& camera;
+
+  static void SqrtInformation(const PixelObservation& seen, double* U) {
+    internal::UnpackUpper(seen.sqrt_information, U);
+  }
+
+  void Error(const PixelObservation& seen, const double h[3], double /*omega*/, double* e,
+             double (*A)[4]) const {
+    double J[6];
+    camera.Project(h, e, A == nullptr ? nullptr : J);
+    for (int r = 0; r < 2; ++r) {
+      e[r] -= seen.pixel[r];
+      if (A != nullptr) {
+        std::copy_n(J + 3 * r, 3, A[r]);
+        A[r][3] = 0.0;
+      }
+    }
+  }
+
+  static const char* ReasonAt(const double h[3]) {
+    return h[0] == 0.0 && h[1] == 0.0 && h[2] <= 0.0
+               ? "the landmark lies straight behind the camera, or in its center"
+               : "a residual is not finite";
+  }
 };
 
 struct StereoSensor {
@@ -100,6 +129,12 @@ struct BearingSensor {
 
 EvaluationFailure PointReprojectionFamily::Evaluate(const FactorBatch& batch) const {
   return internal::EvaluatePoints(batch, slot(2).ambient_size, perturbation(), PixelSensor{camera_},
+                                  [this](int i) -> const Measurement& { return measurement(i); });
+}
+
+EvaluationFailure EquidistantReprojectionFamily::Evaluate(const FactorBatch& batch) const {
+  return internal::EvaluatePoints(batch, slot(2).ambient_size, perturbation(),
+                                  EquidistantSensor{camera_},
                                   [this](int i) -> const Measurement& { return measurement(i); });
 }
 

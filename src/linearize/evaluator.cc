@@ -317,17 +317,46 @@ double Evaluator::SumCosts(bool jacobians, Linearization* family_cache, int begi
   return cost;
 }
 
+Status Evaluator::DescribeFailure(bool jacobians, FamilyId id,
+                                  const EvaluationFailure& failure) const {
+  const Linearization& cache = families_[id];
+  return Status::Error(
+      StatusCode::kEvaluationFailed,
+      graph_->DescribeFailure(id, failure,
+                              jacobians ? cache.Parameters(failure.factor)
+                                        : cache.CandidateParameters(failure.factor)));
+}
+
+// Announces all factors of a family that asks for it.
+Status Evaluator::Prepare(bool jacobians, FamilyId id) {
+  if (!families_[id].family->Prepares()) {
+    return Status::Ok();
+  }
+  announced_.clear();
+  for (Chunk& chunk : chunks_) {
+    if (chunk.family != id) {
+      continue;
+    }
+    PointTo(!jacobians, &chunk);
+    for (int i = chunk.begin; i < chunk.end; ++i) {
+      announced_.push_back(i);
+    }
+  }
+  const EvaluationFailure failure = families_[id].Prepare(jacobians, announced_);
+  return failure.failed() ? DescribeFailure(jacobians, id, failure) : Status::Ok();
+}
+
 Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
+  for (FamilyId id = 0; id < static_cast<int>(families_.size()); ++id) {
+    const Status status = Prepare(jacobians, id);
+    if (!status.ok()) {
+      return status;
+    }
+  }
   const int first_failed = EvaluateTasks(
       executor_, &chunk_failures_, [&](int k) { return EvaluateChunk(jacobians, &chunks_[k]); });
   if (first_failed >= 0) {
-    const EvaluationFailure& failure = chunk_failures_[first_failed];
-    const Linearization& cache = families_[chunks_[first_failed].family];
-    return Status::Error(
-        StatusCode::kEvaluationFailed,
-        graph_->DescribeFailure(cache.id, failure,
-                                jacobians ? cache.Parameters(failure.factor)
-                                          : cache.CandidateParameters(failure.factor)));
+    return DescribeFailure(jacobians, chunks_[first_failed].family, chunk_failures_[first_failed]);
   }
   *cost = std::accumulate(sums_.begin(), sums_.end(), 0.0);
   return Status::Ok();

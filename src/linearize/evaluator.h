@@ -108,6 +108,8 @@ class Evaluator {
   static void LeaveOutZeroBlocks(const Chunk& chunk, Linearization* cache);
   double SumCosts(bool jacobians, Linearization* cache, int begin, int end);
   Status EvaluateAll(bool jacobians, double* cost);
+  Status Prepare(bool jacobians, FamilyId id);
+  Status DescribeFailure(bool jacobians, FamilyId id, const EvaluationFailure& failure) const;
 
   const FactorGraph* graph_;
   const Layout& layout_;
@@ -122,6 +124,7 @@ class Evaluator {
   // of the costs of up to kSumSize factors each: what is added to what depends on nothing else
   std::vector<double> sums_;
   std::vector<EvaluationFailure> chunk_failures_;
+  std::vector<std::int32_t> announced_;  // scratch of Prepare
 
   std::vector<const VariableBounds*>
       bounds_;                     // per entry of layout_.variables, null if free; empty if all are

@@ -71,6 +71,10 @@ void IncrementalFamily::Connect(int factor, VariableStore* variable_store) {
 
 EvaluationFailure IncrementalFamily::EvaluateCandidate(const std::vector<std::int32_t>& factors,
                                                        const Executor& executor) {
+  const EvaluationFailure unprepared = factors_.Prepare(/*jacobians=*/false, factors);
+  if (unprepared.failed()) {
+    return unprepared;
+  }
   return factors_.ForRuns(factors, executor, [this](int begin, int end) {
     const EvaluationFailure failure = factors_.EvaluateCandidate(begin, end);
     if (!failure.failed()) {
@@ -82,6 +86,10 @@ EvaluationFailure IncrementalFamily::EvaluateCandidate(const std::vector<std::in
 
 EvaluationFailure IncrementalFamily::Linearize(const std::vector<std::int32_t>& factors,
                                                const Executor& executor) {
+  const EvaluationFailure unprepared = factors_.Prepare(/*jacobians=*/true, factors);
+  if (unprepared.failed()) {
+    return unprepared;
+  }
   return factors_.ForRuns(factors, executor, [this](int begin, int end) {
     const EvaluationFailure failure = factors_.Linearize(begin, end);
     for (int i = begin; i < end && !failure.failed(); ++i) {

@@ -119,7 +119,7 @@ FactorBatch Linearization::CandidateBatch(int begin, int end) {
   return batch;
 }
 
-EvaluationFailure Linearization::Linearize(int begin, int end) {
+FactorBatch Linearization::LinearizationBatch(int begin, int end) {
   FactorBatch batch;
   batch.begin = begin;
   batch.end = end;
@@ -127,7 +127,27 @@ EvaluationFailure Linearization::Linearize(int begin, int end) {
   batch.tangent_maps = tangent_maps.data();
   batch.residuals = residuals.data();
   batch.jacobians = views.data();
+  return batch;
+}
+
+EvaluationFailure Linearization::Linearize(int begin, int end) {
+  FactorBatch batch = LinearizationBatch(begin, end);
+  batch.prepared = prepared_;
   return pins.empty() ? family->Evaluate(batch) : LinearizePinned(batch);
+}
+
+// With pins two evaluations at two points follow: neither is announced.
+EvaluationFailure Linearization::Prepare(bool jacobians, const std::vector<std::int32_t>& factors) {
+  prepared_ = false;
+  if (!family->Prepares() || factors.empty() || (jacobians && !pins.empty())) {
+    return {};
+  }
+  const int begin = factors.front(), end = factors.back() + 1;
+  const EvaluationFailure failure =
+      family->Prepare(jacobians ? LinearizationBatch(begin, end) : CandidateBatch(begin, end),
+                      factors.data(), static_cast<int>(factors.size()));
+  prepared_ = !failure.failed();
+  return failure;
 }
 
 // Jacobians at the pinned values, then residuals where the variables are.

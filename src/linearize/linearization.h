@@ -44,10 +44,15 @@ struct Linearization {
   /// it, Jacobians say.
   FactorBatch CandidateBatch(int begin, int end);
   EvaluationFailure EvaluateCandidate(int begin, int end) {
-    return family->Evaluate(CandidateBatch(begin, end));
+    FactorBatch batch = CandidateBatch(begin, end);
+    batch.prepared = prepared_;
+    return family->Evaluate(batch);
   }
   /// Residuals and Jacobians.
   EvaluationFailure Linearize(int begin, int end);
+  /// Tells a family that wants to know it (FactorFamily::Prepares) which factors the calls of
+  /// EvaluateCandidate, or of Linearize, that follow ask for: an ascending list.
+  EvaluationFailure Prepare(bool jacobians, const std::vector<std::int32_t>& factors);
 
   /// evaluate(begin, end) for each run of neighbors in an ascending list, one after the other or in
   /// tasks. The first failure.
@@ -97,8 +102,10 @@ struct Linearization {
 
  private:
   bool IsPinned(int factor) const;
+  FactorBatch LinearizationBatch(int begin, int end);
   EvaluationFailure LinearizePinned(FactorBatch batch);
 
+  bool prepared_ = false;                           // what is evaluated next
   std::vector<const double*> jacobian_parameters_;  // scratch of the size of pins
   std::vector<EvaluationFailure> failures_;         // per task of ForRuns
 };

@@ -9,6 +9,7 @@
 
 #include "factors/visual_states.h"
 #include "inceres/factors/bearing.h"
+#include "inceres/factors/equidistant_reprojection.h"
 #include "inceres/factors/point_reprojection.h"
 #include "inceres/factors/stereo_reprojection.h"
 
@@ -85,6 +86,63 @@ TEST(PointFamilies, PixelsAreTheCamerasAndJacobiansNumericOnes) {
       ExpectNear(values.residuals, ExpectedPixels(seen, s.in_camera), variant.name);
       test::ExpectNumericJacobians(family, s.state, 2e-7, i);
     }
+  }
+}
+
+const EquidistantCamera kFisheye{285.0, 286.0, 424.0, 400.0, -0.007, 0.043, -0.041, 0.0075};
+
+// OpenCV's words: fisheye::projectPoints.
+std::vector<Real> ExpectedFisheye(const PixelObservation& seen, const Vector3& P) {
+  const Real r = std::sqrt(P[0] * P[0] + P[1] * P[1]), theta = std::atan2(r, P[2]);
+  const Real k[4] = {kFisheye.k1, kFisheye.k2, kFisheye.k3, kFisheye.k4};
+  Real theta_d = theta;
+  for (int i = 0; i < 4; ++i) {
+    theta_d += k[i] * std::pow(theta, 2 * i + 3);
+  }
+  const Real e[2] = {kFisheye.f_x * theta_d / r * P[0] + kFisheye.c_x - seen.pixel[0],
+                     kFisheye.f_y * theta_d / r * P[1] + kFisheye.c_y - seen.pixel[1]};
+  const double* U = seen.sqrt_information;
+  return {U[0] * e[0] + U[1] * e[1], U[2] * e[1]};
+}
+
+TEST(PointFamilies, FisheyePixelsAreTheCamerasAndJacobiansNumericOnesBehindTheImagePlaneToo) {
+  for (const Variant& variant : kVariants) {
+    test::Random random(75);
+    int num_behind = 0;
+    for (int i = 0; i < 250; ++i) {
+      const SeenLandmark s = RandomSeenLandmark(random, variant.landmark, variant.pose_manifold,
+                                                variant.landmark_manifold);
+      num_behind += s.in_camera[2] < 0 ? 1 : 0;
+      const PixelObservation seen{
+          {424.0 + 300.0 * random.Unit(), 400.0 + 200.0 * random.Unit()},
+          {random.Between(0.5, 2.0), random.Unit(), random.Between(0.5, 2.0)}};
+      EquidistantReprojectionFamily family(kFisheye, variant.landmark, variant.perturbation);
+      family.Add(seen);
+      const FactorValues values = EvaluateFactor(family, s.state);
+      ASSERT_FALSE(values.failure.failed()) << values.failure.reason;
+      ExpectNear(values.residuals, ExpectedFisheye(seen, s.in_camera), variant.name);
+      test::ExpectNumericJacobians(family, s.state, 2e-7, i);
+    }
+    EXPECT_GT(num_behind, 10) << variant.name;
+  }
+}
+
+TEST(PointFamilies, AFisheyeIsSmoothOnItsAxisAndFailsStraightBehind) {
+  const std::vector<double> origin{0, 0, 0, 0, 0, 0, 1};
+  test::FactorState state{{origin, origin, {0.0, 0.0, 2.0}}, {&kRightPose, &kRightPose, nullptr}};
+  EquidistantReprojectionFamily family(kFisheye);
+  family.Add({});
+  for (const double off : {0.0, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3}) {
+    state.parameters[2] = {off, -0.5 * off, 2.0};
+    const FactorValues values = EvaluateFactor(family, state);
+    ASSERT_FALSE(values.failure.failed()) << off << ": " << values.failure.reason;
+    EXPECT_NEAR(values.residuals[0], kFisheye.c_x + kFisheye.f_x * off / 2.0, 1e-6);
+    test::ExpectNumericJacobians(family, state, 2e-7, 0);
+  }
+  for (const double z : {0.0, -1.0}) {
+    state.parameters[2] = {0.0, 0.0, z};
+    EXPECT_STREQ(EvaluateFactor(family, state).failure.reason,
+                 "the landmark lies straight behind the camera, or in its center");
   }
 }
 

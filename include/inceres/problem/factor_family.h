@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -62,6 +63,8 @@ struct FactorBatch {
   double* residuals = nullptr;  ///< residuals[i · residual_size + r], to be written
   /// one view a slot, to be written; null for a cost-only evaluation
   const JacobianView* jacobians = nullptr;
+  /// FactorFamily::Prepare has been told of these factors, at the same parameters.
+  bool prepared = false;
 };
 
 /// Names the factor that could not be evaluated; `factor` is negative on success. Which number it
@@ -130,6 +133,24 @@ class INCERES_EXPORT FactorFamily {
   /// that is wanted. On failure names the first factor that failed; what was written is then
   /// ignored.
   virtual EvaluationFailure Evaluate(const FactorBatch& batch) const = 0;
+
+  /// Whether solvers are to call Prepare.
+  virtual bool Prepares() const { return false; }
+
+  /// For a family whose calls are dear, as those into an interpreter: is told of all factors that
+  /// an evaluation is about to ask for, `count` of them, ascending, within [batch.begin,
+  /// batch.end), and may compute them in one go; the Evaluates that follow, on ranges of these
+  /// factors and marked as prepared, then hand over what it has kept. Writes none of the batch's
+  /// arrays. `batch.jacobians` tells as for Evaluate whether Jacobians are wanted, but the views
+  /// are not to be used. On failure names a factor, and no Evaluate follows.
+  ///
+  /// Called on the solving thread, never while Evaluate runs. What is evaluated in small pieces
+  /// (single landmarks, marginalization, pinned variables) is not announced: Evaluate must work
+  /// without.
+  virtual EvaluationFailure Prepare(const FactorBatch& /*batch*/, const std::int32_t* /*factors*/,
+                                    int /*count*/) const {
+    return {};
+  }
 
   /// How many factors are worth a task of their own where several threads evaluate, at least 1: few
   /// where one may take long, as a user's function may. Changes no result.

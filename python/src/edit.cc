@@ -1,0 +1,173 @@
+#include <limits>
+#include <string>
+
+#include "incremental.h"
+
+namespace inceres::python {
+namespace {
+
+constexpr std::int64_t kAnyId = std::numeric_limits<std::int32_t>::max();
+
+// (n, 3): family, index, generation.
+std::vector<FactorId> ToFactorIds(const py::object& value, const Families& families) {
+  const std::vector<std::int32_t> numbers = ToIndexMatrix(value, "factors", 3, -1, kAnyId);
+  std::vector<FactorId> ids;
+  for (std::size_t i = 0; i + 2 < numbers.size(); i += 3) {
+    families.at(numbers[i]);
+    ids.push_back({numbers[i], numbers[i + 1], numbers[i + 2]});
+  }
+  return ids;
+}
+
+void Refuse(const Edit& edit, const char* call) {
+  edit.solver->occupation.RefuseIfBusy(call);
+}
+
+IdArray AddVariables(Edit& edit, const py::object& values, const std::string& role,
+                     const std::shared_ptr<Manifold>& manifold, const py::object& constant) {
+  Refuse(edit, "add_variables");
+  const DoubleArray rows = ToMatrix(values, "values", manifold ? manifold->AmbientSize() : -1);
+  const auto count = static_cast<std::size_t>(rows.shape(0));
+  const std::vector<char> held = ToFlags(constant, "constant", count);
+  const Role as = ToRole(role);
+  const auto size = static_cast<int>(rows.shape(1));
+  std::vector<VariableId> ids;
+  for (std::size_t i = 0; i < count; ++i) {
+    ids.push_back(edit.core.AddVariable(rows.data() + i * static_cast<std::size_t>(size), size, as,
+                                        manifold));
+    if (held[i] != 0) {
+      edit.core.SetConstant(ids.back(), true);
+    }
+  }
+  return ToIdArray(ids);
+}
+
+IdArray AddFactors(Edit& edit, FamilyId id, const py::object& variables,
+                   const py::object& measurements, const py::object& loss) {
+  Refuse(edit, "add_factors");
+  Family& family = edit.solver->families.at(id);
+  const FactorBatchInput input = ToFactors(family, variables, measurements, loss, kAnyId);
+  const auto num_slots = static_cast<std::size_t>(family.core()->num_slots());
+  IdArray result({static_cast<py::ssize_t>(input.count), py::ssize_t{3}});
+  std::int32_t* to = result.mutable_data();
+  for (std::size_t i = 0; i < input.count; ++i) {
+    const VariableId* ids = input.variables.data() + i * num_slots;
+    const FactorId factor = edit.core.Connect(id, ids, input.LossOf(i));
+    family.Place(factor.index, input.Row(i), input.num_columns);
+    family.Connect(factor.index, ids);
+    *to++ = factor.family;
+    *to++ = factor.index;
+    *to++ = factor.generation;
+  }
+  return result;
+}
+
+void RemoveVariables(Edit& edit, const py::object& ids) {
+  Refuse(edit, "remove_variables");
+  for (const VariableId id : ToIndexList(ids, "ids", 0, kAnyId)) {
+    edit.core.RemoveVariable(id);
+  }
+}
+
+void RemoveFactors(Edit& edit, const py::object& factors) {
+  Refuse(edit, "remove_factors");
+  for (const FactorId id : ToFactorIds(factors, edit.solver->families)) {
+    edit.core.RemoveFactor(id);
+  }
+}
+
+void SetMeasurements(Edit& edit, const py::object& factors, const py::object& measurements) {
+  Refuse(edit, "set_measurements");
+  const Families& families = edit.solver->families;
+  const std::vector<FactorId> ids = ToFactorIds(factors, families);
+  if (ids.empty()) {
+    return;
+  }
+  Family& family = families.at(ids[0].family);
+  const DoubleArray rows = ToMeasurements(family, measurements, ids.size());
+  const auto num_columns = static_cast<int>(rows.shape(1));
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    if (ids[i].family != ids[0].family) {
+      throw py::value_error("factors: row " + std::to_string(i) +
+                            " is of another family than row 0");
+    }
+  }
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    family.SetMeasurement(ids[i], rows.data() + i * static_cast<std::size_t>(num_columns),
+                          num_columns, &edit.core);
+  }
+}
+
+void SetLoss(Edit& edit, const py::object& factors, const py::object& loss) {
+  Refuse(edit, "set_loss");
+  const std::vector<FactorId> ids = ToFactorIds(factors, edit.solver->families);
+  const auto losses = ToLosses(loss, ids.size());
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    edit.core.SetLoss(ids[i], losses.empty() ? nullptr : losses[i]);
+  }
+}
+
+void SetConstant(Edit& edit, const py::object& ids, const py::object& constant) {
+  Refuse(edit, "set_constant");
+  const std::vector<VariableId> variables = ToIndexList(ids, "ids", 0, kAnyId);
+  const std::vector<char> held = ToFlags(constant, "constant", variables.size());
+  for (std::size_t i = 0; i < variables.size(); ++i) {
+    edit.core.SetConstant(variables[i], held[i] != 0);
+  }
+}
+
+void SetValues(Edit& edit, const py::object& ids, const py::object& values) {
+  Refuse(edit, "set_values");
+  const FactorGraph& graph = edit.solver->core.graph();
+  const std::vector<VariableId> variables = ToVariables(graph, ids, "ids");
+  const DoubleArray rows = ToValues(graph, variables, values, "values");
+  for (std::size_t i = 0; i < variables.size(); ++i) {
+    edit.core.SetValues(variables[i], rows.data(static_cast<py::ssize_t>(i), 0));
+  }
+}
+
+}  // namespace
+
+void ApplyEdit(Edit* edit) {
+  Refuse(*edit, "apply");
+  Check(edit->solver->core.Apply(edit->core));
+  edit->core.Restart();
+}
+
+void BindEdit(py::module_& module) {
+  py::class_<Edit, std::shared_ptr<Edit>>(
+      module, "Edit",
+      "Changes of an IncrementalSolver's problem, carried out all together by apply(), or at the "
+      "end of a `with`, or, if any is wrong, not at all. Ids are given out at once; they belong to "
+      "the problem only then.")
+      .def("add_variables", &AddVariables, py::arg("values"), py::arg("role") = "frame",
+           py::arg("manifold").none(true) = std::shared_ptr<Manifold>(),
+           py::arg("constant") = false, "As FactorGraph.add_variables.")
+      .def("remove_variables", &RemoveVariables, py::arg("ids"),
+           "Removes variables with all factors that touch them.")
+      .def("add_factors", &AddFactors, py::arg("family"), py::arg("variables"),
+           py::arg("measurements") = py::none(), py::arg("loss") = py::none(),
+           "As FactorGraph.add_factors, but returns ids (n, 3) that stay good when other factors "
+           "go.")
+      .def("remove_factors", &RemoveFactors, py::arg("factors"))
+      .def("set_measurements", &SetMeasurements, py::arg("factors"), py::arg("measurements"),
+           "New measurements for factors of one family.")
+      .def("set_loss", &SetLoss, py::arg("factors"), py::arg("loss"))
+      .def("set_constant", &SetConstant, py::arg("ids"), py::arg("constant") = true)
+      .def("set_values", &SetValues, py::arg("ids"), py::arg("values"),
+           "New values for variables the solver has.")
+      .def("apply", &ApplyEdit, "Carries the edit out; the object is then a new, empty one.")
+      .def(
+          "restart", [](Edit& edit) { edit.core.Restart(); }, "Forgets all changes.")
+      .def("__enter__", [](std::shared_ptr<Edit> edit) { return edit; })
+      .def(
+          "__exit__",
+          [](Edit& edit, const py::object& type, const py::object&, const py::object&) {
+            if (type.is_none()) {
+              ApplyEdit(&edit);
+            }
+          },
+          py::arg("type"), py::arg("value"), py::arg("traceback"));
+}
+
+}  // namespace inceres::python

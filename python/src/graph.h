@@ -1,0 +1,105 @@
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "arrays.h"
+#include "family.h"
+#include "inceres/problem/factor_graph.h"
+
+namespace inceres::python {
+
+/// The families of a graph or solver, by their ids.
+class Families {
+ public:
+  /// Raises if the family belongs to another graph.
+  void Take(const std::shared_ptr<Family>& family);
+  Family& at(FamilyId id) const;
+  const std::vector<std::shared_ptr<Family>>& all() const { return families_; }
+
+ private:
+  std::vector<std::shared_ptr<Family>> families_;
+};
+
+/// Keeps other threads, and callbacks, away from what is being solved without the GIL.
+class Occupation {
+ public:
+  /// Raises RuntimeError while somebody solves; who is asking tells what he wanted.
+  void RefuseIfBusy(const char* call) const;
+  /// The same, but the thread that solves may: from its callbacks.
+  void RefuseOtherThreads(const char* call) const;
+
+  class Guard {
+   public:
+    Guard(Occupation* occupation, const char* call) : occupation_(occupation) {
+      occupation_->RefuseIfBusy(call);
+      occupation_->thread_ = std::this_thread::get_id();
+      occupation_->busy_ = true;
+    }
+    ~Guard() { occupation_->busy_ = false; }
+    Guard(const Guard&) = delete;
+    Guard& operator=(const Guard&) = delete;
+
+   private:
+    Occupation* occupation_;
+  };
+
+ private:
+  // Written with the GIL held.
+  std::atomic<bool> busy_{false};
+  std::thread::id thread_;
+};
+
+struct Graph {
+  FactorGraph core;
+  Families families;
+  Occupation occupation;
+};
+
+/// What comes in for factors to be added: checked, ready to be placed.
+struct FactorBatchInput {
+  std::size_t count = 0;
+  std::vector<VariableId> variables;  // num_slots each
+  DoubleArray measurements;           // (count, num_columns)
+  int num_columns = 0;
+  std::vector<std::shared_ptr<const Loss>> losses;  // empty: none; else one each
+
+  const double* Row(std::size_t i) const {
+    return measurements.data() + i * static_cast<std::size_t>(num_columns);
+  }
+  std::shared_ptr<const Loss> LossOf(std::size_t i) const {
+    return losses.empty() ? nullptr : losses[i];
+  }
+};
+
+/// None, one loss for all, or a sequence of `count` losses and Nones. Empty for None.
+std::vector<std::shared_ptr<const Loss>> ToLosses(const py::object& loss, std::size_t count);
+/// Ids of variables in [0, num_variables).
+FactorBatchInput ToFactors(const Family& family, const py::object& variables,
+                           const py::object& measurements, const py::object& loss,
+                           std::int64_t num_variables);
+/// (count, m) with a number of columns the family has.
+DoubleArray ToMeasurements(const Family& family, const py::object& measurements, std::size_t count);
+
+Role ToRole(const std::string& name);
+/// What Values(id) gives, a row an id.
+template <typename ValuesOf>
+py::array_t<double> StackValues(const FactorGraph& graph, const std::vector<VariableId>& ids,
+                                const ValuesOf& values_of) {
+  const int size = CommonAmbientSize(graph, ids);
+  py::array_t<double> result(
+      {static_cast<py::ssize_t>(ids.size()), static_cast<py::ssize_t>(size)});
+  double* to = result.mutable_data();
+  for (const VariableId id : ids) {
+    to = std::copy_n(values_of(id), size, to);
+  }
+  return result;
+}
+
+/// One flag for all, or one each.
+std::vector<char> ToFlags(const py::object& value, const char* name, std::size_t count);
+
+}  // namespace inceres::python

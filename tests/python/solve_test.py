@@ -1,0 +1,229 @@
+"""Around a solve: callbacks, Ctrl-C, threads and the GIL, bounds, and what graphs refuse."""
+
+import os
+import signal
+import threading
+import time
+import unittest
+
+import numpy as np
+
+import inceres
+from custom_family_test import bal_custom, street_graph
+from bal_family import BalEvaluator
+from scene import STREET, Scene
+
+
+def street(family=None):
+    return street_graph(family or inceres.BalReprojection(), inceres.read_bal(STREET))
+
+
+class CallbackTest(unittest.TestCase):
+    def test_it_sees_every_iteration(self):
+        rows = []
+        summary = street()[0].solve(callback=rows.append)
+        self.assertEqual(rows, summary["iterations"])
+        self.assertEqual([row["iteration"] for row in rows], list(range(len(rows))))
+
+    def test_false_stops_and_keeps(self):
+        graph, cameras, _ = street()
+        start = graph.values(cameras)
+        summary = graph.solve(callback=lambda row: row["iteration"] < 3)
+        self.assertEqual(summary["termination"], "USER_SUCCESS")
+        self.assertEqual(len(summary["iterations"]), 4)
+        self.assertGreater(np.abs(graph.values(cameras) - start).max(), 0)
+        self.assertAlmostEqual(graph.cost(), summary["final_cost"])
+
+    def test_what_it_raises_comes_back_and_nothing_has_moved(self):
+        graph, cameras, _ = street()
+        start = graph.values(cameras)
+
+        def fail(row):
+            if row["iteration"] == 2:
+                raise LookupError("enough")
+
+        with self.assertRaisesRegex(LookupError, "enough"):
+            graph.solve(callback=fail)
+        np.testing.assert_array_equal(graph.values(cameras), start)
+        with self.assertRaisesRegex(TypeError, "callback: returned 7"):
+            graph.solve(callback=lambda row: 7)
+
+    def test_the_graph_is_out_of_reach_meanwhile(self):
+        graph, cameras, _ = street()
+        with self.assertRaisesRegex(RuntimeError, "values: it is being solved; not in a callback"):
+            graph.solve(callback=lambda row: graph.values(cameras) is None)
+
+
+class InterruptTest(unittest.TestCase):
+    """Ctrl-C, as the operating system delivers it, at iteration 3."""
+
+    @staticmethod
+    def press(row):
+        if row["iteration"] == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    def test_it_keeps_the_best_state(self):
+        graph, cameras, _ = street()
+        initial = graph.cost()
+        with self.assertRaises(inceres.Interrupted) as caught:
+            graph.solve(callback=self.press)
+        summary = caught.exception.summary
+        self.assertLess(summary["final_cost"], initial)
+        self.assertAlmostEqual(graph.cost(), summary["final_cost"])
+        self.assertIsInstance(caught.exception, KeyboardInterrupt)
+
+    def test_in_a_factors_function_too(self):
+        for at in (8, 9):
+            good = BalEvaluator()
+
+            def evaluate(*arguments):
+                if good.num_calls == at:
+                    good.num_calls += 1
+                    raise KeyboardInterrupt
+                return good(*arguments)
+
+            graph, cameras, _ = street(bal_custom(evaluate))
+            initial = graph.cost()
+            good.num_calls = 0
+            with self.assertRaises(inceres.Interrupted):
+                graph.solve()
+            self.assertLess(graph.cost(), initial)
+
+    def test_bundle_adjust_has_the_result(self):
+        bal = inceres.read_bal(STREET)
+        with self.assertRaises(inceres.Interrupted) as caught:
+            inceres.bundle_adjust(*bal.arrays(), callback=self.press)
+        result = caught.exception.result
+        self.assertEqual(result.cameras.shape, bal.cameras.shape)
+        self.assertGreater(np.abs(result.cameras - bal.cameras).max(), 0)
+
+
+class ThreadTest(unittest.TestCase):
+    def test_others_run_while_it_solves_and_are_kept_away(self):
+        graph, cameras, _ = street()
+        inside, refused = threading.Event(), []
+        outside = threading.Event()
+
+        def hold(row):
+            inside.set()
+            self.assertTrue(outside.wait(30))
+
+        def other():
+            self.assertTrue(inside.wait(30))
+            try:
+                graph.set_constant(cameras)
+            except RuntimeError as error:
+                refused.append(str(error))
+            outside.set()
+
+        thread = threading.Thread(target=other)
+        thread.start()
+        graph.solve(callback=hold)
+        thread.join()
+        self.assertEqual(refused, ["set_constant: it is being solved by another thread"])
+
+    def test_the_gil_is_free_between_callbacks(self):
+        """A thread that counts gets on while the main thread is inside one solve."""
+        bal = inceres.read_bal(STREET)
+        steps, done = [0], threading.Event()
+
+        def count():
+            while not done.is_set():
+                steps[0] += 1
+                time.sleep(0)
+
+        thread = threading.Thread(target=count)
+        thread.start()
+        before = steps[0]
+        inceres.bundle_adjust(*bal.arrays(), function_tolerance=0, max_num_iterations=100)
+        during = steps[0] - before
+        done.set()
+        thread.join()
+        self.assertGreater(during, 100)
+
+    def test_two_graphs_at_once(self):
+        results = []
+        bal = inceres.read_bal(STREET)
+        expected = inceres.bundle_adjust(*bal.arrays())
+        threads = [threading.Thread(
+            target=lambda: results.append(inceres.bundle_adjust(*bal.arrays()))) for _ in range(3)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        for result in results:
+            np.testing.assert_array_equal(result.points, expected.points)
+        self.assertEqual(len(results), 3)
+
+
+class GraphTest(unittest.TestCase):
+    def test_bounds_are_kept(self):
+        graph = inceres.FactorGraph()
+        ids = graph.add_variables([[1.0, 1.0]])
+        prior = graph.add_family(inceres.DiagonalPrior(2))
+        graph.add_factors(prior, [ids], [[5.0, -5.0, 1.0, 1.0]])
+        graph.set_bounds(ids, lower=[-np.inf, -2.0], upper=[3.0, np.inf])
+        graph.solve()
+        np.testing.assert_allclose(graph.values(ids), [[3.0, -2.0]], atol=1e-6)
+
+    def test_wrong_arguments_are_named(self):
+        graph, cameras, points = street()
+        for kind, text, call in [
+            (ValueError, "^role: 'pose'", lambda: graph.add_variables([[1.0]], "pose")),
+            (ValueError, r"^values: shape \(1, 3\), expected \(n, 7\)",
+             lambda: graph.add_variables([[1, 2, 3]], manifold=inceres.PoseManifold())),
+            (ValueError, "^family: 4, there are 1",
+             lambda: graph.add_factors(4, [[0, 1]], [[0, 0]])),
+            (ValueError, r"^variables: shape \(1, 3\)",
+             lambda: graph.add_factors(0, [[0, 1, 2]], [[0, 0]])),
+            (ValueError, "^variables: entry 1 is 9999999",
+             lambda: graph.add_factors(0, [[0, 9999999]], [[0, 0]])),
+            (ValueError, r"^measurements: shape \(1, 3\), expected \(1, 2\) for 'BAL repr",
+             lambda: graph.add_factors(0, [[0, 16]], [[0, 0, 0]])),
+            (ValueError, "^measurements: row 0, column 1 is not finite",
+             lambda: graph.add_factors(0, [[0, 16]], [[0, np.nan]])),
+            (ValueError, "^ids: variable 16 has 3 values, variable 0 has 9",
+             lambda: graph.values([0, 16])),
+            (TypeError, "^ids: not an array of whole", lambda: graph.values([0.5])),
+            (ValueError, "^a: a positive|a", lambda: inceres.HuberLoss(-1.0)),
+            (ValueError, "^constant: entry|constant: 3", lambda: inceres.SubsetManifold(3, [3])),
+            (ValueError, "^a: variables|b: 1 ids", lambda: graph.covariance([0, 1], [0])),
+        ]:
+            with self.subTest(text), self.assertRaisesRegex(kind, text):
+                call()
+        self.assertEqual(graph.solve()["termination"], "CONVERGENCE", "nothing was added")
+
+    def test_a_family_belongs_to_one_graph(self):
+        family = inceres.BalReprojection()
+        inceres.FactorGraph().add_family(family)
+        with self.assertRaisesRegex(ValueError, "'BAL reprojection', has been added before"):
+            inceres.IncrementalSolver().add_family(family)
+
+    def test_what_cannot_be_solved_is_named(self):
+        graph = inceres.FactorGraph()
+        ids = graph.add_variables(np.zeros((1, 3)))
+        family = graph.add_family(inceres.BalReprojection())
+        graph.add_factors(family, [[ids[0], ids[0]]], [[0, 0]])
+        with self.assertRaisesRegex(ValueError, "factor 0 of BAL reprojection"):
+            graph.solve()
+
+    def test_summaries_are_ready_for_a_table(self):
+        summary = street()[0].solve()
+        keys = summary["iterations"][0].keys()
+        self.assertTrue(all(row.keys() == keys for row in summary["iterations"]))
+        self.assertTrue(all(np.isscalar(value) for value in summary["iterations"][0].values()))
+
+    def test_manifolds_go_there_and_back(self):
+        scene = Scene()
+        for manifold in (inceres.PoseManifold(), inceres.LeftPoseManifold(), inceres.SE3Manifold()):
+            delta = 0.1 * np.arange(30).reshape(5, 6) / 30
+            moved = manifold.plus(scene.poses, delta)
+            np.testing.assert_allclose(manifold.minus(moved, scene.poses), delta, atol=1e-12)
+
+    def test_losses_are_what_they_say(self):
+        self.assertEqual(inceres.HuberLoss(1.0).evaluate(4.0)[:2], (3.0, 0.5))
+        self.assertEqual(inceres.ScaledLoss(None, 3.0).evaluate(4.0), (12.0, 3.0, 0.0))
+
+
+if __name__ == "__main__":
+    unittest.main()
