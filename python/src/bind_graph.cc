@@ -170,11 +170,11 @@ double CostOf(Graph& graph) {
   return summary.initial_cost;
 }
 
-py::array GraphCovariance(Graph& graph, const py::object& a, const py::object& b,
-                          const py::kwargs& options) {
+py::array CovarianceInGraph(Graph& graph, const py::object& a, const py::object& b,
+                            const py::kwargs& options) {
   const Occupation::Guard guard(&graph.occupation, "covariance");
   return CovarianceOf(graph.core, graph.families, a, b, options,
-                      [&graph](Covariance* covariance, const Covariance::Pairs& pairs) {
+                      [&graph](GraphCovariance* covariance, const GraphCovariance::Pairs& pairs) {
                         return covariance->Compute(graph.core, pairs);
                       });
 }
@@ -220,7 +220,7 @@ void BindGraph(py::module_& module) {
            "callback gets a dict after each iteration; returning False stops and keeps the result, "
            "what it raises ends the solve, with the values of before, and is raised here. Ctrl-C "
            "keeps the best state and raises Interrupted, which has the summary.")
-      .def("covariance", &GraphCovariance, py::arg("a"), py::arg("b") = py::none(),
+      .def("covariance", &CovarianceInGraph, py::arg("a"), py::arg("b") = py::none(),
            "Covariances (n, tangent size, tangent size) of variables a, or of pairs a[i], b[i]. "
            "Keyword arguments: num_threads, max_inflation.")
       .def(

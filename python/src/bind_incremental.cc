@@ -50,7 +50,7 @@ py::array SolverCovariance(LivingSolver& solver, const py::object& a, const py::
                            const py::kwargs& options) {
   const Occupation::Guard guard(&solver.occupation, "covariance");
   return CovarianceOf(solver.core.graph(), solver.families, a, b, options,
-                      [&solver](Covariance* covariance, const Covariance::Pairs& pairs) {
+                      [&solver](GraphCovariance* covariance, const GraphCovariance::Pairs& pairs) {
                         return covariance->Compute(solver.core, pairs);
                       });
 }

@@ -50,11 +50,11 @@ py::array CovarianceOf(const FactorGraph& graph, const Families& families, const
   }
   const int height = CommonTangentSize(graph, rows, "a");
   const int width = CommonTangentSize(graph, columns, "b");
-  Covariance::Pairs pairs;
+  GraphCovariance::Pairs pairs;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     pairs.emplace_back(rows[i], columns[i]);
   }
-  Covariance covariance(ToOptions(options));
+  GraphCovariance covariance(ToOptions(options));
   Watch watch(py::none(), families);
   Status status;
   {

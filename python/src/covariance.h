@@ -7,7 +7,7 @@
 
 namespace inceres::python {
 
-using ComputeCovariance = std::function<Status(Covariance*, const Covariance::Pairs&)>;
+using ComputeCovariance = std::function<Status(GraphCovariance*, const GraphCovariance::Pairs&)>;
 
 /// (n, rows, columns) blocks of variables a with themselves, or of pairs; `compute` runs without
 /// the GIL.

@@ -205,17 +205,17 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     UpdateIteration& row = trace_.row();
     row.step =
         iteration.iteration > 0 && iteration.step_is_valid ? UpdateStep::kBatch : UpdateStep::kNone;
-    row.accepted = iteration.step_is_successful;
+    row.step_is_successful = iteration.step_is_successful;
     row.cost_change = iteration.cost_change;
-    row.predicted_change = iteration.model_cost_change;
+    row.model_cost_change = iteration.model_cost_change;
     row.relative_decrease = iteration.relative_decrease;
     row.step_norm = iteration.step_norm;
     row.gradient_max_norm = iteration.gradient_max_norm;
     row.gradient_norm = iteration.gradient_norm;
     row.damping = IsDamped(options_.batch_strategy) ? 1.0 / iteration.trust_region_radius : 0.0;
-    row.radius = iteration.trust_region_radius;
-    row.num_linear_solver_iterations = iteration.linear_solver_iterations;
-    row.solve_seconds = iteration.step_solver_time_in_seconds;
+    row.trust_region_radius = iteration.trust_region_radius;
+    row.linear_solver_iterations = iteration.linear_solver_iterations;
+    row.step_solver_time_in_seconds = iteration.step_solver_time_in_seconds;
   }
 
   const IncrementalOptions& options_;
@@ -300,7 +300,7 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
   batch.reduced_solver_factory = options.reduced_solver_factory;
   batch.num_threads = options.num_threads;
   batch.max_num_iterations = options.max_num_iterations;
-  batch.max_solver_time_in_seconds = options.max_seconds;
+  batch.max_solver_time_in_seconds = options.max_solver_time_in_seconds;
   // Down to what may be left: one more iteration here costs less than to linearize everything for
   // the incremental system. Where there will be none the observer says when nothing is left.
   batch.function_tolerance = options.function_tolerance;
@@ -319,7 +319,7 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
   // a few points run off in bundle adjustment, and against them every step is short
   batch.parameter_tolerance = 0.0;
   batch.min_relative_decrease = options.min_relative_decrease;
-  batch.refine_landmarks = !only && options.max_landmark_passes > 0;
+  batch.refine_landmarks = !only && options.max_landmark_refinements > 0;
   batch.reduce_curvature_of_losses = !only;
   return batch;
 }
@@ -335,7 +335,7 @@ void Count(const Summary& solved, const BatchObserver& observer, UpdateSummary* 
   const int num_iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
   summary->num_batch_iterations += num_iterations;
   summary->num_iterations += num_iterations;
-  summary->num_rejected_steps += solved.num_unsuccessful_steps;
+  summary->num_unsuccessful_steps += solved.num_unsuccessful_steps;
   summary->num_recentered_factors += solved.work.num_recentered_factors;
   summary->batch_seconds += solved.seconds.total;
   if (summary->failed_step.empty()) {
@@ -410,7 +410,8 @@ BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch&
       RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
   const bool out_of_patience = first.termination == Termination::kNoConvergence &&
                                summary->num_iterations >= part.max_num_iterations;
-  const double seconds_left = options.max_seconds - (NowInSeconds() - trace->start_seconds());
+  const double seconds_left =
+      options.max_solver_time_in_seconds - (NowInSeconds() - trace->start_seconds());
   part.max_num_iterations = options.max_num_iterations - summary->num_iterations;
   const bool proven = !first.held_back &&
                       (summary->ended_by_batch_rule ? first.promises_nothing : !out_of_patience);
@@ -418,7 +419,7 @@ BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch&
       part.max_num_iterations <= 0 || seconds_left <= 0.0) {
     return first;
   }
-  part.max_seconds = seconds_left;
+  part.max_solver_time_in_seconds = seconds_left;
   if (IsDamped(part.batch_strategy) && !first.held_back) {
     part.initial_damping = std::min(part.initial_damping, summary->iterations.back().damping);
   }

@@ -31,7 +31,7 @@ Status FrameStep::Solve(DampingForm form, double mu, double wildfire, Incrementa
   work_ = ReducedSolver::Work();
   if (schur->size() == 0) {
     all_changed_ = true;  // the solver has not seen them go
-    trace->row().num_linear_solver_iterations = 1;
+    trace->row().linear_solver_iterations = 1;
     return Status::Ok();
   }
   UpdateSummary& summary = trace->summary();
@@ -52,7 +52,7 @@ Status FrameStep::Solve(DampingForm form, double mu, double wildfire, Incrementa
   work_ = solver_->work();
   summary.num_solved_rows += count(work_.solved_rows);
   summary.num_pcg_iterations += work_.iterations;
-  trace->row().num_linear_solver_iterations = std::max(1, work_.iterations);
+  trace->row().linear_solver_iterations = std::max(1, work_.iterations);
   return solved;
 }
 

@@ -91,7 +91,7 @@ void IncrementalMinimizer::Finish(Termination termination, const char* message) 
 bool IncrementalMinimizer::EndIteration() {
   UpdateIteration& row = trace_->row();
   row.damping = control_.mu();
-  row.radius = control_.radius();
+  row.trust_region_radius = control_.radius();
   if (trace_->observed()) {
     system_.schur().RhsNorms(&row.gradient_max_norm, &row.gradient_norm);
   }
@@ -103,7 +103,7 @@ bool IncrementalMinimizer::OutOfBudget(const std::atomic<bool>& stop) const {
          stop.load(std::memory_order_relaxed) ||
          summary_->num_evaluated_factors + summary_->num_relinearized_factors >=
              options_.max_factor_evaluations ||
-         NowInSeconds() - trace_->start_seconds() >= options_.max_seconds;
+         NowInSeconds() - trace_->start_seconds() >= options_.max_solver_time_in_seconds;
 }
 
 double IncrementalMinimizer::LandmarkDamping() const {
@@ -149,11 +149,11 @@ double IncrementalMinimizer::LandmarkGain() {
 bool IncrementalMinimizer::StepLandmarks() {
   IncrementalSchur& schur = system_.schur();
   const double gain = LandmarkGain();
-  if (state_.num_landmark_passes <= 0 ||
+  if (state_.num_landmark_refinements <= 0 ||
       gain <= tuning_.landmarks.share * stop_.Allowed(system_.cost())) {
     return false;
   }
-  --state_.num_landmark_passes;
+  --state_.num_landmark_refinements;
   const StageTimer timer(&summary_->landmark_seconds);
   const double cost = system_.cost();
   int num_evaluated = 0;
@@ -161,12 +161,12 @@ bool IncrementalMinimizer::StepLandmarks() {
       system_.StepLandmarks(schur.gains().Above(tuning_.landmarks.share * gain /
                                                 std::max(1, schur.structure().num_landmarks())),
                             &num_evaluated);
-  ++summary_->num_landmark_passes;
+  ++summary_->num_landmark_refinements;
   summary_->num_evaluated_factors += num_evaluated;
   if (moved) {
     UpdateIteration& row = trace_->row();
     row.step = UpdateStep::kLandmarks;
-    row.accepted = true;
+    row.step_is_successful = true;
     row.cost_change = cost - system_.cost();
     stop_.LandmarksGained(row.cost_change, gain);
     row.step_norm = system_.step().Norm();
@@ -216,7 +216,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   if (state_.frames_moved && !state_.mostly_new &&
       landmark_gain > tuning_.landmarks.dominance * remaining) {
     state_.frames_moved = false;
-    state_.num_landmark_passes = options_.max_landmark_passes;
+    state_.num_landmark_refinements = options_.max_landmark_refinements;
     if (StepLandmarks()) {
       return Verdict::kGoOn;
     }
@@ -298,7 +298,7 @@ bool IncrementalMinimizer::TakeStep(bool* refreshed) {
       return true;
     }
     *refreshed =
-        relinearization_.RefreshTouched(/*evaluated=*/trace_->row().predicted_change > 0.0);
+        relinearization_.RefreshTouched(/*evaluated=*/trace_->row().model_cost_change > 0.0);
     if (*refreshed || !control_.MayShorten(attempt)) {
       control_.GiveUpRadius();
       return false;
@@ -328,7 +328,7 @@ bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
   row.step = UpdateStep::kFrames;
   row.step_norm = system_.step().Norm();
   row.cost_change = evaluated ? -change : -std::numeric_limits<double>::max();
-  row.predicted_change = evaluated ? predicted : 0.0;
+  row.model_cost_change = evaluated ? predicted : 0.0;
   row.relative_decrease = evaluated ? *gain_ratio : std::numeric_limits<double>::lowest();
   return evaluated;
 }
@@ -336,7 +336,7 @@ bool IncrementalMinimizer::EvaluateStep(double* gain_ratio) {
 // The step moves the state, and what it touched is looked at.
 void IncrementalMinimizer::AcceptStep() {
   const StageTimer timer(&summary_->accept_seconds);
-  trace_->row().accepted = true;
+  trace_->row().step_is_successful = true;
   summary_->num_updated_landmarks += system_.AcceptValues();
   relinearization_.MarkStale(Tolerance());
   frame_step_.TakeOff(active_.frames(), &system_);
@@ -354,14 +354,14 @@ void IncrementalMinimizer::Accept(double gain_ratio) {
 
 // Refresh before retreat; then more damping, which the landmarks that would have moved take up too.
 IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
-  ++summary_->num_rejected_steps;
+  ++summary_->num_unsuccessful_steps;
   UpdateIteration& row = trace_->row();
   row.refreshed = refreshed;
   if (refreshed) {
     return Verdict::kGoOn;
   }
   // it could not be evaluated
-  const bool blindly = row.step == UpdateStep::kFrames && !(row.predicted_change > 0.0);
+  const bool blindly = row.step == UpdateStep::kFrames && !(row.model_cost_change > 0.0);
   const bool may_go_on = control_.Refuse(summary_->remaining_decrease, blindly);
   for (const std::int32_t landmark : active_.landmarks()) {
     if (options_.damping == DampingForm::kHybrid &&

@@ -42,8 +42,8 @@ class IncrementalMinimizer {
   struct UpdateState {
     bool mostly_new = false;
     Shares shares;
-    bool frames_moved = false;    // since landmarks last stepped by themselves: the frames go first
-    int num_landmark_passes = 0;  // still allowed before the next step of the frames
+    bool frames_moved = false;  // since landmarks last stepped by themselves: the frames go first
+    int num_landmark_refinements = 0;  // still allowed before the next step of the frames
   };
 
   bool Begin(bool mostly_new, const std::atomic<bool>& stop);

@@ -13,8 +13,8 @@ Status IncrementalOptions::Validate() const {
   if (max_num_iterations < 0) {
     return fail("max_num_iterations", max_num_iterations, ">= 0");
   }
-  if (!(max_seconds > 0.0)) {
-    return fail("max_seconds", max_seconds, "> 0");
+  if (!(max_solver_time_in_seconds > 0.0)) {
+    return fail("max_solver_time_in_seconds", max_solver_time_in_seconds, "> 0");
   }
   if (max_factor_evaluations <= 0) {
     return fail("max_factor_evaluations", static_cast<double>(max_factor_evaluations), "> 0");
@@ -52,8 +52,8 @@ Status IncrementalOptions::Validate() const {
   if (!((truncation_share >= 0.0 && truncation_share < 1.0) || truncation_share == kByGraph)) {
     return fail("truncation_share", truncation_share, "in [0, 1) or kByGraph");
   }
-  if (max_landmark_passes < 0) {
-    return fail("max_landmark_passes", max_landmark_passes, ">= 0");
+  if (max_landmark_refinements < 0) {
+    return fail("max_landmark_refinements", max_landmark_refinements, ">= 0");
   }
   if (max_new_frame_steps < 0) {
     return fail("max_new_frame_steps", max_new_frame_steps, ">= 0");

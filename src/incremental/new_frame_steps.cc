@@ -47,7 +47,7 @@ bool IncrementalMinimizer::FindNewFrameStep() {
     }
     schur.TakeOutOfRows(landmark, new_frames_);
   });
-  trace_->row().num_linear_solver_iterations = 1;
+  trace_->row().linear_solver_iterations = 1;
   return solved;
 }
 
@@ -68,7 +68,7 @@ bool IncrementalMinimizer::StepNewFrames(const std::atomic<bool>& stop) {
     summary_->num_moved_frames += new_frames_.count();
     double ratio = 0.0;
     const bool evaluated = EvaluateStep(&ratio);
-    if (evaluated && trace_->row().predicted_change <= stop_.rounding()) {
+    if (evaluated && trace_->row().model_cost_change <= stop_.rounding()) {
       trace_->row().step = UpdateStep::kNone;  // they are where they belong
       system_.step().Reject();
       return EndIteration();
@@ -77,7 +77,7 @@ bool IncrementalMinimizer::StepNewFrames(const std::atomic<bool>& stop) {
     if (accepted) {
       AcceptStep();
     } else {
-      ++summary_->num_rejected_steps;
+      ++summary_->num_unsuccessful_steps;
       system_.step().Reject();
     }
     const double gain = trace_->row().cost_change;

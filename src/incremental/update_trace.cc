@@ -29,15 +29,15 @@ bool UpdateTrace::EndRow(double cost) {
   const double now = NowInSeconds();
   const Counts counts = CountsNow();
   row_.iteration = static_cast<int>(summary_.iterations.size());
-  row_.accepted = row_.accepted || row_.iteration == 0;
+  row_.step_is_successful = row_.step_is_successful || row_.iteration == 0;
   row_.cost = cost;
   row_.num_moved_frames = counts.moved_frames - row_start_.moved_frames;
   row_.num_visited_landmarks = counts.visited_landmarks - row_start_.visited_landmarks;
   row_.num_relinearized_factors = counts.relinearized_factors - row_start_.relinearized_factors;
   row_.num_evaluated_factors = counts.evaluated_factors - row_start_.evaluated_factors;
-  row_.solve_seconds += counts.solve_seconds - row_start_.solve_seconds;
-  row_.seconds = now - row_start_seconds_;
-  row_.cumulative_seconds = now - start_seconds_;
+  row_.step_solver_time_in_seconds += counts.solve_seconds - row_start_.solve_seconds;
+  row_.iteration_time_in_seconds = now - row_start_seconds_;
+  row_.cumulative_time_in_seconds = now - start_seconds_;
   summary_.iterations.push_back(row_);
   const ObserverAction action =
       observed() ? observer_->EndOfIteration(row_) : ObserverAction::kContinue;

@@ -285,7 +285,7 @@ void TrustRegionMinimizer::RunInnerIterations() {
   const double min_gain = kInnerShare * options_.function_tolerance * (cost_ - loop_.fixed_cost) /
                           evaluator_.layout().num_landmarks();
   const double gain = inner_iterations_->Run(min_gain, cost_ - candidate_cost_);
-  summary_.work.num_inner_iterations += inner_iterations_->num_moved();
+  summary_.work.num_refined_landmarks += inner_iterations_->num_moved();
   inner_iterations_->Pace(gain, cost_ - candidate_cost_);
   candidate_cost_ -= gain;
   model_decrease_ += gain;

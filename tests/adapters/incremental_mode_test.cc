@@ -300,7 +300,7 @@ TEST(IncrementalOptionMapping, TakesWhatTheUserSays) {
   core.truncation_share = 0.7;
   IncrementalOptions mapped = internal::MapIncrementalOptions(options, core);
   EXPECT_EQ(mapped.max_num_iterations, 7);
-  EXPECT_EQ(mapped.max_seconds, 3.0);
+  EXPECT_EQ(mapped.max_solver_time_in_seconds, 3.0);
   EXPECT_EQ(mapped.function_tolerance, 1e-3);
   EXPECT_EQ(mapped.min_relative_decrease, 0.25);
   EXPECT_EQ(mapped.initial_damping, 0.01);

@@ -139,7 +139,7 @@ TEST(SlidingWindow, TheBudgetIsKept) {
   options.solver.max_factor_evaluations = 1;
   WindowRun work(sequence, options);
   options.solver.max_factor_evaluations = 1'000'000;
-  options.solver.max_seconds = 1e-9;
+  options.solver.max_solver_time_in_seconds = 1e-9;
   WindowRun seconds(sequence, options);
   while (iterations.next < 40) {
     EXPECT_LE(iterations.Step().update.num_iterations, 3);

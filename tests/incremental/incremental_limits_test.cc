@@ -96,7 +96,7 @@ TEST(IncrementalLimits, FactorEvaluationsOfTheBatchSolverCountToo) {
 
 TEST(IncrementalLimits, Seconds) {
   IncrementalOptions options = WithoutBatch();
-  options.max_seconds = 1e-9;
+  options.max_solver_time_in_seconds = 1e-9;
   IncrementalBundle bundle(options, 10);
   bundle.Grow(10, 60, 3);
   const UpdateSummary summary = bundle.solver.Update();

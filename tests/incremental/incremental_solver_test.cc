@@ -285,7 +285,8 @@ TEST(IncrementalOptions, EachFieldIsValidatedByName) {
     EXPECT_EQ(IncrementalSolver(options).Update().termination, Termination::kFailure);
   };
   expect_named("max_num_iterations", [](IncrementalOptions* o) { o->max_num_iterations = -1; });
-  expect_named("max_seconds", [](IncrementalOptions* o) { o->max_seconds = 0.0; });
+  expect_named("max_solver_time_in_seconds",
+               [](IncrementalOptions* o) { o->max_solver_time_in_seconds = 0.0; });
   expect_named("function_tolerance", [](IncrementalOptions* o) { o->function_tolerance = -1.0; });
   expect_named("min_relative_decrease",
                [](IncrementalOptions* o) { o->min_relative_decrease = std::nan(""); });

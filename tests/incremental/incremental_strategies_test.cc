@@ -98,7 +98,7 @@ INSTANTIATE_TEST_SUITE_P(
         Variant{"ThesisDamping", [](IncrementalOptions* o) { o->damping = DampingForm::kThesis; }},
         Variant{"StepSizeRule",
                 [](IncrementalOptions* o) { o->relinearization = RelinearizationRule::kStepSize; }},
-        Variant{"NoLandmarkPasses", [](IncrementalOptions* o) { o->max_landmark_passes = 0; }},
+        Variant{"NoLandmarkPasses", [](IncrementalOptions* o) { o->max_landmark_refinements = 0; }},
         Variant{"NoNewFrameSteps", [](IncrementalOptions* o) { o->max_new_frame_steps = 0; }},
         Variant{"NothingTruncated", [](IncrementalOptions* o) { o->truncation_share = 0.0; }},
         Variant{"AlwaysRebuilt",
@@ -129,7 +129,7 @@ TEST(RebuildPolicy, DifferencesGiveTheIteratesOfRebuilding) {
     options.batch_share = 1.0;
     options.relinearization_share = 0.0;
     options.truncation_share = 0.0;
-    options.max_landmark_passes = 0;
+    options.max_landmark_refinements = 0;
     options.rebuild = policy;
     IncrementalBundle bundle(options, 12);
     std::vector<double> costs;
@@ -209,7 +209,7 @@ TEST(LandmarkPasses, BringOutliersHomeInFewerIterations) {
   const auto run = [](int passes) {
     IncrementalOptions options;
     options.batch_share = 1.0;
-    options.max_landmark_passes = passes;
+    options.max_landmark_refinements = passes;
     options.max_num_iterations = 500;
     options.function_tolerance = 1e-9;
     IncrementalSolver solver(options);
@@ -261,8 +261,8 @@ TEST(LandmarkPasses, BringOutliersHomeInFewerIterations) {
   const UpdateSummary with = run(5);
   EXPECT_EQ(without.termination, Termination::kConvergence);
   EXPECT_EQ(with.termination, Termination::kConvergence);
-  EXPECT_EQ(without.num_landmark_passes, 0);
-  EXPECT_GT(with.num_landmark_passes, 0);
+  EXPECT_EQ(without.num_landmark_refinements, 0);
+  EXPECT_GT(with.num_landmark_refinements, 0);
   EXPECT_LE(with.num_iterations, without.num_iterations);
   EXPECT_LE(with.final_cost, without.final_cost * (1.0 + 1e-6));
 }

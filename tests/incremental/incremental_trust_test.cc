@@ -141,7 +141,7 @@ TEST(IncrementalTrust, RefusalsOfOneUpdateDoNotHoldTheNextOnesBack) {
         0.99 * (row.solver.Values(row.points[0])[2] - row.solver.Values(row.cameras[0])[2]);
     row.Revised(row.views_of);
     const UpdateSummary sick = row.solver.Update();
-    refused += sick.num_rejected_steps;
+    refused += sick.num_unsuccessful_steps;
     row.nearest = 0.0;
     for (int k = 1; k < 5; ++k) {
       row.pixels[Row::Index(1, k)].xy[0] += 0.002;
@@ -198,7 +198,7 @@ TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
     edit.Restart();
     const UpdateSummary summary = solver.Update();
     ASSERT_EQ(summary.termination, Termination::kConvergence) << n << ": " << summary.message;
-    EXPECT_EQ(summary.num_rejected_steps, 0) << n;
+    EXPECT_EQ(summary.num_unsuccessful_steps, 0) << n;
     num_iterations += summary.num_iterations;
   }
   EXPECT_LE(num_iterations, 2 * 60);

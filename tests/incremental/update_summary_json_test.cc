@@ -1,5 +1,6 @@
 #include <iterator>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -28,11 +29,11 @@ UpdateSummary Numbered() {
     *field = real++;
   }
   int count = 1000;
-  for (int* field : {&s.num_iterations, &s.num_batch_iterations, &s.num_rejected_steps,
+  for (int* field : {&s.num_iterations, &s.num_batch_iterations, &s.num_unsuccessful_steps,
                      &s.num_shortened_steps, &s.num_relinearized_factors, &s.num_recentered_factors,
                      &s.num_eliminated_landmarks, &s.num_updated_landmarks, &s.num_factored_rows,
                      &s.num_reorderings, &s.num_solved_rows, &s.num_pcg_iterations,
-                     &s.num_landmark_passes, &s.num_visited_landmarks, &s.num_moved_frames,
+                     &s.num_landmark_refinements, &s.num_visited_landmarks, &s.num_moved_frames,
                      &s.num_rebuilds, &s.num_drifted_frames, &s.num_undetermined_landmarks}) {
     *field = count++;
   }
@@ -42,16 +43,17 @@ UpdateSummary Numbered() {
   s.iterations.resize(2);
   UpdateIteration& row = s.iterations[1];
   row.step = UpdateStep::kLandmarks;
-  row.accepted = row.refreshed = true;
+  row.step_is_successful = row.refreshed = true;
   real = 100.5;
-  for (double* field : {&row.cost, &row.cost_change, &row.predicted_change, &row.relative_decrease,
+  for (double* field : {&row.cost, &row.cost_change, &row.model_cost_change, &row.relative_decrease,
                         &row.step_norm, &row.gradient_max_norm, &row.gradient_norm, &row.damping,
-                        &row.radius, &row.seconds, &row.solve_seconds, &row.cumulative_seconds}) {
+                        &row.trust_region_radius, &row.iteration_time_in_seconds,
+                        &row.step_solver_time_in_seconds, &row.cumulative_time_in_seconds}) {
     *field = real++;
   }
   count = 2000;
   for (int* field : {&row.iteration, &row.num_moved_frames, &row.num_visited_landmarks,
-                     &row.num_relinearized_factors, &row.num_linear_solver_iterations}) {
+                     &row.num_relinearized_factors, &row.linear_solver_iterations}) {
     *field = count++;
   }
   row.num_evaluated_factors = 5000000003;
@@ -161,6 +163,20 @@ TEST(UpdateSummaryJson, NamesEveryField) {
 #endif
 
 // What an Update fills in, on a problem in which every stage has work.
+TEST(UpdateSummary, IsUsableAsASummaryIs) {
+  for (const auto& [termination, usable] : {std::pair{Termination::kConvergence, true},
+                                            {Termination::kNoConvergence, true},
+                                            {Termination::kFailure, false},
+                                            {Termination::kUserSuccess, true},
+                                            {Termination::kUserFailure, false}}) {
+    UpdateSummary update;
+    Summary batch;
+    update.termination = batch.termination = termination;
+    EXPECT_EQ(update.IsSolutionUsable(), usable) << ToString(termination);
+    EXPECT_EQ(batch.IsSolutionUsable(), usable) << ToString(termination);
+  }
+}
+
 TEST(UpdateSummary, CountsWhatAnUpdateDid) {
   IncrementalOptions options;
   options.batch_share = 1.0;

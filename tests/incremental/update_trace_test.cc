@@ -61,13 +61,13 @@ void ExpectSumsOf(const UpdateSummary& summary, int num_factors, Kinds* kinds) {
     num_evaluated += row.num_evaluated_factors;
     num_moved += row.num_moved_frames;
     num_batch += row.step == UpdateStep::kBatch ? 1 : 0;
-    num_rejected += row.step != UpdateStep::kNone && !row.accepted ? 1 : 0;
+    num_rejected += row.step != UpdateStep::kNone && !row.step_is_successful ? 1 : 0;
     kinds->landmarks += row.step == UpdateStep::kLandmarks ? 1 : 0;
     kinds->frames += row.step == UpdateStep::kFrames ? 1 : 0;
   }
   kinds->batch += num_batch;
   EXPECT_EQ(num_batch, summary.num_batch_iterations);
-  EXPECT_EQ(num_rejected, summary.num_rejected_steps);
+  EXPECT_EQ(num_rejected, summary.num_unsuccessful_steps);
   // Nor has what the living solver linearized after it to find that nothing is left.
   EXPECT_LE(num_relinearized, summary.num_relinearized_factors);
   EXPECT_GE(num_relinearized, summary.num_relinearized_factors - (num_batch > 0 ? num_factors : 0));
@@ -79,9 +79,9 @@ void ExpectSumsOf(const UpdateSummary& summary, int num_factors, Kinds* kinds) {
 
 void ExpectConsistent(const UpdateIteration& row, const UpdateIteration& previous) {
   EXPECT_EQ(row.iteration, previous.iteration + 1);
-  EXPECT_GE(row.cumulative_seconds, previous.cumulative_seconds);
-  EXPECT_LE(row.solve_seconds, row.seconds);
-  EXPECT_NEAR(row.cost, row.accepted ? previous.cost - row.cost_change : previous.cost,
+  EXPECT_GE(row.cumulative_time_in_seconds, previous.cumulative_time_in_seconds);
+  EXPECT_LE(row.step_solver_time_in_seconds, row.iteration_time_in_seconds);
+  EXPECT_NEAR(row.cost, row.step_is_successful ? previous.cost - row.cost_change : previous.cost,
               1e-9 * previous.cost);
   if (row.step == UpdateStep::kNone) {
     return;
@@ -89,10 +89,10 @@ void ExpectConsistent(const UpdateIteration& row, const UpdateIteration& previou
   EXPECT_GT(row.step_norm, 0.0);
   EXPECT_GT(row.num_evaluated_factors, 0);
   if (row.step != UpdateStep::kLandmarks) {
-    EXPECT_GT(row.predicted_change, 0.0);
-    EXPECT_NEAR(row.relative_decrease, row.cost_change / row.predicted_change,
+    EXPECT_GT(row.model_cost_change, 0.0);
+    EXPECT_NEAR(row.relative_decrease, row.cost_change / row.model_cost_change,
                 1e-9 * std::fabs(row.relative_decrease));
-    EXPECT_GE(row.num_linear_solver_iterations, 1);
+    EXPECT_GE(row.linear_solver_iterations, 1);
   }
 }
 
@@ -109,13 +109,13 @@ TEST(UpdateTrace, RowsTellOfTheWholeUpdate) {
       const std::vector<UpdateIteration>& rows = summary.iterations;
       ASSERT_GT(rows.size(), 1U);
       EXPECT_EQ(rows[0].step, UpdateStep::kNone);
-      EXPECT_TRUE(rows[0].accepted);
+      EXPECT_TRUE(rows[0].step_is_successful);
       EXPECT_EQ(rows[0].cost, summary.initial_cost);
       for (std::size_t k = 1; k < rows.size(); ++k) {
         ExpectConsistent(rows[k], rows[k - 1]);
       }
       EXPECT_NEAR(rows.back().cost, summary.final_cost, 1e-9 * summary.final_cost);
-      EXPECT_LE(rows.back().cumulative_seconds, summary.seconds);
+      EXPECT_LE(rows.back().cumulative_time_in_seconds, summary.seconds);
       // Outliers, for landmarks to step by themselves.
       bundle.SetValues(bundle.landmarks()[static_cast<std::size_t>(round)], {4.0, -4.0, 4.0});
       bundle.Grow(1, 8, 3, loss);
@@ -158,7 +158,7 @@ TEST(UpdateObserver, SeesEveryRowAndTheBestStateSoFar) {
       EXPECT_EQ(seen[k].cost, summary.iterations[k].cost);
       EXPECT_GT(seen[k].gradient_max_norm, 0.0);
       EXPECT_GE(seen[k].gradient_norm, seen[k].gradient_max_norm);
-      EXPECT_EQ(states[k] != states[k - 1], seen[k].accepted) << "iteration " << k;
+      EXPECT_EQ(states[k] != states[k - 1], seen[k].step_is_successful) << "iteration " << k;
     }
     EXPECT_LT(seen.back().gradient_max_norm, 1e-2 * seen[0].gradient_max_norm);
     // An observer that only looks changes nothing.

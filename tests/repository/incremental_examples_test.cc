@@ -88,7 +88,7 @@ const double* camera_now = solver.Values(camera);
 TEST(IncrementalExamples, GrowReviseUpdate) {
 // [quoted in docs/incremental.md]
 inceres::IncrementalOptions options;
-options.max_seconds = 0.5;  // an Update ends after this, with the best state so far
+options.max_solver_time_in_seconds = 0.5;  // an Update ends after this, with the best state so far
 inceres::IncrementalSolver solver(options);
 // Before an edit is begun:
 const auto reprojections = solver.AddFamily(std::make_shared<inceres::BalReprojectionFamily>());

@@ -147,13 +147,13 @@ class IncrementalReplaySolver : public ReplaySolver {
     UpdateSummary summary;
     ReplayOutcome outcome;
     outcome.seconds = Seconds([&] { summary = solver_.Update(); });
-    outcome.usable = summary.termination != Termination::kFailure;
+    outcome.usable = summary.IsSolutionUsable();
     outcome.termination = ToString(summary.termination);
     outcome.message = outcome.usable ? "" : summary.message;
     outcome.initial_cost = summary.initial_cost;
     outcome.final_cost = summary.final_cost;
     outcome.iterations = summary.num_iterations;
-    outcome.work = {{"rejected_steps", summary.num_rejected_steps},
+    outcome.work = {{"rejected_steps", summary.num_unsuccessful_steps},
                     {"relinearised_factors", summary.num_relinearized_factors},
                     {"evaluated_factors", summary.num_evaluated_factors},
                     {"eliminated_landmarks", summary.num_eliminated_landmarks},

@@ -36,7 +36,7 @@ void FillIncremental(const UpdateSummary& update, SolveRecord* record) {
   record->linear_solver = "incremental";
   record->stage_seconds = {{"update", update.seconds}};
   record->work = {{"iterations", update.num_iterations},
-                  {"rejected_steps", update.num_rejected_steps},
+                  {"rejected_steps", update.num_unsuccessful_steps},
                   {"relinearised_factors", update.num_relinearized_factors},
                   {"evaluated_factors", update.num_evaluated_factors},
                   {"eliminated_landmarks", update.num_eliminated_landmarks},

@@ -239,7 +239,7 @@ IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options,
                                          const IncrementalOptions& core) {
   IncrementalOptions result = core;
   result.max_num_iterations = options.max_num_iterations;
-  result.max_seconds =
+  result.max_solver_time_in_seconds =
       std::max(options.max_solver_time_in_seconds, std::numeric_limits<double>::min());
   result.function_tolerance = options.function_tolerance;
   result.min_relative_decrease = options.min_relative_decrease;

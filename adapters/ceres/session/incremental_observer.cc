@@ -6,21 +6,21 @@ IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveConte
   IterationSummary result;
   result.iteration = row.iteration + context.last_iteration.value_or(0);
   result.step_is_valid = row.step != UpdateStep::kNone || row.iteration == 0;
-  result.step_is_successful = row.accepted;
+  result.step_is_successful = row.step_is_successful;
   // cost is that of before: the step was refused
   const double candidate_cost = row.cost - row.cost_change;
-  result.cost = (row.accepted ? row.cost : candidate_cost) + context.outside_cost;
+  result.cost = (row.step_is_successful ? row.cost : candidate_cost) + context.outside_cost;
   result.cost_change = row.cost_change;
   result.gradient_max_norm = row.gradient_max_norm;
   result.gradient_norm = row.gradient_norm;
   result.step_norm = row.step_norm;
-  result.model_cost_change = row.predicted_change;
+  result.model_cost_change = row.model_cost_change;
   result.relative_decrease = row.relative_decrease;
-  result.trust_region_radius = row.damping > 0.0 ? 1.0 / row.damping : row.radius;
-  result.linear_solver_iterations = row.num_linear_solver_iterations;
-  result.iteration_time_in_seconds = row.seconds;
-  result.step_solver_time_in_seconds = row.solve_seconds;
-  result.cumulative_time_in_seconds = context.seconds_before + row.cumulative_seconds;
+  result.trust_region_radius = row.damping > 0.0 ? 1.0 / row.damping : row.trust_region_radius;
+  result.linear_solver_iterations = row.linear_solver_iterations;
+  result.iteration_time_in_seconds = row.iteration_time_in_seconds;
+  result.step_solver_time_in_seconds = row.step_solver_time_in_seconds;
+  result.cumulative_time_in_seconds = context.seconds_before + row.cumulative_time_in_seconds;
   return result;
 }
 

@@ -44,8 +44,8 @@ Costs FixedCosts(const ProblemView& view, const IncrementalProblem& living) {
 
 IncrementalOptions WithTimeLeft(const IncrementalOptions& core, double seconds_spent) {
   IncrementalOptions options = core;
-  options.max_seconds =
-      std::max(options.max_seconds - seconds_spent, std::numeric_limits<double>::min());
+  options.max_solver_time_in_seconds = std::max(options.max_solver_time_in_seconds - seconds_spent,
+                                                std::numeric_limits<double>::min());
   return options;
 }
 

@@ -68,8 +68,8 @@ struct INCERES_EXPORT SlidingWindowOptions {
 
   /// Noise, gravity and conventions of the IMU. The perturbation must be kRight.
   ImuOptions imu;
-  /// max_num_iterations, max_seconds and max_factor_evaluations are the budget of a frame: in
-  /// iterations, seconds or work.
+  /// max_num_iterations, max_solver_time_in_seconds and max_factor_evaluations are the budget of a
+  /// frame: in iterations, seconds or work.
   IncrementalOptions solver = FrameBudget();
   /// Threshold of the prior, and whether what it holds is linearized for ever where it was when the
   /// prior took it up: first-estimate Jacobians, which pay if first estimates are good

@@ -42,7 +42,7 @@ struct INCERES_EXPORT IncrementalOptions {
 
   int max_num_iterations = 50;  ///< per Update, ≥ 0
   /// per Update, > 0, looked at between iterations; the best state so far is kept
-  double max_seconds = 1e9;
+  double max_solver_time_in_seconds = 1e9;
   /// Work budget per Update, > 0: factors evaluated, with or without Jacobians. Looked at between
   /// iterations.
   std::int64_t max_factor_evaluations = std::numeric_limits<std::int64_t>::max();
@@ -90,7 +90,7 @@ struct INCERES_EXPORT IncrementalOptions {
   /// by those that could still gain much by themselves (ICE-BA's embedded point iteration). Each
   /// evaluates their factors only. Unless 0, a batch solve takes some too, after steps that creep
   /// (SolverOptions::refine_landmarks), except with batch_share 0.
-  int max_landmark_passes = 5;
+  int max_landmark_refinements = 5;
 
   /// ≥ 0: an Update begins with at most so many steps of the frames that have come since the last
   /// one and of the landmarks they see, all other frames held, while these gain much: a new frame

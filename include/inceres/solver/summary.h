@@ -21,6 +21,12 @@ enum class Termination {
 /// "CONVERGENCE", "NO_CONVERGENCE", … as Ceres prints them.
 INCERES_EXPORT const char* ToString(Termination termination);
 
+/// Whether the state is the solve's result: not what it was before, for want of a better one.
+constexpr bool IsUsable(Termination termination) {
+  return termination == Termination::kConvergence || termination == Termination::kNoConvergence ||
+         termination == Termination::kUserSuccess;
+}
+
 /// One line of the trace. Fields mean what ceres::IterationSummary's do (Ceres 2.1), iteration 0
 /// being the start.
 struct INCERES_EXPORT IterationSummary {
@@ -61,7 +67,7 @@ struct INCERES_EXPORT WorkCounts {
   int num_jacobian_evaluations = 0;  ///< passes with Jacobians
   int num_linear_solves = 0;         ///< systems solved for a step
   /// steps of single landmarks, SolverOptions::refine_landmarks
-  std::int64_t num_inner_iterations = 0;
+  std::int64_t num_refined_landmarks = 0;
   int num_recentered_factors =
       0;                  ///< expansion points moved between iterations, FactorFamily::Recenter
   int num_frames = 0;     ///< variable frames in the reduced system
@@ -128,10 +134,7 @@ struct INCERES_EXPORT Summary {
   StageSeconds seconds;  ///< how long it took
 
   /// Whether the state is the best one found, and not that of before the solve.
-  bool IsSolutionUsable() const {
-    return termination == Termination::kConvergence || termination == Termination::kNoConvergence ||
-           termination == Termination::kUserSuccess;
-  }
+  bool IsSolutionUsable() const { return IsUsable(termination); }
   /// Termination, costs, iterations, counts and seconds as one JSON object.
   std::string ToJson() const;
   /// One line, as Ceres's: iterations, initial and final cost, termination.

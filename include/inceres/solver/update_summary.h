@@ -29,7 +29,7 @@ INCERES_EXPORT const char* ToString(UpdateStep step);
 struct INCERES_EXPORT UpdateIteration {
   int iteration = 0;                    ///< 0 is the start
   UpdateStep step = UpdateStep::kNone;  ///< what moved
-  bool accepted = false;                ///< the state moved; true of the start
+  bool step_is_successful = false;      ///< the state moved; true of the start
   /// Cut to the radius, or refused and tried again, along the dog-leg path. What follows is of the
   /// last try.
   bool shortened = false;
@@ -38,7 +38,7 @@ struct INCERES_EXPORT UpdateIteration {
   double cost = 0.0;  ///< ½ Σ ρ of the state after it
   /// cost before − cost of the candidate, if refused too; −DBL_MAX if that has none
   double cost_change = 0.0;
-  double predicted_change = 0.0;   ///< the same by the model; 0 of kLandmarks
+  double model_cost_change = 0.0;  ///< the same by the model; 0 of kLandmarks
   double relative_decrease = 0.0;  ///< their ratio
   double step_norm = 0.0;  ///< ‖δ‖ in the tangent spaces; ‖x − candidate‖ of kBatch
   /// With an observer only: max and norm of (b, l), the gradient with the frames' part as it is
@@ -48,16 +48,16 @@ struct INCERES_EXPORT UpdateIteration {
   double gradient_norm = 0.0;  ///< see gradient_max_norm
   double damping = 0.0;        ///< μ after it; 0 of the batch solver's Dog-Leg
   /// of the trust region after it: infinite unless a step was shortened; Ceres's of kBatch
-  double radius = 0.0;
+  double trust_region_radius = 0.0;
   int num_moved_frames = 0;                ///< frames of the active set
   int num_visited_landmarks = 0;           ///< leaves back-substituted
   int num_relinearized_factors = 0;        ///< evaluated with Jacobians
   std::int64_t num_evaluated_factors = 0;  ///< evaluated for their cost
   /// of PCG; 1 if a direct solver solved, 0 if there was nothing to solve
-  int num_linear_solver_iterations = 0;
-  double seconds = 0.0;             ///< of this iteration
-  double solve_seconds = 0.0;       ///< of them in the solver of the reduced system
-  double cumulative_seconds = 0.0;  ///< since the Update began
+  int linear_solver_iterations = 0;
+  double iteration_time_in_seconds = 0.0;    ///< of this iteration
+  double step_solver_time_in_seconds = 0.0;  ///< of them in the solver of the reduced system
+  double cumulative_time_in_seconds = 0.0;   ///< since the Update began
 };
 
 /// What one Update of an IncrementalSolver did: counts, which do not depend on the machine, and
@@ -80,7 +80,7 @@ struct INCERES_EXPORT UpdateSummary {
 
   int num_iterations = 0;            ///< solves of the reduced system
   int num_batch_iterations = 0;      ///< of them by the batch solver
-  int num_rejected_steps = 0;        ///< given up, not tried again shorter
+  int num_unsuccessful_steps = 0;    ///< given up, not tried again shorter
   int num_shortened_steps = 0;       ///< tried again along the dog-leg path
   int num_relinearized_factors = 0;  ///< evaluated with Jacobians
   /// whose expansion point moved between iterations, FactorFamily::Recenter
@@ -89,14 +89,14 @@ struct INCERES_EXPORT UpdateSummary {
   int num_eliminated_landmarks = 0;        ///< taken out of S and put back with new blocks
   int num_updated_landmarks = 0;           ///< whose right-hand side alone followed
   int num_factored_rows = 0;               ///< block rows of the reduced system refactored
-  int num_reorderings = 0;        ///< of the reduced system's rows, whose order had aged (loops)
-  int num_solved_rows = 0;        ///< block rows substituted backwards
-  int num_pcg_iterations = 0;     ///< conjugate-gradient iterations, of all solves
-  int num_landmark_passes = 0;    ///< steps of landmarks alone
-  int num_visited_landmarks = 0;  ///< leaves back-substituted
-  int num_moved_frames = 0;       ///< over all iterations
-  int num_rebuilds = 0;           ///< switch decisions: S and b summed anew
-  int num_drifted_frames = 0;     ///< rows of S summed anew because cancellation had eaten digits
+  int num_reorderings = 0;           ///< of the reduced system's rows, whose order had aged (loops)
+  int num_solved_rows = 0;           ///< block rows substituted backwards
+  int num_pcg_iterations = 0;        ///< conjugate-gradient iterations, of all solves
+  int num_landmark_refinements = 0;  ///< steps of landmarks alone
+  int num_visited_landmarks = 0;     ///< leaves back-substituted
+  int num_moved_frames = 0;          ///< over all iterations
+  int num_rebuilds = 0;              ///< switch decisions: S and b summed anew
+  int num_drifted_frames = 0;  ///< rows of S summed anew because cancellation had eaten digits
   int num_undetermined_landmarks = 0;  ///< without information at the end
   std::int64_t bytes = 0;              ///< of the caches, S and its factor
 
@@ -112,7 +112,8 @@ struct INCERES_EXPORT UpdateSummary {
 
   std::vector<UpdateIteration> iterations;  ///< the trace, the start included
 
-  /// One JSON object with every field above.
+  bool IsSolutionUsable() const { return IsUsable(termination); }
+  /// One JSON object with every field above. A key stays what it is when its field is renamed.
   std::string ToJson() const;
   /// One line an Update: iterations, costs, how many frames moved and factors were linearized,
   /// milliseconds, termination.

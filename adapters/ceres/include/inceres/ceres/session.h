@@ -14,8 +14,8 @@ namespace inceres {
 /// What a CeresSession is told once.
 struct INCERES_EXPORT SessionOptions {
   /// Thresholds and damping limits. What a ceres::Solver::Options says too is taken from there at
-  /// each solve: max_num_iterations, max_seconds, function_tolerance, min_relative_decrease,
-  /// num_threads, batch_strategy, and with LM initial_damping.
+  /// each solve: max_num_iterations, max_solver_time_in_seconds, function_tolerance,
+  /// min_relative_decrease, num_threads, batch_strategy, and with LM initial_damping.
   IncrementalOptions core;
 
   /// Whether a residual block that looks the same (same id, cost function, loss and parameter
