@@ -58,7 +58,7 @@ class FamilyOf : public Family {
     family_->Place(index, read_(row, num_columns));
   }
   void SetMeasurement(FactorId id, const double* row, int num_columns, GraphEdit* edit) override {
-    edit->SetMeasurement(id, *family_, read_(row, num_columns));
+    edit->SetMeasurement(id, FamilyHandle<Core>{id.family, family_}, read_(row, num_columns));
   }
 
  protected:

@@ -176,7 +176,7 @@ Table<IncrementalOptions> MakeIncrementalTable() {
   using O = IncrementalOptions;
   Table<O> table;
   table.Add("max_num_iterations", &O::max_num_iterations)
-      .Add("max_seconds", &O::max_seconds)
+      .Add("max_solver_time_in_seconds", &O::max_solver_time_in_seconds)
       .Add("max_factor_evaluations", &O::max_factor_evaluations)
       .Add("function_tolerance", &O::function_tolerance)
       .Add("fixed_cost", &O::fixed_cost)
@@ -192,7 +192,7 @@ Table<IncrementalOptions> MakeIncrementalTable() {
       .Add("relinearization_share", &O::relinearization_share)
       .Add("relinearization_step", &O::relinearization_step)
       .Add("truncation_share", &O::truncation_share)
-      .Add("max_landmark_passes", &O::max_landmark_passes)
+      .Add("max_landmark_refinements", &O::max_landmark_refinements)
       .Add("max_new_frame_steps", &O::max_new_frame_steps)
       .Add("rebuild", &O::rebuild, kRebuilds)
       .Add("reduced_solver", &O::reduced_solver, kReducedSolvers);

@@ -28,10 +28,10 @@ py::dict ToRow(const UpdateIteration& iteration) {
   py::dict row;
   row["iteration"] = iteration.iteration;
   row["step"] = ToString(iteration.step);
-  row["accepted"] = iteration.accepted;
+  row["accepted"] = iteration.step_is_successful;
   row["cost"] = iteration.cost;
   row["cost_change"] = iteration.cost_change;
-  row["predicted_change"] = iteration.predicted_change;
+  row["predicted_change"] = iteration.model_cost_change;
   row["relative_decrease"] = iteration.relative_decrease;
   row["step_norm"] = iteration.step_norm;
   row["gradient_max_norm"] = iteration.gradient_max_norm;
@@ -40,8 +40,8 @@ py::dict ToRow(const UpdateIteration& iteration) {
   row["num_visited_landmarks"] = iteration.num_visited_landmarks;
   row["num_relinearised_factors"] = iteration.num_relinearized_factors;
   row["num_evaluated_factors"] = iteration.num_evaluated_factors;
-  row["seconds"] = iteration.seconds;
-  row["cumulative_seconds"] = iteration.cumulative_seconds;
+  row["seconds"] = iteration.iteration_time_in_seconds;
+  row["cumulative_seconds"] = iteration.cumulative_time_in_seconds;
   return row;
 }
 

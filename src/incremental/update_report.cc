@@ -20,9 +20,10 @@ std::string UpdateProgressHeading() {
 std::string ProgressRow(const UpdateIteration& row) {
   return Formatted(
       "% 4d  %-9s%c% 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e  % 6d % 8d   % 3.2e   % 3.2e",
-      row.iteration, ToString(row.step), row.accepted ? ' ' : '-', row.cost, row.cost_change,
-      row.gradient_max_norm, row.step_norm, row.relative_decrease, row.damping,
-      row.num_moved_frames, row.num_relinearized_factors, row.seconds, row.cumulative_seconds);
+      row.iteration, ToString(row.step), row.step_is_successful ? ' ' : '-', row.cost,
+      row.cost_change, row.gradient_max_norm, row.step_norm, row.relative_decrease, row.damping,
+      row.num_moved_frames, row.num_relinearized_factors, row.iteration_time_in_seconds,
+      row.cumulative_time_in_seconds);
 }
 
 namespace {
@@ -30,7 +31,7 @@ namespace {
 std::string Work(const UpdateSummary& summary) {
   std::string text = ReportLine("Iterations", summary.num_iterations) +
                      ReportLine("Of the batch solver", summary.num_batch_iterations) +
-                     ReportLine("Rejected steps", summary.num_rejected_steps) +
+                     ReportLine("Rejected steps", summary.num_unsuccessful_steps) +
                      ReportLine("Shortened steps", summary.num_shortened_steps) + "\n" +
                      ReportLine("Relinearized factors", summary.num_relinearized_factors) +
                      ReportLine("Evaluated factors", summary.num_evaluated_factors) +

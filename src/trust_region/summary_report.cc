@@ -81,8 +81,8 @@ std::string Summary::FullReport() const {
   text += ReportLine("Iterations", NumIterations(*this)) +
           ReportLine("Successful steps", std::max(0, num_successful_steps)) +
           ReportLine("Unsuccessful steps", std::max(0, num_unsuccessful_steps));
-  if (work.num_inner_iterations > 0) {
-    text += ReportLine("Steps of single landmarks", work.num_inner_iterations);
+  if (work.num_refined_landmarks > 0) {
+    text += ReportLine("Steps of single landmarks", work.num_refined_landmarks);
   }
   text +=
       "\n" + Seconds(*this) + "\n" + internal::ReportTermination(ToString(termination), message);

@@ -195,7 +195,7 @@ class IncrementalTest(unittest.TestCase):
             inceres.IncrementalSolver(tolerance=1.0)
         with self.assertRaisesRegex(ValueError, "min_damping"):
             inceres.IncrementalSolver(min_damping=0.0)
-        self.assertEqual(inceres.incremental_options()["max_landmark_passes"], 5)
+        self.assertEqual(inceres.incremental_options()["max_landmark_refinements"], 5)
 
 
 if __name__ == "__main__":

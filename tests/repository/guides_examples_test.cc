@@ -108,7 +108,7 @@ inceres::IncrementalOptions FrontEnd() {
 // [quoted in docs/real_time.md]
 inceres::IncrementalOptions options;
 options.max_factor_evaluations = 200000;  // the budget: the same on every machine, every time
-options.max_seconds = 0.03;               // the deadline: for what the budget did not foresee
+options.max_solver_time_in_seconds = 0.03;  // the deadline: for what the budget did not foresee
 options.function_tolerance = 1e-4;        // the next frame comes soon
 inceres::IncrementalSolver solver(options);
 // [end of quote]
