@@ -18,9 +18,9 @@ namespace inceres::internal {
 /// where Σ₂₂ is a part of what the front's parent knows. All blocks of A are among these entries,
 /// and all pairs of the frames that a landmark connects. Cost: about three factorizations; memory:
 /// once more the factor, and for a time the Σ₂₂ of the fronts that children wait for. The same bits
-/// for any number of threads. Sources: Takahashi, Fagan & Chen, "Formation of a sparse bus impedance
-/// matrix", 1973; Erisman & Tinney, "On computing certain elements of the inverse of a sparse
-/// matrix", CACM 18(3), 1975; Campbell & Davis, "Computing the sparse inverse subset", 1995.
+/// for any number of threads. Sources: Takahashi, Fagan & Chen, "Formation of a sparse bus
+/// impedance matrix", 1973; Erisman & Tinney, "On computing certain elements of the inverse of a
+/// sparse matrix", CACM 18(3), 1975; Campbell & Davis, "Computing the sparse inverse subset", 1995.
 class SelectedInverse {
  public:
   /// Of a matrix that `factor` has factored; `factor` stays as it is as long as this is used.

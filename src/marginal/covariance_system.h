@@ -18,7 +18,8 @@
 namespace inceres::internal {
 
 /// The undamped normal equations of a graph at a state, factored, and blocks of their inverse. With
-/// V of a variable as GraphCovariance defines it, which touches few frames, a block is a sum over these:
+/// V of a variable as GraphCovariance defines it, which touches few frames, a block is a sum over
+/// these:
 ///
 ///     cov(a, b) = Σ_ij V_aiᵀ (S⁻¹)_ij V_bj + [a = b is a landmark] P_b⁻¹.
 ///

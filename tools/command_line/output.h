@@ -18,8 +18,9 @@ std::FILE* ProgressOutput();
 /// that table on a terminal.
 std::FILE* ProgressOutputBesideTable();
 
-/// Ok if --progress is one of its words and does not contradict --quiet; else kInvalidArgument. With
-/// --quiet the libraries' warnings are off as well, unless the command line sets --minloglevel.
+/// Ok if --progress is one of its words and does not contradict --quiet; else kInvalidArgument.
+/// With --quiet the libraries' warnings are off as well, unless the command line sets
+/// --minloglevel.
 Status ApplyOutputFlags();
 
 }  // namespace inceres::tools

@@ -22,8 +22,8 @@ struct BalPageContent {
 /// from the side; the cost over the iterations; a histogram of the reprojection errors before and
 /// after; the figures. One HTML document with its style and pictures inside, no script, nothing
 /// fetched, for light and dark screens and for phones. Of more than 8,000 points or 1,000 cameras
-/// every so many-th is drawn, which the page says: at most 2 MB. Figures are <span data-value>, with
-/// the keys of bal_solve's JSON as ids. `before` and `after` have the same sizes and both
+/// every so many-th is drawn, which the page says: at most 2 MB. Figures are <span data-value>,
+/// with the keys of bal_solve's JSON as ids. `before` and `after` have the same sizes and both
 /// Validate(), with observations.
 std::string BalPageHtml(const BalPageContent& content);
 

@@ -16,8 +16,8 @@ struct SvgFrame {
 };
 
 /// The cost over the iterations: a line through the accepted costs, a <circle class="accepted"> or
-/// "rejected" for each iteration, labeled grid lines. The vertical axis is logarithmic and spans the
-/// accepted costs; others are drawn at its edge. Labels are left of the frame.
+/// "rejected" for each iteration, labeled grid lines. The vertical axis is logarithmic and spans
+/// the accepted costs; others are drawn at its edge. Labels are left of the frame.
 std::string CostCurveShapes(const std::vector<CostSample>& trace, const SvgFrame& frame);
 
 /// The same as an SVG group of id "cost" with a caption.

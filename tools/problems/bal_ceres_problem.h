@@ -45,7 +45,8 @@ std::shared_ptr<ceres::ParameterBlockOrdering> PointsFirstOrdering(
     const BalProblem& bal, double* cameras, double* points,
     BalCameraModel model = BalCameraModel::kAngleAxis);
 
-/// The distance ‖r‖ between projected and observed position of each observation, in pixels; no loss.
+/// The distance ‖r‖ between projected and observed position of each observation, in pixels; no
+/// loss.
 std::vector<double> ReprojectionErrors(const BalProblem& bal);
 
 /// Root mean square over the observations of the distance ‖r‖ between projected and observed

@@ -28,9 +28,9 @@ std::string ProblemObstacle(const ceres::Solver::Options& options, const Problem
 std::string DenseQrObstacle(const ceres::Solver::Options& options, const ProblemView& view,
                             const OrderingView& ordering);
 
-/// What these options, or bounds of this problem, ask of a solve in incremental mode that only exact
-/// mode has: its reason for being exact, or an empty string. `evaluation_callback` is the problem's,
-/// or null.
+/// What these options, or bounds of this problem, ask of a solve in incremental mode that only
+/// exact mode has: its reason for being exact, or an empty string. `evaluation_callback` is the
+/// problem's, or null.
 std::string NeedsExactMode(const ceres::Solver::Options& options,
                            const ceres::EvaluationCallback* evaluation_callback);
 std::string NeedsExactMode(const ProblemView& view);

@@ -38,8 +38,8 @@ struct INCERES_EXPORT SolveOptions {
   /// The problem's own ceres::Problem::Options::evaluation_callback, not owned. Ceres up to 2.1
   /// shows it to nobody, so a problem that has one must say so here, or it is not called; from 2.2
   /// on it is seen, and this is not looked at. In exact mode it is called as in Ceres: the point is
-  /// copied to the user's memory before each evaluation. In incremental mode such a problem is solved
-  /// exactly.
+  /// copied to the user's memory before each evaluation. In incremental mode such a problem is
+  /// solved exactly.
   ceres::EvaluationCallback* evaluation_callback = nullptr;
 
   /// CeresSession only: since its last solve, which was of this problem, nothing was added,
