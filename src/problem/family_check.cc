@@ -17,7 +17,7 @@ bool FamilyCheck::WriteAnalytic() {
     maps_[s].tangent_size = point_[s].has_tangent ? slot.tangent_size : 0;
     maps_[s].kind = NumColumns(s) == 0 ? TangentMap::Kind::kConstant : TangentMap::Kind::kIdentity;
     if (NumColumns(s) > 0 && point_[s].manifold != nullptr) {
-      plus_[s].assign(static_cast<std::size_t>(slot.ambient_size * slot.tangent_size), 0.0);
+      plus_[s].assign(static_cast<std::size_t>(slot.ambient_size) * NumColumns(s), 0.0);
       if (!point_[s].manifold->PlusJacobian(point_[s].values, plus_[s].data())) {
         what_failed_ = "PlusJacobian of the manifold of slot " + std::to_string(s);
         return false;
