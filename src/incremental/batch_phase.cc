@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
+#include <limits>
+#include <utility>
 #include <vector>
 
 #include "base/stopwatch.h"
@@ -15,6 +18,9 @@ namespace {
 // Steps taken one after another, after which a Dog-Leg's radius is no longer what a refusal has
 // made it.
 constexpr int kAcceptedInRow = 2;
+
+// A step of which less than this was taken tells of a border, not of what is left to gain.
+constexpr double kLargeShare = 0.25;
 
 // What a cost may change by without counting.
 double ToleranceAt(double cost, const IncrementalOptions& options) {
@@ -57,11 +63,12 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     const double factor = promise / last_promise_;
     const double rest = std::max(1.0, last_ratio_) * promise / (1.0 - factor);
     const bool known = last_ratio_ > tuning_.kept_promise && factor < tuning_.steady_factor;
-    const bool series = known && rest <= tuning_.rest_share * Tolerance(cost);
-    const bool nothing =
-        end_ == BatchEnd::kToTheEnd && promise <= tuning_.settled_share * Tolerance(cost);
+    const bool series =
+        known && !IsByMarquardt() && rest <= tuning_.rest_share * Tolerance(cost);
+    const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= Allowed(cost);
     tried_radius_ = iteration.trust_region_radius;
-    settled_ = options_.batch_share > 0.0 && SeesAll() && (series || nothing);
+    const bool sees_enough = IsByMarquardt() ? tried_radius_ >= tuning_.proof_radius : SeesAll();
+    settled_ = options_.batch_share > 0.0 && sees_enough && (series || nothing);
     rest_ = !settled_ ? 0.0 : series ? rest : promise;
     promises_nothing_ = SeesAll() && promise <= Tolerance(cost);
     last_promise_ = promise;
@@ -70,11 +77,20 @@ class BatchObserver final : public SolveObserver, public StepJudge {
 
   bool IsLast(const IterationSummary& iteration) override {
     last_judged_ = iteration.iteration;
+    if (iteration.step_share < 1.0) {  // its gain is what the border left of it
+      previous_gain_ = 0.0;
+      previous_ratio_ = HUGE_VAL;
+      return false;
+    }
     settled_ = HasJustSettled(iteration);
     return settled_;
   }
 
-  double LeastRadius() override { return is_near_ ? tuning_.seeing_radius : 0.0; }
+  double RestartRadius() override { return std::exchange(restart_radius_, 0.0); }
+
+  double LeastRadius() override {
+    return is_near_ && steps_to_wait_ == 0 ? tuning_.seeing_radius : 0.0;
+  }
 
   ObserverAction EndOfIteration(const IterationSummary& iteration,
                                 const double* best_state) override {
@@ -83,6 +99,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
       best_cost_ = iteration.iteration == last_judged_ ? std::min(best_cost_, cost_) : cost_;
     }
     num_accepted_in_row_ = iteration.step_is_successful ? num_accepted_in_row_ + 1 : 0;
+    WaitAfterRefusal(iteration);
     // What landmarks gained by themselves says nothing of the model.
     last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
     is_near_ = options_.batch_share > 0.0 && iteration.step_is_successful &&
@@ -90,8 +107,9 @@ class BatchObserver final : public SolveObserver, public StepJudge {
                iteration.cost_change <= tuning_.near_gain * Tolerance(cost_);
     if (iteration.step_is_successful &&
         iteration.iteration != last_judged_) {  // the start, or the cost is another function
-      checked_cost_ = gained_from_ = cost_;
-      num_unchecked_steps_ = num_since_gain_ = 0;
+      costs_ = {cost_};
+      gained_from_ = cost_;
+      num_since_gain_ = 0;
     }
     if (iteration.iteration == 0 &&
         !trace_.summary().iterations.empty()) {  // told as the end of the part before
@@ -135,39 +153,83 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   double rest() const { return rest_; }
 
  private:
+  // Hardly damped steps that are refused are tried again after two steps, five, eleven, …
+  void WaitAfterRefusal(const IterationSummary& iteration) {
+    if (iteration.step_is_successful) {
+      steps_to_wait_ = std::max(0, steps_to_wait_ - 1);
+    } else if (is_near_ && steps_to_wait_ == 0) {
+      steps_to_wait_ = wait_;
+      wait_ = 2 * wait_ + 1;
+    }
+  }
   double Tolerance(double cost) const { return ToleranceAt(cost, options_); }
+  bool IsByMarquardt() const {
+    return options_.batch_strategy == TrustRegionStrategyKind::kMarquardt;
+  }
+  // What may be left undone: next to nothing where convergence was slow, for what gains and
+  // promises foretell has been wrong there.
+  double Allowed(double cost) const {
+    return (IsByMarquardt() ? tuning_.proof_share : tuning_.settled_share) * Tolerance(cost);
+  }
   // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could
   // gain; of a Dog-Leg, whether no refusal has shrunk its radius lately.
   bool SeesAll() const {
     return IsDamped(options_.batch_strategy) ? tried_radius_ >= tuning_.seeing_radius
                                              : !refused_lately();
   }
+  // Whether more damping leads nowhere.
+  bool IsAtLeastRadius(const IterationSummary& iteration) const {
+    const bool at_border =
+        iteration.step_share < kLargeShare ||
+        (!iteration.step_is_successful && iteration.cost >= std::numeric_limits<double>::max());
+    return iteration.trust_region_radius <=
+           (at_border ? tuning_.border_radius : tuning_.min_radius);
+  }
   // By Marquardt's rule, which tries all lengths of steps: many that were taken have together
   // brought next to nothing; or hardly any could be taken for so long that all lengths have been
   // tried, as at the border of where a cost function evaluates.
   bool HasStagnated(const IterationSummary& iteration) {
-    if (options_.batch_strategy != TrustRegionStrategyKind::kMarquardt ||
-        options_.batch_share == 0.0 || iteration.iteration == 0) {
+    if (!IsByMarquardt() || options_.batch_share == 0.0 || iteration.iteration == 0) {
       return false;
     }
     const double tolerance = Tolerance(cost_);
     ++num_since_gain_;
+    widest_ = std::max(widest_, tried_radius_);
     if (gained_from_ - cost_ > tuning_.stall_gain * tolerance) {
       num_since_gain_ = 0;
       gained_from_ = cost_;
+      widest_ = 0.0;
     }
-    if (num_since_gain_ >= tuning_.stall) {
-      trace_.summary().rests_on_refusals = true;
-      return true;
-    }
-    if (iteration.step_is_successful && ++num_unchecked_steps_ >= tuning_.stagnation) {
-      const bool free = iteration.trust_region_radius >= tuning_.free_radius;
-      if (checked_cost_ - cost_ <=
-          (free ? tuning_.free_stagnation_gain : tuning_.stagnation_gain) * tolerance) {
+    if (num_since_gain_ >= tuning_.stall || IsAtLeastRadius(iteration)) {
+      if (widest_ >= tuning_.proof_radius) {
+        trace_.summary().rests_on_refusals = true;
         return true;
       }
-      num_unchecked_steps_ = 0;
-      checked_cost_ = cost_;
+      num_since_gain_ = 0;
+      restart_radius_ = tuning_.proof_radius;
+    }
+    if (!iteration.step_is_successful || iteration.step_share < kLargeShare) {
+      return false;
+    }
+    const bool free = iteration.trust_region_radius >= tuning_.free_radius;
+    const double allowed =
+        (free ? tuning_.free_stagnation_gain : tuning_.stagnation_gain) * tolerance;
+    costs_.push_back(cost_);
+    const int num_steps = is_proving_ ? tuning_.proof_steps : tuning_.stagnation;
+    if (static_cast<int>(costs_.size()) <= num_steps) {
+      return false;
+    }
+    // Gains that grow, as where a valley begins to fall, are no end.
+    const bool stagnates =
+        std::max(costs_.front() - cost_, num_steps * iteration.cost_change) <= allowed;
+    costs_.pop_front();
+    if (stagnates == is_proving_) {
+      return stagnates;
+    }
+    is_proving_ = stagnates;
+    if (is_proving_) {  // from little damping, as who knows nothing would go on from here
+      restart_radius_ = tuning_.proof_radius;
+      costs_ = {cost_};
     }
     return false;
   }
@@ -182,7 +244,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool HasJustSettled(const IterationSummary& iteration) {
     const bool good = iteration.relative_decrease > tuning_.good_model;
     const double gain = good ? iteration.cost_change : 0.0;
-    const double allowed = tuning_.settled_share * Tolerance(iteration.cost);
+    const double allowed = Allowed(iteration.cost);
     // Steps whose gains fall by a ratio r leave gain · r / (1 − r) undone.
     const double ratio = gain / previous_gain_;
     const double slower = std::max(ratio, previous_ratio_);
@@ -235,15 +297,19 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   double rest_ = 0.0;
   int last_judged_ = -1;
   bool ended_by_user_ = false;
+  int steps_to_wait_ = 0;  // before a step is hardly damped again
+  int wait_ = 2;           // after the next refusal of one
   bool is_near_ = false;  // the last step kept its promise, and gained few tolerances
   bool settled_ = false;
   bool promises_nothing_ = false;
   int num_accepted_in_row_ = kAcceptedInRow;
-  int num_unchecked_steps_ = 0;  // taken since HasStagnated last looked
-  double checked_cost_ = 0.0;    // then
+  std::deque<double> costs_;  // after the last steps taken, as many as HasStagnated looks at
   // iterations, taken or not, since the cost last fell by more than next to nothing
   int num_since_gain_ = 0;
   double gained_from_ = 0.0;  // to this
+  double widest_ = 0.0;       // radius of a step since then
+  bool is_proving_ = false;   // that steps stagnate
+  double restart_radius_ = 0.0;  // to be asked for
 };
 
 // Whether a trust region that refusals have shrunk may be what kept the last steps short: they then
@@ -308,7 +374,8 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
   if (!only && options.batch_strategy == TrustRegionStrategyKind::kMarquardt) {
     batch.function_tolerance = 0.0;
     batch.gradient_tolerance = tuning.gradient_tolerance;
-    batch.min_trust_region_radius = tuning.min_radius;
+    // the observer looks at it
+    batch.min_trust_region_radius = std::numeric_limits<double>::min();
     batch.max_trust_region_radius = tuning.max_radius;
     batch.initial_trust_region_radius =
         std::min(batch.initial_trust_region_radius, tuning.max_radius);
@@ -355,6 +422,7 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
                      const std::atomic<bool>& stop, Solver* solver, FactorGraph* graph,
                      const double** shown_state, UpdateTrace* trace) {
   UpdateSummary* summary = &trace->summary();
+  summary->rests_on_refusals = false;
   SolverOptions batch = BatchOptions(options, tuning, end);
   BatchObserver observer(options, tuning, end, stop, graph->num_factors(), shown_state, trace);
   batch.observer = &observer;
@@ -385,9 +453,6 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
   }
   summary->ended_by_batch_rule = solved.termination == Termination::kConvergence;
   const bool held_back = IsHeldBack(solved, observer, batch, tuning);
-  summary->rests_on_refusals =
-      batch.strategy == TrustRegionStrategyKind::kMarquardt && !solved.iterations.empty() &&
-      solved.iterations.back().trust_region_radius <= batch.min_trust_region_radius;
   const bool no_gradient = solved.iterations.empty() ||
                            solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
   return {solved.termination, !held_back && HasSettled(solved, options, tuning), held_back,

@@ -97,6 +97,9 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("rebuild.mostly_new", &tuning->rebuild.mostly_new);
   real("rebuild.replace_cost", &tuning->rebuild.replace_cost);
   real("batch.settled_share", &tuning->batch.settled_share);
+  real("batch.proof_share", &tuning->batch.proof_share);
+  real("batch.proof_radius", &tuning->batch.proof_radius);
+  count("batch.proof_steps", &tuning->batch.proof_steps);
   real("batch.no_gain_share", &tuning->batch.no_gain_share);
   real("batch.rest_share", &tuning->batch.rest_share);
   real("batch.fast_ratio", &tuning->batch.fast_ratio);
@@ -113,6 +116,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   count("batch.stall", &tuning->batch.stall);
   real("batch.stall_gain", &tuning->batch.stall_gain);
   real("batch.min_radius", &tuning->batch.min_radius);
+  real("batch.border_radius", &tuning->batch.border_radius);
   real("batch.max_radius", &tuning->batch.max_radius);
   real("batch.gradient_tolerance", &tuning->batch.gradient_tolerance);
   real("batch.shrunk_share", &tuning->batch.shrunk_share);

@@ -117,6 +117,12 @@ struct Tuning {
     /// Of the tolerance: what may be left when its gains fall fast; a gain that is nothing; what
     /// all steps to come may promise.
     double settled_share = 0.1;
+    /// Of the tolerance: what may be left where convergence was slow, or steps were refused, and
+    /// Marquardt's rule goes on; with a radius of this at least.
+    double proof_share = 1e-2;
+    double proof_radius = 1e4;
+    /// Steps to be taken from that radius, where those before have stagnated.
+    int proof_steps = 5;
     double no_gain_share = 1e-3;
     double rest_share = 0.5;
     /// Ratios of gains, twice in a row, that are the end of a fast convergence.
@@ -137,7 +143,7 @@ struct Tuning {
     /// on with.
     int patience = 25;
     /// Steps by that rule which together bring less than so many tolerances end an Update.
-    int stagnation = 15;
+    int stagnation = 10;
     double stagnation_gain = 1.0;
     /// The same where the damping leaves steps about as long as the model wants them: a flat
     /// valley.
@@ -148,6 +154,8 @@ struct Tuning {
     double stall_gain = 0.25;
     /// Of that rule: with more damping than one over this steps lead nowhere.
     double min_radius = 1e-12;
+    /// The same where steps are cut before a border, so that all their lengths have been tried.
+    double border_radius = 1e-8;
     /// Of that rule: with less damping than one over this a gauge that nothing holds makes systems
     /// singular.
     double max_radius = 1e10;

@@ -48,6 +48,14 @@ void LevenbergMarquardt::Widen(double radius) {
   }
 }
 
+void LevenbergMarquardt::Restart(double radius) {
+  radius_ = std::min(radius, max_radius_);
+  radius_before_ = 0.0;
+  decrease_factor_ = 2.0;
+  growth_ = kTenfold;
+  num_accepted_in_row_ = 0;
+}
+
 void LevenbergMarquardt::StepAccepted(double quality) {
   radius_before_ = 0.0;
   double shrinking = 1.0;  // of the damping

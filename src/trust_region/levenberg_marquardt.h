@@ -18,6 +18,7 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   void StepIsInvalid() override { StepRejected(); }
   double Radius() const override { return radius_; }
   void Widen(double radius) override;
+  void Restart(double radius) override;
 
  private:
   bool tenfold_ = false;  // Marquardt's rule

@@ -38,6 +38,9 @@ class StepJudge {
   /// damping the step would tell nothing of weak directions. If it is refused the radius is again
   /// what it was. 0: as it is.
   virtual double LeastRadius() { return 0.0; }
+
+  /// Asked before each step: the radius to begin anew with, or 0.
+  virtual double RestartRadius() { return 0.0; }
 };
 
 /// What the trust-region loop is told beside SolverOptions, by who solves for Ceres or for an

@@ -38,6 +38,8 @@ class TrustRegionStrategy {
   /// The next step is to be damped by no more than this radius allows; if it is refused, what was
   /// is again.
   virtual void Widen(double /*radius*/) {}
+  /// This radius from now on, and nothing of what steps before have taught.
+  virtual void Restart(double /*radius*/) {}
 };
 
 /// s_j = 1/(1 + ‖J_j‖) as measured at iteration 0, or all ones.

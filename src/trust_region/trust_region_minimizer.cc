@@ -19,6 +19,9 @@ constexpr double kInnerShare = 0.01;
 // curvature of their losses counts.
 constexpr double kSteadyGain = 0.01;
 
+// A step of which less than this is taken was too long for its model.
+constexpr double kLargeShare = 0.25;
+
 constexpr std::size_t kExpectedIterations = 16;
 
 }  // namespace
@@ -67,7 +70,7 @@ void TrustRegionMinimizer::Minimize() {
     iteration_.gradient_norm = previous.gradient_norm;
     iteration_.gradient_max_norm = previous.gradient_max_norm;
     if (loop_.judge != nullptr) {
-      strategy_->Widen(loop_.judge->LeastRadius());
+      AskForRadius();
     }
     // of this step; at its end that of the next
     iteration_.trust_region_radius = strategy_->Radius();
@@ -100,6 +103,13 @@ void TrustRegionMinimizer::Minimize() {
       RejectStep();
     }
   }
+}
+
+void TrustRegionMinimizer::AskForRadius() {
+  if (const double radius = loop_.judge->RestartRadius(); radius > 0.0) {
+    strategy_->Restart(radius);
+  }
+  strategy_->Widen(loop_.judge->LeastRadius());
 }
 
 bool TrustRegionMinimizer::ProjectStart() {
@@ -246,12 +256,19 @@ bool TrustRegionMinimizer::HandleInvalidStep() {
 
 void TrustRegionMinimizer::ComputeCandidate() {
   candidate_cost_ = std::numeric_limits<double>::max();
+  is_cut_ = false;
   double cost = 0.0;
   const bool moved = evaluator_.MoveCandidate(step_.data());
   if (!moved && summary_.failed_step.empty()) {
     summary_.failed_step = "x_plus_delta = Plus(x, delta) failed";
   }
-  if (moved && EvaluateCandidate(&cost)) {
+  bool evaluated = moved && EvaluateCandidate(&cost);
+  if (IsByMarquardt() && evaluated) {
+    ShortenStep(&cost);
+  } else if (IsByMarquardt()) {
+    evaluated = CutStep(&cost);
+  }
+  if (evaluated) {
     candidate_cost_ = cost;
     if (inner_iterations_ != nullptr && inner_iterations_->IsDue(cost_ - cost)) {
       RunInnerIterations();
@@ -298,7 +315,8 @@ bool TrustRegionMinimizer::ParameterToleranceReached() {
   }
   iteration_.step_norm = StateDistance(evaluator_.current(), evaluator_.candidate(), nullptr);
   const double tolerance = options_.parameter_tolerance;
-  if (iteration_.step_norm > tolerance * (state_norm_ + tolerance)) {
+  if (iteration_.step_norm > tolerance * (state_norm_ + tolerance) ||
+      IsHeldAtBorder()) {
     return false;
   }
   Finish(Termination::kConvergence,
@@ -312,7 +330,8 @@ bool TrustRegionMinimizer::FunctionToleranceReached() {
   iteration_.cost_change = cost_ - candidate_cost_;
   // Written so that a NaN cost counts as converged (CeresRules::k21).
   if (std::fabs(iteration_.cost_change) >
-      options_.function_tolerance * (cost_ - loop_.fixed_cost)) {
+          options_.function_tolerance * (cost_ - loop_.fixed_cost) ||
+      IsHeldAtBorder()) {
     return false;
   }
   summary_.discarded_cost_change = iteration_.cost_change;
@@ -342,7 +361,13 @@ bool TrustRegionMinimizer::AcceptStep() {
     candidate_cost_ = cost_;  // summed anew, where gains had been taken off
   }
   iteration_.cost = cost_;
-  strategy_->StepAccepted(iteration_.relative_decrease);
+  if (is_cut_) {
+    LeaveBorder();
+  } else if (iteration_.step_share < kLargeShare) {
+    strategy_->StepRejected();
+  } else {
+    strategy_->StepAccepted(iteration_.relative_decrease);
+  }
   if (recentered) {
     quality_ = JudgeFromHere();
   } else {
@@ -377,7 +402,11 @@ StepQuality TrustRegionMinimizer::JudgeFromHere() const {
 
 void TrustRegionMinimizer::RejectStep() {
   iteration_.cost = candidate_cost_;
-  strategy_->StepRejected();
+  if (IsByMarquardt() && !HasCandidate()) {
+    LeaveBorder();
+  } else {
+    strategy_->StepRejected();
+  }
 }
 
 bool TrustRegionMinimizer::EvaluateGradientAndJacobian(bool new_point) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <initializer_list>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -60,11 +61,21 @@ class TrustRegionMinimizer {
   bool ProjectStart();
   bool EvaluateStart();
   bool FinalizeIterationAndContinue();
+  void AskForRadius();
   bool ComputeStep();
   bool HandleInvalidStep();
   void SearchAlongStep();
   FunctionSample SampleStep(double t);
   void ComputeCandidate();
+  bool IsByMarquardt() const { return options_.strategy == TrustRegionStrategyKind::kMarquardt; }
+  bool HasCandidate() const { return candidate_cost_ < std::numeric_limits<double>::max(); }
+  /// Whether the last step was short only because it, or its end, cannot be evaluated.
+  bool IsHeldAtBorder() const { return IsByMarquardt() && (is_cut_ || !HasCandidate()); }
+  bool CutStep(double* cost);
+  void LeaveBorder();
+  void ShortenStep(double* cost);
+  bool EvaluateAlong(double t, double* cost);
+  void TakeShare(double t);
   bool Recenter();
   StepQuality JudgeFromHere() const;
   void RunInnerIterations();
@@ -109,6 +120,7 @@ class TrustRegionMinimizer {
   std::unique_ptr<Evaluator> trial_;
   double cost_ = 0.0;  // at the current point
   double candidate_cost_ = 0.0;
+  bool is_cut_ = false;  // the step, before a border
   double best_cost_;
   double model_decrease_ = 0.0;
   double state_norm_ = -1.0;  // unknown until a step was accepted (CeresRules::k21)

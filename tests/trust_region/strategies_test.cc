@@ -150,6 +150,24 @@ TEST_F(Strategies, AWidenedRadiusIsTakenBackByARefusal) {
   }
 }
 
+// Nothing is left of what refusals have taught.
+TEST_F(Strategies, ARestartedRadiusGrowsTenfoldAgain) {
+  options_.initial_trust_region_radius = 1.0;
+  options_.max_trust_region_radius = 1e6;
+  Make(TrustRegionStrategyKind::kMarquardt);
+  strategy_->StepRejected();
+  strategy_->StepRejected();
+  strategy_->Widen(1e3);
+  strategy_->Restart(10.0);
+  EXPECT_DOUBLE_EQ(strategy_->Radius(), 10.0);
+  strategy_->StepAccepted(1.0);
+  EXPECT_DOUBLE_EQ(strategy_->Radius(), 100.0);
+  strategy_->StepRejected();
+  EXPECT_DOUBLE_EQ(strategy_->Radius(), 10.0);
+  strategy_->Restart(1e9);
+  EXPECT_DOUBLE_EQ(strategy_->Radius(), 1e6);  // clamped
+}
+
 TEST_F(Strategies, LevenbergMarquardtDampingIsClampedInScaledColumns) {
   options_.initial_trust_region_radius = 2.0;
   options_.min_lm_diagonal = 0.3;

@@ -34,6 +34,8 @@ struct INCERES_EXPORT IterationSummary {
   bool step_is_valid = false;         ///< the step could be computed and evaluated
   bool step_is_successful = false;    ///< it was accepted
   bool step_is_nonmonotonic = false;  ///< accepted although the cost rose
+  /// Taken of the step that was computed: less than 1 where the rest could not be evaluated.
+  double step_share = 1.0;
   double cost = 0.0;                 ///< of the new state if accepted, of the candidate if rejected
   double cost_change = 0.0;          ///< cost before − candidate cost
   double gradient_max_norm = 0.0;    ///< max |x − (x ⊞ −g)|
