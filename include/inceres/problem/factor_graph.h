@@ -163,7 +163,8 @@ class INCERES_EXPORT FactorGraph {
       return -1;
     }
     handle->Add(measurement);
-    return Connect(handle.id, variables.data(), std::move(loss));
+    const FamilyId id = handle.id;
+    return Connect(id, variables.data(), std::move(loss));
   }
 
   void SetConstant(VariableId id, bool constant) { variables_[Index(id)].constant = constant; }
