@@ -20,7 +20,7 @@ CovarianceSystem::CovarianceSystem(const FactorGraph& graph, const std::vector<d
       plans_(evaluator_, incidences_),
       hessian_(evaluator_, incidences_, plans_),
       elimination_(evaluator_, incidences_, plans_, hessian_) {
-  evaluator_.SetCurrent(state);
+  evaluator_.points().SetCurrent(state);
 }
 
 Status CovarianceSystem::NotDetermined(VariableId id, const char* why) const {

@@ -111,7 +111,7 @@ Status EvaluateOn(std::shared_ptr<const Manifold> manifold) {
   EXPECT_EQ(core.evaluator.EvaluateCandidateCost(&cost).ok(), core.status.ok())
       << "cost-only evaluations ask as well";
   const double far = 100.0;
-  EXPECT_FALSE(core.evaluator.MoveCandidate(&far));
+  EXPECT_FALSE(core.evaluator.points().MoveCandidate(&far));
   return core.status;
 }
 
