@@ -27,7 +27,7 @@ Status FrameStep::Solve(DampingForm form, double mu, double wildfire, Incrementa
   }
   Refresh(form, mu, schur);
   values_.resize(schur->size(), 0.0);
-  schur->TakeUnfactoredRows(&changed_rows_);
+  schur->changes().TakeUnfactored(&changed_rows_);
   work_ = ReducedSolver::Work();
   if (schur->size() == 0) {
     all_changed_ = true;  // the solver has not seen them go
@@ -45,7 +45,7 @@ Status FrameStep::Solve(DampingForm form, double mu, double wildfire, Incrementa
   if (!factored.ok()) {
     return factored;
   }
-  schur->TakeUnsolvedRows(&changed_rows_);
+  schur->changes().TakeUnsolved(&changed_rows_);
   const ReducedSolver::Rows changed_b{FirstOf(changed_rows_, *schur), &changed_rows_};
   const Status solved = solver_->Solve(reduced_.b().data(), changed_b,
                                        {reduced_.weights().data(), wildfire}, values_.data());
@@ -89,7 +89,7 @@ void FrameStep::TakeOff(const std::vector<std::int32_t>& frames, IncrementalSyst
     for (int k = 0; k < schur.frames()[frame].size; ++k) {
       step[k] -= applied[k];
     }
-    schur.TouchB(frame);
+    schur.changes().TouchB(frame);
   }
 }
 

@@ -7,10 +7,6 @@
 namespace inceres::internal {
 namespace {
 
-// How far a diagonal entry of C may fall below its peak before its row is summed anew. Rounding
-// leaves about ε √(peak_i peak_j) in S_ij, which is to stay below 1e-10 √(C_ii C_jj).
-constexpr double kDriftRatio = 1e4;
-
 // All rows are looked at when the cost has fallen by this.
 constexpr double kCostDrop = 1e2;
 
@@ -29,23 +25,11 @@ auto AcrossRow(std::int32_t row) {
 
 }  // namespace
 
-void IncrementalSchur::MakeRoom(std::int32_t quad, int size) {
-  const std::size_t end = static_cast<std::size_t>(quad) * kQuad + PadToQuad(size);
-  if (end > rhs_.size()) {
-    for (AlignedVector<double>* padded : {&rhs_, &rhs_change_, &C_diagonal_, &C_peak_, &b_peak_}) {
-      padded->resize(end, 0.0);
-    }
-  }
-  for (AlignedVector<double>* padded : {&rhs_, &rhs_change_, &C_diagonal_, &C_peak_, &b_peak_}) {
-    std::fill_n(padded->begin() + std::ptrdiff_t{quad} * kQuad, PadToQuad(size), 0.0);
-  }
-}
-
 void IncrementalSchur::UpdateOffsets(std::int32_t first) {
   offsets_.resize(frames().size() + 1);
   for (std::size_t i = first; i < frames().size(); ++i) {
     offsets_[i + 1] = offsets_[i] + frames()[i].size;
-    unread_rows_.Add(static_cast<std::int32_t>(i));
+    changes_.TouchOffset(static_cast<std::int32_t>(i));
   }
 }
 
@@ -55,14 +39,11 @@ int IncrementalSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
     S_.ReviveRow(row, size);
   } else {
     S_.AddRow(size);
-    for (IndexSet* set :
-         {&touched_, &changed_rows_, &unfactored_rows_, &unsolved_rows_, &unread_rows_}) {
-      set->Grow(frames().size());
-    }
+    changes_.Grow(frames().size());
   }
   UpdateOffsets(row);
-  MakeRoom(quad, size);
-  Touch(row);
+  vectors_.MakeRoom(quad, size);
+  changes_.Touch(row);
   return row;
 }
 
@@ -70,19 +51,19 @@ void IncrementalSchur::RemoveFrame(std::int32_t row) {
   S_.RemoveRow(row);
   structure_.RemoveFrame(row);
   UpdateOffsets(row);
-  Touch(row);
+  changes_.Touch(row);
 }
 
 void IncrementalSchur::HoldFrame(std::int32_t row, bool held) {
   structure_.HoldFrame(row, held);
-  Touch(row);
+  changes_.Touch(row);
 }
 
 int IncrementalSchur::AddLandmark(VariableId id, std::int32_t quad, int size) {
   const std::int32_t index = structure_.AddLandmark(id, quad, size);
   blocks_.Grow();
   gains_.Grow(landmarks().size());
-  MakeRoom(quad, size);
+  vectors_.MakeRoom(quad, size);
   return index;
 }
 
@@ -161,9 +142,10 @@ const std::int32_t* IncrementalSchur::BlocksOfFactor(FactorRef ref) {
 void IncrementalSchur::AddRows(const Contribution& contribution, const double* q,
                                const double* q_out, double sign, const std::int32_t* blocks) {
   kernels_.add_outer(contribution, sign, blocks, S_.values(0));
-  kernels_.add_transposed(contribution, q, q_out, -sign, rhs_.data(), b_peak_.data());
-  kernels_.add_squares(contribution, sign, C_diagonal_.data(), C_peak_.data());
-  std::for_each(rows_of_.begin(), rows_of_.end(), [this](std::int32_t row) { Touch(row); });
+  kernels_.add_transposed(contribution, q, q_out, -sign, vectors_.rhs(), vectors_.b_peak());
+  kernels_.add_squares(contribution, sign, vectors_.C_diagonal(), vectors_.C_peak());
+  std::for_each(rows_of_.begin(), rows_of_.end(),
+                [this](std::int32_t row) { changes_.Touch(row); });
 }
 
 void IncrementalSchur::AddFactor(FactorRef ref, double sign) {
@@ -219,15 +201,15 @@ void IncrementalSchur::AddFactorToRow(FactorRef ref, std::int32_t only) {
       const bool left_out = rows_of_[r] != only && rows_of_[c] != only;
       targets_.push_back(left_out ? -1 : BlockOf(rows_of_[r], rows_of_[c]));
     }
-    Touch(rows_of_[r]);
+    changes_.Touch(rows_of_[r]);
   }
   kernels_.add_outer(contribution, 1.0, targets_.data(), S_.values(0));
   const double* q = families_[ref.family].q(ref.factor);
   for (int r = 0; r < contribution.count; ++r) {
     if (rows_of_[r] == only) {
       const Contribution row{contribution.rows + r, 1, contribution.depth};
-      kernels_.add_transposed(row, q, nullptr, -1.0, rhs_.data(), b_peak_.data());
-      kernels_.add_squares(row, 1.0, C_diagonal_.data(), C_peak_.data());
+      kernels_.add_transposed(row, q, nullptr, -1.0, vectors_.rhs(), vectors_.b_peak());
+      kernels_.add_squares(row, 1.0, vectors_.C_diagonal(), vectors_.C_peak());
     }
   }
 }
@@ -235,10 +217,10 @@ void IncrementalSchur::AddFactorToRow(FactorRef ref, std::int32_t only) {
 void IncrementalSchur::AddContribution(std::int32_t landmark, double sign) {
   const Contribution contribution = blocks_.Rows(landmark, &rows_);
   kernels_.add_outer(contribution, sign, blocks_.Targets(landmark).data(), S_.values(0));
-  kernels_.add_transposed(contribution, blocks_.z(landmark), nullptr, sign, rhs_.data(),
-                          b_peak_.data());
+  kernels_.add_transposed(contribution, blocks_.z(landmark), nullptr, sign, vectors_.rhs(),
+                          vectors_.b_peak());
   for (int r = 0; r < contribution.count; ++r) {
-    Touch(landmarks()[landmark].frames[r]);
+    changes_.Touch(landmarks()[landmark].frames[r]);
   }
 }
 
@@ -252,10 +234,10 @@ void IncrementalSchur::ReplaceContribution(std::int32_t landmark, const double* 
   }
   contribution.replaces = true;
   kernels_.add_outer(contribution, -1.0, blocks_.Targets(landmark).data(), S_.values(0));
-  kernels_.add_transposed(contribution, blocks_.z(landmark), z_out, -1.0, rhs_.data(),
-                          b_peak_.data());
+  kernels_.add_transposed(contribution, blocks_.z(landmark), z_out, -1.0, vectors_.rhs(),
+                          vectors_.b_peak());
   for (const std::int32_t frame : landmarks()[landmark].frames) {
-    Touch(frame);
+    changes_.Touch(frame);
   }
 }
 
@@ -272,8 +254,8 @@ void IncrementalSchur::AddPart(std::int32_t landmark, double sign, const Part& p
     }
     if (is_in(frames[r])) {
       kernels_.add_transposed({contribution.rows + r, 1, contribution.depth}, blocks_.z(landmark),
-                              nullptr, sign, rhs_.data(), b_peak_.data());
-      Touch(frames[r]);
+                              nullptr, sign, vectors_.rhs(), vectors_.b_peak());
+      changes_.Touch(frames[r]);
     }
   }
   kernels_.add_outer(contribution, sign, targets_.data(), S_.values(0));
@@ -296,9 +278,9 @@ bool IncrementalSchur::Invert(std::int32_t landmark, double lambda) {
   if (!l.held) {
     // A factor of two landmarks belongs to one and writes changes to both: those to the other, held
     // one are nobody's.
-    ZeroChange(l.quad, l.size);
+    vectors_.DropChange(l.quad, l.size);
   }
-  return blocks_.Invert(landmark, lambda, Rhs(l.quad));
+  return blocks_.Invert(landmark, lambda, vectors_.rhs(l.quad));
 }
 
 void IncrementalSchur::LeaveOutside(std::int32_t landmark) {
@@ -351,55 +333,22 @@ void IncrementalSchur::TakeOutOfRows(std::int32_t landmark, const IndexSet& rows
 }
 
 void IncrementalSchur::RefreshResidual(std::int32_t landmark) {
-  AddChange(landmarks()[landmark].quad, landmarks()[landmark].size);
+  vectors_.TakeChange(landmarks()[landmark].quad, landmarks()[landmark].size);
   if (IsInS(landmark)) {
-    blocks_.RenewZ(landmark, eta(landmark), rhs_.data());
+    blocks_.RenewZ(landmark, eta(landmark), vectors_.rhs());
     RenewGain(landmark);
   }
 }
 
-void IncrementalSchur::AddChange(std::int32_t quad, int size) {
-  double* change = rhs_change_.data() + std::ptrdiff_t{quad} * kQuad;
-  double* rhs = Rhs(quad);
-  for (int k = 0; k < size; ++k) {
-    rhs[k] += change[k];
-    change[k] = 0.0;
-  }
-}
-
 void IncrementalSchur::TakeChange(int frame) {
-  AddChange(frames()[frame].quad, frames()[frame].size);
-  TouchB(frame);
-}
-
-bool IncrementalSchur::HasDrifted(std::int32_t row, double cost) {
-  const Frame& frame = frames()[row];
-  for (std::ptrdiff_t k = std::ptrdiff_t{frame.quad} * kQuad;
-       k < std::ptrdiff_t{frame.quad} * kQuad + frame.size; ++k) {
-    if (C_peak_[k] > kDriftRatio * C_diagonal_[k] ||
-        b_peak_[k] > kDriftRatio * std::sqrt(2.0 * cost * C_diagonal_[k])) {
-      return true;
-    }
-  }
-  return false;
-}
-
-// What accepted steps change goes to b directly.
-void IncrementalSchur::SampleB(std::int32_t row) {
-  const Frame& frame = frames()[row];
-  for (std::ptrdiff_t k = std::ptrdiff_t{frame.quad} * kQuad;
-       k < std::ptrdiff_t{frame.quad} * kQuad + frame.size; ++k) {
-    b_peak_[k] = std::max(b_peak_[k], std::fabs(rhs_[k]));
-  }
+  vectors_.TakeChange(frames()[frame].quad, frames()[frame].size);
+  changes_.TouchB(frame);
 }
 
 int IncrementalSchur::ResumDrifted(double cost) {
   scratch_.clear();
   const auto look_at = [this, cost](std::int32_t row) {
-    if (frames()[row].id >= 0) {
-      SampleB(row);
-    }
-    if (HasDrifted(row, cost)) {
+    if (vectors_.HasDrifted(frames()[row].quad, frames()[row].size, cost)) {
       scratch_.push_back(row);
     }
   };
@@ -409,26 +358,20 @@ int IncrementalSchur::ResumDrifted(double cost) {
     }
     drift_cost_ = cost;
   } else {
-    touched_.ForEach(look_at);
+    changes_.unchecked().ForEach(look_at);
     drift_cost_ = std::max(drift_cost_, cost);
   }
   for (const std::int32_t row : scratch_) {
     ResumFrame(row);
   }
-  touched_.Clear();
+  changes_.ClearUnchecked();
   return static_cast<int>(scratch_.size());
-}
-
-void IncrementalSchur::ZeroVectors(const Frame& frame) {
-  for (AlignedVector<double>* padded : {&rhs_, &C_diagonal_, &C_peak_, &b_peak_}) {
-    std::fill_n(padded->begin() + std::ptrdiff_t{frame.quad} * kQuad, PadToQuad(frame.size), 0.0);
-  }
 }
 
 void IncrementalSchur::ResumFrame(std::int32_t frame) {
   const Frame& f = frames()[frame];
   S_.ZeroRow(frame);
-  ZeroVectors(f);
+  vectors_.Zero(f.quad, f.size);
   const auto add_factor = [this, frame](const FactorRef& ref) {
     if (families_[ref.family].linearized(ref.factor)) {
       AddFactorToRow(ref, frame);
@@ -440,10 +383,10 @@ void IncrementalSchur::ResumFrame(std::int32_t frame) {
     if (IsInS(landmark)) {
       AddPart(landmark, -1.0, AcrossRow(frame));
       std::for_each(landmarks()[landmark].frames.begin(), landmarks()[landmark].frames.end(),
-                    [this](std::int32_t row) { Touch(row); });
+                    [this](std::int32_t row) { changes_.Touch(row); });
     }
   }
-  Touch(frame);
+  changes_.Touch(frame);
 }
 
 void IncrementalSchur::Rebuild() {
@@ -451,8 +394,8 @@ void IncrementalSchur::Rebuild() {
   S_.Zero();
   for (std::int32_t row = 0; row < static_cast<std::int32_t>(frames().size()); ++row) {
     if (frames()[row].id >= 0) {
-      ZeroVectors(frames()[row]);
-      Touch(row);
+      vectors_.Zero(frames()[row].quad, frames()[row].size);
+      changes_.Touch(row);
     }
   }
   for (const IncrementalFamily& family : families_) {
@@ -499,8 +442,8 @@ void IncrementalSchur::RhsNorms(double* max_norm, double* norm) const {
 }
 
 std::int64_t IncrementalSchur::Bytes() const {
-  std::size_t bytes = sizeof(double) * (5 * rhs_.capacity() + kept_.capacity()) +
-                      structure_.Bytes() + blocks_.Bytes();
+  std::size_t bytes =
+      vectors_.Bytes() + sizeof(double) * kept_.capacity() + structure_.Bytes() + blocks_.Bytes();
   for (const std::vector<std::int32_t>& blocks : factor_blocks_) {
     bytes += blocks.capacity() * sizeof(std::int32_t);
   }

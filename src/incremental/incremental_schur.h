@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -9,6 +8,8 @@
 #include "incremental/index_set.h"
 #include "incremental/landmark_blocks.h"
 #include "incremental/landmark_gains.h"
+#include "incremental/padded_vectors.h"
+#include "incremental/row_changes.h"
 #include "linear/block_rows.h"
 #include "linearize/incremental_family.h"
 
@@ -87,28 +88,23 @@ class IncrementalSchur {
 
   const SymmetricBlockRows& S() const { return S_; }
   /// The frame's entries of diag(C).
-  const double* FrameDiagonal(int frame) const {
-    return C_diagonal_.data() + std::ptrdiff_t{frames()[frame].quad} * kQuad;
-  }
+  const double* FrameDiagonal(int frame) const { return vectors_.C_diagonal(frames()[frame].quad); }
   /// In a vector packed by rows; that of the row after the last is the vector's size.
   int FrameOffset(int frame) const { return offsets_[frame]; }
   int size() const { return offsets_.back(); }
-  /// One vector for all variables, by their quads: b for frames, η for landmarks.
-  double* padded_rhs() { return rhs_.data(); }
-  /// What a step under trial does to it: zero but for what whoever tries the step has written.
-  /// TakeChange and RefreshResidual take it over and DropChange forgets it, variable by variable.
-  double* padded_change() { return rhs_change_.data(); }
+  /// What a step under trial does to b and η, by quads: zero but for what whoever tries the step
+  /// has written. TakeChange and RefreshResidual take it over and DropFrameChange or
+  /// DropLandmarkChange forgets it, variable by variable.
+  double* padded_change() { return vectors_.change(); }
   void TakeChange(int frame);
-  void DropFrameChange(int frame) { ZeroChange(frames()[frame].quad, frames()[frame].size); }
+  void DropFrameChange(int frame) {
+    vectors_.DropChange(frames()[frame].quad, frames()[frame].size);
+  }
   void DropLandmarkChange(int landmark) {
-    ZeroChange(landmarks()[landmark].quad, landmarks()[landmark].size);
+    vectors_.DropChange(landmarks()[landmark].quad, landmarks()[landmark].size);
   }
-  const double* b(int frame) const {
-    return rhs_.data() + std::ptrdiff_t{frames()[frame].quad} * kQuad;
-  }
-  const double* eta(int landmark) const {
-    return rhs_.data() + std::ptrdiff_t{landmarks()[landmark].quad} * kQuad;
-  }
+  const double* b(int frame) const { return vectors_.rhs(frames()[frame].quad); }
+  const double* eta(int landmark) const { return vectors_.rhs(landmarks()[landmark].quad); }
 
   const IncrementalStructure& structure() const { return structure_; }
   const std::vector<Frame>& frames() const { return structure_.frames(); }
@@ -121,31 +117,13 @@ class IncrementalSchur {
   /// Largest entry and norm of (b, η) over what can move. Cost: a pass over all variables.
   void RhsNorms(double* max_norm, double* norm) const;
 
-  /// The rows of S touched since the last call, ascending; the vector's memory is used again.
-  void TakeChangedRows(std::vector<std::int32_t>* rows) { Take(&changed_rows_, rows); }
-  /// The same for whoever factors S, and for entries of b. Whoever writes the padded right-hand
-  /// side himself says so.
-  void TakeUnfactoredRows(std::vector<std::int32_t>* rows) { Take(&unfactored_rows_, rows); }
-  void TakeUnsolvedRows(std::vector<std::int32_t>* rows) { Take(&unsolved_rows_, rows); }
-  /// And for whoever packs b and the diagonals: also rows that are held now or no longer, or have
-  /// another offset.
-  void TakeUnreadRows(std::vector<std::int32_t>* rows) { Take(&unread_rows_, rows); }
-  void TouchB(std::int32_t row) {
-    unsolved_rows_.Add(row);
-    unread_rows_.Add(row);
-    touched_.Add(row);
-  }
+  /// What has changed of S and b, held frames included, for those who follow them.
+  RowChanges& changes() { return changes_; }
   /// Block products of all landmark contributions in S.
   std::int64_t NumPairs() const { return num_pairs_; }
   std::int64_t Bytes() const;
 
  private:
-  void AddChange(std::int32_t quad, int size);
-  void ZeroChange(std::int32_t quad, int size) {
-    std::fill_n(rhs_change_.begin() + std::ptrdiff_t{quad} * kQuad, PadToQuad(size), 0.0);
-  }
-  double* Rhs(std::int32_t quad) { return rhs_.data() + std::ptrdiff_t{quad} * kQuad; }
-  void MakeRoom(std::int32_t quad, int size);
   void UpdateOffsets(std::int32_t first);
   void AddFactorToRow(FactorRef ref, std::int32_t only);
   const std::int32_t* BlocksOfFactor(FactorRef ref);
@@ -162,24 +140,12 @@ class IncrementalSchur {
   void AddPart(std::int32_t landmark, double sign, const Part& part);
   bool Invert(std::int32_t landmark, double lambda);
   void LeaveOutside(std::int32_t landmark);
-  void ZeroVectors(const Frame& frame);
   // Quad offset of a block of S, row ≥ column.
   std::int32_t BlockOf(std::int32_t row, std::int32_t column) {
     return static_cast<std::int32_t>(S_.FindOrAdd(row, column) / kQuad);
   }
   void ResumFrame(std::int32_t frame);
   void RenewGain(std::int32_t landmark);
-  static void Take(IndexSet* set, std::vector<std::int32_t>* rows) {
-    set->CopyTo(rows);
-    set->Clear();
-  }
-  void Touch(std::int32_t row) {
-    changed_rows_.Add(row);
-    unfactored_rows_.Add(row);
-    TouchB(row);
-  }
-  bool HasDrifted(std::int32_t row, double cost);
-  void SampleB(std::int32_t row);
 
   std::vector<IncrementalFamily>& families_;
   const Kernels& kernels_;
@@ -191,19 +157,11 @@ class IncrementalSchur {
   std::vector<std::vector<std::int32_t>> factor_blocks_;
   SymmetricBlockRows S_;
   std::vector<int> offsets_{0};
-  AlignedVector<double> rhs_;
-  AlignedVector<double> rhs_change_;  // laid out as rhs_, and so the three below
-  AlignedVector<double> C_diagonal_;
-  AlignedVector<double> C_peak_;  // the largest C_diagonal_ has been since its row was summed
-  AlignedVector<double> b_peak_;  // the largest |b| has been since its row was summed
+  PaddedVectors vectors_;
   std::int64_t num_pairs_ = 0;
   bool rebuilding_ = false;
-  IndexSet touched_;          // rows, since ResumDrifted
-  IndexSet changed_rows_;     // of S, since TakeChangedRows
-  IndexSet unfactored_rows_;  // of S, since TakeUnfactoredRows
-  IndexSet unsolved_rows_;    // of b, since TakeUnsolvedRows
-  IndexSet unread_rows_;      // since TakeUnreadRows
-  double drift_cost_ = 0.0;   // when all rows were looked at
+  RowChanges changes_;
+  double drift_cost_ = 0.0;  // when all rows were looked at
   std::vector<std::int32_t> scratch_;
   std::vector<BlockRow> rows_;         // of the contribution under way
   AlignedVector<double> kept_;         // rows and q of factors, and Y, as they are in S

@@ -252,7 +252,7 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
     MinimizeOrPutBack(&trace);
     changed_rows_.clear();
     if (live != nullptr) {
-      live->schur().TakeChangedRows(&changed_rows_);
+      live->schur().changes().TakeRowsOfS(&changed_rows_);
     }
     converged_ = summary->termination == Termination::kConvergence && !held_back_;
     if (summary->termination == Termination::kFailure && live != nullptr) {

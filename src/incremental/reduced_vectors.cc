@@ -17,7 +17,7 @@ bool ReducedVectors::Refresh(DampingForm form, double mu, IncrementalSchur* schu
   }
   pulls_.resize(num_rows);
   constant_.resize(num_rows);
-  schur->TakeUnreadRows(&changed_);
+  schur->changes().TakeUnread(&changed_);
   for (const std::int32_t row : changed_) {
     Read(*schur, row);
   }

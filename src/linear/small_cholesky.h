@@ -2,31 +2,13 @@
 
 #include <cmath>
 #include <cstddef>
-#include <type_traits>
 
 #include "simd/kernels.h"
 
 namespace inceres::internal {
 
-// Cholesky of small blocks. A size that is a constant lets loops be unrolled: the same operations
-// in the same order.
-
-/// Calls visit(size), with a constant where the size is 1 to 4.
-template <typename Visit>
-inline void WithConstantSize(int size, const Visit& visit) {
-  switch (size) {
-    case 1:
-      return visit(std::integral_constant<int, 1>());
-    case 2:
-      return visit(std::integral_constant<int, 2>());
-    case 3:
-      return visit(std::integral_constant<int, 3>());
-    case 4:
-      return visit(std::integral_constant<int, 4>());
-    default:
-      return visit(size);
-  }
-}
+// Cholesky of small blocks. A size that is a constant (WithConstantSize) lets loops be unrolled:
+// the same operations in the same order.
 
 /// L Lᵀ = A of a small block's lower triangle, in place, row-major. The reciprocals of L's diagonal
 /// spare later divisions. False at a pivot that is not positive and finite.

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <iterator>
 #include <numeric>
-#include <string>
+
+#include "linearize/jacobian_places.h"
 
 namespace inceres::internal {
 namespace {
@@ -24,11 +24,30 @@ bool BorrowsValues(const FactorGraph& graph) {
   return false;
 }
 
-// A NaN stays one.
-void Clamp(const VariableBounds& bounds, double* x) {
-  for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
-    x[k] = std::min(std::max(x[k], bounds.lower[k]), bounds.upper[k]);
+// Of the factors from begin to end, at the point where they were evaluated; robustifies them if
+// with Jacobians.
+double SumCosts(bool jacobians, LossCurvature curvature, int begin, int end,
+                Linearization* family_cache) {
+  Linearization& cache = *family_cache;
+  const FactorGraph& graph = *cache.graph;
+  double* residuals = jacobians ? cache.residuals.data() : cache.candidate_residuals.data();
+  const int rows = cache.residual_size;
+  if (!graph.HasLosses(cache.id)) {
+    return PlainCost(residuals + static_cast<std::ptrdiff_t>(begin) * rows,
+                     static_cast<std::ptrdiff_t>(end - begin) * rows);
   }
+  const auto num_slots = static_cast<int>(cache.slots.size());
+  const std::ptrdiff_t offset_stride = cache.storage == JacobianStorage::kBySlot ? num_slots : 0;
+  double cost = 0.0;
+  for (int i = begin; i < end; ++i) {
+    double* f = residuals + static_cast<std::ptrdiff_t>(i) * rows;
+    const Loss* loss = graph.loss(cache.id, i);
+    cost += jacobians
+                ? RobustifyFactor(loss, rows, num_slots, cache.slots.data(), i,
+                                  cache.tangent_offsets.data() + i * offset_stride, curvature, f)
+                : RobustCost(loss, f, rows);
+  }
+  return cost;
 }
 
 }  // namespace
@@ -39,10 +58,7 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
       layout_(layout),
       executor_(executor),
       storage_(storage),
-      current_(graph.state()),
-      candidate_(graph.state()) {
-  BuildTangents();
-  BuildBounds();
+      points_(graph, layout) {
   families_.reserve(graph.num_families());
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     BuildFamily(id);
@@ -75,10 +91,7 @@ void Evaluator::BuildChunks(FamilyId id) {
 
 void Evaluator::Rebind(const FactorGraph& graph) {
   graph_ = &graph;
-  SetCurrent(graph.state());
-  std::copy(graph.state().begin(), graph.state().end(), candidate_.begin());
-  bounds_.clear();
-  BuildBounds();
+  points_.Rebind(graph);
   // Without borrowed values all parameters are where they were: in the two states, at offsets of
   // the structure.
   const bool borrows = BorrowsValues(graph);
@@ -105,61 +118,20 @@ void Evaluator::BuildFamily(FamilyId id) {
     cache.Grow(graph_->NumFactors(id), graph_->NumFactors(id));
   } else {
     cache.GrowTables(graph_->NumFactors(id));
-    PlaceWholeRows(&cache);
+    PlaceWholeRows(layout_, &cache);
   }
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
   executor_.For(static_cast<int>(cache.parameters.size()), kEntryGrain, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
       // null at a free place
-      cache.tangent_maps[k] = ids[k] < 0 ? nullptr : &tangents_[ids[k]].map();
+      cache.tangent_maps[k] = ids[k] < 0 ? nullptr : &points_.tangent_map(ids[k]);
     }
     if (storage_ == JacobianStorage::kBySlot) {
-      PlaceInTangent(&cache, begin, end);
+      PlaceInTangent(layout_, begin, end, &cache);
     }
   });
   FindAllParameters(id);
   BindFamily(id);
-}
-
-// The entries (factor and slot) from begin to end.
-void Evaluator::PlaceInTangent(Linearization* cache, std::ptrdiff_t begin,
-                               std::ptrdiff_t end) const {
-  const VariableId* ids = begin < end ? graph_->Variables(cache->id, 0) : nullptr;
-  for (std::ptrdiff_t k = begin; k < end; ++k) {
-    const int position = ids[k] < 0 ? -1 : layout_.position[ids[k]];  // a free place has none
-    cache->tangent_offsets[k] = position < 0 ? -1 : layout_.quad_offset[position];
-  }
-}
-
-void Evaluator::LeaveOutZeroBlocks(const Chunk& chunk, Linearization* cache) {
-  const std::size_t num_slots = cache->slots.size();
-  for (std::size_t s = 0; s < num_slots; ++s) {
-    const SlotJacobians& slot = cache->slots[s];
-    const double* J = slot.data + chunk.begin * slot.factor_stride;
-    for (int i = chunk.begin; i < chunk.end; ++i, J += slot.factor_stride) {
-      if (std::all_of(J, J + slot.factor_stride, [](double entry) { return entry == 0.0; })) {
-        cache->tangent_offsets[i * num_slots + s] = -1;
-      }
-    }
-  }
-}
-
-void Evaluator::PlaceWholeRows(Linearization* cache) const {
-  cache->storage = JacobianStorage::kWholeRows;
-  cache->candidate_residuals = ZeroedArray(cache->residuals.size());
-  cache->candidate_parameters.resize(cache->parameters.size());
-  const int row_stride = PadToQuad(layout_.size());
-  const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache->residual_size} * row_stride;
-  cache->jacobian_values =
-      ZeroedArray(static_cast<std::size_t>(cache->num_factors * factor_stride));
-  double* const J = cache->jacobian_values.data();
-  cache->slots = {{J, factor_stride, row_stride, layout_.size()}};
-  cache->tangent_offsets = {0};
-  for (int s = 0; cache->num_factors > 0 && s < cache->num_slots; ++s) {
-    const int position = layout_.position[graph_->Variables(cache->id, 0)[s]];
-    cache->views[s] = {J + (position < 0 ? 0 : layout_.packed_offset[position]), factor_stride,
-                       row_stride};
-  }
 }
 
 // What of a family's cache is the graph's own.
@@ -177,8 +149,8 @@ void Evaluator::BindFamily(FamilyId id) {
 
 void Evaluator::FindAllParameters(FamilyId id) {
   Linearization& cache = families_[id];
-  FindParameters(current_, id, &cache.parameters);
-  FindParameters(candidate_, id, &cache.candidate_parameters);
+  FindParameters(points_.current(), id, &cache.parameters);
+  FindParameters(points_.candidate(), id, &cache.candidate_parameters);
 }
 
 // Of all factors of the family, or of none where there is no room for them.
@@ -199,53 +171,6 @@ void Evaluator::FindParameters(const std::vector<double>& state, FamilyId id,
   });
 }
 
-void Evaluator::BuildTangents() {
-  tangents_.resize(graph_->num_variables());
-  for (VariableId id = 0; id < graph_->num_variables(); ++id) {
-    tangents_[id].Set(*graph_, id, /*wanted=*/layout_.position[id] >= 0);
-  }
-  std::copy_if(layout_.variables.begin(), layout_.variables.end(), std::back_inserter(curved_),
-               [this](VariableId id) { return tangents_[id].is_curved(); });
-}
-
-void Evaluator::BuildBounds() {
-  for (std::size_t i = 0; graph_->HasBounds() && i < layout_.variables.size(); ++i) {
-    if (const VariableBounds* bounds = graph_->bounds(layout_.variables[i])) {
-      bounds_.resize(layout_.variables.size());
-      bounds_[i] = bounds;
-    }
-  }
-}
-
-// compute(tangent, id, x) of all that have a manifold; it returns what is wrong.
-template <typename Compute>
-Status Evaluator::ComputeTangents(const std::vector<double>& state, const Compute& compute) {
-  for (const VariableId id : curved_) {
-    if (const char* fault = compute(&tangents_[id], id, graph_->ValuesIn(state.data(), id))) {
-      return Status::Error(
-          StatusCode::kEvaluationFailed,
-          "PlusJacobian of the manifold of variable " + std::to_string(id) + " " + fault);
-    }
-  }
-  return Status::Ok();
-}
-
-bool Evaluator::MoveCandidate(const double* delta) {
-  for (std::size_t i = 0; i < layout_.variables.size(); ++i) {
-    const VariableId id = layout_.variables[i];
-    const std::int64_t offset = graph_->StateOffset(id);
-    const double* x = current_.data() + offset;
-    double* moved = candidate_.data() + offset;
-    if (!MoveVariable(*graph_, id, x, delta + layout_.packed_offset[i], moved)) {
-      return false;
-    }
-    if (IsConstrained() && bounds_[i] != nullptr) {
-      Clamp(*bounds_[i], moved);
-    }
-  }
-  return true;
-}
-
 // Parameters that are not of the state, constants in the user's memory, stay where they are. Whole
 // rows keep both points'.
 void Evaluator::PointTo(bool candidate, Chunk* chunk) {
@@ -254,10 +179,11 @@ void Evaluator::PointTo(bool candidate, Chunk* chunk) {
   }
   chunk->at_candidate = candidate;
   Linearization& cache = families_[chunk->family];
-  const double* const from = candidate ? current_.data() : candidate_.data();
-  const double* const to = candidate ? candidate_.data() : current_.data();
+  const std::vector<double>& current = points_.current();
+  const double* const from = candidate ? current.data() : points_.candidate().data();
+  const double* const to = candidate ? points_.candidate().data() : current.data();
   const auto address = [](const double* p) { return reinterpret_cast<std::uintptr_t>(p); };
-  const std::uintptr_t size = current_.size() * sizeof(double);
+  const std::uintptr_t size = current.size() * sizeof(double);
   for (std::ptrdiff_t k = cache.Entry(chunk->begin); k < cache.Entry(chunk->end); ++k) {
     const double* const p = cache.parameters[k];
     if (address(p) - address(from) < size) {
@@ -276,7 +202,7 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
   PointTo(!jacobians, chunk);
   Linearization& cache = families_[chunk->family];
   if (jacobians && leaves_out_zero_blocks_) {
-    PlaceInTangent(&cache, cache.Entry(chunk->begin), cache.Entry(chunk->end));
+    PlaceInTangent(layout_, cache.Entry(chunk->begin), cache.Entry(chunk->end), &cache);
   }
   const EvaluationFailure failure = jacobians ? cache.Linearize(chunk->begin, chunk->end)
                                               : cache.EvaluateCandidate(chunk->begin, chunk->end);
@@ -284,37 +210,14 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
     double* sum = sums_.data() + chunk->first_sum;
     for (int begin = chunk->begin; begin < chunk->end;) {
       const int end = std::min((begin / kSumSize + 1) * kSumSize, chunk->end);
-      *sum++ = SumCosts(jacobians, &cache, begin, end);
+      *sum++ = SumCosts(jacobians, loss_curvature_, begin, end, &cache);
       begin = end;
     }
     if (jacobians && leaves_out_zero_blocks_) {
-      LeaveOutZeroBlocks(*chunk, &cache);
+      LeaveOutZeroBlocks(chunk->begin, chunk->end, &cache);
     }
   }
   return failure;
-}
-
-// And robustifies, with Jacobians.
-double Evaluator::SumCosts(bool jacobians, Linearization* family_cache, int begin, int end) {
-  Linearization& cache = *family_cache;
-  double* residuals = jacobians ? cache.residuals.data() : cache.candidate_residuals.data();
-  const int rows = cache.residual_size;
-  if (!graph_->HasLosses(cache.id)) {
-    return PlainCost(residuals + static_cast<std::ptrdiff_t>(begin) * rows,
-                     static_cast<std::ptrdiff_t>(end - begin) * rows);
-  }
-  const auto num_slots = static_cast<int>(cache.slots.size());
-  const std::ptrdiff_t offset_stride = cache.storage == JacobianStorage::kBySlot ? num_slots : 0;
-  double cost = 0.0;
-  for (int i = begin; i < end; ++i) {
-    double* f = residuals + static_cast<std::ptrdiff_t>(i) * rows;
-    const Loss* loss = graph_->loss(cache.id, i);
-    cost += jacobians ? RobustifyFactor(loss, rows, num_slots, cache.slots.data(), i,
-                                        cache.tangent_offsets.data() + i * offset_stride,
-                                        loss_curvature_, f)
-                      : RobustCost(loss, f, rows);
-  }
-  return cost;
 }
 
 Status Evaluator::DescribeFailure(bool jacobians, FamilyId id,
@@ -363,18 +266,12 @@ Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
 }
 
 Status Evaluator::EvaluateCandidateCost(double* cost) {
-  const Status status =
-      ComputeTangents(candidate_, [this](Tangent* tangent, VariableId id, const double* x) {
-        return tangent->ComputeCandidate(*graph_, id, x);
-      });
+  const Status status = points_.ComputeCandidateTangents();
   return status.ok() ? EvaluateAll(/*jacobians=*/false, cost) : status;
 }
 
 void Evaluator::AcceptCandidate() {
-  current_.swap(candidate_);
-  for (const VariableId id : curved_) {
-    tangents_[id].AcceptCandidate();
-  }
+  points_.AcceptCandidate();
   for (Chunk& chunk : chunks_) {
     chunk.at_candidate = !chunk.at_candidate;
   }
@@ -401,16 +298,9 @@ int Evaluator::Recenter() {
   return num_changed;
 }
 
-void Evaluator::SetCurrent(const std::vector<double>& state) {
-  std::copy(state.begin(), state.end(), current_.begin());  // in place: the families point into it
-}
-
 Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
   if (!known_point) {
-    Status status =
-        ComputeTangents(current_, [this](Tangent* tangent, VariableId id, const double* x) {
-          return tangent->Compute(*graph_, id, x);
-        });
+    Status status = points_.ComputeTangents();
     if (!status.ok()) {
       return status;
     }
@@ -427,11 +317,7 @@ std::int64_t Evaluator::Bytes() const {
                                        (2 * sizeof(void*) + sizeof(std::int32_t)));
     bytes += static_cast<std::int64_t>(cache.candidate_parameters.size() * sizeof(void*));
   }
-  for (const VariableId id : curved_) {
-    bytes += static_cast<std::int64_t>(sizeof(double) * 2 * graph_->AmbientSize(id) *
-                                       graph_->TangentSize(id));
-  }
-  return bytes + static_cast<std::int64_t>(sizeof(double) * current_.size() * 2);
+  return bytes + points_.Bytes();
 }
 
 }  // namespace inceres::internal

@@ -7,13 +7,12 @@
 #include "inceres/problem/factor_graph.h"
 #include "linearize/layout.h"
 #include "linearize/linearization.h"
+#include "linearize/point_pair.h"
 #include "linearize/robustify.h"
-#include "linearize/tangent.h"
 
 namespace inceres::internal {
 
-/// Owns the two points of a trust-region iteration, current and candidate, and evaluates the
-/// factors at them.
+/// Evaluates the factors at the two points of a trust-region iteration, current and candidate.
 ///
 /// Order of evaluation, calls to PlusJacobian and the correction for losses follow Ceres 2.1
 /// (docs/ceres_contract.md, "Evaluation"): project to the tangent space first, then correct
@@ -26,28 +25,19 @@ class Evaluator {
   Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor,
             JacobianStorage storage = JacobianStorage::kBySlot);
 
-  /// From now on for this graph, at its values; its structure (solver/structure.h) is that of the
-  /// one before. Nothing computed for that one is used again.
+  /// From now on for this graph, at its values; its structure (trust_region/structure.h) is that of
+  /// the one before. Nothing computed for that one is used again.
   void Rebind(const FactorGraph& graph);
 
-  const std::vector<double>& current() const { return current_; }
-  const std::vector<double>& candidate() const { return candidate_; }
+  /// To be moved by whoever steps; but it is the evaluator that accepts, for its factors follow.
+  PointPair& points() { return points_; }
+  const PointPair& points() const { return points_; }
   std::vector<Linearization>& families() { return families_; }
   const std::vector<Linearization>& families() const { return families_; }
   const FactorGraph& graph() const { return *graph_; }
   const Layout& layout() const { return layout_; }
   const Executor& executor() const { return executor_; }
   JacobianStorage storage() const { return storage_; }
-
-  /// Whether any variable that moves has bounds.
-  bool IsConstrained() const { return !bounds_.empty(); }
-
-  /// candidate := current ⊞ delta (packed), clamped to the bounds. False if a manifold's Plus
-  /// fails; blocks before it are then already overwritten.
-  bool MoveCandidate(const double* delta);
-
-  /// The candidate itself, for who moves variables without a manifold one by one.
-  std::vector<double>& mutable_candidate() { return candidate_; }
 
   /// Points the families' parameters to the candidate, for who evaluates factors there by himself.
   /// Not of whole rows.
@@ -56,16 +46,13 @@ class Evaluator {
   /// ½ Σ ρ at the candidate, residuals only.
   Status EvaluateCandidateCost(double* cost);
 
-  /// current := candidate, with its tangent maps.
+  /// The candidate is the current point from now on.
   void AcceptCandidate();
 
   /// Lets the families move their factors' expansion points to the current values
   /// (FactorFamily::Recenter). Returns the number of factors that are another function now: costs
   /// and Jacobians computed before are then of no use.
   int Recenter();
-
-  /// current := these values, a state as the graph lays it out.
-  void SetCurrent(const std::vector<double>& state);
 
   /// Residuals, Jacobians and cost at the current point. `known_point`: its tangent maps were
   /// computed by EvaluateCandidateCost.
@@ -92,21 +79,13 @@ class Evaluator {
   };
 
   void BuildFamily(FamilyId id);
-  void PlaceWholeRows(Linearization* cache) const;
   void BuildChunks(FamilyId id);
   void BindFamily(FamilyId id);
   void FindAllParameters(FamilyId id);
   void FindParameters(const std::vector<double>& state, FamilyId id,
                       std::vector<const double*>* parameters) const;
-  void BuildTangents();
-  void BuildBounds();
-  template <typename Compute>
-  Status ComputeTangents(const std::vector<double>& state, const Compute& compute);
   void PointTo(bool candidate, Chunk* chunk);
   EvaluationFailure EvaluateChunk(bool jacobians, Chunk* chunk);
-  void PlaceInTangent(Linearization* cache, std::ptrdiff_t begin, std::ptrdiff_t end) const;
-  static void LeaveOutZeroBlocks(const Chunk& chunk, Linearization* cache);
-  double SumCosts(bool jacobians, Linearization* cache, int begin, int end);
   Status EvaluateAll(bool jacobians, double* cost);
   Status Prepare(bool jacobians, FamilyId id);
   Status DescribeFailure(bool jacobians, FamilyId id, const EvaluationFailure& failure) const;
@@ -117,19 +96,13 @@ class Evaluator {
   const JacobianStorage storage_;
   LossCurvature loss_curvature_ = LossCurvature::kPositive;
   bool leaves_out_zero_blocks_ = false;
-  std::vector<double> current_;
-  std::vector<double> candidate_;
+  PointPair points_;
   std::vector<Linearization> families_;
   std::vector<Chunk> chunks_;
   // of the costs of up to kSumSize factors each: what is added to what depends on nothing else
   std::vector<double> sums_;
   std::vector<EvaluationFailure> chunk_failures_;
   std::vector<std::int32_t> announced_;  // scratch of Prepare
-
-  std::vector<const VariableBounds*>
-      bounds_;                     // per entry of layout_.variables, null if free; empty if all are
-  std::vector<Tangent> tangents_;  // per VariableId
-  std::vector<VariableId> curved_;  // those of layout_.variables with a manifold, in this order
 };
 
 }  // namespace inceres::internal

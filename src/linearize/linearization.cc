@@ -5,10 +5,6 @@
 namespace inceres::internal {
 namespace {
 
-// What whole rows serve.
-constexpr int kMaxWholeColumns = 16;
-constexpr std::int64_t kMaxWholeRows = 1024;
-
 // `used` of the old values stay.
 void Enlarge(std::size_t size, std::size_t used, ZeroedArray* array) {
   ZeroedArray larger(size);
@@ -17,22 +13,6 @@ void Enlarge(std::size_t size, std::size_t used, ZeroedArray* array) {
 }
 
 }  // namespace
-
-JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
-  std::int64_t num_rows = 0;
-  bool whole = layout.num_landmarks() == 0 && layout.size() <= kMaxWholeColumns;
-  for (FamilyId id = 0; whole && id < graph.num_families(); ++id) {
-    const std::int64_t num_factors = graph.NumFactors(id);
-    num_rows += num_factors * graph.family(id).residual_size();
-    whole = num_rows <= kMaxWholeRows && graph.NumFreePlaces(id) == 0;
-    if (whole && num_factors > 1) {
-      const VariableId* ids = graph.Variables(id, 0);
-      whole = std::equal(ids, ids + (num_factors - 1) * graph.family(id).num_slots(),
-                         graph.Variables(id, 1));
-    }
-  }
-  return whole ? JacobianStorage::kWholeRows : JacobianStorage::kBySlot;
-}
 
 Linearization::Linearization(const FactorGraph& owner, FamilyId family_id)
     : graph(&owner),

@@ -8,7 +8,6 @@
 #include "base/lowest_index.h"
 #include "base/zeroed_array.h"
 #include "inceres/problem/factor_graph.h"
-#include "linearize/layout.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -109,11 +108,6 @@ struct Linearization {
   std::vector<const double*> jacobian_parameters_;  // scratch of the size of pins
   std::vector<EvaluationFailure> failures_;         // per task of ForRuns
 };
-
-/// Whole rows where there are no landmarks, at most 16 unknowns and 1,024 residuals, and within
-/// each family all factors touch the same variables, as in curve fitting and calibration: then J is
-/// one small dense matrix.
-JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout);
 
 /// failures[k] := evaluate(k) for all k, in tasks. What lies behind one that failed is left out, as
 /// Ceres calls nothing more after a failure: returns the first that failed, or -1.

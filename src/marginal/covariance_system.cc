@@ -31,7 +31,7 @@ CovarianceSystem::CovarianceSystem(const FactorGraph& graph, const std::vector<d
       hessian_(evaluator_, incidences_, plans_),
       elimination_(evaluator_, incidences_, plans_, hessian_),
       factor_(executor_) {
-  evaluator_.SetCurrent(state);
+  evaluator_.points().SetCurrent(state);
 }
 
 Status CovarianceSystem::NotDetermined(VariableId id, const char* why) {

@@ -232,7 +232,7 @@ void InnerIterations::EvaluateRun(FamilyId family, int begin, int end, bool jaco
 
 double* InnerIterations::Values(int landmark) {
   const VariableId id = layout_.variables[layout_.num_frames + landmark];
-  return evaluator_.mutable_candidate().data() + evaluator_.graph().StateOffset(id);
+  return evaluator_.points().mutable_candidate().data() + evaluator_.graph().StateOffset(id);
 }
 
 // Moves the landmark if its step promises enough.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "inceres/problem/constant_size.h"
 #include "linear/small_cholesky.h"
 #include "trust_region/small_qr.h"
 

@@ -39,7 +39,7 @@ FunctionSample TrustRegionMinimizer::SampleStep(double t) {
   scaled_step_.resize(step_.size());
   std::transform(step_.begin(), step_.end(), scaled_step_.begin(),
                  [t](double entry) { return t * entry; });
-  if (!evaluator_.MoveCandidate(scaled_step_.data())) {
+  if (!evaluator_.points().MoveCandidate(scaled_step_.data())) {
     return sample;
   }
   if (options_.line_search_interpolation != LineSearchInterpolation::kCubic) {
@@ -47,14 +47,14 @@ FunctionSample TrustRegionMinimizer::SampleStep(double t) {
     return sample;
   }
   if (options_.observer != nullptr) {
-    options_.observer->BeforeEvaluation(evaluator_.candidate().data(), /*jacobians=*/true,
+    options_.observer->BeforeEvaluation(evaluator_.points().candidate().data(), /*jacobians=*/true,
                                         /*new_point=*/true);
   }
   ++summary_.work.num_jacobian_evaluations;
   if (trial_ == nullptr) {
     trial_ = std::make_unique<Evaluator>(graph_, evaluator_.layout(), evaluator_.executor());
   }
-  trial_->SetCurrent(evaluator_.candidate());
+  trial_->points().SetCurrent(evaluator_.points().candidate());
   sample.value_is_valid = trial_->EvaluateJacobians(/*known_point=*/false, &sample.value).ok() &&
                           std::isfinite(sample.value);
   if (sample.value_is_valid) {

@@ -9,6 +9,7 @@
 #include "base/executor.h"
 #include "base/stopwatch.h"
 #include "linearize/evaluator.h"
+#include "linearize/jacobian_places.h"
 #include "simd/kernels.h"
 #include "trust_region/linear_model.h"
 #include "trust_region/loop_options.h"

@@ -44,7 +44,7 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
       strategy_(memory->strategy),
       best_cost_(std::numeric_limits<double>::max()) {
   model->TimeInto(&summary->seconds, &clock_);
-  best_state_ = evaluator->current();
+  best_state_ = evaluator->points().current();
   step_.assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);
   negative_gradient_.resize(step_.size());
   if (options.refine_landmarks && evaluator->layout().num_landmarks() > 0) {
@@ -57,7 +57,7 @@ void TrustRegionMinimizer::Minimize() {
   iteration_start_time_ = start_time_;
   summary_.num_successful_steps = 0;
   summary_.num_unsuccessful_steps = 0;
-  summary_.is_constrained = evaluator_.IsConstrained();
+  summary_.is_constrained = evaluator_.points().IsConstrained();
   summary_.iterations.reserve(kExpectedIterations);
   if ((summary_.is_constrained && !ProjectStart()) || !EvaluateStart()) {
     return;
@@ -114,7 +114,7 @@ void TrustRegionMinimizer::AskForRadius() {
 
 bool TrustRegionMinimizer::ProjectStart() {
   std::fill(step_.begin(), step_.end(), 0.0);
-  if (!evaluator_.MoveCandidate(step_.data())) {
+  if (!evaluator_.points().MoveCandidate(step_.data())) {
     return Finish(Termination::kFailure,
                   {"Unable to project initial point onto the feasible set."});
   }
@@ -149,7 +149,7 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
     iteration_.step_is_nonmonotonic = !(cost_ < best_cost_);
     if (!iteration_.step_is_nonmonotonic) {
       best_cost_ = cost_;
-      best_state_ = evaluator_.current();
+      best_state_ = evaluator_.points().current();
     }
   } else {
     ++summary_.num_unsuccessful_steps;
@@ -258,7 +258,7 @@ void TrustRegionMinimizer::ComputeCandidate() {
   candidate_cost_ = std::numeric_limits<double>::max();
   is_cut_ = false;
   double cost = 0.0;
-  const bool moved = evaluator_.MoveCandidate(step_.data());
+  const bool moved = evaluator_.points().MoveCandidate(step_.data());
   if (!moved && summary_.failed_step.empty()) {
     summary_.failed_step = "x_plus_delta = Plus(x, delta) failed";
   }
@@ -278,7 +278,7 @@ void TrustRegionMinimizer::ComputeCandidate() {
 
 bool TrustRegionMinimizer::EvaluateCandidate(double* cost) {
   if (options_.observer != nullptr) {
-    options_.observer->BeforeEvaluation(evaluator_.candidate().data(), /*jacobians=*/false,
+    options_.observer->BeforeEvaluation(evaluator_.points().candidate().data(), /*jacobians=*/false,
                                         /*new_point=*/true);
   }
   ++summary_.work.num_residual_evaluations;
@@ -313,7 +313,8 @@ bool TrustRegionMinimizer::ParameterToleranceReached() {
   if (loop_.rules == CeresRules::k22 && !any_step_accepted_) {
     return false;
   }
-  iteration_.step_norm = StateDistance(evaluator_.current(), evaluator_.candidate(), nullptr);
+  iteration_.step_norm =
+      StateDistance(evaluator_.points().current(), evaluator_.points().candidate(), nullptr);
   const double tolerance = options_.parameter_tolerance;
   if (iteration_.step_norm > tolerance * (state_norm_ + tolerance) ||
       IsHeldAtBorder()) {
@@ -411,7 +412,8 @@ void TrustRegionMinimizer::RejectStep() {
 
 bool TrustRegionMinimizer::EvaluateGradientAndJacobian(bool new_point) {
   if (options_.observer != nullptr) {
-    options_.observer->BeforeEvaluation(evaluator_.current().data(), /*jacobians=*/true, new_point);
+    options_.observer->BeforeEvaluation(evaluator_.points().current().data(), /*jacobians=*/true,
+                                        new_point);
   }
   ++summary_.work.num_jacobian_evaluations;
   const Status evaluated = evaluator_.EvaluateJacobians(/*known_point=*/!new_point, &cost_);
@@ -428,18 +430,19 @@ bool TrustRegionMinimizer::ComputeGradientNorms() {
   const std::vector<double>& g = model_.Gradient();
   std::transform(g.begin(), g.end(), negative_gradient_.begin(),
                  [](double entry) { return -entry; });
-  if (!evaluator_.MoveCandidate(negative_gradient_.data())) {
+  if (!evaluator_.points().MoveCandidate(negative_gradient_.data())) {
     return Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
   }
   iteration_.gradient_norm =
-      StateDistance(evaluator_.current(), evaluator_.candidate(), &iteration_.gradient_max_norm);
+      StateDistance(evaluator_.points().current(), evaluator_.points().candidate(),
+                    &iteration_.gradient_max_norm);
   return true;
 }
 
 double TrustRegionMinimizer::StateNorm() const {
   double sum = 0.0;
   for (const VariableId id : evaluator_.layout().variables) {
-    const double* x = evaluator_.current().data() + graph_.StateOffset(id);
+    const double* x = evaluator_.points().current().data() + graph_.StateOffset(id);
     for (int k = 0; k < graph_.AmbientSize(id); ++k) {
       sum += x[k] * x[k];
     }

@@ -544,13 +544,13 @@ void EditWorld::ExpectLaw() {
             random_.Below(3) == 0 ? nullptr : &rows};
   };
   std::vector<std::int32_t> changed;
-  schur.TakeUnfactoredRows(&changed);
+  schur.changes().TakeUnfactored(&changed);
   const ReducedSolver::Rows rows = mu_changed_ ? ReducedSolver::Rows() : rows_of(changed);
   mu_changed_ = false;
   frame_step_.resize(b.size());
   const ReducedMatrix A(schur.S(), damping.data(), held.data());
   ASSERT_TRUE(solver_.Factorize(A, rows).ok());
-  schur.TakeUnsolvedRows(&changed);
+  schur.changes().TakeUnsolved(&changed);
   ASSERT_TRUE(solver_.Solve(b.data(), rows_of(changed), {}, frame_step_.data()).ok());
   ASSERT_NO_FATAL_FAILURE(batch.ExpectStep(frame_step_, mu_));
 }

@@ -25,8 +25,8 @@ class FailingFactors : public testing::Test {
     const VariableId x = graph_.AddVariable(&one, 1, Role::kFrame);
     const auto family = graph_.AddFamily(std::make_shared<FunctionFamily>(
         1, std::vector<FactorFamily::Slot>{{1, 1}},
-        [spoil](int i, const double* const* x, double* residuals, double** jacobians) {
-          residuals[0] = x[0][0];
+        [spoil](int i, const double* const* parameters, double* residuals, double** jacobians) {
+          residuals[0] = parameters[0][0];
           if (jacobians != nullptr && jacobians[0] != nullptr) {
             jacobians[0][0] = 1.0;
           }
@@ -111,7 +111,7 @@ Status EvaluateOn(std::shared_ptr<const Manifold> manifold) {
   EXPECT_EQ(core.evaluator.EvaluateCandidateCost(&cost).ok(), core.status.ok())
       << "cost-only evaluations ask as well";
   const double far = 100.0;
-  EXPECT_FALSE(core.evaluator.MoveCandidate(&far));
+  EXPECT_FALSE(core.evaluator.points().MoveCandidate(&far));
   return core.status;
 }
 

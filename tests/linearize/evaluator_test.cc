@@ -30,8 +30,8 @@ TEST(Evaluator, MovesEveryVariableOnItsManifoldAndNoConstant) {
   CorePipeline core(graph);
   const std::vector<double> delta =
       bundle->random().Vector(static_cast<std::size_t>(core.layout.size()));
-  ASSERT_TRUE(core.evaluator.MoveCandidate(delta.data()));
-  EXPECT_EQ(core.evaluator.current(), graph.state());
+  ASSERT_TRUE(core.evaluator.points().MoveCandidate(delta.data()));
+  EXPECT_EQ(core.evaluator.points().current(), graph.state());
   std::vector<double> expected = graph.state();
   for (std::size_t i = 0; i < core.layout.variables.size(); ++i) {
     const VariableId id = core.layout.variables[i];
@@ -45,7 +45,7 @@ TEST(Evaluator, MovesEveryVariableOnItsManifoldAndNoConstant) {
       x[k] += step[k];
     }
   }
-  EXPECT_EQ(core.evaluator.candidate(), expected);
+  EXPECT_EQ(core.evaluator.points().candidate(), expected);
 }
 
 // The candidate's cost, then its Jacobians after acceptance, are those of a graph that starts
@@ -55,10 +55,10 @@ TEST(Evaluator, AnAcceptedCandidateIsLikeAFreshStart) {
   CorePipeline core(bundle->graph());
   std::vector<double> delta = bundle->random().Vector(static_cast<std::size_t>(core.layout.size()));
   for (int round = 0; round < 3; ++round) {
-    ASSERT_TRUE(core.evaluator.MoveCandidate(delta.data()));
+    ASSERT_TRUE(core.evaluator.points().MoveCandidate(delta.data()));
     double candidate_cost = 0.0;
     ASSERT_TRUE(core.evaluator.EvaluateCandidateCost(&candidate_cost).ok());
-    EXPECT_NEAR(candidate_cost, test::CostAt(bundle->graph(), core.evaluator.candidate()),
+    EXPECT_NEAR(candidate_cost, test::CostAt(bundle->graph(), core.evaluator.points().candidate()),
                 1e-12 * candidate_cost);
     core.evaluator.AcceptCandidate();
     double cost = 0.0;
@@ -66,7 +66,7 @@ TEST(Evaluator, AnAcceptedCandidateIsLikeAFreshStart) {
     EXPECT_EQ(cost, candidate_cost);
     core.hessian.Accumulate();
 
-    bundle->graph().mutable_state() = core.evaluator.current();
+    bundle->graph().mutable_state() = core.evaluator.points().current();
     CorePipeline fresh(bundle->graph());
     EXPECT_EQ(fresh.cost, cost);
     EXPECT_EQ(fresh.hessian.C(), core.hessian.C());
@@ -81,7 +81,7 @@ TEST(Evaluator, ARejectedCandidateLeavesNoTrace) {
   const std::vector<double> gradient = core.hessian.gradient();
   const std::vector<double> delta =
       bundle->random().Vector(static_cast<std::size_t>(core.layout.size()));
-  ASSERT_TRUE(core.evaluator.MoveCandidate(delta.data()));
+  ASSERT_TRUE(core.evaluator.points().MoveCandidate(delta.data()));
   double cost = 0.0;
   ASSERT_TRUE(core.evaluator.EvaluateCandidateCost(&cost).ok());
   ASSERT_TRUE(core.evaluator.EvaluateJacobians(/*known_point=*/true, &cost).ok());
@@ -116,15 +116,15 @@ TEST(Evaluator, TangentMapsAreClassifiedAtEveryPoint) {
   CorePipeline core(random.graph());
   const double values[3][2] = {{0.5, 0.1}, {1.5, 0.2}, {2.5, 0.3}};
   for (const auto& value : values) {
-    const double delta[2] = {value[0] - core.evaluator.current()[0],
-                             value[1] - core.evaluator.current()[1]};
+    const double delta[2] = {value[0] - core.evaluator.points().current()[0],
+                             value[1] - core.evaluator.points().current()[1]};
     double cost = 0.0;
-    ASSERT_TRUE(core.evaluator.MoveCandidate(delta));
+    ASSERT_TRUE(core.evaluator.points().MoveCandidate(delta));
     ASSERT_TRUE(core.evaluator.EvaluateCandidateCost(&cost).ok());
     core.evaluator.AcceptCandidate();
     ASSERT_TRUE(core.evaluator.EvaluateJacobians(true, &cost).ok());
     core.hessian.Accumulate();
-    random.graph().mutable_state() = core.evaluator.current();
+    random.graph().mutable_state() = core.evaluator.points().current();
     const test::DenseOracle oracle(random.graph(), {x});
     EXPECT_LT(
         test::RelativeError(test::ToDense(core.plans.pattern, core.hessian.C().data()), oracle.H),

@@ -172,11 +172,11 @@ TEST(DenseOracle, GradientEqualsCentralDifferences) {
   for (int k = 0; k < layout.size(); ++k) {
     std::vector<double> delta(static_cast<std::size_t>(layout.size()), 0.0);
     delta[static_cast<std::size_t>(k)] = h;
-    ASSERT_TRUE(evaluator.MoveCandidate(delta.data()));
-    const double ahead = test::CostAt(graph, evaluator.candidate());
+    ASSERT_TRUE(evaluator.points().MoveCandidate(delta.data()));
+    const double ahead = test::CostAt(graph, evaluator.points().candidate());
     delta[static_cast<std::size_t>(k)] = -h;
-    ASSERT_TRUE(evaluator.MoveCandidate(delta.data()));
-    const double behind = test::CostAt(graph, evaluator.candidate());
+    ASSERT_TRUE(evaluator.points().MoveCandidate(delta.data()));
+    const double behind = test::CostAt(graph, evaluator.points().candidate());
     EXPECT_NEAR((ahead - behind) / (2.0 * h), oracle.g[k], 1e-7 * (1.0 + oracle.g.norm()))
         << "direction " << k;
   }

@@ -36,7 +36,7 @@ class KeptProductsOfWindow : public testing::Test {
   void MoveOn(CorePipeline* core) {
     const std::vector<double> delta =
         random_.random().Vector(static_cast<std::size_t>(core->layout.size()));
-    ASSERT_TRUE(core->evaluator.MoveCandidate(delta.data()));
+    ASSERT_TRUE(core->evaluator.points().MoveCandidate(delta.data()));
     ASSERT_TRUE(core->evaluator.EvaluateCandidateCost(&core->cost).ok());
     core->evaluator.AcceptCandidate();
     ASSERT_TRUE(core->evaluator.EvaluateJacobians(true, &core->cost).ok());

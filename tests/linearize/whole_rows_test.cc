@@ -8,6 +8,7 @@
 #include "inceres/problem/losses.h"
 #include "inceres/problem/manifolds.h"
 #include "linearize/evaluator.h"
+#include "linearize/jacobian_places.h"
 #include "linearize/row_products.h"
 #include "support/dense_oracle.h"
 #include "support/random_values.h"

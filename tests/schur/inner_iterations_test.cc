@@ -69,7 +69,7 @@ TEST(InnerIterations, FramesStayAndPassesEndWhereEachLandmarkIsAtItsMinimum) {
   for (int i = 0; i < core.layout.num_frames; ++i) {
     const VariableId id = core.layout.variables[i];
     for (int k = 0; k < core.evaluator.graph().AmbientSize(id); ++k) {
-      EXPECT_EQ(core.evaluator.graph().ValuesIn(core.evaluator.current().data(), id)[k],
+      EXPECT_EQ(core.evaluator.graph().ValuesIn(core.evaluator.points().current().data(), id)[k],
                 core.evaluator.graph().Values(id)[k]);
     }
   }
@@ -81,7 +81,7 @@ TEST(InnerIterations, LeaveAloneWhatPromisesTooLittle) {
   InnerIterations inner(&core.evaluator);
   EXPECT_EQ(inner.Run(std::numeric_limits<double>::max()), 0.0);
   EXPECT_EQ(inner.num_moved(), 0);
-  EXPECT_EQ(core.evaluator.candidate(), core.evaluator.current());
+  EXPECT_EQ(core.evaluator.points().candidate(), core.evaluator.points().current());
 }
 
 TEST(InnerIterations, LandmarksOnAManifoldStay) {
@@ -99,7 +99,7 @@ TEST(InnerIterations, LandmarksOnAManifoldStay) {
     }
     ++num_curved;
     for (int k = 0; k < core.evaluator.graph().AmbientSize(id); ++k) {
-      EXPECT_EQ(core.evaluator.graph().ValuesIn(core.evaluator.candidate().data(), id)[k],
+      EXPECT_EQ(core.evaluator.graph().ValuesIn(core.evaluator.points().candidate().data(), id)[k],
                 core.evaluator.graph().Values(id)[k]);
     }
   }
@@ -134,7 +134,8 @@ TEST(InnerIterations, AStepThatCannotBeEvaluatedIsTakenBackAndTheNextIsShorter) 
   Cliff cliff(/*floor=*/1.5);  // the full step goes to 2 − (1 − e⁻²) = 1.14
   CorePipeline core(cliff.graph);
   InnerIterations inner(&core.evaluator);
-  const double* y = cliff.graph.ValuesIn(core.evaluator.candidate().data(), cliff.landmark);
+  const double* y =
+      cliff.graph.ValuesIn(core.evaluator.points().candidate().data(), cliff.landmark);
   EXPECT_EQ(inner.Run(0.0), 0.0);
   EXPECT_EQ(*y, 2.0);
   for (int pass = 0; pass < 8; ++pass) {
@@ -201,7 +202,7 @@ TEST(InnerIterations, OfManyLandmarksASampleTellsWhetherTheOthersAreAsked) {
   InnerIterations asks_all(&worthwhile.evaluator);
   EXPECT_EQ(asks_all.Run(0.0, /*step_gain=*/gain_of_all), gain_of_all);
   EXPECT_EQ(asks_all.num_moved(), unsampled.num_moved());
-  EXPECT_EQ(worthwhile.evaluator.candidate(), all.evaluator.candidate())
+  EXPECT_EQ(worthwhile.evaluator.points().candidate(), all.evaluator.points().candidate())
       << "landmarks move by themselves";
 
   CorePipeline vain(bundle->graph());

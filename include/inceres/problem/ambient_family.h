@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <cstring>
 #include <memory>
-#include <type_traits>
 #include <vector>
 
+#include "inceres/problem/constant_size.h"
 #include "inceres/problem/factor_family.h"
 
 namespace inceres {
@@ -242,21 +242,6 @@ class AmbientFamily : public FactorFamily {
     int size;
   };
 
-  // Calls visit(size), which is a constant where it is small.
-  template <typename Visit>
-  static void WithSize(int size, const Visit& visit) {
-    switch (size) {
-      case 1:
-        return visit(std::integral_constant<int, 1>());
-      case 2:
-        return visit(std::integral_constant<int, 2>());
-      case 3:
-        return visit(std::integral_constant<int, 3>());
-      default:
-        return visit(size);
-    }
-  }
-
   // As few runs as cover all wanted Jacobians; returns their number.
   int FindRuns(const FactorBatch& batch, Run* runs) const {
     int num_runs = 0;
@@ -292,7 +277,7 @@ class AmbientFamily : public FactorFamily {
     Run runs[kInlineSlots];
     const int num_runs = FindRuns(batch, runs);
     for (const Run* run = runs; run != runs + num_runs; ++run) {
-      WithSize(run->size, [run, &batch](auto size) {
+      internal::WithConstantSize(run->size, [run, &batch](auto size) {
         double* row = run->first;
         for (int i = batch.begin; i < batch.end; ++i, row += run->stride) {
           MarkUnwritten(row, size);
@@ -301,7 +286,7 @@ class AmbientFamily : public FactorFamily {
     }
     MarkResiduals(batch);
     int i = batch.begin;
-    WithSize(num_slots, [this, &batch, &blocks, &next, &strides, &i](auto count) {
+    internal::WithConstantSize(num_slots, [this, &batch, &blocks, &next, &strides, &i](auto count) {
       const double* const* parameters = Parameters(batch);
       double* residual = Residuals(batch);
       for (; i < batch.end; ++i, parameters += count, ++residual) {
@@ -385,7 +370,7 @@ class AmbientFamily : public FactorFamily {
       if (IsOrdinary(*run, end - batch.begin)) {
         continue;
       }
-      WithSize(run->size, [run, &batch, &first_bad](auto size) {
+      internal::WithConstantSize(run->size, [run, &batch, &first_bad](auto size) {
         const double* row = run->first;
         for (int i = batch.begin; i < first_bad; ++i, row += run->stride) {
           if (!AreWritten(row, size)) {

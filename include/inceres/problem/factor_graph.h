@@ -173,7 +173,8 @@ class INCERES_EXPORT FactorGraph {
       return -1;
     }
     handle->Add(measurement);
-    return Connect(handle.id, variables.data(), std::move(loss));
+    const FamilyId id = handle.id;
+    return Connect(id, variables.data(), std::move(loss));
   }
 
   /// Holds a variable where it is, or sets it free. Requires an id that exists.

@@ -53,10 +53,11 @@ class INCERES_EXPORT GraphEdit {
                      const typename Family::Measurement& measurement,
                      const std::vector<VariableId>& variables,
                      std::shared_ptr<const Loss> loss = nullptr) {
-    if (!Knows("AddFactor", handle.id, handle.family.get())) {
-      return {handle.id, -1, -1};
+    const FamilyId id = handle.id;
+    if (!Knows("AddFactor", id, handle.family.get())) {
+      return {id, -1, -1};
     }
-    const FactorId factor = Connect(handle.id, variables.data(), variables.size(), std::move(loss));
+    const FactorId factor = Connect(id, variables.data(), variables.size(), std::move(loss));
     handle->Place(factor.index, measurement);
     return factor;
   }

@@ -1,0 +1,71 @@
+#include "linearize/jacobian_places.h"
+
+#include <algorithm>
+#include <cstdint>
+
+namespace inceres::internal {
+namespace {
+
+// What whole rows serve.
+constexpr int kMaxWholeColumns = 16;
+constexpr std::int64_t kMaxWholeRows = 1024;
+
+}  // namespace
+
+JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
+  std::int64_t num_rows = 0;
+  bool whole = layout.num_landmarks() == 0 && layout.size() <= kMaxWholeColumns;
+  for (FamilyId id = 0; whole && id < graph.num_families(); ++id) {
+    const std::int64_t num_factors = graph.NumFactors(id);
+    num_rows += num_factors * graph.family(id).residual_size();
+    whole = num_rows <= kMaxWholeRows && graph.NumFreePlaces(id) == 0;
+    if (whole && num_factors > 1) {
+      const VariableId* ids = graph.Variables(id, 0);
+      whole = std::equal(ids, ids + (num_factors - 1) * graph.family(id).num_slots(),
+                         graph.Variables(id, 1));
+    }
+  }
+  return whole ? JacobianStorage::kWholeRows : JacobianStorage::kBySlot;
+}
+
+void PlaceWholeRows(const Layout& layout, Linearization* cache) {
+  cache->storage = JacobianStorage::kWholeRows;
+  cache->candidate_residuals = ZeroedArray(cache->residuals.size());
+  cache->candidate_parameters.resize(cache->parameters.size());
+  const int row_stride = PadToQuad(layout.size());
+  const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache->residual_size} * row_stride;
+  cache->jacobian_values =
+      ZeroedArray(static_cast<std::size_t>(cache->num_factors * factor_stride));
+  double* const J = cache->jacobian_values.data();
+  cache->slots = {{J, factor_stride, row_stride, layout.size()}};
+  cache->tangent_offsets = {0};
+  for (int s = 0; cache->num_factors > 0 && s < cache->num_slots; ++s) {
+    const int position = layout.position[cache->graph->Variables(cache->id, 0)[s]];
+    cache->views[s] = {J + (position < 0 ? 0 : layout.packed_offset[position]), factor_stride,
+                       row_stride};
+  }
+}
+
+void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t end,
+                    Linearization* cache) {
+  const VariableId* ids = begin < end ? cache->graph->Variables(cache->id, 0) : nullptr;
+  for (std::ptrdiff_t k = begin; k < end; ++k) {
+    const int position = ids[k] < 0 ? -1 : layout.position[ids[k]];  // a free place has none
+    cache->tangent_offsets[k] = position < 0 ? -1 : layout.quad_offset[position];
+  }
+}
+
+void LeaveOutZeroBlocks(int begin, int end, Linearization* cache) {
+  const std::size_t num_slots = cache->slots.size();
+  for (std::size_t s = 0; s < num_slots; ++s) {
+    const SlotJacobians& slot = cache->slots[s];
+    const double* J = slot.data + begin * slot.factor_stride;
+    for (int i = begin; i < end; ++i, J += slot.factor_stride) {
+      if (std::all_of(J, J + slot.factor_stride, [](double entry) { return entry == 0.0; })) {
+        cache->tangent_offsets[i * num_slots + s] = -1;
+      }
+    }
+  }
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstddef>
+
+#include "linearize/layout.h"
+#include "linearize/linearization.h"
+
+namespace inceres::internal {
+
+// Where the Jacobians of a family's factors lie, and which columns of J they are.
+
+/// Whole rows where there are no landmarks, at most 16 unknowns and 1,024 residuals, and within
+/// each family all factors touch the same variables, as in curve fitting and calibration: then J is
+/// one small dense matrix.
+JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout);
+
+/// Memory for whole rows, and what else of the candidate Linearization::Grow would have made.
+void PlaceWholeRows(const Layout& layout, Linearization* cache);
+
+/// Tangent offsets of the entries (factor and slot) from begin to end, stored by slot.
+void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t end,
+                    Linearization* cache);
+
+/// Takes the tangent offsets of blocks that are all zeros away again, of these factors.
+void LeaveOutZeroBlocks(int begin, int end, Linearization* cache);
+
+}  // namespace inceres::internal

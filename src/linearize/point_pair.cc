@@ -1,0 +1,112 @@
+#include "linearize/point_pair.h"
+
+#include <algorithm>
+#include <iterator>
+#include <string>
+
+namespace inceres::internal {
+namespace {
+
+// A NaN stays one.
+void Clamp(const VariableBounds& bounds, double* x) {
+  for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
+    x[k] = std::min(std::max(x[k], bounds.lower[k]), bounds.upper[k]);
+  }
+}
+
+}  // namespace
+
+PointPair::PointPair(const FactorGraph& graph, const Layout& layout)
+    : graph_(&graph), layout_(layout), current_(graph.state()), candidate_(graph.state()) {
+  BuildTangents();
+  BuildBounds();
+}
+
+void PointPair::Rebind(const FactorGraph& graph) {
+  graph_ = &graph;
+  SetCurrent(graph.state());
+  std::copy(graph.state().begin(), graph.state().end(), candidate_.begin());
+  bounds_.clear();
+  BuildBounds();
+}
+
+void PointPair::BuildTangents() {
+  tangents_.resize(graph_->num_variables());
+  for (VariableId id = 0; id < graph_->num_variables(); ++id) {
+    tangents_[id].Set(*graph_, id, /*wanted=*/layout_.position[id] >= 0);
+  }
+  std::copy_if(layout_.variables.begin(), layout_.variables.end(), std::back_inserter(curved_),
+               [this](VariableId id) { return tangents_[id].is_curved(); });
+}
+
+void PointPair::BuildBounds() {
+  for (std::size_t i = 0; graph_->HasBounds() && i < layout_.variables.size(); ++i) {
+    if (const VariableBounds* bounds = graph_->bounds(layout_.variables[i])) {
+      bounds_.resize(layout_.variables.size());
+      bounds_[i] = bounds;
+    }
+  }
+}
+
+void PointPair::SetCurrent(const std::vector<double>& state) {
+  std::copy(state.begin(), state.end(), current_.begin());  // in place: factors point into it
+}
+
+bool PointPair::MoveCandidate(const double* delta) {
+  for (std::size_t i = 0; i < layout_.variables.size(); ++i) {
+    const VariableId id = layout_.variables[i];
+    const std::int64_t offset = graph_->StateOffset(id);
+    const double* x = current_.data() + offset;
+    double* moved = candidate_.data() + offset;
+    if (!MoveVariable(*graph_, id, x, delta + layout_.packed_offset[i], moved)) {
+      return false;
+    }
+    if (IsConstrained() && bounds_[i] != nullptr) {
+      Clamp(*bounds_[i], moved);
+    }
+  }
+  return true;
+}
+
+void PointPair::AcceptCandidate() {
+  current_.swap(candidate_);
+  for (const VariableId id : curved_) {
+    tangents_[id].AcceptCandidate();
+  }
+}
+
+// compute(tangent, id, x) of all that have a manifold; it returns what is wrong.
+template <typename Compute>
+Status PointPair::ComputeTangentsAt(const std::vector<double>& state, const Compute& compute) {
+  for (const VariableId id : curved_) {
+    if (const char* fault = compute(&tangents_[id], id, graph_->ValuesIn(state.data(), id))) {
+      return Status::Error(
+          StatusCode::kEvaluationFailed,
+          "PlusJacobian of the manifold of variable " + std::to_string(id) + " " + fault);
+    }
+  }
+  return Status::Ok();
+}
+
+Status PointPair::ComputeTangents() {
+  return ComputeTangentsAt(current_, [this](Tangent* tangent, VariableId id, const double* x) {
+    return tangent->Compute(*graph_, id, x);
+  });
+}
+
+Status PointPair::ComputeCandidateTangents() {
+  return ComputeTangentsAt(candidate_, [this](Tangent* tangent, VariableId id, const double* x) {
+    return tangent->ComputeCandidate(*graph_, id, x);
+  });
+}
+
+std::int64_t PointPair::Bytes() const {
+  auto bytes = static_cast<std::int64_t>(sizeof(double) * current_.size() * 2);
+  for (const VariableId id : curved_) {
+    bytes += static_cast<std::int64_t>(sizeof(double) * 2 * graph_->AmbientSize(id) *
+                                       graph_->TangentSize(id));
+  }
+  return bytes;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "inceres/problem/factor_graph.h"
+#include "linearize/layout.h"
+#include "linearize/tangent.h"
+
+namespace inceres::internal {
+
+/// The two points of a trust-region iteration, current and candidate: all values as the graph lays
+/// them out, and the tangent maps of the variables. Neither moves in memory; AcceptCandidate swaps
+/// them.
+class PointPair {
+ public:
+  PointPair(const FactorGraph& graph, const Layout& layout);
+
+  /// From now on for this graph, at its values; its structure (trust_region/structure.h) is that of
+  /// the one before.
+  void Rebind(const FactorGraph& graph);
+
+  const std::vector<double>& current() const { return current_; }
+  const std::vector<double>& candidate() const { return candidate_; }
+  /// The candidate itself, for who moves variables without a manifold one by one.
+  std::vector<double>& mutable_candidate() { return candidate_; }
+  /// Its address stays.
+  const TangentMap& tangent_map(VariableId id) const { return tangents_[id].map(); }
+
+  /// Whether any variable that moves has bounds.
+  bool IsConstrained() const { return !bounds_.empty(); }
+
+  /// current := these values, a state as the graph lays it out.
+  void SetCurrent(const std::vector<double>& state);
+
+  /// candidate := current ⊞ delta (packed), clamped to the bounds. False if a manifold's Plus
+  /// fails; blocks before it are then already overwritten.
+  bool MoveCandidate(const double* delta);
+
+  /// current := candidate, with the tangent maps that were computed there.
+  void AcceptCandidate();
+
+  /// The tangent maps at the current point; and at the candidate, where they count once it is
+  /// accepted. An error names the variable.
+  Status ComputeTangents();
+  Status ComputeCandidateTangents();
+
+  std::int64_t Bytes() const;
+
+ private:
+  void BuildTangents();
+  void BuildBounds();
+  template <typename Compute>
+  Status ComputeTangentsAt(const std::vector<double>& state, const Compute& compute);
+
+  const FactorGraph* graph_;
+  const Layout& layout_;
+  std::vector<double> current_;
+  std::vector<double> candidate_;
+  std::vector<Tangent> tangents_;   // per VariableId
+  std::vector<VariableId> curved_;  // those of layout_.variables with a manifold, in this order
+  // per entry of layout_.variables, null if free; empty if all are
+  std::vector<const VariableBounds*> bounds_;
+};
+
+}  // namespace inceres::internal
