@@ -53,7 +53,7 @@ TEST(UpdateProgress, RowsAreAsWideAsTheHeading) {
       << UpdateProgressHeading() << "\n"
       << ProgressRow(row);
   EXPECT_TRUE(Contains(ProgressRow(row), "landmarks-"));
-  row.accepted = true;
+  row.step_is_successful = true;
   EXPECT_TRUE(Contains(ProgressRow(row), "landmarks "));
 }
 
