@@ -23,6 +23,7 @@ std::string Number(double value) {
 
 std::vector<SlotPoint> PointIn(const FactorGraph& graph, FamilyId id, int factor) {
   std::vector<SlotPoint> point;
+  point.reserve(static_cast<std::size_t>(graph.family(id).num_slots()));
   const VariableId* variables = graph.Variables(id, factor);
   for (int s = 0; s < graph.family(id).num_slots(); ++s) {
     const VariableId variable = variables[s];
@@ -47,6 +48,7 @@ bool CheckFamily(const FactorGraph& graph, FamilyId id, const JacobianCheckOptio
       continue;
     }
     std::vector<const double*> values;
+    values.reserve(point.size());
     for (const SlotPoint& slot : point) {
       values.push_back(slot.values);
     }
