@@ -42,12 +42,6 @@ if(TARGET inceres_ceres)
     COMPONENT ceres_dev FILES_MATCHING PATTERN "*.h")
   install(FILES cmake/SharedCeres.cmake DESTINATION ${INCERES_CONFIG_DIR} COMPONENT ceres_dev)
 endif()
-foreach(tool bal_solve ab_compare replay living_problem bal_generate vio_simulate)
-  if(TARGET ${tool})
-    install(TARGETS ${tool} DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools)
-  endif()
-endforeach()
-
 configure_package_config_file(
   cmake/inceresConfig.cmake.in ${PROJECT_BINARY_DIR}/cmake/inceresConfig.cmake
   INSTALL_DESTINATION ${INCERES_CONFIG_DIR}

@@ -35,7 +35,7 @@ endfunction()
 inceres_install_pc(core core core_dev "incremental bundle adjustment"
   "" "" "tbb" "-lamd -lcamd -lmetis -lstdc++ -lm")
 inceres_install_pc(io io core_dev "files of bundle-adjustment problems and pose graphs"
-  "" "" "zlib" "-lbz2 -lstdc++ -lm")
+  "inceres-core = ${PROJECT_VERSION}" "" "zlib" "-lbz2 -lstdc++ -lm")
 if(TARGET inceres_ceres)
   inceres_install_pc(ceres ceres ceres_dev "bundle adjustment of a ceres::Problem"
     "inceres-core = ${PROJECT_VERSION} libglog eigen3" "-lceres" "" "-lstdc++ -lm")

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the libraries and tools and makes .deb packages of them, in build-deb/packages/, for the
+# Builds the libraries, the tools and the Python package and makes .deb packages of them, in build-deb/packages/, for the
 # Debian it runs on. From any directory, from a fresh clone.
 #
 #   tools/package_deb.sh [--no-install] [-DNAME=VALUE]...
@@ -21,7 +21,7 @@ for option in "$@"; do
   esac
 done
 
-[[ $install == no ]] || tools/install_packages.sh
+[[ $install == no ]] || tools/install_packages.sh --python
 if command -v ccache > /dev/null; then
   export CMAKE_CXX_COMPILER_LAUNCHER=${CMAKE_CXX_COMPILER_LAUNCHER-ccache}
 fi

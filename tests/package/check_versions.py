@@ -8,6 +8,7 @@ import sys
 PLACES = {
     "CMakeLists.txt": r"project\(inceres VERSION ([\d.]+)",
     "CITATION.cff": r"^version: ([\d.]+)",
+    "pyproject.toml": r'^version = "([\d.]+)"',
     "package.xml": r"<version>([\d.]+)</version>",
     "packaging/deb/changelog": r"\Ainceres \(([\d.]+)-",
     "CHANGELOG.md": r"^## ([\d.]+)",
