@@ -17,35 +17,40 @@
 #include <nlohmann/json.hpp>
 
 #include "inceres/ceres/covariance.h"
-#include "tools/ab/environment.h"
 #include "tools/ab/statistics.h"
 #include "tools/command_line/command_line.h"
-#include "tools/command_line/text_file.h"
+#include "tools/command_line/heartbeat.h"
+#include "tools/command_line/json_report.h"
+#include "tools/command_line/output.h"
 #include "tools/problems/problem_source.h"
 
-DEFINE_string(problem, "", "The problem: bal:FILE (text, .gz or .bz2).");
+DEFINE_string(problem, "", "the problem: bal:FILE (text, .gz or .bz2).");
 DEFINE_string(gauge, "held",
               "held: the first camera is constant, and one coordinate of the second camera's "
               "position; free: nothing is.");
-DEFINE_int32(iterations, 0, "Iterations of Levenberg-Marquardt ahead of it, at least 0.");
-DEFINE_bool(points, false, "Ask for the covariance of every point too, not of cameras alone.");
+DEFINE_int32(iterations, 0, "iterations of Levenberg-Marquardt ahead of it, at least 0.");
+DEFINE_bool(points, false, "ask for the covariance of every point too, not of cameras alone.");
 DEFINE_string(algorithms, "sparse_qr",
-              "Comma-separated algorithms of stock: sparse_qr (SuiteSparseQR), eigen_qr (Eigen's "
+              "comma-separated algorithms of stock: sparse_qr (SuiteSparseQR), eigen_qr (Eigen's "
               "sparse QR), dense_svd; empty: none.");
-DEFINE_int32(repeats, 3, "Rounds in which each runs once, at least 1.");
-DEFINE_int32(num_threads, 1, "Threads that evaluate, at least 1.");
-DEFINE_string(json, "", "Also write the report to this file as JSON.");
+DEFINE_int32(repeats, 3, "rounds in which each runs once, at least 1.");
+DEFINE_int32(num_threads, 1, "threads that evaluate, at least 1.");
 
 namespace inceres::tools {
 namespace {
 
-constexpr char kUsage[] =
-    "computes the covariances of the cameras of a problem, each with itself, by inceres and by\n"
-    "algorithms of stock Ceres, in interleaved rounds, and compares seconds and values.\n\n"
-    "  covariance_compare --problem bal:problem-21-11315-pre.txt --json out.json\n"
-    "  covariance_compare --problem bal:problem-49-7776-pre.txt --algorithms sparse_qr,eigen_qr\n"
-    "  covariance_compare --problem bal:path-400.txt --algorithms= --points\n\n"
-    "Exit code: 0 success, 1 failure, 2 usage.";
+const ToolHelp kHelp = {
+    "Compare covariances by inceres with those of stock Ceres.",
+    "Computes the covariance of every camera of a problem, and on request of every point, by "
+    "inceres and by algorithms of stock Ceres, in interleaved rounds, and compares seconds, values "
+    "and verdicts on the rank.",
+    {{"by the algorithm Ceres takes by default, with a report",
+      "covariance_compare --problem bal:problem-49-7776-pre.txt --json out.json"},
+     {"at the minimum, by two algorithms",
+      "covariance_compare --problem bal:problem-49-7776-pre.txt --iterations 20 --algorithms "
+      "sparse_qr,eigen_qr"},
+     {"all points too, without Ceres",
+      "covariance_compare --problem bal:problem.txt --algorithms= --points"}}};
 
 constexpr int kCameraSize = 9;
 constexpr int kPointSize = 3;
@@ -183,7 +188,7 @@ void Solve(ceres::Problem* problem) {
 }
 
 void Print(const std::vector<Result>& results, const nlohmann::json& report) {
-  std::printf("%-18s %10s %8s %12s  %s\n", "", "seconds", "ratio", "difference", "verdict");
+  std::fprintf(Out(), "%-18s %10s %8s %12s  %s\n", "", "seconds", "ratio", "difference", "verdict");
   for (std::size_t k = 0; k < results.size(); ++k) {
     const nlohmann::json& row = report["results"][k];
     char difference[16] = "-";
@@ -191,10 +196,10 @@ void Print(const std::vector<Result>& results, const nlohmann::json& report) {
       std::snprintf(difference, sizeof(difference), "%.1e",
                     row["largest_difference"].get<double>());
     }
-    std::printf("%-18s %10.4f %8.3f %12s  %s%s%s\n", results[k].name.c_str(),
-                row["seconds"].get<double>(), row["ratio"].get<double>(), difference,
-                results[k].computed ? "computed" : "rank deficient",
-                results[k].message.empty() ? "" : ": ", results[k].message.c_str());
+    std::fprintf(Out(), "%-18s %10.4f %8.3f %12s  %s%s%s\n", results[k].name.c_str(),
+                 row["seconds"].get<double>(), row["ratio"].get<double>(), difference,
+                 results[k].computed ? "computed" : "rank deficient",
+                 results[k].message.empty() ? "" : ": ", results[k].message.c_str());
   }
 }
 
@@ -258,20 +263,21 @@ Status RunAll() {
     Solve(instance.problem.get());
   }
   const Pairs pairs = Requested(bal, instance);
+  const Heartbeat heartbeat(ProgressOutput(), "computing covariances");
   for (int round = 0; round < FLAGS_repeats; ++round) {
     for (std::size_t k = 0; k < contenders.size(); ++k) {
       contenders[k](pairs, instance.problem.get(), &results[k]);
     }
   }
   const nlohmann::json report = MakeReport(*source, pairs, *instance.problem, results);
-  std::printf("%s, %zu blocks\n\n", source->Describe().c_str(), pairs.size());
+  std::fprintf(Out(), "%s, %zu blocks\n\n", source->Describe().c_str(), pairs.size());
   Print(results, report);
-  return FLAGS_json.empty() ? Status::Ok() : WriteTextFile(FLAGS_json, report.dump(2) + "\n");
+  return WriteJsonReport(report.dump(2));
 }
 
 }  // namespace
 }  // namespace inceres::tools
 
 int main(int argc, char** argv) {
-  return inceres::tools::RunTool(inceres::tools::kUsage, argc, argv, inceres::tools::RunAll);
+  return inceres::tools::RunTool(inceres::tools::kHelp, argc, argv, inceres::tools::RunAll);
 }

@@ -26,6 +26,7 @@ SHORTENED = {"differential_fuzzer": "--lives 1 --edits 10", "ab_compare": "--rep
 # The shortest run of each tool that succeeds.
 SHORT = {"bal_solve": ["--input", "problem.txt"],
          "ab_compare": ["--problem", "bal:problem.txt", "--repeats", "1"],
+         "covariance_compare": ["--problem", "bal:problem.txt", "--repeats", "1"],
          "replay": ["--problem", "bal:problem.txt"],
          "living_problem": ["--problem", "bal:problem.txt"],
          "bal_generate": ["--num_cameras", "12", "--output", "made.txt"],
@@ -34,6 +35,7 @@ SHORT = {"bal_solve": ["--input", "problem.txt"],
          "ab_report": ["run.jsonl"]}
 # A file that is not there.
 MISSING = {"bal_solve": ["--input", "no/file"], "ab_compare": ["--problem", "bal:no/file"],
+           "covariance_compare": ["--problem", "bal:no/file"],
            "replay": ["--problem", "bal:no/file"],
            "living_problem": ["--problem", "bal:no/file"],
            "bal_generate": ["--num_cameras", "12", "--output", "no/file"],
