@@ -92,10 +92,15 @@ class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
   }
   /// Memory for so many factors.
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
+  /// Whether and how a time offset is estimated.
   TimeOffset time_offset() const { return offset_; }
+  /// What an image measures.
   Feature feature() const { return feature_; }
+  /// Between which images.
   Views views() const { return views_; }
+  /// In which plane the residual lies.
   Error error() const { return error_; }
+  /// The measurement at an index.
   const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
   int size() const override { return static_cast<int>(measurements_.size()); }

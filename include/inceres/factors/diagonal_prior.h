@@ -41,6 +41,7 @@ class INCERES_EXPORT DiagonalPriorFamily final : public FactorFamily {
   void Place(int index, const Measurement& measurement);
   /// `size` entries each, of the prior at `index`.
   const double* mean(int index) const { return means_.data() + Offset(index); }
+  /// The square root of the information of the prior at an index.
   const double* sqrt_information(int index) const {
     return sqrt_information_.data() + Offset(index);
   }

@@ -20,9 +20,14 @@ namespace inceres {
 /// method for conventional, wide-angle, and fish-eye lenses", 2006; the order of the coefficients
 /// is that of OpenCV's fisheye module.
 struct EquidistantCamera {
-  double f_x = 1.0, f_y = 1.0;  ///< focal lengths, pixels per radian
-  double c_x = 0.0, c_y = 0.0;  ///< principal point, pixels
-  double k1 = 0.0, k2 = 0.0, k3 = 0.0, k4 = 0.0;
+  double f_x = 1.0;  ///< focal length across, pixels per radian
+  double f_y = 1.0;  ///< focal length down, pixels per radian
+  double c_x = 0.0;  ///< principal point, pixels
+  double c_y = 0.0;  ///< principal point, pixels
+  double k1 = 0.0;   ///< of θ³
+  double k2 = 0.0;   ///< of θ⁵
+  double k3 = 0.0;   ///< of θ⁷
+  double k4 = 0.0;   ///< of θ⁹
 
   /// (u, v) of a direction h. If J is not null it becomes ∂(u, v)/∂h, 2 × 3, row-major. Smooth on
   /// the axis; not finite straight behind. Pure, no allocation.
@@ -65,6 +70,7 @@ struct EquidistantCamera {
 class INCERES_EXPORT EquidistantReprojectionFamily final
     : public PointObservationFamily<PixelObservation> {
  public:
+  /// The camera, what landmarks are, and on which side poses are perturbed.
   explicit EquidistantReprojectionFamily(const EquidistantCamera& camera,
                                          LandmarkKind landmark = LandmarkKind::kPoint,
                                          Perturbation perturbation = Perturbation::kRight)

@@ -93,6 +93,7 @@ class INCERES_EXPORT PointReprojectionFamily final
                                    Perturbation perturbation = Perturbation::kRight)
       : PointObservationFamily(2, landmark, perturbation), camera_(camera) {}
 
+  /// The camera of all factors.
   const PinholeCamera& camera() const { return camera_; }
   const char* Name() const override { return "point reprojection"; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;

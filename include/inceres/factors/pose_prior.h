@@ -73,7 +73,9 @@ class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
   void Place(int index, const Measurement& measurement) {
     PlaceIn(&measurements_, index, measurement);
   }
+  /// On which side poses are perturbed.
   Side side() const { return side_; }
+  /// The measurement at an index.
   const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
   int size() const override { return static_cast<int>(measurements_.size()); }
@@ -111,6 +113,7 @@ class INCERES_EXPORT SpeedBiasPriorFamily final : public FactorFamily {
   void Place(int index, const Measurement& measurement) {
     PlaceIn(&measurements_, index, measurement);
   }
+  /// The measurement at an index.
   const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
   int size() const override { return static_cast<int>(measurements_.size()); }

@@ -41,6 +41,7 @@ class INCERES_EXPORT RelativePoseFamily final : public FactorFamily {
   }
   /// Memory for so many factors.
   void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
+  /// The measurement at an index.
   const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
   int size() const override { return static_cast<int>(measurements_.size()); }

@@ -40,6 +40,7 @@ class INCERES_EXPORT StereoReprojectionFamily final
                                     Perturbation perturbation = Perturbation::kRight)
       : PointObservationFamily(3, landmark, perturbation), camera_(camera) {}
 
+  /// The camera of all factors.
   const StereoCamera& camera() const { return camera_; }
   const char* Name() const override { return "stereo reprojection"; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;

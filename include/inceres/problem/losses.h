@@ -37,6 +37,7 @@ class INCERES_EXPORT HuberLoss final : public Loss {
   /// Quadratic up to a, linear beyond.
   explicit HuberLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
+  /// The scale, as given.
   double a() const { return a_; }
 
  private:
@@ -50,6 +51,7 @@ class INCERES_EXPORT SoftLOneLoss final : public Loss {
   /// Quadratic well below a, linear well above.
   explicit SoftLOneLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
+  /// The scale, as given.
   double a() const { return a_; }
 
  private:
@@ -63,6 +65,7 @@ class INCERES_EXPORT CauchyLoss final : public Loss {
   /// Quadratic well below a.
   explicit CauchyLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
+  /// The scale, as given.
   double a() const { return a_; }
 
  private:
@@ -76,6 +79,7 @@ class INCERES_EXPORT ArctanLoss final : public Loss {
   /// Bounded by a π/2; a in units of s.
   explicit ArctanLoss(double a) : a_(a) {}
   void Evaluate(double s, double rho[3]) const override;
+  /// The scale, as given.
   double a() const { return a_; }
 
  private:
@@ -89,7 +93,9 @@ class INCERES_EXPORT TolerantLoss final : public Loss {
   /// Both in units of s, both positive.
   TolerantLoss(double a, double b);
   void Evaluate(double s, double rho[3]) const override;
+  /// The scale, as given.
   double a() const { return a_; }
+  /// The width of the transition, as given.
   double b() const { return b_; }
 
  private:
@@ -105,6 +111,7 @@ class INCERES_EXPORT TukeyLoss final : public Loss {
   /// Bounded by a²/3, which it reaches at a.
   explicit TukeyLoss(double a) : a_(a), b_(a * a) {}
   void Evaluate(double s, double rho[3]) const override;
+  /// The scale, as given.
   double a() const { return a_; }
 
  private:
@@ -120,7 +127,9 @@ class INCERES_EXPORT ScaledLoss final : public Loss {
   ScaledLoss(std::shared_ptr<const Loss> loss, double scale)
       : loss_(std::move(loss)), scale_(scale) {}
   void Evaluate(double s, double rho[3]) const override;
+  /// The loss that is scaled.
   const Loss* loss() const { return loss_.get(); }
+  /// The factor.
   double scale() const { return scale_; }
 
  private:
@@ -135,7 +144,9 @@ class INCERES_EXPORT ComposedLoss final : public Loss {
   ComposedLoss(std::shared_ptr<const Loss> f, std::shared_ptr<const Loss> g)
       : f_(std::move(f)), g_(std::move(g)) {}
   void Evaluate(double s, double rho[3]) const override;
+  /// The outer loss.
   const Loss* f() const { return f_.get(); }
+  /// The inner loss.
   const Loss* g() const { return g_.get(); }
 
  private:

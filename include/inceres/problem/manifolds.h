@@ -106,6 +106,7 @@ class INCERES_EXPORT ProductManifold final : public Manifold {
  public:
   /// These, in this order.
   explicit ProductManifold(std::vector<std::shared_ptr<const Manifold>> components);
+  /// The manifolds it is made of, in order.
   const std::vector<std::shared_ptr<const Manifold>>& components() const { return components_; }
   int AmbientSize() const override { return ambient_size_; }
   int TangentSize() const override { return tangent_size_; }

@@ -112,6 +112,7 @@ struct INCERES_EXPORT UpdateSummary {
 
   std::vector<UpdateIteration> iterations;  ///< the trace, the start included
 
+  /// Whether the values are better than before or as good: not after a failure.
   bool IsSolutionUsable() const { return IsUsable(termination); }
   /// One JSON object with every field above. A key stays what it is when its field is renamed.
   std::string ToJson() const;

@@ -15,6 +15,7 @@ namespace inceres {
 
 /// The families of a graph that was loaded, by FamilyId, to be added to.
 struct LoadedFamilies {
+  /// By FamilyId; null for a family that the graph was saved without.
   std::vector<std::shared_ptr<FactorFamily>> families;
 
   /// The handle of a family whose type is known; of id −1 if there is none or it is of another
@@ -62,6 +63,7 @@ INCERES_EXPORT Status LoadGraph(const std::string& path, FactorGraph* graph,
 /// The same to and from memory, not compressed.
 INCERES_EXPORT Status SaveGraphToBytes(const FactorGraph& graph, const GraphFormats& formats,
                                        std::string* bytes);
+/// Reads what SaveGraphToBytes has written; as LoadGraph otherwise.
 INCERES_EXPORT Status LoadGraphFromBytes(const std::string& bytes, const GraphFormats& formats,
                                          FactorGraph* graph, LoadedFamilies* families = nullptr);
 

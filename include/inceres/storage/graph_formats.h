@@ -69,14 +69,17 @@ class INCERES_EXPORT GraphFormats {
   /// Knows the built-in types.
   GraphFormats();
 
+  /// Families of this type are written and read so, under this name.
   template <typename Family, typename Write, typename Read>
   void AddFamily(const std::string& name, Write write, Read read) {
     Add<Family>(&families_, name, std::move(write), std::move(read));
   }
+  /// The same for a type of manifold.
   template <typename M, typename Write, typename Read>
   void AddManifold(const std::string& name, Write write, Read read) {
     Add<M>(&manifolds_, name, std::move(write), std::move(read));
   }
+  /// The same for a type of loss.
   template <typename L, typename Write, typename Read>
   void AddLoss(const std::string& name, Write write, Read read) {
     Add<L>(&losses_, name, std::move(write), std::move(read));
@@ -85,10 +88,15 @@ class INCERES_EXPORT GraphFormats {
   /// What SaveGraph and LoadGraph use: an object with the name of its format. A failure is the
   /// writer's or reader's, and names the object by `what`.
   void Write(const FactorFamily& family, const std::string& what, GraphWriter* writer) const;
+  /// The same for the others.
   void Write(const Manifold& manifold, const std::string& what, GraphWriter* writer) const;
+  /// The same for the others.
   void Write(const Loss& loss, const std::string& what, GraphWriter* writer) const;
+  /// Reads a family; null after a failure.
   std::shared_ptr<FactorFamily> ReadFamily(const std::string& what, GraphReader* reader) const;
+  /// Reads a manifold; null after a failure.
   std::shared_ptr<Manifold> ReadManifold(const std::string& what, GraphReader* reader) const;
+  /// Reads a loss; null after a failure.
   std::shared_ptr<Loss> ReadLoss(const std::string& what, GraphReader* reader) const;
 
  private:
