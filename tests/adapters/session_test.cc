@@ -148,12 +148,12 @@ TEST(Session, StockMaySolveInBetween) {
   ceres::Solver::Summary summary;
   ceres::Solver::Options options;
   options.logging_type = ceres::SILENT;
-  options.use_nonmonotonic_steps = true;
+  options.use_inner_iterations = true;
   options.function_tolerance = 1e-14;
   SolveReport report;
   tug.session.session.Solve(options, &tug.problem, &summary, {}, &report);
   EXPECT_TRUE(report.used_stock);
-  EXPECT_NE(report.fallback_reason.find("use_nonmonotonic_steps"), std::string::npos);
+  EXPECT_NE(report.fallback_reason.find("use_inner_iterations"), std::string::npos);
   EXPECT_NEAR(tug.x, 7.4, 1e-3);
   tug.b.target = 4.0;
   tug.Solve();

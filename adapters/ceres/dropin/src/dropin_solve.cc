@@ -87,14 +87,12 @@ CeresSession& SessionOf(DropinMode mode, KnownProblem* known) {
   return *known->session;
 }
 
-// Whether it was solved; if not, nothing has happened, for the solve is strict. A Problem's first
-// solve needs no session: many Problems are solved once, on a stack. The second begins one.
-bool SolvedIncrementally(DropinMode mode, KnownProblem* known,
-                         const ceres::Solver::Options& options, ceres::Problem* problem,
-                         ceres::Solver::Summary* summary) {
+// A Problem's first solve needs no session: many Problems are solved once, on a stack. The second
+// begins one.
+void SolveIncrementally(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options,
+                        ceres::Problem* problem, ceres::Solver::Summary* summary) {
   const Borrowed borrowed(known);
   SolveOptions asked = Asked(*known, SolveMode::kIncremental);
-  asked.strict = true;
   SolveReport report;
   if (known->num_solves > 0 && borrowed.mine()) {
     CeresSession& session = SessionOf(mode, known);
@@ -104,16 +102,15 @@ bool SolvedIncrementally(DropinMode mode, KnownProblem* known,
   } else {
     inceres::Solve(options, problem, summary, asked, &report);
   }
-  if (!report.fallback_reason.empty()) {
-    LOG(INFO) << "inceres: not incremental: " << report.fallback_reason;
-    return false;
+  if (report.used_stock) {
+    return;
   }
   TheRegistry().CountSolve();
   if (!report.exact_reason.empty()) {
     LOG_FIRST_N(INFO, 1) << "inceres: exact, though asked to be incremental: "
                          << report.exact_reason << " (said once).";
     VLOG(1) << "inceres: exact: " << report.exact_reason;
-    return true;
+    return;
   }
   const ProblemChanges& changes = report.changes;
   VLOG(1) << "inceres: incremental: " << changes.num_added_factors << " residual blocks new, "
@@ -122,7 +119,6 @@ bool SolvedIncrementally(DropinMode mode, KnownProblem* known,
           << changes.num_revalued_variables << " parameter blocks revalued; "
           << report.update.num_relinearized_factors << " linearized in "
           << report.update.num_iterations << " iterations.";
-  return true;
 }
 
 // A Problem's first solve, of a window's size: exact, as those of a session would be
@@ -136,13 +132,14 @@ bool IsFirstOfWindow(const KnownProblem& known, const ceres::Solver::Options& op
 void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Options& options,
                 ceres::Problem* problem, ceres::Solver::Summary* summary) {
   TellWhatIsNew(known);
-  const bool exact = mode == DropinMode::kExact || IsFirstOfWindow(*known, options, *problem);
-  if (exact || !SolvedIncrementally(mode, known, options, problem, summary)) {
-    SolveReport report;
-    inceres::Solve(options, problem, summary, Asked(*known, SolveMode::kExact), &report);
-    if (!report.used_stock) {
-      TheRegistry().CountSolve();
-    }
+  if (mode != DropinMode::kExact && !IsFirstOfWindow(*known, options, *problem)) {
+    SolveIncrementally(mode, known, options, problem, summary);
+    return;
+  }
+  SolveReport report;
+  inceres::Solve(options, problem, summary, Asked(*known, SolveMode::kExact), &report);
+  if (!report.used_stock) {
+    TheRegistry().CountSolve();
   }
 }
 
