@@ -63,8 +63,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     const double factor = promise / last_promise_;
     const double rest = std::max(1.0, last_ratio_) * promise / (1.0 - factor);
     const bool known = last_ratio_ > tuning_.kept_promise && factor < tuning_.steady_factor;
-    const bool series =
-        known && !IsByMarquardt() && rest <= tuning_.rest_share * Tolerance(cost);
+    const bool series = known && !IsByMarquardt() && rest <= tuning_.rest_share * Tolerance(cost);
     const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= Allowed(cost);
     tried_radius_ = iteration.trust_region_radius;
     const bool sees_enough = IsByMarquardt() ? tried_radius_ >= tuning_.proof_radius : SeesAll();
@@ -299,16 +298,16 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool ended_by_user_ = false;
   int steps_to_wait_ = 0;  // before a step is hardly damped again
   int wait_ = 2;           // after the next refusal of one
-  bool is_near_ = false;  // the last step kept its promise, and gained few tolerances
+  bool is_near_ = false;   // the last step kept its promise, and gained few tolerances
   bool settled_ = false;
   bool promises_nothing_ = false;
   int num_accepted_in_row_ = kAcceptedInRow;
   std::deque<double> costs_;  // after the last steps taken, as many as HasStagnated looks at
   // iterations, taken or not, since the cost last fell by more than next to nothing
   int num_since_gain_ = 0;
-  double gained_from_ = 0.0;  // to this
-  double widest_ = 0.0;       // radius of a step since then
-  bool is_proving_ = false;   // that steps stagnate
+  double gained_from_ = 0.0;     // to this
+  double widest_ = 0.0;          // radius of a step since then
+  bool is_proving_ = false;      // that steps stagnate
   double restart_radius_ = 0.0;  // to be asked for
 };
 

@@ -143,7 +143,7 @@ void IncrementalSchur::AddRows(const Contribution& contribution, const double* q
                                const double* q_out, double sign, const std::int32_t* blocks) {
   kernels_.add_outer(contribution, sign, blocks, S_.values(0));
   kernels_.add_transposed(contribution, q, q_out, -sign, vectors_.rhs(), vectors_.b_peak());
-  kernels_.add_squares(contribution, sign, vectors_.C_diagonal(), vectors_.C_peak());
+  kernels_.add_squares(contribution, sign, vectors_.diagonal(), vectors_.diagonal_peak());
   std::for_each(rows_of_.begin(), rows_of_.end(),
                 [this](std::int32_t row) { changes_.Touch(row); });
 }
@@ -209,7 +209,7 @@ void IncrementalSchur::AddFactorToRow(FactorRef ref, std::int32_t only) {
     if (rows_of_[r] == only) {
       const Contribution row{contribution.rows + r, 1, contribution.depth};
       kernels_.add_transposed(row, q, nullptr, -1.0, vectors_.rhs(), vectors_.b_peak());
-      kernels_.add_squares(row, 1.0, vectors_.C_diagonal(), vectors_.C_peak());
+      kernels_.add_squares(row, 1.0, vectors_.diagonal(), vectors_.diagonal_peak());
     }
   }
 }

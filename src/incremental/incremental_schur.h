@@ -88,7 +88,7 @@ class IncrementalSchur {
 
   const SymmetricBlockRows& S() const { return S_; }
   /// The frame's entries of diag(C).
-  const double* FrameDiagonal(int frame) const { return vectors_.C_diagonal(frames()[frame].quad); }
+  const double* FrameDiagonal(int frame) const { return vectors_.diagonal(frames()[frame].quad); }
   /// In a vector packed by rows; that of the row after the last is the vector's size.
   int FrameOffset(int frame) const { return offsets_[frame]; }
   int size() const { return offsets_.back(); }

@@ -23,11 +23,11 @@ class PaddedVectors {
   double* rhs(std::int32_t quad) { return rhs_.data() + First(quad); }
   const double* rhs(std::int32_t quad) const { return rhs_.data() + First(quad); }
   double* change() { return change_.data(); }
-  double* C_diagonal() { return C_diagonal_.data(); }
-  const double* C_diagonal(std::int32_t quad) const { return C_diagonal_.data() + First(quad); }
+  double* diagonal() { return C_diagonal_.data(); }
+  const double* diagonal(std::int32_t quad) const { return C_diagonal_.data() + First(quad); }
   /// Kernels that add to b and diag(C) keep these up.
   double* b_peak() { return b_peak_.data(); }
-  double* C_peak() { return C_peak_.data(); }
+  double* diagonal_peak() { return C_peak_.data(); }
 
   /// The change under trial is taken over, or forgotten.
   void TakeChange(std::int32_t quad, int size);

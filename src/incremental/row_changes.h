@@ -13,14 +13,14 @@ class RowChanges {
  public:
   /// Makes room for rows < num_rows.
   void Grow(std::size_t num_rows) {
-    for (IndexSet* set : {&of_S_, &unfactored_, &unsolved_, &unread_, &unchecked_}) {
+    for (IndexSet* set : {&formed_, &unfactored_, &unsolved_, &unread_, &unchecked_}) {
       set->Grow(num_rows);
     }
   }
 
   /// A row of S, and with it the row's entries of b.
   void Touch(std::int32_t row) {
-    of_S_.Add(row);
+    formed_.Add(row);
     unfactored_.Add(row);
     TouchB(row);
   }
@@ -34,7 +34,7 @@ class RowChanges {
   void TouchOffset(std::int32_t row) { unread_.Add(row); }
 
   /// The rows of S.
-  void TakeRowsOfS(std::vector<std::int32_t>* rows) { Take(&of_S_, rows); }
+  void TakeRowsOfS(std::vector<std::int32_t>* rows) { Take(&formed_, rows); }
   /// The same for whoever factors S, and the entries of b for whoever solves.
   void TakeUnfactored(std::vector<std::int32_t>* rows) { Take(&unfactored_, rows); }
   void TakeUnsolved(std::vector<std::int32_t>* rows) { Take(&unsolved_, rows); }
@@ -51,7 +51,7 @@ class RowChanges {
     set->Clear();
   }
 
-  IndexSet of_S_;
+  IndexSet formed_;
   IndexSet unfactored_;
   IndexSet unsolved_;
   IndexSet unread_;

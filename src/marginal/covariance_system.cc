@@ -55,6 +55,7 @@ void CovarianceSystem::FindDirections() {
   deficiency_.has_more = directions.cols() > kMostDirections;
   for (Eigen::Index c = 0; c < std::min<Eigen::Index>(directions.cols(), kMostDirections); ++c) {
     std::vector<std::pair<VariableId, double>> shares;
+    shares.reserve(static_cast<std::size_t>(layout_.num_frames));
     for (int frame = 0; frame < layout_.num_frames; ++frame) {
       shares.emplace_back(layout_.variables[frame],
                           directions.col(c)

@@ -316,8 +316,7 @@ bool TrustRegionMinimizer::ParameterToleranceReached() {
   iteration_.step_norm =
       StateDistance(evaluator_.points().current(), evaluator_.points().candidate(), nullptr);
   const double tolerance = options_.parameter_tolerance;
-  if (iteration_.step_norm > tolerance * (state_norm_ + tolerance) ||
-      IsHeldAtBorder()) {
+  if (iteration_.step_norm > tolerance * (state_norm_ + tolerance) || IsHeldAtBorder()) {
     return false;
   }
   Finish(Termination::kConvergence,

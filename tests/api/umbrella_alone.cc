@@ -3,7 +3,6 @@
 
 namespace inceres::test {
 
-
 double CostByUmbrellaAlone() {
   FactorGraph graph;
   const double start[] = {1.0, 2.0};

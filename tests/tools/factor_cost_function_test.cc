@@ -7,9 +7,9 @@
 
 #include "factors/pose_states.h"
 #include "factors/visual_states.h"
-#include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
+#include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/stereo_reprojection.h"
 #include "tools/problems/keyframe_cost.h"
 #include "tools/problems/pose_graph_cost.h"

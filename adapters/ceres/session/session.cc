@@ -90,7 +90,7 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
       internal::EvaluationCallbackOf(*problem, solve_options.evaluation_callback);
   std::string reason;
   const std::string obstacle = internal::FindObstacle(
-      solver_options, /*incremental=*/true, callback, [&] { Look(*problem); }, view, &ordering,
+      solver_options, /*incremental=*/true, callback, [&] { Look(*call.problem); }, view, &ordering,
       &reason);
   if (!obstacle.empty()) {
     internal::Decline(call, obstacle);
