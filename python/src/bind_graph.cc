@@ -19,18 +19,7 @@ namespace {
 IdArray AddVariables(Graph& graph, const py::object& values, const std::string& role,
                      const std::shared_ptr<Manifold>& manifold, const py::object& constant) {
   graph.occupation.RefuseIfBusy("add_variables");
-  const DoubleArray rows = ToMatrix(values, "values", manifold ? manifold->AmbientSize() : -1);
-  const auto count = static_cast<std::size_t>(rows.shape(0));
-  const std::vector<char> held = ToFlags(constant, "constant", count);
-  const Role as = ToRole(role);
-  const auto size = static_cast<int>(rows.shape(1));
-  std::vector<VariableId> ids;
-  for (std::size_t i = 0; i < count; ++i) {
-    ids.push_back(graph.core.AddVariable(rows.data() + i * static_cast<std::size_t>(size), size, as,
-                                         manifold));
-    graph.core.SetConstant(ids.back(), held[i] != 0);
-  }
-  return ToIdArray(ids);
+  return AddVariablesTo(&graph.core, values, role, manifold, constant);
 }
 
 FamilyId AddFamily(Graph& graph, const std::shared_ptr<Family>& family) {

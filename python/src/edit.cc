@@ -26,20 +26,7 @@ void Refuse(const Edit& edit, const char* call) {
 IdArray AddVariables(Edit& edit, const py::object& values, const std::string& role,
                      const std::shared_ptr<Manifold>& manifold, const py::object& constant) {
   Refuse(edit, "add_variables");
-  const DoubleArray rows = ToMatrix(values, "values", manifold ? manifold->AmbientSize() : -1);
-  const auto count = static_cast<std::size_t>(rows.shape(0));
-  const std::vector<char> held = ToFlags(constant, "constant", count);
-  const Role as = ToRole(role);
-  const auto size = static_cast<int>(rows.shape(1));
-  std::vector<VariableId> ids;
-  for (std::size_t i = 0; i < count; ++i) {
-    ids.push_back(edit.core.AddVariable(rows.data() + i * static_cast<std::size_t>(size), size, as,
-                                        manifold));
-    if (held[i] != 0) {
-      edit.core.SetConstant(ids.back(), true);
-    }
-  }
-  return ToIdArray(ids);
+  return AddVariablesTo(&edit.core, values, role, manifold, constant);
 }
 
 IdArray AddFactors(Edit& edit, FamilyId id, const py::object& variables,

@@ -102,4 +102,24 @@ py::array_t<double> StackValues(const FactorGraph& graph, const std::vector<Vari
 /// One flag for all, or one each.
 std::vector<char> ToFlags(const py::object& value, const char* name, std::size_t count);
 
+/// A row of values a variable, added to a FactorGraph or by a GraphEdit; their ids.
+template <typename Target>
+IdArray AddVariablesTo(Target* target, const py::object& values, const std::string& role,
+                       const std::shared_ptr<Manifold>& manifold, const py::object& constant) {
+  const DoubleArray rows = ToMatrix(values, "values", manifold ? manifold->AmbientSize() : -1);
+  const auto count = static_cast<std::size_t>(rows.shape(0));
+  const std::vector<char> held = ToFlags(constant, "constant", count);
+  const Role as = ToRole(role);
+  const auto size = static_cast<int>(rows.shape(1));
+  std::vector<VariableId> ids;
+  for (std::size_t i = 0; i < count; ++i) {
+    ids.push_back(
+        target->AddVariable(rows.data() + i * static_cast<std::size_t>(size), size, as, manifold));
+    if (held[i] != 0) {
+      target->SetConstant(ids.back(), true);
+    }
+  }
+  return ToIdArray(ids);
+}
+
 }  // namespace inceres::python

@@ -9,6 +9,7 @@
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/problem/rotation.h"
+#include "problem/find_fault.h"
 
 namespace inceres {
 namespace {
@@ -17,12 +18,8 @@ namespace {
 // center.
 constexpr double kLeastShare = 1e-3;
 
-Status Invalid(const std::string& message) {
-  return Status::Error(StatusCode::kInvalidArgument, "HoldGauge: " + message);
-}
-
-std::string Name(VariableId id) {
-  return "variable " + std::to_string(id);
+Status Refused(const std::string& message) {
+  return internal::Invalid("HoldGauge: " + message);
 }
 
 int AmbientSizeOf(CenterKind kind) {
@@ -73,10 +70,11 @@ bool GaugeHolder::IsOfKind(VariableId id) const {
 
 Status GaugeHolder::CheckFrame(VariableId id) const {
   if (!graph_.HasVariable(id)) {
-    return Invalid("there is no " + Name(id));
+    return Refused("there is no " + internal::VariableName(id));
   }
-  return IsOfKind(id) ? Status::Ok()
-                      : Invalid(Name(id) + " is no frame of this kind and its sizes");
+  return IsOfKind(id)
+             ? Status::Ok()
+             : Refused(internal::VariableName(id) + " is no frame of this kind and its sizes");
 }
 
 // The side on which a prior on a pose perturbs is that of the pose's manifold.
@@ -87,7 +85,7 @@ Status GaugeHolder::CheckPrior() const {
   return options_.kind != CenterKind::kPose || options_.reference_by == GaugeReference::kConstant ||
                  fits
              ? Status::Ok()
-             : Invalid(Name(held_.reference) +
+             : Refused(internal::VariableName(held_.reference) +
                        " is on another manifold than the prior on a pose needs: use kConstant");
 }
 
@@ -106,7 +104,7 @@ Status GaugeHolder::Choose() {
     held_.reference = IsOfKind(id) ? id : -1;
   }
   if (held_.reference < 0) {
-    return Invalid("the graph has no frame of this kind and its sizes");
+    return Refused("the graph has no frame of this kind and its sizes");
   }
   Status status = CheckFrame(held_.reference);
   status = status.ok() ? CheckPrior() : status;
@@ -114,7 +112,7 @@ Status GaugeHolder::Choose() {
     return status;
   }
   if (options_.kind == CenterKind::kPlanarPose) {
-    return Invalid("relative poses in the plane measure the scale: it is not held");
+    return Refused("relative poses in the plane measure the scale: it is not held");
   }
   status = ChooseOther();
   return status.ok() && options_.scale_by == GaugeScale::kCoordinate ? ChooseCoordinate() : status;
@@ -134,21 +132,23 @@ Status GaugeHolder::ChooseOther() {
     }
   }
   if (held_.other < 0) {
-    return Invalid("the scale needs a second frame of this kind that is not constant");
+    return Refused("the scale needs a second frame of this kind that is not constant");
   }
   const Status status = CheckFrame(held_.other);
   if (!status.ok()) {
     return status;
   }
   if (held_.other == held_.reference) {
-    return Invalid(Name(held_.other) + " is the reference: the scale needs another one");
+    return Refused(internal::VariableName(held_.other) +
+                   " is the reference: the scale needs another one");
   }
   if (graph_.IsConstant(held_.other)) {
-    return Invalid(Name(held_.other) + " is constant: the scale needs one that moves");
+    return Refused(internal::VariableName(held_.other) +
+                   " is constant: the scale needs one that moves");
   }
   held_.distance = DistanceTo(held_.other, apart);
   if (!(held_.distance > 0.0 && std::isfinite(held_.distance))) {
-    return Invalid("the centers of variables " + std::to_string(held_.reference) + " and " +
+    return Refused("the centers of variables " + std::to_string(held_.reference) + " and " +
                    std::to_string(held_.other) + " coincide: their distance holds no scale");
   }
   return Status::Ok();
@@ -179,12 +179,12 @@ Status GaugeHolder::ChooseCoordinate() {
     }
   }
   if (k < 0 || k >= 3) {
-    return Invalid("coordinate " + std::to_string(options_.coordinate) +
+    return Refused("coordinate " + std::to_string(options_.coordinate) +
                    " is none of the position");
   }
   if (!(std::fabs(motion[k]) >= kLeastShare * held_.distance)) {
-    return Invalid("coordinate " + std::to_string(first + k) + " of " + Name(held_.other) +
-                   " does not change when the scale does");
+    return Refused("coordinate " + std::to_string(first + k) + " of " +
+                   internal::VariableName(held_.other) + " does not change when the scale does");
   }
   held_.coordinate = first + k;
   held_.distance = 0.0;

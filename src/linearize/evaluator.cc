@@ -102,9 +102,8 @@ void Evaluator::Rebind(const FactorGraph& graph) {
     if (borrows) {
       FindAllParameters(id);
     }
-    if (storage_ == JacobianStorage::
-                        // a loss that was not finite may have left 0 · ∞ in columns nobody writes
-        kWholeRows) {
+    // a loss that was not finite may have left 0 · ∞ in columns nobody writes
+    if (storage_ == JacobianStorage::kWholeRows) {
       ZeroedArray& J = families_[id].jacobian_values;
       std::fill_n(J.data(), J.size(), 0.0);
     }

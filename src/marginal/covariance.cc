@@ -1,10 +1,10 @@
 #include "inceres/solver/covariance.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <new>
 #include <string>
 
+#include "base/formatted.h"
 #include "inceres/solver/incremental_solver.h"
 #include "marginal/covariance_system.h"
 #include "problem/find_fault.h"
@@ -21,6 +21,13 @@ Status CovarianceOptions::Validate() const {
                              : Invalid("CovarianceOptions::max_inflation must exceed 1");
 }
 
+std::string RankDeficiency::CountDirections() const {
+  return directions.empty()
+             ? ""
+             : std::to_string(directions.size()) +
+                   (has_more ? " directions or more are open" : " directions are open");
+}
+
 std::string RankDeficiency::ToString() const {
   std::string text;
   if (!landmarks.empty()) {
@@ -30,14 +37,11 @@ std::string RankDeficiency::ToString() const {
   }
   const char* separator = ": ";
   if (!directions.empty()) {
-    text += (text.empty() ? "" : "; ") + std::to_string(directions.size()) +
-            (has_more ? " directions or more are open" : " directions are open");
+    text += (text.empty() ? "" : "; ") + CountDirections();
   }
   for (const Direction& direction : directions) {
     for (const auto& [id, share] : direction.shares) {
-      char percent[16];
-      std::snprintf(percent, sizeof(percent), " (%.2f)", share);
-      text += separator + ("variable " + std::to_string(id)) + percent;
+      text += separator + internal::VariableName(id) + internal::Formatted(" (%.2f)", share);
       separator = ", ";
     }
     separator = "; ";

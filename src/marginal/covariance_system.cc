@@ -36,10 +36,9 @@ CovarianceSystem::CovarianceSystem(const FactorGraph& graph, const std::vector<d
 
 Status CovarianceSystem::NotDetermined(VariableId id, const char* why) {
   FindDirections();
-  std::string found;
-  if (!deficiency_.directions.empty()) {
-    found = "; " + std::to_string(deficiency_.directions.size()) +
-            (deficiency_.has_more ? " directions or more are open" : " directions are open");
+  std::string found = deficiency_.CountDirections();
+  if (!found.empty()) {
+    found.insert(0, "; ");
   }
   return Status::Error(StatusCode::kSingular,
                        "variable " + std::to_string(id) + " has no covariance: " + why + found);
@@ -300,15 +299,19 @@ Status CovarianceSystem::SolveForPairs(const GraphCovariance::Pairs& pairs) {
 
 Status CovarianceSystem::Prepare(const GraphCovariance::Pairs& pairs) {
   double wanted_columns = 0.0;
+  bool wants_landmarks = false;
   for (const auto& pair : pairs) {
     for (const VariableId id : {pair.first, pair.second}) {
       if (columns_.count(id) == 0) {
         MakeColumn(id);
         wanted_columns += graph_.TangentSize(id);
+        wants_landmarks = wants_landmarks || layout_.LandmarkOf(id) >= 0;
       }
     }
   }
-  SubtractW();
+  if (wants_landmarks) {
+    SubtractW();
+  }
   if (layout_.num_frames == 0) {
     return Status::Ok();
   }

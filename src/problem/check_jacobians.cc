@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdio>
 
 #include "problem/family_check.h"
 #include "problem/find_fault.h"
@@ -14,12 +13,6 @@ namespace {
 using internal::FamilyCheck;
 using internal::Invalid;
 using internal::SlotPoint;
-
-std::string Number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.9g", value);
-  return text;
-}
 
 std::vector<SlotPoint> PointIn(const FactorGraph& graph, FamilyId id, int factor) {
   std::vector<SlotPoint> point;
@@ -66,8 +59,8 @@ bool CheckFamily(const FactorGraph& graph, FamilyId id, const JacobianCheckOptio
 
 Status JacobianCheckOptions::Validate() const {
   const auto fail = [](const char* field, double value, const char* rule) {
-    return Invalid(std::string("JacobianCheckOptions::") + field + " = " + Number(value) +
-                   " but must be " + rule);
+    return Invalid(std::string("JacobianCheckOptions::") + field + " = " +
+                   internal::NumberText(value) + " but must be " + rule);
   };
   if (!(tolerance > 0.0)) {
     return fail("tolerance", tolerance, "> 0");
@@ -90,8 +83,9 @@ std::string JacobianReport::ToString() const {
   if (worst.factor >= 0) {
     text += std::string("; ") + (num_wrong > 0 ? "worst" : "least exact") + ": " + factor_name +
             ", slot " + std::to_string(worst.slot) + ", row " + std::to_string(worst.row) +
-            ", column " + std::to_string(worst.column) + ": " + Number(worst.analytic) +
-            " where the numeric derivative is " + Number(worst.numeric);
+            ", column " + std::to_string(worst.column) + ": " +
+            internal::NumberText(worst.analytic) + " where the numeric derivative is " +
+            internal::NumberText(worst.numeric);
   }
   return text;
 }

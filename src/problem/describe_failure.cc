@@ -12,12 +12,6 @@ namespace {
 constexpr int kMaxValues = 6;
 constexpr int kMaxVariables = 8;
 
-std::string Number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.9g", value);
-  return text;
-}
-
 // "residual 1 is nan", "entry (0, 2) of the Jacobian of variable 5 was not written"; empty if it is
 // not known.
 std::string Culprit(const FactorFamily& family, const EvaluationFailure& failure,
@@ -26,7 +20,7 @@ std::string Culprit(const FactorFamily& family, const EvaluationFailure& failure
     return "";
   }
   const std::string what =
-      failure.value == kUnwritten ? "was not written" : "is " + Number(failure.value);
+      failure.value == kUnwritten ? "was not written" : "is " + internal::NumberText(failure.value);
   if (failure.slot < 0) {
     return "residual " + std::to_string(failure.entry) + " " + what;
   }
@@ -38,7 +32,7 @@ std::string Culprit(const FactorFamily& family, const EvaluationFailure& failure
 std::string FirstValues(const double* values, int size) {
   std::string text = "(";
   for (int k = 0; k < std::min(size, kMaxValues); ++k) {
-    text += (k == 0 ? "" : ", ") + Number(values[k]);
+    text += (k == 0 ? "" : ", ") + internal::NumberText(values[k]);
   }
   return text + (size > kMaxValues ? ", …)" : ")");
 }

@@ -5,12 +5,18 @@
 #include <utility>
 #include <vector>
 
+#include "base/formatted.h"
 #include "inceres/problem/factor_graph.h"
 
 namespace inceres::internal {
 
 inline Status Invalid(std::string message) {
   return Status::Error(StatusCode::kInvalidArgument, std::move(message));
+}
+
+/// A number in a message.
+inline std::string NumberText(double value) {
+  return Formatted("%.9g", value);
 }
 
 inline std::string VariableName(VariableId id) {

@@ -39,7 +39,7 @@ void Add(const char* name, GraphFormats* formats, Write write, Make make) {
 
 // A family that is made with nothing.
 template <typename Family>
-void AddPlain(const char* name, GraphFormats* formats) {
+void AddPlainFamily(const char* name, GraphFormats* formats) {
   Add<Family>(
       name, formats, [](const Family&, GraphWriter*) {},
       [](GraphReader*) { return std::make_shared<Family>(); });
@@ -87,7 +87,7 @@ void AddReprojections(GraphFormats* formats) {
         const auto error = reader->ReadEnum(Body::Error::kUnitSphere, "the kind of error");
         return std::make_shared<Body>(offset, feature, views, error);
       });
-  AddPlain<InverseDepthReprojectionFamily>("inverse_depth_reprojection", formats);
+  AddPlainFamily<InverseDepthReprojectionFamily>("inverse_depth_reprojection", formats);
 }
 
 void AddPointFamilies(GraphFormats* formats) {
@@ -134,9 +134,9 @@ void AddPointFamilies(GraphFormats* formats) {
 }
 
 void AddPoseFamilies(GraphFormats* formats) {
-  AddPlain<RelativePoseFamily>("relative_pose", formats);
-  AddPlain<PlanarRelativePoseFamily>("planar_relative_pose", formats);
-  AddPlain<SpeedBiasPriorFamily>("speed_bias_prior", formats);
+  AddPlainFamily<RelativePoseFamily>("relative_pose", formats);
+  AddPlainFamily<PlanarRelativePoseFamily>("planar_relative_pose", formats);
+  AddPlainFamily<SpeedBiasPriorFamily>("speed_bias_prior", formats);
   Add<PosePriorFamily>(
       "pose_prior", formats,
       [](const PosePriorFamily& family, GraphWriter* writer) {

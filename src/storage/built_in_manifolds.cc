@@ -11,7 +11,7 @@ namespace {
 
 // A manifold without parameters.
 template <typename M>
-void AddPlain(const char* name, GraphFormats* formats) {
+void AddPlainManifold(const char* name, GraphFormats* formats) {
   formats->AddManifold<M>(
       std::string("inceres.") + name, [](const M&, GraphWriter*) {},
       [](GraphReader*) { return std::make_shared<M>(); });
@@ -75,13 +75,13 @@ std::shared_ptr<ProductManifold> ReadProduct(GraphReader* reader) {
 void AddBuiltInManifolds(GraphFormats* formats) {
   AddSized<EuclideanManifold>("euclidean_manifold", formats);
   AddSized<SphereManifold>("sphere_manifold", formats);
-  AddPlain<QuaternionManifold>("quaternion_manifold", formats);
-  AddPlain<EigenQuaternionManifold>("eigen_quaternion_manifold", formats);
-  AddPlain<RotationQuaternionManifold>("rotation_quaternion_manifold", formats);
-  AddPlain<PoseManifold>("pose_manifold", formats);
-  AddPlain<LeftPoseManifold>("left_pose_manifold", formats);
-  AddPlain<SE3Manifold>("se3_manifold", formats);
-  AddPlain<SE2Manifold>("se2_manifold", formats);
+  AddPlainManifold<QuaternionManifold>("quaternion_manifold", formats);
+  AddPlainManifold<EigenQuaternionManifold>("eigen_quaternion_manifold", formats);
+  AddPlainManifold<RotationQuaternionManifold>("rotation_quaternion_manifold", formats);
+  AddPlainManifold<PoseManifold>("pose_manifold", formats);
+  AddPlainManifold<LeftPoseManifold>("left_pose_manifold", formats);
+  AddPlainManifold<SE3Manifold>("se3_manifold", formats);
+  AddPlainManifold<SE2Manifold>("se2_manifold", formats);
   formats->AddManifold<SubsetManifold>("inceres.subset_manifold", WriteSubset, ReadSubset);
   formats->AddManifold<ProductManifold>("inceres.product_manifold", WriteProduct, ReadProduct);
 }

@@ -11,13 +11,11 @@ namespace inceres::internal {
 /// Where releases of Ceres differ in the loop: whose trace is to be matched.
 enum class CeresRules {
   /// up to 2.1: an infinite or NaN cost counts as converged; parameter_tolerance waits for the
-  /// first accepted step, unless
+  /// first accepted step, unless there are bounds
   k21,
-  /// < there are bounds
   /// from 2.2: such a cost is a failed evaluation; parameter_tolerance always waits, and step_norm
-  /// is 0 as long as it
+  /// is 0 as long as it does; a start that cannot be evaluated has a message of its own
   k22,
-  /// < does; a start that cannot be evaluated has a message of its own
 };
 
 /// Whoever may end a solve for the promise of its steps.

@@ -11,6 +11,9 @@
 
 namespace inceres::fuzz {
 
+/// Of residuals, by which rounding may blur them: where costs are nearly zero.
+inline constexpr double kNineDigits = 1e-9;
+
 /// Who calls cost functions, and when: what a solver must not do is counted here.
 struct CallWatch {
   std::atomic<bool> may_call{true};        ///< false: no solve is under way

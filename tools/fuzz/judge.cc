@@ -17,7 +17,6 @@ constexpr double kMostDamping = 1e12;
 constexpr double kHardlyDamped = 1e-4;
 constexpr double kLeastDiagonal = 1e-12;  // of H, relative to its largest
 constexpr double kPromiseShare = 1e-3;    // of the tolerance: less is not worth a step
-constexpr double kNineDigits = 1e-9;
 constexpr double kRounding = 1e-13;
 constexpr int kMaxSteps = 200;  // accepted
 constexpr int kMaxTries = 1000;

@@ -14,8 +14,7 @@ namespace {
 constexpr double kStockAgrees = 1e-8;
 constexpr double kOursAgrees = 1e-6;
 constexpr double kOursShare = 100.0;
-constexpr double kNineDigits = 1e-9;  // of residuals, where costs are nearly zero
-constexpr double kNudge = 1e-14;      // of the values next to the start, relative
+constexpr double kNudge = 1e-14;  // of the values next to the start, relative
 
 ceres::Solver::Summary SolveFrom(const std::vector<double>& start,
                                  const ceres::Solver::Options& options, World* world) {

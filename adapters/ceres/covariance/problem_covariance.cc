@@ -38,8 +38,7 @@ std::string DescribeDeficiency(const RankDeficiency& open, const ProblemView& vi
            NameOf(view, plan.blocks[At(open.landmarks.front())]);
   }
   if (!open.directions.empty()) {
-    text += (text.empty() ? "" : "; ") + std::to_string(open.directions.size()) +
-            (open.has_more ? " directions or more are open" : " directions are open");
+    text += (text.empty() ? "" : "; ") + open.CountDirections();
   }
   const char* separator = ", which move ";
   for (const RankDeficiency::Direction& direction : open.directions) {
@@ -92,6 +91,7 @@ void ProblemCovariance::RememberBlocks(const ProblemView& view, const Pairs& pai
   }
   for (const ParameterBlockView& block : view.blocks) {
     BlockOfUser& kept = blocks_[block.values];
+    kept.index = static_cast<int>(&block - view.blocks.data());
     kept.ambient_size = block.ambient_size;
     kept.tangent_size = block.tangent_size;
     kept.constant = block.constant;
@@ -149,14 +149,17 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
   FactorGraph graph;
   const std::vector<StateBlock> state = BuildGraph(*view, *plan, &graph);
   NameVariables(state, &graph);
-  std::map<const double*, VariableId> ids;
+  std::vector<VariableId> variables(view->blocks.size(), -1);
   for (std::size_t id = 0; id < plan->blocks.size(); ++id) {
-    ids[view->blocks[At(plan->blocks[id])].values] = static_cast<VariableId>(id);
+    variables[At(plan->blocks[id])] = static_cast<VariableId>(id);
   }
+  const auto variable_of = [&](const double* block) {
+    return variables[At(blocks_.at(block).index)];
+  };
   GraphCovariance::Pairs wanted;
   for (const auto& [a, b] : pairs) {
     if (!blocks_.at(a).constant && !blocks_.at(b).constant) {
-      wanted.emplace_back(ids.at(a), ids.at(b));
+      wanted.emplace_back(variable_of(a), variable_of(b));
     }
   }
   CovarianceOptions core;
@@ -183,7 +186,7 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
     if (!block_a.constant && !block_b.constant) {
       std::vector<double>& kept = covariances_[{a, b}];
       kept.resize(At(block_a.tangent_size) * At(block_b.tangent_size));
-      covariance.Get(ids.at(a), ids.at(b), kept.data());
+      covariance.Get(variable_of(a), variable_of(b), kept.data());
     }
   }
   return Outcome::kComputed;

@@ -41,6 +41,7 @@ class ProblemCovariance {
 
  private:
   struct BlockOfUser {
+    int index = 0;  // among the problem's, by address
     int ambient_size = 0;
     int tangent_size = 0;
     bool constant = false;

@@ -36,6 +36,8 @@ struct INCERES_EXPORT RankDeficiency {
   std::vector<Direction> directions;  ///< of all else, at most 32; a free gauge has 6 or 7
   bool has_more = false;              ///< there are more than these directions
 
+  /// "2 directions are open", "32 directions or more are open"; empty if none is.
+  std::string CountDirections() const;
   /// "2 directions are open: variable 3 (0.81), variable 4 (0.19); variable 7 (1.00)".
   std::string ToString() const;
 };
