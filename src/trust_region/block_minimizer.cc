@@ -24,25 +24,20 @@ constexpr double kMaxRadius = 1e32;
 constexpr double kMinRadius = 1e-32;
 constexpr double kMinDiagonal = 1e-6;
 constexpr double kMaxDiagonal = 1e32;
+// Of the cost: a step that promises more is taken most likely, one that promises less may end it.
+constexpr double kLargePromise = 10.0 * kFunctionTolerance;
 
 double NormOf(const std::vector<double>& x) {
   return std::sqrt(std::inner_product(x.begin(), x.end(), x.begin(), 0.0));
 }
 
-TangentMap UnwantedMap() {
-  TangentMap map;
-  map.kind = TangentMap::Kind::kUnwanted;
-  return map;
-}
-
 }  // namespace
 
-BlockMinimizer::BlockMinimizer(CeresRules rules, Evaluator* evaluator, Maps* maps)
+BlockMinimizer::BlockMinimizer(CeresRules rules, Evaluator* evaluator, BlockMaps* maps)
     : evaluator_(*evaluator),
       graph_(evaluator->graph()),
       maps_(*maps),
-      infinite_cost_is_failure_(rules == CeresRules::k22),
-      unwanted_(UnwantedMap()) {
+      infinite_cost_is_failure_(rules == CeresRules::k22) {
 }
 
 void BlockMinimizer::Take(VariableId id, const Sighting* begin, const Sighting* end) {
@@ -74,7 +69,7 @@ void BlockMinimizer::Take(VariableId id, const Sighting* begin, const Sighting* 
 void BlockMinimizer::PlaceMaps(bool wanted) {
   for (const Sighting* s = begin_; s != end_; ++s) {
     const std::ptrdiff_t entry = evaluator_.families()[s->family].Entry(s->factor) + s->slot;
-    maps_[s->family][entry] = wanted ? &tangent_.map() : &unwanted_;
+    maps_.families[s->family][entry] = wanted ? &tangent_.map() : &maps_.constant;
   }
 }
 
@@ -112,20 +107,19 @@ void BlockMinimizer::ShrinkRadius() {
   decrease_factor_ *= 2.0;
 }
 
-// At the current values, which the candidate has. False if they cannot be evaluated.
+// The model at the current values, which the candidate has. False if they cannot be evaluated.
 bool BlockMinimizer::Linearize() {
-  tangent_.MarkMoved();
-  if (tangent_.Refresh(graph_, id_, current_.data()) != nullptr ||
-      !Evaluate(/*jacobians=*/true, &cost_)) {
+  if (!EvaluateJacobians(current_, &cost_)) {
     return false;
   }
   FormColumns();
-  if (scale_.front() == 0.0) {  // the start's
-    for (int k = 0; k < size_; ++k) {
-      scale_[k] = 1.0 / (1.0 + std::sqrt(-H_[k * (size_ + 1)]));
-    }
-  }
   return true;
+}
+
+// Of the values x, which the candidate has. The model stays.
+bool BlockMinimizer::EvaluateJacobians(const std::vector<double>& x, double* cost) {
+  tangent_.MarkMoved();
+  return tangent_.Refresh(graph_, id_, x.data()) == nullptr && Evaluate(/*jacobians=*/true, cost);
 }
 
 bool BlockMinimizer::Evaluate(bool jacobians, double* cost) {
@@ -137,7 +131,7 @@ bool BlockMinimizer::Evaluate(bool jacobians, double* cost) {
     if (jacobians) {
       const int stride = PadToQuad(size_);
       views_[s->slot] = {rows_.data() + static_cast<std::ptrdiff_t>(row) * stride, 0, stride};
-      batch.tangent_maps = maps_[s->family].data();
+      batch.tangent_maps = maps_.families[s->family].data();
       batch.jacobians = views_.data();
     }
     if (factors.family->Evaluate(batch).failed()) {
@@ -178,6 +172,11 @@ void BlockMinimizer::FormColumns() {
   H_.assign(static_cast<std::size_t>(size_ + 1) * size_, 0.0);
   BestKernels().subtract_row_dots(size_ + 1, size_, PadToQuad(num_rows_), columns_.data(), stride,
                                   columns_.data(), stride, H_.data(), size_);
+  if (scale_.front() == 0.0) {  // this is the start
+    for (int k = 0; k < size_; ++k) {
+      scale_[k] = 1.0 / (1.0 + std::sqrt(-H_[k * (size_ + 1)]));
+    }
+  }
 }
 
 // The candidate's values := current ⊞ step, within bounds.
@@ -228,12 +227,27 @@ bool BlockMinimizer::ComputeStep() {
   return model_decrease_ > 0.0;
 }
 
+// The cost of the candidate, with Jacobians where a step that promises much will be taken most
+// likely; whether there are some.
+bool BlockMinimizer::EvaluateCandidate(double* cost) {
+  if (!MoveFromCurrent(step_.data())) {
+    *cost = std::numeric_limits<double>::max();
+    return false;
+  }
+  candidate_.assign(values_, values_ + current_.size());
+  if (model_decrease_ > kLargePromise * cost_ && EvaluateJacobians(candidate_, cost)) {
+    return true;
+  }
+  if (!Evaluate(/*jacobians=*/false, cost)) {
+    *cost = std::numeric_limits<double>::max();
+  }
+  return false;
+}
+
 // Takes the step or refuses it; false if that was the last one.
 bool BlockMinimizer::TryStep(bool* successful) {
   double candidate_cost = 0.0;
-  if (!MoveFromCurrent(step_.data()) || !Evaluate(/*jacobians=*/false, &candidate_cost)) {
-    candidate_cost = std::numeric_limits<double>::max();
-  }
+  const bool has_jacobians = EvaluateCandidate(&candidate_cost);
   double squared_length = 0.0;
   for (std::size_t k = 0; k < current_.size(); ++k) {
     squared_length += (values_[k] - current_[k]) * (values_[k] - current_[k]);
@@ -251,7 +265,10 @@ bool BlockMinimizer::TryStep(bool* successful) {
   }
   current_.assign(values_, values_ + current_.size());
   state_norm_ = NormOf(current_);
-  if (!Linearize()) {
+  if (has_jacobians) {
+    cost_ = candidate_cost;
+    FormColumns();
+  } else if (!Linearize()) {
     return false;
   }
   *successful = true;

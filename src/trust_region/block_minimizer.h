@@ -17,6 +17,23 @@ struct Sighting {
   std::int32_t slot;
 };
 
+/// Per family, a map for each entry: which Jacobians an evaluation is to write. All are those of
+/// constants but while a minimizer has its variable's there. Shared by all minimizers of an
+/// evaluator.
+struct BlockMaps {
+  explicit BlockMaps(const Evaluator& evaluator) {
+    constant.kind = TangentMap::Kind::kConstant;
+    for (const Linearization& family : evaluator.families()) {
+      families.emplace_back(family.parameters.size(), &constant);
+    }
+  }
+  BlockMaps(const BlockMaps&) = delete;
+  BlockMaps& operator=(const BlockMaps&) = delete;
+
+  TangentMap constant;
+  std::vector<std::vector<const TangentMap*>> families;
+};
+
 /// Minimizes the cost of the factors that see one variable over that variable, with all others held
 /// where the evaluator's candidate has them: Levenberg–Marquardt with Ceres's default options, its
 /// stopping rules and a QR factorization of the damped rows for each step, as Ceres solves the
@@ -28,11 +45,7 @@ struct Sighting {
 /// Least Squares Problems", 2004, algorithm 3.16.
 class BlockMinimizer {
  public:
-  /// Per family, a map for each entry: which Jacobians an evaluation is to write. Shared by all
-  /// minimizers of an evaluator.
-  using Maps = std::vector<std::vector<const TangentMap*>>;
-
-  BlockMinimizer(CeresRules rules, Evaluator* evaluator, Maps* maps);
+  BlockMinimizer(CeresRules rules, Evaluator* evaluator, BlockMaps* maps);
 
   /// Moves the variable in the evaluator's candidate. `begin` to `end`: where it stands.
   void Minimize(VariableId id, const Sighting* begin, const Sighting* end);
@@ -41,6 +54,8 @@ class BlockMinimizer {
   void Take(VariableId id, const Sighting* begin, const Sighting* end);
   void PlaceMaps(bool wanted);
   bool Linearize();
+  bool EvaluateJacobians(const std::vector<double>& x, double* cost);
+  bool EvaluateCandidate(double* cost);
   bool Evaluate(bool jacobians, double* cost);
   double Robustify(const Sighting& sighting, int row, bool jacobians);
   void FormColumns();
@@ -52,9 +67,8 @@ class BlockMinimizer {
 
   Evaluator& evaluator_;
   const FactorGraph& graph_;
-  Maps& maps_;
+  BlockMaps& maps_;
   const bool infinite_cost_is_failure_;
-  const TangentMap unwanted_;
 
   VariableId id_ = -1;
   const Sighting* begin_ = nullptr;
@@ -73,6 +87,7 @@ class BlockMinimizer {
   std::vector<double> step_;
   std::vector<double> scratch_;
   std::vector<double> current_;
+  std::vector<double> candidate_;
   std::vector<double> best_;
   double cost_ = 0.0;
   double best_cost_ = 0.0;

@@ -13,11 +13,8 @@ constexpr int kMaxVariablesPerTask = 64;
 
 CoordinateDescent::CoordinateDescent(const std::vector<std::vector<VariableId>>& groups,
                                      CeresRules rules, Evaluator* evaluator)
-    : groups_(groups), rules_(rules), evaluator_(*evaluator) {
-  constant_.kind = TangentMap::Kind::kConstant;
-  unwanted_.kind = TangentMap::Kind::kUnwanted;
+    : groups_(groups), rules_(rules), evaluator_(*evaluator), maps_(*evaluator) {
   CollectSightings();
-  BuildMaps();
 }
 
 // By variable, of each by family, of each ascending: counted, then placed.
@@ -49,17 +46,6 @@ void CoordinateDescent::CollectSightings() {
   std::vector<int> next(begin_.begin(), begin_.end() - 1);
   for_each_sighting(
       [&](int index, const Sighting& sighting) { sightings_[next[index]++] = sighting; });
-}
-
-void CoordinateDescent::BuildMaps() {
-  const FactorGraph& graph = evaluator_.graph();
-  for (const Linearization& family : evaluator_.families()) {
-    std::vector<const TangentMap*>& maps = maps_.emplace_back(family.parameters.size());
-    const VariableId* ids = maps.empty() ? nullptr : graph.Variables(family.id, 0);
-    std::transform(ids, ids + maps.size(), maps.begin(), [this](VariableId id) {
-      return evaluator_.layout().Position(id) < 0 ? &constant_ : &unwanted_;
-    });
-  }
 }
 
 void CoordinateDescent::Run() {

@@ -27,17 +27,14 @@ class CoordinateDescent {
 
  private:
   void CollectSightings();
-  void BuildMaps();
 
   const std::vector<std::vector<VariableId>>& groups_;
   const CeresRules rules_;
   Evaluator& evaluator_;
-  TangentMap constant_;
-  TangentMap unwanted_;
   std::vector<int> index_;  // per VariableId, into begin_: of those in a group, in their order
   std::vector<int> begin_;  // one more
   std::vector<Sighting> sightings_;
-  BlockMinimizer::Maps maps_;
+  BlockMaps maps_;
 };
 
 }  // namespace inceres::internal

@@ -90,8 +90,8 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   report->callback_seconds = observer.callback_seconds();
 }
 
-// What Ceres finds wrong when everything but inner iterations is set up. Not logged: Ceres is silent
-// about what fails before its loop.
+// What Ceres finds wrong when everything but inner iterations is set up. Not logged: Ceres is
+// silent about what fails before its loop.
 void WriteFailedSetup(const SolveInput& input, const std::string& error,
                       ceres::Solver::Summary* summary) {
   WriteLinearSolver(input.view, input.ordering, input.plan->landmarks,
