@@ -228,6 +228,9 @@ bool TrustRegionMinimizer::ComputeStep() {
   iteration_.step_solver_time_in_seconds = clock_.Read() - start;
   iteration_.linear_solver_iterations = num_solves > 0 && summary_.work.reduced_size > 0 ? 1 : 0;
   summary_.work.num_linear_solves += num_solves;
+  if (num_solves > 0) {
+    ShowSystem();
+  }
   if (!solved.ok() && solved.code != StatusCode::kSingular) {
     summary_.detail = solved.message;
     return Finish(Termination::kFailure, {"Linear solver failed due to unrecoverable non-numeric "

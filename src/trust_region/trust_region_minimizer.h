@@ -64,6 +64,7 @@ class TrustRegionMinimizer {
   bool FinalizeIterationAndContinue();
   void AskForRadius();
   bool ComputeStep();
+  void ShowSystem();
   bool HandleInvalidStep();
   void SearchAlongStep();
   FunctionSample SampleStep(double t);

@@ -1,11 +1,15 @@
 #include "adapters/ceres/exact/exact_solve.h"
 
 #include <memory>
+#include <optional>
+#include <string>
 #include <utility>
 
 #include <glog/logging.h>
 
 #include "adapters/ceres/exact/callback_observer.h"
+#include "adapters/ceres/exact/gradient_check.h"
+#include "adapters/ceres/exact/system_dump.h"
 #include "adapters/ceres/plan/graph_builder.h"
 #include "adapters/ceres/plan/inner_ordering.h"
 #include "adapters/ceres/plan/landmark_selection.h"
@@ -55,6 +59,10 @@ void WriteDescent(const InnerDescent& descent, ceres::Solver::Summary* summary) 
 void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver::Summary* summary,
               SolveReport* report) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
+  std::optional<SystemDump> dump;
+  if (!input.options.trust_region_minimizer_iterations_to_dump.empty()) {
+    dump.emplace(input.options, input.view, *input.plan, type);
+  }
   FactorGraph graph;
   LandmarkCounts landmarks;
   const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &landmarks, summary);
@@ -69,6 +77,7 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   loop.rules = kCeresRules;
   loop.inner_descent = descent.groups.empty() ? nullptr : &descent;
   loop.seconds_spent_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
+  loop.system_observer = dump ? &*dump : nullptr;
   std::unique_ptr<Solver> solver = StructureCache::OfProcess().TakeSolver(options, graph);
   Summary core;
   SolveWith(options, loop, &graph, solver.get(), &core);
@@ -105,19 +114,8 @@ void WriteFailedSetup(const SolveInput& input, const std::string& error,
   summary->jacobian_evaluation_time_in_seconds = 0.0;
 }
 
-}  // namespace
-
-std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type,
-                                  FactorGraph* graph, LandmarkCounts* landmarks,
-                                  ceres::Solver::Summary* summary) {
-  *landmarks = input.plan->landmarks;
-  std::vector<StateBlock> blocks = BuildGraph(input.view, *input.plan, graph);
-  WriteLinearSolver(input.view, input.ordering, input.plan->landmarks, type, summary);
-  input.view.ForgetResidualBlocks();
-  return blocks;
-}
-
-void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+// The core solves, whatever else was asked for.
+void SolveAsItIs(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
   WriteGiven(input.options, input.view, summary);
   summary->num_threads_used = NumThreads(input.options);
   const FixedCost fixed = EvaluateFixedCost(input.view, input.evaluation_callback);
@@ -152,6 +150,41 @@ void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, Solv
   }
   summary->total_time_in_seconds = input.clock.Seconds();
   summary->postprocessor_time_in_seconds = summary->total_time_in_seconds - postprocessor_start;
+}
+
+}  // namespace
+
+std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type,
+                                  FactorGraph* graph, LandmarkCounts* landmarks,
+                                  ceres::Solver::Summary* summary) {
+  *landmarks = input.plan->landmarks;
+  std::vector<StateBlock> blocks = BuildGraph(input.view, *input.plan, graph);
+  WriteLinearSolver(input.view, input.ordering, input.plan->landmarks, type, summary);
+  input.view.ForgetResidualBlocks();
+  return blocks;
+}
+
+void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+  if (!input.options.check_gradients) {
+    SolveAsItIs(input, summary, report);
+    return;
+  }
+  // The evaluation callback is not told: Ceres's own problem of checked cost functions has none.
+  GradientCheck check(input.options, &input.view);
+  ceres::Solver::Options options = input.options;
+  options.callbacks.push_back(&check);
+  const SolveInput checked{options,
+                           input.view,
+                           input.ordering,
+                           input.clock,
+                           /*evaluation_callback=*/nullptr,
+                           input.last_iteration,
+                           input.plan};
+  SolveAsItIs(checked, summary, report);
+  if (check.failed()) {
+    summary->termination_type = ceres::FAILURE;
+    summary->message = check.message();
+  }
 }
 
 }  // namespace inceres::internal

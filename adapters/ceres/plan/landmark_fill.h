@@ -1,6 +1,6 @@
 #pragma once
 
-#include "adapters/ceres/plan/available_memory.h"
+#include "adapters/ceres/read/available_memory.h"
 #include "adapters/ceres/plan/landmark_selection.h"
 
 namespace inceres::internal {
