@@ -1,5 +1,5 @@
-// A program that does with Ceres what well-known programs do with it: their block sizes, options and
-// order of calls, on scenes of a size that they solve every day. Its argument names one of them.
+// A program that does with Ceres what well-known programs do with it: their block sizes, options
+// and order of calls, on scenes of a size that they solve every day. Its argument names one.
 #include <array>
 #include <chrono>
 #include <cmath>
