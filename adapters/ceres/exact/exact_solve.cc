@@ -69,6 +69,7 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   NameVariables(blocks, &graph);
 
   CallbackObserver observer(input.options, input.evaluation_callback, blocks, summary->fixed_cost);
+  observer.set_is_to_abort(input.is_to_abort);
   SolverOptions options = MapOptions(input.options, type);
   options.num_threads = summary->num_threads_used;
   options.observer = observer.IsNeeded() ? &observer : nullptr;
@@ -158,7 +159,7 @@ std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverTy
                                   FactorGraph* graph, LandmarkCounts* landmarks,
                                   ceres::Solver::Summary* summary) {
   *landmarks = input.plan->landmarks;
-  std::vector<StateBlock> blocks = BuildGraph(input.view, *input.plan, graph);
+  std::vector<StateBlock> blocks = BuildGraph(input.view, *input.plan, graph, input.make_family);
   WriteLinearSolver(input.view, input.ordering, input.plan->landmarks, type, summary);
   input.view.ForgetResidualBlocks();
   return blocks;
@@ -170,16 +171,16 @@ void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, Solv
     return;
   }
   // The evaluation callback is not told: Ceres's own problem of checked cost functions has none.
-  GradientCheck check(input.options, &input.view);
-  ceres::Solver::Options options = input.options;
-  options.callbacks.push_back(&check);
-  const SolveInput checked{options,
-                           input.view,
-                           input.ordering,
-                           input.clock,
-                           /*evaluation_callback=*/nullptr,
-                           input.last_iteration,
-                           input.plan};
+  GradientCheck check(input.options);
+  SolveInput checked = input;
+  checked.evaluation_callback = nullptr;
+  checked.make_family = [&check](const ProblemView& view, const GraphPlan::Family& family) {
+    return check.FamilyOf(view, family);
+  };
+  checked.is_to_abort = [&check] {
+    LOG_IF(ERROR, check.failed()) << "Gradient error detected. Terminating solver.";
+    return check.failed();
+  };
   SolveAsItIs(checked, summary, report);
   if (check.failed()) {
     summary->termination_type = ceres::FAILURE;

@@ -2,11 +2,15 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <deque>
 #include <utility>
+#include <vector>
 
 #include <ceres/gradient_checker.h>
 #include <ceres/numeric_diff_options.h>
-#include <glog/logging.h>
+
+#include "adapters/ceres/read/index.h"
+#include "inceres/problem/ambient_family.h"
 
 namespace inceres::internal {
 namespace {
@@ -30,92 +34,86 @@ std::string Identify(const ProblemView& view, std::size_t residual) {
   return text;
 }
 
-// The cost function of a residual block, whose Jacobians are compared whenever they are computed.
-class CheckedCost final : public ceres::CostFunction {
+// Cost functions of one shape, each with what checks it.
+class CheckedCostFamily final : public AmbientFamily<CheckedCostFamily> {
  public:
-  CheckedCost(const ceres::CostFunction& cost, const Manifolds& manifolds,
-              const ceres::NumericDiffOptions& differences, double precision, std::string identity,
-              std::size_t residual, GradientCheck* check)
-      : cost_(cost),
-        checker_(&cost, &manifolds, differences),
+  CheckedCostFamily(const FactorShape& shape, double precision, GradientCheck* check)
+      : AmbientFamily<CheckedCostFamily>(shape.num_residuals, shape.slots),
         precision_(precision),
-        identity_(std::move(identity)),
-        residual_(residual),
-        check_(*check) {
-    set_num_residuals(cost.num_residuals());
-    *mutable_parameter_block_sizes() = cost.parameter_block_sizes();
+        check_(*check) {}
+
+  void Add(const ceres::CostFunction& cost, Manifolds manifolds,
+           const ceres::NumericDiffOptions& differences, std::string identity, int residual) {
+    const Manifolds& kept = manifolds_.emplace_back(std::move(manifolds));
+    costs_.push_back({&cost, std::make_unique<ceres::GradientChecker>(&cost, &kept, differences),
+                      std::move(identity), residual});
   }
 
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
+  int size() const override { return static_cast<int>(costs_.size()); }
+  const char* Name() const override { return "ceres::CostFunction"; }
+  std::string Describe(int i) const override {
+    return DescribeObject("cost function", costs_[At(i)].function);
+  }
+
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
+    const Cost& cost = costs_[At(i)];
     if (jacobians == nullptr) {
-      return cost_.Evaluate(parameters, residuals, nullptr);
+      return cost.function->Evaluate(parameters, residuals, nullptr);
     }
     ceres::GradientChecker::ProbeResults results;
-    const bool right = checker_.Probe(parameters, precision_, &results);
+    const bool right = cost.checker->Probe(parameters, precision_, &results);
     if (!results.return_value) {
       return false;  // then there is nothing to be said of gradients
     }
-    std::copy_n(results.residuals.data(), num_residuals(), residuals);
-    for (std::size_t k = 0; k < parameter_block_sizes().size(); ++k) {
+    std::copy_n(results.residuals.data(), residual_size(), residuals);
+    for (std::size_t k = 0; k < results.jacobians.size(); ++k) {
       if (jacobians[k] != nullptr) {
         std::copy_n(results.jacobians[k].data(), results.jacobians[k].size(), jacobians[k]);
       }
     }
     if (!right) {
-      check_.Note(residual_, "Gradient Error detected!\nExtra info for this residual: " +
-                                 identity_ + "\n" + results.error_log);
+      check_.Note(cost.residual, "Gradient Error detected!\nExtra info for this residual: " +
+                                     cost.identity + "\n" + results.error_log);
     }
     return true;
   }
 
  private:
-  const ceres::CostFunction& cost_;
-  ceres::GradientChecker checker_;
+  struct Cost {
+    const ceres::CostFunction* function;
+    std::unique_ptr<ceres::GradientChecker> checker;
+    std::string identity;
+    int residual;
+  };
   double precision_;
-  std::string identity_;
-  std::size_t residual_;
   GradientCheck& check_;
+  std::deque<Manifolds> manifolds_;
+  std::vector<Cost> costs_;
 };
 
 }  // namespace
 
-GradientCheck::GradientCheck(const ceres::Solver::Options& options, ProblemView* view)
-    : view_(*view), checked_(view->residuals.size()) {
+std::shared_ptr<const FactorFamily> GradientCheck::FamilyOf(const ProblemView& view,
+                                                            const GraphPlan::Family& family) {
   ceres::NumericDiffOptions differences;
-  differences.relative_step_size = options.gradient_check_numeric_derivative_relative_step_size;
-  for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
-    ResidualBlockView& block = view_.residuals[r];
-    given_.push_back(block.cost);
-    if (block.fixed) {
-      continue;
-    }
+  differences.relative_step_size = options_.gradient_check_numeric_derivative_relative_step_size;
+  auto checked = std::make_shared<CheckedCostFamily>(
+      family.shape, options_.gradient_check_relative_precision, this);
+  for (const int r : family.residuals) {
+    const ResidualBlockView& block = view.residuals[At(r)];
     Manifolds manifolds;
     for (int s = 0; s < block.num_slots; ++s) {
-      manifolds.push_back(view_.block(view_.SlotsOf(block)[s]).manifold);
+      manifolds.push_back(view.block(view.SlotsOf(block)[s]).manifold);
     }
-    checked_[r] = std::make_unique<CheckedCost>(*block.cost, manifolds, differences,
-                                                options.gradient_check_relative_precision,
-                                                Identify(view_, r), r, this);
-    block.cost = checked_[r].get();
+    checked->Add(*block.cost, std::move(manifolds), differences, Identify(view, At(r)), r);
   }
+  return checked;
 }
 
-// The view may have been emptied in between.
-GradientCheck::~GradientCheck() {
-  for (std::size_t r = 0; r < std::min(view_.residuals.size(), given_.size()); ++r) {
-    view_.residuals[r].cost = given_[r];
-  }
-}
-
-void GradientCheck::Note(std::size_t residual, const std::string& error) {
+void GradientCheck::Note(int residual, const std::string& error) {
   const std::lock_guard<std::mutex> lock(mutex_);
   errors_[residual] += "\n" + error;
-}
-
-ceres::CallbackReturnType GradientCheck::operator()(const ceres::IterationSummary& /*summary*/) {
-  LOG_IF(ERROR, failed()) << "Gradient error detected. Terminating solver.";
-  return failed() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
 }
 
 std::string GradientCheck::message() const {
