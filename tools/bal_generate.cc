@@ -24,8 +24,8 @@ DEFINE_string(truth, "",
 DEFINE_string(
     preset, "",
     "sizes of a well-known problem: ladybug-like (49 cameras, 7776 points, 31843 observations), "
-    "venice11 (11, 8366, 20271), cathedral (92, 57957, 422163); and paths with loops: path-1000 "
-    "(40000, 200000), path-10000 "
+    "venice11 (11, 8366, 20271), cathedral (92, 57957, 422163); and paths with loops: path-400 "
+    "(16000, 80000), path-1800 (72000, 360000), path-1000 (40000, 200000), path-10000 "
     "(400000, 2000000). Other flags given as well take precedence");
 DEFINE_int32(num_cameras, 100, "cameras along the path, 2 to 1000000");
 DEFINE_double(points_per_camera, 100.0,

@@ -16,6 +16,7 @@
 #include <gflags/gflags.h>
 #include <nlohmann/json.hpp>
 
+#include "adapters/ceres/covariance/problem_covariance.h"
 #include "inceres/ceres/covariance.h"
 #include "tools/ab/statistics.h"
 #include "tools/command_line/command_line.h"
@@ -27,7 +28,12 @@
 DEFINE_string(problem, "", "the problem: bal:FILE (text, .gz or .bz2).");
 DEFINE_string(gauge, "held",
               "held: the first camera is constant, and one coordinate of the second camera's "
-              "position; free: nothing is.");
+              "position; points: every hundredth point is constant, at least ten of them, as "
+              "surveyed control points are; free: nothing is.");
+DEFINE_bool(hold_intrinsics, false,
+            "hold focal length and distortion of every camera: 6 parameters are left of 9.");
+DEFINE_bool(only_ours, false,
+            "stock is left out altogether: what inceres would hand over to it has no result.");
 DEFINE_int32(iterations, 0, "iterations of Levenberg-Marquardt ahead of it, at least 0.");
 DEFINE_bool(points, false, "ask for the covariance of every point too, not of cameras alone.");
 DEFINE_string(algorithms, "sparse_qr",
@@ -50,10 +56,17 @@ const ToolHelp kHelp = {
       "covariance_compare --problem bal:problem-49-7776-pre.txt --iterations 20 --algorithms "
       "sparse_qr,eigen_qr"},
      {"all points too, without Ceres",
-      "covariance_compare --problem bal:problem.txt --algorithms= --points"}}};
+      "covariance_compare --problem bal:problem.txt --only_ours --points"},
+     {"cameras of 6 parameters along a path, held by control points",
+      "bal_generate --preset path-400 --output path.txt && covariance_compare --problem "
+      "bal:path.txt --iterations 10 --hold_intrinsics --gauge points --only_ours"}}};
 
 constexpr int kCameraSize = 9;
+constexpr int kTranslation = 3;  // of a camera, its first entry
+constexpr int kFocalLength = 6;
 constexpr int kPointSize = 3;
+constexpr int kMaxControlPointStride = 100;
+constexpr int kLeastControlPoints = 10;
 
 using Pairs = std::vector<std::pair<const double*, const double*>>;
 using Clock = std::chrono::steady_clock;
@@ -99,6 +112,26 @@ void RunOurs(const Pairs& pairs, ceres::Problem* problem, Result* result) {
   result->message = covariance.report().message;
 }
 
+// What RunOurs does where nothing goes to stock.
+void RunOursAlone(const Pairs& pairs, ceres::Problem* problem, Result* result) {
+  using internal::ProblemCovariance;
+  ceres::Covariance::Options options;
+  options.num_threads = FLAGS_num_threads;
+  const Clock::time_point start = Clock::now();
+  ProblemCovariance covariance;
+  result->computed = covariance.Compute(options, pairs, *problem, nullptr) ==
+                     ProblemCovariance::Outcome::kComputed;
+  result->seconds.push_back(std::chrono::duration<double>(Clock::now() - start).count());
+  result->message = covariance.message();
+  result->values.clear();
+  for (const auto& [a, b] : pairs) {
+    std::vector<double> block(SizeOf(*problem, a) * SizeOf(*problem, b));
+    if (result->computed && covariance.GetBlock(a, b, /*ambient=*/false, block.data())) {
+      result->values.insert(result->values.end(), block.begin(), block.end());
+    }
+  }
+}
+
 Contender Stock(ceres::CovarianceAlgorithmType algorithm,
                 ceres::SparseLinearAlgebraLibraryType library) {
   return [=](const Pairs& pairs, ceres::Problem* problem, Result* result) {
@@ -113,10 +146,10 @@ Contender Stock(ceres::CovarianceAlgorithmType algorithm,
 }
 
 Status FindContenders(std::vector<Contender>* contenders, std::vector<Result>* results) {
-  *contenders = {RunOurs};
+  *contenders = {FLAGS_only_ours ? Contender(RunOursAlone) : Contender(RunOurs)};
   results->resize(1);
   results->back().name = "inceres";
-  std::istringstream names(FLAGS_algorithms);
+  std::istringstream names(FLAGS_only_ours ? "" : FLAGS_algorithms);
   for (std::string name; std::getline(names, name, ',');) {
     if (name == "sparse_qr") {
       contenders->push_back(Stock(ceres::SPARSE_QR, ceres::SUITE_SPARSE));
@@ -155,12 +188,34 @@ double LargestDifference(const Pairs& pairs, const ceres::Problem& problem, cons
   return largest;
 }
 
-void HoldGauge(const BalProblem& bal, ProblemSource::CeresInstance* instance) {
-  double* cameras = instance->parameters.data();
-  instance->problem->SetParameterBlockConstant(cameras);
-  if (bal.num_cameras > 1) {
-    instance->problem->SetManifold(cameras + kCameraSize,
-                                   new ceres::SubsetManifold(kCameraSize, {3}));
+// Of each camera what is constant: intrinsics, and of the second one coordinate for the scale.
+void HoldCameras(const BalProblem& bal, ProblemSource::CeresInstance* instance) {
+  for (int i = 0; i < bal.num_cameras; ++i) {
+    double* camera = instance->parameters.data() + static_cast<std::ptrdiff_t>(i) * kCameraSize;
+    std::vector<int> constant;
+    if (FLAGS_gauge == "held" && i == 1) {
+      constant.push_back(kTranslation);
+    }
+    for (int k = kFocalLength; FLAGS_hold_intrinsics && k < kCameraSize; ++k) {
+      constant.push_back(k);
+    }
+    if (!constant.empty() && instance->problem->HasParameterBlock(camera)) {
+      instance->problem->SetManifold(camera, new ceres::SubsetManifold(kCameraSize, constant));
+    }
+  }
+  if (FLAGS_gauge == "held") {
+    instance->problem->SetParameterBlockConstant(instance->parameters.data());
+  }
+}
+
+void HoldControlPoints(const BalProblem& bal, ProblemSource::CeresInstance* instance) {
+  double* points =
+      instance->parameters.data() + static_cast<std::ptrdiff_t>(bal.num_cameras) * kCameraSize;
+  const int stride = std::clamp(bal.num_points / kLeastControlPoints, 1, kMaxControlPointStride);
+  for (std::ptrdiff_t i = 0; i < bal.num_points; i += stride) {
+    if (instance->problem->HasParameterBlock(points + i * kPointSize)) {
+      instance->problem->SetParameterBlockConstant(points + i * kPointSize);
+    }
   }
 }
 
@@ -205,12 +260,11 @@ void Print(const std::vector<Result>& results, const nlohmann::json& report) {
 
 nlohmann::json MakeReport(const ProblemSource& source, const Pairs& pairs,
                           const ceres::Problem& problem, const std::vector<Result>& results) {
-  nlohmann::json report = {{"problem", FLAGS_problem},
-                           {"description", source.Describe()},
-                           {"gauge", FLAGS_gauge},
-                           {"iterations", FLAGS_iterations},
-                           {"num_threads", FLAGS_num_threads},
-                           {"blocks", pairs.size()}};
+  nlohmann::json report = {
+      {"problem", FLAGS_problem},       {"description", source.Describe()},
+      {"gauge", FLAGS_gauge},           {"hold_intrinsics", FLAGS_hold_intrinsics},
+      {"iterations", FLAGS_iterations}, {"num_threads", FLAGS_num_threads},
+      {"blocks", pairs.size()}};
   const double ours = Summarize(results[0].seconds).median;
   for (const Result& result : results) {
     const bool comparable = &result != &results[0] && result.computed && results[0].computed;
@@ -242,8 +296,8 @@ Status RunAll() {
   if (FLAGS_problem.rfind("bal:", 0) != 0) {
     return Invalid("--problem must be bal:FILE");
   }
-  if (FLAGS_gauge != "held" && FLAGS_gauge != "free") {
-    return Invalid("--gauge must be held or free, not '" + FLAGS_gauge + "'");
+  if (FLAGS_gauge != "held" && FLAGS_gauge != "points" && FLAGS_gauge != "free") {
+    return Invalid("--gauge must be held, points or free, not '" + FLAGS_gauge + "'");
   }
   std::vector<Contender> contenders;
   std::vector<Result> results;
@@ -256,8 +310,9 @@ Status RunAll() {
     return status;
   }
   const BalProblem& bal = static_cast<const BalSource&>(*source).bal();
-  if (FLAGS_gauge == "held") {
-    HoldGauge(bal, &instance);
+  HoldCameras(bal, &instance);
+  if (FLAGS_gauge == "points") {
+    HoldControlPoints(bal, &instance);
   }
   if (FLAGS_iterations > 0) {
     Solve(instance.problem.get());

@@ -145,6 +145,14 @@ void Dogleg::FollowTraditionalPath(double alpha) {
   step_norm_ = Norm(p_);
 }
 
+void Dogleg::GetLastSolve(std::vector<double>* damping, std::vector<double>* solution) const {
+  damping->resize(w_.size());
+  for (std::size_t j = 0; j < w_.size(); ++j) {
+    (*damping)[j] = mu_ * w_[j] * w_[j];
+    (*solution)[j] = -gauss_newton_[j] / w_[j];
+  }
+}
+
 void Dogleg::StepAccepted(double quality) {
   if (quality < kShrinkBelow) {
     radius_ *= 0.5;

@@ -25,6 +25,7 @@ class Dogleg final : public TrustRegionStrategy {
   void StepRejected() override;
   void StepIsInvalid() override;
   double Radius() const override { return radius_; }
+  void GetLastSolve(std::vector<double>* damping, std::vector<double>* solution) const override;
 
  private:
   void ComputeGradient(const LinearModel& model);

@@ -17,6 +17,10 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   void StepRejected() override;
   void StepIsInvalid() override { StepRejected(); }
   double Radius() const override { return radius_; }
+  void GetLastSolve(std::vector<double>* damping,
+                    std::vector<double>* /*solution*/) const override {
+    *damping = damping_;
+  }
   void Widen(double radius) override;
   void Restart(double radius) override;
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "inceres/export.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/solver/options.h"
@@ -41,6 +43,50 @@ class StepJudge {
   virtual double RestartRadius() { return 0.0; }
 };
 
+/// The linear system of a step: J by blocks, of a factor by a variable, with unscaled columns.
+struct StepSystem {
+  struct Block {
+    FamilyId family;
+    int factor;
+    VariableId variable;
+    int rows;
+    int columns;
+    const double* values;  ///< rows row_stride apart
+    int row_stride;
+  };
+  int iteration = 0;
+  std::vector<Block> blocks;             ///< by family, of each by factor
+  std::vector<const double*> residuals;  ///< per family, of its first factor
+  /// Per VariableId, into the vectors below; -1 of what does not move.
+  std::vector<int> first_entry;
+  std::vector<double> scale;    ///< of the columns, as the damping sees them
+  std::vector<double> damping;  ///< added to the diagonal of JᵀJ
+  /// The step; of Dog-Leg the Gauss–Newton step with its sign turned, as Ceres has it.
+  std::vector<double> solution;
+};
+
+/// Whoever looks at the linear systems of some iterations.
+class StepSystemObserver {
+ public:
+  virtual ~StepSystemObserver() = default;
+  virtual bool Wants(int iteration) const = 0;
+  /// Asked for after the step has been solved for.
+  virtual void See(const StepSystem& system) = 0;
+};
+
+/// Ceres's inner iterations: a round of coordinate descent after each step, as long as it is worth
+/// it (trust_region/coordinate_descent.h).
+struct InnerDescent {
+  /// Of variables that share no factor within a group, one group after the other; those in none are
+  /// held.
+  std::vector<std::vector<VariableId>> groups;
+  /// A round that lowers the cost by less than this share of it is the last one.
+  double tolerance = 1e-3;
+
+  int num_rounds = 0;    ///< set by the loop
+  double seconds = 0.0;  ///< spent on them
+};
+
 /// What the trust-region loop is told beside SolverOptions, by who solves for Ceres or for an
 /// Update.
 struct LoopOptions {
@@ -49,7 +95,9 @@ struct LoopOptions {
   double seconds_spent_before = 0.0;
   /// of the cost, what no variable moves: the function tolerance is relative to the rest
   double fixed_cost = 0.0;
-  StepJudge* judge = nullptr;  ///< not owned; may be null
+  StepJudge* judge = nullptr;                     ///< not owned; may be null
+  InnerDescent* inner_descent = nullptr;          ///< not owned; null: none
+  StepSystemObserver* system_observer = nullptr;  ///< not owned; may be null
 };
 
 /// Solver::Solve with these.

@@ -35,6 +35,9 @@ class TrustRegionStrategy {
   virtual void StepRejected() = 0;
   virtual void StepIsInvalid() = 0;
   virtual double Radius() const = 0;
+  /// Of the last linear solve its damping, and its solution where that is not the step
+  /// (StepSystem).
+  virtual void GetLastSolve(std::vector<double>* damping, std::vector<double>* solution) const = 0;
   /// The next step is to be damped by no more than this radius allows; if it is refused, what was
   /// is again.
   virtual void Widen(double /*radius*/) {}

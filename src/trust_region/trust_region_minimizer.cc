@@ -51,6 +51,10 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
     inner_iterations_ = std::make_unique<InnerIterations>(evaluator);
     summary->work.bytes += inner_iterations_->Bytes();
   }
+  if (loop.inner_descent != nullptr) {
+    coordinate_descent_ =
+        std::make_unique<CoordinateDescent>(loop.inner_descent->groups, loop.rules, evaluator);
+  }
 }
 
 void TrustRegionMinimizer::Minimize() {
@@ -91,11 +95,12 @@ void TrustRegionMinimizer::Minimize() {
       SearchAlongStep();
     }
     ComputeCandidate();
+    DescendByCoordinates();
     if (ParameterToleranceReached() || FunctionToleranceReached()) {
       return;
     }
     iteration_.relative_decrease = quality_->Evaluate(candidate_cost_, model_decrease_);
-    if (iteration_.relative_decrease > options_.min_relative_decrease) {
+    if (descent_was_useful_ || iteration_.relative_decrease > options_.min_relative_decrease) {
       if (!AcceptStep()) {
         return;
       }
@@ -223,6 +228,9 @@ bool TrustRegionMinimizer::ComputeStep() {
   iteration_.step_solver_time_in_seconds = clock_.Read() - start;
   iteration_.linear_solver_iterations = num_solves > 0 && summary_.work.reduced_size > 0 ? 1 : 0;
   summary_.work.num_linear_solves += num_solves;
+  if (num_solves > 0) {
+    ShowSystem();
+  }
   if (!solved.ok() && solved.code != StatusCode::kSingular) {
     summary_.detail = solved.message;
     return Finish(Termination::kFailure, {"Linear solver failed due to unrecoverable non-numeric "

@@ -115,23 +115,6 @@ TEST(Gate, LineSearch) {
                    "LINE_SEARCH");
 }
 
-TEST(Gate, InnerIterations) {
-  ExpectHandedOver([](TestProblem*, Options* o) { o->use_inner_iterations = true; },
-                   "use_inner_iterations");
-}
-
-TEST(Gate, CheckGradients) {
-  ExpectHandedOver([](TestProblem*, Options* o) { o->check_gradients = true; }, "check_gradients");
-}
-
-TEST(Gate, IterationsToDump) {
-  const auto adjust = [](TestProblem*, Options* o) {
-    o->trust_region_minimizer_iterations_to_dump = {1};
-    o->trust_region_problem_dump_directory = ::testing::TempDir();
-  };
-  ExpectHandedOver(adjust, "trust_region_minimizer_iterations_to_dump");
-}
-
 TEST(Gate, IterativeSolvers) {
   ExpectHandedOver([](TestProblem*, Options* o) { o->linear_solver_type = ceres::ITERATIVE_SCHUR; },
                    "ITERATIVE_SCHUR");
@@ -233,18 +216,34 @@ std::string ReasonFor(const Options& options, ceres::Problem* problem) {
   return internal::ProblemObstacle(options, view, internal::ReadOrdering(options, view));
 }
 
-TEST(Gate, DenseQrAboveItsLimit) {
+TEST(Gate, DenseQrForWhichThereIsNoMemory) {
   for (const int num_residuals : {3000, 30000}) {
     TestProblem test;
     double* x = test.Add(std::vector<double>(500, 1.0));
     test.problem.AddResidualBlock(new ShapeOnlyCost(num_residuals, {500}), nullptr, x);
     Options options;
     options.linear_solver_type = ceres::DENSE_QR;
-    EXPECT_EQ(ReasonFor(options, &test.problem).find("DENSE_QR of 30500 x 500") == 0,
-              num_residuals == 30000);
-    options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
     EXPECT_EQ(ReasonFor(options, &test.problem), "");
+    const internal::ProblemView view = internal::Introspect(test.problem);
+    const std::string reason = internal::DenseQrObstacle(options, view, internal::OrderingView(),
+                                                         [] { return 200.0 * 1024 * 1024; });
+    EXPECT_EQ(reason.find("memory: DENSE_QR of 30500 x 500") == 0, num_residuals == 30000)
+        << reason;
+    options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    EXPECT_EQ(
+        internal::DenseQrObstacle(options, view, internal::OrderingView(), [] { return 0.0; }), "");
   }
+}
+
+// Five million entries with the damping rows, which were stock's once.
+TEST(Gate, ALargeDenseQrIsSolvedHere) {
+  const auto recipe = [] { return MakeBundle(10, 240, true); };
+  Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = 1;
+  const testing::BothSolved both = testing::SolveBoth(recipe, options);
+  EXPECT_FALSE(both.report.used_stock) << both.report.fallback_reason;
+  testing::ExpectSameSummary(both, 1e-6, /*same_elimination=*/true);
 }
 
 TEST(Gate, BlockTwiceAndOverlappingBlocks) {

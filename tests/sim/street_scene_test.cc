@@ -130,9 +130,11 @@ TEST(StreetScene, PresetsHaveExactCounts) {
   } presets[] = {{"ladybug-like", 49, 7776, 31843},
                  {"venice11", 11, 8366, 20271},
                  {"cathedral", 92, 57957, 422163},
+                 {"path-400", 400, 16000, 80000},
                  {"path-1000", 1000, 40000, 200000}};
-  ASSERT_EQ(StreetScenePresets(), (std::vector<std::string>{"ladybug-like", "venice11", "cathedral",
-                                                            "path-1000", "path-10000"}));
+  ASSERT_EQ(StreetScenePresets(),
+            (std::vector<std::string>{"ladybug-like", "venice11", "cathedral", "path-400",
+                                      "path-1800", "path-1000", "path-10000"}));
   for (const auto& preset : presets) {
     SCOPED_TRACE(preset.name);
     StreetSceneOptions options;
@@ -153,9 +155,9 @@ TEST(StreetScene, UnknownPresetListsTheKnownOnes) {
   options.num_cameras = 77;
   const Status status = GetStreetScenePreset("atlantis", &options);
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
-  EXPECT_EQ(
-      status.message,
-      "no preset 'atlantis'; known are ladybug-like, venice11, cathedral, path-1000, path-10000");
+  EXPECT_EQ(status.message,
+            "no preset 'atlantis'; known are ladybug-like, venice11, cathedral, path-400, "
+            "path-1800, path-1000, path-10000");
   EXPECT_EQ(options.num_cameras, 77);
 }
 

@@ -85,7 +85,7 @@ done
 
 # Failures: 2 for what was asked, 1 for what could not be done.
 expect_failure 2 "--output FILE is required" --preset venice11
-expect_failure 2 "no preset 'atlantis'; known are ladybug-like, venice11, cathedral, path-1000, path-10000" --preset atlantis --output "$work/x.txt"
+expect_failure 2 "no preset 'atlantis'; known are ladybug-like, venice11, cathedral, path-400, path-1800, path-1000, path-10000" --preset atlantis --output "$work/x.txt"
 expect_failure 2 "num_cameras is 1, not between 2 and 1000000" --num_cameras 1 --output "$work/x.txt"
 expect_failure 2 "num_observations is 10, not between two per point" --num_observations 10 --output "$work/x.txt"
 expect_failure 2 "outlier_fraction is 1.5, not between 0 and 1" --outlier_fraction 1.5 --output "$work/x.txt"

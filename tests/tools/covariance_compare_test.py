@@ -47,9 +47,27 @@ class CovarianceCompareTest(unittest.TestCase):
         self.assertFalse(stock["computed"])
         self.assertIn("7 directions are open", ours["message"])
 
+    def test_control_points_and_intrinsics_that_are_held(self):
+        flags = ("--iterations", "20", "--points", "--gauge", "points", "--hold_intrinsics", "--repeats", "1")
+        report, _ = self.compare(*flags)
+        ours, stock = report["results"]
+        self.assertTrue(ours["computed"] and stock["computed"])
+        self.assertLess(stock["largest_difference"], 1e-7)
+        self.assertEqual(report["blocks"], 6 + 40)
+        self.assertTrue(report["hold_intrinsics"])
+        report, _ = self.compare(*flags, "--only_ours")
+        self.assertEqual([row["name"] for row in report["results"]], ["inceres"])
+        self.assertTrue(report["results"][0]["computed"])
+
+    def test_what_would_go_to_stock_has_no_result_without_it(self):
+        report, _ = self.compare("--gauge", "free", "--iterations", "20", "--repeats", "1", "--only_ours")
+        self.assertEqual(len(report["results"]), 1)
+        self.assertFalse(report["results"][0]["computed"])
+        self.assertIn("7 directions are open", report["results"][0]["message"])
+
     def test_bad_flags(self):
         for flags, message in ((("--algorithms", "qr"), "'qr' is unknown"),
-                               (("--gauge", "loose"), "held or free"),
+                               (("--gauge", "loose"), "held, points or free"),
                                (("--repeats", "0"), "repeats 0: must be at least 1"),
                                (("--problem", "g2o:x"), "bal:FILE")):
             _, error = run(TOOL, "--problem", f"bal:{self.small}", *flags, code=2)

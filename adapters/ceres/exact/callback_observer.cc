@@ -42,8 +42,8 @@ std::string ProgressText(const ceres::IterationSummary& iteration) {
 }
 
 bool CallbackObserver::IsNeeded() const {
-  return evaluation_callback_ != nullptr || options_.update_state || !options_.callbacks.empty() ||
-         (options_.logs && LogsProgress(options_.to_stdout));
+  return is_to_abort_ || evaluation_callback_ != nullptr || options_.update_state ||
+         !options_.callbacks.empty() || (options_.logs && LogsProgress(options_.to_stdout));
 }
 
 void CallbackObserver::BeforeEvaluation(const double* state, bool jacobians, bool new_point) {
@@ -60,7 +60,10 @@ ObserverAction CallbackObserver::EndOfIteration(const IterationSummary& iteratio
   }
   IterationSummary with_fixed_cost = iteration;
   with_fixed_cost.cost += fixed_cost_;
-  return ReportIteration(options_, with_fixed_cost, &callback_seconds_);
+  const ObserverAction action = ReportIteration(options_, with_fixed_cost, &callback_seconds_);
+  return action == ObserverAction::kContinue && is_to_abort_ && is_to_abort_()
+             ? ObserverAction::kAbort
+             : action;
 }
 
 ObserverAction ReportIteration(const ReportOptions& options, const IterationSummary& iteration,

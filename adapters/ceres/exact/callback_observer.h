@@ -1,6 +1,8 @@
 #pragma once
 
+#include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <ceres/evaluation_callback.h>
@@ -53,6 +55,9 @@ class CallbackObserver : public SolveObserver {
         blocks_(blocks),
         fixed_cost_(fixed_cost) {}
 
+  /// Asked after all callbacks of an iteration: whether to abort. May be empty.
+  void set_is_to_abort(std::function<bool()> is_to_abort) { is_to_abort_ = std::move(is_to_abort); }
+
   /// False if nobody would notice that the solve goes on without it.
   bool IsNeeded() const;
 
@@ -68,6 +73,7 @@ class CallbackObserver : public SolveObserver {
   ceres::EvaluationCallback* const evaluation_callback_;
   const std::vector<StateBlock>& blocks_;
   const double fixed_cost_;
+  std::function<bool()> is_to_abort_;
   double callback_seconds_ = 0.0;
 };
 

@@ -1,12 +1,17 @@
 #include "adapters/ceres/exact/exact_solve.h"
 
 #include <memory>
+#include <optional>
+#include <string>
 #include <utility>
 
 #include <glog/logging.h>
 
 #include "adapters/ceres/exact/callback_observer.h"
+#include "adapters/ceres/exact/gradient_check.h"
+#include "adapters/ceres/exact/system_dump.h"
 #include "adapters/ceres/plan/graph_builder.h"
+#include "adapters/ceres/plan/inner_ordering.h"
 #include "adapters/ceres/plan/landmark_selection.h"
 #include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/ceres/plan/structure_cache.h"
@@ -37,20 +42,43 @@ void AddFixedCost(double fixed_cost, Summary* core) {
   }
 }
 
-void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+// Rounds of coordinate descent, if there are to be any; of this graph.
+InnerDescent DescentOf(const SolveInput& input, const InnerOrdering& inner) {
+  InnerDescent descent;
+  descent.groups = GroupsInGraph(inner, *input.plan, input.view.blocks.size());
+  descent.tolerance = input.options.inner_iteration_tolerance;
+  return descent;
+}
+
+void WriteDescent(const InnerDescent& descent, ceres::Solver::Summary* summary) {
+  summary->inner_iterations_used = !descent.groups.empty();
+  summary->inner_iteration_time_in_seconds = descent.seconds;
+  summary->num_inner_iteration_steps += descent.num_rounds;  // Ceres counts from -1
+}
+
+void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver::Summary* summary,
+              SolveReport* report) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
+  std::optional<SystemDump> dump;
+  if (!input.options.trust_region_minimizer_iterations_to_dump.empty()) {
+    dump.emplace(input.options, input.view, *input.plan, type);
+  }
   FactorGraph graph;
   LandmarkCounts landmarks;
   const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &landmarks, summary);
   NameVariables(blocks, &graph);
 
   CallbackObserver observer(input.options, input.evaluation_callback, blocks, summary->fixed_cost);
+  observer.set_is_to_abort(input.is_to_abort);
   SolverOptions options = MapOptions(input.options, type);
   options.num_threads = summary->num_threads_used;
   options.observer = observer.IsNeeded() ? &observer : nullptr;
+  InnerDescent descent = DescentOf(input, inner);
   LoopOptions loop;
   loop.rules = kCeresRules;
+  loop.inner_descent = descent.groups.empty() ? nullptr : &descent;
   loop.seconds_spent_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
+  loop.system_observer = dump ? &*dump : nullptr;
   std::unique_ptr<Solver> solver = StructureCache::OfProcess().TakeSolver(options, graph);
   Summary core;
   SolveWith(options, loop, &graph, solver.get(), &core);
@@ -67,30 +95,43 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   summary->minimizer_time_in_seconds =
       input.clock.Seconds() - summary->preprocessor_time_in_seconds;
   WriteSolution(input.options, core, summary);
+  WriteDescent(descent, summary);
   WriteReport(input, landmarks, std::move(core), report);
   report->callback_seconds = observer.callback_seconds();
 }
 
-}  // namespace
-
-std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type,
-                                  FactorGraph* graph, LandmarkCounts* landmarks,
-                                  ceres::Solver::Summary* summary) {
-  *landmarks = input.plan->landmarks;
-  std::vector<StateBlock> blocks = BuildGraph(input.view, *input.plan, graph);
-  WriteLinearSolver(input.view, input.ordering, input.plan->landmarks, type, summary);
-  input.view.ForgetResidualBlocks();
-  return blocks;
+// What Ceres finds wrong when everything but inner iterations is set up. Not logged: Ceres is
+// silent about what fails before its loop.
+void WriteFailedSetup(const SolveInput& input, const std::string& error,
+                      ceres::Solver::Summary* summary) {
+  WriteLinearSolver(input.view, input.ordering, input.plan->landmarks,
+                    EffectiveLinearSolver(input.options, input.ordering), summary);
+  summary->message = error;
+  summary->preprocessor_time_in_seconds = input.clock.Seconds();
+  summary->num_linear_solves = 0;
+  summary->num_residual_evaluations = summary->num_jacobian_evaluations = 0;
+  summary->linear_solver_time_in_seconds = 0.0;
+  summary->residual_evaluation_time_in_seconds = 0.0;
+  summary->jacobian_evaluation_time_in_seconds = 0.0;
 }
 
-void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+// The core solves, whatever else was asked for.
+void SolveAsItIs(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
   WriteGiven(input.options, input.view, summary);
   summary->num_threads_used = NumThreads(input.options);
   const FixedCost fixed = EvaluateFixedCost(input.view, input.evaluation_callback);
   summary->fixed_cost = fixed.cost;
   const bool anything_to_solve = fixed.error.empty() && input.view.reduced.num_parameter_blocks > 0;
-  if (anything_to_solve) {
-    Minimize(input, summary, report);
+  InnerOrdering inner;
+  if (anything_to_solve && input.options.use_inner_iterations) {
+    inner = FindInnerOrdering(input.options, input.evaluation_callback, input.view);
+    summary->inner_iteration_ordering_used = inner.group_sizes;
+  }
+  if (!inner.error.empty()) {
+    WriteFailedSetup(input, inner.error, summary);
+    WriteReport(input, LandmarkCounts(), Summary(), report);
+  } else if (anything_to_solve) {
+    Minimize(input, inner, summary, report);
   } else {
     summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
     summary->preprocessor_time_in_seconds = input.clock.Seconds();
@@ -110,6 +151,41 @@ void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, Solv
   }
   summary->total_time_in_seconds = input.clock.Seconds();
   summary->postprocessor_time_in_seconds = summary->total_time_in_seconds - postprocessor_start;
+}
+
+}  // namespace
+
+std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type,
+                                  FactorGraph* graph, LandmarkCounts* landmarks,
+                                  ceres::Solver::Summary* summary) {
+  *landmarks = input.plan->landmarks;
+  std::vector<StateBlock> blocks = BuildGraph(input.view, *input.plan, graph, input.make_family);
+  WriteLinearSolver(input.view, input.ordering, input.plan->landmarks, type, summary);
+  input.view.ForgetResidualBlocks();
+  return blocks;
+}
+
+void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+  if (!input.options.check_gradients) {
+    SolveAsItIs(input, summary, report);
+    return;
+  }
+  // The evaluation callback is not told: Ceres's own problem of checked cost functions has none.
+  GradientCheck check(input.options);
+  SolveInput checked = input;
+  checked.evaluation_callback = nullptr;
+  checked.make_family = [&check](const ProblemView& view, const GraphPlan::Family& family) {
+    return check.FamilyOf(view, family);
+  };
+  checked.is_to_abort = [&check] {
+    LOG_IF(ERROR, check.failed()) << "Gradient error detected. Terminating solver.";
+    return check.failed();
+  };
+  SolveAsItIs(checked, summary, report);
+  if (check.failed()) {
+    summary->termination_type = ceres::FAILURE;
+    summary->message = check.message();
+  }
 }
 
 }  // namespace inceres::internal

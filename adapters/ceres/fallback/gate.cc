@@ -65,15 +65,16 @@ std::string CommonObstacle(const ceres::Solver::Options& options, const ProblemV
   return OrderingObstacle(view, ordering, EffectiveLinearSolver(options, ordering));
 }
 
-std::string TooLargeForQr(const ProblemView& view) {
+// The Jacobian, and with the damping rows what is made of it.
+std::string TooLargeForQr(const ProblemView& view, const AvailableMemory& available) {
   const double columns = view.reduced.num_effective_parameters;
-  const double rows = view.reduced.num_residuals + columns;
-  if (rows * columns <= kMaxDenseQrEntries) {
+  const double rows = view.reduced.num_residuals;
+  const double bytes = sizeof(double) * columns * (2.0 * rows + columns);
+  if (bytes <= kMaxUncheckedQrBytes || bytes <= available()) {
     return "";
   }
-  return "DENSE_QR of " + std::to_string(static_cast<long>(rows)) + " x " +
-         std::to_string(static_cast<long>(columns)) + " entries exceeds the limit of " +
-         std::to_string(static_cast<long>(kMaxDenseQrEntries));
+  return "memory: DENSE_QR of " + std::to_string(static_cast<long>(rows + columns)) + " x " +
+         std::to_string(static_cast<long>(columns)) + " entries takes more than is available";
 }
 
 // In either mode.
@@ -84,15 +85,6 @@ std::string CommonOptionsObstacle(const ceres::Solver::Options& options) {
   }
   if (options.minimizer_type != ceres::TRUST_REGION) {
     return "minimizer_type LINE_SEARCH";
-  }
-  if (options.use_inner_iterations) {
-    return "use_inner_iterations";
-  }
-  if (options.check_gradients) {
-    return "check_gradients";
-  }
-  if (!options.trust_region_minimizer_iterations_to_dump.empty()) {
-    return "trust_region_minimizer_iterations_to_dump";
   }
   if (options.linear_solver_ordering != nullptr &&
       options.linear_solver_ordering->NumElements() == 0) {
@@ -107,11 +99,11 @@ std::string CommonOptionsObstacle(const ceres::Solver::Options& options) {
 }  // namespace
 
 std::string DenseQrObstacle(const ceres::Solver::Options& options, const ProblemView& view,
-                            const OrderingView& ordering) {
+                            const OrderingView& ordering, const AvailableMemory& available) {
   const bool nothing_to_solve = view.reduced.num_parameter_blocks == 0;
   return nothing_to_solve || EffectiveLinearSolver(options, ordering) != ceres::DENSE_QR
              ? ""
-             : TooLargeForQr(view);
+             : TooLargeForQr(view, available);
 }
 
 std::string OptionsObstacle(const ceres::Solver::Options& options) {
@@ -133,6 +125,15 @@ std::string NeedsExactMode(const ceres::Solver::Options& options,
                            const ceres::EvaluationCallback* evaluation_callback) {
   if (evaluation_callback != nullptr) {
     return "an evaluation callback, which is told of whole points only";
+  }
+  if (options.check_gradients) {
+    return "check_gradients, and incremental steps evaluate some factors at a time";
+  }
+  if (!options.trust_region_minimizer_iterations_to_dump.empty()) {
+    return "trust_region_minimizer_iterations_to_dump, and incremental steps have other systems";
+  }
+  if (options.use_inner_iterations) {
+    return "use_inner_iterations: coordinate descent after each step of the whole problem";
   }
   if (options.use_nonmonotonic_steps) {
     return "use_nonmonotonic_steps, and incremental steps go down only";

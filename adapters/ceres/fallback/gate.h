@@ -6,14 +6,14 @@
 #include <ceres/evaluation_callback.h>
 #include <ceres/solver.h>
 
+#include "adapters/ceres/read/available_memory.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
 
 namespace inceres::internal {
 
-/// Largest Jacobian, rows × columns with the damping rows, that DENSE_QR is solved for here: 32 MB.
-/// Above it the problem goes to stock Ceres; QR is never replaced by normal equations.
-inline constexpr double kMaxDenseQrEntries = 4.0 * 1024 * 1024;
+/// Up to here nobody asks whether there is memory for DENSE_QR.
+inline constexpr double kMaxUncheckedQrBytes = 64.0 * 1024 * 1024;
 
 /// Why these options cannot be honored here, or an empty string. Looks at nothing but the options.
 std::string OptionsObstacle(const ceres::Solver::Options& options);
@@ -23,10 +23,12 @@ std::string OptionsObstacle(const ceres::Solver::Options& options);
 std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view,
                             const OrderingView& ordering);
 
-/// Its part: DENSE_QR, asked for or what an empty group of landmarks makes of a Schur solver, of
-/// too large a Jacobian.
+/// Its part: DENSE_QR, asked for or what an empty group of landmarks makes of a Schur solver, of a
+/// Jacobian for which there is no memory. Then the problem goes to stock Ceres: QR is never
+/// replaced by normal equations.
 std::string DenseQrObstacle(const ceres::Solver::Options& options, const ProblemView& view,
-                            const OrderingView& ordering);
+                            const OrderingView& ordering,
+                            const AvailableMemory& available = AvailableBytes);
 
 /// What these options, or bounds of this problem, ask of a solve in incremental mode that only
 /// exact mode has: its reason for being exact, or an empty string. `evaluation_callback` is the

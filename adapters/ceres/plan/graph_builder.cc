@@ -13,8 +13,9 @@ namespace {
 
 class Builder {
  public:
-  Builder(const ProblemView& view, const GraphPlan& plan, FactorGraph* graph)
-      : view_(view), plan_(plan), graph_(*graph) {}
+  Builder(const ProblemView& view, const GraphPlan& plan, const MakeFamily& make_family,
+          FactorGraph* graph)
+      : view_(view), plan_(plan), make_family_(make_family), graph_(*graph) {}
 
   std::vector<StateBlock> Run() {
     graph_.Reserve(static_cast<int>(plan_.blocks.size()), view_.reduced.num_parameters);
@@ -45,25 +46,34 @@ class Builder {
     state_blocks_.push_back({block.values, graph_.StateOffset(id), block.ambient_size});
   }
 
+  std::shared_ptr<const FactorFamily> CostsOf(const GraphPlan::Family& family) const {
+    if (make_family_) {
+      return make_family_(view_, family);
+    }
+    auto costs = std::make_shared<CeresCostFamily>(family.shape.num_residuals, family.shape.slots);
+    costs->Reserve(family.residuals.size());
+    for (const int r : family.residuals) {
+      costs->Add(CeresCostFamily::Borrowed(view_.residuals[At(r)].cost));
+    }
+    return costs;
+  }
+
   void AddFamily(const GraphPlan::Family& family) {
     const std::size_t num_factors = family.residuals.size();
-    const auto costs =
-        std::make_shared<CeresCostFamily>(family.shape.num_residuals, family.shape.slots);
-    costs->Reserve(num_factors);
     std::vector<std::shared_ptr<const Loss>> losses;  // none, or one for each factor
     for (std::size_t k = 0; k < num_factors; ++k) {
       const ResidualBlockView& residual = view_.residuals[At(family.residuals[k])];
-      costs->Add(CeresCostFamily::Borrowed(residual.cost));
       if (residual.loss != nullptr) {
         losses.resize(num_factors);
         losses[k] = losses_.Get(residual.loss);
       }
     }
-    graph_.ConnectMany(graph_.AddFamily(costs), family.variables, std::move(losses));
+    graph_.ConnectMany(graph_.AddFamily(CostsOf(family)), family.variables, std::move(losses));
   }
 
   const ProblemView& view_;
   const GraphPlan& plan_;
+  const MakeFamily& make_family_;
   FactorGraph& graph_;
   ManifoldTable manifolds_;
   AdapterTable<Loss, CeresLoss, ceres::LossFunction> losses_;
@@ -73,8 +83,8 @@ class Builder {
 }  // namespace
 
 std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& plan,
-                                   FactorGraph* graph) {
-  return Builder(view, plan, graph).Run();
+                                   FactorGraph* graph, const MakeFamily& make_family) {
+  return Builder(view, plan, make_family, graph).Run();
 }
 
 void NameVariables(const std::vector<StateBlock>& blocks, FactorGraph* graph) {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <functional>
+#include <memory>
 #include <vector>
 
 #include "adapters/ceres/plan/landmark_selection.h"
@@ -26,6 +28,10 @@ struct GraphPlan {
   std::vector<int> blocks;  ///< parameter block of each variable
   std::vector<Family> families;
 };
+
+/// Makes a family of the cost functions of one of the plan's.
+using MakeFamily = std::function<std::shared_ptr<const FactorFamily>(const ProblemView&,
+                                                                     const GraphPlan::Family&)>;
 
 /// Cost: linear in slots.
 GraphPlan PlanGraph(const ProblemView& view, const ShapeTable& shapes, LandmarkSelection landmarks);

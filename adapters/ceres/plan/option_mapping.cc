@@ -90,19 +90,25 @@ void CheckLinearSolver(Differences* differences) {
       [&](const char* name, auto member) { differences->Check(name, member); });
 }
 
-// Features that are off: with any of them on, the problem would have gone to stock Ceres.
+// What belongs to features that are off.
 void CheckFeaturesThatAreOff(const ceres::Solver::Options& options, Differences* differences) {
   using Options = ceres::Solver::Options;
-  differences->Check("inner_iteration_ordering", &Options::inner_iteration_ordering);
-  differences->Check("inner_iteration_tolerance", &Options::inner_iteration_tolerance);
-  differences->Check("trust_region_problem_dump_directory",
-                     &Options::trust_region_problem_dump_directory);
-  differences->Check("trust_region_problem_dump_format_type",
-                     &Options::trust_region_problem_dump_format_type);
-  differences->Check("gradient_check_relative_precision",
-                     &Options::gradient_check_relative_precision);
-  differences->Check("gradient_check_numeric_derivative_relative_step_size",
-                     &Options::gradient_check_numeric_derivative_relative_step_size);
+  if (!options.use_inner_iterations) {
+    differences->Check("inner_iteration_ordering", &Options::inner_iteration_ordering);
+    differences->Check("inner_iteration_tolerance", &Options::inner_iteration_tolerance);
+  }
+  if (options.trust_region_minimizer_iterations_to_dump.empty()) {
+    differences->Check("trust_region_problem_dump_directory",
+                       &Options::trust_region_problem_dump_directory);
+    differences->Check("trust_region_problem_dump_format_type",
+                       &Options::trust_region_problem_dump_format_type);
+  }
+  if (!options.check_gradients) {
+    differences->Check("gradient_check_relative_precision",
+                       &Options::gradient_check_relative_precision);
+    differences->Check("gradient_check_numeric_derivative_relative_step_size",
+                       &Options::gradient_check_numeric_derivative_relative_step_size);
+  }
   if (options.trust_region_strategy_type == ceres::DOGLEG) {
     differences->Check("max_trust_region_radius",
                        &Options::max_trust_region_radius);  // as in Ceres

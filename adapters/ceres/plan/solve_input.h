@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -37,6 +38,10 @@ struct SolveInput {
   std::optional<int> last_iteration = std::nullopt;
   /// ChoosePlan's; null in a session, and where there is nothing to solve for
   std::shared_ptr<const GraphPlan> plan = nullptr;
+  /// Asked at the end of each iteration, after all callbacks: whether the solve is to be aborted.
+  /// May be empty.
+  std::function<bool()> is_to_abort = nullptr;
+  MakeFamily make_family = nullptr;  ///< if set, makes the families of the graph
 };
 
 }  // namespace inceres::internal

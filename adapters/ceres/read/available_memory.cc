@@ -1,4 +1,4 @@
-#include "adapters/ceres/plan/available_memory.h"
+#include "adapters/ceres/read/available_memory.h"
 
 #include <unistd.h>
 

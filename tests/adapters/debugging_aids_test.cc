@@ -1,0 +1,322 @@
+// check_gradients and trust_region_minimizer_iterations_to_dump next to stock Ceres.
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "adapters/captured_log.h"
+#include "adapters/compare_with_stock.h"
+#include "adapters/test_problems.h"
+
+namespace inceres {
+namespace {
+
+using testing::BothSolved;
+using testing::TestProblem;
+
+ceres::Solver::Options OptionsOf(ceres::LinearSolverType type) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = type;
+  options.max_num_iterations = 6;
+  return options;
+}
+
+// Addresses, which differ from copy to copy, by the order in which they appear.
+std::string WithoutAddresses(const std::string& text) {
+  std::map<std::string, int> seen;
+  std::string result;
+  for (std::size_t at = 0; at < text.size();) {
+    if (text.compare(at, 2, "0x") != 0) {
+      result += text[at++];
+      continue;
+    }
+    const std::size_t end = text.find_first_not_of("0123456789abcdef", at + 2);
+    const auto number = static_cast<int>(seen.size());
+    result += "#" + std::to_string(seen.emplace(text.substr(at, end - at), number).first->second);
+    at = end;
+  }
+  return result;
+}
+
+// Residual blocks 0 and 2 claim twice their slope; block 1 is right.
+std::unique_ptr<TestProblem> WrongSlopes() {
+  auto test = std::make_unique<TestProblem>();
+  for (int k = 0; k < 3; ++k) {
+    double* x = test->Add({1.0 + k, 2.0});
+    test->problem.AddResidualBlock(
+        new testing::TargetCost({5.0, -1.0},
+                                [k](double const* const* p, double* r, double** J) {
+                                  r[0] = p[0][0] - 5.0;
+                                  r[1] = p[0][1] + 1.0;
+                                  if (J != nullptr && J[0] != nullptr) {
+                                    J[0][0] = k == 1 ? 1.0 : 2.0;
+                                    J[0][3] = 1.0;
+                                    J[0][1] = J[0][2] = 0.0;
+                                  }
+                                  return true;
+                                }),
+        nullptr, x);
+  }
+  return test;
+}
+
+TEST(CheckGradients, RightOnesLeaveTheTraceAsItIs) {
+  for (const ceres::LinearSolverType type : {ceres::DENSE_SCHUR, ceres::DENSE_QR}) {
+    ceres::Solver::Options options = OptionsOf(type);
+    options.check_gradients = true;
+    options.gradient_check_relative_precision = 1e-4;
+    const auto bundle = [] { return testing::MakeBundle(3, 12, true); };
+    const BothSolved both = testing::SolveBoth(bundle, options);
+    EXPECT_FALSE(both.report.used_stock) << both.report.fallback_reason;
+    testing::ExpectSameSummary(both, 1e-7, /*same_elimination=*/true);
+    EXPECT_EQ(both.ours.termination_type, both.stock.termination_type);
+    EXPECT_TRUE(both.report.options_without_effect.empty());
+  }
+}
+
+TEST(CheckGradients, WrongOnesEndTheSolveWithStocksMessage) {
+  ceres::Solver::Options options = OptionsOf(ceres::DENSE_QR);
+  options.check_gradients = true;
+  const BothSolved both = testing::SolveBoth(WrongSlopes, options);
+  EXPECT_FALSE(both.report.used_stock) << both.report.fallback_reason;
+  EXPECT_EQ(both.ours.termination_type, ceres::FAILURE);
+  EXPECT_EQ(both.stock.termination_type, ceres::FAILURE);
+  EXPECT_NE(both.ours.message.find("Residual block id 2"), std::string::npos);
+  EXPECT_EQ(both.ours.message.find("Residual block id 1"), std::string::npos);
+  EXPECT_EQ(WithoutAddresses(both.ours.message), WithoutAddresses(both.stock.message));
+  EXPECT_EQ(both.ours.iterations.size(), both.stock.iterations.size());
+  EXPECT_EQ(both.ours.final_cost, both.stock.final_cost);
+  EXPECT_EQ(both.our_problem->blocks, WrongSlopes()->blocks);
+}
+
+TEST(CheckGradients, TheMessageDoesNotDependOnThreadsAndTheProblemIsAsBefore) {
+  std::string messages[2];
+  const auto test = WrongSlopes();
+  for (const int threads : {1, 2}) {
+    ceres::Solver::Options options = OptionsOf(ceres::SPARSE_NORMAL_CHOLESKY);
+    options.check_gradients = true;
+    options.num_threads = threads;
+    ceres::Solver::Summary summary;
+    inceres::Solve(options, &test->problem, &summary);
+    messages[threads - 1] = summary.message;
+  }
+  EXPECT_EQ(messages[0], messages[1]);
+  EXPECT_FALSE(messages[0].empty());
+  ceres::Solver::Summary summary;  // unchecked, the cost functions are the caller's
+  inceres::Solve(OptionsOf(ceres::SPARSE_NORMAL_CHOLESKY), &test->problem, &summary);
+  EXPECT_TRUE(summary.IsSolutionUsable());
+}
+
+TEST(CheckGradients, ASolveInIncrementalModeIsExact) {
+  const auto test = WrongSlopes();
+  ceres::Solver::Options options = OptionsOf(ceres::DENSE_SCHUR);
+  options.check_gradients = true;
+  SolveOptions ours;
+  ours.mode = SolveMode::kIncremental;
+  SolveReport report;
+  ceres::Solver::Summary summary;
+  inceres::Solve(options, &test->problem, &summary, ours, &report);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_NE(report.exact_reason.find("check_gradients"), std::string::npos);
+}
+
+class Dump : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (std::filesystem::temp_directory_path() / "inceres_dump_XXXXXX").string();
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    folder_ = pattern;
+    std::filesystem::create_directory(folder_ / "stock");
+    std::filesystem::create_directory(folder_ / "ours");
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  // Each solves with a directory of its own.
+  void SolveBoth(const testing::Recipe& recipe, const ceres::Solver::Options& options) {
+    for (const char* who : {"stock", "ours"}) {
+      ceres::Solver::Options mine = options;
+      mine.trust_region_problem_dump_directory = (folder_ / who).string();
+      const auto test = recipe();
+      ceres::Solver::Summary summary;
+      SolveReport report;
+      if (who[0] == 's') {
+        ceres::Solve(mine, &test->problem, &summary);
+      } else {
+        inceres::Solve(mine, &test->problem, &summary, SolveOptions(), &report);
+        EXPECT_FALSE(report.used_stock) << report.fallback_reason;
+        EXPECT_TRUE(report.options_without_effect.empty());
+      }
+    }
+  }
+
+  std::vector<std::string> Files(const char* who) const {
+    std::vector<std::string> names;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_ / who)) {
+      names.push_back(entry.path().filename().string());
+    }
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+
+  std::string Text(const char* who, const std::string& name) const {
+    std::ostringstream text;
+    text << std::ifstream(folder_ / who / name).rdbuf();
+    std::string result = text.str();
+    const std::string folder = (folder_ / who).string();
+    for (std::size_t at; (at = result.find(folder)) != std::string::npos;) {
+      result.replace(at, folder.size(), "FOLDER");
+    }
+    return result;
+  }
+
+  std::vector<double> Numbers(const char* who, const std::string& name) const {
+    std::istringstream text(Text(who, name));
+    std::vector<double> numbers;
+    for (double value; text >> value;) {
+      numbers.push_back(value);
+    }
+    return numbers;
+  }
+
+  std::filesystem::path folder_;
+};
+
+// The text says six decimals.
+void ExpectSameNumbers(std::vector<double> ours, std::vector<double> stock, bool sorted) {
+  if (sorted) {
+    std::sort(ours.begin(), ours.end());
+    std::sort(stock.begin(), stock.end());
+  }
+  ASSERT_EQ(ours.size(), stock.size());
+  for (std::size_t k = 0; k < ours.size(); ++k) {
+    EXPECT_NEAR(ours[k], stock[k], 2e-6 * (1.0 + std::abs(stock[k]))) << k;
+  }
+}
+
+TEST_F(Dump, FilesOfADenseSolverAreStocks) {
+  for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
+    ceres::Solver::Options options = OptionsOf(ceres::DENSE_QR);
+    options.trust_region_strategy_type = strategy;
+    options.trust_region_minimizer_iterations_to_dump = {3, 1, 77};
+    SolveBoth([] { return testing::MakeBundle(3, 8, true); }, options);
+    const std::vector<std::string> files = Files("stock");
+    EXPECT_EQ(files, Files("ours"));
+    EXPECT_EQ(files.size(), 10U);
+    for (const std::string& name : files) {
+      if (name.substr(name.size() - 2) == ".m") {
+        EXPECT_EQ(Text("ours", name), Text("stock", name));
+      } else {
+        ExpectSameNumbers(Numbers("ours", name), Numbers("stock", name), /*sorted=*/false);
+      }
+    }
+  }
+}
+
+TEST_F(Dump, SystemsOfSparseSolversAreStocksUpToTheOrderOfRowsAndColumns) {
+  for (const ceres::LinearSolverType type :
+       {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY}) {
+    ceres::Solver::Options options = OptionsOf(type);
+    options.trust_region_minimizer_iterations_to_dump = {1, 2};
+    SolveBoth([] { return testing::MakeWindow(4, 15, /*huber=*/true); }, options);
+    EXPECT_EQ(Files("ours"), Files("stock"));
+    for (const char* part : {"_D.txt", "_b.txt", "_x.txt"}) {
+      const std::string name = std::string("ceres_solver_iteration_002") + part;
+      ExpectSameNumbers(Numbers("ours", name), Numbers("stock", name), /*sorted=*/true);
+    }
+    const std::string name = "ceres_solver_iteration_002_A.txt";
+    std::vector<double> values[2];
+    for (const int who : {0, 1}) {
+      const std::vector<double> numbers = Numbers(who == 0 ? "ours" : "stock", name);
+      for (std::size_t k = 2; k < numbers.size(); k += 3) {
+        values[who].push_back(numbers[k]);
+      }
+    }
+    ExpectSameNumbers(values[0], values[1], /*sorted=*/true);
+    EXPECT_EQ(Text("ours", "ceres_solver_iteration_001.m"),
+              Text("stock", "ceres_solver_iteration_001.m"));
+  }
+}
+
+// What was written is a linear least-squares problem that x solves: AᵀA x + D² x = Aᵀb up to sign.
+TEST_F(Dump, TheStepSolvesTheSystem) {
+  ceres::Solver::Options options = OptionsOf(ceres::SPARSE_SCHUR);
+  options.trust_region_minimizer_iterations_to_dump = {1};
+  SolveBoth([] { return testing::MakeBundle(4, 20, true); }, options);
+  const std::vector<double> A = Numbers("ours", "ceres_solver_iteration_001_A.txt");
+  const std::vector<double> D = Numbers("ours", "ceres_solver_iteration_001_D.txt");
+  const std::vector<double> b = Numbers("ours", "ceres_solver_iteration_001_b.txt");
+  const std::vector<double> x = Numbers("ours", "ceres_solver_iteration_001_x.txt");
+  std::vector<double> left = b;  // A x + b
+  for (std::size_t k = 0; k < A.size(); k += 3) {
+    left[static_cast<std::size_t>(A[k])] += A[k + 2] * x[static_cast<std::size_t>(A[k + 1])];
+  }
+  std::vector<double> gradient(x.size());
+  double largest = 0.0;
+  for (std::size_t j = 0; j < x.size(); ++j) {
+    gradient[j] = D[j] * D[j] * x[j];
+  }
+  std::vector<double> at_zero(x.size(), 0.0);
+  for (std::size_t k = 0; k < A.size(); k += 3) {
+    const auto row = static_cast<std::size_t>(A[k]);
+    gradient[static_cast<std::size_t>(A[k + 1])] += A[k + 2] * left[row];
+    at_zero[static_cast<std::size_t>(A[k + 1])] += A[k + 2] * b[row];
+  }
+  for (const double entry : at_zero) {
+    largest = std::max(largest, std::abs(entry));
+  }
+  for (const double entry : gradient) {
+    EXPECT_LT(std::abs(entry), 1e-3 * largest + 1e-4);
+  }
+}
+
+TEST_F(Dump, ToTheLogAsStock) {
+  ceres::Solver::Options options = OptionsOf(ceres::DENSE_QR);
+  options.trust_region_minimizer_iterations_to_dump = {1};
+  options.trust_region_problem_dump_format_type = ceres::CONSOLE;
+  testing::CapturedLog log(google::GLOG_INFO);
+  SolveBoth([] { return testing::MakeCurveFit(0.0); }, options);
+  EXPECT_TRUE(Files("ours").empty());
+  std::vector<std::string> dumped;
+  for (const std::string& line : log.messages()) {
+    for (const char* start : {"A^T: ", "A's appended diagonal:", "b: ", "x: "}) {
+      if (line.rfind(start, 0) == 0) {
+        dumped.push_back(line);
+      }
+    }
+  }
+  ASSERT_EQ(dumped.size(), 8U);
+  for (std::size_t k = 0; k < 4; ++k) {
+    EXPECT_EQ(dumped[k].substr(0, dumped[k].find('\n')),
+              dumped[k + 4].substr(0, dumped[k + 4].find('\n')));
+    EXPECT_NEAR(static_cast<double>(dumped[k].size()), static_cast<double>(dumped[k + 4].size()),
+                0.05 * static_cast<double>(dumped[k].size()) + 8.0);
+  }
+}
+
+TEST_F(Dump, AFolderThatIsNotThereIsAnErrorInTheLog) {
+  ceres::Solver::Options options = OptionsOf(ceres::DENSE_SCHUR);
+  options.trust_region_minimizer_iterations_to_dump = {1};
+  options.trust_region_problem_dump_directory = (folder_ / "missing").string();
+  testing::CapturedLog log;
+  const auto test = testing::MakeBundle(3, 12, true);
+  ceres::Solver::Summary summary;
+  inceres::Solve(options, &test->problem, &summary);
+  EXPECT_TRUE(summary.IsSolutionUsable());
+  const auto lines = log.messages();
+  EXPECT_TRUE(std::any_of(lines.begin(), lines.end(), [](const std::string& line) {
+    return line.find("Unable to dump trust region problem. Filename base: ") == 0 &&
+           line.find("missing/ceres_solver_iteration_001") != std::string::npos;
+  }));
+}
+
+}  // namespace
+}  // namespace inceres
