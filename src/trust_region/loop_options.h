@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "inceres/export.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/solver/options.h"
@@ -41,6 +43,19 @@ class StepJudge {
   virtual double RestartRadius() { return 0.0; }
 };
 
+/// Ceres's inner iterations: a round of coordinate descent after each step, as long as it is worth
+/// it (trust_region/coordinate_descent.h).
+struct InnerDescent {
+  /// Of variables that share no factor within a group, one group after the other; those in none are
+  /// held.
+  std::vector<std::vector<VariableId>> groups;
+  /// A round that lowers the cost by less than this share of it is the last one.
+  double tolerance = 1e-3;
+
+  int num_rounds = 0;    ///< set by the loop
+  double seconds = 0.0;  ///< spent on them
+};
+
 /// What the trust-region loop is told beside SolverOptions, by who solves for Ceres or for an
 /// Update.
 struct LoopOptions {
@@ -49,7 +64,8 @@ struct LoopOptions {
   double seconds_spent_before = 0.0;
   /// of the cost, what no variable moves: the function tolerance is relative to the rest
   double fixed_cost = 0.0;
-  StepJudge* judge = nullptr;  ///< not owned; may be null
+  StepJudge* judge = nullptr;             ///< not owned; may be null
+  InnerDescent* inner_descent = nullptr;  ///< not owned; null: none
 };
 
 /// Solver::Solve with these.

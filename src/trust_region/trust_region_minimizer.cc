@@ -51,6 +51,10 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
     inner_iterations_ = std::make_unique<InnerIterations>(evaluator);
     summary->work.bytes += inner_iterations_->Bytes();
   }
+  if (loop.inner_descent != nullptr) {
+    coordinate_descent_ =
+        std::make_unique<CoordinateDescent>(loop.inner_descent->groups, loop.rules, evaluator);
+  }
 }
 
 void TrustRegionMinimizer::Minimize() {
@@ -91,11 +95,12 @@ void TrustRegionMinimizer::Minimize() {
       SearchAlongStep();
     }
     ComputeCandidate();
+    DescendByCoordinates();
     if (ParameterToleranceReached() || FunctionToleranceReached()) {
       return;
     }
     iteration_.relative_decrease = quality_->Evaluate(candidate_cost_, model_decrease_);
-    if (iteration_.relative_decrease > options_.min_relative_decrease) {
+    if (descent_was_useful_ || iteration_.relative_decrease > options_.min_relative_decrease) {
       if (!AcceptStep()) {
         return;
       }

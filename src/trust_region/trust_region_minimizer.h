@@ -12,6 +12,7 @@
 #include "inceres/solver/summary.h"
 #include "linearize/evaluator.h"
 #include "schur/inner_iterations.h"
+#include "trust_region/coordinate_descent.h"
 #include "trust_region/linear_model.h"
 #include "trust_region/loop_options.h"
 #include "trust_region/polynomial.h"
@@ -79,6 +80,7 @@ class TrustRegionMinimizer {
   bool Recenter();
   StepQuality JudgeFromHere() const;
   void RunInnerIterations();
+  void DescendByCoordinates();
   bool ParameterToleranceReached();
   bool FunctionToleranceReached();
   bool AcceptStep();
@@ -112,7 +114,9 @@ class TrustRegionMinimizer {
   std::vector<double>& negative_gradient_;
   std::unique_ptr<TrustRegionStrategy>& strategy_;
   std::optional<StepQuality> quality_;
-  std::unique_ptr<InnerIterations> inner_iterations_;  // null: none
+  std::unique_ptr<InnerIterations> inner_iterations_;      // null: none
+  std::unique_ptr<CoordinateDescent> coordinate_descent_;  // null: none, or no more
+  bool descent_was_useful_ = false;
   IterationSummary iteration_;
   double iteration_start_time_ = 0.0;
 

@@ -308,7 +308,7 @@ TEST(Environment, ThatOfThisProcess) {
   for (int k = 0; k < 12; ++k) {
     const auto test = testing::MakeWindow(4 + k % 3, 30, true);
     ceres::Solver::Options options = Quiet();
-    options.use_inner_iterations = k == 5;
+    options.minimizer_type = k == 5 ? ceres::LINE_SEARCH : ceres::TRUST_REGION;
     SolveOptions asked = OptionsFromEnvironment();
     SolveReport report;
     ceres::Solver::Summary summary;

@@ -115,11 +115,6 @@ TEST(Gate, LineSearch) {
                    "LINE_SEARCH");
 }
 
-TEST(Gate, InnerIterations) {
-  ExpectHandedOver([](TestProblem*, Options* o) { o->use_inner_iterations = true; },
-                   "use_inner_iterations");
-}
-
 TEST(Gate, CheckGradients) {
   ExpectHandedOver([](TestProblem*, Options* o) { o->check_gradients = true; }, "check_gradients");
 }

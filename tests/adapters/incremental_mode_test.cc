@@ -174,7 +174,6 @@ TEST(IncrementalMode, NothingToSolve) {
 TEST(IncrementalGate, OptionsNoModeHonors) {
   const std::vector<std::pair<std::string, std::function<void(Options*)>>> cases = {
       {"LINE_SEARCH", [](Options* options) { options->minimizer_type = ceres::LINE_SEARCH; }},
-      {"use_inner_iterations", [](Options* options) { options->use_inner_iterations = true; }},
   };
   for (const auto& [reason, set] : cases) {
     SCOPED_TRACE(reason);

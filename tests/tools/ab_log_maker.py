@@ -48,7 +48,7 @@ def window_run(count, seed=1):
         ours = 0.0031 * work * math.exp(abs(rng.gauss(0, 0.10))) * (2.5 if rng.random() < 0.008 else 1.0)
         size = 0.0 if rng.random() < 0.08 else rng.choice((-1, 1)) * 10 ** rng.uniform(-15.5, -11)
         if k % 83 == 40:
-            lines.append(line(k, None, stock, fallback=f"bounds: parameter block 0x55{k:08x} of size 1 has some" if k % 2 else "use_inner_iterations"))
+            lines.append(line(k, None, stock, fallback=f"bounds: parameter block 0x55{k:08x} of size 1 has some" if k % 2 else "minimizer_type LINE_SEARCH"))
         elif k == count // 2:
             lines.append(line(k, ours, stock, 1234.5, 3e-8, violations=["cost of iteration 3: ours 1234.5, stock 1234.49 (difference 3e-08, tolerance 1e-09)"]))
         else:

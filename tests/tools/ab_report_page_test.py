@@ -119,10 +119,10 @@ class AbReportTest(unittest.TestCase):
 
     def test_fallbacks_are_grouped_by_reason(self):
         lines = [line(k, None, fallback=f"bounds: parameter block 0x7f{k:x} of size 7 has some") for k in range(5)]
-        lines += [line(9, None, fallback="use_inner_iterations"), line(10)]
+        lines += [line(9, None, fallback="minimizer_type LINE_SEARCH"), line(10)]
         page = self.page(lines)
         self.assertRegex(page.text, r"5\s+× bounds: parameter block 0x… of size N has some")
-        self.assertRegex(page.text, r"1\s+× use_inner_iterations")
+        self.assertRegex(page.text, r"1\s+× minimizer_type LINE_SEARCH")
         self.check_figures(page, lines)
 
     def test_an_empty_log(self):
@@ -213,7 +213,7 @@ class AbReportTest(unittest.TestCase):
         self.run_tool(self.log)
         page = Page((self.folder / "run.html").read_text(encoding="utf-8"))
         self.check_figures(page, records)
-        self.assertIn("use_inner_iterations", page.text)
+        self.assertIn("minimizer_type LINE_SEARCH", page.text)
         self.assertIn("Where our time goes", page.text)
 
 

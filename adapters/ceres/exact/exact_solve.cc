@@ -7,6 +7,7 @@
 
 #include "adapters/ceres/exact/callback_observer.h"
 #include "adapters/ceres/plan/graph_builder.h"
+#include "adapters/ceres/plan/inner_ordering.h"
 #include "adapters/ceres/plan/landmark_selection.h"
 #include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/ceres/plan/structure_cache.h"
@@ -37,7 +38,22 @@ void AddFixedCost(double fixed_cost, Summary* core) {
   }
 }
 
-void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+// Rounds of coordinate descent, if there are to be any; of this graph.
+InnerDescent DescentOf(const SolveInput& input, const InnerOrdering& inner) {
+  InnerDescent descent;
+  descent.groups = GroupsInGraph(inner, *input.plan, input.view.blocks.size());
+  descent.tolerance = input.options.inner_iteration_tolerance;
+  return descent;
+}
+
+void WriteDescent(const InnerDescent& descent, ceres::Solver::Summary* summary) {
+  summary->inner_iterations_used = !descent.groups.empty();
+  summary->inner_iteration_time_in_seconds = descent.seconds;
+  summary->num_inner_iteration_steps += descent.num_rounds;  // Ceres counts from -1
+}
+
+void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver::Summary* summary,
+              SolveReport* report) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
   FactorGraph graph;
   LandmarkCounts landmarks;
@@ -48,8 +64,10 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   SolverOptions options = MapOptions(input.options, type);
   options.num_threads = summary->num_threads_used;
   options.observer = observer.IsNeeded() ? &observer : nullptr;
+  InnerDescent descent = DescentOf(input, inner);
   LoopOptions loop;
   loop.rules = kCeresRules;
+  loop.inner_descent = descent.groups.empty() ? nullptr : &descent;
   loop.seconds_spent_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
   std::unique_ptr<Solver> solver = StructureCache::OfProcess().TakeSolver(options, graph);
   Summary core;
@@ -67,8 +85,24 @@ void Minimize(const SolveInput& input, ceres::Solver::Summary* summary, SolveRep
   summary->minimizer_time_in_seconds =
       input.clock.Seconds() - summary->preprocessor_time_in_seconds;
   WriteSolution(input.options, core, summary);
+  WriteDescent(descent, summary);
   WriteReport(input, landmarks, std::move(core), report);
   report->callback_seconds = observer.callback_seconds();
+}
+
+// What Ceres finds wrong when everything but inner iterations is set up. Not logged: Ceres is
+// silent about what fails before its loop.
+void WriteFailedSetup(const SolveInput& input, const std::string& error,
+                      ceres::Solver::Summary* summary) {
+  WriteLinearSolver(input.view, input.ordering, input.plan->landmarks,
+                    EffectiveLinearSolver(input.options, input.ordering), summary);
+  summary->message = error;
+  summary->preprocessor_time_in_seconds = input.clock.Seconds();
+  summary->num_linear_solves = 0;
+  summary->num_residual_evaluations = summary->num_jacobian_evaluations = 0;
+  summary->linear_solver_time_in_seconds = 0.0;
+  summary->residual_evaluation_time_in_seconds = 0.0;
+  summary->jacobian_evaluation_time_in_seconds = 0.0;
 }
 
 }  // namespace
@@ -89,8 +123,16 @@ void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, Solv
   const FixedCost fixed = EvaluateFixedCost(input.view, input.evaluation_callback);
   summary->fixed_cost = fixed.cost;
   const bool anything_to_solve = fixed.error.empty() && input.view.reduced.num_parameter_blocks > 0;
-  if (anything_to_solve) {
-    Minimize(input, summary, report);
+  InnerOrdering inner;
+  if (anything_to_solve && input.options.use_inner_iterations) {
+    inner = FindInnerOrdering(input.options, input.evaluation_callback, input.view);
+    summary->inner_iteration_ordering_used = inner.group_sizes;
+  }
+  if (!inner.error.empty()) {
+    WriteFailedSetup(input, inner.error, summary);
+    WriteReport(input, LandmarkCounts(), Summary(), report);
+  } else if (anything_to_solve) {
+    Minimize(input, inner, summary, report);
   } else {
     summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
     summary->preprocessor_time_in_seconds = input.clock.Seconds();

@@ -85,9 +85,6 @@ std::string CommonOptionsObstacle(const ceres::Solver::Options& options) {
   if (options.minimizer_type != ceres::TRUST_REGION) {
     return "minimizer_type LINE_SEARCH";
   }
-  if (options.use_inner_iterations) {
-    return "use_inner_iterations";
-  }
   if (options.check_gradients) {
     return "check_gradients";
   }
@@ -133,6 +130,9 @@ std::string NeedsExactMode(const ceres::Solver::Options& options,
                            const ceres::EvaluationCallback* evaluation_callback) {
   if (evaluation_callback != nullptr) {
     return "an evaluation callback, which is told of whole points only";
+  }
+  if (options.use_inner_iterations) {
+    return "use_inner_iterations: coordinate descent after each step of the whole problem";
   }
   if (options.use_nonmonotonic_steps) {
     return "use_nonmonotonic_steps, and incremental steps go down only";

@@ -93,8 +93,10 @@ void CheckLinearSolver(Differences* differences) {
 // Features that are off: with any of them on, the problem would have gone to stock Ceres.
 void CheckFeaturesThatAreOff(const ceres::Solver::Options& options, Differences* differences) {
   using Options = ceres::Solver::Options;
-  differences->Check("inner_iteration_ordering", &Options::inner_iteration_ordering);
-  differences->Check("inner_iteration_tolerance", &Options::inner_iteration_tolerance);
+  if (!options.use_inner_iterations) {
+    differences->Check("inner_iteration_ordering", &Options::inner_iteration_ordering);
+    differences->Check("inner_iteration_tolerance", &Options::inner_iteration_tolerance);
+  }
   differences->Check("trust_region_problem_dump_directory",
                      &Options::trust_region_problem_dump_directory);
   differences->Check("trust_region_problem_dump_format_type",

@@ -34,6 +34,16 @@ OrderingView ReadOrdering(const ceres::Solver::Options& options, const ProblemVi
   return result;
 }
 
+std::vector<int> GroupSizes(const ceres::ParameterBlockOrdering* ordering) {
+  std::vector<int> sizes;
+  if (ordering != nullptr) {
+    for (const auto& group : ordering->group_to_elements()) {
+      sizes.push_back(static_cast<int>(group.second.size()));
+    }
+  }
+  return sizes;
+}
+
 ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& options,
                                               const OrderingView& ordering) {
   if (ordering.first_group_emptied && options.linear_solver_type == ceres::DENSE_SCHUR) {

@@ -21,6 +21,9 @@ struct OrderingView {
 
 OrderingView ReadOrdering(const ceres::Solver::Options& options, const ProblemView& view);
 
+/// Group sizes of an ordering by increasing id; empty for null.
+std::vector<int> GroupSizes(const ceres::ParameterBlockOrdering* ordering);
+
 /// Whether Ceres would solve for each step by conjugate gradients.
 inline bool IsIterative(ceres::LinearSolverType type) {
   return type == ceres::ITERATIVE_SCHUR || type == ceres::CGNR;

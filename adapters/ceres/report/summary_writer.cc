@@ -120,16 +120,6 @@ SchurStructure FindSchurStructure(const ProblemView& view, const LandmarkSelecti
 
 }  // namespace
 
-std::vector<int> GroupSizes(const ceres::ParameterBlockOrdering* ordering) {
-  std::vector<int> sizes;
-  if (ordering != nullptr) {
-    for (const auto& group : ordering->group_to_elements()) {
-      sizes.push_back(static_cast<int>(group.second.size()));
-    }
-  }
-  return sizes;
-}
-
 ceres::IterationSummary ToCeres(const IterationSummary& iteration, double eta) {
   ceres::IterationSummary result;
   result.iteration = iteration.iteration;

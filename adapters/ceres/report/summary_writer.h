@@ -35,9 +35,6 @@ void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering,
                        const LandmarkSelection& landmarks, ceres::LinearSolverType type,
                        ceres::Solver::Summary* summary);
 
-/// Group sizes of an ordering by increasing id; empty for null.
-std::vector<int> GroupSizes(const ceres::ParameterBlockOrdering* ordering);
-
 /// As Ceres's warning of a step that could not be evaluated, which a logging_type of SILENT
 /// suppresses; but once a solve, and with what was at fault. Nothing if `failed_step` is empty.
 void LogFailedStep(const ceres::Solver::Options& options, const std::string& failed_step);

@@ -1,0 +1,281 @@
+#include "trust_region/block_minimizer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "linearize/robustify.h"
+#include "simd/kernels.h"
+#include "trust_region/small_qr.h"
+
+namespace inceres::internal {
+namespace {
+
+// The defaults of ceres::Solver::Options, and of its strategy.
+constexpr int kMaxIterations = 50;
+constexpr int kMaxInvalidSteps = 5;
+constexpr double kFunctionTolerance = 1e-6;
+constexpr double kGradientTolerance = 1e-10;
+constexpr double kParameterTolerance = 1e-8;
+constexpr double kMinRelativeDecrease = 1e-3;
+constexpr double kInitialRadius = 1e4;
+constexpr double kMaxRadius = 1e32;
+constexpr double kMinRadius = 1e-32;
+constexpr double kMinDiagonal = 1e-6;
+constexpr double kMaxDiagonal = 1e32;
+// Of the cost: a step that promises more is taken most likely, one that promises less may end it.
+constexpr double kLargePromise = 10.0 * kFunctionTolerance;
+
+double NormOf(const std::vector<double>& x) {
+  return std::sqrt(std::inner_product(x.begin(), x.end(), x.begin(), 0.0));
+}
+
+}  // namespace
+
+BlockMinimizer::BlockMinimizer(CeresRules rules, Evaluator* evaluator, BlockMaps* maps)
+    : evaluator_(*evaluator),
+      graph_(evaluator->graph()),
+      maps_(*maps),
+      infinite_cost_is_failure_(rules == CeresRules::k22) {
+}
+
+void BlockMinimizer::Take(VariableId id, const Sighting* begin, const Sighting* end) {
+  id_ = id;
+  begin_ = begin;
+  end_ = end;
+  size_ = graph_.TangentSize(id);
+  num_rows_ = 0;
+  int num_slots = 0;
+  for (const Sighting* s = begin; s != end; ++s) {
+    num_rows_ += graph_.family(s->family).residual_size();
+    num_slots = std::max(num_slots, graph_.family(s->family).num_slots());
+  }
+  views_.resize(num_slots);
+  values_ = evaluator_.points().mutable_candidate().data() + graph_.StateOffset(id);
+  current_.assign(values_, values_ + graph_.AmbientSize(id));
+  best_ = current_;
+  tangent_.Set(graph_, id, /*wanted=*/true);
+  rows_.assign(static_cast<std::size_t>(num_rows_) * PadToQuad(size_), 0.0);
+  f_.resize(num_rows_);
+  scale_.assign(size_, 0.0);
+  step_.resize(size_);
+  scratch_.resize(2 * static_cast<std::size_t>(size_) + 1);
+  state_norm_ = -1.0;
+  radius_ = kInitialRadius;
+  decrease_factor_ = 2.0;
+}
+
+void BlockMinimizer::PlaceMaps(bool wanted) {
+  for (const Sighting* s = begin_; s != end_; ++s) {
+    const std::ptrdiff_t entry = evaluator_.families()[s->family].Entry(s->factor) + s->slot;
+    maps_.families[s->family][entry] = wanted ? &tangent_.map() : &maps_.constant;
+  }
+}
+
+void BlockMinimizer::Minimize(VariableId id, const Sighting* begin, const Sighting* end) {
+  Take(id, begin, end);
+  PlaceMaps(/*wanted=*/true);
+  bool goes_on = Linearize();
+  best_cost_ = cost_;
+  bool successful = true;
+  int num_invalid = 0;
+  for (int iteration = 0; goes_on; ++iteration) {
+    if (successful && cost_ < best_cost_) {
+      best_cost_ = cost_;
+      best_ = current_;
+    }
+    if (iteration >= kMaxIterations || radius_ <= kMinRadius ||
+        (successful && ProjectedGradientIsSmall())) {
+      break;
+    }
+    successful = false;
+    if (ComputeStep()) {
+      num_invalid = 0;
+      goes_on = TryStep(&successful);
+    } else {
+      goes_on = ++num_invalid < kMaxInvalidSteps;
+      ShrinkRadius();
+    }
+  }
+  std::copy(best_.begin(), best_.end(), values_);
+  PlaceMaps(/*wanted=*/false);
+}
+
+void BlockMinimizer::ShrinkRadius() {
+  radius_ /= decrease_factor_;
+  decrease_factor_ *= 2.0;
+}
+
+// The model at the current values, which the candidate has. False if they cannot be evaluated.
+bool BlockMinimizer::Linearize() {
+  if (!EvaluateJacobians(current_, &cost_)) {
+    return false;
+  }
+  FormColumns();
+  return true;
+}
+
+// Of the values x, which the candidate has. The model stays.
+bool BlockMinimizer::EvaluateJacobians(const std::vector<double>& x, double* cost) {
+  tangent_.MarkMoved();
+  return tangent_.Refresh(graph_, id_, x.data()) == nullptr && Evaluate(/*jacobians=*/true, cost);
+}
+
+bool BlockMinimizer::Evaluate(bool jacobians, double* cost) {
+  *cost = 0.0;
+  int row = 0;
+  for (const Sighting* s = begin_; s != end_; ++s) {
+    Linearization& factors = evaluator_.families()[s->family];
+    FactorBatch batch = factors.CandidateBatch(s->factor, s->factor + 1);
+    if (jacobians) {
+      const int stride = PadToQuad(size_);
+      views_[s->slot] = {rows_.data() + static_cast<std::ptrdiff_t>(row) * stride, 0, stride};
+      batch.tangent_maps = maps_.families[s->family].data();
+      batch.jacobians = views_.data();
+    }
+    if (factors.family->Evaluate(batch).failed()) {
+      return false;
+    }
+    *cost += Robustify(*s, row, jacobians);
+    row += factors.residual_size;
+  }
+  return std::isfinite(*cost) || !infinite_cost_is_failure_;
+}
+
+// The cost of a factor; with Jacobians its rows become those of plain least squares.
+double BlockMinimizer::Robustify(const Sighting& sighting, int row, bool jacobians) {
+  Linearization& factors = evaluator_.families()[sighting.family];
+  const int rows = factors.residual_size;
+  const Loss* loss = graph_.loss(sighting.family, sighting.factor);
+  double* f = factors.candidate_residuals.data() + std::ptrdiff_t{sighting.factor} * rows;
+  if (!jacobians) {
+    return RobustCost(loss, f, rows);
+  }
+  constexpr std::int32_t kHasJacobian = 0;
+  const int stride = PadToQuad(size_);
+  const SlotJacobians J = {rows_.data() + static_cast<std::ptrdiff_t>(row) * stride, 0, stride,
+                           size_};
+  const double cost =
+      RobustifyFactor(loss, rows, 1, &J, 0, &kHasJacobian, LossCurvature::kPositive, f);
+  std::copy_n(f, rows, f_.begin() + row);
+  return cost;
+}
+
+// [J f] by columns, and of it the products that give gradient and column norms.
+void BlockMinimizer::FormColumns() {
+  const int stride = DampedColumnStride(num_rows_, size_);
+  columns_.assign(static_cast<std::size_t>(size_ + 1) * stride, 0.0);
+  BestKernels().rows_to_columns(num_rows_, size_, rows_.data(), PadToQuad(size_), columns_.data(),
+                                stride);
+  std::copy(f_.begin(), f_.end(), columns_.begin() + static_cast<std::ptrdiff_t>(size_) * stride);
+  H_.assign(static_cast<std::size_t>(size_ + 1) * size_, 0.0);
+  BestKernels().subtract_row_dots(size_ + 1, size_, PadToQuad(num_rows_), columns_.data(), stride,
+                                  columns_.data(), stride, H_.data(), size_);
+  if (scale_.front() == 0.0) {  // this is the start
+    for (int k = 0; k < size_; ++k) {
+      scale_[k] = 1.0 / (1.0 + std::sqrt(-H_[k * (size_ + 1)]));
+    }
+  }
+}
+
+// The candidate's values := current ⊞ step, within bounds.
+bool BlockMinimizer::MoveFromCurrent(const double* step) {
+  if (!MoveVariable(graph_, id_, current_.data(), step, values_)) {
+    return false;
+  }
+  if (const VariableBounds* bounds = graph_.bounds(id_)) {
+    for (std::size_t k = 0; k < bounds->lower.size(); ++k) {
+      values_[k] = std::min(std::max(values_[k], bounds->lower[k]), bounds->upper[k]);
+    }
+  }
+  return true;
+}
+
+// Whether x ⊞ −g is where x is; true too if there is no such point, for nothing more is to be done.
+bool BlockMinimizer::ProjectedGradientIsSmall() {
+  const double* gradient = H_.data() + static_cast<std::ptrdiff_t>(size_) * size_;  // −g
+  if (!MoveFromCurrent(gradient)) {
+    return true;
+  }
+  double largest = 0.0;
+  for (std::size_t k = 0; k < current_.size(); ++k) {
+    largest = std::max(largest, std::fabs(current_[k] - values_[k]));
+  }
+  return largest <= kGradientTolerance;
+}
+
+// False if the step is invalid.
+bool BlockMinimizer::ComputeStep() {
+  reflected_ = columns_;
+  const int stride = DampedColumnStride(num_rows_, size_);
+  for (int k = 0; k < size_; ++k) {
+    const double s2 = scale_[k] * scale_[k];
+    const double squared_norm = -H_[k * (size_ + 1)];
+    const double damping =
+        std::clamp(s2 * squared_norm, kMinDiagonal, kMaxDiagonal) / (radius_ * s2);
+    reflected_[static_cast<std::size_t>(k) * stride + num_rows_ + k] = std::sqrt(damping);
+  }
+  SolveDampedColumns(num_rows_, size_, reflected_.data(), scratch_.data(), step_.data());
+  if (!std::all_of(step_.begin(), step_.end(), [](double entry) { return std::isfinite(entry); })) {
+    return false;
+  }
+  model_decrease_ =
+      BestKernels()
+          .column_products(PadToQuad(num_rows_), size_, columns_.data(), stride, step_.data())
+          .model_decrease;
+  return model_decrease_ > 0.0;
+}
+
+// The cost of the candidate, with Jacobians where a step that promises much will be taken most
+// likely; whether there are some.
+bool BlockMinimizer::EvaluateCandidate(double* cost) {
+  if (!MoveFromCurrent(step_.data())) {
+    *cost = std::numeric_limits<double>::max();
+    return false;
+  }
+  candidate_.assign(values_, values_ + current_.size());
+  if (model_decrease_ > kLargePromise * cost_ && EvaluateJacobians(candidate_, cost)) {
+    return true;
+  }
+  if (!Evaluate(/*jacobians=*/false, cost)) {
+    *cost = std::numeric_limits<double>::max();
+  }
+  return false;
+}
+
+// Takes the step or refuses it; false if that was the last one.
+bool BlockMinimizer::TryStep(bool* successful) {
+  double candidate_cost = 0.0;
+  const bool has_jacobians = EvaluateCandidate(&candidate_cost);
+  double squared_length = 0.0;
+  for (std::size_t k = 0; k < current_.size(); ++k) {
+    squared_length += (values_[k] - current_[k]) * (values_[k] - current_[k]);
+  }
+  const double change = cost_ - candidate_cost;
+  // written so that a NaN ends it
+  if (std::sqrt(squared_length) <= kParameterTolerance * (state_norm_ + kParameterTolerance) ||
+      !(std::fabs(change) > kFunctionTolerance * cost_)) {
+    return false;
+  }
+  const double quality = change / model_decrease_;
+  if (!(quality > kMinRelativeDecrease)) {
+    ShrinkRadius();
+    return true;
+  }
+  current_.assign(values_, values_ + current_.size());
+  state_norm_ = NormOf(current_);
+  if (has_jacobians) {
+    cost_ = candidate_cost;
+    FormColumns();
+  } else if (!Linearize()) {
+    return false;
+  }
+  *successful = true;
+  radius_ =
+      std::min(kMaxRadius, radius_ / std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * quality - 1.0, 3)));
+  decrease_factor_ = 2.0;
+  return true;
+}
+
+}  // namespace inceres::internal

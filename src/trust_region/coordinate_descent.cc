@@ -1,0 +1,69 @@
+#include "trust_region/coordinate_descent.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kTasksPerThread = 8;
+constexpr int kMaxVariablesPerTask = 64;
+
+}  // namespace
+
+CoordinateDescent::CoordinateDescent(const std::vector<std::vector<VariableId>>& groups,
+                                     CeresRules rules, Evaluator* evaluator)
+    : groups_(groups), rules_(rules), evaluator_(*evaluator), maps_(*evaluator) {
+  CollectSightings();
+}
+
+// By variable, of each by family, of each ascending: counted, then placed.
+void CoordinateDescent::CollectSightings() {
+  const FactorGraph& graph = evaluator_.graph();
+  index_.assign(graph.num_variables(), -1);
+  int num_variables = 0;
+  for (const std::vector<VariableId>& group : groups_) {
+    for (const VariableId id : group) {
+      index_[id] = num_variables++;
+    }
+  }
+  const auto for_each_sighting = [&](const auto& visit) {
+    for (const Linearization& family : evaluator_.families()) {
+      for (int i = 0; i < family.num_factors; ++i) {
+        for (int s = 0; s < family.num_slots; ++s) {
+          const VariableId id = graph.Variables(family.id, i)[s];
+          if (id >= 0 && index_[id] >= 0) {
+            visit(index_[id], Sighting{family.id, i, s});
+          }
+        }
+      }
+    }
+  };
+  begin_.assign(num_variables + 1, 0);
+  for_each_sighting([&](int index, const Sighting& /*sighting*/) { ++begin_[index + 1]; });
+  std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
+  sightings_.resize(begin_.back());
+  std::vector<int> next(begin_.begin(), begin_.end() - 1);
+  for_each_sighting(
+      [&](int index, const Sighting& sighting) { sightings_[next[index]++] = sighting; });
+}
+
+void CoordinateDescent::Run() {
+  evaluator_.PointToCandidate();
+  const Executor& executor = evaluator_.executor();
+  for (const std::vector<VariableId>& group : groups_) {
+    const int count = static_cast<int>(group.size());
+    const int grain =
+        std::clamp(count / (kTasksPerThread * executor.num_threads()), 1, kMaxVariablesPerTask);
+    executor.For(count, grain, [&](int begin, int end) {
+      BlockMinimizer minimizer(rules_, &evaluator_, &maps_);
+      for (int k = begin; k < end; ++k) {
+        const int index = index_[group[k]];
+        minimizer.Minimize(group[k], sightings_.data() + begin_[index],
+                           sightings_.data() + begin_[index + 1]);
+      }
+    });
+  }
+}
+
+}  // namespace inceres::internal

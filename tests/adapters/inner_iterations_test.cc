@@ -1,0 +1,246 @@
+// Ceres's inner iterations next to stock Ceres: traces, orderings, summaries, what is refused.
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "adapters/ceres/plan/inner_ordering.h"
+#include "adapters/ceres/read/introspection.h"
+#include "adapters/compare_with_stock.h"
+#include "adapters/test_problems.h"
+
+namespace inceres {
+namespace {
+
+using testing::BothSolved;
+using testing::TestProblem;
+
+ceres::Solver::Options WithInnerIterations(ceres::LinearSolverType type) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = type;
+  options.use_inner_iterations = true;
+  options.max_num_iterations = 8;
+  return options;
+}
+
+std::unique_ptr<TestProblem> Bundle() {
+  return testing::MakeBundle(6, 80, /*first_camera_constant=*/true);
+}
+
+std::unique_ptr<TestProblem> Window() {
+  return testing::MakeWindow(6, 40, /*huber=*/true);
+}
+
+void ExpectStocks(const BothSolved& both, double tolerance) {
+  EXPECT_FALSE(both.report.used_stock) << both.report.fallback_reason;
+  testing::ExpectSameSummary(both, tolerance, /*same_elimination=*/true);
+  EXPECT_TRUE(both.ours.inner_iterations_used);
+  EXPECT_EQ(both.ours.inner_iterations_used, both.stock.inner_iterations_used);
+  EXPECT_EQ(both.ours.num_inner_iteration_steps, both.stock.num_inner_iteration_steps);
+  EXPECT_EQ(both.ours.inner_iteration_ordering_used, both.stock.inner_iteration_ordering_used);
+  EXPECT_EQ(both.ours.inner_iteration_ordering_given, both.stock.inner_iteration_ordering_given);
+  EXPECT_GT(both.ours.inner_iteration_time_in_seconds, 0.0);
+}
+
+// The points only.
+void GivePoints(TestProblem* test, ceres::Solver::Options* options) {
+  options->inner_iteration_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  for (std::vector<double>& block : test->blocks) {
+    if (block.size() == 3) {
+      options->inner_iteration_ordering->AddElementToGroup(block.data(), 0);
+    }
+  }
+}
+
+// Inverse depths together, then pose and velocity blocks one by one.
+void GiveAll(TestProblem* test, ceres::Solver::Options* options) {
+  options->inner_iteration_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  int group = 0;
+  for (std::vector<double>& block : test->blocks) {
+    options->inner_iteration_ordering->AddElementToGroup(block.data(),
+                                                         block.size() == 1 ? 0 : ++group);
+  }
+}
+
+TEST(InnerIterations, TraceIsStocksWithTheOrderingThatIsChosen) {
+  for (const ceres::LinearSolverType type :
+       {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_QR}) {
+    const BothSolved both = testing::SolveBoth(Bundle, WithInnerIterations(type));
+    ExpectStocks(both, 1e-6);
+    testing::ExpectSameParameters(both, 1e-5);
+    EXPECT_EQ(both.ours.inner_iteration_ordering_used.size(), 2U);
+    EXPECT_GE(both.ours.num_inner_iteration_steps, 0);
+  }
+}
+
+TEST(InnerIterations, TraceIsStocksWithGivenPointsOnly) {
+  const BothSolved both =
+      testing::SolveBoth(Bundle, WithInnerIterations(ceres::DENSE_SCHUR), GivePoints);
+  ExpectStocks(both, 1e-6);
+  testing::ExpectSameParameters(both, 1e-5);
+}
+
+TEST(InnerIterations, TraceIsStocksInAWindowWithManifoldsLossesAndConstants) {
+  for (const ceres::LinearSolverType type : {ceres::DENSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY}) {
+    const BothSolved both = testing::SolveBoth(Window, WithInnerIterations(type), GiveAll);
+    EXPECT_FALSE(both.report.used_stock) << both.report.fallback_reason;
+    testing::ExpectSameSummary(both, 1e-6, /*same_elimination=*/false);
+    EXPECT_EQ(both.ours.num_inner_iteration_steps, both.stock.num_inner_iteration_steps);
+    EXPECT_GT(both.ours.inner_iteration_ordering_used.size(), 8U);
+  }
+}
+
+TEST(InnerIterations, TraceIsStocksWithDoglegNonmonotonicStepsAndAnyTolerance) {
+  ceres::Solver::Options options = WithInnerIterations(ceres::DENSE_SCHUR);
+  options.trust_region_strategy_type = ceres::DOGLEG;
+  ExpectStocks(testing::SolveBoth(Bundle, options), 1e-5);
+  options = WithInnerIterations(ceres::DENSE_SCHUR);
+  options.use_nonmonotonic_steps = true;
+  ExpectStocks(testing::SolveBoth(Bundle, options), 1e-6);
+  options = WithInnerIterations(ceres::DENSE_SCHUR);
+  options.inner_iteration_tolerance = 0.9;  // one round, then no more
+  const BothSolved both = testing::SolveBoth(Bundle, options);
+  ExpectStocks(both, 1e-6);
+  EXPECT_LT(both.ours.num_inner_iteration_steps + 2, static_cast<int>(both.ours.iterations.size()));
+}
+
+TEST(InnerIterations, TraceIsStocksWithBounds) {
+  const auto bounded = [] {
+    auto test = Bundle();
+    for (std::vector<double>& block : test->blocks) {
+      if (block.size() == 3) {
+        test->problem.SetParameterLowerBound(block.data(), 2, block[2] - 0.005);
+        test->problem.SetParameterUpperBound(block.data(), 0, block[0] + 0.002);
+      }
+    }
+    return test;
+  };
+  const BothSolved both = testing::SolveBoth(bounded, WithInnerIterations(ceres::DENSE_SCHUR));
+  ExpectStocks(both, 1e-5);
+}
+
+TEST(InnerIterations, SameBitsForAnyNumberOfThreads) {
+  std::vector<double> ends[3];
+  for (int threads = 1; threads <= 3; ++threads) {
+    ceres::Solver::Options options = WithInnerIterations(ceres::DENSE_SCHUR);
+    options.num_threads = threads;
+    const auto test = Bundle();
+    ceres::Solver::Summary summary;
+    inceres::Solve(options, &test->problem, &summary);
+    for (const std::vector<double>& block : test->blocks) {
+      ends[threads - 1].insert(ends[threads - 1].end(), block.begin(), block.end());
+    }
+  }
+  EXPECT_EQ(ends[0], ends[1]);
+  EXPECT_EQ(ends[0], ends[2]);
+}
+
+TEST(InnerIterations, MessageIsStocksForGroupsThatAreNotIndependent) {
+  const BothSolved both = testing::SolveBoth(
+      Bundle, WithInnerIterations(ceres::SPARSE_NORMAL_CHOLESKY),
+      [](TestProblem* test, ceres::Solver::Options* options) {
+        options->inner_iteration_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+        for (std::vector<double>& block : test->blocks) {
+          options->inner_iteration_ordering->AddElementToGroup(block.data(), 7);
+        }
+      });
+  EXPECT_FALSE(both.report.used_stock);
+  EXPECT_EQ(both.ours.message, both.stock.message);
+  EXPECT_NE(both.ours.message.find("Group Id: 7"), std::string::npos);
+  testing::ExpectSameSummary(both, 0.0, /*same_elimination=*/true);
+  EXPECT_EQ(both.ours.inner_iteration_ordering_used, both.stock.inner_iteration_ordering_used);
+  EXPECT_FALSE(both.ours.inner_iterations_used);
+}
+
+TEST(InnerIterations, UnknownAddressesAndCallbacksAreRefusedWithAMessage) {
+  const auto test = Bundle();
+  double stranger = 0.0;
+  ceres::Solver::Options options = WithInnerIterations(ceres::DENSE_SCHUR);
+  options.inner_iteration_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  options.inner_iteration_ordering->AddElementToGroup(&stranger, 3);
+  ceres::Solver::Summary summary;
+  inceres::Solve(options, &test->problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_NE(summary.message.find("no parameter block of the problem. Group Id: 3"),
+            std::string::npos);
+
+  struct Callback final : ceres::EvaluationCallback {
+    void PrepareForEvaluation(bool /*jacobians*/, bool /*new_point*/) override { ++count; }
+    int count = 0;
+  } callback;
+  SolveOptions ours;
+  ours.evaluation_callback = &callback;
+  inceres::Solve(WithInnerIterations(ceres::DENSE_SCHUR), &test->problem, &summary, ours);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(summary.message, "Inner iterations cannot be used with EvaluationCallbacks");
+  EXPECT_EQ(callback.count, 0);
+}
+
+TEST(InnerIterations, NoneForOneBlockOrAnOrderingOfNothingThatMoves) {
+  const auto curve = [] { return testing::MakeCurveFit(0.0); };
+  const BothSolved one = testing::SolveBoth(
+      [] {
+        auto test = std::make_unique<TestProblem>();
+        double* x = test->Add({1.0, 2.0});
+        test->problem.AddResidualBlock(new testing::TargetCost({3.0, 4.0}), nullptr, x);
+        return test;
+      },
+      WithInnerIterations(ceres::DENSE_QR));
+  testing::ExpectSameSummary(one, 1e-9, /*same_elimination=*/true);
+  EXPECT_FALSE(one.ours.inner_iterations_used);
+  EXPECT_EQ(one.ours.num_inner_iteration_steps, one.stock.num_inner_iteration_steps);
+  const BothSolved none = testing::SolveBoth(
+      curve, WithInnerIterations(ceres::DENSE_QR),
+      [](TestProblem* test, ceres::Solver::Options* options) {
+        double* unused = test->Add({0.0});
+        test->problem.AddParameterBlock(unused, 1);
+        options->inner_iteration_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+        options->inner_iteration_ordering->AddElementToGroup(unused, 0);
+      });
+  testing::ExpectSameSummary(none, 1e-9, /*same_elimination=*/true);
+  EXPECT_FALSE(none.ours.inner_iterations_used);
+  EXPECT_EQ(none.ours.inner_iteration_ordering_used, none.stock.inner_iteration_ordering_used);
+  EXPECT_EQ(none.ours.inner_iteration_ordering_given, none.stock.inner_iteration_ordering_given);
+}
+
+TEST(InnerIterations, EveryVariableBlockIsInOneGroupOfNoNeighbors) {
+  const auto test = Window();
+  const internal::ProblemView view = internal::Introspect(test->problem);
+  const internal::InnerOrdering ordering =
+      internal::FindInnerOrdering(ceres::Solver::Options(), nullptr, view);
+  std::vector<int> group_of(view.blocks.size(), -1);
+  int count = 0;
+  for (std::size_t g = 0; g < ordering.groups.size(); ++g) {
+    for (const int b : ordering.groups[g]) {
+      EXPECT_EQ(group_of[static_cast<std::size_t>(b)], -1);
+      group_of[static_cast<std::size_t>(b)] = static_cast<int>(g);
+      ++count;
+    }
+  }
+  EXPECT_EQ(count, view.reduced.num_parameter_blocks);
+  for (const internal::ResidualBlockView& residual : view.residuals) {
+    const int* slots = view.SlotsOf(residual);
+    for (int s = 0; s < residual.num_slots; ++s) {
+      for (int t = 0; t < s; ++t) {
+        const int a = group_of[static_cast<std::size_t>(slots[s])];
+        EXPECT_TRUE(a < 0 || a != group_of[static_cast<std::size_t>(slots[t])]);
+      }
+    }
+  }
+}
+
+TEST(InnerIterations, ASolveInIncrementalModeIsExact) {
+  const auto test = Bundle();
+  ceres::Solver::Summary summary;
+  SolveOptions ours;
+  ours.mode = SolveMode::kIncremental;
+  SolveReport report;
+  inceres::Solve(WithInnerIterations(ceres::DENSE_SCHUR), &test->problem, &summary, ours, &report);
+  EXPECT_FALSE(report.used_stock);
+  EXPECT_NE(report.exact_reason.find("use_inner_iterations"), std::string::npos);
+  EXPECT_TRUE(summary.inner_iterations_used);
+}
+
+}  // namespace
+}  // namespace inceres
