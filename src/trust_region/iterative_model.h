@@ -30,6 +30,7 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   const char* SolverName() const override;
   void Describe(WorkCounts* work) const override;
   void ScaleColumnsBy(const std::vector<double>& scale) override { scale_ = scale.data(); }
+  bool left_out_landmarks() const override { return forms_S() && !converged_; }
   int num_iterations() const override { return num_iterations_; }
 
  private:

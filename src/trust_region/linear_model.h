@@ -44,6 +44,9 @@ class LinearModel {
   /// Of the last Solve; 1 of a direct one.
   virtual int num_iterations() const { return 1; }
 
+  /// Whether the last Solve has left landmarks where they are (ConjugateGradientsOptions).
+  virtual bool left_out_landmarks() const { return false; }
+
   /// Name of what solves the (reduced) system.
   virtual const char* SolverName() const = 0;
 

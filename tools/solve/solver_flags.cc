@@ -10,17 +10,17 @@
 #include "tools/command_line/command_line.h"
 
 DEFINE_string(trust_region, "lm", "Trust-region strategy: lm (Levenberg-Marquardt) or dogleg.");
-DEFINE_string(linear_solver, "auto",
-              "Linear solver: auto, dense_schur, sparse_schur, iterative_schur, "
-              "sparse_normal_cholesky, dense_normal_cholesky, "
-              "dense_qr or cgnr, as Ceres names them. auto: a Schur solver for bal and vio, "
-              "sparse_normal_cholesky for pose graphs. "
-              "inceres refuses the iterative ones on a ceres::Problem (iterative_schur with "
-              "--builtin_factors is its PCG); of the Cholesky "
-              "and Schur ones on a ceres::Problem it takes whichever it predicts to "
-              "be cheapest, with --builtin_factors the one named, and for auto the cheapest, PCG "
-              "among them. In ab_compare this is for "
-              "inceres; stock runs in --configurations.");
+DEFINE_string(
+    linear_solver, "auto",
+    "Linear solver: auto, dense_schur, sparse_schur, iterative_schur, "
+    "sparse_normal_cholesky, dense_normal_cholesky, "
+    "dense_qr or cgnr, as Ceres names them. auto: a Schur solver for bal and vio, "
+    "sparse_normal_cholesky for pose graphs. "
+    "lagged_pcg, with --builtin_factors: conjugate gradients with an earlier factor. Of the "
+    "Cholesky and Schur ones on a ceres::Problem it takes whichever it predicts to "
+    "be cheapest, with --builtin_factors the one named, and for auto the cheapest, PCG "
+    "among them. In ab_compare this is for "
+    "inceres; stock runs in --configurations.");
 DEFINE_int32(num_threads, 1, "Threads of the solver, at least 1.");
 DEFINE_int32(max_num_iterations, 50, "Stop after this many iterations, at least 0.");
 DEFINE_double(function_tolerance, 1e-6,
@@ -65,24 +65,26 @@ Status ParseTrustRegion(const std::string& text, ceres::TrustRegionStrategyType*
   return Status::Ok();
 }
 
-Status ParseLinearSolver(const std::string& text, std::optional<ceres::LinearSolverType>* type) {
-  if (text == "auto") {
-    type->reset();
-    return Status::Ok();
+Status ParseLinearSolver(const std::string& text, SolverSettings* settings) {
+  settings->lagged_pcg = text == "lagged_pcg";
+  if (text == "auto" || settings->lagged_pcg) {
+    return settings->lagged_pcg && !FLAGS_builtin_factors
+               ? Invalid("--linear_solver lagged_pcg: with --builtin_factors only")
+               : Status::Ok();
   }
   for (const ceres::LinearSolverType candidate :
        {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR,
         ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_NORMAL_CHOLESKY, ceres::DENSE_QR,
         ceres::CGNR}) {
     if (FlagName(candidate) == text) {
-      *type = candidate;
+      settings->linear_solver = candidate;
       return Status::Ok();
     }
   }
   return Invalid("--linear_solver '" + text +
                  "': use auto, dense_schur, sparse_schur, iterative_schur, sparse_normal_cholesky, "
-                 "dense_normal_cholesky, dense_qr "
-                 "or cgnr");
+                 "dense_normal_cholesky, dense_qr, cgnr "
+                 "or lagged_pcg");
 }
 
 Status ParsePreconditioner(const std::string& text, ceres::PreconditionerType* type) {
@@ -163,7 +165,7 @@ Status ReadSolverFlags(SolverSettings* settings) {
   for (Status& status : std::vector<Status>{
            ParseMode(FLAGS_mode, &read.incremental),
            ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
-           ParseLinearSolver(FLAGS_linear_solver, &read.linear_solver),
+           ParseLinearSolver(FLAGS_linear_solver, &read),
            ParsePreconditioner(FLAGS_preconditioner, &read.preconditioner),
            CheckNumbers({{"--max_linear_solver_iterations", FLAGS_max_linear_solver_iterations, 1}},
                         {{"--eta", FLAGS_eta}}),
@@ -221,7 +223,8 @@ Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType ty
 
 Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
   SolverOptions result;
-  result.reduced_solver = ReducedSolverKind::kAutomaticInexact;
+  result.reduced_solver =
+      settings.lagged_pcg ? ReducedSolverKind::kPcg : ReducedSolverKind::kAutomaticInexact;
   if (settings.linear_solver.has_value()) {
     switch (*settings.linear_solver) {
       case ceres::DENSE_SCHUR:

@@ -16,7 +16,8 @@ namespace inceres::tools {
 /// What the flags shared by bal_solve and ab_compare say.
 struct SolverSettings {
   ceres::TrustRegionStrategyType trust_region = ceres::LEVENBERG_MARQUARDT;
-  std::optional<ceres::LinearSolverType> linear_solver;            ///< empty: automatic
+  std::optional<ceres::LinearSolverType> linear_solver;  ///< empty: automatic
+  bool lagged_pcg = false;  ///< the core's conjugate gradients with an earlier factor
   ceres::PreconditionerType preconditioner = ceres::SCHUR_JACOBI;  ///< of ITERATIVE_SCHUR
   double eta = 0.1;                                                ///< of conjugate gradients
   int max_linear_solver_iterations = 500;
