@@ -33,7 +33,7 @@ PROBLEMS = [
 # Name, flags, whether anything is asked of it.
 SOLVERS = [
     ("Cholesky", ["--builtin_factors"], True),
-    ("PCG", ["--builtin_factors", "--linear_solver", "iterative_schur"], True),
+    ("PCG", ["--builtin_factors", "--linear_solver", "lagged_pcg"], True),
     ("inceres::Solve, Cholesky", [], False),
 ]
 

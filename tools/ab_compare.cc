@@ -73,15 +73,20 @@ constexpr Configuration kConfigurations[] = {
     {"sparse_schur", ceres::SPARSE_SCHUR, false, true, true},
     {"sparse_schur_points_first", ceres::SPARSE_SCHUR, true, true, true},
     {"iterative_schur", ceres::ITERATIVE_SCHUR, false, true, false},
+    {"iterative_schur_points_first", ceres::ITERATIVE_SCHUR, true, true, false},
     {"sparse_normal_cholesky", ceres::SPARSE_NORMAL_CHOLESKY, false, false, true},
 };
 
-Status ChooseConfigurations(const std::string& list, bool has_landmarks,
+Status ChooseConfigurations(const std::string& list, bool has_landmarks, bool iterative,
                             std::vector<Configuration>* chosen) {
   if (list.empty()) {
-    std::copy_if(
-        std::begin(kConfigurations), std::end(kConfigurations), std::back_inserter(*chosen),
-        [=](const Configuration& c) { return c.by_default && c.needs_landmarks == has_landmarks; });
+    std::copy_if(std::begin(kConfigurations), std::end(kConfigurations),
+                 std::back_inserter(*chosen), [=](const Configuration& c) {
+                   const bool of_iterative = c.linear_solver == ceres::ITERATIVE_SCHUR ||
+                                             c.linear_solver == ceres::SPARSE_SCHUR;
+                   return (iterative ? of_iterative : c.by_default) &&
+                          c.needs_landmarks == has_landmarks;
+                 });
     return Status::Ok();
   }
   std::istringstream names(list);
@@ -218,7 +223,8 @@ int Main() {
                 status.message);
   }
   std::vector<Configuration> configurations;
-  status = ChooseConfigurations(FLAGS_configurations, source->HasLandmarks(), &configurations);
+  status = ChooseConfigurations(FLAGS_configurations, source->HasLandmarks(),
+                                settings.linear_solver == ceres::ITERATIVE_SCHUR, &configurations);
   status = status.ok() ? CheckCombination(settings, *source) : status;
   if (!status.ok()) {
     return Fail(kExitUsage, status.message);

@@ -54,7 +54,7 @@ void SolveOnce(const internal::SolveCall& call) {
     internal::SolveIncrementally(input, core, &living, summary, report);
   } else {
     const ceres::LinearSolverType type = incremental
-                                             ? internal::IncrementalLinearSolver(options, ordering)
+                                             ? internal::TypeToPlanIncrementally(options, ordering)
                                              : internal::TypeToPlanFor(options, ordering);
     const std::string too_much = internal::ChoosePlan(type, &input);
     if (!too_much.empty()) {

@@ -21,10 +21,13 @@ const Names<TrustRegionStrategyKind> kStrategies = {
     {"marquardt", TrustRegionStrategyKind::kMarquardt},
     {"dogleg", TrustRegionStrategyKind::kDogleg},
     {"subspace_dogleg", TrustRegionStrategyKind::kSubspaceDogleg}};
-const Names<LinearModelKind> kLinearModels = {{"automatic", LinearModelKind::kAutomatic},
-                                              {"schur", LinearModelKind::kSchur},
-                                              {"plain", LinearModelKind::kPlain},
-                                              {"dense_qr", LinearModelKind::kDenseQr}};
+const Names<LinearModelKind> kLinearModels = {
+    {"automatic", LinearModelKind::kAutomatic},
+    {"schur", LinearModelKind::kSchur},
+    {"plain", LinearModelKind::kPlain},
+    {"dense_qr", LinearModelKind::kDenseQr},
+    {"iterative_schur", LinearModelKind::kIterativeSchur},
+    {"iterative_plain", LinearModelKind::kIterativePlain}};
 const Names<LineSearchInterpolation> kInterpolations = {
     {"bisection", LineSearchInterpolation::kBisection},
     {"quadratic", LineSearchInterpolation::kQuadratic},

@@ -1,6 +1,7 @@
 #include "linear/conjugate_gradients.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "simd/kernels.h"
 
@@ -49,7 +50,8 @@ void ConjugateGradients::StartFromX(const System& system) {
   }
 }
 
-ConjugateGradients::End ConjugateGradients::Iterate(System* system, int max_iterations) {
+ConjugateGradients::End ConjugateGradients::Iterate(System* system, int max_iterations,
+                                                    int reset_period) {
   gains_.clear();
   if (!system->Precondition(r_.data(), z_.data())) {
     return End::kNoPreconditioner;
@@ -64,13 +66,21 @@ ConjugateGradients::End ConjugateGradients::Iterate(System* system, int max_iter
     std::fill(minus_product_.begin(), minus_product_.end(), 0.0);
     system->SubtractProduct(p_.data(), minus_product_.data());
     curvature_ = -Dot(p_, minus_product_);
-    if (!(curvature_ > 0.0)) {
+    if (std::isnan(curvature_) || std::isnan(rz_)) {
+      return End::kBreakdown;
+    }
+    if (curvature_ <= 0.0 || std::isinf(curvature_)) {
       return End::kNotPositiveDefinite;
     }
     const double alpha = rz_ / curvature_;
     Add(alpha, p_, &x_);
-    Add(alpha, minus_product_, &r_);
     gains_.push_back(0.5 * alpha * rz_);
+    if (reset_period > 0 && static_cast<int>(gains_.size()) % reset_period == 0) {
+      r_ = b_;
+      system->SubtractProduct(x_.data(), r_.data());
+    } else {
+      Add(alpha, minus_product_, &r_);
+    }
     decrease_ += gains_.back();
     if (!system->Precondition(r_.data(), z_.data())) {
       return End::kNoPreconditioner;

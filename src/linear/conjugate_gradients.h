@@ -25,7 +25,8 @@ class ConjugateGradients {
     /// Whether to end, after an iteration.
     virtual bool IsGoodEnough(const ConjugateGradients& iteration) const = 0;
   };
-  enum class End { kConverged, kTooLong, kNotPositiveDefinite, kNoPreconditioner };
+  /// kBreakdown: rᵀM⁻¹r or pᵀAp is not a number.
+  enum class End { kConverged, kTooLong, kNotPositiveDefinite, kNoPreconditioner, kBreakdown };
 
   /// Room for vectors of `size` entries. b and x are then to be written, or left as they were.
   void Resize(std::size_t size);
@@ -37,8 +38,9 @@ class ConjugateGradients {
   /// Begins with x as it is if that promises a decrease, else with 0.
   void StartFromX(const System& system);
   /// Improves x until the system says it is good enough, or for so many iterations. Where it does
-  /// not end well x is the best so far.
-  End Iterate(System* system, int max_iterations);
+  /// not end well x is the best so far. With a reset_period r is computed anew, b − A x, in every
+  /// iteration that is a multiple of it; 0: never.
+  End Iterate(System* system, int max_iterations, int reset_period = 0);
 
   /// bᵀx − ½ xᵀAx, and what each iteration has added to it.
   double decrease() const { return decrease_; }

@@ -35,7 +35,8 @@ Status PcgSolver::Solve(const double* b, const Rows& /*changed_b*/,
   work_.forward_rows = 0;
   work_.solved_rows = preconditioner_.num_rows();
   work_.converged = end == ConjugateGradients::End::kConverged;
-  if (end == ConjugateGradients::End::kNotPositiveDefinite) {
+  if (end == ConjugateGradients::End::kNotPositiveDefinite ||
+      end == ConjugateGradients::End::kBreakdown) {
     std::ostringstream text;
     text << "the reduced system is not positive definite: PCG met the curvature "
          << iteration_.curvature() << " at iteration " << work_.iterations;

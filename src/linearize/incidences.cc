@@ -23,7 +23,8 @@ std::vector<std::int32_t> LandmarksThroughSlot(const Linearization& cache, const
 
 }  // namespace
 
-LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t quads_per_chunk) {
+LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t quads_per_chunk,
+                                       bool may_have_tail) {
   const Layout& layout = evaluator.layout();
   const int num_landmarks = layout.num_landmarks();
   sizes.resize(num_landmarks);
@@ -32,7 +33,7 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t 
   }
   CollectFactors(evaluator);
   CollectIncidences(evaluator);
-  ChooseStorage(layout);
+  ChooseStorage(layout, may_have_tail);
   CutIntoChunks(quads_per_chunk);
   PlaceBlocks(layout);
   SetTargets();
@@ -141,11 +142,11 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   }
 }
 
-void LandmarkIncidences::ChooseStorage(const Layout& layout) {
+void LandmarkIncidences::ChooseStorage(const Layout& layout, bool may_have_tail) {
   const int size = frames.empty() ? 0 : layout.TangentSize(frames[0]);
-  tail = MayHaveTail(size) && std::all_of(frames.begin(), frames.end(), [&](std::int32_t frame) {
-           return layout.TangentSize(frame) == size;
-         });
+  tail = may_have_tail && MayHaveTail(size) &&
+         std::all_of(frames.begin(), frames.end(),
+                     [&](std::int32_t frame) { return layout.TangentSize(frame) == size; });
   for (LandmarkFactors& entry : factors) {
     entry.y_tail = tail;
   }

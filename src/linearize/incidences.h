@@ -24,7 +24,8 @@ struct LandmarkIncidences {
   static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 16;  // 2 MiB
 
   explicit LandmarkIncidences(const Evaluator& evaluator,
-                              std::int64_t quads_per_chunk = kQuadsPerChunk);
+                              std::int64_t quads_per_chunk = kQuadsPerChunk,
+                              bool may_have_tail = true);
 
   int num_landmarks() const { return static_cast<int>(begin.size()) - 1; }
   int num_chunks() const { return static_cast<int>(chunk_begin.size()) - 1; }
@@ -54,7 +55,7 @@ struct LandmarkIncidences {
  private:
   void CollectFactors(const Evaluator& evaluator);
   void CollectIncidences(const Evaluator& evaluator);
-  void ChooseStorage(const Layout& layout);
+  void ChooseStorage(const Layout& layout, bool may_have_tail);
   int QuadsOfBlock(int incidence) const;
   void CutIntoChunks(std::int64_t quads_per_chunk);
   void PlaceBlocks(const Layout& layout);

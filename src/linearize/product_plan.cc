@@ -114,8 +114,13 @@ struct CountedBlock {
 // block in the same order, by source.
 class PlanBuilder {
  public:
-  PlanBuilder(const Evaluator& evaluator, const LandmarkIncidences& incidences, FramePlans* plans)
-      : evaluator_(evaluator), layout_(evaluator.layout()), incidences_(incidences), plans_(plans) {
+  PlanBuilder(const Evaluator& evaluator, const LandmarkIncidences& incidences, SchurBlocks blocks,
+              FramePlans* plans)
+      : evaluator_(evaluator),
+        layout_(evaluator.layout()),
+        incidences_(incidences),
+        schur_blocks_(blocks),
+        plans_(plans) {
     for (const Linearization& cache : evaluator.families()) {
       auto& slots = adjacency_.emplace_back();
       auto& sparse = sparse_.emplace_back();
@@ -344,10 +349,15 @@ class PlanBuilder {
 
   template <typename Visit>
   void ForEachSchurTerm(int row, const Visit& visit) const {
-    for (int k = incidences_.frame_begin[row]; k < incidences_.frame_begin[row + 1]; ++k) {
+    const int end = schur_blocks_ == SchurBlocks::kNone ? 0 : incidences_.frame_begin[row + 1];
+    for (int k = incidences_.frame_begin[row]; k < end; ++k) {
       const int q = incidences_.frame_incidences[k];
       const int l = incidences_.landmarks[q];
       const int source = source_of_landmark_[l];
+      if (schur_blocks_ == SchurBlocks::kDiagonal) {
+        visit(row, source, ProductTerm{incidences_.incidences[q].y, incidences_.incidences[q].y});
+        continue;
+      }
       for (int other = incidences_.begin[l]; other < incidences_.begin[l + 1]; ++other) {
         const int column = incidences_.frames[other];
         if (column <= row) {
@@ -361,6 +371,7 @@ class PlanBuilder {
   const Evaluator& evaluator_;
   const Layout& layout_;
   const LandmarkIncidences& incidences_;
+  SchurBlocks schur_blocks_;
   FramePlans* plans_;
   std::vector<std::vector<SlotAdjacency>>
       adjacency_;                        // per family and slot, where no blocks are left out
@@ -374,8 +385,9 @@ class PlanBuilder {
 
 }  // namespace
 
-FramePlans::FramePlans(const Evaluator& evaluator, const LandmarkIncidences& incidences) {
-  PlanBuilder(evaluator, incidences, this).Build();
+FramePlans::FramePlans(const Evaluator& evaluator, const LandmarkIncidences& incidences,
+                       SchurBlocks blocks) {
+  PlanBuilder(evaluator, incidences, blocks, this).Build();
 }
 
 }  // namespace inceres::internal

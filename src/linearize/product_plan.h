@@ -23,10 +23,14 @@ struct ProductPlan {
   std::vector<int> segments_begin;  // per block of the pattern, one more
 };
 
+/// Which blocks of S are formed. The others of the pattern are those of C.
+enum class SchurBlocks { kAll, kDiagonal, kNone };
+
 /// The pattern of the frame system and the products that fill it: C_ij = Σ_factors J_iᵀJ_j and S_ij
 /// = C_ij − Σ_landmarks Y_li Y_ljᵀ.
 struct FramePlans {
-  FramePlans(const Evaluator& evaluator, const LandmarkIncidences& incidences);
+  FramePlans(const Evaluator& evaluator, const LandmarkIncidences& incidences,
+             SchurBlocks blocks = SchurBlocks::kAll);
 
   /// A source of the Hessian plan: a family seen through the slot of the row frame and the slot of
   /// the column frame.

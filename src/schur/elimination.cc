@@ -200,9 +200,6 @@ void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch)
   const auto i = static_cast<std::size_t>(frame);
   const int size = pattern.block_size(frame);
   double* sum = scratch->Zeroed(1, size);
-  const auto size_of = [&](int k) {
-    return incidences_.sizes[incidences_.landmarks[incidences_.frame_incidences[k]]];
-  };
   const auto begin_of = [&](int of_chunk) {
     const int* all = incidences_.frame_incidences.data();
     const int landmark = incidences_.chunk_begin[of_chunk];
@@ -211,27 +208,59 @@ void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch)
                              [&](int q) { return incidences_.landmarks[q] < landmark; }) -
         all);
   };
-  const int end = begin_of(chunk + 1);
-  for (int first = begin_of(chunk); first < end;) {
-    int last = first;
-    while (last < end && size_of(last) == size_of(first)) {
-      ++last;
-    }
-    VectorProducts products;
-    products.a = Y_.data();
-    products.v = z_.data();
-    products.terms = rhs_terms_.data() + first;
-    products.count = last - first;
-    products.depth = size_of(first);
-    products.a_size = size;
-    products.tail = incidences_.tail;
-    kernels_.accumulate_vectors(products, -1.0, sum);
-    first = last;
-  }
+  SubtractOfFrame(z_.data(), frame, begin_of(chunk), begin_of(chunk + 1), sum);
   for (int k = 0; k < size; ++k) {
     const int at = pattern.offsets[i] + k;
     b_[at] = sum[k] + (chunk == 0 ? -hessian_.gradient()[at] : b_[at]);
   }
+}
+
+// sum −= Σ Y_li v_l over a frame's incidences from begin to end.
+void Elimination::SubtractOfFrame(const double* v, int frame, int begin, int end,
+                                  double* sum) const {
+  const auto size_of = [&](int k) {
+    return incidences_.sizes[incidences_.landmarks[incidences_.frame_incidences[k]]];
+  };
+  while (begin < end) {
+    int last = begin;
+    while (last < end && size_of(last) == size_of(begin)) {
+      ++last;
+    }
+    VectorProducts products;
+    products.a = Y_.data();
+    products.v = v;
+    products.terms = rhs_terms_.data() + begin;
+    products.count = last - begin;
+    products.depth = size_of(begin);
+    products.a_size = plans_.pattern.block_size(frame);
+    products.tail = incidences_.tail;
+    kernels_.accumulate_vectors(products, -1.0, sum);
+    begin = last;
+  }
+}
+
+void Elimination::AddCoupled(const double* v, double* y) const {
+  const Executor& executor = evaluator_.executor();
+  minus_projections_.resize(z_.size());
+  executor.For(incidences_.num_landmarks(), kLandmarkGrain, [&](int begin, int end) {
+    for (int landmark = begin; landmark < end; ++landmark) {
+      const auto l = static_cast<std::size_t>(landmark);
+      double* const projection =
+          minus_projections_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
+      std::fill_n(projection, kQuad, 0.0);
+      kernels_.back_substitute(
+          incidences_.sizes[l], incidences_.incidences.data() + incidences_.begin[l],
+          incidences_.begin[l + 1] - incidences_.begin[l], Y_.data(), v, projection);
+    }
+  });
+  const Layout& layout = evaluator_.layout();
+  executor.For(layout.num_frames, kBlockGrain, [&](int begin, int end) {
+    for (int frame = begin; frame < end; ++frame) {
+      SubtractOfFrame(minus_projections_.data(), frame, incidences_.frame_begin[frame],
+                      incidences_.frame_begin[frame + 1],
+                      y + static_cast<std::ptrdiff_t>(layout.quad_offset[frame]) * kQuad);
+    }
+  });
 }
 
 void Elimination::BackSubstitute(const double* frame_step, double* landmark_step) {

@@ -36,6 +36,10 @@ class Elimination {
   /// Eliminate.
   void BackSubstitute(const double* frame_step, double* landmark_step);
 
+  /// y += Y Yᵀ v over the frames, padded: what S has less than C. Where Y is whole: of one chunk,
+  /// without a tail. Not by two threads at once. Cost: two passes over Y.
+  void AddCoupled(const double* v, double* y) const;
+
   std::int64_t Bytes() const;
 
  private:
@@ -50,6 +54,7 @@ class Elimination {
   void FormBlocks(int chunk, int begin, int end);
   void FormBlock(int chunk, const ChunkBlock& place, BlockScratch* scratch);
   void FormRightHandSide(int chunk, int frame, BlockScratch* scratch);
+  void SubtractOfFrame(const double* v, int frame, int begin, int end, double* sum) const;
   void BackSubstituteLandmark(int landmark, double* landmark_step) const;
   int DampingOffset(int landmark) const;
 
@@ -67,6 +72,7 @@ class Elimination {
   std::vector<ChunkBlock> chunk_blocks_;  // by chunk, then block
   std::vector<int> chunk_blocks_begin_;   // per chunk, and one more
   std::vector<VectorTerm> rhs_terms_;     // per frame incidence, in the order of frame_incidences
+  mutable AlignedVector<double> minus_projections_;  // of AddCoupled: −Yᵀv, per landmark
 };
 
 }  // namespace inceres::internal

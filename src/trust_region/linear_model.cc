@@ -3,6 +3,7 @@
 #include "trust_region/dense_model.h"
 #include "trust_region/dense_qr_model.h"
 #include "trust_region/dynamic_model.h"
+#include "trust_region/iterative_model.h"
 #include "trust_region/schur_model.h"
 
 namespace inceres::internal {
@@ -10,6 +11,9 @@ namespace inceres::internal {
 std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
                                              const Evaluator& evaluator, Status* status) {
   const bool by_qr = options.linear_model == LinearModelKind::kDenseQr;
+  if (IsIterative(options.linear_model)) {
+    return std::make_unique<IterativeModel>(options, evaluator, status);
+  }
   if (evaluator.storage() == JacobianStorage::kWholeRows) {
     *status = Status::Ok();
     return by_qr ? std::make_unique<DenseColumnsQrModel>(evaluator)

@@ -38,6 +38,15 @@ class LinearModel {
   /// unchanged.
   virtual Status Solve(const double* damping, double* step) = 0;
 
+  /// The scale of J's columns, for models that depend on it; stays where it is until the next.
+  virtual void ScaleColumnsBy(const std::vector<double>& /*scale*/) {}
+
+  /// Of the last Solve; 1 of a direct one.
+  virtual int num_iterations() const { return 1; }
+
+  /// Whether the last Solve has left landmarks where they are (ConjugateGradientsOptions).
+  virtual bool left_out_landmarks() const { return false; }
+
   /// Name of what solves the (reduced) system.
   virtual const char* SolverName() const = 0;
 

@@ -35,7 +35,26 @@ Status SolverOptions::Validate() const {
   const Status checks[] = {
       Require(!dynamic_sparsity || linear_model == LinearModelKind::kAutomatic ||
                   linear_model == LinearModelKind::kPlain,
-              "dynamic_sparsity", dynamic_sparsity, "false with linear_model kSchur or kDenseQr"),
+              "dynamic_sparsity", dynamic_sparsity,
+              "false with linear_model kSchur, kDenseQr or an iterative one"),
+      Require(!IsIterative(linear_model) ||
+                  strategy == TrustRegionStrategyKind::kLevenbergMarquardt ||
+                  strategy == TrustRegionStrategyKind::kMarquardt,
+              "strategy", static_cast<double>(strategy),
+              "Levenberg–Marquardt or Marquardt with an iterative linear_model"),
+      Require(!IsIterative(linear_model) || conjugate_gradients.eta >= 0.0,
+              "conjugate_gradients.eta", conjugate_gradients.eta, ">= 0"),
+      Require(!IsIterative(linear_model) || conjugate_gradients.min_iterations >= 0,
+              "conjugate_gradients.min_iterations", conjugate_gradients.min_iterations, ">= 0"),
+      Require(!IsIterative(linear_model) || conjugate_gradients.max_iterations >=
+                                                std::max(1, conjugate_gradients.min_iterations),
+              "conjugate_gradients.max_iterations", conjugate_gradients.max_iterations,
+              ">= 1 and not below min_iterations"),
+      Require(!IsIterative(linear_model) || !conjugate_gradients.explicit_schur_complement ||
+                  conjugate_gradients.preconditioner == PreconditionerKind::kSchurJacobi,
+              "conjugate_gradients.explicit_schur_complement",
+              conjugate_gradients.explicit_schur_complement,
+              "false without preconditioner kSchurJacobi"),
       Require(reduced_solver != ReducedSolverKind::kResumed, "reduced_solver",
               static_cast<double>(reduced_solver), "another: kResumed is for IncrementalSolver"),
       Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads,

@@ -6,23 +6,10 @@
 
 namespace inceres::internal {
 
-PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
-    : LinearModel(evaluator),
-      incidences_(evaluator),
-      plans_(evaluator, incidences_),
-      hessian_(evaluator, incidences_, plans_) {
-  *status = CheckOffsets();
-  if (status->ok() && plans_.pattern.size() > 0) {
-    reduced_solver_ = MakeReducedSolver(options.reduced_solver, options.reduced_solver_factory,
-                                        plans_.pattern, evaluator.executor(), status);
-  }
-}
-
-// Blocks are found by 32-bit counts of quads; a target in Y spends one bit on a flag.
-Status PlainModel::CheckOffsets() const {
+Status CheckBlockOffsets(const Evaluator& evaluator, const LandmarkIncidences& incidences) {
   constexpr std::int64_t kMaxQuads = std::int64_t{1} << 30;
-  std::int64_t largest = incidences_.y_quads;
-  for (const Linearization& cache : evaluator_.families()) {
+  std::int64_t largest = incidences.y_quads;
+  for (const Linearization& cache : evaluator.families()) {
     for (const SlotJacobians& slot : cache.slots) {
       largest = std::max<std::int64_t>(largest, cache.num_factors * (slot.factor_stride / kQuad));
     }
@@ -32,6 +19,28 @@ Status PlainModel::CheckOffsets() const {
              : Status::Error(StatusCode::kInvalidArgument,
                              "the problem is too large: the Jacobians of one family, or the blocks "
                              "of one landmark, exceed 32 GiB");
+}
+
+void CountDynamicSizes(const Evaluator& evaluator, WorkCounts* work) {
+  for (const Linearization& cache : evaluator.families()) {
+    // Kernels are sized at compile time up to residuals of 4; longer ones take the loop of run-time
+    // length.
+    if (cache.residual_size > 4) {
+      work->num_dynamic_size_factors += cache.num_factors;
+    }
+  }
+}
+
+PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
+    : LinearModel(evaluator),
+      incidences_(evaluator),
+      plans_(evaluator, incidences_),
+      hessian_(evaluator, incidences_, plans_) {
+  *status = CheckBlockOffsets(evaluator, incidences_);
+  if (status->ok() && plans_.pattern.size() > 0) {
+    reduced_solver_ = MakeReducedSolver(options.reduced_solver, options.reduced_solver_factory,
+                                        plans_.pattern, evaluator.executor(), status);
+  }
 }
 
 void PlainModel::Refresh() {
@@ -64,13 +73,7 @@ void PlainModel::Describe(WorkCounts* work) const {
   work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
                  static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() +
                                                                   plans_.schur.terms.size()));
-  for (const Linearization& cache : evaluator_.families()) {
-    // Kernels are sized at compile time up to residuals of 4; longer ones take the loop of run-time
-    // length.
-    if (cache.residual_size > 4) {
-      work->num_dynamic_size_factors += cache.num_factors;
-    }
-  }
+  CountDynamicSizes(evaluator_, work);
 }
 
 SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)

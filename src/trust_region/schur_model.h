@@ -9,6 +9,12 @@
 
 namespace inceres::internal {
 
+/// Blocks are found by 32-bit counts of quads; a target in Y spends one bit on a flag.
+Status CheckBlockOffsets(const Evaluator& evaluator, const LandmarkIncidences& incidences);
+
+/// Counts factors whose residuals are too long for kernels that are sized at compile time.
+void CountDynamicSizes(const Evaluator& evaluator, WorkCounts* work);
+
 /// S = H: nothing to eliminate (pose graphs, curve fitting). Also the frame half of the Schur
 /// model.
 class PlainModel : public LinearModel {
@@ -33,8 +39,6 @@ class PlainModel : public LinearModel {
   Hessian hessian_;
 
  private:
-  Status CheckOffsets() const;
-
   std::unique_ptr<ReducedSolver> reduced_solver_;
   std::vector<double> b_;
 };

@@ -77,6 +77,7 @@ struct Workspace {
         linear_model(options.linear_model),
         reduced_solver(options.reduced_solver),
         dynamic_sparsity(options.dynamic_sparsity),
+        conjugate_gradients(options.conjugate_gradients),
         evaluator(graph, layout, executor, StorageOf(options, graph, layout)) {
     evaluator.set_leaves_out_zero_blocks(dynamic_sparsity &&
                                          evaluator.storage() == JacobianStorage::kBySlot);
@@ -84,15 +85,16 @@ struct Workspace {
 
   static bool EliminatesLandmarks(const SolverOptions& options) {
     const bool by_blocks = options.linear_model == LinearModelKind::kAutomatic ||
-                           options.linear_model == LinearModelKind::kSchur;
+                           options.linear_model == LinearModelKind::kSchur ||
+                           options.linear_model == LinearModelKind::kIterativeSchur;
     return by_blocks && !options.dynamic_sparsity;
   }
 
   // A reduced solver that was asked for is given the blocks of its system.
   static JacobianStorage StorageOf(const SolverOptions& options, const FactorGraph& graph,
                                    const Layout& layout) {
-    const bool free =
-        options.reduced_solver == ReducedSolverKind::kAutomatic && !options.reduced_solver_factory;
+    const bool free = options.reduced_solver == ReducedSolverKind::kAutomatic &&
+                      !options.reduced_solver_factory && !IsIterative(options.linear_model);
     return free ? StorageFor(graph, layout) : JacobianStorage::kBySlot;
   }
 
@@ -104,7 +106,8 @@ struct Workspace {
                            options.reduced_solver == ReducedSolverKind::kAutomaticInexact;
     return !remembers && options.num_threads == executor.num_threads() &&
            options.linear_model == linear_model && options.reduced_solver == reduced_solver &&
-           options.dynamic_sparsity == dynamic_sparsity && structure.has_value() &&
+           options.dynamic_sparsity == dynamic_sparsity &&
+           options.conjugate_gradients == conjugate_gradients && structure.has_value() &&
            structure->IsThatOf(graph);
   }
 
@@ -115,6 +118,7 @@ struct Workspace {
   LinearModelKind linear_model;
   ReducedSolverKind reduced_solver;
   bool dynamic_sparsity;
+  ConjugateGradientsOptions conjugate_gradients;
   Evaluator evaluator;
   std::unique_ptr<LinearModel> model;
   TrustRegionMemory memory;

@@ -51,6 +51,8 @@ std::string ToJson(const WorkCounts& work) {
       .Add("num_residual_evaluations", work.num_residual_evaluations)
       .Add("num_jacobian_evaluations", work.num_jacobian_evaluations)
       .Add("num_linear_solves", work.num_linear_solves)
+      .Add("num_conjugate_gradients", work.num_conjugate_gradients)
+      .Add("num_steps_without_landmarks", work.num_steps_without_landmarks)
       .Add("num_inner_iterations", work.num_refined_landmarks)
       .Add("num_recentred_factors", work.num_recentered_factors)
       .Add("num_frames", work.num_frames)

@@ -139,6 +139,7 @@ bool TrustRegionMinimizer::EvaluateStart() {
     return false;
   }
   JacobiScale(model_.Diagonal(), options_.jacobi_scaling, &scale_);
+  model_.ScaleColumnsBy(scale_);
   StartStrategy(options_, scale_, &strategy_);
   quality_ = JudgeFromHere();
   summary_.initial_cost = cost_;
@@ -226,8 +227,12 @@ bool TrustRegionMinimizer::ComputeStep() {
   int num_solves = 0;
   const Status solved = strategy_->ComputeStep(&model_, step_.data(), &num_solves);
   iteration_.step_solver_time_in_seconds = clock_.Read() - start;
-  iteration_.linear_solver_iterations = num_solves > 0 && summary_.work.reduced_size > 0 ? 1 : 0;
+  iteration_.linear_solver_iterations =
+      num_solves > 0 && summary_.work.reduced_size > 0 ? model_.num_iterations() : 0;
   summary_.work.num_linear_solves += num_solves;
+  summary_.work.num_conjugate_gradients +=
+      IsIterative(options_.linear_model) ? iteration_.linear_solver_iterations : 0;
+  summary_.work.num_steps_without_landmarks += model_.left_out_landmarks() ? 1 : 0;
   if (num_solves > 0) {
     ShowSystem();
   }

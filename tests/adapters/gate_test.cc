@@ -115,10 +115,12 @@ TEST(Gate, LineSearch) {
                    "LINE_SEARCH");
 }
 
-TEST(Gate, IterativeSolvers) {
-  ExpectHandedOver([](TestProblem*, Options* o) { o->linear_solver_type = ceres::ITERATIVE_SCHUR; },
-                   "ITERATIVE_SCHUR");
-  ExpectHandedOver([](TestProblem*, Options* o) { o->linear_solver_type = ceres::CGNR; }, "CGNR");
+TEST(Gate, PreconditionersByClusters) {
+  const auto adjust = [](TestProblem*, Options* o) {
+    o->linear_solver_type = ceres::ITERATIVE_SCHUR;
+    o->preconditioner_type = ceres::CLUSTER_JACOBI;
+  };
+  ExpectHandedOver(adjust, "CLUSTER_JACOBI");
 }
 
 // Stock Ceres aborts on these two, so only the strict way can be looked at.
@@ -277,12 +279,12 @@ TEST(Gate, StockOnRequestIsNoFallback) {
 TEST(Gate, WithoutAReportStockStillSolvesAndTheLogSaysSo) {
   const auto test = MakeProblem();
   Options options;
-  options.linear_solver_type = ceres::CGNR;
+  options.minimizer_type = ceres::LINE_SEARCH;
   ceres::Solver::Summary summary;
   FallbackLines lines;
   inceres::Solve(options, &test->problem, &summary);
   EXPECT_EQ(lines.count, 1);
-  EXPECT_EQ(summary.linear_solver_type_used, ceres::CGNR);
+  EXPECT_EQ(summary.minimizer_type, ceres::LINE_SEARCH);
 }
 
 TEST(Gate, NullArgumentsDieAsInCeres) {

@@ -181,9 +181,11 @@ class BalSolveTest(unittest.TestCase):
         message = self.fails(2, "--input", self.small, "--mode", "incremental", "--builtin_factors", "--linear_solver", "dense_qr")
         self.assertIn("--linear_solver", message)
         self.assertIn("--builtin_factors", self.fails(2, "--input", self.small, "--solver", "ceres", "--builtin_factors"))
-        self.assertIn("iterative", self.fails(2, "--input", self.small, "--builtin_factors", "--linear_solver", "cgnr"))
+        self.assertIn("lagged_pcg", self.fails(2, "--input", self.small, "--linear_solver", "lagged_pcg"))
+        clusters = ["--linear_solver", "iterative_schur", "--preconditioner", "cluster_jacobi"]
+        self.assertIn("cluster_jacobi", self.fails(2, "--input", self.small, "--builtin_factors", *clusters))
         self.assertIn("go together", self.fails(2, "--input", self.small, "--linear_solver", "cgnr", "--trust_region", "dogleg"))
-        self.assertIn("CGNR", self.fails(1, "--input", self.small, "--linear_solver", "cgnr"))
+        self.assertIn("CLUSTER_JACOBI", self.fails(1, "--input", self.small, *clusters))
 
     def test_a_failed_solve_writes_nothing(self):
         write_small_bal(self.small, num_cameras=2, num_points=3)

@@ -10,17 +10,17 @@
 #include "tools/command_line/command_line.h"
 
 DEFINE_string(trust_region, "lm", "Trust-region strategy: lm (Levenberg-Marquardt) or dogleg.");
-DEFINE_string(linear_solver, "auto",
-              "Linear solver: auto, dense_schur, sparse_schur, iterative_schur, "
-              "sparse_normal_cholesky, dense_normal_cholesky, "
-              "dense_qr or cgnr, as Ceres names them. auto: a Schur solver for bal and vio, "
-              "sparse_normal_cholesky for pose graphs. "
-              "inceres refuses the iterative ones on a ceres::Problem (iterative_schur with "
-              "--builtin_factors is its PCG); of the Cholesky "
-              "and Schur ones on a ceres::Problem it takes whichever it predicts to "
-              "be cheapest, with --builtin_factors the one named, and for auto the cheapest, PCG "
-              "among them. In ab_compare this is for "
-              "inceres; stock runs in --configurations.");
+DEFINE_string(
+    linear_solver, "auto",
+    "Linear solver: auto, dense_schur, sparse_schur, iterative_schur, "
+    "sparse_normal_cholesky, dense_normal_cholesky, "
+    "dense_qr or cgnr, as Ceres names them. auto: a Schur solver for bal and vio, "
+    "sparse_normal_cholesky for pose graphs. "
+    "lagged_pcg, with --builtin_factors: conjugate gradients with an earlier factor. Of the "
+    "Cholesky and Schur ones on a ceres::Problem it takes whichever it predicts to "
+    "be cheapest, with --builtin_factors the one named, and for auto the cheapest, PCG "
+    "among them. In ab_compare this is for "
+    "inceres; stock runs in --configurations.");
 DEFINE_int32(num_threads, 1, "Threads of the solver, at least 1.");
 DEFINE_int32(max_num_iterations, 50, "Stop after this many iterations, at least 0.");
 DEFINE_double(function_tolerance, 1e-6,
@@ -30,6 +30,14 @@ DEFINE_double(parameter_tolerance, 1e-8,
               "Stop when the step is shorter than this, relative to the parameters; 0: never.");
 DEFINE_double(initial_trust_region_radius, 1e4,
               "First trust-region radius; the damping of lm starts at its reciprocal. Above 0.");
+DEFINE_string(
+    preconditioner, "schur_jacobi",
+    "Of --linear_solver iterative_schur: identity, jacobi, schur_jacobi, cluster_jacobi or "
+    "cluster_tridiagonal; cgnr takes jacobi in place of the last three.");
+DEFINE_double(eta, 0.1,
+              "Conjugate gradients stop when iteration k gains less than this over k of what the "
+              "step promises. At least 0.");
+DEFINE_int32(max_linear_solver_iterations, 500, "Conjugate gradients a step at most, at least 1.");
 DEFINE_string(robust, "none",
               "Robust loss: none, huber:A or cauchy:A, with the scale A in the units of the "
               "residual (BAL: pixels).");
@@ -43,6 +51,12 @@ DEFINE_bool(builtin_factors, false,
 namespace inceres::tools {
 namespace {
 
+std::string LowerCase(std::string name) {
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return name;
+}
+
 Status ParseTrustRegion(const std::string& text, ceres::TrustRegionStrategyType* type) {
   if (text != "lm" && text != "dogleg") {
     return Invalid("--trust_region '" + text + "': use lm or dogleg");
@@ -51,24 +65,39 @@ Status ParseTrustRegion(const std::string& text, ceres::TrustRegionStrategyType*
   return Status::Ok();
 }
 
-Status ParseLinearSolver(const std::string& text, std::optional<ceres::LinearSolverType>* type) {
-  if (text == "auto") {
-    type->reset();
-    return Status::Ok();
+Status ParseLinearSolver(const std::string& text, SolverSettings* settings) {
+  settings->lagged_pcg = text == "lagged_pcg";
+  if (text == "auto" || settings->lagged_pcg) {
+    return settings->lagged_pcg && !FLAGS_builtin_factors
+               ? Invalid("--linear_solver lagged_pcg: with --builtin_factors only")
+               : Status::Ok();
   }
   for (const ceres::LinearSolverType candidate :
        {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR,
         ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_NORMAL_CHOLESKY, ceres::DENSE_QR,
         ceres::CGNR}) {
     if (FlagName(candidate) == text) {
-      *type = candidate;
+      settings->linear_solver = candidate;
       return Status::Ok();
     }
   }
   return Invalid("--linear_solver '" + text +
                  "': use auto, dense_schur, sparse_schur, iterative_schur, sparse_normal_cholesky, "
-                 "dense_normal_cholesky, dense_qr "
-                 "or cgnr");
+                 "dense_normal_cholesky, dense_qr, cgnr "
+                 "or lagged_pcg");
+}
+
+Status ParsePreconditioner(const std::string& text, ceres::PreconditionerType* type) {
+  for (const ceres::PreconditionerType candidate :
+       {ceres::IDENTITY, ceres::JACOBI, ceres::SCHUR_JACOBI, ceres::CLUSTER_JACOBI,
+        ceres::CLUSTER_TRIDIAGONAL}) {
+    if (LowerCase(ceres::PreconditionerTypeToString(candidate)) == text) {
+      *type = candidate;
+      return Status::Ok();
+    }
+  }
+  return Invalid("--preconditioner '" + text +
+                 "': use identity, jacobi, schur_jacobi, cluster_jacobi or cluster_tridiagonal");
 }
 
 Status ParseMode(const std::string& text, bool* incremental) {
@@ -97,6 +126,34 @@ void CopyNumbers(const SolverSettings& settings, Options* options) {
   options->initial_trust_region_radius = settings.initial_trust_region_radius;
 }
 
+// Without a Schur complement there is no preconditioner by it.
+ceres::PreconditionerType PreconditionerOf(const SolverSettings& settings,
+                                           ceres::LinearSolverType type) {
+  const bool plain =
+      settings.preconditioner == ceres::IDENTITY || settings.preconditioner == ceres::JACOBI;
+  return type == ceres::CGNR && !plain ? ceres::JACOBI : settings.preconditioner;
+}
+
+Status ToCore(const SolverSettings& settings, ConjugateGradientsOptions* options) {
+  options->eta = settings.eta;
+  options->max_iterations = settings.max_linear_solver_iterations;
+  switch (PreconditionerOf(settings, *settings.linear_solver)) {
+    case ceres::IDENTITY:
+      options->preconditioner = PreconditionerKind::kIdentity;
+      return Status::Ok();
+    case ceres::JACOBI:
+      options->preconditioner = PreconditionerKind::kJacobi;
+      return Status::Ok();
+    case ceres::SCHUR_JACOBI:
+      options->preconditioner = PreconditionerKind::kSchurJacobi;
+      return Status::Ok();
+    default:
+      return Invalid("--preconditioner " +
+                     LowerCase(ceres::PreconditionerTypeToString(settings.preconditioner)) +
+                     " is not available with --builtin_factors");
+  }
+}
+
 }  // namespace
 
 Status ReadSolverFlags(SolverSettings* settings) {
@@ -105,20 +162,25 @@ Status ReadSolverFlags(SolverSettings* settings) {
   if (!robust.ok()) {
     robust.message = "--robust " + robust.message;
   }
-  for (Status& status :
-       std::vector<Status>{ParseMode(FLAGS_mode, &read.incremental),
-                           ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
-                           ParseLinearSolver(FLAGS_linear_solver, &read.linear_solver),
-                           CheckNumbers({{"--num_threads", FLAGS_num_threads, 1},
-                                         {"--max_num_iterations", FLAGS_max_num_iterations, 0}},
-                                        {{"--function_tolerance", FLAGS_function_tolerance},
-                                         {"--gradient_tolerance", FLAGS_gradient_tolerance},
-                                         {"--parameter_tolerance", FLAGS_parameter_tolerance}}),
-                           CheckRadius(), robust}) {
+  for (Status& status : std::vector<Status>{
+           ParseMode(FLAGS_mode, &read.incremental),
+           ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
+           ParseLinearSolver(FLAGS_linear_solver, &read),
+           ParsePreconditioner(FLAGS_preconditioner, &read.preconditioner),
+           CheckNumbers({{"--max_linear_solver_iterations", FLAGS_max_linear_solver_iterations, 1}},
+                        {{"--eta", FLAGS_eta}}),
+           CheckNumbers({{"--num_threads", FLAGS_num_threads, 1},
+                         {"--max_num_iterations", FLAGS_max_num_iterations, 0}},
+                        {{"--function_tolerance", FLAGS_function_tolerance},
+                         {"--gradient_tolerance", FLAGS_gradient_tolerance},
+                         {"--parameter_tolerance", FLAGS_parameter_tolerance}}),
+           CheckRadius(), robust}) {
     if (!status.ok()) {
       return status;
     }
   }
+  read.eta = FLAGS_eta;
+  read.max_linear_solver_iterations = FLAGS_max_linear_solver_iterations;
   read.num_threads = FLAGS_num_threads;
   read.max_num_iterations = FLAGS_max_num_iterations;
   read.function_tolerance = FLAGS_function_tolerance;
@@ -136,10 +198,7 @@ ceres::LinearSolverType LinearSolverOr(const SolverSettings& settings,
 }
 
 std::string FlagName(ceres::LinearSolverType type) {
-  std::string name = ceres::LinearSolverTypeToString(type);
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return name;
+  return LowerCase(ceres::LinearSolverTypeToString(type));
 }
 
 Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType type,
@@ -147,8 +206,10 @@ Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType ty
   ceres::Solver::Options result;
   result.trust_region_strategy_type = settings.trust_region;
   result.linear_solver_type = type;
-  if (type == ceres::ITERATIVE_SCHUR) {
-    result.preconditioner_type = ceres::SCHUR_JACOBI;
+  if (type == ceres::ITERATIVE_SCHUR || type == ceres::CGNR) {
+    result.preconditioner_type = PreconditionerOf(settings, type);
+    result.eta = settings.eta;
+    result.max_linear_solver_iterations = settings.max_linear_solver_iterations;
   }
   CopyNumbers(settings, &result);
   result.logging_type = ceres::SILENT;  // the tools print their own table
@@ -162,12 +223,12 @@ Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType ty
 
 Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
   SolverOptions result;
-  result.reduced_solver = ReducedSolverKind::kAutomaticInexact;
+  result.reduced_solver =
+      settings.lagged_pcg ? ReducedSolverKind::kPcg : ReducedSolverKind::kAutomaticInexact;
   if (settings.linear_solver.has_value()) {
     switch (*settings.linear_solver) {
       case ceres::DENSE_SCHUR:
       case ceres::SPARSE_SCHUR:
-      case ceres::ITERATIVE_SCHUR:
         result.linear_model = LinearModelKind::kSchur;
         break;
       case ceres::DENSE_NORMAL_CHOLESKY:
@@ -177,16 +238,21 @@ Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
       case ceres::DENSE_QR:
         result.linear_model = LinearModelKind::kDenseQr;
         break;
+      case ceres::ITERATIVE_SCHUR:
+        result.linear_model = LinearModelKind::kIterativeSchur;
+        break;
       default:
-        return Invalid("--linear_solver " + FlagName(*settings.linear_solver) +
-                       " is iterative: not available with --builtin_factors");
+        result.linear_model = LinearModelKind::kIterativePlain;
     }
     const bool dense = *settings.linear_solver == ceres::DENSE_SCHUR ||
                        *settings.linear_solver == ceres::DENSE_NORMAL_CHOLESKY;
-    result.reduced_solver = *settings.linear_solver == ceres::ITERATIVE_SCHUR
-                                ? ReducedSolverKind::kPcg
-                            : dense ? ReducedSolverKind::kDense
-                                    : ReducedSolverKind::kSparse;
+    result.reduced_solver = dense ? ReducedSolverKind::kDense : ReducedSolverKind::kSparse;
+    if (IsIterative(result.linear_model)) {
+      const Status known = ToCore(settings, &result.conjugate_gradients);
+      if (!known.ok()) {
+        return known;
+      }
+    }
   }
   result.strategy = settings.trust_region == ceres::DOGLEG
                         ? TrustRegionStrategyKind::kDogleg

@@ -17,6 +17,10 @@ namespace inceres::tools {
 struct SolverSettings {
   ceres::TrustRegionStrategyType trust_region = ceres::LEVENBERG_MARQUARDT;
   std::optional<ceres::LinearSolverType> linear_solver;  ///< empty: automatic
+  bool lagged_pcg = false;  ///< the core's conjugate gradients with an earlier factor
+  ceres::PreconditionerType preconditioner = ceres::SCHUR_JACOBI;  ///< of ITERATIVE_SCHUR
+  double eta = 0.1;                                                ///< of conjugate gradients
+  int max_linear_solver_iterations = 500;
   int num_threads = 1;
   int max_num_iterations = 50;
   double function_tolerance = 1e-6;
@@ -28,7 +32,8 @@ struct SolverSettings {
   bool incremental = false;  ///< ours solves in incremental mode
 };
 
-/// Reads --trust_region, --linear_solver, --num_threads, --max_num_iterations,
+/// Reads --trust_region, --linear_solver, --preconditioner, --eta,
+/// --max_linear_solver_iterations, --num_threads, --max_num_iterations,
 /// --function_tolerance, --gradient_tolerance, --parameter_tolerance,
 /// --initial_trust_region_radius, --robust, --mode and --builtin_factors. A value that makes no
 /// sense is kInvalidArgument; the message names the flag and what it may be.
@@ -41,8 +46,8 @@ ceres::LinearSolverType LinearSolverOr(const SolverSettings& settings,
 /// "dense_schur", "sparse_normal_cholesky", …: what --linear_solver reads.
 std::string FlagName(ceres::LinearSolverType type);
 
-/// The settings as options of Ceres (stock and shim), and of the core. ITERATIVE_SCHUR is the
-/// core's PCG; it refuses CGNR.
+/// The settings as options of Ceres (stock and shim), and of the core, which has no preconditioner
+/// by clusters.
 Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType type,
                       ceres::Solver::Options* options);
 Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options);

@@ -108,9 +108,13 @@ std::string DenseQrObstacle(const ceres::Solver::Options& options, const Problem
 
 std::string OptionsObstacle(const ceres::Solver::Options& options) {
   const std::string obstacle = CommonOptionsObstacle(options);
-  if (obstacle.empty() && IsIterative(options.linear_solver_type)) {
-    return std::string("linear_solver_type ") +
-           ceres::LinearSolverTypeToString(options.linear_solver_type);
+  const ceres::PreconditionerType preconditioner = options.preconditioner_type;
+  const bool known = preconditioner == ceres::IDENTITY || preconditioner == ceres::JACOBI ||
+                     (preconditioner == ceres::SCHUR_JACOBI &&
+                      options.linear_solver_type == ceres::ITERATIVE_SCHUR);
+  if (obstacle.empty() && IsIterative(options.linear_solver_type) && !known) {
+    return std::string("preconditioner_type ") + ceres::PreconditionerTypeToString(preconditioner) +
+           " with " + ceres::LinearSolverTypeToString(options.linear_solver_type);
   }
   return obstacle;
 }

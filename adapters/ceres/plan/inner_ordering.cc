@@ -7,79 +7,20 @@
 
 #include <glog/logging.h>
 
+#include "adapters/ceres/plan/block_graph.h"
 #include "adapters/ceres/read/index.h"
 #include "adapters/ceres/read/ordering.h"
 
 namespace inceres::internal {
 namespace {
 
-// Blocks that share a residual block, as Ceres's Hessian graph.
-class BlockGraph {
- public:
-  explicit BlockGraph(const ProblemView& view) : neighbors_(view.blocks.size()) {
-    std::vector<char> seen(view.blocks.size(), 0);
-    for (const ResidualBlockView& residual : view.residuals) {
-      const int* slots = view.SlotsOf(residual);
-      for (int s = 0; s < residual.num_slots; ++s) {
-        if (!view.IsReduced(slots[s])) {
-          continue;
-        }
-        if (seen[At(slots[s])] == 0) {
-          seen[At(slots[s])] = 1;
-          order_.push_back(slots[s]);
-        }
-        for (int t = 0; t < residual.num_slots; ++t) {
-          if (t != s && view.IsReduced(slots[t])) {
-            neighbors_[At(slots[s])].push_back(slots[t]);
-          }
-        }
-      }
-    }
-    for (const int b : order_) {
-      std::vector<int>& list = neighbors_[At(b)];
-      std::sort(list.begin(), list.end());
-      list.erase(std::unique(list.begin(), list.end()), list.end());
-    }
-  }
-
-  const std::vector<int>& order() const { return order_; }  // of first appearance
-  const std::vector<int>& Neighbors(int b) const { return neighbors_[At(b)]; }
-
- private:
-  std::vector<int> order_;
-  std::vector<std::vector<int>> neighbors_;
-};
-
-// Takes blocks in the order of their number of neighbors, each unless a neighbor has been taken;
-// then the same with what is left.
+// Independent sets of what is left, one after the other, the last one first.
 std::vector<std::vector<int>> RecursiveIndependentSets(const ProblemView& view) {
   const BlockGraph graph(view);
-  std::vector<int> left = graph.order();
-  std::vector<int> degree(view.blocks.size(), 0);
-  for (const int b : left) {
-    degree[At(b)] = static_cast<int>(graph.Neighbors(b).size());
-  }
+  IndependentSets left(graph);
   std::vector<std::vector<int>> sets;
-  std::vector<std::size_t> met(view.blocks.size(), 0);  // the last set one of its neighbors is in
   while (!left.empty()) {
-    std::vector<int> sorted = left;
-    std::stable_sort(sorted.begin(), sorted.end(),
-                     [&](int a, int b) { return degree[At(a)] < degree[At(b)]; });
-    std::vector<int>& set = sets.emplace_back();
-    std::vector<char> taken(view.blocks.size(), 0);
-    for (const int b : sorted) {
-      if (met[At(b)] == sets.size()) {
-        continue;
-      }
-      set.push_back(b);
-      taken[At(b)] = 1;
-      for (const int neighbor : graph.Neighbors(b)) {
-        met[At(neighbor)] = sets.size();
-        --degree[At(neighbor)];
-      }
-    }
-    left.erase(std::remove_if(left.begin(), left.end(), [&](int b) { return taken[At(b)] != 0; }),
-               left.end());
+    sets.push_back(left.TakeOne());
   }
   std::reverse(sets.begin(), sets.end());
   return sets;

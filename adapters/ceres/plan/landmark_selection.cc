@@ -4,8 +4,10 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <string>
 #include <utility>
 
+#include "adapters/ceres/plan/block_graph.h"
 #include "adapters/ceres/plan/landmark_fill.h"
 #include "adapters/ceres/read/index.h"
 
@@ -255,6 +257,24 @@ class Chooser {
   double unknowns_left_ = 0.0;
 };
 
+// Where conjugate gradients stop depends on what was eliminated: exactly what Ceres eliminates.
+LandmarkSelection LandmarksOfIterativeSolver(const ProblemView& view, const OrderingView& ordering,
+                                             ceres::LinearSolverType type) {
+  OrderingView eliminated;
+  if (LandmarksAreGiven(ordering, type)) {
+    eliminated.first_group = ordering.first_group;
+  } else if (IsSchurType(type)) {
+    const BlockGraph graph(view);
+    eliminated.first_group = IndependentSets(graph).TakeOne();
+  }
+  LandmarkSelection selection = LandmarksOfFirstGroup(view, eliminated);
+  if (selection.num_too_large > 0) {
+    selection.obstacle = "ITERATIVE_SCHUR eliminates " + std::to_string(selection.num_too_large) +
+                         " blocks of a tangent size above " + std::to_string(kMaxLandmarkSize);
+  }
+  return selection;
+}
+
 }  // namespace
 
 LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering,
@@ -280,6 +300,9 @@ LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& o
     LandmarkSelection none;
     none.is_landmark.assign(view.blocks.size(), 0);
     return none;
+  }
+  if (IsIterative(type)) {
+    return LandmarksOfIterativeSolver(view, ordering, type);
   }
   LandmarkSelection selection = LandmarksAreGiven(ordering, type)
                                     ? LandmarksOfFirstGroup(view, ordering)

@@ -69,11 +69,9 @@ void CheckProjectedLineSearch(Differences* differences) {
                      &Options::max_num_line_search_step_size_iterations);
 }
 
-// Choices within Ceres's own linear algebra, and the iterative solvers.
+// Choices within Ceres's own linear algebra.
 void CheckLinearSolver(Differences* differences) {
   using Options = ceres::Solver::Options;
-  differences->Check("eta", &Options::eta);
-  differences->Check("preconditioner_type", &Options::preconditioner_type);
   differences->Check("visibility_clustering_type", &Options::visibility_clustering_type);
   differences->Check("residual_blocks_for_subset_preconditioner",
                      &Options::residual_blocks_for_subset_preconditioner);
@@ -81,13 +79,19 @@ void CheckLinearSolver(Differences* differences) {
                      &Options::dense_linear_algebra_library_type);
   differences->Check("sparse_linear_algebra_library_type",
                      &Options::sparse_linear_algebra_library_type);
-  differences->Check("use_explicit_schur_complement", &Options::use_explicit_schur_complement);
   differences->Check("use_mixed_precision_solves", &Options::use_mixed_precision_solves);
   differences->Check("max_num_refinement_iterations", &Options::max_num_refinement_iterations);
-  differences->Check("min_linear_solver_iterations", &Options::min_linear_solver_iterations);
-  differences->Check("max_linear_solver_iterations", &Options::max_linear_solver_iterations);
   ForEachOptionOfThisRelease(
       [&](const char* name, auto member) { differences->Check(name, member); });
+}
+
+void CheckConjugateGradients(Differences* differences) {
+  using Options = ceres::Solver::Options;
+  differences->Check("eta", &Options::eta);
+  differences->Check("preconditioner_type", &Options::preconditioner_type);
+  differences->Check("use_explicit_schur_complement", &Options::use_explicit_schur_complement);
+  differences->Check("min_linear_solver_iterations", &Options::min_linear_solver_iterations);
+  differences->Check("max_linear_solver_iterations", &Options::max_linear_solver_iterations);
 }
 
 // What belongs to features that are off.
@@ -160,6 +164,40 @@ TrustRegionStrategyKind StrategyOf(const ceres::Solver::Options& options) {
                                                        : TrustRegionStrategyKind::kDogleg;
 }
 
+LinearModelKind LinearModelOf(ceres::LinearSolverType type) {
+  switch (type) {
+    case ceres::DENSE_QR:
+      return LinearModelKind::kDenseQr;
+    case ceres::ITERATIVE_SCHUR:
+      return LinearModelKind::kIterativeSchur;
+    case ceres::CGNR:
+      return LinearModelKind::kIterativePlain;
+    default:
+      return LinearModelKind::kAutomatic;
+  }
+}
+
+ConjugateGradientsOptions ConjugateGradientsOf(const ceres::Solver::Options& options,
+                                               ceres::LinearSolverType type) {
+  ConjugateGradientsOptions result;
+  switch (PreconditionerFor(options, type)) {
+    case ceres::IDENTITY:
+      result.preconditioner = PreconditionerKind::kIdentity;
+      break;
+    case ceres::SCHUR_JACOBI:
+      result.preconditioner = PreconditionerKind::kSchurJacobi;
+      break;
+    default:
+      result.preconditioner = PreconditionerKind::kJacobi;
+  }
+  result.eta = options.eta;
+  result.min_iterations = options.min_linear_solver_iterations;
+  result.max_iterations = options.max_linear_solver_iterations;
+  result.explicit_schur_complement =
+      type == ceres::ITERATIVE_SCHUR && options.use_explicit_schur_complement;
+  return result;
+}
+
 LineSearchInterpolation InterpolationOf(const ceres::Solver::Options& options) {
   switch (options.line_search_interpolation_type) {
     case ceres::BISECTION:
@@ -203,9 +241,9 @@ int NumThreads(const ceres::Solver::Options& options) {
 SolverOptions MapOptions(const ceres::Solver::Options& options, ceres::LinearSolverType type) {
   SolverOptions core;
   core.strategy = StrategyOf(options);
-  core.linear_model =
-      type == ceres::DENSE_QR ? LinearModelKind::kDenseQr : LinearModelKind::kAutomatic;
-  core.dynamic_sparsity = options.dynamic_sparsity;
+  core.linear_model = LinearModelOf(type);
+  core.conjugate_gradients = ConjugateGradientsOf(options, type);
+  core.dynamic_sparsity = options.dynamic_sparsity && !IsIterative(type);
   core.max_num_iterations = options.max_num_iterations;
   core.max_solver_time_in_seconds = options.max_solver_time_in_seconds;
   core.function_tolerance = options.function_tolerance;
@@ -236,6 +274,9 @@ std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& opti
   Differences differences(options);
   if (!is_constrained) {
     CheckProjectedLineSearch(&differences);
+  }
+  if (!IsIterative(options.linear_solver_type)) {
+    CheckConjugateGradients(&differences);
   }
   CheckCommon(options, landmarks, &differences);
   return differences.Take();
@@ -276,6 +317,7 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
     differences.Check("initial_trust_region_radius", &Options::initial_trust_region_radius);
   }
   CheckProjectedLineSearch(&differences);
+  CheckConjugateGradients(&differences);
   CheckCommon(options, landmarks, &differences);
   return differences.Take();
 }
@@ -286,7 +328,7 @@ void ChooseIterativeSolver(const ceres::Solver::Options& options, const ProblemV
   const ceres::LinearSolverType type = IncrementalLinearSolver(options, ordering);
   if (!IsIterative(type) || core->reduced_solver != ReducedSolverKind::kAutomatic ||
       view.reduced.num_effective_parameters <= max_direct_size ||
-      ReducedSize(view, ordering, type) <= max_direct_size) {
+      ReducedSize(view, ordering, TypeToPlanIncrementally(options, ordering)) <= max_direct_size) {
     return;
   }
   core->reduced_solver = ReducedSolverKind::kPcg;

@@ -58,9 +58,28 @@ ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& opti
   return options.linear_solver_type;
 }
 
+ceres::PreconditionerType PreconditionerFor(const ceres::Solver::Options& options,
+                                            ceres::LinearSolverType effective_type) {
+  const bool switched =
+      options.linear_solver_type == ceres::ITERATIVE_SCHUR && effective_type == ceres::CGNR;
+  const bool kept = options.preconditioner_type == ceres::IDENTITY ||
+                    options.preconditioner_type == ceres::JACOBI;
+  return switched && !kept ? ceres::JACOBI : options.preconditioner_type;
+}
+
 ceres::LinearSolverType TypeToPlanFor(const ceres::Solver::Options& options,
                                       const OrderingView& ordering) {
-  return options.dynamic_sparsity ? ceres::DENSE_QR : EffectiveLinearSolver(options, ordering);
+  const ceres::LinearSolverType type = EffectiveLinearSolver(options, ordering);
+  return options.dynamic_sparsity && !IsIterative(type) ? ceres::DENSE_QR : type;
+}
+
+ceres::LinearSolverType TypeToPlanIncrementally(const ceres::Solver::Options& options,
+                                                const OrderingView& ordering) {
+  const ceres::LinearSolverType type = IncrementalLinearSolver(options, ordering);
+  if (type == ceres::ITERATIVE_SCHUR) {
+    return ceres::SPARSE_SCHUR;
+  }
+  return type == ceres::CGNR ? ceres::SPARSE_NORMAL_CHOLESKY : type;
 }
 
 ceres::LinearSolverType IncrementalLinearSolver(const ceres::Solver::Options& options,

@@ -34,10 +34,20 @@ inline bool IsIterative(ceres::LinearSolverType type) {
 ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& options,
                                               const OrderingView& ordering);
 
+/// The preconditioner Ceres would end up with: one that needs a Schur complement is JACOBI where
+/// there is none any more.
+ceres::PreconditionerType PreconditionerFor(const ceres::Solver::Options& options,
+                                            ceres::LinearSolverType effective_type);
+
 /// The type by which landmarks are chosen: with dynamic_sparsity, as for a QR factorization, none
 /// are, for it is the zeros of each linearization that say what is coupled.
 ceres::LinearSolverType TypeToPlanFor(const ceres::Solver::Options& options,
                                       const OrderingView& ordering);
+
+/// The type by which landmarks are chosen in incremental mode, where conjugate gradients solve the
+/// same system as a direct solver.
+ceres::LinearSolverType TypeToPlanIncrementally(const ceres::Solver::Options& options,
+                                                const OrderingView& ordering);
 
 /// The effective type in incremental mode, which forms normal equations: for who asked for
 /// DENSE_SCHUR that is what he gets where Ceres takes DENSE_QR (a window whose landmarks are all

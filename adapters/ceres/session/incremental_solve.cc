@@ -66,7 +66,7 @@ bool Conclude(UpdateResult* result, IncrementalObserver* observer, const SolveIn
 
 bool Minimize(const SolveInput& input, const IncrementalOptions& core_options,
               IncrementalProblem* living, ceres::Solver::Summary* summary, SolveReport* report) {
-  const ceres::LinearSolverType type = IncrementalLinearSolver(input.options, input.ordering);
+  const ceres::LinearSolverType type = TypeToPlanIncrementally(input.options, input.ordering);
   const ShapeTable shapes = FindShapes(input.view);
   const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
   UpdateResult result;

@@ -152,7 +152,7 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
                                                          ceres::Solver::Summary* summary) {
   internal::SolveInput again{input.options, view, input.ordering, input.clock};
   again.last_iteration = static_cast<int>(summary->iterations.size()) - 1;
-  if (!internal::ChoosePlan(internal::IncrementalLinearSolver(input.options, input.ordering),
+  if (!internal::ChoosePlan(internal::TypeToPlanIncrementally(input.options, input.ordering),
                             &again)
            .empty()) {
     return Part::kNone;  // no memory for it

@@ -33,6 +33,43 @@ enum class LinearModelKind {
   /// Householder QR of the stacked, scaled Jacobian: does not square the condition number; small
   /// problems only
   kDenseQr,
+  /// Landmarks eliminated, S δ_c = b by conjugate gradients, as Ceres's ITERATIVE_SCHUR: for
+  /// thousands of frames that many landmarks tie together
+  kIterativeSchur,
+  /// Landmarks treated as frames, H δ = −g by conjugate gradients, as Ceres's CGNR
+  kIterativePlain,
+};
+
+/// Whether a linear model's steps come from conjugate gradients.
+inline bool IsIterative(LinearModelKind kind) {
+  return kind == LinearModelKind::kIterativeSchur || kind == LinearModelKind::kIterativePlain;
+}
+
+/// What conjugate gradients are preconditioned by, one block a variable.
+enum class PreconditionerKind {
+  kIdentity,     ///< nothing
+  kJacobi,       ///< the inverses of the diagonal blocks of C + Λ, of H + Λ without landmarks
+  kSchurJacobi,  ///< those of S: dearer to make, and fewer iterations
+};
+
+/// How conjugate gradients solve for a step where LinearModelKind asks for them. Names and defaults
+/// are Ceres's. They begin at zero; one that takes max_iterations is a step as good as another.
+struct INCERES_EXPORT ConjugateGradientsOptions {
+  PreconditionerKind preconditioner = PreconditionerKind::kJacobi;  ///< see there
+  /// stop when iteration k gains less of the quadratic model's value than this over k; ≥ 0
+  double eta = 0.1;
+  int min_iterations = 0;    ///< ≥ 0
+  int max_iterations = 500;  ///< ≥ 1, and not below min_iterations
+  /// Form S instead of multiplying by its parts: with kSchurJacobi only. As in Ceres, landmarks
+  /// then stay where they are in a step that took max_iterations.
+  bool explicit_schur_complement = false;
+
+  /// Whether all is the same.
+  friend bool operator==(const ConjugateGradientsOptions& a, const ConjugateGradientsOptions& b) {
+    return a.preconditioner == b.preconditioner && a.eta == b.eta &&
+           a.min_iterations == b.min_iterations && a.max_iterations == b.max_iterations &&
+           a.explicit_schur_complement == b.explicit_schur_complement;
+  }
 };
 
 /// Where a line search that has failed at one point tries the next: at half of it, or at the
@@ -54,6 +91,9 @@ struct INCERES_EXPORT SolverOptions {
 
   /// If set, makes the solver for S δ_c = b instead of a built-in one.
   ReducedSolverFactory reduced_solver_factory;
+
+  /// of linear_model kIterativeSchur and kIterativePlain, which use no reduced solver
+  ConjugateGradientsOptions conjugate_gradients;
 
   /// Find the blocks of the Jacobian that are all zeros at each linearization, and leave them out
   /// of H and its factorization, whose pattern is then made anew whenever the zeros have moved. For

@@ -68,6 +68,11 @@ struct INCERES_EXPORT WorkCounts {
   int num_residual_evaluations = 0;  ///< cost-only passes over the factors
   int num_jacobian_evaluations = 0;  ///< passes with Jacobians
   int num_linear_solves = 0;         ///< systems solved for a step
+  /// iterations of conjugate gradients, where steps come from these
+  std::int64_t num_conjugate_gradients = 0;
+  /// steps that left landmarks where they were, see
+  /// ConjugateGradientsOptions::explicit_schur_complement
+  int num_steps_without_landmarks = 0;
   /// steps of single landmarks, SolverOptions::refine_landmarks
   std::int64_t num_refined_landmarks = 0;
   int num_recentered_factors =

@@ -1,0 +1,77 @@
+#include "linear/block_inverses.h"
+
+#include <algorithm>
+
+#include "base/lowest_index.h"
+#include "linear/small_cholesky.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kBlockRowGrain = 32;
+
+}  // namespace
+
+int BlockInverses::Invert(const std::vector<int>& offsets, const std::vector<const double*>& blocks,
+                          const double* diagonal, const Executor& executor) {
+  const auto count = static_cast<int>(blocks.size());
+  places_.resize(blocks.size());
+  Place next;
+  for (int i = 0; i < count; ++i) {
+    next.size = offsets[i + 1] - offsets[i];
+    places_[i] = next;
+    next.padded += PadToQuad(next.size);
+    next.begin += static_cast<std::int64_t>(next.size) * PadToQuad(next.size);
+  }
+  minus_inverses_.resize(static_cast<std::size_t>(next.begin));
+  LowestIndex singular(count);
+  executor.For(count, kBlockRowGrain, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) {
+      if (!InvertBlock(places_[i], blocks[i], diagonal + offsets[i])) {
+        singular.Note(i);
+      }
+    }
+  });
+  return singular.get() < count ? singular.get() : -1;
+}
+
+// The inverse is symmetric: its columns are found as rows.
+bool BlockInverses::InvertBlock(const Place& place, const double* block, const double* diagonal) {
+  const int size = place.size;
+  const int stride = PadToQuad(size);
+  std::vector<double> L(block, block + static_cast<std::ptrdiff_t>(size) * size);
+  std::vector<double> inverse_pivots(static_cast<std::size_t>(size));
+  for (int k = 0; k < size; ++k) {
+    L[static_cast<std::ptrdiff_t>(k) * size + k] += diagonal[k];
+  }
+  if (!FactorSmall(size, L.data(), size, inverse_pivots.data())) {
+    return false;
+  }
+  double* column = minus_inverses_.data() + place.begin;
+  std::fill_n(column, static_cast<std::ptrdiff_t>(size) * stride, 0.0);
+  for (int k = 0; k < size; ++k, column += stride) {
+    column[k] = -1.0;
+    SolveSmall(size, L.data(), size, inverse_pivots.data(), column);
+  }
+  return true;
+}
+
+void BlockInverses::Apply(const Executor& executor, const double* r, double* z) const {
+  const Kernels& kernels = BestKernels();
+  executor.For(static_cast<int>(places_.size()), kBlockRowGrain, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) {
+      const Place& place = places_[i];
+      const int stride = PadToQuad(place.size);
+      std::fill_n(z + place.padded, stride, 0.0);
+      kernels.subtract_row_dots(place.size, 1, stride, minus_inverses_.data() + place.begin, stride,
+                                r + place.padded, stride, z + place.padded, 1);
+    }
+  });
+}
+
+std::int64_t BlockInverses::Bytes() const {
+  return static_cast<std::int64_t>(places_.size() * sizeof(Place) +
+                                   minus_inverses_.size() * sizeof(double));
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,86 @@
+#include "linear/block_product.h"
+
+#include <numeric>
+
+#include "simd/kernels.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kRowGrain = 16;
+
+}  // namespace
+
+BlockProduct::BlockProduct(const BlockPattern& pattern) {
+  const int num_rows = pattern.num_blocks();
+  const auto for_each_place = [&](const auto& visit) {
+    for (int i = 0; i < num_rows; ++i) {
+      for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
+        visit(i, Place{k, pattern.columns[k]});
+      }
+    }
+    for (int i = 0; i < num_rows; ++i) {  // the upper triangle: after all of a row's lower blocks
+      for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
+        if (pattern.columns[k] != i) {
+          visit(pattern.columns[k], Place{k, i});
+        }
+      }
+    }
+  };
+  row_begin_.assign(num_rows + 1, 0);
+  for_each_place([&](int row, const Place&) { ++row_begin_[row + 1]; });
+  std::partial_sum(row_begin_.begin(), row_begin_.end(), row_begin_.begin());
+  places_.resize(row_begin_.back());
+  std::vector<int> next(row_begin_.begin(), row_begin_.end() - 1);
+  for_each_place([&](int row, const Place& place) { places_[next[row]++] = place; });
+  for (int i = 0; i < num_rows; ++i) {
+    packed_.push_back(packed_.back() + pattern.block_size(i));
+    padded_.push_back(padded_.back() + PadToQuad(pattern.block_size(i)));
+  }
+}
+
+void BlockProduct::Subtract(const std::vector<const double*>& blocks, const double* diagonal,
+                            const Executor& executor, const double* v, double* y) const {
+  executor.For(num_rows(), kRowGrain, [&](int begin, int end) {
+    for (int row = begin; row < end; ++row) {
+      SubtractRow(row, blocks, diagonal, v, y);
+    }
+  });
+}
+
+void BlockProduct::SubtractRow(int row, const std::vector<const double*>& blocks,
+                               const double* diagonal, const double* v, double* y) const {
+  const int size = block_size(row);
+  double* const out = y + padded_[row];
+  for (int k = row_begin_[row]; k < row_begin_[row + 1]; ++k) {
+    const auto [block, column] = places_[k];
+    const double* entry = blocks[block];
+    if (entry == nullptr) {
+      continue;
+    }
+    const int width = block_size(column);
+    const double* const x = v + padded_[column];
+    if (column <= row) {
+      for (int r = 0; r < size; ++r, entry += width) {
+        out[r] -= std::inner_product(entry, entry + width, x, 0.0);
+      }
+      continue;
+    }
+    for (int c = 0; c < width; ++c, entry += size) {
+      for (int r = 0; r < size; ++r) {
+        out[r] -= entry[r] * x[c];
+      }
+    }
+  }
+  for (int r = 0; r < size; ++r) {
+    out[r] -= diagonal[packed_[row] + r] * v[padded_[row] + r];
+  }
+}
+
+std::int64_t BlockProduct::Bytes() const {
+  return static_cast<std::int64_t>(places_.size() * sizeof(Place) +
+                                   (packed_.size() + padded_.size() + row_begin_.size()) *
+                                       sizeof(int));
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,175 @@
+#include "trust_region/iterative_model.h"
+
+#include <algorithm>
+#include <limits>
+#include <string>
+
+#include "trust_region/schur_model.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kResidualResetPeriod = 10;  // Ceres's
+
+SchurBlocks BlocksToForm(const ConjugateGradientsOptions& options) {
+  if (options.explicit_schur_complement) {
+    return SchurBlocks::kAll;
+  }
+  return options.preconditioner == PreconditionerKind::kSchurJacobi ? SchurBlocks::kDiagonal
+                                                                    : SchurBlocks::kNone;
+}
+
+// Where S is not formed all of Y is kept, for products.
+std::int64_t QuadsPerChunk(const ConjugateGradientsOptions& options) {
+  return options.explicit_schur_complement ? LandmarkIncidences::kQuadsPerChunk
+                                           : std::numeric_limits<std::int64_t>::max();
+}
+
+}  // namespace
+
+IterativeModel::IterativeModel(const SolverOptions& options, const Evaluator& evaluator,
+                               Status* status)
+    : LinearModel(evaluator),
+      options_(options.conjugate_gradients),
+      has_landmarks_(evaluator.layout().num_landmarks() > 0),
+      incidences_(evaluator, QuadsPerChunk(options_), forms_S()),
+      plans_(evaluator, incidences_, BlocksToForm(options_)),
+      hessian_(evaluator, incidences_, plans_),
+      elimination_(evaluator, incidences_, plans_, hessian_),
+      product_(plans_.pattern) {
+  *status = CheckBlockOffsets(evaluator, incidences_);
+  const BlockPattern& pattern = plans_.pattern;
+  for (std::size_t k = 0; k < plans_.block_row.size(); ++k) {
+    const double* S = elimination_.S() + pattern.value_begin[k];
+    const double* C = hessian_.FrameBlock(static_cast<int>(k));
+    blocks_.push_back(forms_S() ? S : C);
+    if (pattern.columns[k] == plans_.block_row[k]) {
+      const bool by_S = options_.preconditioner == PreconditionerKind::kSchurJacobi;
+      diagonal_blocks_.push_back(by_S ? S : C);
+    }
+  }
+  iteration_.Resize(static_cast<std::size_t>(product_.padded_offsets().back()));
+}
+
+void IterativeModel::Refresh() {
+  hessian_.Accumulate();
+  clock_->Charge(&seconds_->hessian);
+}
+
+const char* IterativeModel::SolverName() const {
+  if (!has_landmarks_) {
+    return "conjugate gradients on the normal equations";
+  }
+  return forms_S() ? "conjugate gradients on the reduced system, formed"
+                   : "conjugate gradients on the reduced system, by products";
+}
+
+Status IterativeModel::PreparePreconditioner() {
+  if (options_.preconditioner == PreconditionerKind::kIdentity) {
+    return Status::Ok();
+  }
+  const int singular =
+      inverses_.Invert(plans_.pattern.offsets, diagonal_blocks_, damping_, evaluator_.executor());
+  return singular < 0 ? Status::Ok()
+                      : Status::Error(StatusCode::kSingular,
+                                      "the preconditioner is not positive definite at frame " +
+                                          std::to_string(singular));
+}
+
+Status IterativeModel::Solve(const double* damping, double* step) {
+  const int frame_size = plans_.pattern.size();
+  damping_ = damping;
+  num_iterations_ = 0;
+  converged_ = true;
+  Status status = elimination_.Eliminate(damping + frame_size);
+  clock_->Charge(&seconds_->elimination);
+  if (status.ok() && frame_size > 0) {
+    status = PreparePreconditioner();
+    status = status.ok() ? SolveReduced(step) : status;
+    clock_->Charge(&seconds_->factorization);
+  }
+  if (!status.ok()) {
+    return status;
+  }
+  if (forms_S() && !converged_) {  // as Ceres does
+    std::fill(step + frame_size, step + Gradient().size(), 0.0);
+    return status;
+  }
+  elimination_.BackSubstitute(step, step + frame_size);
+  clock_->Charge(&seconds_->back_substitution);
+  return status;
+}
+
+// A step that took too many iterations, or met a direction without curvature, is as good as any.
+Status IterativeModel::SolveReduced(double* step) {
+  const std::vector<int>& packed = product_.packed_offsets();
+  const std::vector<int>& padded = product_.padded_offsets();
+  for (int i = 0; i < product_.num_rows(); ++i) {
+    double* const end = std::copy(elimination_.b() + packed[i], elimination_.b() + packed[i + 1],
+                                  iteration_.b() + padded[i]);
+    std::fill(end, iteration_.b() + padded[i + 1], 0.0);
+  }
+  iteration_.StartFromZero();
+  const End end = iteration_.Iterate(this, options_.max_iterations, kResidualResetPeriod);
+  num_iterations_ = static_cast<int>(iteration_.gains().size());
+  converged_ = end == End::kConverged && (num_iterations_ == 0 || IsGoodEnough(iteration_));
+  if (end == End::kBreakdown || (end == End::kConverged && !converged_)) {
+    ++num_iterations_;  // the one that cannot be
+    return Status::Error(StatusCode::kSingular,
+                         "conjugate gradients: the residual or a curvature is zero or no number");
+  }
+  num_iterations_ += end == End::kNotPositiveDefinite ? 1 : 0;
+  for (int i = 0; i < product_.num_rows(); ++i) {
+    const double* const x = iteration_.x() + padded[i];
+    std::copy(x, x + product_.block_size(i), step + packed[i]);
+  }
+  return Status::Ok();
+}
+
+void IterativeModel::SubtractProduct(const double* v, double* y) const {
+  product_.Subtract(blocks_, damping_, evaluator_.executor(), v, y);
+  if (has_landmarks_ && !forms_S()) {
+    elimination_.AddCoupled(v, y);
+  }
+}
+
+bool IterativeModel::Precondition(const double* r, double* z) {
+  if (options_.preconditioner != PreconditionerKind::kIdentity) {
+    inverses_.Apply(evaluator_.executor(), r, z);
+    return true;
+  }
+  // Ceres's identity is that of the scaled system.
+  const std::vector<int>& packed = product_.packed_offsets();
+  const std::vector<int>& padded = product_.padded_offsets();
+  for (int i = 0; i < product_.num_rows(); ++i) {
+    for (int k = 0; k < product_.block_size(i); ++k) {
+      const double s = scale_[packed[i] + k];
+      z[padded[i] + k] = s * s * r[padded[i] + k];
+    }
+    std::fill(z + padded[i] + product_.block_size(i), z + padded[i + 1], 0.0);
+  }
+  return true;
+}
+
+// ζ_k = k (Q_k − Q_{k−1}) / Q_k < η for the quadratic model Q = xᵀAx/2 − bᵀx.
+bool IterativeModel::IsGoodEnough(const ConjugateGradients& iteration) const {
+  const std::vector<double>& gains = iteration.gains();
+  const auto count = static_cast<int>(gains.size());
+  return count >= options_.min_iterations &&
+         count * gains.back() / iteration.decrease() < options_.eta;
+}
+
+void IterativeModel::Describe(WorkCounts* work) const {
+  work->num_frames = plans_.pattern.num_blocks();
+  work->reduced_size = plans_.pattern.size();
+  work->num_landmarks = incidences_.num_landmarks();
+  work->num_schur_products = static_cast<std::int64_t>(plans_.schur.terms.size());
+  work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
+                 static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() +
+                                                                  plans_.schur.terms.size()));
+  work->bytes += elimination_.Bytes() + product_.Bytes() + inverses_.Bytes() +
+                 static_cast<std::int64_t>(iteration_.Bytes());
+  CountDynamicSizes(evaluator_, work);
+}
+
+}  // namespace inceres::internal

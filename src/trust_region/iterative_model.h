@@ -1,0 +1,63 @@
+#pragma once
+
+#include <vector>
+
+#include "linear/block_inverses.h"
+#include "linear/block_product.h"
+#include "linear/conjugate_gradients.h"
+#include "linearize/hessian.h"
+#include "schur/elimination.h"
+#include "trust_region/linear_model.h"
+
+namespace inceres::internal {
+
+/// Steps by conjugate gradients, as Ceres's ITERATIVE_SCHUR takes them where the layout has
+/// landmarks, and as its CGNR does where it has none: from zero, until the quadratic model hardly
+/// gains (Nash & Sofer 1990), the residual computed anew every ten iterations.
+///
+/// S = C − Y Yᵀ is not formed, unless the options ask for that: a product with it is one with C and
+/// two passes over Y. An iteration's cost: those, and the preconditioner. Threads: those of the
+/// evaluator; the same bits for any number. Source: Agarwal et al. 2010, "Bundle Adjustment in the
+/// Large"; docs/ceres_contract.md, "Conjugate gradients".
+class IterativeModel final : public LinearModel, private ConjugateGradients::System {
+ public:
+  IterativeModel(const SolverOptions& options, const Evaluator& evaluator, Status* status);
+
+  void Refresh() override;
+  const std::vector<double>& Gradient() const override { return hessian_.gradient(); }
+  const std::vector<double>& Diagonal() const override { return hessian_.diagonal(); }
+  Status Solve(const double* damping, double* step) override;
+  const char* SolverName() const override;
+  void Describe(WorkCounts* work) const override;
+  void ScaleColumnsBy(const std::vector<double>& scale) override { scale_ = scale.data(); }
+  bool left_out_landmarks() const override { return forms_S() && !converged_; }
+  int num_iterations() const override { return num_iterations_; }
+
+ private:
+  using End = ConjugateGradients::End;
+
+  bool forms_S() const { return options_.explicit_schur_complement; }
+  Status PreparePreconditioner();
+  Status SolveReduced(double* step);
+  void SubtractProduct(const double* v, double* y) const override;
+  bool Precondition(const double* r, double* z) override;
+  bool IsGoodEnough(const ConjugateGradients& iteration) const override;
+
+  const ConjugateGradientsOptions options_;
+  const bool has_landmarks_;
+  LandmarkIncidences incidences_;
+  FramePlans plans_;
+  Hessian hessian_;
+  Elimination elimination_;
+  BlockProduct product_;
+  BlockInverses inverses_;
+  ConjugateGradients iteration_;
+  std::vector<const double*> blocks_;           // of the matrix that is multiplied, by the pattern
+  std::vector<const double*> diagonal_blocks_;  // of what is inverted, per frame
+  const double* damping_ = nullptr;
+  const double* scale_ = nullptr;
+  int num_iterations_ = 0;
+  bool converged_ = false;
+};
+
+}  // namespace inceres::internal

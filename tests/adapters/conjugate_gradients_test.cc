@@ -1,0 +1,158 @@
+// ITERATIVE_SCHUR and CGNR in exact mode next to stock Ceres: the same trace, each step after as
+// many iterations of conjugate gradients.
+#include <cmath>
+#include <memory>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "adapters/compare_with_stock.h"
+#include "adapters/test_problems.h"
+
+namespace inceres {
+namespace {
+
+using testing::BothSolved;
+using testing::TestProblem;
+
+// How far costs may lie apart, relative, for the iterations behind them to be counted the same.
+constexpr double kSameCost = 1e-9;
+
+ceres::Solver::Options Iterative(ceres::LinearSolverType type,
+                                 ceres::PreconditionerType preconditioner) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = type;
+  options.preconditioner_type = preconditioner;
+  options.max_num_iterations = 12;
+  return options;
+}
+
+std::unique_ptr<TestProblem> Bundle() {
+  return testing::MakeBundle(6, 80, /*first_camera_constant=*/true);
+}
+
+std::unique_ptr<TestProblem> Window() {
+  return testing::MakeWindow(6, 40, /*huber=*/true);
+}
+
+void InverseDepthsFirst(TestProblem* test, ceres::Solver::Options* options) {
+  options->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  for (std::vector<double>& block : test->blocks) {
+    options->linear_solver_ordering->AddElementToGroup(block.data(), block.size() == 1 ? 0 : 1);
+  }
+}
+
+// As long as the costs are stock's. Rounding grows from step to step; where it has grown to 1e-9 a
+// test of conjugate gradients may come out the other way.
+void ExpectStocksIterations(const BothSolved& both, std::size_t at_least) {
+  ASSERT_FALSE(both.report.used_stock) << both.report.fallback_reason;
+  const auto& ours = both.ours.iterations;
+  const auto& stock = both.stock.iterations;
+  std::size_t k = 0;
+  for (; k < std::min(ours.size(), stock.size()); ++k) {
+    if (std::abs(ours[k].cost - stock[k].cost) > kSameCost * stock[k].cost) {
+      break;
+    }
+    EXPECT_EQ(ours[k].linear_solver_iterations, stock[k].linear_solver_iterations) << k;
+    EXPECT_EQ(ours[k].step_is_successful, stock[k].step_is_successful) << k;
+  }
+  EXPECT_GE(k, at_least);
+  EXPECT_NEAR(both.ours.final_cost, both.stock.final_cost, 1e-3 * both.stock.final_cost);
+  EXPECT_EQ(both.ours.linear_solver_type_used, both.stock.linear_solver_type_used);
+  EXPECT_EQ(both.ours.preconditioner_type_used, both.stock.preconditioner_type_used);
+  EXPECT_EQ(both.ours.linear_solver_ordering_used, both.stock.linear_solver_ordering_used);
+}
+
+using Way = std::tuple<ceres::LinearSolverType, ceres::PreconditionerType, bool>;
+class ConjugateGradientsTrace : public ::testing::TestWithParam<Way> {
+ protected:
+  // Without a preconditioner conjugate gradients lose their digits in the first steps.
+  static std::size_t AtLeast(std::size_t count) {
+    return std::get<1>(GetParam()) == ceres::IDENTITY ? 1 : count;
+  }
+  ceres::Solver::Options Options() const {
+    ceres::Solver::Options options = Iterative(std::get<0>(GetParam()), std::get<1>(GetParam()));
+    options.use_explicit_schur_complement = std::get<2>(GetParam());
+    return options;
+  }
+};
+
+TEST_P(ConjugateGradientsTrace, IsStocksOnABundle) {
+  ExpectStocksIterations(testing::SolveBoth(Bundle, Options()), AtLeast(4));
+}
+
+TEST_P(ConjugateGradientsTrace, IsStocksInAWindowWithManifoldsLossesAndConstants) {
+  ExpectStocksIterations(testing::SolveBoth(Window, Options(), InverseDepthsFirst), AtLeast(3));
+}
+
+TEST_P(ConjugateGradientsTrace, IsStocksWithOtherLimits) {
+  ceres::Solver::Options options = Options();
+  options.eta = 1e-3;
+  options.max_linear_solver_iterations = 7;
+  ExpectStocksIterations(testing::SolveBoth(Bundle, options), AtLeast(3));
+  options.eta = 0.9;
+  options.min_linear_solver_iterations = 25;  // the residual is computed anew twice
+  options.max_linear_solver_iterations = 500;
+  ExpectStocksIterations(testing::SolveBoth(Bundle, options), AtLeast(3));
+}
+
+TEST_P(ConjugateGradientsTrace, HasTheSameBitsForTwoThreads) {
+  ceres::Solver::Options options = Options();
+  const BothSolved one = testing::SolveBoth(Bundle, options);
+  options.num_threads = 2;
+  const BothSolved two = testing::SolveBoth(Bundle, options);
+  ASSERT_EQ(one.ours.iterations.size(), two.ours.iterations.size());
+  for (std::size_t k = 0; k < one.ours.iterations.size(); ++k) {
+    EXPECT_EQ(one.ours.iterations[k].cost, two.ours.iterations[k].cost) << k;
+  }
+}
+
+std::string NameOf(const ::testing::TestParamInfo<Way>& info) {
+  return std::string(ceres::LinearSolverTypeToString(std::get<0>(info.param))) + "_" +
+         ceres::PreconditionerTypeToString(std::get<1>(info.param)) +
+         (std::get<2>(info.param) ? "_explicit" : "");
+}
+
+// Where Ceres eliminates blocks that ours cannot, poses that share no residual block, it solves.
+TEST(ConjugateGradients, LargeBlocksToEliminateAreStocks) {
+  const auto test = Window();
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  inceres::Solve(Iterative(ceres::ITERATIVE_SCHUR, ceres::JACOBI), &test->problem, &summary,
+                 SolveOptions(), &report);
+  EXPECT_TRUE(report.used_stock);
+  EXPECT_NE(report.fallback_reason.find("tangent size"), std::string::npos)
+      << report.fallback_reason;
+}
+
+// A first group of constants only leaves nothing to eliminate: Ceres takes CGNR with JACOBI.
+TEST(ConjugateGradients, WithoutAFirstGroupItIsTheNormalEquations) {
+  const auto make = [] {
+    auto test = Window();
+    for (std::vector<double>& block : test->blocks) {
+      if (block.size() == 1) {
+        test->problem.SetParameterBlockConstant(block.data());
+      }
+    }
+    return test;
+  };
+  const BothSolved both = testing::SolveBoth(
+      make, Iterative(ceres::ITERATIVE_SCHUR, ceres::SCHUR_JACOBI), InverseDepthsFirst);
+  ExpectStocksIterations(both, 3);
+  EXPECT_EQ(both.ours.linear_solver_type_used, ceres::CGNR);
+  EXPECT_EQ(both.ours.preconditioner_type_used, ceres::JACOBI);
+}
+
+INSTANTIATE_TEST_SUITE_P(Exact, ConjugateGradientsTrace,
+                         ::testing::Values(Way{ceres::ITERATIVE_SCHUR, ceres::IDENTITY, false},
+                                           Way{ceres::ITERATIVE_SCHUR, ceres::JACOBI, false},
+                                           Way{ceres::ITERATIVE_SCHUR, ceres::SCHUR_JACOBI, false},
+                                           Way{ceres::ITERATIVE_SCHUR, ceres::SCHUR_JACOBI, true},
+                                           Way{ceres::CGNR, ceres::IDENTITY, false},
+                                           Way{ceres::CGNR, ceres::JACOBI, false}),
+                         NameOf);
+
+}  // namespace
+}  // namespace inceres

@@ -1,0 +1,128 @@
+// Steps by conjugate gradients: solved to the end they are those of the factorizations, with any
+// preconditioner, with S formed or not, with landmarks and without.
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "inceres/solver/solver.h"
+#include "support/random_graph.h"
+
+namespace inceres {
+namespace {
+
+using test::BundleOptions;
+using test::MakeBundle;
+
+BundleOptions Mixed(int landmark_size) {
+  BundleOptions bundle;
+  bundle.num_frames = 10;
+  bundle.num_landmarks = 40;
+  bundle.num_views = 5;
+  bundle.landmark_sizes = {landmark_size};
+  bundle.residual_sizes = {2, 3};
+  bundle.losses = bundle.constants = bundle.hosted = true;
+  bundle.perturbation = 0.1;
+  return bundle;
+}
+
+SolverOptions ToTheEnd(LinearModelKind model, PreconditionerKind preconditioner, bool formed) {
+  SolverOptions options;
+  options.linear_model = model;
+  options.max_num_iterations = 5;
+  options.conjugate_gradients.preconditioner = preconditioner;
+  options.conjugate_gradients.explicit_schur_complement = formed;
+  options.conjugate_gradients.eta = 1e-14;
+  options.conjugate_gradients.max_iterations = 2000;
+  return options;
+}
+
+class IterativeModelTest : public ::testing::TestWithParam<int> {};  // landmark size
+
+TEST_P(IterativeModelTest, SolvedToTheEndItsStepsAreTheFactorizations) {
+  const auto direct = MakeBundle(Mixed(GetParam()));
+  SolverOptions factored;
+  factored.linear_model = LinearModelKind::kSchur;
+  factored.max_num_iterations = 5;
+  const Summary expected = Solve(factored, &direct->graph());
+  ASSERT_GE(expected.iterations.size(), 4U);
+  struct Way {
+    LinearModelKind model;
+    PreconditionerKind preconditioner;
+    bool formed;
+  };
+  for (const Way& way :
+       {Way{LinearModelKind::kIterativeSchur, PreconditionerKind::kJacobi, false},
+        Way{LinearModelKind::kIterativeSchur, PreconditionerKind::kSchurJacobi, false},
+        Way{LinearModelKind::kIterativeSchur, PreconditionerKind::kSchurJacobi, true},
+        Way{LinearModelKind::kIterativePlain, PreconditionerKind::kJacobi, false}}) {
+    const auto bundle = MakeBundle(Mixed(GetParam()));
+    const Summary summary =
+        Solve(ToTheEnd(way.model, way.preconditioner, way.formed), &bundle->graph());
+    ASSERT_EQ(summary.iterations.size(), expected.iterations.size()) << summary.message;
+    for (std::size_t k = 0; k < expected.iterations.size(); ++k) {
+      EXPECT_NEAR(summary.iterations[k].cost, expected.iterations[k].cost,
+                  1e-7 * expected.iterations[k].cost)
+          << k << ' ' << summary.reduced_solver;
+    }
+    EXPECT_GT(summary.work.num_conjugate_gradients, summary.work.num_linear_solves);
+    EXPECT_EQ(summary.work.num_steps_without_landmarks, 0);
+  }
+}
+
+TEST_P(IterativeModelTest, HasTheSameBitsForAnyNumberOfThreadsAndInASecondSolve) {
+  for (const bool formed : {false, true}) {
+    std::vector<std::vector<double>> states;
+    SolverOptions options =
+        ToTheEnd(LinearModelKind::kIterativeSchur, PreconditionerKind::kSchurJacobi, formed);
+    options.conjugate_gradients.eta = 0.1;
+    Solver solver;
+    for (const int num_threads : {1, 2, 4, 4}) {
+      const auto bundle = MakeBundle(Mixed(GetParam()));
+      options.num_threads = num_threads;
+      const Summary summary = solver.Solve(options, &bundle->graph());
+      ASSERT_NE(summary.termination, Termination::kFailure) << summary.message;
+      states.push_back(bundle->graph().state());
+    }
+    EXPECT_EQ(states[0], states[1]);
+    EXPECT_EQ(states[0], states[2]);
+    EXPECT_EQ(states[0], states[3]);
+  }
+}
+
+TEST_P(IterativeModelTest, StepsThatTakeTooLongAreUsedAndTold) {
+  const auto bundle = MakeBundle(Mixed(GetParam()));
+  SolverOptions options =
+      ToTheEnd(LinearModelKind::kIterativeSchur, PreconditionerKind::kSchurJacobi, true);
+  options.conjugate_gradients.max_iterations = 1;
+  const Summary formed = Solve(options, &bundle->graph());
+  EXPECT_EQ(formed.work.num_steps_without_landmarks, formed.work.num_linear_solves);
+  EXPECT_LT(formed.final_cost, formed.initial_cost);
+  options.conjugate_gradients.explicit_schur_complement = false;
+  const Summary by_products = Solve(options, &MakeBundle(Mixed(GetParam()))->graph());
+  EXPECT_EQ(by_products.work.num_steps_without_landmarks, 0);
+  EXPECT_LT(by_products.final_cost, by_products.initial_cost);
+}
+
+INSTANTIATE_TEST_SUITE_P(LandmarkSizes, IterativeModelTest, ::testing::Values(1, 2, 3, 4));
+
+TEST(IterativeModelOptions, TellWhatDoesNotGoTogether) {
+  SolverOptions options;
+  options.linear_model = LinearModelKind::kIterativeSchur;
+  options.strategy = TrustRegionStrategyKind::kDogleg;
+  EXPECT_NE(options.Validate().message.find("strategy"), std::string::npos);
+  options.strategy = TrustRegionStrategyKind::kLevenbergMarquardt;
+  EXPECT_TRUE(options.Validate().ok());
+  options.conjugate_gradients.explicit_schur_complement = true;
+  EXPECT_NE(options.Validate().message.find("explicit_schur_complement"), std::string::npos);
+  options.conjugate_gradients.explicit_schur_complement = false;
+  options.conjugate_gradients.max_iterations = 0;
+  EXPECT_NE(options.Validate().message.find("max_iterations"), std::string::npos);
+  options.conjugate_gradients.max_iterations = 500;
+  options.conjugate_gradients.eta = std::nan("");
+  EXPECT_NE(options.Validate().message.find("eta"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace inceres
