@@ -37,6 +37,7 @@
 #include "inceres/problem/rotation.h"
 #include "inceres/solver/callbacks.h"
 #include "inceres/solver/covariance.h"
+#include "inceres/solver/gnc.h"
 #include "inceres/solver/incremental_options.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/linear_prior.h"

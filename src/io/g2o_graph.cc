@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdlib>
+#include <numeric>
 #include <utility>
 
 #include "inceres/factors/pose_prior.h"
@@ -32,6 +34,32 @@ Status Convert(const PoseGraph& poses, Family* family) {
 }
 
 }  // namespace
+
+std::vector<int> VerticesById(const PoseGraph& poses) {
+  std::vector<int> order(poses.ids.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&poses](int a, int b) {
+    return poses.ids[static_cast<std::size_t>(a)] < poses.ids[static_cast<std::size_t>(b)];
+  });
+  return order;
+}
+
+std::vector<int> LoopEdges(const PoseGraph& poses) {
+  const std::vector<int> order = VerticesById(poses);
+  std::vector<int> position(order.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    position[static_cast<std::size_t>(order[i])] = static_cast<int>(i);
+  }
+  std::vector<int> loops;
+  for (std::size_t i = 0; i < poses.edges.size(); ++i) {
+    const int from = position[static_cast<std::size_t>(poses.edges[i].from)];
+    const int to = position[static_cast<std::size_t>(poses.edges[i].to)];
+    if (std::abs(from - to) != 1) {
+      loops.push_back(static_cast<int>(i));
+    }
+  }
+  return loops;
+}
 
 bool ToMeasurement(const PoseGraphEdge& edge, PlanarRelativePoseFamily::Measurement* measurement) {
   std::copy_n(edge.measurement.begin(), 3, measurement->motion);

@@ -21,7 +21,19 @@ struct G2oGraph {
   FamilyHandle<PlanarRelativePoseFamily> planar;
   /// Of spatial graphs: factor i is edge i, its slots `to` and `from`.
   FamilyHandle<RelativePoseFamily> spatial;
+
+  /// The factor that edge i has become.
+  FactorId EdgeFactor(int edge) const {
+    return {planar.id >= 0 ? planar.id : spatial.id, edge, -1};
+  }
 };
+
+/// The vertices in the order of their ids, which is that of a trajectory.
+INCERES_EXPORT std::vector<int> VerticesById(const PoseGraph& poses);
+
+/// The edges, ascending, that are no odometry: those that do not join a vertex to the next one by
+/// id. What robust methods suspect, the rest being known to be right.
+INCERES_EXPORT std::vector<int> LoopEdges(const PoseGraph& poses);
 
 /// An edge as a factor of slots from, to. False if its information is not positive definite.
 [[nodiscard]] INCERES_EXPORT bool ToMeasurement(const PoseGraphEdge& edge,
