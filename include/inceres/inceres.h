@@ -20,6 +20,7 @@
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/point_observation.h"
 #include "inceres/factors/point_reprojection.h"
+#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
 #include "inceres/factors/stereo_reprojection.h"

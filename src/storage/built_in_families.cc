@@ -10,6 +10,7 @@
 #include "inceres/factors/inverse_depth_reprojection.h"
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/point_reprojection.h"
+#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
 #include "inceres/factors/stereo_reprojection.h"
@@ -143,6 +144,15 @@ void AddPoseFamilies(GraphFormats* formats) {
         writer->WriteInt(static_cast<std::int32_t>(family.side()));
       },
       [](GraphReader* reader) { return std::make_shared<PosePriorFamily>(ReadSide(reader)); });
+  Add<PoseEdgeFamily>(
+      "pose_edge", formats,
+      [](const PoseEdgeFamily& family, GraphWriter* writer) {
+        writer->WriteInt(static_cast<std::int32_t>(family.convention()));
+      },
+      [](GraphReader* reader) {
+        return std::make_shared<PoseEdgeFamily>(
+            reader->ReadEnum(PoseErrorConvention::kGtsam, "the convention of the error"));
+      });
   Add<CenterDistanceFamily>(
       "center_distance", formats,
       [](const CenterDistanceFamily& family, GraphWriter* writer) {

@@ -23,7 +23,7 @@ SECTIONS = {
     "Solving a ceres::Problem": ["SolveOptions", "SessionOptions", "CrossCheckOptions"],
     "Visual-inertial estimation": ["SlidingWindowOptions", "ImuOptions", "ImuNoise",
                                    "ImuConventions"],
-    "Files": ["ReadOptions", "GraphReadOptions", "KeyframeGraphOptions"],
+    "Files": ["ReadOptions", "GraphReadOptions", "PoseGraphOptions", "KeyframeGraphOptions"],
 }
 HEAD = """# Options
 

@@ -25,7 +25,7 @@ INCERES_EXPORT Status StartAlongSpanningTree(PoseGraph* graph);
 ///
 ///     planar:  min Σ κ |z_j − z_i z_ij|²                    z = e^{iθ} without |z| = 1
 ///     spatial: min Σ κ ‖R_j − R_i R_ij‖²_F                  R without RᵀR = I, each then projected
-///     both:    min Σ ‖U_t R_iᵀ (p_j − p_i − R_i p_ij)‖²     U_tᵀU_t the information of the position
+///     both:    min Σ ‖U_t R_iᵀ (p_j − p_i − R_i p_ij)‖²    U_tᵀU_t the information of the position
 ///
 /// κ is d/(2 tr Σ_R) of the rotation's own information (d = 3), or the inverse variance of the
 /// angle. Linear and exact without noise; with noise in every loop it mostly ends in the basin of
