@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <memory>
 #include <utility>
 
@@ -17,6 +18,13 @@ namespace {
 // Verdicts that go round in a circle, because factors at the threshold decide about each other, are
 // left as they are after so many rounds.
 constexpr int kMaxLastRounds = 10;
+
+// Squared errors, in thresholds, up to which suspects that were left out are tried once more: what
+// a wrong inlier has displaced is near, what is wrong itself is far.
+constexpr double kSecondLooks[] = {4.0, 16.0, 64.0, 256.0};
+
+// Of the cost: less is no gain.
+constexpr double kLeastGain = 1e-6;
 
 // Of the suspects: with more of them at weight zero, leaving their blocks out of H pays.
 constexpr double kSparseShare = 0.05;
@@ -63,6 +71,9 @@ class GncMinimizer {
   bool Settle();
   int SetWeights(bool last);
   double Largest() const;
+  void LookAgain();
+  bool TryWith(double limit);
+  double TruncatedCost() const;
   void Judge();
   double Ratio(std::size_t k) const { return squared_errors_[k] / thresholds_[k]; }
 
@@ -203,6 +214,64 @@ bool GncMinimizer::Settle() {
   return true;
 }
 
+// What truncated least squares minimizes: ½ Σ min(‖f‖², c²), and the other factors.
+double GncMinimizer::TruncatedCost() const {
+  double cost = summary_.final_cost;
+  for (std::size_t k = 0; k < weights_.size(); ++k) {
+    cost += 0.5 * (1.0 - weights_[k]->weight) * thresholds_[k];
+  }
+  return cost;
+}
+
+// Solves with the suspects that were left out with errors up to a limit as inliers, and lets the
+// weights settle from there. True if that costs less; else everything is as it was.
+bool GncMinimizer::TryWith(double limit) {
+  const double cost = TruncatedCost();
+  const std::vector<double> state = graph_.state();
+  const std::vector<double> errors = squared_errors_;
+  const GncSummary before = summary_;
+  std::vector<double> weights;
+  for (std::size_t k = 0; k < weights_.size(); ++k) {
+    weights.push_back(weights_[k]->weight);
+    weights_[k]->weight = Ratio(k) <= limit ? 1.0 : 0.0;
+  }
+  if (SolveWeighted(/*last=*/true) && Settle() && TruncatedCost() < cost * (1.0 - kLeastGain)) {
+    return true;
+  }
+  graph_.mutable_state() = state;
+  squared_errors_ = errors;
+  for (std::size_t k = 0; k < weights_.size(); ++k) {
+    weights_[k]->weight = weights[k];
+  }
+  const std::vector<GncRound> rounds = std::move(summary_.rounds);
+  const int num_iterations = summary_.num_iterations;
+  summary_ = before;  // but for the work that it took
+  summary_.rounds = rounds;
+  summary_.num_iterations = num_iterations;
+  return false;
+}
+
+// A wrong suspect that was taken for right keeps a few right ones out, whose errors are then small
+// compared to those of wrong ones. Every step down begins anew; a limit below which nobody new is
+// found costs nothing.
+void GncMinimizer::LookAgain() {
+  int num_tried = 0;
+  for (std::size_t i = 0; i < std::size(kSecondLooks);) {
+    int num_near = 0;
+    for (std::size_t k = 0; k < weights_.size(); ++k) {
+      num_near += weights_[k]->weight == 0.0 && Ratio(k) <= kSecondLooks[i] ? 1 : 0;
+    }
+    const bool fits = static_cast<int>(summary_.rounds.size()) + 2 <= options_.max_rounds;
+    if (num_near > num_tried && fits && TryWith(kSecondLooks[i])) {
+      i = 0;
+      num_tried = 0;
+    } else {
+      num_tried = std::max(num_tried, num_near);
+      ++i;
+    }
+  }
+}
+
 void GncMinimizer::Judge() {
   for (std::size_t k = 0; k < suspects_.size(); ++k) {
     const bool inlier = squared_errors_[k] <= thresholds_[k];
@@ -215,6 +284,9 @@ void GncMinimizer::Judge() {
 void GncMinimizer::Minimize() {
   summary_.termination = Termination::kNoConvergence;
   if (SolveWeighted(/*last=*/false) && Graduate() && Settle()) {
+    if (options_.kernel == GncKernel::kTruncatedLeastSquares) {
+      LookAgain();
+    }
     Judge();
   }
 }

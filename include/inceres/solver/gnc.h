@@ -111,7 +111,9 @@ struct INCERES_EXPORT GncSummary {
 ///     Geman–McClure:           w = (μ/(s + μ))²
 ///
 /// μ begins at 1/(2 s_max − 1), or 2 s_max. At the end of truncated least squares every weight is 0
-/// or 1 and agrees with the verdict.
+/// or 1 and agrees with the verdict; then suspects that were left out with errors up to 4, 16, 64
+/// and 256 thresholds are tried as inliers, and what costs less is kept: a wrong suspect that was
+/// taken for right early keeps right ones out.
 ///
 /// All other factors are *known inliers*, as odometry is: they keep weight and loss. The suspects'
 /// own losses are replaced: on a usable solution they are left as ScaledLoss(nullptr, w), so that a
