@@ -127,6 +127,13 @@ double LivingGnc::Impl::NextWeight(Suspect* suspect, double s) const {
     return suspect->schedule.LastWeight(s);
   }
   suspect->schedule.Advance();
+  // A right one is drawn in by the first round or two: from there on it is as one that comes with
+  // the error it has now.
+  if (truncated && s <= 1.0) {
+    suspect->phase = Phase::kSettled;
+    return 1.0;
+  }
+  suspect->schedule.SkipTo(s);
   const double weight = suspect->schedule.Weight(s);
   const bool decided = truncated ? weight == 0.0 || weight == 1.0 : suspect->schedule.IsLast();
   suspect->phase = decided ? Phase::kSettled : Phase::kOpen;
