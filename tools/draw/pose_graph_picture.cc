@@ -77,11 +77,16 @@ template <typename Wanted>
 void AppendEdges(const char* style, const PanelView& view, const PoseGraph& graph,
                  const Wanted& wanted, std::string* svg) {
   AppendFormat(svg, "<path class=\"%s\" d=\"", style);
+  int at = -1;  // where the pen is
   for (std::size_t i = 0; i < graph.edges.size(); ++i) {
     if (wanted(i)) {
       const double* a = graph.PoseData(graph.edges[i].from);
       const double* b = graph.PoseData(graph.edges[i].to);
-      AppendFormat(svg, "M%.1f %.1fL%.1f %.1f", view.X(a), view.Y(a), view.X(b), view.Y(b));
+      if (graph.edges[i].from != at) {
+        AppendFormat(svg, "M%.1f %.1f", view.X(a), view.Y(a));
+      }
+      AppendFormat(svg, "L%.1f %.1f", view.X(b), view.Y(b));
+      at = graph.edges[i].to;
     }
   }
   *svg += "\"/>\n";
