@@ -17,6 +17,7 @@
 #include "inceres/factors/imu_factor.h"
 #include "inceres/factors/imu_preintegrator.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/landmark_position.h"
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/point_observation.h"
 #include "inceres/factors/point_reprojection.h"

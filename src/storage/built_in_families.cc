@@ -8,6 +8,7 @@
 #include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/center_distance.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/landmark_position.h"
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/point_reprojection.h"
 #include "inceres/factors/pose_edge.h"
@@ -138,6 +139,17 @@ void AddPoseFamilies(GraphFormats* formats) {
   AddPlainFamily<RelativePoseFamily>("relative_pose", formats);
   AddPlainFamily<PlanarRelativePoseFamily>("planar_relative_pose", formats);
   AddPlainFamily<SpeedBiasPriorFamily>("speed_bias_prior", formats);
+  AddPlainFamily<SpatialLandmarkFamily>("spatial_landmark", formats);
+  AddPlainFamily<PositionPriorFamily>("position_prior", formats);
+  Add<PlanarLandmarkFamily>(
+      "planar_landmark", formats,
+      [](const PlanarLandmarkFamily& family, GraphWriter* writer) {
+        writer->WriteInt(static_cast<std::int32_t>(family.sighting()));
+      },
+      [](GraphReader* reader) {
+        return std::make_shared<PlanarLandmarkFamily>(
+            reader->ReadEnum(PlanarSighting::kRangeBearing, "the kind of sighting"));
+      });
   Add<PosePriorFamily>(
       "pose_prior", formats,
       [](const PosePriorFamily& family, GraphWriter* writer) {

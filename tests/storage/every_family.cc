@@ -17,6 +17,7 @@
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/imu_factor.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/landmark_position.h"
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/point_reprojection.h"
 #include "inceres/factors/pose_edge.h"
@@ -105,6 +106,9 @@ class Maker {
     AddPlain<PosePriorFamily>(Perturbation::kLeft);
     AddPlain<SpeedBiasPriorFamily>();
     AddPlain<RelativePoseFamily>();
+    AddPlain<PlanarLandmarkFamily>(PlanarSighting::kRangeBearing);
+    AddPlain<SpatialLandmarkFamily>();
+    AddPlain<PositionPriorFamily>();
     AddPlain<PoseEdgeFamily>(PoseErrorConvention::kG2o);
     AddPlain<StereoReprojectionFamily>(StereoCamera{400.0, 410.0, 320.0, 240.0, 0.2},
                                        LandmarkKind::kHomogeneous);
