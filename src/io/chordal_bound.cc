@@ -151,11 +151,11 @@ class ChordalForm {
 
   // f, and M − Λ without the first vertex's position: Λ_i is the symmetric part of (M Xᵀ)_i R_i.
   double Subtract(const MatrixXd& X, SparseMatrix* S) const {
-    const MatrixXd MX = M_ * X.transpose();
+    const MatrixXd image = M_ * X.transpose();
     std::vector<Eigen::Triplet<double>> entries;
     for (Index i = 0; i < n_; ++i) {
       const Index first = i * (d_ + 1) + 1;
-      const MatrixXd product = MX.middleRows(first, d_) * X.middleCols(first, d_);
+      const MatrixXd product = image.middleRows(first, d_) * X.middleCols(first, d_);
       const MatrixXd multiplier = 0.5 * (product + product.transpose());
       for (Index r = 0; r < d_; ++r) {
         for (Index c = 0; c < d_; ++c) {
@@ -167,7 +167,7 @@ class ChordalForm {
     minus_multipliers.setFromTriplets(entries.begin(), entries.end());
     const SparseMatrix full = M_ + minus_multipliers;
     *S = full.bottomRightCorner(full.rows() - 1, full.cols() - 1);
-    return (X * MX).trace();
+    return (X * image).trace();
   }
 
  private:

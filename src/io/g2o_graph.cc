@@ -67,6 +67,7 @@ FamilyHandle<Family> ConnectEdges(const PoseGraph& poses, const PoseGraphOptions
 
 std::vector<VariableId> AddVertices(const PoseGraph& poses, FactorGraph* graph) {
   std::vector<VariableId> variables;
+  variables.reserve(poses.ids.size());
   const auto manifold = poses.dimension == 2 ? nullptr : std::make_shared<PoseManifold>();
   for (int i = 0; i < poses.NumVertices(); ++i) {
     variables.push_back(

@@ -79,11 +79,10 @@ void PutG2oEdge(const PoseGraph& graph, const PoseGraphEdge& edge, TextWriter* w
   for (int k = 0; k < graph.PoseSize(); ++k) {
     writer->Put(edge.measurement[static_cast<std::size_t>(k)], ' ');
   }
-  const int size = graph.TangentSize();
-  for (int r = 0; r < size; ++r) {
-    for (int c = r; c < size; ++c) {
-      writer->Put(edge.information[static_cast<std::size_t>(r * size + c)],
-                  r + 1 == size ? '\n' : ' ');
+  const auto size = static_cast<std::size_t>(graph.TangentSize());
+  for (std::size_t r = 0; r < size; ++r) {
+    for (std::size_t c = r; c < size; ++c) {
+      writer->Put(edge.information[r * size + c], r + 1 == size ? '\n' : ' ');
     }
   }
 }

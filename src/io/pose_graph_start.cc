@@ -20,7 +20,7 @@ namespace inceres {
 namespace {
 
 using internal::LinearDifferenceFamily;
-using MatrixXd = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 6, 6>;
+using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 6, 6>;
 using Matrix3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 // Of the edges: with more of them at weight zero, leaving their blocks out of H pays.
@@ -143,7 +143,8 @@ Status ChordalStart::Impl::Check(const std::vector<double>& weights) const {
 // (Rosen et al., "SE-Sync", IJRR 2019, section 3.1).
 double ChordalStart::Impl::RotationWeight(const PoseGraphEdge& edge) const {
   const Eigen::Index size = graph_.TangentSize();
-  const MatrixXd information = Eigen::Map<const MatrixXd>(edge.information.data(), size, size);
+  const SmallMatrix information =
+      Eigen::Map<const SmallMatrix>(edge.information.data(), size, size);
   if (d_ == 2) {
     return information(2, 2);
   }
@@ -211,15 +212,16 @@ void ChordalStart::Impl::MeasurePositions() {
   const Eigen::Index size = graph_.TangentSize();
   for (std::size_t i = 0; i < graph_.edges.size(); ++i) {
     const PoseGraphEdge& edge = graph_.edges[i];
-    const MatrixXd information = Eigen::Map<const MatrixXd>(edge.information.data(), size, size);
-    const MatrixXd position = information.topLeftCorner(d_, d_);
-    MatrixXd U(d_, d_);
+    const SmallMatrix information =
+        Eigen::Map<const SmallMatrix>(edge.information.data(), size, size);
+    const SmallMatrix position = information.topLeftCorner(d_, d_);
+    SmallMatrix U(d_, d_);
     if (!SqrtInformation(position.data(), d_, U.data())) {
       U.setIdentity();
     }
-    const MatrixXd R = R_[static_cast<std::size_t>(edge.from)].topLeftCorner(d_, d_);
+    const SmallMatrix R = R_[static_cast<std::size_t>(edge.from)].topLeftCorner(d_, d_);
     const Eigen::VectorXd t = R * Eigen::Map<const Eigen::VectorXd>(edge.measurement.data(), d_);
-    const MatrixXd whiten = std::sqrt(Weight(i)) * U * R.transpose();
+    const SmallMatrix whiten = std::sqrt(Weight(i)) * U * R.transpose();
     LinearDifferenceFamily::Measurement& m = positions_.at(static_cast<int>(i));
     for (int r = 0; r < d_; ++r) {
       m.t[r] = t[r];
