@@ -25,8 +25,9 @@ ARROWS = {
     "trust_region": ["schur", "linear", "solver"],
     "marginal": ["schur", "linear", "solver"],
     "incremental": ["trust_region", "marginal"],
+    "robust": ["incremental"],
     "estimator": ["incremental", "factors"],
-    "io": ["factors", "problem"],
+    "io": ["factors", "problem", "solver"],
     "storage": ["io", "factors", "solver"],
 }
 # The same within adapters/ceres, between what lies in a folder there; what lies beside them may include them all.

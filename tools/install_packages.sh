@@ -13,7 +13,7 @@ set -euo pipefail
 packages=(
   build-essential cmake ninja-build git pkg-config file curl python3 ca-certificates
   libceres-dev libeigen3-dev libsuitesparse-dev libmetis-dev libtbb-dev libopenblas0-serial libopenblas-serial-dev
-  libgoogle-glog-dev libgflags-dev nlohmann-json3-dev zlib1g-dev libbz2-dev
+  libgoogle-glog-dev libgflags-dev nlohmann-json3-dev zlib1g-dev libbz2-dev libspectra-dev
   libgtest-dev libgmock-dev libbenchmark-dev
   clang-format clang-tidy
   help2man groff-base

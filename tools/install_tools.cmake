@@ -1,6 +1,6 @@
 # Installs what users run, with a man page each where there is help2man to make one. The fuzzer
 # has a man page, and stays: it judges the build that it is part of.
-set(installed_tools bal_solve ab_compare covariance_compare replay bal_generate vio_simulate)
+set(installed_tools bal_solve pose_graph_solve ab_compare covariance_compare replay bal_generate vio_simulate)
 if(TARGET living_problem)
   list(APPEND installed_tools living_problem)
 endif()

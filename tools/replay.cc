@@ -38,6 +38,9 @@ DEFINE_bool(stock_autodiff, false,
 DEFINE_bool(stock, true,
             "Let stock Ceres play too. Without it the report is ours alone, and no optimum is "
             "sought unless --optimum is given.");
+DEFINE_bool(gnc, false,
+            "g2o only, with --mode incremental --nostock: find wrong loops by graduated "
+            "non-convexity on the graph that lives on (LivingGnc); the last line tells how many.");
 DEFINE_bool(flat, false,
             "Also compare the cost of a step around step 200 with that of the last hundred steps.");
 DEFINE_int32(steps, 0, "Stop after this many steps; 0: play all.");
@@ -93,8 +96,15 @@ const ToolHelp kHelp = {
       "replay --problem bal:problem.txt --no_priors --free_intrinsics --steps 20"},
      {"keyframes against stock as its users write it, for programs",
       "replay --problem kf:fr3_office.kf --stock_autodiff --json report.json"},
+     {"wrong loops among right ones, found as they come",
+      "replay --problem g2o:M3500.g2o --nostock --gnc --outliers 0.2 --seed 3"},
      {"whether a step of a long path costs what one of a short path does",
       "replay --problem path:2000 --nostock --flat"}}};
+
+bool FindOptimum() {
+  return FLAGS_optimum &&
+         (FLAGS_stock || !gflags::GetCommandLineFlagInfoOrDie("optimum").is_default);
+}
 
 Status CheckFlags() {
   if (FLAGS_mode != "exact" && FLAGS_mode != "incremental") {
@@ -113,6 +123,12 @@ Status CheckFlags() {
                                               true, &ignored);
       !status.ok()) {
     return status;
+  }
+  if (FLAGS_gnc && (FLAGS_mode != "incremental" || FLAGS_stock || FindOptimum())) {
+    return Invalid("--gnc: needs --mode incremental and --nostock: its weights are its own");
+  }
+  if (FLAGS_gnc && FLAGS_problem.compare(0, 4, "g2o:") != 0) {
+    return Invalid("--gnc is for g2o: problems only");
   }
   if (FLAGS_structure_step > 0 && (FLAGS_mode != "incremental" || !WantsJson())) {
     return Invalid("--structure_step: needs --mode incremental and --json");
@@ -139,6 +155,7 @@ ReplaySettings Settings(const ReplayScript& script) {
   settings.function_tolerance = FLAGS_function_tolerance;
   settings.gradient_tolerance = FLAGS_gradient_tolerance;
   settings.parameter_tolerance = FLAGS_parameter_tolerance;
+  settings.gnc = FLAGS_gnc;
   return settings;
 }
 
@@ -156,11 +173,6 @@ void PrintRow(const ReplayRow& row) {
   }
 }
 
-bool FindOptimum() {
-  return FLAGS_optimum &&
-         (FLAGS_stock || !gflags::GetCommandLineFlagInfoOrDie("optimum").is_default);
-}
-
 ReplayContext Context(const ReplayScript& script, const ReplaySolver& ours,
                       const ReplaySolver* stock) {
   ReplayContext context;
@@ -176,10 +188,27 @@ ReplayContext Context(const ReplayScript& script, const ReplaySolver& ours,
   return context;
 }
 
+// What was found of the loops of the last step, which are all that came.
+void PrintVerdicts(const std::vector<ReplayRow>& rows) {
+  std::int64_t counts[4] = {};
+  const char* const names[4] = {"num_wrong_found", "num_wrong", "num_right_lost", "num_suspects"};
+  for (const auto& [name, count] : rows.back().ours.outcome.work) {
+    for (int k = 0; k < 4; ++k) {
+      counts[k] = name == names[k] ? count : counts[k];
+    }
+  }
+  std::fprintf(Out(), "wrong loops found: %lld of %lld; right ones lost: %lld of %lld\n",
+               static_cast<long long>(counts[0]), static_cast<long long>(counts[1]),
+               static_cast<long long>(counts[2]), static_cast<long long>(counts[3] - counts[1]));
+}
+
 Status Report(const ReplayContext& context, const ReplaySummary& summary,
               const std::vector<ReplayRow>& rows,
               const std::optional<ReducedStructure>& structure) {
   std::fputs(ReplaySummaryText(context, summary).c_str(), Out());
+  if (FLAGS_gnc && !rows.empty()) {
+    PrintVerdicts(rows);
+  }
   nlohmann::json json = WantsJson() ? ReplayJson(context, summary, rows) : nlohmann::json();
   if (FLAGS_flat) {
     const ReplayFlatness flatness = MeasureFlatness(rows);
@@ -216,8 +245,8 @@ int Play(const ReplayScript& script) {
       structure = ours->Structure();
     }
   };
-  Status status = RunReplay(script, {FLAGS_steps, FindOptimum()}, ours.get(), stock.get(), &judge,
-                            look_at, &rows);
+  Status status = RunReplay(script, {FLAGS_steps, FindOptimum(), !FLAGS_gnc}, ours.get(),
+                            stock.get(), &judge, look_at, &rows);
   if (!status.ok()) {
     return Fail(kExitFailure, status.message);
   }

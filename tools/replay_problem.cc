@@ -18,6 +18,7 @@
 #include "tools/command_line/output.h"
 #include "tools/command_line/read_flags.h"
 #include "tools/command_line/read_progress.h"
+#include "tools/pose_graph/pose_graph_run.h"
 #include "tools/replay/replay_scripts.h"
 #include "tools/replay/vio_source.h"
 
@@ -34,8 +35,13 @@ DEFINE_bool(
 DEFINE_bool(
     loops, false,
     "path only: the path comes back to a place seen before once a lap and sees old points again.");
-DEFINE_int32(seed, 1,
-             "bal and path only: seed of the noise on start values, and of the path; at least 0.");
+DEFINE_int32(
+    seed, 1,
+    "bal, path, and g2o with --outliers: seed of the noise on start values, of the path, or "
+    "of the wrong loops; at least 0.");
+DEFINE_double(outliers, 0.0,
+              "g2o only: add wrong loops, so many that they are this share of all loops, from the "
+              "same pairs as pose_graph_solve does. At least 0, below 1.");
 
 namespace inceres::tools {
 namespace {
@@ -45,8 +51,15 @@ Status CheckKind(const std::string& kind) {
   if (FLAGS_seed < 0) {
     return Invalid("--seed " + std::to_string(FLAGS_seed) + ": must be at least 0");
   }
+  if (!(FLAGS_outliers >= 0.0 && FLAGS_outliers < 1.0)) {
+    return Invalid("--outliers must be at least 0 and below 1");
+  }
+  if (kind != "g2o" && FLAGS_outliers > 0.0) {
+    return Invalid("--outliers is for g2o: problems only");
+  }
+  const bool seed_is_of_use = FLAGS_seed == 1 || FLAGS_outliers > 0.0;
   if (kind != "bal" && kind != "path" &&
-      (FLAGS_free_intrinsics || FLAGS_no_priors || FLAGS_seed != 1)) {
+      (FLAGS_free_intrinsics || FLAGS_no_priors || !seed_is_of_use)) {
     return Invalid(
         "--free_intrinsics, --no_priors and --seed are for bal: and path: problems only");
   }
@@ -113,8 +126,17 @@ Status MakePoseGraphScript(const std::string& path, ReplayScript* script) {
   if (status.ok() && graph.NumVertices() < 2) {
     status = Status::Error(StatusCode::kIo, path + ": a replay needs two or more poses");
   }
+  const int first_wrong_edge = static_cast<int>(graph.edges.size());
+  if (status.ok() && FLAGS_outliers > 0.0) {
+    PoseGraphPlan plan;
+    plan.solver.strategy = TrustRegionStrategyKind::kDogleg;
+    plan.outliers = FLAGS_outliers;
+    plan.seed = static_cast<std::uint64_t>(FLAGS_seed);
+    PoseGraph reference;
+    status = WithWrongLoops(plan, &graph, &reference);
+  }
   if (status.ok()) {
-    status = MakePoseGraphReplay(graph, script);
+    status = MakePoseGraphReplay(graph, script, first_wrong_edge);
     // What is wrong is in the file, not in the flags.
     status = status.ok() ? status : Status::Error(StatusCode::kIo, path + ": " + status.message);
   }

@@ -1,8 +1,13 @@
 #include "inceres/io/g2o_graph.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <cstdlib>
+#include <numeric>
 #include <utility>
+
+#include <Eigen/Eigenvalues>
 
 #include "inceres/factors/pose_prior.h"
 #include "inceres/problem/manifolds.h"
@@ -11,14 +16,23 @@
 namespace inceres {
 namespace {
 
+// Of the largest: what ProjectInformation leaves at least.
+constexpr double kLeastEigenvalue = 1e-9;
+
 // The edges as measurements; all or, with the culprit's message, none.
-template <typename Family>
-Status Convert(const PoseGraph& poses, Family* family) {
+template <typename Family, typename Make>
+Status ConvertEdges(const PoseGraph& poses, const PoseGraphOptions& options, const Make& make,
+                    Family* family) {
   family->Reserve(static_cast<int>(poses.edges.size()));
   for (std::size_t i = 0; i < poses.edges.size(); ++i) {
-    const PoseGraphEdge& edge = poses.edges[i];
+    PoseGraphEdge edge = poses.edges[i];
     typename Family::Measurement measurement;
-    if (!ToMeasurement(edge, &measurement)) {
+    bool made = make(edge, &measurement);
+    if (!made && options.indefinite == IndefiniteInformation::kProject) {
+      made = ProjectInformation(edge.information.data(), poses.TangentSize()) &&
+             make(edge, &measurement);
+    }
+    if (!made) {
       return Status::Error(StatusCode::kInvalidArgument,
                            "edge " + std::to_string(i) + ", from vertex " +
                                std::to_string(poses.ids[static_cast<std::size_t>(edge.from)]) +
@@ -31,7 +45,80 @@ Status Convert(const PoseGraph& poses, Family* family) {
   return Status::Ok();
 }
 
+// Whether the position's error stands in the axes of the measured pose.
+bool IsInMeasuredAxes(PoseErrorConvention convention) {
+  return convention == PoseErrorConvention::kG2o || convention == PoseErrorConvention::kGtsam;
+}
+
+// The factors of the edges, in slots from, to or the other way around.
+template <typename Family>
+FamilyHandle<Family> ConnectEdges(const PoseGraph& poses, const PoseGraphOptions& options,
+                                  const std::vector<VariableId>& variables, bool from_first,
+                                  const std::shared_ptr<Family>& family, FactorGraph* graph) {
+  const FamilyHandle<Family> handle = graph->AddFamily(family);
+  for (const PoseGraphEdge& edge : poses.edges) {
+    const VariableId from = variables[static_cast<std::size_t>(edge.from)];
+    const VariableId to = variables[static_cast<std::size_t>(edge.to)];
+    const VariableId ends[] = {from_first ? from : to, from_first ? to : from};
+    graph->Connect(handle.id, ends, options.loss);
+  }
+  return handle;
+}
+
+std::vector<VariableId> AddVertices(const PoseGraph& poses, FactorGraph* graph) {
+  std::vector<VariableId> variables;
+  variables.reserve(poses.ids.size());
+  const auto manifold = poses.dimension == 2 ? nullptr : std::make_shared<PoseManifold>();
+  for (int i = 0; i < poses.NumVertices(); ++i) {
+    variables.push_back(
+        graph->AddVariable(poses.PoseData(i), poses.PoseSize(), Role::kFrame, manifold));
+  }
+  for (const int vertex : poses.fixed) {
+    graph->SetConstant(variables[static_cast<std::size_t>(vertex)], true);
+  }
+  return variables;
+}
+
+// A family of the edges' measurements, all or none, then its factors.
+template <typename Family, typename Make>
+Status AddEdges(const PoseGraph& poses, const PoseGraphOptions& options, bool from_first,
+                const std::shared_ptr<Family>& family, const Make& make, FactorGraph* graph,
+                std::vector<VariableId>* variables, FamilyHandle<Family>* handle) {
+  Status status = ConvertEdges(poses, options, make, family.get());
+  if (status.ok()) {
+    *variables = AddVertices(poses, graph);
+    *handle = ConnectEdges(poses, options, *variables, from_first, family, graph);
+  }
+  return status;
+}
+
 }  // namespace
+
+std::vector<int> VerticesById(const PoseGraph& poses) {
+  std::vector<int> order(poses.ids.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&poses](int a, int b) {
+    return poses.ids[static_cast<std::size_t>(a)] < poses.ids[static_cast<std::size_t>(b)];
+  });
+  return order;
+}
+
+std::vector<int> LoopEdges(const PoseGraph& poses) {
+  const std::vector<int> order = VerticesById(poses);
+  std::vector<int> position(order.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    position[static_cast<std::size_t>(order[i])] = static_cast<int>(i);
+  }
+  std::vector<int> loops;
+  for (std::size_t i = 0; i < poses.edges.size(); ++i) {
+    const int from = position[static_cast<std::size_t>(poses.edges[i].from)];
+    const int to = position[static_cast<std::size_t>(poses.edges[i].to)];
+    if (std::abs(from - to) != 1) {
+      loops.push_back(static_cast<int>(i));
+    }
+  }
+  return loops;
+}
 
 bool ToMeasurement(const PoseGraphEdge& edge, PlanarRelativePoseFamily::Measurement* measurement) {
   std::copy_n(edge.measurement.begin(), 3, measurement->motion);
@@ -54,36 +141,77 @@ bool ToMeasurement(const PoseGraphEdge& edge, RelativePoseFamily::Measurement* m
   return SqrtInformation(information, 6, measurement->sqrt_information);
 }
 
+bool ToMeasurement(const PoseGraphEdge& edge, PoseEdgeFamily::Measurement* measurement) {
+  std::copy_n(edge.measurement.begin(), 3, measurement->p_m);
+  std::copy_n(edge.measurement.begin() + 3, 4, measurement->q_m);
+  return SqrtInformation(edge.information.data(), 6, measurement->sqrt_information);
+}
+
+// The error in the measured axes is R_mᵀ times that in the axes of `from`: Ω there is R_m Ω R_mᵀ
+// here.
+bool ToMeasurement(const PoseGraphEdge& edge, PoseErrorConvention convention,
+                   PlanarRelativePoseFamily::Measurement* measurement) {
+  PoseGraphEdge turned = edge;
+  if (IsInMeasuredAxes(convention)) {
+    using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+    const double c = std::cos(edge.measurement[2]), s = std::sin(edge.measurement[2]);
+    Matrix3 R;
+    R << c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0;
+    Eigen::Map<Matrix3> information(turned.information.data());
+    const Matrix3 product = R * information * R.transpose();
+    information = 0.5 * (product + product.transpose());
+  }
+  return ToMeasurement(turned, measurement);
+}
+
+bool ProjectInformation(double* information, int size) {
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 6, 6>;
+  Eigen::Map<Matrix> M(information, size, size);
+  if (!M.allFinite()) {
+    return false;
+  }
+  const Eigen::MatrixXd symmetric = 0.5 * (M + M.transpose());
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(symmetric);
+  const double largest = eigen.eigenvalues()[size - 1];
+  if (!(largest > 0.0) || eigen.eigenvalues()[0] >= kLeastEigenvalue * largest) {
+    return false;
+  }
+  const Eigen::VectorXd raised = eigen.eigenvalues().cwiseMax(kLeastEigenvalue * largest);
+  M = eigen.eigenvectors() * raised.asDiagonal() * eigen.eigenvectors().transpose();
+  return true;
+}
+
 Status AddPoseGraph(const PoseGraph& poses, const std::shared_ptr<const Loss>& loss,
                     FactorGraph* graph, G2oGraph* ids) {
-  const bool is_planar = poses.dimension == 2;
-  const auto planar = std::make_shared<PlanarRelativePoseFamily>();
-  const auto spatial = std::make_shared<RelativePoseFamily>();
-  Status status = is_planar ? Convert(poses, planar.get()) : Convert(poses, spatial.get());
-  if (!status.ok()) {
-    return status;
-  }
+  PoseGraphOptions options;
+  options.loss = loss;
+  return AddPoseGraph(poses, options, graph, ids);
+}
+
+Status AddPoseGraph(const PoseGraph& poses, const PoseGraphOptions& options, FactorGraph* graph,
+                    G2oGraph* ids) {
   G2oGraph added;
-  const auto manifold = is_planar ? nullptr : std::make_shared<PoseManifold>();
-  for (int i = 0; i < poses.NumVertices(); ++i) {
-    added.poses.push_back(
-        graph->AddVariable(poses.PoseData(i), poses.PoseSize(), Role::kFrame, manifold));
-  }
-  for (const int vertex : poses.fixed) {
-    graph->SetConstant(added.poses[static_cast<std::size_t>(vertex)], true);
-  }
-  if (is_planar) {
-    added.planar = graph->AddFamily(planar);
+  Status status;
+  if (poses.dimension == 2) {
+    const auto make = [&options](const PoseGraphEdge& edge, auto* measurement) {
+      return ToMeasurement(edge, options.convention, measurement);
+    };
+    status = AddEdges(poses, options, true, std::make_shared<PlanarRelativePoseFamily>(), make,
+                      graph, &added.poses, &added.planar);
+  } else if (options.convention == PoseErrorConvention::kGeodesic) {
+    const auto make = [](const PoseGraphEdge& edge, auto* measurement) {
+      return ToMeasurement(edge, measurement);
+    };
+    status = AddEdges(poses, options, false, std::make_shared<RelativePoseFamily>(), make, graph,
+                      &added.poses, &added.spatial);
   } else {
-    added.spatial = graph->AddFamily(spatial);
+    const auto make = [](const PoseGraphEdge& edge, auto* measurement) {
+      return ToMeasurement(edge, measurement);
+    };
+    status = AddEdges(poses, options, true, std::make_shared<PoseEdgeFamily>(options.convention),
+                      make, graph, &added.poses, &added.edges);
   }
-  for (const PoseGraphEdge& edge : poses.edges) {
-    const VariableId from = added.poses[static_cast<std::size_t>(edge.from)];
-    const VariableId to = added.poses[static_cast<std::size_t>(edge.to)];
-    const VariableId variables[] = {is_planar ? from : to, is_planar ? to : from};
-    graph->Connect(is_planar ? added.planar.id : added.spatial.id, variables, loss);
-  }
-  if (ids != nullptr) {
+  if (status.ok() && ids != nullptr) {
     *ids = std::move(added);
   }
   return status;

@@ -8,8 +8,10 @@
 #include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/center_distance.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/landmark_position.h"
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/point_reprojection.h"
+#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
 #include "inceres/factors/stereo_reprojection.h"
@@ -137,12 +139,32 @@ void AddPoseFamilies(GraphFormats* formats) {
   AddPlainFamily<RelativePoseFamily>("relative_pose", formats);
   AddPlainFamily<PlanarRelativePoseFamily>("planar_relative_pose", formats);
   AddPlainFamily<SpeedBiasPriorFamily>("speed_bias_prior", formats);
+  AddPlainFamily<SpatialLandmarkFamily>("spatial_landmark", formats);
+  AddPlainFamily<PositionPriorFamily>("position_prior", formats);
+  Add<PlanarLandmarkFamily>(
+      "planar_landmark", formats,
+      [](const PlanarLandmarkFamily& family, GraphWriter* writer) {
+        writer->WriteInt(static_cast<std::int32_t>(family.sighting()));
+      },
+      [](GraphReader* reader) {
+        return std::make_shared<PlanarLandmarkFamily>(
+            reader->ReadEnum(PlanarSighting::kRangeBearing, "the kind of sighting"));
+      });
   Add<PosePriorFamily>(
       "pose_prior", formats,
       [](const PosePriorFamily& family, GraphWriter* writer) {
         writer->WriteInt(static_cast<std::int32_t>(family.side()));
       },
       [](GraphReader* reader) { return std::make_shared<PosePriorFamily>(ReadSide(reader)); });
+  Add<PoseEdgeFamily>(
+      "pose_edge", formats,
+      [](const PoseEdgeFamily& family, GraphWriter* writer) {
+        writer->WriteInt(static_cast<std::int32_t>(family.convention()));
+      },
+      [](GraphReader* reader) {
+        return std::make_shared<PoseEdgeFamily>(
+            reader->ReadEnum(PoseErrorConvention::kGtsam, "the convention of the error"));
+      });
   Add<CenterDistanceFamily>(
       "center_distance", formats,
       [](const CenterDistanceFamily& family, GraphWriter* writer) {

@@ -5,8 +5,10 @@
 #include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/center_distance.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/landmark_position.h"
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/point_reprojection.h"
+#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
 #include "inceres/factors/stereo_reprojection.h"
@@ -40,6 +42,28 @@ template <typename Visitor>
 void VisitMeasurement(RelativePoseFamily::Measurement& m, Visitor&& visit) {
   visit(m.q_ab, 4);
   visit(m.p_ab, 3);
+  visit(m.sqrt_information, 36);
+}
+template <typename Visitor>
+void VisitMeasurement(PlanarLandmarkFamily::Measurement& m, Visitor&& visit) {
+  visit(m.z, 2);
+  visit(m.sqrt_information, 4);
+}
+template <typename Visitor>
+void VisitMeasurement(SpatialLandmarkFamily::Measurement& m, Visitor&& visit) {
+  visit(m.z, 3);
+  visit(m.sqrt_information, 9);
+}
+template <typename Visitor>
+void VisitMeasurement(PositionPriorFamily::Measurement& m, Visitor&& visit) {
+  visit(m.z, 3);
+  visit(m.lever, 3);
+  visit(m.sqrt_information, 9);
+}
+template <typename Visitor>
+void VisitMeasurement(PoseEdgeFamily::Measurement& m, Visitor&& visit) {
+  visit(m.p_m, 3);
+  visit(m.q_m, 4);
   visit(m.sqrt_information, 36);
 }
 template <typename Visitor>

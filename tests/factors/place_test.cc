@@ -11,6 +11,7 @@
 #include "inceres/factors/imu_factor.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
 #include "inceres/factors/point_reprojection.h"
+#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
 #include "inceres/factors/stereo_reprojection.h"
@@ -113,6 +114,19 @@ TEST(Place, RelativePose) {
     b.sqrt_information[7 * k] = 2.0;
   }
   b.p_ab[1] = 0.7;
+  ExpectPlaces(&added, &placed, a, b, {kPoseA, kPoseB});
+}
+
+TEST(Place, PoseEdge) {
+  PoseEdgeFamily added(PoseErrorConvention::kGtsam);
+  PoseEdgeFamily placed(PoseErrorConvention::kGtsam);
+  PoseEdgeFamily::Measurement a;
+  PoseEdgeFamily::Measurement b;
+  for (int k = 0; k < 6; ++k) {
+    a.sqrt_information[7 * k] = 1.0;
+    b.sqrt_information[7 * k] = 2.0;
+  }
+  b.p_m[1] = 0.7;
   ExpectPlaces(&added, &placed, a, b, {kPoseA, kPoseB});
 }
 

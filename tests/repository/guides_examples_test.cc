@@ -20,11 +20,14 @@
 #include "inceres/io/bal.h"
 #include "inceres/io/bal_graph.h"
 #include "inceres/io/g2o_graph.h"
+#include "inceres/io/pose_graph_start.h"
 #include "inceres/problem/losses.h"
 #include "inceres/solver/callbacks.h"
 #include "inceres/solver/covariance.h"
+#include "inceres/solver/gnc.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
+#include "support/pose_graph_world.h"
 #include "support/temp_dir.h"
 
 namespace {
@@ -59,6 +62,35 @@ const inceres::Summary summary = inceres::Solve(options, &graph);
 // [end of quote]
   EXPECT_EQ(summary.termination, inceres::Termination::kConvergence) << summary.message;
   *made = graph;
+  return 0;
+}
+
+int FindWrongLoops(const std::string& path, inceres::GncSummary* found) {
+// [quoted in docs/pose_graphs.md]
+inceres::PoseGraph poses;
+inceres::FactorGraph graph;
+inceres::G2oGraph ids;
+inceres::Status status = inceres::ReadG2o(path, &poses);
+status = status.ok() ? inceres::AddPoseGraph(poses, nullptr, &graph, &ids) : status;
+if (!status.ok()) {
+  std::cerr << status.message << '\n';
+  return 1;
+}
+graph.SetConstant(ids.poses[0], true);
+const std::vector<int> loops = inceres::LoopEdges(poses);
+std::vector<inceres::FactorId> suspects;
+for (const int edge : loops) {
+  suspects.push_back(ids.EdgeFactor(edge));
+}
+inceres::GncOptions options;
+options.solver.strategy = inceres::TrustRegionStrategyKind::kDogleg;
+options.start = inceres::ChordalGncStart(poses, ids, loops);
+const inceres::GncSummary summary = inceres::SolveGnc(options, suspects, &graph);
+for (const inceres::GncVerdict& verdict : summary.verdicts) {
+  std::cout << verdict.factor.index << (verdict.inlier ? " is right\n" : " is wrong\n");
+}
+// [end of quote]
+  *found = summary;
   return 0;
 }
 
@@ -242,6 +274,21 @@ TEST(GuidesExamples, APoseGraphEndsBetweenWhatItsEdgesSay) {
 TEST(GuidesExamples, AFileThatIsNotThereIsTold) {
   FactorGraph graph;
   EXPECT_EQ(SolvePoseGraph("/no/such/file.g2o", &graph), 1);
+}
+
+TEST(GuidesExamples, WrongLoopsAreFound) {
+  const inceres::test::TempDir dir;
+  const std::string path = dir.File("graph.g2o");
+  const inceres::test::PoseGraphWorld world(3, 120, 30, 12, 0.02, 3);
+  ASSERT_TRUE(inceres::WriteG2o(path, world.truth).ok());
+  inceres::GncSummary found;
+  ASSERT_EQ(FindWrongLoops(path, &found), 0);
+  ASSERT_EQ(found.verdicts.size(), 90u + 12u);
+  for (std::size_t k = 90; k < 102; ++k) {
+    EXPECT_FALSE(found.verdicts[k].inlier) << k;
+  }
+  EXPECT_LE(found.num_outliers, 12 + 4);
+  EXPECT_EQ(FindWrongLoops("/no/such/file.g2o", &found), 1);
 }
 
 TEST(GuidesExamples, AnEditOfWhatIsGoneIsRefused) {

@@ -17,8 +17,10 @@
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/imu_factor.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/landmark_position.h"
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/point_reprojection.h"
+#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
 #include "inceres/factors/stereo_reprojection.h"
@@ -104,6 +106,10 @@ class Maker {
     AddPlain<PosePriorFamily>(Perturbation::kLeft);
     AddPlain<SpeedBiasPriorFamily>();
     AddPlain<RelativePoseFamily>();
+    AddPlain<PlanarLandmarkFamily>(PlanarSighting::kRangeBearing);
+    AddPlain<SpatialLandmarkFamily>();
+    AddPlain<PositionPriorFamily>();
+    AddPlain<PoseEdgeFamily>(PoseErrorConvention::kG2o);
     AddPlain<StereoReprojectionFamily>(StereoCamera{400.0, 410.0, 320.0, 240.0, 0.2},
                                        LandmarkKind::kHomogeneous);
   }

@@ -34,6 +34,31 @@ class ReplayTest(unittest.TestCase):
         with open(report, encoding="utf-8") as file:
             return output, json.load(file)
 
+    def test_finds_wrong_loops_as_they_come(self):
+        for dimension in (2, 3):
+            write_small_pose_graph(self.file("small.g2o"), dimension, num_poses=40)
+            output, report = self.play("g2o:" + self.file("small.g2o"), "--mode", "incremental",
+                                       "--nostock", "--gnc", "--outliers", "0.2", "--seed", "2")
+            work = report["rows"][-1]["ours"]["work"]
+            self.assertGreater(work["num_wrong"], 5)
+            # a chain bends to a wrong loop that nothing contradicts
+            self.assertGreaterEqual(work["num_wrong_found"], work["num_wrong"] - 2)
+            self.assertLessEqual(work["num_right_lost"], 3)
+            self.assertIn(f"wrong loops found: {work['num_wrong_found']} of {work['num_wrong']}",
+                          output)
+            plain = self.play("g2o:" + self.file("small.g2o"), "--mode", "incremental", "--nostock",
+                              "--outliers", "0.2", "--seed", "2")[1]
+            self.assertGreater(plain["rows"][-1]["ours"]["cost"],
+                               10.0 * report["rows"][-1]["ours"]["cost"])
+
+    def test_gnc_and_outliers_are_for_pose_graphs(self):
+        write_small_pose_graph(self.file("small.g2o"), 2)
+        graph = "g2o:" + self.file("small.g2o")
+        self.assertIn("--nostock", self.fails(2, "--problem", graph, "--gnc"))
+        self.assertIn("g2o:", self.fails(2, "--problem", self.bal, "--nostock", "--gnc"))
+        self.assertIn("g2o:", self.fails(2, "--problem", self.bal, "--outliers", "0.2"))
+        self.assertIn("below 1", self.fails(2, "--problem", graph, "--outliers", "1.5"))
+
     def fails(self, code, *flags):
         _, message = run(TOOL, *flags, code=code)
         return message

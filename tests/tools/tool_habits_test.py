@@ -25,6 +25,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 SHORTENED = {"differential_fuzzer": "--lives 1 --edits 10", "ab_compare": "--repeats 2"}
 # The shortest run of each tool that succeeds.
 SHORT = {"bal_solve": ["--input", "problem.txt"],
+         "pose_graph_solve": ["--input", "M3500.g2o"],
          "ab_compare": ["--problem", "bal:problem.txt", "--repeats", "1"],
          "covariance_compare": ["--problem", "bal:problem.txt", "--repeats", "1"],
          "replay": ["--problem", "bal:problem.txt"],
@@ -34,7 +35,9 @@ SHORT = {"bal_solve": ["--input", "problem.txt"],
          "differential_fuzzer": ["--mode", "session", "--lives", "1", "--edits", "10"],
          "ab_report": ["run.jsonl"]}
 # A file that is not there.
-MISSING = {"bal_solve": ["--input", "no/file"], "ab_compare": ["--problem", "bal:no/file"],
+MISSING = {"bal_solve": ["--input", "no/file"],
+           "pose_graph_solve": ["--input", "no/file"],
+           "ab_compare": ["--problem", "bal:no/file"],
            "covariance_compare": ["--problem", "bal:no/file"],
            "replay": ["--problem", "bal:no/file"],
            "living_problem": ["--problem", "bal:no/file"],

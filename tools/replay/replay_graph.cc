@@ -113,10 +113,10 @@ Status ReplayGraph::AddStep(const ReplayStep& step, const ValueFunction& value, 
     }
   }
   for (const ReplayFactor& factor : step.factors) {
-    const Status status =
-        VisitFamily(factor, [&](auto* handle, const auto& measurement, const auto&... /*sizes*/) {
-          target->AddFactor(*handle, measurement, factor.variables, LossOf(factor.loss));
-        });
+    const Status status = VisitFamily(factor, [&](auto* handle, const auto& measurement,
+                                                  const auto&... /*sizes*/) {
+      Note(target->AddFactor(*handle, measurement, factor.variables, LossOf(factor.loss)), factor);
+    });
     if (!status.ok()) {
       return status;
     }
@@ -135,6 +135,7 @@ Status ReplayGraph::Add(const ReplayStep& step, FactorGraph* graph) {
 Status ReplayGraph::AddAsEdit(const ReplayStep& step, const FactorGraph& graph,
                               const ValueFunction& value, const AddFamilyFunction& add_family,
                               const ApplyFunction& apply) {
+  new_suspects_.clear();
   Status status = Prepare(step, add_family);
   if (!status.ok()) {
     return status;

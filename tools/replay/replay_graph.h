@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "inceres/ceres/cost_family.h"
@@ -36,6 +37,9 @@ class ReplayGraph {
   Status AddAsEdit(const ReplayStep& step, const FactorGraph& graph, const ValueFunction& value,
                    const AddFamilyFunction& add_family, const ApplyFunction& apply);
 
+  /// The factors of the step that AddAsEdit added last which may be wrong, and whether they are.
+  const std::vector<std::pair<FactorId, bool>>& new_suspects() const { return new_suspects_; }
+
  private:
   using PriorShape = std::tuple<int, int, int>;  // rows, ambient size, tangent size
 
@@ -53,9 +57,16 @@ class ReplayGraph {
 
   std::shared_ptr<const Manifold> ManifoldOf(ReplayVariable::Kind kind);
   std::shared_ptr<const Loss> LossOf(const LossSpec& spec);
+  void Note(FactorId id, const ReplayFactor& factor) {
+    if (factor.is_suspect) {
+      new_suspects_.emplace_back(id, factor.is_wrong);
+    }
+  }
+  static void Note(int /*index*/, const ReplayFactor& /*factor*/) {}
 
   const bool autodiff_;
   std::vector<ReplayVariable::Kind> kinds_;
+  std::vector<std::pair<FactorId, bool>> new_suspects_;
   std::map<ReplayVariable::Kind, std::shared_ptr<const Manifold>> manifolds_;
   std::map<LossSpec, std::shared_ptr<const Loss>> losses_;
   std::map<int, FamilyHandle<BalReprojectionFamily>> bal_;  // by tangent size of the camera

@@ -17,8 +17,9 @@ constexpr int kLoopGap = 10;  // poses further apart than this close a loop
 
 class PoseGraphScript {
  public:
-  explicit PoseGraphScript(const PoseGraph& graph)
+  PoseGraphScript(const PoseGraph& graph, int first_wrong_edge)
       : graph_(graph),
+        first_wrong_edge_(static_cast<std::size_t>(first_wrong_edge)),
         order_(graph.ids.size()),
         position_(graph.ids.size()),
         edges_(graph.ids.size()) {
@@ -104,10 +105,13 @@ class PoseGraphScript {
     } else {
       step->factors.push_back({spatial, {to, from}, {}});
     }
+    step->factors.back().is_suspect = std::abs(from - to) != 1;
+    step->factors.back().is_wrong = number >= first_wrong_edge_;
     return Status::Ok();
   }
 
   const PoseGraph& graph_;
+  const std::size_t first_wrong_edge_;
   std::vector<int> order_;                       // vertices in the order of their ids
   std::vector<int> position_;                    // of each vertex in that order
   std::vector<std::vector<std::size_t>> edges_;  // by the position of the later end
@@ -115,13 +119,13 @@ class PoseGraphScript {
 
 }  // namespace
 
-Status MakePoseGraphReplay(const PoseGraph& graph, ReplayScript* script) {
+Status MakePoseGraphReplay(const PoseGraph& graph, ReplayScript* script, int first_wrong_edge) {
   ReplayScript made;
   made.description = std::to_string(graph.NumVertices()) + " poses in " +
                      std::to_string(graph.dimension) + "D, " + std::to_string(graph.edges.size()) +
                      " edges";
   made.dogleg = true;
-  Status status = PoseGraphScript(graph).Make(&made.steps);
+  Status status = PoseGraphScript(graph, first_wrong_edge).Make(&made.steps);
   if (status.ok()) {
     *script = std::move(made);
   }

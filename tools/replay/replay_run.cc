@@ -88,7 +88,8 @@ Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, Re
     if (stock != nullptr) {
       row.stock->outcome = stock->Solve();
     }
-    const bool look = stock != nullptr || options.find_optimum || i + 1 == count;
+    const bool look =
+        stock != nullptr || options.find_optimum || (options.look_at_last && i + 1 == count);
     Judge(options.find_optimum ? &start : nullptr, *ours, stock, look ? judge : nullptr, &row);
     on_row(row);
     rows->push_back(row);

@@ -43,6 +43,8 @@ struct ReplayRunOptions {
   int max_steps = 0;  ///< 0: all
   /// fill ReplayRow::optimum_cost: as slow as a cold stock solve each step, not timed
   bool find_optimum = true;
+  /// the judge looks at the last step at least; not where our weights are our own
+  bool look_at_last = true;
 };
 
 /// Plays the script to both sides in lockstep: each step both grow, then ours solves, then stock,

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <limits>
+
 #include "inceres/io/bal.h"
 #include "inceres/io/g2o.h"
 #include "inceres/io/keyframes.h"
@@ -94,7 +96,9 @@ ReplayScript MakeStereoReplay(const StereoOdometry& odometry);
 /// before. Spatial edges are RelativePoseFamily's: as those of BuildPoseGraphCeresProblem, but for
 /// a rotation residual that is a rotation vector and not its first order. Requires two or more
 /// poses. kInvalidArgument names a vertex without an edge to an earlier one, or an edge whose
-/// information is not positive definite.
-Status MakePoseGraphReplay(const PoseGraph& graph, ReplayScript* script);
+/// information is not positive definite. Edges that are no odometry are suspects, those from
+/// first_wrong_edge on are wrong.
+Status MakePoseGraphReplay(const PoseGraph& graph, ReplayScript* script,
+                           int first_wrong_edge = std::numeric_limits<int>::max());
 
 }  // namespace inceres::tools

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "inceres/ceres/solve.h"
+#include "inceres/solver/gnc.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
 #include "tools/replay/replay_ceres_problem.h"
@@ -131,19 +132,33 @@ class CoreReplaySolver : public ReplaySolver {
 class IncrementalReplaySolver : public ReplaySolver {
  public:
   explicit IncrementalReplaySolver(const ReplaySettings& settings)
-      : autodiff_(settings.autodiff), solver_(Options(settings)), living_(settings.autodiff) {}
+      : autodiff_(settings.autodiff),
+        with_gnc_(settings.gnc),
+        solver_(Options(settings)),
+        living_(settings.autodiff),
+        gnc_(GncOptions(), &solver_) {}
 
   std::string Name() const override {
     return std::string("inceres (incremental, factor graph), ") +
-           (autodiff_ ? "AutoDiff" : "analytic factors");
+           (autodiff_ ? "AutoDiff" : "analytic factors") + (with_gnc_ ? ", GNC" : "");
   }
   Status AddStep(const ReplayStep& step) override {
-    return living_.AddAsEdit(
+    Status status = living_.AddAsEdit(
         step, solver_.graph(), [this](VariableId id) { return solver_.Values(id); },
         [this](auto family) { return solver_.AddFamily(std::move(family)); },
         [this](const GraphEdit& edit) { return solver_.Apply(edit); });
+    for (const auto& [id, is_wrong] : living_.new_suspects()) {
+      if (with_gnc_ && status.ok()) {
+        gnc_.Watch(id);
+        is_wrong_.push_back(is_wrong);
+      }
+    }
+    return status;
   }
   ReplayOutcome Solve() override {
+    if (with_gnc_) {
+      return SolveRobustly();
+    }
     UpdateSummary summary;
     ReplayOutcome outcome;
     outcome.seconds = Seconds([&] { summary = solver_.Update(); });
@@ -178,6 +193,36 @@ class IncrementalReplaySolver : public ReplaySolver {
   std::optional<ReducedStructure> Structure() const override { return solver_.Structure(); }
 
  private:
+  // Verdicts come in the order in which suspects were watched.
+  ReplayOutcome SolveRobustly() {
+    GncSummary summary;
+    ReplayOutcome outcome;
+    outcome.seconds = Seconds([&] { summary = gnc_.Update(); });
+    outcome.usable = summary.IsSolutionUsable();
+    outcome.termination = ToString(summary.termination);
+    outcome.message = outcome.usable ? "" : summary.message;
+    outcome.initial_cost = summary.initial_cost;
+    outcome.final_cost = summary.final_cost;
+    outcome.iterations = summary.num_iterations;
+    std::int64_t num_relinearized = 0, num_wrong = 0, num_found = 0, num_lost = 0;
+    for (const GncRound& round : summary.rounds) {
+      num_relinearized += round.num_relinearized_factors;
+    }
+    for (std::size_t k = 0; k < summary.verdicts.size(); ++k) {
+      const bool out = !summary.verdicts[k].inlier;
+      num_wrong += is_wrong_[k] ? 1 : 0;
+      num_found += is_wrong_[k] && out ? 1 : 0;
+      num_lost += !is_wrong_[k] && out ? 1 : 0;
+    }
+    outcome.work = {{"rounds", static_cast<std::int64_t>(summary.rounds.size())},
+                    {"relinearised_factors", num_relinearized},
+                    {"num_suspects", static_cast<std::int64_t>(summary.verdicts.size())},
+                    {"num_wrong", num_wrong},
+                    {"num_wrong_found", num_found},
+                    {"num_right_lost", num_lost}};
+    return outcome;
+  }
+
   static IncrementalOptions Options(const ReplaySettings& settings) {
     IncrementalOptions options;
     options.max_num_iterations = settings.max_num_iterations;
@@ -187,8 +232,11 @@ class IncrementalReplaySolver : public ReplaySolver {
   }
 
   const bool autodiff_;
+  const bool with_gnc_;
   IncrementalSolver solver_;
   ReplayGraph living_;
+  LivingGnc gnc_;
+  std::vector<bool> is_wrong_;  // of what it watches
 };
 
 }  // namespace

@@ -60,6 +60,7 @@ struct ReplaySettings {
   double function_tolerance = 1e-6;
   double gradient_tolerance = 1e-10;
   double parameter_tolerance = 1e-8;
+  bool gnc = false;  ///< the solver that remembers finds wrong loops by LivingGnc
 };
 
 /// Stock Ceres with the linear solver of the settings, for a problem that grows: a Schur solver

@@ -69,6 +69,9 @@ struct ReplayFactor {
       measurement;
   std::vector<int> variables;  ///< one per slot of the family
   LossSpec loss;
+  /// That it is wrong is possible: a loop of a pose graph. And that it is: one that was added.
+  bool is_suspect = false;
+  bool is_wrong = false;
 };
 
 struct ReplayStep {

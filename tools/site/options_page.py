@@ -18,12 +18,12 @@ PAGE = ROOT / "docs" / "options.md"
 FOLDERS = ("include", "adapters/ceres/include")
 # Structs in the order of the page; one that is in no section comes at its end.
 SECTIONS = {
-    "Solving a graph": ["SolverOptions", "GaugeOptions", "JacobianCheckOptions"],
+    "Solving a graph": ["SolverOptions", "GncOptions", "GaugeOptions", "JacobianCheckOptions"],
     "A graph that lives on": ["IncrementalOptions", "MarginalizationOptions", "CovarianceOptions"],
     "Solving a ceres::Problem": ["SolveOptions", "SessionOptions", "CrossCheckOptions"],
     "Visual-inertial estimation": ["SlidingWindowOptions", "ImuOptions", "ImuNoise",
                                    "ImuConventions"],
-    "Files": ["ReadOptions", "GraphReadOptions", "KeyframeGraphOptions"],
+    "Files": ["ReadOptions", "GraphReadOptions", "PoseGraphOptions", "KeyframeGraphOptions"],
 }
 HEAD = """# Options
 

@@ -78,4 +78,17 @@ struct INCERES_EXPORT PoseGraph {
 INCERES_EXPORT Status ReadG2o(const std::string& path, PoseGraph* graph,
                               const ReadOptions& options = ReadOptions());
 
+/// Writes a pose graph in the same format (compressed if the name ends in .gz or .bz2): vertices,
+/// FIX lines, edges, in their order, numbers in the shortest form that reads back as the same
+/// value. kInvalidArgument if the graph's sizes or indices do not fit together or a value is not
+/// finite, the message names which; kIo with the path if it cannot be written. No half file is left
+/// under the name.
+INCERES_EXPORT Status WriteG2o(const std::string& path, const PoseGraph& graph);
+
+/// Writes the poses as a trajectory in the format of the TUM RGB-D benchmark, by id: lines
+/// `timestamp tx ty tz qx qy qz qw`, where the timestamp is the vertex's id; planar poses lie in z
+/// = 0. What the tools evo and rpg_trajectory_evaluation read. Errors as WriteG2o. Source: Sturm et
+/// al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS 2012.
+INCERES_EXPORT Status WriteTumTrajectory(const std::string& path, const PoseGraph& graph);
+
 }  // namespace inceres

@@ -6,6 +6,7 @@
 
 #include "inceres/export.h"
 #include "inceres/factors/planar_relative_pose.h"
+#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/relative_pose.h"
 #include "inceres/io/g2o.h"
 #include "inceres/io/graph_options.h"
@@ -21,7 +22,45 @@ struct G2oGraph {
   FamilyHandle<PlanarRelativePoseFamily> planar;
   /// Of spatial graphs: factor i is edge i, its slots `to` and `from`.
   FamilyHandle<RelativePoseFamily> spatial;
+  /// Of spatial graphs in another convention than kGeodesic: factor i is edge i, its slots `from`
+  /// and `to`.
+  FamilyHandle<PoseEdgeFamily> edges;
+
+  /// The factor that edge i has become.
+  FactorId EdgeFactor(int edge) const {
+    const FamilyId family = planar.id >= 0 ? planar.id : spatial.id >= 0 ? spatial.id : edges.id;
+    return {family, edge, -1};
+  }
 };
+
+/// What becomes of an edge whose information matrix is not positive definite.
+enum class IndefiniteInformation {
+  kRefuse,   ///< the edge is named, and nothing is added
+  kProject,  ///< ProjectInformation, and it counts like any other
+};
+
+/// How a pose graph becomes a factor graph.
+struct PoseGraphOptions {
+  std::shared_ptr<const Loss> loss;  ///< of every edge; null: ½‖f‖²
+  /// What the edges' information is about. Planar edges: kG2o and kGtsam have the position's error
+  /// in the axes of the measured pose, the others in those of `from`.
+  PoseErrorConvention convention = PoseErrorConvention::kGeodesic;
+  /// of matrices that are not positive definite
+  IndefiniteInformation indefinite = IndefiniteInformation::kRefuse;
+};
+
+/// Replaces a symmetric matrix (row-major, size × size, at most 6) by the nearest one, in the
+/// Frobenius norm, whose eigenvalues are at least 1e-9 times the largest. Returns whether that
+/// changed it; false, the matrix unchanged, too where an entry is not finite or no eigenvalue is
+/// positive. Source: Higham, "Computing a nearest symmetric positive semidefinite matrix", 1988.
+INCERES_EXPORT bool ProjectInformation(double* information, int size);
+
+/// The vertices in the order of their ids, which is that of a trajectory.
+INCERES_EXPORT std::vector<int> VerticesById(const PoseGraph& poses);
+
+/// The edges, ascending, that are no odometry: those that do not join a vertex to the next one by
+/// id. What robust methods suspect, the rest being known to be right.
+INCERES_EXPORT std::vector<int> LoopEdges(const PoseGraph& poses);
 
 /// An edge as a factor of slots from, to. False if its information is not positive definite.
 [[nodiscard]] INCERES_EXPORT bool ToMeasurement(const PoseGraphEdge& edge,
@@ -34,6 +73,16 @@ struct G2oGraph {
 [[nodiscard]] INCERES_EXPORT bool ToMeasurement(const PoseGraphEdge& edge,
                                                 RelativePoseFamily::Measurement* measurement);
 
+/// An edge as a factor of slots from, to, in an error convention: the information of the file is
+/// that of the convention's own error. False if it is not positive definite.
+[[nodiscard]] INCERES_EXPORT bool ToMeasurement(const PoseGraphEdge& edge,
+                                                PoseEdgeFamily::Measurement* measurement);
+/// The same of a planar edge: the information is turned into the axes of `from` where the
+/// convention has the position's error in those of the measured pose, which is exact.
+[[nodiscard]] INCERES_EXPORT bool ToMeasurement(const PoseGraphEdge& edge,
+                                                PoseErrorConvention convention,
+                                                PlanarRelativePoseFamily::Measurement* measurement);
+
 /// Adds the vertices of a pose graph as frames and its edges as factors. Planar poses [x, y, θ] are
 /// Euclidean, spatial ones on PoseManifold. The vertices of FIX lines are held constant; where
 /// there are none the gauge is free: HoldGauge (factors/gauge.h) holds the first pose.
@@ -41,6 +90,10 @@ struct G2oGraph {
 /// kInvalidArgument, graph and ids unchanged, if the information of an edge is not positive
 /// definite; the message names the edge. `ids` may be null. Cost: one pass. Threads: one writer.
 INCERES_EXPORT Status AddPoseGraph(const PoseGraph& poses, const std::shared_ptr<const Loss>& loss,
+                                   FactorGraph* graph, G2oGraph* ids);
+
+/// The same in another error convention, or with information matrices projected.
+INCERES_EXPORT Status AddPoseGraph(const PoseGraph& poses, const PoseGraphOptions& options,
                                    FactorGraph* graph, G2oGraph* ids);
 
 /// Reads a g2o file into a graph: ReadG2o, then AddPoseGraph. On an error of either, graph and ids

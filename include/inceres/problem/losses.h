@@ -123,7 +123,7 @@ class INCERES_EXPORT TukeyLoss final : public Loss {
 /// w.
 class INCERES_EXPORT ScaledLoss final : public Loss {
  public:
-  /// The loss, which may be null, times the scale, which is positive.
+  /// The loss, which may be null, times the scale, which is positive, or 0: no influence at all.
   ScaledLoss(std::shared_ptr<const Loss> loss, double scale)
       : loss_(std::move(loss)), scale_(scale) {}
   void Evaluate(double s, double rho[3]) const override;

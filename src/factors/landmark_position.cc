@@ -1,0 +1,170 @@
+#include "inceres/factors/landmark_position.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "factors/pose_slot.h"
+#include "factors/whiten.h"
+#include "inceres/problem/rotation.h"
+
+namespace inceres {
+namespace {
+
+using internal::MultiplyUpper;
+
+// Writes U J of a slot of factor i, J of kColumns columns; the sum of its entries.
+template <int kColumns>
+double WriteSlot(const FactorBatch& batch, int i, int slot, int num_slots, const double* U,
+                 const double* J) {
+  const TangentMap& map = *batch.tangent_maps[num_slots * static_cast<std::ptrdiff_t>(i) + slot];
+  if (!map.wanted()) {
+    return 0.0;
+  }
+  const JacobianView& view = batch.jacobians[slot];
+  return MultiplyUpper<3, kColumns>(U, J, view.data + i * view.factor_stride, view.row_stride);
+}
+
+// [v]× into three columns of a row-major matrix of six.
+void PutCross(const double* v, double* J) {
+  const double cross[9] = {0.0, -v[2], v[1], v[2], 0.0, -v[0], -v[1], v[0], 0.0};
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) {
+      J[6 * r + 3 + c] = cross[3 * r + c];
+    }
+  }
+}
+
+// d = R(θ)ᵀ (l − p), and what it becomes by p, θ and l: rows x, y of five columns.
+void SeePlanar(const double* pose, const double* landmark, double d[2], double D[10]) {
+  const double c = std::cos(pose[2]), s = std::sin(pose[2]);
+  const double dx = landmark[0] - pose[0], dy = landmark[1] - pose[1];
+  d[0] = c * dx + s * dy;
+  d[1] = c * dy - s * dx;
+  const double slopes[10] = {-c, -s, d[1], c, s, s, -c, -d[0], -s, c};
+  std::copy_n(slopes, 10, D);
+}
+
+// Range and bearing in place of d; false where they are not defined.
+bool ToRangeBearing(double d[2], double D[10]) {
+  const double squared = d[0] * d[0] + d[1] * d[1];
+  if (!(squared > 0.0)) {
+    return false;
+  }
+  const double range = std::sqrt(squared);
+  for (int k = 0; k < 5; ++k) {
+    const double along = (d[0] * D[k] + d[1] * D[5 + k]) / range;
+    const double across = (d[0] * D[5 + k] - d[1] * D[k]) / squared;
+    D[k] = along;
+    D[5 + k] = across;
+  }
+  const double bearing = std::atan2(d[1], d[0]);
+  d[0] = range;
+  d[1] = bearing;
+  return true;
+}
+
+// One factor of the two families in space.
+template <typename Evaluate>
+EvaluationFailure EvaluateEach(const FactorBatch& batch, const Evaluate& evaluate) {
+  for (int i = batch.begin; i < batch.end; ++i) {
+    double sums[2] = {0.0, 0.0};  // of residuals, of Jacobians
+    evaluate(i, sums);
+    if (!std::isfinite(sums[0])) {
+      return {i, "a residual is not finite"};
+    }
+    if (!std::isfinite(sums[1])) {
+      return {i, "a Jacobian entry is not finite"};
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+bool PlanarLandmarkFamily::EvaluateOne(int i, const double* const* parameters, double* residuals,
+                                       double** jacobians) const {
+  const Measurement& m = measurement(i);
+  const double* U = m.sqrt_information;
+  double d[2], D[10];
+  SeePlanar(parameters[0], parameters[1], d, D);
+  double e[2] = {d[0] - m.z[0], d[1] - m.z[1]};
+  if (sighting_ == PlanarSighting::kRangeBearing) {
+    if (!ToRangeBearing(d, D)) {
+      return false;
+    }
+    e[0] = d[0] - m.z[0];
+    e[1] = std::remainder(d[1] - m.z[1], 2.0 * M_PI);
+  }
+  residuals[0] = U[0] * e[0] + U[1] * e[1];
+  residuals[1] = U[3] * e[1];
+  for (int k = 0; jacobians != nullptr && k < 5; ++k) {
+    double* const J = jacobians[k < 3 ? 0 : 1];
+    const int size = k < 3 ? 3 : 2, column = k < 3 ? k : k - 3;
+    if (J != nullptr) {
+      J[column] = U[0] * D[k] + U[1] * D[5 + k];
+      J[size + column] = U[3] * D[5 + k];
+    }
+  }
+  return true;
+}
+
+EvaluationFailure SpatialLandmarkFamily::Evaluate(const FactorBatch& batch) const {
+  return EvaluateEach(batch, [this, &batch](int i, double* sums) {
+    const Measurement& m = measurement(i);
+    const double* const* parameters = batch.parameters + 2 * static_cast<std::ptrdiff_t>(i);
+    const double *pose = parameters[0], *l = parameters[1];
+    const double difference[3] = {l[0] - pose[0], l[1] - pose[1], l[2] - pose[2]};
+    double R[9], y[3];
+    QuaternionToMatrix(pose + 3, R);
+    internal::MultiplyTransposed(R, difference, y);
+    const double e[3] = {y[0] - m.z[0], y[1] - m.z[1], y[2] - m.z[2]};
+    sums[0] = MultiplyUpper<3, 1>(m.sqrt_information, e,
+                                  batch.residuals + 3 * static_cast<std::ptrdiff_t>(i), 1);
+    if (batch.jacobians == nullptr) {
+      return;
+    }
+    double J_pose[18] = {}, J_landmark[9];
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) {
+        J_landmark[3 * r + c] = R[3 * c + r];
+        J_pose[6 * r + c] = -R[3 * c + r];
+      }
+    }
+    PutCross(y, J_pose);
+    internal::AssertPoseManifold(*batch.tangent_maps[2 * static_cast<std::ptrdiff_t>(i)], pose);
+    sums[1] = WriteSlot<6>(batch, i, 0, 2, m.sqrt_information, J_pose) +
+              WriteSlot<3>(batch, i, 1, 2, m.sqrt_information, J_landmark);
+  });
+}
+
+EvaluationFailure PositionPriorFamily::Evaluate(const FactorBatch& batch) const {
+  return EvaluateEach(batch, [this, &batch](int i, double* sums) {
+    const Measurement& m = measurement(i);
+    const double* pose = batch.parameters[i];
+    double R[9], arm[3];
+    QuaternionToMatrix(pose + 3, R);
+    MultiplyMatrixVector(R, m.lever, arm);
+    const double e[3] = {pose[0] + arm[0] - m.z[0], pose[1] + arm[1] - m.z[1],
+                         pose[2] + arm[2] - m.z[2]};
+    sums[0] = MultiplyUpper<3, 1>(m.sqrt_information, e,
+                                  batch.residuals + 3 * static_cast<std::ptrdiff_t>(i), 1);
+    if (batch.jacobians == nullptr) {
+      return;
+    }
+    // R Exp(φ) c ≈ R c − R [c]× φ.
+    double J[18] = {}, turn[18] = {};
+    PutCross(m.lever, turn);
+    for (int r = 0; r < 3; ++r) {
+      J[6 * r + r] = 1.0;
+      for (int c = 3; c < 6; ++c) {
+        for (int k = 0; k < 3; ++k) {
+          J[6 * r + c] -= R[3 * r + k] * turn[6 * k + c];
+        }
+      }
+    }
+    internal::AssertPoseManifold(*batch.tangent_maps[i], pose);
+    sums[1] = WriteSlot<6>(batch, i, 0, 1, m.sqrt_information, J);
+  });
+}
+
+}  // namespace inceres

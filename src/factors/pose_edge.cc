@@ -1,0 +1,207 @@
+#include "inceres/factors/pose_edge.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Geometry>
+
+#include "factors/pose_slot.h"
+#include "factors/whiten.h"
+#include "inceres/problem/rotation.h"
+
+namespace inceres {
+namespace {
+
+using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+using Eigen::Vector3d;
+
+// What the errors of all conventions are made of.
+struct EdgeError {
+  Matrix3 R_a;
+  Matrix3 R_m;
+  Vector3d t;           // R_aᵀ (p_b − p_a)
+  Vector3d u;           // t − p_m
+  double q[4];          // E, of w ≥ 0
+  Vector3d r;           // Log E
+  Matrix3 J_l_inverse;  // at r
+
+  Vector3d epsilon() const { return {q[0], q[1], q[2]}; }
+};
+
+Matrix3 CrossMatrix(const Vector3d& v) {
+  Matrix3 M;
+  M << 0.0, -v[2], v[1], v[2], 0.0, -v[0], -v[1], v[0], 0.0;
+  return M;
+}
+
+EdgeError MeasureEdge(const PoseEdgeFamily::Measurement& m, const double* a, const double* b) {
+  EdgeError e;
+  double a_inverse[4], m_inverse[4], q_ab[4];
+  ConjugateQuaternion(a + 3, a_inverse);
+  ConjugateQuaternion(m.q_m, m_inverse);
+  MultiplyQuaternions(a_inverse, b + 3, q_ab);
+  MultiplyQuaternions(m_inverse, q_ab, e.q);
+  if (e.q[3] < 0.0) {
+    std::for_each(e.q, e.q + 4, [](double& value) { value = -value; });
+  }
+  QuaternionToMatrix(a + 3, e.R_a.data());
+  QuaternionToMatrix(m.q_m, e.R_m.data());
+  e.t = e.R_a.transpose() * Vector3d(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
+  e.u = e.t - Eigen::Map<const Vector3d>(m.p_m);
+  LogQuaternion(e.q, e.r.data());
+  RotationPolynomial(e.r.data(), -0.5, InverseLeftJacobianCoefficient(e.r.data()),
+                     e.J_l_inverse.data());
+  return e;
+}
+
+void WriteError(PoseErrorConvention convention, const EdgeError& e, double* error) {
+  Eigen::Map<Vector3d> position(error), rotation(error + 3);
+  switch (convention) {
+    case PoseErrorConvention::kGeodesic:
+      position = e.u;
+      rotation = e.r;
+      return;
+    case PoseErrorConvention::kCeres:
+      position = e.u;
+      rotation = -2.0 * (e.R_m * e.epsilon());
+      return;
+    case PoseErrorConvention::kG2o:
+      position = e.R_m.transpose() * e.u;
+      rotation = e.epsilon();
+      return;
+    case PoseErrorConvention::kGtsam:
+      position = e.J_l_inverse * (e.R_m.transpose() * e.u);
+      rotation = e.r;
+      return;
+  }
+}
+
+// k'(t) of k(t) = InverseLeftJacobianCoefficient at t = θ². Near zero by the series of h cot h
+// (Abramowitz & Stegun 4.3.70), the first term left out below 1e-11 of the sum.
+double SlopeOfCoefficient(double t) {
+  if (t < 0.3) {
+    return 1.0 / 720.0 +
+           t * (1.0 / 15120.0 +
+                t * (1.0 / 403200.0 + t * (1.0 / 11975040.0 + t * (691.0 / 261534873600.0 +
+                                                                   t * 1.0 / 12454041600.0))));
+  }
+  const double h = 0.5 * std::sqrt(t);
+  const double cot = std::cos(h) / std::sin(h), sine = std::sin(h);
+  return -(cot - h / (sine * sine)) / (8.0 * h * t) - (1.0 - h * cot) / (t * t);
+}
+
+// ∂(J_l⁻¹(r) c)/∂r with J_l⁻¹(r) c = c − ½ r × c + k r × (r × c).
+Matrix3 DifferentiateInverseJacobian(const Vector3d& r, const Vector3d& c) {
+  const double t = r.squaredNorm();
+  const double k = InverseLeftJacobianCoefficient(r.data());
+  const Vector3d twice = r.cross(r.cross(c));
+  return 0.5 * CrossMatrix(c) +
+         k * (r * c.transpose() + r.dot(c) * Matrix3::Identity() - 2.0 * c * r.transpose()) +
+         2.0 * SlopeOfCoefficient(t) * twice * r.transpose();
+}
+
+// Of u and, as the vector that `rotate` makes of it, of E's rotation error to right perturbations
+// R Exp(φ), with E ↦ Exp(−R_mᵀ φ_a) E and E Exp(φ_b).
+struct EdgeSlopes {
+  Matrix3 u_p;  // to p
+  Matrix3 u_r;  // to φ
+  Matrix3 r;    // of r to φ
+  Matrix3 q;    // of ε to φ
+};
+
+EdgeSlopes DifferentiateEdge(const EdgeError& e, int slot) {
+  EdgeSlopes slopes;
+  const Matrix3 turn = CrossMatrix(e.epsilon());
+  if (slot == 0) {
+    slopes.u_p = -e.R_a.transpose();
+    slopes.u_r = CrossMatrix(e.t);
+    slopes.r = -e.J_l_inverse * e.R_m.transpose();
+    slopes.q = -0.5 * (e.q[3] * Matrix3::Identity() - turn) * e.R_m.transpose();
+  } else {
+    slopes.u_p = e.R_a.transpose();
+    slopes.u_r = Matrix3::Zero();
+    slopes.r = e.J_l_inverse.transpose();  // J_r⁻¹(r) = J_l⁻¹(r)ᵀ
+    slopes.q = 0.5 * (e.q[3] * Matrix3::Identity() + turn);
+  }
+  return slopes;
+}
+
+Matrix6 EdgeJacobian(PoseErrorConvention convention, const EdgeError& e, int slot) {
+  const EdgeSlopes slopes = DifferentiateEdge(e, slot);
+  Matrix6 J = Matrix6::Zero();
+  const Matrix3 back = e.R_m.transpose();
+  switch (convention) {
+    case PoseErrorConvention::kGeodesic:
+      J << slopes.u_p, slopes.u_r, Matrix3::Zero(), slopes.r;
+      break;
+    case PoseErrorConvention::kCeres:
+      J << slopes.u_p, slopes.u_r, Matrix3::Zero(), -2.0 * e.R_m * slopes.q;
+      break;
+    case PoseErrorConvention::kG2o:
+      J << back * slopes.u_p, back * slopes.u_r, Matrix3::Zero(), slopes.q;
+      break;
+    case PoseErrorConvention::kGtsam:
+      J << e.J_l_inverse * back * slopes.u_p,
+          e.J_l_inverse * back * slopes.u_r +
+              DifferentiateInverseJacobian(e.r, back * e.u) * slopes.r,
+          Matrix3::Zero(), slopes.r;
+      break;
+  }
+  return J;
+}
+
+double WriteEdgeJacobians(const FactorBatch& batch, int i, PoseErrorConvention convention,
+                          const PoseEdgeFamily::Measurement& measurement, const EdgeError& e) {
+  double sum = 0.0;
+  for (int s = 0; s < 2; ++s) {
+    const std::ptrdiff_t index = 2 * static_cast<std::ptrdiff_t>(i) + s;
+    const TangentMap& map = *batch.tangent_maps[index];
+    if (!map.wanted()) {
+      continue;
+    }
+    internal::AssertPoseManifold(map, batch.parameters[index]);
+    const Matrix6 J = EdgeJacobian(convention, e, s);
+    const JacobianView& view = batch.jacobians[s];
+    sum += internal::MultiplyUpper<6, 6>(measurement.sqrt_information, J.data(),
+                                         view.data + i * view.factor_stride, view.row_stride);
+  }
+  return sum;
+}
+
+}  // namespace
+
+const char* ToString(PoseErrorConvention convention) {
+  switch (convention) {
+    case PoseErrorConvention::kGeodesic:
+      return "geodesic";
+    case PoseErrorConvention::kCeres:
+      return "ceres";
+    case PoseErrorConvention::kG2o:
+      return "g2o";
+    case PoseErrorConvention::kGtsam:
+      return "gtsam";
+  }
+  return "unknown";
+}
+
+EvaluationFailure PoseEdgeFamily::Evaluate(const FactorBatch& batch) const {
+  for (int i = batch.begin; i < batch.end; ++i) {
+    const Measurement& m = measurement(i);
+    const double* const* parameters = batch.parameters + 2 * static_cast<std::ptrdiff_t>(i);
+    const EdgeError e = MeasureEdge(m, parameters[0], parameters[1]);
+    double error[6];
+    WriteError(convention_, e, error);
+    double* residual = batch.residuals + 6 * static_cast<std::ptrdiff_t>(i);
+    if (!std::isfinite(internal::MultiplyUpper<6, 1>(m.sqrt_information, error, residual, 1))) {
+      return {i, "a residual is not finite"};
+    }
+    if (batch.jacobians != nullptr &&
+        !std::isfinite(WriteEdgeJacobians(batch, i, convention_, m, e))) {
+      return {i, "a Jacobian entry is not finite"};
+    }
+  }
+  return {};
+}
+
+}  // namespace inceres

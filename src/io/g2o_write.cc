@@ -1,0 +1,148 @@
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <memory>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "inceres/io/g2o.h"
+#include "io/byte_sink.h"
+#include "io/text_writer.h"
+
+namespace inceres {
+namespace internal {
+namespace {
+
+Status BadPoseGraph(const std::string& what) {
+  return Status::Error(StatusCode::kInvalidArgument, "PoseGraph: " + what);
+}
+
+template <typename Values>
+bool AreFinite(const Values& values, std::size_t count) {
+  return std::all_of(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(count),
+                     [](double value) { return std::isfinite(value); });
+}
+
+bool IsVertex(const PoseGraph& graph, int index) {
+  return index >= 0 && index < graph.NumVertices();
+}
+
+Status CheckVertices(const PoseGraph& graph) {
+  if (graph.dimension != 2 && graph.dimension != 3) {
+    return BadPoseGraph("dimension is " + std::to_string(graph.dimension) + ", not 2 or 3");
+  }
+  const std::size_t expected = graph.ids.size() * static_cast<std::size_t>(graph.PoseSize());
+  if (graph.poses.size() != expected) {
+    return BadPoseGraph("poses has " + std::to_string(graph.poses.size()) + " values instead of " +
+                        std::to_string(expected));
+  }
+  for (std::size_t i = 0; i < graph.poses.size(); ++i) {
+    if (!std::isfinite(graph.poses[i])) {
+      return BadPoseGraph("poses[" + std::to_string(i) + "] is not finite");
+    }
+  }
+  for (std::size_t i = 0; i < graph.fixed.size(); ++i) {
+    if (!IsVertex(graph, graph.fixed[i])) {
+      return BadPoseGraph("fixed[" + std::to_string(i) + "] is no vertex");
+    }
+  }
+  return Status::Ok();
+}
+
+Status CheckPoseGraph(const PoseGraph& graph) {
+  const auto pose_size = static_cast<std::size_t>(graph.PoseSize());
+  const auto size = static_cast<std::size_t>(graph.TangentSize());
+  Status status = CheckVertices(graph);
+  for (std::size_t i = 0; i < graph.edges.size() && status.ok(); ++i) {
+    const PoseGraphEdge& edge = graph.edges[i];
+    if (!IsVertex(graph, edge.from) || !IsVertex(graph, edge.to)) {
+      status = BadPoseGraph("edges[" + std::to_string(i) + "] has an end that is no vertex");
+    } else if (!AreFinite(edge.measurement, pose_size) ||
+               !AreFinite(edge.information, size * size)) {
+      status = BadPoseGraph("edges[" + std::to_string(i) + "] has a value that is not finite");
+    }
+  }
+  return status;
+}
+
+void PutValues(const double* values, int count, TextWriter* writer) {
+  for (int k = 0; k < count; ++k) {
+    writer->Put(values[k], k + 1 == count ? '\n' : ' ');
+  }
+}
+
+void PutG2oEdge(const PoseGraph& graph, const PoseGraphEdge& edge, TextWriter* writer) {
+  writer->PutText(graph.dimension == 2 ? "EDGE_SE2 " : "EDGE_SE3:QUAT ");
+  writer->Put(graph.ids[static_cast<std::size_t>(edge.from)], ' ');
+  writer->Put(graph.ids[static_cast<std::size_t>(edge.to)], ' ');
+  for (int k = 0; k < graph.PoseSize(); ++k) {
+    writer->Put(edge.measurement[static_cast<std::size_t>(k)], ' ');
+  }
+  const auto size = static_cast<std::size_t>(graph.TangentSize());
+  for (std::size_t r = 0; r < size; ++r) {
+    for (std::size_t c = r; c < size; ++c) {
+      writer->Put(edge.information[r * size + c], r + 1 == size ? '\n' : ' ');
+    }
+  }
+}
+
+void PutG2o(const PoseGraph& graph, TextWriter* writer) {
+  for (int i = 0; i < graph.NumVertices(); ++i) {
+    writer->PutText(graph.dimension == 2 ? "VERTEX_SE2 " : "VERTEX_SE3:QUAT ");
+    writer->Put(graph.ids[static_cast<std::size_t>(i)], ' ');
+    PutValues(graph.PoseData(i), graph.PoseSize(), writer);
+  }
+  for (const int vertex : graph.fixed) {
+    writer->PutText("FIX ");
+    writer->Put(graph.ids[static_cast<std::size_t>(vertex)], '\n');
+  }
+  for (const PoseGraphEdge& edge : graph.edges) {
+    PutG2oEdge(graph, edge, writer);
+  }
+}
+
+void PutTum(const PoseGraph& graph, TextWriter* writer) {
+  std::vector<int> order(graph.ids.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&graph](int a, int b) {
+    return graph.ids[static_cast<std::size_t>(a)] < graph.ids[static_cast<std::size_t>(b)];
+  });
+  for (const int i : order) {
+    const double* pose = graph.PoseData(i);
+    writer->Put(graph.ids[static_cast<std::size_t>(i)], ' ');
+    if (graph.dimension == 3) {
+      PutValues(pose, 7, writer);
+    } else {
+      const double line[7] = {
+          pose[0], pose[1], 0.0, 0.0, 0.0, std::sin(0.5 * pose[2]), std::cos(0.5 * pose[2])};
+      PutValues(line, 7, writer);
+    }
+  }
+}
+
+template <typename PutAll>
+Status WritePoseGraph(const std::string& path, const PoseGraph& graph, const PutAll& put) {
+  Status status = CheckPoseGraph(graph);
+  std::unique_ptr<ByteSink> sink;
+  status = status.ok() ? OpenByteSink(path, &sink) : status;
+  if (!status.ok()) {
+    return status;
+  }
+  TextWriter writer(sink.get());
+  put(graph, &writer);
+  return writer.Finish();
+}
+
+}  // namespace
+}  // namespace internal
+
+Status WriteG2o(const std::string& path, const PoseGraph& graph) {
+  return internal::WritePoseGraph(path, graph, internal::PutG2o);
+}
+
+Status WriteTumTrajectory(const std::string& path, const PoseGraph& graph) {
+  return internal::WritePoseGraph(path, graph, internal::PutTum);
+}
+
+}  // namespace inceres

@@ -1,0 +1,331 @@
+#include "inceres/io/pose_graph_start.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+
+#include <Eigen/Dense>
+
+#include "inceres/factors/pose_prior.h"
+#include "inceres/problem/factor_graph.h"
+#include "inceres/problem/pose_composition.h"
+#include "inceres/problem/rotation.h"
+#include "inceres/solver/solver.h"
+#include "io/g2o_start.h"
+#include "io/linear_difference.h"
+
+namespace inceres {
+namespace {
+
+using internal::LinearDifferenceFamily;
+using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 6, 6>;
+using Matrix3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+
+// Of the edges: with more of them at weight zero, leaving their blocks out of H pays.
+constexpr double kSparseShare = 0.05;
+
+// min Σ ‖U (x_j − A x_i − t)‖² over vectors of one size, the first of which stays at its value.
+class LinearChain {
+ public:
+  LinearChain(const PoseGraph& poses, int size, int num_threads)
+      : family_(std::make_shared<LinearDifferenceFamily>(size)) {
+    options_.num_threads = num_threads;
+    options_.max_num_iterations = 1;
+    options_.initial_trust_region_radius = options_.max_trust_region_radius;
+    const std::vector<double> zero(static_cast<std::size_t>(size), 0.0);
+    for (int i = 0; i < poses.NumVertices(); ++i) {
+      graph_.AddVariable(zero.data(), size, Role::kFrame);
+    }
+    graph_.SetConstant(0, true);
+    const FamilyId id = graph_.AddFamily(family_).id;
+    family_->Resize(static_cast<int>(poses.edges.size()));
+    for (const PoseGraphEdge& edge : poses.edges) {
+      const VariableId variables[] = {edge.from, edge.to};
+      graph_.Connect(id, variables);
+    }
+  }
+
+  LinearDifferenceFamily::Measurement& at(int edge) { return family_->at(edge); }
+
+  // False if the system has no solution. The values are then x(i).
+  bool Solve(const double* first, bool mostly_zero) {
+    std::fill(graph_.mutable_state().begin(), graph_.mutable_state().end(), 0.0);
+    graph_.SetValues(0, first);
+    if (graph_.num_variables() == 1) {
+      return true;
+    }
+    options_.dynamic_sparsity = mostly_zero;
+    const Summary summary = solver_.Solve(options_, &graph_);
+    return summary.IsSolutionUsable();
+  }
+
+  const double* x(int i) const { return graph_.Values(i); }
+
+ private:
+  std::shared_ptr<LinearDifferenceFamily> family_;
+  FactorGraph graph_;
+  SolverOptions options_;
+  Solver solver_;
+};
+
+// The rotation nearest to M in the Frobenius norm: its polar factor of determinant 1.
+Matrix3d NearestRotation(const Matrix3d& M) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d signs = Eigen::Vector3d::Ones();
+  signs[2] = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0;
+  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+}
+
+}  // namespace
+
+class ChordalStart::Impl {
+ public:
+  Impl(const PoseGraph& graph, int num_threads)
+      : graph_(graph),
+        d_(graph.dimension),
+        rotations_(graph, graph.dimension, num_threads),
+        positions_(graph, graph.dimension, num_threads) {}
+
+  Status Compute(const std::vector<double>& weights, std::vector<double>* poses);
+
+ private:
+  Status Check(const std::vector<double>& weights) const;
+  void MeasureRotations();
+  bool SolveRotations();
+  void MeasurePositions();
+  double Weight(std::size_t edge) const { return weights_.empty() ? 1.0 : weights_[edge]; }
+  double RotationWeight(const PoseGraphEdge& edge) const;
+  Matrix3d Measured(const PoseGraphEdge& edge) const;
+  void WritePoses(std::vector<double>* poses) const;
+
+  const PoseGraph graph_;
+  const int d_;
+  LinearChain rotations_;
+  LinearChain positions_;
+  std::vector<double> weights_;
+  bool mostly_zero_ = false;
+  std::vector<Matrix3d> R_;  // of each vertex; planar: the upper left 2 × 2
+};
+
+Status ChordalStart::Impl::Check(const std::vector<double>& weights) const {
+  const auto refuse = [](const std::string& what) {
+    return Status::Error(StatusCode::kInvalidArgument, "chordal start: " + what);
+  };
+  if (graph_.ids.empty()) {
+    return refuse("the graph has no vertices");
+  }
+  if (!weights.empty() && weights.size() != graph_.edges.size()) {
+    return refuse(std::to_string(weights.size()) + " weights for " +
+                  std::to_string(graph_.edges.size()) + " edges");
+  }
+  PoseGraph counted;
+  counted.dimension = graph_.dimension;
+  counted.ids = graph_.ids;
+  for (std::size_t i = 0; i < graph_.edges.size(); ++i) {
+    if (!weights.empty() && !(weights[i] >= 0.0 && std::isfinite(weights[i]))) {
+      return refuse("the weight of edge " + std::to_string(i) + " is " +
+                    std::to_string(weights[i]));
+    }
+    if (weights.empty() || weights[i] > 0.0) {
+      counted.edges.push_back(graph_.edges[i]);
+    }
+  }
+  const int lost = internal::PlaceAlongEdges(&counted);
+  return lost == graph_.NumVertices()
+             ? Status::Ok()
+             : refuse("no edges lead from vertex " + std::to_string(graph_.ids.front()) +
+                      " to vertex " + std::to_string(graph_.ids[static_cast<std::size_t>(lost)]));
+}
+
+// An isotropic κ in place of the information of the rotation: what the trace of its covariance says
+// (Rosen et al., "SE-Sync", IJRR 2019, section 3.1).
+double ChordalStart::Impl::RotationWeight(const PoseGraphEdge& edge) const {
+  const Eigen::Index size = graph_.TangentSize();
+  const SmallMatrix information =
+      Eigen::Map<const SmallMatrix>(edge.information.data(), size, size);
+  if (d_ == 2) {
+    return information(2, 2);
+  }
+  const Eigen::Matrix3d rotation = information.bottomRightCorner<3, 3>();
+  const double trace = rotation.inverse().trace();
+  return trace > 0.0 && std::isfinite(trace) ? 3.0 / (2.0 * trace) : rotation.trace() / 6.0;
+}
+
+Matrix3d ChordalStart::Impl::Measured(const PoseGraphEdge& edge) const {
+  Matrix3d R = Matrix3d::Identity();
+  if (d_ == 3) {
+    QuaternionToMatrix(edge.measurement.data() + 3, R.data());
+  } else {
+    const double c = std::cos(edge.measurement[2]), s = std::sin(edge.measurement[2]);
+    R.topLeftCorner<2, 2>() << c, -s, s, c;
+  }
+  return R;
+}
+
+// Planar: z_j = z_i z_ij, so A = R_ij; spatial, row by row: r_j = R_ijᵀ r_i.
+void ChordalStart::Impl::MeasureRotations() {
+  for (std::size_t i = 0; i < graph_.edges.size(); ++i) {
+    const PoseGraphEdge& edge = graph_.edges[i];
+    const double root = std::sqrt(Weight(i) * RotationWeight(edge));
+    const Matrix3d R = Measured(edge);
+    LinearDifferenceFamily::Measurement& m = rotations_.at(static_cast<int>(i));
+    for (int r = 0; r < d_; ++r) {
+      for (int c = 0; c < d_; ++c) {
+        m.A[d_ * r + c] = d_ == 2 ? R(r, c) : R(c, r);
+        m.U[d_ * r + c] = r == c ? root : 0.0;
+      }
+    }
+  }
+}
+
+bool ChordalStart::Impl::SolveRotations() {
+  const int num_vertices = graph_.NumVertices();
+  R_.assign(static_cast<std::size_t>(num_vertices), Matrix3d::Zero());
+  Matrix3d first = Matrix3d::Identity();
+  if (d_ == 3) {
+    QuaternionToMatrix(graph_.PoseData(0) + 3, first.data());
+  }
+  const double z[2] = {std::cos(graph_.PoseData(0)[2]), std::sin(graph_.PoseData(0)[2])};
+  for (int row = 0; row < (d_ == 2 ? 1 : 3); ++row) {
+    if (!rotations_.Solve(d_ == 2 ? z : first.data() + 3 * row, mostly_zero_)) {
+      return false;
+    }
+    for (int i = 0; i < num_vertices; ++i) {
+      std::copy_n(rotations_.x(i), d_, R_[static_cast<std::size_t>(i)].data() + 3 * row);
+    }
+  }
+  for (Matrix3d& R : R_) {
+    if (d_ == 3) {
+      R = NearestRotation(R);
+    } else {
+      const double c = R(0, 0), s = R(0, 1), norm = std::hypot(c, s);
+      R.topLeftCorner<2, 2>() << c, -s, s, c;
+      R.topLeftCorner<2, 2>() /= norm > 0.0 ? norm : 1.0;
+    }
+  }
+  return true;
+}
+
+void ChordalStart::Impl::MeasurePositions() {
+  const Eigen::Index size = graph_.TangentSize();
+  for (std::size_t i = 0; i < graph_.edges.size(); ++i) {
+    const PoseGraphEdge& edge = graph_.edges[i];
+    const SmallMatrix information =
+        Eigen::Map<const SmallMatrix>(edge.information.data(), size, size);
+    const SmallMatrix position = information.topLeftCorner(d_, d_);
+    SmallMatrix U(d_, d_);
+    if (!SqrtInformation(position.data(), d_, U.data())) {
+      U.setIdentity();
+    }
+    const SmallMatrix R = R_[static_cast<std::size_t>(edge.from)].topLeftCorner(d_, d_);
+    const Eigen::VectorXd t = R * Eigen::Map<const Eigen::VectorXd>(edge.measurement.data(), d_);
+    const SmallMatrix whiten = std::sqrt(Weight(i)) * U * R.transpose();
+    LinearDifferenceFamily::Measurement& m = positions_.at(static_cast<int>(i));
+    for (int r = 0; r < d_; ++r) {
+      m.t[r] = t[r];
+      for (int c = 0; c < d_; ++c) {
+        m.A[d_ * r + c] = r == c ? 1.0 : 0.0;
+        m.U[d_ * r + c] = whiten(r, c);
+      }
+    }
+  }
+}
+
+void ChordalStart::Impl::WritePoses(std::vector<double>* poses) const {
+  poses->resize(graph_.poses.size());
+  for (int i = 0; i < graph_.NumVertices(); ++i) {
+    const Matrix3d& R = R_[static_cast<std::size_t>(i)];
+    double* pose = poses->data() + static_cast<std::ptrdiff_t>(i) * graph_.PoseSize();
+    std::copy_n(positions_.x(i), d_, pose);
+    if (d_ == 3) {
+      MatrixToQuaternion(R.data(), pose + 3);
+    } else {
+      pose[2] = std::atan2(R(1, 0), R(0, 0));
+    }
+  }
+  std::copy_n(graph_.PoseData(0), graph_.PoseSize(), poses->data());
+}
+
+Status ChordalStart::Impl::Compute(const std::vector<double>& weights, std::vector<double>* poses) {
+  Status status = Check(weights);
+  if (!status.ok()) {
+    return status;
+  }
+  weights_ = weights;
+  mostly_zero_ = static_cast<double>(std::count(weights.begin(), weights.end(), 0.0)) >
+                 kSparseShare * static_cast<double>(weights.size());
+  const Status singular =
+      Status::Error(StatusCode::kSingular, "chordal start: the linear system could not be solved");
+  MeasureRotations();
+  if (!SolveRotations()) {
+    return singular;
+  }
+  MeasurePositions();
+  if (!positions_.Solve(graph_.PoseData(0), mostly_zero_)) {
+    return singular;
+  }
+  WritePoses(poses);
+  return Status::Ok();
+}
+
+ChordalStart::ChordalStart(const PoseGraph& graph, int num_threads)
+    : impl_(std::make_unique<Impl>(graph, num_threads)) {
+}
+ChordalStart::~ChordalStart() = default;
+
+Status ChordalStart::Compute(const std::vector<double>& weights, std::vector<double>* poses) {
+  return impl_->Compute(weights, poses);
+}
+
+Status StartByChordalRelaxation(PoseGraph* graph, int num_threads) {
+  return ChordalStart(*graph, num_threads).Compute({}, &graph->poses);
+}
+
+GncStart ChordalGncStart(const PoseGraph& poses, const G2oGraph& ids,
+                         std::vector<int> suspected_edges, int num_threads) {
+  const auto chordal = std::make_shared<ChordalStart>(poses, num_threads);
+  const int pose_size = poses.PoseSize();
+  return [chordal, pose_size, variables = ids.poses, suspects = std::move(suspected_edges),
+          of_edges = std::vector<double>(poses.edges.size(), 1.0)](
+             const std::vector<double>& weights, FactorGraph* graph) mutable {
+    if (weights.size() != suspects.size()) {
+      return Status::Error(StatusCode::kInvalidArgument,
+                           "chordal start: " + std::to_string(weights.size()) + " weights for " +
+                               std::to_string(suspects.size()) + " suspected edges");
+    }
+    for (std::size_t k = 0; k < suspects.size(); ++k) {
+      of_edges[static_cast<std::size_t>(suspects[k])] = weights[k];
+    }
+    std::vector<double> values;
+    Status status = chordal->Compute(of_edges, &values);
+    for (std::size_t i = 0; i < variables.size() && status.ok(); ++i) {
+      graph->SetValues(variables[i], values.data() + static_cast<std::ptrdiff_t>(i) * pose_size);
+    }
+    return status;
+  };
+}
+
+Status StartAlongSpanningTree(PoseGraph* graph) {
+  if (graph->ids.empty()) {
+    return Status::Error(StatusCode::kInvalidArgument, "spanning tree: the graph has no vertices");
+  }
+  PoseGraph placed = *graph;
+  const int lost = internal::PlaceAlongEdges(&placed);
+  if (lost < graph->NumVertices()) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "spanning tree: no edges lead from vertex " +
+                             std::to_string(graph->ids.front()) + " to vertex " +
+                             std::to_string(graph->ids[static_cast<std::size_t>(lost)]));
+  }
+  // From the origin to where the first vertex is.
+  const std::vector<double> first(graph->PoseData(0), graph->PoseData(0) + graph->PoseSize());
+  for (int i = 0; i < graph->NumVertices(); ++i) {
+    (graph->dimension == 2 ? ComposePlanarPoses : ComposePoses)(first.data(), placed.PoseData(i),
+                                                                graph->PoseData(i));
+  }
+  return Status::Ok();
+}
+
+}  // namespace inceres

@@ -1,0 +1,65 @@
+#include <cmath>
+
+#include "inceres/solver/gnc.h"
+
+namespace inceres {
+namespace {
+
+// P(a, x) = γ(a, x)/Γ(a) below its bend, by the series of DLMF 8.11.4.
+double LowerGammaBySeries(double a, double x, double scale) {
+  double term = 1.0 / a;
+  double sum = term;
+  for (int n = 1; n < 10000 && term > 1e-17 * sum; ++n) {
+    term *= x / (a + n);
+    sum += term;
+  }
+  return scale * sum;
+}
+
+// 1 − P(a, x) above it, by the continued fraction of DLMF 8.9.2 (Lentz's algorithm).
+double UpperGammaByFraction(double a, double x, double scale) {
+  constexpr double kTiny = 1e-300;
+  double b = x + 1.0 - a;
+  double c = 1.0 / kTiny;
+  double d = 1.0 / b;
+  double h = d;
+  for (int n = 1; n < 10000; ++n) {
+    const double numerator = -n * (n - a);
+    b += 2.0;
+    d = numerator * d + b;
+    d = 1.0 / (std::fabs(d) < kTiny ? kTiny : d);
+    c = b + numerator / c;
+    c = std::fabs(c) < kTiny ? kTiny : c;
+    h *= d * c;
+    if (std::fabs(d * c - 1.0) < 1e-16) {
+      break;
+    }
+  }
+  return scale * h;
+}
+
+double LowerGamma(double a, double x) {
+  if (x <= 0.0) {
+    return 0.0;
+  }
+  const double scale = std::exp(a * std::log(x) - x - std::lgamma(a));
+  return x < a + 1.0 ? LowerGammaBySeries(a, x, scale) : 1.0 - UpperGammaByFraction(a, x, scale);
+}
+
+}  // namespace
+
+double ChiSquareQuantile(double probability, int degrees) {
+  const double a = 0.5 * degrees;
+  double low = 0.0;
+  double high = 1.0;
+  while (high < 1e300 && LowerGamma(a, high) < probability) {
+    high *= 2.0;
+  }
+  for (int i = 0; i < 200 && high - low > 1e-15 * high; ++i) {
+    const double middle = 0.5 * (low + high);
+    (LowerGamma(a, middle) < probability ? low : high) = middle;
+  }
+  return low + high;  // twice the middle: of the gamma distribution's argument
+}
+
+}  // namespace inceres

@@ -1,0 +1,91 @@
+#include "robust/squared_errors.h"
+
+#include <cmath>
+#include <set>
+#include <string>
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+// Evaluates one factor of a family. A batch counts from the family's first factor, so there is a
+// pointer for each place up to the factor's, of which only its own are read.
+class ErrorMeter {
+ public:
+  ErrorMeter(const FactorGraph& graph, const GncValues& values) : graph_(graph), values_(values) {}
+
+  EvaluationFailure Measure(FactorId id, double* squared_error) {
+    const FactorFamily& family = graph_.family(id.family);
+    const auto rows = static_cast<std::size_t>(family.residual_size());
+    const auto slots = static_cast<std::size_t>(family.num_slots());
+    const auto place = static_cast<std::size_t>(id.index);
+    parameters_.resize(std::max(parameters_.size(), (place + 1) * slots));
+    residuals_.resize(std::max(residuals_.size(), (place + 1) * rows));
+    for (std::size_t s = 0; s < slots; ++s) {
+      parameters_[place * slots + s] = values_(graph_.Variables(id.family, id.index)[s]);
+    }
+    FactorBatch batch;
+    batch.begin = id.index;
+    batch.end = id.index + 1;
+    batch.parameters = parameters_.data();
+    batch.residuals = residuals_.data();
+    const EvaluationFailure failure = family.Evaluate(batch);
+    *squared_error = 0.0;
+    for (std::size_t r = place * rows; r < (place + 1) * rows; ++r) {
+      *squared_error += residuals_[r] * residuals_[r];
+    }
+    return failure;
+  }
+
+ private:
+  const FactorGraph& graph_;
+  const GncValues& values_;
+  std::vector<const double*> parameters_;
+  std::vector<double> residuals_;
+};
+
+}  // namespace
+
+std::string NameOfSuspect(const FactorGraph& graph, FactorId factor) {
+  if (factor.family < 0 || factor.family >= graph.num_families()) {
+    return "factor " + std::to_string(factor.index) + " of family " + std::to_string(factor.family);
+  }
+  return std::string(graph.family(factor.family).Name()) + " " + std::to_string(factor.index);
+}
+
+Status CheckSuspects(const FactorGraph& graph, const std::vector<FactorId>& factors) {
+  std::set<std::pair<FamilyId, std::int32_t>> seen;
+  for (const FactorId& id : factors) {
+    const bool there =
+        id.family >= 0 && id.family < graph.num_families() && id.index >= 0 &&
+        id.index < graph.NumFactors(id.family) && graph.HasFactor(id.family, id.index) &&
+        (id.generation < 0 || id.generation == graph.Generation(id.family, id.index));
+    if (!there) {
+      return Status::Error(StatusCode::kInvalidArgument,
+                           "the suspect " + NameOfSuspect(graph, id) + " is not in the graph");
+    }
+    if (!seen.insert({id.family, id.index}).second) {
+      return Status::Error(StatusCode::kInvalidArgument,
+                           "the suspect " + NameOfSuspect(graph, id) + " is named twice");
+    }
+  }
+  return Status::Ok();
+}
+
+Status SquaredErrors(const FactorGraph& graph, const std::vector<FactorId>& factors,
+                     const GncValues& values, std::vector<double>* errors) {
+  ErrorMeter meter(graph, values);
+  errors->resize(factors.size());
+  for (std::size_t k = 0; k < factors.size(); ++k) {
+    const EvaluationFailure failure = meter.Measure(factors[k], &(*errors)[k]);
+    if (failure.failed() || !std::isfinite((*errors)[k])) {
+      return Status::Error(StatusCode::kInvalidArgument,
+                           "the suspect " + NameOfSuspect(graph, factors[k]) +
+                               " cannot be evaluated: " +
+                               (failure.failed() ? failure.reason : "its error is not finite"));
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace inceres::internal

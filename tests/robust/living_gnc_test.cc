@@ -1,0 +1,167 @@
+// Suspects of a living graph: wrong loops lose their weight as they come, and get it back when they
+// are corrected.
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "inceres/factors/planar_relative_pose.h"
+#include "inceres/io/g2o_graph.h"
+#include "inceres/problem/pose_composition.h"
+#include "robust/gnc_worlds.h"
+
+namespace inceres {
+namespace {
+
+using test::PoseGraphWorld;
+
+// Plays a planar world to a living solver, pose by pose; a loop comes with its later pose.
+class LivingWorld {
+ public:
+  explicit LivingWorld(const PoseGraphWorld& world) : world_(world), gnc_(Options(), &solver_) {
+    family_ = solver_.AddFamily(std::make_shared<PlanarRelativePoseFamily>());
+  }
+
+  GncSummary AddPose(int i) {
+    GraphEdit edit(solver_.graph());
+    std::vector<double> start(world_.truth.PoseData(0), world_.truth.PoseData(0) + 3);
+    if (i > 0) {
+      const PoseGraphEdge& odometry = world_.truth.edges[static_cast<std::size_t>(i) - 1];
+      ComposePlanarPoses(solver_.Values(i - 1), odometry.measurement.data(), start.data());
+    }
+    edit.AddVariable(start.data(), 3, Role::kFrame);
+    if (i == 0) {
+      edit.SetConstant(0, true);
+    }
+    std::vector<FactorId> loops;
+    for (std::size_t k = 0; k < world_.truth.edges.size(); ++k) {
+      const PoseGraphEdge& edge = world_.truth.edges[k];
+      if (edge.to == i) {
+        const FactorId id = AddEdge(edge, &edit);
+        edges_.push_back({k, id});
+        if (k >= world_.truth.ids.size() - 1) {
+          loops.push_back(id);
+        }
+      }
+    }
+    EXPECT_TRUE(solver_.Apply(edit).ok());
+    for (const FactorId& id : loops) {
+      gnc_.Watch(id);
+    }
+    return gnc_.Update();
+  }
+
+  FactorId AddEdge(const PoseGraphEdge& edge, GraphEdit* edit) {
+    PlanarRelativePoseFamily::Measurement measurement;
+    EXPECT_TRUE(ToMeasurement(edge, &measurement));
+    return edit->AddFactor(family_, measurement, {edge.from, edge.to});
+  }
+
+  bool IsWrong(FactorId id) const {
+    for (const auto& [edge, factor] : edges_) {
+      if (factor.index == id.index) {
+        return edge >= world_.truth.edges.size() - static_cast<std::size_t>(world_.num_wrong);
+      }
+    }
+    return false;
+  }
+
+  static GncOptions Options() {
+    GncOptions options;
+    options.inlier_probability = 0.9999;
+    return options;
+  }
+
+  PoseGraphWorld world_;
+  IncrementalSolver solver_{IncrementalOptions()};
+  LivingGnc gnc_;
+  FamilyHandle<PlanarRelativePoseFamily> family_;
+  std::vector<std::pair<std::size_t, FactorId>> edges_;
+};
+
+TEST(LivingGnc, FindsWrongLoopsAsTheyCome) {
+  LivingWorld living(PoseGraphWorld(2, 200, 40, 30, 0.01, 21));
+  GncSummary summary;
+  for (int i = 0; i < 200; ++i) {
+    summary = living.AddPose(i);
+    ASSERT_EQ(summary.termination, Termination::kConvergence) << i << ": " << summary.message;
+  }
+  ASSERT_EQ(static_cast<int>(summary.verdicts.size()), living.gnc_.num_suspects());
+  int num_lost = 0;
+  for (const GncVerdict& verdict : summary.verdicts) {
+    EXPECT_EQ(verdict.weight, verdict.inlier ? 1.0 : 0.0);
+    if (living.IsWrong(verdict.factor)) {
+      EXPECT_FALSE(verdict.inlier) << verdict.factor.index;
+    } else {
+      num_lost += verdict.inlier ? 0 : 1;
+    }
+  }
+  EXPECT_LE(num_lost, 2);
+}
+
+TEST(LivingGnc, LooksAtNothingElseWhereNothingIsInDoubt) {
+  LivingWorld living(PoseGraphWorld(2, 120, 40, 0, 0.01, 2));
+  for (int i = 0; i < 120; ++i) {
+    living.AddPose(i);
+  }
+  const GncSummary summary = living.gnc_.Update();
+  EXPECT_EQ(summary.rounds.size(), 1u);
+  EXPECT_EQ(summary.rounds[0].num_relinearized_factors, 0);
+  EXPECT_EQ(summary.num_outliers, 0);
+}
+
+// The measurement of one wrong loop is put right: its history begins anew, the others' do not.
+TEST(LivingGnc, TakesASuspectInAgainOnceItIsEdited) {
+  LivingWorld living(PoseGraphWorld(2, 120, 40, 10, 0.01, 4));
+  GncSummary summary;
+  for (int i = 0; i < 120; ++i) {
+    summary = living.AddPose(i);
+  }
+  FactorId wrong;
+  for (const GncVerdict& verdict : summary.verdicts) {
+    wrong = living.IsWrong(verdict.factor) && !verdict.inlier ? verdict.factor : wrong;
+  }
+  ASSERT_GE(wrong.index, 0);
+  const VariableId* ends = living.solver_.graph().Variables(wrong.family, wrong.index);
+  double inverse[3];
+  PlanarRelativePoseFamily::Measurement right = living.family_->measurement(wrong.index);
+  InvertPlanarPose(living.solver_.Values(ends[0]), inverse);
+  ComposePlanarPoses(inverse, living.solver_.Values(ends[1]), right.motion);
+  GraphEdit edit(living.solver_.graph());
+  edit.SetMeasurement(wrong, living.family_, right);
+  ASSERT_TRUE(living.solver_.Apply(edit).ok());
+  living.gnc_.Reset(wrong);
+  const GncSummary after = living.gnc_.Update();
+  EXPECT_EQ(after.num_outliers, summary.num_outliers - 1);
+  EXPECT_EQ(living.solver_.graph().loss(wrong.family, wrong.index), nullptr);
+}
+
+TEST(LivingGnc, NamesASuspectThatIsGoneUntilItIsForgotten) {
+  LivingWorld living(PoseGraphWorld(2, 60, 20, 0, 0.01, 4));
+  for (int i = 0; i < 60; ++i) {
+    living.AddPose(i);
+  }
+  const FactorId gone = living.edges_.back().second;
+  GraphEdit edit(living.solver_.graph());
+  edit.RemoveFactor(gone);
+  ASSERT_TRUE(living.solver_.Apply(edit).ok());
+  const GncSummary refused = living.gnc_.Update();
+  EXPECT_EQ(refused.termination, Termination::kFailure);
+  EXPECT_NE(refused.message.find("is not in the graph"), std::string::npos) << refused.message;
+  living.gnc_.Forget(gone);
+  EXPECT_TRUE(living.gnc_.Update().IsSolutionUsable());
+}
+
+TEST(LivingGnc, TellsWhatIsWrongWithTheOptions) {
+  IncrementalSolver solver{IncrementalOptions()};
+  GncOptions options;
+  options.step = 0.5;
+  LivingGnc gnc(options, &solver);
+  const GncSummary summary = gnc.Update();
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_NE(summary.message.find("step"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace inceres

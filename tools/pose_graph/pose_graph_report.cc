@@ -1,0 +1,145 @@
+#include "tools/pose_graph/pose_graph_report.h"
+
+#include <cstdarg>
+#include <cstdio>
+
+#include "inceres/factors/pose_edge.h"
+
+namespace inceres::tools {
+namespace {
+
+[[gnu::format(printf, 1, 2)]] std::string Text(const char* format, ...) {
+  char text[256];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(text, sizeof(text), format, arguments);
+  va_end(arguments);
+  return text;
+}
+
+int NumIterations(const PoseGraphRun& run) {
+  return run.gnc.has_value()
+             ? run.gnc->num_iterations
+             : run.solve.num_successful_steps + run.solve.num_unsuccessful_steps - 1;
+}
+
+std::string TerminationOf(const PoseGraphRun& run) {
+  return ToString(run.gnc.has_value() ? run.gnc->termination : run.solve.termination);
+}
+
+std::string MessageOf(const PoseGraphRun& run) {
+  return run.gnc.has_value() ? run.gnc->message : run.solve.message;
+}
+
+nlohmann::json GncJson(const PoseGraphRun& run) {
+  nlohmann::json rounds = nlohmann::json::array(), outliers = nlohmann::json::array();
+  for (const GncRound& round : run.gnc->rounds) {
+    rounds.push_back({{"mu", round.mu},
+                      {"cost", round.cost},
+                      {"iterations", round.num_iterations},
+                      {"num_full", round.num_full},
+                      {"num_none", round.num_none}});
+  }
+  for (std::size_t i = 0; i < run.is_outlier.size(); ++i) {
+    if (run.is_outlier[i]) {
+      const PoseGraphEdge& edge = run.after.edges[i];
+      outliers.push_back({{"edge", i},
+                          {"from", run.after.ids[static_cast<std::size_t>(edge.from)]},
+                          {"to", run.after.ids[static_cast<std::size_t>(edge.to)]}});
+    }
+  }
+  return {{"num_suspects", run.gnc->verdicts.size()},
+          {"num_outliers", run.gnc->num_outliers},
+          {"rounds", rounds},
+          {"outliers", outliers}};
+}
+
+}  // namespace
+
+std::string Describe(const PoseGraphRun& run) {
+  return Text("%d poses in %dD, %zu edges, %zu loops", run.before.NumVertices(),
+              run.before.dimension, run.before.edges.size(), run.loops.size());
+}
+
+std::vector<std::pair<std::string, std::string>> Figures(const PoseGraphRun& run) {
+  std::vector<std::pair<std::string, std::string>> rows = {
+      {"problem", Describe(run)},
+      {"cost", Text("%.10e -> %.10e", run.initial_cost, run.final_cost)},
+      {"iterations", std::to_string(NumIterations(run))},
+      {"termination", TerminationOf(run) + ": " + MessageOf(run)}};
+  rows.emplace_back("time", Text("%.6f s", run.seconds));
+  if (run.gnc.has_value()) {
+    rows.emplace_back("weighted problems", std::to_string(run.gnc->rounds.size()));
+    rows.emplace_back("found to be wrong",
+                      Text("%d of %zu suspects", run.gnc->num_outliers, run.gnc->verdicts.size()));
+  }
+  if (run.score.has_value()) {
+    rows.emplace_back("wrong loops found",
+                      Text("%d of %d", run.score->num_wrong_found, run.score->num_wrong));
+    rows.emplace_back("right loops lost",
+                      Text("%d of %d", run.score->num_right_lost, run.score->num_right));
+    rows.emplace_back("RMS from without them",
+                      Text("%.6g, %.4g %% of the extent", run.score->rms_difference,
+                           100.0 * run.score->rms_difference / run.score->extent));
+  }
+  if (run.bound.has_value()) {
+    rows.emplace_back("chordal cost", Text("%.10e (isotropic noise)", run.bound->cost));
+    rows.emplace_back("  its lower bound",
+                      Text("%.10e, gap %.3g", run.bound->lower_bound, run.bound->gap));
+    rows.emplace_back("  smallest eigenvalue", Text("%.3e", run.bound->smallest_eigenvalue));
+    rows.emplace_back("  rotations apart",
+                      Text("%.3g rad at most, from this solution", run.bound->largest_angle));
+  }
+  return rows;
+}
+
+PoseGraph WithoutOutliers(const PoseGraphRun& run) {
+  PoseGraph kept = run.after;
+  kept.edges.clear();
+  for (std::size_t i = 0; i < run.after.edges.size(); ++i) {
+    if (!run.is_outlier[i]) {
+      kept.edges.push_back(run.after.edges[i]);
+    }
+  }
+  return kept;
+}
+
+nlohmann::json PoseGraphJson(const std::string& input, const PoseGraphPlan& plan,
+                             const PoseGraphRun& run) {
+  nlohmann::json json = {{"input", input},
+                         {"dimension", run.before.dimension},
+                         {"num_poses", run.before.NumVertices()},
+                         {"num_edges", run.before.edges.size()},
+                         {"num_loops", run.loops.size()},
+                         {"convention", ToString(plan.graph.convention)},
+                         {"threads", plan.solver.num_threads},
+                         {"initial_cost", run.initial_cost},
+                         {"final_cost", run.final_cost},
+                         {"iterations", NumIterations(run)},
+                         {"termination", TerminationOf(run)},
+                         {"message", MessageOf(run)},
+                         {"seconds", run.seconds}};
+  if (run.gnc.has_value()) {
+    json["gnc"] = GncJson(run);
+  }
+  if (run.score.has_value()) {
+    json["outliers"] = {{"fraction", plan.outliers},
+                        {"seed", plan.seed},
+                        {"num_wrong", run.score->num_wrong},
+                        {"num_wrong_found", run.score->num_wrong_found},
+                        {"num_right", run.score->num_right},
+                        {"num_right_lost", run.score->num_right_lost},
+                        {"rms_difference", run.score->rms_difference},
+                        {"extent", run.score->extent}};
+  }
+  if (run.bound.has_value()) {
+    json["chordal_bound"] = {{"cost", run.bound->cost},
+                             {"lower_bound", run.bound->lower_bound},
+                             {"gap", run.bound->gap},
+                             {"smallest_eigenvalue", run.bound->smallest_eigenvalue},
+                             {"largest_angle", run.bound->largest_angle}};
+  }
+  return json;
+}
+
+}  // namespace inceres::tools
