@@ -33,7 +33,7 @@ struct SnavelyFunctor {
   double x = 0.1, y = -0.2;
 };
 
-/// Relative pose of translations and quaternions in Eigen's types, as in Ceres's pose graph example.
+/// Relative pose of translations and quaternions in Eigen's types, as in Ceres's example.
 struct RelativePoseFunctor {
   template <typename T>
   bool operator()(const T* const p_a_ptr, const T* const q_a_ptr, const T* const p_b_ptr,

@@ -6,14 +6,18 @@
 /// is known of a Jet when the program is compiled is known only where its operations are inlined.
 #define INCERES_ALWAYS_INLINE __attribute__((always_inline)) inline
 
-/// Before a function into which all that it calls is to be inlined, a user's functor for one. GCC
-/// does so recursively (but not into a copy that it makes for its own ends: hence noclone), Clang
+/// Before a function into which all that it calls is to be inlined, a user's functor for one, and
+/// whose short loops are to be written out, so that -O2 gives what -O3 gives. GCC does so
+/// recursively, but not into a copy that it makes for its own ends (hence noclone); Clang inlines
 /// only what is called directly. Defined as nothing before this header is included
 /// (-DINCERES_AUTODIFF_FLATTEN=), functors are inlined where the compiler sees fit: less code, and
 /// twice the time.
 #ifndef INCERES_AUTODIFF_FLATTEN
-#ifdef __clang__
+#if defined(__clang__)
 #define INCERES_AUTODIFF_FLATTEN __attribute__((flatten))
+#elif __GNUC__ >= 12 && defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__)
+// From GCC 12 on `optimize` adds to the options of the command line, and takes none of them back.
+#define INCERES_AUTODIFF_FLATTEN __attribute__((flatten, noclone, optimize("peel-loops")))
 #else
 #define INCERES_AUTODIFF_FLATTEN __attribute__((flatten, noclone))
 #endif

@@ -4,6 +4,8 @@
 #include <limits>
 
 #include "inceres/autodiff/jet.h"
+#include "inceres/autodiff/jet_classify.h"
+#include "inceres/autodiff/jet_powers.h"
 
 /// The functions of a Jet: f(a + v ε) = f(a) + f'(a) v ε. Values are what the C library computes,
 /// to the last bit. The derivative of each is said where it is not the one of the textbook. Names,
@@ -32,24 +34,11 @@ using std::floor;
 using std::fma;
 using std::fmax;
 using std::fmin;
-using std::fpclassify;
 using std::hypot;
-using std::isfinite;
-using std::isgreater;
-using std::isgreaterequal;
-using std::isinf;
-using std::isless;
-using std::islessequal;
-using std::islessgreater;
-using std::isnan;
-using std::isnormal;
-using std::isunordered;
 using std::log;
 using std::log10;
 using std::log1p;
 using std::log2;
-using std::pow;
-using std::signbit;
 using std::sin;
 using std::sinh;
 using std::sqrt;
@@ -278,120 +267,5 @@ INCERES_JET_BINARY(fmax)
 INCERES_JET_BINARY(fmin)
 INCERES_JET_BINARY(fdim)
 #undef INCERES_JET_BINARY
-
-/// The Bessel function of the first kind and order 0.
-INCERES_ALWAYS_INLINE double BesselJ0(double x) {
-  return ::j0(x);
-}
-/// The Bessel function of the first kind and order 1.
-INCERES_ALWAYS_INLINE double BesselJ1(double x) {
-  return ::j1(x);
-}
-/// The Bessel function of the first kind and order n.
-INCERES_ALWAYS_INLINE double BesselJn(int n, double x) {
-  return ::jn(n, x);
-}
-/// J₀' = −J₁
-template <int N>
-INCERES_ALWAYS_INLINE Jet<N> BesselJ0(const Jet<N>& f) {
-  return {BesselJ0(f.a), -BesselJ1(f.a) * f.v};
-}
-/// J₁' = (J₀ − J₂) / 2
-template <int N>
-INCERES_ALWAYS_INLINE Jet<N> BesselJ1(const Jet<N>& f) {
-  return {BesselJ1(f.a), 0.5 * (BesselJ0(f.a) - BesselJn(2, f.a)) * f.v};
-}
-/// Jₙ' = (Jₙ₋₁ − Jₙ₊₁) / 2
-template <int N>
-INCERES_ALWAYS_INLINE Jet<N> BesselJn(int n, const Jet<N>& f) {
-  return {BesselJn(n, f.a), 0.5 * (BesselJn(n - 1, f.a) - BesselJn(n + 1, f.a)) * f.v};
-}
-
-/// f^p
-template <int N>
-INCERES_ALWAYS_INLINE Jet<N> pow(const Jet<N>& f, double p) {
-  return {std::pow(f.a, p), p * std::pow(f.a, p - 1.0) * f.v};
-}
-
-namespace internal {
-
-// NaN where an exponent has derivatives and its base is negative: no real power is next to it.
-template <int N>
-void MarkUndefinedPower(const Derivatives<N>& exponent, Derivatives<N>* power) {
-  for (int i = 0; i < N; ++i) {
-    if (exponent[i] != 0.0) {
-      power->Set(i, std::numeric_limits<double>::quiet_NaN());
-    }
-  }
-}
-
-}  // namespace internal
-
-/// b^f. Where b = 0 and f > 0 the derivative is 0; where b < 0 and f an integer NaN, if f has any.
-template <int N>
-inline Jet<N> pow(double b, const Jet<N>& f) {
-  if (b == 0.0 && f.a > 0.0) {
-    return Jet<N>(0.0);
-  }
-  Jet<N> result(std::pow(b, f.a));
-  if (b < 0.0 && f.a == std::floor(f.a)) {
-    internal::MarkUndefinedPower(f.v, &result.v);
-  } else {
-    result.v = std::log(b) * result.a * f.v;
-  }
-  return result;
-}
-/// f^g. Where f = 0 the derivative is 0 if g > 1, that of f if g = 1; where f < 0 and g is an
-/// integer, that by f alone, and NaN if g has any.
-template <int N>
-inline Jet<N> pow(const Jet<N>& f, const Jet<N>& g) {
-  if (f.a == 0.0 && g.a >= 1.0) {
-    return g.a > 1.0 ? Jet<N>(0.0) : f;
-  }
-  const double value = std::pow(f.a, g.a);
-  const double by_base = g.a * std::pow(f.a, g.a - 1.0);
-  if (f.a < 0.0 && g.a == std::floor(g.a)) {
-    Jet<N> result(value, by_base * f.v);
-    internal::MarkUndefinedPower(g.v, &result.v);
-    return result;
-  }
-  return {value, by_base * f.v + value * std::log(f.a) * g.v};
-}
-
-// Of the value, derivatives ignored.
-#define INCERES_JET_CLASSIFICATION(type, name)       \
-  template <int N>                                   \
-  INCERES_ALWAYS_INLINE type name(const Jet<N>& f) { \
-    return std::name(f.a);                           \
-  }
-INCERES_JET_CLASSIFICATION(bool, isfinite)
-INCERES_JET_CLASSIFICATION(bool, isinf)
-INCERES_JET_CLASSIFICATION(bool, isnan)
-INCERES_JET_CLASSIFICATION(bool, isnormal)
-INCERES_JET_CLASSIFICATION(bool, signbit)
-INCERES_JET_CLASSIFICATION(int, fpclassify)
-#undef INCERES_JET_CLASSIFICATION
-
-// Comparisons of values that raise no floating-point exception.
-#define INCERES_JET_QUIET_COMPARISON(name)                            \
-  template <int N>                                                    \
-  INCERES_ALWAYS_INLINE bool name(const Jet<N>& f, const Jet<N>& g) { \
-    return std::name(f.a, g.a);                                       \
-  }                                                                   \
-  template <int N>                                                    \
-  INCERES_ALWAYS_INLINE bool name(const Jet<N>& f, double s) {        \
-    return std::name(f.a, s);                                         \
-  }                                                                   \
-  template <int N>                                                    \
-  INCERES_ALWAYS_INLINE bool name(double s, const Jet<N>& f) {        \
-    return std::name(s, f.a);                                         \
-  }
-INCERES_JET_QUIET_COMPARISON(isgreater)
-INCERES_JET_QUIET_COMPARISON(isgreaterequal)
-INCERES_JET_QUIET_COMPARISON(isless)
-INCERES_JET_QUIET_COMPARISON(islessequal)
-INCERES_JET_QUIET_COMPARISON(islessgreater)
-INCERES_JET_QUIET_COMPARISON(isunordered)
-#undef INCERES_JET_QUIET_COMPARISON
 
 }  // namespace inceres::jets

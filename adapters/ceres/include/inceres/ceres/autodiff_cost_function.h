@@ -70,8 +70,8 @@ namespace inceres {
 /// (docs/autodiff.md). Obligations and failures are those of ceres::CostFunction: false where the
 /// functor returns false; what a functor forgets to write is 1e302.
 ///
-/// Cost: one evaluation of the functor with Jets of Σ Ns derivatives; allocates where all parameters
-/// as Jets are more than 64 KiB, or the number of residuals is not known when the program is
+/// Cost: one evaluation of the functor with Jets of Σ Ns derivatives; allocates where all values as
+/// Jets are more than 64 KiB, or the number of residuals is not known when the program is
 /// compiled. Threads: as the functor. Source: Ceres's autodiff_cost_function.h.
 ///
 /// @tparam Functor `template <typename T> bool operator()(const T*…, T* residuals) const`
