@@ -8,10 +8,12 @@
 #include <vector>
 
 #include <ceres/autodiff_cost_function.h>
+#include <ceres/dynamic_autodiff_cost_function.h>
 #include <gtest/gtest.h>
 
 #include "autodiff/compare_jets.h"
 #include "autodiff/gallery.h"
+#include "inceres/ceres/dynamic_autodiff_cost_function.h"
 #include "support/random_values.h"
 
 namespace inceres {
@@ -133,6 +135,56 @@ struct HugeFunctor {
 
 TEST(AutoDiffCostFunction, MoreParametersThanTheStackHolds) {
   CompareFunctor<HugeFunctor, 1, 200>();
+}
+
+// Blocks of any number and size: a sum of products of neighbors.
+struct NeighborsFunctor {
+  template <typename T>
+  bool operator()(T const* const* blocks, T* residuals) const {
+    residuals[0] = blocks[0][0] * blocks[1][2] + sin(blocks[2][4]);
+    residuals[1] = blocks[2][0] / (2.0 + blocks[1][0] * blocks[1][1]);
+    residuals[2] = T(4.0);
+    return blocks[0][0] < 2.0;
+  }
+};
+
+template <typename Cost>
+void AddSizes(Cost* cost) {
+  for (const int size : {1, 3, 5}) {
+    cost->AddParameterBlock(size);
+  }
+  cost->SetNumResiduals(3);
+}
+
+TEST(DynamicAutoDiffCostFunction, BlocksWhoseSizesAreSaidAtRunTime) {
+  DynamicAutoDiffCostFunction<NeighborsFunctor> ours(new NeighborsFunctor);
+  DynamicAutoDiffCostFunction<NeighborsFunctor, 3> ours_by_threes(new NeighborsFunctor);
+  ceres::DynamicAutoDiffCostFunction<NeighborsFunctor> stock(new NeighborsFunctor);
+  AddSizes(&ours);
+  AddSizes(&ours_by_threes);
+  AddSizes(&stock);
+  test::Random random(51);
+  for (int state = 0; state < 100; ++state) {
+    const std::vector<std::vector<double>> blocks = {random.Vector(1), random.Vector(3),
+                                                     random.Vector(5)};
+    ExpectSameEvaluations(ours, stock, blocks);
+    ExpectSameEvaluations(ours_by_threes, stock, blocks);
+  }
+  Evaluation evaluation(ours);
+  EXPECT_FALSE(evaluation.Run(ours, {{2.5}, {0.0, 0.0, 0.0}, std::vector<double>(5)}, -1));
+}
+
+TEST(DynamicAutoDiffCostFunction, ResidualsAreWrittenWhereAllBlocksAreConstant) {
+  DynamicAutoDiffCostFunction<NeighborsFunctor> cost(new NeighborsFunctor);
+  AddSizes(&cost);
+  const DynamicAutoDiffCostFunction<NeighborsFunctor> moved(std::move(cost));
+  const std::vector<double> values(5, 0.5);
+  const double* parameters[] = {values.data(), values.data(), values.data()};
+  double* jacobians[] = {nullptr, nullptr, nullptr};
+  double residuals[3] = {};
+  EXPECT_TRUE(moved.Evaluate(parameters, residuals, jacobians));
+  EXPECT_EQ(residuals[0], 0.25 + std::sin(0.5));
+  EXPECT_EQ(residuals[2], 4.0);
 }
 
 struct FailingFunctor {
