@@ -229,14 +229,14 @@ TEST(AutoDiffCostFunction, WhatIsForgottenOrNotANumberIsSeen) {
 }
 
 struct CountedFunctor {
-  explicit CountedFunctor(int* alive) : alive_(alive) { ++*alive_; }
-  ~CountedFunctor() { --*alive_; }
+  explicit CountedFunctor(int* counter) : alive(counter) { ++*alive; }
+  ~CountedFunctor() { --*alive; }
   template <typename T>
   bool operator()(const T* x, T* residual) const {
     residual[0] = x[0];
     return true;
   }
-  int* alive_;
+  int* alive;
 };
 
 TEST(AutoDiffCostFunction, OwnsTheFunctorUnlessToldOtherwise) {
@@ -245,7 +245,7 @@ TEST(AutoDiffCostFunction, OwnsTheFunctorUnlessToldOtherwise) {
   {
     Cost first(new CountedFunctor(&alive));
     const Cost second(std::move(first));
-    EXPECT_EQ(&second.functor().alive_[0], &alive);
+    EXPECT_EQ(second.functor().alive, &alive);
     EXPECT_EQ(alive, 1);
   }
   EXPECT_EQ(alive, 0);

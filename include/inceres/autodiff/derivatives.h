@@ -51,7 +51,8 @@ class Derivatives {
   Derivatives() = default;
   // Member by member: a copy of several at once would wait for what has just been written in parts.
   INCERES_ALWAYS_INLINE Derivatives(const Derivatives& other) { *this = other; }
-  /// Copies.
+  /// Copies, onto itself too.
+  // NOLINTNEXTLINE(bugprone-unhandled-self-assignment): each member is copied onto itself
   INCERES_ALWAYS_INLINE Derivatives& operator=(const Derivatives& other) {
     nonzero_ = other.nonzero_;
     ForEach([&](int k) __attribute__((always_inline)) { pairs_[k] = other.pairs_[k]; });

@@ -116,9 +116,11 @@ class Differentiator {
     }
   }
 
+  // Not always inlined, as all else is: GCC orders functions without regard to what such ones call,
+  // and would flatten before the functor is ready to be inlined, or not at all.
   template <typename Functor, typename Scalar, int... b>
-  static INCERES_ALWAYS_INLINE bool Call(const Functor& functor, const Scalar* const* blocks,
-                                         Scalar* residuals, std::integer_sequence<int, b...>) {
+  static bool Call(const Functor& functor, const Scalar* const* blocks, Scalar* residuals,
+                   std::integer_sequence<int, b...>) {
     return functor(blocks[b]..., residuals);
   }
 

@@ -25,7 +25,7 @@ namespace inceres::jets {
 template <int N>
 struct Jet {
   using Scalar = double;         ///< of the value, and of each derivative
-  enum : int { DIMENSION = N };  ///< derivatives
+  enum : int { DIMENSION = N };  ///< derivatives  NOLINT(readability-identifier-naming)
 
   double a;          ///< the value
   Derivatives<N> v;  ///< its derivatives

@@ -9,6 +9,7 @@
 /// Jets as numbers in Eigen's vectors, matrices, quaternions and maps of the two:
 /// `Eigen::Map<const Eigen::Quaternion<T>> q(pose)`. Optional, and headers only: include it before
 /// functors that use Eigen; autodiff/jet.h needs no Eigen.
+// NOLINTBEGIN(readability-identifier-naming): the names are Eigen's
 namespace Eigen {
 
 /// What Eigen wants to know about a number. Source: Eigen's page "Using custom scalar types".
@@ -59,3 +60,4 @@ struct ScalarBinaryOpTraits<double, inceres::jets::Jet<N>, BinaryOp> {
 };
 
 }  // namespace Eigen
+// NOLINTEND(readability-identifier-naming)

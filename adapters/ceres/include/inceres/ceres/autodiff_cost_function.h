@@ -102,7 +102,7 @@ class AutoDiffCostFunction final : public ceres::SizedCostFunction<kNumResiduals
   }
   ~AutoDiffCostFunction() override {
     if (ownership_ == ceres::DO_NOT_TAKE_OWNERSHIP) {
-      functor_.release();
+      static_cast<void>(functor_.release());  // whose it stays
     }
   }
 

@@ -46,7 +46,7 @@ class DynamicAutoDiffCostFunction final : public ceres::DynamicCostFunction {
   }
   ~DynamicAutoDiffCostFunction() override {
     if (ownership_ == ceres::DO_NOT_TAKE_OWNERSHIP) {
-      functor_.release();
+      static_cast<void>(functor_.release());  // whose it stays
     }
   }
 
