@@ -17,10 +17,10 @@ namespace inceres {
 ///     const auto family = graph.AddFamily(std::make_shared<Reprojections>("reprojection"));
 ///
 /// The functor is the measurement: one per factor, copied. It is called with doubles for the cost
-/// and with inceres::Jet<Σ Ns> for Jacobians, must not throw, and returns false where it cannot be
-/// evaluated; functions of Jets (autodiff/jet_math.h) are found as `sqrt(x)`. Jacobians by the
-/// values are projected by the variables' manifolds, as AmbientFamily has it, whose obligations and
-/// failures are these.
+/// and with `inceres::Jet<N>`, N = Σ Ns, for Jacobians, must not throw, and returns false where it
+/// cannot be evaluated; functions of Jets (autodiff/jet_math.h) are found as `sqrt(x)`. Jacobians
+/// by the values are projected by the variables' manifolds, as AmbientFamily has it, whose
+/// obligations and failures are these.
 ///
 /// Cost: one evaluation of the functor with Jets a factor (docs/autodiff.md says what that is);
 /// allocates where all parameters as Jets are more than 64 KiB, or kResiduals is kDynamicResiduals.

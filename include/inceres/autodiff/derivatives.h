@@ -27,7 +27,7 @@ namespace inceres::jets {
 
 /// Two doubles in a register that every 64-bit processor has: of SSE2 or of NEON. Wider ones cannot
 /// be used in a program that is compiled for all processors, and gain little
-/// ([autodiff.md](../../../docs/autodiff.md)).
+/// (docs/autodiff.md).
 using Pair = double __attribute__((vector_size(16)));
 
 /// The N derivatives of one number: a vector that can be added, and multiplied by numbers.
@@ -49,7 +49,8 @@ class Derivatives {
 
   /// Nothing defined: see above.
   Derivatives() = default;
-  // Member by member: a copy of several at once would wait for what has just been written in parts.
+  /// Copies, member by member: a copy of several at once would wait for what has just been written
+  /// in parts.
   INCERES_ALWAYS_INLINE Derivatives(const Derivatives& other) { *this = other; }
   /// Copies, onto itself too.
   // NOLINTNEXTLINE(bugprone-unhandled-self-assignment): each member is copied onto itself

@@ -53,7 +53,9 @@ class FunctorFamily : public AmbientFamily<Derived> {
   /// The functor at an index.
   const Functor& at(int index) const { return functors_[static_cast<std::size_t>(index)]; }
 
+  /// Factors of the family.
   int size() const override { return static_cast<int>(functors_.size()); }
+  /// What error messages call a factor.
   const char* Name() const override { return name_.c_str(); }
 
  private:

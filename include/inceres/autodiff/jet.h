@@ -24,8 +24,9 @@ namespace inceres::jets {
 /// Cost: that of Derivatives. Threads: a value. Source: forward mode, as in Ceres's jet.h.
 template <int N>
 struct Jet {
-  using Scalar = double;         ///< of the value, and of each derivative
-  enum : int { DIMENSION = N };  ///< derivatives  NOLINT(readability-identifier-naming)
+  using Scalar = double;  ///< of the value, and of each derivative
+  /// Derivatives: Ceres's name.
+  static constexpr int DIMENSION = N;  // NOLINT(readability-identifier-naming)
 
   double a;          ///< the value
   Derivatives<N> v;  ///< its derivatives
@@ -39,7 +40,7 @@ struct Jet {
   /// A value and derivatives.
   INCERES_ALWAYS_INLINE Jet(double value, const Derivatives<N>& derivatives)
       : a(value), v(derivatives) {}
-  // Member by member, as Derivatives has it.
+  /// Copies, member by member, as Derivatives has it.
   INCERES_ALWAYS_INLINE Jet(const Jet& other) : a(other.a), v(other.v) {}
   /// Copies.
   INCERES_ALWAYS_INLINE Jet& operator=(const Jet& other) {
@@ -109,7 +110,7 @@ struct Jet {
     return {s / g.a, g.v * (-s / (g.a * g.a))};
   }
 
-// Comparisons of values, with Jets and with numbers on either side.
+/// A comparison of values, with Jets and with numbers on either side.
 #define INCERES_JET_COMPARISON(op)                                            \
   friend INCERES_ALWAYS_INLINE bool operator op(const Jet& f, const Jet& g) { \
     return f.a op g.a;                                                        \

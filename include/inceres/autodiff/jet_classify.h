@@ -20,6 +20,7 @@ using std::isnormal;
 using std::isunordered;
 using std::signbit;
 
+/// A function of the C library's, of the value.
 #define INCERES_JET_CLASSIFICATION(type, name)       \
   template <int N>                                   \
   INCERES_ALWAYS_INLINE type name(const Jet<N>& f) { \
@@ -33,7 +34,7 @@ INCERES_JET_CLASSIFICATION(bool, signbit)
 INCERES_JET_CLASSIFICATION(int, fpclassify)
 #undef INCERES_JET_CLASSIFICATION
 
-// Comparisons of values that raise no floating-point exception.
+/// A comparison of values that raises no floating-point exception.
 #define INCERES_JET_QUIET_COMPARISON(name)                            \
   template <int N>                                                    \
   INCERES_ALWAYS_INLINE bool name(const Jet<N>& f, const Jet<N>& g) { \

@@ -22,21 +22,24 @@ struct NumTraits<inceres::jets::Jet<N>> {
 
   /// Traits; costs are relative to those of a double.
   enum {
-    IsComplex = 0,
-    IsInteger = 0,
-    IsSigned = 1,
-    ReadCost = 1,
-    AddCost = 1,
-    MulCost = 3,
-    HasFloatingPoint = 1,
-    RequireInitialization = 1
+    IsComplex = 0,             ///< real
+    IsInteger = 0,             ///< no integer
+    IsSigned = 1,              ///< has a sign
+    ReadCost = 1,              ///< of a double
+    AddCost = 1,               ///< of a double
+    MulCost = 3,               ///< two products and a sum
+    HasFloatingPoint = 1,      ///< of double
+    RequireInitialization = 1  ///< has constructors
   };
 
   /// Division costs as much as multiplication.
   template <bool Vectorized>
   struct Div {
     /// Traits.
-    enum { AVX = 0, Cost = 3 };
+    enum {
+      AVX = 0,  ///< no vector instruction
+      Cost = 3  ///< as a product
+    };
   };
 
   static Real epsilon() { return Real(std::numeric_limits<double>::epsilon()); }      ///< of double

@@ -7,6 +7,30 @@
 #include "inceres/autodiff/jet_classify.h"
 #include "inceres/autodiff/jet_powers.h"
 
+namespace inceres::internal {
+
+struct SineAndCosine {
+  double sine;
+  double cosine;
+};
+
+// Both at once, with the same bits as one after the other. GCC sees by itself that both are wanted.
+INCERES_ALWAYS_INLINE SineAndCosine SineAndCosineOf(double a) {
+#if defined(__clang__) && defined(__GLIBC__)
+  SineAndCosine result;
+  ::sincos(a, &result.sine, &result.cosine);
+  return result;
+#else
+  return {std::sin(a), std::cos(a)};
+#endif
+}
+
+constexpr double kLog2 = 0x1.62e42fefa39efp-1;           // log 2
+constexpr double kLog10 = 0x1.26bb1bbb55516p+1;          // log 10
+constexpr double kTwoOverSqrtPi = 0x1.20dd750429b6dp+0;  // 2 / √π
+
+}  // namespace inceres::internal
+
 /// The functions of a Jet: f(a + v ε) = f(a) + f'(a) v ε. Values are what the C library computes,
 /// to the last bit. The derivative of each is said where it is not the one of the textbook. Names,
 /// formulas and special cases are those of Ceres's jet.h, so that functors written for Ceres find
@@ -44,30 +68,6 @@ using std::sinh;
 using std::sqrt;
 using std::tan;
 using std::tanh;
-
-namespace internal {
-
-struct SineAndCosine {
-  double sine;
-  double cosine;
-};
-
-// Both at once, with the same bits as one after the other. GCC sees by itself that both are wanted.
-INCERES_ALWAYS_INLINE SineAndCosine SineAndCosineOf(double a) {
-#if defined(__clang__) && defined(__GLIBC__)
-  SineAndCosine result;
-  ::sincos(a, &result.sine, &result.cosine);
-  return result;
-#else
-  return {std::sin(a), std::cos(a)};
-#endif
-}
-
-constexpr double kLog2 = 0x1.62e42fefa39efp-1;           // log 2
-constexpr double kLog10 = 0x1.26bb1bbb55516p+1;          // log 10
-constexpr double kTwoOverSqrtPi = 0x1.20dd750429b6dp+0;  // 2 / √π
-
-}  // namespace internal
 
 /// |f|; at 0 the derivative of the side that the zero's sign is of.
 template <int N>
@@ -235,7 +235,7 @@ INCERES_ALWAYS_INLINE Jet<N> copysign(const Jet<N>& f, const Jet<N>& g) {
   return {std::copysign(f.a, g.a), sign * f.v + std::abs(f.a) * jump * g.v};
 }
 
-// fmax, fmin and fdim of two Jets, or of one and a number, which makes a constant of the number.
+/// fmax, fmin or fdim of a Jet and a number, which makes a constant of the number.
 #define INCERES_JET_BINARY(name)                                 \
   template <int N>                                               \
   INCERES_ALWAYS_INLINE Jet<N> name(const Jet<N>& f, double s) { \

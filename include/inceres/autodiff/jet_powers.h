@@ -5,6 +5,20 @@
 
 #include "inceres/autodiff/jet.h"
 
+namespace inceres::internal {
+
+// NaN where an exponent has derivatives and its base is negative: no real power is next to it.
+template <int N>
+void MarkUndefinedPower(const jets::Derivatives<N>& exponent, jets::Derivatives<N>* power) {
+  for (int i = 0; i < N; ++i) {
+    if (exponent[i] != 0.0) {
+      power->Set(i, std::numeric_limits<double>::quiet_NaN());
+    }
+  }
+}
+
+}  // namespace inceres::internal
+
 /// Powers and Bessel functions of Jets, as Ceres's jet.h has them.
 namespace inceres::jets {
 
@@ -43,20 +57,6 @@ template <int N>
 INCERES_ALWAYS_INLINE Jet<N> pow(const Jet<N>& f, double p) {
   return {std::pow(f.a, p), p * std::pow(f.a, p - 1.0) * f.v};
 }
-
-namespace internal {
-
-// NaN where an exponent has derivatives and its base is negative: no real power is next to it.
-template <int N>
-void MarkUndefinedPower(const Derivatives<N>& exponent, Derivatives<N>* power) {
-  for (int i = 0; i < N; ++i) {
-    if (exponent[i] != 0.0) {
-      power->Set(i, std::numeric_limits<double>::quiet_NaN());
-    }
-  }
-}
-
-}  // namespace internal
 
 /// b^f. Where b = 0 and f > 0 the derivative is 0; where b < 0 and f an integer NaN, if f has any.
 template <int N>
