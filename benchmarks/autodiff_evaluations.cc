@@ -124,9 +124,9 @@ Workload FunctorWorkload(const Functor& functor, const std::vector<double>& valu
 }
 
 std::vector<double> Values(int count) {
-  std::vector<double> values;
-  for (int i = 0; i < count; ++i) {
-    values.push_back(std::sin(1.0 + i));
+  std::vector<double> values(static_cast<std::size_t>(count));
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    values[i] = std::sin(1.0 + static_cast<double>(i));
   }
   return values;
 }
