@@ -74,7 +74,8 @@ struct QualifiedFunctor {
     Eigen::Matrix<T, 3, 1> v(rotated[0], rotated[1], rotated[2]);
     v.normalize();
     residuals[0] = ceres::sqrt(v[0] * v[0] + 2.0) + ceres::pow(v[1] + 3.0, 2) + angle_axis[0];
-    residuals[1] = ceres::sin(v[1]) * ceres::exp(v[2]) + ceres::abs(angle_axis[1]);
+    residuals[1] = ceres::BesselJ0(v[0]) * ceres::norm(v[1]) + ceres::sin(v[1]) * ceres::exp(v[2]) +
+                   ceres::abs(angle_axis[1]);
     residuals[2] = ceres::isfinite(v[2]) ? v.norm() * ceres::hypot(v[0], v[2]) : T(1e6);
     return true;
   }

@@ -128,11 +128,6 @@ template <int N>
 INCERES_ALWAYS_INLINE Jet<N> norm(const Jet<N>& f) {
   return {f.a * f.a, 2.0 * f.a * f.v};
 }
-/// f²
-INCERES_ALWAYS_INLINE double norm(double f) {
-  return f * f;
-}
-
 /// sin f
 template <int N>
 INCERES_ALWAYS_INLINE Jet<N> sin(const Jet<N>& f) {

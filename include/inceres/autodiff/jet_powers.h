@@ -24,32 +24,20 @@ namespace inceres::jets {
 
 using std::pow;
 
-/// The Bessel function of the first kind and order 0.
-INCERES_ALWAYS_INLINE double BesselJ0(double x) {
-  return ::j0(x);
-}
-/// The Bessel function of the first kind and order 1.
-INCERES_ALWAYS_INLINE double BesselJ1(double x) {
-  return ::j1(x);
-}
-/// The Bessel function of the first kind and order n.
-INCERES_ALWAYS_INLINE double BesselJn(int n, double x) {
-  return ::jn(n, x);
-}
-/// J₀' = −J₁
+/// The Bessel function of the first kind and order 0: J₀' = −J₁
 template <int N>
 INCERES_ALWAYS_INLINE Jet<N> BesselJ0(const Jet<N>& f) {
-  return {BesselJ0(f.a), -BesselJ1(f.a) * f.v};
+  return {::j0(f.a), -::j1(f.a) * f.v};
 }
-/// J₁' = (J₀ − J₂) / 2
+/// The Bessel function of the first kind and order 1: J₁' = (J₀ − J₂) / 2
 template <int N>
 INCERES_ALWAYS_INLINE Jet<N> BesselJ1(const Jet<N>& f) {
-  return {BesselJ1(f.a), 0.5 * (BesselJ0(f.a) - BesselJn(2, f.a)) * f.v};
+  return {::j1(f.a), 0.5 * (::j0(f.a) - ::jn(2, f.a)) * f.v};
 }
-/// Jₙ' = (Jₙ₋₁ − Jₙ₊₁) / 2
+/// The Bessel function of the first kind and order n: Jₙ' = (Jₙ₋₁ − Jₙ₊₁) / 2
 template <int N>
 INCERES_ALWAYS_INLINE Jet<N> BesselJn(int n, const Jet<N>& f) {
-  return {BesselJn(n, f.a), 0.5 * (BesselJn(n - 1, f.a) - BesselJn(n + 1, f.a)) * f.v};
+  return {::jn(n, f.a), 0.5 * (::jn(n - 1, f.a) - ::jn(n + 1, f.a)) * f.v};
 }
 
 /// f^p
