@@ -29,6 +29,10 @@ DEFINE_string(problem, "",
 DEFINE_bool(analytic, false,
             "bal only: give stock, and inceres on a ceres::Problem, our analytic factors as cost "
             "functions instead of AutoDiff.");
+DEFINE_bool(
+    inceres_autodiff, false,
+    "bal only: give inceres, on a ceres::Problem, inceres::AutoDiffCostFunction of the same "
+    "functors; stock keeps ceres::AutoDiffCostFunction.");
 DEFINE_int32(repeats, 11, "Rounds in which every solver runs once, at least 1.");
 DEFINE_string(configurations, "",
               "Comma-separated stock configurations to run, without the pre-pass that drops slow "
@@ -53,6 +57,8 @@ const ToolHelp kHelp = {
      {"a pose graph", "ab_compare --problem g2o:sphere.g2o --repeats 5 --trust_region dogleg"},
      {"a simulated visual-inertial sequence",
       "ab_compare --problem vio:cubic --trust_region dogleg"},
+     {"ours with inceres::AutoDiffCostFunction, stock with its own",
+      "ab_compare --problem bal:problem.txt --inceres_autodiff"},
      {"all of ten iterations",
       "ab_compare --problem bal:problem.txt --max_num_iterations 10 --function_tolerance 0 "
       "--gradient_tolerance 0 --parameter_tolerance 0"}},
@@ -128,7 +134,28 @@ Contender MakeOurs(const SolverSettings& settings, const ProblemSource& source) 
   if (settings.incremental) {
     name = "incremental";
   }
-  return MakeContender(plan, settings.builtin_factors ? name + " builtin_factors" : name, source);
+  if (settings.builtin_factors) {
+    name += " builtin_factors";
+  } else if (FLAGS_inceres_autodiff) {
+    name += " inceres_autodiff";
+  }
+  return MakeContender(plan, name, source);
+}
+
+// Which cost functions there are.
+Status CheckJacobianFlags(const SolverSettings& settings) {
+  const bool is_bal = FLAGS_problem.rfind("bal:", 0) == 0;
+  const char* problem = nullptr;
+  if (FLAGS_analytic && !is_bal) {
+    problem = "--analytic: for bal: problems only; others have one kind of cost functions";
+  } else if (FLAGS_inceres_autodiff && !is_bal) {
+    problem = "--inceres_autodiff: for bal: problems only";
+  } else if (FLAGS_inceres_autodiff && (FLAGS_analytic || settings.builtin_factors)) {
+    problem =
+        "--inceres_autodiff: not together with --analytic or --builtin_factors, which have other "
+        "Jacobians";
+  }
+  return problem == nullptr ? Status::Ok() : Status::Error(StatusCode::kInvalidArgument, problem);
 }
 
 // What each flag allows but not all together.
@@ -211,13 +238,17 @@ int Main() {
   if (FLAGS_repeats < 1 || !std::isfinite(FLAGS_tolerance)) {
     return Fail(kExitUsage, "--repeats must be at least 1 and --tolerance a finite number");
   }
-  std::unique_ptr<ProblemSource> source;
-  if (FLAGS_analytic && FLAGS_problem.rfind("bal:", 0) != 0) {
-    return Fail(kExitUsage,
-                "--analytic: for bal: problems only; others have one kind of cost functions");
+  status = CheckJacobianFlags(settings);
+  if (!status.ok()) {
+    return Fail(kExitUsage, status.message);
   }
+  std::unique_ptr<ProblemSource> source;
+  std::unique_ptr<ProblemSource> own_source;  // ours, where it is not the same
   status = OpenProblem(FLAGS_problem, &source,
                        FLAGS_analytic ? BalJacobians::kAnalytic : BalJacobians::kAutoDiff);
+  if (status.ok() && FLAGS_inceres_autodiff) {
+    status = OpenProblem(FLAGS_problem, &own_source, BalJacobians::kInceresAutoDiff);
+  }
   if (!status.ok()) {
     return Fail(status.code == StatusCode::kInvalidArgument ? kExitUsage : kExitFailure,
                 status.message);
@@ -235,7 +266,8 @@ int Main() {
   AbResult result;
   ProgressLines progress(ProgressOutput());
   status = RunComparison(
-      MakeOurs(settings, *source), MakeStock(settings, configurations, *source), options,
+      MakeOurs(settings, own_source ? *own_source : *source),
+      MakeStock(settings, configurations, *source), options,
       [&](const std::string& line) { progress([&] { return line; }); }, &result);
   if (!status.ok()) {
     return Fail(status.code == StatusCode::kUnavailable ? kExitUsedStock : kExitFailure,

@@ -17,6 +17,7 @@ ARROWS = {
     "base": [],
     "simd": ["base"],
     "problem": ["simd"],
+    "autodiff": ["problem"],
     "factors": ["problem"],
     "linearize": ["problem", "linear"],
     "schur": ["linearize"],

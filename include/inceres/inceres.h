@@ -4,6 +4,15 @@
 /// saved graphs (inceres/io, inceres/storage) are another library, inceres::io; Eigen's types need
 /// inceres/eigen.h; the shim for Ceres inceres/ceres/solve.h. Headers of their own compile faster.
 
+#include "inceres/autodiff/autodiff_family.h"
+#include "inceres/autodiff/derivatives.h"
+#include "inceres/autodiff/differentiate.h"
+#include "inceres/autodiff/functor_family.h"
+#include "inceres/autodiff/jet.h"
+#include "inceres/autodiff/jet_classify.h"
+#include "inceres/autodiff/jet_math.h"
+#include "inceres/autodiff/jet_powers.h"
+#include "inceres/autodiff/numeric_diff_family.h"
 #include "inceres/estimator/sliding_window_estimator.h"
 #include "inceres/estimator/trajectory_error.h"
 #include "inceres/export.h"

@@ -95,7 +95,7 @@ INSTANTIATE_TEST_SUITE_P(Of, Clients,
                                            Client{"slam_toolbox", 1e-6, true, nullptr},
                                            Client{"openvins", 1e-6, true, "DENSE_SVD"},
                                            Client{"fuse", 1e-6, true, nullptr},
-                                           Client{"asp", 1e-6, true, "ITERATIVE_SCHUR"}),
+                                           Client{"asp", 1e-6, true, nullptr}),
                          [](const auto& client) { return std::string(client.param.name); });
 
 }  // namespace

@@ -124,6 +124,14 @@ class AbCompareTest(unittest.TestCase):
         _, message = run(TOOL, "--problem", "vio:cubic", "--analytic", code=2)
         self.assertIn("--analytic", message)
 
+    def test_inceres_autodiff(self):
+        _, report = self.compare("--inceres_autodiff")
+        self.assertIn("inceres_autodiff", report["runs"][0]["configuration"])
+        self.assertLess(abs(report["relative_cost_difference"]), 1e-9)
+        for flags in (["--problem", "vio:cubic"], ["--problem", "bal:x", "--analytic"], ["--problem", "bal:x", "--builtin_factors"]):
+            _, message = run(TOOL, "--inceres_autodiff", *flags, code=2)
+            self.assertIn("--inceres_autodiff", message)
+
     def test_visual_inertial(self):
         for flags in ([], ["--builtin_factors"], ["--mode", "incremental", "--builtin_factors", "--robust", "huber:1"]):
             _, report = self.compare("--trust_region", "dogleg", *flags, problem="vio:cubic")

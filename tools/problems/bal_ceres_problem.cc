@@ -23,14 +23,22 @@ double* Block(double* blocks, int index, int size) {
   return blocks + static_cast<std::ptrdiff_t>(index) * size;
 }
 
+template <template <typename, int, int...> class AutoDiff>
+ceres::CostFunction* CostByAutoDiff(const BalObservation& observation, BalCameraModel model) {
+  return model == BalCameraModel::kAngleAxis
+             ? BalReprojectionError::Create<AutoDiff>(observation)
+             : BalQuaternionReprojectionError::Create<AutoDiff>(observation);
+}
+
 ceres::CostFunction* CostOf(const BalObservation& observation, BalCameraModel model,
                             BalJacobians jacobians) {
   if (jacobians == BalJacobians::kAnalytic) {
     assert(model == BalCameraModel::kAngleAxis);
     return MakeFactorCost<BalReprojectionFamily>({observation.x, observation.y});
   }
-  return model == BalCameraModel::kAngleAxis ? BalReprojectionError::Create(observation)
-                                             : BalQuaternionReprojectionError::Create(observation);
+  return jacobians == BalJacobians::kInceresAutoDiff
+             ? CostByAutoDiff<AutoDiffCostFunction>(observation, model)
+             : CostByAutoDiff<ceres::AutoDiffCostFunction>(observation, model);
 }
 
 }  // namespace

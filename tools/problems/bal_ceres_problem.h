@@ -20,8 +20,9 @@ enum class BalCameraModel {
 
 /// Where the Jacobians of its cost functions come from.
 enum class BalJacobians {
-  kAutoDiff,  ///< as users of Ceres write them
-  kAnalytic,  ///< BalReprojectionFamily's; of kAngleAxis only
+  kAutoDiff,         ///< ceres::AutoDiffCostFunction, as users of Ceres write them
+  kInceresAutoDiff,  ///< inceres::AutoDiffCostFunction of the same functors
+  kAnalytic,         ///< BalReprojectionFamily's; of kAngleAxis only
 };
 
 /// Doubles per camera of a model.

@@ -3,6 +3,7 @@
 #include <ceres/autodiff_cost_function.h>
 #include <ceres/rotation.h>
 
+#include "inceres/ceres/autodiff_cost_function.h"
 #include "inceres/io/bal.h"
 
 namespace inceres::tools {
@@ -36,8 +37,10 @@ struct BalReprojectionError {
     return true;
   }
 
+  /// With derivatives by ceres::AutoDiffCostFunction, or by another of its template arguments.
+  template <template <typename, int, int...> class AutoDiff = ceres::AutoDiffCostFunction>
   static ceres::CostFunction* Create(const BalObservation& observation) {
-    return new ceres::AutoDiffCostFunction<BalReprojectionError, 2, 9, 3>(
+    return new AutoDiff<BalReprojectionError, 2, 9, 3>(
         new BalReprojectionError{{observation.x, observation.y}});
   }
 };
@@ -57,8 +60,10 @@ struct BalQuaternionReprojectionError {
     return true;
   }
 
+  /// As BalReprojectionError.
+  template <template <typename, int, int...> class AutoDiff = ceres::AutoDiffCostFunction>
   static ceres::CostFunction* Create(const BalObservation& observation) {
-    return new ceres::AutoDiffCostFunction<BalQuaternionReprojectionError, 2, 10, 3>(
+    return new AutoDiff<BalQuaternionReprojectionError, 2, 10, 3>(
         new BalQuaternionReprojectionError{{observation.x, observation.y}});
   }
 };
