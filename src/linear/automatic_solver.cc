@@ -11,8 +11,9 @@ namespace {
 constexpr double kTreePenalty = 1.5;
 // Flops that one could do in the time that a clique takes beside its own.
 constexpr double kCliqueFlops = 5e3;
-// Flops one could do in the time that the tree takes to take up a block of S.
-constexpr double kTakeUpFlops = 1e4;
+// Flops one could do in the time that the tree takes to take up what has changed, for each block of
+// S: much less than ordering all of it.
+constexpr double kTakeUpFlops = 2e3;
 // Flops below which looking further would cost more than it saves.
 constexpr double kCheap = 1e5;
 // Times the tree's cost: a resumed factor that would take more, had it kept up, is asked half as
@@ -46,8 +47,8 @@ Status AutomaticSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
 }
 
 bool AutomaticSolver::TreeIsCheaper(const ReducedMatrix& A, const Rows& changed) {
-  if (num_unasked_ > 0 && tree_.PlanFor(A).ok()) {
-    --num_unasked_;
+  if (chosen_ == &tree_ && PlanTree(A) && (tree_flops_ <= kCheap || num_unasked_ > 0)) {
+    num_unasked_ = std::max(0, num_unasked_ - 1);
     resumed_.MissFactorize(changed);
     return true;
   }
@@ -66,16 +67,27 @@ bool AutomaticSolver::TreeIsCheaper(const ReducedMatrix& A, const Rows& changed)
   return true;
 }
 
-// The tree has kept up if it was chosen last. Otherwise at most twice what it would have been for
-// who knew what was to come is spent without it.
+// False if it is of no use.
+bool AutomaticSolver::PlanTree(const ReducedMatrix& A) {
+  if (!tree_.PlanFor(A).ok()) {
+    return false;
+  }
+  tree_flops_ = kTreePenalty * tree_.PredictedFlops() + kCliqueFlops * tree_.NumStale();
+  return true;
+}
+
+// The tree has kept up if it was chosen last. Otherwise factorizations may take more than all of it
+// would, as it was when it was last looked at, until that makes up for looking at it again.
 bool AutomaticSolver::LooksAtTree(const ReducedMatrix& A, double resumed) {
-  regret_ += std::max(0.0, resumed - tree_flops_);
-  if ((chosen_ != &tree_ && regret_ <= TakeUpPrice(*A.rows())) || !tree_.PlanFor(A).ok()) {
+  if (chosen_ == &tree_) {
+    return true;
+  }
+  regret_ += std::max(0.0, resumed - kTreePenalty * tree_.tree().flops());
+  if (regret_ <= TakeUpPrice(*A.rows())) {
     return false;
   }
   regret_ = 0.0;
-  tree_flops_ = kTreePenalty * tree_.PredictedFlops() + kCliqueFlops * tree_.NumStale();
-  return true;
+  return PlanTree(A);
 }
 
 Status AutomaticSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation,

@@ -11,9 +11,9 @@ namespace inceres::internal {
 /// envelope the tree is. The resumed factor then falls behind. It catches up, or reorders, when the
 /// calls since have lost by its absence what that costs: at most twice the flops of who knew what
 /// was to come (the ski-rental rule); and as long as it would lose by far it is asked ever more
-/// seldom. The tree is looked at, and brought up to date, as soon as factorizations have cost more
-/// than by it by what that takes, and then as long as it is chosen. (The dense Cholesky is no candidate: it never takes fewer flops than the envelope,
-/// whose long rows run as fast.)
+/// seldom. The tree is brought up to date as long as it is chosen, and again when factorizations by
+/// the other have cost more than all of it would by what that takes. (The dense Cholesky is no
+/// candidate: it never takes fewer flops than the envelope, whose long rows run as fast.)
 class AutomaticSolver final : public ReducedSolver {
  public:
   explicit AutomaticSolver(const Executor& executor) : tree_(executor) {}
@@ -27,13 +27,14 @@ class AutomaticSolver final : public ReducedSolver {
 
  private:
   bool TreeIsCheaper(const ReducedMatrix& A, const Rows& changed);
+  bool PlanTree(const ReducedMatrix& A);
   bool LooksAtTree(const ReducedMatrix& A, double resumed);
 
   ResumedSolver resumed_;
   BayesTree tree_;
   double saving_ = 0.0;  // flops that a resumed factor which had kept up would have spared since
   double tree_flops_ = 0.0;  // what the tree took, or would have, when it was looked at last
-  double regret_ = 0.0;      // flops by which resumed factorizations exceeded that since
+  double regret_ = 0.0;      // flops by which resumed factorizations exceeded all of it since
   int num_unasked_ = 0;      // factorizations for which the resumed factor need not be asked
   int pause_ = 0;            // how many that were the last time
   ReducedSolver* chosen_ = &resumed_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <limits>
 #include <string>
 
 #include "linear/dense_panel.h"
@@ -108,6 +109,8 @@ void BayesTree::FollowPacking(const SymmetricBlockRows& S) {
     solution_is_lost_ |= static_cast<std::size_t>(row) + 1 < known && offsets_[row + 1] != offset;
     offsets_[row + 1] = offset;
   }
+  x_.resize(offset);
+  passed_on_.resize(offset, std::numeric_limits<double>::quiet_NaN());  // unlike any x
 }
 
 void BayesTree::Forget(int row) {
@@ -385,23 +388,25 @@ void BayesTree::SubstituteBackward(const Truncation& truncation, double* x) {
 // x₁ = L₁⁻ᵀ (y₁ − L₂ᵀ x₂)
 void BayesTree::SolveClique(int c, const Truncation& truncation, double* x) {
   const Clique& clique = tree_.clique(c);
-  workspace_.assign(clique.front.num_rows(), 0.0);
-  std::copy_n(clique.y.begin(), clique.front.width, workspace_.begin());
+  const Front& front = clique.front;
+  workspace_.resize(std::max(workspace_.size(), static_cast<std::size_t>(front.num_rows())));
+  std::copy_n(clique.y.begin(), front.below(), workspace_.begin());
   for (std::size_t k = clique.num_pivots; k < clique.rows.size(); ++k) {
-    const std::vector<double>& above = rows_[clique.rows[k]].x;
-    std::copy(above.begin(), above.end(), workspace_.begin() + clique.places[k]);
+    const int row = clique.rows[k];
+    std::copy(x_.begin() + offsets_[row], x_.begin() + offsets_[row + 1],
+              workspace_.begin() + clique.places[k]);
   }
-  SolveFrontBackward(clique.front, clique.L.data(), workspace_.data());
+  std::fill(workspace_.begin() + front.below() + front.height,
+            workspace_.begin() + front.num_rows(), 0.0);
+  SolveFrontBackward(front, clique.L.data(), workspace_.data());
   for (int k = 0; k < clique.num_pivots; ++k) {
-    const int id = clique.rows[k];
-    Row& row = rows_[id];
-    const auto begin = workspace_.begin() + clique.places[k];
-    row.x.assign(begin, begin + tree_.SizeOf(id));
-    std::copy(row.x.begin(), row.x.end(), x + offsets_[id]);
-    solved_.push_back(id);
-    if (solution_is_lost_ || HasChanged(id, truncation)) {
-      row.passed_on = row.x;
-      row.moved = num_solves_;
+    const int row = clique.rows[k], begin = offsets_[row], end = offsets_[row + 1];
+    std::copy_n(workspace_.begin() + clique.places[k], end - begin, x_.begin() + begin);
+    std::copy(x_.begin() + begin, x_.begin() + end, x + begin);
+    solved_.push_back(row);
+    if (solution_is_lost_ || HasChanged(begin, end, truncation)) {
+      std::copy(x_.begin() + begin, x_.begin() + end, passed_on_.begin() + begin);
+      rows_[row].moved = num_solves_;
     }
   }
 }
@@ -419,25 +424,23 @@ void BayesTree::PushChildren(int c) {
   }
 }
 
-bool BayesTree::HasChanged(int id, const Truncation& truncation) const {
-  const Row& row = rows_[id];
-  if (truncation.threshold <= 0.0 || row.x.size() != row.passed_on.size()) {
-    return row.x != row.passed_on;
+bool BayesTree::HasChanged(int begin, int end, const Truncation& truncation) const {
+  if (truncation.threshold <= 0.0) {
+    return !std::equal(x_.begin() + begin, x_.begin() + end, passed_on_.begin() + begin);
   }
-  const double* weights = truncation.weights + offsets_[id];
   double change = 0.0;
-  for (std::size_t k = 0; k < row.x.size(); ++k) {
-    const double difference = row.x[k] - row.passed_on[k];
-    change += weights[k] * difference * difference;
+  for (int k = begin; k < end; ++k) {
+    const double difference = x_[k] - passed_on_[k];
+    change += truncation.weights[k] * difference * difference;
   }
   return !(change <= truncation.threshold);
 }
 
 std::size_t BayesTree::Bytes() const {
-  std::size_t bytes = tree_.Bytes() + assembled_.Bytes() + rows_.capacity() * sizeof(Row);
+  std::size_t bytes = tree_.Bytes() + assembled_.Bytes() + rows_.capacity() * sizeof(Row) +
+                      (x_.capacity() + passed_on_.capacity()) * sizeof(double);
   for (const Row& row : rows_) {
-    bytes += (row.x.capacity() + row.passed_on.capacity()) * sizeof(double) +
-             row.neighbors.capacity() * sizeof(int);
+    bytes += row.neighbors.capacity() * sizeof(int);
   }
   return bytes;
 }

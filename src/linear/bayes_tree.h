@@ -62,10 +62,8 @@ class BayesTree : public ReducedSolver {
  private:
   // What is kept of a row of S.
   struct Row {
-    std::vector<double> x;
-    std::vector<double> passed_on;  // the x that the cliques below were computed with
-    std::int64_t moved = 0;         // the last Solve in which the latter changed
-    std::vector<int> neighbors;     // rows that it has a block with, ascending
+    std::int64_t moved = 0;      // the last Solve in which passed_on_ changed
+    std::vector<int> neighbors;  // rows that it has a block with, ascending
     bool is_pending = false;
   };
 
@@ -88,7 +86,7 @@ class BayesTree : public ReducedSolver {
   void SubstituteBackward(const Truncation& truncation, double* x);
   void SolveClique(int c, const Truncation& truncation, double* x);
   void PushChildren(int c);
-  bool HasChanged(int row, const Truncation& truncation) const;
+  bool HasChanged(int begin, int end, const Truncation& truncation) const;
 
   const Executor& executor_;
   CliqueTree tree_;
@@ -108,6 +106,8 @@ class BayesTree : public ReducedSolver {
 
   std::vector<int> unsubstituted_;  // cliques, with each those above it
   std::vector<char> is_fresh_;      // per clique: y is of this Solve
+  std::vector<double> x_;           // packed as the caller's
+  std::vector<double> passed_on_;   // the x that the cliques below were computed with
   bool solution_is_lost_ = true;
   std::int64_t num_solves_ = 0;
   std::vector<int> waiting_;  // cliques to be solved, the next one last

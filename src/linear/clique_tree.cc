@@ -36,6 +36,7 @@ AlignedVector<double> CliqueMemory::Take(std::size_t size) {
   } else {
     array.reserve(room);
   }
+  bytes_in_use_ += array.capacity() * sizeof(double);
   array.resize(size);
   return array;
 }
@@ -44,12 +45,18 @@ void CliqueMemory::Give(AlignedVector<double>* array) {
   if (array->capacity() == 0) {
     return;
   }
+  const std::size_t bytes = array->capacity() * sizeof(double);
+  bytes_in_use_ -= bytes;
+  AlignedVector<double> given;
+  given.swap(*array);
+  if (bytes_ + bytes > bytes_in_use_) {
+    return;
+  }
   std::size_t room = 0;
-  const std::size_t index = ClassOf(array->capacity(), &room);
+  const std::size_t index = ClassOf(given.capacity(), &room);
   waiting_.resize(std::max(waiting_.size(), index + 1));
-  bytes_ += array->capacity() * sizeof(double);
-  waiting_[index].push_back(std::move(*array));
-  *array = AlignedVector<double>();
+  bytes_ += bytes;
+  waiting_[index].push_back(std::move(given));
 }
 
 bool CliqueTree::AreCoupled(int row, int other) const {

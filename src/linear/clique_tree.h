@@ -31,7 +31,7 @@ struct Clique {
 };
 
 /// Memory of cliques that are gone, for those to come, by size: what is handed out is at most a
-/// quarter larger than asked for.
+/// quarter larger than asked for, and no more waits than is in use.
 class CliqueMemory {
  public:
   /// An array of this size; its entries are anything.
@@ -42,6 +42,7 @@ class CliqueMemory {
  private:
   std::vector<std::vector<AlignedVector<double>>> waiting_;  // by class of size
   std::size_t bytes_ = 0;                                    // waiting
+  std::size_t bytes_in_use_ = 0;
 };
 
 /// The tree of cliques of an S that grows: the elimination tree, its columns joined to fronts as
