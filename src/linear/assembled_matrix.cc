@@ -53,7 +53,7 @@ void AssembledMatrix::TakeDiagonal(int row, const double* diagonal, int size) {
 std::size_t AssembledMatrix::Bytes() const {
   std::size_t bytes = values_.capacity() * sizeof(double);
   for (const std::vector<double>& diagonal : diagonals_) {
-    bytes += sizeof(diagonal) + diagonal.capacity() * sizeof(double);
+    bytes += sizeof(std::vector<double>) + diagonal.capacity() * sizeof(double);
   }
   return bytes;
 }

@@ -46,11 +46,11 @@ GrowingSystem LoopyPath(int length, int size, int loop_every) {
 TEST_F(BayesTreeTest, AgreesWithADenseOracleUnderManyRandomChanges) {
   for (unsigned seed = 0; seed < 20; ++seed) {
     GrowingSystem system(seed);
-    tree_.~BayesTree();
-    new (&tree_) BayesTree(executor_);
+    BayesTree tree(executor_);
     for (int step = 0; step < 80; ++step) {
       const RandomChange edit(&system, /*may_hold=*/true);
-      ASSERT_TRUE(Update(&system, edit.change, edit.first_b).ok());
+      ASSERT_TRUE(system.Factorize(edit.change, &tree).ok());
+      ASSERT_TRUE(system.Solve({edit.first_b}, kAllOfIt, &tree).ok());
       ASSERT_LE(ErrorOf(system), 1e-11) << "seed " << seed << ", step " << step;
     }
   }
