@@ -72,10 +72,21 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step,
   }
 }
 
-// All of the step but for the longest leading part of the ranks that costs no more than the budget.
+// All of the step but for the longest leading part of the ranks that costs no more than the budget;
+// a negative one leaves nothing.
 void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<double>& damping,
                        double budget, IncrementalSystem* system) {
   const IncrementalSchur& schur = system->schur();
+  const auto move = [&](std::int32_t frame) {
+    if (schur.frames()[frame].size > 0 && !schur.frames()[frame].held) {
+      frames_.push_back(frame);
+      system->step().SetFrame(frame, frame_step.data() + schur.FrameOffset(frame));
+    }
+  };
+  if (budget < 0.0) {
+    std::for_each(candidates_.begin(), candidates_.end(), move);
+    return;
+  }
   RankFrames(frame_step, damping, schur);
   double undone = 0.0;
   std::size_t left = 0;
@@ -83,11 +94,7 @@ void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<
     undone += costs_[left++];
   }
   for (std::size_t r = left; r < order_.size(); ++r) {
-    const std::int32_t frame = candidates_[order_[r]];
-    if (schur.frames()[frame].size > 0 && !schur.frames()[frame].held) {
-      frames_.push_back(frame);
-      system->step().SetFrame(frame, frame_step.data() + schur.FrameOffset(frame));
-    }
+    move(candidates_[order_[r]]);
   }
 }
 

@@ -17,7 +17,7 @@ inline Shares SharesOf(const IncrementalOptions& options, int num_landmarks) {
     return share == IncrementalOptions::kByGraph ? by_graph : share;
   };
   const bool by_error = options.relinearization == RelinearizationRule::kResidualError;
-  return {resolve(options.relinearization_share, num_landmarks > 0 || !by_error ? 0.1 : 0.0),
+  return {resolve(options.relinearization_share, num_landmarks > 0 || !by_error ? 0.1 : 0.003),
           resolve(options.truncation_share, num_landmarks > 0 ? 0.03 : 0.0)};
 }
 

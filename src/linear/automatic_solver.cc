@@ -1,36 +1,42 @@
 #include "linear/automatic_solver.h"
 
 #include <algorithm>
+#include <cstddef>
 
 namespace inceres::internal {
 namespace {
 
-// At equal predicted flops the sparse factor takes this much longer: 14 to 25 GFlop/s where the
-// envelope's long rows reach 10 to 30.
-constexpr double kSparsePenalty = 1.5;
-
-// Flops one could do in the time that the analysis takes for a block of S (half a microsecond).
-constexpr double kAnalysisFlops = 1e4;
+// At equal predicted flops the tree takes this much longer: its fronts run at 14 to 25 GFlop/s
+// where the envelope's long rows reach 10 to 30.
+constexpr double kTreePenalty = 1.5;
+// Flops that one could do in the time that a clique takes beside its own.
+constexpr double kCliqueFlops = 5e3;
+// Flops one could do in the time that the tree takes to take up what has changed, for each block of
+// S: much less than ordering all of it.
+constexpr double kTakeUpFlops = 2e3;
 // Flops below which looking further would cost more than it saves.
 constexpr double kCheap = 1e5;
+// Times the tree's cost: a resumed factor that would take more, had it kept up, is asked half as
+// often; and how seldom at most.
+constexpr double kFarDearer = 4.0;
+constexpr int kLongestPause = 64;
 
-double AnalysisPrice(const SymmetricBlockRows& S) {
+double TakeUpPrice(const SymmetricBlockRows& S) {
   std::size_t blocks = 0;
   for (int i = 0; i < S.num_rows(); ++i) {
     blocks += S.row(i).size();
   }
-  return kAnalysisFlops * static_cast<double>(blocks);
+  return kTakeUpFlops * static_cast<double>(blocks);
 }
 
 }  // namespace
 
 Status AutomaticSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
+  tree_.Follow(*A.rows(), changed);
   Status status;
-  const ResumedSolver::Plan plan = resumed_.PlanFor(A, changed);
-  if (SparseIsCheaper(A, plan)) {
-    chosen_ = &sparse_;
-    saving_ += std::max(0.0, kSparsePenalty * sparse_.PredictedFlops() - plan.again);
-    status = sparse_.Factorize(A, {});
+  if (TreeIsCheaper(A, changed)) {
+    chosen_ = &tree_;
+    status = tree_.FactorizeAsPlanned(A);
   } else {
     chosen_ = &resumed_;
     saving_ = 0.0;
@@ -40,27 +46,56 @@ Status AutomaticSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
   return status;
 }
 
-// The pattern is analyzed once the resumed factorizations since the last analysis have cost more
-// than those of the last known sparse factor by what an analysis takes: at most twice what it would
-// be for who knew what is to come.
-bool AutomaticSolver::SparseIsCheaper(const ReducedMatrix& A, const ResumedSolver::Plan& plan) {
+bool AutomaticSolver::TreeIsCheaper(const ReducedMatrix& A, const Rows& changed) {
+  if (chosen_ == &tree_ && PlanTree(A) && (tree_flops_ <= kCheap || num_unasked_ > 0)) {
+    num_unasked_ = std::max(0, num_unasked_ - 1);
+    resumed_.MissFactorize(changed);
+    return true;
+  }
+  const ResumedSolver::Plan plan = resumed_.PlanFor(A, changed);
   const double resumed = plan.again + std::max(0.0, plan.flops - plan.again - saving_);
-  if (resumed <= kCheap) {
+  if (resumed <= kCheap || !LooksAtTree(A, resumed)) {
     return false;
   }
-  regret_ += std::max(0.0, resumed - kSparsePenalty * sparse_flops_);
-  if (regret_ <= AnalysisPrice(*A.rows()) || !sparse_.Analyze(A).ok()) {
+  if (tree_flops_ >= resumed) {
+    pause_ = 0;
+    return false;
+  }
+  saving_ += std::max(0.0, tree_flops_ - plan.again);
+  pause_ = plan.again > kFarDearer * tree_flops_ ? std::min(2 * pause_ + 1, kLongestPause) : 0;
+  num_unasked_ = pause_;
+  return true;
+}
+
+// False if it is of no use.
+bool AutomaticSolver::PlanTree(const ReducedMatrix& A) {
+  if (!tree_.PlanFor(A).ok()) {
+    return false;
+  }
+  tree_flops_ = kTreePenalty * tree_.PredictedFlops() + kCliqueFlops * tree_.NumStale();
+  return true;
+}
+
+// The tree has kept up if it was chosen last. Otherwise factorizations may take more than all of it
+// would, as it was when it was last looked at, until that makes up for looking at it again.
+bool AutomaticSolver::LooksAtTree(const ReducedMatrix& A, double resumed) {
+  if (chosen_ == &tree_) {
+    return true;
+  }
+  regret_ += std::max(0.0, resumed - kTreePenalty * tree_.tree().flops());
+  if (regret_ <= TakeUpPrice(*A.rows())) {
     return false;
   }
   regret_ = 0.0;
-  sparse_flops_ = sparse_.PredictedFlops();
-  return kSparsePenalty * sparse_flops_ < resumed;
+  return PlanTree(A);
 }
 
 Status AutomaticSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
                               double* x) {
-  if (chosen_ != &resumed_) {
+  if (chosen_ == &tree_) {
     resumed_.MissSolve(changed_b);
+  } else {
+    tree_.MissSolve(changed_b);
   }
   const Status status = chosen_->Solve(b, changed_b, truncation, x);
   work_ = chosen_->work();

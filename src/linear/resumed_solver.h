@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "inceres/linear/reduced_solver.h"
@@ -51,6 +52,10 @@ class ResumedSolver final : public ReducedSolver {
   Plan PlanFor(const ReducedMatrix& A, const Rows& changed);
   Status FactorizeAsPlanned(const ReducedMatrix& A);
 
+  /// Another solver takes this matrix: what PlanFor would say is not asked for.
+  void MissFactorize(const Rows& changed) {
+    num_exact_ = std::min(num_exact_, FirstPlace(changed));
+  }
   /// Another solver takes this b and writes x.
   void MissSolve(const Rows& changed_b);
 

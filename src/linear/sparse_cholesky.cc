@@ -5,19 +5,9 @@
 #include <string>
 
 #include "linear/dense_panel.h"
-#include "simd/kernels.h"
+#include "linear/front_elimination.h"
 
 namespace inceres::internal {
-namespace {
-
-constexpr int kPanel = 24;  // columns that the kernels take at a time; whole quads
-// Rows a task: a multiple of every kernel's tile height, so that tasks do not change the
-// arithmetic.
-constexpr int kRowStrip = 96;
-// What is worth a task for each of a front's strips.
-constexpr double kParallelFrontFlops = 2e6;
-
-}  // namespace
 
 const char* SparseCholesky::Name() const {
   return tree_.dissected ? "sparse Cholesky, dissected" : "sparse Cholesky, AMD";
@@ -106,13 +96,7 @@ void SparseCholesky::Open(int f, const ReducedMatrix& A) {
 
 void SparseCholesky::Assemble(int f, const ReducedMatrix& A) {
   const Front& front = tree_.fronts[f];
-  for (int j = 0; j < front.width; ++j) {
-    std::fill(Column(f, j) + j / kPanel * kPanel, Column(f, j) + front.num_rows(), 0.0);
-  }
-  for (int j = 0; j < front.height; ++j) {
-    double* column = Update(f) + static_cast<std::ptrdiff_t>(j) * front.update_stride();
-    std::fill(column + j / kPanel * kPanel, column + front.update_stride(), 0.0);
-  }
+  ZeroFront(front, Column(f, 0), Update(f));
   for (int k = front.piece_begin; k < front.piece_end; ++k) {
     const FrontPiece& piece = tree_.pieces[k];
     if (const double* block = A.Block(piece.i, piece.block)) {
@@ -132,74 +116,13 @@ void SparseCholesky::Assemble(int f, const ReducedMatrix& A) {
 
 void SparseCholesky::AddUpdate(int child, int f) {
   const Front& from = tree_.fronts[child];
-  const Front& to = tree_.fronts[f];
-  for (int run = from.run_begin; run < from.run_end; ++run) {
-    const FrontRun& columns = tree_.runs[run];
-    for (int c = 0; c < columns.length; ++c) {
-      const int j = columns.to + c;
-      const double* source =
-          Update(child) + static_cast<std::ptrdiff_t>(columns.from + c) * from.update_stride();
-      double* target = j < to.below()
-                           ? Column(f, j)
-                           : Update(f) +
-                                 static_cast<std::ptrdiff_t>(j - to.below()) * to.update_stride() -
-                                 to.below();
-      for (int r = c; r < columns.length; ++r) {
-        target[columns.to + r] += source[columns.from + r];
-      }
-      for (int other = run + 1; other < from.run_end; ++other) {
-        const FrontRun& rows = tree_.runs[other];
-        for (int r = 0; r < rows.length; ++r) {
-          target[rows.to + r] += source[rows.from + r];
-        }
-      }
-    }
-  }
+  AddUpdateMatrix(from, Update(child), tree_.runs.data() + from.run_begin,
+                  from.run_end - from.run_begin, tree_.fronts[f], Column(f, 0), Update(f));
 }
 
-template <typename Body>
-void SparseCholesky::ForStrips(const Front& front, int begin, int end, int strip,
-                               const Body& body) const {
-  const int count = (end - begin + strip - 1) / strip;
-  executor_.For(count, front.flops() > kParallelFrontFlops ? 1 : count, [&](int first, int last) {
-    for (int k = first; k < last; ++k) {
-      body(begin + k * strip, std::min(begin + (k + 1) * strip, end));
-    }
-  });
-}
-
-// Left-looking within the pivots, then the update matrix at once.
 int SparseCholesky::Eliminate(int f) {
-  const Kernels& kernels = BestKernels();
-  const Front& front = tree_.fronts[f];
-  const int stride = front.stride();
-  for (int first = 0; first < front.width; first += kPanel) {
-    const int width = std::min(kPanel, front.width - first);
-    double* panel = Column(f, first);
-    if (first > 0) {
-      ForStrips(front, first, front.num_rows(), kRowStrip, [&](int top, int bottom) {
-        kernels.subtract_outer(bottom - top, width, first, Column(f, 0) + top, stride,
-                               Column(f, 0) + first, stride, panel + top, stride);
-      });
-    }
-    int failed = 0;
-    if (!FactorDiagonalBlock(panel + first, stride, width, &failed)) {
-      return BlockAtPivot(front, first + failed);
-    }
-    const int below = std::min(first + kPanel, front.below());
-    ForStrips(front, below, front.num_rows(), kRowStrip, [&](int top, int bottom) {
-      kernels.solve_lower_transposed(bottom - top, width, panel + first, stride, panel + top,
-                                     stride);
-    });
-  }
-  const double* rows = Column(f, 0) + front.below();
-  ForStrips(front, 0, front.height, kPanel, [&](int first, int end) {
-    kernels.subtract_outer(
-        front.update_stride() - first, end - first, front.width, rows + first, stride, rows + first,
-        stride, Update(f) + static_cast<std::ptrdiff_t>(first) * front.update_stride() + first,
-        front.update_stride());
-  });
-  return FrontTree::kNone;
+  const int failed = EliminateFront(tree_.fronts[f], Column(f, 0), Update(f), executor_);
+  return failed < 0 ? FrontTree::kNone : BlockAtPivot(tree_.fronts[f], failed);
 }
 
 int SparseCholesky::BlockAtPivot(const Front& front, int pivot) const {
@@ -251,13 +174,7 @@ void SparseCholesky::SolveForward(int f, const double* b) {
       std::transform(update + from, update + from + length, y + to, y + to, std::plus<>());
     }
   }
-  for (int first = 0; first < front.width; first += kPanel) {
-    const int width = std::min(kPanel, front.width - first);
-    const int below = std::min(first + kPanel, front.below());
-    SolveTriangle(Column(f, first) + first, front.stride(), width, y + first);
-    BestKernels().subtract_outer(front.num_rows() - below, 1, width, Column(f, first) + below,
-                                 front.stride(), y + first, 1, y + below, front.num_rows());
-  }
+  SolveFrontForward(front, Column(f, 0), y);
 }
 
 void SparseCholesky::SolveBackward(int f, double* x) {
@@ -267,13 +184,7 @@ void SparseCholesky::SolveBackward(int f, double* x) {
     const auto [from, to, length] = tree_.runs[run];
     std::copy_n(Vector(front.parent) + to, length, y + front.below() + from);
   }
-  for (int first = (front.width - 1) / kPanel * kPanel; first >= 0; first -= kPanel) {
-    const int width = std::min(kPanel, front.width - first);
-    const int below = std::min(first + kPanel, front.below());
-    BestKernels().subtract_row_dots(width, 1, front.num_rows() - below, Column(f, first) + below,
-                                    front.stride(), y + below, front.num_rows(), y + first, 1);
-    SolveTransposedTriangle(Column(f, first) + first, front.stride(), width, y + first);
-  }
+  SolveFrontBackward(front, Column(f, 0), y);
   const double* pivot = y;
   for (int at = front.position_begin; at < front.position_end; ++at) {
     const int block = tree_.order[at];

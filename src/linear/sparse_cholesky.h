@@ -63,8 +63,6 @@ class SparseCholesky final : public ReducedSolver {
 
   template <typename Body>
   void ForSegmentsBefore(const FrontSegment& segment, const Body& body) const;
-  template <typename Body>
-  void ForStrips(const Front& front, int begin, int end, int strip, const Body& body) const;
 
   double* Column(int f, int j) {
     return L_.data() + tree_.factor_begin[f] +

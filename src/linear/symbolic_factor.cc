@@ -322,4 +322,10 @@ Status FindSymbolicFactor(const BlockPattern& pattern, bool may_dissect, Symboli
   return Status::Ok();
 }
 
+void FindFronts(const BlockPattern& pattern, const std::vector<int>& order,
+                SymbolicFactor* factor) {
+  *factor = SymbolicFactor();
+  EliminationTree(pattern, order).FindFronts(factor);
+}
+
 }  // namespace inceres::internal

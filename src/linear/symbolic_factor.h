@@ -31,4 +31,8 @@ struct SymbolicFactor {
 /// are joined).
 Status FindSymbolicFactor(const BlockPattern& pattern, bool may_dissect, SymbolicFactor* factor);
 
+/// The fronts of a given order, which becomes a postorder of its elimination tree. In a row of the
+/// pattern blocks may come in any order, and twice, but for the diagonal one, which is last.
+void FindFronts(const BlockPattern& pattern, const std::vector<int>& order, SymbolicFactor* factor);
+
 }  // namespace inceres::internal

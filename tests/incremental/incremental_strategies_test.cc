@@ -427,7 +427,7 @@ TEST(Shares, FollowFromTheGraphUnlessTheyAreGiven) {
   EXPECT_EQ(bundle.relinearization, 0.1);
   EXPECT_EQ(bundle.truncation, 0.03);
   const internal::Shares poses = internal::SharesOf(options, 0);
-  EXPECT_EQ(poses.relinearization, 0.0);
+  EXPECT_EQ(poses.relinearization, 0.003);
   EXPECT_EQ(poses.truncation, 0.0);
   options.relinearization = RelinearizationRule::kStepSize;
   EXPECT_EQ(internal::SharesOf(options, 0).relinearization, 0.1);

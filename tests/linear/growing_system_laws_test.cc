@@ -2,10 +2,12 @@
 // the built-in ones, and the example of the documentation.
 #include <cmath>
 #include <limits>
+#include <string>
 
 #include <Eigen/Cholesky>
 #include <gtest/gtest.h>
 
+#include "linear/bayes_tree.h"
 #include "linear/eigen_ldlt_solver.h"
 #include "linear/growing_system.h"
 #include "linear/select_solver.h"
@@ -13,6 +15,14 @@
 
 namespace inceres::internal {
 namespace {
+
+// With an executor of its own.
+struct OneThread {
+  Executor executor{1};
+};
+struct BayesTreeOfOneThread : private OneThread, public BayesTree {
+  BayesTreeOfOneThread() : BayesTree(OneThread::executor) {}
+};
 
 struct GrowingCase {
   const char* name;
@@ -29,7 +39,7 @@ class GrowingSystemLaws : public testing::TestWithParam<GrowingCase> {
   void MakeAnew() {
     solver_ = MakeResumingSolver(GetParam().kind, GetParam().factory, {1e-12, 1000}, executor_);
   }
-  bool IsBuiltIn() const { return !GetParam().factory; }
+  bool IsBuiltIn() const { return GetParam().name != std::string("EigenLdlt"); }
 
   Status Update(GrowingSystem* system, const ReducedSolver::Rows& change, int first_b) {
     const Status status = system->Factorize(change, solver_.get());
@@ -141,6 +151,8 @@ INSTANTIATE_TEST_SUITE_P(
                     GrowingCase{"Dense", ReducedSolverKind::kDense, nullptr},
                     GrowingCase{"Sparse", ReducedSolverKind::kSparse, nullptr},
                     GrowingCase{"Pcg", ReducedSolverKind::kPcg, nullptr},
+                    GrowingCase{"BayesTree", ReducedSolverKind::kAutomatic,
+                                [] { return std::make_unique<BayesTreeOfOneThread>(); }},
                     GrowingCase{"EigenLdlt", ReducedSolverKind::kAutomatic,
                                 [] { return std::make_unique<EigenLdltSolver>(); }}),
     [](const auto& instance) { return instance.param.name; });

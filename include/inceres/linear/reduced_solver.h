@@ -88,7 +88,7 @@ class INCERES_EXPORT ReducedSolver {
 /// Which built-in solver takes the reduced system S δ = b.
 enum class ReducedSolverKind {
   /// By predicted flops: dense for small or full systems, else sparse; in an IncrementalSolver,
-  /// call by call, kResumed while little has changed and kSparse when much has.
+  /// call by call, kResumed or a sparse factor that is kept clique by clique (Bayes tree).
   kAutomatic,
   kDense,   ///< dense Cholesky of our own
   kSparse,  ///< sparse Cholesky of our own, multifrontal, on as many threads as the solve has

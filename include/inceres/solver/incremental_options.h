@@ -36,8 +36,8 @@ enum class DampingForm {
 /// Options of an IncrementalSolver. The thresholds are shares of what function_tolerance allows.
 struct INCERES_EXPORT IncrementalOptions {
   /// Of a share: what the graph asks for as it is at each Update. Landmarks: 0.1 and 0.03. None, as
-  /// in a pose graph: 0 and 0, for there steps that mix linearization points, or leave part of the
-  /// frames behind, promise what they do not keep.
+  /// in a pose graph: 0.003 and 0, for there steps that mix linearization points, or leave part of
+  /// the frames behind, promise what they do not keep.
   static constexpr double kByGraph = -1.0;
 
   int max_num_iterations = 50;  ///< per Update, ≥ 0

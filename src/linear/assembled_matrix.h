@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "inceres/linear/reduced_matrix.h"
+#include "linear/block_rows.h"
+
+namespace inceres::internal {
+
+/// The A = S + diag that a factor was made of, block by block, for who wants to know what has
+/// become another since: to the bit, so that rows that were only summed anew do not count.
+class AssembledMatrix {
+ public:
+  /// A block that is left out counts as zeros.
+  bool Has(const SymmetricBlockRows& S, int row, const SymmetricBlockRows::Entry& block,
+           bool left_out) const;
+  void Take(const SymmetricBlockRows& S, int row, const SymmetricBlockRows::Entry& block,
+            bool left_out);
+  /// The row's `size` entries of the diagonal.
+  bool HasDiagonal(int row, const double* diagonal, int size) const;
+  void TakeDiagonal(int row, const double* diagonal, int size);
+  std::size_t Bytes() const;
+
+ private:
+  std::vector<double> values_;  // where S has them
+  std::vector<std::vector<double>> diagonals_;
+};
+
+}  // namespace inceres::internal

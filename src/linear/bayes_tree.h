@@ -1,0 +1,118 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "base/executor.h"
+#include "inceres/linear/reduced_solver.h"
+#include "linear/assembled_matrix.h"
+#include "linear/clique_tree.h"
+
+namespace inceres::internal {
+
+/// The sparse Cholesky factor as a Bayes tree that lives as long as the problem: multifrontal, each
+/// clique with its columns, its update matrix and its part of y = L⁻¹b.
+///
+///     Factorize: the cliques in which a block of A is another, and those above them; a new block
+///                or row has them ordered anew first (CliqueTree)
+///     y = L⁻¹b   those, the cliques of changed entries of b, and what is above
+///     x = L⁻ᵀy   from the roots down, where y or an x above has changed ("wildfire")
+///
+/// Whatever else is kept: what an edit or a step does not reach costs nothing. What the elimination
+/// of a clique takes is the dense work of a front, in whole panels.
+///
+/// Truncation: each x is compared with the value that the cliques below were last computed with, so
+/// that many small changes add up and are noticed. The same calls give the same bits, whatever the
+/// number of threads, which cut large fronts into strips. Source: Kaess et al., "iSAM2: Incremental
+/// smoothing and mapping using the Bayes tree", IJRR 31(2), 2012, algorithms 4, 6 and 7; Liu, "The
+/// Multifrontal Method for Sparse Matrix Solution", SIAM Review 34(1), 1992.
+class BayesTree : public ReducedSolver {
+ public:
+  explicit BayesTree(const Executor& executor) : executor_(executor) {}
+
+  const char* Name() const override { return "Bayes tree"; }
+  /// Of an incremental solve: A.rows() is not null.
+  Status Factorize(const ReducedMatrix& A, const Rows& changed) override {
+    Follow(*A.rows(), changed);
+    const Status planned = PlanFor(A);
+    return planned.ok() ? FactorizeAsPlanned(A) : (factored_ = planned);
+  }
+  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+               double* x) override;
+  std::size_t Bytes() const override;
+
+  // Factorize in parts, for who wants to know what it costs before.
+
+  /// Remembers what has changed.
+  void Follow(const SymmetricBlockRows& S, const Rows& changed);
+  /// Brings the tree up to date with what was remembered. kUnavailable when out of memory.
+  Status PlanFor(const ReducedMatrix& A);
+  /// Flops of what is to be factored.
+  double PredictedFlops() const { return flops_; }
+  /// How many cliques that is.
+  int NumStale() const { return static_cast<int>(stale_.size()); }
+  Status FactorizeAsPlanned(const ReducedMatrix& A);
+
+  /// Another solver takes this b and writes x.
+  void MissSolve(const Rows& changed_b);
+
+  const CliqueTree& tree() const { return tree_; }
+
+ private:
+  // What is kept of a row of S.
+  struct Row {
+    std::int64_t moved = 0;      // the last Solve in which passed_on_ changed
+    std::vector<int> neighbors;  // rows that it has a block with, ascending
+    bool is_pending = false;
+  };
+
+  void FollowPacking(const SymmetricBlockRows& S);
+  void Forget(int row);
+  void ForgetLostRows(const SymmetricBlockRows& S);
+  void TakeUpNewBlocks(const SymmetricBlockRows& S);
+  void TakeUpNeighbor(int row, int other);
+  Status RebuildTree(const SymmetricBlockRows& S);
+  void FindChangedBlocks(const ReducedMatrix& A, int row);
+  void MarkStale(int c);
+  void SortByStamp(std::vector<int>* cliques) const;
+  void Assemble(const ReducedMatrix& A, int c);
+  /// The row of S at which the clique is not positive definite; -1: it is.
+  int Eliminate(const ReducedMatrix& A, int c);
+
+  void MarkUnsubstituted(int c);
+  void MarkChangedB(const Rows& changed_b);
+  void SubstituteForward(const double* b);
+  void SubstituteBackward(const Truncation& truncation, double* x);
+  void SolveClique(int c, const Truncation& truncation, double* x);
+  void PushChildren(int c);
+  bool HasChanged(int begin, int end, const Truncation& truncation) const;
+
+  const Executor& executor_;
+  CliqueTree tree_;
+  AssembledMatrix assembled_;
+  Status factored_ = Status::Error(StatusCode::kInvalidArgument, "not factored yet");
+  double flops_ = 0.0;
+  std::int64_t version_ = -1;    // of S's pattern, at the last PlanFor
+  std::vector<int> offsets_{0};  // by row of S, one more: the packing of the caller's vectors
+  std::vector<Row> rows_;
+  std::vector<int> pending_;    // rows that have changed, and were not looked at since
+  std::vector<int> neighbors_;  // workspace
+  std::vector<int> new_rows_;
+  std::vector<int> touched_;  // rows with a new block
+  std::vector<int> stale_;    // cliques to be factored: with each those above it
+  std::vector<int> made_;
+  std::vector<int> place_;  // by row: in the front that is being assembled
+
+  std::vector<int> unsubstituted_;  // cliques, with each those above it
+  std::vector<char> is_fresh_;      // per clique: y is of this Solve
+  std::vector<double> x_;           // packed as the caller's
+  std::vector<double> passed_on_;   // the x that the cliques below were computed with
+  bool solution_is_lost_ = true;
+  std::int64_t num_solves_ = 0;
+  std::vector<int> waiting_;  // cliques to be solved, the next one last
+  AlignedVector<double> workspace_;
+  std::vector<int> solved_;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,274 @@
+#include "linear/clique_tree.h"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+// Rows come last if they are no more than one in so many, else the newest of them: an order in two
+// parts has more fill.
+constexpr std::size_t kLastShare = 4;
+
+// Classes of sizes, four to each power of two: the class of a size, and what all of it fits into.
+std::size_t ClassOf(std::size_t size, std::size_t* room) {
+  std::size_t step = 1, index = 0;
+  while (8 * step < size) {
+    step *= 2;
+    index += 4;
+  }
+  const std::size_t steps = std::max<std::size_t>(5, (size + step - 1) / step);
+  *room = steps * step;
+  return index + steps - 5;
+}
+
+}  // namespace
+
+AlignedVector<double> CliqueMemory::Take(std::size_t size) {
+  std::size_t room = 0;
+  const std::size_t index = ClassOf(size, &room);
+  AlignedVector<double> array;
+  if (index < waiting_.size() && !waiting_[index].empty()) {
+    array = std::move(waiting_[index].back());
+    waiting_[index].pop_back();
+    bytes_ -= array.capacity() * sizeof(double);
+  } else {
+    array.reserve(room);
+  }
+  bytes_in_use_ += array.capacity() * sizeof(double);
+  array.resize(size);
+  return array;
+}
+
+void CliqueMemory::Give(AlignedVector<double>* array) {
+  if (array->capacity() == 0) {
+    return;
+  }
+  const std::size_t bytes = array->capacity() * sizeof(double);
+  bytes_in_use_ -= bytes;
+  AlignedVector<double> given;
+  given.swap(*array);
+  if (bytes_ + bytes > bytes_in_use_) {
+    return;
+  }
+  std::size_t room = 0;
+  const std::size_t index = ClassOf(given.capacity(), &room);
+  waiting_.resize(std::max(waiting_.size(), index + 1));
+  bytes_ += bytes;
+  waiting_[index].push_back(std::move(given));
+}
+
+bool CliqueTree::AreCoupled(int row, int other) const {
+  const int first = IsBefore(row, other) ? row : other;
+  const std::vector<int>& rows = cliques_[CliqueOf(first)].rows;
+  return std::find(rows.begin(), rows.end(), first == row ? other : row) != rows.end();
+}
+
+void CliqueTree::DissolveFrom(int c) {
+  for (; c != kNone && cliques_[c].is_used; c = cliques_[c].front.parent) {
+    Clique& clique = cliques_[c];
+    clique.is_used = false;
+    dissolved_.push_back(c);
+    flops_ -= clique.front.flops();
+  }
+}
+
+// The cliques that know a row are a subtree below the one that it is a pivot of.
+void CliqueTree::Remove(int row) {
+  DissolveFrom(CliqueOf(row));
+  std::vector<int> waiting{CliqueOf(row)};
+  while (!waiting.empty()) {
+    const std::vector<int>& children = cliques_[waiting.back()].children;
+    waiting.pop_back();
+    for (const int child : children) {
+      const std::vector<int>& rows = cliques_[child].rows;
+      if (std::find(rows.begin(), rows.end(), row) != rows.end()) {
+        DissolveFrom(child);
+        waiting.push_back(child);
+      }
+    }
+  }
+  rows_[row] = Row();
+}
+
+Status CliqueTree::Rebuild(const SymmetricBlockRows& S, const std::vector<int>& new_rows,
+                           const std::vector<int>& last, std::vector<int>* new_cliques) {
+  new_cliques->clear();
+  made_.clear();
+  rows_.resize(S.num_rows());
+  local_.resize(S.num_rows(), kNone);
+  place_.resize(S.num_rows());
+  ListLooseRows(S, new_rows);
+  ListGraph(S, last);
+  ListOrphans();
+  const Status found = loose_.empty() ? Status::Ok() : order_.Find(graph_, &factor_);
+  if (found.ok()) {
+    ReleaseDissolved();
+    for (int f = 0; !loose_.empty() && f + 1 < static_cast<int>(factor_.front_begin.size()); ++f) {
+      MakeClique(f);
+    }
+  }
+  std::for_each(loose_.begin(), loose_.end(), [this](int row) { local_[row] = kNone; });
+  if (!found.ok()) {
+    return found;
+  }
+  std::for_each(made_.begin(), made_.end(), [this](int c) { Hang(c); });
+  std::for_each(orphans_.begin(), orphans_.end(), [this](int c) { Hang(c); });
+  std::for_each(made_.begin(), made_.end(), [this](int c) { FindRuns(c); });
+  new_cliques->assign(made_.begin(), made_.end());
+  return Status::Ok();
+}
+
+void CliqueTree::ListLooseRows(const SymmetricBlockRows& S, const std::vector<int>& new_rows) {
+  loose_ = new_rows;
+  for (const int c : dissolved_) {
+    const Clique& clique = cliques_[c];
+    std::copy_if(clique.rows.begin(), clique.rows.begin() + clique.num_pivots,
+                 std::back_inserter(loose_),
+                 [&](int row) { return rows_[row].clique == c && S.size_of(row) > 0; });
+  }
+  std::sort(loose_.begin(), loose_.end());
+  for (std::size_t k = 0; k < loose_.size(); ++k) {
+    local_[loose_[k]] = static_cast<int>(k);
+  }
+}
+
+void CliqueTree::ListGraph(const SymmetricBlockRows& S, const std::vector<int>& last) {
+  graph_.Clear();
+  for (const int row : loose_) {
+    graph_.sizes.push_back(S.size_of(row));
+    for (const SymmetricBlockRows::Entry& entry : S.row(row)) {
+      if (entry.column != row && local_[entry.column] != kNone) {
+        graph_.edges.push_back(local_[entry.column]);
+      }
+    }
+    graph_.edge_begin.push_back(static_cast<int>(graph_.edges.size()));
+  }
+  graph_.last.assign(loose_.size(), 0);
+  const int newest = last.empty() ? kNone : *std::max_element(last.begin(), last.end());
+  const bool are_few = kLastShare * last.size() <= loose_.size();
+  for (const int row : last) {
+    if ((are_few || row == newest) && local_[row] != kNone) {
+      graph_.last[local_[row]] = 1;
+    }
+  }
+}
+
+// Every row of a separator is a pivot of a clique above: those of orphans are loose.
+void CliqueTree::ListOrphans() {
+  orphans_.clear();
+  for (const int c : dissolved_) {
+    for (const int child : cliques_[c].children) {
+      const Clique& orphan = cliques_[child];
+      if (!orphan.is_used) {
+        continue;
+      }
+      orphans_.push_back(child);
+      for (std::size_t k = orphan.num_pivots; k < orphan.rows.size(); ++k) {
+        graph_.members.push_back(local_[orphan.rows[k]]);
+      }
+      graph_.separator_begin.push_back(static_cast<int>(graph_.members.size()));
+    }
+  }
+}
+
+void CliqueTree::ReleaseDissolved() {
+  for (const int c : dissolved_) {
+    Clique& clique = cliques_[c];
+    clique.children.clear();
+    for (AlignedVector<double>* array : {&clique.L, &clique.U, &clique.y}) {
+      memory_.Give(array);
+    }
+    free_.push_back(c);
+  }
+  dissolved_.clear();
+  roots_.erase(
+      std::remove_if(roots_.begin(), roots_.end(), [this](int c) { return !cliques_[c].is_used; }),
+      roots_.end());
+}
+
+int CliqueTree::TakeClique() {
+  if (free_.empty()) {
+    cliques_.emplace_back();
+    return static_cast<int>(cliques_.size()) - 1;
+  }
+  const int c = free_.back();
+  free_.pop_back();
+  return c;
+}
+
+void CliqueTree::MakeClique(int f) {
+  const int c = TakeClique();
+  made_.push_back(c);
+  Clique& clique = cliques_[c];
+  clique.is_used = true;
+  clique.is_factored = clique.is_substituted = false;
+  clique.front = Front();
+  clique.num_pivots = factor_.front_begin[f + 1] - factor_.front_begin[f];
+  clique.stamp = next_stamp_;
+  clique.rows.clear();
+  clique.places.clear();
+  clique.runs.clear();
+  for (int k = factor_.row_begin[f]; k < factor_.row_begin[f + 1]; ++k) {
+    const int row = loose_[factor_.order[factor_.rows[k]]];
+    const int size = graph_.sizes[local_[row]];
+    const bool is_pivot = static_cast<int>(clique.rows.size()) < clique.num_pivots;
+    const int place = is_pivot ? clique.front.width : clique.front.below() + clique.front.height;
+    (is_pivot ? clique.front.width : clique.front.height) += size;
+    if (is_pivot) {
+      rows_[row] = {c, place, size, next_stamp_++};
+    }
+    clique.rows.push_back(row);
+    clique.places.push_back(place);
+  }
+  flops_ += clique.front.flops();
+  const Front& front = clique.front;
+  clique.L = memory_.Take(static_cast<std::size_t>(front.stride()) * front.width);
+  clique.U = memory_.Take(static_cast<std::size_t>(front.update_stride()) * front.height);
+  clique.y = memory_.Take(front.num_rows());
+}
+
+// On the clique that eliminates the first row of its separator.
+void CliqueTree::Hang(int child) {
+  Clique& clique = cliques_[child];
+  const auto first = std::min_element(clique.rows.begin() + clique.num_pivots, clique.rows.end(),
+                                      [this](int a, int b) { return IsBefore(a, b); });
+  clique.front.parent = first == clique.rows.end() ? kNone : CliqueOf(*first);
+  (clique.front.parent == kNone ? roots_ : cliques_[clique.front.parent].children).push_back(child);
+}
+
+// What is consecutive in both is one run.
+void CliqueTree::FindRuns(int parent) {
+  const Clique& above = cliques_[parent];
+  for (std::size_t k = 0; k < above.rows.size(); ++k) {
+    place_[above.rows[k]] = above.places[k];
+  }
+  for (const int child : above.children) {
+    Clique& clique = cliques_[child];
+    clique.runs.clear();
+    for (std::size_t k = clique.num_pivots; k < clique.rows.size(); ++k) {
+      const int from = clique.places[k] - clique.front.below(), to = place_[clique.rows[k]];
+      const int size = SizeOf(clique.rows[k]);
+      if (!clique.runs.empty() && clique.runs.back().to + clique.runs.back().length == to) {
+        clique.runs.back().length += size;
+      } else {
+        clique.runs.push_back({from, to, size});
+      }
+    }
+  }
+}
+
+std::size_t CliqueTree::Bytes() const {
+  std::size_t bytes =
+      cliques_.capacity() * sizeof(Clique) + rows_.capacity() * sizeof(Row) + memory_.Bytes();
+  for (const Clique& clique : cliques_) {
+    bytes += (clique.L.capacity() + clique.U.capacity() + clique.y.capacity()) * sizeof(double) +
+             (clique.rows.capacity() + clique.places.capacity() + clique.children.capacity()) *
+                 sizeof(int) +
+             clique.runs.capacity() * sizeof(FrontRun);
+  }
+  return bytes;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,144 @@
+#include "linear/front_elimination.h"
+
+#include <algorithm>
+#include <cstddef>
+
+#include "linear/dense_panel.h"
+#include "simd/kernels.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kFrontPanel = 24;  // columns that the kernels take at a time; whole quads
+// Rows a task: a multiple of every kernel's tile height, so that tasks do not change the
+// arithmetic.
+constexpr int kFrontStrip = 96;
+// What is worth a task for each of a front's strips.
+constexpr double kParallelFrontFlops = 2e6;
+
+template <typename Body>
+void ForFrontStrips(const Front& front, const Executor& executor, int begin, int end, int strip,
+                    const Body& body) {
+  const int count = (end - begin + strip - 1) / strip;
+  executor.For(count, front.flops() > kParallelFrontFlops ? 1 : count, [&](int first, int last) {
+    for (int k = first; k < last; ++k) {
+      body(begin + k * strip, std::min(begin + (k + 1) * strip, end));
+    }
+  });
+}
+
+// The block of the child's rows `rows` and columns `columns`, of which the former come later there;
+// in the front they may come earlier, and then the block is turned.
+void AddUpdateBlock(const double* source, int source_stride, const FrontRun& columns,
+                    const FrontRun& rows, const Front& front, double* L, double* U) {
+  if (rows.to > columns.to) {
+    for (int c = 0; c < columns.length; ++c, source += source_stride) {
+      double* target = FrontColumn(front, L, U, columns.to + c) + rows.to;
+      for (int r = 0; r < rows.length; ++r) {
+        target[r] += source[r];
+      }
+    }
+    return;
+  }
+  for (int r = 0; r < rows.length; ++r, ++source) {
+    double* target = FrontColumn(front, L, U, rows.to + r) + columns.to;
+    for (int c = 0; c < columns.length; ++c) {
+      target[c] += source[static_cast<std::ptrdiff_t>(c) * source_stride];
+    }
+  }
+}
+
+}  // namespace
+
+void ZeroFront(const Front& front, double* L, double* U) {
+  for (int j = 0; j < front.width; ++j) {
+    double* column = L + static_cast<std::ptrdiff_t>(j) * front.stride();
+    std::fill(column + j / kFrontPanel * kFrontPanel, column + front.num_rows(), 0.0);
+  }
+  for (int j = 0; j < front.height; ++j) {
+    double* column = U + static_cast<std::ptrdiff_t>(j) * front.update_stride();
+    std::fill(column + j / kFrontPanel * kFrontPanel, column + front.update_stride(), 0.0);
+  }
+}
+
+void AddUpdateMatrix(const Front& child, const double* child_update, const FrontRun* runs,
+                     int num_runs, const Front& front, double* L, double* U) {
+  const int stride = child.update_stride();
+  for (int run = 0; run < num_runs; ++run) {
+    const FrontRun& columns = runs[run];
+    const double* source =
+        child_update + static_cast<std::ptrdiff_t>(columns.from) * stride + columns.from;
+    for (int c = 0; c < columns.length; ++c, source += stride) {
+      double* target = FrontColumn(front, L, U, columns.to + c) + columns.to;
+      for (int r = c; r < columns.length; ++r) {
+        target[r] += source[r];
+      }
+    }
+    for (int other = run + 1; other < num_runs; ++other) {
+      AddUpdateBlock(
+          child_update + static_cast<std::ptrdiff_t>(columns.from) * stride + runs[other].from,
+          stride, columns, runs[other], front, L, U);
+    }
+  }
+}
+
+// Left-looking within the pivots, then the update matrix at once.
+int EliminateFront(const Front& front, double* L, double* U, const Executor& executor) {
+  const Kernels& kernels = BestKernels();
+  const int stride = front.stride();
+  for (int first = 0; first < front.width; first += kFrontPanel) {
+    const int width = std::min(kFrontPanel, front.width - first);
+    double* panel = L + static_cast<std::ptrdiff_t>(first) * stride;
+    if (first > 0) {
+      ForFrontStrips(front, executor, first, front.num_rows(), kFrontStrip,
+                     [&](int top, int bottom) {
+                       kernels.subtract_outer(bottom - top, width, first, L + top, stride,
+                                              L + first, stride, panel + top, stride);
+                     });
+    }
+    int failed = 0;
+    if (!FactorDiagonalBlock(panel + first, stride, width, &failed)) {
+      return first + failed;
+    }
+    const int below = std::min(first + kFrontPanel, front.below());
+    ForFrontStrips(front, executor, below, front.num_rows(), kFrontStrip, [&](int top, int bottom) {
+      kernels.solve_lower_transposed(bottom - top, width, panel + first, stride, panel + top,
+                                     stride);
+    });
+  }
+  const double* rows = L + front.below();
+  const int update_stride = front.update_stride();
+  ForFrontStrips(front, executor, 0, front.height, kFrontPanel, [&](int first, int end) {
+    kernels.subtract_outer(
+        update_stride - first, end - first, front.width, rows + first, stride, rows + first, stride,
+        U + static_cast<std::ptrdiff_t>(first) * update_stride + first, update_stride);
+  });
+  return -1;
+}
+
+void SolveFrontForward(const Front& front, const double* L, double* y) {
+  const int stride = front.stride();
+  for (int first = 0; first < front.width; first += kFrontPanel) {
+    const int width = std::min(kFrontPanel, front.width - first);
+    const int below = std::min(first + kFrontPanel, front.below());
+    const double* panel = L + static_cast<std::ptrdiff_t>(first) * stride;
+    SolveTriangle(panel + first, stride, width, y + first);
+    BestKernels().subtract_outer(front.num_rows() - below, 1, width, panel + below, stride,
+                                 y + first, 1, y + below, front.num_rows());
+  }
+}
+
+void SolveFrontBackward(const Front& front, const double* L, double* y) {
+  const int stride = front.stride();
+  for (int first = (front.width - 1) / kFrontPanel * kFrontPanel; first >= 0;
+       first -= kFrontPanel) {
+    const int width = std::min(kFrontPanel, front.width - first);
+    const int below = std::min(first + kFrontPanel, front.below());
+    const double* panel = L + static_cast<std::ptrdiff_t>(first) * stride;
+    BestKernels().subtract_row_dots(width, 1, front.num_rows() - below, panel + below, stride,
+                                    y + below, front.num_rows(), y + first, 1);
+    SolveTransposedTriangle(panel + first, stride, width, y + first);
+  }
+}
+
+}  // namespace inceres::internal
