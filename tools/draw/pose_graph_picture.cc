@@ -14,7 +14,7 @@ namespace inceres::tools {
 namespace {
 
 constexpr double kSide = 560.0;  // of a panel
-constexpr double kGap = 20.0;
+constexpr double kPanelGap = 20.0;
 constexpr double kHead = 70.0;  // above the panels
 
 struct Box {
@@ -112,8 +112,8 @@ void AppendGraphPanel(const char* id, double left, const PanelView& view, const 
 
 std::string PoseGraphPictureSvg(const std::string& title, const PoseGraph& before,
                                 const PoseGraph& after, const std::vector<bool>& is_outlier) {
-  constexpr double kWidth = 2.0 * kSide + 3.0 * kGap;
-  constexpr double kHeight = kHead + kSide + kGap;
+  constexpr double kWidth = 2.0 * kSide + 3.0 * kPanelGap;
+  constexpr double kHeight = kHead + kSide + kPanelGap;
   std::string svg;
   AppendFormat(&svg,
                "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
@@ -135,8 +135,8 @@ std::string PoseGraphPictureSvg(const std::string& title, const PoseGraph& befor
     is_loop[static_cast<std::size_t>(edge)] = true;
   }
   const PanelView view = ViewOf(before, after);
-  AppendGraphPanel("before", kGap, view, before, is_loop, is_outlier, &svg);
-  AppendGraphPanel("after", kSide + 2.0 * kGap, view, after, is_loop, is_outlier, &svg);
+  AppendGraphPanel("before", kPanelGap, view, before, is_loop, is_outlier, &svg);
+  AppendGraphPanel("after", kSide + 2.0 * kPanelGap, view, after, is_loop, is_outlier, &svg);
   return svg + "</svg>\n";
 }
 
