@@ -58,8 +58,8 @@ const ToolHelp kHelp = {
      {"all points too, without Ceres",
       "covariance_compare --problem bal:problem.txt --only_ours --points"},
      {"cameras of 6 parameters along a path, held by control points",
-      "bal_generate --preset path-400 --output path.txt && covariance_compare --problem "
-      "bal:path.txt --iterations 10 --hold_intrinsics --gauge points --only_ours"}}};
+      "covariance_compare --problem bal:problem.txt --hold_intrinsics --gauge points "
+      "--only_ours"}}};
 
 constexpr int kCameraSize = 9;
 constexpr int kTranslation = 3;  // of a camera, its first entry

@@ -28,8 +28,17 @@ TEST(OptionsWithoutEffect, NamesEachThatWasSet) {
   options.max_num_line_search_step_size_iterations = 3;
   options.gradient_check_relative_precision = 1e-3;
   EXPECT_EQ(WithoutEffect(options),
-            (Names{"max_num_line_search_step_size_iterations", "max_lbfgs_rank", "eta",
+            (Names{"max_num_line_search_step_size_iterations", "eta", "max_lbfgs_rank",
                    "use_mixed_precision_solves", "gradient_check_relative_precision"}));
+}
+
+TEST(OptionsWithoutEffect, ConjugateGradientsAreHonoredWhereTheySolve) {
+  Options options;
+  options.eta = 0.5;
+  options.max_linear_solver_iterations = 20;
+  EXPECT_EQ(WithoutEffect(options), (Names{"eta", "max_linear_solver_iterations"}));
+  options.linear_solver_type = ceres::ITERATIVE_SCHUR;
+  EXPECT_EQ(WithoutEffect(options), Names{});
 }
 
 TEST(OptionsWithoutEffect, DependsOnWhatElseIsSet) {

@@ -83,7 +83,8 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options,
   if (!costs.error.empty()) {
     return Fail(costs.error, summary);
   }
-  WriteLinearSolver(input.view, input.ordering, landmarks, type, summary);
+  WriteLinearSolver(input.view, input.ordering, landmarks,
+                    IncrementalLinearSolver(input.options, input.ordering), summary);
   result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
   IncrementalOptions options = WithTimeLeft(core_options, result.seconds_before);
   options.fixed_cost = std::max(costs.fixed - costs.outside, 0.0);
