@@ -49,7 +49,7 @@ double RadiusDifference(const ceres::IterationSummary& x, const ceres::Iteration
                         std::max(x.trust_region_radius, y.trust_region_radius));
 }
 
-double At(const std::vector<double>& values, int k) {
+double ValueOrZero(const std::vector<double>& values, int k) {
   return static_cast<std::size_t>(k) < values.size() ? values[static_cast<std::size_t>(k)] : 0.0;
 }
 
@@ -136,7 +136,8 @@ class Comparison {
                         bool same_decision) {
     const std::string of_iteration = " of iteration " + std::to_string(x.iteration);
     const double cost = CostDifference(x.cost, y.cost);
-    const double cost_tolerance = std::max(tolerances_.cost, At(excuse_.costs, x.iteration));
+    const double cost_tolerance =
+        std::max(tolerances_.cost, ValueOrZero(excuse_.costs, x.iteration));
     if (!CostsAgree(cost, cost_tolerance)) {
       Differ(x.iteration, Words("cost" + of_iteration, x.cost, y.cost, cost, cost_tolerance));
     }
@@ -148,7 +149,8 @@ class Comparison {
                               ", stock " + decision(y));
     }
     const double radius = RadiusDifference(x, y);
-    const double radius_tolerance = std::max(tolerances_.radius, At(excuse_.radii, x.iteration));
+    const double radius_tolerance =
+        std::max(tolerances_.radius, ValueOrZero(excuse_.radii, x.iteration));
     if (radius_is_comparable_ && same_decision && radius > radius_tolerance) {
       Differ(x.iteration, Words("trust-region radius" + of_iteration, x.trust_region_radius,
                                 y.trust_region_radius, radius, radius_tolerance));
