@@ -32,7 +32,7 @@ IterativeModel::IterativeModel(const SolverOptions& options, const Evaluator& ev
     : LinearModel(evaluator),
       options_(options.conjugate_gradients),
       has_landmarks_(evaluator.layout().num_landmarks() > 0),
-      incidences_(evaluator, QuadsPerChunk(options_), forms_S()),
+      incidences_(evaluator, QuadsPerChunk(options_), is_formed()),
       plans_(evaluator, incidences_, BlocksToForm(options_)),
       hessian_(evaluator, incidences_, plans_),
       elimination_(evaluator, incidences_, plans_, hessian_),
@@ -42,7 +42,7 @@ IterativeModel::IterativeModel(const SolverOptions& options, const Evaluator& ev
   for (std::size_t k = 0; k < plans_.block_row.size(); ++k) {
     const double* S = elimination_.S() + pattern.value_begin[k];
     const double* C = hessian_.FrameBlock(static_cast<int>(k));
-    blocks_.push_back(forms_S() ? S : C);
+    blocks_.push_back(is_formed() ? S : C);
     if (pattern.columns[k] == plans_.block_row[k]) {
       const bool by_S = options_.preconditioner == PreconditionerKind::kSchurJacobi;
       diagonal_blocks_.push_back(by_S ? S : C);
@@ -60,8 +60,8 @@ const char* IterativeModel::SolverName() const {
   if (!has_landmarks_) {
     return "conjugate gradients on the normal equations";
   }
-  return forms_S() ? "conjugate gradients on the reduced system, formed"
-                   : "conjugate gradients on the reduced system, by products";
+  return is_formed() ? "conjugate gradients on the reduced system, formed"
+                     : "conjugate gradients on the reduced system, by products";
 }
 
 Status IterativeModel::PreparePreconditioner() {
@@ -91,7 +91,7 @@ Status IterativeModel::Solve(const double* damping, double* step) {
   if (!status.ok()) {
     return status;
   }
-  if (forms_S() && !converged_) {  // as Ceres does
+  if (is_formed() && !converged_) {  // as Ceres does
     std::fill(step + frame_size, step + Gradient().size(), 0.0);
     return status;
   }
@@ -128,7 +128,7 @@ Status IterativeModel::SolveReduced(double* step) {
 
 void IterativeModel::SubtractProduct(const double* v, double* y) const {
   product_.Subtract(blocks_, damping_, evaluator_.executor(), v, y);
-  if (has_landmarks_ && !forms_S()) {
+  if (has_landmarks_ && !is_formed()) {
     elimination_.AddCoupled(v, y);
   }
 }

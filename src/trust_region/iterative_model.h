@@ -30,13 +30,13 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   const char* SolverName() const override;
   void Describe(WorkCounts* work) const override;
   void ScaleColumnsBy(const std::vector<double>& scale) override { scale_ = scale.data(); }
-  bool left_out_landmarks() const override { return forms_S() && !converged_; }
+  bool left_out_landmarks() const override { return is_formed() && !converged_; }
   int num_iterations() const override { return num_iterations_; }
 
  private:
   using End = ConjugateGradients::End;
 
-  bool forms_S() const { return options_.explicit_schur_complement; }
+  bool is_formed() const { return options_.explicit_schur_complement; }
   Status PreparePreconditioner();
   Status SolveReduced(double* step);
   void SubtractProduct(const double* v, double* y) const override;
