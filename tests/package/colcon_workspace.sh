@@ -33,5 +33,5 @@ colcon build --base-paths "$work/source" --build-base "$work/build" --merge-inst
   -DINCERES_BUILD_EXAMPLES=OFF "$@"
 set +u
 # shellcheck disable=SC1091
-source "$work/install/setup.bash"
+source "$work/install/setup.sh"
 consumer
