@@ -19,7 +19,6 @@ fi
 
 rm -rf "$work"
 mkdir -p "$work/source/inceres"
-cp -r "$source/tests/package" "$work/source/consumers"
 # What git has or would add: not build folders, whose packages colcon would find too.
 (cd "$source" && git ls-files -z --cached --others --exclude-standard |
   tar --create --null --files-from - --ignore-failed-read 2> /dev/null) |
@@ -34,4 +33,7 @@ colcon build --base-paths "$work/source" --build-base "$work/build" --merge-inst
 set +u
 # shellcheck disable=SC1091
 source "$work/install/setup.sh"
-consumer
+# Who has sourced the workspace finds the package.
+cmake -S "$source/tests/package/core" -B "$work/consumer"
+cmake --build "$work/consumer"
+"$work/consumer/consumer"
