@@ -153,20 +153,11 @@ Matrix6 EdgeJacobian(PoseErrorConvention convention, const EdgeError& e, int slo
 
 double WriteEdgeJacobians(const FactorBatch& batch, int i, PoseErrorConvention convention,
                           const PoseEdgeFamily::Measurement& measurement, const EdgeError& e) {
-  double sum = 0.0;
-  for (int s = 0; s < 2; ++s) {
-    const std::ptrdiff_t index = 2 * static_cast<std::ptrdiff_t>(i) + s;
-    const TangentMap& map = *batch.tangent_maps[index];
-    if (!map.wanted()) {
-      continue;
-    }
-    internal::AssertPoseManifold(map, batch.parameters[index]);
-    const Matrix6 J = EdgeJacobian(convention, e, s);
-    const JacobianView& view = batch.jacobians[s];
-    sum += internal::MultiplyUpper<6, 6>(measurement.sqrt_information, J.data(),
-                                         view.data + i * view.factor_stride, view.row_stride);
-  }
-  return sum;
+  return internal::WritePosePair(batch, i, measurement.sqrt_information,
+                                 [&](int slot, double E[6][6]) {
+                                   Eigen::Map<Matrix6> map(&E[0][0]);
+                                   map = EdgeJacobian(convention, e, slot);
+                                 });
 }
 
 }  // namespace

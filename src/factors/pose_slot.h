@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cassert>
+#include <cstddef>
 
+#include "factors/whiten.h"
 #include "inceres/problem/factor_family.h"
 
 namespace inceres::internal {
@@ -19,6 +21,29 @@ inline void AssertPoseManifold(const TangentMap& map, const double* pose,
   static_cast<void>(map);
   static_cast<void>(pose);
   static_cast<void>(on_the_left);
+}
+
+/// Writes √Λ E of both poses of factor i, one that is wanted: jacobian_of(slot, E) fills E, zeros
+/// before, with the error's derivative by the slot's tangent. Returns the sum of what was written,
+/// which is finite only if all is.
+template <typename JacobianOf>
+double WritePosePair(const FactorBatch& batch, int i, const double* sqrt_information,
+                     const JacobianOf& jacobian_of) {
+  double sum = 0.0;
+  for (int s = 0; s < 2; ++s) {
+    const std::ptrdiff_t index = 2 * static_cast<std::ptrdiff_t>(i) + s;
+    const TangentMap& map = *batch.tangent_maps[index];
+    if (!map.wanted()) {
+      continue;
+    }
+    AssertPoseManifold(map, batch.parameters[index]);
+    double E[6][6] = {};
+    jacobian_of(s, E);
+    const JacobianView& view = batch.jacobians[s];
+    sum += MultiplyUpper<6, 6>(sqrt_information, E[0], view.data + i * view.factor_stride,
+                               view.row_stride);
+  }
+  return sum;
 }
 
 /// y = Mᵀ v for a row-major 3×3 matrix. y must not alias v.

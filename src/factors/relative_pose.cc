@@ -72,25 +72,14 @@ void DifferentiateB(const Difference& v, const double* q_ab, double E[6][6]) {
 
 double WriteJacobians(const FactorBatch& batch, int i,
                       const RelativePoseFamily::Measurement& measurement, const Difference& v) {
-  double sum = 0.0;
-  for (int s = 0; s < 2; ++s) {
-    const std::ptrdiff_t index = 2 * static_cast<std::ptrdiff_t>(i) + s;
-    const TangentMap& map = *batch.tangent_maps[index];
-    if (!map.wanted()) {
-      continue;
-    }
-    internal::AssertPoseManifold(map, batch.parameters[index]);
-    double E[6][6] = {};
-    if (s == 0) {
-      DifferentiateA(v, E);
-    } else {
-      DifferentiateB(v, measurement.q_ab, E);
-    }
-    const JacobianView& view = batch.jacobians[s];
-    sum += MultiplyUpper<6, 6>(measurement.sqrt_information, E[0],
-                               view.data + i * view.factor_stride, view.row_stride);
-  }
-  return sum;
+  return internal::WritePosePair(batch, i, measurement.sqrt_information,
+                                 [&](int slot, double E[6][6]) {
+                                   if (slot == 0) {
+                                     DifferentiateA(v, E);
+                                   } else {
+                                     DifferentiateB(v, measurement.q_ab, E);
+                                   }
+                                 });
 }
 
 }  // namespace

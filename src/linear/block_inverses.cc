@@ -26,8 +26,9 @@ int BlockInverses::Invert(const std::vector<int>& offsets, const std::vector<con
   minus_inverses_.resize(static_cast<std::size_t>(next.begin));
   LowestIndex singular(count);
   executor.For(count, kBlockRowGrain, [&](int begin, int end) {
+    std::vector<double> scratch;
     for (int i = begin; i < end; ++i) {
-      if (!InvertBlock(places_[i], blocks[i], diagonal + offsets[i])) {
+      if (!InvertBlock(places_[i], blocks[i], diagonal + offsets[i], &scratch)) {
         singular.Note(i);
       }
     }
@@ -35,25 +36,18 @@ int BlockInverses::Invert(const std::vector<int>& offsets, const std::vector<con
   return singular.get() < count ? singular.get() : -1;
 }
 
-// The inverse is symmetric: its columns are found as rows.
-bool BlockInverses::InvertBlock(const Place& place, const double* block, const double* diagonal) {
+bool BlockInverses::InvertBlock(const Place& place, const double* block, const double* diagonal,
+                                std::vector<double>* scratch) {
   const int size = place.size;
-  const int stride = PadToQuad(size);
-  std::vector<double> L(block, block + static_cast<std::ptrdiff_t>(size) * size);
-  std::vector<double> inverse_pivots(static_cast<std::size_t>(size));
+  scratch->assign(block, block + static_cast<std::ptrdiff_t>(size) * size);
+  scratch->resize(scratch->size() + static_cast<std::size_t>(size));
+  double* const A = scratch->data();
+  double* const inverse_pivots = A + static_cast<std::ptrdiff_t>(size) * size;
   for (int k = 0; k < size; ++k) {
-    L[static_cast<std::ptrdiff_t>(k) * size + k] += diagonal[k];
+    A[static_cast<std::ptrdiff_t>(k) * size + k] += diagonal[k];
   }
-  if (!FactorSmall(size, L.data(), size, inverse_pivots.data())) {
-    return false;
-  }
-  double* column = minus_inverses_.data() + place.begin;
-  std::fill_n(column, static_cast<std::ptrdiff_t>(size) * stride, 0.0);
-  for (int k = 0; k < size; ++k, column += stride) {
-    column[k] = -1.0;
-    SolveSmall(size, L.data(), size, inverse_pivots.data(), column);
-  }
-  return true;
+  return NegateInverse(size, A, size, inverse_pivots, PadToQuad(size),
+                       minus_inverses_.data() + place.begin);
 }
 
 void BlockInverses::Apply(const Executor& executor, const double* r, double* z) const {

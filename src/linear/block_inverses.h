@@ -29,7 +29,8 @@ class BlockInverses {
     int padded = 0;          // first scalar of the block row
     std::int64_t begin = 0;  // of the inverse: rows of whole quads
   };
-  bool InvertBlock(const Place& place, const double* block, const double* diagonal);
+  bool InvertBlock(const Place& place, const double* block, const double* diagonal,
+                   std::vector<double>* scratch);
 
   std::vector<Place> places_;
   AlignedVector<double> minus_inverses_;

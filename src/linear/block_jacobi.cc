@@ -62,17 +62,9 @@ bool BlockJacobi::Invert(const ReducedMatrix& A, int row) {
   }
   L_.assign(block.M.begin(), block.M.end());
   inverse_pivots_.resize(size);
-  if (!FactorSmall(size, L_.data(), stride, inverse_pivots_.data())) {
-    return false;
-  }
-  // The inverse is symmetric: its columns are found as rows.
-  block.minus_inverse.assign(block.M.size(), 0.0);
-  for (int r = 0; r < size; ++r) {
-    double* column = block.minus_inverse.data() + static_cast<std::ptrdiff_t>(r) * stride;
-    column[r] = -1.0;
-    SolveSmall(size, L_.data(), stride, inverse_pivots_.data(), column);
-  }
-  return true;
+  block.minus_inverse.resize(block.M.size());
+  return NegateInverse(size, L_.data(), stride, inverse_pivots_.data(), stride,
+                       block.minus_inverse.data());
 }
 
 void BlockJacobi::SubtractProduct(const double* v, double* y) const {

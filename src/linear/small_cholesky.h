@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 
@@ -51,6 +52,22 @@ inline void SolveSmall(int size, const double* L, int ldl, const double* inverse
     }
     x[i] *= inverse_pivots[i];
   }
+}
+
+/// minus_inverse = −A⁻¹, whole rows, `stride` apart and zero beyond `size`, from the lower triangle
+/// of A, which its factor replaces. False as FactorSmall. The inverse is symmetric: its columns are
+/// found as rows.
+inline bool NegateInverse(int size, double* A, int lda, double* inverse_pivots, int stride,
+                          double* minus_inverse) {
+  if (!FactorSmall(size, A, lda, inverse_pivots)) {
+    return false;
+  }
+  for (int r = 0; r < size; ++r, minus_inverse += stride) {
+    std::fill_n(minus_inverse, stride, 0.0);
+    minus_inverse[r] = -1.0;
+    SolveSmall(size, A, lda, inverse_pivots, minus_inverse);
+  }
+  return true;
 }
 
 /// U_inv = L⁻¹ with L Lᵀ = P + diag(damping) of one landmark's block, size 1 to 4, rows four apart.

@@ -162,12 +162,7 @@ class IncrementalReplaySolver : public ReplaySolver {
     UpdateSummary summary;
     ReplayOutcome outcome;
     outcome.seconds = Seconds([&] { summary = solver_.Update(); });
-    outcome.usable = summary.IsSolutionUsable();
-    outcome.termination = ToString(summary.termination);
-    outcome.message = outcome.usable ? "" : summary.message;
-    outcome.initial_cost = summary.initial_cost;
-    outcome.final_cost = summary.final_cost;
-    outcome.iterations = summary.num_iterations;
+    WriteEnd(summary, &outcome);
     outcome.work = {{"rejected_steps", summary.num_unsuccessful_steps},
                     {"relinearised_factors", summary.num_relinearized_factors},
                     {"evaluated_factors", summary.num_evaluated_factors},
@@ -193,17 +188,23 @@ class IncrementalReplaySolver : public ReplaySolver {
   std::optional<ReducedStructure> Structure() const override { return solver_.Structure(); }
 
  private:
+  // What an Update and one with graduated non-convexity tell alike.
+  template <typename AnySummary>
+  static void WriteEnd(const AnySummary& summary, ReplayOutcome* outcome) {
+    outcome->usable = summary.IsSolutionUsable();
+    outcome->termination = ToString(summary.termination);
+    outcome->message = outcome->usable ? "" : summary.message;
+    outcome->initial_cost = summary.initial_cost;
+    outcome->final_cost = summary.final_cost;
+    outcome->iterations = summary.num_iterations;
+  }
+
   // Verdicts come in the order in which suspects were watched.
   ReplayOutcome SolveRobustly() {
     GncSummary summary;
     ReplayOutcome outcome;
     outcome.seconds = Seconds([&] { summary = gnc_.Update(); });
-    outcome.usable = summary.IsSolutionUsable();
-    outcome.termination = ToString(summary.termination);
-    outcome.message = outcome.usable ? "" : summary.message;
-    outcome.initial_cost = summary.initial_cost;
-    outcome.final_cost = summary.final_cost;
-    outcome.iterations = summary.num_iterations;
+    WriteEnd(summary, &outcome);
     std::int64_t num_relinearized = 0, num_wrong = 0, num_found = 0, num_lost = 0;
     for (const GncRound& round : summary.rounds) {
       num_relinearized += round.num_relinearized_factors;

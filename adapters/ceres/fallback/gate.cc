@@ -5,24 +5,6 @@
 namespace inceres::internal {
 namespace {
 
-// Blocks that share a residual block may not both be eliminated first.
-bool IsIndependent(const ProblemView& view, const std::vector<int>& group) {
-  std::vector<char> in_group(view.blocks.size(), 0);
-  for (const int b : group) {
-    in_group[static_cast<std::size_t>(b)] = 1;
-  }
-  for (const ResidualBlockView& residual : view.residuals) {
-    const int* slots = view.SlotsOf(residual);
-    const auto count = std::count_if(slots, slots + residual.num_slots, [&](int b) {
-      return in_group[static_cast<std::size_t>(b)] != 0;
-    });
-    if (count > 1) {
-      return false;
-    }
-  }
-  return true;
-}
-
 std::string OrderingObstacle(const ProblemView& view, const OrderingView& ordering,
                              ceres::LinearSolverType type) {
   if (!ordering.given || !(IsSchurType(type) || type == ceres::SPARSE_NORMAL_CHOLESKY)) {
@@ -36,7 +18,7 @@ std::string OrderingObstacle(const ProblemView& view, const OrderingView& orderi
            std::to_string(view.reduced.num_parameter_blocks) + " variable parameter blocks";
   }
   if (IsSchurType(type) && ordering.group_sizes.size() > 1 &&
-      !IsIndependent(view, ordering.first_group)) {
+      !IsIndependentSet(view, ordering.first_group)) {
     return "the first group of linear_solver_ordering is not an independent set";
   }
   return "";

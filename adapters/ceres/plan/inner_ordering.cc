@@ -26,19 +26,6 @@ std::vector<std::vector<int>> RecursiveIndependentSets(const ProblemView& view) 
   return sets;
 }
 
-bool SharesNoResidual(const ProblemView& view, const std::vector<int>& group) {
-  std::vector<char> in_group(view.blocks.size(), 0);
-  for (const int b : group) {
-    in_group[At(b)] = 1;
-  }
-  return std::all_of(view.residuals.begin(), view.residuals.end(),
-                     [&](const ResidualBlockView& residual) {
-                       const int* slots = view.SlotsOf(residual);
-                       return std::count_if(slots, slots + residual.num_slots,
-                                            [&](int b) { return in_group[At(b)] != 0; }) <= 1;
-                     });
-}
-
 // Why a group of the caller's cannot be one, or an empty string.
 std::string FaultOfGroup(const ProblemView& view, const std::set<double*>& elements,
                          const std::vector<int>& group) {
@@ -47,7 +34,7 @@ std::string FaultOfGroup(const ProblemView& view, const std::set<double*>& eleme
     return "inner_iteration_ordering contains an address that is no parameter block of the "
            "problem.";
   }
-  return SharesNoResidual(view, group)
+  return IsIndependentSet(view, group)
              ? ""
              : "The user-provided parameter_blocks_for_inner_iterations does not form an "
                "independent set.";

@@ -180,7 +180,7 @@ LinearModelKind LinearModelOf(ceres::LinearSolverType type) {
 ConjugateGradientsOptions ConjugateGradientsOf(const ceres::Solver::Options& options,
                                                ceres::LinearSolverType type) {
   ConjugateGradientsOptions result;
-  switch (PreconditionerFor(options, type)) {
+  switch (PreconditionerFor(options.preconditioner_type, options.linear_solver_type, type)) {
     case ceres::IDENTITY:
       result.preconditioner = PreconditionerKind::kIdentity;
       break;

@@ -1,5 +1,9 @@
 #include "adapters/ceres/read/ordering.h"
 
+#include <algorithm>
+
+#include "adapters/ceres/read/index.h"
+
 namespace inceres::internal {
 
 OrderingView ReadOrdering(const ceres::Solver::Options& options, const ProblemView& view) {
@@ -44,6 +48,19 @@ std::vector<int> GroupSizes(const ceres::ParameterBlockOrdering* ordering) {
   return sizes;
 }
 
+bool IsIndependentSet(const ProblemView& view, const std::vector<int>& blocks) {
+  std::vector<char> in_set(view.blocks.size(), 0);
+  for (const int b : blocks) {
+    in_set[At(b)] = 1;
+  }
+  return std::all_of(view.residuals.begin(), view.residuals.end(),
+                     [&](const ResidualBlockView& residual) {
+                       const int* slots = view.SlotsOf(residual);
+                       return std::count_if(slots, slots + residual.num_slots,
+                                            [&](int b) { return in_set[At(b)] != 0; }) <= 1;
+                     });
+}
+
 ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& options,
                                               const OrderingView& ordering) {
   if (ordering.first_group_emptied && options.linear_solver_type == ceres::DENSE_SCHUR) {
@@ -58,13 +75,11 @@ ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& opti
   return options.linear_solver_type;
 }
 
-ceres::PreconditionerType PreconditionerFor(const ceres::Solver::Options& options,
+ceres::PreconditionerType PreconditionerFor(ceres::PreconditionerType given,
+                                            ceres::LinearSolverType given_type,
                                             ceres::LinearSolverType effective_type) {
-  const bool switched =
-      options.linear_solver_type == ceres::ITERATIVE_SCHUR && effective_type == ceres::CGNR;
-  const bool kept = options.preconditioner_type == ceres::IDENTITY ||
-                    options.preconditioner_type == ceres::JACOBI;
-  return switched && !kept ? ceres::JACOBI : options.preconditioner_type;
+  const bool switched = given_type == ceres::ITERATIVE_SCHUR && effective_type == ceres::CGNR;
+  return switched && given != ceres::IDENTITY ? ceres::JACOBI : given;
 }
 
 ceres::LinearSolverType TypeToPlanFor(const ceres::Solver::Options& options,

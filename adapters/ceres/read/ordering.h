@@ -21,6 +21,9 @@ struct OrderingView {
 
 OrderingView ReadOrdering(const ceres::Solver::Options& options, const ProblemView& view);
 
+/// Whether no two of these blocks share a residual block.
+bool IsIndependentSet(const ProblemView& view, const std::vector<int>& blocks);
+
 /// Group sizes of an ordering by increasing id; empty for null.
 std::vector<int> GroupSizes(const ceres::ParameterBlockOrdering* ordering);
 
@@ -36,7 +39,8 @@ ceres::LinearSolverType EffectiveLinearSolver(const ceres::Solver::Options& opti
 
 /// The preconditioner Ceres would end up with: one that needs a Schur complement is JACOBI where
 /// there is none any more.
-ceres::PreconditionerType PreconditionerFor(const ceres::Solver::Options& options,
+ceres::PreconditionerType PreconditionerFor(ceres::PreconditionerType given,
+                                            ceres::LinearSolverType given_type,
                                             ceres::LinearSolverType effective_type);
 
 /// The type by which landmarks are chosen: with dynamic_sparsity, as for a QR factorization, none

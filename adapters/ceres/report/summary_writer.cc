@@ -207,10 +207,8 @@ void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering,
                        const LandmarkSelection& landmarks, ceres::LinearSolverType type,
                        ceres::Solver::Summary* summary) {
   summary->linear_solver_type_used = type;
-  if (summary->linear_solver_type_given == ceres::ITERATIVE_SCHUR && type == ceres::CGNR &&
-      summary->preconditioner_type_given != ceres::IDENTITY) {
-    summary->preconditioner_type_used = ceres::JACOBI;
-  }
+  summary->preconditioner_type_used = PreconditionerFor(summary->preconditioner_type_given,
+                                                        summary->linear_solver_type_given, type);
   const int num_frames = view.reduced.num_parameter_blocks - landmarks.num_landmarks;
   if (!IsSchurType(type)) {
     summary->linear_solver_ordering_used =

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 
 #include <ceres/sized_cost_function.h>
 #include <ceres/types.h>
