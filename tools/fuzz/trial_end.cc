@@ -55,8 +55,11 @@ std::optional<Finding> Trial::CheckLimit() {
   }
   const Verdict verdict = Judge(world_, options_.function_tolerance);
   const bool is_there = verdict.judged && !verdict.is_excess;
-  if (!is_there && summary_.final_cost < stock.final_cost) {
-    return std::nullopt;  // creeps on where stock gave up
+  const double as_good = is_there ? kExcessTolerances * options_.function_tolerance *
+                                        std::max(summary_.final_cost - world_->FixedCost(), 0.0)
+                                  : 0.0;
+  if (summary_.final_cost < stock.final_cost - as_good) {
+    return std::nullopt;  // went on to where stock gave up, and not for nothing
   }
   if (const Verdict of_stock = StockVerdict(); !of_stock.judged || of_stock.is_excess) {
     ++counts_->creeping;  // stock has not come to a minimum either
