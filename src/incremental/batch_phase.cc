@@ -2,13 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <limits>
-#include <utility>
 #include <vector>
 
 #include "base/stopwatch.h"
 #include "incremental/one_time_solve.h"
+#include "incremental/stagnation.h"
 #include "trust_region/loop_options.h"
 #include "trust_region/strategy.h"
 
@@ -18,9 +17,6 @@ namespace {
 // Steps taken one after another, after which a Dog-Leg's radius is no longer what a refusal has
 // made it.
 constexpr int kAcceptedInRow = 2;
-
-// A step of which less than this was taken tells of a border, not of what is left to gain.
-constexpr double kLargeShare = 0.25;
 
 // What a cost may change by without counting.
 double ToleranceAt(double cost, const IncrementalOptions& options) {
@@ -44,7 +40,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
         stop_(stop),
         num_factors_(num_factors),
         shown_state_(shown_state),
-        trace_(*trace) {}
+        trace_(*trace),
+        stagnation_(tuning) {}
   ~BatchObserver() override { *shown_state_ = nullptr; }
   BatchObserver(const BatchObserver&) = delete;
   BatchObserver& operator=(const BatchObserver&) = delete;
@@ -66,8 +63,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     const bool series = known && !IsByMarquardt() && rest <= tuning_.rest_share * Tolerance(cost);
     const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= Allowed(cost);
     tried_radius_ = iteration.trust_region_radius;
-    const bool sees_enough = IsByMarquardt() ? tried_radius_ >= tuning_.proof_radius : SeesAll();
-    settled_ = options_.batch_share > 0.0 && sees_enough && (series || nothing);
+    settled_ = options_.batch_share > 0.0 && SeesEnough() && (series || nothing);
     rest_ = !settled_ ? 0.0 : series ? rest : promise;
     promises_nothing_ = SeesAll() && promise <= Tolerance(cost);
     last_promise_ = promise;
@@ -85,7 +81,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     return settled_;
   }
 
-  double RestartRadius() override { return std::exchange(restart_radius_, 0.0); }
+  double RestartRadius() override { return stagnation_.TakeRestartRadius(); }
 
   double LeastRadius() override {
     return is_near_ && steps_to_wait_ == 0 ? tuning_.seeing_radius : 0.0;
@@ -106,9 +102,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
                iteration.cost_change <= tuning_.near_gain * Tolerance(cost_);
     if (iteration.step_is_successful &&
         iteration.iteration != last_judged_) {  // the start, or the cost is another function
-      costs_ = {cost_};
-      gained_from_ = cost_;
-      num_since_gain_ = 0;
+      stagnation_.Begin(cost_);
     }
     if (iteration.iteration == 0 &&
         !trace_.summary().iterations.empty()) {  // told as the end of the part before
@@ -146,6 +140,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   /// Whether the model, which sees all directions, promises next to nothing: of Ceres's rule, that
   /// the last step would have changed the cost by next to nothing, that is what it means to say.
   bool promises_nothing() const { return promises_nothing_; }
+  /// The same of the directions that its damping lets it see.
+  bool promises_little() const { return last_promise_ <= Tolerance(cost_); }
   /// Whether a step was refused so lately that a Dog-Leg's radius is still what that has made it.
   bool refused_lately() const { return num_accepted_in_row_ < kAcceptedInRow; }
   /// What the last step and those to come promise, where they are not taken.
@@ -176,61 +172,20 @@ class BatchObserver final : public SolveObserver, public StepJudge {
     return IsDamped(options_.batch_strategy) ? tried_radius_ >= tuning_.seeing_radius
                                              : !refused_lately();
   }
-  // Whether more damping leads nowhere.
-  bool IsAtLeastRadius(const IterationSummary& iteration) const {
-    const bool at_border =
-        iteration.step_share < kLargeShare ||
-        (!iteration.step_is_successful && iteration.cost >= std::numeric_limits<double>::max());
-    return iteration.trust_region_radius <=
-           (at_border ? tuning_.border_radius : tuning_.min_radius);
+  // The same, or where steps with so little damping were refused lately, with a bit more.
+  bool SeesEnough() const {
+    return SeesAll() ||
+           (IsByMarquardt() && tried_radius_ >= tuning_.proof_radius && steps_to_wait_ > 0);
   }
-  // By Marquardt's rule, which tries all lengths of steps: many that were taken have together
-  // brought next to nothing; or hardly any could be taken for so long that all lengths have been
-  // tried, as at the border of where a cost function evaluates.
+  // By Marquardt's rule only: by the others a step is refused for its length alone.
   bool HasStagnated(const IterationSummary& iteration) {
     if (!IsByMarquardt() || options_.batch_share == 0.0 || iteration.iteration == 0) {
       return false;
     }
-    const double tolerance = Tolerance(cost_);
-    ++num_since_gain_;
-    widest_ = std::max(widest_, tried_radius_);
-    if (gained_from_ - cost_ > tuning_.stall_gain * tolerance) {
-      num_since_gain_ = 0;
-      gained_from_ = cost_;
-      widest_ = 0.0;
-    }
-    if (num_since_gain_ >= tuning_.stall || IsAtLeastRadius(iteration)) {
-      if (widest_ >= tuning_.proof_radius) {
-        trace_.summary().rests_on_refusals = true;
-        return true;
-      }
-      num_since_gain_ = 0;
-      restart_radius_ = tuning_.proof_radius;
-    }
-    if (!iteration.step_is_successful || iteration.step_share < kLargeShare) {
-      return false;
-    }
-    const bool free = iteration.trust_region_radius >= tuning_.free_radius;
-    const double allowed =
-        (free ? tuning_.free_stagnation_gain : tuning_.stagnation_gain) * tolerance;
-    costs_.push_back(cost_);
-    const int num_steps = is_proving_ ? tuning_.proof_steps : tuning_.stagnation;
-    if (static_cast<int>(costs_.size()) <= num_steps) {
-      return false;
-    }
-    // Gains that grow, as where a valley begins to fall, are no end.
-    const bool stagnates =
-        std::max(costs_.front() - cost_, num_steps * iteration.cost_change) <= allowed;
-    costs_.pop_front();
-    if (stagnates == is_proving_) {
-      return stagnates;
-    }
-    is_proving_ = stagnates;
-    if (is_proving_) {  // from little damping, as who knows nothing would go on from here
-      restart_radius_ = tuning_.proof_radius;
-      costs_ = {cost_};
-    }
-    return false;
+    const Stagnation::Verdict verdict =
+        stagnation_.After(iteration, cost_, Tolerance(cost_), tried_radius_);
+    trace_.summary().rests_on_refusals |= verdict == Stagnation::Verdict::kRefusals;
+    return verdict != Stagnation::Verdict::kGoOn;
   }
   // A step that was evaluated and refused, but changes next to nothing: there is nothing to be had.
   // (Ceres's rule does not ask whether a step is accepted either.)
@@ -302,13 +257,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool settled_ = false;
   bool promises_nothing_ = false;
   int num_accepted_in_row_ = kAcceptedInRow;
-  std::deque<double> costs_;  // after the last steps taken, as many as HasStagnated looks at
-  // iterations, taken or not, since the cost last fell by more than next to nothing
-  int num_since_gain_ = 0;
-  double gained_from_ = 0.0;     // to this
-  double widest_ = 0.0;          // radius of a step since then
-  bool is_proving_ = false;      // that steps stagnate
-  double restart_radius_ = 0.0;  // to be asked for
+  Stagnation stagnation_;
 };
 
 // Whether a trust region that refusals have shrunk may be what kept the last steps short: they then
@@ -454,7 +403,8 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
   const bool held_back = IsHeldBack(solved, observer, batch, tuning);
   const bool no_gradient = solved.iterations.empty() ||
                            solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
-  return {solved.termination, !held_back && HasSettled(solved, options, tuning), held_back,
+  const bool settled = observer.promises_little() && HasSettled(solved, options, tuning);
+  return {solved.termination, !held_back && settled, held_back,
           observer.promises_nothing() || no_gradient};
 }
 

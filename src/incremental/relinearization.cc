@@ -6,6 +6,14 @@
 
 namespace inceres::internal {
 
+namespace {
+
+// Of the tolerance: factors that would be too old with so little of it are followed, so that all of
+// them need to be looked at only when the cost has fallen by more.
+constexpr double kAhead = 0.25;
+
+}  // namespace
+
 void Relinearization::Begin(const IncrementalOptions& options, double share) {
   share_ = share;
   rule_ = options.relinearization;
@@ -25,7 +33,8 @@ Relinearization::ErrorLimits Relinearization::LimitsOf(double share, double tole
 
 void Relinearization::MarkStale(double tolerance) {
   const ErrorLimits stale = LimitsOf(share_, tolerance);
-  const ErrorLimits aged = LimitsOf(std::min(share_, tuning_.refresh_share), tolerance);
+  const ErrorLimits aged = AgedLimits(kAhead * tolerance);
+  all_are_in_.RaiseTo(aged);
   aged_.resize(system_.families().size());
   for (const IncrementalFamily& family : system_.families()) {
     aged_[family.id()].Grow(family.num_places());
@@ -43,18 +52,40 @@ void Relinearization::MarkStale(double tolerance) {
   }
 }
 
+// Every factor, into the set of those that may be too old.
+void Relinearization::FindAged() {
+  aged_.resize(system_.families().size());
+  for (const IncrementalFamily& family : system_.families()) {
+    aged_[family.id()].Grow(family.num_places());
+    for (int i = 0; i < family.num_places(); ++i) {
+      if (family.linearized(i)) {
+        aged_[family.id()].Add(i);
+      }
+    }
+  }
+}
+
 bool Relinearization::RefreshAged(double tolerance) {
-  const ErrorLimits limits = LimitsOf(std::min(share_, tuning_.refresh_share), tolerance);
+  const ErrorLimits limits = AgedLimits(tolerance);
+  const ErrorLimits ahead = AgedLimits(kAhead * tolerance);
+  if (limits.IsBelow(all_are_in_)) {
+    FindAged();
+    all_are_in_ = ahead;
+  }
+  all_are_in_.RaiseTo(ahead);
   bool any = false;
   for (std::size_t family = 0; family < aged_.size(); ++family) {
     const IncrementalFamily& factors = system_.families()[family];
-    aged_[family].ForEach([&](std::int32_t i) {
+    IndexSet& aged = aged_[family];
+    aged.ForEach([&](std::int32_t i) {
       if (factors.linearized(i) && limits.ExceededBy(factors, i)) {
         system_.MarkDirty({factors.id(), i});
         any = true;
+      } else if (factors.linearized(i) && ahead.ExceededBy(factors, i)) {
+        return;
       }
+      aged.Remove(i);
     });
-    aged_[family].Clear();
   }
   return any;
 }

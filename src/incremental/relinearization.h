@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "inceres/solver/incremental_options.h"
@@ -22,8 +23,9 @@ class Relinearization {
 
   /// Marks the touched factors whose old linearization errs too much, or whose weight has changed.
   void MarkStale(double tolerance);
-  /// Marks every factor whose old linearization is not good enough to claim convergence on. True if
-  /// there are any.
+  /// Marks every factor whose old linearization is not good enough to claim convergence on, however
+  /// long ago it became so: the tolerance may have been larger then. True if there are any. Cost:
+  /// what has aged, or all factors where the tolerance has fallen far since.
   bool RefreshAged(double tolerance);
   /// The step failed: with old Jacobians about, it was perhaps their fault. Marks those whose
   /// factors' costs rose furthest above what was predicted of them, and all if the step before
@@ -40,8 +42,19 @@ class Relinearization {
       return family.SquaredError(factor) > model ||
              family.SquaredGradientError(factor) > squared_gradient;
     }
+    bool IsBelow(const ErrorLimits& other) const {
+      return model < other.model || squared_gradient < other.squared_gradient;
+    }
+    void RaiseTo(const ErrorLimits& other) {
+      model = std::max(model, other.model);
+      squared_gradient = std::max(squared_gradient, other.squared_gradient);
+    }
   };
   ErrorLimits LimitsOf(double share, double tolerance) const;
+  ErrorLimits AgedLimits(double tolerance) const {
+    return LimitsOf(std::min(share_, tuning_.refresh_share), tolerance);
+  }
+  void FindAged();
 
   const Tuning::Relinearize tuning_;
   IncrementalSystem& system_;
@@ -50,7 +63,9 @@ class Relinearization {
   double step_ = 0.0;  // of RelinearizationRule::kStepSize
   // the last step failed, and only its worst factors, or none, are linearized anew
   bool blamed_few_ = false;
-  std::vector<IndexSet> aged_;  // per family: linearized too long ago to claim convergence on
+  // Per family: linearized too long ago to claim convergence on, now or with a smaller tolerance.
+  std::vector<IndexSet> aged_;
+  ErrorLimits all_are_in_{0.0, 0.0};  // every factor that exceeds these is in `aged_`
 };
 
 }  // namespace inceres::internal

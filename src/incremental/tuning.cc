@@ -100,6 +100,10 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("batch.proof_share", &tuning->batch.proof_share);
   real("batch.proof_radius", &tuning->batch.proof_radius);
   count("batch.proof_steps", &tuning->batch.proof_steps);
+  count("batch.quick_stagnation", &tuning->batch.quick_stagnation);
+  real("batch.quick_stagnation_gain", &tuning->batch.quick_stagnation_gain);
+  count("batch.quick_proof_steps", &tuning->batch.quick_proof_steps);
+  real("batch.quick_proof_gain", &tuning->batch.quick_proof_gain);
   real("batch.no_gain_share", &tuning->batch.no_gain_share);
   real("batch.rest_share", &tuning->batch.rest_share);
   real("batch.fast_ratio", &tuning->batch.fast_ratio);

@@ -149,6 +149,11 @@ struct Tuning {
     /// valley.
     double free_stagnation_gain = 5.0;
     double free_radius = 1.0;
+    /// The same of few steps that bring hardly anything; and of those to be taken as a proof.
+    int quick_stagnation = 5;
+    double quick_stagnation_gain = 0.2;
+    int quick_proof_steps = 3;
+    double quick_proof_gain = 0.05;
     /// The same of its iterations, refused steps included: so many try all lengths of steps.
     int stall = 20;
     double stall_gain = 0.25;

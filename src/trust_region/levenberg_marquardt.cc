@@ -21,6 +21,7 @@ void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<d
   scale_ = &scale;
   radius_ = options.initial_trust_region_radius;
   radius_before_ = 0.0;
+  is_new_width_ = false;
   max_radius_ = options.max_trust_region_radius;
   min_diagonal_ = options.min_lm_diagonal;
   max_diagonal_ = options.max_lm_diagonal;
@@ -45,19 +46,23 @@ void LevenbergMarquardt::Widen(double radius) {
   if (radius > radius_) {
     radius_before_ = radius_;
     radius_ = radius;
+    is_new_width_ = true;
   }
 }
 
 void LevenbergMarquardt::Restart(double radius) {
   radius_ = std::min(radius, max_radius_);
   radius_before_ = 0.0;
+  is_new_width_ = false;
   decrease_factor_ = 2.0;
   growth_ = kTenfold;
   num_accepted_in_row_ = 0;
 }
 
 void LevenbergMarquardt::StepAccepted(double quality) {
-  radius_before_ = 0.0;
+  if (!std::exchange(is_new_width_, false)) {  // one step does not prove it
+    radius_before_ = 0.0;
+  }
   double shrinking = 1.0;  // of the damping
   if (!tenfold_) {
     shrinking = std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * quality - 1.0, 3));
@@ -73,6 +78,7 @@ void LevenbergMarquardt::StepAccepted(double quality) {
 void LevenbergMarquardt::StepRejected() {
   if (radius_before_ > 0.0) {
     radius_ = std::exchange(radius_before_, 0.0);
+    is_new_width_ = false;
     return;
   }
   if (tenfold_) {

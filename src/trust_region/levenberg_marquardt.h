@@ -28,7 +28,8 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   bool tenfold_ = false;  // Marquardt's rule
   const std::vector<double>* scale_ = nullptr;
   double radius_ = 0.0;
-  double radius_before_ = 0.0;  // before it was widened; 0: it was not
+  double radius_before_ = 0.0;  // before it was widened, until two steps were taken; 0: it was not
+  bool is_new_width_ = false;   // no step was taken since
   double max_radius_ = 0.0;
   double min_diagonal_ = 0.0;
   double max_diagonal_ = 0.0;

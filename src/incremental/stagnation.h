@@ -1,0 +1,53 @@
+#pragma once
+
+#include <deque>
+
+#include "inceres/solver/summary.h"
+#include "incremental/tuning.h"
+
+namespace inceres::internal {
+
+/// Whether Marquardt's rule, which tries all lengths of steps, has come to where nothing is to be
+/// had any more, although its model promises more (docs/algorithms.md, "Stopping rule"):
+///
+/// - the last steps have together brought next to nothing, and so have those that were then taken
+///   from little damping, as who knows nothing would go on from there;
+/// - or hardly any could be taken for so long that all lengths have been tried, as at the border of
+///   where a cost function evaluates.
+class Stagnation {
+ public:
+  enum class Verdict { kGoOn, kProven, kRefusals };
+
+  explicit Stagnation(const Tuning::Batch& tuning) : tuning_(tuning) {}
+
+  /// The descent begins, or the cost is another function: at this cost.
+  void Begin(double cost);
+  /// After an iteration that tried a step with this radius; `cost` is where it has led to, and
+  /// `tolerance` what does not count of it.
+  Verdict After(const IterationSummary& iteration, double cost, double tolerance, double radius);
+  /// The radius from which the descent is to go on, or 0; asked once.
+  double TakeRestartRadius();
+
+ private:
+  bool IsStalled(const IterationSummary& iteration, double cost, double tolerance, double radius);
+  bool IsAtLeastRadius(const IterationSummary& iteration) const;
+  double GainOf(const IterationSummary& iteration) const;
+  bool Brought(int num_steps, double tolerances, const IterationSummary& last,
+               double tolerance) const;
+  bool EndsProof(const IterationSummary& iteration, double tolerance);
+  void BeginProof(const IterationSummary& iteration, double tolerance);
+
+  const Tuning::Batch& tuning_;
+  std::deque<double> costs_;  // where the last steps have led to
+  // iterations, taken or not, since the cost last fell by more than next to nothing
+  int num_since_gain_ = 0;
+  double gained_from_ = 0.0;     // to this
+  double widest_ = 0.0;          // radius of a step since then
+  bool is_proving_ = false;      // that steps stagnate
+  double restart_radius_ = 0.0;  // to be asked for
+};
+
+/// A step of which less than this was taken tells of a border, not of what is left to gain.
+constexpr double kLargeShare = 0.25;
+
+}  // namespace inceres::internal
