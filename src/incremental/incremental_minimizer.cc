@@ -243,7 +243,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
     return Verdict::kGoOn;
   }
   if (!control_.IsDampedHard()) {
-    return Verdict::kConverged;
+    return FreeHeldLandmarks() ? Verdict::kGoOn : Verdict::kConverged;
   }
   switch (control_.JudgeRefusals(Tolerance())) {
     case StepControl::Verdict::kMinimum:
@@ -256,6 +256,21 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
     default:
       return Verdict::kGoOn;
   }
+}
+
+// Far points are damped by more than the frames, or they would run away along their rays: for a
+// claim they are damped as little, where that shows more to gain than may be left undone. Once a
+// step.
+bool IncrementalMinimizer::FreeHeldLandmarks() {
+  if (state_.landmarks_freed ||
+      !system_.RedampHidden(control_.mu(), stop_.Allowed(system_.cost()))) {
+    return false;
+  }
+  const StageTimer timer(&summary_->linearize_seconds);
+  state_.landmarks_freed = true;
+  trace_->row().refreshed = true;
+  RelinearizeWork work;
+  return Count(system_.Relinearize(control_.mu(), RuleOf(options_.rebuild), &work), work);
 }
 
 // What moves. A problem that is new for the most part is far from its minimum, where half a step
@@ -350,6 +365,7 @@ void IncrementalMinimizer::Accept(double gain_ratio) {
   stop_.StepTaken(shortened ? 0.0 : summary_->remaining_decrease, gain_ratio);
   relinearization_.Forgive();
   state_.frames_moved = true;
+  state_.landmarks_freed = false;
 }
 
 // Refresh before retreat; then more damping, which the landmarks that would have moved take up too.

@@ -42,6 +42,7 @@ class IncrementalMinimizer {
   struct UpdateState {
     bool mostly_new = false;
     Shares shares;
+    bool landmarks_freed = false;  // since the last step
     bool frames_moved = false;  // since landmarks last stepped by themselves: the frames go first
     int num_landmark_refinements = 0;  // still allowed before the next step of the frames
   };
@@ -62,6 +63,7 @@ class IncrementalMinimizer {
   double Wildfire() const;
   Status SolveFrames();
   Verdict ClaimConvergence();
+  bool FreeHeldLandmarks();
   void SelectActive(double remaining);
   bool TakeStep(bool* refreshed);
   bool EvaluateStep(double* gain_ratio);

@@ -62,6 +62,24 @@ Status IncrementalSystem::LinearizeFamilies(bool by_difference) {
   return Status::Ok();
 }
 
+bool IncrementalSystem::RedampHidden(double lambda, double gain) {
+  double hidden = 0.0;
+  list_.clear();
+  schur_.blocks().ForEachHeld([&](std::int32_t landmark) {
+    if (schur_.IsInS(landmark) && schur_.blocks().lambda(landmark) > lambda) {
+      hidden += schur_.blocks().HiddenGain(landmark, lambda, schur_.eta(landmark));
+      list_.push_back(landmark);
+    }
+  });
+  if (!(hidden > gain)) {
+    return false;
+  }
+  for (const std::int32_t landmark : list_) {
+    Redamp(landmark);
+  }
+  return true;
+}
+
 Status IncrementalSystem::LinearizeDirty(RelinearizeWork* work) {
   *work = RelinearizeWork();
   RecenterDirty(work);

@@ -87,6 +87,11 @@ class IncrementalSystem {
     schur_.blocks().ForEachDampedAbove(limit, [this](std::int32_t landmark) { Redamp(landmark); });
   }
 
+  /// Marks the landmarks that their damping hides more of than `gain`, against what this λ would:
+  /// all of them together. True if there are any. Cost: that of landmarks with a pivot that is
+  /// mostly damping.
+  bool RedampHidden(double lambda, double gain);
+
   /// Algorithm 3: takes the old contributions of the dirty subgraph out of S and b, linearizes its
   /// factors at the current values and puts the new ones in; its landmarks are damped by lambda ·
   /// diag(P). On failure names the factor or variable; S and b are then incomplete.

@@ -11,6 +11,9 @@ namespace {
 // information (docs/algorithms.md, "Incremental Schur complement"): it is undetermined.
 constexpr double kNoInformation = 1e-12;
 
+// Times the damping: a pivot below this is mostly damping.
+constexpr double kHeld = 10.0;
+
 }  // namespace
 
 void LandmarkBlocks::Grow() {
@@ -25,12 +28,14 @@ void LandmarkBlocks::Grow() {
   targets_.resize(n);
   y_quads_.resize(n, 0);
   heavily_damped_.Grow(n);
+  held_by_damping_.Grow(n);
 }
 
 void LandmarkBlocks::Remove(std::int32_t l) {
   Release(l);
   SetState(l, LandmarkState::kOutside);
   heavily_damped_.Remove(l);
+  held_by_damping_.Remove(l);
 }
 
 void LandmarkBlocks::SetState(std::int32_t l, LandmarkState state) {
@@ -76,8 +81,44 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, double* eta) {
     damping[k] = lambda * P[k * kQuad + k];
     largest = std::max(largest, P[k * kQuad + k]);
   }
-  return largest > 0.0 && InvertCholeskyFactor(landmark.size, P, damping, UInv(l)) &&
-         HasInformation(l);
+  held_by_damping_.Remove(l);
+  const bool inverted = largest > 0.0 && InvertCholeskyFactor(landmark.size, P, damping, UInv(l)) &&
+                        HasInformation(l);
+  if (inverted && IsHeldByDamping(l)) {
+    held_by_damping_.Add(l);
+  }
+  return inverted;
+}
+
+bool LandmarkBlocks::IsHeldByDamping(std::int32_t l) const {
+  for (int k = 0; k < structure_.landmarks()[l].size; ++k) {
+    const double inverse_root = UInv(l)[k * kQuad + k];
+    if (1.0 / (inverse_root * inverse_root) < kHeld * lambda_[l] * P(l)[k * kQuad + k]) {
+      return true;
+    }
+  }
+  return false;
+}
+
+double LandmarkBlocks::HiddenGain(std::int32_t l, double lambda, const double* eta) const {
+  const int size = structure_.landmarks()[l].size;
+  double damping[kQuad] = {};
+  for (int k = 0; k < size; ++k) {
+    damping[k] = lambda * P(l)[k * kQuad + k];
+  }
+  double inverse[kBlock];
+  double freely[kQuad];
+  double now[kQuad];
+  if (!InvertCholeskyFactor(size, P(l), damping, inverse)) {
+    return 0.0;
+  }
+  MultiplyLower(size, inverse, eta, freely);
+  MultiplyLower(size, UInv(l), eta, now);
+  double hidden = 0.0;
+  for (int k = 0; k < size; ++k) {
+    hidden += 0.5 * (freely[k] * freely[k] - now[k] * now[k]);
+  }
+  return hidden;
 }
 
 // 1/U_inv² is the pivot: what the other coordinates leave of the diagonal entry.

@@ -78,6 +78,15 @@ class LandmarkBlocks {
     });
   }
 
+  /// What a landmark could gain by itself with less damping, of what its own hides: ½ ηᵀ(P + λD)⁻¹η
+  /// with this λ less that with its own; 0 where there is no information.
+  double HiddenGain(std::int32_t l, double lambda, const double* eta) const;
+  /// Calls visit(landmark) for those of which a pivot is mostly damping, ascending.
+  template <typename Visit>
+  void ForEachHeld(Visit&& visit) const {
+    held_by_damping_.ForEach(visit);
+  }
+
   std::size_t Bytes() const;
 
  private:
@@ -86,6 +95,7 @@ class LandmarkBlocks {
   double* UInv(std::int32_t l) { return U_inv_.data() + std::ptrdiff_t{l} * kBlock; }
   const double* UInv(std::int32_t l) const { return U_inv_.data() + std::ptrdiff_t{l} * kBlock; }
   bool HasInformation(std::int32_t l) const;
+  bool IsHeldByDamping(std::int32_t l) const;
   void PlaceY(std::int32_t l);
   void PointFactors(std::int32_t l);
   void Release(std::int32_t l);
@@ -107,6 +117,7 @@ class LandmarkBlocks {
   std::vector<std::int32_t> y_quads_;               // room taken in Y
   int num_undetermined_ = 0;
   IndexSet heavily_damped_;
+  IndexSet held_by_damping_;
   AlignedVector<double> Y_;
   std::vector<std::vector<std::int32_t>> free_y_;  // by quads
   std::vector<char> begun_;                        // scratch of PointFactors

@@ -1,6 +1,7 @@
 // What an Update says can be relied on: after cost functions that refused, where the cost is next
 // to zero, and where it is not finite.
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -246,6 +247,35 @@ TEST(IncrementalTrust, InfiniteCostIsAFailureThatNamesTheFactor) {
     EXPECT_NE(summary.message.find("not finite"), std::string::npos) << summary.message;
     EXPECT_EQ(world.solver.Values(world.x)[0], 1.0);
   }
+}
+
+// A landmark that two residuals hold, f = (x + y, (y − 300) / 10,000), as parallax holds a far
+// point: its least damping, relative to diag(P), is 200 times what its second pivot is. The third
+// is the rest of the cost.
+TEST(IncrementalTrust, WhatTheDampingOfALandmarkHidesIsSeenBeforeAClaim) {
+  IncrementalOptions options;
+  options.batch_share = 1.0;
+  options.max_num_iterations = 100;
+  IncrementalSolver solver(options);
+  const auto family = solver.AddFamily(
+      std::make_shared<FunctionFamily>(3, std::vector<FactorFamily::Slot>{{2, 2}},
+                                       [](int, const double* const* p, double* f, double** J) {
+                                         f[0] = p[0][0] + p[0][1];
+                                         f[1] = 1e-4 * (p[0][1] - 300.0);
+                                         f[2] = 1.0;
+                                         if (J != nullptr && J[0] != nullptr) {
+                                           const double rows[6] = {1.0, 1.0, 0.0, 1e-4, 0.0, 0.0};
+                                           std::copy_n(rows, 6, J[0]);
+                                         }
+                                         return true;
+                                       }));
+  GraphEdit edit(solver.graph());
+  const double start[2] = {0.0, 0.0};
+  edit.AddFactor(family, 0, {edit.AddVariable(start, 2, Role::kLandmark)});
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  const UpdateSummary summary = solver.Update();
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_LE(summary.final_cost - 0.5, options.function_tolerance);
 }
 
 }  // namespace
