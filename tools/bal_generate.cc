@@ -1,10 +1,8 @@
-// Writes a BAL problem of a simulated street: see bal_generate --help.
+// Writes a BAL problem of a simulated scene: see bal_generate --help.
 
-#include <cmath>
-#include <cstdint>
+#include <cstddef>
 #include <cstdio>
 #include <string>
-#include <utility>
 
 #include <gflags/gflags.h>
 #include <nlohmann/json.hpp>
@@ -14,45 +12,15 @@
 #include "tools/command_line/heartbeat.h"
 #include "tools/command_line/json_report.h"
 #include "tools/command_line/output.h"
-#include "tools/sim/street_scene.h"
+#include "tools/generate/make_scene.h"
+#include "tools/generate/scene_flags.h"
+#include "tools/sim/simulated_bal.h"
 
 DEFINE_string(output, "",
               "the file to write: .txt, or compressed as .txt.gz or .txt.bz2 (required)");
 DEFINE_string(truth, "",
               "also write the true cameras and points with exact observations, as a BAL file of "
               "the same order");
-DEFINE_string(
-    preset, "",
-    "sizes of a well-known problem: ladybug-like (49 cameras, 7776 points, 31843 observations), "
-    "venice11 (11, 8366, 20271), cathedral (92, 57957, 422163); and paths with loops: path-400 "
-    "(16000, 80000), path-1800 (72000, 360000), path-1000 (40000, 200000), path-10000 "
-    "(400000, 2000000). Other flags given as well take precedence");
-DEFINE_int32(num_cameras, 100, "cameras along the path, 2 to 1000000");
-DEFINE_double(points_per_camera, 100.0,
-              "number of points = this times num_cameras, unless num_points is given");
-DEFINE_double(track_length, 4.0,
-              "mean number of cameras that see a point, at least 2; number of observations = this "
-              "times the number "
-              "of points, unless num_observations is given");
-DEFINE_int32(num_points, 0, "exact number of points (0: see points_per_camera)");
-DEFINE_int32(num_observations, 0, "exact number of observations (0: see track_length)");
-DEFINE_double(laps, 0.0,
-              "rounds of a closed circuit; 0: an open street, 1: the end meets the start, 2.5: "
-              "every place is passed two "
-              "or three times");
-DEFINE_double(loop_fraction, 0.3,
-              "share of the points that are recognized when the camera comes by again, 0 to 1");
-DEFINE_double(camera_spacing, 0.0,
-              "meters between consecutive cameras; 0: what the track length needs");
-DEFINE_double(pixel_noise, 0.5, "standard deviation of the observations, pixels");
-DEFINE_double(rotation_noise, 0.01, "of the start values of the camera orientations, radians");
-DEFINE_double(position_noise, 0.1, "of the start values of the camera centers, meters");
-DEFINE_double(focal_noise, 0.01, "of the start values of the focal lengths, relative");
-DEFINE_double(distortion_noise, 0.002, "of the start values of k1 and k2");
-DEFINE_double(point_noise, 0.1, "of the start values of the points, meters");
-DEFINE_double(outlier_fraction, 0.0, "share of the observations that are wrong, 0 to 1");
-DEFINE_double(outlier_pixels, 50.0, "how far outliers are displaced at most, in x and in y");
-DEFINE_uint64(seed, 1, "the same seed and flags give the same file on every machine");
 
 namespace {
 
@@ -60,84 +28,30 @@ using inceres::Status;
 using inceres::StatusCode;
 using inceres::tools::Heartbeat;
 using inceres::tools::Invalid;
-using inceres::tools::IsSet;
 using inceres::tools::Out;
 using inceres::tools::ProgressOutput;
 using inceres::tools::WriteJsonReport;
 
 const inceres::tools::ToolHelp kHelp = {
-    "Make a bundle-adjustment problem in BAL format from a simulated street.",
-    "A camera on a path through a street of points, with local visibility and, if wanted, loops. "
-    "The counts come out exactly; start values are the truth plus noise. The file can be read by "
-    "bal_solve, by the bundle adjuster of the Ceres examples, and by any other program for BAL "
-    "files.",
+    "Make a bundle-adjustment problem in BAL format from a simulated street, city or collection of "
+    "photos.",
+    "Synthetic all of them, whatever known problem has the same counts. A street: a camera on a "
+    "path, with local visibility and, if wanted, loops. A city: a drive through its streets, with "
+    "loops of all lengths and start values that drift. A collection: photos of sights by many "
+    "people, in no order, some points on hundreds of them. Start values are the truth plus noise. "
+    "The file can be read by bal_solve, by the bundle adjuster of the Ceres examples, and by any "
+    "other program for BAL files.",
     {{"eleven cameras, as many points as Venice has",
       "bal_generate --preset venice11 --output venice11.txt"},
      {"two laps with outliers, and the truth beside them",
       "bal_generate --num_cameras 200 --laps 2 --track_length 5 --outlier_fraction 0.02 --output "
-      "loop.txt.bz2 --truth truth.txt.bz2"}}};
-
-Status ToCount(const char* what, double value, int* count) {
-  if (!(value >= 0.0 && value <= 2147483646.0)) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         std::string(what) + " would be " + std::to_string(value));
-  }
-  *count = static_cast<int>(std::lround(value));
-  return Status::Ok();
-}
-
-// Sizes: from the preset, then from what was given on the command line; derived ones follow.
-Status SetSizes(inceres::StreetSceneOptions* options) {
-  const bool preset = !FLAGS_preset.empty();
-  if (preset) {
-    if (Status status = inceres::GetStreetScenePreset(FLAGS_preset, options); !status.ok()) {
-      return status;
-    }
-  }
-  if (!preset || IsSet("num_cameras")) {
-    options->num_cameras = FLAGS_num_cameras;
-  }
-  if (IsSet("num_points")) {
-    options->num_points = FLAGS_num_points;
-  } else if (!preset || IsSet("points_per_camera")) {
-    if (Status status =
-            ToCount("the number of points", FLAGS_points_per_camera * options->num_cameras,
-                    &options->num_points);
-        !status.ok()) {
-      return status;
-    }
-  }
-  if (IsSet("num_observations")) {
-    options->num_observations = FLAGS_num_observations;
-  } else if (!preset || IsSet("track_length")) {
-    return ToCount("the number of observations", FLAGS_track_length * options->num_points,
-                   &options->num_observations);
-  }
-  return Status::Ok();
-}
-
-Status OptionsFromFlags(inceres::StreetSceneOptions* options) {
-  if (Status status = SetSizes(options); !status.ok()) {
-    return status;
-  }
-  if (FLAGS_preset.empty() || IsSet("laps")) {
-    options->laps = FLAGS_laps;
-  }
-  if (FLAGS_preset.empty() || IsSet("loop_fraction")) {
-    options->loop_fraction = FLAGS_loop_fraction;
-  }
-  options->camera_spacing = FLAGS_camera_spacing;
-  options->pixel_noise = FLAGS_pixel_noise;
-  options->rotation_noise = FLAGS_rotation_noise;
-  options->position_noise = FLAGS_position_noise;
-  options->focal_noise = FLAGS_focal_noise;
-  options->distortion_noise = FLAGS_distortion_noise;
-  options->point_noise = FLAGS_point_noise;
-  options->outlier_fraction = FLAGS_outlier_fraction;
-  options->outlier_pixels = FLAGS_outlier_pixels;
-  options->seed = FLAGS_seed;
-  return Status::Ok();
-}
+      "loop.txt.bz2 --truth truth.txt.bz2"},
+     {"eleven thousand cameras in a city of wide streets",
+      "bal_generate --preset city-11000 --street_width 32 --output city.txt"},
+     {"a collection of the size of the largest public problem, and the same measurements with the "
+      "truth as start",
+      "bal_generate --preset collection-13682 --output photos.txt; "
+      "bal_generate --preset collection-13682 --true_start --output from_truth.txt"}}};
 
 Status CheckFlags() {
   if (FLAGS_output.empty()) {
@@ -146,40 +60,19 @@ Status CheckFlags() {
   if (FLAGS_output == FLAGS_truth) {
     return Invalid("--output and --truth name the same file");
   }
-  for (const auto& [exact, relative] : {std::pair("num_points", "points_per_camera"),
-                                        std::pair("num_observations", "track_length")}) {
-    if (IsSet(exact) && IsSet(relative)) {
-      return Invalid(std::string("--") + exact + " and --" + relative +
-                     " both say the same; give one");
-    }
-  }
   return Status::Ok();
 }
 
-Status Generate(inceres::StreetScene* scene) {
-  inceres::StreetSceneOptions options;
-  if (Status status = OptionsFromFlags(&options); !status.ok()) {
-    return status;
-  }
-  const Heartbeat heartbeat(ProgressOutput(), "simulating");
-  return inceres::GenerateStreetScene(options, scene);
+Status WriteTo(const std::string& path, const inceres::BalProblem& problem) {
+  const Heartbeat heartbeat(ProgressOutput(), "writing " + path);
+  return inceres::WriteBal(path, problem);
 }
 
-Status Write(const inceres::StreetScene& scene) {
-  const Heartbeat heartbeat(ProgressOutput(), "writing " + FLAGS_output);
-  const Status status = inceres::WriteBal(FLAGS_output, scene.problem);
-  return status.ok() && !FLAGS_truth.empty() ? inceres::WriteBal(FLAGS_truth, scene.truth) : status;
-}
-
-Status Report(const inceres::StreetScene& scene) {
-  const inceres::BalProblem& problem = scene.problem;
-  inceres::BalProblem at_truth = scene.truth;
-  at_truth.observations = problem.observations;
-  const double start_rms = inceres::ReprojectionRms(problem);
-  const double true_rms = inceres::ReprojectionRms(at_truth);
-  std::fprintf(
-      Out(), "cameras       %d\npoints        %d\nobservations  %zu, of them %zu outliers\n",
-      problem.num_cameras, problem.num_points, problem.observations.size(), scene.outliers.size());
+Status Report(const inceres::BalProblem& problem, std::size_t num_outliers, double start_rms,
+              double true_rms) {
+  std::fprintf(Out(),
+               "cameras       %d\npoints        %d\nobservations  %zu, of them %zu outliers\n",
+               problem.num_cameras, problem.num_points, problem.observations.size(), num_outliers);
   std::fprintf(Out(), "RMS error     %.6g px at the start values, %.6g px at the truth\n",
                start_rms, true_rms);
   std::fprintf(Out(), "wrote         %s\n", FLAGS_output.c_str());
@@ -195,19 +88,29 @@ Status Report(const inceres::StreetScene& scene) {
       {"num_cameras", problem.num_cameras},
       {"num_points", problem.num_points},
       {"num_observations", problem.observations.size()},
-      {"num_outliers", scene.outliers.size()},
+      {"num_outliers", num_outliers},
       {"initial_rms_pixels", start_rms},
       {"true_rms_pixels", true_rms},
-      {"seed", FLAGS_seed}};
+      {"seed", inceres::tools::SceneSeed()}};
   return WriteJsonReport(report.dump(2));
 }
 
+// The truth takes the place of the problem when that is written: one copy in memory.
 Status Run() {
-  inceres::StreetScene scene;
+  inceres::SimulatedBal scene;
   Status status = CheckFlags();
-  status = status.ok() ? Generate(&scene) : status;
-  status = status.ok() ? Write(scene) : status;
-  return status.ok() ? Report(scene) : status;
+  status = status.ok() ? inceres::tools::MakeScene(&scene) : status;
+  status = status.ok() ? WriteTo(FLAGS_output, scene.problem) : status;
+  if (!status.ok()) {
+    return status;
+  }
+  const double start_rms = inceres::ReprojectionRms(scene.problem);
+  const double true_rms = scene.RmsAtTruth();
+  if (!FLAGS_truth.empty()) {
+    scene.BecomeTruth();
+    status = WriteTo(FLAGS_truth, scene.problem);
+  }
+  return status.ok() ? Report(scene.problem, scene.outliers.size(), start_rms, true_rms) : status;
 }
 
 }  // namespace

@@ -31,6 +31,9 @@ Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidence
   gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
   diagonal_.resize(gradient_.size());
   BuildGradientTerms();
+  for (const Linearization& cache : evaluator.families()) {
+    residuals_.push_back(cache.residuals.data());
+  }
 }
 
 void Hessian::PlaceFrameBlocks() {
@@ -142,22 +145,29 @@ void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
   const auto i = static_cast<std::size_t>(frame);
   const int size = pattern.block_size(frame);
   double* sum = scratch->Zeroed(1, size);
-  for (int s = gradient_segments_begin_[i]; s < gradient_segments_begin_[i + 1]; ++s) {
-    const GradientSegment& segment = gradient_segments_[s];
-    const Linearization& cache = evaluator_.families()[segment.family];
-    VectorProducts products;
-    products.a = cache.slots[segment.slot].data;
-    products.v = cache.residuals.data();
-    products.terms = gradient_terms_.data() + segment.first_term;
-    products.count = segment.count;
-    products.depth = cache.residual_size;
-    products.a_size = size;
-    kernels_.accumulate_vectors(products, 1.0, sum);
-  }
+  AddTransposed(residuals_, frame, sum);
   std::copy(sum, sum + size, gradient_.data() + pattern.offsets[i]);
   const double* C_ii = FrameBlock(pattern.row_begin[i + 1] - 1);
   for (int k = 0; k < size; ++k) {
     diagonal_[pattern.offsets[i] + k] = C_ii[k * size + k];
+  }
+}
+
+void Hessian::AddTransposed(const std::vector<const double*>& rows, int frame, double* sum) const {
+  for (int s = gradient_segments_begin_[frame]; s < gradient_segments_begin_[frame + 1]; ++s) {
+    const GradientSegment& segment = gradient_segments_[s];
+    if (rows[segment.family] == nullptr) {
+      continue;
+    }
+    const Linearization& cache = evaluator_.families()[segment.family];
+    VectorProducts products;
+    products.a = cache.slots[segment.slot].data;
+    products.v = rows[segment.family];
+    products.terms = gradient_terms_.data() + segment.first_term;
+    products.count = segment.count;
+    products.depth = cache.residual_size;
+    products.a_size = plans_.pattern.block_size(frame);
+    kernels_.accumulate_vectors(products, 1.0, sum);
   }
 }
 

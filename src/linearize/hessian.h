@@ -35,6 +35,9 @@ class Hessian {
   const double* LandmarkEta(int l) const {
     return landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad;
   }
+  /// sum += J_fᵀ r over the factors of a frame, padded. `rows`: r per family, as residuals; null
+  /// where r is zero.
+  void AddTransposed(const std::vector<const double*>& rows, int frame, double* sum) const;
   /// Jᵀf, packed: the gradient of the cost.
   const std::vector<double>& gradient() const { return gradient_; }
   /// diag(H), packed: the squared column norms of J.
@@ -73,6 +76,7 @@ class Hessian {
   std::vector<VectorTerm> gradient_terms_;
   std::vector<GradientSegment> gradient_segments_;
   std::vector<int> gradient_segments_begin_;  // per frame, one more
+  std::vector<const double*> residuals_;      // per family
 };
 
 }  // namespace inceres::internal

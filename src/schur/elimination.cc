@@ -37,7 +37,9 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
       incidences_(incidences),
       plans_(plans),
       hessian_(hessian),
-      kernels_(BestKernels()) {
+      kernels_(BestKernels()),
+      coupled_(evaluator, incidences, hessian),
+      needs_Y_(!plans.schur.terms.empty() || incidences.num_chunks() == 1) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
   U_inv_ = ZeroedArray(num_landmarks * hessian.landmark_stride());
   z_ = ZeroedArray(num_landmarks * kQuad);
@@ -96,7 +98,8 @@ void Elimination::EliminateLandmark(int landmark) {
   const double* eta = hessian_.LandmarkEta(landmark);
   double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
   MultiplyLower(size, U_inv, eta, z);
-  for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
+  for (int k = incidences_.factors_begin[l]; needs_Y_ && k < incidences_.factors_begin[l + 1];
+       ++k) {
     kernels_.eliminate(size, incidences_.factors[k], U_inv, Y_.data());
   }
 }
@@ -132,6 +135,9 @@ Status Elimination::Eliminate(const double* landmark_damping) {
     executor.For(
         chunk_blocks_begin_[chunk + 1] - first_block, kBlockGrain,
         [&](int begin, int end) { FormBlocks(chunk, first_block + begin, first_block + end); });
+  }
+  if (!needs_Y_) {
+    TakeRightHandSideFromJacobians();
   }
   return Status::Ok();
 }
@@ -239,28 +245,18 @@ void Elimination::SubtractOfFrame(const double* v, int frame, int begin, int end
   }
 }
 
-void Elimination::AddCoupled(const double* v, double* y) const {
-  const Executor& executor = evaluator_.executor();
-  minus_projections_.resize(z_.size());
-  executor.For(incidences_.num_landmarks(), kLandmarkGrain, [&](int begin, int end) {
-    for (int landmark = begin; landmark < end; ++landmark) {
-      const auto l = static_cast<std::size_t>(landmark);
-      double* const projection =
-          minus_projections_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
-      std::fill_n(projection, kQuad, 0.0);
-      kernels_.back_substitute(
-          incidences_.sizes[l], incidences_.incidences.data() + incidences_.begin[l],
-          incidences_.begin[l + 1] - incidences_.begin[l], Y_.data(), v, projection);
-    }
-  });
+// b = c − W U_invᵀ z.
+void Elimination::TakeRightHandSideFromJacobians() {
+  std::fill(padded_frame_step_.begin(), padded_frame_step_.end(), 0.0);
+  coupled_.Subtract(z_.data(), U_inv_.data(), padded_frame_step_.data());
   const Layout& layout = evaluator_.layout();
-  executor.For(layout.num_frames, kBlockGrain, [&](int begin, int end) {
-    for (int frame = begin; frame < end; ++frame) {
-      SubtractOfFrame(minus_projections_.data(), frame, incidences_.frame_begin[frame],
-                      incidences_.frame_begin[frame + 1],
-                      y + static_cast<std::ptrdiff_t>(layout.quad_offset[frame]) * kQuad);
+  for (int i = 0; i < layout.num_frames; ++i) {
+    const double* const sum =
+        padded_frame_step_.data() + static_cast<std::ptrdiff_t>(layout.quad_offset[i]) * kQuad;
+    for (int k = layout.packed_offset[i], r = 0; k < layout.packed_offset[i + 1]; ++k, ++r) {
+      b_[k] = sum[r] - hessian_.gradient()[k];
     }
-  });
+  }
 }
 
 void Elimination::BackSubstitute(const double* frame_step, double* landmark_step) {
@@ -303,8 +299,9 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) co
 }
 
 std::int64_t Elimination::Bytes() const {
-  return static_cast<std::int64_t>(sizeof(double) *
-                                   (U_inv_.size() + z_.size() + Y_.size() + S_.size() + b_.size()));
+  return static_cast<std::int64_t>(
+             sizeof(double) * (U_inv_.size() + z_.size() + Y_.size() + S_.size() + b_.size())) +
+         coupled_.Bytes();
 }
 
 }  // namespace inceres::internal

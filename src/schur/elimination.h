@@ -6,6 +6,7 @@
 #include "base/zeroed_array.h"
 #include "linearize/block_scratch.h"
 #include "linearize/hessian.h"
+#include "schur/coupled_products.h"
 
 namespace inceres::internal {
 
@@ -16,9 +17,9 @@ namespace inceres::internal {
 ///
 /// Λ_c is left to the factorization of S. Each block of S is accumulated in registers over all
 /// landmarks of a chunk that its two frames share: where all landmarks are one chunk, S is written
-/// once and never read back. Y is kept for one chunk at a time; where there are more, or Y is
-/// stored for products alone, the way back takes Wᵀδ_c from the Jacobians. Source: Triggs et al.
-/// 1999, section 6.1.
+/// once and never read back. Y is kept for one chunk at a time; where there are more, the way back
+/// takes Wᵀδ_c from the Jacobians, and so does b where no block of S is formed. Source: Triggs et
+/// al. 1999, section 6.1.
 class Elimination {
  public:
   Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
@@ -36,9 +37,9 @@ class Elimination {
   /// Eliminate.
   void BackSubstitute(const double* frame_step, double* landmark_step);
 
-  /// y += Y Yᵀ v over the frames, padded: what S has less than C. Where Y is whole: of one chunk,
-  /// without a tail. Not by two threads at once. Cost: two passes over Y.
-  void AddCoupled(const double* v, double* y) const;
+  /// y += Y Yᵀ v over the frames, padded: what S has less than C. From the Jacobians, which must
+  /// still be those of Eliminate. Not by two threads at once. Cost: two passes over them.
+  void AddCoupled(const double* v, double* y) const { coupled_.Add(v, U_inv_.data(), y); }
 
   std::int64_t Bytes() const;
 
@@ -56,6 +57,7 @@ class Elimination {
   void FormRightHandSide(int chunk, int frame, BlockScratch* scratch);
   void SubtractOfFrame(const double* v, int frame, int begin, int end, double* sum) const;
   void BackSubstituteLandmark(int landmark, double* landmark_step) const;
+  void TakeRightHandSideFromJacobians();
   int DampingOffset(int landmark) const;
 
   const Evaluator& evaluator_;
@@ -72,7 +74,8 @@ class Elimination {
   std::vector<ChunkBlock> chunk_blocks_;  // by chunk, then block
   std::vector<int> chunk_blocks_begin_;   // per chunk, and one more
   std::vector<VectorTerm> rhs_terms_;     // per frame incidence, in the order of frame_incidences
-  mutable AlignedVector<double> minus_projections_;  // of AddCoupled: −Yᵀv, per landmark
+  mutable CoupledProducts coupled_;
+  const bool needs_Y_;  // not where all that is asked for comes from the Jacobians
 };
 
 }  // namespace inceres::internal

@@ -19,10 +19,14 @@ SchurBlocks BlocksToForm(const ConjugateGradientsOptions& options) {
                                                                     : SchurBlocks::kNone;
 }
 
-// Where S is not formed all of Y is kept, for products.
+// Products take the Jacobians, blocks of S a chunk of Y after the other.
 std::int64_t QuadsPerChunk(const ConjugateGradientsOptions& options) {
-  return options.explicit_schur_complement ? LandmarkIncidences::kQuadsPerChunk
-                                           : std::numeric_limits<std::int64_t>::max();
+  const bool needs_no_more = options.explicit_schur_complement ||
+                             options.preconditioner == PreconditionerKind::kIdentity ||
+                             options.preconditioner == PreconditionerKind::kJacobi ||
+                             options.preconditioner == PreconditionerKind::kSchurJacobi;
+  return needs_no_more ? LandmarkIncidences::kQuadsPerChunk
+                       : std::numeric_limits<std::int64_t>::max();
 }
 
 }  // namespace

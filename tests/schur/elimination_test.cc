@@ -32,6 +32,40 @@ Eigen::VectorXd Solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
 
 constexpr std::int64_t kOneChunk = LandmarkIncidences::kQuadsPerChunk;
 
+// Without a block of S: b, and W P⁻¹ Wᵀ v, which come from the Jacobians.
+void ExpectDenseProducts(const CorePipeline& core, const DenseOracle& oracle,
+                         const Eigen::VectorXd& damping) {
+  const Layout& layout = core.layout;
+  const int n_c = layout.frame_size(), n_l = layout.size() - n_c;
+  const FramePlans plans(core.evaluator, core.incidences, SchurBlocks::kNone);
+  Hessian hessian(core.evaluator, core.incidences, plans);
+  hessian.Accumulate();
+  Elimination elimination(core.evaluator, core.incidences, plans, hessian);
+  ASSERT_TRUE(elimination.Eliminate(damping.data() + n_c).ok());
+  Eigen::MatrixXd H = oracle.H;
+  H.diagonal() += damping;
+  const Eigen::MatrixXd W = H.topRightCorner(n_c, n_l);
+  const Eigen::LLT<Eigen::MatrixXd> P(H.bottomRightCorner(n_l, n_l));
+  const Eigen::Map<const Eigen::VectorXd> b(elimination.b(), n_c);
+  EXPECT_LT(RelativeError(b, -oracle.g.head(n_c) + W * P.solve(oracle.g.tail(n_l))), 1e-9);
+
+  const Eigen::VectorXd v = Eigen::VectorXd::LinSpaced(n_c, -1.0, 2.0);
+  const int num_quads = layout.quad_offset[layout.num_frames];
+  AlignedVector<double> padded(num_quads * kQuad), product(num_quads * kQuad);
+  for (int i = 0; i < layout.num_frames; ++i) {
+    std::copy(v.data() + layout.packed_offset[i], v.data() + layout.packed_offset[i + 1],
+              padded.data() + layout.quad_offset[i] * kQuad);
+  }
+  elimination.AddCoupled(padded.data(), product.data());
+  Eigen::VectorXd packed(n_c);
+  for (int i = 0; i < layout.num_frames; ++i) {
+    const int size = layout.TangentSize(i);
+    std::copy_n(product.data() + layout.quad_offset[i] * kQuad, size,
+                packed.data() + layout.packed_offset[i]);
+  }
+  EXPECT_LT(RelativeError(packed, W * P.solve(W.transpose() * v)), 1e-10);
+}
+
 // Landmarks eliminated by the core, the reduced system solved by Eigen, against everything solved
 // by Eigen.
 void ExpectDenseStep(const FactorGraph& graph, const Eigen::VectorXd& damping,
@@ -56,6 +90,7 @@ void ExpectDenseStep(const FactorGraph& graph, const Eigen::VectorXd& damping,
     EXPECT_LT(RelativeError(S, oracle.H.topLeftCorner(n_c, n_c) - W * P.solve(W.transpose())),
               1e-10);
     EXPECT_LT(RelativeError(b, -oracle.g.head(n_c) + W * P.solve(oracle.g.tail(n_l))), 1e-9);
+    ExpectDenseProducts(core, oracle, damping);
   }
 
   Eigen::VectorXd step(n_c + n_l);

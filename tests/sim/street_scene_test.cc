@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <set>
 #include <string>
@@ -10,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/sim/bal_checks.h"
 #include "tools/sim/portable_math.h"
 
 namespace inceres::internal {
@@ -36,41 +36,6 @@ StreetSceneOptions SmallLoop() {
   options.laps = 2.0;
   options.loop_fraction = 0.5;
   return options;
-}
-
-// FNV-1a over the bits of all numbers.
-class Hash {
- public:
-  void Add(double value) {
-    std::uint64_t bits = 0;
-    std::memcpy(&bits, &value, sizeof(bits));
-    Add(bits);
-  }
-  void Add(std::uint64_t bits) {
-    for (int i = 0; i < 8; ++i) {
-      value_ = (value_ ^ ((bits >> (8 * i)) & 0xff)) * 0x100000001b3u;
-    }
-  }
-  std::uint64_t value() const { return value_; }
-
- private:
-  std::uint64_t value_ = 0xcbf29ce484222325u;
-};
-
-std::uint64_t HashOf(const BalProblem& problem) {
-  Hash hash;
-  for (const BalObservation& observation : problem.observations) {
-    hash.Add(static_cast<std::uint64_t>(observation.camera));
-    hash.Add(static_cast<std::uint64_t>(observation.point));
-    hash.Add(observation.x);
-    hash.Add(observation.y);
-  }
-  for (const auto* values : {&problem.cameras, &problem.points}) {
-    for (const double value : *values) {
-      hash.Add(value);
-    }
-  }
-  return hash.value();
 }
 
 Vector3 Center(const BalProblem& problem, int camera) {

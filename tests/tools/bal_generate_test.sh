@@ -75,11 +75,30 @@ fi
 expect_success --preset ladybug-like --num_points 5000 --track_length 3 --output "$work/c.txt"
 [ "$(head -n 1 "$work/c.txt")" = "49 5000 15000" ] || fail "flags do not take precedence over the preset"
 
+# Cities and collections of photos.
+expect_success --preset city-50 --output "$work/city.txt"
+[ "$(head -n 1 "$work/city.txt" | cut -d' ' -f1,2)" = "50 1000" ] || fail "wrong counts of city-50"
+expect_success --preset city-50 --street_width 40 --output "$work/wide.txt"
+cmp -s "$work/city.txt" "$work/wide.txt" && fail "the width of the streets changes nothing"
+expect_success --preset city-50 --true_start --output "$work/true.txt"
+expect_printed 'RMS error  *\([0-9.]*\) px at the start values, \1 px at the truth'
+observations() { awk 'NR > 1 && NF == 4' "$1"; }
+observations "$work/city.txt" > "$work/city.obs"
+observations "$work/true.txt" | cmp -s - "$work/city.obs" || fail "--true_start changed the observations"
+expect_success --preset collection-20 --output "$work/photos.txt" --truth "$work/truth.txt"
+[ "$(head -n 1 "$work/photos.txt")" = "20 6513 19663" ] || fail "wrong counts: $(head -n 1 "$work/photos.txt")"
+[ "$(wc -l < "$work/photos.txt")" -eq "$(wc -l < "$work/truth.txt")" ] || fail "the truth has other counts"
+expect_failure 2 "--laps is not for a city" --preset city-50 --laps 2 --output "$work/x.txt"
+expect_failure 2 "--drift is not for a collection" --preset collection-50 --drift 2 --output "$work/x.txt"
+expect_failure 2 "--drift is not for a street" --drift 2 --output "$work/x.txt"
+expect_failure 2 "after city- comes a number of cameras" --preset city-big --output "$work/x.txt"
+expect_failure 2 "street_width is 3, not between 8 and 200" --preset city-50 --street_width 3 --output "$work/x.txt"
+
 # Help is a success and names every flag.
 expect_success --help
 for flag in output truth preset num_cameras num_points num_observations points_per_camera track_length laps loop_fraction \
   camera_spacing pixel_noise rotation_noise position_noise focal_noise distortion_noise point_noise outlier_fraction \
-  outlier_pixels seed; do
+  outlier_pixels seed street_width drift true_start; do
   expect_printed "--$flag "
 done
 

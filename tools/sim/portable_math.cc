@@ -83,6 +83,17 @@ double PortableLog(double x) {
   return exponent * 0.69314718055994530942 + 2.0 * s * sum;
 }
 
+double PortableExp(double x) {
+  const double k = std::floor(x / 0.69314718055994530942 + 0.5);
+  // log 2 in two parts: the first has 33 bits, so that its product with k is exact.
+  const double r = (x - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10;
+  double sum = 1.0;
+  for (int n = 18; n >= 1; --n) {
+    sum = 1.0 + sum * r / n;
+  }
+  return std::ldexp(sum, static_cast<int>(k));
+}
+
 double PortableAtan2(double y, double x) {
   if (x == 0.0 && y == 0.0) {
     return 0.0;

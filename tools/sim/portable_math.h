@@ -12,6 +12,7 @@ namespace inceres::internal {
 double PortableSin(double x);
 double PortableCos(double x);
 double PortableLog(double x);  ///< x > 0
+double PortableExp(double x);  ///< |x| < 700
 double PortableAtan2(double y, double x);
 
 using Vector3 = std::array<double, 3>;

@@ -11,7 +11,7 @@ namespace {
 enum Stream : std::uint64_t { kPixelStream = 3, kCameraStream, kPointStream, kOutlierStream };
 
 // R' = Exp(n) R about the camera's axes, center' = center + n.
-void MoveCamera(const StreetSceneOptions& options, Random* random, double* camera) {
+void MoveCamera(const BalNoise& options, Random* random, double* camera) {
   const Rotation R = Rotation::FromAngleAxis({camera[0], camera[1], camera[2]});
   const Vector3 center = -1.0 * (R.Inverse() * Vector3{camera[3], camera[4], camera[5]});
   const Rotation moved = Rotation::FromAngleAxis(random->Normal3(options.rotation_noise)) * R;
@@ -21,8 +21,8 @@ void MoveCamera(const StreetSceneOptions& options, Random* random, double* camer
   std::copy(t.begin(), t.end(), camera + 3);
 }
 
-void PerturbCameras(const StreetSceneOptions& options, BalProblem* problem) {
-  Random random(options.seed, kCameraStream);
+void PerturbCameras(const BalNoise& options, std::uint64_t seed, BalProblem* problem) {
+  Random random(seed, kCameraStream);
   const bool moves = options.rotation_noise > 0.0 || options.position_noise > 0.0;
   for (int i = 0; i < problem->num_cameras; ++i) {
     double* camera = problem->CameraData(i);
@@ -36,34 +36,35 @@ void PerturbCameras(const StreetSceneOptions& options, BalProblem* problem) {
   }
 }
 
-void PerturbPoints(const StreetSceneOptions& options, BalProblem* problem) {
-  Random random(options.seed, kPointStream);
+void PerturbPoints(const BalNoise& options, std::uint64_t seed, BalProblem* problem) {
+  Random random(seed, kPointStream);
   for (double& coordinate : problem->points) {
     coordinate += options.point_noise * random.Normal();
   }
 }
 
-void PerturbPixels(const StreetSceneOptions& options, BalProblem* problem) {
-  Random random(options.seed, kPixelStream);
+void PerturbPixels(const BalNoise& options, std::uint64_t seed, BalProblem* problem) {
+  Random random(seed, kPixelStream);
   for (BalObservation& observation : problem->observations) {
     observation.x += options.pixel_noise * random.Normal();
     observation.y += options.pixel_noise * random.Normal();
   }
 }
 
-void DisplaceOutliers(const StreetSceneOptions& options, StreetScene* scene) {
-  Random random(options.seed, kOutlierStream);
-  std::vector<BalObservation>& observations = scene->problem.observations;
+void DisplaceOutliers(const BalNoise& options, std::uint64_t seed, BalProblem* problem,
+                      std::vector<int>* outliers) {
+  Random random(seed, kOutlierStream);
+  std::vector<BalObservation>& observations = problem->observations;
   ForRandomSubset(options.outlier_fraction, observations.size(), &random, [&](std::size_t i) {
     observations[i].x += random.Uniform(-options.outlier_pixels, options.outlier_pixels);
     observations[i].y += random.Uniform(-options.outlier_pixels, options.outlier_pixels);
-    scene->outliers.push_back(static_cast<int>(i));
+    outliers->push_back(static_cast<int>(i));
   });
 }
 
 }  // namespace
 
-std::array<double, BalProblem::kCameraSize> ToBal(const StreetCamera& camera) {
+std::array<double, BalProblem::kCameraSize> ToBal(const SimulatedCamera& camera) {
   const Vector3 a = camera.R.ToAngleAxis();
   const Vector3 t = -1.0 * (camera.R * camera.center);
   return {a[0], a[1], a[2], t[0], t[1], t[2], camera.focal, camera.k1, camera.k2};
@@ -88,12 +89,12 @@ void ProjectAll(BalProblem* problem) {
   }
 }
 
-void AddNoise(const StreetSceneOptions& options, StreetScene* scene) {
-  scene->problem = scene->truth;
-  PerturbCameras(options, &scene->problem);
-  PerturbPoints(options, &scene->problem);
-  PerturbPixels(options, &scene->problem);
-  DisplaceOutliers(options, scene);
+void AddNoise(const BalNoise& noise, std::uint64_t seed, BalProblem* problem,
+              std::vector<int>* outliers) {
+  PerturbCameras(noise, seed, problem);
+  PerturbPoints(noise, seed, problem);
+  PerturbPixels(noise, seed, problem);
+  DisplaceOutliers(noise, seed, problem, outliers);
 }
 
 }  // namespace inceres::internal

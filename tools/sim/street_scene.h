@@ -6,15 +6,15 @@
 
 #include "inceres/io/bal.h"
 #include "inceres/status.h"
+#include "tools/sim/bal_noise.h"
 
 namespace inceres {
 
 /// What a simulated street looks like and how it is seen. Lengths in meters, angles in radians,
 /// image quantities in pixels.
 ///
-/// The three sizes come out exactly, unless num_observations is 0. The noise knobs are standard
-/// deviations; 0 switches a noise off.
-struct StreetSceneOptions {
+/// The three sizes come out exactly, unless num_observations is 0.
+struct StreetSceneOptions : BalNoise {
   int num_cameras = 100;   ///< 2 .. 1,000,000
   int num_points = 10000;  ///< at least 1
   /// at least two per point; at most what the street lets the cameras see; or 0: see track_length
@@ -36,19 +36,6 @@ struct StreetSceneOptions {
   /// Distance between consecutive cameras, at most 10. 0: chosen so that points have the tracks
   /// that the three sizes ask for.
   double camera_spacing = 0.0;
-
-  double pixel_noise = 0.5;  ///< on each image coordinate
-  /// start values: each component of a rotation about the camera's axes
-  double rotation_noise = 0.01;
-  double position_noise = 0.1;      ///< start values: each coordinate of a camera's center
-  double focal_noise = 0.01;        ///< start values: relative to the focal length
-  double distortion_noise = 0.002;  ///< start values: k1 and k2
-  double point_noise = 0.1;         ///< start values: each coordinate of a point
-
-  /// share of the observations that are wrong, 0 .. 1; the number is rounded to the nearest
-  double outlier_fraction = 0.0;
-  /// outliers are displaced by up to this much in x and in y, uniformly
-  double outlier_pixels = 50.0;
 
   std::uint64_t seed = 1;
 

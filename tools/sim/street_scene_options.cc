@@ -2,6 +2,7 @@
 #include <limits>
 #include <string>
 
+#include "tools/sim/bal_sizes.h"
 #include "tools/sim/option_range.h"
 #include "tools/sim/preset_names.h"
 #include "tools/sim/street_limits.h"
@@ -33,29 +34,6 @@ Status Invalid(const std::string& what) {
   return Status::Error(StatusCode::kInvalidArgument, "StreetSceneOptions: " + what);
 }
 
-Status CheckSizes(const StreetSceneOptions& options) {
-  const std::int64_t cameras = options.num_cameras, points = options.num_points;
-  const bool exact = options.num_observations != 0;
-  const std::int64_t observations =
-      exact ? options.num_observations
-            : static_cast<std::int64_t>(options.track_length * static_cast<double>(points));
-  if (exact && (observations < 2 * points || observations > cameras * points)) {
-    return Invalid("num_observations is " + std::to_string(observations) +
-                   ", not between two per point (" + std::to_string(2 * points) +
-                   ") and every point in every camera (" + std::to_string(cameras * points) + ")");
-  }
-  if (2 * observations + 7 <
-      9 * cameras + 3 * points) {  // seven are the free choice of the coordinate frame
-    return Invalid((exact ? "num_observations is "
-                          : "track_length is " + internal::ShortNumber(options.track_length) +
-                                ", observations about ") +
-                   std::to_string(observations) +
-                   ": two equations each are fewer than the unknowns of " +
-                   std::to_string(cameras) + " cameras and " + std::to_string(points) + " points");
-  }
-  return Status::Ok();
-}
-
 }  // namespace
 
 double StreetSceneOptions::MeanTrackLength() const {
@@ -71,16 +49,11 @@ Status StreetSceneOptions::Validate() const {
       {"loop_fraction", loop_fraction, 0, 1},
       {"loop_stretch", loop_stretch, 0, 1},
       {"camera_spacing", camera_spacing, 0, 10},
-      {"pixel_noise", pixel_noise, 0, 1e6},
-      {"rotation_noise", rotation_noise, 0, 1},
-      {"position_noise", position_noise, 0, 1e6},
-      {"focal_noise", focal_noise, 0, 1},
-      {"distortion_noise", distortion_noise, 0, 1},
-      {"point_noise", point_noise, 0, 1e6},
-      {"outlier_fraction", outlier_fraction, 0, 1},
-      {"outlier_pixels", outlier_pixels, 0, 1e6},
   };
   if (Status status = internal::CheckRanges("StreetSceneOptions", ranges); !status.ok()) {
+    return status;
+  }
+  if (Status status = BalNoise::Validate("StreetSceneOptions"); !status.ok()) {
     return status;
   }
   const double circumference = laps > 0.0 ? camera_spacing * num_cameras / laps : 0.0;
@@ -89,7 +62,8 @@ Status StreetSceneOptions::Validate() const {
                    ": a circuit of " + internal::ShortNumber(circumference) + " m, at least " +
                    internal::ShortNumber(internal::kMinCircumference) + " m are needed");
   }
-  return CheckSizes(*this);
+  return internal::CheckBalSizes("StreetSceneOptions", num_cameras, num_points, num_observations,
+                                 track_length);
 }
 
 std::vector<std::string> StreetScenePresets() {

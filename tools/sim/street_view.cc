@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 namespace inceres::internal {
 namespace {
@@ -10,7 +9,6 @@ namespace {
 constexpr double kJitter = 0.2;  // of the place of a camera, in spacings to either side
 // Half the image divided by the focal length: 42 degrees to the sides, 35 up and down.
 constexpr double kHalfWidth = 0.9, kHalfHeight = 0.7;
-constexpr double kCosMinParallax = 0.99939082701909573;  // 2 degrees
 constexpr int kMaxTries = 200;
 
 }  // namespace
@@ -92,7 +90,7 @@ bool StreetView::IsRecognizable(double s) const {
   return laps - std::floor(laps) <= loop_stretch_;
 }
 
-bool StreetView::PlacePoint(int anchor, Random* random, StreetPoint* point) const {
+bool StreetView::PlacePoint(int anchor, Random* random, CandidateTrack* point) const {
   const StreetCamera& camera = cameras_[static_cast<std::size_t>(anchor)];
   const bool recognized =
       path_.closed() && random->Uniform() < loop_fraction_ && IsRecognizable(camera.s);
@@ -107,27 +105,7 @@ bool StreetView::PlacePoint(int anchor, Random* random, StreetPoint* point) cons
     for (int lap = -laps; lap <= laps; ++lap) {
       CollectPass(s + lap * path_.circumference(), anchor, point->position, &point->candidates);
     }
-    if (ChoosePartner(anchor, random, point)) {
-      return true;
-    }
-  }
-  return false;
-}
-
-// Shuffles the candidates behind the anchor, then brings the first with enough parallax to the
-// second place.
-bool StreetView::ChoosePartner(int anchor, Random* random, StreetPoint* point) const {
-  std::vector<int>& candidates = point->candidates;
-  const int size = static_cast<int>(candidates.size());
-  for (int i = size - 1; i > 1; --i) {
-    const int other = 1 + random->Below(i);
-    std::swap(candidates[static_cast<std::size_t>(i)], candidates[static_cast<std::size_t>(other)]);
-  }
-  const Vector3 a = point->position - cameras_[static_cast<std::size_t>(anchor)].center;
-  for (std::size_t i = 1; i < candidates.size(); ++i) {
-    const Vector3 b = point->position - cameras_[static_cast<std::size_t>(candidates[i])].center;
-    if (Dot(a, b) <= kCosMinParallax * std::sqrt(Dot(a, a) * Dot(b, b))) {
-      std::swap(candidates[1], candidates[i]);
+    if (OrderCandidates(*this, random, point)) {
       return true;
     }
   }
