@@ -56,7 +56,18 @@ Status FrameStep::Solve(DampingForm form, double mu, double wildfire, Incrementa
   return solved;
 }
 
+Status FrameStep::FactorizeOnly(DampingForm form, double mu, IncrementalSchur* schur) {
+  if (solver_ == nullptr || schur->size() == 0) {
+    return Status::Ok();
+  }
+  Refresh(form, mu, schur);
+  values_.resize(schur->size(), 0.0);
+  schur->changes().TakeUnfactored(&changed_rows_);
+  return Factorize(*schur);
+}
+
 Status FrameStep::Factorize(const IncrementalSchur& schur) {
+  has_factor_ = false;
   const ReducedMatrix A(schur.S(), reduced_.damping().data(), reduced_.constant().data());
   if (analyzed_version_ != schur.S().version()) {
     const Status analyzed = solver_->Analyze(A);
@@ -70,7 +81,10 @@ Status FrameStep::Factorize(const IncrementalSchur& schur) {
   if (std::exchange(all_changed_, false)) {
     changed = {};
   }
-  return solver_->Factorize(A, changed);
+  const Status factored = solver_->Factorize(A, changed);
+  has_factor_ = factored.ok();
+  factored_mu_ = reduced_.mu();
+  return factored;
 }
 
 double FrameStep::AddGain(double start) const {

@@ -176,6 +176,16 @@ bool IncrementalMinimizer::StepLandmarks() {
   return moved;
 }
 
+Status IncrementalMinimizer::FactorizeAnew() {
+  const double damping =
+      options_.damping == DampingForm::kThesis ? 0.0 : tuning_.landmarks.min_damping;
+  RelinearizeWork work;
+  const Status linearized = system_.Relinearize(damping, RuleOf(options_.rebuild), &work);
+  return linearized.ok()
+             ? frame_step_.FactorizeOnly(options_.damping, options_.min_damping, &system_.schur())
+             : linearized;
+}
+
 // What a change of a frame's step must be worth to be noticed.
 double IncrementalMinimizer::Wildfire() const {
   return tuning_.truncate.wildfire_share * Tolerance() /

@@ -36,6 +36,11 @@ class IncrementalMinimizer {
   /// where half a step leads elsewhere than a whole one; all of it moves.
   void Minimize(bool mostly_new, const std::atomic<bool>& stop, UpdateTrace* trace);
 
+  /// Where the batch solver was the last to move: linearizes everything and factors S, with the
+  /// least damping.
+  Status FactorizeAnew();
+  FrameStep& frame_step() { return frame_step_; }
+
  private:
   enum class Verdict { kGoOn, kConverged, kStuck, kFailed };
   // Of the Update under way.

@@ -38,6 +38,8 @@ class RowChanges {
   /// The same for whoever factors S, and the entries of b for whoever solves.
   void TakeUnfactored(std::vector<std::int32_t>* rows) { Take(&unfactored_, rows); }
   void TakeUnsolved(std::vector<std::int32_t>* rows) { Take(&unsolved_, rows); }
+  /// How many rows of S whoever factors it has not seen.
+  int num_unfactored() const { return unfactored_.count(); }
   /// For whoever packs b and the diagonals: all of it.
   void TakeUnread(std::vector<std::int32_t>* rows) { Take(&unread_, rows); }
   /// For whoever looks for drift: rows of S and entries of b. What he changes himself he has seen:
