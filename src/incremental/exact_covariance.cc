@@ -127,8 +127,8 @@ Status ExactCovariance::Compute(const std::vector<VariableId>& ids, double toler
     r[places[c]] = 1.0;
     Status solved = Solve(tolerance, max_iterations, &r, &x);
     if (!solved.ok()) {
-      solved.message.insert(0, VariableName(owners[static_cast<std::size_t>(c)]) +
-                                   " has no covariance: ");
+      solved.message.insert(
+          0, VariableName(owners[static_cast<std::size_t>(c)]) + " has no covariance: ");
       return solved;
     }
     X.col(c) = x;

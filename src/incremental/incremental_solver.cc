@@ -95,6 +95,7 @@ class IncrementalSolver::Impl {
   // since the last Update that did not fail; there is none
   bool edited_ = true;
   internal::WeakestDirection weakest_;
+  std::unique_ptr<internal::UndampedFactor> undamped_;  // of the system that lives
   // the batch solver was the last to move, and there was no incremental system
   bool in_batch_ = false;
   int num_waiting_ = 0;  // factors dirty only because the batch solver was the last to move
@@ -148,6 +149,7 @@ void IncrementalSolver::Impl::Form() {
 // A new system from the values held now: nothing cached survives.
 void IncrementalSolver::Impl::Restart() {
   TakeValues();
+  undamped_ = nullptr;
   live = std::make_unique<IncrementalSystem>(graph, options_.num_threads, tuning_);
   minimizer_ = std::make_unique<IncrementalMinimizer>(options_, tuning_, live.get());
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
@@ -236,6 +238,7 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   if (live->NumDirtyFactors() == graph.num_factors()) {
     live->TakeValues();
   } else {
+    undamped_ = nullptr;
     live.reset();
     Restart();
   }
@@ -247,6 +250,7 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
 // them.
 void IncrementalSolver::Impl::PutBackStart() {
   graph.mutable_state() = start_state_;
+  undamped_ = nullptr;
   live.reset();
   edited_ = true;
   in_batch_ = false;
@@ -369,9 +373,12 @@ Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
   if (!status.ok()) {
     return status;
   }
-  const internal::LiveSource source{graph, *live, minimizer_->frame_step(),
-                                    minimizer_->frame_step().factored_mu()};
-  return internal::ComputeLiveCovariance(source, ids, options, &weakest_, covariance);
+  if (undamped_ == nullptr) {
+    undamped_ = std::make_unique<internal::UndampedFactor>(live->executor());
+  }
+  return internal::ComputeLiveCovariance(
+      {graph, *live, minimizer_->frame_step(), undamped_.get(), &weakest_}, ids, options,
+      covariance);
 }
 
 ReducedStructure IncrementalSolver::Impl::Structure() {

@@ -54,8 +54,8 @@ LiveColumns::LiveColumns(const IncrementalSystem& system, const std::vector<Vari
       continue;
     }
     const auto at = std::lower_bound(V_.rows.begin(), V_.rows.end(), frame) - V_.rows.begin();
-    V_.values.block(V_.begin[at], offsets_[k], schur.frames()[frame].size,
-                    schur.frames()[frame].size)
+    V_.values
+        .block(V_.begin[at], offsets_[k], schur.frames()[frame].size, schur.frames()[frame].size)
         .setIdentity();
   }
 }

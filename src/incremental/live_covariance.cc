@@ -20,9 +20,8 @@ Status LiveCovarianceOptions::Validate() const {
   if (!(tolerance > 0.0)) {
     return Invalid("LiveCovarianceOptions::tolerance must be positive");
   }
-  return max_iterations >= 1
-             ? Status::Ok()
-             : Invalid("LiveCovarianceOptions::max_iterations must be at least 1");
+  return max_iterations >= 1 ? Status::Ok()
+                             : Invalid("LiveCovarianceOptions::max_iterations must be at least 1");
 }
 
 namespace internal {
@@ -31,8 +30,13 @@ namespace {
 constexpr int kInverseIterations = 4;
 // By how much the graph may grow before the weakest direction is looked for again.
 constexpr double kGrowth = 1.1;
-// Damping that takes more than this share of a variance outweighs what factors say.
+// Of a landmark: damping that takes more than this share of a variance outweighs what factors say.
 constexpr double kMostDampingError = 0.5;
+// A direction in which S has less than this share of the damping is open: rounding is what it has.
+constexpr double kOpen = 1e-4;
+// The same without damping, in units of diag(C), as CovarianceOptions::max_inflation has it.
+constexpr double kNoInformation = 1e-12;
+constexpr double kTinyDiagonal = 1e-12;  // of a coordinate that no factor of the frame has
 
 Status Singular(const std::string& message) {
   return Status::Error(StatusCode::kSingular, message);
@@ -43,7 +47,7 @@ Status NotDetermined(VariableId id, const char* why) {
 }
 
 constexpr const char* kFree =
-    "the gauge is free, or what holds it is weaker than the damping of the factor "
+    "the gauge is free, or what holds it is lost in the damping of the factor "
     "(LiveCovarianceOptions::exact)";
 
 constexpr const char* kFewViews = "the landmark is not determined by its factors";
@@ -58,14 +62,13 @@ Status CheckId(const LiveSource& source, VariableId id) {
   const IncrementalSchur& schur = source.system.schur();
   const int frame = source.system.FrameOf(id), landmark = source.system.LandmarkOf(id);
   const bool is_touched =
-      frame >= 0 ? !schur.frames()[frame].factors.empty() || !schur.frames()[frame].landmarks.empty()
-                 : landmark >= 0 && !schur.landmarks()[landmark].factors.empty();
+      frame >= 0
+          ? !schur.frames()[frame].factors.empty() || !schur.frames()[frame].landmarks.empty()
+          : landmark >= 0 && !schur.landmarks()[landmark].factors.empty();
   if (!is_touched) {
     return Invalid(VariableName(id) + " has no covariance: no factor touches it");
   }
-  return frame >= 0 || schur.IsInS(landmark)
-             ? Status::Ok()
-             : NotDetermined(id, kFewViews);
+  return frame >= 0 || schur.IsInS(landmark) ? Status::Ok() : NotDetermined(id, kFewViews);
 }
 
 // What the staleness counts of the factors of one variable.
@@ -132,55 +135,68 @@ class StalenessOf {
   FactorStaleness& staleness_;
 };
 
-// Inverse iteration with (S + μD)⁻¹ D, from mixed signs in units of D^−½.
-Status FindWeakest(const LiveSource& source, const LiveFactor& factor,
-                   const std::vector<int>& offsets, WeakestDirection* weakest) {
-  const ReducedVectors& reduced = source.frames.reduced();
-  Eigen::VectorXd D = Eigen::VectorXd::Zero(offsets.back());
-  Eigen::VectorXd x = D, y = D;
+// The factor of S + μD that is used.
+struct Inverse {
+  LiveFactor factor;
+  double mu;
+  double open;  // a direction with a smaller eigenvalue has no information
+};
+
+// diag(C) of the frames that take part, mixed signs in units of its −½th power.
+void MakeProbe(const IncrementalSchur& schur, const std::vector<int>& offsets, Eigen::VectorXd* D,
+               Eigen::VectorXd* x) {
   std::uint32_t bits = 1;
   for (std::size_t row = 0; row + 1 < offsets.size(); ++row) {
-    for (int k = offsets[row]; k < offsets[row + 1] && reduced.constant()[row] == 0; ++k) {
-      D[k] = reduced.damping()[k] / reduced.mu();
+    const IncrementalSchur::Frame& frame = schur.frames()[row];
+    const bool takes_part = !frame.held && !(frame.factors.empty() && frame.landmarks.empty());
+    for (int k = 0; k < frame.size && takes_part; ++k) {
+      const int at = offsets[row] + k;
+      (*D)[at] = std::max(schur.FrameDiagonal(static_cast<int>(row))[k], kTinyDiagonal);
       bits = bits * 1664525u + 1013904223u;
-      x[k] = ((bits >> 31) != 0 ? 1.0 : -1.0) / std::sqrt(D[k]);
+      (*x)[at] = ((bits >> 31) != 0 ? 1.0 : -1.0) / std::sqrt((*D)[at]);
     }
   }
+}
+
+// Inverse iteration with (S + μD)⁻¹ D.
+Status FindWeakest(const LiveSource& source, const Inverse& inverse,
+                   const std::vector<int>& offsets) {
+  const IncrementalSchur& schur = source.system.schur();
+  Eigen::VectorXd D = Eigen::VectorXd::Zero(offsets.back());
+  Eigen::VectorXd x = D, y = D;
+  MakeProbe(schur, offsets, &D, &x);
   double theta = HUGE_VAL;
   for (int i = 0; i < kInverseIterations && x.squaredNorm() > 0.0; ++i) {
     x /= std::sqrt(x.dot(D.cwiseProduct(x)));
     const Eigen::VectorXd b = D.cwiseProduct(x);
-    const Status solved = factor.Solve(offsets, b.data(), y.data());
+    const Status solved = inverse.factor.Solve(offsets, b.data(), y.data());
     if (!solved.ok()) {
       return solved;
     }
     theta = b.dot(y) / y.dot(D.cwiseProduct(y));
     x = y;
   }
-  weakest->eigenvalue = std::max(0.0, theta - source.mu);
   Eigen::Index largest = 0;
   x.cwiseAbs2().cwiseProduct(D).maxCoeff(&largest);
   const auto row = std::upper_bound(offsets.begin(), offsets.end(), static_cast<int>(largest)) -
                    offsets.begin() - 1;
-  weakest->variable = source.system.schur().frames()[row].id;
-  weakest->num_frames = source.system.schur().structure().num_frames();
-  weakest->is_known = true;
+  *source.weakest = {std::max(0.0, theta - inverse.mu), schur.frames()[row].id,
+                     schur.structure().num_frames(), true};
   return Status::Ok();
 }
 
-Status CheckGauge(const LiveSource& source, const LiveFactor& factor,
-                  const std::vector<int>& offsets, WeakestDirection* weakest,
+Status CheckGauge(const LiveSource& source, const Inverse& inverse, const std::vector<int>& offsets,
                   double* damping_error) {
+  const WeakestDirection& weakest = *source.weakest;
   const int num_frames = source.system.schur().structure().num_frames();
-  if (!weakest->is_known || num_frames > kGrowth * weakest->num_frames) {
-    const Status found = FindWeakest(source, factor, offsets, weakest);
+  if (!weakest.is_known || num_frames > kGrowth * weakest.num_frames) {
+    const Status found = FindWeakest(source, inverse, offsets);
     if (!found.ok()) {
       return found;
     }
   }
-  *damping_error = source.mu / (weakest->eigenvalue + source.mu);
-  return *damping_error <= kMostDampingError ? Status::Ok()
-                                             : NotDetermined(weakest->variable, kFree);
+  *damping_error = inverse.mu > 0.0 ? inverse.mu / (weakest.eigenvalue + inverse.mu) : 0.0;
+  return weakest.eigenvalue > inverse.open ? Status::Ok() : NotDetermined(weakest.variable, kFree);
 }
 
 // The largest share that the damping has in a variance of a landmark for known frames.
@@ -197,21 +213,19 @@ double DampingShareOf(const IncrementalSchur& schur, int l) {
   return share;
 }
 
-// A variance that damping alone would nearly give: of a landmark, and of what has come since the weakest direction was
-// looked for.
-Status CheckVariances(const LiveSource& source, const LiveColumns& columns,
+// Of a landmark: whether the damping alone would nearly give its variance. Of a frame, which may
+// have come since the weakest direction was looked for: the same, or rounding.
+Status CheckVariances(const LiveSource& source, const Inverse& inverse, const LiveColumns& columns,
                       const std::vector<VariableId>& ids, const Eigen::MatrixXd& joint) {
+  const IncrementalSchur& schur = source.system.schur();
   for (std::size_t k = 0; k < ids.size(); ++k) {
     const int frame = source.system.FrameOf(ids[k]);
-    if (frame < 0 && DampingShareOf(source.system.schur(), source.system.LandmarkOf(ids[k])) >
-                         kMostDampingError) {
+    if (frame < 0 && DampingShareOf(schur, source.system.LandmarkOf(ids[k])) > kMostDampingError) {
       return NotDetermined(ids[k], kFewViews);
     }
-    for (int j = 0; frame >= 0 && j < source.system.schur().frames()[frame].size; ++j) {
-      const double variance = joint(columns.offsets()[k] + j, columns.offsets()[k] + j);
-      const double diagonal =
-          source.frames.reduced().weights()[source.system.schur().FrameOffset(frame) + j];
-      if (!(source.mu * variance * diagonal <= kMostDampingError)) {
+    for (int j = 0; frame >= 0 && j < schur.frames()[frame].size; ++j) {
+      const int at = columns.offsets()[k] + j;
+      if (!(joint(at, at) * schur.FrameDiagonal(frame)[j] * (inverse.mu + inverse.open) < 1.0)) {
         return NotDetermined(ids[k], kFree);
       }
     }
@@ -220,29 +234,56 @@ Status CheckVariances(const LiveSource& source, const LiveColumns& columns,
 }
 
 Status FromFactor(const LiveSource& source, const std::vector<VariableId>& ids,
-                  const LiveFactor& factor, WeakestDirection* weakest, LiveCovariance* covariance,
-                  Eigen::MatrixXd* joint) {
+                  const Inverse& inverse, FactorStaleness* staleness, Eigen::MatrixXd* joint) {
   const std::vector<int> offsets = OffsetsOfRows(source.system.schur());
   const LiveColumns columns(source.system, ids);
   Status status = Status::Ok();
   joint->setZero(columns.offsets().back(), columns.offsets().back());
   if (!columns.V().rows.empty()) {
-    status = CheckGauge(source, factor, offsets, weakest, &covariance->staleness.damping_error);
-    status = status.ok() ? factor.Product(columns.V(), offsets, joint) : status;
+    status = CheckGauge(source, inverse, offsets, &staleness->damping_error);
+    status = status.ok() ? inverse.factor.Product(columns.V(), offsets, joint) : status;
   }
-  status = status.ok() ? CheckVariances(source, columns, ids, *joint) : status;
+  status = status.ok() ? CheckVariances(source, inverse, columns, ids, *joint) : status;
   columns.AddLandmarks(joint);
   return status;
 }
 
-Status Exactly(const LiveSource& source, const std::vector<VariableId>& ids,
-               const LiveCovarianceOptions& options, const LiveFactor& factor,
-               LiveCovariance* covariance, Eigen::MatrixXd* joint) {
+Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids,
+                FactorStaleness* staleness, Eigen::MatrixXd* joint) {
+  Status status = Status::Ok();
+  if (source.system.schur().size() > 0) {
+    status = source.undamped->Follow(&source.system.schur(), &staleness->num_factored_frames);
+  }
+  if (status.code == StatusCode::kSingular) {
+    status.message.insert(
+        0, "there is no covariance: the gauge is free, or a variable is not determined: ");
+  }
+  return status.ok()
+             ? FromFactor(source, ids, {LiveFactor(source.undamped->solver()), 0.0, kNoInformation},
+                          staleness, joint)
+             : status;
+}
+
+Status AsFactored(const LiveSource& source, const std::vector<VariableId>& ids,
+                  const LiveCovarianceOptions& options, FactorStaleness* staleness,
+                  Eigen::MatrixXd* joint) {
+  const double mu = source.frames.factored_mu();
+  const LiveFactor factor(source.frames.solver());
+  if (!factor.exists() && source.system.schur().size() > 0) {
+    return Status::Error(StatusCode::kUnavailable,
+                         "there is no factor to take covariances from: the reduced solver is "
+                         "conjugate gradients or the user's (CovarianceAccuracy::kUndamped)");
+  }
+  staleness->num_changed_rows = source.system.schur().changes().num_unfactored();
+  staleness->frame_damping = mu;
+  if (options.accuracy == CovarianceAccuracy::kAsFactored) {
+    return FromFactor(source, ids, {factor, mu, kOpen * mu}, staleness, joint);
+  }
   ExactCovariance exact(source.graph, source.system, factor);
   Status status = exact.Linearize();
-  status = status.ok() ? exact.Compute(ids, options.tolerance, options.max_iterations, joint)
-                       : status;
-  covariance->staleness.num_iterations = exact.num_iterations();
+  status =
+      status.ok() ? exact.Compute(ids, options.tolerance, options.max_iterations, joint) : status;
+  staleness->num_iterations = exact.num_iterations();
   return status;
 }
 
@@ -288,39 +329,28 @@ void Place(const LiveSource& source, const Eigen::MatrixXd& joint, LiveCovarianc
 }  // namespace
 
 Status ComputeLiveCovariance(const LiveSource& source, const std::vector<VariableId>& ids,
-                             const LiveCovarianceOptions& options, WeakestDirection* weakest,
-                             LiveCovariance* covariance) {
+                             const LiveCovarianceOptions& options, LiveCovariance* covariance) {
   std::vector<VariableId> moving;
   Status status = Begin(source, ids, covariance, &moving);
-  Eigen::MatrixXd joint;
+  FactorStaleness staleness;
   if (status.ok() && !moving.empty()) {
-    FactorStaleness& staleness = covariance->staleness;
     staleness.num_dirty_factors = source.system.NumDirtyFactors();
-    staleness.num_changed_rows = source.system.schur().changes().num_unfactored();
-    staleness.frame_damping = source.mu;
     StalenessOf of_factors(source, &staleness);
     for (const VariableId id : moving) {
       of_factors.AddVariable(id);
     }
-    const LiveFactor factor(source.frames.solver());
-    status = factor.exists()   ? Status::Ok()
-             : source.system.schur().size() == 0
-                 ? Status::Ok()
-                 : Status::Error(StatusCode::kUnavailable,
-                                 "there is no factor to take covariances from: the reduced "
-                                 "solver is conjugate gradients or the user's");
+    Eigen::MatrixXd joint;
+    status = options.accuracy == CovarianceAccuracy::kUndamped
+                 ? Undamped(source, moving, &staleness, &joint)
+                 : AsFactored(source, moving, options, &staleness, &joint);
     if (status.ok()) {
-      status = options.exact ? Exactly(source, moving, options, factor, covariance, &joint)
-                             : FromFactor(source, moving, factor, weakest, covariance, &joint);
+      Place(source, joint, covariance);
     }
   }
-  if (status.ok() && !moving.empty()) {
-    Place(source, joint, covariance);
-  } else if (!status.ok()) {
-    const FactorStaleness staleness = covariance->staleness;
+  if (!status.ok()) {
     *covariance = LiveCovariance();
-    covariance->staleness = staleness;
   }
+  covariance->staleness = staleness;
   return status;
 }
 

@@ -6,6 +6,7 @@
 #include "inceres/solver/live_covariance.h"
 #include "incremental/frame_step.h"
 #include "incremental/incremental_system.h"
+#include "incremental/undamped_factor.h"
 
 namespace inceres::internal {
 
@@ -21,14 +22,14 @@ struct WeakestDirection {
 /// What covariances are taken from: a system that an Update has left, and the factor of its S.
 struct LiveSource {
   const FactorGraph& graph;
-  const IncrementalSystem& system;
+  IncrementalSystem& system;  // nothing of it changes but who has seen which rows of S
   const FrameStep& frames;
-  double mu;  // that the factor has
+  UndampedFactor* undamped;
+  WeakestDirection* weakest;  // by the damped factor
 };
 
 /// IncrementalSolver::Covariance, of a factor that belongs to the system.
 Status ComputeLiveCovariance(const LiveSource& source, const std::vector<VariableId>& ids,
-                             const LiveCovarianceOptions& options, WeakestDirection* weakest,
-                             LiveCovariance* covariance);
+                             const LiveCovarianceOptions& options, LiveCovariance* covariance);
 
 }  // namespace inceres::internal

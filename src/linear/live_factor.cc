@@ -31,8 +31,7 @@ class FrontVectors {
   const std::vector<int>& cliques() const { return cliques_; }  // children before parents
   bool Has(int c) const { return place_[c] >= 0; }
   double* Of(int c, int column) {
-    return values_.data() + place_[c] +
-           std::ptrdiff_t{column} * tree_.clique(c).front.num_rows();
+    return values_.data() + place_[c] + std::ptrdiff_t{column} * tree_.clique(c).front.num_rows();
   }
   // y of this clique, and what it leaves to its parent.
   void SolveForward(int c, int column) {
@@ -195,15 +194,12 @@ void LiveFactor::SolveByTree(const std::vector<int>& offsets, const double* b, d
     const Clique& clique = tree.clique(*c);
     double* y_c = y.Of(*c, 0);
     for (std::size_t k = clique.num_pivots; k < clique.rows.size(); ++k) {
-      std::copy_n(x + offsets[clique.rows[k]], tree.SizeOf(clique.rows[k]),
-                  y_c + clique.places[k]);
+      std::copy_n(x + offsets[clique.rows[k]], tree.SizeOf(clique.rows[k]), y_c + clique.places[k]);
     }
-    std::fill(y_c + clique.front.below() + clique.front.height, y_c + clique.front.num_rows(),
-              0.0);
+    std::fill(y_c + clique.front.below() + clique.front.height, y_c + clique.front.num_rows(), 0.0);
     SolveFrontBackward(clique.front, clique.L.data(), y_c);
     for (int k = 0; k < clique.num_pivots; ++k) {
-      std::copy_n(y_c + clique.places[k], tree.SizeOf(clique.rows[k]),
-                  x + offsets[clique.rows[k]]);
+      std::copy_n(y_c + clique.places[k], tree.SizeOf(clique.rows[k]), x + offsets[clique.rows[k]]);
     }
   }
 }

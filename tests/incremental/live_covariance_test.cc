@@ -27,9 +27,15 @@ IncrementalOptions Fresh() {
   return options;
 }
 
+LiveCovarianceOptions AsFactored() {
+  LiveCovarianceOptions options;
+  options.accuracy = CovarianceAccuracy::kAsFactored;
+  return options;
+}
+
 LiveCovarianceOptions Exact() {
   LiveCovarianceOptions options;
-  options.exact = true;
+  options.accuracy = CovarianceAccuracy::kExact;
   options.tolerance = 1e-13;
   return options;
 }
@@ -92,8 +98,7 @@ MatrixXd DenseInverse(const IncrementalSolver& solver, double mu, double lambda)
 
 MatrixXd JointOfAll(const IncrementalSolver& solver, const LiveCovarianceOptions& options) {
   LiveCovariance covariance;
-  const Status status =
-      solver.Covariance(MovingOf(AtValuesHeld(solver)), options, &covariance);
+  const Status status = solver.Covariance(MovingOf(AtValuesHeld(solver)), options, &covariance);
   EXPECT_TRUE(status.ok()) << status.message;
   return DenseOf(covariance);
 }
@@ -106,11 +111,13 @@ TEST(LiveCovariance, OfFramesIsTheInverseOfTheHessian) {
     IncrementalBundle bundle(options, 4);
     bundle.Grow(12, 0, 1);
     ASSERT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
-    EXPECT_LT(LargestError(JointOfAll(bundle.solver, {}), DenseInverse(bundle.solver, 0.0, 0.0)),
+    EXPECT_LT(LargestError(JointOfAll(bundle.solver, AsFactored()),
+                           DenseInverse(bundle.solver, 0.0, 0.0)),
               1e-9);
     bundle.Grow(3, 0, 1);
     ASSERT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
-    EXPECT_LT(LargestError(JointOfAll(bundle.solver, {}), DenseInverse(bundle.solver, 0.0, 0.0)),
+    EXPECT_LT(LargestError(JointOfAll(bundle.solver, AsFactored()),
+                           DenseInverse(bundle.solver, 0.0, 0.0)),
               1e-9);
     EXPECT_LT(
         LargestError(JointOfAll(bundle.solver, Exact()), DenseInverse(bundle.solver, 0.0, 0.0)),
@@ -129,7 +136,8 @@ TEST(LiveCovariance, OfLandmarksToo) {
   EXPECT_GE(lambda, 1e-6);
   EXPECT_EQ(covariance.staleness.num_stale_factors, 0);
   EXPECT_GT(covariance.staleness.largest_pending_step, 0.0);  // less than was worth a step
-  EXPECT_LT(LargestError(JointOfAll(bundle.solver, {}), DenseInverse(bundle.solver, 0.0, lambda)),
+  EXPECT_LT(LargestError(JointOfAll(bundle.solver, AsFactored()),
+                         DenseInverse(bundle.solver, 0.0, lambda)),
             1e-9);
   EXPECT_LT(LargestError(JointOfAll(bundle.solver, Exact()), DenseInverse(bundle.solver, 0.0, 0.0)),
             1e-9);
@@ -141,7 +149,7 @@ TEST(LiveCovariance, ABlockIsThatOfTheWhole) {
   bundle.solver.Update();
   const FactorGraph graph = AtValuesHeld(bundle.solver);
   const std::vector<VariableId> all = MovingOf(graph);
-  for (const LiveCovarianceOptions& options : {LiveCovarianceOptions(), Exact()}) {
+  for (const LiveCovarianceOptions& options : {LiveCovarianceOptions(), AsFactored(), Exact()}) {
     LiveCovariance whole, pair;
     ASSERT_TRUE(bundle.solver.Covariance(all, options, &whole).ok());
     const VariableId a = bundle.landmarks()[2], b = bundle.frames()[4];
@@ -190,6 +198,29 @@ TEST(LiveCovariance, AfterMarginalization) {
   }
 }
 
+// With the damping there usually is, edit by edit.
+TEST(LiveCovariance, WithoutDampingIsTheInverseOfTheHessian) {
+  for (const ReducedSolverKind kind :
+       {ReducedSolverKind::kAutomatic, ReducedSolverKind::kPcg, ReducedSolverKind::kDense}) {
+    IncrementalOptions options = Fresh();
+    options.min_damping = 1e-8;
+    options.initial_damping = 1e-4;
+    options.reduced_solver = kind;
+    IncrementalBundle bundle(options, 14);
+    for (int step = 0; step < 8; ++step) {
+      bundle.Grow(2, 0, 1);
+      if (step == 4) {
+        bundle.RemoveVariable(bundle.frames()[3]);
+      }
+      bundle.SetConstant(bundle.frames()[1], step % 3 == 1);
+      bundle.Apply();
+      ASSERT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
+      EXPECT_LT(LargestError(JointOfAll(bundle.solver, {}), DenseInverse(bundle.solver, 0.0, 0.0)),
+                1e-9);
+    }
+  }
+}
+
 // Old Jacobians and a step left undone: told, and exactly what it is at the values there are.
 TEST(LiveCovariance, TellsHowStaleItIs) {
   IncrementalOptions options;
@@ -201,14 +232,14 @@ TEST(LiveCovariance, TellsHowStaleItIs) {
   bundle.solver.Update();
   LiveCovariance covariance;
   const VariableId frame = bundle.frames()[2];
-  ASSERT_TRUE(bundle.solver.MarginalCovariance(frame, {}, &covariance).ok());
+  ASSERT_TRUE(bundle.solver.MarginalCovariance(frame, AsFactored(), &covariance).ok());
   EXPECT_GT(covariance.staleness.num_stale_factors, 0);
   EXPECT_GT(covariance.staleness.largest_residual_error, 0.0);
   EXPECT_GT(covariance.staleness.frame_damping, 0.0);
   EXPECT_GT(covariance.staleness.damping_error, covariance.staleness.frame_damping);
   EXPECT_LT(covariance.staleness.damping_error, 0.1);
   const MatrixXd expected = DenseInverse(bundle.solver, 0.0, 0.0);
-  EXPECT_GT(LargestError(JointOfAll(bundle.solver, {}), expected), 1e-6);
+  EXPECT_GT(LargestError(JointOfAll(bundle.solver, AsFactored()), expected), 1e-6);
   EXPECT_LT(LargestError(JointOfAll(bundle.solver, Exact()), expected), 1e-9);
 }
 
@@ -221,7 +252,7 @@ TEST(LiveCovariance, TheErrorOfTheDampingIsBounded) {
   bundle.solver.Update();
   LiveCovariance damped, exact;
   const std::vector<VariableId> all = MovingOf(AtValuesHeld(bundle.solver));
-  ASSERT_TRUE(bundle.solver.Covariance(all, {}, &damped).ok());
+  ASSERT_TRUE(bundle.solver.Covariance(all, AsFactored(), &damped).ok());
   ASSERT_TRUE(bundle.solver.Covariance(all, Exact(), &exact).ok());
   for (int i = 0; i < damped.size(); ++i) {
     const double share = 1.0 - damped(i, i) / exact(i, i);
@@ -251,7 +282,8 @@ TEST(LiveCovariance, AFreeGaugeIsAStatus) {
     }
     ASSERT_TRUE(solver.Apply(edit).ok());
     solver.Update();
-    for (const LiveCovarianceOptions& covariance_options : {LiveCovarianceOptions(), Exact()}) {
+    for (const LiveCovarianceOptions& covariance_options :
+         {LiveCovarianceOptions(), AsFactored(), Exact()}) {
       LiveCovariance covariance;
       const Status status = solver.MarginalCovariance(ids.back(), covariance_options, &covariance);
       EXPECT_EQ(status.code, StatusCode::kSingular) << size;
@@ -296,7 +328,7 @@ TEST(LiveCovariance, BadRequestsAreNamed) {
   const VariableId lonely = bundle.AddLandmark({bundle.frames()[0]});
   bundle.Apply();
   bundle.solver.Update();
-  for (const LiveCovarianceOptions& any : {LiveCovarianceOptions(), Exact()}) {
+  for (const LiveCovarianceOptions& any : {LiveCovarianceOptions(), AsFactored(), Exact()}) {
     const Status status = bundle.solver.MarginalCovariance(lonely, any, &covariance);
     EXPECT_EQ(status.code, StatusCode::kSingular);
     EXPECT_NE(status.message.find("variable " + std::to_string(lonely)), std::string::npos);
@@ -310,7 +342,10 @@ TEST(LiveCovariance, ConjugateGradientsHaveNoFactor) {
   bundle.Grow(4, 6, 3);
   bundle.solver.Update();
   LiveCovariance covariance;
-  EXPECT_EQ(bundle.solver.MarginalCovariance(0, {}, &covariance).code, StatusCode::kUnavailable);
+  for (const LiveCovarianceOptions& options_of_factor : {AsFactored(), Exact()}) {
+    EXPECT_EQ(bundle.solver.MarginalCovariance(0, options_of_factor, &covariance).code,
+              StatusCode::kUnavailable);
+  }
 }
 
 // The batch solver has ended the Update: S is formed and factored for it, and nothing else changes.
@@ -342,12 +377,12 @@ TEST(LiveCovariance, ChangesNothing) {
       bundle.Grow(2, 6, 2);
       bundle.solver.Update();
       LiveCovariance covariance;
-      for (const LiveCovarianceOptions& any : {LiveCovarianceOptions(), Exact()}) {
+      for (const LiveCovarianceOptions& any : {LiveCovarianceOptions(), AsFactored(), Exact()}) {
         if (run > 0) {
-          ASSERT_TRUE(bundle.solver
-                          .JointCovariance(bundle.frames()[1], bundle.landmarks().back(), any,
-                                           &covariance)
-                          .ok());
+          ASSERT_TRUE(
+              bundle.solver
+                  .JointCovariance(bundle.frames()[1], bundle.landmarks().back(), any, &covariance)
+                  .ok());
           variances[run].insert(variances[run].end(), covariance.values.begin(),
                                 covariance.values.end());
         }

@@ -203,15 +203,15 @@ class IncrementalReplaySolver : public ReplaySolver {
     outcome->iterations = summary.num_iterations;
   }
 
-  // Of the newest frame, and of one that came anywhere before: nanoseconds, and what share of a
-  // variance the damping may take, in parts of a billion. A step without either has no entry.
+  // Of the newest frame, and of one that came anywhere before, in nanoseconds. A step without either
+  // has no entry.
   void TakeCovariances(ReplayOutcome* outcome) {
     const FactorGraph& graph = solver_.graph();
     VariableId newest = -1;
     for (VariableId id = 0; id < graph.num_variables(); ++id) {
       newest = graph.HasVariable(id) && graph.role(id) == Role::kFrame ? id : newest;
     }
-    const auto any = static_cast<VariableId>(7919LL * newest % std::max(newest, 1));
+    const auto any = static_cast<VariableId>(7919LL * newest % (newest + 1));
     LiveCovariance covariance;
     for (const auto& [name, id] : {std::make_pair("newest", newest), std::make_pair("any", any)}) {
       Status status;
@@ -220,9 +220,6 @@ class IncrementalReplaySolver : public ReplaySolver {
       if (status.ok() && covariance.size() > 0) {
         outcome->work.emplace_back(std::string("covariance_ns_") + name,
                                    static_cast<std::int64_t>(1e9 * seconds));
-        outcome->work.emplace_back(
-            std::string("covariance_damping_ppb_") + name,
-            static_cast<std::int64_t>(1e9 * covariance.staleness.damping_error));
       }
     }
   }

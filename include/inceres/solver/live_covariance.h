@@ -9,17 +9,27 @@
 
 namespace inceres {
 
+/// Which normal equations IncrementalSolver::Covariance inverts.
+enum class CovarianceAccuracy {
+  /// S as the last Update factored it, damped, with the Jacobians it has. The cheapest; variances are
+  /// too small by up to FactorStaleness::damping_error, which in a large graph held at one end is
+  /// much.
+  kAsFactored,
+  /// S without the damping of the frames: a second factor is kept for it, clique by clique, of which
+  /// a call renews what has changed since the one before. Landmarks keep their damping, 1e-6 or more.
+  kUndamped,
+  /// The undamped normal equations at the values held now, all factors linearized anew, by conjugate
+  /// gradients with the Update's factor as preconditioner: what GraphCovariance computes.
+  kExact,
+};
+
 /// Options of IncrementalSolver::Covariance.
 struct INCERES_EXPORT LiveCovarianceOptions {
-  /// False: from the factor as the last Update left it, damped and with its Jacobians. True: the
-  /// undamped normal equations at the values held now, all factors linearized anew, by conjugate
-  /// gradients with that factor as preconditioner: what GraphCovariance computes, without a
-  /// factorization.
-  bool exact = false;
-  /// > 0, of exact: the error of a variance, relative to it. Of a covariance relative to √(Σ_ii
+  CovarianceAccuracy accuracy = CovarianceAccuracy::kUndamped;  ///< what is inverted
+  /// > 0, of kExact: the error of a variance, relative to it. Of a covariance relative to √(Σ_ii
   /// Σ_jj).
   double tolerance = 1e-10;
-  int max_iterations = 200;  ///< ≥ 1, of exact: for each column
+  int max_iterations = 200;  ///< ≥ 1, of kExact: for each column
 
   /// What is wrong with these options, the first culprit named.
   Status Validate() const;
@@ -40,16 +50,17 @@ struct INCERES_EXPORT FactorStaleness {
   /// Largest entry of the step that the last Update saw and did not take, of the variables
   /// concerned, in the units of their tangent spaces.
   double largest_pending_step = 0.0;
-  /// μ: diag(C) of the frames is increased by this share.
+  /// μ: diag(C) of the frames is increased by this share; 0 of kUndamped.
   double frame_damping = 0.0;
   /// The largest share by which the diagonal of P was increased, of the landmarks concerned and of
   /// those that frames concerned see.
   double landmark_damping = 0.0;
   /// By which share the frames' damping lowers a variance at most: μ / (λ + μ), with λ the smallest
   /// eigenvalue of D^−½ S D^−½, D = diag(C), by inverse iteration. λ is sought again when something
-  /// was taken out of the graph or changed, and when the graph has grown by a tenth.
+  /// was taken out of the graph or changed, and when the graph has grown by a tenth. 0 of kUndamped.
   double damping_error = 0.0;
-  int num_iterations = 0;  ///< of exact: conjugate gradients, of all columns together
+  int num_iterations = 0;       ///< of kExact: conjugate gradients, of all columns together
+  int num_factored_frames = 0;  ///< of kUndamped: whose columns were factored anew for this call
 };
 
 /// The joint covariance of a few variables, in their tangent spaces.
@@ -57,7 +68,7 @@ struct INCERES_EXPORT LiveCovariance {
   std::vector<VariableId> variables;  ///< as asked for
   std::vector<int> offsets;           ///< first row of each, one more: the size
   std::vector<double> values;         ///< row-major, size × size, symmetric
-  /// of the factor they were taken from; with `exact` of the preconditioner
+  /// of the factor they were taken from; with kExact of the preconditioner
   FactorStaleness staleness;
 
   /// Rows, and columns.
