@@ -20,8 +20,8 @@ class ExactCovariance {
                   const LiveFactor& factor);
 
   Status Linearize();
-  /// The joint covariance of these variables: Σ_ij = e_iᵀx_j + x_iᵀr_j with r = e − H x, whose error
-  /// is the product of those of x_i and x_j in the norm of the energy.
+  /// The joint covariance of these variables: Σ_ij = e_iᵀx_j + x_iᵀr_j with r = e − H x, whose
+  /// error is the product of those of x_i and x_j in the norm of the energy.
   Status Compute(const std::vector<VariableId>& ids, double tolerance, int max_iterations,
                  Eigen::MatrixXd* joint);
   int num_iterations() const { return num_iterations_; }

@@ -9,9 +9,9 @@
 
 namespace inceres::internal {
 
-/// A factor of S without damping, beside the one that steps are found with, for covariances: a Bayes
-/// tree of which a call of Follow renews the cliques whose blocks have changed. Nothing is done, and
-/// next to nothing held, until it is asked for.
+/// A factor of S without damping, beside the one that steps are found with, for covariances: a
+/// Bayes tree of which a call of Follow renews the cliques whose blocks have changed. Nothing is
+/// done, and next to nothing held, until it is asked for.
 class UndampedFactor {
  public:
   explicit UndampedFactor(const Executor& executor) : tree_(executor) {}

@@ -203,8 +203,8 @@ class IncrementalReplaySolver : public ReplaySolver {
     outcome->iterations = summary.num_iterations;
   }
 
-  // Of the newest frame, and of one that came anywhere before, in nanoseconds. A step without either
-  // has no entry.
+  // Of the newest frame, and of one that came anywhere before, in nanoseconds. A step without
+  // either has no entry.
   void TakeCovariances(ReplayOutcome* outcome) {
     const FactorGraph& graph = solver_.graph();
     VariableId newest = -1;

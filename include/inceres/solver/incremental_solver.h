@@ -153,18 +153,19 @@ class INCERES_EXPORT IncrementalSolver {
   /// kInvalidArgument: an id is unknown, repeated, or of a variable that no factor touches; or the
   /// graph was edited since the last Update, or that failed. kSingular names a variable that its
   /// factors do not determine, and says so where the gauge is free: then there is no covariance.
-  /// kUnavailable: of kPcg and a user's solver, which have no factor, only kUndamped is to be had; or
-  /// conjugate gradients take too long. `covariance` is then empty, but for the staleness.
+  /// kUnavailable: of kPcg and a user's solver, which have no factor, only kUndamped is to be had;
+  /// or conjugate gradients take too long. `covariance` is then empty, but for the staleness.
   ///
-  /// Cost: of the factor only the path from the variables (of a landmark: the frames that see it) to
-  /// the root of the Bayes tree, or what comes after them in the envelope. kUndamped, before that:
-  /// the cliques that have changed since it was last asked for, the first time all; afterwards it
-  /// holds the memory of a second factor. Now and then a few solves, to find a free gauge. kExact: a
-  /// linearization of the whole problem, and for each column some passes over it and solves. After an
-  /// Update that the batch solver ended by itself S is formed first, once, as the next Update would.
-  /// Threads: the calling one, as for Update, and options.num_threads for factors and large fronts;
-  /// the same bits for any number. Source: Kaess & Dellaert, "Covariance recovery from a square root
-  /// information matrix for data association", RAS 57(12), 2009; docs/incremental.md.
+  /// Cost: of the factor only the path from the variables (of a landmark: the frames that see it)
+  /// to the root of the Bayes tree, or what comes after them in the envelope. kUndamped, before
+  /// that: the cliques that have changed since it was last asked for, the first time all;
+  /// afterwards it holds the memory of a second factor. Now and then a few solves, to find a free
+  /// gauge. kExact: a linearization of the whole problem, and for each column some passes over it
+  /// and solves. After an Update that the batch solver ended by itself S is formed first, once, as
+  /// the next Update would. Threads: the calling one, as for Update, and options.num_threads for
+  /// factors and large fronts; the same bits for any number. Source: Kaess & Dellaert, "Covariance
+  /// recovery from a square root information matrix for data association", RAS 57(12), 2009;
+  /// docs/incremental.md.
   Status Covariance(const std::vector<VariableId>& ids, const LiveCovarianceOptions& options,
                     LiveCovariance* covariance) const;
   /// Of one variable.

@@ -11,15 +11,16 @@ namespace inceres {
 
 /// Which normal equations IncrementalSolver::Covariance inverts.
 enum class CovarianceAccuracy {
-  /// S as the last Update factored it, damped, with the Jacobians it has. The cheapest; variances are
-  /// too small by up to FactorStaleness::damping_error, which in a large graph held at one end is
-  /// much.
+  /// S as the last Update factored it, damped, with the Jacobians it has. The cheapest; variances
+  /// are too small by up to FactorStaleness::damping_error, which in a large graph held at one end
+  /// is much.
   kAsFactored,
-  /// S without the damping of the frames: a second factor is kept for it, clique by clique, of which
-  /// a call renews what has changed since the one before. Landmarks keep their damping, 1e-6 or more.
+  /// S without the damping of the frames: a second factor is kept for it, clique by clique, of
+  /// which a call renews what has changed since the one before. Landmarks keep their damping, 1e-6
+  /// or more.
   kUndamped,
-  /// The undamped normal equations at the values held now, all factors linearized anew, by conjugate
-  /// gradients with the Update's factor as preconditioner: what GraphCovariance computes.
+  /// The undamped normal equations at the values held now, all factors linearized anew, by
+  /// conjugate gradients with the Update's factor as preconditioner: what GraphCovariance computes.
   kExact,
 };
 
@@ -38,8 +39,8 @@ struct INCERES_EXPORT LiveCovarianceOptions {
 /// How far the factor that covariances were taken from is from the undamped normal equations of the
 /// values held now.
 struct INCERES_EXPORT FactorStaleness {
-  /// Factors of the variables concerned (of a frame those of its landmarks too) whose Jacobian is of
-  /// other values than now and may differ there.
+  /// Factors of the variables concerned (of a frame those of its landmarks too) whose Jacobian is
+  /// of other values than now and may differ there.
   int num_stale_factors = 0;
   /// Of these the largest √w ‖f − f̂‖: the error of an old linearization, in units of the residual.
   double largest_residual_error = 0.0;
@@ -57,7 +58,8 @@ struct INCERES_EXPORT FactorStaleness {
   double landmark_damping = 0.0;
   /// By which share the frames' damping lowers a variance at most: μ / (λ + μ), with λ the smallest
   /// eigenvalue of D^−½ S D^−½, D = diag(C), by inverse iteration. λ is sought again when something
-  /// was taken out of the graph or changed, and when the graph has grown by a tenth. 0 of kUndamped.
+  /// was taken out of the graph or changed, and when the graph has grown by a tenth. 0 of
+  /// kUndamped.
   double damping_error = 0.0;
   int num_iterations = 0;       ///< of kExact: conjugate gradients, of all columns together
   int num_factored_frames = 0;  ///< of kUndamped: whose columns were factored anew for this call
