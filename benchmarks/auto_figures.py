@@ -17,7 +17,7 @@ most 1e-3 for auto, and the worst of a single solve, to be seen, as each run goe
 CHOLMOD too (stock_environment.py).
 
 Needs bin/vins_window, bin/okvis_map, bin/living_problem, bin/bal_solve and libinceres_dropin.so in the build directory and the data of
-INCERES_DATA_DIR (or ../shared/data beside the repository); what needs a file that is missing is skipped by name. Exit code: 0 all as
+INCERES_DATA_DIR (or ../shared/data beside the repository); what needs a file that is missing is skipped by name. Exit code: 0 all
 within limits, 1 something is not, 2 a run could not be played.
 """
 

@@ -5,8 +5,8 @@
 
 Cubic is vio:cubic, Venice and Cathedral are the presets of bal_generate of their sizes. All solve by Dog-Leg, with one thread, with the
 same analytic factors, which stock calls as cost functions, from the same start, until Ceres's default tolerances end it. Ours is the
-core with Cholesky, the core with PCG (steps right to 1e-4), and inceres::Solve on stock's own ceres::Problem, of which nothing is
-its limit. Stock runs in both orderings of DENSE_SCHUR and SPARSE_SCHUR, its CHOLMOD on one thread too (stock_environment.py); rounds are
+core with Cholesky, the core with PCG (steps right to 1e-4), and inceres::Solve on stock's own ceres::Problem, which has
+no limit. Stock runs in both orderings of DENSE_SCHUR and SPARSE_SCHUR, its CHOLMOD on one thread too (stock_environment.py); rounds are
 interleaved, figures are medians over the rounds of whole solve calls. Leave the machine alone meanwhile. Exit code: 0 all within limits, 1 something is not, 2 a problem could not be run.
 """
 
