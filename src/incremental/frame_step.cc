@@ -1,6 +1,7 @@
 #include "incremental/frame_step.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "linear/select_solver.h"
@@ -93,6 +94,14 @@ double FrameStep::AddGain(double start) const {
     sum += 0.5 * reduced_.b()[k] * values_[k];
   }
   return sum;
+}
+
+double FrameStep::Norm() const {
+  double squared = 0.0;
+  for (const double entry : values_) {
+    squared += entry * entry;
+  }
+  return std::sqrt(squared);
 }
 
 void FrameStep::TakeOff(const std::vector<std::int32_t>& frames, IncrementalSystem* system) {

@@ -38,8 +38,9 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
       return Finish(Termination::kNoConvergence,
                     "Stopped by a limit or by request; the state is the best so far.");
     }
-    const Verdict verdict = Iterate();
-    if (verdict == Verdict::kFailed) {
+    const Verdict tolerances = JudgeTolerances();
+    const Verdict verdict = tolerances == Verdict::kGoOn ? Iterate() : tolerances;
+    if (tolerances != Verdict::kGoOn || verdict == Verdict::kFailed) {
       return;  // with the reason in the summary
     }
     if (verdict == Verdict::kConverged) {
@@ -357,6 +358,7 @@ void IncrementalMinimizer::Accept(double gain_ratio) {
   AcceptStep();
   const bool shortened = trace_->row().shortened;
   control_.Accept(gain_ratio, shortened);
+  state_.whole_step = shortened ? -1.0 : std::hypot(trace_->row().step_norm, frame_step_.Norm());
   stop_.StepTaken(shortened ? 0.0 : summary_->remaining_decrease, gain_ratio);
   relinearization_.Forgive();
   state_.frames_moved = true;

@@ -48,6 +48,7 @@ class IncrementalMinimizer {
     bool mostly_new = false;
     Shares shares;
     bool frames_moved = false;  // since landmarks last stepped by themselves: the frames go first
+    double whole_step = -1.0;   // norm of the last step and of what it left out; < 0: none counts
     int num_landmark_refinements = 0;  // still allowed before the next step of the frames
   };
 
@@ -73,6 +74,12 @@ class IncrementalMinimizer {
   void AcceptStep();
   void Accept(double gain_ratio);
   Verdict Retreat(bool refreshed);
+  /// Whether the gradient or the last step is as small as the options ask for (tolerances.cc).
+  Verdict JudgeTolerances();
+  Verdict JudgeGradient();
+  bool IsLastStepShort();
+  bool MarkOld();
+  double GradientMaxNorm() const;
   double Tolerance() const { return stop_.Tolerance(system_.cost()); }
 
   bool TakesNewFrameSteps();

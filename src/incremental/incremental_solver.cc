@@ -169,6 +169,8 @@ void IncrementalSolver::Impl::Restart() {
 
 void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
   converged_ = converged_ && options.function_tolerance >= options_.function_tolerance &&
+               options.gradient_tolerance >= options_.gradient_tolerance &&
+               options.parameter_tolerance >= options_.parameter_tolerance &&
                options.fixed_cost <= options_.fixed_cost;
   IncrementalOptions taken = options;
   taken.num_threads = options_.num_threads;

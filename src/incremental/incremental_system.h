@@ -134,6 +134,7 @@ class IncrementalSystem {
   /// over the frames, or over the landmarks where no frame can move.
   double RoundingOfCost() const;
   int num_factors() const { return num_factors_; }
+  const FactorGraph& graph() const { return graph_; }
   const VariableStore& variables() const { return variables_; }
   /// The variable's row of S, or its number among the landmarks, or -1.
   int FrameOf(VariableId id) const { return frame_of_[id]; }
