@@ -17,8 +17,8 @@ most 1e-3 for auto, and the worst of a single solve, to be seen, as each run goe
 CHOLMOD too (stock_environment.py).
 
 Needs bin/vins_window, bin/okvis_map, bin/living_problem, bin/bal_solve and libinceres_dropin.so in the build directory and the data of
-INCERES_DATA_DIR (or ../shared/data beside the repository); what needs a file that is missing is skipped by name. Exit code: 0 all as
-asked, 1 something is not, 2 a run could not be played.
+INCERES_DATA_DIR (or ../shared/data beside the repository); what needs a file that is missing is skipped by name. Exit code: 0 all
+within limits, 1 something is not, 2 a run could not be played.
 """
 
 import argparse
@@ -149,7 +149,7 @@ def measure_times(player, command, repetitions):
 
 
 def print_figure(measured, stock, times):
-    """Prints a table; True if auto is as asked."""
+    """Prints a table; True if auto is within its limit."""
     values, ratio, reports, notes = measured
     limit = MOST_TIME if times else MOST_INSTRUCTIONS
     what = ("seconds in ceres::Solve", "least to most") if times else ("million instructions in ceres::Solve", "of the user's functions")
@@ -162,9 +162,9 @@ def print_figure(measured, stock, times):
         print(f"| {mode} | {scale * values[mode]:.5g} | {notes[mode]} | {excess[mode]:+.1e} "
               f"| {'' if worst is None else f'{worst:+.1e}'} |", flush=True)
     fine = ratio <= limit and excess["auto"] <= MOST_EXCESS
-    verdict = "as asked" if fine else "**another cost**" if ratio <= limit else "**too much**"
+    verdict = "within it" if fine else "**another cost**" if ratio <= limit else "**too much**"
     better = min(("exact", "incremental"), key=values.get)
-    print(f"\nauto / {better}: **{ratio:.3f}**, asked for at most {limit:g}: {verdict}", flush=True)
+    print(f"\nauto / {better}: **{ratio:.3f}**, limit {limit:g}: {verdict}", flush=True)
     return fine
 
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Runs the sliding-window estimators bare and with the drop-in preloaded and prints each ratio beside what is asked of it.
+"""Runs the sliding-window estimators bare and with the drop-in preloaded and prints each ratio beside its limit.
 
     benchmarks/drop_in_figures.py [--build build] [--repetitions 11] [--only TEXT] [--frames 300] [--keep FOLDER]
 
 Needs bin/vins_window, bin/okvis_map and libinceres_dropin.so in the build directory. Bare runs are played in every configuration
 of stock Ceres (both orderings, DENSE_SCHUR and SPARSE_SCHUR); the fastest counts. Configurations and drop-in take turns, one run
 each per repetition; a figure is the median over the repetitions of the run's median solve call, set-up included. All solves are
-on one thread, stock's CHOLMOD too (stock_environment.py). Leave the machine alone meanwhile. Exit code: 0 all ratios as asked and
+on one thread, stock's CHOLMOD too (stock_environment.py). Leave the machine alone meanwhile. Exit code: 0 all ratios within their limits and
 final costs stock's, 1 one is not, 2 a run could not be played.
 """
 
@@ -28,7 +28,7 @@ STOCK = {f"{linear_solver.upper()}, {ordering}": ["--linear_solver", linear_solv
 MODES = ("exact", "incremental")
 COST_DIFFERENCE = 1e-3  # of the sums of final costs, at most: each solve starts where the one before ended, so that rounding grows
 
-# What is played: program, flags, and the largest ratio asked for by mode (None: to be seen).
+# What is played: program, flags, and the largest ratio by mode (None: to be seen).
 VINS = {"exact": 0.30, "incremental": 0.25}
 OKVIS = {"exact": None, "incremental": 0.25}
 SEEN = {"exact": None, "incremental": None}
@@ -69,20 +69,20 @@ def median_ms(reports):
     return statistics.median(report["solve_ms"]["median"] for report in reports)
 
 
-def print_figure(reports, asked):
-    """Prints a table; True if every ratio is as asked."""
+def print_figure(reports, limits):
+    """Prints a table; True if every ratio is within its limit."""
     fastest = min(STOCK, key=lambda name: median_ms(reports[name]))
     stock_ms = median_ms(reports[fastest])
     fine = True
-    print("| solves | median ms | ratio | asked for | as asked | trajectory error, m | sum of final costs |\n|---|---|---|---|---|---|---|")
+    print("| solves | median ms | ratio | limit | within it | trajectory error, m | sum of final costs |\n|---|---|---|---|---|---|---|")
     for name, runs in reports.items():
         ratio = median_ms(runs) / stock_ms
-        limit = asked.get(name)
+        limit = limits.get(name)
         same_cost = abs(runs[0]["final_cost_sum"] / reports[fastest][0]["final_cost_sum"] - 1.0) <= COST_DIFFERENCE
-        as_asked = same_cost and (limit is None or ratio <= limit)
-        fine = fine and as_asked
+        is_within = same_cost and (limit is None or ratio <= limit)
+        fine = fine and is_within
         shown = f"**{name}**" if name == fastest else f"drop-in, {name}" if name in MODES else name
-        verdict = "**no**, another cost" if not same_cost else "" if limit is None else "yes" if as_asked else "**no**"
+        verdict = "**no**, another cost" if not same_cost else "" if limit is None else "yes" if is_within else "**no**"
         print(f"| {shown} | {median_ms(runs):.3g} | {ratio:.3f} | {'' if limit is None else f'at most {limit:g}'} | {verdict} "
               f"| {runs[0]['ate_m']:.5f} | {runs[0]['final_cost_sum']:.9g} |", flush=True)
     return fine
@@ -109,7 +109,7 @@ def main():
     try:
         dropin = find_dropin(arguments.build)
         with tempfile.TemporaryDirectory() as temporary:
-            for number, (name, program, flags, asked) in enumerate(FIGURES):
+            for number, (name, program, flags, limits) in enumerate(FIGURES):
                 if arguments.only not in name:
                     continue
                 command_flags = [*flags, "--frames", arguments.frames]
@@ -117,7 +117,7 @@ def main():
                                    pathlib.Path(temporary) / "report.json")
                 played += 1
                 print(f"\n{name}: {arguments.frames} frames, {arguments.repetitions} repetitions\n")
-                fine = print_figure(reports, asked) and fine
+                fine = print_figure(reports, limits) and fine
                 if arguments.keep is not None:
                     arguments.keep.mkdir(parents=True, exist_ok=True)
                     (arguments.keep / f"drop-in-{number}.json").write_text(json.dumps(reports, indent=1), encoding="utf-8")

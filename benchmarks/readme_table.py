@@ -72,17 +72,17 @@ def cells_of(ours, stock, configuration, ratio, limit, last):
             "-" if limit is None else f"{limit:.2f}", last]
 
 
-def verdict(limit, as_asked):
-    return "**no**" if not as_asked else "" if limit is None else "yes"
+def verdict(limit, is_within):
+    return "**no**" if not is_within else "" if limit is None else "yes"
 
 
 def judge(report, limit):
-    """The cells of a row after its text, and whether all is as asked."""
+    """The cells of a row after its text, and whether all is within its limits."""
     ours, stock = contenders(report)
     ratio, excess = report["ratio_to_best_stock"]["median"], report["relative_cost_difference"]
-    as_asked = (limit is None or ratio <= limit) and excess <= COST_EXCESS
+    is_within = (limit is None or ratio <= limit) and excess <= COST_EXCESS
     cells = cells_of(ours["seconds"]["median"], stock["seconds"]["median"], stock["configuration"], ratio, limit, f"{excess:.0e}")
-    return [*cells, verdict(limit, as_asked)], as_asked
+    return [*cells, verdict(limit, is_within)], is_within
 
 
 def seconds_in(run, stages):
@@ -93,9 +93,9 @@ def judge_linear_step(report, limit):
     """As judge, of the linear step alone: of medians, as a round's are a few milliseconds an iteration."""
     ours, stock = contenders(report)
     ratio = seconds_in(ours, LINEAR_STEP) / seconds_in(stock, LINEAR_STEP)
-    as_asked = ratio <= limit
+    is_within = ratio <= limit
     cells = cells_of(seconds_in(ours, LINEAR_STEP), seconds_in(stock, LINEAR_STEP), stock["configuration"], ratio, limit, "")
-    return [*cells, verdict(limit, as_asked)], as_asked
+    return [*cells, verdict(limit, is_within)], is_within
 
 
 def parts(report):

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Plays the replays that the incremental solver is judged by and prints each figure beside what is asked of it.
+"""Plays the replays that the incremental solver is judged by and prints each figure beside its limit.
 
     benchmarks/replay_figures.py [--build build] [--only TEXT] [--keep FOLDER] [--nooptimum]
 
 Needs bin/replay in the build directory and the data of INCERES_DATA_DIR (or ../shared/data beside the repository); a replay whose
 file is missing is skipped by name. One thread, stock's CHOLMOD too (stock_environment.py). Leave the machine alone meanwhile. Exit
-code: 0 all figures as asked, 1 one is not, 2 a replay could not be played.
+code: 0 all figures within their limits, 1 one is not, 2 a replay could not be played.
 """
 
 import argparse
@@ -59,7 +59,7 @@ IN_EXCESS = ("steps above it", num_in_excess, 0)
 GROWING = [(*MEDIAN, None), (*TOTAL, None), ("worst step that closes a loop, ours / stock", at("worst_loop_ratio"), None), (*OUR_MEDIAN, None),
            EXCESS, IN_EXCESS, FAILED]
 
-# What is played, the flags, and the figures: what it is, how to find it in the report, the largest value asked for (None: to be seen).
+# What is played, the flags, and the figures: what it is, how to find it in the report, the largest value (None: to be seen).
 REPLAYS = [
     ("Ladybug-49, intrinsics held", LADYBUG, [], [(*MEDIAN, 0.10), (*TOTAL, 0.20), EXCESS, IN_EXCESS, FAILED]),
     ("Ladybug-49, free intrinsics", LADYBUG, ["--free_intrinsics"],
@@ -96,12 +96,12 @@ def play(build, problem, flags, report):
     return json.loads(report.read_text(encoding="utf-8"))
 
 
-def print_figure(text, value, asked):
-    """Prints the row; True if the figure is as asked, or nothing is asked."""
-    fine = asked is None or (value is not None and value <= asked)
+def print_figure(text, value, largest):
+    """Prints the row; True if the figure is within its limit, or has none."""
+    fine = largest is None or (value is not None and value <= largest)
     shown = "not measured" if value is None else f"{value:.3g}"
-    limit = "" if asked is None else f"at most {asked:g}"
-    verdict = "" if asked is None else "yes" if fine else "**no**"
+    limit = "" if largest is None else f"at most {largest:g}"
+    verdict = "" if largest is None else "yes" if fine else "**no**"
     print(f"| {text} | {shown} | {limit} | {verdict} |", flush=True)
     return fine
 
@@ -134,9 +134,9 @@ def main():
                 return 2
             played += 1
             print(f"\n{name}: {report['steps']} steps\nours: {report['ours']}\nstock: {report['stock'] or 'not played'}\n")
-            print("| figure | measured | asked for | as asked |\n|---|---|---|---|")
-            for text, value_of, asked in figures:
-                fine = print_figure(text, value_of(report), asked) and fine
+            print("| figure | measured | limit | within it |\n|---|---|---|---|")
+            for text, value_of, largest in figures:
+                fine = print_figure(text, value_of(report), largest) and fine
     return (0 if fine else 1) if played > 0 else 2
 
 

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Measures the three problems of the thesis's table, ours against stock Ceres, and prints each ratio beside what is asked of it.
+"""Measures the three problems of the thesis's table, ours against stock Ceres, and prints each ratio beside its limit.
 
     benchmarks/thesis_table.py [--build build] [--repeats 11] [--only TEXT] [--keep FOLDER]
 
 Cubic is vio:cubic, Venice and Cathedral are the presets of bal_generate of their sizes. All solve by Dog-Leg, with one thread, with the
 same analytic factors, which stock calls as cost functions, from the same start, until Ceres's default tolerances end it. Ours is the
-core with Cholesky, the core with PCG (steps right to 1e-4), and inceres::Solve on stock's own ceres::Problem, of which nothing is
-asked. Stock runs in both orderings of DENSE_SCHUR and SPARSE_SCHUR, its CHOLMOD on one thread too (stock_environment.py); rounds are
-interleaved, figures are medians over the rounds of whole solve calls. Leave the machine alone meanwhile. Exit code: 0 all as asked, 1 something is not, 2 a problem could not be run.
+core with Cholesky, the core with PCG (steps right to 1e-4), and inceres::Solve on stock's own ceres::Problem, which has
+no limit. Stock runs in both orderings of DENSE_SCHUR and SPARSE_SCHUR, its CHOLMOD on one thread too (stock_environment.py); rounds are
+interleaved, figures are medians over the rounds of whole solve calls. Leave the machine alone meanwhile. Exit code: 0 all within limits, 1 something is not, 2 a problem could not be run.
 """
 
 import argparse
@@ -24,13 +24,13 @@ SPARSE = ("sparse_schur", "sparse_schur_points_first")
 STOCK = ("dense_schur", "dense_schur_points_first", *SPARSE)
 COST_EXCESS = 1e-6  # relative, at most
 
-# Name, preset of bal_generate (None: vio:cubic), largest ratio asked to the faster SPARSE_SCHUR and to the fastest stock of all.
+# Name, preset of bal_generate (None: vio:cubic), largest ratio to the faster SPARSE_SCHUR and to the fastest stock of all.
 PROBLEMS = [
     ("Cubic", None, 0.50, 0.60),
     ("Venice", "venice11", 0.45, 0.50),
     ("Cathedral", "cathedral", 0.45, 0.50),
 ]
-# Name, flags, whether anything is asked of it.
+# Name, flags, whether it has limits.
 SOLVERS = [
     ("Cholesky", ["--builtin_factors"], True),
     ("PCG", ["--builtin_factors", "--linear_solver", "lagged_pcg"], True),
@@ -62,7 +62,7 @@ def measure(binaries, problem, flags, repeats, folder):
 
 
 def judge(report, sparse_limit, fastest_limit):
-    """The cells of a row after the solver's name, and whether all is as asked. Limits are None where nothing is."""
+    """The cells of a row after the solver's name, and whether all is within limits. Limits are None where nothing is."""
     ours = next(entry for entry in report["runs"] if entry["solver"] == "inceres")
     stock = [entry for entry in report["runs"] if entry["solver"] == "ceres"]
     median = lambda entry: entry["seconds"]["median"]
@@ -92,17 +92,17 @@ def main():
     chosen = [problem for problem in PROBLEMS if arguments.only in problem[0]]
     if not chosen:
         parser.error(f"--only {arguments.only}: there are {', '.join(problem[0] for problem in PROBLEMS)}")
-    print("| problem | ours | ms | SPARSE_SCHUR ms | ratio | asked | fastest stock ms | ratio | asked | iterations | stock's | cost excess "
-          "| as asked |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|", flush=True)
+    print("| problem | ours | ms | SPARSE_SCHUR ms | ratio | at most | fastest stock ms | ratio | at most | iterations | stock's | cost excess "
+          "| within limits |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|", flush=True)
     all_fine = True
     try:
         with tempfile.TemporaryDirectory() as temporary:
             folder = pathlib.Path(temporary)
             for name, preset, sparse_limit, fastest_limit in chosen:
                 problem = problem_flags(arguments.build / "bin", preset, folder)
-                for number, (solver, flags, asked) in enumerate(SOLVERS):
+                for number, (solver, flags, is_limited) in enumerate(SOLVERS):
                     report = measure(arguments.build / "bin", problem, flags, arguments.repeats, folder)
-                    cells, fine = judge(report, *((sparse_limit, fastest_limit) if asked else (None, None)))
+                    cells, fine = judge(report, *((sparse_limit, fastest_limit) if is_limited else (None, None)))
                     all_fine = all_fine and fine
                     print(f"| {name} | {solver} | {' | '.join(cells)} |", flush=True)
                     if arguments.keep is not None:

@@ -41,6 +41,11 @@ DEFINE_bool(stock, true,
 DEFINE_bool(gnc, false,
             "g2o only, with --mode incremental --nostock: find wrong loops by graduated "
             "non-convexity on the graph that lives on (LivingGnc); the last line tells how many.");
+DEFINE_bool(covariance, false,
+            "With --mode incremental, without --gnc: after each step take the marginal covariance "
+            "of the newest frame and of another from the live factor; the JSON report has the "
+            "nanoseconds of each (covariance_ns_newest, covariance_ns_any), which the step's time "
+            "leaves out.");
 DEFINE_bool(flat, false,
             "Also compare the cost of a step around step 200 with that of the last hundred steps.");
 DEFINE_int32(steps, 0, "Stop after this many steps; 0: play all.");
@@ -127,6 +132,9 @@ Status CheckFlags() {
   if (FLAGS_gnc && (FLAGS_mode != "incremental" || FLAGS_stock || FindOptimum())) {
     return Invalid("--gnc: needs --mode incremental and --nostock: its weights are its own");
   }
+  if (FLAGS_covariance && (FLAGS_mode != "incremental" || FLAGS_gnc)) {
+    return Invalid("--covariance: needs --mode incremental, and not --gnc");
+  }
   if (FLAGS_gnc && FLAGS_problem.compare(0, 4, "g2o:") != 0) {
     return Invalid("--gnc is for g2o: problems only");
   }
@@ -156,6 +164,7 @@ ReplaySettings Settings(const ReplayScript& script) {
   settings.gradient_tolerance = FLAGS_gradient_tolerance;
   settings.parameter_tolerance = FLAGS_parameter_tolerance;
   settings.gnc = FLAGS_gnc;
+  settings.covariance = FLAGS_covariance;
   return settings;
 }
 

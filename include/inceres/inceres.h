@@ -52,6 +52,7 @@
 #include "inceres/solver/incremental_options.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/linear_prior.h"
+#include "inceres/solver/live_covariance.h"
 #include "inceres/solver/marginalization.h"
 #include "inceres/solver/options.h"
 #include "inceres/solver/solver.h"

@@ -182,6 +182,8 @@ Table<IncrementalOptions> MakeIncrementalTable() {
       .Add("max_solver_time_in_seconds", &O::max_solver_time_in_seconds)
       .Add("max_factor_evaluations", &O::max_factor_evaluations)
       .Add("function_tolerance", &O::function_tolerance)
+      .Add("gradient_tolerance", &O::gradient_tolerance)
+      .Add("parameter_tolerance", &O::parameter_tolerance)
       .Add("fixed_cost", &O::fixed_cost)
       .Add("min_relative_decrease", &O::min_relative_decrease)
       .Add("initial_damping", &O::initial_damping)

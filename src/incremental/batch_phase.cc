@@ -331,8 +331,8 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
     batch.function_tolerance *=
         end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
   }
-  // a few points run off in bundle adjustment, and against them every step is short
-  batch.parameter_tolerance = 0.0;
+  batch.gradient_tolerance = std::max(batch.gradient_tolerance, options.gradient_tolerance);
+  batch.parameter_tolerance = options.parameter_tolerance;
   batch.min_relative_decrease = options.min_relative_decrease;
   batch.refine_landmarks = !only && options.max_landmark_refinements > 0;
   batch.reduce_curvature_of_losses = !only;

@@ -1,6 +1,7 @@
 #include "incremental/frame_step.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "linear/select_solver.h"
@@ -56,7 +57,18 @@ Status FrameStep::Solve(DampingForm form, double mu, double wildfire, Incrementa
   return solved;
 }
 
+Status FrameStep::FactorizeOnly(DampingForm form, double mu, IncrementalSchur* schur) {
+  if (solver_ == nullptr || schur->size() == 0) {
+    return Status::Ok();
+  }
+  Refresh(form, mu, schur);
+  values_.resize(schur->size(), 0.0);
+  schur->changes().TakeUnfactored(&changed_rows_);
+  return Factorize(*schur);
+}
+
 Status FrameStep::Factorize(const IncrementalSchur& schur) {
+  has_factor_ = false;
   const ReducedMatrix A(schur.S(), reduced_.damping().data(), reduced_.constant().data());
   if (analyzed_version_ != schur.S().version()) {
     const Status analyzed = solver_->Analyze(A);
@@ -70,7 +82,10 @@ Status FrameStep::Factorize(const IncrementalSchur& schur) {
   if (std::exchange(all_changed_, false)) {
     changed = {};
   }
-  return solver_->Factorize(A, changed);
+  const Status factored = solver_->Factorize(A, changed);
+  has_factor_ = factored.ok();
+  factored_mu_ = reduced_.mu();
+  return factored;
 }
 
 double FrameStep::AddGain(double start) const {
@@ -79,6 +94,14 @@ double FrameStep::AddGain(double start) const {
     sum += 0.5 * reduced_.b()[k] * values_[k];
   }
   return sum;
+}
+
+double FrameStep::Norm() const {
+  double squared = 0.0;
+  for (const double entry : values_) {
+    squared += entry * entry;
+  }
+  return std::sqrt(squared);
 }
 
 void FrameStep::TakeOff(const std::vector<std::int32_t>& frames, IncrementalSystem* system) {

@@ -28,8 +28,20 @@ class FrameStep {
   }
   /// ½ bᵀδ, added to `start`.
   double AddGain(double start) const;
+  /// ‖δ_c‖ of the step that is still to take.
+  double Norm() const;
   /// What was applied of these frames' steps is no longer part of the step still to take.
   void TakeOff(const std::vector<std::int32_t>& frames, IncrementalSystem* system);
+
+  /// Follows S and b and factors, where Solve would: for those who want the factor, not a step.
+  Status FactorizeOnly(DampingForm form, double mu, IncrementalSchur* schur);
+  /// Whether the last factorization has given a factor, of rows and blocks that S still has.
+  bool HasFactorOf(const IncrementalSchur& schur) const {
+    return has_factor_ && analyzed_version_ == schur.S().version();
+  }
+  /// That the last factorization had.
+  double factored_mu() const { return factored_mu_; }
+  ReducedSolver* solver() const { return solver_.get(); }
 
   const ReducedVectors& reduced() const { return reduced_; }
   const std::vector<double>& values() const { return values_; }
@@ -46,6 +58,8 @@ class FrameStep {
   std::unique_ptr<ReducedSolver> solver_;  // null: a user's factory made none
   ReducedSolver::Work work_;
   ReducedVectors reduced_;
+  bool has_factor_ = false;
+  double factored_mu_ = 0.0;
   bool all_changed_ = false;            // since S was factored: μ or its form is another
   std::int64_t analyzed_version_ = -1;  // of S's pattern
   std::vector<double> values_;          // packed by block rows

@@ -38,8 +38,9 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
       return Finish(Termination::kNoConvergence,
                     "Stopped by a limit or by request; the state is the best so far.");
     }
-    const Verdict verdict = Iterate();
-    if (verdict == Verdict::kFailed) {
+    const Verdict tolerances = JudgeTolerances();
+    const Verdict verdict = tolerances == Verdict::kGoOn ? Iterate() : tolerances;
+    if (tolerances != Verdict::kGoOn || verdict == Verdict::kFailed) {
       return;  // with the reason in the summary
     }
     if (verdict == Verdict::kConverged) {
@@ -174,6 +175,16 @@ bool IncrementalMinimizer::StepLandmarks() {
     system_.step().End();
   }
   return moved;
+}
+
+Status IncrementalMinimizer::FactorizeAnew() {
+  const double damping =
+      options_.damping == DampingForm::kThesis ? 0.0 : tuning_.landmarks.min_damping;
+  RelinearizeWork work;
+  const Status linearized = system_.Relinearize(damping, RuleOf(options_.rebuild), &work);
+  return linearized.ok()
+             ? frame_step_.FactorizeOnly(options_.damping, options_.min_damping, &system_.schur())
+             : linearized;
 }
 
 // What a change of a frame's step must be worth to be noticed.
@@ -362,6 +373,7 @@ void IncrementalMinimizer::Accept(double gain_ratio) {
   AcceptStep();
   const bool shortened = trace_->row().shortened;
   control_.Accept(gain_ratio, shortened);
+  state_.whole_step = shortened ? -1.0 : std::hypot(trace_->row().step_norm, frame_step_.Norm());
   stop_.StepTaken(shortened ? 0.0 : summary_->remaining_decrease, gain_ratio);
   relinearization_.Forgive();
   state_.frames_moved = true;

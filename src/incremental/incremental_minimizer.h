@@ -36,6 +36,11 @@ class IncrementalMinimizer {
   /// where half a step leads elsewhere than a whole one; all of it moves.
   void Minimize(bool mostly_new, const std::atomic<bool>& stop, UpdateTrace* trace);
 
+  /// Where the batch solver was the last to move: linearizes everything and factors S, with the
+  /// least damping.
+  Status FactorizeAnew();
+  FrameStep& frame_step() { return frame_step_; }
+
  private:
   enum class Verdict { kGoOn, kConverged, kStuck, kFailed };
   // Of the Update under way.
@@ -44,6 +49,7 @@ class IncrementalMinimizer {
     Shares shares;
     bool landmarks_freed = false;  // since the last step
     bool frames_moved = false;  // since landmarks last stepped by themselves: the frames go first
+    double whole_step = -1.0;   // norm of the last step and of what it left out; < 0: none counts
     int num_landmark_refinements = 0;  // still allowed before the next step of the frames
   };
 
@@ -70,6 +76,12 @@ class IncrementalMinimizer {
   void AcceptStep();
   void Accept(double gain_ratio);
   Verdict Retreat(bool refreshed);
+  /// Whether the gradient or the last step is as small as the options ask for (tolerances.cc).
+  Verdict JudgeTolerances();
+  Verdict JudgeGradient();
+  bool IsLastStepShort();
+  bool MarkOld();
+  double GradientMaxNorm() const;
   double Tolerance() const { return stop_.Tolerance(system_.cost()); }
 
   bool TakesNewFrameSteps();

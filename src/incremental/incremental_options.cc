@@ -22,6 +22,12 @@ Status IncrementalOptions::Validate() const {
   if (!(function_tolerance >= 0.0)) {
     return fail("function_tolerance", function_tolerance, ">= 0");
   }
+  if (!(gradient_tolerance >= 0.0)) {
+    return fail("gradient_tolerance", gradient_tolerance, ">= 0");
+  }
+  if (!(parameter_tolerance >= 0.0)) {
+    return fail("parameter_tolerance", parameter_tolerance, ">= 0");
+  }
   if (!(fixed_cost >= 0.0)) {
     return fail("fixed_cost", fixed_cost, ">= 0");
   }

@@ -119,6 +119,7 @@ class IncrementalSchur {
 
   /// What has changed of S and b, held frames included, for those who follow them.
   RowChanges& changes() { return changes_; }
+  const RowChanges& changes() const { return changes_; }
   /// Block products of all landmark contributions in S.
   std::int64_t NumPairs() const { return num_pairs_; }
   std::int64_t Bytes() const;

@@ -10,6 +10,7 @@
 #include "incremental/cached_rows.h"
 #include "incremental/incremental_minimizer.h"
 #include "incremental/latest_value.h"
+#include "incremental/live_covariance.h"
 #include "incremental/shares.h"
 #include "incremental/tuning.h"
 #include "incremental/update_listeners.h"
@@ -35,6 +36,13 @@ void Clear(UpdateSummary* summary) {
   *summary = std::move(cleared);
 }
 
+// What is added takes nothing from what others know.
+bool OnlyAdds(const GraphEdit& edit) {
+  return edit.removed_variables().empty() && edit.removed_factors().empty() &&
+         edit.losses().empty() && edit.measurements().empty() && edit.constants().empty() &&
+         edit.new_values().empty() && edit.pins().empty();
+}
+
 }  // namespace
 
 class IncrementalSolver::Impl {
@@ -47,6 +55,8 @@ class IncrementalSolver::Impl {
                                      const MarginalizationOptions& options);
   void Update(UpdateSummary* summary, UpdateObserver* observer);
   ReducedStructure Structure();
+  Status Covariance(const std::vector<VariableId>& ids, const LiveCovarianceOptions& options,
+                    LiveCovariance* covariance);
   void PublishSnapshot(Termination termination);
   bool ReadSnapshot(ValueSnapshot* snapshot);
   double cost() const { return cost_; }
@@ -69,6 +79,7 @@ class IncrementalSolver::Impl {
   void Minimize(UpdateTrace* trace);
   bool SolveInBatch(UpdateTrace* trace);
   void PutBackStart();
+  Status FactorizeAnew();
 
   IncrementalOptions options_;
   const internal::Tuning tuning_ = internal::TuningOfNewSolvers();
@@ -81,6 +92,10 @@ class IncrementalSolver::Impl {
   // what converged was the batch solver, with a trust region so small that the next may go on
   bool held_back_ = false;
   bool begun_ = false;  // an Update was made
+  // since the last Update that did not fail; there is none
+  bool edited_ = true;
+  internal::WeakestDirection weakest_;
+  std::unique_ptr<internal::UndampedFactor> undamped_;  // of the system that lives
   // the batch solver was the last to move, and there was no incremental system
   bool in_batch_ = false;
   int num_waiting_ = 0;  // factors dirty only because the batch solver was the last to move
@@ -134,6 +149,7 @@ void IncrementalSolver::Impl::Form() {
 // A new system from the values held now: nothing cached survives.
 void IncrementalSolver::Impl::Restart() {
   TakeValues();
+  undamped_ = nullptr;
   live = std::make_unique<IncrementalSystem>(graph, options_.num_threads, tuning_);
   minimizer_ = std::make_unique<IncrementalMinimizer>(options_, tuning_, live.get());
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
@@ -153,6 +169,8 @@ void IncrementalSolver::Impl::Restart() {
 
 void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
   converged_ = converged_ && options.function_tolerance >= options_.function_tolerance &&
+               options.gradient_tolerance >= options_.gradient_tolerance &&
+               options.parameter_tolerance >= options_.parameter_tolerance &&
                options.fixed_cost <= options_.fixed_cost;
   IncrementalOptions taken = options;
   taken.num_threads = options_.num_threads;
@@ -172,7 +190,11 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   } else if (status.ok()) {
     status = graph.Apply(edit);
   }
-  converged_ = converged_ && (edit.empty() || !status.ok());
+  if (!edit.empty() && status.ok()) {
+    converged_ = false;
+    edited_ = true;
+    weakest_.is_known = weakest_.is_known && OnlyAdds(edit);
+  }
   return status;
 }
 
@@ -218,6 +240,7 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   if (live->NumDirtyFactors() == graph.num_factors()) {
     live->TakeValues();
   } else {
+    undamped_ = nullptr;
     live.reset();
     Restart();
   }
@@ -229,7 +252,9 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
 // them.
 void IncrementalSolver::Impl::PutBackStart() {
   graph.mutable_state() = start_state_;
+  undamped_ = nullptr;
   live.reset();
+  edited_ = true;
   in_batch_ = false;
 }
 
@@ -261,6 +286,8 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
       cost_ = summary->initial_cost;
       PutBackStart();
     }
+    edited_ = summary->termination == Termination::kFailure ||
+              summary->termination == Termination::kUserFailure;
     summary->bytes = live != nullptr ? live->Bytes() + minimizer_->Bytes() : 0;
   }
   stop = false;  // it was for this Update, whatever came of it
@@ -318,6 +345,42 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
     cost_ = failed_at_once ? cost_ : live->cost();  // what could not be evaluated has no cost
     num_waiting_ = 0;
   }
+}
+
+// Where the batch solver was the last to move, or no step was asked for since S has other rows.
+Status IncrementalSolver::Impl::FactorizeAnew() {
+  Form();
+  const Status status = minimizer_->FactorizeAnew();
+  if (!status.ok() && status.code != StatusCode::kSingular) {
+    Restart();
+  }
+  num_waiting_ = live->NumDirtyFactors();
+  return status;
+}
+
+Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
+                                           const LiveCovarianceOptions& options,
+                                           LiveCovariance* covariance) {
+  *covariance = LiveCovariance();
+  Status status = options_.Validate();
+  status = status.ok() ? options.Validate() : status;
+  if (status.ok() && edited_) {
+    status = Status::Error(StatusCode::kInvalidArgument,
+                           "there is no factor to take covariances from: the graph was edited "
+                           "since the last Update that did not fail, or there was none");
+  }
+  if (status.ok() && (live == nullptr || !minimizer_->frame_step().HasFactorOf(live->schur()))) {
+    status = FactorizeAnew();
+  }
+  if (!status.ok()) {
+    return status;
+  }
+  if (undamped_ == nullptr) {
+    undamped_ = std::make_unique<internal::UndampedFactor>(live->executor());
+  }
+  return internal::ComputeLiveCovariance(
+      {graph, *live, minimizer_->frame_step(), undamped_.get(), &weakest_}, ids, options,
+      covariance);
 }
 
 ReducedStructure IncrementalSolver::Impl::Structure() {
@@ -400,6 +463,12 @@ const double* IncrementalSolver::Values(VariableId id) const {
 
 ReducedStructure IncrementalSolver::Structure() const {
   return impl_->Structure();
+}
+
+Status IncrementalSolver::Covariance(const std::vector<VariableId>& ids,
+                                     const LiveCovarianceOptions& options,
+                                     LiveCovariance* covariance) const {
+  return impl_->Covariance(ids, options, covariance);
 }
 
 double IncrementalSolver::cost() const {

@@ -139,7 +139,11 @@ class IncrementalSystem {
   /// over the frames, or over the landmarks where no frame can move.
   double RoundingOfCost() const;
   int num_factors() const { return num_factors_; }
+  const FactorGraph& graph() const { return graph_; }
   const VariableStore& variables() const { return variables_; }
+  /// The variable's row of S, or its number among the landmarks, or -1.
+  int FrameOf(VariableId id) const { return frame_of_[id]; }
+  int LandmarkOf(VariableId id) const { return landmark_of_[id]; }
   const std::vector<IncrementalFamily>& families() const { return families_; }
   IncrementalSchur& schur() { return schur_; }
   const IncrementalSchur& schur() const { return schur_; }

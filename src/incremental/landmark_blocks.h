@@ -53,6 +53,8 @@ class LandmarkBlocks {
 
   double lambda(std::int32_t l) const { return lambda_[l]; }
   const double* P(std::int32_t l) const { return P_.data() + std::ptrdiff_t{l} * kBlock; }
+  /// L⁻¹ with L Lᵀ = P + λD, lower triangular, rows four apart: (P + λD)⁻¹ = U_invᵀ U_inv.
+  const double* UInv(std::int32_t l) const { return U_inv_.data() + std::ptrdiff_t{l} * kBlock; }
   const double* z(std::int32_t l) const { return z_.data() + std::ptrdiff_t{l} * kQuad; }
   /// Of the Y in S, and what it goes to, row by row of the lower triangle.
   const double* Y(std::int32_t l) const {
@@ -93,7 +95,6 @@ class LandmarkBlocks {
   static constexpr std::ptrdiff_t kBlock = 4 * kQuad;
 
   double* UInv(std::int32_t l) { return U_inv_.data() + std::ptrdiff_t{l} * kBlock; }
-  const double* UInv(std::int32_t l) const { return U_inv_.data() + std::ptrdiff_t{l} * kBlock; }
   bool HasInformation(std::int32_t l) const;
   bool IsHeldByDamping(std::int32_t l) const;
   void PlaceY(std::int32_t l);

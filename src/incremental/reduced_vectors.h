@@ -16,6 +16,7 @@ class ReducedVectors {
   /// form is another.
   bool Refresh(DampingForm form, double mu, IncrementalSchur* schur);
 
+  double mu() const { return mu_; }
   const std::vector<double>& weights() const { return weights_; }  ///< diag(C)
   /// μ diag(C), the thesis's form μ diag(S); of a row that is held 1, as ReducedMatrix has it, and
   /// its b is 0.

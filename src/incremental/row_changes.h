@@ -13,7 +13,8 @@ class RowChanges {
  public:
   /// Makes room for rows < num_rows.
   void Grow(std::size_t num_rows) {
-    for (IndexSet* set : {&formed_, &unfactored_, &unsolved_, &unread_, &unchecked_}) {
+    for (IndexSet* set :
+         {&formed_, &unfactored_, &unsolved_, &unread_, &unchecked_, &uninverted_}) {
       set->Grow(num_rows);
     }
   }
@@ -22,6 +23,7 @@ class RowChanges {
   void Touch(std::int32_t row) {
     formed_.Add(row);
     unfactored_.Add(row);
+    uninverted_.Add(row);
     TouchB(row);
   }
   /// Its entries of b alone.
@@ -38,6 +40,10 @@ class RowChanges {
   /// The same for whoever factors S, and the entries of b for whoever solves.
   void TakeUnfactored(std::vector<std::int32_t>* rows) { Take(&unfactored_, rows); }
   void TakeUnsolved(std::vector<std::int32_t>* rows) { Take(&unsolved_, rows); }
+  /// For whoever keeps a factor for covariances.
+  void TakeUninverted(std::vector<std::int32_t>* rows) { Take(&uninverted_, rows); }
+  /// How many rows of S whoever factors it has not seen.
+  int num_unfactored() const { return unfactored_.count(); }
   /// For whoever packs b and the diagonals: all of it.
   void TakeUnread(std::vector<std::int32_t>* rows) { Take(&unread_, rows); }
   /// For whoever looks for drift: rows of S and entries of b. What he changes himself he has seen:
@@ -53,6 +59,7 @@ class RowChanges {
 
   IndexSet formed_;
   IndexSet unfactored_;
+  IndexSet uninverted_;
   IndexSet unsolved_;
   IndexSet unread_;
   IndexSet unchecked_;

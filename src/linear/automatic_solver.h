@@ -25,6 +25,9 @@ class AutomaticSolver final : public ReducedSolver {
                double* x) override;
   std::size_t Bytes() const override { return resumed_.Bytes() + tree_.Bytes(); }
 
+  /// The one that took the last factorization.
+  ReducedSolver* chosen() const { return chosen_; }
+
  private:
   bool TreeIsCheaper(const ReducedMatrix& A, const Rows& changed);
   bool PlanTree(const ReducedMatrix& A);

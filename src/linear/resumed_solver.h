@@ -60,6 +60,8 @@ class ResumedSolver final : public ReducedSolver {
   void MissSolve(const Rows& changed_b);
 
   const RowOrder& order() const { return order_; }
+  /// The factor in that order.
+  const EnvelopeCholesky& cholesky() const { return cholesky_; }
 
  private:
   int FirstPlace(const Rows& rows) const;

@@ -13,10 +13,12 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Cholesky>
 #include <gtest/gtest.h>
 
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
+#include "inceres/factors/planar_relative_pose.h"
 #include "inceres/io/bal.h"
 #include "inceres/io/bal_graph.h"
 #include "inceres/io/g2o_graph.h"
@@ -92,6 +94,33 @@ for (const inceres::GncVerdict& verdict : summary.verdicts) {
 // [end of quote]
   *found = summary;
   return 0;
+}
+
+bool IsPlausible(const inceres::IncrementalSolver& solver, VariableId a, VariableId b,
+                 const inceres::PlanarRelativePoseFamily::Measurement& loop) {
+// [quoted in docs/pose_graphs.md]
+inceres::LiveCovariance joint;  // of both poses: 6 × 6
+const inceres::Status known = solver.JointCovariance(a, b, {}, &joint);
+if (!known.ok()) {
+  std::cerr << known.message << '\n';  // edited since the last Update, or the gauge is free
+  return false;
+}
+inceres::PlanarRelativePoseFamily family;
+family.Add(loop);  // whitened: its own noise is the identity
+const double* const poses[2] = {solver.Values(a), solver.Values(b)};
+Eigen::Vector3d r;
+Eigen::Matrix<double, 3, 3, Eigen::RowMajor> J_a, J_b;
+double* jacobians[2] = {J_a.data(), J_b.data()};
+family.EvaluateOne(0, poses, r.data(), jacobians);
+Eigen::Matrix<double, 3, 6> J;
+J << J_a, J_b;
+using RowMajor = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+const Eigen::Matrix3d innovation =
+    Eigen::Matrix3d::Identity() + J * Eigen::Map<RowMajor>(joint.values.data()) * J.transpose();
+const bool is_plausible =
+    r.dot(innovation.ldlt().solve(r)) <= inceres::ChiSquareQuantile(0.999, 3);
+// [end of quote]
+  return is_plausible;
 }
 
 double MinimumOf(FactorGraph graph) {
@@ -289,6 +318,41 @@ TEST(GuidesExamples, WrongLoopsAreFound) {
   }
   EXPECT_LE(found.num_outliers, 12 + 4);
   EXPECT_EQ(FindWrongLoops("/no/such/file.g2o", &found), 1);
+}
+
+// Poses a meter apart, each known from the one before to 0.1: the tenth is known to 0.3 along the
+// way, and where it may be grows across it with each angle.
+TEST(GuidesExamples, AWrongLoopIsNotPlausible) {
+  inceres::IncrementalSolver solver{inceres::IncrementalOptions()};
+  const auto family = solver.AddFamily(std::make_shared<inceres::PlanarRelativePoseFamily>());
+  inceres::GraphEdit edit(solver.graph());
+  inceres::PlanarRelativePoseFamily::Measurement step;
+  step.motion[0] = 1.0;
+  for (const int k : {0, 4, 8}) {
+    step.sqrt_information[k] = 10.0;
+  }
+  std::vector<VariableId> poses;
+  for (int i = 0; i < 10; ++i) {
+    const double pose[3] = {1.0 * i, 0.0, 0.0};
+    poses.push_back(edit.AddVariable(pose, 3, inceres::Role::kFrame));
+    if (i > 0) {
+      edit.AddFactor(family, step, {poses[poses.size() - 2], poses.back()});
+    }
+  }
+  edit.SetConstant(poses[0], true);
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  inceres::PlanarRelativePoseFamily::Measurement loop = step;
+  EXPECT_FALSE(IsPlausible(solver, poses[0], poses[9], loop));  // before an Update
+  solver.Update();
+  loop.motion[0] = 9.5;  // 0.5 off, where 0.1 √10 is a standard deviation
+  EXPECT_TRUE(IsPlausible(solver, poses[0], poses[9], loop));
+  EXPECT_TRUE(IsPlausible(solver, poses[9], poses[0],
+                          {{-9.0, 0.0, 0.0}, {10, 0, 0, 0, 10, 0, 0, 0, 10}}));
+  loop.motion[0] = 11.0;
+  EXPECT_FALSE(IsPlausible(solver, poses[0], poses[9], loop));
+  loop.motion[0] = 9.0;
+  loop.motion[1] = 3.0;  // across, which each angle of 0.1 moves by up to 0.9
+  EXPECT_TRUE(IsPlausible(solver, poses[0], poses[9], loop));
 }
 
 TEST(GuidesExamples, AnEditOfWhatIsGoneIsRefused) {

@@ -134,6 +134,7 @@ class IncrementalReplaySolver : public ReplaySolver {
   explicit IncrementalReplaySolver(const ReplaySettings& settings)
       : autodiff_(settings.autodiff),
         with_gnc_(settings.gnc),
+        with_covariance_(settings.covariance),
         solver_(Options(settings)),
         living_(settings.autodiff),
         gnc_(GncOptions(), &solver_) {}
@@ -175,6 +176,9 @@ class IncrementalReplaySolver : public ReplaySolver {
                     {"moved_frames", summary.num_moved_frames},
                     {"rebuilds", summary.num_rebuilds},
                     {"bytes", summary.bytes}};
+    if (with_covariance_) {
+      TakeCovariances(&outcome);
+    }
     return outcome;
   }
   std::vector<double> State() const override {
@@ -197,6 +201,27 @@ class IncrementalReplaySolver : public ReplaySolver {
     outcome->initial_cost = summary.initial_cost;
     outcome->final_cost = summary.final_cost;
     outcome->iterations = summary.num_iterations;
+  }
+
+  // Of the newest frame, and of one that came anywhere before, in nanoseconds. A step without
+  // either has no entry.
+  void TakeCovariances(ReplayOutcome* outcome) {
+    const FactorGraph& graph = solver_.graph();
+    VariableId newest = -1;
+    for (VariableId id = 0; id < graph.num_variables(); ++id) {
+      newest = graph.HasVariable(id) && graph.role(id) == Role::kFrame ? id : newest;
+    }
+    const auto any = static_cast<VariableId>(7919LL * newest % (newest + 1));
+    LiveCovariance covariance;
+    for (const auto& [name, id] : {std::make_pair("newest", newest), std::make_pair("any", any)}) {
+      Status status;
+      const double seconds =
+          Seconds([&] { status = solver_.MarginalCovariance(id, {}, &covariance); });
+      if (status.ok() && covariance.size() > 0) {
+        outcome->work.emplace_back(std::string("covariance_ns_") + name,
+                                   static_cast<std::int64_t>(1e9 * seconds));
+      }
+    }
   }
 
   // Verdicts come in the order in which suspects were watched.
@@ -234,6 +259,7 @@ class IncrementalReplaySolver : public ReplaySolver {
 
   const bool autodiff_;
   const bool with_gnc_;
+  const bool with_covariance_;
   IncrementalSolver solver_;
   ReplayGraph living_;
   LivingGnc gnc_;

@@ -60,6 +60,9 @@ struct ReplaySettings {
   double function_tolerance = 1e-6;
   double gradient_tolerance = 1e-10;
   double parameter_tolerance = 1e-8;
+  /// The solver that remembers is asked for covariances after each Update, which the step's seconds
+  /// do not count.
+  bool covariance = false;
   bool gnc = false;  ///< the solver that remembers finds wrong loops by LivingGnc
 };
 

@@ -26,6 +26,31 @@ void IncrementalProblem::WriteToUser(const ProblemView& view) const {
   }
 }
 
+// Where the batch solver has finished the solve, or the user has moved a block, the solver that
+// remembers is elsewhere.
+Status IncrementalProblem::Covariance(const std::vector<const double*>& parameter_blocks,
+                                      const LiveCovarianceOptions& options,
+                                      LiveCovariance* covariance) const {
+  std::vector<VariableId> ids;
+  for (const double* block : parameter_blocks) {
+    const auto found =
+        std::find_if(variables_.begin(), variables_.end(),
+                     [block](const Variable& variable) { return variable.user == block; });
+    if (found == variables_.end()) {
+      return Status::Error(StatusCode::kInvalidArgument, DescribeObject("parameter block", block) +
+                                                             " was not part of the last solve");
+    }
+    if (!std::equal(block, block + found->ambient_size, solver_.Values(found->id))) {
+      return Status::Error(StatusCode::kInvalidArgument,
+                           DescribeObject("parameter block", block) +
+                               " is not where the session's solver has left it: it was moved, or "
+                               "the batch solver has finished the solve");
+    }
+    ids.push_back(found->id);
+  }
+  return solver_.Covariance(ids, options, covariance);
+}
+
 void IncrementalProblem::Remember() {
   if (trust_ != Trust::kVerified) {
     return;

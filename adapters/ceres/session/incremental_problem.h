@@ -73,6 +73,9 @@ class IncrementalProblem {
 
   /// user memory := what the solver found, for the blocks it moves.
   void WriteToUser(const ProblemView& view) const;
+  /// CeresSession::Covariance, of the problem last followed.
+  Status Covariance(const std::vector<const double*>& parameter_blocks,
+                    const LiveCovarianceOptions& options, LiveCovariance* covariance) const;
   /// After a successful Update: takes the proofs by which Follow will recognize what it meets
   /// again.
   void Remember();

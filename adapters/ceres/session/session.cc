@@ -281,6 +281,17 @@ void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* 
       internal::Repeatable::kNo);
 }
 
+Status CeresSession::Covariance(const std::vector<const double*>& parameter_blocks,
+                                const LiveCovarianceOptions& options,
+                                LiveCovariance* covariance) const {
+  *covariance = LiveCovariance();
+  return impl_->living != nullptr
+             ? impl_->living->Covariance(parameter_blocks, options, covariance)
+             : Status::Error(StatusCode::kInvalidArgument,
+                             "the session holds no problem: the last solve was exact, went to "
+                             "stock Ceres or failed, or there was none");
+}
+
 void CeresSession::Forget(const ceres::CostFunction* cost_function) {
   if (impl_->living != nullptr) {
     impl_->living->Forget(cost_function);

@@ -49,6 +49,16 @@ struct INCERES_EXPORT IncrementalOptions {
   /// ≥ 0: an Update ends when everything left undone, by the model from fresh enough Jacobians, is
   /// less than a share of this times the cost that can change.
   double function_tolerance = 1e-6;
+  /// ≥ 0: an Update ends too when max |x − (x ⊞ −g)| is no more than this, over all variables that
+  /// move, with g = Jᵀf from Jacobians at the values held: where S and the landmarks say so, old
+  /// ones are linearized anew and all gradients summed. 0: never. Costs a pass over all variables
+  /// an iteration.
+  double gradient_tolerance = 0.0;
+  /// ≥ 0: an Update ends too after a step that was taken, not shortened, and with what of the
+  /// frames' step was left out is no longer than parameter_tolerance · (‖x‖ + parameter_tolerance),
+  /// x being all variables that move; of landmarks those count that the step visits. 0: never, for
+  /// in bundle adjustment a few points run off, and against them every step is short.
+  double parameter_tolerance = 0.0;
   /// ≥ 0: of the cost, what no variable can move, such as factors whose variables are all constant.
   /// The function tolerance is relative to the rest, as in Ceres; costs are reported with it.
   double fixed_cost = 0.0;

@@ -9,6 +9,7 @@
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/graph_edit.h"
 #include "inceres/solver/incremental_options.h"
+#include "inceres/solver/live_covariance.h"
 #include "inceres/solver/marginalization.h"
 #include "inceres/solver/solver.h"
 #include "inceres/solver/update_summary.h"
@@ -142,6 +143,41 @@ class INCERES_EXPORT IncrementalSolver {
   /// one that the batch solver ended by itself S waits to be formed by the next one. Cost:
   /// proportional to the blocks.
   ReducedStructure Structure() const;
+
+  /// The joint covariance of these variables after an Update, in their tangent spaces: blocks of
+  /// H⁻¹ as GraphCovariance defines them, of landmarks too, from what the Update has left, S, its
+  /// factor and the landmarks' Y. Its Jacobians are those of the Update, some of them old, unless
+  /// options.accuracy is kExact; `covariance->staleness` tells how far that is off. A constant has
+  /// zeros. Of factors that are whitened; otherwise it is a multiple.
+  ///
+  /// kInvalidArgument: an id is unknown, repeated, or of a variable that no factor touches; or the
+  /// graph was edited since the last Update, or that failed. kSingular names a variable that its
+  /// factors do not determine, and says so where the gauge is free: then there is no covariance.
+  /// kUnavailable: of kPcg and a user's solver, which have no factor, only kUndamped is to be had;
+  /// or conjugate gradients take too long. `covariance` is then empty, but for the staleness.
+  ///
+  /// Cost: of the factor only the path from the variables (of a landmark: the frames that see it)
+  /// to the root of the Bayes tree, or what comes after them in the envelope. kUndamped, before
+  /// that: the cliques that have changed since it was last asked for, the first time all;
+  /// afterwards it holds the memory of a second factor. Now and then a few solves, to find a free
+  /// gauge. kExact: a linearization of the whole problem, and for each column some passes over it
+  /// and solves. After an Update that the batch solver ended by itself S is formed first, once, as
+  /// the next Update would. Threads: the calling one, as for Update, and options.num_threads for
+  /// factors and large fronts; the same bits for any number. Source: Kaess & Dellaert, "Covariance
+  /// recovery from a square root information matrix for data association", RAS 57(12), 2009;
+  /// docs/incremental.md.
+  Status Covariance(const std::vector<VariableId>& ids, const LiveCovarianceOptions& options,
+                    LiveCovariance* covariance) const;
+  /// Of one variable.
+  Status MarginalCovariance(VariableId id, const LiveCovarianceOptions& options,
+                            LiveCovariance* covariance) const {
+    return Covariance({id}, options, covariance);
+  }
+  /// Of a pair: first a, then b.
+  Status JointCovariance(VariableId a, VariableId b, const LiveCovarianceOptions& options,
+                         LiveCovariance* covariance) const {
+    return Covariance({a, b}, options, covariance);
+  }
 
  private:
   class INCERES_HIDDEN Impl;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include <ceres/problem.h>
 #include <ceres/solver.h>
@@ -8,6 +9,8 @@
 #include "inceres/ceres/solve.h"
 #include "inceres/export.h"
 #include "inceres/solver/incremental_solver.h"
+#include "inceres/solver/live_covariance.h"
+#include "inceres/status.h"
 
 namespace inceres {
 
@@ -89,6 +92,21 @@ class INCERES_EXPORT CeresSession {
              ceres::Solver::Summary* summary, SolveReport* report) {
     Solve(options, problem, summary, SolveOptions(), report);
   }
+
+  /// The joint covariance of these parameter blocks after an incremental solve, in the order given
+  /// and in the tangent spaces of their manifolds, from what the solve has left behind, without a
+  /// factorization of the whole: IncrementalSolver::Covariance, with its options, costs, threads
+  /// and errors. It is that of the problem as last solved: what was added, removed or set constant
+  /// since is not in it. A constant block has zeros. (`covariance->variables` are numbers of the
+  /// session's own.)
+  ///
+  /// kInvalidArgument: a block is unknown, given twice, or no longer where the solve has put it; or
+  /// no problem lives in the session, for the last solve was exact (SolveReport::exact_reason),
+  /// went to stock Ceres or failed. Reads the given blocks; with CovarianceAccuracy::kExact cost
+  /// functions and manifolds are called, none of which may have been deleted since. Source: as
+  /// there; docs/swap.md.
+  Status Covariance(const std::vector<const double*>& parameter_blocks,
+                    const LiveCovarianceOptions& options, LiveCovariance* covariance) const;
 
   /// The next solve linearizes the residual blocks with this cost function anew.
   void Forget(const ceres::CostFunction* cost_function);

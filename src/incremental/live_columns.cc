@@ -1,0 +1,169 @@
+#include "incremental/live_columns.h"
+
+#include <algorithm>
+#include <type_traits>
+
+namespace inceres::internal {
+namespace {
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using Block = Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>;
+
+// L⁻¹ of a landmark's P + λD.
+Block InverseRootOf(const IncrementalSchur& schur, int landmark) {
+  const int size = schur.landmarks()[landmark].size;
+  return {schur.blocks().UInv(landmark), size, size, Eigen::OuterStride<>(kQuad)};
+}
+
+// Yᵀ of one of its frames: rows of the landmark, columns of the frame.
+Block YTransposed(const BlockRow& row, int landmark_size) {
+  return {row.A, landmark_size, row.size, Eigen::OuterStride<>(row.quads * kQuad)};
+}
+
+bool CountsInS(const IncrementalSchur& schur, int landmark) {
+  return schur.landmarks()[landmark].id >= 0 && schur.IsInS(landmark);
+}
+
+}  // namespace
+
+std::vector<int> OffsetsOfRows(const IncrementalSchur& schur) {
+  const int num_rows = schur.S().num_rows();
+  std::vector<int> offsets(static_cast<std::size_t>(num_rows) + 1);
+  for (int row = 0; row <= num_rows; ++row) {
+    offsets[row] = schur.FrameOffset(row);
+  }
+  return offsets;
+}
+
+LiveColumns::LiveColumns(const IncrementalSystem& system, const std::vector<VariableId>& ids)
+    : system_(system), ids_(ids) {
+  const IncrementalSchur& schur = system.schur();
+  for (const VariableId id : ids) {
+    const int frame = system.FrameOf(id);
+    offsets_.push_back(offsets_.back() + (frame >= 0
+                                              ? schur.frames()[frame].size
+                                              : schur.landmarks()[system.LandmarkOf(id)].size));
+  }
+  ListRows();
+  V_.values.setZero(V_.begin.back(), offsets_.back());
+  V_.begin.pop_back();
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    const int frame = system.FrameOf(ids[k]);
+    if (frame < 0) {
+      FillLandmark(system.LandmarkOf(ids[k]), offsets_[k]);
+      continue;
+    }
+    const auto at = std::lower_bound(V_.rows.begin(), V_.rows.end(), frame) - V_.rows.begin();
+    V_.values
+        .block(V_.begin[at], offsets_[k], schur.frames()[frame].size, schur.frames()[frame].size)
+        .setIdentity();
+  }
+}
+
+void LiveColumns::ListRows() {
+  const IncrementalSchur& schur = system_.schur();
+  for (const VariableId id : ids_) {
+    if (system_.FrameOf(id) >= 0) {
+      AddRow(system_.FrameOf(id));
+      continue;
+    }
+    for (const std::int32_t row : schur.landmarks()[system_.LandmarkOf(id)].frames) {
+      AddRow(row);
+    }
+  }
+  std::sort(V_.rows.begin(), V_.rows.end());
+  V_.rows.erase(std::unique(V_.rows.begin(), V_.rows.end()), V_.rows.end());
+  V_.begin.assign(1, 0);
+  for (const int row : V_.rows) {
+    V_.begin.push_back(V_.begin.back() + schur.frames()[row].size);
+  }
+}
+
+void LiveColumns::AddRow(int row) {
+  if (!system_.schur().frames()[row].held) {
+    V_.rows.push_back(row);
+  }
+}
+
+void LiveColumns::FillLandmark(int landmark, int column) {
+  const IncrementalSchur& schur = system_.schur();
+  const int size = schur.landmarks()[landmark].size;
+  std::vector<BlockRow> rows;
+  schur.blocks().Rows(landmark, &rows);
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    const int frame = schur.landmarks()[landmark].frames[r];
+    if (schur.frames()[frame].held) {
+      continue;
+    }
+    const auto at = std::lower_bound(V_.rows.begin(), V_.rows.end(), frame) - V_.rows.begin();
+    V_.values.block(V_.begin[at], column, rows[r].size, size) =
+        -YTransposed(rows[r], size).transpose() * InverseRootOf(schur, landmark);
+  }
+}
+
+void LiveColumns::AddLandmarks(Eigen::MatrixXd* product) const {
+  for (std::size_t k = 0; k < ids_.size(); ++k) {
+    const int landmark = system_.LandmarkOf(ids_[k]);
+    if (landmark >= 0) {
+      const Block U_inv = InverseRootOf(system_.schur(), landmark);
+      product->block(offsets_[k], offsets_[k], U_inv.rows(), U_inv.rows()) +=
+          U_inv.transpose() * U_inv;
+    }
+  }
+}
+
+// x_c = (S + μD)⁻¹ (r_c − Y U_inv r_l), x_l = U_invᵀ (U_inv r_l − Yᵀ x_c).
+Status LivePreconditioner::Apply(const double* r, double* x) const {
+  const IncrementalSchur& schur = system_.schur();
+  const auto segment = [](auto* vector, std::int32_t quad, int size) {
+    using Vector = std::conditional_t<std::is_const_v<std::remove_pointer_t<decltype(vector)>>,
+                                      const Eigen::VectorXd, Eigen::VectorXd>;
+    return Eigen::Map<Vector>(vector + std::ptrdiff_t{quad} * kQuad, size);
+  };
+  std::vector<double> padded(r, r + std::ptrdiff_t{system_.variables().num_quads()} * kQuad);
+  std::vector<BlockRow> rows;
+  const int num_landmarks = static_cast<int>(schur.landmarks().size());
+  for (int l = 0; l < num_landmarks; ++l) {
+    if (CountsInS(schur, l)) {
+      const auto& landmark = schur.landmarks()[l];
+      const Eigen::VectorXd u = InverseRootOf(schur, l) * segment(r, landmark.quad, landmark.size);
+      schur.blocks().Rows(l, &rows);
+      for (const BlockRow& row : rows) {
+        segment(padded.data(), row.frame, row.size) -=
+            YTransposed(row, landmark.size).transpose() * u;
+      }
+    }
+  }
+  std::vector<double> b(offsets_.back(), 0.0), solution(offsets_.back(), 0.0);
+  for (std::size_t f = 0; f < schur.frames().size(); ++f) {
+    const auto& frame = schur.frames()[f];
+    if (frame.id >= 0 && !frame.held) {
+      std::copy_n(padded.begin() + std::ptrdiff_t{frame.quad} * kQuad, frame.size,
+                  b.begin() + offsets_[f]);
+    }
+  }
+  const Status solved =
+      offsets_.back() > 0 ? factor_.Solve(offsets_, b.data(), solution.data()) : Status::Ok();
+  for (std::size_t f = 0; f < schur.frames().size(); ++f) {
+    const auto& frame = schur.frames()[f];
+    if (frame.id >= 0) {
+      std::copy_n(solution.begin() + offsets_[f], frame.held ? 0 : frame.size,
+                  x + std::ptrdiff_t{frame.quad} * kQuad);
+    }
+  }
+  for (int l = 0; l < num_landmarks; ++l) {
+    if (CountsInS(schur, l)) {
+      const auto& landmark = schur.landmarks()[l];
+      Eigen::VectorXd u = InverseRootOf(schur, l) * segment(r, landmark.quad, landmark.size);
+      schur.blocks().Rows(l, &rows);
+      for (const BlockRow& row : rows) {
+        u -= YTransposed(row, landmark.size) *
+             segment(static_cast<const double*>(x), row.frame, row.size);
+      }
+      segment(x, landmark.quad, landmark.size) = InverseRootOf(schur, l).transpose() * u;
+    }
+  }
+  return solved;
+}
+
+}  // namespace inceres::internal

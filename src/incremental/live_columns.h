@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "incremental/incremental_system.h"
+#include "linear/live_factor.h"
+
+namespace inceres::internal {
+
+/// First scalar of each row of S in the packed vectors of its solver, one more.
+std::vector<int> OffsetsOfRows(const IncrementalSchur& schur);
+
+/// What covariances of some variables are made of, besides S: with V of a frame a unit matrix and
+/// of a landmark −W (P + λD)⁻¹ = −Y U_inv, the joint one is VᵀS⁻¹V plus (P + λD)⁻¹ in the diagonal
+/// blocks of landmarks. Held frames have no rows.
+class LiveColumns {
+ public:
+  /// These are frames that are not held, or landmarks in S.
+  LiveColumns(const IncrementalSystem& system, const std::vector<VariableId>& ids);
+
+  const SparseColumns& V() const { return V_; }
+  /// First column of each, one more: the total.
+  const std::vector<int>& offsets() const { return offsets_; }
+  /// product += the diagonal blocks of landmarks.
+  void AddLandmarks(Eigen::MatrixXd* product) const;
+
+ private:
+  void ListRows();
+  void AddRow(int row);
+  void FillLandmark(int landmark, int column);
+
+  const IncrementalSystem& system_;
+  std::vector<VariableId> ids_;
+  std::vector<int> offsets_{0};
+  SparseColumns V_;
+};
+
+/// M⁻¹r and M = H + Λ of all variables of the system, by its elimination and a factor of S + μD:
+/// the damped system as it was linearized. r and x by quads of the system's padded vectors.
+class LivePreconditioner {
+ public:
+  LivePreconditioner(const IncrementalSystem& system, const LiveFactor& factor)
+      : system_(system), factor_(factor), offsets_(OffsetsOfRows(system.schur())) {}
+
+  Status Apply(const double* r, double* x) const;
+
+ private:
+  const IncrementalSystem& system_;
+  const LiveFactor& factor_;
+  std::vector<int> offsets_;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,358 @@
+#include "incremental/live_covariance.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <string>
+
+#include <Eigen/Core>
+
+#include "incremental/exact_covariance.h"
+#include "incremental/live_columns.h"
+#include "linear/live_factor.h"
+#include "problem/find_fault.h"
+
+namespace inceres {
+
+using internal::Invalid;
+
+Status LiveCovarianceOptions::Validate() const {
+  if (!(tolerance > 0.0)) {
+    return Invalid("LiveCovarianceOptions::tolerance must be positive");
+  }
+  return max_iterations >= 1 ? Status::Ok()
+                             : Invalid("LiveCovarianceOptions::max_iterations must be at least 1");
+}
+
+namespace internal {
+namespace {
+
+constexpr int kInverseIterations = 4;
+// By how much the graph may grow before the weakest direction is looked for again.
+constexpr double kGrowth = 1.1;
+// Of a landmark: damping that takes more than this share of a variance outweighs what factors say.
+constexpr double kMostDampingError = 0.5;
+// A direction in which S has less than this share of the damping is open: rounding is what it has.
+constexpr double kOpen = 1e-4;
+// The same without damping, in units of diag(C), as CovarianceOptions::max_inflation has it.
+constexpr double kNoInformation = 1e-12;
+constexpr double kTinyDiagonal = 1e-12;  // of a coordinate that no factor of the frame has
+
+Status Singular(const std::string& message) {
+  return Status::Error(StatusCode::kSingular, message);
+}
+
+Status NotDetermined(VariableId id, const char* why) {
+  return Singular(VariableName(id) + " has no covariance: " + why);
+}
+
+constexpr const char* kFree =
+    "the gauge is free, or what holds it is lost in the damping of the factor "
+    "(LiveCovarianceOptions::exact)";
+
+constexpr const char* kFewViews = "the landmark is not determined by its factors";
+
+Status CheckId(const LiveSource& source, VariableId id) {
+  if (!source.graph.HasVariable(id)) {
+    return Invalid(VariableName(id) + " does not exist");
+  }
+  if (source.graph.IsConstant(id)) {
+    return Status::Ok();
+  }
+  const IncrementalSchur& schur = source.system.schur();
+  const int frame = source.system.FrameOf(id), landmark = source.system.LandmarkOf(id);
+  const bool is_touched =
+      frame >= 0
+          ? !schur.frames()[frame].factors.empty() || !schur.frames()[frame].landmarks.empty()
+          : landmark >= 0 && !schur.landmarks()[landmark].factors.empty();
+  if (!is_touched) {
+    return Invalid(VariableName(id) + " has no covariance: no factor touches it");
+  }
+  return frame >= 0 || schur.IsInS(landmark) ? Status::Ok() : NotDetermined(id, kFewViews);
+}
+
+// What the staleness counts of the factors of one variable.
+class StalenessOf {
+ public:
+  StalenessOf(const LiveSource& source, FactorStaleness* staleness)
+      : source_(source), schur_(source.system.schur()), staleness_(*staleness) {}
+
+  void AddVariable(VariableId id) {
+    const int frame = source_.system.FrameOf(id);
+    if (frame < 0) {
+      AddLandmark(source_.system.LandmarkOf(id));
+      AddStep(schur_.landmarks()[source_.system.LandmarkOf(id)]);
+      return;
+    }
+    AddFactors(schur_.frames()[frame].factors);
+    for (const std::int32_t landmark : schur_.frames()[frame].landmarks) {
+      AddLandmark(landmark);
+    }
+    for (int k = schur_.FrameOffset(frame); k < schur_.FrameOffset(frame + 1); ++k) {
+      AddStep(source_.frames.values()[k]);
+    }
+  }
+
+ private:
+  void AddLandmark(std::int32_t l) {
+    AddFactors(schur_.landmarks()[l].factors);
+    if (schur_.IsInS(l)) {
+      staleness_.landmark_damping =
+          std::max(staleness_.landmark_damping, schur_.blocks().lambda(l));
+    }
+  }
+  void AddFactors(const std::vector<FactorRef>& factors) {
+    for (const FactorRef& ref : factors) {
+      const IncrementalFamily& family = source_.system.families()[ref.family];
+      const double error = family.SquaredError(ref.factor);
+      if (error > 0.0 || source_.system.IsDirty(ref)) {
+        ++staleness_.num_stale_factors;
+        staleness_.largest_residual_error =
+            std::max(staleness_.largest_residual_error, std::sqrt(error));
+      }
+    }
+  }
+  // δ_l = U_invᵀ (z − Yᵀ δ_c) of the step of the frames that is still to take.
+  void AddStep(const IncrementalSchur::Landmark& landmark) {
+    std::vector<double> padded(std::size_t(source_.system.variables().num_quads()) * kQuad, 0.0);
+    for (const std::int32_t frame : landmark.frames) {
+      const int size = schur_.frames()[frame].held ? 0 : schur_.frames()[frame].size;
+      std::copy_n(source_.frames.values().begin() + schur_.FrameOffset(frame), size,
+                  padded.begin() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad);
+    }
+    const auto l = static_cast<std::int32_t>(&landmark - schur_.landmarks().data());
+    schur_.blocks().BackSubstitute(l, padded.data());
+    for (int k = 0; k < landmark.size; ++k) {
+      AddStep(padded[std::ptrdiff_t{landmark.quad} * kQuad + k]);
+    }
+  }
+  void AddStep(double step) {
+    staleness_.largest_pending_step = std::max(staleness_.largest_pending_step, std::fabs(step));
+  }
+
+  const LiveSource& source_;
+  const IncrementalSchur& schur_;
+  FactorStaleness& staleness_;
+};
+
+// The factor of S + μD that is used.
+struct Inverse {
+  LiveFactor factor;
+  double mu;
+  double open;  // a direction with a smaller eigenvalue has no information
+};
+
+// diag(C) of the frames that take part, mixed signs in units of its −½th power.
+void MakeProbe(const IncrementalSchur& schur, const std::vector<int>& offsets, Eigen::VectorXd* D,
+               Eigen::VectorXd* x) {
+  std::uint32_t bits = 1;
+  for (std::size_t row = 0; row + 1 < offsets.size(); ++row) {
+    const IncrementalSchur::Frame& frame = schur.frames()[row];
+    const bool takes_part = !frame.held && !(frame.factors.empty() && frame.landmarks.empty());
+    for (int k = 0; k < frame.size && takes_part; ++k) {
+      const int at = offsets[row] + k;
+      (*D)[at] = std::max(schur.FrameDiagonal(static_cast<int>(row))[k], kTinyDiagonal);
+      bits = bits * 1664525u + 1013904223u;
+      (*x)[at] = ((bits >> 31) != 0 ? 1.0 : -1.0) / std::sqrt((*D)[at]);
+    }
+  }
+}
+
+// Inverse iteration with (S + μD)⁻¹ D.
+Status FindWeakest(const LiveSource& source, const Inverse& inverse,
+                   const std::vector<int>& offsets) {
+  const IncrementalSchur& schur = source.system.schur();
+  Eigen::VectorXd D = Eigen::VectorXd::Zero(offsets.back());
+  Eigen::VectorXd x = D, y = D;
+  MakeProbe(schur, offsets, &D, &x);
+  double theta = HUGE_VAL;
+  for (int i = 0; i < kInverseIterations && x.squaredNorm() > 0.0; ++i) {
+    x /= std::sqrt(x.dot(D.cwiseProduct(x)));
+    const Eigen::VectorXd b = D.cwiseProduct(x);
+    const Status solved = inverse.factor.Solve(offsets, b.data(), y.data());
+    if (!solved.ok()) {
+      return solved;
+    }
+    theta = b.dot(y) / y.dot(D.cwiseProduct(y));
+    x = y;
+  }
+  Eigen::Index largest = 0;
+  x.cwiseAbs2().cwiseProduct(D).maxCoeff(&largest);
+  const auto row = std::upper_bound(offsets.begin(), offsets.end(), static_cast<int>(largest)) -
+                   offsets.begin() - 1;
+  *source.weakest = {std::max(0.0, theta - inverse.mu), schur.frames()[row].id,
+                     schur.structure().num_frames(), true};
+  return Status::Ok();
+}
+
+Status CheckGauge(const LiveSource& source, const Inverse& inverse, const std::vector<int>& offsets,
+                  double* damping_error) {
+  const WeakestDirection& weakest = *source.weakest;
+  const int num_frames = source.system.schur().structure().num_frames();
+  if (!weakest.is_known || num_frames > kGrowth * weakest.num_frames) {
+    const Status found = FindWeakest(source, inverse, offsets);
+    if (!found.ok()) {
+      return found;
+    }
+  }
+  *damping_error = inverse.mu > 0.0 ? inverse.mu / (weakest.eigenvalue + inverse.mu) : 0.0;
+  return weakest.eigenvalue > inverse.open ? Status::Ok() : NotDetermined(weakest.variable, kFree);
+}
+
+// The largest share that the damping has in a variance of a landmark for known frames.
+double DampingShareOf(const IncrementalSchur& schur, int l) {
+  const double *U_inv = schur.blocks().UInv(l), *P = schur.blocks().P(l);
+  double share = 0.0;
+  for (int i = 0; i < schur.landmarks()[l].size; ++i) {
+    double variance = 0.0;
+    for (int k = i; k < schur.landmarks()[l].size; ++k) {
+      variance += U_inv[k * kQuad + i] * U_inv[k * kQuad + i];
+    }
+    share = std::max(share, schur.blocks().lambda(l) * P[i * kQuad + i] * variance);
+  }
+  return share;
+}
+
+// Of a landmark: whether the damping alone would nearly give its variance. Of a frame, which may
+// have come since the weakest direction was looked for: the same, or rounding.
+Status CheckVariances(const LiveSource& source, const Inverse& inverse, const LiveColumns& columns,
+                      const std::vector<VariableId>& ids, const Eigen::MatrixXd& joint) {
+  const IncrementalSchur& schur = source.system.schur();
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    const int frame = source.system.FrameOf(ids[k]);
+    if (frame < 0 && DampingShareOf(schur, source.system.LandmarkOf(ids[k])) > kMostDampingError) {
+      return NotDetermined(ids[k], kFewViews);
+    }
+    for (int j = 0; frame >= 0 && j < schur.frames()[frame].size; ++j) {
+      const int at = columns.offsets()[k] + j;
+      if (!(joint(at, at) * schur.FrameDiagonal(frame)[j] * (inverse.mu + inverse.open) < 1.0)) {
+        return NotDetermined(ids[k], kFree);
+      }
+    }
+  }
+  return Status::Ok();
+}
+
+Status FromFactor(const LiveSource& source, const std::vector<VariableId>& ids,
+                  const Inverse& inverse, FactorStaleness* staleness, Eigen::MatrixXd* joint) {
+  const std::vector<int> offsets = OffsetsOfRows(source.system.schur());
+  const LiveColumns columns(source.system, ids);
+  Status status = Status::Ok();
+  joint->setZero(columns.offsets().back(), columns.offsets().back());
+  if (!columns.V().rows.empty()) {
+    status = CheckGauge(source, inverse, offsets, &staleness->damping_error);
+    status = status.ok() ? inverse.factor.Product(columns.V(), offsets, joint) : status;
+  }
+  status = status.ok() ? CheckVariances(source, inverse, columns, ids, *joint) : status;
+  columns.AddLandmarks(joint);
+  return status;
+}
+
+Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids,
+                FactorStaleness* staleness, Eigen::MatrixXd* joint) {
+  Status status = Status::Ok();
+  if (source.system.schur().size() > 0) {
+    status = source.undamped->Follow(&source.system.schur(), &staleness->num_factored_frames);
+  }
+  if (status.code == StatusCode::kSingular) {
+    status.message.insert(
+        0, "there is no covariance: the gauge is free, or a variable is not determined: ");
+  }
+  return status.ok()
+             ? FromFactor(source, ids, {LiveFactor(source.undamped->solver()), 0.0, kNoInformation},
+                          staleness, joint)
+             : status;
+}
+
+Status AsFactored(const LiveSource& source, const std::vector<VariableId>& ids,
+                  const LiveCovarianceOptions& options, FactorStaleness* staleness,
+                  Eigen::MatrixXd* joint) {
+  const double mu = source.frames.factored_mu();
+  const LiveFactor factor(source.frames.solver());
+  if (!factor.exists() && source.system.schur().size() > 0) {
+    return Status::Error(StatusCode::kUnavailable,
+                         "there is no factor to take covariances from: the reduced solver is "
+                         "conjugate gradients or the user's (CovarianceAccuracy::kUndamped)");
+  }
+  staleness->num_changed_rows = source.system.schur().changes().num_unfactored();
+  staleness->frame_damping = mu;
+  if (options.accuracy == CovarianceAccuracy::kAsFactored) {
+    return FromFactor(source, ids, {factor, mu, kOpen * mu}, staleness, joint);
+  }
+  ExactCovariance exact(source.graph, source.system, factor);
+  Status status = exact.Linearize();
+  status =
+      status.ok() ? exact.Compute(ids, options.tolerance, options.max_iterations, joint) : status;
+  staleness->num_iterations = exact.num_iterations();
+  return status;
+}
+
+// Lays out the result, zeros so far, and lists what moves.
+Status Begin(const LiveSource& source, const std::vector<VariableId>& ids,
+             LiveCovariance* covariance, std::vector<VariableId>* moving) {
+  covariance->offsets.assign(1, 0);
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    const Status checked = std::count(ids.begin(), ids.end(), ids[k]) == 1
+                               ? CheckId(source, ids[k])
+                               : Invalid(VariableName(ids[k]) + " is asked for twice");
+    if (!checked.ok()) {
+      return checked;
+    }
+    covariance->offsets.push_back(covariance->offsets.back() + source.graph.TangentSize(ids[k]));
+    if (!source.graph.IsConstant(ids[k])) {
+      moving->push_back(ids[k]);
+    }
+  }
+  covariance->variables = ids;
+  covariance->values.assign(static_cast<std::size_t>(covariance->size()) * covariance->size(), 0.0);
+  return Status::Ok();
+}
+
+// The rows and columns of what moves.
+void Place(const LiveSource& source, const Eigen::MatrixXd& joint, LiveCovariance* covariance) {
+  std::vector<int> places;
+  for (std::size_t k = 0; k < covariance->variables.size(); ++k) {
+    for (int j = covariance->offsets[k];
+         j < covariance->offsets[k + 1] && !source.graph.IsConstant(covariance->variables[k]);
+         ++j) {
+      places.push_back(j);
+    }
+  }
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    for (std::size_t j = 0; j < places.size(); ++j) {
+      covariance->values[static_cast<std::size_t>(places[i]) * covariance->size() + places[j]] =
+          joint(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+    }
+  }
+}
+
+}  // namespace
+
+Status ComputeLiveCovariance(const LiveSource& source, const std::vector<VariableId>& ids,
+                             const LiveCovarianceOptions& options, LiveCovariance* covariance) {
+  std::vector<VariableId> moving;
+  Status status = Begin(source, ids, covariance, &moving);
+  FactorStaleness staleness;
+  if (status.ok() && !moving.empty()) {
+    staleness.num_dirty_factors = source.system.NumDirtyFactors();
+    StalenessOf of_factors(source, &staleness);
+    for (const VariableId id : moving) {
+      of_factors.AddVariable(id);
+    }
+    Eigen::MatrixXd joint;
+    status = options.accuracy == CovarianceAccuracy::kUndamped
+                 ? Undamped(source, moving, &staleness, &joint)
+                 : AsFactored(source, moving, options, &staleness, &joint);
+    if (status.ok()) {
+      Place(source, joint, covariance);
+    }
+  }
+  if (!status.ok()) {
+    *covariance = LiveCovariance();
+  }
+  covariance->staleness = staleness;
+  return status;
+}
+
+}  // namespace internal
+}  // namespace inceres

@@ -1,0 +1,138 @@
+// Ceres's verdicts on the gradient and on the step, beside that on the cost.
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "base/formatted.h"
+#include "incremental/incremental_minimizer.h"
+
+namespace inceres::internal {
+namespace {
+
+// max |x − (x ⊞ −g)| of one variable, in its ambient space.
+double ProjectedMaxNorm(const FactorGraph& graph, VariableId id, const double* x, const double* g) {
+  const int tangent = graph.TangentSize(id), ambient = graph.AmbientSize(id);
+  double largest = 0.0;
+  const Manifold* manifold = graph.manifold(id);
+  if (manifold == nullptr) {
+    for (int k = 0; k < tangent; ++k) {
+      largest = std::max(largest, std::fabs(g[k]));
+    }
+    return largest;
+  }
+  std::vector<double> downhill(tangent), moved(ambient);
+  std::transform(g, g + tangent, downhill.begin(), [](double entry) { return -entry; });
+  if (!manifold->Plus(x, downhill.data(), moved.data())) {
+    return HUGE_VAL;
+  }
+  for (int k = 0; k < ambient; ++k) {
+    largest = std::max(largest, std::fabs(x[k] - moved[k]));
+  }
+  return largest;
+}
+
+template <typename Visit>
+void ForEachMoving(const IncrementalSystem& system, const Visit& visit) {
+  for (const IncrementalSchur::Frame& frame : system.schur().frames()) {
+    if (frame.id >= 0 && !frame.held) {
+      visit(frame.id, frame.quad);
+    }
+  }
+  for (const IncrementalSchur::Landmark& landmark : system.schur().landmarks()) {
+    if (landmark.id >= 0 && !landmark.held) {
+      visit(landmark.id, landmark.quad);
+    }
+  }
+}
+
+}  // namespace
+
+IncrementalMinimizer::Verdict IncrementalMinimizer::JudgeTolerances() {
+  if (options_.parameter_tolerance > 0.0 && IsLastStepShort()) {
+    return Verdict::kConverged;
+  }
+  return options_.gradient_tolerance > 0.0 ? JudgeGradient() : Verdict::kGoOn;
+}
+
+bool IncrementalMinimizer::IsLastStepShort() {
+  if (state_.whole_step < 0.0) {
+    return false;
+  }
+  double squared = 0.0;
+  ForEachMoving(system_, [&](VariableId id, std::int32_t /*quad*/) {
+    const double* x = system_.variables().current(id);
+    squared += std::inner_product(x, x + system_.graph().AmbientSize(id), x, 0.0);
+  });
+  const double tolerance = options_.parameter_tolerance;
+  const double relative = state_.whole_step / (std::sqrt(squared) + tolerance);
+  if (!(relative <= tolerance)) {
+    return false;
+  }
+  Finish(
+      Termination::kConvergence,
+      Formatted("Parameter tolerance reached. Relative step_norm: %e <= %e.", relative, tolerance)
+          .c_str());
+  return true;
+}
+
+// b and η are what is known of the gradient for nothing: with the landmarks at their minimum, and
+// by Jacobians that may be old. Only where they are small it is worth while to look closer.
+IncrementalMinimizer::Verdict IncrementalMinimizer::JudgeGradient() {
+  double largest = 0.0, norm = 0.0;
+  system_.schur().RhsNorms(&largest, &norm);
+  if (largest > options_.gradient_tolerance) {
+    return Verdict::kGoOn;
+  }
+  if (MarkOld() && !Relinearize()) {
+    return Verdict::kFailed;
+  }
+  largest = GradientMaxNorm();
+  if (!(largest <= options_.gradient_tolerance)) {
+    return Verdict::kGoOn;
+  }
+  Finish(Termination::kConvergence,
+         Formatted("Gradient tolerance reached. Gradient max norm: %e <= %e", largest,
+                   options_.gradient_tolerance)
+             .c_str());
+  return Verdict::kConverged;
+}
+
+// Marks every factor whose Jacobian is of other values. True if there are any.
+bool IncrementalMinimizer::MarkOld() {
+  bool any = false;
+  for (const IncrementalFamily& family : system_.families()) {
+    for (int i = 0; i < family.num_places(); ++i) {
+      if (family.linearized(i) && family.SquaredError(i) > 0.0) {
+        system_.MarkDirty({family.id(), i});
+        any = true;
+      }
+    }
+  }
+  return any;
+}
+
+double IncrementalMinimizer::GradientMaxNorm() const {
+  const std::ptrdiff_t size = std::ptrdiff_t{system_.variables().num_quads()} * kQuad;
+  AlignedVector<double> minus_gradient(static_cast<std::size_t>(size), 0.0);
+  std::vector<std::int32_t> all;
+  for (const IncrementalFamily& family : system_.families()) {
+    all.clear();
+    for (int i = 0; i < family.num_places(); ++i) {
+      if (family.linearized(i)) {
+        all.push_back(i);
+      }
+    }
+    family.SubtractGradient(all, minus_gradient.data());
+  }
+  double largest = 0.0;
+  ForEachMoving(system_, [&](VariableId id, std::int32_t quad) {
+    double* g = minus_gradient.data() + std::ptrdiff_t{quad} * kQuad;
+    std::transform(g, g + system_.graph().TangentSize(id), g, [](double entry) { return -entry; });
+    largest = std::max(largest,
+                       ProjectedMaxNorm(system_.graph(), id, system_.variables().current(id), g));
+  });
+  return largest;
+}
+
+}  // namespace inceres::internal

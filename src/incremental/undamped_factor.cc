@@ -1,0 +1,32 @@
+#include "incremental/undamped_factor.h"
+
+#include <algorithm>
+
+namespace inceres::internal {
+
+// A row that no factor touches is one of the identity, coupled to nothing.
+Status UndampedFactor::Follow(IncrementalSchur* schur, int* num_factored) {
+  diagonal_.assign(schur->size(), 0.0);
+  constant_.assign(schur->frames().size(), 0);
+  for (std::size_t row = 0; row < schur->frames().size(); ++row) {
+    const IncrementalSchur::Frame& frame = schur->frames()[row];
+    const bool is_alone = frame.factors.empty() && frame.landmarks.empty();
+    constant_[row] = frame.held || is_alone ? 1 : 0;
+    if (constant_[row] != 0) {
+      std::fill_n(diagonal_.begin() + schur->FrameOffset(static_cast<int>(row)), frame.size, 1.0);
+    }
+  }
+  schur->changes().TakeUninverted(&changed_);
+  ReducedSolver::Rows changed{changed_.empty() ? schur->S().num_rows() : changed_.front(),
+                              &changed_};
+  if (is_new_) {
+    changed = {};
+  }
+  is_new_ = false;
+  const Status factored =
+      tree_.Factorize(ReducedMatrix(schur->S(), diagonal_.data(), constant_.data()), changed);
+  *num_factored = tree_.work().factored_rows;
+  return factored;
+}
+
+}  // namespace inceres::internal

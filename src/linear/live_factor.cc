@@ -1,0 +1,224 @@
+#include "linear/live_factor.h"
+
+#include <algorithm>
+#include <cstddef>
+
+#include "linear/automatic_solver.h"
+#include "linear/dense_cholesky.h"
+#include "linear/front_elimination.h"
+#include "linear/sparse_cholesky.h"
+
+namespace inceres::internal {
+namespace {
+
+using Eigen::MatrixXd;
+
+// The vectors of some cliques' fronts, `columns` of each, one after the other.
+class FrontVectors {
+ public:
+  FrontVectors(const CliqueTree& tree, std::vector<int> cliques, int columns)
+      : tree_(tree), cliques_(std::move(cliques)), place_(tree.cliques().size(), -1) {
+    std::sort(cliques_.begin(), cliques_.end(),
+              [&](int a, int b) { return tree.clique(a).stamp < tree.clique(b).stamp; });
+    std::size_t size = 0;
+    for (const int c : cliques_) {
+      place_[c] = static_cast<std::ptrdiff_t>(size);
+      size += static_cast<std::size_t>(columns) * tree.clique(c).front.num_rows();
+    }
+    values_.assign(size, 0.0);
+  }
+
+  const std::vector<int>& cliques() const { return cliques_; }  // children before parents
+  bool Has(int c) const { return place_[c] >= 0; }
+  double* Of(int c, int column) {
+    return values_.data() + place_[c] + std::ptrdiff_t{column} * tree_.clique(c).front.num_rows();
+  }
+  // y of this clique, and what it leaves to its parent.
+  void SolveForward(int c, int column) {
+    const Clique& clique = tree_.clique(c);
+    double* y = Of(c, column);
+    SolveFrontForward(clique.front, clique.L.data(), y);
+    if (clique.front.parent == CliqueTree::kNone) {
+      return;
+    }
+    const double* update = y + clique.front.below();
+    double* above = Of(clique.front.parent, column);
+    for (const FrontRun& run : clique.runs) {
+      for (int k = 0; k < run.length; ++k) {
+        above[run.to + k] += update[run.from + k];
+      }
+    }
+  }
+
+ private:
+  const CliqueTree& tree_;
+  std::vector<int> cliques_;
+  std::vector<std::ptrdiff_t> place_;
+  AlignedVector<double> values_;
+};
+
+// The cliques of these rows, and what is above.
+std::vector<int> PathsToRoot(const CliqueTree& tree, const std::vector<int>& rows) {
+  std::vector<int> cliques;
+  std::vector<char> listed(tree.cliques().size(), 0);
+  for (const int row : rows) {
+    for (int c = tree.CliqueOf(row); c != CliqueTree::kNone && listed[c] == 0;
+         c = tree.clique(c).front.parent) {
+      listed[c] = 1;
+      cliques.push_back(c);
+    }
+  }
+  return cliques;
+}
+
+std::vector<int> AllCliques(const CliqueTree& tree) {
+  std::vector<int> cliques;
+  for (std::size_t c = 0; c < tree.cliques().size(); ++c) {
+    if (tree.cliques()[c].is_used) {
+      cliques.push_back(static_cast<int>(c));
+    }
+  }
+  return cliques;
+}
+
+}  // namespace
+
+LiveFactor::LiveFactor(ReducedSolver* solver) {
+  if (const auto* automatic = dynamic_cast<AutomaticSolver*>(solver)) {
+    solver = automatic->chosen();
+  }
+  tree_ = dynamic_cast<BayesTree*>(solver);
+  resumed_ = dynamic_cast<ResumedSolver*>(solver);
+  const bool is_stateless = dynamic_cast<DenseCholesky*>(solver) != nullptr ||
+                            dynamic_cast<SparseCholesky*>(solver) != nullptr;
+  other_ = is_stateless ? solver : nullptr;
+}
+
+Status LiveFactor::Product(const SparseColumns& V, const std::vector<int>& offsets,
+                           MatrixXd* product) const {
+  if (tree_ != nullptr) {
+    *product = TreeProduct(V);
+    return Status::Ok();
+  }
+  if (resumed_ != nullptr) {
+    *product = EnvelopeProduct(V);
+    return Status::Ok();
+  }
+  MatrixXd right = MatrixXd::Zero(offsets.back(), V.values.cols());
+  for (std::size_t k = 0; k < V.rows.size(); ++k) {
+    const int size = offsets[V.rows[k] + 1] - offsets[V.rows[k]];
+    right.middleRows(offsets[V.rows[k]], size) = V.values.middleRows(V.begin[k], size);
+  }
+  MatrixXd left(right.rows(), right.cols());
+  Status status;
+  for (Eigen::Index c = 0; status.ok() && c < right.cols(); ++c) {
+    status = Solve(offsets, right.col(c).data(), left.col(c).data());
+  }
+  const MatrixXd whole = right.transpose() * left;
+  *product = 0.5 * (whole + whole.transpose());
+  return status;
+}
+
+MatrixXd LiveFactor::TreeProduct(const SparseColumns& V) const {
+  const CliqueTree& tree = tree_->tree();
+  const int columns = static_cast<int>(V.values.cols());
+  FrontVectors y(tree, PathsToRoot(tree, V.rows), columns);
+  for (std::size_t k = 0; k < V.rows.size(); ++k) {
+    const int row = V.rows[k];
+    for (int column = 0; column < columns; ++column) {
+      std::copy_n(V.values.col(column).data() + V.begin[k], tree.SizeOf(row),
+                  y.Of(tree.CliqueOf(row), column) + tree.PlaceOf(row));
+    }
+  }
+  MatrixXd product = MatrixXd::Zero(columns, columns);
+  for (const int c : y.cliques()) {
+    for (int column = 0; column < columns; ++column) {
+      y.SolveForward(c, column);
+    }
+    const Front& front = tree.clique(c).front;
+    const Eigen::Map<const MatrixXd, 0, Eigen::OuterStride<>> pivots(
+        y.Of(c, 0), front.width, columns, Eigen::OuterStride<>(front.num_rows()));
+    product.noalias() += pivots.transpose().lazyProduct(pivots);
+  }
+  return product;
+}
+
+MatrixXd LiveFactor::EnvelopeProduct(const SparseColumns& V) const {
+  const EnvelopeCholesky& L = resumed_->cholesky();
+  const RowOrder& order = resumed_->order();
+  int first = L.num_rows();
+  for (const int row : V.rows) {
+    first = std::min(first, order.place(row));
+  }
+  // From quad to quad: rows of L begin on one, which may be before the first.
+  AlignedVector<double> b(L.offsets().back(), 0.0);
+  AlignedVector<double> y(L.offsets().back() + kQuad, 0.0);
+  const int begin = L.offsets()[first], size = L.offsets().back() - begin;
+  MatrixXd solved(size, V.values.cols());
+  for (Eigen::Index column = 0; column < V.values.cols(); ++column) {
+    for (std::size_t k = 0; k < V.rows.size(); ++k) {
+      const int place = order.place(V.rows[k]);
+      std::copy_n(V.values.col(column).data() + V.begin[k],
+                  L.offsets()[place + 1] - L.offsets()[place], b.begin() + L.offsets()[place]);
+    }
+    L.ForwardSubstitute(b.data(), first, y.data());
+    solved.col(column) = Eigen::Map<const Eigen::VectorXd>(y.data() + begin, size);
+  }
+  return solved.transpose() * solved;
+}
+
+Status LiveFactor::Solve(const std::vector<int>& offsets, const double* b, double* x) const {
+  if (tree_ != nullptr) {
+    SolveByTree(offsets, b, x);
+  } else if (resumed_ != nullptr) {
+    SolveByEnvelope(offsets, b, x);
+  } else {
+    return other_->Solve(b, {}, {}, x);
+  }
+  return Status::Ok();
+}
+
+void LiveFactor::SolveByTree(const std::vector<int>& offsets, const double* b, double* x) const {
+  const CliqueTree& tree = tree_->tree();
+  FrontVectors y(tree, AllCliques(tree), 1);
+  for (const int c : y.cliques()) {
+    const Clique& clique = tree.clique(c);
+    for (int k = 0; k < clique.num_pivots; ++k) {
+      const double* b_row = b + offsets[clique.rows[k]];
+      std::transform(b_row, b_row + tree.SizeOf(clique.rows[k]), y.Of(c, 0) + clique.places[k],
+                     y.Of(c, 0) + clique.places[k], [](double a, double sum) { return a + sum; });
+    }
+    y.SolveForward(c, 0);
+  }
+  for (auto c = y.cliques().rbegin(); c != y.cliques().rend(); ++c) {
+    const Clique& clique = tree.clique(*c);
+    double* y_c = y.Of(*c, 0);
+    for (std::size_t k = clique.num_pivots; k < clique.rows.size(); ++k) {
+      std::copy_n(x + offsets[clique.rows[k]], tree.SizeOf(clique.rows[k]), y_c + clique.places[k]);
+    }
+    std::fill(y_c + clique.front.below() + clique.front.height, y_c + clique.front.num_rows(), 0.0);
+    SolveFrontBackward(clique.front, clique.L.data(), y_c);
+    for (int k = 0; k < clique.num_pivots; ++k) {
+      std::copy_n(y_c + clique.places[k], tree.SizeOf(clique.rows[k]), x + offsets[clique.rows[k]]);
+    }
+  }
+}
+
+void LiveFactor::SolveByEnvelope(const std::vector<int>& offsets, const double* b,
+                                 double* x) const {
+  const EnvelopeCholesky& L = resumed_->cholesky();
+  const RowOrder& order = resumed_->order();
+  AlignedVector<double> right(L.offsets().back(), 0.0);
+  AlignedVector<double> left(L.offsets().back() + kQuad, 0.0);
+  for (int place = 0; place < L.num_rows(); ++place) {
+    std::copy_n(b + offsets[order.row(place)], L.offsets()[place + 1] - L.offsets()[place],
+                right.begin() + L.offsets()[place]);
+  }
+  L.Solve(right.data(), left.data());
+  for (int place = 0; place < L.num_rows(); ++place) {
+    std::copy_n(left.begin() + L.offsets()[place], L.offsets()[place + 1] - L.offsets()[place],
+                x + offsets[order.row(place)]);
+  }
+}
+
+}  // namespace inceres::internal

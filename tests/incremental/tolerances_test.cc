@@ -1,0 +1,97 @@
+// The tolerances of gradient and parameters, which end an Update beside that of the cost.
+#include <gtest/gtest.h>
+
+#include "incremental/incremental_bundle.h"
+#include "support/dense_oracle.h"
+
+namespace inceres::test {
+namespace {
+
+// Nothing but the tolerance under test ends an Update early.
+IncrementalOptions Endless() {
+  IncrementalOptions options;
+  options.batch_share = 2.0;
+  options.function_tolerance = 1e-15;
+  return options;
+}
+
+UpdateSummary UpdateWith(const IncrementalOptions& options, double* gradient) {
+  IncrementalBundle bundle(options, 21);
+  bundle.Grow(8, 24, 3);
+  const UpdateSummary summary = bundle.solver.Update();
+  FactorGraph graph = bundle.solver.graph();
+  std::vector<VariableId> all;
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    graph.SetValues(id, bundle.solver.Values(id));
+    all.push_back(id);
+  }
+  *gradient = DenseOracle(graph, all).g.cwiseAbs().maxCoeff();
+  return summary;
+}
+
+TEST(Tolerances, ASmallGradientEndsAnUpdate) {
+  double gradient = 0.0, at_the_end = 0.0;
+  const UpdateSummary to_the_end = UpdateWith(Endless(), &at_the_end);
+  EXPECT_EQ(to_the_end.message.find("Gradient"), std::string::npos) << to_the_end.message;
+  for (const double tolerance : {1e-1, 1e-3, 1e-5}) {
+    IncrementalOptions options = Endless();
+    options.gradient_tolerance = tolerance;
+    const UpdateSummary summary = UpdateWith(options, &gradient);
+    EXPECT_EQ(summary.termination, Termination::kConvergence);
+    EXPECT_EQ(summary.message.rfind("Gradient tolerance reached.", 0), 0u) << summary.message;
+    EXPECT_LE(gradient, tolerance);
+    EXPECT_GT(gradient, at_the_end);
+    EXPECT_LT(summary.num_iterations, to_the_end.num_iterations);
+  }
+}
+
+TEST(Tolerances, AShortStepEndsAnUpdate) {
+  double gradient = 0.0;
+  const UpdateSummary to_the_end = UpdateWith(Endless(), &gradient);
+  int iterations = 0;
+  for (const double tolerance : {1e-1, 1e-4}) {
+    IncrementalOptions options = Endless();
+    options.parameter_tolerance = tolerance;
+    const UpdateSummary summary = UpdateWith(options, &gradient);
+    EXPECT_EQ(summary.termination, Termination::kConvergence);
+    EXPECT_EQ(summary.message.rfind("Parameter tolerance reached.", 0), 0u) << summary.message;
+    EXPECT_GT(summary.num_iterations, iterations);
+    iterations = summary.num_iterations;
+  }
+  EXPECT_LT(iterations, to_the_end.num_iterations);
+}
+
+TEST(Tolerances, AtTheMinimumThereIsNothingToDo) {
+  IncrementalOptions options = Endless();
+  options.gradient_tolerance = 1e-4;
+  IncrementalBundle bundle(options, 22);
+  bundle.Grow(5, 12, 3);
+  ASSERT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
+  const std::vector<double> values = bundle.Values();
+  // The same value once more is an edit.
+  const VariableId frame = bundle.frames()[0];
+  bundle.SetValues(frame, {bundle.solver.Values(frame), bundle.solver.Values(frame) + 6});
+  bundle.Apply();
+  const UpdateSummary again = bundle.solver.Update();
+  EXPECT_EQ(again.message.rfind("Gradient tolerance reached.", 0), 0u) << again.message;
+  EXPECT_EQ(again.num_iterations, 0);
+  EXPECT_EQ(bundle.Values(), values);
+  // A tighter one is not reached yet.
+  options.gradient_tolerance = 1e-9;
+  bundle.solver.SetOptions(options);
+  EXPECT_GT(bundle.solver.Update().num_iterations, 0);
+}
+
+TEST(Tolerances, AreValidated) {
+  IncrementalOptions options;
+  options.gradient_tolerance = -1.0;
+  EXPECT_EQ(options.Validate().message,
+            "IncrementalOptions::gradient_tolerance = -1 but must be >= 0");
+  options = {};
+  options.parameter_tolerance = -1.0;
+  EXPECT_EQ(options.Validate().message,
+            "IncrementalOptions::parameter_tolerance = -1 but must be >= 0");
+}
+
+}  // namespace
+}  // namespace inceres::test
