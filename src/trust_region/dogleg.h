@@ -32,7 +32,7 @@ class Dogleg final : public TrustRegionStrategy {
   double CauchyStep(LinearModel* model);
   Status ComputeGaussNewtonStep(LinearModel* model, int* num_solves);
   void ChooseWithinRadius(LinearModel* model, double* step);
-  void FollowTraditionalPath(double alpha);
+  void FollowTraditionalPath(double alpha, const LinearModel& model);
 
   const std::vector<double>* scale_ = nullptr;
   double radius_ = 0.0;

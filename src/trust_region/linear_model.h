@@ -1,6 +1,9 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
+#include <numeric>
 #include <vector>
 
 #include "base/stopwatch.h"
@@ -52,6 +55,15 @@ class LinearModel {
 
   /// Adds the model's sizes and bytes to the counts.
   virtual void Describe(WorkCounts* work) const = 0;
+
+  /// aᵀb of two packed vectors, and whether all entries of one are finite. Of a model that several
+  /// processes have a part of: over all of it, and the same in each.
+  virtual double Dot(const std::vector<double>& a, const std::vector<double>& b) const {
+    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+  }
+  virtual bool IsFinite(const std::vector<double>& v) const {
+    return std::all_of(v.begin(), v.end(), [](double entry) { return std::isfinite(entry); });
+  }
 
   /// vᵀHv = ‖Jv‖².
   double Quadratic(const double* v) { return MultiplyJacobian(v).squared_norm; }

@@ -87,6 +87,8 @@ struct InnerDescent {
   double seconds = 0.0;  ///< spent on them
 };
 
+class Agreement;
+
 /// What the trust-region loop is told beside SolverOptions, by who solves for Ceres or for an
 /// Update.
 struct LoopOptions {
@@ -98,6 +100,7 @@ struct LoopOptions {
   StepJudge* judge = nullptr;                     ///< not owned; may be null
   InnerDescent* inner_descent = nullptr;          ///< not owned; null: none
   StepSystemObserver* system_observer = nullptr;  ///< not owned; may be null
+  const Agreement* agreement = nullptr;           ///< not owned; null: one process
 };
 
 /// Solver::Solve with these.

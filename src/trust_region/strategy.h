@@ -54,7 +54,4 @@ void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling,
 void StartStrategy(const SolverOptions& options, const std::vector<double>& scale,
                    std::unique_ptr<TrustRegionStrategy>* strategy);
 
-/// True if every entry of a step is finite.
-bool IsFinite(const std::vector<double>& step);
-
 }  // namespace inceres::internal
