@@ -41,6 +41,19 @@ Status CheckPart(const GraphPart& part) {
   return part.graph->Validate();
 }
 
+// Up to here the factor of S is small even if S is full: 2,000³ / 3 flops, 16 MB of its half.
+constexpr std::int64_t kMaxUnknownsToFactor = 2000;
+
+// What kAutomatic stands for.
+DistributedOptions Resolved(DistributedOptions options, std::int64_t num_unknowns) {
+  if (options.linear_solver == DistributedLinearSolver::kAutomatic) {
+    options.linear_solver = num_unknowns <= kMaxUnknownsToFactor
+                                ? DistributedLinearSolver::kCholesky
+                                : DistributedLinearSolver::kConjugateGradients;
+  }
+  return options;
+}
+
 // What a part is solved with, set up on all ranks together.
 struct Workspace {
   Workspace(const DistributedOptions& options, const Communicator& ranks, const GraphPart& part)
@@ -99,8 +112,9 @@ Status DistributedSolver::Impl::SetUp(const GraphPart& part, std::unique_ptr<Wor
   });
   if (status.ok()) {
     ranks_.FindThrowersBy([&work] { return DescribeThrower(&*work.evaluator); });
-    work.model =
-        std::make_unique<DistributedModel>(options_, ranks_, work.frames, *work.evaluator, &status);
+    work.model = std::make_unique<DistributedModel>(
+        Resolved(options_, work.frames.total_size(FramePlace::kTangent)), ranks_, work.frames,
+        *work.evaluator, &status);
   }
   if (status.ok()) {
     summary->reduced_solver = work.model->SolverName();
