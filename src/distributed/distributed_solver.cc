@@ -8,6 +8,7 @@
 
 #include "base/executor.h"
 #include "base/stopwatch.h"
+#include "distributed/checkpoint_keeper.h"
 #include "distributed/communicator.h"
 #include "distributed/distributed_model.h"
 #include "distributed/option_agreement.h"
@@ -81,7 +82,8 @@ class DistributedSolver::Impl {
 
  private:
   Status SetUp(const GraphPart& part, std::unique_ptr<Workspace>* workspace, Summary* summary);
-  void Minimize(const GraphPart& part, Workspace* workspace, double start, Summary* summary);
+  void Minimize(const GraphPart& part, Workspace* workspace, double start,
+                DistributedSummary* summary);
   void TakeOver(const GraphPart& part, const std::vector<double>& state, Workspace* workspace);
   void SolveAgreed(const GraphPart& part, double start, DistributedSummary* summary);
 
@@ -149,21 +151,40 @@ void DistributedSolver::Impl::TakeOver(const GraphPart& part, const std::vector<
 }
 
 void DistributedSolver::Impl::Minimize(const GraphPart& part, Workspace* workspace, double start,
-                                       Summary* summary) {
-  summary->seconds.setup = NowInSeconds() - start;
+                                       DistributedSummary* summary) {
+  Summary& solve = summary->solve;
+  solve.seconds.setup = NowInSeconds() - start;
   LoopOptions loop;
-  loop.seconds_spent_before = summary->seconds.setup;
+  loop.seconds_spent_before = solve.seconds.setup;
   loop.agreement = &ranks_;
+  CheckpointKeeper keeper(options_, ranks_, part, workspace->frames, workspace->layout);
+  LoopPosition position;
+  if (!options_.checkpoint.resume.empty()) {
+    std::vector<double> state = part.graph->state();
+    const Status resumed = keeper.Resume(&position, &state);
+    if (!resumed.ok()) {
+      summary->solve.message = resumed.message;
+      return;
+    }
+    workspace->evaluator->points().SetCurrent(state);
+    loop.resume = &position;
+  }
+  loop.keeper = &keeper;
   TrustRegionMinimizer minimizer(options_.solver, loop, &*workspace->evaluator,
-                                 workspace->model.get(), &workspace->memory, summary);
+                                 workspace->model.get(), &workspace->memory, &solve);
   minimizer.Minimize();
-  summary->final_cost = summary->initial_cost;
-  for (const IterationSummary& iteration : summary->iterations) {
+  solve.final_cost = solve.initial_cost;
+  for (const IterationSummary& iteration : solve.iterations) {
     if (iteration.iteration >= minimizer.first_comparable_iteration()) {
-      summary->final_cost = std::min(summary->final_cost, iteration.cost);
+      solve.final_cost = std::min(solve.final_cost, iteration.cost);
+    }
+    if (options_.linear_solver != DistributedLinearSolver::kCholesky) {
+      solve.work.num_conjugate_gradients += iteration.linear_solver_iterations;
     }
   }
-  if (summary->IsSolutionUsable()) {
+  summary->num_checkpoints = keeper.num_written();
+  summary->checkpoint_failure = keeper.failure();
+  if (solve.IsSolutionUsable()) {
     TakeOver(part, minimizer.best_state(), workspace);
   }
 }
@@ -179,7 +200,7 @@ void DistributedSolver::Impl::SolveAgreed(const GraphPart& part, double start,
   }
   const TrafficCounter traffic(ranks_);
   if (solve.sizes.num_moving_variables > 0) {
-    Minimize(part, workspace.get(), start, &solve);
+    Minimize(part, workspace.get(), start, summary);
   } else {
     double cost = 0.0;
     const Status evaluated = ranks_.Evaluate(

@@ -140,6 +140,17 @@ void Dogleg::FollowTraditionalPath(double alpha, const LinearModel& model) {
   step_norm_ = Norm(model, p_);
 }
 
+// A Gauss–Newton step that could be used again is found again.
+bool Dogleg::Restore(const std::vector<double>& saved) {
+  if (saved.size() != Save().size()) {
+    return false;
+  }
+  radius_ = saved[0];
+  mu_ = saved[1];
+  reuse_ = false;
+  return true;
+}
+
 void Dogleg::GetLastSolve(std::vector<double>* damping, std::vector<double>* solution) const {
   damping->resize(w_.size());
   for (std::size_t j = 0; j < w_.size(); ++j) {

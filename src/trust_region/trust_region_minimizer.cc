@@ -140,6 +140,9 @@ bool TrustRegionMinimizer::EvaluateStart() {
     return false;
   }
   JacobiScale(model_.Diagonal(), options_.jacobi_scaling, &scale_);
+  if (loop_.resume != nullptr) {
+    scale_ = loop_.resume->scale;
+  }
   model_.ScaleColumnsBy(scale_);
   StartStrategy(options_, scale_, &strategy_);
   quality_ = JudgeFromHere();
@@ -147,7 +150,41 @@ bool TrustRegionMinimizer::EvaluateStart() {
   iteration_.cost = summary_.initial_cost;
   iteration_.step_is_valid = true;
   iteration_.step_is_successful = true;
+  return loop_.resume == nullptr || Resume();
+}
+
+// The iteration that ends now is the one after which the position was kept, once more.
+bool TrustRegionMinimizer::Resume() {
+  const LoopPosition& position = *loop_.resume;
+  if (!strategy_->Restore(position.strategy)) {
+    return Finish(Termination::kFailure, {"The position to resume is of another strategy."});
+  }
+  iteration_.iteration = position.iteration;
+  iteration_.cost = cost_;
+  summary_.initial_cost = position.initial_cost;
+  summary_.num_successful_steps = position.num_successful_steps - 1;
+  summary_.num_unsuccessful_steps = position.num_unsuccessful_steps;
+  num_consecutive_invalid_steps_ = position.num_consecutive_invalid_steps;
+  any_step_accepted_ = position.any_step_accepted;
+  state_norm_ = any_step_accepted_ ? StateNorm() : state_norm_;
   return true;
+}
+
+void TrustRegionMinimizer::KeepPosition() {
+  const bool again = loop_.resume != nullptr && loop_.resume->iteration == iteration_.iteration;
+  if (loop_.keeper == nullptr || again || !loop_.keeper->Wants(iteration_.iteration)) {
+    return;
+  }
+  LoopPosition position;
+  position.iteration = iteration_.iteration;
+  position.initial_cost = summary_.initial_cost;
+  position.any_step_accepted = any_step_accepted_;
+  position.num_consecutive_invalid_steps = num_consecutive_invalid_steps_;
+  position.num_successful_steps = summary_.num_successful_steps;
+  position.num_unsuccessful_steps = summary_.num_unsuccessful_steps;
+  position.strategy = strategy_->Save();
+  position.scale = scale_;
+  loop_.keeper->Keep(position, evaluator_.points().current());
 }
 
 bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
@@ -166,6 +203,7 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
   iteration_.iteration_time_in_seconds = now - iteration_start_time_;
   iteration_.cumulative_time_in_seconds = now - start_time_ + loop_.seconds_spent_before;
   summary_.iterations.push_back(iteration_);
+  KeepPosition();
 
   if (!CallbacksContinue()) {
     return false;

@@ -62,6 +62,8 @@ class TrustRegionMinimizer {
  private:
   bool ProjectStart();
   bool EvaluateStart();
+  bool Resume();
+  void KeepPosition();
   bool FinalizeIterationAndContinue();
   void AskForRadius();
   bool ComputeStep();

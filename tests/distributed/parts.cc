@@ -7,12 +7,13 @@
 
 namespace inceres::test {
 
-BalPart::BalPart(const BalProblem& bal, std::shared_ptr<const Loss> loss, int idle)
+BalPart::BalPart(const BalProblem& bal, std::shared_ptr<const Loss> loss, int idle, int rank,
+                 int num_ranks)
     : cameras_(static_cast<std::size_t>(bal.num_cameras), -1),
       points_(static_cast<std::size_t>(bal.num_points), -1) {
   constexpr int kStretch = 40;  // points
   std::vector<int> workers;
-  for (int r = 0; r < NumRanks(); ++r) {
+  for (int r = 0; r < num_ranks; ++r) {
     if (r != idle) {
       workers.push_back(r);
     }
@@ -22,7 +23,7 @@ BalPart::BalPart(const BalProblem& bal, std::shared_ptr<const Loss> loss, int id
   part_.graph = &graph_;
   for (const BalObservation& seen : bal.observations) {
     const auto stretch = static_cast<std::size_t>(seen.point / kStretch);
-    if (workers[stretch % workers.size()] != Rank()) {
+    if (workers[stretch % workers.size()] != rank) {
       continue;
     }
     const VariableId camera = Camera(bal, seen.camera);

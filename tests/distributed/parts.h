@@ -3,6 +3,7 @@
 #include <mpi.h>
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "inceres/distributed/distributed_solver.h"
@@ -23,12 +24,15 @@ inline int NumRanks() {
   return size;
 }
 
-/// What a rank has of a BAL problem that all of them have read: every NumRanks()-th stretch of
-/// points, with the cameras they are seen by. Rank `idle`, if any, has nothing.
+/// What a rank has of a BAL problem that all of them have read: every so-many-th stretch of points,
+/// with the cameras they are seen by. Rank `idle`, if any, has nothing.
 class BalPart {
  public:
-  explicit BalPart(const BalProblem& bal, std::shared_ptr<const Loss> loss = nullptr,
-                   int idle = -1);
+  explicit BalPart(const BalProblem& bal, std::shared_ptr<const Loss> loss = nullptr, int idle = -1)
+      : BalPart(bal, std::move(loss), idle, Rank(), NumRanks()) {}
+  /// Of a rank among so many.
+  BalPart(const BalProblem& bal, std::shared_ptr<const Loss> loss, int idle, int rank,
+          int num_ranks);
 
   /// Holds a camera constant, and gives the others a prior each: factors between frames, on the
   /// last rank alone, whether it sees the frames or not.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "inceres/solver/summary.h"
@@ -41,6 +42,9 @@ struct DistributedSummary {
   /// Largest number of factors of a rank over the mean; 1: all have as many.
   double imbalance = 1.0;
   int num_checkpoints = 0;  ///< written
+  /// Why the last checkpoint that could not be written was not: the solve went on without it. Empty
+  /// if there was none.
+  std::string checkpoint_failure;
 };
 
 }  // namespace inceres
