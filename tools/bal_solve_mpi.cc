@@ -47,9 +47,9 @@ const ToolHelp kHelp = {
      {"two processes, by conjugate gradients, and the solved file",
       "mpiexec -n 2 bal_solve_mpi --input problem.txt --linear_solver conjugate_gradients "
       "--output solved.txt"},
-     {"a preconditioner of PETSc, and PETSc's log",
+     {"a preconditioner of PETSc",
       "mpiexec -n 2 bal_solve_mpi --input problem.txt --linear_solver ksp --form_schur_complement "
-      "-inceres_pc_type bjacobi -log_view"}}};
+      "-inceres_pc_type bjacobi"}}};
 
 // Loads the problem and deals it out.
 Status Load(MPI_Comm comm, const MpiSettings& settings, Tracks* tracks, MpiReport* report) {

@@ -14,6 +14,11 @@
 
 namespace inceres::internal {
 
+/// True if every entry of a step is finite.
+inline bool IsFinite(const std::vector<double>& step) {
+  return std::all_of(step.begin(), step.end(), [](double entry) { return std::isfinite(entry); });
+}
+
 /// The local model every strategy drives: ½‖f + Jδ‖² at the evaluator's current point, however it
 /// is represented. Vectors are packed tangent vectors (frames, then landmarks). H is never damped
 /// or scaled; damping is an argument of Solve.
@@ -61,9 +66,7 @@ class LinearModel {
   virtual double Dot(const std::vector<double>& a, const std::vector<double>& b) const {
     return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
   }
-  virtual bool IsFinite(const std::vector<double>& v) const {
-    return std::all_of(v.begin(), v.end(), [](double entry) { return std::isfinite(entry); });
-  }
+  virtual bool IsFinite(const std::vector<double>& v) const { return internal::IsFinite(v); }
 
   /// vᵀHv = ‖Jv‖².
   double Quadratic(const double* v) { return MultiplyJacobian(v).squared_norm; }

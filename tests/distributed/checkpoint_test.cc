@@ -1,4 +1,5 @@
-// A solve that was ended goes on where it was, on any number of ranks; a file that is not whole is refused.
+// A solve that was ended goes on where it was, on any number of ranks; a file that is not whole is
+// refused.
 #include "distributed/checkpoint.h"
 
 #include <algorithm>

@@ -4,6 +4,7 @@
 #include <numeric>
 #include <utility>
 
+#include "io/bal_binary.h"
 #include "io/bal_share.h"
 #include "io/byte_source.h"
 #include "tools/distributed/agree.h"
@@ -129,16 +130,29 @@ Status ReadShares(MPI_Comm comm, const std::string& path, BalCounts* counts, Bal
                internal::ReadBalShare(path, *counts, begin_of(rank), first, num_tokens, share));
 }
 
+Status ReadBinaryShares(MPI_Comm comm, const std::string& path, BalCounts* counts,
+                        BalShare* share) {
+  internal::BalBinaryFile file;
+  Status status = file.Open(path);
+  if (status.ok()) {
+    *counts = file.counts();
+    status = file.ReadShare(RankOf(comm), static_cast<int>(SizeOf(comm)), share);
+  }
+  return Agree(comm, status);
+}
+
 }  // namespace
 
 Status ReadTracks(MPI_Comm comm, const std::string& path, const ReadOptions& options,
                   Tracks* tracks) {
-  const bool in_shares = !internal::EndsWith(path, ".gz") && !internal::EndsWith(path, ".bz2") &&
-                         !internal::EndsWith(path, ".balb");
+  const bool in_shares = !internal::EndsWith(path, ".gz") && !internal::EndsWith(path, ".bz2");
   if (in_shares) {
     BalCounts counts;
     BalShare share;
-    if (ReadShares(comm, path, &counts, &share).ok()) {
+    const Status status = internal::IsBalBinary(path)
+                              ? ReadBinaryShares(comm, path, &counts, &share)
+                              : ReadShares(comm, path, &counts, &share);
+    if (status.ok()) {
       SpreadShare(comm, counts, share, tracks);
       return Status::Ok();
     }
