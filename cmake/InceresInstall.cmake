@@ -8,6 +8,7 @@
 #   ceres, ceres_dev the same for the adapter to Ceres
 #   dropin           the library to preload
 #   tools            programs
+#   distributed_dev  the solver over MPI, static, where it is built; in no Debian package
 include(CMakePackageConfigHelpers)
 
 set(INCERES_CONFIG_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/inceres)
@@ -32,11 +33,18 @@ inceres_install_library(io io_static core core_dev)
 inceres_install_library(io_shared io_shared core core_dev)
 inceres_install_library(ceres ceres_static ceres ceres_dev)
 inceres_install_library(ceres_shared ceres_shared ceres ceres_dev)
+inceres_install_library(distributed distributed distributed_dev distributed_dev)
 inceres_install_library(dropin dropin dropin ceres_dev)
 inceres_install_library(dropin_static dropin_static ceres ceres_dev)
 
 install(DIRECTORY include/inceres DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT core_dev
-  FILES_MATCHING PATTERN "*.h")
+  FILES_MATCHING PATTERN "*.h" PATTERN "distributed" EXCLUDE)
+if(TARGET inceres_distributed)
+  install(DIRECTORY include/inceres/distributed DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/inceres
+    COMPONENT distributed_dev FILES_MATCHING PATTERN "*.h")
+  install(FILES cmake/FindPetscMpi.cmake DESTINATION ${INCERES_CONFIG_DIR}
+    COMPONENT distributed_dev)
+endif()
 if(TARGET inceres_ceres)
   install(DIRECTORY adapters/ceres/include/inceres DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
     COMPONENT ceres_dev FILES_MATCHING PATTERN "*.h")

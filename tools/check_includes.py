@@ -30,6 +30,7 @@ ARROWS = {
     "estimator": ["incremental", "factors"],
     "io": ["factors", "problem", "solver"],
     "storage": ["io", "factors", "solver"],
+    "distributed": ["trust_region", "solver"],
 }
 # The same within adapters/ceres, between what lies in a folder there; what lies beside them may include them all.
 ADAPTER = "adapters/ceres"

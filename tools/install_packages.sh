@@ -2,12 +2,13 @@
 # Installs what building and testing inceres needs on Debian 12, and makes the serial OpenBLAS the BLAS and LAPACK that programs
 # load. Does nothing, quickly, when all is there. Runs as root or through sudo; asks nothing.
 #
-#   tools/install_packages.sh [--browser] [--arm64] [--site] [--python]
+#   tools/install_packages.sh [--browser] [--arm64] [--site] [--python] [--mpi]
 #
 # --browser adds Chromium, 300 MB, in which one test looks at the page of tools/ab_report; without
 # it that test is skipped. --arm64 adds a cross compiler and an emulator, with which the kernels for
 # arm64 are tested. --site adds what docs/build.sh builds the site with.
 # --python adds what the Python package and its tests need; without it they are skipped.
+# --mpi adds Open MPI and PETSc, with which inceres::distributed is built and tested.
 set -euo pipefail
 
 packages=(
@@ -29,6 +30,7 @@ for option in "$@"; do
         python3-matplotlib mypy
       )
       ;;
+    --mpi) packages+=(petsc-dev libopenmpi-dev openmpi-bin) ;;
     *) echo "install_packages.sh: unknown option $option" >&2; exit 2 ;;
   esac
 done

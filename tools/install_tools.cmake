@@ -4,6 +4,9 @@ set(installed_tools bal_solve pose_graph_solve ab_compare covariance_compare rep
 if(TARGET living_problem)
   list(APPEND installed_tools living_problem)
 endif()
+if(TARGET bal_solve_mpi)
+  list(APPEND installed_tools bal_solve_mpi)
+endif()
 # What a partial build lacks is left out.
 install(TARGETS ${installed_tools}
   RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools OPTIONAL)

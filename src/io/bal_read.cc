@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "inceres/io/bal.h"
+#include "io/bal_binary.h"
 #include "io/byte_source.h"
 #include "io/read_file.h"
 #include "io/text_scanner.h"
@@ -142,6 +143,9 @@ class BalReader {
 
 Status ReadBal(const std::string& path, BalProblem* problem, const ReadProgress& progress,
                const ReadOptions& options) {
+  if (internal::IsBalBinary(path)) {
+    return internal::ReadBalBinary(path, problem, progress);
+  }
   return internal::ReadFile<internal::BalReader>(path, problem, options, progress);
 }
 

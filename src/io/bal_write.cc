@@ -4,6 +4,7 @@
 #include <string>
 
 #include "inceres/io/bal.h"
+#include "io/bal_binary.h"
 #include "io/byte_sink.h"
 #include "io/text_writer.h"
 
@@ -73,6 +74,9 @@ Status BalProblem::Validate() const {
 Status WriteBal(const std::string& path, const BalProblem& problem) {
   if (Status status = problem.Validate(); !status.ok()) {
     return status;
+  }
+  if (internal::IsBalBinary(path)) {
+    return internal::WriteBalBinary(path, problem);
   }
   std::unique_ptr<internal::ByteSink> sink;
   if (Status status = internal::OpenByteSink(path, &sink); !status.ok()) {

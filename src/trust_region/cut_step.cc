@@ -21,7 +21,7 @@ bool TrustRegionMinimizer::EvaluateAlong(double t, double* cost) {
   scaled_step_.resize(step_.size());
   std::transform(step_.begin(), step_.end(), scaled_step_.begin(),
                  [t](double entry) { return t * entry; });
-  return evaluator_.points().MoveCandidate(scaled_step_.data()) && EvaluateCandidate(cost);
+  return MoveCandidate(scaled_step_) && EvaluateCandidate(cost);
 }
 
 // The candidate is at t of the step: that is the step from now on.

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <numeric>
 
 #include "trust_region/dogleg_point.h"
 
@@ -16,12 +15,8 @@ constexpr double kMuIncrease = 10.0;
 constexpr double kShrinkBelow = 0.25;
 constexpr double kGrowAbove = 0.75;
 
-double Dot(const std::vector<double>& a, const std::vector<double>& b) {
-  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
-}
-
-double Norm(const std::vector<double>& a) {
-  return std::sqrt(Dot(a, a));
+double Norm(const LinearModel& model, const std::vector<double>& a) {
+  return std::sqrt(model.Dot(a, a));
 }
 
 }  // namespace
@@ -78,7 +73,7 @@ double Dogleg::CauchyStep(LinearModel* model) {
   if (!alpha_) {
     std::transform(gradient_.begin(), gradient_.end(), w_.begin(), scratch_.begin(),
                    std::divides<>());
-    alpha_ = Dot(gradient_, gradient_) / model->Quadratic(scratch_.data());
+    alpha_ = model->Dot(gradient_, gradient_) / model->Quadratic(scratch_.data());
   }
   return *alpha_;
 }
@@ -95,7 +90,7 @@ Status Dogleg::ComputeGaussNewtonStep(LinearModel* model, int* num_solves) {
     }
     ++*num_solves;
     solved = model->Solve(scratch_.data(), gauss_newton_.data());
-    if (solved.ok() && IsFinite(gauss_newton_)) {
+    if (solved.ok() && model->IsFinite(gauss_newton_)) {
       for (std::size_t j = 0; j < w_.size(); ++j) {
         gauss_newton_[j] *= w_[j];
       }
@@ -113,36 +108,47 @@ Status Dogleg::ComputeGaussNewtonStep(LinearModel* model, int* num_solves) {
 }
 
 void Dogleg::ChooseWithinRadius(LinearModel* model, double* step) {
-  gauss_newton_norm_ = Norm(gauss_newton_);
+  gauss_newton_norm_ = Norm(*model, gauss_newton_);
   step_norm_ = gauss_newton_norm_;
   if (step_norm_ <= radius_) {
     p_ = gauss_newton_;
   } else if (subspace_ && subspace_->MinimizeOnBoundary(radius_, gradient_, p_.data())) {
     step_norm_ = radius_;
   } else {
-    FollowTraditionalPath(CauchyStep(model));
+    FollowTraditionalPath(CauchyStep(model), *model);
   }
   std::transform(p_.begin(), p_.end(), w_.begin(), step, std::divides<>());
 }
 
 // The dog-leg point: from zero to the Cauchy point a, on towards the Gauss–Newton point b, which
 // lies outside, up to where this path leaves the sphere.
-void Dogleg::FollowTraditionalPath(double alpha) {
-  const double gradient_norm = Norm(gradient_);
+void Dogleg::FollowTraditionalPath(double alpha, const LinearModel& model) {
+  const double gradient_norm = Norm(model, gradient_);
   if (gradient_norm * alpha >= radius_) {
     std::transform(gradient_.begin(), gradient_.end(), p_.begin(),
                    [&](double g) { return -radius_ / gradient_norm * g; });
     step_norm_ = radius_;
     return;
   }
-  const double b_dot_a = -alpha * Dot(gradient_, gauss_newton_);
+  const double b_dot_a = -alpha * model.Dot(gradient_, gauss_newton_);
   const double a2 = std::pow(alpha * gradient_norm, 2);
   const double b_minus_a2 = a2 - 2.0 * b_dot_a + gauss_newton_norm_ * gauss_newton_norm_;
   const double beta = DoglegShare(radius_ * radius_, a2, b_dot_a - a2, b_minus_a2);
   for (std::size_t j = 0; j < p_.size(); ++j) {
     p_[j] = -alpha * (1.0 - beta) * gradient_[j] + beta * gauss_newton_[j];
   }
-  step_norm_ = Norm(p_);
+  step_norm_ = Norm(model, p_);
+}
+
+// A Gauss–Newton step that could be used again is found again.
+bool Dogleg::Restore(const std::vector<double>& saved) {
+  if (saved.size() != Save().size()) {
+    return false;
+  }
+  radius_ = saved[0];
+  mu_ = saved[1];
+  reuse_ = false;
+  return true;
 }
 
 void Dogleg::GetLastSolve(std::vector<double>* damping, std::vector<double>* solution) const {

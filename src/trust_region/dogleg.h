@@ -25,6 +25,8 @@ class Dogleg final : public TrustRegionStrategy {
   void StepRejected() override;
   void StepIsInvalid() override;
   double Radius() const override { return radius_; }
+  std::vector<double> Save() const override { return {radius_, mu_}; }
+  bool Restore(const std::vector<double>& saved) override;
   void GetLastSolve(std::vector<double>* damping, std::vector<double>* solution) const override;
 
  private:
@@ -32,7 +34,7 @@ class Dogleg final : public TrustRegionStrategy {
   double CauchyStep(LinearModel* model);
   Status ComputeGaussNewtonStep(LinearModel* model, int* num_solves);
   void ChooseWithinRadius(LinearModel* model, double* step);
-  void FollowTraditionalPath(double alpha);
+  void FollowTraditionalPath(double alpha, const LinearModel& model);
 
   const std::vector<double>* scale_ = nullptr;
   double radius_ = 0.0;

@@ -42,6 +42,17 @@ Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* nu
   return model->Solve(damping_.data(), step);
 }
 
+bool LevenbergMarquardt::Restore(const std::vector<double>& saved) {
+  if (saved.size() != Save().size()) {
+    return false;
+  }
+  radius_ = saved[0];
+  decrease_factor_ = saved[1];
+  growth_ = saved[2];
+  num_accepted_in_row_ = static_cast<int>(saved[3]);
+  return true;
+}
+
 void LevenbergMarquardt::Widen(double radius) {
   if (radius > radius_) {
     radius_before_ = radius_;

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
+#include <numeric>
 #include <vector>
 
 #include "base/stopwatch.h"
@@ -10,6 +13,11 @@
 #include "linearize/row_products.h"
 
 namespace inceres::internal {
+
+/// True if every entry of a step is finite.
+inline bool IsFinite(const std::vector<double>& step) {
+  return std::all_of(step.begin(), step.end(), [](double entry) { return std::isfinite(entry); });
+}
 
 /// The local model every strategy drives: ½‖f + Jδ‖² at the evaluator's current point, however it
 /// is represented. Vectors are packed tangent vectors (frames, then landmarks). H is never damped
@@ -52,6 +60,13 @@ class LinearModel {
 
   /// Adds the model's sizes and bytes to the counts.
   virtual void Describe(WorkCounts* work) const = 0;
+
+  /// aᵀb of two packed vectors, and whether all entries of one are finite. Of a model that several
+  /// processes have a part of: over all of it, and the same in each.
+  virtual double Dot(const std::vector<double>& a, const std::vector<double>& b) const {
+    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+  }
+  virtual bool IsFinite(const std::vector<double>& v) const { return internal::IsFinite(v); }
 
   /// vᵀHv = ‖Jv‖².
   double Quadratic(const double* v) { return MultiplyJacobian(v).squared_norm; }

@@ -87,6 +87,30 @@ struct InnerDescent {
   double seconds = 0.0;  ///< spent on them
 };
 
+class Agreement;
+
+/// Where the loop stands after an iteration, beside the values of the variables: enough to go on
+/// from there as if nothing had been between.
+struct LoopPosition {
+  int iteration = 0;
+  double initial_cost = 0.0;
+  bool any_step_accepted = false;
+  int num_consecutive_invalid_steps = 0;
+  int num_successful_steps = 0;
+  int num_unsuccessful_steps = 0;
+  std::vector<double> strategy;  ///< TrustRegionStrategy::Save
+  std::vector<double> scale;     ///< of the columns, packed: as iteration 0 has measured it
+};
+
+/// Whoever keeps positions. Not of solves with non-monotonic steps, which remember more.
+class PositionKeeper {
+ public:
+  virtual ~PositionKeeper() = default;
+  virtual bool Wants(int iteration) const = 0;
+  /// `state` as the graph lays it out: where the next step begins.
+  virtual void Keep(const LoopPosition& position, const std::vector<double>& state) = 0;
+};
+
 /// What the trust-region loop is told beside SolverOptions, by who solves for Ceres or for an
 /// Update.
 struct LoopOptions {
@@ -98,6 +122,11 @@ struct LoopOptions {
   StepJudge* judge = nullptr;                     ///< not owned; may be null
   InnerDescent* inner_descent = nullptr;          ///< not owned; null: none
   StepSystemObserver* system_observer = nullptr;  ///< not owned; may be null
+  const Agreement* agreement = nullptr;           ///< not owned; null: one process
+  PositionKeeper* keeper = nullptr;               ///< not owned; may be null
+  /// Begins after this iteration, at the values the evaluator has: as if the iterations before had
+  /// been here. Not owned; null: from the start.
+  const LoopPosition* resume = nullptr;
 };
 
 /// Solver::Solve with these.

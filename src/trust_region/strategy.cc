@@ -29,8 +29,4 @@ void StartStrategy(const SolverOptions& options, const std::vector<double>& scal
   (*strategy)->Start(options, scale);
 }
 
-bool IsFinite(const std::vector<double>& step) {
-  return std::all_of(step.begin(), step.end(), [](double entry) { return std::isfinite(entry); });
-}
-
 }  // namespace inceres::internal

@@ -41,6 +41,9 @@ class TrustRegionStrategy {
   /// The next step is to be damped by no more than this radius allows; if it is refused, what was
   /// is again.
   virtual void Widen(double /*radius*/) {}
+  /// What it has learned from steps, and to go on with that of another one, started alike.
+  virtual std::vector<double> Save() const = 0;
+  virtual bool Restore(const std::vector<double>& saved) = 0;
   /// This radius from now on, and nothing of what steps before have taught.
   virtual void Restart(double /*radius*/) {}
 };
@@ -53,8 +56,5 @@ void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling,
 /// its place.
 void StartStrategy(const SolverOptions& options, const std::vector<double>& scale,
                    std::unique_ptr<TrustRegionStrategy>* strategy);
-
-/// True if every entry of a step is finite.
-bool IsFinite(const std::vector<double>& step);
 
 }  // namespace inceres::internal

@@ -35,6 +35,7 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
       model_(*model),
       summary_(*summary),
       graph_(evaluator->graph()),
+      agreement_(loop.agreement != nullptr ? *loop.agreement : alone_),
       start_time_(clock_.now()),
       scale_(memory->scale),
       best_state_(memory->best_state),
@@ -139,6 +140,9 @@ bool TrustRegionMinimizer::EvaluateStart() {
     return false;
   }
   JacobiScale(model_.Diagonal(), options_.jacobi_scaling, &scale_);
+  if (loop_.resume != nullptr) {
+    scale_ = loop_.resume->scale;
+  }
   model_.ScaleColumnsBy(scale_);
   StartStrategy(options_, scale_, &strategy_);
   quality_ = JudgeFromHere();
@@ -146,7 +150,41 @@ bool TrustRegionMinimizer::EvaluateStart() {
   iteration_.cost = summary_.initial_cost;
   iteration_.step_is_valid = true;
   iteration_.step_is_successful = true;
+  return loop_.resume == nullptr || Resume();
+}
+
+// The iteration that ends now is the one after which the position was kept, once more.
+bool TrustRegionMinimizer::Resume() {
+  const LoopPosition& position = *loop_.resume;
+  if (!strategy_->Restore(position.strategy)) {
+    return Finish(Termination::kFailure, {"The position to resume is of another strategy."});
+  }
+  iteration_.iteration = position.iteration;
+  iteration_.cost = cost_;
+  summary_.initial_cost = position.initial_cost;
+  summary_.num_successful_steps = position.num_successful_steps - 1;
+  summary_.num_unsuccessful_steps = position.num_unsuccessful_steps;
+  num_consecutive_invalid_steps_ = position.num_consecutive_invalid_steps;
+  any_step_accepted_ = position.any_step_accepted;
+  state_norm_ = any_step_accepted_ ? StateNorm() : state_norm_;
   return true;
+}
+
+void TrustRegionMinimizer::KeepPosition() {
+  const bool again = loop_.resume != nullptr && loop_.resume->iteration == iteration_.iteration;
+  if (loop_.keeper == nullptr || again || !loop_.keeper->Wants(iteration_.iteration)) {
+    return;
+  }
+  LoopPosition position;
+  position.iteration = iteration_.iteration;
+  position.initial_cost = summary_.initial_cost;
+  position.any_step_accepted = any_step_accepted_;
+  position.num_consecutive_invalid_steps = num_consecutive_invalid_steps_;
+  position.num_successful_steps = summary_.num_successful_steps;
+  position.num_unsuccessful_steps = summary_.num_unsuccessful_steps;
+  position.strategy = strategy_->Save();
+  position.scale = scale_;
+  loop_.keeper->Keep(position, evaluator_.points().current());
 }
 
 bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
@@ -165,11 +203,12 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
   iteration_.iteration_time_in_seconds = now - iteration_start_time_;
   iteration_.cumulative_time_in_seconds = now - start_time_ + loop_.seconds_spent_before;
   summary_.iterations.push_back(iteration_);
+  KeepPosition();
 
   if (!CallbacksContinue()) {
     return false;
   }
-  const double elapsed = clock_.now() - start_time_ + loop_.seconds_spent_before;
+  const double elapsed = agreement_.Max(clock_.now() - start_time_ + loop_.seconds_spent_before);
   if (elapsed >= options_.max_solver_time_in_seconds) {
     return Finish(Termination::kNoConvergence,
                   {"Maximum solver time reached. Total solver time: ", Scientific(elapsed).text(),
@@ -197,10 +236,10 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
 }
 
 bool TrustRegionMinimizer::CallbacksContinue() {
-  if (options_.observer == nullptr && !options_.progress && !options_.callback) {
+  if (agreement_.All(options_.observer == nullptr && !options_.progress && !options_.callback)) {
     return true;
   }
-  const ObserverAction action = AskObservers();
+  const ObserverAction action = agreement_.Ask([this] { return AskObservers(); });
   clock_.Read();
   return GoesOn(action, &summary_.termination, &summary_.message);
 }
@@ -241,7 +280,7 @@ bool TrustRegionMinimizer::ComputeStep() {
     return Finish(Termination::kFailure, {"Linear solver failed due to unrecoverable non-numeric "
                                           "causes. Please see the error log for clues. "});
   }
-  if (!solved.ok() || !IsFinite(step_)) {
+  if (!solved.ok() || !model_.IsFinite(step_)) {
     summary_.detail = solved.ok() ? "the step is not finite" : solved.message;
     return true;
   }
@@ -271,7 +310,7 @@ void TrustRegionMinimizer::ComputeCandidate() {
   candidate_cost_ = std::numeric_limits<double>::max();
   is_cut_ = false;
   double cost = 0.0;
-  const bool moved = evaluator_.points().MoveCandidate(step_.data());
+  const bool moved = MoveCandidate(step_);
   if (!moved && summary_.failed_step.empty()) {
     summary_.failed_step = "x_plus_delta = Plus(x, delta) failed";
   }
@@ -295,7 +334,8 @@ bool TrustRegionMinimizer::EvaluateCandidate(double* cost) {
                                         /*new_point=*/true);
   }
   ++summary_.work.num_residual_evaluations;
-  const Status evaluated = evaluator_.EvaluateCandidateCost(cost);
+  const Status evaluated = agreement_.Evaluate(
+      [this](double* own) { return evaluator_.EvaluateCandidateCost(own); }, cost);
   clock_.Charge(&summary_.seconds.residuals);
   const bool usable = evaluated.ok() && IsCostUsable(*cost);
   if (!usable && summary_.failed_step.empty()) {
@@ -399,7 +439,7 @@ bool TrustRegionMinimizer::FinishHere() {
 // At a point just accepted. True if the cost is another function from now on: the best state is
 // then looked for anew.
 bool TrustRegionMinimizer::Recenter() {
-  const int num_recentered = evaluator_.Recenter();
+  const int num_recentered = static_cast<int>(agreement_.Sum(evaluator_.Recenter()));
   if (num_recentered == 0) {
     return false;
   }
@@ -428,7 +468,10 @@ bool TrustRegionMinimizer::EvaluateGradientAndJacobian(bool new_point) {
                                         new_point);
   }
   ++summary_.work.num_jacobian_evaluations;
-  const Status evaluated = evaluator_.EvaluateJacobians(/*known_point=*/!new_point, &cost_);
+  const auto evaluation = [this, new_point](double* own) {
+    return evaluator_.EvaluateJacobians(/*known_point=*/!new_point, own);
+  };
+  const Status evaluated = agreement_.Evaluate(evaluation, &cost_);
   clock_.Charge(&summary_.seconds.jacobians);
   if (!evaluated.ok() || !IsCostUsable(cost_)) {
     summary_.detail = evaluated.ok() ? "the sum of all costs is not finite" : evaluated.message;
@@ -442,7 +485,7 @@ bool TrustRegionMinimizer::ComputeGradientNorms() {
   const std::vector<double>& g = model_.Gradient();
   std::transform(g.begin(), g.end(), negative_gradient_.begin(),
                  [](double entry) { return -entry; });
-  if (!evaluator_.points().MoveCandidate(negative_gradient_.data())) {
+  if (!MoveCandidate(negative_gradient_)) {
     return Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
   }
   iteration_.gradient_norm =
@@ -451,15 +494,23 @@ bool TrustRegionMinimizer::ComputeGradientNorms() {
   return true;
 }
 
+bool TrustRegionMinimizer::MoveCandidate(const std::vector<double>& step) {
+  return agreement_.All(evaluator_.points().MoveCandidate(step.data()));
+}
+
 double TrustRegionMinimizer::StateNorm() const {
   double sum = 0.0;
-  for (const VariableId id : evaluator_.layout().variables) {
-    const double* x = evaluator_.points().current().data() + graph_.StateOffset(id);
-    for (int k = 0; k < graph_.AmbientSize(id); ++k) {
+  const std::vector<VariableId>& variables = evaluator_.layout().variables;
+  for (std::size_t i = 0; i < variables.size(); ++i) {
+    if (agreement_.CountsElsewhere(i)) {
+      continue;
+    }
+    const double* x = evaluator_.points().current().data() + graph_.StateOffset(variables[i]);
+    for (int k = 0; k < graph_.AmbientSize(variables[i]); ++k) {
       sum += x[k] * x[k];
     }
   }
-  return std::sqrt(sum);
+  return std::sqrt(agreement_.Sum(sum));
 }
 
 // ‖a − b‖₂ over the variables that move, and the largest difference.
@@ -467,19 +518,23 @@ double TrustRegionMinimizer::StateDistance(const std::vector<double>& a,
                                            const std::vector<double>& b, double* max_norm) const {
   double sum = 0.0;
   double largest = 0.0;
-  for (const VariableId id : evaluator_.layout().variables) {
-    const auto offset = static_cast<std::size_t>(graph_.StateOffset(id));
-    for (std::size_t k = offset; k < offset + static_cast<std::size_t>(graph_.AmbientSize(id));
-         ++k) {
+  const std::vector<VariableId>& variables = evaluator_.layout().variables;
+  for (std::size_t i = 0; i < variables.size(); ++i) {
+    if (agreement_.CountsElsewhere(i)) {
+      continue;
+    }
+    const auto offset = static_cast<std::size_t>(graph_.StateOffset(variables[i]));
+    const auto size = static_cast<std::size_t>(graph_.AmbientSize(variables[i]));
+    for (std::size_t k = offset; k < offset + size; ++k) {
       const double difference = a[k] - b[k];
       sum += difference * difference;
       largest = std::max(largest, std::fabs(difference));
     }
   }
   if (max_norm != nullptr) {
-    *max_norm = largest;
+    *max_norm = agreement_.Max(largest);
   }
-  return std::sqrt(sum);
+  return std::sqrt(agreement_.Sum(sum));
 }
 
 bool TrustRegionMinimizer::Finish(Termination termination,

@@ -12,6 +12,7 @@
 #include "inceres/solver/summary.h"
 #include "linearize/evaluator.h"
 #include "schur/inner_iterations.h"
+#include "trust_region/agreement.h"
 #include "trust_region/coordinate_descent.h"
 #include "trust_region/linear_model.h"
 #include "trust_region/loop_options.h"
@@ -61,6 +62,8 @@ class TrustRegionMinimizer {
  private:
   bool ProjectStart();
   bool EvaluateStart();
+  bool Resume();
+  void KeepPosition();
   bool FinalizeIterationAndContinue();
   void AskForRadius();
   bool ComputeStep();
@@ -92,6 +95,7 @@ class TrustRegionMinimizer {
   bool IsCostUsable(double cost) const;
   bool EvaluateGradientAndJacobian(bool new_point);
   bool ComputeGradientNorms();
+  bool MoveCandidate(const std::vector<double>& step);
   double StateNorm() const;
   double StateDistance(const std::vector<double>& a, const std::vector<double>& b,
                        double* max_norm) const;
@@ -105,6 +109,8 @@ class TrustRegionMinimizer {
   LinearModel& model_;
   Summary& summary_;
   const FactorGraph& graph_;
+  const Agreement alone_;
+  const Agreement& agreement_;
   StageClock clock_;
   const double start_time_;
 

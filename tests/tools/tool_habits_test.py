@@ -25,6 +25,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 SHORTENED = {"differential_fuzzer": "--lives 1 --edits 10", "ab_compare": "--repeats 2"}
 # The shortest run of each tool that succeeds.
 SHORT = {"bal_solve": ["--input", "problem.txt"],
+         "bal_solve_mpi": ["--input", "problem.txt"],
          "pose_graph_solve": ["--input", "M3500.g2o"],
          "ab_compare": ["--problem", "bal:problem.txt", "--repeats", "1"],
          "covariance_compare": ["--problem", "bal:problem.txt", "--repeats", "1"],
@@ -36,6 +37,7 @@ SHORT = {"bal_solve": ["--input", "problem.txt"],
          "ab_report": ["run.jsonl"]}
 # A file that is not there.
 MISSING = {"bal_solve": ["--input", "no/file"],
+           "bal_solve_mpi": ["--input", "no/file"],
            "pose_graph_solve": ["--input", "no/file"],
            "ab_compare": ["--problem", "bal:no/file"],
            "covariance_compare": ["--problem", "bal:no/file"],

@@ -69,7 +69,8 @@ struct INCERES_EXPORT BalProblem {
 using ReadProgress = std::function<void(std::int64_t bytes_read, std::int64_t file_bytes)>;
 
 /// Reads a BAL file: text, or text compressed with gzip (name ends in .gz) or bzip2 (name ends in
-/// .bz2).
+/// .bz2); or the binary form (name ends in .balb; docs/file_formats.md, "BAL, binary"), whose
+/// counts are checked against the size of the file, and whose records against their checksums.
 ///
 /// The text is a stream of numbers separated by any white space (spaces, tabs, LF, CR LF or CR line
 /// ends, also several or none at the end of the file): three counts, `camera point x y` for each
@@ -90,8 +91,8 @@ INCERES_EXPORT Status ReadBal(const std::string& path, BalProblem* problem,
                               const ReadProgress& progress = nullptr,
                               const ReadOptions& options = ReadOptions());
 
-/// Writes a BAL file, compressed if the name ends in .gz or .bz2. Numbers are written in the
-/// shortest form that reads back as the same double.
+/// Writes a BAL file, compressed if the name ends in .gz or .bz2, in binary form if it ends in
+/// .balb. Numbers of text are written in the shortest form that reads back as the same double.
 ///
 /// Writes to `path`.partial and renames it at the end, so that an interrupted or failed write never
 /// leaves half a file under the name asked for (an existing path that is no regular file, such as a

@@ -1,0 +1,229 @@
+#include "distributed/assembled_system.h"
+
+#include <algorithm>
+#include <climits>
+#include <numeric>
+#include <tuple>
+#include <type_traits>
+
+namespace inceres::internal {
+namespace {
+
+// As MPI counts values: no rank sends more than 16 GiB of a matrix.
+int ToCount(std::int64_t count) {
+  if (count > INT_MAX) {
+    throw PetscFailure(PETSC_ERR_ARG_OUTOFRANGE, "a rank's share of S is too large to be sent");
+  }
+  return static_cast<int>(count);
+}
+
+std::vector<int> BeginsOf(const std::vector<int>& counts) {
+  std::vector<int> begins(counts.size(), 0);
+  std::int64_t total = 0;
+  for (std::size_t r = 0; r < counts.size(); ++r) {
+    begins[r] = ToCount(total);
+    total += counts[r];
+  }
+  ToCount(total);
+  return begins;
+}
+
+}  // namespace
+
+AssembledSystem::AssembledSystem(Form form, const ReducedSystem& system)
+    : form_(form), system_(system) {
+  std::vector<std::vector<Share>> of_rank(static_cast<std::size_t>(system.ranks().size()));
+  CollectShares(&of_rank);
+  PlanExchange(of_rank);
+  Preallocate();
+}
+
+void AssembledSystem::CollectShares(std::vector<std::vector<Share>>* of_rank) const {
+  const FramePlans& plans = system_.plans();
+  const std::vector<FramePlace>& frames = system_.frames().moving();
+  const auto add = [&](const FramePlace& row, const FramePlace& column, int block,
+                       bool transposed) {
+    const Place place{row.begin[0], column.begin[0], row.sizes[0], column.sizes[0]};
+    (*of_rank)[static_cast<std::size_t>(row.owner)].push_back({place, block, transposed});
+  };
+  for (std::size_t k = 0; k < plans.block_row.size(); ++k) {
+    const FramePlace& i = frames[static_cast<std::size_t>(plans.block_row[k])];
+    const FramePlace& j = frames[static_cast<std::size_t>(plans.pattern.columns[k])];
+    const auto block = static_cast<int>(k);
+    const bool upper = i.begin[0] <= j.begin[0];
+    if (form_ == Form::kWhole && &i != &j) {
+      add(i, j, block, false);
+      add(j, i, block, true);
+    } else {
+      add(upper ? i : j, upper ? j : i, block, !upper);
+    }
+  }
+}
+
+void AssembledSystem::PlanExchange(const std::vector<std::vector<Share>>& of_rank) {
+  const auto num_ranks = of_rank.size();
+  const MPI_Comm comm = system_.ranks().comm();
+  static_assert(std::is_trivially_copyable_v<Place>);
+  std::vector<Place> own_places;
+  std::vector<int> place_bytes(num_ranks), received_bytes(num_ranks);
+  send_counts_.assign(num_ranks, 0);
+  receive_counts_.assign(num_ranks, 0);
+  for (std::size_t r = 0; r < num_ranks; ++r) {
+    std::int64_t num_values = 0;
+    for (const Share& share : of_rank[r]) {
+      shares_.push_back(share);
+      own_places.push_back(share.place);
+      num_values += std::int64_t{share.place.rows} * share.place.columns;
+    }
+    send_counts_[r] = ToCount(num_values);
+    place_bytes[r] = ToCount(static_cast<std::int64_t>(of_rank[r].size() * sizeof(Place)));
+    if (static_cast<int>(r) != system_.ranks().rank()) {
+      bytes_per_assembly_ += num_values * static_cast<std::int64_t>(sizeof(double));
+    }
+  }
+  MPI_Alltoall(send_counts_.data(), 1, MPI_INT, receive_counts_.data(), 1, MPI_INT, comm);
+  MPI_Alltoall(place_bytes.data(), 1, MPI_INT, received_bytes.data(), 1, MPI_INT, comm);
+  send_begins_ = BeginsOf(send_counts_);
+  receive_begins_ = BeginsOf(receive_counts_);
+  const std::vector<int> begins = BeginsOf(place_bytes);
+  const std::vector<int> received_begins = BeginsOf(received_bytes);
+  std::vector<Place> received(
+      static_cast<std::size_t>(received_begins.back() + received_bytes.back()) / sizeof(Place));
+  MPI_Alltoallv(own_places.data(), place_bytes.data(), begins.data(), MPI_BYTE, received.data(),
+                received_bytes.data(), received_begins.data(), MPI_BYTE, comm);
+  sent_.resize(static_cast<std::size_t>(send_begins_.back() + send_counts_.back()));
+  received_.resize(static_cast<std::size_t>(receive_begins_.back() + receive_counts_.back()));
+  PlanSums(received);
+}
+
+void AssembledSystem::PlanSums(const std::vector<Place>& received) {
+  std::vector<std::size_t> order(received.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto key = [&](std::size_t k) {
+    return std::make_tuple(received[k].row, received[k].column, k);
+  };
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t a, std::size_t b) { return key(a) < key(b); });
+  targets_.resize(received.size());
+  std::int64_t size = 0;
+  for (const std::size_t k : order) {
+    const Place& place = received[k];
+    const bool known = !owned_.empty() && owned_.back().place.row == place.row &&
+                       owned_.back().place.column == place.column;
+    if (!known) {
+      owned_.push_back({place, size});
+      size += std::int64_t{place.rows} * place.columns;
+    }
+    targets_[k] = owned_.back().begin;
+  }
+  for (const Place& place : received) {
+    target_sizes_.push_back(std::int64_t{place.rows} * place.columns);
+  }
+  sums_.resize(static_cast<std::size_t>(size));
+}
+
+void AssembledSystem::Preallocate() {
+  const SharedFrames& frames = system_.frames();
+  const PetscInt rows = ToPetscInt(frames.owned_size(FramePlace::kTangent));
+  const PetscInt all = ToPetscInt(frames.total_size(FramePlace::kTangent));
+  PetscInt first = 0;
+  MPI_Exscan(&rows, &first, 1, MPIU_INT, MPI_SUM, system_.ranks().comm());
+  first = system_.ranks().rank() == 0 ? 0 : first;
+  std::vector<PetscInt> inside(static_cast<std::size_t>(rows), 0);
+  std::vector<PetscInt> outside(inside.size(), 0);
+  for (const OwnedBlock& block : owned_) {
+    const bool own_column = block.place.column >= first && block.place.column < first + rows;
+    for (int r = 0; r < block.place.rows; ++r) {
+      const auto row = static_cast<std::size_t>(block.place.row - first + r);
+      const bool half = form_ == Form::kUpper && block.place.row == block.place.column;
+      (own_column ? inside : outside)[row] += block.place.columns - (half ? r : 0);
+    }
+  }
+  Check(MatCreate(system_.ranks().comm(), matrix_.Receive()), "MatCreate");
+  Mat S = matrix_.get();
+  Check(MatSetSizes(S, rows, rows, all, all), "MatSetSizes");
+  if (form_ == Form::kUpper) {
+    Check(MatSetType(S, MATSBAIJ), "MatSetType");
+    Check(MatSeqSBAIJSetPreallocation(S, 1, 0, inside.data()), "MatSeqSBAIJSetPreallocation");
+    Check(MatMPISBAIJSetPreallocation(S, 1, 0, inside.data(), 0, outside.data()),
+          "MatMPISBAIJSetPreallocation");
+    Check(MatSetOption(S, MAT_IGNORE_LOWER_TRIANGULAR, PETSC_TRUE), "MatSetOption");
+  } else {
+    Check(MatSetType(S, MATAIJ), "MatSetType");
+    Check(MatSeqAIJSetPreallocation(S, 0, inside.data()), "MatSeqAIJSetPreallocation");
+    Check(MatMPIAIJSetPreallocation(S, 0, inside.data(), 0, outside.data()),
+          "MatMPIAIJSetPreallocation");
+  }
+  Check(MatSetOption(S, MAT_SPD, PETSC_TRUE), "MatSetOption");
+  Check(MatSetOption(S, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE), "MatSetOption");
+}
+
+void AssembledSystem::PackShares() {
+  const BlockPattern& pattern = system_.plans().pattern;
+  const double* const S = system_.elimination().S();
+  double* out = sent_.data();
+  for (const Share& share : shares_) {
+    const double* const block = S + pattern.value_begin[static_cast<std::size_t>(share.block)];
+    const int rows = share.place.rows;
+    const int columns = share.place.columns;
+    for (int r = 0; r < rows; ++r) {
+      for (int c = 0; c < columns; ++c) {
+        *out++ = share.transposed ? block[c * rows + r] : block[r * columns + c];
+      }
+    }
+  }
+}
+
+void AssembledSystem::AddDamping() {
+  const std::vector<double>& damping = system_.owned_damping();
+  std::size_t next = 0;  // diagonal blocks come in the order of the owned frames
+  for (const OwnedBlock& block : owned_) {
+    if (block.place.row != block.place.column) {
+      continue;
+    }
+    for (int r = 0; r < block.place.rows; ++r) {
+      sums_[static_cast<std::size_t>(block.begin + r * (block.place.columns + 1))] +=
+          damping[next++];
+    }
+  }
+}
+
+void AssembledSystem::Assemble() {
+  const LogStage stage("inceres assemble S");
+  PackShares();
+  MPI_Alltoallv(sent_.data(), send_counts_.data(), send_begins_.data(), MPI_DOUBLE,
+                received_.data(), receive_counts_.data(), receive_begins_.data(), MPI_DOUBLE,
+                system_.ranks().comm());
+  std::fill(sums_.begin(), sums_.end(), 0.0);
+  const double* from = received_.data();
+  for (std::size_t k = 0; k < targets_.size(); ++k) {
+    double* const to = sums_.data() + targets_[k];
+    for (std::int64_t v = 0; v < target_sizes_[k]; ++v) {
+      to[v] += *from++;
+    }
+  }
+  AddDamping();
+  std::vector<PetscInt> rows;
+  std::vector<PetscInt> columns;
+  for (const OwnedBlock& block : owned_) {
+    rows.resize(static_cast<std::size_t>(block.place.rows));
+    columns.resize(static_cast<std::size_t>(block.place.columns));
+    std::iota(rows.begin(), rows.end(), static_cast<PetscInt>(block.place.row));
+    std::iota(columns.begin(), columns.end(), static_cast<PetscInt>(block.place.column));
+    Check(MatSetValues(matrix_.get(), block.place.rows, rows.data(), block.place.columns,
+                       columns.data(), sums_.data() + block.begin, INSERT_VALUES),
+          "MatSetValues");
+  }
+  Check(MatAssemblyBegin(matrix_.get(), MAT_FINAL_ASSEMBLY), "MatAssemblyBegin");
+  Check(MatAssemblyEnd(matrix_.get(), MAT_FINAL_ASSEMBLY), "MatAssemblyEnd");
+}
+
+std::int64_t AssembledSystem::Bytes() const {
+  // of a value in the matrix, its column too
+  return static_cast<std::int64_t>(
+      (sent_.size() + received_.size() + sums_.size()) * sizeof(double) +
+      sums_.size() * (sizeof(double) + sizeof(PetscInt)) + shares_.size() * sizeof(Share) +
+      owned_.size() * sizeof(OwnedBlock));
+}
+
+}  // namespace inceres::internal

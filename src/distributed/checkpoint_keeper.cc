@@ -1,0 +1,239 @@
+#include "distributed/checkpoint_keeper.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <system_error>
+#include <unordered_map>
+
+namespace inceres::internal {
+namespace {
+
+Status FileError(const std::string& path, const char* what) {
+  return Status::Error(StatusCode::kIo,
+                       path + ": " + what + ": " + std::generic_category().message(errno));
+}
+
+Status WriteAt(const std::string& path, std::int64_t offset, const std::vector<char>& bytes) {
+  const int file = open(path.c_str(), O_WRONLY | O_CLOEXEC);
+  if (file < 0) {
+    return FileError(path, "cannot open for writing");
+  }
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t count = pwrite(file, bytes.data() + done, bytes.size() - done,
+                                 static_cast<off_t>(offset) + static_cast<off_t>(done));
+    if (count <= 0) {
+      break;
+    }
+    done += static_cast<std::size_t>(count);
+  }
+  const bool written = done == bytes.size() && fsync(file) == 0;
+  const Status status = written ? Status::Ok() : FileError(path, "cannot write");
+  close(file);
+  return status;
+}
+
+Status MakeEmpty(const std::string& path) {
+  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (file < 0) {
+    return FileError(path, "cannot open for writing");
+  }
+  close(file);
+  return Status::Ok();
+}
+
+bool AllFinite(const double* values, int count) {
+  return std::all_of(values, values + count, [](double x) { return std::isfinite(x); });
+}
+
+}  // namespace
+
+CheckpointKeeper::CheckpointKeeper(const DistributedOptions& options, const Communicator& ranks,
+                                   const GraphPart& part, const SharedFrames& frames,
+                                   const Layout& layout)
+    : options_(options), ranks_(ranks), part_(part), frames_(frames), layout_(layout) {
+  if (options.checkpoint.path.empty() && options.checkpoint.resume.empty()) {
+    return;
+  }
+  landmark_ids_.assign(static_cast<std::size_t>(layout.num_landmarks()), -1);
+  for (const GlobalVariable& landmark : part.landmarks) {
+    const bool known = part.graph->HasVariable(landmark.variable);
+    const int position = known ? layout.Position(landmark.variable) : -1;
+    if (position >= layout.num_frames) {
+      landmark_ids_[static_cast<std::size_t>(position - layout.num_frames)] = landmark.id;
+    }
+  }
+  num_landmarks_ = static_cast<std::int64_t>(ranks.Sum(layout.num_landmarks()));
+}
+
+Status CheckpointKeeper::CheckLandmarks() const {
+  const auto missing = std::find(landmark_ids_.begin(), landmark_ids_.end(), -1);
+  if (missing == landmark_ids_.end()) {
+    return Status::Ok();
+  }
+  const auto position = static_cast<std::size_t>(missing - landmark_ids_.begin());
+  const VariableId id = layout_.variables[static_cast<std::size_t>(layout_.num_frames) + position];
+  return Status::Error(StatusCode::kInvalidArgument,
+                       "landmark variable " + std::to_string(id) +
+                           " is not listed in GraphPart::landmarks, as checkpoints need");
+}
+
+bool CheckpointKeeper::Wants(int iteration) const {
+  return !options_.checkpoint.path.empty() && iteration > 0 &&
+         iteration % options_.checkpoint.every == 0;
+}
+
+void CheckpointKeeper::Keep(const LoopPosition& position, const std::vector<double>& state) {
+  const Status status = Write(position, state);
+  num_written_ += status.ok() ? 1 : 0;
+  if (!status.ok()) {
+    failure_ = status.message;
+  }
+}
+
+std::vector<char> CheckpointKeeper::EncodeOwn(const LoopPosition& position,
+                                              const std::vector<double>& state) const {
+  const FactorGraph& graph = *part_.graph;
+  std::vector<char> bytes;
+  const auto append = [&](std::int64_t id, std::int32_t kind, std::size_t at) {
+    const VariableId variable = layout_.variables[at];
+    CheckpointRecord record;
+    record.id = id;
+    record.kind = kind;
+    record.ambient_size = graph.AmbientSize(variable);
+    record.tangent_size = graph.TangentSize(variable);
+    AppendRecord(record, graph.ValuesIn(state.data(), variable),
+                 position.scale.data() + layout_.packed_offset[at], &bytes);
+  };
+  for (const int at : frames_.owned()) {
+    append(frames_.moving()[static_cast<std::size_t>(at)].id, CheckpointRecord::kFrame,
+           static_cast<std::size_t>(at));
+  }
+  for (std::size_t l = 0; l < landmark_ids_.size(); ++l) {
+    append(landmark_ids_[l], CheckpointRecord::kLandmark,
+           static_cast<std::size_t>(layout_.num_frames) + l);
+  }
+  return bytes;
+}
+
+Status CheckpointKeeper::Write(const LoopPosition& position,
+                               const std::vector<double>& state) const {
+  const std::string partial = options_.checkpoint.path + ".partial";
+  const bool root = ranks_.rank() == 0;
+  std::vector<char> bytes;
+  Status status = ranks_.Try([&] {
+    bytes = EncodeOwn(position, state);
+    const Status listed = CheckLandmarks();
+    return listed.ok() && root ? MakeEmpty(partial) : listed;
+  });
+  if (!status.ok()) {
+    return status;
+  }
+  const std::vector<std::int64_t> table =
+      ranks_.Gather({static_cast<std::int64_t>(bytes.size()),
+                     static_cast<std::int64_t>(ChecksumOf(bytes.data(), bytes.size()))});
+  std::vector<CheckpointSection> sections(table.size() / 2);
+  for (std::size_t r = 0; r < sections.size(); ++r) {
+    sections[r].bytes = table[2 * r];
+    sections[r].checksum = static_cast<std::uint64_t>(table[2 * r + 1]);
+  }
+  CheckpointHead head;
+  head.position = position;
+  head.strategy_kind = static_cast<int>(options_.solver.strategy);
+  head.num_frames = frames_.num_frames();
+  head.num_landmarks = num_landmarks_;
+  const std::vector<char> head_bytes = EncodeHead(head, &sections);
+  status = ranks_.Try([&] {
+    const Status own =
+        WriteAt(partial, sections[static_cast<std::size_t>(ranks_.rank())].offset, bytes);
+    return own.ok() && root ? WriteAt(partial, 0, head_bytes) : own;
+  });
+  if (!status.ok()) {
+    return status;
+  }
+  const bool renamed = !root || std::rename(partial.c_str(), options_.checkpoint.path.c_str()) == 0;
+  return ranks_.Agree(renamed ? Status::Ok()
+                              : FileError(options_.checkpoint.path, "cannot rename to it"));
+}
+
+Status CheckpointKeeper::Resume(LoopPosition* position, std::vector<double>* state) const {
+  return ranks_.Try([&] {
+    const Status listed = CheckLandmarks();
+    return listed.ok() ? Read(position, state) : listed;
+  });
+}
+
+Status CheckpointKeeper::Read(LoopPosition* position, std::vector<double>* state) const {
+  const std::string& path = options_.checkpoint.resume;
+  CheckpointReader reader;
+  Status status = reader.Open(path);
+  if (!status.ok()) {
+    return status;
+  }
+  const CheckpointHead& head = reader.head();
+  if (head.num_frames != frames_.num_frames() || head.num_landmarks != num_landmarks_ ||
+      head.strategy_kind != static_cast<int>(options_.solver.strategy)) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         path + ": a checkpoint of " + std::to_string(head.num_frames) +
+                             " frames and " + std::to_string(head.num_landmarks) +
+                             " landmarks, or of another strategy; the problem has " +
+                             std::to_string(frames_.num_frames()) + " and " +
+                             std::to_string(num_landmarks_));
+  }
+  *position = head.position;
+  position->scale.assign(static_cast<std::size_t>(layout_.size()), 1.0);
+  std::unordered_map<std::int64_t, std::size_t> places[2];
+  for (std::size_t i = 0; i < frames_.moving().size(); ++i) {
+    places[CheckpointRecord::kFrame][frames_.moving()[i].id] = i;
+  }
+  for (std::size_t l = 0; l < landmark_ids_.size(); ++l) {
+    places[CheckpointRecord::kLandmark][landmark_ids_[l]] =
+        static_cast<std::size_t>(layout_.num_frames) + l;
+  }
+  if (places[CheckpointRecord::kLandmark].size() != landmark_ids_.size()) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "GraphPart::landmarks has one id for two landmarks");
+  }
+  const FactorGraph& graph = *part_.graph;
+  const std::size_t num_wanted = places[0].size() + places[1].size();
+  std::vector<char> found(layout_.variables.size(), 0);
+  std::size_t num_found = 0;
+  status = reader.ForEach([&](const CheckpointRecord& record, const double* values,
+                              const double* scale) {
+    if (record.kind != CheckpointRecord::kFrame && record.kind != CheckpointRecord::kLandmark) {
+      return false;
+    }
+    const auto place = places[record.kind].find(record.id);
+    if (place == places[record.kind].end()) {
+      return true;  // another rank's
+    }
+    const std::size_t at = place->second;
+    const VariableId variable = layout_.variables[at];
+    const bool fits = record.ambient_size == graph.AmbientSize(variable) &&
+                      record.tangent_size == graph.TangentSize(variable) && found[at] == 0 &&
+                      AllFinite(values, record.ambient_size) &&
+                      AllFinite(scale, record.tangent_size) &&
+                      *std::min_element(scale, scale + record.tangent_size) > 0.0;
+    if (fits) {
+      found[at] = 1;
+      ++num_found;
+      std::copy_n(values, record.ambient_size, state->data() + graph.StateOffset(variable));
+      std::copy_n(scale, record.tangent_size, position->scale.data() + layout_.packed_offset[at]);
+    }
+    return fits;
+  });
+  if (status.ok() && num_found != num_wanted) {
+    status = Status::Error(StatusCode::kInvalidArgument,
+                           path + ": has " + std::to_string(num_found) + " of the " +
+                               std::to_string(num_wanted) +
+                               " variables that move: a checkpoint of another problem?");
+  }
+  return status;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,203 @@
+#include "distributed/communicator.h"
+
+#include <algorithm>
+#include <climits>
+#include <cstdio>
+#include <cstdlib>
+#include <limits>
+#include <new>
+#include <numeric>
+
+#include "base/stopwatch.h"
+
+namespace inceres::internal {
+namespace {
+
+// What a rank says of its own part, beside a value.
+constexpr double kFine = 0.0;
+constexpr double kThrew = -1.0;  // any other number: the StatusCode of a failure
+
+// Runs what may throw; *threw tells whether it did.
+template <typename Work>
+Status Guarded(const Work& work, bool* threw) {
+  *threw = true;
+  try {
+    Status status = work();
+    *threw = false;
+    return status;
+  } catch (const std::bad_alloc&) {
+    return Status::Error(StatusCode::kUnavailable, "out of memory");
+  } catch (const std::exception& exception) {
+    return Status::Error(StatusCode::kEvaluationFailed,
+                         std::string("an exception was thrown: ") + exception.what());
+  } catch (...) {
+    return Status::Error(StatusCode::kEvaluationFailed,
+                         "something was thrown that is no std::exception");
+  }
+}
+
+}  // namespace
+
+Communicator::Communicator(MPI_Comm comm) {
+  MPI_Comm_dup(comm, &comm_);
+  MPI_Comm_rank(comm_, &rank_);
+  MPI_Comm_size(comm_, &size_);
+}
+
+Communicator::~Communicator() {
+  int finalized = 0;
+  MPI_Finalized(&finalized);
+  if (finalized == 0) {
+    MPI_Comm_free(&comm_);
+  }
+}
+
+void Communicator::AllGather(const double* own, int count, double* all) const {
+  const StageTimer timer(&seconds_);
+  MPI_Allgather(own, count, MPI_DOUBLE, all, count, MPI_DOUBLE, comm_);
+  bytes_sent_ += static_cast<std::int64_t>(sizeof(double)) * count * (size_ - 1);
+  ++num_reductions_;
+}
+
+void Communicator::SumAll(int count, double* values) const {
+  gathered_.resize(static_cast<std::size_t>(count) * static_cast<std::size_t>(size_));
+  AllGather(values, count, gathered_.data());
+  for (int k = 0; k < count; ++k) {
+    double sum = gathered_[static_cast<std::size_t>(k)];
+    for (int r = 1; r < size_; ++r) {
+      sum += gathered_[static_cast<std::size_t>(r) * static_cast<std::size_t>(count) +
+                       static_cast<std::size_t>(k)];
+    }
+    values[k] = sum;
+  }
+}
+
+double Communicator::Sum(double own) const {
+  SumAll(1, &own);
+  return own;
+}
+
+double Communicator::Max(double own) const {
+  gathered_.resize(static_cast<std::size_t>(size_));
+  AllGather(&own, 1, gathered_.data());
+  double largest = gathered_[0];
+  for (const double value : gathered_) {
+    // what is no number wins, wherever it is
+    largest = value > largest || value != value ? value : largest;
+  }
+  return largest;
+}
+
+bool Communicator::All(bool own) const {
+  return Max(own ? 0.0 : 1.0) == 0.0;
+}
+
+Status Communicator::Agree(const Status& own) const {
+  gathered_.resize(static_cast<std::size_t>(size_));
+  const double code = own.ok() ? kFine : static_cast<double>(own.code);
+  AllGather(&code, 1, gathered_.data());
+  const auto failed =
+      std::find_if(gathered_.begin(), gathered_.end(), [](double c) { return c != kFine; });
+  if (failed == gathered_.end()) {
+    return Status::Ok();
+  }
+  const auto of_rank = static_cast<int>(failed - gathered_.begin());
+  const auto agreed = static_cast<StatusCode>(*failed);
+  std::string message = own.message;
+  int length = static_cast<int>(std::min<std::size_t>(message.size(), INT_MAX));
+  MPI_Bcast(&length, 1, MPI_INT, of_rank, comm_);
+  message.resize(static_cast<std::size_t>(length));
+  MPI_Bcast(message.data(), length, MPI_CHAR, of_rank, comm_);
+  return Status::Error(agreed, "rank " + std::to_string(of_rank) + ": " + message);
+}
+
+Status Communicator::Try(const std::function<Status()>& work) const {
+  bool threw = false;
+  const Status own = Guarded(work, &threw);
+  return Agree(own);
+}
+
+// A failure is for the loop to judge: it may try a shorter step. An exception ends the solve.
+Status Communicator::Evaluate(const Evaluation& evaluation, double* cost) const {
+  double own_cost = 0.0;
+  bool threw = false;
+  Status own = Guarded([&] { return evaluation(&own_cost); }, &threw);
+  const double said[2] = {own.ok() ? own_cost : 0.0, threw      ? kThrew
+                                                     : own.ok() ? kFine
+                                                                : static_cast<double>(own.code)};
+  gathered_.resize(2 * static_cast<std::size_t>(size_));
+  AllGather(said, 2, gathered_.data());
+  bool anyone_threw = false;
+  bool all_fine = true;
+  double sum = 0.0;
+  for (std::size_t r = 0; r < gathered_.size(); r += 2) {
+    sum = r == 0 ? gathered_[0] : sum + gathered_[r];
+    anyone_threw = anyone_threw || gathered_[r + 1] == kThrew;
+    all_fine = all_fine && gathered_[r + 1] == kFine;
+  }
+  if (all_fine) {
+    *cost = sum;
+    return Status::Ok();
+  }
+  if (anyone_threw) {
+    if (threw && find_thrower_) {
+      own.message += ", of " + find_thrower_();
+    }
+    throw AgreedFailure(Agree(threw ? own : Status::Ok()));
+  }
+  return Agree(own);
+}
+
+ObserverAction Communicator::Ask(const std::function<ObserverAction()>& observers) const {
+  ObserverAction own = ObserverAction::kContinue;
+  const auto ask = [&] {
+    own = observers();
+    return Status::Ok();
+  };
+  bool threw = false;
+  Status status = Guarded(ask, &threw);
+  const Status agreed = Agree(status);
+  if (!agreed.ok()) {
+    throw AgreedFailure(agreed);
+  }
+  return static_cast<ObserverAction>(static_cast<int>(Max(static_cast<double>(own))));
+}
+
+void Communicator::Abort(const char* what) const {
+  std::fprintf(stderr, "inceres: rank %d cannot go on, and ends the program: %s\n", rank_, what);
+  std::fflush(stderr);
+  MPI_Abort(comm_, 1);
+  std::abort();  // MPI_Abort does not return
+}
+
+std::vector<std::int64_t> Communicator::Gather(const std::vector<std::int64_t>& own) const {
+  std::vector<std::int64_t> all(own.size() * static_cast<std::size_t>(size_));
+  const auto count = static_cast<int>(own.size());
+  MPI_Allgather(own.data(), count, MPI_INT64_T, all.data(), count, MPI_INT64_T, comm_);
+  return all;
+}
+
+std::vector<double> Communicator::GatherNumbers(const std::vector<double>& own) const {
+  std::vector<double> all(own.size() * static_cast<std::size_t>(size_));
+  AllGather(own.data(), static_cast<int>(own.size()), all.data());
+  return all;
+}
+
+std::vector<char> Communicator::GatherBytes(const std::vector<char>& own) const {
+  const std::vector<std::int64_t> sizes = Gather({static_cast<std::int64_t>(own.size())});
+  const std::int64_t total = std::accumulate(sizes.begin(), sizes.end(), std::int64_t{0});
+  if (total > INT_MAX) {  // the same on all ranks
+    throw AgreedFailure(Status::Error(
+        StatusCode::kInvalidArgument,
+        "the ranks together see their frames too often: " + std::to_string(total) + " bytes"));
+  }
+  std::vector<int> counts(sizes.begin(), sizes.end());
+  std::vector<int> begins(counts.size(), 0);
+  std::partial_sum(counts.begin(), counts.end() - 1, begins.begin() + 1);
+  std::vector<char> all(static_cast<std::size_t>(total));
+  MPI_Allgatherv(own.data(), static_cast<int>(own.size()), MPI_BYTE, all.data(), counts.data(),
+                 begins.data(), MPI_BYTE, comm_);
+  return all;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <mpi.h>
+
+#include <cstdint>
+#include <exception>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "trust_region/agreement.h"
+
+namespace inceres::internal {
+
+/// Every rank has been told that one of them cannot go on: all of them throw it at the same place.
+class AgreedFailure : public std::exception {
+ public:
+  explicit AgreedFailure(Status status) : status_(std::move(status)) {}
+  const Status& status() const { return status_; }
+  const char* what() const noexcept override { return status_.message.c_str(); }
+
+ private:
+  Status status_;
+};
+
+/// The ranks of an MPI communicator, of which it has a duplicate, as the trust-region loop sees
+/// them. Sums are taken in the order of the ranks, by each for itself from what all have sent:
+/// whatever way MPI takes, all have the same bits, and runs with the same ranks repeat.
+///
+/// Calls are collective. MPI's own errors end the program, as MPI does unless told otherwise: there
+/// is nobody left to agree with.
+class Communicator final : public Agreement {
+ public:
+  explicit Communicator(MPI_Comm comm);
+  ~Communicator() override;
+  Communicator(const Communicator&) = delete;
+  Communicator& operator=(const Communicator&) = delete;
+
+  MPI_Comm comm() const { return comm_; }
+  int rank() const { return rank_; }
+  int size() const { return size_; }
+
+  Status Evaluate(const Evaluation& evaluation, double* cost) const override;
+  bool All(bool own) const override;
+  double Sum(double own) const override;
+  double Max(double own) const override;
+  ObserverAction Ask(const std::function<ObserverAction()>& observers) const override;
+
+  /// Sums of several values, each in the order of the ranks.
+  void SumAll(int count, double* values) const;
+  /// Ok if all are; else that of the lowest rank that is not, with its number.
+  Status Agree(const Status& own) const;
+  /// The same of work here, whose exceptions are failures too.
+  Status Try(const std::function<Status()>& work) const;
+  /// What each rank has, in the order of the ranks; of these two, as much of each.
+  std::vector<std::int64_t> Gather(const std::vector<std::int64_t>& own) const;
+  std::vector<double> GatherNumbers(const std::vector<double>& own) const;
+  std::vector<char> GatherBytes(const std::vector<char>& own) const;
+
+  /// Ends the program on all ranks, with a message: for what nobody can be told in time.
+  [[noreturn]] void Abort(const char* what) const;
+
+  /// The first of these variables of the layout that others count.
+  void LetOthersCount(std::vector<char> elsewhere) { counted_elsewhere_ = std::move(elsewhere); }
+  /// Says which factor it is that throws, after one has.
+  void FindThrowersBy(std::function<std::string()> find) { find_thrower_ = std::move(find); }
+
+  /// Seconds spent in calls of this class, waiting included, and bytes sent by them.
+  double seconds() const { return seconds_; }
+  std::int64_t bytes_sent() const { return bytes_sent_; }
+  /// Reductions so far.
+  std::int64_t num_reductions() const { return num_reductions_; }
+
+ private:
+  void AllGather(const double* own, int count, double* all) const;
+
+  MPI_Comm comm_ = MPI_COMM_NULL;
+  int rank_ = 0;
+  int size_ = 1;
+  std::function<std::string()> find_thrower_;
+  mutable std::vector<double> gathered_;
+  mutable double seconds_ = 0.0;
+  mutable std::int64_t bytes_sent_ = 0;
+  mutable std::int64_t num_reductions_ = 0;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,186 @@
+// Whatever PETSc's options say.
+#include <petscksp.h>
+
+#include <memory>
+#include <string>
+
+#include "distributed/assembled_system.h"
+#include "distributed/reduced_solvers.h"
+
+namespace inceres::internal {
+namespace {
+
+class KspSolver final : public DistributedReducedSolver {
+ public:
+  KspSolver(const ConjugateGradientsOptions& options, ReducedSystem* system);
+
+  const char* Name() const override { return name_.c_str(); }
+  Status Solve(const std::vector<double>& b, std::vector<double>* x) override;
+  int num_iterations() const override { return num_iterations_; }
+  std::int64_t Bytes() const override { return matrix_ == nullptr ? 0 : matrix_->Bytes(); }
+
+  /// What PETSc's options ask for and cannot have.
+  Status CheckPreconditioner() const;
+
+ private:
+  void MakeOperator();
+  void MakeSolver();
+  static PetscErrorCode MultiplyShell(Mat shell, Vec v, Vec y);
+  static PetscErrorCode ApplyBlocks(PC shell, Vec r, Vec z);
+
+  const ConjugateGradientsOptions options_;
+  ReducedSystem& system_;
+  std::unique_ptr<AssembledSystem> matrix_;  // null: S is a shell
+  PetscOwned<Mat, MatDestroy> shell_;
+  PetscOwned<Vec, VecDestroy> b_;
+  PetscOwned<Vec, VecDestroy> x_;
+  PetscOwned<KSP, KSPDestroy> ksp_;
+  bool uses_blocks_ = false;
+  int num_iterations_ = 0;
+  std::string name_;
+};
+
+KspSolver::KspSolver(const ConjugateGradientsOptions& options, ReducedSystem* system)
+    : options_(options), system_(*system) {
+  const SharedFrames& frames = system->frames();
+  Check(VecCreateMPI(system->ranks().comm(), ToPetscInt(frames.owned_size(FramePlace::kTangent)),
+                     ToPetscInt(frames.total_size(FramePlace::kTangent)), b_.Receive()),
+        "VecCreateMPI");
+  Check(VecDuplicate(b_.get(), x_.Receive()), "VecDuplicate");
+  MakeOperator();
+  MakeSolver();
+}
+
+void KspSolver::MakeOperator() {
+  if (options_.explicit_schur_complement) {
+    matrix_ = std::make_unique<AssembledSystem>(AssembledSystem::Form::kWhole, system_);
+    return;
+  }
+  const SharedFrames& frames = system_.frames();
+  const PetscInt own = ToPetscInt(frames.owned_size(FramePlace::kTangent));
+  const PetscInt all = ToPetscInt(frames.total_size(FramePlace::kTangent));
+  Check(MatCreateShell(system_.ranks().comm(), own, own, all, all, &system_, shell_.Receive()),
+        "MatCreateShell");
+  using Function = void (*)();
+  Check(MatShellSetOperation(shell_.get(), MATOP_MULT,
+                             reinterpret_cast<Function>(&KspSolver::MultiplyShell)),
+        "MatShellSetOperation");
+  Check(MatSetOption(shell_.get(), MAT_SPD, PETSC_TRUE), "MatSetOption");
+}
+
+void KspSolver::MakeSolver() {
+  Check(KSPCreate(system_.ranks().comm(), ksp_.Receive()), "KSPCreate");
+  KSP ksp = ksp_.get();
+  Mat S = matrix_ != nullptr ? matrix_->matrix() : shell_.get();
+  Check(KSPSetOptionsPrefix(ksp, "inceres_"), "KSPSetOptionsPrefix");
+  Check(KSPSetOperators(ksp, S, S), "KSPSetOperators");
+  Check(KSPSetType(ksp, KSPCG), "KSPSetType");
+  Check(KSPSetTolerances(ksp, options_.eta, PETSC_DEFAULT, PETSC_DEFAULT, options_.max_iterations),
+        "KSPSetTolerances");
+  PC pc = nullptr;
+  Check(KSPGetPC(ksp, &pc), "KSPGetPC");
+  Check(PCSetType(pc, PCSHELL), "PCSetType");
+  Check(PCShellSetContext(pc, &system_), "PCShellSetContext");
+  Check(PCShellSetApply(pc, &KspSolver::ApplyBlocks), "PCShellSetApply");
+  Check(PCShellSetName(pc, "inceres blocks"), "PCShellSetName");
+  Check(KSPSetFromOptions(ksp), "KSPSetFromOptions");
+  const char* type = nullptr;
+  Check(KSPGetType(ksp, &type), "KSPGetType");
+  name_ = std::string("PETSc's ") + type;
+  Check(PCGetType(pc, &type), "PCGetType");
+  uses_blocks_ = type != nullptr && std::string(type) == PCSHELL;
+  name_ += std::string(", preconditioned by ") +
+           (uses_blocks_      ? "blocks"
+            : type != nullptr ? type
+                              : "nothing") +
+           (matrix_ != nullptr ? ", on the reduced system, formed"
+                               : ", on the reduced system, by products");
+}
+
+Status KspSolver::CheckPreconditioner() const {
+  PC pc = nullptr;
+  const char* type = nullptr;
+  Check(KSPGetPC(ksp_.get(), &pc), "KSPGetPC");
+  Check(PCGetType(pc, &type), "PCGetType");
+  const std::string name = type != nullptr ? type : "";
+  if (matrix_ != nullptr || uses_blocks_ || name == PCNONE) {
+    return Status::Ok();
+  }
+  return Status::Error(StatusCode::kInvalidArgument,
+                       "-inceres_pc_type " + name +
+                           " needs the entries of S, which is not formed: ask for "
+                           "explicit_schur_complement, or take shell or none");
+}
+
+PetscErrorCode KspSolver::MultiplyShell(Mat shell, Vec v, Vec y) {
+  ReducedSystem* system = nullptr;
+  const double* from = nullptr;
+  double* to = nullptr;
+  PetscCall(MatShellGetContext(shell, &system));
+  PetscCall(VecGetArrayRead(v, &from));
+  PetscCall(VecGetArrayWrite(y, &to));
+  system->Multiply(from, to);
+  PetscCall(VecRestoreArrayRead(v, &from));
+  PetscCall(VecRestoreArrayWrite(y, &to));
+  return 0;
+}
+
+PetscErrorCode KspSolver::ApplyBlocks(PC shell, Vec r, Vec z) {
+  ReducedSystem* system = nullptr;
+  const double* from = nullptr;
+  double* to = nullptr;
+  PetscCall(PCShellGetContext(shell, &system));
+  PetscCall(VecGetArrayRead(r, &from));
+  PetscCall(VecGetArrayWrite(z, &to));
+  system->Precondition(from, to);
+  PetscCall(VecRestoreArrayRead(r, &from));
+  PetscCall(VecRestoreArrayWrite(z, &to));
+  return 0;
+}
+
+// A step that took too many iterations is as good as any.
+Status KspSolver::Solve(const std::vector<double>& b, std::vector<double>* x) {
+  if (matrix_ != nullptr) {
+    matrix_->Assemble();
+    Check(KSPSetOperators(ksp_.get(), matrix_->matrix(), matrix_->matrix()), "KSPSetOperators");
+  }
+  if (uses_blocks_) {
+    const Status status = system_.Prepare(options_.preconditioner);
+    if (!status.ok()) {
+      return status;
+    }
+  }
+  double* values = nullptr;
+  Check(VecGetArrayWrite(b_.get(), &values), "VecGetArrayWrite");
+  std::copy(b.begin(), b.end(), values);
+  Check(VecRestoreArrayWrite(b_.get(), &values), "VecRestoreArrayWrite");
+  Check(KSPSolve(ksp_.get(), b_.get(), x_.get()), "KSPSolve");
+  KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
+  Check(KSPGetConvergedReason(ksp_.get(), &reason), "KSPGetConvergedReason");
+  PetscInt count = 0;
+  Check(KSPGetIterationNumber(ksp_.get(), &count), "KSPGetIterationNumber");
+  num_iterations_ = static_cast<int>(count);
+  if (reason < 0 && reason != KSP_DIVERGED_ITS) {
+    return Status::Error(StatusCode::kSingular, std::string("PETSc's solver did not converge: ") +
+                                                    KSPConvergedReasons[reason]);
+  }
+  const double* solution = nullptr;
+  Check(VecGetArrayRead(x_.get(), &solution), "VecGetArrayRead");
+  std::copy(solution, solution + x->size(), x->begin());
+  Check(VecRestoreArrayRead(x_.get(), &solution), "VecRestoreArrayRead");
+  return Status::Ok();
+}
+
+}  // namespace
+
+std::unique_ptr<DistributedReducedSolver> MakeKspSolver(const ConjugateGradientsOptions& options,
+                                                        ReducedSystem* system, Status* status) {
+  std::unique_ptr<KspSolver> solver;
+  *status = system->ranks().Try([&] {
+    solver = std::make_unique<KspSolver>(options, system);
+    return solver->CheckPreconditioner();
+  });
+  return solver;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,118 @@
+#include "distributed/option_agreement.h"
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace inceres {
+
+const char* ToString(DistributedLinearSolver kind) {
+  switch (kind) {
+    case DistributedLinearSolver::kAutomatic:
+      return "automatic";
+    case DistributedLinearSolver::kConjugateGradients:
+      return "conjugate_gradients";
+    case DistributedLinearSolver::kCholesky:
+      return "cholesky";
+    case DistributedLinearSolver::kKsp:
+      return "ksp";
+  }
+  return "unknown";
+}
+
+Status DistributedOptions::Validate() const {
+  const char* refused =
+      solver.strategy == TrustRegionStrategyKind::kSubspaceDogleg
+          ? "solver.strategy: kSubspaceDogleg is for one process; use kDogleg"
+      : solver.linear_model != LinearModelKind::kAutomatic
+          ? "solver.linear_model: stays kAutomatic; linear_solver takes its place"
+      : solver.reduced_solver != ReducedSolverKind::kAutomatic || solver.reduced_solver_factory
+          ? "solver.reduced_solver: stays kAutomatic; linear_solver takes its place"
+      : solver.refine_landmarks ? "solver.refine_landmarks is for one process"
+      : solver.dynamic_sparsity ? "solver.dynamic_sparsity is for one process"
+      : solver.use_nonmonotonic_steps && !checkpoint.path.empty()
+          ? "solver.use_nonmonotonic_steps: a checkpoint does not remember the costs before"
+      : solver.conjugate_gradients.explicit_schur_complement &&
+              linear_solver == DistributedLinearSolver::kConjugateGradients
+          ? "solver.conjugate_gradients.explicit_schur_complement: with kKsp only"
+      : checkpoint.every < 1 ? "checkpoint.every: at least 1"
+                             : nullptr;
+  if (refused != nullptr) {
+    return Status::Error(StatusCode::kInvalidArgument, refused);
+  }
+  SolverOptions alike = solver;
+  if (linear_solver == DistributedLinearSolver::kKsp) {  // with any preconditioner
+    alike.conjugate_gradients.explicit_schur_complement = false;
+  }
+  return alike.Validate();
+}
+
+namespace internal {
+namespace {
+
+using Named = std::vector<std::pair<const char*, double>>;
+
+double HashOf(const std::string& text) {
+  return static_cast<double>(std::hash<std::string>()(text) >> 12);
+}
+
+// What all ranks decide by.
+Named Numbers(const DistributedOptions& options) {
+  const SolverOptions& s = options.solver;
+  const ConjugateGradientsOptions& cg = s.conjugate_gradients;
+  return {{"linear_solver", static_cast<double>(options.linear_solver)},
+          {"checkpoint.path", HashOf(options.checkpoint.path)},
+          {"checkpoint.every", options.checkpoint.every},
+          {"checkpoint.resume", HashOf(options.checkpoint.resume)},
+          {"strategy", static_cast<double>(s.strategy)},
+          {"preconditioner", static_cast<double>(cg.preconditioner)},
+          {"eta", cg.eta},
+          {"min_iterations", cg.min_iterations},
+          {"max_iterations", cg.max_iterations},
+          {"explicit_schur_complement", cg.explicit_schur_complement ? 1.0 : 0.0},
+          {"max_num_iterations", s.max_num_iterations},
+          {"max_solver_time_in_seconds", s.max_solver_time_in_seconds},
+          {"function_tolerance", s.function_tolerance},
+          {"gradient_tolerance", s.gradient_tolerance},
+          {"parameter_tolerance", s.parameter_tolerance},
+          {"initial_trust_region_radius", s.initial_trust_region_radius},
+          {"max_trust_region_radius", s.max_trust_region_radius},
+          {"min_trust_region_radius", s.min_trust_region_radius},
+          {"min_relative_decrease", s.min_relative_decrease},
+          {"min_lm_diagonal", s.min_lm_diagonal},
+          {"max_lm_diagonal", s.max_lm_diagonal},
+          {"max_num_consecutive_invalid_steps", s.max_num_consecutive_invalid_steps},
+          {"jacobi_scaling", s.jacobi_scaling ? 1.0 : 0.0},
+          {"use_nonmonotonic_steps", s.use_nonmonotonic_steps ? 1.0 : 0.0},
+          {"max_consecutive_nonmonotonic_steps", s.max_consecutive_nonmonotonic_steps},
+          {"reduce_curvature_of_losses", s.reduce_curvature_of_losses ? 1.0 : 0.0}};
+}
+
+}  // namespace
+
+Status AgreeOnOptions(const Communicator& ranks, const DistributedOptions& options) {
+  Status status = ranks.Try([&] { return options.Validate(); });
+  if (!status.ok()) {
+    return status;
+  }
+  const Named own = Numbers(options);
+  std::vector<double> numbers;
+  for (const auto& [name, number] : own) {
+    numbers.push_back(number);
+  }
+  const std::vector<double> all = ranks.GatherNumbers(numbers);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const std::size_t option = k % own.size();
+    if (all[k] != all[option]) {
+      return Status::Error(StatusCode::kInvalidArgument,
+                           std::string("the ranks have different options: ") + own[option].first +
+                               " is not the same on rank 0 and rank " +
+                               std::to_string(k / own.size()));
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace internal
+}  // namespace inceres

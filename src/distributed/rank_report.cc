@@ -1,0 +1,122 @@
+#include "distributed/rank_report.h"
+
+#include <petsclog.h>
+
+#include <algorithm>
+#include <cstring>
+#include <type_traits>
+
+#include <sys/resource.h>
+
+namespace inceres::internal {
+namespace {
+
+// Counted by PETSc of all messages it sends, unless it was built without logging.
+double PetscBytesSent() {
+#if defined(PETSC_USE_LOG)
+  return static_cast<double>(petsc_isend_len) + static_cast<double>(petsc_send_len);
+#else
+  return 0.0;
+#endif
+}
+
+std::int64_t PeakResidentBytes() {
+  rusage usage{};
+  return getrusage(RUSAGE_SELF, &usage) == 0 ? std::int64_t{usage.ru_maxrss} * 1024 : 0;
+}
+
+std::int64_t CountFactors(const FactorGraph& graph) {
+  return graph.num_factors();
+}
+
+}  // namespace
+
+void SumSizes(const Communicator& ranks, const FactorGraph& graph, const Layout& layout,
+              const SharedFrames& frames, ProblemSizes* sizes) {
+  std::int64_t num_values = 0;
+  std::int64_t num_residuals = 0;
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    num_values += graph.HasVariable(id) ? graph.AmbientSize(id) : 0;
+  }
+  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    num_residuals += std::int64_t{graph.NumFactors(id) - graph.NumFreePlaces(id)} *
+                     graph.family(id).residual_size();
+  }
+  double landmark_values = 0.0;
+  for (std::size_t i = static_cast<std::size_t>(layout.num_frames); i < layout.variables.size();
+       ++i) {
+    landmark_values += graph.AmbientSize(layout.variables[i]);
+  }
+  double sums[6] = {static_cast<double>(graph.num_live_variables()),
+                    static_cast<double>(num_values),
+                    static_cast<double>(CountFactors(graph)),
+                    static_cast<double>(num_residuals),
+                    static_cast<double>(layout.num_landmarks()),
+                    static_cast<double>(layout.size() - layout.frame_size())};
+  ranks.SumAll(6, sums);
+  landmark_values = ranks.Sum(landmark_values);
+  sizes->num_variables = static_cast<int>(sums[0]);
+  sizes->num_values = static_cast<int>(sums[1]);
+  sizes->num_factors = static_cast<int>(sums[2]);
+  sizes->num_residuals = static_cast<std::int64_t>(sums[3]);
+  sizes->num_moving_variables =
+      static_cast<int>(sums[4] + static_cast<double>(frames.num_frames()));
+  sizes->num_moving_values = static_cast<int>(
+      landmark_values + static_cast<double>(frames.total_size(FramePlace::kAmbient)));
+  sizes->num_dimensions =
+      static_cast<int>(sums[5] + static_cast<double>(frames.total_size(FramePlace::kTangent)));
+}
+
+TrafficCounter::TrafficCounter(const Communicator& ranks)
+    : ranks_(ranks),
+      petsc_bytes_(PetscBytesSent()),
+      reduction_bytes_(ranks.bytes_sent()),
+      reduction_seconds_(ranks.seconds()) {
+}
+
+RankReport TrafficCounter::Report(const FactorGraph& graph, const Layout& layout,
+                                  const SharedFrames& frames, const DistributedModel& model,
+                                  int rank) const {
+  RankReport report;
+  report.num_factors = CountFactors(graph);
+  report.num_landmarks = layout.num_landmarks();
+  report.num_frames = layout.num_frames;
+  report.num_owned_frames = static_cast<std::int64_t>(frames.owned().size());
+  for (const FramePlace& place : frames.moving()) {
+    if (place.num_others > 0) {
+      ++report.num_shared_frames;
+      report.shared_frame_bytes +=
+          static_cast<std::int64_t>(sizeof(double)) * place.sizes[FramePlace::kTangent];
+    }
+  }
+  static_cast<void>(rank);
+  report.peak_resident_bytes = PeakResidentBytes();
+  report.exchange_bytes_per_product = model.exchange().bytes_per_round();
+  report.num_products = model.num_products();
+  report.bytes_sent = static_cast<std::int64_t>(PetscBytesSent() - petsc_bytes_);
+  report.reduction_bytes_sent = ranks_.bytes_sent() - reduction_bytes_;
+  report.product_seconds = model.product_seconds();
+  report.exchange_seconds = model.exchange().seconds();
+  report.reduction_seconds = ranks_.seconds() - reduction_seconds_;
+  return report;
+}
+
+void GatherReports(const Communicator& ranks, const RankReport& own, DistributedSummary* summary) {
+  static_assert(std::is_trivially_copyable_v<RankReport>);
+  std::vector<char> bytes(sizeof(RankReport));
+  std::memcpy(bytes.data(), &own, sizeof own);
+  const std::vector<char> all = ranks.GatherBytes(bytes);
+  summary->ranks.resize(static_cast<std::size_t>(ranks.size()));
+  std::memcpy(summary->ranks.data(), all.data(), all.size());
+  std::int64_t total = 0;
+  std::int64_t largest = 0;
+  for (const RankReport& report : summary->ranks) {
+    total += report.num_factors;
+    largest = std::max(largest, report.num_factors);
+  }
+  if (total > 0) {
+    summary->imbalance = static_cast<double>(largest) * ranks.size() / static_cast<double>(total);
+  }
+}
+
+}  // namespace inceres::internal

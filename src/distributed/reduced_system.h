@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/aligned_vector.h"
+#include "distributed/communicator.h"
+#include "distributed/frame_exchange.h"
+#include "distributed/shared_frames.h"
+#include "inceres/solver/options.h"
+#include "linear/block_inverses.h"
+#include "linear/block_product.h"
+#include "linearize/hessian.h"
+#include "schur/elimination.h"
+
+namespace inceres::internal {
+
+/// S + Λ_c of all ranks, implicit: this rank's share of S is C − Y Yᵀ of its own factors and
+/// landmarks. Vectors have the entries owned here, in the order of their numbers.
+class ReducedSystem {
+ public:
+  ReducedSystem(const Communicator& ranks, const SharedFrames& frames, const Evaluator& evaluator,
+                const FramePlans& plans, const Hessian& hessian, const Elimination& elimination,
+                FrameExchange* exchange);
+
+  /// After each elimination. `frame_damping`: of the frames here, packed; stays where it is.
+  void SetDamping(const double* frame_damping);
+  /// The scale of the columns, for preconditioner kIdentity; of the frames here.
+  void SetScale(const double* frame_scale);
+
+  /// y = (S + Λ) v. Collective.
+  void Multiply(const double* v, double* y);
+  /// Makes the preconditioner. kSingular names a frame; the same on all ranks.
+  Status Prepare(PreconditionerKind kind);
+  /// z = M⁻¹ r.
+  void Precondition(const double* r, double* z);
+
+  const Communicator& ranks() const { return ranks_; }
+  const SharedFrames& frames() const { return frames_; }
+  const FramePlans& plans() const { return plans_; }
+  const Elimination& elimination() const { return elimination_; }
+  /// Λ of the frames owned here.
+  const std::vector<double>& owned_damping() const { return owned_damping_; }
+  double product_seconds() const { return product_seconds_; }
+  std::int64_t num_products() const { return num_products_; }
+  std::int64_t Bytes() const;
+
+ private:
+  void ChooseOwned(const double* here, std::vector<double>* owned) const;
+  Status InvertBlocks(bool of_S);
+
+  const Communicator& ranks_;
+  const SharedFrames& frames_;
+  const Evaluator& evaluator_;
+  const FramePlans& plans_;
+  const Hessian& hessian_;
+  const Elimination& elimination_;
+  FrameExchange& exchange_;
+  FrameExchange block_exchange_;  // of diagonal blocks
+  BlockProduct product_;
+  BlockInverses inverses_;
+  PreconditionerKind kind_ = PreconditionerKind::kIdentity;
+  std::vector<const double*> blocks_;  // of C, by the pattern
+  std::vector<double> no_damping_;     // of the frames here
+  std::vector<double> owned_damping_;
+  std::vector<double> owned_scale_;
+  std::vector<int> owned_offsets_;  // per owned frame, one more
+  std::vector<double> packed_;      // of the frames here
+  AlignedVector<double> padded_;
+  AlignedVector<double> padded_product_;
+  AlignedVector<double> padded_owned_;
+  AlignedVector<double> padded_result_;
+  double product_seconds_ = 0.0;
+  std::int64_t num_products_ = 0;
+};
+
+/// Solves (S + Λ) x = b on all ranks.
+class DistributedReducedSolver {
+ public:
+  virtual ~DistributedReducedSolver() = default;
+  virtual const char* Name() const = 0;
+  /// b and x of the frames owned here. The Status is the same on all ranks.
+  virtual Status Solve(const std::vector<double>& b, std::vector<double>* x) = 0;
+  /// Of the last Solve.
+  virtual int num_iterations() const { return 1; }
+  virtual std::int64_t Bytes() const { return 0; }
+};
+
+}  // namespace inceres::internal
