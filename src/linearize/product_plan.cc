@@ -115,11 +115,12 @@ struct CountedBlock {
 class PlanBuilder {
  public:
   PlanBuilder(const Evaluator& evaluator, const LandmarkIncidences& incidences, SchurBlocks blocks,
-              FramePlans* plans)
+              const FrameClusters* clusters, FramePlans* plans)
       : evaluator_(evaluator),
         layout_(evaluator.layout()),
         incidences_(incidences),
         schur_blocks_(blocks),
+        clusters_(blocks == SchurBlocks::kClustered ? clusters : nullptr),
         plans_(plans) {
     for (const Linearization& cache : evaluator.families()) {
       auto& slots = adjacency_.emplace_back();
@@ -360,7 +361,7 @@ class PlanBuilder {
       }
       for (int other = incidences_.begin[l]; other < incidences_.begin[l + 1]; ++other) {
         const int column = incidences_.frames[other];
-        if (column <= row) {
+        if (column <= row && (clusters_ == nullptr || clusters_->Keeps(row, column))) {
           visit(column, source,
                 ProductTerm{incidences_.incidences[other].y, incidences_.incidences[q].y});
         }
@@ -372,6 +373,7 @@ class PlanBuilder {
   const Layout& layout_;
   const LandmarkIncidences& incidences_;
   SchurBlocks schur_blocks_;
+  const FrameClusters* clusters_;  // of kClustered
   FramePlans* plans_;
   std::vector<std::vector<SlotAdjacency>>
       adjacency_;                        // per family and slot, where no blocks are left out
@@ -386,8 +388,8 @@ class PlanBuilder {
 }  // namespace
 
 FramePlans::FramePlans(const Evaluator& evaluator, const LandmarkIncidences& incidences,
-                       SchurBlocks blocks) {
-  PlanBuilder(evaluator, incidences, blocks, this).Build();
+                       SchurBlocks blocks, const FrameClusters* clusters) {
+  PlanBuilder(evaluator, incidences, blocks, clusters, this).Build();
 }
 
 }  // namespace inceres::internal

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "inceres/linear/reduced_matrix.h"
+#include "linear/frame_clusters.h"
 #include "linearize/evaluator.h"
 #include "linearize/incidences.h"
 #include "simd/kernels.h"
@@ -23,14 +24,15 @@ struct ProductPlan {
   std::vector<int> segments_begin;  // per block of the pattern, one more
 };
 
-/// Which blocks of S are formed. The others of the pattern are those of C.
-enum class SchurBlocks { kAll, kDiagonal, kNone };
+/// Which blocks of S are formed. The others of the pattern are those of C. kClustered: those that
+/// some clusters of frames keep.
+enum class SchurBlocks { kAll, kClustered, kDiagonal, kNone };
 
 /// The pattern of the frame system and the products that fill it: C_ij = Σ_factors J_iᵀJ_j and S_ij
 /// = C_ij − Σ_landmarks Y_li Y_ljᵀ.
 struct FramePlans {
   FramePlans(const Evaluator& evaluator, const LandmarkIncidences& incidences,
-             SchurBlocks blocks = SchurBlocks::kAll);
+             SchurBlocks blocks = SchurBlocks::kAll, const FrameClusters* clusters = nullptr);
 
   /// A source of the Hessian plan: a family seen through the slot of the row frame and the slot of
   /// the column frame.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "base/aligned_vector.h"
@@ -32,6 +33,10 @@ class Elimination {
   /// Values of S in the pattern of the frame system.
   const double* S() const { return S_.data(); }
   const double* b() const { return b_.data(); }
+  /// Rows of Y_li, where Y is whole: of one chunk, without a tail.
+  const double* Y(const Incidence& incidence) const {
+    return Y_.data() + std::ptrdiff_t{incidence.y} * kQuad;
+  }
 
   /// δ_l (packed, landmarks only) from δ_c (packed). The Jacobians must still be those of
   /// Eliminate.

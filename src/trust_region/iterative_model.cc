@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "trust_region/schur_model.h"
+#include "trust_region/two_level_preconditioner.h"
 
 namespace inceres::internal {
 namespace {
@@ -15,8 +17,26 @@ SchurBlocks BlocksToForm(const ConjugateGradientsOptions& options) {
   if (options.explicit_schur_complement) {
     return SchurBlocks::kAll;
   }
-  return options.preconditioner == PreconditionerKind::kSchurJacobi ? SchurBlocks::kDiagonal
-                                                                    : SchurBlocks::kNone;
+  switch (options.preconditioner) {
+    case PreconditionerKind::kIdentity:
+    case PreconditionerKind::kJacobi:
+      return SchurBlocks::kNone;
+    case PreconditionerKind::kSchurJacobi:
+      return SchurBlocks::kDiagonal;
+    case PreconditionerKind::kTwoLevel:
+      return SchurBlocks::kClustered;
+  }
+  return SchurBlocks::kNone;
+}
+
+std::unique_ptr<FrameAggregates> AggregatesFor(const ConjugateGradientsOptions& options,
+                                               const Evaluator& evaluator,
+                                               const LandmarkIncidences& incidences) {
+  const bool has_any =
+      options.preconditioner == PreconditionerKind::kTwoLevel && evaluator.layout().num_frames > 0;
+  return has_any ? std::make_unique<FrameAggregates>(evaluator, incidences,
+                                                     options.explicit_schur_complement)
+                 : nullptr;
 }
 
 // Products take the Jacobians, blocks of S a chunk of Y after the other.
@@ -37,26 +57,48 @@ IterativeModel::IterativeModel(const SolverOptions& options, const Evaluator& ev
       options_(options.conjugate_gradients),
       has_landmarks_(evaluator.layout().num_landmarks() > 0),
       incidences_(evaluator, QuadsPerChunk(options_), is_formed()),
-      plans_(evaluator, incidences_, BlocksToForm(options_)),
+      aggregates_(AggregatesFor(options_, evaluator, incidences_)),
+      plans_(evaluator, incidences_, BlocksToForm(options_),
+             aggregates_ != nullptr ? &aggregates_->clusters : nullptr),
       hessian_(evaluator, incidences_, plans_),
       elimination_(evaluator, incidences_, plans_, hessian_),
       product_(plans_.pattern) {
   *status = CheckBlockOffsets(evaluator, incidences_);
-  const BlockPattern& pattern = plans_.pattern;
   for (std::size_t k = 0; k < plans_.block_row.size(); ++k) {
-    const double* S = elimination_.S() + pattern.value_begin[k];
-    const double* C = hessian_.FrameBlock(static_cast<int>(k));
-    blocks_.push_back(is_formed() ? S : C);
-    if (pattern.columns[k] == plans_.block_row[k]) {
-      const bool by_S = options_.preconditioner == PreconditionerKind::kSchurJacobi;
-      diagonal_blocks_.push_back(by_S ? S : C);
-    }
+    const double* S = elimination_.S() + plans_.pattern.value_begin[k];
+    blocks_.push_back(is_formed() ? S : hessian_.FrameBlock(static_cast<int>(k)));
   }
   iteration_.Resize(static_cast<std::size_t>(product_.padded_offsets().back()));
+  if (status->ok() && product_.num_rows() > 0) {
+    MakePreconditioner(status);
+  }
+}
+
+void IterativeModel::MakePreconditioner(Status* status) {
+  const PreconditionerKind kind = options_.preconditioner;
+  if (kind == PreconditionerKind::kTwoLevel) {
+    preconditioner_ = std::make_unique<TwoLevelPreconditioner>(evaluator_, incidences_, plans_,
+                                                               hessian_, elimination_, *aggregates_,
+                                                               blocks_, is_formed(), status);
+  } else if (kind != PreconditionerKind::kIdentity) {
+    const BlockPattern& pattern = plans_.pattern;
+    std::vector<const double*> diagonal_blocks;
+    for (int i = 0; i < pattern.num_blocks(); ++i) {
+      const int k = pattern.row_begin[i + 1] - 1;
+      diagonal_blocks.push_back(kind == PreconditionerKind::kSchurJacobi
+                                    ? elimination_.S() + pattern.value_begin[k]
+                                    : hessian_.FrameBlock(k));
+    }
+    preconditioner_ = std::make_unique<BlockPreconditioner>(
+        pattern.offsets, std::move(diagonal_blocks), evaluator_.executor());
+  }
 }
 
 void IterativeModel::Refresh() {
   hessian_.Accumulate();
+  if (preconditioner_ != nullptr) {
+    preconditioner_->Refresh();
+  }
   clock_->Charge(&seconds_->hessian);
 }
 
@@ -68,18 +110,6 @@ const char* IterativeModel::SolverName() const {
                      : "conjugate gradients on the reduced system, by products";
 }
 
-Status IterativeModel::PreparePreconditioner() {
-  if (options_.preconditioner == PreconditionerKind::kIdentity) {
-    return Status::Ok();
-  }
-  const int singular =
-      inverses_.Invert(plans_.pattern.offsets, diagonal_blocks_, damping_, evaluator_.executor());
-  return singular < 0 ? Status::Ok()
-                      : Status::Error(StatusCode::kSingular,
-                                      "the preconditioner is not positive definite at frame " +
-                                          std::to_string(singular));
-}
-
 Status IterativeModel::Solve(const double* damping, double* step) {
   const int frame_size = plans_.pattern.size();
   damping_ = damping;
@@ -88,7 +118,7 @@ Status IterativeModel::Solve(const double* damping, double* step) {
   Status status = elimination_.Eliminate(damping + frame_size);
   clock_->Charge(&seconds_->elimination);
   if (status.ok() && frame_size > 0) {
-    status = PreparePreconditioner();
+    status = preconditioner_ != nullptr ? preconditioner_->Prepare(damping) : Status::Ok();
     status = status.ok() ? SolveReduced(step) : status;
     clock_->Charge(&seconds_->factorization);
   }
@@ -138,8 +168,8 @@ void IterativeModel::SubtractProduct(const double* v, double* y) const {
 }
 
 bool IterativeModel::Precondition(const double* r, double* z) {
-  if (options_.preconditioner != PreconditionerKind::kIdentity) {
-    inverses_.Apply(evaluator_.executor(), r, z);
+  if (preconditioner_ != nullptr) {
+    preconditioner_->Apply(r, z);
     return true;
   }
   // Ceres's identity is that of the scaled system.
@@ -171,7 +201,8 @@ void IterativeModel::Describe(WorkCounts* work) const {
   work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
                  static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() +
                                                                   plans_.schur.terms.size()));
-  work->bytes += elimination_.Bytes() + product_.Bytes() + inverses_.Bytes() +
+  work->bytes += elimination_.Bytes() + product_.Bytes() +
+                 (preconditioner_ != nullptr ? preconditioner_->Bytes() : 0) +
                  static_cast<std::int64_t>(iteration_.Bytes());
   CountDynamicSizes(evaluator_, work);
 }

@@ -1,13 +1,15 @@
 #pragma once
 
+#include <memory>
 #include <vector>
 
-#include "linear/block_inverses.h"
 #include "linear/block_product.h"
 #include "linear/conjugate_gradients.h"
 #include "linearize/hessian.h"
 #include "schur/elimination.h"
+#include "schur/frame_aggregates.h"
 #include "trust_region/linear_model.h"
+#include "trust_region/preconditioner.h"
 
 namespace inceres::internal {
 
@@ -37,7 +39,7 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   using End = ConjugateGradients::End;
 
   bool is_formed() const { return options_.explicit_schur_complement; }
-  Status PreparePreconditioner();
+  void MakePreconditioner(Status* status);
   Status SolveReduced(double* step);
   void SubtractProduct(const double* v, double* y) const override;
   bool Precondition(const double* r, double* z) override;
@@ -46,14 +48,14 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   const ConjugateGradientsOptions options_;
   const bool has_landmarks_;
   LandmarkIncidences incidences_;
+  std::unique_ptr<FrameAggregates> aggregates_;  // of a two-level preconditioner
   FramePlans plans_;
   Hessian hessian_;
   Elimination elimination_;
   BlockProduct product_;
-  BlockInverses inverses_;
   ConjugateGradients iteration_;
-  std::vector<const double*> blocks_;           // of the matrix that is multiplied, by the pattern
-  std::vector<const double*> diagonal_blocks_;  // of what is inverted, per frame
+  std::vector<const double*> blocks_;  // of the matrix that is multiplied, by the pattern
+  std::unique_ptr<Preconditioner> preconditioner_;  // null: the identity
   const double* damping_ = nullptr;
   const double* scale_ = nullptr;
   int num_iterations_ = 0;

@@ -51,10 +51,16 @@ Status SolverOptions::Validate() const {
               "conjugate_gradients.max_iterations", conjugate_gradients.max_iterations,
               ">= 1 and not below min_iterations"),
       Require(!IsIterative(linear_model) || !conjugate_gradients.explicit_schur_complement ||
-                  conjugate_gradients.preconditioner == PreconditionerKind::kSchurJacobi,
+                  conjugate_gradients.preconditioner == PreconditionerKind::kSchurJacobi ||
+                  conjugate_gradients.preconditioner == PreconditionerKind::kTwoLevel,
               "conjugate_gradients.explicit_schur_complement",
               conjugate_gradients.explicit_schur_complement,
-              "false without preconditioner kSchurJacobi"),
+              "false without preconditioner kSchurJacobi or kTwoLevel"),
+      Require(linear_model != LinearModelKind::kIterativePlain ||
+                  conjugate_gradients.preconditioner != PreconditionerKind::kTwoLevel,
+              "conjugate_gradients.preconditioner",
+              static_cast<double>(conjugate_gradients.preconditioner),
+              "another: kTwoLevel is for linear_model kIterativeSchur"),
       Require(reduced_solver != ReducedSolverKind::kResumed, "reduced_solver",
               static_cast<double>(reduced_solver), "another: kResumed is for IncrementalSolver"),
       Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads,

@@ -32,8 +32,9 @@ DEFINE_double(initial_trust_region_radius, 1e4,
               "First trust-region radius; the damping of lm starts at its reciprocal. Above 0.");
 DEFINE_string(
     preconditioner, "schur_jacobi",
-    "Of --linear_solver iterative_schur: identity, jacobi, schur_jacobi, cluster_jacobi or "
-    "cluster_tridiagonal; cgnr takes jacobi in place of the last three.");
+    "Of --linear_solver iterative_schur: identity, jacobi, schur_jacobi, cluster_jacobi, "
+    "cluster_tridiagonal or, with --builtin_factors, two_level (not of Ceres: stock then takes "
+    "schur_jacobi); cgnr takes jacobi in place of the last four.");
 DEFINE_double(eta, 0.1,
               "Conjugate gradients stop when iteration k gains less than this over k of what the "
               "step promises. At least 0.");
@@ -87,17 +88,24 @@ Status ParseLinearSolver(const std::string& text, SolverSettings* settings) {
                  "or lagged_pcg");
 }
 
-Status ParsePreconditioner(const std::string& text, ceres::PreconditionerType* type) {
+Status ParsePreconditioner(const std::string& text, SolverSettings* settings) {
+  settings->two_level = text == "two_level";
+  if (settings->two_level) {
+    return FLAGS_builtin_factors
+               ? Status::Ok()
+               : Invalid("--preconditioner two_level: with --builtin_factors only");
+  }
   for (const ceres::PreconditionerType candidate :
        {ceres::IDENTITY, ceres::JACOBI, ceres::SCHUR_JACOBI, ceres::CLUSTER_JACOBI,
         ceres::CLUSTER_TRIDIAGONAL}) {
     if (LowerCase(ceres::PreconditionerTypeToString(candidate)) == text) {
-      *type = candidate;
+      settings->preconditioner = candidate;
       return Status::Ok();
     }
   }
   return Invalid("--preconditioner '" + text +
-                 "': use identity, jacobi, schur_jacobi, cluster_jacobi or cluster_tridiagonal");
+                 "': use identity, jacobi, schur_jacobi, cluster_jacobi, cluster_tridiagonal or "
+                 "two_level");
 }
 
 Status ParseMode(const std::string& text, bool* incremental) {
@@ -137,6 +145,10 @@ ceres::PreconditionerType PreconditionerOf(const SolverSettings& settings,
 Status ToCore(const SolverSettings& settings, ConjugateGradientsOptions* options) {
   options->eta = settings.eta;
   options->max_iterations = settings.max_linear_solver_iterations;
+  if (settings.two_level && *settings.linear_solver == ceres::ITERATIVE_SCHUR) {
+    options->preconditioner = PreconditionerKind::kTwoLevel;
+    return Status::Ok();
+  }
   switch (PreconditionerOf(settings, *settings.linear_solver)) {
     case ceres::IDENTITY:
       options->preconditioner = PreconditionerKind::kIdentity;
@@ -166,7 +178,7 @@ Status ReadSolverFlags(SolverSettings* settings) {
            ParseMode(FLAGS_mode, &read.incremental),
            ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
            ParseLinearSolver(FLAGS_linear_solver, &read),
-           ParsePreconditioner(FLAGS_preconditioner, &read.preconditioner),
+           ParsePreconditioner(FLAGS_preconditioner, &read),
            CheckNumbers({{"--max_linear_solver_iterations", FLAGS_max_linear_solver_iterations, 1}},
                         {{"--eta", FLAGS_eta}}),
            CheckNumbers({{"--num_threads", FLAGS_num_threads, 1},

@@ -19,7 +19,8 @@ struct SolverSettings {
   std::optional<ceres::LinearSolverType> linear_solver;  ///< empty: automatic
   bool lagged_pcg = false;  ///< the core's conjugate gradients with an earlier factor
   ceres::PreconditionerType preconditioner = ceres::SCHUR_JACOBI;  ///< of ITERATIVE_SCHUR
-  double eta = 0.1;                                                ///< of conjugate gradients
+  bool two_level = false;  ///< with built-in factors: kTwoLevel in its place
+  double eta = 0.1;        ///< of conjugate gradients
   int max_linear_solver_iterations = 500;
   int num_threads = 1;
   int max_num_iterations = 50;

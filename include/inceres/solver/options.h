@@ -45,11 +45,18 @@ inline bool IsIterative(LinearModelKind kind) {
   return kind == LinearModelKind::kIterativeSchur || kind == LinearModelKind::kIterativePlain;
 }
 
-/// What conjugate gradients are preconditioned by, one block a variable.
+/// What conjugate gradients are preconditioned by.
 enum class PreconditionerKind {
   kIdentity,     ///< nothing
   kJacobi,       ///< the inverses of the diagonal blocks of C + Λ, of H + Λ without landmarks
   kSchurJacobi,  ///< those of S: dearer to make, and fewer iterations
+  /// Blocks of S for aggregates of frames that see the same, and a coarse system of how aggregates
+  /// move as a whole: translation, rotation, scale. Not of Ceres. Dearer still to make; but the
+  /// number of iterations hardly grows with the length of a path or the size of a city, where that
+  /// of the others grows into tens of thousands. For LinearModelKind::kIterativeSchur, S formed or
+  /// not. Cost: a pass over Y for each of some ten columns, and a sparse factorization of seven
+  /// unknowns an aggregate. Source: Konolige & Brown, "Multigrid for bundle adjustment", 2020.
+  kTwoLevel,
 };
 
 /// How conjugate gradients solve for a step where LinearModelKind asks for them. Names and defaults
@@ -60,7 +67,7 @@ struct INCERES_EXPORT ConjugateGradientsOptions {
   double eta = 0.1;
   int min_iterations = 0;    ///< ≥ 0
   int max_iterations = 500;  ///< ≥ 1, and not below min_iterations
-  /// Form S instead of multiplying by its parts: with kSchurJacobi only. As in Ceres, landmarks
+  /// Form S instead of multiplying by its parts: with kSchurJacobi and kTwoLevel only. As in Ceres, landmarks
   /// then stay where they are in a step that took max_iterations.
   bool explicit_schur_complement = false;
 

@@ -1,0 +1,56 @@
+#include "linear/cluster_cholesky.h"
+
+#include <algorithm>
+
+#include "simd/kernels.h"
+
+namespace inceres::internal {
+
+ClusterCholesky::ClusterCholesky(const BlockPattern& S, const FrameClusters& clusters,
+                                 const Executor& executor, Status* status)
+    : factor_(executor) {
+  pattern_.offsets = S.offsets;
+  pattern_.padded = S.padded;
+  pattern_.row_begin.push_back(0);
+  padded_.push_back(0);
+  for (int i = 0; i < S.num_blocks(); ++i) {
+    for (int k = S.row_begin[i]; k < S.row_begin[i + 1]; ++k) {
+      if (clusters.Keeps(i, S.columns[k])) {
+        pattern_.columns.push_back(S.columns[k]);
+        pattern_.value_begin.push_back(S.value_begin[k]);
+      }
+    }
+    pattern_.row_begin.push_back(static_cast<int>(pattern_.columns.size()));
+    padded_.push_back(padded_.back() + PadToQuad(S.block_size(i)));
+  }
+  pattern_.value_begin.push_back(S.value_begin.back());
+  packed_r_.resize(pattern_.size());
+  packed_z_.resize(pattern_.size());
+  *status = factor_.Analyze(ReducedMatrix(pattern_, nullptr, nullptr));
+}
+
+Status ClusterCholesky::Factorize(const double* values, const double* diagonal) {
+  return factor_.Factorize(ReducedMatrix(pattern_, values, diagonal), {});
+}
+
+void ClusterCholesky::Apply(const double* r, double* z) {
+  const std::vector<int>& packed = pattern_.offsets;
+  for (int i = 0; i < pattern_.num_blocks(); ++i) {
+    std::copy_n(r + padded_[i], pattern_.block_size(i), packed_r_.data() + packed[i]);
+  }
+  // Factorize has succeeded: there is nothing left to fail.
+  static_cast<void>(factor_.Solve(packed_r_.data(), {}, {}, packed_z_.data()));
+  for (int i = 0; i < pattern_.num_blocks(); ++i) {
+    double* const end =
+        std::copy_n(packed_z_.data() + packed[i], pattern_.block_size(i), z + padded_[i]);
+    std::fill(end, z + padded_[i + 1], 0.0);
+  }
+}
+
+std::int64_t ClusterCholesky::Bytes() const {
+  return static_cast<std::int64_t>(
+      factor_.Bytes() + (packed_r_.size() + packed_z_.size()) * sizeof(double) +
+      pattern_.columns.size() * sizeof(int) + pattern_.value_begin.size() * sizeof(std::int64_t));
+}
+
+}  // namespace inceres::internal

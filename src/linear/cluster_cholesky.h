@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "inceres/linear/reduced_matrix.h"
+#include "linear/frame_clusters.h"
+#include "linear/sparse_cholesky.h"
+
+namespace inceres::internal {
+
+/// The Cholesky factor of those blocks of S + diag that lie within clusters of frames, or between
+/// neighboring ones: block-Jacobi by clusters. Vectors are padded: each block row starts on a quad.
+/// Source: Kushal & Agarwal, "Visibility based preconditioning for bundle adjustment", CVPR 2012.
+class ClusterCholesky {
+ public:
+  /// Reads the pattern of S here only; fails if the analysis does.
+  ClusterCholesky(const BlockPattern& S, const FrameClusters& clusters, const Executor& executor,
+                  Status* status);
+
+  /// `values`: of S; `diagonal`: packed. kSingular names a frame.
+  Status Factorize(const double* values, const double* diagonal);
+  /// z = M⁻¹ r.
+  void Apply(const double* r, double* z);
+  std::int64_t Bytes() const;
+
+ private:
+  BlockPattern pattern_;  // its values are those of S
+  std::vector<int> padded_;
+  SparseCholesky factor_;
+  std::vector<double> packed_r_;
+  std::vector<double> packed_z_;
+};
+
+}  // namespace inceres::internal

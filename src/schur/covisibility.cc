@@ -1,0 +1,167 @@
+#include "schur/covisibility.h"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+// A frame is shared if in most of its factors another one has less than this share of as many.
+constexpr double kFewFactors = 1.0 / 8.0;
+// Of a landmark seen from more frames than twice this and one, each is tied to so many before it
+// and behind it.
+constexpr int kTrackNeighbors = 8;
+constexpr int kRowGrain = 64;
+
+// visit(frames, count): the frames of each factor that touches any.
+template <typename Visit>
+void ForEachFactor(const Evaluator& evaluator, const Visit& visit) {
+  std::vector<int> frames;
+  for (const Linearization& cache : evaluator.families()) {
+    if (cache.num_factors == 0) {
+      continue;
+    }
+    const VariableId* ids = evaluator.graph().Variables(cache.id, 0);
+    for (int i = 0; i < cache.num_factors; ++i, ids += cache.num_slots) {
+      frames.clear();
+      for (int s = 0; s < cache.num_slots; ++s) {
+        const int frame = evaluator.layout().FrameOf(ids[s]);
+        if (frame >= 0) {
+          frames.push_back(frame);
+        }
+      }
+      if (!frames.empty()) {
+        visit(frames);
+      }
+    }
+  }
+}
+
+// Per frame those that share a factor with it, once a factor.
+struct Companions {
+  Companions(const Evaluator& evaluator, const std::vector<char>& is_shared)
+      : begin(evaluator.layout().num_frames + 1, 0) {
+    const auto for_each_pair = [&](const auto& visit) {
+      ForEachFactor(evaluator, [&](const std::vector<int>& touched) {
+        for (const int i : touched) {
+          for (const int j : touched) {
+            if (i != j && is_shared[i] == 0 && is_shared[j] == 0) {
+              visit(i, j);
+            }
+          }
+        }
+      });
+    };
+    for_each_pair([&](int i, int) { ++begin[i + 1]; });
+    std::partial_sum(begin.begin(), begin.end(), begin.begin());
+    frames.resize(begin.back());
+    std::vector<int> next(begin.begin(), begin.end() - 1);
+    for_each_pair([&](int i, int j) { frames[next[i]++] = j; });
+  }
+  std::vector<int> begin;
+  std::vector<int> frames;
+};
+
+// visit(frame) for each incidence of the landmark that counts with this one.
+template <typename Visit>
+void ForEachCovisible(const LandmarkIncidences& incidences, int incidence, const Visit& visit) {
+  const int landmark = incidences.landmarks[incidence];
+  const int begin = incidences.begin[landmark];
+  const int count = incidences.begin[landmark + 1] - begin;
+  if (count <= 2 * kTrackNeighbors + 1) {
+    for (int other = begin; other < begin + count; ++other) {
+      visit(incidences.frames[other]);
+    }
+    return;
+  }
+  const int place = incidence - begin;
+  for (int shift = 1; shift <= kTrackNeighbors; ++shift) {
+    visit(incidences.frames[begin + (place + shift) % count]);
+    visit(incidences.frames[begin + (place + count - shift) % count]);
+  }
+}
+
+// The edges of some rows.
+struct Rows {
+  std::vector<int> counts;
+  std::vector<int> neighbors;
+  std::vector<double> weights;
+};
+
+}  // namespace
+
+std::vector<char> FindSharedFrames(const Evaluator& evaluator) {
+  const int num_frames = evaluator.layout().num_frames;
+  std::vector<std::int64_t> factors(num_frames, 0), beside_few(num_frames, 0);
+  ForEachFactor(evaluator, [&](const std::vector<int>& frames) {
+    for (const int frame : frames) {
+      ++factors[frame];
+    }
+  });
+  ForEachFactor(evaluator, [&](const std::vector<int>& frames) {
+    std::int64_t fewest = std::numeric_limits<std::int64_t>::max();
+    for (const int frame : frames) {
+      fewest = std::min(fewest, factors[frame]);
+    }
+    for (const int frame : frames) {
+      const double few = kFewFactors * static_cast<double>(factors[frame]);
+      beside_few[frame] += static_cast<double>(fewest) < few ? 1 : 0;
+    }
+  });
+  std::vector<char> is_shared(num_frames);
+  for (int i = 0; i < num_frames; ++i) {
+    is_shared[i] = 2 * beside_few[i] > factors[i] ? 1 : 0;
+  }
+  return is_shared;
+}
+
+WeightedGraph CovisibilityGraph(const Evaluator& evaluator, const LandmarkIncidences& incidences,
+                                const std::vector<char>& is_shared) {
+  const int num_frames = evaluator.layout().num_frames;
+  const Companions companions(evaluator, is_shared);
+  const int num_tasks = (num_frames + kRowGrain - 1) / kRowGrain;
+  std::vector<Rows> tasks(num_tasks);
+  evaluator.executor().For(num_tasks, 1, [&](int begin_task, int end_task) {
+    std::vector<double> weight(num_frames, 0.0);
+    std::vector<int> found;
+    for (int task = begin_task; task < end_task; ++task) {
+      const int end_row = std::min(num_frames, (task + 1) * kRowGrain);
+      for (int row = task * kRowGrain; row < end_row; ++row) {
+        const auto add = [&](int other) {
+          if (other != row && is_shared[other] == 0 && is_shared[row] == 0) {
+            if (weight[other] == 0.0) {
+              found.push_back(other);
+            }
+            weight[other] += 1.0;
+          }
+        };
+        for (int k = incidences.frame_begin[row]; k < incidences.frame_begin[row + 1]; ++k) {
+          ForEachCovisible(incidences, incidences.frame_incidences[k], add);
+        }
+        for (int k = companions.begin[row]; k < companions.begin[row + 1]; ++k) {
+          add(companions.frames[k]);
+        }
+        std::sort(found.begin(), found.end());
+        tasks[task].counts.push_back(static_cast<int>(found.size()));
+        for (const int other : found) {
+          tasks[task].neighbors.push_back(other);
+          tasks[task].weights.push_back(std::exchange(weight[other], 0.0));
+        }
+        found.clear();
+      }
+    }
+  });
+  WeightedGraph graph;
+  for (const Rows& rows : tasks) {
+    for (const int count : rows.counts) {
+      graph.begin.push_back(graph.begin.back() + count);
+    }
+    graph.neighbors.insert(graph.neighbors.end(), rows.neighbors.begin(), rows.neighbors.end());
+    graph.weights.insert(graph.weights.end(), rows.weights.begin(), rows.weights.end());
+  }
+  return graph;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <vector>
+
+#include "linear/aggregation.h"
+#include "linearize/incidences.h"
+
+namespace inceres::internal {
+
+/// Frames that accompany very many others in their factors, each of which has few of its own: the
+/// intrinsics of a camera that took thousands of images, the mounting of a sensor. One flag a
+/// frame.
+std::vector<char> FindSharedFrames(const Evaluator& evaluator);
+
+/// Frames and how much two of them have in common: landmarks seen from both, and factors that touch
+/// both. Of a landmark seen from very many, neighbors in its list count only. Shared frames have no
+/// edges. Cost: Σ over landmarks of frames², bounded for each.
+WeightedGraph CovisibilityGraph(const Evaluator& evaluator, const LandmarkIncidences& incidences,
+                                const std::vector<char>& is_shared);
+
+}  // namespace inceres::internal

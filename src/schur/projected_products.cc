@@ -1,0 +1,146 @@
+#include "schur/projected_products.h"
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kAggregateTask = 4;
+
+// out += scale · in, whole quads.
+inline void AddScaled(double scale, const double* __restrict in, int count,
+                      double* __restrict out) {
+  for (int k = 0; k < count; k += kQuad) {
+    for (int lane = 0; lane < kQuad; ++lane) {
+      out[k + lane] += scale * in[k + lane];
+    }
+  }
+}
+
+}  // namespace
+
+struct ProjectedProducts::Scratch {
+  std::vector<int> place_of;  // per frame: of its block of A V in the aggregate's columns
+  std::vector<double> Z;
+};
+
+ProjectedProducts::ProjectedProducts(const LandmarkIncidences& incidences, const FramePlans& plans,
+                                     std::vector<const double*> blocks,
+                                     const Elimination* without_S)
+    : incidences_(incidences), plans_(plans), blocks_(std::move(blocks)), without_S_(without_S) {
+  const BlockPattern& pattern = plans.pattern;
+  const auto for_each_place = [&](const auto& visit) {
+    for (int i = 0; i < pattern.num_blocks(); ++i) {
+      for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
+        if (blocks_[k] == nullptr) {
+          continue;
+        }
+        visit(i, Place{k, pattern.columns[k]});
+        if (pattern.columns[k] != i) {
+          visit(pattern.columns[k], Place{k, i});
+        }
+      }
+    }
+  };
+  row_begin_.assign(pattern.num_blocks() + 1, 0);
+  for_each_place([&](int row, const Place&) { ++row_begin_[row + 1]; });
+  std::partial_sum(row_begin_.begin(), row_begin_.end(), row_begin_.begin());
+  places_.resize(row_begin_.back());
+  std::vector<int> next(row_begin_.begin(), row_begin_.end() - 1);
+  for_each_place([&](int row, const Place& place) { places_[next[row]++] = place; });
+}
+
+void ProjectedProducts::Form(const AggregateReach& reach, const double* damping,
+                             const Executor& executor, CoarseSpace* space) const {
+  executor.For(reach.shape.num_aggregates(), kAggregateTask, [&](int begin, int end) {
+    Scratch scratch;
+    scratch.place_of.resize(plans_.pattern.num_blocks());
+    for (int aggregate = begin; aggregate < end; ++aggregate) {
+      FormAggregate(aggregate, reach, damping, space, &scratch);
+    }
+  });
+}
+
+void ProjectedProducts::FormAggregate(int aggregate, const AggregateReach& reach,
+                                      const double* damping, CoarseSpace* space,
+                                      Scratch* scratch) const {
+  const CoarseShape& shape = reach.shape;
+  const int stride = space->stride(aggregate);
+  const int first = shape.coupled_begin[aggregate], last = shape.coupled_begin[aggregate + 1];
+  for (int place = first; place < last; ++place) {
+    const int frame = shape.coupled[place];
+    scratch->place_of[frame] = place;
+    std::fill_n(space->AV(place), space->block_size(frame) * stride, 0.0);
+  }
+  for (int place = first; place < last; ++place) {
+    if (shape.aggregate_of[shape.coupled[place]] == aggregate) {
+      AddFrameBlocks(shape.coupled[place], stride, damping, space, *scratch);
+    }
+  }
+  if (without_S_ == nullptr) {
+    return;
+  }
+  for (int k = reach.landmarks_begin[aggregate]; k < reach.landmarks_begin[aggregate + 1]; ++k) {
+    SubtractLandmark(reach.landmarks[k], aggregate, stride, space, scratch);
+  }
+}
+
+// Column `frame` of C + Λ_c, times V of the frame.
+void ProjectedProducts::AddFrameBlocks(int frame, int stride, const double* damping,
+                                       CoarseSpace* space, const Scratch& scratch) const {
+  const int size = space->block_size(frame);
+  const double* const V = space->V(frame);
+  double* const own = space->AV(scratch.place_of[frame]);
+  const double* const Lambda = damping + plans_.pattern.offsets[frame];
+  for (int r = 0; r < size; ++r) {
+    AddScaled(Lambda[r], V + r * stride, stride, own + r * stride);
+  }
+  for (int k = row_begin_[frame]; k < row_begin_[frame + 1]; ++k) {
+    const auto [block, other] = places_[k];
+    const double* const A = blocks_[block];
+    double* const out = space->AV(scratch.place_of[other]);
+    const int other_size = space->block_size(other);
+    for (int r = 0; r < other_size; ++r) {
+      for (int c = 0; c < size; ++c) {
+        const double a = other >= frame ? A[r * size + c] : A[c * other_size + r];
+        AddScaled(a, V + c * stride, stride, out + r * stride);
+      }
+    }
+  }
+}
+
+void ProjectedProducts::SubtractLandmark(int landmark, int aggregate, int stride,
+                                         CoarseSpace* space, Scratch* scratch) const {
+  const auto l = static_cast<std::size_t>(landmark);
+  const int depth = incidences_.sizes[l];
+  scratch->Z.assign(static_cast<std::size_t>(depth) * stride, 0.0);
+  for (int q = incidences_.begin[l]; q < incidences_.begin[l + 1]; ++q) {
+    const int frame = incidences_.frames[q];
+    if (space->shape().aggregate_of[frame] != aggregate) {
+      continue;
+    }
+    const double* Y = without_S_->Y(incidences_.incidences[q]);
+    const double* const V = space->V(frame);
+    const int size = space->block_size(frame);
+    for (int d = 0; d < depth; ++d, Y += PadToQuad(size)) {
+      for (int c = 0; c < size; ++c) {
+        AddScaled(Y[c], V + c * stride, stride, scratch->Z.data() + d * stride);
+      }
+    }
+  }
+  for (int q = incidences_.begin[l]; q < incidences_.begin[l + 1]; ++q) {
+    const int frame = incidences_.frames[q];
+    const double* const Y = without_S_->Y(incidences_.incidences[q]);
+    double* const out = space->AV(scratch->place_of[frame]);
+    const int size = space->block_size(frame), row = PadToQuad(size);
+    for (int c = 0; c < size; ++c) {
+      for (int d = 0; d < depth; ++d) {
+        AddScaled(-Y[d * row + c], scratch->Z.data() + d * stride, stride, out + c * stride);
+      }
+    }
+  }
+}
+
+}  // namespace inceres::internal

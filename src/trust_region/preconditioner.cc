@@ -1,0 +1,22 @@
+#include "trust_region/preconditioner.h"
+
+#include <string>
+#include <utility>
+
+namespace inceres::internal {
+
+BlockPreconditioner::BlockPreconditioner(const std::vector<int>& offsets,
+                                         std::vector<const double*> blocks,
+                                         const Executor& executor)
+    : offsets_(offsets), blocks_(std::move(blocks)), executor_(executor) {
+}
+
+Status BlockPreconditioner::Prepare(const double* damping) {
+  const int singular = inverses_.Invert(offsets_, blocks_, damping, executor_);
+  return singular < 0 ? Status::Ok()
+                      : Status::Error(StatusCode::kSingular,
+                                      "the preconditioner is not positive definite at frame " +
+                                          std::to_string(singular));
+}
+
+}  // namespace inceres::internal

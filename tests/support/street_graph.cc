@@ -1,0 +1,165 @@
+#include "support/street_graph.h"
+
+#include <cmath>
+#include <memory>
+
+#include "inceres/autodiff/autodiff_family.h"
+#include "support/random_values.h"
+
+namespace inceres::test {
+namespace {
+
+// R(c) x with Cayley's parameters c.
+template <typename T>
+void Rotate(const T* c, const T* x, T* out) {
+  const T square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2];
+  const T dot = c[0] * x[0] + c[1] * x[1] + c[2] * x[2];
+  const T cross[3] = {c[1] * x[2] - c[2] * x[1], c[2] * x[0] - c[0] * x[2],
+                      c[0] * x[1] - c[1] * x[0]};
+  for (int k = 0; k < 3; ++k) {
+    out[k] = ((1.0 - square) * x[k] + 2.0 * cross[k] + 2.0 * dot * c[k]) / (1.0 + square);
+  }
+}
+
+struct SplitView {
+  template <typename T>
+  bool operator()(const T* rotation, const T* translation, const T* focal, const T* point,
+                  T* residuals) const {
+    T x[3];
+    Rotate(rotation, point, x);
+    for (int k = 0; k < 3; ++k) {
+      x[k] = x[k] + translation[k];
+    }
+    residuals[0] = focal[0] * x[0] / x[2] - u;
+    residuals[1] = focal[0] * x[1] / x[2] - v;
+    return true;
+  }
+  double u, v;
+};
+
+struct WholeView {
+  template <typename T>
+  bool operator()(const T* camera, const T* point, T* residuals) const {
+    return SplitView{u, v}(camera, camera + 3, camera + 6, point, residuals);
+  }
+  double u, v;
+};
+
+// The point is (a, b, ρ): (a, b, 1) / ρ in a frame that lies at `origin`.
+struct InverseDepthView {
+  template <typename T>
+  bool operator()(const T* camera, const T* point, T* residuals) const {
+    const T x[3] = {origin + point[0] / point[2], point[1] / point[2], 1.0 / point[2]};
+    return WholeView{u, v}(camera, x, residuals);
+  }
+  double u, v, origin;
+};
+
+struct TranslationPrior {
+  template <typename T>
+  bool operator()(const T* translation, T* residuals) const {
+    for (int k = 0; k < 3; ++k) {
+      residuals[k] = 2.0 * (translation[k] - at[k]);
+    }
+    return true;
+  }
+  double at[3];
+};
+
+constexpr double kFocal = 100.0;
+constexpr double kSpacing = 1.0;
+
+class StreetBuilder {
+ public:
+  explicit StreetBuilder(const StreetGraphOptions& options) : options_(options) {}
+
+  std::unique_ptr<StreetGraph> Build() {
+    whole_ = graph().AddFamily(std::make_shared<AutoDiffFamily<WholeView, 2, 7, 3>>("whole"));
+    split_ = graph().AddFamily(std::make_shared<AutoDiffFamily<SplitView, 2, 3, 3, 1, 3>>("split"));
+    inverse_ =
+        graph().AddFamily(std::make_shared<AutoDiffFamily<InverseDepthView, 2, 7, 3>>("inverse"));
+    priors_ = graph().AddFamily(std::make_shared<AutoDiffFamily<TranslationPrior, 3, 3>>("prior"));
+    for (int i = 0; i < options_.num_cameras; ++i) {
+      AddCamera(i);
+    }
+    for (int i = 0; i + options_.num_views <= options_.num_cameras; ++i) {
+      for (int k = 0; k < options_.points_per_camera; ++k) {
+        AddPoint(i);
+      }
+    }
+    return std::move(street_);
+  }
+
+ private:
+  FactorGraph& graph() { return street_->graph; }
+
+  void AddCamera(int i) {
+    for (double& offset : offset_) {
+      offset += random_.Between(-options_.drift, options_.drift);
+    }
+    const double camera[7] = {0.1 * offset_[0],
+                              0.1 * offset_[1],
+                              0.1 * offset_[2],
+                              offset_[3] - kSpacing * i,
+                              offset_[4],
+                              offset_[5],
+                              kFocal};
+    if (!options_.split) {
+      cameras_.push_back({graph().AddVariable(camera, 7, Role::kFrame)});
+    } else {
+      const bool own_focal = i == 0 || !options_.shared_focal;
+      const VariableId rotation = graph().AddVariable(camera, 3, Role::kFrame);
+      const VariableId translation = graph().AddVariable(camera + 3, 3, Role::kFrame);
+      if (own_focal) {
+        street_->focals.push_back(graph().AddVariable(camera + 6, 1, Role::kFrame));
+      }
+      cameras_.push_back({rotation, translation, street_->focals.back()});
+      if (options_.priors && i % 10 == 0) {
+        graph().AddFactor(priors_, {{-kSpacing * i, 0.0, 0.0}}, {translation});
+      }
+    }
+    for (const VariableId id : cameras_.back()) {
+      const bool is_shared = options_.split && id == street_->focals.front();
+      graph().SetConstant(id, options_.first_constant && i == 0 && !is_shared);
+    }
+  }
+
+  void AddPoint(int first) {
+    const double x[3] = {first + random_.Between(0.0, 3.0), random_.Between(-3.0, 3.0),
+                         random_.Between(4.0, 9.0)};
+    const double inverse[3] = {(x[0] - first) / x[2], x[1] / x[2], 1.0 / x[2]};
+    const VariableId point =
+        graph().AddVariable(options_.inverse_depth ? inverse : x, 3, Role::kLandmark);
+    for (int i = first; i < first + options_.num_views; ++i) {
+      const double u = kFocal * (x[0] - kSpacing * i) / x[2] + random_.Between(-0.5, 0.5);
+      const double v = kFocal * x[1] / x[2] + random_.Between(-0.5, 0.5);
+      std::vector<VariableId> ids = cameras_[static_cast<std::size_t>(i)];
+      ids.push_back(point);
+      if (options_.inverse_depth) {
+        graph().AddFactor(inverse_, {u, v, static_cast<double>(first)}, ids);
+      } else if (options_.split) {
+        graph().AddFactor(split_, {u, v}, ids);
+      } else {
+        graph().AddFactor(whole_, {u, v}, ids);
+      }
+    }
+  }
+
+  const StreetGraphOptions options_;
+  Random random_{7};
+  std::unique_ptr<StreetGraph> street_ = std::make_unique<StreetGraph>();
+  FamilyHandle<AutoDiffFamily<WholeView, 2, 7, 3>> whole_;
+  FamilyHandle<AutoDiffFamily<SplitView, 2, 3, 3, 1, 3>> split_;
+  FamilyHandle<AutoDiffFamily<InverseDepthView, 2, 7, 3>> inverse_;
+  FamilyHandle<AutoDiffFamily<TranslationPrior, 3, 3>> priors_;
+  std::vector<std::vector<VariableId>> cameras_;
+  double offset_[6] = {};
+};
+
+}  // namespace
+
+std::unique_ptr<StreetGraph> MakeStreetGraph(const StreetGraphOptions& options) {
+  return StreetBuilder(options).Build();
+}
+
+}  // namespace inceres::test
