@@ -28,6 +28,10 @@ const Names<LinearModelKind> kLinearModels = {
     {"dense_qr", LinearModelKind::kDenseQr},
     {"iterative_schur", LinearModelKind::kIterativeSchur},
     {"iterative_plain", LinearModelKind::kIterativePlain}};
+const Names<PreconditionerKind> kPreconditioners = {
+    {"identity", PreconditionerKind::kIdentity},
+    {"jacobi", PreconditionerKind::kJacobi},
+    {"schur_jacobi", PreconditionerKind::kSchurJacobi}};
 const Names<LineSearchInterpolation> kInterpolations = {
     {"bisection", LineSearchInterpolation::kBisection},
     {"quadratic", LineSearchInterpolation::kQuadratic},
@@ -99,18 +103,39 @@ class Table {
         });
   }
 
+  // A group of options: a dict, of which what is not there keeps its default.
+  template <typename Group>
+  Table& Add(const char* name, Group Options::*member, const Table<Group>& table) {
+    return Insert(
+        name,
+        [name, member, table](const py::handle& value, Options* options) {
+          if (!py::isinstance<py::dict>(value)) {
+            throw py::type_error(std::string(name) + ": " + py::repr(value).cast<std::string>() +
+                                 ", expected a dict");
+          }
+          table.Fill(py::reinterpret_borrow<py::dict>(value), name, &(options->*member));
+        },
+        [table](const Options& /*options*/) -> py::object { return table.Defaults(); });
+  }
+
   Options Read(const py::dict& given) const {
     Options options;
+    Fill(given, "", &options);
+    Check(options.Validate());
+    return options;
+  }
+
+  // `group`: what the options belong to, or empty.
+  void Fill(const py::dict& given, const std::string& group, Options* options) const {
     for (const auto& [key, value] : given) {
       const std::string name = py::str(key);
       const auto found = entries_.find(name);
       if (found == entries_.end()) {
-        throw py::type_error("unknown option '" + name + "'; there are " + Known());
+        throw py::type_error((group.empty() ? "" : group + ": ") + "unknown option '" + name +
+                             "'; there are " + Known());
       }
-      found->second.first(value, &options);
+      found->second.first(value, options);
     }
-    Check(options.Validate());
-    return options;
   }
 
   py::dict Defaults() const {
@@ -140,12 +165,24 @@ class Table {
   std::map<std::string, std::pair<Set, Get>> entries_;
 };
 
+Table<ConjugateGradientsOptions> MakeConjugateGradientsTable() {
+  using O = ConjugateGradientsOptions;
+  Table<O> table;
+  table.Add("preconditioner", &O::preconditioner, kPreconditioners)
+      .Add("eta", &O::eta)
+      .Add("min_iterations", &O::min_iterations)
+      .Add("max_iterations", &O::max_iterations)
+      .Add("explicit_schur_complement", &O::explicit_schur_complement);
+  return table;
+}
+
 Table<SolverOptions> MakeSolverTable() {
   using O = SolverOptions;
   Table<O> table;
   table.Add("strategy", &O::strategy, kStrategies)
       .Add("linear_model", &O::linear_model, kLinearModels)
       .Add("reduced_solver", &O::reduced_solver, kReducedSolvers)
+      .Add("conjugate_gradients", &O::conjugate_gradients, MakeConjugateGradientsTable())
       .Add("dynamic_sparsity", &O::dynamic_sparsity)
       .Add("num_threads", &O::num_threads)
       .Add("max_num_iterations", &O::max_num_iterations)

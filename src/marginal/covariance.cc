@@ -7,6 +7,7 @@
 #include "base/formatted.h"
 #include "inceres/solver/incremental_solver.h"
 #include "marginal/covariance_system.h"
+#include "marginal/dense_svd_covariance.h"
 #include "problem/find_fault.h"
 
 namespace inceres {
@@ -16,6 +17,12 @@ using internal::Invalid;
 Status CovarianceOptions::Validate() const {
   if (num_threads < 1) {
     return Invalid("CovarianceOptions::num_threads must be at least 1");
+  }
+  if (null_space_rank < -1) {
+    return Invalid("CovarianceOptions::null_space_rank must be at least -1");
+  }
+  if (!(min_reciprocal_condition_number >= 0.0 && min_reciprocal_condition_number < 1.0)) {
+    return Invalid("CovarianceOptions::min_reciprocal_condition_number must be in [0, 1)");
   }
   return max_inflation > 1.0 ? Status::Ok()
                              : Invalid("CovarianceOptions::max_inflation must exceed 1");
@@ -64,6 +71,38 @@ Status GraphCovariance::Compute(const IncrementalSolver& solver, const Pairs& pa
   return ComputeAt(graph, state, pairs);
 }
 
+// Blocks of what moves from the system, once it is factored; of constants zeros.
+template <typename Factorize, typename System>
+Status GraphCovariance::Fill(const FactorGraph& graph, const Pairs& pairs,
+                             const Factorize& factorize, const System& system) {
+  Pairs moving;
+  for (const auto& [a, b] : pairs) {
+    for (const VariableId id : {a, b}) {
+      if (!graph.IsConstant(id) && !system.Has(id)) {
+        return Invalid("variable " + std::to_string(id) +
+                       " has no covariance: no factor touches it");
+      }
+    }
+    if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
+      moving.emplace_back(a, b);
+    }
+  }
+  const Status status = moving.empty() ? Status::Ok() : factorize(moving);
+  for (std::size_t k = 0; status.ok() && k < pairs.size(); ++k) {
+    const auto [a, b] = pairs[k];
+    Block& block = blocks_[{a, b}];
+    block.rows = graph.TangentSize(a);
+    block.columns = graph.TangentSize(b);
+    block.values.assign(
+        static_cast<std::size_t>(block.rows) * static_cast<std::size_t>(block.columns), 0.0);
+    if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
+      using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+      Eigen::Map<RowMajor>(block.values.data(), block.rows, block.columns) = system.Product(a, b);
+    }
+  }
+  return status;
+}
+
 Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<double>& state,
                                   const Pairs& pairs) {
   blocks_.clear();
@@ -81,35 +120,18 @@ Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<do
     }
   }
   try {
-    internal::CovarianceSystem system(graph, state, options_);
-    Pairs moving;
-    for (const auto& [a, b] : pairs) {
-      for (const VariableId id : {a, b}) {
-        if (!graph.IsConstant(id) && !system.Has(id)) {
-          return Invalid("variable " + std::to_string(id) +
-                         " has no covariance: no factor touches it");
-        }
-      }
-      if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
-        moving.emplace_back(a, b);
-      }
-    }
-    if (!moving.empty()) {
-      status = system.Factorize();
-      status = status.ok() ? system.Prepare(moving) : status;
+    if (options_.algorithm == CovarianceAlgorithm::kDenseSvd) {
+      internal::DenseSvdCovariance system(graph, state, options_);
+      const auto factorize = [&system](const Pairs& /*pairs*/) { return system.Compute(); };
+      status = Fill(graph, pairs, factorize, system);
+    } else {
+      internal::CovarianceSystem system(graph, state, options_);
+      const auto factorize = [&system](const Pairs& moving) {
+        const Status factored = system.Factorize();
+        return factored.ok() ? system.Prepare(moving) : factored;
+      };
+      status = Fill(graph, pairs, factorize, system);
       deficiency_ = system.deficiency();
-    }
-    for (std::size_t k = 0; status.ok() && k < pairs.size(); ++k) {
-      const auto [a, b] = pairs[k];
-      Block& block = blocks_[{a, b}];
-      block.rows = graph.TangentSize(a);
-      block.columns = graph.TangentSize(b);
-      block.values.assign(
-          static_cast<std::size_t>(block.rows) * static_cast<std::size_t>(block.columns), 0.0);
-      if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
-        using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-        Eigen::Map<RowMajor>(block.values.data(), block.rows, block.columns) = system.Product(a, b);
-      }
     }
   } catch (const std::bad_alloc&) {
     blocks_.clear();

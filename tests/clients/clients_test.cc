@@ -93,7 +93,7 @@ INSTANTIATE_TEST_SUITE_P(Of, Clients,
                                            Client{"opensfm", 1e-6, true, nullptr},
                                            Client{"cartographer", 1e-6, true, nullptr},
                                            Client{"slam_toolbox", 1e-6, true, nullptr},
-                                           Client{"openvins", 1e-6, true, "DENSE_SVD"},
+                                           Client{"openvins", 1e-6, true, nullptr},
                                            Client{"fuse", 1e-6, true, nullptr},
                                            Client{"asp", 1e-6, true, nullptr}),
                          [](const auto& client) { return std::string(client.param.name); });

@@ -250,6 +250,53 @@ TEST(Covariance, BadIdsAndOptions) {
   options.max_inflation = 1.0;
   EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
             "CovarianceOptions::max_inflation must exceed 1");
+  options.null_space_rank = -2;
+  EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
+            "CovarianceOptions::null_space_rank must be at least -1");
+  options.null_space_rank = 0;
+  options.min_reciprocal_condition_number = 1.0;
+  EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
+            "CovarianceOptions::min_reciprocal_condition_number must be in [0, 1)");
+}
+
+// By singular values: the inverse where there is one, and the Moore–Penrose inverse without a
+// gauge.
+TEST(Covariance, ByDenseSingularValues) {
+  BundleOptions bundle_options;
+  bundle_options.num_frames = 4;
+  bundle_options.num_landmarks = 10;
+  const std::unique_ptr<RandomGraph> bundle = MakeBundle(bundle_options);
+  CovarianceOptions options;
+  options.algorithm = CovarianceAlgorithm::kDenseSvd;
+  GraphCovariance covariance(options);
+  const std::vector<VariableId> moving = Moving(bundle->graph());
+  ASSERT_TRUE(covariance.Compute(bundle->graph(), AllPairs(moving)).ok());
+  ExpectInverse(bundle->graph(), moving, covariance);
+  // Two differences of three numbers: (JᵀJ)⁺ of the second is that of its distance from the mean.
+  LinearWorld world;
+  for (int i = 0; i < 3; ++i) {
+    world.AddVariable(Eigen::VectorXd::Zero(1));
+    if (i > 0) {
+      MatrixXd A(1, 2);
+      A << -1.0, 1.0;
+      world.AddFactor({i - 1, i}, A, Eigen::VectorXd::Zero(1));
+    }
+  }
+  world.AddFactor({0, 1}, MatrixXd::Zero(1, 2), Eigen::VectorXd::Zero(1));
+  const Status refused = covariance.Compute(world.graph, {{1, 1}});
+  EXPECT_EQ(refused.code, StatusCode::kSingular);
+  for (const int null_space_rank : {1, -1}) {
+    options.null_space_rank = null_space_rank;
+    GraphCovariance pseudo(options);
+    ASSERT_TRUE(pseudo.Compute(world.graph, {{1, 1}, {0, 2}}).ok());
+    const MatrixXd H = DenseOracle(world.graph, {0, 1, 2}).H;
+    const MatrixXd expected = H.completeOrthogonalDecomposition().pseudoInverse();
+    double variance = 0.0, across = 0.0;
+    ASSERT_TRUE(pseudo.Get(1, 1, &variance));
+    ASSERT_TRUE(pseudo.Get(0, 2, &across));
+    EXPECT_NEAR(variance, expected(1, 1), 1e-12);
+    EXPECT_NEAR(across, expected(0, 2), 1e-12);
+  }
 }
 
 // Of a living problem, with free places and a prior, at the values it holds.

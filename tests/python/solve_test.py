@@ -18,6 +18,32 @@ def street(family=None):
     return street_graph(family or inceres.BalReprojection(), inceres.read_bal(STREET))
 
 
+class ConjugateGradientsTest(unittest.TestCase):
+    def test_they_go_where_a_factor_goes(self):
+        expected = street()[0].solve(function_tolerance=1e-12)["final_cost"]
+        for preconditioner in ("jacobi", "schur_jacobi"):
+            summary = street()[0].solve(linear_model="iterative_schur", function_tolerance=1e-12,
+                                        max_num_iterations=200,
+                                        conjugate_gradients={"preconditioner": preconditioner, "eta": 1e-6})
+            self.assertAlmostEqual(summary["final_cost"] / expected, 1.0, places=6)
+
+    def test_defaults_are_listed(self):
+        defaults = inceres.solver_options()["conjugate_gradients"]
+        self.assertEqual(defaults["preconditioner"], "jacobi")
+        self.assertEqual(defaults["max_iterations"], 500)
+
+    def test_what_is_wrong_is_named(self):
+        graph = street()[0]
+        with self.assertRaisesRegex(TypeError, "conjugate_gradients: unknown option 'etta'; there are eta"):
+            graph.solve(conjugate_gradients={"etta": 0.1})
+        with self.assertRaisesRegex(TypeError, "conjugate_gradients: 3, expected a dict"):
+            graph.solve(conjugate_gradients=3)
+        with self.assertRaisesRegex(ValueError, "expected one of identity, jacobi, schur_jacobi"):
+            graph.solve(conjugate_gradients={"preconditioner": "ilu"})
+        with self.assertRaisesRegex(ValueError, "max_iterations"):
+            graph.solve(linear_model="iterative_schur", conjugate_gradients={"max_iterations": 0})
+
+
 class CallbackTest(unittest.TestCase):
     def test_it_sees_every_iteration(self):
         rows = []

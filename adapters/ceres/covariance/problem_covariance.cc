@@ -84,6 +84,20 @@ std::string ProblemCovariance::FindMisuse(const Pairs& pairs) const {
   return "";
 }
 
+// Columns of zeros, which lower the rank of what stock looks at, and options that are out of range.
+std::string ProblemCovariance::FindRankRule(const ceres::Covariance::Options& options) const {
+  const bool is_lonely = std::any_of(blocks_.begin(), blocks_.end(), [](const auto& entry) {
+    return !entry.second.constant && !entry.second.touched;
+  });
+  if (is_lonely) {
+    return "DENSE_SVD, and no residual block touches a parameter block";
+  }
+  const double smallest = options.min_reciprocal_condition_number;
+  return options.null_space_rank >= -1 && smallest >= 0.0 && smallest < 1.0
+             ? ""
+             : "DENSE_SVD with options out of range";
+}
+
 void ProblemCovariance::RememberBlocks(const ProblemView& view, const Pairs& pairs) {
   std::set<const double*> asked;
   for (const auto& [a, b] : pairs) {
@@ -110,15 +124,15 @@ ProblemCovariance::Outcome ProblemCovariance::Compute(const ceres::Covariance::O
   blocks_.clear();
   covariances_.clear();
   message_.clear();
-  if (options.algorithm_type != ceres::SPARSE_QR) {
-    return Decline("algorithm_type DENSE_SVD");
-  }
   ProblemView view = Introspect(problem);
   if (!view.defect.empty()) {
     return Decline(view.defect);
   }
   RememberBlocks(view, pairs);
-  const std::string misuse = FindMisuse(pairs);
+  std::string misuse = FindMisuse(pairs);
+  if (misuse.empty() && options.algorithm_type == ceres::DENSE_SVD) {
+    misuse = FindRankRule(options);
+  }
   if (!misuse.empty()) {
     return Decline(misuse);
   }
@@ -165,8 +179,17 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
   CovarianceOptions core;
   core.num_threads = std::max(1, options.num_threads);
   core.max_inflation = kTrustedInflation;
+  const bool is_dense = options.algorithm_type == ceres::DENSE_SVD;
+  if (is_dense) {
+    core.algorithm = CovarianceAlgorithm::kDenseSvd;
+    core.null_space_rank = options.null_space_rank;
+    core.min_reciprocal_condition_number = options.min_reciprocal_condition_number;
+  }
   GraphCovariance covariance(core);
   Status status = covariance.Compute(graph, wanted);
+  if (status.code == StatusCode::kSingular && is_dense) {
+    return Fail(status.message);
+  }
   if (status.code == StatusCode::kSingular) {
     core.max_inflation = kHopelessInflation;
     GraphCovariance doubtful(core);

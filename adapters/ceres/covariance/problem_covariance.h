@@ -50,6 +50,7 @@ class ProblemCovariance {
   };
 
   std::string FindMisuse(const Pairs& pairs) const;
+  std::string FindRankRule(const ceres::Covariance::Options& options) const;
   void RememberBlocks(const ProblemView& view, const Pairs& pairs);
   Outcome Decline(std::string why);
   Outcome Fail(std::string why);

@@ -13,11 +13,26 @@ namespace inceres {
 
 class IncrementalSolver;
 
+/// How GraphCovariance inverts.
+enum class CovarianceAlgorithm {
+  kSchur,  ///< normal equations, landmarks eliminated, a sparse factor: large problems
+  /// Singular values of the whole Jacobian, dense: small problems, with a pseudo-inverse where it
+  /// is rank deficient. What Ceres calls DENSE_SVD.
+  kDenseSvd,
+};
+
 /// Options of GraphCovariance.
 struct INCERES_EXPORT CovarianceOptions {
   int num_threads = 1;  ///< ≥ 1: evaluation; the result is the same to the last bit
-  /// > 1: a variance that exceeds the one with all else known by more than this factor counts as
-  /// infinite. At 1e12 four digits are left of it.
+  CovarianceAlgorithm algorithm = CovarianceAlgorithm::kSchur;  ///< how it inverts
+  /// ≥ −1, of kDenseSvd: how many of the smallest singular values are left out, for example 7 of a
+  /// bundle adjustment with a free gauge; −1: all that are small.
+  int null_space_rank = 0;
+  /// In [0, 1), of kDenseSvd: a singular value is small if its square is less than this share of
+  /// that of the largest. One that is small and not left out is kSingular.
+  double min_reciprocal_condition_number = 1e-14;
+  /// > 1, of kSchur: a variance that exceeds the one with all else known by more than this factor
+  /// counts as infinite. At 1e12 four digits are left of it.
   double max_inflation = 1e12;
 
   /// What is wrong with these options, the first culprit named.
@@ -86,6 +101,9 @@ class INCERES_EXPORT GraphCovariance {
   const RankDeficiency& deficiency() const { return deficiency_; }
 
  private:
+  template <typename Factorize, typename System>
+  Status Fill(const FactorGraph& graph, const Pairs& pairs, const Factorize& factorize,
+              const System& system);
   Status ComputeAt(const FactorGraph& graph, const std::vector<double>& state, const Pairs& pairs);
 
   struct Block {

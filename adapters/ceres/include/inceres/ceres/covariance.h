@@ -24,13 +24,16 @@ class ProblemCovariance;
 /// of up to four unknowns) are eliminated, S is factored once, and the blocks of the inverse are
 /// taken from that factor, those of points in full, not for known cameras.
 ///
-/// Stock computes what is asked by DENSE_SVD; a problem in which variances are inflated more than
+/// DENSE_SVD takes the singular values of the whole Jacobian, with Ceres's rank rules.
+///
+/// Stock computes what is asked by DENSE_SVD of a problem with a variable block that no residual
+/// block touches; by SPARSE_QR a problem in which variances are inflated more than
 /// 1e8-fold over those with all else known, of which the normal equations lose too many digits; and
 /// what misuse there is, as a pair given twice, for which Ceres ends the process. report() says so.
 ///
-/// Compute returns false where the Jacobian is rank deficient: by the same measure, above 1e12,
-/// which does not depend on the units of a parameter block as the rule of stock's QR does. The log
-/// and report() name how many directions are open, and blocks that move along them.
+/// Compute returns false where the Jacobian is rank deficient: of SPARSE_QR by the same measure,
+/// above 1e12, which does not depend on the units of a parameter block as the rule of stock's QR
+/// does. The log and report() name how many directions are open, and blocks that move along them.
 ///
 /// Threads: one caller. Cost functions are evaluated on num_threads threads; the result is the
 /// same to the last bit for any number.

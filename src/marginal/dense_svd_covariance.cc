@@ -1,0 +1,101 @@
+#include "marginal/dense_svd_covariance.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/QR>
+#include <Eigen/SVD>
+
+#include "base/formatted.h"
+
+namespace inceres::internal {
+
+DenseSvdCovariance::DenseSvdCovariance(const FactorGraph& graph, const std::vector<double>& state,
+                                       const CovarianceOptions& options)
+    : graph_(graph),
+      options_(options),
+      executor_(options.num_threads),
+      layout_(graph, /*eliminate_landmarks=*/false),
+      evaluator_(graph, layout_, executor_) {
+  evaluator_.points().SetCurrent(state);
+}
+
+Eigen::MatrixXd DenseSvdCovariance::DenseJacobian() const {
+  Eigen::Index num_rows = 0;
+  for (const Linearization& family : evaluator_.families()) {
+    num_rows += Eigen::Index{family.num_factors} * family.residual_size;
+  }
+  std::vector<int> column_of_quad(layout_.quad_offset.back());
+  for (std::size_t k = 0; k < layout_.variables.size(); ++k) {
+    column_of_quad[layout_.quad_offset[k]] = layout_.packed_offset[k];
+  }
+  Eigen::Index num_untouched = 0;
+  for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    if (graph_.HasVariable(id) && !graph_.IsConstant(id) && !Has(id)) {
+      num_untouched += graph_.TangentSize(id);
+    }
+  }
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(num_rows, layout_.size() + num_untouched);
+  Eigen::Index row = 0;
+  for (const Linearization& family : evaluator_.families()) {
+    for (int i = 0; i < family.num_factors; ++i, row += family.residual_size) {
+      for (int s = 0; s < family.num_slots; ++s) {
+        const std::int32_t quad = family.tangent_offsets[family.Entry(i) + s];
+        const SlotJacobians& slot = family.slots[s];
+        if (quad >= 0) {
+          using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+          J.block(row, column_of_quad[quad], family.residual_size, slot.columns) +=
+              Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>(
+                  slot.data + std::ptrdiff_t{i} * slot.factor_stride, family.residual_size,
+                  slot.columns, Eigen::OuterStride<>(slot.row_stride));
+        }
+      }
+    }
+  }
+  return J;
+}
+
+// With automatic truncation all that is small is left out; else so many, and no other may be small.
+Status DenseSvdCovariance::Compute() {
+  double cost = 0.0;
+  const Status status = evaluator_.EvaluateJacobians(/*known_point=*/false, &cost);
+  if (!status.ok()) {
+    return status;
+  }
+  Eigen::MatrixXd J = DenseJacobian();
+  if (J.rows() > J.cols()) {  // the singular values are those of R
+    Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(J);
+    J = qr.matrixQR().topRows(J.cols()).triangularView<Eigen::Upper>().toDenseMatrix();
+  }
+  const Eigen::BDCSVD<Eigen::MatrixXd> svd(J, Eigen::ComputeThinV);
+  const Eigen::VectorXd& values = svd.singularValues();
+  const bool truncates = options_.null_space_rank < 0;
+  const Eigen::Index max_rank =
+      std::clamp<Eigen::Index>(values.size() - options_.null_space_rank, 0, values.size());
+  const double smallest = std::sqrt(options_.min_reciprocal_condition_number);
+  Eigen::Index rank = 0;
+  while (rank < max_rank && values[rank] >= smallest * values[0] && values[rank] > 0.0) {
+    ++rank;
+  }
+  if (rank < max_rank && !truncates) {
+    const double ratio = values[0] > 0.0 ? values[rank] / values[0] : 0.0;
+    return Status::Error(
+        StatusCode::kSingular,
+        Formatted("the Jacobian is rank deficient: reciprocal condition number %g < %g, with %d "
+                  "singular values left out (null_space_rank); -1 leaves out all that are small",
+                  ratio * ratio, options_.min_reciprocal_condition_number,
+                  options_.null_space_rank));
+  }
+  root_ = svd.matrixV().leftCols(rank) * values.head(rank).cwiseInverse().asDiagonal();
+  return Status::Ok();
+}
+
+Eigen::MatrixXd DenseSvdCovariance::RowsOf(VariableId id) const {
+  return root_.middleRows(layout_.packed_offset[layout_.position[id]], graph_.TangentSize(id));
+}
+
+Eigen::MatrixXd DenseSvdCovariance::Product(VariableId a, VariableId b) const {
+  return RowsOf(a) * RowsOf(b).transpose();
+}
+
+}  // namespace inceres::internal
