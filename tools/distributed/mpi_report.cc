@@ -92,8 +92,8 @@ void PrintTable(const MpiReport& report) {
         static_cast<long long>(rank.num_frames), static_cast<long long>(rank.num_shared_frames),
         static_cast<double>(rank.peak_resident_bytes) * 1e-6,
         static_cast<long long>(rank.exchange_bytes_per_product),
-        static_cast<long long>(rank.bytes_sent + rank.reduction_bytes_sent), rank.exchange_seconds,
-        rank.reduction_seconds);
+        static_cast<long long>(rank.bytes_sent) + static_cast<long long>(rank.reduction_bytes_sent),
+        rank.exchange_seconds, rank.reduction_seconds);
   }
 }
 
