@@ -44,12 +44,11 @@ const ToolHelp kHelp = {
     "one are PETSc's, with their values: -inceres_ksp_type pipecg, -log_view. Rank 0 prints. "
     "Exit codes are those of all ranks.",
     {{"one process", "bal_solve_mpi --input problem-49-7776-pre.txt"},
-     {"two processes, by conjugate gradients, and the solved file",
-      "mpiexec -n 2 bal_solve_mpi --input problem.txt --linear_solver conjugate_gradients "
-      "--output solved.txt"},
-     {"a preconditioner of PETSc",
-      "mpiexec -n 2 bal_solve_mpi --input problem.txt --linear_solver ksp --form_schur_complement "
-      "-inceres_pc_type bjacobi"}}};
+     {"two processes, and the solved file",
+      "mpiexec -n 2 bal_solve_mpi --input problem.txt --output solved.txt"},
+     {"a solver and a preconditioner of PETSc",
+      "bal_solve_mpi --input problem.txt --linear_solver ksp --form_schur_complement "
+      "-inceres_ksp_type fcg -inceres_pc_type bjacobi"}}};
 
 // Loads the problem and deals it out.
 Status Load(MPI_Comm comm, const MpiSettings& settings, Tracks* tracks, MpiReport* report) {

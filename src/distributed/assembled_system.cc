@@ -91,8 +91,10 @@ void AssembledSystem::PlanExchange(const std::vector<std::vector<Share>>& of_ran
       static_cast<std::size_t>(received_begins.back() + received_bytes.back()) / sizeof(Place));
   MPI_Alltoallv(own_places.data(), place_bytes.data(), begins.data(), MPI_BYTE, received.data(),
                 received_bytes.data(), received_begins.data(), MPI_BYTE, comm);
-  sent_.resize(static_cast<std::size_t>(send_begins_.back() + send_counts_.back()));
-  received_.resize(static_cast<std::size_t>(receive_begins_.back() + receive_counts_.back()));
+  sent_.resize(static_cast<std::size_t>(send_begins_.back()) +
+               static_cast<std::size_t>(send_counts_.back()));
+  received_.resize(static_cast<std::size_t>(receive_begins_.back()) +
+                   static_cast<std::size_t>(receive_counts_.back()));
   PlanSums(received);
 }
 

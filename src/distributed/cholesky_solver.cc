@@ -15,8 +15,7 @@ constexpr int kMumpsSpaceTooSmallToo = -8;
 
 class CholeskySolver final : public DistributedReducedSolver {
  public:
-  explicit CholeskySolver(ReducedSystem* system)
-      : system_(*system), matrix_(AssembledSystem::Form::kUpper, *system) {
+  explicit CholeskySolver(ReducedSystem* system) : matrix_(AssembledSystem::Form::kUpper, *system) {
     const MPI_Comm comm = system->ranks().comm();
     const SharedFrames& frames = system->frames();
     const PetscInt own = ToPetscInt(frames.owned_size(FramePlace::kTangent));
@@ -90,7 +89,6 @@ class CholeskySolver final : public DistributedReducedSolver {
     return info == kMumpsSpaceTooSmall || info == kMumpsSpaceTooSmallToo;
   }
 
-  ReducedSystem& system_;
   AssembledSystem matrix_;
   PetscOwned<Vec, VecDestroy> b_;
   PetscOwned<Vec, VecDestroy> x_;

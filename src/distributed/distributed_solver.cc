@@ -68,6 +68,7 @@ struct Workspace {
   Status status;
   std::optional<Evaluator> evaluator;
   std::unique_ptr<DistributedModel> model;
+  bool is_iterative = false;
   TrustRegionMemory memory;
 };
 
@@ -114,9 +115,11 @@ Status DistributedSolver::Impl::SetUp(const GraphPart& part, std::unique_ptr<Wor
   });
   if (status.ok()) {
     ranks_.FindThrowersBy([&work] { return DescribeThrower(&*work.evaluator); });
-    work.model = std::make_unique<DistributedModel>(
-        Resolved(options_, work.frames.total_size(FramePlace::kTangent)), ranks_, work.frames,
-        *work.evaluator, &status);
+    const DistributedOptions resolved =
+        Resolved(options_, work.frames.total_size(FramePlace::kTangent));
+    work.is_iterative = resolved.linear_solver != DistributedLinearSolver::kCholesky;
+    work.model =
+        std::make_unique<DistributedModel>(resolved, ranks_, work.frames, *work.evaluator, &status);
   }
   if (status.ok()) {
     summary->reduced_solver = work.model->SolverName();
@@ -178,7 +181,7 @@ void DistributedSolver::Impl::Minimize(const GraphPart& part, Workspace* workspa
     if (iteration.iteration >= minimizer.first_comparable_iteration()) {
       solve.final_cost = std::min(solve.final_cost, iteration.cost);
     }
-    if (options_.linear_solver != DistributedLinearSolver::kCholesky) {
+    if (workspace->is_iterative) {
       solve.work.num_conjugate_gradients += iteration.linear_solver_iterations;
     }
   }

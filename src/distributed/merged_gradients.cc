@@ -33,9 +33,9 @@ bool MergedGradients::ReduceDots(const std::vector<double>& r) {
   double dots[3] = {Dot(r, z_), Dot(z_, w_), Dot(z_, s_)};
   ranks_.SumAll(3, dots);
   rz_ = dots[0];
-  zAz_ = dots[1];
-  zAp_ = dots[2];
-  return !std::isnan(rz_) && !std::isnan(zAz_) && !std::isnan(zAp_);
+  zaz_ = dots[1];
+  zap_ = dots[2];
+  return !std::isnan(rz_) && !std::isnan(zaz_) && !std::isnan(zap_);
 }
 
 MergedGradients::End MergedGradients::Solve(const Limits& limits, const std::vector<double>& b,
@@ -60,7 +60,7 @@ MergedGradients::End MergedGradients::Solve(const Limits& limits, const std::vec
       return End::kConverged;
     }
     const double beta = num_iterations_ == 0 ? 0.0 : rz_ / last_rz;
-    curvature = zAz_ + 2.0 * beta * zAp_ + beta * beta * curvature;
+    curvature = zaz_ + 2.0 * beta * zap_ + beta * beta * curvature;
     if (std::isnan(curvature)) {
       ++num_iterations_;
       return End::kBreakdown;

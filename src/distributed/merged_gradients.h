@@ -52,8 +52,8 @@ class MergedGradients {
   std::vector<double> w_;  // A z
   std::vector<double> s_;  // A p
   double rz_ = 0.0;
-  double zAz_ = 0.0;
-  double zAp_ = 0.0;
+  double zaz_ = 0.0;
+  double zap_ = 0.0;
   int num_iterations_ = 0;
 };
 

@@ -15,7 +15,6 @@ ReducedSystem::ReducedSystem(const Communicator& ranks, const SharedFrames& fram
       frames_(frames),
       evaluator_(evaluator),
       plans_(plans),
-      hessian_(hessian),
       elimination_(elimination),
       exchange_(*exchange),
       block_exchange_(ranks, frames, frames.moving(), FramePlace::kSquare),

@@ -54,7 +54,6 @@ class ReducedSystem {
   const SharedFrames& frames_;
   const Evaluator& evaluator_;
   const FramePlans& plans_;
-  const Hessian& hessian_;
   const Elimination& elimination_;
   FrameExchange& exchange_;
   FrameExchange block_exchange_;  // of diagonal blocks

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <numeric>
 #include <string>
 #include <type_traits>
 
@@ -121,80 +122,117 @@ Status SharedFrames::Agree(const Communicator& ranks, const GraphPart& part, con
   return status;
 }
 
-// All ranks number the same records, so nothing needs to be agreed on.
-Status SharedFrames::Number(const Communicator& ranks, const std::vector<Record>& all) {
-  struct Group {
-    std::size_t begin;
-    std::size_t end;
-    int owner;
-    int num_sharers;
-  };
-  std::vector<Group> groups;
-  std::vector<std::int64_t> next(3 * static_cast<std::size_t>(ranks.size()) + 3, 0);
-  const auto sizes_of = [](const Record& record, int kind) -> std::int64_t {
-    const std::int64_t d = record.tangent_size;
-    return kind == FramePlace::kTangent  ? d
-           : kind == FramePlace::kSquare ? d * d
-                                         : record.ambient_size;
-  };
+// The records of one frame.
+struct SharedFrames::Group {
+  std::size_t begin;
+  std::size_t end;
+  int num_sharers;  // ranks with factors of it
+  int owner;
+};
+
+// What of a record is not as the rank before has it: words to stand before two ranks; or null.
+const char* SharedFrames::FindDifference(const Record& first, const Record& last,
+                                         const Record& record) {
+  if (record.ambient_size != first.ambient_size || record.tangent_size != first.tangent_size) {
+    return " has another size on rank ";
+  }
+  if (record.constant != first.constant) {
+    return " is constant on only one of rank ";
+  }
+  if (record.values != first.values) {
+    return " starts from other values on rank ";
+  }
+  return &last != &record && last.rank == record.rank ? " is listed twice, by rank " : nullptr;
+}
+
+Status SharedFrames::FindGroups(const std::vector<Record>& all, std::vector<Group>* groups) {
   for (std::size_t begin = 0; begin < all.size();) {
     const Record& first = all[begin];
-    Group group{begin, begin, -1, 0};
-    std::int64_t most = 0;
+    Group group{begin, begin, 0, -1};
     for (; group.end < all.size() && all[group.end].id == first.id; ++group.end) {
       const Record& record = all[group.end];
-      const char* differs =
-          record.ambient_size != first.ambient_size || record.tangent_size != first.tangent_size
-              ? " has another size on rank "
-          : record.constant != first.constant ? " is constant on only one of rank "
-          : record.values != first.values     ? " starts from other values on rank "
-                                              : nullptr;
-      if (differs == nullptr && group.end > begin && record.rank == all[group.end - 1].rank) {
-        differs = " is listed twice, by rank ";
-      }
-      if (differs != nullptr) {
+      const Record& last = all[std::max(begin + 1, group.end) - 1];
+      if (const char* differs = FindDifference(first, last, record)) {
         return Status::Error(StatusCode::kInvalidArgument,
                              NameOf(first.id) + differs + std::to_string(record.rank) +
                                  " and rank " + std::to_string(first.rank));
       }
       group.num_sharers += record.num_factors > 0 ? 1 : 0;
-      if (record.num_factors > most) {
-        most = record.num_factors;
-        group.owner = record.rank;
-      }
     }
-    if (group.owner >= 0 && first.constant == 0) {
-      for (int kind = 0; kind < 3; ++kind) {
-        next[static_cast<std::size_t>(3 * (group.owner + 1) + kind)] += sizes_of(first, kind);
-      }
-      groups.push_back(group);
+    if (group.num_sharers > 0 && first.constant == 0) {
+      groups->push_back(group);
     }
     begin = group.end;
   }
-  for (std::size_t k = 3; k < next.size(); ++k) {
-    next[k] += next[k - 3];  // where each rank begins
-  }
-  num_frames_ = static_cast<std::int64_t>(groups.size());
-  for (int kind = 0; kind < 3; ++kind) {
-    const auto k = static_cast<std::size_t>(3 * ranks.rank() + kind);
-    owned_size_[kind] = next[k + 3] - next[k];
-    total_size_[kind] = next[next.size() - 3 + static_cast<std::size_t>(kind)];
-  }
-  for (const Group& group : groups) {
-    std::int64_t* const at = next.data() + static_cast<std::ptrdiff_t>(3) * group.owner;
+  return Status::Ok();
+}
+
+// Whoever owns a frame sends it to all others: the one of them who has least to send so far, of
+// equals who has more of its factors.
+void SharedFrames::ChooseOwners(const std::vector<Record>& all, int num_ranks,
+                                std::vector<Group>* groups) {
+  std::vector<std::int64_t> load(static_cast<std::size_t>(num_ranks), 0);
+  for (Group& group : *groups) {
+    const Record* owner = nullptr;
     for (std::size_t k = group.begin; k < group.end; ++k) {
-      if (all[k].rank == ranks.rank()) {
-        FramePlace& place = numbered_[static_cast<std::size_t>(all[k].place)];
-        place.owner = group.owner;
-        std::copy(at, at + 3, place.begin);
-        place.num_others = group.num_sharers - (all[k].num_factors > 0 ? 1 : 0);
+      const Record& record = all[k];
+      const auto load_of = [&](const Record& r) { return load[static_cast<std::size_t>(r.rank)]; };
+      if (record.num_factors > 0 &&
+          (owner == nullptr || load_of(record) < load_of(*owner) ||
+           (load_of(record) == load_of(*owner) && record.num_factors > owner->num_factors))) {
+        owner = &record;
       }
     }
-    for (int kind = 0; kind < 3; ++kind) {
-      at[kind] += sizes_of(all[group.begin], kind);
+    group.owner = owner->rank;
+    load[static_cast<std::size_t>(owner->rank)] +=
+        std::int64_t{group.num_sharers - 1} * owner->tangent_size;
+  }
+}
+
+std::int64_t SharedFrames::SizeOf(const Record& record, int kind) {
+  const std::int64_t d = record.tangent_size;
+  return kind == FramePlace::kTangent  ? d
+         : kind == FramePlace::kSquare ? d * d
+                                       : record.ambient_size;
+}
+
+// All ranks number the same records, so nothing needs to be agreed on.
+Status SharedFrames::Number(const Communicator& ranks, const std::vector<Record>& all) {
+  std::vector<Group> groups;
+  Status status = FindGroups(all, &groups);
+  if (!status.ok()) {
+    return status;
+  }
+  ChooseOwners(all, ranks.size(), &groups);
+  num_frames_ = static_cast<std::int64_t>(groups.size());
+  for (int kind = 0; kind < 3; ++kind) {
+    std::vector<std::int64_t> next(static_cast<std::size_t>(ranks.size()) + 1, 0);
+    for (const Group& group : groups) {
+      next[static_cast<std::size_t>(group.owner) + 1] += SizeOf(all[group.begin], kind);
+    }
+    std::partial_sum(next.begin(), next.end(), next.begin());  // where each rank begins
+    const auto own = static_cast<std::size_t>(ranks.rank());
+    owned_size_[kind] = next[own + 1] - next[own];
+    total_size_[kind] = next.back();
+    for (const Group& group : groups) {
+      std::int64_t& at = next[static_cast<std::size_t>(group.owner)];
+      Place(group, all, ranks.rank(), kind, at);
+      at += SizeOf(all[group.begin], kind);
     }
   }
-  return Status::Ok();
+  return status;
+}
+
+void SharedFrames::Place(const Group& group, const std::vector<Record>& all, int rank, int kind,
+                         std::int64_t at) {
+  for (std::size_t k = group.begin; k < group.end; ++k) {
+    if (all[k].rank == rank) {
+      FramePlace& place = numbered_[static_cast<std::size_t>(all[k].place)];
+      place.owner = group.owner;
+      place.begin[kind] = at;
+      place.num_others = group.num_sharers - (all[k].num_factors > 0 ? 1 : 0);
+    }
+  }
 }
 
 void SharedFrames::Keep(const GraphPart& part, const Layout& layout, int rank) {

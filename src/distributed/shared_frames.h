@@ -25,8 +25,8 @@ struct FramePlace {
 };
 
 /// Which frames the ranks have in common, and who owns each: sums its rows, and counts it. That is
-/// the rank with most of its factors, the lowest of several. Owned frames are numbered rank by
-/// rank, by ascending id.
+/// one of those with factors of it, such that all have about as much to send. Owned frames are
+/// numbered rank by rank, by ascending id.
 ///
 /// Cost: a record of 48 bytes of each frame of each rank goes to all.
 class SharedFrames {
@@ -47,8 +47,16 @@ class SharedFrames {
 
  private:
   struct Record;
+  struct Group;
   Status Collect(const GraphPart& part, const Layout& layout, std::vector<Record>* own) const;
+  static const char* FindDifference(const Record& first, const Record& last, const Record& record);
+  static Status FindGroups(const std::vector<Record>& all, std::vector<Group>* groups);
+  static void ChooseOwners(const std::vector<Record>& all, int num_ranks,
+                           std::vector<Group>* groups);
+  static std::int64_t SizeOf(const Record& record, int kind);
   Status Number(const Communicator& ranks, const std::vector<Record>& all);
+  void Place(const Group& group, const std::vector<Record>& all, int rank, int kind,
+             std::int64_t at);
   void Keep(const GraphPart& part, const Layout& layout, int rank);
 
   std::vector<FramePlace> numbered_;  // of this rank, in the order of its part

@@ -1,5 +1,6 @@
 #include "tools/distributed/mpi_report.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <utility>
@@ -14,6 +15,11 @@ namespace {
 
 double RmsOf(double cost, const MpiReport& report) {
   return std::sqrt(2.0 * cost / static_cast<double>(report.num_observations));
+}
+
+// Without the start, as bal_solve counts them.
+int IterationsOf(const Summary& solve) {
+  return std::max(0, static_cast<int>(solve.iterations.size()) - 1);
 }
 
 std::vector<std::pair<const char*, double>> StagesOf(const MpiReport& report) {
@@ -68,7 +74,7 @@ void PrintTable(const MpiReport& report) {
     std::fprintf(Out(), "%-22s %.6f -> %.6f px\n", "RMS reprojection error",
                  RmsOf(solve.initial_cost, report), RmsOf(solve.final_cost, report));
   }
-  std::fprintf(Out(), "%-22s %zu\n%-22s %s\n", "iterations", solve.iterations.size(), "termination",
+  std::fprintf(Out(), "%-22s %d\n%-22s %s\n", "iterations", IterationsOf(solve), "termination",
                solve.message.c_str());
   std::fprintf(Out(), "%-22s %lld\n", "conjugate gradients",
                static_cast<long long>(solve.work.num_conjugate_gradients));
@@ -86,8 +92,8 @@ void PrintTable(const MpiReport& report) {
         static_cast<long long>(rank.num_frames), static_cast<long long>(rank.num_shared_frames),
         static_cast<double>(rank.peak_resident_bytes) * 1e-6,
         static_cast<long long>(rank.exchange_bytes_per_product),
-        static_cast<long long>(rank.bytes_sent + rank.reduction_bytes_sent), rank.exchange_seconds,
-        rank.reduction_seconds);
+        static_cast<long long>(rank.bytes_sent) + static_cast<long long>(rank.reduction_bytes_sent),
+        rank.exchange_seconds, rank.reduction_seconds);
   }
 }
 
@@ -110,7 +116,7 @@ std::string ToJson(const MpiReport& report) {
                                {"num_observations", report.num_observations},
                                {"initial_cost", solve.initial_cost},
                                {"final_cost", solve.final_cost},
-                               {"iterations", solve.iterations.size()},
+                               {"iterations", IterationsOf(solve)},
                                {"message", solve.message},
                                {"seconds", solve.seconds.total},
                                {"stage_seconds", stages},

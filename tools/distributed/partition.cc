@@ -77,6 +77,7 @@ std::int64_t CountCopies(MPI_Comm comm, const Tracks& tracks, const std::vector<
     }
   }
   std::vector<std::vector<int>> to_rank;
+  to_rank.reserve(cameras_of.size());
   for (const std::set<int>& cameras : cameras_of) {
     to_rank.emplace_back(cameras.begin(), cameras.end());
   }
