@@ -2,11 +2,11 @@
 """How many wrong loops graduated non-convexity finds in pose graphs: the table of docs/pose_graphs.md.
 
     benchmarks/gnc_figures.py build/bin/pose_graph_solve FILE.g2o… [--fractions 0.1,0.2,…]
-                              [--seeds 10] [--convention geodesic] [--flags "…"] [--json FILE]
+                              [--seeds 10] [--first_seed 1] [--convention geodesic] [--flags "…"] [--json FILE]
 
 For each file and each share of wrong loops among all loops runs the tool with --gnc --outliers for
-seeds 1, 2, …, and prints a row: wrong loops found, right ones lost, the RMS difference of positions
-to the solution without wrong loops, weighted problems and seconds; each as the worst seed's, and the
+seeds 1, 2, … (or from another first), and prints a row: wrong loops found, right ones lost, the
+RMS difference of positions to the solution without wrong loops, weighted problems and seconds; each as the worst seed's, and the
 number of seeds in which every wrong loop was found. M3500 takes seconds a run, a sphere of 2500 poses
 a minute.
 """
@@ -48,6 +48,7 @@ def main():
     parser.add_argument("files", nargs="+")
     parser.add_argument("--fractions", default="0.1,0.2,0.3,0.4,0.5")
     parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--first_seed", type=int, default=1)
     parser.add_argument("--convention", default="geodesic")
     parser.add_argument("--flags", default="", help="more flags of the tool")
     parser.add_argument("--json", help="append the reports to this file, one a line")
@@ -58,7 +59,7 @@ def main():
         for fraction in map(float, arguments.fractions.split(",")):
             reports = [run(arguments.tool, path, fraction, seed, arguments.convention,
                            shlex.split(arguments.flags))
-                       for seed in range(1, arguments.seeds + 1)]
+                       for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds)]
             print(row(path, fraction, reports), flush=True)
             if arguments.json:
                 with open(arguments.json, "a", encoding="utf-8") as log:

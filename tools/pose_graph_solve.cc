@@ -45,6 +45,9 @@ DEFINE_double(
     "With --gnc or --outliers: an inlier's squared error is below the chi-square quantile "
     "at this probability. Between 0 and 1.");
 DEFINE_double(threshold_scale, 1.0, "Times that quantile; above 0.");
+DEFINE_bool(estimate_scale, false,
+            "With --gnc: lower the thresholds to what the errors of the right loops say, where the "
+            "file's information promises larger ones.");
 DEFINE_double(outliers, 0.0,
               "Add wrong loops, so many that they are this share of all loops: two poses at "
               "random, with the measurement of a right loop. At least 0, below 1.");
@@ -128,7 +131,7 @@ Status ReadChoices(PoseGraphPlan* plan) {
 }
 
 Status CheckGncFlags() {
-  for (const char* flag : {"suspects", "kernel", "gnc_start"}) {
+  for (const char* flag : {"suspects", "kernel", "gnc_start", "estimate_scale"}) {
     if (!FLAGS_gnc && IsSet(flag)) {
       return Invalid(std::string("--") + flag + " is for --gnc");
     }
@@ -162,6 +165,7 @@ Status ReadPlan(PoseGraphPlan* plan) {
   plan->gnc = FLAGS_gnc;
   plan->gnc_options.inlier_probability = FLAGS_inlier_probability;
   plan->gnc_options.threshold_scale = FLAGS_threshold_scale;
+  plan->gnc_options.estimate_scale = FLAGS_estimate_scale;
   plan->outliers = FLAGS_outliers;
   plan->seed = static_cast<std::uint64_t>(FLAGS_seed);
   plan->certificate = FLAGS_certificate;

@@ -48,6 +48,12 @@ DEFINE_bool(covariance, false,
             "leaves out.");
 DEFINE_bool(flat, false,
             "Also compare the cost of a step around step 200 with that of the last hundred steps.");
+DEFINE_int32(checkpoints, 0,
+             "Look for the optimum after so many steps only, evenly spread, the last among them; "
+             "0: after all.");
+DEFINE_bool(beside_batch, false,
+            "Also solve each step's graph by the batch solver, from the values ours began with, "
+            "by the strategy and tolerances of --mode exact, and tell which steps took longer.");
 DEFINE_int32(steps, 0, "Stop after this many steps; 0: play all.");
 DEFINE_int32(num_threads, 1, "Threads of each solver, at least 1.");
 DEFINE_int32(max_num_iterations, 50, "Iterations a step at most, at least 1.");
@@ -103,6 +109,8 @@ const ToolHelp kHelp = {
       "replay --problem kf:fr3_office.kf --stock_autodiff --json report.json"},
      {"wrong loops among right ones, found as they come",
       "replay --problem g2o:M3500.g2o --nostock --gnc --outliers 0.2 --seed 3"},
+     {"whether a step costs more than a batch solve, and the excess at ten checkpoints",
+      "replay --problem g2o:M3500.g2o --nostock --beside_batch --optimum --checkpoints 10"},
      {"whether a step of a long path costs what one of a short path does",
       "replay --problem path:2000 --nostock --flat"}}};
 
@@ -141,7 +149,14 @@ Status CheckFlags() {
   if (FLAGS_structure_step > 0 && (FLAGS_mode != "incremental" || !WantsJson())) {
     return Invalid("--structure_step: needs --mode incremental and --json");
   }
+  if (FLAGS_beside_batch && (FLAGS_gnc || FLAGS_autodiff)) {
+    return Invalid("--beside_batch: the batch solver has the built-in factors, and all of them");
+  }
+  if (FLAGS_checkpoints > 0 && !FindOptimum()) {
+    return Invalid("--checkpoints: no optimum is sought without stock or --optimum");
+  }
   return CheckNumbers({{"--steps", FLAGS_steps, 0},
+                       {"--checkpoints", FLAGS_checkpoints, 0},
                        {"--num_threads", FLAGS_num_threads, 1},
                        {"--max_num_iterations", FLAGS_max_num_iterations, 1},
                        {"--print_every", FLAGS_print_every, 1},
@@ -239,6 +254,8 @@ int Play(const ReplayScript& script) {
                                                  : MakeExactReplaySolver(settings);
   const std::unique_ptr<ReplaySolver> stock =
       FLAGS_stock ? MakeStockReplaySolver(stock_settings) : nullptr;
+  const std::unique_ptr<ReplaySolver> batch =
+      FLAGS_beside_batch ? MakeExactReplaySolver(settings) : nullptr;
   ReplayReference judge(settings);
   std::fprintf(Out(), "%s: %s\n%s", FLAGS_problem.c_str(), script.description.c_str(),
                ReplayTableHeader().c_str());
@@ -254,8 +271,8 @@ int Play(const ReplayScript& script) {
       structure = ours->Structure();
     }
   };
-  Status status = RunReplay(script, {FLAGS_steps, FindOptimum(), !FLAGS_gnc}, ours.get(),
-                            stock.get(), &judge, look_at, &rows);
+  Status status = RunReplay(script, {FLAGS_steps, FindOptimum(), FLAGS_checkpoints, !FLAGS_gnc},
+                            ours.get(), stock.get(), batch.get(), &judge, look_at, &rows);
   if (!status.ok()) {
     return Fail(kExitFailure, status.message);
   }

@@ -13,15 +13,20 @@ int FirstOf(const std::vector<std::int32_t>& ascending_rows, const IncrementalSc
   return ascending_rows.empty() ? schur.S().num_rows() : ascending_rows.front();
 }
 
+int CountOf(int rows, const IncrementalSchur& schur) {
+  return rows == ReducedSolver::Work::kAll ? schur.structure().num_frames() : rows;
+}
+
 }  // namespace
 
 FrameStep::FrameStep(const IncrementalOptions& options, const Executor& executor)
     : solver_(MakeResumingSolver(options.reduced_solver, options.reduced_solver_factory,
-                                 PcgOptions(), executor)) {
+                                 PcgOptions(), executor)),
+      half_solves_(dynamic_cast<HalfSolves*>(solver_.get())) {
 }
 
-Status FrameStep::Solve(DampingForm form, double mu, double wildfire, IncrementalSchur* schur,
-                        UpdateTrace* trace) {
+Status FrameStep::Factorize(DampingForm form, double mu, IncrementalSchur* schur,
+                            UpdateTrace* trace) {
   if (solver_ == nullptr) {
     return Status::Error(StatusCode::kInvalidArgument,
                          "IncrementalOptions::reduced_solver_factory returned null");
@@ -30,28 +35,38 @@ Status FrameStep::Solve(DampingForm form, double mu, double wildfire, Incrementa
   values_.resize(schur->size(), 0.0);
   schur->changes().TakeUnfactored(&changed_rows_);
   work_ = ReducedSolver::Work();
+  trace->row().linear_solver_iterations = 1;
   if (schur->size() == 0) {
     all_changed_ = true;  // the solver has not seen them go
-    trace->row().linear_solver_iterations = 1;
+    return Status::Ok();
+  }
+  const Status factored = AnalyzeAndFactorize(*schur);
+  work_ = solver_->work();
+  trace->summary().num_factored_rows += CountOf(work_.factored_rows, *schur);
+  trace->summary().num_reorderings += work_.reorderings;
+  return factored;
+}
+
+bool FrameStep::FindGain(IncrementalSchur* schur, double* gain) {
+  if (half_solves_ == nullptr || schur->size() == 0) {
+    return false;
+  }
+  schur->changes().TakeUnsolved(&changed_rows_);
+  const ReducedSolver::Rows changed_b{FirstOf(changed_rows_, *schur), &changed_rows_};
+  return half_solves_->SolveForGain(reduced_.b().data(), changed_b, gain).ok();
+}
+
+Status FrameStep::Solve(double wildfire, IncrementalSchur* schur, UpdateTrace* trace) {
+  if (schur->size() == 0) {
     return Status::Ok();
   }
   UpdateSummary& summary = trace->summary();
-  const Status factored = Factorize(*schur);
-  const auto count = [schur](int rows) {
-    return rows == ReducedSolver::Work::kAll ? schur->structure().num_frames() : rows;
-  };
-  work_ = solver_->work();
-  summary.num_factored_rows += count(work_.factored_rows);
-  summary.num_reorderings += work_.reorderings;
-  if (!factored.ok()) {
-    return factored;
-  }
   schur->changes().TakeUnsolved(&changed_rows_);
   const ReducedSolver::Rows changed_b{FirstOf(changed_rows_, *schur), &changed_rows_};
   const Status solved = solver_->Solve(reduced_.b().data(), changed_b,
                                        {reduced_.weights().data(), wildfire}, values_.data());
   work_ = solver_->work();
-  summary.num_solved_rows += count(work_.solved_rows);
+  summary.num_solved_rows += CountOf(work_.solved_rows, *schur);
   summary.num_pcg_iterations += work_.iterations;
   trace->row().linear_solver_iterations = std::max(1, work_.iterations);
   return solved;
@@ -64,10 +79,10 @@ Status FrameStep::FactorizeOnly(DampingForm form, double mu, IncrementalSchur* s
   Refresh(form, mu, schur);
   values_.resize(schur->size(), 0.0);
   schur->changes().TakeUnfactored(&changed_rows_);
-  return Factorize(*schur);
+  return AnalyzeAndFactorize(*schur);
 }
 
-Status FrameStep::Factorize(const IncrementalSchur& schur) {
+Status FrameStep::AnalyzeAndFactorize(const IncrementalSchur& schur) {
   has_factor_ = false;
   const ReducedMatrix A(schur.S(), reduced_.damping().data(), reduced_.constant().data());
   if (analyzed_version_ != schur.S().version()) {

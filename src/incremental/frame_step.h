@@ -9,6 +9,7 @@
 #include "incremental/incremental_system.h"
 #include "incremental/reduced_vectors.h"
 #include "incremental/update_trace.h"
+#include "linear/half_solves.h"
 
 namespace inceres::internal {
 
@@ -18,10 +19,12 @@ class FrameStep {
  public:
   FrameStep(const IncrementalOptions& options, const Executor& executor);
 
-  /// Follows S and b and solves anew. `wildfire`: what a change of a row must be worth. kSingular
-  /// if there is no factor.
-  Status Solve(DampingForm form, double mu, double wildfire, IncrementalSchur* schur,
-               UpdateTrace* trace);
+  /// Follows S and b, and factors anew. kSingular if there is no factor.
+  Status Factorize(DampingForm form, double mu, IncrementalSchur* schur, UpdateTrace* trace);
+  /// ½ bᵀδ before δ is known, where the solver can say so: true, and `gain` is set.
+  bool FindGain(IncrementalSchur* schur, double* gain);
+  /// Solves anew. `wildfire`: what a change of a row must be worth.
+  Status Solve(double wildfire, IncrementalSchur* schur, UpdateTrace* trace);
   /// Takes over changes of S and b only.
   void Refresh(DampingForm form, double mu, IncrementalSchur* schur) {
     all_changed_ |= reduced_.Refresh(form, mu, schur);
@@ -53,9 +56,10 @@ class FrameStep {
   }
 
  private:
-  Status Factorize(const IncrementalSchur& schur);
+  Status AnalyzeAndFactorize(const IncrementalSchur& schur);
 
   std::unique_ptr<ReducedSolver> solver_;  // null: a user's factory made none
+  HalfSolves* half_solves_ = nullptr;      // the same, if it can
   ReducedSolver::Work work_;
   ReducedVectors reduced_;
   bool has_factor_ = false;

@@ -73,8 +73,14 @@ bool IncrementalMinimizer::Begin(bool mostly_new, const std::atomic<bool>& stop)
   if (!(new_frames_first ? LinearizeDirty() : Relinearize())) {
     return false;
   }
+  const StoppingRule before = stop_;
   stop_ = StoppingRule(tuning_.stop, options_.function_tolerance, options_.fixed_cost,
                        system_.RoundingOfCost(), summary_->num_iterations, system_.cost());
+  if (begins) {
+    stop_.GoOnFrom(before);
+    state_.left_at_most = MostLeft();
+  }
+  left_ = HUGE_VAL;
   if (begins) {
     summary_->initial_cost = system_.cost();
   }
@@ -86,6 +92,11 @@ void IncrementalMinimizer::Finish(Termination termination, const char* message) 
   summary_->termination = termination;
   summary_->message = message;
   summary_->ended_by_batch_rule = false;
+  if (termination == Termination::kConvergence) {
+    left_ = summary_->remaining_decrease;
+    left_at_cost_ = system_.cost();
+    system_.WatchGrowth();
+  }
 }
 
 // False if the observer ends the Update.
@@ -193,10 +204,33 @@ double IncrementalMinimizer::Wildfire() const {
          std::max(1, system_.schur().structure().num_frames());
 }
 
-// δ_c; kSingular if there is no factor.
+// kSingular if there is no factor.
+Status IncrementalMinimizer::FactorizeFrames() {
+  const StageTimer timer(&summary_->solve_seconds);
+  factored_mu_ = control_.mu();
+  return frame_step_.Factorize(options_.damping, control_.mu(), &system_.schur(), trace_);
+}
+
+// δ_c
 Status IncrementalMinimizer::SolveFrames() {
   const StageTimer timer(&summary_->solve_seconds);
-  return frame_step_.Solve(options_.damping, control_.mu(), Wildfire(), &system_.schur(), trace_);
+  return frame_step_.Solve(Wildfire(), &system_.schur(), trace_);
+}
+
+// What the model promises for the whole step, all of it still undone; false: not before the step is
+// known.
+bool IncrementalMinimizer::SeesLeft(double landmark_gain) {
+  const StageTimer timer(&summary_->solve_seconds);
+  double gain = 0.0;
+  const bool sees = frame_step_.FindGain(&system_.schur(), &gain);
+  summary_->remaining_decrease = landmark_gain + gain;
+  return sees;
+}
+
+bool IncrementalMinimizer::IsLittleLeft(double landmark_gain) {
+  control_.Sees(summary_->remaining_decrease);
+  return stop_.IsLittleLeft(summary_->remaining_decrease, landmark_gain, system_.cost(),
+                            summary_->num_iterations, state_.mostly_new);
 }
 
 IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
@@ -204,7 +238,21 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
     return Verdict::kGoOn;
   }
   ++summary_->num_iterations;
-  const Status solved = SolveFrames();
+  const EarlierFactor earlier = AskEarlierFactor();
+  if (earlier == EarlierFactor::kLittleLeft || LittleHasCome()) {
+    return ClaimConvergence();
+  }
+  const double landmark_gain = LandmarkGain();
+  bool sees_left = earlier == EarlierFactor::kStep;
+  Status solved;
+  if (!sees_left) {
+    solved = FactorizeFrames();
+    sees_left = solved.ok() && SeesLeft(landmark_gain);
+  }
+  if (sees_left && IsLittleLeft(landmark_gain)) {
+    return ClaimConvergence();
+  }
+  solved = solved.ok() ? SolveFrames() : solved;
   if (solved.code == StatusCode::kSingular) {
     return Retreat(false);
   }
@@ -212,18 +260,15 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
     Finish(Termination::kFailure, solved.message.c_str());
     return Verdict::kFailed;
   }
-  // What the model promises for the whole step, all of it still undone.
-  const double landmark_gain = LandmarkGain();
-  const double remaining = frame_step_.AddGain(landmark_gain);
-  summary_->remaining_decrease = remaining;
-  control_.Sees(remaining);
   // else all there is to gain is not known
   const bool solved_to_the_end = frame_step_.work().converged;
-  if (stop_.IsLittleLeft(remaining, landmark_gain, system_.cost(), summary_->num_iterations,
-                         state_.mostly_new) &&
-      solved_to_the_end) {
-    return ClaimConvergence();
+  if (!sees_left) {
+    summary_->remaining_decrease = frame_step_.AddGain(landmark_gain);
+    if (IsLittleLeft(landmark_gain) && solved_to_the_end) {
+      return ClaimConvergence();
+    }
   }
+  const double remaining = summary_->remaining_decrease;
   if (state_.frames_moved && !state_.mostly_new &&
       landmark_gain > tuning_.landmarks.dominance * remaining) {
     state_.frames_moved = false;
@@ -378,6 +423,7 @@ void IncrementalMinimizer::Accept(double gain_ratio) {
   relinearization_.Forgive();
   state_.frames_moved = true;
   state_.landmarks_freed = false;
+  NoteStep(gain_ratio, shortened);
 }
 
 // Refresh before retreat; then more damping, which the landmarks that would have moved take up too.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <cmath>
 #include <cstdint>
 
 #include "inceres/solver/incremental_options.h"
@@ -42,6 +43,8 @@ class IncrementalMinimizer {
   FrameStep& frame_step() { return frame_step_; }
 
  private:
+  // Says nothing: S is to be factored; little is left; or a step by it does.
+  enum class EarlierFactor { kSaysNothing, kLittleLeft, kStep };
   enum class Verdict { kGoOn, kConverged, kStuck, kFailed };
   // Of the Update under way.
   struct UpdateState {
@@ -50,6 +53,8 @@ class IncrementalMinimizer {
     bool landmarks_freed = false;  // since the last step
     bool frames_moved = false;  // since landmarks last stepped by themselves: the frames go first
     double whole_step = -1.0;   // norm of the last step and of what it left out; < 0: none counts
+    double left_at_most = HUGE_VAL;    // before the first step, as far as the last Update tells
+    double left_before_step = 0.0;     // by the model, of a step that kept its promise; else 0
     int num_landmark_refinements = 0;  // still allowed before the next step of the frames
   };
 
@@ -67,7 +72,14 @@ class IncrementalMinimizer {
   bool StepLandmarks();
   double LandmarkGain();
   double Wildfire() const;
+  Status FactorizeFrames();
   Status SolveFrames();
+  bool SeesLeft(double landmark_gain);
+  bool IsLittleLeft(double landmark_gain);
+  EarlierFactor AskEarlierFactor();
+  double MostLeft() const;
+  bool LittleHasCome();
+  void NoteStep(double gain_ratio, bool shortened);
   Verdict ClaimConvergence();
   bool FreeHeldLandmarks();
   void SelectActive(double remaining);
@@ -96,6 +108,10 @@ class IncrementalMinimizer {
   Relinearization relinearization_;
   UpdateState state_;
   FrameStep frame_step_;
+  double factored_mu_ = -1.0;  // of the factor there is
+  // What the last Update left undone, and at which cost; infinite: it did not converge.
+  double left_ = HUGE_VAL;
+  double left_at_cost_ = 0.0;
   ActiveSet active_;
   IndexSet new_frames_;     // since the last Update
   IndexSet new_landmarks_;  // seen from them

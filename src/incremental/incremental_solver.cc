@@ -371,6 +371,10 @@ Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
   }
   if (status.ok() && (live == nullptr || !minimizer_->frame_step().HasFactorOf(live->schur()))) {
     status = FactorizeAnew();
+  } else if (status.ok() && live->schur().changes().num_unfactored() > 0) {
+    // An Update may have ended by what the factor from before told.
+    internal::FrameStep& frames = minimizer_->frame_step();
+    status = frames.FactorizeOnly(options_.damping, frames.factored_mu(), &live->schur());
   }
   if (!status.ok()) {
     return status;

@@ -57,6 +57,11 @@ class IncrementalSystem {
   /// fault. What changed is evaluated in the next Relinearize.
   Status Apply(const GraphEdit& edit);
 
+  /// Whether all that has come since WatchGrowth are variables and factors, and nothing else about
+  /// the problem is another.
+  bool OnlyGrew() const { return only_grew_; }
+  void WatchGrowth() { only_grew_ = true; }
+
   // What Apply is made of, and what follows a graph that is built without edits.
 
   /// A variable that is constant when it comes stays outside the system until it is set free.
@@ -186,6 +191,7 @@ class IncrementalSystem {
   std::vector<int> frame_of_;     // per variable, or -1
   std::vector<int> landmark_of_;  // per variable, or -1
   int num_factors_ = 0;
+  bool only_grew_ = false;
   int num_recentered_ = 0;  // since the last Relinearize
   double cost_ = 0.0;
   double cost_peak_ = 0.0;         // the largest it has been since it was summed

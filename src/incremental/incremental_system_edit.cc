@@ -11,6 +11,9 @@ Status IncrementalSystem::Apply(const GraphEdit& edit) {
   if (!status.ok()) {
     return status;
   }
+  only_grew_ = only_grew_ && removed_.empty() && edit.removed_variables().empty() &&
+               edit.losses().empty() && edit.measurements().empty() && edit.constants().empty() &&
+               edit.new_values().empty() && edit.pins().empty();
   for (const FactorId& id : removed_) {
     RemoveFactor({id.family, id.index});
   }
@@ -218,6 +221,7 @@ void IncrementalSystem::Reattach() {
 
 void IncrementalSystem::TakeValues() {
   ForgetNewFrames();
+  only_grew_ = false;
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
     // What is borrowed is read where it lies, and may lie where nobody can write.
     if (graph_.HasVariable(id) && graph_.StateOffset(id) >= 0) {

@@ -13,6 +13,8 @@ namespace inceres::internal {
 ///
 ///     R + (c − 1) G ≤ σ T,
 ///     or the steps to come gain little: a R / (1 − φ) + max(4, c) G ≤ T / 2,
+///     or the Update before ended by that with R₀ and nothing much has come since,
+///     s R₀ / (T / 2) + max(0, R − R₀) / (σ T) ≤ 1 with its s = a / (1 − φ) and G = 0,
 ///     or so many iterations have together gained no more than T, and R ≤ T.
 ///
 /// c is by how much landmarks gained more than they promised in their last pass, a the same of the
@@ -40,6 +42,9 @@ class StoppingRule {
   double Allowed(double cost) const { return tuning_.share * Tolerance(cost); }
   double rounding() const { return rounding_; }
 
+  /// What the Update before has left undone, and rightly so, is no reason for a step in this one.
+  void GoOnFrom(const StoppingRule& before) { claim_ = before.claim_; }
+
   /// Whether little is left. Asked once an iteration. An Update that is new for the most part
   /// learns nothing from its last step.
   bool IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration,
@@ -56,6 +61,7 @@ class StoppingRule {
   void StepTaken(double remaining, double gain_ratio) {
     last_remaining_ = remaining;
     last_gain_ratio_ = gain_ratio;
+    claim_ = Claim();
   }
   /// Landmarks gained `gain` by themselves where `promise` was seen.
   void LandmarksGained(double gain, double promise) {
@@ -63,7 +69,15 @@ class StoppingRule {
   }
 
  private:
-  bool NextStepsGainLittle(double remaining, double landmark_gain, double cost) const;
+  // What the model saw left when the steps to come were last found to gain little, and times what
+  // they were taken to gain.
+  struct Claim {
+    double remaining = 0.0;
+    double series = 0.0;
+  };
+
+  bool NextStepsGainLittle(double remaining, double landmark_gain, double cost);
+  bool HasBeenClaimed(double remaining, double landmark_gain, double cost) const;
   bool HasStagnated(double cost, int iteration);
 
   Tuning::Stop tuning_;
@@ -75,6 +89,7 @@ class StoppingRule {
   double last_remaining_ = 0.0;
   double last_gain_ratio_ = 1.0;
   double landmark_creep_ = 1.0;  // c
+  Claim claim_;
 };
 
 }  // namespace inceres::internal

@@ -85,6 +85,10 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("landmarks.min_damping", &tuning->landmarks.min_damping);
   real("landmarks.outdated_damping", &tuning->landmarks.outdated_damping);
   real("landmarks.max_stretch", &tuning->landmarks.max_stretch);
+  real("earlier_factor.kept", &tuning->earlier_factor.kept);
+  real("earlier_factor.caution", &tuning->earlier_factor.caution);
+  real("earlier_factor.step_share", &tuning->earlier_factor.step_share);
+  real("earlier_factor.contraction", &tuning->earlier_factor.contraction);
   real("retreat.damping_growth", &tuning->retreat.damping_growth);
   real("retreat.poor_ratio", &tuning->retreat.poor_ratio);
   real("retreat.good_ratio", &tuning->retreat.good_ratio);

@@ -82,6 +82,18 @@ struct Tuning {
     /// stiff.
     double max_stretch = 16.0;
   };
+  /// What is left after a step, by the factor of S from before it.
+  struct EarlierFactor {
+    /// Of the promise of that step: it gained as much, give or take this share.
+    double kept = 0.1;
+    /// Times: what it says is left may be so much more. (On M3500, sphere and city10000 it was at
+    /// most 1.6 times as much.)
+    double caution = 2.0;
+    /// Of the tolerance: it is good for a step where no more is left; and of what was left before
+    /// the last step.
+    double step_share = 2.0;
+    double contraction = 0.1;
+  };
   /// Steps that are refused, or nearly.
   struct Retreat {
     /// Times ν: growth of the damping when a step is refused. From its floor, doubling would take
@@ -175,6 +187,7 @@ struct Tuning {
   Relinearize relinearize;
   Truncate truncate;
   Landmarks landmarks;
+  EarlierFactor earlier_factor;
   Retreat retreat;
   NewFrames new_frames;
   Rebuild rebuild;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <utility>
 
 namespace inceres::internal {
 namespace {
@@ -16,8 +17,10 @@ constexpr double kCliqueFlops = 5e3;
 constexpr double kTakeUpFlops = 2e3;
 // Flops below which looking further would cost more than it saves.
 constexpr double kCheap = 1e5;
-// Times the tree's cost: a resumed factor that would take more, had it kept up, is asked half as
-// often; and how seldom at most.
+// Each time a resumed factor would have taken more it is asked half as often; for how many
+// factorizations at most it is not asked, and the same where it would take so many times the tree's
+// cost, had it kept up.
+constexpr int kShortPause = 7;
 constexpr double kFarDearer = 4.0;
 constexpr int kLongestPause = 64;
 
@@ -40,6 +43,7 @@ Status AutomaticSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
   } else {
     chosen_ = &resumed_;
     saving_ = 0.0;
+    num_unseen_ = 0;
     status = resumed_.FactorizeAsPlanned(A);
   }
   work_ = chosen_->work();
@@ -49,6 +53,7 @@ Status AutomaticSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
 bool AutomaticSolver::TreeIsCheaper(const ReducedMatrix& A, const Rows& changed) {
   if (chosen_ == &tree_ && PlanTree(A) && (tree_flops_ <= kCheap || num_unasked_ > 0)) {
     num_unasked_ = std::max(0, num_unasked_ - 1);
+    ++num_unseen_;
     resumed_.MissFactorize(changed);
     return true;
   }
@@ -61,8 +66,10 @@ bool AutomaticSolver::TreeIsCheaper(const ReducedMatrix& A, const Rows& changed)
     pause_ = 0;
     return false;
   }
-  saving_ += std::max(0.0, tree_flops_ - plan.again);
-  pause_ = plan.again > kFarDearer * tree_flops_ ? std::min(2 * pause_ + 1, kLongestPause) : 0;
+  // as of those for which it was not asked
+  saving_ += (1 + std::exchange(num_unseen_, 0)) * std::max(0.0, tree_flops_ - plan.again);
+  pause_ =
+      std::min(2 * pause_ + 1, plan.again > kFarDearer * tree_flops_ ? kLongestPause : kShortPause);
   num_unasked_ = pause_;
   return true;
 }
@@ -90,13 +97,26 @@ bool AutomaticSolver::LooksAtTree(const ReducedMatrix& A, double resumed) {
   return PlanTree(A);
 }
 
-Status AutomaticSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
-                              double* x) {
+// The one that was not chosen.
+void AutomaticSolver::MissSolve(const Rows& changed_b) {
   if (chosen_ == &tree_) {
     resumed_.MissSolve(changed_b);
   } else {
     tree_.MissSolve(changed_b);
   }
+}
+
+Status AutomaticSolver::SolveForGain(const double* b, const Rows& changed_b, double* gain) {
+  MissSolve(changed_b);
+  const Status status = chosen_ == &tree_ ? tree_.SolveForGain(b, changed_b, gain)
+                                          : resumed_.SolveForGain(b, changed_b, gain);
+  work_ = chosen_->work();
+  return status;
+}
+
+Status AutomaticSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+                              double* x) {
+  MissSolve(changed_b);
   const Status status = chosen_->Solve(b, changed_b, truncation, x);
   work_ = chosen_->work();
   return status;

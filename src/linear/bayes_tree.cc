@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <functional>
 #include <limits>
+#include <numeric>
 #include <string>
 
 #include "linear/dense_panel.h"
@@ -339,9 +340,25 @@ Status BayesTree::Solve(const double* b, const Rows& changed_b, const Truncation
   return Status::Ok();
 }
 
+Status BayesTree::SolveForGain(const double* b, const Rows& changed_b, double* gain) {
+  MarkChangedB(changed_b);
+  if (!factored_.ok()) {
+    return factored_;
+  }
+  SubstituteForward(b);
+  *gain = 0.0;
+  for (const Clique& clique : tree_.cliques()) {
+    if (clique.is_used) {
+      const auto end = clique.y.begin() + clique.front.below();
+      *gain += 0.5 * std::inner_product(clique.y.begin(), end, clique.y.begin(), 0.0);
+    }
+  }
+  return Status::Ok();
+}
+
 void BayesTree::SubstituteForward(const double* b) {
   SortByStamp(&unsubstituted_);
-  is_fresh_.assign(tree_.cliques().size(), 0);
+  is_fresh_.resize(tree_.cliques().size(), 0);
   work_.forward_rows = 0;
   for (const int c : unsubstituted_) {
     Clique& clique = tree_.clique(c);
@@ -380,6 +397,7 @@ void BayesTree::SubstituteBackward(const Truncation& truncation, double* x) {
     PushChildren(c);
   }
   solution_is_lost_ = false;
+  std::fill(is_fresh_.begin(), is_fresh_.end(), 0);
   std::sort(solved_.begin(), solved_.end());
   work_.solved_rows = static_cast<int>(solved_.size());
   work_.solved = {solved_.empty() ? tree_.num_rows() : solved_.front(), &solved_};

@@ -8,6 +8,7 @@
 #include "inceres/linear/reduced_solver.h"
 #include "linear/assembled_matrix.h"
 #include "linear/clique_tree.h"
+#include "linear/half_solves.h"
 
 namespace inceres::internal {
 
@@ -27,7 +28,7 @@ namespace inceres::internal {
 /// number of threads, which cut large fronts into strips. Source: Kaess et al., "iSAM2: Incremental
 /// smoothing and mapping using the Bayes tree", IJRR 31(2), 2012, algorithms 4, 6 and 7; Liu, "The
 /// Multifrontal Method for Sparse Matrix Solution", SIAM Review 34(1), 1992.
-class BayesTree : public ReducedSolver {
+class BayesTree : public ReducedSolver, public HalfSolves {
  public:
   explicit BayesTree(const Executor& executor) : executor_(executor) {}
 
@@ -40,6 +41,7 @@ class BayesTree : public ReducedSolver {
   }
   Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
                double* x) override;
+  Status SolveForGain(const double* b, const Rows& changed_b, double* gain) override;
   std::size_t Bytes() const override;
 
   // Factorize in parts, for who wants to know what it costs before.
@@ -105,7 +107,7 @@ class BayesTree : public ReducedSolver {
   std::vector<int> place_;  // by row: in the front that is being assembled
 
   std::vector<int> unsubstituted_;  // cliques, with each those above it
-  std::vector<char> is_fresh_;      // per clique: y is of this Solve
+  std::vector<char> is_fresh_;      // per clique: y has changed since the last x
   std::vector<double> x_;           // packed as the caller's
   std::vector<double> passed_on_;   // the x that the cliques below were computed with
   bool solution_is_lost_ = true;

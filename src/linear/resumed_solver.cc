@@ -1,6 +1,7 @@
 #include "linear/resumed_solver.h"
 
 #include <algorithm>
+#include <numeric>
 
 namespace inceres::internal {
 namespace {
@@ -126,11 +127,8 @@ void ResumedSolver::MissSolve(const Rows& changed_b) {
   ForgetSolution();
 }
 
-Status ResumedSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
-                            double* x) {
-  if (!factored_.ok()) {
-    return factored_;
-  }
+// Returns the first row of y that may have changed.
+int ResumedSolver::SubstituteForward(const double* b, const Rows& changed_b) {
   const int num_rows = order_.num_places();
   const std::vector<int>& offsets = cholesky_.offsets();
   const int first = std::min(num_current_y_, FirstPlace(changed_b));
@@ -141,7 +139,28 @@ Status ResumedSolver::Solve(const double* b, const Rows& changed_b, const Trunca
   }
   cholesky_.ForwardSubstitute(b_.data(), first, y_.data());
   num_current_y_ = num_rows;
+  work_.forward_rows = num_rows - first;
+  return first;
+}
 
+Status ResumedSolver::SolveForGain(const double* b, const Rows& changed_b, double* gain) {
+  if (!factored_.ok()) {
+    return factored_;
+  }
+  reached_before_ = std::min(reached_before_, SubstituteForward(b, changed_b));
+  const auto end = y_.begin() + cholesky_.offsets().back();
+  *gain = 0.5 * std::inner_product(y_.begin(), end, y_.begin(), 0.0);
+  return Status::Ok();
+}
+
+Status ResumedSolver::Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
+                            double* x) {
+  if (!factored_.ok()) {
+    return factored_;
+  }
+  const int num_rows = order_.num_places();
+  const std::vector<int>& offsets = cholesky_.offsets();
+  const int first = SubstituteForward(b, changed_b);
   // The wildfire: row by row backwards, as far up as a change reaches.
   int filled = offsets.back();  // rest_ is set up from here on
   int reached = std::min(
@@ -159,7 +178,6 @@ Status ResumedSolver::Solve(const double* b, const Rows& changed_b, const Trunca
   }
   num_passed_on_ = num_rows;
   reached_before_ = num_rows;
-  work_.forward_rows = num_rows - first;
   work_.solved_rows = num_rows - place;
   HandOut(place, x);
   return Status::Ok();

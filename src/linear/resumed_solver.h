@@ -6,6 +6,7 @@
 #include "inceres/linear/reduced_solver.h"
 #include "linear/envelope_cholesky.h"
 #include "linear/envelope_order.h"
+#include "linear/half_solves.h"
 
 namespace inceres::internal {
 
@@ -31,7 +32,7 @@ namespace inceres::internal {
 /// threshold. Cost of a call: the rows from the first changed on and the rows those reach. Source:
 /// Kaess et al., "iSAM2", IJRR 31(2), 2012, algorithm 7 (wildfire) and section 4.3 (reordering what
 /// is eliminated anew), in an envelope instead of a tree.
-class ResumedSolver final : public ReducedSolver {
+class ResumedSolver final : public ReducedSolver, public HalfSolves {
  public:
   const char* Name() const override { return "resumed Cholesky"; }
   Status Factorize(const ReducedMatrix& A, const Rows& changed) override {
@@ -40,6 +41,7 @@ class ResumedSolver final : public ReducedSolver {
   }
   Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
                double* x) override;
+  Status SolveForGain(const double* b, const Rows& changed_b, double* gain) override;
   std::size_t Bytes() const override;
 
   // Factorize in two halves, for who wants to know what it costs before. The second may be left
@@ -70,6 +72,7 @@ class ResumedSolver final : public ReducedSolver {
   bool OrderMayHaveAged(const SymmetricBlockRows& S) const;
   void Reorder(const ReducedMatrix& A, const Rows& changed);
   void ForgetSolution() { num_passed_on_ = reached_before_ = 0; }
+  int SubstituteForward(const double* b, const Rows& changed_b);
   void GrowTo(int size);
   void CopyRest(int first_scalar, int* filled);
   bool HasChanged(int place, const Truncation& truncation) const;
@@ -82,7 +85,7 @@ class ResumedSolver final : public ReducedSolver {
   int reorderings_ = 0;  // since the last factorization
   Status factored_;
   int num_current_y_ = 0;  // leading rows of y that belong to the factor and the last b
-  // first row coupled, at the last Solve, to a row of L that has changed since
+  // first row coupled, at the last Solve, to a row of L that has changed since, or whose y has
   int reached_before_ = 0;
   int num_passed_on_ = 0;            // leading rows of L that have not changed since the last Solve
   std::vector<int> row_offsets_{0};  // by rows of S: the packing of the caller's vectors

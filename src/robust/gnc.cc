@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <memory>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "inceres/solver/solver.h"
 #include "robust/gnc_schedule.h"
 #include "robust/squared_errors.h"
+#include "robust/threshold_scale.h"
 
 namespace inceres {
 namespace internal {
@@ -25,6 +27,20 @@ constexpr double kSecondLooks[] = {4.0, 16.0, 64.0, 256.0};
 
 // Of the cost: less is no gain.
 constexpr double kLeastGain = 1e-6;
+
+// Of a threshold: a lower one is worth another graduation if it is below this; and how often.
+constexpr double kLowerShare = 0.7;
+constexpr int kMaxScales = 8;
+// Thresholds by the scale of the errors up to which right ones may lie that were left out: without
+// them the solution has moved away from them.
+constexpr double kNear = 64.0;
+// Of the inliers by thresholds as they are given: fewer are too few.
+constexpr double kLeastInliers = 0.9;
+// Errors up to so many thresholds by the scale may be those of right ones.
+constexpr double kTails = 4.0;
+// Times: thresholds by the scale of the errors at last, against those that wrong ones were looked
+// for with.
+constexpr double kRelaxation = 2.0;
 
 // Of the suspects: with more of them at weight zero, leaving their blocks out of H pays.
 constexpr double kSparseShare = 0.05;
@@ -53,10 +69,11 @@ class GncMinimizer {
     for (const FactorId& id : suspects_) {
       weights_.push_back(std::make_shared<GncWeight>());
       graph_.SetLoss(id.family, id.index, weights_.back());
-      thresholds_.push_back(
+      nominal_.push_back(
           options.threshold_scale *
           ChiSquareQuantile(options.inlier_probability, graph.family(id.family).residual_size()));
     }
+    thresholds_ = nominal_;
   }
 
   void Minimize();
@@ -67,11 +84,21 @@ class GncMinimizer {
   bool Measure();
   bool StartRound();
   bool SolveWeighted(bool last);
+  bool SolveToTheEnd();
+  bool TightenThresholds();
+  bool RelaxThresholds();
+  bool SolveByScale();
+  int NumInliers() const;
+  std::vector<double> ThresholdsByErrors(const std::vector<double>& limits) const;
+  bool HasRoundsLeft(std::size_t count) const {
+    return summary_.rounds.size() + count <=
+           rounds_before_ + static_cast<std::size_t>(options_.max_rounds);
+  }
   bool Graduate();
   bool Settle();
   int SetWeights(bool last);
   double Largest() const;
-  void LookAgain();
+  void LookAgain(double farthest);
   bool TryWith(double limit);
   double TruncatedCost() const;
   void Judge();
@@ -83,7 +110,9 @@ class GncMinimizer {
   GncSchedule schedule_;
   GncSummary& summary_;
   std::vector<std::shared_ptr<GncWeight>> weights_;
+  std::vector<double> nominal_;  // thresholds, as the information has them
   std::vector<double> thresholds_;
+  std::size_t rounds_before_ = 0;  // the thresholds were set
   std::vector<double> squared_errors_;
   Solver solver_;
 };
@@ -172,7 +201,7 @@ bool GncMinimizer::Graduate() {
     return true;
   }
   std::vector<bool> left_out_before;
-  while (static_cast<int>(summary_.rounds.size()) < options_.max_rounds) {
+  while (HasRoundsLeft(1)) {
     SetWeights(/*last=*/false);
     const bool decided = std::all_of(weights_.begin(), weights_.end(), [](const auto& weight) {
       return weight->weight == 0.0 || weight->weight == 1.0;
@@ -200,7 +229,7 @@ bool GncMinimizer::Graduate() {
 bool GncMinimizer::Settle() {
   for (int i = 0; i < kMaxLastRounds; ++i) {
     const bool any = SetWeights(/*last=*/true) > 0;
-    if (i > 0 && (!any || static_cast<int>(summary_.rounds.size()) >= options_.max_rounds)) {
+    if (i > 0 && (!any || !HasRoundsLeft(1))) {
       summary_.termination = any ? Termination::kNoConvergence : Termination::kConvergence;
       break;
     }
@@ -254,15 +283,14 @@ bool GncMinimizer::TryWith(double limit) {
 // A wrong suspect that was taken for right keeps a few right ones out, whose errors are then small
 // compared to those of wrong ones. Every step down begins anew; a limit below which nobody new is
 // found costs nothing.
-void GncMinimizer::LookAgain() {
+void GncMinimizer::LookAgain(double farthest) {
   int num_tried = 0;
-  for (std::size_t i = 0; i < std::size(kSecondLooks);) {
+  for (std::size_t i = 0; i < std::size(kSecondLooks) && kSecondLooks[i] <= farthest;) {
     int num_near = 0;
     for (std::size_t k = 0; k < weights_.size(); ++k) {
       num_near += weights_[k]->weight == 0.0 && Ratio(k) <= kSecondLooks[i] ? 1 : 0;
     }
-    const bool fits = static_cast<int>(summary_.rounds.size()) + 2 <= options_.max_rounds;
-    if (num_near > num_tried && fits && TryWith(kSecondLooks[i])) {
+    if (num_near > num_tried && HasRoundsLeft(2) && TryWith(kSecondLooks[i])) {
       i = 0;
       num_tried = 0;
     } else {
@@ -281,12 +309,123 @@ void GncMinimizer::Judge() {
   }
 }
 
+// From full weights on: what a wrong suspect has bent that was taken for right holds it.
+bool GncMinimizer::SolveToTheEnd() {
+  for (const auto& weight : weights_) {
+    weight->weight = 1.0;
+  }
+  if (!SolveWeighted(/*last=*/false) || !Graduate() || !Settle()) {
+    return false;
+  }
+  if (options_.kernel == GncKernel::kTruncatedLeastSquares) {
+    LookAgain(HUGE_VAL);
+  }
+  return true;
+}
+
+// Per suspect: its threshold by the errors, up to these limits, of its family.
+std::vector<double> GncMinimizer::ThresholdsByErrors(const std::vector<double>& limits) const {
+  std::map<FamilyId, std::vector<double>> errors;
+  for (std::size_t k = 0; k < suspects_.size(); ++k) {
+    if (squared_errors_[k] <= limits[k]) {
+      errors[suspects_[k].family].push_back(squared_errors_[k]);
+    }
+  }
+  std::map<FamilyId, double> scales;
+  for (auto& [family, squared] : errors) {
+    scales[family] = ThresholdScale(graph_.family(family).residual_size(), &squared);
+  }
+  std::vector<double> thresholds = nominal_;
+  for (std::size_t k = 0; k < suspects_.size(); ++k) {
+    const auto scale = scales.find(suspects_[k].family);
+    thresholds[k] *= scale != scales.end() ? scale->second : 1.0;
+  }
+  return thresholds;
+}
+
+// By the errors of the inliers there are, those in the tails among them: else each scale would be
+// that of what the one before has cut off. False if no threshold is lower by a good deal.
+bool GncMinimizer::TightenThresholds() {
+  std::vector<double> limits = nominal_;
+  for (std::size_t k = 0; k < suspects_.size(); ++k) {
+    limits[k] = std::min(nominal_[k], kTails * thresholds_[k]);
+  }
+  const std::vector<double> tighter = ThresholdsByErrors(limits);
+  bool any = false;
+  for (std::size_t k = 0; k < suspects_.size(); ++k) {
+    if (tighter[k] < kLowerShare * thresholds_[k]) {
+      thresholds_[k] = tighter[k];
+      any = true;
+    }
+  }
+  return any;
+}
+
+// Wrong suspects are out, and what they had bent is straight: from there right ones in the tails of
+// the errors come back, and wrong ones, which are far, do not. False if a solve has failed.
+bool GncMinimizer::RelaxThresholds() {
+  const std::vector<double> tight = ThresholdsByErrors(nominal_);
+  for (std::size_t k = 0; k < suspects_.size(); ++k) {
+    thresholds_[k] = std::max(thresholds_[k], std::min(nominal_[k], kRelaxation * tight[k]));
+  }
+  rounds_before_ = summary_.rounds.size();
+  if (!Settle()) {
+    return false;
+  }
+  if (options_.kernel == GncKernel::kTruncatedLeastSquares) {
+    LookAgain(kNear);
+  }
+  return true;
+}
+
+int GncMinimizer::NumInliers() const {
+  int count = 0;
+  for (std::size_t k = 0; k < suspects_.size(); ++k) {
+    count += squared_errors_[k] <= thresholds_[k] ? 1 : 0;
+  }
+  return count;
+}
+
+// With thresholds by the scale of the errors. Where that leaves out many more it was not their
+// scale, as with few loops, whose errors say little: all is then as it was. False if a solve has
+// failed.
+bool GncMinimizer::SolveByScale() {
+  const int num_inliers = NumInliers();
+  const std::vector<double> state = graph_.state(), errors = squared_errors_;
+  const GncSummary before = summary_;
+  std::vector<double> weights;
+  for (const auto& weight : weights_) {
+    weights.push_back(weight->weight);
+  }
+  for (int i = 0; i < kMaxScales && TightenThresholds(); ++i) {
+    rounds_before_ = summary_.rounds.size();
+    if (!SolveToTheEnd()) {
+      return false;
+    }
+  }
+  if (rounds_before_ == 0) {
+    return true;  // the thresholds suit the errors
+  }
+  if (!RelaxThresholds()) {
+    return false;
+  }
+  if (NumInliers() < kLeastInliers * num_inliers) {
+    graph_.mutable_state() = state;
+    squared_errors_ = errors;
+    thresholds_ = nominal_;
+    for (std::size_t k = 0; k < weights_.size(); ++k) {
+      weights_[k]->weight = weights[k];
+    }
+    summary_ = before;
+  }
+  return true;
+}
+
 void GncMinimizer::Minimize() {
   summary_.termination = Termination::kNoConvergence;
-  if (SolveWeighted(/*last=*/false) && Graduate() && Settle()) {
-    if (options_.kernel == GncKernel::kTruncatedLeastSquares) {
-      LookAgain();
-    }
+  bool solved = SolveToTheEnd();
+  solved = solved && (!options_.estimate_scale || SolveByScale());
+  if (solved) {
     Judge();
   }
 }

@@ -45,7 +45,7 @@ std::vector<ReplayRow> Play(const ReplayScript& script, ReplaySettings settings,
   std::vector<ReplayRow> rows;
   int calls = 0;
   const Status status = RunReplay(
-      script, {max_steps, true}, ours, stock.get(), &judge,
+      script, {max_steps, true}, ours, stock.get(), nullptr, &judge,
       [&](const ReplayRow& row) { EXPECT_EQ(row.step, ++calls); }, &rows);
   EXPECT_TRUE(status.ok()) << status.message;
   EXPECT_EQ(static_cast<int>(rows.size()), calls);
@@ -129,7 +129,7 @@ TEST(Replay, WithoutStockTheJudgeLooksAtTheLastStep) {
   ReplayReference judge({});
   std::vector<ReplayRow> rows;
   const Status status = RunReplay(
-      script, {0, false}, ours.get(), nullptr, &judge, [](const ReplayRow&) {}, &rows);
+      script, {0, false}, ours.get(), nullptr, nullptr, &judge, [](const ReplayRow&) {}, &rows);
   ASSERT_TRUE(status.ok()) << status.message;
   ASSERT_EQ(rows.size(), 5u);
   for (const ReplayRow& row : rows) {
@@ -245,6 +245,41 @@ TEST(Replay, ASolverThatDoesNothingIsFoundOut) {
   EXPECT_EQ(json["ours_ms"]["total"], summary.ours.ms.total);
 }
 
+TEST(Replay, BesideBatchAndCheckpoints) {
+  const ReplayScript script = MakeKeyframeReplay(SmallKeyframes(13));
+  ReplaySettings settings;
+  settings.dogleg = script.dogleg;
+  const std::unique_ptr<ReplaySolver> ours = MakeIncrementalReplaySolver(settings);
+  const std::unique_ptr<ReplaySolver> batch = MakeExactReplaySolver(settings);
+  ReplayReference judge(settings);
+  ReplayRunOptions options;
+  options.checkpoints = 3;
+  std::vector<ReplayRow> rows;
+  const Status status = RunReplay(
+      script, options, ours.get(), nullptr, batch.get(), &judge, [](const ReplayRow&) {}, &rows);
+  ASSERT_TRUE(status.ok()) << status.message;
+  int num_optima = 0;
+  for (const ReplayRow& row : rows) {
+    num_optima += row.optimum_cost.has_value() ? 1 : 0;
+    ASSERT_TRUE(row.batch.has_value());
+    EXPECT_TRUE(row.batch->usable);
+    // the same graph, from where ours began
+    EXPECT_NEAR(row.batch->initial_cost, row.ours.outcome.initial_cost,
+                1e-9 * row.ours.outcome.initial_cost + 1e-12);
+  }
+  EXPECT_EQ(num_optima, 3);
+  EXPECT_TRUE(rows.back().optimum_cost.has_value());
+  rows[0].batch->processor_seconds = 1.0;
+  rows[0].ours.outcome.processor_seconds = 3.0;
+  rows[1].batch->processor_seconds = rows[1].ours.outcome.processor_seconds = 1e-9;
+  const std::vector<ReplayRow> two(rows.begin(), rows.begin() + 2);
+  const ReplaySummary summary = Summarize(two, 1e-6);
+  ASSERT_TRUE(summary.beside_batch.has_value());
+  EXPECT_EQ(summary.beside_batch->within, 0.5);
+  EXPECT_EQ(summary.beside_batch->worst, 3.0);
+  EXPECT_EQ(summary.beside_batch->worst_step, 1);
+}
+
 TEST(Replay, AStepThatCannotBeAddedEndsIt) {
   LazySolver lazy;
   const ReplayScript script = MakeKeyframeReplay(SmallKeyframes(13));
@@ -252,7 +287,7 @@ TEST(Replay, AStepThatCannotBeAddedEndsIt) {
   ReplayReference judge({});
   std::vector<ReplayRow> rows;
   const Status status = RunReplay(
-      script, {}, &lazy, stock.get(), &judge, [](const ReplayRow&) {}, &rows);
+      script, {}, &lazy, stock.get(), nullptr, &judge, [](const ReplayRow&) {}, &rows);
   EXPECT_EQ(status.code, StatusCode::kSingular);
   EXPECT_EQ(status.message, "step 5: lazy: tired");
   EXPECT_EQ(rows.size(), 4u);

@@ -29,12 +29,21 @@ nlohmann::json StepsJson(const ReplaySideSummary& side) {
           {"growth_ms", ToJson(side.growth_ms)}};
 }
 
+nlohmann::json ToJson(const ReplayBesideBatch& beside) {
+  return {{"slack", kBatchSlack},
+          {"within", beside.within},
+          {"worst", beside.worst},
+          {"worst_step", beside.worst_step},
+          {"total", beside.total}};
+}
+
 nlohmann::json ToJson(const ReplaySide& side) {
   nlohmann::json work = nlohmann::json::object();
   for (const auto& [name, count] : side.outcome.work) {
     work[name] = count;
   }
   return {{"ms", 1e3 * side.outcome.seconds},
+          {"processor_ms", 1e3 * side.outcome.processor_seconds},
           {"growth_ms", 1e3 * side.growth_seconds},
           {"cost", side.cost},
           {"initial_cost", side.outcome.initial_cost},
@@ -54,6 +63,9 @@ nlohmann::json ToJson(const ReplayRow& row) {
           {"closes_loop", row.closes_loop},
           {"ours", ToJson(row.ours)},
           {"stock", row.stock.has_value() ? ToJson(*row.stock) : nlohmann::json()},
+          {"batch_processor_ms", row.batch.has_value()
+                                     ? nlohmann::json(1e3 * row.batch->processor_seconds)
+                                     : nlohmann::json()},
           {"optimum_cost", OrNull(row.optimum_cost)},
           {"relative_cost_excess", OrNull(row.RelativeCostExcess())}};
 }
@@ -148,6 +160,13 @@ std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary&
     AppendFormat(&text, "ours / stock, worst step that closes a loop: %.4f\n",
                  *summary.worst_loop_ratio);
   }
+  if (summary.beside_batch.has_value()) {
+    const ReplayBesideBatch& beside = *summary.beside_batch;
+    AppendFormat(&text,
+                 "a batch solve from the same values: %.2f %% of steps take at most %g times as "
+                 "long, the worst (%d) %.2f times, all %.3f times\n",
+                 100.0 * beside.within, kBatchSlack, beside.worst_step, beside.worst, beside.total);
+  }
   if (summary.max_relative_cost_excess.has_value()) {
     AppendFormat(&text, "largest relative excess of our cost over the batch optimum: %.2e\n",
                  *summary.max_relative_cost_excess);
@@ -197,6 +216,7 @@ nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& sum
           {"max_relative_cost_excess", OrNull(summary.max_relative_cost_excess)},
           {"steps_in_excess", summary.in_excess},
           {"worst_loop_ratio", OrNull(summary.worst_loop_ratio)},
+          {"beside_batch", summary.beside_batch.has_value() ? ToJson(*summary.beside_batch) : null},
           {"lower", {{"ours", summary.ours_lower}, {"stock", summary.stock_lower}}},
           {"failed_steps",
            {{"ours", summary.ours.failed.size()},

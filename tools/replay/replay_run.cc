@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstddef>
+#include <ctime>
 
 namespace inceres::tools {
 namespace {
@@ -16,6 +17,13 @@ Status Grow(const ReplayStep& step, ReplaySolver* solver, ReplaySide* side) {
     status.message = solver->Name() + ": " + status.message;
   }
   return status;
+}
+
+ReplayOutcome Solve(ReplaySolver* solver) {
+  const std::clock_t start = std::clock();
+  ReplayOutcome outcome = solver->Solve();
+  outcome.processor_seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+  return outcome;
 }
 
 void Count(const ReplayStep& step, ReplayRow* row) {
@@ -47,6 +55,13 @@ void Judge(const std::vector<double>* start, const ReplaySolver& ours, const Rep
   row->ours.cost = judge->CostAt(ours.State());
 }
 
+// Of n steps with c checkpoints: ⌈n/c⌉, ⌈2n/c⌉, …, n.
+bool FindsOptimumAfter(std::size_t step, std::size_t num_steps, const ReplayRunOptions& options) {
+  const auto checkpoints = static_cast<std::size_t>(options.checkpoints);
+  return options.find_optimum && (checkpoints == 0 || step * checkpoints / num_steps !=
+                                                          (step - 1) * checkpoints / num_steps);
+}
+
 }  // namespace
 
 double ReplayRow::Rounding() const {
@@ -62,7 +77,7 @@ std::optional<double> ReplayRow::RelativeCostExcess() const {
 }
 
 Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, ReplaySolver* ours,
-                 ReplaySolver* stock, ReplayReference* judge,
+                 ReplaySolver* stock, ReplaySolver* batch, ReplayReference* judge,
                  const std::function<void(const ReplayRow&)>& on_row,
                  std::vector<ReplayRow>* rows) {
   std::size_t count = script.steps.size();
@@ -78,19 +93,24 @@ Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, Re
     Count(step, &row);
     Status status = Grow(step, ours, &row.ours);
     status = status.ok() && stock != nullptr ? Grow(step, stock, &*row.stock) : status;
+    status = status.ok() && batch != nullptr ? batch->AddStep(step) : status;
     status = status.ok() ? judge->AddStep(step) : status;
     if (!status.ok()) {
       status.message = "step " + std::to_string(row.step) + ": " + status.message;
       return status;
     }
-    const std::vector<double> start = options.find_optimum ? ours->State() : std::vector<double>();
-    row.ours.outcome = ours->Solve();
+    const bool find_optimum = FindsOptimumAfter(row.step, count, options);
+    const std::vector<double> start =
+        find_optimum || batch != nullptr ? ours->State() : std::vector<double>();
+    row.ours.outcome = Solve(ours);
+    if (batch != nullptr && batch->StartFrom(start)) {
+      row.batch = Solve(batch);
+    }
     if (stock != nullptr) {
       row.stock->outcome = stock->Solve();
     }
-    const bool look =
-        stock != nullptr || options.find_optimum || (options.look_at_last && i + 1 == count);
-    Judge(options.find_optimum ? &start : nullptr, *ours, stock, look ? judge : nullptr, &row);
+    const bool look = stock != nullptr || find_optimum || (options.look_at_last && i + 1 == count);
+    Judge(find_optimum ? &start : nullptr, *ours, stock, look ? judge : nullptr, &row);
     on_row(row);
     rows->push_back(row);
   }

@@ -27,6 +27,9 @@ struct ReplayRow {
   bool closes_loop = false;
   ReplaySide ours;
   std::optional<ReplaySide> stock;  ///< absent if stock does not play
+  /// The same graph solved from the values ours started the step with, by a solver that does not
+  /// remember; absent if none plays along.
+  std::optional<ReplayOutcome> batch;
   /// The minimum stock Levenberg–Marquardt reaches from the state ours started the step with;
   /// absent if not asked for or if that solve failed.
   std::optional<double> optimum_cost;
@@ -43,6 +46,8 @@ struct ReplayRunOptions {
   int max_steps = 0;  ///< 0: all
   /// fill ReplayRow::optimum_cost: as slow as a cold stock solve each step, not timed
   bool find_optimum = true;
+  /// the same after so many steps only, evenly spread, the last among them; 0: after all
+  int checkpoints = 0;
   /// the judge looks at the last step at least; not where our weights are our own
   bool look_at_last = true;
 };
@@ -51,9 +56,10 @@ struct ReplayRunOptions {
 /// then the judge looks. Each side goes on from its own state. A solve that fails is in its row and
 /// ends nothing; an error is a step that cannot be added. `on_row` is called after each step.
 /// `stock` may be null: then, without find_optimum, the judge looks at the last step only, for its
-/// evaluation takes the time of the whole problem.
+/// evaluation takes the time of the whole problem. `batch`, which may be null and must know
+/// StartFrom, solves each step's graph from where ours began.
 Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, ReplaySolver* ours,
-                 ReplaySolver* stock, ReplayReference* judge,
+                 ReplaySolver* stock, ReplaySolver* batch, ReplayReference* judge,
                  const std::function<void(const ReplayRow&)>& on_row, std::vector<ReplayRow>* rows);
 
 }  // namespace inceres::tools

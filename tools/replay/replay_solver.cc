@@ -121,6 +121,10 @@ class CoreReplaySolver : public ReplaySolver {
     return OutcomeOf(summary, seconds);
   }
   std::vector<double> State() const override { return graph_.state(); }
+  bool StartFrom(const std::vector<double>& state) override {
+    graph_.mutable_state() = state;
+    return true;
+  }
 
  private:
   const ReplaySettings settings_;

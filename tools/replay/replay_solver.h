@@ -21,6 +21,9 @@ struct ReplayOutcome {
   std::string termination;  ///< "CONVERGENCE", "NO_CONVERGENCE", …
   std::string message;      ///< why, when not usable
   double seconds = 0.0;     ///< the solve call alone
+  /// the same of processor time, all threads together; the runner sets it. What other programs do
+  /// at the time is no part of it
+  double processor_seconds = 0.0;
   double initial_cost = -1.0;
   double final_cost = -1.0;                                ///< as the solver reports it
   int iterations = 0;                                      ///< steps tried, accepted or not
@@ -44,6 +47,10 @@ class ReplaySolver {
 
   /// The ambient values of all variables so far, one after the other in order of arrival.
   virtual std::vector<double> State() const = 0;
+
+  /// Moves all variables to values like those of State(). False where a solver goes on from its own
+  /// state only.
+  virtual bool StartFrom(const std::vector<double>& /*state*/) { return false; }
 
   /// The reduced system of the solver that remembers; of the others nothing.
   virtual std::optional<ReducedStructure> Structure() const { return std::nullopt; }

@@ -71,6 +71,34 @@ void Compare(const std::vector<ReplayRow>& rows, double tolerance, ReplaySummary
   }
 }
 
+// Absent if no step was solved so.
+std::optional<ReplayBesideBatch> CompareWithBatch(const std::vector<ReplayRow>& rows) {
+  ReplayBesideBatch beside;
+  double ours = 0.0, batch = 0.0;
+  int num_within = 0, count = 0;
+  for (const ReplayRow& row : rows) {
+    if (!row.batch.has_value() || !row.batch->usable) {
+      continue;
+    }
+    ++count;
+    ours += row.ours.outcome.processor_seconds;
+    batch += row.batch->processor_seconds;
+    const double ratio = std::max(kShortestCompared, row.ours.outcome.processor_seconds) /
+                         std::max(kShortestCompared, row.batch->processor_seconds);
+    num_within += ratio <= kBatchSlack ? 1 : 0;
+    if (ratio > beside.worst) {
+      beside.worst = ratio;
+      beside.worst_step = row.step;
+    }
+  }
+  if (count == 0) {
+    return std::nullopt;
+  }
+  beside.within = static_cast<double>(num_within) / count;
+  beside.total = ours / batch;
+  return beside;
+}
+
 }  // namespace
 
 ReplaySummary Summarize(const std::vector<ReplayRow>& rows, double tolerance) {
@@ -92,6 +120,7 @@ ReplaySummary Summarize(const std::vector<ReplayRow>& rows, double tolerance) {
     }
   }
   summary.ours = SummarizeSide(ours, rounding);
+  summary.beside_batch = CompareWithBatch(rows);
   if (!stock.empty()) {
     summary.stock = SummarizeSide(stock, rounding);
     summary.ratio_median = summary.ours.ms.median / summary.stock->ms.median;

@@ -28,6 +28,17 @@ struct ReplaySideSummary {
   double max_report_error = 0.0;
 };
 
+/// Our steps against solves of the same graphs from the same values by who does not remember, in
+/// processor time. Steps below kShortestCompared of both are not told apart.
+struct ReplayBesideBatch {
+  double within = 0.0;  ///< the share of all steps that take at most kBatchSlack times as long
+  double worst = 0.0;   ///< the largest ratio of times
+  int worst_step = 0;
+  double total = 0.0;  ///< our total over that of those solves
+};
+inline constexpr double kBatchSlack = 1.2;
+inline constexpr double kShortestCompared = 1e-4;  ///< seconds
+
 /// A replay in a few numbers.
 struct ReplaySummary {
   int steps = 0;
@@ -41,6 +52,7 @@ struct ReplaySummary {
   std::optional<double> max_relative_cost_excess;
   /// steps whose excess is above the tolerance: not there yet, or another basin
   std::vector<int> in_excess;
+  std::optional<ReplayBesideBatch> beside_batch;
   /// largest ratio of latencies over the steps that close a loop
   std::optional<double> worst_loop_ratio;
 };
