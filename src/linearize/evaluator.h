@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "base/executor.h"
+#include "base/memory_budget.h"
 #include "inceres/problem/factor_graph.h"
 #include "linearize/layout.h"
 #include "linearize/linearization.h"
@@ -68,6 +69,14 @@ class Evaluator {
 
   std::int64_t Bytes() const;
 
+  /// Who plans with this evaluator counts here what he takes; null: nobody counts.
+  void set_memory_budget(MemoryBudget* budget) { memory_budget_ = budget; }
+  void Take(std::int64_t bytes, const char* what) const {
+    if (memory_budget_ != nullptr) {
+      memory_budget_->Take(bytes, what);
+    }
+  }
+
  private:
   struct Chunk {
     int family;
@@ -96,6 +105,7 @@ class Evaluator {
   const JacobianStorage storage_;
   LossCurvature loss_curvature_ = LossCurvature::kPositive;
   bool leaves_out_zero_blocks_ = false;
+  MemoryBudget* memory_budget_ = nullptr;
   PointPair points_;
   std::vector<Linearization> families_;
   std::vector<Chunk> chunks_;

@@ -188,8 +188,31 @@ class PlanBuilder {
     }
   }
 
+  // Blocks and segments are numbered with 32 bits, terms are not.
+  void CheckSize() const {
+    std::int64_t blocks = 0, segments = 0, terms = 0, values = 0;
+    for (int row = 0; row < layout_.num_frames; ++row) {
+      blocks += static_cast<std::int64_t>(rows_[row].size());
+      for (const CountedBlock& block : rows_[row]) {
+        segments += block.hessian.num_segments + block.schur.num_segments;
+        // the terms of H are also, with one for each diagonal one, those of the gradient
+        terms += (block.column == row ? 2 : 1) * block.hessian.num_terms + block.schur.num_terms;
+        values += std::int64_t{layout_.TangentSize(row)} * layout_.TangentSize(block.column);
+      }
+    }
+    constexpr std::int64_t kInts = std::int64_t{1} << 31;
+    MemoryBudget::CheckCount(blocks, kInts, "blocks of the reduced system");
+    MemoryBudget::CheckCount(segments, kInts, "runs of products");
+    evaluator_.Take(terms * static_cast<std::int64_t>(sizeof(ProductTerm)) +
+                        segments * static_cast<std::int64_t>(sizeof(ProductPlan::Segment)),
+                    "the plan of the products that form the reduced system");
+    evaluator_.Take(2 * values * static_cast<std::int64_t>(sizeof(double)),
+                    "the values of the reduced system");
+  }
+
   // The pattern, and where in the plans each block begins.
   void Place() {
+    CheckSize();
     BlockPattern& pattern = plans_->pattern;
     pattern.offsets.assign(layout_.packed_offset.begin(),
                            layout_.packed_offset.begin() + layout_.num_frames + 1);
@@ -246,8 +269,8 @@ class PlanBuilder {
       plan->terms.resize(num_terms);
       plan->segments.resize(num_segments);
     }
-    std::vector<int> first_term;
-    int num_terms = 0;
+    std::vector<std::int64_t> first_term;
+    std::int64_t num_terms = 0;
     int num_segments = 0;
   };
 
@@ -269,16 +292,16 @@ class PlanBuilder {
       plan_->terms[next.term++] = term;
     }
     void End(int column, int block) {
-      int end = next_[column].term;
+      std::int64_t end = next_[column].term;
       for (int s = plan_->segments_begin[block + 1] - 1; s >= plan_->segments_begin[block]; --s) {
-        plan_->segments[s].count = end - plan_->segments[s].first_term;
+        plan_->segments[s].count = static_cast<int>(end - plan_->segments[s].first_term);
         end = plan_->segments[s].first_term;
       }
     }
 
    private:
     struct Next {
-      int term = 0;
+      std::int64_t term = 0;
       int segment = 0;
       int source = -1;
     };

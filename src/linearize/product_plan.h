@@ -16,7 +16,7 @@ namespace inceres::internal {
 struct ProductPlan {
   struct Segment {
     int source;  // what the terms refer to: see FramePlans
-    int first_term;
+    std::int64_t first_term;
     int count;
   };
   std::vector<ProductTerm> terms;

@@ -41,6 +41,11 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
       coupled_(evaluator, incidences, hessian),
       needs_Y_(!plans.schur.terms.empty() || incidences.num_chunks() == 1) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
+  const std::size_t of_landmarks = num_landmarks * 2 * (hessian.landmark_stride() + kQuad);
+  evaluator.Take(static_cast<std::int64_t>(sizeof(double) * of_landmarks),
+                 "the blocks of the landmarks");
+  evaluator.Take(incidences.y_quads * kQuad * static_cast<std::int64_t>(sizeof(double)),
+                 "Y of the elimination");
   U_inv_ = ZeroedArray(num_landmarks * hessian.landmark_stride());
   z_ = ZeroedArray(num_landmarks * kQuad);
   Y_ = ZeroedArray(incidences.y_quads * kQuad);

@@ -65,6 +65,8 @@ Status SolverOptions::Validate() const {
               static_cast<double>(reduced_solver), "another: kResumed is for IncrementalSolver"),
       Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads,
               "between 1 and 1024"),
+      Require(max_memory_bytes >= 0, "max_memory_bytes", static_cast<double>(max_memory_bytes),
+              ">= 0"),
       Require(max_num_iterations >= 0, "max_num_iterations", max_num_iterations, ">= 0"),
       Require(max_solver_time_in_seconds >= 0.0, "max_solver_time_in_seconds",
               max_solver_time_in_seconds, ">= 0"),

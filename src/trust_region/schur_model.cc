@@ -40,6 +40,10 @@ PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator,
   if (status->ok() && plans_.pattern.size() > 0) {
     reduced_solver_ = MakeReducedSolver(options.reduced_solver, options.reduced_solver_factory,
                                         plans_.pattern, evaluator.executor(), status);
+    if (reduced_solver_ && !options.reduced_solver_factory) {  // its memory is not touched yet
+      evaluator.Take(static_cast<std::int64_t>(reduced_solver_->Bytes()),
+                     "the factor of the reduced system");
+    }
   }
 }
 

@@ -7,9 +7,11 @@
 #include <utility>
 
 #include "base/executor.h"
+#include "base/memory_budget.h"
 #include "base/stopwatch.h"
 #include "linearize/evaluator.h"
 #include "linearize/jacobian_places.h"
+#include "linearize/memory_prediction.h"
 #include "simd/kernels.h"
 #include "trust_region/linear_model.h"
 #include "trust_region/loop_options.h"
@@ -67,6 +69,12 @@ void CountWhatMoves(const FactorGraph& graph, const Layout& layout, ProblemSizes
   for (const VariableId id : layout.variables) {
     sizes->num_moving_values += graph.AmbientSize(id);
   }
+}
+
+// Of the strategy and the loop: steps, gradients, diagonals and scales.
+std::int64_t VectorBytes(const Layout& layout) {
+  constexpr std::int64_t kVectors = 12;
+  return kVectors * static_cast<std::int64_t>(sizeof(double)) * layout.size();
 }
 
 // What a structure is set up with.
@@ -159,7 +167,10 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
     return workspace;
   }
   workspace.reset();  // its memory serves the new one
+  MemoryBudget budget(options.max_memory_bytes);
+  TakeForGraph(graph, Workspace::EliminatesLandmarks(options), &budget);
   workspace = std::make_unique<Workspace>(options, graph);
+  workspace->evaluator.set_memory_budget(&budget);
   if (workspace->layout.variables.empty()) {
     SummarizeStandstill(&workspace->evaluator, summary);
     return nullptr;
@@ -170,6 +181,8 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
     summary->message = status.message;
     return nullptr;
   }
+  workspace->evaluator.Take(VectorBytes(workspace->layout), "the vectors of a step");
+  workspace->evaluator.set_memory_budget(nullptr);
   return workspace;
 }
 
@@ -231,6 +244,9 @@ void Solver::Impl::Solve(const SolverOptions& options, const LoopOptions& loop, 
     } else {
       summary->message = status.message;
     }
+  } catch (const MemoryExceeded& exceeded) {
+    summary->termination = Termination::kFailure;
+    summary->message = exceeded.message();
   } catch (const std::bad_alloc&) {
     // The graph's state is written last, so it is untouched. What a user's factor throws is his and
     // passes through.

@@ -208,7 +208,7 @@ class Deadline : public inceres::UpdateObserver {
 
 inceres::Summary SolveInexactly(const std::string& path, inceres::FactorGraph* made) {
   inceres::FactorGraph& graph = *made;
-// [quoted in docs/large_problems.md]
+// [quoted in docs/large.md]
 const inceres::Status read = inceres::ReadBal(path, &graph);  // points are landmarks
 if (!read.ok()) {
   std::cerr << read.message << '\n';  // file:line: field: what is wrong

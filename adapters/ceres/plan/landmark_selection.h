@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "adapters/ceres/read/available_memory.h"
+#include "base/available_memory.h"
 #include "adapters/ceres/read/factor_shapes.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"

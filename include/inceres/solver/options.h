@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+
 #include "inceres/export.h"
 #include "inceres/linear/reduced_solver.h"
 #include "inceres/solver/callbacks.h"
@@ -112,6 +114,14 @@ struct INCERES_EXPORT SolverOptions {
   /// Upper bound on threads, 1 to 1024. With 1 nothing of the user's is ever called concurrently.
   /// The result does not depend on it.
   int num_threads = 1;
+
+  /// Bytes that a solve may take beside the graph, ≥ 0; 0: what the machine, its control group and
+  /// RLIMIT_AS have left when it begins. What Jacobians, plans, the reduced system and its factor
+  /// are going to take is counted while the solve is set up, each before it is taken. A solve that
+  /// does not fit, or has more of something than can be numbered, ends there with kFailure and the
+  /// figures in its message; the graph is as it was. What losses, families and observers allocate
+  /// of their own does not count, nor what a reduced_solver_factory's solver does.
+  std::int64_t max_memory_bytes = 0;
 
   int max_num_iterations = 50;              ///< ≥ 0; 0 evaluates the start and returns
   double max_solver_time_in_seconds = 1e9;  ///< ≥ 0; looked at between iterations only

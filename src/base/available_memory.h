@@ -2,6 +2,8 @@
 
 #include <functional>
 
+#include "inceres/export.h"
+
 namespace inceres::internal {
 
 /// Bytes that may still be taken; null: as many as one likes.
@@ -10,6 +12,6 @@ using AvailableMemory = std::function<double()>;
 /// Bytes that this process may still take: the least of what the machine has left, what its control
 /// group (version 2) allows and what RLIMIT_AS does; infinite where none of them is known. Cost:
 /// some tens of microseconds.
-double AvailableBytes();
+INCERES_EXPORT double AvailableBytes();
 
 }  // namespace inceres::internal

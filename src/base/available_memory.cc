@@ -1,4 +1,4 @@
-#include "adapters/ceres/read/available_memory.h"
+#include "base/available_memory.h"
 
 #include <unistd.h>
 
