@@ -185,7 +185,8 @@ class BalSolveTest(unittest.TestCase):
         two_level = ["--linear_solver", "iterative_schur", "--preconditioner", "two_level"]
         self.assertIn("two_level", self.fails(2, "--input", self.small, *two_level))
         self.assertIn("go together", self.fails(2, "--input", self.small, "--linear_solver", "cgnr", "--trust_region", "dogleg"))
-        self.assertIn("CLUSTER_JACOBI", self.fails(1, "--input", self.small, *two_level))
+        clusters = ["--linear_solver", "iterative_schur", "--preconditioner", "cluster_jacobi"]
+        self.assertIn("CLUSTER_JACOBI", self.fails(1, "--input", self.small, *clusters))
 
     def test_a_failed_solve_writes_nothing(self):
         write_small_bal(self.small, num_cameras=2, num_points=3)
